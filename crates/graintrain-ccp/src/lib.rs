@@ -1,0 +1,31 @@
+//! Cone complementarity problems (CCP) of rigid bodies with frictional contact, and their solvers.
+//!
+//! With the Delassus matrix N = D^T M^-1 D (symmetric positive semi-definite, one 3x3 block row per contact),
+//! the free relative velocity r and the friction cones Y_i = { g : |(g_1, g_2)| <= mu_i g_n }, find impulses g with
+//!
+//! ```text
+//! Y_i  contains  g_i  perpendicular to  (N g + r)_i  in  Y_i^*        for every contact i
+//! ```
+//!
+//! which are the optimality conditions of `min 1/2 g^T N g + r^T g` over the cones.
+//! Impulses are in N s, velocities in m/s, components always ordered (normal, tangent 1, tangent 2).
+//!
+//! | module | holds |
+//! |---|---|
+//! | [`cone`] | the friction cone and its projection |
+//! | [`delassus`] | N, matrix-free over bodies or as a sparse matrix |
+//! | [`problem`] | the CCP: N, r, mu |
+//! | [`residual`] | the one accuracy measure |
+//! | [`solver`] | settings, report, the solvers by name |
+
+pub mod cone;
+pub mod delassus;
+pub mod problem;
+pub mod residual;
+pub mod solver;
+
+pub use cone::FrictionCone;
+pub use delassus::{BodyInverseMass, Delassus, FIXED, RigidContact, RigidDelassus};
+pub use problem::{Ccp, CcpError};
+pub use residual::{FrictionModel, Residual};
+pub use solver::{CcpSolver, SolveReport, SolveSettings, SolverSpec, Status};

@@ -1,0 +1,160 @@
+//! The cone complementarity problem: N, r, mu.
+
+use crate::cone::FrictionCone;
+use crate::delassus::Delassus;
+
+/// A cone complementarity problem: find g with Y_i contains g_i perpendicular to (N g + r)_i in the dual cone Y_i^*.
+#[derive(Clone, Debug)]
+pub struct Ccp {
+    /// N = D^T M^-1 D, 1/kg.
+    pub delassus: Delassus,
+    /// Free relative velocity r = b + D^T M^-1 k, length 3 N_c, m/s.
+    pub r: Vec<f64>,
+    /// Coefficient of friction of each contact.
+    pub friction: Vec<f64>,
+    /// Impulse J, N s, that makes residuals dimensionless: mean mass of the free bodies x |gravity| x step. `None` for
+    /// a bare problem, whose J is sqrt(mean_i (|r_i| / eta_i)^2).
+    pub impulse_scale: Option<f64>,
+    /// Contact points in space, m, for geometric orderings; empty where they are not known.
+    pub points: Vec<[f64; 3]>,
+    /// A number per contact that stays the same from step to step while the contact persists; empty where not known.
+    pub identity: Vec<u64>,
+}
+
+/// What is wrong with a problem, or why a solver cannot take it.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum CcpError {
+    /// Two parts of the problem disagree in size.
+    #[error("{what} has {got} entries, expected {expected}")]
+    Size {
+        /// Which part.
+        what: &'static str,
+        /// Its length.
+        got: usize,
+        /// The length that fits the other parts.
+        expected: usize,
+    },
+    /// A number that is NaN or infinite, or a negative coefficient of friction.
+    #[error("{what} of contact {contact} is {value}; {expected}")]
+    Value {
+        /// Which quantity.
+        what: &'static str,
+        /// Index of the contact, from 0.
+        contact: usize,
+        /// The offending number.
+        value: f64,
+        /// What it should be.
+        expected: &'static str,
+    },
+    /// No solver has this name.
+    #[error("unknown solver '{name}'; known solvers: {known}")]
+    UnknownSolver {
+        /// The name asked for.
+        name: String,
+        /// Comma-separated names.
+        known: String,
+    },
+    /// The solver cannot treat this problem.
+    #[error("solver {solver} cannot treat this problem: {reason}")]
+    Unsupported {
+        /// Name of the solver.
+        solver: String,
+        /// Why not.
+        reason: String,
+    },
+}
+
+impl Ccp {
+    /// A bare problem (N, r, mu), checked.
+    ///
+    /// # Errors
+    /// See [`Ccp::validate`].
+    pub fn new(delassus: Delassus, r: Vec<f64>, friction: Vec<f64>) -> Result<Self, CcpError> {
+        let problem =
+            Self { delassus, r, friction, impulse_scale: None, points: Vec::new(), identity: Vec::new() };
+        problem.validate()?;
+        Ok(problem)
+    }
+
+    /// Checks that the parts fit together and hold finite numbers.
+    ///
+    /// # Errors
+    /// [`CcpError::Size`] or [`CcpError::Value`] for the first defect found.
+    pub fn validate(&self) -> Result<(), CcpError> {
+        let contacts = self.num_contacts();
+        let size = |what, got, expected| {
+            if got == expected { Ok(()) } else { Err(CcpError::Size { what, got, expected }) }
+        };
+        size("r", self.r.len(), 3 * contacts)?;
+        size("friction", self.friction.len(), contacts)?;
+        if !self.points.is_empty() {
+            size("points", self.points.len(), contacts)?;
+        }
+        if !self.identity.is_empty() {
+            size("identity", self.identity.len(), contacts)?;
+        }
+        for (k, &value) in self.r.iter().enumerate() {
+            if !value.is_finite() {
+                let expected = "it must be finite";
+                return Err(CcpError::Value { what: "r", contact: k / 3, value, expected });
+            }
+        }
+        for (contact, &value) in self.friction.iter().enumerate() {
+            if !(value.is_finite() && value >= 0.0) {
+                let expected = "it must be finite and not negative";
+                return Err(CcpError::Value { what: "friction", contact, value, expected });
+            }
+        }
+        for contact in 0..contacts {
+            for value in self.delassus.diagonal_block(contact) {
+                if !value.is_finite() {
+                    let expected = "it must be finite";
+                    return Err(CcpError::Value {
+                        what: "the diagonal block of N",
+                        contact,
+                        value,
+                        expected,
+                    });
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Number of contacts N_c.
+    pub fn num_contacts(&self) -> usize {
+        self.delassus.num_contacts()
+    }
+
+    /// Friction cone of contact i.
+    #[inline]
+    pub fn cone(&self, i: usize) -> FrictionCone {
+        FrictionCone { mu: self.friction[i] }
+    }
+
+    /// eta_i = trace(N_ii) / 3 of every contact, 1/kg; contacts between immovable bodies get the smallest positive
+    /// eta of the problem (1 if there is none), so that dividing by it is safe.
+    pub fn diagonal_scale(&self) -> Vec<f64> {
+        let mut eta: Vec<f64> = (0..self.num_contacts())
+            .map(|i| {
+                let block = self.delassus.diagonal_block(i);
+                (block[0] + block[4] + block[8]) / 3.0
+            })
+            .collect();
+        let smallest = eta.iter().copied().filter(|&e| e > 0.0).fold(f64::INFINITY, f64::min);
+        let replacement = if smallest.is_finite() { smallest } else { 1.0 };
+        for e in &mut eta {
+            if *e <= 0.0 {
+                *e = replacement;
+            }
+        }
+        eta
+    }
+
+    /// Objective 1/2 g^T N g + r^T g, given u = N g + r.
+    pub fn objective(&self, g: &[f64], u: &[f64]) -> f64 {
+        use graintrain_linalg::parallel::dot;
+        0.5 * (dot(g, u) + dot(g, &self.r))
+    }
+}

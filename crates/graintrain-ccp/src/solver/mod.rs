@@ -1,0 +1,167 @@
+//! Solvers of the CCP: settings, report, and the solvers by name.
+
+use crate::problem::{Ccp, CcpError};
+use crate::residual::{FrictionModel, Residual};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+/// When a solver stops.
+#[derive(Clone, Debug)]
+pub struct SolveSettings {
+    /// Stop when the residual ([`Residual::max`]) is at most this. Default 1e-4.
+    pub tolerance: f64,
+    /// Stop after this many iterations; `None` is the solver's own limit.
+    pub max_iterations: Option<usize>,
+    /// Stop after this time.
+    pub max_time: Option<Duration>,
+    /// Relaxed CCP or exact Coulomb friction.
+    pub friction: FrictionModel,
+    /// Stop as soon as this is set (Ctrl-C), with the best iterate.
+    pub stop: Option<Arc<AtomicBool>>,
+}
+
+impl Default for SolveSettings {
+    fn default() -> Self {
+        Self {
+            tolerance: 1e-4,
+            max_iterations: None,
+            max_time: None,
+            friction: FrictionModel::Relaxed,
+            stop: None,
+        }
+    }
+}
+
+impl SolveSettings {
+    /// Whether a solve begun at `start` has to stop now because of time or a stop request.
+    pub fn out_of_time(&self, start: Instant) -> bool {
+        self.max_time.is_some_and(|limit| start.elapsed() >= limit)
+            || self.stop.as_ref().is_some_and(|stop| stop.load(Ordering::Relaxed))
+    }
+}
+
+/// Why a solver stopped. Not reaching the tolerance is a status, not an error.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Status {
+    /// The residual is at most the tolerance.
+    Converged,
+    /// No further progress is possible (round-off, breakdown of a linear solve).
+    Stalled,
+    /// The iteration limit was reached.
+    IterationLimit,
+    /// The time limit was reached or a stop was requested.
+    Stopped,
+    /// The problem has no solution: the bodies are jammed (see the solver's documentation for what is returned).
+    Infeasible,
+}
+
+/// What a solve did. The impulses returned are the best iterate found, converged or not.
+#[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
+pub struct SolveReport {
+    /// Name of the solver, with its linear solver where it has one.
+    pub solver: String,
+    /// Why it stopped.
+    pub status: Status,
+    /// Iterations of the outer method.
+    pub iterations: usize,
+    /// Iterations of linear solvers, summed.
+    pub linear_iterations: usize,
+    /// Residual of the returned impulses in the friction model asked for.
+    pub residual: Residual,
+    /// Residual of the returned impulses as a relaxed CCP.
+    pub residual_relaxed: Residual,
+    /// Residual of the returned impulses as exact Coulomb friction.
+    pub residual_coulomb: Residual,
+    /// 1/2 g^T N g + r^T g, J.
+    pub objective: f64,
+    /// Wall-clock seconds.
+    pub seconds: f64,
+}
+
+impl SolveReport {
+    /// Whether the tolerance was reached.
+    pub fn converged(&self) -> bool {
+        self.status == Status::Converged
+    }
+}
+
+/// A method for the CCP. A solver may keep work memory and what it learned between solves.
+pub trait CcpSolver: Send {
+    /// Name as given on the command line.
+    fn name(&self) -> String;
+
+    /// Improves `impulse` (length 3 N_c, N s; the start on entry, e.g. last step's impulses or zero; the best iterate
+    /// on exit, also where the solver did not converge).
+    ///
+    /// # Errors
+    /// Only for a problem that the solver cannot treat; not converging is a [`Status`].
+    fn solve(
+        &mut self,
+        problem: &Ccp,
+        impulse: &mut [f64],
+        settings: &SolveSettings,
+    ) -> Result<SolveReport, CcpError>;
+}
+
+/// Makes a solver, given the name of its linear solver if one was asked for.
+type Build = fn(linear: Option<&str>) -> Result<Box<dyn CcpSolver>, CcpError>;
+
+/// A solver that can be asked for by name.
+pub struct Method {
+    /// Name on the command line.
+    pub name: &'static str,
+    /// One line for `--help`.
+    pub about: &'static str,
+    build: Build,
+}
+
+/// Every method, in the order of the documentation.
+pub const METHODS: &[Method] = &[];
+
+/// A solver by name: a method, and for second-order methods its linear solver after a `+`, e.g. `pdip+ilu`.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct SolverSpec {
+    method: String,
+    linear: Option<String>,
+}
+
+impl SolverSpec {
+    /// Makes the solver.
+    ///
+    /// # Errors
+    /// [`CcpError::UnknownSolver`] where no method or linear solver has the name.
+    pub fn build(&self) -> Result<Box<dyn CcpSolver>, CcpError> {
+        let method =
+            METHODS.iter().find(|method| method.name == self.method).ok_or_else(|| self.unknown())?;
+        (method.build)(self.linear.as_deref())
+    }
+
+    fn unknown(&self) -> CcpError {
+        let known: Vec<&str> = METHODS.iter().map(|method| method.name).collect();
+        CcpError::UnknownSolver { name: self.to_string(), known: known.join(", ") }
+    }
+}
+
+impl std::fmt::Display for SolverSpec {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match &self.linear {
+            Some(linear) => write!(f, "{}+{linear}", self.method),
+            None => f.write_str(&self.method),
+        }
+    }
+}
+
+impl std::str::FromStr for SolverSpec {
+    type Err = CcpError;
+
+    fn from_str(name: &str) -> Result<Self, CcpError> {
+        let (method, linear) = match name.split_once('+') {
+            Some((method, linear)) => (method, Some(linear.to_string())),
+            None => (name, None),
+        };
+        let spec = Self { method: method.to_string(), linear };
+        spec.build().map(|_| spec)
+    }
+}

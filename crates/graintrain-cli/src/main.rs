@@ -1,0 +1,2 @@
+//! The graintrain command line.
+fn main() {}
