@@ -346,7 +346,7 @@ impl Delassus {
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
-    use proptest::prelude::RngCore;
+    use proptest::prelude::Rng as _;
     use proptest::test_runner::{RngAlgorithm, TestRng};
 
     /// Uniform numbers in [0, 1) from a fixed seed.
