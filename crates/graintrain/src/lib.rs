@@ -1,1 +1,17 @@
-//! graintrain
+//! Granular and multibody dynamics with hard contact.
+//!
+//! | module | holds |
+//! |---|---|
+//! | [`shape`], [`material`], [`motion`] | what bodies are made of and how they are driven |
+//! | [`world`] | the state |
+//! | [`contact`] | contacts and their impulses |
+
+pub mod contact;
+pub mod material;
+pub mod math;
+pub mod motion;
+pub mod shape;
+pub mod stepper;
+pub mod world;
+
+pub use graintrain_ccp as ccp;
