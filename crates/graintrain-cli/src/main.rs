@@ -1,2 +1,30 @@
 //! The graintrain command line.
-fn main() {}
+//!
+//! Exit codes: 0 done; 1 the work failed (or missed its tolerance under `--strict`); 2 bad input; 130 or 143 stopped by
+//! a signal after leaving things in order.
+
+mod command;
+#[allow(dead_code)]
+mod error;
+#[allow(dead_code)]
+mod signal;
+#[allow(dead_code)]
+mod threads;
+
+use clap::Parser;
+use std::process::ExitCode;
+
+/// Granular and multibody dynamics with hard contact.
+#[derive(Parser)]
+#[command(name = "graintrain", version, about, long_about = None, max_term_width = 110)]
+struct Arguments {
+    #[command(subcommand)]
+    command: command::Command,
+}
+
+fn main() -> ExitCode {
+    match Arguments::parse().command.execute() {
+        Ok(code) => code,
+        Err(failure) => failure.report(),
+    }
+}

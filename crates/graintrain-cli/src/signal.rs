@@ -1,0 +1,49 @@
+//! Stopping in good order: the first Ctrl-C (or SIGTERM) asks, the second ends the process at once.
+
+use crate::error::Failure;
+use signal_hook::consts::{SIGINT, SIGTERM};
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+
+/// Whether the user asked to stop.
+#[derive(Clone, Debug)]
+pub struct Stop {
+    /// Set by the first signal; hand it to whatever can stop early.
+    pub requested: Arc<AtomicBool>,
+    signal: Arc<AtomicUsize>,
+}
+
+impl Stop {
+    /// Listens for SIGINT and SIGTERM from now on.
+    ///
+    /// # Errors
+    /// Where the operating system refuses to install the handlers.
+    pub fn listen() -> Result<Self, Failure> {
+        let stop =
+            Self { requested: Arc::new(AtomicBool::new(false)), signal: Arc::new(AtomicUsize::new(0)) };
+        let install = |signal: i32| {
+            // Handlers run in the order of registration: the first one ends the process only when the flag was set by
+            // an earlier signal.
+            signal_hook::flag::register_conditional_shutdown(
+                signal,
+                128 + signal,
+                Arc::clone(&stop.requested),
+            )?;
+            signal_hook::flag::register_usize(signal, Arc::clone(&stop.signal), signal as usize)?;
+            signal_hook::flag::register(signal, Arc::clone(&stop.requested))
+        };
+        for signal in [SIGINT, SIGTERM] {
+            install(signal).map_err(|error| Failure::work_error(error, "signals cannot be handled here"))?;
+        }
+        Ok(stop)
+    }
+
+    /// Exit code of a process that was stopped: 130 or 143; `None` where nobody asked.
+    pub fn exit_code(&self) -> Option<ExitCode> {
+        match self.signal.load(Ordering::Relaxed) {
+            0 => None,
+            signal => Some(ExitCode::from(128 + signal as u8)),
+        }
+    }
+}
