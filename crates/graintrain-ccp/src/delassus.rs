@@ -286,6 +286,13 @@ pub struct DelassusWork {
     velocity: Vec<f64>,
 }
 
+impl DelassusWork {
+    /// M^-1 D g of the last product: velocity changes (u, w) of every body, length 6 bodies, where the form has bodies.
+    pub fn body_velocity(&self) -> &[f64] {
+        &self.velocity
+    }
+}
+
 impl Delassus {
     /// Number of contacts N_c.
     pub fn num_contacts(&self) -> usize {

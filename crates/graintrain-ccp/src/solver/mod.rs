@@ -1,5 +1,12 @@
 //! Solvers of the CCP: settings, report, and the solvers by name.
 
+mod apgd;
+pub mod driver;
+mod gauss_seidel;
+
+pub use apgd::Apgd;
+pub use gauss_seidel::GaussSeidel;
+
 use crate::problem::{Ccp, CcpError};
 use crate::residual::{FrictionModel, Residual};
 use std::sync::Arc;
@@ -118,7 +125,29 @@ pub struct Method {
 }
 
 /// Every method, in the order of the documentation.
-pub const METHODS: &[Method] = &[];
+pub const METHODS: &[Method] = &[
+    Method {
+        name: "pgs",
+        about: "projected Gauss-Seidel / SOR (Tasora, Anitescu 2011)",
+        build: gauss_seidel::build,
+    },
+    Method {
+        name: "apgd",
+        about: "accelerated projected gradient descent (Mazhar, Heyn, Negrut, Tasora 2015)",
+        build: apgd::build,
+    },
+];
+
+/// Refuses a linear solver given to a method that solves no linear systems.
+fn without_linear_solver(method: &str, linear: Option<&str>) -> Result<(), CcpError> {
+    match linear {
+        None => Ok(()),
+        Some(linear) => Err(CcpError::UnknownSolver {
+            name: format!("{method}+{linear}"),
+            known: format!("{method} (it solves no linear systems, so nothing follows a '+')"),
+        }),
+    }
+}
 
 /// A solver by name: a method, and for second-order methods its linear solver after a `+`, e.g. `pdip+ilu`.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -1,0 +1,134 @@
+//! What every solver needs around its iteration: when to stop, the best iterate, the report.
+
+use super::{SolveReport, SolveSettings, Status};
+use crate::problem::{Ccp, CcpError};
+use crate::residual::{FrictionModel, ResidualScale};
+use std::time::Instant;
+
+/// Clock and limits of one solve.
+#[derive(Clone, Debug)]
+pub struct Limits<'a> {
+    settings: &'a SolveSettings,
+    start: Instant,
+    max_iterations: usize,
+}
+
+impl<'a> Limits<'a> {
+    /// Starts the clock. `default_iterations` holds where the settings name no limit.
+    pub fn start(settings: &'a SolveSettings, default_iterations: usize) -> Self {
+        let max_iterations = settings.max_iterations.unwrap_or(default_iterations);
+        Self { settings, start: Instant::now(), max_iterations }
+    }
+
+    /// The status to stop with after this many iterations with this residual, if it is time to stop.
+    /// A residual that is not finite is [`Status::Stalled`].
+    pub fn status(&self, iterations: usize, residual: f64) -> Option<Status> {
+        if residual <= self.settings.tolerance {
+            Some(Status::Converged)
+        } else if !residual.is_finite() {
+            Some(Status::Stalled)
+        } else if self.settings.out_of_time(self.start) {
+            Some(Status::Stopped)
+        } else if iterations >= self.max_iterations {
+            Some(Status::IterationLimit)
+        } else {
+            None
+        }
+    }
+
+    /// Iterations still allowed.
+    pub fn iterations_left(&self, iterations: usize) -> usize {
+        self.max_iterations.saturating_sub(iterations)
+    }
+
+    /// The residual to reach.
+    pub fn tolerance(&self) -> f64 {
+        self.settings.tolerance
+    }
+
+    /// The report on the impulses that a solver returns. Residuals and objective are evaluated afresh with the
+    /// problem's own N, so that no solver can report its own opinion: a solver that thinks it converged but is more than
+    /// rounding above the tolerance gets [`Status::Stalled`], one that is below it gets [`Status::Converged`].
+    pub fn report(
+        &self,
+        solver: &str,
+        problem: &Ccp,
+        impulse: &[f64],
+        status: Status,
+        iterations: usize,
+        linear_iterations: usize,
+    ) -> SolveReport {
+        let scale = ResidualScale::new(problem);
+        let mut velocity = vec![0.0; impulse.len()];
+        problem.delassus.multiply(impulse, &mut velocity, &mut problem.delassus.work());
+        for (u, r) in velocity.iter_mut().zip(&problem.r) {
+            *u += r;
+        }
+        let residual_relaxed = scale.residual(problem, impulse, &velocity, FrictionModel::Relaxed);
+        let residual_coulomb = scale.residual(problem, impulse, &velocity, FrictionModel::Coulomb);
+        let residual = match self.settings.friction {
+            FrictionModel::Relaxed => residual_relaxed,
+            FrictionModel::Coulomb => residual_coulomb,
+        };
+        let status = if residual.max <= self.settings.tolerance {
+            Status::Converged
+        } else if status == Status::Converged {
+            Status::Stalled
+        } else {
+            status
+        };
+        SolveReport {
+            solver: solver.to_string(),
+            status,
+            iterations,
+            linear_iterations,
+            residual,
+            residual_relaxed,
+            residual_coulomb,
+            objective: problem.objective(impulse, &velocity),
+            seconds: self.start.elapsed().as_secs_f64(),
+        }
+    }
+}
+
+/// Checks that the impulses fit the problem and replaces numbers that are not finite by zero: a warm start is a guess.
+///
+/// # Errors
+/// [`CcpError::Size`] where the length is not 3 N_c.
+pub fn check_start(problem: &Ccp, impulse: &mut [f64]) -> Result<(), CcpError> {
+    let expected = 3 * problem.num_contacts();
+    if impulse.len() != expected {
+        return Err(CcpError::Size { what: "impulse", got: impulse.len(), expected });
+    }
+    for g in impulse {
+        if !g.is_finite() {
+            *g = 0.0;
+        }
+    }
+    Ok(())
+}
+
+/// The iterate of least residual seen so far.
+#[derive(Clone, Debug, Default)]
+pub struct Best {
+    iterate: Vec<f64>,
+    residual: Option<f64>,
+}
+
+impl Best {
+    /// Keeps a copy of the iterate if its residual is the least so far.
+    pub fn offer(&mut self, iterate: &[f64], residual: f64) {
+        if self.residual.is_none_or(|best| residual < best) {
+            self.iterate.clear();
+            self.iterate.extend_from_slice(iterate);
+            self.residual = Some(residual);
+        }
+    }
+
+    /// Copies the best iterate out, if any was offered.
+    pub fn restore(&self, iterate: &mut [f64]) {
+        if self.residual.is_some() {
+            iterate.copy_from_slice(&self.iterate);
+        }
+    }
+}

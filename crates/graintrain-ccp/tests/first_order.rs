@@ -1,0 +1,141 @@
+//! Every first-order method against hand-made problems and against Clarabel.
+
+mod common;
+
+use common::{clarabel, lattice_packing, random_problem, sparse_form};
+use graintrain_ccp::residual::{FrictionModel, ResidualScale};
+use graintrain_ccp::solver::{SolveReport, SolveSettings, SolverSpec};
+use graintrain_ccp::{Ccp, Delassus, FIXED, RigidContact, RigidDelassus};
+
+const FIRST_ORDER: &[&str] = &["pgs", "apgd"];
+
+fn solve(name: &str, problem: &Ccp, start: Option<&[f64]>, tolerance: f64) -> (Vec<f64>, SolveReport) {
+    let mut solver = name.parse::<SolverSpec>().unwrap().build().unwrap();
+    let mut g = start.map_or_else(|| vec![0.0; 3 * problem.num_contacts()], <[f64]>::to_vec);
+    let settings = SolveSettings { tolerance, ..SolveSettings::default() };
+    let report = solver.solve(problem, &mut g, &settings).unwrap();
+    (g, report)
+}
+
+/// A ball of mass m on a fixed floor, free velocity (u_1, 0, -u_n), arm of length zero: N = I / m.
+fn sliding_point(mass: f64, mu: f64, tangential: f64, normal: f64) -> Ccp {
+    let contact = RigidContact {
+        body_a: 0,
+        body_b: FIXED,
+        frame: common::frame([0.0, 0.0, 1.0]),
+        arm_a: [0.0; 3],
+        arm_b: [0.0; 3],
+    };
+    let rigid = RigidDelassus::new(vec![contact], vec![common::ball(mass, 1.0)]);
+    Ccp::new(Delassus::Rigid(rigid), vec![-normal, tangential, 0.0], vec![mu]).unwrap()
+}
+
+/// One contact with N = I/m: g = P(-m r). Sticking for mu u_n >= u_t, else sliding.
+#[test]
+fn one_contact_has_the_projected_impulse() {
+    for name in FIRST_ORDER {
+        for (mu, tangential) in [(0.5, 0.2), (0.5, 3.0), (0.0, 1.0), (2.0, 1.0)] {
+            let problem = sliding_point(2.0, mu, tangential, 1.0);
+            for form in [problem.clone(), sparse_form(&problem)] {
+                let (g, report) = solve(name, &form, None, 1e-12);
+                assert!(report.converged(), "{name}: {report:?}");
+                let expected = problem.cone(0).project([2.0, -2.0 * tangential, 0.0]);
+                for k in 0..3 {
+                    assert!((g[k] - expected[k]).abs() < 1e-10, "{name}: {g:?} instead of {expected:?}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn no_contacts_and_separating_contacts_are_solved_at_once() {
+    for name in FIRST_ORDER {
+        let none = Ccp::new(Delassus::Rigid(RigidDelassus::new(vec![], vec![])), vec![], vec![]).unwrap();
+        let (_, report) = solve(name, &none, None, 1e-10);
+        assert!(report.converged() && report.iterations == 0, "{name}: {report:?}");
+        let separating = sliding_point(1.0, 0.3, 0.0, -1.0);
+        let (g, report) = solve(name, &separating, None, 1e-10);
+        assert!(report.converged() && g == [0.0; 3], "{name}: {report:?}");
+    }
+}
+
+/// What every answer must satisfy: the report tells the truth about the residual, and a converged answer has the
+/// objective of the oracle, up to what its residual allows.
+fn check_against_oracle(name: &str, seed: u64, problem: &Ccp, oracle_objective: f64, tolerance: f64) -> bool {
+    let (g, report) = solve(name, problem, None, tolerance);
+    let mut u = vec![0.0; g.len()];
+    problem.delassus.multiply(&g, &mut u, &mut problem.delassus.work());
+    for (u, r) in u.iter_mut().zip(&problem.r) {
+        *u += r;
+    }
+    let scale = ResidualScale::new(problem);
+    let truth = scale.residual(problem, &g, &u, FrictionModel::Relaxed);
+    assert_eq!(truth, report.residual, "{name}, seed {seed}");
+    assert_eq!(report.converged(), truth.max <= tolerance, "{name}, seed {seed}");
+    for i in 0..problem.num_contacts() {
+        let excess = g[3 * i + 1].hypot(g[3 * i + 2]) - problem.friction[i] * g[3 * i];
+        assert!(excess <= 1e-9 * scale.impulse.max(g[3 * i].abs()), "{name}, seed {seed}: outside the cone");
+    }
+    // f(g) >= f* for g in the cones; f(g) - f* <= |d| |grad f| type bounds need an error bound, so the check is against
+    // the size of the terms of the objective.
+    let objective = problem.objective(&g, &u);
+    let size = oracle_objective.abs().max(scale.impulse * scale.impulse * scale.eta[0]);
+    assert!(
+        objective >= oracle_objective - 1e-7 * size,
+        "{name}, seed {seed}: objective {objective} below the optimum {oracle_objective}"
+    );
+    if report.converged() {
+        assert!(
+            objective - oracle_objective <= 100.0 * tolerance * size,
+            "{name}, seed {seed}: objective {objective}, optimum {oracle_objective}, {report:?}"
+        );
+    }
+    report.converged()
+}
+
+fn check_seeds(seeds: std::ops::Range<u64>, tolerance: f64) {
+    let mut converged = vec![0; FIRST_ORDER.len()];
+    let total = seeds.end - seeds.start;
+    for seed in seeds {
+        let problem = random_problem(seed);
+        let oracle = clarabel(&problem);
+        for (name, converged) in FIRST_ORDER.iter().zip(&mut converged) {
+            let form = if seed % 2 == 0 { problem.clone() } else { sparse_form(&problem) };
+            *converged += usize::from(check_against_oracle(name, seed, &form, oracle.objective, tolerance));
+        }
+    }
+    for (name, converged) in FIRST_ORDER.iter().zip(converged) {
+        println!("{name}: {converged} of {total} converged to {tolerance:e}");
+        assert!(converged > 0, "{name} converged nowhere");
+    }
+}
+
+#[test]
+fn random_problems_agree_with_clarabel() {
+    check_seeds(0..40, 1e-6);
+}
+
+#[test]
+#[ignore = "the full set of 1000 problems takes minutes"]
+fn a_thousand_random_problems_agree_with_clarabel() {
+    check_seeds(0..1000, 1e-6);
+}
+
+#[test]
+fn warm_start_saves_iterations() {
+    let mut problem = lattice_packing(8, 6, 0.3, 1);
+    for name in FIRST_ORDER {
+        let (g, cold) = solve(name, &problem, None, 1e-3);
+        assert!(cold.converged(), "{name}: {cold:?}");
+        let before = problem.r.clone();
+        for (k, r) in problem.r.iter_mut().enumerate() {
+            *r += 1e-4 * (k as f64).sin();
+        }
+        let (_, again) = solve(name, &problem, None, 1e-3);
+        let (_, warm) = solve(name, &problem, Some(&g), 1e-3);
+        println!("{name}: {} iterations cold, {} warm", again.iterations, warm.iterations);
+        assert!(warm.converged() && warm.iterations < again.iterations, "{name}");
+        problem.r = before;
+    }
+}
