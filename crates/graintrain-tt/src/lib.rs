@@ -1,1 +1,27 @@
-//! graintrain-tt
+//! Tensor trains (TT) and quantized tensor trains (QTT).
+//!
+//! A tensor with d indices is kept as a product of d small cores, A(i_1, ..., i_d) = G_1(i_1) ... G_d(i_d) with
+//! G_k(i_k) an r_{k-1} x r_k matrix; a matrix has paired indices (i_k, j_k). The first index is the fastest.
+//!
+//! | module | holds |
+//! |---|---|
+//! | [`vector`], [`matrix`] | [`TtVector`], [`TtMatrix`]: the types, entries, full form |
+//! | [`arithmetic`] | sums, entrywise, Kronecker and inner products, TT-matrix times TT-vector and TT-matrix |
+//! | [`round`] | orthogonalisation, norm, rounding, TT-SVD |
+//! | [`apply`] | TT-matrix times full vector in O(r^2 N log N) |
+//! | [`sparse`] | sparse matrix to TT by one exact bottom-up pass over its nonzero blocks |
+
+pub mod apply;
+pub mod arithmetic;
+mod error;
+pub mod matrix;
+pub mod qtt;
+mod random;
+pub mod round;
+pub mod sparse;
+pub mod vector;
+
+pub use error::TtError;
+pub use matrix::TtMatrix;
+pub use round::{Truncation, TruncationReport};
+pub use vector::{Core, TtVector};

@@ -1,0 +1,234 @@
+//! Sums, entrywise and Kronecker products, inner products, and products with trains of matrices.
+//!
+//! Ranks add in a sum and multiply in a product; round afterwards.
+
+use crate::vector::Core;
+use crate::{TtError, TtMatrix, TtVector};
+use graintrain_linalg::dense::{Matrix, View, ViewMut, multiply};
+
+impl TtVector {
+    /// a * self, the factor going into the first core.
+    pub fn scale(&self, a: f64) -> Self {
+        let mut train = self.clone();
+        train.cores[0].data.iter_mut().for_each(|x| *x *= a);
+        train
+    }
+
+    /// self + other: block-diagonal cores, ranks add.
+    ///
+    /// # Errors
+    /// [`TtError::Shape`] if the modes differ.
+    pub fn add(&self, other: &Self) -> Result<Self, TtError> {
+        self.check_same_modes(other)?;
+        let d = self.num_cores();
+        let mut cores = Vec::with_capacity(d);
+        for (k, (x, y)) in self.cores.iter().zip(&other.cores).enumerate() {
+            let left = if k == 0 { 1 } else { x.left + y.left };
+            let right = if k + 1 == d { 1 } else { x.right + y.right };
+            let (row, column) = (left - y.left, right - y.right);
+            let mut data = vec![0.0; left * x.mode * right];
+            let mut place = |core: &Core, row: usize, column: usize| {
+                for (fibre, source) in core.data.chunks_exact(core.left).enumerate() {
+                    let at = row + left * (fibre + column * core.mode);
+                    data[at..at + core.left].iter_mut().zip(source).for_each(|(to, from)| *to += from);
+                }
+            };
+            place(x, 0, 0);
+            place(y, row, column);
+            cores.push(Core::new(left, x.mode, right, data));
+        }
+        Ok(Self { cores })
+    }
+
+    /// self - other.
+    ///
+    /// # Errors
+    /// [`TtError::Shape`] if the modes differ.
+    pub fn subtract(&self, other: &Self) -> Result<Self, TtError> {
+        self.add(&other.scale(-1.0))
+    }
+
+    /// Entrywise (Hadamard) product: Kronecker products of the slices, ranks multiply.
+    ///
+    /// # Errors
+    /// [`TtError::Shape`] if the modes differ.
+    pub fn hadamard(&self, other: &Self) -> Result<Self, TtError> {
+        self.check_same_modes(other)?;
+        let multiply_cores = |(x, y): (&Core, &Core)| {
+            Core::from_fn(x.left * y.left, x.mode, x.right * y.right, |alpha, i, beta| {
+                x.get(alpha % x.left, i, beta % x.right) * y.get(alpha / x.left, i, beta / x.right)
+            })
+        };
+        Ok(Self { cores: self.cores.iter().zip(&other.cores).map(multiply_cores).collect() })
+    }
+
+    /// other (x) self: the cores of `self` are the fine digits, those of `other` the coarse ones.
+    pub fn kronecker(&self, other: &Self) -> Self {
+        Self { cores: self.cores.iter().chain(&other.cores).cloned().collect() }
+    }
+
+    /// The digits in reverse order: core k becomes core d + 1 - k.
+    pub fn reverse(&self) -> Self {
+        let turn = |core: &Core| {
+            Core::from_fn(core.right, core.mode, core.left, |alpha, i, beta| core.get(beta, i, alpha))
+        };
+        Self { cores: self.cores.iter().rev().map(turn).collect() }
+    }
+
+    /// Inner product <self, other> by a sweep of interfaces; O(d n r^3).
+    ///
+    /// # Errors
+    /// [`TtError::Shape`] if the modes differ.
+    pub fn dot(&self, other: &Self) -> Result<f64, TtError> {
+        self.check_same_modes(other)?;
+        let mut interface = Matrix::identity(1);
+        for (x, y) in self.cores.iter().zip(&other.cores) {
+            interface = push_dot(&interface, x, y);
+        }
+        Ok(interface[(0, 0)])
+    }
+}
+
+/// The interface P' = sum_i X(i)^T P Y(i) of two trains, one core further to the right.
+pub(crate) fn push_dot(interface: &Matrix, x: &Core, y: &Core) -> Matrix {
+    let carried = y.multiply_left(interface.view());
+    let mut next = Matrix::zeros(x.right, y.right);
+    multiply(1.0, x.left_unfolding().t(), carried.left_unfolding(), next.view_mut());
+    next
+}
+
+impl TtMatrix {
+    /// a * self.
+    pub fn scale(&self, a: f64) -> Self {
+        self.map(|train| train.scale(a))
+    }
+
+    /// self + other, ranks add.
+    ///
+    /// # Errors
+    /// [`TtError::Shape`] if the sizes differ.
+    pub fn add(&self, other: &Self) -> Result<Self, TtError> {
+        self.check_same_sizes(other)?;
+        let sum = self.train.add(&other.train)?;
+        Ok(self.map(|_| sum))
+    }
+
+    /// self - other, ranks add.
+    ///
+    /// # Errors
+    /// [`TtError::Shape`] if the sizes differ.
+    pub fn subtract(&self, other: &Self) -> Result<Self, TtError> {
+        self.add(&other.scale(-1.0))
+    }
+
+    /// Entrywise product, ranks multiply.
+    ///
+    /// # Errors
+    /// [`TtError::Shape`] if the sizes differ.
+    pub fn hadamard(&self, other: &Self) -> Result<Self, TtError> {
+        self.check_same_sizes(other)?;
+        let entrywise = self.train.hadamard(&other.train)?;
+        Ok(self.map(|_| entrywise))
+    }
+
+    /// other (x) self: the digits of `self` stay the fine ones.
+    pub fn kronecker(&self, other: &Self) -> Self {
+        Self {
+            rows: [&self.rows[..], &other.rows].concat(),
+            columns: [&self.columns[..], &other.columns].concat(),
+            train: self.train.kronecker(&other.train),
+        }
+    }
+
+    /// (A + A^T) / 2, ranks double.
+    ///
+    /// # Errors
+    /// [`TtError::Shape`] if a core is not square.
+    pub fn symmetric_part(&self) -> Result<Self, TtError> {
+        self.check_square()?;
+        Ok(self.add(&self.transpose())?.scale(0.5))
+    }
+
+    /// A x: core k of the result is sum_j A_k(a, i, j, a') X_k(alpha, j, alpha'), ranks multiply.
+    /// O(d n^2 R^2 r^2).
+    ///
+    /// # Errors
+    /// [`TtError::Shape`] if the modes of x are not the columns of A.
+    pub fn times_vector(&self, x: &TtVector) -> Result<TtVector, TtError> {
+        if x.modes() != self.columns {
+            return Err(TtError::Shape {
+                what: "modes of A x",
+                expected: self.columns.clone(),
+                got: x.modes(),
+            });
+        }
+        let cores = (0..self.num_cores())
+            .map(|k| contract(&self.cores()[k], self.rows[k], self.columns[k], &x.cores[k], 1))
+            .collect();
+        Ok(TtVector { cores })
+    }
+
+    /// A B as a train, ranks multiply. O(d n^3 R^2 r^2).
+    ///
+    /// # Errors
+    /// [`TtError::Shape`] if the columns of A are not the rows of B.
+    ///
+    /// ```
+    /// use graintrain_tt::{TtMatrix, Truncation, qtt};
+    /// let a = qtt::laplacian(4)?;
+    /// let square = a.times_matrix(&a)?.round(&Truncation::to(1e-13))?.0;
+    /// assert_eq!(square.ranks(), [1, 4, 5, 4, 1]); // 4 <= rank <= 5 for the biharmonic-like square
+    /// # Ok::<(), graintrain_tt::TtError>(())
+    /// ```
+    pub fn times_matrix(&self, other: &Self) -> Result<Self, TtError> {
+        if self.columns != other.rows {
+            return Err(TtError::Shape {
+                what: "rows of B in A B",
+                expected: self.columns.clone(),
+                got: other.rows.clone(),
+            });
+        }
+        let cores = (0..self.num_cores())
+            .map(|k| {
+                contract(&self.cores()[k], self.rows[k], self.columns[k], &other.cores()[k], other.columns[k])
+            })
+            .collect();
+        Ok(Self { rows: self.rows.clone(), columns: other.columns.clone(), train: TtVector { cores } })
+    }
+
+    /// Fails unless rows and columns agree digit by digit.
+    pub(crate) fn check_same_sizes(&self, other: &Self) -> Result<(), TtError> {
+        if self.rows == other.rows && self.columns == other.columns {
+            return Ok(());
+        }
+        Err(TtError::Shape {
+            what: "sizes of two matrices",
+            expected: [&self.rows[..], &self.columns].concat(),
+            got: [&other.rows[..], &other.columns].concat(),
+        })
+    }
+}
+
+/// sum_j A(a, i, j, a') X(alpha, j, s, alpha') as a core with left (a, alpha), mode (i, s), right (a', alpha').
+/// One product of ((alpha, s, alpha') x j) with (j x (a, i, a')), then a permutation.
+fn contract(a: &Core, m: usize, n: usize, x: &Core, s: usize) -> Core {
+    let (ra, rb, rx, ry) = (a.left, a.right, x.left, x.right);
+    // a_rows: j x (a, i, a'); x_columns: (alpha, s, alpha') x j.
+    let a_rows = Matrix::from_fn(n, ra * m * rb, |j, c| {
+        let (front, i, back) = (c % ra, (c / ra) % m, c / (ra * m));
+        a.data[front + ra * (i + m * (j + n * back))]
+    });
+    let x_columns = Matrix::from_fn(rx * s * ry, n, |c, j| {
+        let (front, spectator, back) = (c % rx, (c / rx) % s, c / (rx * s));
+        x.data[front + rx * (j + n * (spectator + s * back))]
+    });
+    let (height, width) = (rx * s * ry, ra * m * rb);
+    let mut full = vec![0.0; height * width];
+    multiply(1.0, x_columns.view(), a_rows.view(), ViewMut::new(&mut full, height, width));
+    let full = View::new(&full, height, width);
+    Core::from_fn(ra * rx, m * s, rb * ry, |left, mode, right| {
+        let row = left / ra + rx * (mode / m + s * (right / rb));
+        let column = left % ra + ra * (mode % m + m * (right % rb));
+        full.get(row, column)
+    })
+}

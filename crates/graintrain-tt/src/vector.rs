@@ -1,0 +1,400 @@
+//! The tensor train of a vector (or of any tensor): the type, its entries and its full form.
+
+use crate::TtError;
+use graintrain_linalg::dense::{Matrix, View, ViewMut, multiply};
+use serde::{Deserialize, Serialize};
+
+/// Largest full tensor that will be formed: 2^31 entries (16 GiB).
+const LARGEST_FULL: f64 = 2147483648.0;
+
+/// One core G(alpha, i, beta), of shape left x mode x right, at `alpha + left * (i + mode * beta)`.
+///
+/// So the same numbers are, without a copy, the left unfolding ((left mode) x right) and the right unfolding
+/// (left x (mode right)), both column-major: every contraction is a plain matrix product.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Core {
+    pub(crate) left: usize,
+    pub(crate) mode: usize,
+    pub(crate) right: usize,
+    pub(crate) data: Vec<f64>,
+}
+
+impl Core {
+    /// A core from its numbers, first index fastest.
+    ///
+    /// # Panics
+    /// If the length is not left * mode * right.
+    pub fn new(left: usize, mode: usize, right: usize, data: Vec<f64>) -> Self {
+        assert_eq!(data.len(), left * mode * right, "a core of shape {left} x {mode} x {right}");
+        Self { left, mode, right, data }
+    }
+
+    /// A core from a function of (alpha, i, beta).
+    pub fn from_fn(
+        left: usize,
+        mode: usize,
+        right: usize,
+        mut entry: impl FnMut(usize, usize, usize) -> f64,
+    ) -> Self {
+        let mut data = Vec::with_capacity(left * mode * right);
+        for beta in 0..right {
+            for i in 0..mode {
+                data.extend((0..left).map(|alpha| entry(alpha, i, beta)));
+            }
+        }
+        Self { left, mode, right, data }
+    }
+
+    /// Rank on the left.
+    #[inline]
+    pub fn left(&self) -> usize {
+        self.left
+    }
+
+    /// Size of the mode.
+    #[inline]
+    pub fn mode(&self) -> usize {
+        self.mode
+    }
+
+    /// Rank on the right.
+    #[inline]
+    pub fn right(&self) -> usize {
+        self.right
+    }
+
+    /// The numbers, first index fastest.
+    #[inline]
+    pub fn data(&self) -> &[f64] {
+        &self.data
+    }
+
+    /// G(alpha, i, beta).
+    #[inline]
+    pub fn get(&self, alpha: usize, i: usize, beta: usize) -> f64 {
+        self.data[alpha + self.left * (i + self.mode * beta)]
+    }
+
+    /// The (left mode) x right unfolding.
+    #[inline]
+    pub fn left_unfolding(&self) -> View<'_> {
+        View::new(&self.data, self.left * self.mode, self.right)
+    }
+
+    /// The left x (mode right) unfolding.
+    #[inline]
+    pub fn right_unfolding(&self) -> View<'_> {
+        View::new(&self.data, self.left, self.mode * self.right)
+    }
+
+    /// The left x right matrix G(i) of one index: a view with stride left * mode between columns.
+    #[inline]
+    pub fn slice(&self, i: usize) -> View<'_> {
+        View::with_stride(&self.data[i * self.left..], self.left, self.right, self.left * self.mode)
+    }
+
+    /// The left unfolding as a matrix, taking the numbers.
+    pub(crate) fn into_left_unfolding(self) -> Matrix {
+        Matrix::from_vec(self.left * self.mode, self.right, self.data)
+    }
+
+    /// A core from its left unfolding.
+    pub(crate) fn from_left_unfolding(left: usize, mode: usize, matrix: Matrix) -> Self {
+        let right = matrix.columns();
+        Self::new(left, mode, right, matrix.into_vec())
+    }
+
+    /// A core from its right unfolding.
+    pub(crate) fn from_right_unfolding(mode: usize, right: usize, matrix: Matrix) -> Self {
+        let left = matrix.rows();
+        Self::new(left, mode, right, matrix.into_vec())
+    }
+
+    /// M G: the left index contracted with the columns of M.
+    pub(crate) fn multiply_left(&self, m: View<'_>) -> Self {
+        let mut data = vec![0.0; m.rows() * self.mode * self.right];
+        multiply(1.0, m, self.right_unfolding(), ViewMut::new(&mut data, m.rows(), self.mode * self.right));
+        Self { left: m.rows(), data, ..*self }
+    }
+
+    /// G M: the right index contracted with the rows of M.
+    pub(crate) fn multiply_right(&self, m: View<'_>) -> Self {
+        let mut data = vec![0.0; self.left * self.mode * m.columns()];
+        multiply(1.0, self.left_unfolding(), m, ViewMut::new(&mut data, self.left * self.mode, m.columns()));
+        Self { right: m.columns(), data, ..*self }
+    }
+}
+
+/// A tensor train: A(i_1, ..., i_d) = G_1(i_1) G_2(i_2) ... G_d(i_d).
+///
+/// The first index is the fastest of the full vector: j = i_1 + n_1 i_2 + n_1 n_2 i_3 + ...
+///
+/// ```
+/// use graintrain_tt::TtVector;
+/// let x = TtVector::rank_one(&[vec![1.0, 2.0], vec![1.0, 10.0]])?;
+/// assert_eq!(x.to_full()?, [1.0, 2.0, 10.0, 20.0]);
+/// assert_eq!(x.entry(&[1, 1])?, 20.0);
+/// # Ok::<(), graintrain_tt::TtError>(())
+/// ```
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "Vec<Core>", into = "Vec<Core>")]
+pub struct TtVector {
+    pub(crate) cores: Vec<Core>,
+}
+
+impl TryFrom<Vec<Core>> for TtVector {
+    type Error = TtError;
+
+    fn try_from(cores: Vec<Core>) -> Result<Self, TtError> {
+        Self::from_cores(cores)
+    }
+}
+
+impl From<TtVector> for Vec<Core> {
+    fn from(train: TtVector) -> Self {
+        train.cores
+    }
+}
+
+impl TtVector {
+    /// A train from its cores.
+    ///
+    /// # Errors
+    /// [`TtError::Shape`] if there is no core, a core does not hold left * mode * right numbers, neighbours disagree
+    /// on a rank, a size is zero, or the outer ranks are not 1.
+    pub fn from_cores(cores: Vec<Core>) -> Result<Self, TtError> {
+        let shape = |what, expected: usize, got: usize| {
+            if expected == got {
+                Ok(())
+            } else {
+                Err(TtError::Shape { what, expected: vec![expected], got: vec![got] })
+            }
+        };
+        if cores.is_empty() {
+            return Err(TtError::Shape { what: "number of cores", expected: vec![1], got: vec![0] });
+        }
+        let mut rank = 1;
+        for core in &cores {
+            shape("left rank of a core", rank, core.left)?;
+            shape("numbers in a core", core.left * core.mode * core.right, core.data.len())?;
+            if core.data.is_empty() {
+                return Err(TtError::Shape { what: "numbers in a core", expected: vec![1], got: vec![0] });
+            }
+            rank = core.right;
+        }
+        shape("right rank of the last core", 1, rank)?;
+        Ok(Self { cores })
+    }
+
+    /// The Kronecker product x_d (x) ... (x) x_1 of vectors: rank one, entry prod_k x_k(i_k).
+    ///
+    /// # Errors
+    /// [`TtError::Shape`] if there is no factor or a factor is empty.
+    pub fn rank_one(factors: &[Vec<f64>]) -> Result<Self, TtError> {
+        Self::from_cores(factors.iter().map(|x| Core::new(1, x.len(), 1, x.clone())).collect())
+    }
+
+    /// All entries equal to `value`.
+    ///
+    /// # Errors
+    /// [`TtError::Shape`] if there is no mode or a mode is empty.
+    pub fn constant(modes: &[usize], value: f64) -> Result<Self, TtError> {
+        let mut train = Self::rank_one(&modes.iter().map(|&n| vec![1.0; n]).collect::<Vec<_>>())?;
+        train.cores[0].data.fill(value);
+        Ok(train)
+    }
+
+    /// One entry equal to 1, all others 0.
+    ///
+    /// # Errors
+    /// [`TtError::Index`] if the index lies outside, [`TtError::Shape`] if it has the wrong length.
+    pub fn unit(modes: &[usize], index: &[usize]) -> Result<Self, TtError> {
+        check_index(modes, index)?;
+        let unit = |(&n, &i): (&usize, &usize)| (0..n).map(|k| f64::from(k == i)).collect();
+        Self::rank_one(&modes.iter().zip(index).map(unit).collect::<Vec<_>>())
+    }
+
+    /// Ranks `rank` (less where the tensor does not allow it) and entries uniform in [-1, 1], from a seed.
+    ///
+    /// # Errors
+    /// [`TtError::Shape`] if there is no mode or a mode is empty.
+    pub fn random(modes: &[usize], rank: usize, seed: u64) -> Result<Self, TtError> {
+        let mut random = crate::random::Random::new(seed);
+        let ranks = admissible_ranks(modes, rank);
+        let core = |k: usize, random: &mut crate::random::Random| {
+            Core::from_fn(ranks[k], modes[k], ranks[k + 1], |_, _, _| random.symmetric())
+        };
+        Self::from_cores((0..modes.len()).map(|k| core(k, &mut random)).collect())
+    }
+
+    /// The cores.
+    pub fn cores(&self) -> &[Core] {
+        &self.cores
+    }
+
+    /// The cores, taken.
+    pub fn into_cores(self) -> Vec<Core> {
+        self.cores
+    }
+
+    /// Number of cores d.
+    pub fn num_cores(&self) -> usize {
+        self.cores.len()
+    }
+
+    /// Mode sizes n_1, ..., n_d.
+    pub fn modes(&self) -> Vec<usize> {
+        self.cores.iter().map(|core| core.mode).collect()
+    }
+
+    /// Ranks r_0 = 1, r_1, ..., r_d = 1.
+    pub fn ranks(&self) -> Vec<usize> {
+        std::iter::once(1).chain(self.cores.iter().map(|core| core.right)).collect()
+    }
+
+    /// The largest rank.
+    pub fn max_rank(&self) -> usize {
+        self.cores.iter().map(|core| core.right).max().unwrap_or(1)
+    }
+
+    /// Numbers stored.
+    pub fn num_parameters(&self) -> usize {
+        self.cores.iter().map(|core| core.data.len()).sum()
+    }
+
+    /// Number of entries of the full tensor (a float: it may exceed any integer).
+    pub fn num_entries(&self) -> f64 {
+        self.cores.iter().map(|core| core.mode as f64).product()
+    }
+
+    /// A(i_1, ..., i_d); O(d r^2).
+    ///
+    /// # Errors
+    /// [`TtError::Index`] if an index lies outside its mode, [`TtError::Shape`] if there are not d of them.
+    pub fn entry(&self, index: &[usize]) -> Result<f64, TtError> {
+        check_index(&self.modes(), index)?;
+        let mut row = vec![1.0];
+        for (core, &i) in self.cores.iter().zip(index) {
+            let slice = core.slice(i);
+            let product = |beta| (0..core.left).map(|alpha| row[alpha] * slice.get(alpha, beta)).sum();
+            row = (0..core.right).map(product).collect();
+        }
+        Ok(row[0])
+    }
+
+    /// Many entries: `indices` holds d indices per entry, one entry after the other. O(d r^2) each; entries are sorted
+    /// by their coarse indices so that common partial products are formed once.
+    ///
+    /// # Errors
+    /// [`TtError::Index`] if an index lies outside its mode, [`TtError::Shape`] if the length is not a multiple of d.
+    pub fn entries(&self, indices: &[usize]) -> Result<Vec<f64>, TtError> {
+        let (d, modes) = (self.num_cores(), self.modes());
+        if !indices.len().is_multiple_of(d) {
+            return Err(TtError::Shape {
+                what: "indices per entry",
+                expected: vec![d],
+                got: vec![indices.len() % d],
+            });
+        }
+        let point = |p: usize| &indices[p * d..(p + 1) * d];
+        let count = indices.len() / d;
+        for p in 0..count {
+            check_index(&modes, point(p))?;
+        }
+        let mut order: Vec<usize> = (0..count).collect();
+        order.sort_unstable_by(|&a, &b| point(a).iter().rev().cmp(point(b).iter().rev()));
+        // columns[k] = G_k(i_k) ... G_d(i_d), kept while the indices k..d repeat.
+        let mut columns: Vec<Vec<f64>> = self.cores.iter().map(|core| vec![0.0; core.left]).collect();
+        columns.push(vec![1.0]);
+        let mut values = vec![0.0; count];
+        let mut previous: Option<usize> = None;
+        for &p in &order {
+            let same =
+                previous.map_or(0, |q| (0..d).rev().take_while(|&k| point(p)[k] == point(q)[k]).count());
+            for k in (0..d - same).rev() {
+                let (head, tail) = columns.split_at_mut(k + 1);
+                let slice = self.cores[k].slice(point(p)[k]);
+                head[k].fill(0.0);
+                for (beta, x) in tail[0].iter().enumerate() {
+                    head[k].iter_mut().enumerate().for_each(|(alpha, y)| *y += slice.get(alpha, beta) * x);
+                }
+            }
+            values[p] = columns[0][0];
+            previous = Some(p);
+        }
+        Ok(values)
+    }
+
+    /// The full vector, first index fastest.
+    ///
+    /// # Errors
+    /// [`TtError::TooLarge`] above 2^31 entries.
+    pub fn to_full(&self) -> Result<Vec<f64>, TtError> {
+        let entries = self.num_entries();
+        if entries > LARGEST_FULL {
+            return Err(TtError::TooLarge { entries });
+        }
+        let mut full = Matrix::from_vec(1, 1, vec![1.0]);
+        for core in &self.cores {
+            let rows = full.rows();
+            let mut next = vec![0.0; rows * core.mode * core.right];
+            multiply(
+                1.0,
+                full.view(),
+                core.right_unfolding(),
+                ViewMut::new(&mut next, rows, core.mode * core.right),
+            );
+            full = Matrix::from_vec(rows * core.mode, core.right, next);
+        }
+        Ok(full.into_vec())
+    }
+
+    /// Sum of all entries; O(d n r^2).
+    pub fn sum(&self) -> f64 {
+        let mut row = vec![1.0];
+        for core in &self.cores {
+            let column = |beta: usize| {
+                let g = &core.data[beta * core.left * core.mode..(beta + 1) * core.left * core.mode];
+                g.chunks_exact(core.left).map(|g| g.iter().zip(&row).map(|(g, x)| g * x).sum::<f64>()).sum()
+            };
+            row = (0..core.right).map(column).collect();
+        }
+        row[0]
+    }
+
+    /// Fails unless the other train has the same modes.
+    pub(crate) fn check_same_modes(&self, other: &Self) -> Result<(), TtError> {
+        let (expected, got) = (self.modes(), other.modes());
+        if expected == got { Ok(()) } else { Err(TtError::Shape { what: "mode sizes", expected, got }) }
+    }
+}
+
+/// Ranks `rank`, but never above the number of rows or columns of an unfolding.
+pub(crate) fn admissible_ranks(modes: &[usize], rank: usize) -> Vec<usize> {
+    let d = modes.len();
+    let mut ranks = vec![rank.max(1); d + 1];
+    ranks[0] = 1;
+    ranks[d] = 1;
+    for k in 1..d {
+        ranks[k] = ranks[k].min(ranks[k - 1].saturating_mul(modes[k - 1]));
+    }
+    for k in (1..d).rev() {
+        ranks[k] = ranks[k].min(ranks[k + 1].saturating_mul(modes[k]));
+    }
+    ranks
+}
+
+/// Fails unless the index lies inside the modes.
+pub(crate) fn check_index(modes: &[usize], index: &[usize]) -> Result<(), TtError> {
+    if modes.len() != index.len() {
+        return Err(TtError::Shape {
+            what: "number of indices",
+            expected: vec![modes.len()],
+            got: vec![index.len()],
+        });
+    }
+    match (0..modes.len()).find(|&k| index[k] >= modes[k]) {
+        Some(mode) => Err(TtError::Index { mode, index: index[mode], size: modes[mode] }),
+        None => Ok(()),
+    }
+}
