@@ -10,6 +10,7 @@ pub mod contact;
 pub mod material;
 pub mod math;
 pub mod motion;
+pub mod plot;
 pub mod shape;
 pub mod stepper;
 pub mod world;
