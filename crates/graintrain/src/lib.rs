@@ -5,8 +5,10 @@
 //! | [`shape`], [`material`], [`motion`] | what bodies are made of and how they are driven |
 //! | [`world`] | the state |
 //! | [`contact`] | contacts and their impulses |
+//! | [`error`] | what can be wrong with a world |
 
 pub mod contact;
+pub mod error;
 pub mod material;
 pub mod math;
 pub mod motion;

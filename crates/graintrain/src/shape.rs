@@ -1,7 +1,9 @@
-//! Shapes, and geometries made of one or more shapes.
+//! Shapes, and geometries made of one or more shapes, with volume and inertia.
 
+use crate::error::{ModelError, finite, positive};
 use crate::math::{Mat3, Quat, Vec3};
 use serde::{Deserialize, Serialize};
+use std::f64::consts::PI;
 
 /// A solid or boundary shape in its own frame, lengths in m.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -32,7 +34,7 @@ pub enum Shape {
         /// Radius.
         radius: f64,
     },
-    /// Surface of triangles. A boundary: it has no mass.
+    /// Surface of triangles. A boundary: it has no mass, and bodies stay on the side of it on which their centre is.
     Mesh {
         /// Corner points.
         vertices: Vec<Vec3>,
@@ -61,4 +63,303 @@ pub struct Geometry {
     pub volume: f64,
     /// Inertia about the centre of mass per unit density, body axes, m^5.
     pub unit_inertia: Mat3,
+}
+
+impl Shape {
+    /// Volume, m^3; zero for boundaries.
+    pub fn volume(&self) -> f64 {
+        match *self {
+            Self::Sphere { radius } => 4.0 / 3.0 * PI * radius.powi(3),
+            Self::Box { half } => 8.0 * half.x * half.y * half.z,
+            Self::Capsule { half_length, radius } => {
+                PI * radius * radius * (2.0 * half_length + 4.0 / 3.0 * radius)
+            }
+            Self::Cylinder { half_length, radius } => 2.0 * PI * radius * radius * half_length,
+            Self::Plane | Self::Mesh { .. } => 0.0,
+        }
+    }
+
+    /// Diagonal of the inertia about the shape's origin per unit density, m^5; the shape's axes are principal.
+    /// Zero for boundaries.
+    pub fn unit_inertia(&self) -> Vec3 {
+        match *self {
+            Self::Sphere { radius } => Vec3::splat(0.4 * radius * radius * self.volume()),
+            Self::Box { half } => {
+                let square = half * half;
+                let sums = Vec3::new(square.y + square.z, square.z + square.x, square.x + square.y);
+                self.volume() / 3.0 * sums
+            }
+            Self::Cylinder { half_length, radius } => {
+                let (h2, r2) = (half_length * half_length, radius * radius);
+                let across = r2 / 4.0 + h2 / 3.0;
+                self.volume() * Vec3::new(across, across, r2 / 2.0)
+            }
+            Self::Capsule { half_length, radius } => {
+                let cylinder = Self::Cylinder { half_length, radius };
+                let ball = Self::Sphere { radius };
+                // Each half ball's own centre of mass lies 3/8 radius beyond the end of the segment.
+                let shift = half_length * half_length + 0.75 * half_length * radius;
+                cylinder.unit_inertia() + ball.unit_inertia() + ball.volume() * Vec3::new(shift, shift, 0.0)
+            }
+            Self::Plane | Self::Mesh { .. } => Vec3::ZERO,
+        }
+    }
+
+    /// Radius of a ball about the shape's origin that holds the shape, m; infinite for a plane.
+    pub fn bounding_radius(&self) -> f64 {
+        match self {
+            Self::Sphere { radius } => *radius,
+            Self::Box { half } => half.length(),
+            Self::Plane => f64::INFINITY,
+            Self::Capsule { half_length, radius } => half_length + radius,
+            Self::Cylinder { half_length, radius } => half_length.hypot(*radius),
+            Self::Mesh { vertices, .. } => vertices.iter().map(|v| v.length()).fold(0.0, f64::max),
+        }
+    }
+
+    /// Checks sizes and, for a mesh, the vertex indices.
+    ///
+    /// # Errors
+    /// [`ModelError`] for the first defect.
+    pub fn validate(&self) -> Result<(), ModelError> {
+        match self {
+            Self::Sphere { radius } => positive("the radius of a sphere", *radius),
+            Self::Box { half } => {
+                half.to_array().iter().try_for_each(|&h| positive("a half edge length of a box", h))
+            }
+            Self::Plane => Ok(()),
+            Self::Capsule { half_length, radius } => {
+                positive("the half length of a capsule", *half_length)?;
+                positive("the radius of a capsule", *radius)
+            }
+            Self::Cylinder { half_length, radius } => {
+                positive("the half length of a cylinder", *half_length)?;
+                positive("the radius of a cylinder", *radius)
+            }
+            Self::Mesh { vertices, triangles } => {
+                if triangles.is_empty() {
+                    return Err(ModelError::Empty { what: "the mesh" });
+                }
+                for vertex in vertices {
+                    finite("a coordinate of a mesh vertex", &vertex.to_array())?;
+                }
+                for (triangle, corners) in triangles.iter().enumerate() {
+                    if let Some(&vertex) = corners.iter().find(|&&v| v as usize >= vertices.len()) {
+                        return Err(ModelError::MeshVertex { triangle, vertex, len: vertices.len() });
+                    }
+                    let [a, b, c] = corners.map(|v| vertices[v as usize]);
+                    let scale = (b - a).length_squared().max((c - a).length_squared());
+                    if (b - a).cross(c - a).length() <= 1e-14 * scale {
+                        return Err(ModelError::MeshArea { triangle });
+                    }
+                }
+                Ok(())
+            }
+        }
+    }
+}
+
+impl Geometry {
+    /// A single shape whose origin is its centre of mass.
+    ///
+    /// # Errors
+    /// As [`Shape::validate`].
+    pub fn single(shape: Shape) -> Result<Self, ModelError> {
+        shape.validate()?;
+        let (volume, unit_inertia) = (shape.volume(), Mat3::from_diagonal(shape.unit_inertia()));
+        let part = Part { shape, position: Vec3::ZERO, orientation: Quat::IDENTITY };
+        Ok(Self { parts: vec![part], volume, unit_inertia })
+    }
+
+    /// Ball of the given radius, m.
+    ///
+    /// # Errors
+    /// [`ModelError::Value`] unless the radius is positive.
+    pub fn sphere(radius: f64) -> Result<Self, ModelError> {
+        Self::single(Shape::Sphere { radius })
+    }
+
+    /// Box of the given half edge lengths, m.
+    ///
+    /// # Errors
+    /// [`ModelError::Value`] unless they are positive.
+    pub fn cuboid(half: Vec3) -> Result<Self, ModelError> {
+        Self::single(Shape::Box { half })
+    }
+
+    /// Half-space below the plane z = 0 of the body's frame.
+    pub fn plane() -> Self {
+        let part = Part { shape: Shape::Plane, position: Vec3::ZERO, orientation: Quat::IDENTITY };
+        Self { parts: vec![part], volume: 0.0, unit_inertia: Mat3::ZERO }
+    }
+
+    /// Capsule about the z axis, m.
+    ///
+    /// # Errors
+    /// [`ModelError::Value`] unless both lengths are positive.
+    pub fn capsule(half_length: f64, radius: f64) -> Result<Self, ModelError> {
+        Self::single(Shape::Capsule { half_length, radius })
+    }
+
+    /// Cylinder about the z axis, m.
+    ///
+    /// # Errors
+    /// [`ModelError::Value`] unless both lengths are positive.
+    pub fn cylinder(half_length: f64, radius: f64) -> Result<Self, ModelError> {
+        Self::single(Shape::Cylinder { half_length, radius })
+    }
+
+    /// Surface of triangles, m.
+    ///
+    /// # Errors
+    /// [`ModelError`] for an empty mesh, a vertex index out of range, or a triangle without area.
+    pub fn mesh(vertices: Vec<Vec3>, triangles: Vec<[u32; 3]>) -> Result<Self, ModelError> {
+        Self::single(Shape::Mesh { vertices, triangles })
+    }
+
+    /// Rigid union of parts given in any frame. Returns the geometry, whose origin is the centre of mass, and that
+    /// centre in the frame of the parts (zero where nothing has volume). Parallel axes: with part i of volume V_i,
+    /// rotation R_i and diagonal inertia J_i at distance d_i from the centre,
+    /// `J = sum_i R_i J_i R_i^T + V_i (|d_i|^2 - d_i d_i^T)`.
+    ///
+    /// # Errors
+    /// [`ModelError`] for an empty list, a defect of a part, or a quaternion that is not normalised.
+    pub fn compound(parts: Vec<Part>) -> Result<(Self, Vec3), ModelError> {
+        if parts.is_empty() {
+            return Err(ModelError::Empty { what: "the list of parts of a compound" });
+        }
+        for part in &parts {
+            part.shape.validate()?;
+            finite("a coordinate of a part's position", &part.position.to_array())?;
+            unit_quaternion("the orientation of a part", part.orientation)?;
+        }
+        let volume: f64 = parts.iter().map(|part| part.shape.volume()).sum();
+        let moment: Vec3 = parts.iter().map(|part| part.shape.volume() * part.position).sum();
+        let centre = if volume > 0.0 { moment / volume } else { Vec3::ZERO };
+        let mut unit_inertia = Mat3::ZERO;
+        let parts: Vec<Part> =
+            parts.into_iter().map(|part| Part { position: part.position - centre, ..part }).collect();
+        for part in &parts {
+            let rotation = Mat3::from_quat(part.orientation);
+            let own = rotation * Mat3::from_diagonal(part.shape.unit_inertia()) * rotation.transpose();
+            let d = part.position;
+            let outer = Mat3::from_cols(d * d.x, d * d.y, d * d.z);
+            unit_inertia +=
+                own + part.shape.volume() * (Mat3::from_diagonal(Vec3::splat(d.length_squared())) - outer);
+        }
+        Ok((Self { parts, volume, unit_inertia }, centre))
+    }
+
+    /// Radius of a ball about the body's origin that holds the geometry, m; infinite if a part is a plane.
+    pub fn bounding_radius(&self) -> f64 {
+        self.parts
+            .iter()
+            .map(|part| match &part.shape {
+                Shape::Mesh { vertices, .. } => vertices
+                    .iter()
+                    .map(|&v| (part.position + part.orientation * v).length())
+                    .fold(0.0, f64::max),
+                shape => part.position.length() + shape.bounding_radius(),
+            })
+            .fold(0.0, f64::max)
+    }
+}
+
+/// `Err` unless the quaternion has length 1 to 1e-9.
+pub(crate) fn unit_quaternion(what: &str, q: Quat) -> Result<(), ModelError> {
+    let length = q.length();
+    if (length - 1.0).abs() <= 1e-9 {
+        return Ok(());
+    }
+    Err(ModelError::Value { what: format!("the length of {what}"), value: length, expected: "1" })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Volume and second moments by summing cells over a grid: independent of the closed forms.
+    fn quadrature(inside: impl Fn(Vec3) -> bool, half: Vec3, cells: usize) -> (f64, Vec3) {
+        let size = 2.0 * half / cells as f64;
+        let cell = size.x * size.y * size.z;
+        let (mut volume, mut inertia) = (0.0, Vec3::ZERO);
+        for i in 0..cells {
+            for j in 0..cells {
+                for k in 0..cells {
+                    let p = -half + size * (Vec3::new(i as f64, j as f64, k as f64) + 0.5);
+                    if inside(p) {
+                        let s = p * p;
+                        volume += cell;
+                        inertia += cell * Vec3::new(s.y + s.z, s.z + s.x, s.x + s.y);
+                    }
+                }
+            }
+        }
+        (volume, inertia)
+    }
+
+    #[test]
+    fn volume_and_inertia_agree_with_quadrature() {
+        let (half_length, radius) = (0.7, 0.4);
+        let half = Vec3::new(0.3, 0.5, 0.7);
+        let in_cylinder = |p: Vec3| p.x.hypot(p.y) <= radius && p.z.abs() <= half_length;
+        let in_capsule = |p: Vec3| {
+            let beyond = (p.z.abs() - half_length).max(0.0);
+            p.x * p.x + p.y * p.y + beyond * beyond <= radius * radius
+        };
+        let grid = 120;
+        let cases = [
+            (Shape::Sphere { radius }, quadrature(|p| p.length() <= radius, Vec3::splat(radius), grid)),
+            (Shape::Box { half }, quadrature(|_| true, half, grid)),
+            (
+                Shape::Cylinder { half_length, radius },
+                quadrature(in_cylinder, Vec3::new(radius, radius, half_length), grid),
+            ),
+            (
+                Shape::Capsule { half_length, radius },
+                quadrature(in_capsule, Vec3::new(radius, radius, half_length + radius), grid),
+            ),
+        ];
+        for (shape, (volume, inertia)) in cases {
+            assert!((shape.volume() / volume - 1.0).abs() < 2e-3, "{shape:?}");
+            let ratio = shape.unit_inertia() / inertia;
+            assert!((ratio - Vec3::ONE).abs().max_element() < 3e-3, "{shape:?} {ratio}");
+        }
+    }
+
+    #[test]
+    fn a_box_cut_in_two_boxes_has_the_mass_properties_of_the_whole() {
+        let whole = Geometry::cuboid(Vec3::new(1.0, 2.0, 3.0)).unwrap();
+        let turn = Quat::from_rotation_z(std::f64::consts::FRAC_PI_2);
+        let part = |x: f64, orientation: Quat, half: Vec3| Part {
+            shape: Shape::Box { half },
+            position: Vec3::new(5.0 + x, -1.0, 2.0),
+            orientation,
+        };
+        let (cut, centre) = Geometry::compound(vec![
+            part(-0.6, Quat::IDENTITY, Vec3::new(0.4, 2.0, 3.0)),
+            part(0.4, turn, Vec3::new(2.0, 0.6, 3.0)),
+        ])
+        .unwrap();
+        assert!((centre - Vec3::new(5.0, -1.0, 2.0)).length() < 1e-14);
+        assert!((cut.volume - whole.volume).abs() < 1e-12);
+        let difference = cut.unit_inertia - whole.unit_inertia;
+        assert!(difference.to_cols_array().iter().all(|d| d.abs() < 1e-11));
+    }
+
+    #[test]
+    fn bad_sizes_and_meshes_are_refused() {
+        assert!(Geometry::sphere(-1.0).is_err());
+        assert!(Geometry::sphere(f64::NAN).is_err());
+        assert!(Geometry::cuboid(Vec3::new(1.0, 0.0, 1.0)).is_err());
+        assert!(Geometry::cylinder(1.0, f64::INFINITY).is_err());
+        assert!(Geometry::mesh(vec![Vec3::ZERO], vec![]).is_err());
+        let corners = vec![Vec3::ZERO, Vec3::X, 2.0 * Vec3::X];
+        assert_eq!(
+            Geometry::mesh(corners.clone(), vec![[0, 1, 2]]),
+            Err(ModelError::MeshArea { triangle: 0 })
+        );
+        assert!(matches!(Geometry::mesh(corners, vec![[0, 1, 3]]), Err(ModelError::MeshVertex { .. })));
+        assert!(Geometry::compound(vec![]).is_err());
+    }
 }

@@ -1,10 +1,11 @@
 //! The state of a simulation: bodies in structure-of-arrays form, materials, gravity, time.
 
 use crate::contact::ContactSet;
+use crate::error::{ModelError, finite};
 use crate::material::Materials;
 use crate::math::{Mat3, Quat, Vec3};
 use crate::motion::Motion;
-use crate::shape::Geometry;
+use crate::shape::{Geometry, unit_quaternion};
 use serde::{Deserialize, Serialize};
 
 /// All bodies, one entry per body in every list. Positions are centres of mass in the world frame.
@@ -56,6 +57,43 @@ pub struct World {
     pub contacts: ContactSet,
 }
 
+/// A body to be added to a world; mass and inertia follow from geometry and density.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Body {
+    /// Name; may be empty.
+    pub name: String,
+    /// Index of its geometry.
+    pub geometry: u32,
+    /// Index of its material.
+    pub material: u32,
+    /// Index of its motion, or [`FREE`].
+    pub motion: u32,
+    /// Centre of mass, m.
+    pub position: Vec3,
+    /// Rotation from body axes to world axes.
+    pub orientation: Quat,
+    /// Velocity of the centre of mass, m/s.
+    pub velocity: Vec3,
+    /// Angular velocity in world axes, rad/s.
+    pub angular_velocity: Vec3,
+}
+
+impl Body {
+    /// A free body at rest, not rotated.
+    pub fn new(geometry: u32, material: u32, position: Vec3) -> Self {
+        Self {
+            name: String::new(),
+            geometry,
+            material,
+            motion: FREE,
+            position,
+            orientation: Quat::IDENTITY,
+            velocity: Vec3::ZERO,
+            angular_velocity: Vec3::ZERO,
+        }
+    }
+}
+
 impl Bodies {
     /// Number of bodies.
     pub fn len(&self) -> usize {
@@ -66,12 +104,106 @@ impl Bodies {
     pub fn is_empty(&self) -> bool {
         self.position.is_empty()
     }
+
+    /// How messages call a body: its name, or its index where it has none.
+    pub fn label(&self, body: usize) -> String {
+        match self.name.get(body) {
+            Some(name) if !name.is_empty() => format!("'{name}' (index {body})"),
+            _ => format!("{body}"),
+        }
+    }
 }
 
 impl World {
+    /// An empty world at time 0.
+    ///
+    /// # Errors
+    /// [`ModelError::Value`] unless gravity is finite.
+    pub fn new(gravity: Vec3, materials: Materials) -> Result<Self, ModelError> {
+        finite("a component of gravity", &gravity.to_array())?;
+        Ok(Self {
+            time: 0.0,
+            step: 0,
+            gravity,
+            geometries: Vec::new(),
+            materials,
+            motions: Vec::new(),
+            bodies: Bodies::default(),
+            contacts: ContactSet::default(),
+        })
+    }
+
+    /// Adds a geometry and returns its index.
+    pub fn add_geometry(&mut self, geometry: Geometry) -> u32 {
+        self.geometries.push(geometry);
+        self.geometries.len() as u32 - 1
+    }
+
+    /// Adds a motion and returns its index.
+    ///
+    /// # Errors
+    /// As [`Motion::validate`].
+    pub fn add_motion(&mut self, motion: Motion) -> Result<u32, ModelError> {
+        motion.validate()?;
+        self.motions.push(motion);
+        Ok(self.motions.len() as u32 - 1)
+    }
+
+    /// Adds a body and returns its index. Mass and inertia are density times those of the geometry.
+    ///
+    /// # Errors
+    /// [`ModelError`] for an index that names nothing, a number that is not finite, a quaternion that is not
+    /// normalised, or a body without volume that is not fully prescribed.
+    pub fn add_body(&mut self, body: Body) -> Result<u32, ModelError> {
+        let index = |what: &'static str, index: u32, len: usize| {
+            if (index as usize) < len { Ok(()) } else { Err(ModelError::Index { what, index, len }) }
+        };
+        index("geometry", body.geometry, self.geometries.len())?;
+        index("material", body.material, self.materials.len())?;
+        if body.motion != FREE {
+            index("motion", body.motion, self.motions.len())?;
+        }
+        let label = if body.name.is_empty() {
+            self.bodies.len().to_string()
+        } else {
+            format!("'{}' (index {})", body.name, self.bodies.len())
+        };
+        finite(&format!("a coordinate of body {label}"), &body.position.to_array())?;
+        finite(&format!("a velocity of body {label}"), &body.velocity.to_array())?;
+        finite(&format!("an angular velocity of body {label}"), &body.angular_velocity.to_array())?;
+        unit_quaternion(&format!("the orientation of body {label}"), body.orientation)?;
+        let geometry = &self.geometries[body.geometry as usize];
+        let density = self.materials.density[body.material as usize];
+        let mass = density * geometry.volume;
+        let prescribed = body.motion != FREE && self.motions[body.motion as usize].is_prescribed();
+        if mass == 0.0 && !prescribed {
+            return Err(ModelError::Massless { body: label });
+        }
+        let bodies = &mut self.bodies;
+        bodies.mass.push(mass);
+        bodies.inertia.push(density * geometry.unit_inertia);
+        bodies.name.push(body.name);
+        bodies.geometry.push(body.geometry);
+        bodies.material.push(body.material);
+        bodies.motion.push(body.motion);
+        bodies.position.push(body.position);
+        bodies.orientation.push(body.orientation.normalize());
+        bodies.velocity.push(body.velocity);
+        bodies.angular_velocity.push(body.angular_velocity);
+        Ok(bodies.len() as u32 - 1)
+    }
+
     /// Whether all six degrees of freedom of the body are dynamic.
     pub fn is_free(&self, body: usize) -> bool {
         self.bodies.motion[body] == FREE
+    }
+
+    /// Whether no degree of freedom of the body is dynamic.
+    pub fn is_prescribed(&self, body: usize) -> bool {
+        match self.bodies.motion[body] {
+            FREE => false,
+            motion => self.motions[motion as usize].is_prescribed(),
+        }
     }
 
     /// Which degrees of freedom of the body are dynamic.
@@ -80,5 +212,96 @@ impl World {
             FREE => [true; 6],
             motion => self.motions[motion as usize].free,
         }
+    }
+
+    /// Kinetic energy of the bodies with a dynamic degree of freedom, 1/2 m |u|^2 + 1/2 w . I w, J.
+    pub fn kinetic_energy(&self) -> f64 {
+        let bodies = &self.bodies;
+        (0..bodies.len())
+            .filter(|&b| !self.is_prescribed(b))
+            .map(|b| {
+                let w = bodies.orientation[b].inverse() * bodies.angular_velocity[b];
+                0.5 * (bodies.mass[b] * bodies.velocity[b].length_squared() + w.dot(bodies.inertia[b] * w))
+            })
+            .sum()
+    }
+
+    /// A number made of every bit of the state that later steps depend on: time, step, bodies, and the impulses that
+    /// warm-start the next solve. Two runs agree bit for bit exactly if (up to a chance of 2^-64) their hashes agree.
+    /// The definition is fixed: FNV-1a over 64-bit words with a final mix.
+    pub fn state_hash(&self) -> u64 {
+        let mut hash = 0xcbf2_9ce4_8422_2325_u64;
+        let mut add = |word: u64| hash = (hash ^ word).wrapping_mul(0x0000_0100_0000_01b3).rotate_left(23);
+        add(self.time.to_bits());
+        add(self.step);
+        let bodies = &self.bodies;
+        for list in [&bodies.position, &bodies.velocity, &bodies.angular_velocity] {
+            list.iter().flat_map(|v| v.to_array()).for_each(|x| add(x.to_bits()));
+        }
+        bodies.orientation.iter().flat_map(|q| q.to_array()).for_each(|x| add(x.to_bits()));
+        for (contact, impulse) in self.contacts.contacts.iter().zip(&self.contacts.impulse) {
+            add(contact.identity);
+            impulse.to_array().iter().for_each(|x| add(x.to_bits()));
+        }
+        crate::math::mix(hash)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::motion::Profile;
+
+    fn world() -> World {
+        let materials = Materials::single("glass", 2500.0, 0.3, 0.0).unwrap();
+        World::new(Vec3::new(0.0, 0.0, -9.81), materials).unwrap()
+    }
+
+    #[test]
+    fn mass_follows_from_density() {
+        let mut world = world();
+        let ball = world.add_geometry(Geometry::sphere(0.1).unwrap());
+        let body = world.add_body(Body::new(ball, 0, Vec3::ZERO)).unwrap() as usize;
+        let mass = 2500.0 * 4.0 / 3.0 * std::f64::consts::PI * 1e-3;
+        assert!((world.bodies.mass[body] - mass).abs() < 1e-12);
+        assert!((world.bodies.inertia[body].x_axis.x - 0.4 * mass * 0.01).abs() < 1e-14);
+    }
+
+    #[test]
+    fn bad_bodies_are_refused() {
+        let mut world = world();
+        let ball = world.add_geometry(Geometry::sphere(0.1).unwrap());
+        let plane = world.add_geometry(Geometry::plane());
+        let along_x = Motion::translating(Vec3::X, Profile::Constant(1.0));
+        let half_free =
+            world.add_motion(along_x.with_free([false, false, true, false, false, false])).unwrap();
+        let good = Body::new(ball, 0, Vec3::ZERO);
+        let bad = [
+            Body { geometry: 7, ..good.clone() },
+            Body { material: 1, ..good.clone() },
+            Body { motion: 3, ..good.clone() },
+            Body { position: Vec3::new(f64::NAN, 0.0, 0.0), ..good.clone() },
+            Body { velocity: Vec3::new(f64::INFINITY, 0.0, 0.0), ..good.clone() },
+            Body { orientation: Quat::from_xyzw(0.0, 0.0, 0.0, 2.0), ..good.clone() },
+            Body { geometry: plane, ..good.clone() },
+            Body { geometry: plane, motion: half_free, ..good.clone() },
+        ];
+        for body in bad {
+            assert!(world.add_body(body.clone()).is_err(), "{body:?}");
+        }
+        assert!(world.bodies.is_empty());
+        assert!(world.add_body(good).is_ok());
+    }
+
+    #[test]
+    fn the_hash_sees_one_bit() {
+        let mut world = world();
+        let ball = world.add_geometry(Geometry::sphere(0.1).unwrap());
+        world.add_body(Body::new(ball, 0, Vec3::ONE)).unwrap();
+        let before = world.state_hash();
+        world.bodies.velocity[0].y = -0.0;
+        assert_ne!(before, world.state_hash());
+        world.bodies.velocity[0].y = 0.0;
+        assert_eq!(before, world.state_hash());
     }
 }

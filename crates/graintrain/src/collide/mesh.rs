@@ -1,0 +1,176 @@
+//! Contacts of spheres, capsules, boxes and cylinders with a triangle mesh.
+//!
+//! Every triangle near the body gives contacts of its own; then contacts that exist only because the mesh is cut into
+//! triangles are removed. A contact on an edge or corner is real only if it is a local minimum of the distance to the
+//! whole surface, that is if every triangle that shares the edge or corner gives the same nearest point.
+
+use super::capsule::capsule_contacts;
+use super::distance::{Distance, TriangleFeature, nearest_on_triangle};
+use super::manifold::{Solid, manifold_contacts};
+use super::reduce::Touch;
+use crate::math::{Mat3, Quat, Vec3, mix};
+use crate::shape::Shape;
+use parry3d_f64::bounding_volume::Aabb;
+use parry3d_f64::partitioning::{Bvh, BvhBuildStrategy};
+use std::collections::HashMap;
+
+/// A mesh with a tree over its triangles, made once per geometry.
+pub(crate) struct TriangleTree {
+    corners: Vec<[Vec3; 3]>,
+    /// Vertex numbers in which vertices at the same place have one number, so that triangles that share an edge know.
+    shared: Vec<[u32; 3]>,
+    tree: Bvh,
+}
+
+/// A shape near the mesh, in the mesh's frame.
+pub(crate) struct Visitor<'a> {
+    pub shape: &'a Shape,
+    pub position: Vec3,
+    pub orientation: Quat,
+}
+
+/// Contact with one triangle, with what is needed to tell real from apparent edges.
+struct Candidate {
+    touch: Touch,
+    triangle: u32,
+    /// Nearest point of the triangle.
+    foot: Vec3,
+    feature: TriangleFeature,
+}
+
+impl TriangleTree {
+    pub(crate) fn new(vertices: &[Vec3], triangles: &[[u32; 3]]) -> Self {
+        let mut numbers: HashMap<[u64; 3], u32> = HashMap::new();
+        let mut shared_number = |v: Vec3| {
+            // Adding zero turns -0 into +0.
+            let key = (v + Vec3::ZERO).to_array().map(f64::to_bits);
+            let next = numbers.len() as u32;
+            *numbers.entry(key).or_insert(next)
+        };
+        let corners: Vec<[Vec3; 3]> = triangles.iter().map(|t| t.map(|v| vertices[v as usize])).collect();
+        let shared = corners.iter().map(|t| t.map(&mut shared_number)).collect();
+        let boxes: Vec<Aabb> =
+            corners.iter().map(|t| Aabb::new(t[0].min(t[1]).min(t[2]), t[0].max(t[1]).max(t[2]))).collect();
+        Self { corners, shared, tree: Bvh::from_leaves(BvhBuildStrategy::default(), &boxes) }
+    }
+
+    /// Box that holds the mesh.
+    pub(crate) fn bounds(&self) -> Aabb {
+        self.tree.root_aabb()
+    }
+
+    /// Contacts with gap up to the envelope, in the mesh's frame, normals from the mesh to the visitor.
+    pub(crate) fn contacts(&self, visitor: &Visitor<'_>, envelope: f64, touches: &mut Vec<Touch>) {
+        let reach = visitor.shape.bounding_radius() + envelope;
+        let around = Aabb::new(visitor.position - reach, visitor.position + reach);
+        let mut near: Vec<u32> = self.tree.intersect_aabb(&around).collect();
+        near.sort_unstable();
+        let mut candidates: Vec<Candidate> = Vec::new();
+        for &triangle in &near {
+            self.triangle_contacts(triangle, visitor, envelope, &mut candidates);
+        }
+        touches.extend(
+            candidates.iter().filter(|c| self.is_real(c, &candidates, visitor)).map(|c| c.touch),
+        );
+    }
+
+    fn triangle_contacts(
+        &self,
+        triangle: u32,
+        visitor: &Visitor<'_>,
+        envelope: f64,
+        candidates: &mut Vec<Candidate>,
+    ) {
+        let corners = self.corners[triangle as usize];
+        let face = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize();
+        // The body stays on the side on which its centre is.
+        let toward = if face.dot(visitor.position - corners[0]) < 0.0 { -face } else { face };
+        let mut touches: Vec<Touch> = Vec::new();
+        match *visitor.shape {
+            Shape::Sphere { radius } => {
+                let (foot, feature) = nearest_on_triangle(visitor.position, corners);
+                let Distance { value, normal } = unsigned_distance(visitor.position, foot, toward);
+                let gap = value - radius;
+                if gap <= envelope {
+                    let point = foot + 0.5 * gap * normal;
+                    // A sphere touches a triangle once; across an edge it is handed to the next triangle.
+                    let touch = Touch { point, normal, gap, feature: 0 };
+                    candidates.push(Candidate { touch, triangle, foot, feature });
+                }
+                return;
+            }
+            Shape::Capsule { half_length, radius } => {
+                let half_axis = visitor.orientation * Vec3::new(0.0, 0.0, half_length);
+                let distance =
+                    |p: Vec3| unsigned_distance(p, nearest_on_triangle(p, corners).0, toward);
+                capsule_contacts(visitor.position, half_axis, radius, distance, envelope, &mut touches);
+            }
+            Shape::Box { .. } | Shape::Cylinder { .. } => {
+                let Visitor { shape, position, orientation } = *visitor;
+                let solid = Solid::Placed { shape, position, orientation };
+                let unit = shape.bounding_radius();
+                let [a, b, c] = corners;
+                let facing = if toward == face { [a, b, c] } else { [a, c, b] };
+                manifold_contacts(solid, Solid::Triangle(facing), unit, position, envelope, &mut touches);
+            }
+            Shape::Plane | Shape::Mesh { .. } => return,
+        }
+        for touch in touches {
+            let (foot, feature) = nearest_on_triangle(touch.point - 0.5 * touch.gap * touch.normal, corners);
+            candidates.push(Candidate { touch, triangle, foot, feature });
+        }
+    }
+
+    /// Whether a candidate would be there if the surface were whole.
+    fn is_real(&self, candidate: &Candidate, all: &[Candidate], visitor: &Visitor<'_>) -> bool {
+        let touching: Vec<u32> = {
+            let corners = self.shared[candidate.triangle as usize];
+            match candidate.feature {
+                TriangleFeature::Face => return true,
+                TriangleFeature::Edge(k) => vec![corners[k], corners[(k + 1) % 3]],
+                TriangleFeature::Vertex(k) => vec![corners[k]],
+            }
+        };
+        let small = 1e-9 * visitor.shape.bounding_radius();
+        let shares = |triangle: u32| {
+            touching.iter().all(|v| self.shared[triangle as usize].contains(v))
+        };
+        all.iter().filter(|other| other.triangle != candidate.triangle && shares(other.triangle)).all(|other| {
+            let apart = (other.foot - candidate.foot).length();
+            match visitor.shape {
+                Shape::Sphere { .. } => {
+                    // The same point seen from two triangles counts once, from the first.
+                    let same = apart <= small;
+                    if same { candidate.triangle < other.triangle } else { other.touch.gap >= candidate.touch.gap }
+                }
+                // A face contact nearby already holds the body off along the true normal.
+                _ => {
+                    other.feature != TriangleFeature::Face
+                        || apart > 1e-2 * visitor.shape.bounding_radius()
+                        || other.touch.normal.dot(candidate.touch.normal) > 1.0 - 1e-12
+                }
+            }
+        })
+    }
+}
+
+/// Distance from `p` to its nearest point `foot` on a triangle; on the triangle itself the normal is the face's.
+fn unsigned_distance(p: Vec3, foot: Vec3, toward: Vec3) -> Distance {
+    let d = p - foot;
+    let value = d.length();
+    let normal = if value > 0.0 { d / value } else { toward };
+    Distance { value, normal }
+}
+
+/// Box in the outer frame that holds a box given in a frame at `position`, turned by `rotation`.
+pub(crate) fn turned_bounds(bounds: &Aabb, position: Vec3, rotation: Mat3) -> Aabb {
+    let half = bounds.half_extents();
+    let reach = rotation.x_axis.abs() * half.x + rotation.y_axis.abs() * half.y + rotation.z_axis.abs() * half.z;
+    let centre = position + rotation * bounds.center();
+    Aabb::new(centre - reach, centre + reach)
+}
+
+/// Feature of a contact with a triangle, from the triangle and the feature within it.
+pub(crate) fn triangle_feature(triangle: u32, feature: u64) -> u64 {
+    mix(u64::from(triangle) << 32).wrapping_add(feature)
+}
