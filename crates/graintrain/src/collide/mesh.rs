@@ -93,8 +93,8 @@ impl TriangleTree {
                 let gap = value - radius;
                 if gap <= envelope {
                     let point = foot + 0.5 * gap * normal;
-                    // A sphere touches a triangle once; across an edge it is handed to the next triangle.
-                    let touch = Touch { point, normal, gap, feature: 0 };
+                    
+                    let touch = Touch { point, normal, gap, feature: triangle_feature(triangle, 0) };
                     candidates.push(Candidate { touch, triangle, foot, feature });
                 }
                 return;
@@ -115,7 +115,8 @@ impl TriangleTree {
             }
             Shape::Plane | Shape::Mesh { .. } => return,
         }
-        for touch in touches {
+        for mut touch in touches {
+            touch.feature = triangle_feature(triangle, touch.feature);
             let (foot, feature) = nearest_on_triangle(touch.point - 0.5 * touch.gap * touch.normal, corners);
             candidates.push(Candidate { touch, triangle, foot, feature });
         }
