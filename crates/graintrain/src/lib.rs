@@ -5,10 +5,17 @@
 //! | [`shape`], [`material`], [`motion`] | what bodies are made of and how they are driven |
 //! | [`world`] | the state |
 //! | [`contact`] | contacts and their impulses |
+//! | [`collide`] | finding contacts |
+//! | [`assemble`] | the contact problem of a step |
+//! | [`integrate`] | velocities without contact, positions, rotations |
+//! | [`stepper`] | the time step |
 //! | [`error`] | what can be wrong with a world |
 
+pub mod assemble;
+pub mod collide;
 pub mod contact;
 pub mod error;
+pub mod integrate;
 pub mod material;
 pub mod math;
 pub mod motion;

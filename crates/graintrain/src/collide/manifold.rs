@@ -84,7 +84,15 @@ pub(crate) fn manifold_contacts(
         (Convex::Box(a), Convex::Triangle(b)) => {
             let inverse = pose.inverse();
             contact_manifold_cuboid_triangle(
-                &pose, &inverse, a, b, None, None, prediction, &mut manifold, false,
+                &pose,
+                &inverse,
+                a,
+                b,
+                None,
+                None,
+                prediction,
+                &mut manifold,
+                false,
             );
         }
         _ => contact_manifold_pfm_pfm(

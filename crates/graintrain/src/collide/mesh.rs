@@ -69,9 +69,7 @@ impl TriangleTree {
         for &triangle in &near {
             self.triangle_contacts(triangle, visitor, envelope, &mut candidates);
         }
-        touches.extend(
-            candidates.iter().filter(|c| self.is_real(c, &candidates, visitor)).map(|c| c.touch),
-        );
+        touches.extend(candidates.iter().filter(|c| self.is_real(c, &candidates, visitor)).map(|c| c.touch));
     }
 
     fn triangle_contacts(
@@ -93,7 +91,7 @@ impl TriangleTree {
                 let gap = value - radius;
                 if gap <= envelope {
                     let point = foot + 0.5 * gap * normal;
-                    
+
                     let touch = Touch { point, normal, gap, feature: triangle_feature(triangle, 0) };
                     candidates.push(Candidate { touch, triangle, foot, feature });
                 }
@@ -101,8 +99,7 @@ impl TriangleTree {
             }
             Shape::Capsule { half_length, radius } => {
                 let half_axis = visitor.orientation * Vec3::new(0.0, 0.0, half_length);
-                let distance =
-                    |p: Vec3| unsigned_distance(p, nearest_on_triangle(p, corners).0, toward);
+                let distance = |p: Vec3| unsigned_distance(p, nearest_on_triangle(p, corners).0, toward);
                 capsule_contacts(visitor.position, half_axis, radius, distance, envelope, &mut touches);
             }
             Shape::Box { .. } | Shape::Cylinder { .. } => {
@@ -133,25 +130,29 @@ impl TriangleTree {
             }
         };
         let small = 1e-9 * visitor.shape.bounding_radius();
-        let shares = |triangle: u32| {
-            touching.iter().all(|v| self.shared[triangle as usize].contains(v))
-        };
-        all.iter().filter(|other| other.triangle != candidate.triangle && shares(other.triangle)).all(|other| {
-            let apart = (other.foot - candidate.foot).length();
-            match visitor.shape {
-                Shape::Sphere { .. } => {
-                    // The same point seen from two triangles counts once, from the first.
-                    let same = apart <= small;
-                    if same { candidate.triangle < other.triangle } else { other.touch.gap >= candidate.touch.gap }
+        let shares = |triangle: u32| touching.iter().all(|v| self.shared[triangle as usize].contains(v));
+        all.iter().filter(|other| other.triangle != candidate.triangle && shares(other.triangle)).all(
+            |other| {
+                let apart = (other.foot - candidate.foot).length();
+                match visitor.shape {
+                    Shape::Sphere { .. } => {
+                        // The same point seen from two triangles counts once, from the first.
+                        let same = apart <= small;
+                        if same {
+                            candidate.triangle < other.triangle
+                        } else {
+                            other.touch.gap >= candidate.touch.gap
+                        }
+                    }
+                    // A face contact nearby already holds the body off along the true normal.
+                    _ => {
+                        other.feature != TriangleFeature::Face
+                            || apart > 1e-2 * visitor.shape.bounding_radius()
+                            || other.touch.normal.dot(candidate.touch.normal) > 1.0 - 1e-12
+                    }
                 }
-                // A face contact nearby already holds the body off along the true normal.
-                _ => {
-                    other.feature != TriangleFeature::Face
-                        || apart > 1e-2 * visitor.shape.bounding_radius()
-                        || other.touch.normal.dot(candidate.touch.normal) > 1.0 - 1e-12
-                }
-            }
-        })
+            },
+        )
     }
 }
 
@@ -166,7 +167,8 @@ fn unsigned_distance(p: Vec3, foot: Vec3, toward: Vec3) -> Distance {
 /// Box in the outer frame that holds a box given in a frame at `position`, turned by `rotation`.
 pub(crate) fn turned_bounds(bounds: &Aabb, position: Vec3, rotation: Mat3) -> Aabb {
     let half = bounds.half_extents();
-    let reach = rotation.x_axis.abs() * half.x + rotation.y_axis.abs() * half.y + rotation.z_axis.abs() * half.z;
+    let reach =
+        rotation.x_axis.abs() * half.x + rotation.y_axis.abs() * half.y + rotation.z_axis.abs() * half.z;
     let centre = position + rotation * bounds.center();
     Aabb::new(centre - reach, centre + reach)
 }

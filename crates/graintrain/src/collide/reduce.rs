@@ -69,10 +69,8 @@ fn keep_four(patch: &mut Vec<Touch>) {
         return;
     }
     let (t1, t2) = tangents(patch[0].normal);
-    let flat: Vec<[f64; 2]> = patch
-        .iter()
-        .map(|t| [t1.dot(t.point - patch[0].point), t2.dot(t.point - patch[0].point)])
-        .collect();
+    let flat: Vec<[f64; 2]> =
+        patch.iter().map(|t| [t1.dot(t.point - patch[0].point), t2.dot(t.point - patch[0].point)]).collect();
     // First index of the largest value: ties go to the deeper point.
     let largest = |value: &dyn Fn(usize) -> f64| {
         (0..flat.len()).fold((0, f64::NEG_INFINITY), |best, i| {

@@ -1,0 +1,258 @@
+//! Broad phase, and the loop over bodies that makes the contact list.
+
+use super::grid::Grid;
+use super::identity::identity;
+use super::mesh::turned_bounds;
+use super::narrow::{Collidable, Placed, body_contacts};
+use super::reduce::Touch;
+use crate::contact::Contact;
+use crate::math::{Mat3, Vec3};
+use crate::shape::Shape;
+use crate::world::World;
+use parry3d_f64::bounding_volume::Aabb;
+use parry3d_f64::partitioning::{Bvh, BvhBuildStrategy};
+use rayon::prelude::*;
+
+/// Bodies per parallel task. Fixed, so that tasks and their order do not depend on threads.
+const TASK: usize = 1024;
+
+/// Bodies up to this multiple of the median bounding radius go into the cell list.
+const SIMILAR: f64 = 2.5;
+
+/// Finds contacts; keeps what it derives from geometries between steps.
+#[derive(Default)]
+pub struct Collider {
+    forms: Vec<Collidable>,
+}
+
+/// Two bodies that overlap.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Overlap {
+    /// Index of one body.
+    pub body_a: u32,
+    /// Index of the other body.
+    pub body_b: u32,
+    /// Depth, m, positive.
+    pub depth: f64,
+    /// Where, m.
+    pub point: Vec3,
+}
+
+/// The deepest overlap of a world, if any two bodies overlap: what an initial state should be checked for. Pairs of
+/// bodies that are both fully prescribed are not looked at.
+pub fn deepest_overlap(world: &World) -> Option<Overlap> {
+    let contacts = Collider::default().contacts(world, 0.0);
+    let deepest = contacts.iter().min_by(|a, b| a.gap.total_cmp(&b.gap))?;
+    (deepest.gap < 0.0).then_some(Overlap {
+        body_a: deepest.body_a,
+        body_b: deepest.body_b,
+        depth: -deepest.gap,
+        point: deepest.point,
+    })
+}
+
+/// Bodies by how their neighbours are found.
+struct Sorted {
+    grid: Grid,
+    /// Bounding radius up to which bodies are in the grid.
+    limit: f64,
+    /// Finite bodies too large for the grid, ascending, with the tree over their bounds.
+    large: Vec<u32>,
+    tree: Bvh,
+    /// Bodies with a plane.
+    unbounded: Vec<u32>,
+}
+
+impl Collider {
+    /// All contacts with gap up to the envelope, m, except between bodies that are both fully prescribed. Sorted by
+    /// body A, then body B, then feature. A is the body of similar size to most others, or the one with the lower index
+    /// where both or neither are: a grain on a wall is A.
+    pub fn contacts(&mut self, world: &World, envelope: f64) -> Vec<Contact> {
+        self.update_forms(world);
+        let sorted = self.sort(world, envelope);
+        let bodies = world.bodies.len();
+        let tasks: Vec<Vec<Contact>> = (0..bodies.div_ceil(TASK))
+            .into_par_iter()
+            .map(|task| {
+                let mut found = Found::default();
+                for body in task * TASK..((task + 1) * TASK).min(bodies) {
+                    self.contacts_of(world, &sorted, body, envelope, &mut found);
+                }
+                found.contacts
+            })
+            .collect();
+        tasks.concat()
+    }
+
+    fn update_forms(&mut self, world: &World) {
+        self.forms.truncate(world.geometries.len());
+        for (index, geometry) in world.geometries.iter().enumerate() {
+            match self.forms.get_mut(index) {
+                Some(form) if form.geometry == *geometry => {}
+                Some(form) => *form = Collidable::new(geometry),
+                None => self.forms.push(Collidable::new(geometry)),
+            }
+        }
+    }
+
+    fn form(&self, world: &World, body: usize) -> &Collidable {
+        &self.forms[world.bodies.geometry[body] as usize]
+    }
+
+    fn placed(&self, world: &World, body: usize) -> Placed<'_> {
+        Placed {
+            form: self.form(world, body),
+            position: world.bodies.position[body],
+            orientation: world.bodies.orientation[body],
+        }
+    }
+
+    fn sort(&self, world: &World, envelope: f64) -> Sorted {
+        let bodies = world.bodies.len();
+        let radius = |body: usize| self.form(world, body).bounding_radius;
+        let mut finite: Vec<f64> = (0..bodies).map(radius).filter(|r| r.is_finite()).collect();
+        let limit = if finite.is_empty() {
+            0.0
+        } else {
+            let middle = finite.len() / 2;
+            SIMILAR * *finite.select_nth_unstable_by(middle, f64::total_cmp).1
+        };
+        let (mut balls, mut large, mut unbounded) = (Vec::with_capacity(bodies), Vec::new(), Vec::new());
+        let mut largest: f64 = 0.0;
+        for body in 0..bodies {
+            let radius = radius(body);
+            if radius <= limit {
+                balls.push((body as u32, world.bodies.position[body], radius));
+                largest = largest.max(radius);
+            } else if radius.is_finite() {
+                large.push(body as u32);
+            } else {
+                unbounded.push(body as u32);
+            }
+        }
+        let bounds: Vec<Aabb> = large.iter().map(|&body| self.bounds(world, body as usize)).collect();
+        // Slightly larger than needed, so that rounding in the cell coordinates cannot lose a pair.
+        let size = (2.0 * largest + envelope) * (1.0 + 1e-9);
+        Sorted {
+            grid: Grid::new(&balls, if size > 0.0 { size } else { 1.0 }),
+            limit,
+            large,
+            tree: Bvh::from_leaves(BvhBuildStrategy::default(), &bounds),
+            unbounded,
+        }
+    }
+
+    /// Box in world axes that holds a body without planes.
+    fn bounds(&self, world: &World, body: usize) -> Aabb {
+        let Placed { form, position, orientation } = self.placed(world, body);
+        let boxes = form.geometry.parts.iter().zip(&form.trees).map(|(part, tree)| {
+            let own = match (&part.shape, tree) {
+                (_, Some(tree)) => tree.bounds(),
+                (Shape::Box { half }, _) => Aabb::new(-*half, *half),
+                (Shape::Cylinder { half_length, radius }, _) => {
+                    let half = Vec3::new(*radius, *radius, *half_length);
+                    Aabb::new(-half, half)
+                }
+                (Shape::Capsule { half_length, radius }, _) => {
+                    let half = Vec3::new(*radius, *radius, half_length + radius);
+                    Aabb::new(-half, half)
+                }
+                (shape, _) => {
+                    let half = Vec3::splat(shape.bounding_radius());
+                    Aabb::new(-half, half)
+                }
+            };
+            let rotation = Mat3::from_quat(orientation * part.orientation);
+            turned_bounds(&own, position + orientation * part.position, rotation)
+        });
+        boxes
+            .reduce(|a, b| Aabb::new(a.mins.min(b.mins), a.maxs.max(b.maxs)))
+            .unwrap_or(Aabb::new(position, position))
+    }
+
+    /// Contacts of which `body` is A.
+    fn contacts_of(&self, world: &World, sorted: &Sorted, body: usize, envelope: f64, found: &mut Found) {
+        let me = self.placed(world, body);
+        let radius = me.form.bounding_radius;
+        let similar = radius <= sorted.limit;
+        let prescribed = world.is_prescribed(body);
+        let Found { balls, others, touches, contacts } = found;
+        balls.clear();
+        others.clear();
+        if similar {
+            let grid = &sorted.grid;
+            grid.around(me.position, |range| {
+                for slot in range {
+                    let other = grid.body[slot];
+                    let reach = radius + grid.radius[slot] + envelope;
+                    let apart = me.position - grid.centre[slot];
+                    if other as usize > body && apart.length_squared() <= reach * reach {
+                        balls.push(other);
+                    }
+                }
+            });
+            balls.sort_unstable();
+        }
+        if radius.is_finite() {
+            let around = if similar {
+                Aabb::new(me.position - radius, me.position + radius)
+            } else {
+                self.bounds(world, body)
+            };
+            let around = Aabb::new(around.mins - envelope, around.maxs + envelope);
+            others.extend(
+                sorted
+                    .tree
+                    .intersect_aabb(&around)
+                    .map(|leaf| sorted.large[leaf as usize])
+                    .filter(|&other| similar || other as usize > body),
+            );
+            others.extend_from_slice(&sorted.unbounded);
+        } else {
+            others.extend(sorted.unbounded.iter().copied().filter(|&other| other as usize > body));
+        }
+        others.sort_unstable();
+        for &other in balls.iter().chain(others.iter()) {
+            if prescribed && world.is_prescribed(other as usize) {
+                continue;
+            }
+            touches.clear();
+            let them = self.placed(world, other as usize);
+            match (me.form.ball, them.form.ball) {
+                (Some(r_a), Some(r_b)) => {
+                    ball_contact(me.position, r_a, them.position, r_b, envelope, touches);
+                }
+                _ => body_contacts(me, them, envelope, touches),
+            }
+            contacts.extend(touches.iter().map(|touch| Contact {
+                body_a: body as u32,
+                body_b: other,
+                identity: identity(body as u32, other, touch.feature),
+                point: touch.point,
+                normal: touch.normal,
+                gap: touch.gap,
+            }));
+        }
+    }
+}
+
+/// Contacts of one task, with scratch.
+#[derive(Default)]
+struct Found {
+    balls: Vec<u32>,
+    others: Vec<u32>,
+    touches: Vec<Touch>,
+    contacts: Vec<Contact>,
+}
+
+#[inline]
+fn ball_contact(a: Vec3, r_a: f64, b: Vec3, r_b: f64, envelope: f64, touches: &mut Vec<Touch>) {
+    let d = a - b;
+    let length = d.length();
+    let gap = length - r_a - r_b;
+    if gap <= envelope {
+        // Concentric balls have no normal: any direction separates them.
+        let normal = if length > 0.0 { d / length } else { Vec3::X };
+        touches.push(Touch { point: b + (r_b + 0.5 * gap) * normal, normal, gap, feature: 0 });
+    }
+}

@@ -1,0 +1,182 @@
+//! Narrow phase: contacts of two bodies near each other.
+
+use super::capsule::capsule_contacts;
+use super::distance::signed_distance;
+use super::manifold::{Solid, manifold_contacts};
+use super::mesh::{TriangleTree, Visitor};
+use super::plane::plane_contacts;
+use super::reduce::{Touch, reduce};
+use crate::math::{Mat3, Quat, Vec3, mix};
+use crate::shape::{Geometry, Shape};
+
+/// A geometry with what the collision phase derives from it once.
+pub(crate) struct Collidable {
+    /// The geometry it was made from.
+    pub geometry: Geometry,
+    /// Radius of a ball about the body's origin that holds it; infinite with a plane.
+    pub bounding_radius: f64,
+    /// The radius, where the geometry is one sphere about the body's origin: the hot path.
+    pub ball: Option<f64>,
+    /// One entry per part: the tree of a mesh.
+    pub trees: Vec<Option<TriangleTree>>,
+    /// One entry per part: radius of a ball about the part's origin that holds the part.
+    pub part_radius: Vec<f64>,
+}
+
+impl Collidable {
+    pub(crate) fn new(geometry: &Geometry) -> Self {
+        let ball = match geometry.parts.as_slice() {
+            [part] if part.position == Vec3::ZERO => match part.shape {
+                Shape::Sphere { radius } => Some(radius),
+                _ => None,
+            },
+            _ => None,
+        };
+        let tree = |shape: &Shape| match shape {
+            Shape::Mesh { vertices, triangles } => Some(TriangleTree::new(vertices, triangles)),
+            _ => None,
+        };
+        Self {
+            bounding_radius: geometry.bounding_radius(),
+            ball,
+            trees: geometry.parts.iter().map(|part| tree(&part.shape)).collect(),
+            part_radius: geometry.parts.iter().map(|part| part.shape.bounding_radius()).collect(),
+            geometry: geometry.clone(),
+        }
+    }
+}
+
+/// A body in the world.
+#[derive(Clone, Copy)]
+pub(crate) struct Placed<'a> {
+    pub form: &'a Collidable,
+    pub position: Vec3,
+    pub orientation: Quat,
+}
+
+/// A part of a body in the world.
+struct PlacedPart<'a> {
+    shape: &'a Shape,
+    tree: Option<&'a TriangleTree>,
+    radius: f64,
+    position: Vec3,
+    orientation: Quat,
+}
+
+impl<'a> Placed<'a> {
+    fn part(&self, index: usize) -> PlacedPart<'a> {
+        let part = &self.form.geometry.parts[index];
+        PlacedPart {
+            shape: &part.shape,
+            tree: self.form.trees[index].as_ref(),
+            radius: self.form.part_radius[index],
+            position: self.position + self.orientation * part.position,
+            orientation: self.orientation * part.orientation,
+        }
+    }
+}
+
+/// Contacts of bodies A and B with gap up to the envelope, at most four per patch, ordered by feature.
+pub(crate) fn body_contacts(a: Placed<'_>, b: Placed<'_>, envelope: f64, touches: &mut Vec<Touch>) {
+    let (parts_a, parts_b) = (a.form.geometry.parts.len(), b.form.geometry.parts.len());
+    if parts_a == 1 && parts_b == 1 {
+        part_contacts(&a.part(0), &b.part(0), envelope, touches);
+        reduce(touches);
+        return;
+    }
+    let mut found = Vec::new();
+    for index_a in 0..parts_a {
+        let part_a = a.part(index_a);
+        for index_b in 0..parts_b {
+            let part_b = b.part(index_b);
+            let apart = (part_a.position - part_b.position).length() - part_a.radius - part_b.radius;
+            if apart > envelope {
+                continue;
+            }
+            part_contacts(&part_a, &part_b, envelope, &mut found);
+            reduce(&mut found);
+            // The same number whichever body is A, so that it persists when the two change places.
+            let parts = mix((index_a as u64) << 32) ^ mix(index_b as u64);
+            for touch in &mut found {
+                touch.feature = parts.wrapping_add(touch.feature);
+            }
+            touches.append(&mut found);
+        }
+    }
+    touches.sort_by_key(|touch| touch.feature);
+}
+
+/// Contacts of two parts, normals from B to A.
+fn part_contacts(a: &PlacedPart<'_>, b: &PlacedPart<'_>, envelope: f64, touches: &mut Vec<Touch>) {
+    if is_second(a.shape, b.shape) {
+        ordered_contacts(a, b, envelope, touches);
+    } else {
+        let first = touches.len();
+        ordered_contacts(b, a, envelope, touches);
+        for touch in &mut touches[first..] {
+            touch.normal = -touch.normal;
+        }
+    }
+}
+
+/// Rank of a shape: kernels take the lower rank as A.
+fn rank(shape: &Shape) -> u8 {
+    match shape {
+        Shape::Sphere { .. } => 0,
+        Shape::Capsule { .. } => 1,
+        Shape::Box { .. } => 2,
+        Shape::Cylinder { .. } => 3,
+        Shape::Plane => 4,
+        Shape::Mesh { .. } => 5,
+    }
+}
+
+fn is_second(a: &Shape, b: &Shape) -> bool {
+    rank(a) <= rank(b)
+}
+
+/// Contacts of two parts of which A has the lower rank; computed in B's frame, given in the world.
+fn ordered_contacts(a: &PlacedPart<'_>, b: &PlacedPart<'_>, envelope: f64, touches: &mut Vec<Touch>) {
+    let first = touches.len();
+    let inverse = b.orientation.conjugate();
+    let position = inverse * (a.position - b.position);
+    match (a.shape, b.shape) {
+        (_, Shape::Mesh { .. }) => {
+            let Some(tree) = b.tree else { return };
+            let visitor = Visitor { shape: a.shape, position, orientation: inverse * a.orientation };
+            tree.contacts(&visitor, envelope, touches);
+        }
+        (_, Shape::Plane) => {
+            let rotation = Mat3::from_quat(inverse * a.orientation);
+            plane_contacts(a.shape, position, rotation, envelope, touches);
+        }
+        (&Shape::Sphere { radius }, solid) => {
+            let distance = signed_distance(solid, position);
+            let gap = distance.value - radius;
+            if gap <= envelope {
+                let point = position - (radius + 0.5 * gap) * distance.normal;
+                touches.push(Touch { point, normal: distance.normal, gap, feature: 0 });
+            }
+        }
+        (&Shape::Capsule { half_length, radius }, solid) => {
+            let half_axis = inverse * (a.orientation * Vec3::new(0.0, 0.0, half_length));
+            let distance = |p: Vec3| signed_distance(solid, p);
+            capsule_contacts(position, half_axis, radius, distance, envelope, touches);
+        }
+        (shape_a, shape_b) => {
+            let solid = |part: &PlacedPart<'_>, shape| Solid::Placed {
+                shape,
+                position: part.position,
+                orientation: part.orientation,
+            };
+            let (unit, origin) =
+                if a.radius < b.radius { (a.radius, a.position) } else { (b.radius, b.position) };
+            manifold_contacts(solid(a, shape_a), solid(b, shape_b), unit, origin, envelope, touches);
+            return;
+        }
+    }
+    for touch in &mut touches[first..] {
+        touch.point = b.position + b.orientation * touch.point;
+        touch.normal = b.orientation * touch.normal;
+    }
+}

@@ -1,0 +1,206 @@
+//! Velocities that bodies would have without contact, and the update of positions and rotations.
+
+use crate::math::{Mat3, Quat, Vec3, rotation_exponential};
+use crate::world::{FREE, World};
+use graintrain_ccp::BodyInverseMass;
+use rayon::prelude::*;
+
+/// Bodies per parallel task.
+const TASK: usize = 1024;
+
+/// Angle, rad, up to which a body may turn in one sub-step of the gyroscopic term; Newton's method then needs three or
+/// four iterations.
+const TURN_PER_SUBSTEP: f64 = 0.25;
+
+/// More sub-steps than this are not made; a body that turns by more than 250 rad per step is not resolved anyway.
+const MAX_SUBSTEPS: f64 = 1000.0;
+
+/// Velocities (u, w) after the step if no contact acted, six numbers per body, m/s and rad/s.
+///
+/// Dynamic degrees of freedom: `v + M^-1 (dt f + G)` with gravity f and the gyroscopic impulse G of [`free_spin`].
+/// Prescribed ones: the mean over the step of the prescribed velocity. Where only some rotations of a body are dynamic
+/// (set S, the rest P; J = R I R^T): `w_S + J_SS^-1 (-dt (w x J w)_S - J_SP (w_P+ - w_P))`.
+pub fn free_velocity(world: &World, step: f64) -> Vec<f64> {
+    let mut free = vec![0.0; 6 * world.bodies.len()];
+    free.par_chunks_mut(6 * TASK).enumerate().for_each(|(task, chunk)| {
+        for (offset, v) in chunk.chunks_exact_mut(6).enumerate() {
+            let (linear, angular) = body_free_velocity(world, task * TASK + offset, step);
+            v[..3].copy_from_slice(&linear.to_array());
+            v[3..].copy_from_slice(&angular.to_array());
+        }
+    });
+    free
+}
+
+fn body_free_velocity(world: &World, body: usize, step: f64) -> (Vec3, Vec3) {
+    let bodies = &world.bodies;
+    let (u, w) = (bodies.velocity[body], bodies.angular_velocity[body]);
+    let orientation = bodies.orientation[body];
+    let falling = u + step * world.gravity;
+    if bodies.motion[body] == FREE {
+        return (falling, free_spin(bodies.inertia[body], orientation, w, step));
+    }
+    let motion = &world.motions[bodies.motion[body] as usize];
+    let (driven, driven_spin) = motion.mean_velocity(bodies.position[body], world.time, step);
+    let [x, y, z, rx, ry, rz] = motion.free;
+    let linear = select([x, y, z], falling, driven);
+    let free = [rx, ry, rz];
+    let angular = match free {
+        [false, false, false] => driven_spin,
+        [true, true, true] => free_spin(bodies.inertia[body], orientation, w, step),
+        _ => {
+            let inertia = world_inertia(bodies.inertia[body], orientation);
+            let change = select(free, Vec3::ZERO, driven_spin - w);
+            let impulse = -step * w.cross(inertia * w) - inertia * change;
+            select(free, w + masked_inverse(inertia, free) * impulse, driven_spin)
+        }
+    };
+    (linear, angular)
+}
+
+fn select(first: [bool; 3], a: Vec3, b: Vec3) -> Vec3 {
+    Vec3::from_array(std::array::from_fn(|k| if first[k] { a[k] } else { b[k] }))
+}
+
+/// Angular velocity after a step without torque: Euler's equations in body axes by the implicit midpoint rule,
+/// `I (w1 - w0) = -dt wm x I wm`, `wm = (w0 + w1) / 2`, which keeps the energy and the length of the angular momentum to
+/// round-off. Because the body turns about w1 itself, w1 has the same components in the body's axes before and after.
+pub fn free_spin(inertia: Mat3, orientation: Quat, w: Vec3, step: f64) -> Vec3 {
+    if is_isotropic(inertia) {
+        return w;
+    }
+    let substeps = (step * w.length() / TURN_PER_SUBSTEP).ceil().clamp(1.0, MAX_SUBSTEPS);
+    let h = step / substeps;
+    let mut spin = orientation.conjugate() * w;
+    for _ in 0..substeps as usize {
+        spin = midpoint_spin(inertia, spin, h);
+    }
+    orientation * spin
+}
+
+fn midpoint_spin(inertia: Mat3, w0: Vec3, h: f64) -> Vec3 {
+    let mut w1 = w0;
+    for _ in 0..10 {
+        let middle = 0.5 * (w0 + w1);
+        let residual = inertia * (w1 - w0) + h * middle.cross(inertia * middle);
+        let jacobian = inertia + 0.5 * h * (skew(middle) * inertia - skew(inertia * middle));
+        let change = jacobian.inverse() * residual;
+        w1 -= change;
+        if change.length() <= 1e-15 * w0.length() {
+            break;
+        }
+    }
+    w1
+}
+
+/// Matrix of the cross product: skew(a) b = a x b.
+fn skew(a: Vec3) -> Mat3 {
+    Mat3::from_cols(Vec3::new(0.0, a.z, -a.y), Vec3::new(-a.z, 0.0, a.x), Vec3::new(a.y, -a.x, 0.0))
+}
+
+fn is_isotropic(inertia: Mat3) -> bool {
+    inertia == Mat3::from_diagonal(Vec3::splat(inertia.x_axis.x))
+}
+
+/// R I R^T.
+fn world_inertia(inertia: Mat3, orientation: Quat) -> Mat3 {
+    let rotation = Mat3::from_quat(orientation);
+    rotation * inertia * rotation.transpose()
+}
+
+/// Inverse of the block of dynamic rotations, zero elsewhere.
+fn masked_inverse(inertia: Mat3, free: [bool; 3]) -> Mat3 {
+    let mut block = inertia;
+    for i in 0..3 {
+        for j in 0..3 {
+            if !(free[i] && free[j]) {
+                block.col_mut(j)[i] = if i == j { 1.0 } else { 0.0 };
+            }
+        }
+    }
+    let mut inverse = block.inverse();
+    for k in (0..3).filter(|&k| !free[k]) {
+        inverse.col_mut(k)[k] = 0.0;
+    }
+    inverse
+}
+
+/// Inverse mass matrices in world axes; prescribed degrees of freedom have zero rows and columns.
+pub fn inverse_mass(world: &World) -> Vec<BodyInverseMass> {
+    (0..world.bodies.len())
+        .into_par_iter()
+        .with_min_len(TASK)
+        .map(|body| {
+            let [x, y, z, rx, ry, rz] = world.free_degrees(body);
+            let inverse_mass = 1.0 / world.bodies.mass[body];
+            let linear = [x, y, z].map(|free| if free { inverse_mass } else { 0.0 });
+            let rotations = [rx, ry, rz];
+            let inertia = world.bodies.inertia[body];
+            if rotations == [false; 3] {
+                return BodyInverseMass { linear, angular: [0.0; 9] };
+            }
+            if is_isotropic(inertia) {
+                let inverse = 1.0 / inertia.x_axis.x;
+                let [a, b, c] = rotations.map(|free| if free { inverse } else { 0.0 });
+                return BodyInverseMass { linear, angular: [a, 0.0, 0.0, 0.0, b, 0.0, 0.0, 0.0, c] };
+            }
+            let full = masked_inverse(world_inertia(inertia, world.bodies.orientation[body]), rotations);
+            let inverse = 0.5 * (full + full.transpose());
+            // Symmetric, so columns are rows.
+            BodyInverseMass { linear, angular: inverse.to_cols_array() }
+        })
+        .collect()
+}
+
+/// Sets the velocities of all bodies (six numbers each) and moves them: `x + dt u`, `exp(dt w / 2) Q` renormalised.
+pub(crate) fn advance(world: &mut World, velocity: &[f64], step: f64) {
+    let bodies = &mut world.bodies;
+    bodies
+        .position
+        .par_iter_mut()
+        .zip(&mut bodies.orientation)
+        .zip(bodies.velocity.par_iter_mut().zip(&mut bodies.angular_velocity))
+        .zip(velocity.par_chunks_exact(6))
+        .with_min_len(TASK)
+        .for_each(|(((position, orientation), (linear, angular)), v)| {
+            *linear = Vec3::new(v[0], v[1], v[2]);
+            *angular = Vec3::new(v[3], v[4], v[5]);
+            *position += step * *linear;
+            if *angular != Vec3::ZERO {
+                *orientation = (rotation_exponential(step * *angular) * *orientation).normalize();
+            }
+        });
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn free_spin_keeps_energy_and_angular_momentum() {
+        let inertia = Mat3::from_diagonal(Vec3::new(1.0, 2.0, 3.0));
+        let orientation = Quat::from_xyzw(0.1, -0.4, 0.3, 0.8).normalize();
+        for w in [Vec3::new(0.3, 2.0, -0.1), Vec3::new(-30.0, 2.0, 50.0)] {
+            let after = orientation.conjugate() * free_spin(inertia, orientation, orientation * w, 0.1);
+            let energy = |w: Vec3| w.dot(inertia * w);
+            let momentum = |w: Vec3| (inertia * w).length();
+            assert!((energy(after) / energy(w) - 1.0).abs() < 1e-13);
+            assert!((momentum(after) / momentum(w) - 1.0).abs() < 1e-13);
+            assert!((after - w).length() > 1e-3);
+        }
+    }
+
+    #[test]
+    fn masked_inverse_inverts_the_dynamic_block() {
+        let inertia =
+            Mat3::from_cols(Vec3::new(3.0, 0.5, 0.2), Vec3::new(0.5, 2.0, -0.3), Vec3::new(0.2, -0.3, 1.5));
+        let full = masked_inverse(inertia, [true; 3]) * inertia - Mat3::IDENTITY;
+        assert!(full.to_cols_array().iter().all(|x| x.abs() < 1e-14));
+        let one = masked_inverse(inertia, [false, true, false]);
+        assert_eq!(one, Mat3::from_diagonal(Vec3::new(0.0, 0.5, 0.0)));
+        let two = masked_inverse(inertia, [true, false, true]);
+        let det = 3.0 * 1.5 - 0.2 * 0.2;
+        assert!((two.x_axis.x - 1.5 / det).abs() < 1e-15 && (two.z_axis.x + 0.2 / det).abs() < 1e-15);
+        assert_eq!(two.y_axis, Vec3::ZERO);
+    }
+}
