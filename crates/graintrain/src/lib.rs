@@ -10,6 +10,7 @@
 //! | [`integrate`] | velocities without contact, positions, rotations |
 //! | [`stepper`] | the time step |
 //! | [`error`] | what can be wrong with a world |
+//! | [`problem_file`] | contact problems in files: FCLIB, Siconos, the program's own dumps |
 
 pub mod assemble;
 pub mod collide;
@@ -20,6 +21,7 @@ pub mod material;
 pub mod math;
 pub mod motion;
 pub mod plot;
+pub mod problem_file;
 pub mod shape;
 pub mod stepper;
 pub mod world;

@@ -1,0 +1,214 @@
+//! Reads FCLIB problems (HDF5): `fclib_local` and `fclib_global`.
+//!
+//! Meanings after the FCLIB report (Acary, Bremond, Huber: FCLIB: a collection of discrete 3D frictional contact
+//! problems, Inria RT-444) and `fclib.h`:
+//!
+//! ```text
+//! local:   u = W r + V lambda + q,      V^T r + R lambda + s = 0          (V, R, s optional)
+//! global:  M v = H r + G lambda + f,    G^T v + b = 0,    u = H^T v + w   (G, b optional)
+//! ```
+//!
+//! A matrix is a group of `m` rows, `n` columns, `nz` (-1 compressed columns, -2 compressed rows, else the number of
+//! triplets), `p`, `i`, `x`. Triplets follow CSparse and thus Siconos: `i` rows, `p` columns. `fclib.h` says the
+//! opposite; where only its reading fits the size of the matrix, it is taken.
+
+use super::error::{COPY_AGAIN, Defect, WRITE_AGAIN};
+use super::matrix::{Entry, Matrix};
+use super::raw::{GlobalEqualities, GlobalForm, LocalEqualities, LocalForm, RawProblem, check_dimension};
+use hdf5_pure::{Error, File, FormatError};
+
+/// Reads the problem; also gives its title.
+pub(super) fn read(file: &File) -> Result<(RawProblem, String), Defect> {
+    let groups = file.root().groups().map_err(|error| damaged("/", &error))?;
+    if let Some(name) = groups.iter().find(|name| name.contains("rolling")) {
+        return Err(Defect::unsupported(
+            format!("a problem with rolling friction (group {name})"),
+            "rolling friction is not supported; state the problem with sliding friction",
+        ));
+    }
+    if groups.iter().any(|name| name == "fclib_global") {
+        let group = Group { file, path: "fclib_global" };
+        Ok((RawProblem::Global(global(&group)?), group.title()))
+    } else if groups.iter().any(|name| name == "fclib_local") {
+        let group = Group { file, path: "fclib_local" };
+        Ok((RawProblem::Local(local(&group)?), group.title()))
+    } else {
+        let found = if groups.is_empty() { "nothing".to_string() } else { groups.join(", ") };
+        Err(Defect::damaged(
+            "/",
+            format!("neither fclib_local nor fclib_global, but {found}"),
+            "this HDF5 file is no FCLIB problem",
+        ))
+    }
+}
+
+fn local(group: &Group<'_>) -> Result<LocalForm, Defect> {
+    group.check_dimension()?;
+    let equalities = if group.has("V")? && group.has("R")? {
+        Some(LocalEqualities { v: group.matrix("V")?, r: group.matrix("R")?, s: group.numbers("vectors/s")? })
+    } else {
+        None
+    };
+    Ok(LocalForm {
+        w: group.matrix("W")?,
+        q: group.numbers("vectors/q")?,
+        friction: group.numbers("vectors/mu")?,
+        equalities,
+    })
+}
+
+fn global(group: &Group<'_>) -> Result<GlobalForm, Defect> {
+    group.check_dimension()?;
+    let equalities = if group.has("G")? {
+        Some(GlobalEqualities { g: group.matrix("G")?, b: group.numbers("vectors/b")? })
+    } else {
+        None
+    };
+    Ok(GlobalForm {
+        m: group.matrix("M")?,
+        h: group.matrix("H")?,
+        f: group.numbers("vectors/f")?,
+        w: group.numbers("vectors/w")?,
+        friction: group.numbers("vectors/mu")?,
+        equalities,
+    })
+}
+
+/// What HDF5 says is wrong, at a place.
+pub(super) fn damaged(place: &str, error: &Error) -> Defect {
+    match error {
+        Error::Format(FormatError::PathNotFound(_)) => {
+            Defect::damaged(place, "is missing", "the file is no complete FCLIB problem")
+        }
+        other => Defect::damaged(place, other.to_string(), COPY_AGAIN),
+    }
+}
+
+/// A group of the file.
+pub(super) struct Group<'a> {
+    pub(super) file: &'a File,
+    pub(super) path: &'static str,
+}
+
+impl Group<'_> {
+    fn place(&self, name: &str) -> String {
+        format!("{}/{name}", self.path)
+    }
+
+    /// Whether the group has a child group.
+    fn has(&self, name: &str) -> Result<bool, Defect> {
+        let group = self.file.group(self.path).map_err(|error| damaged(self.path, &error))?;
+        let groups = group.groups().map_err(|error| damaged(self.path, &error))?;
+        Ok(groups.iter().any(|child| child == name))
+    }
+
+    pub(super) fn numbers(&self, name: &str) -> Result<Vec<f64>, Defect> {
+        let place = self.place(name);
+        let numbers = self.file.dataset(&place).and_then(|dataset| dataset.read_f64());
+        numbers.map_err(|error| damaged(&place, &error))
+    }
+
+    pub(super) fn integers(&self, name: &str) -> Result<Vec<i64>, Defect> {
+        let place = self.place(name);
+        let numbers = self.file.dataset(&place).and_then(|dataset| dataset.read_i64());
+        numbers.map_err(|error| damaged(&place, &error))
+    }
+
+    fn integer(&self, name: &str) -> Result<i64, Defect> {
+        let numbers = self.integers(name)?;
+        numbers.first().copied().ok_or_else(|| Defect::damaged(self.place(name), "is empty", COPY_AGAIN))
+    }
+
+    fn size(&self, name: &str) -> Result<usize, Defect> {
+        let value = self.integer(name)?;
+        usize::try_from(value)
+            .map_err(|_| Defect::damaged(self.place(name), format!("{value} is no size"), WRITE_AGAIN))
+    }
+
+    fn indices(&self, name: &str) -> Result<Vec<usize>, Defect> {
+        let integers = self.integers(name)?.into_iter();
+        let convert = |value: i64| {
+            usize::try_from(value)
+                .map_err(|_| Defect::damaged(self.place(name), format!("{value} is no index"), WRITE_AGAIN))
+        };
+        integers.map(convert).collect()
+    }
+
+    fn check_dimension(&self) -> Result<(), Defect> {
+        check_dimension(self.integer("spacedim")?)
+    }
+
+    /// Title of the problem; empty where there is none that is text.
+    fn title(&self) -> String {
+        let strings = self.file.dataset(&self.place("info/title")).and_then(|dataset| dataset.read_string());
+        strings.ok().and_then(|strings| strings.first().cloned()).unwrap_or_default().trim().to_string()
+    }
+
+    fn matrix(&self, name: &str) -> Result<Matrix, Defect> {
+        let part = |field: &str| format!("{name}/{field}");
+        let place = self.place(name);
+        let (rows, columns) = (self.size(&part("m"))?, self.size(&part("n"))?);
+        let nz = self.integer(&part("nz"))?;
+        let p = self.indices(&part("p"))?;
+        let i = self.indices(&part("i"))?;
+        let x = self.numbers(&part("x"))?;
+        let entries = match nz {
+            -2 => compressed(&place, rows, &p, &i, &x, true)?,
+            -1 => compressed(&place, columns, &p, &i, &x, false)?,
+            0.. => {
+                let count = nz as usize;
+                if [p.len(), i.len(), x.len()].iter().any(|&length| length < count) {
+                    let what = format!("nz is {count}, but p, i, x hold fewer entries");
+                    return Err(Defect::damaged(place, what, COPY_AGAIN));
+                }
+                triplets(rows, columns, &p[..count], &i[..count], &x[..count])
+            }
+            _ => {
+                let what = format!("nz is {nz}, expected -1, -2 or a number of triplets");
+                return Err(Defect::damaged(place, what, WRITE_AGAIN));
+            }
+        };
+        Matrix::new(&place, rows, columns, entries)
+    }
+}
+
+/// Entries of compressed rows or columns; arrays may be longer than what the starts `p` use.
+fn compressed(
+    place: &str,
+    majors: usize,
+    p: &[usize],
+    i: &[usize],
+    x: &[f64],
+    by_row: bool,
+) -> Result<Vec<Entry>, Defect> {
+    let sound = p.len() == majors.saturating_add(1)
+        && p[0] == 0
+        && p.windows(2).all(|pair| pair[0] <= pair[1])
+        && p[majors] <= i.len().min(x.len());
+    if !sound {
+        let what = format!(
+            "p has {} starts and ends at {}, for {majors} compressed rows or columns and {} entries",
+            p.len(),
+            p.last().unwrap_or(&0),
+            i.len().min(x.len())
+        );
+        return Err(Defect::damaged(place, what, COPY_AGAIN));
+    }
+    let mut entries = Vec::with_capacity(p[majors]);
+    for major in 0..majors {
+        for k in p[major]..p[major + 1] {
+            let (row, column) = if by_row { (major, i[k]) } else { (i[k], major) };
+            entries.push(Entry { row, column, value: x[k] });
+        }
+    }
+    Ok(entries)
+}
+
+/// Entries of triplets, in the reading of CSparse, or of `fclib.h` where only that fits.
+fn triplets(rows: usize, columns: usize, p: &[usize], i: &[usize], x: &[f64]) -> Vec<Entry> {
+    let fits = |row: &[usize], column: &[usize]| {
+        row.iter().all(|&row| row < rows) && column.iter().all(|&column| column < columns)
+    };
+    let (row, column) = if !fits(i, p) && fits(p, i) { (p, i) } else { (i, p) };
+    row.iter().zip(column).zip(x).map(|((&row, &column), &value)| Entry { row, column, value }).collect()
+}

@@ -1,0 +1,199 @@
+//! From the global form, M v = H r + f and u = H^T v + w, to a CCP: N = H^T M^-1 H, r = w + H^T M^-1 f.
+//!
+//! Where M and H are those of rigid bodies the bodies are kept ([`super::rigid`]). Otherwise N is condensed: M falls
+//! apart into independent blocks (one per deformable body); with M_c = L L^T and Y = L^-1 H_c, N is the sum of Y^T Y.
+
+use super::dense;
+use super::error::{Defect, WRITE_AGAIN};
+use super::local::{add_low_rank, symmetric_blocks};
+use super::matrix::{Entry, Matrix};
+use super::raw::GlobalForm;
+use super::rigid::{self, Bodies};
+use graintrain_ccp::Delassus;
+
+/// Largest independent block of M that is factorised densely, degrees of freedom.
+const LARGEST_BLOCK: usize = 4000;
+/// Most contacts that equality constraints may couple with each other.
+const LARGEST_COUPLING: usize = 2000;
+
+/// N, r, and what else the matrices tell.
+pub(super) struct Reduced {
+    pub(super) delassus: Delassus,
+    pub(super) r: Vec<f64>,
+    /// Contact points relative to each other, where bodies were recognised.
+    pub(super) points: Vec<[f64; 3]>,
+    pub(super) bodies: usize,
+    /// max |M - M^T| / max |M|.
+    pub(super) asymmetry: f64,
+}
+
+/// The CCP of a global problem.
+pub(super) fn reduce(global: &GlobalForm) -> Result<Reduced, Defect> {
+    let asymmetry = global.m.asymmetry();
+    let ht = global.h.transposed();
+    if global.equalities.is_none()
+        && let Some(Bodies { delassus, free_velocity }) = rigid::recognise(&global.m, &ht, &global.f)?
+    {
+        let r = global.w.iter().zip(free_velocity).map(|(w, u)| w + u).collect();
+        let points = rigid::relative_points(&delassus);
+        let bodies = delassus.num_bodies();
+        return Ok(Reduced { delassus: Delassus::Rigid(delassus), r, points, bodies, asymmetry });
+    }
+    let blocks = independent_blocks(&global.m);
+    let (w, r) = condense(global, &ht, &blocks)?;
+    let delassus = Delassus::Sparse(symmetric_blocks(&w));
+    Ok(Reduced { delassus, r, points: Vec::new(), bodies: count_bodies(&blocks, global.m.rows), asymmetry })
+}
+
+/// Degrees of freedom of each block of M that is coupled to no other, ascending.
+fn independent_blocks(m: &Matrix) -> Vec<Vec<usize>> {
+    let mut parent: Vec<usize> = (0..m.rows).collect();
+    fn root(parent: &mut [usize], mut k: usize) -> usize {
+        while parent[k] != k {
+            parent[k] = parent[parent[k]];
+            k = parent[k];
+        }
+        k
+    }
+    for entry in &m.entries {
+        let (a, b) = (root(&mut parent, entry.row), root(&mut parent, entry.column));
+        parent[a.max(b)] = a.min(b);
+    }
+    let mut index = vec![usize::MAX; m.rows];
+    let mut blocks: Vec<Vec<usize>> = Vec::new();
+    for k in 0..m.rows {
+        let first = root(&mut parent, k);
+        if first == k {
+            index[k] = blocks.len();
+            blocks.push(Vec::new());
+        }
+        blocks[index[first]].push(k);
+    }
+    blocks
+}
+
+/// Number of bodies: six degrees of freedom each where M couples no others, else one per independent block.
+fn count_bodies(blocks: &[Vec<usize>], freedoms: usize) -> usize {
+    let rigid = freedoms.is_multiple_of(6)
+        && blocks.iter().all(|block| block.iter().all(|&freedom| freedom / 6 == block[0] / 6));
+    if rigid { freedoms / 6 } else { blocks.len() }
+}
+
+/// N and r, the independent blocks of M one after the other.
+fn condense(global: &GlobalForm, ht: &Matrix, blocks: &[Vec<usize>]) -> Result<(Matrix, Vec<f64>), Defect> {
+    // Columns of H, of G and f of one block of M, as rows of length block size.
+    let mut place = vec![(0, 0); global.m.rows];
+    for (b, block) in blocks.iter().enumerate() {
+        for (k, &freedom) in block.iter().enumerate() {
+            place[freedom] = (b, k);
+        }
+    }
+    let mut h_rows: Vec<Vec<(usize, Vec<f64>)>> = vec![Vec::new(); blocks.len()];
+    spread(ht, &place, blocks, &mut h_rows);
+    let mut g_rows: Vec<Vec<(usize, Vec<f64>)>> = vec![Vec::new(); blocks.len()];
+    let constraints = global.equalities.as_ref().map_or(0, |equalities| equalities.b.len());
+    if let Some(equalities) = &global.equalities {
+        spread(&equalities.g.transposed(), &place, blocks, &mut g_rows);
+    }
+
+    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+    let mut r = global.w.clone();
+    let mut entries = Vec::new();
+    // X = H^T M^-1 G, S = G^T M^-1 G, s = b + G^T M^-1 f.
+    let mut x_entries = Vec::new();
+    let mut schur = vec![0.0; constraints * constraints];
+    let mut s = global.equalities.as_ref().map_or(Vec::new(), |equalities| equalities.b.clone());
+    for (b, block) in blocks.iter().enumerate() {
+        let n = block.len();
+        let (h_rows, g_rows) = (&mut h_rows[b], &mut g_rows[b]);
+        if h_rows.is_empty() && g_rows.is_empty() {
+            continue;
+        }
+        if n > LARGEST_BLOCK {
+            return Err(Defect::unsupported(
+                format!("a mass matrix M with {n} degrees of freedom coupled to each other"),
+                "write the problem in its local form (W, q, mu) instead",
+            ));
+        }
+        let factor = factorise(&global.m, block, &place)?;
+        let mut y_f: Vec<f64> = block.iter().map(|&freedom| global.f[freedom]).collect();
+        dense::solve_lower(&factor, n, &mut y_f);
+        for (_, y) in h_rows.iter_mut().chain(g_rows.iter_mut()) {
+            dense::solve_lower(&factor, n, y);
+        }
+        for (row, y) in h_rows.iter() {
+            r[*row] += dot(y, &y_f);
+            entries.extend(h_rows.iter().map(|(column, z)| Entry {
+                row: *row,
+                column: *column,
+                value: dot(y, z),
+            }));
+            x_entries.extend(g_rows.iter().map(|(column, z)| Entry {
+                row: *row,
+                column: *column,
+                value: dot(y, z),
+            }));
+        }
+        for (row, y) in g_rows.iter() {
+            s[*row] += dot(y, &y_f);
+            for (column, z) in g_rows.iter() {
+                schur[row * constraints + column] += dot(y, z);
+            }
+        }
+    }
+    let w = Matrix::new("H^T M^-1 H", r.len(), r.len(), entries)?;
+    if constraints == 0 {
+        return Ok((w, r));
+    }
+    let x = Matrix::new("H^T M^-1 G", r.len(), constraints, x_entries)?;
+    let mut coupled: Vec<usize> = x.entries.iter().map(|entry| entry.row / 3).collect();
+    coupled.dedup();
+    if coupled.len() > LARGEST_COUPLING {
+        return Err(Defect::unsupported(
+            format!("equality constraints that couple {} contacts with each other", coupled.len()),
+            "eliminate the equality constraints before writing the problem",
+        ));
+    }
+    let Some(factor) = dense::cholesky(schur, constraints) else {
+        return Err(Defect::unsupported(
+            "redundant equality constraints (G^T M^-1 G is singular)",
+            "leave the redundant constraints out before writing the problem",
+        ));
+    };
+    add_low_rank(w, r, &x, &s, &factor, -1.0)
+}
+
+/// Distributes the rows of a matrix over the blocks of M: entry (row, freedom) goes to `rows[block]`.
+fn spread(
+    matrix: &Matrix,
+    place: &[(usize, usize)],
+    blocks: &[Vec<usize>],
+    rows: &mut [Vec<(usize, Vec<f64>)>],
+) {
+    for entry in &matrix.entries {
+        let (block, k) = place[entry.column];
+        let rows = &mut rows[block];
+        if rows.last().is_none_or(|&(row, _)| row != entry.row) {
+            rows.push((entry.row, vec![0.0; blocks[block].len()]));
+        }
+        let last = rows.len() - 1;
+        rows[last].1[k] = entry.value;
+    }
+}
+
+/// Cholesky factor of (M_c + M_c^T) / 2.
+fn factorise(m: &Matrix, block: &[usize], place: &[(usize, usize)]) -> Result<Vec<f64>, Defect> {
+    let n = block.len();
+    let mut a = vec![0.0; n * n];
+    for (k, &freedom) in block.iter().enumerate() {
+        for entry in m.rows_in(freedom..freedom + 1) {
+            let l = place[entry.column].1;
+            a[k * n + l] += 0.5 * entry.value;
+            a[l * n + k] += 0.5 * entry.value;
+        }
+    }
+    dense::cholesky(a, n).ok_or_else(|| {
+        let what = format!("is not positive definite (block of degree of freedom {})", block[0]);
+        Defect::damaged("the mass matrix M", what, WRITE_AGAIN)
+    })
+}

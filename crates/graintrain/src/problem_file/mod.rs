@@ -1,0 +1,126 @@
+//! Files that hold one contact problem: FCLIB (HDF5), the text problems of Siconos, and the program's own dumps,
+//! which are FCLIB files.
+//!
+//! | module | holds |
+//! |---|---|
+//! | `fclib`, `siconos` | the two formats |
+//! | `raw` | a problem as a file states it: local (W, q, mu) or global (M, H, f, w, mu) |
+//! | `local`, `global` | from there to the CCP |
+//! | `rigid` | recognises the rigid bodies of a global problem |
+//! | `dump` | writes problems |
+
+mod dense;
+mod error;
+mod fclib;
+mod global;
+mod local;
+mod matrix;
+mod raw;
+mod rigid;
+mod siconos;
+
+pub use error::ProblemFileError;
+
+use error::{COPY_AGAIN, Defect};
+use graintrain_ccp::{Ccp, CcpError, Delassus};
+use raw::RawProblem;
+use std::path::Path;
+
+/// How a file states its problem, and what became of it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Form {
+    /// u = W r + q: an explicit matrix.
+    Local,
+    /// M v = H r + f with rigid bodies, which are kept.
+    RigidBodies,
+    /// M v = H r + f with other bodies: condensed to an explicit matrix.
+    Condensed,
+}
+
+/// A problem read from a file. Contacts keep the order of the file, components their frame (normal, tangent 1,
+/// tangent 2).
+#[derive(Clone, Debug)]
+pub struct ProblemFile {
+    /// The problem. Its matrix is symmetric; its impulses are the `r` of the file, its velocities the `u`.
+    pub problem: Ccp,
+    /// How the file states it.
+    pub form: Form,
+    /// The title in the file; empty where it has none.
+    pub title: String,
+    /// Number of bodies (independent blocks of M); 0 where the file does not know them.
+    pub bodies: usize,
+    /// max |A - A^T| / max |A| of the matrix in the file (W or M) that has to be symmetric. Above rounding the
+    /// problem solved is that of the symmetric part.
+    pub asymmetry: f64,
+}
+
+/// Asymmetry that is worth telling the user about.
+const NOTICEABLE_ASYMMETRY: f64 = 1e-9;
+
+impl ProblemFile {
+    /// What the user should know about the file, one sentence each.
+    pub fn notes(&self) -> Vec<String> {
+        let mut notes = Vec::new();
+        if self.asymmetry > NOTICEABLE_ASYMMETRY {
+            notes.push(format!(
+                "the matrix in the file is asymmetric ({:.1e} of its largest entry); its symmetric part is solved",
+                self.asymmetry
+            ));
+        }
+        notes
+    }
+}
+
+/// Reads a problem file; its contents decide the format, not its name.
+///
+/// # Errors
+/// [`ProblemFileError`]: unreadable, damaged, or a problem that is not solved here (two-dimensional, rolling friction).
+pub fn read(path: &Path) -> Result<ProblemFile, ProblemFileError> {
+    let bytes =
+        std::fs::read(path).map_err(|source| ProblemFileError::Io { path: path.to_path_buf(), source })?;
+    parse(bytes).map_err(|defect| defect.in_file(path))
+}
+
+fn parse(bytes: Vec<u8>) -> Result<ProblemFile, Defect> {
+    let (raw, title) = if hdf5_pure::is_hdf5_bytes(&bytes) {
+        let file = hdf5_pure::File::from_bytes(bytes)
+            .map_err(|error| Defect::damaged("the HDF5 structure", error.to_string(), COPY_AGAIN))?;
+        let (raw, title) = fclib::read(&file)?;
+        raw.check(|part| match part {
+            "W" | "V" | "R" => format!("fclib_local/{part}"),
+            "M" | "H" | "G" => format!("fclib_global/{part}"),
+            vector => format!("vectors/{vector}"),
+        })?;
+        (raw, title)
+    } else {
+        let raw = siconos::parse(&bytes)?;
+        raw.check(str::to_string)?;
+        (raw, String::new())
+    };
+    build(raw, title)
+}
+
+fn build(raw: RawProblem, title: String) -> Result<ProblemFile, Defect> {
+    let (delassus, r, points, friction, form, bodies, asymmetry) = match raw {
+        RawProblem::Local(mut local) => {
+            let friction = std::mem::take(&mut local.friction);
+            let reduced = local::reduce(local)?;
+            (reduced.delassus, reduced.r, Vec::new(), friction, Form::Local, 0, reduced.asymmetry)
+        }
+        RawProblem::Global(mut global) => {
+            let reduced = global::reduce(&global)?;
+            let friction = std::mem::take(&mut global.friction);
+            let form = match reduced.delassus {
+                Delassus::Rigid(_) => Form::RigidBodies,
+                Delassus::Sparse(_) => Form::Condensed,
+            };
+            (reduced.delassus, reduced.r, reduced.points, friction, form, reduced.bodies, reduced.asymmetry)
+        }
+    };
+    let invalid =
+        |error: CcpError| Defect::damaged("the contact problem", error.to_string(), error::WRITE_AGAIN);
+    let mut problem = Ccp::new(delassus, r, friction).map_err(invalid)?;
+    problem.points = points;
+    problem.validate().map_err(invalid)?;
+    Ok(ProblemFile { problem, form, title, bodies, asymmetry })
+}
