@@ -9,15 +9,20 @@
 //! | [`arithmetic`] | sums, entrywise, Kronecker and inner products, TT-matrix times TT-vector and TT-matrix |
 //! | [`round`] | orthogonalisation, norm, rounding, TT-SVD |
 //! | [`apply`] | TT-matrix times full vector in O(r^2 N log N) |
+//! | [`solve`] | linear systems by AMEn, ALS and DMRG |
+//! | [`inverse`] | the inverse of a TT-matrix, Newton-Schulz |
+//! | [`qtt`] | quantized trains with known ranks |
 //! | [`sparse`] | sparse matrix to TT by one exact bottom-up pass over its nonzero blocks |
 
 pub mod apply;
 pub mod arithmetic;
 mod error;
+pub mod inverse;
 pub mod matrix;
 pub mod qtt;
 mod random;
 pub mod round;
+pub mod solve;
 pub mod sparse;
 pub mod vector;
 

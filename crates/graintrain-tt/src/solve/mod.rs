@@ -1,0 +1,281 @@
+//! Linear systems A x = y with all three in tensor-train form.
+//!
+//! One core of x is improved at a time. With all other cores orthogonal the local system is a Galerkin projection of
+//! A x = y onto the span of the other cores; for a symmetric positive definite A every local solve lowers the energy
+//! x^T A x / 2 - y^T x. Methods differ in how ranks grow:
+//!
+//! * [`Method::Amen`] (Dolgov and Savostyanov, SIAM J. Sci. Comput. 36, 2014): after each local solve the frame is
+//!   enriched by a low-rank approximation of the residual, kept in a second train that is swept in tandem;
+//! * [`Method::Als`]: ranks stay those of the start;
+//! * [`Method::Dmrg`]: two neighbouring cores at once, the rank between them from an SVD.
+//!
+//! A matrix unknown X (A X = Y) has a spectator digit in every core: the local matrix is the same for all its values,
+//! so it is factored once and solved for all of them.
+//!
+//! A local residual says little about the whole: the report's residual is computed afresh from the trains.
+
+mod amen;
+mod interface;
+mod local;
+
+use crate::vector::Core;
+use crate::{Truncation, TtError, TtMatrix, TtVector};
+pub(crate) use amen::Sweeper;
+pub(crate) use interface::{BlockCore, OperatorCore};
+use serde::{Deserialize, Serialize};
+
+/// How ranks grow.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Method {
+    /// One core at a time, enriched by the residual.
+    Amen,
+    /// One core at a time, ranks of the start.
+    Als,
+    /// Two cores at a time.
+    Dmrg,
+}
+
+/// Settings of [`solve`] and of the inverse.
+///
+/// ```
+/// let settings = graintrain_tt::solve::SolveSettings::default();
+/// assert_eq!((settings.tolerance, settings.max_sweeps, settings.kick_rank), (1e-6, 40, 4));
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SolveSettings {
+    /// Relative residual ||A x - y|| / ||y|| aimed at.
+    pub tolerance: f64,
+    /// No rank of the result above this.
+    pub max_rank: usize,
+    /// Most sweeps (in one direction each).
+    pub max_sweeps: usize,
+    /// Residual directions added per bond and sweep.
+    pub kick_rank: usize,
+    /// How ranks grow.
+    pub method: Method,
+    /// Largest local system (rank * mode * rank) that is factored densely; larger ones are iterated.
+    pub direct_limit: usize,
+    /// Most iterations per local system.
+    pub local_iterations: usize,
+    /// Seed of the start of the residual train.
+    pub seed: u64,
+}
+
+impl Default for SolveSettings {
+    fn default() -> Self {
+        Self {
+            tolerance: 1e-6,
+            max_rank: usize::MAX,
+            max_sweeps: 40,
+            kick_rank: 4,
+            method: Method::Amen,
+            direct_limit: 500,
+            local_iterations: 120,
+            seed: 1,
+        }
+    }
+}
+
+impl SolveSettings {
+    pub(crate) fn check(&self) -> Result<(), TtError> {
+        Truncation::capped(self.tolerance, self.max_rank).check()?;
+        if self.max_sweeps == 0 {
+            return Err(TtError::Setting { what: "max_sweeps", need: "at least 1", got: 0.0 });
+        }
+        Ok(())
+    }
+}
+
+/// Why the sweeps ended. Only the first says that the tolerance is met.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum SolveStatus {
+    /// The true residual is below the tolerance (times a safety factor of 3 for the last clean-up).
+    Converged,
+    /// The cap on the ranks keeps the residual above the tolerance.
+    RankCapped,
+    /// Sweeps no longer lower the residual.
+    Stagnated,
+    /// Out of sweeps.
+    SweepLimit,
+}
+
+/// What [`solve`] did.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SolveReport {
+    /// Why it ended.
+    pub status: SolveStatus,
+    /// ||A x - y|| / ||y||, computed from the trains after the last sweep (see [`relative_residual`]).
+    pub residual: f64,
+    /// Sweeps made.
+    pub sweeps: usize,
+    /// Largest relative local residual of every sweep, before its sites were solved.
+    pub history: Vec<f64>,
+    /// Ranks of the result.
+    pub ranks: Vec<usize>,
+}
+
+/// Solves A x = y; `start` defaults to y.
+///
+/// # Errors
+/// [`TtError::Shape`] if the sizes do not fit, [`TtError::Setting`] for a bad setting, [`TtError::Dense`] for entries
+/// that are not finite. Not converging is not an error: see [`SolveReport::status`].
+///
+/// ```
+/// use graintrain_tt::{TtVector, qtt, solve};
+/// // -u'' = 1 on 2^20 interior points: rank 3.
+/// let a = qtt::laplacian(20)?;
+/// let one = TtVector::constant(&[2; 20], 1.0)?;
+/// let settings = solve::SolveSettings { tolerance: 1e-5, ..Default::default() };
+/// let (x, report) = solve::solve(&a, &one, None, &settings)?;
+/// assert!(x.max_rank() <= 8);
+/// let middle = 2f64.powi(39) / 4.0; // j (n + 1 - j) / 2 at j = 2^19
+/// let digits: Vec<usize> = (0..20).map(|k| usize::from(k == 19)).collect();
+/// assert!((x.entry(&digits)? / middle - 1.0).abs() < 1e-3);
+/// # Ok::<(), graintrain_tt::TtError>(())
+/// ```
+pub fn solve(
+    a: &TtMatrix,
+    y: &TtVector,
+    start: Option<&TtVector>,
+    settings: &SolveSettings,
+) -> Result<(TtVector, SolveReport), TtError> {
+    a.check_square()?;
+    let spectators = vec![1; a.num_cores()];
+    solve_block(a, y, &spectators, start.unwrap_or(y), settings)
+}
+
+/// Solves A X = Y for a matrix X; `start` defaults to Y.
+///
+/// # Errors
+/// As for [`solve`].
+pub fn solve_matrix(
+    a: &TtMatrix,
+    y: &TtMatrix,
+    start: Option<&TtMatrix>,
+    settings: &SolveSettings,
+) -> Result<(TtMatrix, SolveReport), TtError> {
+    a.check_square()?;
+    if y.rows != a.rows {
+        return Err(TtError::Shape {
+            what: "rows of Y in A X = Y",
+            expected: a.rows.clone(),
+            got: y.rows.clone(),
+        });
+    }
+    let start = start.unwrap_or(y);
+    y.check_same_sizes(start)?;
+    let (train, report) = solve_block(a, &y.train, &y.columns, &start.train, settings)?;
+    Ok((y.map(|_| train), report))
+}
+
+/// A x = y with modes n_k s_k of x and y, the operator acting on n_k.
+fn solve_block(
+    a: &TtMatrix,
+    y: &TtVector,
+    spectators: &[usize],
+    start: &TtVector,
+    settings: &SolveSettings,
+) -> Result<(TtVector, SolveReport), TtError> {
+    settings.check()?;
+    let expected: Vec<usize> = a.rows.iter().zip(spectators).map(|(n, s)| n * s).collect();
+    for train in [y, start] {
+        if train.modes() != expected {
+            return Err(TtError::Shape {
+                what: "modes of a right-hand side or start",
+                expected,
+                got: train.modes(),
+            });
+        }
+    }
+    let blocks = |train: &TtVector| -> Vec<BlockCore> {
+        let cores = train.cores.iter().zip(&a.rows).zip(spectators);
+        cores
+            .map(|((core, &n), &s)| BlockCore {
+                left: core.left,
+                n,
+                s,
+                right: core.right,
+                data: core.data.clone(),
+            })
+            .collect()
+    };
+    let operators = (0..a.num_cores())
+        .map(|k| {
+            let core = &a.cores()[k];
+            OperatorCore::new(core.left, a.rows[k], core.right, &core.data)
+        })
+        .collect();
+    let symmetric = a.relative_distance(&a.transpose())? < 1e-10;
+    // A start with one entry of rounding size would leave interfaces without direction: cap its ranks first.
+    let start = if start.max_rank() > settings.max_rank {
+        start.round(&Truncation::capped(0.0, settings.max_rank))?.0
+    } else {
+        start.clone()
+    };
+    let mut sweeper = Sweeper::new(operators, blocks(y), blocks(&start), symmetric, settings);
+    let mut history = Vec::new();
+    let mut ended = SolveStatus::SweepLimit;
+    while history.len() + 1 < settings.max_sweeps {
+        let outcome = sweeper.sweep(settings, true)?;
+        history.push(outcome.residual);
+        if outcome.residual < settings.tolerance || outcome.change == 0.0 {
+            ended = SolveStatus::Converged;
+            break;
+        }
+        if stagnates(&history, outcome.capped) {
+            ended = if outcome.capped { SolveStatus::RankCapped } else { SolveStatus::Stagnated };
+            break;
+        }
+    }
+    // A last sweep without enrichment brings the ranks down to what the tolerance needs.
+    let outcome = sweeper.sweep(settings, false)?;
+    history.push(outcome.residual);
+    if outcome.capped && ended != SolveStatus::Converged {
+        ended = SolveStatus::RankCapped;
+    }
+    let cores =
+        sweeper.into_solution().into_iter().map(|x| Core::new(x.left, x.n * x.s, x.right, x.data)).collect();
+    let x = TtVector { cores };
+    let residual = relative_residual(a, &x, y, spectators)?;
+    let status = if residual <= 3.0 * settings.tolerance {
+        SolveStatus::Converged
+    } else if ended == SolveStatus::Converged {
+        SolveStatus::Stagnated
+    } else {
+        ended
+    };
+    let report = SolveReport { status, residual, sweeps: history.len(), history, ranks: x.ranks() };
+    Ok((x, report))
+}
+
+/// Whether sweeps have stopped paying: under the cap after one poor sweep, else after four.
+fn stagnates(history: &[f64], capped: bool) -> bool {
+    let n = history.len();
+    let (wait, factor) = if capped { (1, 0.7) } else { (6, 0.9) };
+    n > wait + 1 && history[n - 1] > factor * history[n - 1 - wait]
+}
+
+/// ||A X - Y|| / ||Y|| from the trains, independent of any interface of the sweeps.
+///
+/// While the ranks of the residual train are below 400 its norm comes from a QR sweep (accurate to rounding level); above,
+/// from ||A X||^2 - 2 <A X, Y> + ||Y||^2, which cannot resolve less than about 1e-7.
+///
+/// # Errors
+/// [`TtError::Shape`] if the sizes do not fit.
+pub fn relative_residual(
+    a: &TtMatrix,
+    x: &TtVector,
+    y: &TtVector,
+    spectators: &[usize],
+) -> Result<f64, TtError> {
+    let columns: Vec<usize> = spectators.to_vec();
+    let block = TtMatrix::from_vector(x.clone(), &a.columns, &columns)?;
+    let product = a.times_matrix(&block)?.train;
+    product.check_same_modes(y)?;
+    if product.max_rank() + y.max_rank() <= 400 {
+        return product.relative_distance(y);
+    }
+    let (product_norm, y_norm) = (product.dot(&product)?, y.dot(y)?);
+    let squared = product_norm - 2.0 * product.dot(y)? + y_norm;
+    Ok((squared.max(1e-14 * product_norm.max(y_norm)) / y_norm).sqrt())
+}

@@ -1,0 +1,216 @@
+//! Linear systems and inverses against exact answers.
+
+use graintrain_linalg::dense::{Matrix, product};
+use graintrain_tt::inverse::{InverseForm, inverse, inverse_residual, newton_schulz};
+use graintrain_tt::qtt::{self, DigitOrder};
+use graintrain_tt::solve::{Method, SolveSettings, SolveStatus, solve};
+use graintrain_tt::{Truncation, TtMatrix, TtVector};
+use std::f64::consts::PI;
+
+/// <u, f> / n^D for -Laplace u = f = 1 on (0,1)^D with n interior points per direction, by the sine transform.
+fn poisson_energy(dimension: usize, n: usize) -> f64 {
+    // sum over odd modes: prod s_k^2 / (sum of eigenvalues); s_k = <1, v_k> with v_k normalised.
+    let h = (n + 1) as f64;
+    let mode = |k: usize| {
+        let sum: f64 = (1..=n).map(|j| (PI * (j * k) as f64 / h).sin()).sum();
+        (4.0 * h * h * (PI * k as f64 / (2.0 * h)).sin().powi(2), sum * sum * 2.0 / h)
+    };
+    let modes: Vec<(f64, f64)> = (1..=n).step_by(2).map(mode).collect();
+    let mut total = 0.0;
+    let mut index = vec![0; dimension];
+    loop {
+        let (value, weight) = index.iter().fold((0.0, 1.0), |(v, w), &k| (v + modes[k].0, w * modes[k].1));
+        total += weight / value;
+        let Some(place) = index.iter().position(|&k| k + 1 < modes.len()) else { break };
+        index[place] += 1;
+        index[..place].fill(0);
+    }
+    total / (n as f64).powi(dimension as i32)
+}
+
+#[test]
+fn poisson_energies_agree_with_the_sine_transform() {
+    // The published digits of the reference for D = 2, 3, 4 and our own sine transform where it is cheap.
+    for (dimension, published, own) in
+        [(2, 3.62232189888789e-2, true), (3, 2.10987543739852e-2, true), (4, 1.40555638501349e-2, false)]
+    {
+        if own {
+            assert!((poisson_energy(dimension, 64) / published - 1.0).abs() < 1e-11);
+        }
+        let line = qtt::laplacian(6).unwrap().scale(65.0 * 65.0);
+        let a = qtt::kronecker_sum(&vec![line; dimension], DigitOrder::Separated).unwrap();
+        let f = TtVector::constant(&vec![2; 6 * dimension], 1.0).unwrap();
+        let settings = SolveSettings { tolerance: 1e-8, ..Default::default() };
+        let (u, report) = solve(&a, &f, None, &settings).unwrap();
+        assert_eq!(report.status, SolveStatus::Converged, "{report:?}");
+        let energy = u.dot(&f).unwrap() / 64f64.powi(dimension as i32);
+        assert!((energy / published - 1.0).abs() < 1e-10, "D = {dimension}: {energy}, {report:?}");
+    }
+}
+
+#[test]
+fn poisson_in_sixteen_dimensions() {
+    // 64^16 unknowns, modes of size 64: the experiment of the AMEn papers.
+    let line = qtt::laplacian(6).unwrap().to_full().unwrap();
+    let line =
+        TtMatrix::rank_one(&[line.data().iter().map(|x| x * 65.0 * 65.0).collect()], &[64], &[64]).unwrap();
+    let a = qtt::kronecker_sum(&vec![line; 16], DigitOrder::Separated).unwrap();
+    assert_eq!(a.max_rank(), 2);
+    let f = TtVector::constant(&[64; 16], 1.0).unwrap();
+    let settings = SolveSettings { tolerance: 1e-6, direct_limit: 64, ..Default::default() };
+    let (u, report) = solve(&a, &f, None, &settings).unwrap();
+    let energy = u.dot(&f).unwrap() / 64f64.powi(16);
+    println!("{energy:e} {report:?}");
+    assert!((energy / 1.608352274402e-3 - 1.0).abs() < 1e-8, "{energy:e}");
+    assert!(report.residual < 3e-5, "{report:?}");
+}
+
+/// A nonsymmetric well-conditioned train and its full form.
+fn test_matrix(modes: &[usize], seed: u64) -> TtMatrix {
+    let noise = TtMatrix::random(modes, modes, 2, seed).unwrap();
+    let size = noise.norm();
+    TtMatrix::identity(modes)
+        .unwrap()
+        .add(&noise.scale(0.9 / size * (modes.iter().product::<usize>() as f64).sqrt() / 3.0))
+        .unwrap()
+}
+
+#[test]
+fn every_method_solves_nonsymmetric_systems_with_mixed_modes() {
+    let modes = [6, 2, 3, 2, 2];
+    let a = test_matrix(&modes, 5);
+    let exact = TtVector::random(&modes, 3, 8).unwrap();
+    let y = a.times_vector(&exact).unwrap();
+    for (method, direct_limit) in
+        [(Method::Amen, 500), (Method::Amen, 1), (Method::Dmrg, 500), (Method::Dmrg, 1)]
+    {
+        let settings = SolveSettings { tolerance: 1e-9, method, direct_limit, ..Default::default() };
+        let (x, report) = solve(&a, &y, None, &settings).unwrap();
+        assert_eq!(report.status, SolveStatus::Converged, "{method:?} {direct_limit} {report:?}");
+        assert!(x.relative_distance(&exact).unwrap() < 1e-7);
+        assert!(x.max_rank() <= 6);
+    }
+    // ALS keeps the ranks of its start, and says so when they do not suffice.
+    let settings = SolveSettings { tolerance: 1e-9, method: Method::Als, ..Default::default() };
+    let start = TtVector::random(&modes, 3, 77).unwrap();
+    let (x, report) = solve(&a, &y, Some(&start), &settings).unwrap();
+    assert!(report.status == SolveStatus::Converged && x.max_rank() <= 3, "{report:?}");
+    let poor = TtVector::random(&modes, 1, 77).unwrap();
+    let (_, report) = solve(&a, &y, Some(&poor), &settings).unwrap();
+    assert!(report.status != SolveStatus::Converged && report.residual > 1e-3);
+}
+
+#[test]
+fn a_rank_cap_is_obeyed_and_reported_with_the_true_residual() {
+    let line = qtt::laplacian(5).unwrap();
+    let a = qtt::kronecker_sum(&[line.clone(), line], DigitOrder::Morton).unwrap();
+    let f = TtVector::random(&[2; 10], 2, 3).unwrap();
+    let settings = SolveSettings { tolerance: 1e-8, max_rank: 4, ..Default::default() };
+    let (x, report) = solve(&a, &f, None, &settings).unwrap();
+    assert!(x.max_rank() <= 4 && report.status != SolveStatus::Converged, "{report:?}");
+    let (full, fx) = (a.to_full().unwrap(), x.to_full().unwrap());
+    let ax = product(full.view(), Matrix::from_vec(1024, 1, fx).view());
+    let ff = f.to_full().unwrap();
+    let truth = ax.data().iter().zip(&ff).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt() / f.norm();
+    assert!((report.residual / truth - 1.0).abs() < 1e-6);
+}
+
+#[test]
+fn inverse_of_the_line_has_rank_five_and_the_closed_form() {
+    // (A^-1)_ij = min(i, j) (n + 1 - max(i, j)) / (n + 1); AMEn loses about 4^d eps.
+    for (d, bound) in [(6, 1e-10), (8, 1e-9), (10, 1e-8)] {
+        let a = qtt::laplacian(d).unwrap();
+        let settings = SolveSettings { tolerance: 1e-8, ..Default::default() };
+        let (x, report) = inverse(&a, InverseForm::Energy, None, &settings).unwrap();
+        assert_eq!(report.status, SolveStatus::Converged, "{report:?}");
+        assert_eq!(x.max_rank(), 5);
+        let n = 1usize << d;
+        let places: Vec<(usize, usize)> = (0..400).map(|k| ((k * 7919) % n, (k * k * 31 + 5) % n)).collect();
+        for (value, &(i, j)) in x.entries(&places).unwrap().iter().zip(&places) {
+            let (low, high) = (i.min(j) + 1, i.max(j) + 1);
+            let exact = (low * (n + 1 - high)) as f64 / (n + 1) as f64;
+            assert!((value - exact).abs() < bound * n as f64, "d = {d}: {value} {exact}");
+        }
+    }
+    // 2^20: 2^40 entries. The residual cannot go below about 4^20 eps; ranks and the middle entry can be checked.
+    let a = qtt::laplacian(12).unwrap();
+    let (x, report) =
+        inverse(&a, InverseForm::Energy, None, &SolveSettings { tolerance: 1e-8, ..Default::default() })
+            .unwrap();
+    assert!(x.max_rank() <= 6 && report.residual < 1e-7, "{report:?}");
+}
+
+#[test]
+fn inverse_of_the_plane_at_tolerance() {
+    // Two dimensions, separated digits, tolerance 1e-4: the reference needs rank 12 at 8^2 and 21 at 16^2.
+    for (levels, rank) in [(3, 16), (4, 28)] {
+        let line = qtt::laplacian(levels).unwrap();
+        let a = qtt::kronecker_sum(&[line.clone(), line], DigitOrder::Separated).unwrap();
+        for form in [InverseForm::Energy, InverseForm::Residual] {
+            let settings = SolveSettings { tolerance: 1e-4, ..Default::default() };
+            let (x, report) = inverse(&a, form, None, &settings).unwrap();
+            let full = product(a.to_full().unwrap().view(), x.to_full().unwrap().view());
+            let n = full.rows();
+            let truth = (0..n * n)
+                .map(|e| (full.data()[e] - f64::from(e % (n + 1) == 0)).powi(2))
+                .sum::<f64>()
+                .sqrt()
+                / (n as f64).sqrt();
+            println!(
+                "{levels} {form:?} {:?} {:e} {:e} {:?}",
+                report.status,
+                report.residual,
+                truth,
+                x.ranks()
+            );
+            assert!((report.residual - truth).abs() < 1e-3 * truth + 1e-9);
+            assert!(truth < 3e-3, "{form:?} {truth}");
+            assert!(x.max_rank() <= rank, "{form:?} {:?}", x.ranks());
+        }
+    }
+}
+
+#[test]
+fn forms_of_the_inverse_agree_and_the_hot_start_needs_fewer_sweeps() {
+    let modes = [6, 2, 2, 2];
+    let half = test_matrix(&modes, 4);
+    let a = half.transpose().times_matrix(&half).unwrap().round(&Truncation::to(1e-12)).unwrap().0;
+    let settings = SolveSettings { tolerance: 1e-7, ..Default::default() };
+    let exact = {
+        let full = a.to_full().unwrap();
+        let mut x = Matrix::identity(full.rows());
+        graintrain_linalg::dense::Cholesky::new(full).unwrap().solve_in_place(x.view_mut());
+        x
+    };
+    for form in [InverseForm::Energy, InverseForm::Residual, InverseForm::Symmetric] {
+        let (x, report) = inverse(&a, form, None, &settings).unwrap();
+        assert_eq!(report.status, SolveStatus::Converged, "{form:?} {report:?}");
+        let full = x.to_full().unwrap();
+        let error = full.data().iter().zip(exact.data()).map(|(x, y)| (x - y).powi(2)).sum::<f64>().sqrt();
+        let size = exact.data().iter().map(|x| x * x).sum::<f64>().sqrt();
+        assert!(error < 1e-5 * size, "{form:?} {}", error / size);
+        // The same matrix slightly changed, from the old inverse.
+        let changed = a.add(&TtMatrix::identity(&modes).unwrap().scale(1e-4)).unwrap();
+        let loose = SolveSettings { tolerance: 1e-3, ..settings };
+        let (_, hot) = inverse(&changed, form, Some(&x), &loose).unwrap();
+        let (_, cold) = inverse(&changed, form, None, &loose).unwrap();
+        assert!(
+            hot.status == SolveStatus::Converged && hot.sweeps < cold.sweeps,
+            "{form:?} {hot:?} {cold:?}"
+        );
+    }
+}
+
+#[test]
+fn newton_schulz_is_a_second_opinion() {
+    let line = qtt::laplacian(4).unwrap();
+    let a = qtt::kronecker_sum(&[line.clone(), line], DigitOrder::Separated).unwrap();
+    let start = TtMatrix::identity(a.row_modes()).unwrap().scale(0.2);
+    let (x, report) = newton_schulz(&a, &start, &Truncation::to(1e-7), 1e-3, 30).unwrap();
+    assert!(report.converged, "{report:?}");
+    let (y, _) =
+        inverse(&a, InverseForm::Energy, None, &SolveSettings { tolerance: 1e-6, ..Default::default() })
+            .unwrap();
+    assert!(x.relative_distance(&y).unwrap() < 1e-3);
+    assert!(inverse_residual(&a, &x).unwrap() < 1e-3 / 16.0 * 1.01);
+}
