@@ -139,3 +139,24 @@ fn warm_start_saves_iterations() {
         problem.r = before;
     }
 }
+
+#[test]
+fn the_bits_do_not_depend_on_the_number_of_threads() {
+    let problem = lattice_packing(12, 8, 0.3, 2);
+    for name in FIRST_ORDER {
+        for form in [problem.clone(), sparse_form(&problem)] {
+            let with = |threads| {
+                let settings =
+                    SolveSettings { max_iterations: Some(40), tolerance: 0.0, ..SolveSettings::default() };
+                let mut g = vec![0.0; 3 * form.num_contacts()];
+                let mut solver = name.parse::<SolverSpec>().unwrap().build().unwrap();
+                let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+                pool.install(|| solver.solve(&form, &mut g, &settings)).unwrap();
+                g
+            };
+            let one = with(1);
+            assert!(one.iter().any(|&g| g != 0.0));
+            assert!(one == with(2) && one == with(3), "{name}");
+        }
+    }
+}

@@ -5,24 +5,57 @@
 //! O'Donoghue and Candes (2015).
 
 use super::driver::{Best, Limits, check_start};
+use super::lanes::{Batch, add_scaled, dot, project, sub};
+use super::scaling::{Here, Kernel, ScaledProblem};
+use super::sweep::Tally;
 use super::{CcpSolver, SolveReport, SolveSettings};
 use crate::problem::{Ccp, CcpError};
-use crate::residual::{FrictionModel, ResidualScale};
-use graintrain_linalg::parallel::sum_chunks;
+use crate::residual::ResidualScale;
 
-/// Accelerated projected gradient in the metric of eta_i = trace(N_ii) / 3, one scalar per contact, which leaves
-/// every cone as it is:
+/// Accelerated projected gradient on the scaled problem:
 ///
 /// ```text
-/// g+_i = P_i( y_i - t (N y + r)_i / eta_i ),   y = g+ + beta (g+ - g)
+/// x+ = P( y - t (N' y + r') ),   y+ = x+ + beta (x+ - x)
 /// ```
 ///
-/// t shrinks where the curvature met along a step exceeds 1/t and grows slowly otherwise; beta restarts from zero
-/// where the step points uphill.
-#[derive(Clone, Debug, Default)]
+/// t shrinks where the curvature met along a step, d^T N' d / |d|^2 with d = x+ - y, exceeds 1/t, and grows slowly
+/// otherwise; beta restarts from zero where the step points uphill, (y - x+)^T (x+ - x) > 0.
+///
+/// One iteration is one fused pass over the contacts and one over the bodies: because images are linear,
+/// N' x+ = N' y + N' d needs no product of its own.
+#[derive(Clone, Debug)]
 pub struct Apgd {
-    _private: (),
+    /// Factor by which the step grows per iteration.
+    pub growth: f64,
 }
+
+impl Default for Apgd {
+    fn default() -> Self {
+        Self { growth: 1.01 }
+    }
+}
+
+/// previous <- x+ = P(y - t u) with y = x + beta (x - previous); returns d = x+ - y, tallies |d|^2 and d^T (x+ - x).
+struct Step {
+    step: f64,
+    beta: f64,
+}
+
+impl Kernel<2> for Step {
+    #[inline(always)]
+    fn at(&self, here: Here, u: &Batch, [x, previous]: [&mut Batch; 2], tally: &mut Tally) -> Batch {
+        let y = add_scaled(x, self.beta, &sub(x, previous));
+        let new = project(here.mu, &add_scaled(&y, -self.step, u));
+        let d = sub(&new, &y);
+        tally.sum[0] += dot(&d, &d);
+        tally.sum[1] += dot(&d, &sub(&new, x));
+        *previous = new;
+        d
+    }
+}
+
+/// Iterations between two evaluations of the residual.
+const CHECK: usize = 10;
 
 impl CcpSolver for Apgd {
     fn name(&self) -> String {
@@ -37,78 +70,54 @@ impl CcpSolver for Apgd {
     ) -> Result<SolveReport, CcpError> {
         let limits = Limits::start(settings, 100_000);
         check_start(problem, impulse)?;
-        let scale = ResidualScale::new(problem);
-        let contacts = problem.num_contacts();
-        let size = 3 * contacts;
-        let mut work = problem.delassus.work();
-        for i in 0..contacts {
-            let x = problem.cone(i).project(std::array::from_fn(|k| impulse[3 * i + k]));
-            impulse[3 * i..3 * i + 3].copy_from_slice(&x);
-        }
-        let mut x = impulse.to_vec();
-        let mut nx = vec![0.0; size];
-        problem.delassus.multiply(&x, &mut nx, &mut work);
-        let mut y = x.clone();
-        let mut ny = nx.clone();
-        let mut x_new = vec![0.0; size];
-        let mut nx_new = vec![0.0; size];
-        let mut u = vec![0.0; size];
+        let scaled = ScaledProblem::new(problem, &ResidualScale::new(problem));
+        let mut work = scaled.work();
+        let zero = scaled.zero_image();
+        let mut x = scaled.zeros();
+        let mut previous = scaled.zeros();
+        let (mut image_x, mut image_y, mut image_d) = (zero.clone(), zero.clone(), zero.clone());
+        scaled.pack(impulse, &mut x);
+        let mut step = 1.0 / scaled.largest_curvature(&mut previous, &mut image_d, &mut work);
+        previous.copy_from_slice(&x);
+        scaled.image_of(&mut x, &mut image_x, &zero, &mut work);
+        image_y.copy_from_slice(&image_x);
         let mut best = Best::default();
-        let mut step = 1.0;
-        let mut theta = 1.0_f64;
+        let (mut theta, mut beta) = (1.0_f64, 0.0);
         let mut iterations = 0;
         let status = loop {
-            for k in 0..size {
-                u[k] = nx[k] + problem.r[k];
-            }
-            let residual = scale.residual(problem, &x, &u, FrictionModel::Relaxed).max;
-            best.offer(&x, residual);
-            if let Some(status) = limits.status(iterations, residual) {
-                break status;
+            if iterations % CHECK == 0 {
+                let residual = scaled.residual(&mut x, &image_x, &mut work);
+                best.offer(&x, residual);
+                if let Some(status) = limits.status(iterations, residual) {
+                    break status;
+                }
             }
             iterations += 1;
-            // Backtrack until the quadratic model with curvature 1/step majorises the objective along the step:
-            // (x+ - y)^T N (x+ - y) <= |x+ - y|_eta^2 / step. N is linear, so this needs no further product.
-            loop {
-                for i in 0..contacts {
-                    let s = step / scale.eta[i];
-                    let p = problem.cone(i).project(std::array::from_fn(|k| {
-                        y[3 * i + k] - s * (ny[3 * i + k] + problem.r[3 * i + k])
-                    }));
-                    x_new[3 * i..3 * i + 3].copy_from_slice(&p);
-                }
-                problem.delassus.multiply(&x_new, &mut nx_new, &mut work);
-                let curvature =
-                    sum_chunks(size, |range| range.map(|k| (x_new[k] - y[k]) * (nx_new[k] - ny[k])).sum());
-                let length = sum_chunks(size, |range| {
-                    range.map(|k| scale.eta[k / 3] * (x_new[k] - y[k]).powi(2)).sum()
-                });
-                if curvature * step <= length * (1.0 + 1e-9) || step < 1e-12 {
-                    break;
-                }
-                step = (0.95 * length / curvature).min(0.9 * step);
+            let kernel = Step { step, beta };
+            let (totals, curvature) =
+                scaled.pass(&image_y, [&mut x, &mut previous], &mut image_d, &mut work, &kernel);
+            std::mem::swap(&mut x, &mut previous);
+            let [length, downhill, ..] = totals.sum;
+            if curvature * step > length {
+                step = 0.9 * length / curvature;
+            } else {
+                step *= self.growth;
             }
-            let uphill = sum_chunks(size, |range| {
-                range.map(|k| scale.eta[k / 3] * (y[k] - x_new[k]) * (x_new[k] - x[k])).sum()
-            });
-            let beta = if uphill > 0.0 {
-                theta = 1.0;
-                0.0
+            if downhill < 0.0 {
+                (theta, beta) = (1.0, 0.0);
             } else {
                 let next = 0.5 * (1.0 + (1.0 + 4.0 * theta * theta).sqrt());
-                let beta = (theta - 1.0) / next;
-                theta = next;
-                beta
-            };
-            for k in 0..size {
-                y[k] = x_new[k] + beta * (x_new[k] - x[k]);
-                ny[k] = nx_new[k] + beta * (nx_new[k] - nx[k]);
+                (theta, beta) = (next, (theta - 1.0) / next);
             }
-            std::mem::swap(&mut x, &mut x_new);
-            std::mem::swap(&mut nx, &mut nx_new);
-            step *= 1.02;
+            // image of x+ and of the next y = x+ + beta (x+ - x).
+            for ((x, y), d) in image_x.iter_mut().zip(&mut image_y).zip(&image_d) {
+                let new = *y + d;
+                *y = new + beta * (new - *x);
+                *x = new;
+            }
         };
-        best.restore(impulse);
+        best.restore(&mut x);
+        scaled.unpack(&x, impulse);
         Ok(limits.report("apgd", problem, impulse, status, iterations, 0))
     }
 }

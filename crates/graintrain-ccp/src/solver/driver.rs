@@ -109,15 +109,21 @@ pub fn check_start(problem: &Ccp, impulse: &mut [f64]) -> Result<(), CcpError> {
 }
 
 /// The iterate of least residual seen so far.
-#[derive(Clone, Debug, Default)]
-pub struct Best {
-    iterate: Vec<f64>,
+#[derive(Clone, Debug)]
+pub struct Best<T> {
+    iterate: Vec<T>,
     residual: Option<f64>,
 }
 
-impl Best {
+impl<T> Default for Best<T> {
+    fn default() -> Self {
+        Self { iterate: Vec::new(), residual: None }
+    }
+}
+
+impl<T: Copy> Best<T> {
     /// Keeps a copy of the iterate if its residual is the least so far.
-    pub fn offer(&mut self, iterate: &[f64], residual: f64) {
+    pub fn offer(&mut self, iterate: &[T], residual: f64) {
         if self.residual.is_none_or(|best| residual < best) {
             self.iterate.clear();
             self.iterate.extend_from_slice(iterate);
@@ -126,7 +132,7 @@ impl Best {
     }
 
     /// Copies the best iterate out, if any was offered.
-    pub fn restore(&self, iterate: &mut [f64]) {
+    pub fn restore(&self, iterate: &mut [T]) {
         if self.residual.is_some() {
             iterate.copy_from_slice(&self.iterate);
         }

@@ -1,8 +1,13 @@
 //! Solvers of the CCP: settings, report, and the solvers by name.
 
 mod apgd;
+mod body_operator;
 pub mod driver;
 mod gauss_seidel;
+pub mod lanes;
+mod row_operator;
+pub mod scaling;
+pub mod sweep;
 
 pub use apgd::Apgd;
 pub use gauss_seidel::GaussSeidel;

@@ -1,0 +1,242 @@
+//! N over rigid bodies, packed for the first-order methods: contacts in batches of four, each pass over the contacts
+//! both reads the velocities of the last impulses and adds up the forces of the new ones.
+
+use super::lanes::{Batch, LANES, Lanes, ZERO, add, cross, dot, scale, sub};
+use super::sweep::{CHUNK, Tally, Totals, for_each_task};
+use crate::delassus::{BodyInverseMass, FIXED, RigidDelassus};
+
+/// Bodies per parallel task.
+const BODIES: usize = 1024;
+
+/// Geometry of four contacts. The frame is scaled by 1/sqrt(eta_i).
+#[derive(Clone, Copy, Debug)]
+struct Geometry {
+    /// Rows n, t1, t2, each with its world components.
+    frame: [Batch; 3],
+    arm_a: Batch,
+    arm_b: Batch,
+    /// Bodies A and B; `num_bodies` stands for a fixed one, whose velocity is zero.
+    body_a: [u32; LANES],
+    body_b: [u32; LANES],
+    /// Where the forces on A and B go: slot in the chunk's own sums; slot 0 is for fixed bodies.
+    slot_a: [u32; LANES],
+    slot_b: [u32; LANES],
+}
+
+/// N = D^T M^-1 D with scaled D. A chunk of contacts sums the forces on its bodies in slots of its own, then every
+/// body adds its slots in a fixed order: no two threads write to one place and the bits do not depend on their number.
+#[derive(Clone, Debug)]
+pub(super) struct BodyOperator {
+    geometry: Vec<Geometry>,
+    inverse_mass: Vec<BodyInverseMass>,
+    /// Slots of chunk c are `chunk_start[c]..chunk_start[c + 1]`.
+    chunk_start: Vec<usize>,
+    /// Slots of body b are `slots[slot_start[b]..slot_start[b + 1]]`.
+    slot_start: Vec<u32>,
+    slots: Vec<u32>,
+}
+
+/// Contacts in an order that keeps neighbours together: bodies numbered breadth first over the contact graph,
+/// contacts sorted by their lower, then their higher body.
+pub(super) fn contact_order(rigid: &RigidDelassus) -> Vec<u32> {
+    let bodies = rigid.num_bodies();
+    let mut number = vec![u32::MAX; bodies];
+    let mut queue = Vec::with_capacity(bodies);
+    for seed in 0..bodies {
+        if number[seed] != u32::MAX {
+            continue;
+        }
+        number[seed] = queue.len() as u32;
+        let mut next = queue.len();
+        queue.push(seed);
+        while next < queue.len() {
+            for side in rigid.sides(queue[next]) {
+                let contact = &rigid.contacts()[side.contact as usize];
+                for body in [contact.body_a, contact.body_b] {
+                    if body != FIXED && number[body as usize] == u32::MAX {
+                        number[body as usize] = queue.len() as u32;
+                        queue.push(body as usize);
+                    }
+                }
+            }
+            next += 1;
+        }
+    }
+    let key = |i: u32| {
+        let contact = &rigid.contacts()[i as usize];
+        let place = |body: u32| if body == FIXED { u32::MAX } else { number[body as usize] };
+        let (a, b) = (place(contact.body_a), place(contact.body_b));
+        (a.min(b), a.max(b), i)
+    };
+    let mut order: Vec<u32> = (0..rigid.num_contacts() as u32).collect();
+    order.sort_unstable_by_key(|&i| key(i));
+    order
+}
+
+/// u + w x arm of one side of a batch.
+#[inline(always)]
+fn side_velocity(bodies: &[u32; LANES], arm: &Batch, image: &[[f64; 6]]) -> Batch {
+    let mut v = [Lanes::default(); 6];
+    for lane in 0..LANES {
+        let body = &image[bodies[lane] as usize];
+        for k in 0..6 {
+            v[k].0[lane] = body[k];
+        }
+    }
+    add(&[v[0], v[1], v[2]], &cross(&[v[3], v[4], v[5]], arm))
+}
+
+impl BodyOperator {
+    /// Packs N with contacts in `order` and frames scaled by `scaling` (one factor per contact).
+    pub(super) fn new(rigid: &RigidDelassus, order: &[u32], scaling: &[f64]) -> Self {
+        let bodies = rigid.num_bodies();
+        let fixed = bodies as u32;
+        let batches = order.len().div_ceil(LANES);
+        let empty = Geometry {
+            frame: [ZERO; 3],
+            arm_a: ZERO,
+            arm_b: ZERO,
+            body_a: [fixed; LANES],
+            body_b: [fixed; LANES],
+            slot_a: [0; LANES],
+            slot_b: [0; LANES],
+        };
+        let mut geometry = vec![empty; batches];
+        let mut chunk_start = vec![0];
+        let mut owner = Vec::new();
+        let mut slot_of = vec![(u32::MAX, 0_u32); bodies];
+        for (chunk, contacts) in order.chunks(CHUNK * LANES).enumerate() {
+            owner.push(fixed);
+            let first = chunk_start[chunk];
+            let mut slot = |body: u32| {
+                if body == FIXED {
+                    return (fixed, 0);
+                }
+                let known = &mut slot_of[body as usize];
+                if known.0 != chunk as u32 {
+                    *known = (chunk as u32, (owner.len() - first) as u32);
+                    owner.push(body);
+                }
+                (body, known.1)
+            };
+            for (offset, &i) in contacts.iter().enumerate() {
+                let contact = &rigid.contacts()[i as usize];
+                let g = &mut geometry[chunk * CHUNK + offset / LANES];
+                let lane = offset % LANES;
+                for row in 0..3 {
+                    for axis in 0..3 {
+                        g.frame[row][axis].0[lane] = scaling[i as usize] * contact.frame[row][axis];
+                    }
+                }
+                for axis in 0..3 {
+                    g.arm_a[axis].0[lane] = contact.arm_a[axis];
+                    g.arm_b[axis].0[lane] = contact.arm_b[axis];
+                }
+                (g.body_a[lane], g.slot_a[lane]) = slot(contact.body_a);
+                (g.body_b[lane], g.slot_b[lane]) = slot(contact.body_b);
+            }
+            chunk_start.push(owner.len());
+        }
+        let mut slot_start = vec![0_u32; bodies + 1];
+        for &body in owner.iter().filter(|&&body| body != fixed) {
+            slot_start[body as usize + 1] += 1;
+        }
+        for b in 0..bodies {
+            slot_start[b + 1] += slot_start[b];
+        }
+        let mut next = slot_start.clone();
+        let mut slots = vec![0; slot_start[bodies] as usize];
+        for (slot, &body) in owner.iter().enumerate().filter(|&(_, &body)| body != fixed) {
+            slots[next[body as usize] as usize] = slot as u32;
+            next[body as usize] += 1;
+        }
+        Self { geometry, inverse_mass: rigid.inverse_mass().to_vec(), chunk_start, slot_start, slots }
+    }
+
+    /// Numbers in an image: velocities (u, w) of every body and of the fixed one.
+    pub(super) fn image_len(&self) -> usize {
+        6 * (self.inverse_mass.len() + 1)
+    }
+
+    /// Number of slots of all chunks.
+    pub(super) fn num_slots(&self) -> usize {
+        *self.chunk_start.last().expect("there is always a first start")
+    }
+
+    /// Slots of a range of chunks.
+    pub(super) fn slot_range(&self, chunks: std::ops::Range<usize>) -> std::ops::Range<usize> {
+        self.chunk_start[chunks.start]..self.chunk_start[chunks.end]
+    }
+
+    /// D^T v of one batch.
+    #[inline(always)]
+    pub(super) fn relative_velocity(&self, batch: usize, image: &[[f64; 6]]) -> Batch {
+        let g = &self.geometry[batch];
+        let relative =
+            sub(&side_velocity(&g.body_a, &g.arm_a, image), &side_velocity(&g.body_b, &g.arm_b, image));
+        [dot(&g.frame[0], &relative), dot(&g.frame[1], &relative), dot(&g.frame[2], &relative)]
+    }
+
+    /// Adds the forces and moments of the impulses of one batch to the slots of its chunk.
+    #[inline(always)]
+    pub(super) fn scatter(&self, batch: usize, x: &Batch, slots: &mut [[f64; 6]]) {
+        let g = &self.geometry[batch];
+        let p = add(&add(&scale(x[0], &g.frame[0]), &scale(x[1], &g.frame[1])), &scale(x[2], &g.frame[2]));
+        let (ma, mb) = (cross(&g.arm_a, &p), cross(&g.arm_b, &p));
+        for lane in 0..LANES {
+            let a = &mut slots[g.slot_a[lane] as usize];
+            for k in 0..3 {
+                a[k] += p[k].0[lane];
+                a[3 + k] += ma[k].0[lane];
+            }
+            let b = &mut slots[g.slot_b[lane] as usize];
+            for k in 0..3 {
+                b[k] -= p[k].0[lane];
+                b[3 + k] -= mb[k].0[lane];
+            }
+        }
+    }
+
+    /// image <- M^-1 (sums of the slots of each body); returns the quadratic form, force dot velocity.
+    pub(super) fn velocities(&self, slots: &[[f64; 6]], image: &mut [f64], tallies: &mut [Tally]) -> f64 {
+        let tasks = self.num_body_tasks();
+        let velocities = &mut image[..6 * self.inverse_mass.len()];
+        let tallies = &mut tallies[..tasks];
+        let no_extra = &mut [] as &mut [()];
+        for_each_task(
+            0..tasks,
+            6 * BODIES,
+            [velocities],
+            no_extra,
+            &|_| 0,
+            tallies,
+            &|task, [v], _, tally| {
+                let mut quadratic = 0.0;
+                for (offset, v) in v.chunks_exact_mut(6).enumerate() {
+                    let body = task * BODIES + offset;
+                    let mut force = [0.0; 6];
+                    let range = self.slot_start[body] as usize..self.slot_start[body + 1] as usize;
+                    for &slot in &self.slots[range] {
+                        for (f, s) in force.iter_mut().zip(&slots[slot as usize]) {
+                            *f += s;
+                        }
+                    }
+                    let m = &self.inverse_mass[body];
+                    for k in 0..3 {
+                        v[k] = m.linear[k] * force[k];
+                        let row = &m.angular[3 * k..3 * k + 3];
+                        v[3 + k] = row[0] * force[3] + row[1] * force[4] + row[2] * force[5];
+                        quadratic += v[k] * force[k] + v[3 + k] * force[3 + k];
+                    }
+                }
+                tally.sum[0].0[0] = quadratic;
+            },
+        );
+        Totals::of(tallies).sum[0]
+    }
+
+    /// Number of parallel tasks of [`Self::velocities`].
+    pub(super) fn num_body_tasks(&self) -> usize {
+        self.inverse_mass.len().div_ceil(BODIES)
+    }
+}

@@ -1,0 +1,68 @@
+//! N as a sparse matrix, packed for the first-order methods.
+
+use super::lanes::{Batch, LANES, Lanes, dot};
+use super::sweep::{CHUNK, Tally, Totals, for_each_task};
+use graintrain_linalg::block3::{Block, BlockMatrix3};
+
+/// Block rows of N scaled by 1/sqrt(eta_i eta_j), with columns as places in vectors of batches.
+#[derive(Clone, Debug)]
+pub(super) struct RowOperator {
+    row_start: Vec<usize>,
+    /// Batch and lane of each block column, as `batch * LANES + lane`.
+    column: Vec<u32>,
+    block: Vec<Block>,
+}
+
+/// The batch stored in twelve consecutive numbers.
+#[inline(always)]
+pub(super) fn batch_of(numbers: &[f64; 3 * LANES]) -> Batch {
+    std::array::from_fn(|k| Lanes(std::array::from_fn(|lane| numbers[LANES * k + lane])))
+}
+
+impl RowOperator {
+    /// Scales N.
+    pub(super) fn new(matrix: &BlockMatrix3, scaling: &[f64]) -> Self {
+        let mut block = matrix.blocks().to_vec();
+        for i in 0..matrix.num_rows() {
+            for k in matrix.row_starts()[i]..matrix.row_starts()[i + 1] {
+                let factor = scaling[i] * scaling[matrix.columns()[k] as usize];
+                for entry in &mut block[k] {
+                    *entry *= factor;
+                }
+            }
+        }
+        Self { row_start: matrix.row_starts().to_vec(), column: matrix.columns().to_vec(), block }
+    }
+
+    /// image <- N x; returns x^T N x.
+    pub(super) fn multiply(&self, x: &[Batch], image: &mut [f64], tallies: &mut [Tally]) -> f64 {
+        let rows = self.row_start.len() - 1;
+        let chunks = x.len().div_ceil(CHUNK);
+        let tallies = &mut tallies[..chunks];
+        let no_extra = &mut [] as &mut [()];
+        let unit = CHUNK * 3 * LANES;
+        for_each_task(0..chunks, unit, [image], no_extra, &|_| 0, tallies, &|chunk, [image], _, tally| {
+            for (offset, image) in image.as_chunks_mut::<{ 3 * LANES }>().0.iter_mut().enumerate() {
+                let batch = chunk * CHUNK + offset;
+                for lane in 0..LANES.min(rows - batch * LANES) {
+                    let i = batch * LANES + lane;
+                    let mut sum = [0.0; 3];
+                    let range = self.row_start[i]..self.row_start[i + 1];
+                    for (&j, b) in self.column[range.clone()].iter().zip(&self.block[range]) {
+                        let from = &x[j as usize / LANES];
+                        let l = j as usize % LANES;
+                        let (x0, x1, x2) = (from[0].0[l], from[1].0[l], from[2].0[l]);
+                        sum[0] += b[0] * x0 + b[1] * x1 + b[2] * x2;
+                        sum[1] += b[3] * x0 + b[4] * x1 + b[5] * x2;
+                        sum[2] += b[6] * x0 + b[7] * x1 + b[8] * x2;
+                    }
+                    for k in 0..3 {
+                        image[LANES * k + lane] = sum[k];
+                    }
+                }
+                tally.sum[0] += dot(&x[batch], &batch_of(image));
+            }
+        });
+        Totals::of(tallies).sum[0]
+    }
+}
