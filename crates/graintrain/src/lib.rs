@@ -9,10 +9,12 @@
 //! | [`assemble`] | the contact problem of a step |
 //! | [`integrate`] | velocities without contact, positions, rotations |
 //! | [`stepper`] | the time step |
+//! | [`run`], [`output`], [`checkpoint`] | many steps, what they leave behind, going on later |
 //! | [`error`] | what can be wrong with a world |
 //! | [`problem_file`] | contact problems in files: FCLIB, Siconos, the program's own dumps |
 
 pub mod assemble;
+pub mod checkpoint;
 pub mod collide;
 pub mod contact;
 pub mod error;
@@ -20,8 +22,10 @@ pub mod integrate;
 pub mod material;
 pub mod math;
 pub mod motion;
+pub mod output;
 pub mod plot;
 pub mod problem_file;
+pub mod run;
 pub mod shape;
 pub mod stepper;
 pub mod world;

@@ -1,0 +1,25 @@
+//! What a run leaves behind: frames for ParaView and OVITO, tables, a summary.
+//!
+//! | module | holds |
+//! |---|---|
+//! | [`recorder`] | the folder of a run: what is written when |
+//! | [`bodies`], [`surfaces`], [`contacts`] | a frame of each |
+//! | [`vtp`], [`vtm`], [`pvd`] | the file formats of frames and their list |
+//! | [`tables`] | `steps.csv`, `wrench.csv` |
+//! | [`summary`] | `summary.json` |
+//! | [`files`] | writing so that what was computed stays readable |
+
+pub mod bodies;
+pub mod contacts;
+pub mod files;
+pub mod process;
+pub mod pvd;
+pub mod recorder;
+pub mod size;
+pub mod summary;
+pub mod surfaces;
+pub mod tables;
+pub mod vtm;
+pub mod vtp;
+
+pub use recorder::OutputSettings;

@@ -1,0 +1,188 @@
+#!/usr/bin/env python3
+"""Reads every frame of a run back with VTK (the library inside ParaView) and OVITO, and checks that they agree.
+
+    pip install vtk ovito
+    scripts/check_output.py out/sedimentation [--png picture.png]
+
+Exit code 1 and one line per defect where something does not fit. With --png, OVITO also renders the last frame.
+"""
+import argparse
+import csv
+import json
+import pathlib
+import sys
+import xml.etree.ElementTree as ElementTree
+
+import numpy
+import vtk
+from vtk.util.numpy_support import vtk_to_numpy
+
+defects = []
+
+
+def expect(condition, what):
+    if not condition:
+        defects.append(what)
+        print("DEFECT", what)
+
+
+def frames(folder, name):
+    """(time, files) of every frame in a .pvd, in the order of the file."""
+    listed = {}
+    for entry in ElementTree.parse(folder / name).getroot().iter("DataSet"):
+        listed.setdefault(float(entry.get("timestep")), []).append(folder / entry.get("file"))
+    return sorted(listed.items())
+
+
+def read_with_vtk(path):
+    messages = []
+    reader = vtk.vtkXMLPolyDataReader()
+    reader.AddObserver("ErrorEvent", lambda *arguments: messages.append(str(arguments)))
+    reader.AddObserver("WarningEvent", lambda *arguments: messages.append(str(arguments)))
+    reader.SetFileName(str(path))
+    reader.Update()
+    expect(not messages, f"{path}: VTK complains: {messages}")
+    return reader.GetOutput()
+
+
+def array(attributes, name):
+    data = attributes.GetArray(name)
+    return None if data is None else vtk_to_numpy(data)
+
+
+def check_time(data, time, path):
+    field = data.GetFieldData().GetArray("TimeValue")
+    expect(field is not None and field.GetValue(0) == time, f"{path}: TimeValue is not {time}")
+
+
+def check_bodies(folder):
+    """Every body frame with VTK, then the whole series with OVITO against it."""
+    from ovito.io import import_file
+
+    series = frames(folder, "bodies.pvd")
+    pipeline = import_file(str(folder / "bodies.pvd"))
+    expect(pipeline.source.num_frames == len(series), "OVITO and bodies.pvd disagree on the number of frames")
+    for number, (time, files) in enumerate(series):
+        expect(len(files) == 1, f"{time}: OVITO needs one file per frame, there are {len(files)}")
+        data = read_with_vtk(files[0])
+        points = data.GetNumberOfPoints()
+        expect(data.GetNumberOfVerts() == points, f"{files[0]}: {points} points, {data.GetNumberOfVerts()} verts")
+        check_time(data, time, files[0])
+        position = vtk_to_numpy(data.GetPoints().GetData()) if points else numpy.zeros((0, 3))
+        arrays = {name: array(data.GetPointData(), name) for name in
+                  ("id", "body", "type", "shapetype", "radius", "mass", "v", "omega", "quat", "f", "tq", "contacts")}
+        for name, values in arrays.items():
+            expect(values is not None and len(values) == points, f"{files[0]}: array {name} is missing or short")
+            expect(numpy.isfinite(values).all(), f"{files[0]}: array {name} has numbers that are not finite")
+        expect(len(set(arrays["id"])) == points, f"{files[0]}: identifiers repeat")
+        length = numpy.linalg.norm(arrays["quat"], axis=1)
+        expect(numpy.allclose(length, 1, atol=1e-6), f"{files[0]}: quaternions are not normalised")
+
+        particles = pipeline.compute(number).particles
+        expect(particles.count == points, f"OVITO frame {number}: {particles.count} particles, VTK has {points}")
+        for theirs, ours in (("Position", position), ("Radius", arrays["radius"]), ("Mass", arrays["mass"]),
+                             ("Velocity", arrays["v"]), ("Angular Velocity", arrays["omega"]),
+                             ("Force", arrays["f"]), ("Torque", arrays["tq"]),
+                             ("Particle Identifier", arrays["id"])):
+            expect(theirs in particles, f"OVITO frame {number}: no property {theirs}, only {list(particles.keys())}")
+            if theirs in particles:
+                expect(numpy.allclose(particles[theirs][...], ours, rtol=1e-6, atol=0),
+                       f"OVITO frame {number}: {theirs} differs from VTK")
+        shown = pipeline.compute(number).attributes.get("Time")
+        expect(shown is not None and abs(shown - time) <= 1e-12 * max(1, time), f"OVITO frame {number}: Time is {shown}")
+    print(f"bodies    {len(series)} frames, {points} points")
+    return pipeline
+
+
+def check_contacts(folder):
+    from ovito.io import import_file
+
+    series = frames(folder, "contacts.pvd")
+    for time, files in series:
+        data = read_with_vtk(files[0])
+        cells = data.GetNumberOfLines()
+        expect(data.GetNumberOfCells() == cells, f"{files[0]}: cells that are not lines")
+        check_time(data, time, files[0])
+        arrays = {name: array(data.GetCellData(), name) for name in
+                  ("id1", "id2", "force", "fn", "ft", "gap", "n", "sliding", "mu")}
+        for name, values in arrays.items():
+            expect(values is not None and len(values) == cells, f"{files[0]}: array {name} is missing or short")
+        if cells:
+            normal = (arrays["force"] * arrays["n"]).sum(axis=1)
+            scale = abs(arrays["force"]).max() + 1e-300
+            expect(numpy.allclose(normal, arrays["fn"], atol=1e-5 * scale), f"{files[0]}: fn is not force . n")
+            cone = arrays["mu"] * arrays["fn"] * 1.001 + 1e-3 * scale
+            expect((arrays["ft"] <= cone).all(), f"{files[0]}: a force lies outside its friction cone")
+    with_contacts = [(time, files[0]) for time, files in series if read_with_vtk(files[0]).GetNumberOfLines()]
+    if with_contacts:
+        data = import_file(str(with_contacts[-1][1])).compute()
+        cells = read_with_vtk(with_contacts[-1][1]).GetNumberOfLines()
+        found = data.lines["default"] if hasattr(data.lines, "__getitem__") and "default" in data.lines else data.lines
+        count = len(set(numpy.asarray(found["Section"]))) if "Section" in found else found.count
+        expect(count == cells, f"OVITO shows {count} contact lines, VTK has {cells}")
+    print(f"contacts  {len(series)} frames, {cells} lines")
+
+
+def check_surfaces(folder):
+    if not (folder / "surfaces.pvd").exists():
+        print("surfaces  none")
+        return
+    series = frames(folder, "surfaces.pvd")
+    for time, files in series:
+        triangles = 0
+        for path in files:
+            data = read_with_vtk(path)
+            expect(data.GetNumberOfPolys() == data.GetNumberOfCells() > 0, f"{path}: no polygons")
+            expect(array(data.GetCellData(), "body_id") is not None, f"{path}: array body_id is missing")
+            if len(files) == 1 or not path.name.endswith("fixed.vtp"):
+                check_time(data, time, path)
+            triangles += data.GetNumberOfPolys()
+    print(f"surfaces  {len(series)} frames, {triangles} triangles")
+
+
+def check_tables(folder):
+    with open(folder / "steps.csv", newline="") as file:
+        steps = list(csv.DictReader(file))
+    summary = json.loads((folder / "summary.json").read_text())
+    expect([int(row["step"]) for row in steps] == list(range(1, summary["steps"] + 1)), "steps.csv skips steps")
+    expect(not any(value in (None, "") for row in steps for value in row.values()), "steps.csv has empty fields")
+    expect(steps == [] or float(steps[-1]["time"]) == summary["simulated_seconds"], "the final times differ")
+    worst = max((float(row["residual"]) for row in steps), default=0)
+    expect(worst == summary["residual_max"], f"residual_max is {summary['residual_max']}, steps.csv has {worst}")
+    with open(folder / "wrench.csv", newline="") as file:
+        records = list(csv.DictReader(file))
+    print(f"tables    {len(steps)} steps, {len(records)} wrenches, residual at most {worst:.2e}")
+
+
+def render(pipeline, folder, picture):
+    """A picture of the last frame by OVITO's software renderer, spheres coloured by speed, walls as a wire cage."""
+    from ovito.modifiers import ColorCodingModifier, ComputePropertyModifier
+    from ovito.vis import TachyonRenderer, Viewport
+
+    pipeline.modifiers.append(ComputePropertyModifier(
+        output_property="Speed", expressions=["sqrt(Velocity.X^2 + Velocity.Y^2 + Velocity.Z^2)"]))
+    pipeline.modifiers.append(ColorCodingModifier(property="Speed"))
+    pipeline.add_to_scene()
+    view = Viewport(type=Viewport.Type.Ortho, camera_dir=(1, 2, -0.7))
+    view.zoom_all()
+    view.render_image(filename=str(picture), size=(900, 700), frame=pipeline.source.num_frames - 1,
+                      renderer=TachyonRenderer(shadows=False))
+    print(f"picture   {picture}")
+
+
+def main():
+    arguments = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    arguments.add_argument("folder", type=pathlib.Path, help="folder of a run")
+    arguments.add_argument("--png", type=pathlib.Path, help="render the last frame to this file")
+    options = arguments.parse_args()
+    pipeline = check_bodies(options.folder)
+    check_contacts(options.folder)
+    check_surfaces(options.folder)
+    check_tables(options.folder)
+    if options.png:
+        render(pipeline, options.folder, options.png)
+    return 1 if defects else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
