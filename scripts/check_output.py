@@ -91,12 +91,10 @@ def check_bodies(folder):
         shown = pipeline.compute(number).attributes.get("Time")
         expect(shown is not None and abs(shown - time) <= 1e-12 * max(1, time), f"OVITO frame {number}: Time is {shown}")
     print(f"bodies    {len(series)} frames, {points} points")
-    return pipeline
 
 
 def check_contacts(folder):
-    from ovito.io import import_file
-
+    """Every contact frame with VTK."""
     series = frames(folder, "contacts.pvd")
     for time, files in series:
         data = read_with_vtk(files[0])
@@ -113,13 +111,6 @@ def check_contacts(folder):
             expect(numpy.allclose(normal, arrays["fn"], atol=1e-5 * scale), f"{files[0]}: fn is not force . n")
             cone = arrays["mu"] * arrays["fn"] * 1.001 + 1e-3 * scale
             expect((arrays["ft"] <= cone).all(), f"{files[0]}: a force lies outside its friction cone")
-    with_contacts = [(time, files[0]) for time, files in series if read_with_vtk(files[0]).GetNumberOfLines()]
-    if with_contacts:
-        data = import_file(str(with_contacts[-1][1])).compute()
-        cells = read_with_vtk(with_contacts[-1][1]).GetNumberOfLines()
-        found = data.lines["default"] if hasattr(data.lines, "__getitem__") and "default" in data.lines else data.lines
-        count = len(set(numpy.asarray(found["Section"]))) if "Section" in found else found.count
-        expect(count == cells, f"OVITO shows {count} contact lines, VTK has {cells}")
     print(f"contacts  {len(series)} frames, {cells} lines")
 
 
@@ -140,6 +131,36 @@ def check_surfaces(folder):
     print(f"surfaces  {len(series)} frames, {triangles} triangles")
 
 
+def check_all(folder):
+    """The multi-block frames: OVITO and VTK find particles, contacts and meshes together."""
+    from ovito.io import import_file
+
+    series = frames(folder, "all.pvd")
+    pipeline = import_file(str(folder / "all.pvd"))
+    expect(pipeline.source.num_frames == len(series), "OVITO and all.pvd disagree on the number of frames")
+    for number, (time, files) in enumerate(series):
+        reader = vtk.vtkXMLMultiBlockDataReader()
+        reader.SetFileName(str(files[0]))
+        reader.Update()
+        blocks = {}
+        walk = reader.GetOutput().NewTreeIterator()
+        walk.InitTraversal()
+        while not walk.IsDoneWithTraversal():
+            name = walk.GetCurrentMetaData().Get(vtk.vtkCompositeDataSet.NAME())
+            blocks[name] = walk.GetCurrentDataObject()
+            walk.GoToNextItem()
+        found = pipeline.compute(number)
+        expect("Particles" in blocks and found.particles.count == blocks["Particles"].GetNumberOfPoints(),
+               f"{files[0]}: VTK and OVITO see different particles")
+        lines = sum(len(set(numpy.asarray(line["Section"]))) for line in found.lines.values())
+        contacts = blocks["Contacts"].GetNumberOfLines() if "Contacts" in blocks else 0
+        expect(lines == contacts, f"{files[0]}: OVITO shows {lines} contacts, VTK {contacts}")
+        meshes = set(blocks) - {"Particles", "Contacts"}
+        expect(set(found.surfaces) == meshes, f"{files[0]}: OVITO shows {set(found.surfaces)}, VTK {meshes}")
+    print(f"all       {len(series)} frames, blocks {', '.join(sorted(blocks))}")
+    return pipeline
+
+
 def check_tables(folder):
     with open(folder / "steps.csv", newline="") as file:
         steps = list(csv.DictReader(file))
@@ -154,19 +175,21 @@ def check_tables(folder):
     print(f"tables    {len(steps)} steps, {len(records)} wrenches, residual at most {worst:.2e}")
 
 
-def render(pipeline, folder, picture):
-    """A picture of the last frame by OVITO's software renderer, spheres coloured by speed, walls as a wire cage."""
+def render(pipeline, picture):
+    """A picture of the last frame by OVITO's software renderer: bodies coloured by speed, walls see-through."""
     from ovito.modifiers import ColorCodingModifier, ComputePropertyModifier
     from ovito.vis import TachyonRenderer, Viewport
 
+    last = pipeline.source.num_frames - 1
     pipeline.modifiers.append(ComputePropertyModifier(
         output_property="Speed", expressions=["sqrt(Velocity.X^2 + Velocity.Y^2 + Velocity.Z^2)"]))
     pipeline.modifiers.append(ColorCodingModifier(property="Speed"))
     pipeline.add_to_scene()
+    for name, surface in pipeline.compute(last).surfaces.items():
+        surface.vis.surface_transparency = 0.8 if name == "fixed" else 0.3
     view = Viewport(type=Viewport.Type.Ortho, camera_dir=(1, 2, -0.7))
     view.zoom_all()
-    view.render_image(filename=str(picture), size=(900, 700), frame=pipeline.source.num_frames - 1,
-                      renderer=TachyonRenderer(shadows=False))
+    view.render_image(filename=str(picture), size=(900, 700), frame=last, renderer=TachyonRenderer(shadows=False))
     print(f"picture   {picture}")
 
 
@@ -175,12 +198,13 @@ def main():
     arguments.add_argument("folder", type=pathlib.Path, help="folder of a run")
     arguments.add_argument("--png", type=pathlib.Path, help="render the last frame to this file")
     options = arguments.parse_args()
-    pipeline = check_bodies(options.folder)
+    check_bodies(options.folder)
     check_contacts(options.folder)
     check_surfaces(options.folder)
+    pipeline = check_all(options.folder)
     check_tables(options.folder)
     if options.png:
-        render(pipeline, options.folder, options.png)
+        render(pipeline, options.png)
     return 1 if defects else 0
 
 

@@ -104,8 +104,7 @@ pub fn write(
 ) -> Result<PathBuf, OutputError> {
     make_folder(folder)?;
     let path = folder.join(format!("step_{:08}.ckpt", world.step));
-    let bytes =
-        encode(settings, totals, world).map_err(|error| OutputError::new("write", &path, error))?;
+    let bytes = encode(settings, totals, world).map_err(|error| OutputError::new("write", &path, error))?;
     write_durably(&path, &bytes)?;
     for old in list(folder).into_iter().skip(KEPT) {
         // One checkpoint too many harms nobody.
@@ -207,6 +206,5 @@ fn decode(bytes: &[u8], path: &Path) -> Result<Checkpoint, CheckpointError> {
     if let Err(error) = ZlibDecoder::new(payload).take(expanded).read_to_end(&mut plain) {
         return Err(CheckpointError::Damaged { path, what: error.to_string() });
     }
-    postcard::from_bytes(&plain)
-        .map_err(|error| CheckpointError::Damaged { path, what: error.to_string() })
+    postcard::from_bytes(&plain).map_err(|error| CheckpointError::Damaged { path, what: error.to_string() })
 }

@@ -1,11 +1,15 @@
 //! The run: steps one after another, watched by observers, until the end or until somebody asks to stop.
 
+use crate::output::OutputSettings;
 use crate::output::files::OutputError;
-use crate::output::recorder::OutputSettings;
-use crate::stepper::{PhaseSeconds, StepReport};
+use crate::output::process::cpu_seconds;
+use crate::stepper::{PhaseSeconds, StepError, StepReport, StepSettings, Stepper};
 use crate::world::World;
-use graintrain_ccp::FrictionModel;
+use graintrain_ccp::{Ccp, FrictionModel};
 use serde::{Deserialize, Serialize};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
 
 /// Everything about a run but the state: what `resume` needs to go on.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -80,16 +84,167 @@ impl RunTotals {
     }
 }
 
+/// What observers see after a step.
+#[derive(Clone, Copy)]
+pub struct StepView<'a> {
+    /// The state after the step.
+    pub world: &'a World,
+    /// What the step did.
+    pub report: &'a StepReport,
+    /// The run so far, this step included.
+    pub totals: &'a RunTotals,
+    /// The step's contact problem and the impulses found.
+    pub problem: Option<(&'a Ccp, &'a [f64])>,
+}
+
 /// Watches a run: writes files, shows progress.
 pub trait Observer {
-    /// Called after every step with the state and what the step did.
+    /// Called after every step.
     ///
     /// # Errors
     /// An output that cannot be written ends the run.
-    fn observe(
-        &mut self,
-        world: &World,
-        report: &StepReport,
-        totals: &RunTotals,
-    ) -> Result<(), OutputError>;
+    fn observe(&mut self, step: StepView<'_>) -> Result<(), OutputError>;
+}
+
+/// How [`Run::advance`] ended without an error.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Ending {
+    /// All steps are done.
+    Finished,
+    /// The stop flag was set.
+    Stopped,
+}
+
+/// Why a run ended early. Its state is that after the last complete step.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum RunError {
+    /// A step could not be made.
+    #[error(transparent)]
+    Step(#[from] StepError),
+    /// A solve missed its tolerance, which [`Run::strict`] forbids.
+    #[error("step {step}: {solver} stopped at residual {residual:.2e}, above the tolerance {tolerance:.2e}")]
+    ToleranceMissed {
+        /// Number of the step.
+        step: u64,
+        /// Solver.
+        solver: String,
+        /// Residual reached.
+        residual: f64,
+        /// Residual asked for.
+        tolerance: f64,
+    },
+    /// An output could not be written.
+    #[error(transparent)]
+    Output(#[from] OutputError),
+}
+
+/// A simulation under way.
+pub struct Run {
+    /// The state.
+    pub world: World,
+    /// What was asked for.
+    pub settings: RunSettings,
+    /// The run so far.
+    pub totals: RunTotals,
+    /// Whether a solve that misses its tolerance ends the run.
+    pub strict: bool,
+    stepper: Stepper,
+    stop: Arc<AtomicBool>,
+}
+
+impl Run {
+    /// A run from this state. It ends early, with a state from which it can go on, once `stop` is set.
+    ///
+    /// # Errors
+    /// [`StepError`] for settings out of range or an unknown solver.
+    pub fn new(
+        world: World,
+        settings: RunSettings,
+        totals: RunTotals,
+        stop: Arc<AtomicBool>,
+    ) -> Result<Self, StepError> {
+        let mut stepper = Stepper::new(StepSettings {
+            step: settings.step,
+            envelope: settings.envelope,
+            solver: settings.solver.parse()?,
+            tolerance: settings.tolerance,
+            max_iterations: settings.max_iterations,
+            friction: settings.friction,
+        })?;
+        stepper.stop_on(Arc::clone(&stop));
+        Ok(Self { world, settings, totals, strict: false, stepper, stop })
+    }
+
+    /// Makes the remaining steps, showing each to the observers in turn.
+    ///
+    /// # Errors
+    /// [`RunError`]; the state is then that after the last complete step.
+    pub fn advance(&mut self, observers: &mut [&mut dyn Observer]) -> Result<Ending, RunError> {
+        let session = Session::begin(&self.totals);
+        let ending = self.steps(observers, &session);
+        session.count(&mut self.totals);
+        ending
+    }
+
+    fn steps(&mut self, observers: &mut [&mut dyn Observer], session: &Session) -> Result<Ending, RunError> {
+        while self.world.step < self.settings.steps {
+            if self.stop.load(Ordering::Relaxed) {
+                return Ok(Ending::Stopped);
+            }
+            let report = match self.stepper.step(&mut self.world) {
+                Err(StepError::Stopped) => return Ok(Ending::Stopped),
+                result => result?,
+            };
+            self.totals.add(&report);
+            session.count(&mut self.totals);
+            let begin = Instant::now();
+            for observer in &mut *observers {
+                observer.observe(StepView {
+                    world: &self.world,
+                    report: &report,
+                    totals: &self.totals,
+                    problem: self.stepper.last_problem(),
+                })?;
+            }
+            self.totals.last_output_seconds = begin.elapsed().as_secs_f64();
+            self.totals.output_seconds += self.totals.last_output_seconds;
+            if self.strict && !report.solve.converged() {
+                return Err(RunError::ToleranceMissed {
+                    step: self.world.step,
+                    solver: report.solve.solver,
+                    residual: report.solve.residual.max,
+                    tolerance: self.settings.tolerance,
+                });
+            }
+        }
+        Ok(Ending::Finished)
+    }
+}
+
+/// Clocks of the present session, on top of what earlier ones took.
+struct Session {
+    start: Instant,
+    wall_before: f64,
+    cpu_start: Option<f64>,
+    cpu_before: Option<f64>,
+}
+
+impl Session {
+    fn begin(totals: &RunTotals) -> Self {
+        Self {
+            start: Instant::now(),
+            wall_before: totals.wall_seconds,
+            cpu_start: cpu_seconds(),
+            cpu_before: totals.cpu_seconds,
+        }
+    }
+
+    fn count(&self, totals: &mut RunTotals) {
+        totals.wall_seconds = self.wall_before + self.start.elapsed().as_secs_f64();
+        totals.cpu_seconds = match (self.cpu_start, cpu_seconds()) {
+            (Some(start), Some(now)) => Some(self.cpu_before.unwrap_or(0.0) + now - start),
+            _ => self.cpu_before,
+        };
+    }
 }

@@ -10,7 +10,7 @@ use graintrain::output::OutputSettings;
 use graintrain::output::recorder::{PrepareError, Recorder, prepare_folder};
 use graintrain::output::summary::{RunStatus, Summary};
 use graintrain::output::vtp::Precision;
-use graintrain::run::{Observer, RunSettings, RunTotals};
+use graintrain::run::{Observer, RunSettings, RunTotals, StepView};
 use graintrain::shape::{Geometry, Part, Shape};
 use graintrain::stepper::{PhaseSeconds, StepReport, Wrench};
 use graintrain::world::{Body, World};
@@ -19,10 +19,10 @@ use std::path::Path;
 /// Two spheres, a dumb-bell, a box and a capsule that move, on a plane, beside a fixed wall and a turning cylinder.
 fn world() -> World {
     let mut world =
-        World::new(Vec3::new(0.0, 0.0, -9.81), Materials::single("glass", 2500.0, 0.3, 0.0).unwrap()).unwrap();
+        World::new(Vec3::new(0.0, 0.0, -9.81), Materials::single("glass", 2500.0, 0.3, 0.0).unwrap())
+            .unwrap();
     let fixed = world.add_motion(Motion::fixed()).unwrap();
-    let turning =
-        world.add_motion(Motion::rotating(Vec3::ZERO, Vec3::Z, Profile::Constant(2.0))).unwrap();
+    let turning = world.add_motion(Motion::rotating(Vec3::ZERO, Vec3::Z, Profile::Constant(2.0))).unwrap();
     let small = world.add_geometry(Geometry::sphere(0.1).unwrap());
     let large = world.add_geometry(Geometry::sphere(0.2).unwrap());
     let end = |x: f64| Part {
@@ -123,6 +123,10 @@ fn settings() -> RunSettings {
     }
 }
 
+fn view<'a>(world: &'a World, report: &'a StepReport, totals: &'a RunTotals) -> StepView<'a> {
+    StepView { world, report, totals, problem: None }
+}
+
 fn read(folder: &Path, file: &str) -> String {
     std::fs::read_to_string(folder.join(file)).unwrap_or_else(|error| panic!("{file}: {error}"))
 }
@@ -135,7 +139,7 @@ fn record(folder: &Path) -> (World, RunTotals) {
     let mut recorder = Recorder::begin(folder, &settings, &world).unwrap();
     for _ in 0..settings.steps {
         let report = advance(&mut world, &settings);
-        recorder.observe(&world, &report, &totals).unwrap();
+        recorder.observe(view(&world, &report, &totals)).unwrap();
     }
     recorder.checkpoint(&world, &totals, RunStatus::Finished).unwrap();
     (world, totals)
@@ -186,10 +190,11 @@ fn occupied_folders_are_left_alone_unless_forced() {
     assert!(matches!(prepare_folder(folder.path(), false), Err(PrepareError::Occupied(_))));
     assert!(folder.path().join("steps.csv").exists());
     prepare_folder(folder.path(), true).unwrap();
-    let left: Vec<_> = ["steps.csv", "bodies.pvd", "frames/bodies_00000002.vtp", "checkpoints/step_00000005.ckpt"]
-        .into_iter()
-        .filter(|file| folder.path().join(file).exists())
-        .collect();
+    let left: Vec<_> =
+        ["steps.csv", "bodies.pvd", "frames/bodies_00000002.vtp", "checkpoints/step_00000005.ckpt"]
+            .into_iter()
+            .filter(|file| folder.path().join(file).exists())
+            .collect();
     assert!(left.is_empty(), "{left:?}");
     assert_eq!(read(folder.path(), "notes.txt"), "mine");
     assert_eq!(read(folder.path(), "frames/picture.png"), "mine");
@@ -204,7 +209,7 @@ fn outputs_resumed_from_a_checkpoint_are_those_of_an_uninterrupted_run() {
     let mut recorder = Recorder::begin(cut.path(), &settings, &world).unwrap();
     for step in 1..=4 {
         let report = advance(&mut world, &settings);
-        recorder.observe(&world, &report, &totals).unwrap();
+        recorder.observe(view(&world, &report, &totals)).unwrap();
         if step == 3 {
             recorder.checkpoint(&world, &totals, RunStatus::Running).unwrap();
         }
@@ -217,7 +222,7 @@ fn outputs_resumed_from_a_checkpoint_are_those_of_an_uninterrupted_run() {
     let mut recorder = Recorder::resume(cut.path(), &settings, &world).unwrap();
     for _ in 4..=5 {
         let report = advance(&mut world, &settings);
-        recorder.observe(&world, &report, &totals).unwrap();
+        recorder.observe(view(&world, &report, &totals)).unwrap();
     }
     recorder.checkpoint(&world, &totals, RunStatus::Finished).unwrap();
     for file in ["steps.csv", "wrench.csv", "all.pvd", "bodies.pvd", "surfaces.pvd", "contacts.pvd"] {

@@ -85,7 +85,8 @@ fn points_of(geometry: &Geometry, free: bool) -> Vec<(Vec3, f64, ShapeType)> {
         },
         _ => ShapeType::Compound,
     };
-    let radius = geometry.parts.iter().map(|part| inscribed_radius(&part.shape)).fold(f64::INFINITY, f64::min);
+    let radius =
+        geometry.parts.iter().map(|part| inscribed_radius(&part.shape)).fold(f64::INFINITY, f64::min);
     vec![(Vec3::ZERO, radius, kind)]
 }
 
@@ -130,7 +131,8 @@ pub fn particles(world: &World, step: f64) -> PolyData {
         let arm = point.position - bodies.position[point.body];
         bodies.velocity[point.body] + bodies.angular_velocity[point.body].cross(arm)
     });
-    let quaternion = points.iter().flat_map(|point| Quat::to_array(&bodies.orientation[point.body])).collect();
+    let quaternion =
+        points.iter().flat_map(|point| Quat::to_array(&bodies.orientation[point.body])).collect();
     let point_data = vec![
         DataArray::int64("id", id),
         DataArray::int32("type", points.iter().map(|point| bodies.material[point.body] as i32).collect()),

@@ -30,7 +30,8 @@ pub fn lines(world: &World, step: f64) -> PolyData {
         cells.push(first..first + 3);
     }
     let force: Vec<Vec3> = set.impulse.iter().map(|&impulse| impulse / step).collect();
-    let normal: Vec<f64> = force.iter().zip(&set.contacts).map(|(f, contact)| f.dot(contact.normal)).collect();
+    let normal: Vec<f64> =
+        force.iter().zip(&set.contacts).map(|(f, contact)| f.dot(contact.normal)).collect();
     let tangential: Vec<f64> = force
         .iter()
         .zip(&set.contacts)

@@ -129,7 +129,9 @@ impl Table {
         let kept: usize = text
             .split_inclusive('\n')
             .enumerate()
-            .take_while(|(line, record)| record.ends_with('\n') && (*line == 0 || step_of(record) <= last_step))
+            .take_while(|(line, record)| {
+                record.ends_with('\n') && (*line == 0 || step_of(record) <= last_step)
+            })
             .map(|(_, record)| record.len())
             .sum();
         let mut table = Self { path, file, length: kept as u64 };

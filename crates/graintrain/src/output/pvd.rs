@@ -72,10 +72,8 @@ impl FrameList {
         );
         for Entry { time, files } in &self.entries {
             for (part, file) in files.iter().enumerate() {
-                let _ = writeln!(
-                    text,
-                    r#"<DataSet timestep="{time:?}" group="" part="{part}" file="{file}"/>"#
-                );
+                let _ =
+                    writeln!(text, r#"<DataSet timestep="{time:?}" group="" part="{part}" file="{file}"/>"#);
             }
         }
         text.push_str("</Collection>\n</VTKFile>\n");

@@ -10,8 +10,7 @@ use super::tables::Tables;
 use super::vtm::Blocks;
 use super::vtp::{PolyData, Precision};
 use crate::checkpoint;
-use crate::run::{Observer, RunSettings, RunTotals};
-use crate::stepper::StepReport;
+use crate::run::{Observer, RunSettings, RunTotals, StepView};
 use crate::world::World;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -66,7 +65,8 @@ const FILES: &[&str] = &[
     "scene.toml",
 ];
 /// Folders of a run, and what is in them.
-const FOLDERS: &[(&str, &str)] = &[("frames", "vtp"), ("frames", "vtm"), ("checkpoints", "ckpt"), ("problems", "gtp")];
+const FOLDERS: &[(&str, &str)] =
+    &[("frames", "vtp"), ("frames", "vtm"), ("checkpoints", "ckpt"), ("problems", "gtp")];
 
 /// Makes the folder of a new run. With `force`, the files of an earlier run are removed from it, and nothing else.
 ///
@@ -188,7 +188,8 @@ impl Recorder {
         }
         let frames = self.folder.join("frames");
         make_folder(&frames)?;
-        let in_folder = |names: &[String]| names.iter().map(|name| format!("frames/{name}")).collect::<Vec<_>>();
+        let in_folder =
+            |names: &[String]| names.iter().map(|name| format!("frames/{name}")).collect::<Vec<_>>();
         let write = |name: String, data: &PolyData| -> Result<String, OutputError> {
             let path = frames.join(&name);
             let mut bytes = Vec::new();
@@ -232,12 +233,8 @@ impl Recorder {
 }
 
 impl Observer for Recorder {
-    fn observe(
-        &mut self,
-        world: &World,
-        report: &StepReport,
-        totals: &RunTotals,
-    ) -> Result<(), OutputError> {
+    fn observe(&mut self, step: StepView<'_>) -> Result<(), OutputError> {
+        let StepView { world, report, totals, .. } = step;
         self.tables.append(world, report, totals.last_output_seconds)?;
         let output = &self.settings.output;
         let (every, checkpoint_every) = (output.every.max(1), output.checkpoint_every.max(1));

@@ -32,9 +32,7 @@ impl Triangles {
             half * Vec3::new(sign(0), sign(1), sign(2))
         };
         let mut surface = Self { vertices: (0..8).map(corner).collect(), triangles: Vec::new() };
-        for face in
-            [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]]
-        {
+        for face in [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]] {
             surface.quad(face);
         }
         surface
@@ -59,7 +57,12 @@ impl Triangles {
         for k in 0..SEGMENTS {
             surface.triangles.push([0, index(0, k + 1), index(0, k)]);
             for ring in 0..last {
-                surface.quad([index(ring, k), index(ring, k + 1), index(ring + 1, k + 1), index(ring + 1, k)]);
+                surface.quad([
+                    index(ring, k),
+                    index(ring, k + 1),
+                    index(ring + 1, k + 1),
+                    index(ring + 1, k),
+                ]);
             }
             surface.triangles.push([top, index(last, k), index(last, k + 1)]);
         }
@@ -78,7 +81,12 @@ impl Triangles {
     }
 
     fn cylinder(half_length: f64, radius: f64) -> Self {
-        Self::revolution(&[(0.0, -half_length), (radius, -half_length), (radius, half_length), (0.0, half_length)])
+        Self::revolution(&[
+            (0.0, -half_length),
+            (radius, -half_length),
+            (radius, half_length),
+            (0.0, half_length),
+        ])
     }
 }
 

@@ -58,12 +58,8 @@ impl Tables {
         for wrench in &report.wrenches {
             let body = wrench.body as usize;
             if has_wrench_record(world, body) {
-                let vectors = [
-                    wrench.force,
-                    wrench.torque,
-                    world.bodies.position[body],
-                    world.bodies.velocity[body],
-                ];
+                let vectors =
+                    [wrench.force, wrench.torque, world.bodies.position[body], world.bodies.velocity[body]];
                 let numbers: Vec<String> =
                     vectors.iter().flat_map(|v| v.to_array()).map(|x| format!("{x:?}")).collect();
                 let name = world.bodies.name.get(body).map_or("", String::as_str);
@@ -117,5 +113,9 @@ fn step_record(world: &World, report: &StepReport, output_seconds: f64) -> Strin
 
 /// A text as a CSV field: in quotes where it holds a comma, quote or line break.
 fn quoted(text: &str) -> String {
-    if text.contains([',', '"', '\n', '\r']) { format!("\"{}\"", text.replace('"', "\"\"")) } else { text.to_string() }
+    if text.contains([',', '"', '\n', '\r']) {
+        format!("\"{}\"", text.replace('"', "\"\""))
+    } else {
+        text.to_string()
+    }
 }

@@ -23,8 +23,6 @@ pub enum Precision {
 /// Values of an array, one entry per component.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Values {
-    /// Bytes, for flags.
-    UInt8(Vec<u8>),
     /// 32-bit integers.
     Int32(Vec<i32>),
     /// 64-bit integers.
@@ -66,9 +64,9 @@ impl DataArray {
         Self { name, components: 1, values: Values::Int64(values) }
     }
 
-    /// One flag per point or cell.
+    /// One flag per point or cell: 0 or 1, as a 32-bit integer since OVITO reads no bytes.
     pub fn flags(name: &'static str, values: impl IntoIterator<Item = bool>) -> Self {
-        Self { name, components: 1, values: Values::UInt8(values.into_iter().map(u8::from).collect()) }
+        Self::int32(name, values.into_iter().map(i32::from).collect())
     }
 }
 
@@ -187,7 +185,6 @@ fn write_group(
     writeln!(out, "<{tag}>")?;
     for array in arrays {
         let (kind, text) = match &array.values {
-            Values::UInt8(values) => ("UInt8", encode(values, u8::to_le_bytes)),
             Values::Int32(values) => ("Int32", encode(values, i32::to_le_bytes)),
             Values::Int64(values) => ("Int64", encode(values, i64::to_le_bytes)),
             Values::Real(values) => match precision {
@@ -230,7 +227,8 @@ mod tests {
     /// Decodes a binary array of the file, found by name, without any code of the writer.
     fn decode(text: &str, name: &str) -> (String, Vec<u8>) {
         let document = roxmltree::Document::parse(text).expect("well-formed XML");
-        let node = document.descendants().find(|node| node.attribute("Name") == Some(name)).expect("the array");
+        let node =
+            document.descendants().find(|node| node.attribute("Name") == Some(name)).expect("the array");
         assert_eq!(node.attribute("format"), Some("binary"));
         let bytes = BASE64.decode(node.text().expect("text")).expect("base64");
         let length = u64::from_le_bytes(bytes[..8].try_into().unwrap());
@@ -269,7 +267,7 @@ mod tests {
         assert_eq!((kind.as_str(), bytes.len()), ("Float64", 6 * 8));
         let (kind, bytes) = decode(&text, "id");
         assert_eq!((kind.as_str(), &bytes[..8]), ("Int64", &100_i64.to_le_bytes()[..]));
-        assert_eq!(decode(&text, "sliding"), ("UInt8".to_string(), vec![1, 0]));
+        assert_eq!(decode(&text, "sliding"), ("Int32".to_string(), vec![1, 0, 0, 0, 0, 0, 0, 0]));
         let (kind, bytes) = decode(&self::text(Precision::Single), "radius");
         assert_eq!((kind.as_str(), bytes[..4].to_vec()), ("Float32", 0.1_f32.to_le_bytes().to_vec()));
     }
