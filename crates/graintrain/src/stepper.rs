@@ -12,6 +12,8 @@ use graintrain_ccp::{
     Status,
 };
 use serde::{Deserialize, Serialize};
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
 /// How steps are made.
@@ -101,6 +103,10 @@ pub enum StepError {
         /// Time at its start, s.
         time: f64,
     },
+    /// The stop flag was set during the solve. The world is left as it was before the step, since a solve cut short
+    /// depends on when that was.
+    #[error("stopped before the end of a step")]
+    Stopped,
 }
 
 /// Makes time steps; owns the solver and everything that is kept between steps apart from the state.
@@ -109,6 +115,7 @@ pub struct Stepper {
     solver: Box<dyn CcpSolver>,
     collider: Collider,
     last: Option<(Ccp, Vec<f64>)>,
+    stop: Option<Arc<AtomicBool>>,
 }
 
 impl Stepper {
@@ -126,12 +133,17 @@ impl Stepper {
             return Err(ModelError::Value { what, value: settings.envelope, expected }.into());
         }
         let solver = settings.solver.build()?;
-        Ok(Self { settings, solver, collider: Collider::default(), last: None })
+        Ok(Self { settings, solver, collider: Collider::default(), last: None, stop: None })
     }
 
     /// The settings.
     pub fn settings(&self) -> &StepSettings {
         &self.settings
+    }
+
+    /// Stops a step whose solve is under way as soon as the flag is set: it then ends with [`StepError::Stopped`].
+    pub fn stop_on(&mut self, stop: Arc<AtomicBool>) {
+        self.stop = Some(stop);
     }
 
     /// The contact problem of the last step and the impulses found (length 3 N_c, contact frames, N s).
@@ -149,7 +161,7 @@ impl Stepper {
     /// A solve that misses its tolerance is no error: see [`StepReport::solve`].
     ///
     /// # Errors
-    /// [`StepError::NotFinite`] (the world is left unchanged) or [`StepError::Solver`].
+    /// [`StepError::NotFinite`], [`StepError::Solver`] or [`StepError::Stopped`]; the world is left unchanged.
     pub fn step(&mut self, world: &mut World) -> Result<StepReport, StepError> {
         let step = self.settings.step;
         let begin = Instant::now();
@@ -161,6 +173,9 @@ impl Stepper {
         let mut impulse = warm_start(&problem, &contacts, &world.contacts, world.bodies.len());
         let assembled = Instant::now();
         let solve = self.solve(&problem, &mut impulse)?;
+        if solve.status == Status::Stopped {
+            return Err(StepError::Stopped);
+        }
         let solved = Instant::now();
 
         let (velocity, world_impulse) = velocity_after(&problem, &impulse, free);
@@ -212,6 +227,7 @@ impl Stepper {
             tolerance: self.settings.tolerance,
             max_iterations: self.settings.max_iterations,
             friction: self.settings.friction,
+            stop: self.stop.clone(),
             ..SolveSettings::default()
         };
         self.solver.solve(problem, impulse, &settings)
