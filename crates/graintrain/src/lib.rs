@@ -10,6 +10,7 @@
 //! | [`integrate`] | velocities without contact, positions, rotations |
 //! | [`stepper`] | the time step |
 //! | [`run`], [`output`], [`checkpoint`] | many steps, what they leave behind, going on later |
+//! | [`render`], [`plot`] | pictures and charts |
 //! | [`error`] | what can be wrong with a world |
 //! | [`problem_file`] | contact problems in files: FCLIB, Siconos, the program's own dumps |
 
@@ -25,6 +26,7 @@ pub mod motion;
 pub mod output;
 pub mod plot;
 pub mod problem_file;
+pub mod render;
 pub mod run;
 pub mod shape;
 pub mod stepper;

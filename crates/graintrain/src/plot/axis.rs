@@ -22,7 +22,7 @@ pub struct Axis {
 
 /// A tick mark: where, and its text (empty for a minor tick).
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Tick {
+pub(crate) struct Tick {
     pub value: f64,
     pub text: String,
 }
@@ -88,7 +88,7 @@ impl Axis {
     }
 
     /// Ticks between the ends.
-    pub(super) fn ticks(&self, [low, high]: [f64; 2]) -> Vec<Tick> {
+    pub(crate) fn ticks(&self, [low, high]: [f64; 2]) -> Vec<Tick> {
         match self.scale {
             Scale::Linear => {
                 let step = nice_step((high - low) / 5.0);
