@@ -12,11 +12,6 @@ pub enum Failure {
 }
 
 impl Failure {
-    /// Bad input, told by an error that implements [`miette::Diagnostic`].
-    pub fn input(diagnostic: impl miette::Diagnostic + Send + Sync + 'static) -> Self {
-        Self::Input(miette::Report::new(diagnostic))
-    }
-
     /// Bad input, told by an ordinary error and what the user can do about it.
     pub fn input_error(
         error: impl std::error::Error + Send + Sync + 'static,

@@ -4,11 +4,11 @@
 //! a signal after leaving things in order.
 
 mod command;
-#[allow(dead_code)]
 mod error;
-#[allow(dead_code)]
+mod evaluation;
+mod profile;
 mod signal;
-#[allow(dead_code)]
+mod solving;
 mod threads;
 
 use clap::Parser;

@@ -1,5 +1,7 @@
 //! The commands, one file each. A new command is a module, a variant and a line in [`Command::execute`].
 
+mod compare;
+mod solve;
 mod solvers;
 
 use crate::error::Failure;
@@ -8,6 +10,8 @@ use std::process::ExitCode;
 /// What the user asked for.
 #[derive(clap::Subcommand)]
 pub enum Command {
+    Solve(solve::Arguments),
+    Compare(compare::Arguments),
     Solvers(solvers::Arguments),
 }
 
@@ -15,6 +19,8 @@ impl Command {
     /// Carries the command out.
     pub fn execute(self) -> Result<ExitCode, Failure> {
         match self {
+            Self::Solve(arguments) => solve::execute(&arguments),
+            Self::Compare(arguments) => compare::execute(&arguments),
             Self::Solvers(arguments) => solvers::execute(&arguments),
         }
     }

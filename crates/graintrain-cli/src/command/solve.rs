@@ -1,0 +1,122 @@
+//! `graintrain solve`: one problem, one solver.
+
+use crate::error::Failure;
+use crate::evaluation::Yardstick;
+use crate::signal::Stop;
+use crate::solving::{self, Options, Outcome};
+use crate::threads::with_threads;
+use graintrain::problem_file::ProblemFile;
+use graintrain_ccp::CcpError;
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+/// Solve one contact problem from a file
+///
+/// PROBLEM is an FCLIB file (.hdf5), a Siconos text problem (.dat), or a dump of `graintrain run --dump-problem`. The
+/// answer is judged by an independent evaluation of its residual, both as the relaxed problem and with exact Coulomb
+/// friction.
+#[derive(clap::Args)]
+#[command(after_help = "Examples:\n  \
+    graintrain solve KaplasTower.hdf5\n  \
+    graintrain solve sed4913.dat --solver ipm --tolerance 1e-8 --solution answer.csv\n  \
+    graintrain solve Capsules.hdf5 --friction coulomb --tolerance 1e-6 --json")]
+pub struct Arguments {
+    /// File of the contact problem
+    problem: PathBuf,
+    /// Solver by name; see `graintrain solvers`
+    #[arg(long, value_name = "NAME", default_value = "auto")]
+    solver: String,
+    /// Write impulses and velocities per contact, in the order and frame of the file
+    #[arg(long, value_name = "FILE.csv")]
+    solution: Option<PathBuf>,
+    #[command(flatten)]
+    options: Options,
+}
+
+/// Solves and prints.
+pub fn execute(arguments: &Arguments) -> Result<ExitCode, Failure> {
+    let spec = solving::solver_spec(&arguments.solver)?;
+    let file = solving::read_problem(&arguments.problem)?;
+    let name = solving::problem_name(&arguments.problem);
+    let stop = Stop::listen()?;
+    let settings = arguments.options.settings(&stop);
+    let spinner = solving::spinner();
+    spinner.set_message(format!("{spec} on {name}, {}", solving::describe(&file)));
+    let outcome = with_threads(arguments.options.threads, || {
+        let yardstick = Yardstick::new(&file.problem);
+        solving::run(&name, &file, &yardstick, &spec, &settings)
+    })?
+    .map_err(|error: CcpError| Failure::input_error(error, "choose another --solver"));
+    spinner.finish_and_clear();
+    let outcome = outcome?;
+    if let Some(path) = &arguments.solution {
+        write_solution(path, &outcome)?;
+    }
+    if arguments.options.json {
+        println!("{}", serde_json::to_string_pretty(&outcome.record).unwrap_or_default());
+    } else {
+        print!("{}", table(&file, &outcome));
+    }
+    for note in file.notes() {
+        eprintln!("note: {note}");
+    }
+    if let Some(code) = stop.exit_code() {
+        return Ok(code);
+    }
+    let missed = arguments.options.strict && !outcome.record.converged;
+    Ok(if missed { ExitCode::from(1) } else { ExitCode::SUCCESS })
+}
+
+/// The answer for people.
+fn table(file: &ProblemFile, outcome: &Outcome) -> String {
+    let (record, evaluation) = (&outcome.record, &outcome.evaluation);
+    let mut text = String::new();
+    let mut line = |label: &str, value: String| {
+        let _ = writeln!(text, "  {label:<20}{value}");
+    };
+    line("problem", solving::describe(file));
+    if !file.title.is_empty() {
+        line("title", file.title.clone());
+    }
+    let linear = match record.linear_iterations {
+        0 => String::new(),
+        count => format!(", {count} of the linear solver"),
+    };
+    line("solver", format!("{}, {} iterations{linear}", record.solver, record.iterations));
+    let verdict = if record.converged { "converged" } else { solving::status_word(record.status) };
+    let verdict = if record.remark.is_some() { "NOT converged" } else { verdict };
+    line("status", format!("{verdict} in {}", solving::seconds_text(record.seconds)));
+    let asked = |model| {
+        if record.friction == model { format!("   asked {:e}", record.tolerance) } else { String::new() }
+    };
+    use graintrain_ccp::FrictionModel::{Coulomb, Relaxed};
+    line("residual, relaxed", format!("{:.2e}{}", record.residual_relaxed, asked(Relaxed)));
+    line("residual, Coulomb", format!("{:.2e}{}", record.residual_coulomb, asked(Coulomb)));
+    line("objective", format!("{:.12e} J", record.objective));
+    line(
+        "contacts",
+        format!(
+            "{} sticking, {} sliding, {} apart",
+            evaluation.sticking, evaluation.sliding, evaluation.apart
+        ),
+    );
+    if let Some(remark) = &record.remark {
+        line("remark", remark.clone());
+    }
+    format!("{}\n{text}", record.problem)
+}
+
+/// Writes impulses and velocities as CSV; numbers round-trip.
+fn write_solution(path: &Path, outcome: &Outcome) -> Result<(), Failure> {
+    let mut text =
+        String::from("contact,impulse_n,impulse_t1,impulse_t2,velocity_n,velocity_t1,velocity_t2\n");
+    let rows = outcome.impulse.chunks_exact(3).zip(outcome.evaluation.velocity.chunks_exact(3));
+    for (contact, (g, u)) in rows.enumerate() {
+        let _ = writeln!(text, "{contact},{:e},{:e},{:e},{:e},{:e},{:e}", g[0], g[1], g[2], u[0], u[1], u[2]);
+    }
+    std::fs::write(path, text).map_err(|error| {
+        let what = std::io::Error::new(error.kind(), format!("{}: {error}", path.display()));
+        Failure::input_error(what, "--solution needs a file that can be written")
+    })
+}

@@ -1,0 +1,138 @@
+//! An independent look at an answer: residuals and contact states, by code that no solver uses.
+//!
+//! Solvers work on N in whatever form they like and report their own residual. Here N is assembled, multiplied row by
+//! row, and the natural map is written out again from its definition (see [`graintrain_ccp::residual`]), so that a
+//! solver that fools itself is found out.
+
+use graintrain_ccp::{Ccp, FrictionModel, Residual};
+use graintrain_linalg::block3::BlockMatrix3;
+
+/// A problem prepared for the evaluation of answers.
+pub struct Yardstick<'a> {
+    problem: &'a Ccp,
+    matrix: BlockMatrix3,
+    /// eta_i = trace(N_ii) / 3, 1/kg.
+    eta: Vec<f64>,
+    /// J, N s.
+    impulse_scale: f64,
+}
+
+/// What an answer is worth.
+#[derive(Clone, Debug)]
+pub struct Evaluation {
+    /// u = N g + r, m/s.
+    pub velocity: Vec<f64>,
+    /// Residual as a relaxed CCP.
+    pub relaxed: Residual,
+    /// Residual as exact Coulomb friction.
+    pub coulomb: Residual,
+    /// 1/2 g^T N g + r^T g, J.
+    pub objective: f64,
+    /// Contacts without impulse.
+    pub apart: usize,
+    /// Contacts with an impulse inside the friction cone.
+    pub sticking: usize,
+    /// Contacts with an impulse on the mantle of the friction cone.
+    pub sliding: usize,
+}
+
+impl Evaluation {
+    /// Residual in one friction model.
+    pub fn residual(&self, model: FrictionModel) -> Residual {
+        match model {
+            FrictionModel::Relaxed => self.relaxed,
+            FrictionModel::Coulomb => self.coulomb,
+        }
+    }
+}
+
+impl<'a> Yardstick<'a> {
+    /// Assembles N.
+    pub fn new(problem: &'a Ccp) -> Self {
+        let matrix = problem.delassus.assemble();
+        let mut eta: Vec<f64> = (0..matrix.num_rows())
+            .map(|i| {
+                let block = matrix.get(i, i);
+                (block[0] + block[4] + block[8]) / 3.0
+            })
+            .collect();
+        let smallest = eta.iter().copied().filter(|&eta| eta > 0.0).reduce(f64::min).unwrap_or(1.0);
+        for eta in &mut eta {
+            if *eta <= 0.0 {
+                *eta = smallest;
+            }
+        }
+        let mean_square = problem
+            .r
+            .chunks_exact(3)
+            .zip(&eta)
+            .map(|(r, eta)| (r[0] * r[0] + r[1] * r[1] + r[2] * r[2]) / (eta * eta))
+            .sum::<f64>()
+            / eta.len().max(1) as f64;
+        let scale = problem.impulse_scale.unwrap_or_else(|| mean_square.sqrt());
+        Self { problem, matrix, eta, impulse_scale: if scale > 0.0 { scale } else { 1.0 } }
+    }
+
+    /// Evaluates impulses `g`, N s, length 3 N_c.
+    pub fn evaluate(&self, g: &[f64]) -> Evaluation {
+        let contacts = self.problem.num_contacts();
+        let mut velocity = self.problem.r.clone();
+        let mut evaluation = Evaluation {
+            velocity: Vec::new(),
+            relaxed: Residual::default(),
+            coulomb: Residual::default(),
+            objective: 0.0,
+            apart: 0,
+            sticking: 0,
+            sliding: 0,
+        };
+        for i in 0..contacts {
+            let product = self.matrix.row_times(i, g);
+            let (mu, eta) = (self.problem.friction[i], self.eta[i]);
+            let impulse = [g[3 * i], g[3 * i + 1], g[3 * i + 2]];
+            let u = &mut velocity[3 * i..3 * i + 3];
+            for k in 0..3 {
+                evaluation.objective += impulse[k] * (0.5 * product[k] + u[k]);
+                u[k] += product[k];
+            }
+            let slip = (u[1] * u[1] + u[2] * u[2]).sqrt();
+            let relaxed = natural_map(impulse, [u[0], u[1], u[2]], mu, eta);
+            let coulomb = natural_map(impulse, [u[0] + mu * slip, u[1], u[2]], mu, eta);
+            for (sum, square) in [(&mut evaluation.relaxed, relaxed), (&mut evaluation.coulomb, coulomb)] {
+                // f64::max would lose a NaN.
+                sum.max = if square.is_nan() || square > sum.max { square } else { sum.max };
+                sum.rms += square;
+            }
+            let tangential = impulse[1].hypot(impulse[2]);
+            let noise = 1e-9 * self.impulse_scale;
+            if impulse[0] <= noise {
+                evaluation.apart += 1;
+            } else if tangential >= mu * impulse[0] * (1.0 - 1e-6) {
+                evaluation.sliding += 1;
+            } else {
+                evaluation.sticking += 1;
+            }
+        }
+        for residual in [&mut evaluation.relaxed, &mut evaluation.coulomb] {
+            residual.max = residual.max.sqrt() / self.impulse_scale;
+            residual.rms = (residual.rms / contacts.max(1) as f64).sqrt() / self.impulse_scale;
+        }
+        evaluation.velocity = velocity;
+        evaluation
+    }
+}
+
+/// |g - P(g - u / eta)|^2 with P the projection on { |g_t| <= mu g_n }.
+fn natural_map(g: [f64; 3], u: [f64; 3], mu: f64, eta: f64) -> f64 {
+    let x = [g[0] - u[0] / eta, g[1] - u[1] / eta, g[2] - u[2] / eta];
+    let tangential = x[1].hypot(x[2]);
+    let projected = if tangential <= mu * x[0] {
+        x
+    } else {
+        // The coordinate of x along the generator (1, mu) / sqrt(1 + mu^2) of the mantle; negative in the polar cone.
+        let along = ((x[0] + mu * tangential) / (1.0 + mu * mu)).max(0.0);
+        let shrink = if tangential > 0.0 { mu * along / tangential } else { 0.0 };
+        [along, shrink * x[1], shrink * x[2]]
+    };
+    (0..3).map(|k| (g[k] - projected[k]).powi(2)).sum()
+}

@@ -1,0 +1,270 @@
+//! What `solve` and `compare` share: options, reading a problem, running a solver, the record of a run.
+
+use crate::error::Failure;
+use crate::evaluation::{Evaluation, Yardstick};
+use crate::signal::Stop;
+use graintrain::problem_file::{self, Form, ProblemFile};
+use graintrain_ccp::{CcpError, FrictionModel, SolveSettings, SolverSpec, Status};
+use serde::Serialize;
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+/// Options of a solve.
+#[derive(clap::Args)]
+pub struct Options {
+    /// Stop when the residual is at most this
+    #[arg(long, value_name = "X", default_value_t = 1e-4, value_parser = positive)]
+    pub tolerance: f64,
+    /// Stop each solve after this time
+    #[arg(long, value_name = "S", value_parser = positive)]
+    pub max_seconds: Option<f64>,
+    /// The convex relaxation, or exact Coulomb friction
+    #[arg(long, value_enum, default_value_t = Friction::Relaxed)]
+    pub friction: Friction,
+    /// Number of threads [default: all processors]
+    #[arg(long, value_name = "N")]
+    pub threads: Option<std::num::NonZeroUsize>,
+    /// Print JSON instead of a table
+    #[arg(long)]
+    pub json: bool,
+    /// Exit with code 1 where a tolerance is missed
+    #[arg(long)]
+    pub strict: bool,
+}
+
+/// `--friction`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Friction {
+    /// The convex relaxation (CCP)
+    Relaxed,
+    /// Exact Coulomb friction
+    Coulomb,
+}
+
+impl From<Friction> for FrictionModel {
+    fn from(friction: Friction) -> Self {
+        match friction {
+            Friction::Relaxed => Self::Relaxed,
+            Friction::Coulomb => Self::Coulomb,
+        }
+    }
+}
+
+/// A number that is finite and positive.
+fn positive(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if value.is_finite() && value > 0.0 => Ok(value),
+        _ => Err("expected a positive number".to_string()),
+    }
+}
+
+impl Options {
+    /// The settings these options ask for.
+    pub fn settings(&self, stop: &Stop) -> SolveSettings {
+        SolveSettings {
+            tolerance: self.tolerance,
+            max_time: self.max_seconds.map(Duration::from_secs_f64),
+            friction: self.friction.into(),
+            stop: Some(std::sync::Arc::clone(&stop.requested)),
+            ..SolveSettings::default()
+        }
+    }
+}
+
+/// Reads a problem file.
+pub fn read_problem(path: &Path) -> Result<ProblemFile, Failure> {
+    problem_file::read(path).map_err(|error| {
+        let remedy = error.remedy().to_string();
+        Failure::input_error(error, remedy)
+    })
+}
+
+/// A solver by name.
+pub fn solver_spec(name: &str) -> Result<SolverSpec, Failure> {
+    name.parse().map_err(|error: CcpError| {
+        Failure::input_error(error, "`graintrain solvers` lists the solvers by name")
+    })
+}
+
+/// The name of a problem in tables: its file name.
+pub fn problem_name(path: &Path) -> String {
+    path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()
+}
+
+/// One line about a problem.
+pub fn describe(file: &ProblemFile) -> String {
+    let friction = &file.problem.friction;
+    let low = friction.iter().copied().fold(f64::INFINITY, f64::min);
+    let high = friction.iter().copied().fold(0.0, f64::max);
+    let friction = if friction.is_empty() {
+        String::new()
+    } else if low == high {
+        format!(", friction {low}")
+    } else {
+        format!(", friction {low} to {high}")
+    };
+    let form = match file.form {
+        Form::Local => "explicit matrix".to_string(),
+        Form::RigidBodies => format!("{} rigid bodies", file.bodies),
+        Form::Condensed => format!("{} bodies, condensed", file.bodies),
+    };
+    format!("{} contacts, {form}{friction}", file.problem.num_contacts())
+}
+
+/// What a solver did to a problem, as it is printed. Residuals and objective come from the independent evaluation.
+#[derive(Clone, Debug, Serialize)]
+pub struct Record {
+    /// File of the problem.
+    pub problem: String,
+    /// Number of contacts.
+    pub contacts: usize,
+    /// Number of bodies, 0 where the file does not know them.
+    pub bodies: usize,
+    /// Solver, with its linear solver where it has one.
+    pub solver: String,
+    /// `relaxed` or `coulomb`.
+    pub friction: FrictionModel,
+    /// Tolerance asked for.
+    pub tolerance: f64,
+    /// Why the solver stopped; `None` where it could not treat the problem.
+    pub status: Option<Status>,
+    /// Iterations of the outer method.
+    pub iterations: usize,
+    /// Iterations of linear solvers, summed.
+    pub linear_iterations: usize,
+    /// Wall-clock seconds, from the bare problem to the answer.
+    pub seconds: f64,
+    /// Residual in the friction model asked for.
+    pub residual: f64,
+    /// Its root mean square over the contacts.
+    pub residual_rms: f64,
+    /// Residual as a relaxed CCP.
+    pub residual_relaxed: f64,
+    /// Residual as exact Coulomb friction.
+    pub residual_coulomb: f64,
+    /// 1/2 g^T N g + r^T g, J.
+    pub objective: f64,
+    /// Whether the residual is at most the tolerance: claimed by the solver and confirmed by the evaluation.
+    pub converged: bool,
+    /// What went wrong, in a sentence.
+    pub remark: Option<String>,
+}
+
+/// An answer, its evaluation and the record of the run.
+pub struct Outcome {
+    /// Impulses, N s.
+    pub impulse: Vec<f64>,
+    /// What they are worth.
+    pub evaluation: Evaluation,
+    /// The record.
+    pub record: Record,
+}
+
+/// Round-off may separate a solver's residual from the independent one by this factor at most.
+const CONFIRMED: f64 = 1.0 + 1e-3;
+
+/// Solves a problem from zero impulses.
+///
+/// # Errors
+/// Where the solver cannot treat the problem.
+pub fn run(
+    name: &str,
+    file: &ProblemFile,
+    yardstick: &Yardstick<'_>,
+    spec: &SolverSpec,
+    settings: &SolveSettings,
+) -> Result<Outcome, CcpError> {
+    let mut impulse = vec![0.0; 3 * file.problem.num_contacts()];
+    let start = Instant::now();
+    let report = spec.build()?.solve(&file.problem, &mut impulse, settings)?;
+    let seconds = start.elapsed().as_secs_f64();
+    let evaluation = yardstick.evaluate(&impulse);
+    let residual = evaluation.residual(settings.friction);
+    // Below 1e-12 round-off decides, and the two evaluations may differ by all of it.
+    let confirmed = residual.max <= settings.tolerance * CONFIRMED + 1e-12;
+    let remark = (report.converged() && !confirmed).then(|| {
+        format!(
+            "the solver reports a residual of {:.2e}, the independent evaluation {:.2e}",
+            report.residual.max, residual.max
+        )
+    });
+    let record = Record {
+        problem: name.to_string(),
+        contacts: file.problem.num_contacts(),
+        bodies: file.bodies,
+        solver: report.solver.clone(),
+        friction: settings.friction,
+        tolerance: settings.tolerance,
+        status: Some(report.status),
+        iterations: report.iterations,
+        linear_iterations: report.linear_iterations,
+        seconds,
+        residual: residual.max,
+        residual_rms: residual.rms,
+        residual_relaxed: evaluation.relaxed.max,
+        residual_coulomb: evaluation.coulomb.max,
+        objective: evaluation.objective,
+        converged: report.converged() && confirmed,
+        remark,
+    };
+    Ok(Outcome { impulse, evaluation, record })
+}
+
+/// The record of a solver that cannot treat the problem.
+pub fn refused(
+    name: &str,
+    file: &ProblemFile,
+    spec: &SolverSpec,
+    settings: &SolveSettings,
+    error: &CcpError,
+) -> Record {
+    Record {
+        problem: name.to_string(),
+        contacts: file.problem.num_contacts(),
+        bodies: file.bodies,
+        solver: spec.to_string(),
+        friction: settings.friction,
+        tolerance: settings.tolerance,
+        status: None,
+        iterations: 0,
+        linear_iterations: 0,
+        seconds: 0.0,
+        residual: f64::NAN,
+        residual_rms: f64::NAN,
+        residual_relaxed: f64::NAN,
+        residual_coulomb: f64::NAN,
+        objective: f64::NAN,
+        converged: false,
+        remark: Some(error.to_string()),
+    }
+}
+
+/// A status in words.
+pub fn status_word(status: Option<Status>) -> &'static str {
+    match status {
+        Some(Status::Converged) => "converged",
+        Some(Status::Stalled) => "stalled",
+        Some(Status::IterationLimit) => "iteration limit",
+        Some(Status::Stopped) => "out of time",
+        Some(Status::Infeasible) => "infeasible",
+        None => "not applicable",
+    }
+}
+
+/// Seconds with three significant digits.
+pub fn seconds_text(seconds: f64) -> String {
+    if seconds < 0.0995 {
+        format!("{:.3} ms", 1e3 * seconds)
+    } else if seconds < 99.5 {
+        format!("{seconds:.2} s")
+    } else {
+        format!("{seconds:.0} s")
+    }
+}
+
+/// A spinner on stderr, drawn only where that is a terminal.
+pub fn spinner() -> indicatif::ProgressBar {
+    let spinner = indicatif::ProgressBar::new_spinner();
+    spinner.enable_steady_tick(Duration::from_millis(120));
+    spinner
+}
