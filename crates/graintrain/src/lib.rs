@@ -12,6 +12,7 @@
 //! | [`run`], [`output`], [`checkpoint`] | many steps, what they leave behind, going on later |
 //! | [`render`], [`plot`] | pictures and charts |
 //! | [`error`] | what can be wrong with a world |
+//! | [`scene`] | scene files with units, built-in scenes, packings |
 //! | [`problem_file`] | contact problems in files: FCLIB, Siconos, the program's own dumps |
 
 pub mod assemble;
@@ -28,6 +29,7 @@ pub mod plot;
 pub mod problem_file;
 pub mod render;
 pub mod run;
+pub mod scene;
 pub mod shape;
 pub mod stepper;
 pub mod world;

@@ -7,6 +7,7 @@ use super::model::{
     BodySpec, FrictionLaw, MeshSpec, MotionSpec, PackingSource, PackingSpec, PartSpec, ShapeSpec,
 };
 use super::packing::{self, read_file};
+use crate::collide::deepest_overlap;
 use crate::error::ModelError;
 use crate::material::Materials;
 use crate::math::{Quat, Vec3};
@@ -72,7 +73,7 @@ impl Scene {
         for (name, packing) in &self.packings {
             builder.add_packing(name, packing)?;
         }
-        let Builder { world, smallest_radius, .. } = builder;
+        let Builder { world, smallest_radius, origins, .. } = builder;
         if world.bodies.is_empty() {
             return Err(SceneError::new(SceneErrorKind::NoBodies, None));
         }
@@ -80,7 +81,8 @@ impl Scene {
             return Err(SceneError::new(SceneErrorKind::NothingMoves, None));
         }
         let envelope = *resolved.contact.envelope.get_or_insert(ENVELOPE * smallest_radius);
-        resolved.contact.allowed_overlap.get_or_insert(ALLOWED_OVERLAP * smallest_radius);
+        let allowed = *resolved.contact.allowed_overlap.get_or_insert(ALLOWED_OVERLAP * smallest_radius);
+        check_overlap(&world, &origins, allowed)?;
         let solver = self.solver.name.parse().map_err(|error: graintrain_ccp::CcpError| {
             SceneError::new(SceneErrorKind::Contradiction(error.to_string()), None)
         })?;
@@ -143,6 +145,44 @@ struct Builder {
     locked_rotation: Option<u32>,
     /// Smallest size of a body that can move, m.
     smallest_radius: f64,
+    /// Where bodies come from, in their order.
+    origins: Vec<Origin>,
+}
+
+/// A stretch of bodies that a body or packing of the scene made.
+struct Origin {
+    /// Name of the body or packing.
+    label: String,
+    /// Index of the first of them.
+    first: usize,
+    is_packing: bool,
+    location: Location,
+}
+
+/// An error for the deepest pair of bodies that overlap by more than allowed.
+fn check_overlap(world: &World, origins: &[Origin], allowed: f64) -> Result<(), SceneError> {
+    let Some(overlap) = deepest_overlap(world).filter(|overlap| overlap.depth > allowed) else {
+        return Ok(());
+    };
+    let origin = |body: u32| {
+        let after = origins.partition_point(|origin| origin.first <= body as usize);
+        &origins[after - 1]
+    };
+    let label = |body: u32| {
+        let origin = origin(body);
+        if origin.is_packing {
+            format!("number {} of packing `{}`", body as usize - origin.first + 1, origin.label)
+        } else {
+            format!("`{}`", origin.label)
+        }
+    };
+    let kind = SceneErrorKind::Overlap {
+        first: label(overlap.body_a),
+        second: label(overlap.body_b),
+        depth: overlap.depth,
+        allowed,
+    };
+    Err(SceneError::at(kind, &origin(overlap.body_a).location))
 }
 
 fn model_error(error: ModelError, location: &Location) -> SceneError {
@@ -151,9 +191,8 @@ fn model_error(error: ModelError, location: &Location) -> SceneError {
 
 impl Builder {
     fn new(scene: &Scene) -> Result<Self, SceneError> {
-        let unplaced = |error: ModelError| {
-            SceneError::new(SceneErrorKind::Contradiction(error.to_string()), None)
-        };
+        let unplaced =
+            |error: ModelError| SceneError::new(SceneErrorKind::Contradiction(error.to_string()), None);
         let mut materials = Materials::default();
         let mut index = HashMap::new();
         for (name, material) in &scene.materials {
@@ -188,6 +227,7 @@ impl Builder {
             spheres: HashMap::new(),
             locked_rotation: None,
             smallest_radius: f64::INFINITY,
+            origins: Vec::new(),
         })
     }
 
@@ -195,7 +235,13 @@ impl Builder {
         self.materials[name]
     }
 
+    fn note_origin(&mut self, label: &str, is_packing: bool, location: &Location) {
+        let first = self.world.bodies.len();
+        self.origins.push(Origin { label: label.to_string(), first, is_packing, location: location.clone() });
+    }
+
     fn add_body(&mut self, name: &str, spec: &BodySpec) -> Result<(), SceneError> {
+        self.note_origin(name, false, &spec.location);
         let at = |error: ModelError| model_error(error, &spec.location);
         let parts = spec.parts.iter().map(part).collect::<Result<Vec<_>, SceneError>>()?;
         let (geometry, centre) = Geometry::compound(parts).map_err(at)?;
@@ -243,9 +289,10 @@ impl Builder {
     }
 
     fn add_packing(&mut self, name: &str, spec: &PackingSpec) -> Result<(), SceneError> {
+        self.note_origin(name, true, &spec.location);
         let at = |error: ModelError| model_error(error, &spec.location);
         let material = self.material(&spec.material);
-        let shape = spec.shape.as_ref().map(|spec| shape(spec)).transpose()?;
+        let shape = spec.shape.as_ref().map(shape).transpose()?;
         let bounding_radius = shape.as_ref().map(|(shape, _)| shape.bounding_radius());
         let placed = packing::place(name, spec, bounding_radius)?;
         let shared = match shape {
@@ -256,7 +303,8 @@ impl Builder {
             None => None,
         };
         let motion = if spec.lock_rotation { self.locked_rotation().map_err(at)? } else { FREE };
-        for ((position, radius), velocity) in placed.position.iter().zip(&placed.radius).zip(&placed.velocity) {
+        for ((position, radius), velocity) in placed.position.iter().zip(&placed.radius).zip(&placed.velocity)
+        {
             let geometry = match shared {
                 Some(geometry) => geometry,
                 None => self.sphere(*radius).map_err(at)?,
@@ -316,7 +364,8 @@ fn mesh_shape(mesh: &MeshSpec) -> Result<Shape, SceneError> {
         None => (mesh.vertices.clone(), mesh.triangles.clone()),
         Some(path) => {
             let bytes = read_file(path, &mesh.location)?;
-            let read = mesh_file::read(path, &bytes).map_err(|problem| problem.located(path, &mesh.location))?;
+            let read =
+                mesh_file::read(path, &bytes).map_err(|problem| problem.located(path, &mesh.location))?;
             (read.vertices, read.triangles)
         }
     };

@@ -12,13 +12,11 @@ pub struct Builtin {
 }
 
 /// All built-in scenes.
-pub const SCENES: &[Builtin] = &[
-    Builtin {
-        name: "sedimentation",
-        about: "(2n+1)^3 spheres dropped into a box with a rotating mixer (the paper's first experiment)",
-        text: include_str!("../../../../scenes/sedimentation.toml"),
-    },
-];
+pub const SCENES: &[Builtin] = &[Builtin {
+    name: "sedimentation",
+    about: "(2n+1)^3 spheres dropped into a box with a rotating mixer (the paper's first experiment)",
+    text: include_str!("../../../../scenes/sedimentation.toml"),
+}];
 
 /// The built-in scene of this name.
 pub fn find(name: &str) -> Option<&'static Builtin> {

@@ -180,8 +180,8 @@ pub enum SceneErrorKind {
     },
     /// Bodies overlap at the start.
     #[error(
-        "bodies overlap at the start: deepest pair {first} and {second}, by {depth:.3e} m; \
-         {count} pairs deeper than {allowed:.3e} m"
+        "bodies overlap at the start: deepest pair {first} and {second}, by {depth:.3e} m, \
+         more than the allowed {allowed:.3e} m"
     )]
     Overlap {
         /// One body.
@@ -192,8 +192,6 @@ pub enum SceneErrorKind {
         depth: f64,
         /// Allowed depth, m.
         allowed: f64,
-        /// Number of pairs deeper than allowed.
-        count: usize,
     },
     /// No bodies at all.
     #[error("the scene has no bodies")]

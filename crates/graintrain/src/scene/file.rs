@@ -108,7 +108,10 @@ fn solver(reader: Option<Reader>) -> Result<SolverChoice, SceneError> {
     };
     if let Some(reader) = reader {
         if let Some(name) = reader.text("name")? {
-            spec.name = name.parse::<SolverSpec>().map_err(|error| unknown_solver(&reader, &name, error))?.to_string();
+            spec.name = name
+                .parse::<SolverSpec>()
+                .map_err(|error| unknown_solver(&reader, &name, error))?
+                .to_string();
         }
         spec.tolerance = reader.quantity("tolerance", Range::Positive)?.unwrap_or(spec.tolerance);
         spec.max_iterations = match reader.count("max_iterations")? {
@@ -187,9 +190,7 @@ fn pairs(scene: &Reader, materials: &[&str]) -> Result<Vec<PairSpec>, SceneError
 fn material_name(reader: &Reader, materials: &[&str]) -> Result<String, SceneError> {
     match (reader.text("material")?, materials) {
         (Some(name), _) if materials.contains(&name.as_str()) => Ok(name),
-        (Some(name), _) => {
-            Err(reader.unknown_name("material", "material", &name, materials.iter().copied()))
-        }
+        (Some(name), _) => Err(reader.unknown_name("material", "material", &name, materials.iter().copied())),
         (None, [only]) => Ok(only.to_string()),
         (None, _) => Err(reader.missing("material")),
     }
@@ -215,10 +216,8 @@ fn body(reader: &Reader, materials: &[&str]) -> Result<BodySpec, SceneError> {
     let boundary = parts.iter().any(|part| part.shape.is_boundary());
     let motion = motion(reader, position, boundary)?;
     if boundary && motion.free != [false; 6] {
-        let problem = format!(
-            "`{}` has no mass (planes and meshes are boundaries): it cannot be free",
-            reader.path
-        );
+        let problem =
+            format!("`{}` has no mass (planes and meshes are boundaries): it cannot be free", reader.path);
         return Err(SceneError::at(SceneErrorKind::Contradiction(problem), reader.location()));
     }
     Ok(BodySpec {
@@ -380,7 +379,11 @@ fn speed(parent: &Reader) -> Result<Profile, SceneError> {
     let times = inner.list("times", Range::Any)?.ok_or_else(|| inner.missing("times"))?;
     let values = inner.list("values", Range::Any)?.ok_or_else(|| inner.missing("values"))?;
     if times.is_empty() || times.windows(2).any(|pair| pair[1] <= pair[0]) {
-        return Err(inner.out_of_range("times", "at least one time, each later than the one before", format!("{times:?}")));
+        return Err(inner.out_of_range(
+            "times",
+            "at least one time, each later than the one before",
+            format!("{times:?}"),
+        ));
     }
     if times.len() != values.len() {
         let requirement = format!("as many as the {} times", times.len());
@@ -455,7 +458,11 @@ fn radius(packing: &Reader) -> Result<Option<RadiusSpec>, SceneError> {
         if (min..=max).contains(&centre) {
             return Ok(());
         }
-        Err(inner.out_of_range(key, &format!("between min and max ({min} m to {max} m)"), format!("{centre} m")))
+        Err(inner.out_of_range(
+            key,
+            &format!("between min and max ({min} m to {max} m)"),
+            format!("{centre} m"),
+        ))
     };
     Ok(Some(RadiusSpec::Distribution(match form {
         "uniform" => RadiusDistribution::Uniform { min, max },

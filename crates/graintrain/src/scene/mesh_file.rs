@@ -139,9 +139,9 @@ fn read_obj(bytes: &[u8]) -> Result<Vec<[Vec3; 3]>, FileProblem> {
                     let number = word.split('/').next().and_then(|number| number.parse::<i64>().ok());
                     let index = match number {
                         Some(number) if number > 0 => usize::try_from(number - 1).ok(),
-                        Some(number) => {
-                            usize::try_from(number.unsigned_abs()).ok().and_then(|back| vertices.len().checked_sub(back))
-                        }
+                        Some(number) => usize::try_from(number.unsigned_abs())
+                            .ok()
+                            .and_then(|back| vertices.len().checked_sub(back)),
                         None => None,
                     };
                     index.and_then(|index| vertices.get(index).copied()).ok_or_else(|| {

@@ -38,8 +38,8 @@ pub use error::{Location, SceneError, SceneErrorKind, Source};
 
 use crate::math::Vec3;
 use model::{BodySpec, ContactSpec, MaterialSpec, OutputSpec, PackingSpec, PairSpec, SolverChoice, TimeSpec};
-use serde::ser::{SerializeMap, Serializer};
 use serde::Serialize;
+use serde::ser::{SerializeMap, Serializer};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 

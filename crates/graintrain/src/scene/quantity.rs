@@ -121,7 +121,8 @@ impl Quantity {
     }
 
     pub(crate) fn multiply(self, other: Self) -> Result<Self, String> {
-        let dimension = self.dimension.combine(other.dimension, i8::checked_add).ok_or_else(too_large_power)?;
+        let dimension =
+            self.dimension.combine(other.dimension, i8::checked_add).ok_or_else(too_large_power)?;
         Ok(Self { value: self.value * other.value, dimension })
     }
 
@@ -129,7 +130,8 @@ impl Quantity {
         if other.value == 0.0 {
             return Err("division by zero".into());
         }
-        let dimension = self.dimension.combine(other.dimension, i8::checked_sub).ok_or_else(too_large_power)?;
+        let dimension =
+            self.dimension.combine(other.dimension, i8::checked_sub).ok_or_else(too_large_power)?;
         Ok(Self { value: self.value / other.value, dimension })
     }
 

@@ -114,11 +114,7 @@ impl<'a> Reader<'a> {
 
     fn wrong_type(&self, path: &str, expected: &str, node: &Node) -> SceneError {
         SceneError::at(
-            SceneErrorKind::WrongType {
-                key: path.into(),
-                expected: expected.into(),
-                found: node.describe(),
-            },
+            SceneErrorKind::WrongType { key: path.into(), expected: expected.into(), found: node.describe() },
             &node.location,
         )
     }
@@ -475,9 +471,10 @@ impl<'a> Reader<'a> {
     /// The tables of a list.
     pub fn tables(&self, key: &str) -> Result<Vec<Self>, SceneError> {
         let Kind::Tables(table) = self.key(key).kind else { unreachable!("{key} holds no tables") };
-        let readers = self.items(key)?.unwrap_or_default().iter().enumerate().map(|(index, item)| {
-            Self::new(self.context, item, format!("{}.{index}", self.full(key)), table)
-        });
+        let readers =
+            self.items(key)?.unwrap_or_default().iter().enumerate().map(|(index, item)| {
+                Self::new(self.context, item, format!("{}.{index}", self.full(key)), table)
+            });
         readers.collect()
     }
 }

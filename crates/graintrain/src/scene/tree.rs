@@ -243,7 +243,10 @@ fn insert(
             Value::Array(items) => {
                 let count = items.len();
                 part.parse().ok().and_then(|item: usize| items.get_mut(item)).ok_or_else(|| {
-                    (format!("`{parent}` is a list of {count}: `{part}` is not one of its items"), span.clone())
+                    (
+                        format!("`{parent}` is a list of {count}: `{part}` is not one of its items"),
+                        span.clone(),
+                    )
                 })?
             }
             _ => return Err((format!("`{parent}` holds a value, not a table"), span.clone())),

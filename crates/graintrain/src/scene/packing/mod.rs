@@ -64,16 +64,18 @@ impl FileProblem {
 /// Reads a file that a scene names.
 pub(crate) fn read_file(path: &Path, location: &super::error::Location) -> Result<Vec<u8>, SceneError> {
     std::fs::read(path).map_err(|error| {
-        let kind = SceneErrorKind::UnreadableFile {
-            path: path.display().to_string(),
-            reason: error.to_string(),
-        };
+        let kind =
+            SceneErrorKind::UnreadableFile { path: path.display().to_string(), reason: error.to_string() };
         SceneError::at(kind, location)
     })
 }
 
 /// Places the bodies of a packing. `bounding_radius` is that of the packing's shape where they are not spheres.
-pub(crate) fn place(name: &str, spec: &PackingSpec, bounding_radius: Option<f64>) -> Result<Placed, SceneError> {
+pub(crate) fn place(
+    name: &str,
+    spec: &PackingSpec,
+    bounding_radius: Option<f64>,
+) -> Result<Placed, SceneError> {
     let mut random = Random::new(spec.seed);
     let mut draw_radii = |count: usize| match (&spec.radius, bounding_radius) {
         (_, Some(radius)) => vec![radius; count],

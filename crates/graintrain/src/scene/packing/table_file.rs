@@ -77,7 +77,11 @@ pub(crate) fn read(
 }
 
 fn shorten(word: &str) -> String {
-    if word.chars().count() > 40 { word.chars().take(40).chain(['.', '.', '.']).collect() } else { word.into() }
+    if word.chars().count() > 40 {
+        word.chars().take(40).chain(['.', '.', '.']).collect()
+    } else {
+        word.into()
+    }
 }
 
 fn split(line: &str, separator: Option<char>) -> Vec<&str> {
@@ -90,10 +94,13 @@ fn split(line: &str, separator: Option<char>) -> Vec<&str> {
 /// `PosX[mm]` is the column `posx` with the factor 0.001 m.
 fn column(name: &str) -> Result<(String, Option<Quantity>), String> {
     let Some((name, rest)) = name.split_once('[') else { return Ok((name.to_lowercase(), None)) };
-    let unit = rest.strip_suffix(']').ok_or_else(|| format!("the bracket of `{name}[{rest}` is not closed"))?;
+    let unit =
+        rest.strip_suffix(']').ok_or_else(|| format!("the bracket of `{name}[{rest}` is not closed"))?;
     let unit = match unit.trim() {
         "" | "-" => Quantity::number(1.0),
-        unit => evaluate(unit, &NoNames).map_err(|error| format!("unit of column `{name}`: {}", error.problem))?,
+        unit => {
+            evaluate(unit, &NoNames).map_err(|error| format!("unit of column `{name}`: {}", error.problem))?
+        }
     };
     Ok((name.trim().to_lowercase(), Some(unit)))
 }
@@ -135,9 +142,9 @@ pub(crate) fn read_spheres(
     let vectors = |names: [&[&str]; 3], dimension| -> Result<Option<Vec<Vec3>>, FileProblem> {
         let [x, y, z] = names.map(|names| table.column(names, dimension));
         Ok(match (x?, y?, z?) {
-            (Some(x), Some(y), Some(z)) => Some(
-                x.into_iter().zip(y).zip(z).map(|((x, y), z)| Vec3::new(x, y, z)).collect(),
-            ),
+            (Some(x), Some(y), Some(z)) => {
+                Some(x.into_iter().zip(y).zip(z).map(|((x, y), z)| Vec3::new(x, y, z)).collect())
+            }
             _ => None,
         })
     };
@@ -189,7 +196,8 @@ mod tests {
             problem("x y z r\n1 2 3\n"),
             (
                 Some(2),
-                "3 values where the header names 4 columns (leave lines at the end out with `skip_last`)".into()
+                "3 values where the header names 4 columns (leave lines at the end out with `skip_last`)"
+                    .into()
             )
         );
         assert_eq!(problem("x y z r\n1 2 3 4\n1 2 zwei 4\n"), (Some(3), "`zwei` is not a number".into()));

@@ -89,7 +89,8 @@ pub(crate) fn read(bytes: &[u8]) -> Result<FileContent, FileProblem> {
     if pieces == 0 {
         return Err(FileProblem::new("it has no <Piece>"));
     }
-    if !complete(content.radius.as_ref().map(Vec::len)) || !complete(content.velocity.as_ref().map(Vec::len)) {
+    if !complete(content.radius.as_ref().map(Vec::len)) || !complete(content.velocity.as_ref().map(Vec::len))
+    {
         return Err(FileProblem::new("some of its pieces lack an array that others have"));
     }
     Ok(content)
@@ -120,7 +121,8 @@ fn split_appended(bytes: &[u8]) -> Result<(String, Option<Appended<'_>>), FilePr
     let opening = find(rest, b">").ok_or_else(|| FileProblem::new("it ends inside <AppendedData>"))?;
     let is_raw = find(&rest[..opening], b"\"raw\"").is_some();
     let data = rest[opening + 1..].iter().position(|&byte| byte == b'_');
-    let data = data.ok_or_else(|| FileProblem::new("its <AppendedData> lacks the `_` that marks its start"))?;
+    let data =
+        data.ok_or_else(|| FileProblem::new("its <AppendedData> lacks the `_` that marks its start"))?;
     let bytes_after = &rest[opening + data + 2..];
     Ok((text(&bytes[..start])? + "</VTKFile>", Some(Appended { is_raw, bytes: bytes_after })))
 }
