@@ -42,9 +42,6 @@ pub enum TtError {
         /// Number of entries asked for.
         entries: f64,
     },
-    /// All sampled entries are zero, so there is nothing to interpolate.
-    #[error("every sampled entry is zero; start from a train or pivots where the tensor is not zero")]
-    NothingSampled,
     /// A dense factorization failed.
     #[error("core {core}: {source}")]
     Dense {

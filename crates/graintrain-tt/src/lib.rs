@@ -9,6 +9,7 @@
 //! | [`arithmetic`] | sums, entrywise, Kronecker and inner products, TT-matrix times TT-vector and TT-matrix |
 //! | [`round`] | orthogonalisation, norm, rounding, TT-SVD |
 //! | [`apply`] | TT-matrix times full vector in O(r^2 N log N) |
+//! | [`cross`], [`maxvol`] | a train from some of the entries: AMEn-cross with measured error |
 //! | [`solve`] | linear systems by AMEn, ALS and DMRG |
 //! | [`inverse`] | the inverse of a TT-matrix, Newton-Schulz |
 //! | [`qtt`] | quantized trains with known ranks |
@@ -16,9 +17,11 @@
 
 pub mod apply;
 pub mod arithmetic;
+pub mod cross;
 mod error;
 pub mod inverse;
 pub mod matrix;
+pub mod maxvol;
 pub mod qtt;
 mod random;
 pub mod round;
