@@ -4,13 +4,12 @@
 //! friction and contact", ACM Transactions on Graphics 34(3):32, 2015, after Nesterov (1983) and, for the restart,
 //! O'Donoghue and Candes (2015).
 
-use super::driver::{Best, Limits, check_start};
+use super::first_order::{FirstOrder, FirstOrderMethod, Iterate};
 use super::lanes::{Batch, add_scaled, dot, project, sub};
 use super::scaling::{Here, Kernel, ScaledProblem};
 use super::sweep::Tally;
-use super::{CcpSolver, SolveReport, SolveSettings};
-use crate::problem::{Ccp, CcpError};
-use crate::residual::ResidualScale;
+use graintrain_linalg::parallel::CHUNK;
+use rayon::prelude::*;
 
 /// Accelerated projected gradient on the scaled problem:
 ///
@@ -54,49 +53,19 @@ impl Kernel<2> for Step {
     }
 }
 
-/// Iterations between two evaluations of the residual.
-const CHECK: usize = 10;
+impl FirstOrderMethod for Apgd {
+    const NAME: &'static str = "apgd";
 
-impl CcpSolver for Apgd {
-    fn name(&self) -> String {
-        "apgd".to_string()
-    }
-
-    fn solve(
-        &mut self,
-        problem: &Ccp,
-        impulse: &mut [f64],
-        settings: &SolveSettings,
-    ) -> Result<SolveReport, CcpError> {
-        let limits = Limits::start(settings, 100_000);
-        check_start(problem, impulse)?;
-        let scaled = ScaledProblem::new(problem, &ResidualScale::new(problem));
-        let mut work = scaled.work();
-        let zero = scaled.zero_image();
-        let mut x = scaled.zeros();
-        let mut previous = scaled.zeros();
-        let (mut image_x, mut image_y, mut image_d) = (zero.clone(), zero.clone(), zero.clone());
-        scaled.pack(impulse, &mut x);
-        let mut step = 1.0 / scaled.largest_curvature(&mut previous, &mut image_d, &mut work);
-        previous.copy_from_slice(&x);
-        scaled.image_of(&mut x, &mut image_x, &zero, &mut work);
-        image_y.copy_from_slice(&image_x);
-        let mut best = Best::default();
+    fn run(&mut self, scaled: &ScaledProblem, it: &mut Iterate<'_>) {
+        let mut step = 1.0 / it.largest_curvature(scaled);
+        let mut previous = it.x.clone();
+        let (mut image_y, mut image_d) = (it.image.clone(), scaled.zero_image());
         let (mut theta, mut beta) = (1.0_f64, 0.0);
-        let mut iterations = 0;
-        let status = loop {
-            if iterations % CHECK == 0 {
-                let residual = scaled.residual(&mut x, &image_x, &mut work);
-                best.offer(&x, residual);
-                if let Some(status) = limits.status(iterations, residual) {
-                    break status;
-                }
-            }
-            iterations += 1;
+        while it.proceed(scaled) {
             let kernel = Step { step, beta };
             let (totals, curvature) =
-                scaled.pass(&image_y, [&mut x, &mut previous], &mut image_d, &mut work, &kernel);
-            std::mem::swap(&mut x, &mut previous);
+                scaled.pass(&image_y, [&mut it.x, &mut previous], &mut image_d, &mut it.work, &kernel);
+            std::mem::swap(&mut it.x, &mut previous);
             let [length, downhill, ..] = totals.sum;
             if curvature * step > length {
                 step = 0.9 * length / curvature;
@@ -109,21 +78,25 @@ impl CcpSolver for Apgd {
                 let next = 0.5 * (1.0 + (1.0 + 4.0 * theta * theta).sqrt());
                 (theta, beta) = (next, (theta - 1.0) / next);
             }
-            // image of x+ and of the next y = x+ + beta (x+ - x).
-            for ((x, y), d) in image_x.iter_mut().zip(&mut image_y).zip(&image_d) {
-                let new = *y + d;
-                *y = new + beta * (new - *x);
-                *x = new;
-            }
-        };
-        best.restore(&mut x);
-        scaled.unpack(&x, impulse);
-        Ok(limits.report("apgd", problem, impulse, status, iterations, 0))
+            extrapolate(&mut it.image, &mut image_y, &image_d, beta);
+        }
     }
 }
 
+/// From the images of x, y and d = x+ - y to those of x+ and of the next y = x+ + beta (x+ - x).
+fn extrapolate(x: &mut [f64], y: &mut [f64], d: &[f64], beta: f64) {
+    let tasks = x.par_chunks_mut(CHUNK).zip(y.par_chunks_mut(CHUNK)).zip(d.par_chunks(CHUNK));
+    tasks.for_each(|((x, y), d)| {
+        for ((x, y), d) in x.iter_mut().zip(y).zip(d) {
+            let new = *y + d;
+            *y = new + beta * (new - *x);
+            *x = new;
+        }
+    });
+}
+
 /// Makes the solver by name; it has no linear solver.
-pub(super) fn build(linear: Option<&str>) -> Result<Box<dyn CcpSolver>, CcpError> {
-    super::without_linear_solver("apgd", linear)?;
-    Ok(Box::new(Apgd::default()))
+pub(super) fn build(linear: Option<&str>) -> Result<Box<dyn super::CcpSolver>, crate::CcpError> {
+    super::without_linear_solver(Apgd::NAME, linear)?;
+    Ok(Box::new(FirstOrder::new(Apgd::default())))
 }

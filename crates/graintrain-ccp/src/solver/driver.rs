@@ -41,6 +41,11 @@ impl<'a> Limits<'a> {
         self.max_iterations.saturating_sub(iterations)
     }
 
+    /// Time left, where there is a limit.
+    pub fn time_left(&self) -> Option<std::time::Duration> {
+        self.settings.max_time.map(|limit| limit.saturating_sub(self.start.elapsed()))
+    }
+
     /// The residual to reach.
     pub fn tolerance(&self) -> f64 {
         self.settings.tolerance

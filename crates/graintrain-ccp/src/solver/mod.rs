@@ -1,16 +1,32 @@
 //! Solvers of the CCP: settings, report, and the solvers by name.
 
 mod apgd;
+mod auto;
+mod barzilai_borwein;
 mod body_operator;
+mod coulomb;
 pub mod driver;
+mod face;
+pub mod first_order;
 mod gauss_seidel;
+mod gpminres;
+mod jacobi;
+mod kucera;
 pub mod lanes;
 mod row_operator;
 pub mod scaling;
+mod spectral;
+mod spg;
 pub mod sweep;
 
 pub use apgd::Apgd;
+pub use barzilai_borwein::BarzilaiBorwein;
+pub use coulomb::CoulombIteration;
 pub use gauss_seidel::GaussSeidel;
+pub use gpminres::GpMinres;
+pub use jacobi::Jacobi;
+pub use kucera::Kucera;
+pub use spg::SpectralProjectedGradient;
 
 use crate::problem::{Ccp, CcpError};
 use crate::residual::{FrictionModel, Residual};
@@ -115,9 +131,23 @@ pub trait CcpSolver: Send {
         impulse: &mut [f64],
         settings: &SolveSettings,
     ) -> Result<SolveReport, CcpError>;
+
+    /// As [`Self::solve`], with the caller's word that N, mu and J are those of this solver's last call and only r
+    /// differs, so that whatever does not depend on r can be used again.
+    ///
+    /// # Errors
+    /// As [`Self::solve`].
+    fn solve_again(
+        &mut self,
+        problem: &Ccp,
+        impulse: &mut [f64],
+        settings: &SolveSettings,
+    ) -> Result<SolveReport, CcpError> {
+        self.solve(problem, impulse, settings)
+    }
 }
 
-/// Makes a solver, given the name of its linear solver if one was asked for.
+/// Makes a solver of the relaxed problem, given the name of its linear solver if one was asked for.
 type Build = fn(linear: Option<&str>) -> Result<Box<dyn CcpSolver>, CcpError>;
 
 /// A solver that can be asked for by name.
@@ -132,6 +162,12 @@ pub struct Method {
 /// Every method, in the order of the documentation.
 pub const METHODS: &[Method] = &[
     Method {
+        name: "auto",
+        about: "the fastest that reaches the tolerance: apgd, and the interior point where that is better",
+        build: auto::build,
+    },
+    Method { name: "pj", about: "projected Jacobi (Tasora, Anitescu 2011)", build: jacobi::build },
+    Method {
         name: "pgs",
         about: "projected Gauss-Seidel / SOR (Tasora, Anitescu 2011)",
         build: gauss_seidel::build,
@@ -140,6 +176,26 @@ pub const METHODS: &[Method] = &[
         name: "apgd",
         about: "accelerated projected gradient descent (Mazhar, Heyn, Negrut, Tasora 2015)",
         build: apgd::build,
+    },
+    Method {
+        name: "bb",
+        about: "projected Barzilai-Borwein gradient (Barzilai, Borwein 1988; Dai, Fletcher 2005)",
+        build: barzilai_borwein::build,
+    },
+    Method {
+        name: "kucera",
+        about: "projected conjugate gradients with expansion and proportioning (Kucera 2008)",
+        build: kucera::build,
+    },
+    Method {
+        name: "spg",
+        about: "preconditioned spectral projected gradient with fallback, P-SPG-FB (Heyn 2013)",
+        build: spg::build,
+    },
+    Method {
+        name: "gpminres",
+        about: "gradient-projected minimum residual (Heyn, Anitescu, Tasora, Negrut 2013)",
+        build: gpminres::build,
     },
 ];
 
@@ -170,6 +226,7 @@ impl SolverSpec {
         let method =
             METHODS.iter().find(|method| method.name == self.method).ok_or_else(|| self.unknown())?;
         (method.build)(self.linear.as_deref())
+            .map(|relaxed| Box::new(CoulombIteration::new(relaxed)) as Box<dyn CcpSolver>)
     }
 
     fn unknown(&self) -> CcpError {

@@ -1,0 +1,56 @@
+//! `bb`: projected Barzilai-Borwein gradient.
+//!
+//! Source: J. Barzilai, J. Borwein, "Two-point step size gradient methods", IMA Journal of Numerical Analysis 8:141-148,
+//! 1988; Y.-H. Dai, R. Fletcher, "Projected Barzilai-Borwein methods for large-scale box-constrained quadratic
+//! programming", Numerische Mathematik 100:21-47, 2005 (alternating steps, adaptive reference value).
+
+use super::first_order::{FirstOrder, FirstOrderMethod, Iterate};
+use super::scaling::ScaledProblem;
+use super::spectral::Spectral;
+
+/// x+ = P(x - alpha u) with the long step alpha = |d|^2 / d^T N' d and the short one d^T N' d / |N' d|^2 by turns, on the
+/// scaled problem. The objective may rise, but not above the reference value of Dai and Fletcher, the largest of the
+/// values since the last improvement, renewed when ten iterations brought none. An iteration costs one fused pass, every second one half a
+/// pass more for the short step.
+#[derive(Clone, Debug)]
+pub struct BarzilaiBorwein {
+    /// Iterations without a better objective after which the reference value is renewed.
+    pub patience: usize,
+}
+
+impl Default for BarzilaiBorwein {
+    fn default() -> Self {
+        Self { patience: 10 }
+    }
+}
+
+impl FirstOrderMethod for BarzilaiBorwein {
+    const NAME: &'static str = "bb";
+
+    fn run(&mut self, scaled: &ScaledProblem, it: &mut Iterate<'_>) {
+        let (mut spectral, mut alpha) = Spectral::new(scaled, it);
+        let (mut reference, mut best, mut candidate, mut without_progress) = (f64::INFINITY, 0.0, 0.0, 0);
+        let mut long = true;
+        while it.proceed(scaled) {
+            let change = spectral.advance(scaled, it, alpha, reference);
+            let objective = spectral.objective;
+            if objective < best {
+                (best, candidate, without_progress) = (objective, objective, 0);
+            } else {
+                candidate = objective.max(candidate);
+                without_progress += 1;
+                if without_progress == self.patience {
+                    (reference, candidate, without_progress) = (candidate, objective, 0);
+                }
+            }
+            alpha = if long { spectral.long_step(&change) } else { spectral.short_step(scaled, it, &change) };
+            long = !long;
+        }
+    }
+}
+
+/// Makes the solver by name; it has no linear solver.
+pub(super) fn build(linear: Option<&str>) -> Result<Box<dyn super::CcpSolver>, crate::CcpError> {
+    super::without_linear_solver(BarzilaiBorwein::NAME, linear)?;
+    Ok(Box::new(FirstOrder::new(BarzilaiBorwein::default())))
+}

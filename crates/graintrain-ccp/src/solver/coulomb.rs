@@ -1,0 +1,165 @@
+//! Exact Coulomb friction by a sequence of relaxed problems, for every solver.
+//!
+//! Source: G. De Saxce, Z.-Q. Feng, "The bipotential method", Mathematical and Computer Modelling 28:225-245, 1998;
+//! V. Acary, F. Cadoux, C. Lemarechal, J. Malick, "A formulation of the linear discrete Coulomb friction problem via
+//! convex optimization", ZAMM 91(2):155-175, 2011.
+
+use super::driver::{Best, Limits, check_start};
+use super::{CcpSolver, SolveReport, SolveSettings, Status};
+use crate::problem::{Ccp, CcpError};
+use crate::residual::{FrictionModel, ResidualScale};
+
+/// Gives a solver of the relaxed problem the exact one: with s_i = mu_i |(u_t)_i|,
+///
+/// ```text
+/// solve the CCP with r_n + s for g;   s <- mu |u_t(g)|
+/// ```
+///
+/// until the residual of the exact problem is small. N and mu stay, so solvers are told through
+/// [`CcpSolver::solve_again`]; every solve starts from the last impulses and is asked for a fraction of the exact
+/// residual still there. Where the fixed point converges slowly or swings, s is extrapolated from its last two changes
+/// (Irons and Tuck 1969, vector Aitken), kept at or above zero. Relaxed solves pass straight through.
+pub struct CoulombIteration {
+    relaxed: Box<dyn CcpSolver>,
+}
+
+/// Outer iterations allowed; the sequence needs 5 to 30 where it converges.
+const OUTER_LIMIT: usize = 200;
+/// A relaxed solve is asked for this fraction of the exact residual.
+const INNER_FRACTION: f64 = 0.3;
+/// Outer iterations without a better residual before giving up.
+const PATIENCE: usize = 30;
+
+impl CoulombIteration {
+    /// Wraps a solver of the relaxed problem.
+    pub fn new(relaxed: Box<dyn CcpSolver>) -> Self {
+        Self { relaxed }
+    }
+}
+
+impl CcpSolver for CoulombIteration {
+    fn name(&self) -> String {
+        self.relaxed.name()
+    }
+
+    fn solve_again(
+        &mut self,
+        problem: &Ccp,
+        impulse: &mut [f64],
+        settings: &SolveSettings,
+    ) -> Result<SolveReport, CcpError> {
+        match settings.friction {
+            FrictionModel::Relaxed => self.relaxed.solve_again(problem, impulse, settings),
+            FrictionModel::Coulomb => self.solve(problem, impulse, settings),
+        }
+    }
+
+    fn solve(
+        &mut self,
+        problem: &Ccp,
+        impulse: &mut [f64],
+        settings: &SolveSettings,
+    ) -> Result<SolveReport, CcpError> {
+        if settings.friction == FrictionModel::Relaxed {
+            return self.relaxed.solve(problem, impulse, settings);
+        }
+        let limits = Limits::start(settings, usize::MAX);
+        check_start(problem, impulse)?;
+        let contacts = problem.num_contacts();
+        let scale = ResidualScale::new(problem);
+        let mut shifted = problem.clone();
+        // The relaxed solver must measure with the J of this problem, not of the shifted one.
+        shifted.impulse_scale = Some(scale.impulse);
+        let mut work = problem.delassus.work();
+        let mut u = vec![0.0; 3 * contacts];
+        let mut shift = Shift::new(contacts);
+        let mut best = Best::default();
+        let (mut iterations, mut linear_iterations, mut since_best) = (0, 0, 0);
+        let mut best_residual = f64::INFINITY;
+        let mut last_inner = None;
+        let mut status = Status::IterationLimit;
+        for outer in 0..=OUTER_LIMIT {
+            problem.delassus.multiply(impulse, &mut u, &mut work);
+            for (u, r) in u.iter_mut().zip(&problem.r) {
+                *u += r;
+            }
+            let residual = scale.residual(problem, impulse, &u, FrictionModel::Coulomb).max;
+            best.offer(impulse, residual);
+            since_best += 1;
+            if residual < 0.9 * best_residual {
+                since_best = 0;
+            }
+            best_residual = residual.min(best_residual);
+            if let Some(stop) = limits.status(iterations, residual) {
+                status = stop;
+                break;
+            }
+            if since_best > PATIENCE {
+                // The relaxed solver's own verdict tells more than "stalled" where it has one.
+                status = match last_inner {
+                    Some(inner @ (Status::Infeasible | Status::IterationLimit)) => inner,
+                    _ => Status::Stalled,
+                };
+                break;
+            }
+            if outer == OUTER_LIMIT {
+                break;
+            }
+            if outer > 0 || impulse.iter().any(|&g| g != 0.0) {
+                shift.update((0..contacts).map(|i| problem.friction[i] * u[3 * i + 1].hypot(u[3 * i + 2])));
+            }
+            for i in 0..contacts {
+                shifted.r[3 * i] = problem.r[3 * i] + shift.value[i];
+            }
+            let inner = SolveSettings {
+                tolerance: (INNER_FRACTION * residual).min(0.1).max(INNER_FRACTION * settings.tolerance),
+                max_iterations: settings.max_iterations.map(|_| limits.iterations_left(iterations)),
+                max_time: limits.time_left(),
+                friction: FrictionModel::Relaxed,
+                stop: settings.stop.clone(),
+            };
+            let report = if outer == 0 {
+                self.relaxed.solve(&shifted, impulse, &inner)?
+            } else {
+                self.relaxed.solve_again(&shifted, impulse, &inner)?
+            };
+            iterations += report.iterations;
+            linear_iterations += report.linear_iterations;
+            last_inner = Some(report.status);
+        }
+        best.restore(impulse);
+        Ok(limits.report(&self.name(), problem, impulse, status, iterations, linear_iterations))
+    }
+}
+
+/// The shift s of r_n and its fixed-point acceleration.
+struct Shift {
+    value: Vec<f64>,
+    change: Vec<f64>,
+    factor: f64,
+}
+
+impl Shift {
+    fn new(contacts: usize) -> Self {
+        Self { value: vec![0.0; contacts], change: Vec::new(), factor: 1.0 }
+    }
+
+    /// s <- max(0, s + factor (image - s)), the factor after Aitken from the last two changes, within [0.3, 2].
+    fn update(&mut self, image: impl Iterator<Item = f64>) {
+        let change: Vec<f64> = image.zip(&self.value).map(|(image, value)| image - value).collect();
+        if !self.change.is_empty() {
+            let (mut across, mut square) = (0.0, 0.0);
+            for (new, old) in change.iter().zip(&self.change) {
+                across += old * (new - old);
+                square += (new - old) * (new - old);
+            }
+            if square > 0.0 {
+                self.factor = (-self.factor * across / square).clamp(0.3, 2.0);
+            }
+        }
+        for (value, change) in self.value.iter_mut().zip(&change) {
+            *value = (*value + self.factor * change).max(0.0);
+        }
+        self.change = change;
+    }
+}

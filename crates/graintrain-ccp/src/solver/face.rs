@@ -1,0 +1,42 @@
+//! Faces of the friction cones: in which directions an impulse can move on.
+
+use super::lanes::{Batch, Lanes, add_scaled_by, dot, scale};
+
+/// Relative distance to the mantle below which an impulse counts as sliding.
+const ON_MANTLE: f64 = 1e-9;
+
+/// For impulses x in the cones: `inside` where the contact sticks, else `boundary` (on the mantle, at the apex, or
+/// frictionless).
+#[inline(always)]
+pub fn where_sticking(mu: Lanes, x: &Batch, inside: &Batch, boundary: &Batch) -> Batch {
+    let tangential = (x[1] * x[1] + x[2] * x[2]).sqrt();
+    // A frictionless contact has no inside: 0 <= -MIN_POSITIVE is false.
+    let bound = Lanes::splat(1.0 - ON_MANTLE) * mu * x[0] - Lanes::splat(f64::MIN_POSITIVE);
+    std::array::from_fn(|k| tangential.at_most(bound, inside[k], boundary[k]))
+}
+
+/// Component of g along the face of the cone that x lies on: all of it inside, along the ray on the mantle, none at the
+/// apex. Moving along a face keeps an impulse on it until the apex or the mantle is met.
+#[inline(always)]
+pub fn along_face(mu: Lanes, x: &Batch, g: &Batch) -> Batch {
+    let square = dot(x, x).max(Lanes::splat(f64::MIN_POSITIVE));
+    let ray = scale(dot(x, g).divide(square), x);
+    where_sticking(mu, x, g, &ray)
+}
+
+/// Component of g in the tangent space of the cone at x: all of it inside, the tangent plane on the mantle (along the ray
+/// where there is no friction), none at the apex.
+#[inline(always)]
+pub fn in_tangent_space(mu: Lanes, x: &Batch, g: &Batch) -> Batch {
+    let tangential = (x[1] * x[1] + x[2] * x[2]).sqrt();
+    let inverse = Lanes::splat(1.0).divide(tangential.max(Lanes::splat(f64::MIN_POSITIVE)));
+    // Outward normal of the mantle, up to its length sqrt(1 + mu^2).
+    let normal = [-mu, x[1] * inverse, x[2] * inverse];
+    let factor = dot(&normal, g).divide(Lanes::splat(1.0) + mu * mu);
+    let plane = add_scaled_by(g, -factor, &normal);
+    let ray = along_face(mu, x, g);
+    let zero = Lanes::splat(0.0);
+    // Where there is no tangential part (no friction, or the apex) there is no tangent plane.
+    let mantle: Batch = std::array::from_fn(|k| tangential.at_most(zero, ray[k], plane[k]));
+    where_sticking(mu, x, g, &mantle)
+}

@@ -1,0 +1,163 @@
+//! What the first-order methods share: the scaled problem, the iterate with its image, stopping.
+
+use super::driver::{Best, Limits, check_start};
+use super::lanes::Batch;
+use super::scaling::{Image, PassWork, ScaledProblem};
+use super::{CcpSolver, SolveReport, SolveSettings, Status};
+use crate::problem::{Ccp, CcpError};
+use crate::residual::ResidualScale;
+
+/// A method that works on the scaled problem with passes.
+pub trait FirstOrderMethod: Send {
+    /// Name on the command line.
+    const NAME: &'static str;
+
+    /// Improves the iterate until it says to stop.
+    fn run(&mut self, scaled: &ScaledProblem, it: &mut Iterate<'_>);
+}
+
+/// Makes a [`CcpSolver`] of a first-order method. The packed problem is kept between solves, for
+/// [`CcpSolver::solve_again`].
+pub struct FirstOrder<M> {
+    method: M,
+    packed: Option<ScaledProblem>,
+}
+
+impl<M> FirstOrder<M> {
+    /// The solver with this method's parameters.
+    pub fn new(method: M) -> Self {
+        Self { method, packed: None }
+    }
+}
+
+impl<M: FirstOrderMethod> CcpSolver for FirstOrder<M> {
+    fn name(&self) -> String {
+        M::NAME.to_string()
+    }
+
+    fn solve(
+        &mut self,
+        problem: &Ccp,
+        impulse: &mut [f64],
+        settings: &SolveSettings,
+    ) -> Result<SolveReport, CcpError> {
+        self.packed = None;
+        self.solve_again(problem, impulse, settings)
+    }
+
+    fn solve_again(
+        &mut self,
+        problem: &Ccp,
+        impulse: &mut [f64],
+        settings: &SolveSettings,
+    ) -> Result<SolveReport, CcpError> {
+        let limits = Limits::start(settings, ITERATION_LIMIT);
+        check_start(problem, impulse)?;
+        let scaled = match self.packed.take() {
+            Some(mut scaled) => {
+                scaled.set_free_velocity(&problem.r);
+                scaled
+            }
+            None => ScaledProblem::new(problem, &ResidualScale::new(problem)),
+        };
+        let mut it = Iterate::new(&scaled, limits, impulse);
+        self.method.run(&scaled, &mut it);
+        let (status, iterations) = (it.status, it.iterations);
+        it.best.restore(&mut it.x);
+        scaled.unpack(&it.x, impulse);
+        self.packed = Some(scaled);
+        Ok(it.limits.report(M::NAME, problem, impulse, status, iterations, 0))
+    }
+}
+
+/// Iterations where the settings name no limit.
+const ITERATION_LIMIT: usize = 100_000;
+/// Iterations between two evaluations of the residual.
+const CHECK: usize = 10;
+
+/// The current iterate with its image, and when to stop.
+pub struct Iterate<'a> {
+    /// x.
+    pub x: Vec<Batch>,
+    /// Image of x.
+    pub image: Image,
+    /// Scratch of passes.
+    pub work: PassWork,
+    zero: Image,
+    limits: Limits<'a>,
+    iterations: usize,
+    best: Best<Batch>,
+    status: Status,
+}
+
+impl<'a> Iterate<'a> {
+    fn new(scaled: &ScaledProblem, limits: Limits<'a>, impulse: &[f64]) -> Self {
+        let mut it = Self {
+            x: scaled.zeros(),
+            image: scaled.zero_image(),
+            work: scaled.work(),
+            zero: scaled.zero_image(),
+            limits,
+            iterations: 0,
+            best: Best::default(),
+            status: Status::Stalled,
+        };
+        scaled.pack(impulse, &mut it.x);
+        it.refresh_image(scaled);
+        it
+    }
+
+    /// Recomputes the image of x, which updates let drift by rounding.
+    pub fn refresh_image(&mut self, scaled: &ScaledProblem) {
+        scaled.image_of(&mut self.x, &mut self.image, &self.zero, &mut self.work);
+    }
+
+    /// Counts an iteration and says whether to do it. The residual of x is evaluated, from its image, at every tenth.
+    pub fn proceed(&mut self, scaled: &ScaledProblem) -> bool {
+        let go = !self.iterations.is_multiple_of(CHECK) && self.limits.iterations_left(self.iterations) > 0
+            || self.check(scaled);
+        self.iterations += usize::from(go);
+        go
+    }
+
+    /// Counts an iteration without a look at the residual; false where none is left.
+    pub fn count(&mut self) -> bool {
+        let go = self.limits.iterations_left(self.iterations) > 0;
+        self.iterations += usize::from(go);
+        go
+    }
+
+    /// Evaluates the residual of x now, keeps x if it is the best, and says whether to go on.
+    pub fn check(&mut self, scaled: &ScaledProblem) -> bool {
+        let mut residual = scaled.residual(&mut self.x, &self.image, &mut self.work);
+        if residual <= self.limits.tolerance() {
+            // The image drifts from N' x by rounding: hold the claim against a fresh one.
+            self.refresh_image(scaled);
+            residual = scaled.residual(&mut self.x, &self.image, &mut self.work);
+        }
+        self.best.offer(&self.x, residual);
+        match self.limits.status(self.iterations, residual) {
+            Some(status) => {
+                self.status = status;
+                false
+            }
+            None => true,
+        }
+    }
+
+    /// Image of x <- image of x + factor * image.
+    pub fn add_image(&mut self, factor: f64, image: &[f64]) {
+        add_image(&mut self.image, factor, image);
+    }
+
+    /// Largest eigenvalue of N', from below; see [`ScaledProblem::largest_curvature`].
+    pub fn largest_curvature(&mut self, scaled: &ScaledProblem) -> f64 {
+        let (mut x, mut image) = (scaled.zeros(), scaled.zero_image());
+        scaled.largest_curvature(&mut x, &mut image, &mut self.work)
+    }
+}
+
+/// to <- to + factor * image.
+pub fn add_image(to: &mut [f64], factor: f64, image: &[f64]) {
+    graintrain_linalg::parallel::axpy(factor, image, to);
+}

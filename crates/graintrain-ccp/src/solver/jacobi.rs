@@ -1,0 +1,72 @@
+//! `pj`: projected Jacobi.
+//!
+//! Source: A. Tasora, M. Anitescu, "A matrix-free cone complementarity approach for solving large-scale, nonsmooth,
+//! rigid body dynamics", Computer Methods in Applied Mechanics and Engineering 200:439-453, 2011.
+
+use super::first_order::{FirstOrder, FirstOrderMethod, Iterate};
+use super::lanes::{Batch, add_scaled, dot, project, sub};
+use super::scaling::{Here, Kernel, ScaledProblem};
+use super::sweep::Tally;
+
+/// Projected Jacobi: all contacts at once from the same velocities,
+///
+/// ```text
+/// x+ = x + lambda ( P( x - omega (N' x + r') ) - x )
+/// ```
+///
+/// in the metric that makes the diagonal blocks of N' have unit mean, i.e. g_i - omega u_i / eta_i. It converges for
+/// omega below 2 / (largest eigenvalue of N'); omega starts at the inverse of an estimate of it and shrinks whenever the
+/// curvature met along a step shows that it was too long. One iteration costs one fused pass.
+#[derive(Clone, Debug)]
+pub struct Jacobi {
+    /// lambda in (0, 1]: averaging of the old and the new iterate.
+    pub averaging: f64,
+}
+
+impl Default for Jacobi {
+    fn default() -> Self {
+        Self { averaging: 1.0 }
+    }
+}
+
+/// Returns d = lambda (P(x - omega u) - x) and adds it to x; tallies |d|^2.
+struct Step {
+    omega: f64,
+    averaging: f64,
+}
+
+impl Kernel<1> for Step {
+    #[inline(always)]
+    fn at(&self, here: Here, u: &Batch, [x]: [&mut Batch; 1], tally: &mut Tally) -> Batch {
+        let image = project(here.mu, &add_scaled(x, -self.omega, u));
+        let d = sub(&image, x);
+        let new = add_scaled(x, self.averaging, &d);
+        let d = sub(&new, x);
+        tally.sum[0] += dot(&d, &d);
+        *x = new;
+        d
+    }
+}
+
+impl FirstOrderMethod for Jacobi {
+    const NAME: &'static str = "pj";
+
+    fn run(&mut self, scaled: &ScaledProblem, it: &mut Iterate<'_>) {
+        let mut omega = 1.0 / it.largest_curvature(scaled);
+        let mut image_d = scaled.zero_image();
+        while it.proceed(scaled) {
+            let step = Step { omega, averaging: self.averaging };
+            let (totals, curvature) = scaled.pass(&it.image, [&mut it.x], &mut image_d, &mut it.work, &step);
+            it.add_image(1.0, &image_d);
+            if omega * curvature > 1.5 * totals.sum[0] {
+                omega = totals.sum[0] / curvature;
+            }
+        }
+    }
+}
+
+/// Makes the solver by name; it has no linear solver.
+pub(super) fn build(linear: Option<&str>) -> Result<Box<dyn super::CcpSolver>, crate::CcpError> {
+    super::without_linear_solver(Jacobi::NAME, linear)?;
+    Ok(Box::new(FirstOrder::new(Jacobi::default())))
+}

@@ -1,0 +1,153 @@
+//! `kucera`: projected conjugate gradients with expansion and proportioning.
+//!
+//! Source: R. Kucera, "Convergence rate of an optimization algorithm for minimizing quadratic functions with separable
+//! convex constraints", SIAM Journal on Optimization 19:846-862, 2008 (after Dostal and Schoberl 2005); used for
+//! contact by T. Heyn, PhD thesis, University of Wisconsin-Madison, 2013.
+
+use super::face::{along_face, where_sticking};
+use super::first_order::{FirstOrder, FirstOrderMethod, Iterate, add_image};
+use super::lanes::{Batch, Lanes, ZERO, add_scaled, dot, project, sub};
+use super::scaling::{Here, Kernel, ScaledProblem};
+use super::sweep::{Tally, for_each_batch};
+
+/// The gradient u = N' x + r' is split, contact by contact, into the part phi along the face of the cone on which x lies
+/// (the whole space inside, the ray on the mantle, nothing at the apex) and the rest. While the reduced
+/// boundary gradient beta satisfies |beta|^2 <= Gamma^2 phi^T phi_reduced, conjugate gradients minimise over the
+/// current faces; where their step would leave a cone, half of an expansion step goes to its boundary and a projected step along phi
+/// follows; otherwise a proportioning step moves the boundary contacts by a projected gradient step.
+/// An iteration costs a look at the gradient and one fused pass.
+#[derive(Clone, Debug)]
+pub struct Kucera {
+    /// Gamma, default 1.
+    pub proportion: f64,
+}
+
+impl Default for Kucera {
+    fn default() -> Self {
+        Self { proportion: 1.0 }
+    }
+}
+
+/// phi <- part of u along the faces; tallies phi^T phi_reduced, |beta|^2 and |phi|^2.
+struct Split {
+    step: f64,
+}
+
+impl Kernel<2> for Split {
+    #[inline(always)]
+    fn at(&self, here: Here, u: &Batch, [x, phi]: [&mut Batch; 2], tally: &mut Tally) -> Batch {
+        let free = along_face(here.mu, x, u);
+        let reduced_free = sub(x, &project(here.mu, &add_scaled(x, -self.step, &free)));
+        let reduced = sub(x, &project(here.mu, &add_scaled(x, -self.step, u)));
+        let boundary = where_sticking(here.mu, x, &ZERO, &sub(&reduced, &reduced_free));
+        tally.sum[0] += dot(&free, &reduced_free);
+        tally.sum[1] += dot(&boundary, &boundary);
+        tally.sum[2] += dot(&free, &free);
+        *phi = free;
+        ZERO
+    }
+}
+
+/// p <- phi + conjugation p; tallies phi^T p and the largest inverse of a step x - alpha p that meets the boundary.
+struct Direction {
+    conjugation: f64,
+}
+
+impl Kernel<3> for Direction {
+    #[inline(always)]
+    fn at(&self, here: Here, _: &Batch, [x, phi, p]: [&mut Batch; 3], tally: &mut Tally) -> Batch {
+        *p = add_scaled(phi, self.conjugation, p);
+        tally.sum[0] += dot(phi, p);
+        tally.max = tally.max.max(inverse_feasible_step(here.mu, x, p));
+        *p
+    }
+}
+
+/// 1 / (largest alpha with x - alpha p in the cone); 0 where there is no bound.
+///
+/// Inside, alpha is the smallest positive root of a alpha^2 - 2 b alpha + c = 0 with a = |p_t|^2 - mu^2 p_n^2,
+/// b = x_t p_t - mu^2 x_n p_n, c = |x_t|^2 - mu^2 x_n^2 < 0, in the form without cancellation
+/// 1/alpha = (sqrt(b^2 - a c) - b) / (-c). On the boundary p points along the ray: 1/alpha = p_n / x_n.
+#[inline(always)]
+fn inverse_feasible_step(mu: Lanes, x: &Batch, p: &Batch) -> Lanes {
+    let zero = Lanes::splat(0.0);
+    let tiny = Lanes::splat(f64::MIN_POSITIVE);
+    let square = mu * mu;
+    let a = p[1] * p[1] + p[2] * p[2] - square * p[0] * p[0];
+    let b = x[1] * p[1] + x[2] * p[2] - square * x[0] * p[0];
+    let c = x[1] * x[1] + x[2] * x[2] - square * x[0] * x[0];
+    // A negative discriminant: the mantle is never met, and p_n <= 0 keeps the apex away too.
+    let discriminant = b * b - a * c;
+    let root = (discriminant.max(zero).sqrt() - b).divide((-c).max(tiny));
+    let inside = zero.at_most(discriminant, root.max(zero), zero);
+    let ray = zero.at_most(tiny - x[0], zero, p[0].divide(x[0].max(tiny)).max(zero));
+    where_sticking(mu, x, &[inside, zero, zero], &[ray, zero, zero])[0]
+}
+
+/// x <- P(x - step * part of u), the part along the faces or at the boundary contacts; returns the change.
+struct ProjectedStep {
+    step: f64,
+    boundary: bool,
+}
+
+impl Kernel<1> for ProjectedStep {
+    #[inline(always)]
+    fn at(&self, here: Here, u: &Batch, [x]: [&mut Batch; 1], _: &mut Tally) -> Batch {
+        let along =
+            if self.boundary { where_sticking(here.mu, x, &ZERO, u) } else { along_face(here.mu, x, u) };
+        let new = project(here.mu, &add_scaled(x, -self.step, &along));
+        let d = sub(&new, x);
+        *x = new;
+        d
+    }
+}
+
+impl FirstOrderMethod for Kucera {
+    const NAME: &'static str = "kucera";
+
+    fn run(&mut self, scaled: &ScaledProblem, it: &mut Iterate<'_>) {
+        let step = 1.7 / it.largest_curvature(scaled);
+        let (mut phi, mut p) = (scaled.zeros(), scaled.zeros());
+        let (mut image_p, mut image_d) = (scaled.zero_image(), scaled.zero_image());
+        let mut last_square = f64::INFINITY;
+        while it.proceed(scaled) {
+            let split = scaled.look(&it.image, [&mut it.x, &mut phi], &mut it.work, &Split { step });
+            // Both reduced gradients are here times the step.
+            let [free, boundary, square, ..] = split.sum;
+            if boundary > self.proportion * self.proportion * step * free {
+                let kernel = ProjectedStep { step, boundary: true };
+                scaled.pass(&it.image, [&mut it.x], &mut image_d, &mut it.work, &kernel);
+                it.add_image(1.0, &image_d);
+                last_square = f64::INFINITY;
+                continue;
+            }
+            let kernel = Direction { conjugation: square / last_square };
+            let (totals, curvature) =
+                scaled.pass(&it.image, [&mut it.x, &mut phi, &mut p], &mut image_p, &mut it.work, &kernel);
+            let minimiser = totals.sum[0] / curvature;
+            let feasible = 1.0 / totals.max;
+            if square == 0.0 {
+                continue;
+            }
+            let alpha = if minimiser.is_finite() { minimiser.min(feasible) } else { feasible };
+            let alpha = if alpha.is_finite() { alpha } else { step };
+            for_each_batch([&mut it.x, &mut p], it.work.tallies(), |_, [x, p], _| {
+                *x = add_scaled(x, -alpha, p);
+            });
+            add_image(&mut it.image, -alpha, &image_p);
+            last_square = square;
+            if minimiser > feasible {
+                let kernel = ProjectedStep { step, boundary: false };
+                scaled.pass(&it.image, [&mut it.x], &mut image_d, &mut it.work, &kernel);
+                it.add_image(1.0, &image_d);
+                last_square = f64::INFINITY;
+            }
+        }
+    }
+}
+
+/// Makes the solver by name; it has no linear solver.
+pub(super) fn build(linear: Option<&str>) -> Result<Box<dyn super::CcpSolver>, crate::CcpError> {
+    super::without_linear_solver(Kucera::NAME, linear)?;
+    Ok(Box::new(FirstOrder::new(Kucera::default())))
+}
