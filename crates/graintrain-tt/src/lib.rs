@@ -14,17 +14,22 @@
 //! | [`inverse`] | the inverse of a TT-matrix, Newton-Schulz |
 //! | [`qtt`] | quantized trains with known ranks |
 //! | [`sparse`] | sparse matrix to TT by one exact bottom-up pass over its nonzero blocks |
+//! | [`definite`] | keeping a truncated positive definite matrix positive definite |
+//! | [`sketch`] | streaming approximation from random sketches |
 
 pub mod apply;
 pub mod arithmetic;
 pub mod cross;
+pub mod definite;
 mod error;
 pub mod inverse;
+mod io;
 pub mod matrix;
 pub mod maxvol;
 pub mod qtt;
 mod random;
 pub mod round;
+pub mod sketch;
 pub mod solve;
 pub mod sparse;
 pub mod vector;

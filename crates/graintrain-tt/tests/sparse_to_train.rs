@@ -2,6 +2,9 @@
 
 use graintrain_linalg::block3::BlockMatrix3;
 use graintrain_linalg::dense::Matrix;
+use graintrain_tt::apply::FullOperator;
+use graintrain_tt::definite::extreme_eigenvalues;
+use graintrain_tt::sketch::Sketch;
 use graintrain_tt::sparse::QuadtreeMatrix;
 use graintrain_tt::{Truncation, TtMatrix};
 use proptest::prelude::*;
@@ -179,4 +182,87 @@ fn a_cap_on_the_ranks_is_reported() {
     assert!(train.max_rank() <= 5 && report.capped && report.error > 0.1);
     let truth = difference(&train.to_full().unwrap(), &dense_of(&s, &place, 192, 1.0)) / quadtree.norm();
     assert!((truth - report.error).abs() < 1e-9);
+}
+
+#[test]
+fn the_error_of_any_train_is_measured_over_all_entries() {
+    let s = contact_like(40, 60, 21);
+    let place = scattered(40, 64, 3);
+    for dummy in [0.0, 1.0] {
+        let quadtree = QuadtreeMatrix::from_blocks(&s, &place, 4, 4, dummy).unwrap();
+        let full = dense_of(&s, &place, 192, dummy);
+        for rank in [1, 4, 12] {
+            let train = quadtree.to_train(&Truncation::capped(1e-3, rank)).unwrap().0.scale(1.1);
+            let truth = difference(&train.to_full().unwrap(), &full) / quadtree.norm();
+            assert!((quadtree.relative_error(&train).unwrap() / truth - 1.0).abs() < 1e-6);
+        }
+    }
+}
+
+#[test]
+fn sketches_are_linear_and_nearly_as_good_as_the_exact_pass() {
+    // A lattice with a perturbation: rank 3 plus a small full-rank part.
+    let n = 1 << 10;
+    let entries = |size: f64| {
+        (0..n).flat_map(move |i: usize| {
+            let noise = size * ((i * i) as f64).sin();
+            [(i, i, 2.0 + noise), (i, (i + 1) % n, -1.0), ((i + 1) % n, i, -1.0)]
+        })
+    };
+    let quadtree = QuadtreeMatrix::from_entries(2, 9, entries(1e-4)).unwrap();
+    let modes: Vec<usize> = quadtree.modes().iter().map(|n| n * n).collect();
+    let mut sketch = Sketch::new(&modes, 6, 5).unwrap();
+    sketch.add_sparse(&quadtree).unwrap();
+    let (train, _) = sketch.to_train(&Truncation::to(1e-12)).unwrap();
+    let train = TtMatrix::from_vector(train, &quadtree.modes(), &quadtree.modes()).unwrap();
+    let exact = quadtree.to_train(&Truncation::capped(1e-12, 6)).unwrap().1.error;
+    let sketched = quadtree.relative_error(&train).unwrap();
+    assert!(sketched < 30.0 * exact && exact < 1e-4 && sketched > 0.5 * exact, "{sketched} {exact}");
+    // In two parts, and the rest as a train.
+    let (mut first, mut second) = (Sketch::new(&modes, 6, 5).unwrap(), Sketch::new(&modes, 6, 5).unwrap());
+    let all: Vec<(usize, usize, f64)> = quadtree.entries().collect();
+    for (part, half) in [(&mut first, &all[..1000]), (&mut second, &all[1000..])] {
+        part.add_sparse(&QuadtreeMatrix::from_entries(2, 9, half.iter().copied()).unwrap()).unwrap();
+    }
+    first.add(&second).unwrap();
+    let (parts, _) = first.to_train(&Truncation::to(1e-12)).unwrap();
+    assert!(parts.relative_distance(train.as_vector()).unwrap() < 1e-6);
+    let mut by_train = Sketch::new(&modes, 6, 5).unwrap();
+    by_train.add_train(quadtree.to_train(&Truncation::to(1e-13)).unwrap().0.as_vector()).unwrap();
+    assert!(
+        by_train.to_train(&Truncation::to(1e-12)).unwrap().0.relative_distance(train.as_vector()).unwrap()
+            < 1e-6
+    );
+    assert!(first.add(&Sketch::new(&modes, 6, 6).unwrap()).is_err());
+}
+
+#[test]
+fn a_truncated_definite_matrix_can_be_kept_definite() {
+    let s = contact_like(60, 100, 31);
+    let place: Vec<usize> = (0..60).collect();
+    let quadtree = QuadtreeMatrix::from_blocks(&s, &place, 2, 5, 1.0).unwrap();
+    let truncation = Truncation::capped(1e-2, 8);
+    let plain = quadtree.to_train(&truncation).unwrap().0;
+    let smallest = |train: &TtMatrix| {
+        let full = train.to_full().unwrap();
+        graintrain_linalg::dense::symmetric_eigen(full.view()).unwrap().0[0]
+    };
+    assert!(smallest(&plain) < 0.0, "truncation alone makes it indefinite: that is the point");
+    let (train, report) = quadtree.to_definite_train(&truncation, 1e-3, 60).unwrap();
+    assert!(smallest(&train) >= 1e-3 * 0.99 && report.shift > 0.0, "{report:?}");
+    assert!((report.smallest.value / smallest(&train) - 1.0).abs() < 0.1);
+    assert!(train.max_rank() <= 9);
+    assert!(quadtree.relative_error(&train).unwrap() <= report.error * 1.0001);
+    // Nothing is shifted where nothing is needed.
+    let (_, report) = quadtree.to_definite_train(&Truncation::to(1e-9), 1e-3, 100).unwrap();
+    assert_eq!(report.shift, 0.0, "{report:?}");
+}
+
+#[test]
+fn lanczos_finds_the_known_ends_of_a_spectrum() {
+    let operator = FullOperator::new(&graintrain_tt::qtt::laplacian(7).unwrap()).unwrap();
+    let (low, high) = extreme_eigenvalues(&operator, 128, 3).unwrap();
+    let angle = std::f64::consts::PI / 258.0;
+    assert!((low.value - 4.0 * angle.sin().powi(2)).abs() < 1e-10 && low.residual < 1e-8);
+    assert!((high.value - 4.0 * angle.cos().powi(2)).abs() < 1e-10);
 }
