@@ -43,9 +43,8 @@ pub(crate) fn solve(operator: &LocalOperator<'_>, b: &[f64], u: &mut [f64], sett
     }
     let preconditioner = BlockJacobi::new(operator);
     for (u, b) in u.chunks_exact_mut(size).zip(b.chunks_exact(size)) {
-        if settings.symmetric {
-            conjugate_gradients(operator, &preconditioner, b, u, settings);
-        } else {
+        // A symmetric operator need not be definite: conjugate gradients notice and hand over.
+        if !settings.symmetric || !conjugate_gradients(operator, &preconditioner, b, u, settings) {
             gmres(operator, &preconditioner, b, u, settings);
         }
     }
@@ -96,14 +95,15 @@ fn residual(operator: &LocalOperator<'_>, b: &[f64], u: &[f64], r: &mut [f64]) {
     r.iter_mut().zip(b).for_each(|(r, b)| *r = b - *r);
 }
 
-/// Preconditioned conjugate gradients; stops early where the curvature is not positive.
+/// Preconditioned conjugate gradients. False where the operator or the preconditioner proves not to be positive
+/// definite; `u` then holds the last iterate.
 fn conjugate_gradients(
     operator: &LocalOperator<'_>,
     preconditioner: &BlockJacobi,
     b: &[f64],
     u: &mut [f64],
     settings: &LocalSettings,
-) {
+) -> bool {
     let size = b.len();
     let (mut r, mut z, mut q) = (vec![0.0; size], vec![0.0; size], vec![0.0; size]);
     residual(operator, b, u, &mut r);
@@ -112,13 +112,13 @@ fn conjugate_gradients(
     let mut p = z.clone();
     let mut rz = dot(&r, &z);
     for _ in 0..settings.iterations {
-        if norm(&r) <= stop || rz <= 0.0 {
-            return;
+        if norm(&r) <= stop {
+            return true;
         }
         operator.apply(&p, &mut q);
         let curvature = dot(&p, &q);
-        if curvature <= 0.0 {
-            return;
+        if curvature <= 0.0 || rz <= 0.0 {
+            return false;
         }
         let step = rz / curvature;
         axpy(step, &p, u);
@@ -129,6 +129,7 @@ fn conjugate_gradients(
         rz = next;
         p.iter_mut().zip(&z).for_each(|(p, z)| *p = z + beta * *p);
     }
+    true
 }
 
 /// GMRES with right preconditioning and restarts (Saad and Schultz 1986), modified Gram-Schmidt.

@@ -69,7 +69,7 @@ impl Default for SolveSettings {
             max_sweeps: 40,
             kick_rank: 4,
             method: Method::Amen,
-            direct_limit: 500,
+            direct_limit: 1000,
             local_iterations: 120,
             seed: 1,
         }
@@ -248,11 +248,16 @@ fn solve_block(
     Ok((x, report))
 }
 
-/// Whether sweeps have stopped paying: under the cap after one poor sweep, else after four.
+/// Whether sweeps have stopped paying: the best residual of the last sweeps is hardly better than the best before.
+/// Residuals of ill-conditioned systems go up and down, so the window is wide unless the cap holds the ranks.
 fn stagnates(history: &[f64], capped: bool) -> bool {
-    let n = history.len();
-    let (wait, factor) = if capped { (1, 0.7) } else { (6, 0.9) };
-    n > wait + 1 && history[n - 1] > factor * history[n - 1 - wait]
+    let (window, factor) = if capped { (2, 0.7) } else { (8, 0.9) };
+    if history.len() <= window {
+        return false;
+    }
+    let (before, last) = history.split_at(history.len() - window);
+    let best = |list: &[f64]| list.iter().copied().fold(f64::INFINITY, f64::min);
+    best(last) > factor * best(before)
 }
 
 /// ||A X - Y|| / ||Y|| from the trains, independent of any interface of the sweeps.
