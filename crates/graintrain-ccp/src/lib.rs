@@ -16,10 +16,12 @@
 //! | [`delassus`] | N, matrix-free over bodies or as a sparse matrix |
 //! | [`problem`] | the CCP: N, r, mu |
 //! | [`residual`] | the one accuracy measure |
+//! | [`newton`] | Newton systems and their linear solvers |
 //! | [`solver`] | settings, report, the solvers by name |
 
 pub mod cone;
 pub mod delassus;
+pub mod newton;
 pub mod problem;
 pub mod residual;
 pub mod solver;

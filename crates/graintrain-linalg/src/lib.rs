@@ -3,11 +3,23 @@
 //! | module | holds |
 //! |---|---|
 //! | [`parallel`] | loops and sums whose bits do not depend on the number of threads |
+//! | [`cholesky`] | sparse Cholesky factorisation of block matrices, analysed once per pattern |
+//! | [`krylov`] | conjugate gradients, flexible conjugate gradients, BiCGSTAB |
+//! | [`precond`] | block Jacobi, ILU(0), IC(0) |
+//! | [`block_ops`] | small dense blocks |
+//! | [`ordering`] | fill-reducing orderings: minimum degree, nested dissection |
 //! | [`block3`] | [`BlockMatrix3`](block3::BlockMatrix3): sparse matrices of 3x3 blocks, one block row per contact |
 //! | [`dense`] | dense column-major kernels for small and medium matrices: products, QR, SVD, Cholesky, LU |
 //!
 //! This is the only crate that names `faer`.
 
+mod bisection;
 pub mod block3;
+pub mod block_ops;
+pub mod cholesky;
 pub mod dense;
+pub mod krylov;
+pub mod ordering;
 pub mod parallel;
+pub mod precond;
+mod supernodes;

@@ -221,6 +221,7 @@ impl Stepper {
                 residual_coulomb: Residual::default(),
                 objective: 0.0,
                 seconds: 0.0,
+                newton: Vec::new(),
             });
         }
         let settings = SolveSettings {

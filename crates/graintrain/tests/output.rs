@@ -91,6 +91,7 @@ fn advance(world: &mut World, settings: &RunSettings) -> StepReport {
             residual_coulomb: Residual { max: 0.01, rms: 0.001 },
             objective: -1.0,
             seconds: 0.01,
+            newton: Vec::new(),
         },
         penetration_max: 1e-5,
         kinetic_energy: world.kinetic_energy(),

@@ -92,6 +92,7 @@ impl<'a> Limits<'a> {
             residual_coulomb,
             objective: problem.objective(impulse, &velocity),
             seconds: self.start.elapsed().as_secs_f64(),
+            newton: Vec::new(),
         }
     }
 }

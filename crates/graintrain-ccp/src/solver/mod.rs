@@ -13,6 +13,7 @@ mod gpminres;
 mod jacobi;
 mod kucera;
 pub mod lanes;
+pub mod pdip;
 mod row_operator;
 pub mod scaling;
 mod spectral;
@@ -28,6 +29,7 @@ pub use jacobi::Jacobi;
 pub use kucera::Kucera;
 pub use spg::SpectralProjectedGradient;
 
+use crate::newton::NewtonRecord;
 use crate::problem::{Ccp, CcpError};
 use crate::residual::{FrictionModel, Residual};
 use std::sync::Arc;
@@ -106,6 +108,9 @@ pub struct SolveReport {
     pub objective: f64,
     /// Wall-clock seconds.
     pub seconds: f64,
+    /// What the linear solver of a second-order method did, one record per Newton iteration.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub newton: Vec<NewtonRecord>,
 }
 
 impl SolveReport {
@@ -196,6 +201,11 @@ pub const METHODS: &[Method] = &[
         name: "gpminres",
         about: "gradient-projected minimum residual (Heyn, Anitescu, Tasora, Negrut 2013)",
         build: gpminres::build,
+    },
+    Method {
+        name: "pdip",
+        about: "primal-dual interior point of the paper (Corona et al. 2019); linear solver after a '+'",
+        build: pdip::build,
     },
 ];
 

@@ -1,0 +1,205 @@
+//! Sparse Cholesky factorisation of the Schur complement, and the choice between S and K.
+
+use super::body::BodyCholesky;
+use super::body_matrix::BodyMatrix;
+use super::{LinearReport, NewtonError, NewtonSolver, NewtonSystem};
+use crate::delassus::{Delassus, DelassusWork};
+use crate::newton::multiply_system;
+use graintrain_linalg::cholesky::{SparseCholesky, predicted_cost};
+use graintrain_linalg::krylov::{KrylovSettings, KrylovWork, conjugate_gradient};
+use graintrain_linalg::ordering::Ordering;
+use std::collections::BTreeMap;
+
+/// Steps of refinement after which a direct solve gives up improving.
+pub(super) const REFINEMENTS: usize = 30;
+
+/// Diagonal shifts, relative to the diagonal, tried one after the other where the factorisation breaks down. The solve
+/// is refined against the matrix itself, so that a shift costs iterations, not accuracy.
+pub(super) const SHIFTS: [f64; 4] = [0.0, 1e-13, 1e-10, 1e-7];
+
+/// Sparse Cholesky factorisation of S, analysed once per pattern; solutions are refined by conjugate gradients with the
+/// factor as preconditioner until the residual of the true matrix reaches the tolerance.
+#[derive(Default)]
+pub struct SchurCholesky {
+    factor: Option<SparseCholesky>,
+    row_start: Vec<usize>,
+    column: Vec<u32>,
+    shifted: Vec<f64>,
+    work: KrylovWork,
+    product: DelassusWork,
+    shift: f64,
+}
+
+impl NewtonSolver for SchurCholesky {
+    fn name(&self) -> &'static str {
+        "schur-cholesky"
+    }
+
+    fn needs_schur(&self) -> bool {
+        true
+    }
+
+    fn refresh(&mut self, system: &NewtonSystem<'_>) -> Result<(), NewtonError> {
+        let Some(schur) = system.schur else {
+            return Err(NewtonError::Unsupported { solver: self.name(), reason: "S was not assembled" });
+        };
+        if self.row_start != schur.row_starts() || self.column != schur.columns() {
+            self.row_start = schur.row_starts().to_vec();
+            self.column = schur.columns().to_vec();
+            self.factor =
+                Some(SparseCholesky::new(3, &self.row_start, &self.column, Ordering::NestedDissection));
+        }
+        if system.new_delassus {
+            self.product = system.problem.delassus.work();
+        }
+        let Some(factor) = &mut self.factor else { return Ok(()) };
+        let mut last = None;
+        for shift in SHIFTS {
+            self.shift = shift;
+            let attempt = if shift == 0.0 {
+                factor.factorize(schur.blocks().as_flattened())
+            } else {
+                self.shifted.clear();
+                self.shifted.extend_from_slice(schur.blocks().as_flattened());
+                for i in 0..schur.num_rows() {
+                    if let Some(k) = schur.position(i, i) {
+                        for d in 0..3 {
+                            self.shifted[9 * k + 4 * d] *= 1.0 + shift;
+                        }
+                    }
+                }
+                factor.factorize(&self.shifted)
+            };
+            match attempt {
+                Ok(()) => return Ok(()),
+                Err(error) => last = Some(error),
+            }
+        }
+        let reason = last.map(|error| error.to_string()).unwrap_or_default();
+        Err(NewtonError::Breakdown { solver: self.name(), reason })
+    }
+
+    fn solve(
+        &mut self,
+        system: &NewtonSystem<'_>,
+        b: &[f64],
+        x: &mut [f64],
+        relative_tolerance: f64,
+    ) -> LinearReport {
+        let Some(factor) = &mut self.factor else {
+            return LinearReport { residual: 1.0, ..Default::default() };
+        };
+        let settings = KrylovSettings { relative_tolerance, max_iterations: REFINEMENTS };
+        x.copy_from_slice(b);
+        factor.solve(x);
+        let product = &mut self.product;
+        let report = conjugate_gradient(
+            &mut |x, y| match &system.problem.delassus {
+                Delassus::Rigid(_) => multiply_system(system.problem, system.added, x, y, product),
+                Delassus::Sparse(_) => {
+                    if let Some(schur) = system.schur {
+                        schur.multiply(x, y);
+                    }
+                }
+            },
+            &mut |r, z| {
+                z.copy_from_slice(r);
+                factor.solve(z);
+            },
+            b,
+            x,
+            settings,
+            &mut self.work,
+        );
+        LinearReport {
+            iterations: report.iterations,
+            residual: report.residual,
+            converged: report.converged(),
+        }
+    }
+
+    fn figures(&self, figures: &mut BTreeMap<String, f64>) {
+        if let Some(factor) = &self.factor {
+            figures.insert("factor_entries".to_string(), factor.cost().entries as f64);
+            figures.insert("factor_flops".to_string(), factor.cost().flops);
+            figures.insert("factor_shift".to_string(), self.shift);
+        }
+    }
+}
+
+/// Sparse Cholesky in contact space or in body space, whichever needs fewer operations for the pattern at hand.
+#[derive(Default)]
+pub struct Direct {
+    schur: SchurCholesky,
+    body: BodyCholesky,
+    in_body_space: bool,
+}
+
+/// Contacts per body above which body space is taken without counting operations.
+const CLEARLY_BODY: f64 = 2.2;
+/// Contacts per body below which contact space is taken without counting operations.
+const CLEARLY_CONTACT: f64 = 0.8;
+
+impl Direct {
+    /// Chooses the space for a problem. Called before [`NewtonSolver::needs_schur`] is asked for.
+    fn choose(&mut self, system: &NewtonSystem<'_>) {
+        let Delassus::Rigid(rigid) = &system.problem.delassus else {
+            self.in_body_space = false;
+            return;
+        };
+        let touched = (0..rigid.num_bodies()).filter(|&body| !rigid.sides(body).is_empty()).count();
+        let ratio = rigid.num_contacts() as f64 / touched.max(1) as f64;
+        self.in_body_space = if ratio > CLEARLY_BODY {
+            true
+        } else if ratio < CLEARLY_CONTACT {
+            false
+        } else {
+            let body = BodyMatrix::new(rigid);
+            let pattern = rigid.assemble();
+            let ordering = Ordering::MinimumDegree;
+            let in_body = predicted_cost(6, body.row_starts(), body.columns(), ordering).flops;
+            in_body <= predicted_cost(3, pattern.row_starts(), pattern.columns(), ordering).flops
+        };
+    }
+}
+
+impl NewtonSolver for Direct {
+    fn name(&self) -> &'static str {
+        "cholesky"
+    }
+
+    fn prepare(&mut self, system: &NewtonSystem<'_>) {
+        self.choose(system);
+    }
+
+    fn needs_schur(&self) -> bool {
+        !self.in_body_space
+    }
+
+    fn refresh(&mut self, system: &NewtonSystem<'_>) -> Result<(), NewtonError> {
+        if self.in_body_space { self.body.refresh(system) } else { self.schur.refresh(system) }
+    }
+
+    fn solve(
+        &mut self,
+        system: &NewtonSystem<'_>,
+        b: &[f64],
+        x: &mut [f64],
+        relative_tolerance: f64,
+    ) -> LinearReport {
+        if self.in_body_space {
+            self.body.solve(system, b, x, relative_tolerance)
+        } else {
+            self.schur.solve(system, b, x, relative_tolerance)
+        }
+    }
+
+    fn figures(&self, figures: &mut BTreeMap<String, f64>) {
+        if self.in_body_space {
+            self.body.figures(figures)
+        } else {
+            self.schur.figures(figures)
+        }
+        figures.insert("in_body_space".to_string(), f64::from(u8::from(self.in_body_space)));
+    }
+}

@@ -1,0 +1,227 @@
+//! The linear systems of Newton's method for contact problems, (N + H) x = b, and their solvers.
+//!
+//! Both interior points ([`ipm`](crate::solver::ipm), [`pdip`](crate::solver::pdip)) meet the same matrix in every
+//! iteration: S = N + H with the Delassus matrix N, which stays, and one symmetric positive definite 3x3 block H_i per
+//! contact, which changes. S is the Schur complement of the Newton system in contact space. The same solution follows
+//! from the body-space matrix K = I + D~ H^-1 D~^T ([`body_matrix`]).
+//!
+//! A solver of such systems is a [`NewtonSolver`]: [`refresh`](NewtonSolver::refresh) takes new blocks H,
+//! [`solve`](NewtonSolver::solve) a right-hand side. Nothing in it is about contact: any convex quadratic program over
+//! cones of dimension 3 has systems of this form (see `examples/conic_qp.rs`).
+//!
+//! | name | solver | matrix |
+//! |---|---|---|
+//! | `none` | BiCGSTAB, at most 1000 iterations (the paper's baseline) | S |
+//! | `ilu` | BiCGSTAB with block ILU(0) (the paper's second baseline) | S |
+//! | `ic` | conjugate gradients with block IC(0) | S |
+//! | `block-jacobi` | conjugate gradients with 3x3 block Jacobi | S |
+//! | `cholesky` | sparse Cholesky, the cheaper of the two | S or K |
+//! | `schur-cholesky` | sparse Cholesky | S |
+//! | `body-cholesky` | sparse Cholesky | K |
+//! | `body-cg` | conjugate gradients with 6x6 block Jacobi | K |
+
+pub mod body;
+pub mod body_matrix;
+pub mod direct;
+pub mod driver;
+pub mod krylov;
+pub mod schur;
+
+pub use schur::SchurComplement;
+
+use crate::problem::{Ccp, CcpError};
+use graintrain_linalg::block3::{Block, BlockMatrix3};
+use std::collections::BTreeMap;
+
+/// One Newton matrix N + H.
+#[derive(Clone, Copy)]
+pub struct NewtonSystem<'a> {
+    /// The problem: N, contact points, identities of the contacts.
+    pub problem: &'a Ccp,
+    /// H_i, symmetric positive definite, 1/kg.
+    pub added: &'a [Block],
+    /// H_i^-1, kg, from the closed form of the outer method.
+    pub inverse_added: &'a [Block],
+    /// S = N + H as a sparse matrix whose pattern persists while the problem does; present for solvers that ask for
+    /// it ([`NewtonSolver::needs_schur`]).
+    pub schur: Option<&'a BlockMatrix3>,
+    /// Whether N is another one than at the last refresh (then everything that depends on N has to be made anew).
+    pub new_delassus: bool,
+    /// Newton iteration of the outer method, from 0.
+    pub iteration: usize,
+}
+
+/// What one linear solve did.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct LinearReport {
+    /// Iterations of the linear solver; steps of refinement for direct ones.
+    pub iterations: usize,
+    /// |b - S x| / |b|.
+    pub residual: f64,
+    /// Whether the tolerance asked for was reached.
+    pub converged: bool,
+}
+
+/// Why a linear solver could not prepare itself for a matrix.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum NewtonError {
+    /// The solver cannot treat this problem at all.
+    #[error("linear solver {solver} cannot treat this problem: {reason}")]
+    Unsupported {
+        /// Name of the linear solver.
+        solver: &'static str,
+        /// Why not.
+        reason: &'static str,
+    },
+    /// The factorisation or preconditioner broke down on these values.
+    #[error("linear solver {solver} broke down: {reason}")]
+    Breakdown {
+        /// Name of the linear solver.
+        solver: &'static str,
+        /// What happened.
+        reason: String,
+    },
+}
+
+/// A solver of (N + H) x = b that is prepared once per H. It may keep what it learned between matrices and between
+/// problems (symbolic factorisations, hot starts).
+pub trait NewtonSolver: Send {
+    /// Name as given after the `+`.
+    fn name(&self) -> &'static str;
+
+    /// Looks at a new problem before its first matrix, e.g. to choose a form; `schur` is not there yet and H may be
+    /// anything.
+    fn prepare(&mut self, system: &NewtonSystem<'_>) {
+        let _ = system;
+    }
+
+    /// Whether [`NewtonSystem::schur`] has to be there. Asked after [`Self::prepare`].
+    fn needs_schur(&self) -> bool;
+
+    /// Adapts to new blocks H.
+    ///
+    /// # Errors
+    /// [`NewtonError`]; the solver then must not be used until the next success.
+    fn refresh(&mut self, system: &NewtonSystem<'_>) -> Result<(), NewtonError>;
+
+    /// Solves (N + H) x = b to a relative residual; `x` holds the start on entry and the best iterate on exit.
+    /// `system` is that of the last refresh.
+    fn solve(
+        &mut self,
+        system: &NewtonSystem<'_>,
+        b: &[f64],
+        x: &mut [f64],
+        relative_tolerance: f64,
+    ) -> LinearReport;
+
+    /// Named figures of the last refresh and of the solves since (ranks, compression error, fill, ...).
+    fn figures(&self, figures: &mut BTreeMap<String, f64>) {
+        let _ = figures;
+    }
+}
+
+/// What the linear solver did in one Newton iteration.
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct NewtonRecord {
+    /// Newton iteration, from 0.
+    pub iteration: usize,
+    /// Iterations of the linear solver, summed over the right-hand sides.
+    pub inner_iterations: usize,
+    /// Seconds in [`NewtonSolver::refresh`].
+    pub precompute_seconds: f64,
+    /// Seconds in [`NewtonSolver::solve`].
+    pub apply_seconds: f64,
+    /// Largest relative residual of the linear solves.
+    pub linear_residual: f64,
+    /// Whether every linear solve reached its tolerance.
+    pub linear_converged: bool,
+    /// Residual of the contact problem before the iteration, where the outer method evaluates it.
+    pub residual: f64,
+    /// Step length taken.
+    pub step: f64,
+    /// What [`NewtonSolver::figures`] told.
+    pub figures: BTreeMap<String, f64>,
+}
+
+/// A linear solver that can be asked for by name.
+pub struct LinearMethod {
+    /// Name after the `+`.
+    pub name: &'static str,
+    /// One line for `--help`.
+    pub about: &'static str,
+    build: fn() -> Box<dyn NewtonSolver>,
+}
+
+/// Every linear solver, in the order of the documentation.
+pub const LINEAR_METHODS: &[LinearMethod] = &[
+    LinearMethod {
+        name: "none",
+        about: "BiCGSTAB on S, at most 1000 iterations",
+        build: || Box::new(krylov::SchurKrylov::plain()),
+    },
+    LinearMethod {
+        name: "ilu",
+        about: "BiCGSTAB on S with block ILU(0)",
+        build: || Box::new(krylov::SchurKrylov::incomplete_lu()),
+    },
+    LinearMethod {
+        name: "ic",
+        about: "conjugate gradients on S with block IC(0)",
+        build: || Box::new(krylov::SchurKrylov::incomplete_cholesky()),
+    },
+    LinearMethod {
+        name: "block-jacobi",
+        about: "conjugate gradients on S with 3x3 block Jacobi",
+        build: || Box::new(krylov::SchurKrylov::block_jacobi()),
+    },
+    LinearMethod {
+        name: "cholesky",
+        about: "sparse Cholesky of S or K, whichever needs fewer operations",
+        build: || Box::new(direct::Direct::default()),
+    },
+    LinearMethod {
+        name: "schur-cholesky",
+        about: "sparse Cholesky of S (contact space)",
+        build: || Box::new(direct::SchurCholesky::default()),
+    },
+    LinearMethod {
+        name: "body-cholesky",
+        about: "sparse Cholesky of K (body space)",
+        build: || Box::new(body::BodyCholesky::default()),
+    },
+    LinearMethod {
+        name: "body-cg",
+        about: "conjugate gradients on K with 6x6 block Jacobi",
+        build: || Box::new(body::BodyCg::default()),
+    },
+];
+
+/// The linear solver of this name.
+///
+/// # Errors
+/// [`CcpError::UnknownSolver`] naming the `method` it was asked for.
+pub fn linear_solver(method: &str, name: &str) -> Result<Box<dyn NewtonSolver>, CcpError> {
+    LINEAR_METHODS.iter().find(|linear| linear.name == name).map(|linear| (linear.build)()).ok_or_else(|| {
+        let known: Vec<String> =
+            LINEAR_METHODS.iter().map(|linear| format!("{method}+{}", linear.name)).collect();
+        CcpError::UnknownSolver { name: format!("{method}+{name}"), known: known.join(", ") }
+    })
+}
+
+/// y <- (N + H) x without forming the sum.
+pub(crate) fn multiply_system(
+    problem: &Ccp,
+    added: &[Block],
+    x: &[f64],
+    y: &mut [f64],
+    work: &mut crate::delassus::DelassusWork,
+) {
+    problem.delassus.multiply(x, y, work);
+    for (i, h) in added.iter().enumerate() {
+        let hx = graintrain_linalg::block_ops::apply3(h, [x[3 * i], x[3 * i + 1], x[3 * i + 2]]);
+        for k in 0..3 {
+            y[3 * i + k] += hx[k];
+        }
+    }
+}
