@@ -9,7 +9,7 @@ use super::local::{add_low_rank, symmetric_blocks};
 use super::matrix::{Entry, Matrix};
 use super::raw::GlobalForm;
 use super::rigid::{self, Bodies};
-use graintrain_ccp::Delassus;
+use graintrain_ccp::{Delassus, RigidDelassus};
 
 /// Largest independent block of M that is factorised densely, degrees of freedom.
 const LARGEST_BLOCK: usize = 4000;
@@ -25,6 +25,19 @@ pub(super) struct Reduced {
     pub(super) bodies: usize,
     /// max |M - M^T| / max |M|.
     pub(super) asymmetry: f64,
+}
+
+impl Reduced {
+    /// The problem of bodies that are known, r = w.
+    pub(super) fn from_bodies(bodies: RigidDelassus, w: Vec<f64>) -> Self {
+        Self {
+            bodies: bodies.num_bodies(),
+            delassus: Delassus::Rigid(bodies),
+            r: w,
+            points: Vec::new(),
+            asymmetry: 0.0,
+        }
+    }
 }
 
 /// The CCP of a global problem.

@@ -10,6 +10,7 @@
 //! | `dump` | writes problems |
 
 mod dense;
+mod dump;
 mod error;
 mod fclib;
 mod global;
@@ -19,8 +20,10 @@ mod raw;
 mod rigid;
 mod siconos;
 
+pub use dump::write;
 pub use error::ProblemFileError;
 
+use dump::Extras;
 use error::{COPY_AGAIN, Defect};
 use graintrain_ccp::{Ccp, CcpError, Delassus};
 use raw::RawProblem;
@@ -82,7 +85,7 @@ pub fn read(path: &Path) -> Result<ProblemFile, ProblemFileError> {
 }
 
 fn parse(bytes: Vec<u8>) -> Result<ProblemFile, Defect> {
-    let (raw, title) = if hdf5_pure::is_hdf5_bytes(&bytes) {
+    let (raw, title, extras) = if hdf5_pure::is_hdf5_bytes(&bytes) {
         let file = hdf5_pure::File::from_bytes(bytes)
             .map_err(|error| Defect::damaged("the HDF5 structure", error.to_string(), COPY_AGAIN))?;
         let (raw, title) = fclib::read(&file)?;
@@ -91,16 +94,17 @@ fn parse(bytes: Vec<u8>) -> Result<ProblemFile, Defect> {
             "M" | "H" | "G" => format!("fclib_global/{part}"),
             vector => format!("vectors/{vector}"),
         })?;
-        (raw, title)
+        let extras = dump::read_extras(&file, &raw)?;
+        (raw, title, extras)
     } else {
         let raw = siconos::parse(&bytes)?;
         raw.check(str::to_string)?;
-        (raw, String::new())
+        (raw, String::new(), dump::Extras::default())
     };
-    build(raw, title)
+    build(raw, title, extras)
 }
 
-fn build(raw: RawProblem, title: String) -> Result<ProblemFile, Defect> {
+fn build(raw: RawProblem, title: String, extras: Extras) -> Result<ProblemFile, Defect> {
     let (delassus, r, points, friction, form, bodies, asymmetry) = match raw {
         RawProblem::Local(mut local) => {
             let friction = std::mem::take(&mut local.friction);
@@ -108,8 +112,11 @@ fn build(raw: RawProblem, title: String) -> Result<ProblemFile, Defect> {
             (reduced.delassus, reduced.r, Vec::new(), friction, Form::Local, 0, reduced.asymmetry)
         }
         RawProblem::Global(mut global) => {
-            let reduced = global::reduce(&global)?;
             let friction = std::mem::take(&mut global.friction);
+            let reduced = match extras.bodies {
+                Some(bodies) => global::Reduced::from_bodies(bodies, std::mem::take(&mut global.w)),
+                None => global::reduce(&global)?,
+            };
             let form = match reduced.delassus {
                 Delassus::Rigid(_) => Form::RigidBodies,
                 Delassus::Sparse(_) => Form::Condensed,
@@ -120,7 +127,9 @@ fn build(raw: RawProblem, title: String) -> Result<ProblemFile, Defect> {
     let invalid =
         |error: CcpError| Defect::damaged("the contact problem", error.to_string(), error::WRITE_AGAIN);
     let mut problem = Ccp::new(delassus, r, friction).map_err(invalid)?;
-    problem.points = points;
+    problem.impulse_scale = extras.impulse_scale;
+    problem.identity = extras.identity;
+    problem.points = if extras.points.is_empty() { points } else { extras.points };
     problem.validate().map_err(invalid)?;
     Ok(ProblemFile { problem, form, title, bodies, asymmetry })
 }

@@ -308,7 +308,7 @@ pub(super) fn relative_points(delassus: &RigidDelassus) -> Vec<[f64; 3]> {
 }
 
 /// Inverse of a symmetric positive definite matrix; `None` for any other.
-fn invert(a: &Matrix3) -> Option<Matrix3> {
+pub(super) fn invert(a: &Matrix3) -> Option<Matrix3> {
     dense::cholesky(a.as_flattened().to_vec(), 3)?;
     let columns = [cross(a[1], a[2]), cross(a[2], a[0]), cross(a[0], a[1])];
     let determinant = determinant(a);

@@ -1,6 +1,10 @@
 //! Reading the public contact problems: sizes, symmetry and form against the reference computed independently of this
 //! program.
 
+mod by_hand;
+mod damage;
+mod dumps;
+
 use graintrain::problem_file::{self, Form};
 use std::path::PathBuf;
 

@@ -1,0 +1,124 @@
+//! Files that are refused: truncated, garbled, not a number, or a problem that is not solved here. Never a panic.
+
+use crate::data;
+use graintrain::problem_file::{self, ProblemFileError};
+use proptest::prelude::Rng as _;
+use proptest::test_runner::{RngAlgorithm, TestRng};
+use std::path::{Path, PathBuf};
+
+/// Every problem file of the public data that is small enough to be read hundreds of times.
+fn small_files() -> Vec<PathBuf> {
+    let Some(data) = data() else { return Vec::new() };
+    let mut files: Vec<PathBuf> = std::fs::read_dir(data.join("fclib"))
+        .unwrap()
+        .map(|entry| entry.unwrap().path())
+        .filter(|path| path.extension().is_some_and(|extension| extension == "dat" || extension == "hdf5"))
+        .filter(|path| path.metadata().unwrap().len() < 200_000)
+        .collect();
+    files.sort();
+    files
+}
+
+/// Reads bytes as a problem file; an error must name the file and a remedy.
+fn outcome(folder: &Path, bytes: &[u8]) -> Result<(), ProblemFileError> {
+    let path = folder.join("damaged");
+    std::fs::write(&path, bytes).unwrap();
+    problem_file::read(&path).map(|_| ()).inspect_err(|error| {
+        assert!(error.to_string().starts_with(&path.display().to_string()), "{error}");
+        assert!(!error.remedy().is_empty());
+    })
+}
+
+#[test]
+fn truncated_files_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    for path in small_files() {
+        let bytes = std::fs::read(&path).unwrap();
+        let step = (bytes.len() / 150).max(1);
+        let lengths = (0..40).chain((40..bytes.len()).step_by(step)).filter(|&length| length < bytes.len());
+        for length in lengths {
+            let result = outcome(folder.path(), &bytes[..length]);
+            // The last tenth of an HDF5 file may hold what is not needed, and a cut last number is a number.
+            assert!(result.is_err() || length > bytes.len() * 9 / 10, "{} at {length}", path.display());
+        }
+    }
+}
+
+#[test]
+fn garbled_files_never_panic() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut rng = TestRng::from_seed(RngAlgorithm::ChaCha, &[3; 32]);
+    for path in small_files() {
+        let bytes = std::fs::read(&path).unwrap();
+        for _ in 0..120 {
+            let mut garbled = bytes.clone();
+            for _ in 0..1 + rng.next_u32() % 8 {
+                // Headers matter most: half of the hits go there.
+                let range =
+                    if rng.next_u32().is_multiple_of(2) { bytes.len().min(4096) } else { bytes.len() };
+                let place = rng.next_u32() as usize % range;
+                garbled[place] = rng.next_u32() as u8;
+            }
+            let _ = outcome(folder.path(), &garbled);
+        }
+    }
+    for junk in
+        [&b""[..], b"\x89HDF\r\n\x1a\n", b"hello", b"3\n", b"3 99999999999999999999", b"3\n4\n0\n12\n12\n"]
+    {
+        assert!(outcome(folder.path(), junk).is_err());
+    }
+}
+
+/// A correct text problem with one contact, to be spoilt.
+const TEXT: &str = "3\n1\n0\n3\n3\n3\t3\n 2. 0. 0. 0. 2. 0. 0. 0. 2.\n-1. 0. 0.\n0.5\n";
+
+#[test]
+fn errors_tell_the_line_and_what_is_wrong() {
+    let folder = tempfile::tempdir().unwrap();
+    assert!(outcome(folder.path(), TEXT.as_bytes()).is_ok());
+    let cases = [
+        ("-1. 0.", "nan 0.", "line 8: q contains NaN"),
+        ("-1. 0.", "-1. x", "line 8: expected q (a number), found 'x'"),
+        ("0.5", "", "line 10: the file ends where mu is expected"),
+        ("0.5", "-0.5", "the coefficient of friction of contact 0 is -0.5"),
+        ("3\n1", "2\n1", "two-dimensional"),
+        ("3\n1", "5\n1", "rolling friction"),
+        ("3\n1\n0", "3\n1\n7", "storage 7"),
+        ("0.5", "0.5 1 2 3 4 5", "the storage of H"),
+    ];
+    for (from, to, expected) in cases {
+        let error = outcome(folder.path(), TEXT.replacen(from, to, 1).as_bytes()).unwrap_err();
+        assert!(error.to_string().contains(expected), "{error}");
+    }
+}
+
+#[test]
+fn problems_of_another_kind_are_refused_by_name() {
+    let Some(data) = data() else { return };
+    let cases = [
+        ("fc2d_granularflowonwall_00667_00000.dat", "two-dimensional"),
+        ("FrictionContactProblem00071.dat", "two-dimensional"),
+        ("Chute-ndof-768-nc-4-3.hdf5", "rolling friction"),
+    ];
+    for (name, expected) in cases {
+        let error = problem_file::read(&data.join("fclib").join(name)).unwrap_err();
+        assert!(matches!(error, ProblemFileError::Unsupported { .. }));
+        let text = error.to_string();
+        assert!(text.contains(name) && text.contains(expected), "{text}");
+    }
+}
+
+#[test]
+fn deformable_bodies_are_condensed() {
+    let Some(data) = data() else { return };
+    for (name, contacts, bodies) in [("LMGC_GFC3D_CubeH8.hdf5", 1, None), ("GFC3D_TwoRods1.dat", 3, Some(2))]
+    {
+        let file = problem_file::read(&data.join("fclib").join(name)).unwrap();
+        assert_eq!(file.form, problem_file::Form::Condensed);
+        assert_eq!(file.problem.num_contacts(), contacts);
+        println!("{name}: {} bodies, asymmetry {:.1e}", file.bodies, file.asymmetry);
+        if let Some(bodies) = bodies {
+            assert_eq!(file.bodies, bodies, "{name}");
+        }
+    }
+}
