@@ -3,6 +3,7 @@
 use crate::output::OutputSettings;
 use crate::output::files::OutputError;
 use crate::output::process::cpu_seconds;
+use crate::scene::Simulation;
 use crate::stepper::{PhaseSeconds, StepError, StepReport, StepSettings, Stepper};
 use crate::world::World;
 use graintrain_ccp::{Ccp, FrictionModel};
@@ -32,6 +33,27 @@ pub struct RunSettings {
     pub steps: u64,
     /// What is written.
     pub output: OutputSettings,
+    /// Steps from one dumped contact problem to the next; `None` dumps none.
+    pub dump_problem_every: Option<u64>,
+}
+
+impl RunSettings {
+    /// The settings of a scene's simulation.
+    pub fn new(simulation: &Simulation, dump_problem_every: Option<u64>) -> Self {
+        let settings = &simulation.settings;
+        Self {
+            scene: simulation.resolved.name.clone(),
+            step: settings.step,
+            envelope: settings.envelope,
+            solver: settings.solver.to_string(),
+            tolerance: settings.tolerance,
+            max_iterations: settings.max_iterations,
+            friction: settings.friction,
+            steps: simulation.steps,
+            output: simulation.output.clone(),
+            dump_problem_every,
+        }
+    }
 }
 
 /// Sums and extremes over the steps of a run, those before an interruption included.

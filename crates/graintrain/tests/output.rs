@@ -121,6 +121,7 @@ fn settings() -> RunSettings {
             precision: Precision::Double,
             checkpoint_every: 1000,
         },
+        dump_problem_every: None,
     }
 }
 
@@ -137,7 +138,7 @@ fn record(folder: &Path) -> (World, RunTotals) {
     let settings = settings();
     prepare_folder(folder, false).unwrap();
     let (mut world, totals) = (world(), RunTotals::default());
-    let mut recorder = Recorder::begin(folder, &settings, &world).unwrap();
+    let mut recorder = Recorder::begin(folder, &settings, &world, "").unwrap();
     for _ in 0..settings.steps {
         let report = advance(&mut world, &settings);
         recorder.observe(view(&world, &report, &totals)).unwrap();
@@ -207,7 +208,7 @@ fn outputs_resumed_from_a_checkpoint_are_those_of_an_uninterrupted_run() {
     let _ = record(whole.path());
     let settings = settings();
     let (mut world, totals) = (world(), RunTotals::default());
-    let mut recorder = Recorder::begin(cut.path(), &settings, &world).unwrap();
+    let mut recorder = Recorder::begin(cut.path(), &settings, &world, "").unwrap();
     for step in 1..=4 {
         let report = advance(&mut world, &settings);
         recorder.observe(view(&world, &report, &totals)).unwrap();

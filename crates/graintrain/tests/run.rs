@@ -62,6 +62,7 @@ fn settings(steps: u64) -> RunSettings {
             precision: Precision::Double,
             checkpoint_every: 7,
         },
+        dump_problem_every: None,
     }
 }
 
@@ -82,7 +83,7 @@ impl Observer for StopAfter {
 /// Runs `steps` steps into the folder without an interruption.
 fn run_whole(folder: &Path, settings: &RunSettings) -> Run {
     prepare_folder(folder, false).unwrap();
-    let mut recorder = Recorder::begin(folder, settings, &world()).unwrap();
+    let mut recorder = Recorder::begin(folder, settings, &world(), "").unwrap();
     let mut run = Run::new(world(), settings.clone(), RunTotals::default(), never()).unwrap();
     assert_eq!(run.advance(&mut [&mut recorder]).unwrap(), Ending::Finished);
     recorder.checkpoint(&run.world, &run.totals, RunStatus::Finished).unwrap();
@@ -139,7 +140,7 @@ fn a_stopped_run_goes_on_to_the_same_bits() {
     assert_eq!(reference.totals.unconverged_steps, 0);
 
     let stop = never();
-    let mut recorder = Recorder::begin(stopped.path(), &settings, &world()).unwrap();
+    let mut recorder = Recorder::begin(stopped.path(), &settings, &world(), "").unwrap();
     let mut run = Run::new(world(), settings.clone(), RunTotals::default(), stop.clone()).unwrap();
     let ending = run.advance(&mut [&mut recorder, &mut StopAfter(23, stop)]).unwrap();
     assert_eq!((ending, run.world.step), (Ending::Stopped, 23));
@@ -160,7 +161,7 @@ fn a_killed_run_goes_on_from_its_last_checkpoint() {
     let reference = run_whole(whole.path(), &settings);
 
     let stop = never();
-    let mut recorder = Recorder::begin(killed.path(), &settings, &world()).unwrap();
+    let mut recorder = Recorder::begin(killed.path(), &settings, &world(), "").unwrap();
     let mut run = Run::new(world(), settings.clone(), RunTotals::default(), stop.clone()).unwrap();
     let _ = run.advance(&mut [&mut recorder, &mut StopAfter(26, stop)]).unwrap();
     // No last checkpoint: the process is gone. The one of step 21 remains, and records of steps 22 to 26 after it.

@@ -1,6 +1,8 @@
 //! The commands, one file each. A new command is a module, a variant and a line in [`Command::execute`].
 
 mod compare;
+mod resume;
+mod run;
 mod solve;
 mod solvers;
 
@@ -10,6 +12,8 @@ use std::process::ExitCode;
 /// What the user asked for.
 #[derive(clap::Subcommand)]
 pub enum Command {
+    Run(run::Arguments),
+    Resume(resume::Arguments),
     Solve(solve::Arguments),
     Compare(compare::Arguments),
     Solvers(solvers::Arguments),
@@ -19,6 +23,8 @@ impl Command {
     /// Carries the command out.
     pub fn execute(self) -> Result<ExitCode, Failure> {
         match self {
+            Self::Run(arguments) => run::execute(&arguments),
+            Self::Resume(arguments) => resume::execute(&arguments),
             Self::Solve(arguments) => solve::execute(&arguments),
             Self::Compare(arguments) => compare::execute(&arguments),
             Self::Solvers(arguments) => solvers::execute(&arguments),

@@ -121,11 +121,18 @@ pub struct Recorder {
 }
 
 impl Recorder {
-    /// Begins the outputs of a new run in a prepared folder with the frame of the initial state.
+    /// Begins the outputs of a new run in a prepared folder: the resolved scene, the frame and a checkpoint of the
+    /// initial state (a run killed early can go on, too).
     ///
     /// # Errors
     /// Where a file cannot be written.
-    pub fn begin(folder: &Path, settings: &RunSettings, world: &World) -> Result<Self, OutputError> {
+    pub fn begin(
+        folder: &Path,
+        settings: &RunSettings,
+        world: &World,
+        resolved_scene: &str,
+    ) -> Result<Self, OutputError> {
+        write_atomically(&folder.join("scene.toml"), resolved_scene.as_bytes())?;
         let mut recorder = Self {
             folder: folder.to_path_buf(),
             settings: settings.clone(),
@@ -137,6 +144,7 @@ impl Recorder {
             last_checkpoint: Instant::now(),
         };
         recorder.frame(world)?;
+        recorder.checkpoint(world, &RunTotals::default(), RunStatus::Running)?;
         Ok(recorder)
     }
 
@@ -178,6 +186,15 @@ impl Recorder {
         let summary = Summary::new(world, &self.settings, totals, status);
         summary.write(&self.folder)?;
         Ok(summary)
+    }
+
+    /// Leaves the last good state of a run that failed: its frame, a checkpoint, the summary.
+    ///
+    /// # Errors
+    /// Where a file cannot be written.
+    pub fn fail(&mut self, world: &World, totals: &RunTotals) -> Result<Summary, OutputError> {
+        self.frame(world)?;
+        self.checkpoint(world, totals, RunStatus::Failed)
     }
 
     /// Writes the frames of the bodies, surfaces and contacts.

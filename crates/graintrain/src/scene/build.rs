@@ -12,11 +12,11 @@ use crate::error::ModelError;
 use crate::material::Materials;
 use crate::math::{Quat, Vec3};
 use crate::motion::{Motion, Rotation};
+use crate::output::OutputSettings;
 use crate::shape::{Geometry, Part, Shape};
 use crate::stepper::StepSettings;
 use crate::world::{Body, FREE, World};
 use graintrain_ccp::FrictionModel;
-use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
 use std::path::PathBuf;
 
@@ -27,19 +27,6 @@ const ENVELOPE: f64 = 0.3;
 /// Overlap accepted at the start, as a fraction of the smallest radius: what settled packings from other programs
 /// have.
 const ALLOWED_OVERLAP: f64 = 0.01;
-
-/// When and what a run writes.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct OutputSettings {
-    /// Steps between frames, at least 1.
-    pub every: u64,
-    /// Whether frames hold the bodies.
-    pub bodies: bool,
-    /// Whether frames hold the contacts.
-    pub contacts: bool,
-    /// Steps between checkpoints, at least 1.
-    pub checkpoint_every: u64,
-}
 
 /// Everything that a run needs.
 #[derive(Clone, Debug)]
@@ -102,6 +89,7 @@ impl Scene {
             every: whole_steps(self.output.every),
             bodies: self.output.bodies,
             contacts: self.output.contacts,
+            precision: self.output.precision,
             checkpoint_every: whole_steps(self.output.checkpoint_every),
         };
         Ok(Simulation { world, settings, steps: self.time.steps, output, resolved })

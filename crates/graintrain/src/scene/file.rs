@@ -9,6 +9,7 @@ use super::schema;
 use super::tree::{Node, Value};
 use crate::math::{Quat, Vec3};
 use crate::motion::Profile;
+use crate::output::vtp::Precision;
 use graintrain_ccp::{CcpError, SolverSpec};
 use std::path::PathBuf;
 
@@ -135,12 +136,19 @@ fn unknown_solver(reader: &Reader, name: &str, error: CcpError) -> SceneError {
 
 fn output(reader: Option<Reader>, time: &TimeSpec) -> Result<OutputSpec, SceneError> {
     let whole = |fraction: u64| (time.steps / fraction).max(1) as f64 * time.step;
-    let mut spec =
-        OutputSpec { every: whole(100), bodies: true, contacts: true, checkpoint_every: whole(10) };
+    let mut spec = OutputSpec {
+        every: whole(100),
+        bodies: true,
+        contacts: true,
+        precision: Precision::Single,
+        checkpoint_every: whole(10),
+    };
     if let Some(reader) = reader {
         spec.every = reader.quantity("every", Range::Positive)?.unwrap_or(spec.every);
         spec.bodies = reader.flag("bodies")?.unwrap_or(spec.bodies);
         spec.contacts = reader.flag("contacts")?.unwrap_or(spec.contacts);
+        let precisions = &[("single", Precision::Single), ("double", Precision::Double)];
+        spec.precision = reader.choice("precision", precisions)?.unwrap_or(spec.precision);
         spec.checkpoint_every =
             reader.quantity("checkpoint_every", Range::Positive)?.unwrap_or(spec.checkpoint_every);
     }

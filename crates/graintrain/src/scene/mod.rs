@@ -33,7 +33,7 @@ mod reader;
 pub mod schema;
 mod tree;
 
-pub use build::{OutputSettings, Simulation};
+pub use build::Simulation;
 pub use error::{Location, SceneError, SceneErrorKind, Source};
 
 use crate::math::Vec3;

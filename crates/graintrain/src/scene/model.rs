@@ -3,6 +3,7 @@
 use super::error::Location;
 use crate::math::{Quat, Vec3};
 use crate::motion::Profile;
+use crate::output::vtp::Precision;
 use serde::{Serialize, Serializer};
 use std::path::PathBuf;
 
@@ -96,6 +97,8 @@ pub struct OutputSpec {
     pub bodies: bool,
     /// Whether contacts are written.
     pub contacts: bool,
+    /// Precision of frames.
+    pub precision: Precision,
     /// Simulated time between checkpoints, s.
     pub checkpoint_every: f64,
 }

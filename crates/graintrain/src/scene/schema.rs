@@ -278,6 +278,13 @@ static OUTPUT: Table = Table {
         key("bodies", Flag, "true", "false", "Write the bodies of each frame"),
         key("contacts", Flag, "true", "false", "Write the contacts of each frame"),
         key(
+            "precision",
+            Text,
+            "\"single\"",
+            "\"double\"",
+            "Floating-point numbers of the frames: single (for pictures) or double",
+        ),
+        key(
             "checkpoint_every",
             Quantity(D::TIME),
             "end / 10, at least a step",

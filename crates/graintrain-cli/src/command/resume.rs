@@ -1,0 +1,81 @@
+//! `graintrain resume`: go on with a run that was stopped or killed.
+
+use crate::error::Failure;
+use crate::session::{SessionOptions, make_steps, output_failure};
+use crate::signal::Stop;
+use graintrain::checkpoint::{self, CheckpointError};
+use graintrain::output::recorder::Recorder;
+use graintrain::run::Run;
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::sync::Arc;
+
+/// Continue a run that was stopped or killed, to the bits of an uninterrupted one
+#[derive(clap::Args)]
+#[command(after_help = "Examples:\n  graintrain resume out/sedimentation\n  \
+    graintrain resume out/sedimentation --steps 800     go further than planned")]
+pub struct Arguments {
+    /// Folder of the run
+    folder: PathBuf,
+    /// Number of the last step, instead of the planned one
+    #[arg(long, value_name = "N", conflicts_with = "until")]
+    steps: Option<u64>,
+    /// Simulated time at the end, in seconds, instead of the planned one
+    #[arg(long, value_name = "SECONDS")]
+    until: Option<f64>,
+    /// Go on with another contact solver
+    #[arg(long, value_name = "NAME")]
+    solver: Option<String>,
+    /// Go on with another tolerance
+    #[arg(long, value_name = "X")]
+    tolerance: Option<f64>,
+    #[command(flatten)]
+    session: SessionOptions,
+}
+
+pub fn execute(arguments: &Arguments) -> Result<ExitCode, Failure> {
+    let stop = Stop::listen()?;
+    let folder = &arguments.folder;
+    let (checkpoint, defects) = checkpoint::latest(&folder.join("checkpoints")).map_err(|error| {
+        let remedy = match error {
+            CheckpointError::None { .. } => "resume takes the folder that `graintrain run` wrote".to_string(),
+            _ => format!("begin anew: graintrain run {0}/scene.toml --out {0} --force", folder.display()),
+        };
+        Failure::input_error(error, remedy)
+    })?;
+    for defect in defects {
+        eprintln!("warning: {defect}; an earlier checkpoint is used");
+    }
+    let (mut settings, world) = (checkpoint.settings, checkpoint.world);
+    settings.steps = match (arguments.steps, arguments.until) {
+        (Some(steps), _) => steps,
+        // Whole steps up to round-off.
+        (None, Some(end)) => (end / settings.step * (1.0 - 1e-12)).ceil().max(0.0) as u64,
+        (None, None) => settings.steps,
+    };
+    if let Some(solver) = &arguments.solver {
+        settings.solver.clone_from(solver);
+    }
+    settings.tolerance = arguments.tolerance.unwrap_or(settings.tolerance);
+    if world.step >= settings.steps {
+        println!(
+            "nothing to do: the run has made {} of {} steps; --steps or --until take it further",
+            world.step, settings.steps
+        );
+        return Ok(ExitCode::SUCCESS);
+    }
+    if !arguments.session.quiet {
+        println!(
+            "{}: {} bodies, going on after step {} of {} in {}",
+            settings.scene,
+            world.bodies.len(),
+            world.step,
+            settings.steps,
+            folder.display()
+        );
+    }
+    let run = Run::new(world, settings, checkpoint.totals, Arc::clone(&stop.requested))
+        .map_err(|error| Failure::input_error(error, "`graintrain solvers` lists the solvers"))?;
+    let recorder = Recorder::resume(folder, &run.settings, &run.world).map_err(output_failure)?;
+    make_steps(run, recorder, &arguments.session, &stop)
+}

@@ -1,0 +1,132 @@
+//! `graintrain run`: simulate a scene.
+
+use crate::error::Failure;
+use crate::scene_failure::scene_failure;
+use crate::session::{SessionOptions, make_steps, output_failure};
+use crate::signal::Stop;
+use graintrain::output::recorder::{PrepareError, Recorder, prepare_folder};
+use graintrain::run::{Run, RunSettings, RunTotals};
+use graintrain::scene::{self, Scene};
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::sync::Arc;
+
+/// Simulate a scene
+#[derive(clap::Args)]
+#[command(after_help = "Examples:\n  graintrain run sedimentation --set n=4 --steps 120\n  \
+    graintrain run mine.toml --out results/mine --solver apgd --tolerance 1e-5\n\n\
+    Exit codes: 0 done; 1 the run failed, or a solve missed its tolerance under --strict; 2 bad input; \
+    130/143 stopped by a signal (a checkpoint is written: `graintrain resume DIR` goes on)")]
+pub struct Arguments {
+    /// A scene file (TOML) or the name of a built-in scene (`graintrain scenes` lists them)
+    scene: String,
+    /// Folder for the results; a fresh out/NAME where it is not given
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Set a parameter of the scene or any of its keys, e.g. n=8, time.step="10 ms"; may be repeated
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    settings: Vec<String>,
+    /// Number of steps
+    #[arg(long, value_name = "N", conflicts_with = "until")]
+    steps: Option<u64>,
+    /// Simulated time, in seconds or with a unit
+    #[arg(long, value_name = "SECONDS")]
+    until: Option<String>,
+    /// Contact solver (`graintrain solvers` lists them)
+    #[arg(long, value_name = "NAME")]
+    solver: Option<String>,
+    /// Residual at which the solver stops
+    #[arg(long, value_name = "X")]
+    tolerance: Option<String>,
+    /// Friction law
+    #[arg(long, value_name = "MODEL", value_parser = ["relaxed", "coulomb"])]
+    friction: Option<String>,
+    /// Write the contact problem of every K-th step into DIR/problems
+    #[arg(long, value_name = "every=K", value_parser = every)]
+    dump_problem: Option<u64>,
+    /// Replace the results of an earlier run in the folder
+    #[arg(long)]
+    force: bool,
+    #[command(flatten)]
+    session: SessionOptions,
+}
+
+/// The K of `every=K`.
+fn every(text: &str) -> Result<u64, String> {
+    let number = text.strip_prefix("every=").and_then(|number| number.parse().ok());
+    number
+        .filter(|&number| number > 0)
+        .ok_or_else(|| "expected every=K with a whole number K > 0".to_string())
+}
+
+impl Arguments {
+    /// All settings in the order in which they act: `--set` first, then the options of their own.
+    fn scene_settings(&self) -> Result<Vec<(String, String)>, Failure> {
+        let mut settings: Vec<(String, String)> = self
+            .settings
+            .iter()
+            .map(|text| scene::setting(text).map_err(scene_failure))
+            .collect::<Result<_, _>>()?;
+        let steps = self.steps.map(|steps| steps.to_string());
+        let options = [
+            ("time.steps", &steps),
+            ("time.end", &self.until),
+            ("solver.name", &self.solver),
+            ("solver.tolerance", &self.tolerance),
+            ("solver.friction", &self.friction),
+        ];
+        for (key, value) in options {
+            settings.extend(value.as_ref().map(|value| (key.to_string(), value.clone())));
+        }
+        Ok(settings)
+    }
+}
+
+pub fn execute(arguments: &Arguments) -> Result<ExitCode, Failure> {
+    let stop = Stop::listen()?;
+    let scene = Scene::load(&arguments.scene, &arguments.scene_settings()?).map_err(scene_failure)?;
+    let simulation = scene.build().map_err(scene_failure)?;
+    let settings = RunSettings::new(&simulation, arguments.dump_problem);
+    let resolved = simulation.resolved.to_toml().map_err(scene_failure)?;
+
+    let folder = match &arguments.out {
+        Some(folder) => folder.clone(),
+        None => default_folder(&scene.name, arguments.force),
+    };
+    prepare_folder(&folder, arguments.force).map_err(|error| {
+        let remedy = match &error {
+            PrepareError::Occupied(_) => "choose another --out, or replace what is there with --force",
+            PrepareError::Output(error) => error.remedy(),
+        };
+        Failure::input_error(error, remedy)
+    })?;
+    if !arguments.session.quiet {
+        println!(
+            "{}: {} bodies, {} steps of {} s, {} to residual {:.0e} -> {}",
+            settings.scene,
+            simulation.world.bodies.len(),
+            settings.steps,
+            settings.step,
+            settings.solver,
+            settings.tolerance,
+            folder.display()
+        );
+    }
+    let recorder =
+        Recorder::begin(&folder, &settings, &simulation.world, &resolved).map_err(output_failure)?;
+    let run = Run::new(simulation.world, settings, RunTotals::default(), Arc::clone(&stop.requested))
+        .map_err(|error| Failure::input_error(error, ""))?;
+    make_steps(run, recorder, &arguments.session, &stop)
+}
+
+/// `out/NAME`; where something is there, `out/NAME-2` and so on, unless it is to be replaced.
+fn default_folder(name: &str, force: bool) -> PathBuf {
+    let folder = Path::new("out").join(name);
+    if force || !folder.exists() {
+        return folder;
+    }
+    (2_u64..)
+        .map(|number| Path::new("out").join(format!("{name}-{number}")))
+        .find(|folder| !folder.exists())
+        .unwrap_or(folder)
+}

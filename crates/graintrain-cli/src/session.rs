@@ -1,0 +1,208 @@
+//! What `run` and `resume` share: making the steps, leaving things in order, telling how it went.
+
+use crate::error::Failure;
+use crate::progress::Progress;
+use crate::signal::Stop;
+use crate::threads::with_threads;
+use graintrain::output::files::OutputError;
+use graintrain::output::recorder::Recorder;
+use graintrain::output::summary::{RunStatus, Summary};
+use graintrain::run::{Ending, Observer, Run, RunError};
+use std::fmt::Write as _;
+use std::num::NonZeroUsize;
+use std::path::Path;
+use std::process::ExitCode;
+
+/// Options of `run` and `resume` alike.
+#[derive(clap::Args)]
+pub struct SessionOptions {
+    /// Number of threads; all processors where it is not given. The results do not depend on it
+    #[arg(long, value_name = "N")]
+    pub threads: Option<NonZeroUsize>,
+    /// Print nothing but warnings and errors
+    #[arg(long)]
+    pub quiet: bool,
+    /// End with exit code 1 at the first step whose solve misses its tolerance
+    #[arg(long)]
+    pub strict: bool,
+}
+
+/// Makes the remaining steps, writes the last checkpoint and the summary, and tells how it went.
+pub fn make_steps(
+    mut run: Run,
+    mut recorder: Recorder,
+    options: &SessionOptions,
+    stop: &Stop,
+) -> Result<ExitCode, Failure> {
+    run.strict = options.strict;
+    let (ending, summary) = with_threads(options.threads, || {
+        let mut progress = (!options.quiet).then(|| Progress::new(run.world.step, run.settings.steps));
+        let mut observers: Vec<&mut dyn Observer> = vec![&mut recorder];
+        if let Some(progress) = &mut progress {
+            observers.push(progress);
+        }
+        let ending = run.advance(&mut observers);
+        drop(progress);
+        let summary = conclude(&run, &mut recorder, &ending);
+        (ending, summary)
+    })?;
+    let folder = recorder.folder();
+    match ending {
+        Err(error) => {
+            // The error that ended the run is told even where its checkpoint could not be written either.
+            let remedy = remedy(&error, folder, summary.is_ok());
+            Err(Failure::work_error(error, remedy))
+        }
+        Ok(_) => {
+            let summary = summary.map_err(output_failure)?;
+            warn_of_missed_tolerance(&summary);
+            if !options.quiet {
+                print!("{}", describe(&summary, folder));
+            }
+            match summary.status {
+                RunStatus::Stopped => Ok(stop.exit_code().unwrap_or(ExitCode::SUCCESS)),
+                _ => Ok(ExitCode::SUCCESS),
+            }
+        }
+    }
+}
+
+fn conclude(
+    run: &Run,
+    recorder: &mut Recorder,
+    ending: &Result<Ending, RunError>,
+) -> Result<Summary, OutputError> {
+    match ending {
+        Ok(Ending::Finished) => recorder.checkpoint(&run.world, &run.totals, RunStatus::Finished),
+        Ok(Ending::Stopped) => recorder.checkpoint(&run.world, &run.totals, RunStatus::Stopped),
+        Err(RunError::Output(_)) => recorder.checkpoint(&run.world, &run.totals, RunStatus::Failed),
+        Err(_) => recorder.fail(&run.world, &run.totals),
+    }
+}
+
+fn remedy(error: &RunError, folder: &Path, is_saved: bool) -> String {
+    let shown = folder.display();
+    match error {
+        RunError::Output(error) => error.remedy().to_string(),
+        _ if !is_saved => format!("the state could not be written to {shown} either"),
+        RunError::ToleranceMissed { .. } => format!(
+            "try another --solver or a larger --tolerance; the state is saved in {shown}, \
+             and `graintrain resume {shown}` goes on without --strict"
+        ),
+        _ => format!(
+            "the last good state is saved in {shown}: look at its last frame, and try a shorter time step"
+        ),
+    }
+}
+
+/// A failure of an output, as the user sees it.
+pub fn output_failure(error: OutputError) -> Failure {
+    let remedy = error.remedy();
+    Failure::work_error(error, remedy)
+}
+
+fn warn_of_missed_tolerance(summary: &Summary) {
+    if summary.unconverged_steps > 0 {
+        eprintln!(
+            "warning: {} of {} steps missed the tolerance {:.0e}, the worst with residual {:.1e}: see the columns status \
+             and residual of steps.csv",
+            summary.unconverged_steps, summary.steps, summary.tolerance, summary.residual_max
+        );
+    }
+}
+
+/// The run in a few lines for people.
+fn describe(summary: &Summary, folder: &Path) -> String {
+    let mut text = String::new();
+    let verdict = match summary.status {
+        RunStatus::Finished => "is done",
+        RunStatus::Stopped => "was stopped",
+        RunStatus::Running | RunStatus::Failed => "ended early",
+    };
+    let folder = folder.display();
+    let _ = writeln!(
+        text,
+        "\n{} {verdict}: {} steps, {:.4} s simulated in {}\n",
+        summary.scene,
+        summary.steps,
+        summary.simulated_seconds,
+        duration(summary.wall_seconds)
+    );
+    let mut line = |name: &str, value: String| {
+        let _ = writeln!(text, "  {name:<12} {value}");
+    };
+    line("bodies", summary.bodies.to_string());
+    line(
+        "contacts",
+        format!(
+            "{} in the last step, {:.0} on average, {} at most",
+            summary.contacts_final, summary.contacts_mean, summary.contacts_max
+        ),
+    );
+    let converged = match summary.unconverged_steps {
+        0 => format!("every step within {:.0e}", summary.tolerance),
+        missed => format!("{missed} steps above {:.0e}", summary.tolerance),
+    };
+    line(
+        "residual",
+        format!("{:.1e} in the worst step ({converged}, {})", summary.residual_max, summary.solver),
+    );
+    line(
+        "penetration",
+        format!(
+            "{:.2} % of the smallest radius in the last step, {:.2} % at most",
+            100.0 * summary.penetration_final_over_radius,
+            100.0 * summary.penetration_max_over_radius
+        ),
+    );
+    line("energy", format!("{:.3e} J kinetic at the end", summary.kinetic_energy));
+    if let Some(bytes) = summary.peak_memory_bytes {
+        line("memory", format!("{:.0} MB at most", bytes as f64 / 1e6));
+    }
+    let phases = &summary.phases;
+    let named = [
+        ("collide", phases.collide),
+        ("assemble", phases.assemble),
+        ("solve", phases.solve),
+        ("integrate", phases.integrate),
+        ("output", phases.output),
+    ];
+    let total: f64 = named.iter().map(|(_, seconds)| seconds).sum();
+    let _ = writeln!(text);
+    for (name, seconds) in named {
+        let share = if total > 0.0 { seconds / total } else { 0.0 };
+        let bar = "#".repeat((30.0 * share).round() as usize);
+        let _ = writeln!(text, "  {name:<12} {:>9}  {bar}", duration(seconds));
+    }
+    let _ = writeln!(text, "\n  {folder}: all.pvd (ParaView, OVITO), steps.csv, wrench.csv, summary.json");
+    let next = match summary.status {
+        RunStatus::Finished => format!("graintrain view {folder}"),
+        _ => format!("graintrain resume {folder}"),
+    };
+    let _ = writeln!(text, "  next: {next}");
+    text
+}
+
+/// Seconds for people: 12.3 ms, 4.56 s, 3 min 20 s, 2 h 5 min.
+fn duration(seconds: f64) -> String {
+    let whole = seconds.round() as u64;
+    match whole {
+        _ if seconds < 1.0 => format!("{:.1} ms", 1e3 * seconds),
+        0..120 => format!("{seconds:.2} s"),
+        120..7200 => format!("{} min {} s", whole / 60, whole % 60),
+        _ => format!("{} h {} min", whole / 3600, whole % 3600 / 60),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::duration;
+
+    #[test]
+    fn durations_are_told_in_the_unit_that_fits() {
+        assert_eq!(duration(0.0123), "12.3 ms");
+        assert_eq!(duration(4.561), "4.56 s");
+        assert_eq!(duration(200.0), "3 min 20 s");
+        assert_eq!(duration(7500.0), "2 h 5 min");
+    }
+}
