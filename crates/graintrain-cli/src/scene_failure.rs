@@ -1,45 +1,48 @@
-//! Scene errors as the terminal shows them: the line of the scene file with the place underlined.
+//! A scene's error with an excerpt of the text that it is about.
 
 use crate::error::Failure;
 use graintrain::scene::SceneError;
-use miette::{LabeledSpan, NamedSource, SourceCode, SourceSpan};
 
-/// A scene error with its source text.
+/// [`SceneError`] as miette shows it: message, excerpt, help.
 #[derive(Debug)]
-struct SceneDiagnostic {
+struct Excerpt {
     error: SceneError,
-    source: Option<NamedSource<String>>,
+    text: Option<miette::NamedSource<String>>,
+    message: String,
 }
 
-impl std::fmt::Display for SceneDiagnostic {
+/// Bad input: a scene that cannot be used.
+pub fn scene_failure(error: SceneError) -> Failure {
+    let text = error
+        .location
+        .as_ref()
+        .map(|location| miette::NamedSource::new(&location.source.name, location.source.text.clone()));
+    Failure::Input(miette::Report::new(Excerpt { message: error.kind.to_string(), text, error }))
+}
+
+impl std::fmt::Display for Excerpt {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        self.error.fmt(f)
+        f.write_str(&self.message)
     }
 }
 
-impl std::error::Error for SceneDiagnostic {}
+impl std::error::Error for Excerpt {}
 
-impl miette::Diagnostic for SceneDiagnostic {
+impl miette::Diagnostic for Excerpt {
     fn help<'a>(&'a self) -> Option<Box<dyn std::fmt::Display + 'a>> {
         self.error.help().map(|help| Box::new(help) as Box<dyn std::fmt::Display>)
     }
 
-    fn source_code(&self) -> Option<&dyn SourceCode> {
-        self.source.as_ref().map(|source| source as &dyn SourceCode)
+    fn source_code(&self) -> Option<&dyn miette::SourceCode> {
+        self.text.as_ref().map(|text| text as &dyn miette::SourceCode)
     }
 
-    fn labels(&self) -> Option<Box<dyn Iterator<Item = LabeledSpan> + '_>> {
+    fn labels(&self) -> Option<Box<dyn Iterator<Item = miette::LabeledSpan> + '_>> {
         let location = self.error.location.as_ref()?;
-        let span = SourceSpan::from(location.span.clone());
-        Some(Box::new(std::iter::once(LabeledSpan::new_with_span(Some("here".to_string()), span))))
+        // A table spans many lines: its first line is enough to find it.
+        let text = location.source.text.get(location.span.clone()).unwrap_or("");
+        let length = text.find('\n').unwrap_or(text.len());
+        let label = miette::LabeledSpan::new(Some("here".into()), location.span.start, length);
+        Some(Box::new(std::iter::once(label)))
     }
-}
-
-/// Bad input: the scene cannot be used.
-pub fn scene_failure(error: SceneError) -> Failure {
-    let source = error
-        .location
-        .as_ref()
-        .map(|location| NamedSource::new(&location.source.name, location.source.text.clone()));
-    Failure::input(SceneDiagnostic { error, source })
 }
