@@ -1,0 +1,134 @@
+//! Impacts: A7, A8, A9, A20.
+
+use crate::support::*;
+use graintrain::ccp::FrictionModel;
+use graintrain::ccp::FrictionModel::{Coulomb, Relaxed};
+use graintrain::math::Vec3;
+
+/// A sphere that hits a plane at unit speed, `angle` from the normal, in one step without gravity: tangential velocity,
+/// R omega, rebound velocity.
+fn oblique(angle: f64, friction: f64, restitution: f64, model: FrictionModel) -> [f64; 3] {
+    let radius = 0.1;
+    let mut world = world(friction, restitution);
+    world.gravity = Vec3::ZERO;
+    add_ground(&mut world, 0.0);
+    let ball = add_sphere(&mut world, radius, Vec3::new(0.0, 0.0, radius));
+    world.bodies.velocity[ball] = Vec3::new(angle.sin(), 0.0, -angle.cos());
+    solved_step(&mut stepper(1e-3, 1e-3, 1e-11, model), &mut world);
+    let u = world.bodies.velocity[ball];
+    [u.x, radius * world.bodies.angular_velocity[ball].y, u.z]
+}
+
+/// A7, table: e = 0 in both friction models.
+#[test]
+fn a07_oblique_impact_table() {
+    let rows = [
+        (45.0, 0.10, [0.6364, 0.1768, 0.0], [0.6320, 0.1879, 0.0444]),
+        (60.0, 0.25, [0.7410, 0.3125, 0.0], [0.7190, 0.3674, 0.0879]),
+        (75.0, 0.25, [0.9012, 0.1618, 0.0], [0.8633, 0.2566, 0.1517]),
+        (75.0, 0.50, [0.8365, 0.3235, 0.0], [0.7681, 0.4945, 0.1368]),
+    ];
+    for (angle, friction, exact, relaxed) in rows {
+        for (model, expected) in [(Coulomb, exact), (Relaxed, relaxed)] {
+            let got = oblique(f64::to_radians(angle), friction, 0.0, model);
+            for k in 0..3 {
+                assert_close(
+                    got[k],
+                    expected[k],
+                    6e-5,
+                    &format!("{angle} deg, mu {friction}, {model:?}, {k}"),
+                );
+            }
+        }
+    }
+}
+
+/// A7, closed form, with restitution: sticking gives 5/7 of the tangential velocity; sliding leaves the slip
+/// s' = s - 3.5 mu (1 + e) v_n, relaxed s' / (1 + 3.5 mu^2) with rebound e v_n + mu s'.
+#[test]
+fn a07_oblique_impact_closed_form() {
+    let mut worst: f64 = 0.0;
+    for angle in [10.0_f64, 30.0, 45.0, 60.0, 75.0, 85.0] {
+        let angle = angle.to_radians();
+        let (tangential, normal) = (angle.sin(), angle.cos());
+        for friction in [0.0, 0.05, 0.25, 0.5, 1.0] {
+            for restitution in [0.0, 0.3, 0.9] {
+                let slip = tangential - 3.5 * friction * (1.0 + restitution) * normal;
+                for model in BOTH {
+                    let [u, spin, rebound] = oblique(angle, friction, restitution, model);
+                    let (left, up) = if slip <= 0.0 {
+                        (0.0, restitution * normal)
+                    } else if model == Coulomb {
+                        (slip, restitution * normal)
+                    } else {
+                        let left = slip / (1.0 + 3.5 * friction * friction);
+                        (left, restitution * normal + friction * left)
+                    };
+                    worst = worst.max((u - spin - left).abs()).max((rebound - up).abs());
+                    // Angular momentum about the contact point is kept: u + 2/5 R omega.
+                    worst = worst.max((u + 0.4 * spin - tangential).abs());
+                }
+            }
+        }
+    }
+    println!("A7: largest error {worst:.1e} m/s");
+    assert!(worst < 1e-6);
+}
+
+/// A8: masses 1 : 8, several coefficients of restitution.
+#[test]
+fn a08_head_on_impact() {
+    for restitution in [0.0, 0.5, 1.0] {
+        let mut world = world(0.3, restitution);
+        world.gravity = Vec3::ZERO;
+        let a = add_sphere(&mut world, 0.1, Vec3::new(-0.1, 0.0, 0.0));
+        let b = add_sphere(&mut world, 0.2, Vec3::new(0.2, 0.0, 0.0));
+        let (m_a, m_b) = (world.bodies.mass[a], world.bodies.mass[b]);
+        world.bodies.velocity[a] = Vec3::new(2.0, 0.0, 0.0);
+        world.bodies.velocity[b] = Vec3::new(-1.0, 0.0, 0.0);
+        let (before, momentum) = (world.kinetic_energy(), 2.0 * m_a - m_b);
+        solved_step(&mut stepper(1e-3, 1e-3, 1e-13, Relaxed), &mut world);
+        let (u_a, u_b) = (world.bodies.velocity[a].x, world.bodies.velocity[b].x);
+        assert_close(m_a * u_a + m_b * u_b, momentum, 1e-12 * m_b, "momentum");
+        assert_close(u_b - u_a, restitution * 3.0, 1e-10, "velocity of separation");
+        let reduced = m_a * m_b / (m_a + m_b);
+        let loss = 0.5 * reduced * 9.0 * (1.0 - restitution * restitution);
+        assert_close(before - world.kinetic_energy(), loss, 1e-10 * before, "energy lost");
+    }
+}
+
+/// A9: plastic simultaneous impact on a row.
+#[test]
+fn a09_row_of_spheres() {
+    let mut world = world(0.0, 0.0);
+    world.gravity = Vec3::ZERO;
+    let count = 8;
+    for i in 0..count {
+        add_sphere(&mut world, 0.1, Vec3::new(0.2 * f64::from(i), 0.0, 0.0));
+    }
+    world.bodies.velocity[0] = Vec3::X;
+    solved_step(&mut stepper(1e-3, 1e-3, 1e-12, Relaxed), &mut world);
+    for u in &world.bodies.velocity {
+        assert_close(u.x, 1.0 / f64::from(count), 1e-8, "velocity");
+    }
+}
+
+/// A20: alumina sphere on glass (Chung and Ooi): tangential restitution in the sliding regime.
+#[test]
+fn a20_tangential_restitution_of_alumina() {
+    let digitised =
+        [(40.0, 0.781), (50.0, 0.845), (60.0, 0.893), (70.0, 0.932), (80.0, 0.966), (85.0, 0.983)];
+    for (angle, measured) in digitised {
+        let angle = f64::to_radians(angle);
+        let [u, _, _] = oblique(angle, 0.092, 0.98, Coulomb);
+        let restitution = u / angle.sin();
+        assert_close(restitution, 1.0 - 0.092 * 1.98 / angle.tan(), 1e-6, "formula");
+        assert_close(restitution, measured, 0.005, "digitised curve");
+        let [relaxed, _, _] = oblique(angle, 0.092, 0.98, Relaxed);
+        println!(
+            "A20 {:.0} deg: {restitution:.4} (relaxed {:.4}, measured {measured})",
+            angle.to_degrees(),
+            relaxed / angle.sin()
+        );
+    }
+}

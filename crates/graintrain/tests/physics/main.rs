@@ -1,0 +1,9 @@
+//! Physics against exact answers: the tests A1 to A20 of docs/mechanics.md.
+
+mod friction;
+mod impacts;
+mod invariants;
+mod packings;
+mod rotation;
+mod statics;
+mod support;

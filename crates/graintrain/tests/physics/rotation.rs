@@ -1,0 +1,181 @@
+//! Rotation: A15, A16, and driven bodies.
+
+use crate::support::*;
+use graintrain::ccp::FrictionModel::Relaxed;
+use graintrain::math::{Mat3, Quat, Vec3};
+use graintrain::motion::{Motion, Profile};
+use graintrain::shape::{Geometry, Part, Shape};
+use graintrain::world::{Body, World};
+
+/// A15: a body with inertia (1, 2, 3) spun about its middle axis turns over.
+#[test]
+fn a15_torque_free_body_turns_over() {
+    let mut world = world(0.0, 0.0);
+    world.gravity = Vec3::ZERO;
+    let body = add_sphere(&mut world, 0.1, Vec3::ZERO);
+    world.bodies.inertia[body] = Mat3::from_diagonal(Vec3::new(1.0, 2.0, 3.0));
+    world.bodies.angular_velocity[body] = Vec3::new(0.01, 1.0, 0.01);
+    let own =
+        |world: &World| world.bodies.orientation[body].conjugate() * world.bodies.angular_velocity[body];
+    let inertia = world.bodies.inertia[body];
+    let momentum = |world: &World| (inertia * own(world)).length();
+    let (first_momentum, first_energy) = (momentum(&world), world.kinetic_energy());
+    let step = 1e-3;
+    let mut stepper = stepper(step, 0.0, 1e-6, Relaxed);
+    let mut turns = Vec::new();
+    let mut last = own(&world).y;
+    for _ in 0..51_000 {
+        stepper.step(&mut world).unwrap();
+        let now = own(&world).y;
+        if now * last < 0.0 {
+            turns.push(world.time - step * now / (now - last));
+        }
+        last = now;
+    }
+    let drift = (momentum(&world) / first_momentum - 1.0).abs();
+    let energy = (world.kinetic_energy() / first_energy - 1.0).abs();
+    println!("A15: turns over at {turns:?} s, |L| drift {drift:.1e}, T drift {energy:.1e}");
+    assert_eq!(turns.len(), 3);
+    for (got, expected) in turns.iter().zip([10.9169, 30.4698, 50.0226]) {
+        assert_close(*got, expected, 0.01 * expected, "time of turning over");
+    }
+    assert!(drift < 1e-6 && energy < 1e-4);
+}
+
+/// A disc on a thin tip that stands on a rough plane and does not slip.
+struct Top {
+    world: World,
+    body: usize,
+    /// Distance from the tip to the centre of mass, m.
+    length: f64,
+    /// Inertia about the tip across the axis, and about the axis, per mass.
+    across: f64,
+    along: f64,
+}
+
+fn top(tilt: f64, spin: f64) -> Top {
+    let mut world = world(2.0, 0.0);
+    add_ground(&mut world, 0.0);
+    let tip = 1e-5;
+    let length = 0.05;
+    let part = |shape, z| Part { shape, position: Vec3::new(0.0, 0.0, z), orientation: Quat::IDENTITY };
+    let disc = Shape::Cylinder { half_length: 0.005, radius: 0.04 };
+    let (form, centre) =
+        Geometry::compound(vec![part(Shape::Sphere { radius: tip }, 0.0), part(disc, length)]).unwrap();
+    let across = form.unit_inertia.x_axis.x / form.volume + centre.z * centre.z;
+    let along = form.unit_inertia.z_axis.z / form.volume;
+    let form = world.add_geometry(form);
+    let orientation = Quat::from_rotation_y(tilt);
+    let position = orientation * centre + Vec3::new(0.0, 0.0, tip);
+    let axis = orientation * Vec3::Z;
+    let body = Body { orientation, angular_velocity: spin * axis, ..Body::new(form, 0, position) };
+    let body = world.add_body(body).unwrap() as usize;
+    Top { world, body, length: centre.z, across, along }
+}
+
+/// A16: steady precession: `I1 cos(tilt) W^2 - I3 w3 W + m g l = 0`, for fast spin W = m g l / (I3 w3).
+#[test]
+fn a16_heavy_top_precesses() {
+    let spin = 300.0;
+    let tilt: f64 = 0.4;
+    let Top { mut world, body, length, across, along } = top(tilt, spin);
+    let fast = G * length / (along * spin);
+    // Fixed-point iterations of the quadratic with w3 = spin + W cos(tilt).
+    let steady =
+        |rate: f64| (G * length + across * tilt.cos() * rate * rate) / (along * (spin + rate * tilt.cos()));
+    let rate = steady(steady(steady(fast)));
+    // Regular precession from the start: no nutation.
+    let regular = rate * Vec3::Z;
+    let arm = world.bodies.position[body];
+    world.bodies.angular_velocity[body] += regular;
+    world.bodies.velocity[body] = regular.cross(arm);
+    let mut stepper = stepper(2e-5, 1e-4, 1e-8, Relaxed);
+    run(&mut stepper, &mut world, 25_000);
+    let axis = world.bodies.orientation[body] * Vec3::Z;
+    let turned = axis.y.atan2(axis.x);
+    println!(
+        "A16: precession {:.4} rad/s, expected {rate:.4}; tilt {:.4} rad",
+        turned / world.time,
+        axis.z.acos()
+    );
+    assert_close(turned / world.time, rate, 0.01 * rate, "precession");
+    assert_close(axis.z.acos(), tilt, 0.01 * tilt, "tilt");
+}
+
+/// A16: a sleeping top is stable exactly if w3^2 >= 4 I1 m g l / I3^2.
+#[test]
+fn a16_sleeping_top() {
+    let critical = {
+        let Top { length, across, along, .. } = top(0.0, 0.0);
+        (4.0 * across * G * length).sqrt() / along
+    };
+    for (factor, stable) in [(1.2, true), (0.8, false)] {
+        let Top { mut world, body, .. } = top(1e-3, factor * critical);
+        let mut stepper = stepper(5e-5, 1e-4, 1e-8, Relaxed);
+        let mut widest: f64 = 0.0;
+        for _ in 0..10_000 {
+            solved_step(&mut stepper, &mut world);
+            widest = widest.max((world.bodies.orientation[body] * Vec3::Z).z.min(1.0).acos());
+        }
+        println!(
+            "A16: spin {factor} of critical ({critical:.1} rad/s): tilt up to {widest:.1e} rad from 1e-3"
+        );
+        assert_eq!(widest < 1e-2, stable);
+    }
+}
+
+/// A mixer arm far from its axis stays on its circle, and drags a ball along by friction.
+#[test]
+fn a_driven_body_stays_on_its_circle() {
+    let mut world = world(0.5, 0.0);
+    let table = world.add_geometry(Geometry::cylinder(0.1, 2.0).unwrap());
+    let axis_point = Vec3::new(0.5, 0.0, 0.0);
+    let turning = world.add_motion(Motion::rotating(axis_point, Vec3::Z, Profile::Constant(0.5))).unwrap();
+    let arm = world.add_body(Body { motion: turning, ..Body::new(table, 0, Vec3::ZERO) }).unwrap() as usize;
+    let block = world.add_geometry(Geometry::cuboid(Vec3::splat(0.05)).unwrap());
+    let rider = world.add_body(Body::new(block, 0, Vec3::new(0.9, 0.0, 0.15))).unwrap() as usize;
+    // Already turning with the table.
+    world.bodies.velocity[rider] = Vec3::new(0.0, 0.5 * 0.4, 0.0);
+    world.bodies.angular_velocity[rider] = 0.5 * Vec3::Z;
+    let mut stepper = stepper(5e-3, 0.01, 1e-8, Relaxed);
+    for _ in 0..400 {
+        solved_step(&mut stepper, &mut world);
+    }
+    let angle: f64 = 0.5 * world.time;
+    let exact = axis_point + Vec3::new(-0.5 * angle.cos(), -0.5 * angle.sin(), 0.0);
+    assert!((world.bodies.position[arm] - exact).length() < 1e-13);
+    let turn = Quat::from_rotation_z(angle);
+    assert!(turn.angle_between(world.bodies.orientation[arm]) < 1e-7);
+    let ridden = axis_point + 0.4 * Vec3::new(angle.cos(), angle.sin(), 0.0) + 0.15 * Vec3::Z;
+    let error = (world.bodies.position[rider] - ridden).length();
+    println!("driven table: the rider is {error:.1e} m from its circle after {angle} rad");
+    assert!(error < 2e-3);
+}
+
+/// A press held by a mixed motion: only z is dynamic; a blade that is driven along x and loaded in z by its weight.
+#[test]
+fn mixed_motions_move_as_told() {
+    let mut world = world(0.3, 0.0);
+    let ground = add_ground(&mut world, 0.0);
+    let block = world.add_geometry(Geometry::cuboid(Vec3::splat(0.1)).unwrap());
+    let driven = Motion::translating(Vec3::new(1.0, 0.0, 5.0), Profile::Constant(0.2));
+    let driven = world.add_motion(driven.with_free([false, false, true, false, false, false])).unwrap();
+    let blade =
+        world.add_body(Body { motion: driven, ..Body::new(block, 0, Vec3::new(0.0, 0.0, 0.1)) }).unwrap();
+    let step = 1e-3;
+    let mut stepper = stepper(step, 0.01, 1e-10, Relaxed);
+    let mut last = None;
+    for _ in 0..200 {
+        last = Some(solved_step(&mut stepper, &mut world));
+    }
+    let body = blade as usize;
+    assert_close(world.bodies.position[body].x, 0.2 * world.time, 1e-12, "driven along x");
+    assert_close(world.bodies.position[body].y, 0.0, 0.0, "held in y");
+    assert_eq!(world.bodies.orientation[body], Quat::IDENTITY);
+    let weight = world.bodies.mass[body] * G;
+    let report = last.unwrap();
+    let wrench = |b: u32| report.wrenches.iter().find(|w| w.body == b).unwrap();
+    assert_close(wrench(blade).force.z, weight, 1e-6 * weight, "load in z");
+    assert_close(wrench(blade).force.x, -0.3 * weight, 1e-4 * weight, "drag of friction");
+    assert!((wrench(ground).force + wrench(blade).force).length() < 1e-9 * weight);
+}
