@@ -2,7 +2,7 @@
 
 use crate::support::*;
 use graintrain::ccp::FrictionModel;
-use graintrain::ccp::FrictionModel::Relaxed;
+use graintrain::ccp::FrictionModel::{Coulomb, Relaxed};
 use graintrain::math::{Quat, Vec3};
 use graintrain::motion::Motion;
 use graintrain::shape::{Geometry, Part, Shape};
@@ -43,11 +43,13 @@ fn a10_stack_of_boxes() {
     for (top, steps) in [(1000.0, 200), (1e6, 100)] {
         let (mut world, order) = stack(top);
         let step = 0.005;
-        let mut stepper = stepper(step, 0.01, 1e-11, Relaxed);
+        let mut stepper = stepper(step, 0.01, 1e-10, Relaxed);
         let start = world.bodies.position.clone();
         let mut iterations = 0;
         for _ in 0..steps {
-            iterations = iterations.max(solved_step(&mut stepper, &mut world).solve.iterations);
+            let solve = stepper.step(&mut world).unwrap().solve;
+            assert!(solve.residual.max < 1.1e-10, "{solve:?}");
+            iterations = iterations.max(solve.iterations);
         }
         let mut above = 0.0;
         let mut worst: f64 = 0.0;
@@ -211,8 +213,12 @@ fn a14_painleve_rod() {
             let before = tip(&world);
             let mut largest_jump: f64 = 0.0;
             let mut speed = before;
+            let mut unsolved = 0;
             for _ in 0..100 {
-                solved_step(&mut stepper, &mut world);
+                let report = stepper.step(&mut world).unwrap();
+                unsolved += usize::from(!report.solve.converged());
+                // The relaxed problem always has a solution; in the paradox the exact one may have none.
+                assert!(report.solve.converged() || (model == Coulomb && friction > 1.0));
                 let now = energy(&world);
                 assert!(
                     now <= last + 1e-6 * last.abs(),
@@ -223,7 +229,7 @@ fn a14_painleve_rod() {
                 speed = tip(&world);
             }
             println!(
-                "A14 {model:?} mu {friction}: largest jump of the tip's velocity in a step {largest_jump:.3} m/s"
+                "A14 {model:?} mu {friction}: largest jump of the tip's velocity in a step {largest_jump:.3} m/s, {unsolved} unsolved"
             );
         }
     }
