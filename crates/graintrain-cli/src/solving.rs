@@ -13,10 +13,10 @@ use std::time::{Duration, Instant};
 #[derive(clap::Args)]
 pub struct Options {
     /// Stop when the residual is at most this
-    #[arg(long, value_name = "X", default_value_t = 1e-4, value_parser = positive)]
+    #[arg(long, value_name = "X", default_value_t = 1e-4, value_parser = positive, allow_negative_numbers = true)]
     pub tolerance: f64,
     /// Stop each solve after this time
-    #[arg(long, value_name = "S", value_parser = positive)]
+    #[arg(long, value_name = "S", value_parser = positive, allow_negative_numbers = true)]
     pub max_seconds: Option<f64>,
     /// The convex relaxation, or exact Coulomb friction
     #[arg(long, value_enum, default_value_t = Friction::Relaxed)]

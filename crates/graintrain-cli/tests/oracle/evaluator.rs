@@ -1,0 +1,239 @@
+//! Reads problem files and answers again, by code that shares nothing with the program but the definition of the
+//! residual, and judges the answers.
+
+use std::path::Path;
+
+/// A problem as its file states it, at most sparse: u = W g + q, or u = H^T M^-1 (H g + f) + w with diagonal M.
+pub struct Problem {
+    form: Form,
+    friction: Vec<f64>,
+}
+
+enum Form {
+    Local { w: Entries, q: Vec<f64> },
+    Global { inverse_mass: Vec<f64>, h: Entries, f: Vec<f64>, w: Vec<f64> },
+}
+
+/// (row, column, value); entries at the same place add up.
+type Entries = Vec<(usize, usize, f64)>;
+
+/// What an answer is worth.
+#[derive(Debug)]
+pub struct Verdict {
+    pub relaxed: f64,
+    pub coulomb: f64,
+    pub objective: f64,
+    /// max |u - u of the answer| / max |u|.
+    pub velocity_error: f64,
+}
+
+impl Problem {
+    pub fn read(path: &Path) -> Self {
+        if path.extension().is_some_and(|extension| extension == "hdf5") {
+            read_fclib(path)
+        } else {
+            read_siconos(&std::fs::read_to_string(path).unwrap())
+        }
+    }
+
+    /// u and the diagonal of N (columns of unit impulses would be too slow for the large ones).
+    fn velocity(&self, g: &[f64]) -> Vec<f64> {
+        match &self.form {
+            Form::Local { w, q } => {
+                let mut u = q.clone();
+                // The symmetric part of W is what the program solves.
+                for &(i, j, x) in w {
+                    u[i] += 0.5 * x * g[j];
+                    u[j] += 0.5 * x * g[i];
+                }
+                u
+            }
+            Form::Global { inverse_mass, h, f, w } => {
+                let mut v = f.clone();
+                h.iter().for_each(|&(i, j, x)| v[i] += x * g[j]);
+                let mut u = w.clone();
+                h.iter().for_each(|&(i, j, x)| u[j] += x * v[i] * inverse_mass[i]);
+                u
+            }
+        }
+    }
+
+    fn diagonal(&self) -> Vec<f64> {
+        let mut diagonal = vec![0.0; 3 * self.friction.len()];
+        match &self.form {
+            Form::Local { w, .. } => {
+                w.iter().filter(|(i, j, _)| i == j).for_each(|&(i, _, x)| diagonal[i] += x);
+            }
+            // No file states an entry of H twice.
+            Form::Global { inverse_mass, h, .. } => {
+                h.iter().for_each(|&(i, j, x)| diagonal[j] += x * x * inverse_mass[i]);
+            }
+        }
+        diagonal
+    }
+
+    /// Judges a solution file.
+    pub fn judge(&self, solution: &Path) -> Verdict {
+        let text = std::fs::read_to_string(solution).unwrap();
+        let mut lines = text.lines();
+        let header = "contact,impulse_n,impulse_t1,impulse_t2,velocity_n,velocity_t1,velocity_t2";
+        assert_eq!(lines.next(), Some(header));
+        let rows: Vec<Vec<f64>> =
+            lines.map(|line| line.split(',').map(|field| field.parse().unwrap()).collect()).collect();
+        assert_eq!(rows.len(), self.friction.len());
+        assert!(rows.iter().enumerate().all(|(i, row)| row.len() == 7 && row[0] == i as f64));
+        let g: Vec<f64> = rows.iter().flat_map(|row| row[1..4].to_vec()).collect();
+        let stated: Vec<f64> = rows.iter().flat_map(|row| row[4..7].to_vec()).collect();
+
+        let (u, r) = (self.velocity(&g), self.velocity(&vec![0.0; g.len()]));
+        let eta: Vec<f64> = self.diagonal().chunks(3).map(|d| d.iter().sum::<f64>() / 3.0).collect();
+        let square = |x: &[f64]| x.iter().map(|x| x * x).sum::<f64>();
+        let mean =
+            r.chunks(3).zip(&eta).map(|(r, eta)| square(r) / (eta * eta)).sum::<f64>() / eta.len() as f64;
+        let scale = mean.sqrt();
+        let residual = |coulomb: f64| {
+            (0..eta.len())
+                .map(|i| {
+                    let (g, u, mu) = (&g[3 * i..3 * i + 3], &u[3 * i..3 * i + 3], self.friction[i]);
+                    let normal = u[0] + coulomb * mu * square(&u[1..]).sqrt();
+                    let x = [g[0] - normal / eta[i], g[1] - u[1] / eta[i], g[2] - u[2] / eta[i]];
+                    let p = project(x, mu);
+                    square(&[g[0] - p[0], g[1] - p[1], g[2] - p[2]]).sqrt() / scale
+                })
+                .fold(0.0, |m: f64, x| if x.is_nan() { x } else { m.max(x) })
+        };
+        let largest = u.iter().fold(f64::MIN_POSITIVE, |m, x| m.max(x.abs()));
+        let both = r.iter().fold(largest, |m, x| m.max(x.abs()));
+        Verdict {
+            relaxed: residual(0.0),
+            coulomb: residual(1.0),
+            objective: g.iter().zip(&u).zip(&r).map(|((g, u), r)| 0.5 * g * (u + r)).sum(),
+            velocity_error: u.iter().zip(&stated).fold(0.0, |m: f64, (a, b)| m.max((a - b).abs())) / both,
+        }
+    }
+}
+
+/// Projection on the friction cone by Moreau: x minus its projection on the polar cone's mantle where outside both.
+fn project(x: [f64; 3], mu: f64) -> [f64; 3] {
+    let t = (x[1] * x[1] + x[2] * x[2]).sqrt();
+    if t <= mu * x[0] {
+        return x;
+    }
+    if mu * t + x[0] <= 0.0 {
+        return [0.0; 3];
+    }
+    // Outward normal of the mantle at x: (-mu, t1, t2) / sqrt(1 + mu^2).
+    let distance = (t - mu * x[0]) / (1.0 + mu * mu);
+    [x[0] + mu * distance, x[1] - distance * x[1] / t, x[2] - distance * x[2] / t]
+}
+
+fn read_fclib(path: &Path) -> Problem {
+    let file = hdf5_pure::File::open(path).unwrap();
+    let numbers = |name: &str| file.dataset(name).unwrap().read_f64().unwrap();
+    let matrix = |name: &str| {
+        let integers = |field: &str| file.dataset(&format!("{name}/{field}")).unwrap().read_i64().unwrap();
+        let (nz, p, i, x) = (integers("nz")[0], integers("p"), integers("i"), numbers(&format!("{name}/x")));
+        if nz >= 0 {
+            return (0..nz as usize).map(|k| (i[k] as usize, p[k] as usize, x[k])).collect::<Entries>();
+        }
+        let mut entries = Vec::new();
+        for major in 0..p.len() - 1 {
+            for k in p[major] as usize..p[major + 1] as usize {
+                let minor = i[k] as usize;
+                entries.push(if nz == -2 { (major, minor, x[k]) } else { (minor, major, x[k]) });
+            }
+        }
+        entries
+    };
+    let local = file.root().groups().unwrap().contains(&"fclib_local".to_string());
+    let prefix = if local { "fclib_local" } else { "fclib_global" };
+    let vector = |name: &str| numbers(&format!("{prefix}/vectors/{name}"));
+    let form = if local {
+        Form::Local { w: matrix("fclib_local/W"), q: vector("q") }
+    } else {
+        let inverse_mass = invert(&matrix("fclib_global/M"), vector("f").len());
+        Form::Global { inverse_mass, h: matrix("fclib_global/H"), f: vector("f"), w: vector("w") }
+    };
+    Problem { form, friction: vector("mu") }
+}
+
+fn invert(m: &Entries, size: usize) -> Vec<f64> {
+    let mut diagonal = vec![0.0; size];
+    for &(i, j, x) in m {
+        assert!(i == j || x == 0.0, "diagonal mass matrix expected");
+        diagonal[i] += x;
+    }
+    diagonal.iter().map(|x| 1.0 / x).collect()
+}
+
+/// The words of a Siconos text file, without what CSparse prints around the numbers.
+fn read_siconos(text: &str) -> Problem {
+    let words: Vec<f64> = text
+        .lines()
+        .filter(|line| !line.starts_with("CSparse") && !line.contains("nnz:"))
+        .flat_map(str::split_whitespace)
+        .filter(|word| *word != ":")
+        .map(|word| word.parse().unwrap())
+        .collect();
+    // Numbers of triplets, lost with their line, in order of appearance.
+    let counts: Vec<usize> = text
+        .lines()
+        .filter_map(|line| line.split("nnz: ").nth(1))
+        .map(|count| count.trim().parse().unwrap())
+        .collect();
+    let (mut at, mut triplets) = (2, counts.into_iter());
+    let contacts = words[1] as usize;
+    let first = matrix(&words, &mut at, &mut triplets);
+    let mut take = |count: usize, at: &mut usize| {
+        *at += count;
+        words[*at - count..*at].to_vec()
+    };
+    if words.len() - at <= 4 * contacts + 1 {
+        let q = take(3 * contacts, &mut at);
+        return Problem { form: Form::Local { w: first, q }, friction: take(contacts, &mut at) };
+    }
+    let size = first.iter().map(|entry| entry.0).max().unwrap() + 1;
+    let h = matrix(&words, &mut at, &mut triplets);
+    let f = take(size, &mut at);
+    let w = take(3 * contacts, &mut at);
+    let form = Form::Global { inverse_mass: invert(&first, size), h, f, w };
+    Problem { form, friction: take(contacts, &mut at) }
+}
+
+fn matrix(words: &[f64], at: &mut usize, triplets: &mut impl Iterator<Item = usize>) -> Entries {
+    let mut next = || {
+        *at += 1;
+        words[*at - 1]
+    };
+    let (storage, rows, columns) = (next(), next() as usize, next() as usize);
+    let mut entries = Vec::new();
+    if storage == 0.0 {
+        next();
+        next();
+        for k in 0..rows * columns {
+            entries.push((k % rows, k / rows, next()));
+        }
+    } else if storage == 1.0 {
+        let (blocks, down, across) = (next() as usize, next() as usize, next() as usize);
+        for _ in 0..down + across + 2 {
+            next();
+        }
+        let starts: Vec<usize> = (0..=down).map(|_| next() as usize).collect();
+        let columns: Vec<usize> = (0..blocks).map(|_| next() as usize).collect();
+        for i in 0..down {
+            for block in starts[i]..starts[i + 1] {
+                next();
+                // All blocks of contact problems are 3 x 3.
+                for k in 0..9 {
+                    entries.push((3 * i + k % 3, 3 * columns[block] + k / 3, next()));
+                }
+            }
+        }
+    } else {
+        next();
+        for _ in 0..triplets.next().unwrap() {
+            entries.push((next() as usize, next() as usize, next()));
+        }
+    }
+    entries
+}

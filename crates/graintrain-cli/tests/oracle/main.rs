@@ -1,0 +1,118 @@
+//! The solvers on the public contact problems, through the command line, judged from the files alone.
+
+mod evaluator;
+
+use assert_cmd::Command;
+use evaluator::{Problem, Verdict};
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+
+/// Round-off of two evaluations of the same answer.
+const SLACK: f64 = 1e-11;
+
+/// A problem of the reference and its optimum.
+struct Reference {
+    path: PathBuf,
+    name: String,
+    contacts: usize,
+    objective: f64,
+    /// Error of the reference's own answer, relative.
+    accuracy: f64,
+}
+
+/// The problems with a reference optimum; none (said aloud) where the data are absent.
+fn references() -> Vec<Reference> {
+    let default = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data");
+    let data = std::env::var_os("GRAINTRAIN_DATA").map_or_else(|| PathBuf::from(default), PathBuf::from);
+    let Ok(text) = std::fs::read_to_string(data.join("ccp/reference.csv")) else {
+        eprintln!("skipped: no public data at {} (set GRAINTRAIN_DATA)", data.display());
+        return Vec::new();
+    };
+    text.lines()
+        .skip(1)
+        .map(|line| {
+            let fields: Vec<&str> = line.split(',').collect();
+            let folder = if fields[0].starts_with("sed") { "ccp" } else { "fclib" };
+            Reference {
+                path: data.join(folder).join(fields[0]),
+                name: fields[0].to_string(),
+                contacts: fields[1].parse().unwrap(),
+                objective: fields[12].parse().unwrap(),
+                accuracy: fields[10].parse().unwrap(),
+            }
+        })
+        .collect()
+}
+
+fn graintrain() -> Command {
+    Command::cargo_bin("graintrain").unwrap()
+}
+
+/// Names of all solvers.
+fn solvers() -> Vec<String> {
+    let output = graintrain().arg("solvers").output().unwrap();
+    let text = String::from_utf8(output.stdout).unwrap();
+    text.lines().map(|line| line.split_whitespace().next().unwrap().to_string()).collect()
+}
+
+/// Solves and judges.
+fn solve(path: &Path, solver: &str, tolerance: f64, friction: &str, seconds: f64) -> (Value, Verdict) {
+    let folder = tempfile::tempdir().unwrap();
+    let solution = folder.path().join("solution.csv");
+    let output = graintrain()
+        .arg("solve")
+        .arg(path)
+        .args(["--solver", solver, "--friction", friction, "--json", "--threads", "1"])
+        .args(["--tolerance", &format!("{tolerance:e}"), "--max-seconds", &seconds.to_string()])
+        .arg("--solution")
+        .arg(&solution)
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let record = serde_json::from_slice(&output.stdout).unwrap();
+    (record, Problem::read(path).judge(&solution))
+}
+
+/// Keys that scripts rely on, and that what the program says of an answer is what its file shows.
+fn assert_honest(record: &Value, verdict: &Verdict, coulomb: bool, tolerance: f64, what: &str) {
+    let number = |key: &str| record[key].as_f64().unwrap_or(f64::NAN);
+    for key in ["contacts", "bodies", "iterations", "linear_iterations", "seconds", "residual_rms"] {
+        assert!(number(key) >= 0.0, "{what}: {key} of {record}");
+    }
+    let close = |said: f64, shown: f64| (said - shown).abs() <= 1e-6 * shown.abs() + SLACK;
+    assert!(close(number("residual_relaxed"), verdict.relaxed), "{what}: {record} {verdict:?}");
+    assert!(close(number("residual_coulomb"), verdict.coulomb), "{what}: {record} {verdict:?}");
+    assert!(verdict.velocity_error < 1e-9, "{what}: {verdict:?}");
+    // The claim of the solver itself, not only the verdict of the program.
+    let claims = record["status"] == "converged" || record["converged"] == true;
+    let residual = if coulomb { verdict.coulomb } else { verdict.relaxed };
+    assert!(
+        !claims || residual <= tolerance * 1.001 + SLACK,
+        "{what} claims {tolerance:e}: {record} {verdict:?}"
+    );
+    assert_eq!(record["converged"] == true, record["status"] == "converged", "{what}: {record}");
+}
+
+#[test]
+fn no_solver_claims_what_its_solution_file_does_not_show() {
+    let solvers = solvers();
+    for reference in references().iter().filter(|reference| reference.contacts < 1000) {
+        for solver in &solvers {
+            for friction in ["relaxed", "coulomb"] {
+                let what = format!("{solver} on {}, {friction}", reference.name);
+                let (record, verdict) = solve(&reference.path, solver, 1e-4, friction, 0.5);
+                println!(
+                    "{what}: {} relaxed {:.1e} Coulomb {:.1e}",
+                    record["status"], verdict.relaxed, verdict.coulomb
+                );
+                assert_honest(&record, &verdict, friction == "coulomb", 1e-4, &what);
+                assert_eq!(record["contacts"], reference.contacts);
+                // Near the minimiser the value is near the optimum; how near depends on the conditioning.
+                let slack = 0.1 * reference.objective.abs();
+                if friction == "relaxed" && record["converged"] == true {
+                    assert!((verdict.objective - reference.objective).abs() < slack, "{what}: {verdict:?}");
+                }
+            }
+        }
+    }
+}
