@@ -26,6 +26,13 @@ pub enum Profile {
         /// Velocity at each time.
         values: Vec<f64>,
     },
+    /// At rest until `start`, then the profile with its time counted from there.
+    Delayed {
+        /// s.
+        start: f64,
+        /// What follows.
+        profile: Box<Profile>,
+    },
 }
 
 /// How a body moves: each of its six degrees of freedom (translation along and rotation about the world axes) is
@@ -58,6 +65,8 @@ impl Profile {
         match self {
             Self::Constant(value) => *value,
             Self::Sinusoidal { amplitude, period, phase } => amplitude * (TAU * time / period + phase).sin(),
+            Self::Delayed { start, .. } if time < *start => 0.0,
+            Self::Delayed { start, profile } => profile.value(time - start),
             Self::Table { times, values } => {
                 let next = times.partition_point(|&t| t <= time);
                 match next {
@@ -81,6 +90,11 @@ impl Profile {
                 let rate = TAU / period;
                 let middle = rate * (start + 0.5 * step) + phase;
                 2.0 * amplitude / rate * middle.sin() * (0.5 * rate * step).sin()
+            }
+            Self::Delayed { start: rest, profile } => {
+                let begin = start.max(*rest);
+                let moving = start + step - begin;
+                if moving > 0.0 { profile.integral(begin - rest, moving) } else { 0.0 }
             }
             Self::Table { times, .. } => {
                 let end = start + step;
@@ -107,6 +121,10 @@ impl Profile {
             Self::Sinusoidal { amplitude, period, phase } => {
                 positive("the period of a sinusoidal velocity", *period)?;
                 finite("the amplitude or phase of a sinusoidal velocity", &[*amplitude, *phase])
+            }
+            Self::Delayed { start, profile } => {
+                finite("the start of a delayed velocity", &[*start])?;
+                profile.validate()
             }
             Self::Table { times, values } => {
                 let table = |what: String| Err(ModelError::Table { what });
@@ -214,6 +232,10 @@ mod tests {
             Profile::Constant(0.3),
             Profile::Sinusoidal { amplitude: 2.0, period: 0.7, phase: 0.4 },
             Profile::Table { times: vec![0.1, 0.3, 0.35], values: vec![1.0, -2.0, 5.0] },
+            Profile::Delayed {
+                start: 0.21,
+                profile: Box::new(Profile::Sinusoidal { amplitude: 2.0, period: 0.7, phase: 0.4 }),
+            },
         ];
         for profile in profiles {
             profile.validate().unwrap();

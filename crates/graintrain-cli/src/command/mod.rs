@@ -1,8 +1,10 @@
 //! The commands, one file each. A new command is a module, a variant and a line in [`Command::execute`].
 
+mod check;
 mod compare;
 mod resume;
 mod run;
+mod scenes;
 mod solve;
 mod solvers;
 
@@ -14,6 +16,8 @@ use std::process::ExitCode;
 pub enum Command {
     Run(run::Arguments),
     Resume(resume::Arguments),
+    Check(check::Arguments),
+    Scenes(scenes::Arguments),
     Solve(solve::Arguments),
     Compare(compare::Arguments),
     Solvers(solvers::Arguments),
@@ -25,6 +29,8 @@ impl Command {
         match self {
             Self::Run(arguments) => run::execute(&arguments),
             Self::Resume(arguments) => resume::execute(&arguments),
+            Self::Check(arguments) => check::execute(&arguments),
+            Self::Scenes(arguments) => scenes::execute(&arguments),
             Self::Solve(arguments) => solve::execute(&arguments),
             Self::Compare(arguments) => compare::execute(&arguments),
             Self::Solvers(arguments) => solvers::execute(&arguments),

@@ -11,7 +11,7 @@ use crate::collide::deepest_overlap;
 use crate::error::ModelError;
 use crate::material::Materials;
 use crate::math::{Quat, Vec3};
-use crate::motion::{Motion, Rotation};
+use crate::motion::{Motion, Profile, Rotation};
 use crate::output::OutputSettings;
 use crate::shape::{Geometry, Part, Shape};
 use crate::stepper::StepSettings;
@@ -267,11 +267,16 @@ impl Builder {
         if spec.free == [true; 6] {
             return Ok(FREE);
         }
-        let translation = spec.translation.iter().map(|item| (item.direction, item.speed.clone())).collect();
+        let delayed = |profile: &Profile| match spec.start {
+            0.0 => profile.clone(),
+            start => Profile::Delayed { start, profile: Box::new(profile.clone()) },
+        };
+        let translation =
+            spec.translation.iter().map(|item| (item.direction, delayed(&item.speed))).collect();
         let rotation = spec.rotation.as_ref().map(|spin| Rotation {
             point: spin.point,
             axis: spin.axis,
-            profile: spin.speed.clone(),
+            profile: delayed(&spin.speed),
         });
         self.world.add_motion(Motion { free: spec.free, translation, rotation })
     }

@@ -210,6 +210,13 @@ impl SceneError {
         Self::new(kind, Some(location.clone()))
     }
 
+    /// The error for a name that is no scene.
+    pub fn unknown_scene(name: &str) -> Self {
+        let names = super::builtin::SCENES.iter().map(|scene| scene.name);
+        let kind = SceneErrorKind::UnknownScene { name: name.into(), closest: closest(name, names) };
+        Self::new(kind, None)
+    }
+
     /// What to do about it, where that can be said.
     pub fn help(&self) -> Option<String> {
         match &*self.kind {

@@ -365,7 +365,8 @@ fn prescribed_motion(reader: &Reader, position: Vec3) -> Result<MotionSpec, Scen
             speed: speed(&spin)?,
         }),
     };
-    Ok(MotionSpec { free, translation, rotation })
+    let start = reader.quantity("start", Range::NotNegative)?.unwrap_or(0.0);
+    Ok(MotionSpec { free, start, translation, rotation })
 }
 
 /// The `speed` of a translation or rotation.

@@ -105,10 +105,7 @@ impl Scene {
         }
         let is_path = path.extension().is_some() || path.components().count() > 1 || path.exists();
         if !is_path {
-            let names = builtin::SCENES.iter().map(|builtin| builtin.name);
-            let kind =
-                SceneErrorKind::UnknownScene { name: scene.into(), closest: error::closest(scene, names) };
-            return Err(SceneError::new(kind, None));
+            return Err(SceneError::unknown_scene(scene));
         }
         let unreadable = |reason: String| {
             SceneError::new(SceneErrorKind::UnreadableFile { path: scene.into(), reason }, None)

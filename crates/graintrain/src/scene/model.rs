@@ -242,6 +242,8 @@ pub struct MotionSpec {
     /// Degrees of freedom that are dynamic, by name: x, y, z, rx, ry, rz.
     #[serde(serialize_with = "degree_names")]
     pub free: [bool; 6],
+    /// When the prescribed motion begins, s; speeds count their time from there.
+    pub start: f64,
     /// Prescribed translations: direction and speed.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub translation: Vec<TranslationSpec>,
@@ -259,9 +261,9 @@ fn degree_names<S: Serializer>(free: &[bool; 6], serializer: S) -> Result<S::Ok,
 
 impl MotionSpec {
     /// All degrees of freedom dynamic.
-    pub const FREE: Self = Self { free: [true; 6], translation: Vec::new(), rotation: None };
+    pub const FREE: Self = Self { free: [true; 6], start: 0.0, translation: Vec::new(), rotation: None };
     /// At rest.
-    pub const FIXED: Self = Self { free: [false; 6], translation: Vec::new(), rotation: None };
+    pub const FIXED: Self = Self { free: [false; 6], start: 0.0, translation: Vec::new(), rotation: None };
 }
 
 /// A prescribed translation.
@@ -299,6 +301,8 @@ fn speed<S: Serializer>(profile: &Profile, serializer: S) -> Result<S::Ok, S::Er
             Form::Sinusoidal { amplitude: *amplitude, period: *period, phase: *phase }.serialize(serializer)
         }
         Profile::Table { times, values } => Form::Table { times, values }.serialize(serializer),
+        // The scene delays whole motions, not speeds: see `MotionSpec::start`.
+        Profile::Delayed { profile, .. } => speed(profile, serializer),
     }
 }
 
@@ -495,6 +499,20 @@ impl ShapeSpec {
             Self::Box { size } => 0.5 * size.min_element(),
             Self::Cylinder { length, radius } => radius.min(0.5 * length),
             Self::Plane { .. } | Self::Mesh(_) => f64::INFINITY,
+        }
+    }
+}
+
+impl PackingSpec {
+    /// Where the bodies come from, for people.
+    pub fn kind(&self) -> String {
+        match &self.source {
+            PackingSource::Lattice(lattice) => {
+                let [x, y, z] = lattice.counts;
+                format!("lattice of {x} x {y} x {z}")
+            }
+            PackingSource::Drop(drop) => format!("{} at random places", drop.count),
+            PackingSource::File(file) => format!("from {}", file.path.display()),
         }
     }
 }

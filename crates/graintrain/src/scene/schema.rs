@@ -531,6 +531,13 @@ static MOTION: Table = Table {
             "Degrees of freedom that stay dynamic: x, y, z, rx, ry, rz; all others follow the prescribed velocity, zero by default",
         ),
         key(
+            "start",
+            Quantity(D::TIME),
+            "0",
+            "\"0.5 s\"",
+            "At rest until then; speeds that depend on time count it from there",
+        ),
+        key(
             "translation",
             Tables(&TRANSLATION),
             "[]",
