@@ -17,7 +17,7 @@ use std::path::PathBuf;
 const DEFAULT_MATERIAL: &str = "default";
 
 /// Solver of scenes that name none.
-const DEFAULT_SOLVER: &str = "apgd";
+const DEFAULT_SOLVER: &str = "auto";
 
 /// Largest number of steps of a run.
 const MOST_STEPS: f64 = 1e12;

@@ -251,7 +251,7 @@ static SOLVER: Table = Table {
     heading: "`[solver]`",
     alternatives: &[],
     keys: &[
-        key("name", Text, "\"apgd\"", "\"pgs\"", "Solver, with its linear solver after a `+`"),
+        key("name", Text, "\"auto\"", "\"apgd\"", "Solver, with its linear solver after a `+`"),
         key("tolerance", Quantity(D::NONE), "1e-4", "1e-5", "Residual at which it stops"),
         key("max_iterations", Count, "the solver's own", "2000", "Iteration limit"),
         key(
