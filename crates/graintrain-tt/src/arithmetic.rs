@@ -6,6 +6,9 @@ use crate::vector::Core;
 use crate::{TtError, TtMatrix, TtVector};
 use graintrain_linalg::dense::{Matrix, View, ViewMut, multiply};
 
+/// Modes of at least this size are contracted by matrix products.
+const GEMM_MODE: usize = 8;
+
 impl TtVector {
     /// a * self, the factor going into the first core.
     pub fn scale(&self, a: f64) -> Self {
@@ -55,9 +58,17 @@ impl TtVector {
     pub fn hadamard(&self, other: &Self) -> Result<Self, TtError> {
         self.check_same_modes(other)?;
         let multiply_cores = |(x, y): (&Core, &Core)| {
-            Core::from_fn(x.left * y.left, x.mode, x.right * y.right, |alpha, i, beta| {
-                x.get(alpha % x.left, i, beta % x.right) * y.get(alpha / x.left, i, beta / x.right)
-            })
+            let mut data = Vec::with_capacity(x.data.len() * y.data.len() / x.mode);
+            for beta in 0..x.right * y.right {
+                for i in 0..x.mode {
+                    let column = |core: &Core, beta: usize| core.left * (i + core.mode * beta);
+                    let from = column(x, beta % x.right);
+                    let xs = &x.data[from..from + x.left];
+                    let from = column(y, beta / x.right);
+                    y.data[from..from + y.left].iter().for_each(|y| data.extend(xs.iter().map(|x| x * y)));
+                }
+            }
+            Core::new(x.left * y.left, x.mode, x.right * y.right, data)
         };
         Ok(Self { cores: self.cores.iter().zip(&other.cores).map(multiply_cores).collect() })
     }
@@ -210,25 +221,27 @@ impl TtMatrix {
 }
 
 /// sum_j A(a, i, j, a') X(alpha, j, s, alpha') as a core with left (a, alpha), mode (i, s), right (a', alpha').
-/// One product of ((alpha, s, alpha') x j) with (j x (a, i, a')), then a permutation.
+///
+/// For every (i, s, a', alpha') this is a product (a x j) (j x alpha) that lands in its place; small modes by plain loops.
 fn contract(a: &Core, m: usize, n: usize, x: &Core, s: usize) -> Core {
     let (ra, rb, rx, ry) = (a.left, a.right, x.left, x.right);
-    // a_rows: j x (a, i, a'); x_columns: (alpha, s, alpha') x j.
-    let a_rows = Matrix::from_fn(n, ra * m * rb, |j, c| {
-        let (front, i, back) = (c % ra, (c / ra) % m, c / (ra * m));
-        a.data[front + ra * (i + m * (j + n * back))]
-    });
-    let x_columns = Matrix::from_fn(rx * s * ry, n, |c, j| {
-        let (front, spectator, back) = (c % rx, (c / rx) % s, c / (rx * s));
-        x.data[front + rx * (j + n * (spectator + s * back))]
-    });
-    let (height, width) = (rx * s * ry, ra * m * rb);
-    let mut full = vec![0.0; height * width];
-    multiply(1.0, x_columns.view(), a_rows.view(), ViewMut::new(&mut full, height, width));
-    let full = View::new(&full, height, width);
-    Core::from_fn(ra * rx, m * s, rb * ry, |left, mode, right| {
-        let row = left / ra + rx * (mode / m + s * (right / rb));
-        let column = left % ra + ra * (mode % m + m * (right % rb));
-        full.get(row, column)
-    })
+    let mut data = vec![0.0; ra * rx * m * s * rb * ry];
+    for (block, out) in data.chunks_exact_mut(ra * rx).enumerate() {
+        let (i, spectator) = (block % m, (block / m) % s);
+        let (b, beta) = ((block / (m * s)) % rb, block / (m * s * rb));
+        let a_columns = &a.data[ra * (i + m * n * b)..];
+        let x_columns = &x.data[rx * n * (spectator + s * beta)..rx * n * (spectator + s * beta + 1)];
+        if n >= GEMM_MODE {
+            let a_view = View::with_stride(a_columns, ra, n, ra * m);
+            multiply(1.0, a_view, View::new(x_columns, rx, n).t(), ViewMut::new(out, ra, rx));
+        } else {
+            for j in 0..n {
+                let a_column = &a_columns[ra * m * j..ra * m * j + ra];
+                for (out, x) in out.chunks_exact_mut(ra).zip(&x_columns[rx * j..rx * (j + 1)]) {
+                    out.iter_mut().zip(a_column).for_each(|(out, a)| *out += a * x);
+                }
+            }
+        }
+    }
+    Core::new(ra * rx, m * s, rb * ry, data)
 }

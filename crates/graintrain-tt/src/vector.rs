@@ -2,10 +2,13 @@
 
 use crate::TtError;
 use graintrain_linalg::dense::{Matrix, View, ViewMut, multiply};
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 /// Largest full tensor that will be formed: 2^31 entries (16 GiB).
 const LARGEST_FULL: f64 = 2147483648.0;
+/// Points per task of the evaluation of many entries.
+const POINTS_PER_TASK: usize = 2048;
 
 /// One core G(alpha, i, beta), of shape left x mode x right, at `alpha + left * (i + mode * beta)`.
 ///
@@ -282,8 +285,10 @@ impl TtVector {
         Ok(row[0])
     }
 
-    /// Many entries: `indices` holds d indices per entry, one entry after the other. O(d r^2) each; entries are sorted
-    /// by their coarse indices so that common partial products are formed once.
+    /// Many entries: `indices` holds d indices per entry, one entry after the other. O(d r^2) each.
+    ///
+    /// Points are taken in chunks (one task each); in a chunk all points with the same digit go through the core in
+    /// one matrix product.
     ///
     /// # Errors
     /// [`TtError::Index`] if an index lies outside its mode, [`TtError::Shape`] if the length is not a multiple of d.
@@ -296,33 +301,51 @@ impl TtVector {
                 got: vec![indices.len() % d],
             });
         }
-        let point = |p: usize| &indices[p * d..(p + 1) * d];
-        let count = indices.len() / d;
-        for p in 0..count {
-            check_index(&modes, point(p))?;
-        }
+        indices.chunks_exact(d).try_for_each(|index| check_index(&modes, index))?;
+        let mut values = vec![0.0; indices.len() / d];
+        let chunks = indices.par_chunks(d * POINTS_PER_TASK);
+        values
+            .par_chunks_mut(POINTS_PER_TASK)
+            .zip(chunks)
+            .for_each(|(values, indices)| self.chunk(indices, values));
+        Ok(values)
+    }
+
+    /// Entries of one chunk of points.
+    fn chunk(&self, indices: &[usize], values: &mut [f64]) {
+        let (d, count) = (self.num_cores(), values.len());
+        // Column p of the state is (G_1(i_1) ... G_k(i_k))^T for point `order[p]`.
         let mut order: Vec<usize> = (0..count).collect();
-        order.sort_unstable_by(|&a, &b| point(a).iter().rev().cmp(point(b).iter().rev()));
-        // columns[k] = G_k(i_k) ... G_d(i_d), kept while the indices k..d repeat.
-        let mut columns: Vec<Vec<f64>> = self.cores.iter().map(|core| vec![0.0; core.left]).collect();
-        columns.push(vec![1.0]);
-        let mut values = vec![0.0; count];
-        let mut previous: Option<usize> = None;
-        for &p in &order {
-            let same =
-                previous.map_or(0, |q| (0..d).rev().take_while(|&k| point(p)[k] == point(q)[k]).count());
-            for k in (0..d - same).rev() {
-                let (head, tail) = columns.split_at_mut(k + 1);
-                let slice = self.cores[k].slice(point(p)[k]);
-                head[k].fill(0.0);
-                for (beta, x) in tail[0].iter().enumerate() {
-                    head[k].iter_mut().enumerate().for_each(|(alpha, y)| *y += slice.get(alpha, beta) * x);
+        let (mut state, mut sorted, mut next) = (vec![1.0; count], Vec::new(), Vec::new());
+        for (k, core) in self.cores.iter().enumerate() {
+            let digit = |p: usize| indices[p * d + k];
+            // Points sorted by digit, their columns with them.
+            let mut start = vec![0; core.mode + 1];
+            order.iter().for_each(|&p| start[digit(p) + 1] += 1);
+            (0..core.mode).for_each(|i| start[i + 1] += start[i]);
+            let groups = start.clone();
+            let mut moved = vec![0; count];
+            sorted.resize(core.left * count, 0.0);
+            for (column, &p) in order.iter().enumerate() {
+                let to = start[digit(p)];
+                start[digit(p)] += 1;
+                moved[to] = p;
+                sorted[to * core.left..(to + 1) * core.left]
+                    .copy_from_slice(&state[column * core.left..(column + 1) * core.left]);
+            }
+            order = moved;
+            next.resize(core.right * count, 0.0);
+            for i in 0..core.mode {
+                let (first, last) = (groups[i], groups[i + 1]);
+                if first < last {
+                    let from = View::new(&sorted[first * core.left..], core.left, last - first);
+                    let to = ViewMut::new(&mut next[first * core.right..], core.right, last - first);
+                    multiply(1.0, core.slice(i).t(), from, to);
                 }
             }
-            values[p] = columns[0][0];
-            previous = Some(p);
+            std::mem::swap(&mut state, &mut next);
         }
-        Ok(values)
+        order.iter().zip(&state).for_each(|(&p, &value)| values[p] = value);
     }
 
     /// The full vector, first index fastest.
