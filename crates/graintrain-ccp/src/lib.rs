@@ -25,6 +25,7 @@ pub mod newton;
 pub mod problem;
 pub mod residual;
 pub mod solver;
+pub mod tensor_train;
 
 pub use cone::FrictionCone;
 pub use delassus::{BodyInverseMass, Delassus, FIXED, RigidContact, RigidDelassus};
