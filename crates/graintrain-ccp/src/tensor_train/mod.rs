@@ -1,3 +1,5 @@
-//! Newton systems of interior-point methods in tensor-train form: indices, compression, inverse, re-use.
+//! What tensor trains need to know of contacts: places in space, the index tree, compressed inverses and their re-use.
 
+pub mod inverse;
+pub mod place;
 pub mod tree;
