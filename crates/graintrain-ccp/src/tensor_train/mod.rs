@@ -2,4 +2,5 @@
 
 pub mod inverse;
 pub mod place;
+pub mod placement;
 pub mod tree;
