@@ -18,6 +18,7 @@
 //! | [`residual`] | the one accuracy measure |
 //! | [`newton`] | Newton systems and their linear solvers |
 //! | [`solver`] | settings, report, the solvers by name |
+//! | [`tensor_train`] | what the tensor-train Newton solvers need: places, index tree, compressed inverses |
 
 pub mod cone;
 pub mod delassus;

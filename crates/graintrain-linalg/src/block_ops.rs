@@ -97,10 +97,22 @@ pub fn factor_in_place(a: &mut [f64], b: usize) -> bool {
 /// x <- (L L^T)^-1 x with a factor of [`factor_in_place`].
 #[inline]
 pub fn solve_in_place(l: &[f64], b: usize, x: &mut [f64]) {
+    solve_lower_in_place(l, b, x);
+    solve_upper_in_place(l, b, x);
+}
+
+/// x <- L^-1 x with a factor of [`factor_in_place`].
+#[inline]
+pub fn solve_lower_in_place(l: &[f64], b: usize, x: &mut [f64]) {
     for i in 0..b {
         let sum: f64 = (0..i).map(|k| l[i * b + k] * x[k]).sum();
         x[i] = (x[i] - sum) / l[i * b + i];
     }
+}
+
+/// x <- L^-T x with a factor of [`factor_in_place`].
+#[inline]
+pub fn solve_upper_in_place(l: &[f64], b: usize, x: &mut [f64]) {
     for i in (0..b).rev() {
         let sum: f64 = (i + 1..b).map(|k| l[k * b + i] * x[k]).sum();
         x[i] = (x[i] - sum) / l[i * b + i];

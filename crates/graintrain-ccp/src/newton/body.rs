@@ -2,12 +2,15 @@
 
 use super::body_matrix::BodyMatrix;
 use super::direct::{REFINEMENTS, SHIFTS};
+use super::train_body::TrainCorrection;
 use super::{LinearReport, NewtonError, NewtonSolver, NewtonSystem, multiply_system};
 use crate::delassus::{Delassus, DelassusWork};
 use graintrain_linalg::block_ops::apply3;
 use graintrain_linalg::block3::Block;
 use graintrain_linalg::cholesky::SparseCholesky;
-use graintrain_linalg::krylov::{KrylovReport, KrylovSettings, KrylovWork, conjugate_gradient};
+use graintrain_linalg::krylov::{
+    KrylovReport, KrylovSettings, KrylovWork, conjugate_gradient, flexible_conjugate_gradient,
+};
 use graintrain_linalg::ordering::Ordering;
 use graintrain_linalg::precond::{BlockJacobi, Preconditioner};
 use std::collections::BTreeMap;
@@ -155,10 +158,13 @@ impl NewtonSolver for BodyCholesky {
     }
 }
 
-/// Conjugate gradients on K with its 6x6 diagonal blocks as preconditioner.
+/// Conjugate gradients on K with its 6x6 diagonal blocks as preconditioner, and on request a tensor-train correction
+/// where that pays.
 pub struct BodyCg {
+    name: &'static str,
     matrix: Option<BodyMatrix>,
     preconditioner: BlockJacobi,
+    correction: Option<TrainCorrection>,
     krylov: KrylovWork,
     product: DelassusWork,
     velocity: Vec<f64>,
@@ -166,11 +172,23 @@ pub struct BodyCg {
     residual: Vec<f64>,
 }
 
-impl Default for BodyCg {
-    fn default() -> Self {
+impl BodyCg {
+    /// Block Jacobi alone.
+    pub fn block_jacobi() -> Self {
+        Self::new("body-cg", None)
+    }
+
+    /// Block Jacobi, corrected by a tensor train where that pays.
+    pub fn tensor_train() -> Self {
+        Self::new("tt", Some(TrainCorrection::default()))
+    }
+
+    fn new(name: &'static str, correction: Option<TrainCorrection>) -> Self {
         Self {
+            name,
             matrix: None,
             preconditioner: BlockJacobi::new(6),
+            correction,
             krylov: KrylovWork::default(),
             product: DelassusWork::default(),
             velocity: Vec::new(),
@@ -182,7 +200,7 @@ impl Default for BodyCg {
 
 impl NewtonSolver for BodyCg {
     fn name(&self) -> &'static str {
-        "body-cg"
+        self.name
     }
 
     fn needs_schur(&self) -> bool {
@@ -190,14 +208,18 @@ impl NewtonSolver for BodyCg {
     }
 
     fn refresh(&mut self, system: &NewtonSystem<'_>) -> Result<(), NewtonError> {
-        refresh_matrix(&mut self.matrix, system, "body-cg")?;
+        refresh_matrix(&mut self.matrix, system, self.name)?;
         if system.new_delassus {
             self.product = system.problem.delassus.work();
         }
         let Some(matrix) = &self.matrix else { return Ok(()) };
         self.preconditioner
             .refresh_blocks((0..matrix.num_bodies()).map(|body| matrix.diagonal(body).as_slice()))
-            .map_err(|error| NewtonError::Breakdown { solver: "body-cg", reason: error.to_string() })
+            .map_err(|error| NewtonError::Breakdown { solver: self.name, reason: error.to_string() })?;
+        let Some(correction) = &mut self.correction else { return Ok(()) };
+        correction
+            .refresh(matrix, &self.preconditioner, system)
+            .map_err(|error| NewtonError::Breakdown { solver: self.name, reason: error.to_string() })
     }
 
     fn solve(
@@ -208,7 +230,7 @@ impl NewtonSolver for BodyCg {
         relative_tolerance: f64,
     ) -> LinearReport {
         let Some(matrix) = &self.matrix else { return LinearReport { residual: 1.0, ..Default::default() } };
-        let Self { preconditioner, krylov, product, velocity, start, residual, .. } = self;
+        let Self { preconditioner, correction, krylov, product, velocity, start, residual, .. } = self;
         let size = graintrain_linalg::parallel::norm(b);
         let mut iterations = 0;
         residual.resize(b.len(), 0.0);
@@ -224,9 +246,13 @@ impl NewtonSolver for BodyCg {
                     y.fill(0.0);
                 }
                 let settings = KrylovSettings { relative_tolerance: tolerance, max_iterations: LIMIT };
-                let report: KrylovReport = conjugate_gradient(
+                // A truncated train is symmetric only nearly.
+                let report: KrylovReport = flexible_conjugate_gradient(
                     &mut |x, y| matrix.multiply(x, y),
-                    &mut |r, z| preconditioner.apply(r, z),
+                    &mut |r, z| match correction {
+                        Some(correction) if correction.is_active() => correction.apply(preconditioner, r, z),
+                        _ => preconditioner.apply(r, z),
+                    },
                     &rhs,
                     y,
                     settings,
@@ -249,5 +275,11 @@ impl NewtonSolver for BodyCg {
         }
         start.clear();
         LinearReport { iterations, residual: relative, converged: relative <= relative_tolerance }
+    }
+
+    fn figures(&self, figures: &mut BTreeMap<String, f64>) {
+        if let Some(correction) = &self.correction {
+            correction.figures(figures);
+        }
     }
 }

@@ -19,6 +19,9 @@
 //! | `schur-cholesky` | sparse Cholesky | S |
 //! | `body-cholesky` | sparse Cholesky | K |
 //! | `body-cg` | conjugate gradients with 6x6 block Jacobi | K |
+//! | `tt` | `body-cg`, corrected by a tensor train where that pays | K |
+//! | `tt-schur` | BiCGSTAB with a tensor-train inverse of the scaled matrix | S |
+//! | `tt-cross` | BiCGSTAB with the paper's tensor-train inverse | S |
 
 pub mod body;
 pub mod body_matrix;
@@ -26,6 +29,8 @@ pub mod direct;
 pub mod driver;
 pub mod krylov;
 pub mod schur;
+pub mod train_body;
+pub mod train_schur;
 
 pub use schur::SchurComplement;
 
@@ -193,7 +198,22 @@ pub const LINEAR_METHODS: &[LinearMethod] = &[
     LinearMethod {
         name: "body-cg",
         about: "conjugate gradients on K with 6x6 block Jacobi",
-        build: || Box::new(body::BodyCg::default()),
+        build: || Box::new(body::BodyCg::block_jacobi()),
+    },
+    LinearMethod {
+        name: "tt",
+        about: "conjugate gradients on K with 6x6 block Jacobi, corrected by a tensor train where that pays",
+        build: || Box::new(body::BodyCg::tensor_train()),
+    },
+    LinearMethod {
+        name: "tt-schur",
+        about: "BiCGSTAB on S with a tensor-train inverse of the scaled matrix, compressed exactly",
+        build: || Box::new(train_schur::TrainSchur::scaled()),
+    },
+    LinearMethod {
+        name: "tt-cross",
+        about: "BiCGSTAB on S with the paper's tensor-train inverse (AMEn-cross, unscaled)",
+        build: || Box::new(train_schur::TrainSchur::literal()),
     },
 ];
 
