@@ -43,6 +43,9 @@ fn residual(problem: &Ccp, added: &[Block], b: &[f64], x: &[f64]) -> f64 {
     (error / size).sqrt()
 }
 
+/// Kept as the paper has them, without a promise to converge: no preconditioner, and the train that AMEn-cross samples.
+const MAY_FAIL: [&str; 2] = ["none", "tt-cross"];
+
 #[test]
 fn every_linear_solver_solves_the_system_or_says_that_it_did_not() {
     let packing = lattice_packing(4, 4, 0.4, 3);
@@ -57,7 +60,8 @@ fn every_linear_solver_solves_the_system_or_says_that_it_did_not() {
             for (iteration, spread) in [0.5, 2.0, 4.0].into_iter().enumerate() {
                 let (added, inverse) = random_blocks(&problem, spread, 17 + iteration as u64);
                 let refreshed = driver.refresh(&problem, &added, &inverse, iteration, 0.0);
-                if problem.delassus.num_bodies() == 0 && method.name.starts_with("body") {
+                let by_bodies = method.name.starts_with("body") || method.name == "tt";
+                if problem.delassus.num_bodies() == 0 && by_bodies {
                     assert!(refreshed.is_err());
                     continue;
                 }
@@ -66,7 +70,7 @@ fn every_linear_solver_solves_the_system_or_says_that_it_did_not() {
                 let report = driver.solve(&problem, &added, &inverse, &b, &mut x, 1e-9);
                 let true_residual = residual(&problem, &added, &b, &x);
                 let name = method.name;
-                assert!(report.converged || name == "none", "{name} spread {spread}: {report:?}");
+                assert!(report.converged || MAY_FAIL.contains(&name), "{name} spread {spread}: {report:?}");
                 if report.converged {
                     assert!(true_residual < 3e-9, "{name} spread {spread}: {true_residual:.1e}");
                 }
@@ -95,7 +99,7 @@ fn pdip_reaches_the_oracles_objective_with_every_linear_solver() {
                 let error = (report.objective - oracle.objective).abs() / oracle.objective.abs();
                 assert!(error < 1e-3, "{case} {}: {error:.1e}", method.name);
             }
-            if case == 5 && method.name != "none" {
+            if case == 5 && !MAY_FAIL.contains(&method.name) {
                 assert!(report.converged(), "{}: {:?}", method.name, report.status);
             }
         }

@@ -44,6 +44,9 @@ pub struct TrainInverse {
     figures: BTreeMap<String, f64>,
 }
 
+/// Sweeps of the inversion at most: the accuracy asked for is low, and a hot start needs one or two.
+const SWEEPS: usize = 4;
+
 /// Nonzeros that are held against the cross's train to measure its error: about this many.
 const PROBES: usize = 20_000;
 
@@ -105,7 +108,7 @@ impl TrainInverse {
         self.figures.insert("rank_matrix".to_string(), mean_rank(&train));
 
         let start = Instant::now();
-        let settings = SolveSettings { tolerance, max_rank, max_sweeps: 10, ..SolveSettings::default() };
+        let settings = SolveSettings { tolerance, max_rank, max_sweeps: SWEEPS, ..SolveSettings::default() };
         let (x, report) = inverse(&train, form, self.inverse.as_ref(), &settings)?;
         self.figures.insert("inversion_seconds".to_string(), start.elapsed().as_secs_f64());
         self.figures.insert("inversion_residual".to_string(), report.residual);
