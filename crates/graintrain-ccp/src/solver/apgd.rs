@@ -30,7 +30,7 @@ pub struct Apgd {
 
 impl Default for Apgd {
     fn default() -> Self {
-        Self { growth: 1.01 }
+        Self { growth: 1.03 }
     }
 }
 

@@ -8,7 +8,7 @@ use crate::delassus::{BodyInverseMass, FIXED, RigidDelassus};
 /// Bodies per parallel task.
 const BODIES: usize = 1024;
 
-/// Geometry of four contacts. The frame is scaled by 1/sqrt(eta_i).
+/// Geometry of four contacts. The rows of the frame are scaled, the normal one and the tangential ones each by their factor.
 #[derive(Clone, Copy, Debug)]
 struct Geometry {
     /// Rows n, t1, t2, each with its world components.
@@ -87,8 +87,8 @@ fn side_velocity(bodies: &[u32; LANES], arm: &Batch, image: &[[f64; 6]]) -> Batc
 }
 
 impl BodyOperator {
-    /// Packs N with contacts in `order` and frames scaled by `scaling` (one factor per contact).
-    pub(super) fn new(rigid: &RigidDelassus, order: &[u32], scaling: &[f64]) -> Self {
+    /// Packs N with contacts in `order`; `scaling` has the factors of the normal and of the tangents per contact.
+    pub(super) fn new(rigid: &RigidDelassus, order: &[u32], scaling: &[[f64; 2]]) -> Self {
         let bodies = rigid.num_bodies();
         let fixed = bodies as u32;
         let batches = order.len().div_ceil(LANES);
@@ -125,7 +125,8 @@ impl BodyOperator {
                 let lane = offset % LANES;
                 for row in 0..3 {
                     for axis in 0..3 {
-                        g.frame[row][axis].0[lane] = scaling[i as usize] * contact.frame[row][axis];
+                        g.frame[row][axis].0[lane] =
+                            scaling[i as usize][row.min(1)] * contact.frame[row][axis];
                     }
                 }
                 for axis in 0..3 {
@@ -166,6 +167,13 @@ impl BodyOperator {
     /// Slots of a range of chunks.
     pub(super) fn slot_range(&self, chunks: std::ops::Range<usize>) -> std::ops::Range<usize> {
         self.chunk_start[chunks.start]..self.chunk_start[chunks.end]
+    }
+
+    /// Bytes of one pass: the geometry, and half of what goes through slots, inverse masses and velocities.
+    pub(super) fn pass_bytes(&self) -> usize {
+        size_of_val(&self.geometry[..])
+            + (2 * 48 * self.num_slots() + (size_of::<BodyInverseMass>() + 2 * 48) * self.inverse_mass.len())
+                / 2
     }
 
     /// D^T v of one batch.

@@ -14,7 +14,7 @@ use super::sweep::Tally;
 /// x+ = x + lambda ( P( x - omega (N' x + r') ) - x )
 /// ```
 ///
-/// in the metric that makes the diagonal blocks of N' have unit mean, i.e. g_i - omega u_i / eta_i. It converges for
+/// in the metric of the scaled problem (the diagonal of N). It converges for
 /// omega below 2 / (largest eigenvalue of N'); omega starts at the inverse of an estimate of it and shrinks whenever the
 /// curvature met along a step shows that it was too long. One iteration costs one fused pass.
 #[derive(Clone, Debug)]

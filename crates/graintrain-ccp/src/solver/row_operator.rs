@@ -4,7 +4,7 @@ use super::lanes::{Batch, LANES, Lanes, dot};
 use super::sweep::{CHUNK, Tally, Totals, for_each_task};
 use graintrain_linalg::block3::{Block, BlockMatrix3};
 
-/// Block rows of N scaled by 1/sqrt(eta_i eta_j), with columns as places in vectors of batches.
+/// Block rows of N scaled from both sides, with columns as places in vectors of batches.
 #[derive(Clone, Debug)]
 pub(super) struct RowOperator {
     row_start: Vec<usize>,
@@ -20,18 +20,23 @@ pub(super) fn batch_of(numbers: &[f64; 3 * LANES]) -> Batch {
 }
 
 impl RowOperator {
-    /// Scales N.
-    pub(super) fn new(matrix: &BlockMatrix3, scaling: &[f64]) -> Self {
+    /// Scales N by the factors of the normal and of the tangents per contact.
+    pub(super) fn new(matrix: &BlockMatrix3, scaling: &[[f64; 2]]) -> Self {
         let mut block = matrix.blocks().to_vec();
         for i in 0..matrix.num_rows() {
             for k in matrix.row_starts()[i]..matrix.row_starts()[i + 1] {
-                let factor = scaling[i] * scaling[matrix.columns()[k] as usize];
-                for entry in &mut block[k] {
-                    *entry *= factor;
+                let j = matrix.columns()[k] as usize;
+                for (place, entry) in block[k].iter_mut().enumerate() {
+                    *entry *= scaling[i][(place / 3).min(1)] * scaling[j][(place % 3).min(1)];
                 }
             }
         }
         Self { row_start: matrix.row_starts().to_vec(), column: matrix.columns().to_vec(), block }
+    }
+
+    /// Bytes of the matrix.
+    pub(super) fn pass_bytes(&self) -> usize {
+        size_of_val(&self.block[..]) + size_of_val(&self.column[..]) + size_of_val(&self.row_start[..])
     }
 
     /// image <- N x; returns x^T N x.

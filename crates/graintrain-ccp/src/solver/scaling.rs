@@ -1,14 +1,16 @@
 //! The problem as the first-order methods see it: scaled contact by contact, packed, with one fused pass for
 //! "velocity, update, force".
 //!
-//! With eta_i = trace(N_ii)/3 and the impulse J of the residual, g_i = c x_i / sqrt(eta_i), c = J sqrt(mean eta):
+//! With e_n = (N_ii)_nn, e_t = ((N_ii)_11 + (N_ii)_22)/2, the impulse J of the residual and c = J sqrt(mean eta):
 //!
 //! ```text
-//! N'_ij = N_ij / sqrt(eta_i eta_j),   r'_i = r_i / (c sqrt(eta_i)),   trace(N'_ii) = 3
+//! g_n = c x_n / sqrt(e_n),   g_t = c x_t / sqrt(e_t),   mu' = mu sqrt(e_t / e_n)
+//! N'  = E^-1/2 N E^-1/2,     r' = E^-1/2 r / c,         trace(N'_ii) = 3
 //! ```
 //!
-//! One positive factor per contact leaves every cone as it is, so that the scaled problem is again a CCP with the same
-//! mu, and its natural map d' with unit step is the one of the original: d_i / J = w_i d'_i, w_i = c / (J sqrt(eta_i)).
+//! One factor for the normal and one for both tangents turns a friction cone into a friction cone of another mu, so
+//! that the scaled problem is again a CCP; its diagonal is one, also for balls, whose tangential mobility is 3.5 times
+//! the normal one. Only the residual has to be taken in the original metric, where |d_i| is measured.
 
 use super::body_operator::{BodyOperator, contact_order};
 use super::lanes::{Batch, LANES, Lanes, ZERO, add, dot, project, scale, sub};
@@ -34,13 +36,27 @@ pub struct ScaledProblem {
     operator: Operator,
     /// Contact at each packed place.
     order: Vec<u32>,
-    /// c / sqrt(eta_i) of each contact, N s per unit of x.
-    unit: Vec<f64>,
+    /// c / sqrt(e_n) and c / sqrt(e_t) of each contact, N s per unit of x.
+    unit: Vec<[f64; 2]>,
     /// c, the size of impulses in the problem's own metric.
     size: f64,
     r: Vec<Batch>,
+    /// mu'.
     friction: Vec<Lanes>,
-    weight: Vec<Lanes>,
+    metric: Vec<Metric>,
+}
+
+/// What the residual in the original metric needs of four contacts.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Metric {
+    /// Normal and tangential impulse per unit of x, in units of J.
+    pub normal: Lanes,
+    /// See `normal`.
+    pub tangential: Lanes,
+    /// (mean eta) / eta_i.
+    pub mobility: Lanes,
+    /// mu.
+    pub mu: Lanes,
 }
 
 /// An image of x under N', in the form the operator keeps it: velocities of bodies, or N' x contact by contact.
@@ -50,10 +66,10 @@ pub type Image = Vec<f64>;
 /// What is known about a contact inside a pass.
 #[derive(Clone, Copy, Debug)]
 pub struct Here {
-    /// Coefficients of friction.
+    /// Coefficients of friction mu' of the scaled problem.
     pub mu: Lanes,
-    /// w_i: factor from |d'_i| to |d_i| / J.
-    pub weight: Lanes,
+    /// For the residual.
+    pub metric: Metric,
     /// r'.
     pub r: Batch,
 }
@@ -90,15 +106,34 @@ impl Kernel<1> for PowerStep {
     }
 }
 
-/// Tallies max (|d_i| / J)^2 of the natural map with unit step.
+/// Tallies max (|d_i| / J)^2 of the natural map in the original metric.
 struct NaturalMap;
 
 impl Kernel<1> for NaturalMap {
     #[inline(always)]
     fn at(&self, here: Here, u: &Batch, [x]: [&mut Batch; 1], tally: &mut Tally) -> Batch {
-        let d = sub(x, &project(here.mu, &sub(x, u)));
-        tally.max = tally.max.max(here.weight * here.weight * dot(&d, &d));
+        let Metric { normal, tangential, mobility, mu } = here.metric;
+        let one = Lanes::splat(1.0);
+        let g = [normal * x[0], tangential * x[1], tangential * x[2]];
+        // Lanes without a contact have no impulse per unit; they are zero everywhere.
+        let (along, across) = (
+            mobility.divide(normal.at_most(ZERO[0], one, normal)),
+            mobility.divide(tangential.at_most(ZERO[0], one, tangential)),
+        );
+        let d = sub(&g, &project(mu, &sub(&g, &[along * u[0], across * u[1], across * u[2]])));
+        tally.max = tally.max.max(dot(&d, &d));
         d
+    }
+}
+
+/// out <- N' x.
+struct StoreProduct;
+
+impl Kernel<1> for StoreProduct {
+    #[inline(always)]
+    fn at(&self, here: Here, u: &Batch, [out]: [&mut Batch; 1], _: &mut Tally) -> Batch {
+        *out = sub(u, &here.r);
+        ZERO
     }
 }
 
@@ -123,7 +158,14 @@ impl ScaledProblem {
         let contacts = problem.num_contacts();
         let mean = residual.eta.iter().sum::<f64>() / contacts.max(1) as f64;
         let c = residual.impulse * mean.sqrt();
-        let scaling: Vec<f64> = residual.eta.iter().map(|eta| 1.0 / eta.sqrt()).collect();
+        let scaling: Vec<[f64; 2]> = (0..contacts)
+            .map(|i| {
+                let block = problem.delassus.diagonal_block(i);
+                // A degree of freedom that impulses do not move gets a little of eta.
+                let factor = |mobility: f64| 1.0 / mobility.max(0.05 * residual.eta[i]).sqrt();
+                [factor(block[0]), factor(0.5 * (block[4] + block[8]))]
+            })
+            .collect();
         let (operator, order) = match &problem.delassus {
             Delassus::Rigid(rigid) => {
                 let order = contact_order(rigid);
@@ -136,17 +178,22 @@ impl ScaledProblem {
         let batches = contacts.div_ceil(LANES);
         let mut scaled = Self {
             operator,
-            unit: scaling.iter().map(|s| c * s).collect(),
+            unit: scaling.iter().map(|s| s.map(|s| c * s)).collect(),
             r: vec![ZERO; batches],
             friction: vec![Lanes::default(); batches],
-            weight: vec![Lanes::default(); batches],
+            metric: vec![Metric::default(); batches],
             size: c,
             order,
         };
         for (place, &i) in scaled.order.iter().enumerate() {
             let (batch, lane, i) = (place / LANES, place % LANES, i as usize);
-            scaled.friction[batch].0[lane] = problem.friction[i];
-            scaled.weight[batch].0[lane] = scaled.unit[i] / residual.impulse;
+            let [normal, tangential] = scaled.unit[i];
+            scaled.friction[batch].0[lane] = problem.friction[i] * normal / tangential;
+            let metric = &mut scaled.metric[batch];
+            metric.normal.0[lane] = normal / residual.impulse;
+            metric.tangential.0[lane] = tangential / residual.impulse;
+            metric.mobility.0[lane] = mean / residual.eta[i];
+            metric.mu.0[lane] = problem.friction[i];
         }
         scaled.set_free_velocity(&problem.r);
         scaled
@@ -156,8 +203,8 @@ impl ScaledProblem {
     pub fn set_free_velocity(&mut self, r: &[f64]) {
         for (place, &i) in self.order.iter().enumerate() {
             let i = i as usize;
-            let factor = self.unit[i] / (self.size * self.size);
             for k in 0..3 {
+                let factor = self.unit[i][k.min(1)] / (self.size * self.size);
                 self.r[place / LANES][k].0[place % LANES] = factor * r[3 * i + k];
             }
         }
@@ -203,7 +250,7 @@ impl ScaledProblem {
         for (place, &i) in self.order.iter().enumerate() {
             let i = i as usize;
             for k in 0..3 {
-                x[place / LANES][k].0[place % LANES] = g[3 * i + k] / self.unit[i];
+                x[place / LANES][k].0[place % LANES] = g[3 * i + k] / self.unit[i][k.min(1)];
             }
         }
         for (x, &mu) in x.iter_mut().zip(&self.friction) {
@@ -216,7 +263,7 @@ impl ScaledProblem {
         for (place, &i) in self.order.iter().enumerate() {
             let i = i as usize;
             for k in 0..3 {
-                g[3 * i + k] = self.unit[i] * x[place / LANES][k].0[place % LANES];
+                g[3 * i + k] = self.unit[i][k.min(1)] * x[place / LANES][k].0[place % LANES];
             }
         }
     }
@@ -330,6 +377,28 @@ impl ScaledProblem {
         self.pass(zero, [x], out, work, &Identity).1
     }
 
+    /// u <- N' x as a product of its own: a pass for the image and a look at it. Methods avoid it by fusing.
+    pub fn multiply(
+        &self,
+        x: &mut [Batch],
+        u: &mut [Batch],
+        image: &mut [f64],
+        zero: &[f64],
+        work: &mut PassWork,
+    ) {
+        self.image_of(x, image, zero, work);
+        self.look(image, [u], work, &StoreProduct);
+    }
+
+    /// Bytes that [`Self::multiply`] has to move at the least, each datum once per pass over it.
+    pub fn product_bytes(&self) -> usize {
+        let vector = size_of::<Batch>() * self.num_batches();
+        match &self.operator {
+            Operator::Bodies(bodies) => 2 * bodies.pass_bytes() + 2 * vector,
+            Operator::Rows(rows) => rows.pass_bytes() + 4 * vector,
+        }
+    }
+
     /// Largest eigenvalue of N' from below, to some per cent: the largest quotient met in a few power iterations from a
     /// fixed vector; at least 1 because trace(N'_ii) = 3. `x` and `image` are overwritten.
     pub fn largest_curvature(&self, x: &mut [Batch], image: &mut [f64], work: &mut PassWork) -> f64 {
@@ -355,14 +424,14 @@ impl ScaledProblem {
         largest
     }
 
-    /// Residual max_i |d_i| / J of x, given its image: the natural map with unit step.
+    /// Residual max_i |d_i| / J of x, given its image: the natural map in the original metric.
     pub fn residual(&self, x: &mut [Batch], image: &[f64], work: &mut PassWork) -> f64 {
         self.look(image, [x], work, &NaturalMap).max.sqrt()
     }
 
     #[inline(always)]
     fn here(&self, batch: usize) -> Here {
-        Here { mu: self.friction[batch], weight: self.weight[batch], r: self.r[batch] }
+        Here { mu: self.friction[batch], metric: self.metric[batch], r: self.r[batch] }
     }
 }
 

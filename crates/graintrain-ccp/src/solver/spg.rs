@@ -8,8 +8,8 @@ use super::first_order::{FirstOrder, FirstOrderMethod, Iterate};
 use super::scaling::ScaledProblem;
 use super::spectral::Spectral;
 
-/// Direction d = P(x - alpha u) - x in the metric of eta_i (the preconditioner: one scalar per contact, so that cones
-/// stay), non-monotone line search against the largest of the last ten objectives (Grippo, Lampariello, Lucidi 1986),
+/// Direction d = P(x - alpha u) - x in the metric of the scaled problem (the diagonal preconditioner, one factor for the normal and one for the tangents,
+/// so that cones stay cones), non-monotone line search against the largest of the last ten objectives (Grippo, Lampariello, Lucidi 1986),
 /// alpha the short spectral step where it is much shorter than the long one and the long one otherwise (adaptive
 /// choice of Zhou, Gao and Dai 2006). The fallback: the iterate of least residual is what is returned. An iteration
 /// costs a fused pass and half a pass more for the short step.
