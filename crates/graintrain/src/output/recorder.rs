@@ -10,8 +10,10 @@ use super::tables::Tables;
 use super::vtm::Blocks;
 use super::vtp::{PolyData, Precision};
 use crate::checkpoint;
+use crate::problem_file::{self, ProblemFileError};
 use crate::run::{Observer, RunSettings, RunTotals, StepView};
 use crate::world::World;
+use graintrain_ccp::Ccp;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -66,7 +68,7 @@ const FILES: &[&str] = &[
 ];
 /// Folders of a run, and what is in them.
 const FOLDERS: &[(&str, &str)] =
-    &[("frames", "vtp"), ("frames", "vtm"), ("checkpoints", "ckpt"), ("problems", "gtp")];
+    &[("frames", "vtp"), ("frames", "vtm"), ("checkpoints", "ckpt"), ("problems", "hdf5")];
 
 /// Makes the folder of a new run. With `force`, the files of an earlier run are removed from it, and nothing else.
 ///
@@ -249,15 +251,38 @@ impl Recorder {
     }
 }
 
+/// The part of [`Recorder`] for `--dump-problem`.
+impl Recorder {
+    fn dump(&self, world: &World, problem: &Ccp) -> Result<(), OutputError> {
+        let folder = self.folder.join("problems");
+        make_folder(&folder)?;
+        let path = folder.join(format!("step_{:08}.hdf5", world.step));
+        let title = format!("{}, step {}, time {} s", self.settings.scene, world.step, world.time);
+        problem_file::write(&path, problem, &title).map_err(|error| {
+            let source = match error {
+                ProblemFileError::Io { source, .. } => source,
+                other => std::io::Error::other(other),
+            };
+            OutputError::new("write", &path, source)
+        })
+    }
+}
+
 impl Observer for Recorder {
     fn observe(&mut self, step: StepView<'_>) -> Result<(), OutputError> {
-        let StepView { world, report, totals, .. } = step;
+        let StepView { world, report, totals, problem } = step;
         self.tables.append(world, report, totals.last_output_seconds)?;
         let output = &self.settings.output;
         let (every, checkpoint_every) = (output.every.max(1), output.checkpoint_every.max(1));
         let is_last = world.step == self.settings.steps;
         if world.step.is_multiple_of(every) || is_last {
             self.frame(world)?;
+        }
+        let dump_every = self.settings.dump_problem_every.filter(|&every| every > 0);
+        if let (Some(every), Some((problem, _))) = (dump_every, problem)
+            && world.step.is_multiple_of(every)
+        {
+            self.dump(world, problem)?;
         }
         let is_due = world.step.is_multiple_of(checkpoint_every)
             || self.last_checkpoint.elapsed() >= LONGEST_WITHOUT_CHECKPOINT;
