@@ -222,7 +222,8 @@ fn insert(
         let location = Location { source: source.clone(), span: span.clone() };
         node = match &mut node.value {
             Value::Table(entries) => {
-                if is_last {
+                let is_new = entries.iter().all(|entry| entry.key != *part);
+                if is_last || is_new {
                     let alternatives = schema::alternatives(&parent, part);
                     entries.retain(|entry| !alternatives.contains(&entry.key.as_str()));
                 }
