@@ -10,7 +10,7 @@
 //! | [`integrate`] | velocities without contact, positions, rotations |
 //! | [`stepper`] | the time step |
 //! | [`run`], [`output`], [`checkpoint`] | many steps, what they leave behind, going on later |
-//! | [`render`], [`plot`] | pictures and charts |
+//! | [`render`], [`plot`], [`view`] | pictures, charts, replays |
 //! | [`error`] | what can be wrong with a world |
 //! | [`scene`] | scene files with units, built-in scenes, packings |
 //! | [`problem_file`] | contact problems in files: FCLIB, Siconos, the program's own dumps |
@@ -32,6 +32,7 @@ pub mod run;
 pub mod scene;
 pub mod shape;
 pub mod stepper;
+pub mod view;
 pub mod world;
 
 pub use graintrain_ccp as ccp;

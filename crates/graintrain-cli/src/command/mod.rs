@@ -2,11 +2,13 @@
 
 mod check;
 mod compare;
+mod render;
 mod resume;
 mod run;
 mod scenes;
 mod solve;
 mod solvers;
+mod view;
 
 use crate::error::Failure;
 use std::process::ExitCode;
@@ -18,6 +20,8 @@ pub enum Command {
     Resume(resume::Arguments),
     Check(check::Arguments),
     Scenes(scenes::Arguments),
+    View(view::Arguments),
+    Render(render::Arguments),
     Solve(solve::Arguments),
     Compare(compare::Arguments),
     Solvers(solvers::Arguments),
@@ -31,6 +35,8 @@ impl Command {
             Self::Resume(arguments) => resume::execute(&arguments),
             Self::Check(arguments) => check::execute(&arguments),
             Self::Scenes(arguments) => scenes::execute(&arguments),
+            Self::View(arguments) => view::execute(&arguments),
+            Self::Render(arguments) => render::execute(&arguments),
             Self::Solve(arguments) => solve::execute(&arguments),
             Self::Compare(arguments) => compare::execute(&arguments),
             Self::Solvers(arguments) => solvers::execute(&arguments),

@@ -51,7 +51,14 @@ pub fn draw(image: &mut Image, legend: Option<&Legend>, time: f64, grains: usize
     ];
     image.strokes(&outline, (0.12 * unit).max(1.0), INK);
     if legend.exceeded {
-        image.text(right + 1.1 * unit, top - 1.2 * unit, "and more", 0.8 * size, Align::Left, INK);
+        image.text(width - 1.5 * unit, top - 1.4 * unit, "and more", 0.8 * size, Align::Right, INK);
     }
-    image.text(width - 2.0 * unit, top - 4.0 * unit, &legend.label, size, Align::Right, INK);
+    // A long label takes two lines, so that it stays beside the picture.
+    let words = legend.label.split(' ').count();
+    let (first, second) = match legend.label.match_indices(' ').nth(words.saturating_sub(3)) {
+        Some((at, _)) if words > 2 => (&legend.label[..at], &legend.label[at + 1..]),
+        _ => ("", legend.label.as_str()),
+    };
+    image.text(width - 1.5 * unit, top - 7.0 * unit, first, size, Align::Right, INK);
+    image.text(width - 1.5 * unit, top - 4.0 * unit, second, size, Align::Right, INK);
 }

@@ -164,7 +164,7 @@ impl Tile<'_> {
                 match primitive.and_then(|p| p.form.meet(self.camera.eye, ray).map(|hit| (p, hit))) {
                     None => self.atmosphere.background,
                     Some((primitive, hit)) => {
-                        if sample % SAMPLES == 0 && sample / EDGE % SAMPLES == 0 {
+                        if sample.is_multiple_of(SAMPLES) && (sample / EDGE).is_multiple_of(SAMPLES) {
                             normals[sample / EDGE / SAMPLES * TILE + sample % EDGE / SAMPLES] = hit.normal;
                         }
                         let color = self.light(primitive.color, hit.normal, ray);

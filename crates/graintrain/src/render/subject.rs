@@ -223,9 +223,9 @@ fn forms<'a>(
     }
 }
 
-/// For a wall (a plate or triangle that has nearly all grains on one side): whether it stands between them and the camera.
-/// `None` for anything else.
-fn wall_hides(form: &Form, grains: &[Vec3], camera: &Camera) -> Option<bool> {
+/// For a wall (a plate or triangle that has nearly all grains on one side): a point of it and its normal towards the
+/// grains. `None` for anything else.
+fn wall(form: &Form, grains: &[Vec3]) -> Option<(Vec3, Vec3)> {
     let (point, normal) = match *form {
         Form::Box { center, rotation, half } => {
             let axes = [Vec3::X, Vec3::Y, Vec3::Z];
@@ -237,14 +237,24 @@ fn wall_hides(form: &Form, grains: &[Vec3], camera: &Camera) -> Option<bool> {
     };
     let above = grains.iter().filter(|&&grain| normal.dot(grain - point) > 0.0).count() as f64;
     let share = above / grains.len().max(1) as f64;
-    let inside = if share >= ONE_SIDE {
-        1.0
+    if share >= ONE_SIDE {
+        Some((point, normal))
     } else if share <= 1.0 - ONE_SIDE {
-        -1.0
+        Some((point, -normal))
     } else {
-        return None;
-    };
-    Some(inside * normal.dot(camera.eye - point) < 0.0)
+        None
+    }
+}
+
+/// For a wall: whether it stands between the grains and the camera.
+fn wall_hides(form: &Form, grains: &[Vec3], camera: &Camera) -> Option<bool> {
+    wall(form, grains).map(|(point, normal)| normal.dot(camera.eye - point) < 0.0)
+}
+
+/// Whether a part of a body is a wall around the grains: most of its surface has nearly all of them on one side.
+pub fn part_is_wall(world: &World, body: usize, part: &Part, grains: &[Vec3]) -> bool {
+    let forms: Vec<Form> = forms(world, body, part, &Bounds::EMPTY).collect();
+    2 * forms.iter().filter(|form| wall(form, grains).is_some()).count() > forms.len()
 }
 
 /// Adds a tube per loaded contact, from centre to contact point to centre, whose thickness and colour grow with the

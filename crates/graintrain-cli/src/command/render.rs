@@ -1,0 +1,100 @@
+//! `graintrain render`: a picture of a moment of a run.
+
+use crate::error::Failure;
+use graintrain::checkpoint;
+use graintrain::output::files::write_atomically;
+use graintrain::render::{ColorBy, RenderError, RenderSettings, render};
+use graintrain::view::{RunFolder, ViewError};
+use graintrain::world::World;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+/// Make a picture (PNG) of a moment of a run, without a display
+///
+/// RUN is the folder of a run or one of its checkpoints. Walls between the camera and the grains become glass.
+#[derive(clap::Args)]
+#[command(after_help = "Examples:\n  \
+    graintrain render out/sedimentation --out settled.png\n  \
+    graintrain render out/shear --time 1.5 --force-chains --view=-30,15 --out chains.png\n  \
+    graintrain render out/run/checkpoints/step_00000400.ckpt --color force --out forces.png")]
+pub struct Arguments {
+    /// Folder of a run, or a checkpoint
+    run: PathBuf,
+    /// Time of the frame, s: the nearest one is taken; by default the last
+    #[arg(long, value_name = "SECONDS")]
+    time: Option<f64>,
+    /// What colours stand for: speed, force, radius, id
+    #[arg(long, default_value = "speed")]
+    color: ColorBy,
+    /// Values at the ends of the colour bar, e.g. 0,1.5
+    #[arg(long, value_name = "LOW,HIGH", value_parser = pair, allow_hyphen_values = true)]
+    range: Option<[f64; 2]>,
+    /// Draw contact forces as tubes whose width is the normal force
+    #[arg(long)]
+    force_chains: bool,
+    /// Where the camera stands: degrees around the vertical, degrees above the horizon
+    #[arg(long, value_name = "AROUND,ABOVE", value_parser = pair, default_value = "-60,24", allow_hyphen_values = true)]
+    view: [f64; 2],
+    /// Width and height in pixels
+    #[arg(long, value_name = "WIDTHxHEIGHT", value_parser = size, default_value = "1200x900")]
+    size: [usize; 2],
+    /// File to write
+    #[arg(long, value_name = "FILE.png")]
+    out: PathBuf,
+}
+
+fn pair(text: &str) -> Result<[f64; 2], String> {
+    let parse = |part: &str| part.trim().parse::<f64>().map_err(|_| format!("'{part}' is not a number"));
+    let (a, b) = text.split_once(',').ok_or("expected two numbers with a comma between")?;
+    Ok([parse(a)?, parse(b)?])
+}
+
+fn size(text: &str) -> Result<[usize; 2], String> {
+    let parse =
+        |part: &str| part.trim().parse::<usize>().map_err(|_| format!("'{part}' is not a whole number"));
+    let (a, b) = text.split_once('x').ok_or("expected two whole numbers with an x between, e.g. 1200x900")?;
+    Ok([parse(a)?, parse(b)?])
+}
+
+/// Writes the picture.
+pub fn execute(arguments: &Arguments) -> Result<ExitCode, Failure> {
+    let (world, step) = moment(&arguments.run, arguments.time)
+        .map_err(|error| Failure::input_error(error, "give the folder of a run or a checkpoint"))?;
+    let settings = RenderSettings {
+        width: arguments.size[0],
+        height: arguments.size[1],
+        color: arguments.color,
+        range: arguments.range,
+        force_chains: arguments.force_chains,
+        view: arguments.view,
+        step,
+    };
+    let image = render(&world, &settings).map_err(|error: RenderError| Failure::input_error(error, ""))?;
+    let mut bytes = Vec::new();
+    image.write_png(&mut bytes).map_err(|error| Failure::work_error(error, ""))?;
+    write_atomically(&arguments.out, &bytes).map_err(|error| {
+        let remedy = error.remedy();
+        Failure::work_error(error, remedy)
+    })?;
+    println!("{}: t = {:.3} s", arguments.out.display(), world.time);
+    Ok(ExitCode::SUCCESS)
+}
+
+/// The state of the frame nearest to a time (the last one by default) and the time step.
+fn moment(path: &Path, time: Option<f64>) -> Result<(World, f64), ViewError> {
+    if path.is_file() {
+        let checkpoint = checkpoint::read(path)?;
+        return Ok((checkpoint.world, checkpoint.settings.step));
+    }
+    let run = RunFolder::open(path)?;
+    let times = run.times();
+    let wanted = time.unwrap_or(f64::INFINITY);
+    let nearest = (0..times.len()).min_by(|&a, &b| {
+        let distance = |k: usize| if wanted.is_finite() { (times[k] - wanted).abs() } else { -times[k] };
+        distance(a).total_cmp(&distance(b))
+    });
+    match nearest {
+        Some(index) => Ok((run.world(index)?, run.step)),
+        None => Ok((run.last, run.step)),
+    }
+}
