@@ -59,14 +59,28 @@ struct Sorted {
     /// Finite bodies too large for the grid, ascending, with the tree over their bounds.
     large: Vec<u32>,
     tree: Bvh,
-    /// Bodies with a plane.
-    unbounded: Vec<u32>,
+    /// Bodies with a plane, ascending.
+    unbounded: Vec<Unbounded>,
+}
+
+/// A body with a plane.
+struct Unbounded {
+    body: u32,
+    /// Outward normal and a point, where the body is nothing but a half-space: most bodies are seen to be far from it
+    /// without looking at their shapes.
+    half_space: Option<(Vec3, Vec3)>,
+}
+
+impl Unbounded {
+    fn may_touch(&self, centre: Vec3, reach: f64) -> bool {
+        self.half_space.is_none_or(|(normal, point)| normal.dot(centre - point) <= reach)
+    }
 }
 
 impl Collider {
-    /// All contacts with gap up to the envelope, m, except between bodies that are both fully prescribed. Sorted by
-    /// body A, then body B, then feature. A is the body of similar size to most others, or the one with the lower index
-    /// where both or neither are: a grain on a wall is A.
+    /// All contacts with gap up to the envelope, m, except between bodies that are both fully prescribed. In the order
+    /// of body A, then of its neighbours (of similar size first, ascending), then of features. A is the body of similar
+    /// size to most others, or the one with the lower index where both or neither are: a grain on a wall is A.
     pub fn contacts(&mut self, world: &World, envelope: f64) -> Vec<Contact> {
         self.update_forms(world);
         let sorted = self.sort(world, envelope);
@@ -127,7 +141,7 @@ impl Collider {
             } else if radius.is_finite() {
                 large.push(body as u32);
             } else {
-                unbounded.push(body as u32);
+                unbounded.push(self.unbounded(world, body));
             }
         }
         let bounds: Vec<Aabb> = large.iter().map(|&body| self.bounds(world, body as usize)).collect();
@@ -140,6 +154,18 @@ impl Collider {
             tree: Bvh::from_leaves(BvhBuildStrategy::default(), &bounds),
             unbounded,
         }
+    }
+
+    fn unbounded(&self, world: &World, body: usize) -> Unbounded {
+        let Placed { form, position, orientation } = self.placed(world, body);
+        let half_space = match form.geometry.parts.as_slice() {
+            [part] if part.shape == Shape::Plane => {
+                let normal = orientation * (part.orientation * Vec3::Z);
+                Some((normal, position + orientation * part.position))
+            }
+            _ => None,
+        };
+        Unbounded { body: body as u32, half_space }
     }
 
     /// Box in world axes that holds a body without planes.
@@ -207,9 +233,12 @@ impl Collider {
                     .map(|leaf| sorted.large[leaf as usize])
                     .filter(|&other| similar || other as usize > body),
             );
-            others.extend_from_slice(&sorted.unbounded);
+            let reach = radius + envelope;
+            let near = sorted.unbounded.iter().filter(|other| other.may_touch(me.position, reach));
+            others.extend(near.map(|other| other.body));
         } else {
-            others.extend(sorted.unbounded.iter().copied().filter(|&other| other as usize > body));
+            let later = sorted.unbounded.iter().filter(|other| other.body as usize > body);
+            others.extend(later.map(|other| other.body));
         }
         others.sort_unstable();
         for &other in balls.iter().chain(others.iter()) {
@@ -254,5 +283,87 @@ fn ball_contact(a: Vec3, r_a: f64, b: Vec3, r_b: f64, envelope: f64, touches: &m
         // Concentric balls have no normal: any direction separates them.
         let normal = if length > 0.0 { d / length } else { Vec3::X };
         touches.push(Touch { point: b + (r_b + 0.5 * gap) * normal, normal, gap, feature: 0 });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::material::Materials;
+    use crate::math::rotation_exponential;
+    use crate::motion::Motion;
+    use crate::shape::Geometry;
+    use crate::world::Body;
+    use proptest::prelude::*;
+
+    /// Every pair through the narrow phase.
+    fn brute_force(world: &World, envelope: f64) -> Vec<u64> {
+        let mut collider = Collider::default();
+        collider.update_forms(world);
+        let mut found = Vec::new();
+        for a in 0..world.bodies.len() {
+            for b in a + 1..world.bodies.len() {
+                if world.is_prescribed(a) && world.is_prescribed(b) {
+                    continue;
+                }
+                let mut touches = Vec::new();
+                body_contacts(collider.placed(world, a), collider.placed(world, b), envelope, &mut touches);
+                found.extend(touches.iter().map(|t| identity(a as u32, b as u32, t.feature)));
+            }
+        }
+        found.sort_unstable();
+        found
+    }
+
+    proptest! {
+        /// Spheres of two sizes, capsules, one large box, a plane and a mesh, free and fixed.
+        #[test]
+        fn contacts_are_those_of_all_pairs(
+            bodies in prop::collection::vec(
+                (0..6_usize, prop::array::uniform3(-1.0..1.0_f64), prop::array::uniform3(-2.0..2.0_f64), any::<bool>()),
+                2..60,
+            ),
+            envelope in 0.0..0.05_f64,
+        ) {
+            let materials = Materials::single("stuff", 1.0, 0.0, 0.0).unwrap();
+            let mut world = World::new(Vec3::ZERO, materials).unwrap();
+            let fixed = world.add_motion(Motion::fixed()).unwrap();
+            let corners = vec![Vec3::ZERO, Vec3::X, Vec3::Y];
+            let forms = [
+                Geometry::sphere(0.1).unwrap(),
+                Geometry::sphere(0.14).unwrap(),
+                Geometry::capsule(0.1, 0.05).unwrap(),
+                Geometry::cuboid(Vec3::new(0.6, 0.5, 0.1)).unwrap(),
+                Geometry::plane(),
+                Geometry::mesh(corners, vec![[0, 1, 2]]).unwrap(),
+            ]
+            .map(|form| world.add_geometry(form));
+            for (kind, position, turn, free) in bodies {
+                let motion = if free && kind < 4 { crate::world::FREE } else { fixed };
+                let orientation = rotation_exponential(Vec3::from_array(turn));
+                let body = Body::new(forms[kind], 0, Vec3::from_array(position));
+                world.add_body(Body { motion, orientation, ..body }).unwrap();
+            }
+            let contacts = Collider::default().contacts(&world, envelope);
+            let mut found: Vec<u64> = contacts.iter().map(|contact| contact.identity).collect();
+            found.sort_unstable();
+            prop_assert_eq!(found, brute_force(&world, envelope));
+        }
+    }
+
+    #[test]
+    fn the_deepest_overlap_is_named() {
+        let materials = Materials::single("stuff", 1.0, 0.0, 0.0).unwrap();
+        let mut world = World::new(Vec3::ZERO, materials).unwrap();
+        let ball = world.add_geometry(Geometry::sphere(0.1).unwrap());
+        for x in [0.0, 0.3, 0.45, 0.64] {
+            world.add_body(Body::new(ball, 0, Vec3::new(x, 0.0, 0.0))).unwrap();
+        }
+        let overlap = deepest_overlap(&world).unwrap();
+        assert_eq!((overlap.body_a, overlap.body_b), (1, 2));
+        assert!((overlap.depth - 0.05).abs() < 1e-15 && (overlap.point.x - 0.375).abs() < 1e-15);
+        world.bodies.position[2].x = 0.52;
+        world.bodies.position[3].x = 0.73;
+        assert_eq!(deepest_overlap(&world), None);
     }
 }

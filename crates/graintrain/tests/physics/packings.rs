@@ -139,9 +139,8 @@ fn kleinert(name: &str, step: f64, steps: usize) {
     let rest = settle(&mut world, &radius, ground, step, steps, 1e-4);
     report(name, step, &rest, steps);
     assert!(rest.mean_speed < 1e-3);
-    // The file holds grains that nothing carries (no neighbour below them within 2 % of a radius, some half a radius
-    // above the next one): these fall.
-    assert!(rest.median_moved < 0.02 && rest.loose < radius.len() * 4 / 100);
+    // Not every grain of the files is carried: see docs/mechanics.md. Those fall; the pile as a whole stays.
+    assert!(rest.median_moved < 0.02 && rest.loose < radius.len() * 8 / 100);
     assert_close(rest.carried, 1.0, 1e-3, "weight on the ground");
 }
 
