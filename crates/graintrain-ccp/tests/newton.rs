@@ -105,3 +105,63 @@ fn pdip_reaches_the_oracles_objective_with_every_linear_solver() {
         }
     }
 }
+
+/// Objective of `ipm` against Clarabel. Where they differ by more than 1e-8 the lower one is right, as long as its
+/// impulses lie in the cones, which `ipm`'s always do.
+fn compare_with_clarabel(seeds: std::ops::Range<u64>) {
+    let (mut unconverged, mut count) = (0, 0);
+    for seed in seeds {
+        let problem = random_problem(seed);
+        let oracle = clarabel(&problem);
+        let mut impulse = vec![0.0; 3 * problem.num_contacts()];
+        let settings = SolveSettings { tolerance: 1e-8, ..SolveSettings::default() };
+        let mut solver = "ipm".parse::<SolverSpec>().unwrap().build().unwrap();
+        let report = solver.solve(&problem, &mut impulse, &settings).unwrap();
+        for i in 0..problem.num_contacts() {
+            let g = &impulse[3 * i..3 * i + 3];
+            assert!(
+                g[1].hypot(g[2]) <= problem.friction[i] * g[0] * (1.0 + 1e-9) + 1e-300,
+                "{seed}: outside"
+            );
+        }
+        let error = (report.objective - oracle.objective) / oracle.objective.abs().max(1e-300);
+        assert!(error < 1e-8, "{seed}: {error:.1e} above the oracle, {:?}", report.status);
+        count += 1;
+        unconverged += usize::from(!report.converged());
+    }
+    // Honest failures are allowed, but few.
+    assert!(20 * unconverged <= count, "{unconverged} of {count} did not reach 1e-8");
+}
+
+#[test]
+fn ipm_agrees_with_clarabel_on_random_problems() {
+    compare_with_clarabel(0..60);
+}
+
+#[test]
+#[ignore = "1000 problems take a minute"]
+fn ipm_agrees_with_clarabel_on_a_thousand_random_problems() {
+    compare_with_clarabel(0..1000);
+}
+
+/// A ball wedged between two walls that close on it: no impulse stops prescribed walls.
+#[test]
+fn ipm_reports_jammed_bodies_as_infeasible_and_answers_with_finite_impulses() {
+    use graintrain_ccp::{Delassus, FIXED, RigidContact, RigidDelassus, Status};
+    let wall = |n: [f64; 3]| RigidContact {
+        body_a: 0,
+        body_b: FIXED,
+        frame: common::frame(n),
+        arm_a: n.map(|x| -x),
+        arm_b: [0.0; 3],
+    };
+    let contacts = vec![wall([1.0, 0.0, 0.0]), wall([-1.0, 0.0, 0.0])];
+    let rigid = RigidDelassus::new(contacts, vec![common::ball(1.0, 1.0)]);
+    let r = vec![-0.5, 0.0, 0.0, -0.5, 0.0, 0.0];
+    let problem = Ccp::new(Delassus::Rigid(rigid), r, vec![0.3; 2]).unwrap();
+    let mut impulse = vec![0.0; 6];
+    let mut solver = "ipm".parse::<SolverSpec>().unwrap().build().unwrap();
+    let report = solver.solve(&problem, &mut impulse, &SolveSettings::default()).unwrap();
+    assert_eq!(report.status, Status::Infeasible);
+    assert!(impulse.iter().all(|g| g.is_finite()) && impulse[0] > 1.0 && impulse[3] > 1.0);
+}

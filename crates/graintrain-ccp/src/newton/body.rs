@@ -3,7 +3,10 @@
 use super::body_matrix::BodyMatrix;
 use super::direct::{REFINEMENTS, SHIFTS};
 use super::train_body::TrainCorrection;
-use super::{LinearReport, NewtonError, NewtonSolver, NewtonSystem, multiply_system};
+use super::{
+    LinearReport, NewtonError, NewtonSolver, NewtonSystem, apply_blocks, apply_blocks_in_place,
+    multiply_scaled, multiply_system,
+};
 use crate::delassus::{Delassus, DelassusWork};
 use graintrain_linalg::block_ops::apply3;
 use graintrain_linalg::block3::Block;
@@ -74,6 +77,7 @@ pub struct BodyCholesky {
     krylov: KrylovWork,
     product: DelassusWork,
     velocity: Vec<f64>,
+    scratch: Vec<f64>,
     shift: f64,
 }
 
@@ -147,6 +151,47 @@ impl NewtonSolver for BodyCholesky {
             residual: report.residual,
             converged: report.converged(),
         }
+    }
+
+    fn solve_scaled(
+        &mut self,
+        system: &NewtonSystem<'_>,
+        b: &[f64],
+        z: &mut [f64],
+        relative_tolerance: f64,
+    ) -> Option<LinearReport> {
+        let (Some(matrix), Some(factor)) = (&self.matrix, &mut self.factor) else { return None };
+        let Self { product, velocity, scratch, krylov, .. } = self;
+        let settings = KrylovSettings { relative_tolerance, max_iterations: REFINEMENTS };
+        let mut impulse = vec![0.0; b.len()];
+        // z = b - F^T D~^T K^-1 D~ F b.
+        let mut precondition = |r: &[f64], z: &mut [f64]| {
+            apply_blocks(system.factor, r, &mut impulse, false);
+            velocity.resize(6 * matrix.num_bodies(), 0.0);
+            matrix.gather(&impulse, velocity);
+            factor.solve(velocity);
+            for i in 0..system.factor.len() {
+                z[3 * i..3 * i + 3].copy_from_slice(&matrix.contact_velocity(i, velocity));
+            }
+            apply_blocks_in_place(system.factor, z, true);
+            for (z, r) in z.iter_mut().zip(r) {
+                *z = r - *z;
+            }
+        };
+        precondition(b, z);
+        let report = conjugate_gradient(
+            &mut |x, y| multiply_scaled(system.problem, system.factor, x, y, product, scratch),
+            &mut precondition,
+            b,
+            z,
+            settings,
+            krylov,
+        );
+        Some(LinearReport {
+            iterations: report.iterations,
+            residual: report.residual,
+            converged: report.converged(),
+        })
     }
 
     fn figures(&self, figures: &mut BTreeMap<String, f64>) {

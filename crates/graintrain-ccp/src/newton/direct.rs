@@ -194,6 +194,16 @@ impl NewtonSolver for Direct {
         }
     }
 
+    fn solve_scaled(
+        &mut self,
+        system: &NewtonSystem<'_>,
+        b: &[f64],
+        z: &mut [f64],
+        relative_tolerance: f64,
+    ) -> Option<LinearReport> {
+        if self.in_body_space { self.body.solve_scaled(system, b, z, relative_tolerance) } else { None }
+    }
+
     fn figures(&self, figures: &mut BTreeMap<String, f64>) {
         if self.in_body_space {
             self.body.figures(figures)

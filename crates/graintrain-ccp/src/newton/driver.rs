@@ -1,10 +1,30 @@
 //! What an outer Newton method needs around its linear solver: S kept up to date, records of every iteration.
 
-use super::{LinearReport, NewtonError, NewtonRecord, NewtonSolver, NewtonSystem, SchurComplement};
-use crate::delassus::Delassus;
+use super::{
+    LinearReport, NewtonError, NewtonRecord, NewtonSolver, NewtonSystem, SchurComplement,
+    apply_blocks_in_place, multiply_scaled,
+};
+use crate::delassus::{Delassus, DelassusWork};
 use crate::problem::Ccp;
 use graintrain_linalg::block3::Block;
+use graintrain_linalg::parallel::norm;
 use std::time::Instant;
+
+/// Steps of refinement around a solver of the unscaled system.
+const REFINEMENTS: usize = 6;
+
+/// The blocks of a Newton matrix with the factors of their inverses, H^-1 = F F^T.
+#[derive(Clone, Copy)]
+pub struct ScaledBlocks<'a> {
+    /// H.
+    pub added: &'a [Block],
+    /// H^-1.
+    pub inverse_added: &'a [Block],
+    /// F.
+    pub factor: &'a [Block],
+    /// F^-1.
+    pub factor_inverse: &'a [Block],
+}
 
 /// A linear solver together with the Schur complement it may need and the history of what it did.
 ///
@@ -16,13 +36,24 @@ pub struct NewtonDriver {
     new_delassus: bool,
     records: Vec<NewtonRecord>,
     current: NewtonRecord,
+    product: DelassusWork,
+    scratch: [Vec<f64>; 3],
 }
 
 impl NewtonDriver {
     /// With this linear solver.
     pub fn new(solver: Box<dyn NewtonSolver>) -> Self {
         let current = NewtonRecord::default();
-        Self { solver, schur: None, delassus: None, new_delassus: true, records: Vec::new(), current }
+        Self {
+            solver,
+            schur: None,
+            delassus: None,
+            new_delassus: true,
+            records: Vec::new(),
+            current,
+            product: DelassusWork::default(),
+            scratch: Default::default(),
+        }
     }
 
     /// Name of the linear solver.
@@ -38,12 +69,14 @@ impl NewtonDriver {
             return;
         }
         self.delassus = Some(problem.delassus.clone());
+        self.product = problem.delassus.work();
         self.new_delassus = true;
         self.schur = None;
         self.solver.prepare(&NewtonSystem {
             problem,
             added: &[],
             inverse_added: &[],
+            factor: &[],
             schur: None,
             new_delassus: true,
             iteration: 0,
@@ -76,6 +109,7 @@ impl NewtonDriver {
             problem,
             added,
             inverse_added,
+            factor: &[],
             schur: self.schur.as_ref().map(SchurComplement::matrix),
             new_delassus: self.new_delassus,
             iteration,
@@ -101,11 +135,77 @@ impl NewtonDriver {
             problem,
             added,
             inverse_added,
+            factor: &[],
             schur: self.schur.as_ref().map(SchurComplement::matrix),
             new_delassus: false,
             iteration: self.current.iteration,
         };
         let report = self.solver.solve(&system, b, x, relative_tolerance);
+        self.current.apply_seconds += start.elapsed().as_secs_f64();
+        self.current.inner_iterations += report.iterations;
+        self.current.linear_residual = self.current.linear_residual.max(report.residual);
+        self.current.linear_converged &= report.converged;
+        report
+    }
+
+    /// Solves (I + F^T N F) z = b in the scaled variable; see [`NewtonSolver::solve_scaled`]. Solvers that only know
+    /// the unscaled system are refined around: x = F z, S x = F^-T b.
+    pub fn solve_scaled(
+        &mut self,
+        problem: &Ccp,
+        blocks: ScaledBlocks<'_>,
+        b: &[f64],
+        z: &mut [f64],
+        relative_tolerance: f64,
+    ) -> LinearReport {
+        let start = Instant::now();
+        let system = NewtonSystem {
+            problem,
+            added: blocks.added,
+            inverse_added: blocks.inverse_added,
+            factor: blocks.factor,
+            schur: self.schur.as_ref().map(SchurComplement::matrix),
+            new_delassus: false,
+            iteration: self.current.iteration,
+        };
+        let report = self.solver.solve_scaled(&system, b, z, relative_tolerance).unwrap_or_else(|| {
+            let [residual, correction, scratch] = &mut self.scratch;
+            residual.resize(b.len(), 0.0);
+            correction.resize(b.len(), 0.0);
+            z.fill(0.0);
+            residual.copy_from_slice(b);
+            let size = norm(b).max(f64::MIN_POSITIVE);
+            let mut report =
+                LinearReport { iterations: 0, residual: norm(residual) / size, converged: false };
+            for _ in 0..REFINEMENTS {
+                if report.residual <= relative_tolerance {
+                    report.converged = true;
+                    break;
+                }
+                apply_blocks_in_place(blocks.factor_inverse, residual, true);
+                correction.fill(0.0);
+                let inner = self.solver.solve(&system, residual, correction, 0.1 * relative_tolerance);
+                report.iterations += inner.iterations;
+                apply_blocks_in_place(blocks.factor_inverse, correction, false);
+                for (z, correction) in z.iter_mut().zip(correction.iter()) {
+                    *z += correction;
+                }
+                multiply_scaled(problem, blocks.factor, z, residual, &mut self.product, scratch);
+                for (residual, b) in residual.iter_mut().zip(b) {
+                    *residual = b - *residual;
+                }
+                let before = report.residual;
+                report.residual = norm(residual) / size;
+                if report.residual > before {
+                    for (z, correction) in z.iter_mut().zip(correction.iter()) {
+                        *z -= correction;
+                    }
+                    report.residual = before;
+                    break;
+                }
+            }
+            report
+        });
         self.current.apply_seconds += start.elapsed().as_secs_f64();
         self.current.inner_iterations += report.iterations;
         self.current.linear_residual = self.current.linear_residual.max(report.residual);

@@ -47,6 +47,8 @@ pub struct NewtonSystem<'a> {
     pub added: &'a [Block],
     /// H_i^-1, kg, from the closed form of the outer method.
     pub inverse_added: &'a [Block],
+    /// F_i with H_i^-1 = F_i F_i^T, from the outer method; empty where it never solves in scaled variables.
+    pub factor: &'a [Block],
     /// S = N + H as a sparse matrix whose pattern persists while the problem does; present for solvers that ask for
     /// it ([`NewtonSolver::needs_schur`]).
     pub schur: Option<&'a BlockMatrix3>,
@@ -119,6 +121,20 @@ pub trait NewtonSolver: Send {
         x: &mut [f64],
         relative_tolerance: f64,
     ) -> LinearReport;
+
+    /// Solves (I + F^T N F) z = b, the same system in the scaled variable z = F^-1 x, whose entries keep their digits
+    /// where H_i has eigenvalues of very different size. `None` where the solver has no better way than
+    /// [`Self::solve`] with refinement around it.
+    fn solve_scaled(
+        &mut self,
+        system: &NewtonSystem<'_>,
+        b: &[f64],
+        z: &mut [f64],
+        relative_tolerance: f64,
+    ) -> Option<LinearReport> {
+        let _ = (system, b, z, relative_tolerance);
+        None
+    }
 
     /// Named figures of the last refresh and of the solves since (ranks, compression error, fill, ...).
     fn figures(&self, figures: &mut BTreeMap<String, f64>) {
@@ -227,6 +243,49 @@ pub fn linear_solver(method: &str, name: &str) -> Result<Box<dyn NewtonSolver>, 
             LINEAR_METHODS.iter().map(|linear| format!("{method}+{}", linear.name)).collect();
         CcpError::UnknownSolver { name: format!("{method}+{name}"), known: known.join(", ") }
     })
+}
+
+/// y <- z + F^T N F z.
+pub(crate) fn multiply_scaled(
+    problem: &Ccp,
+    factor: &[Block],
+    z: &[f64],
+    y: &mut [f64],
+    work: &mut crate::delassus::DelassusWork,
+    scratch: &mut Vec<f64>,
+) {
+    scratch.resize(z.len(), 0.0);
+    apply_blocks(factor, z, scratch, false);
+    problem.delassus.multiply(scratch, y, work);
+    apply_blocks_in_place(factor, y, true);
+    for (y, z) in y.iter_mut().zip(z) {
+        *y += z;
+    }
+}
+
+fn times(block: &Block, x: [f64; 3], transposed: bool) -> [f64; 3] {
+    if transposed {
+        std::array::from_fn(|k| block[k] * x[0] + block[3 + k] * x[1] + block[6 + k] * x[2])
+    } else {
+        graintrain_linalg::block_ops::apply3(block, x)
+    }
+}
+
+/// y_i <- B_i x_i, or B_i^T x_i.
+pub(crate) fn apply_blocks(blocks: &[Block], x: &[f64], y: &mut [f64], transposed: bool) {
+    for (i, block) in blocks.iter().enumerate() {
+        let k = 3 * i;
+        y[k..k + 3].copy_from_slice(&times(block, [x[k], x[k + 1], x[k + 2]], transposed));
+    }
+}
+
+/// x_i <- B_i x_i, or B_i^T x_i.
+pub(crate) fn apply_blocks_in_place(blocks: &[Block], x: &mut [f64], transposed: bool) {
+    for (i, block) in blocks.iter().enumerate() {
+        let k = 3 * i;
+        let product = times(block, [x[k], x[k + 1], x[k + 2]], transposed);
+        x[k..k + 3].copy_from_slice(&product);
+    }
 }
 
 /// y <- (N + H) x without forming the sum.

@@ -10,6 +10,7 @@ mod face;
 pub mod first_order;
 mod gauss_seidel;
 mod gpminres;
+pub mod ipm;
 mod jacobi;
 mod kucera;
 pub mod lanes;
@@ -201,6 +202,11 @@ pub const METHODS: &[Method] = &[
         name: "gpminres",
         about: "gradient-projected minimum residual (Heyn, Anitescu, Tasora, Negrut 2013)",
         build: gpminres::build,
+    },
+    Method {
+        name: "ipm",
+        about: "interior point with Nesterov-Todd scaling and predictor-corrector; linear solver after a '+'",
+        build: ipm::build,
     },
     Method {
         name: "pdip",
