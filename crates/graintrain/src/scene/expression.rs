@@ -372,3 +372,66 @@ fn apply(function: &str, arguments: &[Quantity]) -> Result<Quantity, String> {
         _ => Err(format!("`{function}` is not a function")),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    struct One;
+
+    impl Names for One {
+        fn value(&self, name: &str) -> Option<Result<Quantity, String>> {
+            (name == "n").then_some(Ok(Quantity::number(8.0)))
+        }
+
+        fn names(&self) -> Vec<&str> {
+            vec!["n"]
+        }
+    }
+
+    fn value(text: &str) -> f64 {
+        evaluate(text, &One).unwrap_or_else(|error| panic!("{text}: {}", error.problem)).value
+    }
+
+    #[test]
+    fn arithmetic_with_units() {
+        let close = |text: &str, expected: f64| {
+            let found = value(text);
+            assert!((found - expected).abs() <= 1e-14 * expected.abs(), "{text}: {found}");
+        };
+        close("(2*n+1)*0.23 m", 3.91);
+        close("1 m / 2 s", 0.5);
+        close("-2^2", -4.0);
+        close("2^-1", 0.5);
+        close("2^3^2", 512.0);
+        close("2500 kg/m^3", 2500.0);
+        close("1 - 2 - 3", -4.0);
+        close("8 / 2 / 2", 2.0);
+        close("12 rpm", 12.0 * std::f64::consts::TAU / 60.0);
+        close("sin(30 deg) + sqrt(4 m^2) / 1 m + max(1, n, 3)", 10.5);
+        close("2e3 mm", 2.0);
+    }
+
+    proptest! {
+        #[test]
+        fn every_unit_scales_its_number(number in -1e6..1e6_f64, which in 0..unit_symbols().count()) {
+            let symbol = unit_symbols().nth(which).unwrap();
+            let found = evaluate(&format!("{number} {symbol}"), &One).unwrap();
+            let expected = unit(symbol).unwrap();
+            prop_assert_eq!(found.dimension, expected.dimension);
+            prop_assert_eq!(found.value, number * expected.value);
+            // Written in SI it is the same.
+            let again = evaluate(&format!("{} * {}", found.value, found.dimension.unit()), &One).unwrap();
+            prop_assert_eq!(again.value, found.value);
+        }
+
+        #[test]
+        fn any_text_gives_a_value_or_a_problem_inside_the_text(text in "[-+*/^() 0-9a-zµ.,]{0,40}") {
+            if let Err(error) = evaluate(&text, &One) {
+                prop_assert!(!error.problem.is_empty());
+                prop_assert!(error.span.start <= error.span.end && error.span.end <= text.len());
+            }
+        }
+    }
+}

@@ -286,3 +286,41 @@ impl Stream<'_> {
         Ok(Self { is_raw: self.is_raw, bytes })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    // Written by an independent program (Python's struct, base64 and zlib).
+    const INLINE: &str = "<VTKFile type=\"PolyData\" header_type=\"UInt64\" byte_order=\"LittleEndian\"><PolyData><Piece NumberOfPoints=\"2\"><PointData><DataArray type=\"Float32\" Name=\"radius\" format=\"binary\">CAAAAAAAAAAAAAA/AACAPg==</DataArray></PointData><Points><DataArray type=\"Float64\" NumberOfComponents=\"3\" format=\"binary\">MAAAAAAAAAAAAAAAAADwPwAAAAAAAABAAAAAAAAACEAAAAAAAAAQwAAAAAAAABZAAAAAAAAAGEA=</DataArray></Points></Piece></PolyData></VTKFile>";
+    const COMPRESSED: &str = "<VTKFile type=\"PolyData\" header_type=\"UInt64\" byte_order=\"LittleEndian\" compressor=\"vtkZLibDataCompressor\"><PolyData><Piece NumberOfPoints=\"2\"><PointData><DataArray type=\"Float32\" Name=\"radius\" format=\"binary\">AgAAAAAAAAAEAAAAAAAAAAQAAAAAAAAADAAAAAAAAAAMAAAAAAAAAA==eJxjYGCwBwAAQwBAeJxjYGiwAwABQgC/</DataArray></PointData><Points><DataArray type=\"Float64\" NumberOfComponents=\"3\" format=\"binary\">AgAAAAAAAAAYAAAAAAAAABgAAAAAAAAAFAAAAAAAAAAWAAAAAAAAAA==eJxjYACBD/YMEOAAoTgcABe3Abh4nGNgAAGBA2CKQcwBQks4AAARhAF/</DataArray></Points></Piece></PolyData></VTKFile>";
+    const APPENDED_HEAD: &str = "<VTKFile type=\"PolyData\" header_type=\"UInt32\"><PolyData><Piece NumberOfPoints=\"2\"><PointData><DataArray type=\"Float32\" Name=\"radius\" format=\"appended\" offset=\"0\"/></PointData><Points><DataArray type=\"Float64\" NumberOfComponents=\"3\" format=\"appended\" offset=\"12\"/></Points></Piece></PolyData><AppendedData encoding=\"raw\">_";
+
+    fn assert_read(bytes: &[u8]) {
+        let content = read(bytes).unwrap();
+        assert_eq!(content.position, [Vec3::new(1.0, 2.0, 3.0), Vec3::new(-4.0, 5.5, 6.0)]);
+        assert_eq!(content.radius.unwrap(), [0.5, 0.25]);
+    }
+
+    #[test]
+    fn base64_compressed_and_raw_appended_data_are_read() {
+        assert_read(INLINE.as_bytes());
+        assert_read(COMPRESSED.as_bytes());
+        let mut bytes = APPENDED_HEAD.as_bytes().to_vec();
+        bytes.extend(8_u32.to_le_bytes());
+        bytes.extend([0.5_f32, 0.25].iter().flat_map(|x| x.to_le_bytes()));
+        bytes.extend(48_u32.to_le_bytes());
+        bytes.extend([1.0_f64, 2.0, 3.0, -4.0, 5.5, 6.0].iter().flat_map(|x| x.to_le_bytes()));
+        bytes.extend(b"</AppendedData></VTKFile>");
+        assert_read(&bytes);
+    }
+
+    #[test]
+    fn files_cut_short_are_refused_at_every_byte() {
+        for text in [INLINE, COMPRESSED] {
+            for end in 0..text.len() {
+                assert!(read(&text.as_bytes()[..end]).is_err(), "{end}");
+            }
+        }
+    }
+}
