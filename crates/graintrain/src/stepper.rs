@@ -21,7 +21,8 @@ use std::time::Instant;
 pub struct StepSettings {
     /// Time step dt, s.
     pub step: f64,
-    /// Contact envelope delta, m: pairs with a gap up to this become contacts.
+    /// Contact envelope delta, m: pairs with a gap up to this become contacts, and so do pairs that would close within
+    /// the step.
     pub envelope: f64,
     /// Solver of the contact problem.
     pub solver: SolverSpec,
@@ -154,7 +155,7 @@ impl Stepper {
     /// One step of semi-implicit Euler with contact:
     ///
     /// ```text
-    /// contacts with gap <= envelope; v* = v + M^-1 (dt f + G); solve the CCP of N = D^T M^-1 D, r = b + D^T v*
+    /// contacts with gap <= envelope, or closing within the step; v* = v + M^-1 (dt f + G); solve the CCP of N = D^T M^-1 D, r = b + D^T v*
     /// v+ = v* + M^-1 D g;   x+ = x + dt u+;   Q+ = exp(dt w+ / 2) Q
     /// ```
     ///
@@ -166,7 +167,7 @@ impl Stepper {
         let step = self.settings.step;
         let begin = Instant::now();
         check_state(world)?;
-        let contacts = self.collider.contacts(world, self.settings.envelope);
+        let contacts = self.collider.contacts(world, self.settings.envelope, step);
         let collided = Instant::now();
         let free = free_velocity(world, step);
         let problem = assemble(world, &contacts, &free, step);

@@ -137,7 +137,7 @@ impl PointTree {
         }
         let mut extent: [f64; 3] = std::array::from_fn(|k| self.upper[k] - self.lower[k]);
         let mut members: Vec<usize> = (0..points.len()).collect();
-        let mut nodes = vec![0..points.len()];
+        let mut nodes: Vec<std::ops::Range<usize>> = std::iter::once(0..points.len()).collect();
         for _ in 0..self.depth {
             let axis = (0..3).max_by(|&a, &b| extent[a].total_cmp(&extent[b])).unwrap_or(0);
             extent[axis] *= 0.5;

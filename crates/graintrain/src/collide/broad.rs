@@ -41,7 +41,7 @@ pub struct Overlap {
 /// The deepest overlap of a world, if any two bodies overlap: what an initial state should be checked for. Pairs of
 /// bodies that are both fully prescribed are not looked at.
 pub fn deepest_overlap(world: &World) -> Option<Overlap> {
-    let contacts = Collider::default().contacts(world, 0.0);
+    let contacts = Collider::default().contacts(world, 0.0, 0.0);
     let deepest = contacts.iter().min_by(|a, b| a.gap.total_cmp(&b.gap))?;
     (deepest.gap < 0.0).then_some(Overlap {
         body_a: deepest.body_a,
@@ -54,6 +54,8 @@ pub fn deepest_overlap(world: &World) -> Option<Overlap> {
 /// Bodies by how their neighbours are found.
 struct Sorted {
     grid: Grid,
+    /// How far the surface of each body may travel within the step, m.
+    travel: Vec<f64>,
     /// Bounding radius up to which bodies are in the grid.
     limit: f64,
     /// Finite bodies too large for the grid, ascending, with the tree over their bounds.
@@ -78,19 +80,20 @@ impl Unbounded {
 }
 
 impl Collider {
-    /// All contacts with gap up to the envelope, m, except between bodies that are both fully prescribed. In the order
-    /// of body A, then of its neighbours (of similar size first, ascending), then of features. A is the body of similar
+    /// All contacts with gap up to the envelope, m, and those further apart that would close within `step` seconds at
+    /// the present velocities (else fast bodies would be found deep inside each other); except between bodies that are
+    /// both fully prescribed. The travel of grains is looked ahead up to the largest grain's radius. In the order of body A, then of its neighbours (of similar size first, ascending), then of features. A is the body of similar
     /// size to most others, or the one with the lower index where both or neither are: a grain on a wall is A.
-    pub fn contacts(&mut self, world: &World, envelope: f64) -> Vec<Contact> {
+    pub fn contacts(&mut self, world: &World, envelope: f64, step: f64) -> Vec<Contact> {
         self.update_forms(world);
-        let sorted = self.sort(world, envelope);
+        let sorted = self.sort(world, envelope, step);
         let bodies = world.bodies.len();
         let tasks: Vec<Vec<Contact>> = (0..bodies.div_ceil(TASK))
             .into_par_iter()
             .map(|task| {
                 let mut found = Found::default();
                 for body in task * TASK..((task + 1) * TASK).min(bodies) {
-                    self.contacts_of(world, &sorted, body, envelope, &mut found);
+                    self.contacts_of(world, &sorted, body, envelope, step, &mut found);
                 }
                 found.contacts
             })
@@ -121,7 +124,15 @@ impl Collider {
         }
     }
 
-    fn sort(&self, world: &World, envelope: f64) -> Sorted {
+    /// step (|u| + |w| R): a bound of how far the surface of a body travels; of bodies without bounds only their centre.
+    fn travel(&self, world: &World, body: usize, step: f64) -> f64 {
+        let radius = self.form(world, body).bounding_radius;
+        let spin =
+            if radius.is_finite() { world.bodies.angular_velocity[body].length() * radius } else { 0.0 };
+        step * (world.bodies.velocity[body].length() + spin)
+    }
+
+    fn sort(&self, world: &World, envelope: f64, step: f64) -> Sorted {
         let bodies = world.bodies.len();
         let radius = |body: usize| self.form(world, body).bounding_radius;
         let mut finite: Vec<f64> = (0..bodies).map(radius).filter(|r| r.is_finite()).collect();
@@ -144,10 +155,23 @@ impl Collider {
                 unbounded.push(self.unbounded(world, body));
             }
         }
-        let bounds: Vec<Aabb> = large.iter().map(|&body| self.bounds(world, body as usize)).collect();
+        // A single fast grain must not make the cells of all others huge.
+        let mut travel: Vec<f64> = (0..bodies).map(|body| self.travel(world, body, step)).collect();
+        let mut farthest: f64 = 0.0;
+        for &(body, _, _) in &balls {
+            let travel = &mut travel[body as usize];
+            *travel = travel.min(largest);
+            farthest = farthest.max(*travel);
+        }
+        let wider = |body: &u32| {
+            let bounds = self.bounds(world, *body as usize);
+            Aabb::new(bounds.mins - travel[*body as usize], bounds.maxs + travel[*body as usize])
+        };
+        let bounds: Vec<Aabb> = large.iter().map(wider).collect();
         // Slightly larger than needed, so that rounding in the cell coordinates cannot lose a pair.
-        let size = (2.0 * largest + envelope) * (1.0 + 1e-9);
+        let size = (2.0 * (largest + farthest) + envelope) * (1.0 + 1e-9);
         Sorted {
+            travel,
             grid: Grid::new(&balls, if size > 0.0 { size } else { 1.0 }),
             limit,
             large,
@@ -197,8 +221,17 @@ impl Collider {
     }
 
     /// Contacts of which `body` is A.
-    fn contacts_of(&self, world: &World, sorted: &Sorted, body: usize, envelope: f64, found: &mut Found) {
+    fn contacts_of(
+        &self,
+        world: &World,
+        sorted: &Sorted,
+        body: usize,
+        envelope: f64,
+        step: f64,
+        found: &mut Found,
+    ) {
         let me = self.placed(world, body);
+        let mine = envelope + sorted.travel[body];
         let radius = me.form.bounding_radius;
         let similar = radius <= sorted.limit;
         let prescribed = world.is_prescribed(body);
@@ -210,7 +243,7 @@ impl Collider {
             grid.around(me.position, |range| {
                 for slot in range {
                     let other = grid.body[slot];
-                    let reach = radius + grid.radius[slot] + envelope;
+                    let reach = radius + grid.radius[slot] + mine + sorted.travel[other as usize];
                     let apart = me.position - grid.centre[slot];
                     if other as usize > body && apart.length_squared() <= reach * reach {
                         balls.push(other);
@@ -225,7 +258,7 @@ impl Collider {
             } else {
                 self.bounds(world, body)
             };
-            let around = Aabb::new(around.mins - envelope, around.maxs + envelope);
+            let around = Aabb::new(around.mins - mine, around.maxs + mine);
             others.extend(
                 sorted
                     .tree
@@ -233,8 +266,9 @@ impl Collider {
                     .map(|leaf| sorted.large[leaf as usize])
                     .filter(|&other| similar || other as usize > body),
             );
-            let reach = radius + envelope;
-            let near = sorted.unbounded.iter().filter(|other| other.may_touch(me.position, reach));
+            let near = sorted.unbounded.iter().filter(|other| {
+                other.may_touch(me.position, radius + mine + sorted.travel[other.body as usize])
+            });
             others.extend(near.map(|other| other.body));
         } else {
             let later = sorted.unbounded.iter().filter(|other| other.body as usize > body);
@@ -247,13 +281,23 @@ impl Collider {
             }
             touches.clear();
             let them = self.placed(world, other as usize);
+            let ahead = mine + sorted.travel[other as usize];
             match (me.form.ball, them.form.ball) {
                 (Some(r_a), Some(r_b)) => {
-                    ball_contact(me.position, r_a, them.position, r_b, envelope, touches);
+                    ball_contact(me.position, r_a, them.position, r_b, ahead, touches);
                 }
-                _ => body_contacts(me, them, envelope, touches),
+                _ => body_contacts(me, them, ahead, touches),
             }
-            contacts.extend(touches.iter().map(|touch| Contact {
+            let closes = |touch: &&Touch| {
+                let surface = |b: usize| {
+                    let arm = touch.point - world.bodies.position[b];
+                    world.bodies.velocity[b] + world.bodies.angular_velocity[b].cross(arm)
+                };
+                touch.gap <= envelope
+                    || touch.gap
+                        <= envelope - step * touch.normal.dot(surface(body) - surface(other as usize))
+            };
+            contacts.extend(touches.iter().filter(closes).map(|touch| Contact {
                 body_a: body as u32,
                 body_b: other,
                 identity: identity(body as u32, other, touch.feature),
@@ -344,7 +388,7 @@ mod tests {
                 let body = Body::new(forms[kind], 0, Vec3::from_array(position));
                 world.add_body(Body { motion, orientation, ..body }).unwrap();
             }
-            let contacts = Collider::default().contacts(&world, envelope);
+            let contacts = Collider::default().contacts(&world, envelope, 0.0);
             let mut found: Vec<u64> = contacts.iter().map(|contact| contact.identity).collect();
             found.sort_unstable();
             prop_assert_eq!(found, brute_force(&world, envelope));

@@ -132,3 +132,25 @@ fn a20_tangential_restitution_of_alumina() {
         );
     }
 }
+
+/// Bodies that travel several envelopes, even several radii, within a step do not end up inside each other: a pair that
+/// closes within the step is a contact before it touches.
+#[test]
+fn fast_bodies_do_not_meet_inside_each_other() {
+    let radius = 0.1;
+    for speed in [5.0, 15.0] {
+        let mut world = world(0.25, 0.0);
+        add_ground(&mut world, 0.0);
+        let low = add_sphere(&mut world, radius, Vec3::new(0.0, 0.0, 0.5));
+        let high = add_sphere(&mut world, radius, Vec3::new(0.02, 0.0, 1.1));
+        world.bodies.velocity[low] = Vec3::new(0.0, 0.0, -speed);
+        world.bodies.velocity[high] = Vec3::new(0.0, 0.0, -1.5 * speed);
+        let mut stepper = stepper(0.01, 0.02 * radius, 1e-8, Relaxed);
+        let mut deepest: f64 = 0.0;
+        for _ in 0..60 {
+            deepest = deepest.max(solved_step(&mut stepper, &mut world).penetration_max);
+        }
+        assert!(deepest < 0.02 * radius, "at {speed} m/s: overlap {deepest:.2e} m");
+        assert!(world.bodies.position[low].z > 0.98 * radius);
+    }
+}

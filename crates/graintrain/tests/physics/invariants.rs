@@ -306,11 +306,11 @@ fn posed(a: &Geometry, b: &Geometry, gap: f64, next: &mut impl FnMut() -> f64) -
     for _ in 0..60 {
         let middle = 0.5 * (near + far);
         world.bodies.position[0] = middle * direction;
-        let least = collider.contacts(&world, 0.05).iter().map(|c| c.gap).fold(f64::INFINITY, f64::min);
+        let least = collider.contacts(&world, 0.05, 0.0).iter().map(|c| c.gap).fold(f64::INFINITY, f64::min);
         if least < gap { near = middle } else { far = middle }
     }
     world.bodies.position[0] = far * direction;
-    let least = collider.contacts(&world, 0.05).iter().map(|c| c.gap).fold(f64::INFINITY, f64::min);
+    let least = collider.contacts(&world, 0.05, 0.0).iter().map(|c| c.gap).fold(f64::INFINITY, f64::min);
     // A jump of the gap (a body that starts inside a mesh) leaves no pose with this gap.
     ((least - gap).abs() < 1e-6).then_some(world)
 }
@@ -330,7 +330,7 @@ fn jacobian_agrees_with_finite_differences_of_the_gap() {
             let Some(world) = posed(&a, &b, 5e-3, &mut next) else { continue };
             let velocity: Vec<f64> = (0..12).map(|_| next()).collect();
             let mut collider = Collider::default();
-            let contacts = collider.contacts(&world, 0.02);
+            let contacts = collider.contacts(&world, 0.02, 0.0);
             let which =
                 (0..contacts.len()).min_by(|&i, &j| contacts[i].gap.total_cmp(&contacts[j].gap)).unwrap();
             let problem = graintrain::assemble::assemble(&world, &contacts, &[0.0; 12], 1.0);
@@ -347,7 +347,7 @@ fn jacobian_agrees_with_finite_differences_of_the_gap() {
                     let turn = rotation_exponential(h * Vec3::from_slice(&moving[6 * body + 3..]));
                     moved.bodies.orientation[body] = turn * moved.bodies.orientation[body];
                 }
-                let found = Collider::default().contacts(&moved, 0.02);
+                let found = Collider::default().contacts(&moved, 0.02, 0.0);
                 found.iter().map(|c| c.gap).fold(f64::INFINITY, f64::min)
             };
             let difference = (gap_at(h) - gap_at(-h)) / (2.0 * h);
