@@ -11,6 +11,7 @@
 //! | [`stepper`] | the time step |
 //! | [`run`], [`output`], [`checkpoint`] | many steps, what they leave behind, going on later |
 //! | [`render`], [`plot`], [`view`] | pictures, charts, replays |
+//! | [`reproduce`] | the paper's experiments run again, and a report |
 //! | [`error`] | what can be wrong with a world |
 //! | [`scene`] | scene files with units, built-in scenes, packings |
 //! | [`problem_file`] | contact problems in files: FCLIB, Siconos, the program's own dumps |
@@ -28,6 +29,7 @@ pub mod output;
 pub mod plot;
 pub mod problem_file;
 pub mod render;
+pub mod reproduce;
 pub mod run;
 pub mod scene;
 pub mod shape;

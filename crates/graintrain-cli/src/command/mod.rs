@@ -3,6 +3,7 @@
 mod check;
 mod compare;
 mod render;
+mod reproduce;
 mod resume;
 mod run;
 mod scenes;
@@ -22,6 +23,7 @@ pub enum Command {
     Scenes(scenes::Arguments),
     View(view::Arguments),
     Render(render::Arguments),
+    Reproduce(reproduce::Arguments),
     Solve(solve::Arguments),
     Compare(compare::Arguments),
     Solvers(solvers::Arguments),
@@ -37,6 +39,7 @@ impl Command {
             Self::Scenes(arguments) => scenes::execute(&arguments),
             Self::View(arguments) => view::execute(&arguments),
             Self::Render(arguments) => render::execute(&arguments),
+            Self::Reproduce(arguments) => reproduce::execute(&arguments),
             Self::Solve(arguments) => solve::execute(&arguments),
             Self::Compare(arguments) => compare::execute(&arguments),
             Self::Solvers(arguments) => solvers::execute(&arguments),

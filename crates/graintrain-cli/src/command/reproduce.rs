@@ -1,0 +1,102 @@
+//! `graintrain reproduce`: the paper's experiments.
+
+use crate::error::Failure;
+use crate::signal::Stop;
+use crate::threads::with_threads;
+use graintrain::reproduce::claims::Verdict;
+use graintrain::reproduce::report::reproduce;
+use graintrain::reproduce::{Progress, ReproduceError, Settings, Target};
+use indicatif::{ProgressBar, ProgressStyle};
+use std::num::NonZeroUsize;
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::sync::Arc;
+
+/// Run the paper's experiments again and report which claims hold
+///
+/// Writes CSV, SVG plots, pictures and one HTML report. A reproduction that was stopped or killed goes on with the same
+/// command.
+#[derive(clap::Args)]
+#[command(
+    after_help = "Examples:\n  graintrain reproduce all --n 4\n  graintrain reproduce fig10 --n 8 --out fig10\n\n\
+    Sizes: n = 4 takes minutes, n = 8 an hour, n = 16 a night."
+)]
+pub struct Arguments {
+    /// What: all, table3, table4, fig8, fig10, fig11, fig12, fig15
+    #[arg(value_parser = target)]
+    target: Target,
+    /// The paper's size parameter: (2n+1)^3 spheres
+    #[arg(long, default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..=64))]
+    n: u32,
+    /// Steps of each simulation; by default as long as each experiment takes
+    #[arg(long, value_name = "K", value_parser = clap::value_parser!(u64).range(1..))]
+    steps: Option<u64>,
+    /// Folder of the results
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Time limit of one solve, s; by default 3 (n/4)^3
+    #[arg(long, value_name = "SECONDS")]
+    max_seconds: Option<f64>,
+    /// Number of threads of the simulations; solves are always measured on one
+    #[arg(long, value_name = "N")]
+    threads: Option<NonZeroUsize>,
+    /// Print nothing but the verdicts
+    #[arg(long)]
+    quiet: bool,
+}
+
+fn target(name: &str) -> Result<Target, String> {
+    let known = Target::NAMES.iter().find(|(known, _)| *known == name);
+    known.map(|(_, target)| *target).ok_or_else(|| {
+        let names: Vec<&str> = Target::NAMES.iter().map(|(name, _)| *name).collect();
+        format!("choose one of {}", names.join(", "))
+    })
+}
+
+/// Measures, writes the report and prints the verdicts.
+pub fn execute(arguments: &Arguments) -> Result<ExitCode, Failure> {
+    let stop = Stop::listen()?;
+    let n = arguments.n as usize;
+    let out = arguments.out.clone().unwrap_or_else(|| PathBuf::from(format!("out/reproduce-n{n}")));
+    let settings = Settings {
+        target: arguments.target,
+        n,
+        steps: arguments.steps,
+        out,
+        max_seconds: arguments.max_seconds,
+    };
+    let bar = if arguments.quiet { ProgressBar::hidden() } else { ProgressBar::new(0) };
+    let style = ProgressStyle::with_template("{elapsed_precise} [{bar:30}] {pos}/{len} {wide_msg}");
+    bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
+    let result = with_threads(arguments.threads, || {
+        reproduce(&settings, &Arc::clone(&stop.requested), &mut |progress: &Progress| {
+            bar.set_length(progress.total as u64);
+            bar.set_position(progress.done as u64);
+            bar.set_message(progress.label.clone());
+        })
+    })?;
+    bar.finish_and_clear();
+    let report = match result {
+        Ok(report) => report,
+        Err(ReproduceError::Stopped) => {
+            eprintln!("stopped; the same command goes on from here");
+            return Ok(stop.exit_code().unwrap_or(ExitCode::FAILURE));
+        }
+        Err(error) => {
+            return Err(Failure::work_error(error, "finished cells are kept: the same command goes on"));
+        }
+    };
+    for claim in &report.claims {
+        let mark = match claim.verdict {
+            Verdict::Holds => "holds        ",
+            Verdict::Fails => "does not hold",
+            Verdict::Open => "not decided  ",
+        };
+        println!("{mark}  {}: {}\n               {}", claim.place, claim.statement, claim.evidence);
+    }
+    if !report.missing.is_empty() {
+        println!("missing in this build: {}", report.missing.join(", "));
+    }
+    println!("{}", report.page.display());
+    Ok(ExitCode::SUCCESS)
+}

@@ -1,0 +1,226 @@
+//! One contact problem, one method: what it took. And consecutive problems with and without re-use.
+
+use super::ReproduceError;
+use crate::checkpoint;
+use crate::stepper::{StepSettings, Stepper};
+use crate::world::World;
+use graintrain_ccp::{Ccp, FrictionModel, SolveReport, SolveSettings, SolverSpec, Status};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+use std::time::Duration;
+
+/// The paper's tolerance of the contact problem.
+pub const TOLERANCE: f64 = 1e-4;
+
+/// What one solve took.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Solve {
+    /// Name of the experiment's scene.
+    pub experiment: String,
+    /// Size parameter.
+    pub n: usize,
+    /// Number of the step.
+    pub step: u64,
+    /// Contacts.
+    pub contacts: usize,
+    /// Method.
+    pub method: String,
+    /// How it ended, as in the solver's report.
+    pub status: Status,
+    /// Outer (Newton) iterations.
+    pub iterations: usize,
+    /// Residual reached.
+    pub residual: f64,
+    /// Seconds of the whole solve.
+    pub seconds: f64,
+    /// Seconds in factorisations, preconditioners or trains.
+    pub precompute_seconds: f64,
+    /// Seconds in linear solves.
+    pub apply_seconds: f64,
+    /// Inner iterations per Newton iteration.
+    pub inner_mean: f64,
+    /// Part of the Newton iterations whose linear solve missed its tolerance.
+    pub missed: f64,
+    /// Figures of the linear solver, averaged over Newton iterations.
+    pub figures: BTreeMap<String, f64>,
+}
+
+impl Solve {
+    fn new(
+        experiment: &str,
+        n: usize,
+        step: u64,
+        contacts: usize,
+        method: &str,
+        report: &SolveReport,
+    ) -> Self {
+        let newton = &report.newton;
+        let count = newton.len().max(1) as f64;
+        let mut figures: BTreeMap<String, (f64, f64)> = BTreeMap::new();
+        for (name, value) in
+            newton.iter().flat_map(|record| &record.figures).filter(|(_, value)| value.is_finite())
+        {
+            let entry = figures.entry(name.clone()).or_default();
+            *entry = (entry.0 + value, entry.1 + 1.0);
+        }
+        let inner: usize = newton.iter().map(|record| record.inner_iterations).sum();
+        Self {
+            experiment: experiment.into(),
+            n,
+            step,
+            contacts,
+            method: method.into(),
+            status: report.status,
+            iterations: report.iterations,
+            residual: report.residual.max,
+            seconds: report.seconds,
+            precompute_seconds: newton.iter().map(|record| record.precompute_seconds).sum(),
+            apply_seconds: newton.iter().map(|record| record.apply_seconds).sum(),
+            inner_mean: inner as f64 / count,
+            missed: newton.iter().filter(|record| !record.linear_converged).count() as f64 / count,
+            figures: figures.into_iter().map(|(name, (sum, count))| (name, sum / count)).collect(),
+        }
+    }
+
+    /// Whether the tolerance was reached.
+    pub fn converged(&self) -> bool {
+        self.status == Status::Converged
+    }
+
+    /// Seconds of precomputation and linear solves, which is what the paper plots; of the whole solve for methods
+    /// without linear systems.
+    pub fn linear_seconds(&self) -> f64 {
+        let linear = self.precompute_seconds + self.apply_seconds;
+        if linear > 0.0 { linear } else { self.seconds }
+    }
+}
+
+/// Whether a method (with its linear solver) exists in this build.
+pub fn exists(method: &str) -> bool {
+    method.parse::<SolverSpec>().is_ok()
+}
+
+/// A state and the steps that follow from it, each with its contact problem.
+pub struct Problems {
+    world: World,
+    stepper: Stepper,
+}
+
+impl Problems {
+    /// From a stored state. The steps are made by the fastest solver.
+    ///
+    /// # Errors
+    /// [`ReproduceError`] for a damaged state or a stop request.
+    pub fn open(folder: &Path, stop: &Arc<AtomicBool>) -> Result<Self, ReproduceError> {
+        let (checkpoint, _) = checkpoint::latest(folder)?;
+        let settings = checkpoint.settings;
+        let mut stepper = Stepper::new(StepSettings {
+            step: settings.step,
+            envelope: settings.envelope,
+            solver: settings.solver.parse::<SolverSpec>().map_err(crate::stepper::StepError::from)?,
+            tolerance: settings.tolerance,
+            max_iterations: settings.max_iterations,
+            friction: FrictionModel::Relaxed,
+        })?;
+        stepper.stop_on(Arc::clone(stop));
+        Ok(Self { world: checkpoint.world, stepper })
+    }
+
+    /// The state as it is.
+    pub fn into_world(self) -> World {
+        self.world
+    }
+
+    /// Makes a step and returns its number and contact problem; `None` without contacts.
+    ///
+    /// # Errors
+    /// [`ReproduceError`] where the step fails.
+    pub fn next(&mut self) -> Result<Option<(u64, Ccp)>, ReproduceError> {
+        let step = self.world.step;
+        let report = self.stepper.step(&mut self.world)?;
+        let problem = self.stepper.last_problem().filter(|_| report.contacts > 0);
+        Ok(problem.map(|(problem, _)| (step, problem.clone())))
+    }
+}
+
+/// Settings of a measured solve: the paper's tolerance, relaxed friction, a time limit.
+fn settings(limit: Duration, stop: &Arc<AtomicBool>) -> SolveSettings {
+    SolveSettings {
+        tolerance: TOLERANCE,
+        max_time: Some(limit),
+        stop: Some(Arc::clone(stop)),
+        ..SolveSettings::default()
+    }
+}
+
+/// Solves a problem from zero impulses, as every method starts alike.
+///
+/// # Errors
+/// [`ReproduceError`] for an unknown method or a problem it cannot take.
+pub fn measure(
+    problem: &Ccp,
+    method: &str,
+    limit: Duration,
+    stop: &Arc<AtomicBool>,
+    (experiment, n, step): (&str, usize, u64),
+) -> Result<Solve, ReproduceError> {
+    let mut solver = method.parse::<SolverSpec>()?.build()?;
+    let mut impulse = vec![0.0; 3 * problem.num_contacts()];
+    let report = solver.solve(problem, &mut impulse, &settings(limit, stop))?;
+    Ok(Solve::new(experiment, n, step, problem.num_contacts(), method, &report))
+}
+
+/// Precomputation of one of several consecutive steps.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ReuseRow {
+    /// Number of the step.
+    pub step: u64,
+    /// Contacts.
+    pub contacts: usize,
+    /// Seconds of the first Newton iteration's precomputation: with what the steps before left, and from nothing.
+    pub first: [f64; 2],
+    /// Seconds of the whole step's precomputation, likewise.
+    pub total: [f64; 2],
+    /// Compression error, likewise, where the linear solver tells.
+    pub error: [Option<f64>; 2],
+}
+
+/// Solves consecutive problems with one solver that keeps what it learned, and with a new one each time.
+///
+/// # Errors
+/// [`ReproduceError`] for an unknown method or a step that fails.
+pub fn reuse(
+    problems: &mut Problems,
+    steps: usize,
+    method: &str,
+    limit: Duration,
+    stop: &Arc<AtomicBool>,
+) -> Result<Vec<ReuseRow>, ReproduceError> {
+    let spec = method.parse::<SolverSpec>()?;
+    let mut keeping = spec.build()?;
+    let mut rows = Vec::new();
+    for _ in 0..steps {
+        let Some((step, problem)) = problems.next()? else { continue };
+        let start = vec![0.0; 3 * problem.num_contacts()];
+        let mut fresh = spec.build()?;
+        let mut solved = Vec::new();
+        for solver in [&mut keeping, &mut fresh] {
+            let report = solver.solve(&problem, &mut start.clone(), &settings(limit, stop))?;
+            let first = report.newton.first().map_or(0.0, |record| record.precompute_seconds);
+            let solve = Solve::new("", 0, step, problem.num_contacts(), method, &report);
+            solved.push((first, solve));
+        }
+        let error = |k: usize| solved[k].1.figures.get("compression_error").copied();
+        rows.push(ReuseRow {
+            step,
+            contacts: problem.num_contacts(),
+            first: [solved[0].0, solved[1].0],
+            total: [solved[0].1.precompute_seconds, solved[1].1.precompute_seconds],
+            error: [error(0), error(1)],
+        });
+    }
+    Ok(rows)
+}

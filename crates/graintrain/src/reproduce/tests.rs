@@ -1,0 +1,210 @@
+use super::claims::{Verdict, judge, power_law};
+use super::ledger::Ledger;
+use super::physics::Steady;
+use super::report::reproduce;
+use super::*;
+
+fn small(target: Target, out: &std::path::Path) -> Settings {
+    Settings { target, n: 1, steps: Some(24), out: out.to_path_buf(), max_seconds: Some(0.3) }
+}
+
+/// A result without its seconds, which differ from run to run.
+fn without_seconds(results: &Results) -> String {
+    let mut text = String::new();
+    for (cell, trajectory) in &results.trajectories {
+        let rows: Vec<_> =
+            trajectory.rows.iter().map(|row| (row.time, row.contacts, row.force, row.residual)).collect();
+        text += &format!("{} {:?} {rows:?}\n", cell.key(), trajectory.samples);
+    }
+    // Only methods that end long before the time limit: where it stops a solve, the iterate is a matter of time.
+    for solve in
+        results.solves.iter().filter(|solve| ["ipm", "auto", "pdip+ilu"].contains(&solve.method.as_str()))
+    {
+        text += &format!("{} {} {} {:?}\n", solve.method, solve.contacts, solve.iterations, solve.residual);
+    }
+    text
+}
+
+#[test]
+fn a_killed_reproduction_goes_on_where_it_was() {
+    let folder = tempfile::tempdir().unwrap();
+    let (whole, broken) = (folder.path().join("whole"), folder.path().join("broken"));
+    let run = |out: &std::path::Path, stop: &Arc<AtomicBool>, limit: usize| {
+        let mut labels = Vec::new();
+        let result = measure(&small(Target::Fig10, out), stop, &mut |progress| {
+            labels.push(progress.label.clone());
+            if progress.done >= limit {
+                stop.store(true, Ordering::Relaxed);
+            }
+        });
+        (result, labels)
+    };
+    make_folder(&whole).unwrap();
+    make_folder(&broken).unwrap();
+    let never = Arc::new(AtomicBool::new(false));
+    let expected = run(&whole, &never, usize::MAX).0.unwrap();
+    assert!(!expected.solves.is_empty());
+
+    let stop = Arc::new(AtomicBool::new(false));
+    assert!(matches!(run(&broken, &stop, 3).0, Err(ReproduceError::Stopped)));
+    let ledger = broken.join("cells.jsonl");
+    let before = std::fs::read_to_string(&ledger).unwrap();
+    assert!(before.lines().count() >= 2, "{before}");
+    // A kill in the middle of a write.
+    std::fs::write(&ledger, format!("{before}[\"solve/half a li")).unwrap();
+    let (resumed, _) = run(&broken, &Arc::new(AtomicBool::new(false)), usize::MAX);
+    assert_eq!(without_seconds(&resumed.unwrap()), without_seconds(&expected));
+    let after = std::fs::read_to_string(&ledger).unwrap();
+    assert!(after.starts_with(&before), "finished cells are kept to the byte");
+    // Once more: nothing is left to do.
+    let (again, labels) = run(&broken, &Arc::new(AtomicBool::new(false)), usize::MAX);
+    assert_eq!(without_seconds(&again.unwrap()), without_seconds(&expected));
+    assert!(!labels.iter().any(|label| label.contains(", step ")), "no step is made again");
+    assert_eq!(std::fs::read_to_string(&ledger).unwrap(), after);
+}
+
+#[test]
+fn the_report_holds_tables_plots_and_pictures() {
+    let folder = tempfile::tempdir().unwrap();
+    let settings = small(Target::Fig15, folder.path());
+    let report = reproduce(&settings, &Arc::new(AtomicBool::new(false)), &mut |_| {}).unwrap();
+    let page = std::fs::read_to_string(&report.page).unwrap();
+    for text in
+        ["Claims", "Table 3", "Fig. 15", "pdip+ilu", "data:image/png;base64,", "contacts (1)", "time (s)"]
+    {
+        assert!(page.contains(text), "{text}");
+    }
+    assert!(!page.contains("src=\"http"), "the page needs no network");
+    let words: String = page.split('"').filter(|part| !part.starts_with("data:image")).collect();
+    assert!(!words.contains("NaN") && !words.contains("inf "));
+    for file in [
+        "solves.csv",
+        "fig15.svg",
+        "direct-shear-n1-relaxed.csv",
+        "drafting-speeds.png",
+        "drafting-forces.png",
+    ] {
+        assert!(folder.path().join(file).exists(), "{file}");
+    }
+    let svg = std::fs::read_to_string(folder.path().join("fig15.svg")).unwrap();
+    roxmltree::Document::parse(&svg).unwrap();
+    let table = std::fs::read_to_string(folder.path().join("solves.csv")).unwrap();
+    let columns = table.lines().next().unwrap().split(',').count();
+    assert!(table.lines().count() > 1 && table.lines().all(|line| line.split(',').count() == columns));
+}
+
+fn solve(method: &str, contacts: usize, seconds: f64, converged: bool) -> Solve {
+    Solve {
+        experiment: "sedimentation".into(),
+        n: 8,
+        step: contacts as u64,
+        contacts,
+        method: method.into(),
+        status: if converged { graintrain_ccp::Status::Converged } else { graintrain_ccp::Status::Stopped },
+        iterations: 60,
+        residual: 1e-4,
+        seconds,
+        precompute_seconds: 0.3 * seconds,
+        apply_seconds: 0.7 * seconds,
+        inner_mean: 10.0,
+        missed: 0.0,
+        figures: [("rank_matrix", 4.6), ("rank_inverse", 4.4), ("compression_error", 0.7)]
+            .map(|(name, value)| (name.to_string(), value))
+            .into(),
+    }
+}
+
+fn verdict(results: &Results, place: &str, word: &str) -> (Verdict, String) {
+    let claims = judge(results);
+    let claim = claims
+        .iter()
+        .find(|claim| claim.place == place && claim.statement.contains(word))
+        .expect("the claim");
+    (claim.verdict, claim.evidence.clone())
+}
+
+#[test]
+fn verdicts_follow_the_numbers() {
+    let mut results = Results::default();
+    let word = "(pdip+tt-cross) a solve";
+    assert_eq!(verdict(&results, "Table 3", "").0, Verdict::Open);
+    // The literal recipe is 20 times faster at 40 000 contacts.
+    for contacts in [5_000, 10_000, 40_000] {
+        results.solves.push(solve("pdip+ilu", contacts, 1e-3 * contacts as f64, true));
+        results.solves.push(solve("pdip+tt-cross", contacts, 5e-5 * contacts as f64, true));
+    }
+    assert_eq!(verdict(&results, "Fig. 10", word).0, Verdict::Holds);
+    // Small ranks with a large error do not make the matrix compressible.
+    let (ranks, evidence) = verdict(&results, "Table 3", "");
+    assert_eq!(ranks, Verdict::Fails);
+    assert!(evidence.contains("0.7"), "{evidence}");
+    for solve in &mut results.solves {
+        solve.figures.insert("compression_error".into(), 0.009);
+    }
+    assert_eq!(verdict(&results, "Table 3", "").0, Verdict::Holds);
+    // It grows in proportion to the contacts here: not independent of them.
+    let (growth, evidence) = verdict(&results, "Fig. 11", "");
+    assert_eq!(growth, Verdict::Fails);
+    assert!(evidence.contains("power 1 "), "{evidence}");
+    // Slower than ILU.
+    results.solves.iter_mut().filter(|s| s.method == "pdip+tt-cross").for_each(|s| s.seconds *= 100.0);
+    assert_eq!(verdict(&results, "Fig. 10", word).0, Verdict::Fails);
+    // Never converged.
+    results
+        .solves
+        .iter_mut()
+        .filter(|s| s.method == "pdip+tt-cross")
+        .for_each(|s| s.status = graintrain_ccp::Status::Stalled);
+    let (none, evidence) = verdict(&results, "Fig. 10", word);
+    assert_eq!(none, Verdict::Fails);
+    assert!(evidence.contains("none of its problems"), "{evidence}");
+    // Too small to tell.
+    results.solves = vec![solve("pdip+ilu", 2_000, 1.0, true), solve("pdip+tt-cross", 2_000, 0.1, true)];
+    assert_eq!(verdict(&results, "Fig. 10", word).0, Verdict::Open);
+}
+
+#[test]
+fn a_solve_that_missed_its_tolerance_bounds_the_ratio() {
+    let results = Results {
+        solves: vec![solve("pdip+ilu", 30_000, 50.0, false), solve("ipm", 30_000, 1.0, true)],
+        ..Results::default()
+    };
+    let (verdict, evidence) = verdict(&results, "this project", "fastest");
+    assert_eq!(verdict, Verdict::Holds);
+    assert!(evidence.contains("at least 50"), "{evidence}");
+}
+
+#[test]
+fn power_laws_and_block_errors_are_found() {
+    let points: Vec<[f64; 2]> = [1.0, 10.0, 100.0].iter().map(|&x: &f64| [x, 3.0 * x.powf(1.4)]).collect();
+    let [factor, exponent] = power_law(&points).unwrap();
+    assert!((factor - 3.0).abs() < 1e-9 && (exponent - 1.4).abs() < 1e-9);
+    assert!(power_law(&points[..2]).is_none());
+    assert!(Steady::of(&[1.0; 7]).is_none());
+    let constant = Steady::of(&[2.0; 16]).unwrap();
+    assert_eq!((constant.mean, constant.error), (2.0, 0.0));
+    // Eight blocks of 0 and 1 alternating: mean 1/2, variance of the blocks 2/7.
+    let blocks: Vec<f64> = (0..64).map(|k| f64::from(k / 8 % 2)).collect();
+    let steady = Steady::of(&blocks).unwrap();
+    assert!((steady.mean - 0.5).abs() < 1e-12 && (steady.error - (2.0 / 7.0_f64 / 8.0).sqrt()).abs() < 1e-12);
+}
+
+#[test]
+fn the_ledger_keeps_whole_lines_only() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("cells.jsonl");
+    let mut ledger = Ledger::open(&path).unwrap();
+    ledger.put("a", &1.5).unwrap();
+    ledger.put("b", &vec![0.1, 1e-300]).unwrap();
+    drop(ledger);
+    let text = std::fs::read_to_string(&path).unwrap();
+    for cut in 0..=text.len() {
+        std::fs::write(&path, &text[..cut]).unwrap();
+        let mut ledger = Ledger::open(&path).unwrap();
+        let first = text.find('\n').unwrap() + 1;
+        assert_eq!(ledger.get::<f64>("a"), (cut >= first).then_some(1.5));
+        assert_eq!(ledger.get::<Vec<f64>>("b"), (cut == text.len()).then(|| vec![0.1, 1e-300]));
+        ledger.put("c", &"later").unwrap();
+        assert_eq!(Ledger::open(&path).unwrap().get::<String>("c").as_deref(), Some("later"));
+    }
+}

@@ -1,0 +1,252 @@
+//! Simulations of the paper's scenes with the fastest solver: physical outputs, and states at which solvers are compared.
+
+use super::ReproduceError;
+use crate::checkpoint;
+use crate::math::Vec3;
+use crate::run::{RunSettings, RunTotals};
+use crate::scene::Scene;
+use crate::stepper::{StepReport, Stepper};
+use crate::world::World;
+use serde::{Deserialize, Serialize};
+use std::collections::HashSet;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+/// One of the paper's experiments.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Experiment {
+    /// Spheres dropped into a box with a rotating mixer.
+    Sedimentation,
+    /// A blade driven through a container of spheres.
+    Drafting,
+    /// A split box whose lower half is driven.
+    DirectShear,
+}
+
+impl Experiment {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Sedimentation, Self::Drafting, Self::DirectShear];
+
+    /// Name of the built-in scene.
+    pub fn scene(self) -> &'static str {
+        match self {
+            Self::Sedimentation => "sedimentation",
+            Self::Drafting => "drafting",
+            Self::DirectShear => "direct-shear",
+        }
+    }
+
+    /// Name of the driven body whose force is the output.
+    pub fn tool(self) -> &'static str {
+        match self {
+            Self::Sedimentation => "mixer",
+            Self::Drafting => "blade",
+            Self::DirectShear => "lower",
+        }
+    }
+}
+
+/// How a simulation differs from the paper's.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Variant {
+    /// As in the paper: relaxed friction, dt = 0.025 s.
+    Paper,
+    /// Exact Coulomb friction.
+    Coulomb,
+    /// Half the time step.
+    HalfStep,
+    /// A tenth of the solver's tolerance.
+    TenthTolerance,
+}
+
+impl Variant {
+    /// All of them.
+    pub const ALL: [Self; 4] = [Self::Paper, Self::Coulomb, Self::HalfStep, Self::TenthTolerance];
+
+    /// Name in files and legends.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Paper => "relaxed",
+            Self::Coulomb => "coulomb",
+            Self::HalfStep => "half-step",
+            Self::TenthTolerance => "tenth-tolerance",
+        }
+    }
+}
+
+/// One step of a simulation.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Row {
+    /// s.
+    pub time: f64,
+    /// Contacts in the envelope.
+    pub contacts: usize,
+    /// Contacts with force.
+    pub loaded: usize,
+    /// Part of the contacts that the step before had too.
+    pub persistent: f64,
+    /// Residual of the contact problem.
+    pub residual: f64,
+    /// Seconds of the solve.
+    pub solve_seconds: f64,
+    /// Largest overlap, m.
+    pub penetration: f64,
+    /// Kinetic energy, J.
+    pub kinetic_energy: f64,
+    /// Contact force on the tool, N.
+    pub force: [f64; 3],
+    /// Contact torque on the tool, N m.
+    pub torque: [f64; 3],
+    /// Position of the tool, m.
+    pub place: [f64; 3],
+    /// Velocity of the tool, m/s.
+    pub velocity: [f64; 3],
+    /// Height of the press, m; absent where the scene has none.
+    pub press: Option<f64>,
+    /// Change of the free bodies' momentum minus the impulses of gravity and contacts, over J = mean mass |g| dt.
+    pub momentum_error: f64,
+}
+
+/// A simulation.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Trajectory {
+    /// Bodies.
+    pub bodies: usize,
+    /// Time step, s.
+    pub step: f64,
+    /// Steps whose states (before the step) were stored.
+    pub samples: Vec<u64>,
+    /// Steps.
+    pub rows: Vec<Row>,
+}
+
+/// What is simulated.
+#[derive(Clone, Copy, Debug)]
+pub struct Simulate {
+    /// Scene.
+    pub experiment: Experiment,
+    /// Size parameter.
+    pub n: usize,
+    /// Steps of the paper's length; `None` takes the default of the experiment.
+    pub steps: Option<u64>,
+    /// Difference from the paper.
+    pub variant: Variant,
+}
+
+impl Simulate {
+    /// Name of the cell.
+    pub fn key(&self) -> String {
+        let steps = self.steps.map_or("default".to_string(), |steps| steps.to_string());
+        format!("trajectory/{}/n={}/steps={steps}/{}", self.experiment.scene(), self.n, self.variant.name())
+    }
+
+    /// Makes the steps and stores the states before `samples` of them, evenly spread, under `states`.
+    ///
+    /// # Errors
+    /// [`ReproduceError`] for a scene, step or file that fails, or a stop request.
+    pub fn run(
+        &self,
+        samples: usize,
+        states: &Path,
+        stop: &Arc<AtomicBool>,
+        mut progress: impl FnMut(u64, u64),
+    ) -> Result<Trajectory, ReproduceError> {
+        let mut settings = vec![("n".to_string(), self.n.to_string())];
+        let set = |key: &str, value: &str| (key.to_string(), value.to_string());
+        match self.variant {
+            Variant::Paper => {}
+            Variant::Coulomb => settings.push(set("solver.friction", "coulomb")),
+            Variant::HalfStep => settings.push(set("time.step", "12.5 ms")),
+            Variant::TenthTolerance => settings.push(set("solver.tolerance", "1e-4")),
+        }
+        let simulation = Scene::load(self.experiment.scene(), &settings)?.build()?;
+        let run = RunSettings::new(&simulation, None);
+        let finer = if self.variant == Variant::HalfStep { 2 } else { 1 };
+        let standard = match self.experiment {
+            Experiment::Sedimentation => 120,
+            Experiment::Drafting | Experiment::DirectShear => simulation.steps / finer,
+        };
+        let steps = finer * self.steps.unwrap_or(standard);
+        let sampled: Vec<u64> =
+            (1..=samples as u64).map(|k| (k * steps / samples as u64).max(1) - 1).collect();
+        let mut world = simulation.world;
+        let step = simulation.settings.step;
+        let mut stepper = Stepper::new(simulation.settings)?;
+        stepper.stop_on(Arc::clone(stop));
+        let tool = find(&world, self.experiment.tool());
+        let press = find(&world, "press");
+        let mut rows = Vec::with_capacity(steps as usize);
+        let mut known: HashSet<u64> = HashSet::new();
+        for k in 0..steps {
+            progress(k, steps);
+            if sampled.contains(&k) {
+                checkpoint::write(&self.state_folder(states, k), &run, &RunTotals::default(), &world)?;
+            }
+            let before = momentum(&world);
+            let report = stepper.step(&mut world)?;
+            let mut row = row(&world, &report, &known, tool, press);
+            row.momentum_error = momentum_error(&world, &report, before, step);
+            rows.push(row);
+            known = world.contacts.contacts.iter().map(|contact| contact.identity).collect();
+        }
+        Ok(Trajectory { bodies: world.bodies.len(), step, samples: sampled, rows })
+    }
+
+    /// Folder of the state before a step.
+    pub fn state_folder(&self, states: &Path, step: u64) -> PathBuf {
+        states.join(format!("{}-n{}-{}-{step:06}", self.experiment.scene(), self.n, self.variant.name()))
+    }
+}
+
+fn find(world: &World, name: &str) -> Option<usize> {
+    world.bodies.name.iter().position(|known| known == name)
+}
+
+fn row(
+    world: &World,
+    report: &StepReport,
+    known: &HashSet<u64>,
+    tool: Option<usize>,
+    press: Option<usize>,
+) -> Row {
+    let contacts = &world.contacts.contacts;
+    let kept = contacts.iter().filter(|contact| known.contains(&contact.identity)).count();
+    let wrench = report.wrenches.iter().find(|wrench| Some(wrench.body as usize) == tool);
+    let of_tool = |values: &[Vec3]| tool.map_or([0.0; 3], |body| values[body].to_array());
+    Row {
+        time: world.time,
+        contacts: report.contacts,
+        loaded: report.contacts_with_force,
+        persistent: kept as f64 / contacts.len().max(1) as f64,
+        residual: report.solve.residual.max,
+        solve_seconds: report.phases.solve,
+        penetration: report.penetration_max,
+        kinetic_energy: report.kinetic_energy,
+        force: wrench.map_or([0.0; 3], |wrench| wrench.force.to_array()),
+        torque: wrench.map_or([0.0; 3], |wrench| wrench.torque.to_array()),
+        place: of_tool(&world.bodies.position),
+        velocity: of_tool(&world.bodies.velocity),
+        press: press.map(|body| world.bodies.position[body].z),
+        momentum_error: 0.0,
+    }
+}
+
+/// Momentum of the bodies that are free in all directions, N s.
+fn momentum(world: &World) -> Vec3 {
+    free(world).map(|body| world.bodies.mass[body] * world.bodies.velocity[body]).sum()
+}
+
+fn free(world: &World) -> impl Iterator<Item = usize> + '_ {
+    (0..world.bodies.len()).filter(|&body| world.is_free(body))
+}
+
+/// Newton's second law for all free bodies together: contacts among them cancel, those with others are the wrenches.
+fn momentum_error(world: &World, report: &StepReport, before: Vec3, step: f64) -> f64 {
+    let mass: f64 = free(world).map(|body| world.bodies.mass[body]).sum();
+    let count = free(world).count().max(1) as f64;
+    let on_others: Vec3 = report.wrenches.iter().map(|wrench| wrench.force).sum();
+    let expected = step * (mass * world.gravity - on_others);
+    let scale = mass / count * world.gravity.length() * step;
+    (momentum(world) - before - expected).length() / scale.max(f64::MIN_POSITIVE)
+}
