@@ -355,8 +355,9 @@ pub fn measure(
                     None => {
                         let folder = state_folder(&results, state, sample, &states);
                         if problem.as_ref().is_none_or(|(at, ..)| *at != folder) {
-                            problem =
-                                Problems::open(&folder, stop)?.next()?.map(|(step, ccp)| (folder, step, ccp));
+                            problem = Problems::open(&folder, stop)?
+                                .advance()?
+                                .map(|(step, ccp)| (folder, step, ccp));
                         }
                         let Some((_, step, ccp)) = &problem else { continue };
                         let place = (state.experiment.scene(), state.n, *step);

@@ -138,7 +138,7 @@ impl Problems {
     ///
     /// # Errors
     /// [`ReproduceError`] where the step fails.
-    pub fn next(&mut self) -> Result<Option<(u64, Ccp)>, ReproduceError> {
+    pub fn advance(&mut self) -> Result<Option<(u64, Ccp)>, ReproduceError> {
         let step = self.world.step;
         let report = self.stepper.step(&mut self.world)?;
         let problem = self.stepper.last_problem().filter(|_| report.contacts > 0);
@@ -203,7 +203,7 @@ pub fn reuse(
     let mut keeping = spec.build()?;
     let mut rows = Vec::new();
     for _ in 0..steps {
-        let Some((step, problem)) = problems.next()? else { continue };
+        let Some((step, problem)) = problems.advance()? else { continue };
         let start = vec![0.0; 3 * problem.num_contacts()];
         let mut fresh = spec.build()?;
         let mut solved = Vec::new();

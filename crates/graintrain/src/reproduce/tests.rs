@@ -5,7 +5,7 @@ use super::report::reproduce;
 use super::*;
 
 fn small(target: Target, out: &std::path::Path) -> Settings {
-    Settings { target, n: 1, steps: Some(24), out: out.to_path_buf(), max_seconds: Some(0.3) }
+    Settings { target, n: 1, steps: Some(24), out: out.to_path_buf(), max_seconds: Some(0.2) }
 }
 
 /// A result without its seconds, which differ from run to run.
