@@ -46,11 +46,11 @@ pub fn summary(records: &[Record]) -> Vec<Summary> {
         let best = records
             .iter()
             .filter(|other| other.problem == record.problem && other.converged)
-            .map(|other| other.seconds)
+            .map(Record::cost)
             .fold(f64::INFINITY, f64::min);
         line.converged += 1;
-        line.fastest += usize::from(record.seconds == best);
-        line.ratios.push(if best > 0.0 { record.seconds / best } else { 1.0 });
+        line.fastest += usize::from(record.cost() == best);
+        line.ratios.push(if best > 0.0 { record.cost() / best } else { 1.0 });
     }
     for line in &mut lines {
         line.ratios.sort_by(f64::total_cmp);
@@ -107,6 +107,8 @@ mod tests {
             iterations: 0,
             linear_iterations: 0,
             seconds,
+            cpu_seconds: None,
+            threads: None,
             residual: 0.0,
             residual_rms: 0.0,
             residual_relaxed: 0.0,

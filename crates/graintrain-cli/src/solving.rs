@@ -3,6 +3,7 @@
 use crate::error::Failure;
 use crate::evaluation::{Evaluation, Yardstick};
 use crate::signal::Stop;
+use graintrain::output::process::cpu_seconds;
 use graintrain::problem_file::{self, Form, ProblemFile};
 use graintrain_ccp::{CcpError, FrictionModel, SolveSettings, SolverSpec, Status};
 use serde::Serialize;
@@ -134,6 +135,10 @@ pub struct Record {
     pub linear_iterations: usize,
     /// Wall-clock seconds, from the bare problem to the answer.
     pub seconds: f64,
+    /// Processor seconds of all threads in that time; `None` where the system does not tell.
+    pub cpu_seconds: Option<f64>,
+    /// Number of threads, where it was asked for.
+    pub threads: Option<usize>,
     /// Residual in the friction model asked for.
     pub residual: f64,
     /// Its root mean square over the contacts.
@@ -148,6 +153,14 @@ pub struct Record {
     pub converged: bool,
     /// What went wrong, in a sentence.
     pub remark: Option<String>,
+}
+
+impl Record {
+    /// The time that comparisons go by: processor time on one thread, which other work on the machine does not
+    /// lengthen, else wall-clock time.
+    pub fn cost(&self) -> f64 {
+        if self.threads == Some(1) { self.cpu_seconds.unwrap_or(self.seconds) } else { self.seconds }
+    }
 }
 
 /// An answer, its evaluation and the record of the run.
@@ -172,12 +185,15 @@ pub fn run(
     file: &ProblemFile,
     yardstick: &Yardstick<'_>,
     spec: &SolverSpec,
-    settings: &SolveSettings,
+    options: &Options,
+    stop: &Stop,
 ) -> Result<Outcome, CcpError> {
+    let settings = &options.settings(stop);
     let mut impulse = vec![0.0; 3 * file.problem.num_contacts()];
-    let start = Instant::now();
+    let (start, cpu_start) = (Instant::now(), cpu_seconds());
     let report = spec.build()?.solve(&file.problem, &mut impulse, settings)?;
     let seconds = start.elapsed().as_secs_f64();
+    let cpu_seconds = cpu_seconds().zip(cpu_start).map(|(end, start)| end - start);
     let evaluation = yardstick.evaluate(&impulse);
     let residual = evaluation.residual(settings.friction);
     // Below 1e-12 round-off decides, and the two evaluations may differ by all of it.
@@ -199,6 +215,8 @@ pub fn run(
         iterations: report.iterations,
         linear_iterations: report.linear_iterations,
         seconds,
+        cpu_seconds,
+        threads: options.threads.map(std::num::NonZeroUsize::get),
         residual: residual.max,
         residual_rms: residual.rms,
         residual_relaxed: evaluation.relaxed.max,
@@ -215,7 +233,7 @@ pub fn refused(
     name: &str,
     file: &ProblemFile,
     spec: &SolverSpec,
-    settings: &SolveSettings,
+    options: &Options,
     error: &CcpError,
 ) -> Record {
     Record {
@@ -223,12 +241,14 @@ pub fn refused(
         contacts: file.problem.num_contacts(),
         bodies: file.bodies,
         solver: spec.to_string(),
-        friction: settings.friction,
-        tolerance: settings.tolerance,
+        friction: options.friction.into(),
+        tolerance: options.tolerance,
         status: None,
         iterations: 0,
         linear_iterations: 0,
         seconds: 0.0,
+        cpu_seconds: None,
+        threads: None,
         residual: f64::NAN,
         residual_rms: f64::NAN,
         residual_relaxed: f64::NAN,

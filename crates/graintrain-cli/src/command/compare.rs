@@ -15,7 +15,7 @@ use std::process::ExitCode;
 /// Compare solvers on contact problems
 ///
 /// Every solver starts from zero impulses on every problem. Its answer is evaluated by code that no solver shares; a
-/// solver counts as converged only where that evaluation agrees.
+/// solver counts as converged only where that evaluation agrees. With `--threads 1` times are processor times.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  \
     graintrain compare sed729.dat KaplasTower.dat --solvers apgd,pgs,ipm --tolerance 1e-6\n  \
@@ -102,7 +102,7 @@ fn solve_all(
     file: &ProblemFile,
     stop: &Stop,
 ) -> Vec<Record> {
-    let settings = arguments.options.settings(stop);
+    let options = &arguments.options;
     let yardstick = Yardstick::new(&file.problem);
     let spinner = solving::spinner();
     let mut records = Vec::new();
@@ -110,11 +110,11 @@ fn solve_all(
         spinner.set_message(format!("{name}: {spec}"));
         let best = (0..arguments.repeat.get())
             .take_while(|_| stop.exit_code().is_none())
-            .map(|_| match solving::run(name, file, &yardstick, spec, &settings) {
+            .map(|_| match solving::run(name, file, &yardstick, spec, options, stop) {
                 Ok(outcome) => outcome.record,
-                Err(error) => solving::refused(name, file, spec, &settings, &error),
+                Err(error) => solving::refused(name, file, spec, options, &error),
             })
-            .min_by(|a, b| a.seconds.total_cmp(&b.seconds));
+            .min_by(|a, b| a.cost().total_cmp(&b.cost()));
         records.extend(best.map(|record| Record { solver: spec.to_string(), ..record }));
     }
     spinner.finish_and_clear();
@@ -127,15 +127,14 @@ fn print_problem(name: &str, file: &ProblemFile, records: &[Record]) {
     for note in file.notes() {
         println!("  note: {note}");
     }
-    let fastest =
-        records.iter().filter(|record| record.converged).map(|record| record.seconds).reduce(f64::min);
+    let fastest = records.iter().filter(|record| record.converged).map(Record::cost).reduce(f64::min);
     let width = records.iter().map(|record| record.solver.len()).max().unwrap_or(0).max(6);
     println!(
         "  {:<width$}  {:<15} {:>10} {:>8} {:>11}  {:>8}  {:>8}  {:>19}",
         "solver", "status", "iterations", "linear", "time", "relaxed", "Coulomb", "objective, J"
     );
     for record in records {
-        let star = if record.converged && Some(record.seconds) == fastest { "*" } else { " " };
+        let star = if record.converged && Some(record.cost()) == fastest { "*" } else { " " };
         if record.status.is_none() {
             println!(
                 "  {:<width$}  {}",
@@ -153,7 +152,7 @@ fn print_problem(name: &str, file: &ProblemFile, records: &[Record]) {
             record.solver,
             record.iterations,
             record.linear_iterations,
-            solving::seconds_text(record.seconds),
+            solving::seconds_text(record.cost()),
             record.residual_relaxed,
             record.residual_coulomb,
             record.objective,

@@ -40,12 +40,11 @@ pub fn execute(arguments: &Arguments) -> Result<ExitCode, Failure> {
     let file = solving::read_problem(&arguments.problem)?;
     let name = solving::problem_name(&arguments.problem);
     let stop = Stop::listen()?;
-    let settings = arguments.options.settings(&stop);
     let spinner = solving::spinner();
     spinner.set_message(format!("{spec} on {name}, {}", solving::describe(&file)));
     let outcome = with_threads(arguments.options.threads, || {
         let yardstick = Yardstick::new(&file.problem);
-        solving::run(&name, &file, &yardstick, &spec, &settings)
+        solving::run(&name, &file, &yardstick, &spec, &arguments.options, &stop)
     })?
     .map_err(|error: CcpError| Failure::input_error(error, "choose another --solver"));
     spinner.finish_and_clear();

@@ -184,7 +184,7 @@ fn read_siconos(text: &str) -> Problem {
     let (mut at, mut triplets) = (2, counts.into_iter());
     let contacts = words[1] as usize;
     let first = matrix(&words, &mut at, &mut triplets);
-    let mut take = |count: usize, at: &mut usize| {
+    let take = |count: usize, at: &mut usize| {
         *at += count;
         words[*at - count..*at].to_vec()
     };

@@ -116,3 +116,33 @@ fn no_solver_claims_what_its_solution_file_does_not_show() {
         }
     }
 }
+
+/// The interior point reaches 1e-8 with the optimum of the reference, and 1e-6 with exact Coulomb friction.
+fn interior_point_solves(reference: &Reference, seconds: f64) {
+    let (record, verdict) = solve(&reference.path, "ipm", 1e-8, "relaxed", seconds);
+    println!("ipm on {}: {} {verdict:?}", reference.name, record["iterations"]);
+    assert_honest(&record, &verdict, false, 1e-8, &reference.name);
+    assert!(record["converged"] == true, "{}: {record}", reference.name);
+    let accuracy = reference.accuracy.max(1e-8) * reference.objective.abs();
+    assert!((verdict.objective - reference.objective).abs() <= accuracy, "{}: {verdict:?}", reference.name);
+
+    let (record, verdict) = solve(&reference.path, "ipm", 1e-6, "coulomb", seconds);
+    println!("ipm on {}, Coulomb: {} {verdict:?}", reference.name, record["iterations"]);
+    assert_honest(&record, &verdict, true, 1e-6, &reference.name);
+    assert!(record["converged"] == true, "{}: {record}", reference.name);
+}
+
+#[test]
+fn the_interior_point_reaches_the_reference_optimum() {
+    for reference in references().iter().filter(|reference| reference.contacts < 1000) {
+        interior_point_solves(reference, 20.0);
+    }
+}
+
+#[test]
+#[ignore = "2052 and 14087 contacts: minutes without optimisation"]
+fn the_interior_point_reaches_the_reference_optimum_of_the_large_problems() {
+    for reference in references().iter().filter(|reference| reference.contacts >= 1000) {
+        interior_point_solves(reference, 600.0);
+    }
+}
