@@ -120,7 +120,7 @@ pub fn minimum_degree(graph: &Graph) -> Vec<u32> {
 /// Nested dissection: a small vertex separator splits the graph in two parts, which are ordered first, each in the
 /// same way; the separator comes last.
 ///
-/// Separators are found by the multilevel method of [`separate`]. Cost O(edges x log vertices).
+/// Separators are found by the multilevel method of `separate`. Cost O(edges x log vertices).
 pub fn nested_dissection(graph: &Graph) -> Vec<u32> {
     let mut order = vec![0_u32; graph.len()];
     let mut local = vec![u32::MAX; graph.len()];
