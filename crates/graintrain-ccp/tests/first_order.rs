@@ -56,7 +56,9 @@ fn no_contacts_and_separating_contacts_are_solved_at_once() {
         assert!(report.converged() && report.iterations == 0, "{name}: {report:?}");
         let separating = sliding_point(1.0, 0.3, 0.0, -1.0);
         let (g, report) = solve(name, &separating, None, 1e-10);
-        assert!(report.converged() && g == [0.0; 3], "{name}: {report:?}");
+        // `auto` takes an interior point at this tolerance, which ends just inside the cone.
+        let separated = g.iter().all(|g| g.abs() <= if *name == "auto" { 1e-10 } else { 0.0 });
+        assert!(report.converged() && separated, "{name}: {report:?}");
     }
 }
 
