@@ -1,4 +1,4 @@
-//! Scenes: what to simulate, in a TOML file with units, turned into a [`World`] and the settings of a run.
+//! Scenes: what to simulate, in a TOML file with units, turned into a [`World`](crate::world::World) and the settings of a run.
 //!
 //! ```text
 //! text --tree--> keys and values with their places --file--> Scene (SI units) --build--> Simulation

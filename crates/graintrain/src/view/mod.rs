@@ -11,7 +11,7 @@
 //! | [`vtp_file`] | the reader of the run's own frame files |
 //! | [`pack`] | frames as bytes, and back |
 //! | [`tables`] | curves from `steps.csv` and `wrench.csv` |
-//! | [`page`] | the HTML |
+//! | `page` | the HTML |
 
 pub mod pack;
 pub mod page;

@@ -21,7 +21,7 @@
 //!
 //! **Infeasible problems.** Where the bodies are jammed, impulses exist that change no velocity and yet are asked for:
 //! N g -> 0, r^T g < 0, and the objective has no lower bound. The ratio (r^T g)^2 / (g^T N g), which bounds twice the
-//! optimal value from below, then grows without limit. The answer returned is that of N + [`COMPLIANCE`] diag(eta), a
+//! optimal value from below, then grows without limit. The answer returned is that of N + `COMPLIANCE` diag(eta), a
 //! little give in every contact, with [`Status::Infeasible`].
 
 mod cone;
