@@ -51,7 +51,7 @@ impl TtMatrix {
     /// A matrix from a train whose modes are m_k n_k, row digit fastest.
     ///
     /// # Errors
-    /// [`TtError::Shape`] if mode k is not rows[k] * columns[k].
+    /// [`TtError::Shape`] if mode k is not rows\[k\] * columns\[k\].
     pub fn from_vector(train: TtVector, rows: &[usize], columns: &[usize]) -> Result<Self, TtError> {
         let expected: Vec<usize> = rows.iter().zip(columns).map(|(m, n)| m * n).collect();
         let got = train.modes();
@@ -76,7 +76,7 @@ impl TtMatrix {
     /// The Kronecker product A_d (x) ... (x) A_1 of small column-major matrices: rank one.
     ///
     /// # Errors
-    /// [`TtError::Shape`] if a factor does not hold rows[k] * columns[k] numbers.
+    /// [`TtError::Shape`] if a factor does not hold rows\[k\] * columns\[k\] numbers.
     pub fn rank_one(factors: &[Vec<f64>], rows: &[usize], columns: &[usize]) -> Result<Self, TtError> {
         Self::from_vector(TtVector::rank_one(factors)?, rows, columns)
     }

@@ -113,8 +113,8 @@ impl QuadtreeMatrix {
         })
     }
 
-    /// From a matrix of 3x3 blocks and the place of every block row: block row c sits at rows 3 place[c] + 0..3, so
-    /// with `slots` places per leaf its leaf is place[c] / slots and its slot place[c] % slots. The first mode is
+    /// From a matrix of 3x3 blocks and the place of every block row: block row c sits at rows 3 place\[c\] + 0..3, so
+    /// with `slots` places per leaf its leaf is place\[c\] / slots and its slot place\[c\] % slots. The first mode is
     /// (3 slots)^2, then 4, ..., 4. Places that no block row takes are dummies: `dummy` on their diagonal (1 keeps the
     /// matrix regular, 0 leaves them zero, which compresses better).
     ///
