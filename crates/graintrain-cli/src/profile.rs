@@ -7,6 +7,9 @@
 use crate::solving::Record;
 use graintrain::plot::{Axis, Chart, Series};
 
+/// Colours of a chart; solvers beyond them repeat the colours with dashed lines.
+const COLORS: usize = 8;
+
 /// How a solver did over all problems.
 pub struct Summary {
     /// Solver.
@@ -80,13 +83,15 @@ pub fn svg(records: &[Record]) -> String {
     let x = Axis::log("time over that of the fastest solver, tau (1)").between(1.0, largest * 1.1);
     let y = Axis::linear("fraction of problems solved within tau (1)").between(0.0, 1.0);
     let mut chart = Chart::new(title, x, y).sized(760.0, 480.0);
-    for line in lines {
+    for (index, line) in lines.into_iter().enumerate() {
+        let fraction = |count: usize| count as f64 / line.problems as f64;
         let mut points = vec![[1.0, 0.0]];
         for (k, &ratio) in line.ratios.iter().enumerate() {
-            points.push([ratio, (k + 1) as f64 / line.problems as f64]);
+            points.extend([[ratio, fraction(k)], [ratio, fraction(k + 1)]]);
         }
-        points.push([largest * 1.1, line.ratios.len() as f64 / line.problems as f64]);
-        chart = chart.with(Series::steps(line.solver, points));
+        points.push([largest * 1.1, fraction(line.ratios.len())]);
+        let series = Series::line(line.solver, points);
+        chart = chart.with(if index < COLORS { series } else { series.dashed() });
     }
     chart.to_svg()
 }
