@@ -34,7 +34,7 @@ pub struct Arguments {
     /// Folder of the results
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Time limit of one solve, s; by default 3 (n/4)^3
+    /// Time limit of one solve, s; by default 8 (n/4)^3
     #[arg(long, value_name = "SECONDS")]
     max_seconds: Option<f64>,
     /// Number of threads of the simulations; solves are always measured on one
