@@ -29,7 +29,7 @@ pub fn figures(results: &Results) -> Vec<Figure> {
         "Figure 8: precomputation in consecutive steps, with trains kept from step to step and without.",
         vec![
             reuse(results, "First Newton iteration", |row| row.first),
-            reuse(results, "Whole step", |row| row.total),
+            reuse(results, "Mean over the step", |row| row.total),
         ],
     );
     add(

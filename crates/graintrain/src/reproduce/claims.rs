@@ -189,13 +189,14 @@ fn unsolved(results: &Results, method: &str, statement: String) -> Option<Claim>
     let tried = of_method(results, method).max_by_key(|solve| solve.contacts)?;
     let ilu = of_method(results, "pdip+ilu")
         .find(|ilu| (ilu.n, ilu.step, &ilu.experiment) == (tried.n, tried.step, &tried.experiment))?;
-    let text = |solve: &Solve| {
-        format!(
+    let text = |solve: &Solve| match solve.residual {
+        Some(residual) => format!(
             "residual {} after {} s and {} Newton iterations",
-            number(solve.residual),
+            number(residual),
             number(solve.seconds),
             solve.iterations
-        )
+        ),
+        None => format!("no answer within {} s", number(solve.seconds)),
     };
     let evidence = format!(
         "{method} reached the tolerance on none of its problems. On the largest ({} contacts): {}; ILU: {}{}.",
@@ -364,7 +365,7 @@ fn reuse(results: &Results, method: &str) -> Option<Claim> {
         statement,
         verdict: Verdict::of(total >= paper::REUSE_FACTOR[0] / 2.0),
         evidence: format!(
-            "Over {} consecutive steps a solver that keeps its trains from step to step needs {} times less precomputation \
+            "Over {} consecutive steps a solver that keeps its trains from step to step needs {} times less precomputation per Newton iteration \
              than one that starts anew each step ({} times in the first Newton iteration).{errors} Hot starts between Newton \
              iterations of a step are on in both.",
             later.len(),

@@ -32,6 +32,7 @@ use crate::stepper::StepError;
 use graintrain_ccp::CcpError;
 use ledger::Ledger;
 use solves::{Problems, ReuseRow, Solve};
+use std::collections::HashSet;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -325,9 +326,10 @@ pub fn measure(
     let mut results = Results::default();
     let cells = cells(settings, &mut results.missing);
     let limit = settings.limit();
-    let single = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
+    // Methods that did not come back are not asked again in this session: their threads still work.
+    let mut lost: HashSet<&str> = HashSet::new();
     // The problem of the last state, so that it is made once for all methods.
-    let mut problem: Option<(PathBuf, u64, graintrain_ccp::Ccp)> = None;
+    let mut problem: Option<(PathBuf, u64, Arc<graintrain_ccp::Ccp>)> = None;
     let total = cells.len();
     for (done, cell) in cells.iter().enumerate() {
         if stop.load(Ordering::Relaxed) {
@@ -359,6 +361,7 @@ pub fn measure(
                 let sample = if let Cell::Solve { sample, .. } = cell { *sample } else { SAMPLES - 1 };
                 let solve = match ledger.get::<Solve>(&key) {
                     Some(solve) => solve,
+                    None if lost.contains(method.as_str()) => continue,
                     None => {
                         let folder = state_folder(&results, state, sample, &states);
                         if problem.as_ref().is_none_or(|(at, ..)| *at != folder) {
@@ -368,9 +371,12 @@ pub fn measure(
                         }
                         let Some((_, step, ccp)) = &problem else { continue };
                         let place = (state.experiment.scene(), state.n, *step);
-                        let solve = single.install(|| solves::measure(ccp, method, limit, stop, place))?;
+                        let solve = solves::measure(ccp, method, limit, stop, place)?;
                         if stop.load(Ordering::Relaxed) {
                             return Err(ReproduceError::Stopped);
+                        }
+                        if solve.residual.is_none() {
+                            lost.insert(method);
                         }
                         ledger.put(&key, &solve)?;
                         solve
@@ -384,14 +390,17 @@ pub fn measure(
             Cell::Reuse { state, method } => {
                 let rows = match ledger.get::<Vec<ReuseRow>>(&key) {
                     Some(rows) => rows,
+                    None if lost.contains(method.as_str()) => continue,
                     None => {
                         let folder = state_folder(&results, state, SAMPLES - 1, &states);
-                        let mut problems = Problems::open(&folder, stop)?;
+                        let problems = Problems::open(&folder, stop)?;
                         // Only precomputation counts here: the first Newton iterations tell.
-                        let rows = single
-                            .install(|| solves::reuse(&mut problems, REUSE_STEPS, method, limit / 4, stop))?;
+                        let rows = solves::reuse(problems, REUSE_STEPS, method, limit / 4, stop)?;
                         if stop.load(Ordering::Relaxed) {
                             return Err(ReproduceError::Stopped);
+                        }
+                        if rows.is_empty() {
+                            lost.insert(method);
                         }
                         ledger.put(&key, &rows)?;
                         rows

@@ -69,7 +69,7 @@ fn write_tables(out: &Path, results: &Results) -> Result<(), ReproduceError> {
             solve.method,
             solve.status,
             solve.iterations,
-            solve.residual,
+            solve.residual.map_or(String::new(), |residual| residual.to_string()),
             solve.seconds,
             solve.precompute_seconds,
             solve.apply_seconds,
@@ -328,7 +328,7 @@ fn solve_table(page: &mut String, results: &Results) {
             number(solve.precompute_seconds),
             number(solve.apply_seconds),
             number(solve.seconds),
-            number(solve.residual)
+            solve.residual.map_or("did not come back".to_string(), number)
         );
         last = problem;
     }

@@ -4,12 +4,12 @@ use super::ReproduceError;
 use crate::checkpoint;
 use crate::stepper::{StepSettings, Stepper};
 use crate::world::World;
-use graintrain_ccp::{Ccp, FrictionModel, SolveReport, SolveSettings, SolverSpec, Status};
+use graintrain_ccp::{Ccp, CcpSolver, FrictionModel, SolveReport, SolveSettings, SolverSpec, Status};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::Path;
-use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
+use std::sync::{Arc, mpsc};
 use std::time::Duration;
 
 /// The paper's tolerance of the contact problem.
@@ -32,8 +32,8 @@ pub struct Solve {
     pub status: Status,
     /// Outer (Newton) iterations.
     pub iterations: usize,
-    /// Residual reached.
-    pub residual: f64,
+    /// Residual reached; `None` where the solver never came back.
+    pub residual: Option<f64>,
     /// Seconds of the whole solve.
     pub seconds: f64,
     /// Seconds in factorisations, preconditioners or trains.
@@ -75,7 +75,7 @@ impl Solve {
             method: method.into(),
             status: report.status,
             iterations: report.iterations,
-            residual: report.residual.max,
+            residual: Some(report.residual.max).filter(|residual| residual.is_finite()),
             seconds: report.seconds,
             precompute_seconds: newton.iter().fold(0.0, |sum, record| sum + record.precompute_seconds),
             apply_seconds: newton.iter().fold(0.0, |sum, record| sum + record.apply_seconds),
@@ -138,11 +138,11 @@ impl Problems {
     ///
     /// # Errors
     /// [`ReproduceError`] where the step fails.
-    pub fn advance(&mut self) -> Result<Option<(u64, Ccp)>, ReproduceError> {
+    pub fn advance(&mut self) -> Result<Option<(u64, Arc<Ccp>)>, ReproduceError> {
         let step = self.world.step;
         let report = self.stepper.step(&mut self.world)?;
         let problem = self.stepper.last_problem().filter(|_| report.contacts > 0);
-        Ok(problem.map(|(problem, _)| (step, problem.clone())))
+        Ok(problem.map(|(problem, _)| (step, Arc::new(problem.clone()))))
     }
 }
 
@@ -156,21 +156,67 @@ fn settings(limit: Duration, stop: &Arc<AtomicBool>) -> SolveSettings {
     }
 }
 
-/// Solves a problem from zero impulses, as every method starts alike.
+/// Runs work on a thread of its own, with one worker, for at most a while. Solvers look at their time limit between Newton
+/// iterations; a single tensor-train inversion may take longer than anybody waits. `None` where it did not come back: the
+/// thread is then left alone until the process ends.
+fn watched<T: Send + 'static>(
+    patience: Duration,
+    work: impl FnOnce() -> Result<T, ReproduceError> + Send + 'static,
+) -> Result<Option<T>, ReproduceError> {
+    let (send, receive) = mpsc::channel();
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
+    std::thread::spawn(move || {
+        // The receiver is gone when nobody waits any more.
+        let _ = send.send(pool.install(work));
+    });
+    match receive.recv_timeout(patience) {
+        Ok(result) => result.map(Some),
+        Err(_) => Ok(None),
+    }
+}
+
+/// How long a solve with this time limit is waited for.
+fn patience(limit: Duration) -> Duration {
+    limit.saturating_mul(4).saturating_add(Duration::from_secs(5))
+}
+
+/// Solves a problem from zero impulses on one thread, as every method starts alike. `residual` is `None` in the answer where
+/// the solver did not come back.
 ///
 /// # Errors
 /// [`ReproduceError`] for an unknown method or a problem it cannot take.
 pub fn measure(
-    problem: &Ccp,
+    problem: &Arc<Ccp>,
     method: &str,
     limit: Duration,
     stop: &Arc<AtomicBool>,
     (experiment, n, step): (&str, usize, u64),
 ) -> Result<Solve, ReproduceError> {
     let mut solver = method.parse::<SolverSpec>()?.build()?;
-    let mut impulse = vec![0.0; 3 * problem.num_contacts()];
-    let report = solver.solve(problem, &mut impulse, &settings(limit, stop))?;
-    Ok(Solve::new(experiment, n, step, problem.num_contacts(), method, &report))
+    let contacts = problem.num_contacts();
+    let report = watched(patience(limit), {
+        let (problem, settings) = (Arc::clone(problem), settings(limit, stop));
+        move || Ok(solver.solve(&problem, &mut vec![0.0; 3 * contacts], &settings)?)
+    })?;
+    Ok(match report {
+        Some(report) => Solve::new(experiment, n, step, contacts, method, &report),
+        None => Solve {
+            experiment: experiment.into(),
+            n,
+            step,
+            contacts,
+            method: method.into(),
+            status: Status::Stopped,
+            iterations: 0,
+            residual: None,
+            seconds: patience(limit).as_secs_f64(),
+            precompute_seconds: 0.0,
+            apply_seconds: 0.0,
+            inner_mean: 0.0,
+            missed: 0.0,
+            figures: BTreeMap::new(),
+        },
+    })
 }
 
 /// Precomputation of one of several consecutive steps.
@@ -182,45 +228,56 @@ pub struct ReuseRow {
     pub contacts: usize,
     /// Seconds of the first Newton iteration's precomputation: with what the steps before left, and from nothing.
     pub first: [f64; 2],
-    /// Seconds of the whole step's precomputation, likewise.
+    /// Seconds of precomputation per Newton iteration, mean over the step, likewise.
     pub total: [f64; 2],
     /// Compression error, likewise, where the linear solver tells.
     pub error: [Option<f64>; 2],
 }
 
-/// Solves consecutive problems with one solver that keeps what it learned, and with a new one each time.
+/// Solves consecutive problems with one solver that keeps what it learned, and with a new one each time. Empty where a solver
+/// did not come back.
 ///
 /// # Errors
 /// [`ReproduceError`] for an unknown method or a step that fails.
 pub fn reuse(
-    problems: &mut Problems,
+    mut problems: Problems,
     steps: usize,
     method: &str,
     limit: Duration,
     stop: &Arc<AtomicBool>,
 ) -> Result<Vec<ReuseRow>, ReproduceError> {
     let spec = method.parse::<SolverSpec>()?;
-    let mut keeping = spec.build()?;
-    let mut rows = Vec::new();
-    for _ in 0..steps {
-        let Some((step, problem)) = problems.advance()? else { continue };
-        let start = vec![0.0; 3 * problem.num_contacts()];
-        let mut fresh = spec.build()?;
-        let mut solved = Vec::new();
-        for solver in [&mut keeping, &mut fresh] {
-            let report = solver.solve(&problem, &mut start.clone(), &settings(limit, stop))?;
-            let first = report.newton.first().map_or(0.0, |record| record.precompute_seconds);
-            let solve = Solve::new("", 0, step, problem.num_contacts(), method, &report);
-            solved.push((first, solve));
+    let settings = settings(limit, stop);
+    let rows = watched(patience(limit).saturating_mul(2 * steps as u32), move || {
+        let mut keeping = spec.build()?;
+        let mut rows = Vec::new();
+        for _ in 0..steps {
+            let Some((step, problem)) = problems.advance()? else { continue };
+            let mut fresh = spec.build()?;
+            let kept = precomputation(keeping.as_mut(), &problem, &settings)?;
+            let anew = precomputation(fresh.as_mut(), &problem, &settings)?;
+            rows.push(ReuseRow {
+                step,
+                contacts: problem.num_contacts(),
+                first: [kept.0, anew.0],
+                total: [kept.1, anew.1],
+                error: [kept.2, anew.2],
+            });
         }
-        let error = |k: usize| solved[k].1.figures.get("compression_error").copied();
-        rows.push(ReuseRow {
-            step,
-            contacts: problem.num_contacts(),
-            first: [solved[0].0, solved[1].0],
-            total: [solved[0].1.precompute_seconds, solved[1].1.precompute_seconds],
-            error: [error(0), error(1)],
-        });
-    }
-    Ok(rows)
+        Ok(rows)
+    })?;
+    Ok(rows.unwrap_or_default())
+}
+
+/// Seconds of precomputation in the first Newton iteration and per Newton iteration, and the mean compression error.
+fn precomputation(
+    solver: &mut dyn CcpSolver,
+    problem: &Ccp,
+    settings: &SolveSettings,
+) -> Result<(f64, f64, Option<f64>), ReproduceError> {
+    let report = solver.solve(problem, &mut vec![0.0; 3 * problem.num_contacts()], settings)?;
+    let first = report.newton.first().map_or(0.0, |record| record.precompute_seconds);
+    let solve = Solve::new("", 0, 0, problem.num_contacts(), "", &report);
+    let mean = solve.precompute_seconds / report.newton.len().max(1) as f64;
+    Ok((first, mean, solve.figures.get("compression_error").copied()))
 }

@@ -100,7 +100,7 @@ fn solve(method: &str, contacts: usize, seconds: f64, converged: bool) -> Solve 
         method: method.into(),
         status: if converged { graintrain_ccp::Status::Converged } else { graintrain_ccp::Status::Stopped },
         iterations: 60,
-        residual: 1e-4,
+        residual: Some(1e-4),
         seconds,
         precompute_seconds: 0.3 * seconds,
         apply_seconds: 0.7 * seconds,
