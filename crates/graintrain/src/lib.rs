@@ -12,6 +12,7 @@
 //! | [`run`], [`output`], [`checkpoint`] | many steps, what they leave behind, going on later |
 //! | [`render`], [`plot`], [`view`] | pictures, charts, replays |
 //! | [`reproduce`] | the paper's experiments run again, and a report |
+//! | [`verify`] | the program against exact answers |
 //! | [`error`] | what can be wrong with a world |
 //! | [`scene`] | scene files with units, built-in scenes, packings |
 //! | [`problem_file`] | contact problems in files: FCLIB, Siconos, the program's own dumps |
@@ -34,6 +35,7 @@ pub mod run;
 pub mod scene;
 pub mod shape;
 pub mod stepper;
+pub mod verify;
 pub mod view;
 pub mod world;
 

@@ -9,6 +9,7 @@ mod run;
 mod scenes;
 mod solve;
 mod solvers;
+mod verify;
 mod view;
 
 use crate::error::Failure;
@@ -24,6 +25,7 @@ pub enum Command {
     View(view::Arguments),
     Render(render::Arguments),
     Reproduce(reproduce::Arguments),
+    Verify(verify::Arguments),
     Solve(solve::Arguments),
     Compare(compare::Arguments),
     Solvers(solvers::Arguments),
@@ -40,6 +42,7 @@ impl Command {
             Self::View(arguments) => view::execute(&arguments),
             Self::Render(arguments) => render::execute(&arguments),
             Self::Reproduce(arguments) => reproduce::execute(&arguments),
+            Self::Verify(arguments) => verify::execute(&arguments),
             Self::Solve(arguments) => solve::execute(&arguments),
             Self::Compare(arguments) => compare::execute(&arguments),
             Self::Solvers(arguments) => solvers::execute(&arguments),

@@ -1,0 +1,139 @@
+//! The program against exact answers, on the user's machine: what `graintrain verify` runs.
+//!
+//! Tier A holds single bodies and impacts against closed forms (seconds). Tier B shears and drafts a granular sample and
+//! holds it against what must not depend on step and tolerance (minutes). Every check has a measured and an expected
+//! number and a tolerance; nothing is asserted that is not in the table.
+//!
+//! | module | holds |
+//! |---|---|
+//! | [`bench`] | small worlds, and stepping them to convergence |
+//! | [`sliding`], [`impact`], [`rest`], [`flight`] | tier A |
+//! | [`granular`] | tier B |
+
+pub mod bench;
+pub mod flight;
+pub mod granular;
+pub mod impact;
+pub mod rest;
+pub mod sliding;
+
+use crate::error::ModelError;
+use crate::plot::axis::number;
+use crate::reproduce::ReproduceError;
+use crate::stepper::StepError;
+use graintrain_ccp::FrictionModel;
+use std::fmt::Write as _;
+
+/// A measured number and what it should be.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Check {
+    /// Number in the list of validations, e.g. `A3`.
+    pub id: &'static str,
+    /// What is measured, with its unit.
+    pub what: String,
+    /// What came out.
+    pub measured: f64,
+    /// What should.
+    pub expected: f64,
+    /// Largest difference allowed.
+    pub tolerance: f64,
+    /// Where the expected value comes from.
+    pub source: &'static str,
+}
+
+impl Check {
+    /// Whether the difference is allowed; not a number never is.
+    pub fn passed(&self) -> bool {
+        (self.measured - self.expected).abs() <= self.tolerance
+    }
+}
+
+/// Why a check could not be made.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum VerifyError {
+    /// A world could not be built.
+    #[error(transparent)]
+    Model(#[from] ModelError),
+    /// A step failed.
+    #[error(transparent)]
+    Step(#[from] StepError),
+    /// A solve missed its tolerance.
+    #[error(
+        "a contact problem of the checks was solved to {residual:.1e} only, asked for was {tolerance:.1e}"
+    )]
+    Unsolved {
+        /// Residual reached.
+        residual: f64,
+        /// Residual asked for.
+        tolerance: f64,
+    },
+    /// A granular simulation failed.
+    #[error(transparent)]
+    Reproduce(#[from] ReproduceError),
+}
+
+/// Name of a friction model in tables.
+fn named(model: FrictionModel) -> &'static str {
+    match model {
+        FrictionModel::Relaxed => "relaxed",
+        FrictionModel::Coulomb => "coulomb",
+    }
+}
+
+/// Both friction models.
+const MODELS: [FrictionModel; 2] = [FrictionModel::Relaxed, FrictionModel::Coulomb];
+
+/// All checks of tier A, telling each group before it begins.
+///
+/// # Errors
+/// [`VerifyError`] where a check cannot be made; a check that is made and fails is in the list.
+pub fn tier_a(mut progress: impl FnMut(&str)) -> Result<Vec<Check>, VerifyError> {
+    let groups: [(&str, fn() -> Result<Vec<Check>, VerifyError>); 4] = [
+        ("free flight and rotation", flight::checks),
+        ("impacts", impact::checks),
+        ("sliding and rolling", sliding::checks),
+        ("rest", rest::checks),
+    ];
+    let mut checks = Vec::new();
+    for (name, group) in groups {
+        progress(name);
+        checks.extend(group()?);
+    }
+    Ok(checks)
+}
+
+/// The checks as a Markdown table.
+pub fn table(checks: &[Check]) -> String {
+    let mut text = String::from(
+        "| | check | measured | expected | allowed | source | |\n|---|---|---|---|---|---|---|\n",
+    );
+    for check in checks {
+        let _ = writeln!(
+            text,
+            "| {} | {} | {} | {} | {} | {} | {} |",
+            check.id,
+            check.what,
+            precise(check.measured),
+            precise(check.expected),
+            number(check.tolerance),
+            check.source,
+            if check.passed() { "passed" } else { "FAILED" }
+        );
+    }
+    let failed = checks.iter().filter(|check| !check.passed()).count();
+    let _ = writeln!(text, "\n{} checks, {failed} failed", checks.len());
+    text
+}
+
+/// Six digits: differences from the expected value have to show.
+fn precise(value: f64) -> String {
+    if value == 0.0 || (1e-3..1e5).contains(&value.abs()) {
+        format!("{value:.6}")
+    } else {
+        format!("{value:.3e}")
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,27 @@
+use super::*;
+
+#[test]
+fn tier_a_passes() {
+    let checks = tier_a(|_| {}).unwrap();
+    let failed: Vec<&Check> = checks.iter().filter(|check| !check.passed()).collect();
+    assert!(failed.is_empty(), "{failed:#?}");
+    for id in ["A1", "A2", "A3", "A4", "A5", "A6", "A7", "A8", "A9", "A10", "A12", "A13", "A15", "A20"] {
+        assert!(checks.iter().any(|check| check.id == id), "{id}");
+    }
+}
+
+#[test]
+fn a_wrong_or_missing_number_fails() {
+    let check = |measured| Check {
+        id: "A1",
+        what: "a number".into(),
+        measured,
+        expected: 1.0,
+        tolerance: 0.1,
+        source: "nowhere",
+    };
+    assert!(check(1.05).passed());
+    assert!(!check(1.2).passed() && !check(f64::NAN).passed());
+    let text = table(&[check(1.05), check(f64::NAN)]);
+    assert!(text.contains("2 checks, 1 failed") && text.matches("FAILED").count() == 1);
+}
