@@ -89,7 +89,8 @@ const MODELS: [FrictionModel; 2] = [FrictionModel::Relaxed, FrictionModel::Coulo
 /// # Errors
 /// [`VerifyError`] where a check cannot be made; a check that is made and fails is in the list.
 pub fn tier_a(mut progress: impl FnMut(&str)) -> Result<Vec<Check>, VerifyError> {
-    let groups: [(&str, fn() -> Result<Vec<Check>, VerifyError>); 4] = [
+    type Group = fn() -> Result<Vec<Check>, VerifyError>;
+    let groups: [(&str, Group); 4] = [
         ("free flight and rotation", flight::checks),
         ("impacts", impact::checks),
         ("sliding and rolling", sliding::checks),
@@ -103,23 +104,32 @@ pub fn tier_a(mut progress: impl FnMut(&str)) -> Result<Vec<Check>, VerifyError>
     Ok(checks)
 }
 
-/// The checks as a Markdown table.
+/// The checks as a Markdown table whose columns also line up as plain text.
 pub fn table(checks: &[Check]) -> String {
-    let mut text = String::from(
-        "| | check | measured | expected | allowed | source | |\n|---|---|---|---|---|---|---|\n",
-    );
-    for check in checks {
-        let _ = writeln!(
-            text,
-            "| {} | {} | {} | {} | {} | {} | {} |",
-            check.id,
-            check.what,
+    let header = ["", "check", "measured", "expected", "allowed", "source", "verdict"].map(String::from);
+    let rows = checks.iter().map(|check| {
+        [
+            check.id.to_string(),
+            check.what.clone(),
             precise(check.measured),
             precise(check.expected),
             number(check.tolerance),
-            check.source,
-            if check.passed() { "passed" } else { "FAILED" }
-        );
+            check.source.to_string(),
+            if check.passed() { "passed" } else { "FAILED" }.to_string(),
+        ]
+    });
+    let rows: Vec<[String; 7]> = std::iter::once(header).chain(rows).collect();
+    let widths: [usize; 7] = std::array::from_fn(|k| rows.iter().map(|row| row[k].len()).max().unwrap_or(0));
+    let mut text = String::new();
+    for (k, row) in rows.iter().enumerate() {
+        for (cell, width) in row.iter().zip(widths) {
+            let _ = write!(text, "| {cell:width$} ");
+        }
+        text.push_str("|\n");
+        if k == 0 {
+            text.extend(widths.map(|width| format!("|{}", "-".repeat(width + 2))));
+            text.push_str("|\n");
+        }
     }
     let failed = checks.iter().filter(|check| !check.passed()).count();
     let _ = writeln!(text, "\n{} checks, {failed} failed", checks.len());
