@@ -48,7 +48,7 @@ const MAY_FAIL: [&str; 2] = ["none", "tt-cross"];
 
 #[test]
 fn every_linear_solver_solves_the_system_or_says_that_it_did_not() {
-    let packing = lattice_packing(4, 4, 0.4, 3);
+    let packing = lattice_packing(3, 3, 0.4, 3);
     for problem in
         [packing.clone(), sparse_form(&packing), random_problem(5), sparse_form(&random_problem(8))]
     {
@@ -81,15 +81,20 @@ fn every_linear_solver_solves_the_system_or_says_that_it_did_not() {
     }
 }
 
-#[test]
-fn pdip_reaches_the_oracles_objective_with_every_linear_solver() {
+/// The tensor-train inverses of S: seconds to minutes even on these small problems.
+const TRAINS_OF_S: [&str; 2] = ["tt-schur", "tt-cross"];
+
+/// `pdip` with every linear solver that is `wanted` in a case (0: 6 contacts, 1 to 4: about 30, 5: a packing of 95).
+fn compare_pdip_with_clarabel(wanted: impl Fn(usize, &str) -> bool) {
     let random = [1, 2, 4, 9, 11].map(random_problem);
     for (case, problem) in random.into_iter().chain([lattice_packing(3, 3, 0.3, 1)]).enumerate() {
         let oracle = clarabel(&problem);
-        for method in LINEAR_METHODS {
+        for method in LINEAR_METHODS.iter().filter(|method| wanted(case, method.name)) {
             let spec: SolverSpec = format!("pdip+{}", method.name).parse().unwrap();
             let mut impulse = vec![0.0; 3 * problem.num_contacts()];
-            let settings = SolveSettings { tolerance: 1e-4, ..SolveSettings::default() };
+            // Twice what the direct solvers need.
+            let settings =
+                SolveSettings { tolerance: 1e-4, max_iterations: Some(120), ..SolveSettings::default() };
             let report = spec.build().unwrap().solve(&problem, &mut impulse, &settings).unwrap();
             // Iterations that could not make a step are recorded, too.
             assert!(report.newton.len() >= report.iterations);
@@ -104,6 +109,17 @@ fn pdip_reaches_the_oracles_objective_with_every_linear_solver() {
             }
         }
     }
+}
+
+#[test]
+fn pdip_reaches_the_oracles_objective_with_every_linear_solver() {
+    compare_pdip_with_clarabel(|case, linear| case == 0 || !TRAINS_OF_S.contains(&linear));
+}
+
+#[test]
+#[ignore = "the tensor-train inverses of S take two minutes"]
+fn pdip_reaches_the_oracles_objective_with_the_tensor_trains_of_s() {
+    compare_pdip_with_clarabel(|_, linear| TRAINS_OF_S.contains(&linear));
 }
 
 /// Objective of `ipm` against Clarabel. Where they differ by more than 1e-8 the lower one is right, as long as its
