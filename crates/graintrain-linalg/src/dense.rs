@@ -325,25 +325,15 @@ pub fn gram(a: View<'_>) -> Matrix {
 /// Thin QR, A = Q R: Q is m x min(m, n) with orthonormal columns, R is min(m, n) x n upper triangular (trapezoidal).
 ///
 /// A matrix without full rank still gets orthonormal columns. Cost 4 m n^2 flops for m >= n.
-pub fn thin_qr(mut a: Matrix) -> (Matrix, Matrix) {
+pub fn thin_qr(a: Matrix) -> (Matrix, Matrix) {
     let (m, n) = (a.rows, a.columns);
     let size = m.min(n);
     if size == 0 {
         return (Matrix::zeros(m, 0), Matrix::zeros(0, n));
     }
-    let block = qr::no_pivoting::factor::recommended_block_size::<f64>(m, n);
-    let mut factor = Matrix::zeros(block, size);
-    let need = qr::no_pivoting::factor::qr_in_place_scratch::<f64>(m, n, block, Par::Seq, Default::default());
-    with_scratch(need, |stack| {
-        qr::no_pivoting::factor::qr_in_place(
-            a.view_mut().faer(),
-            factor.view_mut().faer(),
-            Par::Seq,
-            stack,
-            Default::default(),
-        )
-    });
-    let r = Matrix::from_fn(size, n, |i, j| if i <= j { a[(i, j)] } else { 0.0 });
+    let (a, factor) = householder_qr(a);
+    let block = factor.rows;
+    let r = upper_triangle(&a, size);
     let mut q = Matrix::zeros(m, size);
     q.data.iter_mut().step_by(m + 1).for_each(|x| *x = 1.0);
     let need =
@@ -359,6 +349,38 @@ pub fn thin_qr(mut a: Matrix) -> (Matrix, Matrix) {
         )
     });
     (q, r)
+}
+
+/// The factor R of [`thin_qr`] alone, without forming Q: half the cost.
+pub fn qr_triangle(a: Matrix) -> Matrix {
+    let size = a.rows.min(a.columns);
+    if size == 0 {
+        return Matrix::zeros(0, a.columns);
+    }
+    upper_triangle(&householder_qr(a).0, size)
+}
+
+/// The first `size` rows on and above the diagonal.
+fn upper_triangle(a: &Matrix, size: usize) -> Matrix {
+    Matrix::from_fn(size, a.columns, |i, j| if i <= j { a[(i, j)] } else { 0.0 })
+}
+
+/// Householder vectors below the diagonal with R above it, and the block factors that belong to them.
+fn householder_qr(mut a: Matrix) -> (Matrix, Matrix) {
+    let (m, n) = (a.rows, a.columns);
+    let block = qr::no_pivoting::factor::recommended_block_size::<f64>(m, n);
+    let mut factor = Matrix::zeros(block, m.min(n));
+    let need = qr::no_pivoting::factor::qr_in_place_scratch::<f64>(m, n, block, Par::Seq, Default::default());
+    with_scratch(need, |stack| {
+        qr::no_pivoting::factor::qr_in_place(
+            a.view_mut().faer(),
+            factor.view_mut().faer(),
+            Par::Seq,
+            stack,
+            Default::default(),
+        )
+    });
+    (a, factor)
 }
 
 /// Thin singular value decomposition A = U diag(s) V^T.
@@ -398,6 +420,34 @@ pub fn thin_svd(a: View<'_>) -> Result<Svd, DenseError> {
     })
     .map_err(|_| DenseError::NotFinite)?;
     if s.iter().all(|x| x.is_finite()) { Ok(Svd { u, s, v }) } else { Err(DenseError::NotFinite) }
+}
+
+/// Left singular vectors (m x min(m, n)) and singular values (descending), without the right ones.
+///
+/// # Errors
+/// [`DenseError::NotFinite`] if an entry is not finite.
+pub fn left_svd(a: View<'_>) -> Result<(Matrix, Vec<f64>), DenseError> {
+    let (m, n) = (a.rows(), a.columns());
+    let size = m.min(n);
+    let (mut u, mut s) = (Matrix::zeros(m, size), vec![0.0; size]);
+    if size == 0 {
+        return Ok((u, s));
+    }
+    let (thin, none) = (svd::ComputeSvdVectors::Thin, svd::ComputeSvdVectors::No);
+    let need = svd::svd_scratch::<f64>(m, n, thin, none, Par::Seq, Default::default());
+    with_scratch(need, |stack| {
+        svd::svd(
+            a.faer(),
+            faer::diag::DiagMut::from_slice_mut(&mut s),
+            Some(u.view_mut().faer()),
+            None,
+            Par::Seq,
+            stack,
+            Default::default(),
+        )
+    })
+    .map_err(|_| DenseError::NotFinite)?;
+    if s.iter().all(|x| x.is_finite()) { Ok((u, s)) } else { Err(DenseError::NotFinite) }
 }
 
 /// Eigenvalues (ascending) and orthonormal eigenvectors (columns) of a symmetric matrix; reads the lower triangle.
@@ -586,6 +636,25 @@ mod tests {
         let g = gram(a.view());
         assert!(largest_difference(&g, &product(a.t(), a.view())) < 1e-13);
         assert_eq!(g, g.transposed());
+    }
+
+    #[test]
+    fn half_factorizations_equal_the_whole_ones() {
+        for (m, n) in [(1, 1), (8, 3), (3, 8), (40, 40), (100, 17)] {
+            let a = sample(m, n, 9);
+            assert_eq!(qr_triangle(a.clone()), thin_qr(a.clone()).1);
+            let (u, s) = left_svd(a.view()).unwrap();
+            let whole = thin_svd(a.view()).unwrap();
+            assert!(s.iter().zip(&whole.s).all(|(x, y)| (x - y).abs() < 1e-13 * whole.s[0]));
+            // U spans the columns of A, and U^T A A^T U is diagonal with the squares of s.
+            let projected = product(u.view(), product(u.t(), a.view()).view());
+            assert!(largest_difference(&projected, &a) < 1e-13 * s[0]);
+            let gram = product(product(u.t(), a.view()).view(), product(a.t(), u.view()).view());
+            for i in 0..s.len() {
+                assert!((gram[(i, i)] - s[i] * s[i]).abs() < 1e-12 * s[0] * s[0]);
+            }
+        }
+        assert!(left_svd(Matrix::from_fn(3, 3, |_, _| f64::NAN).view()).is_err());
     }
 
     #[test]

@@ -38,7 +38,7 @@ impl TtVector {
             };
             place(x, 0, 0);
             place(y, row, column);
-            cores.push(Core::new(left, x.mode, right, data));
+            cores.push(Core { left, mode: x.mode, right, data });
         }
         Ok(Self { cores })
     }
@@ -68,7 +68,7 @@ impl TtVector {
                     y.data[from..from + y.left].iter().for_each(|y| data.extend(xs.iter().map(|x| x * y)));
                 }
             }
-            Core::new(x.left * y.left, x.mode, x.right * y.right, data)
+            Core { left: x.left * y.left, mode: x.mode, right: x.right * y.right, data }
         };
         Ok(Self { cores: self.cores.iter().zip(&other.cores).map(multiply_cores).collect() })
     }
@@ -243,5 +243,5 @@ fn contract(a: &Core, m: usize, n: usize, x: &Core, s: usize) -> Core {
             }
         }
     }
-    Core::new(ra * rx, m * s, rb * ry, data)
+    Core { left: ra * rx, mode: m * s, right: rb * ry, data }
 }

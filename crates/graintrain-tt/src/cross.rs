@@ -14,6 +14,7 @@
 use crate::error::at_core;
 use crate::maxvol::maxvol;
 use crate::random::Random;
+use crate::scale::{binary_exponent, largest_finite, scale_by_power, share_power};
 use crate::sparse::QuadtreeMatrix;
 use crate::vector::{Core, admissible_ranks, check_index};
 use crate::{TtError, TtMatrix, TtVector};
@@ -174,6 +175,7 @@ pub fn cross(
 ) -> Result<(TtVector, CrossReport), TtError> {
     crate::Truncation::capped(settings.tolerance, settings.max_rank).check()?;
     let modes = source.modes();
+    let zero = TtVector::constant(&modes, 0.0)?;
     let d = modes.len();
     if !probes.len().is_multiple_of(d) {
         return Err(TtError::Shape {
@@ -185,16 +187,20 @@ pub fn cross(
     probes.chunks_exact(d).try_for_each(|probe| check_index(&modes, probe))?;
     let start = match start {
         Some(start) => {
-            TtVector::constant(&modes, 0.0)?.check_same_modes(start)?;
+            zero.check_same_modes(start)?;
             start.clone()
         }
         None => TtVector::random(&modes, 2, settings.seed)?,
     };
     let mut random = Random::new(settings.seed ^ 0x5EED);
     let points: Vec<usize> = (0..settings.samples * d).map(|p| random.below(modes[p % d])).collect();
-    let sample = Sample::new(source, points);
-    let probe = Sample::new(source, probes.to_vec());
-    let mut state = State::new(source, &start, settings, random)?;
+    let mut sample = Sample::new(source, points);
+    let mut probe = Sample::new(source, probes.to_vec());
+    // All values in units of the largest one seen so far (a power of two): squares neither overflow nor vanish.
+    let exponent = binary_exponent(sample.largest()?.max(probe.largest()?));
+    sample.scale(-exponent);
+    probe.scale(-exponent);
+    let mut state = State::new(source, &start, settings, random, exponent)?;
     state.evaluations += sample.values.len() + probe.values.len();
     let mut history: Vec<f64> = Vec::new();
     let mut errors: Vec<f64> = Vec::new();
@@ -248,6 +254,7 @@ pub fn cross(
     } else if status == CrossStatus::SweepLimit && capped {
         status = CrossStatus::RankCapped;
     }
+    share_power(&mut train.cores, i64::from(exponent));
     let report = CrossReport {
         status,
         sampled_error,
@@ -297,8 +304,16 @@ impl Sample {
         let modes = source.modes().len();
         let mut values = vec![0.0; points.len() / modes];
         source.entries(&points, &mut values);
-        let norm = values.iter().map(|x| x * x).sum::<f64>().sqrt();
-        Self { points, values, norm, modes }
+        Self { points, norm: norm(&values), values, modes }
+    }
+
+    fn largest(&self) -> Result<f64, TtError> {
+        largest_finite(&self.values).map_err(at_core(0))
+    }
+
+    fn scale(&mut self, power: i32) {
+        scale_by_power(&mut self.values, power);
+        self.norm = norm(&self.values);
     }
 
     /// The relative error of the train and the `count` points with the largest errors.
@@ -336,6 +351,8 @@ struct State<'a> {
     right: Vec<Vec<Vec<usize>>>,
     residual_right: Vec<Vec<Vec<usize>>>,
     random: Random,
+    /// Entries are taken times 2^-exponent.
+    exponent: i32,
     evaluations: usize,
     /// Largest entry seen.
     largest: f64,
@@ -348,6 +365,7 @@ impl<'a> State<'a> {
         start: &TtVector,
         settings: &CrossSettings,
         mut random: Random,
+        exponent: i32,
     ) -> Result<Self, TtError> {
         let modes = source.modes();
         let d = modes.len();
@@ -383,6 +401,7 @@ impl<'a> State<'a> {
             right,
             residual_right,
             random,
+            exponent,
             evaluations: 0,
             largest: 0.0,
             enriched: false,
@@ -390,7 +409,7 @@ impl<'a> State<'a> {
     }
 
     /// A(left, i, right) for all combinations, left fastest.
-    fn block(&mut self, left: &[Vec<usize>], k: usize, right: &[Vec<usize>]) -> Matrix {
+    fn block(&mut self, left: &[Vec<usize>], k: usize, right: &[Vec<usize>]) -> Result<Matrix, TtError> {
         let (d, n) = (self.modes.len(), self.modes[k]);
         let mut indices = Vec::with_capacity(left.len() * n * right.len() * d);
         for tail in right {
@@ -408,9 +427,10 @@ impl<'a> State<'a> {
         }
         let mut values = vec![0.0; left.len() * n * right.len()];
         self.source.entries(&indices, &mut values);
+        scale_by_power(&mut values, -self.exponent);
         self.evaluations += values.len();
-        self.largest = values.iter().fold(self.largest, |largest, x| largest.max(x.abs()));
-        Matrix::from_vec(left.len() * n, right.len(), values)
+        self.largest = self.largest.max(largest_finite(&values).map_err(at_core(k))?);
+        Ok(Matrix::from_vec(left.len() * n, right.len(), values))
     }
 
     /// G_{k+1}(i_{k+1}) ... G_d(i_d) for every fragment: rank x fragments.
@@ -440,7 +460,7 @@ impl<'a> State<'a> {
         self.enriched = enrich && settings.kick_rank > 0;
         for k in 0..d {
             let right = self.right[k].clone();
-            let block = self.block(&left[k], k, &right);
+            let block = self.block(&left[k], k, &right)?;
             let size = norm(block.data());
             let change = distance(block.data(), self.cores[k].data());
             if size > 0.0 || change > 0.0 {
@@ -465,12 +485,12 @@ impl<'a> State<'a> {
                 let fragments = self.residual_right[k].clone();
                 let right_values = self.evaluate_right(k, &fragments);
                 // Residual on (I, i, J_z): directions to add.
-                let mut extra = self.block(&left[k], k, &fragments);
+                let mut extra = self.block(&left[k], k, &fragments)?;
                 let known = product(kept.view(), right_values.view());
                 subtract(&mut extra, known.data());
                 // Residual on (I_z, i, J_z): the next left fragments of the residual.
-                let mut own = self.block(&residual_left[k], k, &fragments);
-                let carried = Core::new(rank_left, mode, fragments.len(), known.into_vec())
+                let mut own = self.block(&residual_left[k], k, &fragments)?;
+                let carried = Core { left: rank_left, mode, right: fragments.len(), data: known.into_vec() }
                     .multiply_left(left_values.view());
                 subtract(&mut own, carried.data());
                 let (rows, next) = self.residual_rows(own, &residual_left[k], mode, settings, k)?;

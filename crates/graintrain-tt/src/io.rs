@@ -122,14 +122,14 @@ fn read(file: &Path, groups: usize) -> Result<(Vec<Vec<usize>>, TtVector), TtErr
     let ranks = input.sizes(d + 1, "a rank")?;
     let mut cores = Vec::new();
     for k in 0..d {
-        let mode: usize = sizes.iter().map(|list| list[k]).product();
+        let mode = sizes.iter().fold(1usize, |product, list| product.saturating_mul(list[k]));
         let numbers = ranks[k].saturating_mul(mode).saturating_mul(ranks[k + 1]);
         // Grows with what is really in the file: a damaged size cannot ask for all memory.
         let mut data = Vec::new();
         for _ in 0..numbers {
             data.push(f64::from_le_bytes(input.take("a core")?));
         }
-        cores.push(Core::new(ranks[k], mode, ranks[k + 1], data));
+        cores.push(Core::new(ranks[k], mode, ranks[k + 1], data)?);
     }
     Ok((sizes, TtVector::from_cores(cores)?))
 }

@@ -29,6 +29,7 @@ pub mod maxvol;
 pub mod qtt;
 mod random;
 pub mod round;
+mod scale;
 pub mod sketch;
 pub mod solve;
 pub mod sparse;

@@ -53,7 +53,7 @@ impl TtMatrix {
     /// # Errors
     /// [`TtError::Shape`] if mode k is not rows\[k\] * columns\[k\].
     pub fn from_vector(train: TtVector, rows: &[usize], columns: &[usize]) -> Result<Self, TtError> {
-        let expected: Vec<usize> = rows.iter().zip(columns).map(|(m, n)| m * n).collect();
+        let expected: Vec<usize> = rows.iter().zip(columns).map(|(m, n)| m.saturating_mul(*n)).collect();
         let got = train.modes();
         if expected != got || rows.len() != columns.len() {
             return Err(TtError::Shape {
@@ -84,8 +84,11 @@ impl TtMatrix {
     /// The identity: rank one.
     ///
     /// # Errors
-    /// [`TtError::Shape`] if there is no mode or a mode is empty.
+    /// [`TtError::Shape`] if there is no mode or a mode is empty, [`TtError::TooLarge`] for a mode above 2^15.
     pub fn identity(modes: &[usize]) -> Result<Self, TtError> {
+        if let Some(&n) = modes.iter().find(|&&n| n > 1 << 15) {
+            return Err(TtError::TooLarge { entries: (n as f64).powi(2) });
+        }
         let eye = |&n: &usize| (0..n * n).map(|b| f64::from(b % (n + 1) == 0)).collect();
         Self::rank_one(&modes.iter().map(eye).collect::<Vec<_>>(), modes, modes)
     }
@@ -108,7 +111,7 @@ impl TtMatrix {
     /// # Errors
     /// [`TtError::Shape`] if the sizes are empty or of different number.
     pub fn random(rows: &[usize], columns: &[usize], rank: usize, seed: u64) -> Result<Self, TtError> {
-        let modes: Vec<usize> = rows.iter().zip(columns).map(|(m, n)| m * n).collect();
+        let modes: Vec<usize> = rows.iter().zip(columns).map(|(m, n)| m.saturating_mul(*n)).collect();
         Self::from_vector(TtVector::random(&modes, rank, seed)?, rows, columns)
     }
 
@@ -295,7 +298,8 @@ impl TtMatrix {
     }
 }
 
-fn checked_product(sizes: &[usize]) -> Result<usize, TtError> {
+/// The product of sizes, or an error where it exceeds an index.
+pub(crate) fn checked_product(sizes: &[usize]) -> Result<usize, TtError> {
     let too_large = TtError::TooLarge { entries: sizes.iter().map(|&n| n as f64).product() };
     sizes.iter().try_fold(1usize, |product, &n| product.checked_mul(n)).ok_or(too_large)
 }

@@ -5,9 +5,13 @@
 //! k-th unfolding of the whole tensor are those of core k, and a truncation there is a truncation of the tensor.
 
 use crate::error::at_core;
+use crate::matrix::checked_product;
+use crate::scale::{binary_exponent, factor_out, largest_finite, scale_by_power, share_power};
 use crate::vector::Core;
 use crate::{TtError, TtMatrix, TtVector};
-use graintrain_linalg::dense::{Matrix, Svd, View, ViewMut, multiply, thin_qr, thin_svd};
+use graintrain_linalg::dense::{
+    DenseError, Matrix, View, ViewMut, left_svd, multiply, product, qr_triangle, thin_qr,
+};
 use serde::{Deserialize, Serialize};
 
 /// How far a train may be shortened: relative Frobenius error and a cap on the ranks.
@@ -53,13 +57,21 @@ impl Truncation {
     }
 }
 
+/// A train as 2^exponent times cores of moderate size.
+pub(crate) struct Balanced {
+    pub cores: Vec<Core>,
+    /// right\[k\]: the cores after the k-th (from 0) are right\[k\] Q with orthonormal rows of Q.
+    pub right: Vec<Matrix>,
+    pub exponent: i64,
+}
+
 /// What a truncation did.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TruncationReport {
     /// Relative Frobenius error: sqrt(sum of all discarded squared singular values) / norm. The projections are
     /// nested, so this is the error itself, not a bound (up to rounding, about 1e-15).
     pub error: f64,
-    /// Frobenius norm of the tensor before the truncation.
+    /// Frobenius norm of the tensor before the truncation (infinite where it exceeds the largest float).
     pub norm: f64,
     /// Whether the cap on the ranks made the error exceed the tolerance.
     pub capped: bool,
@@ -80,9 +92,14 @@ impl Budget {
         Self { allowed, used: 0.0, bonds, max_rank: truncation.max_rank }
     }
 
+    /// The squared error that the next bond may make.
+    pub(crate) fn share(&self) -> f64 {
+        (self.allowed - self.used).max(0.0) / self.bonds.max(1) as f64
+    }
+
     /// The rank to keep from descending squared singular values, at least 1.
     pub(crate) fn rank(&mut self, squares: &[f64]) -> usize {
-        let share = (self.allowed - self.used).max(0.0) / self.bonds.max(1) as f64;
+        let share = self.share();
         self.bonds = self.bonds.saturating_sub(1);
         let (mut rank, mut tail) = (squares.len(), 0.0);
         // Values below rounding level of the largest carry no information and are dropped at no charge.
@@ -108,6 +125,11 @@ impl Budget {
     }
 }
 
+/// The norm of numbers whose largest is zero or not finite, with exponent 0.
+fn not_scalable(data: &[f64]) -> (f64, f64) {
+    (if data.iter().all(|x| *x == 0.0) { 0.0 } else { f64::NAN }, 0.0)
+}
+
 /// diag(s) V^T restricted to the first `rank` rows.
 pub(crate) fn scaled_rows(s: &[f64], v: &Matrix, rank: usize) -> Matrix {
     Matrix::from_fn(rank, v.rows(), |i, j| s[i] * v[(j, i)])
@@ -130,7 +152,8 @@ impl TtVector {
 
     /// QR of core k; R goes into core k + 1.
     pub(crate) fn shift_right(&mut self, k: usize) {
-        let core = std::mem::replace(&mut self.cores[k], Core::new(0, 0, 0, Vec::new()));
+        let core =
+            std::mem::replace(&mut self.cores[k], Core { left: 0, mode: 0, right: 0, data: Vec::new() });
         let (left, mode) = (core.left, core.mode);
         let (q, r) = thin_qr(core.into_left_unfolding());
         self.cores[k] = Core::from_left_unfolding(left, mode, q);
@@ -164,25 +187,23 @@ impl TtVector {
         let mut r = Matrix::identity(1);
         let mut exponent = 0.0;
         for core in &self.cores {
-            let next = core.multiply_left(r.view());
-            r = if next.left * next.mode > next.right {
-                thin_qr(next.into_left_unfolding()).1
-            } else {
-                next.into_left_unfolding()
-            };
-            let largest = r.data().iter().fold(0.0_f64, |largest, x| largest.max(x.abs()));
-            if largest == 0.0 || !largest.is_finite() {
-                return (largest, 0.0);
-            }
-            let power = largest.log2().floor();
-            r.data_mut().iter_mut().for_each(|x| *x *= (-power).exp2());
-            exponent += power;
+            // The core alone first: its product with the triangle might overflow.
+            let mut core = core.clone();
+            let Some(power) = factor_out(&mut core.data) else { return not_scalable(&core.data) };
+            let next = core.multiply_left(r.view()).into_left_unfolding();
+            r = if next.rows() > next.columns() { qr_triangle(next) } else { next };
+            let Some(second) = factor_out(r.data_mut()) else { return not_scalable(r.data()) };
+            exponent += f64::from(power + second);
         }
         (r.data().iter().map(|x| x * x).sum::<f64>().sqrt(), exponent)
     }
 
-    /// The shortest train within the truncation (Oseledets 2011, Algorithm 2): an LQ sweep to the left, then a sweep of
-    /// truncated SVDs to the right. O(d n r^3). The error never exceeds the tolerance unless the cap binds.
+    /// The shortest train within the truncation (Oseledets 2011, Algorithm 2). O(d n r^3). The error never exceeds the
+    /// tolerance (beyond rounding level, about 1e-15 sqrt(d)) unless the cap binds.
+    ///
+    /// The triangles L_k of the parts A_{>k} = L_k Q_k come from the right (Q is never formed); from the left, the singular
+    /// vectors U_k of G_k L_k are the new core, and U_k^T G_k goes into the next one. The result is left-orthogonal.
+    /// Every core and triangle is scaled by a power of two, so sizes from 1e-300 to 1e300 per core do no harm.
     ///
     /// # Errors
     /// [`TtError::Setting`] for a tolerance outside [0, 1) or a zero cap, [`TtError::Dense`] for entries that are not
@@ -198,51 +219,97 @@ impl TtVector {
     /// ```
     pub fn round(&self, truncation: &Truncation) -> Result<(Self, TruncationReport), TtError> {
         truncation.check()?;
-        let mut train = self.clone();
-        let log_scale = train.balance_and_orthogonalise_right();
-        let report = train.truncate_right(truncation)?;
-        let scale = (log_scale / train.num_cores() as f64).exp();
-        train.cores.iter_mut().for_each(|core| core.data.iter_mut().for_each(|x| *x *= scale));
-        Ok((train, TruncationReport { norm: report.norm * log_scale.exp(), ..report }))
-    }
-
-    /// Right-orthogonalises while factoring out the size of every triangle, so that long trains do not overflow.
-    /// Returns ln of the factor taken out; the first core then has norm one (or zero).
-    fn balance_and_orthogonalise_right(&mut self) -> f64 {
-        let mut log_scale = 0.0;
-        for k in (0..self.num_cores()).rev() {
-            let size = self.cores[k].data.iter().map(|x| x * x).sum::<f64>().sqrt();
-            if size > 0.0 && size.is_finite() {
-                self.cores[k].data.iter_mut().for_each(|x| *x /= size);
-                log_scale += size.ln();
-            }
-            if k > 0 {
-                self.shift_left(k);
-            }
-        }
-        log_scale
-    }
-
-    /// Truncated SVDs from left to right of a train whose cores 2..d are right-orthogonal.
-    pub(crate) fn truncate_right(&mut self, truncation: &Truncation) -> Result<TruncationReport, TtError> {
         let d = self.num_cores();
-        let norm_squared = self.cores[0].data.iter().map(|x| x * x).sum::<f64>();
+        let Some(Balanced { mut cores, right, exponent }) = self.balanced()? else {
+            return Ok(self.zero_like());
+        };
+        let mut unfolding = product(cores[0].left_unfolding(), right[0].view());
+        let norm_squared = unfolding.data().iter().map(|x| x * x).sum::<f64>();
         let mut budget = Budget::new(truncation, norm_squared, d - 1);
         for k in 0..d - 1 {
-            let core = std::mem::replace(&mut self.cores[k], Core::new(0, 0, 0, Vec::new()));
-            let (left, mode) = (core.left, core.mode);
-            let Svd { mut u, s, v } = thin_svd(core.left_unfolding()).map_err(at_core(k))?;
-            let squares: Vec<f64> = s.iter().map(|s| s * s).collect();
-            let rank = budget.rank(&squares);
+            let (mut u, s) = left_svd(unfolding.view()).map_err(at_core(k))?;
+            let rank = budget.rank(&s.iter().map(|s| s * s).collect::<Vec<_>>());
             u.truncate_columns(rank);
-            self.cores[k] = Core::from_left_unfolding(left, mode, u);
-            self.cores[k + 1] = self.cores[k + 1].multiply_left(scaled_rows(&s, &v, rank).view());
+            let carry = product(u.t(), cores[k].left_unfolding());
+            let (left, mode) = (cores[k].left, cores[k].mode);
+            cores[k] = Core::from_left_unfolding(left, mode, u);
+            cores[k + 1] = cores[k + 1].multiply_left(carry.view());
+            unfolding = product(cores[k + 1].left_unfolding(), right[k + 1].view());
         }
-        Ok(budget.report(norm_squared))
+        let report = budget.report(norm_squared);
+        share_power(&mut cores, exponent);
+        Ok((Self { cores }, TruncationReport { norm: report.norm * (exponent as f64).exp2(), ..report }))
+    }
+
+    /// Scales every core by a power of two so that the parts right of every bond have a norm near 1; none for the zero
+    /// tensor. O(d n r^3).
+    pub(crate) fn balanced(&self) -> Result<Option<Balanced>, TtError> {
+        let d = self.num_cores();
+        let mut cores = self.cores.clone();
+        let mut exponent = 0i64;
+        let mut right = vec![Matrix::identity(1); d];
+        for k in (0..d).rev() {
+            let size = largest_finite(&cores[k].data).map_err(at_core(k))?;
+            if size == 0.0 {
+                return Ok(None);
+            }
+            let mut power = binary_exponent(size);
+            scale_by_power(&mut cores[k].data, -power);
+            let core = cores[k].multiply_right(right[k].view());
+            let turned = Matrix::from_vec(core.left, core.mode * core.right, core.data).transposed();
+            let mut triangle = qr_triangle(turned).transposed();
+            let Some(second) = factor_out(triangle.data_mut()) else { return Ok(None) };
+            scale_by_power(&mut cores[k].data, -second);
+            power += second;
+            if k > 0 {
+                right[k - 1] = triangle;
+            }
+            exponent += i64::from(power);
+        }
+        Ok(Some(Balanced { cores, right, exponent }))
+    }
+
+    /// Singular values of every unfolding (i_1 ... i_k) x (i_{k+1} ... i_d), k = 1..d-1, descending: they tell the ranks
+    /// that any tolerance needs. From the triangles of the parts left and right of the bond; O(d n r^3).
+    ///
+    /// # Errors
+    /// [`TtError::Dense`] for entries that are not finite.
+    ///
+    /// ```
+    /// use graintrain_tt::qtt;
+    /// // sin has two singular values at every bond.
+    /// let values = qtt::sine(10, 0.1, 0.3)?.singular_values()?;
+    /// assert!(values.iter().all(|s| s.len() == 2 && s[1] > 1e-3 * s[0]));
+    /// # Ok::<(), graintrain_tt::TtError>(())
+    /// ```
+    pub fn singular_values(&self) -> Result<Vec<Vec<f64>>, TtError> {
+        let d = self.num_cores();
+        let Some(Balanced { cores, right, exponent }) = self.balanced()? else {
+            return Ok(vec![vec![0.0]; d - 1]);
+        };
+        let mut values = Vec::with_capacity(d - 1);
+        let (mut left, mut taken_out) = (Matrix::identity(1), exponent);
+        for k in 0..d - 1 {
+            left = qr_triangle(cores[k].multiply_left(left.view()).into_left_unfolding());
+            taken_out += i64::from(factor_out(left.data_mut()).unwrap_or(0));
+            let (_, mut s) = left_svd(product(left.view(), right[k].view()).view()).map_err(at_core(k))?;
+            s.iter_mut().for_each(|s| *s *= (taken_out as f64).exp2());
+            values.push(s);
+        }
+        Ok(values)
+    }
+
+    /// The zero tensor of the same modes with the report of an exact truncation.
+    fn zero_like(&self) -> (Self, TruncationReport) {
+        let zero = |core: &Core| Core::from_fn(1, core.mode, 1, |_, _, _| 0.0);
+        let train = Self { cores: self.cores.iter().map(zero).collect() };
+        (train, TruncationReport { error: 0.0, norm: 0.0, capped: false })
     }
 
     /// TT-SVD of a full tensor (Oseledets 2011, Algorithm 1), first index fastest: truncated SVDs of the unfoldings
     /// from left to right. Each tall unfolding is first reduced to a small triangle by QR of its transpose.
+    ///
+    /// The report's error is the error itself. Entries of any finite size (they are scaled by a power of two).
     ///
     /// # Errors
     /// [`TtError::Shape`] if the length is not the product of the modes; [`TtError::Setting`] and [`TtError::Dense`]
@@ -262,7 +329,8 @@ impl TtVector {
         truncation: &Truncation,
     ) -> Result<(Self, TruncationReport), TtError> {
         truncation.check()?;
-        let entries: usize = modes.iter().product();
+        let entries =
+            modes.iter().try_fold(1usize, |product, &n| product.checked_mul(n)).unwrap_or(usize::MAX);
         if modes.is_empty() || entries != full.len() || entries == 0 {
             return Err(TtError::Shape {
                 what: "entries of a full tensor",
@@ -271,18 +339,19 @@ impl TtVector {
             });
         }
         let d = modes.len();
-        let norm_squared = full.iter().map(|x| x * x).sum::<f64>();
+        let power = binary_exponent(largest_finite(full).map_err(at_core(0))?);
+        let mut rest = full.to_vec();
+        scale_by_power(&mut rest, -power);
+        let norm_squared = rest.iter().map(|x| x * x).sum::<f64>();
         let mut budget = Budget::new(truncation, norm_squared, d - 1);
         let mut cores = Vec::with_capacity(d);
-        let mut rest = full.to_vec();
         let mut left = 1;
         for k in 0..d - 1 {
             let rows = left * modes[k];
             let columns = rest.len() / rows;
             let unfolding = View::new(&rest, rows, columns);
-            let Svd { mut u, s, .. } = left_singular(unfolding).map_err(at_core(k))?;
-            let squares: Vec<f64> = s.iter().map(|s| s * s).collect();
-            let rank = budget.rank(&squares);
+            let (mut u, s) = left_singular(unfolding).map_err(at_core(k))?;
+            let rank = budget.rank(&s.iter().map(|s| s * s).collect::<Vec<_>>());
             u.truncate_columns(rank);
             let mut next = vec![0.0; rank * columns];
             multiply(1.0, u.t(), unfolding, ViewMut::new(&mut next, rank, columns));
@@ -290,8 +359,11 @@ impl TtVector {
             cores.push(Core::from_left_unfolding(left, modes[k], u));
             left = rank;
         }
-        cores.push(Core::new(left, modes[d - 1], 1, rest));
-        Ok((Self { cores }, budget.report(norm_squared)))
+        cores.push(Core { left, mode: modes[d - 1], right: 1, data: rest });
+        share_power(&mut cores, i64::from(power));
+        let report = budget.report(norm_squared);
+        let norm = report.norm * f64::from(power).exp2();
+        Ok((Self { cores }, TruncationReport { norm, ..report }))
     }
 
     /// ||self - other|| / ||other|| by the norm of the difference train (no cancellation); infinite where other is zero
@@ -308,10 +380,10 @@ impl TtVector {
 
 /// Left singular vectors and values of a wide matrix through blocks of columns: R^T of a running QR keeps
 /// A A^T = R^T R, so the small factor has the same left singular vectors. Only rows x rows numbers live at a time.
-fn left_singular(a: View<'_>) -> Result<Svd, graintrain_linalg::dense::DenseError> {
+fn left_singular(a: View<'_>) -> Result<(Matrix, Vec<f64>), DenseError> {
     let (m, n) = (a.rows(), a.columns());
     if n <= 2 * m {
-        return thin_svd(a);
+        return left_svd(a);
     }
     let block = (4 * m).max(256);
     let mut triangle = Matrix::zeros(0, m);
@@ -322,10 +394,10 @@ fn left_singular(a: View<'_>) -> Result<Svd, graintrain_linalg::dense::DenseErro
         let stacked = Matrix::from_fn(kept + width, m, |i, j| {
             if i < kept { triangle[(i, j)] } else { a.get(j, first + i - kept) }
         });
-        triangle = thin_qr(stacked).1;
+        triangle = qr_triangle(stacked);
         first += width;
     }
-    thin_svd(triangle.t())
+    left_svd(triangle.t())
 }
 
 impl TtMatrix {
@@ -353,7 +425,7 @@ impl TtMatrix {
         columns: &[usize],
         truncation: &Truncation,
     ) -> Result<(Self, TruncationReport), TtError> {
-        let (m, n) = (rows.iter().product::<usize>(), columns.iter().product::<usize>());
+        let (m, n) = (checked_product(rows)?, checked_product(columns)?);
         if rows.len() != columns.len() || rows.is_empty() || m != full.rows() || n != full.columns() {
             return Err(TtError::Shape {
                 what: "rows and columns of a full matrix",

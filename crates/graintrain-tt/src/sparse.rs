@@ -10,24 +10,25 @@
 //! 3. four children (I, J) share a parent (I / 2, J / 2): their vectors are stacked in the order of the paired digit.
 //!
 //! Every entry is seen, the error is known (sum of the discarded eigenvalues), ranks are those of the TT-SVD, and the
-//! cost is O(nonzero blocks r^2) per level. Below a tolerance of 1e-5 the eigenvalues of the Gram matrix are too
-//! coarse, and the triangle of a QR of all vectors takes its place.
+//! cost is O(nonzero blocks r^2) per level. Where the tolerance comes near the rounding of the Gram matrix (about 1e-6, or
+//! dummies much larger than the entries), the triangle of a QR of all vectors takes its place.
 
 use crate::error::at_core;
 use crate::round::Budget;
+use crate::scale::{binary_exponent, largest_finite, share_power};
 use crate::vector::Core;
 use crate::{Truncation, TtError, TtMatrix, TtVector};
 use graintrain_linalg::block3::BlockMatrix3;
 use graintrain_linalg::dense::{
-    Matrix, Svd, View, ViewMut, gram, multiply, symmetric_eigen, thin_qr, thin_svd,
+    DenseError, Matrix, View, ViewMut, gram, left_svd, multiply, qr_triangle, symmetric_eigen,
 };
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 /// Blocks per task: part of the definition of every sum made here, so that threads do not change a bit.
 const CHUNK: usize = 1024;
-/// Above this tolerance Gram matrices are accurate enough.
-const GRAM_TOLERANCE: f64 = 1e-5;
+/// The Gram matrix serves while its rounding errors, times this, stay below the squared error that one bond may make.
+const GRAM_SAFETY: f64 = 100.0;
 /// Largest number of levels: block coordinates have 31 bits.
 const MAX_LEVELS: usize = 31;
 
@@ -45,8 +46,8 @@ pub struct QuadtreeMatrix {
     value: Vec<f64>,
     /// Diagonal value of the unknowns that do not exist (0: they are left zero).
     dummy: f64,
-    /// Squared Frobenius norm of the given entries.
-    norm_squared: f64,
+    /// Frobenius norm of the given entries.
+    norm: f64,
     /// Number of dummy unknowns (a float: it may exceed any integer).
     dummy_count: f64,
 }
@@ -99,18 +100,8 @@ impl QuadtreeMatrix {
             value.push(x);
         }
         start.push(position.len());
-        let norm_squared = value.iter().map(|x| x * x).sum();
-        Ok(Self {
-            leaf_size,
-            levels,
-            key: keys,
-            start,
-            position,
-            value,
-            dummy: 0.0,
-            norm_squared,
-            dummy_count: 0.0,
-        })
+        let norm = scaled_norm(&value);
+        Ok(Self { leaf_size, levels, key: keys, start, position, value, dummy: 0.0, norm, dummy_count: 0.0 })
     }
 
     /// From a matrix of 3x3 blocks and the place of every block row: block row c sits at rows 3 place\[c\] + 0..3, so
@@ -219,12 +210,12 @@ impl QuadtreeMatrix {
 
     /// Frobenius norm of the entries given, without dummies.
     pub fn norm(&self) -> f64 {
-        self.norm_squared.sqrt()
+        self.norm
     }
 
     /// Frobenius norm with the dummies.
     pub fn augmented_norm(&self) -> f64 {
-        (self.norm_squared + self.dummy_count * self.dummy * self.dummy).sqrt()
+        self.norm.hypot(self.dummy_count.sqrt() * self.dummy)
     }
 
     /// Number of stored entries (dummies in partly filled leaves included).
@@ -268,19 +259,25 @@ impl QuadtreeMatrix {
     pub fn relative_error(&self, train: &TtMatrix) -> Result<f64, TtError> {
         let modes = self.modes();
         TtMatrix::identity(&modes)?.check_same_sizes(train)?;
+        // In units of the norm of the entries, so that squares neither overflow nor vanish.
+        let unit = f64::from(-self.exponent());
+        let train = train.scale(unit.exp2());
         let places: Vec<(usize, usize)> = self.entries().map(|(row, column, _)| (row, column)).collect();
         let values = train.entries(&places)?;
-        let mut inner: f64 = values.iter().zip(&self.value).map(|(a, b)| a * b).sum();
-        if self.dummy != 0.0 {
+        let mut inner: f64 = values.iter().zip(&self.value).map(|(a, b)| a * (b * unit.exp2())).sum();
+        let dummy = self.dummy * unit.exp2();
+        if dummy != 0.0 {
             // Dummies in empty leaves: the trace of the train without the leaves that are stored.
             let stored =
                 self.key.iter().filter(|&&key| is_diagonal(key)).map(|&key| self.leaf_size * odd_bits(key));
             let diagonal: Vec<(usize, usize)> =
                 stored.flat_map(|first| (first..first + self.leaf_size).map(|i| (i, i))).collect();
-            inner += self.dummy * (train.trace()? - train.entries(&diagonal)?.iter().sum::<f64>());
+            inner += dummy * (train.trace()? - train.entries(&diagonal)?.iter().sum::<f64>());
         }
-        let squared = self.augmented_norm().powi(2) - 2.0 * inner + train.norm().powi(2);
-        Ok(squared.max(0.0).sqrt() / self.norm())
+        let norm = self.norm * unit.exp2();
+        let augmented = norm.powi(2) + self.dummy_count * dummy.powi(2);
+        let squared = augmented - 2.0 * inner + train.norm().powi(2);
+        Ok(squared.max(0.0).sqrt() / norm)
     }
 
     /// The train of the augmented matrix; see the module. The tolerance is relative to [`QuadtreeMatrix::norm`], the
@@ -290,13 +287,16 @@ impl QuadtreeMatrix {
     /// [`TtError::Setting`] for a bad truncation, [`TtError::Dense`] if an entry is not finite.
     pub fn to_train(&self, truncation: &Truncation) -> Result<(TtMatrix, SparseReport), TtError> {
         truncation.check()?;
-        let mut budget = Budget::new(truncation, self.norm_squared, self.levels);
-        let mut nodes = self.leaves();
+        largest_finite(&self.value).map_err(at_core(0))?;
+        let exponent = self.exponent();
+        let norm_squared = (self.norm * f64::from(-exponent).exp2()).powi(2);
+        let mut budget = Budget::new(truncation, norm_squared, self.levels);
+        let mut nodes = self.leaves(exponent);
         let mut cores = Vec::with_capacity(self.levels + 1);
         let mut left = 1;
         for level in 0..self.levels {
             let mode = nodes.width / left;
-            let basis = nodes.leading_basis(truncation, &mut budget).map_err(at_core(level))?;
+            let basis = nodes.leading_basis(&mut budget).map_err(at_core(level))?;
             let rank = basis.columns();
             nodes = nodes.project(&basis).parents();
             cores.push(Core::from_left_unfolding(left, mode, basis));
@@ -304,29 +304,37 @@ impl QuadtreeMatrix {
         }
         // One block is left (or none: the zero matrix).
         let root = if nodes.key.is_empty() { nodes.dummy.clone() } else { nodes.coefficients.clone() };
-        cores.push(Core::new(left, nodes.width / left, 1, root));
+        cores.push(Core { left, mode: nodes.width / left, right: 1, data: root });
+        share_power(&mut cores, i64::from(exponent));
         let modes = self.modes();
         let matrix = TtMatrix { rows: modes.clone(), columns: modes, train: TtVector { cores } };
-        let report = budget.report(self.norm_squared);
-        let absolute = report.error * self.norm();
-        let augmented_error = if absolute > 0.0 { absolute / self.augmented_norm() } else { 0.0 };
+        let report = budget.report(norm_squared);
+        // (The quotient first: the product of the error and the norm may vanish.)
+        let augmented_error =
+            if report.error > 0.0 { report.error * (self.norm / self.augmented_norm()) } else { 0.0 };
         Ok((
             matrix,
             SparseReport { error: report.error, augmented_error, norm: self.norm(), capped: report.capped },
         ))
     }
 
-    /// Leaf blocks as vectors of n_1^2 numbers.
-    fn leaves(&self) -> Level {
+    /// Power of two near the norm of the entries (of the dummies where there are none).
+    fn exponent(&self) -> i32 {
+        binary_exponent(if self.norm > 0.0 { self.norm } else { self.dummy.abs() })
+    }
+
+    /// Leaf blocks as vectors of n_1^2 numbers, times 2^-exponent.
+    fn leaves(&self, exponent: i32) -> Level {
+        let unit = f64::from(-exponent).exp2();
         let width = self.leaf_size * self.leaf_size;
         let mut coefficients = vec![0.0; width * self.key.len()];
         for block in 0..self.key.len() {
             for e in self.start[block]..self.start[block + 1] {
-                coefficients[block * width + self.position[e] as usize] = self.value[e];
+                coefficients[block * width + self.position[e] as usize] = self.value[e] * unit;
             }
         }
         let mut dummy = vec![0.0; width];
-        dummy.iter_mut().step_by(self.leaf_size + 1).for_each(|x| *x = self.dummy);
+        dummy.iter_mut().step_by(self.leaf_size + 1).for_each(|x| *x = self.dummy * unit);
         let stored_diagonal = self.key.iter().filter(|&&key| is_diagonal(key)).count();
         let dummy_blocks =
             if self.dummy == 0.0 { 0.0 } else { (self.levels as f64).exp2() - stored_diagonal as f64 };
@@ -337,7 +345,8 @@ impl QuadtreeMatrix {
 /// What [`QuadtreeMatrix::to_train`] did.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SparseReport {
-    /// Frobenius error relative to the norm of the given entries (without dummies): exact up to rounding.
+    /// Frobenius error relative to the norm of the given entries (without dummies): exact up to the rounding of a Gram
+    /// matrix, at most a tenth of the tolerance.
     pub error: f64,
     /// The same error relative to the norm with dummies: what a method that looks only at the augmented matrix sees.
     pub augmented_error: f64,
@@ -368,20 +377,20 @@ impl Level {
     }
 
     /// The orthonormal basis to keep: leading left singular vectors of all vectors side by side.
-    fn leading_basis(
-        &self,
-        truncation: &Truncation,
-        budget: &mut Budget,
-    ) -> Result<Matrix, graintrain_linalg::dense::DenseError> {
+    fn leading_basis(&self, budget: &mut Budget) -> Result<Matrix, DenseError> {
+        // The trace bounds the largest eigenvalue; rounding of the small ones is relative to it.
+        let trace = self.coefficients.iter().chain([&0.0]).map(|x| x * x).sum::<f64>()
+            + self.dummy_blocks.max(0.0) * self.dummy.iter().map(|x| x * x).sum::<f64>();
+        let rounding = f64::EPSILON * self.width as f64 * trace;
         let (mut basis, squares) =
-            if truncation.tolerance >= GRAM_TOLERANCE { self.by_gram()? } else { self.by_triangle()? };
+            if GRAM_SAFETY * rounding <= budget.share() { self.by_gram()? } else { self.by_triangle()? };
         let rank = budget.rank(&squares);
         basis.truncate_columns(rank);
         Ok(basis)
     }
 
     /// Eigenvectors of sum c c^T, chunk sums added in order.
-    fn by_gram(&self) -> Result<(Matrix, Vec<f64>), graintrain_linalg::dense::DenseError> {
+    fn by_gram(&self) -> Result<(Matrix, Vec<f64>), DenseError> {
         let n = self.width;
         let sums: Vec<Matrix> =
             (0..self.num_chunks()).into_par_iter().map(|chunk| gram(self.chunk(chunk).t())).collect();
@@ -405,12 +414,12 @@ impl Level {
     }
 
     /// The same from the triangle of a QR of all vectors: no squared condition number.
-    fn by_triangle(&self) -> Result<(Matrix, Vec<f64>), graintrain_linalg::dense::DenseError> {
+    fn by_triangle(&self) -> Result<(Matrix, Vec<f64>), DenseError> {
         let triangles: Vec<Matrix> = (0..self.num_chunks())
             .into_par_iter()
             .map(|chunk| {
                 let vectors = self.chunk(chunk);
-                thin_qr(Matrix::from_fn(vectors.columns(), self.width, |i, j| vectors.get(j, i))).1
+                qr_triangle(Matrix::from_fn(vectors.columns(), self.width, |i, j| vectors.get(j, i)))
             })
             .collect();
         let weight = self.dummy_blocks.max(0.0).sqrt();
@@ -418,15 +427,14 @@ impl Level {
             Matrix::from_fn(usize::from(weight > 0.0), self.width, |_, j| weight * self.dummy[j]);
         for next in &triangles {
             let kept = triangle.rows();
-            triangle = thin_qr(Matrix::from_fn(kept + next.rows(), self.width, |i, j| {
+            triangle = qr_triangle(Matrix::from_fn(kept + next.rows(), self.width, |i, j| {
                 if i < kept { triangle[(i, j)] } else { next[(i - kept, j)] }
-            }))
-            .1;
+            }));
         }
         if triangle.rows() == 0 {
             triangle = Matrix::zeros(1, self.width);
         }
-        let Svd { u, s, .. } = thin_svd(triangle.t())?;
+        let (u, s) = left_svd(triangle.t())?;
         Ok((u, s.iter().map(|s| s * s).collect()))
     }
 
@@ -475,6 +483,13 @@ impl Level {
         dummy[3 * rank..].copy_from_slice(&self.dummy);
         Self { width, key, coefficients, dummy, dummy_blocks: (self.dummy_blocks - absorbed) / 2.0 }
     }
+}
+
+/// Frobenius norm by numbers scaled to at most 2 (not a number if one is not finite).
+fn scaled_norm(values: &[f64]) -> f64 {
+    let Ok(largest) = largest_finite(values) else { return f64::NAN };
+    let power = f64::from(binary_exponent(largest));
+    values.iter().map(|x| (x * (-power).exp2()).powi(2)).sum::<f64>().sqrt() * power.exp2()
 }
 
 /// Bits of i at even places (low), of j at odd places.

@@ -25,11 +25,25 @@ pub struct Core {
 impl Core {
     /// A core from its numbers, first index fastest.
     ///
-    /// # Panics
-    /// If the length is not left * mode * right.
-    pub fn new(left: usize, mode: usize, right: usize, data: Vec<f64>) -> Self {
-        assert_eq!(data.len(), left * mode * right, "a core of shape {left} x {mode} x {right}");
-        Self { left, mode, right, data }
+    /// # Errors
+    /// [`TtError::Shape`] if the length is not left * mode * right.
+    pub fn new(left: usize, mode: usize, right: usize, data: Vec<f64>) -> Result<Self, TtError> {
+        let core = Self { left, mode, right, data };
+        core.check_length()?;
+        Ok(core)
+    }
+
+    /// Fails unless the core holds left * mode * right numbers.
+    fn check_length(&self) -> Result<(), TtError> {
+        let expected = self.left.checked_mul(self.mode).and_then(|n| n.checked_mul(self.right));
+        if expected == Some(self.data.len()) {
+            return Ok(());
+        }
+        Err(TtError::Shape {
+            what: "numbers in a core of left x mode x right",
+            expected: vec![self.left, self.mode, self.right],
+            got: vec![self.data.len()],
+        })
     }
 
     /// A core from a function of (alpha, i, beta).
@@ -103,14 +117,12 @@ impl Core {
 
     /// A core from its left unfolding.
     pub(crate) fn from_left_unfolding(left: usize, mode: usize, matrix: Matrix) -> Self {
-        let right = matrix.columns();
-        Self::new(left, mode, right, matrix.into_vec())
+        Self { left, mode, right: matrix.columns(), data: matrix.into_vec() }
     }
 
     /// A core from its right unfolding.
     pub(crate) fn from_right_unfolding(mode: usize, right: usize, matrix: Matrix) -> Self {
-        let left = matrix.rows();
-        Self::new(left, mode, right, matrix.into_vec())
+        Self { left: matrix.rows(), mode, right, data: matrix.into_vec() }
     }
 
     /// M G: the left index contracted with the columns of M.
@@ -179,7 +191,7 @@ impl TtVector {
         let mut rank = 1;
         for core in &cores {
             shape("left rank of a core", rank, core.left)?;
-            shape("numbers in a core", core.left * core.mode * core.right, core.data.len())?;
+            core.check_length()?;
             if core.data.is_empty() {
                 return Err(TtError::Shape { what: "numbers in a core", expected: vec![1], got: vec![0] });
             }
@@ -194,7 +206,9 @@ impl TtVector {
     /// # Errors
     /// [`TtError::Shape`] if there is no factor or a factor is empty.
     pub fn rank_one(factors: &[Vec<f64>]) -> Result<Self, TtError> {
-        Self::from_cores(factors.iter().map(|x| Core::new(1, x.len(), 1, x.clone())).collect())
+        Self::from_cores(
+            factors.iter().map(|x| Core { left: 1, mode: x.len(), right: 1, data: x.clone() }).collect(),
+        )
     }
 
     /// All entries equal to `value`.
@@ -220,10 +234,17 @@ impl TtVector {
     /// Ranks `rank` (less where the tensor does not allow it) and entries uniform in [-1, 1], from a seed.
     ///
     /// # Errors
-    /// [`TtError::Shape`] if there is no mode or a mode is empty.
+    /// [`TtError::Shape`] if there is no mode or a mode is empty, [`TtError::TooLarge`] for a core of more than 2^31
+    /// numbers.
     pub fn random(modes: &[usize], rank: usize, seed: u64) -> Result<Self, TtError> {
         let mut random = crate::random::Random::new(seed);
         let ranks = admissible_ranks(modes, rank);
+        for (k, &n) in modes.iter().enumerate() {
+            let entries = ranks[k] as f64 * n as f64 * ranks[k + 1] as f64;
+            if entries > LARGEST_FULL {
+                return Err(TtError::TooLarge { entries });
+            }
+        }
         let core = |k: usize, random: &mut crate::random::Random| {
             Core::from_fn(ranks[k], modes[k], ranks[k + 1], |_, _, _| random.symmetric())
         };

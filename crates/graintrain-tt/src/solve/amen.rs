@@ -5,11 +5,17 @@ use super::interface::{
 };
 use super::local::{self, LocalSettings};
 use super::{Method, SolveSettings};
-use crate::TtError;
 use crate::error::at_core;
 use crate::random::Random;
 use crate::round::scaled_rows;
+use crate::vector::Core;
+use crate::{TtError, TtVector};
 use graintrain_linalg::dense::{Matrix, Svd, thin_qr, thin_svd};
+
+/// A Krylov method that does not lower a local residual to this part has failed.
+const KRYLOV_GAIN: f64 = 0.1;
+/// After such a failure systems up to this many times the direct limit are factored.
+const RAISED_LIMIT: usize = 3;
 
 /// Interfaces on one side of a site: solution-solution, solution-rhs, residual-solution, residual-rhs.
 #[derive(Clone)]
@@ -58,6 +64,8 @@ pub(crate) struct Sweeper {
     right: Vec<Sides>,
     reversed: bool,
     symmetric: bool,
+    /// Largest local system that is factored densely: raised where Krylov methods prove to be of no use.
+    direct_limit: usize,
 }
 
 impl Sweeper {
@@ -91,7 +99,8 @@ impl Sweeper {
             let (a, y) = (&a_reversed[d - 1 - k], &y_reversed[d - 1 - k]);
             right[k - 1] = right[k].push(a, &x[k].reversed(), y, &z[k].reversed());
         }
-        Self { a, a_reversed, y, y_reversed, x, z, right, reversed: false, symmetric }
+        let direct_limit = settings.direct_limit;
+        Self { a, a_reversed, y, y_reversed, x, z, right, reversed: false, symmetric, direct_limit }
     }
 
     /// One sweep over all sites; `enrich` adds residual directions (AMEn only). Afterwards the trains are turned.
@@ -129,13 +138,16 @@ impl Sweeper {
     }
 
     /// The solution in the order of the problem.
-    pub fn into_solution(self) -> Vec<BlockCore> {
-        if self.reversed { self.x.iter().rev().map(BlockCore::reversed).collect() } else { self.x }
+    pub fn solution(&self) -> TtVector {
+        let core =
+            |x: &BlockCore| Core { left: x.left, mode: x.n * x.s, right: x.right, data: x.data.clone() };
+        let train = TtVector { cores: self.x.iter().map(core).collect() };
+        if self.reversed { train.reverse() } else { train }
     }
 
     fn local_settings(&self, settings: &SolveSettings) -> LocalSettings {
         LocalSettings {
-            direct_limit: settings.direct_limit,
+            direct_limit: self.direct_limit,
             iterations: settings.local_iterations,
             tolerance: 0.5 * settings.tolerance / (self.x.len() as f64).sqrt(),
             symmetric: self.symmetric,
@@ -157,6 +169,9 @@ impl Sweeper {
         let b = local_right_hand_side(&left.xy, y, &right.xy);
         let BlockCore { left: rank_left, n, s, right: rank_right, .. } = self.x[k];
         let solved = improve(&operator, &b, &self.x[k], &self.local_settings(settings), outcome);
+        if solved.krylov_failed {
+            self.direct_limit = self.direct_limit.max(RAISED_LIMIT * settings.direct_limit);
+        }
         let block = BlockCore::from_spectator_last(rank_left, n, s, rank_right, &solved.u);
         if k + 1 == d {
             self.x[k] = block;
@@ -216,6 +231,9 @@ impl Sweeper {
         let b = local_right_hand_side(&left.xy, &y, &right.xy);
         let pair = self.x[k].merge(&self.x[k + 1]);
         let solved = improve(&operator, &b, &pair, &self.local_settings(settings), outcome);
+        if solved.krylov_failed {
+            self.direct_limit = self.direct_limit.max(RAISED_LIMIT * settings.direct_limit);
+        }
         let (first, second) = (self.x[k].clone(), self.x[k + 1].clone());
         let block = BlockCore::from_spectator_last(pair.left, pair.n, pair.s, pair.right, &solved.u);
         let split = block.split(&first, &second);
@@ -272,10 +290,12 @@ impl BlockCore {
     }
 }
 
-/// A solved site: unknowns with the spectator last, and the relative residual they leave.
+/// A solved site: unknowns with the spectator last, the relative residual they leave, and whether a Krylov method
+/// hardly lowered it.
 struct Solved {
     u: Vec<f64>,
     residual: f64,
+    krylov_failed: bool,
 }
 
 /// Solves one local system from the current core and records what was seen.
@@ -294,6 +314,8 @@ fn improve(
         local::solve(operator, b, &mut u, settings);
     }
     let mut residual = relative_residual(operator, b, &u);
+    let iterated = operator.size() > settings.direct_limit;
+    let krylov_failed = iterated && residual > settings.tolerance.max(KRYLOV_GAIN * before);
     if settings.symmetric && (residual > before || residual.is_nan()) {
         // A solve that made it worse (a nearly singular site) is thrown away.
         u.copy_from_slice(&start);
@@ -302,7 +324,7 @@ fn improve(
     let change: f64 = u.iter().zip(&start).map(|(a, b)| (a - b).powi(2)).sum();
     let size: f64 = u.iter().map(|x| x * x).sum();
     outcome.change = outcome.change.max((change / size.max(f64::MIN_POSITIVE)).sqrt());
-    Solved { u, residual }
+    Solved { u, residual, krylov_failed }
 }
 
 /// ||B u - b|| / ||b|| over all spectators (with ||b|| = 0: ||B u||).

@@ -18,7 +18,7 @@ mod amen;
 mod interface;
 mod local;
 
-use crate::vector::Core;
+use crate::scale::{scale_by_power, share_power};
 use crate::{Truncation, TtError, TtMatrix, TtVector};
 pub(crate) use amen::Sweeper;
 pub(crate) use interface::{BlockCore, OperatorCore};
@@ -86,6 +86,11 @@ impl SolveSettings {
     }
 }
 
+/// A residual up to this many times the tolerance counts as converged: the last clean-up may cost that much.
+pub(crate) const SAFETY: f64 = 3.0;
+/// The local tolerance is never tightened below this part of the tolerance asked for.
+pub(crate) const MOST_TIGHTENING: f64 = 0.01;
+
 /// Why the sweeps ended. Only the first says that the tolerance is met.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum SolveStatus {
@@ -117,8 +122,8 @@ pub struct SolveReport {
 /// Solves A x = y; `start` defaults to y.
 ///
 /// # Errors
-/// [`TtError::Shape`] if the sizes do not fit, [`TtError::Setting`] for a bad setting, [`TtError::Dense`] for entries
-/// that are not finite. Not converging is not an error: see [`SolveReport::status`].
+/// [`TtError::Shape`] if the sizes do not fit, [`TtError::Setting`] for a bad setting or a zero operator,
+/// [`TtError::Dense`] for entries that are not finite. Not converging is not an error: see [`SolveReport::status`].
 ///
 /// ```
 /// use graintrain_tt::{TtVector, qtt, solve};
@@ -187,6 +192,33 @@ fn solve_block(
             });
         }
     }
+    // Sizes are taken out as powers of two, exactly: 2^p A' 2^(q - p) x' = 2^q y' with A', y' of moderate size.
+    let Some((balanced_y, y_exponent)) = balanced(y, spectators)? else {
+        // A x = 0
+        let zero = y.scale(0.0).round(&Truncation::default())?.0;
+        let ranks = zero.ranks();
+        let report = SolveReport {
+            status: SolveStatus::Converged,
+            residual: 0.0,
+            sweeps: 0,
+            history: Vec::new(),
+            ranks,
+        };
+        return Ok((zero, report));
+    };
+    let Some((balanced_a, a_exponent)) = balanced(&a.train, &a.rows)? else {
+        return Err(TtError::Setting { what: "norm of the operator", need: "positive", got: 0.0 });
+    };
+    let (y, a, exponent) = (&balanced_y, &a.map(|_| balanced_a), y_exponent - a_exponent);
+    let start = match start.balanced()? {
+        // (A zero start has no direction: the right-hand side takes its place.)
+        None => y.clone(),
+        Some(start) => {
+            let mut cores = start.cores;
+            share_power(&mut cores, start.exponent - exponent);
+            TtVector { cores }
+        }
+    };
     let blocks = |train: &TtVector| -> Vec<BlockCore> {
         let cores = train.cores.iter().zip(&a.rows).zip(spectators);
         cores
@@ -206,38 +238,51 @@ fn solve_block(
         })
         .collect();
     let symmetric = a.relative_distance(&a.transpose())? < 1e-10;
-    // A start with one entry of rounding size would leave interfaces without direction: cap its ranks first.
     let start = if start.max_rank() > settings.max_rank {
         start.round(&Truncation::capped(0.0, settings.max_rank))?.0
     } else {
-        start.clone()
+        start
     };
     let mut sweeper = Sweeper::new(operators, blocks(y), blocks(&start), symmetric, settings);
     let mut history = Vec::new();
-    let mut ended = SolveStatus::SweepLimit;
-    while history.len() + 1 < settings.max_sweeps {
-        let outcome = sweeper.sweep(settings, true)?;
+    let mut ended;
+    let mut inner = *settings;
+    // Local residuals promise more than they keep: where the true one misses the tolerance the sweeps go on, tighter.
+    let (mut x, residual) = loop {
+        ended = SolveStatus::SweepLimit;
+        while history.len() + 1 < settings.max_sweeps {
+            let outcome = sweeper.sweep(&inner, true)?;
+            history.push(outcome.residual);
+            if outcome.residual < inner.tolerance || outcome.change == 0.0 {
+                ended = SolveStatus::Converged;
+                break;
+            }
+            if stagnates(&history, outcome.capped) {
+                ended = if outcome.capped { SolveStatus::RankCapped } else { SolveStatus::Stagnated };
+                break;
+            }
+        }
+        // A last sweep without enrichment brings the ranks down to what the tolerance needs.
+        let outcome = sweeper.sweep(&inner, false)?;
         history.push(outcome.residual);
-        if outcome.residual < settings.tolerance || outcome.change == 0.0 {
-            ended = SolveStatus::Converged;
-            break;
+        if outcome.capped && ended != SolveStatus::Converged {
+            ended = SolveStatus::RankCapped;
         }
-        if stagnates(&history, outcome.capped) {
-            ended = if outcome.capped { SolveStatus::RankCapped } else { SolveStatus::Stagnated };
-            break;
+        let x = sweeper.solution();
+        let residual = relative_residual(a, &x, y, spectators)?;
+        let met = residual <= SAFETY * settings.tolerance;
+        let floor = settings.tolerance * MOST_TIGHTENING;
+        if met
+            || ended != SolveStatus::Converged
+            || inner.tolerance <= floor
+            || history.len() + 2 >= settings.max_sweeps
+        {
+            break (x, residual);
         }
-    }
-    // A last sweep without enrichment brings the ranks down to what the tolerance needs.
-    let outcome = sweeper.sweep(settings, false)?;
-    history.push(outcome.residual);
-    if outcome.capped && ended != SolveStatus::Converged {
-        ended = SolveStatus::RankCapped;
-    }
-    let cores =
-        sweeper.into_solution().into_iter().map(|x| Core::new(x.left, x.n * x.s, x.right, x.data)).collect();
-    let x = TtVector { cores };
-    let residual = relative_residual(a, &x, y, spectators)?;
-    let status = if residual <= 3.0 * settings.tolerance {
+        inner.tolerance *= 0.2;
+    };
+    share_power(&mut x.cores, exponent);
+    let status = if residual <= SAFETY * settings.tolerance {
         SolveStatus::Converged
     } else if ended == SolveStatus::Converged {
         SolveStatus::Stagnated
@@ -246,6 +291,20 @@ fn solve_block(
     };
     let report = SolveReport { status, residual, sweeps: history.len(), history, ranks: x.ranks() };
     Ok((x, report))
+}
+
+/// The train with every part right of a bond of a size near sqrt(product of its `sizes`), as for entries of size one
+/// on a diagonal, and the exponent taken out; none for zero.
+fn balanced(train: &TtVector, sizes: &[usize]) -> Result<Option<(TtVector, i64)>, TtError> {
+    let Some(mut balanced) = train.balanced()? else { return Ok(None) };
+    let (mut grown, mut put_back) = (0.0, 0);
+    for (core, &n) in balanced.cores.iter_mut().zip(sizes).rev() {
+        grown += 0.5 * (n as f64).log2();
+        let power = grown as i64 - put_back;
+        scale_by_power(&mut core.data, power as i32);
+        put_back += power;
+    }
+    Ok(Some((TtVector { cores: balanced.cores }, balanced.exponent - put_back)))
 }
 
 /// Whether sweeps have stopped paying: the best residual of the last sweeps is hardly better than the best before.
