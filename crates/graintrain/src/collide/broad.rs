@@ -81,9 +81,13 @@ impl Unbounded {
 
 impl Collider {
     /// All contacts with gap up to the envelope, m, and those further apart that would close within `step` seconds at
-    /// the present velocities (else fast bodies would be found deep inside each other); except between bodies that are
-    /// both fully prescribed. The travel of grains is looked ahead up to the largest grain's radius. In the order of body A, then of its neighbours (of similar size first, ascending), then of features. A is the body of similar
-    /// size to most others, or the one with the lower index where both or neither are: a grain on a wall is A.
+    /// the present velocities, or if one of both came to rest (else fast bodies would be found deep inside each other:
+    /// of two grains that fall together, the lower lands first); except between bodies that are both fully prescribed.
+    /// The travel of grains is looked ahead up to the largest grain's radius.
+    ///
+    /// In the order of body A, then of its neighbours (of similar size first, ascending), then of features. A is the
+    /// body of similar size to most others, or the one with the lower index where both or neither are: a grain on a
+    /// wall is A.
     pub fn contacts(&mut self, world: &World, envelope: f64, step: f64) -> Vec<Contact> {
         self.update_forms(world);
         let sorted = self.sort(world, envelope, step);
@@ -293,9 +297,13 @@ impl Collider {
                     let arm = touch.point - world.bodies.position[b];
                     world.bodies.velocity[b] + world.bodies.angular_velocity[b].cross(arm)
                 };
-                touch.gap <= envelope
-                    || touch.gap
-                        <= envelope - step * touch.normal.dot(surface(body) - surface(other as usize))
+                let (away_a, away_b) =
+                    (touch.normal.dot(surface(body)), touch.normal.dot(surface(other as usize)));
+                let stops = |parting: f64, held: bool| if held { parting } else { 0.0 };
+                let approach = (away_b - away_a)
+                    .max(-away_a + stops(away_b, world.is_prescribed(other as usize)))
+                    .max(away_b - stops(away_a, prescribed));
+                touch.gap <= envelope || touch.gap <= envelope + step * approach
             };
             contacts.extend(touches.iter().filter(closes).map(|touch| Contact {
                 body_a: body as u32,
