@@ -3,13 +3,14 @@
 
 Prints one table for one thread and one for two. Needs cargo; whatever else is there is used:
   pip install numpy teneva torchTT           (Python libraries)
-  octave on the path and TT_TOOLBOX=<folder of TT-Toolbox>
+  octave on the path and TT_TOOLBOX=<folder of TT-Toolbox> (with its MEX solver if it is built; needs numpy)
 Usage: benches/peers/tensor_trains.py [threads ...]
 """
 import json
 import os
 import subprocess
 import sys
+import tempfile
 import time
 import warnings
 
@@ -55,7 +56,9 @@ def train(d, mode, rank, seed):
     for k in range(d):
         shape = (1 if k == 0 else rank, mode, 1 if k + 1 == d else rank)
         size = shape[0] * shape[1] * shape[2]
-        cores.append(number(np.arange(n + 1, n + 1 + size)).reshape(shape, order="F"))
+        # Scaled to a norm near 1, as in the Rust bench.
+        scale = np.sqrt(3.0 / (mode * rank))
+        cores.append(scale * number(np.arange(n + 1, n + 1 + size)).reshape(shape, order="F"))
         n += size
     return cores
 
@@ -127,17 +130,8 @@ def run_torchtt(threads):
     matrix = make(matrix_cores(train(16, 4, 10, 7_000_000)))
     vector = torch.tensor(number(np.arange(2**16) + 8_000_000).reshape([2] * 16, order="F").copy())
     emit("TT-matrix x full vector 2^16, rank 10", lambda: matrix @ vector)
-    # The Laplacian of a line with 64 points in the explicit form of Kazeev and Khoromskij, coarsest digit last.
-    eye, up = np.eye(2), np.array([[0.0, 1.0], [0.0, 0.0]])
-    low, zero, scale = up.T, np.zeros((2, 2)), 65.0**2
-    block = lambda rows: np.array(rows)  # (left, right, i, j), coarsest first
-    first = block([[eye, low, up]])
-    middle = block([[eye, low, up], [zero, up, zero], [zero, zero, low]])
-    last = block([[scale * (2 * eye - low - up)], [-scale * up], [-scale * low]])
-    line = [c.transpose(1, 2, 3, 0) for c in [last, middle, middle, middle, middle, first]]
-    identity = [np.eye(2).reshape(1, 2, 2, 1)] * 6
     for dimension in (2, 3):
-        terms = [make(sum([line if a == b else identity for b in range(dimension)], [])) for a in range(dimension)]
+        terms = [make(cores) for cores in poisson_cores(dimension)]
         system = terms[0]
         for term in terms[1:]:
             system = (system + term).round(1e-14)
@@ -154,44 +148,114 @@ def run_torchtt(threads):
 
 
 OCTAVE = r"""
+% The toolbox of Oseledets and others, from the folder TT_TOOLBOX; trains of the Rust bench from the folder TRAINS.
 addpath(genpath(getenv('TT_TOOLBOX')));
-function t = train(d, n, r, seed)
-  % Numbers of any fixed kind: the cost does not depend on them (64-bit wrapping products are not available here).
-  rand('seed', seed); t = tt_rand(n, d, r);
+maxNumCompThreads(str2double(getenv('OMP_NUM_THREADS')));
+function t = train(name)
+  f = fopen([getenv('TRAINS') '/' name], 'r'); d = fread(f, 1, 'int64'); cores = cell(d, 1);
+  for k = 1:d
+    s = fread(f, 3, 'int64'); cores{k} = reshape(fread(f, prod(s), 'double'), s(1), s(2), s(3));
+  end
+  fclose(f); t = cell2core(tt_tensor, cores);
 end
-function report(name, f)
+function t = scaled(x, a)
+  c = core2cell(x); c{1} = a * c{1}; t = cell2core(tt_tensor, c);
+end
+function result = report(name, f, measure)
   best = inf; spent = 0; count = 0;
   while count < 3 || (spent < 1 && count < 50)
-    tic; f(); s = toc; best = min(best, s); spent += s; count += 1;
+    tic; result = f(); s = toc; best = min(best, s); spent += s; count += 1;
+    if spent > 60, break; end
   end
-  printf('{"operation": "%s", "seconds": %g, "error": 0}\n', name, best); fflush(stdout);
+  printf('{"operation": "%s", "seconds": %g, "error": %g}\n', name, best, measure(result)); fflush(stdout);
 end
-x = train(20, 4, 32, 1); y = train(20, 4, 32, 2); s = x + x;
-report('round 4^20, rank 64 to 32', @() round(s, 1e-10));
-report('dot 4^20, rank 32', @() dot(x, y));
-report('norm 4^20, rank 32', @() norm(x));
-report('add 4^20, rank 32', @() x + y);
-a = train(20, 4, 8, 3); b = train(20, 4, 8, 4);
-report('hadamard 4^20, rank 8 x 8', @() a .* b);
+none = @(r) 0;
+x = train('x'); y = train('y'); s = plus(x, x); twice = scaled(x, 2);
+report('round 4^20, rank 64 to 32', @() round(s, 1e-10), @(r) norm(plus(r, scaled(twice, -1))) / norm(twice));
+report('dot 4^20, rank 32', @() dot(x, y), none);
+report('norm 4^20, rank 32', @() norm(x), none);
+report('add 4^20, rank 32', @() plus(x, y), none);
+a = train('a'); b = train('b');
+report('hadamard 4^20, rank 8 x 8', @() times(a, b), none);
 i = (0:2^20-1)'; full = reshape(sin(1e-3*i) + 1./(1+i), 2*ones(1,20));
-report('TT-SVD 2^20 to 1e-8', @() tt_tensor(full, 1e-8));
-A = tt_matrix(train(20, 4, 4, 5), 2*ones(20,1), 2*ones(20,1)); v = train(20, 2, 16, 6);
-report('TT-matrix x TT-vector 2^20, rank 4 x 16', @() A * v);
-report('TT-matrix x TT-matrix 2^20, rank 4 x 4', @() A * A);
-M = tt_matrix(train(16, 4, 10, 7), 2*ones(16,1), 2*ones(16,1)); w = rand(2^16, 1);
-report('TT-matrix x full vector 2^16, rank 10', @() M * w);
+report('TT-SVD 2^20 to 1e-8', @() tt_tensor(full, 1e-8), none);
+A = tt_matrix(train('operator'), 2, 2); v = train('small');
+report('TT-matrix x TT-vector 2^20, rank 4 x 16', @() mtimes(A, v), none);
+report('TT-matrix x TT-matrix 2^20, rank 4 x 4', @() mtimes(A, A), none);
+M = tt_matrix(train('matrix'), 2, 2); w = rand(2^16, 1);
+report('TT-matrix x full vector 2^16, rank 10', @() mtimes(M, w), none);
+mex_is_there = exist('solve3d_2') == 3;
 for D = [2 3]
-  L = tt_qlaplace_dd(6*ones(1, D)) * 65^2; f = tt_ones(2, 6*D);
-  report(sprintf('AMEn solve, Poisson 64^%d to 1e-6', D), @() amen_solve2(L, f, 1e-6, 'x0', f, 'verb', 0));
+  L = tt_matrix(train(sprintf('poisson%d', D)), 2, 2); f = train(sprintf('ones%d', D)); z = train(sprintf('start%d', D));
+  run = @() amen_solve2(L, f, 1e-6, 'x0', f, 'z0', z, 'verb', 0, 'ismex', mex_is_there);
+  report(sprintf('AMEn solve, Poisson 64^%d to 1e-6', D), run, @(u) norm(plus(mtimes(L, u), scaled(f, -1))) / norm(f));
 end
-report('cross, Hilbert tensor 32^6 to 1e-6', @() amen_cross(32*ones(6,1), @(i) 1./sum(i, 2), 1e-6, 'vec', true, 'verb', 0));
+if exist('amen_cross')
+  f = @() amen_cross(32*ones(6,1), @(i) 1./sum(i, 2), 1e-6, 'vec', true, 'verb', 0);
+  report('cross, Hilbert tensor 32^6 to 1e-6', f, none);
+end
 """
 
 
-def lines(command, threads, **options):
+def poisson_cores(dimension):
+    """The Laplacian of 64^D points, separated digits, explicit ranks of Kazeev and Khoromskij: (r, i, j, r') cores."""
+    import numpy as np
+    eye, up = np.eye(2), np.array([[0.0, 1.0], [0.0, 0.0]])
+    low, zero, scale = up.T, np.zeros((2, 2)), 65.0**2
+    rows = lambda block: np.array(block).transpose(1, 2, 3, 0)  # (left, right, i, j) coarsest first, turned
+    first = rows([[eye, low, up]])
+    middle = rows([[eye, low, up], [zero, up, zero], [zero, zero, low]])
+    last = rows([[scale * (2 * eye - low - up)], [-scale * up], [-scale * low]])
+    line = [last, middle, middle, middle, middle, first]
+    identity = [np.eye(2).reshape(1, 2, 2, 1)] * 6
+    return [sum([line if a == b else identity for b in range(dimension)], []) for a in range(dimension)]
+
+
+def write_train(folder, name, cores):
+    import numpy as np
+    with open(os.path.join(folder, name), "wb") as out:
+        np.array([len(cores)], dtype=np.int64).tofile(out)
+        for core in cores:
+            np.array(core.shape, dtype=np.int64).tofile(out)
+            core.flatten(order="F").tofile(out)
+
+
+def added(terms):
+    """The block-diagonal sum of trains of (r, n, r') cores."""
+    import numpy as np
+    d, cores = len(terms[0]), []
+    for k in range(d):
+        parts = [term[k] for term in terms]
+        left = 1 if k == 0 else sum(p.shape[0] for p in parts)
+        right = 1 if k + 1 == d else sum(p.shape[2] for p in parts)
+        core, row, column = np.zeros((left, parts[0].shape[1], right)), 0, 0
+        for p in parts:
+            core[row : row + p.shape[0], :, column : column + p.shape[2]] += p
+            row, column = (0 if k == 0 else row + p.shape[0]), (0 if k + 1 == d else column + p.shape[2])
+        cores.append(core)
+    return cores
+
+
+def write_trains(folder):
+    """The trains of the Rust bench as files for Octave."""
+    import numpy as np
+    for name, sizes in {
+        "x": (20, 4, 32, 1_000_000), "y": (20, 4, 32, 2_000_000), "a": (20, 4, 8, 3_000_000),
+        "b": (20, 4, 8, 4_000_000), "operator": (20, 4, 4, 5_000_000), "small": (20, 2, 16, 6_000_000),
+        "matrix": (16, 4, 10, 7_000_000), "start2": (12, 2, 4, 9_000_000), "start3": (18, 2, 4, 9_000_000),
+    }.items():
+        write_train(folder, name, train(*sizes))
+    for dimension in (2, 3):
+        flat = lambda c: c.reshape((c.shape[0], 4, c.shape[3]), order="F")
+        terms = [[flat(c) for c in term] for term in poisson_cores(dimension)]
+        write_train(folder, f"poisson{dimension}", added(terms))
+        write_train(folder, f"ones{dimension}", [np.ones((1, 2, 1))] * (6 * dimension))
+
+
+def lines(command, threads, extra=None, **options):
     """Results of a process that prints JSON lines, with the number of threads of every library fixed."""
     names = ["RAYON", "OMP", "OPENBLAS", "MKL", "NUMEXPR"]
-    environment = dict(os.environ, **{f"{name}_NUM_THREADS": str(threads) for name in names})
+    environment = dict(os.environ, **{f"{name}_NUM_THREADS": str(threads) for name in names}, **(extra or {}))
     done = subprocess.run(command, env=environment, capture_output=True, text=True, **options)
     rows = [json.loads(line) for line in done.stdout.splitlines() if line.startswith("{")]
     if not rows:
@@ -217,7 +281,12 @@ def table(threads):
         else:
             print(f"({name} is not installed)")
     if octave_is_there():
-        peers["TT-Toolbox"] = lines(["octave", "--no-gui", "--eval", OCTAVE], threads)
+        with tempfile.TemporaryDirectory() as folder:
+            write_trains(folder)
+            script = os.path.join(folder, "bench.m")
+            with open(script, "w") as out:
+                out.write("1;\n" + OCTAVE)
+            peers["TT-Toolbox"] = lines(["octave", "--no-gui", "-q", script], threads, {"TRAINS": folder})
     else:
         print("(TT-Toolbox: octave or TT_TOOLBOX is missing)")
     print(f"\n{threads} thread(s); milliseconds (error), ratio = peer / graintrain-tt\n")

@@ -36,14 +36,15 @@ fn number(n: u64) -> f64 {
     ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 52) as f64 - 1.0
 }
 
-/// A train of numbers of the sequence, core by core, first index fastest.
+/// A train of numbers of the sequence, core by core, first index fastest, scaled to a norm near 1.
 fn train(d: usize, mode: usize, rank: usize, seed: u64) -> TtVector {
     let mut n = seed;
+    let scale = (3.0 / (mode * rank) as f64).sqrt();
     let cores = (0..d).map(|k| {
         let (left, right) = (if k == 0 { 1 } else { rank }, if k + 1 == d { 1 } else { rank });
         Core::from_fn(left, mode, right, |_, _, _| {
             n += 1;
-            number(n)
+            scale * number(n)
         })
     });
     TtVector::from_cores(cores.collect()).expect("shapes fit")

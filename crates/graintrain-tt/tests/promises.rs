@@ -43,7 +43,7 @@ fn numbers(count: usize, seed: u64, scale: f64, decay: f64) -> Vec<f64> {
         .map(|i| {
             state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
             let x = (state >> 11) as f64 / (1u64 << 52) as f64 - 1.0;
-            if state % 5 == 0 { 0.0 } else { scale * x * (-decay * i as f64).exp() }
+            if state.is_multiple_of(5) { 0.0 } else { scale * x * (-decay * i as f64).exp() }
         })
         .collect()
 }

@@ -264,7 +264,7 @@ fn newton_takes_the_steps_of_the_reference() {
 }
 
 #[test]
-#[ignore = "a minute"]
+#[ignore = "minutes"]
 fn newton_takes_the_steps_of_the_reference_on_large_planes() {
     newton_takes(7, 11, 0.77);
     newton_takes(8, 13, 0.77);
