@@ -169,6 +169,19 @@ fn the_bits_do_not_depend_on_the_number_of_threads() {
     }
 }
 
+/// Asked for more than rounding allows, a method must end near what it can reach: images kept by updates drift.
+#[test]
+fn an_unreachable_tolerance_does_not_drive_the_iterates_away() {
+    let problem = lattice_packing(6, 5, 0.3, 3);
+    for name in ["apgd", "bb"] {
+        for tolerance in [1e-13, 3e-14, 1e-14, 1e-15] {
+            let (_, report) = solve(name, &problem, None, tolerance);
+            println!("{name}, {tolerance:e}: {:.1e}", report.residual.max);
+            assert!(report.residual.max < 1e-12, "{name}, {tolerance:e}: {report:?}");
+        }
+    }
+}
+
 /// One contact with N = I/m, approaching with (u_n, u_t): Coulomb's law stops the normal approach exactly, g_n = m u_n,
 /// and the tangential impulse is m u_t if the cone allows it, mu g_n against the slip otherwise.
 #[test]

@@ -74,6 +74,8 @@ impl<M: FirstOrderMethod> CcpSolver for FirstOrder<M> {
 const ITERATION_LIMIT: usize = 100_000;
 /// Iterations between two evaluations of the residual.
 const CHECK: usize = 10;
+/// Iterations between two evaluations of the image of x from x itself: two per cent of the work.
+const REFRESH: usize = 10 * CHECK;
 
 /// The current iterate with its image, and when to stop.
 pub struct Iterate<'a> {
@@ -88,6 +90,7 @@ pub struct Iterate<'a> {
     iterations: usize,
     best: Best<Batch>,
     status: Status,
+    refreshed: bool,
 }
 
 impl<'a> Iterate<'a> {
@@ -101,6 +104,7 @@ impl<'a> Iterate<'a> {
             iterations: 0,
             best: Best::default(),
             status: Status::Stalled,
+            refreshed: false,
         };
         scaled.pack(impulse, &mut it.x);
         it.refresh_image(scaled);
@@ -110,6 +114,13 @@ impl<'a> Iterate<'a> {
     /// Recomputes the image of x, which updates let drift by rounding.
     pub fn refresh_image(&mut self, scaled: &ScaledProblem) {
         scaled.image_of(&mut self.x, &mut self.image, &self.zero, &mut self.work);
+        self.refreshed = true;
+    }
+
+    /// Whether the image of x was recomputed since this was last asked. A method that keeps images of other vectors has
+    /// to recompute them, too: differences between a fresh image and a drifted one can grow without limit.
+    pub fn was_refreshed(&mut self) -> bool {
+        std::mem::take(&mut self.refreshed)
     }
 
     /// Counts an iteration and says whether to do it. The residual of x is evaluated, from its image, at every tenth.
@@ -129,6 +140,9 @@ impl<'a> Iterate<'a> {
 
     /// Evaluates the residual of x now, keeps x if it is the best, and says whether to go on.
     pub fn check(&mut self, scaled: &ScaledProblem) -> bool {
+        if self.iterations.is_multiple_of(REFRESH) {
+            self.refresh_image(scaled);
+        }
         let mut residual = scaled.residual(&mut self.x, &self.image, &mut self.work);
         if residual <= self.limits.tolerance() {
             // The image drifts from N' x by rounding: hold the claim against a fresh one.
