@@ -6,7 +6,7 @@
 //!
 //! | module | holds |
 //! |---|---|
-//! | [`bench`] | small worlds, and stepping them to convergence |
+//! | [`mod@bench`] | small worlds, and stepping them to convergence |
 //! | [`sliding`], [`impact`], [`rest`], [`flight`] | tier A |
 //! | [`granular`] | tier B |
 
