@@ -22,7 +22,7 @@ use std::sync::Arc;
     Sizes: n = 4 takes minutes, n = 8 an hour, n = 16 a night."
 )]
 pub struct Arguments {
-    /// What: all, table3, table4, fig8, fig10, fig11, fig12, fig15
+    /// What: all, table3, table4, fig8, fig10, fig11, fig12, fig15, physics
     #[arg(value_parser = target)]
     target: Target,
     /// The paper's size parameter: (2n+1)^3 spheres
@@ -34,7 +34,7 @@ pub struct Arguments {
     /// Folder of the results
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Time limit of one solve, s; by default 8 (n/4)^3
+    /// Time limit of one solve, s; by default 4 (n/4)^3
     #[arg(long, value_name = "SECONDS")]
     max_seconds: Option<f64>,
     /// Number of threads of the simulations; solves are always measured on one

@@ -18,7 +18,7 @@ pub struct Arguments {
     #[arg(long, value_parser = ["a", "b"], default_value = "a")]
     tier: String,
     /// Size parameter of the samples of tier b
-    #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u32).range(2..=32))]
+    #[arg(long, default_value_t = 4, value_parser = clap::value_parser!(u32).range(2..=32))]
     n: u32,
     /// Folder for the report (verification.md)
     #[arg(long, value_name = "DIR")]

@@ -1,6 +1,6 @@
 //! The paper's claims, judged by what was measured here. All words follow from the numbers.
 
-use super::physics::{friction_ratio, sensitivities};
+use super::physics::{friction_ratio_over_seeds, sensitivities};
 use super::published as paper;
 use super::solves::{ReuseRow, Solve, TOLERANCE};
 use super::trajectory::{Experiment, Variant};
@@ -455,8 +455,7 @@ fn physical(results: &Results) -> Vec<Claim> {
         });
     }
     for variant in [Variant::Paper, Variant::Coulomb] {
-        let Some(ratio) = results.trajectory(Experiment::DirectShear, variant).and_then(friction_ratio)
-        else {
+        let Some(ratio) = friction_ratio_over_seeds(results, variant) else {
             continue;
         };
         claims.push(Claim {

@@ -50,6 +50,8 @@ const LITERAL: &str = "pdip+tt-cross";
 
 /// States per simulation at which methods are compared.
 const SAMPLES: usize = 3;
+/// Perturbations of the lattice over which steady forces are averaged.
+pub const SEEDS: u64 = 4;
 /// Consecutive steps over which re-use is measured.
 const REUSE_STEPS: usize = 4;
 
@@ -72,11 +74,13 @@ pub enum Target {
     Fig12,
     /// Solve and precomputation time, drafting and direct shear.
     Fig15,
+    /// Forces and torques: both friction models, half the step, a tenth of the tolerance.
+    Physics,
 }
 
 impl Target {
     /// Names on the command line.
-    pub const NAMES: [(&'static str, Self); 8] = [
+    pub const NAMES: [(&'static str, Self); 9] = [
         ("all", Self::All),
         ("table3", Self::Table3),
         ("table4", Self::Table4),
@@ -85,11 +89,12 @@ impl Target {
         ("fig11", Self::Fig11),
         ("fig12", Self::Fig12),
         ("fig15", Self::Fig15),
+        ("physics", Self::Physics),
     ];
 
     fn experiments(self) -> &'static [Experiment] {
         match self {
-            Self::All => &Experiment::ALL,
+            Self::All | Self::Physics => &Experiment::ALL,
             Self::Fig15 => &[Experiment::Drafting, Experiment::DirectShear],
             _ => &[Experiment::Sedimentation],
         }
@@ -100,7 +105,7 @@ impl Target {
     }
 
     fn compares_methods(self) -> bool {
-        !matches!(self, Self::Table3 | Self::Table4 | Self::Fig8)
+        !matches!(self, Self::Table3 | Self::Table4 | Self::Fig8 | Self::Physics)
     }
 }
 
@@ -115,13 +120,13 @@ pub struct Settings {
     pub steps: Option<u64>,
     /// Folder of the results.
     pub out: PathBuf,
-    /// Time limit of one solve; `None` takes 8 s (n/4)^3, at least 8 s.
+    /// Time limit of one solve; `None` takes 4 s (n/4)^3, at least 4 s.
     pub max_seconds: Option<f64>,
 }
 
 impl Settings {
     fn limit(&self) -> Duration {
-        let standard = 8.0 * (self.n as f64 / 4.0).powi(3).max(1.0);
+        let standard = 4.0 * (self.n as f64 / 4.0).powi(3).max(1.0);
         Duration::try_from_secs_f64(self.max_seconds.unwrap_or(standard)).unwrap_or(Duration::MAX)
     }
 }
@@ -192,9 +197,17 @@ impl Results {
     pub fn trajectory(&self, experiment: Experiment, variant: Variant) -> Option<&Trajectory> {
         self.trajectories
             .iter()
-            .filter(|(cell, _)| cell.experiment == experiment && cell.variant == variant)
+            .filter(|(cell, _)| (cell.experiment, cell.variant, cell.seed) == (experiment, variant, 1))
             .max_by_key(|(cell, _)| cell.n)
             .map(|(_, trajectory)| trajectory)
+    }
+
+    /// The simulations of an experiment at the largest size measured, one per perturbation of the lattice.
+    pub fn seeds(&self, experiment: Experiment, variant: Variant) -> Vec<&Trajectory> {
+        let alike = |cell: &Simulate| cell.experiment == experiment && cell.variant == variant;
+        let largest = self.trajectories.iter().filter(|(cell, _)| alike(cell)).map(|(cell, _)| cell.n).max();
+        let wanted = |cell: &Simulate| alike(cell) && Some(cell.n) == largest;
+        self.trajectories.iter().filter(|(cell, _)| wanted(cell)).map(|(_, trajectory)| trajectory).collect()
     }
 }
 
@@ -227,7 +240,7 @@ fn literal_method(row: usize, column: usize) -> String {
 
 fn cells(settings: &Settings, missing: &mut Vec<String>) -> Vec<Cell> {
     let Settings { target, n, steps, .. } = *settings;
-    let simulate = |experiment, n, variant| Simulate { experiment, n, steps, variant };
+    let simulate = |experiment, n, variant| Simulate { experiment, n, steps, variant, seed: 1 };
     let mut available = |method: &str| {
         let exists = solves::exists(method);
         if !exists && !missing.iter().any(|known| known == method) {
@@ -273,13 +286,21 @@ fn cells(settings: &Settings, missing: &mut Vec<String>) -> Vec<Cell> {
             }
         }
     }
-    if target == Target::All {
+    if target.includes(Target::Physics) {
         for experiment in Experiment::ALL {
             let variants: &[Variant] = match experiment {
                 Experiment::Sedimentation => &[Variant::Coulomb],
                 _ => &Variant::ALL[1..],
             };
             cells.extend(variants.iter().map(|&variant| Cell::Simulate(simulate(experiment, n, variant))));
+            if experiment != Experiment::Sedimentation {
+                // A steady force is a mean over few force chains: its sensitivity needs several packings.
+                for seed in 2..=SEEDS {
+                    cells.extend([Variant::Paper, Variant::HalfStep, Variant::TenthTolerance].map(
+                        |variant| Cell::Simulate(Simulate { seed, ..simulate(experiment, n, variant) }),
+                    ));
+                }
+            }
         }
     }
     cells
@@ -344,7 +365,8 @@ pub fn measure(
                     Some(trajectory) => trajectory,
                     None => {
                         let label = cell.label();
-                        let trajectory = simulate.run(SAMPLES, &states, stop, |step, steps| {
+                        let samples = if simulate.seed == 1 { SAMPLES } else { 0 };
+                        let trajectory = simulate.run(samples, &states, stop, |step, steps| {
                             progress(&Progress {
                                 done,
                                 total,

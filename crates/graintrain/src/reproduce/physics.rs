@@ -27,6 +27,15 @@ impl Steady {
         let spread = blocks.iter().map(|block| (block - mean).powi(2)).sum::<f64>() / (BLOCKS - 1) as f64;
         Some(Self { mean, error: (spread / BLOCKS as f64).sqrt() })
     }
+
+    /// The mean of independent means, whose errors add in squares; `None` for none.
+    pub fn over(independent: impl Iterator<Item = Self>) -> Option<Self> {
+        let all: Vec<Self> = independent.collect();
+        let count = all.len() as f64;
+        let mean = all.iter().map(|steady| steady.mean).sum::<f64>() / count;
+        let error = all.iter().map(|steady| steady.error.powi(2)).sum::<f64>().sqrt() / count;
+        (!all.is_empty()).then_some(Self { mean, error })
+    }
 }
 
 /// The experiment's force, along the direction that resists the tool: drag of the blade (N), shear force on the lower half
@@ -56,6 +65,16 @@ pub fn steady_rows(experiment: Experiment, trajectory: &Trajectory) -> &[Row] {
 pub fn steady(experiment: Experiment, trajectory: &Trajectory) -> Option<Steady> {
     let rows = steady_rows(experiment, trajectory);
     Steady::of(&rows.iter().map(|row| resistance(experiment, row)).collect::<Vec<_>>())
+}
+
+/// Steady force of an experiment, averaged over the perturbations of the lattice.
+pub fn steady_over_seeds(results: &Results, experiment: Experiment, variant: Variant) -> Option<Steady> {
+    Steady::over(results.seeds(experiment, variant).into_iter().filter_map(|t| steady(experiment, t)))
+}
+
+/// [`friction_ratio`], averaged over the perturbations of the lattice.
+pub fn friction_ratio_over_seeds(results: &Results, variant: Variant) -> Option<Steady> {
+    Steady::over(results.seeds(Experiment::DirectShear, variant).into_iter().filter_map(friction_ratio))
 }
 
 /// Ratio of shear force to normal force on the lower half while it moves.
@@ -109,7 +128,7 @@ pub fn sensitivities(results: &Results) -> Vec<Sensitivity> {
     let mut found = Vec::new();
     for experiment in Experiment::ALL {
         for variant in [Variant::HalfStep, Variant::TenthTolerance, Variant::Coulomb] {
-            let force = |variant| results.trajectory(experiment, variant).and_then(|t| steady(experiment, t));
+            let force = |variant| steady_over_seeds(results, experiment, variant);
             if let (Some(paper), Some(changed)) = (force(Variant::Paper), force(variant)) {
                 found.push(Sensitivity { experiment, variant, paper, changed });
             }

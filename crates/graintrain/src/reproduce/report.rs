@@ -2,7 +2,7 @@
 
 use super::charts::{Figure, figures};
 use super::claims::{Claim, Verdict, judge};
-use super::physics::{Steady, friction_ratio, sensitivities, steady};
+use super::physics::{Steady, friction_ratio_over_seeds, sensitivities, steady_over_seeds};
 use super::published as paper;
 use super::solves::{Problems, Solve, TOLERANCE};
 use super::trajectory::{Experiment, Variant};
@@ -111,7 +111,8 @@ fn write_tables(out: &Path, results: &Results) -> Result<(), ReproduceError> {
                 row.momentum_error
             );
         }
-        let name = format!("{}-n{}-{}.csv", cell.experiment.scene(), cell.n, cell.variant.name());
+        let seed = if cell.seed == 1 { String::new() } else { format!("-seed{}", cell.seed) };
+        let name = format!("{}-n{}-{}{seed}.csv", cell.experiment.scene(), cell.n, cell.variant.name());
         write_atomically(&out.join(name), text.as_bytes())?;
     }
     Ok(())
@@ -126,7 +127,7 @@ fn pictures(
 ) -> Result<Vec<(String, PathBuf)>, ReproduceError> {
     let mut pictures = Vec::new();
     for (cell, trajectory) in &results.trajectories {
-        if cell.variant != Variant::Paper || cell.n != settings.n {
+        if cell.variant != Variant::Paper || cell.n != settings.n || cell.seed != 1 {
             continue;
         }
         let folder =
@@ -345,7 +346,8 @@ fn physics_table(page: &mut String, results: &Results) {
     for experiment in Experiment::ALL {
         for variant in Variant::ALL {
             let Some(trajectory) = results.trajectory(experiment, variant) else { continue };
-            let ratio = (experiment == Experiment::DirectShear).then(|| friction_ratio(trajectory)).flatten();
+            let sheared = experiment == Experiment::DirectShear;
+            let ratio = sheared.then(|| friction_ratio_over_seeds(results, variant)).flatten();
             let penetration =
                 trajectory.rows.iter().skip(trajectory.rows.len() / 2).map(|row| row.penetration);
             let change = sensitivities(results)
@@ -364,7 +366,7 @@ fn physics_table(page: &mut String, results: &Results) {
                  <td class=\"n\">{}</td></tr>",
                 experiment.scene(),
                 variant.name(),
-                text(steady(experiment, trajectory)),
+                text(steady_over_seeds(results, experiment, variant)),
                 text(ratio),
                 number(penetration.fold(0.0, f64::max))
             );
@@ -376,8 +378,9 @@ fn physics_table(page: &mut String, results: &Results) {
             "<h2>Physical outputs</h2><table><tr><th>experiment</th><th>variant</th><th>steady force (N) or torque (N m)</th>\
              <th>change</th><th>shear / normal force (1)</th><th>largest penetration, second half (m)</th></tr>{rows}</table>\
              <p>Steady: mean over the time in which the tool moves with at least half its largest speed (mixer: second half), \
-             with the standard error from eight blocks. Sedimentation: torque of the mixer; drafting: drag of the blade; direct \
-             shear: shear force on the lower half.</p>"
+             with the standard error from eight blocks; mean over {} perturbed lattices where these are simulated (not with coulomb). Sedimentation: torque of the mixer; drafting: drag of the blade; direct \
+             shear: shear force on the lower half.</p>",
+            super::SEEDS
         );
     }
 }

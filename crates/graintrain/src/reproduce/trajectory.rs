@@ -132,13 +132,19 @@ pub struct Simulate {
     pub steps: Option<u64>,
     /// Difference from the paper.
     pub variant: Variant,
+    /// Of the lattice's perturbation; 1 is the scene's own.
+    pub seed: u64,
 }
 
 impl Simulate {
     /// Name of the cell.
     pub fn key(&self) -> String {
         let steps = self.steps.map_or("default".to_string(), |steps| steps.to_string());
-        format!("trajectory/{}/n={}/steps={steps}/{}", self.experiment.scene(), self.n, self.variant.name())
+        let name = format!("{}/n={}/steps={steps}/{}", self.experiment.scene(), self.n, self.variant.name());
+        format!(
+            "trajectory/{name}{}",
+            if self.seed == 1 { String::new() } else { format!("/seed={}", self.seed) }
+        )
     }
 
     /// Makes the steps and stores the states before `samples` of them, evenly spread, under `states`.
@@ -152,7 +158,8 @@ impl Simulate {
         stop: &Arc<AtomicBool>,
         mut progress: impl FnMut(u64, u64),
     ) -> Result<Trajectory, ReproduceError> {
-        let mut settings = vec![("n".to_string(), self.n.to_string())];
+        let mut settings =
+            vec![("n".to_string(), self.n.to_string()), ("seed".to_string(), self.seed.to_string())];
         let set = |key: &str, value: &str| (key.to_string(), value.to_string());
         match self.variant {
             Variant::Paper => {}

@@ -119,7 +119,8 @@ pub fn table(checks: &[Check]) -> String {
         ]
     });
     let rows: Vec<[String; 7]> = std::iter::once(header).chain(rows).collect();
-    let widths: [usize; 7] = std::array::from_fn(|k| rows.iter().map(|row| row[k].len()).max().unwrap_or(0));
+    let widths: [usize; 7] =
+        std::array::from_fn(|k| rows.iter().map(|row| row[k].chars().count()).max().unwrap_or(0));
     let mut text = String::new();
     for (k, row) in rows.iter().enumerate() {
         for (cell, width) in row.iter().zip(widths) {
