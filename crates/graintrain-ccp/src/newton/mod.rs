@@ -233,11 +233,21 @@ pub const LINEAR_METHODS: &[LinearMethod] = &[
     },
 ];
 
-/// The linear solver of this name.
+/// Accuracy and rank cap of `tt-cross@EPS,CAP`, 0 < EPS < 1 and CAP > 0.
+fn literal_settings(name: &str) -> Option<(f64, usize)> {
+    let (accuracy, cap) = name.strip_prefix("tt-cross@")?.split_once(',')?;
+    let (accuracy, cap) = (accuracy.parse::<f64>().ok()?, cap.parse::<usize>().ok()?);
+    (accuracy > 0.0 && accuracy < 1.0 && cap > 0).then_some((accuracy, cap))
+}
+
+/// The linear solver of this name; `tt-cross@1e-3,100` is `tt-cross` at accuracy 1e-3 with ranks up to 100.
 ///
 /// # Errors
 /// [`CcpError::UnknownSolver`] naming the `method` it was asked for.
 pub fn linear_solver(method: &str, name: &str) -> Result<Box<dyn NewtonSolver>, CcpError> {
+    if let Some((accuracy, cap)) = literal_settings(name) {
+        return Ok(Box::new(train_schur::TrainSchur::literal_at(accuracy, cap)));
+    }
     LINEAR_METHODS.iter().find(|linear| linear.name == name).map(|linear| (linear.build)()).ok_or_else(|| {
         let known: Vec<String> =
             LINEAR_METHODS.iter().map(|linear| format!("{method}+{}", linear.name)).collect();

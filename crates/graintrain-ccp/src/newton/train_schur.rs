@@ -37,14 +37,15 @@ pub struct TrainSchur {
 }
 
 impl TrainSchur {
-    /// The paper's recipe.
+    /// The paper's recipe at its accuracy and rank cap.
     pub fn literal() -> Self {
-        let settings = TrainSettings {
-            compression: Compression::Cross,
-            form: InverseForm::Energy,
-            tolerance: 1e-2,
-            max_rank: 10,
-        };
+        Self::literal_at(1e-2, 10)
+    }
+
+    /// The paper's recipe at another accuracy and rank cap (its tables 3 and 4).
+    pub fn literal_at(tolerance: f64, max_rank: usize) -> Self {
+        let settings =
+            TrainSettings { compression: Compression::Cross, form: InverseForm::Energy, tolerance, max_rank };
         Self::new("tt-cross", Placement::new(LEAF_CONTACTS, Split::Uniform), None, settings)
     }
 

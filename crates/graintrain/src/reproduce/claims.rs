@@ -255,7 +255,7 @@ fn precompute_growth(results: &Results) -> Claim {
         .map(|solve| [solve.contacts as f64, solve.precompute_seconds / solve.iterations as f64])
         .collect();
     let Some([_, exponent]) = power_law(&points) else {
-        return open("Fig. 11", statement, "pdip+tt-cross was not measured at three sizes.");
+        return open("Fig. 11", statement, "pdip+tt-cross was not measured on three problems.");
     };
     let ilu: Vec<[f64; 2]> = of_method(results, "pdip+ilu")
         .filter(|solve| solve.iterations > 0)

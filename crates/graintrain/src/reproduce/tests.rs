@@ -206,3 +206,13 @@ fn the_ledger_keeps_whole_lines_only() {
         assert_eq!(Ledger::open(&path).unwrap().get::<String>("c").as_deref(), Some("later"));
     }
 }
+
+#[test]
+fn every_setting_of_the_literal_recipe_exists() {
+    for (row, column) in (0..9).map(|k| (k / 3, k % 3)) {
+        assert!(solves::exists(&literal_method(row, column)));
+    }
+    for name in ["pdip+tt-cross@2,10", "pdip+tt-cross@1e-2", "pdip+tt-cross@1e-2,0", "pdip+tt@1e-2,10"] {
+        assert!(!solves::exists(name), "{name}");
+    }
+}
