@@ -1,20 +1,16 @@
-//! Solvers in body space: K = I + D~ H^-1 D~^T by sparse Cholesky or by conjugate gradients.
+//! Solvers in body space: K = I + A A^T by sparse Cholesky or by conjugate gradients.
 
 use super::body_matrix::BodyMatrix;
 use super::direct::{REFINEMENTS, SHIFTS};
 use super::train_body::TrainCorrection;
-use super::{
-    LinearReport, NewtonError, NewtonSolver, NewtonSystem, apply_blocks, apply_blocks_in_place,
-    multiply_scaled, multiply_system,
-};
-use crate::delassus::{Delassus, DelassusWork};
-use graintrain_linalg::block_ops::apply3;
-use graintrain_linalg::block3::Block;
+use super::{LinearReport, NewtonError, NewtonSolver, NewtonSystem};
+use crate::delassus::Delassus;
 use graintrain_linalg::cholesky::SparseCholesky;
 use graintrain_linalg::krylov::{
-    KrylovReport, KrylovSettings, KrylovWork, conjugate_gradient, flexible_conjugate_gradient,
+    KrylovSettings, KrylovWork, conjugate_gradient, flexible_conjugate_gradient,
 };
 use graintrain_linalg::ordering::Ordering;
+use graintrain_linalg::parallel::norm;
 use graintrain_linalg::precond::{BlockJacobi, Preconditioner};
 use std::collections::BTreeMap;
 
@@ -40,34 +36,19 @@ fn refresh_matrix(
         *matrix = Some(BodyMatrix::new(rigid));
     }
     if let Some(matrix) = matrix {
-        matrix.assemble(system.inverse_added);
+        matrix.assemble(system.blocks.factor);
     }
     Ok(new_pattern)
 }
 
-/// x <- H^-1 (b - D~^T K^-1 D~ H^-1 b): the solution in contact space by way of a solver of K.
-fn by_bodies(
-    matrix: &BodyMatrix,
-    inverse_added: &[Block],
-    b: &[f64],
-    x: &mut [f64],
-    y: &mut Vec<f64>,
-    solve: impl FnOnce(&mut Vec<f64>),
-) {
-    for (i, w) in inverse_added.iter().enumerate() {
-        x[3 * i..3 * i + 3].copy_from_slice(&apply3(w, [b[3 * i], b[3 * i + 1], b[3 * i + 2]]));
-    }
-    y.resize(6 * matrix.num_bodies(), 0.0);
-    matrix.gather(x, y);
-    solve(y);
-    for (i, w) in inverse_added.iter().enumerate() {
-        let u = matrix.contact_velocity(i, y);
-        let rest = std::array::from_fn(|k| b[3 * i + k] - u[k]);
-        x[3 * i..3 * i + 3].copy_from_slice(&apply3(w, rest));
-    }
+/// y <- (I + A^T A) z; `velocity` is work memory.
+fn multiply_scaled(matrix: &BodyMatrix, z: &[f64], y: &mut [f64], velocity: &mut [f64]) {
+    matrix.gather(z, velocity);
+    y.copy_from_slice(z);
+    matrix.scatter(1.0, velocity, y);
 }
 
-/// Sparse Cholesky factorisation of K; solutions are refined by conjugate gradients on S with the factor as
+/// Sparse Cholesky factorisation of K; solutions are refined by conjugate gradients on S~ with the factor as
 /// preconditioner, which removes the rounding errors that large weights H^-1 bring in.
 #[derive(Default)]
 pub struct BodyCholesky {
@@ -75,9 +56,8 @@ pub struct BodyCholesky {
     factor: Option<SparseCholesky>,
     shifted: Vec<f64>,
     krylov: KrylovWork,
-    product: DelassusWork,
     velocity: Vec<f64>,
-    scratch: Vec<f64>,
+    image: Vec<f64>,
     shift: f64,
 }
 
@@ -86,15 +66,12 @@ impl NewtonSolver for BodyCholesky {
         "body-cholesky"
     }
 
-    fn needs_schur(&self) -> bool {
+    fn needs_matrix(&self) -> bool {
         false
     }
 
     fn refresh(&mut self, system: &NewtonSystem<'_>) -> Result<(), NewtonError> {
         let new_pattern = refresh_matrix(&mut self.matrix, system, "body-cholesky")?;
-        if system.new_delassus {
-            self.product = system.problem.delassus.work();
-        }
         let Some(matrix) = &self.matrix else { return Ok(()) };
         if new_pattern || self.factor.is_none() {
             let ordering = Ordering::NestedDissection;
@@ -127,71 +104,37 @@ impl NewtonSolver for BodyCholesky {
 
     fn solve(
         &mut self,
-        system: &NewtonSystem<'_>,
-        b: &[f64],
-        x: &mut [f64],
-        relative_tolerance: f64,
-    ) -> LinearReport {
-        let (Some(matrix), Some(factor)) = (&self.matrix, &mut self.factor) else {
-            return LinearReport { residual: 1.0, ..Default::default() };
-        };
-        let (product, velocity) = (&mut self.product, &mut self.velocity);
-        by_bodies(matrix, system.inverse_added, b, x, velocity, |y| factor.solve(y));
-        let settings = KrylovSettings { relative_tolerance, max_iterations: REFINEMENTS };
-        let report = conjugate_gradient(
-            &mut |x, y| multiply_system(system.problem, system.added, x, y, product),
-            &mut |r, z| by_bodies(matrix, system.inverse_added, r, z, velocity, |y| factor.solve(y)),
-            b,
-            x,
-            settings,
-            &mut self.krylov,
-        );
-        LinearReport {
-            iterations: report.iterations,
-            residual: report.residual,
-            converged: report.converged(),
-        }
-    }
-
-    fn solve_scaled(
-        &mut self,
-        system: &NewtonSystem<'_>,
+        _: &NewtonSystem<'_>,
         b: &[f64],
         z: &mut [f64],
         relative_tolerance: f64,
-    ) -> Option<LinearReport> {
-        let (Some(matrix), Some(factor)) = (&self.matrix, &mut self.factor) else { return None };
-        let Self { product, velocity, scratch, krylov, .. } = self;
+    ) -> LinearReport {
+        let Self { matrix: Some(matrix), factor: Some(factor), velocity, image, krylov, .. } = self else {
+            return LinearReport { residual: 1.0, ..Default::default() };
+        };
+        velocity.resize(6 * matrix.num_bodies(), 0.0);
+        image.resize(6 * matrix.num_bodies(), 0.0);
         let settings = KrylovSettings { relative_tolerance, max_iterations: REFINEMENTS };
-        let mut impulse = vec![0.0; b.len()];
-        // z = b - F^T D~^T K^-1 D~ F b.
         let mut precondition = |r: &[f64], z: &mut [f64]| {
-            apply_blocks(system.factor, r, &mut impulse, false);
-            velocity.resize(6 * matrix.num_bodies(), 0.0);
-            matrix.gather(&impulse, velocity);
+            matrix.gather(r, velocity);
             factor.solve(velocity);
-            for i in 0..system.factor.len() {
-                z[3 * i..3 * i + 3].copy_from_slice(&matrix.contact_velocity(i, velocity));
-            }
-            apply_blocks_in_place(system.factor, z, true);
-            for (z, r) in z.iter_mut().zip(r) {
-                *z = r - *z;
-            }
+            z.copy_from_slice(r);
+            matrix.scatter(-1.0, velocity, z);
         };
         precondition(b, z);
         let report = conjugate_gradient(
-            &mut |x, y| multiply_scaled(system.problem, system.factor, x, y, product, scratch),
+            &mut |x, y| multiply_scaled(matrix, x, y, image),
             &mut precondition,
             b,
             z,
             settings,
             krylov,
         );
-        Some(LinearReport {
+        LinearReport {
             iterations: report.iterations,
             residual: report.residual,
             converged: report.converged(),
-        })
+        }
     }
 
     fn figures(&self, figures: &mut BTreeMap<String, f64>) {
@@ -205,17 +148,26 @@ impl NewtonSolver for BodyCholesky {
 
 /// Conjugate gradients on K with its 6x6 diagonal blocks as preconditioner, and on request a tensor-train correction
 /// where that pays.
+///
+/// Where K y = A b - rho, the residual of S~ is A^T rho: large weights make it larger than that of K. `amplification`
+/// remembers by how much, which gives the tolerance in body space; what is missing is made up by solving for the residual.
 pub struct BodyCg {
     name: &'static str,
     matrix: Option<BodyMatrix>,
     preconditioner: BlockJacobi,
     correction: Option<TrainCorrection>,
     krylov: KrylovWork,
-    product: DelassusWork,
+    /// (|A^T rho| / |b|) / (|rho| / |A b|) of the last solve.
+    amplification: f64,
     velocity: Vec<f64>,
-    start: Vec<f64>,
+    rhs: Vec<f64>,
     residual: Vec<f64>,
 }
+
+/// Solves for the residual at most.
+const ROUNDS: usize = 6;
+/// Tolerances of conjugate gradients on K are kept in this range.
+const BODY_TOLERANCES: [f64; 2] = [1e-14, 0.1];
 
 impl BodyCg {
     /// Block Jacobi alone.
@@ -235,9 +187,9 @@ impl BodyCg {
             preconditioner: BlockJacobi::new(6),
             correction,
             krylov: KrylovWork::default(),
-            product: DelassusWork::default(),
+            amplification: 1.0,
             velocity: Vec::new(),
-            start: Vec::new(),
+            rhs: Vec::new(),
             residual: Vec::new(),
         }
     }
@@ -248,15 +200,12 @@ impl NewtonSolver for BodyCg {
         self.name
     }
 
-    fn needs_schur(&self) -> bool {
+    fn needs_matrix(&self) -> bool {
         false
     }
 
     fn refresh(&mut self, system: &NewtonSystem<'_>) -> Result<(), NewtonError> {
         refresh_matrix(&mut self.matrix, system, self.name)?;
-        if system.new_delassus {
-            self.product = system.problem.delassus.work();
-        }
         let Some(matrix) = &self.matrix else { return Ok(()) };
         self.preconditioner
             .refresh_blocks((0..matrix.num_bodies()).map(|body| matrix.diagonal(body).as_slice()))
@@ -269,57 +218,70 @@ impl NewtonSolver for BodyCg {
 
     fn solve(
         &mut self,
-        system: &NewtonSystem<'_>,
+        _: &NewtonSystem<'_>,
         b: &[f64],
-        x: &mut [f64],
+        z: &mut [f64],
         relative_tolerance: f64,
     ) -> LinearReport {
-        let Some(matrix) = &self.matrix else { return LinearReport { residual: 1.0, ..Default::default() } };
-        let Self { preconditioner, correction, krylov, product, velocity, start, residual, .. } = self;
-        let size = graintrain_linalg::parallel::norm(b);
-        let mut iterations = 0;
+        let Self {
+            matrix: Some(matrix), preconditioner, correction, krylov, velocity, rhs, residual, ..
+        } = self
+        else {
+            return LinearReport { residual: 1.0, ..Default::default() };
+        };
+        velocity.resize(6 * matrix.num_bodies(), 0.0);
+        rhs.resize(6 * matrix.num_bodies(), 0.0);
         residual.resize(b.len(), 0.0);
-        let mut relative = f64::INFINITY;
-        // The residual of S follows that of K only roughly: the tolerance in body space is tightened until S agrees.
-        let mut tolerance = relative_tolerance;
-        for _ in 0..4 {
-            by_bodies(matrix, system.inverse_added, b, x, velocity, |y| {
-                let rhs = y.clone();
-                if start.len() == y.len() {
-                    y.copy_from_slice(start);
-                } else {
-                    y.fill(0.0);
-                }
-                let settings = KrylovSettings { relative_tolerance: tolerance, max_iterations: LIMIT };
-                // A truncated train is symmetric only nearly.
-                let report: KrylovReport = flexible_conjugate_gradient(
-                    &mut |x, y| matrix.multiply(x, y),
-                    &mut |r, z| match correction {
-                        Some(correction) if correction.is_active() => correction.apply(preconditioner, r, z),
-                        _ => preconditioner.apply(r, z),
-                    },
-                    &rhs,
-                    y,
-                    settings,
-                    krylov,
-                );
-                iterations += report.iterations;
-                start.resize(y.len(), 0.0);
-                start.copy_from_slice(y);
-            });
-            multiply_system(system.problem, system.added, x, residual, product);
+        z.fill(0.0);
+        residual.copy_from_slice(b);
+        let size = norm(b).max(f64::MIN_POSITIVE);
+        let mut report = LinearReport { iterations: 0, residual: norm(b) / size, converged: false };
+        for _ in 0..ROUNDS {
+            report.converged = report.residual <= relative_tolerance;
+            if report.converged {
+                break;
+            }
+            let wanted = 0.5 * relative_tolerance / report.residual;
+            let [least, most] = BODY_TOLERANCES;
+            let settings = KrylovSettings {
+                relative_tolerance: (wanted / self.amplification).clamp(least, most),
+                max_iterations: LIMIT,
+            };
+            matrix.gather(residual, rhs);
+            velocity.fill(0.0);
+            // A truncated train is symmetric only nearly.
+            let inner = flexible_conjugate_gradient(
+                &mut |x, y| matrix.multiply(x, y),
+                &mut |r, z| match correction {
+                    Some(correction) if correction.is_active() => correction.apply(preconditioner, r, z),
+                    _ => preconditioner.apply(r, z),
+                },
+                rhs,
+                velocity,
+                settings,
+                krylov,
+            );
+            report.iterations += inner.iterations;
+            for (z, r) in z.iter_mut().zip(residual.iter()) {
+                *z += r;
+            }
+            matrix.scatter(-1.0, velocity, z);
+            multiply_scaled(matrix, z, residual, velocity);
             for (residual, b) in residual.iter_mut().zip(b) {
                 *residual = b - *residual;
             }
-            let before = relative;
-            relative = graintrain_linalg::parallel::norm(residual) / size.max(f64::MIN_POSITIVE);
-            if relative <= relative_tolerance || relative > 0.9 * before {
+            let before = report.residual;
+            report.residual = norm(residual) / size;
+            if inner.residual > 0.0 && report.residual > 0.0 {
+                let found = report.residual / before / inner.residual;
+                self.amplification = found.max(0.5 * self.amplification);
+            }
+            if report.residual.is_nan() {
                 break;
             }
-            tolerance *= (0.3 * relative_tolerance / relative).max(1e-4);
         }
-        start.clear();
-        LinearReport { iterations, residual: relative, converged: relative <= relative_tolerance }
+        report.converged = report.residual <= relative_tolerance;
+        report
     }
 
     fn figures(&self, figures: &mut BTreeMap<String, f64>) {

@@ -1,9 +1,10 @@
-//! The Newton matrix in body space: K = I + D~ H^-1 D~^T, six rows per body.
+//! The Newton matrix in body space: K = I + A A^T, six rows per body.
 //!
-//! With M^-1 = L L^T (per body) and D~ = L^T D, N = D~^T D~, and by the identity of Woodbury
+//! With M^-1 = L L^T (per body), D~ = L^T D, H^-1 = F F^T and A = D~ F, the scaled Newton matrix is S~ = I + A^T A, and by
+//! the identity of Woodbury
 //!
 //! ```text
-//! (N + H)^-1 b = H^-1 (b - D~^T y),     K y = D~ H^-1 b.
+//! S~^-1 b = b - A^T y,     K y = A b.
 //! ```
 //!
 //! K is the contact graph itself: an off-diagonal block for every pair of bodies in contact, symmetric positive
@@ -16,7 +17,7 @@ use rayon::prelude::*;
 /// A 6x6 block, row-major.
 pub type BodyBlock = [f64; 36];
 
-/// One side of a contact in D~: 6x3, row-major; zero where the side is fixed.
+/// One side of a contact in D~ or A: 6x3, row-major; zero where the side is fixed.
 type Side = [f64; 18];
 
 const NONE: u32 = u32::MAX;
@@ -26,7 +27,10 @@ const NONE: u32 = u32::MAX;
 #[derive(Clone, Debug)]
 pub struct BodyMatrix {
     bodies: Vec<[u32; 2]>,
+    /// D~.
     sides: Vec<[Side; 2]>,
+    /// A of the last blocks.
+    scaled: Vec<[Side; 2]>,
     row_start: Vec<usize>,
     column: Vec<u32>,
     blocks: Vec<BodyBlock>,
@@ -35,7 +39,7 @@ pub struct BodyMatrix {
     term_start: Vec<u32>,
 }
 
-/// One product D~_p H_i^-1 D~_q^T of a contact i.
+/// One product A_p A_q^T of the sides of a contact i.
 #[derive(Clone, Copy, Debug)]
 struct Term {
     contact: u32,
@@ -106,7 +110,8 @@ impl BodyMatrix {
         let bodies: Vec<[u32; 2]> = rigid.contacts().iter().map(|c| [c.body_a, c.body_b]).collect();
         let (row_start, column, terms, term_start) = pattern(rigid.num_bodies(), &bodies);
         let blocks = vec![[0.0; 36]; column.len()];
-        Self { bodies, sides, row_start, column, blocks, terms, term_start }
+        let scaled = sides.clone();
+        Self { bodies, sides, scaled, row_start, column, blocks, terms, term_start }
     }
 
     /// Whether another problem has the same bodies in contact, in the same order.
@@ -142,20 +147,27 @@ impl BodyMatrix {
         &self.blocks[self.row_start[body + 1] - 1]
     }
 
-    /// K <- I + D~ W D~^T with one symmetric 3x3 weight W_i = H_i^-1 per contact. Cost about 400 flops per contact.
-    pub fn assemble(&mut self, weight: &[Block]) {
-        let (sides, terms, term_start, column) = (&self.sides, &self.terms, &self.term_start, &self.column);
+    /// K <- I + A A^T with A = D~ F, one 3x3 factor F_i per contact. Cost about 900 flops per contact.
+    pub fn assemble(&mut self, factor: &[Block]) {
+        self.scaled.par_iter_mut().zip(&self.sides).zip(factor).with_min_len(512).for_each(
+            |((scaled, sides), factor)| {
+                for (scaled, side) in scaled.iter_mut().zip(sides) {
+                    for (scaled, side) in scaled.chunks_exact_mut(3).zip(side.chunks_exact(3)) {
+                        for c in 0..3 {
+                            scaled[c] =
+                                side[0] * factor[c] + side[1] * factor[3 + c] + side[2] * factor[6 + c];
+                        }
+                    }
+                }
+            },
+        );
+        let (scaled, terms, term_start, column) = (&self.scaled, &self.terms, &self.term_start, &self.column);
         let row_of = row_of_each_block(&self.row_start);
         self.blocks.par_iter_mut().enumerate().with_min_len(512).for_each(|(k, block)| {
             *block = [0.0; 36];
             for term in &terms[term_start[k] as usize..term_start[k + 1] as usize] {
-                let i = term.contact as usize;
-                add_product(
-                    block,
-                    &sides[i][term.row_side as usize],
-                    &weight[i],
-                    &sides[i][term.column_side as usize],
-                );
+                let sides = &scaled[term.contact as usize];
+                add_product(block, &sides[term.row_side as usize], &sides[term.column_side as usize]);
             }
             if row_of[k] == column[k] {
                 for d in 0..6 {
@@ -165,37 +177,40 @@ impl BodyMatrix {
         });
     }
 
-    /// y <- D~ g: length 6 bodies from length 3 contacts.
-    pub fn gather(&self, g: &[f64], y: &mut [f64]) {
+    /// y <- A z: length 6 bodies from length 3 contacts.
+    pub fn gather(&self, z: &[f64], y: &mut [f64]) {
         y.fill(0.0);
-        for (i, (bodies, sides)) in self.bodies.iter().zip(&self.sides).enumerate() {
-            let g = &g[3 * i..3 * i + 3];
+        for (i, (bodies, sides)) in self.bodies.iter().zip(&self.scaled).enumerate() {
+            let z = [z[3 * i], z[3 * i + 1], z[3 * i + 2]];
             for (&body, side) in bodies.iter().zip(sides) {
                 if body != FIXED {
                     let y = &mut y[6 * body as usize..6 * body as usize + 6];
                     for (y, row) in y.iter_mut().zip(side.chunks_exact(3)) {
-                        *y += row[0] * g[0] + row[1] * g[1] + row[2] * g[2];
+                        *y += row[0] * z[0] + row[1] * z[1] + row[2] * z[2];
                     }
                 }
             }
         }
     }
 
-    /// D~_i^T y of one contact.
-    #[inline]
-    pub fn contact_velocity(&self, i: usize, y: &[f64]) -> [f64; 3] {
-        let mut u = [0.0; 3];
-        for (&body, side) in self.bodies[i].iter().zip(&self.sides[i]) {
-            if body != FIXED {
-                let y = &y[6 * body as usize..6 * body as usize + 6];
-                for (y, row) in y.iter().zip(side.chunks_exact(3)) {
-                    u[0] += row[0] * y;
-                    u[1] += row[1] * y;
-                    u[2] += row[2] * y;
+    /// z <- z + sign A^T y.
+    pub fn scatter(&self, sign: f64, y: &[f64], z: &mut [f64]) {
+        for (i, (bodies, sides)) in self.bodies.iter().zip(&self.scaled).enumerate() {
+            let mut sum = [0.0; 3];
+            for (&body, side) in bodies.iter().zip(sides) {
+                if body != FIXED {
+                    let y = &y[6 * body as usize..6 * body as usize + 6];
+                    for (y, row) in y.iter().zip(side.chunks_exact(3)) {
+                        for c in 0..3 {
+                            sum[c] += row[c] * y;
+                        }
+                    }
                 }
             }
+            for c in 0..3 {
+                z[3 * i + c] += sign * sum[c];
+            }
         }
-        u
     }
 
     /// z <- K y.
@@ -233,18 +248,13 @@ fn row_of_each_block(row_start: &[usize]) -> Vec<u32> {
         .collect()
 }
 
-/// block += A W B^T with A, B of 6x3.
+/// block += A B^T with A, B of 6x3.
 #[inline]
-fn add_product(block: &mut BodyBlock, a: &Side, w: &Block, b: &Side) {
+fn add_product(block: &mut BodyBlock, a: &Side, b: &Side) {
     for r in 0..6 {
-        let a = &a[3 * r..3 * r + 3];
-        let aw = [
-            a[0] * w[0] + a[1] * w[3] + a[2] * w[6],
-            a[0] * w[1] + a[1] * w[4] + a[2] * w[7],
-            a[0] * w[2] + a[1] * w[5] + a[2] * w[8],
-        ];
         for c in 0..6 {
-            block[6 * r + c] += aw[0] * b[3 * c] + aw[1] * b[3 * c + 1] + aw[2] * b[3 * c + 2];
+            block[6 * r + c] +=
+                a[3 * r] * b[3 * c] + a[3 * r + 1] * b[3 * c + 1] + a[3 * r + 2] * b[3 * c + 2];
         }
     }
 }

@@ -1,10 +1,10 @@
-//! Sparse Cholesky factorisation of the Schur complement, and the choice between S and K.
+//! Sparse Cholesky factorisation of S~, and the choice between S~ and K.
 
 use super::body::BodyCholesky;
 use super::body_matrix::BodyMatrix;
 use super::{LinearReport, NewtonError, NewtonSolver, NewtonSystem};
 use crate::delassus::{Delassus, DelassusWork};
-use crate::newton::multiply_system;
+use crate::newton::multiply_scaled;
 use graintrain_linalg::cholesky::{SparseCholesky, predicted_cost};
 use graintrain_linalg::krylov::{KrylovSettings, KrylovWork, conjugate_gradient};
 use graintrain_linalg::ordering::Ordering;
@@ -17,7 +17,7 @@ pub(super) const REFINEMENTS: usize = 30;
 /// is refined against the matrix itself, so that a shift costs iterations, not accuracy.
 pub(super) const SHIFTS: [f64; 4] = [0.0, 1e-13, 1e-10, 1e-7];
 
-/// Sparse Cholesky factorisation of S, analysed once per pattern; solutions are refined by conjugate gradients with the
+/// Sparse Cholesky factorisation of S~, analysed once per pattern; solutions are refined by conjugate gradients with the
 /// factor as preconditioner until the residual of the true matrix reaches the tolerance.
 #[derive(Default)]
 pub struct SchurCholesky {
@@ -27,6 +27,7 @@ pub struct SchurCholesky {
     shifted: Vec<f64>,
     work: KrylovWork,
     product: DelassusWork,
+    scratch: Vec<f64>,
     shift: f64,
 }
 
@@ -35,17 +36,17 @@ impl NewtonSolver for SchurCholesky {
         "schur-cholesky"
     }
 
-    fn needs_schur(&self) -> bool {
+    fn needs_matrix(&self) -> bool {
         true
     }
 
     fn refresh(&mut self, system: &NewtonSystem<'_>) -> Result<(), NewtonError> {
-        let Some(schur) = system.schur else {
-            return Err(NewtonError::Unsupported { solver: self.name(), reason: "S was not assembled" });
+        let Some(matrix) = system.matrix else {
+            return Err(NewtonError::Unsupported { solver: self.name(), reason: "S~ was not assembled" });
         };
-        if self.row_start != schur.row_starts() || self.column != schur.columns() {
-            self.row_start = schur.row_starts().to_vec();
-            self.column = schur.columns().to_vec();
+        if self.row_start != matrix.row_starts() || self.column != matrix.columns() {
+            self.row_start = matrix.row_starts().to_vec();
+            self.column = matrix.columns().to_vec();
             self.factor =
                 Some(SparseCholesky::new(3, &self.row_start, &self.column, Ordering::NestedDissection));
         }
@@ -57,12 +58,12 @@ impl NewtonSolver for SchurCholesky {
         for shift in SHIFTS {
             self.shift = shift;
             let attempt = if shift == 0.0 {
-                factor.factorize(schur.blocks().as_flattened())
+                factor.factorize(matrix.blocks().as_flattened())
             } else {
                 self.shifted.clear();
-                self.shifted.extend_from_slice(schur.blocks().as_flattened());
-                for i in 0..schur.num_rows() {
-                    if let Some(k) = schur.position(i, i) {
+                self.shifted.extend_from_slice(matrix.blocks().as_flattened());
+                for i in 0..matrix.num_rows() {
+                    if let Some(k) = matrix.position(i, i) {
                         for d in 0..3 {
                             self.shifted[9 * k + 4 * d] *= 1.0 + shift;
                         }
@@ -83,22 +84,23 @@ impl NewtonSolver for SchurCholesky {
         &mut self,
         system: &NewtonSystem<'_>,
         b: &[f64],
-        x: &mut [f64],
+        z: &mut [f64],
         relative_tolerance: f64,
     ) -> LinearReport {
-        let Some(factor) = &mut self.factor else {
+        let Self { factor: Some(factor), product, scratch, work, .. } = self else {
             return LinearReport { residual: 1.0, ..Default::default() };
         };
         let settings = KrylovSettings { relative_tolerance, max_iterations: REFINEMENTS };
-        x.copy_from_slice(b);
-        factor.solve(x);
-        let product = &mut self.product;
+        z.copy_from_slice(b);
+        factor.solve(z);
         let report = conjugate_gradient(
             &mut |x, y| match &system.problem.delassus {
-                Delassus::Rigid(_) => multiply_system(system.problem, system.added, x, y, product),
+                Delassus::Rigid(_) => {
+                    multiply_scaled(system.problem, system.blocks.factor, x, y, product, scratch);
+                }
                 Delassus::Sparse(_) => {
-                    if let Some(schur) = system.schur {
-                        schur.multiply(x, y);
+                    if let Some(matrix) = system.matrix {
+                        matrix.multiply(x, y);
                     }
                 }
             },
@@ -107,9 +109,9 @@ impl NewtonSolver for SchurCholesky {
                 factor.solve(z);
             },
             b,
-            x,
+            z,
             settings,
-            &mut self.work,
+            work,
         );
         LinearReport {
             iterations: report.iterations,
@@ -141,7 +143,7 @@ const CLEARLY_BODY: f64 = 2.2;
 const CLEARLY_CONTACT: f64 = 0.8;
 
 impl Direct {
-    /// Chooses the space for a problem. Called before [`NewtonSolver::needs_schur`] is asked for.
+    /// Chooses the space for a problem. Called before [`NewtonSolver::needs_matrix`] is asked for.
     fn choose(&mut self, system: &NewtonSystem<'_>) {
         let Delassus::Rigid(rigid) = &system.problem.delassus else {
             self.in_body_space = false;
@@ -172,7 +174,7 @@ impl NewtonSolver for Direct {
         self.choose(system);
     }
 
-    fn needs_schur(&self) -> bool {
+    fn needs_matrix(&self) -> bool {
         !self.in_body_space
     }
 
@@ -184,24 +186,14 @@ impl NewtonSolver for Direct {
         &mut self,
         system: &NewtonSystem<'_>,
         b: &[f64],
-        x: &mut [f64],
+        z: &mut [f64],
         relative_tolerance: f64,
     ) -> LinearReport {
         if self.in_body_space {
-            self.body.solve(system, b, x, relative_tolerance)
+            self.body.solve(system, b, z, relative_tolerance)
         } else {
-            self.schur.solve(system, b, x, relative_tolerance)
+            self.schur.solve(system, b, z, relative_tolerance)
         }
-    }
-
-    fn solve_scaled(
-        &mut self,
-        system: &NewtonSystem<'_>,
-        b: &[f64],
-        z: &mut [f64],
-        relative_tolerance: f64,
-    ) -> Option<LinearReport> {
-        if self.in_body_space { self.body.solve_scaled(system, b, z, relative_tolerance) } else { None }
     }
 
     fn figures(&self, figures: &mut BTreeMap<String, f64>) {

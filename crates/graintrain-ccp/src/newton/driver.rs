@@ -1,30 +1,18 @@
 //! What an outer Newton method needs around its linear solver: S kept up to date, records of every iteration.
 
 use super::{
-    LinearReport, NewtonError, NewtonRecord, NewtonSolver, NewtonSystem, SchurComplement,
+    Form, LinearReport, NewtonError, NewtonRecord, NewtonSolver, NewtonSystem, SchurComplement, apply_blocks,
     apply_blocks_in_place, multiply_scaled,
 };
 use crate::delassus::{Delassus, DelassusWork};
 use crate::problem::Ccp;
-use graintrain_linalg::block3::Block;
 use graintrain_linalg::parallel::norm;
 use std::time::Instant;
 
-/// Steps of refinement around a solver of the unscaled system.
-const REFINEMENTS: usize = 6;
+pub use super::ScaledBlocks;
 
-/// The blocks of a Newton matrix with the factors of their inverses, H^-1 = F F^T.
-#[derive(Clone, Copy)]
-pub struct ScaledBlocks<'a> {
-    /// H.
-    pub added: &'a [Block],
-    /// H^-1.
-    pub inverse_added: &'a [Block],
-    /// F.
-    pub factor: &'a [Block],
-    /// F^-1.
-    pub factor_inverse: &'a [Block],
-}
+/// Steps of the power iteration per Newton matrix; each matrix goes on from the vector of the last.
+const POWER_STEPS: usize = 2;
 
 /// A linear solver together with the Schur complement it may need and the history of what it did.
 ///
@@ -37,7 +25,11 @@ pub struct NewtonDriver {
     records: Vec<NewtonRecord>,
     current: NewtonRecord,
     product: DelassusWork,
-    scratch: [Vec<f64>; 3],
+    scratch: Vec<f64>,
+    /// Right-hand side and solution of a solver of the plain form.
+    plain: [Vec<f64>; 2],
+    /// The vector of the power iteration, and its image.
+    power: [Vec<f64>; 2],
 }
 
 impl NewtonDriver {
@@ -52,7 +44,9 @@ impl NewtonDriver {
             records: Vec::new(),
             current,
             product: DelassusWork::default(),
-            scratch: Default::default(),
+            scratch: Vec::new(),
+            plain: Default::default(),
+            power: Default::default(),
         }
     }
 
@@ -74,16 +68,18 @@ impl NewtonDriver {
         self.schur = None;
         self.solver.prepare(&NewtonSystem {
             problem,
-            added: &[],
-            inverse_added: &[],
-            factor: &[],
-            schur: None,
+            blocks: ScaledBlocks::default(),
+            matrix: None,
             new_delassus: true,
             iteration: 0,
         });
-        if self.solver.needs_schur() {
-            self.schur = Some(SchurComplement::new(problem));
+        if self.solver.needs_matrix() {
+            self.schur = Some(SchurComplement::new(problem, self.solver.form()));
         }
+        // Any fixed vector without structure will do: multiples of the golden ratio modulo 1.
+        let size = 3 * problem.num_contacts();
+        self.power[0] = (0..size).map(|k| (k as f64 * 0.618_033_988_749_894_9).fract() - 0.5).collect();
+        self.power[1] = vec![0.0; size];
     }
 
     /// Prepares the linear solver for the blocks H of a Newton iteration. `residual` is that of the contact problem,
@@ -94,23 +90,21 @@ impl NewtonDriver {
     pub fn refresh(
         &mut self,
         problem: &Ccp,
-        added: &[Block],
-        inverse_added: &[Block],
+        blocks: ScaledBlocks<'_>,
         iteration: usize,
         residual: f64,
     ) -> Result<(), NewtonError> {
         self.current =
             NewtonRecord { iteration, residual, linear_converged: true, ..NewtonRecord::default() };
+        self.current.condition = self.largest_eigenvalue(problem, blocks);
         let start = Instant::now();
         if let Some(schur) = &mut self.schur {
-            schur.update(added);
+            schur.update(blocks);
         }
         let system = NewtonSystem {
             problem,
-            added,
-            inverse_added,
-            factor: &[],
-            schur: self.schur.as_ref().map(SchurComplement::matrix),
+            blocks,
+            matrix: self.schur.as_ref().map(SchurComplement::matrix),
             new_delassus: self.new_delassus,
             iteration,
         };
@@ -120,37 +114,26 @@ impl NewtonDriver {
         refreshed
     }
 
-    /// Solves (N + H) x = b; see [`NewtonSolver::solve`]. The blocks are those of the last refresh.
-    pub fn solve(
-        &mut self,
-        problem: &Ccp,
-        added: &[Block],
-        inverse_added: &[Block],
-        b: &[f64],
-        x: &mut [f64],
-        relative_tolerance: f64,
-    ) -> LinearReport {
-        let start = Instant::now();
-        let system = NewtonSystem {
-            problem,
-            added,
-            inverse_added,
-            factor: &[],
-            schur: self.schur.as_ref().map(SchurComplement::matrix),
-            new_delassus: false,
-            iteration: self.current.iteration,
-        };
-        let report = self.solver.solve(&system, b, x, relative_tolerance);
-        self.current.apply_seconds += start.elapsed().as_secs_f64();
-        self.current.inner_iterations += report.iterations;
-        self.current.linear_residual = self.current.linear_residual.max(report.residual);
-        self.current.linear_converged &= report.converged;
-        report
+    /// Largest eigenvalue of S~ by power iteration, from below.
+    fn largest_eigenvalue(&mut self, problem: &Ccp, blocks: ScaledBlocks<'_>) -> f64 {
+        let [vector, image] = &mut self.power;
+        let mut largest = 1.0;
+        for _ in 0..POWER_STEPS {
+            let size = norm(vector);
+            if !(size > 0.0 && size.is_finite()) {
+                break;
+            }
+            vector.iter_mut().for_each(|x| *x /= size);
+            multiply_scaled(problem, blocks.factor, vector, image, &mut self.product, &mut self.scratch);
+            largest = norm(image).max(1.0);
+            std::mem::swap(vector, image);
+        }
+        largest
     }
 
-    /// Solves (I + F^T N F) z = b in the scaled variable; see [`NewtonSolver::solve_scaled`]. Solvers that only know
-    /// the unscaled system are refined around: x = F z, S x = F^-T b.
-    pub fn solve_scaled(
+    /// Solves (I + F^T N F) z = b; see [`NewtonSolver::solve`]. The blocks are those of the last refresh. A solver of the
+    /// plain form gets S x = F^-T b, z = F^-1 x, and its residual is that of this system.
+    pub fn solve(
         &mut self,
         problem: &Ccp,
         blocks: ScaledBlocks<'_>,
@@ -161,51 +144,24 @@ impl NewtonDriver {
         let start = Instant::now();
         let system = NewtonSystem {
             problem,
-            added: blocks.added,
-            inverse_added: blocks.inverse_added,
-            factor: blocks.factor,
-            schur: self.schur.as_ref().map(SchurComplement::matrix),
+            blocks,
+            matrix: self.schur.as_ref().map(SchurComplement::matrix),
             new_delassus: false,
             iteration: self.current.iteration,
         };
-        let report = self.solver.solve_scaled(&system, b, z, relative_tolerance).unwrap_or_else(|| {
-            let [residual, correction, scratch] = &mut self.scratch;
-            residual.resize(b.len(), 0.0);
-            correction.resize(b.len(), 0.0);
-            z.fill(0.0);
-            residual.copy_from_slice(b);
-            let size = norm(b).max(f64::MIN_POSITIVE);
-            let mut report =
-                LinearReport { iterations: 0, residual: norm(residual) / size, converged: false };
-            for _ in 0..REFINEMENTS {
-                if report.residual <= relative_tolerance {
-                    report.converged = true;
-                    break;
-                }
-                apply_blocks_in_place(blocks.factor_inverse, residual, true);
-                correction.fill(0.0);
-                let inner = self.solver.solve(&system, residual, correction, 0.1 * relative_tolerance);
-                report.iterations += inner.iterations;
-                apply_blocks_in_place(blocks.factor_inverse, correction, false);
-                for (z, correction) in z.iter_mut().zip(correction.iter()) {
-                    *z += correction;
-                }
-                multiply_scaled(problem, blocks.factor, z, residual, &mut self.product, scratch);
-                for (residual, b) in residual.iter_mut().zip(b) {
-                    *residual = b - *residual;
-                }
-                let before = report.residual;
-                report.residual = norm(residual) / size;
-                if report.residual > before {
-                    for (z, correction) in z.iter_mut().zip(correction.iter()) {
-                        *z -= correction;
-                    }
-                    report.residual = before;
-                    break;
-                }
+        let report = match self.solver.form() {
+            Form::Scaled => self.solver.solve(&system, b, z, relative_tolerance),
+            Form::Plain => {
+                let [rhs, x] = &mut self.plain;
+                rhs.resize(b.len(), 0.0);
+                x.resize(b.len(), 0.0);
+                apply_blocks(blocks.factor_inverse, b, rhs, true);
+                let report = self.solver.solve(&system, rhs, x, relative_tolerance);
+                z.copy_from_slice(x);
+                apply_blocks_in_place(blocks.factor_inverse, z, false);
+                report
             }
-            report
-        });
+        };
         self.current.apply_seconds += start.elapsed().as_secs_f64();
         self.current.inner_iterations += report.iterations;
         self.current.linear_residual = self.current.linear_residual.max(report.residual);

@@ -1,6 +1,6 @@
-//! Krylov methods on the Schur complement S in contact space.
+//! Krylov methods in contact space: on S~, and the paper's baseline on S.
 
-use super::{LinearReport, NewtonError, NewtonSolver, NewtonSystem};
+use super::{Form, LinearReport, NewtonError, NewtonSolver, NewtonSystem};
 use graintrain_linalg::krylov::{KrylovSettings, KrylovWork, bicgstab, conjugate_gradient};
 use graintrain_linalg::precond::{BlockJacobi, IncompleteCholesky, IncompleteLu, Preconditioner};
 
@@ -9,7 +9,7 @@ const PLAIN_LIMIT: usize = 1000;
 /// Cap on iterations of the preconditioned methods.
 const LIMIT: usize = 5000;
 
-/// BiCGSTAB or conjugate gradients on S with a preconditioner.
+/// BiCGSTAB or conjugate gradients with a preconditioner.
 pub struct SchurKrylov {
     name: &'static str,
     preconditioner: Option<Box<dyn Preconditioner>>,
@@ -28,7 +28,7 @@ impl SchurKrylov {
         Self { name, preconditioner, symmetric, max_iterations, work: KrylovWork::default() }
     }
 
-    /// BiCGSTAB without preconditioner.
+    /// BiCGSTAB on S without preconditioner.
     pub fn plain() -> Self {
         Self::new("none", None, false, PLAIN_LIMIT)
     }
@@ -54,16 +54,20 @@ impl NewtonSolver for SchurKrylov {
         self.name
     }
 
-    fn needs_schur(&self) -> bool {
+    fn form(&self) -> Form {
+        if self.preconditioner.is_some() { Form::Scaled } else { Form::Plain }
+    }
+
+    fn needs_matrix(&self) -> bool {
         true
     }
 
     fn refresh(&mut self, system: &NewtonSystem<'_>) -> Result<(), NewtonError> {
-        let (Some(schur), Some(preconditioner)) = (system.schur, &mut self.preconditioner) else {
+        let (Some(matrix), Some(preconditioner)) = (system.matrix, &mut self.preconditioner) else {
             return Ok(());
         };
         preconditioner
-            .refresh(schur)
+            .refresh(matrix)
             .map_err(|error| NewtonError::Breakdown { solver: self.name, reason: error.to_string() })
     }
 
@@ -71,21 +75,22 @@ impl NewtonSolver for SchurKrylov {
         &mut self,
         system: &NewtonSystem<'_>,
         b: &[f64],
-        x: &mut [f64],
+        z: &mut [f64],
         relative_tolerance: f64,
     ) -> LinearReport {
-        let Some(schur) = system.schur else { return LinearReport { residual: 1.0, ..Default::default() } };
+        z.fill(0.0);
+        let Some(matrix) = system.matrix else { return LinearReport { residual: 1.0, ..Default::default() } };
         let settings = KrylovSettings { relative_tolerance, max_iterations: self.max_iterations };
         let method = if self.symmetric { conjugate_gradient } else { bicgstab };
         let preconditioner = &self.preconditioner;
         let report = method(
-            &mut |x, y| schur.multiply(x, y),
+            &mut |x, y| matrix.multiply(x, y),
             &mut |r, z| match preconditioner {
                 Some(preconditioner) => preconditioner.apply(r, z),
                 None => z.copy_from_slice(r),
             },
             b,
-            x,
+            z,
             settings,
             &mut self.work,
         );

@@ -2,8 +2,16 @@
 //!
 //! Both interior points ([`ipm`](crate::solver::ipm), [`pdip`](crate::solver::pdip)) meet the same matrix in every
 //! iteration: S = N + H with the Delassus matrix N, which stays, and one symmetric positive definite 3x3 block H_i per
-//! contact, which changes. S is the Schur complement of the Newton system in contact space. The same solution follows
-//! from the body-space matrix K = I + D~ H^-1 D~^T ([`body_matrix`]).
+//! contact, which changes. S is the Schur complement of the Newton system in contact space. Near a solution the blocks
+//! H_i spread over 20 decades, also inside one block. So the system is scaled from both sides: with factors
+//! H_i^-1 = F_i F_i^T from the closed form of the outer method,
+//!
+//! ```text
+//! S~ z = F^T b,    S~ = F^T S F = I + F^T N F,    x = F z.
+//! ```
+//!
+//! No eigenvalue of S~ is below 1. In body space, with A = D~ F, D~ = M^(-1/2) D, S~ = I + A^T A and
+//! S~^-1 = I - A^T K^-1 A, K = I + A A^T ([`body_matrix`]).
 //!
 //! A solver of such systems is a [`NewtonSolver`]: [`refresh`](NewtonSolver::refresh) takes new blocks H,
 //! [`solve`](NewtonSolver::solve) a right-hand side. Nothing in it is about contact: any convex quadratic program over
@@ -12,16 +20,19 @@
 //! | name | solver | matrix |
 //! |---|---|---|
 //! | `none` | BiCGSTAB, at most 1000 iterations (the paper's baseline) | S |
-//! | `ilu` | BiCGSTAB with block ILU(0) (the paper's second baseline) | S |
-//! | `ic` | conjugate gradients with block IC(0) | S |
-//! | `block-jacobi` | conjugate gradients with 3x3 block Jacobi | S |
-//! | `cholesky` | sparse Cholesky, the cheaper of the two | S or K |
-//! | `schur-cholesky` | sparse Cholesky | S |
+//! | `ilu` | BiCGSTAB with block ILU(0) (the paper's second baseline) | S~ |
+//! | `ic` | conjugate gradients with block IC(0) | S~ |
+//! | `block-jacobi` | conjugate gradients with 3x3 block Jacobi | S~ |
+//! | `cholesky` | sparse Cholesky, the cheaper of the two | S~ or K |
+//! | `schur-cholesky` | sparse Cholesky | S~ |
 //! | `body-cholesky` | sparse Cholesky | K |
 //! | `body-cg` | conjugate gradients with 6x6 block Jacobi | K |
 //! | `tt` | `body-cg`, corrected by a tensor train where that pays | K |
-//! | `tt-schur` | BiCGSTAB with a tensor-train inverse of the scaled matrix | S |
+//! | `tt-schur` | BiCGSTAB with a tensor-train inverse, compressed exactly | S~ |
 //! | `tt-cross` | BiCGSTAB with the paper's tensor-train inverse | S |
+//!
+//! `none` and `tt-cross` are the paper's: they see S as it is. Preconditioners that commute with block scaling (ILU(0),
+//! IC(0), block Jacobi) make the same iterates on both; only rounding and the norm of the residual differ.
 
 pub mod body;
 pub mod body_matrix;
@@ -38,20 +49,36 @@ use crate::problem::{Ccp, CcpError};
 use graintrain_linalg::block3::{Block, BlockMatrix3};
 use std::collections::BTreeMap;
 
-/// One Newton matrix N + H.
+/// The blocks of a Newton matrix with the factors of their inverses, H^-1 = F F^T.
+#[derive(Clone, Copy, Default)]
+pub struct ScaledBlocks<'a> {
+    /// H_i, symmetric positive definite, 1/kg.
+    pub added: &'a [Block],
+    /// F_i.
+    pub factor: &'a [Block],
+    /// F_i^-1.
+    pub factor_inverse: &'a [Block],
+}
+
+/// Which of the two equivalent systems a solver takes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Form {
+    /// S~ = I + F^T N F.
+    Scaled,
+    /// S = N + H.
+    Plain,
+}
+
+/// One Newton matrix.
 #[derive(Clone, Copy)]
 pub struct NewtonSystem<'a> {
     /// The problem: N, contact points, identities of the contacts.
     pub problem: &'a Ccp,
-    /// H_i, symmetric positive definite, 1/kg.
-    pub added: &'a [Block],
-    /// H_i^-1, kg, from the closed form of the outer method.
-    pub inverse_added: &'a [Block],
-    /// F_i with H_i^-1 = F_i F_i^T, from the outer method; empty where it never solves in scaled variables.
-    pub factor: &'a [Block],
-    /// S = N + H as a sparse matrix whose pattern persists while the problem does; present for solvers that ask for
-    /// it ([`NewtonSolver::needs_schur`]).
-    pub schur: Option<&'a BlockMatrix3>,
+    /// H and its factors.
+    pub blocks: ScaledBlocks<'a>,
+    /// S~ or S as a sparse matrix whose pattern persists while the problem does; present for solvers that ask for it
+    /// ([`NewtonSolver::needs_matrix`]), in the form they ask for.
+    pub matrix: Option<&'a BlockMatrix3>,
     /// Whether N is another one than at the last refresh (then everything that depends on N has to be made anew).
     pub new_delassus: bool,
     /// Newton iteration of the outer method, from 0.
@@ -63,7 +90,7 @@ pub struct NewtonSystem<'a> {
 pub struct LinearReport {
     /// Iterations of the linear solver; steps of refinement for direct ones.
     pub iterations: usize,
-    /// |b - S x| / |b|.
+    /// |b - S~ z| / |b|, or |b - S x| / |b| in the plain form.
     pub residual: f64,
     /// Whether the tolerance asked for was reached.
     pub converged: bool,
@@ -91,20 +118,24 @@ pub enum NewtonError {
     },
 }
 
-/// A solver of (N + H) x = b that is prepared once per H. It may keep what it learned between matrices and between
-/// problems (symbolic factorisations, hot starts).
+/// A solver of S~ z = b, or of S x = b where it asks for the plain form, that is prepared once per H. It may keep what it
+/// learned between matrices and between problems (symbolic factorisations, hot starts).
 pub trait NewtonSolver: Send {
     /// Name as given after the `+`.
     fn name(&self) -> &'static str;
 
-    /// Looks at a new problem before its first matrix, e.g. to choose a form; `schur` is not there yet and H may be
-    /// anything.
+    /// The system that this solver solves.
+    fn form(&self) -> Form {
+        Form::Scaled
+    }
+
+    /// Looks at a new problem before its first matrix, e.g. to choose a form; matrix and blocks are not there yet.
     fn prepare(&mut self, system: &NewtonSystem<'_>) {
         let _ = system;
     }
 
-    /// Whether [`NewtonSystem::schur`] has to be there. Asked after [`Self::prepare`].
-    fn needs_schur(&self) -> bool;
+    /// Whether [`NewtonSystem::matrix`] has to be there. Asked after [`Self::prepare`].
+    fn needs_matrix(&self) -> bool;
 
     /// Adapts to new blocks H.
     ///
@@ -112,29 +143,14 @@ pub trait NewtonSolver: Send {
     /// [`NewtonError`]; the solver then must not be used until the next success.
     fn refresh(&mut self, system: &NewtonSystem<'_>) -> Result<(), NewtonError>;
 
-    /// Solves (N + H) x = b to a relative residual; `x` holds the start on entry and the best iterate on exit.
-    /// `system` is that of the last refresh.
+    /// Solves the system to a relative residual; `z` gets the best iterate found. `system` is that of the last refresh.
     fn solve(
-        &mut self,
-        system: &NewtonSystem<'_>,
-        b: &[f64],
-        x: &mut [f64],
-        relative_tolerance: f64,
-    ) -> LinearReport;
-
-    /// Solves (I + F^T N F) z = b, the same system in the scaled variable z = F^-1 x, whose entries keep their digits
-    /// where H_i has eigenvalues of very different size. `None` where the solver has no better way than
-    /// [`Self::solve`] with refinement around it.
-    fn solve_scaled(
         &mut self,
         system: &NewtonSystem<'_>,
         b: &[f64],
         z: &mut [f64],
         relative_tolerance: f64,
-    ) -> Option<LinearReport> {
-        let _ = (system, b, z, relative_tolerance);
-        None
-    }
+    ) -> LinearReport;
 
     /// Named figures of the last refresh and of the solves since (ranks, compression error, fill, ...).
     fn figures(&self, figures: &mut BTreeMap<String, f64>) {
@@ -157,6 +173,8 @@ pub struct NewtonRecord {
     pub linear_residual: f64,
     /// Whether every linear solve reached its tolerance.
     pub linear_converged: bool,
+    /// Estimate of the condition number of S~ from below: its largest eigenvalue by power iteration (none is below 1).
+    pub condition: f64,
     /// Residual of the contact problem before the iteration, where the outer method evaluates it.
     pub residual: f64,
     /// Step length taken.
@@ -183,27 +201,27 @@ pub const LINEAR_METHODS: &[LinearMethod] = &[
     },
     LinearMethod {
         name: "ilu",
-        about: "BiCGSTAB on S with block ILU(0)",
+        about: "BiCGSTAB on S~ with block ILU(0)",
         build: || Box::new(krylov::SchurKrylov::incomplete_lu()),
     },
     LinearMethod {
         name: "ic",
-        about: "conjugate gradients on S with block IC(0)",
+        about: "conjugate gradients on S~ with block IC(0)",
         build: || Box::new(krylov::SchurKrylov::incomplete_cholesky()),
     },
     LinearMethod {
         name: "block-jacobi",
-        about: "conjugate gradients on S with 3x3 block Jacobi",
+        about: "conjugate gradients on S~ with 3x3 block Jacobi",
         build: || Box::new(krylov::SchurKrylov::block_jacobi()),
     },
     LinearMethod {
         name: "cholesky",
-        about: "sparse Cholesky of S or K, whichever needs fewer operations",
+        about: "sparse Cholesky of S~ or K, whichever needs fewer operations",
         build: || Box::new(direct::Direct::default()),
     },
     LinearMethod {
         name: "schur-cholesky",
-        about: "sparse Cholesky of S (contact space)",
+        about: "sparse Cholesky of S~ (contact space)",
         build: || Box::new(direct::SchurCholesky::default()),
     },
     LinearMethod {
@@ -223,7 +241,7 @@ pub const LINEAR_METHODS: &[LinearMethod] = &[
     },
     LinearMethod {
         name: "tt-schur",
-        about: "BiCGSTAB on S with a tensor-train inverse of the scaled matrix, compressed exactly",
+        about: "BiCGSTAB on S~ with a tensor-train inverse, compressed exactly",
         build: || Box::new(train_schur::TrainSchur::scaled()),
     },
     LinearMethod {
@@ -295,22 +313,5 @@ pub(crate) fn apply_blocks_in_place(blocks: &[Block], x: &mut [f64], transposed:
         let k = 3 * i;
         let product = times(block, [x[k], x[k + 1], x[k + 2]], transposed);
         x[k..k + 3].copy_from_slice(&product);
-    }
-}
-
-/// y <- (N + H) x without forming the sum.
-pub(crate) fn multiply_system(
-    problem: &Ccp,
-    added: &[Block],
-    x: &[f64],
-    y: &mut [f64],
-    work: &mut crate::delassus::DelassusWork,
-) {
-    problem.delassus.multiply(x, y, work);
-    for (i, h) in added.iter().enumerate() {
-        let hx = graintrain_linalg::block_ops::apply3(h, [x[3 * i], x[3 * i + 1], x[3 * i + 2]]);
-        for k in 0..3 {
-            y[3 * i + k] += hx[k];
-        }
     }
 }

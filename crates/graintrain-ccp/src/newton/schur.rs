@@ -1,46 +1,79 @@
-//! The Schur complement S = N + H as a sparse matrix whose pattern is made once per problem.
+//! The Newton matrix in contact space as a sparse matrix whose pattern is made once per problem.
 
+use super::{Form, ScaledBlocks};
 use crate::delassus::Delassus;
 use crate::problem::Ccp;
+use graintrain_linalg::block_ops::multiply3;
 use graintrain_linalg::block3::{Block, BlockMatrix3};
+use rayon::prelude::*;
 
-/// S = N + H. The pattern is that of N; only the diagonal blocks change from one H to the next.
+/// S = N + H or S~ = I + F^T N F. The pattern is that of N, with every diagonal block.
 #[derive(Clone, Debug)]
 pub struct SchurComplement {
+    form: Form,
+    /// N.
+    own: BlockMatrix3,
     matrix: BlockMatrix3,
-    /// Where the diagonal blocks lie.
-    diagonal: Vec<usize>,
-    /// N_ii.
-    own: Vec<Block>,
+    /// Block row of every block.
+    row: Vec<u32>,
 }
 
+/// Blocks per parallel task.
+const TASK: usize = 4096;
+
 impl SchurComplement {
-    /// N of a problem, with H = 0. Off-diagonal blocks of a matrix read from a file may be asymmetric: S takes its
+    /// The pattern of a problem. Off-diagonal blocks of a matrix read from a file may be asymmetric: S takes its
     /// symmetric part.
-    pub fn new(problem: &Ccp) -> Self {
-        let mut matrix = with_diagonal(problem.delassus.assemble());
-        if matches!(problem.delassus, Delassus::Sparse(_)) && matrix.asymmetry() > 0.0 {
-            matrix = symmetric_part(&matrix);
+    pub fn new(problem: &Ccp, form: Form) -> Self {
+        let mut own = with_diagonal(problem.delassus.assemble());
+        if matches!(problem.delassus, Delassus::Sparse(_)) && own.asymmetry() > 0.0 {
+            own = symmetric_part(&own);
         }
-        let diagonal: Vec<usize> = (0..matrix.num_rows()).filter_map(|i| matrix.position(i, i)).collect();
-        let own = diagonal.iter().map(|&k| matrix.blocks()[k]).collect();
-        Self { matrix, diagonal, own }
+        let row = own
+            .row_starts()
+            .windows(2)
+            .enumerate()
+            .flat_map(|(row, range)| std::iter::repeat_n(row as u32, range[1] - range[0]))
+            .collect();
+        Self { form, matrix: own.clone(), own, row }
     }
 
-    /// S <- N + H, in place.
-    pub fn update(&mut self, added: &[Block]) {
-        let blocks = self.matrix.blocks_mut();
-        for ((&k, own), h) in self.diagonal.iter().zip(&self.own).zip(added) {
-            for ((s, n), h) in blocks[k].iter_mut().zip(own).zip(h) {
-                *s = n + h;
+    /// New values for the blocks H, in place.
+    pub fn update(&mut self, blocks: ScaledBlocks<'_>) {
+        let Self { form, own, matrix, row } = self;
+        let (columns, own) = (own.columns(), own.blocks());
+        matrix.blocks_mut().par_iter_mut().with_min_len(TASK).enumerate().for_each(|(k, s)| {
+            let (i, j) = (row[k] as usize, columns[k] as usize);
+            match form {
+                Form::Plain => {
+                    if i == j {
+                        *s = std::array::from_fn(|e| own[k][e] + blocks.added[i][e]);
+                    }
+                }
+                Form::Scaled => {
+                    *s = multiply3(&transpose(&blocks.factor[i]), &multiply3(&own[k], &blocks.factor[j]));
+                    if i == j {
+                        // Rounding must not make S~ asymmetric.
+                        for (a, b) in [(1, 3), (2, 6), (5, 7)] {
+                            (s[a], s[b]) = (0.5 * (s[a] + s[b]), 0.5 * (s[a] + s[b]));
+                        }
+                        for d in 0..3 {
+                            s[4 * d] += 1.0;
+                        }
+                    }
+                }
             }
-        }
+        });
     }
 
-    /// S.
+    /// The matrix.
     pub fn matrix(&self) -> &BlockMatrix3 {
         &self.matrix
     }
+}
+
+fn transpose(a: &Block) -> Block {
+    std::array::from_fn(|e| a[3 * (e % 3) + e / 3])
 }
 
 /// The same matrix with every diagonal block stored (zero where it was not).

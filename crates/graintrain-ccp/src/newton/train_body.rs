@@ -1,6 +1,6 @@
 //! The tensor-train correction of `tt`: in body space, and only where it pays.
 //!
-//! Conjugate gradients on K = I + D~ H^-1 D~^T with 6x6 block Jacobi are conjugate gradients on K_s = L^-1 K L^-T, L the
+//! Conjugate gradients on K = I + A A^T with 6x6 block Jacobi are conjugate gradients on K_s = L^-1 K L^-T, L the
 //! Cholesky factors of the diagonal blocks. A train X that approximates K_s^-1 makes the preconditioner L^-T X L^-1.
 //!
 //! Whether it pays is decided by measurement, in two stages that cost little and do not depend on clocks:

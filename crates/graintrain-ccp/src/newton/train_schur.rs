@@ -1,12 +1,12 @@
-//! Tensor-train solvers in contact space: S compressed, inverted, and used as preconditioner of BiCGSTAB.
+//! Tensor-train solvers in contact space: the matrix compressed, inverted, and used as preconditioner of BiCGSTAB.
 //!
 //! `tt-cross` is the recipe of Corona et al. 2019 to the letter: uniform tree of contacts, identity on the dummies,
-//! AMEn-cross, AMEn inversion of A X = I, accuracy 1e-2 and ranks up to 10. It is kept for the record: on random
+//! AMEn-cross on S, AMEn inversion of A X = I, accuracy 1e-2 and ranks up to 10. It is kept for the record: on random
 //! packings the cross does not see the matrix (`compression_error` in its figures tells).
-//! `tt-schur` mends what can be mended in the same space: symmetric 3x3 block-Jacobi scaling first, exact compression
+//! `tt-schur` mends what can be mended in the same space: S~, symmetric 3x3 block-Jacobi scaling first, exact compression
 //! from the nonzero blocks, hardly any dummies, and the residual form of the inverse.
 
-use super::{LinearReport, NewtonError, NewtonSolver, NewtonSystem};
+use super::{Form, LinearReport, NewtonError, NewtonSolver, NewtonSystem};
 use crate::tensor_train::inverse::{Compression, TrainInverse, TrainSettings};
 use crate::tensor_train::place::contact_points;
 use crate::tensor_train::placement::Placement;
@@ -24,11 +24,11 @@ const LEAF_CONTACTS: usize = 4;
 /// Cap on iterations of BiCGSTAB, as for the paper's unpreconditioned baseline.
 const LIMIT: usize = 1000;
 
-/// BiCGSTAB on S, preconditioned by a compressed inverse.
+/// BiCGSTAB, preconditioned by a compressed inverse.
 pub struct TrainSchur {
     name: &'static str,
     placement: Placement,
-    /// Present where S is scaled before it is compressed.
+    /// Present where the matrix is scaled before it is compressed.
     scaling: Option<BlockJacobi>,
     scaled: Option<BlockMatrix3>,
     inverse: TrainInverse,
@@ -88,12 +88,16 @@ impl NewtonSolver for TrainSchur {
         self.name
     }
 
-    fn needs_schur(&self) -> bool {
+    fn form(&self) -> Form {
+        if self.scaling.is_some() { Form::Scaled } else { Form::Plain }
+    }
+
+    fn needs_matrix(&self) -> bool {
         true
     }
 
     fn refresh(&mut self, system: &NewtonSystem<'_>) -> Result<(), NewtonError> {
-        let Some(schur) = system.schur else { return Ok(()) };
+        let Some(schur) = system.matrix else { return Ok(()) };
         if schur.num_rows() == 0 {
             return Ok(());
         }
@@ -132,10 +136,11 @@ impl NewtonSolver for TrainSchur {
         &mut self,
         system: &NewtonSystem<'_>,
         b: &[f64],
-        x: &mut [f64],
+        z: &mut [f64],
         relative_tolerance: f64,
     ) -> LinearReport {
-        let Some(schur) = system.schur else { return LinearReport { residual: 1.0, ..Default::default() } };
+        z.fill(0.0);
+        let Some(schur) = system.matrix else { return LinearReport { residual: 1.0, ..Default::default() } };
         let settings = KrylovSettings { relative_tolerance, max_iterations: LIMIT };
         let Self { placement, scaling, inverse, krylov, buffer, .. } = self;
         let place = placement.positions();
@@ -152,7 +157,7 @@ impl NewtonSolver for TrainSchur {
                 }
             },
             b,
-            x,
+            z,
             settings,
             krylov,
         );

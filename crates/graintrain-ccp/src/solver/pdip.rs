@@ -15,12 +15,15 @@
 //! S = N + sum_k ( lambda_k Hess f_k + lambda_k / (-f_k) grad f_k grad f_k^T )
 //! ```
 //!
-//! The problem is scaled first: impulses by J (see [`ResidualScale`]), velocities by J times the mean of eta.
+//! The problem is scaled first: impulses by J (see [`ResidualScale`]), velocities by J times the mean of eta. S = N + H is
+//! scaled from both sides with the factors of H^-1 = F F^T: (I + F^T N F) z = F^T b, dg = F z (see [`crate::newton`]). The
+//! iteration is the paper's; without the scaling rounding ends it at residuals near 1e-5.
 
 use super::driver::{Best, Limits, check_start};
 use super::{CcpSolver, SolveReport, SolveSettings, Status};
-use crate::newton::driver::NewtonDriver;
-use crate::newton::linear_solver;
+use crate::delassus::DelassusWork;
+use crate::newton::driver::{NewtonDriver, ScaledBlocks};
+use crate::newton::{apply_blocks, apply_blocks_in_place, linear_solver};
 use crate::problem::{Ccp, CcpError};
 use crate::residual::ResidualScale;
 use graintrain_linalg::block3::Block;
@@ -68,39 +71,53 @@ impl Constraints {
         Self { f: [cone, -g[0]], cone_gradient: [-m * g[0], g[1], g[2]] }
     }
 
-    /// H = lambda_1 Hess f_1 + sum_k lambda_k / (-f_k) grad f_k grad f_k^T and its inverse.
+    /// H = lambda_1 Hess f_1 + sum_k lambda_k / (-f_k) grad f_k grad f_k^T with its factors.
     ///
-    /// With Q = diag(-mu^2, 1, 1) the part of f_1 is lambda_1 (Q + Q g g^T Q / (-f_1)), whose inverse is
-    /// (Q^-1 + g g^T / (-f_1)) / lambda_1 by Sherman and Morrison. The differences in the normal components,
-    /// mu^2 g_n^2 / (-f_1) - 1 = (mu^2 g_n^2 + |g_t|^2) / (-2 f_1), are taken in closed form, so that both stay
-    /// positive definite in rounding next to the boundary.
+    /// Across the tangential impulse H is lambda_1. In the plane of the normal and that impulse, with rho = |g_t| and
+    /// c = (mu^2 g_n^2 + rho^2) / (-2 f_1), which is never below 1,
+    ///
+    /// ```text
+    /// H_rr = lambda_1 c,   H_nr = -lambda_1 mu^2 g_n rho / (-f_1),   H_nn = lambda_1 mu^2 c + lambda_2 / g_n
+    /// det = lambda_1^2 mu^2 + lambda_1 c lambda_2 / g_n
+    /// ```
+    ///
+    /// No term of the determinant cancels, so that the Cholesky factor H = B L L^T B^T, rows in the order r, n, s of the basis
+    /// B, has full relative accuracy next to the boundary. F = B L^-T.
     #[inline]
-    fn newton_blocks(&self, mu: f64, g: &[f64], lambda: &[f64]) -> (Block, Block) {
-        let weight = lambda[0] / -self.f[0];
-        let d = &self.cone_gradient;
+    fn newton_blocks(&self, mu: f64, g: &[f64], lambda: &[f64]) -> NewtonBlocks {
         let m = mu * mu;
-        let normal = (m * g[0] * g[0] + g[1] * g[1] + g[2] * g[2]) / (-2.0 * self.f[0]);
-        let mut block: Block = std::array::from_fn(|k| weight * d[k / 3] * d[k % 3]);
+        let rho = g[1].hypot(g[2]);
+        let along = if rho > 0.0 { [g[1] / rho, g[2] / rho] } else { [1.0, 0.0] };
+        let gap = -self.f[0];
+        let c = ((m * g[0] * g[0] + rho * rho) / (2.0 * gap)).max(1.0);
         let other = lambda[1] / -self.f[1];
-        block[0] = lambda[0] * m * normal + other;
-        block[4] += lambda[0];
-        block[8] += lambda[0];
-        let outer = 1.0 / (lambda[0] * -self.f[0]);
-        let mut inverse: Block = std::array::from_fn(|k| outer * g[k / 3] * g[k % 3]);
-        inverse[0] = normal / (lambda[0] * m);
-        inverse[4] += 1.0 / lambda[0];
-        inverse[8] += 1.0 / lambda[0];
-        // The rank-one term of f_2, again by Sherman and Morrison.
-        let column = [inverse[0], inverse[3], inverse[6]];
-        let factor = other / (1.0 + other * column[0]);
-        for k in 0..9 {
-            inverse[k] -= factor * column[k / 3] * column[k % 3];
+        let (rr, nr) = (lambda[0] * c, -lambda[0] * m * g[0] * rho / gap);
+        let nn = lambda[0] * m * c + other;
+        let determinant = lambda[0] * (lambda[0] * m + c * other);
+        // L = [[p, 0, 0], [q, s, 0], [0, 0, t]] in the order r, n, s.
+        let (p, t) = (rr.sqrt(), lambda[0].sqrt());
+        let (q, s) = (nr / p, (determinant / rr).sqrt());
+        let [x, y] = along;
+        // Columns of B: r = (0, x, y), n = (1, 0, 0), s = (0, -y, x).
+        NewtonBlocks {
+            added: [
+                nn,
+                nr * x,
+                nr * y,
+                nr * x,
+                rr * x * x + lambda[0] * y * y,
+                (rr - lambda[0]) * x * y,
+                nr * y,
+                (rr - lambda[0]) * x * y,
+                rr * y * y + lambda[0] * x * x,
+            ],
+            // B L^-T, L^-T = [[1/p, -q/(p s), 0], [0, 1/s, 0], [0, 0, 1/t]].
+            factor: [0.0, 1.0 / s, 0.0, x / p, -x * q / (p * s), -y / t, y / p, -y * q / (p * s), x / t],
+            // L^T B^T, L^T = [[p, q, 0], [0, s, 0], [0, 0, t]].
+            factor_inverse: [q, p * x, p * y, s, 0.0, 0.0, 0.0, -t * y, t * x],
+            // L^-1 B^T grad f_1 with the difference taken in closed form.
+            gradient: [rho / p, -m * g[0] / (c * s)],
         }
-        inverse[0] = column[0] / (1.0 + other * column[0]);
-        inverse[1] = column[1] / (1.0 + other * column[0]);
-        inverse[2] = column[2] / (1.0 + other * column[0]);
-        (inverse[3], inverse[6]) = (inverse[1], inverse[2]);
-        (block, inverse)
     }
 
     /// sum_k c_k grad f_k.
@@ -109,6 +126,18 @@ impl Constraints {
         let d = &self.cone_gradient;
         [c[0] * d[0] - c[1], c[0] * d[1], c[0] * d[2]]
     }
+}
+
+/// What one contact adds to Newton's matrix; see [`Constraints::newton_blocks`].
+struct NewtonBlocks {
+    /// H.
+    added: Block,
+    /// F.
+    factor: Block,
+    /// F^-1.
+    factor_inverse: Block,
+    /// First two components of F^T grad f_1; the third is zero.
+    gradient: [f64; 2],
 }
 
 /// Scaled iterate with what is known about it.
@@ -192,8 +221,8 @@ impl CcpSolver for Pdip {
         let friction: Vec<f64> = problem.friction.iter().map(|mu| mu.max(SMALLEST_FRICTION)).collect();
         let mut product = problem.delassus.work();
         // u <- (N g J + r) / (J eta).
-        let mut velocity = |g: &[f64], u: &mut [f64]| {
-            problem.delassus.multiply(g, u, &mut product);
+        let velocity = |g: &[f64], u: &mut [f64], product: &mut DelassusWork| {
+            problem.delassus.multiply(g, u, product);
             for (u, r) in u.iter_mut().zip(&problem.r) {
                 *u = *u / eta + r / velocity_unit;
             }
@@ -202,15 +231,17 @@ impl CcpSolver for Pdip {
         let g = start(&friction, impulse, impulse_unit);
         let mut it = Iterate { g, lambda: vec![0.0; 2 * contacts], u: vec![0.0; size] };
         let mut trial = Iterate { g: vec![0.0; size], lambda: vec![0.0; 2 * contacts], u: vec![0.0; size] };
-        velocity(&it.g, &mut it.u);
+        velocity(&it.g, &mut it.u, &mut product);
         for (i, &mu) in friction.iter().enumerate() {
             let constraints = Constraints::new(mu, &it.g[3 * i..3 * i + 3]);
             for k in 0..2 {
                 it.lambda[2 * i + k] = -1.0 / constraints.f[k];
             }
         }
-        let (mut added, mut inverse) = (vec![[0.0; 9]; contacts], vec![[0.0; 9]; contacts]);
-        let (mut rhs, mut dg, mut ndg) = (vec![0.0; size], vec![0.0; size], vec![0.0; size]);
+        let (mut added, mut factor) = (vec![[0.0; 9]; contacts], vec![[0.0; 9]; contacts]);
+        let (mut factor_inverse, mut gradient) = (vec![[0.0; 9]; contacts], vec![[0.0; 2]; contacts]);
+        let (mut rhs, mut z) = (vec![0.0; size], vec![0.0; size]);
+        let (mut dg, mut ndg) = (vec![0.0; size], vec![0.0; size]);
         let mut dlambda = vec![0.0; 2 * contacts];
         let (mut physical, mut best) = (vec![0.0; size], Best::default());
         let mut iterations = 0;
@@ -238,26 +269,32 @@ impl CcpSolver for Pdip {
             for (i, &mu) in friction.iter().enumerate() {
                 let constraints = Constraints::new(mu, &it.g[3 * i..3 * i + 3]);
                 let lambda = &it.lambda[2 * i..2 * i + 2];
-                let (block, inverted) = constraints.newton_blocks(mu, &it.g[3 * i..3 * i + 3], lambda);
-                inverse[i] = inverted.map(|x| x / eta);
-                added[i] = block.map(|x| x * eta);
+                let blocks = constraints.newton_blocks(mu, &it.g[3 * i..3 * i + 3], lambda);
+                // H in units of N; F^T N F is then without units, and z that of the scaled problem.
+                added[i] = blocks.added.map(|x| x * eta);
+                factor[i] = blocks.factor.map(|x| x / eta.sqrt());
+                factor_inverse[i] = blocks.factor_inverse.map(|x| x * eta.sqrt());
+                gradient[i] = blocks.gradient.map(|x| x / eta.sqrt());
                 // -r_d + sum_k grad f_k r_c,k / (-f_k), with r_c,k / (-f_k) = lambda_k + 1 / (tau f_k): lambda cancels.
                 let push = constraints.combine(std::array::from_fn(|k| 1.0 / (tau * constraints.f[k])));
                 for k in 0..3 {
                     rhs[3 * i + k] = eta * (push[k] - it.u[3 * i + k]);
                 }
             }
-            if self.newton.refresh(problem, &added, &inverse, iterations, residual).is_err() {
+            let blocks = ScaledBlocks { added: &added, factor: &factor, factor_inverse: &factor_inverse };
+            if self.newton.refresh(problem, blocks, iterations, residual).is_err() {
                 break Status::Stalled;
             }
-            dg.fill(0.0);
-            self.newton.solve(problem, &added, &inverse, &rhs, &mut dg, linear_tolerance);
-            problem.delassus.multiply(&dg, &mut ndg, &mut problem.delassus.work());
+            apply_blocks_in_place(&factor, &mut rhs, true);
+            self.newton.solve(problem, blocks, &rhs, &mut z, linear_tolerance);
+            apply_blocks(&factor, &z, &mut dg, false);
+            problem.delassus.multiply(&dg, &mut ndg, &mut product);
             let mut longest = 1.0_f64;
             for (i, &mu) in friction.iter().enumerate() {
                 let constraints = Constraints::new(mu, &it.g[3 * i..3 * i + 3]);
                 let step = &dg[3 * i..3 * i + 3];
-                let along = [(0..3).map(|k| constraints.cone_gradient[k] * step[k]).sum::<f64>(), -step[0]];
+                let cone = gradient[i][0] * z[3 * i] + gradient[i][1] * z[3 * i + 1];
+                let along = [cone, -step[0]];
                 for k in 0..2 {
                     let (lambda, f) = (it.lambda[2 * i + k], constraints.f[k]);
                     let change = -lambda - 1.0 / (tau * f) - lambda * along[k] / f;
@@ -298,7 +335,7 @@ impl CcpSolver for Pdip {
             iterations += 1;
             if iterations % 10 == 0 {
                 // Rounding in the updated velocities must not accumulate.
-                velocity(&it.g, &mut it.u);
+                velocity(&it.g, &mut it.u, &mut product);
             }
         };
         best.restore(impulse);
@@ -328,12 +365,21 @@ mod tests {
             });
             Constraints::new(mu, &g).combine([lambda[0] + change[0], lambda[1] + change[1]])
         };
-        let (block, inverse) = Constraints::new(mu, &g).newton_blocks(mu, &g, &lambda);
+        let blocks = Constraints::new(mu, &g).newton_blocks(mu, &g, &lambda);
+        let NewtonBlocks { added: block, factor, factor_inverse, gradient } = blocks;
+        let unit = |r: usize, c: usize| f64::from(u8::from(r == c));
         for r in 0..3 {
             for c in 0..3 {
-                let product: f64 = (0..3).map(|k| block[3 * r + k] * inverse[3 * k + c]).sum();
-                assert!((product - f64::from(u8::from(r == c))).abs() < 1e-13);
+                let product: f64 = (0..3).map(|k| factor[3 * r + k] * factor_inverse[3 * k + c]).sum();
+                assert!((product - unit(r, c)).abs() < 1e-13);
+                // F^T H F = I.
+                let product: f64 =
+                    (0..9).map(|k| factor[3 * (k / 3) + r] * block[k] * factor[3 * (k % 3) + c]).sum();
+                assert!((product - unit(r, c)).abs() < 1e-13);
             }
+            let image: f64 =
+                (0..3).map(|k| factor[3 * k + r] * Constraints::new(mu, &g).cone_gradient[k]).sum();
+            assert!((image - [gradient[0], gradient[1], 0.0][r]).abs() < 1e-13);
         }
         let h = 1e-6;
         for c in 0..3 {

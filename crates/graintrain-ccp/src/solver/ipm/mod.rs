@@ -203,15 +203,13 @@ impl PairScaling {
         match self {
             Self::Cone(scaling) => {
                 let delta = proximal * t[0] * t[0];
-                let (h, inverse) =
-                    (scaling.function(|e| e + delta), scaling.function(|e| (e + delta).recip()));
+                let h = scaling.function(|e| e + delta);
                 let (root, inverse_root) = (
                     scaling.function(|e| (e + delta).sqrt()),
                     scaling.function(|e| (e + delta).sqrt().recip()),
                 );
                 Blocks {
                     added: std::array::from_fn(|k| h[k] / (t[k / 3] * t[k % 3])),
-                    inverse: std::array::from_fn(|k| inverse[k] * t[k / 3] * t[k % 3]),
                     factor: std::array::from_fn(|k| inverse_root[k] * t[k / 3]),
                     factor_inverse: std::array::from_fn(|k| root[k] / t[k % 3]),
                     to_step: inverse_root,
@@ -224,7 +222,6 @@ impl PairScaling {
                 let diagonal = |a: f64, b: f64| [a, 0.0, 0.0, 0.0, b, 0.0, 0.0, 0.0, b];
                 Blocks {
                     added: diagonal(h, HELD),
-                    inverse: diagonal(1.0 / h, 1.0 / HELD),
                     factor: diagonal(1.0 / h.sqrt(), 1.0 / HELD.sqrt()),
                     factor_inverse: diagonal(h.sqrt(), HELD.sqrt()),
                     to_step: diagonal(1.0 / h.sqrt(), 0.0),
@@ -238,7 +235,6 @@ impl PairScaling {
 /// See [`PairScaling::blocks`].
 struct Blocks {
     added: Block,
-    inverse: Block,
     factor: Block,
     factor_inverse: Block,
     /// E^(-1/2): dx from z.
@@ -253,7 +249,6 @@ struct Work {
     scalings: Vec<PairScaling>,
     t: Vec<[f64; 3]>,
     added: Vec<Block>,
-    inverse: Vec<Block>,
     factor: Vec<Block>,
     factor_inverse: Vec<Block>,
     to_step: Vec<Block>,
@@ -282,7 +277,6 @@ impl Work {
             scalings: vec![line; contacts],
             t: problem.friction.iter().map(|&mu| cone_map(mu)).collect(),
             added: vec![[0.0; 9]; contacts],
-            inverse: vec![[0.0; 9]; contacts],
             factor: vec![[0.0; 9]; contacts],
             factor_inverse: vec![[0.0; 9]; contacts],
             to_step: vec![[0.0; 9]; contacts],
@@ -300,6 +294,10 @@ impl Work {
 
     fn contacts(&self) -> usize {
         self.pairs.len()
+    }
+
+    fn blocks(&self) -> ScaledBlocks<'_> {
+        ScaledBlocks { added: &self.added, factor: &self.factor, factor_inverse: &self.factor_inverse }
     }
 
     /// g = T x.
@@ -493,13 +491,12 @@ impl Ipm {
                 work.scalings[i] = work.pairs[i].scaling();
                 let blocks = work.scalings[i].blocks(work.t[i], PROXIMAL + compliance);
                 work.added[i] = blocks.added;
-                work.inverse[i] = blocks.inverse;
                 work.factor[i] = blocks.factor;
                 work.factor_inverse[i] = blocks.factor_inverse;
                 work.to_step[i] = blocks.to_step;
                 work.to_scaled[i] = blocks.to_scaled;
             }
-            if self.newton.refresh(inner, &work.added, &work.inverse, iterations, residual).is_err() {
+            if self.newton.refresh(inner, work.blocks(), iterations, residual).is_err() {
                 break Status::Stalled;
             }
             // Errors of the linear solves must stay below the residual reached, more so near the end.
@@ -568,9 +565,9 @@ impl Ipm {
     }
 
     fn linear_solve(&mut self, inner: &Ccp, work: &mut Work, tolerance: f64) {
-        let Work { added, inverse, factor, factor_inverse, rhs, z, .. } = work;
-        let blocks = ScaledBlocks { added, inverse_added: inverse, factor, factor_inverse };
-        self.newton.solve_scaled(inner, blocks, rhs, z, tolerance);
+        let Work { added, factor, factor_inverse, rhs, z, .. } = work;
+        let blocks = ScaledBlocks { added, factor, factor_inverse };
+        self.newton.solve(inner, blocks, rhs, z, tolerance);
         work.scaled_directions();
     }
 }
