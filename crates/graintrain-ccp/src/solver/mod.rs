@@ -17,6 +17,7 @@ pub mod lanes;
 pub mod pdip;
 mod row_operator;
 pub mod scaling;
+pub mod scip;
 mod spectral;
 mod spg;
 pub mod sweep;
@@ -202,6 +203,11 @@ pub const METHODS: &[Method] = &[
         name: "gpminres",
         about: "gradient-projected minimum residual (Heyn, Anitescu, Tasora, Negrut 2013)",
         build: gpminres::build,
+    },
+    Method {
+        name: "scip",
+        about: "symmetric cone interior point (Kleinert, Simeon, Obermayr 2014); linear solver after a '+'",
+        build: scip::build,
     },
     Method {
         name: "ipm",

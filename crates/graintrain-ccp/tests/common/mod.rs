@@ -3,6 +3,7 @@
 
 use clarabel::algebra::CscMatrix;
 use clarabel::solver::{DefaultSettingsBuilder, DefaultSolver, IPSolver, SupportedConeT};
+use graintrain_ccp::residual::{FrictionModel, ResidualScale};
 use graintrain_ccp::{BodyInverseMass, Ccp, Delassus, FIXED, RigidContact, RigidDelassus};
 
 /// SplitMix64 (Steele, Lea, Flood 2014): the same numbers on every machine.
@@ -220,6 +221,18 @@ pub struct Oracle {
     pub objective: f64,
 }
 
+impl Oracle {
+    /// Residual of Clarabel's own answer: it breaks down on a few problems.
+    pub fn residual(&self, problem: &Ccp) -> f64 {
+        let mut u = vec![0.0; self.impulse.len()];
+        problem.delassus.multiply(&self.impulse, &mut u, &mut problem.delassus.work());
+        for (u, r) in u.iter_mut().zip(&problem.r) {
+            *u += r;
+        }
+        ResidualScale::new(problem).residual(problem, &self.impulse, &u, FrictionModel::Relaxed).max
+    }
+}
+
 /// Solves the CCP as a second-order cone program with Clarabel, in variables scaled by 1/sqrt(eta_i) and so that r has
 /// unit size, to the accuracy it can reach.
 ///
@@ -263,18 +276,26 @@ pub fn clarabel(problem: &Ccp) -> Oracle {
     }
     let a = CscMatrix::new(size, size, (0..=size).collect(), (0..size).collect(), diagonal);
     let q: Vec<f64> = r.iter().map(|x| x / scale).collect();
-    let settings = DefaultSettingsBuilder::default()
-        .verbose(false)
-        .tol_gap_abs(1e-13)
-        .tol_gap_rel(1e-13)
-        .tol_feas(1e-13)
-        .max_iter(200)
-        .build()
-        .expect("valid settings");
-    let mut solver = DefaultSolver::new(&p, &q, &a, &vec![0.0; size], &cones, settings).expect("valid data");
-    solver.solve();
-    let x = &solver.solution.x;
-    assert!(x.iter().all(|x| x.is_finite()), "Clarabel failed: {:?}", solver.solution.status);
-    let impulse: Vec<f64> = (0..size).map(|k| s(k) * scale * x[k]).collect();
-    Oracle { impulse, objective: scale * scale * solver.solution.obj_val }
+    // Asked for more than it can reach, Clarabel sometimes runs away from a good answer: the best of two counts.
+    [1e-13, 1e-9]
+        .map(|accuracy| {
+            let settings = DefaultSettingsBuilder::default()
+                .verbose(false)
+                .tol_gap_abs(accuracy)
+                .tol_gap_rel(accuracy)
+                .tol_feas(accuracy)
+                .max_iter(200)
+                .build()
+                .expect("valid settings");
+            let mut solver =
+                DefaultSolver::new(&p, &q, &a, &vec![0.0; size], &cones, settings).expect("valid data");
+            solver.solve();
+            let x = &solver.solution.x;
+            assert!(x.iter().all(|x| x.is_finite()), "Clarabel failed: {:?}", solver.solution.status);
+            let impulse: Vec<f64> = (0..size).map(|k| s(k) * scale * x[k]).collect();
+            Oracle { impulse, objective: scale * scale * solver.solution.obj_val }
+        })
+        .into_iter()
+        .min_by(|a, b| a.residual(problem).total_cmp(&b.residual(problem)))
+        .expect("there are two")
 }

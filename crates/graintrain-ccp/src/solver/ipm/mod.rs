@@ -24,8 +24,8 @@
 //! optimal value from below, then grows without limit. The answer returned is that of N + `COMPLIANCE` diag(eta), a
 //! little give in every contact, with [`Status::Infeasible`].
 
-mod cone;
-mod scaled;
+pub(super) mod cone;
+pub(super) mod scaled;
 
 use super::driver::{Best, Limits, check_start};
 use super::{CcpSolver, SolveReport, SolveSettings, Status};
@@ -46,7 +46,7 @@ const FRICTIONLESS: f64 = 1e-9;
 /// H of the tangential components of a frictionless contact, relative to eta: they are held at zero.
 const HELD: f64 = 1e8;
 /// (r^T g)^2 / (g^T N g) relative to |r|^2 (scaled) above which the problem is taken as infeasible.
-const UNBOUNDED: f64 = 1e9;
+pub(super) const UNBOUNDED: f64 = 1e9;
 /// Compliance relative to eta that makes an infeasible problem solvable.
 const COMPLIANCE: f64 = 1e-6;
 /// Gondzio correctors tried per iteration.
@@ -89,33 +89,33 @@ pub(super) fn build(linear: Option<&str>) -> Result<Box<dyn CcpSolver>, CcpError
 
 /// One contact: its primal-dual pair in cone coordinates, or the half lines of a frictionless one.
 #[derive(Clone, Copy)]
-enum Pair {
+pub(super) enum Pair {
     Cone { x: Point, s: Point },
     Line { x: f64, s: f64 },
 }
 
 /// Scaling of a pair, or that of a half line: sqrt(x / s) and lambda = sqrt(x s).
 #[derive(Clone, Copy)]
-enum PairScaling {
+pub(super) enum PairScaling {
     Cone(Scaling),
     Line { w: f64, lambda: f64 },
 }
 
 /// Diagonal of T.
-fn cone_map(mu: f64) -> [f64; 3] {
+pub(super) fn cone_map(mu: f64) -> [f64; 3] {
     if mu <= FRICTIONLESS { [1.0, 0.0, 0.0] } else { [mu.recip().min(1.0), mu.min(1.0), mu.min(1.0)] }
 }
 
-fn componentwise(t: [f64; 3], v: [f64; 3]) -> [f64; 3] {
+pub(super) fn componentwise(t: [f64; 3], v: [f64; 3]) -> [f64; 3] {
     [t[0] * v[0], t[1] * v[1], t[2] * v[2]]
 }
 
-fn divide_by(t: [f64; 3], v: [f64; 3]) -> [f64; 3] {
+pub(super) fn divide_by(t: [f64; 3], v: [f64; 3]) -> [f64; 3] {
     std::array::from_fn(|k| if t[k] > 0.0 { v[k] / t[k] } else { 0.0 })
 }
 
 impl Pair {
-    fn start(mu: f64, z: [f64; 3], barrier: f64) -> Self {
+    pub fn start(mu: f64, z: [f64; 3], barrier: f64) -> Self {
         if mu <= FRICTIONLESS {
             let root = (z[0] * z[0] + 4.0 * barrier).sqrt();
             let x = if z[0] >= 0.0 { 0.5 * (z[0] + root) } else { 2.0 * barrier / (root - z[0]) };
@@ -127,28 +127,28 @@ impl Pair {
     }
 
     /// x and s as vectors.
-    fn vectors(&self) -> ([f64; 3], [f64; 3]) {
+    pub fn vectors(&self) -> ([f64; 3], [f64; 3]) {
         match self {
             Self::Cone { x, s } => (x.vector(), s.vector()),
             Self::Line { x, s } => ([*x, 0.0, 0.0], [*s, 0.0, 0.0]),
         }
     }
 
-    fn complementarity(&self) -> f64 {
+    pub fn complementarity(&self) -> f64 {
         match self {
             Self::Cone { x, s } => x.dot(s),
             Self::Line { x, s } => x * s,
         }
     }
 
-    fn scaling(&self) -> PairScaling {
+    pub fn scaling(&self) -> PairScaling {
         match self {
             Self::Cone { x, s } => PairScaling::Cone(Scaling::new(x, s)),
             Self::Line { x, s } => PairScaling::Line { w: (x / s).sqrt(), lambda: (x * s).sqrt() },
         }
     }
 
-    fn advance(&mut self, alpha: f64, dx: [f64; 3], ds: [f64; 3]) {
+    pub fn advance(&mut self, alpha: f64, dx: [f64; 3], ds: [f64; 3]) {
         match self {
             Self::Cone { x, s } => {
                 *x = x.advance(alpha, dx);
@@ -163,28 +163,28 @@ impl Pair {
 }
 
 impl PairScaling {
-    fn lambda(&self) -> [f64; 3] {
+    pub fn lambda(&self) -> [f64; 3] {
         match self {
             Self::Cone(w) => w.lambda,
             Self::Line { lambda, .. } => [*lambda, 0.0, 0.0],
         }
     }
 
-    fn inverse_times(&self, v: [f64; 3]) -> [f64; 3] {
+    pub fn inverse_times(&self, v: [f64; 3]) -> [f64; 3] {
         match self {
             Self::Cone(scaling) => scaling.inverse_times(v),
             Self::Line { w, .. } => [v[0] / w, 0.0, 0.0],
         }
     }
 
-    fn divide(&self, d: [f64; 3]) -> [f64; 3] {
+    pub fn divide(&self, d: [f64; 3]) -> [f64; 3] {
         match self {
             Self::Cone(scaling) => scaling.divide(d),
             Self::Line { lambda, .. } => [d[0] / lambda, 0.0, 0.0],
         }
     }
 
-    fn longest_step(&self, d: [f64; 3]) -> f64 {
+    pub fn longest_step(&self, d: [f64; 3]) -> f64 {
         match self {
             Self::Cone(scaling) => scaling.longest_step(d),
             Self::Line { lambda, .. } => {
@@ -199,7 +199,7 @@ impl PairScaling {
 
     /// The blocks of Newton's matrix with E = W^-2 + delta I, delta = proximal T_n^2:
     /// H = T^-1 E T^-1, F = T E^(-1/2), and what turns the scaled unknown z = F^-1 dg into W^-1 dx = C z.
-    fn blocks(&self, t: [f64; 3], proximal: f64) -> Blocks {
+    pub fn blocks(&self, t: [f64; 3], proximal: f64) -> Blocks {
         match self {
             Self::Cone(scaling) => {
                 let delta = proximal * t[0] * t[0];
@@ -233,14 +233,14 @@ impl PairScaling {
 }
 
 /// See [`PairScaling::blocks`].
-struct Blocks {
-    added: Block,
-    factor: Block,
-    factor_inverse: Block,
+pub(super) struct Blocks {
+    pub added: Block,
+    pub factor: Block,
+    pub factor_inverse: Block,
     /// E^(-1/2): dx from z.
-    to_step: Block,
+    pub to_step: Block,
     /// C = W^-1 E^(-1/2): W^-1 dx from z.
-    to_scaled: Block,
+    pub to_scaled: Block,
 }
 
 /// Vectors of one solve, allocated once.
