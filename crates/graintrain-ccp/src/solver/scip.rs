@@ -37,11 +37,11 @@ use graintrain_linalg::parallel::dot;
 /// Iterations allowed where the settings name no limit.
 const ITERATIONS: usize = 200;
 /// gamma of the neighbourhood.
-const NEIGHBOURHOOD: f64 = 1e-3;
+const NEIGHBOURHOOD: f64 = 1e-2;
 /// Part of the way to the boundary that a step may go at most.
 const FRACTION: f64 = 0.99;
 /// Bounds of sigma: the shorter the last step, the more the next one goes back to the central path.
-const CENTRING: [f64; 2] = [0.05, 0.5];
+const CENTRING: [f64; 2] = [0.05, 0.9];
 /// Iterations without a better residual before giving up.
 const PATIENCE: usize = 20;
 /// Steps shorter than this lead nowhere.
@@ -50,7 +50,7 @@ const SHORTEST: f64 = 1e-8;
 const PROXIMAL: f64 = 1e-9;
 const NOISE: f64 = 32.0 * f64::EPSILON;
 /// Barrier of a start from zero, and bounds of that of a warm start, in the scaled problem.
-const COLD_BARRIER: f64 = 1e2;
+const COLD_BARRIER: f64 = 1e4;
 const WARM_BARRIER: [f64; 2] = [1e-4, 1.0];
 
 /// The symmetric cone interior point, see the [module](self).
