@@ -19,36 +19,49 @@ const ROUNDS: usize = 5;
 /// Floating-point operations of a product per contact: twice 9 + 2 (9 + 3) + 15 in and out, and the bodies' share.
 const FLOPS: f64 = 110.0;
 
+/// The time that measurements go by: processor time on one thread, which other programs do not lengthen, else
+/// wall-clock time.
+struct Clock {
+    start: Instant,
+    processor: Option<f64>,
+}
+
+impl Clock {
+    fn start() -> Self {
+        let processor = (rayon::current_num_threads() == 1).then(processor_seconds);
+        Self { start: Instant::now(), processor }
+    }
+
+    fn seconds(&self) -> f64 {
+        self.processor.map_or_else(|| self.start.elapsed().as_secs_f64(), |start| processor_seconds() - start)
+    }
+}
+
+/// Processor time of this process, s.
+fn processor_seconds() -> f64 {
+    let time = rustix::time::clock_gettime(rustix::time::ClockId::ProcessCPUTime);
+    time.tv_sec as f64 + 1e-9 * time.tv_nsec as f64
+}
+
 /// Seconds of one call, the least of a few.
 fn least(repeat: usize, mut call: impl FnMut()) -> f64 {
     (0..repeat).fold(f64::INFINITY, |least, _| {
-        let start = Instant::now();
+        let clock = Clock::start();
         call();
-        least.min(start.elapsed().as_secs_f64())
+        least.min(clock.seconds())
     })
 }
 
-/// Seconds of one iteration of a method: the difference between a long and a short solve.
-fn iteration(problem: &Ccp, method: &str, iterations: usize) -> f64 {
-    let run = |iterations| {
-        let mut g = vec![0.0; 3 * problem.num_contacts()];
-        let settings =
-            SolveSettings { tolerance: 0.0, max_iterations: Some(iterations), ..SolveSettings::default() };
-        let mut solver = method.parse::<SolverSpec>().expect("a known name").build().expect("a known name");
-        let start = Instant::now();
-        let report = solver.solve(problem, &mut g, &settings).expect("a valid problem");
-        assert_eq!(report.iterations, iterations);
-        start.elapsed().as_secs_f64()
-    };
-    let (short, long) = (
-        least(3, || {
-            run(10);
-        }),
-        least(3, || {
-            run(10 + iterations);
-        }),
-    );
-    (long - short) / iterations as f64
+/// Seconds and products of a solve of so many iterations.
+fn solve(problem: &Ccp, method: &str, iterations: usize) -> (f64, usize) {
+    let mut g = vec![0.0; 3 * problem.num_contacts()];
+    let settings =
+        SolveSettings { tolerance: 0.0, max_iterations: Some(iterations), ..SolveSettings::default() };
+    let mut solver = method.parse::<SolverSpec>().expect("a known name").build().expect("a known name");
+    let clock = Clock::start();
+    let report = solver.solve(problem, &mut g, &settings).expect("a valid problem");
+    assert_eq!(report.iterations, iterations);
+    (clock.seconds(), report.products)
 }
 
 fn measure(problem: &Ccp) {
@@ -58,7 +71,7 @@ fn measure(problem: &Ccp) {
     let bytes = scaled.product_bytes() as f64;
     let (mut x, mut u) = (scaled.zeros(), scaled.zeros());
     scaled.pack(&vec![1.0; 3 * contacts], &mut x);
-    let (mut image, zero, mut work) = (scaled.zero_image(), scaled.zero_image(), scaled.work());
+    let (mut image, mut work) = (scaled.zero_image(), scaled.work());
     // A copy that moves as many bytes as the product: half read, half written.
     let from = vec![1.0_f64; (bytes / 16.0) as usize];
     let mut to = from.clone();
@@ -69,7 +82,7 @@ fn measure(problem: &Ccp) {
                 .zip(from.par_chunks(1 << 16))
                 .for_each(|(to, from)| to.copy_from_slice(from));
         }));
-        product = product.min(least(5, || scaled.multiply(&mut x, &mut u, &mut image, &zero, &mut work)));
+        product = product.min(least(5, || scaled.multiply(&mut x, &mut u, &mut image, &mut work)));
     }
     println!(
         "{contacts:8} contacts {bodies:7} bodies {} threads | copy {:6.1} GB/s | N g {:8.3} ms {:5.1} ns/contact {:6.1} GB/s {:5.2} Gflop/s, {:4.2} of the copy's speed",
@@ -83,8 +96,24 @@ fn measure(problem: &Ccp) {
     );
     let iterations = (2_000_000 / contacts.max(1)).clamp(10, 100);
     for method in METHODS {
-        let time = iteration(problem, method, iterations);
-        println!("    {method:9} {:8.3} ms per iteration, {:4.2} products", 1e3 * time, time / product);
+        // The difference of a long and a short solve, beside products of the same moment.
+        let (mut short, mut long, mut beside) = (f64::INFINITY, f64::INFINITY, f64::INFINITY);
+        let mut products = 0;
+        for _ in 0..ROUNDS {
+            let (seconds, before) = solve(problem, method, 10);
+            short = short.min(seconds);
+            let (seconds, after) = solve(problem, method, 10 + iterations);
+            long = long.min(seconds);
+            products = after - before;
+            beside = beside.min(least(10, || scaled.multiply(&mut x, &mut u, &mut image, &mut work)));
+        }
+        let time = (long - short) / iterations as f64;
+        let per_iteration = products as f64 / iterations as f64;
+        println!(
+            "    {method:9} {:8.3} ms per iteration, {per_iteration:4.2} products in it, {:4.2} times their cost",
+            1e3 * time,
+            time / (per_iteration * beside)
+        );
     }
 }
 

@@ -62,35 +62,80 @@ fn no_contacts_and_separating_contacts_are_solved_at_once() {
     }
 }
 
-/// What every answer must satisfy: the report tells the truth about the residual, and a converged answer has the
-/// objective of the oracle, up to what its residual allows.
-fn check_against_oracle(name: &str, seed: u64, problem: &Ccp, oracle_objective: f64, tolerance: f64) -> bool {
-    let (g, report) = solve(name, problem, None, tolerance);
+/// g projected on the cones, and u = N g + r there.
+fn feasible(problem: &Ccp, g: &[f64]) -> (Vec<f64>, Vec<f64>) {
+    let g: Vec<f64> = (0..problem.num_contacts())
+        .flat_map(|i| problem.cone(i).project(std::array::from_fn(|k| g[3 * i + k])))
+        .collect();
     let mut u = vec![0.0; g.len()];
     problem.delassus.multiply(&g, &mut u, &mut problem.delassus.work());
     for (u, r) in u.iter_mut().zip(&problem.r) {
         *u += r;
     }
+    (g, u)
+}
+
+/// How far the objective of g can be above that of any other y in the cones, if every |d_i| = |g_i - p_i| with p_i = P_i(g_i - u_i / eta_i) is
+/// at most `largest`: the objective is convex and p a projection, so that
+///
+/// ```text
+/// f(g) - f(y) <= u^T (g - y) <= sum_i |d_i| (|u_i| + eta_i |p_i - y_i|)
+/// ```
+fn gap_bound(problem: &Ccp, scale: &ResidualScale, g: &[f64], u: &[f64], y: &[f64], largest: f64) -> f64 {
+    let norm = |x: [f64; 3]| x.iter().map(|x| x * x).sum::<f64>().sqrt();
+    (0..problem.num_contacts())
+        .map(|i| {
+            let eta = scale.eta[i];
+            let p = problem.cone(i).project(std::array::from_fn(|k| g[3 * i + k] - u[3 * i + k] / eta));
+            let away = norm(std::array::from_fn(|k| p[k] - y[3 * i + k]));
+            largest * (norm([u[3 * i], u[3 * i + 1], u[3 * i + 2]]) + eta * away)
+        })
+        .sum()
+}
+
+/// What every answer must satisfy: the report tells the truth about the residual, and the objective is that of the
+/// oracle up to what the residuals of both allow, on both sides.
+fn check_against_oracle(
+    name: &str,
+    seed: u64,
+    problem: &Ccp,
+    oracle: &common::Oracle,
+    tolerance: f64,
+) -> bool {
+    let (g, report) = solve(name, problem, None, tolerance);
     let scale = ResidualScale::new(problem);
-    let truth = scale.residual(problem, &g, &u, FrictionModel::Relaxed);
-    assert_eq!(truth, report.residual, "{name}, seed {seed}");
-    assert_eq!(report.converged(), truth.max <= tolerance, "{name}, seed {seed}");
     for i in 0..problem.num_contacts() {
         let excess = g[3 * i + 1].hypot(g[3 * i + 2]) - problem.friction[i] * g[3 * i];
         assert!(excess <= 1e-9 * scale.impulse.max(g[3 * i].abs()), "{name}, seed {seed}: outside the cone");
     }
-    // f(g) >= f* for g in the cones; f(g) - f* <= |d| |grad f| type bounds need an error bound, so the check is against
-    // the size of the terms of the objective.
-    let objective = problem.objective(&g, &u);
-    let size = oracle_objective.abs().max(scale.impulse * scale.impulse * scale.eta[0]);
+    let mut u = vec![0.0; g.len()];
+    problem.delassus.multiply(&g, &mut u, &mut problem.delassus.work());
+    for (u, r) in u.iter_mut().zip(&problem.r) {
+        *u += r;
+    }
+    let truth = scale.residual(problem, &g, &u, FrictionModel::Relaxed);
+    assert_eq!(truth, report.residual, "{name}, seed {seed}");
+    assert_eq!(report.converged(), report.residual.max <= tolerance, "{name}, seed {seed}");
+
+    // Rounding may leave g a hair outside the cones.
+    let (g, u) = feasible(problem, &g);
+    let (best, best_u) = feasible(problem, &oracle.impulse);
+    let (objective, optimum) = (problem.objective(&g, &u), problem.objective(&best, &best_u));
+    let oracle_residual = scale.residual(problem, &best, &best_u, FrictionModel::Relaxed).max;
+    // Rounding of the objectives themselves.
+    let terms = g.iter().chain(&best).zip(problem.r.iter().chain(&problem.r));
+    let size = 1e-13 * terms.map(|(g, r)| (g * r).abs()).sum::<f64>();
+    let below = gap_bound(problem, &scale, &best, &best_u, &g, oracle_residual * scale.impulse) + size;
     assert!(
-        objective >= oracle_objective - 1e-7 * size,
-        "{name}, seed {seed}: objective {objective} below the optimum {oracle_objective}"
+        objective >= optimum - below,
+        "{name}, seed {seed}: objective {objective} more than {below:e} below the optimum {optimum}"
     );
     if report.converged() {
+        // With the residual that was asked for: the claim, not what the evaluation above found.
+        let above = gap_bound(problem, &scale, &g, &u, &best, 1.001 * tolerance * scale.impulse) + size;
         assert!(
-            objective - oracle_objective <= 100.0 * tolerance * size,
-            "{name}, seed {seed}: objective {objective}, optimum {oracle_objective}, {report:?}"
+            objective <= optimum + above,
+            "{name}, seed {seed}: objective {objective} more than {above:e} above the optimum {optimum}, {report:?}"
         );
     }
     report.converged()
@@ -98,15 +143,21 @@ fn check_against_oracle(name: &str, seed: u64, problem: &Ccp, oracle_objective: 
 
 fn check_seeds(seeds: std::ops::Range<u64>, tolerance: f64) {
     let mut converged = vec![0; FIRST_ORDER.len()];
-    let total = seeds.end - seeds.start;
+    let (total, mut failed_oracles) = (seeds.end - seeds.start, 0);
     for seed in seeds {
         let problem = random_problem(seed);
         let oracle = clarabel(&problem);
+        if oracle.residual(&problem) > tolerance {
+            // Its answer still bounds the optimum from above.
+            println!("seed {seed}: Clarabel itself stops at {:.1e}", oracle.residual(&problem));
+            failed_oracles += 1;
+        }
         for (name, converged) in FIRST_ORDER.iter().zip(&mut converged) {
             let form = if seed % 2 == 0 { problem.clone() } else { sparse_form(&problem) };
-            *converged += usize::from(check_against_oracle(name, seed, &form, oracle.objective, tolerance));
+            *converged += usize::from(check_against_oracle(name, seed, &form, &oracle, tolerance));
         }
     }
+    assert!(20 * failed_oracles <= total, "the oracle failed on {failed_oracles} of {total}");
     for (name, converged) in FIRST_ORDER.iter().zip(converged) {
         println!("{name}: {converged} of {total} converged to {tolerance:e}");
         assert!(converged > 0, "{name} converged nowhere");

@@ -217,6 +217,7 @@ impl Stepper {
                 status: Status::Converged,
                 iterations: 0,
                 linear_iterations: 0,
+                products: 0,
                 residual: Residual::default(),
                 residual_relaxed: Residual::default(),
                 residual_coulomb: Residual::default(),

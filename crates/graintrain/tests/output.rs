@@ -86,6 +86,7 @@ fn advance(world: &mut World, settings: &RunSettings) -> StepReport {
             status: Status::Converged,
             iterations: 12,
             linear_iterations: 0,
+            products: 0,
             residual,
             residual_relaxed: residual,
             residual_coulomb: Residual { max: 0.01, rms: 0.001 },

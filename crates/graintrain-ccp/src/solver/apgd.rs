@@ -72,14 +72,13 @@ impl FirstOrderMethod for Apgd {
         let mut step = 1.0 / it.largest_curvature(scaled);
         let mut previous = it.x.clone();
         let (mut image_y, mut image_d) = (it.image.clone(), scaled.zero_image());
-        let zero = scaled.zero_image();
         let (mut theta, mut beta) = (1.0_f64, 0.0);
         while it.proceed(scaled) {
             if it.was_refreshed() {
                 // The image of y must not keep the rounding errors that the image of x has just lost: the extrapolation
                 // would take the difference for a motion and multiply it.
                 let Iterate { x, work, .. } = it;
-                scaled.pass(&zero, [x, &mut previous], &mut image_y, work, &Extrapolated { beta });
+                scaled.image_by([x, &mut previous], &mut image_y, work, &Extrapolated { beta });
             }
             let kernel = Step { step, beta };
             let (totals, curvature) =

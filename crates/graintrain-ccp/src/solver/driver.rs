@@ -87,6 +87,7 @@ impl<'a> Limits<'a> {
             status,
             iterations,
             linear_iterations,
+            products: 0,
             residual,
             residual_relaxed,
             residual_coulomb,

@@ -62,11 +62,12 @@ impl<M: FirstOrderMethod> CcpSolver for FirstOrder<M> {
         };
         let mut it = Iterate::new(&scaled, limits, impulse);
         self.method.run(&scaled, &mut it);
-        let (status, iterations) = (it.status, it.iterations);
+        let (status, iterations, products) = (it.status, it.iterations, it.work.products());
         it.best.restore(&mut it.x);
         scaled.unpack(&it.x, impulse);
         self.packed = Some(scaled);
-        Ok(it.limits.report(M::NAME, problem, impulse, status, iterations, 0))
+        let report = it.limits.report(M::NAME, problem, impulse, status, iterations, 0);
+        Ok(SolveReport { products, ..report })
     }
 }
 
@@ -85,7 +86,6 @@ pub struct Iterate<'a> {
     pub image: Image,
     /// Scratch of passes.
     pub work: PassWork,
-    zero: Image,
     limits: Limits<'a>,
     iterations: usize,
     best: Best<Batch>,
@@ -99,7 +99,6 @@ impl<'a> Iterate<'a> {
             x: scaled.zeros(),
             image: scaled.zero_image(),
             work: scaled.work(),
-            zero: scaled.zero_image(),
             limits,
             iterations: 0,
             best: Best::default(),
@@ -113,7 +112,7 @@ impl<'a> Iterate<'a> {
 
     /// Recomputes the image of x, which updates let drift by rounding.
     pub fn refresh_image(&mut self, scaled: &ScaledProblem) {
-        scaled.image_of(&mut self.x, &mut self.image, &self.zero, &mut self.work);
+        scaled.image_of(&mut self.x, &mut self.image, &mut self.work);
         self.refreshed = true;
     }
 

@@ -93,7 +93,8 @@ impl CcpSolver for GaussSeidel {
             }
         };
         best.restore(impulse);
-        Ok(limits.report("pgs", problem, impulse, status, iterations, 0))
+        let report = limits.report("pgs", problem, impulse, status, iterations, 0);
+        Ok(SolveReport { products: iterations, ..report })
     }
 }
 

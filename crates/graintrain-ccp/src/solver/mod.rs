@@ -100,6 +100,9 @@ pub struct SolveReport {
     pub iterations: usize,
     /// Iterations of linear solvers, summed.
     pub linear_iterations: usize,
+    /// Products with N that a first-order method's iterations made (a sweep of Gauss-Seidel is one); 0 for other methods.
+    #[serde(default)]
+    pub products: usize,
     /// Residual of the returned impulses in the friction model asked for.
     pub residual: Residual,
     /// Residual of the returned impulses as a relaxed CCP.

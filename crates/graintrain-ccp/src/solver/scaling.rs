@@ -143,12 +143,18 @@ pub struct PassWork {
     slots: Vec<[f64; 6]>,
     scattered: Vec<Batch>,
     tallies: Vec<Tally>,
+    products: usize,
 }
 
 impl PassWork {
     /// Tallies of the chunks, for [`for_each_batch`](super::sweep::for_each_batch).
     pub fn tallies(&mut self) -> &mut [Tally] {
         &mut self.tallies
+    }
+
+    /// Products with N' that passes have made so far, one each; looks and fresh images of old iterates do not count.
+    pub fn products(&self) -> usize {
+        self.products
     }
 }
 
@@ -236,11 +242,13 @@ impl ScaledProblem {
                 slots: vec![[0.0; 6]; bodies.num_slots()],
                 scattered: Vec::new(),
                 tallies: vec![Tally::default(); chunks.max(bodies.num_body_tasks())],
+                products: 0,
             },
             Operator::Rows(_) => PassWork {
                 slots: Vec::new(),
                 scattered: self.zeros(),
                 tallies: vec![Tally::default(); chunks],
+                products: 0,
             },
         }
     }
@@ -283,12 +291,17 @@ impl ScaledProblem {
         work: &mut PassWork,
         kernel: &impl Kernel<M>,
     ) -> (Totals, f64) {
-        let totals = self.contact_pass::<M, true>(image, vectors, work, kernel);
-        let quadratic = match &self.operator {
+        work.products += 1;
+        let totals = self.contact_pass::<M, true, true>(image, vectors, work, kernel);
+        (totals, self.collect(out, work))
+    }
+
+    /// The second half of a pass: out <- image of the impulses that the contacts have handed over; their quadratic form.
+    fn collect(&self, out: &mut [f64], work: &mut PassWork) -> f64 {
+        match &self.operator {
             Operator::Bodies(bodies) => bodies.velocities(&work.slots, out, &mut work.tallies),
             Operator::Rows(rows) => rows.multiply(&work.scattered, out, &mut work.tallies),
-        };
-        (totals, quadratic)
+        }
     }
 
     /// As [`Self::pass`] without new impulses: a look at u = N' y + r'.
@@ -299,11 +312,11 @@ impl ScaledProblem {
         work: &mut PassWork,
         kernel: &impl Kernel<M>,
     ) -> Totals {
-        self.contact_pass::<M, false>(image, vectors, work, kernel)
+        self.contact_pass::<M, true, false>(image, vectors, work, kernel)
     }
 
     #[inline(always)]
-    fn contact_pass<const M: usize, const SCATTER: bool>(
+    fn contact_pass<const M: usize, const GATHER: bool, const SCATTER: bool>(
         &self,
         image: &[f64],
         vectors: [&mut [Batch]; M],
@@ -328,7 +341,7 @@ impl ScaledProblem {
                     tallies,
                     &|chunk, vectors, slots, tally| {
                         let batches = range(chunk);
-                        vectorised(BodyPass::<M, SCATTER, _> {
+                        vectorised(BodyPass::<M, GATHER, SCATTER, _> {
                             scaled: self,
                             bodies,
                             velocity,
@@ -372,21 +385,27 @@ impl ScaledProblem {
         Totals::of(tallies)
     }
 
-    /// out <- image of x; returns x^T N' x.
-    pub fn image_of(&self, x: &mut [Batch], out: &mut [f64], zero: &[f64], work: &mut PassWork) -> f64 {
-        self.pass(zero, [x], out, work, &Identity).1
+    /// out <- image of x; returns x^T N' x. Velocities are not looked at, which saves half of a pass over bodies.
+    pub fn image_of(&self, x: &mut [Batch], out: &mut [f64], work: &mut PassWork) -> f64 {
+        self.image_by([x], out, work, &Identity)
+    }
+
+    /// As [`Self::pass`] with a kernel that does not look at u.
+    pub fn image_by<const M: usize>(
+        &self,
+        vectors: [&mut [Batch]; M],
+        out: &mut [f64],
+        work: &mut PassWork,
+        kernel: &impl Kernel<M>,
+    ) -> f64 {
+        // `out` stands in for the image, which nobody looks at.
+        self.contact_pass::<M, false, true>(out, vectors, work, kernel);
+        self.collect(out, work)
     }
 
     /// u <- N' x as a product of its own: a pass for the image and a look at it. Methods avoid it by fusing.
-    pub fn multiply(
-        &self,
-        x: &mut [Batch],
-        u: &mut [Batch],
-        image: &mut [f64],
-        zero: &[f64],
-        work: &mut PassWork,
-    ) {
-        self.image_of(x, image, zero, work);
+    pub fn multiply(&self, x: &mut [Batch], u: &mut [Batch], image: &mut [f64], work: &mut PassWork) {
+        self.image_of(x, image, work);
         self.look(image, [u], work, &StoreProduct);
     }
 
@@ -408,10 +427,9 @@ impl ScaledProblem {
                 std::array::from_fn(|l| 1.0 + 0.7 * (1.7 * (LANES * batch + l) as f64).sin());
             *x = [Lanes(s), Lanes(s.map(|x| x - 0.9)), Lanes(s.map(|x| 0.8 - x))];
         }
-        image.fill(0.0);
         let mut next = image.to_vec();
         let mut largest = 1.0_f64;
-        self.pass(image, [&mut *x], &mut next, work, &Identity);
+        self.image_of(x, &mut next, work);
         for _ in 0..POWER_ITERATIONS {
             image.copy_from_slice(&next);
             let step = PowerStep { factor: 1.0 / largest };
@@ -436,7 +454,7 @@ impl ScaledProblem {
 }
 
 /// The part of a pass over bodies that one chunk does.
-struct BodyPass<'a, const M: usize, const SCATTER: bool, K> {
+struct BodyPass<'a, const M: usize, const GATHER: bool, const SCATTER: bool, K> {
     scaled: &'a ScaledProblem,
     bodies: &'a BodyOperator,
     velocity: &'a [[f64; 6]],
@@ -447,7 +465,8 @@ struct BodyPass<'a, const M: usize, const SCATTER: bool, K> {
     kernel: &'a K,
 }
 
-impl<const M: usize, const SCATTER: bool, K> TaskWork for BodyPass<'_, M, SCATTER, K>
+impl<const M: usize, const GATHER: bool, const SCATTER: bool, K> TaskWork
+    for BodyPass<'_, M, GATHER, SCATTER, K>
 where
     K: Kernel<M>,
 {
@@ -458,7 +477,11 @@ where
         }
         let mut tally = Tally::default();
         for (offset, batch) in self.batches.enumerate() {
-            let u = add(&self.bodies.relative_velocity(batch, self.velocity), &self.scaled.r[batch]);
+            let u = if GATHER {
+                add(&self.bodies.relative_velocity(batch, self.velocity), &self.scaled.r[batch])
+            } else {
+                ZERO
+            };
             let mine = self.vectors.each_mut().map(|v| &mut v[offset]);
             let s = self.kernel.at(self.scaled.here(batch), &u, mine, &mut tally);
             if SCATTER {

@@ -93,28 +93,59 @@ fn assert_honest(record: &Value, verdict: &Verdict, coulomb: bool, tolerance: f6
     assert_eq!(record["converged"] == true, record["status"] == "converged", "{what}: {record}");
 }
 
-#[test]
-fn no_solver_claims_what_its_solution_file_does_not_show() {
+/// Every solver on some of the problems in both friction models: whoever claims convergence has a solution file that
+/// shows it. Prints what each reached and how many claims were checked.
+fn check_claims(wanted: impl Fn(&Reference) -> bool, tolerance: f64, seconds: f64) {
     let solvers = solvers();
-    for reference in references().iter().filter(|reference| reference.contacts < 1000) {
-        for solver in &solvers {
+    let mut claims = vec![0; solvers.len()];
+    let (mut runs, mut closest) = (0, 0.0_f64);
+    for reference in references().iter().filter(|reference| wanted(reference)) {
+        for (solver, claims) in solvers.iter().zip(&mut claims) {
             for friction in ["relaxed", "coulomb"] {
                 let what = format!("{solver} on {}, {friction}", reference.name);
-                let (record, verdict) = solve(&reference.path, solver, 1e-4, friction, 0.5);
+                let (record, verdict) = solve(&reference.path, solver, tolerance, friction, seconds);
                 println!(
                     "{what}: {} relaxed {:.1e} Coulomb {:.1e}",
                     record["status"], verdict.relaxed, verdict.coulomb
                 );
-                assert_honest(&record, &verdict, friction == "coulomb", 1e-4, &what);
+                assert_honest(&record, &verdict, friction == "coulomb", tolerance, &what);
                 assert_eq!(record["contacts"], reference.contacts);
                 // Near the minimiser the value is near the optimum; how near depends on the conditioning.
                 let slack = 0.1 * reference.objective.abs();
-                if friction == "relaxed" && record["converged"] == true {
+                let claimed = record["converged"] == true;
+                if friction == "relaxed" && claimed {
                     assert!((verdict.objective - reference.objective).abs() < slack, "{what}: {verdict:?}");
+                }
+                runs += 1;
+                if claimed {
+                    *claims += 1;
+                    let residual = if friction == "coulomb" { verdict.coulomb } else { verdict.relaxed };
+                    closest = closest.max(residual / tolerance);
                 }
             }
         }
     }
+    for (solver, claims) in solvers.iter().zip(claims) {
+        println!("{solver}: {claims} claims of convergence to {tolerance:e} confirmed");
+    }
+    println!("{runs} solution files; largest residual over tolerance of those that claim: {closest:.4}");
+}
+
+#[test]
+fn no_solver_claims_what_its_solution_file_does_not_show() {
+    check_claims(|reference| reference.contacts < 1000, 1e-4, 0.5);
+}
+
+#[test]
+#[ignore = "every solver to a tight tolerance: minutes"]
+fn no_solver_claims_a_tight_tolerance_that_its_solution_file_does_not_show() {
+    check_claims(|reference| reference.contacts < 1000, 1e-8, 1.0);
+}
+
+#[test]
+#[ignore = "2052 and 14087 contacts: minutes without optimisation"]
+fn no_solver_claims_what_its_solution_file_does_not_show_on_the_large_problems() {
+    check_claims(|reference| reference.contacts >= 1000, 1e-4, 10.0);
 }
 
 /// The interior point reaches 1e-8 with the optimum of the reference, and 1e-6 with exact Coulomb friction.
