@@ -222,26 +222,42 @@ impl TtMatrix {
 
 /// sum_j A(a, i, j, a') X(alpha, j, s, alpha') as a core with left (a, alpha), mode (i, s), right (a', alpha').
 ///
-/// For every (i, s, a', alpha') this is a product (a x j) (j x alpha) that lands in its place; small modes by plain loops.
+/// For every (i, s, a', alpha') this is a product (a x j) (j x alpha) that lands in its place: a matrix product for large
+/// modes. For small ones both columns are first spread to the length of the result, a with its period and
+/// alpha in runs, so that the inner loop is as long as the result and not as short as a rank.
 fn contract(a: &Core, m: usize, n: usize, x: &Core, s: usize) -> Core {
     let (ra, rb, rx, ry) = (a.left, a.right, x.left, x.right);
-    let mut data = vec![0.0; ra * rx * m * s * rb * ry];
-    for (block, out) in data.chunks_exact_mut(ra * rx).enumerate() {
-        let (i, spectator) = (block % m, (block / m) % s);
-        let (b, beta) = ((block / (m * s)) % rb, block / (m * s * rb));
-        let a_columns = &a.data[ra * (i + m * n * b)..];
-        let x_columns = &x.data[rx * n * (spectator + s * beta)..rx * n * (spectator + s * beta + 1)];
-        if n >= GEMM_MODE {
-            let a_view = View::with_stride(a_columns, ra, n, ra * m);
-            multiply(1.0, a_view, View::new(x_columns, rx, n).t(), ViewMut::new(out, ra, rx));
-        } else {
-            for j in 0..n {
-                let a_column = &a_columns[ra * m * j..ra * m * j + ra];
-                for (out, x) in out.chunks_exact_mut(ra).zip(&x_columns[rx * j..rx * (j + 1)]) {
-                    out.iter_mut().zip(a_column).for_each(|(out, a)| *out += a * x);
+    let length = ra * rx;
+    let spread = n < GEMM_MODE;
+    let periods: Vec<f64> = if spread {
+        a.data
+            .chunks_exact(ra)
+            .flat_map(|column| std::iter::repeat_n(column, rx).flatten().copied())
+            .collect()
+    } else {
+        Vec::new()
+    };
+    let mut runs = vec![0.0; if spread { n * length } else { 0 }];
+    let mut data = vec![0.0; length * m * s * rb * ry];
+    for (block, x_columns) in x.data.chunks_exact(rx * n).enumerate() {
+        let (spectator, beta) = (block % s, block / s);
+        for (run, x) in runs.chunks_exact_mut(ra).zip(x_columns) {
+            run.fill(*x);
+        }
+        for b in 0..rb {
+            let first = length * m * (spectator + s * (b + rb * beta));
+            for (i, out) in data[first..first + length * m].chunks_exact_mut(length).enumerate() {
+                if spread {
+                    for (j, run) in runs.chunks_exact(length).enumerate() {
+                        let period = &periods[length * (i + m * (j + n * b))..][..length];
+                        out.iter_mut().zip(period).zip(run).for_each(|((out, a), x)| *out += a * x);
+                    }
+                } else {
+                    let a_view = View::with_stride(&a.data[ra * (i + m * n * b)..], ra, n, ra * m);
+                    multiply(1.0, a_view, View::new(x_columns, rx, n).t(), ViewMut::new(out, ra, rx));
                 }
             }
         }
     }
-    Core { left: ra * rx, mode: m * s, right: rb * ry, data }
+    Core { left: length, mode: m * s, right: rb * ry, data }
 }

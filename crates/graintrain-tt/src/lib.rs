@@ -7,7 +7,8 @@
 //! |---|---|
 //! | [`vector`], [`matrix`] | [`TtVector`], [`TtMatrix`]: the types, entries, full form |
 //! | [`arithmetic`] | sums, entrywise, Kronecker and inner products, TT-matrix times TT-vector and TT-matrix |
-//! | [`round`] | orthogonalisation, norm, rounding, TT-SVD |
+//! | [`round`] | orthogonalisation, norm, rounding |
+//! | [`svd`] | TT-SVD: the train of a full tensor |
 //! | [`apply`] | TT-matrix times full vector in O(r^2 N log N) |
 //! | [`cross`], [`maxvol`] | a train from some of the entries: AMEn-cross with measured error |
 //! | [`solve`] | linear systems by AMEn, ALS and DMRG |
@@ -33,6 +34,7 @@ mod scale;
 pub mod sketch;
 pub mod solve;
 pub mod sparse;
+pub mod svd;
 pub mod vector;
 
 pub use error::TtError;

@@ -1,17 +1,14 @@
-//! Orthogonalisation, norms, rounding and TT-SVD.
+//! Orthogonalisation, norms and rounding.
 //!
 //! A train is left-orthogonal up to core k if the left unfoldings of cores 1..k-1 have orthonormal columns, and
 //! right-orthogonal if the right unfoldings of cores k+1..d have orthonormal rows. Then the singular values of the
 //! k-th unfolding of the whole tensor are those of core k, and a truncation there is a truncation of the tensor.
 
 use crate::error::at_core;
-use crate::matrix::checked_product;
 use crate::scale::{binary_exponent, factor_out, largest_finite, scale_by_power, share_power};
 use crate::vector::Core;
 use crate::{TtError, TtMatrix, TtVector};
-use graintrain_linalg::dense::{
-    DenseError, Matrix, View, ViewMut, left_svd, multiply, product, qr_triangle, thin_qr,
-};
+use graintrain_linalg::dense::{Matrix, left_svd, product, qr_triangle, thin_qr};
 use serde::{Deserialize, Serialize};
 
 /// How far a train may be shortened: relative Frobenius error and a cap on the ranks.
@@ -306,66 +303,6 @@ impl TtVector {
         (train, TruncationReport { error: 0.0, norm: 0.0, capped: false })
     }
 
-    /// TT-SVD of a full tensor (Oseledets 2011, Algorithm 1), first index fastest: truncated SVDs of the unfoldings
-    /// from left to right. Each tall unfolding is first reduced to a small triangle by QR of its transpose.
-    ///
-    /// The report's error is the error itself. Entries of any finite size (they are scaled by a power of two).
-    ///
-    /// # Errors
-    /// [`TtError::Shape`] if the length is not the product of the modes; [`TtError::Setting`] and [`TtError::Dense`]
-    /// as for [`TtVector::round`].
-    ///
-    /// ```
-    /// use graintrain_tt::{Truncation, TtVector};
-    /// let full: Vec<f64> = (0..1024).map(|i| (0.01 * i as f64).sin()).collect();
-    /// let (train, report) = TtVector::from_full(&full, &[2; 10], &Truncation::to(1e-12))?;
-    /// assert_eq!(train.max_rank(), 2);
-    /// assert!(report.error < 1e-12);
-    /// # Ok::<(), graintrain_tt::TtError>(())
-    /// ```
-    pub fn from_full(
-        full: &[f64],
-        modes: &[usize],
-        truncation: &Truncation,
-    ) -> Result<(Self, TruncationReport), TtError> {
-        truncation.check()?;
-        let entries =
-            modes.iter().try_fold(1usize, |product, &n| product.checked_mul(n)).unwrap_or(usize::MAX);
-        if modes.is_empty() || entries != full.len() || entries == 0 {
-            return Err(TtError::Shape {
-                what: "entries of a full tensor",
-                expected: vec![entries],
-                got: vec![full.len()],
-            });
-        }
-        let d = modes.len();
-        let power = binary_exponent(largest_finite(full).map_err(at_core(0))?);
-        let mut rest = full.to_vec();
-        scale_by_power(&mut rest, -power);
-        let norm_squared = rest.iter().map(|x| x * x).sum::<f64>();
-        let mut budget = Budget::new(truncation, norm_squared, d - 1);
-        let mut cores = Vec::with_capacity(d);
-        let mut left = 1;
-        for k in 0..d - 1 {
-            let rows = left * modes[k];
-            let columns = rest.len() / rows;
-            let unfolding = View::new(&rest, rows, columns);
-            let (mut u, s) = left_singular(unfolding).map_err(at_core(k))?;
-            let rank = budget.rank(&s.iter().map(|s| s * s).collect::<Vec<_>>());
-            u.truncate_columns(rank);
-            let mut next = vec![0.0; rank * columns];
-            multiply(1.0, u.t(), unfolding, ViewMut::new(&mut next, rank, columns));
-            rest = next;
-            cores.push(Core::from_left_unfolding(left, modes[k], u));
-            left = rank;
-        }
-        cores.push(Core { left, mode: modes[d - 1], right: 1, data: rest });
-        share_power(&mut cores, i64::from(power));
-        let report = budget.report(norm_squared);
-        let norm = report.norm * f64::from(power).exp2();
-        Ok((Self { cores }, TruncationReport { norm, ..report }))
-    }
-
     /// ||self - other|| / ||other|| by the norm of the difference train (no cancellation); infinite where other is zero
     /// and self is not.
     ///
@@ -376,28 +313,6 @@ impl TtVector {
         let log = difference - other.log_norm();
         Ok(if difference == f64::NEG_INFINITY { 0.0 } else { log.exp() })
     }
-}
-
-/// Left singular vectors and values of a wide matrix through blocks of columns: R^T of a running QR keeps
-/// A A^T = R^T R, so the small factor has the same left singular vectors. Only rows x rows numbers live at a time.
-fn left_singular(a: View<'_>) -> Result<(Matrix, Vec<f64>), DenseError> {
-    let (m, n) = (a.rows(), a.columns());
-    if n <= 2 * m {
-        return left_svd(a);
-    }
-    let block = (4 * m).max(256);
-    let mut triangle = Matrix::zeros(0, m);
-    let mut first = 0;
-    while first < n {
-        let width = block.min(n - first);
-        let kept = triangle.rows();
-        let stacked = Matrix::from_fn(kept + width, m, |i, j| {
-            if i < kept { triangle[(i, j)] } else { a.get(j, first + i - kept) }
-        });
-        triangle = qr_triangle(stacked);
-        first += width;
-    }
-    left_svd(triangle.t())
 }
 
 impl TtMatrix {
@@ -413,48 +328,6 @@ impl TtMatrix {
     pub fn round(&self, truncation: &Truncation) -> Result<(Self, TruncationReport), TtError> {
         let (train, report) = self.train.round(truncation)?;
         Ok((self.map(|_| train), report))
-    }
-
-    /// TT-SVD of a full column-major matrix over paired modes.
-    ///
-    /// # Errors
-    /// As for [`TtVector::from_full`].
-    pub fn from_full(
-        full: &Matrix,
-        rows: &[usize],
-        columns: &[usize],
-        truncation: &Truncation,
-    ) -> Result<(Self, TruncationReport), TtError> {
-        let (m, n) = (checked_product(rows)?, checked_product(columns)?);
-        if rows.len() != columns.len() || rows.is_empty() || m != full.rows() || n != full.columns() {
-            return Err(TtError::Shape {
-                what: "rows and columns of a full matrix",
-                expected: vec![m, n],
-                got: vec![full.rows(), full.columns()],
-            });
-        }
-        let modes: Vec<usize> = rows.iter().zip(columns).map(|(m, n)| m * n).collect();
-        let mut digits = vec![0; modes.len()];
-        let mut paired = Vec::with_capacity(m * n);
-        for _ in 0..m * n {
-            let (mut i, mut j, mut row_step, mut column_step) = (0, 0, 1, 1);
-            for (k, b) in digits.iter().enumerate() {
-                i += row_step * (b % rows[k]);
-                j += column_step * (b / rows[k]);
-                row_step *= rows[k];
-                column_step *= columns[k];
-            }
-            paired.push(full[(i, j)]);
-            for (digit, &size) in digits.iter_mut().zip(&modes) {
-                *digit += 1;
-                if *digit < size {
-                    break;
-                }
-                *digit = 0;
-            }
-        }
-        let (train, report) = TtVector::from_full(&paired, &modes, truncation)?;
-        Ok((Self { rows: rows.to_vec(), columns: columns.to_vec(), train }, report))
     }
 
     /// ||self - other||_F / ||other||_F; see [`TtVector::relative_distance`].
