@@ -15,7 +15,7 @@ use std::time::Instant;
 fn report<T>(name: &str, mut run: impl FnMut() -> T, error: impl Fn(&T) -> f64) {
     let (mut best, mut spent, mut count) = (f64::INFINITY, 0.0, 0);
     let mut last = None;
-    while count < 3 || (spent < 1.0 && count < 200) {
+    while count < 3 || (spent < 1.0 && count < 2000) {
         let start = Instant::now();
         let result = black_box(run());
         let seconds = start.elapsed().as_secs_f64();

@@ -228,33 +228,34 @@ impl TtMatrix {
 fn contract(a: &Core, m: usize, n: usize, x: &Core, s: usize) -> Core {
     let (ra, rb, rx, ry) = (a.left, a.right, x.left, x.right);
     let length = ra * rx;
-    let spread = n < GEMM_MODE;
-    let periods: Vec<f64> = if spread {
-        a.data
-            .chunks_exact(ra)
-            .flat_map(|column| std::iter::repeat_n(column, rx).flatten().copied())
-            .collect()
-    } else {
-        Vec::new()
-    };
-    let mut runs = vec![0.0; if spread { n * length } else { 0 }];
-    let mut data = vec![0.0; length * m * s * rb * ry];
-    for (block, x_columns) in x.data.chunks_exact(rx * n).enumerate() {
-        let (spectator, beta) = (block % s, block / s);
-        for (run, x) in runs.chunks_exact_mut(ra).zip(x_columns) {
-            run.fill(*x);
+    let mut data = Vec::with_capacity(length * m * s * rb * ry);
+    let x_blocks = x.data.chunks_exact(rx * n * s);
+    if n >= GEMM_MODE {
+        data.resize(data.capacity(), 0.0);
+        for (x_block, out) in x_blocks.zip(data.chunks_exact_mut(length * m * s * rb)) {
+            for (block, out) in out.chunks_exact_mut(length).enumerate() {
+                let (i, spectator, b) = (block % m, (block / m) % s, block / (m * s));
+                let a_columns = View::with_stride(&a.data[ra * (i + m * n * b)..], ra, n, ra * m);
+                let x_columns = View::new(&x_block[rx * n * spectator..][..rx * n], rx, n);
+                multiply(1.0, a_columns, x_columns.t(), ViewMut::new(out, ra, rx));
+            }
         }
-        for b in 0..rb {
-            let first = length * m * (spectator + s * (b + rb * beta));
-            for (i, out) in data[first..first + length * m].chunks_exact_mut(length).enumerate() {
-                if spread {
-                    for (j, run) in runs.chunks_exact(length).enumerate() {
-                        let period = &periods[length * (i + m * (j + n * b))..][..length];
-                        out.iter_mut().zip(period).zip(run).for_each(|((out, a), x)| *out += a * x);
+    } else {
+        let periods: Vec<f64> = a.data.chunks_exact(ra).flat_map(|column| column.repeat(rx)).collect();
+        let mut runs = vec![0.0; length * n * s];
+        for x_block in x_blocks {
+            runs.chunks_exact_mut(ra).zip(x_block).for_each(|(run, x)| run.fill(*x));
+            for b in 0..rb {
+                for runs in runs.chunks_exact(length * n) {
+                    for i in 0..m {
+                        let period = |j: usize| &periods[length * (i + m * (j + n * b))..][..length];
+                        let first = data.len();
+                        data.extend(period(0).iter().zip(&runs[..length]).map(|(a, x)| a * x));
+                        for (j, run) in runs.chunks_exact(length).enumerate().skip(1) {
+                            let terms = period(j).iter().zip(run);
+                            data[first..].iter_mut().zip(terms).for_each(|(out, (a, x))| *out += a * x);
+                        }
                     }
-                } else {
-                    let a_view = View::with_stride(&a.data[ra * (i + m * n * b)..], ra, n, ra * m);
-                    multiply(1.0, a_view, View::new(x_columns, rx, n).t(), ViewMut::new(out, ra, rx));
                 }
             }
         }
