@@ -7,6 +7,7 @@ use graintrain_tt::apply::{ApplyWork, FullOperator};
 use graintrain_tt::cross::{CrossSettings, Function, cross};
 use graintrain_tt::qtt::{self, DigitOrder};
 use graintrain_tt::solve::{SolveSettings, solve};
+use graintrain_tt::symmetric::SymmetricTrain;
 use graintrain_tt::{Core, Truncation, TtMatrix, TtVector};
 use std::hint::black_box;
 use std::time::Instant;
@@ -91,6 +92,20 @@ fn main() {
         "TT-matrix x TT-matrix 2^20, rank 4 x 4",
         || operator.times_matrix(&operator).expect("sizes"),
         |_| 0.0,
+    );
+    let wide = TtMatrix::from_vector(train(d, 4, 24, 9_000_000), &[2; 20], &[2; 20]).expect("pairs");
+    let twice_symmetric = wide.symmetric_part().expect("square").add(&wide.symmetric_part().expect("square"));
+    let twice_symmetric = twice_symmetric.expect("sizes");
+    report(
+        "round symmetric 2^20, rank 96 to 48, ungraded",
+        || twice_symmetric.round(&Truncation::to(1e-10)).expect("finite").0,
+        |_| 0.0,
+    );
+    let graded = SymmetricTrain::symmetric_part(&wide.add(&wide).expect("sizes")).expect("square");
+    report(
+        "round symmetric 2^20, rank 96 to 48, graded",
+        || graded.round(&Truncation::to(1e-10)).expect("finite").0,
+        |r| r.to_matrix().relative_distance(&twice_symmetric).expect("sizes"),
     );
     let matrix = TtMatrix::from_vector(train(16, 4, 10, 7_000_000), &[2; 16], &[2; 16]).expect("pairs");
     let prepared = FullOperator::new(&matrix).expect("small");

@@ -9,6 +9,7 @@
 //! | [`arithmetic`] | sums, entrywise, Kronecker and inner products, TT-matrix times TT-vector and TT-matrix |
 //! | [`round`] | orthogonalisation, norm, rounding |
 //! | [`svd`] | TT-SVD: the train of a full tensor |
+//! | [`symmetric`] | symmetric matrices with even and odd bonds: half the numbers, symmetric to the last bit |
 //! | [`apply`] | TT-matrix times full vector in O(r^2 N log N) |
 //! | [`cross`], [`maxvol`] | a train from some of the entries: AMEn-cross with measured error |
 //! | [`solve`] | linear systems by AMEn, ALS and DMRG |
@@ -17,6 +18,10 @@
 //! | [`sparse`] | sparse matrix to TT by one exact bottom-up pass over its nonzero blocks |
 //! | [`definite`] | keeping a truncated positive definite matrix positive definite |
 //! | [`sketch`] | streaming approximation from random sketches |
+
+#[doc = include_str!("../README.md")]
+#[cfg(doctest)]
+struct Readme;
 
 pub mod apply;
 pub mod arithmetic;
@@ -35,6 +40,7 @@ pub mod sketch;
 pub mod solve;
 pub mod sparse;
 pub mod svd;
+pub mod symmetric;
 pub mod vector;
 
 pub use error::TtError;

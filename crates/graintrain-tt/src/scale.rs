@@ -41,14 +41,19 @@ pub(crate) fn factor_out(data: &mut [f64]) -> Option<i32> {
 
 /// Multiplies a train by 2^power: into the last core where its numbers stay normal, else the same share to every core.
 pub(crate) fn share_power(cores: &mut [Core], power: i64) {
-    let d = cores.len() as i64;
+    let shares = power_shares(power, cores.len());
+    for (core, share) in cores.iter_mut().zip(shares) {
+        scale_by_power(&mut core.data, share);
+    }
+}
+
+/// The powers of two that [`share_power`] gives to each of d cores.
+pub(crate) fn power_shares(power: i64, d: usize) -> Vec<i32> {
     if power.abs() <= 900 {
-        scale_by_power(&mut cores[cores.len() - 1].data, power as i32);
-        return;
+        let mut shares = vec![0; d];
+        shares[d - 1] = power as i32;
+        return shares;
     }
-    let (each, extra) = (power.div_euclid(d), power.rem_euclid(d));
-    for (k, core) in cores.iter_mut().enumerate() {
-        let share = each + i64::from((k as i64) < extra);
-        scale_by_power(&mut core.data, share.clamp(-2044, 2044) as i32);
-    }
+    let (each, extra) = (power.div_euclid(d as i64), power.rem_euclid(d as i64));
+    (0..d as i64).map(|k| (each + i64::from(k < extra)).clamp(-2044, 2044) as i32).collect()
 }

@@ -99,7 +99,7 @@ impl TrainInverse {
                 let settings = CrossSettings { tolerance, max_rank, ..CrossSettings::default() };
                 let stride = matrix.num_entries() / PROBES + 1;
                 let (train, report) = cross_sparse(matrix, self.matrix.as_ref(), stride, &settings)?;
-                self.figures.insert("compression_error".to_string(), report.probe_error.unwrap_or(f64::NAN));
+                self.figures.insert("compression_error".to_string(), report.error().unwrap_or(f64::NAN));
                 self.figures.insert("cross_evaluations".to_string(), report.evaluations as f64);
                 train
             }

@@ -1,0 +1,107 @@
+//! Parity-graded trains against ungraded ones.
+
+use graintrain_linalg::dense::Matrix;
+use graintrain_tt::qtt::{self, DigitOrder};
+use graintrain_tt::symmetric::SymmetricTrain;
+use graintrain_tt::{Truncation, TtMatrix};
+use proptest::prelude::*;
+
+/// Both roundings of a symmetric matrix keep the same total ranks; returns the graded one.
+fn same_ranks(a: &TtMatrix, truncation: &Truncation) -> SymmetricTrain {
+    let (graded, _) = SymmetricTrain::symmetric_part(a).unwrap().round(truncation).unwrap();
+    let totals: Vec<usize> = graded.ranks().iter().map(|(even, odd)| even + odd).collect();
+    assert_eq!(totals, a.round(truncation).unwrap().0.ranks());
+    graded
+}
+
+/// The inverse of the tridiagonal matrix (-1, 2, -1) with this first and last diagonal entry.
+fn inverse_of_line(digits: usize, first: f64, last: f64) -> TtMatrix {
+    let n = 1 << digits;
+    let mut a = Matrix::from_fn(n, n, |i, j| match i.abs_diff(j) {
+        0 => 2.0,
+        1 => -1.0,
+        _ => 0.0,
+    });
+    a[(0, 0)] = first;
+    a[(n - 1, n - 1)] = last;
+    let mut inverse = Matrix::identity(n);
+    graintrain_linalg::dense::Lu::new(a).unwrap().solve_in_place(inverse.view_mut());
+    TtMatrix::from_full(&inverse, &vec![2; digits], &vec![2; digits], &Truncation::to(1e-10)).unwrap().0
+}
+
+#[test]
+fn parities_of_the_line_and_its_inverse() {
+    let truncation = Truncation::to(1e-10);
+    let line = same_ranks(&qtt::laplacian(8).unwrap(), &truncation);
+    assert_eq!(line.ranks()[1..8], [(2, 1); 7]);
+    let inverse = same_ranks(&inverse_of_line(8, 2.0, 2.0), &truncation);
+    let expected = [(3, 1), (4, 1), (4, 1), (4, 1), (4, 1), (4, 1), (3, 1)];
+    assert_eq!(inverse.ranks()[1..8], expected);
+    // The line with free ends, shifted to be regular.
+    let free = same_ranks(&inverse_of_line(8, 1.5, 1.5), &truncation);
+    assert_eq!(free.ranks()[1..8], expected);
+}
+
+#[test]
+fn the_plane_needs_half_the_numbers() {
+    let line = qtt::laplacian(5).unwrap();
+    let plane = qtt::kronecker_sum(&[line.clone(), line], DigitOrder::Morton).unwrap();
+    let truncation = Truncation::to(1e-12);
+    let graded = same_ranks(&plane, &truncation);
+    let ungraded = plane.round(&truncation).unwrap().0.as_vector().num_parameters();
+    assert!(
+        2 * graded.num_parameters() <= ungraded + ungraded / 10,
+        "{} of {ungraded}",
+        graded.num_parameters()
+    );
+    assert!(graded.to_matrix().relative_distance(&plane).unwrap() < 1e-12);
+}
+
+proptest! {
+    #[test]
+    fn graded_rounding_is_the_symmetric_part_within_the_tolerance(
+        modes in prop::collection::vec(1usize..4, 1..6), rank in 1usize..5, seed in any::<u64>(), digits in 1i32..12,
+        scale in prop::sample::select(vec![1e-200, 1.0, 1e200]),
+    ) {
+        let tolerance = 10f64.powi(-digits);
+        let a = TtMatrix::random(&modes, &modes, rank, seed).unwrap();
+        let part = a.symmetric_part().unwrap();
+        let graded = SymmetricTrain::symmetric_part(&a.scale(scale)).unwrap();
+        let norm = part.norm();
+        let close = |x: &TtMatrix, error: f64| x.scale(1.0 / scale).subtract(&part).unwrap().norm() <= error * norm;
+        // The part may be small beside A (it is zero for some 1 x 1 digits), rounding is relative to A.
+        let rounding = 1e-13 * a.norm() / norm.max(f64::MIN_POSITIVE);
+        prop_assert!(close(&graded.to_matrix(), rounding));
+        let (rounded, report) = graded.round(&Truncation::to(tolerance)).unwrap();
+        let train = rounded.to_matrix();
+        prop_assert!(close(&train, tolerance + rounding));
+        prop_assert!(report.error <= tolerance);
+        let error = train.scale(1.0 / scale).subtract(&part).unwrap().norm() / norm;
+        prop_assert!((error - report.error).abs() <= 1e-6 * tolerance + rounding, "{error} reported as {}", report.error);
+        let full = train.to_full().unwrap();
+        for j in 0..full.columns() {
+            for i in 0..j {
+                prop_assert_eq!(full[(i, j)].to_bits(), full[(j, i)].to_bits());
+            }
+        }
+    }
+}
+
+#[test]
+fn a_cap_is_obeyed_and_zero_stays_zero() {
+    let a = TtMatrix::random(&[2; 6], &[2; 6], 8, 3).unwrap();
+    let (graded, report) =
+        SymmetricTrain::symmetric_part(&a).unwrap().round(&Truncation::capped(1e-8, 5)).unwrap();
+    assert!(report.capped && graded.ranks().iter().all(|(even, odd)| even + odd <= 5));
+    let error = graded.to_matrix().relative_distance(&a.symmetric_part().unwrap()).unwrap();
+    assert!((error / report.error - 1.0).abs() < 1e-8, "{error} {}", report.error);
+    // A - A^T has no symmetric part.
+    let antisymmetric = a.subtract(&a.transpose()).unwrap();
+    let (zero, _) =
+        SymmetricTrain::symmetric_part(&antisymmetric).unwrap().round(&Truncation::to(1e-8)).unwrap();
+    assert!(zero.to_matrix().norm() <= 1e-13 * a.norm());
+    let (zero, report) =
+        SymmetricTrain::symmetric_part(&a.scale(0.0)).unwrap().round(&Truncation::default()).unwrap();
+    assert_eq!((zero.to_matrix().norm(), report.error), (0.0, 0.0));
+    assert!(SymmetricTrain::symmetric_part(&TtMatrix::random(&[2, 3], &[3, 2], 2, 1).unwrap()).is_err());
+}
