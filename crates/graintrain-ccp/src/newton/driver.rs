@@ -171,9 +171,15 @@ impl NewtonDriver {
 
     /// Ends a Newton iteration, whose step had this length.
     pub fn end_iteration(&mut self, step: f64) {
+        self.end_iteration_with(step, &[]);
+    }
+
+    /// As [`Self::end_iteration`], with figures of the outer method.
+    pub fn end_iteration_with(&mut self, step: f64, figures: &[(&str, f64)]) {
         let mut record = std::mem::take(&mut self.current);
         record.step = step;
         self.solver.figures(&mut record.figures);
+        record.figures.extend(figures.iter().map(|&(name, value)| (name.to_string(), value)));
         self.records.push(record);
     }
 

@@ -33,9 +33,10 @@ impl SchurKrylov {
         Self::new("none", None, false, PLAIN_LIMIT)
     }
 
-    /// BiCGSTAB with block ILU(0).
+    /// BiCGSTAB with block ILU(0), its diagonal enlarged where a pivot block is not positive definite: without that it fails
+    /// in the middle of every interior-point run.
     pub fn incomplete_lu() -> Self {
-        Self::new("ilu", Some(Box::new(IncompleteLu::default())), false, LIMIT)
+        Self::new("ilu", Some(Box::new(IncompleteLu::definite())), false, LIMIT)
     }
 
     /// Conjugate gradients with block IC(0).

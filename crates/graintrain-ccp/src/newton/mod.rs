@@ -201,7 +201,7 @@ pub const LINEAR_METHODS: &[LinearMethod] = &[
     },
     LinearMethod {
         name: "ilu",
-        about: "BiCGSTAB on S~ with block ILU(0)",
+        about: "BiCGSTAB on S~ with block ILU(0), shifted where it is not definite",
         build: || Box::new(krylov::SchurKrylov::incomplete_lu()),
     },
     LinearMethod {

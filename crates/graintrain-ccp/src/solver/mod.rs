@@ -222,6 +222,11 @@ pub const METHODS: &[Method] = &[
         about: "primal-dual interior point of the paper (Corona et al. 2019); linear solver after a '+'",
         build: pdip::build,
     },
+    Method {
+        name: "pdip-literal",
+        about: "the same with the paper's own start, barrier and step rules, which stall on settled packings",
+        build: pdip::build_literal,
+    },
 ];
 
 /// Refuses a linear solver given to a method that solves no linear systems.

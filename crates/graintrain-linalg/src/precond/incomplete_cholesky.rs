@@ -23,8 +23,10 @@ pub struct IncompleteCholesky {
     shift: f64,
 }
 
-/// First enlargement tried after a breakdown; doubled ten times at most.
-const FIRST_SHIFT: f64 = 1e-3;
+/// First enlargement of the diagonal blocks tried after a breakdown.
+pub(super) const FIRST_SHIFT: f64 = 1e-3;
+/// How often it is doubled at most.
+pub(super) const SHIFT_DOUBLINGS: u32 = 10;
 
 impl IncompleteCholesky {
     /// Fraction by which the diagonal blocks had to be enlarged in the last refresh.
@@ -100,7 +102,7 @@ impl Preconditioner for IncompleteCholesky {
         }
         self.shift = 0.0;
         let mut broken = self.factorize(matrix);
-        for doubling in 0..=10 {
+        for doubling in 0..=SHIFT_DOUBLINGS {
             if broken.is_ok() {
                 break;
             }

@@ -1,0 +1,217 @@
+//! The scaled problem, its iterate and Newton's direction.
+
+use super::contact::Constraints;
+use crate::delassus::DelassusWork;
+use crate::newton::driver::{NewtonDriver, ScaledBlocks};
+use crate::newton::{NewtonError, apply_blocks, apply_blocks_in_place};
+use crate::problem::Ccp;
+use crate::residual::ResidualScale;
+use graintrain_linalg::block3::Block;
+use graintrain_linalg::parallel::dot;
+
+/// Smallest mu used: with mu = 0 the cone has no interior. The error is a tangential impulse of this size.
+const SMALLEST_FRICTION: f64 = 1e-7;
+
+/// A problem in units of J and J eta with an iterate, and the memory that Newton's method needs.
+pub(super) struct Iterate<'a> {
+    problem: &'a Ccp,
+    pub(super) friction: Vec<f64>,
+    /// Mean of eta, 1/kg; J, N s.
+    eta: f64,
+    impulse_unit: f64,
+    /// Impulses, strictly inside their cones.
+    pub(super) g: Vec<f64>,
+    /// Multipliers, two per contact, positive.
+    pub(super) lambda: Vec<f64>,
+    /// N g + r.
+    pub(super) u: Vec<f64>,
+    product: DelassusWork,
+    added: Vec<Block>,
+    factor: Vec<Block>,
+    factor_inverse: Vec<Block>,
+    gradient: Vec<[f64; 2]>,
+    rhs: Vec<f64>,
+    z: Vec<f64>,
+}
+
+/// Newton's direction.
+pub(super) struct Direction {
+    pub(super) g: Vec<f64>,
+    pub(super) lambda: Vec<f64>,
+    /// N dg.
+    pub(super) u: Vec<f64>,
+    /// dg^T rhs with Newton's right-hand side: the negative slope of the barrier function along dg.
+    pub(super) decrease: f64,
+}
+
+impl Direction {
+    pub(super) fn new(contacts: usize) -> Self {
+        let zero = |n| vec![0.0; n * contacts];
+        Self { g: zero(3), lambda: zero(2), u: zero(3), decrease: 0.0 }
+    }
+}
+
+impl<'a> Iterate<'a> {
+    /// Starts from normal impulses (in units of J) without tangential ones, lambda = barrier / -f where `barrier` is given
+    /// the mean of |g| |u| over contacts.
+    pub(super) fn new(
+        problem: &'a Ccp,
+        scale: &ResidualScale,
+        normal: impl Fn(usize) -> f64,
+        barrier: impl FnOnce(f64) -> f64,
+    ) -> Self {
+        let contacts = problem.num_contacts();
+        let zero = |n| vec![0.0; n * contacts];
+        let mut it = Self {
+            problem,
+            friction: problem.friction.iter().map(|mu| mu.max(SMALLEST_FRICTION)).collect(),
+            eta: scale.eta.iter().sum::<f64>() / contacts.max(1) as f64,
+            impulse_unit: scale.impulse,
+            g: zero(3),
+            lambda: zero(2),
+            u: zero(3),
+            product: problem.delassus.work(),
+            added: vec![[0.0; 9]; contacts],
+            factor: vec![[0.0; 9]; contacts],
+            factor_inverse: vec![[0.0; 9]; contacts],
+            gradient: vec![[0.0; 2]; contacts],
+            rhs: zero(3),
+            z: zero(3),
+        };
+        for i in 0..contacts {
+            it.g[3 * i] = normal(i);
+        }
+        it.refresh_velocity();
+        let speed = |i: usize| it.u[3 * i].hypot(it.u[3 * i + 1]).hypot(it.u[3 * i + 2]);
+        let mean = (0..contacts).map(|i| it.g[3 * i] * speed(i)).sum::<f64>() / contacts.max(1) as f64;
+        let barrier = barrier(mean);
+        for i in 0..contacts {
+            let f = it.constraints(i).f;
+            for k in 0..2 {
+                it.lambda[2 * i + k] = -barrier / f[k];
+            }
+        }
+        it
+    }
+
+    pub(super) fn num_contacts(&self) -> usize {
+        self.friction.len()
+    }
+
+    pub(super) fn constraints(&self, i: usize) -> Constraints {
+        Constraints::new(self.friction[i], &self.g[3 * i..3 * i + 3])
+    }
+
+    /// u <- N g + r from scratch.
+    pub(super) fn refresh_velocity(&mut self) {
+        self.problem.delassus.multiply(&self.g, &mut self.u, &mut self.product);
+        for (u, r) in self.u.iter_mut().zip(&self.problem.r) {
+            *u = *u / self.eta + r / (self.impulse_unit * self.eta);
+        }
+    }
+
+    /// g and u in the problem's own units.
+    pub(super) fn physical(&self, g: &mut [f64], u: &mut [f64]) {
+        for (out, g) in g.iter_mut().zip(&self.g) {
+            *out = self.impulse_unit * g;
+        }
+        for (out, u) in u.iter_mut().zip(&self.u) {
+            *out = self.impulse_unit * self.eta * u;
+        }
+    }
+
+    /// Mean of -lambda_k f_k.
+    pub(super) fn mean_complementarity(&self) -> f64 {
+        let sum: f64 = (0..self.num_contacts())
+            .map(|i| {
+                let f = self.constraints(i).f;
+                -f[0] * self.lambda[2 * i] - f[1] * self.lambda[2 * i + 1]
+            })
+            .sum();
+        sum / (2 * self.num_contacts()) as f64
+    }
+
+    /// Newton's matrix and right-hand side for r_c = -lambda f - barrier.
+    pub(super) fn refresh(
+        &mut self,
+        newton: &mut NewtonDriver,
+        barrier: f64,
+        iteration: usize,
+        residual: f64,
+    ) -> Result<(), NewtonError> {
+        let (eta, root) = (self.eta, self.eta.sqrt());
+        for i in 0..self.num_contacts() {
+            let constraints = self.constraints(i);
+            let (g, lambda) = (&self.g[3 * i..3 * i + 3], &self.lambda[2 * i..2 * i + 2]);
+            let blocks = constraints.newton_blocks(self.friction[i], g, lambda);
+            // H in units of N; F^T N F is then without units, and z that of the scaled problem.
+            self.added[i] = blocks.added.map(|x| x * eta);
+            self.factor[i] = blocks.factor.map(|x| x / root);
+            self.factor_inverse[i] = blocks.factor_inverse.map(|x| x * root);
+            self.gradient[i] = blocks.gradient.map(|x| x / root);
+            // -r_d + sum_k grad f_k r_c,k / (-f_k), with r_c,k / (-f_k) = lambda_k + barrier / f_k: lambda cancels.
+            let push = constraints.combine(constraints.f.map(|f| barrier / f));
+            for k in 0..3 {
+                self.rhs[3 * i + k] = eta * (push[k] - self.u[3 * i + k]);
+            }
+        }
+        apply_blocks_in_place(&self.factor, &mut self.rhs, true);
+        let Self { added, factor, factor_inverse, .. } = &*self;
+        newton.refresh(self.problem, ScaledBlocks { added, factor, factor_inverse }, iteration, residual)
+    }
+
+    /// Newton's direction for the matrix of the last [`Self::refresh`].
+    pub(super) fn direction(
+        &mut self,
+        newton: &mut NewtonDriver,
+        barrier: f64,
+        tolerance: f64,
+        direction: &mut Direction,
+    ) {
+        let Self { problem, added, factor, factor_inverse, rhs, z, product, .. } = self;
+        newton.solve(problem, ScaledBlocks { added, factor, factor_inverse }, rhs, z, tolerance);
+        direction.decrease = dot(rhs, z) / self.eta;
+        apply_blocks(factor, z, &mut direction.g, false);
+        problem.delassus.multiply(&direction.g, &mut direction.u, product);
+        for u in &mut direction.u {
+            *u /= self.eta;
+        }
+        for i in 0..self.num_contacts() {
+            let f = self.constraints(i).f;
+            let cone = self.gradient[i][0] * self.z[3 * i] + self.gradient[i][1] * self.z[3 * i + 1];
+            let along = [cone, -direction.g[3 * i]];
+            for k in 0..2 {
+                let lambda = self.lambda[2 * i + k];
+                direction.lambda[2 * i + k] = -lambda - barrier / f[k] - lambda * along[k] / f[k];
+            }
+        }
+    }
+
+    /// g <- g + step dg with the velocities that belong to it.
+    pub(super) fn advance_impulses(&mut self, step: f64, direction: &Direction) {
+        for (g, d) in self.g.iter_mut().zip(&direction.g) {
+            *g += step * d;
+        }
+        for (u, d) in self.u.iter_mut().zip(&direction.u) {
+            *u += step * d;
+        }
+    }
+
+    /// lambda <- lambda + step dlambda.
+    pub(super) fn advance_multipliers(&mut self, step: f64, direction: &Direction) {
+        for (lambda, d) in self.lambda.iter_mut().zip(&direction.lambda) {
+            *lambda += step * d;
+        }
+    }
+
+    /// Longest step, at most 1, that keeps lambda + step dlambda at least (1 - fraction) lambda.
+    pub(super) fn longest_for_multipliers(&self, fraction: f64, direction: &Direction) -> f64 {
+        let mut longest = 1.0_f64;
+        for (lambda, change) in self.lambda.iter().zip(&direction.lambda) {
+            if *change < 0.0 {
+                longest = longest.min(-fraction * lambda / change);
+            }
+        }
+        longest
+    }
+}

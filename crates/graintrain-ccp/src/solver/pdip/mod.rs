@@ -1,0 +1,215 @@
+//! `pdip`: the primal-dual interior point of Corona, Gorsich, Jayakumar and Veerapaneni (2019), after Boyd and
+//! Vandenberghe (2004), section 11.7.
+//!
+//! Two constraints per contact, f_1 = 1/2 (g_1^2 + g_2^2 - mu^2 g_n^2) <= 0 and f_2 = -g_n <= 0, with multipliers
+//! lambda > 0, and the perturbed optimality conditions
+//!
+//! ```text
+//! r_d = N g + r + sum_k lambda_k grad f_k = 0,      r_c = -lambda_k f_k - 1/tau = 0
+//! ```
+//!
+//! Newton's step eliminates the multipliers:
+//!
+//! ```text
+//! S dg = -r_d + sum_k grad f_k r_c,k / (-f_k),      dlambda_k = (-r_c,k + lambda_k grad f_k . dg) / (-f_k)
+//! S = N + sum_k ( lambda_k Hess f_k + lambda_k / (-f_k) grad f_k grad f_k^T )
+//! ```
+//!
+//! The problem is scaled first: impulses by J (see [`ResidualScale`]), velocities by J times the mean of eta. S = N + H is
+//! scaled from both sides with the factors of H^-1 = F F^T: (I + F^T N F) z = F^T b, dg = F z (see [`crate::newton`]).
+//!
+//! # Two rules for the step
+//! `pdip-literal` follows the paper: tau = 10 (number of constraints) / (-f^T lambda) in every iteration, start at g_n = 1 (in
+//! units of J), one step for impulses and multipliers that keeps lambda > 0, then f < 0, then lowers |(r_d, r_c)|. On settled
+//! packings it stalls: r_d is far from zero while 1/tau has already fallen, the linearised f_1 leaves its cone after 1e-3 of
+//! the step, and no later step returns to the centre.
+//!
+//! `pdip` keeps the paper's equations, matrix and direction, and differs in what the paper leaves open or what fails:
+//! * The right-hand side of S is -grad phi, phi(g) = 1/2 g^T N g + r^T g - 1/tau sum_k log(-f_k): lambda cancels. S is positive
+//!   definite, so that dg descends on phi, which is convex, from any lambda > 0. The step of g goes up to 0.9 of the way to
+//!   the cones' boundary (a quadratic per contact) and is shortened until phi falls (Armijo); lambda has a step of its own.
+//! * tau grows to 10 / (mean complementarity) as in the paper, but only where the last step was long and Newton's
+//!   decrement dg^T S dg tau was at most one per contact: before that the iterate is not near the centre for the tau at hand.
+//! * It starts above the solution, at g_n = 100 J, or at the last impulses but at least J, with 1/tau in proportion to the
+//!   mean of |g| |N g + r|. From below the solution the cones are narrow and hundreds of steps are short.
+//! * Linear systems are solved to a relative residual of 1e-2: for descent that is enough.
+
+mod contact;
+mod iterate;
+mod step;
+
+use self::iterate::{Direction, Iterate};
+use self::step::{by_barrier, by_residual};
+use super::driver::{Best, Limits, check_start};
+use super::{CcpSolver, SolveReport, SolveSettings, Status};
+use crate::newton::driver::NewtonDriver;
+use crate::newton::linear_solver;
+use crate::problem::{Ccp, CcpError};
+use crate::residual::ResidualScale;
+
+/// 1/tau = (mean complementarity) / TAU_FACTOR.
+const TAU_FACTOR: f64 = 10.0;
+/// Where no step is found the relative residual of the linear solves is tightened by this factor, down to
+/// [`LINEAR_FINEST`], before the method gives up.
+const LINEAR_TIGHTENING: f64 = 1e-3;
+/// See [`LINEAR_TIGHTENING`].
+const LINEAR_FINEST: f64 = 1e-13;
+/// Iterations allowed where the settings name no limit.
+const ITERATIONS: usize = 300;
+/// Normal impulse of the central start, J.
+const CENTRAL_START: f64 = 100.0;
+/// 1/tau of the start above the solution, and of one from known impulses, per third of the mean of |g| |N g + r|.
+const CENTRAL_BARRIER: [f64; 2] = [0.1, 1.0];
+/// Smallest step after which tau may grow.
+const LONG_STEP: f64 = 0.7;
+/// Largest squared Newton decrement per contact with which tau may grow.
+const NEAR_CENTRE: f64 = 1.0;
+/// Smallest normal impulse of the paper's start from known impulses, J.
+const PAPER_FLOOR: f64 = 1e-2;
+
+/// How tau grows, where the iteration starts and how long its steps are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Rule {
+    /// The paper's.
+    Paper,
+    /// Tau grows near the central path only; steps lower the barrier function.
+    Central,
+}
+
+impl Rule {
+    fn name(self) -> &'static str {
+        match self {
+            Self::Paper => "pdip-literal",
+            Self::Central => "pdip",
+        }
+    }
+
+    /// Relative residual of the linear solves at first.
+    fn linear_tolerance(self) -> f64 {
+        match self {
+            Self::Paper => 1e-6,
+            Self::Central => 1e-2,
+        }
+    }
+
+    /// A start inside the cones, and its 1/tau.
+    fn start<'a>(self, problem: &'a Ccp, impulse: &[f64], scale: &ResidualScale) -> (Iterate<'a>, f64) {
+        let known = impulse.iter().any(|&x| x != 0.0);
+        let (unknown, floor) = match self {
+            Self::Paper => (1.0, PAPER_FLOOR),
+            Self::Central => (CENTRAL_START, 1.0),
+        };
+        let normal = |i: usize| if known { (impulse[3 * i] / scale.impulse).max(floor) } else { unknown };
+        let mut barrier = 0.0;
+        let it = Iterate::new(problem, scale, normal, |mean| {
+            barrier = match self {
+                Self::Paper => 1.0,
+                Self::Central => CENTRAL_BARRIER[usize::from(known)] * mean / 3.0,
+            };
+            barrier
+        });
+        (it, barrier)
+    }
+}
+
+/// The primal-dual interior point of the paper.
+pub struct Pdip {
+    newton: NewtonDriver,
+    rule: Rule,
+}
+
+impl Pdip {
+    /// With the linear solver of this name (see [`crate::newton`]).
+    ///
+    /// # Errors
+    /// [`CcpError::UnknownSolver`].
+    pub fn new(rule: Rule, linear: &str) -> Result<Self, CcpError> {
+        Ok(Self { newton: NewtonDriver::new(linear_solver(rule.name(), linear)?), rule })
+    }
+}
+
+pub(super) fn build(linear: Option<&str>) -> Result<Box<dyn CcpSolver>, CcpError> {
+    Ok(Box::new(Pdip::new(Rule::Central, linear.unwrap_or("cholesky"))?))
+}
+
+pub(super) fn build_literal(linear: Option<&str>) -> Result<Box<dyn CcpSolver>, CcpError> {
+    Ok(Box::new(Pdip::new(Rule::Paper, linear.unwrap_or("cholesky"))?))
+}
+
+impl CcpSolver for Pdip {
+    fn name(&self) -> String {
+        format!("{}+{}", self.rule.name(), self.newton.linear_name())
+    }
+
+    fn solve(
+        &mut self,
+        problem: &Ccp,
+        impulse: &mut [f64],
+        settings: &SolveSettings,
+    ) -> Result<SolveReport, CcpError> {
+        let limits = Limits::start(settings, ITERATIONS);
+        check_start(problem, impulse)?;
+        self.newton.begin(problem);
+        let scale = ResidualScale::new(problem);
+        let (mut it, mut barrier) = self.rule.start(problem, impulse, &scale);
+        let mut direction = Direction::new(it.num_contacts());
+        let (mut g, mut u) = (vec![0.0; impulse.len()], vec![0.0; impulse.len()]);
+        let mut best = Best::default();
+        let mut iterations = 0;
+        let mut linear_tolerance = self.rule.linear_tolerance();
+        let mut centred = false;
+        let status = loop {
+            // The residual of the problem itself, in its own units.
+            it.physical(&mut g, &mut u);
+            let residual = scale.residual(problem, &g, &u, settings.friction).max;
+            best.offer(&g, residual);
+            if let Some(status) = limits.status(iterations, residual) {
+                break status;
+            }
+            let wanted = it.mean_complementarity() / TAU_FACTOR;
+            match self.rule {
+                Rule::Paper => barrier = wanted,
+                Rule::Central if centred => barrier = barrier.min(wanted),
+                Rule::Central => {}
+            }
+            if it.refresh(&mut self.newton, barrier, iterations, residual).is_err() {
+                break Status::Stalled;
+            }
+            it.direction(&mut self.newton, barrier, linear_tolerance, &mut direction);
+            let step = match self.rule {
+                Rule::Paper => by_residual(&it, &direction, barrier),
+                Rule::Central => by_barrier(&it, &direction, barrier),
+            };
+            let decrement = direction.decrease / (barrier * it.num_contacts() as f64);
+            self.newton.end_iteration_with(
+                step.taken,
+                &[
+                    ("barrier", barrier),
+                    ("step_to_cone", step.cone),
+                    ("step_of_multipliers", step.multipliers),
+                    ("decrement", decrement),
+                ],
+            );
+            if step.taken == 0.0 {
+                if linear_tolerance <= LINEAR_FINEST {
+                    break Status::Stalled;
+                }
+                linear_tolerance = (linear_tolerance * LINEAR_TIGHTENING).max(LINEAR_FINEST);
+                continue;
+            }
+            it.advance_impulses(step.taken, &direction);
+            it.advance_multipliers(step.multipliers, &direction);
+            centred = step.taken >= LONG_STEP && decrement <= NEAR_CENTRE;
+            iterations += 1;
+            if iterations % 10 == 0 {
+                // Rounding in the updated velocities must not accumulate.
+                it.refresh_velocity();
+            }
+        };
+        best.restore(impulse);
+        let linear_iterations = self.newton.linear_iterations();
+        let mut report = limits.report(&self.name(), problem, impulse, status, iterations, linear_iterations);
+        report.newton = self.newton.take_records();
+        Ok(report)
+    }
+}
