@@ -16,11 +16,12 @@ impl FrictionCone {
     pub fn project(self, x: [f64; 3]) -> [f64; 3] {
         let mu = self.mu;
         let tangential = (x[1] * x[1] + x[2] * x[2]).sqrt();
-        if tangential <= mu * x[0] {
-            return x;
-        }
+        // The apex first: for mu = 0 and x_t = 0 both comparisons hold, whatever the sign of x_n.
         if mu * tangential <= -x[0] {
             return [0.0; 3];
+        }
+        if tangential <= mu * x[0] {
+            return x;
         }
         let normal = (x[0] + mu * tangential) / (1.0 + mu * mu);
         let scale = mu * normal / tangential;
@@ -46,6 +47,15 @@ mod tests {
             prop_assert!(dot(p, q).abs() < 1e-12 * (1.0 + dot(x, x)));
             prop_assert!(p[1].hypot(p[2]) <= mu * p[0] + 1e-12);
             prop_assert!(mu * q[1].hypot(q[2]) <= -q[0] + 1e-12);
+        }
+
+        #[test]
+        fn without_friction_the_cone_is_a_half_line(
+            normal in -10.0..10.0_f64,
+            tangential in prop::array::uniform2(prop_oneof![Just(0.0), -10.0..10.0_f64]),
+        ) {
+            let p = FrictionCone { mu: 0.0 }.project([normal, tangential[0], tangential[1]]);
+            prop_assert_eq!(p, [normal.max(0.0), 0.0, 0.0]);
         }
 
         #[test]

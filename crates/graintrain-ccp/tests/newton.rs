@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::{Random, clarabel, lattice_packing, random_problem, sparse_form};
+use common::{Random, clarabel, clarabel_over_velocities, lattice_packing, random_problem, sparse_form};
 use graintrain_ccp::newton::{LINEAR_METHODS, ScaledBlocks, driver::NewtonDriver, linear_solver};
 use graintrain_ccp::{Ccp, SolveSettings, SolverSpec};
 use graintrain_linalg::block_ops::{factor_in_place, invert3_general, multiply3_transposed};
@@ -139,15 +139,16 @@ fn pdip_reaches_the_oracles_objective_with_the_tensor_trains_of_s() {
     compare_pdip_with_clarabel(|_, linear| TRAINS_OF_S.contains(&linear));
 }
 
-/// Objective of `ipm` against Clarabel. Where they differ by more than 1e-8 the lower one is right, as long as its
-/// impulses lie in the cones, which `ipm`'s always do.
-fn compare_with_clarabel(seeds: std::ops::Range<u64>) {
-    let (mut unconverged, mut count) = (0, 0);
+/// Objective of `ipm` against two formulations of Clarabel, which err on either side: it agrees with one of them to
+/// 1e-8 or lies between them, unless it says that it did not converge, which one in a thousand may. Returns the seeds where
+/// it disagrees.
+fn disagreements_with_clarabel(seeds: std::ops::Range<u64>) -> Vec<u64> {
+    let mut disagreements = Vec::new();
+    let mut unconverged = Vec::new();
     for seed in seeds {
         let problem = random_problem(seed);
-        let oracle = clarabel(&problem);
         let mut impulse = vec![0.0; 3 * problem.num_contacts()];
-        let settings = SolveSettings { tolerance: 1e-8, ..SolveSettings::default() };
+        let settings = SolveSettings { tolerance: 1e-9, ..SolveSettings::default() };
         let mut solver = "ipm".parse::<SolverSpec>().unwrap().build().unwrap();
         let report = solver.solve(&problem, &mut impulse, &settings).unwrap();
         for i in 0..problem.num_contacts() {
@@ -157,24 +158,42 @@ fn compare_with_clarabel(seeds: std::ops::Range<u64>) {
                 "{seed}: outside"
             );
         }
-        let error = (report.objective - oracle.objective) / oracle.objective.abs().max(1e-300);
-        assert!(error < 1e-8, "{seed}: {error:.1e} above the oracle, {:?}", report.status);
-        count += 1;
-        unconverged += usize::from(!report.converged());
+        // Objectives of zero are known to rounding of this energy.
+        let energy: f64 = problem.diagonal_scale().iter().enumerate().fold(0.0, |sum, (i, eta)| {
+            sum + problem.r[3 * i..3 * i + 3].iter().map(|r| r * r / eta).sum::<f64>()
+        });
+        let errors = [clarabel(&problem).objective, clarabel_over_velocities(&problem)]
+            .map(|oracle| (report.objective - oracle) / (oracle.abs() + 1e-8 * energy));
+        let between = errors[0] * errors[1] < 0.0;
+        let nearest = errors[0].abs().min(errors[1].abs());
+        if !report.converged() {
+            println!("{seed}: {:?} at {:.1e}", report.status, report.residual.max);
+            unconverged.push(seed);
+        }
+        if nearest > 1e-8 {
+            let contacts = problem.num_contacts();
+            println!(
+                "{seed}: {contacts} contacts, relative difference {:.1e} and {:.1e}",
+                errors[0], errors[1]
+            );
+            if report.converged() && !between {
+                disagreements.push(seed);
+            }
+        }
     }
-    // Honest failures are allowed, but few.
-    assert!(20 * unconverged <= count, "{unconverged} of {count} did not reach 1e-8");
+    assert!(unconverged.len() <= 1, "did not reach 1e-9: {unconverged:?}");
+    disagreements
 }
 
 #[test]
 fn ipm_agrees_with_clarabel_on_random_problems() {
-    compare_with_clarabel(0..60);
+    assert_eq!(disagreements_with_clarabel(0..60), [0_u64; 0]);
 }
 
 #[test]
 #[ignore = "1000 problems take a minute"]
 fn ipm_agrees_with_clarabel_on_a_thousand_random_problems() {
-    compare_with_clarabel(0..1000);
+    assert_eq!(disagreements_with_clarabel(0..1000), [0_u64; 0]);
 }
 
 /// A ball wedged between two walls that close on it: no impulse stops prescribed walls.

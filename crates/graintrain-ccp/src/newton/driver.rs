@@ -55,6 +55,11 @@ impl NewtonDriver {
         self.solver.name()
     }
 
+    /// Which system the linear solver takes.
+    pub fn form(&self) -> super::Form {
+        self.solver.form()
+    }
+
     /// Begins the solve of a problem.
     pub fn begin(&mut self, problem: &Ccp) {
         self.records.clear();

@@ -156,7 +156,8 @@ pub fn project(mu: Lanes, x: &Batch) -> Batch {
     let factor = (mu * normal).divide(tangential.max(Lanes::splat(f64::MIN_POSITIVE)));
     let bound = mu * x[0];
     [
-        tangential.at_most(bound, x[0], normal),
+        // With mu = 0 and x_t = 0 a negative x_n passes for a point inside.
+        tangential.at_most(bound, x[0].max(Lanes::splat(0.0)), normal),
         tangential.at_most(bound, x[1], factor * x[1]),
         tangential.at_most(bound, x[2], factor * x[2]),
     ]

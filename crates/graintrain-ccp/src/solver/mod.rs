@@ -214,7 +214,7 @@ pub const METHODS: &[Method] = &[
     },
     Method {
         name: "ipm",
-        about: "interior point with Nesterov-Todd scaling and predictor-corrector; linear solver after a '+'",
+        about: "projected gradients, Newton on the projection, interior point; ipm+LINEAR: the interior point alone",
         build: ipm::build,
     },
     Method {

@@ -23,8 +23,9 @@
 
 use super::driver::{Best, Limits, check_start};
 use super::ipm::cone::product;
+use super::ipm::pair::{Pair, PairScaling, componentwise, cone_map, divide_by};
+use super::ipm::path::UNBOUNDED;
 use super::ipm::scaled::Scaled;
-use super::ipm::{Pair, PairScaling, UNBOUNDED, componentwise, cone_map, divide_by};
 use super::{CcpSolver, SolveReport, SolveSettings, Status};
 use crate::newton::driver::{NewtonDriver, ScaledBlocks};
 use crate::newton::linear_solver;

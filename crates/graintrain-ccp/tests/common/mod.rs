@@ -299,3 +299,80 @@ pub fn clarabel(problem: &Ccp) -> Oracle {
         .min_by(|a, b| a.residual(problem).total_cmp(&b.residual(problem)))
         .expect("there are two")
 }
+
+/// The objective by Clarabel in the dual form, over the body velocities in units of square roots of mass: with
+/// D~ = M^(-1/2) D and v = v_free + M^(-1/2) x,
+///
+/// ```text
+/// min 1/2 |x|^2   subject to   (u_n, mu u_1, mu u_2) in the second-order cone,   u = D~^T x + r
+/// ```
+///
+/// has the optimum of the CCP with the other sign. Errors of the constraints make it too high or too low, as those of the
+/// impulses do in [`clarabel`], but other ones: N does not appear. Bodies are balls.
+///
+/// # Panics
+/// If the problem has no bodies or Clarabel does not solve it.
+pub fn clarabel_over_velocities(problem: &Ccp) -> f64 {
+    let Delassus::Rigid(rigid) = &problem.delassus else { panic!("a problem over bodies") };
+    let scale = problem.r.iter().map(|x| x * x).sum::<f64>().sqrt().max(1e-300);
+    let mut cones = Vec::new();
+    let mut first_row = vec![0];
+    for &mu in &problem.friction {
+        // Without friction only the normal velocity is bounded.
+        let rows = if mu > 0.0 { 3 } else { 1 };
+        first_row.push(first_row.last().copied().unwrap_or(0) + rows);
+        cones.push(match rows {
+            3 => SupportedConeT::SecondOrderConeT(3),
+            _ => SupportedConeT::NonnegativeConeT(1),
+        });
+    }
+    let rows = first_row[first_row.len() - 1];
+    let weight = |i: usize, k: usize| if k == 0 { 1.0 } else { problem.friction[i] };
+    let mut b = vec![0.0; rows];
+    for i in 0..problem.num_contacts() {
+        for k in 0..first_row[i + 1] - first_row[i] {
+            b[first_row[i] + k] = weight(i, k) * problem.r[3 * i + k] / scale;
+        }
+    }
+    let (mut column_start, mut row, mut value) = (vec![0], Vec::new(), Vec::new());
+    for body in 0..rigid.num_bodies() {
+        let inverse = &rigid.inverse_mass()[body];
+        for freedom in 0..6 {
+            for side in rigid.sides(body) {
+                let i = side.contact as usize;
+                let mut axis = [0.0; 3];
+                axis[freedom % 3] = 1.0;
+                let (root, velocity) = if freedom < 3 {
+                    (inverse.linear[freedom].sqrt(), axis)
+                } else {
+                    (inverse.angular[4 * (freedom - 3)].sqrt(), cross(axis, side.arm))
+                };
+                for (k, direction) in rigid.contacts()[i].frame.iter().enumerate() {
+                    if k < first_row[i + 1] - first_row[i] {
+                        let along: f64 = (0..3).map(|l| direction[l] * velocity[l]).sum();
+                        row.push(first_row[i] + k);
+                        value.push(-side.sign * root * weight(i, k) * along);
+                    }
+                }
+            }
+            column_start.push(row.len());
+        }
+    }
+    let freedoms = 6 * rigid.num_bodies();
+    let a = CscMatrix::new(rows, freedoms, column_start, row, value);
+    let settings = DefaultSettingsBuilder::default()
+        .verbose(false)
+        .tol_gap_abs(1e-13)
+        .tol_gap_rel(1e-13)
+        .tol_feas(1e-13)
+        .max_iter(200)
+        .build()
+        .expect("valid settings");
+    let identity = CscMatrix::identity(freedoms);
+    let mut solver =
+        DefaultSolver::new(&identity, &vec![0.0; freedoms], &a, &b, &cones, settings).expect("valid data");
+    solver.solve();
+    let objective = solver.solution.obj_val;
+    assert!(objective.is_finite(), "Clarabel failed: {:?}", solver.solution.status);
+    -scale * scale * objective
+}

@@ -1,0 +1,163 @@
+//! The iterate of the interior point, its Newton directions and everything they need, allocated once per solve.
+
+use super::pair::{Pair, PairScaling, componentwise, cone_map, divide_by};
+use crate::newton::apply_blocks_in_place;
+use crate::newton::driver::ScaledBlocks;
+use crate::problem::Ccp;
+use graintrain_linalg::block_ops::apply3;
+use graintrain_linalg::block3::Block;
+
+/// Entries of r_d below this many units of rounding (of the largest impulse or velocity, scaled) are noise and no
+/// longer corrected: next to the boundary their correction would shorten every step to nothing.
+const NOISE: f64 = 32.0 * f64::EPSILON;
+
+/// Vectors of one solve, allocated once.
+pub(super) struct Work {
+    pub pairs: Vec<Pair>,
+    pub scalings: Vec<PairScaling>,
+    pub t: Vec<[f64; 3]>,
+    pub added: Vec<Block>,
+    pub factor: Vec<Block>,
+    pub factor_inverse: Vec<Block>,
+    pub to_step: Vec<Block>,
+    pub to_scaled: Vec<Block>,
+    pub g: Vec<f64>,
+    /// N g (with compliance).
+    pub ng: Vec<f64>,
+    pub residual_dual: Vec<f64>,
+    pub rhs: Vec<f64>,
+    /// The scaled unknown z = F^-1 dg.
+    pub z: Vec<f64>,
+    /// q of the last right-hand side, per contact.
+    pub q: Vec<[f64; 3]>,
+    /// W^-1 dx and W ds.
+    pub scaled_dx: Vec<[f64; 3]>,
+    pub scaled_ds: Vec<[f64; 3]>,
+}
+
+impl Work {
+    pub fn new(problem: &Ccp) -> Self {
+        let contacts = problem.num_contacts();
+        let size = 3 * contacts;
+        let line = PairScaling::Line { w: 1.0, lambda: 1.0 };
+        Self {
+            pairs: vec![Pair::Line { x: 1.0, s: 1.0 }; contacts],
+            scalings: vec![line; contacts],
+            t: problem.friction.iter().map(|&mu| cone_map(mu)).collect(),
+            added: vec![[0.0; 9]; contacts],
+            factor: vec![[0.0; 9]; contacts],
+            factor_inverse: vec![[0.0; 9]; contacts],
+            to_step: vec![[0.0; 9]; contacts],
+            to_scaled: vec![[0.0; 9]; contacts],
+            g: vec![0.0; size],
+            ng: vec![0.0; size],
+            residual_dual: vec![0.0; size],
+            rhs: vec![0.0; size],
+            z: vec![0.0; size],
+            q: vec![[0.0; 3]; contacts],
+            scaled_dx: vec![[0.0; 3]; contacts],
+            scaled_ds: vec![[0.0; 3]; contacts],
+        }
+    }
+
+    pub fn contacts(&self) -> usize {
+        self.pairs.len()
+    }
+
+    pub fn blocks(&self) -> ScaledBlocks<'_> {
+        ScaledBlocks { added: &self.added, factor: &self.factor, factor_inverse: &self.factor_inverse }
+    }
+
+    /// g = T x.
+    pub fn impulses_from_pairs(&mut self) {
+        for (i, pair) in self.pairs.iter().enumerate() {
+            self.g[3 * i..3 * i + 3].copy_from_slice(&componentwise(self.t[i], pair.vectors().0));
+        }
+    }
+
+    /// r_d = N g + r - y with y = T^-1 s; the tangential velocity of a frictionless contact is free.
+    pub fn update_dual_residual(&mut self, r: &[f64]) {
+        let largest = |v: &[f64]| v.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
+        let noise = NOISE * (largest(&self.g) + largest(r));
+        for (i, pair) in self.pairs.iter().enumerate() {
+            let y = divide_by(self.t[i], pair.vectors().1);
+            for k in 0..3 {
+                let free = self.t[i][k] == 0.0;
+                let defect = self.ng[3 * i + k] + r[3 * i + k] - y[k];
+                self.residual_dual[3 * i + k] = if free || defect.abs() <= noise { 0.0 } else { defect };
+            }
+        }
+    }
+
+    /// Mean of x^T s over the contacts.
+    pub fn barrier(&self) -> f64 {
+        self.pairs.iter().map(Pair::complementarity).sum::<f64>() / self.contacts() as f64
+    }
+
+    /// Right-hand side F^T (-(1 - sigma) r_d) + C q with lambda o q = -d_c.
+    pub fn right_hand_side(&mut self, dual_factor: f64, complementarity: impl Fn(usize) -> [f64; 3]) {
+        for i in 0..self.contacts() {
+            self.q[i] = self.scalings[i].divide(complementarity(i).map(|x| -x));
+        }
+        self.combine_right_hand_side(dual_factor);
+    }
+
+    /// The right-hand side of the predictor, d_c = lambda o lambda: q = -lambda.
+    pub fn affine_right_hand_side(&mut self) {
+        for i in 0..self.contacts() {
+            self.q[i] = self.scalings[i].lambda().map(|x| -x);
+        }
+        self.combine_right_hand_side(1.0);
+    }
+
+    pub fn combine_right_hand_side(&mut self, dual_factor: f64) {
+        for k in 0..self.rhs.len() {
+            self.rhs[k] = -dual_factor * self.residual_dual[k];
+        }
+        apply_blocks_in_place(&self.factor, &mut self.rhs, true);
+        for i in 0..self.contacts() {
+            let push = apply3(&self.to_scaled[i], self.q[i]);
+            for k in 0..3 {
+                self.rhs[3 * i + k] += push[k];
+            }
+        }
+    }
+
+    /// W^-1 dx and W ds from z.
+    pub fn scaled_directions(&mut self) {
+        for i in 0..self.contacts() {
+            let z = [self.z[3 * i], self.z[3 * i + 1], self.z[3 * i + 2]];
+            let dx = apply3(&self.to_scaled[i], z);
+            self.scaled_dx[i] = dx;
+            self.scaled_ds[i] = std::array::from_fn(|k| self.q[i][k] - dx[k]);
+        }
+    }
+
+    /// Largest step that keeps every x and s in its cone.
+    pub fn longest_step(&self) -> f64 {
+        let mut alpha = f64::INFINITY;
+        for (scaling, (dx, ds)) in self.scalings.iter().zip(self.scaled_dx.iter().zip(&self.scaled_ds)) {
+            alpha = alpha.min(scaling.longest_step(*dx)).min(scaling.longest_step(*ds));
+        }
+        alpha
+    }
+
+    /// Mean of x^T s after a step.
+    pub fn barrier_after(&self, alpha: f64) -> f64 {
+        let mut sum = 0.0;
+        for (scaling, (dx, ds)) in self.scalings.iter().zip(self.scaled_dx.iter().zip(&self.scaled_ds)) {
+            let l = scaling.lambda();
+            sum += (0..3).map(|k| (l[k] + alpha * dx[k]) * (l[k] + alpha * ds[k])).sum::<f64>();
+        }
+        sum / self.contacts() as f64
+    }
+
+    pub fn advance(&mut self, alpha: f64) {
+        for i in 0..self.contacts() {
+            let z = [self.z[3 * i], self.z[3 * i + 1], self.z[3 * i + 2]];
+            let dx = apply3(&self.to_step[i], z);
+            let ds = self.scalings[i].inverse_times(self.scaled_ds[i]);
+            self.pairs[i].advance(alpha, dx, ds);
+        }
+    }
+}

@@ -1,0 +1,73 @@
+//! What the phases of one solve share: the problem as given and scaled, when to stop, and the best iterate.
+
+use super::super::Status;
+use super::super::driver::{Best, Limits};
+use super::scaled::Scaled;
+use crate::problem::Ccp;
+use crate::residual::{FrictionModel, ResidualScale};
+
+/// One solve. Iterations are Newton systems.
+pub(super) struct Session<'a> {
+    /// The problem as given.
+    problem: &'a Ccp,
+    /// The problem scaled.
+    pub scaled: &'a Scaled,
+    residual_scale: &'a ResidualScale,
+    limits: &'a Limits<'a>,
+    friction: FrictionModel,
+    /// Newton systems so far.
+    pub iterations: usize,
+    best: Best<f64>,
+    physical: Vec<f64>,
+    velocity: Vec<f64>,
+}
+
+impl<'a> Session<'a> {
+    pub fn new(
+        problem: &'a Ccp,
+        scaled: &'a Scaled,
+        residual_scale: &'a ResidualScale,
+        limits: &'a Limits<'a>,
+        friction: FrictionModel,
+    ) -> Self {
+        let zeros = vec![0.0; 3 * problem.num_contacts()];
+        let (physical, velocity) = (zeros.clone(), zeros);
+        let best = Best::default();
+        Self { problem, scaled, residual_scale, limits, friction, iterations: 0, best, physical, velocity }
+    }
+
+    /// Residual of impulses g of the scaled problem, given N g, in the metric of the problem as given. The best
+    /// iterate is kept.
+    pub fn judge(&mut self, g: &[f64], ng: &[f64]) -> f64 {
+        for k in 0..g.len() {
+            self.physical[k] = self.scaled.impulse_unit[k / 3] * g[k];
+            self.velocity[k] = self.scaled.velocity_unit[k / 3] * (ng[k] + self.scaled.problem.r[k]);
+        }
+        let scale = self.residual_scale;
+        let residual = scale.residual(self.problem, &self.physical, &self.velocity, self.friction).max;
+        self.best.offer(&self.physical, residual);
+        residual
+    }
+
+    /// Why to stop at this residual, if it is time to.
+    pub fn status(&self, residual: f64) -> Option<Status> {
+        self.limits.status(self.iterations, residual)
+    }
+
+    /// The best iterate, in the units of the problem as given.
+    pub fn best(&self, impulse: &mut [f64]) {
+        self.best.restore(impulse);
+    }
+
+    /// Forgets the best iterate: what follows solves another problem.
+    pub fn forget(&mut self) {
+        self.best = Best::default();
+    }
+
+    /// Impulses of the scaled problem.
+    pub fn scale(&self, impulse: &[f64], g: &mut [f64]) {
+        for (k, (g, impulse)) in g.iter_mut().zip(impulse).enumerate() {
+            *g = impulse / self.scaled.impulse_unit[k / 3];
+        }
+    }
+}
