@@ -94,7 +94,7 @@ fn measure(problem: &Ccp) {
         FLOPS * contacts as f64 / product / 1e9,
         copy / product,
     );
-    let iterations = (2_000_000 / contacts.max(1)).clamp(10, 100);
+    let iterations = (6_000_000 / contacts.max(1)).clamp(10, 400);
     for method in METHODS {
         // The difference of a long and a short solve, beside products of the same moment.
         let (mut short, mut long, mut beside) = (f64::INFINITY, f64::INFINITY, f64::INFINITY);

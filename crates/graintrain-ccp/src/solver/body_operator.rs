@@ -23,6 +23,9 @@ struct Geometry {
     slot_b: [u32; LANES],
 }
 
+/// Impulses in world axes and their moments about bodies A and B, of four contacts.
+pub(super) type WorldImpulses = [Batch; 3];
+
 /// N = D^T M^-1 D with scaled D. A chunk of contacts sums the forces on its bodies in slots of its own, then every
 /// body adds its slots in a fixed order: no two threads write to one place and the bits do not depend on their number.
 #[derive(Clone, Debug)]
@@ -185,12 +188,19 @@ impl BodyOperator {
         [dot(&g.frame[0], &relative), dot(&g.frame[1], &relative), dot(&g.frame[2], &relative)]
     }
 
-    /// Adds the forces and moments of the impulses of one batch to the slots of its chunk.
+    /// Impulses in world axes of one batch and their moments about bodies A and B.
     #[inline(always)]
-    pub(super) fn scatter(&self, batch: usize, x: &Batch, slots: &mut [[f64; 6]]) {
+    pub(super) fn world_impulses(&self, batch: usize, x: &Batch) -> WorldImpulses {
         let g = &self.geometry[batch];
         let p = add(&add(&scale(x[0], &g.frame[0]), &scale(x[1], &g.frame[1])), &scale(x[2], &g.frame[2]));
-        let (ma, mb) = (cross(&g.arm_a, &p), cross(&g.arm_b, &p));
+        [p, cross(&g.arm_a, &p), cross(&g.arm_b, &p)]
+    }
+
+    /// Adds the impulses and moments of one batch to the slots of its chunk. Apart from [`Self::world_impulses`], in a loop of
+    /// its own: together the compiler computes both one contact at a time.
+    #[inline(always)]
+    pub(super) fn scatter(&self, batch: usize, [p, ma, mb]: &WorldImpulses, slots: &mut [[f64; 6]]) {
+        let g = &self.geometry[batch];
         for lane in 0..LANES {
             let a = &mut slots[g.slot_a[lane] as usize];
             for k in 0..3 {

@@ -479,9 +479,9 @@ where
             self.slots.fill([0.0; 6]);
         }
         let mut tally = Tally::default();
-        // Three short loops over a few batches rather than one long one: the square root and the quotients of a projection
+        // Four short loops over a few batches rather than one long one: the square root and the quotients of a projection
         // take tens of cycles, which the processor hides behind the next batch only where that is near enough.
-        let (mut u, mut force) = ([ZERO; GROUP], [ZERO; GROUP]);
+        let (mut u, mut s, mut world) = ([ZERO; GROUP], [ZERO; GROUP], [[ZERO; 3]; GROUP]);
         let mut offset = 0;
         while offset < self.batches.len() {
             let count = GROUP.min(self.batches.len() - offset);
@@ -494,11 +494,14 @@ where
             }
             for k in 0..count {
                 let mine = self.vectors.each_mut().map(|v| &mut v[offset + k]);
-                force[k] = self.kernel.at(self.scaled.here(first + k), &u[k], mine, &mut tally);
+                s[k] = self.kernel.at(self.scaled.here(first + k), &u[k], mine, &mut tally);
             }
             if SCATTER {
-                for (k, force) in force[..count].iter().enumerate() {
-                    self.bodies.scatter(first + k, force, self.slots);
+                for (k, world) in world[..count].iter_mut().enumerate() {
+                    *world = self.bodies.world_impulses(first + k, &s[k]);
+                }
+                for (k, world) in world[..count].iter().enumerate() {
+                    self.bodies.scatter(first + k, world, self.slots);
                 }
             }
             offset += count;
