@@ -78,7 +78,7 @@ impl FirstOrderMethod for Apgd {
                 // The image of y must not keep the rounding errors that the image of x has just lost: the extrapolation
                 // would take the difference for a motion and multiply it.
                 let Iterate { x, work, .. } = it;
-                scaled.image_by([x, &mut previous], &mut image_y, work, &Extrapolated { beta });
+                scaled.scatter_pass([x, &mut previous], &mut image_y, work, &Extrapolated { beta });
             }
             let kernel = Step { step, beta };
             let (totals, curvature) =

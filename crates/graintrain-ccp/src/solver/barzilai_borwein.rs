@@ -10,8 +10,7 @@ use super::spectral::Spectral;
 
 /// x+ = P(x - alpha u) with the long step alpha = |d|^2 / d^T N' d and the short one d^T N' d / |N' d|^2 by turns, on the
 /// scaled problem. The objective may rise, but not above the reference value of Dai and Fletcher, the largest of the
-/// values since the last improvement, renewed when ten iterations brought none. An iteration costs one fused pass, every second one half a
-/// pass more for the short step.
+/// values since the last improvement, renewed when ten iterations brought none. An iteration costs one product.
 #[derive(Clone, Debug)]
 pub struct BarzilaiBorwein {
     /// Iterations without a better objective after which the reference value is renewed.
@@ -43,7 +42,7 @@ impl FirstOrderMethod for BarzilaiBorwein {
                     (reference, candidate, without_progress) = (candidate, objective, 0);
                 }
             }
-            alpha = if long { spectral.long_step(&change) } else { spectral.short_step(scaled, it, &change) };
+            alpha = if long { spectral.long_step(&change) } else { spectral.short_step(&change) };
             long = !long;
         }
     }

@@ -172,9 +172,9 @@ impl GpMinres {
                 break;
             }
             let last = quadratic;
-            let image = &it.image;
             let (totals, new) =
-                scaled.pass(image, [w, rho, p, ap], image_rho, &mut it.work, &Advance { alpha });
+                scaled.scatter_pass([w, rho, p, ap], image_rho, &mut it.work, &Advance { alpha });
+            it.work.count_product();
             quadratic = new;
             beta = quadratic / last;
             if totals.sum[0] <= target || !beta.is_finite() {

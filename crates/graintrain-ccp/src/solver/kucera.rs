@@ -123,7 +123,8 @@ impl FirstOrderMethod for Kucera {
             }
             let kernel = Direction { conjugation: square / last_square };
             let (totals, curvature) =
-                scaled.pass(&it.image, [&mut it.x, &mut phi, &mut p], &mut image_p, &mut it.work, &kernel);
+                scaled.scatter_pass([&mut it.x, &mut phi, &mut p], &mut image_p, &mut it.work, &kernel);
+            it.work.count_product();
             let minimiser = totals.sum[0] / curvature;
             let feasible = 1.0 / totals.max;
             if square == 0.0 {

@@ -152,8 +152,10 @@ pub fn cross(a: &Batch, b: &Batch) -> Batch {
 #[inline(always)]
 pub fn project(mu: Lanes, x: &Batch) -> Batch {
     let tangential = (x[1] * x[1] + x[2] * x[2]).sqrt();
-    let normal = (x[0] + mu * tangential).divide(Lanes::splat(1.0) + mu * mu).max(Lanes::splat(0.0));
-    let factor = (mu * normal).divide(tangential.max(Lanes::splat(f64::MIN_POSITIVE)));
+    // normal = q |x_t| and factor = mu q with one division; |x_t| is zero or at least 1e-162, so that q is finite.
+    let size = (Lanes::splat(1.0) + mu * mu) * tangential;
+    let q = (x[0] + mu * tangential).divide(size.max(Lanes::splat(f64::MIN_POSITIVE))).max(Lanes::splat(0.0));
+    let (normal, factor) = (q * tangential, mu * q);
     let bound = mu * x[0];
     [
         // With mu = 0 and x_t = 0 a negative x_n passes for a point inside.

@@ -155,9 +155,15 @@ impl PassWork {
         &mut self.tallies
     }
 
-    /// Products with N' that passes have made so far, one each; looks and fresh images of old iterates do not count.
+    /// Products with N' that methods have made so far: one per pass, one per scatter pass and look. Residuals and fresh images
+    /// of old iterates do not count.
     pub fn products(&self) -> usize {
         self.products
+    }
+
+    /// Counts a product made of a scatter pass and a look.
+    pub fn count_product(&mut self) {
+        self.products += 1;
     }
 }
 
@@ -390,20 +396,21 @@ impl ScaledProblem {
 
     /// out <- image of x; returns x^T N' x. Velocities are not looked at, which saves half of a pass over bodies.
     pub fn image_of(&self, x: &mut [Batch], out: &mut [f64], work: &mut PassWork) -> f64 {
-        self.image_by([x], out, work, &Identity)
+        let (_, quadratic) = self.scatter_pass([x], out, work, &Identity);
+        quadratic
     }
 
-    /// As [`Self::pass`] with a kernel that does not look at u.
-    pub fn image_by<const M: usize>(
+    /// As [`Self::pass`] for a kernel that does not look at u: a product's first half.
+    pub fn scatter_pass<const M: usize>(
         &self,
         vectors: [&mut [Batch]; M],
         out: &mut [f64],
         work: &mut PassWork,
         kernel: &impl Kernel<M>,
-    ) -> f64 {
+    ) -> (Totals, f64) {
         // `out` stands in for the image, which nobody looks at.
-        self.contact_pass::<M, false, true>(out, vectors, work, kernel);
-        self.collect(out, work)
+        let totals = self.contact_pass::<M, false, true>(out, vectors, work, kernel);
+        (totals, self.collect(out, work))
     }
 
     /// u <- N' x as a product of its own: a pass for the image and a look at it. Methods avoid it by fusing.

@@ -1,9 +1,9 @@
 //! Projected gradient with spectral (Barzilai-Borwein) steps: what `bb` and `spg` share.
 
 use super::first_order::Iterate;
-use super::lanes::{Batch, add_scaled, dot, project, sub};
+use super::lanes::{Batch, ZERO, add_scaled, dot, project, sub};
 use super::scaling::{Here, Image, Kernel, ScaledProblem};
-use super::sweep::{Tally, for_each_batch};
+use super::sweep::Tally;
 
 /// Steps are kept between these multiples of 1 / (largest eigenvalue of N').
 const STEP_RANGE: (f64, f64) = (0.1, 1e4);
@@ -11,13 +11,17 @@ const STEP_RANGE: (f64, f64) = (0.1, 1e4);
 /// What a step x+ = x + tau d, d = P(x - alpha u) - x, did.
 pub(super) struct Change {
     /// |d|^2.
-    pub length: f64,
+    length: f64,
     /// d^T N' d.
-    pub curvature: f64,
+    curvature: f64,
+    /// |N' d|^2.
+    image_length: f64,
 }
 
-/// Iterate and direction of a spectral projected gradient method.
+/// Iterate and direction of a spectral projected gradient method. The gradient u is kept contact by contact, because the
+/// short step wants N' d contact by contact, too: a step is then one product, its two halves a scatter pass and a look.
 pub(super) struct Spectral {
+    u: Vec<Batch>,
     direction: Vec<Batch>,
     image: Image,
     range: (f64, f64),
@@ -25,14 +29,25 @@ pub(super) struct Spectral {
     pub objective: f64,
 }
 
+/// u <- N' x + r'.
+struct StoreGradient;
+
+impl Kernel<1> for StoreGradient {
+    #[inline(always)]
+    fn at(&self, _: Here, fresh: &Batch, [u]: [&mut Batch; 1], _: &mut Tally) -> Batch {
+        *u = *fresh;
+        ZERO
+    }
+}
+
 /// direction <- d = P(x - alpha u) - x, x <- x + d; tallies |d|^2 and u^T d.
 struct GradientStep {
     alpha: f64,
 }
 
-impl Kernel<2> for GradientStep {
+impl Kernel<3> for GradientStep {
     #[inline(always)]
-    fn at(&self, here: Here, u: &Batch, [x, direction]: [&mut Batch; 2], tally: &mut Tally) -> Batch {
+    fn at(&self, here: Here, _: &Batch, [x, u, direction]: [&mut Batch; 3], tally: &mut Tally) -> Batch {
         let new = project(here.mu, &add_scaled(x, -self.alpha, u));
         let d = sub(&new, x);
         tally.sum[0] += dot(&d, &d);
@@ -43,15 +58,32 @@ impl Kernel<2> for GradientStep {
     }
 }
 
-/// Tallies |N' d|^2.
-struct ImageLength;
+/// u <- u + N' d from the image of d; tallies |N' d|^2.
+struct FullStep;
 
-impl Kernel<0> for ImageLength {
+impl Kernel<1> for FullStep {
     #[inline(always)]
-    fn at(&self, here: Here, u: &Batch, _: [&mut Batch; 0], tally: &mut Tally) -> Batch {
-        let nd = sub(u, &here.r);
+    fn at(&self, here: Here, product: &Batch, [u]: [&mut Batch; 1], tally: &mut Tally) -> Batch {
+        let nd = sub(product, &here.r);
         tally.sum[0] += dot(&nd, &nd);
-        nd
+        *u = add_scaled(u, 1.0, &nd);
+        ZERO
+    }
+}
+
+/// As [`FullStep`] where only tau of the step is wanted: u <- u + tau N' d, x <- x - (1 - tau) d.
+struct ShortenedStep {
+    tau: f64,
+}
+
+impl Kernel<3> for ShortenedStep {
+    #[inline(always)]
+    fn at(&self, here: Here, product: &Batch, [u, x, d]: [&mut Batch; 3], tally: &mut Tally) -> Batch {
+        let nd = sub(product, &here.r);
+        tally.sum[0] += dot(&nd, &nd);
+        *u = add_scaled(u, self.tau, &nd);
+        *x = add_scaled(x, self.tau - 1.0, d);
+        ZERO
     }
 }
 
@@ -59,7 +91,8 @@ impl Spectral {
     pub fn new(scaled: &ScaledProblem, it: &mut Iterate<'_>) -> (Self, f64) {
         let shortest = 1.0 / it.largest_curvature(scaled);
         let range = (STEP_RANGE.0 * shortest, STEP_RANGE.1 * shortest);
-        let spectral = Self { direction: scaled.zeros(), image: scaled.zero_image(), range, objective: 0.0 };
+        let (u, direction) = (scaled.zeros(), scaled.zeros());
+        let spectral = Self { u, direction, image: scaled.zero_image(), range, objective: 0.0 };
         (spectral, shortest)
     }
 
@@ -72,20 +105,26 @@ impl Spectral {
         alpha: f64,
         reference: f64,
     ) -> Change {
-        let kernel = GradientStep { alpha };
-        let (totals, curvature) =
-            scaled.pass(&it.image, [&mut it.x, &mut self.direction], &mut self.image, &mut it.work, &kernel);
-        let [length, slope, ..] = totals.sum;
-        let mut tau = 1.0;
-        if self.objective + slope + 0.5 * curvature > reference + 1e-4 * slope {
-            tau = (-slope / curvature).clamp(0.0, 1.0);
-            for_each_batch([&mut it.x, &mut self.direction], it.work.tallies(), |_, [x, d], _| {
-                *x = add_scaled(x, tau - 1.0, d);
-            });
+        let Self { u, direction, image, objective, .. } = self;
+        if it.was_refreshed() {
+            scaled.look(&it.image, [u], &mut it.work, &StoreGradient);
         }
-        it.add_image(tau, &self.image);
-        self.objective += tau * slope + 0.5 * tau * tau * curvature;
-        Change { length, curvature }
+        let vectors = [&mut it.x[..], u, direction];
+        let (totals, curvature) =
+            scaled.scatter_pass(vectors, image, &mut it.work, &GradientStep { alpha });
+        it.work.count_product();
+        let [length, slope, ..] = totals.sum;
+        let full = *objective + slope + 0.5 * curvature <= reference + 1e-4 * slope;
+        let (tau, totals) = if full {
+            (1.0, scaled.look(image, [u], &mut it.work, &FullStep))
+        } else {
+            let tau = (-slope / curvature).clamp(0.0, 1.0);
+            let vectors = [&mut u[..], &mut it.x, direction];
+            (tau, scaled.look(image, vectors, &mut it.work, &ShortenedStep { tau }))
+        };
+        it.add_image(tau, image);
+        *objective += tau * slope + 0.5 * tau * tau * curvature;
+        Change { length, curvature, image_length: totals.sum[0] }
     }
 
     /// First Barzilai-Borwein step, |d|^2 / d^T N' d: the long one.
@@ -93,10 +132,9 @@ impl Spectral {
         self.keep(change.length / change.curvature)
     }
 
-    /// Second Barzilai-Borwein step, d^T N' d / |N' d|^2: the short one. Costs a look at the image of d.
-    pub fn short_step(&self, scaled: &ScaledProblem, it: &mut Iterate<'_>, change: &Change) -> f64 {
-        let length = scaled.look(&self.image, [], &mut it.work, &ImageLength).sum[0];
-        self.keep(change.curvature / length)
+    /// Second Barzilai-Borwein step, d^T N' d / |N' d|^2: the short one.
+    pub fn short_step(&self, change: &Change) -> f64 {
+        self.keep(change.curvature / change.image_length)
     }
 
     /// A step within the range; the longest one where there was no curvature.

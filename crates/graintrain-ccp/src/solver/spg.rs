@@ -12,7 +12,7 @@ use super::spectral::Spectral;
 /// so that cones stay cones), non-monotone line search against the largest of the last ten objectives (Grippo, Lampariello, Lucidi 1986),
 /// alpha the short spectral step where it is much shorter than the long one and the long one otherwise (adaptive
 /// choice of Zhou, Gao and Dai 2006). The fallback: the iterate of least residual is what is returned. An iteration
-/// costs a fused pass and half a pass more for the short step.
+/// costs one product.
 #[derive(Clone, Debug)]
 pub struct SpectralProjectedGradient {
     /// Objectives that the line search remembers.
@@ -41,7 +41,7 @@ impl FirstOrderMethod for SpectralProjectedGradient {
             place = (place + 1) % last.len();
             last[place] = spectral.objective;
             let long = spectral.long_step(&change);
-            let short = spectral.short_step(scaled, it, &change);
+            let short = spectral.short_step(&change);
             alpha = if short < self.ratio * long { short } else { long };
         }
     }
