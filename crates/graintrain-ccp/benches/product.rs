@@ -1,7 +1,7 @@
 //! Cost of the product with N and of one iteration of each first-order method, beside a copy of the same size.
 //!
-//! `cargo bench -p graintrain-ccp --bench product [-- SIDE...]`; SIDE is the edge of the packing in balls, six contacts per ball
-//! (default 15, 29, 58: about 2e4, 1.5e5, 1.2e6 contacts). Each figure is the least of several interleaved
+//! `cargo bench -p graintrain-ccp --bench product [-- SIDE... METHOD...]`; SIDE is the edge of the packing in balls, six contacts per ball
+//! (default 15, 29, 58: about 2e4, 1.5e5, 1.2e6 contacts), METHOD leaves the others out. Each figure is the least of several interleaved
 //! rounds, because other programs disturb every one of them.
 
 #[path = "../tests/common/mod.rs"]
@@ -64,7 +64,7 @@ fn solve(problem: &Ccp, method: &str, iterations: usize) -> (f64, usize) {
     (clock.seconds(), report.products)
 }
 
-fn measure(problem: &Ccp) {
+fn measure(problem: &Ccp, methods: &[&str]) {
     let contacts = problem.num_contacts();
     let bodies = problem.delassus.num_bodies();
     let scaled = ScaledProblem::new(problem, &ResidualScale::new(problem));
@@ -95,7 +95,7 @@ fn measure(problem: &Ccp) {
         copy / product,
     );
     let iterations = (6_000_000 / contacts.max(1)).clamp(10, 400);
-    for method in METHODS {
+    for method in methods {
         // The difference of a long and a short solve, beside products of the same moment.
         let (mut short, mut long, mut beside) = (f64::INFINITY, f64::INFINITY, f64::INFINITY);
         let mut products = 0;
@@ -119,18 +119,23 @@ fn measure(problem: &Ccp) {
 
 fn main() {
     let sides: Vec<usize> = std::env::args().skip(1).filter_map(|side| side.parse().ok()).collect();
+    let wanted: Vec<String> = std::env::args().skip(1).collect();
+    let mut methods = METHODS.to_vec();
+    if methods.iter().any(|method| wanted.iter().any(|name| name == method)) {
+        methods.retain(|method| wanted.iter().any(|name| name == method));
+    }
     let sides = if sides.is_empty() { vec![15, 29, 58] } else { sides };
     for side in sides {
         let problem = common::lattice_packing(side, side, 0.3, 1);
         for threads in [1, 2] {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
             pool.install(|| {
-                measure(&problem);
+                measure(&problem, &methods);
                 if problem.num_contacts() < 300_000 {
                     let sparse =
                         Ccp { delassus: Delassus::Sparse(problem.delassus.assemble()), ..problem.clone() };
                     print!("  sparse ");
-                    measure(&sparse);
+                    measure(&sparse, &methods);
                 }
             });
         }

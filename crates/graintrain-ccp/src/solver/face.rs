@@ -1,6 +1,6 @@
 //! Faces of the friction cones: in which directions an impulse can move on.
 
-use super::lanes::{Batch, Lanes, add_scaled_by, dot, scale};
+use super::lanes::{Batch, Lanes, dot, scale};
 
 /// Relative distance to the mantle below which an impulse counts as sliding.
 const ON_MANTLE: f64 = 1e-9;
@@ -28,15 +28,19 @@ pub fn along_face(mu: Lanes, x: &Batch, g: &Batch) -> Batch {
 /// where there is no friction), none at the apex.
 #[inline(always)]
 pub fn in_tangent_space(mu: Lanes, x: &Batch, g: &Batch) -> Batch {
-    let tangential = (x[1] * x[1] + x[2] * x[2]).sqrt();
-    let inverse = Lanes::splat(1.0).divide(tangential.max(Lanes::splat(f64::MIN_POSITIVE)));
-    // Outward normal of the mantle, up to its length sqrt(1 + mu^2).
-    let normal = [-mu, x[1] * inverse, x[2] * inverse];
-    let factor = dot(&normal, g).divide(Lanes::splat(1.0) + mu * mu);
-    let plane = add_scaled_by(g, -factor, &normal);
-    let ray = along_face(mu, x, g);
-    let zero = Lanes::splat(0.0);
-    // Where there is no tangential part (no friction, or the apex) there is no tangent plane.
-    let mantle: Batch = std::array::from_fn(|k| tangential.at_most(zero, ray[k], plane[k]));
+    let (zero, tiny) = (Lanes::splat(0.0), Lanes::splat(f64::MIN_POSITIVE));
+    let square = x[1] * x[1] + x[2] * x[2];
+    let tangential = square.sqrt();
+    // With the normal (-mu, x_t / |x_t|) / sqrt(1 + mu^2) of the mantle: g - (normal . g) normal, with one division.
+    let along = x[1] * g[1] + x[2] * g[2] - mu * tangential * g[0];
+    let factor = along.divide(((Lanes::splat(1.0) + mu * mu) * square).max(tiny));
+    let plane = [g[0] + mu * tangential * factor, g[1] - factor * x[1], g[2] - factor * x[2]];
+    // Where there is no tangential part (no friction, or the apex) there is no tangent plane, only the ray or nothing.
+    let ray = x[0].at_most(zero, zero, g[0]);
+    let mantle = [
+        square.at_most(zero, ray, plane[0]),
+        square.at_most(zero, zero, plane[1]),
+        square.at_most(zero, zero, plane[2]),
+    ];
     where_sticking(mu, x, g, &mantle)
 }

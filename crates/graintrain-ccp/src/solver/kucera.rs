@@ -6,7 +6,7 @@
 
 use super::face::{along_face, where_sticking};
 use super::first_order::{FirstOrder, FirstOrderMethod, Iterate, add_image};
-use super::lanes::{Batch, Lanes, ZERO, add_scaled, dot, project, sub};
+use super::lanes::{Batch, Lanes, ZERO, add_scaled, dot, project, scale, sub};
 use super::scaling::{Here, Kernel, ScaledProblem};
 use super::sweep::{Tally, for_each_batch};
 
@@ -36,9 +36,12 @@ struct Split {
 impl Kernel<2> for Split {
     #[inline(always)]
     fn at(&self, here: Here, u: &Batch, [x, phi]: [&mut Batch; 2], tally: &mut Tally) -> Batch {
-        let free = along_face(here.mu, x, u);
-        let reduced_free = sub(x, &project(here.mu, &add_scaled(x, -self.step, &free)));
+        // On the boundary the free part is a multiple of x, and so is its reduction: x - P(x - step coefficient x).
+        let coefficient = dot(x, u).divide(dot(x, x).max(Lanes::splat(f64::MIN_POSITIVE)));
+        let shrink = -((-(Lanes::splat(self.step) * coefficient)).max(Lanes::splat(-1.0)));
         let reduced = sub(x, &project(here.mu, &add_scaled(x, -self.step, u)));
+        let free = where_sticking(here.mu, x, u, &scale(coefficient, x));
+        let reduced_free = where_sticking(here.mu, x, &reduced, &scale(shrink, x));
         let boundary = where_sticking(here.mu, x, &ZERO, &sub(&reduced, &reduced_free));
         tally.sum[0] += dot(&free, &reduced_free);
         tally.sum[1] += dot(&boundary, &boundary);
@@ -78,27 +81,43 @@ fn inverse_feasible_step(mu: Lanes, x: &Batch, p: &Batch) -> Lanes {
     let c = x[1] * x[1] + x[2] * x[2] - square * x[0] * x[0];
     // A negative discriminant: the mantle is never met, and p_n <= 0 keeps the apex away too.
     let discriminant = b * b - a * c;
-    let root = (discriminant.max(zero).sqrt() - b).divide((-c).max(tiny));
-    let inside = zero.at_most(discriminant, root.max(zero), zero);
-    let ray = zero.at_most(tiny - x[0], zero, p[0].divide(x[0].max(tiny)).max(zero));
-    where_sticking(mu, x, &[inside, zero, zero], &[ray, zero, zero])[0]
+    let numerator = [zero.at_most(discriminant, discriminant.max(zero).sqrt() - b, zero), zero, zero];
+    let along_ray = [x[0].at_most(zero, zero, p[0]), zero, zero];
+    let denominator = where_sticking(mu, x, &[-c, zero, zero], &[x[0], zero, zero])[0];
+    where_sticking(mu, x, &numerator, &along_ray)[0].divide(denominator.max(tiny)).max(zero)
 }
 
-/// x <- P(x - step * part of u), the part along the faces or at the boundary contacts; returns the change.
-struct ProjectedStep {
+/// x <- P(x - step * the boundary contacts' part of u); returns the change.
+struct Proportioning {
     step: f64,
-    boundary: bool,
 }
 
-impl Kernel<1> for ProjectedStep {
+impl Kernel<1> for Proportioning {
     #[inline(always)]
     fn at(&self, here: Here, u: &Batch, [x]: [&mut Batch; 1], _: &mut Tally) -> Batch {
-        let along =
-            if self.boundary { where_sticking(here.mu, x, &ZERO, u) } else { along_face(here.mu, x, u) };
+        let along = where_sticking(here.mu, x, &ZERO, u);
         let new = project(here.mu, &add_scaled(x, -self.step, &along));
         let d = sub(&new, x);
         *x = new;
         d
+    }
+}
+
+/// From x to the boundary, x - alpha p, whose gradient is u, and on along the faces: x <- P(x - alpha p - step phi(x - alpha p));
+/// returns the change by the second half.
+struct Expansion {
+    alpha: f64,
+    step: f64,
+}
+
+impl Kernel<2> for Expansion {
+    #[inline(always)]
+    fn at(&self, here: Here, u: &Batch, [x, p]: [&mut Batch; 2], _: &mut Tally) -> Batch {
+        let half = add_scaled(x, -self.alpha, p);
+        let along = along_face(here.mu, &half, u);
+        let new = project(here.mu, &add_scaled(&half, -self.step, &along));
+        *x = new;
+        sub(&new, &half)
     }
 }
 
@@ -115,7 +134,7 @@ impl FirstOrderMethod for Kucera {
             // Both reduced gradients are here times the step.
             let [free, boundary, square, ..] = split.sum;
             if boundary > self.proportion * self.proportion * step * free {
-                let kernel = ProjectedStep { step, boundary: true };
+                let kernel = Proportioning { step };
                 scaled.pass(&it.image, [&mut it.x], &mut image_d, &mut it.work, &kernel);
                 it.add_image(1.0, &image_d);
                 last_square = f64::INFINITY;
@@ -132,16 +151,17 @@ impl FirstOrderMethod for Kucera {
             }
             let alpha = if minimiser.is_finite() { minimiser.min(feasible) } else { feasible };
             let alpha = if alpha.is_finite() { alpha } else { step };
-            for_each_batch([&mut it.x, &mut p], it.work.tallies(), |_, [x, p], _| {
-                *x = add_scaled(x, -alpha, p);
-            });
             add_image(&mut it.image, -alpha, &image_p);
             last_square = square;
             if minimiser > feasible {
-                let kernel = ProjectedStep { step, boundary: false };
-                scaled.pass(&it.image, [&mut it.x], &mut image_d, &mut it.work, &kernel);
+                let kernel = Expansion { alpha, step };
+                scaled.pass(&it.image, [&mut it.x, &mut p], &mut image_d, &mut it.work, &kernel);
                 it.add_image(1.0, &image_d);
                 last_square = f64::INFINITY;
+            } else {
+                for_each_batch([&mut it.x, &mut p], it.work.tallies(), |_, [x, p], _| {
+                    *x = add_scaled(x, -alpha, p);
+                });
             }
         }
     }

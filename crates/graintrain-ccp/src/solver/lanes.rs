@@ -123,12 +123,6 @@ pub fn add_scaled(a: &Batch, s: f64, b: &Batch) -> Batch {
     [a[0] + s * b[0], a[1] + s * b[1], a[2] + s * b[2]]
 }
 
-/// a + s b, with one factor per contact.
-#[inline(always)]
-pub fn add_scaled_by(a: &Batch, s: Lanes, b: &Batch) -> Batch {
-    [a[0] + s * b[0], a[1] + s * b[1], a[2] + s * b[2]]
-}
-
 /// s a, with one factor per contact.
 #[inline(always)]
 pub fn scale(s: Lanes, a: &Batch) -> Batch {

@@ -110,8 +110,7 @@ impl Spectral {
             scaled.look(&it.image, [u], &mut it.work, &StoreGradient);
         }
         let vectors = [&mut it.x[..], u, direction];
-        let (totals, curvature) =
-            scaled.scatter_pass(vectors, image, &mut it.work, &GradientStep { alpha });
+        let (totals, curvature) = scaled.scatter_pass(vectors, image, &mut it.work, &GradientStep { alpha });
         it.work.count_product();
         let [length, slope, ..] = totals.sum;
         let full = *objective + slope + 0.5 * curvature <= reference + 1e-4 * slope;
