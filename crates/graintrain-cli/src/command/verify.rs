@@ -3,7 +3,7 @@
 use crate::error::Failure;
 use crate::signal::Stop;
 use graintrain::output::files::{make_folder, write_atomically};
-use graintrain::verify::{VerifyError, granular, table, tier_a};
+use graintrain::verify::{VerifyError, earth_pressure, granular, table, tier_a};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -39,7 +39,9 @@ pub fn execute(arguments: &Arguments) -> Result<ExitCode, Failure> {
     } else {
         let scratch = arguments.out.clone().unwrap_or_else(|| PathBuf::from("out/verify")).join("states");
         make_folder(&scratch).map_err(output)?;
-        granular::checks(arguments.n as usize, &scratch, &stop.requested, told).map_err(failed)?
+        let mut checks = earth_pressure::checks(&stop.requested, told).map_err(failed)?;
+        checks.extend(granular::checks(arguments.n as usize, &scratch, &stop.requested, told).map_err(failed)?);
+        checks
     };
     let text = table(&checks);
     print!("{text}");

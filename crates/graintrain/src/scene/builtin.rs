@@ -29,6 +29,11 @@ pub const SCENES: &[Builtin] = &[
         text: include_str!("../../../../scenes/direct-shear.toml"),
     },
     Builtin {
+        name: "passive-wall",
+        about: "a smooth wall pushed into a bed of spheres: Rankine's passive earth pressure",
+        text: include_str!("../../../../scenes/passive-wall.toml"),
+    },
+    Builtin {
         name: "pile",
         about: "spheres from a file at rest on the ground, e.g. Kleinert's piles; --set path=FILE",
         text: include_str!("../../../../scenes/pile.toml"),

@@ -8,10 +8,11 @@
 //! |---|---|
 //! | [`mod@bench`] | small worlds, and stepping them to convergence |
 //! | [`sliding`], [`impact`], [`rest`], [`flight`] | tier A |
-//! | [`granular`] | tier B |
+//! | [`granular`], [`earth_pressure`] | tier B |
 
 pub mod bench;
 pub mod flight;
+pub mod earth_pressure;
 pub mod granular;
 pub mod impact;
 pub mod rest;

@@ -25,3 +25,11 @@ fn a_wrong_or_missing_number_fails() {
     let text = table(&[check(1.05), check(f64::NAN)]);
     assert!(text.contains("2 checks, 1 failed") && text.matches("FAILED").count() == 1);
 }
+
+#[test]
+#[ignore = "eight simulations of 2 816 spheres: minutes"]
+fn earth_pressure_is_that_of_rankine() {
+    let checks = earth_pressure::checks(&Default::default(), |_| {}).unwrap();
+    println!("{}", table(&checks));
+    assert!(checks.len() == 2 && checks.iter().all(Check::passed));
+}
