@@ -40,7 +40,8 @@ pub fn execute(arguments: &Arguments) -> Result<ExitCode, Failure> {
         let scratch = arguments.out.clone().unwrap_or_else(|| PathBuf::from("out/verify")).join("states");
         make_folder(&scratch).map_err(output)?;
         let mut checks = earth_pressure::checks(&stop.requested, told).map_err(failed)?;
-        checks.extend(granular::checks(arguments.n as usize, &scratch, &stop.requested, told).map_err(failed)?);
+        checks
+            .extend(granular::checks(arguments.n as usize, &scratch, &stop.requested, told).map_err(failed)?);
         checks
     };
     let text = table(&checks);

@@ -11,8 +11,8 @@
 //! | [`granular`], [`earth_pressure`] | tier B |
 
 pub mod bench;
-pub mod flight;
 pub mod earth_pressure;
+pub mod flight;
 pub mod granular;
 pub mod impact;
 pub mod rest;
