@@ -295,10 +295,13 @@ fn factorisations(results: &Results) -> Claim {
         statement,
         verdict: Verdict::of(mean >= 0.5 * low && mean <= 1.5 * high),
         evidence: format!(
-            "Mean {} and at most {} Newton iterations in {} converged pdip solves to residual {TOLERANCE:e}.",
+            "Mean {} and at most {} Newton iterations in {} converged pdip solves to residual {TOLERANCE:e} \
+             (a mean between {} and {} counts as agreement).",
             number(mean),
             number(most),
-            counts.len()
+            counts.len(),
+            number(0.5 * low),
+            number(1.5 * high)
         ),
     }
 }
