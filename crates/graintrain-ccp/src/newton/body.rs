@@ -180,6 +180,16 @@ impl BodyCg {
         Self::new("tt", Some(TrainCorrection::default()))
     }
 
+    /// Whether the train is in use for the current matrix.
+    pub(super) fn train_is_active(&self) -> bool {
+        self.correction.as_ref().is_some_and(TrainCorrection::is_active)
+    }
+
+    /// Whether a train is still tried on this problem.
+    pub(super) fn train_may_pay(&self) -> bool {
+        self.correction.as_ref().is_some_and(TrainCorrection::may_pay)
+    }
+
     fn new(name: &'static str, correction: Option<TrainCorrection>) -> Self {
         Self {
             name,

@@ -27,7 +27,7 @@
 //! | `schur-cholesky` | sparse Cholesky | S~ |
 //! | `body-cholesky` | sparse Cholesky | K |
 //! | `body-cg` | conjugate gradients with 6x6 block Jacobi | K |
-//! | `tt` | `body-cg`, corrected by a tensor train where that pays | K |
+//! | `tt` | `body-cg`, corrected by a tensor train, where that pays; else `ic` | K or S~ |
 //! | `tt-schur` | BiCGSTAB with a tensor-train inverse, compressed exactly | S~ |
 //! | `tt-cross` | BiCGSTAB with the paper's tensor-train inverse | S |
 //!
@@ -40,6 +40,7 @@ pub mod direct;
 pub mod driver;
 pub mod krylov;
 pub mod schur;
+pub mod train;
 pub mod train_body;
 pub mod train_schur;
 
@@ -236,8 +237,8 @@ pub const LINEAR_METHODS: &[LinearMethod] = &[
     },
     LinearMethod {
         name: "tt",
-        about: "conjugate gradients on K with 6x6 block Jacobi, corrected by a tensor train where that pays",
-        build: || Box::new(body::BodyCg::tensor_train()),
+        about: "conjugate gradients with a tensor train where that pays, with block IC(0) where not",
+        build: || Box::new(train::TensorTrain::default()),
     },
     LinearMethod {
         name: "tt-schur",

@@ -1,4 +1,4 @@
-//! The tensor-train correction of `tt`: in body space, and only where it pays.
+//! The tensor-train correction of `tt` ([`super::train`]): in body space, and only where it pays.
 //!
 //! Conjugate gradients on K = I + A A^T with 6x6 block Jacobi are conjugate gradients on K_s = L^-1 K L^-T, L the
 //! Cholesky factors of the diagonal blocks. A train X that approximates K_s^-1 makes the preconditioner L^-T X L^-1.
@@ -76,6 +76,11 @@ impl TrainCorrection {
         self.active
     }
 
+    /// Whether the problem passed the probe and has not lost too many races.
+    pub fn may_pay(&self) -> bool {
+        self.captured >= CAPTURED && self.failures < FAILURES
+    }
+
     /// Adapts to new values of K, whose diagonal blocks `scaling` has factorised.
     ///
     /// # Errors
@@ -105,7 +110,7 @@ impl TrainCorrection {
             let (_, report) = off_diagonal.to_train(&truncation)?;
             self.captured = if report.norm > 0.0 { 1.0 - report.error.powi(2) } else { 0.0 };
         }
-        if self.captured < CAPTURED || self.failures >= FAILURES {
+        if !self.may_pay() {
             return Ok(());
         }
         let (capacity, depth) = self.placement.shape();

@@ -6,12 +6,14 @@
 //! | [`bodies`], [`surfaces`], [`contacts`] | a frame of each |
 //! | [`vtp`], [`vtm`], [`pvd`] | the file formats of frames and their list |
 //! | [`tables`] | `steps.csv`, `wrench.csv` |
+//! | [`newton`] | `newton.csv` |
 //! | [`summary`] | `summary.json` |
 //! | [`files`] | writing so that what was computed stays readable |
 
 pub mod bodies;
 pub mod contacts;
 pub mod files;
+pub mod newton;
 pub mod process;
 pub mod pvd;
 pub mod recorder;

@@ -63,6 +63,7 @@ const FILES: &[&str] = &[
     "contacts.pvd",
     "steps.csv",
     "wrench.csv",
+    "newton.csv",
     "summary.json",
     "scene.toml",
 ];

@@ -1,24 +1,32 @@
-//! The tables of a run: `steps.csv`, one record per step, and `wrench.csv`, one record per step and driven or held body.
+//! The tables of a run: `steps.csv`, one record per step, `wrench.csv`, one record per step and driven or held body, and
+//! `newton.csv`, one record per Newton iteration.
 
 use super::files::{OutputError, Table};
+use super::newton::{NewtonTable, STEP_COLUMNS, step_cells};
 use crate::stepper::StepReport;
 use crate::world::World;
 use std::path::Path;
 
-/// Columns of `steps.csv`. SI units; the pages of the documentation name them.
+/// Columns of `steps.csv` before those of Newton methods. SI units; the pages of the documentation name them.
 const STEPS: &str = "step,time,contacts,contacts_with_force,solver,status,iterations,linear_iterations,\
     residual,residual_rms,residual_relaxed,residual_coulomb,penetration_max,kinetic_energy,\
     seconds_collide,seconds_assemble,seconds_solve,seconds_integrate,seconds_output";
+
+/// All columns of `steps.csv`.
+fn steps_header() -> String {
+    format!("{STEPS},{STEP_COLUMNS}")
+}
 
 /// Columns of `wrench.csv`.
 const WRENCH: &str = "step,time,body,name,force_x,force_y,force_z,torque_x,torque_y,torque_z,\
     x,y,z,velocity_x,velocity_y,velocity_z";
 
-/// Both tables.
+/// The tables.
 #[derive(Debug)]
 pub struct Tables {
     steps: Table,
     wrench: Table,
+    newton: NewtonTable,
 }
 
 impl Tables {
@@ -28,8 +36,9 @@ impl Tables {
     /// Where they cannot be written.
     pub fn create(folder: &Path) -> Result<Self, OutputError> {
         Ok(Self {
-            steps: Table::create(folder.join("steps.csv"), STEPS)?,
+            steps: Table::create(folder.join("steps.csv"), &steps_header())?,
             wrench: Table::create(folder.join("wrench.csv"), WRENCH)?,
+            newton: NewtonTable::create(folder),
         })
     }
 
@@ -39,8 +48,9 @@ impl Tables {
     /// Where they cannot be read or written.
     pub fn reopen(folder: &Path, last_step: u64) -> Result<Self, OutputError> {
         Ok(Self {
-            steps: Table::reopen(folder.join("steps.csv"), STEPS, last_step)?,
+            steps: Table::reopen(folder.join("steps.csv"), &steps_header(), last_step)?,
             wrench: Table::reopen(folder.join("wrench.csv"), WRENCH, last_step)?,
+            newton: NewtonTable::reopen(folder, last_step)?,
         })
     }
 
@@ -55,6 +65,7 @@ impl Tables {
         output_seconds: f64,
     ) -> Result<(), OutputError> {
         self.steps.append(&step_record(world, report, output_seconds))?;
+        self.newton.append(world.step, &report.solve.newton)?;
         for wrench in &report.wrenches {
             let body = wrench.body as usize;
             if has_wrench_record(world, body) {
@@ -88,7 +99,7 @@ fn step_record(world: &World, report: &StepReport, output_seconds: f64) -> Strin
     // The name of a status is the one that it has in every other file.
     let status = serde_json::to_string(&solve.status).unwrap_or_default();
     format!(
-        "{},{:?},{},{},{},{},{},{},{:?},{:?},{:?},{:?},{:?},{:?},{:?},{:?},{:?},{:?},{:?}",
+        "{},{:?},{},{},{},{},{},{},{:?},{:?},{:?},{:?},{:?},{:?},{:?},{:?},{:?},{:?},{:?},{}",
         world.step,
         world.time,
         report.contacts,
@@ -108,6 +119,7 @@ fn step_record(world: &World, report: &StepReport, output_seconds: f64) -> Strin
         report.phases.solve,
         report.phases.integrate,
         output_seconds,
+        step_cells(&solve.newton),
     )
 }
 

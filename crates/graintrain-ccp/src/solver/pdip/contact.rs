@@ -20,26 +20,26 @@ impl Constraints {
         Self { f: [cone, -g[0]], cone_gradient: [-m * g[0], g[1], g[2]] }
     }
 
-    /// H = lambda_1 Hess f_1 + sum_k lambda_k / (-f_k) grad f_k grad f_k^T with its factors.
+    /// H = lambda_1 Hess f_1 + sum_k lambda_k / (-f_k) grad f_k grad f_k^T + proximal n n^T with its factors.
     ///
     /// Across the tangential impulse H is lambda_1. In the plane of the normal and that impulse, with rho = |g_t| and
     /// c = (mu^2 g_n^2 + rho^2) / (-2 f_1), which is never below 1,
     ///
     /// ```text
-    /// H_rr = lambda_1 c,   H_nr = -lambda_1 mu^2 g_n rho / (-f_1),   H_nn = lambda_1 mu^2 c + lambda_2 / g_n
-    /// det = lambda_1^2 mu^2 + lambda_1 c lambda_2 / g_n
+    /// H_rr = lambda_1 c,   H_nr = -lambda_1 mu^2 g_n rho / (-f_1),   H_nn = lambda_1 mu^2 c + (lambda_2 / g_n + proximal)
+    /// det = lambda_1^2 mu^2 + lambda_1 c (lambda_2 / g_n + proximal)
     /// ```
     ///
     /// No term of the determinant cancels, so that the Cholesky factor H = B L L^T B^T, rows in the order r, n, s of the basis
     /// B, has full relative accuracy next to the boundary. F = B L^-T.
     #[inline]
-    pub(super) fn newton_blocks(&self, mu: f64, g: &[f64], lambda: &[f64]) -> NewtonBlocks {
+    pub(super) fn newton_blocks(&self, mu: f64, g: &[f64], lambda: &[f64], proximal: f64) -> NewtonBlocks {
         let m = mu * mu;
         let rho = g[1].hypot(g[2]);
         let along = if rho > 0.0 { [g[1] / rho, g[2] / rho] } else { [1.0, 0.0] };
         let gap = -self.f[0];
         let c = ((m * g[0] * g[0] + rho * rho) / (2.0 * gap)).max(1.0);
-        let other = lambda[1] / -self.f[1];
+        let other = lambda[1] / -self.f[1] + proximal;
         let (rr, nr) = (lambda[0] * c, -lambda[0] * m * g[0] * rho / gap);
         let nn = lambda[0] * m * c + other;
         let determinant = lambda[0] * (lambda[0] * m + c * other);
@@ -96,7 +96,7 @@ mod tests {
     /// The Lagrangian's second derivatives by central differences of its first ones.
     #[test]
     fn newton_block_matches_finite_differences_of_the_eliminated_system() {
-        let (mu, g, lambda, tau) = (0.4, [1.3, 0.2, -0.3], [0.7, 0.25], 5.0);
+        let (mu, g, lambda, tau, proximal) = (0.4, [1.3, 0.2, -0.3], [0.7, 0.25], 5.0, 0.3);
         // With lambda eliminated by r_c = 0 linearised, the derivative of the push along dg is the block: compare
         // d/dg [ sum lambda_k(g) grad f_k(g) ] where lambda_k changes by dlambda_k = lambda_k grad f_k . dg / (-f_k).
         let push = |g: [f64; 3]| {
@@ -106,9 +106,10 @@ mod tests {
                 let along: f64 = (0..3).map(|d| gradient[d] * (g[d] - [1.3, 0.2, -0.3][d])).sum();
                 lambda[k] * along / -base.f[k]
             });
-            Constraints::new(mu, &g).combine([lambda[0] + change[0], lambda[1] + change[1]])
+            let push = Constraints::new(mu, &g).combine([lambda[0] + change[0], lambda[1] + change[1]]);
+            [push[0] + proximal * g[0], push[1], push[2]]
         };
-        let blocks = Constraints::new(mu, &g).newton_blocks(mu, &g, &lambda);
+        let blocks = Constraints::new(mu, &g).newton_blocks(mu, &g, &lambda, proximal);
         let NewtonBlocks { added: block, factor, factor_inverse, gradient } = blocks;
         let unit = |r: usize, c: usize| f64::from(u8::from(r == c));
         for r in 0..3 {

@@ -12,24 +12,35 @@ use graintrain_linalg::parallel::dot;
 /// Smallest mu used: with mu = 0 the cone has no interior. The error is a tangential impulse of this size.
 const SMALLEST_FRICTION: f64 = 1e-7;
 
-/// A problem in units of J and J eta with an iterate, and the memory that Newton's method needs.
+/// A scaled problem with an iterate, and the memory that Newton's method needs.
+///
+/// ```text
+/// g_i = c x_i / e_i,   u_i = c e_i u'_i,   N' = E^-1 N E^-1,   e_i = sqrt(eta_i),   c = J sqrt(mean eta)
+/// ```
+///
+/// One factor per contact leaves cones as they are and makes trace(N'_ii) = 3 however different the masses are.
 pub(super) struct Iterate<'a> {
     problem: &'a Ccp,
     pub(super) friction: Vec<f64>,
-    /// Mean of eta, 1/kg; J, N s.
-    eta: f64,
-    impulse_unit: f64,
-    /// Impulses, strictly inside their cones.
+    /// c; e_i.
+    size: f64,
+    root: Vec<f64>,
+    /// x: impulses, strictly inside their cones.
     pub(super) g: Vec<f64>,
+    /// Weight of the proximal term 1/2 proximal |x_n - anchor|^2, and its centre.
+    pub(super) proximal: f64,
+    pub(super) anchor: Vec<f64>,
     /// Multipliers, two per contact, positive.
     pub(super) lambda: Vec<f64>,
-    /// N g + r.
+    /// u' = N' x + r'.
     pub(super) u: Vec<f64>,
     product: DelassusWork,
     added: Vec<Block>,
     factor: Vec<Block>,
     factor_inverse: Vec<Block>,
     gradient: Vec<[f64; 2]>,
+    /// Vectors in the problem's own units, divided by c.
+    image: Vec<f64>,
     rhs: Vec<f64>,
     z: Vec<f64>,
 }
@@ -38,9 +49,9 @@ pub(super) struct Iterate<'a> {
 pub(super) struct Direction {
     pub(super) g: Vec<f64>,
     pub(super) lambda: Vec<f64>,
-    /// N dg.
+    /// N' dx.
     pub(super) u: Vec<f64>,
-    /// dg^T rhs with Newton's right-hand side: the negative slope of the barrier function along dg.
+    /// dx^T rhs with Newton's right-hand side: the negative slope of the barrier function along dx.
     pub(super) decrease: f64,
 }
 
@@ -52,12 +63,13 @@ impl Direction {
 }
 
 impl<'a> Iterate<'a> {
-    /// Starts from normal impulses (in units of J) without tangential ones, lambda = barrier / -f where `barrier` is given
-    /// the mean of |g| |u| over contacts.
+    /// Starts from normal impulses x_n (given the unit of impulse, N s, of a contact) without tangential ones, lambda = barrier / -f where `barrier` is given
+    /// the mean of |x| |u'| over contacts.
     pub(super) fn new(
         problem: &'a Ccp,
         scale: &ResidualScale,
-        normal: impl Fn(usize) -> f64,
+        proximal: f64,
+        normal: impl Fn(usize, f64) -> f64,
         barrier: impl FnOnce(f64) -> f64,
     ) -> Self {
         let contacts = problem.num_contacts();
@@ -65,9 +77,12 @@ impl<'a> Iterate<'a> {
         let mut it = Self {
             problem,
             friction: problem.friction.iter().map(|mu| mu.max(SMALLEST_FRICTION)).collect(),
-            eta: scale.eta.iter().sum::<f64>() / contacts.max(1) as f64,
-            impulse_unit: scale.impulse,
+            size: scale.impulse * (scale.eta.iter().sum::<f64>() / contacts.max(1) as f64).sqrt(),
+            root: scale.eta.iter().map(|eta| eta.sqrt()).collect(),
+            image: zero(3),
             g: zero(3),
+            proximal,
+            anchor: zero(1),
             lambda: zero(2),
             u: zero(3),
             product: problem.delassus.work(),
@@ -79,8 +94,9 @@ impl<'a> Iterate<'a> {
             z: zero(3),
         };
         for i in 0..contacts {
-            it.g[3 * i] = normal(i);
+            it.g[3 * i] = normal(i, it.size / it.root[i]);
         }
+        it.move_anchor();
         it.refresh_velocity();
         let speed = |i: usize| it.u[3 * i].hypot(it.u[3 * i + 1]).hypot(it.u[3 * i + 2]);
         let mean = (0..contacts).map(|i| it.g[3 * i] * speed(i)).sum::<f64>() / contacts.max(1) as f64;
@@ -102,21 +118,29 @@ impl<'a> Iterate<'a> {
         Constraints::new(self.friction[i], &self.g[3 * i..3 * i + 3])
     }
 
-    /// u <- N g + r from scratch.
+    /// The proximal term is centred at the current impulses from now on.
+    pub(super) fn move_anchor(&mut self) {
+        for (i, anchor) in self.anchor.iter_mut().enumerate() {
+            *anchor = self.g[3 * i];
+        }
+    }
+
+    /// u' <- N' x + r' from scratch.
     pub(super) fn refresh_velocity(&mut self) {
-        self.problem.delassus.multiply(&self.g, &mut self.u, &mut self.product);
-        for (u, r) in self.u.iter_mut().zip(&self.problem.r) {
-            *u = *u / self.eta + r / (self.impulse_unit * self.eta);
+        for (k, image) in self.image.iter_mut().enumerate() {
+            *image = self.g[k] / self.root[k / 3];
+        }
+        self.problem.delassus.multiply(&self.image, &mut self.u, &mut self.product);
+        for (k, u) in self.u.iter_mut().enumerate() {
+            *u = (*u + self.problem.r[k] / self.size) / self.root[k / 3];
         }
     }
 
     /// g and u in the problem's own units.
     pub(super) fn physical(&self, g: &mut [f64], u: &mut [f64]) {
-        for (out, g) in g.iter_mut().zip(&self.g) {
-            *out = self.impulse_unit * g;
-        }
-        for (out, u) in u.iter_mut().zip(&self.u) {
-            *out = self.impulse_unit * self.eta * u;
+        for k in 0..g.len() {
+            g[k] = self.size * self.g[k] / self.root[k / 3];
+            u[k] = self.size * self.u[k] * self.root[k / 3];
         }
     }
 
@@ -139,20 +163,21 @@ impl<'a> Iterate<'a> {
         iteration: usize,
         residual: f64,
     ) -> Result<(), NewtonError> {
-        let (eta, root) = (self.eta, self.eta.sqrt());
         for i in 0..self.num_contacts() {
             let constraints = self.constraints(i);
             let (g, lambda) = (&self.g[3 * i..3 * i + 3], &self.lambda[2 * i..2 * i + 2]);
-            let blocks = constraints.newton_blocks(self.friction[i], g, lambda);
+            let blocks = constraints.newton_blocks(self.friction[i], g, lambda, self.proximal);
             // H in units of N; F^T N F is then without units, and z that of the scaled problem.
-            self.added[i] = blocks.added.map(|x| x * eta);
+            let root = self.root[i];
+            self.added[i] = blocks.added.map(|x| x * root * root);
             self.factor[i] = blocks.factor.map(|x| x / root);
             self.factor_inverse[i] = blocks.factor_inverse.map(|x| x * root);
-            self.gradient[i] = blocks.gradient.map(|x| x / root);
+            self.gradient[i] = blocks.gradient;
             // -r_d + sum_k grad f_k r_c,k / (-f_k), with r_c,k / (-f_k) = lambda_k + barrier / f_k: lambda cancels.
-            let push = constraints.combine(constraints.f.map(|f| barrier / f));
+            let mut push = constraints.combine(constraints.f.map(|f| barrier / f));
+            push[0] -= self.proximal * (self.g[3 * i] - self.anchor[i]);
             for k in 0..3 {
-                self.rhs[3 * i + k] = eta * (push[k] - self.u[3 * i + k]);
+                self.rhs[3 * i + k] = root * (push[k] - self.u[3 * i + k]);
             }
         }
         apply_blocks_in_place(&self.factor, &mut self.rhs, true);
@@ -168,13 +193,14 @@ impl<'a> Iterate<'a> {
         tolerance: f64,
         direction: &mut Direction,
     ) {
-        let Self { problem, added, factor, factor_inverse, rhs, z, product, .. } = self;
+        let Self { problem, added, factor, factor_inverse, rhs, z, product, image, root, .. } = self;
         newton.solve(problem, ScaledBlocks { added, factor, factor_inverse }, rhs, z, tolerance);
-        direction.decrease = dot(rhs, z) / self.eta;
-        apply_blocks(factor, z, &mut direction.g, false);
-        problem.delassus.multiply(&direction.g, &mut direction.u, product);
-        for u in &mut direction.u {
-            *u /= self.eta;
+        direction.decrease = dot(rhs, z);
+        apply_blocks(factor, z, image, false);
+        problem.delassus.multiply(image, &mut direction.u, product);
+        for (k, image) in image.iter().enumerate() {
+            direction.g[k] = image * root[k / 3];
+            direction.u[k] /= root[k / 3];
         }
         for i in 0..self.num_contacts() {
             let f = self.constraints(i).f;

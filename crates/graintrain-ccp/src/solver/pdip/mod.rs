@@ -15,7 +15,7 @@
 //! S = N + sum_k ( lambda_k Hess f_k + lambda_k / (-f_k) grad f_k grad f_k^T )
 //! ```
 //!
-//! The problem is scaled first: impulses by J (see [`ResidualScale`]), velocities by J times the mean of eta. S = N + H is
+//! The problem is scaled first, by J (see [`ResidualScale`]) and one factor per contact that makes trace(N_ii) = 3. S = N + H is
 //! scaled from both sides with the factors of H^-1 = F F^T: (I + F^T N F) z = F^T b, dg = F z (see [`crate::newton`]).
 //!
 //! # Two rules for the step
@@ -29,9 +29,11 @@
 //!   definite, so that dg descends on phi, which is convex, from any lambda > 0. The step of g goes up to 0.9 of the way to
 //!   the cones' boundary (a quadratic per contact) and is shortened until phi falls (Armijo); lambda has a step of its own.
 //! * tau grows to 10 / (mean complementarity) as in the paper, but only where the last step was long and Newton's
-//!   decrement dg^T S dg tau was at most one per contact: before that the iterate is not near the centre for the tau at hand.
-//! * It starts above the solution, at g_n = 100 J, or at the last impulses but at least J, with 1/tau in proportion to the
+//!   decrement dg^T S dg tau was at most 4 per contact: before that the iterate is far from the centre for the tau at hand.
+//! * It starts above the solution, at g_n = 100 J, or at the last impulses, but at least J and at most 100 J, with 1/tau in proportion to the
 //!   mean of |g| |N g + r|. From below the solution the cones are narrow and hundreds of steps are short.
+//! * Where grains are clamped between walls, impulses can grow at no cost and there is no central path. A proximal term
+//!   1/2 eps (g_n - last centre)^2 restores it; it vanishes as the iterates settle.
 //! * Linear systems are solved to a relative residual of 1e-2: for descent that is enough.
 
 mod contact;
@@ -60,10 +62,13 @@ const ITERATIONS: usize = 300;
 const CENTRAL_START: f64 = 100.0;
 /// 1/tau of the start above the solution, and of one from known impulses, per third of the mean of |g| |N g + r|.
 const CENTRAL_BARRIER: [f64; 2] = [0.1, 1.0];
+/// Weight of the proximal term of the central rule, relative to trace(N'_ii) / 3.
+const PROXIMAL: f64 = 1e-8;
 /// Smallest step after which tau may grow.
 const LONG_STEP: f64 = 0.7;
-/// Largest squared Newton decrement per contact with which tau may grow.
-const NEAR_CENTRE: f64 = 1.0;
+/// Largest squared Newton decrement per contact with which tau may grow. A contact whose impulse grows without limit adds 3,
+/// the parameter of its logarithms.
+const NEAR_CENTRE: f64 = 4.0;
 /// Smallest normal impulse of the paper's start from known impulses, J.
 const PAPER_FLOOR: f64 = 1e-2;
 
@@ -95,13 +100,15 @@ impl Rule {
     /// A start inside the cones, and its 1/tau.
     fn start<'a>(self, problem: &'a Ccp, impulse: &[f64], scale: &ResidualScale) -> (Iterate<'a>, f64) {
         let known = impulse.iter().any(|&x| x != 0.0);
-        let (unknown, floor) = match self {
-            Self::Paper => (1.0, PAPER_FLOOR),
-            Self::Central => (CENTRAL_START, 1.0),
+        let (unknown, floor, proximal) = match self {
+            Self::Paper => (1.0, PAPER_FLOOR, 0.0),
+            Self::Central => (CENTRAL_START, 1.0, PROXIMAL),
         };
-        let normal = |i: usize| if known { (impulse[3 * i] / scale.impulse).max(floor) } else { unknown };
+        let normal = |i: usize, unit: f64| {
+            if known { (impulse[3 * i] / unit).clamp(floor, CENTRAL_START) } else { unknown }
+        };
         let mut barrier = 0.0;
-        let it = Iterate::new(problem, scale, normal, |mean| {
+        let it = Iterate::new(problem, scale, proximal, normal, |mean| {
             barrier = match self {
                 Self::Paper => 1.0,
                 Self::Central => CENTRAL_BARRIER[usize::from(known)] * mean / 3.0,
@@ -169,7 +176,10 @@ impl CcpSolver for Pdip {
             let wanted = it.mean_complementarity() / TAU_FACTOR;
             match self.rule {
                 Rule::Paper => barrier = wanted,
-                Rule::Central if centred => barrier = barrier.min(wanted),
+                Rule::Central if centred => {
+                    barrier = barrier.min(wanted);
+                    it.move_anchor();
+                }
                 Rule::Central => {}
             }
             if it.refresh(&mut self.newton, barrier, iterations, residual).is_err() {

@@ -14,6 +14,9 @@ const PAPER_FRACTION: f64 = 0.99;
 /// The same for both boundaries in the rule of the barrier function.
 const CENTRAL_FRACTION: f64 = 0.9;
 
+/// Steps to the boundary are not looked for beyond this one; none is longer than 1.
+const FARTHEST: f64 = 10.0;
+
 /// A step that was found, or how far each test let it come.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Step {
@@ -21,13 +24,13 @@ pub(super) struct Step {
     pub(super) taken: f64,
     /// Step of the multipliers.
     pub(super) multipliers: f64,
-    /// Longest step that keeps the impulses inside their cones.
+    /// Longest step that keeps the impulses inside their cones, at most [`FARTHEST`].
     pub(super) cone: f64,
 }
 
-/// Smallest positive root of f_1(g + a dg) = 0 or g_n + a dg_n = 0 over all contacts.
+/// Smallest positive root of f_1(g + a dg) = 0 or g_n + a dg_n = 0 over all contacts, at most [`FARTHEST`].
 fn to_boundary(it: &Iterate<'_>, direction: &Direction) -> f64 {
-    let mut longest = f64::INFINITY;
+    let mut longest = FARTHEST;
     for (i, &mu) in it.friction.iter().enumerate() {
         let (g, d) = (&it.g[3 * i..3 * i + 3], &direction.g[3 * i..3 * i + 3]);
         longest = longest.min(contact_to_boundary(mu, g, d));
@@ -90,7 +93,7 @@ pub(super) fn by_residual(it: &Iterate<'_>, direction: &Direction, barrier: f64)
     Step { taken: 0.0, multipliers, cone }
 }
 
-/// Change of 1/2 g^T N g + r^T g - barrier sum_k log(-f_k) by a step; not a number outside the cones.
+/// Change of 1/2 x^T N' x + r'^T x + proximal term - barrier sum_k log(-f_k) by a step; not a number outside the cones.
 fn barrier_change(it: &Iterate<'_>, step: f64, direction: &Direction, barrier: f64) -> f64 {
     let (mut smooth, mut logarithms) = (0.0, 0.0);
     for (i, &mu) in it.friction.iter().enumerate() {
@@ -102,6 +105,8 @@ fn barrier_change(it: &Iterate<'_>, step: f64, direction: &Direction, barrier: f
         for k in 3 * i..3 * i + 3 {
             smooth += step * direction.g[k] * (it.u[k] + 0.5 * step * direction.u[k]);
         }
+        let move_n = step * direction.g[3 * i];
+        smooth += it.proximal * move_n * (it.g[3 * i] - it.anchor[i] + 0.5 * move_n);
     }
     smooth - barrier * logarithms
 }
