@@ -8,6 +8,7 @@ use super::first_order::{FirstOrder, FirstOrderMethod, Iterate};
 use super::lanes::{Batch, add_scaled, dot, project, sub};
 use super::scaling::{Here, Kernel, ScaledProblem};
 use super::sweep::Tally;
+use crate::residual::FrictionModel;
 use graintrain_linalg::parallel::CHUNK;
 use rayon::prelude::*;
 
@@ -20,17 +21,23 @@ use rayon::prelude::*;
 /// t shrinks where the curvature met along a step, d^T N' d / |d|^2 with d = x+ - y, exceeds 1/t, and grows slowly
 /// otherwise; beta restarts from zero where the step points uphill, (y - x+)^T (x+ - x) > 0.
 ///
+/// For exact Coulomb friction mu' |u_t| is added to the normal component of u = N' y + r' before the projection (the fixed point of De
+/// Saxce and Feng 1998, updated in every iteration), and the momentum is limited.
+///
 /// One iteration is one fused pass over the contacts and one over the bodies: because images are linear,
 /// N' x+ = N' y + N' d needs no product of its own.
 #[derive(Clone, Debug)]
 pub struct Apgd {
     /// Factor by which the step grows per iteration.
     pub growth: f64,
+    /// theta at which beta restarts where friction is exact (after about twice as many iterations). The exact problem
+    /// has no objective that the other test for a restart could watch; without this one the iterates may circle.
+    pub longest_memory: f64,
 }
 
 impl Default for Apgd {
     fn default() -> Self {
-        Self { growth: 1.03 }
+        Self { growth: 1.03, longest_memory: 50.0 }
     }
 }
 
@@ -44,7 +51,7 @@ impl Kernel<2> for Step {
     #[inline(always)]
     fn at(&self, here: Here, u: &Batch, [x, previous]: [&mut Batch; 2], tally: &mut Tally) -> Batch {
         let y = add_scaled(x, self.beta, &sub(x, previous));
-        let new = project(here.mu, &add_scaled(&y, -self.step, u));
+        let new = project(here.mu, &add_scaled(&y, -self.step, &here.drive(u)));
         let d = sub(&new, &y);
         tally.sum[0] += dot(&d, &d);
         tally.sum[1] += dot(&d, &sub(&new, x));
@@ -67,12 +74,17 @@ impl Kernel<2> for Extrapolated {
 
 impl FirstOrderMethod for Apgd {
     const NAME: &'static str = "apgd";
+    const EXACT: bool = true;
 
     fn run(&mut self, scaled: &ScaledProblem, it: &mut Iterate<'_>) {
         let mut step = 1.0 / it.largest_curvature(scaled);
         let mut previous = it.x.clone();
         let (mut image_y, mut image_d) = (it.image.clone(), scaled.zero_image());
         let (mut theta, mut beta) = (1.0_f64, 0.0);
+        let longest = match scaled.friction_model() {
+            FrictionModel::Relaxed => f64::INFINITY,
+            FrictionModel::Coulomb => self.longest_memory,
+        };
         while it.proceed(scaled) {
             if it.was_refreshed() {
                 // The image of y must not keep the rounding errors that the image of x has just lost: the extrapolation
@@ -90,7 +102,7 @@ impl FirstOrderMethod for Apgd {
             } else {
                 step *= self.growth;
             }
-            if downhill < 0.0 {
+            if downhill < 0.0 || theta > longest {
                 (theta, beta) = (1.0, 0.0);
             } else {
                 let next = 0.5 * (1.0 + (1.0 + 4.0 * theta * theta).sqrt());

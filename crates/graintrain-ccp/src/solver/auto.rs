@@ -101,6 +101,19 @@ impl CcpSolver for Auto {
     ) -> Result<SolveReport, CcpError> {
         self.run(problem, impulse, settings, true)
     }
+
+    fn solve_exact(
+        &mut self,
+        problem: &Ccp,
+        impulse: &mut [f64],
+        settings: &SolveSettings,
+    ) -> Result<Option<SolveReport>, CcpError> {
+        let Some((_, apgd)) = self.members.iter_mut().find(|(name, _)| *name == "apgd") else {
+            return Ok(None);
+        };
+        let report = apgd.solve_exact(problem, impulse, settings)?;
+        Ok(report.map(|report| SolveReport { solver: format!("auto ({})", report.solver), ..report }))
+    }
 }
 
 /// Makes the solver by name; it has no linear solver.

@@ -5,12 +5,14 @@ use super::lanes::Batch;
 use super::scaling::{Image, PassWork, ScaledProblem};
 use super::{CcpSolver, SolveReport, SolveSettings, Status};
 use crate::problem::{Ccp, CcpError};
-use crate::residual::ResidualScale;
+use crate::residual::{FrictionModel, ResidualScale};
 
 /// A method that works on the scaled problem with passes.
 pub trait FirstOrderMethod: Send {
     /// Name on the command line.
     const NAME: &'static str;
+    /// Whether the method treats exact Coulomb friction itself, by [`Here::drive`](super::scaling::Here::drive).
+    const EXACT: bool = false;
 
     /// Improves the iterate until it says to stop.
     fn run(&mut self, scaled: &ScaledProblem, it: &mut Iterate<'_>);
@@ -27,6 +29,35 @@ impl<M> FirstOrder<M> {
     /// The solver with this method's parameters.
     pub fn new(method: M) -> Self {
         Self { method, packed: None }
+    }
+}
+
+impl<M: FirstOrderMethod> FirstOrder<M> {
+    fn improve(
+        &mut self,
+        problem: &Ccp,
+        impulse: &mut [f64],
+        settings: &SolveSettings,
+        model: FrictionModel,
+    ) -> Result<SolveReport, CcpError> {
+        let limits = Limits::start(settings, ITERATION_LIMIT);
+        check_start(problem, impulse)?;
+        let mut scaled = match self.packed.take() {
+            Some(mut scaled) => {
+                scaled.set_free_velocity(&problem.r);
+                scaled
+            }
+            None => ScaledProblem::new(problem, &ResidualScale::new(problem)),
+        };
+        scaled.set_friction_model(model);
+        let mut it = Iterate::new(&scaled, limits, impulse);
+        self.method.run(&scaled, &mut it);
+        let (status, iterations, products) = (it.status, it.iterations, it.work.products());
+        it.best.restore(&mut it.x);
+        scaled.unpack(&it.x, impulse);
+        self.packed = Some(scaled);
+        let report = it.limits.report(M::NAME, problem, impulse, status, iterations, 0);
+        Ok(SolveReport { products, ..report })
     }
 }
 
@@ -51,23 +82,20 @@ impl<M: FirstOrderMethod> CcpSolver for FirstOrder<M> {
         impulse: &mut [f64],
         settings: &SolveSettings,
     ) -> Result<SolveReport, CcpError> {
-        let limits = Limits::start(settings, ITERATION_LIMIT);
-        check_start(problem, impulse)?;
-        let scaled = match self.packed.take() {
-            Some(mut scaled) => {
-                scaled.set_free_velocity(&problem.r);
-                scaled
-            }
-            None => ScaledProblem::new(problem, &ResidualScale::new(problem)),
-        };
-        let mut it = Iterate::new(&scaled, limits, impulse);
-        self.method.run(&scaled, &mut it);
-        let (status, iterations, products) = (it.status, it.iterations, it.work.products());
-        it.best.restore(&mut it.x);
-        scaled.unpack(&it.x, impulse);
-        self.packed = Some(scaled);
-        let report = it.limits.report(M::NAME, problem, impulse, status, iterations, 0);
-        Ok(SolveReport { products, ..report })
+        self.improve(problem, impulse, settings, FrictionModel::Relaxed)
+    }
+
+    fn solve_exact(
+        &mut self,
+        problem: &Ccp,
+        impulse: &mut [f64],
+        settings: &SolveSettings,
+    ) -> Result<Option<SolveReport>, CcpError> {
+        if M::EXACT {
+            self.improve(problem, impulse, settings, FrictionModel::Coulomb).map(Some)
+        } else {
+            Ok(None)
+        }
     }
 }
 

@@ -155,6 +155,22 @@ pub trait CcpSolver: Send {
     ) -> Result<SolveReport, CcpError> {
         self.solve(problem, impulse, settings)
     }
+
+    /// Exact Coulomb friction without the outer iteration of [`CoulombIteration`], where the method can; `None` where it
+    /// cannot. `settings.friction` is [`FrictionModel::Coulomb`]. N, mu and J are those of this solver's last call, if
+    /// there was one.
+    ///
+    /// # Errors
+    /// As [`Self::solve`].
+    fn solve_exact(
+        &mut self,
+        problem: &Ccp,
+        impulse: &mut [f64],
+        settings: &SolveSettings,
+    ) -> Result<Option<SolveReport>, CcpError> {
+        let _ = (problem, impulse, settings);
+        Ok(None)
+    }
 }
 
 /// Makes a solver of the relaxed problem, given the name of its linear solver if one was asked for.

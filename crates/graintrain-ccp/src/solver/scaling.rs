@@ -18,7 +18,7 @@ use super::row_operator::{RowOperator, batch_of};
 use super::sweep::{CHUNK, Tally, TaskWork, Totals, for_each_task, vectorised};
 use crate::delassus::Delassus;
 use crate::problem::Ccp;
-use crate::residual::ResidualScale;
+use crate::residual::{FrictionModel, ResidualScale};
 
 /// Power iterations for the first step size.
 const POWER_ITERATIONS: usize = 12;
@@ -47,6 +47,7 @@ pub struct ScaledProblem {
     /// mu'.
     friction: Vec<Lanes>,
     metric: Vec<Metric>,
+    friction_model: FrictionModel,
 }
 
 /// What the residual in the original metric needs of four contacts.
@@ -75,6 +76,17 @@ pub struct Here {
     pub metric: Metric,
     /// r'.
     pub r: Batch,
+    /// Whether friction is exact.
+    exact: bool,
+}
+
+impl Here {
+    /// What u is projected against: u itself, or with mu' |u_t| added to the normal component where friction is exact.
+    /// The two factors per contact turn mu |u_t| into mu' |u'_t|.
+    #[inline(always)]
+    pub fn drive(&self, u: &Batch) -> Batch {
+        if self.exact { [u[0] + self.mu * (u[1] * u[1] + u[2] * u[2]).sqrt(), u[1], u[2]] } else { *u }
+    }
 }
 
 /// What a method does at four contacts in a pass. A type rather than a closure, because only `#[inline(always)]`
@@ -115,6 +127,7 @@ struct NaturalMap;
 impl Kernel<1> for NaturalMap {
     #[inline(always)]
     fn at(&self, here: Here, u: &Batch, [x]: [&mut Batch; 1], tally: &mut Tally) -> Batch {
+        let u = here.drive(u);
         let Metric { normal, tangential, mobility, mu } = here.metric;
         let one = Lanes::splat(1.0);
         let g = [normal * x[0], tangential * x[1], tangential * x[2]];
@@ -197,6 +210,7 @@ impl ScaledProblem {
             r: vec![ZERO; batches],
             friction: vec![Lanes::default(); batches],
             metric: vec![Metric::default(); batches],
+            friction_model: FrictionModel::Relaxed,
             size: c,
             order,
         };
@@ -223,6 +237,16 @@ impl ScaledProblem {
                 self.r[place / LANES][k].0[place % LANES] = factor * r[3 * i + k];
             }
         }
+    }
+
+    /// The problem that the residual and [`Here::drive`] are of; relaxed at first.
+    pub fn set_friction_model(&mut self, model: FrictionModel) {
+        self.friction_model = model;
+    }
+
+    /// The problem that the residual and [`Here::drive`] are of.
+    pub fn friction_model(&self) -> FrictionModel {
+        self.friction_model
     }
 
     /// Number of batches of every vector.
@@ -459,7 +483,12 @@ impl ScaledProblem {
 
     #[inline(always)]
     fn here(&self, batch: usize) -> Here {
-        Here { mu: self.friction[batch], metric: self.metric[batch], r: self.r[batch] }
+        Here {
+            mu: self.friction[batch],
+            metric: self.metric[batch],
+            r: self.r[batch],
+            exact: self.friction_model == FrictionModel::Coulomb,
+        }
     }
 }
 

@@ -174,4 +174,20 @@ impl CcpSolver for Ipm {
     ) -> Result<SolveReport, CcpError> {
         self.run(problem, impulse, settings, true)
     }
+
+    /// The projected gradients of the start: near a solution of the exact problem Newton's method on the projection was
+    /// six times slower than they are.
+    fn solve_exact(
+        &mut self,
+        problem: &Ccp,
+        impulse: &mut [f64],
+        settings: &SolveSettings,
+    ) -> Result<Option<SolveReport>, CcpError> {
+        let name = self.name();
+        let Some(start) = &mut self.start else { return Ok(None) };
+        // A limit on iterations is one on Newton systems.
+        let settings = SolveSettings { max_iterations: None, ..settings.clone() };
+        let report = start.solve_exact(problem, impulse, &settings)?;
+        Ok(report.map(|report| SolveReport { solver: name, ..report }))
+    }
 }
