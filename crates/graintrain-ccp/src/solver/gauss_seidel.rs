@@ -32,7 +32,7 @@ impl Default for GaussSeidel {
 }
 
 /// Sweeps between two evaluations of the residual.
-const SWEEPS_PER_CHECK: usize = 5;
+const SWEEPS_PER_CHECK: usize = 10;
 
 impl CcpSolver for GaussSeidel {
     fn name(&self) -> String {

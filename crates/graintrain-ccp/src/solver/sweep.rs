@@ -96,7 +96,9 @@ pub trait TaskWork {
 /// Runs the work compiled for AVX2 where the processor has it. Only the width of the instructions differs: no fused
 /// multiply-add is used, so the bits are those of the plain code.
 #[inline(always)]
-#[allow(unsafe_code)] // Measured: a pass takes 0.6 of the time of the SSE2 code of the default x86-64 target.
+// Measured with benches/product.rs at 18 299 contacts: a product takes 0.80 and an iteration of `pj` or `apgd` 0.69 of the time of
+// the SSE2 code of the default x86-64 target.
+#[allow(unsafe_code)]
 pub fn vectorised(work: impl TaskWork) {
     #[cfg(target_arch = "x86_64")]
     if std::arch::is_x86_feature_detected!("avx2") {
