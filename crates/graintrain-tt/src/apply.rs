@@ -71,6 +71,9 @@ thread_local! {
     static STATES: RefCell<(Vec<f64>, Vec<f64>)> = const { RefCell::new((Vec::new(), Vec::new())) };
 }
 
+/// Full vectors longer than this (8 TiB) are refused before memory is asked for.
+const LARGEST_VECTOR: usize = 1 << 40;
+
 impl FullOperator {
     /// Merges and reshapes the cores: O(numbers in the cores).
     ///
@@ -78,6 +81,9 @@ impl FullOperator {
     /// [`TtError::TooLarge`] if the full vectors would not fit in an index.
     pub fn new(matrix: &TtMatrix) -> Result<Self, TtError> {
         let (num_rows, num_columns) = (matrix.num_rows()?, matrix.num_columns()?);
+        if num_rows.max(num_columns) > LARGEST_VECTOR {
+            return Err(TtError::TooLarge { entries: num_rows.max(num_columns) as f64 });
+        }
         let groups = choose_groups(matrix);
         let steps: Vec<Step> =
             groups.iter().enumerate().map(|(k, &(first, last))| merge(matrix, first, last, k == 0)).collect();

@@ -104,6 +104,9 @@ impl Default for CrossSettings {
     }
 }
 
+/// More samples than this do not fit in memory.
+const MOST_SAMPLES: usize = 1 << 24;
+
 /// Why the sweeps ended. Only the first says that the measured error is below the tolerance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum CrossStatus {
@@ -131,7 +134,8 @@ pub struct CrossReport {
     pub sampled_error: Option<f64>,
     /// The same over the caller's probes; none if there are none or A vanishes on them.
     pub probe_error: Option<f64>,
-    /// The same over ALL entries, known to [`cross_sparse`] alone; none below 1e-7, which it cannot resolve.
+    /// The same over ALL entries, relative to the norm of a sparse matrix without its dummies: known to [`cross_sparse`]
+    /// alone; none below 1e-7, which it cannot resolve.
     pub exact_error: Option<f64>,
     /// Entries evaluated, samples included.
     pub evaluations: usize,
@@ -180,6 +184,11 @@ pub fn cross(
     let modes = source.modes();
     let zero = TtVector::constant(&modes, 0.0)?;
     let d = modes.len();
+    for (what, value) in [("samples", settings.samples), ("kick_rank", settings.kick_rank)] {
+        if value > MOST_SAMPLES {
+            return Err(TtError::Setting { what, need: "at most 2^24", got: value as f64 });
+        }
+    }
     if !probes.len().is_multiple_of(d) {
         return Err(TtError::Shape {
             what: "indices per probe",
@@ -196,15 +205,17 @@ pub fn cross(
         None => TtVector::random(&modes, 2, settings.seed)?,
     };
     let mut random = Random::new(settings.seed ^ 0x5EED);
-    let points: Vec<usize> = (0..settings.samples * d).map(|p| random.below(modes[p % d])).collect();
-    let mut sample = Sample::new(source, points);
+    let mut points = || (0..settings.samples * d).map(|p| random.below(modes[p % d])).collect();
+    // The worst points of the guide become pivots, so it cannot measure the error: the sample does.
+    let (mut guide, mut sample) = (Sample::new(source, points()), Sample::new(source, points()));
     let mut probe = Sample::new(source, probes.to_vec());
     // All values in units of the largest one seen so far (a power of two): squares neither overflow nor vanish.
-    let exponent = binary_exponent(sample.largest()?.max(probe.largest()?));
-    sample.scale(-exponent);
-    probe.scale(-exponent);
+    let exponent = binary_exponent(sample.largest()?.max(probe.largest()?).max(guide.largest()?));
+    for points in [&mut guide, &mut sample, &mut probe] {
+        points.scale(-exponent);
+    }
     let mut state = State::new(source, &start, settings, random, exponent)?;
-    state.evaluations += sample.values.len() + probe.values.len();
+    state.evaluations += guide.values.len() + sample.values.len() + probe.values.len();
     let mut history: Vec<f64> = Vec::new();
     let mut errors: Vec<f64> = Vec::new();
     let mut status = CrossStatus::SweepLimit;
@@ -216,14 +227,14 @@ pub fn cross(
         let outcome = state.sweep(settings, enrich)?;
         history.push(outcome.change);
         capped = outcome.capped;
-        if state.largest == 0.0 && sample.norm == 0.0 && probe.norm == 0.0 {
+        if state.largest == 0.0 && [&guide, &sample, &probe].iter().all(|points| points.norm == 0.0) {
             status = CrossStatus::ZeroSampled;
             break;
         }
         let train = state.train();
-        let worst = |sample: &Sample| sample.error(&train, settings.kick_rank.max(1));
-        let (sampled, probed) = (worst(&sample)?, worst(&probe)?);
-        let error = [sampled.0, probed.0].into_iter().flatten().reduce(f64::max);
+        let worst = |points: &Sample| points.error(&train, settings.kick_rank.max(1));
+        let (guided, probed, sampled) = (worst(&guide)?, worst(&probe)?, sample.error(&train, 0)?.0);
+        let error = [sampled, probed.0].into_iter().flatten().reduce(f64::max);
         errors.push(error.unwrap_or(outcome.change));
         if outcome.change <= settings.tolerance && error.is_none_or(|error| error <= settings.tolerance) {
             status = if error.is_some() { CrossStatus::Converged } else { CrossStatus::Unverified };
@@ -236,7 +247,7 @@ pub fn cross(
             break;
         }
         // Points with the largest error become pivots of the residual.
-        state.add_pivots(&[sampled.1, probed.1].concat());
+        state.add_pivots(&[guided.1, probed.1].concat());
     }
     if status != CrossStatus::ZeroSampled && state.enriched {
         capped |= state.sweep(settings, false)?.capped;

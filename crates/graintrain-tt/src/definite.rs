@@ -8,6 +8,7 @@
 use crate::apply::{ApplyWork, FullOperator};
 use crate::random::Random;
 use crate::sparse::{QuadtreeMatrix, SparseReport};
+use crate::symmetric::SymmetricTrain;
 use crate::{Truncation, TtError, TtMatrix};
 use graintrain_linalg::dense::{Matrix, symmetric_eigen};
 use graintrain_linalg::parallel::{axpy, dot, norm};
@@ -96,6 +97,9 @@ impl QuadtreeMatrix {
     /// As [`QuadtreeMatrix::to_train`] for a symmetric matrix, shifted where needed so that no eigenvalue of the
     /// result (by a Lanczos estimate with `steps` steps) lies below `floor` > 0. The shift adds one to the ranks.
     ///
+    /// Of a matrix that is not symmetric the symmetric part is taken, and what this costs counted into the error. After four
+    /// shifts the result is returned as it is: `smallest` of the report tells whether the floor was reached.
+    ///
     /// Empty places need a positive dummy value, else the matrix has zero eigenvalues and all is shifted.
     ///
     /// # Errors
@@ -111,9 +115,14 @@ impl QuadtreeMatrix {
             return Err(TtError::Setting { what: "floor", need: "positive", got: floor });
         }
         let (mut train, report) = self.to_train(truncation)?;
+        let size = self.norm().max(f64::MIN_POSITIVE);
+        let mut symmetrised = 0.0;
         if train.relative_distance(&train.transpose())? > 1e-12 {
             // A cut inside a cluster of equal singular values need not be symmetric.
-            train = train.symmetric_part()?.round(&Truncation::to(1e-14))?.0;
+            let cap = Truncation::capped(1e-14, truncation.max_rank);
+            let symmetric = SymmetricTrain::symmetric_part(&train)?.round(&cap)?.0.to_matrix();
+            symmetrised = train.subtract(&symmetric)?.norm() / size;
+            train = symmetric;
         }
         let mut smallest = extreme_eigenvalues(&FullOperator::new(&train)?, steps, 1)?.0;
         let mut shift = 0.0;
@@ -132,8 +141,8 @@ impl QuadtreeMatrix {
                 .0;
             smallest = extreme_eigenvalues(&FullOperator::new(&train)?, steps, 2)?.0;
         }
-        let size = self.norm().max(f64::MIN_POSITIVE);
-        let error = report.error + shift * (FullOperator::new(&train)?.num_rows() as f64).sqrt() / size;
+        let error =
+            report.error + symmetrised + shift * (FullOperator::new(&train)?.num_rows() as f64).sqrt() / size;
         Ok((train, DefiniteReport { truncation: report, shift, error, smallest }))
     }
 }

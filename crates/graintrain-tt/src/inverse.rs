@@ -56,6 +56,9 @@ pub fn inverse(
     a.check_square()?;
     settings.check()?;
     let identity = TtMatrix::identity(&a.rows)?;
+    if a.train.log_norm() == f64::NEG_INFINITY {
+        return Err(TtError::Setting { what: "norm of a matrix to invert", need: "positive", got: 0.0 });
+    }
     let start = match start {
         Some(start) => {
             a.check_same_sizes(start)?;
@@ -165,9 +168,10 @@ pub fn newton_schulz(
     let mut best = (f64::INFINITY, x.clone());
     let mut history = Vec::new();
     for step in 0..=max_steps {
-        let product = a.times_matrix(&x)?.round(truncation)?.0;
-        let residual = identity.subtract(&product)?;
-        let size = residual.norm();
+        let product = a.times_matrix(&x)?;
+        // Of the product itself: a rounded one would hide what the rounding of X has cost.
+        let size = identity.subtract(&product)?.norm();
+        let product = product.round(truncation)?.0;
         history.push(size);
         if size < best.0 {
             best = (size, x.clone());

@@ -211,11 +211,14 @@ impl TtMatrix {
             out.push(i % m + m * (j % n));
             (i, j) = (i / m, j / n);
         }
-        let outside = |mode, index| Err(TtError::Index { mode, index, size: 0 });
+        let outside = |mode, index, sizes: &[usize]| {
+            let size = sizes.iter().fold(1usize, |product, &n| product.saturating_mul(n));
+            Err(TtError::Index { mode, index, size })
+        };
         if i > 0 {
-            outside(0, row)
+            outside(0, row, &self.rows)
         } else if j > 0 {
-            outside(1, column)
+            outside(1, column, &self.columns)
         } else {
             Ok(())
         }

@@ -14,9 +14,12 @@ const MAX_SWAPS: usize = 200;
 /// Tyrtyshnikov, Zamarashkin 2010). O(m r^2) to start, O(m r) per swap.
 ///
 /// # Errors
-/// [`DenseError::Singular`] if the columns are linearly dependent (orthogonalise them first).
+/// [`DenseError::Singular`] if the columns are linearly dependent, as more columns than rows are (orthogonalise them first).
 pub fn maxvol(a: &Matrix) -> Result<(Vec<usize>, Matrix), DenseError> {
     let (m, r) = (a.rows(), a.columns());
+    if m < r {
+        return Err(DenseError::Singular { index: m });
+    }
     let mut rows = Lu::new(a.clone())?.pivot_rows()[..r].to_vec();
     // B^T = A(rows, :)^-T A^T
     let mut transposed = a.transposed();

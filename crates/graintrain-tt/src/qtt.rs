@@ -67,6 +67,63 @@ pub fn tridiagonal(d: usize, sub: f64, diagonal: f64, superdiagonal: f64) -> Res
     )
 }
 
+/// The digits of an index, fine to coarse: index = i_1 + n_1 i_2 + n_1 n_2 i_3 + ...; none if it lies outside.
+///
+/// ```
+/// use graintrain_tt::qtt;
+/// assert_eq!(qtt::digits(11, &[3, 2, 2]), Some(vec![2, 1, 1]));
+/// assert_eq!(qtt::index(&[2, 1, 1], &[3, 2, 2]), Some(11));
+/// assert_eq!(qtt::digits(12, &[3, 2, 2]), None);
+/// ```
+pub fn digits(mut index: usize, modes: &[usize]) -> Option<Vec<usize>> {
+    let mut digits = Vec::with_capacity(modes.len());
+    for &n in modes {
+        digits.push(index.checked_rem(n)?);
+        index /= n;
+    }
+    (index == 0).then_some(digits)
+}
+
+/// The index of digits, fine to coarse: the inverse of [`digits`]; none if a digit is outside its mode or the index
+/// overflows.
+pub fn index(digits: &[usize], modes: &[usize]) -> Option<usize> {
+    let mut index = 0usize;
+    for (&i, &n) in digits.iter().zip(modes).rev() {
+        index = index.checked_mul(n)?.checked_add(i)?;
+        if i >= n {
+            return None;
+        }
+    }
+    (digits.len() == modes.len()).then_some(index)
+}
+
+/// The place of a point of 2^levels x 2^levels x ... in Morton order: the bits of the coordinates interleaved, those of
+/// axis 1 lowest, as [`DigitOrder::Morton`] orders the digits; none if a coordinate has more bits or the place overflows.
+///
+/// ```
+/// use graintrain_tt::qtt;
+/// assert_eq!(qtt::morton(&[0b01, 0b11], 2), Some(0b1011));
+/// assert_eq!(qtt::morton_coordinates(0b1011, 2, 2), Some(vec![0b01, 0b11]));
+/// ```
+pub fn morton(coordinates: &[usize], levels: usize) -> Option<usize> {
+    let axes = coordinates.len();
+    let fits = levels.checked_mul(axes)? <= usize::BITS as usize
+        && coordinates.iter().all(|x| levels >= usize::BITS as usize || x >> levels == 0);
+    let bits = || (0..levels).flat_map(|level| (0..axes).map(move |axis| (level, axis)));
+    fits.then(|| bits().map(|(level, axis)| (coordinates[axis] >> level & 1) << (axis + axes * level)).sum())
+}
+
+/// The coordinates of a place in Morton order: the inverse of [`morton`]; none if the place lies outside.
+pub fn morton_coordinates(place: usize, axes: usize, levels: usize) -> Option<Vec<usize>> {
+    let bits = levels.checked_mul(axes).filter(|&bits| bits <= usize::BITS as usize)?;
+    if bits < usize::BITS as usize && place >> bits != 0 {
+        return None;
+    }
+    let coordinate =
+        |axis: usize| (0..levels).map(|level| (place >> (axis + axes * level) & 1) << level).sum();
+    Some((0..axes).map(coordinate).collect())
+}
+
 /// The negative second difference tridiag(-1, 2, -1) with zero values beyond both ends; ranks 3.
 ///
 /// # Errors
@@ -84,7 +141,8 @@ pub enum Boundary {
     Neumann,
 }
 
-/// The second difference with a choice at each end; ranks at most 5.
+/// The second difference with a choice at each end; ranks 3 and one more per Neumann end. (No rounding: it would lose the
+/// ends of long lines, where one entry is nothing beside the norm.)
 ///
 /// # Errors
 /// [`TtError::Setting`] for d < 2.
@@ -96,7 +154,7 @@ pub fn laplacian_with(d: usize, first: Boundary, last: Boundary) -> Result<TtMat
             a = a.subtract(&TtMatrix::from_diagonal(&end))?;
         }
     }
-    Ok(a.round(&Truncation::to(1e-14))?.0)
+    Ok(a)
 }
 
 /// Ones on the first subdiagonal; ranks 2.
@@ -289,9 +347,10 @@ pub fn polynomial(d: usize, coefficients: &[f64], origin: f64, step: f64) -> Res
     TtVector::from_cores((0..d).map(core).collect())
 }
 
-/// 1 / (offset + i_1 + ... + i_D) over 0-based indices of the given modes, to a relative accuracy `tolerance` of every
-/// entry: a sum of exponentials, 1 / x = integral of exp(-x t), by the trapezoidal rule in t = ln(1 + e^u)
-/// (Hackbusch and Braess), each term of rank 1, rounded.
+/// 1 / (offset + i_1 + ... + i_D) over 0-based indices of the given modes, to a relative accuracy `tolerance` in the
+/// Frobenius norm: a sum of exponentials that has this accuracy in every entry, 1 / x = integral of exp(-x t), by the trapezoidal rule in t = ln(1 + e^u)
+/// (Hackbusch and Braess), each term of rank 1, then rounded to a thousandth of the tolerance. (So entries a thousand times
+/// smaller than the largest ones may lose relative accuracy.)
 ///
 /// With modes (n, n) and offset 1 it is the Hilbert matrix.
 ///
@@ -303,7 +362,7 @@ pub fn hilbert(modes: &[usize], offset: f64, tolerance: f64) -> Result<TtVector,
     reciprocal_of_sum(modes, &weights, offset, largest, tolerance)
 }
 
-/// The 2^d x 2^d Hilbert matrix 1 / (i + j + 1) in quantized form, to a relative accuracy of every entry.
+/// The 2^d x 2^d Hilbert matrix 1 / (i + j + 1) in quantized form, to a relative accuracy in the Frobenius norm.
 ///
 /// # Errors
 /// [`TtError::Setting`] unless tolerance is in (0, 1), [`TtError::Shape`] for d = 0.

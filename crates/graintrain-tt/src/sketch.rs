@@ -64,7 +64,7 @@ impl Sketch {
             TtVector::from_cores((0..modes.len()).map(|k| core(k, &mut random)).collect())
         };
         let right_ranks = admissible_ranks(modes, rank);
-        let left_ranks = admissible_ranks(modes, 2 * rank + 5);
+        let left_ranks = admissible_ranks(modes, rank.saturating_mul(2).saturating_add(5));
         let (left, right) = (gaussian(&left_ranks)?, gaussian(&right_ranks)?);
         let d = modes.len();
         let omega = (1..d).map(|k| Matrix::zeros(left_ranks[k], right_ranks[k])).collect();

@@ -152,7 +152,7 @@ impl QuadtreeMatrix {
                 (0..9).map(move |e| (row + e / 3, column + e % 3, block[e]))
             })
         });
-        let mut quadtree = Self::from_entries(3 * slots, levels, entries)?;
+        let mut quadtree = Self::from_entries(slots.saturating_mul(3), levels, entries)?;
         quadtree.fill_partial_leaves(&sorted, slots, dummy);
         Ok(quadtree)
     }
@@ -223,8 +223,11 @@ impl QuadtreeMatrix {
         self.value.len()
     }
 
-    /// Entry (row, column) of the augmented matrix.
+    /// Entry (row, column) of the augmented matrix; zero outside.
     pub fn entry(&self, row: usize, column: usize) -> f64 {
+        if row.max(column) >= self.leaf_size << self.levels {
+            return 0.0;
+        }
         let (i, j) = (row / self.leaf_size, column / self.leaf_size);
         let position = (row % self.leaf_size + self.leaf_size * (column % self.leaf_size)) as u32;
         match self.key.binary_search(&morton(i, j)) {
@@ -250,45 +253,52 @@ impl QuadtreeMatrix {
         })
     }
 
-    /// ||S - train||_F / ||S||_F for any train, S with its dummies and the norm without them, from
-    /// ||S||^2 - 2 <S, train> + ||train||^2: every nonzero is compared, and what the train puts on zeros counts.
-    /// O(nnz d r^2); cannot resolve less than about 1e-8.
+    /// ||S - train||_F over the norm of the given entries for any train, S with its dummies: with D the dummy value on the
+    /// whole diagonal, S - D is sparse and ||S - train||^2 = ||S - D||^2 - 2 <S - D, train - D> + ||train - D||^2. Every
+    /// nonzero is compared, and what the train puts on zeros counts. O(nnz d r^2); cannot resolve less than about 1e-8.
     ///
     /// # Errors
     /// [`TtError::Shape`] if the train does not have these modes.
     pub fn relative_error(&self, train: &TtMatrix) -> Result<f64, TtError> {
-        let modes = self.modes();
-        TtMatrix::identity(&modes)?.check_same_sizes(train)?;
+        let diagonal = TtMatrix::identity(&self.modes())?;
+        diagonal.check_same_sizes(train)?;
         // In units of the norm of the entries, so that squares neither overflow nor vanish.
-        let unit = f64::from(-self.exponent());
-        let train = train.scale(unit.exp2());
-        let places: Vec<(usize, usize)> = self.entries().map(|(row, column, _)| (row, column)).collect();
-        let values = train.entries(&places)?;
-        let mut inner: f64 = values.iter().zip(&self.value).map(|(a, b)| a * (b * unit.exp2())).sum();
-        let dummy = self.dummy * unit.exp2();
-        if dummy != 0.0 {
-            // Dummies in empty leaves: the trace of the train without the leaves that are stored.
-            let stored =
-                self.key.iter().filter(|&&key| is_diagonal(key)).map(|&key| self.leaf_size * odd_bits(key));
-            let diagonal: Vec<(usize, usize)> =
-                stored.flat_map(|first| (first..first + self.leaf_size).map(|i| (i, i))).collect();
-            inner += dummy * (train.trace()? - train.entries(&diagonal)?.iter().sum::<f64>());
+        let unit = f64::from(-self.exponent()).exp2();
+        let dummy = self.dummy * unit;
+        let (mut places, mut sparse) = (Vec::new(), Vec::new());
+        for (row, column, value) in self.entries().filter(|(row, column, _)| dummy == 0.0 || row != column) {
+            places.push((row, column));
+            sparse.push(value * unit);
         }
-        let norm = self.norm * unit.exp2();
-        let augmented = norm.powi(2) + self.dummy_count * dummy.powi(2);
-        let squared = augmented - 2.0 * inner + train.norm().powi(2);
-        Ok(squared.max(0.0).sqrt() / norm)
+        let mut deviation = train.scale(unit);
+        if dummy != 0.0 {
+            deviation = deviation.subtract(&diagonal.scale(dummy))?;
+            for &key in self.key.iter().filter(|&&key| is_diagonal(key)) {
+                let first = self.leaf_size * odd_bits(key);
+                for i in first..first + self.leaf_size {
+                    places.push((i, i));
+                    sparse.push(self.entry(i, i) * unit - dummy);
+                }
+            }
+        }
+        let values = deviation.entries(&places)?;
+        let inner: f64 = values.iter().zip(&sparse).map(|(a, b)| a * b).sum();
+        let squared = sparse.iter().map(|x| x * x).sum::<f64>() - 2.0 * inner + deviation.norm().powi(2);
+        Ok(squared.max(0.0).sqrt() / (self.norm * unit))
     }
 
     /// The train of the augmented matrix; see the module. The tolerance is relative to [`QuadtreeMatrix::norm`], the
     /// norm WITHOUT dummies: an identity on many dummies would otherwise hide any error.
     ///
     /// # Errors
-    /// [`TtError::Setting`] for a bad truncation, [`TtError::Dense`] if an entry is not finite.
+    /// [`TtError::Setting`] for a bad truncation or a norm that overflows, [`TtError::Dense`] if an entry is not finite.
     pub fn to_train(&self, truncation: &Truncation) -> Result<(TtMatrix, SparseReport), TtError> {
         truncation.check()?;
         largest_finite(&self.value).map_err(at_core(0))?;
         let exponent = self.exponent();
+        if !self.norm.is_finite() {
+            return Err(TtError::Setting { what: "norm of the entries", need: "finite", got: self.norm });
+        }
         let norm_squared = (self.norm * f64::from(-exponent).exp2()).powi(2);
         let mut budget = Budget::new(truncation, norm_squared, self.levels);
         let mut nodes = self.leaves(exponent);

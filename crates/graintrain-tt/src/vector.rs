@@ -15,11 +15,29 @@ const POINTS_PER_TASK: usize = 2048;
 /// So the same numbers are, without a copy, the left unfolding ((left mode) x right) and the right unfolding
 /// (left x (mode right)), both column-major: every contraction is a plain matrix product.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "StoredCore")]
 pub struct Core {
     pub(crate) left: usize,
     pub(crate) mode: usize,
     pub(crate) right: usize,
     pub(crate) data: Vec<f64>,
+}
+
+/// What serde sees; checked on the way in.
+#[derive(Deserialize)]
+struct StoredCore {
+    left: usize,
+    mode: usize,
+    right: usize,
+    data: Vec<f64>,
+}
+
+impl TryFrom<StoredCore> for Core {
+    type Error = TtError;
+
+    fn try_from(stored: StoredCore) -> Result<Self, TtError> {
+        Self::new(stored.left, stored.mode, stored.right, stored.data)
+    }
 }
 
 impl Core {
@@ -214,8 +232,9 @@ impl TtVector {
     /// All entries equal to `value`.
     ///
     /// # Errors
-    /// [`TtError::Shape`] if there is no mode or a mode is empty.
+    /// [`TtError::Shape`] if there is no mode or a mode is empty, [`TtError::TooLarge`] for a mode above 2^31.
     pub fn constant(modes: &[usize], value: f64) -> Result<Self, TtError> {
+        check_modes(modes)?;
         let mut train = Self::rank_one(&modes.iter().map(|&n| vec![1.0; n]).collect::<Vec<_>>())?;
         train.cores[0].data.fill(value);
         Ok(train)
@@ -224,8 +243,10 @@ impl TtVector {
     /// One entry equal to 1, all others 0.
     ///
     /// # Errors
-    /// [`TtError::Index`] if the index lies outside, [`TtError::Shape`] if it has the wrong length.
+    /// [`TtError::Index`] if the index lies outside, [`TtError::Shape`] if it has the wrong length,
+    /// [`TtError::TooLarge`] for a mode above 2^31.
     pub fn unit(modes: &[usize], index: &[usize]) -> Result<Self, TtError> {
+        check_modes(modes)?;
         check_index(modes, index)?;
         let unit = |(&n, &i): (&usize, &usize)| (0..n).map(|k| f64::from(k == i)).collect();
         Self::rank_one(&modes.iter().zip(index).map(unit).collect::<Vec<_>>())
@@ -426,6 +447,12 @@ pub(crate) fn admissible_ranks(modes: &[usize], rank: usize) -> Vec<usize> {
         ranks[k] = ranks[k].min(ranks[k + 1].saturating_mul(modes[k]));
     }
     ranks
+}
+
+/// Fails if a vector of the length of a mode does not fit.
+fn check_modes(modes: &[usize]) -> Result<(), TtError> {
+    let largest = modes.iter().copied().max().unwrap_or(0) as f64;
+    if largest > LARGEST_FULL { Err(TtError::TooLarge { entries: largest }) } else { Ok(()) }
 }
 
 /// Fails unless the index lies inside the modes.

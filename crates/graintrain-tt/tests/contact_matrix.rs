@@ -78,6 +78,24 @@ fn cross_admits_failure(matrix: &QuadtreeMatrix, runs: &[(usize, usize)]) -> f64
 }
 
 #[test]
+fn the_reported_error_is_that_of_all_entries_one_by_one() {
+    let Some(matrix) = settled_packing("sed125.dat") else { return };
+    let settings = CrossSettings { tolerance: 1e-2, max_rank: 10, ..Default::default() };
+    let (train, report) = cross_sparse(&matrix, None, 1, &settings).unwrap();
+    let full = train.to_full().unwrap();
+    let (mut difference, mut size) = (0.0, 0.0);
+    for j in 0..full.columns() {
+        for i in 0..full.rows() {
+            let entry = matrix.entry(i, j);
+            difference += (full[(i, j)] - entry).powi(2);
+            size += entry * entry;
+        }
+    }
+    let truth = (difference / size).sqrt();
+    assert!((report.error().unwrap() / truth - 1.0).abs() < 1e-8, "{truth} {report:?}");
+}
+
+#[test]
 fn a_settled_packing_has_no_low_rank_and_cross_says_that_it_failed() {
     let Some(matrix) = settled_packing("sed125.dat") else { return };
     assert!(cross_admits_failure(&matrix, &[(10, 1), (40, 1), (10, 7)]) > 0.3);

@@ -6,7 +6,7 @@
 //!
 //! * [`Method::Amen`] (Dolgov and Savostyanov, SIAM J. Sci. Comput. 36, 2014): after each local solve the frame is
 //!   enriched by a low-rank approximation of the residual, kept in a second train that is swept in tandem;
-//! * [`Method::Als`]: ranks stay those of the start;
+//! * [`Method::Als`]: ranks never exceed those of the start;
 //! * [`Method::Dmrg`]: two neighbouring cores at once, the rank between them from an SVD.
 //!
 //! A matrix unknown X (A X = Y) has a spectator digit in every core: the local matrix is the same for all its values,
@@ -322,7 +322,7 @@ fn stagnates(history: &[f64], capped: bool) -> bool {
 /// ||A X - Y|| / ||Y|| from the trains, independent of any interface of the sweeps.
 ///
 /// While the ranks of the residual train are below 400 its norm comes from a QR sweep (accurate to rounding level); above,
-/// from ||A X||^2 - 2 <A X, Y> + ||Y||^2, which cannot resolve less than about 1e-7.
+/// from ||A X||^2 - 2 <A X, Y> + ||Y||^2 as long as this says 1e-5 or more: less it hardly resolves.
 ///
 /// # Errors
 /// [`TtError::Shape`] if the sizes do not fit.
@@ -336,10 +336,12 @@ pub fn relative_residual(
     let block = TtMatrix::from_vector(x.clone(), &a.columns, &columns)?;
     let product = a.times_matrix(&block)?.train;
     product.check_same_modes(y)?;
-    if product.max_rank() + y.max_rank() <= 400 {
-        return product.relative_distance(y);
+    if product.max_rank() + y.max_rank() > 400 {
+        let (product_norm, y_norm) = (product.dot(&product)?, y.dot(y)?);
+        let squared = product_norm - 2.0 * product.dot(y)? + y_norm;
+        if squared.is_finite() && squared > 1e-10 * product_norm.max(y_norm) && y_norm > 0.0 {
+            return Ok((squared / y_norm).sqrt());
+        }
     }
-    let (product_norm, y_norm) = (product.dot(&product)?, y.dot(y)?);
-    let squared = product_norm - 2.0 * product.dot(y)? + y_norm;
-    Ok((squared.max(1e-14 * product_norm.max(y_norm)) / y_norm).sqrt())
+    product.relative_distance(y)
 }
