@@ -1,6 +1,6 @@
-//! What starting from the impulses of persistent contacts saves: sedimentation, each step's problem solved twice.
+//! What starting from the impulses of persistent contacts saves in a run: each step's problem solved twice.
 //!
-//! `cargo run --release -p graintrain --example warm_start -- n steps tolerance [SOLVER...]`
+//! `cargo run --release -p graintrain --example warm_start -- SCENE STEPS TOLERANCE [SOLVER...] [KEY=VALUE...]`
 //!
 //! Every step is made with the impulses that its contacts had in the last one; then the same problem is solved again from zero
 //! impulses by every solver named, and from the same warm start. Means over blocks of steps.
@@ -35,20 +35,21 @@ fn warm_start(problem: &Ccp, before: &HashMap<u64, [f64; 3]>) -> Vec<f64> {
 }
 
 fn main() -> Result<(), Box<dyn Error>> {
-    let mut arguments = std::env::args().skip(1);
-    let n = arguments.next().unwrap_or("4".to_string());
+    let (settings, arguments): (Vec<String>, Vec<String>) =
+        std::env::args().skip(1).partition(|argument| argument.contains('='));
+    let mut arguments = arguments.into_iter();
+    let scene = arguments.next().unwrap_or("sedimentation".to_string());
     let steps: usize = arguments.next().map_or(Ok(160), |text| text.parse())?;
     let tolerance: f64 = arguments.next().map_or(Ok(1e-3), |text| text.parse())?;
     let names: Vec<String> = arguments.collect();
     let names = if names.is_empty() { vec!["apgd".to_string()] } else { names };
     let specs = names.iter().map(|name| name.parse()).collect::<Result<Vec<SolverSpec>, _>>()?;
 
-    let settings = [
-        ("n".to_string(), n),
-        ("solver.name".to_string(), "apgd".to_string()),
-        ("solver.tolerance".to_string(), format!("{tolerance:e}")),
-    ];
-    let simulation = Scene::load("sedimentation", &settings)?.build()?;
+    let mut settings =
+        settings.iter().map(|text| graintrain::scene::setting(text)).collect::<Result<Vec<_>, _>>()?;
+    settings.push(("solver.name".to_string(), "apgd".to_string()));
+    settings.push(("solver.tolerance".to_string(), format!("{tolerance:e}")));
+    let simulation = Scene::load(&scene, &settings)?.build()?;
     let mut world = simulation.world;
     let mut stepper = Stepper::new(simulation.settings)?;
     let block = (steps / 8).max(1);
