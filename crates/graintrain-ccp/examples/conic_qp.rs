@@ -24,7 +24,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let b: Vec<f64> = (0..3 * nodes).map(|k| f64::sin(0.11 * k as f64)).collect();
     let problem = Ccp::new(Delassus::Sparse(matrix), b.iter().map(|b| -b).collect(), vec![1.0; nodes])?;
 
-    for name in ["ipm+cholesky", "ipm+ic", "ipm+block-jacobi"] {
+    for name in ["ipm+cholesky", "ipm+ic", "ipm+block-jacobi", "pdip+cholesky", "pdip+ilu", "pdip+tt"] {
         let mut x = vec![0.0; 3 * nodes];
         let settings = SolveSettings { tolerance: 1e-6, ..SolveSettings::default() };
         let report = name.parse::<SolverSpec>()?.build()?.solve(&problem, &mut x, &settings)?;
