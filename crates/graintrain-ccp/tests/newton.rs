@@ -242,3 +242,25 @@ fn ipm_reports_jammed_bodies_as_infeasible_and_answers_with_finite_impulses() {
     assert_eq!(report.status, Status::Infeasible);
     assert!(impulse.iter().all(|g| g.is_finite()) && impulse[0] > 1.0 && impulse[3] > 1.0);
 }
+
+/// A solver keeps what it prepared only when it is told that N stays: used for one problem after another, of the same
+/// size and of another one, it gives the bits of a new solver.
+#[test]
+fn solvers_used_again_have_forgotten_the_last_problem() {
+    use graintrain_ccp::FrictionModel;
+    let problems = [1, 2, 3].map(|seed| lattice_packing(2, 2, 0.3, seed)).into_iter();
+    let problems: Vec<Ccp> = problems.chain([lattice_packing(3, 2, 0.4, 4), random_problem(2)]).collect();
+    for name in ["apgd", "bb", "ipm", "auto"] {
+        let spec: SolverSpec = name.parse().unwrap();
+        let mut used = spec.build().unwrap();
+        for problem in &problems {
+            for friction in [FrictionModel::Coulomb, FrictionModel::Relaxed, FrictionModel::Coulomb] {
+                let settings = SolveSettings { tolerance: 1e-7, friction, ..SolveSettings::default() };
+                let mut impulses = [vec![0.0; problem.r.len()], vec![0.0; problem.r.len()]];
+                used.solve(problem, &mut impulses[0], &settings).unwrap();
+                spec.build().unwrap().solve(problem, &mut impulses[1], &settings).unwrap();
+                assert_eq!(impulses[0], impulses[1], "{name}, {friction:?}");
+            }
+        }
+    }
+}

@@ -15,6 +15,8 @@ const PATIENCE: usize = 30_000;
 /// tolerance. Each next method starts from the best impulses so far, and the best impulses are returned.
 pub struct Auto {
     members: Vec<(&'static str, Box<dyn CcpSolver>)>,
+    /// Members that have seen N and mu of the last call.
+    ready: Vec<&'static str>,
 }
 
 impl Auto {
@@ -25,7 +27,7 @@ impl Auto {
                 members.push((name, (method.build)(None)?));
             }
         }
-        Ok(Self { members })
+        Ok(Self { members, ready: Vec::new() })
     }
 
     fn run(
@@ -43,6 +45,9 @@ impl Auto {
         let mut status = Status::Stalled;
         let mut name = "auto".to_string();
         let last = self.members.len() - 1;
+        if !again {
+            self.ready.clear();
+        }
         for (position, (member, solver)) in self.members.iter_mut().enumerate() {
             let patience = if position < last && *member == "apgd" { PATIENCE } else { usize::MAX };
             let mine = SolveSettings {
@@ -53,7 +58,11 @@ impl Auto {
                 max_time: limits.time_left(),
                 ..settings.clone()
             };
-            let report = if again {
+            let seen = self.ready.contains(member);
+            if !seen {
+                self.ready.push(member);
+            }
+            let report = if seen {
                 solver.solve_again(problem, impulse, &mine)
             } else {
                 solver.solve(problem, impulse, &mine)
@@ -107,11 +116,14 @@ impl CcpSolver for Auto {
         problem: &Ccp,
         impulse: &mut [f64],
         settings: &SolveSettings,
+        again: bool,
     ) -> Result<Option<SolveReport>, CcpError> {
         let Some((_, apgd)) = self.members.iter_mut().find(|(name, _)| *name == "apgd") else {
             return Ok(None);
         };
-        let report = apgd.solve_exact(problem, impulse, settings)?;
+        let seen = again && self.ready.contains(&"apgd");
+        self.ready = vec!["apgd"];
+        let report = apgd.solve_exact(problem, impulse, settings, seen)?;
         Ok(report.map(|report| SolveReport { solver: format!("auto ({})", report.solver), ..report }))
     }
 }

@@ -30,6 +30,10 @@ pub struct CoulombIteration {
 
 /// Outer iterations allowed; the sequence needs 5 to 30 where it converges easily, some hundreds in settled packings.
 const OUTER_LIMIT: usize = 1000;
+/// Iterations of a solver that treats exact friction itself, in rounds; it goes on while a round lowers the residual to
+/// this fraction.
+const EXACT_ROUND: usize = 10_000;
+const EXACT_GAIN: f64 = 0.5;
 /// A relaxed solve is asked for this fraction of the exact residual: at first, and at the least.
 const INNER_FRACTION: [f64; 2] = [0.3, 0.03];
 /// Outer iterations without a better residual before the fraction is lowered to a third.
@@ -59,7 +63,7 @@ impl CcpSolver for CoulombIteration {
     ) -> Result<SolveReport, CcpError> {
         match settings.friction {
             FrictionModel::Relaxed => self.relaxed.solve_again(problem, impulse, settings),
-            FrictionModel::Coulomb => self.solve(problem, impulse, settings),
+            FrictionModel::Coulomb => self.exact(problem, impulse, settings, true),
         }
     }
 
@@ -69,9 +73,22 @@ impl CcpSolver for CoulombIteration {
         impulse: &mut [f64],
         settings: &SolveSettings,
     ) -> Result<SolveReport, CcpError> {
-        if settings.friction == FrictionModel::Relaxed {
-            return self.relaxed.solve(problem, impulse, settings);
+        match settings.friction {
+            FrictionModel::Relaxed => self.relaxed.solve(problem, impulse, settings),
+            FrictionModel::Coulomb => self.exact(problem, impulse, settings, false),
         }
+    }
+}
+
+impl CoulombIteration {
+    /// The exact problem; `again` as in [`CcpSolver::solve_exact`].
+    fn exact(
+        &mut self,
+        problem: &Ccp,
+        impulse: &mut [f64],
+        settings: &SolveSettings,
+        mut again: bool,
+    ) -> Result<SolveReport, CcpError> {
         let limits = Limits::start(settings, usize::MAX);
         check_start(problem, impulse)?;
         let contacts = problem.num_contacts();
@@ -84,11 +101,23 @@ impl CcpSolver for CoulombIteration {
         let mut shift = Shift::new(contacts);
         let mut best = Best::default();
         let (mut iterations, mut linear_iterations, mut since_best) = (0, 0, 0);
-        if let Some(report) = self.relaxed.solve_exact(problem, impulse, settings)? {
+        let mut before = f64::INFINITY;
+        loop {
+            let round = SolveSettings {
+                max_iterations: Some(limits.iterations_left(iterations).min(EXACT_ROUND)),
+                max_time: limits.time_left(),
+                ..settings.clone()
+            };
+            let Some(report) = self.relaxed.solve_exact(problem, impulse, &round, again)? else { break };
+            again = true;
+            iterations += report.iterations;
             if matches!(report.status, Status::Converged | Status::Stopped) {
-                return Ok(report);
+                return Ok(SolveReport { iterations, seconds: limits.seconds(), ..report });
             }
-            iterations = report.iterations;
+            if report.residual.max > EXACT_GAIN * before || limits.iterations_left(iterations) == 0 {
+                break;
+            }
+            before = report.residual.max;
         }
         let mut fraction = INNER_FRACTION[0];
         let mut best_residual = f64::INFINITY;

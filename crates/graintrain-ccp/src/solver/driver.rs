@@ -46,6 +46,11 @@ impl<'a> Limits<'a> {
         self.settings.max_time.map(|limit| limit.saturating_sub(self.start.elapsed()))
     }
 
+    /// Seconds since the start.
+    pub fn seconds(&self) -> f64 {
+        self.start.elapsed().as_secs_f64()
+    }
+
     /// The residual to reach.
     pub fn tolerance(&self) -> f64 {
         self.settings.tolerance
@@ -92,7 +97,7 @@ impl<'a> Limits<'a> {
             residual_relaxed,
             residual_coulomb,
             objective: problem.objective(impulse, &velocity),
-            seconds: self.start.elapsed().as_secs_f64(),
+            seconds: self.seconds(),
             newton: Vec::new(),
         }
     }

@@ -90,7 +90,11 @@ impl<M: FirstOrderMethod> CcpSolver for FirstOrder<M> {
         problem: &Ccp,
         impulse: &mut [f64],
         settings: &SolveSettings,
+        again: bool,
     ) -> Result<Option<SolveReport>, CcpError> {
+        if !again {
+            self.packed = None;
+        }
         if M::EXACT {
             self.improve(problem, impulse, settings, FrictionModel::Coulomb).map(Some)
         } else {

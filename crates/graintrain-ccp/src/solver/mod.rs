@@ -157,8 +157,7 @@ pub trait CcpSolver: Send {
     }
 
     /// Exact Coulomb friction without the outer iteration of [`CoulombIteration`], where the method can; `None` where it
-    /// cannot. `settings.friction` is [`FrictionModel::Coulomb`]. N, mu and J are those of this solver's last call, if
-    /// there was one.
+    /// cannot. `settings.friction` is [`FrictionModel::Coulomb`]. `again` is the caller's word of [`Self::solve_again`].
     ///
     /// # Errors
     /// As [`Self::solve`].
@@ -167,8 +166,9 @@ pub trait CcpSolver: Send {
         problem: &Ccp,
         impulse: &mut [f64],
         settings: &SolveSettings,
+        again: bool,
     ) -> Result<Option<SolveReport>, CcpError> {
-        let _ = (problem, impulse, settings);
+        let _ = (problem, impulse, settings, again);
         Ok(None)
     }
 }

@@ -182,12 +182,11 @@ impl CcpSolver for Ipm {
         problem: &Ccp,
         impulse: &mut [f64],
         settings: &SolveSettings,
+        again: bool,
     ) -> Result<Option<SolveReport>, CcpError> {
         let name = self.name();
         let Some(start) = &mut self.start else { return Ok(None) };
-        // A limit on iterations is one on Newton systems.
-        let settings = SolveSettings { max_iterations: None, ..settings.clone() };
-        let report = start.solve_exact(problem, impulse, &settings)?;
+        let report = start.solve_exact(problem, impulse, settings, again)?;
         Ok(report.map(|report| SolveReport { solver: name, ..report }))
     }
 }
