@@ -100,6 +100,10 @@ impl Ccp {
                 return Err(CcpError::Value { what: "r", contact: k / 3, value, expected });
             }
         }
+        if let Some(value) = self.impulse_scale.filter(|scale| !(scale.is_finite() && *scale >= 0.0)) {
+            let expected = "it must be finite and not negative";
+            return Err(CcpError::Value { what: "the impulse scale", contact: 0, value, expected });
+        }
         for (contact, &value) in self.friction.iter().enumerate() {
             if !(value.is_finite() && value >= 0.0) {
                 let expected = "it must be finite and not negative";

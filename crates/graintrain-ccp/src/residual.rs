@@ -42,15 +42,12 @@ impl ResidualScale {
         let eta = problem.diagonal_scale();
         let impulse = problem.impulse_scale.unwrap_or_else(|| {
             let contacts = problem.num_contacts();
-            let sum = sum_chunks(contacts, |range| {
-                range
-                    .map(|i| {
-                        let r = &problem.r[3 * i..3 * i + 3];
-                        (r[0] * r[0] + r[1] * r[1] + r[2] * r[2]) / (eta[i] * eta[i])
-                    })
-                    .sum()
-            });
-            (sum / contacts.max(1) as f64).sqrt()
+            // In units of the largest, so that no square overflows.
+            let largest = (0..3 * contacts).map(|k| problem.r[k].abs() / eta[k / 3]).fold(0.0, f64::max);
+            let unit = if largest > 0.0 { largest } else { 1.0 };
+            let square = |k: usize| (problem.r[k] / eta[k / 3] / unit).powi(2);
+            let sum = sum_chunks(contacts, |range| (3 * range.start..3 * range.end).map(square).sum());
+            unit * (sum / contacts.max(1) as f64).sqrt()
         });
         Self { eta, impulse: if impulse > 0.0 { impulse } else { 1.0 } }
     }
@@ -69,12 +66,17 @@ impl ResidualScale {
             let impulse = [g[3 * i], g[3 * i + 1], g[3 * i + 2]];
             let step = 1.0 / self.eta[i];
             let image = problem.cone(i).project(std::array::from_fn(|k| impulse[k] - step * velocity[k]));
-            (0..3).map(|k| (impulse[k] - image[k]).powi(2)).sum::<f64>()
+            // In units of J, so that no square overflows.
+            let defect = (0..3).map(|k| ((impulse[k] - image[k]) / self.impulse).powi(2)).sum::<f64>();
+            // Below the rounding of its impulse nothing is known: where impulses grow without limit (bodies that
+            // cannot be kept apart) g - u / eta is g in the end, whatever u is.
+            let rounding = impulse.iter().map(|x| (f64::EPSILON * x / self.impulse).powi(2)).sum::<f64>();
+            if defect < rounding { rounding } else { defect }
         };
         let sum = sum_chunks(contacts, |range| range.map(square).sum());
         // A NaN must not hide in a maximum.
         let largest =
             (0..contacts).map(square).fold(0.0, |m: f64, s| if s.is_nan() || s > m { s } else { m });
-        Residual { max: largest.sqrt() / self.impulse, rms: (sum / contacts as f64).sqrt() / self.impulse }
+        Residual { max: largest.sqrt(), rms: (sum / contacts as f64).sqrt() }
     }
 }

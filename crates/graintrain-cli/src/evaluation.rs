@@ -62,14 +62,11 @@ impl<'a> Yardstick<'a> {
                 *eta = smallest;
             }
         }
-        let mean_square = problem
-            .r
-            .chunks_exact(3)
-            .zip(&eta)
-            .map(|(r, eta)| (r[0] * r[0] + r[1] * r[1] + r[2] * r[2]) / (eta * eta))
-            .sum::<f64>()
-            / eta.len().max(1) as f64;
-        let scale = problem.impulse_scale.unwrap_or_else(|| mean_square.sqrt());
+        let components: Vec<f64> = problem.r.iter().enumerate().map(|(k, r)| r / eta[k / 3]).collect();
+        let largest = components.iter().fold(f64::MIN_POSITIVE, |largest, x| x.abs().max(largest));
+        let squares = components.iter().map(|x| (x / largest).powi(2)).sum::<f64>();
+        let mean = largest * (squares / eta.len().max(1) as f64).sqrt();
+        let scale = problem.impulse_scale.unwrap_or(mean);
         Self { problem, matrix, eta, impulse_scale: if scale > 0.0 { scale } else { 1.0 } }
     }
 
@@ -126,7 +123,7 @@ impl<'a> Yardstick<'a> {
 fn natural_map(g: [f64; 3], u: [f64; 3], mu: f64, eta: f64) -> f64 {
     let x = [g[0] - u[0] / eta, g[1] - u[1] / eta, g[2] - u[2] / eta];
     let tangential = x[1].hypot(x[2]);
-    let projected = if tangential <= mu * x[0] {
+    let projected = if x[0] >= 0.0 && tangential <= mu * x[0] {
         x
     } else {
         // The coordinate of x along the generator (1, mu) / sqrt(1 + mu^2) of the mantle; negative in the polar cone.
@@ -134,5 +131,8 @@ fn natural_map(g: [f64; 3], u: [f64; 3], mu: f64, eta: f64) -> f64 {
         let shrink = if tangential > 0.0 { mu * along / tangential } else { 0.0 };
         [along, shrink * x[1], shrink * x[2]]
     };
-    (0..3).map(|k| (g[k] - projected[k]).powi(2)).sum()
+    // Impulses so large that their rounding swallows u prove nothing.
+    let rounding = g.iter().map(|g| (f64::EPSILON * g).powi(2)).sum::<f64>();
+    let square: f64 = (0..3).map(|k| (g[k] - projected[k]).powi(2)).sum();
+    if square < rounding { rounding } else { square }
 }

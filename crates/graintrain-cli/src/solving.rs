@@ -64,7 +64,9 @@ impl Options {
     pub fn settings(&self, stop: &Stop) -> SolveSettings {
         SolveSettings {
             tolerance: self.tolerance,
-            max_time: self.max_seconds.map(Duration::from_secs_f64),
+            max_time: self
+                .max_seconds
+                .map(|limit| Duration::try_from_secs_f64(limit).unwrap_or(Duration::MAX)),
             friction: self.friction.into(),
             stop: Some(std::sync::Arc::clone(&stop.requested)),
             ..SolveSettings::default()

@@ -55,6 +55,10 @@ impl<M: FirstOrderMethod> FirstOrder<M> {
         let (status, iterations, products) = (it.status, it.iterations, it.work.products());
         it.best.restore(&mut it.x);
         scaled.unpack(&it.x, impulse);
+        // Steps along the boundary leave the cones by more than rounding (kucera: 1e-9 of an impulse).
+        for (i, g) in impulse.chunks_exact_mut(3).enumerate() {
+            g.copy_from_slice(&problem.cone(i).project([g[0], g[1], g[2]]));
+        }
         self.packed = Some(scaled);
         let report = it.limits.report(M::NAME, problem, impulse, status, iterations, 0);
         Ok(SolveReport { products, ..report })

@@ -9,7 +9,7 @@ use crate::threads::with_threads;
 use graintrain::problem_file::ProblemFile;
 use graintrain_ccp::SolverSpec;
 use graintrain_ccp::solver::METHODS;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
@@ -49,7 +49,7 @@ pub fn execute(arguments: &Arguments) -> Result<ExitCode, Failure> {
     let files = arguments
         .problem
         .iter()
-        .map(|path| Ok((solving::problem_name(path), solving::read_problem(path)?)))
+        .map(|path| Ok((distinct_name(path, &arguments.problem), solving::read_problem(path)?)))
         .collect::<Result<Vec<_>, Failure>>()?;
     let stop = Stop::listen()?;
     let mut records: Vec<Record> = Vec::new();
@@ -187,4 +187,11 @@ fn print_summary(records: &[Record]) {
             line.fastest
         );
     }
+}
+
+/// The file name of a problem, or its path where another problem has the same file name.
+fn distinct_name(path: &Path, all: &[PathBuf]) -> String {
+    let name = solving::problem_name(path);
+    let shared = all.iter().filter(|other| solving::problem_name(other) == name).count() > 1;
+    if shared { path.display().to_string() } else { name }
 }

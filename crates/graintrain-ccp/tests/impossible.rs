@@ -1,0 +1,65 @@
+//! Problems without a solution, or of sizes at the end of the floats: nobody may claim to have solved them.
+
+use graintrain_ccp::solver::METHODS;
+use graintrain_ccp::{Ccp, Delassus, FrictionModel, SolveSettings, SolverSpec};
+use graintrain_linalg::block3::BlockMatrix3;
+use std::time::Duration;
+
+/// N block-diagonal with these diagonals.
+fn diagonal(blocks: &[[f64; 3]], r: &[f64], friction: &[f64]) -> Ccp {
+    let block = |d: &[f64; 3]| [d[0], 0.0, 0.0, 0.0, d[1], 0.0, 0.0, 0.0, d[2]];
+    let n = blocks.len();
+    let matrix = BlockMatrix3::from_rows(
+        (0..=n).collect(),
+        (0..n as u32).collect(),
+        blocks.iter().map(block).collect(),
+    );
+    Ccp::new(Delassus::Sparse(matrix), r.to_vec(), friction.to_vec()).unwrap()
+}
+
+fn nobody_converges(problem: &Ccp, tolerance: f64) {
+    for method in METHODS {
+        for friction in [FrictionModel::Relaxed, FrictionModel::Coulomb] {
+            let settings = SolveSettings {
+                tolerance,
+                friction,
+                max_iterations: Some(20_000),
+                max_time: Some(Duration::from_secs(2)),
+                ..Default::default()
+            };
+            let mut impulse = vec![0.0; problem.r.len()];
+            let solver = method.name.parse::<SolverSpec>().unwrap().build();
+            let report = solver.unwrap().solve(problem, &mut impulse, &settings);
+            if let Ok(report) = report {
+                assert!(!report.converged(), "{} {friction:?}: {impulse:?} {report:?}", method.name);
+            }
+        }
+    }
+}
+
+#[test]
+fn a_contact_that_no_impulse_can_open_is_not_solved() {
+    // The first contact closes with 1 m/s, and no impulse changes that.
+    let blocks = [[0.0; 3], [2.0, 3.0, 3.0]];
+    nobody_converges(&diagonal(&blocks, &[-1.0, 0.3, 0.0, -1.0, 0.0, 0.2], &[0.3, 0.5]), 1e-8);
+    nobody_converges(&diagonal(&blocks[..1], &[-1.0, 0.3, 0.0], &[0.3]), 1e-8);
+}
+
+#[test]
+fn large_numbers_do_not_make_a_problem_vanish() {
+    let problem = diagonal(&[[1.0; 3], [1.0; 3]], &[-1e160, 0.0, 0.0, -1.0, 0.0, 0.2], &[0.3, 0.5]);
+    let mut impulse = vec![0.0; 6];
+    let mut solver = "apgd".parse::<SolverSpec>().unwrap().build().unwrap();
+    let report = solver.solve(&problem, &mut impulse, &SolveSettings::default()).unwrap();
+    assert!(report.residual.max.is_finite());
+    assert!(!report.converged() || impulse[0] > 0.9e160, "{impulse:?} {report:?}");
+}
+
+#[test]
+fn an_impulse_scale_without_meaning_is_refused() {
+    for scale in [f64::NAN, f64::INFINITY, -1.0] {
+        let mut problem = diagonal(&[[1.0; 3]], &[-1.0, 0.0, 0.0], &[0.3]);
+        problem.impulse_scale = Some(scale);
+        assert!(problem.validate().is_err());
+    }
+}
