@@ -1,7 +1,7 @@
 //! TT-SVD: the train of a full tensor (Oseledets 2011, Algorithm 1).
 //!
 //! Every pass over the data costs traffic, and a small mode shortens them little: n = 2 halves them at best. So several
-//! modes are taken at once, as many as keep the unfolding at [`GROUP_ROWS`] rows: A = L Q of this unfolding with orthonormal
+//! modes are taken at once, as many as keep the unfolding at `GROUP_ROWS` rows: A = L Q of this unfolding with orthonormal
 //! rows of Q, and the TT-SVD of the small tensor L gives the same cores as that of A.
 
 use crate::error::at_core;
