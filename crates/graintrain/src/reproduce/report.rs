@@ -272,8 +272,8 @@ fn rank_tables(page: &mut String, results: &Results) {
         page.push_str("</tr>");
     }
     page.push_str(
-        "</table><p>Mean ranks of the trains of S and S<sup>-1</sup> and the error of the compression, measured on entries that \
-         the cross did not see.</p><table><tr><th>eps</th>",
+        "</table><p>Mean ranks of the trains of S and S<sup>-1</sup> and the error of the compression, relative, \
+         over all entries.</p><table><tr><th>eps</th>",
     );
     for cap in paper::RANK_CAPS {
         let _ = write!(page, "<th>r &le; {cap}: paper (s)</th><th>here (s)</th>");
