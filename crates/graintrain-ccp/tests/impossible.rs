@@ -63,3 +63,17 @@ fn an_impulse_scale_without_meaning_is_refused() {
         assert!(problem.validate().is_err());
     }
 }
+
+#[test]
+fn a_start_that_solves_the_problem_is_the_answer() {
+    // Interior points step back from the boundary of the cones, where this solution lies.
+    let problem = diagonal(&[[2.0, 3.0, 3.0], [1.0; 3]], &[-1.0, 0.0, 0.0, 1.0, 0.0, 0.0], &[0.5, 0.3]);
+    let start = [0.5, 0.0, 0.0, 0.0, 0.0, 0.0];
+    for name in ["scip", "ipm+cholesky"] {
+        let settings = SolveSettings { tolerance: 1e-12, max_iterations: Some(0), ..Default::default() };
+        let mut impulse = start;
+        let mut solver = name.parse::<SolverSpec>().unwrap().build().unwrap();
+        let report = solver.solve(&problem, &mut impulse, &settings).unwrap();
+        assert!(report.converged() && impulse == start, "{name}: {impulse:?} {report:?}");
+    }
+}

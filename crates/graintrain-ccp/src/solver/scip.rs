@@ -261,10 +261,21 @@ impl Scip {
         } else {
             COLD_BARRIER
         };
+        let physical = |units: &[f64], x: &[f64]| -> Vec<f64> {
+            x.iter().enumerate().map(|(k, x)| units[k / 3] * x).collect()
+        };
+        let started = physical(&scaled.impulse_unit, &g);
+        let velocities: Vec<f64> = product.iter().zip(&inner.r).map(|(product, r)| product + r).collect();
+        let started_velocity = physical(&scaled.velocity_unit, &velocities);
         let mut it = Iterate::new(inner, g, product, barrier);
         let unbounded = UNBOUNDED * dot(&inner.r, &inner.r);
         let (mut physical, mut velocity) = (vec![0.0; 3 * contacts], vec![0.0; 3 * contacts]);
         let mut best = Best::default();
+        // The path starts inside the cones: impulses handed over that are better must not be lost on the way.
+        best.offer(
+            &started,
+            scale.residual(problem, &started, &started_velocity, FrictionModel::Relaxed).max,
+        );
         let (mut iterations, mut least, mut since_better, mut last_step) = (0, f64::INFINITY, 0, 0.0_f64);
         let status = loop {
             for (i, pair) in it.pairs.iter().enumerate() {

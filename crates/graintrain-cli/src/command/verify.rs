@@ -9,8 +9,9 @@ use std::process::ExitCode;
 
 /// Hold this program against exact answers and print measured and expected numbers
 ///
-/// Tier a: flight, impacts, sliding, rolling, rest against closed forms (seconds). Tier b: sheared and drafted samples, whose
-/// forces must not depend on time step and tolerance (minutes). Exit code 1 if a check fails.
+/// Tier a: flight, impacts, sliding, rolling, rest against closed forms (seconds). Tier b: passive earth
+/// pressure against Rankine, and sheared and drafted samples, whose forces must not depend on time step and tolerance (tens of
+/// minutes). Exit code 1 if a check fails.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  graintrain verify\n  graintrain verify --tier b --out verification")]
 pub struct Arguments {

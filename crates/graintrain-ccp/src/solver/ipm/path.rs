@@ -57,6 +57,11 @@ pub(super) fn run(
         work.g[3 * i..3 * i + 3].copy_from_slice(&inside);
     }
     multiply(&work.g, &mut work.ng);
+    // The path starts inside the cones: impulses handed over that are good enough must not be lost on the way.
+    let residual = session.judge(&work.g, &work.ng);
+    if let Some(status) = session.status(residual) {
+        return status;
+    }
     let mut distance = 0.0;
     for i in 0..contacts {
         let g = [work.g[3 * i], work.g[3 * i + 1], work.g[3 * i + 2]];
