@@ -66,7 +66,9 @@ fn the_papers_scenes_have_its_numbers_of_bodies_and_no_overlap() {
         let simulation = build(name, &[("n", n)]);
         assert_eq!(simulation.world.bodies.len(), bodies, "{name} n = {n}");
         assert_eq!(overlap(&simulation), 0.0, "{name} n = {n}");
-        assert_eq!(simulation.settings.step, 0.025);
+        // The paper names 25 ms for the sedimentation; the blade is too fast for it.
+        let step = if name == "drafting" { 0.0125 } else { 0.025 };
+        assert_eq!(simulation.settings.step, step, "{name}");
         if n == "4" {
             assert_resolves(&simulation);
         }

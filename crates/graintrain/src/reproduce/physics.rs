@@ -28,13 +28,21 @@ impl Steady {
         Some(Self { mean, error: (spread / BLOCKS as f64).sqrt() })
     }
 
-    /// The mean of independent means, whose errors add in squares; `None` for none.
+    /// The mean of independent means; `None` for none. The standard error is that of the spread among them where there are
+    /// three or more; two say too little of a spread, so that their own errors add in squares.
     pub fn over(independent: impl Iterator<Item = Self>) -> Option<Self> {
         let all: Vec<Self> = independent.collect();
         let count = all.len() as f64;
         let mean = all.iter().map(|steady| steady.mean).sum::<f64>() / count;
-        let error = all.iter().map(|steady| steady.error.powi(2)).sum::<f64>().sqrt() / count;
-        (!all.is_empty()).then_some(Self { mean, error })
+        let error = match all.len() {
+            0 => return None,
+            1 | 2 => all.iter().map(|steady| steady.error.powi(2)).sum::<f64>().sqrt() / count,
+            _ => {
+                let squares = all.iter().map(|steady| (steady.mean - mean).powi(2)).sum::<f64>();
+                (squares / (count - 1.0) / count).sqrt()
+            }
+        };
+        Some(Self { mean, error })
     }
 }
 

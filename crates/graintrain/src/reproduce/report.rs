@@ -378,7 +378,7 @@ fn physics_table(page: &mut String, results: &Results) {
             "<h2>Physical outputs</h2><table><tr><th>experiment</th><th>variant</th><th>steady force (N) or torque (N m)</th>\
              <th>change</th><th>shear / normal force (1)</th><th>largest penetration, second half (m)</th></tr>{rows}</table>\
              <p>Steady: mean over the time in which the tool moves with at least half its largest speed (mixer: second half), \
-             with the standard error from eight blocks; after <code>reproduce physics</code> the mean over {} perturbed lattices (coulomb: one). Sedimentation: torque of the mixer; drafting: drag of the blade; direct \
+             with the standard error from eight blocks; after <code>reproduce physics</code> the mean over {} perturbed lattices with the standard error of their spread (coulomb: one lattice). Sedimentation: torque of the mixer; drafting: drag of the blade; direct \
              shear: shear force on the lower half.</p>",
             super::SEEDS
         );

@@ -185,6 +185,12 @@ fn power_laws_and_block_errors_are_found() {
     let blocks: Vec<f64> = (0..64).map(|k| f64::from(k / 8 % 2)).collect();
     let steady = Steady::of(&blocks).unwrap();
     assert!((steady.mean - 0.5).abs() < 1e-12 && (steady.error - (2.0 / 7.0_f64 / 8.0).sqrt()).abs() < 1e-12);
+    // Over lattices the spread among them counts, whatever each says of itself: (1, 2, 3) has 2 +- 1 / sqrt(3).
+    let of = |mean| Steady { mean, error: 7.0 };
+    assert!(Steady::over(std::iter::empty()).is_none());
+    assert_eq!(Steady::over([of(1.0)].into_iter()), Some(of(1.0)));
+    let three = Steady::over([1.0, 2.0, 3.0].into_iter().map(of)).unwrap();
+    assert!((three.mean - 2.0).abs() < 1e-12 && (three.error - (1.0 / 3.0_f64).sqrt()).abs() < 1e-12);
 }
 
 #[test]

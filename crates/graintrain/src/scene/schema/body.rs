@@ -1,0 +1,340 @@
+//! Keys of bodies: parts, shapes, motions.
+
+use super::Kind::{self, List, Quantity, QuantityOr, Rows, Tables, Text, TextOr, Texts, Vector};
+use super::{D, Key, Table, key};
+
+pub(super) static BODY: Table = Table {
+    heading: "`[body.NAME]`",
+    alternatives: &[&["shape", "parts"], &["mass", "density"]],
+    keys: &[
+        key(
+            "shape",
+            Kind::Table(&SHAPE),
+            "one of shape, parts",
+            "{ sphere = { radius = \"1 cm\" } }",
+            "Shape",
+        ),
+        key(
+            "parts",
+            Tables(&PART),
+            "one of shape, parts",
+            "[{ shape = { plane = {} } }]",
+            "Several shapes in one rigid body; they may not overlap where they have mass",
+        ),
+        key("material", Text, "the only material", "\"glass\"", "Material"),
+        key(
+            "position",
+            Vector(D::LENGTH),
+            "[0, 0, 0]",
+            "[0, 0, \"5 cm\"]",
+            "Origin of the body's frame in the world",
+        ),
+        key(
+            "rotation",
+            Kind::Table(&ROTATION),
+            "none",
+            "{ axis = [0, 1, 0], angle = \"30 deg\" }",
+            "Rotation of the body's frame",
+        ),
+        key(
+            "velocity",
+            Vector(D::SPEED),
+            "[0, 0, 0]",
+            "[\"1 m/s\", 0, 0]",
+            "Initial velocity of the centre of mass",
+        ),
+        key(
+            "angular_velocity",
+            Vector(D::ANGULAR_SPEED),
+            "[0, 0, 0]",
+            "[0, 0, \"12 rpm\"]",
+            "Initial angular velocity",
+        ),
+        key("mass", Quantity(D::MASS), "density x volume", "\"3 kg\"", "Mass"),
+        key("density", Quantity(D::DENSITY), "the material's", "\"7800 kg/m^3\"", "Density of this body"),
+        key(
+            "motion",
+            TextOr(&MOTION),
+            "free; fixed for planes and meshes",
+            "\"fixed\"",
+            "free, fixed, or a table that prescribes it",
+        ),
+    ],
+};
+
+static PART: Table = Table {
+    heading: "Part of a body, `body.NAME.parts`",
+    alternatives: &[],
+    keys: &[
+        key("shape", Kind::Table(&SHAPE), "required", "{ box = { size = [1, 1, 1] } }", "Shape"),
+        key("position", Vector(D::LENGTH), "[0, 0, 0]", "[\"1 m\", 0, 0]", "Place in the body's frame"),
+        key(
+            "rotation",
+            Kind::Table(&ROTATION),
+            "none",
+            "{ axis = [0, 0, 1], angle = \"90 deg\" }",
+            "Rotation in the body's frame",
+        ),
+    ],
+};
+
+static ROTATION: Table = Table {
+    heading: "`rotation`",
+    alternatives: &[&["angle", "quaternion"], &["axis", "quaternion"]],
+    keys: &[
+        key("axis", Vector(D::NONE), "[0, 0, 1]", "[0, 1, 0]", "Axis; any length"),
+        key("angle", Quantity(D::ANGLE), "0", "\"30 deg\"", "Angle about it"),
+        key(
+            "quaternion",
+            List(D::NONE),
+            "from axis and angle",
+            "[0, 0, 0, 1]",
+            "The same as a quaternion x, y, z, w",
+        ),
+    ],
+};
+
+pub(super) static SHAPE: Table = Table {
+    heading: "`shape`",
+    alternatives: &[&["sphere", "box", "plane", "capsule", "cylinder", "mesh"]],
+    keys: &[
+        key("sphere", Kind::Table(&SPHERE), "one of", "{ radius = \"1 cm\" }", "Ball about the origin"),
+        key("box", Kind::Table(&BOX), "one of", "{ size = [1, 2, 3] }", "Box about the origin"),
+        key(
+            "plane",
+            Kind::Table(&PLANE),
+            "one of",
+            "{ normal = [0, 0, 1] }",
+            "Half-space below the plane through the origin; a boundary without mass",
+        ),
+        key(
+            "capsule",
+            Kind::Table(&CAPSULE),
+            "one of",
+            "{ length = 2, radius = 1 }",
+            "Cylinder with half balls at both ends, along z",
+        ),
+        key("cylinder", Kind::Table(&CYLINDER), "one of", "{ length = 2, radius = 1 }", "Cylinder along z"),
+        key(
+            "mesh",
+            Kind::Table(&MESH),
+            "one of",
+            "{ file = \"hopper.stl\" }",
+            "Surface of triangles; a boundary without mass",
+        ),
+    ],
+};
+
+static SPHERE: Table = Table {
+    heading: "`shape.sphere`",
+    alternatives: &[],
+    keys: &[key("radius", Quantity(D::LENGTH), "required", "\"1 cm\"", "Radius")],
+};
+
+static BOX: Table = Table {
+    heading: "`shape.box`",
+    alternatives: &[],
+    keys: &[key("size", Vector(D::LENGTH), "required", "[\"1 m\", \"2 m\", \"3 m\"]", "Edge lengths")],
+};
+
+static PLANE: Table = Table {
+    heading: "`shape.plane`",
+    alternatives: &[],
+    keys: &[key("normal", Vector(D::NONE), "[0, 0, 1]", "[1, 0, 0]", "Outward normal; any length")],
+};
+
+static CAPSULE: Table = Table {
+    heading: "`shape.capsule`",
+    alternatives: &[],
+    keys: &[
+        key(
+            "length",
+            Quantity(D::LENGTH),
+            "required",
+            "\"4 cm\"",
+            "Distance between the centres of the half balls",
+        ),
+        key("radius", Quantity(D::LENGTH), "required", "\"1 cm\"", "Radius"),
+    ],
+};
+
+static CYLINDER: Table = Table {
+    heading: "`shape.cylinder`",
+    alternatives: &[],
+    keys: &[
+        key("length", Quantity(D::LENGTH), "required", "\"4 cm\"", "Height"),
+        key("radius", Quantity(D::LENGTH), "required", "\"1 cm\"", "Radius"),
+    ],
+};
+
+static MESH: Table = Table {
+    heading: "`shape.mesh`",
+    alternatives: &[&["file", "vertices"], &["file", "triangles"]],
+    keys: &[
+        key(
+            "file",
+            Text,
+            "one of file, vertices",
+            "\"hopper.stl\"",
+            "STL, OBJ, or a table of nine coordinates per triangle",
+        ),
+        key("vertices", Rows, "one of file, vertices", "[[0, 0, 0], [1, 0, 0], [0, 1, 0]]", "Corner points"),
+        key(
+            "triangles",
+            Rows,
+            "required with vertices",
+            "[[0, 1, 2]]",
+            "Three vertex numbers (from 0) per triangle, counter-clockwise seen from outside",
+        ),
+        key("scale", Quantity(D::NONE), "1", "0.001", "Factor on all coordinates, e.g. for a file in mm"),
+    ],
+};
+
+static MOTION: Table = Table {
+    heading: "`motion`",
+    alternatives: &[],
+    keys: &[
+        key(
+            "free",
+            Texts,
+            "[]",
+            "[\"z\"]",
+            "Degrees of freedom that stay dynamic: x, y, z, rx, ry, rz; all others follow the prescribed velocity, zero by default",
+        ),
+        key(
+            "start",
+            Quantity(D::TIME),
+            "0",
+            "\"0.5 s\"",
+            "At rest until then; speeds that depend on time count it from there",
+        ),
+        key(
+            "translation",
+            Tables(&TRANSLATION),
+            "[]",
+            "[{ direction = [1, 0, 0], speed = \"1 cm/s\" }]",
+            "Prescribed velocities; they add up",
+        ),
+        key(
+            "rotation",
+            Kind::Table(&SPIN),
+            "none",
+            "{ axis = [0, 0, 1], speed = \"12 rpm\" }",
+            "Prescribed rotation about a fixed axis",
+        ),
+    ],
+};
+
+static TRANSLATION: Table = Table {
+    heading: "`motion.translation`",
+    alternatives: &[],
+    keys: &[
+        key("direction", Vector(D::NONE), "required", "[1, 0, 0]", "Direction; any length"),
+        key(
+            "speed",
+            QuantityOr(D::SPEED, &LINEAR_SPEED),
+            "required",
+            "\"10 cm/s\"",
+            "Speed: constant, or a function of time",
+        ),
+    ],
+};
+
+static SPIN: Table = Table {
+    heading: "`motion.rotation`",
+    alternatives: &[],
+    keys: &[
+        key(
+            "point",
+            Vector(D::LENGTH),
+            "the body's position",
+            "[0, 0, 0]",
+            "A point of the axis in the world",
+        ),
+        key("axis", Vector(D::NONE), "[0, 0, 1]", "[1, 0, 0]", "Direction of the axis; any length"),
+        key(
+            "speed",
+            QuantityOr(D::ANGULAR_SPEED, &ANGULAR_SPEED),
+            "required",
+            "\"12 rpm\"",
+            "Angular speed: constant, or a function of time",
+        ),
+    ],
+};
+
+static LINEAR_SPEED: Table = Table {
+    heading: "`speed` of a translation",
+    alternatives: &[&["sinusoidal", "table"]],
+    keys: &[
+        key(
+            "sinusoidal",
+            Kind::Table(&LINEAR_SINUSOID),
+            "one of",
+            "{ amplitude = \"1 m/s\", period = \"4 s\" }",
+            "amplitude sin(2 pi t / period + phase)",
+        ),
+        key(
+            "table",
+            Kind::Table(&LINEAR_TABLE),
+            "one of",
+            "{ times = [0, 1], values = [0, \"1 m/s\"] }",
+            "Linear between samples, constant outside",
+        ),
+    ],
+};
+
+static ANGULAR_SPEED: Table = Table {
+    heading: "`speed` of a rotation",
+    alternatives: &[&["sinusoidal", "table"]],
+    keys: &[
+        key(
+            "sinusoidal",
+            Kind::Table(&ANGULAR_SINUSOID),
+            "one of",
+            "{ amplitude = \"5 rpm\", period = \"4 s\" }",
+            "amplitude sin(2 pi t / period + phase)",
+        ),
+        key(
+            "table",
+            Kind::Table(&ANGULAR_TABLE),
+            "one of",
+            "{ times = [0, 1], values = [0, \"1 rad/s\"] }",
+            "Linear between samples, constant outside",
+        ),
+    ],
+};
+
+const PERIOD: Key = key("period", Quantity(D::TIME), "required", "\"4 s\"", "Period");
+const PHASE: Key = key("phase", Quantity(D::ANGLE), "0", "\"90 deg\"", "Phase");
+const TIMES: Key = key("times", List(D::TIME), "required", "[0, \"0.5 s\", \"1 s\"]", "Ascending times");
+
+static LINEAR_SINUSOID: Table = Table {
+    heading: "`speed.sinusoidal` of a translation",
+    alternatives: &[],
+    keys: &[key("amplitude", Quantity(D::SPEED), "required", "\"1 m/s\"", "Largest speed"), PERIOD, PHASE],
+};
+
+static ANGULAR_SINUSOID: Table = Table {
+    heading: "`speed.sinusoidal` of a rotation",
+    alternatives: &[],
+    keys: &[
+        key("amplitude", Quantity(D::ANGULAR_SPEED), "required", "\"5 rpm\"", "Largest angular speed"),
+        PERIOD,
+        PHASE,
+    ],
+};
+
+static LINEAR_TABLE: Table = Table {
+    heading: "`speed.table` of a translation",
+    alternatives: &[],
+    keys: &[TIMES, key("values", List(D::SPEED), "required", "[0, \"1 m/s\", 0]", "Speed at each time")],
+};
+
+static ANGULAR_TABLE: Table = Table {
+    heading: "`speed.table` of a rotation",
+    alternatives: &[],
+    keys: &[
+        TIMES,
+        key("values", List(D::ANGULAR_SPEED), "required", "[0, \"5 rpm\", 0]", "Angular speed at each time"),
+    ],
+};

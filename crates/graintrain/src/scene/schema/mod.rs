@@ -1,0 +1,336 @@
+//! Every key of a scene: its kind, default and meaning. The reader checks keys against these tables, `--set` finds
+//! alternatives in them, and a test holds `docs/scenes.md` against them.
+
+mod body;
+mod packing;
+
+use super::quantity::Dimension;
+use body::BODY;
+use packing::PACKING;
+
+/// What a key holds.
+#[derive(Clone, Copy, Debug)]
+pub enum Kind {
+    /// A number, or a text that evaluates to a quantity of this dimension.
+    Quantity(Dimension),
+    /// Three of them.
+    Vector(Dimension),
+    /// Any number of them.
+    List(Dimension),
+    /// A whole number that is not negative, or a text that evaluates to one.
+    Count,
+    /// Three of them.
+    Counts,
+    /// A text.
+    Text,
+    /// A list of texts.
+    Texts,
+    /// `true` or `false`.
+    Flag,
+    /// A table.
+    Table(&'static Table),
+    /// A table of tables with names of the user's choice.
+    Named(&'static Table),
+    /// A list of tables.
+    Tables(&'static Table),
+    /// A quantity, or a table that says more.
+    QuantityOr(Dimension, &'static Table),
+    /// A text, or a table that says more.
+    TextOr(&'static Table),
+    /// Names and values of the user's choice.
+    Free,
+    /// A list of lists of numbers or lengths.
+    Rows,
+}
+
+impl Kind {
+    /// The table that the key leads into.
+    fn table(self) -> Option<&'static Table> {
+        match self {
+            Self::Table(table)
+            | Self::Named(table)
+            | Self::Tables(table)
+            | Self::QuantityOr(_, table)
+            | Self::TextOr(table) => Some(table),
+            _ => None,
+        }
+    }
+}
+
+/// A key of a table.
+#[derive(Clone, Copy, Debug)]
+pub struct Key {
+    /// Name.
+    pub name: &'static str,
+    /// What it holds.
+    pub kind: Kind,
+    /// Default, for people; `required` or `one of` where there is none.
+    pub default: &'static str,
+    /// An example, as written in a scene.
+    pub example: &'static str,
+    /// What it means.
+    pub about: &'static str,
+}
+
+/// The keys of one kind of table.
+#[derive(Debug)]
+pub struct Table {
+    /// Heading in the documentation.
+    pub heading: &'static str,
+    /// The keys.
+    pub keys: &'static [Key],
+    /// Groups of keys of which at most one may be given.
+    pub alternatives: &'static [&'static [&'static str]],
+}
+
+impl Table {
+    /// Names of all keys.
+    pub fn names(&self) -> Vec<&'static str> {
+        self.keys.iter().map(|key| key.name).collect()
+    }
+
+    /// The key of this name.
+    pub fn key(&self, name: &str) -> Option<&'static Key> {
+        self.keys.iter().find(|key| key.name == name)
+    }
+
+    /// This table and all below it, each once, in the order of the documentation.
+    pub fn all(&'static self) -> Vec<&'static Table> {
+        let mut found: Vec<&'static Table> = vec![self];
+        let mut next = 0;
+        while next < found.len() {
+            for key in found[next].keys {
+                if let Some(table) = key.kind.table()
+                    && !found.iter().any(|known| std::ptr::eq(*known, table))
+                {
+                    found.push(table);
+                }
+            }
+            next += 1;
+        }
+        found
+    }
+}
+
+/// Keys that exclude `key` in the table with this dotted path: setting one of them unsets the others.
+pub(crate) fn alternatives(path: &str, key: &str) -> Vec<&'static str> {
+    let mut table = &SCENE;
+    let mut parts = path.split('.').filter(|part| !part.is_empty());
+    while let Some(part) = parts.next() {
+        let Some(found) = table.key(part) else { return Vec::new() };
+        if matches!(found.kind, Kind::Named(_) | Kind::Tables(_)) {
+            parts.next();
+        }
+        match found.kind.table() {
+            Some(next) => table = next,
+            None => return Vec::new(),
+        }
+    }
+    let groups = table.alternatives.iter().filter(|group| group.contains(&key));
+    groups.flat_map(|group| group.iter().copied()).filter(|other| *other != key).collect()
+}
+
+const fn key(
+    name: &'static str,
+    kind: Kind,
+    default: &'static str,
+    example: &'static str,
+    about: &'static str,
+) -> Key {
+    Key { name, kind, default, example, about }
+}
+
+use Kind::{Count, Flag, Free, Named, Quantity, Tables, Text, Texts, Vector};
+type D = Dimension;
+
+/// Top level of a scene.
+pub static SCENE: Table = Table {
+    heading: "Top level",
+    alternatives: &[],
+    keys: &[
+        key("title", Text, "the scene's name", "\"Balls in a box\"", "One line for people"),
+        key("seed", Count, "1", "42", "Seed of everything random; packing number k (from 0) uses seed + k"),
+        key("gravity", Vector(D::ACCELERATION), "[0, 0, -9.81]", "[0, 0, \"-1.62 m/s^2\"]", "Gravity"),
+        key(
+            "parameters",
+            Free,
+            "none",
+            "{ n = 4, pitch = \"0.23 m\" }",
+            "Named values for expressions, set with `--set n=8`",
+        ),
+        key(
+            "time",
+            Kind::Table(&TIME),
+            "required",
+            "{ step = \"1 ms\", end = \"2 s\" }",
+            "Time step and end",
+        ),
+        key(
+            "contact",
+            Kind::Table(&CONTACT),
+            "its keys' defaults",
+            "{ envelope = \"1 mm\" }",
+            "Contact detection",
+        ),
+        key("solver", Kind::Table(&SOLVER), "its keys' defaults", "{ tolerance = 1e-5 }", "Contact solver"),
+        key("output", Kind::Table(&OUTPUT), "its keys' defaults", "{ every = \"0.1 s\" }", "What is written"),
+        key(
+            "material",
+            Named(&MATERIAL),
+            "one material `default`",
+            "{ glass = { density = 2500 } }",
+            "Materials by name",
+        ),
+        key(
+            "pair",
+            Tables(&PAIR),
+            "none",
+            "[{ materials = [\"glass\", \"steel\"], friction = 0.2 }]",
+            "Properties of pairs of materials",
+        ),
+        key(
+            "body",
+            Named(&BODY),
+            "none",
+            "{ ball = { shape = { sphere = { radius = 1 } } } }",
+            "Single bodies by name",
+        ),
+        key(
+            "packing",
+            Named(&PACKING),
+            "none",
+            "{ grains = { radius = 0.1, file = { path = \"a.csv\" } } }",
+            "Many bodies at once, by name",
+        ),
+    ],
+};
+
+static TIME: Table = Table {
+    heading: "`[time]`",
+    alternatives: &[&["end", "steps"]],
+    keys: &[
+        key("step", Quantity(D::TIME), "required", "\"25 ms\"", "Time step"),
+        key(
+            "end",
+            Quantity(D::TIME),
+            "one of end, steps",
+            "\"2 s\"",
+            "Simulated time; rounded up to whole steps",
+        ),
+        key("steps", Count, "one of end, steps", "120", "Number of steps"),
+    ],
+};
+
+static CONTACT: Table = Table {
+    heading: "`[contact]`",
+    alternatives: &[],
+    keys: &[
+        key(
+            "envelope",
+            Quantity(D::LENGTH),
+            "0.3 x the smallest radius",
+            "\"3 cm\"",
+            "Pairs closer than this become contacts",
+        ),
+        key(
+            "allowed_overlap",
+            Quantity(D::LENGTH),
+            "0.01 x the smallest radius",
+            "\"0.1 mm\"",
+            "Overlap accepted at the start",
+        ),
+        key(
+            "friction_rule",
+            Text,
+            "\"minimum\"",
+            "\"geometric-mean\"",
+            "Friction of a pair that `pair` does not name, from both materials: minimum, maximum, mean, geometric-mean",
+        ),
+        key("restitution_rule", Text, "\"minimum\"", "\"mean\"", "Restitution of such a pair"),
+    ],
+};
+
+static SOLVER: Table = Table {
+    heading: "`[solver]`",
+    alternatives: &[],
+    keys: &[
+        key("name", Text, "\"auto\"", "\"apgd\"", "Solver, with its linear solver after a `+`"),
+        key("tolerance", Quantity(D::NONE), "1e-4", "1e-5", "Residual at which it stops"),
+        key("max_iterations", Count, "the solver's own", "2000", "Iteration limit"),
+        key(
+            "friction",
+            Text,
+            "\"relaxed\"",
+            "\"coulomb\"",
+            "relaxed (cone complementarity) or coulomb (exact)",
+        ),
+    ],
+};
+
+static OUTPUT: Table = Table {
+    heading: "`[output]`",
+    alternatives: &[],
+    keys: &[
+        key(
+            "every",
+            Quantity(D::TIME),
+            "end / 100, at least a step",
+            "\"0.1 s\"",
+            "Simulated time between frames; rounded to whole steps",
+        ),
+        key("bodies", Flag, "true", "false", "Write the bodies of each frame"),
+        key("contacts", Flag, "true", "false", "Write the contacts of each frame"),
+        key(
+            "precision",
+            Text,
+            "\"single\"",
+            "\"double\"",
+            "Floating-point numbers of the frames: single (for pictures) or double",
+        ),
+        key(
+            "checkpoint_every",
+            Quantity(D::TIME),
+            "end / 10, at least a step",
+            "\"1 s\"",
+            "Simulated time between checkpoints",
+        ),
+    ],
+};
+
+static MATERIAL: Table = Table {
+    heading: "`[material.NAME]`",
+    alternatives: &[],
+    keys: &[
+        key("density", Quantity(D::DENSITY), "1000", "\"2500 kg/m^3\"", "Density"),
+        key("friction", Quantity(D::NONE), "0.25", "0.5", "Coefficient of friction with itself"),
+        key(
+            "restitution",
+            Quantity(D::NONE),
+            "0",
+            "0.6",
+            "Newton's coefficient of restitution with itself, 0 to 1",
+        ),
+    ],
+};
+
+static PAIR: Table = Table {
+    heading: "`[[pair]]`",
+    alternatives: &[],
+    keys: &[
+        key("materials", Texts, "required", "[\"glass\", \"steel\"]", "The two materials"),
+        key(
+            "friction",
+            Quantity(D::NONE),
+            "contact.friction_rule",
+            "0.2",
+            "Coefficient of friction between them",
+        ),
+        key(
+            "restitution",
+            Quantity(D::NONE),
+            "contact.restitution_rule",
+            "0.4",
+            "Coefficient of restitution between them",
+        ),
+    ],
+};

@@ -1,0 +1,245 @@
+//! Keys of packings: radii, lattices, drops, files.
+
+use super::Kind::{self, Count, Counts, Flag, List, Quantity, QuantityOr, Text, Vector};
+use super::body::SHAPE;
+use super::{D, Key, Table, key};
+
+pub(super) static PACKING: Table = Table {
+    heading: "`[packing.NAME]`",
+    alternatives: &[&["lattice", "drop", "file"], &["radius", "shape"]],
+    keys: &[
+        key(
+            "lattice",
+            Kind::Table(&LATTICE),
+            "one of lattice, drop, file",
+            "{ counts = [9, 9, 9], pitch = 0.23 }",
+            "Bodies on a perturbed cubic lattice",
+        ),
+        key(
+            "drop",
+            Kind::Table(&DROP),
+            "one of lattice, drop, file",
+            "{ count = 500, box = { min = [0, 0, 0], max = [1, 1, 3] } }",
+            "Bodies at random places of a region, without overlap",
+        ),
+        key(
+            "file",
+            Kind::Table(&FILE),
+            "one of lattice, drop, file",
+            "{ path = \"pile.vtu\" }",
+            "Spheres from a file",
+        ),
+        key(
+            "radius",
+            QuantityOr(D::LENGTH, &RADIUS),
+            "one of radius, shape; the file's",
+            "\"5 mm\"",
+            "Radius of the spheres: one value, or a distribution",
+        ),
+        key(
+            "shape",
+            Kind::Table(&SHAPE),
+            "one of radius, shape",
+            "{ box = { size = [1, 1, 1] } }",
+            "Shape of the bodies",
+        ),
+        key("material", Text, "the only material", "\"glass\"", "Material"),
+        key(
+            "velocity",
+            Vector(D::SPEED),
+            "[0, 0, 0]",
+            "[0, 0, \"-1 m/s\"]",
+            "Initial velocity, added to that of a file",
+        ),
+        key("lock_rotation", Flag, "false", "true", "Bodies keep their orientation"),
+        key("seed", Count, "seed of the scene + number of the packing", "7", "Seed of this packing"),
+    ],
+};
+
+static RADIUS: Table = Table {
+    heading: "`packing.NAME.radius`",
+    alternatives: &[&["uniform", "normal", "lognormal", "choice"]],
+    keys: &[
+        key(
+            "uniform",
+            Kind::Table(&UNIFORM),
+            "one of",
+            "{ min = \"4 mm\", max = \"6 mm\" }",
+            "Uniform between two radii",
+        ),
+        key(
+            "normal",
+            Kind::Table(&NORMAL),
+            "one of",
+            "{ mean = \"5 mm\", deviation = \"0.5 mm\", min = \"4 mm\", max = \"6 mm\" }",
+            "Normal, cut off at two radii",
+        ),
+        key(
+            "lognormal",
+            Kind::Table(&LOGNORMAL),
+            "one of",
+            "{ median = \"5 mm\", deviation = 0.2, min = \"3 mm\", max = \"8 mm\" }",
+            "Log-normal, cut off at two radii",
+        ),
+        key(
+            "choice",
+            Kind::Table(&CHOICE),
+            "one of",
+            "{ radii = [\"4 mm\", \"8 mm\"], weights = [0.9, 0.1] }",
+            "One of several radii",
+        ),
+    ],
+};
+
+const MIN_RADIUS: Key = key("min", Quantity(D::LENGTH), "required", "\"4 mm\"", "Smallest radius");
+const MAX_RADIUS: Key = key("max", Quantity(D::LENGTH), "required", "\"6 mm\"", "Largest radius");
+
+static UNIFORM: Table =
+    Table { heading: "`radius.uniform`", alternatives: &[], keys: &[MIN_RADIUS, MAX_RADIUS] };
+
+static NORMAL: Table = Table {
+    heading: "`radius.normal`",
+    alternatives: &[],
+    keys: &[
+        key("mean", Quantity(D::LENGTH), "required", "\"5 mm\"", "Mean before the cut"),
+        key("deviation", Quantity(D::LENGTH), "required", "\"0.5 mm\"", "Standard deviation before the cut"),
+        MIN_RADIUS,
+        MAX_RADIUS,
+    ],
+};
+
+static LOGNORMAL: Table = Table {
+    heading: "`radius.lognormal`",
+    alternatives: &[],
+    keys: &[
+        key("median", Quantity(D::LENGTH), "required", "\"5 mm\"", "Median before the cut"),
+        key(
+            "deviation",
+            Quantity(D::NONE),
+            "required",
+            "0.2",
+            "Standard deviation of the logarithm before the cut",
+        ),
+        MIN_RADIUS,
+        MAX_RADIUS,
+    ],
+};
+
+static CHOICE: Table = Table {
+    heading: "`radius.choice`",
+    alternatives: &[],
+    keys: &[
+        key("radii", List(D::LENGTH), "required", "[\"4 mm\", \"8 mm\"]", "The radii"),
+        key("weights", List(D::NONE), "equal", "[0.9, 0.1]", "How often each is drawn; any sum"),
+    ],
+};
+
+static LATTICE: Table = Table {
+    heading: "`packing.NAME.lattice`",
+    alternatives: &[],
+    keys: &[
+        key("counts", Counts, "required", "[\"2*n+1\", \"2*n+1\", \"2*n+1\"]", "Bodies along x, y, z"),
+        key(
+            "pitch",
+            Vector(D::LENGTH),
+            "required",
+            "\"0.23 m\"",
+            "Distance of neighbours: one for all axes, or three",
+        ),
+        key(
+            "origin",
+            Vector(D::LENGTH),
+            "[0, 0, 0]",
+            "[0, 0, \"5 cm\"]",
+            "Lower corner of the lattice: the first body sits half a pitch inside",
+        ),
+        key(
+            "jitter",
+            Quantity(D::LENGTH),
+            "0",
+            "\"12 mm\"",
+            "Each coordinate is moved by a uniform random length of at most this",
+        ),
+    ],
+};
+
+static DROP: Table = Table {
+    heading: "`packing.NAME.drop`",
+    alternatives: &[&["box", "cylinder"]],
+    keys: &[
+        key("count", Count, "required", "500", "Number of bodies"),
+        key(
+            "box",
+            Kind::Table(&BOX_REGION),
+            "one of box, cylinder",
+            "{ min = [0, 0, 0], max = [1, 1, 3] }",
+            "Region: box",
+        ),
+        key(
+            "cylinder",
+            Kind::Table(&CYLINDER_REGION),
+            "one of box, cylinder",
+            "{ radius = 1, height = 3 }",
+            "Region: upright cylinder",
+        ),
+    ],
+};
+
+static BOX_REGION: Table = Table {
+    heading: "`drop.box`",
+    alternatives: &[],
+    keys: &[
+        key("min", Vector(D::LENGTH), "required", "[0, 0, 0]", "Lower corner; bodies lie wholly inside"),
+        key("max", Vector(D::LENGTH), "required", "[1, 1, 3]", "Upper corner"),
+    ],
+};
+
+static CYLINDER_REGION: Table = Table {
+    heading: "`drop.cylinder`",
+    alternatives: &[],
+    keys: &[
+        key("base", Vector(D::LENGTH), "[0, 0, 0]", "[0, 0, \"1 cm\"]", "Centre of the lower end"),
+        key("radius", Quantity(D::LENGTH), "required", "\"10 cm\"", "Radius; bodies lie wholly inside"),
+        key("height", Quantity(D::LENGTH), "required", "\"30 cm\"", "Height, along z"),
+    ],
+};
+
+static FILE: Table = Table {
+    heading: "`packing.NAME.file`",
+    alternatives: &[],
+    keys: &[
+        key(
+            "path",
+            Text,
+            "required",
+            "\"pile.vtu\"",
+            "VTU or VTP, CSV, or a whitespace table; relative to the scene's folder, on the command line to the current one",
+        ),
+        key("format", Text, "by the file's ending", "\"table\"", "vtk, csv or table"),
+        key("skip_last", Count, "0", "1", "Leave out this many lines at the end"),
+        key(
+            "scale",
+            Quantity(D::NONE),
+            "1",
+            "0.001",
+            "Factor on all lengths, after the units that the file names",
+        ),
+        key("offset", Vector(D::LENGTH), "[0, 0, 0]", "[0, 0, \"1 cm\"]", "Added to all positions"),
+        key(
+            "keep_min",
+            Vector(D::LENGTH),
+            "everything",
+            "[-1, -1, 0]",
+            "Keep only centres above this corner, in final coordinates",
+        ),
+        key("keep_max", Vector(D::LENGTH), "everything", "[1, 1, 2]", "Keep only centres below this corner"),
+        key("radius_min", Quantity(D::LENGTH), "0", "\"1 mm\"", "Keep only spheres of at least this radius"),
+        key(
+            "radius_max",
+            Quantity(D::LENGTH),
+            "everything",
+            "\"1 cm\"",
+            "Keep only spheres of at most this radius",
+        ),
+    ],
+};
