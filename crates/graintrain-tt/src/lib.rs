@@ -28,6 +28,7 @@ pub mod arithmetic;
 pub mod cross;
 pub mod definite;
 mod error;
+mod factor;
 pub mod inverse;
 mod io;
 pub mod matrix;

@@ -5,10 +5,11 @@
 //! k-th unfolding of the whole tensor are those of core k, and a truncation there is a truncation of the tensor.
 
 use crate::error::at_core;
-use crate::scale::{binary_exponent, factor_out, largest_finite, scale_by_power, share_power};
+use crate::factor::{leading_columns, row_factor, triangle};
+use crate::scale::{binary_exponent, factor_out, largest_finite, share_power};
 use crate::vector::Core;
 use crate::{TtError, TtMatrix, TtVector};
-use graintrain_linalg::dense::{Matrix, left_svd, product, qr_triangle, thin_qr};
+use graintrain_linalg::dense::{Matrix, View, left_svd, product, thin_qr};
 use serde::{Deserialize, Serialize};
 
 /// How far a train may be shortened: relative Frobenius error and a cap on the ranks.
@@ -54,12 +55,25 @@ impl Truncation {
     }
 }
 
-/// A train as 2^exponent times cores of moderate size.
-pub(crate) struct Balanced {
-    pub cores: Vec<Core>,
+/// A train as 2^exponent times cores of moderate size, core k being 2^-powers\[k\] times that of the train.
+pub(crate) struct Balanced<'a> {
+    cores: &'a [Core],
+    powers: Vec<i32>,
     /// right\[k\]: the cores after the k-th (from 0) are right\[k\] Q with orthonormal rows of Q.
-    pub right: Vec<Matrix>,
+    right: Vec<Matrix>,
     pub exponent: i64,
+}
+
+impl Balanced<'_> {
+    /// The cores of moderate size.
+    pub fn cores(&self) -> Vec<Core> {
+        (0..self.cores.len()).map(|k| self.cores[k].scaled(-self.powers[k])).collect()
+    }
+
+    /// M G_k of the core of moderate size.
+    fn multiply_left(&self, k: usize, m: View<'_>) -> Core {
+        self.cores[k].multiply_left_scaled(m, -self.powers[k])
+    }
 }
 
 /// What a truncation did.
@@ -94,10 +108,27 @@ impl Budget {
         (self.allowed - self.used).max(0.0) / self.bonds.max(1) as f64
     }
 
-    /// The rank to keep from descending squared singular values, at least 1.
-    pub(crate) fn rank(&mut self, squares: &[f64]) -> usize {
-        let share = self.share();
+    /// The cap on the ranks.
+    pub(crate) fn max_rank(&self) -> usize {
+        self.max_rank
+    }
+
+    /// Counts what one bond leaves out.
+    pub(crate) fn charge(&mut self, left_out: f64) {
         self.bonds = self.bonds.saturating_sub(1);
+        self.used += left_out;
+    }
+
+    /// The rank to keep from descending squared singular values, at least 1; charges for the others.
+    pub(crate) fn rank(&mut self, squares: &[f64]) -> usize {
+        let (rank, tail) = self.split(squares);
+        self.charge(tail);
+        rank
+    }
+
+    /// The rank to keep from descending squared singular values, at least 1, and the sum of the others.
+    pub(crate) fn split(&self, squares: &[f64]) -> (usize, f64) {
+        let share = self.share();
         let (mut rank, mut tail) = (squares.len(), 0.0);
         // Values below rounding level of the largest carry no information and are dropped at no charge.
         let negligible = squares.first().map_or(0.0, |s| s * f64::EPSILON.powi(2));
@@ -109,8 +140,7 @@ impl Budget {
             tail += squares[rank - 1];
             rank -= 1;
         }
-        self.used += tail;
-        rank
+        (rank, tail)
     }
 
     /// The report for a tensor of this squared norm.
@@ -185,10 +215,12 @@ impl TtVector {
         let mut exponent = 0.0;
         for core in &self.cores {
             // The core alone first: its product with the triangle might overflow.
-            let mut core = core.clone();
-            let Some(power) = factor_out(&mut core.data) else { return not_scalable(&core.data) };
-            let next = core.multiply_left(r.view()).into_left_unfolding();
-            r = if next.rows() > next.columns() { qr_triangle(next) } else { next };
+            let size = largest_finite(&core.data).unwrap_or(f64::NAN);
+            if size.is_nan() || size == 0.0 {
+                return (size, 0.0);
+            }
+            let power = binary_exponent(size);
+            r = triangle(core.multiply_left_scaled(r.view(), -power).into_left_unfolding());
             let Some(second) = factor_out(r.data_mut()) else { return not_scalable(r.data()) };
             exponent += f64::from(power + second);
         }
@@ -198,8 +230,10 @@ impl TtVector {
     /// The shortest train within the truncation (Oseledets 2011, Algorithm 2). O(d n r^3). The error never exceeds the
     /// tolerance (beyond rounding level, about 1e-15 sqrt(d)) unless the cap binds.
     ///
-    /// The triangles L_k of the parts A_{>k} = L_k Q_k come from the right (Q is never formed); from the left, the singular
-    /// vectors U_k of G_k L_k are the new core, and U_k^T G_k goes into the next one. The result is left-orthogonal.
+    /// The factors L_k of the parts A_{>k} = L_k Q_k come from the right (Q is never formed), already without what depends on
+    /// other rows at rounding level; from the left, the leading left singular vectors U_k of G_k L_k are the new core (any
+    /// basis of its columns where no rank can be saved), and U_k^T G_k goes into the next one. The result is left-orthogonal.
+    /// Both kinds of factors come from Gram matrices where this costs no accuracy, from QR and SVD elsewhere.
     /// Every core and triangle is scaled by a power of two, so sizes from 1e-300 to 1e300 per core do no harm.
     ///
     /// # Errors
@@ -217,53 +251,51 @@ impl TtVector {
     pub fn round(&self, truncation: &Truncation) -> Result<(Self, TruncationReport), TtError> {
         truncation.check()?;
         let d = self.num_cores();
-        let Some(Balanced { mut cores, right, exponent }) = self.balanced()? else {
-            return Ok(self.zero_like());
-        };
-        let mut unfolding = product(cores[0].left_unfolding(), right[0].view());
+        let Some(parts) = self.balanced()? else { return Ok(self.zero_like()) };
+        let mut cores = Vec::with_capacity(d);
+        let mut core = self.cores[0].scaled(-parts.powers[0]);
+        let mut unfolding = product(core.left_unfolding(), parts.right[0].view());
         let norm_squared = unfolding.data().iter().map(|x| x * x).sum::<f64>();
         let mut budget = Budget::new(truncation, norm_squared, d - 1);
         for k in 0..d - 1 {
-            let (mut u, s) = left_svd(unfolding.view()).map_err(at_core(k))?;
-            let rank = budget.rank(&s.iter().map(|s| s * s).collect::<Vec<_>>());
-            u.truncate_columns(rank);
-            let carry = product(u.t(), cores[k].left_unfolding());
-            let (left, mode) = (cores[k].left, cores[k].mode);
-            cores[k] = Core::from_left_unfolding(left, mode, u);
-            cores[k + 1] = cores[k + 1].multiply_left(carry.view());
-            unfolding = product(cores[k + 1].left_unfolding(), right[k + 1].view());
+            let u = leading_columns(unfolding, &mut budget).map_err(at_core(k))?;
+            let carry = product(u.t(), core.left_unfolding());
+            cores.push(Core::from_left_unfolding(core.left, core.mode, u));
+            core = parts.multiply_left(k + 1, carry.view());
+            unfolding = product(core.left_unfolding(), parts.right[k + 1].view());
         }
+        cores.push(core);
         let report = budget.report(norm_squared);
-        share_power(&mut cores, exponent);
-        Ok((Self { cores }, TruncationReport { norm: report.norm * (exponent as f64).exp2(), ..report }))
+        share_power(&mut cores, parts.exponent);
+        Ok((
+            Self { cores },
+            TruncationReport { norm: report.norm * (parts.exponent as f64).exp2(), ..report },
+        ))
     }
 
     /// Scales every core by a power of two so that the parts right of every bond have a norm near 1; none for the zero
     /// tensor. O(d n r^3).
-    pub(crate) fn balanced(&self) -> Result<Option<Balanced>, TtError> {
+    pub(crate) fn balanced(&self) -> Result<Option<Balanced<'_>>, TtError> {
         let d = self.num_cores();
-        let mut cores = self.cores.clone();
-        let mut exponent = 0i64;
+        let mut powers = vec![0; d];
         let mut right = vec![Matrix::identity(1); d];
         for k in (0..d).rev() {
-            let size = largest_finite(&cores[k].data).map_err(at_core(k))?;
+            let core = &self.cores[k];
+            let size = largest_finite(&core.data).map_err(at_core(k))?;
             if size == 0.0 {
                 return Ok(None);
             }
-            let mut power = binary_exponent(size);
-            scale_by_power(&mut cores[k].data, -power);
-            let core = cores[k].multiply_right(right[k].view());
-            let turned = Matrix::from_vec(core.left, core.mode * core.right, core.data).transposed();
-            let mut triangle = qr_triangle(turned).transposed();
-            let Some(second) = factor_out(triangle.data_mut()) else { return Ok(None) };
-            scale_by_power(&mut cores[k].data, -second);
-            power += second;
+            let power = binary_exponent(size);
+            let part = core.multiply_right_scaled(right[k].view(), -power);
+            let mut factor = row_factor(Matrix::from_vec(part.left, part.mode * part.right, part.data));
+            let Some(second) = factor_out(factor.data_mut()) else { return Ok(None) };
+            powers[k] = power + second;
             if k > 0 {
-                right[k - 1] = triangle;
+                right[k - 1] = factor;
             }
-            exponent += i64::from(power);
         }
-        Ok(Some(Balanced { cores, right, exponent }))
+        let exponent = powers.iter().map(|&power| i64::from(power)).sum();
+        Ok(Some(Balanced { cores: &self.cores, powers, right, exponent }))
     }
 
     /// Singular values of every unfolding (i_1 ... i_k) x (i_{k+1} ... i_d), k = 1..d-1, descending: they tell the ranks
@@ -281,15 +313,14 @@ impl TtVector {
     /// ```
     pub fn singular_values(&self) -> Result<Vec<Vec<f64>>, TtError> {
         let d = self.num_cores();
-        let Some(Balanced { cores, right, exponent }) = self.balanced()? else {
-            return Ok(vec![vec![0.0]; d - 1]);
-        };
+        let Some(parts) = self.balanced()? else { return Ok(vec![vec![0.0]; d - 1]) };
         let mut values = Vec::with_capacity(d - 1);
-        let (mut left, mut taken_out) = (Matrix::identity(1), exponent);
+        let (mut left, mut taken_out) = (Matrix::identity(1), parts.exponent);
         for k in 0..d - 1 {
-            left = qr_triangle(cores[k].multiply_left(left.view()).into_left_unfolding());
+            left = triangle(parts.multiply_left(k, left.view()).into_left_unfolding());
             taken_out += i64::from(factor_out(left.data_mut()).unwrap_or(0));
-            let (_, mut s) = left_svd(product(left.view(), right[k].view()).view()).map_err(at_core(k))?;
+            let (_, mut s) =
+                left_svd(product(left.view(), parts.right[k].view()).view()).map_err(at_core(k))?;
             s.iter_mut().for_each(|s| *s *= (taken_out as f64).exp2());
             values.push(s);
         }

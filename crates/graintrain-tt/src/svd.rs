@@ -5,12 +5,13 @@
 //! rows of Q, and the TT-SVD of the small tensor L gives the same cores as that of A.
 
 use crate::error::at_core;
+use crate::factor::leading_columns;
 use crate::matrix::checked_product;
 use crate::round::Budget;
 use crate::scale::{binary_exponent, largest_finite, scale_by_power, share_power};
 use crate::vector::Core;
 use crate::{Truncation, TruncationReport, TtError, TtMatrix, TtVector};
-use graintrain_linalg::dense::{Matrix, View, left_svd, product, qr_triangle};
+use graintrain_linalg::dense::{Matrix, View, product, qr_triangle};
 
 /// Unfoldings of more rows than this are not made by joining modes: the QR of a pass costs 2 rows flops per entry.
 const GROUP_ROWS: usize = 32;
@@ -96,8 +97,7 @@ fn split_off_group(
         let left = basis.columns();
         let numbers = small.into_vec();
         let tensor = View::new(&numbers, left * mode, numbers.len() / (left * mode));
-        let (mut u, s) = left_svd(lower_factor(tensor).view()).map_err(at_core(cores.len()))?;
-        u.truncate_columns(budget.rank(&s.iter().map(|s| s * s).collect::<Vec<_>>()));
+        let u = leading_columns(lower_factor(tensor), budget).map_err(at_core(cores.len()))?;
         small = product(u.t(), tensor);
         let core = Core::from_left_unfolding(left, mode, u);
         basis = Matrix::from_vec(

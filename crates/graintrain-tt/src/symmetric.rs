@@ -14,11 +14,12 @@
 //! finite group is that of symmetric tensor networks: Singh, Pfeifer, Vidal, Phys. Rev. A 82, 050301, 2010.)
 
 use crate::error::at_core;
+use crate::factor::row_factor;
 use crate::round::Budget;
 use crate::scale::{binary_exponent, largest_finite, power_shares, scale_by_power};
 use crate::vector::Core;
 use crate::{Truncation, TruncationReport, TtError, TtMatrix};
-use graintrain_linalg::dense::{DenseError, Matrix, left_svd, product, qr_triangle};
+use graintrain_linalg::dense::{DenseError, Matrix, left_svd, product};
 use std::f64::consts::FRAC_1_SQRT_2;
 
 const PARITIES: [usize; 2] = [EVEN, ODD];
@@ -122,8 +123,7 @@ impl SymmetricTrain {
                 let after = PARITIES.map(|q| cores[k].blocks[p][q].multiply_right(right[k][q].view()));
                 let columns = after.iter().map(|block| block.mode * block.right).sum();
                 let unfolding = after.into_iter().flat_map(|block| block.data).collect();
-                qr_triangle(Matrix::from_vec(cores[k].blocks[p][p].left, columns, unfolding).transposed())
-                    .transposed()
+                row_factor(Matrix::from_vec(cores[k].blocks[p][p].left, columns, unfolding))
             });
             let second = joint_exponent(triangles.iter().map(Matrix::data)).map_err(at_core(k))?;
             let Some(second) = second else { return Ok(self.zero_like()) };

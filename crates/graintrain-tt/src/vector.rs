@@ -1,6 +1,7 @@
 //! The tensor train of a vector (or of any tensor): the type, its entries and its full form.
 
 use crate::TtError;
+use crate::scale::{factor_within_product, scale_by_power};
 use graintrain_linalg::dense::{Matrix, View, ViewMut, multiply};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -145,16 +146,41 @@ impl Core {
 
     /// M G: the left index contracted with the columns of M.
     pub(crate) fn multiply_left(&self, m: View<'_>) -> Self {
-        let mut data = vec![0.0; m.rows() * self.mode * self.right];
-        multiply(1.0, m, self.right_unfolding(), ViewMut::new(&mut data, m.rows(), self.mode * self.right));
-        Self { left: m.rows(), data, ..*self }
+        self.multiply_left_scaled(m, 0)
     }
 
     /// G M: the right index contracted with the rows of M.
     pub(crate) fn multiply_right(&self, m: View<'_>) -> Self {
+        self.multiply_right_scaled(m, 0)
+    }
+
+    /// 2^power M G, without overflow on the way where 2^power G has none.
+    pub(crate) fn multiply_left_scaled(&self, m: View<'_>, power: i32) -> Self {
+        let Some(factor) = factor_within_product(power) else { return self.scaled(power).multiply_left(m) };
+        let mut data = vec![0.0; m.rows() * self.mode * self.right];
+        multiply(
+            factor,
+            m,
+            self.right_unfolding(),
+            ViewMut::new(&mut data, m.rows(), self.mode * self.right),
+        );
+        Self { left: m.rows(), data, ..*self }
+    }
+
+    /// 2^power G M, without overflow on the way where 2^power G has none.
+    pub(crate) fn multiply_right_scaled(&self, m: View<'_>, power: i32) -> Self {
+        let Some(factor) = factor_within_product(power) else { return self.scaled(power).multiply_right(m) };
         let mut data = vec![0.0; self.left * self.mode * m.columns()];
-        multiply(1.0, self.left_unfolding(), m, ViewMut::new(&mut data, self.left * self.mode, m.columns()));
+        let rows = self.left * self.mode;
+        multiply(factor, self.left_unfolding(), m, ViewMut::new(&mut data, rows, m.columns()));
         Self { right: m.columns(), data, ..*self }
+    }
+
+    /// 2^power G.
+    pub(crate) fn scaled(&self, power: i32) -> Self {
+        let mut core = self.clone();
+        scale_by_power(&mut core.data, power);
+        core
     }
 }
 

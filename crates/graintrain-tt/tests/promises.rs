@@ -178,3 +178,30 @@ fn norms_and_long_trains_at_the_ends_of_the_floats() {
         assert!((rounded.entry(&[1; 40]).unwrap() - 1.0).abs() < 1e-12);
     }
 }
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    #[test]
+    fn cancelling_sums_keep_the_promise(
+        modes in modes(), rank in 1usize..6, gap in 0.0..13.0f64, digits in 0.5..12.0f64, part in 0.0..10.0f64, seed in any::<u64>(),
+    ) {
+        // a - (1 + 10^-gap) a + 10^-part b, whose terms cancel but for the given parts of a and b.
+        let (a, b) = (TtVector::random(&modes, rank, seed).unwrap(), TtVector::random(&modes, rank, seed ^ 7).unwrap());
+        let (factor, small) = (1.0 + 10f64.powf(-gap), 10f64.powf(-part));
+        let sum = a.add(&a.scale(-factor)).unwrap().add(&b.scale(small)).unwrap();
+        let (full_a, full_b) = (a.to_full().unwrap(), b.to_full().unwrap());
+        let exact: Vec<f64> = full_a.iter().zip(&full_b).map(|(a, b)| (1.0 - factor) * a + small * b).collect();
+        let norm = |x: &[f64]| x.iter().map(|x| x * x).sum::<f64>().sqrt();
+        // Rounding of the terms, enlarged by what they lose.
+        let lost = (2.0 * norm(&full_a) + small * norm(&full_b)) / norm(&exact);
+        let rounding = 5.0 * ROUNDING * lost;
+        prop_assume!(rounding < 1e-2);
+        prop_assert!((sum.norm() / norm(&exact) - 1.0).abs() <= rounding, "norm off by {}", sum.norm() / norm(&exact) - 1.0);
+        let tolerance = 0.1f64.powf(digits);
+        let (rounded, report) = sum.round(&Truncation::to(tolerance)).unwrap();
+        let truth = distance(&rounded.to_full().unwrap(), &exact);
+        prop_assert!(truth <= tolerance * (1.0 + 1e-9) + rounding, "{truth} > {tolerance}");
+        prop_assert!((truth - report.error).abs() <= 1e-6 * tolerance + rounding, "{truth} reported as {}", report.error);
+    }
+}

@@ -1,0 +1,295 @@
+//! Factors of unfoldings: from Gram matrices where their condition allows it, from reflections and singular values where it
+//! does not. A Gram matrix runs at the rate of a matrix product, a QR of a core at a seventh of it, an SVD at a twentieth.
+//!
+//! The Cholesky factor R of A^T A has R^T R = A^T A + E with |E_ij| <= c eps |a_i| |a_j| for columns a_i of length |a_i|.
+//! With D = diag(|a_i|) the computed factor is therefore (I + F) times the exact one, ||F|| <= c n eps ||D R^-1||_F^2: an
+//! error relative to whatever R is multiplied by later, which no cancellation further along the train can enlarge. So
+//! ||D R^-1||_F^2 (n for orthogonal columns of any lengths) is what decides; columns longer than [`CONDITION`] n in it go to
+//! Householder reflections. (Al Daas, Ballard, Manning, Parallel tensor train rounding using Gram SVD, 2022, take Gram
+//! matrices throughout and lose half the digits where trains cancel.)
+
+use crate::round::Budget;
+use graintrain_linalg::dense::{
+    Cholesky, DenseError, Matrix, View, gram, left_svd, multiply_add, product, qr_triangle,
+    solve_upper_on_the_right, symmetric_eigen,
+};
+
+/// Largest ||D R^-1||_F^2 / n at which a Gram matrix stands for its columns: at most two digits above rounding level.
+const CONDITION: f64 = 100.0;
+/// Squared lengths of columns outside this range may overflow or vanish in products: no Gram matrix of them.
+const SQUARES: std::ops::Range<f64> = 1e-200..1e200;
+/// What is left of a row of length one is not resolved by the Gram matrix below this square.
+const UNRESOLVED: f64 = 1e-8;
+/// Rows are dependent on others if less than this part of their length is left: the backward error of a QR.
+const DEPENDENT: f64 = 16.0 * f64::EPSILON;
+/// Share of the squared norm above which the eigenvalues of a Gram matrix (errors about n eps of the largest) can choose a rank.
+const RESOLVED_SHARE: f64 = 1e-11;
+
+/// R with A^T A = R^T R for well-conditioned columns of A.
+struct SafeCholesky {
+    factor: Cholesky,
+    /// ||R^-1||_F^2, so that no singular value of A is below 1 / sqrt of it.
+    inverse_squared: f64,
+}
+
+impl SafeCholesky {
+    /// From A^T A; none where the columns of A are too dependent (see the module), or where there are none.
+    fn new(gram: &Matrix) -> Option<Self> {
+        let n = gram.rows();
+        let squares: Vec<f64> = (0..n).map(|i| gram[(i, i)]).collect();
+        if n == 0 || !squares.iter().all(|square| SQUARES.contains(square)) {
+            return None;
+        }
+        let factor = Cholesky::new(gram.clone()).ok()?;
+        let mut scaled = Matrix::zeros(n, n);
+        (0..n).for_each(|i| scaled[(i, i)] = squares[i].sqrt());
+        solve_upper_on_the_right(scaled.view_mut(), factor.lower().t());
+        let (mut size, mut inverse_squared) = (0.0, 0.0);
+        for column in scaled.data().chunks_exact(n) {
+            for (x, square) in column.iter().zip(&squares) {
+                size += x * x;
+                inverse_squared += x * x / square;
+            }
+        }
+        (size <= CONDITION * n as f64).then_some(Self { factor, inverse_squared })
+    }
+
+    /// L = R^T, with zeros above the diagonal.
+    fn lower(&self) -> Matrix {
+        let lower = self.factor.lower();
+        Matrix::from_fn(lower.rows(), lower.rows(), |i, j| if i >= j { lower[(i, j)] } else { 0.0 })
+    }
+
+    /// A R^-1: orthonormal columns if A is the matrix of the factor.
+    fn orthonormal(&self, mut a: Matrix) -> Matrix {
+        solve_upper_on_the_right(a.view_mut(), self.factor.lower().t());
+        a
+    }
+}
+
+/// R with A^T A = R^T R and at most as many rows as A, for a matrix of any shape.
+pub(crate) fn triangle(a: Matrix) -> Matrix {
+    if a.rows() <= a.columns() {
+        return a;
+    }
+    match SafeCholesky::new(&gram(a.view())) {
+        Some(factor) => factor.lower().transposed(),
+        None => qr_triangle(a),
+    }
+}
+
+/// L with A = L Q for some orthonormal rows of Q, with as few columns as the rows of A have independent ones at rounding
+/// level (where the Gram matrix tells; never more than rows or columns of A).
+pub(crate) fn row_factor(a: Matrix) -> Matrix {
+    let squares = gram(a.t());
+    let wide = a.columns() > a.rows();
+    if wide && let Some(factor) = SafeCholesky::new(&squares) {
+        return factor.lower();
+    }
+    match dependent_rows(a.view(), &squares) {
+        Some(lower) => lower,
+        None if wide => qr_triangle(a.transposed()).transposed(),
+        None => a,
+    }
+}
+
+/// [`row_factor`] of rows that depend on few well-conditioned ones A_S: L = A A_S^T L_S^-T with A_S A_S^T = L_S L_S^T. What
+/// this leaves of every row is formed and measured; none unless all of it is rounding.
+fn dependent_rows(a: View<'_>, squares: &Matrix) -> Option<Matrix> {
+    let (m, most) = (a.rows(), a.rows().min(a.columns()));
+    let lengths: Vec<f64> = (0..m).map(|i| squares[(i, i)].sqrt()).collect();
+    let pivots = independent_rows(squares, &lengths, most);
+    if pivots.is_empty() || pivots.len() == most {
+        return None;
+    }
+    let kept = Matrix::from_fn(pivots.len(), pivots.len(), |i, j| squares[(pivots[i], pivots[j])]);
+    let factor = SafeCholesky::new(&kept)?;
+    let lower = factor.orthonormal(Matrix::from_fn(m, pivots.len(), |i, j| squares[(i, pivots[j])]));
+    // Q^T = A_S^T L_S^-T
+    let turned = factor.orthonormal(Matrix::from_fn(a.columns(), pivots.len(), |i, j| a.get(pivots[j], i)));
+    let mut rest = Matrix::from_fn(m, a.columns(), |i, j| a.get(i, j));
+    multiply_add(-1.0, lower.view(), turned.t(), rest.view_mut());
+    let mut left_over = vec![0.0; m];
+    for column in rest.data().chunks_exact(m) {
+        left_over.iter_mut().zip(column).for_each(|(sum, x)| *sum += x * x);
+    }
+    let negligible = |(square, length): (&f64, &f64)| square.sqrt() <= DEPENDENT * length;
+    left_over.iter().zip(&lengths).all(negligible).then_some(lower)
+}
+
+/// Pivots of the Cholesky factorization of the Gram matrix of rows brought to length one, until what is left of every row
+/// is [`UNRESOLVED`] or `most` are found.
+fn independent_rows(squares: &Matrix, lengths: &[f64], most: usize) -> Vec<usize> {
+    let m = lengths.len();
+    let inverse: Vec<f64> = lengths.iter().map(|x| if *x > 0.0 { 1.0 / x } else { 0.0 }).collect();
+    let mut left: Vec<f64> = lengths.iter().map(|x| f64::from(*x > 0.0)).collect();
+    let (mut factor, mut pivots): (Vec<f64>, Vec<usize>) = (Vec::new(), Vec::new());
+    while pivots.len() < most {
+        let (mut pivot, mut largest) = (0, UNRESOLVED);
+        for (i, x) in left.iter().enumerate() {
+            if *x > largest {
+                (pivot, largest) = (i, *x);
+            }
+        }
+        if largest == UNRESOLVED {
+            break;
+        }
+        let mut column: Vec<f64> =
+            squares.column(pivot).iter().zip(&inverse).map(|(x, scale)| x * scale * inverse[pivot]).collect();
+        for earlier in factor.chunks_exact(m) {
+            let weight = earlier[pivot];
+            column.iter_mut().zip(earlier).for_each(|(x, y)| *x -= weight * y);
+        }
+        let scale = 1.0 / largest.sqrt();
+        column.iter_mut().zip(&mut left).for_each(|(x, left)| {
+            *x *= scale;
+            *left -= *x * *x;
+        });
+        left[pivot] = 0.0;
+        factor.extend(column);
+        pivots.push(pivot);
+    }
+    pivots
+}
+
+/// Orthonormal columns that hold A (its leading left singular vectors, or any basis of all its columns where none can be
+/// left out) within the share of the budget, which is charged for what they leave out.
+pub(crate) fn leading_columns(a: Matrix, budget: &mut Budget) -> Result<Matrix, DenseError> {
+    let (m, n) = (a.rows(), a.columns());
+    let tall = m >= n;
+    let squares = if tall { gram(a.view()) } else { gram(a.t()) };
+    if tall
+        && n <= budget.max_rank()
+        && let Some(factor) = SafeCholesky::new(&squares)
+        && 1.0 > 1.01 * budget.share() * factor.inverse_squared
+    {
+        // The smallest singular value exceeds the share.
+        budget.charge(0.0);
+        return Ok(factor.orthonormal(a));
+    }
+    let norm_squared: f64 = (0..squares.rows()).map(|i| squares[(i, i)]).sum();
+    if budget.share() >= RESOLVED_SHARE * norm_squared && SQUARES.contains(&norm_squared) {
+        let (values, vectors) = symmetric_eigen(squares.view())?;
+        let descending: Vec<f64> = values.iter().rev().map(|x| x.max(0.0)).collect();
+        let (rank, _) = budget.split(&descending);
+        let leading: Vec<f64> =
+            (0..rank).flat_map(|j| vectors.column(vectors.columns() - 1 - j)).copied().collect();
+        let leading = Matrix::from_vec(vectors.rows(), rank, leading);
+        let basis = if tall {
+            let image = product(a.view(), leading.view());
+            SafeCholesky::new(&gram(image.view())).map(|factor| factor.orthonormal(image))
+        } else {
+            Some(leading)
+        };
+        if let Some(basis) = basis {
+            // What is left out, as it is and not as the eigenvalues have it.
+            let mut rest = a.clone();
+            multiply_add(-1.0, basis.view(), product(basis.t(), a.view()).view(), rest.view_mut());
+            let left_out: f64 = rest.data().iter().map(|x| x * x).sum();
+            if left_out <= budget.share() || rank == budget.max_rank() {
+                budget.charge(left_out);
+                return Ok(basis);
+            }
+        }
+    }
+    let (mut u, s) = left_svd(a.view())?;
+    u.truncate_columns(budget.rank(&s.iter().map(|s| s * s).collect::<Vec<_>>()));
+    Ok(u)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Truncation;
+    use crate::random::Random;
+    use graintrain_linalg::dense::thin_svd;
+    use proptest::prelude::*;
+
+    fn sample(rows: usize, columns: usize, random: &mut Random) -> Matrix {
+        Matrix::from_fn(rows, columns, |_, _| random.symmetric())
+    }
+
+    /// Rows of which `rank` are independent, in units that differ by up to 10^spread, with a part of size 10^-near of full
+    /// rank: dependent, nearly dependent or independent.
+    fn rows(m: usize, n: usize, rank: usize, spread: f64, near: f64, random: &mut Random) -> Matrix {
+        let mut a = product(sample(m, rank, random).view(), sample(rank, n, random).view());
+        let noise = 10f64.powf(-near);
+        let units: Vec<f64> = (0..m).map(|_| 10f64.powf(spread * random.symmetric())).collect();
+        for (e, x) in a.data_mut().iter_mut().enumerate() {
+            *x = (*x + noise * random.symmetric()) * units[e % m];
+        }
+        a
+    }
+
+    /// max |(X X^T - Y Y^T)_ij| / (|x_i| |x_j|) over rows.
+    fn distance_of_rows(x: &Matrix, y: &Matrix) -> f64 {
+        let (a, b) = (gram(x.t()), gram(y.t()));
+        let m = x.rows();
+        let entries = (0..m).flat_map(|i| (0..m).map(move |j| (i, j)));
+        entries
+            .map(|(i, j)| {
+                (a[(i, j)] - b[(i, j)]).abs() / (a[(i, i)] * a[(j, j)]).sqrt().max(f64::MIN_POSITIVE)
+            })
+            .fold(0.0, f64::max)
+    }
+
+    proptest! {
+        #[test]
+        fn factors_keep_every_row_to_rounding(
+            m in 1usize..30, n in 1usize..60, rank in 1usize..30, spread in 0.0..20.0f64, near in 0.0..18.0f64, seed in any::<u64>(),
+        ) {
+            let a = rows(m, n, rank, spread, near, &mut Random::new(seed));
+            let lower = row_factor(a.clone());
+            prop_assert!(lower.columns() <= m.min(n));
+            prop_assert!(distance_of_rows(&a, &lower) < 1e-13);
+            if m > 1 && n > m && rank < m && near > 17.0 && spread < 1.0 {
+                // (Rank many rows of a random matrix may be too ill conditioned for their Gram matrix.)
+                prop_assert!(lower.columns() == rank || lower.columns() == m, "{} of {rank}", lower.columns());
+            }
+            let upper = triangle(a.transposed());
+            prop_assert!(upper.rows() <= m.max(n) && distance_of_rows(&a, &upper.transposed()) < 1e-13);
+        }
+
+        #[test]
+        fn leading_columns_are_as_few_and_as_good_as_those_of_the_svd(
+            m in 1usize..40, n in 1usize..20, decay in 0.0..3.0f64, digits in 0.3..14.0f64, cap in 1usize..25, seed in any::<u64>(),
+        ) {
+            let mut random = Random::new(seed);
+            let (left, right) = (sample(m, m.min(n), &mut random), sample(m.min(n), n, &mut random));
+            let weighted = Matrix::from_fn(m, m.min(n), |i, j| left[(i, j)] * (-decay * j as f64).exp());
+            let a = product(weighted.view(), right.view());
+            let norm_squared: f64 = a.data().iter().map(|x| x * x).sum();
+            let truncation = Truncation::capped(10f64.powf(-digits), cap);
+            let mut budget = Budget::new(&truncation, norm_squared, 1);
+            let expected = budget.split(&thin_svd(a.view()).unwrap().s.iter().map(|s| s * s).collect::<Vec<_>>());
+            let basis = leading_columns(a.clone(), &mut budget).unwrap();
+            let report = budget.report(norm_squared);
+            let identity = product(basis.t(), basis.view());
+            for (e, x) in identity.data().iter().enumerate() {
+                prop_assert!((x - f64::from(e % (basis.columns() + 1) == 0)).abs() < 1e-11);
+            }
+            let mut rest = a.clone();
+            multiply_add(-1.0, basis.view(), product(basis.t(), a.view()).view(), rest.view_mut());
+            let truth = (rest.data().iter().map(|x| x * x).sum::<f64>() / norm_squared).sqrt();
+            prop_assert!(report.capped || truth <= truncation.tolerance + 1e-13, "{truth} {truncation:?}");
+            prop_assert!((truth - report.error).abs() <= 1e-6 * report.error + 1e-13, "{truth} {report:?}");
+            prop_assert!(basis.columns() <= cap);
+            // (One more where a singular value is at the limit to within the resolution of a Gram matrix.)
+            prop_assert!(basis.columns() <= expected.0 + 1 && (basis.columns() == expected.0 || truth > 0.99 * truncation.tolerance - 1e-13));
+        }
+    }
+
+    #[test]
+    fn dependent_rows_are_left_out_and_nearly_dependent_ones_kept() {
+        let mut random = Random::new(3);
+        let a = sample(8, 60, &mut random);
+        for (gap, expected) in [(0.0, 8), (1e-17, 8), (1e-12, 16), (1e-4, 16), (1.0, 16)] {
+            let b = sample(8, 60, &mut random);
+            let twice =
+                Matrix::from_fn(16, 60, |i, j| a[(i % 8, j)] + if i < 8 { 0.0 } else { gap * b[(i - 8, j)] });
+            assert_eq!(row_factor(twice).columns(), expected, "{gap:e}");
+        }
+        assert_eq!(row_factor(Matrix::zeros(3, 7)), Matrix::zeros(3, 3));
+        assert_eq!(row_factor(Matrix::zeros(0, 7)).rows(), 0);
+    }
+}
