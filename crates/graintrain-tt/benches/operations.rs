@@ -88,6 +88,12 @@ fn main() {
         || operator.times_vector(&small).expect("sizes"),
         |_| 0.0,
     );
+    let mut kept = small.clone();
+    report(
+        "TT-matrix x TT-vector 2^20, rank 4 x 16, memory kept",
+        || operator.times_vector_into(&small, &mut kept).expect("sizes"),
+        |_| 0.0,
+    );
     report(
         "TT-matrix x TT-matrix 2^20, rank 4 x 4",
         || operator.times_matrix(&operator).expect("sizes"),

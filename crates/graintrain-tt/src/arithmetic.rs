@@ -166,17 +166,37 @@ impl TtMatrix {
     /// # Errors
     /// [`TtError::Shape`] if the modes of x are not the columns of A.
     pub fn times_vector(&self, x: &TtVector) -> Result<TtVector, TtError> {
-        if x.modes() != self.columns {
-            return Err(TtError::Shape {
-                what: "modes of A x",
-                expected: self.columns.clone(),
-                got: x.modes(),
-            });
-        }
-        let cores = (0..self.num_cores())
-            .map(|k| contract(&self.cores()[k], self.rows[k], self.columns[k], &x.cores[k], 1))
-            .collect();
+        self.check_columns(x)?;
+        let cores = (0..self.num_cores()).map(|k| self.contract(k, &x.cores[k], 1, Vec::new())).collect();
         Ok(TtVector { cores })
+    }
+
+    /// y <- A x in the memory of y, which may be any train: where a product is formed again and again, asking the system for
+    /// its memory costs as much as the product.
+    ///
+    /// # Errors
+    /// As for [`TtMatrix::times_vector`].
+    ///
+    /// ```
+    /// use graintrain_tt::{TtVector, qtt};
+    /// let (a, x) = (qtt::laplacian(10)?, qtt::sine(10, 0.1, 0.3)?);
+    /// let mut y = TtVector::constant(&[2; 10], 0.0)?;
+    /// a.times_vector_into(&x, &mut y)?;
+    /// assert_eq!(y, a.times_vector(&x)?);
+    /// # Ok::<(), graintrain_tt::TtError>(())
+    /// ```
+    pub fn times_vector_into(&self, x: &TtVector, y: &mut TtVector) -> Result<(), TtError> {
+        self.check_columns(x)?;
+        y.cores.truncate(self.num_cores());
+        for k in 0..self.num_cores() {
+            let memory = y.cores.get_mut(k).map_or_else(Vec::new, |core| std::mem::take(&mut core.data));
+            let core = self.contract(k, &x.cores[k], 1, memory);
+            match y.cores.get_mut(k) {
+                Some(place) => *place = core,
+                None => y.cores.push(core),
+            }
+        }
+        Ok(())
     }
 
     /// A B as a train, ranks multiply. O(d n^3 R^2 r^2).
@@ -200,9 +220,7 @@ impl TtMatrix {
             });
         }
         let cores = (0..self.num_cores())
-            .map(|k| {
-                contract(&self.cores()[k], self.rows[k], self.columns[k], &other.cores()[k], other.columns[k])
-            })
+            .map(|k| self.contract(k, &other.cores()[k], other.columns[k], Vec::new()))
             .collect();
         Ok(Self { rows: self.rows.clone(), columns: other.columns.clone(), train: TtVector { cores } })
     }
@@ -218,47 +236,65 @@ impl TtMatrix {
             got: [&other.rows[..], &other.columns].concat(),
         })
     }
-}
 
-/// sum_j A(a, i, j, a') X(alpha, j, s, alpha') as a core with left (a, alpha), mode (i, s), right (a', alpha').
-///
-/// For every (i, s, a', alpha') this is a product (a x j) (j x alpha) that lands in its place: a matrix product for large
-/// modes. For small ones both columns are first spread to the length of the result, a with its period and
-/// alpha in runs, so that the inner loop is as long as the result and not as short as a rank.
-fn contract(a: &Core, m: usize, n: usize, x: &Core, s: usize) -> Core {
-    let (ra, rb, rx, ry) = (a.left, a.right, x.left, x.right);
-    let length = ra * rx;
-    let mut data = Vec::with_capacity(length * m * s * rb * ry);
-    let x_blocks = x.data.chunks_exact(rx * n * s);
-    if n >= GEMM_MODE {
-        data.resize(data.capacity(), 0.0);
-        for (x_block, out) in x_blocks.zip(data.chunks_exact_mut(length * m * s * rb)) {
-            for (block, out) in out.chunks_exact_mut(length).enumerate() {
-                let (i, spectator, b) = (block % m, (block / m) % s, block / (m * s));
-                let a_columns = View::with_stride(&a.data[ra * (i + m * n * b)..], ra, n, ra * m);
-                let x_columns = View::new(&x_block[rx * n * spectator..][..rx * n], rx, n);
-                multiply(1.0, a_columns, x_columns.t(), ViewMut::new(out, ra, rx));
-            }
+    /// Fails unless the modes of x are the columns of the matrix.
+    fn check_columns(&self, x: &TtVector) -> Result<(), TtError> {
+        let got = x.modes();
+        if got == self.columns {
+            return Ok(());
         }
-    } else {
-        let periods: Vec<f64> = a.data.chunks_exact(ra).flat_map(|column| column.repeat(rx)).collect();
-        let mut runs = vec![0.0; length * n * s];
-        for x_block in x_blocks {
-            runs.chunks_exact_mut(ra).zip(x_block).for_each(|(run, x)| run.fill(*x));
-            for b in 0..rb {
-                for runs in runs.chunks_exact(length * n) {
-                    for i in 0..m {
-                        let period = |j: usize| &periods[length * (i + m * (j + n * b))..][..length];
-                        let first = data.len();
-                        data.extend(period(0).iter().zip(&runs[..length]).map(|(a, x)| a * x));
-                        for (j, run) in runs.chunks_exact(length).enumerate().skip(1) {
-                            let terms = period(j).iter().zip(run);
-                            data[first..].iter_mut().zip(terms).for_each(|(out, (a, x))| *out += a * x);
+        Err(TtError::Shape { what: "modes of A x", expected: self.columns.clone(), got })
+    }
+
+    /// sum_j A_k(a, i, j, a') X(alpha, j, s, alpha') as a core with left (a, alpha), mode (i, s), right (a', alpha'), in the given
+    /// memory.
+    ///
+    /// For every (i, s, a', alpha') this is a product (a x j) (j x alpha) that lands in its place: a matrix product for
+    /// large modes. For small ones both columns are first spread to the length of the result, a with its period and alpha in
+    /// runs, so that the inner loop is as long as the result and not as short as a rank; every number is written once.
+    fn contract(&self, k: usize, x: &Core, s: usize, mut data: Vec<f64>) -> Core {
+        let (a, m, n) = (&self.cores()[k], self.rows[k], self.columns[k]);
+        let (ra, rb, rx, ry) = (a.left, a.right, x.left, x.right);
+        let length = ra * rx;
+        data.clear();
+        data.reserve_exact(length * m * s * rb * ry);
+        let x_blocks = x.data.chunks_exact(rx * n * s);
+        if n >= GEMM_MODE {
+            data.resize(length * m * s * rb * ry, 0.0);
+            for (x_block, out) in x_blocks.zip(data.chunks_exact_mut(length * m * s * rb)) {
+                for (block, out) in out.chunks_exact_mut(length).enumerate() {
+                    let (i, spectator, b) = (block % m, (block / m) % s, block / (m * s));
+                    let a_columns = View::with_stride(&a.data[ra * (i + m * n * b)..], ra, n, ra * m);
+                    let x_columns = View::new(&x_block[rx * n * spectator..][..rx * n], rx, n);
+                    multiply(1.0, a_columns, x_columns.t(), ViewMut::new(out, ra, rx));
+                }
+            }
+        } else {
+            let periods: Vec<f64> = a.data.chunks_exact(ra).flat_map(|column| column.repeat(rx)).collect();
+            let mut runs = vec![0.0; length * n * s];
+            for x_block in x_blocks {
+                runs.chunks_exact_mut(ra).zip(x_block).for_each(|(run, x)| run.fill(*x));
+                for b in 0..rb {
+                    for runs in runs.chunks_exact(length * n) {
+                        for i in 0..m {
+                            let period = |j: usize| &periods[length * (i + m * (j + n * b))..][..length];
+                            let run = |j: usize| &runs[length * j..][..length];
+                            let first = data.len();
+                            if n == 1 {
+                                data.extend(period(0).iter().zip(run(0)).map(|(a, x)| a * x));
+                                continue;
+                            }
+                            let (zero, one) = (period(0).iter().zip(run(0)), period(1).iter().zip(run(1)));
+                            data.extend(zero.zip(one).map(|((a, x), (b, y))| a * x + b * y));
+                            for j in 2..n {
+                                let terms = period(j).iter().zip(run(j));
+                                data[first..].iter_mut().zip(terms).for_each(|(out, (a, x))| *out += a * x);
+                            }
                         }
                     }
                 }
             }
         }
+        Core { left: length, mode: m * s, right: rb * ry, data }
     }
-    Core { left: length, mode: m * s, right: rb * ry, data }
 }

@@ -152,49 +152,61 @@ fn independent_rows(squares: &Matrix, lengths: &[f64], most: usize) -> Vec<usize
     pivots
 }
 
+/// An orthonormal basis of the columns of A if every singular value certainly exceeds the root of `share` (so that none may
+/// be left out) and the Gram matrix of the columns is well conditioned.
+pub(crate) fn all_columns(a: &Matrix, share: f64) -> Option<Matrix> {
+    if a.columns() == 0 {
+        return Some(a.clone());
+    }
+    if a.rows() < a.columns() {
+        return None;
+    }
+    let factor = SafeCholesky::new(&gram(a.view()))?;
+    (1.0 > 1.01 * share * factor.inverse_squared).then(|| factor.orthonormal(a.clone()))
+}
+
 /// Orthonormal columns that hold A (its leading left singular vectors, or any basis of all its columns where none can be
 /// left out) within the share of the budget, which is charged for what they leave out.
-pub(crate) fn leading_columns(a: Matrix, budget: &mut Budget) -> Result<Matrix, DenseError> {
-    let (m, n) = (a.rows(), a.columns());
-    let tall = m >= n;
-    let squares = if tall { gram(a.view()) } else { gram(a.t()) };
-    if tall
-        && n <= budget.max_rank()
-        && let Some(factor) = SafeCholesky::new(&squares)
-        && 1.0 > 1.01 * budget.share() * factor.inverse_squared
+pub(crate) fn leading_columns(a: &Matrix, budget: &mut Budget) -> Result<Matrix, DenseError> {
+    if a.columns() <= budget.max_rank()
+        && let Some(basis) = all_columns(a, budget.share())
     {
-        // The smallest singular value exceeds the share.
         budget.charge(0.0);
-        return Ok(factor.orthonormal(a));
+        return Ok(basis);
     }
-    let norm_squared: f64 = (0..squares.rows()).map(|i| squares[(i, i)]).sum();
-    if budget.share() >= RESOLVED_SHARE * norm_squared && SQUARES.contains(&norm_squared) {
-        let (values, vectors) = symmetric_eigen(squares.view())?;
-        let descending: Vec<f64> = values.iter().rev().map(|x| x.max(0.0)).collect();
-        let (rank, _) = budget.split(&descending);
-        let leading: Vec<f64> =
-            (0..rank).flat_map(|j| vectors.column(vectors.columns() - 1 - j)).copied().collect();
-        let leading = Matrix::from_vec(vectors.rows(), rank, leading);
-        let basis = if tall {
-            let image = product(a.view(), leading.view());
-            SafeCholesky::new(&gram(image.view())).map(|factor| factor.orthonormal(image))
-        } else {
-            Some(leading)
-        };
-        if let Some(basis) = basis {
-            // What is left out, as it is and not as the eigenvalues have it.
-            let mut rest = a.clone();
-            multiply_add(-1.0, basis.view(), product(basis.t(), a.view()).view(), rest.view_mut());
-            let left_out: f64 = rest.data().iter().map(|x| x * x).sum();
-            if left_out <= budget.share() || rank == budget.max_rank() {
-                budget.charge(left_out);
-                return Ok(basis);
-            }
-        }
+    if let Some((basis, left_out)) = columns_by_eigenvalues(a, budget)? {
+        budget.charge(left_out);
+        return Ok(basis);
     }
     let (mut u, s) = left_svd(a.view())?;
     u.truncate_columns(budget.rank(&s.iter().map(|s| s * s).collect::<Vec<_>>()));
     Ok(u)
+}
+
+/// Leading left singular vectors from the eigenvectors of a Gram matrix, and the squared norm of what they leave out; none
+/// where eigenvalues do not resolve the share of the budget or did not choose enough.
+fn columns_by_eigenvalues(a: &Matrix, budget: &Budget) -> Result<Option<(Matrix, f64)>, DenseError> {
+    let tall = a.rows() >= a.columns();
+    let squares = if tall { gram(a.view()) } else { gram(a.t()) };
+    let norm_squared: f64 = (0..squares.rows()).map(|i| squares[(i, i)]).sum();
+    if budget.share() < RESOLVED_SHARE * norm_squared || !SQUARES.contains(&norm_squared) {
+        return Ok(None);
+    }
+    let (values, vectors) = symmetric_eigen(squares.view())?;
+    let descending: Vec<f64> = values.iter().rev().map(|x| x.max(0.0)).collect();
+    let (rank, _) = budget.split(&descending);
+    let leading = (0..rank).flat_map(|j| vectors.column(values.len() - 1 - j)).copied().collect();
+    let mut basis = Matrix::from_vec(values.len(), rank, leading);
+    if tall {
+        let image = product(a.view(), basis.view());
+        let Some(factor) = SafeCholesky::new(&gram(image.view())) else { return Ok(None) };
+        basis = factor.orthonormal(image);
+    }
+    // What is left out, as it is and not as the eigenvalues have it.
+    let mut rest = a.clone();
+    multiply_add(-1.0, basis.view(), product(basis.t(), a.view()).view(), rest.view_mut());
+    let left_out: f64 = rest.data().iter().map(|x| x * x).sum();
+    Ok((left_out <= budget.share() || rank == budget.max_rank()).then_some((basis, left_out)))
 }
 
 #[cfg(test)]
@@ -262,7 +274,7 @@ mod tests {
             let truncation = Truncation::capped(10f64.powf(-digits), cap);
             let mut budget = Budget::new(&truncation, norm_squared, 1);
             let expected = budget.split(&thin_svd(a.view()).unwrap().s.iter().map(|s| s * s).collect::<Vec<_>>());
-            let basis = leading_columns(a.clone(), &mut budget).unwrap();
+            let basis = leading_columns(&a, &mut budget).unwrap();
             let report = budget.report(norm_squared);
             let identity = product(basis.t(), basis.view());
             for (e, x) in identity.data().iter().enumerate() {

@@ -258,7 +258,7 @@ impl TtVector {
         let norm_squared = unfolding.data().iter().map(|x| x * x).sum::<f64>();
         let mut budget = Budget::new(truncation, norm_squared, d - 1);
         for k in 0..d - 1 {
-            let u = leading_columns(unfolding, &mut budget).map_err(at_core(k))?;
+            let u = leading_columns(&unfolding, &mut budget).map_err(at_core(k))?;
             let carry = product(u.t(), core.left_unfolding());
             cores.push(Core::from_left_unfolding(core.left, core.mode, u));
             core = parts.multiply_left(k + 1, carry.view());

@@ -97,7 +97,7 @@ fn split_off_group(
         let left = basis.columns();
         let numbers = small.into_vec();
         let tensor = View::new(&numbers, left * mode, numbers.len() / (left * mode));
-        let u = leading_columns(lower_factor(tensor), budget).map_err(at_core(cores.len()))?;
+        let u = leading_columns(&lower_factor(tensor), budget).map_err(at_core(cores.len()))?;
         small = product(u.t(), tensor);
         let core = Core::from_left_unfolding(left, mode, u);
         basis = Matrix::from_vec(

@@ -14,7 +14,7 @@
 //! finite group is that of symmetric tensor networks: Singh, Pfeifer, Vidal, Phys. Rev. A 82, 050301, 2010.)
 
 use crate::error::at_core;
-use crate::factor::row_factor;
+use crate::factor::{all_columns, row_factor};
 use crate::round::Budget;
 use crate::scale::{binary_exponent, largest_finite, power_shares, scale_by_power};
 use crate::vector::Core;
@@ -141,20 +141,8 @@ impl SymmetricTrain {
         let norm_squared = unfolding.iter().flat_map(|u| u.data()).map(|x| x * x).sum::<f64>();
         let mut budget = Budget::new(truncation, norm_squared, d - 1);
         for k in 0..d - 1 {
-            let mut vectors = [Matrix::zeros(0, 0), Matrix::zeros(0, 0)];
-            let mut squares: Vec<(f64, usize)> = Vec::new();
-            for q in PARITIES {
-                let (u, s) = left_svd(unfolding[q].view()).map_err(at_core(k))?;
-                vectors[q] = u;
-                squares.extend(s.iter().map(|s| (s * s, q)));
-            }
-            squares.sort_by(|a, b| b.0.total_cmp(&a.0));
-            let rank = budget.rank(&squares.iter().map(|s| s.0).collect::<Vec<_>>());
-            let mut carry = [Matrix::zeros(0, 0), Matrix::zeros(0, 0)];
-            for q in PARITIES {
-                vectors[q].truncate_columns(squares[..rank].iter().filter(|s| s.1 == q).count());
-                carry[q] = product(vectors[q].t(), cores[k].left_unfolding(q).view());
-            }
+            let vectors = leading_of_both(&unfolding, &mut budget).map_err(at_core(k))?;
+            let carry = PARITIES.map(|q| product(vectors[q].t(), cores[k].left_unfolding(q).view()));
             cores[k].set_left_unfoldings(&vectors);
             for p in PARITIES {
                 for q in PARITIES {
@@ -251,6 +239,31 @@ impl GradedCore {
         }
         core
     }
+}
+
+/// Leading left singular vectors of the even and the odd unfolding of a bond within the share of the budget.
+fn leading_of_both(unfoldings: &[Matrix; 2], budget: &mut Budget) -> Result<[Matrix; 2], DenseError> {
+    let [even, odd] = unfoldings;
+    if even.columns() + odd.columns() <= budget.max_rank()
+        && let Some(even) = all_columns(even, budget.share())
+        && let Some(odd) = all_columns(odd, budget.share())
+    {
+        budget.charge(0.0);
+        return Ok([even, odd]);
+    }
+    let mut vectors = [Matrix::zeros(0, 0), Matrix::zeros(0, 0)];
+    let mut squares: Vec<(f64, usize)> = Vec::new();
+    for q in PARITIES {
+        let (u, s) = left_svd(unfoldings[q].view())?;
+        vectors[q] = u;
+        squares.extend(s.iter().map(|s| (s * s, q)));
+    }
+    squares.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let rank = budget.rank(&squares.iter().map(|s| s.0).collect::<Vec<_>>());
+    for q in PARITIES {
+        vectors[q].truncate_columns(squares[..rank].iter().filter(|s| s.1 == q).count());
+    }
+    Ok(vectors)
 }
 
 /// The pairs (i, j), i <= j, whose basis matrices are e_i e_i^T and (e_i e_j^T + e_j e_i^T) / sqrt(2); or those, i < j, of

@@ -83,6 +83,11 @@ proptest! {
         let fx = Matrix::from_vec(fa.columns(), 1, x.to_full().unwrap());
         prop_assert!(distance(a.times_matrix(&b).unwrap().to_full().unwrap().data(), product(fa.view(), fb.view()).data()) < 1e-12);
         prop_assert!(distance(&a.times_vector(&x).unwrap().to_full().unwrap(), product(fa.view(), fx.view()).data()) < 1e-12);
+        // The memory of the result may hold anything: more cores, fewer, larger or smaller ones.
+        for mut y in [TtVector::random(&[3; 7], 5, seed).unwrap(), TtVector::random(&[1], 1, seed).unwrap(), x.clone()] {
+            a.times_vector_into(&x, &mut y).unwrap();
+            prop_assert_eq!(&y, &a.times_vector(&x).unwrap());
+        }
         prop_assert!(distance(a.transpose().to_full().unwrap().data(), fa.transposed().data()) < 1e-15);
         let operator = FullOperator::new(&a).unwrap();
         prop_assert!(distance(&operator.multiply(fx.data()).unwrap(), product(fa.view(), fx.view()).data()) < 1e-12);
