@@ -52,7 +52,7 @@ impl From<Friction> for FrictionModel {
 }
 
 /// A number that is finite and positive.
-fn positive(text: &str) -> Result<f64, String> {
+pub fn positive(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(value) if value.is_finite() && value > 0.0 => Ok(value),
         _ => Err("expected a positive number".to_string()),

@@ -131,14 +131,21 @@ fn draw_series(svg: &mut Svg, frame: &Frame, series: &Series, color: usize) {
     }
     if series.markers {
         for &point in placed.iter().flatten() {
-            marker(svg, point, color, ink);
+            marker(svg, point, series, color);
         }
     }
 }
 
-/// A marker whose form depends on the colour's index, so that series are told apart without colour too.
-fn marker(svg: &mut Svg, [x, y]: [f64; 2], index: usize, ink: &str) {
-    let r = 3.6;
+/// The marker of a series.
+fn marker(svg: &mut Svg, at: [f64; 2], series: &Series, color: usize) {
+    symbol(svg, at, 3.6, color, PALETTE[color % PALETTE.len()]);
+    if series.hollow {
+        symbol(svg, at, 2.0, color, "#ffffff");
+    }
+}
+
+/// A symbol of radius r whose form depends on the colour's index, so that series are told apart without colour too.
+fn symbol(svg: &mut Svg, [x, y]: [f64; 2], r: f64, index: usize, ink: &str) {
     match index % 4 {
         0 => svg.circle([x, y], r, ink),
         1 => svg.polygon(&[[x - r, y - r], [x + r, y - r], [x + r, y + r], [x - r, y + r]], ink),
@@ -196,7 +203,7 @@ fn legend(svg: &mut Svg, chart: &Chart, origin: [f64; 2]) -> f64 {
                         svg.polyline(&ends, ink, 2.0, series.stroke == Stroke::Dashed);
                     }
                     if series.markers {
-                        marker(svg, [left + 13.0, middle], *color, ink);
+                        marker(svg, [left + 13.0, middle], series, *color);
                     }
                 }
                 Key::Band(_) => svg.rectangle([left, middle - 5.0], [26.0, 10.0], BAND, 0.22),

@@ -51,6 +51,8 @@ pub struct Series {
     pub stroke: Stroke,
     /// Whether points get a marker.
     pub markers: bool,
+    /// Whether markers are outlines, e.g. for bounds instead of values.
+    pub hollow: bool,
     /// Index into the palette; `None` is the series' position in the chart.
     pub color: Option<usize>,
 }
@@ -64,6 +66,7 @@ impl Series {
             errors: Vec::new(),
             stroke: Stroke::Solid,
             markers: false,
+            hollow: false,
             color: None,
         }
     }
@@ -81,6 +84,12 @@ impl Series {
     /// The same with a marker on every point.
     pub fn with_markers(mut self) -> Self {
         self.markers = true;
+        self
+    }
+
+    /// The same with outlines for markers.
+    pub fn hollow(mut self) -> Self {
+        self.hollow = true;
         self
     }
 

@@ -1,6 +1,6 @@
 //! Plots in the form of the paper's figures.
 
-use super::physics::{dilation, displacement, resistance};
+use super::physics::{dilation, displacement, mean, median, resistance};
 use super::solves::Solve;
 use super::trajectory::{Experiment, Trajectory, Variant};
 use super::{METHODS, Results, published};
@@ -34,20 +34,17 @@ pub fn figures(results: &Results) -> Vec<Figure> {
     );
     add(
         "fig10",
-        "Figure 10: time of a solve against the number of contacts, sedimentation.",
-        scaling(results, &[Experiment::Sedimentation]),
+        "Figure 10: time of a solve against the number of contacts, sedimentation. Hollow: tolerance missed, the time is where the \
+         time limit ended the solve.",
+        scaling(results, Experiment::Sedimentation).into(),
     );
     add(
         "fig11",
-        "Figure 11: precomputation per step and per Newton iteration, sedimentation.",
+        "Figure 11: precomputation per step and per Newton iteration, sedimentation. Hollow: tolerance missed.",
         vec![
-            by_contacts(
-                results,
-                &[Experiment::Sedimentation],
-                "Precomputation per step",
-                "time (s)",
-                |solve| solve.precompute_seconds,
-            )
+            by_contacts(results, Experiment::Sedimentation, "Precomputation per step", "time (s)", |solve| {
+                solve.precompute_seconds
+            })
             .with_band(
                 "paper, tensor train: 5 to 15 s",
                 published::PRECOMPUTE_SECONDS[0],
@@ -55,7 +52,7 @@ pub fn figures(results: &Results) -> Vec<Figure> {
             ),
             by_contacts(
                 results,
-                &[Experiment::Sedimentation],
+                Experiment::Sedimentation,
                 "Precomputation per Newton iteration",
                 "time (s)",
                 |solve| solve.precompute_seconds / solve.iterations.max(1) as f64,
@@ -64,41 +61,50 @@ pub fn figures(results: &Results) -> Vec<Figure> {
     );
     add(
         "fig12",
-        "Figure 12: inner iterations per Newton iteration, and Newton iterations, sedimentation.",
+        "Figure 12: inner iterations per Newton iteration, and Newton iterations, sedimentation. Hollow: tolerance missed.",
         vec![
             by_contacts(
                 results,
-                &[Experiment::Sedimentation],
+                Experiment::Sedimentation,
                 "Inner iterations",
                 "iterations per Newton iteration (1)",
                 |s| s.inner_mean,
             ),
-            by_contacts(
-                results,
-                &[Experiment::Sedimentation],
-                "Newton iterations",
-                "iterations (1)",
-                |solve| {
-                    if solve.precompute_seconds + solve.apply_seconds > 0.0 {
-                        solve.iterations as f64
-                    } else {
-                        0.0
-                    }
-                },
-            ),
+            by_contacts(results, Experiment::Sedimentation, "Newton iterations", "iterations (1)", |solve| {
+                if solve.precompute_seconds + solve.apply_seconds > 0.0 {
+                    solve.iterations as f64
+                } else {
+                    0.0
+                }
+            }),
         ],
     );
     add(
         "fig15",
-        "Figure 15: time of a solve against the number of contacts, drafting and direct shear.",
-        scaling(results, &[Experiment::Drafting, Experiment::DirectShear]),
+        "Figure 15: time of a solve against the number of contacts, drafting (above) and direct shear (below). Hollow: tolerance missed.",
+        [Experiment::Drafting, Experiment::DirectShear]
+            .into_iter()
+            .flat_map(|e| scaling(results, e))
+            .collect(),
     );
     add(
         "forces",
         "Force on the blade, and torque of the mixer, against time.",
         vec![
-            over_time(results, Experiment::Drafting, "Drag of the blade", "force (N)"),
-            over_time(results, Experiment::Sedimentation, "Torque of the mixer", "torque (N m)"),
+            over_time(
+                results,
+                Experiment::Drafting,
+                "Drag of the blade, means over 0.1 s",
+                "force (N)",
+                mean,
+            ),
+            over_time(
+                results,
+                Experiment::Sedimentation,
+                "Torque of the mixer, medians over 0.1 s",
+                "torque (N m)",
+                median,
+            ),
         ],
     );
     add(
@@ -124,48 +130,54 @@ pub fn figures(results: &Results) -> Vec<Figure> {
 
 fn by_contacts(
     results: &Results,
-    experiments: &[Experiment],
+    experiment: Experiment,
     title: &str,
     ordinate: &str,
     value: impl Fn(&Solve) -> f64,
 ) -> Chart {
     let mut chart = Chart::new(title, Axis::log("contacts (1)"), Axis::log(ordinate)).sized(600.0, 430.0);
     for (color, method) in METHODS.iter().enumerate() {
-        let in_chart = |solve: &&Solve| {
-            solve.method == *method
-                && experiments.iter().any(|experiment| experiment.scene() == solve.experiment)
+        let points = |converged: bool| -> Vec<[f64; 2]> {
+            let of_method = |solve: &&Solve| {
+                solve.method == *method
+                    && solve.experiment == experiment.scene()
+                    && solve.converged() == converged
+            };
+            let found = results.solves.iter().filter(of_method);
+            let mut points: Vec<[f64; 2]> =
+                found.map(|solve| [solve.contacts as f64, value(solve)]).filter(|p| p[1] > 0.0).collect();
+            points.sort_by(|a, b| a[0].total_cmp(&b[0]));
+            points
         };
-        let mut points: Vec<[f64; 2]> = results
-            .solves
-            .iter()
-            .filter(in_chart)
-            .map(|solve| [solve.contacts as f64, value(solve)])
-            .filter(|point| point[1] > 0.0)
-            .collect();
-        points.sort_by(|a, b| a[0].total_cmp(&b[0]));
-        if !points.is_empty() {
-            chart = chart.with(Series::line(*method, points).with_markers().in_color(color));
+        let (solved, missed) = (points(true), points(false));
+        let label = if solved.is_empty() { *method } else { "" };
+        if !solved.is_empty() {
+            chart = chart.with(Series::line(*method, solved).with_markers().in_color(color));
+        }
+        if !missed.is_empty() {
+            chart = chart.with(Series::scatter(label, missed).hollow().in_color(color));
         }
     }
     chart
 }
 
 /// Time of the linear algebra, and the part of it that is precomputation.
-fn scaling(results: &Results, experiments: &[Experiment]) -> Vec<Chart> {
+fn scaling(results: &Results, experiment: Experiment) -> [Chart; 2] {
+    let scene = experiment.scene();
     let share = by_contacts(
         results,
-        experiments,
-        "Precomputation / (solve + precomputation)",
+        experiment,
+        &format!("Precomputation / (solve + precomputation), {scene}"),
         "fraction (1)",
         |solve| {
             solve.precompute_seconds / (solve.precompute_seconds + solve.apply_seconds).max(f64::MIN_POSITIVE)
         },
     );
-    vec![
+    [
         by_contacts(
             results,
-            experiments,
-            "Solve + precomputation per step",
+            experiment,
+            &format!("Solve + precomputation per step, {scene}"),
             "time (s)",
             Solve::linear_seconds,
         ),
@@ -185,23 +197,30 @@ fn reuse(results: &Results, title: &str, pick: impl Fn(&super::ReuseRow) -> [f64
     chart
 }
 
-fn over_time(results: &Results, experiment: Experiment, title: &str, ordinate: &str) -> Chart {
+fn over_time(
+    results: &Results,
+    experiment: Experiment,
+    title: &str,
+    ordinate: &str,
+    statistic: fn(&[f64]) -> f64,
+) -> Chart {
     let mut chart = Chart::new(title, Axis::linear("time (s)"), Axis::linear(ordinate)).sized(600.0, 430.0);
     for (color, variant) in Variant::ALL.into_iter().enumerate() {
         if let Some(trajectory) = results.trajectory(experiment, variant) {
             let points = trajectory.rows.iter().map(|row| [row.time, resistance(experiment, row)]).collect();
-            chart =
-                chart.with(Series::line(variant.name(), smoothed(points, trajectory.step)).in_color(color));
+            let points = smoothed(points, trajectory.step, statistic);
+            chart = chart.with(Series::line(variant.name(), points).in_color(color));
         }
     }
     chart
 }
 
-/// Means over windows of 0.1 s: impacts of single grains would hide the course.
-fn smoothed(points: Vec<[f64; 2]>, step: f64) -> Vec<[f64; 2]> {
+/// Mean abscissa and a statistic of the ordinates in windows of 0.1 s: impacts of single grains would hide the course.
+fn smoothed(points: Vec<[f64; 2]>, step: f64, statistic: fn(&[f64]) -> f64) -> Vec<[f64; 2]> {
     let window = ((0.1 / step).round() as usize).max(1);
-    let mean = |chunk: &[[f64; 2]], k: usize| chunk.iter().map(|p| p[k]).sum::<f64>() / chunk.len() as f64;
-    points.chunks(window).map(|chunk| [mean(chunk, 0), mean(chunk, 1)]).collect()
+    let column = |chunk: &[[f64; 2]], k: usize| chunk.iter().map(|p| p[k]).collect::<Vec<f64>>();
+    let windows = points.chunks(window);
+    windows.map(|chunk| [mean(&column(chunk, 0)), statistic(&column(chunk, 1))]).collect()
 }
 
 fn shear(results: &Results) -> Vec<Chart> {
@@ -220,7 +239,8 @@ fn shear(results: &Results) -> Vec<Chart> {
 fn force_by_displacement(trajectory: &Trajectory) -> Vec<[f64; 2]> {
     let displacement = displacement(trajectory);
     let moving = trajectory.rows.iter().zip(displacement).filter(|(row, _)| row.velocity[0].abs() > 0.0);
-    smoothed(moving.map(|(row, x)| [x, resistance(Experiment::DirectShear, row)]).collect(), trajectory.step)
+    let points = moving.map(|(row, x)| [x, resistance(Experiment::DirectShear, row)]).collect();
+    smoothed(points, trajectory.step, mean)
 }
 
 fn of_simulations(

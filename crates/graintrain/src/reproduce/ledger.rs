@@ -4,8 +4,8 @@ use super::ReproduceError;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use std::collections::HashMap;
-use std::fs::{File, OpenOptions};
-use std::io::Write;
+use std::fs::{File, OpenOptions, TryLockError};
+use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 /// Results by key, backed by a file that grows by a line per result.
@@ -13,32 +13,53 @@ pub struct Ledger {
     path: PathBuf,
     file: File,
     cells: HashMap<String, serde_json::Value>,
+    /// Whole lines that could not be read. The file as it was is kept with `.damaged` added to its name.
+    pub damaged: usize,
 }
 
 impl Ledger {
-    /// Opens or begins the ledger. A last line that a kill cut short is removed.
+    /// Opens or begins the ledger, for this process alone. A last line that a kill cut short is removed; other lines that
+    /// cannot be read are left out, and the file as it was is kept beside.
     ///
     /// # Errors
-    /// [`ReproduceError::File`] where the file cannot be read or written.
+    /// [`ReproduceError::File`] where the file cannot be read or written, [`ReproduceError::Busy`] where another process has
+    /// it.
     pub fn open(path: &Path) -> Result<Self, ReproduceError> {
         let failed = |source| ReproduceError::File { path: path.to_path_buf(), source };
-        let text = match std::fs::read_to_string(path) {
-            Ok(text) => text,
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => String::new(),
-            Err(error) => return Err(failed(error)),
-        };
+        let mut file = OpenOptions::new()
+            .create(true)
+            .truncate(false)
+            .read(true)
+            .write(true)
+            .open(path)
+            .map_err(failed)?;
+        file.try_lock().map_err(|error| match error {
+            TryLockError::WouldBlock => ReproduceError::Busy { path: path.to_path_buf() },
+            TryLockError::Error(source) => failed(source),
+        })?;
+        let mut bytes = Vec::new();
+        file.read_to_end(&mut bytes).map_err(failed)?;
         let mut cells = HashMap::new();
-        let mut whole = 0;
-        for line in text.split_inclusive('\n').take_while(|line| line.ends_with('\n')) {
-            let Ok((key, value)) = serde_json::from_str::<(String, serde_json::Value)>(line) else { break };
-            cells.insert(key, value);
-            whole += line.len();
+        let (mut whole, mut damaged) = (Vec::new(), 0);
+        for line in bytes.split_inclusive(|&byte| byte == b'\n').filter(|line| line.ends_with(b"\n")) {
+            match serde_json::from_slice::<(String, serde_json::Value)>(line) {
+                Ok((key, value)) => {
+                    cells.insert(key, value);
+                    whole.extend_from_slice(line);
+                }
+                Err(_) => damaged += 1,
+            }
         }
-        let mut file =
-            OpenOptions::new().create(true).truncate(false).write(true).open(path).map_err(failed)?;
-        file.set_len(whole as u64).map_err(failed)?;
-        std::io::Seek::seek(&mut file, std::io::SeekFrom::End(0)).map_err(failed)?;
-        Ok(Self { path: path.to_path_buf(), file, cells })
+        if damaged > 0 {
+            let mut kept = path.as_os_str().to_owned();
+            kept.push(".damaged");
+            std::fs::write(PathBuf::from(kept), &bytes).map_err(failed)?;
+            // In place, since the lock belongs to this file.
+            file.seek(SeekFrom::Start(0)).and_then(|_| file.write_all(&whole)).map_err(failed)?;
+        }
+        file.set_len(whole.len() as u64).map_err(failed)?;
+        file.seek(SeekFrom::End(0)).map_err(failed)?;
+        Ok(Self { path: path.to_path_buf(), file, cells, damaged })
     }
 
     /// The result of a cell, if it is there and readable.

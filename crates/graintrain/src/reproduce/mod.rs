@@ -3,7 +3,8 @@
 //! Every experiment is simulated once with the fastest solver; the contact problems of evenly spread steps are then
 //! solved by every method from zero impulses, on one thread, to the paper's tolerance, within a time limit. Methods that
 //! this build lacks are reported as missing. Each finished piece of work (cell) is a line of `cells.jsonl`, so that a
-//! killed reproduction goes on where it was; apart from the seconds, results do not depend on interruptions or threads.
+//! killed reproduction goes on where it was and loses no more than the simulation or solve under way; apart from seconds,
+//! and from iterates at which a time limit ended a solve, results do not depend on interruptions or threads.
 //!
 //! | module | holds |
 //! |---|---|
@@ -160,6 +161,12 @@ pub enum ReproduceError {
         /// Why.
         source: std::io::Error,
     },
+    /// Another process works in the folder.
+    #[error("{}: another reproduction works in this folder; wait for it, or name another folder with --out", path.display())]
+    Busy {
+        /// The ledger.
+        path: PathBuf,
+    },
     /// No threads can be started.
     #[error("no threads for the measurements: {0}")]
     Threads(#[from] rayon::ThreadPoolBuildError),
@@ -190,6 +197,8 @@ pub struct Results {
     pub ranks: [[Option<Solve>; 3]; 3],
     /// Methods that this build lacks.
     pub missing: Vec<String>,
+    /// Lines of `cells.jsonl` that could not be read; their cells were measured again.
+    pub damaged: usize,
 }
 
 impl Results {
@@ -202,12 +211,13 @@ impl Results {
             .map(|(_, trajectory)| trajectory)
     }
 
-    /// The simulations of an experiment at the largest size measured, one per perturbation of the lattice.
-    pub fn seeds(&self, experiment: Experiment, variant: Variant) -> Vec<&Trajectory> {
+    /// The simulations of an experiment at the largest size measured, with the seeds of their lattices.
+    pub fn seeds(&self, experiment: Experiment, variant: Variant) -> Vec<(u64, &Trajectory)> {
         let alike = |cell: &Simulate| cell.experiment == experiment && cell.variant == variant;
         let largest = self.trajectories.iter().filter(|(cell, _)| alike(cell)).map(|(cell, _)| cell.n).max();
         let wanted = |cell: &Simulate| alike(cell) && Some(cell.n) == largest;
-        self.trajectories.iter().filter(|(cell, _)| wanted(cell)).map(|(_, trajectory)| trajectory).collect()
+        let found = self.trajectories.iter().filter(|(cell, _)| wanted(cell));
+        found.map(|(cell, trajectory)| (cell.seed, trajectory)).collect()
     }
 }
 
@@ -353,7 +363,8 @@ pub fn measure(
     let mut results = Results::default();
     let cells = cells(settings, &mut results.missing);
     let limit = settings.limit();
-    // Methods that did not come back are not asked again in this session: their threads still work.
+    results.damaged = ledger.damaged;
+    // Methods that did not come back are not asked again: their threads still work, and an interruption changes nothing.
     let mut lost: HashSet<&str> = HashSet::new();
     // The problem of the last state, so that it is made once for all methods.
     let mut problem: Option<(PathBuf, u64, Arc<graintrain_ccp::Ccp>)> = None;
@@ -366,12 +377,15 @@ pub fn measure(
         let key = cell.key(limit);
         match cell {
             Cell::Simulate(simulate) => {
-                let known = ledger.get::<Trajectory>(&key);
+                // States that somebody removed are made again, since what follows needs them.
+                let whole = |trajectory: &Trajectory| simulate.has_states(&states, trajectory);
+                let known = ledger.get::<Trajectory>(&key).filter(whole);
                 let trajectory = match known {
                     Some(trajectory) => trajectory,
                     None => {
                         let label = cell.label();
-                        let samples = if simulate.seed == 1 { SAMPLES } else { 0 };
+                        let compared = simulate.seed == 1 && simulate.variant == Variant::Paper;
+                        let samples = if compared { SAMPLES } else { 0 };
                         let trajectory = simulate.run(samples, &states, stop, |step, steps| {
                             progress(&Progress {
                                 done,
@@ -388,7 +402,12 @@ pub fn measure(
             Cell::Solve { state, method, .. } | Cell::Rank { state, method, .. } => {
                 let sample = if let Cell::Solve { sample, .. } = cell { *sample } else { SAMPLES - 1 };
                 let solve = match ledger.get::<Solve>(&key) {
-                    Some(solve) => solve,
+                    Some(solve) => {
+                        if solve.residual.is_none() {
+                            lost.insert(method);
+                        }
+                        solve
+                    }
                     None if lost.contains(method.as_str()) => continue,
                     None => {
                         let folder = state_folder(&results, state, sample, &states);
@@ -417,13 +436,17 @@ pub fn measure(
             }
             Cell::Reuse { state, method } => {
                 let rows = match ledger.get::<Vec<ReuseRow>>(&key) {
-                    Some(rows) => rows,
+                    Some(rows) => {
+                        if rows.is_empty() {
+                            lost.insert(method);
+                        }
+                        rows
+                    }
                     None if lost.contains(method.as_str()) => continue,
                     None => {
                         let folder = state_folder(&results, state, SAMPLES - 1, &states);
                         let problems = Problems::open(&folder, stop)?;
-                        // Only precomputation counts here: the first Newton iterations tell.
-                        let rows = solves::reuse(problems, REUSE_STEPS, method, limit / 4, stop)?;
+                        let rows = solves::reuse(problems, REUSE_STEPS, method, limit, stop)?;
                         if stop.load(Ordering::Relaxed) {
                             return Err(ReproduceError::Stopped);
                         }

@@ -26,6 +26,8 @@ pub struct Report {
     pub claims: Vec<Claim>,
     /// Methods that this build lacks.
     pub missing: Vec<String>,
+    /// Lines of `cells.jsonl` that could not be read; their cells were measured again.
+    pub damaged: usize,
 }
 
 /// Measures what is not yet measured and writes tables, plots, pictures and the page into `settings.out`.
@@ -48,7 +50,7 @@ pub fn reproduce(
     let pictures = pictures(settings, &results, stop)?;
     let page = settings.out.join("report.html");
     write_atomically(&page, html(settings, &results, &claims, &figures, &pictures).as_bytes())?;
-    Ok(Report { page, claims, missing: results.missing })
+    Ok(Report { page, claims, missing: results.missing, damaged: results.damaged })
 }
 
 fn write_tables(out: &Path, results: &Results) -> Result<(), ReproduceError> {
@@ -79,26 +81,29 @@ fn write_tables(out: &Path, results: &Results) -> Result<(), ReproduceError> {
         );
     }
     write_atomically(&out.join("solves.csv"), text.as_bytes())?;
-    let mut text = String::from("method,step,contacts,first_kept,first_anew,total_kept,total_anew\n");
+    let mut text = String::from(
+        "method,step,contacts,first_kept,first_anew,total_kept,total_anew,iterations_kept,iterations_anew\n",
+    );
     for (method, rows) in &results.reuse {
         for row in rows {
-            let ([a, b], [c, d]) = (row.first, row.total);
-            let _ = writeln!(text, "{method},{},{},{a},{b},{c},{d}", row.step, row.contacts);
+            let ([a, b], [c, d], [e, f]) = (row.first, row.total, row.iterations);
+            let _ = writeln!(text, "{method},{},{},{a},{b},{c},{d},{e},{f}", row.step, row.contacts);
         }
     }
     write_atomically(&out.join("reuse.csv"), text.as_bytes())?;
     for (cell, trajectory) in &results.trajectories {
         let mut text = String::from(
             "time,contacts,loaded,persistent,residual,solve_seconds,penetration,kinetic_energy,force_x,force_y,force_z,\
-             torque_x,torque_y,torque_z,x,y,z,velocity_x,velocity_y,velocity_z,press_height,momentum_error\n",
+             torque_x,torque_y,torque_z,x,y,z,velocity_x,velocity_y,velocity_z,press_height,weight_below,momentum_error\n",
         );
         for row in &trajectory.rows {
             let vectors = [row.force, row.torque, row.place, row.velocity];
             let numbers: Vec<String> = vectors.iter().flatten().map(|value| value.to_string()).collect();
-            let press = row.press.map_or(String::new(), |height| height.to_string());
+            let [press, below] =
+                [row.press, row.weight_below].map(|value| value.map_or(String::new(), |x| x.to_string()));
             let _ = writeln!(
                 text,
-                "{},{},{},{},{},{},{},{},{},{press},{}",
+                "{},{},{},{},{},{},{},{},{},{press},{below},{}",
                 row.time,
                 row.contacts,
                 row.loaded,
@@ -118,8 +123,8 @@ fn write_tables(out: &Path, results: &Results) -> Result<(), ReproduceError> {
     Ok(())
 }
 
-/// Pictures like the paper's figures 9, 13 and 14: the last stored state of every experiment, with speeds and with forces.
-/// File names; the files are not made again.
+/// Pictures like the paper's figures 9, 13 and 14: the last but one stored state of every experiment, in which the tools
+/// move, with speeds and with forces. Captions and files.
 fn pictures(
     settings: &Settings,
     results: &Results,
@@ -130,21 +135,20 @@ fn pictures(
         if cell.variant != Variant::Paper || cell.n != settings.n || cell.seed != 1 {
             continue;
         }
-        let folder =
-            cell.state_folder(&settings.out.join("states"), *trajectory.samples.last().unwrap_or(&0));
+        let sample = trajectory.samples.iter().rev().nth(1).or(trajectory.samples.last());
+        let folder = cell.state_folder(&settings.out.join("states"), sample.copied().unwrap_or(0));
+        let world = Problems::open(&folder, stop)?.into_world();
         for force_chains in [false, true] {
             let kind = if force_chains { "forces" } else { "speeds" };
-            let path = settings.out.join(format!("{}-{kind}.png", cell.experiment.scene()));
-            if !path.exists() {
-                let world = Problems::open(&folder, stop)?.into_world();
-                let look =
-                    RenderSettings { force_chains, step: trajectory.step, ..RenderSettings::default() };
-                let mut bytes = Vec::new();
-                let encoded = render(&world, &look)?.write_png(&mut bytes);
-                encoded.map_err(|error| ReproduceError::File { path: path.clone(), source: error.into() })?;
-                write_atomically(&path, &bytes)?;
-            }
-            pictures.push((format!("{}, n = {}: {kind}", cell.experiment.scene(), cell.n), path));
+            let path = settings.out.join(format!("{}-n{}-{kind}.png", cell.experiment.scene(), cell.n));
+            let look = RenderSettings { force_chains, step: trajectory.step, ..RenderSettings::default() };
+            let mut bytes = Vec::new();
+            let encoded = render(&world, &look)?.write_png(&mut bytes);
+            encoded.map_err(|error| ReproduceError::File { path: path.clone(), source: error.into() })?;
+            write_atomically(&path, &bytes)?;
+            let caption =
+                format!("{}, n = {}, t = {} s: {kind}", cell.experiment.scene(), cell.n, number(world.time));
+            pictures.push((caption, path));
         }
     }
     Ok(pictures)
@@ -192,6 +196,20 @@ fn html(
             page,
             "<p>This build lacks: {}. Their cells are empty.</p>",
             escape(&results.missing.join(", "))
+        );
+    }
+    if results.solves.iter().any(|solve| solve.residual.is_none()) {
+        page.push_str(
+            "<p>Some solvers did not come back within four times their limit. They were left to themselves, so that times \
+             measured after them in the same session are those of a machine that also did their work.</p>",
+        );
+    }
+    if results.damaged > 0 {
+        let _ = write!(
+            page,
+            "<p>{} lines of cells.jsonl could not be read; their cells were measured again, and the file as it was is kept as \
+             cells.jsonl.damaged.</p>",
+            results.damaged
         );
     }
     page.push_str(
@@ -356,19 +374,20 @@ fn physics_table(page: &mut String, results: &Results) {
                 .map_or("&ndash;".to_string(), |found| {
                     format!(
                         "{} &plusmn; {} %",
-                        number(100.0 * found.change()),
-                        number(100.0 * found.uncertainty())
+                        number(100.0 * found.change.mean),
+                        number(100.0 * found.change.error)
                     )
                 });
             let _ = write!(
                 rows,
                 "<tr><td>{}</td><td>{}</td><td class=\"n\">{}</td><td class=\"n\">{change}</td><td class=\"n\">{}</td>\
-                 <td class=\"n\">{}</td></tr>",
+                 <td class=\"n\">{}</td><td class=\"n\">{}</td></tr>",
                 experiment.scene(),
                 variant.name(),
                 text(steady_over_seeds(results, experiment, variant)),
                 text(ratio),
-                number(penetration.fold(0.0, f64::max))
+                number(penetration.fold(0.0, f64::max)),
+                number(trajectory.rows.iter().map(|row| row.residual).fold(0.0, f64::max))
             );
         }
     }
@@ -376,10 +395,13 @@ fn physics_table(page: &mut String, results: &Results) {
         let _ = write!(
             page,
             "<h2>Physical outputs</h2><table><tr><th>experiment</th><th>variant</th><th>steady force (N) or torque (N m)</th>\
-             <th>change</th><th>shear / normal force (1)</th><th>largest penetration, second half (m)</th></tr>{rows}</table>\
-             <p>Steady: mean over the time in which the tool moves with at least half its largest speed (mixer: second half), \
-             with the standard error from eight blocks; after <code>reproduce physics</code> the mean over {} perturbed lattices with the standard error of their spread (coulomb: one lattice). Sedimentation: torque of the mixer; drafting: drag of the blade; direct \
-             shear: shear force on the lower half.</p>",
+             <th>change</th><th>shear / normal force (1)</th><th>largest penetration, second half (m)</th>\
+             <th>largest residual (1)</th></tr>{rows}</table>\
+             <p>Sedimentation: median torque of the mixer over the second half. Drafting: drag of the blade; direct shear: shear force \
+             on the lower half, and its ratio to the normal force on the plane between the halves; both means over the time in which \
+             the tool, a third of its way behind it, moves with at least half its largest speed. Standard errors are from eight blocks \
+             of the time; where three or more perturbed lattices were simulated, from their spread (<code>reproduce physics</code>: {}, \
+             coulomb one), and a change is the mean over the lattices that have both simulations.</p>",
             super::SEEDS
         );
     }

@@ -8,9 +8,9 @@ use graintrain_ccp::{Ccp, CcpSolver, FrictionModel, SolveReport, SolveSettings, 
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::Path;
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, mpsc};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// The paper's tolerance of the contact problem.
 pub const TOLERANCE: f64 = 1e-4;
@@ -159,20 +159,30 @@ fn settings(limit: Duration, stop: &Arc<AtomicBool>) -> SolveSettings {
 /// Runs work on a thread of its own, with one worker, for at most a while. Solvers look at their time limit between Newton
 /// iterations; a single tensor-train inversion may take longer than anybody waits. `None` where it did not come back: the
 /// thread is then left alone until the process ends.
+///
+/// # Errors
+/// [`ReproduceError::Stopped`] within a tenth of a second of the stop flag.
 fn watched<T: Send + 'static>(
     patience: Duration,
+    stop: &Arc<AtomicBool>,
     work: impl FnOnce() -> Result<T, ReproduceError> + Send + 'static,
 ) -> Result<Option<T>, ReproduceError> {
+    const GLANCE: Duration = Duration::from_millis(100);
     let (send, receive) = mpsc::channel();
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
     std::thread::spawn(move || {
         // The receiver is gone when nobody waits any more.
         let _ = send.send(pool.install(work));
     });
-    match receive.recv_timeout(patience) {
-        Ok(result) => result.map(Some),
-        Err(_) => Ok(None),
+    let begin = Instant::now();
+    while !stop.load(Ordering::Relaxed) {
+        match receive.recv_timeout(GLANCE.min(patience.saturating_sub(begin.elapsed()))) {
+            Ok(result) => return result.map(Some),
+            Err(mpsc::RecvTimeoutError::Timeout) if begin.elapsed() < patience => {}
+            Err(_) => return Ok(None),
+        }
     }
+    Err(ReproduceError::Stopped)
 }
 
 /// How long a solve with this time limit is waited for.
@@ -194,7 +204,7 @@ pub fn measure(
 ) -> Result<Solve, ReproduceError> {
     let mut solver = method.parse::<SolverSpec>()?.build()?;
     let contacts = problem.num_contacts();
-    let report = watched(patience(limit), {
+    let report = watched(patience(limit), stop, {
         let (problem, settings) = (Arc::clone(problem), settings(limit, stop));
         move || Ok(solver.solve(&problem, &mut vec![0.0; 3 * contacts], &settings)?)
     })?;
@@ -219,19 +229,24 @@ pub fn measure(
     })
 }
 
-/// Precomputation of one of several consecutive steps.
+/// Precomputation of one of several consecutive steps; pairs are of a solver that keeps what the steps before left, and of a
+/// new one.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ReuseRow {
     /// Number of the step.
     pub step: u64,
     /// Contacts.
     pub contacts: usize,
-    /// Seconds of the first Newton iteration's precomputation: with what the steps before left, and from nothing.
+    /// Seconds of the first Newton iteration's precomputation. A new solver has nothing at all to re-use there.
     pub first: [f64; 2],
-    /// Seconds of precomputation per Newton iteration, mean over the step, likewise.
+    /// Seconds of precomputation per Newton iteration, mean over the step.
     pub total: [f64; 2],
-    /// Compression error, likewise, where the linear solver tells.
+    /// Newton iterations made within the time limit.
+    pub iterations: [usize; 2],
+    /// Compression error, where the linear solver tells.
     pub error: [Option<f64>; 2],
+    /// Part of the Newton iterations in which a train was in use, where the linear solver has something to fall back on.
+    pub active: [Option<f64>; 2],
 }
 
 /// Solves consecutive problems with one solver that keeps what it learned, and with a new one each time. Empty where a solver
@@ -248,20 +263,26 @@ pub fn reuse(
 ) -> Result<Vec<ReuseRow>, ReproduceError> {
     let spec = method.parse::<SolverSpec>()?;
     let settings = settings(limit, stop);
-    let rows = watched(patience(limit).saturating_mul(2 * steps as u32), move || {
+    let rows = watched(patience(limit).saturating_mul(2 * steps as u32), stop, move || {
         let mut keeping = spec.build()?;
         let mut rows = Vec::new();
         for _ in 0..steps {
             let Some((step, problem)) = problems.advance()? else { continue };
+            let contacts = problem.num_contacts();
             let mut fresh = spec.build()?;
-            let kept = precomputation(keeping.as_mut(), &problem, &settings)?;
-            let anew = precomputation(fresh.as_mut(), &problem, &settings)?;
+            let solve = |solver: &mut dyn CcpSolver| -> Result<Precomputation, ReproduceError> {
+                let report = solver.solve(&problem, &mut vec![0.0; 3 * contacts], &settings)?;
+                Ok(Precomputation::of(&report))
+            };
+            let [kept, fresh] = [solve(keeping.as_mut())?, solve(fresh.as_mut())?];
             rows.push(ReuseRow {
                 step,
-                contacts: problem.num_contacts(),
-                first: [kept.0, anew.0],
-                total: [kept.1, anew.1],
-                error: [kept.2, anew.2],
+                contacts,
+                first: [kept.first, fresh.first],
+                total: [kept.mean, fresh.mean],
+                iterations: [kept.iterations, fresh.iterations],
+                error: [kept.error, fresh.error],
+                active: [kept.active, fresh.active],
             });
         }
         Ok(rows)
@@ -269,15 +290,26 @@ pub fn reuse(
     Ok(rows.unwrap_or_default())
 }
 
-/// Seconds of precomputation in the first Newton iteration and per Newton iteration, and the mean compression error.
-fn precomputation(
-    solver: &mut dyn CcpSolver,
-    problem: &Ccp,
-    settings: &SolveSettings,
-) -> Result<(f64, f64, Option<f64>), ReproduceError> {
-    let report = solver.solve(problem, &mut vec![0.0; 3 * problem.num_contacts()], settings)?;
-    let first = report.newton.first().map_or(0.0, |record| record.precompute_seconds);
-    let solve = Solve::new("", 0, 0, problem.num_contacts(), "", &report);
-    let mean = solve.precompute_seconds / report.newton.len().max(1) as f64;
-    Ok((first, mean, solve.figures.get("compression_error").copied()))
+/// What one solve says of its precomputation; see [`ReuseRow`].
+struct Precomputation {
+    first: f64,
+    mean: f64,
+    iterations: usize,
+    error: Option<f64>,
+    active: Option<f64>,
+}
+
+impl Precomputation {
+    fn of(report: &SolveReport) -> Self {
+        let newton = &report.newton;
+        let solve = Solve::new("", 0, 0, 0, "", report);
+        let figure = |name: &str| solve.figures.get(name).copied();
+        Self {
+            first: newton.first().map_or(0.0, |record| record.precompute_seconds),
+            mean: solve.precompute_seconds / newton.len().max(1) as f64,
+            iterations: newton.len(),
+            error: figure("compression_error"),
+            active: figure("train_active"),
+        }
+    }
 }

@@ -4,7 +4,7 @@ use super::ReproduceError;
 use crate::checkpoint;
 use crate::math::Vec3;
 use crate::run::{RunSettings, RunTotals};
-use crate::scene::Scene;
+use crate::scene::{Scene, builtin};
 use crate::stepper::{StepReport, Stepper};
 use crate::world::World;
 use serde::{Deserialize, Serialize};
@@ -104,6 +104,9 @@ pub struct Row {
     pub velocity: [f64; 3],
     /// Height of the press, m; absent where the scene has none.
     pub press: Option<f64>,
+    /// Weight of the grains whose centres lie below the plane between the halves of the shear box, N; absent elsewhere.
+    #[serde(default)]
+    pub weight_below: Option<f64>,
     /// Change of a free body's momentum minus the impulses of gravity and contacts, over the sum of their sizes; the worst body.
     pub momentum_error: f64,
 }
@@ -137,10 +140,14 @@ pub struct Simulate {
 }
 
 impl Simulate {
-    /// Name of the cell.
+    /// Name of the cell. It holds a checksum (32-bit FNV-1a) of the scene, so that a changed scene is simulated anew.
     pub fn key(&self) -> String {
         let steps = self.steps.map_or("default".to_string(), |steps| steps.to_string());
-        let name = format!("{}/n={}/steps={steps}/{}", self.experiment.scene(), self.n, self.variant.name());
+        let scene = self.experiment.scene();
+        let text = builtin::find(scene).map_or("", |scene| scene.text);
+        let checksum =
+            text.bytes().fold(0x811c_9dc5_u32, |sum, byte| (sum ^ u32::from(byte)).wrapping_mul(0x0100_0193));
+        let name = format!("{scene}@{checksum:08x}/n={}/steps={steps}/{}", self.n, self.variant.name());
         format!(
             "trajectory/{name}{}",
             if self.seed == 1 { String::new() } else { format!("/seed={}", self.seed) }
@@ -186,6 +193,8 @@ impl Simulate {
         stepper.stop_on(Arc::clone(stop));
         let tool = find(&world, self.experiment.tool());
         let press = find(&world, "press");
+        // The upper half of the shear box stands on the plane between the halves.
+        let split = find(&world, "upper");
         let mut rows = Vec::with_capacity(steps as usize);
         let mut known: HashSet<u64> = HashSet::new();
         for k in 0..steps {
@@ -196,11 +205,17 @@ impl Simulate {
             let before = world.bodies.velocity.clone();
             let report = stepper.step(&mut world)?;
             let mut row = row(&world, &report, &known, tool, press);
+            row.weight_below = split.map(|body| weight_below(&world, world.bodies.position[body].z));
             row.momentum_error = momentum_error(&world, &before, step);
             rows.push(row);
             known = world.contacts.contacts.iter().map(|contact| contact.identity).collect();
         }
         Ok(Trajectory { bodies: world.bodies.len(), step, samples: sampled, rows })
+    }
+
+    /// Whether the states that a finished simulation stored are still there.
+    pub fn has_states(&self, states: &Path, trajectory: &Trajectory) -> bool {
+        trajectory.samples.iter().all(|&step| checkpoint::latest(&self.state_folder(states, step)).is_ok())
     }
 
     /// Folder of the state before a step.
@@ -238,8 +253,16 @@ fn row(
         place: of_tool(&world.bodies.position),
         velocity: of_tool(&world.bodies.velocity),
         press: press.map(|body| world.bodies.position[body].z),
+        weight_below: None,
         momentum_error: 0.0,
     }
+}
+
+/// Weight of the free bodies whose centres lie below a height, N.
+fn weight_below(world: &World, height: f64) -> f64 {
+    let bodies = &world.bodies;
+    let below = (0..bodies.len()).filter(|&body| world.is_free(body) && bodies.position[body].z < height);
+    world.gravity.length() * below.map(|body| bodies.mass[body]).sum::<f64>()
 }
 
 /// Newton's second law of every body that is free in all directions: the largest of

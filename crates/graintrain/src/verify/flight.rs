@@ -33,6 +33,7 @@ fn free_flight() -> Result<Vec<Check>, VerifyError> {
         expected,
         tolerance,
         source: "recurrence of the scheme",
+        error: 0.0,
     };
     Ok(vec![
         check("height after 1 s (m)", height, exact, 1e-12),
@@ -67,6 +68,7 @@ fn turning_over() -> Result<Vec<Check>, VerifyError> {
         expected,
         tolerance,
         source: "Euler's equations, elliptic integral",
+        error: 0.0,
     };
     Ok(vec![
         check("first turn-over (s)", turn(0), 10.9169, 0.109),

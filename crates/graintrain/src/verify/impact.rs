@@ -31,6 +31,7 @@ pub fn checks() -> Result<Vec<Check>, VerifyError> {
             expected: digitised,
             tolerance: 0.005,
             source: "Chung and Ooi, digitised",
+            error: 0.0,
         });
     }
     Ok(checks)
@@ -76,6 +77,7 @@ fn oblique_checks(
         expected,
         tolerance: 1e-6,
         source: "closed form of one impact",
+        error: 0.0,
     };
     Ok([check("slip left", u - spin, left), check("rebound", rebound, restitution * normal + lift)])
 }
@@ -96,6 +98,7 @@ fn head_on(restitution: f64) -> Result<Check, VerifyError> {
         expected: 3.0 * restitution,
         tolerance: 1e-10,
         source: "Newton's law of impact",
+        error: 0.0,
     })
 }
 
@@ -115,5 +118,6 @@ fn row() -> Result<Check, VerifyError> {
         expected: 0.125,
         tolerance: 1e-8,
         source: "plastic simultaneous impact",
+        error: 0.0,
     })
 }

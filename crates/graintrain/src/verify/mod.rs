@@ -40,12 +40,32 @@ pub struct Check {
     pub tolerance: f64,
     /// Where the expected value comes from.
     pub source: &'static str,
+    /// Standard error of the measured value; zero where nothing is left to chance.
+    pub error: f64,
+}
+
+/// How a check ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Outcome {
+    /// The difference is allowed, and known as well as that.
+    Passed,
+    /// It is not, by more than two standard errors; or something is not a number.
+    Failed,
+    /// The standard error is too large to tell.
+    Undecided,
 }
 
 impl Check {
-    /// Whether the difference is allowed; not a number never is.
-    pub fn passed(&self) -> bool {
-        (self.measured - self.expected).abs() <= self.tolerance
+    /// How it ended.
+    pub fn outcome(&self) -> Outcome {
+        let difference = (self.measured - self.expected).abs();
+        if difference <= self.tolerance && self.error <= self.tolerance {
+            Outcome::Passed
+        } else if difference - 2.0 * self.error <= self.tolerance {
+            Outcome::Undecided
+        } else {
+            Outcome::Failed
+        }
     }
 }
 
@@ -116,7 +136,11 @@ pub fn table(checks: &[Check]) -> String {
             precise(check.expected),
             number(check.tolerance),
             check.source.to_string(),
-            if check.passed() { "passed" } else { "FAILED" }.to_string(),
+            match check.outcome() {
+                Outcome::Passed => "passed".to_string(),
+                Outcome::Failed => "FAILED".to_string(),
+                Outcome::Undecided => format!("undecided (+- {})", number(check.error)),
+            },
         ]
     });
     let rows: Vec<[String; 7]> = std::iter::once(header).chain(rows).collect();
@@ -133,8 +157,12 @@ pub fn table(checks: &[Check]) -> String {
             text.push_str("|\n");
         }
     }
-    let failed = checks.iter().filter(|check| !check.passed()).count();
-    let _ = writeln!(text, "\n{} checks, {failed} failed", checks.len());
+    let count = |outcome| checks.iter().filter(|check| check.outcome() == outcome).count();
+    let _ = write!(text, "\n{} checks, {} failed", checks.len(), count(Outcome::Failed));
+    if count(Outcome::Undecided) > 0 {
+        let _ = write!(text, ", {} undecided", count(Outcome::Undecided));
+    }
+    text.push('\n');
     text
 }
 

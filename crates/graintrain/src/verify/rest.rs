@@ -61,6 +61,7 @@ fn stack() -> Result<Check, VerifyError> {
         expected: 0.0,
         tolerance: 1e-6,
         source: "weights above",
+        error: 0.0,
     })
 }
 
@@ -83,6 +84,7 @@ fn groove(degrees: f64) -> Result<Check, VerifyError> {
         expected: 0.5 / half.sin(),
         tolerance: 1e-8,
         source: "statics",
+        error: 0.0,
     })
 }
 
@@ -111,5 +113,6 @@ fn table() -> Result<Check, VerifyError> {
         expected: 1.0,
         tolerance: 1e-8,
         source: "statics",
+        error: 0.0,
     })
 }

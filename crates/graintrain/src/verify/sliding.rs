@@ -47,6 +47,7 @@ fn resting(model: FrictionModel) -> Result<Check, VerifyError> {
         expected: 0.0,
         tolerance: 6e-7,
         source: "tan 20 < mu",
+        error: 0.0,
     })
 }
 
@@ -65,6 +66,7 @@ fn sliding(model: FrictionModel) -> Result<[Check; 2], VerifyError> {
         expected,
         tolerance,
         source,
+        error: 0.0,
     };
     // The relaxation opens a gap dt mu v under a sliding body.
     let open = if model == Relaxed { step * friction * speed } else { 0.0 };
@@ -91,6 +93,7 @@ fn thrown(model: FrictionModel) -> Result<[Check; 2], VerifyError> {
         expected,
         tolerance,
         source,
+        error: 0.0,
     };
     let distance = 25.0 / G;
     let hop = if model == Coulomb { 0.0 } else { 0.2045 };
@@ -122,6 +125,7 @@ fn slip_to_roll(model: FrictionModel) -> Result<[Check; 2], VerifyError> {
         expected,
         tolerance,
         source,
+        error: 0.0,
     };
     let time = 2.0 / (7.0 * friction * G);
     Ok([
@@ -150,6 +154,7 @@ fn rolling_down() -> Result<Vec<Check>, VerifyError> {
             expected,
             tolerance: 0.005 * expected,
             source: "5/7 g sin, or g (sin - mu cos)",
+            error: 0.0,
         });
     }
     Ok(checks)
