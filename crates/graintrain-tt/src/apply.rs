@@ -174,6 +174,39 @@ impl FullOperator {
         Ok(())
     }
 
+    /// Y <- A X for several vectors, the columns of X one after the other. Matrices so small that one product is one task
+    /// run the columns side by side; larger ones run every product on all threads.
+    ///
+    /// # Errors
+    /// [`TtError::Shape`] unless X and Y hold the same number of columns.
+    ///
+    /// ```
+    /// use graintrain_tt::{apply::{ApplyWork, FullOperator}, qtt};
+    /// let operator = FullOperator::new(&qtt::shift(4)?)?;
+    /// let x: Vec<f64> = (0..3 * 16).map(f64::from).collect();
+    /// let mut y = vec![0.0; 3 * 16];
+    /// operator.apply_many(&x, &mut y, &mut ApplyWork::default())?;
+    /// assert_eq!((y[16], y[17]), (0.0, 16.0)); // the second vector, moved by one
+    /// # Ok::<(), graintrain_tt::TtError>(())
+    /// ```
+    pub fn apply_many(&self, x: &[f64], y: &mut [f64], work: &mut ApplyWork) -> Result<(), TtError> {
+        let count = x.len() / self.num_columns;
+        if x.len() != count * self.num_columns || y.len() != count * self.num_rows {
+            return Err(TtError::Shape {
+                what: "lengths of X and Y, whole numbers of columns, in Y = A X",
+                expected: vec![count * self.num_columns, count * self.num_rows],
+                got: vec![x.len(), y.len()],
+            });
+        }
+        if self.seam == self.steps.len() {
+            let columns = x.par_chunks(self.num_columns);
+            y.par_chunks_mut(self.num_rows).zip(columns).for_each(|(y, x)| self.run_chunk(x, y));
+            return Ok(());
+        }
+        let columns = x.chunks_exact(self.num_columns);
+        y.chunks_exact_mut(self.num_rows).zip(columns).try_for_each(|(y, x)| self.apply(x, y, work))
+    }
+
     /// Numbers of the state at the seam.
     fn seam_numbers(&self) -> usize {
         let (fine, coarse) = self.steps.split_at(self.seam);

@@ -9,6 +9,25 @@ use graintrain_linalg::dense::{Matrix, View, ViewMut, multiply};
 /// Modes of at least this size are contracted by matrix products.
 const GEMM_MODE: usize = 8;
 
+impl Core {
+    /// The core of a sum of two trains: both on the diagonal; one row of two cores at the first of a train, one column at the
+    /// last, where the outer rank stays that of the terms.
+    pub(crate) fn direct_sum(&self, other: &Self, first: bool, last: bool) -> Self {
+        let left = if first { self.left } else { self.left + other.left };
+        let right = if last { self.right } else { self.right + other.right };
+        let mut data = vec![0.0; left * self.mode * right];
+        let mut place = |core: &Self, row: usize, column: usize| {
+            for (fibre, source) in core.data.chunks_exact(core.left.max(1)).enumerate() {
+                let at = row + left * (fibre + column * core.mode);
+                data[at..at + core.left].iter_mut().zip(source).for_each(|(to, from)| *to += from);
+            }
+        };
+        place(self, 0, 0);
+        place(other, left - other.left, right - other.right);
+        Self { left, mode: self.mode, right, data }
+    }
+}
+
 impl TtVector {
     /// a * self, the factor going into the first core.
     pub fn scale(&self, a: f64) -> Self {
@@ -26,19 +45,7 @@ impl TtVector {
         let d = self.num_cores();
         let mut cores = Vec::with_capacity(d);
         for (k, (x, y)) in self.cores.iter().zip(&other.cores).enumerate() {
-            let left = if k == 0 { 1 } else { x.left + y.left };
-            let right = if k + 1 == d { 1 } else { x.right + y.right };
-            let (row, column) = (left - y.left, right - y.right);
-            let mut data = vec![0.0; left * x.mode * right];
-            let mut place = |core: &Core, row: usize, column: usize| {
-                for (fibre, source) in core.data.chunks_exact(core.left).enumerate() {
-                    let at = row + left * (fibre + column * core.mode);
-                    data[at..at + core.left].iter_mut().zip(source).for_each(|(to, from)| *to += from);
-                }
-            };
-            place(x, 0, 0);
-            place(y, row, column);
-            cores.push(Core { left, mode: x.mode, right, data });
+            cores.push(x.direct_sum(y, k == 0, k + 1 == d));
         }
         Ok(Self { cores })
     }
@@ -212,13 +219,7 @@ impl TtMatrix {
     /// # Ok::<(), graintrain_tt::TtError>(())
     /// ```
     pub fn times_matrix(&self, other: &Self) -> Result<Self, TtError> {
-        if self.columns != other.rows {
-            return Err(TtError::Shape {
-                what: "rows of B in A B",
-                expected: self.columns.clone(),
-                got: other.rows.clone(),
-            });
-        }
+        self.check_inner(other)?;
         let cores = (0..self.num_cores())
             .map(|k| self.contract(k, &other.cores()[k], other.columns[k], Vec::new()))
             .collect();
@@ -237,8 +238,17 @@ impl TtMatrix {
         })
     }
 
+    /// Fails unless the rows of the other matrix are the columns of this one.
+    pub(crate) fn check_inner(&self, other: &Self) -> Result<(), TtError> {
+        if self.columns == other.rows {
+            return Ok(());
+        }
+        let (expected, got) = (self.columns.clone(), other.rows.clone());
+        Err(TtError::Shape { what: "rows of B in A B", expected, got })
+    }
+
     /// Fails unless the modes of x are the columns of the matrix.
-    fn check_columns(&self, x: &TtVector) -> Result<(), TtError> {
+    pub(crate) fn check_columns(&self, x: &TtVector) -> Result<(), TtError> {
         let got = x.modes();
         if got == self.columns {
             return Ok(());

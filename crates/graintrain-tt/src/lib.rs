@@ -7,6 +7,7 @@
 //! |---|---|
 //! | [`vector`], [`matrix`] | [`TtVector`], [`TtMatrix`]: the types, entries, full form |
 //! | [`arithmetic`] | sums, entrywise, Kronecker and inner products, TT-matrix times TT-vector and TT-matrix |
+//! | [`product`] | products within a tolerance, without their full-rank cores |
 //! | [`round`] | orthogonalisation, norm, rounding |
 //! | [`svd`] | TT-SVD: the train of a full tensor |
 //! | [`symmetric`] | symmetric matrices with even and odd bonds: half the numbers, symmetric to the last bit |
@@ -17,6 +18,7 @@
 //! | [`qtt`] | quantized trains with known ranks |
 //! | [`sparse`] | sparse matrix to TT by one exact bottom-up pass over its nonzero blocks |
 //! | [`definite`] | keeping a truncated positive definite matrix positive definite |
+//! | [`slice`] | ranges of digits, fixed digits |
 //! | [`sketch`] | streaming approximation from random sketches |
 
 #[doc = include_str!("../README.md")]
@@ -33,11 +35,13 @@ pub mod inverse;
 mod io;
 pub mod matrix;
 pub mod maxvol;
+pub mod product;
 pub mod qtt;
 mod random;
 pub mod round;
 mod scale;
 pub mod sketch;
+pub mod slice;
 pub mod solve;
 pub mod sparse;
 pub mod svd;

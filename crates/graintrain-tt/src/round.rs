@@ -6,10 +6,11 @@
 
 use crate::error::at_core;
 use crate::factor::{leading_columns, row_factor, triangle};
+use crate::product::Cores;
 use crate::scale::{binary_exponent, factor_out, largest_finite, share_power};
 use crate::vector::Core;
 use crate::{TtError, TtMatrix, TtVector};
-use graintrain_linalg::dense::{Matrix, View, left_svd, product, thin_qr};
+use graintrain_linalg::dense::{Matrix, left_svd, product, thin_qr};
 use serde::{Deserialize, Serialize};
 
 /// How far a train may be shortened: relative Frobenius error and a cap on the ranks.
@@ -55,24 +56,35 @@ impl Truncation {
     }
 }
 
-/// A train as 2^exponent times cores of moderate size, core k being 2^-powers\[k\] times that of the train.
-pub(crate) struct Balanced<'a> {
-    cores: &'a [Core],
+/// The factors of the parts right of every bond of a train, cores divided by powers of two so that they are of moderate size.
+pub(crate) struct RightFactors {
+    /// powers\[k\]: what core k is divided by.
     powers: Vec<i32>,
-    /// right\[k\]: the cores after the k-th (from 0) are right\[k\] Q with orthonormal rows of Q.
+    /// right\[k\]: the cores after the k-th (from 0), divided so, are right\[k\] Q with orthonormal rows of Q.
     right: Vec<Matrix>,
-    pub exponent: i64,
 }
 
-impl Balanced<'_> {
-    /// The cores of moderate size.
-    pub fn cores(&self) -> Vec<Core> {
-        (0..self.cores.len()).map(|k| self.cores[k].scaled(-self.powers[k])).collect()
+impl RightFactors {
+    /// From the right to the left; none for the zero tensor. O(d n r^3).
+    fn new(train: &impl Cores) -> Result<Option<Self>, TtError> {
+        let d = train.modes().len();
+        let (mut powers, mut right) = (vec![0; d], vec![Matrix::identity(1); d]);
+        for k in (0..d).rev() {
+            let Some(power) = train.exponent(k).map_err(at_core(k))? else { return Ok(None) };
+            let part = train.multiply_right(k, right[k].view(), -power);
+            let mut factor = row_factor(Matrix::from_vec(part.left, part.mode * part.right, part.data));
+            let Some(second) = factor_out(factor.data_mut()) else { return Ok(None) };
+            powers[k] = power + second;
+            if k > 0 {
+                right[k - 1] = factor;
+            }
+        }
+        Ok(Some(Self { powers, right }))
     }
 
-    /// M G_k of the core of moderate size.
-    fn multiply_left(&self, k: usize, m: View<'_>) -> Core {
-        self.cores[k].multiply_left_scaled(m, -self.powers[k])
+    /// The sum of all powers.
+    fn exponent(&self) -> i64 {
+        self.powers.iter().map(|&power| i64::from(power)).sum()
     }
 }
 
@@ -155,6 +167,36 @@ impl Budget {
 /// The norm of numbers whose largest is zero or not finite, with exponent 0.
 fn not_scalable(data: &[f64]) -> (f64, f64) {
     (if data.iter().all(|x| *x == 0.0) { 0.0 } else { f64::NAN }, 0.0)
+}
+
+/// The shortest train within the truncation of one that is given by what its cores do: see [`TtVector::round`].
+pub(crate) fn round_cores(
+    train: &impl Cores,
+    truncation: &Truncation,
+) -> Result<(TtVector, TruncationReport), TtError> {
+    truncation.check()?;
+    let modes = train.modes();
+    let Some(factors) = RightFactors::new(train)? else {
+        let report = TruncationReport { error: 0.0, norm: 0.0, capped: false };
+        return Ok((TtVector::constant(&modes, 0.0)?, report));
+    };
+    let mut cores = Vec::with_capacity(modes.len());
+    let mut core = train.multiply_left(0, Matrix::identity(1).view(), -factors.powers[0]);
+    let mut unfolding = product(core.left_unfolding(), factors.right[0].view());
+    let norm_squared = unfolding.data().iter().map(|x| x * x).sum::<f64>();
+    let mut budget = Budget::new(truncation, norm_squared, modes.len() - 1);
+    for k in 1..modes.len() {
+        let u = leading_columns(&unfolding, &mut budget).map_err(at_core(k - 1))?;
+        let carry = product(u.t(), core.left_unfolding());
+        cores.push(Core::from_left_unfolding(core.left, core.mode, u));
+        core = train.multiply_left(k, carry.view(), -factors.powers[k]);
+        unfolding = product(core.left_unfolding(), factors.right[k].view());
+    }
+    cores.push(core);
+    share_power(&mut cores, factors.exponent());
+    let report = budget.report(norm_squared);
+    let norm = report.norm * (factors.exponent() as f64).exp2();
+    Ok((TtVector { cores }, TruncationReport { norm, ..report }))
 }
 
 /// diag(s) V^T restricted to the first `rank` rows.
@@ -249,53 +291,16 @@ impl TtVector {
     /// # Ok::<(), graintrain_tt::TtError>(())
     /// ```
     pub fn round(&self, truncation: &Truncation) -> Result<(Self, TruncationReport), TtError> {
-        truncation.check()?;
-        let d = self.num_cores();
-        let Some(parts) = self.balanced()? else { return Ok(self.zero_like()) };
-        let mut cores = Vec::with_capacity(d);
-        let mut core = self.cores[0].scaled(-parts.powers[0]);
-        let mut unfolding = product(core.left_unfolding(), parts.right[0].view());
-        let norm_squared = unfolding.data().iter().map(|x| x * x).sum::<f64>();
-        let mut budget = Budget::new(truncation, norm_squared, d - 1);
-        for k in 0..d - 1 {
-            let u = leading_columns(&unfolding, &mut budget).map_err(at_core(k))?;
-            let carry = product(u.t(), core.left_unfolding());
-            cores.push(Core::from_left_unfolding(core.left, core.mode, u));
-            core = parts.multiply_left(k + 1, carry.view());
-            unfolding = product(core.left_unfolding(), parts.right[k + 1].view());
-        }
-        cores.push(core);
-        let report = budget.report(norm_squared);
-        share_power(&mut cores, parts.exponent);
-        Ok((
-            Self { cores },
-            TruncationReport { norm: report.norm * (parts.exponent as f64).exp2(), ..report },
-        ))
+        round_cores(self, truncation)
     }
 
-    /// Scales every core by a power of two so that the parts right of every bond have a norm near 1; none for the zero
+    /// The train as 2^exponent times cores of which the parts right of every bond have a norm near 1; none for the zero
     /// tensor. O(d n r^3).
-    pub(crate) fn balanced(&self) -> Result<Option<Balanced<'_>>, TtError> {
-        let d = self.num_cores();
-        let mut powers = vec![0; d];
-        let mut right = vec![Matrix::identity(1); d];
-        for k in (0..d).rev() {
-            let core = &self.cores[k];
-            let size = largest_finite(&core.data).map_err(at_core(k))?;
-            if size == 0.0 {
-                return Ok(None);
-            }
-            let power = binary_exponent(size);
-            let part = core.multiply_right_scaled(right[k].view(), -power);
-            let mut factor = row_factor(Matrix::from_vec(part.left, part.mode * part.right, part.data));
-            let Some(second) = factor_out(factor.data_mut()) else { return Ok(None) };
-            powers[k] = power + second;
-            if k > 0 {
-                right[k - 1] = factor;
-            }
-        }
-        let exponent = powers.iter().map(|&power| i64::from(power)).sum();
-        Ok(Some(Balanced { cores: &self.cores, powers, right, exponent }))
+    pub(crate) fn balanced(&self) -> Result<Option<(Self, i64)>, TtError> {
+        let Some(factors) = RightFactors::new(self)? else { return Ok(None) };
+        let cores =
+            self.cores.iter().zip(&factors.powers).map(|(core, &power)| core.scaled(-power)).collect();
+        Ok(Some((Self { cores }, factors.exponent())))
     }
 
     /// Singular values of every unfolding (i_1 ... i_k) x (i_{k+1} ... i_d), k = 1..d-1, descending: they tell the ranks
@@ -313,25 +318,19 @@ impl TtVector {
     /// ```
     pub fn singular_values(&self) -> Result<Vec<Vec<f64>>, TtError> {
         let d = self.num_cores();
-        let Some(parts) = self.balanced()? else { return Ok(vec![vec![0.0]; d - 1]) };
+        let Some(factors) = RightFactors::new(self)? else { return Ok(vec![vec![0.0]; d - 1]) };
         let mut values = Vec::with_capacity(d - 1);
-        let (mut left, mut taken_out) = (Matrix::identity(1), parts.exponent);
+        let (mut left, mut taken_out) = (Matrix::identity(1), factors.exponent());
         for k in 0..d - 1 {
-            left = triangle(parts.multiply_left(k, left.view()).into_left_unfolding());
+            let core = self.cores[k].multiply_left_scaled(left.view(), -factors.powers[k]);
+            left = triangle(core.into_left_unfolding());
             taken_out += i64::from(factor_out(left.data_mut()).unwrap_or(0));
             let (_, mut s) =
-                left_svd(product(left.view(), parts.right[k].view()).view()).map_err(at_core(k))?;
+                left_svd(product(left.view(), factors.right[k].view()).view()).map_err(at_core(k))?;
             s.iter_mut().for_each(|s| *s *= (taken_out as f64).exp2());
             values.push(s);
         }
         Ok(values)
-    }
-
-    /// The zero tensor of the same modes with the report of an exact truncation.
-    fn zero_like(&self) -> (Self, TruncationReport) {
-        let zero = |core: &Core| Core::from_fn(1, core.mode, 1, |_, _, _| 0.0);
-        let train = Self { cores: self.cores.iter().map(zero).collect() };
-        (train, TruncationReport { error: 0.0, norm: 0.0, capped: false })
     }
 
     /// ||self - other|| / ||other|| by the norm of the difference train (no cancellation); infinite where other is zero

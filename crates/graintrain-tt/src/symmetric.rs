@@ -18,8 +18,9 @@ use crate::factor::{all_columns, row_factor};
 use crate::round::Budget;
 use crate::scale::{binary_exponent, largest_finite, power_shares, scale_by_power};
 use crate::vector::Core;
-use crate::{Truncation, TruncationReport, TtError, TtMatrix};
+use crate::{Truncation, TruncationReport, TtError, TtMatrix, TtVector};
 use graintrain_linalg::dense::{DenseError, Matrix, left_svd, product};
+use serde::{Deserialize, Serialize};
 use std::f64::consts::FRAC_1_SQRT_2;
 
 const PARITIES: [usize; 2] = [EVEN, ODD];
@@ -27,7 +28,7 @@ const EVEN: usize = 0;
 const ODD: usize = 1;
 
 /// One core: blocks\[p\]\[q\] leads from parity p on the left to parity q on the right.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct GradedCore {
     blocks: [[Core; 2]; 2],
 }
@@ -42,10 +43,51 @@ struct GradedCore {
 /// assert!(graded.to_matrix().relative_distance(&line)? < 1e-13);
 /// # Ok::<(), graintrain_tt::TtError>(())
 /// ```
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "Stored")]
 pub struct SymmetricTrain {
     modes: Vec<usize>,
     cores: Vec<GradedCore>,
+}
+
+/// What serde sees; checked on the way in.
+#[derive(Deserialize)]
+struct Stored {
+    modes: Vec<usize>,
+    cores: Vec<GradedCore>,
+}
+
+impl TryFrom<Stored> for SymmetricTrain {
+    type Error = TtError;
+
+    fn try_from(Stored { modes, cores }: Stored) -> Result<Self, TtError> {
+        let shape = |what, expected: Vec<usize>, got: Vec<usize>| {
+            if expected == got { Ok(()) } else { Err(TtError::Shape { what, expected, got }) }
+        };
+        shape("cores of a symmetric train", vec![modes.len()], vec![cores.len()])?;
+        let mut ranks = [1, 0];
+        for (core, &n) in cores.iter().zip(&modes) {
+            let right = PARITIES.map(|q| core.blocks[q][q].right);
+            for p in PARITIES {
+                for q in PARITIES {
+                    let block = &core.blocks[p][q];
+                    let size = num_pairs(n, p == q);
+                    let expected = vec![ranks[p], size, right[q]];
+                    shape("block of a symmetric core", expected, vec![block.left, block.mode, block.right])?;
+                }
+            }
+            ranks = right;
+        }
+        shape("even and odd rank at the end of a symmetric train", vec![1, 0], ranks.to_vec())?;
+        if modes.is_empty() || modes.contains(&0) {
+            return Err(TtError::Shape {
+                what: "digits of a symmetric train",
+                expected: vec![1],
+                got: modes,
+            });
+        }
+        Ok(Self { modes, cores })
+    }
 }
 
 impl SymmetricTrain {
@@ -82,7 +124,7 @@ impl SymmetricTrain {
     /// The same matrix as an ordinary train, ranks even + odd. Its entries (i, j) and (j, i) are equal to the last bit.
     pub fn to_matrix(&self) -> TtMatrix {
         let cores = self.cores.iter().zip(&self.modes).map(|(core, &n)| core.ungraded(n)).collect();
-        TtMatrix { rows: self.modes.clone(), columns: self.modes.clone(), train: crate::TtVector { cores } }
+        TtMatrix { rows: self.modes.clone(), columns: self.modes.clone(), train: TtVector { cores } }
     }
 
     /// Digits n_1, ..., n_d of rows and columns.
@@ -96,17 +138,54 @@ impl SymmetricTrain {
         std::iter::once((1, 0)).chain(self.cores.iter().map(right)).collect()
     }
 
+    /// a * self, the factor going into the first core.
+    pub fn scale(&self, a: f64) -> Self {
+        let mut train = self.clone();
+        let first = train.cores[0].blocks.iter_mut().flatten();
+        first.flat_map(|block| &mut block.data).for_each(|x| *x *= a);
+        train
+    }
+
+    /// self + other: even ranks add, and so do odd ones.
+    ///
+    /// # Errors
+    /// [`TtError::Shape`] if the digits differ.
+    pub fn add(&self, other: &Self) -> Result<Self, TtError> {
+        if self.modes != other.modes {
+            let (expected, got) = (self.modes.clone(), other.modes.clone());
+            return Err(TtError::Shape { what: "digits of two symmetric trains", expected, got });
+        }
+        let last = self.cores.len() - 1;
+        let sum = |k: usize| {
+            let block = |p: usize, q: usize| {
+                let (x, y) = (&self.cores[k].blocks[p][q], &other.cores[k].blocks[p][q]);
+                x.direct_sum(y, k == 0, k == last)
+            };
+            GradedCore { blocks: PARITIES.map(|p| PARITIES.map(|q| block(p, q))) }
+        };
+        Ok(Self { modes: self.modes.clone(), cores: (0..=last).map(sum).collect() })
+    }
+
+    /// A x for a train x, which has no parity: the product of [`SymmetricTrain::to_matrix`]. (For full vectors make a
+    /// [`crate::apply::FullOperator`] of that.)
+    ///
+    /// # Errors
+    /// As for [`TtMatrix::times_vector`].
+    pub fn times_vector(&self, x: &TtVector) -> Result<TtVector, TtError> {
+        self.to_matrix().times_vector(x)
+    }
+
     /// Numbers stored.
     pub fn num_parameters(&self) -> usize {
         self.cores.iter().flat_map(|core| core.blocks.iter().flatten()).map(|block| block.data.len()).sum()
     }
 
-    /// The shortest graded train within the truncation: as [`crate::TtVector::round`], with one decomposition per parity and bond.
+    /// The shortest graded train within the truncation: as [`TtVector::round`], with one decomposition per parity and bond.
     /// Singular vectors of a symmetric matrix have a parity, so the error and the total ranks are those of
     /// ungraded rounding. O(d n^2 r^3 / 4).
     ///
     /// # Errors
-    /// As for [`crate::TtVector::round`].
+    /// As for [`TtVector::round`].
     pub fn round(&self, truncation: &Truncation) -> Result<(Self, TruncationReport), TtError> {
         truncation.check()?;
         let d = self.cores.len();
@@ -270,6 +349,12 @@ fn leading_of_both(unfoldings: &[Matrix; 2], budget: &mut Budget) -> Result<[Mat
 /// (e_i e_j^T - e_j e_i^T) / sqrt(2).
 fn pairs(n: usize, symmetric: bool) -> Vec<(usize, usize)> {
     (0..n).flat_map(|j| (0..j + usize::from(symmetric)).map(move |i| (i, j))).collect()
+}
+
+/// The number of [`pairs`] (saturating: a stored size may be anything).
+fn num_pairs(n: usize, symmetric: bool) -> usize {
+    let both = if symmetric { n.saturating_add(1) } else { n.saturating_sub(1) };
+    n.saturating_mul(both) / 2
 }
 
 /// The binary exponent of the largest number of all parts; none if all are zero.

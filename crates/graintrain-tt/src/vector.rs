@@ -178,9 +178,13 @@ impl Core {
 
     /// 2^power G.
     pub(crate) fn scaled(&self, power: i32) -> Self {
-        let mut core = self.clone();
-        scale_by_power(&mut core.data, power);
-        core
+        self.clone().into_scaled(power)
+    }
+
+    /// 2^power G in the same memory.
+    pub(crate) fn into_scaled(mut self, power: i32) -> Self {
+        scale_by_power(&mut self.data, power);
+        self
     }
 }
 

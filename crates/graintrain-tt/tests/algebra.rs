@@ -1,7 +1,7 @@
 //! Every operation against dense brute force, and the promise of error control, on random trains (property tests).
 
 use graintrain_linalg::dense::{Matrix, product};
-use graintrain_tt::apply::FullOperator;
+use graintrain_tt::apply::{ApplyWork, FullOperator};
 use graintrain_tt::{Truncation, TtMatrix, TtVector};
 use proptest::prelude::*;
 
@@ -104,6 +104,72 @@ proptest! {
         }
     }
 
+    #[test]
+    fn products_within_a_tolerance_keep_the_promise_of_rounding(
+        sizes in prop::collection::vec((1usize..4, 1usize..4, 1usize..3), 1..6),
+        r in 1usize..5, tolerance in prop::sample::select(vec![0.0, 1e-9, 1e-4, 0.1]), cap in 1usize..40,
+        scale in prop::sample::select(vec![1.0, 1e-200, 1e200]), seed in any::<u64>(),
+    ) {
+        let rows: Vec<usize> = sizes.iter().map(|s| s.0).collect();
+        let inner: Vec<usize> = sizes.iter().map(|s| s.1).collect();
+        let columns: Vec<usize> = sizes.iter().map(|s| s.2).collect();
+        // A part of small size gives the product a spectrum that decays.
+        let a = TtMatrix::random(&rows, &inner, r, seed).unwrap();
+        let a = a.add(&TtMatrix::random(&rows, &inner, 2, seed ^ 3).unwrap().scale(1e-3)).unwrap();
+        let b = TtMatrix::random(&inner, &columns, 3, seed ^ 7).unwrap();
+        let x = TtVector::random(&inner, 3, seed ^ 9).unwrap();
+        let truncation = Truncation::capped(tolerance, cap);
+        let (product, other) = (a.times_matrix(&b).unwrap(), a.times_vector(&x).unwrap());
+        let (ab, report_ab) = a.scale(scale).times_matrix_rounded(&b.scale(1.0 / scale), &truncation).unwrap();
+        let (ax, report_ax) = a.scale(scale).times_vector_rounded(&x.scale(1.0 / scale), &truncation).unwrap();
+        prop_assert_eq!((ab.row_modes(), ab.column_modes()), (&rows[..], &columns[..]));
+        for (found, exact, report) in [(ab.as_vector(), product.as_vector(), report_ab), (&ax, &other, report_ax)] {
+            let truth = distance(&found.to_full().unwrap(), &exact.to_full().unwrap());
+            prop_assert!(report.capped || truth <= tolerance * (1.0 + 1e-6) + 1e-13, "{} > {}", truth, tolerance);
+            prop_assert!((truth - report.error).abs() <= 1e-6 * truth + 1e-13, "{} {:?}", truth, report);
+            prop_assert!((report.norm / exact.norm() - 1.0).abs() < 1e-10);
+            let explicit = exact.round(&truncation).unwrap().0;
+            // (Which of two nearly equal singular values is left out may differ, and so the next bond's budget.)
+            prop_assert!(found.ranks().iter().zip(explicit.ranks()).all(|(a, b)| a.abs_diff(b) <= 1));
+        }
+    }
+
+    #[test]
+    fn parts_of_trains_are_parts_of_tensors(
+        cuts in prop::collection::vec((1usize..4, 0usize..3, 1usize..4, 1usize..4, 0usize..3, 1usize..4), 1..6),
+        r in 1usize..4, seed in any::<u64>(),
+    ) {
+        let rows: Vec<usize> = cuts.iter().map(|c| c.0).collect();
+        let columns: Vec<usize> = cuts.iter().map(|c| c.3).collect();
+        let range = |n: usize, start: usize, length: usize| { let start = start.min(n - 1); start..(start + length).min(n) };
+        let row_ranges: Vec<_> = cuts.iter().map(|c| range(c.0, c.1, c.2)).collect();
+        let column_ranges: Vec<_> = cuts.iter().map(|c| range(c.3, c.4, c.5)).collect();
+        // The numbers of the full tensor that a part holds, in its order.
+        let places = |modes: &[usize], ranges: &[std::ops::Range<usize>]| -> Vec<usize> {
+            let (mut places, mut step) = (vec![0], 1);
+            for (n, range) in modes.iter().zip(ranges) {
+                places = range.clone().flat_map(|i| places.iter().map(move |p| p + step * i)).collect();
+                step *= n;
+            }
+            places
+        };
+        let x = TtVector::random(&rows, r, seed).unwrap();
+        let full = x.to_full().unwrap();
+        let part = x.sub_tensor(&row_ranges).unwrap();
+        let expected: Vec<f64> = places(&rows, &row_ranges).iter().map(|&p| full[p]).collect();
+        prop_assert!(distance(&part.to_full().unwrap(), &expected) < 1e-12);
+        let squeezed = part.squeeze();
+        let large: Vec<usize> = part.modes().into_iter().filter(|&n| n > 1).collect();
+        prop_assert_eq!(squeezed.modes(), if large.is_empty() { vec![1] } else { large });
+        prop_assert!(distance(&squeezed.to_full().unwrap(), &expected) < 1e-12);
+        let a = TtMatrix::random(&rows, &columns, r, seed).unwrap();
+        let dense = a.to_full().unwrap();
+        let block = a.sub_matrix(&row_ranges, &column_ranges).unwrap().to_full().unwrap();
+        let (i, j) = (places(&rows, &row_ranges), places(&columns, &column_ranges));
+        let expected = Matrix::from_fn(i.len(), j.len(), |row, column| dense[(i[row], j[column])]);
+        prop_assert!(distance(block.data(), expected.data()) < 1e-12);
+    }
+
     /// TT-SVD and rounding keep their promise, report the true error, and rounding twice changes nothing.
     #[test]
     fn truncation_keeps_its_promise(modes in modes(), seed in any::<u64>(), digits in 1i32..9, cap in 1usize..6) {
@@ -157,6 +223,13 @@ fn products_with_full_vectors_equal_dense_over_both_stages_and_any_number_of_thr
         assert!(distance(&one, &expected) < 1e-12, "{rows:?}");
         assert_eq!(one, run(2));
         assert_eq!(one, run(3));
+        // Several vectors at once: the same bits, one after the other.
+        let many: Vec<f64> = [&x[..], &x, &x].concat();
+        let mut results = vec![0.0; 3 * one.len()];
+        operator.apply_many(&many, &mut results, &mut ApplyWork::default()).unwrap();
+        assert_eq!(results, [&one[..], &one, &one].concat());
+        assert!(operator.apply_many(&many[1..], &mut results, &mut ApplyWork::default()).is_err());
+        assert!(operator.apply_many(&x, &mut results, &mut ApplyWork::default()).is_err());
     }
 }
 
@@ -225,6 +298,18 @@ fn wrong_input_is_an_error_not_a_panic() {
     assert!(a.times_vector(&TtVector::random(&[3, 2], 2, 1).unwrap()).is_err());
     assert!(FullOperator::new(&a).unwrap().multiply(&[0.0; 5]).is_err());
     assert!(a.entries(&[(6, 0)]).is_err());
+    assert!(
+        a.times_vector_rounded(&TtVector::random(&[3, 2], 2, 1).unwrap(), &Truncation::default()).is_err()
+    );
+    assert!(a.times_matrix_rounded(&TtMatrix::identity(&[3, 2]).unwrap(), &Truncation::default()).is_err());
+    assert!(a.times_matrix_rounded(&a, &Truncation::to(2.0)).is_err());
+    let nan = x.scale(f64::NAN);
+    assert!(a.times_vector_rounded(&nan, &Truncation::default()).is_err());
+    let zero = a.times_vector_rounded(&x.scale(0.0), &Truncation::default()).unwrap().0;
+    assert_eq!((zero.modes(), zero.norm()), (vec![2, 3], 0.0));
+    for ranges in [vec![0..2], vec![0..2, 0..4], vec![0..2, 1..1], vec![0..2, 0..usize::MAX]] {
+        assert!(x.sub_tensor(&ranges).is_err() && a.sub_matrix(&ranges, &ranges).is_err(), "{ranges:?}");
+    }
 }
 
 #[test]

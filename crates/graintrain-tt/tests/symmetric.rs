@@ -3,7 +3,7 @@
 use graintrain_linalg::dense::Matrix;
 use graintrain_tt::qtt::{self, DigitOrder};
 use graintrain_tt::symmetric::SymmetricTrain;
-use graintrain_tt::{Truncation, TtMatrix};
+use graintrain_tt::{Truncation, TtMatrix, TtVector};
 use proptest::prelude::*;
 
 /// Both roundings of a symmetric matrix keep the same total ranks; returns the graded one.
@@ -85,6 +85,46 @@ proptest! {
             }
         }
     }
+}
+
+proptest! {
+    #[test]
+    fn sums_multiples_and_products_equal_those_of_the_matrices(
+        modes in prop::collection::vec(1usize..4, 1..6), rank in 1usize..4, factor in -3.0..3.0f64, seed in any::<u64>(),
+    ) {
+        let random = |seed| TtMatrix::random(&modes, &modes, rank, seed).unwrap();
+        let graded = [seed, seed ^ 5].map(|seed| SymmetricTrain::symmetric_part(&random(seed)).unwrap());
+        let [a, b] = graded.each_ref().map(SymmetricTrain::to_matrix);
+        let sum = graded[0].add(&graded[1].scale(factor)).unwrap();
+        let expected = a.add(&b.scale(factor)).unwrap();
+        let size = 1e-13 * (a.norm() + factor.abs() * b.norm());
+        prop_assert!(sum.to_matrix().subtract(&expected).unwrap().norm() <= size);
+        let x = TtVector::random(&modes, 2, seed).unwrap();
+        let product = sum.times_vector(&x).unwrap();
+        prop_assert!(product.subtract(&expected.times_vector(&x).unwrap()).unwrap().norm() <= size * x.norm());
+        let text = serde_json::to_string(&sum).unwrap();
+        prop_assert_eq!(serde_json::from_str::<SymmetricTrain>(&text).unwrap(), sum);
+    }
+}
+
+#[test]
+fn damaged_symmetric_trains_are_refused() {
+    let line = SymmetricTrain::symmetric_part(&qtt::laplacian(3).unwrap()).unwrap();
+    let text = serde_json::to_string(&line).unwrap();
+    let refused = |text: &str| serde_json::from_str::<SymmetricTrain>(text).is_err();
+    assert!(!refused(&text));
+    for (from, to) in [
+        ("\"modes\":[2,2,2]", "\"modes\":[2,2]"),
+        ("\"modes\":[2,2,2]", "\"modes\":[2,2,3]"),
+        ("\"modes\":[2,2,2]", "\"modes\":[2,2,18446744073709551615]"),
+        ("\"modes\":[2,2,2]", "\"modes\":[0,2,2]"),
+        ("\"right\":3", "\"right\":2"),
+    ] {
+        assert!(text.contains(from) && refused(&text.replacen(from, to, 1)), "{from} {to}");
+    }
+    assert!(refused(r#"{"modes":[],"cores":[]}"#));
+    let other = SymmetricTrain::symmetric_part(&qtt::laplacian(4).unwrap()).unwrap();
+    assert!(line.add(&other).is_err());
 }
 
 #[test]

@@ -213,10 +213,9 @@ fn solve_block(
     let start = match start.balanced()? {
         // (A zero start has no direction: the right-hand side takes its place.)
         None => y.clone(),
-        Some(start) => {
-            let mut cores = start.cores();
-            share_power(&mut cores, start.exponent - exponent);
-            TtVector { cores }
+        Some((mut start, start_exponent)) => {
+            share_power(&mut start.cores, start_exponent - exponent);
+            start
         }
     };
     let blocks = |train: &TtVector| -> Vec<BlockCore> {
@@ -296,16 +295,15 @@ fn solve_block(
 /// The train with every part right of a bond of a size near sqrt(product of its `sizes`), as for entries of size one
 /// on a diagonal, and the exponent taken out; none for zero.
 fn balanced(train: &TtVector, sizes: &[usize]) -> Result<Option<(TtVector, i64)>, TtError> {
-    let Some(balanced) = train.balanced()? else { return Ok(None) };
-    let mut cores = balanced.cores();
+    let Some((mut balanced, exponent)) = train.balanced()? else { return Ok(None) };
     let (mut grown, mut put_back) = (0.0, 0);
-    for (core, &n) in cores.iter_mut().zip(sizes).rev() {
+    for (core, &n) in balanced.cores.iter_mut().zip(sizes).rev() {
         grown += 0.5 * (n as f64).log2();
         let power = grown as i64 - put_back;
         scale_by_power(&mut core.data, power as i32);
         put_back += power;
     }
-    Ok(Some((TtVector { cores }, balanced.exponent - put_back)))
+    Ok(Some((balanced, exponent - put_back)))
 }
 
 /// Whether sweeps have stopped paying: the best residual of the last sweeps is hardly better than the best before.
