@@ -307,7 +307,7 @@ fn wrong_input_is_an_error_not_a_panic() {
     assert!(a.times_vector_rounded(&nan, &Truncation::default()).is_err());
     let zero = a.times_vector_rounded(&x.scale(0.0), &Truncation::default()).unwrap().0;
     assert_eq!((zero.modes(), zero.norm()), (vec![2, 3], 0.0));
-    for ranges in [vec![0..2], vec![0..2, 0..4], vec![0..2, 1..1], vec![0..2, 0..usize::MAX]] {
+    for ranges in [vec![0..2; 1], vec![0..2, 0..4], vec![0..2, 1..1], vec![0..2, 0..usize::MAX]] {
         assert!(x.sub_tensor(&ranges).is_err() && a.sub_matrix(&ranges, &ranges).is_err(), "{ranges:?}");
     }
 }

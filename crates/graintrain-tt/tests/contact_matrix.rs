@@ -3,55 +3,9 @@
 use graintrain_tt::Truncation;
 use graintrain_tt::cross::{CrossSettings, CrossStatus, cross_sparse};
 use graintrain_tt::sparse::QuadtreeMatrix;
-use std::collections::BTreeMap;
-use std::path::PathBuf;
+use support::settled_packing;
 
-/// Entries "i j : x" of the two sparse matrices M and H of a problem in Siconos's global text form.
-fn matrices(text: &str) -> Vec<Vec<(usize, usize, f64)>> {
-    let mut found: Vec<Vec<(usize, usize, f64)>> = Vec::new();
-    for line in text.lines() {
-        if line.starts_with("triplet:") {
-            found.push(Vec::new());
-        }
-        let mut words = line.split_whitespace();
-        if let (Some(i), Some(j), Some(":"), Some(x), Some(list)) =
-            (words.next(), words.next(), words.next(), words.next(), found.last_mut())
-        {
-            list.push((i.parse().unwrap(), j.parse().unwrap(), x.parse().unwrap()));
-        }
-    }
-    found
-}
-
-/// S = H^T M^-1 H + 0.01 mean(diagonal) I, contacts in the order of the file, 4 slots per leaf, zero dummies.
-fn settled_packing(name: &str) -> Option<QuadtreeMatrix> {
-    let folder = std::env::var_os("GRAINTRAIN_DATA").map_or_else(
-        || PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data")),
-        PathBuf::from,
-    );
-    let file = folder.join("ccp").join(name);
-    let Ok(text) = std::fs::read_to_string(&file) else {
-        println!("skipped: {} is not there (set GRAINTRAIN_DATA)", file.display());
-        return None;
-    };
-    let lists = matrices(&text);
-    let mass: BTreeMap<usize, f64> = lists[0].iter().map(|&(i, _, x)| (i, x)).collect();
-    let mut rows: BTreeMap<usize, Vec<(usize, f64)>> = BTreeMap::new();
-    lists[1].iter().for_each(|&(i, j, x)| rows.entry(i).or_default().push((j, x)));
-    let mut sum: BTreeMap<(usize, usize), f64> = BTreeMap::new();
-    for (i, row) in &rows {
-        for (j, x) in row {
-            for (k, y) in row {
-                *sum.entry((*j, *k)).or_default() += x * y / mass[i];
-            }
-        }
-    }
-    let unknowns = 1 + sum.keys().map(|&(i, _)| i).max().unwrap();
-    let mean = sum.iter().filter(|((i, j), _)| i == j).map(|(_, x)| x).sum::<f64>() / unknowns as f64;
-    (0..unknowns).for_each(|i| *sum.entry((i, i)).or_default() += 0.01 * mean);
-    let levels = unknowns.div_ceil(12).next_power_of_two().trailing_zeros() as usize;
-    Some(QuadtreeMatrix::from_entries(12, levels, sum.into_iter().map(|((i, j), x)| (i, j, x))).unwrap())
-}
+mod support;
 
 /// Cross of the matrix under a cap on the ranks, and under stride-th nonzeros as probes, must not claim to have converged,
 /// and the error in the report must be the true one. Returns the error of the exact pass with cap 10.

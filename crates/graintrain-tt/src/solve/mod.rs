@@ -271,11 +271,10 @@ fn solve_block(
         let residual = relative_residual(a, &x, y, spectators)?;
         let met = residual <= SAFETY * settings.tolerance;
         let floor = settings.tolerance * MOST_TIGHTENING;
-        if met
-            || ended != SolveStatus::Converged
-            || inner.tolerance <= floor
-            || history.len() + 2 >= settings.max_sweeps
-        {
+        // (Two-site sweeps without enrichment also stagnate because they truncate too much.)
+        let tighter_may_help = ended == SolveStatus::Converged
+            || (ended == SolveStatus::Stagnated && settings.method == Method::Dmrg);
+        if met || !tighter_may_help || inner.tolerance <= floor || history.len() + 2 >= settings.max_sweeps {
             break (x, residual);
         }
         inner.tolerance *= 0.2;
