@@ -52,6 +52,22 @@ fn least(repeat: usize, mut call: impl FnMut()) -> f64 {
     })
 }
 
+/// Sum of numbers, sixteen at a time.
+fn sum(numbers: &[f64]) -> f64 {
+    numbers
+        .par_chunks(1 << 16)
+        .map(|part| {
+            let mut sums = [0.0; 16];
+            for numbers in part.as_chunks::<16>().0 {
+                for (sum, x) in sums.iter_mut().zip(numbers) {
+                    *sum += x;
+                }
+            }
+            sums.iter().sum::<f64>()
+        })
+        .sum()
+}
+
 /// Seconds and products of a solve of so many iterations.
 fn solve(problem: &Ccp, method: &str, iterations: usize) -> (f64, usize) {
     let mut g = vec![0.0; 3 * problem.num_contacts()];
@@ -75,8 +91,12 @@ fn measure(problem: &Ccp, methods: &[&str]) {
     // A copy that moves as many bytes as the product: half read, half written.
     let from = vec![1.0_f64; (bytes / 16.0) as usize];
     let mut to = from.clone();
-    let (mut copy, mut product) = (f64::INFINITY, f64::INFINITY);
+    let (mut copy, mut read, mut product) = (f64::INFINITY, f64::INFINITY, f64::INFINITY);
     for _ in 0..ROUNDS {
+        // And a sum over as many bytes: four fifths of what the product moves is read.
+        for part in [&from, &to] {
+            read = read.min(2.0 * least(5, || drop(std::hint::black_box(sum(part)))));
+        }
         copy = copy.min(least(5, || {
             to.par_chunks_mut(1 << 16)
                 .zip(from.par_chunks(1 << 16))
@@ -85,14 +105,16 @@ fn measure(problem: &Ccp, methods: &[&str]) {
         product = product.min(least(5, || scaled.multiply(&mut x, &mut u, &mut image, &mut work)));
     }
     println!(
-        "{contacts:8} contacts {bodies:7} bodies {} threads | copy {:6.1} GB/s | N g {:8.3} ms {:5.1} ns/contact {:6.1} GB/s {:5.2} Gflop/s, {:4.2} of the copy's speed",
+        "{contacts:8} contacts {bodies:7} bodies {} threads | copy {:6.1} read {:6.1} GB/s | N g {:8.3} ms {:5.1} ns/contact {:6.1} GB/s {:5.2} Gflop/s, {:4.2} of the copy's speed, {:4.2} of reading",
         rayon::current_num_threads(),
         bytes / copy / 1e9,
+        bytes / read / 1e9,
         1e3 * product,
         1e9 * product / contacts as f64,
         bytes / product / 1e9,
         FLOPS * contacts as f64 / product / 1e9,
         copy / product,
+        read / product,
     );
     let iterations = (6_000_000 / contacts.max(1)).clamp(10, 400);
     for method in methods {

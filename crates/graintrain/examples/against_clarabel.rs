@@ -40,12 +40,7 @@ fn main() -> Result<(), Failure> {
 }
 
 /// Runs everything on one problem and prints a line per solver.
-fn compare(
-    name: &str,
-    problem: &Ccp,
-    specs: &[SolverSpec],
-    tolerance: f64,
-) -> Result<(), Failure> {
+fn compare(name: &str, problem: &Ccp, specs: &[SolverSpec], tolerance: f64) -> Result<(), Failure> {
     let repeat = if problem.num_contacts() > LARGE { 1 } else { REPEAT };
     println!("{name}: {} contacts, tolerance {tolerance:e}", problem.num_contacts());
     // Clarabel last: its factorisation may take minutes, and every line is printed as soon as it is known.
@@ -156,11 +151,7 @@ fn cones(problem: &Ccp) -> Vec<SupportedConeT<f64>> {
 }
 
 /// min 1/2 x^T x subject to E (D^T L x + r) in the cones, with M^-1 = L L^T, v - v_free = L x; the multipliers are g.
-fn over_velocities(
-    problem: &Ccp,
-    rigid: &RigidDelassus,
-    tolerance: f64,
-) -> Result<Answer, Failure> {
+fn over_velocities(problem: &Ccp, rigid: &RigidDelassus, tolerance: f64) -> Result<Answer, Failure> {
     let size = problem.r.len();
     let scale = problem.r.iter().map(|x| x * x).sum::<f64>().sqrt().max(1e-300);
     let weight = |k: usize| if k.is_multiple_of(3) { 1.0 } else { problem.friction[k / 3] };

@@ -4,6 +4,7 @@
 use super::lanes::{Batch, LANES, Lanes, ZERO, add, cross, dot, scale, sub};
 use super::sweep::{CHUNK, Tally, Totals, for_each_task};
 use crate::delassus::{BodyInverseMass, FIXED, RigidDelassus};
+use graintrain_linalg::block3::Block;
 
 /// Bodies per parallel task.
 const BODIES: usize = 1024;
@@ -26,11 +27,20 @@ struct Geometry {
 /// Impulses in world axes and their moments about bodies A and B, of four contacts.
 pub(super) type WorldImpulses = [Batch; 3];
 
+/// What a sweep of Gauss-Seidel does at four contacts.
+pub(super) trait Update {
+    /// Changes the impulses of a batch, given its D^T v, where `moves` is 1, and returns the change.
+    fn at(&mut self, batch: usize, velocity: &Batch, moves: Lanes) -> Batch;
+}
+
 /// N = D^T M^-1 D with scaled D. A chunk of contacts sums the forces on its bodies in slots of its own, then every
 /// body adds its slots in a fixed order: no two threads write to one place and the bits do not depend on their number.
 #[derive(Clone, Debug)]
 pub(super) struct BodyOperator {
     geometry: Vec<Geometry>,
+    /// Whether the contacts of each [`TOGETHER`] batches share no body.
+    independent: Vec<bool>,
+    /// In the order of the packing, like everything per body.
     inverse_mass: Vec<BodyInverseMass>,
     /// Slots of chunk c are `chunk_start[c]..chunk_start[c + 1]`.
     chunk_start: Vec<usize>,
@@ -39,9 +49,23 @@ pub(super) struct BodyOperator {
     slots: Vec<u32>,
 }
 
-/// Contacts in an order that keeps neighbours together: bodies numbered breadth first over the contact graph,
-/// contacts sorted by their lower, then their higher body.
-pub(super) fn contact_order(rigid: &RigidDelassus) -> Vec<u32> {
+/// In which order contacts and bodies lie in memory.
+pub(super) struct Packing {
+    /// Contact at each place.
+    pub contacts: Vec<u32>,
+    /// Place of each body.
+    bodies: Vec<u32>,
+}
+
+/// Batches whose contacts share no body if that can be arranged: a sweep of Gauss-Seidel computes them together.
+pub(super) const TOGETHER: usize = 2;
+/// Contacts among which those of the next [`TOGETHER`] batches are looked for.
+const POOL: usize = 128;
+
+/// Neighbours together: bodies numbered breadth first over the contact graph, contacts sorted by their lower, then their
+/// higher body. Within a chunk they are dealt out again so that [`TOGETHER`] batches share no body wherever possible. (The same helps
+/// a pass: sums on one body would otherwise wait for one another.)
+pub(super) fn pack(rigid: &RigidDelassus) -> Packing {
     let bodies = rigid.num_bodies();
     let mut number = vec![u32::MAX; bodies];
     let mut queue = Vec::with_capacity(bodies);
@@ -65,15 +89,69 @@ pub(super) fn contact_order(rigid: &RigidDelassus) -> Vec<u32> {
             next += 1;
         }
     }
-    let key = |i: u32| {
+    let place = |body: u32| if body == FIXED { FIXED } else { number[body as usize] };
+    let pair = |i: u32| {
         let contact = &rigid.contacts()[i as usize];
-        let place = |body: u32| if body == FIXED { u32::MAX } else { number[body as usize] };
-        let (a, b) = (place(contact.body_a), place(contact.body_b));
-        (a.min(b), a.max(b), i)
+        (place(contact.body_a), place(contact.body_b))
     };
-    let mut order: Vec<u32> = (0..rigid.num_contacts() as u32).collect();
-    order.sort_unstable_by_key(|&i| key(i));
-    order
+    let mut contacts: Vec<u32> = (0..rigid.num_contacts() as u32).collect();
+    contacts.sort_unstable_by_key(|&i| {
+        let (a, b) = pair(i);
+        (a.min(b), a.max(b), i)
+    });
+    // The last group that each body was dealt to.
+    let mut group_of = vec![u32::MAX; bodies];
+    let mut group = 0;
+    let mut dealt = Vec::with_capacity(CHUNK * LANES);
+    let mut pool: Vec<u32> = Vec::with_capacity(POOL);
+    for chunk in contacts.chunks_mut(CHUNK * LANES) {
+        let mut rest = chunk.iter().copied();
+        dealt.clear();
+        while dealt.len() < chunk.len() {
+            pool.extend(rest.by_ref().take(POOL - pool.len()));
+            let first = dealt.len();
+            pool.retain(|&i| {
+                let (a, b) = pair(i);
+                let free = |body: u32| body == FIXED || group_of[body as usize] != group;
+                if dealt.len() - first == TOGETHER * LANES || !free(a) || !free(b) {
+                    return true;
+                }
+                for body in [a, b] {
+                    if body != FIXED {
+                        group_of[body as usize] = group;
+                    }
+                }
+                dealt.push(i);
+                false
+            });
+            group += 1;
+            // A group that cannot be filled takes what comes next: places must not stay empty.
+            let missing = (TOGETHER * LANES - (dealt.len() - first)).min(pool.len());
+            dealt.extend(pool.drain(..missing));
+        }
+        chunk.copy_from_slice(&dealt);
+    }
+    Packing { contacts, bodies: number }
+}
+
+/// Whether no two contacts of these batches move the same body.
+fn share_no_body(group: &[Geometry], fixed: u32) -> bool {
+    let mut seen = [fixed; 2 * TOGETHER * LANES];
+    let mut count = 0;
+    for g in group {
+        for lane in 0..LANES {
+            // A contact of a body with itself is nobody's neighbour.
+            let [a, b] = [g.body_a[lane], g.body_b[lane]];
+            for body in if a == b { [a, fixed] } else { [a, b] } {
+                if body != fixed && seen[..count].contains(&body) {
+                    return false;
+                }
+                seen[count] = body;
+                count += 1;
+            }
+        }
+    }
+    true
 }
 
 /// u + w x arm of one side of a batch.
@@ -90,8 +168,9 @@ fn side_velocity(bodies: &[u32; LANES], arm: &Batch, image: &[[f64; 6]]) -> Batc
 }
 
 impl BodyOperator {
-    /// Packs N with contacts in `order`; `scaling` has the factors of the normal and of the tangents per contact.
-    pub(super) fn new(rigid: &RigidDelassus, order: &[u32], scaling: &[[f64; 2]]) -> Self {
+    /// Packs N; `scaling` has the factors of the normal and of the tangents per contact.
+    pub(super) fn new(rigid: &RigidDelassus, packing: &Packing, scaling: &[[f64; 2]]) -> Self {
+        let order = &packing.contacts;
         let bodies = rigid.num_bodies();
         let fixed = bodies as u32;
         let batches = order.len().div_ceil(LANES);
@@ -115,6 +194,7 @@ impl BodyOperator {
                 if body == FIXED {
                     return (fixed, 0);
                 }
+                let body = packing.bodies[body as usize];
                 let known = &mut slot_of[body as usize];
                 if known.0 != chunk as u32 {
                     *known = (chunk as u32, (owner.len() - first) as u32);
@@ -154,7 +234,12 @@ impl BodyOperator {
             slots[next[body as usize] as usize] = slot as u32;
             next[body as usize] += 1;
         }
-        Self { geometry, inverse_mass: rigid.inverse_mass().to_vec(), chunk_start, slot_start, slots }
+        let mut inverse_mass = rigid.inverse_mass().to_vec();
+        for (&place, inverse) in packing.bodies.iter().zip(rigid.inverse_mass()) {
+            inverse_mass[place as usize] = *inverse;
+        }
+        let independent = geometry.chunks(TOGETHER).map(|group| share_no_body(group, fixed)).collect();
+        Self { geometry, independent, inverse_mass, chunk_start, slot_start, slots }
     }
 
     /// Numbers in an image: velocities (u, w) of every body and of the fixed one.
@@ -251,6 +336,95 @@ impl BodyOperator {
             },
         );
         Totals::of(tallies).sum[0]
+    }
+
+    /// Adds M^-1 of the impulses of one contact (lane of a batch) to the velocities of its bodies.
+    #[inline(always)]
+    fn push(&self, batch: usize, lane: usize, [p, ma, mb]: &WorldImpulses, image: &mut [[f64; 6]]) {
+        let g = &self.geometry[batch];
+        for (body, sign, moment) in [(g.body_a[lane], 1.0, ma), (g.body_b[lane], -1.0, mb)] {
+            let Some(inverse) = self.inverse_mass.get(body as usize) else { continue };
+            let v = &mut image[body as usize];
+            let m = [sign * moment[0].0[lane], sign * moment[1].0[lane], sign * moment[2].0[lane]];
+            for k in 0..3 {
+                v[k] += inverse.linear[k] * (sign * p[k].0[lane]);
+                // By columns, which are the rows of a symmetric matrix: three components at a time.
+                let a = &inverse.angular;
+                v[3 + k] += a[k] * m[0] + a[3 + k] * m[1] + a[6 + k] * m[2];
+            }
+        }
+    }
+
+    /// Gauss-Seidel over all contacts: `contacts` get the velocities D^T v of a batch and change
+    /// its impulses; the velocities of the bodies follow at once. [`TOGETHER`] batches that share no body are computed side by
+    /// side, others contact by contact: the result is that of one contact after the other in the order of the packing.
+    #[inline(always)]
+    pub(super) fn sweep(&self, image: &mut [f64], contacts: &mut impl Update) {
+        let image = image.as_chunks_mut::<6>().0;
+        for (group, &independent) in self.independent.iter().enumerate() {
+            let first = group * TOGETHER;
+            let count = TOGETHER.min(self.geometry.len() - first);
+            if independent {
+                // Short loops, as in a pass.
+                let (mut u, mut world) = ([ZERO; TOGETHER], [[ZERO; 3]; TOGETHER]);
+                for (k, u) in u[..count].iter_mut().enumerate() {
+                    *u = self.relative_velocity(first + k, image);
+                }
+                for (k, u) in u[..count].iter_mut().enumerate() {
+                    *u = contacts.at(first + k, u, Lanes::splat(1.0));
+                }
+                for (k, world) in world[..count].iter_mut().enumerate() {
+                    *world = self.world_impulses(first + k, &u[k]);
+                }
+                for (k, world) in world[..count].iter().enumerate() {
+                    for lane in 0..LANES {
+                        self.push(first + k, lane, world, image);
+                    }
+                }
+            } else {
+                for batch in first..first + count {
+                    for lane in 0..LANES {
+                        let u = self.relative_velocity(batch, image);
+                        let mut moves = Lanes::default();
+                        moves.0[lane] = 1.0;
+                        let change = contacts.at(batch, &u, moves);
+                        self.push(batch, lane, &self.world_impulses(batch, &change), image);
+                    }
+                }
+            }
+        }
+    }
+
+    /// Block N_ii of one contact, rows scaled as the frame is.
+    pub(super) fn diagonal_block(&self, batch: usize, lane: usize) -> Block {
+        let g = &self.geometry[batch];
+        let of_lane = |v: &Batch| [v[0].0[lane], v[1].0[lane], v[2].0[lane]];
+        let frame = [of_lane(&g.frame[0]), of_lane(&g.frame[1]), of_lane(&g.frame[2])];
+        let (arm_a, arm_b) = (of_lane(&g.arm_a), of_lane(&g.arm_b));
+        let dot3 = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+        let mut block = [0.0; 9];
+        let mut add_side = |body: u32, linear: f64, arm: [f64; 3]| {
+            let Some(inverse) = self.inverse_mass.get(body as usize) else { return };
+            let lever = frame.map(|f| {
+                [arm[1] * f[2] - arm[2] * f[1], arm[2] * f[0] - arm[0] * f[2], arm[0] * f[1] - arm[1] * f[0]]
+            });
+            for column in 0..3 {
+                let f = frame[column];
+                let v = std::array::from_fn(|k| linear * inverse.linear[k] * f[k]);
+                let w = graintrain_linalg::block_ops::apply3(&inverse.angular, lever[column]);
+                for row in 0..3 {
+                    block[3 * row + column] += dot3(frame[row], v) + dot3(lever[row], w);
+                }
+            }
+        };
+        let (a, b) = (g.body_a[lane], g.body_b[lane]);
+        if a == b {
+            add_side(a, 0.0, std::array::from_fn(|k| arm_a[k] - arm_b[k]));
+        } else {
+            add_side(a, 1.0, arm_a);
+            add_side(b, 1.0, arm_b);
+        }
+        block
     }
 
     /// Number of parallel tasks of [`Self::velocities`].

@@ -9,10 +9,11 @@ const ON_MANTLE: f64 = 1e-9;
 /// frictionless).
 #[inline(always)]
 pub fn where_sticking(mu: Lanes, x: &Batch, inside: &Batch, boundary: &Batch) -> Batch {
-    let tangential = (x[1] * x[1] + x[2] * x[2]).sqrt();
-    // A frictionless contact has no inside: 0 <= -MIN_POSITIVE is false.
-    let bound = Lanes::splat(1.0 - ON_MANTLE) * mu * x[0] - Lanes::splat(f64::MIN_POSITIVE);
-    std::array::from_fn(|k| tangential.at_most(bound, inside[k], boundary[k]))
+    let square = x[1] * x[1] + x[2] * x[2];
+    let bound = Lanes::splat(1.0 - ON_MANTLE) * mu * x[0].max(Lanes::splat(0.0));
+    // Squares save a root. A frictionless contact has no inside: 0 <= -MIN_POSITIVE is false.
+    let bound = bound * bound - Lanes::splat(f64::MIN_POSITIVE);
+    std::array::from_fn(|k| square.at_most(bound, inside[k], boundary[k]))
 }
 
 /// Component of g along the face of the cone that x lies on: all of it inside, along the ray on the mantle, none at the

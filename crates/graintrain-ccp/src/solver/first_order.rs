@@ -160,10 +160,14 @@ impl<'a> Iterate<'a> {
 
     /// Counts an iteration and says whether to do it. The residual of x is evaluated, from its image, at every tenth.
     pub fn proceed(&mut self, scaled: &ScaledProblem) -> bool {
-        let go = !self.iterations.is_multiple_of(CHECK) && self.limits.iterations_left(self.iterations) > 0
-            || self.check(scaled);
+        let go = !self.checks_next() || self.check(scaled);
         self.iterations += usize::from(go);
         go
+    }
+
+    /// Whether the next [`Self::proceed`] evaluates the residual.
+    pub fn checks_next(&self) -> bool {
+        self.iterations.is_multiple_of(CHECK) || self.limits.iterations_left(self.iterations) == 0
     }
 
     /// Counts an iteration without a look at the residual; false where none is left.

@@ -1,27 +1,39 @@
 //! `pgs`: projected Gauss-Seidel with over-relaxation (SOR).
 //!
-//! Source: A. Tasora, M. Anitescu, "A matrix-free cone complementarity approach for solving large-scale, nonsmooth,
-//! rigid body dynamics", Computer Methods in Applied Mechanics and Engineering 200:439-453, 2011.
+//! Sources: A. Tasora, M. Anitescu, "A matrix-free cone complementarity approach for solving large-scale, nonsmooth,
+//! rigid body dynamics", Computer Methods in Applied Mechanics and Engineering 200:439-453, 2011; for exact friction J. J. Moreau,
+//! "Unilateral contact and dry friction in finite freedom dynamics", 1988, and M. Jean, "The non-smooth contact dynamics method",
+//! Computer Methods in Applied Mechanics and Engineering 177:235-257, 1999.
 
-use super::driver::{Best, Limits, check_start};
-use super::{CcpSolver, SolveReport, SolveSettings};
-use crate::delassus::{Delassus, FIXED, RigidDelassus};
-use crate::problem::{Ccp, CcpError};
-use crate::residual::{FrictionModel, ResidualScale};
+use super::first_order::{FirstOrder, FirstOrderMethod, Iterate};
+use super::lanes::{Batch, LANES, Lanes, project, sub};
+use super::scaling::{Here, Relaxation, ScaledProblem};
+use crate::problem::CcpError;
+use crate::residual::FrictionModel;
 use graintrain_linalg::block3::Block;
 
-/// Projected Gauss-Seidel: contacts one after the other,
+/// Projected Gauss-Seidel on the scaled problem: contacts one after the other,
 ///
 /// ```text
-/// g_i <- P_i( g_i - omega u_i / lambda_i ),   u_i = (N g + r)_i with the newest g,   lambda_i = largest eigenvalue of N_ii
+/// x_i <- P_i( x_i - omega u_i / lambda_i ),   u_i = (N' x + r')_i with the newest x,   lambda_i = largest eigenvalue of N'_ii
 /// ```
 ///
-/// Over bodies the velocities v = M^-1 D g are kept and changed after every contact, so that a sweep costs about one
-/// product with N; with a sparse N a sweep is one pass over its rows. The objective falls at every contact for
-/// 0 < omega < 2. The contacts are visited in their order by one thread: the result does not depend on threads.
+/// The objective falls at every contact for 0 < omega < 2. For exact Coulomb friction the normal impulse comes first, and
+/// the tangential one is projected on the disc that it allows:
+///
+/// ```text
+/// x_n <- max(0, x_n - omega u_n / lambda_i),   x_t <- projection of x_t - omega u_t / lambda_i on |x_t| <= mu' x_n
+/// ```
+///
+/// whose fixed points are the solutions of the exact problem (no shift of the normal velocity is needed: impulse and velocity are
+/// not looked for in dual cones). For balls N'_ii is the unit matrix and both are the exact solution of the contact's own problem.
+///
+/// Over bodies the velocities v = M^-1 D g change with every contact, so that a sweep moves as much memory as a product with N;
+/// with a sparse N a sweep is one pass over its rows. Contacts that share no body are computed eight at a time; the
+/// result is that of one after the other in the order in which they are packed, on one thread: it does not depend on threads.
 #[derive(Clone, Debug)]
 pub struct GaussSeidel {
-    /// Over-relaxation omega in (0, 2); default 1.
+    /// Over-relaxation omega in (0, 2); default 1. `pgs@1.3` on the command line.
     pub relaxation: f64,
 }
 
@@ -31,106 +43,51 @@ impl Default for GaussSeidel {
     }
 }
 
-/// Sweeps between two evaluations of the residual.
-const SWEEPS_PER_CHECK: usize = 10;
+/// omega / lambda_i per contact.
+struct Steps {
+    step: Vec<Lanes>,
+    exact: bool,
+}
 
-impl CcpSolver for GaussSeidel {
-    fn name(&self) -> String {
-        "pgs".to_string()
-    }
-
-    fn solve(
-        &mut self,
-        problem: &Ccp,
-        impulse: &mut [f64],
-        settings: &SolveSettings,
-    ) -> Result<SolveReport, CcpError> {
-        let limits = Limits::start(settings, 20_000);
-        check_start(problem, impulse)?;
-        let scale = ResidualScale::new(problem);
-        let contacts = problem.num_contacts();
-        for i in 0..contacts {
-            let g = problem.cone(i).project(std::array::from_fn(|k| impulse[3 * i + k]));
-            impulse[3 * i..3 * i + 3].copy_from_slice(&g);
+impl Relaxation for Steps {
+    #[inline(always)]
+    fn relaxed(&self, batch: usize, here: Here, u: &Batch, x: &Batch) -> Batch {
+        let step = self.step[batch];
+        let moved = sub(x, &[step * u[0], step * u[1], step * u[2]]);
+        if self.exact {
+            let normal = moved[0].max(Lanes::splat(0.0));
+            let bound = here.mu * normal;
+            let length = (moved[1] * moved[1] + moved[2] * moved[2]).sqrt();
+            let factor = length.at_most(
+                bound,
+                Lanes::splat(1.0),
+                bound.divide(length.max(Lanes::splat(f64::MIN_POSITIVE))),
+            );
+            [normal, factor * moved[1], factor * moved[2]]
+        } else {
+            project(here.mu, &moved)
         }
-        let step: Vec<f64> = (0..contacts)
-            .map(|i| {
-                let largest = largest_eigenvalue(&problem.delassus.diagonal_block(i));
-                // A contact between immovable bodies: any positive step leads to its solution or to infinity.
-                self.relaxation / if largest > 0.0 { largest } else { scale.eta[i] }
-            })
-            .collect();
-        let mut work = problem.delassus.work();
-        let mut u = vec![0.0; 3 * contacts];
-        let mut velocity = vec![0.0; 6 * problem.delassus.num_bodies()];
-        let mut best = Best::default();
-        let mut iterations = 0;
-        let status = loop {
-            // Recomputing v from g at every check keeps rounding from piling up.
-            problem.delassus.multiply(impulse, &mut u, &mut work);
-            if let Delassus::Rigid(_) = problem.delassus {
-                velocity.copy_from_slice(work.body_velocity());
-            }
-            for (u, r) in u.iter_mut().zip(&problem.r) {
-                *u += r;
-            }
-            let residual = scale.residual(problem, impulse, &u, FrictionModel::Relaxed).max;
-            best.offer(impulse, residual);
-            if let Some(status) = limits.status(iterations, residual) {
-                break status;
-            }
-            for _ in 0..SWEEPS_PER_CHECK.min(limits.iterations_left(iterations)) {
-                match &problem.delassus {
-                    Delassus::Rigid(rigid) => sweep_bodies(problem, rigid, &step, impulse, &mut velocity),
-                    Delassus::Sparse(matrix) => {
-                        for i in 0..contacts {
-                            let u = matrix.row_times(i, impulse);
-                            relax(problem, i, u, step[i], impulse);
-                        }
-                    }
-                }
-                iterations += 1;
-            }
-        };
-        best.restore(impulse);
-        let report = limits.report("pgs", problem, impulse, status, iterations, 0);
-        Ok(SolveReport { products: iterations, ..report })
     }
 }
 
-/// Projects contact i given (N g)_i and returns the change of its impulse.
-#[inline]
-fn relax(problem: &Ccp, i: usize, ng: [f64; 3], step: f64, g: &mut [f64]) -> [f64; 3] {
-    let old = [g[3 * i], g[3 * i + 1], g[3 * i + 2]];
-    let new =
-        problem.cone(i).project(std::array::from_fn(|k| old[k] - step * (ng[k] + problem.r[3 * i + k])));
-    g[3 * i..3 * i + 3].copy_from_slice(&new);
-    std::array::from_fn(|k| new[k] - old[k])
-}
+impl FirstOrderMethod for GaussSeidel {
+    const NAME: &'static str = "pgs";
+    const EXACT: bool = true;
 
-/// One sweep over all contacts that keeps v = M^-1 D g.
-fn sweep_bodies(problem: &Ccp, rigid: &RigidDelassus, step: &[f64], g: &mut [f64], v: &mut [f64]) {
-    for i in 0..rigid.num_contacts() {
-        let change = relax(problem, i, rigid.contact_velocity(i, v), step[i], g);
-        if change == [0.0; 3] {
-            continue;
+    fn run(&mut self, scaled: &ScaledProblem, it: &mut Iterate<'_>) {
+        let mut step = vec![Lanes::default(); scaled.num_batches()];
+        for place in 0..scaled.num_contacts() {
+            let largest = largest_eigenvalue(&scaled.diagonal_block(place));
+            // A contact between immovable bodies: any positive step leads to its solution or to infinity.
+            step[place / LANES].0[place % LANES] =
+                self.relaxation / if largest > 0.0 { largest } else { 1.0 };
         }
-        let contact = &rigid.contacts()[i];
-        let [n, t1, t2] = &contact.frame;
-        let p: [f64; 3] = std::array::from_fn(|k| n[k] * change[0] + t1[k] * change[1] + t2[k] * change[2]);
-        for (body, sign, arm) in [(contact.body_a, 1.0, contact.arm_a), (contact.body_b, -1.0, contact.arm_b)]
-        {
-            if body == FIXED {
-                continue;
-            }
-            let inverse = &rigid.inverse_mass()[body as usize];
-            let moment =
-                [arm[1] * p[2] - arm[2] * p[1], arm[2] * p[0] - arm[0] * p[2], arm[0] * p[1] - arm[1] * p[0]];
-            let v = &mut v[6 * body as usize..6 * body as usize + 6];
-            for k in 0..3 {
-                v[k] += sign * inverse.linear[k] * p[k];
-                let row = &inverse.angular[3 * k..3 * k + 3];
-                v[3 + k] += sign * (row[0] * moment[0] + row[1] * moment[1] + row[2] * moment[2]);
+        let steps = Steps { step, exact: scaled.friction_model() == FrictionModel::Coulomb };
+        while it.proceed(scaled) {
+            let Iterate { x, image, work, .. } = it;
+            let followed = scaled.sweep(x, image, work, &steps);
+            if !followed && it.checks_next() {
+                it.refresh_image(scaled);
             }
         }
     }
@@ -152,14 +109,129 @@ fn largest_eigenvalue(a: &Block) -> f64 {
 }
 
 /// Makes the solver by name; it has no linear solver.
-pub(super) fn build(linear: Option<&str>) -> Result<Box<dyn CcpSolver>, CcpError> {
-    super::without_linear_solver("pgs", linear)?;
-    Ok(Box::new(GaussSeidel::default()))
+pub(super) fn build(linear: Option<&str>) -> Result<Box<dyn super::CcpSolver>, CcpError> {
+    super::without_linear_solver(GaussSeidel::NAME, linear)?;
+    Ok(Box::new(FirstOrder::new(GaussSeidel::default())))
+}
+
+/// The solver with this omega, `None` unless it is a number between 0 and 2.
+pub(super) fn build_with(omega: &str) -> Option<Box<dyn super::CcpSolver>> {
+    let relaxation = omega.parse().ok().filter(|omega| *omega > 0.0 && *omega < 2.0)?;
+    Some(Box::new(FirstOrder::new(GaussSeidel { relaxation })))
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::body_operator::{TOGETHER, pack};
+    use super::super::{CcpSolver, SolveSettings, SolverSpec};
     use super::*;
+    use crate::delassus::{BodyInverseMass, Delassus, FIXED, RigidContact, RigidDelassus};
+    use crate::problem::Ccp;
+
+    /// Contacts between neighbours of a row of bodies, and of every fourth body with a fixed one.
+    fn row_of_bodies(bodies: u32) -> Ccp {
+        let wave = |k: u32| (1.7 * f64::from(k)).sin();
+        let contact = |i: u32, body_a: u32, body_b: u32| {
+            let (c, s) = (wave(i), (1.0 - wave(i).powi(2)).sqrt());
+            RigidContact {
+                body_a,
+                body_b,
+                frame: [[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]],
+                arm_a: [-c, -s, 0.3 * wave(i + 1)],
+                arm_b: [c, s, 0.3 * wave(i + 2)],
+            }
+        };
+        let contacts: Vec<_> = (0..bodies)
+            .flat_map(|b| [(b, (b + 1) % bodies), (b, if b % 4 == 0 { FIXED } else { (b + 7) % bodies })])
+            .enumerate()
+            .map(|(i, (a, b))| contact(i as u32, a, b))
+            .collect();
+        let inverse_mass = (0..bodies)
+            .map(|b| BodyInverseMass {
+                linear: [1.0 + 0.5 * wave(b); 3],
+                angular: [2.0, 0.3 * wave(b), 0.0, 0.3 * wave(b), 1.5, 0.1, 0.0, 0.1, 1.0],
+            })
+            .collect();
+        let r = (0..3 * contacts.len() as u32).map(|k| wave(3 * k + 1)).collect();
+        let friction = (0..contacts.len() as u32).map(|i| 0.5 + 0.5 * wave(i)).collect();
+        Ccp::new(Delassus::Rigid(RigidDelassus::new(contacts, inverse_mass)), r, friction).unwrap()
+    }
+
+    /// Sweeps over bodies, eight contacts at a time, are those of one contact after the other over the rows of N, also
+    /// where few bodies leave no eight contacts apart from one another.
+    #[test]
+    fn a_sweep_over_bodies_is_one_contact_after_the_other() {
+        for bodies in [3, 9, 700] {
+            let problem = row_of_bodies(bodies);
+            let Delassus::Rigid(rigid) = &problem.delassus else { unreachable!() };
+            let order = pack(rigid).contacts;
+            let mut sorted = order.clone();
+            sorted.sort_unstable();
+            assert!(sorted.into_iter().eq(0..2 * bodies), "the packing is a permutation");
+            let contacts = order.iter().map(|&i| rigid.contacts()[i as usize]).collect();
+            let packed = RigidDelassus::new(contacts, rigid.inverse_mass().to_vec());
+            let rows = Ccp {
+                delassus: Delassus::Sparse(packed.assemble()),
+                r: order.iter().flat_map(|&i| problem.r[3 * i as usize..][..3].to_vec()).collect(),
+                friction: order.iter().map(|&i| problem.friction[i as usize]).collect(),
+                ..problem.clone()
+            };
+            for friction in [FrictionModel::Relaxed, FrictionModel::Coulomb] {
+                let settings = SolveSettings {
+                    tolerance: 0.0,
+                    max_iterations: Some(7),
+                    friction,
+                    ..SolveSettings::default()
+                };
+                let run = |problem: &Ccp| {
+                    let mut g = vec![0.0; problem.r.len()];
+                    let mut solver = FirstOrder::new(GaussSeidel { relaxation: 1.2 });
+                    if friction == FrictionModel::Coulomb {
+                        solver.solve_exact(problem, &mut g, &settings, false).unwrap().unwrap();
+                    } else {
+                        solver.solve(problem, &mut g, &settings).unwrap();
+                    }
+                    g
+                };
+                let (by_bodies, by_rows) = (run(&problem), run(&rows));
+                for (place, &i) in order.iter().enumerate() {
+                    for k in 0..3 {
+                        let (a, b) = (by_bodies[3 * i as usize + k], by_rows[3 * place + k]);
+                        assert!((a - b).abs() < 1e-10 * (1.0 + b.abs()), "contact {i}: {a} {b}");
+                    }
+                }
+            }
+        }
+    }
+
+    /// Hardly any contacts of a large packing wait for one another.
+    #[test]
+    fn batches_computed_together_share_no_body() {
+        let problem = row_of_bodies(700);
+        let Delassus::Rigid(rigid) = &problem.delassus else { unreachable!() };
+        let order = pack(rigid).contacts;
+        let apart = |group: &&[u32]| {
+            let contacts = group.iter().map(|&i| rigid.contacts()[i as usize]);
+            let mut bodies: Vec<u32> =
+                contacts.flat_map(|c| [c.body_a, c.body_b]).filter(|&b| b != FIXED).collect();
+            let count = bodies.len();
+            bodies.sort_unstable();
+            bodies.dedup();
+            bodies.len() == count
+        };
+        let groups = order.chunks(TOGETHER * LANES);
+        let count = groups.len();
+        assert!(groups.filter(apart).count() * 10 > 9 * count);
+    }
+
+    #[test]
+    fn over_relaxation_is_part_of_the_name() {
+        let spec: SolverSpec = "pgs@1.3".parse().unwrap();
+        assert_eq!(spec.to_string(), "pgs@1.3");
+        for wrong in ["pgs@2", "pgs@0", "pgs@", "pgs@nan", "pgs@x", "apgd@1.3", "pgs@1.3+cholesky"] {
+            assert!(wrong.parse::<SolverSpec>().is_err(), "{wrong}");
+        }
+    }
 
     #[test]
     fn largest_eigenvalue_of_known_blocks() {

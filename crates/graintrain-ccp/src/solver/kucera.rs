@@ -34,19 +34,30 @@ struct Split {
 }
 
 impl Kernel<2> for Split {
+    /// The reduced gradient x - P(x - step u).
     #[inline(always)]
-    fn at(&self, here: Here, u: &Batch, [x, phi]: [&mut Batch; 2], tally: &mut Tally) -> Batch {
+    fn at(&self, here: Here, u: &Batch, [x, _]: [&mut Batch; 2], _: &mut Tally) -> Batch {
+        sub(x, &project(here.mu, &add_scaled(x, -self.step, u)))
+    }
+
+    #[inline(always)]
+    fn finish(
+        &self,
+        here: Here,
+        u: &Batch,
+        reduced: Batch,
+        [x, phi]: [&mut Batch; 2],
+        tally: &mut Tally,
+    ) -> Batch {
         // On the boundary the free part is a multiple of x, and so is its reduction: x - P(x - step coefficient x).
         let coefficient = dot(x, u).divide(dot(x, x).max(Lanes::splat(f64::MIN_POSITIVE)));
-        let shrink = -((-(Lanes::splat(self.step) * coefficient)).max(Lanes::splat(-1.0)));
-        let reduced = sub(x, &project(here.mu, &add_scaled(x, -self.step, u)));
-        let free = where_sticking(here.mu, x, u, &scale(coefficient, x));
+        let shrink = (Lanes::splat(self.step) * coefficient).min(Lanes::splat(1.0));
+        *phi = where_sticking(here.mu, x, u, &scale(coefficient, x));
         let reduced_free = where_sticking(here.mu, x, &reduced, &scale(shrink, x));
-        let boundary = where_sticking(here.mu, x, &ZERO, &sub(&reduced, &reduced_free));
-        tally.sum[0] += dot(&free, &reduced_free);
+        let boundary = sub(&reduced, &reduced_free);
+        tally.sum[0] += dot(phi, &reduced_free);
         tally.sum[1] += dot(&boundary, &boundary);
-        tally.sum[2] += dot(&free, &free);
-        *phi = free;
+        tally.sum[2] += dot(phi, phi);
         ZERO
     }
 }
@@ -57,34 +68,42 @@ struct Direction {
 }
 
 impl Kernel<3> for Direction {
+    /// b, b^2 - a c and -c of the equation below.
     #[inline(always)]
     fn at(&self, here: Here, _: &Batch, [x, phi, p]: [&mut Batch; 3], tally: &mut Tally) -> Batch {
         *p = add_scaled(phi, self.conjugation, p);
         tally.sum[0] += dot(phi, p);
-        tally.max = tally.max.max(inverse_feasible_step(here.mu, x, p));
+        let square = here.mu * here.mu;
+        let a = p[1] * p[1] + p[2] * p[2] - square * p[0] * p[0];
+        let b = x[1] * p[1] + x[2] * p[2] - square * x[0] * p[0];
+        let c = x[1] * x[1] + x[2] * x[2] - square * x[0] * x[0];
+        [b, b * b - a * c, -c]
+    }
+
+    /// 1 / (largest alpha with x - alpha p in the cone); 0 where there is no bound.
+    ///
+    /// Inside, alpha is the smallest positive root of a alpha^2 - 2 b alpha + c = 0 with a = |p_t|^2 - mu^2 p_n^2,
+    /// b = x_t p_t - mu^2 x_n p_n, c = |x_t|^2 - mu^2 x_n^2 < 0, in the form without cancellation
+    /// 1/alpha = (sqrt(b^2 - a c) - b) / (-c). On the boundary p points along the ray: 1/alpha = p_n / x_n.
+    #[inline(always)]
+    fn finish(
+        &self,
+        here: Here,
+        _: &Batch,
+        [b, discriminant, minus_c]: Batch,
+        [x, _, p]: [&mut Batch; 3],
+        tally: &mut Tally,
+    ) -> Batch {
+        let zero = Lanes::splat(0.0);
+        // A negative discriminant: the mantle is never met, and p_n <= 0 keeps the apex away too.
+        let numerator = zero.at_most(discriminant, discriminant.max(zero).sqrt() - b, zero);
+        let along_ray = x[0].at_most(zero, zero, p[0]);
+        let [numerator, denominator, _] =
+            where_sticking(here.mu, x, &[numerator, minus_c, zero], &[along_ray, x[0], zero]);
+        let inverse = numerator.divide(denominator.max(Lanes::splat(f64::MIN_POSITIVE)));
+        tally.max = tally.max.max(inverse.max(zero));
         *p
     }
-}
-
-/// 1 / (largest alpha with x - alpha p in the cone); 0 where there is no bound.
-///
-/// Inside, alpha is the smallest positive root of a alpha^2 - 2 b alpha + c = 0 with a = |p_t|^2 - mu^2 p_n^2,
-/// b = x_t p_t - mu^2 x_n p_n, c = |x_t|^2 - mu^2 x_n^2 < 0, in the form without cancellation
-/// 1/alpha = (sqrt(b^2 - a c) - b) / (-c). On the boundary p points along the ray: 1/alpha = p_n / x_n.
-#[inline(always)]
-fn inverse_feasible_step(mu: Lanes, x: &Batch, p: &Batch) -> Lanes {
-    let zero = Lanes::splat(0.0);
-    let tiny = Lanes::splat(f64::MIN_POSITIVE);
-    let square = mu * mu;
-    let a = p[1] * p[1] + p[2] * p[2] - square * p[0] * p[0];
-    let b = x[1] * p[1] + x[2] * p[2] - square * x[0] * p[0];
-    let c = x[1] * x[1] + x[2] * x[2] - square * x[0] * x[0];
-    // A negative discriminant: the mantle is never met, and p_n <= 0 keeps the apex away too.
-    let discriminant = b * b - a * c;
-    let numerator = [zero.at_most(discriminant, discriminant.max(zero).sqrt() - b, zero), zero, zero];
-    let along_ray = [x[0].at_most(zero, zero, p[0]), zero, zero];
-    let denominator = where_sticking(mu, x, &[-c, zero, zero], &[x[0], zero, zero])[0];
-    where_sticking(mu, x, &numerator, &along_ray)[0].divide(denominator.max(tiny)).max(zero)
 }
 
 /// x <- P(x - step * the boundary contacts' part of u); returns the change.
@@ -113,11 +132,16 @@ struct Expansion {
 impl Kernel<2> for Expansion {
     #[inline(always)]
     fn at(&self, here: Here, u: &Batch, [x, p]: [&mut Batch; 2], _: &mut Tally) -> Batch {
-        let half = add_scaled(x, -self.alpha, p);
-        let along = along_face(here.mu, &half, u);
-        let new = project(here.mu, &add_scaled(&half, -self.step, &along));
+        *x = add_scaled(x, -self.alpha, p);
+        add_scaled(x, -self.step, &along_face(here.mu, x, u))
+    }
+
+    #[inline(always)]
+    fn finish(&self, here: Here, _: &Batch, target: Batch, [x, _]: [&mut Batch; 2], _: &mut Tally) -> Batch {
+        let new = project(here.mu, &target);
+        let change = sub(&new, x);
         *x = new;
-        sub(&new, &half)
+        change
     }
 }
 

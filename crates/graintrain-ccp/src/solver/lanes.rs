@@ -41,6 +41,12 @@ impl Lanes {
         self.zip(other, |a, b| if a > b { a } else { b })
     }
 
+    /// The smaller of each pair; the second one where the first is NaN.
+    #[inline(always)]
+    pub fn min(self, other: Self) -> Self {
+        self.zip(other, |a, b| if a < b { a } else { b })
+    }
+
     /// Quotients.
     #[inline(always)]
     pub fn divide(self, other: Self) -> Self {

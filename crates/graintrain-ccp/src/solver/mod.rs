@@ -195,7 +195,7 @@ pub const METHODS: &[Method] = &[
     Method { name: "pj", about: "projected Jacobi (Tasora, Anitescu 2011)", build: jacobi::build },
     Method {
         name: "pgs",
-        about: "projected Gauss-Seidel / SOR (Tasora, Anitescu 2011)",
+        about: "projected Gauss-Seidel (Tasora, Anitescu 2011); pgs@1.3: with over-relaxation 1.3 (SOR)",
         build: gauss_seidel::build,
     },
     Method {
@@ -256,10 +256,13 @@ fn without_linear_solver(method: &str, linear: Option<&str>) -> Result<(), CcpEr
     }
 }
 
-/// A solver by name: a method, and for second-order methods its linear solver after a `+`, e.g. `pdip+ilu`.
+/// A solver by name: a method, and for second-order methods its linear solver after a `+`, e.g. `pdip+ilu`; over-relaxation
+/// follows `pgs` after an `@`, e.g. `pgs@1.3`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SolverSpec {
     method: String,
+    /// omega of `pgs@OMEGA`.
+    relaxation: Option<String>,
     linear: Option<String>,
 }
 
@@ -271,8 +274,16 @@ impl SolverSpec {
     pub fn build(&self) -> Result<Box<dyn CcpSolver>, CcpError> {
         let method =
             METHODS.iter().find(|method| method.name == self.method).ok_or_else(|| self.unknown())?;
-        (method.build)(self.linear.as_deref())
-            .map(|relaxed| Box::new(CoulombIteration::new(relaxed)) as Box<dyn CcpSolver>)
+        let built = match &self.relaxation {
+            None => (method.build)(self.linear.as_deref()),
+            Some(omega) if self.method == "pgs" && self.linear.is_none() => gauss_seidel::build_with(omega)
+                .ok_or_else(|| CcpError::UnknownSolver {
+                    name: self.to_string(),
+                    known: "pgs@OMEGA with a number OMEGA between 0 and 2".to_string(),
+                }),
+            Some(_) => Err(self.unknown()),
+        };
+        built.map(|relaxed| Box::new(CoulombIteration::new(relaxed)) as Box<dyn CcpSolver>)
     }
 
     fn unknown(&self) -> CcpError {
@@ -283,10 +294,11 @@ impl SolverSpec {
 
 impl std::fmt::Display for SolverSpec {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match &self.linear {
-            Some(linear) => write!(f, "{}+{linear}", self.method),
-            None => f.write_str(&self.method),
+        f.write_str(&self.method)?;
+        if let Some(omega) = &self.relaxation {
+            write!(f, "@{omega}")?;
         }
+        self.linear.as_ref().map_or(Ok(()), |linear| write!(f, "+{linear}"))
     }
 }
 
@@ -298,7 +310,11 @@ impl std::str::FromStr for SolverSpec {
             Some((method, linear)) => (method, Some(linear.to_string())),
             None => (name, None),
         };
-        let spec = Self { method: method.to_string(), linear };
+        let (method, relaxation) = match method.split_once('@') {
+            Some((method, omega)) => (method, Some(omega.to_string())),
+            None => (method, None),
+        };
+        let spec = Self { method: method.to_string(), relaxation, linear };
         spec.build().map(|_| spec)
     }
 }

@@ -34,6 +34,29 @@ impl RowOperator {
         Self { row_start: matrix.row_starts().to_vec(), column: matrix.columns().to_vec(), block }
     }
 
+    /// Row i of N x.
+    #[inline(always)]
+    pub(super) fn row_times(&self, i: usize, x: &[Batch]) -> [f64; 3] {
+        let mut sum = [0.0; 3];
+        let range = self.row_start[i]..self.row_start[i + 1];
+        for (&j, b) in self.column[range.clone()].iter().zip(&self.block[range]) {
+            let from = &x[j as usize / LANES];
+            let l = j as usize % LANES;
+            let (x0, x1, x2) = (from[0].0[l], from[1].0[l], from[2].0[l]);
+            sum[0] += b[0] * x0 + b[1] * x1 + b[2] * x2;
+            sum[1] += b[3] * x0 + b[4] * x1 + b[5] * x2;
+            sum[2] += b[6] * x0 + b[7] * x1 + b[8] * x2;
+        }
+        sum
+    }
+
+    /// Block N_ii.
+    pub(super) fn diagonal_block(&self, i: usize) -> Block {
+        let range = self.row_start[i]..self.row_start[i + 1];
+        let columns = &self.column[range.clone()];
+        columns.iter().position(|&j| j as usize == i).map_or([0.0; 9], |k| self.block[range.start + k])
+    }
+
     /// Bytes of the matrix.
     pub(super) fn pass_bytes(&self) -> usize {
         size_of_val(&self.block[..]) + size_of_val(&self.column[..]) + size_of_val(&self.row_start[..])
@@ -51,16 +74,7 @@ impl RowOperator {
                 let batch = chunk * CHUNK + offset;
                 for lane in 0..LANES.min(rows - batch * LANES) {
                     let i = batch * LANES + lane;
-                    let mut sum = [0.0; 3];
-                    let range = self.row_start[i]..self.row_start[i + 1];
-                    for (&j, b) in self.column[range.clone()].iter().zip(&self.block[range]) {
-                        let from = &x[j as usize / LANES];
-                        let l = j as usize % LANES;
-                        let (x0, x1, x2) = (from[0].0[l], from[1].0[l], from[2].0[l]);
-                        sum[0] += b[0] * x0 + b[1] * x1 + b[2] * x2;
-                        sum[1] += b[3] * x0 + b[4] * x1 + b[5] * x2;
-                        sum[2] += b[6] * x0 + b[7] * x1 + b[8] * x2;
-                    }
+                    let sum = self.row_times(i, x);
                     for k in 0..3 {
                         image[LANES * k + lane] = sum[k];
                     }

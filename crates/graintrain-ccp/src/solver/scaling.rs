@@ -12,13 +12,14 @@
 //! that the scaled problem is again a CCP; its diagonal is one, also for balls, whose tangential mobility is 3.5 times
 //! the normal one. Only the residual has to be taken in the original metric, where |d_i| is measured.
 
-use super::body_operator::{BodyOperator, contact_order};
+use super::body_operator::{BodyOperator, Update, pack};
 use super::lanes::{Batch, LANES, Lanes, ZERO, add, dot, project, scale, sub};
 use super::row_operator::{RowOperator, batch_of};
 use super::sweep::{CHUNK, Tally, TaskWork, Totals, for_each_task, vectorised};
 use crate::delassus::Delassus;
 use crate::problem::Ccp;
 use crate::residual::{FrictionModel, ResidualScale};
+use graintrain_linalg::block3::Block;
 
 /// Power iterations for the first step size.
 const POWER_ITERATIONS: usize = 12;
@@ -57,8 +58,10 @@ pub struct Metric {
     pub normal: Lanes,
     /// See `normal`.
     pub tangential: Lanes,
-    /// (mean eta) / eta_i.
-    pub mobility: Lanes,
+    /// Impulse, in units of J, by which a unit of u_n or u_t moves the natural map's argument.
+    pub along: Lanes,
+    /// See `along`.
+    pub across: Lanes,
     /// mu.
     pub mu: Lanes,
 }
@@ -95,6 +98,19 @@ pub trait Kernel<const M: usize>: Sync {
     /// Given u = N' y + r' and the method's vectors at this batch, updates the vectors, adds to the tally and returns the
     /// batch whose image the pass computes.
     fn at(&self, here: Here, u: &Batch, vectors: [&mut Batch; M], tally: &mut Tally) -> Batch;
+
+    /// The rest of a long kernel, given what [`Self::at`] returned, in a loop of its own: the compiler keeps four lanes together
+    /// only along chains of about twelve operations.
+    #[inline(always)]
+    fn finish(&self, _: Here, _: &Batch, s: Batch, _: [&mut Batch; M], _: &mut Tally) -> Batch {
+        s
+    }
+}
+
+/// What Gauss-Seidel makes of the impulses of four contacts, given their velocities.
+pub trait Relaxation: Sync {
+    /// The new impulses.
+    fn relaxed(&self, batch: usize, here: Here, u: &Batch, x: &Batch) -> Batch;
 }
 
 /// Returns the vector: its image is wanted.
@@ -128,14 +144,8 @@ impl Kernel<1> for NaturalMap {
     #[inline(always)]
     fn at(&self, here: Here, u: &Batch, [x]: [&mut Batch; 1], tally: &mut Tally) -> Batch {
         let u = here.drive(u);
-        let Metric { normal, tangential, mobility, mu } = here.metric;
-        let one = Lanes::splat(1.0);
+        let Metric { normal, tangential, along, across, mu } = here.metric;
         let g = [normal * x[0], tangential * x[1], tangential * x[2]];
-        // Lanes without a contact have no impulse per unit; they are zero everywhere.
-        let (along, across) = (
-            mobility.divide(normal.at_most(ZERO[0], one, normal)),
-            mobility.divide(tangential.at_most(ZERO[0], one, tangential)),
-        );
         let d = sub(&g, &project(mu, &sub(&g, &[along * u[0], across * u[1], across * u[2]])));
         tally.max = tally.max.max(dot(&d, &d));
         d
@@ -196,8 +206,8 @@ impl ScaledProblem {
             .collect();
         let (operator, order) = match &problem.delassus {
             Delassus::Rigid(rigid) => {
-                let order = contact_order(rigid);
-                (Operator::Bodies(BodyOperator::new(rigid, &order, &scaling)), order)
+                let packing = pack(rigid);
+                (Operator::Bodies(BodyOperator::new(rigid, &packing, &scaling)), packing.contacts)
             }
             Delassus::Sparse(matrix) => {
                 (Operator::Rows(RowOperator::new(matrix, &scaling)), (0..contacts as u32).collect())
@@ -221,7 +231,9 @@ impl ScaledProblem {
             let metric = &mut scaled.metric[batch];
             metric.normal.0[lane] = normal / residual.impulse;
             metric.tangential.0[lane] = tangential / residual.impulse;
-            metric.mobility.0[lane] = mean / residual.eta[i];
+            let mobility = mean / residual.eta[i];
+            metric.along.0[lane] = mobility / metric.normal.0[lane];
+            metric.across.0[lane] = mobility / metric.tangential.0[lane];
             metric.mu.0[lane] = problem.friction[i];
         }
         scaled.set_free_velocity(&problem.r);
@@ -476,6 +488,53 @@ impl ScaledProblem {
         largest
     }
 
+    /// Block N'_ii of the contact at a place.
+    pub fn diagonal_block(&self, place: usize) -> Block {
+        match &self.operator {
+            Operator::Bodies(bodies) => bodies.diagonal_block(place / LANES, place % LANES),
+            Operator::Rows(rows) => rows.diagonal_block(place),
+        }
+    }
+
+    /// Number of contacts: places beyond are empty.
+    pub fn num_contacts(&self) -> usize {
+        self.order.len()
+    }
+
+    /// One sweep of Gauss-Seidel, contact after contact on one thread: the kernel gets the newest u = N' x + r' at a batch
+    /// and the batch of x to change, and its change takes effect before other contacts are looked at; where not every contact of a batch
+    /// may move at once only one is let. Returns whether `image` has followed: over bodies it has, over rows it is left as
+    /// it was.
+    pub fn sweep(
+        &self,
+        x: &mut [Batch],
+        image: &mut [f64],
+        work: &mut PassWork,
+        kernel: &impl Relaxation,
+    ) -> bool {
+        work.products += 1;
+        match &self.operator {
+            Operator::Bodies(bodies) => {
+                vectorised(BodySweep { scaled: self, bodies, x, image, kernel });
+                true
+            }
+            Operator::Rows(rows) => {
+                for i in 0..self.order.len() {
+                    let (batch, lane) = (i / LANES, i % LANES);
+                    let mut u = self.r[batch];
+                    for (u, product) in u.iter_mut().zip(rows.row_times(i, x)) {
+                        u.0[lane] += product;
+                    }
+                    let new = kernel.relaxed(batch, self.here(batch), &u, &x[batch]);
+                    for k in 0..3 {
+                        x[batch][k].0[lane] = new[k].0[lane];
+                    }
+                }
+                false
+            }
+        }
+    }
+
     /// Residual max_i |d_i| / J of x, given its image: the natural map in the original metric.
     pub fn residual(&self, x: &mut [Batch], image: &[f64], work: &mut PassWork) -> f64 {
         self.look(image, [x], work, &NaturalMap).max.sqrt()
@@ -532,6 +591,10 @@ where
                 let mine = self.vectors.each_mut().map(|v| &mut v[offset + k]);
                 s[k] = self.kernel.at(self.scaled.here(first + k), &u[k], mine, &mut tally);
             }
+            for k in 0..count {
+                let mine = self.vectors.each_mut().map(|v| &mut v[offset + k]);
+                s[k] = self.kernel.finish(self.scaled.here(first + k), &u[k], s[k], mine, &mut tally);
+            }
             if SCATTER {
                 for (k, world) in world[..count].iter_mut().enumerate() {
                     *world = self.bodies.world_impulses(first + k, &s[k]);
@@ -543,6 +606,42 @@ where
             offset += count;
         }
         *self.tally = tally;
+    }
+}
+
+/// A sweep of Gauss-Seidel over bodies.
+struct BodySweep<'a, K> {
+    scaled: &'a ScaledProblem,
+    bodies: &'a BodyOperator,
+    x: &'a mut [Batch],
+    image: &'a mut [f64],
+    kernel: &'a K,
+}
+
+impl<K: Relaxation> TaskWork for BodySweep<'_, K> {
+    #[inline(always)]
+    fn run(self) {
+        let Self { scaled, bodies, x, image, kernel } = self;
+        bodies.sweep(image, &mut Relaxing { scaled, x, kernel });
+    }
+}
+
+/// The contacts' part of a sweep.
+struct Relaxing<'a, K> {
+    scaled: &'a ScaledProblem,
+    x: &'a mut [Batch],
+    kernel: &'a K,
+}
+
+impl<K: Relaxation> Update for Relaxing<'_, K> {
+    #[inline(always)]
+    fn at(&mut self, batch: usize, velocity: &Batch, moves: Lanes) -> Batch {
+        let u = add(velocity, &self.scaled.r[batch]);
+        let x = &mut self.x[batch];
+        let new = self.kernel.relaxed(batch, self.scaled.here(batch), &u, x);
+        let change = scale(moves, &sub(&new, x));
+        *x = add(x, &change);
+        change
     }
 }
 
@@ -566,7 +665,9 @@ where
         for (offset, batch) in self.batches.enumerate() {
             let u = add(&batch_of(&self.product[batch]), &self.scaled.r[batch]);
             let mine = self.vectors.each_mut().map(|v| &mut v[offset]);
-            self.scattered[offset] = self.kernel.at(self.scaled.here(batch), &u, mine, self.tally);
+            let s = self.kernel.at(self.scaled.here(batch), &u, mine, self.tally);
+            let mine = self.vectors.each_mut().map(|v| &mut v[offset]);
+            self.scattered[offset] = self.kernel.finish(self.scaled.here(batch), &u, s, mine, self.tally);
         }
     }
 }
