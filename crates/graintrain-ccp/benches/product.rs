@@ -95,7 +95,11 @@ fn measure(problem: &Ccp, methods: &[&str]) {
     for _ in 0..ROUNDS {
         // And a sum over as many bytes: four fifths of what the product moves is read.
         for part in [&from, &to] {
-            read = read.min(2.0 * least(5, || drop(std::hint::black_box(sum(part)))));
+            read = read.min(
+                2.0 * least(5, || {
+                    std::hint::black_box(sum(part));
+                }),
+            );
         }
         copy = copy.min(least(5, || {
             to.par_chunks_mut(1 << 16)
