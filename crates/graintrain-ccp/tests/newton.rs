@@ -3,10 +3,16 @@
 mod common;
 
 use common::{Random, clarabel, clarabel_over_velocities, lattice_packing, random_problem, sparse_form};
-use graintrain_ccp::newton::{LINEAR_METHODS, ScaledBlocks, driver::NewtonDriver, linear_solver};
-use graintrain_ccp::{Ccp, SolveSettings, SolverSpec};
+use graintrain_ccp::newton::{
+    LINEAR_METHODS, LinearReport, NewtonError, NewtonSolver, NewtonSystem, ScaledBlocks,
+    driver::NewtonDriver, linear_solver, train::TensorTrain,
+};
+use graintrain_ccp::solver::pdip::{Pdip, Rule};
+use graintrain_ccp::{Ccp, CcpSolver, SolveSettings, SolverSpec};
 use graintrain_linalg::block_ops::{factor_in_place, invert3_general, multiply3_transposed};
 use graintrain_linalg::block3::Block;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 
 /// Blocks H of widely different size, the factors F of their inverses, and F^-1.
 fn random_blocks(problem: &Ccp, spread: f64, seed: u64) -> [Vec<Block>; 3] {
@@ -96,6 +102,70 @@ fn every_linear_solver_solves_the_system_or_says_that_it_did_not() {
             assert!(driver.take_records().iter().all(|record| record.precompute_seconds >= 0.0));
         }
     }
+}
+
+#[test]
+fn trains_are_tried_on_small_problems_only_when_asked() {
+    // With the same weights everywhere the matrix of so few bodies fits into a train: the probe passes.
+    let problem = lattice_packing(2, 2, 0.4, 3);
+    let n = 3 * problem.num_contacts();
+    let b: Vec<f64> = (0..n).map(|k| f64::sin(1.7 * k as f64) + 0.2).collect();
+    let unit = vec![[1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]; problem.num_contacts()];
+    let blocks = ScaledBlocks { added: &unit, factor: &unit, factor_inverse: &unit };
+    for (train, tried) in [(TensorTrain::default(), false), (TensorTrain::at_any_size(), true)] {
+        let mut driver = NewtonDriver::new(Box::new(train));
+        driver.begin(&problem);
+        driver.refresh(&problem, blocks, 0, 0.0).unwrap();
+        let mut x = vec![0.0; n];
+        assert!(driver.solve(&problem, blocks, &b, &mut x, 1e-9).converged);
+        assert!(residual(&problem, &unit, &b, &x) < 3e-9);
+        driver.end_iteration(1.0);
+        let figures = &driver.take_records()[0].figures;
+        assert!(figures["train_captured_energy"] > 0.5);
+        assert_eq!(figures.contains_key("rank_inverse"), tried);
+    }
+}
+
+/// Hands everything to another solver and counts its solves.
+struct Counting {
+    inner: Box<dyn NewtonSolver>,
+    solves: Arc<AtomicUsize>,
+}
+
+impl NewtonSolver for Counting {
+    fn name(&self) -> &'static str {
+        "counting"
+    }
+
+    fn needs_matrix(&self) -> bool {
+        self.inner.needs_matrix()
+    }
+
+    fn refresh(&mut self, system: &NewtonSystem<'_>) -> Result<(), NewtonError> {
+        self.inner.refresh(system)
+    }
+
+    fn solve(&mut self, system: &NewtonSystem<'_>, b: &[f64], z: &mut [f64], tolerance: f64) -> LinearReport {
+        self.solves.fetch_add(1, Relaxed);
+        self.inner.solve(system, b, z, tolerance)
+    }
+}
+
+#[test]
+fn pdip_takes_a_linear_solver_of_ones_own() {
+    let problem = lattice_packing(3, 2, 0.4, 5);
+    let settings = SolveSettings::default();
+    let solves = Arc::new(AtomicUsize::new(0));
+    let own = Counting { inner: linear_solver("pdip", "ic").unwrap(), solves: solves.clone() };
+    let mut impulses = [vec![0.0; 3 * problem.num_contacts()], vec![0.0; 3 * problem.num_contacts()]];
+    let report =
+        Pdip::with_solver(Rule::Central, Box::new(own)).solve(&problem, &mut impulses[0], &settings).unwrap();
+    let spec: SolverSpec = "pdip+ic".parse().unwrap();
+    spec.build().unwrap().solve(&problem, &mut impulses[1], &settings).unwrap();
+    assert!(report.converged());
+    assert_eq!(report.solver, "pdip+counting");
+    assert_eq!(solves.load(Relaxed), report.newton.len());
+    assert_eq!(impulses[0], impulses[1]);
 }
 
 /// The tensor-train inverses of S: seconds to minutes even on these small problems.

@@ -176,8 +176,8 @@ impl BodyCg {
     }
 
     /// Block Jacobi, corrected by a tensor train where that pays.
-    pub fn tensor_train() -> Self {
-        Self::new("tt", Some(TrainCorrection::default()))
+    pub fn tensor_train(correction: TrainCorrection) -> Self {
+        Self::new("tt", Some(correction))
     }
 
     /// Whether the train is in use for the current matrix.

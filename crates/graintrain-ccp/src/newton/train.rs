@@ -1,12 +1,13 @@
 //! `tt`: a tensor train in body space where that pays, incomplete Cholesky in contact space where it does not.
 //!
-//! [`TrainCorrection`](super::train_body::TrainCorrection) decides by measurement: a probe of compressibility once per
-//! problem, and a race for every matrix that passes it. Without a train, conjugate gradients in body space are the poorer choice
+//! [`TrainCorrection`](super::train_body::TrainCorrection) decides: by size, by a probe of compressibility once per
+//! problem, and by a race for every matrix that passes it. Without a train, conjugate gradients in body space are the poorer choice
 //! late in an interior-point run, when the weights H^-1 spread, so that matrices without a train go to conjugate gradients on
-//! S~ with block IC(0). A problem that fails the probe, or two races in a row, is not compressed again.
+//! S~ with block IC(0). A problem that is small, fails the probe, or loses two races in a row is not compressed again.
 
 use super::body::BodyCg;
 use super::krylov::SchurKrylov;
+use super::train_body::TrainCorrection;
 use super::{LinearReport, NewtonError, NewtonSolver, NewtonSystem};
 use crate::delassus::Delassus;
 use std::collections::BTreeMap;
@@ -20,7 +21,19 @@ pub struct TensorTrain {
 
 impl Default for TensorTrain {
     fn default() -> Self {
-        Self { body: BodyCg::tensor_train(), local: SchurKrylov::incomplete_cholesky(), with_train: false }
+        Self::with(TrainCorrection::default())
+    }
+}
+
+impl TensorTrain {
+    /// Tries a train on problems of any size, also where the attempt takes longer than the solve.
+    pub fn at_any_size() -> Self {
+        Self::with(TrainCorrection::at_any_size())
+    }
+
+    fn with(correction: TrainCorrection) -> Self {
+        let body = BodyCg::tensor_train(correction);
+        Self { body, local: SchurKrylov::incomplete_cholesky(), with_train: false }
     }
 }
 

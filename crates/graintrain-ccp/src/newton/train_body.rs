@@ -3,10 +3,12 @@
 //! Conjugate gradients on K = I + A A^T with 6x6 block Jacobi are conjugate gradients on K_s = L^-1 K L^-T, L the
 //! Cholesky factors of the diagonal blocks. A train X that approximates K_s^-1 makes the preconditioner L^-T X L^-1.
 //!
-//! Whether it pays is decided by measurement, in two stages that cost little and do not depend on clocks:
-//! 1. *Compressibility probe*, once per problem: the share of the off-diagonal energy of K_s that a train of the largest
+//! Whether it pays is decided in three stages that cost little and do not depend on clocks:
+//! 1. *Size*: an inversion takes about as long for a hundred bodies as for a hundred thousand. It is only tried where a long solve by conjugate
+//!    gradients takes as many operations.
+//! 2. *Compressibility probe*, once per problem: the share of the off-diagonal energy of K_s that a train of the largest
 //!    rank allowed captures. It is small on random packings and near one on assemblies that repeat under translation.
-//! 2. *Race*, for every matrix that passes: a few iterations with and without X from the same right-hand side. X is used
+//! 3. *Race*, for every matrix that passes: a few iterations with and without X from the same right-hand side. X is used
 //!    where it lowers the residual by more per floating-point operation.
 
 use super::NewtonSystem;
@@ -37,16 +39,31 @@ const SETTINGS: TrainSettings = TrainSettings {
 /// Share of the off-diagonal energy below which a train is not tried.
 const CAPTURED: f64 = 0.5;
 
+/// Floating-point operations of an inversion at rank 10, about: one to four seconds, whatever the size.
+const INVERSION_FLOPS: f64 = 1e10;
+
+/// Iterations of a long solve by conjugate gradients with block Jacobi.
+const LONG_SOLVE: f64 = 1000.0;
+
 /// Iterations of the race.
 const RACE: usize = 10;
 
 /// Failed races in a row after which no more are run on the same problem.
 const FAILURES: usize = 2;
 
+/// Operations of one product with K and one with its diagonal blocks.
+fn product_flops(matrix: &BodyMatrix) -> f64 {
+    let block = (2 * BODY * BODY) as f64;
+    block * (2.0 * matrix.columns().len() as f64 + matrix.num_bodies() as f64)
+}
+
 /// The correction and what is known of its worth.
 pub struct TrainCorrection {
     placement: Placement,
     inverse: TrainInverse,
+    /// Operations of a long solve below which no train is tried.
+    least_flops: f64,
+    long_enough: bool,
     captured: f64,
     gain: f64,
     failures: usize,
@@ -57,9 +74,22 @@ pub struct TrainCorrection {
 
 impl Default for TrainCorrection {
     fn default() -> Self {
+        Self::from_flops(INVERSION_FLOPS)
+    }
+}
+
+impl TrainCorrection {
+    /// Tried on problems of any size.
+    pub fn at_any_size() -> Self {
+        Self::from_flops(0.0)
+    }
+
+    fn from_flops(least_flops: f64) -> Self {
         Self {
             placement: Placement::new(1, Split::Balanced),
             inverse: TrainInverse::new(SETTINGS),
+            least_flops,
+            long_enough: false,
             captured: 0.0,
             gain: 0.0,
             failures: 0,
@@ -68,17 +98,15 @@ impl Default for TrainCorrection {
             buffer: Vec::new(),
         }
     }
-}
 
-impl TrainCorrection {
     /// Whether the train passed its race and [`Self::apply`] is to be used.
     pub fn is_active(&self) -> bool {
         self.active
     }
 
-    /// Whether the problem passed the probe and has not lost too many races.
+    /// Whether the problem is large enough, passed the probe and has not lost too many races.
     pub fn may_pay(&self) -> bool {
-        self.captured >= CAPTURED && self.failures < FAILURES
+        self.long_enough && self.captured >= CAPTURED && self.failures < FAILURES
     }
 
     /// Adapts to new values of K, whose diagonal blocks `scaling` has factorised.
@@ -103,6 +131,7 @@ impl TrainCorrection {
                 self.inverse.forget();
             }
             self.failures = 0;
+            self.long_enough = LONG_SOLVE * product_flops(matrix) >= self.least_flops;
             let (capacity, depth) = self.placement.shape();
             let entries = self.scaled_entries(matrix, scaling);
             let off_diagonal = QuadtreeMatrix::from_entries(BODY * capacity, depth, entries)?;
@@ -177,8 +206,7 @@ impl TrainCorrection {
         if iterations < RACE || !with.is_finite() || with >= 0.0 {
             return 0.0;
         }
-        let block = (2 * BODY * BODY) as f64;
-        let plain = block * (2.0 * matrix.columns().len() as f64 + matrix.num_bodies() as f64);
+        let plain = product_flops(matrix);
         let ratio = if without < 0.0 { with / without } else { f64::INFINITY };
         ratio * plain / (plain + self.inverse.flops())
     }
@@ -188,7 +216,7 @@ impl TrainCorrection {
         figures.insert("train_captured_energy".to_string(), self.captured);
         figures.insert("train_race_gain".to_string(), self.gain);
         figures.insert("train_active".to_string(), f64::from(u8::from(self.active)));
-        if self.captured >= CAPTURED {
+        if self.long_enough && self.captured >= CAPTURED {
             figures.extend(self.inverse.figures().clone());
         }
         self.placement.figures(figures);

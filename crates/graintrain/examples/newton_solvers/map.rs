@@ -2,52 +2,83 @@
 //! best other one.
 
 use crate::Failure;
-use crate::solve::{Measured, measure};
+use crate::follow::{Life, Run, Sampling, TRAIN_AT_ANY_SIZE, lock};
+use crate::solve::problem;
 use graintrain::plot::svg::{Anchor, Svg};
 use std::path::Path;
 
 /// Largest displacement of a body, in radii.
 const DISORDER: [f64; 4] = [0.0, 1e-3, 1e-2, 0.1];
 /// Bodies.
-const SIZES: [usize; 3] = [64, 216, 1000];
+const SIZES: [usize; 4] = [64, 216, 1000, 3375];
 /// The lattice that is disturbed.
 const LATTICE: &str = "cubic";
-/// Tensor-train solvers. `tt` is `ic` where it rejects its train; a cell tells which it was.
-const TRAINS: [&str; 2] = ["pdip+tt", "pdip+tt-schur"];
-/// The others.
-const OTHERS: [&str; 3] = ["pdip+ic", "pdip+block-jacobi", "pdip+cholesky"];
+/// Tensor-train solvers. The first is `ic` where it rejects its train; a cell tells which it was.
+const TRAINS: [&str; 2] = [TRAIN_AT_ANY_SIZE, "tt-schur"];
+/// The others, beside the guide.
+const OTHERS: [&str; 2] = ["ic", "block-jacobi"];
+/// The linear solver of the interior point whose systems all others get: the fastest.
+const GUIDE: &str = "cholesky";
+/// Every so many systems are handed on.
+const EVERY: usize = 8;
+/// More Newton iterations than any lattice needs.
+const ITERATIONS: usize = 100;
 
-/// Measures, prints and draws.
-pub fn map(file: &Path, limit: f64) -> Result<(), Failure> {
+/// One assembly.
+struct Cell {
+    column: usize,
+    line: usize,
+    contacts: usize,
+    /// Time of the best train over that of the best other solver; `None` where no train solved every system.
+    ratio: Option<f64>,
+    captured: f64,
+    /// Share of systems for which `tt` used its train.
+    active: f64,
+}
+
+/// Measures, prints and draws. A linear solver that needs more than `patience` processor seconds for one system gets no others.
+pub fn map(file: &Path, patience: f64) -> Result<(), Failure> {
     println!(
-        "| bodies | disorder | contacts | best train | s | captured energy | train in use | best other | s | ratio |\n\
-         |---|---|---|---|---|---|---|---|---|---|"
+        "| bodies | disorder | contacts | systems | best train | s | captured energy | train in use | best other | s | ratio |\n\
+         |---|---|---|---|---|---|---|---|---|---|---|"
     );
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
+    let sampling = Sampling { every: EVERY, solve_every: 1, iterations: ITERATIONS, patience };
+    let names: Vec<&str> = TRAINS.iter().chain(&OTHERS).copied().collect();
     let mut cells = Vec::new();
     for (column, bodies) in SIZES.iter().enumerate() {
         for (line, disorder) in DISORDER.iter().enumerate() {
-            let name = format!("{LATTICE}:{bodies}:{disorder}");
-            let run = |solvers: &[&str]| -> Result<Vec<Measured>, Failure> {
-                solvers.iter().map(|solver| measure(&name, solver, limit)).collect()
+            let problem = problem(&format!("{LATTICE}:{bodies}:{disorder}"))?;
+            let lives: Vec<(&str, Life)> = names.iter().map(|name| (*name, Life::Problem)).collect();
+            let mut run = Run::new(GUIDE, &lives, sampling)?;
+            pool.install(|| run.solve(&problem, f64::INFINITY))?;
+            let systems = lock(&run.tallies[0]).systems;
+            let whole = |k: usize| lock(&run.tallies[k]).whole(systems);
+            let fastest = |solvers: &mut dyn Iterator<Item = usize>| {
+                solvers.filter_map(|k| Some((k, whole(k)?))).min_by(|a, b| a.1.total_cmp(&b.1))
             };
-            let (trains, others) = (run(&TRAINS)?, run(&OTHERS)?);
-            let figure = |name: &str| trains[0].figures.get(name).copied().unwrap_or(0.0);
+            let train = fastest(&mut (1..=TRAINS.len()));
+            let other = fastest(&mut std::iter::once(0).chain(TRAINS.len() + 1..run.tallies.len()));
+            let Some((best, seconds)) = other else { continue };
+            let figure = |name: &str| lock(&run.tallies[1]).mean(name).unwrap_or(0.0);
             let (captured, active) = (figure("train_captured_energy"), figure("train_active"));
-            let (Some(train), Some(other)) = (fastest(&trains), fastest(&others)) else { continue };
-            let ratio = train.seconds / other.seconds;
+            let name = |k: usize| if k == 0 { GUIDE } else { names[k - 1] };
+            let ratio = train.map(|(_, train)| train / seconds);
+            let words = |value: Option<f64>| value.map_or("-".to_string(), |value| format!("{value:.2}"));
             println!(
-                "| {bodies} | {disorder} | {} | `{}` | {:.2} | {captured:.3} | {active:.2} | `{}` | {:.2} | {ratio:.2} |",
-                other.contacts, train.solver, train.seconds, other.solver, other.seconds,
+                "| {bodies} | {disorder} | {} | {systems} | {} | {} | {captured:.3} | {active:.2} | `{}` | {seconds:.2} | {} |",
+                problem.num_contacts(),
+                train.map_or("-".to_string(), |(k, _)| format!("`{}`", name(k))),
+                words(train.map(|(_, seconds)| seconds)),
+                name(best),
+                words(ratio),
             );
-            cells.push((column, line, other.contacts, ratio, captured, active));
+            let contacts = problem.num_contacts();
+            cells.push(Cell { column, line, contacts, ratio, captured, active });
         }
     }
     std::fs::write(file, draw(&cells))?;
     Ok(())
-}
-
-fn fastest(measured: &[Measured]) -> Option<&Measured> {
-    measured.iter().filter(|m| m.converged()).min_by(|a, b| a.seconds.total_cmp(&b.seconds))
 }
 
 /// Red above 1 (trains lose), white at 1, blue below; saturated at a factor of 4.
@@ -61,7 +92,7 @@ fn colour(ratio: f64) -> String {
     }
 }
 
-fn draw(cells: &[(usize, usize, usize, f64, f64, f64)]) -> String {
+fn draw(cells: &[Cell]) -> String {
     let (cell, left, top) = ([130.0, 56.0], 90.0, 64.0);
     let size = [left + cell[0] * SIZES.len() as f64 + 20.0, top + cell[1] * DISORDER.len() as f64 + 70.0];
     let (black, white) = ("#222222", "#ffffff");
@@ -75,13 +106,14 @@ fn draw(cells: &[(usize, usize, usize, f64, f64, f64)]) -> String {
         let y = top + cell[1] * (line as f64 + 0.5) + 4.0;
         svg.text([left - 10.0, y], &format!("{disorder}"), 12.0, Anchor::End, 0.0, black);
     }
-    for &(column, line, contacts, ratio, captured, active) in cells {
+    for &Cell { column, line, contacts, ratio, captured, active } in cells {
         let corner = [left + cell[0] * column as f64, top + cell[1] * line as f64];
-        svg.rectangle(corner, cell, &colour(ratio), 1.0);
+        svg.rectangle(corner, cell, &colour(ratio.unwrap_or(f64::INFINITY)), 1.0);
         svg.frame(corner, cell, black);
         let middle = corner[0] + 0.5 * cell[0];
+        let words = ratio.map_or("no solve".to_string(), |ratio| format!("{ratio:.1}"));
         let mark = if active > 0.0 { "train in use" } else { "train rejected" };
-        svg.text([middle, corner[1] + 24.0], &format!("{ratio:.2}"), 14.0, Anchor::Middle, 0.0, black);
+        svg.text([middle, corner[1] + 24.0], &words, 14.0, Anchor::Middle, 0.0, black);
         let note = format!("{mark} ({captured:.2})");
         svg.text([middle, corner[1] + 42.0], &note, 10.0, Anchor::Middle, 0.0, black);
         svg.text([middle, bottom + 18.0], &contacts.to_string(), 12.0, Anchor::Middle, 0.0, black);

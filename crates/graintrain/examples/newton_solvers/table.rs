@@ -72,7 +72,7 @@ fn row(m: &Measured) -> String {
 }
 
 /// Three significant digits.
-fn short(value: f64) -> String {
+pub fn short(value: f64) -> String {
     if value == 0.0 || !value.is_finite() {
         return format!("{value}");
     }
@@ -81,7 +81,7 @@ fn short(value: f64) -> String {
 }
 
 /// Slope of log y over log x; `None` for fewer than three points.
-fn exponent(points: &[[f64; 2]]) -> Option<f64> {
+pub fn exponent(points: &[[f64; 2]]) -> Option<f64> {
     let logs: Vec<[f64; 2]> = points.iter().filter(|p| p[1] > 0.0).map(|p| [p[0].ln(), p[1].ln()]).collect();
     if logs.len() < 3 {
         return None;

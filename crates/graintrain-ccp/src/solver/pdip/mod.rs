@@ -45,7 +45,7 @@ use self::step::{by_barrier, by_residual};
 use super::driver::{Best, Limits, check_start};
 use super::{CcpSolver, SolveReport, SolveSettings, Status};
 use crate::newton::driver::NewtonDriver;
-use crate::newton::linear_solver;
+use crate::newton::{NewtonSolver, linear_solver};
 use crate::problem::{Ccp, CcpError};
 use crate::residual::ResidualScale;
 
@@ -131,7 +131,12 @@ impl Pdip {
     /// # Errors
     /// [`CcpError::UnknownSolver`].
     pub fn new(rule: Rule, linear: &str) -> Result<Self, CcpError> {
-        Ok(Self { newton: NewtonDriver::new(linear_solver(rule.name(), linear)?), rule })
+        Ok(Self::with_solver(rule, linear_solver(rule.name(), linear)?))
+    }
+
+    /// With a linear solver of one's own.
+    pub fn with_solver(rule: Rule, linear: Box<dyn NewtonSolver>) -> Self {
+        Self { newton: NewtonDriver::new(linear), rule }
     }
 }
 
