@@ -83,6 +83,16 @@ proptest! {
         let fx = Matrix::from_vec(fa.columns(), 1, x.to_full().unwrap());
         prop_assert!(distance(a.times_matrix(&b).unwrap().to_full().unwrap().data(), product(fa.view(), fb.view()).data()) < 1e-12);
         prop_assert!(distance(&a.times_vector(&x).unwrap().to_full().unwrap(), product(fa.view(), fx.view()).data()) < 1e-12);
+        // (A + C) x = A x + C x and (A B) z = A (B z), train against train.
+        let c = TtMatrix::random(&rows, &inner, 2, seed ^ 11).unwrap();
+        let z = TtVector::random(&columns, 2, seed ^ 13).unwrap();
+        let both = a.times_vector(&x).unwrap().add(&c.times_vector(&x).unwrap()).unwrap();
+        let size = both.norm() + a.norm() * x.norm();
+        prop_assert!(a.add(&c).unwrap().times_vector(&x).unwrap().subtract(&both).unwrap().norm() <= 1e-12 * size);
+        let nested = a.times_vector(&b.times_vector(&z).unwrap()).unwrap();
+        let size = a.norm() * b.norm() * z.norm();
+        let joined = a.times_matrix(&b).unwrap().times_vector(&z).unwrap();
+        prop_assert!(joined.subtract(&nested).unwrap().norm() <= 1e-12 * size);
         // The memory of the result may hold anything: more cores, fewer, larger or smaller ones.
         for mut y in [TtVector::random(&[3; 7], 5, seed).unwrap(), TtVector::random(&[1], 1, seed).unwrap(), x.clone()] {
             a.times_vector_into(&x, &mut y).unwrap();

@@ -91,16 +91,17 @@ fn measured_errors_are_within_a_factor_three_of_the_truth() {
 
 #[test]
 fn hilbert_tensors_of_the_reference() {
-    // 1 / (i_1 + ... + i_D), 1-based, n = 32: sums of all entries from the reference, ranks about 11 at 1e-8.
-    for (dimension, sum) in [(6, 1.152252225344e7), (20, 3.904509203406e27)] {
+    // 1 / (i_1 + ... + i_D), 1-based, n = 32. amen_cross(1e-8) of TT-Toolbox: rank 11 and a sample error of 5.0e-9 for D = 6, 11
+    // and 1.4e-8 for D = 20, sums of all entries good to about 1e-8. (Ours: rank 11, errors 4.6e-9 and 5.1e-9.)
+    for (dimension, sum, error) in [(6, 1.152252225344e7, 5.0e-9), (20, 3.904509203406e27, 1.4e-8)] {
         let source = Function::new(&vec![32; dimension], |index| {
             1.0 / (index.len() + index.iter().sum::<usize>()) as f64
         });
         let settings = CrossSettings { tolerance: 1e-8, ..Default::default() };
         let (train, report) = cross(&source, None, &[], &settings).unwrap();
-        assert_eq!(report.status, CrossStatus::Converged, "{report:?}");
-        assert!((train.sum() / sum - 1.0).abs() < 3e-8, "{:e} {report:?}", train.sum());
-        assert!(train.max_rank() <= 16, "{report:?}");
+        assert_eq!((report.status, train.max_rank()), (CrossStatus::Converged, 11), "{report:?}");
+        assert!(report.error().unwrap() <= error, "{report:?}");
+        assert!((train.sum() / sum - 1.0).abs() < 1e-8, "{:e} {report:?}", train.sum());
     }
 }
 

@@ -31,9 +31,12 @@ fn poisson_energy(dimension: usize, n: usize) -> f64 {
 #[test]
 fn poisson_energies_agree_with_the_sine_transform() {
     // The published digits of the reference for D = 2, 3, 4 and our own sine transform where it is cheap.
-    for (dimension, published, own) in
-        [(2, 3.62232189888789e-2, true), (3, 2.10987543739852e-2, true), (4, 1.40555638501349e-2, false)]
-    {
+    // Ranks of amen_solve2 there: 20, 50, 53 (ours 20, 49, 53; the last sweep decides about one more or less).
+    for (dimension, published, rank, own) in [
+        (2, 3.62232189888789e-2, 20, true),
+        (3, 2.10987543739852e-2, 50, true),
+        (4, 1.40555638501349e-2, 53, false),
+    ] {
         if own {
             assert!((poisson_energy(dimension, 64) / published - 1.0).abs() < 1e-11);
         }
@@ -44,7 +47,8 @@ fn poisson_energies_agree_with_the_sine_transform() {
         let (u, report) = solve(&a, &f, None, &settings).unwrap();
         assert_eq!(report.status, SolveStatus::Converged, "{report:?}");
         let energy = u.dot(&f).unwrap() / 64f64.powi(dimension as i32);
-        assert!((energy / published - 1.0).abs() < 1e-10, "D = {dimension}: {energy}, {report:?}");
+        assert!((energy / published - 1.0).abs() < 2e-11, "D = {dimension}: {energy}, {report:?}");
+        assert!(u.max_rank().abs_diff(rank) <= 2, "D = {dimension}: {report:?}");
     }
 }
 
@@ -61,8 +65,13 @@ fn poisson_in_sixteen_dimensions() {
     let (u, report) = solve(&a, &f, None, &settings).unwrap();
     let energy = u.dot(&f).unwrap() / 64f64.powi(16);
     println!("{energy:e} {report:?}");
+    // amen_solve2 at this tolerance: <u, f> = 1.2742679535e26 (exact ...538e26), largest rank 13 on the way and 9 at the end of its
+    // last sweep, residual 9.4e-6. Ours: 1.2742679555e26, rank 11, residual 3.9e-7. (Its max_dx of 2.0e3, 1.6e-1, ... are changes of
+    // cores, ours are local residuals: 2.2e3, 3.6e-1, 1.6e-1, ... in the history.)
+    assert_eq!(report.status, SolveStatus::Converged, "{report:?}");
+    assert!((u.dot(&f).unwrap() / 1.2742679538e26 - 1.0).abs() < 1e-8 && u.max_rank() <= 13, "{report:?}");
     assert!((energy / 1.608352274402e-3 - 1.0).abs() < 1e-8, "{energy:e}");
-    assert!(report.residual < 3e-5, "{report:?}");
+    assert!(report.residual < 9.4e-6, "{report:?}");
 }
 
 /// A nonsymmetric well-conditioned train and its full form.
@@ -117,27 +126,31 @@ fn a_rank_cap_is_obeyed_and_reported_with_the_true_residual() {
 
 #[test]
 fn inverse_of_the_line_has_rank_five_and_the_closed_form() {
-    // (A^-1)_ij = min(i, j) (n + 1 - max(i, j)) / (n + 1); AMEn loses about 4^d eps.
-    for (d, bound) in [(6, 1e-12), (8, 1e-11), (10, 2e-10)] {
+    // (A^-1)_ij = min(i, j) (n + 1 - max(i, j)) / (n + 1); AMEn loses about 4^d eps. Errors of the reference at d = 6, 8, 10:
+    // 6.7e-14, 7.3e-13, 1.9e-11. Ours: 3.7e-14, 1.2e-12, 2.2e-12 (rounding: a factor 2 is left for other processors).
+    for (d, published) in [(6, 6.7e-14), (8, 7.3e-13), (10, 1.9e-11)] {
         let a = qtt::laplacian(d).unwrap();
         let settings = SolveSettings { tolerance: 1e-8, ..Default::default() };
         let (x, report) = inverse(&a, InverseForm::Energy, None, &settings).unwrap();
-        assert_eq!(report.status, SolveStatus::Converged, "{report:?}");
-        assert_eq!(x.max_rank(), 5);
-        let n = 1usize << d;
-        let places: Vec<(usize, usize)> = (0..400).map(|k| ((k * 7919) % n, (k * k * 31 + 5) % n)).collect();
-        for (value, &(i, j)) in x.entries(&places).unwrap().iter().zip(&places) {
-            let (low, high) = (i.min(j) + 1, i.max(j) + 1);
-            let exact = (low * (n + 1 - high)) as f64 / (n + 1) as f64;
-            assert!((value - exact).abs() < bound * n as f64, "d = {d}: {value} {exact}");
+        assert_eq!((report.status, x.max_rank()), (SolveStatus::Converged, 5), "{report:?}");
+        let (n, full) = (1usize << d, x.to_full().unwrap());
+        let (mut difference, mut size) = (0.0, 0.0);
+        for j in 0..n {
+            for i in 0..n {
+                let exact = ((i.min(j) + 1) * (n - i.max(j))) as f64 / (n + 1) as f64;
+                difference += (full[(i, j)] - exact).powi(2);
+                size += exact * exact;
+            }
         }
+        let error = f64::sqrt(difference / size);
+        assert!(error <= 2.0 * published, "d = {d}: {error:e}");
     }
-    // 4^12 eps is 4e-9: the reference has rank 5 and a residual of 2.4e-10.
+    // 4^12 eps is 4e-9: the reference has rank 5 and a residual of 2.4e-10, ours is 1.4e-10.
     let a = qtt::laplacian(12).unwrap();
     let (x, report) =
         inverse(&a, InverseForm::Energy, None, &SolveSettings { tolerance: 1e-8, ..Default::default() })
             .unwrap();
-    assert!(x.max_rank() == 5 && report.residual < 2.4e-9, "{report:?}");
+    assert!(x.max_rank() == 5 && report.residual < 4.8e-10, "{report:?}");
 }
 
 #[test]

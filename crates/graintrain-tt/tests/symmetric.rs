@@ -1,7 +1,7 @@
 //! Parity-graded trains against ungraded ones.
 
 use graintrain_linalg::dense::Matrix;
-use graintrain_tt::qtt::{self, DigitOrder};
+use graintrain_tt::qtt::{self, Boundary, DigitOrder};
 use graintrain_tt::symmetric::SymmetricTrain;
 use graintrain_tt::{Truncation, TtMatrix, TtVector};
 use proptest::prelude::*;
@@ -37,9 +37,37 @@ fn parities_of_the_line_and_its_inverse() {
     let inverse = same_ranks(&inverse_of_line(8, 2.0, 2.0), &truncation);
     let expected = [(3, 1), (4, 1), (4, 1), (4, 1), (4, 1), (4, 1), (3, 1)];
     assert_eq!(inverse.ranks()[1..8], expected);
-    // The line with free ends, shifted to be regular.
-    let free = same_ranks(&inverse_of_line(8, 1.5, 1.5), &truncation);
-    assert_eq!(free.ranks()[1..8], expected);
+    let free = qtt::laplacian_with(8, Boundary::Neumann, Boundary::Neumann).unwrap();
+    assert_eq!(same_ranks(&free, &truncation).ranks()[1..8], expected);
+    // Free ends, shifted to be regular, and its inverse.
+    assert_eq!(same_ranks(&inverse_of_line(8, 1.5, 1.5), &truncation).ranks()[1..8], expected);
+}
+
+#[test]
+fn unfoldings_of_symmetric_matrices_split_exactly() {
+    // Digit pairs on either side of the middle bond, transformed by (1 +- exchange of all i and j) / 2: what leads from one
+    // parity to the other is not small, it is 0.
+    let n = 16;
+    let line = qtt::laplacian(4).unwrap().to_full().unwrap();
+    let free = qtt::laplacian_with(4, Boundary::Neumann, Boundary::Neumann).unwrap().to_full().unwrap();
+    let inverse = inverse_of_line(4, 2.0, 2.0).to_full().unwrap();
+    let closed = Matrix::from_fn(n, n, |i, j| ((i.min(j) + 1) * (n - i.max(j))) as f64 / (n + 1) as f64);
+    assert!(closed.data().iter().zip(inverse.data()).all(|(a, b)| (a - b).abs() < 1e-12));
+    for (name, a) in [("DD", line), ("NN", free), ("inverse of DD", closed)] {
+        // Rows: fine pairs (i, j), columns: coarse pairs (k, l) of the entry (i + 4 k, j + 4 l).
+        let entry = |(i, j): (usize, usize), (k, l): (usize, usize)| a[(i + 4 * k, j + 4 * l)];
+        let pairs = || (0..4).flat_map(|j| (0..4).map(move |i| (i, j)));
+        for fine in pairs() {
+            for coarse in pairs() {
+                let swap = |(i, j)| (j, i);
+                for sign in [1.0, -1.0] {
+                    let crossed = (entry(fine, coarse) + sign * entry(swap(fine), coarse))
+                        - sign * (entry(fine, swap(coarse)) + sign * entry(swap(fine), swap(coarse)));
+                    assert_eq!(crossed, 0.0, "{name} {fine:?} {coarse:?}");
+                }
+            }
+        }
+    }
 }
 
 #[test]
