@@ -21,7 +21,7 @@ pub struct Arguments {
     /// Folder of a run, or a checkpoint
     run: PathBuf,
     /// Time of the frame, s: the nearest one is taken; by default the last
-    #[arg(long, value_name = "SECONDS")]
+    #[arg(long, value_name = "SECONDS", value_parser = finite, allow_negative_numbers = true)]
     time: Option<f64>,
     /// What colours stand for: speed, force, radius, id
     #[arg(long, default_value = "speed")]
@@ -39,8 +39,19 @@ pub struct Arguments {
     #[arg(long, value_name = "WIDTHxHEIGHT", value_parser = size, default_value = "1200x900")]
     size: [usize; 2],
     /// File to write
-    #[arg(long, value_name = "FILE.png")]
+    #[arg(long, value_name = "FILE.png", value_parser = png)]
     out: PathBuf,
+}
+
+fn finite(text: &str) -> Result<f64, String> {
+    let value = text.parse::<f64>().ok().filter(|value| value.is_finite());
+    value.ok_or_else(|| "expected a number of seconds".to_string())
+}
+
+fn png(text: &str) -> Result<PathBuf, String> {
+    let path = PathBuf::from(text);
+    let is_png = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("png"));
+    if is_png { Ok(path) } else { Err("pictures are PNG: let the name end in .png".to_string()) }
 }
 
 fn pair(text: &str) -> Result<[f64; 2], String> {
@@ -58,7 +69,7 @@ fn size(text: &str) -> Result<[usize; 2], String> {
 
 /// Writes the picture.
 pub fn execute(arguments: &Arguments) -> Result<ExitCode, Failure> {
-    let (world, step) = moment(&arguments.run, arguments.time)
+    let (world, step, farthest) = moment(&arguments.run, arguments.time)
         .map_err(|error| Failure::input_error(error, "give the folder of a run or a checkpoint"))?;
     let settings = RenderSettings {
         width: arguments.size[0],
@@ -77,14 +88,18 @@ pub fn execute(arguments: &Arguments) -> Result<ExitCode, Failure> {
         Failure::work_error(error, remedy)
     })?;
     println!("{}: t = {:.3} s", arguments.out.display(), world.time);
+    // A frame is never further from its time than frames from each other, unless the time is outside of the run.
+    if let Some(wanted) = arguments.time.filter(|wanted| (wanted - world.time).abs() > farthest) {
+        eprintln!("note: no frame is near {wanted} s; this is the nearest one");
+    }
     Ok(ExitCode::SUCCESS)
 }
 
-/// The state of the frame nearest to a time (the last one by default) and the time step.
-fn moment(path: &Path, time: Option<f64>) -> Result<(World, f64), ViewError> {
+/// The state of the frame nearest to a time (the last one by default), the time step, and the longest time between frames.
+fn moment(path: &Path, time: Option<f64>) -> Result<(World, f64, f64), ViewError> {
     if path.is_file() {
         let checkpoint = checkpoint::read(path)?;
-        return Ok((checkpoint.world, checkpoint.settings.step));
+        return Ok((checkpoint.world, checkpoint.settings.step, checkpoint.settings.step));
     }
     let run = RunFolder::open(path)?;
     let times = run.times();
@@ -93,8 +108,9 @@ fn moment(path: &Path, time: Option<f64>) -> Result<(World, f64), ViewError> {
         let distance = |k: usize| if wanted.is_finite() { (times[k] - wanted).abs() } else { -times[k] };
         distance(a).total_cmp(&distance(b))
     });
+    let farthest = times.windows(2).map(|pair| pair[1] - pair[0]).fold(run.step, f64::max);
     match nearest {
-        Some(index) => Ok((run.world(index)?, run.step)),
-        None => Ok((run.last, run.step)),
+        Some(index) => Ok((run.world(index)?, run.step, farthest)),
+        None => Ok((run.last, run.step, farthest)),
     }
 }

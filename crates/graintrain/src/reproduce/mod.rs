@@ -3,7 +3,7 @@
 //! Every experiment is simulated once with the fastest solver; the contact problems of evenly spread steps are then
 //! solved by every method from zero impulses, on one thread, to the paper's tolerance, within a time limit. Methods that
 //! this build lacks are reported as missing. Each finished piece of work (cell) is a line of `cells.jsonl`, so that a
-//! killed reproduction goes on where it was and loses no more than the simulation or solve under way; apart from seconds,
+//! killed reproduction goes on where it was and loses no more than a minute of a simulation or the solve under way; apart from seconds,
 //! and from iterates at which a time limit ended a solve, results do not depend on interruptions or threads.
 //!
 //! | module | holds |

@@ -63,6 +63,39 @@ fn a_killed_reproduction_goes_on_where_it_was() {
 }
 
 #[test]
+fn a_simulation_that_was_stopped_goes_on_with_the_same_bits() {
+    let folder = tempfile::tempdir().unwrap();
+    let (whole, broken) = (folder.path().join("whole"), folder.path().join("broken"));
+    let simulate = Simulate {
+        experiment: Experiment::DirectShear,
+        n: 1,
+        steps: Some(30),
+        variant: Variant::HalfStep,
+        seed: 2,
+    };
+    let seconds =
+        |trajectory: &mut Trajectory| trajectory.rows.iter_mut().for_each(|row| row.solve_seconds = 0.0);
+    let mut expected = simulate.run(2, &whole, &Arc::default(), |_, _| {}).unwrap();
+    assert_eq!(expected.rows.len(), 60, "twice as many steps of half the length");
+    let stop: Arc<AtomicBool> = Arc::default();
+    let stopped = simulate.run(2, &broken, &stop, |step, _| stop.store(step == 40, Ordering::Relaxed));
+    assert!(matches!(stopped, Err(ReproduceError::Stopped)));
+    // Another simulation does not take it for its own, whose states are then gone.
+    let other = Simulate { seed: 3, steps: Some(2), ..simulate };
+    assert_eq!(other.run(0, &broken, &Arc::default(), |_, _| {}).unwrap().rows.len(), 4);
+    stop.store(false, Ordering::Relaxed);
+    let again = simulate.run(2, &broken, &stop, |step, _| stop.store(step == 40, Ordering::Relaxed));
+    assert!(matches!(again, Err(ReproduceError::Stopped)));
+    let mut steps = Vec::new();
+    let mut found = simulate.run(2, &broken, &Arc::default(), |step, _| steps.push(step)).unwrap();
+    assert_eq!(steps, (40..60).collect::<Vec<u64>>());
+    seconds(&mut expected);
+    seconds(&mut found);
+    assert_eq!(found, expected);
+    assert!(!broken.join("under-way").exists());
+}
+
+#[test]
 fn the_report_holds_tables_plots_and_pictures() {
     let folder = tempfile::tempdir().unwrap();
     let settings = small(Target::Fig15, folder.path());

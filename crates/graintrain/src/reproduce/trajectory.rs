@@ -3,15 +3,17 @@
 use super::ReproduceError;
 use crate::checkpoint;
 use crate::math::Vec3;
+use crate::output::files::{make_folder, write_atomically};
 use crate::run::{RunSettings, RunTotals};
 use crate::scene::{Scene, builtin};
-use crate::stepper::{StepReport, Stepper};
+use crate::stepper::{StepError, StepReport, Stepper};
 use crate::world::World;
 use serde::{Deserialize, Serialize};
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
+use std::time::{Duration, Instant};
 
 /// One of the paper's experiments.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -154,7 +156,8 @@ impl Simulate {
         )
     }
 
-    /// Makes the steps and stores the states before `samples` of them, evenly spread, under `states`.
+    /// Makes the steps and stores the states before `samples` of them, evenly spread, under `states`. About once a minute,
+    /// and where it is stopped, the simulation is put aside there, and a later call with the same folder goes on with it.
     ///
     /// # Errors
     /// [`ReproduceError`] for a scene, step or file that fails, or a stop request.
@@ -165,19 +168,7 @@ impl Simulate {
         stop: &Arc<AtomicBool>,
         mut progress: impl FnMut(u64, u64),
     ) -> Result<Trajectory, ReproduceError> {
-        let mut settings =
-            vec![("n".to_string(), self.n.to_string()), ("seed".to_string(), self.seed.to_string())];
-        let set = |key: &str, value: &str| (key.to_string(), value.to_string());
-        match self.variant {
-            Variant::Paper => {}
-            Variant::Coulomb => settings.push(set("solver.friction", "coulomb")),
-            Variant::HalfStep => {
-                let own = Scene::load(self.experiment.scene(), &settings)?.build()?.settings.step;
-                settings.push(set("time.step", &format!("{} s", own / 2.0)));
-            }
-            Variant::TenthTolerance => settings.push(set("solver.tolerance", "1e-4")),
-        }
-        let simulation = Scene::load(self.experiment.scene(), &settings)?.build()?;
+        let simulation = self.scene()?.build()?;
         let run = RunSettings::new(&simulation, None);
         let finer = if self.variant == Variant::HalfStep { 2 } else { 1 };
         let standard = match self.experiment {
@@ -187,30 +178,65 @@ impl Simulate {
         let steps = finer * self.steps.unwrap_or(standard);
         let sampled: Vec<u64> =
             (1..=samples as u64).map(|k| (k * steps / samples as u64).max(1) - 1).collect();
-        let mut world = simulation.world;
         let step = simulation.settings.step;
+        let aside = Aside { folder: states.join("under-way"), key: self.key() };
+        let (mut world, mut rows) = aside.take().unwrap_or_else(|| {
+            // States of another simulation must not be taken for this one's.
+            aside.clear();
+            (simulation.world, Vec::new())
+        });
         let mut stepper = Stepper::new(simulation.settings)?;
         stepper.stop_on(Arc::clone(stop));
         let tool = find(&world, self.experiment.tool());
         let press = find(&world, "press");
         // The upper half of the shear box stands on the plane between the halves.
         let split = find(&world, "upper");
-        let mut rows = Vec::with_capacity(steps as usize);
-        let mut known: HashSet<u64> = HashSet::new();
-        for k in 0..steps {
+        let mut known = identities(&world);
+        let mut saved = Instant::now();
+        for k in world.step..steps {
             progress(k, steps);
             if sampled.contains(&k) {
                 checkpoint::write(&self.state_folder(states, k), &run, &RunTotals::default(), &world)?;
             }
+            if saved.elapsed() >= SAVE_EVERY {
+                aside.put(&run, &world, &rows)?;
+                saved = Instant::now();
+            }
             let before = world.bodies.velocity.clone();
-            let report = stepper.step(&mut world)?;
+            let report = match stepper.step(&mut world) {
+                Ok(report) => report,
+                Err(error) => {
+                    if matches!(error, StepError::Stopped) {
+                        aside.put(&run, &world, &rows)?;
+                    }
+                    return Err(error.into());
+                }
+            };
             let mut row = row(&world, &report, &known, tool, press);
             row.weight_below = split.map(|body| weight_below(&world, world.bodies.position[body].z));
             row.momentum_error = momentum_error(&world, &before, step);
             rows.push(row);
-            known = world.contacts.contacts.iter().map(|contact| contact.identity).collect();
+            known = identities(&world);
         }
+        aside.clear();
         Ok(Trajectory { bodies: world.bodies.len(), step, samples: sampled, rows })
+    }
+
+    /// The scene with what differs from the paper.
+    fn scene(&self) -> Result<Scene, ReproduceError> {
+        let set = |key: &str, value: &str| (key.to_string(), value.to_string());
+        let mut settings = vec![set("n", &self.n.to_string()), set("seed", &self.seed.to_string())];
+        let name = self.experiment.scene();
+        match self.variant {
+            Variant::Paper => {}
+            Variant::Coulomb => settings.push(set("solver.friction", "coulomb")),
+            Variant::HalfStep => {
+                let own = Scene::load(name, &settings)?.build()?.settings.step;
+                settings.push(set("time.step", &format!("{} s", own / 2.0)));
+            }
+            Variant::TenthTolerance => settings.push(set("solver.tolerance", "1e-4")),
+        }
+        Ok(Scene::load(name, &settings)?)
     }
 
     /// Whether the states that a finished simulation stored are still there.
@@ -222,6 +248,48 @@ impl Simulate {
     pub fn state_folder(&self, states: &Path, step: u64) -> PathBuf {
         states.join(format!("{}-n{}-{}-{step:06}", self.experiment.scene(), self.n, self.variant.name()))
     }
+}
+
+/// How often a simulation is put aside.
+const SAVE_EVERY: Duration = Duration::from_secs(60);
+
+/// A simulation that is under way, on disk.
+struct Aside {
+    folder: PathBuf,
+    key: String,
+}
+
+impl Aside {
+    /// Rows come before the state that belongs to them: a kill between leaves too many rows, never too few.
+    fn put(&self, run: &RunSettings, world: &World, rows: &[Row]) -> Result<(), ReproduceError> {
+        make_folder(&self.folder)?;
+        let path = self.folder.join("rows.json");
+        let failed =
+            |error: serde_json::Error| ReproduceError::File { path: path.clone(), source: error.into() };
+        let text = serde_json::to_vec(&(&self.key, rows)).map_err(failed)?;
+        write_atomically(&path, &text)?;
+        checkpoint::write(&self.folder, run, &RunTotals::default(), world)?;
+        Ok(())
+    }
+
+    /// The state and the rows before it, if this very simulation was put aside whole.
+    fn take(&self) -> Option<(World, Vec<Row>)> {
+        let text = std::fs::read(self.folder.join("rows.json")).ok()?;
+        let (key, mut rows) = serde_json::from_slice::<(String, Vec<Row>)>(&text).ok()?;
+        let (checkpoint, _) = checkpoint::latest(&self.folder).ok()?;
+        let steps = usize::try_from(checkpoint.world.step).ok()?;
+        rows.truncate(steps);
+        (key == self.key && rows.len() == steps).then_some((checkpoint.world, rows))
+    }
+
+    /// Forgets it.
+    fn clear(&self) {
+        let _ = std::fs::remove_dir_all(&self.folder);
+    }
+}
+
+fn identities(world: &World) -> HashSet<u64> {
+    world.contacts.contacts.iter().map(|contact| contact.identity).collect()
 }
 
 fn find(world: &World, name: &str) -> Option<usize> {
