@@ -2,10 +2,11 @@
 
 use super::ReproduceError;
 use crate::checkpoint;
-use crate::math::Vec3;
+use crate::math::{Mat3, Vec3};
 use crate::output::files::{make_folder, write_atomically};
 use crate::run::{RunSettings, RunTotals};
 use crate::scene::{Scene, builtin};
+use crate::shape::Shape;
 use crate::stepper::{StepError, StepReport, Stepper};
 use crate::world::World;
 use serde::{Deserialize, Serialize};
@@ -190,7 +191,7 @@ impl Simulate {
         let tool = find(&world, self.experiment.tool());
         let press = find(&world, "press");
         // The upper half of the shear box stands on the plane between the halves.
-        let split = find(&world, "upper");
+        let split = find(&world, "upper").map(|body| lowest(&world, body));
         let mut known = identities(&world);
         let mut saved = Instant::now();
         for k in world.step..steps {
@@ -213,7 +214,7 @@ impl Simulate {
                 }
             };
             let mut row = row(&world, &report, &known, tool, press);
-            row.weight_below = split.map(|body| weight_below(&world, world.bodies.position[body].z));
+            row.weight_below = split.map(|height| weight_below(&world, height));
             row.momentum_error = momentum_error(&world, &before, step);
             rows.push(row);
             known = identities(&world);
@@ -326,6 +327,19 @@ fn row(
     }
 }
 
+/// Height of the lowest point of a body of boxes, m.
+fn lowest(world: &World, body: usize) -> f64 {
+    let (place, turn) = (world.bodies.position[body], world.bodies.orientation[body]);
+    let parts = &world.geometries[world.bodies.geometry[body] as usize].parts;
+    let lowest = parts.iter().filter_map(|part| {
+        let Shape::Box { half } = part.shape else { return None };
+        let axes = Mat3::from_quat(turn * part.orientation);
+        let reach = axes.row(2).abs().dot(half);
+        Some((place + turn * part.position).z - reach)
+    });
+    lowest.fold(f64::INFINITY, f64::min)
+}
+
 /// Weight of the free bodies whose centres lie below a height, N.
 fn weight_below(world: &World, height: f64) -> f64 {
     let bodies = &world.bodies;
@@ -352,4 +366,28 @@ fn momentum_error(world: &World, before: &[Vec3], step: f64) -> f64 {
         (gained - pushed[body]).length() / pushed_by[body].max(f64::MIN_POSITIVE)
     })
     .fold(0.0, f64::max)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_plane_between_the_halves_is_where_the_scene_puts_it() {
+        let simulate = Simulate {
+            experiment: Experiment::DirectShear,
+            n: 2,
+            steps: None,
+            variant: Variant::Paper,
+            seed: 1,
+        };
+        let world = simulate.scene().unwrap().build().unwrap().world;
+        let split = lowest(&world, find(&world, "upper").unwrap());
+        // Half of 0.55 of the width of five lattice pitches.
+        assert!((split - 0.5 * 0.55 * 5.0 * 0.23).abs() < 1e-12, "{split}");
+        // 35 grains per layer of the lattice, at 0.115 m + k 0.23 m: the jitter of 12 mm takes none across the plane.
+        let grain = 4.0 / 3.0 * std::f64::consts::PI * 1e-3 * 1000.0 * world.gravity.length();
+        let layers = (0..5).filter(|k| 0.115 + 0.23 * f64::from(*k) < split).count();
+        assert!((weight_below(&world, split) / grain / 35.0 - layers as f64).abs() < 1e-9);
+    }
 }
