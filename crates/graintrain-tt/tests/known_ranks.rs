@@ -176,7 +176,7 @@ fn inverses_in_closed_form() {
     let n = 256;
     let closed = Matrix::from_fn(n, n, |i, j| ((i.min(j) + 1) * (n - i.max(j))) as f64);
     let identity = product(line(n, 2.0, 2.0).view(), closed.view());
-    let whole = |e: usize| if e % (n + 1) == 0 { (n + 1) as f64 } else { 0.0 };
+    let whole = |e: usize| if e.is_multiple_of(n + 1) { (n + 1) as f64 } else { 0.0 };
     assert!((0..n * n).all(|e| identity.data()[e] == whole(e)));
     // Dirichlet at the first end, Neumann at the last: min(i, j).
     let minimum = Matrix::from_fn(n, n, |i, j| (i.min(j) + 1) as f64);
