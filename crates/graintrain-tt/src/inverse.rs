@@ -182,7 +182,7 @@ pub fn newton_schulz(
         }
         // X (2 I - A X)
         let correction = identity.scale(2.0).subtract(&product)?.round(truncation)?.0;
-        x = x.times_matrix(&correction)?.round(truncation)?.0;
+        x = x.times_matrix_rounded(&correction, truncation)?.0;
     }
     Ok((best.1, NewtonReport { converged: best.0 <= stop, history }))
 }

@@ -18,7 +18,7 @@
 //! | [`qtt`] | quantized trains with known ranks |
 //! | [`sparse`] | sparse matrix to TT by one exact bottom-up pass over its nonzero blocks |
 //! | [`definite`] | keeping a truncated positive definite matrix positive definite |
-//! | [`slice`] | ranges of digits, fixed digits |
+//! | [`mod@slice`] | ranges of digits, fixed digits |
 //! | [`sketch`] | streaming approximation from random sketches |
 
 #[doc = include_str!("../README.md")]
