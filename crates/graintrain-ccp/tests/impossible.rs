@@ -1,7 +1,9 @@
 //! Problems without a solution, or of sizes at the end of the floats: nobody may claim to have solved them.
 
+use graintrain_ccp::newton::{LinearReport, NewtonError, NewtonSolver, NewtonSystem};
 use graintrain_ccp::solver::METHODS;
-use graintrain_ccp::{Ccp, Delassus, FrictionModel, SolveSettings, SolverSpec};
+use graintrain_ccp::solver::pdip::{Pdip, Rule};
+use graintrain_ccp::{Ccp, CcpSolver, Delassus, FrictionModel, SolveSettings, SolverSpec, Status};
 use graintrain_linalg::block3::BlockMatrix3;
 use std::time::Duration;
 
@@ -69,11 +71,48 @@ fn a_start_that_solves_the_problem_is_the_answer() {
     // Interior points step back from the boundary of the cones, where this solution lies.
     let problem = diagonal(&[[2.0, 3.0, 3.0], [1.0; 3]], &[-1.0, 0.0, 0.0, 1.0, 0.0, 0.0], &[0.5, 0.3]);
     let start = [0.5, 0.0, 0.0, 0.0, 0.0, 0.0];
-    for name in ["scip", "ipm+cholesky"] {
+    for name in ["scip", "ipm+cholesky", "pdip", "pdip-literal"] {
         let settings = SolveSettings { tolerance: 1e-12, max_iterations: Some(0), ..Default::default() };
         let mut impulse = start;
         let mut solver = name.parse::<SolverSpec>().unwrap().build().unwrap();
         let report = solver.solve(&problem, &mut impulse, &settings).unwrap();
         assert!(report.converged() && impulse == start, "{name}: {impulse:?} {report:?}");
+    }
+}
+
+/// Prepares itself for any matrix and solves none.
+struct NeverSolves;
+
+impl NewtonSolver for NeverSolves {
+    fn name(&self) -> &'static str {
+        "never"
+    }
+
+    fn needs_matrix(&self) -> bool {
+        false
+    }
+
+    fn refresh(&mut self, _: &NewtonSystem<'_>) -> Result<(), NewtonError> {
+        Ok(())
+    }
+
+    fn solve(&mut self, _: &NewtonSystem<'_>, _: &[f64], z: &mut [f64], _: f64) -> LinearReport {
+        z.fill(0.0);
+        LinearReport { residual: 1.0, ..LinearReport::default() }
+    }
+}
+
+/// The path of `pdip` starts at impulses of 100 J: where it goes nowhere they must not be the answer.
+#[test]
+fn a_linear_solver_that_fails_leaves_the_better_of_the_given_impulses_and_none() {
+    let problem = diagonal(&[[2.0, 3.0, 3.0], [1.0; 3]], &[-1.0, 0.0, 0.0, 1.0, 0.0, 0.0], &[0.5, 0.3]);
+    let (good, bad) = ([0.4, 0.0, 0.0, 0.0, 0.0, 0.0], [30.0, 0.0, 0.0, 7.0, 0.0, 0.0]);
+    for rule in [Rule::Central, Rule::Paper] {
+        for (start, answer) in [(good, good), (bad, [0.0; 6])] {
+            let mut impulse = start;
+            let mut solver = Pdip::with_solver(rule, Box::new(NeverSolves));
+            let report = solver.solve(&problem, &mut impulse, &SolveSettings::default()).unwrap();
+            assert_eq!((report.status, impulse), (Status::Stalled, answer), "{rule:?}");
+        }
     }
 }

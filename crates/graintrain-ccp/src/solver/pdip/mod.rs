@@ -47,7 +47,7 @@ use super::{CcpSolver, SolveReport, SolveSettings, Status};
 use crate::newton::driver::NewtonDriver;
 use crate::newton::{NewtonSolver, linear_solver};
 use crate::problem::{Ccp, CcpError};
-use crate::residual::ResidualScale;
+use crate::residual::{FrictionModel, ResidualScale};
 
 /// 1/tau = (mean complementarity) / TAU_FACTOR.
 const TAU_FACTOR: f64 = 10.0;
@@ -148,6 +148,34 @@ pub(super) fn build_literal(linear: Option<&str>) -> Result<Box<dyn CcpSolver>, 
     Ok(Box::new(Pdip::new(Rule::Paper, linear.unwrap_or("cholesky"))?))
 }
 
+/// Offers no impulses at all, and the given ones projected on their cones. The smaller of their residuals.
+fn offer_starts(
+    problem: &Ccp,
+    impulse: &[f64],
+    scale: &ResidualScale,
+    friction: FrictionModel,
+    best: &mut Best<f64>,
+) -> f64 {
+    let mut g = vec![0.0; impulse.len()];
+    let least = scale.residual(problem, &g, &problem.r, friction).max;
+    best.offer(&g, least);
+    if impulse.iter().all(|&x| x == 0.0) {
+        return least;
+    }
+    for i in 0..problem.num_contacts() {
+        let given = std::array::from_fn(|k| impulse[3 * i + k]);
+        g[3 * i..3 * i + 3].copy_from_slice(&problem.cone(i).project(given));
+    }
+    let mut u = vec![0.0; g.len()];
+    problem.delassus.multiply(&g, &mut u, &mut problem.delassus.work());
+    for (u, r) in u.iter_mut().zip(&problem.r) {
+        *u += r;
+    }
+    let residual = scale.residual(problem, &g, &u, friction).max;
+    best.offer(&g, residual);
+    least.min(residual)
+}
+
 impl CcpSolver for Pdip {
     fn name(&self) -> String {
         format!("{}+{}", self.rule.name(), self.newton.linear_name())
@@ -161,12 +189,18 @@ impl CcpSolver for Pdip {
     ) -> Result<SolveReport, CcpError> {
         let limits = Limits::start(settings, ITERATIONS);
         check_start(problem, impulse)?;
-        self.newton.begin(problem);
         let scale = ResidualScale::new(problem);
+        // The path starts inside the cones, far from the solution: what is better must not be lost on the way.
+        let mut best = Best::default();
+        let residual = offer_starts(problem, impulse, &scale, settings.friction, &mut best);
+        if residual <= settings.tolerance {
+            best.restore(impulse);
+            return Ok(limits.report(&self.name(), problem, impulse, Status::Converged, 0, 0));
+        }
+        self.newton.begin(problem);
         let (mut it, mut barrier) = self.rule.start(problem, impulse, &scale);
         let mut direction = Direction::new(it.num_contacts());
         let (mut g, mut u) = (vec![0.0; impulse.len()], vec![0.0; impulse.len()]);
-        let mut best = Best::default();
         let mut iterations = 0;
         let mut linear_tolerance = self.rule.linear_tolerance();
         let mut centred = false;
