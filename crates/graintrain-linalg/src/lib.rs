@@ -9,6 +9,7 @@
 //! | [`block_ops`] | small dense blocks |
 //! | [`ordering`] | fill-reducing orderings: minimum degree, nested dissection |
 //! | [`block3`] | [`BlockMatrix3`](block3::BlockMatrix3): sparse matrices of 3x3 blocks, one block row per contact |
+//! | [`patience`] | how long a computation may go on |
 //! | [`dense`] | dense column-major kernels for small and medium matrices: products, QR, SVD, Cholesky, LU |
 //!
 //! This is the only crate that names `faer`.
@@ -21,5 +22,6 @@ pub mod dense;
 pub mod krylov;
 pub mod ordering;
 pub mod parallel;
+pub mod patience;
 pub mod precond;
 mod supernodes;

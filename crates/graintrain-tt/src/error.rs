@@ -50,6 +50,9 @@ pub enum TtError {
         /// What happened.
         source: DenseError,
     },
+    /// The caller's [`Patience`](graintrain_linalg::patience::Patience) ended before the work did.
+    #[error("stopped: the time given is over, or a stop was requested")]
+    Stopped,
     /// A saved train cannot be read.
     #[error("{file}: byte {offset}: {what}")]
     Format {

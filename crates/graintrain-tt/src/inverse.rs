@@ -12,8 +12,11 @@
 //!
 //! [`newton_schulz`] is a second opinion: X <- 2 X - X A X with rounding.
 
-use crate::solve::{MOST_TIGHTENING, SAFETY, SolveReport, SolveSettings, SolveStatus, solve, solve_matrix};
+use crate::solve::{
+    MOST_TIGHTENING, SAFETY, SolveReport, SolveSettings, SolveStatus, solve, solve_matrix_within,
+};
 use crate::{Truncation, TtError, TtMatrix};
+use graintrain_linalg::patience::Patience;
 use serde::{Deserialize, Serialize};
 
 /// Which equation defines the inverse.
@@ -53,6 +56,21 @@ pub fn inverse(
     start: Option<&TtMatrix>,
     settings: &SolveSettings,
 ) -> Result<(TtMatrix, SolveReport), TtError> {
+    inverse_within(a, form, start, settings, &Patience::default())
+}
+
+/// As [`inverse`], as long as the patience lasts: it is asked at every site and for every right-hand side that is iterated
+/// (not within [`InverseForm::Symmetric`]).
+///
+/// # Errors
+/// As [`inverse`], and [`TtError::Stopped`].
+pub fn inverse_within(
+    a: &TtMatrix,
+    form: InverseForm,
+    start: Option<&TtMatrix>,
+    settings: &SolveSettings,
+    patience: &Patience,
+) -> Result<(TtMatrix, SolveReport), TtError> {
     a.check_square()?;
     settings.check()?;
     let identity = TtMatrix::identity(&a.rows)?;
@@ -68,7 +86,7 @@ pub fn inverse(
         None => identity.scale(a.trace()? / a.norm() / a.norm()),
     };
     let (x, mut report) = match form {
-        InverseForm::Energy => return solve_matrix(a, &identity, Some(&start), settings),
+        InverseForm::Energy => return solve_matrix_within(a, &identity, Some(&start), settings, patience),
         InverseForm::Residual => {
             // 2^p A^T A X = 2^p A^T with a power that keeps the square of A in range.
             let unit = (-(a.train.log_norm() / std::f64::consts::LN_2).round()).exp2();
@@ -76,14 +94,14 @@ pub fn inverse(
             let normal = transpose.times_matrix(a)?.round(&Truncation::to(1e-13))?.0;
             // The residual of the normal equations is not that of A X = I: go on, tighter, where the latter is missed.
             let mut inner = *settings;
-            let mut found = solve_matrix(&normal, &transpose, Some(&start), &inner)?;
+            let mut found = solve_matrix_within(&normal, &transpose, Some(&start), &inner, patience)?;
             while found.1.status == SolveStatus::Converged
                 && inner.tolerance > settings.tolerance * MOST_TIGHTENING
                 && inverse_residual(a, &found.0)? > SAFETY * settings.tolerance
             {
                 inner.tolerance *= 0.2;
                 let sweeps = found.1.sweeps;
-                found = solve_matrix(&normal, &transpose, Some(&found.0), &inner)?;
+                found = solve_matrix_within(&normal, &transpose, Some(&found.0), &inner, patience)?;
                 found.1.sweeps += sweeps;
             }
             found

@@ -15,8 +15,11 @@ pub fn bicgstab(
 ) -> KrylovReport {
     let n = b.len();
     work.vectors(n);
-    let KrylovWork { vectors: [residual, shadow, direction, image, half, change, hat, best, _], history } =
-        work;
+    let KrylovWork {
+        vectors: [residual, shadow, direction, image, half, change, hat, best, _],
+        history,
+        patience,
+    } = work;
     operator(x, image);
     for k in 0..n {
         residual[k] = b[k] - image[k];
@@ -36,6 +39,10 @@ pub fn bicgstab(
     direction.copy_from_slice(residual);
     let mut rho = dot(shadow, residual);
     while iterations < settings.max_iterations {
+        if patience.is_over() {
+            outcome = KrylovOutcome::Stopped;
+            break;
+        }
         preconditioner(direction, hat);
         operator(hat, image);
         let projection = dot(shadow, image);

@@ -39,7 +39,8 @@ fn iterate(
     flexible: bool,
 ) -> KrylovReport {
     work.vectors(b.len());
-    let KrylovWork { vectors: [residual, preconditioned, direction, image, previous, ..], history } = work;
+    let KrylovWork { vectors: [residual, preconditioned, direction, image, previous, ..], history, patience } =
+        work;
     operator(x, image);
     for k in 0..b.len() {
         residual[k] = b[k] - image[k];
@@ -55,6 +56,9 @@ fn iterate(
     direction.copy_from_slice(preconditioned);
     let mut rho = dot(residual, preconditioned);
     for iteration in 0..settings.max_iterations {
+        if patience.is_over() {
+            return KrylovReport { iterations: iteration, residual: error, outcome: KrylovOutcome::Stopped };
+        }
         operator(direction, image);
         let curvature = dot(direction, image);
         // Not a number fails the comparison as well.

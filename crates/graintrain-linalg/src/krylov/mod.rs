@@ -9,6 +9,8 @@ mod cg;
 pub use bicgstab::bicgstab;
 pub use cg::{conjugate_gradient, flexible_conjugate_gradient};
 
+use crate::patience::Patience;
+
 /// A linear map: writes A x to its second argument.
 pub type Operator<'a> = dyn FnMut(&[f64], &mut [f64]) + 'a;
 
@@ -28,6 +30,8 @@ pub enum KrylovOutcome {
     Converged,
     /// The iteration limit was reached.
     IterationLimit,
+    /// [`KrylovWork::patience`] ended.
+    Stopped,
     /// A quantity that must not vanish (or change sign) did: the operator or the preconditioner is singular,
     /// indefinite, or the attainable accuracy is exhausted.
     Breakdown,
@@ -57,6 +61,8 @@ pub struct KrylovWork {
     vectors: [Vec<f64>; 9],
     /// Relative residual after each iteration of the last solve, beginning with that of the start.
     pub history: Vec<f64>,
+    /// Asked before every iteration.
+    pub patience: Patience,
 }
 
 impl KrylovWork {
@@ -133,6 +139,22 @@ mod tests {
                 &mut work,
             );
             assert_eq!(again.iterations, 0);
+        }
+    }
+
+    #[test]
+    fn an_iteration_without_patience_stops_and_says_so() {
+        let b = vec![1.0; 50];
+        let mut work = KrylovWork {
+            patience: Patience::new(Some(std::time::Instant::now()), None),
+            ..KrylovWork::default()
+        };
+        let settings = KrylovSettings { relative_tolerance: 1e-10, max_iterations: 1000 };
+        for method in METHODS {
+            let mut x = vec![0.0; 50];
+            let report = method(&mut apply, &mut jacobi, &b, &mut x, settings, &mut work);
+            assert_eq!((report.outcome, report.iterations), (KrylovOutcome::Stopped, 0));
+            assert!(x.iter().all(|&x| x == 0.0));
         }
     }
 

@@ -20,6 +20,7 @@ use crate::scale::{binary_exponent, share_power};
 use crate::sparse::QuadtreeMatrix;
 use crate::vector::check_index;
 use crate::{TtError, TtMatrix, TtVector};
+use graintrain_linalg::patience::Patience;
 use sample::Sample;
 use serde::{Deserialize, Serialize};
 pub use source::{EntrySource, Function};
@@ -129,6 +130,17 @@ pub fn cross(
     probes: &[usize],
     settings: &CrossSettings,
 ) -> Result<(TtVector, CrossReport), TtError> {
+    cross_within(source, start, probes, settings, &Patience::default())
+}
+
+/// As [`cross`], as long as the patience lasts: it is asked at every site.
+fn cross_within(
+    source: &dyn EntrySource,
+    start: Option<&TtVector>,
+    probes: &[usize],
+    settings: &CrossSettings,
+    patience: &Patience,
+) -> Result<(TtVector, CrossReport), TtError> {
     crate::Truncation::capped(settings.tolerance, settings.max_rank).check()?;
     let modes = source.modes();
     let zero = TtVector::constant(&modes, 0.0)?;
@@ -173,7 +185,7 @@ pub fn cross(
     while history.len() < settings.max_sweeps.max(2) {
         // The last sweep allowed does not enrich, so that the ranks obey the cap.
         let enrich = history.len() + 1 < settings.max_sweeps.max(2);
-        let outcome = state.sweep(settings, enrich)?;
+        let outcome = state.sweep(settings, enrich, patience)?;
         history.push(outcome.change);
         capped = outcome.capped;
         if state.largest == 0.0 && [&guide, &sample, &probe].iter().all(|points| points.norm == 0.0) {
@@ -199,7 +211,7 @@ pub fn cross(
         state.add_pivots(&[guided.1, probed.1].concat());
     }
     if status != CrossStatus::ZeroSampled && state.enriched {
-        capped |= state.sweep(settings, false)?.capped;
+        capped |= state.sweep(settings, false, patience)?.capped;
     }
     let measure = |train: &TtVector| -> Result<_, TtError> {
         let (sampled, probed) = (sample.error(train, 0)?.0, probe.error(train, 0)?.0);
@@ -248,6 +260,20 @@ pub fn cross_sparse(
     stride: usize,
     settings: &CrossSettings,
 ) -> Result<(TtMatrix, CrossReport), TtError> {
+    cross_sparse_within(matrix, start, stride, settings, &Patience::default())
+}
+
+/// As [`cross_sparse`], as long as the patience lasts: it is asked at every site.
+///
+/// # Errors
+/// As for [`cross`], and [`TtError::Stopped`].
+pub fn cross_sparse_within(
+    matrix: &QuadtreeMatrix,
+    start: Option<&TtMatrix>,
+    stride: usize,
+    settings: &CrossSettings,
+    patience: &Patience,
+) -> Result<(TtMatrix, CrossReport), TtError> {
     let sizes = matrix.modes();
     let identity = TtMatrix::identity(&sizes)?;
     let mut probes = Vec::new();
@@ -256,7 +282,7 @@ pub fn cross_sparse(
     }
     let start = start.unwrap_or(&identity);
     identity.check_same_sizes(start)?;
-    let (train, mut report) = cross(matrix, Some(start.as_vector()), &probes, settings)?;
+    let (train, mut report) = cross_within(matrix, Some(start.as_vector()), &probes, settings, patience)?;
     let train = TtMatrix::from_vector(train, &sizes, &sizes)?;
     // Random points of a sparse matrix hit its zeros, and what a train puts there is very uneven: a few thousand of them
     // tell its norm only within a factor of some units. The nonzeros and the norm of the train tell it exactly.

@@ -8,6 +8,7 @@ use crate::scale::{largest_finite, scale_by_power};
 use crate::vector::{Core, admissible_ranks};
 use crate::{TtError, TtVector};
 use graintrain_linalg::dense::{Matrix, product, thin_qr, thin_svd};
+use graintrain_linalg::patience::Patience;
 
 /// What one sweep did.
 #[derive(Clone, Copy, Default)]
@@ -129,7 +130,12 @@ impl<'a> State<'a> {
         result
     }
 
-    pub(super) fn sweep(&mut self, settings: &CrossSettings, enrich: bool) -> Result<SweepOutcome, TtError> {
+    pub(super) fn sweep(
+        &mut self,
+        settings: &CrossSettings,
+        enrich: bool,
+        patience: &Patience,
+    ) -> Result<SweepOutcome, TtError> {
         let d = self.modes.len();
         let mut outcome = SweepOutcome::default();
         let mut left: Vec<Vec<Vec<usize>>> = vec![vec![Vec::new()]];
@@ -138,6 +144,9 @@ impl<'a> State<'a> {
         let mut left_values = Matrix::identity(1);
         self.enriched = enrich && settings.kick_rank > 0;
         for k in 0..d {
+            if patience.is_over() {
+                return Err(TtError::Stopped);
+            }
             let right = self.right[k].clone();
             let block = self.block(&left[k], k, &right)?;
             let size = norm(block.data());

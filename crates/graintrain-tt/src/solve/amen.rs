@@ -11,6 +11,7 @@ use crate::round::scaled_rows;
 use crate::vector::Core;
 use crate::{TtError, TtVector};
 use graintrain_linalg::dense::{Matrix, Svd, thin_qr, thin_svd};
+use graintrain_linalg::patience::Patience;
 
 /// A Krylov method that does not lower a local residual to this part has failed.
 const KRYLOV_GAIN: f64 = 0.1;
@@ -104,19 +105,27 @@ impl Sweeper {
     }
 
     /// One sweep over all sites; `enrich` adds residual directions (AMEn only). Afterwards the trains are turned.
-    pub fn sweep(&mut self, settings: &SolveSettings, enrich: bool) -> Result<SweepOutcome, TtError> {
+    ///
+    /// # Errors
+    /// [`TtError::Stopped`] where the patience ends; the sweeper then must not be used again.
+    pub fn sweep(
+        &mut self,
+        settings: &SolveSettings,
+        enrich: bool,
+        patience: &Patience,
+    ) -> Result<SweepOutcome, TtError> {
         let d = self.x.len();
         let mut outcome = SweepOutcome::default();
         let mut left = vec![Sides::one()];
         if settings.method == Method::Dmrg && d > 1 {
             for k in 0..d - 1 {
-                self.solve_pair(k, &left[k], settings, &mut outcome)?;
+                self.solve_pair(k, &left[k], settings, patience, &mut outcome)?;
                 let next = left[k].push(&self.a[k], &self.x[k], &self.y[k], &self.z[k]);
                 left.push(next);
             }
         } else {
             for k in 0..d {
-                self.solve_site(k, &left[k], settings, enrich, &mut outcome)?;
+                self.solve_site(k, &left[k], settings, enrich, patience, &mut outcome)?;
                 if k + 1 < d {
                     let next = left[k].push(&self.a[k], &self.x[k], &self.y[k], &self.z[k]);
                     left.push(next);
@@ -145,8 +154,9 @@ impl Sweeper {
         if self.reversed { train.reverse() } else { train }
     }
 
-    fn local_settings(&self, settings: &SolveSettings) -> LocalSettings {
+    fn local_settings<'a>(&self, settings: &SolveSettings, patience: &'a Patience) -> LocalSettings<'a> {
         LocalSettings {
+            patience,
             direct_limit: self.direct_limit,
             iterations: settings.local_iterations,
             tolerance: 0.5 * settings.tolerance / (self.x.len() as f64).sqrt(),
@@ -161,6 +171,7 @@ impl Sweeper {
         left: &Sides,
         settings: &SolveSettings,
         enrich: bool,
+        patience: &Patience,
         outcome: &mut SweepOutcome,
     ) -> Result<(), TtError> {
         let (d, right) = (self.x.len(), &self.right[k]);
@@ -168,7 +179,7 @@ impl Sweeper {
         let operator = LocalOperator { left: &left.xx, core, right: &right.xx };
         let b = local_right_hand_side(&left.xy, y, &right.xy);
         let BlockCore { left: rank_left, n, s, right: rank_right, .. } = self.x[k];
-        let solved = improve(&operator, &b, &self.x[k], &self.local_settings(settings), outcome);
+        let solved = improve(&operator, &b, &self.x[k], &self.local_settings(settings, patience), outcome)?;
         if solved.krylov_failed {
             self.direct_limit = self.direct_limit.max(RAISED_LIMIT * settings.direct_limit);
         }
@@ -221,6 +232,7 @@ impl Sweeper {
         k: usize,
         left: &Sides,
         settings: &SolveSettings,
+        patience: &Patience,
         outcome: &mut SweepOutcome,
     ) -> Result<(), TtError> {
         let d = self.x.len();
@@ -230,7 +242,7 @@ impl Sweeper {
         let operator = LocalOperator { left: &left.xx, core: &core, right: &right.xx };
         let b = local_right_hand_side(&left.xy, &y, &right.xy);
         let pair = self.x[k].merge(&self.x[k + 1]);
-        let solved = improve(&operator, &b, &pair, &self.local_settings(settings), outcome);
+        let solved = improve(&operator, &b, &pair, &self.local_settings(settings, patience), outcome)?;
         if solved.krylov_failed {
             self.direct_limit = self.direct_limit.max(RAISED_LIMIT * settings.direct_limit);
         }
@@ -303,15 +315,18 @@ fn improve(
     operator: &LocalOperator<'_>,
     b: &[f64],
     current: &BlockCore,
-    settings: &LocalSettings,
+    settings: &LocalSettings<'_>,
     outcome: &mut SweepOutcome,
-) -> Solved {
+) -> Result<Solved, TtError> {
+    if settings.patience.is_over() {
+        return Err(TtError::Stopped);
+    }
     let start = current.spectator_last();
     let before = relative_residual(operator, b, &start);
     outcome.residual = outcome.residual.max(before);
     let mut u = start.clone();
     if before > settings.tolerance {
-        local::solve(operator, b, &mut u, settings);
+        local::solve(operator, b, &mut u, settings)?;
     }
     let mut residual = relative_residual(operator, b, &u);
     let iterated = operator.size() > settings.direct_limit;
@@ -324,7 +339,7 @@ fn improve(
     let change: f64 = u.iter().zip(&start).map(|(a, b)| (a - b).powi(2)).sum();
     let size: f64 = u.iter().map(|x| x * x).sum();
     outcome.change = outcome.change.max((change / size.max(f64::MIN_POSITIVE)).sqrt());
-    Solved { u, residual, krylov_failed }
+    Ok(Solved { u, residual, krylov_failed })
 }
 
 /// ||B u - b|| / ||b|| over all spectators (with ||b|| = 0: ||B u||).

@@ -1,14 +1,18 @@
 //! Local systems B u = b of one site: dense Cholesky or LU while they are small, else preconditioned Krylov methods.
 
 use super::interface::LocalOperator;
+use crate::TtError;
 use graintrain_linalg::dense::{Cholesky, Lu, Matrix, ViewMut};
+use graintrain_linalg::patience::Patience;
 
 /// Vectors of one GMRES cycle.
 const RESTART: usize = 40;
 
 /// How a site solves its system.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct LocalSettings {
+pub(crate) struct LocalSettings<'a> {
+    /// Asked before every right-hand side of a Krylov method.
+    pub patience: &'a Patience,
     /// Largest system that is factored densely.
     pub direct_limit: usize,
     /// Most iterations of the Krylov method per right-hand side.
@@ -20,7 +24,15 @@ pub(crate) struct LocalSettings {
 }
 
 /// Improves `u` towards B u = b for all spectators; leaves it as it is where the system is singular.
-pub(crate) fn solve(operator: &LocalOperator<'_>, b: &[f64], u: &mut [f64], settings: &LocalSettings) {
+///
+/// # Errors
+/// [`TtError::Stopped`] where the patience ends.
+pub(crate) fn solve(
+    operator: &LocalOperator<'_>,
+    b: &[f64],
+    u: &mut [f64],
+    settings: &LocalSettings<'_>,
+) -> Result<(), TtError> {
     let size = operator.size();
     if size <= settings.direct_limit {
         let matrix = operator.to_matrix();
@@ -30,7 +42,7 @@ pub(crate) fn solve(operator: &LocalOperator<'_>, b: &[f64], u: &mut [f64], sett
         {
             u.copy_from_slice(b);
             factor.solve_in_place(ViewMut::new(u, size, columns));
-            return;
+            return Ok(());
         }
         if let Ok(factor) = Lu::new(matrix) {
             let mut solved = b.to_vec();
@@ -39,15 +51,19 @@ pub(crate) fn solve(operator: &LocalOperator<'_>, b: &[f64], u: &mut [f64], sett
                 u.copy_from_slice(&solved);
             }
         }
-        return;
+        return Ok(());
     }
     let preconditioner = BlockJacobi::new(operator);
     for (u, b) in u.chunks_exact_mut(size).zip(b.chunks_exact(size)) {
+        if settings.patience.is_over() {
+            return Err(TtError::Stopped);
+        }
         // A symmetric operator need not be definite: conjugate gradients notice and hand over.
         if !settings.symmetric || !conjugate_gradients(operator, &preconditioner, b, u, settings) {
             gmres(operator, &preconditioner, b, u, settings);
         }
     }
+    Ok(())
 }
 
 /// The n x n diagonal blocks of B, factored; blocks that cannot be factored are left out.
@@ -102,7 +118,7 @@ fn conjugate_gradients(
     preconditioner: &BlockJacobi,
     b: &[f64],
     u: &mut [f64],
-    settings: &LocalSettings,
+    settings: &LocalSettings<'_>,
 ) -> bool {
     let size = b.len();
     let (mut r, mut z, mut q) = (vec![0.0; size], vec![0.0; size], vec![0.0; size]);
@@ -138,7 +154,7 @@ fn gmres(
     preconditioner: &BlockJacobi,
     b: &[f64],
     u: &mut [f64],
-    settings: &LocalSettings,
+    settings: &LocalSettings<'_>,
 ) {
     let size = b.len();
     let stop = settings.tolerance * norm(b);

@@ -21,6 +21,7 @@ mod local;
 use crate::scale::{scale_by_power, share_power};
 use crate::{Truncation, TtError, TtMatrix, TtVector};
 pub(crate) use amen::Sweeper;
+use graintrain_linalg::patience::Patience;
 pub(crate) use interface::{BlockCore, OperatorCore};
 use serde::{Deserialize, Serialize};
 
@@ -146,7 +147,7 @@ pub fn solve(
 ) -> Result<(TtVector, SolveReport), TtError> {
     a.check_square()?;
     let spectators = vec![1; a.num_cores()];
-    solve_block(a, y, &spectators, start.unwrap_or(y), settings)
+    solve_block(a, y, &spectators, start.unwrap_or(y), settings, &Patience::default())
 }
 
 /// Solves A X = Y for a matrix X; `start` defaults to Y.
@@ -159,6 +160,17 @@ pub fn solve_matrix(
     start: Option<&TtMatrix>,
     settings: &SolveSettings,
 ) -> Result<(TtMatrix, SolveReport), TtError> {
+    solve_matrix_within(a, y, start, settings, &Patience::default())
+}
+
+/// As [`solve_matrix`], as long as the patience lasts.
+pub(crate) fn solve_matrix_within(
+    a: &TtMatrix,
+    y: &TtMatrix,
+    start: Option<&TtMatrix>,
+    settings: &SolveSettings,
+    patience: &Patience,
+) -> Result<(TtMatrix, SolveReport), TtError> {
     a.check_square()?;
     if y.rows != a.rows {
         return Err(TtError::Shape {
@@ -169,7 +181,7 @@ pub fn solve_matrix(
     }
     let start = start.unwrap_or(y);
     y.check_same_sizes(start)?;
-    let (train, report) = solve_block(a, &y.train, &y.columns, &start.train, settings)?;
+    let (train, report) = solve_block(a, &y.train, &y.columns, &start.train, settings, patience)?;
     Ok((y.map(|_| train), report))
 }
 
@@ -180,6 +192,7 @@ fn solve_block(
     spectators: &[usize],
     start: &TtVector,
     settings: &SolveSettings,
+    patience: &Patience,
 ) -> Result<(TtVector, SolveReport), TtError> {
     settings.check()?;
     let expected: Vec<usize> = a.rows.iter().zip(spectators).map(|(n, s)| n * s).collect();
@@ -250,7 +263,7 @@ fn solve_block(
     let (mut x, residual) = loop {
         ended = SolveStatus::SweepLimit;
         while history.len() + 1 < settings.max_sweeps {
-            let outcome = sweeper.sweep(&inner, true)?;
+            let outcome = sweeper.sweep(&inner, true, patience)?;
             history.push(outcome.residual);
             if outcome.residual < inner.tolerance || outcome.change == 0.0 {
                 ended = SolveStatus::Converged;
@@ -262,7 +275,7 @@ fn solve_block(
             }
         }
         // A last sweep without enrichment brings the ranks down to what the tolerance needs.
-        let outcome = sweeper.sweep(&inner, false)?;
+        let outcome = sweeper.sweep(&inner, false, patience)?;
         history.push(outcome.residual);
         if outcome.capped && ended != SolveStatus::Converged {
             ended = SolveStatus::RankCapped;
