@@ -92,9 +92,9 @@ impl<'a> Yardstick<'a> {
                 evaluation.objective += impulse[k] * (0.5 * product[k] + u[k]);
                 u[k] += product[k];
             }
-            let slip = (u[1] * u[1] + u[2] * u[2]).sqrt();
-            let relaxed = natural_map(impulse, [u[0], u[1], u[2]], mu, eta);
-            let coulomb = natural_map(impulse, [u[0] + mu * slip, u[1], u[2]], mu, eta);
+            let slip = u[1].hypot(u[2]);
+            let relaxed = natural_map(impulse, [u[0], u[1], u[2]], mu, eta, self.impulse_scale);
+            let coulomb = natural_map(impulse, [u[0] + mu * slip, u[1], u[2]], mu, eta, self.impulse_scale);
             for (sum, square) in [(&mut evaluation.relaxed, relaxed), (&mut evaluation.coulomb, coulomb)] {
                 // f64::max would lose a NaN.
                 sum.max = if square.is_nan() || square > sum.max { square } else { sum.max };
@@ -111,16 +111,17 @@ impl<'a> Yardstick<'a> {
             }
         }
         for residual in [&mut evaluation.relaxed, &mut evaluation.coulomb] {
-            residual.max = residual.max.sqrt() / self.impulse_scale;
-            residual.rms = (residual.rms / contacts.max(1) as f64).sqrt() / self.impulse_scale;
+            residual.max = residual.max.sqrt();
+            residual.rms = (residual.rms / contacts.max(1) as f64).sqrt();
         }
         evaluation.velocity = velocity;
         evaluation
     }
 }
 
-/// |g - P(g - u / eta)|^2 with P the projection on { |g_t| <= mu g_n }.
-fn natural_map(g: [f64; 3], u: [f64; 3], mu: f64, eta: f64) -> f64 {
+/// |g - P(g - u / eta)|^2 / J^2 with P the projection on { |g_t| <= mu g_n }, J = `unit`. Divided before it is squared: the
+/// squares of very small or large impulses are not numbers.
+fn natural_map(g: [f64; 3], u: [f64; 3], mu: f64, eta: f64, unit: f64) -> f64 {
     let x = [g[0] - u[0] / eta, g[1] - u[1] / eta, g[2] - u[2] / eta];
     let tangential = x[1].hypot(x[2]);
     let projected = if x[0] >= 0.0 && tangential <= mu * x[0] {
@@ -132,7 +133,30 @@ fn natural_map(g: [f64; 3], u: [f64; 3], mu: f64, eta: f64) -> f64 {
         [along, shrink * x[1], shrink * x[2]]
     };
     // Impulses so large that their rounding swallows u prove nothing.
-    let rounding = g.iter().map(|g| (f64::EPSILON * g).powi(2)).sum::<f64>();
-    let square: f64 = (0..3).map(|k| (g[k] - projected[k]).powi(2)).sum();
+    let rounding = g.iter().map(|g| (f64::EPSILON * (g / unit)).powi(2)).sum::<f64>();
+    let square: f64 = (0..3).map(|k| ((g[k] - projected[k]) / unit).powi(2)).sum();
     if square < rounding { rounding } else { square }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use graintrain_ccp::Delassus;
+
+    /// One contact, N = eta I, r = (-1, 0, 0): solved by g_n = 1 / eta, and half of that has a residual of 1/2.
+    #[test]
+    fn impulses_at_the_ends_of_the_floats_are_told_from_solutions() {
+        for eta in [1e-300, 1.0, 1e300] {
+            let matrix = BlockMatrix3::from_rows(
+                vec![0, 1],
+                vec![0],
+                vec![[eta, 0.0, 0.0, 0.0, eta, 0.0, 0.0, 0.0, eta]],
+            );
+            let problem = Ccp::new(Delassus::Sparse(matrix), vec![-1.0, 0.0, 0.0], vec![0.5]).unwrap();
+            let yardstick = Yardstick::new(&problem);
+            let half = yardstick.evaluate(&[0.5 / eta, 0.0, 0.0]).relaxed.max;
+            assert!((half - 0.5).abs() < 1e-12, "eta {eta:e}: {half}");
+            assert!(yardstick.evaluate(&[1.0 / eta, 0.0, 0.0]).relaxed.max < 1e-12);
+        }
+    }
 }

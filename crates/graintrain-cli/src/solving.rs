@@ -158,6 +158,14 @@ pub struct Record {
 }
 
 impl Record {
+    /// The status in words; a claim that the evaluation does not confirm is none.
+    pub fn verdict(&self) -> &'static str {
+        match self.status {
+            Some(Status::Converged) if !self.converged => "NOT converged",
+            status => status_word(status),
+        }
+    }
+
     /// The time that comparisons go by: processor time on one thread, which other work on the machine does not
     /// lengthen, else wall-clock time.
     pub fn cost(&self) -> f64 {

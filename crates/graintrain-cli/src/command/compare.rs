@@ -82,10 +82,25 @@ pub fn execute(arguments: &Arguments) -> Result<ExitCode, Failure> {
     Ok(if missed { ExitCode::from(1) } else { ExitCode::SUCCESS })
 }
 
+/// Names with the commas of their own settings (`tt-cross@1e-3,100`) put back: no solver's name is a number.
+fn rejoined(names: &[String]) -> Vec<String> {
+    let mut whole: Vec<String> = Vec::new();
+    for name in names {
+        match whole.last_mut() {
+            Some(last) if last.contains('@') && name.parse::<usize>().is_ok() => {
+                last.push(',');
+                last.push_str(name);
+            }
+            _ => whole.push(name.clone()),
+        }
+    }
+    whole
+}
+
 /// The solvers asked for, each once.
 fn specs(names: &[String]) -> Result<Vec<SolverSpec>, Failure> {
     let mut specs: Vec<SolverSpec> = Vec::new();
-    for name in names {
+    for name in &rejoined(names) {
         let expanded: Vec<&str> =
             if name == "all" { METHODS.iter().map(|method| method.name).collect() } else { vec![name] };
         for name in expanded {
@@ -154,10 +169,7 @@ fn print_problem(name: &str, file: &ProblemFile, records: &[Record]) {
             );
             continue;
         }
-        let verdict = match &record.remark {
-            Some(_) => "NOT converged",
-            None => solving::status_word(record.status),
-        };
+        let verdict = record.verdict();
         println!(
             "  {:<width$}  {verdict:<15} {:>10} {:>8} {:>11}{star} {:>8.1e}  {:>8.1e}  {:>19.12e}",
             record.solver,

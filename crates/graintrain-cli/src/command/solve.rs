@@ -83,8 +83,7 @@ fn table(file: &ProblemFile, outcome: &Outcome) -> String {
         count => format!(", {count} of the linear solver"),
     };
     line("solver", format!("{}, {} iterations{linear}", record.solver, record.iterations));
-    let verdict = if record.converged { "converged" } else { solving::status_word(record.status) };
-    let verdict = if record.remark.is_some() { "NOT converged" } else { verdict };
+    let verdict = record.verdict();
     line("status", format!("{verdict} in {}", solving::seconds_text(record.seconds)));
     let asked = |model| {
         if record.friction == model { format!("   asked {:e}", record.tolerance) } else { String::new() }
