@@ -3,7 +3,7 @@
 use graintrain_ccp::newton::{LinearReport, NewtonError, NewtonSolver, NewtonSystem};
 use graintrain_ccp::solver::METHODS;
 use graintrain_ccp::solver::pdip::{Pdip, Rule};
-use graintrain_ccp::{Ccp, CcpSolver, Delassus, FrictionModel, SolveSettings, SolverSpec, Status};
+use graintrain_ccp::{Ccp, CcpError, CcpSolver, Delassus, FrictionModel, SolveSettings, SolverSpec, Status};
 use graintrain_linalg::block3::BlockMatrix3;
 use std::time::Duration;
 
@@ -114,5 +114,104 @@ fn a_linear_solver_that_fails_leaves_the_better_of_the_given_impulses_and_none()
             let report = solver.solve(&problem, &mut impulse, &SolveSettings::default()).unwrap();
             assert_eq!((report.status, impulse), (Status::Stalled, answer), "{rule:?}");
         }
+    }
+}
+
+/// N, and with it the impulses, near the ends of the floats: an answer is a number, whatever else it is.
+#[test]
+fn no_solver_returns_impulses_that_are_not_numbers() {
+    for size in [1e-300, 1e-160, 1e160, 1e300] {
+        let problem = diagonal(&[[size; 3]; 2], &[-1.0, 0.3, 0.1, -1.0, 0.3, 0.1], &[0.5; 2]);
+        for method in METHODS {
+            for start in [0.0, f64::NAN, 1.0 / size] {
+                let settings =
+                    SolveSettings { max_time: Some(Duration::from_secs(1)), ..SolveSettings::default() };
+                let mut impulse = [start; 6];
+                let solver = method.name.parse::<SolverSpec>().unwrap().build();
+                let _ = solver.unwrap().solve(&problem, &mut impulse, &settings);
+                let name = method.name;
+                assert!(impulse.iter().all(|g| g.is_finite()), "{name} N {size:e} {start:e}: {impulse:?}");
+            }
+        }
+    }
+}
+
+/// Walls that close on a ball, contacts between immovable bodies: the objective has no lower bound.
+#[test]
+fn interior_points_say_that_there_is_no_solution() {
+    let wedged = {
+        // The ball's normal velocities towards two walls are opposite.
+        let block = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
+        let across = [-1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
+        let matrix =
+            BlockMatrix3::from_rows(vec![0, 2, 4], vec![0, 1, 0, 1], vec![block, across, across, block]);
+        Ccp::new(Delassus::Sparse(matrix), vec![-1.0, 0.1, 0.0, -1.0, 0.1, 0.0], vec![0.5; 2]).unwrap()
+    };
+    let nothing_moves = diagonal(&[[0.0; 3]], &[-1.0, 0.3, 0.1], &[0.5]);
+    let one_moves = diagonal(&[[0.0; 3], [1.0; 3]], &[-1.0, 0.3, 0.1, -1.0, 0.2, 0.1], &[0.5; 2]);
+    for (case, problem) in [wedged, nothing_moves, one_moves].iter().enumerate() {
+        for name in ["pdip", "ipm+cholesky", "scip"] {
+            if name == "scip" && case == 2 {
+                // Its steps become too short before the impulses are large enough to prove anything.
+                continue;
+            }
+            let mut impulse = vec![0.0; problem.r.len()];
+            let mut solver = name.parse::<SolverSpec>().unwrap().build().unwrap();
+            let report = solver.solve(problem, &mut impulse, &SolveSettings::default()).unwrap();
+            assert_eq!(report.status, Status::Infeasible, "{name}, case {case}: {report:?}");
+            assert!(report.objective.abs() < 1e12, "{name}, case {case}: {}", report.objective);
+        }
+    }
+}
+
+#[test]
+fn a_solver_ends_where_rounding_keeps_it_from_the_tolerance() {
+    let problem = diagonal(&[[2.0, 3.0, 3.0], [1.0; 3]], &[-1.0, 0.3, 0.0, -1.0, 0.0, 0.2], &[0.3, 0.5]);
+    let settings = SolveSettings { tolerance: 1e-17, ..SolveSettings::default() };
+    let mut impulse = [0.0; 6];
+    let mut solver = "pdip".parse::<SolverSpec>().unwrap().build().unwrap();
+    let report = solver.solve(&problem, &mut impulse, &settings).unwrap();
+    assert!(report.status == Status::Stalled && report.iterations < 200, "{report:?}");
+    // One matrix per iteration, however often the linear tolerance is tightened; the last may have led nowhere.
+    assert!(report.newton.len() - report.iterations <= 1);
+}
+
+/// Refuses every matrix.
+struct Refuses(NewtonError);
+
+impl NewtonSolver for Refuses {
+    fn name(&self) -> &'static str {
+        "refuses"
+    }
+
+    fn needs_matrix(&self) -> bool {
+        false
+    }
+
+    fn refresh(&mut self, _: &NewtonSystem<'_>) -> Result<(), NewtonError> {
+        Err(self.0.clone())
+    }
+
+    fn solve(&mut self, _: &NewtonSystem<'_>, _: &[f64], _: &mut [f64], _: f64) -> LinearReport {
+        unreachable!("it was never ready")
+    }
+}
+
+#[test]
+fn the_reason_why_a_linear_solver_gives_up_is_told() {
+    let problem = diagonal(&[[2.0, 3.0, 3.0]], &[-1.0, 0.3, 0.0], &[0.3]);
+    let solve = |error: NewtonError| {
+        let mut solver = Pdip::with_solver(Rule::Central, Box::new(Refuses(error)));
+        solver.solve(&problem, &mut [0.0; 3], &SolveSettings::default())
+    };
+    let report = solve(NewtonError::Breakdown { solver: "refuses", reason: "pivot 7".to_string() }).unwrap();
+    assert_eq!(report.status, Status::Stalled);
+    assert!(report.remark.unwrap().contains("pivot 7"));
+    let error = solve(NewtonError::Unsupported { solver: "refuses", reason: "no bodies" }).unwrap_err();
+    assert!(matches!(&error, CcpError::Unsupported { reason, .. } if reason == "no bodies"), "{error}");
+    for method in ["pdip", "ipm", "scip"] {
+        let mut solver = format!("{method}+body-cg").parse::<SolverSpec>().unwrap().build().unwrap();
+        let answer = solver.solve(&problem, &mut [0.0; 3], &SolveSettings::default());
+        assert!(matches!(answer, Err(CcpError::Unsupported { .. })), "{method}: {answer:?}");
     }
 }

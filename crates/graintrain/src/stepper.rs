@@ -224,6 +224,7 @@ impl Stepper {
                 objective: 0.0,
                 seconds: 0.0,
                 newton: Vec::new(),
+                remark: None,
             });
         }
         let settings = SolveSettings {

@@ -93,6 +93,7 @@ fn advance(world: &mut World, settings: &RunSettings) -> StepReport {
             objective: -1.0,
             seconds: 0.01,
             newton: Vec::new(),
+            remark: None,
         },
         penetration_max: 1e-5,
         kinetic_energy: world.kinetic_energy(),

@@ -104,7 +104,7 @@ impl NewtonSolver for BodyCholesky {
 
     fn solve(
         &mut self,
-        _: &NewtonSystem<'_>,
+        system: &NewtonSystem<'_>,
         b: &[f64],
         z: &mut [f64],
         relative_tolerance: f64,
@@ -112,6 +112,7 @@ impl NewtonSolver for BodyCholesky {
         let Self { matrix: Some(matrix), factor: Some(factor), velocity, image, krylov, .. } = self else {
             return LinearReport { residual: 1.0, ..Default::default() };
         };
+        krylov.patience = system.patience.clone();
         velocity.resize(6 * matrix.num_bodies(), 0.0);
         image.resize(6 * matrix.num_bodies(), 0.0);
         let settings = KrylovSettings { relative_tolerance, max_iterations: REFINEMENTS };
@@ -228,7 +229,7 @@ impl NewtonSolver for BodyCg {
 
     fn solve(
         &mut self,
-        _: &NewtonSystem<'_>,
+        system: &NewtonSystem<'_>,
         b: &[f64],
         z: &mut [f64],
         relative_tolerance: f64,
@@ -239,6 +240,7 @@ impl NewtonSolver for BodyCg {
         else {
             return LinearReport { residual: 1.0, ..Default::default() };
         };
+        krylov.patience = system.patience.clone();
         velocity.resize(6 * matrix.num_bodies(), 0.0);
         rhs.resize(6 * matrix.num_bodies(), 0.0);
         residual.resize(b.len(), 0.0);
@@ -284,9 +286,12 @@ impl NewtonSolver for BodyCg {
             report.residual = norm(residual) / size;
             if inner.residual > 0.0 && report.residual > 0.0 {
                 let found = report.residual / before / inner.residual;
-                self.amplification = found.max(0.5 * self.amplification);
+                // Once infinite it would stay so.
+                if found.is_finite() {
+                    self.amplification = found.max(0.5 * self.amplification);
+                }
             }
-            if report.residual.is_nan() {
+            if report.residual.is_nan() || system.patience.is_over() {
                 break;
             }
         }

@@ -90,6 +90,7 @@ impl NewtonSolver for SchurCholesky {
         let Self { factor: Some(factor), product, scratch, work, .. } = self else {
             return LinearReport { residual: 1.0, ..Default::default() };
         };
+        work.patience = system.patience.clone();
         let settings = KrylovSettings { relative_tolerance, max_iterations: REFINEMENTS };
         z.copy_from_slice(b);
         factor.solve(z);

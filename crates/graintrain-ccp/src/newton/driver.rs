@@ -7,6 +7,7 @@ use super::{
 use crate::delassus::{Delassus, DelassusWork};
 use crate::problem::Ccp;
 use graintrain_linalg::parallel::norm;
+use graintrain_linalg::patience::Patience;
 use std::time::Instant;
 
 pub use super::ScaledBlocks;
@@ -24,6 +25,11 @@ pub struct NewtonDriver {
     new_delassus: bool,
     records: Vec<NewtonRecord>,
     current: NewtonRecord,
+    /// Why the last refresh failed.
+    failure: Option<NewtonError>,
+    patience: Patience,
+    /// Seconds of [`Self::begin`], which count as part of the first refresh.
+    begin_seconds: f64,
     product: DelassusWork,
     scratch: Vec<f64>,
     /// Right-hand side and solution of a solver of the plain form.
@@ -43,6 +49,9 @@ impl NewtonDriver {
             new_delassus: true,
             records: Vec::new(),
             current,
+            failure: None,
+            patience: Patience::default(),
+            begin_seconds: 0.0,
             product: DelassusWork::default(),
             scratch: Vec::new(),
             plain: Default::default(),
@@ -50,9 +59,9 @@ impl NewtonDriver {
         }
     }
 
-    /// Name of the linear solver.
-    pub fn linear_name(&self) -> &'static str {
-        self.solver.name()
+    /// Name of the linear solver with its settings, as it was asked for.
+    pub fn linear_name(&self) -> String {
+        self.solver.full_name()
     }
 
     /// Which system the linear solver takes.
@@ -60,9 +69,16 @@ impl NewtonDriver {
         self.solver.form()
     }
 
+    /// Linear solvers stop where this ends. Holds until it is set again.
+    pub fn set_patience(&mut self, patience: Patience) {
+        self.patience = patience;
+    }
+
     /// Begins the solve of a problem.
     pub fn begin(&mut self, problem: &Ccp) {
         self.records.clear();
+        self.failure = None;
+        let start = Instant::now();
         let same = self.delassus.as_ref().is_some_and(|old| same_delassus(old, &problem.delassus));
         if same {
             return;
@@ -77,6 +93,7 @@ impl NewtonDriver {
             matrix: None,
             new_delassus: true,
             iteration: 0,
+            patience: &self.patience,
         });
         if self.solver.needs_matrix() {
             self.schur = Some(SchurComplement::new(problem, self.solver.form()));
@@ -85,6 +102,7 @@ impl NewtonDriver {
         let size = 3 * problem.num_contacts();
         self.power[0] = (0..size).map(|k| (k as f64 * 0.618_033_988_749_894_9).fract() - 0.5).collect();
         self.power[1] = vec![0.0; size];
+        self.begin_seconds = start.elapsed().as_secs_f64();
     }
 
     /// Prepares the linear solver for the blocks H of a Newton iteration. `residual` is that of the contact problem,
@@ -112,10 +130,13 @@ impl NewtonDriver {
             matrix: self.schur.as_ref().map(SchurComplement::matrix),
             new_delassus: self.new_delassus,
             iteration,
+            patience: &self.patience,
         };
         let refreshed = self.solver.refresh(&system);
         self.new_delassus = self.new_delassus && refreshed.is_err();
-        self.current.precompute_seconds = start.elapsed().as_secs_f64();
+        self.current.precompute_seconds =
+            start.elapsed().as_secs_f64() + std::mem::take(&mut self.begin_seconds);
+        self.failure = refreshed.as_ref().err().cloned();
         refreshed
     }
 
@@ -153,6 +174,7 @@ impl NewtonDriver {
             matrix: self.schur.as_ref().map(SchurComplement::matrix),
             new_delassus: false,
             iteration: self.current.iteration,
+            patience: &self.patience,
         };
         let report = match self.solver.form() {
             Form::Scaled => self.solver.solve(&system, b, z, relative_tolerance),
@@ -172,6 +194,11 @@ impl NewtonDriver {
         self.current.linear_residual = self.current.linear_residual.max(report.residual);
         self.current.linear_converged &= report.converged;
         report
+    }
+
+    /// Why the last refresh failed, where it did.
+    pub fn failure(&self) -> Option<&NewtonError> {
+        self.failure.as_ref()
     }
 
     /// Ends a Newton iteration, whose step had this length.

@@ -82,6 +82,7 @@ impl NewtonSolver for SchurKrylov {
         z.fill(0.0);
         let Some(matrix) = system.matrix else { return LinearReport { residual: 1.0, ..Default::default() } };
         let settings = KrylovSettings { relative_tolerance, max_iterations: self.max_iterations };
+        self.work.patience = system.patience.clone();
         let method = if self.symmetric { conjugate_gradient } else { bicgstab };
         let preconditioner = &self.preconditioner;
         let report = method(

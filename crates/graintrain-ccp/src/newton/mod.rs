@@ -48,6 +48,7 @@ pub use schur::SchurComplement;
 
 use crate::problem::{Ccp, CcpError};
 use graintrain_linalg::block3::{Block, BlockMatrix3};
+use graintrain_linalg::patience::Patience;
 use std::collections::BTreeMap;
 
 /// The blocks of a Newton matrix with the factors of their inverses, H^-1 = F F^T.
@@ -84,6 +85,8 @@ pub struct NewtonSystem<'a> {
     pub new_delassus: bool,
     /// Newton iteration of the outer method, from 0.
     pub iteration: usize,
+    /// Long loops end where this does, with the best that there is.
+    pub patience: &'a Patience,
 }
 
 /// What one linear solve did.
@@ -124,6 +127,11 @@ pub enum NewtonError {
 pub trait NewtonSolver: Send {
     /// Name as given after the `+`.
     fn name(&self) -> &'static str;
+
+    /// The name with the settings that can be given in it, where they are not the usual ones.
+    fn full_name(&self) -> String {
+        self.name().to_string()
+    }
 
     /// The system that this solver solves.
     fn form(&self) -> Form {
@@ -166,7 +174,8 @@ pub struct NewtonRecord {
     pub iteration: usize,
     /// Iterations of the linear solver, summed over the right-hand sides.
     pub inner_iterations: usize,
-    /// Seconds in [`NewtonSolver::refresh`].
+    /// Seconds in [`NewtonSolver::refresh`], and in making the matrix it asks for. The first of a problem includes
+    /// [`NewtonSolver::prepare`], the assembly of N and the pattern.
     pub precompute_seconds: f64,
     /// Seconds in [`NewtonSolver::solve`].
     pub apply_seconds: f64,
@@ -252,14 +261,15 @@ pub const LINEAR_METHODS: &[LinearMethod] = &[
     },
 ];
 
-/// Accuracy and rank cap of `tt-cross@EPS,CAP`, 0 < EPS < 1 and CAP > 0.
+/// Accuracy and rank cap of `tt-cross@EPS:CAP`, 0 < EPS < 1 and CAP > 0. A comma or a slash will do as well, but lists of
+/// solvers are split at commas.
 fn literal_settings(name: &str) -> Option<(f64, usize)> {
-    let (accuracy, cap) = name.strip_prefix("tt-cross@")?.split_once(',')?;
+    let (accuracy, cap) = name.strip_prefix("tt-cross@")?.split_once([':', ',', '/'])?;
     let (accuracy, cap) = (accuracy.parse::<f64>().ok()?, cap.parse::<usize>().ok()?);
     (accuracy > 0.0 && accuracy < 1.0 && cap > 0).then_some((accuracy, cap))
 }
 
-/// The linear solver of this name; `tt-cross@1e-3,100` is `tt-cross` at accuracy 1e-3 with ranks up to 100.
+/// The linear solver of this name; `tt-cross@1e-3:100` is `tt-cross` at accuracy 1e-3 with ranks up to 100.
 ///
 /// # Errors
 /// [`CcpError::UnknownSolver`] naming the `method` it was asked for.
@@ -268,8 +278,9 @@ pub fn linear_solver(method: &str, name: &str) -> Result<Box<dyn NewtonSolver>, 
         return Ok(Box::new(train_schur::TrainSchur::literal_at(accuracy, cap)));
     }
     LINEAR_METHODS.iter().find(|linear| linear.name == name).map(|linear| (linear.build)()).ok_or_else(|| {
-        let known: Vec<String> =
+        let mut known: Vec<String> =
             LINEAR_METHODS.iter().map(|linear| format!("{method}+{}", linear.name)).collect();
+        known.push(format!("{method}+tt-cross@ACCURACY:RANK"));
         CcpError::UnknownSolver { name: format!("{method}+{name}"), known: known.join(", ") }
     })
 }

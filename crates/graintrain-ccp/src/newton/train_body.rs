@@ -146,6 +146,7 @@ impl TrainCorrection {
         let mut entries = self.scaled_entries(matrix, scaling);
         // The diagonal blocks of K_s are identities, and so are the dummies.
         entries.extend((0..BODY * (capacity << depth)).map(|k| (k, k, 1.0)));
+        self.inverse.set_patience(system.patience.clone());
         self.inverse.refresh(&QuadtreeMatrix::from_entries(BODY * capacity, depth, entries)?)?;
         self.gain = self.race(matrix, scaling);
         self.active = self.gain > 1.0;

@@ -21,6 +21,9 @@ use std::collections::BTreeMap;
 /// Contacts per leaf of the paper's tree; the paper does not give its number.
 const LEAF_CONTACTS: usize = 4;
 
+/// Accuracy and rank cap of the paper's best preconditioner.
+const PAPER: (f64, usize) = (1e-2, 10);
+
 /// Cap on iterations of BiCGSTAB, as for the paper's unpreconditioned baseline.
 const LIMIT: usize = 1000;
 
@@ -39,7 +42,7 @@ pub struct TrainSchur {
 impl TrainSchur {
     /// The paper's recipe at its accuracy and rank cap.
     pub fn literal() -> Self {
-        Self::literal_at(1e-2, 10)
+        Self::literal_at(PAPER.0, PAPER.1)
     }
 
     /// The paper's recipe at another accuracy and rank cap (its tables 3 and 4).
@@ -54,8 +57,8 @@ impl TrainSchur {
         let settings = TrainSettings {
             compression: Compression::Exact,
             form: InverseForm::Residual,
-            tolerance: 1e-2,
-            max_rank: 10,
+            tolerance: PAPER.0,
+            max_rank: PAPER.1,
         };
         let scaling = Some(BlockJacobi::new(3));
         Self::new("tt-schur", Placement::new(1, Split::Balanced), scaling, settings)
@@ -86,6 +89,15 @@ impl TrainSchur {
 impl NewtonSolver for TrainSchur {
     fn name(&self) -> &'static str {
         self.name
+    }
+
+    fn full_name(&self) -> String {
+        let TrainSettings { tolerance, max_rank, .. } = *self.inverse.settings();
+        if (tolerance, max_rank) == PAPER {
+            self.name.to_string()
+        } else {
+            format!("{}@{tolerance:e}:{max_rank}", self.name)
+        }
     }
 
     fn form(&self) -> Form {
@@ -127,6 +139,7 @@ impl NewtonSolver for TrainSchur {
             }
         };
         let (capacity, depth) = self.placement.shape();
+        self.inverse.set_patience(system.patience.clone());
         QuadtreeMatrix::from_blocks(matrix, self.placement.positions(), capacity, depth, 1.0)
             .and_then(|quadtree| self.inverse.refresh(&quadtree))
             .map_err(|error| self.breakdown(&error))
@@ -143,6 +156,7 @@ impl NewtonSolver for TrainSchur {
         let Some(schur) = system.matrix else { return LinearReport { residual: 1.0, ..Default::default() } };
         let settings = KrylovSettings { relative_tolerance, max_iterations: LIMIT };
         let Self { placement, scaling, inverse, krylov, buffer, .. } = self;
+        krylov.patience = system.patience.clone();
         let place = placement.positions();
         let report = bicgstab(
             &mut |x, y| schur.multiply(x, y),

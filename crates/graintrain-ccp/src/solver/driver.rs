@@ -1,8 +1,11 @@
 //! What every solver needs around its iteration: when to stop, the best iterate, the report.
 
 use super::{SolveReport, SolveSettings, Status};
+use crate::newton::NewtonError;
+use crate::newton::driver::NewtonDriver;
 use crate::problem::{Ccp, CcpError};
 use crate::residual::{FrictionModel, ResidualScale};
+use graintrain_linalg::patience::Patience;
 use std::time::Instant;
 
 /// Clock and limits of one solve.
@@ -46,6 +49,12 @@ impl<'a> Limits<'a> {
         self.settings.max_time.map(|limit| limit.saturating_sub(self.start.elapsed()))
     }
 
+    /// The same limits for loops inside an iteration.
+    pub fn patience(&self) -> Patience {
+        let deadline = self.settings.max_time.and_then(|limit| self.start.checked_add(limit));
+        Patience::new(deadline, self.settings.stop.clone())
+    }
+
     /// Seconds since the start.
     pub fn seconds(&self) -> f64 {
         self.start.elapsed().as_secs_f64()
@@ -82,8 +91,9 @@ impl<'a> Limits<'a> {
         };
         let status = if residual.max <= self.settings.tolerance {
             Status::Converged
-        } else if status == Status::Converged {
-            Status::Stalled
+        } else if matches!(status, Status::Converged | Status::Stalled) {
+            // A linear solver that is out of time stops the method that waits for it.
+            if self.settings.out_of_time(self.start) { Status::Stopped } else { Status::Stalled }
         } else {
             status
         };
@@ -99,7 +109,35 @@ impl<'a> Limits<'a> {
             objective: problem.objective(impulse, &velocity),
             seconds: self.seconds(),
             newton: Vec::new(),
+            remark: None,
         }
+    }
+
+    /// As [`Self::report`] for a method that solved linear systems: with their records, and with the reason where the linear
+    /// solver gave up.
+    ///
+    /// # Errors
+    /// [`CcpError::Unsupported`] where the linear solver cannot treat this problem at all.
+    pub fn report_with(
+        &self,
+        solver: &str,
+        problem: &Ccp,
+        impulse: &[f64],
+        status: Status,
+        iterations: usize,
+        newton: &mut NewtonDriver,
+    ) -> Result<SolveReport, CcpError> {
+        let failure = newton.failure().cloned();
+        if let Some(NewtonError::Unsupported { reason, .. }) = failure {
+            return Err(CcpError::Unsupported { solver: solver.to_string(), reason: reason.to_string() });
+        }
+        let mut report =
+            self.report(solver, problem, impulse, status, iterations, newton.linear_iterations());
+        report.newton = newton.take_records();
+        if report.status == Status::Stalled {
+            report.remark = failure.map(|error| error.to_string());
+        }
+        Ok(report)
     }
 }
 
@@ -134,9 +172,10 @@ impl<T> Default for Best<T> {
 }
 
 impl<T: Copy> Best<T> {
-    /// Keeps a copy of the iterate if its residual is the least so far.
+    /// Keeps a copy of the iterate if its residual is the least so far. A residual that is not a number loses against every
+    /// number, and to what was there before: the first iterate is a start, which is finite.
     pub fn offer(&mut self, iterate: &[T], residual: f64) {
-        if self.residual.is_none_or(|best| residual < best) {
+        if self.residual.is_none_or(|best| residual < best || (best.is_nan() && !residual.is_nan())) {
             self.iterate.clear();
             self.iterate.extend_from_slice(iterate);
             self.residual = Some(residual);

@@ -116,6 +116,9 @@ pub struct SolveReport {
     /// What the linear solver of a second-order method did, one record per Newton iteration.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub newton: Vec<NewtonRecord>,
+    /// Why a linear solver gave up, where that ended the solve.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub remark: Option<String>,
 }
 
 impl SolveReport {

@@ -328,7 +328,7 @@ impl Scip {
 
 impl CcpSolver for Scip {
     fn name(&self) -> String {
-        match self.newton.linear_name() {
+        match self.newton.linear_name().as_str() {
             "cholesky" => "scip".to_string(),
             linear => format!("scip+{linear}"),
         }
@@ -346,13 +346,10 @@ impl CcpSolver for Scip {
         let (mut status, mut iterations) = (Status::Converged, 0);
         if problem.num_contacts() > 0 {
             let scaled = Scaled::new(problem, &scale);
+            self.newton.set_patience(limits.patience());
             self.newton.begin(&scaled.problem);
             (status, iterations) = self.run(problem, &scaled, &scale, impulse, &limits);
         }
-        let linear_iterations = self.newton.linear_iterations();
-        let records = self.newton.take_records();
-        let mut report = limits.report(&self.name(), problem, impulse, status, iterations, linear_iterations);
-        report.newton = records;
-        Ok(report)
+        limits.report_with(&self.name(), problem, impulse, status, iterations, &mut self.newton)
     }
 }

@@ -1,9 +1,10 @@
 //! Compression and inversion of a sparse matrix in tensor-train form, with hot starts from the last matrix.
 //! (Corona et al. 2019, Algorithm 2 and the re-use of section 3.3.)
 
+use graintrain_linalg::patience::Patience;
 use graintrain_tt::apply::{ApplyWork, FullOperator};
-use graintrain_tt::cross::{CrossSettings, cross_sparse};
-use graintrain_tt::inverse::{InverseForm, inverse};
+use graintrain_tt::cross::{CrossSettings, cross_sparse_within};
+use graintrain_tt::inverse::{InverseForm, inverse_within};
 use graintrain_tt::solve::SolveSettings;
 use graintrain_tt::sparse::QuadtreeMatrix;
 use graintrain_tt::{Truncation, TtError, TtMatrix};
@@ -35,6 +36,7 @@ pub struct TrainSettings {
 /// X, a train that approximates the inverse of the last matrix.
 pub struct TrainInverse {
     settings: TrainSettings,
+    patience: Patience,
     matrix: Option<TtMatrix>,
     inverse: Option<TtMatrix>,
     operator: Option<FullOperator>,
@@ -61,6 +63,7 @@ impl TrainInverse {
     pub fn new(settings: TrainSettings) -> Self {
         Self {
             settings,
+            patience: Patience::default(),
             matrix: None,
             inverse: None,
             operator: None,
@@ -69,6 +72,16 @@ impl TrainInverse {
             image: Vec::new(),
             figures: BTreeMap::new(),
         }
+    }
+
+    /// The settings.
+    pub fn settings(&self) -> &TrainSettings {
+        &self.settings
+    }
+
+    /// Compression and inversion end where this does.
+    pub fn set_patience(&mut self, patience: Patience) {
+        self.patience = patience;
     }
 
     /// Forgets the trains: the next matrix starts cold.
@@ -81,7 +94,7 @@ impl TrainInverse {
     /// Compresses the matrix and inverts the train, each starting from the last one where the sizes agree.
     ///
     /// # Errors
-    /// [`TtError`] where an entry is not finite or a dense kernel fails.
+    /// [`TtError`] where an entry is not finite, a dense kernel fails, or the patience ends.
     pub fn refresh(&mut self, matrix: &QuadtreeMatrix) -> Result<(), TtError> {
         let TrainSettings { compression, form, tolerance, max_rank } = self.settings;
         self.figures.clear();
@@ -98,7 +111,8 @@ impl TrainInverse {
             Compression::Cross => {
                 let settings = CrossSettings { tolerance, max_rank, ..CrossSettings::default() };
                 let stride = matrix.num_entries() / PROBES + 1;
-                let (train, report) = cross_sparse(matrix, self.matrix.as_ref(), stride, &settings)?;
+                let (train, report) =
+                    cross_sparse_within(matrix, self.matrix.as_ref(), stride, &settings, &self.patience)?;
                 self.figures.insert("compression_error".to_string(), report.error().unwrap_or(f64::NAN));
                 self.figures.insert("cross_evaluations".to_string(), report.evaluations as f64);
                 train
@@ -109,7 +123,7 @@ impl TrainInverse {
 
         let start = Instant::now();
         let settings = SolveSettings { tolerance, max_rank, max_sweeps: SWEEPS, ..SolveSettings::default() };
-        let (x, report) = inverse(&train, form, self.inverse.as_ref(), &settings)?;
+        let (x, report) = inverse_within(&train, form, self.inverse.as_ref(), &settings, &self.patience)?;
         self.figures.insert("inversion_seconds".to_string(), start.elapsed().as_secs_f64());
         self.figures.insert("inversion_residual".to_string(), report.residual);
         self.figures.insert("inversion_sweeps".to_string(), report.sweeps as f64);

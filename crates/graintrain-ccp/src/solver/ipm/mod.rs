@@ -106,13 +106,13 @@ impl Ipm {
             start_iterations = report.iterations;
         }
         let scaled = Scaled::new(problem, &residual_scale);
+        self.newton.set_patience(limits.patience());
         self.newton.begin(&scaled.problem);
         let mut session = Session::new(problem, &scaled, &residual_scale, &limits, settings.friction);
         let status = self.phases(&mut session, impulse, &mut given);
         session.best(impulse);
-        let (iterations, linear) = (session.iterations, self.newton.linear_iterations());
-        let mut report = limits.report(&self.name(), problem, impulse, status, iterations, linear);
-        report.newton = self.newton.take_records();
+        let (name, iterations) = (self.name(), session.iterations);
+        let mut report = limits.report_with(&name, problem, impulse, status, iterations, &mut self.newton)?;
         if let Some(first) = report.newton.first_mut() {
             first.figures.insert("start_iterations".to_string(), start_iterations as f64);
         }

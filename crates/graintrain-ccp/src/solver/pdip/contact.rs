@@ -96,7 +96,7 @@ mod tests {
     /// The Lagrangian's second derivatives by central differences of its first ones.
     #[test]
     fn newton_block_matches_finite_differences_of_the_eliminated_system() {
-        let (mu, g, lambda, tau, proximal) = (0.4, [1.3, 0.2, -0.3], [0.7, 0.25], 5.0, 0.3);
+        let (mu, g, lambda, proximal) = (0.4, [1.3, 0.2, -0.3], [0.7, 0.25], 0.3);
         // With lambda eliminated by r_c = 0 linearised, the derivative of the push along dg is the block: compare
         // d/dg [ sum lambda_k(g) grad f_k(g) ] where lambda_k changes by dlambda_k = lambda_k grad f_k . dg / (-f_k).
         let push = |g: [f64; 3]| {
@@ -147,13 +147,5 @@ mod tests {
             assert!((constraints.cone_gradient[c] - cone).abs() < 1e-8);
         }
         assert!((constraints.f[0] - 0.5 * (0.04 + 0.09 - 0.16 * 1.69)).abs() < 1e-15);
-        // The step solves the linearised conditions: r_c + d r_c = 0.
-        let along = 0.01;
-        for k in 0..2 {
-            let (l, f) = (lambda[k], constraints.f[k]);
-            let change = -l - 1.0 / (tau * f) - l * along / f;
-            let linearised = (-l * f - 1.0 / tau) - change * f - l * along;
-            assert!(linearised.abs() < 1e-14);
-        }
     }
 }

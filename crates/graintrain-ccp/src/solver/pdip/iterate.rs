@@ -1,5 +1,6 @@
 //! The scaled problem, its iterate and Newton's direction.
 
+use super::super::ipm::path::UNBOUNDED;
 use super::contact::Constraints;
 use crate::delassus::DelassusWork;
 use crate::newton::driver::{NewtonDriver, ScaledBlocks};
@@ -155,6 +156,18 @@ impl<'a> Iterate<'a> {
         sum / (2 * self.num_contacts()) as f64
     }
 
+    /// Whether the impulses prove that the objective has no lower bound, by the test of `ipm`.
+    pub(super) fn is_unbounded(&self) -> bool {
+        let (mut along, mut energy, mut free) = (0.0, 0.0, 0.0);
+        for (k, (g, u)) in self.g.iter().zip(&self.u).enumerate() {
+            let r = self.problem.r[k] / self.size / self.root[k / 3];
+            along += r * g;
+            energy += g * (u - r);
+            free += r * r;
+        }
+        along < 0.0 && along * along > UNBOUNDED * free * energy
+    }
+
     /// Newton's matrix and right-hand side for r_c = -lambda f - barrier.
     pub(super) fn refresh(
         &mut self,
@@ -239,5 +252,61 @@ impl<'a> Iterate<'a> {
             }
         }
         longest
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::delassus::Delassus;
+    use crate::newton::linear_solver;
+    use graintrain_linalg::block3::BlockMatrix3;
+
+    /// Two coupled contacts, away from the central path: r_d and r_c are linear along the direction and vanish at its end.
+    #[test]
+    fn the_direction_solves_the_linearised_optimality_conditions() {
+        let block = [2.0, 0.3, -0.1, 0.3, 3.0, 0.2, -0.1, 0.2, 1.5];
+        let across = [0.4, -0.2, 0.1, 0.3, 0.5, -0.4, 0.0, 0.2, 0.3];
+        let transposed = std::array::from_fn(|e| across[3 * (e % 3) + e / 3]);
+        let matrix =
+            BlockMatrix3::from_rows(vec![0, 2, 4], vec![0, 1, 0, 1], vec![block, across, transposed, block]);
+        let r = vec![-1.0, 0.4, 0.1, -0.5, 0.0, -0.3];
+        let problem = Ccp::new(Delassus::Sparse(matrix), r, vec![0.4, 0.7]).unwrap();
+        let scale = ResidualScale::new(&problem);
+        let barrier = 0.02;
+        let mut it = Iterate::new(&problem, &scale, 0.0, |i, _| 1.0 + i as f64, |_| barrier);
+        it.g.copy_from_slice(&[1.2, 0.3, -0.2, 0.8, -0.1, 0.4]);
+        it.lambda.copy_from_slice(&[0.7, 0.2, 0.3, 0.9]);
+        it.refresh_velocity();
+        let mut newton = NewtonDriver::new(linear_solver("pdip", "cholesky").unwrap());
+        newton.begin(&problem);
+        it.refresh(&mut newton, barrier, 0, 0.0).unwrap();
+        let mut d = Direction::new(2);
+        it.direction(&mut newton, barrier, 1e-14, &mut d);
+        assert!(d.g.iter().any(|x| x.abs() > 1e-2));
+        // The velocities that belong to the step, from scratch.
+        let mut moved = Iterate::new(&problem, &scale, 0.0, |_, _| 1.0, |_| barrier);
+        for k in 0..6 {
+            moved.g[k] = it.g[k] + d.g[k];
+        }
+        moved.refresh_velocity();
+        for i in 0..2 {
+            let (g, dg) = (&it.g[3 * i..3 * i + 3], &d.g[3 * i..3 * i + 3]);
+            let (l, dl) = (&it.lambda[2 * i..2 * i + 2], &d.lambda[2 * i..2 * i + 2]);
+            let m = problem.friction[i] * problem.friction[i];
+            let f = [0.5 * (g[1] * g[1] + g[2] * g[2] - m * g[0] * g[0]), -g[0]];
+            let gradient = [[-m * g[0], g[1], g[2]], [-1.0, 0.0, 0.0]];
+            let hessian = [-m, 1.0, 1.0];
+            for k in 0..3 {
+                let push: f64 = (0..2).map(|c| (l[c] + dl[c]) * gradient[c][k]).sum();
+                let dual = moved.u[3 * i + k] + push + l[0] * hessian[k] * dg[k];
+                assert!(dual.abs() < 1e-12, "contact {i}, row {k}: {dual:e}");
+            }
+            for c in 0..2 {
+                let along: f64 = (0..3).map(|k| gradient[c][k] * dg[k]).sum();
+                let complementarity = -l[c] * f[c] - barrier - dl[c] * f[c] - l[c] * along;
+                assert!(complementarity.abs() < 1e-12, "contact {i}, f_{c}: {complementarity:e}");
+            }
+        }
     }
 }

@@ -51,7 +51,7 @@ use crate::residual::{FrictionModel, ResidualScale};
 
 /// 1/tau = (mean complementarity) / TAU_FACTOR.
 const TAU_FACTOR: f64 = 10.0;
-/// Where no step is found the relative residual of the linear solves is tightened by this factor, down to
+/// Where no step is found the relative residual of the linear solves with the matrix at hand is tightened by this factor, down to
 /// [`LINEAR_FINEST`], before the method gives up.
 const LINEAR_TIGHTENING: f64 = 1e-3;
 /// See [`LINEAR_TIGHTENING`].
@@ -69,6 +69,8 @@ const LONG_STEP: f64 = 0.7;
 /// Largest squared Newton decrement per contact with which tau may grow. A contact whose impulse grows without limit adds 3,
 /// the parameter of its logarithms.
 const NEAR_CENTRE: f64 = 4.0;
+/// Iterations without a better residual before `pdip` gives up.
+const PATIENCE: usize = 50;
 /// Smallest normal impulse of the paper's start from known impulses, J.
 const PAPER_FLOOR: f64 = 1e-2;
 
@@ -197,11 +199,13 @@ impl CcpSolver for Pdip {
             best.restore(impulse);
             return Ok(limits.report(&self.name(), problem, impulse, Status::Converged, 0, 0));
         }
+        let patience = limits.patience();
+        self.newton.set_patience(patience.clone());
         self.newton.begin(problem);
         let (mut it, mut barrier) = self.rule.start(problem, impulse, &scale);
         let mut direction = Direction::new(it.num_contacts());
         let (mut g, mut u) = (vec![0.0; impulse.len()], vec![0.0; impulse.len()]);
-        let mut iterations = 0;
+        let (mut iterations, mut least, mut since_better) = (0, f64::INFINITY, 0);
         let mut linear_tolerance = self.rule.linear_tolerance();
         let mut centred = false;
         let status = loop {
@@ -211,6 +215,15 @@ impl CcpSolver for Pdip {
             best.offer(&g, residual);
             if let Some(status) = limits.status(iterations, residual) {
                 break status;
+            }
+            since_better += 1;
+            if residual < 0.9 * least {
+                (least, since_better) = (residual, 0);
+            } else if self.rule == Rule::Central && since_better > PATIENCE {
+                break Status::Stalled;
+            }
+            if it.is_unbounded() {
+                break Status::Infeasible;
             }
             let wanted = it.mean_complementarity() / TAU_FACTOR;
             match self.rule {
@@ -224,10 +237,16 @@ impl CcpSolver for Pdip {
             if it.refresh(&mut self.newton, barrier, iterations, residual).is_err() {
                 break Status::Stalled;
             }
-            it.direction(&mut self.newton, barrier, linear_tolerance, &mut direction);
-            let step = match self.rule {
-                Rule::Paper => by_residual(&it, &direction, barrier),
-                Rule::Central => by_barrier(&it, &direction, barrier),
+            let step = loop {
+                it.direction(&mut self.newton, barrier, linear_tolerance, &mut direction);
+                let step = match self.rule {
+                    Rule::Paper => by_residual(&it, &direction, barrier),
+                    Rule::Central => by_barrier(&it, &direction, barrier),
+                };
+                if step.taken > 0.0 || linear_tolerance <= LINEAR_FINEST || patience.is_over() {
+                    break step;
+                }
+                linear_tolerance = (linear_tolerance * LINEAR_TIGHTENING).max(LINEAR_FINEST);
             };
             let decrement = direction.decrease / (barrier * it.num_contacts() as f64);
             self.newton.end_iteration_with(
@@ -240,11 +259,7 @@ impl CcpSolver for Pdip {
                 ],
             );
             if step.taken == 0.0 {
-                if linear_tolerance <= LINEAR_FINEST {
-                    break Status::Stalled;
-                }
-                linear_tolerance = (linear_tolerance * LINEAR_TIGHTENING).max(LINEAR_FINEST);
-                continue;
+                break Status::Stalled;
             }
             it.advance_impulses(step.taken, &direction);
             it.advance_multipliers(step.multipliers, &direction);
@@ -256,9 +271,6 @@ impl CcpSolver for Pdip {
             }
         };
         best.restore(impulse);
-        let linear_iterations = self.newton.linear_iterations();
-        let mut report = limits.report(&self.name(), problem, impulse, status, iterations, linear_iterations);
-        report.newton = self.newton.take_records();
-        Ok(report)
+        limits.report_with(&self.name(), problem, impulse, status, iterations, &mut self.newton)
     }
 }
