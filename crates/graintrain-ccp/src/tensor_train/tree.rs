@@ -11,7 +11,7 @@ use std::collections::HashMap;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Split {
     /// Halve the bounding box along x, y, z in turn: leaf numbers are a Morton order. The paper's tree. Empty space
-    /// costs dummies.
+    /// costs dummies. (Axes along which the cloud is flat are left out until the cells are as flat.)
     Uniform,
     /// Halve the number of points of every node, along the axis in which the whole cloud is then longest: at most
     /// one point of difference between leaves, hardly any dummies.
@@ -29,6 +29,8 @@ pub struct PointTree {
     plane: Vec<f64>,
     lower: [f64; 3],
     upper: [f64; 3],
+    /// A point may sit this many leaves from its own: balanced leaves have no room for newcomers.
+    reach: usize,
     /// Position `slot + capacity * leaf` of each point.
     position: Vec<usize>,
 }
@@ -52,6 +54,16 @@ const DEEPEST: usize = 40;
 /// A uniform tree's augmented vector is at most this multiple of the number of points: where more halvings would exceed
 /// it, the leaves' capacity grows instead. Points that coincide could not be separated by any number of halvings.
 const LARGEST_PADDING: usize = 8;
+
+/// A uniform tree does not halve an axis whose extent is less than this part of the longest edge of the cells: points in a
+/// plane or on a line would end in one half.
+const FLAT: f64 = 0.125;
+
+/// In a balanced tree a newcomer may sit up to this part of all leaves from its own.
+const REACH: f64 = 1.0 / 16.0;
+
+/// Points have left the box of a tree where they lie outside by more than this part of its longest edge.
+const OUTSIDE: f64 = 0.5;
 
 impl PointTree {
     /// Halves space until every leaf holds at most `capacity` points. Where that takes too many dummies (points that
@@ -77,6 +89,7 @@ impl PointTree {
             plane: Vec::new(),
             lower,
             upper,
+            reach: 0,
             position: Vec::new(),
         };
         match split {
@@ -104,7 +117,7 @@ impl PointTree {
             if fullest == self.capacity || hopeless || self.depth == DEEPEST {
                 break;
             }
-            let axis = self.depth % 3;
+            let axis = self.next_axis();
             self.axis.push(axis);
             self.depth += 1;
             let mut children = Vec::with_capacity(2 * cells.len());
@@ -131,6 +144,16 @@ impl PointTree {
         self.fill_slots(&leaf);
     }
 
+    /// The axis after the last one, in turn, along which the cloud is not flat; with its edge of the cells halved at every
+    /// turn.
+    fn next_axis(&self) -> usize {
+        let extent: [f64; 3] = std::array::from_fn(|k| self.upper[k] - self.lower[k]);
+        let halvings = |k: usize| self.axis.iter().filter(|&&axis| axis == k).count() as i32;
+        let longest = (0..3).map(|k| extent[k] * 0.5_f64.powi(halvings(k))).fold(0.0, f64::max);
+        let after = self.axis.last().map_or(0, |axis| axis + 1);
+        (0..3).map(|k| (after + k) % 3).find(|&k| extent[k] >= FLAT * longest).unwrap_or(after % 3)
+    }
+
     fn halve_points(&mut self, points: &[[f64; 3]]) {
         while points.len() > self.capacity << self.depth && self.depth < DEEPEST {
             self.depth += 1;
@@ -155,6 +178,7 @@ impl PointTree {
             nodes = children;
         }
         self.capacity = nodes.iter().map(ExactSizeIterator::len).max().unwrap_or(1);
+        self.reach = (REACH * nodes.len() as f64).ceil() as usize;
         let mut leaf = vec![0; points.len()];
         for (number, node) in nodes.into_iter().enumerate() {
             for &i in &members[node] {
@@ -225,12 +249,38 @@ impl PointTree {
         true
     }
 
+    /// Whether the point may stay in a slot of this leaf: near its cell, or as near in the order of leaves as a newcomer.
+    fn may_sit_in(&self, point: [f64; 3], leaf: usize) -> bool {
+        self.is_near_leaf(point, leaf) || self.leaf_of(point).abs_diff(leaf) <= self.reach
+    }
+
+    /// The free slot nearest to a leaf in the order of leaves, if there is one within reach; the lower one of two.
+    fn free_slot(&self, leaf: usize, taken: &[bool]) -> Option<usize> {
+        (0..=self.reach).find_map(|distance| {
+            let near =
+                [leaf.checked_sub(distance), Some(leaf + distance).filter(|&leaf| leaf >> self.depth == 0)];
+            near.into_iter().flatten().find_map(|leaf| {
+                (leaf * self.capacity..(leaf + 1) * self.capacity).find(|&slot| !taken[slot])
+            })
+        })
+    }
+
+    /// Whether the point lies in the box of the tree or not far outside.
+    fn is_near_box(&self, point: [f64; 3]) -> bool {
+        let longest = (0..3).map(|k| self.upper[k] - self.lower[k]).fold(0.0, f64::max);
+        let margin = OUTSIDE * longest;
+        (0..3).all(|k| (self.lower[k] - margin..=self.upper[k] + margin).contains(&point[k]))
+    }
+
     /// Carries the slots over to the next time step's points: a point whose identity persists keeps its slot unless it
     /// has left its leaf (beyond a margin of a quarter cell); the others get a free slot of the leaf they lie in.
     /// `previous` are the identities that belong to the present positions.
     ///
-    /// Returns `None`, and leaves the tree unchanged, where a leaf would overflow or the points have left the box: then
-    /// the tree no longer fits and has to be built anew.
+    /// In a balanced tree, whose leaves are full, the free slot may be that of a leaf up to a sixteenth of all leaves away in
+    /// their order, which is that of space.
+    ///
+    /// Returns `None`, and leaves the tree unchanged, where no slot is free or points have left the box by more than half
+    /// of its longest edge: then the tree no longer fits and has to be built anew.
     ///
     /// # Panics
     /// If `previous` is not one identity per present position or `identities` not one per point.
@@ -243,13 +293,16 @@ impl PointTree {
         assert_eq!(previous.len(), self.position.len(), "one identity per position");
         assert_eq!(identities.len(), points.len(), "one identity per point");
         let old: HashMap<u64, usize> = previous.iter().copied().zip(self.position.iter().copied()).collect();
+        if points.iter().any(|&point| !self.is_near_box(point)) {
+            return None;
+        }
         let mut taken = vec![false; self.num_slots()];
         let mut position = vec![usize::MAX; points.len()];
         let mut report = Reindexed::default();
         let mut homeless = Vec::new();
         for (i, (identity, &point)) in identities.iter().zip(points).enumerate() {
             match old.get(identity) {
-                Some(&slot) if !taken[slot] && self.is_near_leaf(point, slot / self.capacity) => {
+                Some(&slot) if !taken[slot] && self.may_sit_in(point, slot / self.capacity) => {
                     taken[slot] = true;
                     position[i] = slot;
                     report.kept += 1;
@@ -265,8 +318,7 @@ impl PointTree {
             }
         }
         for i in homeless {
-            let first = self.leaf_of(points[i]) * self.capacity;
-            let slot = (first..first + self.capacity).find(|&slot| !taken[slot])?;
+            let slot = self.free_slot(self.leaf_of(points[i]), &taken)?;
             taken[slot] = true;
             position[i] = slot;
         }
@@ -359,6 +411,52 @@ mod tests {
         }
         let slots: HashSet<usize> = tree.positions().iter().copied().collect();
         assert_eq!(slots.len(), 400);
+    }
+
+    #[test]
+    fn a_tree_does_not_halve_where_there_is_nothing_to_halve() {
+        let line: Vec<[f64; 3]> = (0..1000).map(|i| [0.3, 0.01 * f64::from(i), -2.0]).collect();
+        let plane: Vec<[f64; 3]> = (0..1024).map(|i| [f64::from(i % 32), 7.0, f64::from(i / 32)]).collect();
+        for points in [line, plane] {
+            let tree = PointTree::build(&points, 4, Split::Uniform);
+            assert_eq!(tree.capacity(), 4);
+            assert!(tree.num_slots() <= 2 * points.len(), "{} slots", tree.num_slots());
+        }
+    }
+
+    #[test]
+    fn newcomers_to_a_full_leaf_of_a_balanced_tree_sit_nearby() {
+        let mut points = cloud(1000, 7);
+        let mut tree = PointTree::build(&points, 1, Split::Balanced);
+        let mut previous: Vec<u64> = (0..1000).collect();
+        // Every step a tenth of the points is replaced; those that stay keep their slots.
+        for step in 0..5_u64 {
+            let fresh = cloud(100, 8 + step as u8);
+            let mut identities = previous.clone();
+            for (k, point) in fresh.into_iter().enumerate() {
+                let at = (7 * k + step as usize) % 1000;
+                points[at] = point;
+                identities[at] = 10_000 * (step + 1) + k as u64;
+            }
+            let report = tree.reindex(&previous, &identities, &points).expect("there are free slots");
+            assert_eq!(report, Reindexed { kept: 900, moved: 0, inserted: 100, vanished: 100 });
+            let slots: HashSet<usize> = tree.positions().iter().copied().collect();
+            assert_eq!(slots.len(), 1000);
+            previous = identities;
+        }
+        for (point, slot) in points.iter().zip(tree.positions()) {
+            assert!(tree.may_sit_in(*point, *slot), "slot {slot}");
+        }
+    }
+
+    #[test]
+    fn points_that_have_left_the_box_ask_for_a_new_tree() {
+        let points = cloud(64, 9);
+        let identities: Vec<u64> = (0..64).collect();
+        let mut tree = PointTree::build(&points, 4, Split::Uniform);
+        let shifted = |by: f64| points.iter().map(|p| [p[0], p[1] + by, p[2]]).collect::<Vec<_>>();
+        assert!(tree.reindex(&identities, &identities, &shifted(0.01)).is_some());
+        assert_eq!(tree.reindex(&identities, &identities, &shifted(3.0)), None);
     }
 
     #[test]
