@@ -4,8 +4,8 @@
 use graintrain_linalg::patience::Patience;
 use graintrain_tt::apply::{ApplyWork, FullOperator};
 use graintrain_tt::cross::{CrossSettings, cross_sparse_within};
-use graintrain_tt::inverse::{InverseForm, inverse_within};
-use graintrain_tt::solve::SolveSettings;
+use graintrain_tt::inverse::{InverseForm, inverse_residual, inverse_within};
+use graintrain_tt::solve::{SolveReport, SolveSettings};
 use graintrain_tt::sparse::QuadtreeMatrix;
 use graintrain_tt::{Truncation, TtError, TtMatrix};
 use std::collections::BTreeMap;
@@ -48,6 +48,9 @@ pub struct TrainInverse {
 
 /// Sweeps of the inversion at most: the accuracy asked for is low, and a hot start needs one or two.
 const SWEEPS: usize = 4;
+
+/// Residuals ||A X - I|| / ||I|| above this are worse than that of the cold start c I, which is never larger.
+const DIVERGED: f64 = 1.0;
 
 /// Nonzeros that are held against the cross's train to measure its error: about this many.
 const PROBES: usize = 20_000;
@@ -123,7 +126,23 @@ impl TrainInverse {
 
         let start = Instant::now();
         let settings = SolveSettings { tolerance, max_rank, max_sweeps: SWEEPS, ..SolveSettings::default() };
-        let (x, report) = inverse_within(&train, form, self.inverse.as_ref(), &settings, &self.patience)?;
+        let invert = |start| inverse_within(&train, form, start, &settings, &self.patience);
+        let (mut x, mut report) = invert(self.inverse.as_ref())?;
+        let diverged = |report: &SolveReport| report.residual.is_nan() || report.residual > DIVERGED;
+        if self.inverse.is_some() && diverged(&report) {
+            // The last inverse was no good start.
+            let cold = invert(None)?;
+            if report.residual.is_nan() || cold.1.residual < report.residual {
+                (x, report) = cold;
+            }
+        }
+        let diverged = diverged(&report);
+        if diverged {
+            // The start itself is nearer.
+            x = TtMatrix::identity(train.row_modes())?.scale(train.trace()? / train.norm() / train.norm());
+            report.residual = inverse_residual(&train, &x)?;
+        }
+        self.figures.insert("inversion_diverged".to_string(), f64::from(u8::from(diverged)));
         self.figures.insert("inversion_seconds".to_string(), start.elapsed().as_secs_f64());
         self.figures.insert("inversion_residual".to_string(), report.residual);
         self.figures.insert("inversion_sweeps".to_string(), report.sweeps as f64);
@@ -134,13 +153,32 @@ impl TrainInverse {
         self.image.resize(operator.num_rows(), 0.0);
         self.operator = Some(operator);
         self.matrix = Some(train);
-        self.inverse = Some(x);
+        self.inverse = (!diverged).then_some(x);
         Ok(())
     }
 
     /// Figures of the last refresh: mean ranks, compression error on the nonzeros, seconds.
     pub fn figures(&self) -> &BTreeMap<String, f64> {
         &self.figures
+    }
+
+    /// Floating-point operations of an inversion, from the train of the matrix without its unit diagonal: per sweep and
+    /// site a local system of size m = r n r' is formed, 2 m^2 R, and factored, m^3 / 3. R is the larger rank of the
+    /// operator beside the site, squared in the residual form; r and r' the largest ranks allowed, with those of the enrichment.
+    pub fn predicted_flops(&self, off_diagonal: &TtMatrix) -> f64 {
+        let (modes, ranks) = (off_diagonal.row_modes(), off_diagonal.ranks());
+        let power = if self.settings.form == InverseForm::Residual { 2 } else { 1 };
+        // No rank exceeds the number of entries on either side of its bond.
+        let entries = |modes: &[usize]| modes.iter().map(|&n| (n * n) as f64).product::<f64>();
+        let bound = |bond: usize| entries(&modes[..bond]).min(entries(&modes[bond..]));
+        let kick = SolveSettings::default().kick_rank;
+        let unknown = |bond: usize| bound(bond).min((self.settings.max_rank.saturating_add(kick)) as f64);
+        let operator = |bond: usize| bound(bond).min(((ranks[bond] + 1) as f64).powi(power));
+        let site = |k: usize| {
+            let size = unknown(k) * modes[k] as f64 * unknown(k + 1);
+            2.0 * size * size * operator(k).max(operator(k + 1)) + size.powi(3) / 3.0
+        };
+        SWEEPS as f64 * (0..modes.len()).map(site).sum::<f64>()
     }
 
     /// Floating-point operations of one application.
@@ -162,5 +200,44 @@ impl TrainInverse {
                 z.copy_from_slice(&self.image[block * p..block * (p + 1)]);
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::delassus::tests::uniform;
+
+    /// Symmetric matrices of changing size and structure, compressed far too much: some inversions run away from their
+    /// start, hot or cold, and none of these is what is left.
+    #[test]
+    fn a_diverged_inverse_is_neither_used_nor_a_start() {
+        let mut diverged = 0;
+        for seed in 0..6 {
+            let mut random = uniform(seed);
+            let settings = TrainSettings {
+                compression: Compression::Exact,
+                form: InverseForm::Energy,
+                tolerance: 1e-2,
+                max_rank: 3,
+            };
+            let mut inverse = TrainInverse::new(settings);
+            for step in 0..4 {
+                let size = 10.0_f64.powi(step - 1);
+                let entries: Vec<(usize, usize, f64)> = (0..64)
+                    .flat_map(|i| {
+                        let (j, x) = ((random() * 64.0) as usize % 64, size * (random() - 0.5));
+                        [(i, j, x), (j, i, x), (i, i, 1.0)]
+                    })
+                    .collect();
+                let matrix = QuadtreeMatrix::from_entries(2, 5, entries).unwrap();
+                inverse.refresh(&matrix).unwrap();
+                let figures = inverse.figures();
+                assert!(figures["inversion_residual"] <= 1.0 + 1e-12, "{}", figures["inversion_residual"]);
+                diverged += usize::from(figures["inversion_diverged"] == 1.0);
+                assert_eq!(inverse.inverse.is_none(), figures["inversion_diverged"] == 1.0);
+            }
+        }
+        assert!(diverged > 0);
     }
 }
