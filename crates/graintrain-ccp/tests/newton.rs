@@ -373,3 +373,81 @@ fn settings_of_the_papers_train_are_part_of_its_name() {
         assert!(name.parse::<SolverSpec>().is_err(), "{name}");
     }
 }
+
+/// A column of touching balls on a floor, its contact points `offset` from the axis.
+fn column(balls: u32, offset: f64) -> Ccp {
+    use graintrain_ccp::{Delassus, FIXED, RigidContact, RigidDelassus};
+    let contacts = (0..balls)
+        .map(|ball| RigidContact {
+            body_a: ball,
+            body_b: if ball == 0 { FIXED } else { ball - 1 },
+            frame: common::frame([0.0, 0.0, 1.0]),
+            arm_a: [offset, 0.0, -1.0],
+            arm_b: [offset, 0.0, 1.0],
+        })
+        .collect();
+    let rigid = RigidDelassus::new(contacts, vec![common::ball(1.0, 1.0); balls as usize]);
+    let count = balls as usize;
+    let mut problem =
+        Ccp::new(Delassus::Rigid(rigid), [-1.0, 0.0, 0.0].repeat(count), vec![0.3; count]).unwrap();
+    problem.points = (0..count).map(|ball| [offset, 0.0, 2.0 * ball as f64]).collect();
+    problem.identity = (0..count as u64).collect();
+    problem
+}
+
+/// Where everything repeats a train holds K and its inverse, wins its race, and the next step starts from it.
+#[test]
+fn a_train_is_in_use_on_a_column_and_starts_hot_in_the_next_step() {
+    use graintrain_ccp::newton::body::BodyCg;
+    let balls = 128;
+    let mut driver = NewtonDriver::new(Box::new(BodyCg::tensor_train()));
+    let mut sweeps = Vec::new();
+    for (step, offset) in [0.0, 1e-3].into_iter().enumerate() {
+        let problem = column(balls, offset);
+        let n = 3 * problem.num_contacts();
+        let b: Vec<f64> = (0..n).map(|k| f64::sin(1.7 * k as f64) + 0.2).collect();
+        let weight = 30.0 * (1.0 + 0.01 * step as f64);
+        let diagonal = |x: f64| vec![[x, 0.0, 0.0, 0.0, x, 0.0, 0.0, 0.0, x]; n / 3];
+        let (added, factor, inverse) =
+            (diagonal(weight.powi(-2)), diagonal(weight), diagonal(weight.recip()));
+        let blocks = ScaledBlocks { added: &added, factor: &factor, factor_inverse: &inverse };
+        driver.begin(&problem);
+        driver.refresh(&problem, blocks, 0, 0.0).unwrap();
+        let mut x = vec![0.0; n];
+        let report = driver.solve(&problem, blocks, &b, &mut x, 1e-9);
+        assert!(report.converged && residual(&problem, &factor, &b, &x) < 3e-9, "{report:?}");
+        driver.end_iteration(1.0);
+        let figures = &driver.take_records()[0].figures;
+        assert_eq!(figures["train_active"], 1.0, "step {step}: {figures:?}");
+        assert!(figures["compression_error"] < 0.1 && figures["inversion_residual"] < 0.5, "{figures:?}");
+        assert_eq!(figures["slots_kept"], if step == 0 { 0.0 } else { f64::from(balls) });
+        sweeps.push(figures["inversion_sweeps"]);
+    }
+    assert!(sweeps[1] < sweeps[0], "{sweeps:?}");
+}
+
+/// `tt` predicts what a train costs before it makes one, and after a loss it waits.
+#[test]
+fn a_train_that_cannot_pay_is_not_made_and_not_asked_for_again_soon() {
+    let mut driver = NewtonDriver::new(linear_solver("pdip", "tt").unwrap());
+    let mut tries = 0;
+    for step in 0..5 {
+        let problem = lattice_packing(3, 3, 0.4, 3 + step);
+        let [added, factor, factor_inverse] = random_blocks(&problem, 1.0, step);
+        let blocks = ScaledBlocks { added: &added, factor: &factor, factor_inverse: &factor_inverse };
+        driver.begin(&problem);
+        for iteration in 0..4 {
+            driver.refresh(&problem, blocks, iteration, 0.0).unwrap();
+            driver.end_iteration(1.0);
+        }
+        for record in driver.take_records() {
+            let figures = record.figures;
+            assert!(
+                figures["train_active"] == 0.0 && !figures.contains_key("inversion_seconds"),
+                "{figures:?}"
+            );
+            tries += usize::from(figures.contains_key("train_predicted_flops"));
+        }
+    }
+    assert_eq!(tries, 2, "of 20 matrices the first and, after eight, the tenth");
+}

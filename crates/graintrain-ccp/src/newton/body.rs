@@ -2,7 +2,7 @@
 
 use super::body_matrix::BodyMatrix;
 use super::direct::{REFINEMENTS, SHIFTS};
-use super::train_body::TrainCorrection;
+use super::train_body::{Rival, TrainCorrection};
 use super::{LinearReport, NewtonError, NewtonSolver, NewtonSystem};
 use crate::delassus::Delassus;
 use graintrain_linalg::cholesky::SparseCholesky;
@@ -186,9 +186,26 @@ impl BodyCg {
         self.correction.as_ref().is_some_and(TrainCorrection::is_active)
     }
 
-    /// Whether a train is still tried on this problem.
-    pub(super) fn train_may_pay(&self) -> bool {
-        self.correction.as_ref().is_some_and(TrainCorrection::may_pay)
+    /// Whether the train of the last refresh was worth what it cost.
+    pub(super) fn train_paid(&self) -> bool {
+        self.correction.as_ref().is_some_and(TrainCorrection::has_paid)
+    }
+
+    /// As [`NewtonSolver::refresh`], the train racing against another solver than block Jacobi.
+    pub(super) fn refresh_against(
+        &mut self,
+        system: &NewtonSystem<'_>,
+        rival: Option<Rival>,
+    ) -> Result<(), NewtonError> {
+        refresh_matrix(&mut self.matrix, system, self.name)?;
+        let Some(matrix) = &self.matrix else { return Ok(()) };
+        self.preconditioner
+            .refresh_blocks((0..matrix.num_bodies()).map(|body| matrix.diagonal(body).as_slice()))
+            .map_err(|error| NewtonError::Breakdown { solver: self.name, reason: error.to_string() })?;
+        let Some(correction) = &mut self.correction else { return Ok(()) };
+        correction
+            .refresh(matrix, &self.preconditioner, system, rival)
+            .map_err(|error| NewtonError::Breakdown { solver: self.name, reason: error.to_string() })
     }
 
     fn new(name: &'static str, correction: Option<TrainCorrection>) -> Self {
@@ -216,15 +233,7 @@ impl NewtonSolver for BodyCg {
     }
 
     fn refresh(&mut self, system: &NewtonSystem<'_>) -> Result<(), NewtonError> {
-        refresh_matrix(&mut self.matrix, system, self.name)?;
-        let Some(matrix) = &self.matrix else { return Ok(()) };
-        self.preconditioner
-            .refresh_blocks((0..matrix.num_bodies()).map(|body| matrix.diagonal(body).as_slice()))
-            .map_err(|error| NewtonError::Breakdown { solver: self.name, reason: error.to_string() })?;
-        let Some(correction) = &mut self.correction else { return Ok(()) };
-        correction
-            .refresh(matrix, &self.preconditioner, system)
-            .map_err(|error| NewtonError::Breakdown { solver: self.name, reason: error.to_string() })
+        self.refresh_against(system, None)
     }
 
     fn solve(

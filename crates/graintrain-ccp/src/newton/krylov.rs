@@ -1,5 +1,6 @@
 //! Krylov methods in contact space: on S~, and the paper's baseline on S.
 
+use super::train_body::{RACE, Rival, unstructured};
 use super::{Form, LinearReport, NewtonError, NewtonSolver, NewtonSystem};
 use graintrain_linalg::krylov::{KrylovSettings, KrylovWork, bicgstab, conjugate_gradient};
 use graintrain_linalg::precond::{BlockJacobi, IncompleteCholesky, IncompleteLu, Preconditioner};
@@ -47,6 +48,25 @@ impl SchurKrylov {
     /// Conjugate gradients with the inverse diagonal blocks.
     pub fn block_jacobi() -> Self {
         Self::new("block-jacobi", Some(Box::new(BlockJacobi::new(3))), true, LIMIT)
+    }
+
+    /// What a solve costs, from a few iterations; `None` for the plain form and where the matrix is missing or empty.
+    pub(super) fn measure(&mut self, system: &NewtonSystem<'_>) -> Option<Rival> {
+        let (matrix, preconditioner) = (system.matrix?, self.preconditioner.as_ref()?);
+        let mut x = vec![0.0; 3 * matrix.num_rows()];
+        let b = unstructured(x.len());
+        let settings = KrylovSettings { relative_tolerance: 0.0, max_iterations: RACE };
+        let report = conjugate_gradient(
+            &mut |x, y| matrix.multiply(x, y),
+            &mut |r, z| preconditioner.apply(r, z),
+            &b,
+            &mut x,
+            settings,
+            &mut self.work,
+        );
+        // The matrix, and both triangular factors, which have its pattern.
+        let flops = (2 * 2 * 9 * matrix.columns().len()) as f64;
+        Some(Rival::new(report.iterations, report.residual, flops))
     }
 }
 

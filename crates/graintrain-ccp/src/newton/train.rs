@@ -1,39 +1,68 @@
 //! `tt`: a tensor train in body space where that pays, incomplete Cholesky in contact space where it does not.
 //!
-//! [`TrainCorrection`](super::train_body::TrainCorrection) decides: by size, by a probe of compressibility once per
-//! problem, and by a race for every matrix that passes it. Without a train, conjugate gradients in body space are the poorer choice
-//! late in an interior-point run, when the weights H^-1 spread, so that matrices without a train go to conjugate gradients on
-//! S~ with block IC(0). A problem that is small, fails the probe, or loses two races in a row is not compressed again.
+//! Conjugate gradients on S~ with block IC(0) are the rival: ten iterations of theirs tell what a solve costs. A train is
+//! made only where its prediction is cheaper than that, and used where it then wins
+//! ([`TrainCorrection`](super::train_body::TrainCorrection)). After a loss, or a train that breaks down, the next try waits,
+//! four times longer after every loss in a row, also from one problem to the next.
 
 use super::body::BodyCg;
 use super::krylov::SchurKrylov;
-use super::train_body::TrainCorrection;
+use super::train_body::Rival;
 use super::{LinearReport, NewtonError, NewtonSolver, NewtonSystem};
 use crate::delassus::Delassus;
 use std::collections::BTreeMap;
+
+/// Matrices to pass after the first loss.
+const WAIT: u32 = 8;
+/// Factor on the wait after every further loss.
+const BACK_OFF: u32 = 4;
+/// Longest wait.
+const LONGEST_WAIT: u32 = 4096;
 
 /// The two solvers and which of them holds the current matrix.
 pub struct TensorTrain {
     body: BodyCg,
     local: SchurKrylov,
     with_train: bool,
+    /// Whether this matrix was a try.
+    tried: bool,
+    /// Whether the train has not been told of the present N yet.
+    unseen: bool,
+    losses: u32,
+    wait: u32,
 }
 
 impl Default for TensorTrain {
     fn default() -> Self {
-        Self::with(TrainCorrection::default())
+        Self {
+            body: BodyCg::tensor_train(),
+            local: SchurKrylov::incomplete_cholesky(),
+            with_train: false,
+            tried: false,
+            unseen: true,
+            losses: 0,
+            wait: 0,
+        }
     }
 }
 
 impl TensorTrain {
-    /// Tries a train on problems of any size, also where the attempt takes longer than the solve.
-    pub fn at_any_size() -> Self {
-        Self::with(TrainCorrection::at_any_size())
-    }
-
-    fn with(correction: TrainCorrection) -> Self {
-        let body = BodyCg::tensor_train(correction);
-        Self { body, local: SchurKrylov::incomplete_cholesky(), with_train: false }
+    /// Tries a train on this matrix; whether it paid.
+    fn try_train(&mut self, system: &NewtonSystem<'_>, rival: Rival) -> bool {
+        let system = NewtonSystem { new_delassus: self.unseen, ..*system };
+        self.tried = true;
+        // A train that breaks down has lost: the rival is there.
+        match self.body.refresh_against(&system, Some(rival)) {
+            Ok(()) => {
+                self.unseen = false;
+                self.with_train = self.body.train_is_active();
+                self.body.train_paid()
+            }
+            Err(_) => {
+                self.unseen = true;
+                false
+            }
+        }
     }
 }
 
@@ -47,13 +76,24 @@ impl NewtonSolver for TensorTrain {
     }
 
     fn refresh(&mut self, system: &NewtonSystem<'_>) -> Result<(), NewtonError> {
-        let bodies = matches!(system.problem.delassus, Delassus::Rigid(_));
-        self.with_train = false;
-        if bodies && (system.new_delassus || self.body.train_may_pay()) {
-            self.body.refresh(system)?;
-            self.with_train = self.body.train_is_active();
+        (self.with_train, self.tried) = (false, false);
+        self.unseen |= system.new_delassus;
+        self.local.refresh(system)?;
+        if !matches!(system.problem.delassus, Delassus::Rigid(_)) {
+            return Ok(());
         }
-        if self.with_train { Ok(()) } else { self.local.refresh(system) }
+        if self.wait > 0 {
+            self.wait -= 1;
+            return Ok(());
+        }
+        let Some(rival) = self.local.measure(system) else { return Ok(()) };
+        if self.try_train(system, rival) {
+            self.losses = 0;
+        } else {
+            self.wait = WAIT.saturating_mul(BACK_OFF.saturating_pow(self.losses)).min(LONGEST_WAIT);
+            self.losses += 1;
+        }
+        Ok(())
     }
 
     fn solve(
@@ -71,7 +111,9 @@ impl NewtonSolver for TensorTrain {
     }
 
     fn figures(&self, figures: &mut BTreeMap<String, f64>) {
-        self.body.figures(figures);
+        if self.tried {
+            self.body.figures(figures);
+        }
         figures.insert("train_active".to_string(), f64::from(u8::from(self.with_train)));
     }
 }

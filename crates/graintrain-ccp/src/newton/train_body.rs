@@ -3,13 +3,12 @@
 //! Conjugate gradients on K = I + A A^T with 6x6 block Jacobi are conjugate gradients on K_s = L^-1 K L^-T, L the
 //! Cholesky factors of the diagonal blocks. A train X that approximates K_s^-1 makes the preconditioner L^-T X L^-1.
 //!
-//! Whether it pays is decided in three stages that cost little and do not depend on clocks:
-//! 1. *Size*: an inversion takes about as long for a hundred bodies as for a hundred thousand. It is only tried where a long solve by conjugate
-//!    gradients takes as many operations.
-//! 2. *Compressibility probe*, once per problem: the share of the off-diagonal energy of K_s that a train of the largest
-//!    rank allowed captures. It is small on random packings and near one on assemblies that repeat under translation.
-//! 3. *Race*, for every matrix that passes: a few iterations with and without X from the same right-hand side. X is used
-//!    where it lowers the residual by more per floating-point operation.
+//! Whether it pays is decided in three stages that do not depend on clocks:
+//! 1. *Compressibility probe*: the share of the off-diagonal energy of K_s that a train of the largest rank allowed captures.
+//!    It is small on random packings and near one on assemblies that repeat under translation.
+//! 2. *Prediction*: floating-point operations of the inversion, from the ranks found by the probe, against those of a whole
+//!    solve by the rival.
+//! 3. *Race*: a few iterations with X. It is used where it lowers the residual by more per operation than the rival.
 
 use super::NewtonSystem;
 use super::body_matrix::BodyMatrix;
@@ -39,87 +38,90 @@ const SETTINGS: TrainSettings = TrainSettings {
 /// Share of the off-diagonal energy below which a train is not tried.
 const CAPTURED: f64 = 0.5;
 
-/// Floating-point operations of an inversion at rank 10, about: one to four seconds, whatever the size.
-const INVERSION_FLOPS: f64 = 1e10;
-
-/// Iterations of a long solve by conjugate gradients with block Jacobi.
-const LONG_SOLVE: f64 = 1000.0;
-
 /// Iterations of the race.
-const RACE: usize = 10;
+pub(super) const RACE: usize = 10;
 
-/// Failed races in a row after which no more are run on the same problem.
-const FAILURES: usize = 2;
+/// Reduction of the residual that a solve is taken to be asked for.
+const ASKED: f64 = 1e-6;
 
-/// Operations of one product with K and one with its diagonal blocks.
-fn product_flops(matrix: &BodyMatrix) -> f64 {
-    let block = (2 * BODY * BODY) as f64;
-    block * (2.0 * matrix.columns().len() as f64 + matrix.num_bodies() as f64)
+/// A right-hand side without structure: multiples of the golden ratio modulo 1.
+pub(super) fn unstructured(size: usize) -> Vec<f64> {
+    (0..size).map(|k| (k as f64 * 0.618_033_988_749_894_9).fract() - 0.5).collect()
+}
+
+/// How fast an iteration is.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Rival {
+    /// Mean decrease of the logarithm of the residual per iteration; not positive where it does not fall.
+    decay: f64,
+    /// Floating-point operations per iteration.
+    flops: f64,
+}
+
+impl Rival {
+    /// From what some iterations did to the residual, 1 at first.
+    pub(super) fn new(iterations: usize, residual: f64, flops: f64) -> Self {
+        let fallen = if residual.is_finite() { -residual.max(f64::MIN_POSITIVE).ln() } else { 0.0 };
+        Self { decay: fallen / iterations.max(1) as f64, flops }
+    }
+
+    /// Operations of a solve.
+    fn solve_flops(&self) -> f64 {
+        if self.decay > 0.0 { (-ASKED.ln() / self.decay).max(1.0) * self.flops } else { f64::INFINITY }
+    }
 }
 
 /// The correction and what is known of its worth.
 pub struct TrainCorrection {
     placement: Placement,
     inverse: TrainInverse,
-    /// Operations of a long solve below which no train is tried.
-    least_flops: f64,
-    long_enough: bool,
-    captured: f64,
-    gain: f64,
-    failures: usize,
     active: bool,
+    paid: bool,
     krylov: KrylovWork,
     buffer: Vec<f64>,
+    figures: BTreeMap<String, f64>,
 }
 
 impl Default for TrainCorrection {
     fn default() -> Self {
-        Self::from_flops(INVERSION_FLOPS)
+        Self {
+            placement: Placement::new(1, Split::Balanced),
+            inverse: TrainInverse::new(SETTINGS),
+            active: false,
+            paid: false,
+            krylov: KrylovWork::default(),
+            buffer: Vec::new(),
+            figures: BTreeMap::new(),
+        }
     }
 }
 
 impl TrainCorrection {
-    /// Tried on problems of any size.
-    pub fn at_any_size() -> Self {
-        Self::from_flops(0.0)
-    }
-
-    fn from_flops(least_flops: f64) -> Self {
-        Self {
-            placement: Placement::new(1, Split::Balanced),
-            inverse: TrainInverse::new(SETTINGS),
-            least_flops,
-            long_enough: false,
-            captured: 0.0,
-            gain: 0.0,
-            failures: 0,
-            active: false,
-            krylov: KrylovWork::default(),
-            buffer: Vec::new(),
-        }
-    }
-
     /// Whether the train passed its race and [`Self::apply`] is to be used.
     pub fn is_active(&self) -> bool {
         self.active
     }
 
-    /// Whether the problem is large enough, passed the probe and has not lost too many races.
-    pub fn may_pay(&self) -> bool {
-        self.long_enough && self.captured >= CAPTURED && self.failures < FAILURES
+    /// Whether the train is in use and its inversion, too, is paid for by one solve.
+    pub(super) fn has_paid(&self) -> bool {
+        self.paid
     }
 
-    /// Adapts to new values of K, whose diagonal blocks `scaling` has factorised.
+    /// Adapts to new values of K, whose diagonal blocks `scaling` has factorised. Without a rival the train races against
+    /// conjugate gradients with these blocks, and its price does not count.
     ///
     /// # Errors
-    /// [`TtError`] where a dense kernel of the tensor-train algorithms fails.
-    pub fn refresh(
+    /// [`TtError`] where a dense kernel of the tensor-train algorithms fails, or the patience ends; the next train then
+    /// starts cold.
+    pub(super) fn refresh(
         &mut self,
         matrix: &BodyMatrix,
         scaling: &BlockJacobi,
         system: &NewtonSystem<'_>,
+        rival: Option<Rival>,
     ) -> Result<(), TtError> {
-        self.active = false;
+        (self.active, self.paid) = (false, false);
+        self.figures.clear();
         let Delassus::Rigid(rigid) = &system.problem.delassus else { return Ok(()) };
         if matrix.num_bodies() < 2 {
             return Ok(());
@@ -130,51 +132,58 @@ impl TrainCorrection {
             if !self.placement.update(&centres, &identities) {
                 self.inverse.forget();
             }
-            self.failures = 0;
-            self.long_enough = LONG_SOLVE * product_flops(matrix) >= self.least_flops;
-            let (capacity, depth) = self.placement.shape();
-            let entries = self.scaled_entries(matrix, scaling);
-            let off_diagonal = QuadtreeMatrix::from_entries(BODY * capacity, depth, entries)?;
-            let truncation = Truncation::capped(SETTINGS.tolerance, SETTINGS.max_rank);
-            let (_, report) = off_diagonal.to_train(&truncation)?;
-            self.captured = if report.norm > 0.0 { 1.0 - report.error.powi(2) } else { 0.0 };
+            self.placement.figures(&mut self.figures);
         }
-        if !self.may_pay() {
+        let built = self.build(matrix, scaling, system, rival);
+        if built.is_err() {
+            self.inverse.forget();
+        }
+        built
+    }
+
+    /// Probe, prediction, train and race.
+    fn build(
+        &mut self,
+        matrix: &BodyMatrix,
+        scaling: &BlockJacobi,
+        system: &NewtonSystem<'_>,
+        rival: Option<Rival>,
+    ) -> Result<(), TtError> {
+        let mut note = |name: &str, value: f64| self.figures.insert(name.to_string(), value);
+        let (capacity, depth) = self.placement.shape();
+        let place = self.placement.positions();
+        let mut entries = scaled_entries(matrix, scaling, place);
+        let off_diagonal = QuadtreeMatrix::from_entries(BODY * capacity, depth, entries.iter().copied())?;
+        let truncation = Truncation::capped(SETTINGS.tolerance, SETTINGS.max_rank);
+        let (train, report) = off_diagonal.to_train(&truncation)?;
+        let captured = if report.norm > 0.0 { 1.0 - report.error.powi(2) } else { 0.0 };
+        note("train_captured_energy", captured);
+        let price = self.inverse.predicted_flops(&train);
+        note("train_predicted_flops", price);
+        let bearable = rival.is_none_or(|rival| price <= rival.solve_flops());
+        if captured < CAPTURED || !bearable {
             return Ok(());
         }
-        let (capacity, depth) = self.placement.shape();
-        let mut entries = self.scaled_entries(matrix, scaling);
         // The diagonal blocks of K_s are identities, and so are the dummies.
         entries.extend((0..BODY * (capacity << depth)).map(|k| (k, k, 1.0)));
         self.inverse.set_patience(system.patience.clone());
-        self.inverse.refresh(&QuadtreeMatrix::from_entries(BODY * capacity, depth, entries)?)?;
-        self.gain = self.race(matrix, scaling);
-        self.active = self.gain > 1.0;
-        self.failures = if self.active { 0 } else { self.failures + 1 };
-        Ok(())
-    }
-
-    /// The off-diagonal entries of K_s at the places of the tree.
-    fn scaled_entries(&self, matrix: &BodyMatrix, scaling: &BlockJacobi) -> Vec<(usize, usize, f64)> {
-        let place = self.placement.positions();
-        let (starts, columns) = (matrix.row_starts(), matrix.columns());
-        let mut entries = Vec::with_capacity(2 * BODY * BODY * columns.len());
-        for i in 0..matrix.num_bodies() {
-            for k in starts[i]..starts[i + 1] {
-                let j = columns[k] as usize;
-                if i == j {
-                    continue;
-                }
-                let mut block = matrix.blocks()[k];
-                scaling.scale(i, j, &mut block);
-                for (e, &value) in block.iter().enumerate() {
-                    let (row, column) = (BODY * place[i] + e / BODY, BODY * place[j] + e % BODY);
-                    entries.push((row, column, value));
-                    entries.push((column, row, value));
-                }
-            }
+        let full = QuadtreeMatrix::from_entries(BODY * capacity, depth, entries)?;
+        self.inverse.refresh(&full)?;
+        self.figures.extend(self.inverse.figures().clone());
+        // Of what has to be compressed, not of the unit diagonal, which is there for nothing.
+        if let Some(error) = self.figures.get_mut("compression_error") {
+            *error *= full.norm() / off_diagonal.norm().max(f64::MIN_POSITIVE);
         }
-        entries
+        let with = self.measure(matrix, scaling);
+        let (rival, price) = match rival {
+            Some(rival) => (rival, price),
+            None => (self.measure_alone(matrix, scaling), 0.0),
+        };
+        let gain = rival.solve_flops() / with.solve_flops();
+        self.figures.insert("train_race_gain".to_string(), gain);
+        self.active = gain > 1.0;
+        self.paid = self.active && price + with.solve_flops() <= rival.solve_flops();
+        Ok(())
     }
 
     /// z <- L^-T X L^-1 r.
@@ -186,40 +195,69 @@ impl TrainCorrection {
         scaling.solve_upper(z);
     }
 
-    /// Reduction of log residual per floating-point operation with the train over that without; not positive where the
-    /// train does not act as a positive definite matrix.
-    fn race(&mut self, matrix: &BodyMatrix, scaling: &BlockJacobi) -> f64 {
-        let unknowns = BODY * matrix.num_bodies();
-        // Any fixed vector without structure will do: multiples of the golden ratio modulo 1.
-        let b: Vec<f64> = (0..unknowns).map(|k| (k as f64 * 0.618_033_988_749_894_9).fract() - 0.5).collect();
-        let settings = KrylovSettings { relative_tolerance: 0.0, max_iterations: RACE };
+    /// Iterations with the train.
+    fn measure(&mut self, matrix: &BodyMatrix, scaling: &BlockJacobi) -> Rival {
         let mut krylov = std::mem::take(&mut self.krylov);
-        let mut x = vec![0.0; unknowns];
-        let mut run = |apply: &mut dyn FnMut(&[f64], &mut [f64])| {
-            x.fill(0.0);
-            let product = &mut |x: &[f64], y: &mut [f64]| matrix.multiply(x, y);
-            let report = flexible_conjugate_gradient(product, apply, &b, &mut x, settings, &mut krylov);
-            (report.iterations, report.residual.ln())
-        };
-        let (_, without) = run(&mut |r, z| scaling.apply(r, z));
-        let (iterations, with) = run(&mut |r, z| self.apply(scaling, r, z));
+        let (iterations, residual) =
+            few_iterations(matrix, &mut |r, z| self.apply(scaling, r, z), &mut krylov);
         self.krylov = krylov;
-        if iterations < RACE || !with.is_finite() || with >= 0.0 {
-            return 0.0;
-        }
-        let plain = product_flops(matrix);
-        let ratio = if without < 0.0 { with / without } else { f64::INFINITY };
-        ratio * plain / (plain + self.inverse.flops())
+        // Where the train does not act as a positive definite matrix the iteration breaks down.
+        let residual = if iterations < RACE && residual > ASKED { 1.0 } else { residual };
+        Rival::new(iterations, residual, product_flops(matrix) + self.inverse.flops())
     }
 
-    /// Named figures of the last refresh.
-    pub fn figures(&self, figures: &mut BTreeMap<String, f64>) {
-        figures.insert("train_captured_energy".to_string(), self.captured);
-        figures.insert("train_race_gain".to_string(), self.gain);
-        figures.insert("train_active".to_string(), f64::from(u8::from(self.active)));
-        if self.long_enough && self.captured >= CAPTURED {
-            figures.extend(self.inverse.figures().clone());
-        }
-        self.placement.figures(figures);
+    /// Iterations with block Jacobi alone.
+    fn measure_alone(&mut self, matrix: &BodyMatrix, scaling: &BlockJacobi) -> Rival {
+        let (iterations, residual) =
+            few_iterations(matrix, &mut |r, z| scaling.apply(r, z), &mut self.krylov);
+        Rival::new(iterations, residual, product_flops(matrix))
     }
+
+    /// Named figures of what the last refresh measured.
+    pub fn figures(&self, figures: &mut BTreeMap<String, f64>) {
+        figures.extend(self.figures.clone());
+        figures.insert("train_active".to_string(), f64::from(u8::from(self.active)));
+    }
+}
+
+/// The off-diagonal entries of K_s at the places of the tree.
+fn scaled_entries(matrix: &BodyMatrix, scaling: &BlockJacobi, place: &[usize]) -> Vec<(usize, usize, f64)> {
+    let (starts, columns) = (matrix.row_starts(), matrix.columns());
+    let mut entries = Vec::with_capacity(2 * BODY * BODY * columns.len());
+    for i in 0..matrix.num_bodies() {
+        for k in starts[i]..starts[i + 1] {
+            let j = columns[k] as usize;
+            if i == j {
+                continue;
+            }
+            let mut block = matrix.blocks()[k];
+            scaling.scale(i, j, &mut block);
+            for (e, &value) in block.iter().enumerate() {
+                let (row, column) = (BODY * place[i] + e / BODY, BODY * place[j] + e % BODY);
+                entries.push((row, column, value));
+                entries.push((column, row, value));
+            }
+        }
+    }
+    entries
+}
+
+/// Operations of a product with K and with its diagonal blocks.
+fn product_flops(matrix: &BodyMatrix) -> f64 {
+    let block = (2 * BODY * BODY) as f64;
+    block * (2.0 * matrix.columns().len() as f64 + matrix.num_bodies() as f64)
+}
+
+/// A few conjugate gradient iterations on K: how many, and the residual they leave.
+fn few_iterations(
+    matrix: &BodyMatrix,
+    precondition: &mut dyn FnMut(&[f64], &mut [f64]),
+    krylov: &mut KrylovWork,
+) -> (usize, f64) {
+    let b = unstructured(BODY * matrix.num_bodies());
+    let mut x = vec![0.0; b.len()];
+    let settings = KrylovSettings { relative_tolerance: 0.0, max_iterations: RACE };
+    let product = &mut |x: &[f64], y: &mut [f64]| matrix.multiply(x, y);
+    let report = flexible_conjugate_gradient(product, precondition, &b, &mut x, settings, krylov);
+    (report.iterations, report.residual)
 }

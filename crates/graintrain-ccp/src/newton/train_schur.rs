@@ -1,8 +1,16 @@
 //! Tensor-train solvers in contact space: the matrix compressed, inverted, and used as preconditioner of BiCGSTAB.
 //!
-//! `tt-cross` is the recipe of Corona et al. 2019 to the letter: uniform tree of contacts, identity on the dummies,
-//! AMEn-cross on S, AMEn inversion of A X = I, accuracy 1e-2 and ranks up to 10. It is kept for the record: on random
-//! packings the cross does not see the matrix (`compression_error` in its figures tells).
+//! `tt-cross` is the recipe of Corona et al. 2019: uniform tree of contacts, identity on the dummies, AMEn-cross on S, AMEn
+//! inversion of A X = I, accuracy 1e-2 and ranks up to 10, hot starts, slots kept across steps. It is kept for the record: on
+//! random packings the cross does not see the matrix (`compression_error` in its figures tells). Where the paper is silent or
+//! this is kinder:
+//! * up to 20 000 nonzeros are shown to the cross, and those with the largest errors become pivots;
+//! * leaves hold 4 contacts, and the capacity grows where a tree would need more than 8 times as many slots as contacts;
+//! * axes along which the contacts do not extend are not halved;
+//! * the inversion makes at most 4 sweeps;
+//! * an inverse that is worse than the multiple of the identity it could have started from is replaced by that, and is no hot
+//!   start.
+//!
 //! `tt-schur` mends what can be mended in the same space: S~, symmetric 3x3 block-Jacobi scaling first, exact compression
 //! from the nonzero blocks, hardly any dummies, and the residual form of the inverse.
 
@@ -20,6 +28,9 @@ use std::collections::BTreeMap;
 
 /// Contacts per leaf of the paper's tree; the paper does not give its number.
 const LEAF_CONTACTS: usize = 4;
+
+/// Contacts per leaf that can be borne: the first mode of the train is the square of three times this.
+const LARGEST_LEAF: usize = 100;
 
 /// Accuracy and rank cap of the paper's best preconditioner.
 const PAPER: (f64, usize) = (1e-2, 10);
@@ -139,6 +150,12 @@ impl NewtonSolver for TrainSchur {
             }
         };
         let (capacity, depth) = self.placement.shape();
+        if capacity > LARGEST_LEAF {
+            return Err(self.breakdown(&format!(
+                "{capacity} contacts share a leaf of the tree, more than {LARGEST_LEAF}: they lie too close together to be \
+                 told apart by halving space"
+            )));
+        }
         self.inverse.set_patience(system.patience.clone());
         QuadtreeMatrix::from_blocks(matrix, self.placement.positions(), capacity, depth, 1.0)
             .and_then(|quadtree| self.inverse.refresh(&quadtree))
