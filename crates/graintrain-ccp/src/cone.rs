@@ -17,8 +17,7 @@ impl FrictionCone {
         let mu = self.mu;
         let square = x[1] * x[1] + x[2] * x[2];
         // hypot is slow, and needed only where the square leaves the range of the floats.
-        let tangential =
-            if (1e-290..1e290).contains(&square) || square == 0.0 { square.sqrt() } else { x[1].hypot(x[2]) };
+        let tangential = if (1e-290..1e290).contains(&square) { square.sqrt() } else { x[1].hypot(x[2]) };
         // The apex first: for mu = 0 and x_t = 0 both comparisons hold, whatever the sign of x_n.
         if mu * tangential <= -x[0] {
             return [0.0; 3];

@@ -163,6 +163,7 @@ pub struct BodyCg {
     velocity: Vec<f64>,
     rhs: Vec<f64>,
     residual: Vec<f64>,
+    best: Vec<f64>,
 }
 
 /// Solves for the residual at most.
@@ -219,6 +220,7 @@ impl BodyCg {
             velocity: Vec::new(),
             rhs: Vec::new(),
             residual: Vec::new(),
+            best: Vec::new(),
         }
     }
 }
@@ -244,7 +246,15 @@ impl NewtonSolver for BodyCg {
         relative_tolerance: f64,
     ) -> LinearReport {
         let Self {
-            matrix: Some(matrix), preconditioner, correction, krylov, velocity, rhs, residual, ..
+            matrix: Some(matrix),
+            preconditioner,
+            correction,
+            krylov,
+            velocity,
+            rhs,
+            residual,
+            best,
+            ..
         } = self
         else {
             return LinearReport { residual: 1.0, ..Default::default() };
@@ -253,6 +263,7 @@ impl NewtonSolver for BodyCg {
         velocity.resize(6 * matrix.num_bodies(), 0.0);
         rhs.resize(6 * matrix.num_bodies(), 0.0);
         residual.resize(b.len(), 0.0);
+        best.resize(b.len(), 0.0);
         z.fill(0.0);
         residual.copy_from_slice(b);
         let size = norm(b).max(f64::MIN_POSITIVE);
@@ -283,6 +294,17 @@ impl NewtonSolver for BodyCg {
                 krylov,
             );
             report.iterations += inner.iterations;
+            // A truncated train need not be positive definite: then the iteration breaks down.
+            let train = correction.as_mut().filter(|train| train.is_active() && !inner.converged());
+            let with_train = train.map(TrainCorrection::give_up).is_some();
+            if inner.residual >= 1.0 || inner.residual.is_nan() {
+                // No better than nothing.
+                if with_train {
+                    continue;
+                }
+                break;
+            }
+            best.copy_from_slice(z);
             for (z, r) in z.iter_mut().zip(residual.iter()) {
                 *z += r;
             }
@@ -300,7 +322,16 @@ impl NewtonSolver for BodyCg {
                     self.amplification = found.max(0.5 * self.amplification);
                 }
             }
-            if report.residual.is_nan() || system.patience.is_over() {
+            if report.residual.is_nan() || report.residual >= before {
+                // Solved too loosely, which is known now.
+                z.copy_from_slice(best);
+                report.residual = before;
+                multiply_scaled(matrix, z, residual, velocity);
+                for (residual, b) in residual.iter_mut().zip(b) {
+                    *residual = b - *residual;
+                }
+            }
+            if system.patience.is_over() {
                 break;
             }
         }

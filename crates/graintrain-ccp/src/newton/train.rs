@@ -47,6 +47,12 @@ impl Default for TensorTrain {
 }
 
 impl TensorTrain {
+    /// The next try waits.
+    fn lose(&mut self) {
+        self.wait = WAIT.saturating_mul(BACK_OFF.saturating_pow(self.losses)).min(LONGEST_WAIT);
+        self.losses = self.losses.saturating_add(1);
+    }
+
     /// Tries a train on this matrix; whether it paid.
     fn try_train(&mut self, system: &NewtonSystem<'_>, rival: Rival) -> bool {
         let system = NewtonSystem { new_delassus: self.unseen, ..*system };
@@ -90,8 +96,7 @@ impl NewtonSolver for TensorTrain {
         if self.try_train(system, rival) {
             self.losses = 0;
         } else {
-            self.wait = WAIT.saturating_mul(BACK_OFF.saturating_pow(self.losses)).min(LONGEST_WAIT);
-            self.losses += 1;
+            self.lose();
         }
         Ok(())
     }
@@ -103,11 +108,18 @@ impl NewtonSolver for TensorTrain {
         z: &mut [f64],
         relative_tolerance: f64,
     ) -> LinearReport {
+        let mut spent = 0;
         if self.with_train {
-            self.body.solve(system, b, z, relative_tolerance)
-        } else {
-            self.local.solve(system, b, z, relative_tolerance)
+            let report = self.body.solve(system, b, z, relative_tolerance);
+            if report.converged {
+                return report;
+            }
+            spent = report.iterations;
+            self.with_train = false;
+            self.lose();
         }
+        let report = self.local.solve(system, b, z, relative_tolerance);
+        LinearReport { iterations: report.iterations + spent, ..report }
     }
 
     fn figures(&self, figures: &mut BTreeMap<String, f64>) {

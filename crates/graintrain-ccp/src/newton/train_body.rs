@@ -102,6 +102,11 @@ impl TrainCorrection {
         self.active
     }
 
+    /// The train proved to be of no use for this matrix.
+    pub(super) fn give_up(&mut self) {
+        (self.active, self.paid) = (false, false);
+    }
+
     /// Whether the train is in use and its inversion, too, is paid for by one solve.
     pub(super) fn has_paid(&self) -> bool {
         self.paid

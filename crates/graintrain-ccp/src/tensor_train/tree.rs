@@ -60,7 +60,7 @@ const LARGEST_PADDING: usize = 8;
 const FLAT: f64 = 0.125;
 
 /// In a balanced tree a newcomer may sit up to this part of all leaves from its own.
-const REACH: f64 = 1.0 / 16.0;
+const REACH: f64 = 0.25;
 
 /// Points have left the box of a tree where they lie outside by more than this part of its longest edge.
 const OUTSIDE: f64 = 0.5;
@@ -276,7 +276,7 @@ impl PointTree {
     /// has left its leaf (beyond a margin of a quarter cell); the others get a free slot of the leaf they lie in.
     /// `previous` are the identities that belong to the present positions.
     ///
-    /// In a balanced tree, whose leaves are full, the free slot may be that of a leaf up to a sixteenth of all leaves away in
+    /// In a balanced tree, whose leaves are full, the free slot may be that of a leaf up to a quarter of all leaves away in
     /// their order, which is that of space.
     ///
     /// Returns `None`, and leaves the tree unchanged, where no slot is free or points have left the box by more than half
@@ -429,13 +429,13 @@ mod tests {
         let mut points = cloud(1000, 7);
         let mut tree = PointTree::build(&points, 1, Split::Balanced);
         let mut previous: Vec<u64> = (0..1000).collect();
-        // Every step a tenth of the points is replaced; those that stay keep their slots.
+        // Every step a tenth of the points is replaced by others nearby; those that stay keep their slots.
         for step in 0..5_u64 {
             let fresh = cloud(100, 8 + step as u8);
             let mut identities = previous.clone();
             for (k, point) in fresh.into_iter().enumerate() {
                 let at = (7 * k + step as usize) % 1000;
-                points[at] = point;
+                points[at] = std::array::from_fn(|d| 0.95 * points[at][d] + 0.05 * point[d]);
                 identities[at] = 10_000 * (step + 1) + k as u64;
             }
             let report = tree.reindex(&previous, &identities, &points).expect("there are free slots");
