@@ -400,8 +400,9 @@ fn column(balls: u32, offset: f64) -> Ccp {
 #[test]
 fn a_train_on_a_column_starts_hot_in_the_next_step_and_comes_into_use() {
     use graintrain_ccp::newton::body::BodyCg;
+    use graintrain_ccp::newton::train_body::TrainCorrection;
     let balls = 64;
-    let mut driver = NewtonDriver::new(Box::new(BodyCg::tensor_train()));
+    let mut driver = NewtonDriver::new(Box::new(BodyCg::tensor_train(TrainCorrection::default())));
     let mut errors = Vec::new();
     for (step, offset) in [0.0, 1e-3].into_iter().enumerate() {
         let problem = column(balls, offset);

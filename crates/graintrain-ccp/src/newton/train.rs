@@ -7,7 +7,7 @@
 
 use super::body::BodyCg;
 use super::krylov::SchurKrylov;
-use super::train_body::Rival;
+use super::train_body::{Rival, TrainCorrection};
 use super::{LinearReport, NewtonError, NewtonSolver, NewtonSystem};
 use crate::delassus::Delassus;
 use std::collections::BTreeMap;
@@ -30,25 +30,40 @@ pub struct TensorTrain {
     unseen: bool,
     losses: u32,
     wait: u32,
+    /// Whether to wait after a loss.
+    patient: bool,
 }
 
 impl Default for TensorTrain {
     fn default() -> Self {
+        Self::with(TrainCorrection::default())
+    }
+}
+
+impl TensorTrain {
+    /// Tries a train on every matrix, also where the attempt takes longer than the solve.
+    pub fn at_any_size() -> Self {
+        Self { patient: false, ..Self::with(TrainCorrection::at_any_price()) }
+    }
+
+    fn with(correction: TrainCorrection) -> Self {
         Self {
-            body: BodyCg::tensor_train(),
+            body: BodyCg::tensor_train(correction),
             local: SchurKrylov::incomplete_cholesky(),
             with_train: false,
             tried: false,
             unseen: true,
             losses: 0,
             wait: 0,
+            patient: true,
         }
     }
-}
 
-impl TensorTrain {
     /// The next try waits.
     fn lose(&mut self) {
+        if !self.patient {
+            return;
+        }
         self.wait = WAIT.saturating_mul(BACK_OFF.saturating_pow(self.losses)).min(LONGEST_WAIT);
         self.losses = self.losses.saturating_add(1);
     }

@@ -75,6 +75,8 @@ impl Rival {
 pub struct TrainCorrection {
     placement: Placement,
     inverse: TrainInverse,
+    /// Whether a train is made whatever its inversion costs.
+    at_any_price: bool,
     active: bool,
     paid: bool,
     krylov: KrylovWork,
@@ -87,6 +89,7 @@ impl Default for TrainCorrection {
         Self {
             placement: Placement::new(1, Split::Balanced),
             inverse: TrainInverse::new(SETTINGS),
+            at_any_price: false,
             active: false,
             paid: false,
             krylov: KrylovWork::default(),
@@ -97,6 +100,11 @@ impl Default for TrainCorrection {
 }
 
 impl TrainCorrection {
+    /// Inverts whatever passes the probe, also where that takes longer than a solve.
+    pub fn at_any_price() -> Self {
+        Self { at_any_price: true, ..Self::default() }
+    }
+
     /// Whether the train passed its race and [`Self::apply`] is to be used.
     pub fn is_active(&self) -> bool {
         self.active
@@ -165,7 +173,7 @@ impl TrainCorrection {
         note("train_captured_energy", captured);
         let price = self.inverse.predicted_flops(&train);
         note("train_predicted_flops", price);
-        let bearable = rival.is_none_or(|rival| price <= rival.solve_flops());
+        let bearable = self.at_any_price || rival.is_none_or(|rival| price <= rival.solve_flops());
         if captured < CAPTURED || !bearable {
             return Ok(());
         }
