@@ -4,6 +4,7 @@
 //! row, and the natural map is written out again from its definition (see [`graintrain_ccp::residual`]), so that a
 //! solver that fools itself is found out.
 
+use graintrain_ccp::residual::objective_gap;
 use graintrain_ccp::{Ccp, FrictionModel, Residual};
 use graintrain_linalg::block3::BlockMatrix3;
 
@@ -28,6 +29,8 @@ pub struct Evaluation {
     pub coulomb: Residual,
     /// 1/2 g^T N g + r^T g, J.
     pub objective: f64,
+    /// How far the objective may lie above the optimum of the relaxed problem, relative to itself.
+    pub gap: f64,
     /// Contacts without impulse.
     pub apart: usize,
     /// Contacts with an impulse inside the friction cone.
@@ -79,6 +82,7 @@ impl<'a> Yardstick<'a> {
             relaxed: Residual::default(),
             coulomb: Residual::default(),
             objective: 0.0,
+            gap: 0.0,
             apart: 0,
             sticking: 0,
             sliding: 0,
@@ -114,6 +118,7 @@ impl<'a> Yardstick<'a> {
             residual.max = residual.max.sqrt();
             residual.rms = (residual.rms / contacts.max(1) as f64).sqrt();
         }
+        evaluation.gap = objective_gap(self.problem, g, &velocity);
         evaluation.velocity = velocity;
         evaluation
     }

@@ -151,6 +151,8 @@ pub struct Record {
     pub residual_coulomb: f64,
     /// 1/2 g^T N g + r^T g, J.
     pub objective: f64,
+    /// How far the objective may lie above the optimum, relative to itself; `None` with exact friction, which minimises nothing.
+    pub gap: Option<f64>,
     /// Whether the residual is at most the tolerance: claimed by the solver and confirmed by the evaluation.
     pub converged: bool,
     /// What went wrong, in a sentence.
@@ -232,6 +234,7 @@ pub fn run(
         residual_relaxed: evaluation.relaxed.max,
         residual_coulomb: evaluation.coulomb.max,
         objective: evaluation.objective,
+        gap: (settings.friction == FrictionModel::Relaxed).then_some(evaluation.gap),
         converged: report.converged() && confirmed,
         remark,
     };
@@ -264,6 +267,7 @@ pub fn refused(
         residual_relaxed: f64::NAN,
         residual_coulomb: f64::NAN,
         objective: f64::NAN,
+        gap: None,
         converged: false,
         remark: Some(error.to_string()),
     }

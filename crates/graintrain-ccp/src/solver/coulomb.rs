@@ -24,6 +24,10 @@ use crate::residual::{FrictionModel, ResidualScale};
 ///
 /// A solver that updates s in every iteration of its own ([`CcpSolver::solve_exact`]) is tried first; the fixed point goes
 /// on from its best iterate where that did not converge. Relaxed solves pass straight through.
+///
+/// A limit of iterations holds for these two stages one by one, because they need not count the same: in the first one `ipm`
+/// makes gradient steps, in the second Newton systems. The report has their sum. Without a limit the second stage ends after ten
+/// times the iterations that the solver allows itself for one relaxed solve ([`Status::IterationLimit`]).
 pub struct CoulombIteration {
     relaxed: Box<dyn CcpSolver>,
 }
@@ -34,6 +38,8 @@ const OUTER_LIMIT: usize = 1000;
 /// this fraction.
 const EXACT_ROUND: usize = 10_000;
 const EXACT_GAIN: f64 = 0.5;
+/// Where the settings name no limit, all relaxed solves together may take so many times the iterations of one.
+const NESTED_LIMIT: usize = 10;
 /// A relaxed solve is asked for this fraction of the exact residual: at first, and at the least.
 const INNER_FRACTION: [f64; 2] = [0.3, 0.03];
 /// Outer iterations without a better residual before the fraction is lowered to a third.
@@ -53,6 +59,10 @@ impl CoulombIteration {
 impl CcpSolver for CoulombIteration {
     fn name(&self) -> String {
         self.relaxed.name()
+    }
+
+    fn iteration_limit(&self) -> usize {
+        self.relaxed.iteration_limit()
     }
 
     fn solve_again(
@@ -89,7 +99,7 @@ impl CoulombIteration {
         settings: &SolveSettings,
         mut again: bool,
     ) -> Result<SolveReport, CcpError> {
-        let limits = Limits::start(settings, usize::MAX);
+        let limits = Limits::start(settings, NESTED_LIMIT.saturating_mul(self.relaxed.iteration_limit()));
         check_start(problem, impulse)?;
         let contacts = problem.num_contacts();
         let scale = ResidualScale::new(problem);
@@ -100,21 +110,22 @@ impl CoulombIteration {
         let mut u = vec![0.0; 3 * contacts];
         let mut shift = Shift::new(contacts);
         let mut best = Best::default();
-        let (mut iterations, mut linear_iterations, mut since_best) = (0, 0, 0);
+        let (mut steps, mut iterations, mut linear_iterations, mut since_best) = (0, 0, 0, 0);
         let mut before = f64::INFINITY;
         loop {
+            let left = settings.max_iterations.map_or(usize::MAX, |limit| limit.saturating_sub(steps));
             let round = SolveSettings {
-                max_iterations: Some(limits.iterations_left(iterations).min(EXACT_ROUND)),
+                max_iterations: Some(left.min(EXACT_ROUND)),
                 max_time: limits.time_left(),
                 ..settings.clone()
             };
             let Some(report) = self.relaxed.solve_exact(problem, impulse, &round, again)? else { break };
             again = true;
-            iterations += report.iterations;
+            steps += report.iterations;
             if matches!(report.status, Status::Converged | Status::Stopped) {
-                return Ok(SolveReport { iterations, seconds: limits.seconds(), ..report });
+                return Ok(SolveReport { iterations: steps, seconds: limits.seconds(), ..report });
             }
-            if report.residual.max > EXACT_GAIN * before || limits.iterations_left(iterations) == 0 {
+            if report.residual.max > EXACT_GAIN * before || report.iterations >= left {
                 break;
             }
             before = report.residual.max;
@@ -162,7 +173,7 @@ impl CoulombIteration {
             }
             let inner = SolveSettings {
                 tolerance: (fraction * residual).min(0.1).max(fraction * settings.tolerance),
-                max_iterations: settings.max_iterations.map(|_| limits.iterations_left(iterations)),
+                max_iterations: Some(limits.iterations_left(iterations).min(self.relaxed.iteration_limit())),
                 max_time: limits.time_left(),
                 friction: FrictionModel::Relaxed,
                 stop: settings.stop.clone(),
@@ -177,29 +188,37 @@ impl CoulombIteration {
             last_inner = Some(report.status);
         }
         best.restore(impulse);
-        Ok(limits.report(&self.name(), problem, impulse, status, iterations, linear_iterations))
+        Ok(limits.report(&self.name(), problem, impulse, status, steps + iterations, linear_iterations))
     }
 }
 
 /// The shift s of r_n and its fixed-point acceleration.
 struct Shift {
     value: Vec<f64>,
-    change: Vec<f64>,
+    /// The last two changes that were asked for, the newer one first.
+    changes: [Vec<f64>; 2],
+    updates: usize,
     factor: f64,
     largest_factor: f64,
 }
 
 impl Shift {
     fn new(contacts: usize) -> Self {
-        Self { value: vec![0.0; contacts], change: Vec::new(), factor: 1.0, largest_factor: FACTOR[1] }
+        let zeros = || vec![0.0; contacts];
+        let changes = [zeros(), zeros()];
+        Self { value: zeros(), changes, updates: 0, factor: 1.0, largest_factor: FACTOR[1] }
     }
 
     /// s <- max(0, s + factor (image - s)), the factor after Aitken from the last two changes, within its bounds.
     fn update(&mut self, image: impl Iterator<Item = f64>) {
-        let change: Vec<f64> = image.zip(&self.value).map(|(image, value)| image - value).collect();
-        if !self.change.is_empty() {
+        self.changes.swap(0, 1);
+        let [change, last] = &mut self.changes;
+        for ((change, value), image) in change.iter_mut().zip(&self.value).zip(image) {
+            *change = image - value;
+        }
+        if self.updates > 0 {
             let (mut across, mut square) = (0.0, 0.0);
-            for (new, old) in change.iter().zip(&self.change) {
+            for (new, old) in change.iter().zip(&*last) {
                 across += old * (new - old);
                 square += (new - old) * (new - old);
             }
@@ -207,9 +226,9 @@ impl Shift {
                 self.factor = (-self.factor * across / square).clamp(FACTOR[0], self.largest_factor);
             }
         }
-        for (value, change) in self.value.iter_mut().zip(&change) {
+        for (value, change) in self.value.iter_mut().zip(&*change) {
             *value = (*value + self.factor * change).max(0.0);
         }
-        self.change = change;
+        self.updates += 1;
     }
 }

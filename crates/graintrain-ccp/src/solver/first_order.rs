@@ -108,7 +108,7 @@ impl<M: FirstOrderMethod> CcpSolver for FirstOrder<M> {
 }
 
 /// Iterations where the settings name no limit.
-const ITERATION_LIMIT: usize = 100_000;
+pub(super) const ITERATION_LIMIT: usize = 100_000;
 /// Iterations between two evaluations of the residual.
 const CHECK: usize = 10;
 /// Iterations between two evaluations of the image of x from x itself: two per cent of the work.

@@ -43,7 +43,7 @@ use std::time::{Duration, Instant};
 pub struct SolveSettings {
     /// Stop when the residual ([`Residual::max`]) is at most this. Default 1e-4.
     pub tolerance: f64,
-    /// Stop after this many iterations; `None` is the solver's own limit.
+    /// Stop after this many iterations; `None` is the solver's own limit. For exact friction see [`CoulombIteration`].
     pub max_iterations: Option<usize>,
     /// Stop after this time.
     pub max_time: Option<Duration>,
@@ -132,6 +132,11 @@ impl SolveReport {
 pub trait CcpSolver: Send {
     /// Name as given on the command line.
     fn name(&self) -> String;
+
+    /// Iterations that a relaxed solve is allowed where its settings name no limit.
+    fn iteration_limit(&self) -> usize {
+        first_order::ITERATION_LIMIT
+    }
 
     /// Improves `impulse` (length 3 N_c, N s; the start on entry, e.g. last step's impulses or zero; the best iterate
     /// on exit, also where the solver did not converge).

@@ -334,6 +334,10 @@ impl CcpSolver for Scip {
         }
     }
 
+    fn iteration_limit(&self) -> usize {
+        ITERATIONS
+    }
+
     fn solve(
         &mut self,
         problem: &Ccp,

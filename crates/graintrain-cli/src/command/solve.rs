@@ -34,6 +34,9 @@ pub struct Arguments {
     options: Options,
 }
 
+/// A converged answer whose objective may be off by more than this is worth a note.
+const LOOSE: f64 = 1e-3;
+
 /// Solves and prints.
 pub fn execute(arguments: &Arguments) -> Result<ExitCode, Failure> {
     let spec = solving::solver_spec(&arguments.solver)?;
@@ -91,7 +94,12 @@ fn table(file: &ProblemFile, outcome: &Outcome) -> String {
     use graintrain_ccp::FrictionModel::{Coulomb, Relaxed};
     line("residual, relaxed", format!("{:.2e}{}", record.residual_relaxed, asked(Relaxed)));
     line("residual, Coulomb", format!("{:.2e}{}", record.residual_coulomb, asked(Coulomb)));
-    line("objective", format!("{:.12e} J", record.objective));
+    // Most digits of an objective are of no interest where the impulses are that far from a solution.
+    let gap = record.gap.map_or(String::new(), |gap| format!("   gap {gap:.1e} of it"));
+    line("objective", format!("{:.12e} J{gap}", record.objective));
+    if record.converged && record.gap.is_some_and(|gap| gap > LOOSE) {
+        line("note", "the objective is known to few digits: ask for a smaller --tolerance".to_string());
+    }
     line(
         "contacts",
         format!(

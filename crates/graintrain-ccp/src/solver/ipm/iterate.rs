@@ -33,6 +33,10 @@ pub(super) struct Work {
     /// W^-1 dx and W ds.
     pub scaled_dx: Vec<[f64; 3]>,
     pub scaled_ds: Vec<[f64; 3]>,
+    /// d_c of the direction taken, and of the one that a corrector tries.
+    pub complementarity: [Vec<[f64; 3]>; 2],
+    /// z, q, W^-1 dx and W ds while a corrector is tried.
+    saved: (Vec<f64>, [Vec<[f64; 3]>; 3]),
 }
 
 impl Work {
@@ -57,7 +61,25 @@ impl Work {
             q: vec![[0.0; 3]; contacts],
             scaled_dx: vec![[0.0; 3]; contacts],
             scaled_ds: vec![[0.0; 3]; contacts],
+            complementarity: [vec![[0.0; 3]; contacts], vec![[0.0; 3]; contacts]],
+            saved: (vec![0.0; size], std::array::from_fn(|_| vec![[0.0; 3]; contacts])),
         }
+    }
+
+    /// Keeps the direction; what is in its place afterwards has to be overwritten.
+    pub fn save_direction(&mut self) {
+        self.exchange_direction();
+        // The linear solver may start from the last solution.
+        self.z.copy_from_slice(&self.saved.0);
+    }
+
+    /// Exchanges the direction and the one kept.
+    pub fn exchange_direction(&mut self) {
+        let (z, [q, dx, ds]) = &mut self.saved;
+        std::mem::swap(z, &mut self.z);
+        std::mem::swap(q, &mut self.q);
+        std::mem::swap(dx, &mut self.scaled_dx);
+        std::mem::swap(ds, &mut self.scaled_ds);
     }
 
     pub fn contacts(&self) -> usize {

@@ -157,6 +157,10 @@ impl CcpSolver for Ipm {
         }
     }
 
+    fn iteration_limit(&self) -> usize {
+        ITERATIONS
+    }
+
     fn solve(
         &mut self,
         problem: &Ccp,

@@ -123,16 +123,14 @@ pub(super) fn run(
         let affine_step = work.longest_step().min(1.0);
         let sigma = (work.barrier_after(affine_step) / barrier).clamp(0.0, 1.0).powi(3);
         let target = sigma * barrier;
-        // Second-order terms of the affine direction.
-        let second: Vec<[f64; 3]> =
-            work.scaled_dx.iter().zip(&work.scaled_ds).map(|(dx, ds)| product(*dx, *ds)).collect();
-        let mut complementarity: Vec<[f64; 3]> = (0..contacts)
-            .map(|i| {
-                let l = work.scalings[i].lambda();
-                let square = product(l, l);
-                [square[0] + second[i][0] - target, square[1] + second[i][1], square[2] + second[i][2]]
-            })
-            .collect();
+        let [mut complementarity, mut trial] = std::mem::take(&mut work.complementarity);
+        for i in 0..contacts {
+            let l = work.scalings[i].lambda();
+            // Of second order in the affine direction.
+            let (square, second) = (product(l, l), product(work.scaled_dx[i], work.scaled_ds[i]));
+            complementarity[i] = std::array::from_fn(|k| square[k] + second[k]);
+            complementarity[i][0] -= target;
+        }
         work.right_hand_side(1.0 - sigma, |i| complementarity[i]);
         linear_solve(newton, inner, &mut work, linear_tolerance);
         let mut step = work.longest_step();
@@ -143,29 +141,23 @@ pub(super) fn run(
                 break;
             }
             let aim = (1.5 * step + 0.1).min(1.0);
-            let saved = (work.z.clone(), work.scaled_dx.clone(), work.scaled_ds.clone(), work.q.clone());
-            let trial: Vec<[f64; 3]> = (0..contacts)
-                .map(|i| {
-                    let correction = outlying(
-                        work.scalings[i].lambda(),
-                        aim,
-                        work.scaled_dx[i],
-                        work.scaled_ds[i],
-                        target,
-                    );
-                    std::array::from_fn(|k| complementarity[i][k] + correction[k])
-                })
-                .collect();
+            for i in 0..contacts {
+                let (dx, ds) = (work.scaled_dx[i], work.scaled_ds[i]);
+                let correction = outlying(work.scalings[i].lambda(), aim, dx, ds, target);
+                trial[i] = std::array::from_fn(|k| complementarity[i][k] + correction[k]);
+            }
+            work.save_direction();
             work.right_hand_side(1.0 - sigma, |i| trial[i]);
             linear_solve(newton, inner, &mut work, linear_tolerance);
             let longer = work.longest_step();
             if longer < step + 0.1 * (aim - step) {
-                (work.z, work.scaled_dx, work.scaled_ds, work.q) = saved;
+                work.exchange_direction();
                 break;
             }
             step = longer;
-            complementarity = trial;
+            std::mem::swap(&mut complementarity, &mut trial);
         }
+        work.complementarity = [complementarity, trial];
         let fraction = (1.0 - 0.1 * barrier.sqrt()).clamp(0.9, 0.9995);
         let alpha = (fraction * step).min(1.0);
         work.advance(alpha);

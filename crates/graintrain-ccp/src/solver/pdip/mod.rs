@@ -183,6 +183,10 @@ impl CcpSolver for Pdip {
         format!("{}+{}", self.rule.name(), self.newton.linear_name())
     }
 
+    fn iteration_limit(&self) -> usize {
+        ITERATIONS
+    }
+
     fn solve(
         &mut self,
         problem: &Ccp,
