@@ -119,6 +119,7 @@ mod tests {
             residual_relaxed: 0.0,
             residual_coulomb: 0.0,
             objective: 0.0,
+            gap: None,
             converged,
             remark: None,
         }
