@@ -194,7 +194,7 @@ fn cross_within(
         }
         let train = state.train();
         let worst = |points: &Sample| points.error(&train, settings.kick_rank.max(1));
-        let (guided, probed, sampled) = (worst(&guide)?, worst(&probe)?, sample.error(&train, 0)?.0);
+        let (probed, sampled) = (worst(&probe)?, sample.error(&train, 0)?.0);
         let error = [sampled, probed.0].into_iter().flatten().reduce(f64::max);
         errors.push(error.unwrap_or(outcome.change));
         if outcome.change <= settings.tolerance && error.is_none_or(|error| error <= settings.tolerance) {
@@ -208,7 +208,7 @@ fn cross_within(
             break;
         }
         // Points with the largest error become pivots of the residual.
-        state.add_pivots(&[guided.1, probed.1].concat());
+        state.add_pivots(&[worst(&guide)?.1, probed.1].concat());
     }
     if status != CrossStatus::ZeroSampled && state.enriched {
         capped |= state.sweep(settings, false, patience)?.capped;

@@ -43,9 +43,13 @@ impl Sample {
         let approximate = train.entries(&self.points)?;
         let errors: Vec<f64> = approximate.iter().zip(&self.values).map(|(a, b)| (a - b).abs()).collect();
         let error = errors.iter().map(|x| x * x).sum::<f64>().sqrt() / self.norm;
-        let mut order: Vec<usize> = (0..errors.len()).filter(|&p| errors[p] > 0.0).collect();
-        order.sort_by(|&a, &b| errors[b].total_cmp(&errors[a]).then(a.cmp(&b)));
-        order.truncate(count);
+        let mut order: Vec<usize> = (0..errors.len()).filter(|&p| count > 0 && errors[p] > 0.0).collect();
+        let largest_first = |a: &usize, b: &usize| errors[*b].total_cmp(&errors[*a]).then(a.cmp(b));
+        if count > 0 && count < order.len() {
+            order.select_nth_unstable_by(count, largest_first);
+            order.truncate(count);
+        }
+        order.sort_by(largest_first);
         let worst =
             order.iter().map(|&p| self.points[p * self.modes..(p + 1) * self.modes].to_vec()).collect();
         Ok(((self.norm > 0.0).then_some(error), worst))

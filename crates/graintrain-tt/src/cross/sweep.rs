@@ -10,6 +10,9 @@ use crate::{TtError, TtVector};
 use graintrain_linalg::dense::{Matrix, product, thin_qr, thin_svd};
 use graintrain_linalg::patience::Patience;
 
+/// About how many entries are asked for at a time.
+const POINTS_AT_ONCE: usize = 1024;
+
 /// What one sweep did.
 #[derive(Clone, Copy, Default)]
 pub(super) struct SweepOutcome {
@@ -91,22 +94,31 @@ impl<'a> State<'a> {
     /// A(left, i, right) for all combinations, left fastest.
     fn block(&mut self, left: &[Vec<usize>], k: usize, right: &[Vec<usize>]) -> Result<Matrix, TtError> {
         let (d, n) = (self.modes.len(), self.modes[k]);
-        let mut indices = Vec::with_capacity(left.len() * n * right.len() * d);
+        let place = |digit: usize| if self.reversed { d - 1 - digit } else { digit };
+        let mut values = vec![0.0; left.len() * n * right.len()];
+        // The points of all left fragments for one digit and one right fragment: of the next ones only digits change.
+        let mut points = vec![0; left.len() * d];
+        for (point, head) in points.chunks_exact_mut(d).zip(left) {
+            head.iter().enumerate().for_each(|(digit, &i)| point[place(digit)] = i);
+        }
+        // Asked for in portions that stay in cache.
+        let portion = POINTS_AT_ONCE.div_ceil(left.len()) * left.len();
+        let mut asked = Vec::with_capacity(portion.min(values.len()) * d);
+        let mut answers = values.chunks_mut(portion);
         for tail in right {
+            for point in points.chunks_exact_mut(d) {
+                tail.iter().enumerate().for_each(|(digit, &i)| point[place(k + 1 + digit)] = i);
+            }
             for i in 0..n {
-                for head in left {
-                    let at = indices.len();
-                    indices.extend_from_slice(head);
-                    indices.push(i);
-                    indices.extend_from_slice(tail);
-                    if self.reversed {
-                        indices[at..].reverse();
-                    }
+                points.iter_mut().skip(place(k)).step_by(d).for_each(|digit| *digit = i);
+                asked.extend_from_slice(&points);
+                if asked.len() == portion * d {
+                    answers.next().into_iter().for_each(|answer| self.source.entries(&asked, answer));
+                    asked.clear();
                 }
             }
         }
-        let mut values = vec![0.0; left.len() * n * right.len()];
-        self.source.entries(&indices, &mut values);
+        answers.next().into_iter().for_each(|answer| self.source.entries(&asked, answer));
         scale_by_power(&mut values, -self.exponent);
         self.evaluations += values.len();
         self.largest = self.largest.max(largest_finite(&values).map_err(at_core(k))?);
