@@ -110,6 +110,9 @@ pub fn lock(tally: &Mutex<Tally>) -> MutexGuard<'_, Tally> {
     tally.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
+/// Why a linear solver gets no more systems.
+const TOO_SLOW: &str = "slower than it is given time";
+
 /// Name of `tt` that tries a train on problems of any size.
 pub const TRAIN_AT_ANY_SIZE: &str = "tt-any-size";
 
@@ -160,7 +163,10 @@ impl Candidate {
         tally.first_of_problems += if first_of_problem { seconds } else { 0.0 };
         tally.precompute += seconds;
         tally.systems += 1;
-        self.dropped = seconds > patience;
+        if seconds > patience {
+            self.dropped = true;
+            tally.failure = Some(TOO_SLOW.to_string());
+        }
         eprintln!("    {} prepared in {seconds:.3} s", self.linear);
     }
 
@@ -270,7 +276,10 @@ impl NewtonSolver for Followed {
                 );
                 let mut tally = lock(&candidate.tally);
                 tally.add_solve(seconds, report.iterations, report.residual, report.converged);
-                candidate.dropped = seconds > self.sampling.patience;
+                if seconds > self.sampling.patience {
+                    candidate.dropped = true;
+                    tally.failure = Some(TOO_SLOW.to_string());
+                }
             }
             candidate.driver.end_iteration(f64::NAN);
             for record in candidate.driver.take_records() {

@@ -8,7 +8,7 @@
 //! cargo run --release -p graintrain --example newton_solvers -- reuse SECONDS ITERATIONS SOLVE LINEAR STEPS RUN
 //! cargo run --release -p graintrain --example newton_solvers -- systems SECONDS EVERY ITERATIONS GUIDE LINEAR PROBLEM...
 //! cargo run --release -p graintrain --example newton_solvers -- growth SECONDS ITERATIONS GUIDE LINEAR PROBLEM...
-//! cargo run --release -p graintrain --example newton_solvers -- map SECONDS FILE.svg
+//! cargo run --release -p graintrain --example newton_solvers -- map SECONDS TABLE.md FILE.svg
 //! cargo run --release -p graintrain --example newton_solvers -- orders ITERATION,... PROBLEM
 //! ```
 //!
@@ -72,7 +72,7 @@ fn main() -> Result<(), Failure> {
             let iterations = iterations.split(',').map(str::parse).collect::<Result<Vec<usize>, _>>()?;
             orders::orders_of(problem, &iterations)
         }
-        ["map", seconds, file] => map::map(file.as_ref(), seconds.parse()?),
+        ["map", seconds, table, file] => map::map(table.as_ref(), file.as_ref(), seconds.parse()?),
         _ => Err("see the head of examples/newton_solvers/main.rs for how to call it".into()),
     }
 }

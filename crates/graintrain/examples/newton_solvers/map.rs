@@ -21,8 +21,8 @@ const OTHERS: [&str; 2] = ["ic", "block-jacobi"];
 const GUIDE: &str = "cholesky";
 /// Every so many systems are handed on.
 const EVERY: usize = 8;
-/// More Newton iterations than any lattice needs.
-const ITERATIONS: usize = 100;
+/// Newton iterations at most: twice what most lattices need.
+const ITERATIONS: usize = 40;
 
 /// One assembly.
 struct Cell {
@@ -36,49 +36,77 @@ struct Cell {
     active: f64,
 }
 
-/// Measures, prints and draws. A linear solver that needs more than `patience` processor seconds for one system gets no others.
-pub fn map(file: &Path, patience: f64) -> Result<(), Failure> {
-    println!(
-        "| bodies | disorder | contacts | systems | best train | s | captured energy | train in use | best other | s | ratio |\n\
-         |---|---|---|---|---|---|---|---|---|---|---|"
-    );
+const HEAD: &str = "| bodies | disorder | contacts | systems | best train | s | captured energy | train in use | best other | s | ratio |\n\
+    |---|---|---|---|---|---|---|---|---|---|---|\n";
+
+impl Cell {
+    /// From a line of the table.
+    fn parse(line: &str) -> Option<Self> {
+        let fields: Vec<&str> = line.split('|').map(str::trim).collect();
+        let [_, bodies, disorder, contacts, _, _, _, captured, active, _, _, ratio, _] = fields[..] else {
+            return None;
+        };
+        let (bodies, disorder): (usize, f64) = (bodies.parse().ok()?, disorder.parse().ok()?);
+        Some(Self {
+            column: SIZES.iter().position(|&size| size == bodies)?,
+            line: DISORDER.iter().position(|&level| level == disorder)?,
+            contacts: contacts.parse().ok()?,
+            ratio: ratio.parse().ok(),
+            captured: captured.parse().ok()?,
+            active: active.parse().ok()?,
+        })
+    }
+}
+
+/// Measures the cells that are not in the table yet, appends them and draws all. A linear solver that needs more than `patience` processor seconds for
+/// one system gets no others.
+pub fn map(table: &Path, file: &Path, patience: f64) -> Result<(), Failure> {
+    let mut text = if table.exists() { std::fs::read_to_string(table)? } else { HEAD.to_string() };
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
-    let sampling = Sampling { every: EVERY, solve_every: 1, iterations: ITERATIONS, patience };
-    let names: Vec<&str> = TRAINS.iter().chain(&OTHERS).copied().collect();
-    let mut cells = Vec::new();
     for (column, bodies) in SIZES.iter().enumerate() {
         for (line, disorder) in DISORDER.iter().enumerate() {
-            let problem = problem(&format!("{LATTICE}:{bodies}:{disorder}"))?;
-            let lives: Vec<(&str, Life)> = names.iter().map(|name| (*name, Life::Problem)).collect();
-            let mut run = Run::new(GUIDE, &lives, sampling)?;
-            pool.install(|| run.solve(&problem, f64::INFINITY))?;
-            let systems = lock(&run.tallies[0]).systems;
-            let whole = |k: usize| lock(&run.tallies[k]).whole(systems);
-            let fastest = |solvers: &mut dyn Iterator<Item = usize>| {
-                solvers.filter_map(|k| Some((k, whole(k)?))).min_by(|a, b| a.1.total_cmp(&b.1))
-            };
-            let train = fastest(&mut (1..=TRAINS.len()));
-            let other = fastest(&mut std::iter::once(0).chain(TRAINS.len() + 1..run.tallies.len()));
-            let Some((best, seconds)) = other else { continue };
-            let figure = |name: &str| lock(&run.tallies[1]).mean(name).unwrap_or(0.0);
-            let (captured, active) = (figure("train_captured_energy"), figure("train_active"));
-            let name = |k: usize| if k == 0 { GUIDE } else { names[k - 1] };
-            let ratio = train.map(|(_, train)| train / seconds);
-            let words = |value: Option<f64>| value.map_or("-".to_string(), |value| format!("{value:.2}"));
-            println!(
-                "| {bodies} | {disorder} | {} | {systems} | {} | {} | {captured:.3} | {active:.2} | `{}` | {seconds:.2} | {} |",
-                problem.num_contacts(),
-                train.map_or("-".to_string(), |(k, _)| format!("`{}`", name(k))),
-                words(train.map(|(_, seconds)| seconds)),
-                name(best),
-                words(ratio),
-            );
-            let contacts = problem.num_contacts();
-            cells.push(Cell { column, line, contacts, ratio, captured, active });
+            let known = text.lines().filter_map(Cell::parse).any(|c| c.column == column && c.line == line);
+            if !known {
+                text += &pool.install(|| measure(*bodies, *disorder, patience))?;
+                std::fs::write(table, &text)?;
+            }
         }
     }
+    let cells: Vec<Cell> = text.lines().filter_map(Cell::parse).collect();
     std::fs::write(file, draw(&cells))?;
     Ok(())
+}
+
+/// One line of the table.
+fn measure(bodies: usize, disorder: f64, patience: f64) -> Result<String, Failure> {
+    let sampling = Sampling { every: EVERY, solve_every: 1, iterations: ITERATIONS, patience };
+    let names: Vec<&str> = TRAINS.iter().chain(&OTHERS).copied().collect();
+    let problem = problem(&format!("{LATTICE}:{bodies}:{disorder}"))?;
+    let lives: Vec<(&str, Life)> = names.iter().map(|name| (*name, Life::Problem)).collect();
+    let mut run = Run::new(GUIDE, &lives, sampling)?;
+    run.solve(&problem, f64::INFINITY)?;
+    let systems = lock(&run.tallies[0]).systems;
+    let fastest = |solvers: &mut dyn Iterator<Item = usize>| {
+        solvers
+            .filter_map(|k| Some((k, lock(&run.tallies[k]).whole(systems)?)))
+            .min_by(|a, b| a.1.total_cmp(&b.1))
+    };
+    let train = fastest(&mut (1..=TRAINS.len()));
+    let other = fastest(&mut std::iter::once(0).chain(TRAINS.len() + 1..run.tallies.len()));
+    let figure = |name: &str| lock(&run.tallies[1]).mean(name).unwrap_or(0.0);
+    let name = |k: usize| if k == 0 { GUIDE } else { names[k - 1] };
+    let words = |best: Option<(usize, f64)>| {
+        best.map_or("- | -".to_string(), |(k, seconds)| format!("`{}` | {seconds:.2}", name(k)))
+    };
+    let ratio = train.zip(other).map_or("-".to_string(), |(a, b)| format!("{:.2}", a.1 / b.1));
+    Ok(format!(
+        "| {bodies} | {disorder} | {} | {systems} | {} | {:.3} | {:.2} | {} | {ratio} |\n",
+        problem.num_contacts(),
+        words(train),
+        figure("train_captured_energy"),
+        figure("train_active"),
+        words(other),
+    ))
 }
 
 /// Red above 1 (trains lose), white at 1, blue below; saturated at a factor of 4.

@@ -127,7 +127,7 @@ pub fn child(name: &str, solver: &str, limit: f64) -> Result<(), Failure> {
 }
 
 /// Wall-clock seconds, per processor second of the limit, after which a process is killed; a linear solve cannot be interrupted.
-const PATIENCE: f64 = 4.0;
+const PATIENCE: f64 = 12.0;
 
 /// Solves in a process of its own.
 pub fn measure(name: &str, solver: &str, limit: f64) -> Result<Measured, Failure> {
