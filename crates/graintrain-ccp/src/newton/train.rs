@@ -2,7 +2,7 @@
 //!
 //! Conjugate gradients on S~ with block IC(0) are the rival: ten iterations of theirs tell what a solve costs. A train is
 //! made only where its prediction is cheaper than that, and used where it then wins
-//! ([`TrainCorrection`](super::train_body::TrainCorrection)). After a loss, or a train that breaks down, the next try waits,
+//! ([`TrainCorrection`]). After a loss, or a train that breaks down, the next try waits,
 //! four times longer after every loss in a row, also from one problem to the next.
 
 use super::body::BodyCg;
