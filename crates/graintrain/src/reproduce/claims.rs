@@ -182,10 +182,27 @@ fn ranks(results: &Results) -> Claim {
         statement: statement.into(),
         verdict: Verdict::of(small && accurate),
         evidence: format!(
-            "Mean ranks here: {} and {}; {with_error}.{}",
+            "Mean ranks here: {} and {}; {with_error}.{}{}",
             number(matrix),
             number(inverse),
+            cell.map_or(String::new(), replaced),
             if accurate { "" } else { " Small ranks alone do not show that the matrix is compressible." }
+        ),
+    }
+}
+
+/// Part of the Newton iterations in which no useful inverse was found; a multiple of the identity took its place.
+fn diverged(solve: &Solve) -> f64 {
+    solve.figures.get("inversion_diverged").copied().unwrap_or(0.0)
+}
+
+/// A sentence on [`diverged`].
+fn replaced(solve: &Solve) -> String {
+    match diverged(solve) {
+        0.0 => String::new(),
+        share => format!(
+            " In {} % of the Newton iterations the inversion diverged, and a multiple of the identity took the inverse's place.",
+            number(100.0 * share)
         ),
     }
 }
@@ -373,8 +390,8 @@ fn inner_iterations(results: &Results) -> Claim {
         String::new()
     };
     let ratio = ilu.inner_mean / train.inner_mean;
-    // A train that misses its tolerance on a small problem will not reach it on a large one, where all solvers need more.
-    let verdict = if train.missed >= 0.5 {
+    // A train that misses its tolerance, or has no inverse, on a small problem will not do better on a large one.
+    let verdict = if train.missed >= 0.5 || diverged(train) >= 0.5 {
         Verdict::Fails
     } else if (train.contacts as f64) < paper::CROSSOVER_CONTACTS {
         Verdict::Open
@@ -386,11 +403,12 @@ fn inner_iterations(results: &Results) -> Claim {
         statement,
         verdict,
         evidence: format!(
-            "At {} contacts: ILU {} iterations per Newton iteration, the literal tensor train {}{train_missed}: ratio {}.{unpreconditioned}",
+            "At {} contacts: ILU {} iterations per Newton iteration, the literal tensor train {}{train_missed}: ratio {}.{}{unpreconditioned}",
             ilu.contacts,
             number(ilu.inner_mean),
             number(train.inner_mean),
-            number(ratio)
+            number(ratio),
+            replaced(train)
         ),
     }
 }

@@ -247,6 +247,11 @@ fn iterations_are_compared_on_the_same_problem() {
     assert_eq!(verdict(&results, "Fig. 12", "").0, Verdict::Holds);
     results.solves[1].missed = 0.6;
     assert_eq!(verdict(&results, "Fig. 12", "").0, Verdict::Fails);
+    // Few iterations without a train are not the train's.
+    results.solves[1].missed = 0.0;
+    results.solves[1].figures.insert("inversion_diverged".into(), 0.75);
+    let (replaced, evidence) = verdict(&results, "Fig. 12", "");
+    assert!(replaced == Verdict::Fails && evidence.contains("In 75 % of"), "{evidence}");
 }
 
 #[test]
