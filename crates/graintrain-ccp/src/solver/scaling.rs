@@ -12,20 +12,20 @@
 //! that the scaled problem is again a CCP; its diagonal is one, also for balls, whose tangential mobility is 3.5 times
 //! the normal one. Only the residual has to be taken in the original metric, where |d_i| is measured.
 
-use super::body_operator::{BodyOperator, Update, pack};
-use super::lanes::{Batch, LANES, Lanes, ZERO, add, dot, project, scale, sub};
-use super::row_operator::{RowOperator, batch_of};
-use super::sweep::{CHUNK, Tally, TaskWork, Totals, for_each_task, vectorised};
+mod passes;
+
+use super::body_operator::{BodyOperator, pack};
+use super::lanes::{Batch, LANES, Lanes, ZERO, dot, project, scale, sub};
+use super::row_operator::RowOperator;
+use super::sweep::{CHUNK, Tally, Totals, for_each_task, vectorised};
 use crate::delassus::Delassus;
 use crate::problem::Ccp;
 use crate::residual::{FrictionModel, ResidualScale};
 use graintrain_linalg::block3::Block;
+use passes::{BodyPass, BodySweep, RowPass};
 
 /// Power iterations for the first step size.
 const POWER_ITERATIONS: usize = 12;
-
-/// Batches that a pass over bodies takes through its three stages together.
-const GROUP: usize = 8;
 
 /// N' in one of its two forms.
 #[derive(Clone, Debug)]
@@ -547,127 +547,6 @@ impl ScaledProblem {
             metric: self.metric[batch],
             r: self.r[batch],
             exact: self.friction_model == FrictionModel::Coulomb,
-        }
-    }
-}
-
-/// The part of a pass over bodies that one chunk does.
-struct BodyPass<'a, const M: usize, const GATHER: bool, const SCATTER: bool, K> {
-    scaled: &'a ScaledProblem,
-    bodies: &'a BodyOperator,
-    velocity: &'a [[f64; 6]],
-    batches: std::ops::Range<usize>,
-    vectors: [&'a mut [Batch]; M],
-    slots: &'a mut [[f64; 6]],
-    tally: &'a mut Tally,
-    kernel: &'a K,
-}
-
-impl<const M: usize, const GATHER: bool, const SCATTER: bool, K> TaskWork
-    for BodyPass<'_, M, GATHER, SCATTER, K>
-where
-    K: Kernel<M>,
-{
-    #[inline(always)]
-    fn run(mut self) {
-        if SCATTER {
-            self.slots.fill([0.0; 6]);
-        }
-        let mut tally = Tally::default();
-        // Four short loops over a few batches rather than one long one: the square root and the quotients of a projection
-        // take tens of cycles, which the processor hides behind the next batch only where that is near enough.
-        let (mut u, mut s, mut world) = ([ZERO; GROUP], [ZERO; GROUP], [[ZERO; 3]; GROUP]);
-        let mut offset = 0;
-        while offset < self.batches.len() {
-            let count = GROUP.min(self.batches.len() - offset);
-            let first = self.batches.start + offset;
-            if GATHER {
-                for (k, u) in u[..count].iter_mut().enumerate() {
-                    let batch = first + k;
-                    *u = add(&self.bodies.relative_velocity(batch, self.velocity), &self.scaled.r[batch]);
-                }
-            }
-            for k in 0..count {
-                let mine = self.vectors.each_mut().map(|v| &mut v[offset + k]);
-                s[k] = self.kernel.at(self.scaled.here(first + k), &u[k], mine, &mut tally);
-            }
-            for k in 0..count {
-                let mine = self.vectors.each_mut().map(|v| &mut v[offset + k]);
-                s[k] = self.kernel.finish(self.scaled.here(first + k), &u[k], s[k], mine, &mut tally);
-            }
-            if SCATTER {
-                for (k, world) in world[..count].iter_mut().enumerate() {
-                    *world = self.bodies.world_impulses(first + k, &s[k]);
-                }
-                for (k, world) in world[..count].iter().enumerate() {
-                    self.bodies.scatter(first + k, world, self.slots);
-                }
-            }
-            offset += count;
-        }
-        *self.tally = tally;
-    }
-}
-
-/// A sweep of Gauss-Seidel over bodies.
-struct BodySweep<'a, K> {
-    scaled: &'a ScaledProblem,
-    bodies: &'a BodyOperator,
-    x: &'a mut [Batch],
-    image: &'a mut [f64],
-    kernel: &'a K,
-}
-
-impl<K: Relaxation> TaskWork for BodySweep<'_, K> {
-    #[inline(always)]
-    fn run(self) {
-        let Self { scaled, bodies, x, image, kernel } = self;
-        bodies.sweep(image, &mut Relaxing { scaled, x, kernel });
-    }
-}
-
-/// The contacts' part of a sweep.
-struct Relaxing<'a, K> {
-    scaled: &'a ScaledProblem,
-    x: &'a mut [Batch],
-    kernel: &'a K,
-}
-
-impl<K: Relaxation> Update for Relaxing<'_, K> {
-    #[inline(always)]
-    fn at(&mut self, batch: usize, velocity: &Batch, moves: Lanes) -> Batch {
-        let u = add(velocity, &self.scaled.r[batch]);
-        let x = &mut self.x[batch];
-        let new = self.kernel.relaxed(batch, self.scaled.here(batch), &u, x);
-        let change = scale(moves, &sub(&new, x));
-        *x = add(x, &change);
-        change
-    }
-}
-
-/// The part of a pass over rows that one chunk does before the product.
-struct RowPass<'a, const M: usize, K> {
-    scaled: &'a ScaledProblem,
-    product: &'a [[f64; 3 * LANES]],
-    batches: std::ops::Range<usize>,
-    vectors: [&'a mut [Batch]; M],
-    scattered: &'a mut [Batch],
-    tally: &'a mut Tally,
-    kernel: &'a K,
-}
-
-impl<const M: usize, K> TaskWork for RowPass<'_, M, K>
-where
-    K: Kernel<M>,
-{
-    #[inline(always)]
-    fn run(mut self) {
-        for (offset, batch) in self.batches.enumerate() {
-            let u = add(&batch_of(&self.product[batch]), &self.scaled.r[batch]);
-            let mine = self.vectors.each_mut().map(|v| &mut v[offset]);
-            let s = self.kernel.at(self.scaled.here(batch), &u, mine, self.tally);
-            let mine = self.vectors.each_mut().map(|v| &mut v[offset]);
-            self.scattered[offset] = self.kernel.finish(self.scaled.here(batch), &u, s, mine, self.tally);
         }
     }
 }

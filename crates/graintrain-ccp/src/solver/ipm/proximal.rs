@@ -54,7 +54,7 @@ const SHORT: f64 = 0.05;
 /// The anchor moves when the error of the minimum is this fraction of what sigma leaves.
 const INEXACT: f64 = 0.3;
 /// Newton systems allowed for a tenth of the residual.
-const PATIENCE: usize = 10;
+const STALL_ITERATIONS: usize = 10;
 /// Relative residual of the linear solves.
 const LINEAR: f64 = 1e-10;
 /// A line search ends where the slope along the direction has fallen to this fraction.
@@ -257,7 +257,7 @@ pub(super) fn run(newton: &mut NewtonDriver, session: &mut Session<'_>, impulse:
         if residual <= 0.1 * reference {
             (reference, since_better) = (residual, 0);
         }
-        if since_better >= PATIENCE {
+        if since_better >= STALL_ITERATIONS {
             return Status::Stalled;
         }
         if systems > 0 {

@@ -70,7 +70,7 @@ const LONG_STEP: f64 = 0.7;
 /// the parameter of its logarithms.
 const NEAR_CENTRE: f64 = 4.0;
 /// Iterations without a better residual before `pdip` gives up.
-const PATIENCE: usize = 50;
+const STALL_ITERATIONS: usize = 50;
 /// Smallest normal impulse of the paper's start from known impulses, J.
 const PAPER_FLOOR: f64 = 1e-2;
 
@@ -223,7 +223,7 @@ impl CcpSolver for Pdip {
             since_better += 1;
             if residual < 0.9 * least {
                 (least, since_better) = (residual, 0);
-            } else if self.rule == Rule::Central && since_better > PATIENCE {
+            } else if self.rule == Rule::Central && since_better > STALL_ITERATIONS {
                 break Status::Stalled;
             }
             if it.is_unbounded() {
