@@ -1,7 +1,8 @@
 //! Cost of the product with N and of one iteration of each first-order method, beside a copy of the same size.
 //!
-//! `cargo bench -p graintrain-ccp --bench product [-- SIDE... METHOD...]`; SIDE is the edge of the packing in balls, six contacts per ball
-//! (default 15, 29, 58: about 2e4, 1.5e5, 1.2e6 contacts), METHOD leaves the others out. Each figure is the least of several interleaved
+//! `cargo bench -p graintrain-ccp --bench product [-- SIDE... METHOD... WORD...]`; SIDE is the edge of the packing in balls, six contacts per
+//! ball (default 15, 29, 58: about 2e4, 1.5e5, 1.2e6 contacts), METHOD leaves the others out (`none`: all of them), WORD is `bodies` or `rows`
+//! (N over bodies or as a sparse matrix, default both), `one` or `two` (threads, default both). Each figure is the least of several interleaved
 //! rounds, because other programs disturb every one of them.
 
 #[path = "../tests/common/mod.rs"]
@@ -150,14 +151,25 @@ fn main() {
     if methods.iter().any(|method| wanted.iter().any(|name| name == method)) {
         methods.retain(|method| wanted.iter().any(|name| name == method));
     }
+    let named = |word: &str| wanted.iter().any(|name| name == word);
+    if named("none") {
+        methods.clear();
+    }
+    let either = |word: &str, other: &str| named(word) || !named(other);
+    let (bodies, rows) = (either("bodies", "rows"), either("rows", "bodies"));
     let sides = if sides.is_empty() { vec![15, 29, 58] } else { sides };
     for side in sides {
         let problem = common::lattice_packing(side, side, 0.3, 1);
         for threads in [1, 2] {
+            if !(if threads == 1 { either("one", "two") } else { either("two", "one") }) {
+                continue;
+            }
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
             pool.install(|| {
-                measure(&problem, &methods);
-                if problem.num_contacts() < 300_000 {
+                if bodies {
+                    measure(&problem, &methods);
+                }
+                if rows && problem.num_contacts() < 300_000 {
                     let sparse =
                         Ccp { delassus: Delassus::Sparse(problem.delassus.assemble()), ..problem.clone() };
                     print!("  sparse ");

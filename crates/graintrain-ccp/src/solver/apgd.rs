@@ -4,12 +4,11 @@
 //! friction and contact", ACM Transactions on Graphics 34(3):32, 2015, after Nesterov (1983) and, for the restart,
 //! O'Donoghue and Candes (2015).
 
-use super::first_order::{FirstOrder, FirstOrderMethod, Iterate};
-use super::lanes::{Batch, add_scaled, dot, project, sub};
+use super::first_order::{FirstOrder, FirstOrderMethod, IMAGE_CHUNK, Iterate};
+use super::lanes::{Batch, Lanes, Vector, add_scaled, dot, project, sub};
 use super::scaling::{Here, Kernel, ScaledProblem};
 use super::sweep::Tally;
 use crate::residual::FrictionModel;
-use graintrain_linalg::parallel::CHUNK;
 use rayon::prelude::*;
 
 /// Accelerated projected gradient on the scaled problem:
@@ -49,7 +48,13 @@ struct Step {
 
 impl Kernel<2> for Step {
     #[inline(always)]
-    fn at(&self, here: Here, u: &Batch, [x, previous]: [&mut Batch; 2], tally: &mut Tally) -> Batch {
+    fn at<V: Vector>(
+        &self,
+        here: Here<V>,
+        u: &Batch<V>,
+        [x, previous]: [&mut Batch<V>; 2],
+        tally: &mut Tally<V>,
+    ) -> Batch<V> {
         let y = add_scaled(x, self.beta, &sub(x, previous));
         let new = project(here.mu, &add_scaled(&y, -self.step, &here.drive(u)));
         let d = sub(&new, &y);
@@ -67,7 +72,13 @@ struct Extrapolated {
 
 impl Kernel<2> for Extrapolated {
     #[inline(always)]
-    fn at(&self, _: Here, _: &Batch, [x, previous]: [&mut Batch; 2], _: &mut Tally) -> Batch {
+    fn at<V: Vector>(
+        &self,
+        _: Here<V>,
+        _: &Batch<V>,
+        [x, previous]: [&mut Batch<V>; 2],
+        _: &mut Tally<V>,
+    ) -> Batch<V> {
         add_scaled(x, self.beta, &sub(x, previous))
     }
 }
@@ -114,11 +125,13 @@ impl FirstOrderMethod for Apgd {
 }
 
 /// From the images of x, y and d = x+ - y to those of x+ and of the next y = x+ + beta (x+ - x).
-fn extrapolate(x: &mut [f64], y: &mut [f64], d: &[f64], beta: f64) {
-    let tasks = x.par_chunks_mut(CHUNK).zip(y.par_chunks_mut(CHUNK)).zip(d.par_chunks(CHUNK));
+fn extrapolate(x: &mut [Lanes], y: &mut [Lanes], d: &[Lanes], beta: f64) {
+    let beta = Lanes::splat(beta);
+    let tasks =
+        x.par_chunks_mut(IMAGE_CHUNK).zip(y.par_chunks_mut(IMAGE_CHUNK)).zip(d.par_chunks(IMAGE_CHUNK));
     tasks.for_each(|((x, y), d)| {
         for ((x, y), d) in x.iter_mut().zip(y).zip(d) {
-            let new = *y + d;
+            let new = *y + *d;
             *y = new + beta * (new - *x);
             *x = new;
         }

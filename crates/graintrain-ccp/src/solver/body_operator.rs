@@ -1,8 +1,8 @@
 //! N over rigid bodies, packed for the first-order methods: contacts in batches of four, each pass over the contacts
 //! both reads the velocities of the last impulses and adds up the forces of the new ones.
 
-use super::lanes::{Batch, LANES, Lanes, ZERO, add, cross, dot, scale, sub};
-use super::sweep::{CHUNK, Tally, Totals, for_each_task};
+use super::lanes::{Batch, LANES, Lanes, Vector, ZERO, add, cross, dot, load, scale, sub, zero};
+use super::sweep::{CHUNK, Tally, TaskWork, Totals, for_each_task, vectorised};
 use crate::delassus::{BodyInverseMass, FIXED, RigidDelassus};
 use graintrain_linalg::block3::Block;
 
@@ -24,13 +24,42 @@ struct Geometry {
     slot_b: [u32; LANES],
 }
 
-/// Impulses in world axes and their moments about bodies A and B, of four contacts.
-pub(super) type WorldImpulses = [Batch; 3];
+/// Two vectors of a body, each followed by a zero: its velocity u and spin w, or the force and moment on it.
+pub(super) type BodyPair<V = Lanes> = [V; 2];
+
+/// Impulses in world axes and their moments about bodies A and B, contact by contact.
+type WorldImpulses<V> = [[V; LANES]; 3];
 
 /// What a sweep of Gauss-Seidel does at four contacts.
-pub(super) trait Update {
+pub(super) trait Update<V> {
     /// Changes the impulses of a batch, given its D^T v, where `moves` is 1, and returns the change.
-    fn at(&mut self, batch: usize, velocity: &Batch, moves: Lanes) -> Batch;
+    fn at(&mut self, batch: usize, velocity: &Batch<V>, moves: V) -> Batch<V>;
+}
+
+/// Inverse mass matrix of a body, each vector followed by a zero.
+#[derive(Clone, Copy, Debug, Default)]
+struct InverseMass {
+    linear: Lanes,
+    /// Columns of the inverse inertia.
+    angular: [Lanes; 3],
+}
+
+impl InverseMass {
+    fn new(inverse: &BodyInverseMass) -> Self {
+        let (l, a) = (inverse.linear, inverse.angular);
+        Self {
+            linear: Lanes([l[0], l[1], l[2], 0.0]),
+            angular: std::array::from_fn(|k| Lanes([a[k], a[3 + k], a[6 + k], 0.0])),
+        }
+    }
+
+    /// Velocity and spin of a force and a moment.
+    #[inline(always)]
+    fn times<V: Vector>(&self, [force, moment]: BodyPair<V>) -> BodyPair<V> {
+        let [x, y, z] = load::<V>(&self.angular);
+        let spin = x * moment.broadcast::<0>() + y * moment.broadcast::<1>() + z * moment.broadcast::<2>();
+        [V::of(self.linear) * force, spin]
+    }
 }
 
 /// N = D^T M^-1 D with scaled D. A chunk of contacts sums the forces on its bodies in slots of its own, then every
@@ -40,8 +69,9 @@ pub(super) struct BodyOperator {
     geometry: Vec<Geometry>,
     /// Whether the contacts of each [`TOGETHER`] batches share no body.
     independent: Vec<bool>,
-    /// In the order of the packing, like everything per body.
-    inverse_mass: Vec<BodyInverseMass>,
+    /// In the order of the packing, like everything per body; that of the fixed body, zero, comes last.
+    inverse_mass: Vec<InverseMass>,
+    num_bodies: usize,
     /// Slots of chunk c are `chunk_start[c]..chunk_start[c + 1]`.
     chunk_start: Vec<usize>,
     /// Slots of body b are `slots[slot_start[b]..slot_start[b + 1]]`.
@@ -154,19 +184,6 @@ fn share_no_body(group: &[Geometry], fixed: u32) -> bool {
     true
 }
 
-/// u + w x arm of one side of a batch.
-#[inline(always)]
-fn side_velocity(bodies: &[u32; LANES], arm: &Batch, image: &[[f64; 6]]) -> Batch {
-    let mut v = [Lanes::default(); 6];
-    for lane in 0..LANES {
-        let body = &image[bodies[lane] as usize];
-        for k in 0..6 {
-            v[k].0[lane] = body[k];
-        }
-    }
-    add(&[v[0], v[1], v[2]], &cross(&[v[3], v[4], v[5]], arm))
-}
-
 impl BodyOperator {
     /// Packs N; `scaling` has the factors of the normal and of the tangents per contact.
     pub(super) fn new(rigid: &RigidDelassus, packing: &Packing, scaling: &[[f64; 2]]) -> Self {
@@ -234,17 +251,17 @@ impl BodyOperator {
             slots[next[body as usize] as usize] = slot as u32;
             next[body as usize] += 1;
         }
-        let mut inverse_mass = rigid.inverse_mass().to_vec();
+        let mut inverse_mass = vec![InverseMass::default(); bodies + 1];
         for (&place, inverse) in packing.bodies.iter().zip(rigid.inverse_mass()) {
-            inverse_mass[place as usize] = *inverse;
+            inverse_mass[place as usize] = InverseMass::new(inverse);
         }
         let independent = geometry.chunks(TOGETHER).map(|group| share_no_body(group, fixed)).collect();
-        Self { geometry, independent, inverse_mass, chunk_start, slot_start, slots }
+        Self { geometry, independent, inverse_mass, num_bodies: bodies, chunk_start, slot_start, slots }
     }
 
-    /// Numbers in an image: velocities (u, w) of every body and of the fixed one.
+    /// Vectors in an image: the [`BodyPair`] of every body and of the fixed one.
     pub(super) fn image_len(&self) -> usize {
-        6 * (self.inverse_mass.len() + 1)
+        2 * (self.num_bodies + 1)
     }
 
     /// Number of slots of all chunks.
@@ -260,79 +277,77 @@ impl BodyOperator {
     /// Bytes of one pass: the geometry, and half of what goes through slots, inverse masses and velocities.
     pub(super) fn pass_bytes(&self) -> usize {
         size_of_val(&self.geometry[..])
-            + (2 * 48 * self.num_slots() + (size_of::<BodyInverseMass>() + 2 * 48) * self.inverse_mass.len())
+            + (2 * size_of::<BodyPair>() * self.num_slots()
+                + (size_of::<InverseMass>() + 2 * size_of::<BodyPair>()) * self.num_bodies)
                 / 2
+    }
+
+    /// Asks for the geometry of one batch, if there is one.
+    #[inline(always)]
+    pub(super) fn prefetch<V: Vector>(&self, batch: usize) {
+        if let Some(geometry) = self.geometry.get(batch) {
+            V::prefetch(geometry);
+        }
     }
 
     /// D^T v of one batch.
     #[inline(always)]
-    pub(super) fn relative_velocity(&self, batch: usize, image: &[[f64; 6]]) -> Batch {
+    pub(super) fn relative_velocity<V: Vector>(&self, batch: usize, image: &[BodyPair]) -> Batch<V> {
         let g = &self.geometry[batch];
-        let relative =
-            sub(&side_velocity(&g.body_a, &g.arm_a, image), &side_velocity(&g.body_b, &g.arm_b, image));
-        [dot(&g.frame[0], &relative), dot(&g.frame[1], &relative), dot(&g.frame[2], &relative)]
+        let (a, b) = (g.body_a.map(|body| &image[body as usize]), g.body_b.map(|body| &image[body as usize]));
+        let difference = |l: usize| V::of(a[l][0]) - V::of(b[l][0]);
+        let relative = V::components([difference(0), difference(1), difference(2), difference(3)]);
+        let spins = |of: [&BodyPair; LANES]| V::components(of.map(|pair| V::of(pair[1])));
+        let relative = add(&relative, &cross(&spins(a), &load(&g.arm_a)));
+        let relative = sub(&relative, &cross(&spins(b), &load(&g.arm_b)));
+        [
+            dot(&load(&g.frame[0]), &relative),
+            dot(&load(&g.frame[1]), &relative),
+            dot(&load(&g.frame[2]), &relative),
+        ]
     }
 
     /// Impulses in world axes of one batch and their moments about bodies A and B.
     #[inline(always)]
-    pub(super) fn world_impulses(&self, batch: usize, x: &Batch) -> WorldImpulses {
+    fn world_impulses<V: Vector>(&self, batch: usize, x: &Batch<V>) -> WorldImpulses<V> {
         let g = &self.geometry[batch];
-        let p = add(&add(&scale(x[0], &g.frame[0]), &scale(x[1], &g.frame[1])), &scale(x[2], &g.frame[2]));
-        [p, cross(&g.arm_a, &p), cross(&g.arm_b, &p)]
+        let along = |k: usize| scale(x[k], &load(&g.frame[k]));
+        let p = add(&add(&along(0), &along(1)), &along(2));
+        let (moment_a, moment_b) = (cross(&load(&g.arm_a), &p), cross(&load(&g.arm_b), &p));
+        [V::records(&p), V::records(&moment_a), V::records(&moment_b)]
     }
 
-    /// Adds the impulses and moments of one batch to the slots of its chunk. Apart from [`Self::world_impulses`], in a loop of
-    /// its own: together the compiler computes both one contact at a time.
+    /// Adds the impulses of one batch and their moments to the slots of its chunk.
     #[inline(always)]
-    pub(super) fn scatter(&self, batch: usize, [p, ma, mb]: &WorldImpulses, slots: &mut [[f64; 6]]) {
+    pub(super) fn scatter<V: Vector>(&self, batch: usize, x: &Batch<V>, slots: &mut [BodyPair]) {
+        let [p, moment_a, moment_b] = self.world_impulses(batch, x);
         let g = &self.geometry[batch];
         for lane in 0..LANES {
-            let a = &mut slots[g.slot_a[lane] as usize];
-            for k in 0..3 {
-                a[k] += p[k].0[lane];
-                a[3 + k] += ma[k].0[lane];
-            }
-            let b = &mut slots[g.slot_b[lane] as usize];
-            for k in 0..3 {
-                b[k] -= p[k].0[lane];
-                b[3 + k] -= mb[k].0[lane];
-            }
+            let [force, moment] = &mut slots[g.slot_a[lane] as usize];
+            *force = (V::of(*force) + p[lane]).lanes();
+            *moment = (V::of(*moment) + moment_a[lane]).lanes();
+            let [force, moment] = &mut slots[g.slot_b[lane] as usize];
+            *force = (V::of(*force) - p[lane]).lanes();
+            *moment = (V::of(*moment) - moment_b[lane]).lanes();
         }
     }
 
     /// image <- M^-1 (sums of the slots of each body); returns the quadratic form, force dot velocity.
-    pub(super) fn velocities(&self, slots: &[[f64; 6]], image: &mut [f64], tallies: &mut [Tally]) -> f64 {
+    pub(super) fn velocities(&self, slots: &[BodyPair], image: &mut [Lanes], tallies: &mut [Tally]) -> f64 {
         let tasks = self.num_body_tasks();
-        let velocities = &mut image[..6 * self.inverse_mass.len()];
+        let velocities = &mut image[..2 * self.num_bodies];
         let tallies = &mut tallies[..tasks];
         let no_extra = &mut [] as &mut [()];
         for_each_task(
             0..tasks,
-            6 * BODIES,
+            2 * BODIES,
             [velocities],
             no_extra,
             &|_| 0,
             tallies,
-            &|task, [v], _, tally| {
-                let mut quadratic = 0.0;
-                for (offset, v) in v.chunks_exact_mut(6).enumerate() {
-                    let body = task * BODIES + offset;
-                    let mut force = [0.0; 6];
-                    let range = self.slot_start[body] as usize..self.slot_start[body + 1] as usize;
-                    for &slot in &self.slots[range] {
-                        for (f, s) in force.iter_mut().zip(&slots[slot as usize]) {
-                            *f += s;
-                        }
-                    }
-                    let m = &self.inverse_mass[body];
-                    for k in 0..3 {
-                        v[k] = m.linear[k] * force[k];
-                        let row = &m.angular[3 * k..3 * k + 3];
-                        v[3 + k] = row[0] * force[3] + row[1] * force[4] + row[2] * force[5];
-                        quadratic += v[k] * force[k] + v[3 + k] * force[3 + k];
-                    }
-                }
-                tally.sum[0].0[0] = quadratic;
+            &|task, [velocities], _, tally| {
+                let velocities = velocities.as_chunks_mut::<2>().0;
+                vectorised(BodyTask { operator: self, first: task * BODIES, slots, velocities, tally });
             },
         );
         Totals::of(tallies).sum[0]
@@ -340,45 +355,47 @@ impl BodyOperator {
 
     /// Adds M^-1 of the impulses of one contact (lane of a batch) to the velocities of its bodies.
     #[inline(always)]
-    fn push(&self, batch: usize, lane: usize, [p, ma, mb]: &WorldImpulses, image: &mut [[f64; 6]]) {
+    fn push<V: Vector>(
+        &self,
+        batch: usize,
+        lane: usize,
+        [p, moment_a, moment_b]: &WorldImpulses<V>,
+        image: &mut [BodyPair],
+    ) {
         let g = &self.geometry[batch];
-        for (body, sign, moment) in [(g.body_a[lane], 1.0, ma), (g.body_b[lane], -1.0, mb)] {
-            let Some(inverse) = self.inverse_mass.get(body as usize) else { continue };
-            let v = &mut image[body as usize];
-            let m = [sign * moment[0].0[lane], sign * moment[1].0[lane], sign * moment[2].0[lane]];
-            for k in 0..3 {
-                v[k] += inverse.linear[k] * (sign * p[k].0[lane]);
-                // By columns, which are the rows of a symmetric matrix: three components at a time.
-                let a = &inverse.angular;
-                v[3 + k] += a[k] * m[0] + a[3 + k] * m[1] + a[6 + k] * m[2];
-            }
-        }
+        let (a, b) = (g.body_a[lane] as usize, g.body_b[lane] as usize);
+        let [du, dw] = self.inverse_mass[a].times([p[lane], moment_a[lane]]);
+        let [u, w] = &mut image[a];
+        *u = (V::of(*u) + du).lanes();
+        *w = (V::of(*w) + dw).lanes();
+        let [du, dw] = self.inverse_mass[b].times([p[lane], moment_b[lane]]);
+        let [u, w] = &mut image[b];
+        *u = (V::of(*u) - du).lanes();
+        *w = (V::of(*w) - dw).lanes();
     }
 
     /// Gauss-Seidel over all contacts: `contacts` get the velocities D^T v of a batch and change
     /// its impulses; the velocities of the bodies follow at once. [`TOGETHER`] batches that share no body are computed side by
     /// side, others contact by contact: the result is that of one contact after the other in the order of the packing.
     #[inline(always)]
-    pub(super) fn sweep(&self, image: &mut [f64], contacts: &mut impl Update) {
-        let image = image.as_chunks_mut::<6>().0;
+    pub(super) fn sweep<V: Vector>(&self, image: &mut [Lanes], contacts: &mut impl Update<V>) {
+        let image = image.as_chunks_mut::<2>().0;
         for (group, &independent) in self.independent.iter().enumerate() {
             let first = group * TOGETHER;
             let count = TOGETHER.min(self.geometry.len() - first);
             if independent {
                 // Short loops, as in a pass.
-                let (mut u, mut world) = ([ZERO; TOGETHER], [[ZERO; 3]; TOGETHER]);
+                let mut u = [zero::<V>(); TOGETHER];
                 for (k, u) in u[..count].iter_mut().enumerate() {
                     *u = self.relative_velocity(first + k, image);
                 }
                 for (k, u) in u[..count].iter_mut().enumerate() {
-                    *u = contacts.at(first + k, u, Lanes::splat(1.0));
+                    *u = contacts.at(first + k, u, V::splat(1.0));
                 }
-                for (k, world) in world[..count].iter_mut().enumerate() {
-                    *world = self.world_impulses(first + k, &u[k]);
-                }
-                for (k, world) in world[..count].iter().enumerate() {
+                for (k, u) in u[..count].iter().enumerate() {
+                    let world = self.world_impulses(first + k, u);
                     for lane in 0..LANES {
-                        self.push(first + k, lane, world, image);
+                        self.push(first + k, lane, &world, image);
                     }
                 }
             } else {
@@ -387,7 +404,7 @@ impl BodyOperator {
                         let u = self.relative_velocity(batch, image);
                         let mut moves = Lanes::default();
                         moves.0[lane] = 1.0;
-                        let change = contacts.at(batch, &u, moves);
+                        let change = contacts.at(batch, &u, V::of(moves));
                         self.push(batch, lane, &self.world_impulses(batch, &change), image);
                     }
                 }
@@ -404,14 +421,16 @@ impl BodyOperator {
         let dot3 = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
         let mut block = [0.0; 9];
         let mut add_side = |body: u32, linear: f64, arm: [f64; 3]| {
-            let Some(inverse) = self.inverse_mass.get(body as usize) else { return };
+            let InverseMass { linear: inverse, angular } = &self.inverse_mass[body as usize];
             let lever = frame.map(|f| {
                 [arm[1] * f[2] - arm[2] * f[1], arm[2] * f[0] - arm[0] * f[2], arm[0] * f[1] - arm[1] * f[0]]
             });
             for column in 0..3 {
                 let f = frame[column];
-                let v = std::array::from_fn(|k| linear * inverse.linear[k] * f[k]);
-                let w = graintrain_linalg::block_ops::apply3(&inverse.angular, lever[column]);
+                let v = std::array::from_fn(|k| linear * inverse.0[k] * f[k]);
+                let [x, y, z] = lever[column];
+                let w =
+                    std::array::from_fn(|k| angular[0].0[k] * x + angular[1].0[k] * y + angular[2].0[k] * z);
                 for row in 0..3 {
                     block[3 * row + column] += dot3(frame[row], v) + dot3(lever[row], w);
                 }
@@ -429,6 +448,37 @@ impl BodyOperator {
 
     /// Number of parallel tasks of [`Self::velocities`].
     pub(super) fn num_body_tasks(&self) -> usize {
-        self.inverse_mass.len().div_ceil(BODIES)
+        self.num_bodies.div_ceil(BODIES)
+    }
+}
+
+/// Velocities of some bodies from the slots.
+struct BodyTask<'a> {
+    operator: &'a BodyOperator,
+    first: usize,
+    slots: &'a [BodyPair],
+    velocities: &'a mut [BodyPair],
+    tally: &'a mut Tally,
+}
+
+impl TaskWork for BodyTask<'_> {
+    #[inline(always)]
+    fn run<V: Vector>(self) {
+        let Self { operator, first, slots, velocities, tally } = self;
+        let mut quadratic = V::default();
+        for (offset, velocity) in velocities.iter_mut().enumerate() {
+            let body = first + offset;
+            let (mut force, mut moment) = (V::default(), V::default());
+            let range = operator.slot_start[body] as usize..operator.slot_start[body + 1] as usize;
+            for &slot in &operator.slots[range] {
+                let [f, m] = slots[slot as usize];
+                force += V::of(f);
+                moment += V::of(m);
+            }
+            let [u, w] = operator.inverse_mass[body].times([force, moment]);
+            quadratic += force * u + moment * w;
+            *velocity = [u.lanes(), w.lanes()];
+        }
+        tally.sum[0] = quadratic.lanes();
     }
 }

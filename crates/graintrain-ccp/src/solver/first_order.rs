@@ -1,11 +1,12 @@
 //! What the first-order methods share: the scaled problem, the iterate with its image, stopping.
 
 use super::driver::{Best, Limits, check_start};
-use super::lanes::Batch;
+use super::lanes::{Batch, Lanes, Vector};
 use super::scaling::{Image, PassWork, ScaledProblem};
 use super::{CcpSolver, SolveReport, SolveSettings, Status};
 use crate::problem::{Ccp, CcpError};
 use crate::residual::{FrictionModel, ResidualScale};
+use rayon::prelude::*;
 
 /// A method that works on the scaled problem with passes.
 pub trait FirstOrderMethod: Send {
@@ -114,6 +115,9 @@ const CHECK: usize = 10;
 /// Iterations between two evaluations of the image of x from x itself: two per cent of the work.
 const REFRESH: usize = 10 * CHECK;
 
+/// Entries of an image per parallel task of a linear combination.
+pub(super) const IMAGE_CHUNK: usize = 1024;
+
 /// The current iterate with its image, and when to stop.
 pub struct Iterate<'a> {
     /// x.
@@ -199,7 +203,7 @@ impl<'a> Iterate<'a> {
     }
 
     /// Image of x <- image of x + factor * image.
-    pub fn add_image(&mut self, factor: f64, image: &[f64]) {
+    pub fn add_image(&mut self, factor: f64, image: &[Lanes]) {
         add_image(&mut self.image, factor, image);
     }
 
@@ -211,6 +215,11 @@ impl<'a> Iterate<'a> {
 }
 
 /// to <- to + factor * image.
-pub fn add_image(to: &mut [f64], factor: f64, image: &[f64]) {
-    graintrain_linalg::parallel::axpy(factor, image, to);
+pub fn add_image(to: &mut [Lanes], factor: f64, image: &[Lanes]) {
+    let factor = Lanes::splat(factor);
+    to.par_chunks_mut(IMAGE_CHUNK).zip(image.par_chunks(IMAGE_CHUNK)).for_each(|(to, image)| {
+        for (to, image) in to.iter_mut().zip(image) {
+            *to += factor * *image;
+        }
+    });
 }

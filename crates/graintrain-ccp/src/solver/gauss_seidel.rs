@@ -6,7 +6,7 @@
 //! Computer Methods in Applied Mechanics and Engineering 177:235-257, 1999.
 
 use super::first_order::{FirstOrder, FirstOrderMethod, Iterate};
-use super::lanes::{Batch, LANES, Lanes, project, sub};
+use super::lanes::{Batch, LANES, Lanes, Vector, project, sub};
 use super::scaling::{Here, Relaxation, ScaledProblem};
 use crate::problem::CcpError;
 use crate::residual::FrictionModel;
@@ -51,18 +51,15 @@ struct Steps {
 
 impl Relaxation for Steps {
     #[inline(always)]
-    fn relaxed(&self, batch: usize, here: Here, u: &Batch, x: &Batch) -> Batch {
-        let step = self.step[batch];
+    fn relaxed<V: Vector>(&self, batch: usize, here: Here<V>, u: &Batch<V>, x: &Batch<V>) -> Batch<V> {
+        let step = V::of(self.step[batch]);
         let moved = sub(x, &[step * u[0], step * u[1], step * u[2]]);
         if self.exact {
-            let normal = moved[0].max(Lanes::splat(0.0));
+            let normal = moved[0].max(V::splat(0.0));
             let bound = here.mu * normal;
             let length = (moved[1] * moved[1] + moved[2] * moved[2]).sqrt();
-            let factor = length.at_most(
-                bound,
-                Lanes::splat(1.0),
-                bound.divide(length.max(Lanes::splat(f64::MIN_POSITIVE))),
-            );
+            let factor =
+                length.at_most(bound, V::splat(1.0), bound.divide(length.max(V::splat(f64::MIN_POSITIVE))));
             [normal, factor * moved[1], factor * moved[2]]
         } else {
             project(here.mu, &moved)

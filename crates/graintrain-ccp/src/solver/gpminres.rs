@@ -6,7 +6,7 @@
 
 use super::face::in_tangent_space;
 use super::first_order::{FirstOrder, FirstOrderMethod, Iterate};
-use super::lanes::{Batch, ZERO, add, add_scaled, dot, project, sub};
+use super::lanes::{Batch, Vector, add, add_scaled, dot, project, sub, zero};
 use super::scaling::{Here, Image, Kernel, ScaledProblem};
 use super::sweep::Tally;
 
@@ -38,7 +38,13 @@ struct GradientStep {
 
 impl Kernel<1> for GradientStep {
     #[inline(always)]
-    fn at(&self, here: Here, u: &Batch, [x]: [&mut Batch; 1], tally: &mut Tally) -> Batch {
+    fn at<V: Vector>(
+        &self,
+        here: Here<V>,
+        u: &Batch<V>,
+        [x]: [&mut Batch<V>; 1],
+        tally: &mut Tally<V>,
+    ) -> Batch<V> {
         let new = project(here.mu, &add_scaled(x, -self.alpha, u));
         let d = sub(&new, x);
         tally.sum[0] += dot(&d, &d);
@@ -52,12 +58,18 @@ struct FaceResidual;
 
 impl Kernel<5> for FaceResidual {
     #[inline(always)]
-    fn at(&self, here: Here, u: &Batch, [x, w, rho, p, ap]: [&mut Batch; 5], tally: &mut Tally) -> Batch {
+    fn at<V: Vector>(
+        &self,
+        here: Here<V>,
+        u: &Batch<V>,
+        [x, w, rho, p, ap]: [&mut Batch<V>; 5],
+        tally: &mut Tally<V>,
+    ) -> Batch<V> {
         let g = in_tangent_space(here.mu, x, u);
-        *rho = sub(&ZERO, &g);
-        *w = ZERO;
-        *p = ZERO;
-        *ap = ZERO;
+        *rho = sub(&zero(), &g);
+        *w = zero();
+        *p = zero();
+        *ap = zero();
         tally.sum[0] += dot(rho, rho);
         *rho
     }
@@ -70,7 +82,13 @@ struct Conjugate {
 
 impl Kernel<4> for Conjugate {
     #[inline(always)]
-    fn at(&self, here: Here, u: &Batch, [x, rho, p, ap]: [&mut Batch; 4], tally: &mut Tally) -> Batch {
+    fn at<V: Vector>(
+        &self,
+        here: Here<V>,
+        u: &Batch<V>,
+        [x, rho, p, ap]: [&mut Batch<V>; 4],
+        tally: &mut Tally<V>,
+    ) -> Batch<V> {
         *p = add_scaled(rho, self.beta, p);
         *ap = add_scaled(&in_tangent_space(here.mu, x, &sub(u, &here.r)), self.beta, ap);
         tally.sum[0] += dot(ap, ap);
@@ -85,7 +103,13 @@ struct Advance {
 
 impl Kernel<4> for Advance {
     #[inline(always)]
-    fn at(&self, _: Here, _: &Batch, [w, rho, p, ap]: [&mut Batch; 4], tally: &mut Tally) -> Batch {
+    fn at<V: Vector>(
+        &self,
+        _: Here<V>,
+        _: &Batch<V>,
+        [w, rho, p, ap]: [&mut Batch<V>; 4],
+        tally: &mut Tally<V>,
+    ) -> Batch<V> {
         *w = add_scaled(w, self.alpha, p);
         *rho = add_scaled(rho, -self.alpha, ap);
         tally.sum[0] += dot(rho, rho);
@@ -100,7 +124,13 @@ struct Trial {
 
 impl Kernel<3> for Trial {
     #[inline(always)]
-    fn at(&self, here: Here, u: &Batch, [x, w, trial]: [&mut Batch; 3], tally: &mut Tally) -> Batch {
+    fn at<V: Vector>(
+        &self,
+        here: Here<V>,
+        u: &Batch<V>,
+        [x, w, trial]: [&mut Batch<V>; 3],
+        tally: &mut Tally<V>,
+    ) -> Batch<V> {
         *trial = sub(&project(here.mu, &add_scaled(x, self.tau, w)), x);
         tally.sum[0] += dot(u, trial);
         *trial

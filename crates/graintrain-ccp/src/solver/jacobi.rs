@@ -4,7 +4,7 @@
 //! rigid body dynamics", Computer Methods in Applied Mechanics and Engineering 200:439-453, 2011.
 
 use super::first_order::{FirstOrder, FirstOrderMethod, Iterate};
-use super::lanes::{Batch, add_scaled, dot, project, sub};
+use super::lanes::{Batch, Vector, add_scaled, dot, project, sub};
 use super::scaling::{Here, Kernel, ScaledProblem};
 use super::sweep::Tally;
 
@@ -37,7 +37,13 @@ struct Step {
 
 impl Kernel<1> for Step {
     #[inline(always)]
-    fn at(&self, here: Here, u: &Batch, [x]: [&mut Batch; 1], tally: &mut Tally) -> Batch {
+    fn at<V: Vector>(
+        &self,
+        here: Here<V>,
+        u: &Batch<V>,
+        [x]: [&mut Batch<V>; 1],
+        tally: &mut Tally<V>,
+    ) -> Batch<V> {
         let image = project(here.mu, &add_scaled(x, -self.omega, u));
         let d = sub(&image, x);
         let new = add_scaled(x, self.averaging, &d);

@@ -6,7 +6,7 @@
 
 use super::face::{along_face, where_sticking};
 use super::first_order::{FirstOrder, FirstOrderMethod, Iterate, add_image};
-use super::lanes::{Batch, Lanes, ZERO, add_scaled, dot, project, scale, sub};
+use super::lanes::{Batch, Vector, add_scaled, dot, project, scale, sub, zero};
 use super::scaling::{Here, Kernel, ScaledProblem};
 use super::sweep::{Tally, for_each_batch};
 
@@ -34,31 +34,25 @@ struct Split {
 }
 
 impl Kernel<2> for Split {
-    /// The reduced gradient x - P(x - step u).
     #[inline(always)]
-    fn at(&self, here: Here, u: &Batch, [x, _]: [&mut Batch; 2], _: &mut Tally) -> Batch {
-        sub(x, &project(here.mu, &add_scaled(x, -self.step, u)))
-    }
-
-    #[inline(always)]
-    fn finish(
+    fn at<V: Vector>(
         &self,
-        here: Here,
-        u: &Batch,
-        reduced: Batch,
-        [x, phi]: [&mut Batch; 2],
-        tally: &mut Tally,
-    ) -> Batch {
+        here: Here<V>,
+        u: &Batch<V>,
+        [x, phi]: [&mut Batch<V>; 2],
+        tally: &mut Tally<V>,
+    ) -> Batch<V> {
+        let reduced = sub(x, &project(here.mu, &add_scaled(x, -self.step, u)));
         // On the boundary the free part is a multiple of x, and so is its reduction: x - P(x - step coefficient x).
-        let coefficient = dot(x, u).divide(dot(x, x).max(Lanes::splat(f64::MIN_POSITIVE)));
-        let shrink = (Lanes::splat(self.step) * coefficient).min(Lanes::splat(1.0));
+        let coefficient = dot(x, u).divide(dot(x, x).max(V::splat(f64::MIN_POSITIVE)));
+        let shrink = (V::splat(self.step) * coefficient).min(V::splat(1.0));
         *phi = where_sticking(here.mu, x, u, &scale(coefficient, x));
         let reduced_free = where_sticking(here.mu, x, &reduced, &scale(shrink, x));
         let boundary = sub(&reduced, &reduced_free);
         tally.sum[0] += dot(phi, &reduced_free);
         tally.sum[1] += dot(&boundary, &boundary);
         tally.sum[2] += dot(phi, phi);
-        ZERO
+        zero()
     }
 }
 
@@ -68,40 +62,33 @@ struct Direction {
 }
 
 impl Kernel<3> for Direction {
-    /// b, b^2 - a c and -c of the equation below.
-    #[inline(always)]
-    fn at(&self, here: Here, _: &Batch, [x, phi, p]: [&mut Batch; 3], tally: &mut Tally) -> Batch {
-        *p = add_scaled(phi, self.conjugation, p);
-        tally.sum[0] += dot(phi, p);
-        let square = here.mu * here.mu;
-        let a = p[1] * p[1] + p[2] * p[2] - square * p[0] * p[0];
-        let b = x[1] * p[1] + x[2] * p[2] - square * x[0] * p[0];
-        let c = x[1] * x[1] + x[2] * x[2] - square * x[0] * x[0];
-        [b, b * b - a * c, -c]
-    }
-
     /// 1 / (largest alpha with x - alpha p in the cone); 0 where there is no bound.
     ///
     /// Inside, alpha is the smallest positive root of a alpha^2 - 2 b alpha + c = 0 with a = |p_t|^2 - mu^2 p_n^2,
     /// b = x_t p_t - mu^2 x_n p_n, c = |x_t|^2 - mu^2 x_n^2 < 0, in the form without cancellation
     /// 1/alpha = (sqrt(b^2 - a c) - b) / (-c). On the boundary p points along the ray: 1/alpha = p_n / x_n.
     #[inline(always)]
-    fn finish(
+    fn at<V: Vector>(
         &self,
-        here: Here,
-        _: &Batch,
-        [b, discriminant, minus_c]: Batch,
-        [x, _, p]: [&mut Batch; 3],
-        tally: &mut Tally,
-    ) -> Batch {
-        let zero = Lanes::splat(0.0);
+        here: Here<V>,
+        _: &Batch<V>,
+        [x, phi, p]: [&mut Batch<V>; 3],
+        tally: &mut Tally<V>,
+    ) -> Batch<V> {
+        *p = add_scaled(phi, self.conjugation, p);
+        tally.sum[0] += dot(phi, p);
+        let (none, square) = (V::default(), here.mu * here.mu);
+        let a = p[1] * p[1] + p[2] * p[2] - square * p[0] * p[0];
+        let b = x[1] * p[1] + x[2] * p[2] - square * x[0] * p[0];
+        let c = x[1] * x[1] + x[2] * x[2] - square * x[0] * x[0];
+        let discriminant = b * b - a * c;
         // A negative discriminant: the mantle is never met, and p_n <= 0 keeps the apex away too.
-        let numerator = zero.at_most(discriminant, discriminant.max(zero).sqrt() - b, zero);
-        let along_ray = x[0].at_most(zero, zero, p[0]);
+        let numerator = none.at_most(discriminant, discriminant.max(none).sqrt() - b, none);
+        let along_ray = x[0].at_most(none, none, p[0]);
         let [numerator, denominator, _] =
-            where_sticking(here.mu, x, &[numerator, minus_c, zero], &[along_ray, x[0], zero]);
-        let inverse = numerator.divide(denominator.max(Lanes::splat(f64::MIN_POSITIVE)));
-        tally.max = tally.max.max(inverse.max(zero));
+            where_sticking(here.mu, x, &[numerator, -c, none], &[along_ray, x[0], none]);
+        let inverse = numerator.divide(denominator.max(V::splat(f64::MIN_POSITIVE)));
+        tally.max = tally.max.max(inverse.max(none));
         *p
     }
 }
@@ -113,8 +100,14 @@ struct Proportioning {
 
 impl Kernel<1> for Proportioning {
     #[inline(always)]
-    fn at(&self, here: Here, u: &Batch, [x]: [&mut Batch; 1], _: &mut Tally) -> Batch {
-        let along = where_sticking(here.mu, x, &ZERO, u);
+    fn at<V: Vector>(
+        &self,
+        here: Here<V>,
+        u: &Batch<V>,
+        [x]: [&mut Batch<V>; 1],
+        _: &mut Tally<V>,
+    ) -> Batch<V> {
+        let along = where_sticking(here.mu, x, &zero(), u);
         let new = project(here.mu, &add_scaled(x, -self.step, &along));
         let d = sub(&new, x);
         *x = new;
@@ -131,14 +124,15 @@ struct Expansion {
 
 impl Kernel<2> for Expansion {
     #[inline(always)]
-    fn at(&self, here: Here, u: &Batch, [x, p]: [&mut Batch; 2], _: &mut Tally) -> Batch {
+    fn at<V: Vector>(
+        &self,
+        here: Here<V>,
+        u: &Batch<V>,
+        [x, p]: [&mut Batch<V>; 2],
+        _: &mut Tally<V>,
+    ) -> Batch<V> {
         *x = add_scaled(x, -self.alpha, p);
-        add_scaled(x, -self.step, &along_face(here.mu, x, u))
-    }
-
-    #[inline(always)]
-    fn finish(&self, here: Here, _: &Batch, target: Batch, [x, _]: [&mut Batch; 2], _: &mut Tally) -> Batch {
-        let new = project(here.mu, &target);
+        let new = project(here.mu, &add_scaled(x, -self.step, &along_face(here.mu, x, u)));
         let change = sub(&new, x);
         *x = new;
         change

@@ -1,62 +1,71 @@
-//! Four contacts at a time: the arithmetic of the first-order methods, laid out so that the compiler vectorises it.
+//! Four contacts at a time: the arithmetic of the first-order methods.
 
 use std::ops::{Add, AddAssign, Mul, Neg, Sub};
 
 /// Contacts per batch.
 pub const LANES: usize = 4;
 
-/// One number of each of four contacts.
+/// One number of each of four contacts, as it lies in memory.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-#[repr(align(32))]
+#[repr(C, align(32))]
 pub struct Lanes(pub [f64; LANES]);
 
 /// Three components (normal, tangent 1, tangent 2) of four contacts.
-pub type Batch = [Lanes; 3];
+pub type Batch<V = Lanes> = [V; 3];
 
 /// A batch of zeros.
 pub const ZERO: Batch = [Lanes([0.0; LANES]); 3];
 
-impl Lanes {
-    /// The same number four times.
-    #[inline(always)]
-    pub fn splat(x: f64) -> Self {
-        Self([x; LANES])
-    }
+/// Four numbers that an operation treats together: [`Lanes`] on any processor, a vector register where it has AVX2 (module
+/// `avx2`). Both give the same bits: there is no fused multiply-add.
+pub trait Vector:
+    Copy + Default + Add<Output = Self> + AddAssign + Sub<Output = Self> + Mul<Output = Self> + Neg<Output = Self>
+{
+    /// These numbers.
+    fn of(lanes: Lanes) -> Self;
 
+    /// The numbers.
+    fn lanes(self) -> Lanes;
+
+    /// Numbers in memory, to change in place.
+    fn of_slice(lanes: &mut [Lanes]) -> &mut [Self];
+
+    /// The same number four times.
+    fn splat(x: f64) -> Self;
+
+    /// Number K, four times.
+    fn broadcast<const K: i32>(self) -> Self;
+
+    /// Square roots.
+    fn sqrt(self) -> Self;
+
+    /// The larger of each pair; the second one where one is NaN.
+    fn max(self, other: Self) -> Self;
+
+    /// The smaller of each pair; the second one where one is NaN.
+    fn min(self, other: Self) -> Self;
+
+    /// Quotients.
+    fn divide(self, other: Self) -> Self;
+
+    /// `yes` where `self <= bound`, else `no`.
+    fn at_most(self, bound: Self, yes: Self, no: Self) -> Self;
+
+    /// Asks for a datum that will be read soon.
+    fn prefetch<T>(datum: &T);
+
+    /// From four records to the first three components of all of them: number l of component k is number k of record l.
+    fn components(records: [Self; LANES]) -> Batch<Self>;
+
+    /// The way back; the fourth number of each record is zero.
+    fn records(components: &Batch<Self>) -> [Self; LANES];
+}
+
+impl Lanes {
     /// f(a_l, b_l) lane by lane.
     #[inline(always)]
     fn zip(self, other: Self, f: impl Fn(f64, f64) -> f64) -> Self {
         Self(std::array::from_fn(|l| f(self.0[l], other.0[l])))
-    }
-
-    /// Square roots.
-    #[inline(always)]
-    pub fn sqrt(self) -> Self {
-        Self(self.0.map(f64::sqrt))
-    }
-
-    /// The larger of each pair; the second one where the first is NaN.
-    #[inline(always)]
-    pub fn max(self, other: Self) -> Self {
-        self.zip(other, |a, b| if a > b { a } else { b })
-    }
-
-    /// The smaller of each pair; the second one where the first is NaN.
-    #[inline(always)]
-    pub fn min(self, other: Self) -> Self {
-        self.zip(other, |a, b| if a < b { a } else { b })
-    }
-
-    /// Quotients.
-    #[inline(always)]
-    pub fn divide(self, other: Self) -> Self {
-        self.zip(other, |a, b| a / b)
-    }
-
-    /// `yes` where `self <= bound`, else `no`.
-    #[inline(always)]
-    pub fn at_most(self, bound: Self, yes: Self, no: Self) -> Self {
-        Self(std::array::from_fn(|l| if self.0[l] <= bound.0[l] { yes.0[l] } else { no.0[l] }))
     }
 
     /// Sum of the lanes, in a fixed order.
@@ -68,6 +77,71 @@ impl Lanes {
     /// Largest lane; NaN if there is one.
     pub fn largest(self) -> f64 {
         self.0.into_iter().fold(0.0, |m, x| if x.is_nan() || x > m { x } else { m })
+    }
+}
+
+impl Vector for Lanes {
+    #[inline(always)]
+    fn of(lanes: Lanes) -> Self {
+        lanes
+    }
+
+    #[inline(always)]
+    fn lanes(self) -> Lanes {
+        self
+    }
+
+    #[inline(always)]
+    fn of_slice(lanes: &mut [Lanes]) -> &mut [Self] {
+        lanes
+    }
+
+    #[inline(always)]
+    fn splat(x: f64) -> Self {
+        Self([x; LANES])
+    }
+
+    #[inline(always)]
+    fn broadcast<const K: i32>(self) -> Self {
+        Self([self.0[K as usize]; LANES])
+    }
+
+    #[inline(always)]
+    fn sqrt(self) -> Self {
+        Self(self.0.map(f64::sqrt))
+    }
+
+    #[inline(always)]
+    fn max(self, other: Self) -> Self {
+        self.zip(other, |a, b| if a > b { a } else { b })
+    }
+
+    #[inline(always)]
+    fn min(self, other: Self) -> Self {
+        self.zip(other, |a, b| if a < b { a } else { b })
+    }
+
+    #[inline(always)]
+    fn divide(self, other: Self) -> Self {
+        self.zip(other, |a, b| a / b)
+    }
+
+    #[inline(always)]
+    fn at_most(self, bound: Self, yes: Self, no: Self) -> Self {
+        Self(std::array::from_fn(|l| if self.0[l] <= bound.0[l] { yes.0[l] } else { no.0[l] }))
+    }
+
+    #[inline(always)]
+    fn prefetch<T>(_: &T) {}
+
+    #[inline(always)]
+    fn components(records: [Self; LANES]) -> Batch<Self> {
+        std::array::from_fn(|k| Self(std::array::from_fn(|l| records[l].0[k])))
+    }
+
+    #[inline(always)]
+    fn records(components: &Batch<Self>) -> [Self; LANES] {
+        std::array::from_fn(|l| Self([components[0].0[l], components[1].0[l], components[2].0[l], 0.0]))
     }
 }
 
@@ -110,56 +184,80 @@ impl Neg for Lanes {
     }
 }
 
+/// Zeros.
+#[inline(always)]
+pub fn zero<V: Vector>() -> Batch<V> {
+    [V::default(); 3]
+}
+
+/// A batch from memory.
+#[inline(always)]
+pub fn load<V: Vector>(a: &Batch) -> Batch<V> {
+    [V::of(a[0]), V::of(a[1]), V::of(a[2])]
+}
+
+/// A batch for memory.
+#[inline(always)]
+pub fn store<V: Vector>(a: &Batch<V>) -> Batch {
+    [a[0].lanes(), a[1].lanes(), a[2].lanes()]
+}
+
+/// Batches in memory, to change in place.
+#[inline(always)]
+pub fn in_place<V: Vector>(vector: &mut [Batch]) -> &mut [Batch<V>] {
+    V::of_slice(vector.as_flattened_mut()).as_chunks_mut().0
+}
+
 /// a + b.
 #[inline(always)]
-pub fn add(a: &Batch, b: &Batch) -> Batch {
+pub fn add<V: Vector>(a: &Batch<V>, b: &Batch<V>) -> Batch<V> {
     [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
 }
 
 /// a - b.
 #[inline(always)]
-pub fn sub(a: &Batch, b: &Batch) -> Batch {
+pub fn sub<V: Vector>(a: &Batch<V>, b: &Batch<V>) -> Batch<V> {
     [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
 }
 
 /// a + s b.
 #[inline(always)]
-pub fn add_scaled(a: &Batch, s: f64, b: &Batch) -> Batch {
-    let s = Lanes::splat(s);
+pub fn add_scaled<V: Vector>(a: &Batch<V>, s: f64, b: &Batch<V>) -> Batch<V> {
+    let s = V::splat(s);
     [a[0] + s * b[0], a[1] + s * b[1], a[2] + s * b[2]]
 }
 
 /// s a, with one factor per contact.
 #[inline(always)]
-pub fn scale(s: Lanes, a: &Batch) -> Batch {
+pub fn scale<V: Vector>(s: V, a: &Batch<V>) -> Batch<V> {
     [s * a[0], s * a[1], s * a[2]]
 }
 
 /// Dot product per contact.
 #[inline(always)]
-pub fn dot(a: &Batch, b: &Batch) -> Lanes {
+pub fn dot<V: Vector>(a: &Batch<V>, b: &Batch<V>) -> V {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 /// Cross product per contact.
 #[inline(always)]
-pub fn cross(a: &Batch, b: &Batch) -> Batch {
+pub fn cross<V: Vector>(a: &Batch<V>, b: &Batch<V>) -> Batch<V> {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
 /// Projection of four points on their friction cones: [`FrictionCone::project`](crate::cone::FrictionCone::project)
 /// without branches.
 #[inline(always)]
-pub fn project(mu: Lanes, x: &Batch) -> Batch {
+pub fn project<V: Vector>(mu: V, x: &Batch<V>) -> Batch<V> {
     let tangential = (x[1] * x[1] + x[2] * x[2]).sqrt();
     // normal = q |x_t| and factor = mu q with one division; |x_t| is zero or at least 1e-162, so that q is finite.
-    let size = (Lanes::splat(1.0) + mu * mu) * tangential;
-    let q = (x[0] + mu * tangential).divide(size.max(Lanes::splat(f64::MIN_POSITIVE))).max(Lanes::splat(0.0));
+    let size = (V::splat(1.0) + mu * mu) * tangential;
+    let q = (x[0] + mu * tangential).divide(size.max(V::splat(f64::MIN_POSITIVE))).max(V::splat(0.0));
     let (normal, factor) = (q * tangential, mu * q);
     let bound = mu * x[0];
     [
         // With mu = 0 and x_t = 0 a negative x_n passes for a point inside.
-        tangential.at_most(bound, x[0].max(Lanes::splat(0.0)), normal),
+        tangential.at_most(bound, x[0].max(V::splat(0.0)), normal),
         tangential.at_most(bound, x[1], factor * x[1]),
         tangential.at_most(bound, x[2], factor * x[2]),
     ]

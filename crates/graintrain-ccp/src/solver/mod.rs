@@ -2,6 +2,8 @@
 
 mod apgd;
 mod auto;
+#[cfg(target_arch = "x86_64")]
+mod avx2;
 mod barzilai_borwein;
 mod body_operator;
 mod coulomb;

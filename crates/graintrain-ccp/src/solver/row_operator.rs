@@ -13,12 +13,6 @@ pub(super) struct RowOperator {
     block: Vec<Block>,
 }
 
-/// The batch stored in twelve consecutive numbers.
-#[inline(always)]
-pub(super) fn batch_of(numbers: &[f64; 3 * LANES]) -> Batch {
-    std::array::from_fn(|k| Lanes(std::array::from_fn(|lane| numbers[LANES * k + lane])))
-}
-
 impl RowOperator {
     /// Scales N by the factors of the normal and of the tangents per contact.
     pub(super) fn new(matrix: &BlockMatrix3, scaling: &[[f64; 2]]) -> Self {
@@ -63,23 +57,23 @@ impl RowOperator {
     }
 
     /// image <- N x; returns x^T N x.
-    pub(super) fn multiply(&self, x: &[Batch], image: &mut [f64], tallies: &mut [Tally]) -> f64 {
+    pub(super) fn multiply(&self, x: &[Batch], image: &mut [Lanes], tallies: &mut [Tally]) -> f64 {
         let rows = self.row_start.len() - 1;
         let chunks = x.len().div_ceil(CHUNK);
         let tallies = &mut tallies[..chunks];
         let no_extra = &mut [] as &mut [()];
-        let unit = CHUNK * 3 * LANES;
+        let unit = CHUNK * 3;
         for_each_task(0..chunks, unit, [image], no_extra, &|_| 0, tallies, &|chunk, [image], _, tally| {
-            for (offset, image) in image.as_chunks_mut::<{ 3 * LANES }>().0.iter_mut().enumerate() {
+            for (offset, image) in image.as_chunks_mut::<3>().0.iter_mut().enumerate() {
                 let batch = chunk * CHUNK + offset;
                 for lane in 0..LANES.min(rows - batch * LANES) {
                     let i = batch * LANES + lane;
                     let sum = self.row_times(i, x);
                     for k in 0..3 {
-                        image[LANES * k + lane] = sum[k];
+                        image[k].0[lane] = sum[k];
                     }
                 }
-                tally.sum[0] += dot(&x[batch], &batch_of(image));
+                tally.sum[0] += dot(&x[batch], image);
             }
         });
         Totals::of(tallies).sum[0]

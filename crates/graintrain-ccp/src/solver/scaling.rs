@@ -14,8 +14,8 @@
 
 mod passes;
 
-use super::body_operator::{BodyOperator, pack};
-use super::lanes::{Batch, LANES, Lanes, ZERO, dot, project, scale, sub};
+use super::body_operator::{BodyOperator, BodyPair, pack};
+use super::lanes::{Batch, LANES, Lanes, Vector, ZERO, dot, load, project, scale, sub, zero};
 use super::row_operator::RowOperator;
 use super::sweep::{CHUNK, Tally, Totals, for_each_task, vectorised};
 use crate::delassus::Delassus;
@@ -53,41 +53,41 @@ pub struct ScaledProblem {
 
 /// What the residual in the original metric needs of four contacts.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Metric {
+pub struct Metric<V = Lanes> {
     /// Normal and tangential impulse per unit of x, in units of J.
-    pub normal: Lanes,
+    pub normal: V,
     /// See `normal`.
-    pub tangential: Lanes,
+    pub tangential: V,
     /// Impulse, in units of J, by which a unit of u_n or u_t moves the natural map's argument.
-    pub along: Lanes,
+    pub along: V,
     /// See `along`.
-    pub across: Lanes,
+    pub across: V,
     /// mu.
-    pub mu: Lanes,
+    pub mu: V,
 }
 
 /// An image of x under N', in the form the operator keeps it: velocities of bodies, or N' x contact by contact.
 /// It is linear in x: combinations of images are images of combinations.
-pub type Image = Vec<f64>;
+pub type Image = Vec<Lanes>;
 
 /// What is known about a contact inside a pass.
 #[derive(Clone, Copy, Debug)]
-pub struct Here {
+pub struct Here<V> {
     /// Coefficients of friction mu' of the scaled problem.
-    pub mu: Lanes,
+    pub mu: V,
     /// For the residual.
-    pub metric: Metric,
+    pub metric: Metric<V>,
     /// r'.
-    pub r: Batch,
+    pub r: Batch<V>,
     /// Whether friction is exact.
     exact: bool,
 }
 
-impl Here {
+impl<V: Vector> Here<V> {
     /// What u is projected against: u itself, or with mu' |u_t| added to the normal component where friction is exact.
     /// The two factors per contact turn mu |u_t| into mu' |u'_t|.
     #[inline(always)]
-    pub fn drive(&self, u: &Batch) -> Batch {
+    pub fn drive(&self, u: &Batch<V>) -> Batch<V> {
         if self.exact { [u[0] + self.mu * (u[1] * u[1] + u[2] * u[2]).sqrt(), u[1], u[2]] } else { *u }
     }
 }
@@ -97,20 +97,19 @@ impl Here {
 pub trait Kernel<const M: usize>: Sync {
     /// Given u = N' y + r' and the method's vectors at this batch, updates the vectors, adds to the tally and returns the
     /// batch whose image the pass computes.
-    fn at(&self, here: Here, u: &Batch, vectors: [&mut Batch; M], tally: &mut Tally) -> Batch;
-
-    /// The rest of a long kernel, given what [`Self::at`] returned, in a loop of its own: the compiler keeps four lanes together
-    /// only along chains of about twelve operations.
-    #[inline(always)]
-    fn finish(&self, _: Here, _: &Batch, s: Batch, _: [&mut Batch; M], _: &mut Tally) -> Batch {
-        s
-    }
+    fn at<V: Vector>(
+        &self,
+        here: Here<V>,
+        u: &Batch<V>,
+        vectors: [&mut Batch<V>; M],
+        tally: &mut Tally<V>,
+    ) -> Batch<V>;
 }
 
 /// What Gauss-Seidel makes of the impulses of four contacts, given their velocities.
 pub trait Relaxation: Sync {
     /// The new impulses.
-    fn relaxed(&self, batch: usize, here: Here, u: &Batch, x: &Batch) -> Batch;
+    fn relaxed<V: Vector>(&self, batch: usize, here: Here<V>, u: &Batch<V>, x: &Batch<V>) -> Batch<V>;
 }
 
 /// Returns the vector: its image is wanted.
@@ -118,7 +117,7 @@ struct Identity;
 
 impl Kernel<1> for Identity {
     #[inline(always)]
-    fn at(&self, _: Here, _: &Batch, [x]: [&mut Batch; 1], _: &mut Tally) -> Batch {
+    fn at<V: Vector>(&self, _: Here<V>, _: &Batch<V>, [x]: [&mut Batch<V>; 1], _: &mut Tally<V>) -> Batch<V> {
         *x
     }
 }
@@ -130,8 +129,14 @@ struct PowerStep {
 
 impl Kernel<1> for PowerStep {
     #[inline(always)]
-    fn at(&self, here: Here, u: &Batch, [x]: [&mut Batch; 1], tally: &mut Tally) -> Batch {
-        *x = scale(Lanes::splat(self.factor), &sub(u, &here.r));
+    fn at<V: Vector>(
+        &self,
+        here: Here<V>,
+        u: &Batch<V>,
+        [x]: [&mut Batch<V>; 1],
+        tally: &mut Tally<V>,
+    ) -> Batch<V> {
+        *x = scale(V::splat(self.factor), &sub(u, &here.r));
         tally.sum[0] += dot(x, x);
         *x
     }
@@ -142,7 +147,13 @@ struct NaturalMap;
 
 impl Kernel<1> for NaturalMap {
     #[inline(always)]
-    fn at(&self, here: Here, u: &Batch, [x]: [&mut Batch; 1], tally: &mut Tally) -> Batch {
+    fn at<V: Vector>(
+        &self,
+        here: Here<V>,
+        u: &Batch<V>,
+        [x]: [&mut Batch<V>; 1],
+        tally: &mut Tally<V>,
+    ) -> Batch<V> {
         let u = here.drive(u);
         let Metric { normal, tangential, along, across, mu } = here.metric;
         let g = [normal * x[0], tangential * x[1], tangential * x[2]];
@@ -157,16 +168,22 @@ struct StoreProduct;
 
 impl Kernel<1> for StoreProduct {
     #[inline(always)]
-    fn at(&self, here: Here, u: &Batch, [out]: [&mut Batch; 1], _: &mut Tally) -> Batch {
+    fn at<V: Vector>(
+        &self,
+        here: Here<V>,
+        u: &Batch<V>,
+        [out]: [&mut Batch<V>; 1],
+        _: &mut Tally<V>,
+    ) -> Batch<V> {
         *out = sub(u, &here.r);
-        ZERO
+        zero()
     }
 }
 
 /// Scratch of passes, allocated once per solve.
 #[derive(Clone, Debug)]
 pub struct PassWork {
-    slots: Vec<[f64; 6]>,
+    slots: Vec<BodyPair>,
     scattered: Vec<Batch>,
     tallies: Vec<Tally>,
     products: usize,
@@ -274,8 +291,8 @@ impl ScaledProblem {
     /// An image of zero.
     pub fn zero_image(&self) -> Image {
         match &self.operator {
-            Operator::Bodies(bodies) => vec![0.0; bodies.image_len()],
-            Operator::Rows(_) => vec![0.0; 3 * LANES * self.num_batches()],
+            Operator::Bodies(bodies) => vec![Lanes::default(); bodies.image_len()],
+            Operator::Rows(_) => vec![Lanes::default(); 3 * self.num_batches()],
         }
     }
 
@@ -284,7 +301,7 @@ impl ScaledProblem {
         let chunks = self.num_batches().div_ceil(CHUNK);
         match &self.operator {
             Operator::Bodies(bodies) => PassWork {
-                slots: vec![[0.0; 6]; bodies.num_slots()],
+                slots: vec![BodyPair::default(); bodies.num_slots()],
                 scattered: Vec::new(),
                 tallies: vec![Tally::default(); chunks.max(bodies.num_body_tasks())],
                 products: 0,
@@ -330,9 +347,9 @@ impl ScaledProblem {
     /// Returns what the kernel tallied and s^T N' s.
     pub fn pass<const M: usize>(
         &self,
-        image: &[f64],
+        image: &[Lanes],
         vectors: [&mut [Batch]; M],
-        out: &mut [f64],
+        out: &mut [Lanes],
         work: &mut PassWork,
         kernel: &impl Kernel<M>,
     ) -> (Totals, f64) {
@@ -342,7 +359,7 @@ impl ScaledProblem {
     }
 
     /// The second half of a pass: out <- image of the impulses that the contacts have handed over; their quadratic form.
-    fn collect(&self, out: &mut [f64], work: &mut PassWork) -> f64 {
+    fn collect(&self, out: &mut [Lanes], work: &mut PassWork) -> f64 {
         match &self.operator {
             Operator::Bodies(bodies) => bodies.velocities(&work.slots, out, &mut work.tallies),
             Operator::Rows(rows) => rows.multiply(&work.scattered, out, &mut work.tallies),
@@ -352,7 +369,7 @@ impl ScaledProblem {
     /// As [`Self::pass`] without new impulses: a look at u = N' y + r'.
     pub fn look<const M: usize>(
         &self,
-        image: &[f64],
+        image: &[Lanes],
         vectors: [&mut [Batch]; M],
         work: &mut PassWork,
         kernel: &impl Kernel<M>,
@@ -363,7 +380,7 @@ impl ScaledProblem {
     #[inline(always)]
     fn contact_pass<const M: usize, const GATHER: bool, const SCATTER: bool>(
         &self,
-        image: &[f64],
+        image: &[Lanes],
         vectors: [&mut [Batch]; M],
         work: &mut PassWork,
         kernel: &impl Kernel<M>,
@@ -374,7 +391,7 @@ impl ScaledProblem {
         let tallies = &mut work.tallies[..chunks];
         match &self.operator {
             Operator::Bodies(bodies) => {
-                let velocity = image.as_chunks::<6>().0;
+                let velocity = image.as_chunks::<2>().0;
                 let len = |chunks| bodies.slot_range(chunks).len();
                 let slots = &mut work.slots[..];
                 for_each_task(
@@ -400,7 +417,7 @@ impl ScaledProblem {
                 );
             }
             Operator::Rows(_) => {
-                let product = image.as_chunks::<{ 3 * LANES }>().0;
+                let product = image.as_chunks::<3>().0;
                 let len = |chunks: std::ops::Range<usize>| {
                     (chunks.end * CHUNK).min(batches) - (chunks.start * CHUNK).min(batches)
                 };
@@ -431,7 +448,7 @@ impl ScaledProblem {
     }
 
     /// out <- image of x; returns x^T N' x. Velocities are not looked at, which saves half of a pass over bodies.
-    pub fn image_of(&self, x: &mut [Batch], out: &mut [f64], work: &mut PassWork) -> f64 {
+    pub fn image_of(&self, x: &mut [Batch], out: &mut [Lanes], work: &mut PassWork) -> f64 {
         let (_, quadratic) = self.scatter_pass([x], out, work, &Identity);
         quadratic
     }
@@ -440,7 +457,7 @@ impl ScaledProblem {
     pub fn scatter_pass<const M: usize>(
         &self,
         vectors: [&mut [Batch]; M],
-        out: &mut [f64],
+        out: &mut [Lanes],
         work: &mut PassWork,
         kernel: &impl Kernel<M>,
     ) -> (Totals, f64) {
@@ -450,7 +467,7 @@ impl ScaledProblem {
     }
 
     /// u <- N' x as a product of its own: a pass for the image and a look at it. Methods avoid it by fusing.
-    pub fn multiply(&self, x: &mut [Batch], u: &mut [Batch], image: &mut [f64], work: &mut PassWork) {
+    pub fn multiply(&self, x: &mut [Batch], u: &mut [Batch], image: &mut [Lanes], work: &mut PassWork) {
         self.image_of(x, image, work);
         self.look(image, [u], work, &StoreProduct);
     }
@@ -466,7 +483,7 @@ impl ScaledProblem {
 
     /// Largest eigenvalue of N' from below, to some per cent: the largest quotient met in a few power iterations from a
     /// fixed vector; at least 1 because trace(N'_ii) = 3. `x` and `image` are overwritten.
-    pub fn largest_curvature(&self, x: &mut [Batch], image: &mut [f64], work: &mut PassWork) -> f64 {
+    pub fn largest_curvature(&self, x: &mut [Batch], image: &mut [Lanes], work: &mut PassWork) -> f64 {
         for (batch, x) in x.iter_mut().enumerate() {
             // Any vector without symmetry will do.
             let s: [f64; LANES] =
@@ -508,7 +525,7 @@ impl ScaledProblem {
     pub fn sweep(
         &self,
         x: &mut [Batch],
-        image: &mut [f64],
+        image: &mut [Lanes],
         work: &mut PassWork,
         kernel: &impl Relaxation,
     ) -> bool {
@@ -536,16 +553,23 @@ impl ScaledProblem {
     }
 
     /// Residual max_i |d_i| / J of x, given its image: the natural map in the original metric.
-    pub fn residual(&self, x: &mut [Batch], image: &[f64], work: &mut PassWork) -> f64 {
+    pub fn residual(&self, x: &mut [Batch], image: &[Lanes], work: &mut PassWork) -> f64 {
         self.look(image, [x], work, &NaturalMap).max.sqrt()
     }
 
     #[inline(always)]
-    fn here(&self, batch: usize) -> Here {
+    fn here<V: Vector>(&self, batch: usize) -> Here<V> {
+        let Metric { normal, tangential, along, across, mu } = self.metric[batch];
         Here {
-            mu: self.friction[batch],
-            metric: self.metric[batch],
-            r: self.r[batch],
+            mu: V::of(self.friction[batch]),
+            metric: Metric {
+                normal: V::of(normal),
+                tangential: V::of(tangential),
+                along: V::of(along),
+                across: V::of(across),
+                mu: V::of(mu),
+            },
+            r: load(&self.r[batch]),
             exact: self.friction_model == FrictionModel::Coulomb,
         }
     }

@@ -1,7 +1,7 @@
 //! Projected gradient with spectral (Barzilai-Borwein) steps: what `bb` and `spg` share.
 
 use super::first_order::Iterate;
-use super::lanes::{Batch, ZERO, add_scaled, dot, project, sub};
+use super::lanes::{Batch, Vector, add_scaled, dot, project, sub, zero};
 use super::scaling::{Here, Image, Kernel, ScaledProblem};
 use super::sweep::Tally;
 
@@ -34,9 +34,15 @@ struct StoreGradient;
 
 impl Kernel<1> for StoreGradient {
     #[inline(always)]
-    fn at(&self, _: Here, fresh: &Batch, [u]: [&mut Batch; 1], _: &mut Tally) -> Batch {
+    fn at<V: Vector>(
+        &self,
+        _: Here<V>,
+        fresh: &Batch<V>,
+        [u]: [&mut Batch<V>; 1],
+        _: &mut Tally<V>,
+    ) -> Batch<V> {
         *u = *fresh;
-        ZERO
+        zero()
     }
 }
 
@@ -47,7 +53,13 @@ struct GradientStep {
 
 impl Kernel<3> for GradientStep {
     #[inline(always)]
-    fn at(&self, here: Here, _: &Batch, [x, u, direction]: [&mut Batch; 3], tally: &mut Tally) -> Batch {
+    fn at<V: Vector>(
+        &self,
+        here: Here<V>,
+        _: &Batch<V>,
+        [x, u, direction]: [&mut Batch<V>; 3],
+        tally: &mut Tally<V>,
+    ) -> Batch<V> {
         let new = project(here.mu, &add_scaled(x, -self.alpha, u));
         let d = sub(&new, x);
         tally.sum[0] += dot(&d, &d);
@@ -63,11 +75,17 @@ struct FullStep;
 
 impl Kernel<1> for FullStep {
     #[inline(always)]
-    fn at(&self, here: Here, product: &Batch, [u]: [&mut Batch; 1], tally: &mut Tally) -> Batch {
+    fn at<V: Vector>(
+        &self,
+        here: Here<V>,
+        product: &Batch<V>,
+        [u]: [&mut Batch<V>; 1],
+        tally: &mut Tally<V>,
+    ) -> Batch<V> {
         let nd = sub(product, &here.r);
         tally.sum[0] += dot(&nd, &nd);
         *u = add_scaled(u, 1.0, &nd);
-        ZERO
+        zero()
     }
 }
 
@@ -78,12 +96,18 @@ struct ShortenedStep {
 
 impl Kernel<3> for ShortenedStep {
     #[inline(always)]
-    fn at(&self, here: Here, product: &Batch, [u, x, d]: [&mut Batch; 3], tally: &mut Tally) -> Batch {
+    fn at<V: Vector>(
+        &self,
+        here: Here<V>,
+        product: &Batch<V>,
+        [u, x, d]: [&mut Batch<V>; 3],
+        tally: &mut Tally<V>,
+    ) -> Batch<V> {
         let nd = sub(product, &here.r);
         tally.sum[0] += dot(&nd, &nd);
         *u = add_scaled(u, self.tau, &nd);
         *x = add_scaled(x, self.tau - 1.0, d);
-        ZERO
+        zero()
     }
 }
 

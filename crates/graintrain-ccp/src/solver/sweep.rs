@@ -1,6 +1,6 @@
 //! Passes over all contacts, in parallel, with sums whose bits do not depend on the number of threads.
 
-use super::lanes::{Batch, Lanes};
+use super::lanes::{Batch, Lanes, Vector};
 use std::ops::Range;
 
 /// Batches per chunk: the unit of parallel work and of the order of sums.
@@ -11,11 +11,19 @@ pub const SUMS: usize = 6;
 
 /// What a pass gathers over the contacts: sums and one maximum, meant by the kernel.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Tally {
+pub struct Tally<V = Lanes> {
     /// Sums over contacts, lane by lane.
-    pub sum: [Lanes; SUMS],
+    pub sum: [V; SUMS],
     /// Largest value met.
-    pub max: Lanes,
+    pub max: V,
+}
+
+impl<V: Vector> Tally<V> {
+    /// The tally for memory.
+    #[inline(always)]
+    pub fn store(&self) -> Tally {
+        Tally { sum: self.sum.map(V::lanes), max: self.max.lanes() }
+    }
 }
 
 /// The sums and the maximum over all contacts.
@@ -87,29 +95,18 @@ pub fn for_each_task<T: Send, U: Send, const M: usize>(
     );
 }
 
-/// Work of one task, written as a type so that it can be compiled twice.
+/// Work of one task, written as a type so that it can be compiled for more than one kind of [`Vector`].
 pub trait TaskWork {
     /// Does the work. Implementations are `#[inline(always)]`.
-    fn run(self);
+    fn run<V: Vector>(self);
 }
 
-/// Runs the work compiled for AVX2 where the processor has it. Only the width of the instructions differs: no fused
-/// multiply-add is used, so the bits are those of the plain code.
+/// Runs the work with the vectors of this processor; the bits are the same with all of them.
 #[inline(always)]
-// Measured with benches/product.rs at 18 299 contacts: a product takes 0.80 and an iteration of `pj` or `apgd` 0.69 of the time of
-// the SSE2 code of the default x86-64 target.
-#[allow(unsafe_code)]
 pub fn vectorised(work: impl TaskWork) {
     #[cfg(target_arch = "x86_64")]
-    if std::arch::is_x86_feature_detected!("avx2") {
-        #[target_feature(enable = "avx2")]
-        fn with_avx2(work: impl TaskWork) {
-            work.run();
-        }
-        // SAFETY: the processor has AVX2, which is all that `with_avx2` asks for.
-        return unsafe { with_avx2(work) };
-    }
-    work.run();
+    let Err(work) = super::avx2::run(work) else { return };
+    work.run::<Lanes>();
 }
 
 /// One pass over vectors of batches without a product: `kernel(batch, [vectors at batch], tally)`.

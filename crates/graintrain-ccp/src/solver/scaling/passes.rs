@@ -1,8 +1,7 @@
 //! What one task does of a pass over the contacts: velocities, the method's update, forces; over bodies, or over rows of N'.
 
-use super::super::body_operator::{BodyOperator, Update};
-use super::super::lanes::{Batch, LANES, Lanes, ZERO, add, scale, sub};
-use super::super::row_operator::batch_of;
+use super::super::body_operator::{BodyOperator, BodyPair, Update};
+use super::super::lanes::{Batch, Lanes, Vector, add, in_place, load, scale, store, sub, zero};
 use super::super::sweep::{Tally, TaskWork};
 use super::{Kernel, Relaxation, ScaledProblem};
 
@@ -13,10 +12,10 @@ const GROUP: usize = 8;
 pub(super) struct BodyPass<'a, const M: usize, const GATHER: bool, const SCATTER: bool, K> {
     pub(super) scaled: &'a ScaledProblem,
     pub(super) bodies: &'a BodyOperator,
-    pub(super) velocity: &'a [[f64; 6]],
+    pub(super) velocity: &'a [BodyPair],
     pub(super) batches: std::ops::Range<usize>,
     pub(super) vectors: [&'a mut [Batch]; M],
-    pub(super) slots: &'a mut [[f64; 6]],
+    pub(super) slots: &'a mut [BodyPair],
     pub(super) tally: &'a mut Tally,
     pub(super) kernel: &'a K,
 }
@@ -27,43 +26,39 @@ where
     K: Kernel<M>,
 {
     #[inline(always)]
-    fn run(mut self) {
+    fn run<V: Vector>(self) {
+        let Self { scaled, bodies, velocity, batches, vectors, slots, tally: total, kernel } = self;
         if SCATTER {
-            self.slots.fill([0.0; 6]);
+            slots.fill(BodyPair::default());
         }
+        let mut vectors = vectors.map(in_place::<V>);
         let mut tally = Tally::default();
-        // Four short loops over a few batches rather than one long one: the square root and the quotients of a projection
-        // take tens of cycles, which the processor hides behind the next batch only where that is near enough.
-        let (mut u, mut s, mut world) = ([ZERO; GROUP], [ZERO; GROUP], [[ZERO; 3]; GROUP]);
+        // Short loops over a few batches rather than one long one: the square root and the quotients of a projection take tens of
+        // cycles, which the processor hides behind the next batch only where that is near enough.
+        let (mut u, mut s) = ([zero::<V>(); GROUP], [zero::<V>(); GROUP]);
         let mut offset = 0;
-        while offset < self.batches.len() {
-            let count = GROUP.min(self.batches.len() - offset);
-            let first = self.batches.start + offset;
+        while offset < batches.len() {
+            let count = GROUP.min(batches.len() - offset);
+            let first = batches.start + offset;
             if GATHER {
                 for (k, u) in u[..count].iter_mut().enumerate() {
                     let batch = first + k;
-                    *u = add(&self.bodies.relative_velocity(batch, self.velocity), &self.scaled.r[batch]);
+                    *u = add(&bodies.relative_velocity(batch, velocity), &load(&scaled.r[batch]));
                 }
             }
             for k in 0..count {
-                let mine = self.vectors.each_mut().map(|v| &mut v[offset + k]);
-                s[k] = self.kernel.at(self.scaled.here(first + k), &u[k], mine, &mut tally);
-            }
-            for k in 0..count {
-                let mine = self.vectors.each_mut().map(|v| &mut v[offset + k]);
-                s[k] = self.kernel.finish(self.scaled.here(first + k), &u[k], s[k], mine, &mut tally);
+                bodies.prefetch::<V>(first + GROUP + k);
+                let mine = vectors.each_mut().map(|v| &mut v[offset + k]);
+                s[k] = kernel.at(scaled.here(first + k), &u[k], mine, &mut tally);
             }
             if SCATTER {
-                for (k, world) in world[..count].iter_mut().enumerate() {
-                    *world = self.bodies.world_impulses(first + k, &s[k]);
-                }
-                for (k, world) in world[..count].iter().enumerate() {
-                    self.bodies.scatter(first + k, world, self.slots);
+                for (k, s) in s[..count].iter().enumerate() {
+                    bodies.scatter(first + k, s, slots);
                 }
             }
             offset += count;
         }
-        *self.tally = tally;
+        *total = tally.store();
     }
 }
 
@@ -72,31 +67,32 @@ pub(super) struct BodySweep<'a, K> {
     pub(super) scaled: &'a ScaledProblem,
     pub(super) bodies: &'a BodyOperator,
     pub(super) x: &'a mut [Batch],
-    pub(super) image: &'a mut [f64],
+    pub(super) image: &'a mut [Lanes],
     pub(super) kernel: &'a K,
 }
 
 impl<K: Relaxation> TaskWork for BodySweep<'_, K> {
     #[inline(always)]
-    fn run(self) {
+    fn run<V: Vector>(self) {
         let Self { scaled, bodies, x, image, kernel } = self;
-        bodies.sweep(image, &mut Relaxing { scaled, x, kernel });
+        bodies.sweep::<V>(image, &mut Relaxing { scaled, x: in_place(x), kernel });
     }
 }
 
 /// The contacts' part of a sweep.
-struct Relaxing<'a, K> {
+struct Relaxing<'a, V, K> {
     scaled: &'a ScaledProblem,
-    x: &'a mut [Batch],
+    x: &'a mut [Batch<V>],
     kernel: &'a K,
 }
 
-impl<K: Relaxation> Update for Relaxing<'_, K> {
+impl<V: Vector, K: Relaxation> Update<V> for Relaxing<'_, V, K> {
     #[inline(always)]
-    fn at(&mut self, batch: usize, velocity: &Batch, moves: Lanes) -> Batch {
-        let u = add(velocity, &self.scaled.r[batch]);
+    fn at(&mut self, batch: usize, velocity: &Batch<V>, moves: V) -> Batch<V> {
+        let here = self.scaled.here(batch);
+        let u = add(velocity, &here.r);
         let x = &mut self.x[batch];
-        let new = self.kernel.relaxed(batch, self.scaled.here(batch), &u, x);
+        let new = self.kernel.relaxed(batch, here, &u, x);
         let change = scale(moves, &sub(&new, x));
         *x = add(x, &change);
         change
@@ -106,7 +102,7 @@ impl<K: Relaxation> Update for Relaxing<'_, K> {
 /// The part of a pass over rows that one chunk does before the product.
 pub(super) struct RowPass<'a, const M: usize, K> {
     pub(super) scaled: &'a ScaledProblem,
-    pub(super) product: &'a [[f64; 3 * LANES]],
+    pub(super) product: &'a [Batch],
     pub(super) batches: std::ops::Range<usize>,
     pub(super) vectors: [&'a mut [Batch]; M],
     pub(super) scattered: &'a mut [Batch],
@@ -119,13 +115,15 @@ where
     K: Kernel<M>,
 {
     #[inline(always)]
-    fn run(mut self) {
-        for (offset, batch) in self.batches.enumerate() {
-            let u = add(&batch_of(&self.product[batch]), &self.scaled.r[batch]);
-            let mine = self.vectors.each_mut().map(|v| &mut v[offset]);
-            let s = self.kernel.at(self.scaled.here(batch), &u, mine, self.tally);
-            let mine = self.vectors.each_mut().map(|v| &mut v[offset]);
-            self.scattered[offset] = self.kernel.finish(self.scaled.here(batch), &u, s, mine, self.tally);
+    fn run<V: Vector>(self) {
+        let Self { scaled, product, batches, vectors, scattered, tally: total, kernel } = self;
+        let mut vectors = vectors.map(in_place::<V>);
+        let mut tally = Tally::default();
+        for (offset, batch) in batches.enumerate() {
+            let u = add(&load(&product[batch]), &load(&scaled.r[batch]));
+            let mine = vectors.each_mut().map(|v| &mut v[offset]);
+            scattered[offset] = store(&kernel.at(scaled.here(batch), &u, mine, &mut tally));
         }
+        *total = tally.store();
     }
 }
