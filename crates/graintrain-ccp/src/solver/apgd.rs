@@ -71,6 +71,8 @@ struct Extrapolated {
 }
 
 impl Kernel<2> for Extrapolated {
+    const SHORT: bool = true;
+
     #[inline(always)]
     fn at<V: Vector>(
         &self,

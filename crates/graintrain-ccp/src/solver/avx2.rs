@@ -1,8 +1,8 @@
 //! Four numbers in a vector register of x86-64 processors with AVX2.
 //!
 //! The compiler keeps [`Lanes`] together only along short chains of operations, and takes them apart where they are
-//! gathered from bodies or spread over them. Measured with benches/product.rs at 18 299 contacts, on one processor and in one run:
-//! the product with N took MEASURED of the time that it takes with `Lanes` compiled for AVX2.
+//! gathered from bodies or spread over them. Measured with benches/product.rs at 18 299 contacts, interleaved: the product with
+//! N takes 0.129 ms, with `Lanes` compiled for AVX2 and records without padding it took 0.171 ms.
 #![allow(unsafe_code)]
 
 use super::lanes::{Batch, LANES, Lanes, Vector};

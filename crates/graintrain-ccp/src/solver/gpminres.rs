@@ -102,6 +102,8 @@ struct Advance {
 }
 
 impl Kernel<4> for Advance {
+    const SHORT: bool = true;
+
     #[inline(always)]
     fn at<V: Vector>(
         &self,

@@ -95,6 +95,9 @@ impl<V: Vector> Here<V> {
 /// What a method does at four contacts in a pass. A type rather than a closure, because only `#[inline(always)]`
 /// functions are sure to be compiled for the processor's vector instructions.
 pub trait Kernel<const M: usize>: Sync {
+    /// Whether the update takes no root and no quotient, whose tens of cycles the pass has to hide.
+    const SHORT: bool = false;
+
     /// Given u = N' y + r' and the method's vectors at this batch, updates the vectors, adds to the tally and returns the
     /// batch whose image the pass computes.
     fn at<V: Vector>(
@@ -116,6 +119,8 @@ pub trait Relaxation: Sync {
 struct Identity;
 
 impl Kernel<1> for Identity {
+    const SHORT: bool = true;
+
     #[inline(always)]
     fn at<V: Vector>(&self, _: Here<V>, _: &Batch<V>, [x]: [&mut Batch<V>; 1], _: &mut Tally<V>) -> Batch<V> {
         *x
@@ -128,6 +133,8 @@ struct PowerStep {
 }
 
 impl Kernel<1> for PowerStep {
+    const SHORT: bool = true;
+
     #[inline(always)]
     fn at<V: Vector>(
         &self,
@@ -167,6 +174,8 @@ impl Kernel<1> for NaturalMap {
 struct StoreProduct;
 
 impl Kernel<1> for StoreProduct {
+    const SHORT: bool = true;
+
     #[inline(always)]
     fn at<V: Vector>(
         &self,

@@ -33,6 +33,8 @@ pub(super) struct Spectral {
 struct StoreGradient;
 
 impl Kernel<1> for StoreGradient {
+    const SHORT: bool = true;
+
     #[inline(always)]
     fn at<V: Vector>(
         &self,
@@ -74,6 +76,8 @@ impl Kernel<3> for GradientStep {
 struct FullStep;
 
 impl Kernel<1> for FullStep {
+    const SHORT: bool = true;
+
     #[inline(always)]
     fn at<V: Vector>(
         &self,
@@ -95,6 +99,8 @@ struct ShortenedStep {
 }
 
 impl Kernel<3> for ShortenedStep {
+    const SHORT: bool = true;
+
     #[inline(always)]
     fn at<V: Vector>(
         &self,

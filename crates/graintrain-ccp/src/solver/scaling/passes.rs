@@ -35,10 +35,11 @@ where
         let mut tally = Tally::default();
         // Short loops over a few batches rather than one long one: the square root and the quotients of a projection take tens of
         // cycles, which the processor hides behind the next batch only where that is near enough.
+        let group = if K::SHORT { 1 } else { GROUP };
         let (mut u, mut s) = ([zero::<V>(); GROUP], [zero::<V>(); GROUP]);
         let mut offset = 0;
         while offset < batches.len() {
-            let count = GROUP.min(batches.len() - offset);
+            let count = group.min(batches.len() - offset);
             let first = batches.start + offset;
             if GATHER {
                 for (k, u) in u[..count].iter_mut().enumerate() {
@@ -47,7 +48,9 @@ where
                 }
             }
             for k in 0..count {
-                bodies.prefetch::<V>(first + GROUP + k);
+                if !K::SHORT {
+                    bodies.prefetch::<V>(first + GROUP + k);
+                }
                 let mine = vectors.each_mut().map(|v| &mut v[offset + k]);
                 s[k] = kernel.at(scaled.here(first + k), &u[k], mine, &mut tally);
             }
