@@ -94,6 +94,19 @@ pub fn factor_in_place(a: &mut [f64], b: usize) -> bool {
     true
 }
 
+/// L^-1 of a lower triangular B x B block with SQUARE = B^2 entries; entries above the diagonal are zero.
+pub fn invert_lower<const B: usize, const SQUARE: usize>(l: &[f64; SQUARE]) -> [f64; SQUARE] {
+    let mut inverse = [0.0; SQUARE];
+    for column in 0..B {
+        for row in column..B {
+            let unit = if row == column { 1.0 } else { 0.0 };
+            let sum: f64 = (column..row).map(|k| l[B * row + k] * inverse[B * k + column]).sum();
+            inverse[B * row + column] = (unit - sum) / l[B * row + row];
+        }
+    }
+    inverse
+}
+
 /// x <- (L L^T)^-1 x with a factor of [`factor_in_place`].
 #[inline]
 pub fn solve_in_place(l: &[f64], b: usize, x: &mut [f64]) {

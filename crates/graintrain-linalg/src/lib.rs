@@ -10,6 +10,7 @@
 //! | [`ordering`] | fill-reducing orderings: minimum degree, nested dissection |
 //! | [`block3`] | [`BlockMatrix3`](block3::BlockMatrix3): sparse matrices of 3x3 blocks, one block row per contact |
 //! | [`patience`] | how long a computation may go on |
+//! | [`vectorised`] | loops compiled for the vector instructions of the processor |
 //! | [`dense`] | dense column-major kernels for small and medium matrices: products, QR, SVD, Cholesky, LU |
 //!
 //! This is the only crate that names `faer`.
@@ -25,3 +26,4 @@ pub mod parallel;
 pub mod patience;
 pub mod precond;
 mod supernodes;
+pub mod vectorised;

@@ -2,16 +2,16 @@
 
 use super::body_matrix::BodyMatrix;
 use super::direct::{REFINEMENTS, SHIFTS};
-use super::train_body::{Rival, TrainCorrection};
+use super::train_body::{Rival, TrainCorrection, few_iterations, product_flops};
 use super::{LinearReport, NewtonError, NewtonSolver, NewtonSystem};
 use crate::delassus::Delassus;
 use graintrain_linalg::cholesky::SparseCholesky;
 use graintrain_linalg::krylov::{
-    KrylovSettings, KrylovWork, conjugate_gradient, flexible_conjugate_gradient,
+    KrylovSettings, KrylovWork, conjugate_gradient, conjugate_gradient_measured,
 };
 use graintrain_linalg::ordering::Ordering;
 use graintrain_linalg::parallel::norm;
-use graintrain_linalg::precond::{BlockJacobi, Preconditioner};
+use graintrain_linalg::precond::{BlockJacobi, IncompleteCholesky, Preconditioner, PreconditionerError};
 use std::collections::BTreeMap;
 
 /// Cap on conjugate gradient iterations.
@@ -147,39 +147,71 @@ impl NewtonSolver for BodyCholesky {
     }
 }
 
-/// Conjugate gradients on K with its 6x6 diagonal blocks as preconditioner, and on request a tensor-train correction
-/// where that pays.
+/// A preconditioner of K.
+enum BodyPreconditioner {
+    /// 6x6 block Jacobi.
+    Jacobi(BlockJacobi),
+    /// 6x6 block IC(0).
+    Incomplete(IncompleteCholesky<6, 36>),
+}
+
+impl BodyPreconditioner {
+    fn refresh(&mut self, matrix: &BodyMatrix) -> Result<(), PreconditionerError> {
+        match self {
+            Self::Jacobi(jacobi) => jacobi
+                .refresh_blocks((0..matrix.num_bodies()).map(|body| matrix.diagonal(body).as_slice())),
+            Self::Incomplete(incomplete) => {
+                let (starts, columns, blocks) = (matrix.row_starts(), matrix.columns(), matrix.blocks());
+                let range = |i: usize| starts[i]..starts[i + 1];
+                incomplete.refresh_lower(matrix.num_bodies(), |i| (&columns[range(i)], &blocks[range(i)]))
+            }
+        }
+    }
+
+    fn apply(&self, r: &[f64], z: &mut [f64]) {
+        match self {
+            Self::Jacobi(jacobi) => jacobi.apply(r, z),
+            Self::Incomplete(incomplete) => incomplete.apply(r, z),
+        }
+    }
+}
+
+/// Conjugate gradients on K with block Jacobi or block IC(0), and on request a tensor-train correction of the former where
+/// that pays.
 ///
-/// Where K y = A b - rho, the residual of S~ is A^T rho: large weights make it larger than that of K. `amplification`
-/// remembers by how much, which gives the tolerance in body space; what is missing is made up by solving for the residual.
+/// Where K y = A b - rho, z = b - A^T y has the residual b - S~ z = A^T rho: it is what conjugate gradients are asked to
+/// make small. Where weights H^-1 spread, |A^T rho| is larger than |rho| by many orders of magnitude.
 pub struct BodyCg {
     name: &'static str,
     matrix: Option<BodyMatrix>,
-    preconditioner: BlockJacobi,
+    preconditioner: BodyPreconditioner,
     correction: Option<TrainCorrection>,
     krylov: KrylovWork,
-    /// (|A^T rho| / |b|) / (|rho| / |A b|) of the last solve.
-    amplification: f64,
+    max_iterations: usize,
     velocity: Vec<f64>,
     rhs: Vec<f64>,
     residual: Vec<f64>,
+    image: Vec<f64>,
     best: Vec<f64>,
 }
 
-/// Solves for the residual at most.
-const ROUNDS: usize = 6;
-/// Tolerances of conjugate gradients on K are kept in this range.
-const BODY_TOLERANCES: [f64; 2] = [1e-14, 0.1];
+/// Solves for what is missing because the residual of conjugate gradients has drifted from the true one.
+const ROUNDS: usize = 4;
 
 impl BodyCg {
     /// Block Jacobi alone.
     pub fn block_jacobi() -> Self {
-        Self::new("body-cg", None)
+        Self::new("body-cg", BodyPreconditioner::Jacobi(BlockJacobi::new(6)), None)
+    }
+
+    /// Block IC(0).
+    pub fn incomplete_cholesky() -> Self {
+        Self::new("body-ic", BodyPreconditioner::Incomplete(IncompleteCholesky::default()), None)
     }
 
     /// Block Jacobi, corrected by a tensor train where that pays.
     pub fn tensor_train(correction: TrainCorrection) -> Self {
-        Self::new("tt", Some(correction))
+        Self::new("tt", BodyPreconditioner::Jacobi(BlockJacobi::new(6)), Some(correction))
     }
 
     /// Whether the train is in use for the current matrix.
@@ -192,6 +224,28 @@ impl BodyCg {
         self.correction.as_ref().is_some_and(TrainCorrection::has_paid)
     }
 
+    /// Iterations per solve at most.
+    pub(super) fn set_max_iterations(&mut self, max_iterations: usize) {
+        self.max_iterations = max_iterations;
+    }
+
+    /// Operations of an iteration: K and, with the same pattern, the triangular factors of IC(0).
+    pub(super) fn iteration_flops(&self) -> f64 {
+        self.matrix.as_ref().map_or(0.0, |matrix| match self.preconditioner {
+            BodyPreconditioner::Jacobi(_) => product_flops(matrix),
+            BodyPreconditioner::Incomplete(_) => 2.0 * product_flops(matrix),
+        })
+    }
+
+    /// What a solve costs, from a few iterations.
+    pub(super) fn measure(&mut self) -> Option<Rival> {
+        let flops = self.iteration_flops();
+        let Self { matrix: Some(matrix), preconditioner, krylov, .. } = self else { return None };
+        let (iterations, residual) =
+            few_iterations(matrix, &mut |r, z| preconditioner.apply(r, z), krylov);
+        Some(Rival::new(iterations, residual, flops))
+    }
+
     /// As [`NewtonSolver::refresh`], the train racing against another solver than block Jacobi.
     pub(super) fn refresh_against(
         &mut self,
@@ -201,25 +255,34 @@ impl BodyCg {
         refresh_matrix(&mut self.matrix, system, self.name)?;
         let Some(matrix) = &self.matrix else { return Ok(()) };
         self.preconditioner
-            .refresh_blocks((0..matrix.num_bodies()).map(|body| matrix.diagonal(body).as_slice()))
+            .refresh(matrix)
             .map_err(|error| NewtonError::Breakdown { solver: self.name, reason: error.to_string() })?;
-        let Some(correction) = &mut self.correction else { return Ok(()) };
+        let (Some(correction), BodyPreconditioner::Jacobi(jacobi)) =
+            (&mut self.correction, &self.preconditioner)
+        else {
+            return Ok(());
+        };
         correction
-            .refresh(matrix, &self.preconditioner, system, rival)
+            .refresh(matrix, jacobi, system, rival)
             .map_err(|error| NewtonError::Breakdown { solver: self.name, reason: error.to_string() })
     }
 
-    fn new(name: &'static str, correction: Option<TrainCorrection>) -> Self {
+    fn new(
+        name: &'static str,
+        preconditioner: BodyPreconditioner,
+        correction: Option<TrainCorrection>,
+    ) -> Self {
         Self {
             name,
             matrix: None,
-            preconditioner: BlockJacobi::new(6),
+            preconditioner,
             correction,
             krylov: KrylovWork::default(),
-            amplification: 1.0,
+            max_iterations: LIMIT,
             velocity: Vec::new(),
             rhs: Vec::new(),
             residual: Vec::new(),
+            image: Vec::new(),
             best: Vec::new(),
         }
     }
@@ -253,7 +316,9 @@ impl NewtonSolver for BodyCg {
             velocity,
             rhs,
             residual,
+            image,
             best,
+            max_iterations,
             ..
         } = self
         else {
@@ -262,74 +327,62 @@ impl NewtonSolver for BodyCg {
         krylov.patience = system.patience.clone();
         velocity.resize(6 * matrix.num_bodies(), 0.0);
         rhs.resize(6 * matrix.num_bodies(), 0.0);
-        residual.resize(b.len(), 0.0);
-        best.resize(b.len(), 0.0);
+        for vector in [&mut *residual, &mut *image, &mut *best] {
+            vector.resize(b.len(), 0.0);
+        }
         z.fill(0.0);
         residual.copy_from_slice(b);
         let size = norm(b).max(f64::MIN_POSITIVE);
         let mut report = LinearReport { iterations: 0, residual: norm(b) / size, converged: false };
         for _ in 0..ROUNDS {
             report.converged = report.residual <= relative_tolerance;
-            if report.converged {
+            if report.converged || report.iterations >= *max_iterations {
                 break;
             }
-            let wanted = 0.5 * relative_tolerance / report.residual;
-            let [least, most] = BODY_TOLERANCES;
             let settings = KrylovSettings {
-                relative_tolerance: (wanted / self.amplification).clamp(least, most),
-                max_iterations: LIMIT,
+                relative_tolerance,
+                max_iterations: *max_iterations - report.iterations,
             };
             matrix.gather(residual, rhs);
             velocity.fill(0.0);
             // A truncated train is symmetric only nearly.
-            let inner = flexible_conjugate_gradient(
+            let inner = conjugate_gradient_measured(
                 &mut |x, y| matrix.multiply(x, y),
-                &mut |r, z| match correction {
-                    Some(correction) if correction.is_active() => correction.apply(preconditioner, r, z),
+                &mut |r, z| match (&mut *correction, &*preconditioner) {
+                    (Some(correction), BodyPreconditioner::Jacobi(jacobi)) if correction.is_active() => {
+                        correction.apply(jacobi, r, z);
+                    }
                     _ => preconditioner.apply(r, z),
                 },
                 rhs,
                 velocity,
                 settings,
                 krylov,
+                &mut |rho| {
+                    image.fill(0.0);
+                    matrix.scatter(1.0, rho, image);
+                    norm(image) / size
+                },
             );
             report.iterations += inner.iterations;
             // A truncated train need not be positive definite: then the iteration breaks down.
             let train = correction.as_mut().filter(|train| train.is_active() && !inner.converged());
             let with_train = train.map(TrainCorrection::give_up).is_some();
-            if inner.residual >= 1.0 || inner.residual.is_nan() {
-                // No better than nothing.
-                if with_train {
-                    continue;
-                }
-                break;
-            }
             best.copy_from_slice(z);
             for (z, r) in z.iter_mut().zip(residual.iter()) {
                 *z += r;
             }
             matrix.scatter(-1.0, velocity, z);
-            multiply_scaled(matrix, z, residual, velocity);
-            for (residual, b) in residual.iter_mut().zip(b) {
-                *residual = b - *residual;
-            }
-            let before = report.residual;
-            report.residual = norm(residual) / size;
-            if inner.residual > 0.0 && report.residual > 0.0 {
-                let found = report.residual / before / inner.residual;
-                // Once infinite it would stay so.
-                if found.is_finite() {
-                    self.amplification = found.max(0.5 * self.amplification);
-                }
-            }
+            true_residual(matrix, b, z, residual, velocity);
+            let before = std::mem::replace(&mut report.residual, norm(residual) / size);
             if report.residual.is_nan() || report.residual >= before {
-                // Solved too loosely, which is known now.
+                // No better than nothing.
                 z.copy_from_slice(best);
                 report.residual = before;
-                multiply_scaled(matrix, z, residual, velocity);
-                for (residual, b) in residual.iter_mut().zip(b) {
-                    *residual = b - *residual;
+                if !with_train {
+                    break;
                 }
+                true_residual(matrix, b, z, residual, velocity);
             }
             if system.patience.is_over() {
                 break;
@@ -340,8 +393,19 @@ impl NewtonSolver for BodyCg {
     }
 
     fn figures(&self, figures: &mut BTreeMap<String, f64>) {
+        if let BodyPreconditioner::Incomplete(incomplete) = &self.preconditioner {
+            figures.insert("body_shift".to_string(), incomplete.shift());
+        }
         if let Some(correction) = &self.correction {
             correction.figures(figures);
         }
+    }
+}
+
+/// residual <- b - S~ z; `velocity` is work memory.
+fn true_residual(matrix: &BodyMatrix, b: &[f64], z: &[f64], residual: &mut [f64], velocity: &mut [f64]) {
+    multiply_scaled(matrix, z, residual, velocity);
+    for (residual, b) in residual.iter_mut().zip(b) {
+        *residual = b - *residual;
     }
 }

@@ -12,6 +12,7 @@
 
 use crate::delassus::{BodyInverseMass, FIXED, RigidDelassus};
 use graintrain_linalg::block3::Block;
+use graintrain_linalg::vectorised::{Work, vectorised};
 use rayon::prelude::*;
 
 /// A 6x6 block, row-major.
@@ -215,26 +216,49 @@ impl BodyMatrix {
 
     /// z <- K y.
     pub fn multiply(&self, y: &[f64], z: &mut [f64]) {
+        vectorised(Product { matrix: self, y, z });
+    }
+}
+
+/// z <- K y, compiled for the widest vectors there are.
+struct Product<'a> {
+    matrix: &'a BodyMatrix,
+    y: &'a [f64],
+    z: &'a mut [f64],
+}
+
+impl Work for Product<'_> {
+    #[inline(always)]
+    fn run(self) {
+        let Self { matrix, y, z } = self;
         z.fill(0.0);
-        for i in 0..self.num_bodies() {
-            for k in self.row_start[i]..self.row_start[i + 1] {
-                let (j, block) = (self.column[k] as usize, &self.blocks[k]);
-                let mut sum = [0.0; 6];
+        let of_body = |y: &[f64], body: usize| -> [f64; 6] { std::array::from_fn(|c| y[6 * body + c]) };
+        for i in 0..matrix.num_bodies() {
+            let own = of_body(y, i);
+            // Products by entry: rows are summed once at the end, so that the loop has vectors only.
+            let mut products = [[0.0; 6]; 6];
+            for k in matrix.row_start[i]..matrix.row_start[i + 1] {
+                let (j, block) = (matrix.column[k] as usize, &matrix.blocks[k]);
+                let other = of_body(y, j);
                 for r in 0..6 {
                     for c in 0..6 {
-                        sum[r] += block[6 * r + c] * y[6 * j + c];
+                        products[r][c] += block[6 * r + c] * other[c];
                     }
-                }
-                for r in 0..6 {
-                    z[6 * i + r] += sum[r];
                 }
                 if j != i {
+                    let mut transposed = [0.0; 6];
                     for r in 0..6 {
                         for c in 0..6 {
-                            z[6 * j + c] += block[6 * r + c] * y[6 * i + r];
+                            transposed[c] += block[6 * r + c] * own[r];
                         }
                     }
+                    for c in 0..6 {
+                        z[6 * j + c] += transposed[c];
+                    }
                 }
+            }
+            for r in 0..6 {
+                z[6 * i + r] += products[r].iter().sum::<f64>();
             }
         }
     }

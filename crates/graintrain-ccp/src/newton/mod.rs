@@ -21,7 +21,9 @@
 //! |---|---|---|
 //! | `none` | BiCGSTAB, at most 1000 iterations (the paper's baseline) | S |
 //! | `ilu` | BiCGSTAB with block ILU(0) (the paper's second baseline) | S~ |
-//! | `ic` | conjugate gradients with block IC(0) | S~ |
+//! | `ic` | conjugate gradients with block IC(0), the cheaper of the two | S~ or K |
+//! | `schur-ic` | conjugate gradients with 3x3 block IC(0) | S~ |
+//! | `body-ic` | conjugate gradients with 6x6 block IC(0) | K |
 //! | `block-jacobi` | conjugate gradients with 3x3 block Jacobi | S~ |
 //! | `cholesky` | sparse Cholesky, the cheaper of the two | S~ or K |
 //! | `schur-cholesky` | sparse Cholesky | S~ |
@@ -38,6 +40,7 @@ pub mod body;
 pub mod body_matrix;
 pub mod direct;
 pub mod driver;
+pub mod incomplete;
 pub mod krylov;
 pub mod schur;
 pub mod train;
@@ -216,8 +219,18 @@ pub const LINEAR_METHODS: &[LinearMethod] = &[
     },
     LinearMethod {
         name: "ic",
-        about: "conjugate gradients on S~ with block IC(0)",
+        about: "conjugate gradients with block IC(0) on K or S~, whichever needs fewer operations",
+        build: || Box::new(incomplete::IncompleteCholeskyCg::default()),
+    },
+    LinearMethod {
+        name: "schur-ic",
+        about: "conjugate gradients on S~ (contact space) with 3x3 block IC(0)",
         build: || Box::new(krylov::SchurKrylov::incomplete_cholesky()),
+    },
+    LinearMethod {
+        name: "body-ic",
+        about: "conjugate gradients on K (body space) with 6x6 block IC(0)",
+        build: || Box::new(body::BodyCg::incomplete_cholesky()),
     },
     LinearMethod {
         name: "block-jacobi",

@@ -6,7 +6,7 @@
 //! four times longer after every loss in a row, also from one problem to the next.
 
 use super::body::BodyCg;
-use super::krylov::SchurKrylov;
+use super::incomplete::IncompleteCholeskyCg;
 use super::train_body::{Rival, TrainCorrection};
 use super::{LinearReport, NewtonError, NewtonSolver, NewtonSystem};
 use crate::delassus::Delassus;
@@ -22,7 +22,7 @@ const LONGEST_WAIT: u32 = 4096;
 /// The two solvers and which of them holds the current matrix.
 pub struct TensorTrain {
     body: BodyCg,
-    local: SchurKrylov,
+    local: IncompleteCholeskyCg,
     with_train: bool,
     /// Whether this matrix was a try.
     tried: bool,
@@ -49,7 +49,7 @@ impl TensorTrain {
     fn with(correction: TrainCorrection) -> Self {
         Self {
             body: BodyCg::tensor_train(correction),
-            local: SchurKrylov::incomplete_cholesky(),
+            local: IncompleteCholeskyCg::default(),
             with_train: false,
             tried: false,
             unseen: true,

@@ -256,13 +256,13 @@ fn scaled_entries(matrix: &BodyMatrix, scaling: &BlockJacobi, place: &[usize]) -
 }
 
 /// Operations of a product with K and with its diagonal blocks.
-fn product_flops(matrix: &BodyMatrix) -> f64 {
+pub(super) fn product_flops(matrix: &BodyMatrix) -> f64 {
     let block = (2 * BODY * BODY) as f64;
     block * (2.0 * matrix.columns().len() as f64 + matrix.num_bodies() as f64)
 }
 
 /// A few conjugate gradient iterations on K: how many, and the residual they leave.
-fn few_iterations(
+pub(super) fn few_iterations(
     matrix: &BodyMatrix,
     precondition: &mut dyn FnMut(&[f64], &mut [f64]),
     krylov: &mut KrylovWork,

@@ -13,7 +13,7 @@ pub fn conjugate_gradient(
     settings: KrylovSettings,
     work: &mut KrylovWork,
 ) -> KrylovReport {
-    iterate(operator, preconditioner, b, x, settings, work, false)
+    iterate(operator, preconditioner, b, x, settings, work, Variant::Fixed)
 }
 
 /// Conjugate gradients with a preconditioner that may change from one application to the next (an inner iteration):
@@ -26,7 +26,36 @@ pub fn flexible_conjugate_gradient(
     settings: KrylovSettings,
     work: &mut KrylovWork,
 ) -> KrylovReport {
-    iterate(operator, preconditioner, b, x, settings, work, true)
+    iterate(operator, preconditioner, b, x, settings, work, Variant::Flexible)
+}
+
+/// As [`flexible_conjugate_gradient`], but what has to fall below the tolerance is `measure(b - A x)`, any norm that costs
+/// about as much as an iteration: it is evaluated when the number of iterations has grown by a tenth, and
+/// [`KrylovWork::history`] holds these values only.
+pub fn conjugate_gradient_measured(
+    operator: &mut Operator<'_>,
+    preconditioner: &mut Operator<'_>,
+    b: &[f64],
+    x: &mut [f64],
+    settings: KrylovSettings,
+    work: &mut KrylovWork,
+    measure: &mut Measure<'_>,
+) -> KrylovReport {
+    iterate(operator, preconditioner, b, x, settings, work, Variant::Measured(measure))
+}
+
+/// Iterations between the first evaluations of a measure.
+const MEASURE_EVERY: usize = 5;
+
+/// A norm of residuals.
+pub type Measure<'a> = dyn FnMut(&[f64]) -> f64 + 'a;
+
+/// Which conjugate gradients.
+enum Variant<'a, 'b> {
+    Fixed,
+    Flexible,
+    /// Flexible, with a measure of its own.
+    Measured(&'a mut Measure<'b>),
 }
 
 fn iterate(
@@ -36,7 +65,7 @@ fn iterate(
     x: &mut [f64],
     settings: KrylovSettings,
     work: &mut KrylovWork,
-    flexible: bool,
+    mut variant: Variant<'_, '_>,
 ) -> KrylovReport {
     work.vectors(b.len());
     let KrylovWork { vectors: [residual, preconditioned, direction, image, previous, ..], history, patience } =
@@ -46,8 +75,14 @@ fn iterate(
         residual[k] = b[k] - image[k];
     }
     let size = norm(b);
-    let relative = |norm: f64| if size > 0.0 { norm / size } else { norm };
-    let mut error = relative(norm(residual));
+    let always = !matches!(variant, Variant::Measured(_));
+    let flexible = !matches!(variant, Variant::Fixed);
+    let mut evaluate = |residual: &[f64]| match &mut variant {
+        Variant::Measured(measure) => measure(residual),
+        _ if size > 0.0 => norm(residual) / size,
+        _ => norm(residual),
+    };
+    let mut error = evaluate(residual);
     history.push(error);
     if error <= settings.relative_tolerance {
         return KrylovReport { iterations: 0, residual: error, outcome: KrylovOutcome::Converged };
@@ -55,19 +90,21 @@ fn iterate(
     preconditioner(residual, preconditioned);
     direction.copy_from_slice(preconditioned);
     let mut rho = dot(residual, preconditioned);
-    for iteration in 0..settings.max_iterations {
+    // Iteration of the last evaluation, and of the next one.
+    let (mut evaluated, mut due) = (0, MEASURE_EVERY);
+    let mut outcome = KrylovOutcome::IterationLimit;
+    let mut iterations = 0;
+    while iterations < settings.max_iterations {
         if patience.is_over() {
-            return KrylovReport { iterations: iteration, residual: error, outcome: KrylovOutcome::Stopped };
+            outcome = KrylovOutcome::Stopped;
+            break;
         }
         operator(direction, image);
         let curvature = dot(direction, image);
         // Not a number fails the comparison as well.
         if !(curvature > 0.0 && rho > 0.0) {
-            return KrylovReport {
-                iterations: iteration,
-                residual: error,
-                outcome: KrylovOutcome::Breakdown,
-            };
+            outcome = KrylovOutcome::Breakdown;
+            break;
         }
         let step = rho / curvature;
         axpy(step, direction, x);
@@ -75,14 +112,14 @@ fn iterate(
             previous.copy_from_slice(residual);
         }
         axpy(-step, image, residual);
-        error = relative(norm(residual));
-        history.push(error);
-        if error <= settings.relative_tolerance {
-            return KrylovReport {
-                iterations: iteration + 1,
-                residual: error,
-                outcome: KrylovOutcome::Converged,
-            };
+        iterations += 1;
+        if always || iterations == due {
+            error = evaluate(residual);
+            history.push(error);
+            (evaluated, due) = (iterations, iterations + MEASURE_EVERY.max(iterations / 10));
+            if error <= settings.relative_tolerance {
+                return KrylovReport { iterations, residual: error, outcome: KrylovOutcome::Converged };
+            }
         }
         preconditioner(residual, preconditioned);
         let next = dot(residual, preconditioned);
@@ -90,9 +127,12 @@ fn iterate(
         xpay(preconditioned, (next - correction) / rho, direction);
         rho = next;
     }
-    KrylovReport {
-        iterations: settings.max_iterations,
-        residual: error,
-        outcome: KrylovOutcome::IterationLimit,
+    if evaluated < iterations {
+        error = evaluate(residual);
+        history.push(error);
+        if error <= settings.relative_tolerance {
+            outcome = KrylovOutcome::Converged;
+        }
     }
+    KrylovReport { iterations, residual: error, outcome }
 }

@@ -7,7 +7,7 @@ mod bicgstab;
 mod cg;
 
 pub use bicgstab::bicgstab;
-pub use cg::{conjugate_gradient, flexible_conjugate_gradient};
+pub use cg::{Measure, conjugate_gradient, conjugate_gradient_measured, flexible_conjugate_gradient};
 
 use crate::patience::Patience;
 

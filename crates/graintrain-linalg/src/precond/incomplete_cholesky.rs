@@ -1,24 +1,35 @@
-//! IC(0) by blocks: A ~ (L + D) D^-1 (L + D)^T with L of the pattern of the strictly lower triangle.
+//! IC(0) by blocks: A ~ C C^T, C of the pattern of the lower triangle, kept in single precision.
 
 use super::{Preconditioner, PreconditionerError};
-use crate::block_ops::{apply3, invert3, multiply3, multiply3_transposed};
+use crate::block_ops::{factor_in_place, invert_lower};
 use crate::block3::{Block, BlockMatrix3};
 
-/// Incomplete block Cholesky factor with no fill (Meijerink and van der Vorst 1977).
+/// Incomplete block Cholesky factor with no fill (Meijerink and van der Vorst 1977) of a symmetric positive definite matrix
+/// of B x B blocks with SQUARE = B^2 entries.
+///
+/// With the Cholesky factors D_i of its pivot blocks C = D (I + L), and
+///
+/// ```text
+/// y_i = D_i^-1 r_i - sum_(j < i) L_ij y_j,    w_i = y_i - sum_(j > i) L_ji^T w_j,    z_i = D_i^-T w_i.
+/// ```
+///
+/// Both sweeps read blocks in the order in which they lie in memory and add up what a row receives, so L is kept by
+/// rows and by columns. It is kept in single precision: any L makes a symmetric positive definite preconditioner, and an
+/// application is bound by the memory that it reads. Factorisation and sweeps compute in double precision.
 ///
 /// Where a pivot block is not positive definite the factorisation starts again with the diagonal blocks enlarged by a
 /// growing fraction of themselves (Manteuffel 1980), so that the preconditioner is positive definite always.
 #[derive(Clone, Debug, Default)]
-pub struct IncompleteCholesky {
-    row_start: Vec<usize>,
-    column: Vec<u32>,
-    /// L, strictly lower, by rows: A_ij - sum_k L_ik D_k^-1 L_jk^T.
-    lower: Vec<Block>,
-    /// Where each lower block lies in the matrix.
-    source: Vec<usize>,
-    /// Where each diagonal block lies in the matrix.
-    diagonal: Vec<usize>,
-    inverse_diagonal: Vec<Block>,
+pub struct IncompleteCholesky<const B: usize, const SQUARE: usize> {
+    pattern: LowerPattern,
+    /// C, strictly lower, by rows, while it is being computed.
+    lower: Vec<[f64; SQUARE]>,
+    /// D_i^-1, lower triangular.
+    inverse_pivots: Vec<[f64; SQUARE]>,
+    /// L by rows: blocks column-major. One entry more than there are, see [`sweep_row`].
+    by_rows: Vec<f32>,
+    /// L^T by rows: blocks (j, i) column-major.
+    by_columns: Vec<f32>,
     /// Fraction by which the diagonal blocks were enlarged.
     shift: f64,
 }
@@ -28,114 +39,315 @@ pub(super) const FIRST_SHIFT: f64 = 1e-3;
 /// How often it is doubled at most.
 pub(super) const SHIFT_DOUBLINGS: u32 = 10;
 
-impl IncompleteCholesky {
+/// Pattern of a strictly lower block triangle, by rows and by columns.
+#[derive(Clone, Debug, Default)]
+struct LowerPattern {
+    row_start: Vec<usize>,
+    column: Vec<u32>,
+    column_start: Vec<usize>,
+    /// Rows of the blocks of each column, ascending.
+    row: Vec<u32>,
+    /// Where the blocks of each row lie in the list by columns.
+    place: Vec<u32>,
+}
+
+impl LowerPattern {
+    fn new(row_start: Vec<usize>, column: Vec<u32>) -> Self {
+        let rows = row_start.len() - 1;
+        let mut column_start = vec![0; rows + 1];
+        for &j in &column {
+            column_start[j as usize + 1] += 1;
+        }
+        for j in 0..rows {
+            column_start[j + 1] += column_start[j];
+        }
+        let mut next = column_start.clone();
+        let (mut row, mut place) = (vec![0; column.len()], vec![0; column.len()]);
+        for i in 0..rows {
+            for k in row_start[i]..row_start[i + 1] {
+                let at = &mut next[column[k] as usize];
+                (row[*at], place[k]) = (i as u32, *at as u32);
+                *at += 1;
+            }
+        }
+        Self { row_start, column, column_start, row, place }
+    }
+
+    fn num_rows(&self) -> usize {
+        self.row_start.len().saturating_sub(1)
+    }
+}
+
+impl<const B: usize, const SQUARE: usize> IncompleteCholesky<B, SQUARE> {
     /// Fraction by which the diagonal blocks had to be enlarged in the last refresh.
     pub fn shift(&self) -> f64 {
         self.shift
     }
 
-    fn adopt_pattern(&mut self, matrix: &BlockMatrix3) -> Result<(), PreconditionerError> {
-        *self = Self { row_start: vec![0], ..Self::default() };
-        for row in 0..matrix.num_rows() {
-            let start = matrix.row_starts()[row];
-            let at = matrix.position(row, row).ok_or(PreconditionerError::MissingDiagonal { row })?;
-            self.diagonal.push(at);
-            self.column.extend_from_slice(&matrix.columns()[start..at]);
-            self.source.extend(start..at);
-            self.row_start.push(self.column.len());
-        }
-        self.lower = vec![[0.0; 9]; self.column.len()];
-        self.inverse_diagonal = vec![[0.0; 9]; matrix.num_rows()];
-        Ok(())
+    /// Blocks below the diagonal.
+    pub fn num_lower_blocks(&self) -> usize {
+        self.pattern.column.len()
     }
 
-    fn fits(&self, matrix: &BlockMatrix3) -> bool {
-        self.diagonal.len() == matrix.num_rows()
-            && self.source.len() + self.diagonal.len() + self.source.len() == matrix.num_blocks()
-            && self.source.iter().zip(&self.column).all(|(&k, &j)| matrix.columns()[k] == j)
-            && (0..matrix.num_rows()).all(|i| matrix.position(i, i) == Some(self.diagonal[i]))
-    }
-
-    /// The row of the first pivot block that is not positive definite, if there is one.
-    fn factorize(&mut self, matrix: &BlockMatrix3) -> Result<(), usize> {
-        // Position of column k in the lower part of row i, counted from 1; 0 where it is not stored.
-        let mut position = vec![0_usize; self.diagonal.len()];
-        for i in 0..self.diagonal.len() {
-            let range = self.row_start[i]..self.row_start[i + 1];
-            for k in range.clone() {
-                position[self.column[k] as usize] = k + 1;
-            }
-            let mut pivot = matrix.blocks()[self.diagonal[i]].map(|x| x * (1.0 + self.shift));
-            for k in range.clone() {
-                let j = self.column[k] as usize;
-                let mut block = matrix.blocks()[self.source[k]];
-                for other in self.row_start[j]..self.row_start[j + 1] {
-                    let column = self.column[other] as usize;
-                    let at = position[column];
-                    if at > 0 {
-                        let scaled = multiply3(&self.lower[at - 1], &self.inverse_diagonal[column]);
-                        let product = multiply3_transposed(&scaled, &self.lower[other]);
-                        for (x, p) in block.iter_mut().zip(&product) {
-                            *x -= p;
-                        }
-                    }
-                }
-                self.lower[k] = block;
-                let product = multiply3_transposed(&multiply3(&block, &self.inverse_diagonal[j]), &block);
-                for (x, p) in pivot.iter_mut().zip(&product) {
-                    *x -= p;
-                }
-            }
-            self.inverse_diagonal[i] = invert3(&pivot).ok_or(i)?;
-            for k in range {
-                position[self.column[k] as usize] = 0;
+    /// Adapts to new values of a matrix of which `lower(i)` gives the columns and blocks of row i up to the diagonal one,
+    /// columns ascending, the diagonal block last. Blocks are row-major.
+    ///
+    /// # Errors
+    /// [`PreconditionerError`]; the preconditioner is then unusable until the next success.
+    pub fn refresh_lower<'a>(
+        &mut self,
+        rows: usize,
+        lower: impl Fn(usize) -> (&'a [u32], &'a [[f64; SQUARE]]),
+    ) -> Result<(), PreconditionerError> {
+        for row in 0..rows {
+            if lower(row).0.last() != Some(&(row as u32)) {
+                return Err(PreconditionerError::MissingDiagonal { row });
             }
         }
-        Ok(())
-    }
-}
-
-impl Preconditioner for IncompleteCholesky {
-    fn refresh(&mut self, matrix: &BlockMatrix3) -> Result<(), PreconditionerError> {
-        if !self.fits(matrix) {
-            self.adopt_pattern(matrix)?;
+        let fits = self.pattern.num_rows() == rows
+            && (0..rows).all(|i| {
+                let (start, end) = (self.pattern.row_start[i], self.pattern.row_start[i + 1]);
+                let columns = lower(i).0;
+                self.pattern.column[start..end] == columns[..columns.len() - 1]
+            });
+        if !fits {
+            let (mut row_start, mut column) = (vec![0], Vec::new());
+            for i in 0..rows {
+                let columns = lower(i).0;
+                column.extend_from_slice(&columns[..columns.len() - 1]);
+                row_start.push(column.len());
+            }
+            self.pattern = LowerPattern::new(row_start, column);
         }
         self.shift = 0.0;
-        let mut broken = self.factorize(matrix);
+        let mut broken = self.factorize(rows, &lower);
         for doubling in 0..=SHIFT_DOUBLINGS {
             if broken.is_ok() {
                 break;
             }
             self.shift = FIRST_SHIFT * f64::from(1 << doubling);
-            broken = self.factorize(matrix);
+            broken = self.factorize(rows, &lower);
         }
-        broken.map_err(|row| PreconditionerError::Pivot { row })
+        broken.map_err(|row| PreconditionerError::Pivot { row })?;
+        self.store();
+        Ok(())
+    }
+
+    /// C and D^-1. The row of the first pivot block that is not positive definite, if there is one.
+    fn factorize<'a>(
+        &mut self,
+        rows: usize,
+        matrix: &impl Fn(usize) -> (&'a [u32], &'a [[f64; SQUARE]]),
+    ) -> Result<(), usize> {
+        let Self { pattern, lower, inverse_pivots, shift, .. } = self;
+        lower.clear();
+        inverse_pivots.clear();
+        // Position of column k in row i, counted from 1; 0 where it is not stored.
+        let mut position = vec![0_usize; rows];
+        for i in 0..rows {
+            let range = pattern.row_start[i]..pattern.row_start[i + 1];
+            let (columns, blocks) = matrix(i);
+            for (k, &column) in range.clone().zip(columns) {
+                position[column as usize] = k + 1;
+            }
+            let mut pivot = blocks[blocks.len() - 1].map(|x| x * (1.0 + *shift));
+            for (&j, &block) in columns.iter().zip(&blocks[..blocks.len() - 1]) {
+                let j = j as usize;
+                let mut block = block;
+                for other in pattern.row_start[j]..pattern.row_start[j + 1] {
+                    let at = position[pattern.column[other] as usize];
+                    // Entries of row i beyond column j are not there yet, and row j has none.
+                    if at > 0 {
+                        subtract_product::<B, SQUARE>(&mut block, &lower[at - 1], &lower[other]);
+                    }
+                }
+                // C_ij D_j^T = block.
+                let block = times_transposed::<B, SQUARE>(&block, &inverse_pivots[j]);
+                subtract_product::<B, SQUARE>(&mut pivot, &block, &block);
+                lower.push(block);
+            }
+            if !factor_in_place(&mut pivot, B) {
+                return Err(i);
+            }
+            inverse_pivots.push(invert_lower::<B, SQUARE>(&pivot));
+            for k in range {
+                position[pattern.column[k] as usize] = 0;
+            }
+        }
+        Ok(())
+    }
+
+    /// L = D^-1 C in single precision, by rows and by columns.
+    fn store(&mut self) {
+        let Self { pattern, lower, inverse_pivots, by_rows, by_columns, .. } = self;
+        for list in [&mut *by_rows, &mut *by_columns] {
+            list.resize(SQUARE * lower.len() + 1, 0.0);
+        }
+        for i in 0..pattern.num_rows() {
+            for k in pattern.row_start[i]..pattern.row_start[i + 1] {
+                let block = triangular_times::<B, SQUARE>(&inverse_pivots[i], &lower[k]);
+                let place = pattern.place[k] as usize;
+                for row in 0..B {
+                    for column in 0..B {
+                        let x = block[B * row + column] as f32;
+                        by_rows[SQUARE * k + B * column + row] = x;
+                        by_columns[SQUARE * place + B * row + column] = x;
+                    }
+                }
+            }
+        }
+    }
+
+    /// z <- C^-T C^-1 r.
+    pub fn apply(&self, r: &[f64], z: &mut [f64]) {
+        crate::vectorised::vectorised(Application { factor: self, r, z });
+    }
+}
+
+/// One application, compiled for the widest vectors there are.
+struct Application<'a, const B: usize, const SQUARE: usize> {
+    factor: &'a IncompleteCholesky<B, SQUARE>,
+    r: &'a [f64],
+    z: &'a mut [f64],
+}
+
+impl<const B: usize, const SQUARE: usize> crate::vectorised::Work for Application<'_, B, SQUARE> {
+    #[inline(always)]
+    fn run(self) {
+        let Self { factor, r, z } = self;
+        let pattern = &factor.pattern;
+        for (i, inverse) in factor.inverse_pivots.iter().enumerate() {
+            let range = pattern.row_start[i]..pattern.row_start[i + 1];
+            let received =
+                received::<B, SQUARE>(&pattern.column[range.clone()], &factor.by_rows, range.start, z);
+            let own = &r[B * i..B * i + B];
+            for row in 0..B {
+                let mut sum = -received[row];
+                for column in 0..=row {
+                    sum += inverse[B * row + column] * own[column];
+                }
+                z[B * i + row] = sum;
+            }
+        }
+        for i in (0..factor.inverse_pivots.len()).rev() {
+            let range = pattern.column_start[i]..pattern.column_start[i + 1];
+            let received =
+                received::<B, SQUARE>(&pattern.row[range.clone()], &factor.by_columns, range.start, z);
+            for row in 0..B {
+                z[B * i + row] -= received[row];
+            }
+        }
+        for (z, inverse) in z.chunks_exact_mut(B).zip(&factor.inverse_pivots) {
+            for row in 0..B {
+                let mut sum = 0.0;
+                for column in row..B {
+                    sum += inverse[B * column + row] * z[column];
+                }
+                z[row] = sum;
+            }
+        }
+    }
+}
+
+/// Most rows of a block, with room for one more lane.
+const LANES: usize = 8;
+
+/// sum_k L_k x_(j_k) for the blocks from `first` on, column-major.
+///
+/// Columns of three are read with the entry that follows, so that they fill a vector of four; nobody looks at the
+/// fourth sum. Every column of the blocks has a sum of its own: they do not wait for each other.
+#[inline(always)]
+fn received<const B: usize, const SQUARE: usize>(
+    indices: &[u32],
+    blocks: &[f32],
+    first: usize,
+    x: &[f64],
+) -> [f64; LANES] {
+    let mut sums = [[0.0_f64; LANES]; B];
+    let width = B.next_multiple_of(2);
+    let blocks = &blocks[SQUARE * first..SQUARE * (first + indices.len()) + 1];
+    for (k, &j) in indices.iter().enumerate() {
+        let x = &x[B * j as usize..B * j as usize + B];
+        let block = &blocks[SQUARE * k..SQUARE * (k + 1) + 1];
+        for column in 0..B {
+            let entries = &block[B * column..B * column + width];
+            for row in 0..width {
+                sums[column][row] += f64::from(entries[row]) * x[column];
+            }
+        }
+    }
+    let mut sum = [0.0; LANES];
+    for column in &sums {
+        for row in 0..width {
+            sum[row] += column[row];
+        }
+    }
+    sum
+}
+
+/// a <- a - b c^T.
+#[inline]
+fn subtract_product<const B: usize, const SQUARE: usize>(
+    a: &mut [f64; SQUARE],
+    b: &[f64; SQUARE],
+    c: &[f64; SQUARE],
+) {
+    for i in 0..B {
+        for j in 0..B {
+            let mut sum = 0.0;
+            for k in 0..B {
+                sum += b[B * i + k] * c[B * j + k];
+            }
+            a[B * i + j] -= sum;
+        }
+    }
+}
+
+/// a t^T with t lower triangular.
+#[inline]
+fn times_transposed<const B: usize, const SQUARE: usize>(
+    a: &[f64; SQUARE],
+    t: &[f64; SQUARE],
+) -> [f64; SQUARE] {
+    let mut product = [0.0; SQUARE];
+    for i in 0..B {
+        for j in 0..B {
+            for k in 0..=j {
+                product[B * i + j] += a[B * i + k] * t[B * j + k];
+            }
+        }
+    }
+    product
+}
+
+/// t a with t lower triangular.
+#[inline]
+fn triangular_times<const B: usize, const SQUARE: usize>(
+    t: &[f64; SQUARE],
+    a: &[f64; SQUARE],
+) -> [f64; SQUARE] {
+    let mut product = [0.0; SQUARE];
+    for i in 0..B {
+        for k in 0..=i {
+            for j in 0..B {
+                product[B * i + j] += t[B * i + k] * a[B * k + j];
+            }
+        }
+    }
+    product
+}
+
+impl Preconditioner for IncompleteCholesky<3, 9> {
+    fn refresh(&mut self, matrix: &BlockMatrix3) -> Result<(), PreconditionerError> {
+        let lower = |i: usize| -> (&[u32], &[Block]) {
+            let (columns, blocks) = matrix.row(i);
+            let end = columns.partition_point(|&j| j as usize <= i);
+            (&columns[..end], &blocks[..end])
+        };
+        self.refresh_lower(matrix.num_rows(), lower)
     }
 
     fn apply(&self, r: &[f64], z: &mut [f64]) {
-        // z holds D^-1 (L + D)^-1 r of the rows above.
-        for i in 0..self.diagonal.len() {
-            let mut sum = [r[3 * i], r[3 * i + 1], r[3 * i + 2]];
-            for k in self.row_start[i]..self.row_start[i + 1] {
-                let j = 3 * self.column[k] as usize;
-                let product = apply3(&self.lower[k], [z[j], z[j + 1], z[j + 2]]);
-                for a in 0..3 {
-                    sum[a] -= product[a];
-                }
-            }
-            z[3 * i..3 * i + 3].copy_from_slice(&apply3(&self.inverse_diagonal[i], sum));
-        }
-        for i in (0..self.diagonal.len()).rev() {
-            let zi = [z[3 * i], z[3 * i + 1], z[3 * i + 2]];
-            for k in self.row_start[i]..self.row_start[i + 1] {
-                let (j, block) = (self.column[k] as usize, &self.lower[k]);
-                let transposed: [f64; 3] =
-                    std::array::from_fn(|c| block[c] * zi[0] + block[3 + c] * zi[1] + block[6 + c] * zi[2]);
-                let product = apply3(&self.inverse_diagonal[j], transposed);
-                for a in 0..3 {
-                    z[3 * j + a] -= product[a];
-                }
-            }
-        }
+        Self::apply(self, r, z);
     }
 }

@@ -287,7 +287,7 @@ fn iterations(
 fn coarse_correction(matrix: &BlockMatrix3, points: &[[f64; 3]], b: &[f64]) -> Result<(), Failure> {
     let mut scaling = BlockJacobi::new(3);
     scaling.refresh(matrix)?;
-    let mut smoother = IncompleteCholesky::default();
+    let mut smoother = IncompleteCholesky::<3, 9>::default();
     smoother.refresh(matrix)?;
     let tree = PointTree::build(points, 1, Split::Balanced);
     let unit = scaled(matrix, &scaling);
