@@ -315,6 +315,32 @@ fn ipm_reports_jammed_bodies_as_infeasible_and_answers_with_finite_impulses() {
     assert!(impulse.iter().all(|g| g.is_finite()) && impulse[0] > 1.0 && impulse[3] > 1.0);
 }
 
+/// Factors of K are the better ones where the weights are alike; as they spread, those of S~ are. The next problem begins
+/// in body space, and what contact space knows of N is forgotten with it.
+#[test]
+fn incomplete_cholesky_goes_over_to_contact_space_as_weights_spread() {
+    let mut driver = NewtonDriver::new(linear_solver("pdip", "ic").unwrap());
+    for seed in [3, 4] {
+        let problem = lattice_packing(4, 4, 0.4, seed);
+        let b: Vec<f64> = (0..3 * problem.num_contacts()).map(|k| f64::sin(1.7 * k as f64) + 0.2).collect();
+        driver.begin(&problem);
+        for (iteration, spread) in [0.5, 2.0, 4.0, 6.0, 7.0, 7.0].into_iter().enumerate() {
+            let [added, factor, factor_inverse] = random_blocks(&problem, spread, 17 + iteration as u64);
+            let blocks = ScaledBlocks { added: &added, factor: &factor, factor_inverse: &factor_inverse };
+            driver.refresh(&problem, blocks, iteration, 0.0).unwrap();
+            let mut z = vec![0.0; b.len()];
+            let report = driver.solve(&problem, blocks, &b, &mut z, 1e-6);
+            assert!(report.converged, "spread {spread}: {report:?}");
+            assert!(residual(&problem, &factor, &b, &z) < 2e-6);
+            driver.end_iteration(1.0);
+        }
+        let spaces: Vec<f64> =
+            driver.take_records().iter().map(|record| record.figures["in_body_space"]).collect();
+        assert!(spaces[0] == 1.0 && spaces[5] == 0.0, "{spaces:?}");
+        assert!(spaces.is_sorted_by(|a, b| a >= b), "{spaces:?}");
+    }
+}
+
 /// A solver keeps what it prepared only when it is told that N stays: used for one problem after another, of the same
 /// size and of another one, it gives the bits of a new solver.
 #[test]
@@ -347,7 +373,9 @@ fn linear_solvers_stop_when_they_are_told() {
     let b = vec![1.0; 3 * problem.num_contacts()];
     let [added, factor, factor_inverse] = random_blocks(&problem, 2.0, 17);
     let blocks = ScaledBlocks { added: &added, factor: &factor, factor_inverse: &factor_inverse };
-    for name in ["none", "ilu", "ic", "block-jacobi", "body-cg", "tt-schur", "tt-cross"] {
+    for name in
+        ["none", "ilu", "ic", "schur-ic", "block-jacobi", "body-cg", "body-ic", "tt-schur", "tt-cross"]
+    {
         let mut driver = NewtonDriver::new(linear_solver("pdip", name).unwrap());
         driver.set_patience(Patience::new(None, Some(Arc::new(AtomicBool::new(true)))));
         driver.begin(&problem);

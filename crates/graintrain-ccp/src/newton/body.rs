@@ -158,8 +158,9 @@ enum BodyPreconditioner {
 impl BodyPreconditioner {
     fn refresh(&mut self, matrix: &BodyMatrix) -> Result<(), PreconditionerError> {
         match self {
-            Self::Jacobi(jacobi) => jacobi
-                .refresh_blocks((0..matrix.num_bodies()).map(|body| matrix.diagonal(body).as_slice())),
+            Self::Jacobi(jacobi) => {
+                jacobi.refresh_blocks((0..matrix.num_bodies()).map(|body| matrix.diagonal(body).as_slice()))
+            }
             Self::Incomplete(incomplete) => {
                 let (starts, columns, blocks) = (matrix.row_starts(), matrix.columns(), matrix.blocks());
                 let range = |i: usize| starts[i]..starts[i + 1];
@@ -241,8 +242,7 @@ impl BodyCg {
     pub(super) fn measure(&mut self) -> Option<Rival> {
         let flops = self.iteration_flops();
         let Self { matrix: Some(matrix), preconditioner, krylov, .. } = self else { return None };
-        let (iterations, residual) =
-            few_iterations(matrix, &mut |r, z| preconditioner.apply(r, z), krylov);
+        let (iterations, residual) = few_iterations(matrix, &mut |r, z| preconditioner.apply(r, z), krylov);
         Some(Rival::new(iterations, residual, flops))
     }
 
@@ -339,10 +339,8 @@ impl NewtonSolver for BodyCg {
             if report.converged || report.iterations >= *max_iterations {
                 break;
             }
-            let settings = KrylovSettings {
-                relative_tolerance,
-                max_iterations: *max_iterations - report.iterations,
-            };
+            let settings =
+                KrylovSettings { relative_tolerance, max_iterations: *max_iterations - report.iterations };
             matrix.gather(residual, rhs);
             velocity.fill(0.0);
             // A truncated train is symmetric only nearly.

@@ -142,6 +142,44 @@ mod tests {
         }
     }
 
+    /// With the Euclidean norm as measure the iterates are those of flexible conjugate gradients; it is looked at rarely.
+    #[test]
+    fn a_measure_of_ones_own_decides() {
+        let n = 500;
+        let b: Vec<f64> = (0..n).map(|i| f64::sin(3.0 * i as f64) + 0.1).collect();
+        let settings = KrylovSettings { relative_tolerance: 1e-8, max_iterations: 2000 };
+        let mut work = KrylovWork::default();
+        let mut x = vec![0.0; n];
+        let plain = flexible_conjugate_gradient(&mut apply, &mut jacobi, &b, &mut x, settings, &mut work);
+        let size = norm(&b);
+        let mut measured = |tolerance: f64, max_iterations: usize| {
+            let settings = KrylovSettings { relative_tolerance: tolerance, max_iterations };
+            let mut x = vec![0.0; n];
+            let mut calls = 0;
+            let report = conjugate_gradient_measured(
+                &mut apply,
+                &mut jacobi,
+                &b,
+                &mut x,
+                settings,
+                &mut work,
+                &mut |r| {
+                    calls += 1;
+                    norm(r) / size
+                },
+            );
+            assert_eq!(work.history.len(), calls);
+            (report, calls)
+        };
+        let (report, calls) = measured(1e-8, 2000);
+        assert!(report.converged() && report.residual <= 1e-8);
+        assert!(report.iterations >= plain.iterations && report.iterations <= plain.iterations * 11 / 10 + 5);
+        assert!(4 * calls < report.iterations);
+        // The last word is a value of the measure, also where the iteration ends between two looks at it.
+        let (report, _) = measured(0.0, plain.iterations);
+        assert!((report.residual - plain.residual).abs() < 1e-14, "{report:?}");
+    }
+
     #[test]
     fn an_iteration_without_patience_stops_and_says_so() {
         let b = vec![1.0; 50];

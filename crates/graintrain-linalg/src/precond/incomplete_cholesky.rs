@@ -3,9 +3,10 @@
 use super::{Preconditioner, PreconditionerError};
 use crate::block_ops::{factor_in_place, invert_lower};
 use crate::block3::{Block, BlockMatrix3};
+use crate::vectorised::{Work, vectorised};
 
 /// Incomplete block Cholesky factor with no fill (Meijerink and van der Vorst 1977) of a symmetric positive definite matrix
-/// of B x B blocks with SQUARE = B^2 entries.
+/// of B x B blocks with SQUARE = B^2 entries; B is 3 (contacts) or 6 (bodies).
 ///
 /// With the Cholesky factors D_i of its pivot blocks C = D (I + L), and
 ///
@@ -26,7 +27,7 @@ pub struct IncompleteCholesky<const B: usize, const SQUARE: usize> {
     lower: Vec<[f64; SQUARE]>,
     /// D_i^-1, lower triangular.
     inverse_pivots: Vec<[f64; SQUARE]>,
-    /// L by rows: blocks column-major. One entry more than there are, see [`sweep_row`].
+    /// L by rows: blocks column-major, and [`PADDING`].
     by_rows: Vec<f32>,
     /// L^T by rows: blocks (j, i) column-major.
     by_columns: Vec<f32>,
@@ -181,7 +182,7 @@ impl<const B: usize, const SQUARE: usize> IncompleteCholesky<B, SQUARE> {
     fn store(&mut self) {
         let Self { pattern, lower, inverse_pivots, by_rows, by_columns, .. } = self;
         for list in [&mut *by_rows, &mut *by_columns] {
-            list.resize(SQUARE * lower.len() + 1, 0.0);
+            list.resize(SQUARE * lower.len() + PADDING, 0.0);
         }
         for i in 0..pattern.num_rows() {
             for k in pattern.row_start[i]..pattern.row_start[i + 1] {
@@ -200,7 +201,7 @@ impl<const B: usize, const SQUARE: usize> IncompleteCholesky<B, SQUARE> {
 
     /// z <- C^-T C^-1 r.
     pub fn apply(&self, r: &[f64], z: &mut [f64]) {
-        crate::vectorised::vectorised(Application { factor: self, r, z });
+        vectorised(Application { factor: self, r, z });
     }
 }
 
@@ -211,28 +212,39 @@ struct Application<'a, const B: usize, const SQUARE: usize> {
     z: &'a mut [f64],
 }
 
-impl<const B: usize, const SQUARE: usize> crate::vectorised::Work for Application<'_, B, SQUARE> {
+impl<const B: usize, const SQUARE: usize> Work for Application<'_, B, SQUARE> {
     #[inline(always)]
     fn run(self) {
+        if B <= 4 {
+            self.sweeps::<4>();
+        } else {
+            self.sweeps::<8>();
+        }
+    }
+}
+
+impl<const B: usize, const SQUARE: usize> Application<'_, B, SQUARE> {
+    #[inline(always)]
+    fn sweeps<const LANES: usize>(self) {
         let Self { factor, r, z } = self;
         let pattern = &factor.pattern;
         for (i, inverse) in factor.inverse_pivots.iter().enumerate() {
             let range = pattern.row_start[i]..pattern.row_start[i + 1];
-            let received =
-                received::<B, SQUARE>(&pattern.column[range.clone()], &factor.by_rows, range.start, z);
+            let columns = &pattern.column[range.clone()];
+            let received = received::<B, SQUARE, LANES>(columns, &factor.by_rows, range.start, z);
             let own = &r[B * i..B * i + B];
             for row in 0..B {
-                let mut sum = -received[row];
+                let mut sum = 0.0;
                 for column in 0..=row {
                     sum += inverse[B * row + column] * own[column];
                 }
-                z[B * i + row] = sum;
+                z[B * i + row] = sum - received[row];
             }
         }
         for i in (0..factor.inverse_pivots.len()).rev() {
             let range = pattern.column_start[i]..pattern.column_start[i + 1];
-            let received =
-                received::<B, SQUARE>(&pattern.row[range.clone()], &factor.by_columns, range.start, z);
+            let rows = &pattern.row[range.clone()];
+            let received = received::<B, SQUARE, LANES>(rows, &factor.by_columns, range.start, z);
             for row in 0..B {
                 z[B * i + row] -= received[row];
             }
@@ -249,40 +261,35 @@ impl<const B: usize, const SQUARE: usize> crate::vectorised::Work for Applicatio
     }
 }
 
-/// Most rows of a block, with room for one more lane.
-const LANES: usize = 8;
+/// Entries after the last block, which [`received`] reads and does not use.
+const PADDING: usize = 2;
 
 /// sum_k L_k x_(j_k) for the blocks from `first` on, column-major.
 ///
-/// Columns of three are read with the entry that follows, so that they fill a vector of four; nobody looks at the
-/// fourth sum. Every column of the blocks has a sum of its own: they do not wait for each other.
+/// Columns are read with the entries that follow, so that they fill LANES; nobody looks at the sums of those. Consecutive
+/// columns add to different sums, so that they do not wait for each other.
 #[inline(always)]
-fn received<const B: usize, const SQUARE: usize>(
+fn received<const B: usize, const SQUARE: usize, const LANES: usize>(
     indices: &[u32],
     blocks: &[f32],
     first: usize,
     x: &[f64],
 ) -> [f64; LANES] {
-    let mut sums = [[0.0_f64; LANES]; B];
-    let width = B.next_multiple_of(2);
-    let blocks = &blocks[SQUARE * first..SQUARE * (first + indices.len()) + 1];
+    let mut sums = [[0.0_f64; LANES]; 3];
+    let blocks = &blocks[SQUARE * first..];
     for (k, &j) in indices.iter().enumerate() {
         let x = &x[B * j as usize..B * j as usize + B];
-        let block = &blocks[SQUARE * k..SQUARE * (k + 1) + 1];
-        for column in 0..B {
-            let entries = &block[B * column..B * column + width];
-            for row in 0..width {
-                sums[column][row] += f64::from(entries[row]) * x[column];
+        let block = &blocks[SQUARE * k..SQUARE * (k + 1) + LANES - B];
+        let [a, b, c] = &mut sums;
+        for (columns, x) in (0..B).step_by(3).zip(x.chunks_exact(3)) {
+            for (offset, sum) in [&mut *a, &mut *b, &mut *c].into_iter().enumerate() {
+                let start = B * (columns + offset);
+                let entries: &[f32; LANES] = block[start..start + LANES].try_into().unwrap_or(&[0.0; LANES]);
+                *sum = std::array::from_fn(|l| sum[l] + f64::from(entries[l]) * x[offset]);
             }
         }
     }
-    let mut sum = [0.0; LANES];
-    for column in &sums {
-        for row in 0..width {
-            sum[row] += column[row];
-        }
-    }
-    sum
+    std::array::from_fn(|row| sums[0][row] + sums[1][row] + sums[2][row])
 }
 
 /// a <- a - b c^T.

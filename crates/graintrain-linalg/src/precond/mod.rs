@@ -1,10 +1,10 @@
-//! Preconditioners of symmetric sparse matrices of 3x3 blocks.
+//! Preconditioners of symmetric sparse matrices of small dense blocks.
 //!
 //! | name | what it inverts | refresh | application |
 //! |---|---|---|---|
 //! | [`BlockJacobi`] | the diagonal blocks | O(rows) | O(rows) |
 //! | [`IncompleteLu`] | the block LU factors restricted to the pattern of the matrix, ILU(0) | O(sum of row length^2) | as one product |
-//! | [`IncompleteCholesky`] | the block Cholesky factor restricted to the pattern, IC(0) | half of ILU(0) | as one product |
+//! | [`IncompleteCholesky`] | the block Cholesky factor restricted to the pattern, IC(0), in single precision; any block size | half of ILU(0) | half of a product |
 
 mod block_jacobi;
 mod incomplete_cholesky;
@@ -146,6 +146,72 @@ mod tests {
             let mut x = vec![0.0; 3 * rows];
             preconditioner.apply(&b, &mut x);
             assert!(x.iter().zip(&exact).all(|(x, exact)| (x - exact).abs() < 1e-4));
+        }
+    }
+
+    /// Blocks of six: the factors of a path are complete up to single precision, those of a ring are symmetric positive
+    /// definite and fit A on its pattern.
+    #[test]
+    fn incomplete_cholesky_takes_larger_blocks() {
+        let entry = |k: usize| f64::sin(1.7 * k as f64);
+        for ring in [false, true] {
+            let rows = 30_usize;
+            let (mut columns, mut blocks) = (Vec::new(), Vec::new());
+            for i in 0..rows {
+                let mut row: Vec<u32> = (i.saturating_sub(1)..=i).map(|j| j as u32).collect();
+                if ring && i + 1 == rows {
+                    row.insert(0, 0);
+                }
+                let values: Vec<[f64; 36]> = row
+                    .iter()
+                    .map(|&j| {
+                        std::array::from_fn(|e| match (j as usize == i, e % 7 == 0) {
+                            (true, true) => 5.0,
+                            (true, false) => 0.2,
+                            _ => 0.4 * entry(i * 36 + e),
+                        })
+                    })
+                    .collect();
+                columns.push(row);
+                blocks.push(values);
+            }
+            let multiply = |x: &[f64]| -> Vec<f64> {
+                let mut y = vec![0.0; 6 * rows];
+                for i in 0..rows {
+                    for (&j, block) in columns[i].iter().zip(&blocks[i]) {
+                        let j = j as usize;
+                        for (e, value) in block.iter().enumerate() {
+                            y[6 * i + e / 6] += value * x[6 * j + e % 6];
+                            if i != j {
+                                y[6 * j + e % 6] += value * x[6 * i + e / 6];
+                            }
+                        }
+                    }
+                }
+                y
+            };
+            let mut factor = IncompleteCholesky::<6, 36>::default();
+            factor.refresh_lower(rows, |i| (&columns[i], &blocks[i])).unwrap();
+            assert_eq!((factor.shift(), factor.num_lower_blocks()), (0.0, rows - 1 + usize::from(ring)));
+            let inverse_of_image = |x: &[f64]| {
+                let mut z = vec![0.0; x.len()];
+                factor.apply(&multiply(x), &mut z);
+                z
+            };
+            let x: Vec<f64> = (0..6 * rows).map(entry).collect();
+            let back = inverse_of_image(&x);
+            let error = x.iter().zip(&back).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+            if ring {
+                assert!(error > 1e-5, "the factors of a ring have fill: {error}");
+            } else {
+                assert!(error < 1e-5, "{error}");
+            }
+            let y: Vec<f64> = (0..6 * rows).map(|k| entry(3 * k + 1)).collect();
+            let (mut px, mut py) = (vec![0.0; x.len()], vec![0.0; x.len()]);
+            factor.apply(&x, &mut px);
+            factor.apply(&y, &mut py);
+            let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+            assert!((dot(&y, &px) - dot(&x, &py)).abs() < 1e-12 && dot(&x, &px) > 0.0);
         }
     }
 
