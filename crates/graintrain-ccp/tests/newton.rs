@@ -315,30 +315,90 @@ fn ipm_reports_jammed_bodies_as_infeasible_and_answers_with_finite_impulses() {
     assert!(impulse.iter().all(|g| g.is_finite()) && impulse[0] > 1.0 && impulse[3] > 1.0);
 }
 
+/// Solves with the blocks of these spreads one after the other; the answers, and the spaces that they come from.
+fn solve_spreads(
+    driver: &mut NewtonDriver,
+    problem: &Ccp,
+    spreads: &[f64],
+    tolerance: f64,
+) -> (Vec<f64>, Vec<f64>) {
+    let b: Vec<f64> = (0..3 * problem.num_contacts()).map(|k| f64::sin(1.7 * k as f64) + 0.2).collect();
+    let mut answers = Vec::new();
+    driver.begin(problem);
+    for (iteration, &spread) in spreads.iter().enumerate() {
+        let [added, factor, factor_inverse] = random_blocks(problem, spread, 17 + iteration as u64);
+        let blocks = ScaledBlocks { added: &added, factor: &factor, factor_inverse: &factor_inverse };
+        driver.refresh(problem, blocks, iteration, 0.0).unwrap();
+        // What is there before a solve must not matter.
+        let mut z = vec![1e3; b.len()];
+        let report = driver.solve(problem, blocks, &b, &mut z, tolerance);
+        assert!(report.converged, "spread {spread}: {report:?}");
+        assert!(residual(problem, &factor, &b, &z) < 1.01 * tolerance);
+        answers.extend(z);
+        driver.end_iteration(1.0);
+    }
+    let spaces = driver.take_records().iter().map(|record| record.figures["in_body_space"]).collect();
+    (answers, spaces)
+}
+
 /// Factors of K are the better ones where the weights are alike; as they spread, those of S~ are. The next problem begins
-/// in body space, and what contact space knows of N is forgotten with it.
+/// in body space, and what contact space knew of the last N is forgotten: the bits are those of a new solver.
 #[test]
 fn incomplete_cholesky_goes_over_to_contact_space_as_weights_spread() {
-    let mut driver = NewtonDriver::new(linear_solver("pdip", "ic").unwrap());
-    for seed in [3, 4] {
-        let problem = lattice_packing(4, 4, 0.4, seed);
-        let b: Vec<f64> = (0..3 * problem.num_contacts()).map(|k| f64::sin(1.7 * k as f64) + 0.2).collect();
+    let new = || NewtonDriver::new(linear_solver("pdip", "ic").unwrap());
+    let mut used = new();
+    let packings =
+        [lattice_packing(4, 4, 0.4, 3), lattice_packing(4, 4, 0.4, 4), lattice_packing(3, 5, 0.4, 5)];
+    for problem in &packings {
+        let (answers, spaces) = solve_spreads(&mut used, problem, &[0.5, 2.0, 4.0, 6.0, 7.0, 7.0], 1e-6);
+        assert!(spaces[0] == 1.0 && spaces[5] == 0.0, "{spaces:?}");
+        let fresh = solve_spreads(&mut new(), problem, &[0.5, 2.0, 4.0, 6.0, 7.0, 7.0], 1e-6);
+        assert!(answers == fresh.0, "a used solver remembers the last problem");
+    }
+    // Where N has no bodies there is one space.
+    let (_, spaces) = solve_spreads(&mut used, &sparse_form(&packings[0]), &[0.5, 4.0], 1e-6);
+    assert_eq!(spaces, [0.0, 0.0]);
+}
+
+/// A race before which the time of another solve ended is a race nevertheless.
+#[test]
+fn the_end_of_one_solve_does_not_decide_the_race_of_the_next() {
+    use graintrain_linalg::patience::Patience;
+    use std::sync::atomic::AtomicBool;
+    let problem = lattice_packing(3, 3, 0.4, 3);
+    let [added, factor, factor_inverse] = random_blocks(&problem, 1.0, 17);
+    let blocks = ScaledBlocks { added: &added, factor: &factor, factor_inverse: &factor_inverse };
+    let figures = |stopped_before: bool| {
+        let mut driver = NewtonDriver::new(linear_solver("pdip", "tt").unwrap());
+        let mut z = vec![0.0; 3 * problem.num_contacts()];
+        if stopped_before {
+            let first = lattice_packing(3, 3, 0.4, 9);
+            driver.set_patience(Patience::new(None, Some(Arc::new(AtomicBool::new(true)))));
+            driver.begin(&first);
+            // The train is told to stop, its rival solves (and stops, too).
+            let _ = driver.refresh(&first, blocks, 0, 0.0);
+            driver.solve(&first, blocks, &vec![1.0; z.len()], &mut z, 1e-6);
+            driver.end_iteration(1.0);
+            driver.take_records();
+            driver.set_patience(Patience::default());
+        }
+        let mut seen = Vec::new();
         driver.begin(&problem);
-        for (iteration, spread) in [0.5, 2.0, 4.0, 6.0, 7.0, 7.0].into_iter().enumerate() {
-            let [added, factor, factor_inverse] = random_blocks(&problem, spread, 17 + iteration as u64);
-            let blocks = ScaledBlocks { added: &added, factor: &factor, factor_inverse: &factor_inverse };
+        for iteration in 0..9 {
             driver.refresh(&problem, blocks, iteration, 0.0).unwrap();
-            let mut z = vec![0.0; b.len()];
-            let report = driver.solve(&problem, blocks, &b, &mut z, 1e-6);
-            assert!(report.converged, "spread {spread}: {report:?}");
-            assert!(residual(&problem, &factor, &b, &z) < 2e-6);
             driver.end_iteration(1.0);
         }
-        let spaces: Vec<f64> =
-            driver.take_records().iter().map(|record| record.figures["in_body_space"]).collect();
-        assert!(spaces[0] == 1.0 && spaces[5] == 0.0, "{spaces:?}");
-        assert!(spaces.is_sorted_by(|a, b| a >= b), "{spaces:?}");
-    }
+        for record in driver.take_records() {
+            seen.push(record.figures.get("train_active").copied());
+            assert!(
+                !record.figures.contains_key("inversion_seconds"),
+                "a train was made: {:?}",
+                record.figures
+            );
+        }
+        seen
+    };
+    assert_eq!(figures(false), figures(true));
 }
 
 /// A solver keeps what it prepared only when it is told that N stays: used for one problem after another, of the same
@@ -348,7 +408,7 @@ fn solvers_used_again_have_forgotten_the_last_problem() {
     use graintrain_ccp::FrictionModel;
     let problems = [1, 2, 3].map(|seed| lattice_packing(2, 2, 0.3, seed)).into_iter();
     let problems: Vec<Ccp> = problems.chain([lattice_packing(3, 2, 0.4, 4), random_problem(2)]).collect();
-    for name in ["apgd", "bb", "ipm", "auto"] {
+    for name in ["apgd", "bb", "ipm", "auto", "ipm+ic", "pdip+tt"] {
         let spec: SolverSpec = name.parse().unwrap();
         let mut used = spec.build().unwrap();
         for problem in &problems {

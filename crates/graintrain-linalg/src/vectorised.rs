@@ -9,10 +9,9 @@ pub trait Work {
 /// Runs the work compiled for AVX2 where the processor has it. Only the width of the instructions differs: no fused
 /// multiply-add is used, so the bits are those of the plain code.
 #[inline(always)]
-// Measured: an application of IC(0) with blocks of six takes 0.68 of the time of the SSE2 code of the default x86-64 target (of
-// three: 0.98); a product of the first-order methods 0.80, an iteration of `pj` or `apgd` 0.69.
+// Measured: an application of IC(0) with blocks of six takes 0.68 of the time of the SSE2 code of the default x86-64 target.
 #[allow(unsafe_code)]
-pub fn vectorised(work: impl Work) {
+pub fn run_wide(work: impl Work) {
     #[cfg(target_arch = "x86_64")]
     if std::arch::is_x86_feature_detected!("avx2") {
         #[target_feature(enable = "avx2")]

@@ -7,7 +7,7 @@ use super::{LinearReport, NewtonError, NewtonSolver, NewtonSystem};
 use crate::delassus::Delassus;
 use graintrain_linalg::cholesky::SparseCholesky;
 use graintrain_linalg::krylov::{
-    KrylovSettings, KrylovWork, conjugate_gradient, conjugate_gradient_measured,
+    KrylovSettings, KrylovWork, Measure, conjugate_gradient, conjugate_gradient_measured,
 };
 use graintrain_linalg::ordering::Ordering;
 use graintrain_linalg::parallel::norm;
@@ -15,7 +15,7 @@ use graintrain_linalg::precond::{BlockJacobi, IncompleteCholesky, Preconditioner
 use std::collections::BTreeMap;
 
 /// Cap on conjugate gradient iterations.
-const LIMIT: usize = 5000;
+pub(super) const LIMIT: usize = 5000;
 
 /// Makes `matrix` fit the problem and assembles K. True where the pattern is a new one.
 fn refresh_matrix(
@@ -180,7 +180,7 @@ impl BodyPreconditioner {
 /// Conjugate gradients on K with block Jacobi or block IC(0), and on request a tensor-train correction of the former where
 /// that pays.
 ///
-/// Where K y = A b - rho, z = b - A^T y has the residual b - S~ z = A^T rho: it is what conjugate gradients are asked to
+/// Where K y = A b - rho, z = b - A^T y has the residual -A^T rho of S~: it is what conjugate gradients are asked to
 /// make small. Where weights H^-1 spread, |A^T rho| is larger than |rho| by many orders of magnitude.
 pub struct BodyCg {
     name: &'static str,
@@ -196,6 +196,8 @@ pub struct BodyCg {
     best: Vec<f64>,
 }
 
+/// What conjugate gradients are asked for, in tolerances.
+const MARGIN: f64 = 0.8;
 /// Solves for what is missing because the residual of conjugate gradients has drifted from the true one.
 const ROUNDS: usize = 4;
 
@@ -239,8 +241,9 @@ impl BodyCg {
     }
 
     /// What a solve costs, from a few iterations.
-    pub(super) fn measure(&mut self) -> Option<Rival> {
+    pub(super) fn measure(&mut self, system: &NewtonSystem<'_>) -> Option<Rival> {
         let flops = self.iteration_flops();
+        self.krylov.patience = system.patience.clone();
         let Self { matrix: Some(matrix), preconditioner, krylov, .. } = self else { return None };
         let (iterations, residual) = few_iterations(matrix, &mut |r, z| preconditioner.apply(r, z), krylov);
         Some(Rival::new(iterations, residual, flops))
@@ -339,11 +342,14 @@ impl NewtonSolver for BodyCg {
             if report.converged || report.iterations >= *max_iterations {
                 break;
             }
-            let settings =
-                KrylovSettings { relative_tolerance, max_iterations: *max_iterations - report.iterations };
+            // With a margin: where the residual of the recurrence drifts, another round is nearly another solve.
+            let settings = KrylovSettings {
+                relative_tolerance: MARGIN * relative_tolerance,
+                max_iterations: *max_iterations - report.iterations,
+            };
             matrix.gather(residual, rhs);
             velocity.fill(0.0);
-            // A truncated train is symmetric only nearly.
+            let with_correction = correction.as_ref().is_some_and(TrainCorrection::is_active);
             let inner = conjugate_gradient_measured(
                 &mut |x, y| matrix.multiply(x, y),
                 &mut |r, z| match (&mut *correction, &*preconditioner) {
@@ -356,10 +362,14 @@ impl NewtonSolver for BodyCg {
                 velocity,
                 settings,
                 krylov,
-                &mut |rho| {
-                    image.fill(0.0);
-                    matrix.scatter(1.0, rho, image);
-                    norm(image) / size
+                Measure {
+                    norm: &mut |rho| {
+                        image.fill(0.0);
+                        matrix.scatter(1.0, rho, image);
+                        norm(image) / size
+                    },
+                    // A truncated train is symmetric only nearly.
+                    flexible: with_correction,
                 },
             );
             report.iterations += inner.iterations;

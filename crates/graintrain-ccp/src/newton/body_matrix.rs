@@ -12,7 +12,7 @@
 
 use crate::delassus::{BodyInverseMass, FIXED, RigidDelassus};
 use graintrain_linalg::block3::Block;
-use graintrain_linalg::vectorised::{Work, vectorised};
+use graintrain_linalg::vectorised::{Work, run_wide};
 use rayon::prelude::*;
 
 /// A 6x6 block, row-major.
@@ -216,7 +216,7 @@ impl BodyMatrix {
 
     /// z <- K y.
     pub fn multiply(&self, y: &[f64], z: &mut [f64]) {
-        vectorised(Product { matrix: self, y, z });
+        run_wide(Product { matrix: self, y, z });
     }
 }
 

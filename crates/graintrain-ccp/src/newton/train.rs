@@ -1,6 +1,6 @@
-//! `tt`: a tensor train in body space where that pays, incomplete Cholesky in contact space where it does not.
+//! `tt`: a tensor train in body space where that pays, incomplete Cholesky ([`super::incomplete`]) where it does not.
 //!
-//! Conjugate gradients on S~ with block IC(0) are the rival: ten iterations of theirs tell what a solve costs. A train is
+//! Conjugate gradients with block IC(0) are the rival: ten iterations of theirs tell what a solve costs. A train is
 //! made only where its prediction is cheaper than that, and used where it then wins
 //! ([`TrainCorrection`]). After a loss, or a train that breaks down, the next try waits,
 //! four times longer after every loss in a row, also from one problem to the next.
@@ -93,7 +93,7 @@ impl NewtonSolver for TensorTrain {
     }
 
     fn needs_matrix(&self) -> bool {
-        true
+        false
     }
 
     fn refresh(&mut self, system: &NewtonSystem<'_>) -> Result<(), NewtonError> {
@@ -140,6 +140,9 @@ impl NewtonSolver for TensorTrain {
     fn figures(&self, figures: &mut BTreeMap<String, f64>) {
         if self.tried {
             self.body.figures(figures);
+        }
+        if !self.with_train {
+            self.local.figures(figures);
         }
         figures.insert("train_active".to_string(), f64::from(u8::from(self.with_train)));
     }

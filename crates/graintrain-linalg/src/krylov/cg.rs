@@ -29,9 +29,8 @@ pub fn flexible_conjugate_gradient(
     iterate(operator, preconditioner, b, x, settings, work, Variant::Flexible)
 }
 
-/// As [`flexible_conjugate_gradient`], but what has to fall below the tolerance is `measure(b - A x)`, any norm that costs
-/// about as much as an iteration: it is evaluated when the number of iterations has grown by a tenth, and
-/// [`KrylovWork::history`] holds these values only.
+/// Conjugate gradients of which something else than |b - A x| / |b| has to fall below the tolerance, see [`Measure`];
+/// [`KrylovWork::history`] holds its values only.
 pub fn conjugate_gradient_measured(
     operator: &mut Operator<'_>,
     preconditioner: &mut Operator<'_>,
@@ -39,7 +38,7 @@ pub fn conjugate_gradient_measured(
     x: &mut [f64],
     settings: KrylovSettings,
     work: &mut KrylovWork,
-    measure: &mut Measure<'_>,
+    measure: Measure<'_>,
 ) -> KrylovReport {
     iterate(operator, preconditioner, b, x, settings, work, Variant::Measured(measure))
 }
@@ -47,15 +46,20 @@ pub fn conjugate_gradient_measured(
 /// Iterations between the first evaluations of a measure.
 const MEASURE_EVERY: usize = 5;
 
-/// A norm of residuals.
-pub type Measure<'a> = dyn FnMut(&[f64]) -> f64 + 'a;
+/// What [`conjugate_gradient_measured`] makes small.
+pub struct Measure<'a> {
+    /// Any norm of b - A x that costs about as much as an iteration: it is evaluated when the number of iterations has grown
+    /// by a tenth.
+    pub norm: &'a mut dyn FnMut(&[f64]) -> f64,
+    /// Whether the preconditioner may change from one application to the next.
+    pub flexible: bool,
+}
 
 /// Which conjugate gradients.
-enum Variant<'a, 'b> {
+enum Variant<'a> {
     Fixed,
     Flexible,
-    /// Flexible, with a measure of its own.
-    Measured(&'a mut Measure<'b>),
+    Measured(Measure<'a>),
 }
 
 fn iterate(
@@ -65,7 +69,7 @@ fn iterate(
     x: &mut [f64],
     settings: KrylovSettings,
     work: &mut KrylovWork,
-    mut variant: Variant<'_, '_>,
+    mut variant: Variant<'_>,
 ) -> KrylovReport {
     work.vectors(b.len());
     let KrylovWork { vectors: [residual, preconditioned, direction, image, previous, ..], history, patience } =
@@ -76,9 +80,9 @@ fn iterate(
     }
     let size = norm(b);
     let always = !matches!(variant, Variant::Measured(_));
-    let flexible = !matches!(variant, Variant::Fixed);
+    let flexible = matches!(variant, Variant::Flexible | Variant::Measured(Measure { flexible: true, .. }));
     let mut evaluate = |residual: &[f64]| match &mut variant {
-        Variant::Measured(measure) => measure(residual),
+        Variant::Measured(measure) => (measure.norm)(residual),
         _ if size > 0.0 => norm(residual) / size,
         _ => norm(residual),
     };

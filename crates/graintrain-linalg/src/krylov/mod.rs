@@ -163,9 +163,12 @@ mod tests {
                 &mut x,
                 settings,
                 &mut work,
-                &mut |r| {
-                    calls += 1;
-                    norm(r) / size
+                Measure {
+                    norm: &mut |r| {
+                        calls += 1;
+                        norm(r) / size
+                    },
+                    flexible: true,
                 },
             );
             assert_eq!(work.history.len(), calls);

@@ -3,7 +3,7 @@
 use super::{Preconditioner, PreconditionerError};
 use crate::block_ops::{factor_in_place, invert_lower};
 use crate::block3::{Block, BlockMatrix3};
-use crate::vectorised::{Work, vectorised};
+use crate::vectorised::{Work, run_wide};
 
 /// Incomplete block Cholesky factor with no fill (Meijerink and van der Vorst 1977) of a symmetric positive definite matrix
 /// of B x B blocks with SQUARE = B^2 entries; B is 3 (contacts) or 6 (bodies).
@@ -15,15 +15,15 @@ use crate::vectorised::{Work, vectorised};
 /// ```
 ///
 /// Both sweeps read blocks in the order in which they lie in memory and add up what a row receives, so L is kept by
-/// rows and by columns. It is kept in single precision: any L makes a symmetric positive definite preconditioner, and an
-/// application is bound by the memory that it reads. Factorisation and sweeps compute in double precision.
+/// rows and by columns. It is kept in single precision: any finite L makes a symmetric positive definite preconditioner, and
+/// an application is bound by the memory that it reads. Factorisation and sweeps compute in double precision.
 ///
-/// Where a pivot block is not positive definite the factorisation starts again with the diagonal blocks enlarged by a
-/// growing fraction of themselves (Manteuffel 1980), so that the preconditioner is positive definite always.
+/// Where a pivot block is not positive definite, or L too large for single precision, the factorisation starts again with
+/// the diagonal blocks enlarged by a growing fraction of themselves (Manteuffel 1980).
 #[derive(Clone, Debug, Default)]
 pub struct IncompleteCholesky<const B: usize, const SQUARE: usize> {
     pattern: LowerPattern,
-    /// C, strictly lower, by rows, while it is being computed.
+    /// C, strictly lower, by rows: work memory of the factorisation.
     lower: Vec<[f64; SQUARE]>,
     /// D_i^-1, lower triangular.
     inverse_pivots: Vec<[f64; SQUARE]>,
@@ -95,15 +95,21 @@ impl<const B: usize, const SQUARE: usize> IncompleteCholesky<B, SQUARE> {
     ///
     /// # Errors
     /// [`PreconditionerError`]; the preconditioner is then unusable until the next success.
+    ///
+    /// # Panics
+    /// If the columns of a row do not ascend.
     pub fn refresh_lower<'a>(
         &mut self,
         rows: usize,
         lower: impl Fn(usize) -> (&'a [u32], &'a [[f64; SQUARE]]),
     ) -> Result<(), PreconditionerError> {
+        const { assert!((B == 3 || B == 6) && SQUARE == B * B, "blocks of contacts or of bodies") }
         for row in 0..rows {
-            if lower(row).0.last() != Some(&(row as u32)) {
+            let columns = lower(row).0;
+            if columns.last() != Some(&(row as u32)) {
                 return Err(PreconditionerError::MissingDiagonal { row });
             }
+            assert!(columns.is_sorted_by(|a, b| a < b), "the columns of row {row} ascend");
         }
         let fits = self.pattern.num_rows() == rows
             && (0..rows).all(|i| {
@@ -121,17 +127,15 @@ impl<const B: usize, const SQUARE: usize> IncompleteCholesky<B, SQUARE> {
             self.pattern = LowerPattern::new(row_start, column);
         }
         self.shift = 0.0;
-        let mut broken = self.factorize(rows, &lower);
+        let mut broken = self.factorize(rows, &lower).and_then(|()| self.store());
         for doubling in 0..=SHIFT_DOUBLINGS {
             if broken.is_ok() {
                 break;
             }
             self.shift = FIRST_SHIFT * f64::from(1 << doubling);
-            broken = self.factorize(rows, &lower);
+            broken = self.factorize(rows, &lower).and_then(|()| self.store());
         }
-        broken.map_err(|row| PreconditionerError::Pivot { row })?;
-        self.store();
-        Ok(())
+        broken.map_err(|row| PreconditionerError::Pivot { row })
     }
 
     /// C and D^-1. The row of the first pivot block that is not positive definite, if there is one.
@@ -178,8 +182,8 @@ impl<const B: usize, const SQUARE: usize> IncompleteCholesky<B, SQUARE> {
         Ok(())
     }
 
-    /// L = D^-1 C in single precision, by rows and by columns.
-    fn store(&mut self) {
+    /// L = D^-1 C in single precision, by rows and by columns. The first row with an entry that is too large, if there is one.
+    fn store(&mut self) -> Result<(), usize> {
         let Self { pattern, lower, inverse_pivots, by_rows, by_columns, .. } = self;
         for list in [&mut *by_rows, &mut *by_columns] {
             list.resize(SQUARE * lower.len() + PADDING, 0.0);
@@ -188,20 +192,26 @@ impl<const B: usize, const SQUARE: usize> IncompleteCholesky<B, SQUARE> {
             for k in pattern.row_start[i]..pattern.row_start[i + 1] {
                 let block = triangular_times::<B, SQUARE>(&inverse_pivots[i], &lower[k]);
                 let place = pattern.place[k] as usize;
+                let mut finite = true;
                 for row in 0..B {
                     for column in 0..B {
                         let x = block[B * row + column] as f32;
+                        finite &= x.is_finite();
                         by_rows[SQUARE * k + B * column + row] = x;
                         by_columns[SQUARE * place + B * row + column] = x;
                     }
                 }
+                if !finite {
+                    return Err(i);
+                }
             }
         }
+        Ok(())
     }
 
     /// z <- C^-T C^-1 r.
     pub fn apply(&self, r: &[f64], z: &mut [f64]) {
-        vectorised(Application { factor: self, r, z });
+        run_wide(Application { factor: self, r, z });
     }
 }
 
