@@ -23,7 +23,15 @@ fn two_threads_compute_the_bits_of_one() {
     // More contacts than one chunk of a sum or of a pass holds.
     let problem = lattice_packing(7, 6, 0.3, 1);
     assert!(3 * problem.num_contacts() > 4096);
-    let relaxed = [("ipm", 4), ("ipm+body-cg", 4), ("ipm+cholesky", 15), ("scip", 25), ("pdip", 25)];
+    let relaxed = [
+        ("ipm", 4),
+        ("ipm+body-cg", 4),
+        ("ipm+ic", 15),
+        ("ipm+cholesky", 15),
+        ("scip", 25),
+        ("pdip", 25),
+        ("pdip+ic", 25),
+    ];
     let exact = [("apgd", 200), ("pgs", 100), ("ipm", 200), ("bb", 200), ("scip", 60), ("auto", 200)];
     let runs = relaxed.map(|(name, limit)| (name, limit, FrictionModel::Relaxed));
     let runs = runs.into_iter().chain(exact.map(|(name, limit)| (name, limit, FrictionModel::Coulomb)));
