@@ -418,6 +418,19 @@ fn solvers_used_again_have_forgotten_the_last_problem() {
                 used.solve(problem, &mut impulses[0], &settings).unwrap();
                 spec.build().unwrap().solve(problem, &mut impulses[1], &settings).unwrap();
                 assert_eq!(impulses[0], impulses[1], "{name}, {friction:?}");
+                // The same N and mu with another r, in both models.
+                let mut next = problem.clone();
+                next.impulse_scale = Some(1.0);
+                next.r.iter_mut().for_each(|r| *r *= 0.9);
+                used.solve(&next, &mut vec![0.0; next.r.len()], &settings).unwrap();
+                next.r.iter_mut().for_each(|r| *r *= 0.8);
+                for friction in [FrictionModel::Relaxed, FrictionModel::Coulomb] {
+                    let settings = SolveSettings { friction, ..settings.clone() };
+                    let mut impulses = [vec![0.0; next.r.len()], vec![0.0; next.r.len()]];
+                    used.solve_again(&next, &mut impulses[0], &settings).unwrap();
+                    spec.build().unwrap().solve(&next, &mut impulses[1], &settings).unwrap();
+                    assert_eq!(impulses[0], impulses[1], "{name}, again, {friction:?}");
+                }
             }
         }
     }

@@ -1,6 +1,7 @@
 //! `auto`: the solver that is likely to reach the tolerance first, and others where it does not.
 
 use super::driver::{Best, Limits, check_start};
+use super::turns::Turns;
 use super::{CcpSolver, METHODS, SolveReport, SolveSettings, Status};
 use crate::problem::{Ccp, CcpError};
 
@@ -17,6 +18,7 @@ pub struct Auto {
     members: Vec<(&'static str, Box<dyn CcpSolver>)>,
     /// Members that have seen N and mu of the last call.
     ready: Vec<&'static str>,
+    exact: Turns,
 }
 
 impl Auto {
@@ -27,7 +29,7 @@ impl Auto {
                 members.push((name, (method.build)(None)?));
             }
         }
-        Ok(Self { members, ready: Vec::new() })
+        Ok(Self { members, ready: Vec::new(), exact: Turns::new() })
     }
 
     fn run(
@@ -47,6 +49,7 @@ impl Auto {
         let last = self.members.len() - 1;
         if !again {
             self.ready.clear();
+            self.exact.forget();
         }
         for (position, (member, solver)) in self.members.iter_mut().enumerate() {
             let patience = if position < last && *member == "apgd" { PATIENCE } else { usize::MAX };
@@ -118,13 +121,11 @@ impl CcpSolver for Auto {
         settings: &SolveSettings,
         again: bool,
     ) -> Result<Option<SolveReport>, CcpError> {
-        let Some((_, apgd)) = self.members.iter_mut().find(|(name, _)| *name == "apgd") else {
-            return Ok(None);
-        };
-        let seen = again && self.ready.contains(&"apgd");
-        self.ready = vec!["apgd"];
-        let report = apgd.solve_exact(problem, impulse, settings, seen)?;
-        Ok(report.map(|report| SolveReport { solver: format!("auto ({})", report.solver), ..report }))
+        if !again {
+            self.ready.clear();
+        }
+        let report = self.exact.solve(problem, impulse, settings, again)?;
+        Ok(Some(SolveReport { solver: format!("auto ({})", report.solver), ..report }))
     }
 }
 

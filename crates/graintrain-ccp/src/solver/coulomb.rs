@@ -36,7 +36,7 @@ pub struct CoulombIteration {
 const OUTER_LIMIT: usize = 1000;
 /// Iterations of a solver that treats exact friction itself, in rounds; it goes on while a round lowers the residual to
 /// this fraction.
-const EXACT_ROUND: usize = 10_000;
+const EXACT_ROUND: usize = 20_000;
 const EXACT_GAIN: f64 = 0.5;
 /// Where the settings name no limit, all relaxed solves together may take so many times the iterations of one.
 const NESTED_LIMIT: usize = 10;

@@ -23,6 +23,7 @@ pub mod scip;
 mod spectral;
 mod spg;
 pub mod sweep;
+mod turns;
 
 pub use apgd::Apgd;
 pub use barzilai_borwein::BarzilaiBorwein;
