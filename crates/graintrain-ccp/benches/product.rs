@@ -9,7 +9,9 @@
 mod common;
 
 use graintrain_ccp::residual::ResidualScale;
+use graintrain_ccp::solver::lanes::{LANES, Lanes, Vector};
 use graintrain_ccp::solver::scaling::ScaledProblem;
+use graintrain_ccp::solver::sweep::{TaskWork, vectorised};
 use graintrain_ccp::solver::{SolveSettings, SolverSpec};
 use graintrain_ccp::{Ccp, Delassus};
 use rayon::prelude::*;
@@ -69,6 +71,36 @@ fn sum(numbers: &[f64]) -> f64 {
         .sum()
 }
 
+/// Multiplications and additions per second that one thread can do, half of each, with nothing to load or to store.
+fn peak_flops() -> f64 {
+    const STEPS: usize = 1 << 14;
+    struct Peak<'a>(&'a mut Lanes);
+    impl TaskWork for Peak<'_> {
+        #[inline(always)]
+        fn run<V: Vector>(self) {
+            let factor = V::of(*self.0);
+            let (mut products, mut sums) = ([factor; 6], [factor; 6]);
+            for _ in 0..STEPS {
+                for k in 0..6 {
+                    products[k] = products[k] * factor;
+                    sums[k] += factor;
+                }
+            }
+            let mut total = V::default();
+            for k in 0..6 {
+                total += products[k] + sums[k];
+            }
+            *self.0 = total.lanes();
+        }
+    }
+    let seconds = least(20, || {
+        let mut lanes = std::hint::black_box(Lanes([1.0; LANES]));
+        vectorised(Peak(&mut lanes));
+        std::hint::black_box(lanes);
+    });
+    (12 * LANES * STEPS) as f64 / seconds
+}
+
 /// Seconds and products of a solve of so many iterations.
 fn solve(problem: &Ccp, method: &str, iterations: usize) -> (f64, usize) {
     let mut g = vec![0.0; 3 * problem.num_contacts()];
@@ -94,7 +126,7 @@ fn measure(problem: &Ccp, methods: &[&str]) {
     let mut to = from.clone();
     let (mut copy, mut read, mut product) = (f64::INFINITY, f64::INFINITY, f64::INFINITY);
     for _ in 0..ROUNDS {
-        // And a sum over as many bytes: four fifths of what the product moves is read.
+        // And a sum over as many bytes.
         for part in [&from, &to] {
             read = read.min(
                 2.0 * least(5, || {
@@ -109,17 +141,22 @@ fn measure(problem: &Ccp, methods: &[&str]) {
         }));
         product = product.min(least(5, || scaled.multiply(&mut x, &mut u, &mut image, &mut work)));
     }
+    let threads = rayon::current_num_threads();
+    let (flops, peak) = (FLOPS * contacts as f64, threads as f64 * peak_flops());
+    // Four fifths of what the product moves is read: it cannot be faster than reading as many bytes, nor than the arithmetic.
+    let bound = read.max(flops / peak);
     println!(
-        "{contacts:8} contacts {bodies:7} bodies {} threads | copy {:6.1} read {:6.1} GB/s | N g {:8.3} ms {:5.1} ns/contact {:6.1} GB/s {:5.2} Gflop/s, {:4.2} of the copy's speed, {:4.2} of reading",
-        rayon::current_num_threads(),
+        "{contacts:8} contacts {bodies:7} bodies {threads} threads | copy {:6.1} read {:6.1} GB/s, peak {:5.1} Gflop/s | N g {:8.3} ms {:5.1} ns/contact {:6.1} GB/s {:5.2} Gflop/s, {:4.2} of the copy's speed, {:4.2} of the bound by {}",
         bytes / copy / 1e9,
         bytes / read / 1e9,
+        peak / 1e9,
         1e3 * product,
         1e9 * product / contacts as f64,
         bytes / product / 1e9,
-        FLOPS * contacts as f64 / product / 1e9,
+        flops / product / 1e9,
         copy / product,
-        read / product,
+        bound / product,
+        if bound > read { "arithmetic" } else { "reading" },
     );
     let iterations = (6_000_000 / contacts.max(1)).clamp(10, 400);
     for method in methods {

@@ -11,7 +11,7 @@ const BODIES: usize = 1024;
 
 /// Geometry of four contacts. The rows of the frame are scaled, the normal one and the tangential ones each by their factor.
 #[derive(Clone, Copy, Debug)]
-struct Geometry {
+pub(super) struct Geometry {
     /// Rows n, t1, t2, each with its world components.
     frame: [Batch; 3],
     arm_a: Batch,
@@ -29,6 +29,68 @@ pub(super) type BodyPair<V = Lanes> = [V; 2];
 
 /// Impulses in world axes and their moments about bodies A and B, contact by contact.
 type WorldImpulses<V> = [[V; LANES]; 3];
+
+impl Geometry {
+    /// D^T v of these contacts.
+    #[inline(always)]
+    pub(super) fn relative_velocity<V: Vector>(&self, image: &[BodyPair]) -> Batch<V> {
+        let of = |bodies: [u32; LANES]| bodies.map(|body| &image[body as usize]);
+        let (a, b) = (of(self.body_a), of(self.body_b));
+        let difference = |l: usize| V::of(a[l][0]) - V::of(b[l][0]);
+        let relative = V::components([difference(0), difference(1), difference(2), difference(3)]);
+        let spins = |of: [&BodyPair; LANES]| V::components(of.map(|pair| V::of(pair[1])));
+        let relative = add(&relative, &cross(&spins(a), &load(&self.arm_a)));
+        let relative = sub(&relative, &cross(&spins(b), &load(&self.arm_b)));
+        [
+            dot(&load(&self.frame[0]), &relative),
+            dot(&load(&self.frame[1]), &relative),
+            dot(&load(&self.frame[2]), &relative),
+        ]
+    }
+
+    /// Impulses in world axes of these contacts and their moments about bodies A and B.
+    #[inline(always)]
+    fn world_impulses<V: Vector>(&self, x: &Batch<V>) -> WorldImpulses<V> {
+        let along = |k: usize| scale(x[k], &load(&self.frame[k]));
+        let p = add(&add(&along(0), &along(1)), &along(2));
+        let (moment_a, moment_b) = (cross(&load(&self.arm_a), &p), cross(&load(&self.arm_b), &p));
+        [V::records(&p), V::records(&moment_a), V::records(&moment_b)]
+    }
+
+    /// Adds the impulses of these contacts and their moments to the slots of their chunk.
+    #[inline(always)]
+    pub(super) fn scatter<V: Vector>(&self, x: &Batch<V>, slots: &mut [BodyPair]) {
+        let [p, moment_a, moment_b] = self.world_impulses(x);
+        for lane in 0..LANES {
+            let [force, moment] = &mut slots[self.slot_a[lane] as usize];
+            *force = (V::of(*force) + p[lane]).lanes();
+            *moment = (V::of(*moment) + moment_a[lane]).lanes();
+            let [force, moment] = &mut slots[self.slot_b[lane] as usize];
+            *force = (V::of(*force) - p[lane]).lanes();
+            *moment = (V::of(*moment) - moment_b[lane]).lanes();
+        }
+    }
+
+    /// Adds M^-1 of the impulses of one contact to the velocities of its bodies.
+    #[inline(always)]
+    fn push<V: Vector>(
+        &self,
+        lane: usize,
+        [p, moment_a, moment_b]: &WorldImpulses<V>,
+        inverse_mass: &[InverseMass],
+        image: &mut [BodyPair],
+    ) {
+        let (a, b) = (self.body_a[lane] as usize, self.body_b[lane] as usize);
+        let [du, dw] = inverse_mass[a].times([p[lane], moment_a[lane]]);
+        let [u, w] = &mut image[a];
+        *u = (V::of(*u) + du).lanes();
+        *w = (V::of(*w) + dw).lanes();
+        let [du, dw] = inverse_mass[b].times([p[lane], moment_b[lane]]);
+        let [u, w] = &mut image[b];
+        *u = (V::of(*u) - du).lanes();
+        *w = (V::of(*w) - dw).lanes();
+    }
+}
 
 /// What a sweep of Gauss-Seidel does at four contacts.
 pub(super) trait Update<V> {
@@ -67,8 +129,7 @@ impl InverseMass {
 #[derive(Clone, Debug)]
 pub(super) struct BodyOperator {
     geometry: Vec<Geometry>,
-    /// Whether the contacts of each [`TOGETHER`] batches share no body.
-    independent: Vec<bool>,
+    runs: Vec<Run>,
     /// In the order of the packing, like everything per body; that of the fixed body, zero, comes last.
     inverse_mass: Vec<InverseMass>,
     num_bodies: usize,
@@ -88,9 +149,9 @@ pub(super) struct Packing {
 }
 
 /// Batches whose contacts share no body if that can be arranged: a sweep of Gauss-Seidel computes them together.
-pub(super) const TOGETHER: usize = 2;
+pub(super) const TOGETHER: usize = 4;
 /// Contacts among which those of the next [`TOGETHER`] batches are looked for.
-const POOL: usize = 128;
+const POOL: usize = 256;
 
 /// Neighbours together: bodies numbered breadth first over the contact graph, contacts sorted by their lower, then their
 /// higher body. Within a chunk they are dealt out again so that [`TOGETHER`] batches share no body wherever possible. (The same helps
@@ -155,33 +216,57 @@ pub(super) fn pack(rigid: &RigidDelassus) -> Packing {
                 false
             });
             group += 1;
-            // A group that cannot be filled takes what comes next: places must not stay empty.
-            let missing = (TOGETHER * LANES - (dealt.len() - first)).min(pool.len());
-            dealt.extend(pool.drain(..missing));
+            let found = dealt.len() - first;
+            if found >= LANES {
+                // What does not fill a batch waits for the next group.
+                pool.splice(0..0, dealt.drain(first + found / LANES * LANES..));
+            } else {
+                // A batch that cannot be filled takes what comes next: places must not stay empty.
+                let missing = (LANES - found).min(pool.len());
+                dealt.extend(pool.drain(..missing));
+            }
         }
         chunk.copy_from_slice(&dealt);
     }
     Packing { contacts, bodies: number }
 }
 
-/// Whether no two contacts of these batches move the same body.
-fn share_no_body(group: &[Geometry], fixed: u32) -> bool {
-    let mut seen = [fixed; 2 * TOGETHER * LANES];
-    let mut count = 0;
-    for g in group {
+/// Consecutive batches that a sweep of Gauss-Seidel treats alike.
+#[derive(Clone, Copy, Debug)]
+struct Run {
+    first: usize,
+    count: usize,
+    /// Whether their contacts share no body. Else it is one batch.
+    apart: bool,
+}
+
+/// Divides the batches into the longest runs of at most [`TOGETHER`] whose contacts share no body.
+fn runs(geometry: &[Geometry], fixed: u32) -> Vec<Run> {
+    let mut runs: Vec<Run> = Vec::new();
+    // For every body the run, then the batch, that moved it last.
+    let mut moved_by = vec![(usize::MAX, usize::MAX); fixed as usize];
+    for (batch, g) in geometry.iter().enumerate() {
+        let (mut free, mut apart) = (true, true);
+        let current = runs.len().wrapping_sub(1);
         for lane in 0..LANES {
             // A contact of a body with itself is nobody's neighbour.
             let [a, b] = [g.body_a[lane], g.body_b[lane]];
             for body in if a == b { [a, fixed] } else { [a, b] } {
-                if body != fixed && seen[..count].contains(&body) {
-                    return false;
-                }
-                seen[count] = body;
-                count += 1;
+                let Some((run, by)) = moved_by.get_mut(body as usize) else { continue };
+                free &= *run != current;
+                apart &= *by != batch;
+                *by = batch;
             }
         }
+        match runs.last_mut() {
+            Some(run) if run.apart && apart && free && run.count < TOGETHER => run.count += 1,
+            _ => runs.push(Run { first: batch, count: 1, apart }),
+        }
+        for body in g.body_a.into_iter().chain(g.body_b).filter(|&body| body != fixed) {
+            moved_by[body as usize].0 = runs.len() - 1;
+        }
     }
-    true
+    runs
 }
 
 impl BodyOperator {
@@ -255,8 +340,8 @@ impl BodyOperator {
         for (&place, inverse) in packing.bodies.iter().zip(rigid.inverse_mass()) {
             inverse_mass[place as usize] = InverseMass::new(inverse);
         }
-        let independent = geometry.chunks(TOGETHER).map(|group| share_no_body(group, fixed)).collect();
-        Self { geometry, independent, inverse_mass, num_bodies: bodies, chunk_start, slot_start, slots }
+        let runs = runs(&geometry, fixed);
+        Self { geometry, runs, inverse_mass, num_bodies: bodies, chunk_start, slot_start, slots }
     }
 
     /// Vectors in an image: the [`BodyPair`] of every body and of the fixed one.
@@ -282,54 +367,9 @@ impl BodyOperator {
                 / 2
     }
 
-    /// Asks for the geometry of one batch, if there is one.
-    #[inline(always)]
-    pub(super) fn prefetch<V: Vector>(&self, batch: usize) {
-        if let Some(geometry) = self.geometry.get(batch) {
-            V::prefetch(geometry);
-        }
-    }
-
-    /// D^T v of one batch.
-    #[inline(always)]
-    pub(super) fn relative_velocity<V: Vector>(&self, batch: usize, image: &[BodyPair]) -> Batch<V> {
-        let g = &self.geometry[batch];
-        let (a, b) = (g.body_a.map(|body| &image[body as usize]), g.body_b.map(|body| &image[body as usize]));
-        let difference = |l: usize| V::of(a[l][0]) - V::of(b[l][0]);
-        let relative = V::components([difference(0), difference(1), difference(2), difference(3)]);
-        let spins = |of: [&BodyPair; LANES]| V::components(of.map(|pair| V::of(pair[1])));
-        let relative = add(&relative, &cross(&spins(a), &load(&g.arm_a)));
-        let relative = sub(&relative, &cross(&spins(b), &load(&g.arm_b)));
-        [
-            dot(&load(&g.frame[0]), &relative),
-            dot(&load(&g.frame[1]), &relative),
-            dot(&load(&g.frame[2]), &relative),
-        ]
-    }
-
-    /// Impulses in world axes of one batch and their moments about bodies A and B.
-    #[inline(always)]
-    fn world_impulses<V: Vector>(&self, batch: usize, x: &Batch<V>) -> WorldImpulses<V> {
-        let g = &self.geometry[batch];
-        let along = |k: usize| scale(x[k], &load(&g.frame[k]));
-        let p = add(&add(&along(0), &along(1)), &along(2));
-        let (moment_a, moment_b) = (cross(&load(&g.arm_a), &p), cross(&load(&g.arm_b), &p));
-        [V::records(&p), V::records(&moment_a), V::records(&moment_b)]
-    }
-
-    /// Adds the impulses of one batch and their moments to the slots of its chunk.
-    #[inline(always)]
-    pub(super) fn scatter<V: Vector>(&self, batch: usize, x: &Batch<V>, slots: &mut [BodyPair]) {
-        let [p, moment_a, moment_b] = self.world_impulses(batch, x);
-        let g = &self.geometry[batch];
-        for lane in 0..LANES {
-            let [force, moment] = &mut slots[g.slot_a[lane] as usize];
-            *force = (V::of(*force) + p[lane]).lanes();
-            *moment = (V::of(*moment) + moment_a[lane]).lanes();
-            let [force, moment] = &mut slots[g.slot_b[lane] as usize];
-            *force = (V::of(*force) - p[lane]).lanes();
-            *moment = (V::of(*moment) - moment_b[lane]).lanes();
-        }
+    /// The geometry of the batches.
+    pub(super) fn geometry(&self) -> &[Geometry] {
+        &self.geometry
     }
 
     /// image <- M^-1 (sums of the slots of each body); returns the quadratic form, force dot velocity.
@@ -353,59 +393,37 @@ impl BodyOperator {
         Totals::of(tallies).sum[0]
     }
 
-    /// Adds M^-1 of the impulses of one contact (lane of a batch) to the velocities of its bodies.
-    #[inline(always)]
-    fn push<V: Vector>(
-        &self,
-        batch: usize,
-        lane: usize,
-        [p, moment_a, moment_b]: &WorldImpulses<V>,
-        image: &mut [BodyPair],
-    ) {
-        let g = &self.geometry[batch];
-        let (a, b) = (g.body_a[lane] as usize, g.body_b[lane] as usize);
-        let [du, dw] = self.inverse_mass[a].times([p[lane], moment_a[lane]]);
-        let [u, w] = &mut image[a];
-        *u = (V::of(*u) + du).lanes();
-        *w = (V::of(*w) + dw).lanes();
-        let [du, dw] = self.inverse_mass[b].times([p[lane], moment_b[lane]]);
-        let [u, w] = &mut image[b];
-        *u = (V::of(*u) - du).lanes();
-        *w = (V::of(*w) - dw).lanes();
-    }
-
-    /// Gauss-Seidel over all contacts: `contacts` get the velocities D^T v of a batch and change
-    /// its impulses; the velocities of the bodies follow at once. [`TOGETHER`] batches that share no body are computed side by
-    /// side, others contact by contact: the result is that of one contact after the other in the order of the packing.
+    /// Gauss-Seidel over all contacts: `contacts` get the velocities D^T v of a batch and change its impulses; the velocities of
+    /// the bodies follow at once. Batches of a [`Run`] that share no body are computed side by side, others contact by contact:
+    /// the result is that of one contact after the other in the order of the packing.
     #[inline(always)]
     pub(super) fn sweep<V: Vector>(&self, image: &mut [Lanes], contacts: &mut impl Update<V>) {
         let image = image.as_chunks_mut::<2>().0;
-        for (group, &independent) in self.independent.iter().enumerate() {
-            let first = group * TOGETHER;
-            let count = TOGETHER.min(self.geometry.len() - first);
-            if independent {
+        for run in &self.runs {
+            let geometry = &self.geometry[run.first..run.first + run.count];
+            if run.apart {
                 // Short loops, as in a pass.
                 let mut u = [zero::<V>(); TOGETHER];
-                for (k, u) in u[..count].iter_mut().enumerate() {
-                    *u = self.relative_velocity(first + k, image);
+                for (geometry, u) in geometry.iter().zip(&mut u) {
+                    *u = geometry.relative_velocity(image);
                 }
-                for (k, u) in u[..count].iter_mut().enumerate() {
-                    *u = contacts.at(first + k, u, V::splat(1.0));
+                for (k, u) in u.iter_mut().enumerate().take(run.count) {
+                    *u = contacts.at(run.first + k, u, V::splat(1.0));
                 }
-                for (k, u) in u[..count].iter().enumerate() {
-                    let world = self.world_impulses(first + k, u);
+                for (geometry, u) in geometry.iter().zip(&u) {
+                    let world = geometry.world_impulses(u);
                     for lane in 0..LANES {
-                        self.push(first + k, lane, &world, image);
+                        geometry.push(lane, &world, &self.inverse_mass, image);
                     }
                 }
             } else {
-                for batch in first..first + count {
+                for (k, geometry) in geometry.iter().enumerate() {
                     for lane in 0..LANES {
-                        let u = self.relative_velocity(batch, image);
+                        let u = geometry.relative_velocity(image);
                         let mut moves = Lanes::default();
                         moves.0[lane] = 1.0;
-                        let change = contacts.at(batch, &u, V::of(moves));
-                        self.push(batch, lane, &self.world_impulses(batch, &change), image);
+                        let change = contacts.at(run.first + k, &u, V::of(moves));
+                        geometry.push(lane, &geometry.world_impulses(&change), &self.inverse_mass, image);
                     }
                 }
             }

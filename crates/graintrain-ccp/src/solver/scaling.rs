@@ -545,13 +545,14 @@ impl ScaledProblem {
                 true
             }
             Operator::Rows(rows) => {
+                let surroundings = self.surroundings(0..self.num_batches());
                 for i in 0..self.order.len() {
                     let (batch, lane) = (i / LANES, i % LANES);
                     let mut u = self.r[batch];
                     for (u, product) in u.iter_mut().zip(rows.row_times(i, x)) {
                         u.0[lane] += product;
                     }
-                    let new = kernel.relaxed(batch, self.here(batch), &u, &x[batch]);
+                    let new = kernel.relaxed(batch, surroundings.at(batch), &u, &x[batch]);
                     for k in 0..3 {
                         x[batch][k].0[lane] = new[k].0[lane];
                     }
@@ -566,20 +567,42 @@ impl ScaledProblem {
         self.look(image, [x], work, &NaturalMap).max.sqrt()
     }
 
+    /// What is known about some batches.
     #[inline(always)]
-    fn here<V: Vector>(&self, batch: usize) -> Here<V> {
-        let Metric { normal, tangential, along, across, mu } = self.metric[batch];
+    fn surroundings(&self, batches: std::ops::Range<usize>) -> Surroundings<'_> {
+        Surroundings {
+            friction: &self.friction[batches.clone()],
+            metric: &self.metric[batches.clone()],
+            r: &self.r[batches],
+            exact: self.friction_model == FrictionModel::Coulomb,
+        }
+    }
+}
+
+/// What [`Here`] is taken from, for some batches.
+#[derive(Clone, Copy)]
+struct Surroundings<'a> {
+    friction: &'a [Lanes],
+    metric: &'a [Metric],
+    r: &'a [Batch],
+    exact: bool,
+}
+
+impl Surroundings<'_> {
+    #[inline(always)]
+    fn at<V: Vector>(&self, batch: usize) -> Here<V> {
+        let Metric { normal, tangential, along, across, mu } = &self.metric[batch];
         Here {
             mu: V::of(self.friction[batch]),
             metric: Metric {
-                normal: V::of(normal),
-                tangential: V::of(tangential),
-                along: V::of(along),
-                across: V::of(across),
-                mu: V::of(mu),
+                normal: V::of(*normal),
+                tangential: V::of(*tangential),
+                along: V::of(*along),
+                across: V::of(*across),
+                mu: V::of(*mu),
             },
             r: load(&self.r[batch]),
-            exact: self.friction_model == FrictionModel::Coulomb,
+            exact: self.exact,
         }
     }
 }

@@ -3,7 +3,7 @@
 use super::super::body_operator::{BodyOperator, BodyPair, Update};
 use super::super::lanes::{Batch, Lanes, Vector, add, in_place, load, scale, store, sub, zero};
 use super::super::sweep::{Tally, TaskWork};
-use super::{Kernel, Relaxation, ScaledProblem};
+use super::{Kernel, Relaxation, ScaledProblem, Surroundings};
 
 /// Batches that a pass over bodies takes through its three stages together.
 const GROUP: usize = 8;
@@ -33,33 +33,47 @@ where
         }
         let mut vectors = vectors.map(in_place::<V>);
         let mut tally = Tally::default();
+        let surroundings = scaled.surroundings(batches.clone());
+        let ahead = &bodies.geometry()[batches.start..];
+        let geometry = &ahead[..batches.len()];
+        if K::SHORT {
+            for (batch, geometry) in geometry.iter().enumerate() {
+                let here = surroundings.at(batch);
+                let u =
+                    if GATHER { add(&geometry.relative_velocity(velocity), &here.r) } else { zero::<V>() };
+                let mine = vectors.each_mut().map(|v| &mut v[batch]);
+                let s = kernel.at(here, &u, mine, &mut tally);
+                if SCATTER {
+                    geometry.scatter(&s, slots);
+                }
+            }
+            *total = tally.store();
+            return;
+        }
         // Short loops over a few batches rather than one long one: the square root and the quotients of a projection take tens of
         // cycles, which the processor hides behind the next batch only where that is near enough.
-        let group = if K::SHORT { 1 } else { GROUP };
         let (mut u, mut s) = ([zero::<V>(); GROUP], [zero::<V>(); GROUP]);
-        let mut offset = 0;
-        while offset < batches.len() {
-            let count = group.min(batches.len() - offset);
-            let first = batches.start + offset;
+        for first in (0..geometry.len()).step_by(GROUP) {
+            let batches = first..(first + GROUP).min(geometry.len());
+            let mine = &geometry[batches.clone()];
             if GATHER {
-                for (k, u) in u[..count].iter_mut().enumerate() {
-                    let batch = first + k;
-                    *u = add(&bodies.relative_velocity(batch, velocity), &load(&scaled.r[batch]));
+                for ((geometry, r), u) in mine.iter().zip(&surroundings.r[batches.clone()]).zip(&mut u) {
+                    *u = add(&geometry.relative_velocity(velocity), &load(r));
                 }
             }
-            for k in 0..count {
-                if !K::SHORT {
-                    bodies.prefetch::<V>(first + GROUP + k);
+            for (batch, (u, s)) in batches.zip(u.iter().zip(&mut s)) {
+                // The memory would have nothing to do here: measured, an iteration of `apgd` takes 0.94 of the time.
+                if let Some(next) = ahead.get(batch + GROUP) {
+                    V::prefetch(next);
                 }
-                let mine = vectors.each_mut().map(|v| &mut v[offset + k]);
-                s[k] = kernel.at(scaled.here(first + k), &u[k], mine, &mut tally);
+                let mine = vectors.each_mut().map(|v| &mut v[batch]);
+                *s = kernel.at(surroundings.at(batch), u, mine, &mut tally);
             }
             if SCATTER {
-                for (k, s) in s[..count].iter().enumerate() {
-                    bodies.scatter(first + k, s, slots);
+                for (geometry, s) in mine.iter().zip(&s) {
+                    geometry.scatter(s, slots);
                 }
             }
-            offset += count;
         }
         *total = tally.store();
     }
@@ -78,13 +92,14 @@ impl<K: Relaxation> TaskWork for BodySweep<'_, K> {
     #[inline(always)]
     fn run<V: Vector>(self) {
         let Self { scaled, bodies, x, image, kernel } = self;
-        bodies.sweep::<V>(image, &mut Relaxing { scaled, x: in_place(x), kernel });
+        let surroundings = scaled.surroundings(0..x.len());
+        bodies.sweep::<V>(image, &mut Relaxing { surroundings, x: in_place(x), kernel });
     }
 }
 
 /// The contacts' part of a sweep.
 struct Relaxing<'a, V, K> {
-    scaled: &'a ScaledProblem,
+    surroundings: Surroundings<'a>,
     x: &'a mut [Batch<V>],
     kernel: &'a K,
 }
@@ -92,7 +107,7 @@ struct Relaxing<'a, V, K> {
 impl<V: Vector, K: Relaxation> Update<V> for Relaxing<'_, V, K> {
     #[inline(always)]
     fn at(&mut self, batch: usize, velocity: &Batch<V>, moves: V) -> Batch<V> {
-        let here = self.scaled.here(batch);
+        let here = self.surroundings.at(batch);
         let u = add(velocity, &here.r);
         let x = &mut self.x[batch];
         let new = self.kernel.relaxed(batch, here, &u, x);
@@ -121,11 +136,13 @@ where
     fn run<V: Vector>(self) {
         let Self { scaled, product, batches, vectors, scattered, tally: total, kernel } = self;
         let mut vectors = vectors.map(in_place::<V>);
+        let surroundings = scaled.surroundings(batches.clone());
         let mut tally = Tally::default();
-        for (offset, batch) in batches.enumerate() {
-            let u = add(&load(&product[batch]), &load(&scaled.r[batch]));
-            let mine = vectors.each_mut().map(|v| &mut v[offset]);
-            scattered[offset] = store(&kernel.at(scaled.here(batch), &u, mine, &mut tally));
+        for (batch, (product, scattered)) in product[batches].iter().zip(scattered).enumerate() {
+            let here = surroundings.at(batch);
+            let u = add(&load(product), &here.r);
+            let mine = vectors.each_mut().map(|v| &mut v[batch]);
+            *scattered = store(&kernel.at(here, &u, mine, &mut tally));
         }
         *total = tally.store();
     }
