@@ -4,6 +4,8 @@
 mod common;
 
 use common::{lattice_packing, sparse_form};
+use graintrain_ccp::solver::first_order::FirstOrder;
+use graintrain_ccp::solver::{Apgd, CcpSolver, GaussSeidel};
 use graintrain_ccp::{Ccp, SolveSettings, SolverSpec};
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -32,17 +34,30 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
-/// Allocations of a solve of so many iterations.
-fn allocations(name: &str, problem: &Ccp, iterations: usize) -> usize {
+/// Allocations of a solve of so many iterations, with exact friction where the solver is to treat it itself.
+fn allocations(solver: &mut dyn CcpSolver, problem: &Ccp, exact: bool, iterations: usize) -> usize {
     let settings =
         SolveSettings { tolerance: 0.0, max_iterations: Some(iterations), ..SolveSettings::default() };
     let mut g = vec![0.0; 3 * problem.num_contacts()];
-    let mut solver = name.parse::<SolverSpec>().unwrap().build().unwrap();
     let before = ALLOCATIONS.load(Ordering::Relaxed);
-    let report = solver.solve(problem, &mut g, &settings).unwrap();
+    let report = if exact {
+        solver.solve_exact(problem, &mut g, &settings, false).unwrap().expect("treats exact friction")
+    } else {
+        solver.solve(problem, &mut g, &settings).unwrap()
+    };
     let after = ALLOCATIONS.load(Ordering::Relaxed);
-    assert_eq!(report.iterations, iterations, "{name}");
+    assert_eq!(report.iterations, iterations, "{}", solver.name());
     after - before
+}
+
+/// Checks that twice as many iterations allocate exactly as often.
+fn check(solver: &mut dyn CcpSolver, problem: &Ccp, exact: bool) {
+    // The second solve finds the queues of the threads at their full size.
+    allocations(solver, problem, exact, 110);
+    let once = allocations(solver, problem, exact, 110);
+    let twice = allocations(solver, problem, exact, 220);
+    let threads = rayon::current_num_threads();
+    assert_eq!(once, twice, "{} on {threads} threads, exact friction: {exact}", solver.name());
 }
 
 // The only test of this binary: another one at the same time would be counted, too.
@@ -55,12 +70,11 @@ fn iterations_do_not_allocate() {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| {
             for problem in [packing.clone(), sparse_form(&packing)] {
-                for name in ["pj", "pgs", "apgd", "bb", "kucera", "spg", "gpminres"] {
-                    // The second solve finds the queues of the threads at their full size.
-                    allocations(name, &problem, 110);
-                    let (once, twice) = (allocations(name, &problem, 110), allocations(name, &problem, 220));
-                    assert_eq!(once, twice, "{name} on {threads} threads");
+                for name in ["pj", "pgs", "pgs@1.3", "apgd", "bb", "kucera", "spg", "gpminres"] {
+                    check(&mut *name.parse::<SolverSpec>().unwrap().build().unwrap(), &problem, false);
                 }
+                check(&mut FirstOrder::new(GaussSeidel::default()), &problem, true);
+                check(&mut FirstOrder::new(Apgd::default()), &problem, true);
             }
         });
     }
