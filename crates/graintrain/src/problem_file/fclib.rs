@@ -111,7 +111,15 @@ impl Group<'_> {
     pub(super) fn integers(&self, name: &str) -> Result<Vec<i64>, Defect> {
         let place = self.place(name);
         let numbers = self.file.dataset(&place).and_then(|dataset| dataset.read_i64());
-        numbers.map_err(|error| damaged(&place, &error))
+        let numbers = numbers.map_err(|error| damaged(&place, &error))?;
+        // Whole numbers may be stored as floats; what is none (NaN, 0.5) must not be rounded to another matrix.
+        let as_stored = self.numbers(name)?;
+        match as_stored.iter().zip(&numbers).find(|(stored, number)| **stored != **number as f64) {
+            None => Ok(numbers),
+            Some((stored, _)) => {
+                Err(Defect::damaged(place, format!("{stored} is no whole number"), WRITE_AGAIN))
+            }
+        }
     }
 
     fn integer(&self, name: &str) -> Result<i64, Defect> {

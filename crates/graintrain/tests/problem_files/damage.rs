@@ -2,6 +2,7 @@
 
 use crate::data;
 use graintrain::problem_file::{self, ProblemFileError};
+use hdf5_pure::FileBuilder;
 use proptest::prelude::Rng as _;
 use proptest::test_runner::{RngAlgorithm, TestRng};
 use std::path::{Path, PathBuf};
@@ -120,5 +121,39 @@ fn deformable_bodies_are_condensed() {
         if let Some(bodies) = bodies {
             assert_eq!(file.bodies, bodies, "{name}");
         }
+    }
+}
+
+/// Whole numbers stored as floats are read; what is no whole number is not rounded to another matrix.
+#[test]
+fn indices_that_are_no_whole_numbers_are_refused() {
+    let read = |count: f64| {
+        let mut builder = FileBuilder::new();
+        let mut group = builder.create_group("fclib_local");
+        group.create_dataset("spacedim").with_i32_data(&[3]);
+        let mut matrix = group.create_group("W");
+        for (name, data) in [("m", [3]), ("n", [3]), ("nzmax", [3])] {
+            matrix.create_dataset(name).with_i32_data(&data);
+        }
+        matrix.create_dataset("nz").with_f64_data(&[count]);
+        for name in ["p", "i"] {
+            matrix.create_dataset(name).with_i32_data(&[0, 1, 2]);
+        }
+        matrix.create_dataset("x").with_f64_data(&[2.0, 3.0, 3.0]);
+        group.add_group(matrix.finish());
+        let mut vectors = group.create_group("vectors");
+        vectors.create_dataset("q").with_f64_data(&[-1.0, 0.0, 0.0]);
+        vectors.create_dataset("mu").with_f64_data(&[0.5]);
+        group.add_group(vectors.finish());
+        builder.add_group(group.finish());
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("problem.hdf5");
+        builder.write(&path).unwrap();
+        problem_file::read(&path).map(|file| file.problem.num_contacts()).map_err(|error| error.to_string())
+    };
+    assert_eq!(read(3.0), Ok(1));
+    for count in [f64::NAN, 2.5] {
+        let error = read(count).unwrap_err();
+        assert!(error.contains("W/nz") && error.contains("no whole number"), "{error}");
     }
 }
