@@ -13,9 +13,10 @@
 //! the normal one. Only the residual has to be taken in the original metric, where |d_i| is measured.
 
 mod passes;
+mod surroundings;
 
 use super::body_operator::{BodyOperator, BodyPair, pack};
-use super::lanes::{Batch, LANES, Lanes, Vector, ZERO, dot, load, project, scale, sub, zero};
+use super::lanes::{Batch, LANES, Lanes, Vector, ZERO, dot, project, scale, sub, zero};
 use super::row_operator::RowOperator;
 use super::sweep::{CHUNK, Tally, Totals, for_each_task, vectorised};
 use crate::delassus::Delassus;
@@ -23,6 +24,9 @@ use crate::problem::Ccp;
 use crate::residual::{FrictionModel, ResidualScale};
 use graintrain_linalg::block3::Block;
 use passes::{BodyPass, BodySweep, RowPass};
+use surroundings::Surroundings;
+
+pub use surroundings::{Here, Metric};
 
 /// Power iterations for the first step size.
 const POWER_ITERATIONS: usize = 12;
@@ -51,46 +55,9 @@ pub struct ScaledProblem {
     friction_model: FrictionModel,
 }
 
-/// What the residual in the original metric needs of four contacts.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Metric<V = Lanes> {
-    /// Normal and tangential impulse per unit of x, in units of J.
-    pub normal: V,
-    /// See `normal`.
-    pub tangential: V,
-    /// Impulse, in units of J, by which a unit of u_n or u_t moves the natural map's argument.
-    pub along: V,
-    /// See `along`.
-    pub across: V,
-    /// mu.
-    pub mu: V,
-}
-
 /// An image of x under N', in the form the operator keeps it: velocities of bodies, or N' x contact by contact.
 /// It is linear in x: combinations of images are images of combinations.
 pub type Image = Vec<Lanes>;
-
-/// What is known about a contact inside a pass.
-#[derive(Clone, Copy, Debug)]
-pub struct Here<V> {
-    /// Coefficients of friction mu' of the scaled problem.
-    pub mu: V,
-    /// For the residual.
-    pub metric: Metric<V>,
-    /// r'.
-    pub r: Batch<V>,
-    /// Whether friction is exact.
-    exact: bool,
-}
-
-impl<V: Vector> Here<V> {
-    /// What u is projected against: u itself, or with mu' |u_t| added to the normal component where friction is exact.
-    /// The two factors per contact turn mu |u_t| into mu' |u'_t|.
-    #[inline(always)]
-    pub fn drive(&self, u: &Batch<V>) -> Batch<V> {
-        if self.exact { [u[0] + self.mu * (u[1] * u[1] + u[2] * u[2]).sqrt(), u[1], u[2]] } else { *u }
-    }
-}
 
 /// What a method does at four contacts in a pass. A type rather than a closure, because only `#[inline(always)]`
 /// functions are sure to be compiled for the processor's vector instructions.
@@ -575,34 +542,6 @@ impl ScaledProblem {
             metric: &self.metric[batches.clone()],
             r: &self.r[batches],
             exact: self.friction_model == FrictionModel::Coulomb,
-        }
-    }
-}
-
-/// What [`Here`] is taken from, for some batches.
-#[derive(Clone, Copy)]
-struct Surroundings<'a> {
-    friction: &'a [Lanes],
-    metric: &'a [Metric],
-    r: &'a [Batch],
-    exact: bool,
-}
-
-impl Surroundings<'_> {
-    #[inline(always)]
-    fn at<V: Vector>(&self, batch: usize) -> Here<V> {
-        let Metric { normal, tangential, along, across, mu } = &self.metric[batch];
-        Here {
-            mu: V::of(self.friction[batch]),
-            metric: Metric {
-                normal: V::of(*normal),
-                tangential: V::of(*tangential),
-                along: V::of(*along),
-                across: V::of(*across),
-                mu: V::of(*mu),
-            },
-            r: load(&self.r[batch]),
-            exact: self.exact,
         }
     }
 }

@@ -1,0 +1,68 @@
+//! What a pass knows about four contacts: friction, r', and what the residual in the original metric needs.
+
+use super::super::lanes::{Batch, Lanes, Vector, load};
+
+/// What the residual in the original metric needs of four contacts.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Metric<V = Lanes> {
+    /// Normal and tangential impulse per unit of x, in units of J.
+    pub normal: V,
+    /// See `normal`.
+    pub tangential: V,
+    /// Impulse, in units of J, by which a unit of u_n or u_t moves the natural map's argument.
+    pub along: V,
+    /// See `along`.
+    pub across: V,
+    /// mu.
+    pub mu: V,
+}
+
+/// What is known about a contact inside a pass.
+#[derive(Clone, Copy, Debug)]
+pub struct Here<V> {
+    /// Coefficients of friction mu' of the scaled problem.
+    pub mu: V,
+    /// For the residual.
+    pub metric: Metric<V>,
+    /// r'.
+    pub r: Batch<V>,
+    /// Whether friction is exact.
+    exact: bool,
+}
+
+impl<V: Vector> Here<V> {
+    /// What u is projected against: u itself, or with mu' |u_t| added to the normal component where friction is exact.
+    /// The two factors per contact turn mu |u_t| into mu' |u'_t|.
+    #[inline(always)]
+    pub fn drive(&self, u: &Batch<V>) -> Batch<V> {
+        if self.exact { [u[0] + self.mu * (u[1] * u[1] + u[2] * u[2]).sqrt(), u[1], u[2]] } else { *u }
+    }
+}
+
+/// What [`Here`] is taken from, for some batches.
+#[derive(Clone, Copy)]
+pub(super) struct Surroundings<'a> {
+    pub(super) friction: &'a [Lanes],
+    pub(super) metric: &'a [Metric],
+    pub(super) r: &'a [Batch],
+    pub(super) exact: bool,
+}
+
+impl Surroundings<'_> {
+    #[inline(always)]
+    pub(super) fn at<V: Vector>(&self, batch: usize) -> Here<V> {
+        let Metric { normal, tangential, along, across, mu } = &self.metric[batch];
+        Here {
+            mu: V::of(self.friction[batch]),
+            metric: Metric {
+                normal: V::of(*normal),
+                tangential: V::of(*tangential),
+                along: V::of(*along),
+                across: V::of(*across),
+                mu: V::of(*mu),
+            },
+            r: load(&self.r[batch]),
+            exact: self.exact,
+        }
+    }
+}
