@@ -5,7 +5,7 @@ use graintrain_ccp::newton::NewtonRecord;
 use std::path::{Path, PathBuf};
 
 /// Figures of linear solvers and outer methods that have a column; the cell is empty where a solver has none.
-const FIGURES: [&str; 13] = [
+const FIGURES: [&str; 14] = [
     "rank_matrix",
     "rank_inverse",
     "compression_error",
@@ -17,6 +17,7 @@ const FIGURES: [&str; 13] = [
     "slots",
     "slots_kept",
     "factor_entries",
+    "in_body_space",
     "barrier",
     "step_to_cone",
 ];
