@@ -4,12 +4,11 @@
 //! friction and contact", ACM Transactions on Graphics 34(3):32, 2015, after Nesterov (1983) and, for the restart,
 //! O'Donoghue and Candes (2015).
 
-use super::first_order::{FirstOrder, FirstOrderMethod, IMAGE_CHUNK, Iterate};
-use super::lanes::{Batch, Lanes, Vector, add_scaled, dot, project, sub};
-use super::scaling::{Here, Kernel, ScaledProblem};
+use super::first_order::{FirstOrder, FirstOrderMethod, Iterate};
+use super::lanes::{Batch, Vector, add_scaled, dot, sub};
+use super::scaling::{Combination, Given, Here, Kernel, ScaledProblem};
 use super::sweep::Tally;
 use crate::residual::FrictionModel;
-use rayon::prelude::*;
 
 /// Accelerated projected gradient on the scaled problem:
 ///
@@ -40,6 +39,12 @@ impl Default for Apgd {
     }
 }
 
+/// x + beta (x - previous).
+#[inline(always)]
+fn extrapolated<V: Vector>(x: &Batch<V>, previous: &Batch<V>, beta: f64) -> Batch<V> {
+    add_scaled(x, beta, &sub(x, previous))
+}
+
 /// previous <- x+ = P(y - t u) with y = x + beta (x - previous); returns d = x+ - y, tallies |d|^2 and d^T (x+ - x).
 struct Step {
     step: f64,
@@ -48,15 +53,19 @@ struct Step {
 
 impl Kernel<2> for Step {
     #[inline(always)]
+    fn point<V: Vector>(&self, here: Here<V>, u: &Batch<V>, [x, previous]: [&Batch<V>; 2]) -> Batch<V> {
+        add_scaled(&extrapolated(x, previous, self.beta), -self.step, &here.drive(u))
+    }
+
+    #[inline(always)]
     fn at<V: Vector>(
         &self,
-        here: Here<V>,
-        u: &Batch<V>,
+        _: Here<V>,
+        Given { projected: new, .. }: Given<V>,
         [x, previous]: [&mut Batch<V>; 2],
         tally: &mut Tally<V>,
     ) -> Batch<V> {
-        let y = add_scaled(x, self.beta, &sub(x, previous));
-        let new = project(here.mu, &add_scaled(&y, -self.step, &here.drive(u)));
+        let y = extrapolated(x, previous, self.beta);
         let d = sub(&new, &y);
         tally.sum[0] += dot(&d, &d);
         tally.sum[1] += dot(&d, &sub(&new, x));
@@ -77,11 +86,11 @@ impl Kernel<2> for Extrapolated {
     fn at<V: Vector>(
         &self,
         _: Here<V>,
-        _: &Batch<V>,
+        _: Given<V>,
         [x, previous]: [&mut Batch<V>; 2],
         _: &mut Tally<V>,
     ) -> Batch<V> {
-        add_scaled(x, self.beta, &sub(x, previous))
+        extrapolated(x, previous, self.beta)
     }
 }
 
@@ -92,7 +101,7 @@ impl FirstOrderMethod for Apgd {
     fn run(&mut self, scaled: &ScaledProblem, it: &mut Iterate<'_>) {
         let mut step = 1.0 / it.largest_curvature(scaled);
         let mut previous = it.x.clone();
-        let (mut image_y, mut image_d) = (it.image.clone(), scaled.zero_image());
+        let mut image_y = it.image.clone();
         let (mut theta, mut beta) = (1.0_f64, 0.0);
         let longest = match scaled.friction_model() {
             FrictionModel::Relaxed => f64::INFINITY,
@@ -106,38 +115,40 @@ impl FirstOrderMethod for Apgd {
                 scaled.scatter_pass([x, &mut previous], &mut image_y, work, &Extrapolated { beta });
             }
             let kernel = Step { step, beta };
-            let (totals, curvature) =
-                scaled.pass(&image_y, [&mut it.x, &mut previous], &mut image_d, &mut it.work, &kernel);
+            let images = [&mut image_y[..], &mut it.image];
+            let vectors = [&mut it.x[..], &mut previous];
+            let (totals, curvature) = scaled.pass_onto(images, vectors, &mut it.work, &kernel, |totals| {
+                let [_, downhill, ..] = totals.sum;
+                if downhill < 0.0 || theta > longest {
+                    (theta, beta) = (1.0, 0.0);
+                } else {
+                    let next = 0.5 * (1.0 + (1.0 + 4.0 * theta * theta).sqrt());
+                    (theta, beta) = (next, (theta - 1.0) / next);
+                }
+                Extrapolation { beta }
+            });
             std::mem::swap(&mut it.x, &mut previous);
-            let [length, downhill, ..] = totals.sum;
+            let [length, ..] = totals.sum;
             if curvature * step > length {
                 step = 0.9 * length / curvature;
             } else {
                 step *= self.growth;
             }
-            if downhill < 0.0 || theta > longest {
-                (theta, beta) = (1.0, 0.0);
-            } else {
-                let next = 0.5 * (1.0 + (1.0 + 4.0 * theta * theta).sqrt());
-                (theta, beta) = (next, (theta - 1.0) / next);
-            }
-            extrapolate(&mut it.image, &mut image_y, &image_d, beta);
         }
     }
 }
 
-/// From the images of x, y and d = x+ - y to those of x+ and of the next y = x+ + beta (x+ - x).
-fn extrapolate(x: &mut [Lanes], y: &mut [Lanes], d: &[Lanes], beta: f64) {
-    let beta = Lanes::splat(beta);
-    let tasks =
-        x.par_chunks_mut(IMAGE_CHUNK).zip(y.par_chunks_mut(IMAGE_CHUNK)).zip(d.par_chunks(IMAGE_CHUNK));
-    tasks.for_each(|((x, y), d)| {
-        for ((x, y), d) in x.iter_mut().zip(y).zip(d) {
-            let new = *y + *d;
-            *y = new + beta * (new - *x);
-            *x = new;
-        }
-    });
+/// From the images of y, x and d = x+ - y to those of the next y = x+ + beta (x+ - x) and of x+.
+struct Extrapolation {
+    beta: f64,
+}
+
+impl Combination<2> for Extrapolation {
+    #[inline(always)]
+    fn of<V: Vector>(&self, d: V, [y, x]: [V; 2]) -> [V; 2] {
+        let new = y + d;
+        [new + V::splat(self.beta) * (new - x), new]
+    }
 }
 
 /// Makes the solver by name; it has no linear solver.

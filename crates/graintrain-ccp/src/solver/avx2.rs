@@ -166,6 +166,12 @@ impl Vector for Register {
     }
 
     #[inline(always)]
+    fn all_at_most(self, bound: Self) -> bool {
+        // SAFETY: see `Register`.
+        unsafe { _mm256_movemask_pd(_mm256_cmp_pd::<_CMP_LE_OQ>(self.0, bound.0)) == 0b1111 }
+    }
+
+    #[inline(always)]
     fn prefetch<T>(datum: &T) {
         for line in 0..size_of::<T>().div_ceil(CACHE_LINE) {
             let address = std::ptr::from_ref(datum).cast::<i8>().wrapping_add(line * CACHE_LINE);
@@ -241,6 +247,9 @@ mod tests {
             let picked = [a.broadcast::<0>(), a.broadcast::<1>(), a.broadcast::<2>(), a.broadcast::<3>()];
             self.results.extend(results.iter().chain(&more).chain(&picked).map(|v| v.lanes()));
             self.results.extend(in_place);
+            for all in [a.all_at_most(b), a.all_at_most(a), a.min(b).all_at_most(b)] {
+                self.results.push(Lanes([f64::from(u8::from(all)); LANES]));
+            }
         }
     }
 

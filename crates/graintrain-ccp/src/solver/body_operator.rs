@@ -2,6 +2,7 @@
 //! both reads the velocities of the last impulses and adds up the forces of the new ones.
 
 use super::lanes::{Batch, LANES, Lanes, Vector, ZERO, add, cross, dot, load, scale, sub, zero};
+use super::scaling::Combination;
 use super::sweep::{CHUNK, Tally, TaskWork, Totals, for_each_task, vectorised};
 use crate::delassus::{BodyInverseMass, FIXED, RigidDelassus};
 use graintrain_linalg::block3::Block;
@@ -372,24 +373,23 @@ impl BodyOperator {
         &self.geometry
     }
 
-    /// image <- M^-1 (sums of the slots of each body); returns the quadratic form, force dot velocity.
-    pub(super) fn velocities(&self, slots: &[BodyPair], image: &mut [Lanes], tallies: &mut [Tally]) -> f64 {
+    /// Combines M^-1 (sums of the slots of each body) with images; returns the quadratic form, force dot velocity.
+    pub(super) fn velocities<const K: usize>(
+        &self,
+        slots: &[BodyPair],
+        images: [&mut [Lanes]; K],
+        tallies: &mut [Tally],
+        combination: &impl Combination<K>,
+    ) -> f64 {
         let tasks = self.num_body_tasks();
-        let velocities = &mut image[..2 * self.num_bodies];
+        let images = images.map(|image| &mut image[..2 * self.num_bodies]);
         let tallies = &mut tallies[..tasks];
         let no_extra = &mut [] as &mut [()];
-        for_each_task(
-            0..tasks,
-            2 * BODIES,
-            [velocities],
-            no_extra,
-            &|_| 0,
-            tallies,
-            &|task, [velocities], _, tally| {
-                let velocities = velocities.as_chunks_mut::<2>().0;
-                vectorised(BodyTask { operator: self, first: task * BODIES, slots, velocities, tally });
-            },
-        );
+        for_each_task(0..tasks, 2 * BODIES, images, no_extra, &|_| 0, tallies, &|task, images, _, tally| {
+            let images = images.map(|image| image.as_chunks_mut::<2>().0);
+            let first = task * BODIES;
+            vectorised(BodyTask { operator: self, first, slots, images, tally, combination });
+        });
         Totals::of(tallies).sum[0]
     }
 
@@ -471,20 +471,21 @@ impl BodyOperator {
 }
 
 /// Velocities of some bodies from the slots.
-struct BodyTask<'a> {
+struct BodyTask<'a, const K: usize, C> {
     operator: &'a BodyOperator,
     first: usize,
     slots: &'a [BodyPair],
-    velocities: &'a mut [BodyPair],
+    images: [&'a mut [BodyPair]; K],
     tally: &'a mut Tally,
+    combination: &'a C,
 }
 
-impl TaskWork for BodyTask<'_> {
+impl<const K: usize, C: Combination<K>> TaskWork for BodyTask<'_, K, C> {
     #[inline(always)]
     fn run<V: Vector>(self) {
-        let Self { operator, first, slots, velocities, tally } = self;
+        let Self { operator, first, slots, mut images, tally, combination } = self;
         let mut quadratic = V::default();
-        for (offset, velocity) in velocities.iter_mut().enumerate() {
+        for offset in 0..images[0].len() {
             let body = first + offset;
             let (mut force, mut moment) = (V::default(), V::default());
             let range = operator.slot_start[body] as usize..operator.slot_start[body + 1] as usize;
@@ -495,7 +496,16 @@ impl TaskWork for BodyTask<'_> {
             }
             let [u, w] = operator.inverse_mass[body].times([force, moment]);
             quadratic += force * u + moment * w;
-            *velocity = [u.lanes(), w.lanes()];
+            for (k, fresh) in [u, w].into_iter().enumerate() {
+                // Loops, because closures need not be compiled for the processor's vector instructions.
+                let mut known = [V::default(); K];
+                for (known, image) in known.iter_mut().zip(&images) {
+                    *known = V::of(image[offset][k]);
+                }
+                for (image, new) in images.iter_mut().zip(combination.of(fresh, known)) {
+                    image[offset][k] = new.lanes();
+                }
+            }
         }
         tally.sum[0] = quadratic.lanes();
     }

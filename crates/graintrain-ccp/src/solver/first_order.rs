@@ -122,8 +122,10 @@ pub(super) const IMAGE_CHUNK: usize = 1024;
 pub struct Iterate<'a> {
     /// x.
     pub x: Vec<Batch>,
-    /// Image of x.
+    /// Image of x; where the method keeps the gradient, that of the x of the last [`Self::refresh`].
     pub image: Image,
+    /// N' x + r' contact by contact, if the method keeps that up to date rather than the image; else empty.
+    pub gradient: Vec<Batch>,
     /// Scratch of passes.
     pub work: PassWork,
     limits: Limits<'a>,
@@ -138,6 +140,7 @@ impl<'a> Iterate<'a> {
         let mut it = Self {
             x: scaled.zeros(),
             image: scaled.zero_image(),
+            gradient: Vec::new(),
             work: scaled.work(),
             limits,
             iterations: 0,
@@ -146,14 +149,31 @@ impl<'a> Iterate<'a> {
             refreshed: false,
         };
         scaled.pack(impulse, &mut it.x);
-        it.refresh_image(scaled);
+        it.refresh(scaled);
         it
     }
 
-    /// Recomputes the image of x, which updates let drift by rounding.
-    pub fn refresh_image(&mut self, scaled: &ScaledProblem) {
+    /// Recomputes the image of x, and the gradient where that is kept: updates let them drift by rounding.
+    pub fn refresh(&mut self, scaled: &ScaledProblem) {
         scaled.image_of(&mut self.x, &mut self.image, &mut self.work);
+        if !self.gradient.is_empty() {
+            scaled.gradient(&self.image, &mut self.gradient, &mut self.work);
+        }
         self.refreshed = true;
+    }
+
+    /// The method keeps the gradient from now on.
+    pub fn keep_gradient(&mut self, scaled: &ScaledProblem) {
+        self.gradient = scaled.zeros();
+        scaled.gradient(&self.image, &mut self.gradient, &mut self.work);
+    }
+
+    fn residual(&mut self, scaled: &ScaledProblem) -> f64 {
+        if self.gradient.is_empty() {
+            scaled.residual(&mut self.x, &self.image, &mut self.work)
+        } else {
+            scaled.residual_given(&mut self.x, &mut self.gradient, &mut self.work)
+        }
     }
 
     /// Whether the image of x was recomputed since this was last asked. A method that keeps images of other vectors has
@@ -162,7 +182,7 @@ impl<'a> Iterate<'a> {
         std::mem::take(&mut self.refreshed)
     }
 
-    /// Counts an iteration and says whether to do it. The residual of x is evaluated, from its image, at every tenth.
+    /// Counts an iteration and says whether to do it. The residual of x is evaluated, from its image or gradient, at every tenth.
     pub fn proceed(&mut self, scaled: &ScaledProblem) -> bool {
         let go = !self.checks_next() || self.check(scaled);
         self.iterations += usize::from(go);
@@ -184,13 +204,13 @@ impl<'a> Iterate<'a> {
     /// Evaluates the residual of x now, keeps x if it is the best, and says whether to go on.
     pub fn check(&mut self, scaled: &ScaledProblem) -> bool {
         if self.iterations.is_multiple_of(REFRESH) {
-            self.refresh_image(scaled);
+            self.refresh(scaled);
         }
-        let mut residual = scaled.residual(&mut self.x, &self.image, &mut self.work);
+        let mut residual = self.residual(scaled);
         if residual <= self.limits.tolerance() {
             // The image drifts from N' x by rounding: hold the claim against a fresh one.
-            self.refresh_image(scaled);
-            residual = scaled.residual(&mut self.x, &self.image, &mut self.work);
+            self.refresh(scaled);
+            residual = self.residual(scaled);
         }
         self.best.offer(&self.x, residual);
         match self.limits.status(self.iterations, residual) {

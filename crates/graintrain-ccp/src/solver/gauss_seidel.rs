@@ -84,7 +84,7 @@ impl FirstOrderMethod for GaussSeidel {
             let Iterate { x, image, work, .. } = it;
             let followed = scaled.sweep(x, image, work, &steps);
             if !followed && it.checks_next() {
-                it.refresh_image(scaled);
+                it.refresh(scaled);
             }
         }
     }

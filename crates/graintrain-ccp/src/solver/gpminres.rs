@@ -6,8 +6,8 @@
 
 use super::face::in_tangent_space;
 use super::first_order::{FirstOrder, FirstOrderMethod, Iterate};
-use super::lanes::{Batch, Vector, add, add_scaled, dot, project, sub, zero};
-use super::scaling::{Here, Image, Kernel, ScaledProblem};
+use super::lanes::{Batch, Vector, add, add_scaled, dot, sub, zero};
+use super::scaling::{Accumulate, Given, Here, Image, Kernel, ScaledProblem};
 use super::sweep::Tally;
 
 /// Two phases by turns. Gradient projection steps with a spectral step length find out which contacts stick, slide or
@@ -38,14 +38,18 @@ struct GradientStep {
 
 impl Kernel<1> for GradientStep {
     #[inline(always)]
+    fn point<V: Vector>(&self, _: Here<V>, u: &Batch<V>, [x]: [&Batch<V>; 1]) -> Batch<V> {
+        add_scaled(x, -self.alpha, u)
+    }
+
+    #[inline(always)]
     fn at<V: Vector>(
         &self,
-        here: Here<V>,
-        u: &Batch<V>,
+        _: Here<V>,
+        Given { projected: new, .. }: Given<V>,
         [x]: [&mut Batch<V>; 1],
         tally: &mut Tally<V>,
     ) -> Batch<V> {
-        let new = project(here.mu, &add_scaled(x, -self.alpha, u));
         let d = sub(&new, x);
         tally.sum[0] += dot(&d, &d);
         *x = new;
@@ -61,11 +65,11 @@ impl Kernel<5> for FaceResidual {
     fn at<V: Vector>(
         &self,
         here: Here<V>,
-        u: &Batch<V>,
+        Given { u, .. }: Given<V>,
         [x, w, rho, p, ap]: [&mut Batch<V>; 5],
         tally: &mut Tally<V>,
     ) -> Batch<V> {
-        let g = in_tangent_space(here.mu, x, u);
+        let g = in_tangent_space(here.mu, x, &u);
         *rho = sub(&zero(), &g);
         *w = zero();
         *p = zero();
@@ -81,16 +85,18 @@ struct Conjugate {
 }
 
 impl Kernel<4> for Conjugate {
+    const GRADIENT: bool = false;
+
     #[inline(always)]
     fn at<V: Vector>(
         &self,
         here: Here<V>,
-        u: &Batch<V>,
+        Given { u: product, .. }: Given<V>,
         [x, rho, p, ap]: [&mut Batch<V>; 4],
         tally: &mut Tally<V>,
     ) -> Batch<V> {
         *p = add_scaled(rho, self.beta, p);
-        *ap = add_scaled(&in_tangent_space(here.mu, x, &sub(u, &here.r)), self.beta, ap);
+        *ap = add_scaled(&in_tangent_space(here.mu, x, &product), self.beta, ap);
         tally.sum[0] += dot(ap, ap);
         *ap
     }
@@ -108,7 +114,7 @@ impl Kernel<4> for Advance {
     fn at<V: Vector>(
         &self,
         _: Here<V>,
-        _: &Batch<V>,
+        _: Given<V>,
         [w, rho, p, ap]: [&mut Batch<V>; 4],
         tally: &mut Tally<V>,
     ) -> Batch<V> {
@@ -126,15 +132,20 @@ struct Trial {
 
 impl Kernel<3> for Trial {
     #[inline(always)]
+    fn point<V: Vector>(&self, _: Here<V>, _: &Batch<V>, [x, w, _]: [&Batch<V>; 3]) -> Batch<V> {
+        add_scaled(x, self.tau, w)
+    }
+
+    #[inline(always)]
     fn at<V: Vector>(
         &self,
-        here: Here<V>,
-        u: &Batch<V>,
-        [x, w, trial]: [&mut Batch<V>; 3],
+        _: Here<V>,
+        Given { u, projected }: Given<V>,
+        [x, _, trial]: [&mut Batch<V>; 3],
         tally: &mut Tally<V>,
     ) -> Batch<V> {
-        *trial = sub(&project(here.mu, &add_scaled(x, self.tau, w)), x);
-        tally.sum[0] += dot(u, trial);
+        *trial = sub(&projected, x);
+        tally.sum[0] += dot(&u, trial);
         *trial
     }
 }
@@ -170,8 +181,7 @@ impl FirstOrderMethod for GpMinres {
                 }
                 let kernel = GradientStep { alpha };
                 let (totals, curvature) =
-                    scaled.pass(&it.image, [&mut it.x], &mut face.image, &mut it.work, &kernel);
-                it.add_image(1.0, &face.image);
+                    scaled.pass_onto([&mut it.image], [&mut it.x], &mut it.work, &kernel, |_| Accumulate);
                 // The longest step that is sure to descend along this direction, not beyond two shortest ones.
                 let spectral = totals.sum[0] / curvature;
                 alpha =

@@ -4,8 +4,8 @@
 //! rigid body dynamics", Computer Methods in Applied Mechanics and Engineering 200:439-453, 2011.
 
 use super::first_order::{FirstOrder, FirstOrderMethod, Iterate};
-use super::lanes::{Batch, Vector, add_scaled, dot, project, sub};
-use super::scaling::{Here, Kernel, ScaledProblem};
+use super::lanes::{Batch, Vector, add_scaled, dot, sub};
+use super::scaling::{Accumulate, Given, Here, Kernel, ScaledProblem};
 use super::sweep::Tally;
 
 /// Projected Jacobi: all contacts at once from the same velocities,
@@ -37,15 +37,19 @@ struct Step {
 
 impl Kernel<1> for Step {
     #[inline(always)]
+    fn point<V: Vector>(&self, _: Here<V>, u: &Batch<V>, [x]: [&Batch<V>; 1]) -> Batch<V> {
+        add_scaled(x, -self.omega, u)
+    }
+
+    #[inline(always)]
     fn at<V: Vector>(
         &self,
-        here: Here<V>,
-        u: &Batch<V>,
+        _: Here<V>,
+        Given { projected, .. }: Given<V>,
         [x]: [&mut Batch<V>; 1],
         tally: &mut Tally<V>,
     ) -> Batch<V> {
-        let image = project(here.mu, &add_scaled(x, -self.omega, u));
-        let d = sub(&image, x);
+        let d = sub(&projected, x);
         let new = add_scaled(x, self.averaging, &d);
         let d = sub(&new, x);
         tally.sum[0] += dot(&d, &d);
@@ -59,11 +63,10 @@ impl FirstOrderMethod for Jacobi {
 
     fn run(&mut self, scaled: &ScaledProblem, it: &mut Iterate<'_>) {
         let mut omega = 1.0 / it.largest_curvature(scaled);
-        let mut image_d = scaled.zero_image();
         while it.proceed(scaled) {
             let step = Step { omega, averaging: self.averaging };
-            let (totals, curvature) = scaled.pass(&it.image, [&mut it.x], &mut image_d, &mut it.work, &step);
-            it.add_image(1.0, &image_d);
+            let (totals, curvature) =
+                scaled.pass_onto([&mut it.image], [&mut it.x], &mut it.work, &step, |_| Accumulate);
             if omega * curvature > 1.5 * totals.sum[0] {
                 omega = totals.sum[0] / curvature;
             }

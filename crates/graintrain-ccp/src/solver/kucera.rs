@@ -6,8 +6,8 @@
 
 use super::face::{along_face, where_sticking};
 use super::first_order::{FirstOrder, FirstOrderMethod, Iterate, add_image};
-use super::lanes::{Batch, Vector, add_scaled, dot, project, scale, sub, zero};
-use super::scaling::{Here, Kernel, ScaledProblem};
+use super::lanes::{Batch, Vector, add_scaled, dot, scale, sub, zero};
+use super::scaling::{Accumulate, Given, Here, Kernel, ScaledProblem};
 use super::sweep::{Tally, for_each_batch};
 
 /// The gradient u = N' x + r' is split, contact by contact, into the part phi along the face of the cone on which x lies
@@ -35,18 +35,23 @@ struct Split {
 
 impl Kernel<2> for Split {
     #[inline(always)]
+    fn point<V: Vector>(&self, _: Here<V>, u: &Batch<V>, [x, _]: [&Batch<V>; 2]) -> Batch<V> {
+        add_scaled(x, -self.step, u)
+    }
+
+    #[inline(always)]
     fn at<V: Vector>(
         &self,
         here: Here<V>,
-        u: &Batch<V>,
+        Given { u, projected }: Given<V>,
         [x, phi]: [&mut Batch<V>; 2],
         tally: &mut Tally<V>,
     ) -> Batch<V> {
-        let reduced = sub(x, &project(here.mu, &add_scaled(x, -self.step, u)));
+        let reduced = sub(x, &projected);
         // On the boundary the free part is a multiple of x, and so is its reduction: x - P(x - step coefficient x).
-        let coefficient = dot(x, u).divide(dot(x, x).max(V::splat(f64::MIN_POSITIVE)));
+        let coefficient = dot(x, &u).divide(dot(x, x).max(V::splat(f64::MIN_POSITIVE)));
         let shrink = (V::splat(self.step) * coefficient).min(V::splat(1.0));
-        *phi = where_sticking(here.mu, x, u, &scale(coefficient, x));
+        *phi = where_sticking(here.mu, x, &u, &scale(coefficient, x));
         let reduced_free = where_sticking(here.mu, x, &reduced, &scale(shrink, x));
         let boundary = sub(&reduced, &reduced_free);
         tally.sum[0] += dot(phi, &reduced_free);
@@ -71,13 +76,20 @@ impl Kernel<3> for Direction {
     fn at<V: Vector>(
         &self,
         here: Here<V>,
-        _: &Batch<V>,
+        _: Given<V>,
         [x, phi, p]: [&mut Batch<V>; 3],
         tally: &mut Tally<V>,
     ) -> Batch<V> {
         *p = add_scaled(phi, self.conjugation, p);
         tally.sum[0] += dot(phi, p);
         let (none, square) = (V::default(), here.mu * here.mu);
+        // No root and no quotient where the shortest step met so far stays in the cones, as it does nearly everywhere.
+        let y = sub(&scale(tally.max, x), p);
+        let outside = y[1] * y[1] + y[2] * y[2] - square * y[0] * y[0];
+        let [outside, ..] = where_sticking(here.mu, x, &[outside, none, none], &zero());
+        if outside.max(-y[0]).all_at_most(none) {
+            return *p;
+        }
         let a = p[1] * p[1] + p[2] * p[2] - square * p[0] * p[0];
         let b = x[1] * p[1] + x[2] * p[2] - square * x[0] * p[0];
         let c = x[1] * x[1] + x[2] * x[2] - square * x[0] * x[0];
@@ -100,15 +112,18 @@ struct Proportioning {
 
 impl Kernel<1> for Proportioning {
     #[inline(always)]
+    fn point<V: Vector>(&self, here: Here<V>, u: &Batch<V>, [x]: [&Batch<V>; 1]) -> Batch<V> {
+        add_scaled(x, -self.step, &where_sticking(here.mu, x, &zero(), u))
+    }
+
+    #[inline(always)]
     fn at<V: Vector>(
         &self,
-        here: Here<V>,
-        u: &Batch<V>,
+        _: Here<V>,
+        Given { projected: new, .. }: Given<V>,
         [x]: [&mut Batch<V>; 1],
         _: &mut Tally<V>,
     ) -> Batch<V> {
-        let along = where_sticking(here.mu, x, &zero(), u);
-        let new = project(here.mu, &add_scaled(x, -self.step, &along));
         let d = sub(&new, x);
         *x = new;
         d
@@ -124,16 +139,20 @@ struct Expansion {
 
 impl Kernel<2> for Expansion {
     #[inline(always)]
+    fn point<V: Vector>(&self, here: Here<V>, u: &Batch<V>, [x, p]: [&Batch<V>; 2]) -> Batch<V> {
+        let boundary = add_scaled(x, -self.alpha, p);
+        add_scaled(&boundary, -self.step, &along_face(here.mu, &boundary, u))
+    }
+
+    #[inline(always)]
     fn at<V: Vector>(
         &self,
-        here: Here<V>,
-        u: &Batch<V>,
+        _: Here<V>,
+        Given { projected: new, .. }: Given<V>,
         [x, p]: [&mut Batch<V>; 2],
         _: &mut Tally<V>,
     ) -> Batch<V> {
-        *x = add_scaled(x, -self.alpha, p);
-        let new = project(here.mu, &add_scaled(x, -self.step, &along_face(here.mu, x, u)));
-        let change = sub(&new, x);
+        let change = sub(&new, &add_scaled(x, -self.alpha, p));
         *x = new;
         change
     }
@@ -145,7 +164,7 @@ impl FirstOrderMethod for Kucera {
     fn run(&mut self, scaled: &ScaledProblem, it: &mut Iterate<'_>) {
         let step = 1.7 / it.largest_curvature(scaled);
         let (mut phi, mut p) = (scaled.zeros(), scaled.zeros());
-        let (mut image_p, mut image_d) = (scaled.zero_image(), scaled.zero_image());
+        let mut image_p = scaled.zero_image();
         let mut last_square = f64::INFINITY;
         while it.proceed(scaled) {
             let split = scaled.look(&it.image, [&mut it.x, &mut phi], &mut it.work, &Split { step });
@@ -153,8 +172,7 @@ impl FirstOrderMethod for Kucera {
             let [free, boundary, square, ..] = split.sum;
             if boundary > self.proportion * self.proportion * step * free {
                 let kernel = Proportioning { step };
-                scaled.pass(&it.image, [&mut it.x], &mut image_d, &mut it.work, &kernel);
-                it.add_image(1.0, &image_d);
+                scaled.pass_onto([&mut it.image], [&mut it.x], &mut it.work, &kernel, |_| Accumulate);
                 last_square = f64::INFINITY;
                 continue;
             }
@@ -173,8 +191,7 @@ impl FirstOrderMethod for Kucera {
             last_square = square;
             if minimiser > feasible {
                 let kernel = Expansion { alpha, step };
-                scaled.pass(&it.image, [&mut it.x, &mut p], &mut image_d, &mut it.work, &kernel);
-                it.add_image(1.0, &image_d);
+                scaled.pass_onto([&mut it.image], [&mut it.x, &mut p], &mut it.work, &kernel, |_| Accumulate);
                 last_square = f64::INFINITY;
             } else {
                 for_each_batch([&mut it.x, &mut p], it.work.tallies(), |_, [x, p], _| {

@@ -51,6 +51,9 @@ pub trait Vector:
     /// `yes` where `self <= bound`, else `no`.
     fn at_most(self, bound: Self, yes: Self, no: Self) -> Self;
 
+    /// Whether every number is at most its bound.
+    fn all_at_most(self, bound: Self) -> bool;
+
     /// Asks for a datum that will be read soon.
     fn prefetch<T>(datum: &T);
 
@@ -129,6 +132,11 @@ impl Vector for Lanes {
     #[inline(always)]
     fn at_most(self, bound: Self, yes: Self, no: Self) -> Self {
         Self(std::array::from_fn(|l| if self.0[l] <= bound.0[l] { yes.0[l] } else { no.0[l] }))
+    }
+
+    #[inline(always)]
+    fn all_at_most(self, bound: Self) -> bool {
+        (0..LANES).all(|l| self.0[l] <= bound.0[l])
     }
 
     #[inline(always)]
@@ -249,7 +257,18 @@ pub fn cross<V: Vector>(a: &Batch<V>, b: &Batch<V>) -> Batch<V> {
 /// without branches.
 #[inline(always)]
 pub fn project<V: Vector>(mu: V, x: &Batch<V>) -> Batch<V> {
-    let tangential = (x[1] * x[1] + x[2] * x[2]).sqrt();
+    project_given(mu, x, tangential_length(x))
+}
+
+/// |x_t| per contact: the root of a projection.
+#[inline(always)]
+pub fn tangential_length<V: Vector>(x: &Batch<V>) -> V {
+    (x[1] * x[1] + x[2] * x[2]).sqrt()
+}
+
+/// [`project`] where |x_t| is known.
+#[inline(always)]
+pub fn project_given<V: Vector>(mu: V, x: &Batch<V>, tangential: V) -> Batch<V> {
     // normal = q |x_t| and factor = mu q with one division; |x_t| is zero or at least 1e-162, so that q is finite.
     let size = (V::splat(1.0) + mu * mu) * tangential;
     let q = (x[0] + mu * tangential).divide(size.max(V::splat(f64::MIN_POSITIVE))).max(V::splat(0.0));

@@ -1,6 +1,7 @@
 //! N as a sparse matrix, packed for the first-order methods.
 
-use super::lanes::{Batch, LANES, Lanes, dot};
+use super::lanes::{Batch, LANES, Lanes, ZERO, dot};
+use super::scaling::Combination;
 use super::sweep::{CHUNK, Tally, Totals, for_each_task};
 use graintrain_linalg::block3::{Block, BlockMatrix3};
 
@@ -56,24 +57,38 @@ impl RowOperator {
         size_of_val(&self.block[..]) + size_of_val(&self.column[..]) + size_of_val(&self.row_start[..])
     }
 
-    /// image <- N x; returns x^T N x.
-    pub(super) fn multiply(&self, x: &[Batch], image: &mut [Lanes], tallies: &mut [Tally]) -> f64 {
+    /// Combines N x with images; returns x^T N x.
+    pub(super) fn multiply<const K: usize>(
+        &self,
+        x: &[Batch],
+        images: [&mut [Lanes]; K],
+        tallies: &mut [Tally],
+        combination: &impl Combination<K>,
+    ) -> f64 {
         let rows = self.row_start.len() - 1;
         let chunks = x.len().div_ceil(CHUNK);
         let tallies = &mut tallies[..chunks];
         let no_extra = &mut [] as &mut [()];
         let unit = CHUNK * 3;
-        for_each_task(0..chunks, unit, [image], no_extra, &|_| 0, tallies, &|chunk, [image], _, tally| {
-            for (offset, image) in image.as_chunks_mut::<3>().0.iter_mut().enumerate() {
+        for_each_task(0..chunks, unit, images, no_extra, &|_| 0, tallies, &|chunk, images, _, tally| {
+            let mut images = images.map(|image| image.as_chunks_mut::<3>().0);
+            for offset in 0..images[0].len() {
                 let batch = chunk * CHUNK + offset;
+                let mut product = ZERO;
                 for lane in 0..LANES.min(rows - batch * LANES) {
                     let i = batch * LANES + lane;
                     let sum = self.row_times(i, x);
                     for k in 0..3 {
-                        image[k].0[lane] = sum[k];
+                        product[k].0[lane] = sum[k];
                     }
                 }
-                tally.sum[0] += dot(&x[batch], image);
+                tally.sum[0] += dot(&x[batch], &product);
+                for (k, product) in product.into_iter().enumerate() {
+                    let new = combination.of(product, images.each_ref().map(|image| image[offset][k]));
+                    for (image, new) in images.iter_mut().zip(new) {
+                        image[offset][k] = new;
+                    }
+                }
             }
         });
         Totals::of(tallies).sum[0]

@@ -64,16 +64,66 @@ pub type Image = Vec<Lanes>;
 pub trait Kernel<const M: usize>: Sync {
     /// Whether the update takes no root and no quotient, whose tens of cycles the pass has to hide.
     const SHORT: bool = false;
+    /// Whether u is the gradient N' y + r', or only N' y.
+    const GRADIENT: bool = true;
 
-    /// Given u = N' y + r' and the method's vectors at this batch, updates the vectors, adds to the tally and returns the
+    /// The point whose projection on the cones of [`Self::friction`] the update wants, given u and the method's vectors at
+    /// this batch. It comes before the update, for several batches at a time, so that their roots overlap.
+    #[inline(always)]
+    fn point<V: Vector>(&self, _here: Here<V>, _u: &Batch<V>, _vectors: [&Batch<V>; M]) -> Batch<V> {
+        zero()
+    }
+
+    /// Coefficients of friction of the cones that [`Self::point`] is projected on.
+    #[inline(always)]
+    fn friction<V: Vector>(&self, here: Here<V>) -> V {
+        here.mu
+    }
+
+    /// Given u and the projection of the point, updates the method's vectors at this batch, adds to the tally and returns the
     /// batch whose image the pass computes.
     fn at<V: Vector>(
         &self,
         here: Here<V>,
-        u: &Batch<V>,
+        given: Given<V>,
         vectors: [&mut Batch<V>; M],
         tally: &mut Tally<V>,
     ) -> Batch<V>;
+}
+
+/// What a kernel is given at four contacts.
+#[derive(Clone, Copy)]
+pub struct Given<V> {
+    /// u = N' y + r', or N' y where the kernel wants only that.
+    pub u: Batch<V>,
+    /// The projection of [`Kernel::point`].
+    pub projected: Batch<V>,
+}
+
+/// What becomes of a method's images when a pass has computed a new one: a linear combination, number by number.
+pub trait Combination<const K: usize>: Sync {
+    /// The images' new numbers, given those of the fresh image.
+    fn of<V: Vector>(&self, fresh: V, images: [V; K]) -> [V; K];
+}
+
+/// Image <- the fresh one.
+pub struct Replace;
+
+impl Combination<1> for Replace {
+    #[inline(always)]
+    fn of<V: Vector>(&self, fresh: V, _: [V; 1]) -> [V; 1] {
+        [fresh]
+    }
+}
+
+/// Image <- image + the fresh one.
+pub struct Accumulate;
+
+impl Combination<1> for Accumulate {
+    #[inline(always)]
+    fn of<V: Vector>(&self, fresh: V, [image]: [V; 1]) -> [V; 1] {
+        [image + fresh]
+    }
 }
 
 /// What Gauss-Seidel makes of the impulses of four contacts, given their velocities.
@@ -89,7 +139,7 @@ impl Kernel<1> for Identity {
     const SHORT: bool = true;
 
     #[inline(always)]
-    fn at<V: Vector>(&self, _: Here<V>, _: &Batch<V>, [x]: [&mut Batch<V>; 1], _: &mut Tally<V>) -> Batch<V> {
+    fn at<V: Vector>(&self, _: Here<V>, _: Given<V>, [x]: [&mut Batch<V>; 1], _: &mut Tally<V>) -> Batch<V> {
         *x
     }
 }
@@ -101,16 +151,17 @@ struct PowerStep {
 
 impl Kernel<1> for PowerStep {
     const SHORT: bool = true;
+    const GRADIENT: bool = false;
 
     #[inline(always)]
     fn at<V: Vector>(
         &self,
-        here: Here<V>,
-        u: &Batch<V>,
+        _: Here<V>,
+        Given { u, .. }: Given<V>,
         [x]: [&mut Batch<V>; 1],
         tally: &mut Tally<V>,
     ) -> Batch<V> {
-        *x = scale(V::splat(self.factor), &sub(u, &here.r));
+        *x = scale(V::splat(self.factor), &u);
         tally.sum[0] += dot(x, x);
         *x
     }
@@ -121,19 +172,73 @@ struct NaturalMap;
 
 impl Kernel<1> for NaturalMap {
     #[inline(always)]
+    fn point<V: Vector>(&self, here: Here<V>, u: &Batch<V>, [x]: [&Batch<V>; 1]) -> Batch<V> {
+        let u = here.drive(u);
+        let Metric { along, across, .. } = here.metric;
+        sub(&here.metric.impulse(x), &[along * u[0], across * u[1], across * u[2]])
+    }
+
+    #[inline(always)]
+    fn friction<V: Vector>(&self, here: Here<V>) -> V {
+        here.metric.mu
+    }
+
+    #[inline(always)]
     fn at<V: Vector>(
         &self,
         here: Here<V>,
-        u: &Batch<V>,
+        Given { projected, .. }: Given<V>,
         [x]: [&mut Batch<V>; 1],
         tally: &mut Tally<V>,
     ) -> Batch<V> {
-        let u = here.drive(u);
-        let Metric { normal, tangential, along, across, mu } = here.metric;
-        let g = [normal * x[0], tangential * x[1], tangential * x[2]];
-        let d = sub(&g, &project(mu, &sub(&g, &[along * u[0], across * u[1], across * u[2]])));
+        let d = sub(&here.metric.impulse(x), &projected);
         tally.max = tally.max.max(dot(&d, &d));
         d
+    }
+}
+
+/// As [`NaturalMap`] where u is a vector.
+struct NaturalMapGiven;
+
+impl Kernel<2> for NaturalMapGiven {
+    #[inline(always)]
+    fn point<V: Vector>(&self, here: Here<V>, _: &Batch<V>, [x, u]: [&Batch<V>; 2]) -> Batch<V> {
+        NaturalMap.point(here, u, [x])
+    }
+
+    #[inline(always)]
+    fn friction<V: Vector>(&self, here: Here<V>) -> V {
+        NaturalMap.friction(here)
+    }
+
+    #[inline(always)]
+    fn at<V: Vector>(
+        &self,
+        here: Here<V>,
+        given: Given<V>,
+        [x, _]: [&mut Batch<V>; 2],
+        tally: &mut Tally<V>,
+    ) -> Batch<V> {
+        NaturalMap.at(here, given, [x], tally)
+    }
+}
+
+/// out <- N' x + r'.
+struct StoreGradient;
+
+impl Kernel<1> for StoreGradient {
+    const SHORT: bool = true;
+
+    #[inline(always)]
+    fn at<V: Vector>(
+        &self,
+        _: Here<V>,
+        Given { u, .. }: Given<V>,
+        [out]: [&mut Batch<V>; 1],
+        _: &mut Tally<V>,
+    ) -> Batch<V> {
+        *out = u;
+        zero()
     }
 }
 
@@ -142,16 +247,17 @@ struct StoreProduct;
 
 impl Kernel<1> for StoreProduct {
     const SHORT: bool = true;
+    const GRADIENT: bool = false;
 
     #[inline(always)]
     fn at<V: Vector>(
         &self,
-        here: Here<V>,
-        u: &Batch<V>,
+        _: Here<V>,
+        Given { u, .. }: Given<V>,
         [out]: [&mut Batch<V>; 1],
         _: &mut Tally<V>,
     ) -> Batch<V> {
-        *out = sub(u, &here.r);
+        *out = u;
         zero()
     }
 }
@@ -331,14 +437,38 @@ impl ScaledProblem {
     ) -> (Totals, f64) {
         work.products += 1;
         let totals = self.contact_pass::<M, true, true>(image, vectors, work, kernel);
-        (totals, self.collect(out, work))
+        (totals, self.collect([out], work, &Replace))
     }
 
-    /// The second half of a pass: out <- image of the impulses that the contacts have handed over; their quadratic form.
-    fn collect(&self, out: &mut [Lanes], work: &mut PassWork) -> f64 {
+    /// As [`Self::pass`] where the fresh image, of s, is wanted only in combination with others: `images` starts with that of y, and
+    /// all of them become what `combine` says once the kernel's tallies are known.
+    pub fn pass_onto<const M: usize, const K: usize, C: Combination<K>>(
+        &self,
+        images: [&mut [Lanes]; K],
+        vectors: [&mut [Batch]; M],
+        work: &mut PassWork,
+        kernel: &impl Kernel<M>,
+        combine: impl FnOnce(&Totals) -> C,
+    ) -> (Totals, f64) {
+        work.products += 1;
+        let totals = self.contact_pass::<M, true, true>(images[0], vectors, work, kernel);
+        let quadratic = self.collect(images, work, &combine(&totals));
+        (totals, quadratic)
+    }
+
+    /// The second half of a pass: combines the image of the impulses that the contacts have handed over with others; their
+    /// quadratic form.
+    fn collect<const K: usize>(
+        &self,
+        images: [&mut [Lanes]; K],
+        work: &mut PassWork,
+        combination: &impl Combination<K>,
+    ) -> f64 {
         match &self.operator {
-            Operator::Bodies(bodies) => bodies.velocities(&work.slots, out, &mut work.tallies),
-            Operator::Rows(rows) => rows.multiply(&work.scattered, out, &mut work.tallies),
+            Operator::Bodies(bodies) => {
+                bodies.velocities(&work.slots, images, &mut work.tallies, combination)
+            }
+            Operator::Rows(rows) => rows.multiply(&work.scattered, images, &mut work.tallies, combination),
         }
     }
 
@@ -407,7 +537,7 @@ impl ScaledProblem {
                     tallies,
                     &|chunk, vectors, scattered, tally| {
                         let batches = range(chunk);
-                        vectorised(RowPass {
+                        vectorised(RowPass::<M, GATHER, _> {
                             scaled: self,
                             product,
                             batches,
@@ -437,9 +567,8 @@ impl ScaledProblem {
         work: &mut PassWork,
         kernel: &impl Kernel<M>,
     ) -> (Totals, f64) {
-        // `out` stands in for the image, which nobody looks at.
-        let totals = self.contact_pass::<M, false, true>(out, vectors, work, kernel);
-        (totals, self.collect(out, work))
+        let totals = self.contact_pass::<M, false, true>(&[], vectors, work, kernel);
+        (totals, self.collect([out], work, &Replace))
     }
 
     /// u <- N' x as a product of its own: a pass for the image and a look at it. Methods avoid it by fusing.
@@ -532,6 +661,16 @@ impl ScaledProblem {
     /// Residual max_i |d_i| / J of x, given its image: the natural map in the original metric.
     pub fn residual(&self, x: &mut [Batch], image: &[Lanes], work: &mut PassWork) -> f64 {
         self.look(image, [x], work, &NaturalMap).max.sqrt()
+    }
+
+    /// As [`Self::residual`], given u = N' x + r' contact by contact.
+    pub fn residual_given(&self, x: &mut [Batch], u: &mut [Batch], work: &mut PassWork) -> f64 {
+        self.contact_pass::<2, false, false>(&[], [x, u], work, &NaturalMapGiven).max.sqrt()
+    }
+
+    /// out <- N' x + r', given the image of x.
+    pub fn gradient(&self, image: &[Lanes], out: &mut [Batch], work: &mut PassWork) {
+        self.look(image, [out], work, &StoreGradient);
     }
 
     /// What is known about some batches.

@@ -1,12 +1,15 @@
 //! What one task does of a pass over the contacts: velocities, the method's update, forces; over bodies, or over rows of N'.
 
-use super::super::body_operator::{BodyOperator, BodyPair, Update};
-use super::super::lanes::{Batch, Lanes, Vector, add, in_place, load, scale, store, sub, zero};
+use super::super::body_operator::{BodyOperator, BodyPair, Geometry, Update};
+use super::super::lanes::{
+    Batch, Lanes, Vector, add, in_place, load, project, project_given, scale, store, sub, tangential_length,
+    zero,
+};
 use super::super::sweep::{Tally, TaskWork};
-use super::{Kernel, Relaxation, ScaledProblem, Surroundings};
+use super::{Given, Here, Kernel, Relaxation, ScaledProblem, Surroundings};
 
-/// Batches that a pass over bodies takes through its three stages together.
-const GROUP: usize = 8;
+/// So many batches ahead a pass over bodies asks for geometry.
+const PREFETCH: usize = 8;
 
 /// The part of a pass over bodies that one chunk does.
 pub(super) struct BodyPass<'a, const M: usize, const GATHER: bool, const SCATTER: bool, K> {
@@ -34,15 +37,14 @@ where
         let mut vectors = vectors.map(in_place::<V>);
         let mut tally = Tally::default();
         let surroundings = scaled.surroundings(batches.clone());
-        let ahead = &bodies.geometry()[batches.start..];
-        let geometry = &ahead[..batches.len()];
+        let following = &bodies.geometry()[batches.start..];
+        let geometry = &following[..batches.len()];
         if K::SHORT {
             for (batch, geometry) in geometry.iter().enumerate() {
                 let here = surroundings.at(batch);
-                let u =
-                    if GATHER { add(&geometry.relative_velocity(velocity), &here.r) } else { zero::<V>() };
+                let u = seen::<GATHER, M, K, V>(geometry, velocity, &here);
                 let mine = vectors.each_mut().map(|v| &mut v[batch]);
-                let s = kernel.at(here, &u, mine, &mut tally);
+                let s = kernel.at(here, Given { u, projected: zero() }, mine, &mut tally);
                 if SCATTER {
                     geometry.scatter(&s, slots);
                 }
@@ -50,33 +52,83 @@ where
             *total = tally.store();
             return;
         }
-        // Short loops over a few batches rather than one long one: the square root and the quotients of a projection take tens of
-        // cycles, which the processor hides behind the next batch only where that is near enough.
-        let (mut u, mut s) = ([zero::<V>(); GROUP], [zero::<V>(); GROUP]);
-        for first in (0..geometry.len()).step_by(GROUP) {
-            let batches = first..(first + GROUP).min(geometry.len());
-            let mine = &geometry[batches.clone()];
-            if GATHER {
-                for ((geometry, r), u) in mine.iter().zip(&surroundings.r[batches.clone()]).zip(&mut u) {
-                    *u = add(&geometry.relative_velocity(velocity), &load(r));
-                }
+        // Three batches are under way at once: the root of one, the quotient of the one before, the update of the one before that. Roots
+        // and quotients take tens of cycles, which the processor hides only where enough is at hand that does not wait for them.
+        let ahead = Ahead { kernel, surroundings, geometry, velocity };
+        let last = geometry.len() - 1;
+        let mut given = ahead.given::<V, M>(0, &ahead.rooted::<GATHER, V, M>(0, &vectors));
+        let mut rooted = ahead.rooted::<GATHER, V, M>(last.min(1), &vectors);
+        for (batch, here_geometry) in geometry.iter().enumerate() {
+            // The memory would have nothing to do here: this loop alone, in memory, takes 0.94 of the time.
+            if let Some(later) = following.get(batch + PREFETCH) {
+                V::prefetch(later);
             }
-            for (batch, (u, s)) in batches.zip(u.iter().zip(&mut s)) {
-                // The memory would have nothing to do here: this loop alone, in memory, takes 0.94 of the time.
-                if let Some(next) = ahead.get(batch + GROUP) {
-                    V::prefetch(next);
-                }
-                let mine = vectors.each_mut().map(|v| &mut v[batch]);
-                *s = kernel.at(surroundings.at(batch), u, mine, &mut tally);
-            }
+            let now = given;
+            given = ahead.given::<V, M>(last.min(batch + 1), &rooted);
+            rooted = ahead.rooted::<GATHER, V, M>(last.min(batch + 2), &vectors);
+            let mine = vectors.each_mut().map(|v| &mut v[batch]);
+            let s = kernel.at(surroundings.at(batch), now, mine, &mut tally);
             if SCATTER {
-                for (geometry, s) in mine.iter().zip(&s) {
-                    geometry.scatter(s, slots);
-                }
+                here_geometry.scatter(&s, slots);
             }
         }
         *total = tally.store();
     }
+}
+
+/// What a pass does at a batch before the update.
+struct Ahead<'a, K> {
+    kernel: &'a K,
+    surroundings: Surroundings<'a>,
+    geometry: &'a [Geometry],
+    velocity: &'a [BodyPair],
+}
+
+/// A point to be projected and its tangential length, with u.
+struct Rooted<V> {
+    u: Batch<V>,
+    point: Batch<V>,
+    tangential: V,
+}
+
+impl<K> Ahead<'_, K> {
+    #[inline(always)]
+    fn rooted<const GATHER: bool, V: Vector, const M: usize>(
+        &self,
+        batch: usize,
+        vectors: &[&mut [Batch<V>]; M],
+    ) -> Rooted<V>
+    where
+        K: Kernel<M>,
+    {
+        let here = self.surroundings.at(batch);
+        let u = seen::<GATHER, M, K, V>(&self.geometry[batch], self.velocity, &here);
+        let point = self.kernel.point(here, &u, vectors.each_ref().map(|v| &v[batch]));
+        Rooted { u, point, tangential: tangential_length(&point) }
+    }
+
+    #[inline(always)]
+    fn given<V: Vector, const M: usize>(&self, batch: usize, rooted: &Rooted<V>) -> Given<V>
+    where
+        K: Kernel<M>,
+    {
+        let friction = self.kernel.friction(self.surroundings.at(batch));
+        Given { u: rooted.u, projected: project_given(friction, &rooted.point, rooted.tangential) }
+    }
+}
+
+/// The kernel's u.
+#[inline(always)]
+fn seen<const GATHER: bool, const M: usize, K: Kernel<M>, V: Vector>(
+    geometry: &Geometry,
+    velocity: &[BodyPair],
+    here: &Here<V>,
+) -> Batch<V> {
+    if !GATHER {
+        return zero();
+    }
+    let product = geometry.relative_velocity(velocity);
+    if K::GRADIENT { add(&product, &here.r) } else { product }
 }
 
 /// A sweep of Gauss-Seidel over bodies.
@@ -118,7 +170,7 @@ impl<V: Vector, K: Relaxation> Update<V> for Relaxing<'_, V, K> {
 }
 
 /// The part of a pass over rows that one chunk does before the product.
-pub(super) struct RowPass<'a, const M: usize, K> {
+pub(super) struct RowPass<'a, const M: usize, const GATHER: bool, K> {
     pub(super) scaled: &'a ScaledProblem,
     pub(super) product: &'a [Batch],
     pub(super) batches: std::ops::Range<usize>,
@@ -128,7 +180,7 @@ pub(super) struct RowPass<'a, const M: usize, K> {
     pub(super) kernel: &'a K,
 }
 
-impl<const M: usize, K> TaskWork for RowPass<'_, M, K>
+impl<const M: usize, const GATHER: bool, K> TaskWork for RowPass<'_, M, GATHER, K>
 where
     K: Kernel<M>,
 {
@@ -138,11 +190,17 @@ where
         let mut vectors = vectors.map(in_place::<V>);
         let surroundings = scaled.surroundings(batches.clone());
         let mut tally = Tally::default();
-        for (batch, (product, scattered)) in product[batches].iter().zip(scattered).enumerate() {
-            let here = surroundings.at(batch);
-            let u = add(&load(product), &here.r);
-            let mine = vectors.each_mut().map(|v| &mut v[batch]);
-            *scattered = store(&kernel.at(here, &u, mine, &mut tally));
+        for (offset, (batch, scattered)) in batches.zip(scattered).enumerate() {
+            let here = surroundings.at(offset);
+            let u = match (GATHER, K::GRADIENT) {
+                (false, _) => zero(),
+                (true, false) => load(&product[batch]),
+                (true, true) => add(&load(&product[batch]), &here.r),
+            };
+            let point = kernel.point(here, &u, vectors.each_ref().map(|v| &v[offset]));
+            let projected = project(kernel.friction(here), &point);
+            let mine = vectors.each_mut().map(|v| &mut v[offset]);
+            *scattered = store(&kernel.at(here, Given { u, projected }, mine, &mut tally));
         }
         *total = tally.store();
     }

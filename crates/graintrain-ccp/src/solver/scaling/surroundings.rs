@@ -17,6 +17,14 @@ pub struct Metric<V = Lanes> {
     pub mu: V,
 }
 
+impl<V: Vector> Metric<V> {
+    /// Impulses in units of J.
+    #[inline(always)]
+    pub fn impulse(&self, x: &Batch<V>) -> Batch<V> {
+        [self.normal * x[0], self.tangential * x[1], self.tangential * x[2]]
+    }
+}
+
 /// What is known about a contact inside a pass.
 #[derive(Clone, Copy, Debug)]
 pub struct Here<V> {
