@@ -31,7 +31,7 @@ impl FirstOrderMethod for BarzilaiBorwein {
         let (mut reference, mut best, mut candidate, mut without_progress) = (f64::INFINITY, 0.0, 0.0, 0);
         let mut long = true;
         while it.proceed(scaled) {
-            let change = spectral.advance(scaled, it, alpha, reference);
+            let change = spectral.advance(scaled, it, alpha, reference, !long);
             let objective = spectral.objective;
             if objective < best {
                 (best, candidate, without_progress) = (objective, objective, 0);

@@ -30,12 +30,11 @@ pub fn along_face<V: Vector>(mu: V, x: &Batch<V>, g: &Batch<V>) -> Batch<V> {
 }
 
 /// Component of g in the tangent space of the cone at x: all of it inside, the tangent plane on the mantle (along the ray
-/// where there is no friction), none at the apex.
+/// where there is no friction), none at the apex. `tangential` is |x_t|.
 #[inline(always)]
-pub fn in_tangent_space<V: Vector>(mu: V, x: &Batch<V>, g: &Batch<V>) -> Batch<V> {
+pub fn in_tangent_space<V: Vector>(mu: V, x: &Batch<V>, tangential: V, g: &Batch<V>) -> Batch<V> {
     let (zero, tiny) = (V::splat(0.0), V::splat(f64::MIN_POSITIVE));
     let square = x[1] * x[1] + x[2] * x[2];
-    let tangential = square.sqrt();
     // With the normal (-mu, x_t / |x_t|) / sqrt(1 + mu^2) of the mantle: g - (normal . g) normal, with one division.
     let along = x[1] * g[1] + x[2] * g[2] - mu * tangential * g[0];
     let factor = along.divide(((V::splat(1.0) + mu * mu) * square).max(tiny));

@@ -62,15 +62,24 @@ struct FaceResidual;
 
 impl Kernel<5> for FaceResidual {
     #[inline(always)]
+    fn point<V: Vector>(&self, _: Here<V>, _: &Batch<V>, [x, ..]: [&Batch<V>; 5]) -> Batch<V> {
+        *x
+    }
+
+    #[inline(always)]
+    fn projected<V: Vector>(&self, here: Here<V>, u: &Batch<V>, x: &Batch<V>, tangential: V) -> Batch<V> {
+        in_tangent_space(here.mu, x, tangential, u)
+    }
+
+    #[inline(always)]
     fn at<V: Vector>(
         &self,
-        here: Here<V>,
-        Given { u, .. }: Given<V>,
-        [x, w, rho, p, ap]: [&mut Batch<V>; 5],
+        _: Here<V>,
+        Given { projected, .. }: Given<V>,
+        [_, w, rho, p, ap]: [&mut Batch<V>; 5],
         tally: &mut Tally<V>,
     ) -> Batch<V> {
-        let g = in_tangent_space(here.mu, x, &u);
-        *rho = sub(&zero(), &g);
+        *rho = sub(&zero(), &projected);
         *w = zero();
         *p = zero();
         *ap = zero();
@@ -88,15 +97,25 @@ impl Kernel<4> for Conjugate {
     const GRADIENT: bool = false;
 
     #[inline(always)]
+    fn point<V: Vector>(&self, _: Here<V>, _: &Batch<V>, [x, ..]: [&Batch<V>; 4]) -> Batch<V> {
+        *x
+    }
+
+    #[inline(always)]
+    fn projected<V: Vector>(&self, here: Here<V>, u: &Batch<V>, x: &Batch<V>, tangential: V) -> Batch<V> {
+        in_tangent_space(here.mu, x, tangential, u)
+    }
+
+    #[inline(always)]
     fn at<V: Vector>(
         &self,
-        here: Here<V>,
-        Given { u: product, .. }: Given<V>,
-        [x, rho, p, ap]: [&mut Batch<V>; 4],
+        _: Here<V>,
+        Given { projected, .. }: Given<V>,
+        [_, rho, p, ap]: [&mut Batch<V>; 4],
         tally: &mut Tally<V>,
     ) -> Batch<V> {
         *p = add_scaled(rho, self.beta, p);
-        *ap = add_scaled(&in_tangent_space(here.mu, x, &product), self.beta, ap);
+        *ap = add_scaled(&projected, self.beta, ap);
         tally.sum[0] += dot(ap, ap);
         *ap
     }

@@ -4,7 +4,7 @@
 //! rigid body dynamics", Computer Methods in Applied Mechanics and Engineering 200:439-453, 2011.
 
 use super::first_order::{FirstOrder, FirstOrderMethod, Iterate};
-use super::lanes::{Batch, Vector, add_scaled, dot, sub};
+use super::lanes::{Batch, Vector, add, add_scaled, dot, scale, sub};
 use super::scaling::{Accumulate, Given, Here, Kernel, ScaledProblem};
 use super::sweep::Tally;
 
@@ -49,11 +49,9 @@ impl Kernel<1> for Step {
         [x]: [&mut Batch<V>; 1],
         tally: &mut Tally<V>,
     ) -> Batch<V> {
-        let d = sub(&projected, x);
-        let new = add_scaled(x, self.averaging, &d);
-        let d = sub(&new, x);
+        let d = scale(V::splat(self.averaging), &sub(&projected, x));
         tally.sum[0] += dot(&d, &d);
-        *x = new;
+        *x = add(x, &d);
         d
     }
 }

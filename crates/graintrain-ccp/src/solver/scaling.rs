@@ -16,7 +16,7 @@ mod passes;
 mod surroundings;
 
 use super::body_operator::{BodyOperator, BodyPair, pack};
-use super::lanes::{Batch, LANES, Lanes, Vector, ZERO, dot, project, scale, sub, zero};
+use super::lanes::{Batch, LANES, Lanes, Vector, ZERO, dot, project, project_given, scale, sub, zero};
 use super::row_operator::RowOperator;
 use super::sweep::{CHUNK, Tally, Totals, for_each_task, vectorised};
 use crate::delassus::Delassus;
@@ -67,17 +67,23 @@ pub trait Kernel<const M: usize>: Sync {
     /// Whether u is the gradient N' y + r', or only N' y.
     const GRADIENT: bool = true;
 
-    /// The point whose projection on the cones of [`Self::friction`] the update wants, given u and the method's vectors at
-    /// this batch. It comes before the update, for several batches at a time, so that their roots overlap.
+    /// The point whose projection on the cones the update wants, given u and the method's vectors at this batch. Its tangential
+    /// length, a root, is taken two batches ahead of the update, the projection, with its quotient, one batch ahead.
     #[inline(always)]
     fn point<V: Vector>(&self, _here: Here<V>, _u: &Batch<V>, _vectors: [&Batch<V>; M]) -> Batch<V> {
         zero()
     }
 
-    /// Coefficients of friction of the cones that [`Self::point`] is projected on.
+    /// The projection of the point, given its tangential length, or whatever else is to be made of them by a quotient.
     #[inline(always)]
-    fn friction<V: Vector>(&self, here: Here<V>) -> V {
-        here.mu
+    fn projected<V: Vector>(
+        &self,
+        here: Here<V>,
+        _u: &Batch<V>,
+        point: &Batch<V>,
+        tangential: V,
+    ) -> Batch<V> {
+        project_given(here.mu, point, tangential)
     }
 
     /// Given u and the projection of the point, updates the method's vectors at this batch, adds to the tally and returns the
@@ -96,7 +102,7 @@ pub trait Kernel<const M: usize>: Sync {
 pub struct Given<V> {
     /// u = N' y + r', or N' y where the kernel wants only that.
     pub u: Batch<V>,
-    /// The projection of [`Kernel::point`].
+    /// What [`Kernel::projected`] has made of [`Kernel::point`].
     pub projected: Batch<V>,
 }
 
@@ -179,8 +185,8 @@ impl Kernel<1> for NaturalMap {
     }
 
     #[inline(always)]
-    fn friction<V: Vector>(&self, here: Here<V>) -> V {
-        here.metric.mu
+    fn projected<V: Vector>(&self, here: Here<V>, _: &Batch<V>, point: &Batch<V>, tangential: V) -> Batch<V> {
+        project_given(here.metric.mu, point, tangential)
     }
 
     #[inline(always)]
@@ -207,8 +213,8 @@ impl Kernel<2> for NaturalMapGiven {
     }
 
     #[inline(always)]
-    fn friction<V: Vector>(&self, here: Here<V>) -> V {
-        NaturalMap.friction(here)
+    fn projected<V: Vector>(&self, here: Here<V>, u: &Batch<V>, point: &Batch<V>, tangential: V) -> Batch<V> {
+        NaturalMap.projected(here, u, point, tangential)
     }
 
     #[inline(always)]

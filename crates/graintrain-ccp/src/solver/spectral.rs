@@ -1,8 +1,8 @@
 //! Projected gradient with spectral (Barzilai-Borwein) steps: what `bb` and `spg` share.
 
 use super::first_order::Iterate;
-use super::lanes::{Batch, Vector, add_scaled, dot, sub, zero};
-use super::scaling::{Given, Here, Image, Kernel, ScaledProblem};
+use super::lanes::{Batch, Vector, add, add_scaled, dot, sub, zero};
+use super::scaling::{Given, Here, Image, Kernel, Replace, ScaledProblem};
 use super::sweep::Tally;
 
 /// Steps are kept between these multiples of 1 / (largest eigenvalue of N').
@@ -14,8 +14,8 @@ pub(super) struct Change {
     length: f64,
     /// d^T N' d.
     curvature: f64,
-    /// |N' d|^2.
-    image_length: f64,
+    /// |N' d|^2, if it was asked for.
+    image_length: Option<f64>,
 }
 
 /// The steps of a spectral projected gradient method. The gradient u of the iterate is kept contact by contact, because the
@@ -25,6 +25,8 @@ pub(super) struct Spectral {
     previous: Vec<Batch>,
     /// Image of the last d.
     image: Image,
+    /// Whether the gradient lacks that image.
+    behind: bool,
     range: (f64, f64),
     /// Objective relative to the start.
     pub objective: f64,
@@ -57,6 +59,32 @@ impl Kernel<3> for GradientStep {
     }
 }
 
+/// [`FullStep`] for the last d, then [`GradientStep`].
+struct FullThenGradientStep {
+    alpha: f64,
+}
+
+impl Kernel<3> for FullThenGradientStep {
+    const GRADIENT: bool = false;
+
+    #[inline(always)]
+    fn point<V: Vector>(&self, _: Here<V>, nd: &Batch<V>, [x, u, _]: [&Batch<V>; 3]) -> Batch<V> {
+        add_scaled(x, -self.alpha, &add(u, nd))
+    }
+
+    #[inline(always)]
+    fn at<V: Vector>(
+        &self,
+        here: Here<V>,
+        given: Given<V>,
+        [x, u, next]: [&mut Batch<V>; 3],
+        tally: &mut Tally<V>,
+    ) -> Batch<V> {
+        *u = add(u, &given.u);
+        GradientStep { alpha: self.alpha }.at(here, given, [x, u, next], tally)
+    }
+}
+
 /// u <- u + N' d from the image of d; tallies |N' d|^2.
 struct FullStep;
 
@@ -73,7 +101,7 @@ impl Kernel<1> for FullStep {
         tally: &mut Tally<V>,
     ) -> Batch<V> {
         tally.sum[0] += dot(&nd, &nd);
-        *u = add_scaled(u, 1.0, &nd);
+        *u = add(u, &nd);
         zero()
     }
 }
@@ -107,35 +135,52 @@ impl Spectral {
         let shortest = 1.0 / it.largest_curvature(scaled);
         let range = (STEP_RANGE.0 * shortest, STEP_RANGE.1 * shortest);
         it.keep_gradient(scaled);
-        let spectral = Self { previous: scaled.zeros(), image: scaled.zero_image(), range, objective: 0.0 };
+        let spectral = Self {
+            previous: scaled.zeros(),
+            image: scaled.zero_image(),
+            behind: false,
+            range,
+            objective: 0.0,
+        };
         (spectral, shortest)
     }
 
     /// Takes the full step if the objective stays at or below `reference` plus a little of the slope (Grippo, Lampariello,
-    /// Lucidi 1986), else the exact minimiser along d: the objective is quadratic, so its value needs no product.
+    /// Lucidi 1986), else the exact minimiser along d: the objective is quadratic, so its value needs no product. Unless `wants_short`
+    /// or a check is next, the short step is not known afterwards and the gradient follows in the next call's pass.
     pub fn advance(
         &mut self,
         scaled: &ScaledProblem,
         it: &mut Iterate<'_>,
         alpha: f64,
         reference: f64,
+        wants_short: bool,
     ) -> Change {
-        let Self { previous, image, objective, .. } = self;
+        let Self { previous, image, objective, behind, .. } = self;
+        let wants_look = wants_short || it.checks_next();
         let Iterate { x, gradient: u, work, .. } = it;
         let vectors = [&mut x[..], u, previous];
-        let (totals, curvature) = scaled.scatter_pass(vectors, image, work, &GradientStep { alpha });
+        let (totals, curvature) = if *behind {
+            scaled.pass_onto([image], vectors, work, &FullThenGradientStep { alpha }, |_| Replace)
+        } else {
+            work.count_product();
+            scaled.scatter_pass(vectors, image, work, &GradientStep { alpha })
+        };
         std::mem::swap(x, previous);
-        work.count_product();
         let [length, slope, ..] = totals.sum;
         let full = *objective + slope + 0.5 * curvature <= reference + 1e-4 * slope;
-        let (tau, totals) = if full {
-            (1.0, scaled.look(image, [u], work, &FullStep))
+        *behind = full && !wants_look;
+        let (tau, image_length) = if *behind {
+            (1.0, None)
+        } else if full {
+            (1.0, Some(scaled.look(image, [u], work, &FullStep).sum[0]))
         } else {
             let tau = (-slope / curvature).clamp(0.0, 1.0);
-            (tau, scaled.look(image, [&mut u[..], x, previous], work, &ShortenedStep { tau }))
+            let totals = scaled.look(image, [&mut u[..], x, previous], work, &ShortenedStep { tau });
+            (tau, Some(totals.sum[0]))
         };
         *objective += tau * slope + 0.5 * tau * tau * curvature;
-        Change { length, curvature, image_length: totals.sum[0] }
+        Change { length, curvature, image_length }
     }
 
     /// First Barzilai-Borwein step, |d|^2 / d^T N' d: the long one.
@@ -143,9 +188,9 @@ impl Spectral {
         self.keep(change.length / change.curvature)
     }
 
-    /// Second Barzilai-Borwein step, d^T N' d / |N' d|^2: the short one.
+    /// Second Barzilai-Borwein step, d^T N' d / |N' d|^2: the short one, for which |N' d|^2 must have been asked.
     pub fn short_step(&self, change: &Change) -> f64 {
-        self.keep(change.curvature / change.image_length)
+        self.keep(change.curvature / change.image_length.unwrap_or(f64::NAN))
     }
 
     /// A step within the range; the longest one where there was no curvature.

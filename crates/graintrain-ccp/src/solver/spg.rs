@@ -37,7 +37,7 @@ impl FirstOrderMethod for SpectralProjectedGradient {
         let mut place = 0;
         while it.proceed(scaled) {
             let reference = last.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-            let change = spectral.advance(scaled, it, alpha, reference);
+            let change = spectral.advance(scaled, it, alpha, reference, true);
             place = (place + 1) % last.len();
             last[place] = spectral.objective;
             let long = spectral.long_step(&change);

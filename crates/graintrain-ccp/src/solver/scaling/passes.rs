@@ -2,8 +2,7 @@
 
 use super::super::body_operator::{BodyOperator, BodyPair, Geometry, Update};
 use super::super::lanes::{
-    Batch, Lanes, Vector, add, in_place, load, project, project_given, scale, store, sub, tangential_length,
-    zero,
+    Batch, Lanes, Vector, add, in_place, load, scale, store, sub, tangential_length, zero,
 };
 use super::super::sweep::{Tally, TaskWork};
 use super::{Given, Here, Kernel, Relaxation, ScaledProblem, Surroundings};
@@ -112,8 +111,8 @@ impl<K> Ahead<'_, K> {
     where
         K: Kernel<M>,
     {
-        let friction = self.kernel.friction(self.surroundings.at(batch));
-        Given { u: rooted.u, projected: project_given(friction, &rooted.point, rooted.tangential) }
+        let Rooted { u, point, tangential } = rooted;
+        Given { u: *u, projected: self.kernel.projected(self.surroundings.at(batch), u, point, *tangential) }
     }
 }
 
@@ -198,7 +197,7 @@ where
                 (true, true) => add(&load(&product[batch]), &here.r),
             };
             let point = kernel.point(here, &u, vectors.each_ref().map(|v| &v[offset]));
-            let projected = project(kernel.friction(here), &point);
+            let projected = kernel.projected(here, &u, &point, tangential_length(&point));
             let mine = vectors.each_mut().map(|v| &mut v[offset]);
             *scattered = store(&kernel.at(here, Given { u, projected }, mine, &mut tally));
         }
