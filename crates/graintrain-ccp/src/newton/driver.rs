@@ -78,6 +78,11 @@ impl NewtonDriver {
     pub fn begin(&mut self, problem: &Ccp) {
         self.records.clear();
         self.failure = None;
+        self.change_problem(problem);
+    }
+
+    /// Goes on with another problem and keeps the records.
+    pub fn change_problem(&mut self, problem: &Ccp) {
         let start = Instant::now();
         let same = self.delassus.as_ref().is_some_and(|old| same_delassus(old, &problem.delassus));
         if same {

@@ -65,12 +65,7 @@ impl Auto {
             if !seen {
                 self.ready.push(member);
             }
-            let report = if seen {
-                solver.solve_again(problem, impulse, &mine)
-            } else {
-                solver.solve(problem, impulse, &mine)
-            };
-            let report = match report {
+            let report = match solver.solve_maybe_again(problem, impulse, &mine, seen) {
                 Ok(report) => report,
                 // Another member may be able to treat it.
                 Err(error) if position == last => return Err(error),

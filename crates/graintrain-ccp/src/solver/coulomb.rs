@@ -71,10 +71,7 @@ impl CcpSolver for CoulombIteration {
         impulse: &mut [f64],
         settings: &SolveSettings,
     ) -> Result<SolveReport, CcpError> {
-        match settings.friction {
-            FrictionModel::Relaxed => self.relaxed.solve_again(problem, impulse, settings),
-            FrictionModel::Coulomb => self.exact(problem, impulse, settings, true),
-        }
+        self.run(problem, impulse, settings, true)
     }
 
     fn solve(
@@ -83,14 +80,24 @@ impl CcpSolver for CoulombIteration {
         impulse: &mut [f64],
         settings: &SolveSettings,
     ) -> Result<SolveReport, CcpError> {
-        match settings.friction {
-            FrictionModel::Relaxed => self.relaxed.solve(problem, impulse, settings),
-            FrictionModel::Coulomb => self.exact(problem, impulse, settings, false),
-        }
+        self.run(problem, impulse, settings, false)
     }
 }
 
 impl CoulombIteration {
+    fn run(
+        &mut self,
+        problem: &Ccp,
+        impulse: &mut [f64],
+        settings: &SolveSettings,
+        again: bool,
+    ) -> Result<SolveReport, CcpError> {
+        match settings.friction {
+            FrictionModel::Relaxed => self.relaxed.solve_maybe_again(problem, impulse, settings, again),
+            FrictionModel::Coulomb => self.exact(problem, impulse, settings, again),
+        }
+    }
+
     /// The exact problem; `again` as in [`CcpSolver::solve_exact`].
     fn exact(
         &mut self,
@@ -153,7 +160,22 @@ impl CoulombIteration {
             if since_best > PATIENCE {
                 // The relaxed solver's own verdict tells more than "stalled" where it has one.
                 status = match last_inner {
-                    Some(inner @ (Status::Infeasible | Status::IterationLimit)) => inner,
+                    Some(Status::IterationLimit) => Status::IterationLimit,
+                    // A relaxed problem without a solution proves nothing about the exact one, unless it is that without
+                    // friction: impulses that keep the bodies apart exist there, or nowhere.
+                    Some(Status::Infeasible) => {
+                        shifted.r.copy_from_slice(&problem.r);
+                        shifted.friction.fill(0.0);
+                        let settings = SolveSettings {
+                            friction: FrictionModel::Relaxed,
+                            max_time: limits.time_left(),
+                            ..settings.clone()
+                        };
+                        match self.relaxed.solve(&shifted, &mut vec![0.0; 3 * contacts], &settings)?.status {
+                            Status::Infeasible => Status::Infeasible,
+                            _ => Status::Stalled,
+                        }
+                    }
                     _ => Status::Stalled,
                 };
                 break;
@@ -178,11 +200,7 @@ impl CoulombIteration {
                 friction: FrictionModel::Relaxed,
                 stop: settings.stop.clone(),
             };
-            let report = if outer == 0 {
-                self.relaxed.solve(&shifted, impulse, &inner)?
-            } else {
-                self.relaxed.solve_again(&shifted, impulse, &inner)?
-            };
+            let report = self.relaxed.solve_maybe_again(&shifted, impulse, &inner, outer > 0)?;
             iterations += report.iterations;
             linear_iterations += report.linear_iterations;
             last_inner = Some(report.status);

@@ -141,6 +141,31 @@ impl<'a> Limits<'a> {
     }
 }
 
+/// Tells when an iteration no longer gets on.
+#[derive(Clone, Debug)]
+pub struct Progress {
+    patience: usize,
+    least: f64,
+    since_better: usize,
+}
+
+impl Progress {
+    /// For a method that may go this many iterations without taking a tenth off its least residual.
+    pub fn new(patience: usize) -> Self {
+        Self { patience, least: f64::INFINITY, since_better: 0 }
+    }
+
+    /// Counts an iteration with this residual; whether it was one too many.
+    pub fn has_ended(&mut self, residual: f64) -> bool {
+        if residual < 0.9 * self.least {
+            (self.least, self.since_better) = (residual, 0);
+        } else {
+            self.since_better += 1;
+        }
+        self.since_better > self.patience
+    }
+}
+
 /// Checks that the impulses fit the problem and replaces numbers that are not finite by zero: a warm start is a guess.
 ///
 /// # Errors
@@ -180,6 +205,11 @@ impl<T: Copy> Best<T> {
             self.iterate.extend_from_slice(iterate);
             self.residual = Some(residual);
         }
+    }
+
+    /// The least residual so far, infinity where there is none.
+    pub fn residual(&self) -> f64 {
+        self.residual.unwrap_or(f64::INFINITY)
     }
 
     /// Copies the best iterate out, if any was offered.

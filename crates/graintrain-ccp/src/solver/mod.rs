@@ -12,6 +12,7 @@ mod face;
 pub mod first_order;
 mod gauss_seidel;
 mod gpminres;
+pub mod infeasible;
 pub mod ipm;
 mod jacobi;
 mod kucera;
@@ -165,6 +166,24 @@ pub trait CcpSolver: Send {
         settings: &SolveSettings,
     ) -> Result<SolveReport, CcpError> {
         self.solve(problem, impulse, settings)
+    }
+
+    /// [`Self::solve_again`] where `again`, else [`Self::solve`].
+    ///
+    /// # Errors
+    /// As [`Self::solve`].
+    fn solve_maybe_again(
+        &mut self,
+        problem: &Ccp,
+        impulse: &mut [f64],
+        settings: &SolveSettings,
+        again: bool,
+    ) -> Result<SolveReport, CcpError> {
+        if again {
+            self.solve_again(problem, impulse, settings)
+        } else {
+            self.solve(problem, impulse, settings)
+        }
     }
 
     /// Exact Coulomb friction without the outer iteration of [`CoulombIteration`], where the method can; `None` where it

@@ -30,17 +30,18 @@
 //! A contact without friction is the half line g_n >= 0 with g_t = 0.
 //!
 //! **Infeasible problems.** Where the bodies are jammed, impulses exist that change no velocity and yet are asked for:
-//! N g -> 0, r^T g < 0, and the objective has no lower bound. The ratio (r^T g)^2 / (g^T N g), which bounds twice the
-//! optimal value from below, then grows without limit. The answer returned is that of N + `COMPLIANCE` diag(eta), a
+//! N g = 0, r^T g < 0, and the objective has no lower bound. Where impulses grow out of proportion, or nothing helps, such
+//! impulses are searched for ([`infeasible`](super::infeasible)). The answer returned is that of N + `COMPLIANCE` diag(eta), a
 //! little give in every contact, with [`Status::Infeasible`].
 
 pub(super) mod cone;
-mod iterate;
+pub(super) mod iterate;
+pub(super) mod mehrotra;
 pub(super) mod pair;
-pub(super) mod path;
+mod path;
 mod proximal;
 pub(super) mod scaled;
-mod session;
+pub(super) mod session;
 
 use super::driver::{Limits, check_start};
 use super::turns::Turns;
@@ -53,7 +54,7 @@ use scaled::Scaled;
 use session::Session;
 
 /// Newton systems allowed where the settings name no limit.
-const ITERATIONS: usize = 100;
+const ITERATIONS: usize = 200;
 /// Compliance relative to eta that makes an infeasible problem solvable.
 const COMPLIANCE: f64 = 1e-6;
 /// Residual that the start is asked for.
@@ -110,11 +111,7 @@ impl Ipm {
                 max_time: limits.time_left(),
                 ..settings.clone()
             };
-            let report = if again && self.start_ready {
-                start.solve_again(problem, impulse, &settings)?
-            } else {
-                start.solve(problem, impulse, &settings)?
-            };
+            let report = start.solve_maybe_again(problem, impulse, &settings, again && self.start_ready)?;
             start_iterations = report.iterations;
             self.start_ready = true;
         }
@@ -146,6 +143,7 @@ impl Ipm {
             session.best(given);
             status = proximal::run(&mut self.newton, session, given);
         }
+        status = session.verdict(&mut self.newton, status);
         if status == Status::Infeasible {
             session.forget();
             given.fill(0.0);

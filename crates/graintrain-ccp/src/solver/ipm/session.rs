@@ -2,12 +2,16 @@
 
 use super::super::Status;
 use super::super::driver::{Best, Limits};
+use super::super::infeasible;
+use super::iterate::Work;
 use super::scaled::Scaled;
+use crate::newton::driver::NewtonDriver;
 use crate::problem::Ccp;
 use crate::residual::{FrictionModel, ResidualScale};
+use graintrain_linalg::parallel::dot;
 
 /// One solve. Iterations are Newton systems.
-pub(super) struct Session<'a> {
+pub(in crate::solver) struct Session<'a> {
     /// The problem as given.
     problem: &'a Ccp,
     /// The problem scaled.
@@ -18,6 +22,8 @@ pub(super) struct Session<'a> {
     /// Newton systems so far.
     pub iterations: usize,
     best: Best<f64>,
+    /// What the search for a proof that there is no solution found, once it has been made.
+    needed_velocity: Option<f64>,
     physical: Vec<f64>,
     velocity: Vec<f64>,
 }
@@ -33,7 +39,18 @@ impl<'a> Session<'a> {
         let zeros = vec![0.0; 3 * problem.num_contacts()];
         let (physical, velocity) = (zeros.clone(), zeros);
         let best = Best::default();
-        Self { problem, scaled, residual_scale, limits, friction, iterations: 0, best, physical, velocity }
+        Self {
+            problem,
+            scaled,
+            residual_scale,
+            limits,
+            friction,
+            iterations: 0,
+            best,
+            needed_velocity: None,
+            physical,
+            velocity,
+        }
     }
 
     /// Residual of impulses g of the scaled problem, given N g, in the metric of the problem as given. The best
@@ -54,6 +71,29 @@ impl<'a> Session<'a> {
         self.limits.status(self.iterations, residual)
     }
 
+    /// Whether impulses of the scaled problem, given N g, look like those of a problem without a solution and the search for
+    /// a proof, made once, leaves no doubt.
+    pub fn runs_away(&mut self, newton: &mut NewtonDriver, g: &[f64], ng: &[f64]) -> bool {
+        let r = &self.scaled.problem.r;
+        self.needed_velocity.is_none()
+            && infeasible::is_suspicious(dot(r, g), dot(g, ng), dot(r, r))
+            && self.search(newton) >= infeasible::CERTAIN
+    }
+
+    /// What a solve ends with that did so with `status`: [`Status::Infeasible`] where it stalled and there is a proof.
+    pub fn verdict(&mut self, newton: &mut NewtonDriver, status: Status) -> Status {
+        let stalled = status == Status::Stalled && self.best.residual() > infeasible::GOOD_ENOUGH;
+        if stalled && self.search(newton) >= infeasible::PROBABLE { Status::Infeasible } else { status }
+    }
+
+    /// The velocity that a solution needs, as far as it is proved.
+    fn search(&mut self, newton: &mut NewtonDriver) -> f64 {
+        let Self { problem, scaled, limits, iterations, needed_velocity, .. } = self;
+        *needed_velocity.get_or_insert_with(|| {
+            infeasible::search(newton, problem, scaled, limits, iterations).needed_velocity
+        })
+    }
+
     /// The best iterate, in the units of the problem as given.
     pub fn best(&self, impulse: &mut [f64]) {
         self.best.restore(impulse);
@@ -62,6 +102,13 @@ impl<'a> Session<'a> {
     /// Forgets the best iterate: what follows solves another problem.
     pub fn forget(&mut self) {
         self.best = Best::default();
+    }
+
+    /// Gives the iterate the impulses of the problem as given, projected on their cones, and N g.
+    pub fn hand_over(&self, impulse: &[f64], work: &mut Work) {
+        self.scale(impulse, &mut work.g);
+        work.project(&self.scaled.problem);
+        work.multiply(&self.scaled.problem);
     }
 
     /// Impulses of the scaled problem.

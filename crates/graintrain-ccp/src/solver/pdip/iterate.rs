@@ -1,6 +1,6 @@
 //! The scaled problem, its iterate and Newton's direction.
 
-use super::super::ipm::path::UNBOUNDED;
+use super::super::infeasible;
 use super::contact::Constraints;
 use crate::delassus::DelassusWork;
 use crate::newton::driver::{NewtonDriver, ScaledBlocks};
@@ -156,8 +156,8 @@ impl<'a> Iterate<'a> {
         sum / (2 * self.num_contacts()) as f64
     }
 
-    /// Whether the impulses prove that the objective has no lower bound, by the test of `ipm`.
-    pub(super) fn is_unbounded(&self) -> bool {
+    /// Whether the impulses grow out of proportion, as where there is no solution.
+    pub(super) fn runs_away(&self) -> bool {
         let (mut along, mut energy, mut free) = (0.0, 0.0, 0.0);
         for (k, (g, u)) in self.g.iter().zip(&self.u).enumerate() {
             let r = self.problem.r[k] / self.size / self.root[k / 3];
@@ -165,7 +165,7 @@ impl<'a> Iterate<'a> {
             energy += g * (u - r);
             free += r * r;
         }
-        along < 0.0 && along * along > UNBOUNDED * free * energy
+        infeasible::is_suspicious(along, energy, free)
     }
 
     /// Newton's matrix and right-hand side for r_c = -lambda f - barrier.

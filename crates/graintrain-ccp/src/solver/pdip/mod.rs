@@ -34,6 +34,7 @@
 //!   mean of |g| |N g + r|. From below the solution the cones are narrow and hundreds of steps are short.
 //! * Where grains are clamped between walls, impulses can grow at no cost and there is no central path. A proximal term
 //!   1/2 eps (g_n - last centre)^2 restores it; it vanishes as the iterates settle.
+//! * Where it stalls far from a solution, a proof that there is none is searched for ([`infeasible`]).
 //! * Linear systems are solved to a relative residual of 1e-2: for descent that is enough.
 
 mod contact;
@@ -42,7 +43,9 @@ mod step;
 
 use self::iterate::{Direction, Iterate};
 use self::step::{by_barrier, by_residual};
-use super::driver::{Best, Limits, check_start};
+use super::driver::{Best, Limits, Progress, check_start};
+use super::infeasible;
+use super::ipm::scaled::Scaled;
 use super::{CcpSolver, SolveReport, SolveSettings, Status};
 use crate::newton::driver::NewtonDriver;
 use crate::newton::{NewtonSolver, linear_solver};
@@ -209,10 +212,11 @@ impl CcpSolver for Pdip {
         let (mut it, mut barrier) = self.rule.start(problem, impulse, &scale);
         let mut direction = Direction::new(it.num_contacts());
         let (mut g, mut u) = (vec![0.0; impulse.len()], vec![0.0; impulse.len()]);
-        let (mut iterations, mut least, mut since_better) = (0, f64::INFINITY, 0);
+        let mut iterations = 0;
+        let mut progress = Progress::new(STALL_ITERATIONS);
         let mut linear_tolerance = self.rule.linear_tolerance();
         let mut centred = false;
-        let status = loop {
+        let mut status = loop {
             // The residual of the problem itself, in its own units.
             it.physical(&mut g, &mut u);
             let residual = scale.residual(problem, &g, &u, settings.friction).max;
@@ -220,14 +224,8 @@ impl CcpSolver for Pdip {
             if let Some(status) = limits.status(iterations, residual) {
                 break status;
             }
-            since_better += 1;
-            if residual < 0.9 * least {
-                (least, since_better) = (residual, 0);
-            } else if self.rule == Rule::Central && since_better > STALL_ITERATIONS {
+            if it.runs_away() || (progress.has_ended(residual) && self.rule == Rule::Central) {
                 break Status::Stalled;
-            }
-            if it.is_unbounded() {
-                break Status::Infeasible;
             }
             let wanted = it.mean_complementarity() / TAU_FACTOR;
             match self.rule {
@@ -274,6 +272,14 @@ impl CcpSolver for Pdip {
                 it.refresh_velocity();
             }
         };
+        if status == Status::Stalled && best.residual() > infeasible::GOOD_ENOUGH {
+            let scaled = Scaled::new(problem, &scale);
+            self.newton.change_problem(&scaled.problem);
+            let found = infeasible::search(&mut self.newton, problem, &scaled, &limits, &mut iterations);
+            if found.needed_velocity >= infeasible::PROBABLE {
+                status = Status::Infeasible;
+            }
+        }
         best.restore(impulse);
         limits.report_with(&self.name(), problem, impulse, status, iterations, &mut self.newton)
     }
