@@ -9,6 +9,8 @@ use graintrain::plot::{Axis, Chart, Series};
 
 /// Colours of a chart; solvers beyond them repeat the colours with dashed lines.
 const COLORS: usize = 8;
+/// Room around a profile, so that solvers that solve all or nothing, or are always the fastest, do not lie on the frame.
+const MARGIN: f64 = 1.03;
 
 /// How a solver did over all problems.
 pub struct Summary {
@@ -76,21 +78,30 @@ pub fn svg(records: &[Record]) -> String {
                 graintrain_ccp::FrictionModel::Relaxed => "relaxed",
                 graintrain_ccp::FrictionModel::Coulomb => "Coulomb",
             };
-            format!("Performance profile: {problems} problems, {friction}, residual {:e}", record.tolerance)
+            let plural = if problems == 1 { "" } else { "s" };
+            format!(
+                "Performance profile: {problems} problem{plural}, {friction}, residual {:e}",
+                record.tolerance
+            )
         }
         None => "Performance profile".to_string(),
     };
-    let x = Axis::log("time over that of the fastest solver, tau (1)").between(1.0, largest * 1.1);
-    let y = Axis::linear("fraction of problems solved within tau (1)").between(0.0, 1.0);
+    let x = Axis::log("time over that of the fastest solver, tau (1)").between(1.0 / MARGIN, largest * 1.1);
+    let y = Axis::linear("fraction of problems solved within tau (1)").between(1.0 - MARGIN, MARGIN);
     let mut chart = Chart::new(title, x, y).sized(760.0, 480.0);
     for (index, line) in lines.into_iter().enumerate() {
         let fraction = |count: usize| count as f64 / line.problems as f64;
-        let mut points = vec![[1.0, 0.0]];
-        for (k, &ratio) in line.ratios.iter().enumerate() {
+        // From rho(1): a line that came up from zero there would hide behind the axis.
+        let mut points = vec![[1.0, fraction(line.fastest)]];
+        for (k, &ratio) in line.ratios.iter().enumerate().skip(line.fastest) {
             points.extend([[ratio, fraction(k)], [ratio, fraction(k + 1)]]);
         }
         points.push([largest * 1.1, fraction(line.ratios.len())]);
-        let series = Series::line(line.solver, points);
+        let label = match line.converged {
+            all if all == line.problems => line.solver,
+            some => format!("{} ({some} of {})", line.solver, line.problems),
+        };
+        let series = Series::line(label, points);
         chart = chart.with(if index < COLORS { series } else { series.dashed() });
     }
     chart.to_svg()
@@ -122,6 +133,7 @@ mod tests {
             gap: None,
             converged,
             remark: None,
+            notes: Vec::new(),
         }
     }
 
@@ -139,5 +151,17 @@ mod tests {
         assert!((lines[1].mean_ratio.unwrap() - 2.0).abs() < 1e-15);
         assert_eq!(lines[1].ratios, [1.0, 4.0]);
         assert!(svg(&records).contains("slow"));
+    }
+
+    #[test]
+    fn a_profile_tells_who_missed_problems_even_where_nobody_solved_any() {
+        let some = svg(&[record("a", "good", 1.0, true), record("a", "bad", 1.0, false)]);
+        assert!(
+            some.contains("1 problem,") && some.contains(">good<") && some.contains("bad (0 of 1)"),
+            "{some}"
+        );
+        let none = svg(&[record("a", "bad", 1.0, false), record("b", "bad", 1.0, false)]);
+        assert!(none.contains("bad (0 of 2)") && !none.contains("NaN"), "{none}");
+        assert!(!svg(&[]).contains("NaN"));
     }
 }

@@ -1,7 +1,10 @@
-//! A progress bar on stderr for whatever takes longer than two seconds. Nothing is drawn where stderr is no terminal.
+//! A progress bar on stderr for whatever takes longer than two seconds, drawn only where stderr is a terminal; and warnings
+//! at the step where a run stops being what was asked for.
 
+use crate::solving::status_word;
 use graintrain::output::files::OutputError;
 use graintrain::run::{Observer, StepView};
+use graintrain_ccp::{FrictionModel, SolveReport, Status};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::time::{Duration, Instant};
 
@@ -11,13 +14,15 @@ const PATIENCE: Duration = Duration::from_secs(2);
 /// Shows how far a run is.
 pub struct Progress {
     bar: ProgressBar,
+    warnings: Warnings,
     start: Instant,
+    /// Whether the bar needs no more showing: it is there, or nobody wants it.
     shown: bool,
 }
 
 impl Progress {
-    /// For a run at step `done` of `steps`.
-    pub fn new(done: u64, steps: u64) -> Self {
+    /// For a run at step `done` of `steps`; `quiet` draws no bar.
+    pub fn new(done: u64, steps: u64, quiet: bool, warnings: Warnings) -> Self {
         let bar = ProgressBar::with_draw_target(Some(steps), ProgressDrawTarget::hidden());
         // The template is a constant; were it faulty, the plain bar would do.
         if let Ok(style) = ProgressStyle::with_template(
@@ -27,12 +32,15 @@ impl Progress {
         }
         bar.set_position(done);
         bar.reset_eta();
-        Self { bar, start: Instant::now(), shown: false }
+        Self { bar, warnings, start: Instant::now(), shown: quiet }
     }
 }
 
 impl Observer for Progress {
     fn observe(&mut self, step: StepView<'_>) -> Result<(), OutputError> {
+        for warning in self.warnings.at(step) {
+            self.bar.suspend(|| eprintln!("warning: {warning}"));
+        }
         self.bar.set_position(step.world.step);
         self.bar.set_message(format!(
             "{} contacts, residual {:.0e}",
@@ -50,5 +58,104 @@ impl Observer for Progress {
 impl Drop for Progress {
     fn drop(&mut self) {
         self.bar.finish_and_clear();
+    }
+}
+
+/// Tells, each once, of the first step whose solve missed its tolerance and of the first deep overlap.
+pub struct Warnings {
+    friction: FrictionModel,
+    /// Size of the smallest body, m; infinite where there is none.
+    radius: f64,
+    is_missed: bool,
+    is_deep: bool,
+}
+
+/// An overlap deeper than this part of the smallest radius is no resting contact.
+const DEEP: f64 = 0.5;
+
+impl Warnings {
+    /// For a run with this friction, whose smallest body has this size, m.
+    pub fn new(friction: FrictionModel, radius: Option<f64>) -> Self {
+        let radius = radius.filter(|&radius| radius > 0.0).unwrap_or(f64::INFINITY);
+        Self { friction, radius, is_missed: false, is_deep: false }
+    }
+
+    /// What is to be said of a step for the first time.
+    fn at(&mut self, step: StepView<'_>) -> Vec<String> {
+        self.of(step.world.step, step.world.time, &step.report.solve, step.report.penetration_max)
+    }
+
+    fn of(&mut self, step: u64, time: f64, solve: &SolveReport, penetration: f64) -> Vec<String> {
+        let place = format!("step {step} (t = {time:.6} s)");
+        let mut warnings = Vec::new();
+        if !solve.converged() && !self.is_missed {
+            self.is_missed = true;
+            let cause = match solve.status {
+                Status::Infeasible => {
+                    "its contact problem has no solution (jammed bodies); the impulses are those of slightly compliant contacts"
+                }
+                _ => "the best impulses found are taken",
+            };
+            warnings.push(format!(
+                "{place}: the solve missed the tolerance (residual {:.1e}, {}): {cause}. `--strict` ends a run here, \
+                 `--dump-problem every={step}` keeps the problem",
+                solve.residual.max,
+                status_word(Some(solve.status))
+            ));
+        }
+        if penetration > DEEP * self.radius && !self.is_deep {
+            self.is_deep = true;
+            let advice = match self.friction {
+                FrictionModel::Relaxed => {
+                    "Relaxed friction parts sliding contacts by mu |slip| and throws wedged bodies where mu is large: try \
+                     --friction coulomb, or a shorter step"
+                }
+                FrictionModel::Coulomb => "Try a shorter step",
+            };
+            warnings.push(format!(
+                "{place}: bodies overlap by {:.0} % of the smallest radius; what follows is no physics. {advice}",
+                100.0 * penetration / self.radius
+            ));
+        }
+        warnings
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use graintrain_ccp::Residual;
+
+    fn report(status: Status, residual: f64) -> SolveReport {
+        let residual = Residual { max: residual, rms: residual };
+        SolveReport {
+            solver: "apgd".to_string(),
+            status,
+            iterations: 1,
+            linear_iterations: 0,
+            products: 0,
+            residual,
+            residual_relaxed: residual,
+            residual_coulomb: residual,
+            objective: 0.0,
+            seconds: 0.0,
+            newton: Vec::new(),
+            remark: None,
+        }
+    }
+
+    #[test]
+    fn each_kind_of_trouble_is_told_once_with_its_step_and_time() {
+        let mut warnings = Warnings::new(FrictionModel::Relaxed, Some(0.1));
+        let (good, bad) = (report(Status::Converged, 1e-5), report(Status::Stalled, 0.14));
+        assert!(warnings.of(1, 0.025, &good, 0.04).is_empty());
+        let deep = warnings.of(13, 0.325, &good, 0.076);
+        assert_eq!(deep.len(), 1);
+        assert!(deep[0].contains("step 13 (t = 0.325") && deep[0].contains("76 %"), "{deep:?}");
+        assert!(deep[0].contains("--friction coulomb"), "{deep:?}");
+        let missed = warnings.of(14, 0.35, &bad, 0.2);
+        assert_eq!(missed.len(), 1);
+        assert!(missed[0].contains("step 14") && missed[0].contains("1.4e-1, stalled"), "{missed:?}");
+        assert!(warnings.of(15, 0.375, &bad, 0.3).is_empty());
     }
 }

@@ -1,11 +1,12 @@
 //! What `run` and `resume` share: making the steps, leaving things in order, telling how it went.
 
 use crate::error::Failure;
-use crate::progress::Progress;
+use crate::progress::{Progress, Warnings};
 use crate::signal::Stop;
 use crate::threads::with_threads;
 use graintrain::output::files::OutputError;
 use graintrain::output::recorder::Recorder;
+use graintrain::output::size::smallest_radius;
 use graintrain::output::summary::{RunStatus, Summary};
 use graintrain::run::{Ending, Observer, Run, RunError};
 use std::fmt::Write as _;
@@ -36,11 +37,9 @@ pub fn make_steps(
 ) -> Result<ExitCode, Failure> {
     run.strict = options.strict;
     let (ending, summary) = with_threads(options.threads, || {
-        let mut progress = (!options.quiet).then(|| Progress::new(run.world.step, run.settings.steps));
-        let mut observers: Vec<&mut dyn Observer> = vec![&mut recorder];
-        if let Some(progress) = &mut progress {
-            observers.push(progress);
-        }
+        let warnings = Warnings::new(run.settings.friction, smallest_radius(&run.world));
+        let mut progress = Progress::new(run.world.step, run.settings.steps, options.quiet, warnings);
+        let mut observers: Vec<&mut dyn Observer> = vec![&mut recorder, &mut progress];
         let ending = run.advance(&mut observers);
         drop(progress);
         let summary = conclude(&run, &mut recorder, &ending);

@@ -102,9 +102,9 @@ pub fn describe(file: &ProblemFile) -> String {
     let friction = if friction.is_empty() {
         String::new()
     } else if low == high {
-        format!(", friction {low}")
+        format!(", friction {}", short(low))
     } else {
-        format!(", friction {low} to {high}")
+        format!(", friction {} to {}", short(low), short(high))
     };
     let form = match file.form {
         Form::Local => "explicit matrix".to_string(),
@@ -112,6 +112,11 @@ pub fn describe(file: &ProblemFile) -> String {
         Form::Condensed => format!("{} bodies, condensed", file.bodies),
     };
     format!("{} contacts, {form}{friction}", file.problem.num_contacts())
+}
+
+/// A number rounded to four digits.
+fn short(value: f64) -> f64 {
+    format!("{value:.3e}").parse().unwrap_or(value)
 }
 
 /// What a solver did to a problem, as it is printed. Residuals and objective come from the independent evaluation.
@@ -157,6 +162,8 @@ pub struct Record {
     pub converged: bool,
     /// What went wrong, in a sentence.
     pub remark: Option<String>,
+    /// What the user should know about the file, one sentence each.
+    pub notes: Vec<String>,
 }
 
 impl Record {
@@ -237,6 +244,7 @@ pub fn run(
         gap: (settings.friction == FrictionModel::Relaxed).then_some(evaluation.gap),
         converged: report.converged() && confirmed,
         remark,
+        notes: file.notes(),
     };
     Ok(Outcome { impulse, evaluation, record })
 }
@@ -270,6 +278,7 @@ pub fn refused(
         gap: None,
         converged: false,
         remark: Some(error.to_string()),
+        notes: file.notes(),
     }
 }
 
@@ -294,6 +303,24 @@ pub fn seconds_text(seconds: f64) -> String {
     } else {
         format!("{seconds:.0} s")
     }
+}
+
+/// Finds out before the work whether its result can be written: opens the file, which leaves what is in it.
+pub fn check_writable(path: &Path, remedy: &str) -> Result<(), Failure> {
+    let is_new = !path.exists();
+    let opened = std::fs::OpenOptions::new().append(true).create(true).open(path);
+    opened.map_err(|error| unwritable(path, &error, remedy))?;
+    if is_new {
+        // Nothing is left behind where the work fails.
+        let _ = std::fs::remove_file(path);
+    }
+    Ok(())
+}
+
+/// A file that cannot be written.
+pub fn unwritable(path: &Path, error: &std::io::Error, remedy: &str) -> Failure {
+    let what = std::io::Error::new(error.kind(), format!("{}: {error}", path.display()));
+    Failure::input_error(what, remedy)
 }
 
 /// A spinner on stderr, drawn only where that is a terminal.

@@ -23,7 +23,7 @@ use crate::residual::{FrictionModel, ResidualScale};
 /// errors of the solves hide the first.
 ///
 /// A solver that updates s in every iteration of its own ([`CcpSolver::solve_exact`]) is tried first; the fixed point goes
-/// on from its best iterate where that did not converge. Relaxed solves pass straight through.
+/// on from its best iterate where that did not converge. Relaxed solves pass straight through, and so do problems without friction.
 ///
 /// A limit of iterations holds for these two stages one by one, because they need not count the same: in the first one `ipm`
 /// makes gradient steps, in the second Newton systems. The report has their sum. Without a limit the second stage ends after ten
@@ -84,6 +84,14 @@ impl CcpSolver for CoulombIteration {
     }
 }
 
+/// The settings of a relaxed solve where that is what is asked for: without friction anywhere, s = mu |u_t| = 0 and the exact
+/// problem is the relaxed one.
+fn effective(problem: &Ccp, settings: &SolveSettings) -> Option<SolveSettings> {
+    let is_relaxed =
+        settings.friction == FrictionModel::Relaxed || problem.friction.iter().all(|&mu| mu == 0.0);
+    is_relaxed.then(|| SolveSettings { friction: FrictionModel::Relaxed, ..settings.clone() })
+}
+
 impl CoulombIteration {
     fn run(
         &mut self,
@@ -92,9 +100,9 @@ impl CoulombIteration {
         settings: &SolveSettings,
         again: bool,
     ) -> Result<SolveReport, CcpError> {
-        match settings.friction {
-            FrictionModel::Relaxed => self.relaxed.solve_maybe_again(problem, impulse, settings, again),
-            FrictionModel::Coulomb => self.exact(problem, impulse, settings, again),
+        match effective(problem, settings) {
+            Some(relaxed) => self.relaxed.solve_maybe_again(problem, impulse, &relaxed, again),
+            None => self.exact(problem, impulse, settings, again),
         }
     }
 
@@ -248,5 +256,37 @@ impl Shift {
             *value = (*value + self.factor * change).max(0.0);
         }
         self.updates += 1;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::delassus::Delassus;
+    use crate::problem::Ccp;
+    use crate::residual::FrictionModel;
+    use crate::solver::{METHODS, SolveSettings, SolverSpec};
+    use graintrain_linalg::block3::BlockMatrix3;
+
+    #[test]
+    fn without_friction_the_exact_problem_is_solved_as_the_relaxed_one() {
+        let diagonal = [2.0, 0.1, 0.0, 0.1, 3.0, 0.0, 0.0, 0.0, 3.0];
+        let coupling = [1.0, 0.0, 0.2, 0.0, 1.0, 0.0, 0.2, 0.0, 1.0];
+        let matrix = BlockMatrix3::from_rows(
+            vec![0, 2, 4],
+            vec![0, 1, 0, 1],
+            vec![diagonal, coupling, coupling, diagonal],
+        );
+        let r = vec![-1.0, 0.3, 0.0, -0.2, 0.0, 0.2];
+        let problem = Ccp::new(Delassus::Sparse(matrix), r, vec![0.0; 2]).unwrap();
+        for method in METHODS {
+            let solve = |friction| {
+                let settings = SolveSettings { tolerance: 1e-7, friction, ..SolveSettings::default() };
+                let mut impulse = vec![0.0; 6];
+                let mut solver = method.name.parse::<SolverSpec>().unwrap().build().unwrap();
+                let report = solver.solve(&problem, &mut impulse, &settings).unwrap();
+                (report.status, report.iterations, impulse)
+            };
+            assert_eq!(solve(FrictionModel::Coulomb), solve(FrictionModel::Relaxed), "{}", method.name);
+        }
     }
 }

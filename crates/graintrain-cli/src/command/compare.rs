@@ -9,6 +9,7 @@ use crate::threads::with_threads;
 use graintrain::problem_file::ProblemFile;
 use graintrain_ccp::SolverSpec;
 use graintrain_ccp::solver::METHODS;
+use indicatif::{ProgressBar, ProgressStyle};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
@@ -22,14 +23,16 @@ const SHORT: Duration = Duration::from_millis(200);
 ///
 /// Every solver starts from zero impulses on every problem. Its answer is evaluated by code that no solver shares; a
 /// solver counts as converged only where that evaluation agrees. With `--threads 1` times are processor times. Solves
-/// of milliseconds are repeated and the fastest counts.
+/// of milliseconds are repeated and the fastest counts. Files that hold no problem which is solved here are reported and
+/// left out (exit code 2 after the others). Ctrl-C ends the comparison with what is done.
 #[derive(clap::Args)]
-#[command(after_help = "Examples:\n  \
-    graintrain compare sed729.dat KaplasTower.dat --solvers apgd,pgs,ipm --tolerance 1e-6\n  \
-    graintrain compare fclib/*.hdf5 --solvers all --max-seconds 10 --profile profile.svg\n  \
-    graintrain compare Capsules.hdf5 --solvers ipm --friction coulomb --json")]
+#[command(after_help = "Examples, on problems of a run:\n  \
+    graintrain run stack --steps 30 --dump-problem every=10 --out demo\n  \
+    graintrain compare demo/problems --solvers apgd,pgs,ipm --tolerance 1e-6\n  \
+    graintrain compare demo/problems --max-seconds 10 --profile profile.svg\n  \
+    graintrain compare demo/problems/step_00000030.hdf5 --solvers ipm --friction coulomb --json")]
 pub struct Arguments {
-    /// Files of contact problems
+    /// Files of contact problems; a folder stands for the .hdf5, .h5 and .dat files in it
     #[arg(required = true)]
     problem: Vec<PathBuf>,
     /// Solvers by name, separated by commas; `all` for every one
@@ -45,25 +48,27 @@ pub struct Arguments {
 /// Solves everything and prints.
 pub fn execute(arguments: &Arguments) -> Result<ExitCode, Failure> {
     let specs = specs(&arguments.solvers)?;
-    // All input is checked before the first solve.
-    let files = arguments
-        .problem
-        .iter()
-        .map(|path| Ok((distinct_name(path, &arguments.problem), solving::read_problem(path)?)))
-        .collect::<Result<Vec<_>, Failure>>()?;
+    let (files, left_out) = read_all(&arguments.problem)?;
+    if let Some(path) = &arguments.profile {
+        solving::check_writable(path, "--profile needs a file that can be written")?;
+    }
     let stop = Stop::listen()?;
+    let mut progress = Progress::new(&files, &specs);
     let mut records: Vec<Record> = Vec::new();
     for (name, file) in &files {
+        let of_problem = with_threads(arguments.options.threads, || {
+            solve_all(arguments, &specs, name, file, &stop, &mut progress)
+        })?;
+        if !arguments.options.json && !of_problem.is_empty() {
+            progress.bar.suspend(|| print_problem(name, file, &of_problem));
+        }
+        records.extend(of_problem);
         if stop.exit_code().is_some() {
             break;
         }
-        let of_problem =
-            with_threads(arguments.options.threads, || solve_all(arguments, &specs, name, file, &stop))?;
-        if !arguments.options.json {
-            print_problem(name, file, &of_problem);
-        }
-        records.extend(of_problem);
     }
+    progress.bar.finish_and_clear();
+    let interrupted = stop.exit_code();
     if arguments.options.json {
         println!("{}", serde_json::to_string_pretty(&records).unwrap_or_default());
     } else if files.len() > 1 {
@@ -71,15 +76,107 @@ pub fn execute(arguments: &Arguments) -> Result<ExitCode, Failure> {
     }
     if let Some(path) = &arguments.profile {
         std::fs::write(path, profile::svg(&records)).map_err(|error| {
-            let what = std::io::Error::new(error.kind(), format!("{}: {error}", path.display()));
-            Failure::input_error(what, "--profile needs a file that can be written")
+            solving::unwritable(path, &error, "--profile needs a file that can be written")
         })?;
     }
-    if let Some(code) = stop.exit_code() {
+    if let Some(code) = interrupted {
+        eprintln!("stopped after {} of {} solves", records.len(), files.len() * specs.len());
         return Ok(code);
+    }
+    if left_out > 0 {
+        eprintln!("{left_out} of {} files left out, see above", files.len() + left_out);
+        return Ok(ExitCode::from(2));
     }
     let missed = arguments.options.strict && records.iter().any(|record| !record.converged);
     Ok(if missed { ExitCode::from(1) } else { ExitCode::SUCCESS })
+}
+
+/// Reads all problems before the first solve, each with its name in tables. What cannot be read is reported on stderr at
+/// once; also gives the number of those files.
+fn read_all(paths: &[PathBuf]) -> Result<(Vec<(String, ProblemFile)>, usize), Failure> {
+    let paths = expanded(paths)?;
+    let mut files = Vec::new();
+    let mut failures = Vec::new();
+    for path in &paths {
+        match solving::read_problem(path) {
+            Ok(file) => files.push((distinct_name(path, &paths), file)),
+            // A name that is mistyped is better told before hours of work than after.
+            Err(failure) if !path.exists() => return Err(failure),
+            Err(failure) => failures.push(failure),
+        }
+    }
+    let last = if files.is_empty() { failures.pop() } else { None };
+    for failure in &failures {
+        failure.report();
+    }
+    if let Some(last) = last {
+        return Err(last);
+    }
+    Ok((files, failures.len()))
+}
+
+/// The files asked for; a folder stands for the problem files in it, in the order of their names.
+fn expanded(paths: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
+    const EXTENSIONS: [&str; 3] = ["hdf5", "h5", "dat"];
+    let mut files = Vec::new();
+    for path in paths {
+        if !path.is_dir() {
+            files.push(path.clone());
+            continue;
+        }
+        let unreadable = |error: std::io::Error| {
+            let what = std::io::Error::new(error.kind(), format!("{}: {error}", path.display()));
+            Failure::input_error(what, "check the name and the permissions of the folder")
+        };
+        let mut inside = Vec::new();
+        for entry in std::fs::read_dir(path).map_err(unreadable)? {
+            let file = entry.map_err(unreadable)?.path();
+            let extension = file.extension().unwrap_or_default();
+            if EXTENSIONS.iter().any(|known| extension.eq_ignore_ascii_case(known)) && file.is_file() {
+                inside.push(file);
+            }
+        }
+        if inside.is_empty() {
+            let what = format!("{}: a folder without .hdf5, .h5 or .dat files", path.display());
+            let what = std::io::Error::new(std::io::ErrorKind::NotFound, what);
+            return Err(Failure::input_error(what, "name the files of contact problems"));
+        }
+        inside.sort();
+        files.extend(inside);
+    }
+    Ok(files)
+}
+
+/// How far a comparison is: a bar on stderr, where that is a terminal and it takes longer than a moment.
+struct Progress {
+    bar: ProgressBar,
+    solves: usize,
+    done: usize,
+}
+
+impl Progress {
+    /// The bar goes by contacts, so that the time to go is a guess that large problems do not upset.
+    fn new(files: &[(String, ProblemFile)], specs: &[SolverSpec]) -> Self {
+        let contacts: usize = files.iter().map(|(_, file)| weight(file)).sum();
+        let bar = solving::spinner();
+        bar.set_length((contacts * specs.len()) as u64);
+        // The template is a constant; were it faulty, the plain spinner would do.
+        if let Ok(style) = ProgressStyle::with_template(
+            "{spinner} {bar:24.cyan/blue} {msg} | {elapsed} so far, about {eta} to go",
+        ) {
+            bar.set_style(style.progress_chars("=> "));
+        }
+        Self { bar, solves: files.len() * specs.len(), done: 0 }
+    }
+
+    fn begin(&mut self, name: &str, spec: &SolverSpec) {
+        self.done += 1;
+        self.bar.set_message(format!("{} of {}: {name}, {spec}", self.done, self.solves));
+    }
+}
+
+fn weight(file: &ProblemFile) -> usize {
+    file.problem.num_contacts().max(1)
 }
 
 /// Names with the commas of their own settings (`tt-cross@1e-3,100`) put back: no solver's name is a number.
@@ -113,20 +210,20 @@ fn specs(names: &[String]) -> Result<Vec<SolverSpec>, Failure> {
     Ok(specs)
 }
 
-/// Every solver on one problem.
+/// Every solver on one problem, or those that were done when the user stopped it.
 fn solve_all(
     arguments: &Arguments,
     specs: &[SolverSpec],
     name: &str,
     file: &ProblemFile,
     stop: &Stop,
+    progress: &mut Progress,
 ) -> Vec<Record> {
     let options = &arguments.options;
     let yardstick = Yardstick::new(&file.problem);
-    let spinner = solving::spinner();
     let mut records = Vec::new();
     for spec in specs {
-        spinner.set_message(format!("{name}: {spec}"));
+        progress.begin(name, spec);
         let mut best: Option<Record> = None;
         let start = Instant::now();
         for _ in 0..REPEAT {
@@ -134,16 +231,28 @@ fn solve_all(
                 Ok(outcome) => outcome.record,
                 Err(error) => solving::refused(name, file, spec, options, &error),
             };
-            if best.as_ref().is_none_or(|best| record.cost() < best.cost()) {
+            // A solve that was cut short says nothing about its solver.
+            if stop.exit_code().is_some() {
+                break;
+            }
+            // Where the machine was busy a repetition may have missed its time limit.
+            let is_better = |best: &Record| {
+                record.converged && !best.converged
+                    || record.converged == best.converged && record.cost() < best.cost()
+            };
+            if best.as_ref().is_none_or(is_better) {
                 best = Some(record);
             }
-            if start.elapsed() > SHORT || stop.exit_code().is_some() {
+            if start.elapsed() > SHORT {
                 break;
             }
         }
         records.extend(best.map(|record| Record { solver: spec.to_string(), ..record }));
+        if stop.exit_code().is_some() {
+            break;
+        }
+        progress.bar.inc(weight(file) as u64);
     }
-    spinner.finish_and_clear();
     records
 }
 

@@ -17,10 +17,11 @@ use std::process::ExitCode;
 /// answer is judged by an independent evaluation of its residual, both as the relaxed problem and with exact Coulomb
 /// friction.
 #[derive(clap::Args)]
-#[command(after_help = "Examples:\n  \
-    graintrain solve KaplasTower.hdf5\n  \
-    graintrain solve sed4913.dat --solver ipm --tolerance 1e-8 --solution answer.csv\n  \
-    graintrain solve Capsules.hdf5 --friction coulomb --tolerance 1e-6 --json")]
+#[command(after_help = "Examples, on the problem of a run:\n  \
+    graintrain run stack --steps 30 --dump-problem every=10 --out demo\n  \
+    graintrain solve demo/problems/step_00000030.hdf5\n  \
+    graintrain solve demo/problems/step_00000030.hdf5 --solver ipm --solution answer.csv\n  \
+    graintrain solve demo/problems/step_00000030.hdf5 --friction coulomb --tolerance 1e-6 --json")]
 pub struct Arguments {
     /// File of the contact problem
     problem: PathBuf,
@@ -34,6 +35,8 @@ pub struct Arguments {
     options: Options,
 }
 
+/// What to do about a solution file that cannot be written.
+const WRITABLE: &str = "--solution needs a file that can be written";
 /// A converged answer whose objective may be off by more than this is worth a note.
 const LOOSE: f64 = 1e-3;
 
@@ -42,6 +45,9 @@ pub fn execute(arguments: &Arguments) -> Result<ExitCode, Failure> {
     let spec = solving::solver_spec(&arguments.solver)?;
     let file = solving::read_problem(&arguments.problem)?;
     let name = solving::problem_name(&arguments.problem);
+    if let Some(path) = &arguments.solution {
+        solving::check_writable(path, WRITABLE)?;
+    }
     let stop = Stop::listen()?;
     let spinner = solving::spinner();
     spinner.set_message(format!("{spec} on {name}, {}", solving::describe(&file)));
@@ -53,7 +59,7 @@ pub fn execute(arguments: &Arguments) -> Result<ExitCode, Failure> {
     spinner.finish_and_clear();
     let outcome = outcome?;
     if let Some(path) = &arguments.solution {
-        write_solution(path, &outcome)?;
+        write_solution(path, &outcome).map_err(|error| solving::unwritable(path, &error, WRITABLE))?;
     }
     if arguments.options.json {
         println!("{}", serde_json::to_string_pretty(&outcome.record).unwrap_or_default());
@@ -114,15 +120,12 @@ fn table(file: &ProblemFile, outcome: &Outcome) -> String {
 }
 
 /// Writes impulses and velocities as CSV; numbers round-trip.
-fn write_solution(path: &Path, outcome: &Outcome) -> Result<(), Failure> {
+fn write_solution(path: &Path, outcome: &Outcome) -> std::io::Result<()> {
     let mut text =
         String::from("contact,impulse_n,impulse_t1,impulse_t2,velocity_n,velocity_t1,velocity_t2\n");
     let rows = outcome.impulse.chunks_exact(3).zip(outcome.evaluation.velocity.chunks_exact(3));
     for (contact, (g, u)) in rows.enumerate() {
         let _ = writeln!(text, "{contact},{:e},{:e},{:e},{:e},{:e},{:e}", g[0], g[1], g[2], u[0], u[1], u[2]);
     }
-    std::fs::write(path, text).map_err(|error| {
-        let what = std::io::Error::new(error.kind(), format!("{}: {error}", path.display()));
-        Failure::input_error(what, "--solution needs a file that can be written")
-    })
+    std::fs::write(path, text)
 }

@@ -41,6 +41,8 @@ pub(super) struct Extras {
     pub(super) points: Vec<[f64; 3]>,
     pub(super) identity: Vec<u64>,
     pub(super) bodies: Option<RigidDelassus>,
+    /// What the user should know about the group.
+    pub(super) remark: Option<String>,
 }
 
 /// Writes a problem as an FCLIB file; the file appears whole or not at all.
@@ -253,11 +255,25 @@ pub(super) fn read_extras(file: &File, problem: &RawProblem) -> Result<Extras, D
     if points.iter().flatten().chain(&impulse_scale).any(|x| !x.is_finite()) {
         return Err(Defect::damaged("graintrain", "holds numbers that are not finite", COPY_AGAIN));
     }
+    let contacts = match problem {
+        RawProblem::Local(local) => local.friction.len(),
+        RawProblem::Global(global) => global.friction.len(),
+    };
+    let counts = [(has("points"), points.len()), (has("identity"), identity.len())];
     let bodies = match problem {
         RawProblem::Global(global) if has("body_a") => read_bodies(&group, global)?,
         _ => None,
     };
-    Ok(Extras { impulse_scale, points, identity, bodies })
+    let has_bodies = has("body_a");
+    if let Some((_, count)) = counts.into_iter().find(|&(is_given, count)| is_given && count != contacts) {
+        let remark = format!(
+            "the group {GROUP} tells of {count} contacts, the problem has {contacts}: taken as edited, without that group"
+        );
+        return Ok(Extras { impulse_scale, remark: Some(remark), ..Extras::default() });
+    }
+    let remark = (has_bodies && bodies.is_none())
+        .then(|| format!("the bodies of the group {GROUP} do not reproduce the problem: taken as edited"));
+    Ok(Extras { impulse_scale, points, identity, bodies, remark })
 }
 
 /// The bodies, where they reproduce the FCLIB part.
@@ -267,9 +283,9 @@ fn read_bodies(group: &Group<'_>, global: &GlobalForm) -> Result<Option<RigidDel
         (group.numbers("frame")?, triples(&group.numbers("arm_a")?), triples(&group.numbers("arm_b")?));
     let linear = triples(&group.numbers("inverse_mass")?);
     let angular = group.numbers("inverse_inertia")?;
-    let (contacts, bodies) = (global.friction.len(), linear.len());
+    let (contacts, bodies) = (body_a.len(), linear.len());
     let body_exists = |&body: &i64| body == -1 || (0..bodies as i64).contains(&body);
-    let sound = [body_a.len(), body_b.len(), arm_a.len(), arm_b.len()].iter().all(|&n| n == contacts)
+    let sound = [body_b.len(), arm_a.len(), arm_b.len()].iter().all(|&n| n == contacts)
         && frame.len() == 9 * contacts
         && angular.len() == 9 * bodies
         && body_a.iter().chain(&body_b).all(body_exists)
@@ -277,6 +293,9 @@ fn read_bodies(group: &Group<'_>, global: &GlobalForm) -> Result<Option<RigidDel
         && arm_a.iter().chain(&arm_b).chain(&linear).flatten().all(|x| x.is_finite());
     if !sound {
         return Err(Defect::damaged(GROUP, "its data sets do not fit each other", COPY_AGAIN));
+    }
+    if contacts != global.friction.len() {
+        return Ok(None);
     }
     let body = |body: i64| u32::try_from(body).unwrap_or(FIXED);
     let contacts = (0..contacts)

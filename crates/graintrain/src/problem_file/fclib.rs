@@ -15,23 +15,34 @@
 use super::error::{COPY_AGAIN, Defect, WRITE_AGAIN};
 use super::matrix::{Entry, Matrix};
 use super::raw::{GlobalEqualities, GlobalForm, LocalEqualities, LocalForm, RawProblem, check_dimension};
-use hdf5_pure::{Error, File, FormatError};
+use hdf5_pure::{AttrValue, Error, File, FormatError};
 
-/// Reads the problem; also gives its title.
-pub(super) fn read(file: &File) -> Result<(RawProblem, String), Defect> {
+/// What an FCLIB file says.
+pub(super) struct Read {
+    pub(super) raw: RawProblem,
+    /// Title; empty where there is none.
+    pub(super) title: String,
+    /// What the user should know about the choice of what was read.
+    pub(super) remark: Option<String>,
+}
+
+/// Reads the problem.
+pub(super) fn read(file: &File) -> Result<Read, Defect> {
     let groups = file.root().groups().map_err(|error| damaged("/", &error))?;
     if let Some(name) = groups.iter().find(|name| name.contains("rolling")) {
-        return Err(Defect::unsupported(
-            format!("a problem with rolling friction (group {name})"),
-            "rolling friction is not supported; state the problem with sliding friction",
-        ));
+        return Err(rolling(&format!("group {name}")));
     }
-    if groups.iter().any(|name| name == "fclib_global") {
+    let (is_global, is_local) =
+        (groups.iter().any(|name| name == "fclib_global"), groups.iter().any(|name| name == "fclib_local"));
+    if is_global {
         let group = Group { file, path: "fclib_global" };
-        Ok((RawProblem::Global(global(&group)?), group.title()))
-    } else if groups.iter().any(|name| name == "fclib_local") {
+        let remark = is_local.then(|| {
+            "the file holds a global and a local problem; the global one (fclib_global) is solved".to_string()
+        });
+        Ok(Read { raw: RawProblem::Global(global(&group)?), title: group.title(), remark })
+    } else if is_local {
         let group = Group { file, path: "fclib_local" };
-        Ok((RawProblem::Local(local(&group)?), group.title()))
+        Ok(Read { raw: RawProblem::Local(local(&group)?), title: group.title(), remark: None })
     } else {
         let found = if groups.is_empty() { "nothing".to_string() } else { groups.join(", ") };
         Err(Defect::damaged(
@@ -43,35 +54,48 @@ pub(super) fn read(file: &File) -> Result<(RawProblem, String), Defect> {
 }
 
 fn local(group: &Group<'_>) -> Result<LocalForm, Defect> {
-    group.check_dimension()?;
-    let equalities = if group.has("V")? && group.has("R")? {
-        Some(LocalEqualities { v: group.matrix("V")?, r: group.matrix("R")?, s: group.numbers("vectors/s")? })
-    } else {
-        None
+    let equalities = match (group.has("V")?, group.has("R")?) {
+        (true, true) => Some(LocalEqualities {
+            v: group.matrix("V")?,
+            r: group.matrix("R")?,
+            s: group.numbers("vectors/s")?,
+        }),
+        (false, false) => None,
+        (has_v, _) => {
+            let (given, missing) = if has_v { ("V", "R") } else { ("R", "V") };
+            return Err(Defect::damaged(
+                group.place(given),
+                format!("stands without {missing}: equality constraints need both"),
+                "write V, R and s, or eliminate the equality constraints (W - V R^-1 V^T, q - V R^-1 s)",
+            ));
+        }
     };
-    Ok(LocalForm {
-        w: group.matrix("W")?,
-        q: group.numbers("vectors/q")?,
-        friction: group.numbers("vectors/mu")?,
-        equalities,
-    })
+    let q = group.numbers("vectors/q")?;
+    Ok(LocalForm { w: group.matrix("W")?, friction: group.friction(q.len())?, q, equalities })
 }
 
 fn global(group: &Group<'_>) -> Result<GlobalForm, Defect> {
-    group.check_dimension()?;
     let equalities = if group.has("G")? {
         Some(GlobalEqualities { g: group.matrix("G")?, b: group.numbers("vectors/b")? })
     } else {
         None
     };
+    let w = group.numbers("vectors/w")?;
     Ok(GlobalForm {
         m: group.matrix("M")?,
         h: group.matrix("H")?,
         f: group.numbers("vectors/f")?,
-        w: group.numbers("vectors/w")?,
-        friction: group.numbers("vectors/mu")?,
+        friction: group.friction(w.len())?,
+        w,
         equalities,
     })
+}
+
+fn rolling(what: &str) -> Defect {
+    Defect::unsupported(
+        format!("a problem with rolling friction ({what})"),
+        "rolling friction is not supported; state the problem with sliding friction",
+    )
 }
 
 /// What HDF5 says is wrong, at a place.
@@ -80,6 +104,18 @@ pub(super) fn damaged(place: &str, error: &Error) -> Defect {
         Error::Format(FormatError::PathNotFound(_)) => {
             Defect::damaged(place, "is missing", "the file is no complete FCLIB problem")
         }
+        Error::Format(FormatError::UnsupportedFilter(filter)) => Defect::unsupported(
+            format!("{place} is compressed by HDF5 filter {filter}, which is not read here"),
+            "repack the file with a filter that is: h5repack -f GZIP=6 OLD NEW",
+        ),
+        Error::Format(FormatError::TypeMismatch { actual, .. }) => {
+            Defect::damaged(place, format!("holds {actual} where numbers belong"), "write numbers there")
+        }
+        Error::NotADataset(_) | Error::NotAGroup(_) => Defect::damaged(
+            place,
+            error.to_string(),
+            "a matrix is a group of m, n, nz, nzmax, p, i and x, a vector is a data set in the group vectors",
+        ),
         other => Defect::damaged(place, other.to_string(), COPY_AGAIN),
     }
 }
@@ -97,9 +133,11 @@ impl Group<'_> {
 
     /// Whether the group has a child group.
     fn has(&self, name: &str) -> Result<bool, Defect> {
-        let group = self.file.group(self.path).map_err(|error| damaged(self.path, &error))?;
-        let groups = group.groups().map_err(|error| damaged(self.path, &error))?;
-        Ok(groups.iter().any(|child| child == name))
+        match self.file.group(&self.place(name)) {
+            Ok(_) => Ok(true),
+            Err(Error::Format(FormatError::PathNotFound(_))) => Ok(false),
+            Err(error) => Err(damaged(&self.place(name), &error)),
+        }
     }
 
     pub(super) fn numbers(&self, name: &str) -> Result<Vec<f64>, Defect> {
@@ -122,9 +160,31 @@ impl Group<'_> {
         }
     }
 
+    /// One whole number: a data set, scalar or of one number, or an attribute of the group it belongs to.
     fn integer(&self, name: &str) -> Result<i64, Defect> {
+        if let Some(value) = self.attribute(name) {
+            return Ok(value);
+        }
         let numbers = self.integers(name)?;
         numbers.first().copied().ok_or_else(|| Defect::damaged(self.place(name), "is empty", COPY_AGAIN))
+    }
+
+    /// The whole number `name` where it is an attribute.
+    fn attribute(&self, name: &str) -> Option<i64> {
+        let (parent, leaf) = match name.rsplit_once('/') {
+            Some((parent, leaf)) => (self.place(parent), leaf),
+            None => (self.path.to_string(), name),
+        };
+        let attributes = self.file.group(&parent).ok()?.attrs().ok()?;
+        match attributes.get(leaf)? {
+            AttrValue::I32(value) => Some(i64::from(*value)),
+            AttrValue::I64(value) => Some(*value),
+            AttrValue::U32(value) => Some(i64::from(*value)),
+            AttrValue::U64(value) => i64::try_from(*value).ok(),
+            AttrValue::I32Array(values) => values.first().copied().map(i64::from),
+            AttrValue::I64Array(values) => values.first().copied(),
+            _ => None,
+        }
     }
 
     fn size(&self, name: &str) -> Result<usize, Defect> {
@@ -142,8 +202,25 @@ impl Group<'_> {
         integers.map(convert).collect()
     }
 
-    fn check_dimension(&self) -> Result<(), Defect> {
-        check_dimension(self.integer("spacedim")?)
+    /// Coefficients of friction of a problem with `size` unknowns; a single one holds for every contact. Refuses problems
+    /// that are not three-dimensional; where `spacedim` is missing there has to be a coefficient per three unknowns.
+    fn friction(&self, size: usize) -> Result<Vec<f64>, Defect> {
+        let friction = self.numbers("vectors/mu")?;
+        let has_dimension =
+            self.attribute("spacedim").is_some() || self.file.dataset(&self.place("spacedim")).is_ok();
+        if has_dimension {
+            check_dimension(self.integer("spacedim")?)?;
+        } else if friction.len() * 3 != size {
+            return Err(Defect::damaged(
+                self.place("spacedim"),
+                format!("is missing, and {size} unknowns for {} contacts are not three each", friction.len()),
+                "write spacedim = 3 and a coefficient of friction per contact",
+            ));
+        }
+        if self.file.dataset(&self.place("vectors/mu_r")).is_ok() {
+            return Err(rolling(&self.place("vectors/mu_r")));
+        }
+        Ok(if friction.len() == 1 { vec![friction[0]; (size / 3).max(1)] } else { friction })
     }
 
     /// Title of the problem; empty where there is none that is text.
@@ -219,4 +296,19 @@ fn triplets(rows: usize, columns: usize, p: &[usize], i: &[usize], x: &[f64]) ->
     };
     let (row, column) = if !fits(i, p) && fits(p, i) { (p, i) } else { (i, p) };
     row.iter().zip(column).zip(x).map(|((&row, &column), &value)| Entry { row, column, value }).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Files of such filters cannot be written here, so that the translation alone is tested.
+    #[test]
+    fn compression_that_is_not_read_is_told_from_damage() {
+        let error = Error::Format(FormatError::UnsupportedFilter(4));
+        let Defect::Unsupported { what, remedy } = damaged("fclib_local/W/x", &error) else {
+            panic!("no damage");
+        };
+        assert!(what.contains("fclib_local/W/x") && what.contains("filter 4") && remedy.contains("h5repack"));
+    }
 }

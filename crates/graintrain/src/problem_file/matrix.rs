@@ -51,6 +51,23 @@ impl Matrix {
         Ok(Self { rows, columns, entries })
     }
 
+    /// Mirrors the entries at the diagonal where all others lie on one side of it, as files have it that store one
+    /// triangle of a symmetric matrix; says whether that was so.
+    pub(super) fn mirror_triangle(&mut self) -> bool {
+        let above = self.entries.iter().any(|entry| entry.row < entry.column);
+        let below = self.entries.iter().any(|entry| entry.row > entry.column);
+        if above == below {
+            return false;
+        }
+        let off_diagonal = self.entries.iter().filter(|entry| entry.row != entry.column);
+        let mirrored: Vec<Entry> = off_diagonal
+            .map(|entry| Entry { row: entry.column, column: entry.row, value: entry.value })
+            .collect();
+        self.entries.extend(mirrored);
+        self.entries.sort_by_key(|entry| (entry.row, entry.column));
+        true
+    }
+
     /// The transposed matrix: its rows are the columns of this one.
     pub(super) fn transposed(&self) -> Self {
         let mut entries: Vec<Entry> = self

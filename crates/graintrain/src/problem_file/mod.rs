@@ -55,6 +55,8 @@ pub struct ProblemFile {
     /// max |A - A^T| / max |A| of the matrix in the file (W or M) that has to be symmetric. Above rounding the
     /// problem solved is that of the symmetric part.
     pub asymmetry: f64,
+    /// What was taken in another way than the file says it, one sentence each.
+    pub remarks: Vec<String>,
 }
 
 /// Asymmetry that is worth telling the user about.
@@ -63,7 +65,7 @@ const NOTICEABLE_ASYMMETRY: f64 = 1e-9;
 impl ProblemFile {
     /// What the user should know about the file, one sentence each.
     pub fn notes(&self) -> Vec<String> {
-        let mut notes = Vec::new();
+        let mut notes = self.remarks.clone();
         if self.asymmetry > NOTICEABLE_ASYMMETRY {
             notes.push(format!(
                 "the matrix in the file is asymmetric ({:.1e} of its largest entry); its symmetric part is solved",
@@ -85,26 +87,42 @@ pub fn read(path: &Path) -> Result<ProblemFile, ProblemFileError> {
 }
 
 fn parse(bytes: Vec<u8>) -> Result<ProblemFile, Defect> {
+    let mut remarks = Vec::new();
     let (raw, title, extras) = if hdf5_pure::is_hdf5_bytes(&bytes) {
         let file = hdf5_pure::File::from_bytes(bytes)
             .map_err(|error| Defect::damaged("the HDF5 structure", error.to_string(), COPY_AGAIN))?;
-        let (raw, title) = fclib::read(&file)?;
+        let fclib::Read { raw, title, remark } = fclib::read(&file)?;
+        remarks.extend(remark);
+        let form = match raw {
+            RawProblem::Local(_) => "fclib_local",
+            RawProblem::Global(_) => "fclib_global",
+        };
         raw.check(|part| match part {
-            "W" | "V" | "R" => format!("fclib_local/{part}"),
-            "M" | "H" | "G" => format!("fclib_global/{part}"),
-            vector => format!("vectors/{vector}"),
+            "W" | "V" | "R" | "M" | "H" | "G" => format!("{form}/{part}"),
+            vector => format!("{form}/vectors/{vector}"),
         })?;
-        let extras = dump::read_extras(&file, &raw)?;
+        let mut extras = dump::read_extras(&file, &raw)?;
+        remarks.extend(extras.remark.take());
         (raw, title, extras)
     } else {
         let raw = siconos::parse(&bytes)?;
         raw.check(str::to_string)?;
         (raw, String::new(), dump::Extras::default())
     };
-    build(raw, title, extras)
+    build(raw, title, extras, remarks)
 }
 
-fn build(raw: RawProblem, title: String, extras: Extras) -> Result<ProblemFile, Defect> {
+fn build(
+    mut raw: RawProblem,
+    title: String,
+    extras: Extras,
+    mut remarks: Vec<String>,
+) -> Result<ProblemFile, Defect> {
+    remarks.extend(raw.mirror_triangles().into_iter().map(|name| {
+        format!(
+            "{name} has entries on one side of its diagonal only and is taken as one triangle of a symmetric matrix"
+        )
+    }));
     let (delassus, r, points, friction, form, bodies, asymmetry) = match raw {
         RawProblem::Local(mut local) => {
             let friction = std::mem::take(&mut local.friction);
@@ -131,5 +149,5 @@ fn build(raw: RawProblem, title: String, extras: Extras) -> Result<ProblemFile, 
     problem.identity = extras.identity;
     problem.points = if extras.points.is_empty() { points } else { extras.points };
     problem.validate().map_err(invalid)?;
-    Ok(ProblemFile { problem, form, title, bodies, asymmetry })
+    Ok(ProblemFile { problem, form, title, bodies, asymmetry, remarks })
 }

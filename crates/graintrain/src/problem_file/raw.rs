@@ -54,6 +54,15 @@ pub(super) fn check_size(place: &str, matrix: &Matrix, rows: usize, columns: usi
     Err(Defect::damaged(place, what, WRITE_AGAIN))
 }
 
+/// Checks that a matrix has three columns per contact; gives their number.
+fn check_triples(place: &str, matrix: &Matrix) -> Result<usize, Defect> {
+    if matrix.columns.is_multiple_of(3) {
+        return Ok(matrix.columns);
+    }
+    let what = format!("a matrix of {} columns, which are not three per contact", matrix.columns);
+    Err(Defect::damaged(place, what, WRITE_AGAIN))
+}
+
 /// Checks the length of a vector, and that its numbers are finite.
 pub(super) fn check_vector(place: &str, vector: &[f64], length: usize) -> Result<(), Defect> {
     if vector.len() != length {
@@ -98,13 +107,25 @@ pub(super) fn check_dimension(dimension: i64) -> Result<(), Defect> {
 }
 
 impl RawProblem {
+    /// Completes matrices that have to be symmetric and of which only one triangle is stored; gives their names.
+    pub(super) fn mirror_triangles(&mut self) -> Vec<&'static str> {
+        let symmetric: Vec<(&'static str, &mut Matrix)> = match self {
+            Self::Local(local) => {
+                let r = local.equalities.as_mut().map(|equalities| ("R", &mut equalities.r));
+                std::iter::once(("W", &mut local.w)).chain(r).collect()
+            }
+            Self::Global(global) => vec![("M", &mut global.m)],
+        };
+        symmetric.into_iter().filter_map(|(name, matrix)| matrix.mirror_triangle().then_some(name)).collect()
+    }
+
     /// Checks sizes and numbers; `name` gives the place of each part in the file.
     pub(super) fn check(&self, name: impl Fn(&str) -> String) -> Result<(), Defect> {
         match self {
             Self::Local(local) => {
-                let size = 3 * local.friction.len();
-                check_friction(&name("mu"), &local.friction, local.friction.len())?;
+                let size = check_triples(&name("W"), &local.w)?;
                 check_size(&name("W"), &local.w, size, size)?;
+                check_friction(&name("mu"), &local.friction, size / 3)?;
                 check_vector(&name("q"), &local.q, size)?;
                 if let Some(equalities) = &local.equalities {
                     let p = equalities.s.len();
@@ -114,11 +135,11 @@ impl RawProblem {
                 }
             }
             Self::Global(global) => {
-                let size = 3 * global.friction.len();
-                let freedoms = global.f.len();
-                check_friction(&name("mu"), &global.friction, global.friction.len())?;
+                let size = check_triples(&name("H"), &global.h)?;
+                let freedoms = global.m.rows;
                 check_size(&name("M"), &global.m, freedoms, freedoms)?;
                 check_size(&name("H"), &global.h, freedoms, size)?;
+                check_friction(&name("mu"), &global.friction, size / 3)?;
                 check_vector(&name("f"), &global.f, freedoms)?;
                 check_vector(&name("w"), &global.w, size)?;
                 if let Some(equalities) = &global.equalities {

@@ -34,6 +34,16 @@ pub(super) fn parse(text: &[u8]) -> Result<RawProblem, Defect> {
         let friction = words.vector(contacts, "mu")?;
         RawProblem::Local(LocalForm { w: first, q, friction, equalities: None })
     } else {
+        if !words.peek().is_some_and(is_integer) {
+            let what = format!(
+                "{} numbers and no second matrix follow a {} x {} matrix: a local problem of {contacts} contacts (line 2) has W \
+                 {size} x {size}, {size} numbers q and {contacts} numbers mu",
+                words.remaining(),
+                first.rows,
+                first.columns
+            );
+            return Err(words.defect(what, "correct the number of contacts, or write the problem again"));
+        }
         let h = matrix(&mut words, "H")?;
         let f = words.vector(first.rows, "q")?;
         let w = words.vector(h.columns, "b")?;
@@ -45,6 +55,10 @@ pub(super) fn parse(text: &[u8]) -> Result<RawProblem, Defect> {
         return Err(words.defect(what, "the sizes at the top of the file do not fit its numbers"));
     }
     Ok(problem)
+}
+
+fn is_integer(word: &[u8]) -> bool {
+    std::str::from_utf8(word).is_ok_and(|word| word.parse::<i64>().is_ok())
 }
 
 /// Reads a matrix in any storage.

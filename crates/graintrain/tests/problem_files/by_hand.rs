@@ -6,11 +6,11 @@ use proptest::prelude::Rng as _;
 use proptest::test_runner::{RngAlgorithm, TestRng};
 
 /// A dense matrix by rows.
-type Dense = Vec<Vec<f64>>;
+pub(crate) type Dense = Vec<Vec<f64>>;
 
 /// How a matrix is stored in the file.
 #[derive(Clone, Copy, Debug)]
-enum Storage {
+pub(crate) enum Storage {
     Columns,
     Rows,
     /// i rows, p columns, as CSparse has it; the last entry is split in two.
@@ -24,7 +24,7 @@ fn signed(seed: u8) -> impl FnMut() -> f64 {
     move || (rng.next_u64() >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
 }
 
-fn random(rows: usize, columns: usize, seed: u8) -> Dense {
+pub(crate) fn random(rows: usize, columns: usize, seed: u8) -> Dense {
     let mut next = signed(seed);
     (0..rows).map(|_| (0..columns).map(|_| next()).collect()).collect()
 }
@@ -38,12 +38,12 @@ fn product(a: &Dense, b: &Dense) -> Dense {
     a.iter().map(|row| columns.iter().map(|column| dot(row, column)).collect()).collect()
 }
 
-fn dot(a: &[f64], b: &[f64]) -> f64 {
+pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
 /// A A^T + I.
-fn positive_definite(size: usize, seed: u8) -> Dense {
+pub(crate) fn positive_definite(size: usize, seed: u8) -> Dense {
     let a = random(size, size, seed);
     let mut square = product(&a, &transposed(&a));
     for (k, row) in square.iter_mut().enumerate() {
@@ -74,7 +74,7 @@ fn solve(a: &Dense, b: &[f64]) -> Vec<f64> {
     x
 }
 
-fn add_matrix(group: &mut GroupBuilder, name: &str, a: &Dense, storage: Storage) {
+pub(crate) fn add_matrix(group: &mut GroupBuilder, name: &str, a: &Dense, storage: Storage) {
     let (rows, columns) = (a.len(), a[0].len());
     let mut entries: Vec<(usize, usize, f64)> = Vec::new();
     for (i, row) in a.iter().enumerate() {
@@ -140,21 +140,21 @@ fn through_file(
 }
 
 /// u = N g + r of a problem.
-fn velocity(file: &ProblemFile, g: &[f64]) -> Vec<f64> {
+pub(crate) fn velocity(file: &ProblemFile, g: &[f64]) -> Vec<f64> {
     let delassus = &file.problem.delassus;
     let mut u = vec![0.0; g.len()];
     delassus.multiply(g, &mut u, &mut delassus.work());
     u.iter().zip(&file.problem.r).map(|(u, r)| u + r).collect()
 }
 
-fn assert_close(a: &[f64], b: &[f64], tolerance: f64) {
+pub(crate) fn assert_close(a: &[f64], b: &[f64], tolerance: f64) {
     let scale = b.iter().fold(1.0_f64, |m, x| m.max(x.abs()));
     for (a, b) in a.iter().zip(b) {
         assert!((a - b).abs() <= tolerance * scale, "{a} {b}");
     }
 }
 
-const MU: [f64; 2] = [0.3, 0.8];
+pub(crate) const MU: [f64; 2] = [0.3, 0.8];
 
 #[test]
 fn local_form_means_u_is_w_r_plus_q_in_every_storage() {

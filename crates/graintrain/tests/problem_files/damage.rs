@@ -85,7 +85,8 @@ fn errors_tell_the_line_and_what_is_wrong() {
         ("3\n1", "2\n1", "two-dimensional"),
         ("3\n1", "5\n1", "rolling friction"),
         ("3\n1\n0", "3\n1\n7", "storage 7"),
-        ("0.5", "0.5 1 2 3 4 5", "the storage of H"),
+        ("0.5", "0.5 1 2 3 4 5", "9 numbers and no second matrix follow a 3 x 3 matrix"),
+        ("3\n1", "3\n2", "a local problem of 2 contacts (line 2) has W 6 x 6"),
     ];
     for (from, to, expected) in cases {
         let error = outcome(folder.path(), TEXT.replacen(from, to, 1).as_bytes()).unwrap_err();

@@ -4,6 +4,7 @@
 mod by_hand;
 mod damage;
 mod dumps;
+mod unusual;
 
 use graintrain::problem_file::{self, Form};
 use std::path::PathBuf;
