@@ -91,13 +91,11 @@ impl Warnings {
         if !solve.converged() && !self.is_missed {
             self.is_missed = true;
             let cause = match solve.status {
-                Status::Infeasible => {
-                    "its contact problem has no solution (jammed bodies); the impulses are those of slightly compliant contacts"
-                }
-                _ => "the best impulses found are taken",
+                Status::Infeasible => "its contact problem has no solution (jammed bodies), ",
+                _ => "",
             };
             warnings.push(format!(
-                "{place}: the solve missed the tolerance (residual {:.1e}, {}): {cause}. `--strict` ends a run here, \
+                "{place}: the solve missed the tolerance (residual {:.1e}, {}): {cause}the best impulses found are taken. `--strict` ends a run here, \
                  `--dump-problem every={step}` keeps the problem",
                 solve.residual.max,
                 status_word(Some(solve.status))
@@ -113,7 +111,7 @@ impl Warnings {
                 FrictionModel::Coulomb => "Try a shorter step",
             };
             warnings.push(format!(
-                "{place}: bodies overlap by {:.0} % of the smallest radius; what follows is no physics. {advice}",
+                "{place}: bodies overlap by {:.0} % of the smallest radius; what follows is not to be trusted. {advice}",
                 100.0 * penetration / self.radius
             ));
         }
