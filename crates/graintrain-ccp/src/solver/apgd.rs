@@ -19,8 +19,11 @@ use crate::residual::FrictionModel;
 /// t shrinks where the curvature met along a step, d^T N' d / |d|^2 with d = x+ - y, exceeds 1/t, and grows slowly
 /// otherwise; beta restarts from zero where the step points uphill, (y - x+)^T (x+ - x) > 0.
 ///
-/// For exact Coulomb friction mu' |u_t| is added to the normal component of u = N' y + r' before the projection (the fixed point of De
-/// Saxce and Feng 1998, updated in every iteration), and the momentum is limited.
+/// For exact Coulomb friction P takes the normal impulse first and projects the tangential one on the disc that it allows, as
+/// [`GaussSeidel`](super::GaussSeidel) does. The exact problem has no objective that could say when the momentum has lasted long enough: without a
+/// limit the iterates may circle, with a short one they creep. So beta restarts also where theta reaches a limit, and the limit
+/// grows by [`longer`](Self::longer) as long as the step |x+ - y| / t is shorter than at the last restart, else it shrinks by
+/// [`shorter`](Self::shorter).
 ///
 /// One iteration is one fused pass over the contacts and one over the bodies: because images are linear,
 /// N' x+ = N' y + N' d needs no product of its own.
@@ -28,14 +31,22 @@ use crate::residual::FrictionModel;
 pub struct Apgd {
     /// Factor by which the step grows per iteration.
     pub growth: f64,
-    /// theta at which beta restarts where friction is exact (after about twice as many iterations). The exact problem
-    /// has no objective that the other test for a restart could watch; without this one the iterates may circle.
-    pub longest_memory: f64,
+    /// theta at which beta restarts where friction is exact, after about twice as many iterations: the first limit.
+    pub memory: f64,
+    /// Factor on the limit where the iterates get on.
+    pub longer: f64,
+    /// Divisor of the limit where they do not.
+    pub shorter: f64,
 }
+
+/// Least and greatest limit of theta.
+const MEMORY: [f64; 2] = [10.0, 3000.0];
+/// A momentum younger than this says nothing about the limit.
+const YOUNG: f64 = 5.0;
 
 impl Default for Apgd {
     fn default() -> Self {
-        Self { growth: 1.03, longest_memory: 50.0 }
+        Self { growth: 1.03, memory: 50.0, longer: 1.5, shorter: 2.0 }
     }
 }
 
@@ -53,8 +64,13 @@ struct Step {
 
 impl Kernel<2> for Step {
     #[inline(always)]
-    fn point<V: Vector>(&self, here: Here<V>, u: &Batch<V>, [x, previous]: [&Batch<V>; 2]) -> Batch<V> {
-        add_scaled(&extrapolated(x, previous, self.beta), -self.step, &here.drive(u))
+    fn point<V: Vector>(&self, _: Here<V>, u: &Batch<V>, [x, previous]: [&Batch<V>; 2]) -> Batch<V> {
+        add_scaled(&extrapolated(x, previous, self.beta), -self.step, u)
+    }
+
+    #[inline(always)]
+    fn projected<V: Vector>(&self, here: Here<V>, _: &Batch<V>, point: &Batch<V>, tangential: V) -> Batch<V> {
+        here.allowed(point, tangential)
     }
 
     #[inline(always)]
@@ -103,10 +119,11 @@ impl FirstOrderMethod for Apgd {
         let mut previous = it.x.clone();
         let mut image_y = it.image.clone();
         let (mut theta, mut beta) = (1.0_f64, 0.0);
-        let longest = match scaled.friction_model() {
+        let mut memory = match scaled.friction_model() {
             FrictionModel::Relaxed => f64::INFINITY,
-            FrictionModel::Coulomb => self.longest_memory,
+            FrictionModel::Coulomb => self.memory,
         };
+        let mut last_step = f64::INFINITY;
         while it.proceed(scaled) {
             if it.was_refreshed() {
                 // The image of y must not keep the rounding errors that the image of x has just lost: the extrapolation
@@ -118,8 +135,14 @@ impl FirstOrderMethod for Apgd {
             let images = [&mut image_y[..], &mut it.image];
             let vectors = [&mut it.x[..], &mut previous];
             let (totals, curvature) = scaled.pass_onto(images, vectors, &mut it.work, &kernel, |totals| {
-                let [_, downhill, ..] = totals.sum;
-                if downhill < 0.0 || theta > longest {
+                let [length, downhill, ..] = totals.sum;
+                if downhill < 0.0 || theta > memory {
+                    if memory.is_finite() && theta > YOUNG {
+                        let now = length.sqrt() / step;
+                        let factor = if now < last_step { self.longer } else { self.shorter.recip() };
+                        memory = (factor * memory).clamp(MEMORY[0], MEMORY[1]);
+                        last_step = now;
+                    }
                     (theta, beta) = (1.0, 0.0);
                 } else {
                     let next = 0.5 * (1.0 + (1.0 + 4.0 * theta * theta).sqrt());

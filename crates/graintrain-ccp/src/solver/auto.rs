@@ -113,13 +113,14 @@ impl CcpSolver for Auto {
         &mut self,
         problem: &Ccp,
         impulse: &mut [f64],
+        last: &mut [f64],
         settings: &SolveSettings,
         again: bool,
     ) -> Result<Option<SolveReport>, CcpError> {
         if !again {
             self.ready.clear();
         }
-        let report = self.exact.solve(problem, impulse, settings, again)?;
+        let report = self.exact.solve(problem, impulse, last, settings, again)?;
         Ok(Some(SolveReport { solver: format!("auto ({})", report.solver), ..report }))
     }
 }

@@ -22,7 +22,7 @@ use crate::residual::{FrictionModel, ResidualScale};
 /// no longer extrapolated, only damped: in settled packings the map has slow modes (factors of 0.98) beside modes that swing (-1.1), and
 /// errors of the solves hide the first.
 ///
-/// A solver that updates s in every iteration of its own ([`CcpSolver::solve_exact`]) is tried first; the fixed point goes
+/// A solver that treats exact friction in iterations of its own ([`CcpSolver::solve_exact`]) is tried first; the fixed point goes
 /// on from its best iterate where that did not converge. Relaxed solves pass straight through, and so do problems without friction.
 ///
 /// A limit of iterations holds for these two stages one by one, because they need not count the same: in the first one `ipm`
@@ -34,10 +34,12 @@ pub struct CoulombIteration {
 
 /// Outer iterations allowed; the sequence needs 5 to 30 where it converges easily, some hundreds in settled packings.
 const OUTER_LIMIT: usize = 1000;
-/// Iterations of a solver that treats exact friction itself, in rounds; it goes on while a round lowers the residual to
-/// this fraction.
-const EXACT_ROUND: usize = 20_000;
+/// Iterations of a solver that treats exact friction itself, in rounds; it goes on while one of the last rounds has lowered the
+/// least residual to this fraction.
+const EXACT_ROUND: usize = 30_000;
 const EXACT_GAIN: f64 = 0.5;
+/// Rounds that may go by without that.
+const EXACT_PATIENCE: usize = 2;
 /// Where the settings name no limit, all relaxed solves together may take so many times the iterations of one.
 const NESTED_LIMIT: usize = 10;
 /// A relaxed solve is asked for this fraction of the exact residual: at first, and at the least.
@@ -126,25 +128,33 @@ impl CoulombIteration {
         let mut shift = Shift::new(contacts);
         let mut best = Best::default();
         let (mut steps, mut iterations, mut linear_iterations, mut since_best) = (0, 0, 0, 0);
-        let mut before = f64::INFINITY;
-        loop {
+        let (mut reference, mut rounds_since) = (f64::INFINITY, 0);
+        let mut last = impulse.to_vec();
+        while rounds_since < EXACT_PATIENCE {
             let left = settings.max_iterations.map_or(usize::MAX, |limit| limit.saturating_sub(steps));
             let round = SolveSettings {
                 max_iterations: Some(left.min(EXACT_ROUND)),
                 max_time: limits.time_left(),
                 ..settings.clone()
             };
-            let Some(report) = self.relaxed.solve_exact(problem, impulse, &round, again)? else { break };
+            let Some(report) = self.relaxed.solve_exact(problem, impulse, &mut last, &round, again)? else {
+                break;
+            };
             again = true;
             steps += report.iterations;
+            best.offer(impulse, report.residual.max);
             if matches!(report.status, Status::Converged | Status::Stopped) {
                 return Ok(SolveReport { iterations: steps, seconds: limits.seconds(), ..report });
             }
-            if report.residual.max > EXACT_GAIN * before || report.iterations >= left {
+            if report.iterations >= left {
                 break;
             }
-            before = report.residual.max;
+            rounds_since += 1;
+            if report.residual.max <= EXACT_GAIN * reference {
+                (reference, rounds_since) = (report.residual.max, 0);
+            }
         }
+        best.restore(impulse);
         let mut fraction = INNER_FRACTION[0];
         let mut best_residual = f64::INFINITY;
         let mut last_inner = None;

@@ -12,7 +12,7 @@ use rayon::prelude::*;
 pub trait FirstOrderMethod: Send {
     /// Name on the command line.
     const NAME: &'static str;
-    /// Whether the method treats exact Coulomb friction itself, by [`Here::drive`](super::scaling::Here::drive).
+    /// Whether the method treats exact Coulomb friction itself, by [`Here::allowed`](super::scaling::Here::allowed).
     const EXACT: bool = false;
 
     /// Improves the iterate until it says to stop.
@@ -34,10 +34,12 @@ impl<M> FirstOrder<M> {
 }
 
 impl<M: FirstOrderMethod> FirstOrder<M> {
+    /// From `impulse`, which becomes the best iterate, or, where there is one, from `last`, which becomes the last iterate.
     fn improve(
         &mut self,
         problem: &Ccp,
         impulse: &mut [f64],
+        mut last: Option<&mut [f64]>,
         settings: &SolveSettings,
         model: FrictionModel,
     ) -> Result<SolveReport, CcpError> {
@@ -51,8 +53,14 @@ impl<M: FirstOrderMethod> FirstOrder<M> {
             None => ScaledProblem::new(problem, &ResidualScale::new(problem)),
         };
         scaled.set_friction_model(model);
-        let mut it = Iterate::new(&scaled, limits, impulse);
+        if let Some(last) = &mut last {
+            check_start(problem, last)?;
+        }
+        let mut it = Iterate::new(&scaled, limits, last.as_deref().unwrap_or(impulse));
         self.method.run(&scaled, &mut it);
+        if let Some(last) = last {
+            scaled.unpack(&it.x, last);
+        }
         let (status, iterations, products) = (it.status, it.iterations, it.work.products());
         it.best.restore(&mut it.x);
         scaled.unpack(&it.x, impulse);
@@ -87,13 +95,14 @@ impl<M: FirstOrderMethod> CcpSolver for FirstOrder<M> {
         impulse: &mut [f64],
         settings: &SolveSettings,
     ) -> Result<SolveReport, CcpError> {
-        self.improve(problem, impulse, settings, FrictionModel::Relaxed)
+        self.improve(problem, impulse, None, settings, FrictionModel::Relaxed)
     }
 
     fn solve_exact(
         &mut self,
         problem: &Ccp,
         impulse: &mut [f64],
+        last: &mut [f64],
         settings: &SolveSettings,
         again: bool,
     ) -> Result<Option<SolveReport>, CcpError> {
@@ -101,7 +110,7 @@ impl<M: FirstOrderMethod> CcpSolver for FirstOrder<M> {
             self.packed = None;
         }
         if M::EXACT {
-            self.improve(problem, impulse, settings, FrictionModel::Coulomb).map(Some)
+            self.improve(problem, impulse, Some(last), settings, FrictionModel::Coulomb).map(Some)
         } else {
             Ok(None)
         }

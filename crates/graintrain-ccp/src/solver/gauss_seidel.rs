@@ -6,10 +6,9 @@
 //! Computer Methods in Applied Mechanics and Engineering 177:235-257, 1999.
 
 use super::first_order::{FirstOrder, FirstOrderMethod, Iterate};
-use super::lanes::{Batch, LANES, Lanes, Vector, project, sub};
+use super::lanes::{Batch, LANES, Lanes, Vector, sub, tangential_length};
 use super::scaling::{Here, Relaxation, ScaledProblem};
 use crate::problem::CcpError;
-use crate::residual::FrictionModel;
 use graintrain_linalg::block3::Block;
 
 /// Projected Gauss-Seidel on the scaled problem: contacts one after the other,
@@ -46,7 +45,6 @@ impl Default for GaussSeidel {
 /// omega / lambda_i per contact.
 struct Steps {
     step: Vec<Lanes>,
-    exact: bool,
 }
 
 impl Relaxation for Steps {
@@ -54,16 +52,7 @@ impl Relaxation for Steps {
     fn relaxed<V: Vector>(&self, batch: usize, here: Here<V>, u: &Batch<V>, x: &Batch<V>) -> Batch<V> {
         let step = V::of(self.step[batch]);
         let moved = sub(x, &[step * u[0], step * u[1], step * u[2]]);
-        if self.exact {
-            let normal = moved[0].max(V::splat(0.0));
-            let bound = here.mu * normal;
-            let length = (moved[1] * moved[1] + moved[2] * moved[2]).sqrt();
-            let factor =
-                length.at_most(bound, V::splat(1.0), bound.divide(length.max(V::splat(f64::MIN_POSITIVE))));
-            [normal, factor * moved[1], factor * moved[2]]
-        } else {
-            project(here.mu, &moved)
-        }
+        here.allowed(&moved, tangential_length(&moved))
     }
 }
 
@@ -79,7 +68,7 @@ impl FirstOrderMethod for GaussSeidel {
             step[place / LANES].0[place % LANES] =
                 self.relaxation / if largest > 0.0 { largest } else { 1.0 };
         }
-        let steps = Steps { step, exact: scaled.friction_model() == FrictionModel::Coulomb };
+        let steps = Steps { step };
         while it.proceed(scaled) {
             let Iterate { x, image, work, .. } = it;
             let followed = scaled.sweep(x, image, work, &steps);
@@ -124,6 +113,7 @@ mod tests {
     use super::*;
     use crate::delassus::{BodyInverseMass, Delassus, FIXED, RigidContact, RigidDelassus};
     use crate::problem::Ccp;
+    use crate::residual::FrictionModel;
 
     /// Contacts between neighbours of a row of bodies, and of every fourth body with a fixed one.
     fn row_of_bodies(bodies: u32) -> Ccp {
@@ -182,9 +172,10 @@ mod tests {
                 };
                 let run = |problem: &Ccp| {
                     let mut g = vec![0.0; problem.r.len()];
+                    let mut last = g.clone();
                     let mut solver = FirstOrder::new(GaussSeidel { relaxation: 1.2 });
                     if friction == FrictionModel::Coulomb {
-                        solver.solve_exact(problem, &mut g, &settings, false).unwrap().unwrap();
+                        solver.solve_exact(problem, &mut g, &mut last, &settings, false).unwrap().unwrap();
                     } else {
                         solver.solve(problem, &mut g, &settings).unwrap();
                     }

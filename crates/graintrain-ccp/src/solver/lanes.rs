@@ -282,6 +282,21 @@ pub fn project_given<V: Vector>(mu: V, x: &Batch<V>, tangential: V) -> Batch<V> 
     ]
 }
 
+/// The impulse of exact Coulomb friction nearest to x in the sense of Moreau and Jean: the normal component first, then the
+/// tangential one projected on the disc that it allows; |x_t| is known.
+///
+/// ```text
+/// n = max(0, x_n),   t = x_t min(1, mu n / |x_t|)
+/// ```
+#[inline(always)]
+pub fn within_disc<V: Vector>(mu: V, x: &Batch<V>, tangential: V) -> Batch<V> {
+    let normal = x[0].max(V::splat(0.0));
+    let bound = mu * normal;
+    let factor =
+        tangential.at_most(bound, V::splat(1.0), bound.divide(tangential.max(V::splat(f64::MIN_POSITIVE))));
+    [normal, factor * x[1], factor * x[2]]
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -300,7 +315,14 @@ mod tests {
             x[2 * LANES + flat] = 0.0;
             let batch: Batch = std::array::from_fn(|k| Lanes(std::array::from_fn(|l| x[k * LANES + l])));
             let image = project(Lanes(mu), &batch);
+            let disc = within_disc(Lanes(mu), &batch, tangential_length(&batch));
             for l in 0..LANES {
+                let (n, t) = (batch[0].0[l].max(0.0), [batch[1].0[l], batch[2].0[l]]);
+                let length = t[0].hypot(t[1]);
+                let factor = if length > mu[l] * n { mu[l] * n / length } else { 1.0 };
+                for (k, expected) in [n, factor * t[0], factor * t[1]].into_iter().enumerate() {
+                    prop_assert!((disc[k].0[l] - expected).abs() < 1e-14);
+                }
                 let expected = FrictionCone { mu: mu[l] }.project(std::array::from_fn(|k| batch[k].0[l]));
                 for k in 0..3 {
                     prop_assert!((image[k].0[l] - expected[k]).abs() < 1e-14);

@@ -189,16 +189,21 @@ pub trait CcpSolver: Send {
     /// Exact Coulomb friction without the outer iteration of [`CoulombIteration`], where the method can; `None` where it
     /// cannot. `settings.friction` is [`FrictionModel::Coulomb`]. `again` is the caller's word of [`Self::solve_again`].
     ///
+    /// The iterates begin at `last` (length 3 N_c); on exit it is where they ended, and `impulse` the best of them. The next call
+    /// goes on from there: on their way to a solution of the exact problem residuals have to rise now and then, and from the best
+    /// iterate the way between would be gone again and again.
+    ///
     /// # Errors
     /// As [`Self::solve`].
     fn solve_exact(
         &mut self,
         problem: &Ccp,
         impulse: &mut [f64],
+        last: &mut [f64],
         settings: &SolveSettings,
         again: bool,
     ) -> Result<Option<SolveReport>, CcpError> {
-        let _ = (problem, impulse, settings, again);
+        let _ = (problem, impulse, last, settings, again);
         Ok(None)
     }
 }

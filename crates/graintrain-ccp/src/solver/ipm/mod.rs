@@ -47,7 +47,7 @@ use super::driver::{Limits, check_start};
 use super::turns::Turns;
 use super::{CcpSolver, SolveReport, SolveSettings, Status};
 use crate::newton::driver::NewtonDriver;
-use crate::newton::{Form, NewtonSolver, linear_solver};
+use crate::newton::{Form, linear_solver};
 use crate::problem::{Ccp, CcpError};
 use crate::residual::ResidualScale;
 use scaled::Scaled;
@@ -78,13 +78,12 @@ impl Ipm {
     /// # Errors
     /// [`CcpError::UnknownSolver`].
     pub fn new(linear: &str) -> Result<Self, CcpError> {
-        Ok(Self::with_solver(linear_solver("ipm", linear)?))
-    }
-
-    /// With a linear solver of one's own.
-    pub fn with_solver(linear: Box<dyn NewtonSolver>) -> Self {
-        let newton = NewtonDriver::new(linear);
-        Self { newton, start: None, start_ready: false, exact: Turns::new() }
+        Ok(Self {
+            newton: NewtonDriver::new(linear_solver("ipm", linear)?),
+            start: None,
+            start_ready: false,
+            exact: Turns::new(),
+        })
     }
 
     fn run(
@@ -191,12 +190,13 @@ impl CcpSolver for Ipm {
         self.run(problem, impulse, settings, true)
     }
 
-    /// By the projected gradients of the start and Gauss-Seidel sweeps in turn: near a solution of the exact problem
+    /// By projected gradients and Gauss-Seidel sweeps in turn: near a solution of the exact problem
     /// Newton's method on the projection was six times slower than they are, and away from one it circles like them.
     fn solve_exact(
         &mut self,
         problem: &Ccp,
         impulse: &mut [f64],
+        last: &mut [f64],
         settings: &SolveSettings,
         again: bool,
     ) -> Result<Option<SolveReport>, CcpError> {
@@ -206,7 +206,7 @@ impl CcpSolver for Ipm {
         if !again {
             self.start_ready = false;
         }
-        let report = self.exact.solve(problem, impulse, settings, again)?;
+        let report = self.exact.solve(problem, impulse, last, settings, again)?;
         Ok(Some(SolveReport { solver: self.name(), ..report }))
     }
 }

@@ -1,6 +1,6 @@
 //! What a pass knows about four contacts: friction, r', and what the residual in the original metric needs.
 
-use super::super::lanes::{Batch, Lanes, Vector, load};
+use super::super::lanes::{Batch, Lanes, Vector, load, project_given, within_disc};
 
 /// What the residual in the original metric needs of four contacts.
 #[derive(Clone, Copy, Debug, Default)]
@@ -44,6 +44,19 @@ impl<V: Vector> Here<V> {
     #[inline(always)]
     pub fn drive(&self, u: &Batch<V>) -> Batch<V> {
         if self.exact { [u[0] + self.mu * (u[1] * u[1] + u[2] * u[2]).sqrt(), u[1], u[2]] } else { *u }
+    }
+}
+
+impl<V: Vector> Here<V> {
+    /// The impulse that a step to `point`, whose tangential length is known, may have: the nearest one in the friction cone, or
+    /// where friction is exact the one of [`within_disc`].
+    #[inline(always)]
+    pub fn allowed(&self, point: &Batch<V>, tangential: V) -> Batch<V> {
+        if self.exact {
+            within_disc(self.mu, point, tangential)
+        } else {
+            project_given(self.mu, point, tangential)
+        }
     }
 }
 
