@@ -45,6 +45,7 @@ impl<M: FirstOrderMethod> FirstOrder<M> {
     ) -> Result<SolveReport, CcpError> {
         let limits = Limits::start(settings, ITERATION_LIMIT);
         check_start(problem, impulse)?;
+        let start = impulse.to_vec();
         let mut scaled = match self.packed.take() {
             Some(mut scaled) => {
                 scaled.set_free_velocity(&problem.r);
@@ -69,7 +70,16 @@ impl<M: FirstOrderMethod> FirstOrder<M> {
             g.copy_from_slice(&problem.cone(i).project([g[0], g[1], g[2]]));
         }
         self.packed = Some(scaled);
-        let report = it.limits.report(M::NAME, problem, impulse, status, iterations, 0);
+        let mut report = it.limits.report(M::NAME, problem, impulse, status, iterations, 0);
+        if !report.converged() {
+            // The residual that picks the best iterate knows nothing of the rounding of impulses, and where they grow without
+            // limit (a contact between immovable bodies) it falls with them: what was handed over may be better.
+            let of_start = it.limits.report(M::NAME, problem, &start, status, iterations, 0);
+            if of_start.residual.max < report.residual.max {
+                impulse.copy_from_slice(&start);
+                report = of_start;
+            }
+        }
         Ok(SolveReport { products, ..report })
     }
 }
@@ -251,4 +261,36 @@ pub fn add_image(to: &mut [Lanes], factor: f64, image: &[Lanes]) {
             *to += factor * *image;
         }
     });
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::delassus::Delassus;
+    use crate::problem::Ccp;
+    use crate::solver::{SolveSettings, SolverSpec};
+    use graintrain_linalg::block3::BlockMatrix3;
+
+    /// Beside an ordinary contact one between immovable bodies that should part: no impulse helps, and none may make it worse.
+    #[test]
+    fn impulses_that_run_away_are_not_handed_back() {
+        let free = [2.0, 0.0, 0.0, 0.0, 3.0, 0.0, 0.0, 0.0, 3.0];
+        let matrix = BlockMatrix3::from_rows(vec![0, 1, 2], vec![0, 1], vec![free, [0.0; 9]]);
+        let r = vec![-1.0, 0.3, 0.0, -1.0, 0.0, 0.2];
+        let problem = Ccp::new(Delassus::Sparse(matrix), r, vec![0.3, 0.5]).unwrap();
+        for name in ["pj", "pgs", "apgd", "bb", "kucera", "spg", "gpminres"] {
+            let mut solver = name.parse::<SolverSpec>().unwrap().build().unwrap();
+            let mut residual_after = |iterations| {
+                let settings = SolveSettings { max_iterations: Some(iterations), ..SolveSettings::default() };
+                let mut impulse = vec![0.0; 6];
+                let report = solver.solve(&problem, &mut impulse, &settings).unwrap();
+                assert!(!report.converged(), "{name}");
+                report.residual.max
+            };
+            let start = residual_after(0);
+            for iterations in [100, 10_000] {
+                let end = residual_after(iterations);
+                assert!(end <= start, "{name} after {iterations}: {end:e}, at the start {start:e}");
+            }
+        }
+    }
 }
