@@ -162,20 +162,20 @@ impl BodyMatrix {
                 }
             },
         );
-        let (scaled, terms, term_start, column) = (&self.scaled, &self.terms, &self.term_start, &self.column);
-        let row_of = row_of_each_block(&self.row_start);
+        let (scaled, terms, term_start) = (&self.scaled, &self.terms, &self.term_start);
         self.blocks.par_iter_mut().enumerate().with_min_len(512).for_each(|(k, block)| {
             *block = [0.0; 36];
             for term in &terms[term_start[k] as usize..term_start[k + 1] as usize] {
                 let sides = &scaled[term.contact as usize];
                 add_product(block, &sides[term.row_side as usize], &sides[term.column_side as usize]);
             }
-            if row_of[k] == column[k] {
-                for d in 0..6 {
-                    block[7 * d] += 1.0;
-                }
-            }
         });
+        // The diagonal is the last block of its row.
+        for end in &self.row_start[1..] {
+            for d in 0..6 {
+                self.blocks[end - 1][7 * d] += 1.0;
+            }
+        }
     }
 
     /// y <- A z: length 6 bodies from length 3 contacts.
@@ -262,14 +262,6 @@ impl Work for Product<'_> {
             }
         }
     }
-}
-
-fn row_of_each_block(row_start: &[usize]) -> Vec<u32> {
-    row_start
-        .windows(2)
-        .enumerate()
-        .flat_map(|(row, range)| std::iter::repeat_n(row as u32, range[1] - range[0]))
-        .collect()
 }
 
 /// block += A B^T with A, B of 6x3.

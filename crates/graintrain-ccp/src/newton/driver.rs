@@ -15,6 +15,9 @@ pub use super::ScaledBlocks;
 /// Steps of the power iteration per Newton matrix; each matrix goes on from the vector of the last.
 const POWER_STEPS: usize = 2;
 
+/// Records for which there is room before the first iteration.
+const RECORDS: usize = 200;
+
 /// A linear solver together with the Schur complement it may need and the history of what it did.
 ///
 /// Between solves of problems with the same N (only r or mu changed) nothing that depends on N is made anew.
@@ -77,6 +80,7 @@ impl NewtonDriver {
     /// Begins the solve of a problem.
     pub fn begin(&mut self, problem: &Ccp) {
         self.records.clear();
+        self.records.reserve(RECORDS);
         self.failure = None;
         self.change_problem(problem);
     }

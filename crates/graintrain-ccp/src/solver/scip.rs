@@ -29,7 +29,7 @@ use super::ipm::scaled::Scaled;
 use super::ipm::session::Session;
 use super::{CcpSolver, SolveReport, SolveSettings, Status};
 use crate::newton::driver::NewtonDriver;
-use crate::newton::linear_solver;
+use crate::newton::{NewtonSolver, linear_solver};
 use crate::problem::{Ccp, CcpError};
 use crate::residual::ResidualScale;
 
@@ -62,7 +62,12 @@ impl Scip {
     /// # Errors
     /// [`CcpError::UnknownSolver`].
     pub fn new(linear: &str) -> Result<Self, CcpError> {
-        Ok(Self { newton: NewtonDriver::new(linear_solver("scip", linear)?) })
+        Ok(Self::with_solver(linear_solver("scip", linear)?))
+    }
+
+    /// With a linear solver of one's own.
+    pub fn with_solver(linear: Box<dyn NewtonSolver>) -> Self {
+        Self { newton: NewtonDriver::new(linear) }
     }
 }
 

@@ -65,6 +65,9 @@ pub struct KrylovWork {
     pub patience: Patience,
 }
 
+/// Iterations whose residuals there is room for from the beginning.
+const HISTORY: usize = 5002;
+
 impl KrylovWork {
     /// The work vectors at the wanted length.
     fn vectors(&mut self, length: usize) -> &mut [Vec<f64>; 9] {
@@ -72,6 +75,8 @@ impl KrylovWork {
             vector.resize(length, 0.0);
         }
         self.history.clear();
+        // Solvers of contact problems stop after at most 5000 iterations; whoever makes more pays for a longer list.
+        self.history.reserve(HISTORY);
         &mut self.vectors
     }
 }

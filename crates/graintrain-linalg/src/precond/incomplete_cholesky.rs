@@ -27,6 +27,8 @@ pub struct IncompleteCholesky<const B: usize, const SQUARE: usize> {
     lower: Vec<[f64; SQUARE]>,
     /// D_i^-1, lower triangular.
     inverse_pivots: Vec<[f64; SQUARE]>,
+    /// Position of column k in the row at hand, counted from 1; 0 where it is not stored. Work memory as well.
+    position: Vec<usize>,
     /// L by rows: blocks column-major, and [`PADDING`].
     by_rows: Vec<f32>,
     /// L^T by rows: blocks (j, i) column-major.
@@ -144,11 +146,11 @@ impl<const B: usize, const SQUARE: usize> IncompleteCholesky<B, SQUARE> {
         rows: usize,
         matrix: &impl Fn(usize) -> (&'a [u32], &'a [[f64; SQUARE]]),
     ) -> Result<(), usize> {
-        let Self { pattern, lower, inverse_pivots, shift, .. } = self;
+        let Self { pattern, lower, inverse_pivots, position, shift, .. } = self;
         lower.clear();
         inverse_pivots.clear();
-        // Position of column k in row i, counted from 1; 0 where it is not stored.
-        let mut position = vec![0_usize; rows];
+        position.clear();
+        position.resize(rows, 0);
         for i in 0..rows {
             let range = pattern.row_start[i]..pattern.row_start[i + 1];
             let (columns, blocks) = matrix(i);

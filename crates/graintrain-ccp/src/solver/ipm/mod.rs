@@ -47,7 +47,7 @@ use super::driver::{Limits, check_start};
 use super::turns::Turns;
 use super::{CcpSolver, SolveReport, SolveSettings, Status};
 use crate::newton::driver::NewtonDriver;
-use crate::newton::{Form, linear_solver};
+use crate::newton::{Form, NewtonSolver, linear_solver};
 use crate::problem::{Ccp, CcpError};
 use crate::residual::ResidualScale;
 use scaled::Scaled;
@@ -78,12 +78,13 @@ impl Ipm {
     /// # Errors
     /// [`CcpError::UnknownSolver`].
     pub fn new(linear: &str) -> Result<Self, CcpError> {
-        Ok(Self {
-            newton: NewtonDriver::new(linear_solver("ipm", linear)?),
-            start: None,
-            start_ready: false,
-            exact: Turns::new(),
-        })
+        Ok(Self::with_solver(linear_solver("ipm", linear)?))
+    }
+
+    /// With a linear solver of one's own.
+    pub fn with_solver(linear: Box<dyn NewtonSolver>) -> Self {
+        let newton = NewtonDriver::new(linear);
+        Self { newton, start: None, start_ready: false, exact: Turns::new() }
     }
 
     fn run(
