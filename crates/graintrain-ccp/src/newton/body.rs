@@ -152,7 +152,7 @@ enum BodyPreconditioner {
     /// 6x6 block Jacobi.
     Jacobi(BlockJacobi),
     /// 6x6 block IC(0).
-    Incomplete(IncompleteCholesky<6, 36>),
+    Incomplete(Box<IncompleteCholesky<6, 36>>),
 }
 
 impl BodyPreconditioner {
@@ -209,7 +209,7 @@ impl BodyCg {
 
     /// Block IC(0).
     pub fn incomplete_cholesky() -> Self {
-        Self::new("body-ic", BodyPreconditioner::Incomplete(IncompleteCholesky::default()), None)
+        Self::new("body-ic", BodyPreconditioner::Incomplete(Box::default()), None)
     }
 
     /// Block Jacobi, corrected by a tensor train where that pays.
