@@ -153,6 +153,10 @@ fn iterations_do_not_allocate() {
     rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap().install(|| {
         for name in ["ipm", "scip"] {
             for linear in ["cholesky", "schur-cholesky", "body-cholesky", "ic", "block-jacobi", "body-cg"] {
+                if name == "ipm" && linear != "ic" && !linear.ends_with("cholesky") {
+                    // The same code as with `scip`, which asks for less accuracy.
+                    continue;
+                }
                 // The first systems are easy for Krylov methods, later ones take thousands of iterations.
                 check_newton(name, linear, &packing, if linear.ends_with("cholesky") { 6 } else { 2 });
             }

@@ -107,7 +107,7 @@ fn clarabel_says_infeasible(problem: &Ccp) -> bool {
 #[test]
 fn no_ray_asks_for_more_than_the_solution_gives() {
     let mut checked = 0;
-    for seed in 0..200 {
+    for seed in 0..100 {
         let problem = random_problem(seed);
         let (g, report) = solve("ipm", &problem, 1e-10);
         if report.residual.max > 1e-9 {
@@ -126,7 +126,27 @@ fn no_ray_asks_for_more_than_the_solution_gives() {
         }
         checked += 1;
     }
-    assert!(checked > 190, "{checked}");
+    assert!(checked > 95, "{checked}");
+}
+
+/// Where there is no proof there is a solution, found on a way of its own.
+#[test]
+fn the_homogeneous_form_solves_problems_as_well() {
+    use graintrain_ccp::residual::{FrictionModel, ResidualScale};
+    let mut solved = 0;
+    for seed in 0..100 {
+        let problem = random_problem(seed);
+        let g = certificate(&problem).unwrap().solution.expect("it is solvable");
+        let mut u = vec![0.0; g.len()];
+        problem.delassus.multiply(&g, &mut u, &mut problem.delassus.work());
+        for (u, r) in u.iter_mut().zip(&problem.r) {
+            *u += r;
+        }
+        let residual = ResidualScale::new(&problem).residual(&problem, &g, &u, FrictionModel::Relaxed).max;
+        solved += u32::from(residual < 1e-6);
+    }
+    println!("{solved} of 100 to 1e-6");
+    assert!(solved >= 80, "{solved}");
 }
 
 fn no_claims_on_solvable_problems(seeds: std::ops::Range<u64>) {
@@ -149,7 +169,7 @@ fn no_claims_on_solvable_problems(seeds: std::ops::Range<u64>) {
 
 #[test]
 fn solvable_problems_are_never_called_infeasible() {
-    no_claims_on_solvable_problems(0..60);
+    no_claims_on_solvable_problems(0..30);
 }
 
 #[test]
@@ -212,7 +232,7 @@ fn claims_on_jammed_problems(seeds: std::ops::Range<u64>) {
 
 #[test]
 fn jammed_bodies_are_called_infeasible_where_clarabel_says_so() {
-    claims_on_jammed_problems(0..40);
+    claims_on_jammed_problems(0..25);
 }
 
 #[test]

@@ -65,6 +65,8 @@ pub struct Certificate {
     pub ray: Vec<f64>,
     /// V / max_i |r_i|; 0 where nothing is proved.
     pub needed_velocity: f64,
+    /// Impulses that solve the problem, N s, as far as the search knows and where there are any; not checked.
+    pub solution: Option<Vec<f64>>,
 }
 
 /// Looks for the impulses that prove most: for a problem with a solution `needed_velocity` is at most the largest change of velocity of a

@@ -8,7 +8,7 @@
 //!
 //! satisfy N g + tau a in the dual cones, perpendicular to g. Where tau > 0, g / tau solves the problem with r = a; the minimum is
 //! tau / 2. Where it is zero, N g = 0 and a^T g = -1: a ray that proves that there is no solution. This is the homogeneous form
-//! of the problem (Y. Ye, M. Todd, S. Mizuno, "An O(sqrt(n) L)-iteration homogeneous and self-dual linear programming
+//! of the problem, and because it has a solution whatever the problem is, it also solves some on which the direct way stalls (Y. Ye, M. Todd, S. Mizuno, "An O(sqrt(n) L)-iteration homogeneous and self-dual linear programming
 //! algorithm", Mathematics of Operations Research 19:53-67, 1994) as a quadratic program. Its matrix is N + a a^T; Newton's systems go
 //! through the linear solver at hand and the formula of Sherman and Morrison.
 
@@ -30,8 +30,8 @@ const BARRIER: f64 = 10.0;
 /// Newton systems allowed, and without doubling the V found once that is large.
 const SYSTEMS: usize = 80;
 const PATIENCE: usize = 10;
-/// Where the minimum is known to this fraction of itself it is not zero.
-const POSITIVE: f64 = 1e-8;
+/// Where the minimum is known to this fraction of itself it is not zero; small, for the sake of the solution that comes of it.
+const POSITIVE: f64 = 1e-12;
 /// Proximal term relative to eta: rays get far larger than solutions, and 1e-9 would hold them back.
 const PROXIMAL: f64 = 1e-13;
 /// Relative residual of the linear solves.
@@ -64,7 +64,7 @@ pub(in crate::solver) fn search(
     work.start(inner, &a, BARRIER);
     let mut rank_one = RankOne::new(inner);
     let mut physical = vec![0.0; a.len()];
-    let mut best = Certificate { ray: vec![0.0; a.len()], needed_velocity: 0.0 };
+    let mut best = Certificate { ray: vec![0.0; a.len()], ..Certificate::default() };
     let (mut reference, mut since_better) = (0.0, 0);
     for _ in 0..SYSTEMS {
         work.impulses_from_pairs();
@@ -109,6 +109,8 @@ pub(in crate::solver) fn search(
             break;
         }
     }
+    let tau = 1.0 + dot(&a, &work.g);
+    best.solution = (tau > 0.0).then(|| physical.iter().map(|g| g / (WEIGHT * tau)).collect());
     best
 }
 

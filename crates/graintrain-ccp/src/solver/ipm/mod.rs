@@ -10,6 +10,8 @@
 //! 4. Newton's method again, from the best iterate of the interior point. There is its floor: where an impulse
 //!    and its velocity both vanish or both lie on the boundary, the distance of the central path from the solution is
 //!    sqrt(tau), and rounding ends it at residuals of 1e-7 to 1e-8.
+//! 5. Where all that fails, the homogeneous form of the problem ([`infeasible`](super::infeasible)): it ends with a proof that
+//!    there is no solution, or with impulses from which Newton's method and the interior point try once more.
 //!
 //! `ipm+LINEAR` names the linear solver and leaves out the first two phases: it is the interior point itself. Iterations
 //! are Newton systems; those of the start are the figure `start_iterations` of the first record.
@@ -54,7 +56,7 @@ use scaled::Scaled;
 use session::Session;
 
 /// Newton systems allowed where the settings name no limit.
-const ITERATIONS: usize = 200;
+const ITERATIONS: usize = 300;
 /// Compliance relative to eta that makes an infeasible problem solvable.
 const COMPLIANCE: f64 = 1e-6;
 /// Residual that the start is asked for.
@@ -145,6 +147,16 @@ impl Ipm {
             status = proximal::run(&mut self.newton, session, given);
         }
         status = session.verdict(&mut self.newton, status);
+        if status == Status::Stalled
+            && let Some(solution) = session.take_solution()
+        {
+            if self.newton.form() == Form::Scaled {
+                status = proximal::run(&mut self.newton, session, &solution);
+            }
+            if status == Status::Stalled {
+                status = path::run(&mut self.newton, session, &solution, 0.0);
+            }
+        }
         if status == Status::Infeasible {
             session.forget();
             given.fill(0.0);

@@ -2,7 +2,7 @@
 
 use super::super::Status;
 use super::super::driver::{Best, Limits};
-use super::super::infeasible;
+use super::super::infeasible::{self, Certificate};
 use super::iterate::Work;
 use super::scaled::Scaled;
 use crate::newton::driver::NewtonDriver;
@@ -23,7 +23,7 @@ pub(in crate::solver) struct Session<'a> {
     pub iterations: usize,
     best: Best<f64>,
     /// What the search for a proof that there is no solution found, once it has been made.
-    needed_velocity: Option<f64>,
+    found: Option<Certificate>,
     physical: Vec<f64>,
     velocity: Vec<f64>,
 }
@@ -47,7 +47,7 @@ impl<'a> Session<'a> {
             friction,
             iterations: 0,
             best,
-            needed_velocity: None,
+            found: None,
             physical,
             velocity,
         }
@@ -75,7 +75,7 @@ impl<'a> Session<'a> {
     /// a proof, made once, leaves no doubt.
     pub fn runs_away(&mut self, newton: &mut NewtonDriver, g: &[f64], ng: &[f64]) -> bool {
         let r = &self.scaled.problem.r;
-        self.needed_velocity.is_none()
+        self.found.is_none()
             && infeasible::is_suspicious(dot(r, g), dot(g, ng), dot(r, r))
             && self.search(newton) >= infeasible::CERTAIN
     }
@@ -88,10 +88,15 @@ impl<'a> Session<'a> {
 
     /// The velocity that a solution needs, as far as it is proved.
     fn search(&mut self, newton: &mut NewtonDriver) -> f64 {
-        let Self { problem, scaled, limits, iterations, needed_velocity, .. } = self;
-        *needed_velocity.get_or_insert_with(|| {
-            infeasible::search(newton, problem, scaled, limits, iterations).needed_velocity
-        })
+        let Self { problem, scaled, limits, iterations, found, .. } = self;
+        found
+            .get_or_insert_with(|| infeasible::search(newton, problem, scaled, limits, iterations))
+            .needed_velocity
+    }
+
+    /// What the search has for a solution, if it was made and has one.
+    pub fn take_solution(&mut self) -> Option<Vec<f64>> {
+        self.found.as_mut().and_then(|found| found.solution.take())
     }
 
     /// The best iterate, in the units of the problem as given.
