@@ -57,6 +57,19 @@ fn large_numbers_do_not_make_a_problem_vanish() {
     assert!(!report.converged() || impulse[0] > 0.9e160, "{impulse:?} {report:?}");
 }
 
+/// The velocities of the first impulses overflow: a residual that is not finite ends the solve, it is not waited for.
+#[test]
+fn a_residual_that_is_not_finite_ends_the_solve() {
+    let problem = diagonal(&[[1e-300; 3]], &[-1e300, 1e300, 0.0], &[0.5]);
+    for name in ["apgd", "pgs", "bb", "ipm", "auto"] {
+        let settings =
+            SolveSettings { friction: FrictionModel::Coulomb, tolerance: 1e-8, ..Default::default() };
+        let mut solver = name.parse::<SolverSpec>().unwrap().build().unwrap();
+        let report = solver.solve(&problem, &mut [0.0; 3], &settings).unwrap();
+        assert!(!report.converged(), "{name}: {report:?}");
+    }
+}
+
 #[test]
 fn an_impulse_scale_without_meaning_is_refused() {
     for scale in [f64::NAN, f64::INFINITY, -1.0] {

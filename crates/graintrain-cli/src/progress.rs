@@ -91,11 +91,15 @@ impl Warnings {
         if !solve.converged() && !self.is_missed {
             self.is_missed = true;
             let cause = match solve.status {
-                Status::Infeasible => "its contact problem has no solution (jammed bodies), ",
-                _ => "",
+                Status::Infeasible => {
+                    "its contact problem has no solution (jammed bodies), the impulses of slightly compliant contacts are taken. Try a shorter step"
+                }
+                _ => {
+                    "the best impulses found are taken. Try a shorter step, another --solver (auto, ipm) or a looser --tolerance"
+                }
             };
             warnings.push(format!(
-                "{place}: the solve missed the tolerance (residual {:.1e}, {}): {cause}the best impulses found are taken. `--strict` ends a run here, \
+                "{place}: the solve missed the tolerance (residual {:.1e}, {}): {cause}. `--strict` ends a run here, \
                  `--dump-problem every={step}` keeps the problem",
                 solve.residual.max,
                 status_word(Some(solve.status))

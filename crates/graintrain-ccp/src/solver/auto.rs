@@ -52,12 +52,10 @@ impl Auto {
             self.exact.forget();
         }
         for (position, (member, solver)) in self.members.iter_mut().enumerate() {
-            let patience = if position < last && *member == "apgd" { PATIENCE } else { usize::MAX };
+            let is_first = position < last && *member == "apgd";
+            let allowed = if is_first { PATIENCE } else { solver.iteration_limit() };
             let mine = SolveSettings {
-                max_iterations: settings
-                    .max_iterations
-                    .map(|_| limits.iterations_left(iterations))
-                    .or((patience < usize::MAX).then_some(patience)),
+                max_iterations: Some(limits.iterations_left(iterations).min(allowed)),
                 max_time: limits.time_left(),
                 ..settings.clone()
             };
@@ -89,6 +87,11 @@ impl Auto {
 impl CcpSolver for Auto {
     fn name(&self) -> String {
         "auto".to_string()
+    }
+
+    /// For the first member and those after it.
+    fn iteration_limit(&self) -> usize {
+        2 * PATIENCE
     }
 
     fn solve(

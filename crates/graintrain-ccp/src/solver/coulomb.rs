@@ -23,13 +23,16 @@ use crate::residual::{FrictionModel, ResidualScale};
 /// errors of the solves hide the first.
 ///
 /// A solver that treats exact friction in iterations of its own ([`CcpSolver::solve_exact`]) is tried first; the fixed point goes
-/// on from its best iterate where that did not converge. Relaxed solves pass straight through, and so do problems without friction.
+/// on from its best iterate where that did not converge, from the start given and from zero. Relaxed solves pass straight through, and so do problems without friction.
 ///
 /// A limit of iterations holds for these two stages one by one, because they need not count the same: in the first one `ipm`
 /// makes gradient steps, in the second Newton systems. The report has their sum. Without a limit the second stage ends after ten
-/// times the iterations that the solver allows itself for one relaxed solve ([`Status::IterationLimit`]).
+/// times the iterations that the solver allows itself for one relaxed solve ([`Status::IterationLimit`]); it also ends where as many
+/// as one is allowed have brought nothing better.
 pub struct CoulombIteration {
     relaxed: Box<dyn CcpSolver>,
+    /// Whether the relaxed solver's last call had the N and mu of the caller's problem.
+    knows_problem: bool,
 }
 
 /// Outer iterations allowed; the sequence needs 5 to 30 where it converges easily, some hundreds in settled packings.
@@ -54,7 +57,7 @@ const FACTOR: [f64; 2] = [0.3, 2.0];
 impl CoulombIteration {
     /// Wraps a solver of the relaxed problem.
     pub fn new(relaxed: Box<dyn CcpSolver>) -> Self {
-        Self { relaxed }
+        Self { relaxed, knows_problem: false }
     }
 }
 
@@ -102,10 +105,73 @@ impl CoulombIteration {
         settings: &SolveSettings,
         again: bool,
     ) -> Result<SolveReport, CcpError> {
+        let again = again && std::mem::replace(&mut self.knows_problem, true);
         match effective(problem, settings) {
             Some(relaxed) => self.relaxed.solve_maybe_again(problem, impulse, &relaxed, again),
             None => self.exact(problem, impulse, settings, again),
         }
+    }
+
+    /// Rounds of the relaxed solver's own treatment of exact friction, from `last`. The status that ends the solve, or `None` where
+    /// the rounds no longer gain, or the solver has no such treatment.
+    fn rounds(
+        &mut self,
+        problem: &Ccp,
+        last: &mut [f64],
+        settings: &SolveSettings,
+        limits: &Limits<'_>,
+        found: &mut Found,
+        mut again: bool,
+    ) -> Result<Option<Status>, CcpError> {
+        let mut impulse = last.to_vec();
+        let (mut reference, mut since) = (f64::INFINITY, 0);
+        while since < EXACT_PATIENCE {
+            let left = settings.max_iterations.map_or(usize::MAX, |limit| limit.saturating_sub(found.steps));
+            let round = SolveSettings {
+                max_iterations: Some(left.min(EXACT_ROUND)),
+                max_time: limits.time_left(),
+                ..settings.clone()
+            };
+            let Some(report) = self.relaxed.solve_exact(problem, &mut impulse, last, &round, again)? else {
+                return Ok(None);
+            };
+            again = true;
+            found.steps += report.iterations;
+            found.products += report.products;
+            found.best.offer(&impulse, report.residual.max);
+            found.solver = Some(report.solver);
+            if matches!(report.status, Status::Converged | Status::Stopped) {
+                return Ok(Some(report.status));
+            }
+            if report.iterations >= left || !report.residual.max.is_finite() {
+                break;
+            }
+            since += 1;
+            if report.residual.max <= EXACT_GAIN * reference {
+                (reference, since) = (report.residual.max, 0);
+            }
+        }
+        Ok(None)
+    }
+
+    /// Whether not even the problem without friction has a solution: then the exact one has none. Impulses that keep the bodies
+    /// apart exist there, or nowhere; that a relaxed problem with friction has no solution proves nothing about the exact one.
+    fn jammed(
+        &mut self,
+        problem: &Ccp,
+        settings: &SolveSettings,
+        limits: &Limits<'_>,
+    ) -> Result<SolveReport, CcpError> {
+        let mut frictionless = problem.clone();
+        frictionless.friction.fill(0.0);
+        let settings = SolveSettings {
+            friction: FrictionModel::Relaxed,
+            max_iterations: Some(limits.iterations_left(0).min(self.relaxed.iteration_limit())),
+            max_time: limits.time_left(),
+            ..settings.clone()
+        };
+        self.knows_problem = false;
+        self.relaxed.solve(&frictionless, &mut vec![0.0; 3 * problem.num_contacts()], &settings)
     }
 
     /// The exact problem; `again` as in [`CcpSolver::solve_exact`].
@@ -114,7 +180,7 @@ impl CoulombIteration {
         problem: &Ccp,
         impulse: &mut [f64],
         settings: &SolveSettings,
-        mut again: bool,
+        again: bool,
     ) -> Result<SolveReport, CcpError> {
         let limits = Limits::start(settings, NESTED_LIMIT.saturating_mul(self.relaxed.iteration_limit()));
         check_start(problem, impulse)?;
@@ -126,35 +192,23 @@ impl CoulombIteration {
         let mut work = problem.delassus.work();
         let mut u = vec![0.0; 3 * contacts];
         let mut shift = Shift::new(contacts);
-        let mut best = Best::default();
-        let (mut steps, mut iterations, mut linear_iterations, mut since_best) = (0, 0, 0, 0);
-        let (mut reference, mut rounds_since) = (f64::INFINITY, 0);
+        let mut found = Found::default();
         let mut last = impulse.to_vec();
-        while rounds_since < EXACT_PATIENCE {
-            let left = settings.max_iterations.map_or(usize::MAX, |limit| limit.saturating_sub(steps));
-            let round = SolveSettings {
-                max_iterations: Some(left.min(EXACT_ROUND)),
-                max_time: limits.time_left(),
-                ..settings.clone()
-            };
-            let Some(report) = self.relaxed.solve_exact(problem, impulse, &mut last, &round, again)? else {
-                break;
-            };
-            again = true;
-            steps += report.iterations;
-            best.offer(impulse, report.residual.max);
-            if matches!(report.status, Status::Converged | Status::Stopped) {
-                return Ok(SolveReport { iterations: steps, seconds: limits.seconds(), ..report });
-            }
-            if report.iterations >= left {
-                break;
-            }
-            rounds_since += 1;
-            if report.residual.max <= EXACT_GAIN * reference {
-                (reference, rounds_since) = (report.residual.max, 0);
-            }
+        let mut ended = self.rounds(problem, &mut last, settings, &limits, &mut found, again)?;
+        if ended.is_none() && found.solver.is_some() && impulse.iter().any(|&g| g != 0.0) {
+            // These iterations are chaotic: a start that leads nowhere need not be nearer to a solution than none.
+            last.fill(0.0);
+            ended = self.rounds(problem, &mut last, settings, &limits, &mut found, true)?;
         }
-        best.restore(impulse);
+        found.best.restore(impulse);
+        if let Some(status) = ended {
+            let name = found.solver.unwrap_or_else(|| self.name());
+            let report = limits.report(&name, problem, impulse, status, found.steps, 0);
+            return Ok(SolveReport { products: found.products, ..report });
+        }
+        let Found { mut best, steps, mut products, .. } = found;
+        let (mut iterations, mut linear_iterations, mut since_best, mut iterations_at_best) = (0, 0, 0, 0);
+        let mut jammed = None;
         let mut fraction = INNER_FRACTION[0];
         let mut best_residual = f64::INFINITY;
         let mut last_inner = None;
@@ -168,32 +222,18 @@ impl CoulombIteration {
             best.offer(impulse, residual);
             since_best += 1;
             if residual < 0.9 * best_residual {
-                since_best = 0;
+                (since_best, iterations_at_best) = (0, iterations);
             }
             best_residual = residual.min(best_residual);
             if let Some(stop) = limits.status(iterations, residual) {
                 status = stop;
                 break;
             }
-            if since_best > PATIENCE {
+            let long = iterations - iterations_at_best > self.relaxed.iteration_limit();
+            if since_best > PATIENCE || (since_best > SLOW && long) {
                 // The relaxed solver's own verdict tells more than "stalled" where it has one.
                 status = match last_inner {
                     Some(Status::IterationLimit) => Status::IterationLimit,
-                    // A relaxed problem without a solution proves nothing about the exact one, unless it is that without
-                    // friction: impulses that keep the bodies apart exist there, or nowhere.
-                    Some(Status::Infeasible) => {
-                        shifted.r.copy_from_slice(&problem.r);
-                        shifted.friction.fill(0.0);
-                        let settings = SolveSettings {
-                            friction: FrictionModel::Relaxed,
-                            max_time: limits.time_left(),
-                            ..settings.clone()
-                        };
-                        match self.relaxed.solve(&shifted, &mut vec![0.0; 3 * contacts], &settings)?.status {
-                            Status::Infeasible => Status::Infeasible,
-                            _ => Status::Stalled,
-                        }
-                    }
                     _ => Status::Stalled,
                 };
                 break;
@@ -218,14 +258,38 @@ impl CoulombIteration {
                 friction: FrictionModel::Relaxed,
                 stop: settings.stop.clone(),
             };
-            let report = self.relaxed.solve_maybe_again(&shifted, impulse, &inner, outer > 0)?;
+            let again = outer > 0 && self.knows_problem;
+            let report = self.relaxed.solve_maybe_again(&shifted, impulse, &inner, again)?;
+            self.knows_problem = true;
             iterations += report.iterations;
             linear_iterations += report.linear_iterations;
+            products += report.products;
             last_inner = Some(report.status);
+            if report.status == Status::Infeasible && jammed.is_none() {
+                let report = self.jammed(problem, settings, &limits)?;
+                iterations += report.iterations;
+                jammed = Some(report.status == Status::Infeasible);
+                if jammed == Some(true) {
+                    status = Status::Infeasible;
+                    break;
+                }
+            }
         }
         best.restore(impulse);
-        Ok(limits.report(&self.name(), problem, impulse, status, steps + iterations, linear_iterations))
+        let report =
+            limits.report(&self.name(), problem, impulse, status, steps + iterations, linear_iterations);
+        Ok(SolveReport { products, ..report })
     }
+}
+
+/// What the rounds of a solver's own treatment of exact friction have come to.
+#[derive(Default)]
+struct Found {
+    best: Best<f64>,
+    steps: usize,
+    products: usize,
+    /// Who made the last round; `None` where there was none.
+    solver: Option<String>,
 }
 
 /// The shift s of r_n and its fixed-point acceleration.
@@ -271,14 +335,16 @@ impl Shift {
 
 #[cfg(test)]
 mod tests {
+    use super::super::driver::Limits;
+    use super::{CoulombIteration, EXACT_ROUND};
     use crate::delassus::Delassus;
-    use crate::problem::Ccp;
+    use crate::problem::{Ccp, CcpError};
     use crate::residual::FrictionModel;
-    use crate::solver::{METHODS, SolveSettings, SolverSpec};
+    use crate::solver::{CcpSolver, METHODS, SolveReport, SolveSettings, SolverSpec, Status};
     use graintrain_linalg::block3::BlockMatrix3;
 
-    #[test]
-    fn without_friction_the_exact_problem_is_solved_as_the_relaxed_one() {
+    /// Two coupled contacts.
+    fn two_contacts(mu: f64) -> Ccp {
         let diagonal = [2.0, 0.1, 0.0, 0.1, 3.0, 0.0, 0.0, 0.0, 3.0];
         let coupling = [1.0, 0.0, 0.2, 0.0, 1.0, 0.0, 0.2, 0.0, 1.0];
         let matrix = BlockMatrix3::from_rows(
@@ -287,7 +353,12 @@ mod tests {
             vec![diagonal, coupling, coupling, diagonal],
         );
         let r = vec![-1.0, 0.3, 0.0, -0.2, 0.0, 0.2];
-        let problem = Ccp::new(Delassus::Sparse(matrix), r, vec![0.0; 2]).unwrap();
+        Ccp::new(Delassus::Sparse(matrix), r, vec![mu; 2]).unwrap()
+    }
+
+    #[test]
+    fn without_friction_the_exact_problem_is_solved_as_the_relaxed_one() {
+        let problem = two_contacts(0.0);
         for method in METHODS {
             let solve = |friction| {
                 let settings = SolveSettings { tolerance: 1e-7, friction, ..SolveSettings::default() };
@@ -298,5 +369,57 @@ mod tests {
             };
             assert_eq!(solve(FrictionModel::Coulomb), solve(FrictionModel::Relaxed), "{}", method.name);
         }
+    }
+
+    /// Treats exact friction in rounds whose answers and statuses are given.
+    struct Scripted(Vec<(Vec<f64>, Status)>);
+
+    impl CcpSolver for Scripted {
+        fn name(&self) -> String {
+            "scripted".to_string()
+        }
+
+        fn solve(
+            &mut self,
+            problem: &Ccp,
+            impulse: &mut [f64],
+            settings: &SolveSettings,
+        ) -> Result<SolveReport, CcpError> {
+            Ok(Limits::start(settings, 1).report("scripted", problem, impulse, Status::Stalled, 1, 0))
+        }
+
+        fn solve_exact(
+            &mut self,
+            problem: &Ccp,
+            impulse: &mut [f64],
+            last: &mut [f64],
+            settings: &SolveSettings,
+            _: bool,
+        ) -> Result<Option<SolveReport>, CcpError> {
+            let (answer, status) = self.0.remove(0);
+            impulse.copy_from_slice(&answer);
+            last.copy_from_slice(&answer);
+            let report =
+                Limits::start(settings, 1).report("scripted", problem, impulse, status, EXACT_ROUND, 0);
+            Ok(Some(SolveReport { products: 7, ..report }))
+        }
+    }
+
+    #[test]
+    fn a_round_that_is_stopped_does_not_lose_what_the_one_before_found() {
+        let problem = two_contacts(0.5);
+        let mut near = vec![0.0; 6];
+        let friction = FrictionModel::Coulomb;
+        let loose = SolveSettings { tolerance: 1e-3, friction, ..SolveSettings::default() };
+        let mut apgd = "apgd".parse::<SolverSpec>().unwrap().build().unwrap();
+        let expected = apgd.solve(&problem, &mut near, &loose).unwrap();
+        let rounds = vec![(near.clone(), Status::IterationLimit), (vec![0.0; 6], Status::Stopped)];
+        let mut solver = CoulombIteration::new(Box::new(Scripted(rounds)));
+        let mut impulse = vec![0.0; 6];
+        let settings = SolveSettings { tolerance: 0.0, friction, ..SolveSettings::default() };
+        let report = solver.solve(&problem, &mut impulse, &settings).unwrap();
+        assert_eq!((impulse, report.residual), (near, expected.residual));
+        assert_eq!(report.status, Status::Stopped);
+        assert_eq!((report.iterations, report.products), (2 * EXACT_ROUND, 14));
     }
 }

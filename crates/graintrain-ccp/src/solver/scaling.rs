@@ -356,12 +356,12 @@ impl ScaledProblem {
         }
     }
 
-    /// The problem that the residual and [`Here::drive`] are of; relaxed at first.
+    /// The problem that the residual, [`Here::drive`] and [`Here::allowed`] are of; relaxed at first.
     pub fn set_friction_model(&mut self, model: FrictionModel) {
         self.friction_model = model;
     }
 
-    /// The problem that the residual and [`Here::drive`] are of.
+    /// The problem that the residual, [`Here::drive`] and [`Here::allowed`] are of.
     pub fn friction_model(&self) -> FrictionModel {
         self.friction_model
     }

@@ -39,8 +39,8 @@ const LINEAR: f64 = 1e-12;
 /// (r^T g)^2 / (g^T N g) relative to |r|^2 (scaled) that makes a search worth its while.
 const SUSPICIOUS: f64 = 1e9;
 
-/// Whether impulses of a scaled problem look like those of a problem without a solution: (r^T g)^2 / (g^T N g), which bounds twice
-/// the optimal value from below, has grown out of proportion to |r|^2. Given r^T g, g^T N g and |r|^2.
+/// Whether impulses of a scaled problem look like those of a problem without a solution: (r^T g)^2 / (g^T N g) has grown out
+/// of proportion to |r|^2. The optimal value is at most minus half of it. Given r^T g, g^T N g and |r|^2.
 pub(in crate::solver) fn is_suspicious(along: f64, energy: f64, free: f64) -> bool {
     along < 0.0 && along * along > SUSPICIOUS * free * energy
 }

@@ -39,15 +39,14 @@ pub struct Here<V> {
 }
 
 impl<V: Vector> Here<V> {
-    /// What u is projected against: u itself, or with mu' |u_t| added to the normal component where friction is exact.
+    /// The velocity that the natural map of the residual takes: u itself, or with mu' |u_t| added to the normal component where
+    /// friction is exact.
     /// The two factors per contact turn mu |u_t| into mu' |u'_t|.
     #[inline(always)]
     pub fn drive(&self, u: &Batch<V>) -> Batch<V> {
         if self.exact { [u[0] + self.mu * (u[1] * u[1] + u[2] * u[2]).sqrt(), u[1], u[2]] } else { *u }
     }
-}
 
-impl<V: Vector> Here<V> {
     /// The impulse that a step to `point`, whose tangential length is known, may have: the nearest one in the friction cone, or
     /// where friction is exact the one of [`within_disc`].
     #[inline(always)]
