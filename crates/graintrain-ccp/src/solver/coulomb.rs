@@ -27,8 +27,7 @@ use crate::residual::{FrictionModel, ResidualScale};
 ///
 /// A limit of iterations holds for these two stages one by one, because they need not count the same: in the first one `ipm`
 /// makes gradient steps, in the second Newton systems. The report has their sum. Without a limit the second stage ends after ten
-/// times the iterations that the solver allows itself for one relaxed solve ([`Status::IterationLimit`]); it also ends where as many
-/// as one is allowed have brought nothing better.
+/// times the iterations that the solver allows itself for one relaxed solve ([`Status::IterationLimit`]).
 pub struct CoulombIteration {
     relaxed: Box<dyn CcpSolver>,
     /// Whether the relaxed solver's last call had the N and mu of the caller's problem.
@@ -207,7 +206,7 @@ impl CoulombIteration {
             return Ok(SolveReport { products: found.products, ..report });
         }
         let Found { mut best, steps, mut products, .. } = found;
-        let (mut iterations, mut linear_iterations, mut since_best, mut iterations_at_best) = (0, 0, 0, 0);
+        let (mut iterations, mut linear_iterations, mut since_best) = (0, 0, 0);
         let mut jammed = None;
         let mut fraction = INNER_FRACTION[0];
         let mut best_residual = f64::INFINITY;
@@ -222,15 +221,14 @@ impl CoulombIteration {
             best.offer(impulse, residual);
             since_best += 1;
             if residual < 0.9 * best_residual {
-                (since_best, iterations_at_best) = (0, iterations);
+                since_best = 0;
             }
             best_residual = residual.min(best_residual);
             if let Some(stop) = limits.status(iterations, residual) {
                 status = stop;
                 break;
             }
-            let long = iterations - iterations_at_best > self.relaxed.iteration_limit();
-            if since_best > PATIENCE || (since_best > SLOW && long) {
+            if since_best > PATIENCE {
                 // The relaxed solver's own verdict tells more than "stalled" where it has one.
                 status = match last_inner {
                     Some(Status::IterationLimit) => Status::IterationLimit,
