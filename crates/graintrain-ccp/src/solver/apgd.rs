@@ -5,7 +5,7 @@
 //! O'Donoghue and Candes (2015).
 
 use super::first_order::{FirstOrder, FirstOrderMethod, Iterate};
-use super::lanes::{Batch, Vector, add_scaled, dot, sub};
+use super::lanes::{Batch, Vector, add_scaled, dot, project_given, sub, within_disc};
 use super::scaling::{Combination, Given, Here, Kernel, ScaledProblem};
 use super::sweep::Tally;
 use crate::residual::FrictionModel;
@@ -57,12 +57,14 @@ fn extrapolated<V: Vector>(x: &Batch<V>, previous: &Batch<V>, beta: f64) -> Batc
 }
 
 /// previous <- x+ = P(y - t u) with y = x + beta (x - previous); returns d = x+ - y, tallies |d|^2 and d^T (x+ - x).
-struct Step {
+///
+/// Whether friction is exact is known to the compiler: asked per contact it costs a tenth of an iteration.
+struct Step<const EXACT: bool> {
     step: f64,
     beta: f64,
 }
 
-impl Kernel<2> for Step {
+impl<const EXACT: bool> Kernel<2> for Step<EXACT> {
     #[inline(always)]
     fn point<V: Vector>(&self, _: Here<V>, u: &Batch<V>, [x, previous]: [&Batch<V>; 2]) -> Batch<V> {
         add_scaled(&extrapolated(x, previous, self.beta), -self.step, u)
@@ -70,7 +72,11 @@ impl Kernel<2> for Step {
 
     #[inline(always)]
     fn projected<V: Vector>(&self, here: Here<V>, _: &Batch<V>, point: &Batch<V>, tangential: V) -> Batch<V> {
-        here.allowed(point, tangential)
+        if EXACT {
+            within_disc(here.mu, point, tangential)
+        } else {
+            project_given(here.mu, point, tangential)
+        }
     }
 
     #[inline(always)]
@@ -115,14 +121,21 @@ impl FirstOrderMethod for Apgd {
     const EXACT: bool = true;
 
     fn run(&mut self, scaled: &ScaledProblem, it: &mut Iterate<'_>) {
+        match scaled.friction_model() {
+            FrictionModel::Relaxed => self.iterate::<false>(scaled, it),
+            FrictionModel::Coulomb => self.iterate::<true>(scaled, it),
+        }
+    }
+}
+
+impl Apgd {
+    /// The iterations, with exact friction or not.
+    fn iterate<const EXACT: bool>(&self, scaled: &ScaledProblem, it: &mut Iterate<'_>) {
         let mut step = 1.0 / it.largest_curvature(scaled);
         let mut previous = it.x.clone();
         let mut image_y = it.image.clone();
         let (mut theta, mut beta) = (1.0_f64, 0.0);
-        let mut memory = match scaled.friction_model() {
-            FrictionModel::Relaxed => f64::INFINITY,
-            FrictionModel::Coulomb => self.memory,
-        };
+        let mut memory = if EXACT { self.memory } else { f64::INFINITY };
         let mut last_step = f64::INFINITY;
         while it.proceed(scaled) {
             if it.was_refreshed() {
@@ -131,13 +144,13 @@ impl FirstOrderMethod for Apgd {
                 let Iterate { x, work, .. } = it;
                 scaled.scatter_pass([x, &mut previous], &mut image_y, work, &Extrapolated { beta });
             }
-            let kernel = Step { step, beta };
+            let kernel = Step::<EXACT> { step, beta };
             let images = [&mut image_y[..], &mut it.image];
             let vectors = [&mut it.x[..], &mut previous];
             let (totals, curvature) = scaled.pass_onto(images, vectors, &mut it.work, &kernel, |totals| {
                 let [length, downhill, ..] = totals.sum;
                 if downhill < 0.0 || theta > memory {
-                    if memory.is_finite() && theta > YOUNG {
+                    if EXACT && theta > YOUNG {
                         let now = length.sqrt() / step;
                         let factor = if now < last_step { self.longer } else { self.shorter.recip() };
                         memory = (factor * memory).clamp(MEMORY[0], MEMORY[1]);
