@@ -23,7 +23,8 @@ use crate::residual::{FrictionModel, ResidualScale};
 /// errors of the solves hide the first.
 ///
 /// A solver that treats exact friction in iterations of its own ([`CcpSolver::solve_exact`]) is tried first; the fixed point goes
-/// on from its best iterate where that did not converge, from the start given and from zero. Relaxed solves pass straight through, and so do problems without friction.
+/// on from its best iterate where that did not converge, neither from the start given nor from zero. Relaxed solves pass straight
+/// through, and so do problems without friction.
 ///
 /// A limit of iterations holds for these two stages one by one, because they need not count the same: in the first one `ipm`
 /// makes gradient steps, in the second Newton systems. The report has their sum. Without a limit the second stage ends after ten
@@ -153,19 +154,21 @@ impl CoulombIteration {
         Ok(None)
     }
 
-    /// Whether not even the problem without friction has a solution: then the exact one has none. Impulses that keep the bodies
+    /// The problem without friction: where not even that has a solution, the exact one has none. Impulses that keep the bodies
     /// apart exist there, or nowhere; that a relaxed problem with friction has no solution proves nothing about the exact one.
-    fn jammed(
+    /// `iterations` of the limit are used up.
+    fn without_friction(
         &mut self,
         problem: &Ccp,
         settings: &SolveSettings,
         limits: &Limits<'_>,
+        iterations: usize,
     ) -> Result<SolveReport, CcpError> {
         let mut frictionless = problem.clone();
         frictionless.friction.fill(0.0);
         let settings = SolveSettings {
             friction: FrictionModel::Relaxed,
-            max_iterations: Some(limits.iterations_left(0).min(self.relaxed.iteration_limit())),
+            max_iterations: Some(limits.iterations_left(iterations).min(self.relaxed.iteration_limit())),
             max_time: limits.time_left(),
             ..settings.clone()
         };
@@ -207,7 +210,7 @@ impl CoulombIteration {
         }
         let Found { mut best, steps, mut products, .. } = found;
         let (mut iterations, mut linear_iterations, mut since_best) = (0, 0, 0);
-        let mut jammed = None;
+        let mut asked_without_friction = false;
         let mut fraction = INNER_FRACTION[0];
         let mut best_residual = f64::INFINITY;
         let mut last_inner = None;
@@ -263,11 +266,11 @@ impl CoulombIteration {
             linear_iterations += report.linear_iterations;
             products += report.products;
             last_inner = Some(report.status);
-            if report.status == Status::Infeasible && jammed.is_none() {
-                let report = self.jammed(problem, settings, &limits)?;
+            if report.status == Status::Infeasible && !asked_without_friction {
+                asked_without_friction = true;
+                let report = self.without_friction(problem, settings, &limits, iterations)?;
                 iterations += report.iterations;
-                jammed = Some(report.status == Status::Infeasible);
-                if jammed == Some(true) {
+                if report.status == Status::Infeasible {
                     status = Status::Infeasible;
                     break;
                 }
