@@ -1,0 +1,195 @@
+//! What a pass does at four contacts: the interface of a method's update, and the updates that the scaled problem needs itself.
+
+use super::super::lanes::{Batch, Vector, dot, project_given, scale, sub, zero};
+use super::super::sweep::Tally;
+use super::{Here, Metric};
+
+/// What a method does at four contacts in a pass. A type rather than a closure, because only `#[inline(always)]`
+/// functions are sure to be compiled for the processor's vector instructions.
+pub trait Kernel<const M: usize>: Sync {
+    /// Whether the update takes no root and no quotient, whose tens of cycles the pass has to hide.
+    const SHORT: bool = false;
+    /// Whether u is the gradient N' y + r', or only N' y.
+    const GRADIENT: bool = true;
+
+    /// The point whose projection on the cones the update wants, given u and the method's vectors at this batch. Its tangential
+    /// length, a root, is taken two batches ahead of the update, the projection, with its quotient, one batch ahead.
+    #[inline(always)]
+    fn point<V: Vector>(&self, _here: Here<V>, _u: &Batch<V>, _vectors: [&Batch<V>; M]) -> Batch<V> {
+        zero()
+    }
+
+    /// The projection of the point, given its tangential length, or whatever else is to be made of them by a quotient.
+    #[inline(always)]
+    fn projected<V: Vector>(
+        &self,
+        here: Here<V>,
+        _u: &Batch<V>,
+        point: &Batch<V>,
+        tangential: V,
+    ) -> Batch<V> {
+        project_given(here.mu, point, tangential)
+    }
+
+    /// Given u and the projection of the point, updates the method's vectors at this batch, adds to the tally and returns the
+    /// batch whose image the pass computes.
+    fn at<V: Vector>(
+        &self,
+        here: Here<V>,
+        given: Given<V>,
+        vectors: [&mut Batch<V>; M],
+        tally: &mut Tally<V>,
+    ) -> Batch<V>;
+}
+
+/// What a kernel is given at four contacts.
+#[derive(Clone, Copy)]
+pub struct Given<V> {
+    /// u = N' y + r', or N' y where the kernel wants only that.
+    pub u: Batch<V>,
+    /// What [`Kernel::projected`] has made of [`Kernel::point`].
+    pub projected: Batch<V>,
+}
+
+/// What becomes of a method's images when a pass has computed a new one: a linear combination, number by number.
+pub trait Combination<const K: usize>: Sync {
+    /// The images' new numbers, given those of the fresh image.
+    fn of<V: Vector>(&self, fresh: V, images: [V; K]) -> [V; K];
+}
+
+/// Image <- the fresh one.
+pub struct Replace;
+
+impl Combination<1> for Replace {
+    #[inline(always)]
+    fn of<V: Vector>(&self, fresh: V, _: [V; 1]) -> [V; 1] {
+        [fresh]
+    }
+}
+
+/// Image <- image + the fresh one.
+pub struct Accumulate;
+
+impl Combination<1> for Accumulate {
+    #[inline(always)]
+    fn of<V: Vector>(&self, fresh: V, [image]: [V; 1]) -> [V; 1] {
+        [image + fresh]
+    }
+}
+
+/// What Gauss-Seidel makes of the impulses of four contacts, given their velocities.
+pub trait Relaxation: Sync {
+    /// The new impulses.
+    fn relaxed<V: Vector>(&self, batch: usize, here: Here<V>, u: &Batch<V>, x: &Batch<V>) -> Batch<V>;
+}
+
+/// Returns the vector: its image is wanted.
+pub(super) struct Identity;
+
+impl Kernel<1> for Identity {
+    const SHORT: bool = true;
+
+    #[inline(always)]
+    fn at<V: Vector>(&self, _: Here<V>, _: Given<V>, [x]: [&mut Batch<V>; 1], _: &mut Tally<V>) -> Batch<V> {
+        *x
+    }
+}
+
+/// x <- factor N' x; tallies |x|^2.
+pub(super) struct PowerStep {
+    pub(super) factor: f64,
+}
+
+impl Kernel<1> for PowerStep {
+    const SHORT: bool = true;
+    const GRADIENT: bool = false;
+
+    #[inline(always)]
+    fn at<V: Vector>(
+        &self,
+        _: Here<V>,
+        Given { u, .. }: Given<V>,
+        [x]: [&mut Batch<V>; 1],
+        tally: &mut Tally<V>,
+    ) -> Batch<V> {
+        *x = scale(V::splat(self.factor), &u);
+        tally.sum[0] += dot(x, x);
+        *x
+    }
+}
+
+/// Tallies max (|d_i| / J)^2 of the natural map in the original metric.
+pub(super) struct NaturalMap;
+
+impl Kernel<1> for NaturalMap {
+    #[inline(always)]
+    fn point<V: Vector>(&self, here: Here<V>, u: &Batch<V>, [x]: [&Batch<V>; 1]) -> Batch<V> {
+        let u = here.drive(u);
+        let Metric { along, across, .. } = here.metric;
+        sub(&here.metric.impulse(x), &[along * u[0], across * u[1], across * u[2]])
+    }
+
+    #[inline(always)]
+    fn projected<V: Vector>(&self, here: Here<V>, _: &Batch<V>, point: &Batch<V>, tangential: V) -> Batch<V> {
+        project_given(here.metric.mu, point, tangential)
+    }
+
+    #[inline(always)]
+    fn at<V: Vector>(
+        &self,
+        here: Here<V>,
+        Given { projected, .. }: Given<V>,
+        [x]: [&mut Batch<V>; 1],
+        tally: &mut Tally<V>,
+    ) -> Batch<V> {
+        let d = sub(&here.metric.impulse(x), &projected);
+        tally.max = tally.max.max(dot(&d, &d));
+        d
+    }
+}
+
+/// As [`NaturalMap`] where u is a vector.
+pub(super) struct NaturalMapGiven;
+
+impl Kernel<2> for NaturalMapGiven {
+    #[inline(always)]
+    fn point<V: Vector>(&self, here: Here<V>, _: &Batch<V>, [x, u]: [&Batch<V>; 2]) -> Batch<V> {
+        NaturalMap.point(here, u, [x])
+    }
+
+    #[inline(always)]
+    fn projected<V: Vector>(&self, here: Here<V>, u: &Batch<V>, point: &Batch<V>, tangential: V) -> Batch<V> {
+        NaturalMap.projected(here, u, point, tangential)
+    }
+
+    #[inline(always)]
+    fn at<V: Vector>(
+        &self,
+        here: Here<V>,
+        given: Given<V>,
+        [x, _]: [&mut Batch<V>; 2],
+        tally: &mut Tally<V>,
+    ) -> Batch<V> {
+        NaturalMap.at(here, given, [x], tally)
+    }
+}
+
+/// out <- N' x + r', or N' x.
+pub(super) struct Store<const GRADIENT: bool>;
+
+impl<const GRADIENT: bool> Kernel<1> for Store<GRADIENT> {
+    const SHORT: bool = true;
+    const GRADIENT: bool = GRADIENT;
+
+    #[inline(always)]
+    fn at<V: Vector>(
+        &self,
+        _: Here<V>,
+        Given { u, .. }: Given<V>,
+        [out]: [&mut Batch<V>; 1],
+        _: &mut Tally<V>,
+    ) -> Batch<V> {
+        *out = u;
+        zero()
+    }
+}
