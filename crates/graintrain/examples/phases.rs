@@ -46,6 +46,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         tolerance: 1e-2,
         max_iterations: Some(200),
         friction: graintrain::ccp::FrictionModel::Relaxed,
+        ..StepSettings::default()
     })?;
     for k in 0..steps {
         let report = stepper.step(&mut world)?;

@@ -2,31 +2,30 @@
 
 use crate::collide::identity::PreviousContacts;
 use crate::contact::{Contact, ContactSet};
-use crate::integrate::inverse_mass;
 use crate::math::{Vec3, tangents};
 use crate::world::World;
-use graintrain_ccp::{Ccp, Delassus, FIXED, RigidContact, RigidDelassus};
+use graintrain_ccp::{BodyInverseMass, Ccp, Delassus, FIXED, RigidContact, RigidDelassus};
 use rayon::prelude::*;
 
 /// Contacts per parallel task.
 const TASK: usize = 4096;
 
-/// The problem of a step: with the velocities `free` that bodies would have without contact (six numbers per body,
-/// [`crate::integrate::free_velocity`]),
-///
-/// ```text
-/// r_i = b_i + D_i^T free,   N = D^T M^-1 D with the masked inverse mass,
-/// b_i = (Phi_i / dt, 0, 0), and for a touching, approaching contact with restitution e (Newton)
-/// b_i,n = min(Phi_i / dt, e D_i,n^T v),  v before the step.
-/// ```
-///
-/// Touching means that the gap closes within the step, Phi_i + dt D_i,n^T v <= 0, so that a body rebounds with e times
-/// the velocity with which it arrives. Fully prescribed bodies are [`FIXED`] in D; their velocity enters r.
-///
-/// J, which makes residuals dimensionless, is the mean mass of the bodies that have a dynamic degree of freedom, times
-/// |gravity| dt; without gravity it is left to the problem (from r, as for a bare problem).
-pub fn assemble(world: &World, contacts: &[Contact], free: &[f64], step: f64) -> Ccp {
-    let rigid: Vec<RigidContact> = contacts
+/// What becomes of overlap.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum OverlapCorrection {
+    /// Bodies that overlap may not approach; positions are corrected apart from velocities (see [`crate::overlap`]), so that no
+    /// energy is made.
+    #[default]
+    Position,
+    /// Bodies that overlap have to part with the velocity that removes the overlap within the step, -Phi / dt, and keep it: the
+    /// scheme of the paper, for states without overlap. A shorter step throws harder.
+    Velocity,
+}
+
+/// Rows of D for every contact: frames and arms. Fully prescribed bodies are [`FIXED`].
+pub fn contact_rows(world: &World, contacts: &[Contact]) -> Vec<RigidContact> {
+    contacts
         .par_iter()
         .with_min_len(TASK)
         .map(|contact| {
@@ -39,60 +38,70 @@ pub fn assemble(world: &World, contacts: &[Contact], free: &[f64], step: f64) ->
             let frame = [contact.normal.to_array(), t1.to_array(), t2.to_array()];
             RigidContact { body_a, body_b, frame, arm_a, arm_b }
         })
-        .collect();
-    let mut r = vec![0.0; 3 * contacts.len()];
-    r.par_chunks_mut(3).zip(contacts).zip(&rigid).with_min_len(TASK).for_each(|((r, contact), rigid)| {
-        let u = to_frame(rigid, relative_velocity(contact, rigid, |body| velocity_of(free, body)));
-        r.copy_from_slice(&[stabilisation(world, contact, rigid, free, step) + u[0], u[1], u[2]]);
+        .collect()
+}
+
+/// D^T v in the contacts' frames (n, t1, t2), m/s, length 3 N_c, of velocities of all bodies (six numbers each), prescribed ones
+/// included.
+pub fn relative_velocities(contacts: &[Contact], rows: &[RigidContact], velocity: &[f64]) -> Vec<f64> {
+    let mut u = vec![0.0; 3 * contacts.len()];
+    u.par_chunks_mut(3).zip(contacts).zip(rows).with_min_len(TASK).for_each(|((u, contact), row)| {
+        u.copy_from_slice(&to_frame(row, relative_velocity(contact, row, |body| velocity_of(velocity, body))));
     });
-    let friction = contacts
-        .iter()
-        .map(|contact| {
-            let [a, b] = materials(world, contact);
-            world.materials.pair_friction(a, b)
-        })
-        .collect();
+    u
+}
+
+/// The contact problem of a step: with the velocities `free` that bodies would have without contact (six numbers per body,
+/// [`crate::integrate::free_velocity`]),
+///
+/// ```text
+/// r_i = b_i + D_i^T free,   N = D^T M^-1 D with the masked inverse mass,   b_i = (Phi_i / dt, 0, 0)
+/// ```
+///
+/// where Phi_i > 0. Where bodies overlap, b_i = 0 or, after the paper, Phi_i / dt: see [`OverlapCorrection`]. The velocity of
+/// prescribed bodies enters r. Restitution is not here but in [`crate::impact`].
+///
+/// J, which makes residuals dimensionless, is the mean mass of the bodies that have a dynamic degree of freedom, times
+/// |gravity| dt; without gravity it is left to the problem (from r, as for a bare problem).
+pub fn assemble(
+    world: &World,
+    contacts: &[Contact],
+    rows: Vec<RigidContact>,
+    inverse_mass: Vec<BodyInverseMass>,
+    free: &[f64],
+    step: f64,
+    overlap: OverlapCorrection,
+) -> Ccp {
+    let mut r = relative_velocities(contacts, &rows, free);
+    for (u, contact) in r.chunks_exact_mut(3).zip(contacts) {
+        u[0] += match overlap {
+            OverlapCorrection::Velocity => contact.gap / step,
+            OverlapCorrection::Position => contact.gap.max(0.0) / step,
+        };
+    }
     Ccp {
-        delassus: Delassus::Rigid(RigidDelassus::new(rigid, inverse_mass(world))),
+        delassus: Delassus::Rigid(RigidDelassus::new(rows, inverse_mass)),
         r,
-        friction,
+        friction: pair_property(world, contacts, |a, b| world.materials.pair_friction(a, b)),
         impulse_scale: impulse_scale(world, step),
         points: contacts.iter().map(|contact| contact.point.to_array()).collect(),
         identity: contacts.iter().map(|contact| contact.identity).collect(),
     }
 }
 
-/// b_i,n: the approach velocity that would close the gap in one step, or the rebound.
-fn stabilisation(world: &World, contact: &Contact, rigid: &RigidContact, free: &[f64], step: f64) -> f64 {
-    let closing = contact.gap / step;
-    let [a, b] = materials(world, contact);
-    let restitution = world.materials.pair_restitution(a, b);
-    if restitution == 0.0 {
-        return closing;
-    }
-    let before = relative_velocity(contact, rigid, |body| velocity_before(world, free, body));
-    let approach = to_frame(rigid, before)[0];
-    if approach < 0.0 && closing + approach <= 0.0 { closing.min(restitution * approach) } else { closing }
-}
-
-fn materials(world: &World, contact: &Contact) -> [usize; 2] {
-    [contact.body_a, contact.body_b].map(|body| world.bodies.material[body as usize] as usize)
+/// A property of the two materials of every contact.
+pub(crate) fn pair_property(
+    world: &World,
+    contacts: &[Contact],
+    property: impl Fn(usize, usize) -> f64,
+) -> Vec<f64> {
+    let material = |body: u32| world.bodies.material[body as usize] as usize;
+    contacts.iter().map(|contact| property(material(contact.body_a), material(contact.body_b))).collect()
 }
 
 fn velocity_of(velocities: &[f64], body: usize) -> [Vec3; 2] {
     let v = &velocities[6 * body..6 * body + 6];
     [Vec3::new(v[0], v[1], v[2]), Vec3::new(v[3], v[4], v[5])]
-}
-
-/// Velocity before the step; prescribed degrees of freedom already have the velocity of this step.
-fn velocity_before(world: &World, free: &[f64], body: usize) -> [Vec3; 2] {
-    let dynamic = world.free_degrees(body);
-    let now = [world.bodies.velocity[body], world.bodies.angular_velocity[body]];
-    let driven = velocity_of(free, body);
-    std::array::from_fn(|part| {
-        let pick = |k: usize| if dynamic[3 * part + k] { now[part][k] } else { driven[part][k] };
-        Vec3::new(pick(0), pick(1), pick(2))
-    })
 }
 
 /// u_A + w_A x r_A - u_B - w_B x r_B.

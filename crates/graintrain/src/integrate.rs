@@ -15,16 +15,16 @@ const TURN_PER_SUBSTEP: f64 = 0.25;
 /// More sub-steps than this are not made; a body that turns by more than 250 rad per step is not resolved anyway.
 const MAX_SUBSTEPS: f64 = 1000.0;
 
-/// Velocities (u, w) after the step if no contact acted, six numbers per body, m/s and rad/s.
+/// Velocities (u, w) after the step if no contact acted, six numbers per body, m/s and rad/s, from the velocities `before` it.
 ///
 /// Dynamic degrees of freedom: `v + M^-1 (dt f + G)` with gravity f and the gyroscopic impulse G of [`free_spin`].
 /// Prescribed ones: the mean over the step of the prescribed velocity. Where only some rotations of a body are dynamic
 /// (set S, the rest P; J = R I R^T): `w_S + J_SS^-1 (-dt (w x J w)_S - J_SP (w_P+ - w_P))`.
-pub fn free_velocity(world: &World, step: f64) -> Vec<f64> {
+pub fn free_velocity(world: &World, before: &[f64], step: f64) -> Vec<f64> {
     let mut free = vec![0.0; 6 * world.bodies.len()];
     free.par_chunks_mut(6 * TASK).enumerate().for_each(|(task, chunk)| {
         for (offset, v) in chunk.chunks_exact_mut(6).enumerate() {
-            let (linear, angular) = body_free_velocity(world, task * TASK + offset, step);
+            let (linear, angular) = body_free_velocity(world, before, task * TASK + offset, step);
             v[..3].copy_from_slice(&linear.to_array());
             v[3..].copy_from_slice(&angular.to_array());
         }
@@ -32,9 +32,15 @@ pub fn free_velocity(world: &World, step: f64) -> Vec<f64> {
     free
 }
 
-fn body_free_velocity(world: &World, body: usize, step: f64) -> (Vec3, Vec3) {
+/// The velocities of all bodies, six numbers each.
+pub fn velocities(world: &World) -> Vec<f64> {
     let bodies = &world.bodies;
-    let (u, w) = (bodies.velocity[body], bodies.angular_velocity[body]);
+    bodies.velocity.iter().zip(&bodies.angular_velocity).flat_map(|(u, w)| [u.x, u.y, u.z, w.x, w.y, w.z]).collect()
+}
+
+fn body_free_velocity(world: &World, before: &[f64], body: usize, step: f64) -> (Vec3, Vec3) {
+    let bodies = &world.bodies;
+    let [u, w] = [0, 3].map(|part| Vec3::from_slice(&before[6 * body + part..6 * body + part + 3]));
     let orientation = bodies.orientation[body];
     let falling = u + step * world.gravity;
     if bodies.motion[body] == FREE {
@@ -152,8 +158,16 @@ pub fn inverse_mass(world: &World) -> Vec<BodyInverseMass> {
         .collect()
 }
 
-/// Sets the velocities of all bodies (six numbers each) and moves them: `x + dt u`, `exp(dt w / 2) Q` renormalised.
-pub(crate) fn advance(world: &mut World, velocity: &[f64], step: f64) {
+/// Sets the velocities of all bodies (six numbers each) and moves them: `x + dt u`, `exp(dt w / 2) Q` renormalised; then by a
+/// displacement (translation and turn, six numbers per body) that leaves no velocity, if there is one.
+pub(crate) fn advance(world: &mut World, velocity: &[f64], displacement: Option<&[f64]>, step: f64) {
+    move_bodies(world, velocity, step, true);
+    if let Some(displacement) = displacement {
+        move_bodies(world, displacement, 1.0, false);
+    }
+}
+
+fn move_bodies(world: &mut World, velocity: &[f64], step: f64, keeps: bool) {
     let bodies = &mut world.bodies;
     bodies
         .position
@@ -163,11 +177,13 @@ pub(crate) fn advance(world: &mut World, velocity: &[f64], step: f64) {
         .zip(velocity.par_chunks_exact(6))
         .with_min_len(TASK)
         .for_each(|(((position, orientation), (linear, angular)), v)| {
-            *linear = Vec3::new(v[0], v[1], v[2]);
-            *angular = Vec3::new(v[3], v[4], v[5]);
-            *position += step * *linear;
-            if *angular != Vec3::ZERO {
-                *orientation = (rotation_exponential(step * *angular) * *orientation).normalize();
+            let (u, w) = (Vec3::from_slice(&v[..3]), Vec3::from_slice(&v[3..]));
+            if keeps {
+                (*linear, *angular) = (u, w);
+            }
+            *position += step * u;
+            if w != Vec3::ZERO {
+                *orientation = (rotation_exponential(step * w) * *orientation).normalize();
             }
         });
 }

@@ -8,6 +8,7 @@
 //! | [`collide`] | finding contacts |
 //! | [`assemble`] | the contact problem of a step |
 //! | [`integrate`] | velocities without contact, positions, rotations |
+//! | [`impact`], [`overlap`], [`parts`] | restitution, overlap without energy, parts that do not touch |
 //! | [`stepper`] | the time step |
 //! | [`run`], [`output`], [`checkpoint`] | many steps, what they leave behind, going on later |
 //! | [`render`], [`plot`], [`view`] | pictures, charts, replays |
@@ -22,11 +23,14 @@ pub mod checkpoint;
 pub mod collide;
 pub mod contact;
 pub mod error;
+pub mod impact;
 pub mod integrate;
 pub mod material;
 pub mod math;
 pub mod motion;
 pub mod output;
+pub mod overlap;
+pub mod parts;
 pub mod plot;
 pub mod problem_file;
 pub mod render;

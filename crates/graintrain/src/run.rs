@@ -193,6 +193,7 @@ impl Run {
             tolerance: settings.tolerance,
             max_iterations: settings.max_iterations,
             friction: settings.friction,
+            ..StepSettings::default()
         })?;
         stepper.stop_on(Arc::clone(&stop));
         Ok(Self { world, settings, totals, strict: false, stepper, stop })

@@ -1,17 +1,24 @@
 //! One time step: settings, the step itself, report.
 
-use crate::assemble::{assemble, warm_start};
+use crate::assemble::{
+    OverlapCorrection, assemble, contact_rows, pair_property, relative_velocities, warm_start,
+};
 use crate::collide::Collider;
-use crate::contact::ContactSet;
+use crate::contact::{Contact, ContactSet};
 use crate::error::{ModelError, positive};
-use crate::integrate::{advance, free_velocity};
-use crate::math::Vec3;
+use crate::impact::{ImpactSolver, Impacts, Rows};
+use crate::integrate::{advance, free_velocity, inverse_mass};
+use crate::math::{Quat, Vec3};
+use crate::overlap::{Correction, Gaps};
+use crate::parts::parts;
 use crate::world::World;
+use graintrain_ccp::residual::ResidualScale;
 use graintrain_ccp::{
     Ccp, CcpError, CcpSolver, Delassus, FrictionModel, Residual, SolveReport, SolveSettings, SolverSpec,
     Status,
 };
 use serde::{Deserialize, Serialize};
+use std::collections::HashSet;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
@@ -32,6 +39,23 @@ pub struct StepSettings {
     pub max_iterations: Option<usize>,
     /// Relaxed cone complementarity or exact Coulomb friction.
     pub friction: FrictionModel,
+    /// What becomes of overlap.
+    pub overlap: OverlapCorrection,
+}
+
+impl Default for StepSettings {
+    /// Steps of 1 ms, no envelope beyond what closes within the step, solver `auto` to 1e-3, relaxed friction, positions corrected.
+    fn default() -> Self {
+        Self {
+            step: 1e-3,
+            envelope: 0.0,
+            solver: SolverSpec::default(),
+            tolerance: 1e-3,
+            max_iterations: None,
+            friction: FrictionModel::Relaxed,
+            overlap: OverlapCorrection::Position,
+        }
+    }
 }
 
 /// Wall-clock seconds of the phases of a step.
@@ -65,16 +89,48 @@ pub struct StepReport {
     pub contacts: usize,
     /// Contacts whose normal impulse exceeds a millionth of the mean.
     pub contacts_with_force: usize,
-    /// The solver's own report.
+    /// Connected parts of the contact graph with a problem to solve.
+    pub parts: usize,
+    /// The solver's own report; over several parts the worst residuals and status, the most iterations, and the sums of the rest.
     pub solve: SolveReport,
-    /// Deepest overlap after the step's collision detection, m; zero if nothing overlaps.
+    /// Deepest overlap at the end of the step, m; zero if nothing overlaps.
     pub penetration_max: f64,
+    /// Deepest overlap at the end of the step over the size of the smaller of both bodies.
+    pub penetration_max_over_size: f64,
     /// Kinetic energy of the bodies with a dynamic degree of freedom after the step, J.
     pub kinetic_energy: f64,
+    /// What is left of the contact problem, in physical units.
+    pub errors: PhysicalErrors,
+    /// Contacts that arrived with restitution, over all passes of [`crate::impact`].
+    pub impacts: usize,
+    /// Connected parts in which restitution was lowered, because it would have made energy.
+    pub restitution_lowered: usize,
+    /// Contacts that joined the problem after a solve, because their bodies would have met all the same.
+    pub contacts_added: usize,
+    /// Pairs of bodies found inside each other after the step that no added contact could keep apart.
+    pub contacts_missed: usize,
+    /// Largest overlap that displacements worked on in this step (see [`crate::overlap`]), m; zero where there was none to mend.
+    pub overlap_corrected_max: f64,
+    /// Energy that those displacements gave to bodies against gravity, J.
+    pub correction_energy: f64,
     /// Seconds per phase.
     pub phases: PhaseSeconds,
     /// One entry per body that is not free.
     pub wrenches: Vec<Wrench>,
+}
+
+/// What the solve of a step left undone, as a person would measure it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct PhysicalErrors {
+    /// Largest velocity at which a contact still closes faster than its gap allows, m/s.
+    pub approach_max: f64,
+    /// The overlap that this makes within the step, over the size of the smaller body.
+    pub overlap_per_step_max_over_size: f64,
+    /// Largest excess of friction over mu times the normal force, relative to that contact's force.
+    pub cone_excess_max: f64,
+    /// Largest angle between friction and the direction against the slip, rad, at contacts that slide faster than the tolerance
+    /// resolves.
+    pub slip_angle_max: f64,
 }
 
 /// Why a step could not be made.
@@ -110,13 +166,40 @@ pub enum StepError {
     Stopped,
 }
 
-/// Makes time steps; owns the solver and everything that is kept between steps apart from the state.
+/// Makes time steps; owns the solvers and everything that is kept between steps apart from the state.
 pub struct Stepper {
     settings: StepSettings,
     solver: Box<dyn CcpSolver>,
+    /// Solves impacts.
+    impacts: Box<dyn CcpSolver>,
+    /// Solves corrections of overlap.
+    correction: Box<dyn CcpSolver>,
     collider: Collider,
     last: Option<(Ccp, Vec<f64>)>,
+    /// Contacts found at the end of the last step, and the fingerprint of the state that they belong to.
+    ahead: Option<(u64, Vec<Contact>)>,
     stop: Option<Arc<AtomicBool>>,
+}
+
+/// Rounds of solving a step again with contacts that were missed; what still overlaps then is reported.
+const ROUNDS: usize = 8;
+
+/// Bodies that end inside each other by more than this fraction of the smaller one's size without having been in contact make a
+/// new round.
+const MISSED: f64 = 5e-4;
+
+/// A solved step before it is made.
+struct Attempt {
+    problem: Ccp,
+    /// Impulses of the contact problem, contact frames.
+    impulse: Vec<f64>,
+    /// Contacts of the problem as indices into those of the step.
+    active: Vec<u32>,
+    impacts: Impacts,
+    velocity: Vec<f64>,
+    solve: SolveReport,
+    parts: usize,
+    assembled: Instant,
 }
 
 impl Stepper {
@@ -134,7 +217,10 @@ impl Stepper {
             return Err(ModelError::Value { what, value: settings.envelope, expected }.into());
         }
         let solver = settings.solver.build()?;
-        Ok(Self { settings, solver, collider: Collider::default(), last: None, stop: None })
+        let named = |name: &str| name.parse::<SolverSpec>()?.build();
+        let (impacts, correction) = (named("auto")?, named("apgd")?);
+        let collider = Collider::default();
+        Ok(Self { settings, solver, impacts, correction, collider, last: None, ahead: None, stop: None })
     }
 
     /// The settings.
@@ -155,78 +241,282 @@ impl Stepper {
     /// One step of semi-implicit Euler with contact:
     ///
     /// ```text
-    /// contacts with gap <= envelope, or closing within the step; v* = v + M^-1 (dt f + G); solve the CCP of N = D^T M^-1 D, r = b + D^T v*
-    /// v+ = v* + M^-1 D g;   x+ = x + dt u+;   Q+ = exp(dt w+ / 2) Q
+    /// contacts with gap <= envelope, or closing within the step;
+    /// impacts: v' = v + M^-1 D g' with restitution (crate::impact);
+    /// v* = v' + M^-1 (dt f + G); solve the CCP of N = D^T M^-1 D, r = b + D^T v*;  v+ = v* + M^-1 D g;
+    /// x+ = x + dt u+ + dx;   Q+ = exp(dw / 2) exp(dt w+ / 2) Q   with the displacements that remove overlap (crate::overlap)
     /// ```
+    ///
+    /// Then all pairs are looked at where they are now. Where bodies overlap that were no contacts, the step is taken back and made
+    /// again with them, until there are none: see [`StepReport::contacts_added`] and [`StepReport::contacts_missed`].
+    ///
+    /// With forces that do not depend on position the sum of kinetic energy and work against gravity never rises in a step whose
+    /// bodies are not driven, but for [`StepReport::correction_energy`]: impacts make none, and the contact problem takes
+    /// `1/2 |v+ - v|_M^2 - g . (D^T v+)`, of which the second term is made not to be positive.
     ///
     /// A solve that misses its tolerance is no error: see [`StepReport::solve`].
     ///
     /// # Errors
     /// [`StepError::NotFinite`], [`StepError::Solver`] or [`StepError::Stopped`]; the world is left unchanged.
     pub fn step(&mut self, world: &mut World) -> Result<StepReport, StepError> {
-        let step = self.settings.step;
         let begin = Instant::now();
         check_state(world)?;
-        let contacts = self.collider.contacts(world, self.settings.envelope, step);
-        let collided = Instant::now();
-        let free = free_velocity(world, step);
-        let problem = assemble(world, &contacts, &free, step);
-        let mut impulse = warm_start(&problem, &contacts, &world.contacts, world.bodies.len());
+        let (step, envelope) = (self.settings.step, self.settings.envelope);
+        let found = self.ahead.take().filter(|(state, _)| *state == world.fingerprint());
+        let mut contacts = match found {
+            Some((_, contacts)) => contacts,
+            None => self.collider.contacts(world, envelope, step),
+        };
+        let mut phases = PhaseSeconds { collide: begin.elapsed().as_secs_f64(), ..PhaseSeconds::default() };
+        let start = Placement::of(world);
+        let mut guess = None;
+        let (mut added, mut iterations) = (0, 0);
+        for round in 0.. {
+            let begin = Instant::now();
+            let attempt = self.attempt(world, &contacts, guess.take())?;
+            phases.assemble += (attempt.assembled - begin).as_secs_f64();
+            phases.solve += attempt.assembled.elapsed().as_secs_f64();
+            iterations += attempt.solve.iterations;
+            let begin = Instant::now();
+            let size: Vec<f64> = contacts.iter().map(|c| self.collider.contact_size(world, c)).collect();
+            let correction = self.correct(world, &contacts, &attempt, &size)?;
+            advance(world, &attempt.velocity, correction.displacement.as_deref(), step);
+            phases.integrate += begin.elapsed().as_secs_f64();
+            let begin = Instant::now();
+            let ahead = self.collider.contacts(world, envelope, step);
+            let missed = self.missed(world, &contacts, &ahead);
+            let mut new = Vec::new();
+            if !missed.is_empty() && round < ROUNDS {
+                let end = start.exchange(world);
+                new = self.new_contacts(world, &contacts, &missed, &attempt.velocity);
+                if new.is_empty() {
+                    end.exchange(world);
+                }
+            }
+            phases.collide += begin.elapsed().as_secs_f64();
+            if new.is_empty() {
+                let missed = missed.len();
+                let mut report =
+                    self.finish(world, &start, contacts, attempt, &size, &correction, ahead, phases);
+                (report.contacts_added, report.contacts_missed) = (added, missed);
+                report.solve.iterations = iterations;
+                return Ok(report);
+            }
+            added += new.len();
+            contacts.extend(new);
+            guess = Some(attempt);
+        }
+        unreachable!("the last round finishes")
+    }
+
+    /// Solves the step from the state of the world without moving anything.
+    fn attempt(
+        &mut self,
+        world: &World,
+        contacts: &[Contact],
+        last: Option<Attempt>,
+    ) -> Result<Attempt, StepError> {
+        let step = self.settings.step;
+        let rows = contact_rows(world, contacts);
+        let masses = inverse_mass(world);
+        let mut impacts = ImpactSolver {
+            solver: self.impacts.as_mut(),
+            friction: self.settings.friction,
+            stop: self.stop.clone(),
+        };
+        let of = Rows { contacts, rows: &rows, inverse_mass: &masses };
+        let Some(impacts) = impacts.resolve(world, of, step)? else { return Err(StepError::Stopped) };
+        let free = free_velocity(world, &impacts.velocity, step);
+        let waits = |i: &u32| {
+            self.settings.friction == FrictionModel::Relaxed && impacts.under_way.binary_search(i).is_ok()
+        };
+        let active: Vec<u32> = (0..contacts.len() as u32).filter(|i| !waits(i)).collect();
+        let pick = |i: &u32| contacts[*i as usize];
+        let chosen: Vec<Contact> = active.iter().map(pick).collect();
+        let rows = active.iter().map(|&i| rows[i as usize]).collect();
+        let problem = assemble(world, &chosen, rows, masses, &free, step, self.settings.overlap);
+        let mut impulse = warm_start(&problem, &chosen, &world.contacts, world.bodies.len());
+        if let Some(last) = last {
+            // New contacts stand at the end, but the first solve may have left others out.
+            for (i, g) in active.iter().zip(impulse.chunks_exact_mut(3)) {
+                if let Ok(k) = last.active.binary_search(i) {
+                    g.copy_from_slice(&last.impulse[3 * k..3 * k + 3]);
+                }
+            }
+        }
         let assembled = Instant::now();
-        let solve = self.solve(&problem, &mut impulse)?;
+        let (solve, parts) = self.solve(&problem, &mut impulse)?;
         if solve.status == Status::Stopped {
             return Err(StepError::Stopped);
         }
-        let solved = Instant::now();
-
-        let (velocity, world_impulse) = velocity_after(&problem, &impulse, free);
+        let velocity = velocity_after(&problem, &impulse, free);
         check_velocity(world, &velocity)?;
-        let world_impulse: Vec<Vec3> = world_impulse.chunks_exact(3).map(Vec3::from_slice).collect();
+        Ok(Attempt { problem, impulse, active, impacts, velocity, solve, parts, assembled })
+    }
+
+    /// Displacements that remove overlap at the end of the step.
+    fn correct(
+        &mut self,
+        world: &World,
+        contacts: &[Contact],
+        attempt: &Attempt,
+        size: &[f64],
+    ) -> Result<Correction, StepError> {
+        if self.settings.overlap == OverlapCorrection::Velocity {
+            return Ok(Correction::default());
+        }
+        let Delassus::Rigid(rigid) = &attempt.problem.delassus else { return Ok(Correction::default()) };
+        let step = self.settings.step;
+        let chosen: Vec<Contact> = attempt.active.iter().map(|&i| contacts[i as usize]).collect();
+        let u = relative_velocities(&chosen, rigid.contacts(), &attempt.velocity);
+        let gap: Vec<f64> = chosen.iter().zip(u.chunks_exact(3)).map(|(c, u)| c.gap + step * u[0]).collect();
+        let size: Vec<f64> = attempt.active.iter().map(|&i| size[i as usize]).collect();
+        let gaps = Gaps {
+            rows: rigid.contacts(),
+            inverse_mass: rigid.inverse_mass(),
+            gap: &gap,
+            size: &size,
+            fall: world.gravity.length() * step * step,
+        };
+        let correction = gaps.correct(self.correction.as_mut(), self.stop.as_ref())?;
+        let finite = correction.displacement.iter().flatten().all(|x| x.is_finite());
+        Ok(if finite { correction } else { Correction { displacement: None, ..correction } })
+    }
+
+    /// Pairs that overlap at the end of the step and were no contacts in it.
+    fn missed(&self, world: &World, contacts: &[Contact], ahead: &[Contact]) -> Vec<Contact> {
+        let deep = |c: &&Contact| -c.gap > MISSED * self.collider.contact_size(world, c);
+        let deep: Vec<Contact> = ahead.iter().filter(deep).copied().collect();
+        if deep.is_empty() {
+            return deep;
+        }
+        let known: HashSet<u64> = contacts.iter().map(|c| c.identity).collect();
+        deep.into_iter().filter(|c| !known.contains(&c.identity)).collect()
+    }
+
+    /// Contacts at the start of the step of pairs that would overlap at its end.
+    fn new_contacts(
+        &self,
+        world: &World,
+        contacts: &[Contact],
+        missed: &[Contact],
+        velocity: &[f64],
+    ) -> Vec<Contact> {
+        let known: HashSet<u64> = contacts.iter().map(|c| c.identity).collect();
+        let mut pairs: Vec<[u32; 2]> = missed.iter().map(|c| [c.body_a, c.body_b]).collect();
+        pairs.sort_unstable();
+        pairs.dedup();
+        let found = pairs.into_iter().flat_map(|[a, b]| {
+            self.collider.contacts_of_pair(world, [a, b], velocity, self.settings.step)
+        });
+        found.filter(|c| !known.contains(&c.identity)).collect()
+    }
+
+    /// What is left to do once the world is where the step takes it.
+    fn finish(
+        &mut self,
+        world: &mut World,
+        start: &Placement,
+        contacts: Vec<Contact>,
+        attempt: Attempt,
+        size: &[f64],
+        correction: &Correction,
+        ahead: Vec<Contact>,
+        mut phases: PhaseSeconds,
+    ) -> StepReport {
+        let begin = Instant::now();
+        let step = self.settings.step;
+        let Attempt { problem, impulse, active, impacts, velocity, solve, parts, .. } = attempt;
         let normal_sum: f64 = impulse.iter().step_by(3).sum();
-        let threshold = 1e-6 * normal_sum / contacts.len().max(1) as f64;
-        let contacts_with_force = impulse.iter().step_by(3).filter(|&&g| g > threshold).count();
-        let penetration_max = contacts.iter().map(|contact| -contact.gap).fold(0.0, f64::max);
-        let set = ContactSet { contacts, impulse: world_impulse, friction: problem.friction.clone() };
-        let wrenches = wrenches(world, &set, step);
-        advance(world, &velocity, step);
+        let threshold = 1e-6 * normal_sum / active.len().max(1) as f64;
+        let mut with_force: Vec<bool> = impacts.impulse.iter().map(|g| *g != Vec3::ZERO).collect();
+        with_force.resize(contacts.len(), false);
+        let mut world_impulse = impacts.impulse;
+        world_impulse.resize(contacts.len(), Vec3::ZERO);
+        if let Delassus::Rigid(rigid) = &problem.delassus {
+            for ((&i, row), g) in active.iter().zip(rigid.contacts()).zip(impulse.chunks_exact(3)) {
+                let [n, t1, t2] = row.frame.map(Vec3::from_array);
+                world_impulse[i as usize] += g[0] * n + g[1] * t1 + g[2] * t2;
+                with_force[i as usize] |= g[0] > threshold;
+            }
+        }
+        let friction = pair_property(world, &contacts, |a, b| world.materials.pair_friction(a, b));
+        let errors = self.physical_errors(&contacts, &active, size, &problem, &impulse, &velocity);
+        let set = ContactSet { contacts, impulse: world_impulse, friction };
+        let wrenches = wrenches(&start.position, world, &set, step);
+        let (mut deepest, mut over_size) = (0.0_f64, 0.0_f64);
+        for contact in ahead.iter().filter(|contact| contact.gap < 0.0) {
+            deepest = deepest.max(-contact.gap);
+            over_size = over_size.max(-contact.gap / self.collider.contact_size(world, contact));
+        }
+        let work = correction.displacement.as_ref().map_or(0.0, |displacement| {
+            let against = |(b, d): (usize, &[f64])| -world.bodies.mass[b] * world.gravity.dot(Vec3::from_slice(&d[..3]));
+            displacement.chunks_exact(6).enumerate().map(against).sum()
+        });
         world.contacts = set;
         world.time += step;
         world.step += 1;
+        self.ahead = Some((world.fingerprint(), ahead));
+        phases.integrate += begin.elapsed().as_secs_f64();
         let report = StepReport {
-            contacts: problem.num_contacts(),
-            contacts_with_force,
+            contacts: world.contacts.contacts.len(),
+            contacts_with_force: with_force.iter().filter(|&&force| force).count(),
+            parts,
             solve,
-            penetration_max,
+            penetration_max: deepest,
+            penetration_max_over_size: over_size,
             kinetic_energy: world.kinetic_energy(),
-            phases: PhaseSeconds {
-                collide: (collided - begin).as_secs_f64(),
-                assemble: (assembled - collided).as_secs_f64(),
-                solve: (solved - assembled).as_secs_f64(),
-                integrate: solved.elapsed().as_secs_f64(),
-            },
+            errors,
+            impacts: impacts.count,
+            restitution_lowered: impacts.lowered,
+            contacts_added: 0,
+            contacts_missed: 0,
+            overlap_corrected_max: correction.overlap_max,
+            correction_energy: work,
+            phases,
             wrenches,
         };
         self.last = Some((problem, impulse));
-        Ok(report)
+        report
     }
 
-    fn solve(&mut self, problem: &Ccp, impulse: &mut [f64]) -> Result<SolveReport, CcpError> {
-        if problem.num_contacts() == 0 {
-            return Ok(SolveReport {
-                solver: self.solver.name(),
-                status: Status::Converged,
-                iterations: 0,
-                linear_iterations: 0,
-                products: 0,
-                residual: Residual::default(),
-                residual_relaxed: Residual::default(),
-                residual_coulomb: Residual::default(),
-                objective: 0.0,
-                seconds: 0.0,
-                newton: Vec::new(),
-                remark: None,
-            });
+    fn physical_errors(
+        &self,
+        contacts: &[Contact],
+        active: &[u32],
+        size: &[f64],
+        problem: &Ccp,
+        impulse: &[f64],
+        velocity: &[f64],
+    ) -> PhysicalErrors {
+        let Delassus::Rigid(rigid) = &problem.delassus else { return PhysicalErrors::default() };
+        let mut errors = PhysicalErrors::default();
+        let chosen: Vec<Contact> = active.iter().map(|&i| contacts[i as usize]).collect();
+        let u = relative_velocities(&chosen, rigid.contacts(), velocity);
+        let step = self.settings.step;
+        let resolved = 20.0 * self.settings.tolerance * ResidualScale::new(problem).impulse;
+        for (k, contact) in chosen.iter().enumerate() {
+            let (u, g) = (&u[3 * k..3 * k + 3], &impulse[3 * k..3 * k + 3]);
+            let approach = -(u[0] + contact.gap.max(0.0) / step);
+            errors.approach_max = errors.approach_max.max(approach);
+            errors.overlap_per_step_max_over_size =
+                errors.overlap_per_step_max_over_size.max(step * approach / size[active[k] as usize]);
+            let (limit, friction) = (problem.friction[k] * g[0], g[1].hypot(g[2]));
+            let force = g[0].hypot(friction);
+            if force > 0.0 {
+                errors.cone_excess_max = errors.cone_excess_max.max((friction - limit) / force);
+            }
+            let slip = u[1].hypot(u[2]);
+            if slip > resolved && friction > 0.0 {
+                let cosine = -(u[1] * g[1] + u[2] * g[2]) / (slip * friction);
+                errors.slip_angle_max = errors.slip_angle_max.max(cosine.clamp(-1.0, 1.0).acos());
+            }
         }
+        errors
+    }
+
+    /// Solves the problem part by part; the merged report and the number of parts.
+    fn solve(&mut self, problem: &Ccp, impulse: &mut [f64]) -> Result<(SolveReport, usize), CcpError> {
         let settings = SolveSettings {
             tolerance: self.settings.tolerance,
             max_iterations: self.settings.max_iterations,
@@ -234,15 +524,128 @@ impl Stepper {
             stop: self.stop.clone(),
             ..SolveSettings::default()
         };
-        self.solver.solve(problem, impulse, &settings)
+        let Delassus::Rigid(rigid) = &problem.delassus else {
+            return Ok((self.solver.solve(problem, impulse, &settings)?, 1));
+        };
+        let contacts = problem.num_contacts();
+        let parts = parts(rigid.contacts(), 0..contacts as u32, rigid.num_bodies());
+        // A method that keeps something from step to step has to see the same problem again.
+        if parts.len() == 1 || (contacts > 0 && self.settings.solver.keeps_between_steps()) {
+            let report = self.solver.solve(problem, impulse, &settings)?;
+            return Ok((report, 1));
+        }
+        let mut merged = nothing_to_solve(self.solver.name());
+        let mut largest = 0;
+        for part in &parts {
+            let own = Ccp {
+                delassus: Delassus::Rigid(part.delassus(rigid.contacts(), rigid.inverse_mass())),
+                r: part.gather::<3, f64>(&problem.r),
+                friction: part.gather::<1, f64>(&problem.friction),
+                impulse_scale: problem.impulse_scale,
+                points: part.gather::<1, [f64; 3]>(&problem.points),
+                identity: part.gather::<1, u64>(&problem.identity),
+            };
+            let mut g = part.gather::<3, f64>(impulse);
+            if parts_freely(&own) {
+                g.fill(0.0);
+            } else {
+                let report = self.solver.solve(&own, &mut g, &settings)?;
+                merge(&mut merged, report, part.contacts.len() > largest);
+                largest = largest.max(part.contacts.len());
+            }
+            part.scatter(&g, impulse);
+        }
+        Ok((merged, parts.len()))
     }
 }
 
-/// v+ = free + M^-1 D g, six numbers per body, and the impulses D g in world axes, three per contact.
-fn velocity_after(problem: &Ccp, impulse: &[f64], free: Vec<f64>) -> (Vec<f64>, Vec<f64>) {
+/// Whether bodies part at every contact by themselves, r_i in Y_i^*, so that g = 0 solves the problem, relaxed and exact.
+fn parts_freely(problem: &Ccp) -> bool {
+    let friction = problem.friction.iter();
+    problem.r.chunks_exact(3).zip(friction).all(|(r, mu)| r[0] >= mu * r[1].hypot(r[2]))
+}
+
+/// The report of a step without contacts.
+fn nothing_to_solve(solver: String) -> SolveReport {
+    SolveReport {
+        solver,
+        status: Status::Converged,
+        iterations: 0,
+        linear_iterations: 0,
+        products: 0,
+        residual: Residual::default(),
+        residual_relaxed: Residual::default(),
+        residual_coulomb: Residual::default(),
+        objective: 0.0,
+        seconds: 0.0,
+        newton: Vec::new(),
+        remark: None,
+    }
+}
+
+/// Adds the report of a part; the largest part gives the name.
+fn merge(all: &mut SolveReport, part: SolveReport, names: bool) {
+    let worse = |a: Residual, b: Residual| Residual { max: a.max.max(b.max), rms: a.rms.max(b.rms) };
+    let rank = |status: Status| match status {
+        Status::Converged => 0,
+        Status::IterationLimit => 1,
+        Status::Stalled => 2,
+        Status::Infeasible => 3,
+        Status::Stopped => 4,
+    };
+    if rank(part.status) > rank(all.status) {
+        (all.status, all.remark) = (part.status, part.remark);
+    }
+    if names {
+        all.solver = part.solver;
+    }
+    all.iterations = all.iterations.max(part.iterations);
+    all.linear_iterations += part.linear_iterations;
+    all.products += part.products;
+    all.residual = worse(all.residual, part.residual);
+    all.residual_relaxed = worse(all.residual_relaxed, part.residual_relaxed);
+    all.residual_coulomb = worse(all.residual_coulomb, part.residual_coulomb);
+    all.objective += part.objective;
+    all.seconds += part.seconds;
+    all.newton.extend(part.newton);
+}
+
+/// Where bodies are and how they move: what a step changes of them.
+struct Placement {
+    position: Vec<Vec3>,
+    orientation: Vec<Quat>,
+    velocity: Vec<Vec3>,
+    angular_velocity: Vec<Vec3>,
+}
+
+impl Placement {
+    fn of(world: &World) -> Self {
+        let bodies = &world.bodies;
+        Self {
+            position: bodies.position.clone(),
+            orientation: bodies.orientation.clone(),
+            velocity: bodies.velocity.clone(),
+            angular_velocity: bodies.angular_velocity.clone(),
+        }
+    }
+
+    /// Puts the bodies of the world here and returns where they were.
+    fn exchange(&self, world: &mut World) -> Self {
+        let before = Self::of(world);
+        let bodies = &mut world.bodies;
+        bodies.position.copy_from_slice(&self.position);
+        bodies.orientation.copy_from_slice(&self.orientation);
+        bodies.velocity.copy_from_slice(&self.velocity);
+        bodies.angular_velocity.copy_from_slice(&self.angular_velocity);
+        before
+    }
+}
+
+/// v+ = free + M^-1 D g, six numbers per body.
+fn velocity_after(problem: &Ccp, impulse: &[f64], free: Vec<f64>) -> Vec<f64> {
     let mut velocity = free;
-    let mut world_impulse = vec![0.0; impulse.len()];
     if let Delassus::Rigid(rigid) = &problem.delassus {
+        let mut world_impulse = vec![0.0; impulse.len()];
         rigid.world_impulse(impulse, &mut world_impulse);
         let mut change = vec![0.0; velocity.len()];
         rigid.velocity_change(&world_impulse, &mut change);
@@ -250,7 +653,7 @@ fn velocity_after(problem: &Ccp, impulse: &[f64], free: Vec<f64>) -> (Vec<f64>, 
             *v += dv;
         }
     }
-    (velocity, world_impulse)
+    velocity
 }
 
 fn not_finite(world: &World, body: usize, what: &'static str, value: f64) -> StepError {
@@ -288,7 +691,7 @@ fn check_velocity(world: &World, velocity: &[f64]) -> Result<(), StepError> {
 }
 
 /// Impulses on every body that is not free, divided by the step; torques about the body's centre at the step's start.
-fn wrenches(world: &World, set: &ContactSet, step: f64) -> Vec<Wrench> {
+fn wrenches(position: &[Vec3], world: &World, set: &ContactSet, step: f64) -> Vec<Wrench> {
     let bodies = world.bodies.len();
     let mut slot = vec![usize::MAX; bodies];
     let mut wrenches: Vec<Wrench> = Vec::new();
@@ -301,7 +704,7 @@ fn wrenches(world: &World, set: &ContactSet, step: f64) -> Vec<Wrench> {
             if let Some(wrench) = wrenches.get_mut(slot[body]) {
                 let force = sign / step * impulse;
                 wrench.force += force;
-                wrench.torque += (contact.point - world.bodies.position[body]).cross(force);
+                wrench.torque += (contact.point - position[body]).cross(force);
             }
         }
     }

@@ -226,6 +226,22 @@ impl World {
             .sum()
     }
 
+    /// A number made of everything that the contacts of a step depend on: whoever changes a body between two steps changes it.
+    pub(crate) fn fingerprint(&self) -> u64 {
+        let mut hash = 0xcbf2_9ce4_8422_2325_u64;
+        let mut add = |word: u64| hash = (hash ^ word).wrapping_mul(0x0000_0100_0000_01b3).rotate_left(23);
+        let bodies = &self.bodies;
+        add(bodies.len() as u64);
+        add(self.geometries.len() as u64);
+        for list in [&bodies.position, &bodies.velocity, &bodies.angular_velocity] {
+            list.iter().flat_map(|v| v.to_array()).for_each(|x| add(x.to_bits()));
+        }
+        bodies.orientation.iter().flat_map(|q| q.to_array()).for_each(|x| add(x.to_bits()));
+        bodies.geometry.iter().chain(&bodies.motion).for_each(|&index| add(u64::from(index)));
+        self.gravity.to_array().iter().for_each(|x| add(x.to_bits()));
+        crate::math::mix(hash)
+    }
+
     /// A number made of every bit of the state that later steps depend on: time, step, bodies, and the impulses that
     /// warm-start the next solve. Two runs agree bit for bit exactly if (up to a chance of 2^-64) their hashes agree.
     /// The definition is fixed: FNV-1a over 64-bit words with a final mix.

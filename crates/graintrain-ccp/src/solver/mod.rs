@@ -301,7 +301,20 @@ pub struct SolverSpec {
     linear: Option<String>,
 }
 
+impl Default for SolverSpec {
+    /// `auto`.
+    fn default() -> Self {
+        Self { method: "auto".to_string(), relaxation: None, linear: None }
+    }
+}
+
 impl SolverSpec {
+    /// Whether the method re-uses what it made for one problem in the next, so that it has to be given whole steps rather than the
+    /// connected parts of them: the interior points with a linear solver of their own (Algorithm 3 of the paper).
+    pub fn keeps_between_steps(&self) -> bool {
+        self.linear.is_some() || matches!(self.method.as_str(), "pdip" | "pdip-literal" | "scip")
+    }
+
     /// Makes the solver.
     ///
     /// # Errors

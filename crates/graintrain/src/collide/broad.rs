@@ -54,15 +54,35 @@ pub fn deepest_overlap(world: &World) -> Option<Overlap> {
 /// Bodies by how their neighbours are found.
 struct Sorted {
     grid: Grid,
-    /// How far the surface of each body may travel within the step, m.
-    travel: Vec<f64>,
-    /// Bounding radius up to which bodies are in the grid.
-    limit: f64,
-    /// Finite bodies too large for the grid, ascending, with the tree over their bounds.
+    /// How far the surface of each body may travel within the step, m: at rest, and in the frame that moves with the mean velocity.
+    travel: Vec<Travel>,
+    /// Which bodies are in the grid.
+    in_grid: Vec<bool>,
+    /// Bounding radius of the largest body in the grid, m: how far the travel of a body is looked ahead in case that the other one
+    /// comes to rest.
+    largest: f64,
+    /// Finite bodies too large or too fast for the grid, ascending, with the tree over their bounds.
     large: Vec<u32>,
     tree: Bvh,
     /// Bodies with a plane, ascending.
     unbounded: Vec<Unbounded>,
+}
+
+/// How far the surface of a body may travel within the step, m.
+#[derive(Clone, Copy, Debug, Default)]
+struct Travel {
+    /// step (|u| + |w| R).
+    own: f64,
+    /// step (|u - mean u| + |w| R): two bodies come nearer to each other by at most the sum of theirs.
+    relative: f64,
+}
+
+impl Sorted {
+    /// How much nearer the two bodies may come within the step, m.
+    fn approach(&self, a: usize, b: usize) -> f64 {
+        let (a, b) = (self.travel[a], self.travel[b]);
+        (a.relative + b.relative).max(a.own.max(b.own).min(self.largest))
+    }
 }
 
 /// A body with a plane.
@@ -81,28 +101,53 @@ impl Unbounded {
 
 impl Collider {
     /// All contacts with gap up to the envelope, m, and those further apart that would close within `step` seconds at
-    /// the present velocities, or if one of both came to rest (else fast bodies would be found deep inside each other:
-    /// of two grains that fall together, the lower lands first); except between bodies that are both fully prescribed.
-    /// The travel of grains is looked ahead up to the largest grain's radius.
+    /// the present velocities and under gravity, or if one of both came to rest (else fast bodies would be found deep inside each
+    /// other: of two grains that fall together, the lower lands first); except between bodies that are both fully prescribed.
+    /// In case that one comes to rest the travel of the other is looked ahead up to the radius of the largest grain.
     ///
     /// In the order of body A, then of its neighbours (of similar size first, ascending), then of features. A is the
-    /// body of similar size to most others, or the one with the lower index where both or neither are: a grain on a
+    /// body of similar size and speed to most others, or the one with the lower index where both or neither are: a grain on a
     /// wall is A.
     pub fn contacts(&mut self, world: &World, envelope: f64, step: f64) -> Vec<Contact> {
         self.update_forms(world);
         let sorted = self.sort(world, envelope, step);
+        let look = Look { envelope, step, fall: world.gravity.length() * step * step };
         let bodies = world.bodies.len();
         let tasks: Vec<Vec<Contact>> = (0..bodies.div_ceil(TASK))
             .into_par_iter()
             .map(|task| {
                 let mut found = Found::default();
                 for body in task * TASK..((task + 1) * TASK).min(bodies) {
-                    self.contacts_of(world, &sorted, body, envelope, step, &mut found);
+                    self.contacts_of(world, &sorted, body, look, &mut found);
                 }
                 found.contacts
             })
             .collect();
         tasks.concat()
+    }
+
+    /// Every contact of two bodies that could close within the step if they moved with these velocities (six numbers per body), or
+    /// twice as fast. Forms are those of the last call of [`Self::contacts`].
+    pub(crate) fn contacts_of_pair(&self, world: &World, pair: [u32; 2], velocity: &[f64], step: f64) -> Vec<Contact> {
+        let [a, b] = pair.map(|body| self.placed(world, body as usize));
+        let travel = |body: u32| {
+            let v = &velocity[6 * body as usize..6 * body as usize + 6];
+            let radius = self.form(world, body as usize).bounding_radius;
+            let spin = if radius.is_finite() { Vec3::from_slice(&v[3..]).length() * radius } else { 0.0 };
+            step * (Vec3::from_slice(&v[..3]).length() + spin)
+        };
+        let ahead = 2.0 * (travel(pair[0]) + travel(pair[1])) + world.gravity.length() * step * step;
+        let mut touches = Vec::new();
+        body_contacts(a, b, ahead, &mut touches);
+        touches.iter().map(|touch| contact(pair, touch)).collect()
+    }
+
+    /// Size of the smaller body of a contact, m: the radius of spheres, capsules and cylinders, half the thickness of boxes. A body
+    /// without a size of its own (planes, meshes) leaves it to the other one.
+    pub(crate) fn contact_size(&self, world: &World, contact: &Contact) -> f64 {
+        let size = |body: u32| self.form(world, body as usize).size;
+        let size = size(contact.body_a).min(size(contact.body_b));
+        if size.is_finite() { size } else { 1.0 }
     }
 
     fn update_forms(&mut self, world: &World) {
@@ -128,12 +173,21 @@ impl Collider {
         }
     }
 
-    /// step (|u| + |w| R): a bound of how far the surface of a body travels; of bodies without bounds only their centre.
-    fn travel(&self, world: &World, body: usize, step: f64) -> f64 {
-        let radius = self.form(world, body).bounding_radius;
-        let spin =
-            if radius.is_finite() { world.bodies.angular_velocity[body].length() * radius } else { 0.0 };
-        step * (world.bodies.velocity[body].length() + spin)
+    /// Bounds of how far the surfaces of bodies travel; of bodies without bounds only their centre.
+    fn travel(&self, world: &World, step: f64) -> Vec<Travel> {
+        let bodies = &world.bodies;
+        let moving = (0..bodies.len()).filter(|&body| !world.is_prescribed(body));
+        let count = moving.clone().count().max(1) as f64;
+        let mean: Vec3 = moving.map(|body| bodies.velocity[body]).sum::<Vec3>() / count;
+        let of = |body: usize| {
+            let radius = self.form(world, body).bounding_radius;
+            let spin = if radius.is_finite() { bodies.angular_velocity[body].length() * radius } else { 0.0 };
+            Travel {
+                own: step * (bodies.velocity[body].length() + spin),
+                relative: step * ((bodies.velocity[body] - mean).length() + spin),
+            }
+        };
+        (0..bodies.len()).map(of).collect()
     }
 
     fn sort(&self, world: &World, envelope: f64, step: f64) -> Sorted {
@@ -146,38 +200,40 @@ impl Collider {
             let middle = finite.len() / 2;
             SIMILAR * *finite.select_nth_unstable_by(middle, f64::total_cmp).1
         };
+        let travel = self.travel(world, step);
+        let largest = (0..bodies).map(radius).filter(|&r| r <= limit).fold(0.0, f64::max);
+        // A single fast grain must not make the cells of all others huge.
+        let in_grid: Vec<bool> =
+            (0..bodies).map(|body| radius(body) <= limit && travel[body].relative <= largest).collect();
         let (mut balls, mut large, mut unbounded) = (Vec::with_capacity(bodies), Vec::new(), Vec::new());
-        let mut largest: f64 = 0.0;
+        let (mut farthest, mut fastest) = (0.0_f64, 0.0_f64);
         for body in 0..bodies {
             let radius = radius(body);
-            if radius <= limit {
+            fastest = fastest.max(travel[body].own);
+            if in_grid[body] {
                 balls.push((body as u32, world.bodies.position[body], radius));
-                largest = largest.max(radius);
+                farthest = farthest.max(travel[body].relative);
             } else if radius.is_finite() {
                 large.push(body as u32);
             } else {
                 unbounded.push(self.unbounded(world, body));
             }
         }
-        // A single fast grain must not make the cells of all others huge.
-        let mut travel: Vec<f64> = (0..bodies).map(|body| self.travel(world, body, step)).collect();
-        let mut farthest: f64 = 0.0;
-        for &(body, _, _) in &balls {
-            let travel = &mut travel[body as usize];
-            *travel = travel.min(largest);
-            farthest = farthest.max(*travel);
-        }
         let wider = |body: &u32| {
             let bounds = self.bounds(world, *body as usize);
-            Aabb::new(bounds.mins - travel[*body as usize], bounds.maxs + travel[*body as usize])
+            let by = travel[*body as usize].relative;
+            Aabb::new(bounds.mins - by, bounds.maxs + by)
         };
         let bounds: Vec<Aabb> = large.iter().map(wider).collect();
         // Slightly larger than needed, so that rounding in the cell coordinates cannot lose a pair.
-        let size = (2.0 * (largest + farthest) + envelope) * (1.0 + 1e-9);
+        let fall = world.gravity.length() * step * step;
+        let ahead = (2.0 * farthest).max(fastest.min(largest)) + envelope.max(fall);
+        let size = (2.0 * largest + ahead) * (1.0 + 1e-9);
         Sorted {
             travel,
             grid: Grid::new(&balls, if size > 0.0 { size } else { 1.0 }),
-            limit,
+            in_grid,
+            largest,
             large,
             tree: Bvh::from_leaves(BvhBuildStrategy::default(), &bounds),
             unbounded,
@@ -225,19 +281,11 @@ impl Collider {
     }
 
     /// Contacts of which `body` is A.
-    fn contacts_of(
-        &self,
-        world: &World,
-        sorted: &Sorted,
-        body: usize,
-        envelope: f64,
-        step: f64,
-        found: &mut Found,
-    ) {
+    fn contacts_of(&self, world: &World, sorted: &Sorted, body: usize, look: Look, found: &mut Found) {
         let me = self.placed(world, body);
-        let mine = envelope + sorted.travel[body];
+        let margin = look.envelope.max(look.fall);
         let radius = me.form.bounding_radius;
-        let similar = radius <= sorted.limit;
+        let similar = sorted.in_grid[body];
         let prescribed = world.is_prescribed(body);
         let Found { balls, others, touches, contacts } = found;
         balls.clear();
@@ -247,7 +295,8 @@ impl Collider {
             grid.around(me.position, |range| {
                 for slot in range {
                     let other = grid.body[slot];
-                    let reach = radius + grid.radius[slot] + mine + sorted.travel[other as usize];
+                    let reach =
+                        radius + grid.radius[slot] + margin + sorted.approach(body, other as usize);
                     let apart = me.position - grid.centre[slot];
                     if other as usize > body && apart.length_squared() <= reach * reach {
                         balls.push(other);
@@ -262,7 +311,9 @@ impl Collider {
             } else {
                 self.bounds(world, body)
             };
-            let around = Aabb::new(around.mins - mine, around.maxs + mine);
+            // The leaves hold the relative travel of their own bodies.
+            let by = margin + sorted.travel[body].relative + sorted.largest;
+            let around = Aabb::new(around.mins - by, around.maxs + by);
             others.extend(
                 sorted
                     .tree
@@ -271,7 +322,7 @@ impl Collider {
                     .filter(|&other| similar || other as usize > body),
             );
             let near = sorted.unbounded.iter().filter(|other| {
-                other.may_touch(me.position, radius + mine + sorted.travel[other.body as usize])
+                other.may_touch(me.position, radius + margin + sorted.approach(body, other.body as usize))
             });
             others.extend(near.map(|other| other.body));
         } else {
@@ -285,35 +336,58 @@ impl Collider {
             }
             touches.clear();
             let them = self.placed(world, other as usize);
-            let ahead = mine + sorted.travel[other as usize];
+            let ahead = margin + sorted.approach(body, other as usize);
             match (me.form.ball, them.form.ball) {
                 (Some(r_a), Some(r_b)) => {
                     ball_contact(me.position, r_a, them.position, r_b, ahead, touches);
                 }
                 _ => body_contacts(me, them, ahead, touches),
             }
-            let closes = |touch: &&Touch| {
-                let surface = |b: usize| {
-                    let arm = touch.point - world.bodies.position[b];
-                    world.bodies.velocity[b] + world.bodies.angular_velocity[b].cross(arm)
-                };
-                let (away_a, away_b) =
-                    (touch.normal.dot(surface(body)), touch.normal.dot(surface(other as usize)));
-                let stops = |parting: f64, held: bool| if held { parting } else { 0.0 };
-                let approach = (away_b - away_a)
-                    .max(-away_a + stops(away_b, world.is_prescribed(other as usize)))
-                    .max(away_b - stops(away_a, prescribed));
-                touch.gap <= envelope || touch.gap <= envelope + step * approach
-            };
-            contacts.extend(touches.iter().filter(closes).map(|touch| Contact {
-                body_a: body as u32,
-                body_b: other,
-                identity: identity(body as u32, other, touch.feature),
-                point: touch.point,
-                normal: touch.normal,
-                gap: touch.gap,
-            }));
+            let pair = [body as u32, other];
+            let closes = |touch: &&Touch| look.closes(world, pair, sorted.largest, touch);
+            contacts.extend(touches.iter().filter(closes).map(|touch| contact(pair, touch)));
         }
+    }
+}
+
+/// How far contacts are looked for.
+#[derive(Clone, Copy)]
+struct Look {
+    envelope: f64,
+    step: f64,
+    /// |gravity| step^2, m.
+    fall: f64,
+}
+
+impl Look {
+    /// Whether a touch lies within the envelope or may close within the step.
+    fn closes(&self, world: &World, [a, b]: [u32; 2], largest: f64, touch: &Touch) -> bool {
+        if touch.gap <= self.envelope {
+            return true;
+        }
+        let surface = |body: u32| {
+            let body = body as usize;
+            let arm = touch.point - world.bodies.position[body];
+            world.bodies.velocity[body] + world.bodies.angular_velocity[body].cross(arm)
+        };
+        let (away_a, away_b) = (touch.normal.dot(surface(a)), touch.normal.dot(surface(b)));
+        // One of both comes to rest, unless it is held.
+        let [held_a, held_b] = [a, b].map(|body| world.is_prescribed(body as usize));
+        let stops = |parting: f64, held: bool| if held { parting } else { 0.0 };
+        let rest = (-away_a + stops(away_b, held_b)).max(away_b - stops(away_a, held_a));
+        let approach = (self.step * (away_b - away_a)).max((self.step * rest).min(largest));
+        touch.gap <= self.envelope + approach || touch.gap <= self.fall + approach
+    }
+}
+
+fn contact([body_a, body_b]: [u32; 2], touch: &Touch) -> Contact {
+    Contact {
+        body_a,
+        body_b,
+        identity: identity(body_a, body_b, touch.feature),
+        point: touch.point,
+        normal: touch.normal,
+        gap: touch.gap,
     }
 }
 

@@ -17,6 +17,8 @@ pub(crate) struct Collidable {
     pub bounding_radius: f64,
     /// The radius, where the geometry is one sphere about the body's origin: the hot path.
     pub ball: Option<f64>,
+    /// Smallest half thickness of its parts, m; infinite for planes and meshes alone.
+    pub size: f64,
     /// One entry per part: the tree of a mesh.
     pub trees: Vec<Option<TriangleTree>>,
     /// One entry per part: radius of a ball about the part's origin that holds the part.
@@ -38,11 +40,21 @@ impl Collidable {
         };
         Self {
             bounding_radius: geometry.bounding_radius(),
+            size: geometry.parts.iter().map(|part| half_thickness(&part.shape)).fold(f64::INFINITY, f64::min),
             ball,
             trees: geometry.parts.iter().map(|part| tree(&part.shape)).collect(),
             part_radius: geometry.parts.iter().map(|part| part.shape.bounding_radius()).collect(),
             geometry: geometry.clone(),
         }
+    }
+}
+
+fn half_thickness(shape: &Shape) -> f64 {
+    match *shape {
+        Shape::Sphere { radius } | Shape::Capsule { radius, .. } => radius,
+        Shape::Box { half } => half.min_element(),
+        Shape::Cylinder { half_length, radius } => radius.min(half_length),
+        Shape::Plane | Shape::Mesh { .. } => f64::INFINITY,
     }
 }
 

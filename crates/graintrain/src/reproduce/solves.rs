@@ -2,6 +2,7 @@
 
 use super::ReproduceError;
 use crate::checkpoint;
+use crate::assemble::OverlapCorrection;
 use crate::stepper::{StepSettings, Stepper};
 use crate::world::World;
 use graintrain_ccp::{Ccp, CcpSolver, FrictionModel, SolveReport, SolveSettings, SolverSpec, Status};
@@ -124,6 +125,7 @@ impl Problems {
             tolerance: settings.tolerance,
             max_iterations: settings.max_iterations,
             friction: FrictionModel::Relaxed,
+            overlap: OverlapCorrection::Velocity,
         })?;
         stepper.stop_on(Arc::clone(stop));
         Ok(Self { world: checkpoint.world, stepper })

@@ -60,7 +60,15 @@ impl Bench {
     ) -> Result<Self, VerifyError> {
         let solver = "apgd".parse::<SolverSpec>().map_err(StepError::from)?;
         let max_iterations = Some(200_000);
-        let settings = StepSettings { step, envelope, solver, tolerance, max_iterations, friction };
+        let settings = StepSettings {
+            step,
+            envelope,
+            solver,
+            tolerance,
+            max_iterations,
+            friction,
+            ..StepSettings::default()
+        };
         Ok(Self { stepper: Stepper::new(settings)?, tolerance })
     }
 

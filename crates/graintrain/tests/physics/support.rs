@@ -37,6 +37,7 @@ pub fn stepper(step: f64, envelope: f64, tolerance: f64, friction: FrictionModel
         tolerance,
         max_iterations: Some(200_000),
         friction,
+        ..StepSettings::default()
     })
     .unwrap()
 }

@@ -1,0 +1,216 @@
+//! Impacts: Newton's law of restitution, before the contact problem of the step.
+//!
+//! A contact that is going to close within the step at a noticeable velocity is an impact. Impacts are resolved on the velocities
+//! before the step, in passes: those contacts that close now are solved together,
+//!
+//! ```text
+//! v' = v + M^-1 D g,   Y_i contains g_i perpendicular to D_i^T v' + (e_i D_i,n^T v, 0, 0) in Y_i^*
+//! ```
+//!
+//! so that each parts with e times the velocity of its arrival whatever its gap was; then those that close because of it, and so
+//! on, until none is left. Forces, and contacts that rest or only touch, are left to the contact problem, which starts from v'.
+//! A collision that runs through a row of bodies (Newton's cradle) takes one pass per contact.
+//!
+//! Without friction and with one e for all contacts a pass cannot make energy (J. J. Moreau, "Unilateral contact and dry
+//! friction in finite freedom dynamics", 1988: e = 1 keeps it exactly); with friction, or with several e, Newton's law can
+//! (T. R. Kane, D. A. Levinson, "Dynamics", 1985). Where it would, the impulses are taken on the line from those of a plastic
+//! impact to these, as far as energy allows: both lie in the cones, and so do those between. In effect e is lowered for one
+//! connected part. Passes in turn: B. Smith, D. Kaufman, E. Vouga, R. Tamstorf, E. Grinspun, "Reflections on simultaneous impact",
+//! ACM Transactions on Graphics 31(4):106, 2012.
+
+use crate::assemble::{pair_property, relative_velocities};
+use crate::contact::Contact;
+use crate::integrate::{free_velocity, velocities};
+use crate::math::Vec3;
+use crate::parts::{Part, parts};
+use crate::world::World;
+use graintrain_ccp::{
+    BodyInverseMass, Ccp, CcpError, CcpSolver, Delassus, FrictionModel, RigidContact, SolveSettings, Status,
+};
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+/// Passes of one step; what closes after the last is left to the contact problem, as a plastic impact.
+const PASSES: usize = 100;
+
+/// An approach slower than this fraction of |gravity| dt is no impact: a resting body arrives with what the last step's solve left
+/// over.
+const RESTING: f64 = 0.1;
+
+/// Residual to which a pass is solved, in the velocities of its own contacts.
+const TOLERANCE: f64 = 1e-9;
+
+/// Iterations of a pass.
+const ITERATIONS: usize = 3000;
+
+/// What the impacts of a step did.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Impacts {
+    /// Velocities after the impacts, six numbers per body; those of prescribed degrees of freedom are the ones before the step.
+    pub velocity: Vec<f64>,
+    /// Impulse on body A of every contact, world axes, N s; empty where there was no impact.
+    pub impulse: Vec<Vec3>,
+    /// Contacts resolved, over all passes.
+    pub count: usize,
+    /// Parts in which restitution was lowered, because it would have made energy.
+    pub lowered: usize,
+    /// Contacts that still approach, but not far enough to close within the step: in the contact problem the relaxed cone would
+    /// brake them before they arrive. Indices, ascending.
+    pub under_way: Vec<u32>,
+}
+
+/// Contacts of a step, row by row of D.
+#[derive(Clone, Copy)]
+pub(crate) struct Rows<'a> {
+    pub contacts: &'a [Contact],
+    pub rows: &'a [RigidContact],
+    pub inverse_mass: &'a [BodyInverseMass],
+}
+
+/// Solves the small problems of impacts.
+pub(crate) struct ImpactSolver<'a> {
+    pub solver: &'a mut dyn CcpSolver,
+    pub friction: FrictionModel,
+    pub stop: Option<Arc<AtomicBool>>,
+}
+
+impl ImpactSolver<'_> {
+    /// The impacts of a step that begins in this state; `None` as soon as a stop was asked for.
+    ///
+    /// # Errors
+    /// Those of the solver.
+    pub(crate) fn resolve(&mut self, world: &World, of: Rows<'_>, step: f64) -> Result<Option<Impacts>, CcpError> {
+        let mut found = Impacts { velocity: velocities(world), ..Impacts::default() };
+        let restitution = pair_property(world, of.contacts, |a, b| world.materials.pair_restitution(a, b));
+        if restitution.iter().all(|&e| e == 0.0) {
+            return Ok(Some(found));
+        }
+        let friction = pair_property(world, of.contacts, |a, b| world.materials.pair_friction(a, b));
+        let slow = RESTING * world.gravity.length() * step;
+        for pass in 0..=PASSES {
+            let free = free_velocity(world, &found.velocity, step);
+            let now = relative_velocities(of.contacts, of.rows, &with_driven(world, &found.velocity, &free));
+            let later = relative_velocities(of.contacts, of.rows, &free);
+            let approaches = |i: &u32| restitution[*i as usize] > 0.0 && now[3 * *i as usize] < -slow;
+            let closes = |i: &u32| {
+                let gap = of.contacts[*i as usize].gap;
+                gap <= 0.0 || gap + step * later[3 * *i as usize] <= 0.0
+            };
+            let approaching = (0..of.contacts.len() as u32).filter(approaches);
+            let closing: Vec<u32> = approaching.clone().filter(closes).collect();
+            if closing.is_empty() || pass == PASSES {
+                found.under_way = approaching.filter(|i| !closes(i)).collect();
+                break;
+            }
+            if found.impulse.is_empty() {
+                found.impulse = vec![Vec3::ZERO; of.contacts.len()];
+            }
+            for part in parts(of.rows, closing.iter().copied(), world.bodies.len()) {
+                let Some(()) = self.solve(&part, of, [&restitution, &friction], &now, &mut found)? else {
+                    return Ok(None);
+                };
+            }
+        }
+        Ok(Some(found))
+    }
+
+    /// One part of a pass.
+    fn solve(
+        &mut self,
+        part: &Part,
+        of: Rows<'_>,
+        [restitution, friction]: [&[f64]; 2],
+        velocity: &[f64],
+        found: &mut Impacts,
+    ) -> Result<Option<()>, CcpError> {
+        let u = part.gather::<3, f64>(velocity);
+        let e = part.gather::<1, f64>(restitution);
+        let plastic = Ccp {
+            delassus: Delassus::Rigid(part.delassus(of.rows, of.inverse_mass)),
+            r: u.clone(),
+            friction: part.gather::<1, f64>(friction),
+            impulse_scale: None,
+            points: Vec::new(),
+            identity: Vec::new(),
+        };
+        let mut elastic = plastic.clone();
+        for (u, e) in elastic.r.chunks_exact_mut(3).zip(&e) {
+            u[0] *= 1.0 + e;
+        }
+        let Some(mut g) = self.impulses(&elastic)? else { return Ok(None) };
+        let mut work = plastic.delassus.work();
+        let mut change = vec![0.0; g.len()];
+        plastic.delassus.multiply(&g, &mut change, &mut work);
+        let (gain, scale) = energy(&g, &u, &change);
+        if gain > 1e-12 * scale {
+            found.lowered += 1;
+            let Some(start) = self.impulses(&plastic)? else { return Ok(None) };
+            lower(&plastic.delassus, &u, &start, &mut g, &change);
+            plastic.delassus.multiply(&g, &mut change, &mut work);
+        }
+        for (k, &body) in part.bodies.iter().enumerate() {
+            for (v, dv) in found.velocity[6 * body as usize..].iter_mut().zip(&work.body_velocity()[6 * k..6 * k + 6]) {
+                *v += dv;
+            }
+        }
+        for (g, &i) in g.chunks_exact(3).zip(&part.contacts) {
+            let [n, t1, t2] = of.rows[i as usize].frame.map(Vec3::from_array);
+            found.impulse[i as usize] += g[0] * n + g[1] * t1 + g[2] * t2;
+        }
+        found.count += part.contacts.len();
+        Ok(Some(()))
+    }
+
+    fn impulses(&mut self, problem: &Ccp) -> Result<Option<Vec<f64>>, CcpError> {
+        let mut g = vec![0.0; problem.r.len()];
+        let settings = SolveSettings {
+            tolerance: TOLERANCE,
+            max_iterations: Some(ITERATIONS),
+            friction: self.friction,
+            stop: self.stop.clone(),
+            ..SolveSettings::default()
+        };
+        let report = self.solver.solve(problem, &mut g, &settings)?;
+        Ok((report.status != Status::Stopped).then_some(g))
+    }
+}
+
+/// Velocities with those of prescribed degrees of freedom taken from `free`: the ones that hold during this step.
+fn with_driven(world: &World, before: &[f64], free: &[f64]) -> Vec<f64> {
+    let mut velocity = before.to_vec();
+    for body in (0..world.bodies.len()).filter(|&body| !world.is_free(body)) {
+        for (k, dynamic) in world.free_degrees(body).into_iter().enumerate() {
+            if !dynamic {
+                velocity[6 * body + k] = free[6 * body + k];
+            }
+        }
+    }
+    velocity
+}
+
+/// Kinetic energy that impulses g add where contacts had the velocities u and get u + N g, g . u + 1/2 g . N g, J; and the sum of the
+/// magnitudes of its terms.
+fn energy(g: &[f64], u: &[f64], change: &[f64]) -> (f64, f64) {
+    let terms = || g.iter().zip(u).zip(change).map(|((g, u), c)| g * (u + 0.5 * c));
+    (terms().sum(), terms().map(f64::abs).sum())
+}
+
+/// g <- start + s (g - start) with the largest s in [0, 1] at which no energy is made: the root of a quadratic. `change` is N g.
+fn lower(delassus: &Delassus, u: &[f64], start: &[f64], g: &mut [f64], change: &[f64]) {
+    let mut at_start = vec![0.0; start.len()];
+    delassus.multiply(start, &mut at_start, &mut delassus.work());
+    let (mut a, mut b, mut c) = (0.0, 0.0, 0.0);
+    for k in 0..g.len() {
+        let (d, image) = (g[k] - start[k], change[k] - at_start[k]);
+        a += 0.5 * d * image;
+        b += d * (u[k] + at_start[k]);
+        c += start[k] * (u[k] + 0.5 * at_start[k]);
+    }
+    // c <= 0 up to the error of the plastic solve, and a + b + c > 0.
+    let root = (b * b - 4.0 * a * c).max(0.0).sqrt();
+    let s = if b > 0.0 { -2.0 * c / (b + root) } else { (root - b) / (2.0 * a) };
+    let s = if s.is_finite() { s.clamp(0.0, 1.0) } else { 0.0 };
+    for (g, start) in g.iter_mut().zip(start) {
+        *g = start + s * (*g - start);
+    }
+}

@@ -1,0 +1,144 @@
+//! Connected parts of the contact graph, each a contact problem of its own.
+//!
+//! Contacts that share no chain of movable bodies do not know of each other: N is block diagonal over the parts. Solved apart, no
+//! part's convergence, scale or rounding reaches another one.
+
+use graintrain_ccp::{BodyInverseMass, FIXED, RigidContact, RigidDelassus};
+
+/// Contacts and movable bodies that hang together.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Part {
+    /// Indices of contacts, ascending.
+    pub contacts: Vec<u32>,
+    /// Indices of bodies, ascending.
+    pub bodies: Vec<u32>,
+}
+
+/// Root of a body's tree, halving paths on the way.
+fn root(parent: &mut [u32], mut body: u32) -> u32 {
+    while parent[body as usize] != body {
+        let above = parent[parent[body as usize] as usize];
+        parent[body as usize] = above;
+        body = above;
+    }
+    body
+}
+
+/// The parts that `chosen` contacts (ascending) make, in the order of their first contacts. Bodies that no impulse can move do
+/// not connect. Cost: nearly linear in bodies and contacts (union by index, path halving).
+pub(crate) fn parts(rows: &[RigidContact], chosen: impl Iterator<Item = u32> + Clone, bodies: usize) -> Vec<Part> {
+    let mut parent: Vec<u32> = (0..bodies as u32).collect();
+    for contact in chosen.clone() {
+        let RigidContact { body_a, body_b, .. } = rows[contact as usize];
+        if body_a != FIXED && body_b != FIXED {
+            let (a, b) = (root(&mut parent, body_a), root(&mut parent, body_b));
+            parent[a.max(b) as usize] = a.min(b);
+        }
+    }
+    let mut number = vec![u32::MAX; bodies];
+    let mut parts: Vec<Part> = Vec::new();
+    for contact in chosen {
+        let RigidContact { body_a, body_b, .. } = rows[contact as usize];
+        let body = if body_a == FIXED { body_b } else { body_a };
+        if body == FIXED {
+            parts.push(Part { contacts: vec![contact], bodies: Vec::new() });
+            continue;
+        }
+        let slot = &mut number[root(&mut parent, body) as usize];
+        if *slot == u32::MAX {
+            *slot = parts.len() as u32;
+            parts.push(Part { contacts: Vec::new(), bodies: Vec::new() });
+        }
+        parts[*slot as usize].contacts.push(contact);
+    }
+    for body in 0..bodies as u32 {
+        let slot = number[root(&mut parent, body) as usize];
+        if slot != u32::MAX {
+            parts[slot as usize].bodies.push(body);
+        }
+    }
+    parts
+}
+
+impl Part {
+    /// N of the part alone, its bodies numbered in the order of [`Self::bodies`].
+    pub(crate) fn delassus(&self, rows: &[RigidContact], inverse_mass: &[BodyInverseMass]) -> RigidDelassus {
+        // The bodies ascend, so that the search finds them and a part made of everything keeps its numbers.
+        let local = |body: u32| match self.bodies.binary_search(&body) {
+            Ok(index) if body != FIXED => index as u32,
+            _ => FIXED,
+        };
+        let contacts = self
+            .contacts
+            .iter()
+            .map(|&i| {
+                let row = rows[i as usize];
+                RigidContact { body_a: local(row.body_a), body_b: local(row.body_b), ..row }
+            })
+            .collect();
+        RigidDelassus::new(contacts, self.bodies.iter().map(|&b| inverse_mass[b as usize]).collect())
+    }
+
+    /// The entries of a list with `N` numbers per contact that belong to the part.
+    pub(crate) fn gather<const N: usize, T: Copy>(&self, all: &[T]) -> Vec<T> {
+        self.contacts.iter().flat_map(|&i| all[N * i as usize..N * (i as usize + 1)].iter().copied()).collect()
+    }
+
+    /// Writes three numbers per contact of the part to their places.
+    pub(crate) fn scatter(&self, own: &[f64], all: &mut [f64]) {
+        for (&i, own) in self.contacts.iter().zip(own.chunks_exact(3)) {
+            all[3 * i as usize..3 * (i as usize + 1)].copy_from_slice(own);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn row(body_a: u32, body_b: u32) -> RigidContact {
+        let frame = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+        RigidContact { body_a, body_b, frame, arm_a: [0.1, 0.2, 0.3], arm_b: [0.0, 0.5, 0.0] }
+    }
+
+    #[test]
+    fn fixed_bodies_do_not_connect() {
+        let rows = [row(0, FIXED), row(4, 1), row(FIXED, 2), row(1, FIXED), row(3, 0)];
+        let found = parts(&rows, 0..5, 6);
+        let expected = [(vec![0, 4], vec![0, 3]), (vec![1, 3], vec![1, 4]), (vec![2], vec![2])];
+        let expected = expected.map(|(contacts, bodies)| Part { contacts, bodies });
+        assert_eq!(found, expected);
+        assert_eq!(parts(&rows, [1, 2].into_iter(), 6).len(), 2);
+    }
+
+    proptest! {
+        /// N of the parts is N of the whole, and there is nothing between parts.
+        #[test]
+        fn parts_make_up_the_whole(pairs in prop::collection::vec((0..12_u32, 0..14_u32), 1..20)) {
+            let rows: Vec<RigidContact> = pairs
+                .iter()
+                .filter(|(a, b)| a != b)
+                .map(|&(a, b)| row(a, if b < 12 { b } else { FIXED }))
+                .collect();
+            let inverse_mass: Vec<BodyInverseMass> = (0..12)
+                .map(|b| BodyInverseMass { linear: [1.0 + f64::from(b); 3], angular: [0.5; 9] })
+                .collect();
+            let whole = RigidDelassus::new(rows.clone(), inverse_mass.clone());
+            let g: Vec<f64> = (0..3 * rows.len()).map(|k| (k as f64).sin()).collect();
+            let product = |n: &RigidDelassus, g: &[f64]| {
+                let (mut force, mut dv, mut u) = (vec![0.0; g.len()], vec![0.0; 6 * n.num_bodies()], vec![0.0; g.len()]);
+                n.world_impulse(g, &mut force);
+                n.velocity_change(&force, &mut dv);
+                n.relative_velocity(&dv, &mut u);
+                u
+            };
+            let mut found = vec![f64::NAN; g.len()];
+            for part in parts(&rows, 0..rows.len() as u32, 12) {
+                let own = product(&part.delassus(&rows, &inverse_mass), &part.gather::<3, f64>(&g));
+                part.scatter(&own, &mut found);
+            }
+            prop_assert_eq!(found, product(&whole, &g));
+        }
+    }
+}
