@@ -2,9 +2,9 @@
 //! at the step where a run stops being what was asked for.
 
 use crate::solving::status_word;
-use graintrain::output::files::OutputError;
-use graintrain::run::{Observer, StepView};
 use graintrain_ccp::{FrictionModel, SolveReport, Status};
+use graintrain_io::files::OutputError;
+use graintrain_io::run::{Observer, StepView};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::time::{Duration, Instant};
 

@@ -3,9 +3,9 @@
 use crate::error::Failure;
 use crate::evaluation::{Evaluation, Yardstick};
 use crate::signal::Stop;
-use graintrain::output::process::cpu_seconds;
-use graintrain::problem_file::{self, Form, ProblemFile};
 use graintrain_ccp::{CcpError, FrictionModel, SolveSettings, SolverSpec, Status};
+use graintrain_io::problem_file::{self, Form, ProblemFile};
+use graintrain_io::process::cpu_seconds;
 use serde::Serialize;
 use std::path::Path;
 use std::time::{Duration, Instant};

@@ -1,11 +1,11 @@
 //! `graintrain render`: a picture of a moment of a run.
 
 use crate::error::Failure;
-use graintrain::checkpoint;
-use graintrain::output::files::write_atomically;
-use graintrain::render::{ColorBy, RenderError, RenderSettings, render};
-use graintrain::view::{RunFolder, ViewError};
 use graintrain::world::World;
+use graintrain_io::checkpoint;
+use graintrain_io::files::write_atomically;
+use graintrain_view::render::{ColorBy, RenderError, RenderSettings, render};
+use graintrain_view::view::{RunFolder, ViewError};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 

@@ -3,9 +3,9 @@
 use crate::error::Failure;
 use crate::session::{SessionOptions, make_steps, output_failure};
 use crate::signal::Stop;
-use graintrain::checkpoint::{self, CheckpointError};
-use graintrain::output::recorder::Recorder;
-use graintrain::run::Run;
+use graintrain_io::checkpoint::{self, CheckpointError};
+use graintrain_io::output::recorder::Recorder;
+use graintrain_io::run::Run;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Arc;
