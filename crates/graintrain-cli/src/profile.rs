@@ -120,6 +120,7 @@ mod tests {
             friction: graintrain_ccp::FrictionModel::Relaxed,
             tolerance: 1e-4,
             status: None,
+            interrupted: false,
             iterations: 0,
             linear_iterations: 0,
             seconds,

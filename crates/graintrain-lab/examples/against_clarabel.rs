@@ -3,8 +3,8 @@
 //! faster Python package.
 //!
 //! ```text
-//! cargo run --release -p graintrain --example against_clarabel -- TOLERANCE SOLVERS PROBLEM...
-//! cargo run --release -p graintrain --example against_clarabel -- 1e-8 ipm,apgd sed729.dat sed4913.dat
+//! cargo run --release -p graintrain-lab --example against_clarabel -- TOLERANCE SOLVERS PROBLEM...
+//! cargo run --release -p graintrain-lab --example against_clarabel -- 1e-8 ipm,apgd sed729.dat sed4913.dat
 //! ```
 //!
 //! Clarabel gets the problem as a second-order cone program in its best form here: where the bodies are known, over the

@@ -1,6 +1,6 @@
 //! What starting from the impulses of persistent contacts saves in a run: each step's problem solved twice.
 //!
-//! `cargo run --release -p graintrain --example warm_start -- SCENE STEPS TOLERANCE [SOLVER...] [KEY=VALUE...]`
+//! `cargo run --release -p graintrain-lab --example warm_start -- SCENE STEPS TOLERANCE [SOLVER...] [KEY=VALUE...]`
 //!
 //! Every step is made with the impulses that its contacts had in the last one; then the same problem is solved again from zero
 //! impulses by every solver named, and from the same warm start. Means over blocks of steps.

@@ -104,6 +104,10 @@ fn a_run_leaves_its_files_and_says_what_it_did() {
     assert!(out.contains("nothing to do"), "{out}");
     let _ = ended(graintrain(folder.path(), &["resume", "out/balls", "--steps", "70", "--quiet"]), 0);
     assert_eq!(read(&run.join("steps.csv")).lines().count(), 71);
+    let _ = ended(graintrain(folder.path(), &["resume", "out/balls", "--until", "0.375 s", "--quiet"]), 0);
+    assert_eq!(read(&run.join("steps.csv")).lines().count(), 76);
+    let (out, _) = ended(graintrain(folder.path(), &["render", "out/balls", "--size", "80x60"]), 0);
+    assert!(out.contains("out/balls/picture.png") && run.join("picture.png").exists(), "{out}");
 }
 
 #[test]
@@ -202,6 +206,8 @@ fn bad_input_is_told_in_one_message() {
         (&["run", "balls.toml", "--out", "mine"], "is not empty"),
         (&["run", "balls.toml", "--dump-problem", "5"], "every=K"),
         (&["resume", "mine"], "no checkpoint"),
+        (&["resume", "mine", "--until", "2 kg"], "expected a time"),
+        (&["run", "balls.toml", "--out", "b", "--threads", "100000"], "threads help nobody"),
     ];
     for (arguments, part) in cases {
         let (_, err) = ended(graintrain(folder.path(), arguments), 2);

@@ -47,6 +47,19 @@ pub(crate) trait Names {
     fn names(&self) -> Vec<&str>;
 }
 
+/// No parameters: only units have names.
+pub(crate) struct NoNames;
+
+impl Names for NoNames {
+    fn value(&self, _name: &str) -> Option<Result<Quantity, String>> {
+        None
+    }
+
+    fn names(&self) -> Vec<&str> {
+        Vec::new()
+    }
+}
+
 /// Evaluates an expression.
 pub(crate) fn evaluate(text: &str, names: &dyn Names) -> Result<Quantity, ExpressionError> {
     let tokens = tokenize(text)?;

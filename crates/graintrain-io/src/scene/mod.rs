@@ -38,6 +38,7 @@ pub use error::{Location, SceneError, SceneErrorKind, Source};
 
 use graintrain::math::Vec3;
 use model::{BodySpec, ContactSpec, MaterialSpec, OutputSpec, PackingSpec, PairSpec, SolverChoice, TimeSpec};
+use quantity::Dimension;
 use serde::Serialize;
 use serde::ser::{SerializeMap, Serializer};
 use std::path::{Path, PathBuf};
@@ -150,6 +151,21 @@ impl Scene {
             .map_err(|error| SceneError::new(SceneErrorKind::Contradiction(error.to_string()), None))?;
         Ok(text + "\n" + &body)
     }
+}
+
+/// A time in seconds from what scenes accept as one: a number of seconds, or an expression with units ("20 ms").
+///
+/// # Errors
+/// What is wrong with the text, in words.
+pub fn seconds(text: &str) -> Result<f64, String> {
+    let quantity = expression::evaluate(text, &expression::NoNames).map_err(|error| error.problem)?;
+    if ![Dimension::NONE, Dimension::TIME].contains(&quantity.dimension) {
+        return Err(format!("expected a time, got {}", quantity.dimension));
+    }
+    if !(quantity.value.is_finite() && quantity.value > 0.0) {
+        return Err("expected a positive time".to_string());
+    }
+    Ok(quantity.value)
 }
 
 /// A `KEY=VALUE` as typed after `--set`.

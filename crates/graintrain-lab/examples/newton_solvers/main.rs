@@ -3,13 +3,13 @@
 //! time steps saves; and where tensor trains pay. Every solve is a process of its own on one thread, killed after a time.
 //!
 //! ```text
-//! cargo run --release -p graintrain --example newton_solvers -- table SECONDS SOLVERS PROBLEM...
-//! cargo run --release -p graintrain --example newton_solvers -- table 600 pdip+ilu,pdip+tt,ipm step.hdf5 cubic:8000
-//! cargo run --release -p graintrain --example newton_solvers -- reuse SECONDS ITERATIONS SOLVE LINEAR STEPS RUN
-//! cargo run --release -p graintrain --example newton_solvers -- systems SECONDS EVERY ITERATIONS GUIDE LINEAR PROBLEM...
-//! cargo run --release -p graintrain --example newton_solvers -- growth SECONDS ITERATIONS GUIDE LINEAR PROBLEM...
-//! cargo run --release -p graintrain --example newton_solvers -- map SECONDS TABLE.md FILE.svg
-//! cargo run --release -p graintrain --example newton_solvers -- orders ITERATION,... PROBLEM
+//! cargo run --release -p graintrain-lab --example newton_solvers -- table SECONDS SOLVERS PROBLEM...
+//! cargo run --release -p graintrain-lab --example newton_solvers -- table 600 pdip+ilu,pdip+tt,ipm step.hdf5 cubic:8000
+//! cargo run --release -p graintrain-lab --example newton_solvers -- reuse SECONDS ITERATIONS SOLVE LINEAR STEPS RUN
+//! cargo run --release -p graintrain-lab --example newton_solvers -- systems SECONDS EVERY ITERATIONS GUIDE LINEAR PROBLEM...
+//! cargo run --release -p graintrain-lab --example newton_solvers -- growth SECONDS ITERATIONS GUIDE LINEAR PROBLEM...
+//! cargo run --release -p graintrain-lab --example newton_solvers -- map SECONDS TABLE.md FILE.svg
+//! cargo run --release -p graintrain-lab --example newton_solvers -- orders ITERATION,... PROBLEM
 //! ```
 //!
 //! PROBLEM is a file (`graintrain run --dump-problem`) or ASSEMBLY:BODIES[:DISORDER[:SEED]], ASSEMBLY one of `cubic`,

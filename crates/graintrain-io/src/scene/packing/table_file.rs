@@ -1,7 +1,7 @@
 //! Tables of numbers with a header line that names the columns, with units in brackets: `Radius[m] PosX[mm] ...`.
 
 use super::{FileContent, FileProblem};
-use crate::scene::expression::{Names, evaluate};
+use crate::scene::expression::{NoNames, evaluate};
 use crate::scene::quantity::{Dimension, Quantity};
 use graintrain::math::Vec3;
 
@@ -13,19 +13,6 @@ pub(crate) struct NumberTable {
     pub rows: Vec<Vec<f64>>,
     /// Line of the header, counted from 1.
     pub header_line: usize,
-}
-
-/// No parameters: a header knows only units.
-struct NoNames;
-
-impl Names for NoNames {
-    fn value(&self, _name: &str) -> Option<Result<Quantity, String>> {
-        None
-    }
-
-    fn names(&self) -> Vec<&str> {
-        Vec::new()
-    }
 }
 
 /// Reads a table whose columns are separated by `separator`, or by blanks where it is `None`. Empty lines do not
