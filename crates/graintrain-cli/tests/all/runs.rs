@@ -237,6 +237,30 @@ fn a_full_disk_is_told_and_what_was_written_stays_readable() {
 }
 
 #[test]
+fn completions_and_manual_pages_name_every_command() {
+    let folder = folder();
+    let (help, _) = ended(graintrain(folder.path(), &["--help"]), 0);
+    let commands: Vec<&str> = help
+        .lines()
+        .skip_while(|line| *line != "Commands:")
+        .skip(1)
+        .take_while(|line| !line.is_empty())
+        .filter_map(|line| line.split_whitespace().next())
+        .collect();
+    assert!(commands.contains(&"run") && commands.contains(&"resume"), "{help}");
+    for shell in ["bash", "zsh", "fish"] {
+        let (script, _) = ended(graintrain(folder.path(), &["completions", shell]), 0);
+        assert!(commands.iter().all(|command| script.contains(command)), "{script}");
+    }
+    let (page, _) = ended(graintrain(folder.path(), &["man"]), 0);
+    assert!(page.contains(".TH graintrain"), "{page}");
+    let _ = ended(graintrain(folder.path(), &["man", "man1"]), 0);
+    for command in commands.iter().filter(|command| **command != "help") {
+        assert!(folder.path().join(format!("man1/graintrain-{command}.1")).exists(), "{command}");
+    }
+}
+
+#[test]
 fn strict_runs_fail_where_a_tolerance_is_missed() {
     let folder = folder();
     let hard = ["--set", "solver.max_iterations=2", "--tolerance", "1e-9", "--quiet"];
