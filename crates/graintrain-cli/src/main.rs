@@ -14,7 +14,7 @@ mod signal;
 mod solving;
 mod threads;
 
-use clap::Parser;
+use clap::{CommandFactory, Parser};
 use std::process::ExitCode;
 
 /// Granular and multibody dynamics with hard contact.
@@ -26,7 +26,7 @@ struct Arguments {
 }
 
 fn main() -> ExitCode {
-    match Arguments::parse().command.execute() {
+    match Arguments::parse().command.execute(Arguments::command) {
         Ok(code) => code,
         Err(failure) => failure.report(),
     }

@@ -5,7 +5,7 @@
 //! t(p, s) / min_s t(p, s), and rho_s(tau) is the fraction of problems on which the ratio of s is at most tau.
 
 use crate::solving::Record;
-use graintrain::plot::{Axis, Chart, Series};
+use graintrain_view::plot::{Axis, Chart, Series};
 
 /// Colours of a chart; solvers beyond them repeat the colours with dashed lines.
 const COLORS: usize = 8;
@@ -120,6 +120,7 @@ mod tests {
             friction: graintrain_ccp::FrictionModel::Relaxed,
             tolerance: 1e-4,
             status: None,
+            interrupted: false,
             iterations: 0,
             linear_iterations: 0,
             seconds,

@@ -1,15 +1,18 @@
-//! A progress bar on stderr for whatever takes longer than two seconds, drawn only where stderr is a terminal; and warnings
-//! at the step where a run stops being what was asked for.
+//! A progress bar on stderr for whatever takes longer than two seconds where stderr is a terminal, a line a minute where
+//! it is not; and warnings at the step where a run stops being what was asked for.
 
 use crate::solving::status_word;
-use graintrain::output::files::OutputError;
-use graintrain::run::{Observer, StepView};
 use graintrain_ccp::{FrictionModel, SolveReport, Status};
+use graintrain_io::files::OutputError;
+use graintrain_io::run::{Observer, StepView};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use std::io::IsTerminal;
 use std::time::{Duration, Instant};
 
 /// What takes less time than this shows no bar.
 const PATIENCE: Duration = Duration::from_secs(2);
+/// From line to line in a log.
+const LINE_EVERY: Duration = Duration::from_secs(60);
 
 /// Shows how far a run is.
 pub struct Progress {
@@ -18,6 +21,8 @@ pub struct Progress {
     start: Instant,
     /// Whether the bar needs no more showing: it is there, or nobody wants it.
     shown: bool,
+    /// Lines for a log, where there is one.
+    log: Option<Log>,
 }
 
 impl Progress {
@@ -32,7 +37,8 @@ impl Progress {
         }
         bar.set_position(done);
         bar.reset_eta();
-        Self { bar, warnings, start: Instant::now(), shown: quiet }
+        let log = (!quiet && !std::io::stderr().is_terminal()).then(|| Log::new(done, LINE_EVERY));
+        Self { bar, warnings, start: Instant::now(), shown: quiet || log.is_some(), log }
     }
 }
 
@@ -40,6 +46,9 @@ impl Observer for Progress {
     fn observe(&mut self, step: StepView<'_>) -> Result<(), OutputError> {
         for warning in self.warnings.at(step) {
             self.bar.suspend(|| eprintln!("warning: {warning}"));
+        }
+        if let Some(line) = self.log.as_mut().and_then(|log| log.line(step, self.bar.length())) {
+            eprintln!("{line}");
         }
         self.bar.set_position(step.world.step);
         self.bar.set_message(format!(
@@ -58,6 +67,47 @@ impl Observer for Progress {
 impl Drop for Progress {
     fn drop(&mut self) {
         self.bar.finish_and_clear();
+    }
+}
+
+/// Lines that tell a log now and then how far a run is.
+struct Log {
+    start: Instant,
+    last: Instant,
+    every: Duration,
+    /// Steps done at the start.
+    before: u64,
+}
+
+impl Log {
+    fn new(before: u64, every: Duration) -> Self {
+        let now = Instant::now();
+        Self { start: now, last: now, every, before }
+    }
+
+    /// The line of this step, where one is due.
+    fn line(&mut self, step: StepView<'_>, steps: Option<u64>) -> Option<String> {
+        if self.last.elapsed() < self.every {
+            return None;
+        }
+        self.last = Instant::now();
+        Some(self.text(
+            step.world.step,
+            steps.unwrap_or(step.world.step),
+            step.world.time,
+            step.report.contacts,
+            step.report.solve.residual.max,
+        ))
+    }
+
+    fn text(&self, step: u64, steps: u64, time: f64, contacts: usize, residual: f64) -> String {
+        let seconds = self.start.elapsed().as_secs_f64();
+        let to_go =
+            seconds * steps.saturating_sub(step) as f64 / step.saturating_sub(self.before).max(1) as f64;
+        format!(
+            "step {step}/{steps}, t = {time:.6} s, {seconds:.0} s so far, about {to_go:.0} s to go, {contacts} contacts, residual \
+             {residual:.0e}"
+        )
     }
 }
 
@@ -144,6 +194,17 @@ mod tests {
             newton: Vec::new(),
             remark: None,
         }
+    }
+
+    #[test]
+    fn lines_for_a_log_tell_how_far_a_run_is() {
+        let mut log = Log::new(100, Duration::from_secs(60));
+        log.start = Instant::now().checked_sub(Duration::from_secs(50)).unwrap();
+        let line = log.text(150, 200, 0.75, 321, 2.3e-5);
+        assert_eq!(
+            line,
+            "step 150/200, t = 0.750000 s, 50 s so far, about 50 s to go, 321 contacts, residual 2e-5"
+        );
     }
 
     #[test]

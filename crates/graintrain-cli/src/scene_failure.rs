@@ -1,7 +1,7 @@
 //! A scene's error with an excerpt of the text that it is about.
 
 use crate::error::Failure;
-use graintrain::scene::SceneError;
+use graintrain_io::scene::SceneError;
 
 /// [`SceneError`] as miette shows it: message, excerpt, help.
 #[derive(Debug)]

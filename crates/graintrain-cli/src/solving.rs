@@ -3,9 +3,9 @@
 use crate::error::Failure;
 use crate::evaluation::{Evaluation, Yardstick};
 use crate::signal::Stop;
-use graintrain::output::process::cpu_seconds;
-use graintrain::problem_file::{self, Form, ProblemFile};
 use graintrain_ccp::{CcpError, FrictionModel, SolveSettings, SolverSpec, Status};
+use graintrain_io::problem_file::{self, Form, ProblemFile};
+use graintrain_io::process::cpu_seconds;
 use serde::Serialize;
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -136,6 +136,9 @@ pub struct Record {
     pub tolerance: f64,
     /// Why the solver stopped; `None` where it could not treat the problem.
     pub status: Option<Status>,
+    /// Whether the user stopped it.
+    #[serde(skip)]
+    pub interrupted: bool,
     /// Iterations of the outer method.
     pub iterations: usize,
     /// Iterations of linear solvers, summed.
@@ -171,6 +174,7 @@ impl Record {
     pub fn verdict(&self) -> &'static str {
         match self.status {
             Some(Status::Converged) if !self.converged => "NOT converged",
+            Some(Status::Stopped) if self.interrupted => "interrupted",
             status => status_word(status),
         }
     }
@@ -231,6 +235,7 @@ pub fn run(
         friction: settings.friction,
         tolerance: settings.tolerance,
         status: Some(report.status),
+        interrupted: report.status == Status::Stopped && stop.exit_code().is_some(),
         iterations: report.iterations,
         linear_iterations: report.linear_iterations,
         seconds,
@@ -265,6 +270,7 @@ pub fn refused(
         friction: options.friction.into(),
         tolerance: options.tolerance,
         status: None,
+        interrupted: false,
         iterations: 0,
         linear_iterations: 0,
         seconds: 0.0,

@@ -2,7 +2,7 @@
 
 use crate::error::Failure;
 use crate::scene_failure::scene_failure;
-use graintrain::scene::{Scene, SceneError, Simulation, setting};
+use graintrain_io::scene::{Scene, SceneError, Simulation, setting};
 use std::io::Write;
 use std::process::ExitCode;
 

@@ -2,6 +2,8 @@
 
 mod check;
 mod compare;
+mod completions;
+mod man;
 mod render;
 mod reproduce;
 mod resume;
@@ -29,11 +31,13 @@ pub enum Command {
     Solve(solve::Arguments),
     Compare(compare::Arguments),
     Solvers(solvers::Arguments),
+    Completions(completions::Arguments),
+    Man(man::Arguments),
 }
 
 impl Command {
-    /// Carries the command out.
-    pub fn execute(self) -> Result<ExitCode, Failure> {
+    /// Carries the command out; `program` is the whole command line, for those that describe it.
+    pub fn execute(self, program: fn() -> clap::Command) -> Result<ExitCode, Failure> {
         match self {
             Self::Run(arguments) => run::execute(&arguments),
             Self::Resume(arguments) => resume::execute(&arguments),
@@ -46,6 +50,8 @@ impl Command {
             Self::Solve(arguments) => solve::execute(&arguments),
             Self::Compare(arguments) => compare::execute(&arguments),
             Self::Solvers(arguments) => solvers::execute(&arguments),
+            Self::Completions(arguments) => completions::execute(&arguments, program()),
+            Self::Man(arguments) => man::execute(&arguments, program()),
         }
     }
 }

@@ -1,11 +1,11 @@
 //! `graintrain render`: a picture of a moment of a run.
 
 use crate::error::Failure;
-use graintrain::checkpoint;
-use graintrain::output::files::write_atomically;
-use graintrain::render::{ColorBy, RenderError, RenderSettings, render};
-use graintrain::view::{RunFolder, ViewError};
 use graintrain::world::World;
+use graintrain_io::checkpoint;
+use graintrain_io::files::write_atomically;
+use graintrain_view::render::{ColorBy, RenderError, RenderSettings, render};
+use graintrain_view::view::{RunFolder, ViewError};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -14,7 +14,7 @@ use std::process::ExitCode;
 /// RUN is the folder of a run or one of its checkpoints. Walls between the camera and the grains become glass.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  \
-    graintrain render out/sedimentation --out settled.png\n  \
+    graintrain render out/sedimentation                  writes out/sedimentation/picture.png\n  \
     graintrain render out/shear --time 1.5 --force-chains --view=-30,15 --out chains.png\n  \
     graintrain render out/run/checkpoints/step_00000400.ckpt --color force --out forces.png")]
 pub struct Arguments {
@@ -38,9 +38,9 @@ pub struct Arguments {
     /// Width and height in pixels
     #[arg(long, value_name = "WIDTHxHEIGHT", value_parser = size, default_value = "1200x900")]
     size: [usize; 2],
-    /// File to write
+    /// File to write [default: RUN/picture.png, or a checkpoint's name with .png]
     #[arg(long, value_name = "FILE.png", value_parser = png)]
-    out: PathBuf,
+    out: Option<PathBuf>,
 }
 
 fn finite(text: &str) -> Result<f64, String> {
@@ -83,11 +83,16 @@ pub fn execute(arguments: &Arguments) -> Result<ExitCode, Failure> {
     let image = render(&world, &settings).map_err(|error: RenderError| Failure::input_error(error, ""))?;
     let mut bytes = Vec::new();
     image.write_png(&mut bytes).map_err(|error| Failure::work_error(error, ""))?;
-    write_atomically(&arguments.out, &bytes).map_err(|error| {
+    let out = match &arguments.out {
+        Some(out) => out.clone(),
+        None if arguments.run.is_file() => arguments.run.with_extension("png"),
+        None => arguments.run.join("picture.png"),
+    };
+    write_atomically(&out, &bytes).map_err(|error| {
         let remedy = error.remedy();
         Failure::work_error(error, remedy)
     })?;
-    println!("{}: t = {:.3} s", arguments.out.display(), world.time);
+    println!("{}: t = {:.3} s", out.display(), world.time);
     // A frame is never further from its time than frames from each other, unless the time is outside of the run.
     if let Some(wanted) = arguments.time.filter(|wanted| (wanted - world.time).abs() > farthest) {
         eprintln!("note: no frame is near {wanted} s; this is the nearest one");

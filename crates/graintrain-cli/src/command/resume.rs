@@ -3,9 +3,10 @@
 use crate::error::Failure;
 use crate::session::{SessionOptions, make_steps, output_failure};
 use crate::signal::Stop;
-use graintrain::checkpoint::{self, CheckpointError};
-use graintrain::output::recorder::Recorder;
-use graintrain::run::Run;
+use graintrain_io::checkpoint::{self, CheckpointError};
+use graintrain_io::output::recorder::Recorder;
+use graintrain_io::run::Run;
+use graintrain_io::scene;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -13,15 +14,16 @@ use std::sync::Arc;
 /// Continue a run that was stopped or killed, to the bits of an uninterrupted one
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  graintrain resume out/sedimentation\n  \
-    graintrain resume out/sedimentation --steps 800     go further than planned")]
+    graintrain resume out/sedimentation --steps 800     go further than planned\n  \
+    graintrain resume out/sedimentation --until '0.2 s'")]
 pub struct Arguments {
     /// Folder of the run
     folder: PathBuf,
     /// Number of the last step, instead of the planned one
     #[arg(long, value_name = "N", conflicts_with = "until")]
     steps: Option<u64>,
-    /// Simulated time at the end, in seconds, instead of the planned one
-    #[arg(long, value_name = "SECONDS")]
+    /// Simulated time at the end, in seconds or with a unit, instead of the planned one
+    #[arg(long, value_name = "SECONDS", value_parser = scene::seconds)]
     until: Option<f64>,
     /// Go on with another contact solver
     #[arg(long, value_name = "NAME")]

@@ -2,7 +2,7 @@
 
 use crate::error::Failure;
 use crate::scene_failure::scene_failure;
-use graintrain::scene::{SceneError, builtin};
+use graintrain_io::scene::{SceneError, builtin};
 use std::io::Write;
 use std::process::ExitCode;
 

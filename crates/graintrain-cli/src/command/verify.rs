@@ -2,8 +2,8 @@
 
 use crate::error::Failure;
 use crate::signal::Stop;
-use graintrain::output::files::{make_folder, write_atomically};
-use graintrain::verify::{Outcome, VerifyError, earth_pressure, granular, table, tier_a};
+use graintrain_io::files::{make_folder, write_atomically};
+use graintrain_lab::verify::{Outcome, VerifyError, earth_pressure, granular, table, tier_a};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -31,7 +31,7 @@ pub fn execute(arguments: &Arguments) -> Result<ExitCode, Failure> {
     let stop = Stop::listen()?;
     let told = |name: &str| eprintln!("{name} ...");
     let failed = |error: VerifyError| Failure::work_error(error, "");
-    let output = |error: graintrain::output::files::OutputError| {
+    let output = |error: graintrain_io::files::OutputError| {
         let remedy = error.remedy();
         Failure::work_error(error, remedy)
     };

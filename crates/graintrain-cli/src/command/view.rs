@@ -1,8 +1,8 @@
 //! `graintrain view`: a replay of a run.
 
 use crate::error::Failure;
-use graintrain::output::files::write_atomically;
-use graintrain::view::{RunFolder, ViewSettings, page};
+use graintrain_io::files::write_atomically;
+use graintrain_view::view::{RunFolder, ViewSettings, page};
 use std::path::PathBuf;
 use std::process::ExitCode;
 

@@ -1,0 +1,5 @@
+//! The program as a user and a script meet it.
+
+mod oracle;
+mod runs;
+mod solve_compare;

@@ -1,0 +1,274 @@
+//! `run` and `resume` as a user meets them: results, interruptions, failures, exit codes.
+#![cfg(unix)]
+
+use std::path::Path;
+use std::process::{Child, Command, Output, Stdio};
+use std::time::{Duration, Instant};
+
+const SCENE: &str = r#"
+[time]
+step = "5 ms"
+steps = 60
+[solver]
+name = "apgd"
+tolerance = 1e-5
+[output]
+every = "50 ms"
+checkpoint_every = "50 ms"
+[body.ground]
+shape = { plane = { normal = [0, 0, 1] } }
+motion = "fixed"
+[packing.balls]
+radius = "5 cm"
+lattice = { counts = [4, 4, 4], pitch = "11 cm", jitter = "4 mm", origin = [0, 0, "2 cm"] }
+"#;
+
+fn graintrain(folder: &Path, arguments: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_graintrain"));
+    command.current_dir(folder).args(arguments);
+    command
+}
+
+fn folder() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("balls.toml"), SCENE).unwrap();
+    folder
+}
+
+fn ended(mut command: Command, code: i32) -> (String, String) {
+    told(command.output().unwrap(), code)
+}
+
+fn told(output: Output, code: i32) -> (String, String) {
+    let text = |bytes| String::from_utf8(bytes).unwrap();
+    let (out, err) = (text(output.stdout), text(output.stderr));
+    assert_eq!(output.status.code(), Some(code), "stdout: {out}\nstderr: {err}");
+    assert!(!err.contains("panicked"), "{err}");
+    (out, err)
+}
+
+fn read(path: &Path) -> String {
+    std::fs::read_to_string(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
+}
+
+fn hash(folder: &Path) -> String {
+    let summary: serde_json::Value = serde_json::from_str(&read(&folder.join("summary.json"))).unwrap();
+    summary["state_hash"].as_str().unwrap().to_string()
+}
+
+/// Starts a run of many steps and waits until some are recorded.
+fn long_run(folder: &Path, steps: &str) -> Child {
+    let child =
+        graintrain(folder, &["run", "balls.toml", "--out", "cut", "--steps", steps, "--threads", "1"])
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+    let table = folder.join("cut/steps.csv");
+    let start = Instant::now();
+    while std::fs::read_to_string(&table).map_or(0, |text| text.lines().count()) < 15 {
+        assert!(start.elapsed() < Duration::from_secs(60), "no steps are recorded");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    child
+}
+
+fn signal(child: &Child, name: &str) {
+    let sent = Command::new("kill").args([&format!("-{name}"), &child.id().to_string()]).status().unwrap();
+    assert!(sent.success());
+}
+
+#[test]
+fn a_run_leaves_its_files_and_says_what_it_did() {
+    let folder = folder();
+    let (out, err) = ended(graintrain(folder.path(), &["run", "balls.toml", "--threads", "2"]), 0);
+    assert!(out.contains("is done: 60 steps") && out.contains("graintrain view out/balls"), "{out}");
+    assert_eq!(err, "");
+    let run = folder.path().join("out/balls");
+    for file in
+        ["all.pvd", "bodies.pvd", "contacts.pvd", "surfaces.pvd", "wrench.csv", "summary.json", "scene.toml"]
+    {
+        assert!(run.join(file).exists(), "{file}");
+    }
+    assert_eq!(read(&run.join("steps.csv")).lines().count(), 61);
+    // A second run gets a folder of its own, has the same bits with another number of threads, and can be quiet.
+    let (out, err) = ended(graintrain(folder.path(), &["run", "balls.toml", "--threads", "1", "--quiet"]), 0);
+    assert_eq!((out.as_str(), err.as_str()), ("", ""));
+    assert_eq!(hash(&run), hash(&folder.path().join("out/balls-2")));
+    // The resolved scene is a scene, and gives the same run.
+    let arguments = ["run", "out/balls/scene.toml", "--out", "again", "--quiet"];
+    let _ = ended(graintrain(folder.path(), &arguments), 0);
+    assert_eq!(hash(&run), hash(&folder.path().join("again")));
+    // There is nothing to resume, but the run can go further.
+    let (out, _) = ended(graintrain(folder.path(), &["resume", "out/balls"]), 0);
+    assert!(out.contains("nothing to do"), "{out}");
+    let _ = ended(graintrain(folder.path(), &["resume", "out/balls", "--steps", "70", "--quiet"]), 0);
+    assert_eq!(read(&run.join("steps.csv")).lines().count(), 71);
+    let _ = ended(graintrain(folder.path(), &["resume", "out/balls", "--until", "0.375 s", "--quiet"]), 0);
+    assert_eq!(read(&run.join("steps.csv")).lines().count(), 76);
+    let (out, _) = ended(graintrain(folder.path(), &["render", "out/balls", "--size", "80x60"]), 0);
+    assert!(out.contains("out/balls/picture.png") && run.join("picture.png").exists(), "{out}");
+}
+
+#[test]
+fn options_override_the_scene() {
+    let folder = folder();
+    let arguments = [
+        "run",
+        "balls.toml",
+        "--out",
+        "a",
+        "--until",
+        "20 ms",
+        "--solver",
+        "pgs",
+        "--friction",
+        "coulomb",
+        "--tolerance",
+        "1e-3",
+        "--dump-problem",
+        "every=2",
+        "--quiet",
+    ];
+    let _ = ended(graintrain(folder.path(), &arguments), 0);
+    let summary: serde_json::Value =
+        serde_json::from_str(&read(&folder.path().join("a/summary.json"))).unwrap();
+    assert_eq!(summary["steps"], 4);
+    assert_eq!(summary["solver"], "pgs");
+    assert_eq!(summary["friction"], "coulomb");
+    assert!(folder.path().join("a/problems/step_00000004.hdf5").exists());
+    assert!(!folder.path().join("a/problems/step_00000003.hdf5").exists());
+}
+
+#[test]
+fn a_run_stopped_by_a_signal_resumes_to_the_same_bits() {
+    for (name, code) in [("TERM", 143), ("INT", 130)] {
+        let folder = folder();
+        let child = long_run(folder.path(), "400");
+        signal(&child, name);
+        let (out, _) = told(child.wait_with_output().unwrap(), code);
+        assert!(out.contains("graintrain resume cut"), "{out}");
+        let steps = read(&folder.path().join("cut/steps.csv")).lines().count() - 1;
+        let summary: serde_json::Value =
+            serde_json::from_str(&read(&folder.path().join("cut/summary.json"))).unwrap();
+        assert_eq!(
+            (summary["status"].as_str(), summary["steps"].as_u64()),
+            (Some("stopped"), Some(steps as u64))
+        );
+        let _ = ended(graintrain(folder.path(), &["resume", "cut", "--quiet"]), 0);
+        let whole = ["run", "balls.toml", "--out", "whole", "--steps", "400", "--quiet"];
+        let _ = ended(graintrain(folder.path(), &whole), 0);
+        assert_eq!(hash(&folder.path().join("cut")), hash(&folder.path().join("whole")));
+    }
+}
+
+#[test]
+fn a_killed_run_resumes_to_the_same_bits_even_past_a_damaged_checkpoint() {
+    let folder = folder();
+    let mut child = long_run(folder.path(), "400");
+    signal(&child, "KILL");
+    let _ = child.wait().unwrap();
+    let checkpoints = folder.path().join("cut/checkpoints");
+    let mut files: Vec<_> = std::fs::read_dir(&checkpoints)
+        .unwrap()
+        .map(|entry| entry.unwrap().path())
+        .filter(|path| path.extension().is_some_and(|extension| extension == "ckpt"))
+        .collect();
+    files.sort();
+    let last = files.last().unwrap();
+    let bytes = std::fs::read(last).unwrap();
+    std::fs::write(last, &bytes[..bytes.len() / 2]).unwrap();
+    let (_, err) = ended(graintrain(folder.path(), &["resume", "cut", "--quiet"]), 0);
+    assert!(err.contains("is cut short") && err.contains("an earlier checkpoint is used"), "{err}");
+    let _ = ended(
+        graintrain(folder.path(), &["run", "balls.toml", "--out", "whole", "--steps", "400", "--quiet"]),
+        0,
+    );
+    assert_eq!(hash(&folder.path().join("cut")), hash(&folder.path().join("whole")));
+    let wrench = |run: &str| read(&folder.path().join(run).join("wrench.csv"));
+    assert_eq!(wrench("cut"), wrench("whole"));
+}
+
+#[test]
+fn bad_input_is_told_in_one_message() {
+    let folder = folder();
+    std::fs::write(folder.path().join("file"), "").unwrap();
+    std::fs::create_dir(folder.path().join("mine")).unwrap();
+    std::fs::write(folder.path().join("mine/thesis.txt"), "").unwrap();
+    let cases: &[(&[&str], &str)] = &[
+        (&["run", "missing.toml"], "missing.toml"),
+        (&["run", "sedimentatoin"], "sedimentation"),
+        (&["run", "balls.toml", "--set", "time.stp=1"], "stp"),
+        (&["run", "balls.toml", "--solver", "apdg"], "apdg"),
+        (&["run", "balls.toml", "--tolerance=-1"], "tolerance"),
+        (&["run", "balls.toml", "--out", "file/deeper"], "file/deeper"),
+        (&["run", "balls.toml", "--out", "/proc/graintrain"], "/proc/graintrain"),
+        (&["run", "balls.toml", "--out", "mine"], "is not empty"),
+        (&["run", "balls.toml", "--dump-problem", "5"], "every=K"),
+        (&["resume", "mine"], "no checkpoint"),
+        (&["resume", "mine", "--until", "2 kg"], "expected a time"),
+        (&["run", "balls.toml", "--out", "b", "--threads", "100000"], "threads help nobody"),
+    ];
+    for (arguments, part) in cases {
+        let (_, err) = ended(graintrain(folder.path(), arguments), 2);
+        assert!(err.contains(part), "{arguments:?}: {err}");
+    }
+    assert!(folder.path().join("mine/thesis.txt").exists());
+}
+
+#[test]
+fn a_full_disk_is_told_and_what_was_written_stays_readable() {
+    let folder = folder();
+    // The shell lets no file grow beyond 64 blocks of 512 bytes and turns the signal into an error of the write.
+    let line = format!(
+        "trap '' XFSZ; ulimit -f 64; exec '{}' run balls.toml --out full --steps 2000 --quiet --threads 1",
+        env!("CARGO_BIN_EXE_graintrain")
+    );
+    let mut command = Command::new("sh");
+    command.current_dir(folder.path()).args(["-c", &line]);
+    let (_, err) = ended(command, 1);
+    assert!(err.contains("steps.csv") && err.contains("would exceed"), "{err}");
+    let table = read(&folder.path().join("full/steps.csv"));
+    let columns = table.lines().next().unwrap().split(',').count();
+    assert!(table.ends_with('\n') && table.lines().all(|line| line.split(',').count() == columns));
+    assert!(table.lines().count() > 50);
+    let (_, err) = ended(graintrain(folder.path(), &["resume", "full", "--steps", "500", "--quiet"]), 0);
+    assert_eq!(err, "");
+}
+
+#[test]
+fn completions_and_manual_pages_name_every_command() {
+    let folder = folder();
+    let (help, _) = ended(graintrain(folder.path(), &["--help"]), 0);
+    let commands: Vec<&str> = help
+        .lines()
+        .skip_while(|line| *line != "Commands:")
+        .skip(1)
+        .take_while(|line| !line.is_empty())
+        .filter_map(|line| line.split_whitespace().next())
+        .collect();
+    assert!(commands.contains(&"run") && commands.contains(&"resume"), "{help}");
+    for shell in ["bash", "zsh", "fish"] {
+        let (script, _) = ended(graintrain(folder.path(), &["completions", shell]), 0);
+        assert!(commands.iter().all(|command| script.contains(command)), "{script}");
+    }
+    let (page, _) = ended(graintrain(folder.path(), &["man"]), 0);
+    assert!(page.contains(".TH graintrain"), "{page}");
+    let _ = ended(graintrain(folder.path(), &["man", "man1"]), 0);
+    for command in commands.iter().filter(|command| **command != "help") {
+        assert!(folder.path().join(format!("man1/graintrain-{command}.1")).exists(), "{command}");
+    }
+}
+
+#[test]
+fn strict_runs_fail_where_a_tolerance_is_missed() {
+    let folder = folder();
+    let hard = ["--set", "solver.max_iterations=2", "--tolerance", "1e-9", "--quiet"];
+    let mut arguments = vec!["run", "balls.toml", "--out", "a"];
+    arguments.extend(hard);
+    let (_, err) = ended(graintrain(folder.path(), &arguments), 0);
+    assert!(err.contains("missed the tolerance"), "{err}");
+    arguments.extend(["--strict", "--force"]);
+    let (_, err) = ended(graintrain(folder.path(), &arguments), 1);
+    assert!(err.contains("above the tolerance") && err.contains("graintrain resume a"), "{err}");
+}

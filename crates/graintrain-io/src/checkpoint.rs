@@ -1,0 +1,210 @@
+//! Checkpoints: everything needed to go on with a run, bit for bit.
+//!
+//! A checkpoint is a file of
+//!
+//! | bytes | content |
+//! |---|---|
+//! | 8 | `GRAINCKP` |
+//! | 4 | format version, little endian |
+//! | 4 | CRC-32 of the payload |
+//! | 8 | length of the payload |
+//! | 8 | length of the payload when expanded |
+//! | rest | payload: run settings, totals and world in postcard form, compressed by zlib |
+
+use crate::files::{OutputError, make_folder, write_durably};
+use crate::run::{RunSettings, RunTotals};
+use flate2::read::ZlibDecoder;
+use flate2::write::ZlibEncoder;
+use flate2::{Compression, Crc};
+use graintrain::world::World;
+use serde::Deserialize;
+use std::io::{self, Read};
+use std::path::{Path, PathBuf};
+
+const MAGIC: &[u8; 8] = b"GRAINCKP";
+/// Raised whenever the layout of what is stored changes.
+const VERSION: u32 = 1;
+const HEADER: usize = 32;
+/// Checkpoints kept in a folder: the last one and, should it be damaged, the one before.
+const KEPT: usize = 2;
+
+/// The state of a run between two steps.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+pub struct Checkpoint {
+    /// What was asked for.
+    pub settings: RunSettings,
+    /// Sums over the steps so far.
+    pub totals: RunTotals,
+    /// The state.
+    pub world: World,
+}
+
+/// A file that is not a usable checkpoint.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum CheckpointError {
+    /// The file cannot be read.
+    #[error("cannot read the checkpoint {}: {source}", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// The system's reason.
+        source: io::Error,
+    },
+    /// The file is something else.
+    #[error("{} is not a checkpoint of this program", path.display())]
+    NotACheckpoint {
+        /// The file.
+        path: PathBuf,
+    },
+    /// Written by another version of the program.
+    #[error("the checkpoint {} has format {found}, but this program reads format {VERSION}: use the program that wrote it", path.display())]
+    Version {
+        /// The file.
+        path: PathBuf,
+        /// Its format.
+        found: u32,
+    },
+    /// Cut short.
+    #[error("the checkpoint {} is cut short: {found} of {expected} bytes", path.display())]
+    Truncated {
+        /// The file.
+        path: PathBuf,
+        /// Bytes there.
+        found: u64,
+        /// Bytes that its header promises.
+        expected: u64,
+    },
+    /// Altered.
+    #[error("the checkpoint {} is damaged: {what}", path.display())]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// What does not fit.
+        what: String,
+    },
+    /// No checkpoint in the folder.
+    #[error("there is no checkpoint in {}", folder.display())]
+    None {
+        /// The folder.
+        folder: PathBuf,
+    },
+}
+
+/// Writes a checkpoint into the folder, named after the step, and removes all but the last two. The file appears whole
+/// or not at all.
+///
+/// # Errors
+/// Where the file cannot be written; older checkpoints then remain.
+pub fn write(
+    folder: &Path,
+    settings: &RunSettings,
+    totals: &RunTotals,
+    world: &World,
+) -> Result<PathBuf, OutputError> {
+    make_folder(folder)?;
+    let path = folder.join(format!("step_{:08}.ckpt", world.step));
+    let bytes = encode(settings, totals, world).map_err(|error| OutputError::new("write", &path, error))?;
+    write_durably(&path, &bytes)?;
+    for old in list(folder).into_iter().skip(KEPT) {
+        // One checkpoint too many harms nobody.
+        let _ = std::fs::remove_file(old);
+    }
+    Ok(path)
+}
+
+/// Reads a checkpoint.
+///
+/// # Errors
+/// [`CheckpointError`] says what is wrong with the file.
+pub fn read(path: &Path) -> Result<Checkpoint, CheckpointError> {
+    let bytes =
+        std::fs::read(path).map_err(|source| CheckpointError::Read { path: path.to_path_buf(), source })?;
+    decode(&bytes, path)
+}
+
+/// Reads the latest usable checkpoint in the folder; damaged later ones are given back beside it.
+///
+/// # Errors
+/// [`CheckpointError::None`] where there is no checkpoint at all; the defect of the latest where none is usable.
+pub fn latest(folder: &Path) -> Result<(Checkpoint, Vec<CheckpointError>), CheckpointError> {
+    let mut defects = Vec::new();
+    for path in list(folder) {
+        match read(&path) {
+            Ok(checkpoint) => return Ok((checkpoint, defects)),
+            Err(defect) => defects.push(defect),
+        }
+    }
+    Err(if defects.is_empty() {
+        CheckpointError::None { folder: folder.to_path_buf() }
+    } else {
+        defects.swap_remove(0)
+    })
+}
+
+/// Checkpoints in the folder, latest first.
+fn list(folder: &Path) -> Vec<PathBuf> {
+    let step = |path: &PathBuf| -> Option<u64> {
+        path.file_name()?.to_str()?.strip_prefix("step_")?.strip_suffix(".ckpt")?.parse().ok()
+    };
+    let Ok(entries) = std::fs::read_dir(folder) else { return Vec::new() };
+    let mut found: Vec<(u64, PathBuf)> = entries
+        .filter_map(|entry| Some(entry.ok()?.path()))
+        .filter_map(|path| Some((step(&path)?, path)))
+        .collect();
+    found.sort_unstable();
+    found.into_iter().rev().map(|(_, path)| path).collect()
+}
+
+fn crc(bytes: &[u8]) -> u32 {
+    let mut crc = Crc::new();
+    crc.update(bytes);
+    crc.sum()
+}
+
+fn encode(settings: &RunSettings, totals: &RunTotals, world: &World) -> io::Result<Vec<u8>> {
+    // A tuple has the layout of the struct that is read back.
+    let plain = postcard::to_stdvec(&(settings, totals, world)).map_err(io::Error::other)?;
+    let mut encoder = ZlibEncoder::new(Vec::new(), Compression::fast());
+    io::Write::write_all(&mut encoder, &plain)?;
+    let payload = encoder.finish()?;
+    let mut bytes = Vec::with_capacity(HEADER + payload.len());
+    bytes.extend(MAGIC);
+    bytes.extend(VERSION.to_le_bytes());
+    bytes.extend(crc(&payload).to_le_bytes());
+    bytes.extend((payload.len() as u64).to_le_bytes());
+    bytes.extend((plain.len() as u64).to_le_bytes());
+    bytes.extend(payload);
+    Ok(bytes)
+}
+
+fn decode(bytes: &[u8], path: &Path) -> Result<Checkpoint, CheckpointError> {
+    let path = path.to_path_buf();
+    if !bytes.starts_with(&MAGIC[..bytes.len().min(MAGIC.len())]) {
+        return Err(CheckpointError::NotACheckpoint { path });
+    }
+    let Some((header, payload)) = bytes.split_at_checked(HEADER) else {
+        return Err(CheckpointError::Truncated { path, found: bytes.len() as u64, expected: HEADER as u64 });
+    };
+    let word32 = |at: usize| u32::from_le_bytes(std::array::from_fn(|k| header[at + k]));
+    let word64 = |at: usize| u64::from_le_bytes(std::array::from_fn(|k| header[at + k]));
+    let (version, sum, length, expanded) = (word32(8), word32(12), word64(16), word64(24));
+    if version != VERSION {
+        return Err(CheckpointError::Version { path, found: version });
+    }
+    if payload.len() as u64 > length {
+        return Err(CheckpointError::Damaged { path, what: "something follows its end".to_string() });
+    }
+    if (payload.len() as u64) < length {
+        let (found, expected) = (bytes.len() as u64, length.saturating_add(HEADER as u64));
+        return Err(CheckpointError::Truncated { path, found, expected });
+    }
+    if crc(payload) != sum {
+        return Err(CheckpointError::Damaged { path, what: "its check sum differs".to_string() });
+    }
+    let mut plain = Vec::new();
+    if let Err(error) = ZlibDecoder::new(payload).take(expanded).read_to_end(&mut plain) {
+        return Err(CheckpointError::Damaged { path, what: error.to_string() });
+    }
+    postcard::from_bytes(&plain).map_err(|error| CheckpointError::Damaged { path, what: error.to_string() })
+}

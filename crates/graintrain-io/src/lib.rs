@@ -1,0 +1,29 @@
+//! The files of graintrain: scenes in, outputs out, runs between them.
+//!
+//! | module | holds |
+//! |---|---|
+//! | [`scene`] | scene files with units, built-in scenes, packings |
+//! | [`settings`] | what a run writes |
+//! | [`run`] | steps one after another, watched by observers |
+//! | [`checkpoint`] | going on later |
+//! | [`output`] | frames, tables, summary |
+//! | [`problem_file`] | contact problems in files: FCLIB, Siconos, the program's own dumps |
+//! | [`files`], [`process`] | writing so that what was computed stays readable; what the process has used |
+//!
+//! Each may use those above it (and `files` and `process`), never one below: `output` watches a run, writes
+//! checkpoints and dumps problems, and nothing here knows `output`.
+//!
+//! Feature `fclib`: problem files in HDF5, which dumps are as well.
+
+#[doc = include_str!("../README.md")]
+#[cfg(doctest)]
+struct Readme;
+
+pub mod checkpoint;
+pub mod files;
+pub mod output;
+pub mod problem_file;
+pub mod process;
+pub mod run;
+pub mod scene;
+pub mod settings;

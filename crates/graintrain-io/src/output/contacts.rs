@@ -1,0 +1,58 @@
+//! Frames of the contacts as lines.
+
+use super::vtp::{CellKind, Cells, DataArray, PolyData};
+use graintrain::math::Vec3;
+use graintrain::world::World;
+
+/// Part of the largest admissible tangential force above which a contact counts as sliding: the solver reaches the
+/// surface of the cone only to its tolerance.
+const SLIDING: f64 = 0.999;
+
+/// The frame: one line of three points per contact, from the centre of body A through the contact point to the centre of
+/// body B. Where a body has no degree of freedom (a wall), the contact point stands for its centre. (OVITO drops lines
+/// of differing numbers of points.)
+///
+/// Cell arrays: `id1`, `id2` (indices of bodies A and B), `force` (N, on A, world axes, averaged over the step of length
+/// `step`), `fn` and `ft` (its normal part and the magnitude of its tangential part, N), `gap` (m, before the step),
+/// `n` (unit normal from B to A), `mu`, `sliding` (1 where the friction is used up).
+pub fn lines(world: &World, step: f64) -> PolyData {
+    let set = &world.contacts;
+    let mut points = Vec::with_capacity(3 * set.contacts.len());
+    let mut cells = Cells::new(CellKind::Lines);
+    let movable: Vec<bool> = (0..world.bodies.len()).map(|body| !world.is_prescribed(body)).collect();
+    for contact in &set.contacts {
+        let end = |body: u32| {
+            let body = body as usize;
+            if movable[body] { world.bodies.position[body] } else { contact.point }
+        };
+        let first = points.len() as i64;
+        points.extend([end(contact.body_a), contact.point, end(contact.body_b)]);
+        cells.push(first..first + 3);
+    }
+    let force: Vec<Vec3> = set.impulse.iter().map(|&impulse| impulse / step).collect();
+    let normal: Vec<f64> =
+        force.iter().zip(&set.contacts).map(|(f, contact)| f.dot(contact.normal)).collect();
+    let tangential: Vec<f64> = force
+        .iter()
+        .zip(&set.contacts)
+        .zip(&normal)
+        .map(|((&f, contact), &normal)| (f - normal * contact.normal).length())
+        .collect();
+    let sliding = normal
+        .iter()
+        .zip(&tangential)
+        .zip(&set.friction)
+        .map(|((&normal, &tangential), &mu)| normal > 0.0 && tangential >= SLIDING * mu * normal);
+    let cell_data = vec![
+        DataArray::int64("id1", set.contacts.iter().map(|contact| i64::from(contact.body_a)).collect()),
+        DataArray::int64("id2", set.contacts.iter().map(|contact| i64::from(contact.body_b)).collect()),
+        DataArray::flags("sliding", sliding),
+        DataArray::vector("force", force),
+        DataArray::scalar("fn", normal),
+        DataArray::scalar("ft", tangential),
+        DataArray::scalar("gap", set.contacts.iter().map(|contact| contact.gap).collect()),
+        DataArray::vector("n", set.contacts.iter().map(|contact| contact.normal)),
+        DataArray::scalar("mu", set.friction.clone()),
+    ];
+    PolyData { points, cells, point_data: Vec::new(), cell_data }
+}

@@ -1,0 +1,149 @@
+//! What the linear solver of a Newton method did: one record per iteration in `newton.csv`, means per step in `steps.csv`.
+
+use crate::files::{OutputError, Table};
+use graintrain_ccp::newton::NewtonRecord;
+use std::path::{Path, PathBuf};
+
+/// Figures of linear solvers and outer methods that have a column; the cell is empty where a solver has none.
+const FIGURES: [&str; 14] = [
+    "rank_matrix",
+    "rank_inverse",
+    "compression_error",
+    "inversion_residual",
+    "compression_seconds",
+    "inversion_seconds",
+    "train_captured_energy",
+    "train_active",
+    "slots",
+    "slots_kept",
+    "factor_entries",
+    "in_body_space",
+    "barrier",
+    "step_to_cone",
+];
+
+/// Columns before those of [`FIGURES`].
+const FIXED: &str = "step,iteration,inner_iterations,residual,step_length,linear_residual,linear_converged,condition,\
+    precompute_seconds,apply_seconds";
+
+/// Columns that `steps.csv` has for Newton methods: sums over the iterations of a step, the largest condition estimate, and
+/// means of figures.
+pub const STEP_COLUMNS: &str = "newton_precompute_seconds,newton_apply_seconds,newton_condition,rank_matrix,rank_inverse,compression_error";
+
+/// The table `newton.csv`, which appears with the first record.
+#[derive(Debug)]
+pub struct NewtonTable {
+    path: PathBuf,
+    table: Option<Table>,
+}
+
+fn header() -> String {
+    format!("{FIXED},{}", FIGURES.join(","))
+}
+
+/// A figure as a CSV field, empty where there is none.
+fn cell(value: Option<f64>) -> String {
+    value.map_or_else(String::new, |value| format!("{value:?}"))
+}
+
+impl NewtonTable {
+    /// Nothing is written before the first record.
+    pub fn create(folder: &Path) -> Self {
+        Self { path: folder.join("newton.csv"), table: None }
+    }
+
+    /// Goes on with the table in the folder, if there is one, after step `last_step`.
+    ///
+    /// # Errors
+    /// Where it cannot be read or written.
+    pub fn reopen(folder: &Path, last_step: u64) -> Result<Self, OutputError> {
+        let mut table = Self::create(folder);
+        if table.path.exists() {
+            table.table = Some(Table::reopen(table.path.clone(), &header(), last_step)?);
+        }
+        Ok(table)
+    }
+
+    /// Appends the iterations of a step.
+    ///
+    /// # Errors
+    /// Where they cannot be written.
+    pub fn append(&mut self, step: u64, records: &[NewtonRecord]) -> Result<(), OutputError> {
+        for record in records {
+            let figures: Vec<String> =
+                FIGURES.iter().map(|name| cell(record.figures.get(*name).copied())).collect();
+            let line = format!(
+                "{step},{},{},{:?},{:?},{:?},{},{:?},{:?},{:?},{}",
+                record.iteration,
+                record.inner_iterations,
+                record.residual,
+                record.step,
+                record.linear_residual,
+                record.linear_converged,
+                record.condition,
+                record.precompute_seconds,
+                record.apply_seconds,
+                figures.join(",")
+            );
+            let table = match &mut self.table {
+                Some(table) => table,
+                none => none.insert(Table::create(self.path.clone(), &header())?),
+            };
+            table.append(&line)?;
+        }
+        Ok(())
+    }
+}
+
+/// The cells of [`STEP_COLUMNS`]; all empty where no Newton method was at work.
+pub fn step_cells(records: &[NewtonRecord]) -> String {
+    let some = |value: f64| (!records.is_empty()).then_some(value);
+    let mean = |name: &str| {
+        let values: Vec<f64> =
+            records.iter().filter_map(|record| record.figures.get(name).copied()).collect();
+        (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
+    };
+    [
+        some(records.iter().map(|record| record.precompute_seconds).sum()),
+        some(records.iter().map(|record| record.apply_seconds).sum()),
+        some(records.iter().map(|record| record.condition).fold(0.0, f64::max)),
+        mean("rank_matrix"),
+        mean("rank_inverse"),
+        mean("compression_error"),
+    ]
+    .map(cell)
+    .join(",")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn records_and_means_have_as_many_cells_as_columns() {
+        let mut record = NewtonRecord { precompute_seconds: 0.5, condition: 7.0, ..NewtonRecord::default() };
+        record.figures.insert("rank_matrix".to_string(), 4.0);
+        let mut other = record.clone();
+        other.figures.insert("rank_matrix".to_string(), 8.0);
+        let records = [record, other];
+        assert_eq!(step_cells(&records), "1.0,0.0,7.0,6.0,,");
+        assert_eq!(step_cells(&[]).split(',').count(), STEP_COLUMNS.split(',').count());
+
+        let folder = tempfile::tempdir().unwrap();
+        let mut table = NewtonTable::create(folder.path());
+        table.append(1, &[]).unwrap();
+        let path = folder.path().join("newton.csv");
+        assert!(!path.exists());
+        table.append(2, &records).unwrap();
+        table.append(3, &records).unwrap();
+        drop(table);
+        // A run that goes on from step 2 writes step 3 again.
+        NewtonTable::reopen(folder.path(), 2).unwrap().append(3, &records[..1]).unwrap();
+        let text = std::fs::read_to_string(path).unwrap();
+        let lines: Vec<&str> = text.lines().collect();
+        assert_eq!(lines.len(), 4);
+        let columns = lines[0].split(',').count();
+        assert!(lines.iter().all(|line| line.split(',').count() == columns));
+        assert_eq!(lines[3].split(',').next(), Some("3"));
+    }
+}

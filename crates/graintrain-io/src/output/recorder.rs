@@ -1,0 +1,280 @@
+//! The folder of a run: frames, tables, checkpoints, summary.
+
+use super::bodies::particles;
+use super::contacts::lines;
+use super::pvd::FrameList;
+use super::summary::{RunStatus, Summary};
+use super::surfaces::{Show, surfaces};
+use super::tables::Tables;
+use super::vtm::Blocks;
+use super::vtp::PolyData;
+use crate::checkpoint;
+use crate::files::{OutputError, make_folder, write_atomically};
+use crate::problem_file::{self, ProblemFileError};
+use crate::run::{Observer, RunSettings, RunTotals, StepView};
+use graintrain::world::World;
+use graintrain_ccp::Ccp;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+/// A checkpoint is also due after this wall-clock time: no more than that is lost when a run of long steps is killed.
+const LONGEST_WITHOUT_CHECKPOINT: Duration = Duration::from_secs(300);
+
+/// A folder that holds something else, where a run should go.
+#[derive(Debug, thiserror::Error)]
+#[error("{} is not empty", folder.display())]
+pub struct Occupied {
+    /// The folder.
+    pub folder: PathBuf,
+}
+
+/// What stands in the way of a new run's folder.
+#[derive(Debug, thiserror::Error)]
+pub enum PrepareError {
+    /// There is something in it.
+    #[error(transparent)]
+    Occupied(#[from] Occupied),
+    /// The system refuses.
+    #[error(transparent)]
+    Output(#[from] OutputError),
+}
+
+/// Files of a run, directly in its folder.
+const FILES: &[&str] = &[
+    "all.pvd",
+    "bodies.pvd",
+    "surfaces.pvd",
+    "contacts.pvd",
+    "steps.csv",
+    "wrench.csv",
+    "newton.csv",
+    "summary.json",
+    "scene.toml",
+];
+/// Folders of a run, and what is in them.
+const FOLDERS: &[(&str, &str)] =
+    &[("frames", "vtp"), ("frames", "vtm"), ("checkpoints", "ckpt"), ("problems", "hdf5")];
+
+/// Makes the folder of a new run. With `force`, the files of an earlier run are removed from it, and nothing else.
+///
+/// # Errors
+/// [`PrepareError::Occupied`] where the folder is not empty and `force` is not set.
+pub fn prepare_folder(folder: &Path, force: bool) -> Result<(), PrepareError> {
+    make_folder(folder)?;
+    let entries = |folder: &Path| {
+        std::fs::read_dir(folder).map_err(|error| OutputError::new("read the folder", folder, error))
+    };
+    if entries(folder)?.next().is_none() {
+        return Ok(());
+    }
+    if !force {
+        return Err(Occupied { folder: folder.to_path_buf() }.into());
+    }
+    let remove = |path: &Path| match std::fs::remove_file(path) {
+        Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
+            Err(OutputError::new("replace", path, error))
+        }
+        _ => Ok(()),
+    };
+    for file in FILES {
+        remove(&folder.join(file))?;
+    }
+    for (name, extension) in FOLDERS {
+        let inner = folder.join(name);
+        if !inner.is_dir() {
+            continue;
+        }
+        for entry in entries(&inner)?.flatten() {
+            let path = entry.path();
+            if path.extension().is_some_and(|found| found == *extension) {
+                remove(&path)?;
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Writes everything that a run leaves in its folder.
+#[derive(Debug)]
+pub struct Recorder {
+    folder: PathBuf,
+    settings: RunSettings,
+    tables: Tables,
+    all: FrameList,
+    bodies: FrameList,
+    surfaces: FrameList,
+    contacts: FrameList,
+    last_checkpoint: Instant,
+}
+
+impl Recorder {
+    /// Begins the outputs of a new run in a prepared folder: the resolved scene, the frame and a checkpoint of the
+    /// initial state (a run killed early can go on, too).
+    ///
+    /// # Errors
+    /// Where a file cannot be written.
+    pub fn begin(
+        folder: &Path,
+        settings: &RunSettings,
+        world: &World,
+        resolved_scene: &str,
+    ) -> Result<Self, OutputError> {
+        write_atomically(&folder.join("scene.toml"), resolved_scene.as_bytes())?;
+        let mut recorder = Self {
+            folder: folder.to_path_buf(),
+            settings: settings.clone(),
+            tables: Tables::create(folder)?,
+            all: FrameList::new(folder.join("all.pvd")),
+            bodies: FrameList::new(folder.join("bodies.pvd")),
+            surfaces: FrameList::new(folder.join("surfaces.pvd")),
+            contacts: FrameList::new(folder.join("contacts.pvd")),
+            last_checkpoint: Instant::now(),
+        };
+        recorder.frame(world)?;
+        recorder.checkpoint(world, &RunTotals::default(), RunStatus::Running)?;
+        Ok(recorder)
+    }
+
+    /// Goes on with the outputs in a folder from the state of a checkpoint: whatever was written after it is dropped.
+    ///
+    /// # Errors
+    /// Where a file cannot be read or written.
+    pub fn resume(folder: &Path, settings: &RunSettings, world: &World) -> Result<Self, OutputError> {
+        let list = |name: &str| FrameList::reopen(folder.join(name), world.time);
+        Ok(Self {
+            folder: folder.to_path_buf(),
+            settings: settings.clone(),
+            tables: Tables::reopen(folder, world.step)?,
+            all: list("all.pvd")?,
+            bodies: list("bodies.pvd")?,
+            surfaces: list("surfaces.pvd")?,
+            contacts: list("contacts.pvd")?,
+            last_checkpoint: Instant::now(),
+        })
+    }
+
+    /// Folder of the run.
+    pub fn folder(&self) -> &Path {
+        &self.folder
+    }
+
+    /// Writes a checkpoint and the summary so far.
+    ///
+    /// # Errors
+    /// Where a file cannot be written.
+    pub fn checkpoint(
+        &mut self,
+        world: &World,
+        totals: &RunTotals,
+        status: RunStatus,
+    ) -> Result<Summary, OutputError> {
+        checkpoint::write(&self.folder.join("checkpoints"), &self.settings, totals, world)?;
+        self.last_checkpoint = Instant::now();
+        let summary = Summary::new(world, &self.settings, totals, status);
+        summary.write(&self.folder)?;
+        Ok(summary)
+    }
+
+    /// Leaves the last good state of a run that failed: its frame, a checkpoint, the summary.
+    ///
+    /// # Errors
+    /// Where a file cannot be written.
+    pub fn fail(&mut self, world: &World, totals: &RunTotals) -> Result<Summary, OutputError> {
+        self.frame(world)?;
+        self.checkpoint(world, totals, RunStatus::Failed)
+    }
+
+    /// Writes the frames of the bodies, surfaces and contacts.
+    fn frame(&mut self, world: &World) -> Result<(), OutputError> {
+        let (output, step) = (&self.settings.output, self.settings.step);
+        if !(output.bodies || output.contacts) {
+            return Ok(());
+        }
+        let frames = self.folder.join("frames");
+        make_folder(&frames)?;
+        let in_folder =
+            |names: &[String]| names.iter().map(|name| format!("frames/{name}")).collect::<Vec<_>>();
+        let write = |name: String, data: &PolyData| -> Result<String, OutputError> {
+            let path = frames.join(&name);
+            let mut bytes = Vec::new();
+            data.write(&mut bytes, world.time, output.precision)
+                .map_err(|error| OutputError::new("write", &path, error))?;
+            write_atomically(&path, &bytes)?;
+            Ok(name)
+        };
+        let number = format!("{:08}", world.step);
+        let mut blocks = Blocks::default();
+        if output.bodies {
+            let file = write(format!("bodies_{number}.vtp"), &particles(world, step))?;
+            self.bodies.push(world.time, &in_folder(std::slice::from_ref(&file)))?;
+            blocks.particles = Some(file);
+            let fixed = surfaces(world, Show::Fixed);
+            if !fixed.cells.is_empty() {
+                // Written once: what never moves is the same in every frame.
+                let name = "surfaces_fixed.vtp".to_string();
+                let is_first = self.surfaces.is_empty();
+                blocks.meshes.push(("fixed", if is_first { write(name, &fixed)? } else { name }));
+            }
+            let moving = surfaces(world, Show::Moving);
+            if !moving.cells.is_empty() {
+                blocks.meshes.push(("moving", write(format!("surfaces_{number}.vtp"), &moving)?));
+            }
+            let files: Vec<String> = blocks.meshes.iter().map(|(_, file)| file.clone()).collect();
+            if !files.is_empty() {
+                self.surfaces.push(world.time, &in_folder(&files))?;
+            }
+        }
+        if output.contacts {
+            let contacts = lines(world, step);
+            let file = write(format!("contacts_{number}.vtp"), &contacts)?;
+            self.contacts.push(world.time, &in_folder(std::slice::from_ref(&file)))?;
+            blocks.contacts = (!contacts.cells.is_empty()).then_some(file);
+        }
+        let name = format!("all_{number}.vtm");
+        write_atomically(&frames.join(&name), blocks.text().as_bytes())?;
+        self.all.push(world.time, &in_folder(&[name]))
+    }
+}
+
+/// The part of [`Recorder`] for `--dump-problem`.
+impl Recorder {
+    fn dump(&self, world: &World, problem: &Ccp) -> Result<(), OutputError> {
+        let folder = self.folder.join("problems");
+        make_folder(&folder)?;
+        let path = folder.join(format!("step_{:08}.hdf5", world.step));
+        let title = format!("{}, step {}, time {} s", self.settings.scene, world.step, world.time);
+        problem_file::write(&path, problem, &title).map_err(|error| {
+            let source = match error {
+                ProblemFileError::Io { source, .. } => source,
+                other => std::io::Error::other(other),
+            };
+            OutputError::new("write", &path, source)
+        })
+    }
+}
+
+impl Observer for Recorder {
+    fn observe(&mut self, step: StepView<'_>) -> Result<(), OutputError> {
+        let StepView { world, report, totals, problem } = step;
+        self.tables.append(world, report, totals.last_output_seconds)?;
+        let output = &self.settings.output;
+        let (every, checkpoint_every) = (output.every.max(1), output.checkpoint_every.max(1));
+        let is_last = world.step == self.settings.steps;
+        if world.step.is_multiple_of(every) || is_last {
+            self.frame(world)?;
+        }
+        let dump_every = self.settings.dump_problem_every.filter(|&every| every > 0);
+        if let (Some(every), Some((problem, _))) = (dump_every, problem)
+            && world.step.is_multiple_of(every)
+        {
+            self.dump(world, problem)?;
+        }
+        let is_due = world.step.is_multiple_of(checkpoint_every)
+            || self.last_checkpoint.elapsed() >= LONGEST_WITHOUT_CHECKPOINT;
+        // The last one is written by whoever ends the run, since it knows how the run ended.
+        if is_due && !is_last {
+            self.checkpoint(world, totals, RunStatus::Running)?;
+        }
+        Ok(())
+    }
+}

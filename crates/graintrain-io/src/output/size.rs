@@ -1,0 +1,31 @@
+//! Sizes of bodies, by which penetrations are judged.
+
+use graintrain::shape::Shape;
+use graintrain::world::World;
+
+/// Radius of the largest ball about the shape's origin inside it, m; 0 for surfaces and half-spaces.
+pub fn inscribed_radius(shape: &Shape) -> f64 {
+    match shape {
+        Shape::Sphere { radius } | Shape::Capsule { radius, .. } => *radius,
+        Shape::Box { half } => half.min_element(),
+        Shape::Cylinder { half_length, radius } => half_length.min(*radius),
+        Shape::Plane | Shape::Mesh { .. } => 0.0,
+    }
+}
+
+/// Smallest inscribed radius of the parts of all bodies that forces can move, m: the R by which penetrations are
+/// judged. `None` where no body can move.
+pub fn smallest_radius(world: &World) -> Option<f64> {
+    let mut used = vec![false; world.geometries.len()];
+    for body in (0..world.bodies.len()).filter(|&body| !world.is_prescribed(body)) {
+        used[world.bodies.geometry[body] as usize] = true;
+    }
+    world
+        .geometries
+        .iter()
+        .zip(used)
+        .filter(|(_, used)| *used)
+        .flat_map(|(geometry, _)| &geometry.parts)
+        .map(|part| inscribed_radius(&part.shape))
+        .reduce(f64::min)
+}

@@ -1,0 +1,145 @@
+//! `summary.json`: a run in one object.
+
+use super::size::smallest_radius;
+use crate::files::{OutputError, write_atomically};
+use crate::process::peak_memory_bytes;
+use crate::run::{RunSettings, RunTotals};
+use graintrain::world::World;
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+
+/// Whether the run reached its end.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum RunStatus {
+    /// It goes on, or was killed.
+    Running,
+    /// All steps are done.
+    Finished,
+    /// Somebody asked it to stop.
+    Stopped,
+    /// A step or an output failed, or a solve missed its tolerance where that was forbidden.
+    Failed,
+}
+
+/// Wall-clock seconds of the phases of all steps.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Phases {
+    /// Broad and narrow phase.
+    pub collide: f64,
+    /// Building the contact problems.
+    pub assemble: f64,
+    /// Solving them.
+    pub solve: f64,
+    /// Velocities, positions, rotations.
+    pub integrate: f64,
+    /// Writing files, telling progress.
+    pub output: f64,
+}
+
+/// A run in figures. SI units. Sums and extremes are over all steps, those before an interruption included.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Summary {
+    /// Version of the program.
+    pub version: String,
+    /// Name of the scene.
+    pub scene: String,
+    /// How the run ended.
+    pub status: RunStatus,
+    /// Solver asked for.
+    pub solver: String,
+    /// Residual asked for.
+    pub tolerance: f64,
+    /// Friction model.
+    pub friction: graintrain_ccp::FrictionModel,
+    /// Time step, s.
+    pub step: f64,
+    /// Threads of the last session.
+    pub threads: usize,
+    /// Number of bodies.
+    pub bodies: usize,
+    /// Steps done.
+    pub steps: u64,
+    /// s.
+    pub simulated_seconds: f64,
+    /// s.
+    pub wall_seconds: f64,
+    /// Processor seconds of all threads; null where the system does not tell.
+    pub cpu_seconds: Option<f64>,
+    /// Wall-clock seconds per phase.
+    pub phases: Phases,
+    /// Mean number of contacts.
+    pub contacts_mean: f64,
+    /// Largest number of contacts.
+    pub contacts_max: usize,
+    /// Contacts of the last step.
+    pub contacts_final: usize,
+    /// Worst residual of a step.
+    pub residual_max: f64,
+    /// Residual of the last step.
+    pub residual_final: f64,
+    /// Steps whose solve missed the tolerance.
+    pub unconverged_steps: u64,
+    /// Deepest overlap over the smallest radius of the bodies that forces can move.
+    pub penetration_max_over_radius: f64,
+    /// The same for the last step alone.
+    pub penetration_final_over_radius: f64,
+    /// Kinetic energy at the end, J.
+    pub kinetic_energy: f64,
+    /// Largest resident memory of the process, bytes; null where the system does not tell.
+    pub peak_memory_bytes: Option<u64>,
+    /// Hash of the final state's bits, hexadecimal.
+    pub state_hash: String,
+}
+
+impl Summary {
+    /// The figures of a run so far.
+    pub fn new(world: &World, settings: &RunSettings, totals: &RunTotals, status: RunStatus) -> Self {
+        // Without a movable body there is nothing to penetrate.
+        let radius = smallest_radius(world).filter(|&radius| radius > 0.0).unwrap_or(f64::INFINITY);
+        Self {
+            version: env!("CARGO_PKG_VERSION").to_string(),
+            scene: settings.scene.clone(),
+            status,
+            solver: settings.solver.clone(),
+            tolerance: settings.tolerance,
+            friction: settings.friction,
+            step: settings.step,
+            threads: rayon::current_num_threads(),
+            bodies: world.bodies.len(),
+            steps: world.step,
+            simulated_seconds: world.time,
+            wall_seconds: totals.wall_seconds,
+            cpu_seconds: totals.cpu_seconds,
+            phases: Phases {
+                collide: totals.phases.collide,
+                assemble: totals.phases.assemble,
+                solve: totals.phases.solve,
+                integrate: totals.phases.integrate,
+                output: totals.output_seconds,
+            },
+            contacts_mean: totals.contacts_sum as f64 / world.step.max(1) as f64,
+            contacts_max: totals.contacts_max,
+            contacts_final: totals.contacts_final,
+            residual_max: totals.residual_max,
+            residual_final: totals.residual_final,
+            unconverged_steps: totals.unconverged_steps,
+            penetration_max_over_radius: totals.penetration_max / radius,
+            penetration_final_over_radius: totals.penetration_final / radius,
+            kinetic_energy: world.kinetic_energy(),
+            peak_memory_bytes: peak_memory_bytes(),
+            state_hash: format!("{:016x}", world.state_hash()),
+        }
+    }
+
+    /// Writes it as `summary.json` into the folder.
+    ///
+    /// # Errors
+    /// Where the file cannot be written.
+    pub fn write(&self, folder: &Path) -> Result<(), OutputError> {
+        let path = folder.join("summary.json");
+        let text = serde_json::to_string_pretty(self)
+            .map_err(|error| OutputError::new("write", &path, error.into()))?;
+        write_atomically(&path, format!("{text}\n").as_bytes())
+    }
+}

@@ -1,0 +1,151 @@
+//! Files that hold one contact problem: FCLIB (HDF5), the text problems of Siconos, and the program's own dumps,
+//! which are FCLIB files.
+//!
+//! | module | holds |
+//! |---|---|
+//! | `fclib`, `siconos` | the two formats |
+//! | `raw` | a problem as a file states it: local (W, q, mu) or global (M, H, f, w, mu) |
+//! | `local`, `global` | from there to the CCP |
+//! | `rigid` | recognises the rigid bodies of a global problem |
+//! | `dump` | writes problems |
+//! | `hdf5` | the files of both; without the feature `fclib`, `without_fclib` refuses them |
+
+mod dense;
+#[cfg(feature = "fclib")]
+mod dump;
+mod error;
+#[cfg(feature = "fclib")]
+mod fclib;
+mod global;
+#[cfg(feature = "fclib")]
+mod hdf5;
+mod local;
+mod matrix;
+mod raw;
+mod rigid;
+mod siconos;
+#[cfg(not(feature = "fclib"))]
+mod without_fclib;
+
+pub use error::ProblemFileError;
+pub use hdf5::write;
+
+use error::Defect;
+use graintrain_ccp::{Ccp, CcpError, Delassus};
+use raw::{Extras, RawProblem, Stated};
+use std::path::Path;
+#[cfg(not(feature = "fclib"))]
+use without_fclib as hdf5;
+
+/// How a file states its problem, and what became of it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Form {
+    /// u = W r + q: an explicit matrix.
+    Local,
+    /// M v = H r + f with rigid bodies, which are kept.
+    RigidBodies,
+    /// M v = H r + f with other bodies: condensed to an explicit matrix.
+    Condensed,
+}
+
+/// A problem read from a file. Contacts keep the order of the file, components their frame (normal, tangent 1,
+/// tangent 2).
+#[derive(Clone, Debug)]
+pub struct ProblemFile {
+    /// The problem. Its matrix is symmetric; its impulses are the `r` of the file, its velocities the `u`.
+    pub problem: Ccp,
+    /// How the file states it.
+    pub form: Form,
+    /// The title in the file; empty where it has none.
+    pub title: String,
+    /// Number of bodies (independent blocks of M); 0 where the file does not know them.
+    pub bodies: usize,
+    /// max |A - A^T| / max |A| of the matrix in the file (W or M) that has to be symmetric. Above rounding the
+    /// problem solved is that of the symmetric part.
+    pub asymmetry: f64,
+    /// What was taken in another way than the file says it, one sentence each.
+    pub remarks: Vec<String>,
+}
+
+/// Asymmetry that is worth telling the user about.
+const NOTICEABLE_ASYMMETRY: f64 = 1e-9;
+
+impl ProblemFile {
+    /// What the user should know about the file, one sentence each.
+    pub fn notes(&self) -> Vec<String> {
+        let mut notes = self.remarks.clone();
+        if self.asymmetry > NOTICEABLE_ASYMMETRY {
+            notes.push(format!(
+                "the matrix in the file is asymmetric ({:.1e} of its largest entry); its symmetric part is solved",
+                self.asymmetry
+            ));
+        }
+        notes
+    }
+}
+
+/// Reads a problem file; its contents decide the format, not its name.
+///
+/// # Errors
+/// [`ProblemFileError`]: unreadable, damaged, or a problem that is not solved here (two-dimensional, rolling friction).
+pub fn read(path: &Path) -> Result<ProblemFile, ProblemFileError> {
+    let bytes =
+        std::fs::read(path).map_err(|source| ProblemFileError::Io { path: path.to_path_buf(), source })?;
+    parse(bytes).map_err(|defect| defect.in_file(path))
+}
+
+/// Whether this is an HDF5 file: its signature stands at the beginning or at 512, 1024, 2048, ...
+fn is_hdf5(bytes: &[u8]) -> bool {
+    let places = std::iter::successors(Some(512_usize), |place| place.checked_mul(2));
+    std::iter::once(0)
+        .chain(places.take_while(|&place| place < bytes.len()))
+        .any(|place| bytes[place..].starts_with(b"\x89HDF\r\n\x1a\n"))
+}
+
+fn parse(bytes: Vec<u8>) -> Result<ProblemFile, Defect> {
+    let stated = if is_hdf5(&bytes) {
+        hdf5::parse(bytes)?
+    } else {
+        let raw = siconos::parse(&bytes)?;
+        raw.check(str::to_string)?;
+        Stated { raw, title: String::new(), remark: None, extras: Extras::default() }
+    };
+    build(stated)
+}
+
+fn build(stated: Stated) -> Result<ProblemFile, Defect> {
+    let Stated { mut raw, title, remark, mut extras } = stated;
+    let mut remarks: Vec<String> = remark.into_iter().chain(extras.remark.take()).collect();
+    remarks.extend(raw.mirror_triangles().into_iter().map(|name| {
+        format!(
+            "{name} has entries on one side of its diagonal only and is taken as one triangle of a symmetric matrix"
+        )
+    }));
+    let (delassus, r, points, friction, form, bodies, asymmetry) = match raw {
+        RawProblem::Local(mut local) => {
+            let friction = std::mem::take(&mut local.friction);
+            let reduced = local::reduce(local)?;
+            (reduced.delassus, reduced.r, Vec::new(), friction, Form::Local, 0, reduced.asymmetry)
+        }
+        RawProblem::Global(mut global) => {
+            let friction = std::mem::take(&mut global.friction);
+            let reduced = match extras.bodies {
+                Some(bodies) => global::Reduced::from_bodies(bodies, std::mem::take(&mut global.w)),
+                None => global::reduce(&global)?,
+            };
+            let form = match reduced.delassus {
+                Delassus::Rigid(_) => Form::RigidBodies,
+                Delassus::Sparse(_) => Form::Condensed,
+            };
+            (reduced.delassus, reduced.r, reduced.points, friction, form, reduced.bodies, reduced.asymmetry)
+        }
+    };
+    let invalid =
+        |error: CcpError| Defect::damaged("the contact problem", error.to_string(), error::WRITE_AGAIN);
+    let mut problem = Ccp::new(delassus, r, friction).map_err(invalid)?;
+    problem.impulse_scale = extras.impulse_scale;
+    problem.identity = extras.identity;
+    problem.points = if extras.points.is_empty() { points } else { extras.points };
+    problem.validate().map_err(invalid)?;
+    Ok(ProblemFile { problem, form, title, bodies, asymmetry, remarks })
+}

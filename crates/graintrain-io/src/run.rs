@@ -1,0 +1,273 @@
+//! The run: steps one after another, watched by observers, until the end or until somebody asks to stop.
+
+use crate::files::OutputError;
+use crate::process::cpu_seconds;
+use crate::scene::Simulation;
+use crate::settings::OutputSettings;
+use graintrain::stepper::{PhaseSeconds, StepError, StepReport, StepSettings, Stepper};
+use graintrain::world::World;
+use graintrain_ccp::{Ccp, FrictionModel};
+use serde::{Deserialize, Serialize};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
+
+/// Everything about a run but the state: what `resume` needs to go on.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct RunSettings {
+    /// Name of the scene.
+    pub scene: String,
+    /// Time step, s.
+    pub step: f64,
+    /// Contact envelope delta, m.
+    pub envelope: f64,
+    /// Solver by name.
+    pub solver: String,
+    /// Residual at which it stops.
+    pub tolerance: f64,
+    /// Iteration limit; `None` is the solver's own.
+    pub max_iterations: Option<usize>,
+    /// Relaxed or exact friction.
+    pub friction: FrictionModel,
+    /// Number of the last step.
+    pub steps: u64,
+    /// What is written.
+    pub output: OutputSettings,
+    /// Steps from one dumped contact problem to the next; `None` dumps none.
+    pub dump_problem_every: Option<u64>,
+}
+
+impl RunSettings {
+    /// The settings of a scene's simulation.
+    pub fn new(simulation: &Simulation, dump_problem_every: Option<u64>) -> Self {
+        let settings = &simulation.settings;
+        Self {
+            scene: simulation.resolved.name.clone(),
+            step: settings.step,
+            envelope: settings.envelope,
+            solver: settings.solver.to_string(),
+            tolerance: settings.tolerance,
+            max_iterations: settings.max_iterations,
+            friction: settings.friction,
+            steps: simulation.steps,
+            output: simulation.output.clone(),
+            dump_problem_every,
+        }
+    }
+}
+
+/// Sums and extremes over the steps of a run, those before an interruption included.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct RunTotals {
+    /// Wall-clock seconds.
+    pub wall_seconds: f64,
+    /// Processor seconds of all threads; `None` where the system does not tell.
+    pub cpu_seconds: Option<f64>,
+    /// Seconds per phase.
+    pub phases: PhaseSeconds,
+    /// Seconds in observers.
+    pub output_seconds: f64,
+    /// Seconds in observers after the last step.
+    pub last_output_seconds: f64,
+    /// Sum over steps of the number of contacts.
+    pub contacts_sum: u64,
+    /// Largest number of contacts.
+    pub contacts_max: usize,
+    /// Contacts of the last step.
+    pub contacts_final: usize,
+    /// Worst residual.
+    pub residual_max: f64,
+    /// Residual of the last step.
+    pub residual_final: f64,
+    /// Steps whose solve missed the tolerance.
+    pub unconverged_steps: u64,
+    /// Deepest overlap, m.
+    pub penetration_max: f64,
+    /// Overlap in the last step, m.
+    pub penetration_final: f64,
+}
+
+impl RunTotals {
+    /// Adds a step.
+    fn add(&mut self, report: &StepReport) {
+        let phases = &report.phases;
+        self.phases.collide += phases.collide;
+        self.phases.assemble += phases.assemble;
+        self.phases.solve += phases.solve;
+        self.phases.integrate += phases.integrate;
+        self.contacts_sum += report.contacts as u64;
+        self.contacts_max = self.contacts_max.max(report.contacts);
+        self.contacts_final = report.contacts;
+        self.residual_max = self.residual_max.max(report.solve.residual.max);
+        self.residual_final = report.solve.residual.max;
+        self.unconverged_steps += u64::from(!report.solve.converged());
+        self.penetration_max = self.penetration_max.max(report.penetration_max);
+        self.penetration_final = report.penetration_max;
+    }
+}
+
+/// What observers see after a step.
+#[derive(Clone, Copy)]
+pub struct StepView<'a> {
+    /// The state after the step.
+    pub world: &'a World,
+    /// What the step did.
+    pub report: &'a StepReport,
+    /// The run so far, this step included.
+    pub totals: &'a RunTotals,
+    /// The step's contact problem and the impulses found.
+    pub problem: Option<(&'a Ccp, &'a [f64])>,
+}
+
+/// Watches a run: writes files, shows progress.
+pub trait Observer {
+    /// Called after every step.
+    ///
+    /// # Errors
+    /// An output that cannot be written ends the run.
+    fn observe(&mut self, step: StepView<'_>) -> Result<(), OutputError>;
+}
+
+/// How [`Run::advance`] ended without an error.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Ending {
+    /// All steps are done.
+    Finished,
+    /// The stop flag was set.
+    Stopped,
+}
+
+/// Why a run ended early. Its state is that after the last complete step.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum RunError {
+    /// A step could not be made.
+    #[error(transparent)]
+    Step(#[from] StepError),
+    /// A solve missed its tolerance, which [`Run::strict`] forbids.
+    #[error("step {step}: {solver} stopped at residual {residual:.2e}, above the tolerance {tolerance:.2e}")]
+    ToleranceMissed {
+        /// Number of the step.
+        step: u64,
+        /// Solver.
+        solver: String,
+        /// Residual reached.
+        residual: f64,
+        /// Residual asked for.
+        tolerance: f64,
+    },
+    /// An output could not be written.
+    #[error(transparent)]
+    Output(#[from] OutputError),
+}
+
+/// A simulation under way.
+pub struct Run {
+    /// The state.
+    pub world: World,
+    /// What was asked for.
+    pub settings: RunSettings,
+    /// The run so far.
+    pub totals: RunTotals,
+    /// Whether a solve that misses its tolerance ends the run.
+    pub strict: bool,
+    stepper: Stepper,
+    stop: Arc<AtomicBool>,
+}
+
+impl Run {
+    /// A run from this state. It ends early, with a state from which it can go on, once `stop` is set.
+    ///
+    /// # Errors
+    /// [`StepError`] for settings out of range or an unknown solver.
+    pub fn new(
+        world: World,
+        settings: RunSettings,
+        totals: RunTotals,
+        stop: Arc<AtomicBool>,
+    ) -> Result<Self, StepError> {
+        let mut stepper = Stepper::new(StepSettings {
+            step: settings.step,
+            envelope: settings.envelope,
+            solver: settings.solver.parse()?,
+            tolerance: settings.tolerance,
+            max_iterations: settings.max_iterations,
+            friction: settings.friction,
+            ..StepSettings::default()
+        })?;
+        stepper.stop_on(Arc::clone(&stop));
+        Ok(Self { world, settings, totals, strict: false, stepper, stop })
+    }
+
+    /// Makes the remaining steps, showing each to the observers in turn.
+    ///
+    /// # Errors
+    /// [`RunError`]; the state is then that after the last complete step.
+    pub fn advance(&mut self, observers: &mut [&mut dyn Observer]) -> Result<Ending, RunError> {
+        let session = Session::begin(&self.totals);
+        let ending = self.steps(observers, &session);
+        session.count(&mut self.totals);
+        ending
+    }
+
+    fn steps(&mut self, observers: &mut [&mut dyn Observer], session: &Session) -> Result<Ending, RunError> {
+        while self.world.step < self.settings.steps {
+            if self.stop.load(Ordering::Relaxed) {
+                return Ok(Ending::Stopped);
+            }
+            let report = match self.stepper.step(&mut self.world) {
+                Err(StepError::Stopped) => return Ok(Ending::Stopped),
+                result => result?,
+            };
+            self.totals.add(&report);
+            session.count(&mut self.totals);
+            let begin = Instant::now();
+            for observer in &mut *observers {
+                observer.observe(StepView {
+                    world: &self.world,
+                    report: &report,
+                    totals: &self.totals,
+                    problem: self.stepper.last_problem(),
+                })?;
+            }
+            self.totals.last_output_seconds = begin.elapsed().as_secs_f64();
+            self.totals.output_seconds += self.totals.last_output_seconds;
+            if self.strict && !report.solve.converged() {
+                return Err(RunError::ToleranceMissed {
+                    step: self.world.step,
+                    solver: report.solve.solver,
+                    residual: report.solve.residual.max,
+                    tolerance: self.settings.tolerance,
+                });
+            }
+        }
+        Ok(Ending::Finished)
+    }
+}
+
+/// Clocks of the present session, on top of what earlier ones took.
+struct Session {
+    start: Instant,
+    wall_before: f64,
+    cpu_start: Option<f64>,
+    cpu_before: Option<f64>,
+}
+
+impl Session {
+    fn begin(totals: &RunTotals) -> Self {
+        Self {
+            start: Instant::now(),
+            wall_before: totals.wall_seconds,
+            cpu_start: cpu_seconds(),
+            cpu_before: totals.cpu_seconds,
+        }
+    }
+
+    fn count(&self, totals: &mut RunTotals) {
+        totals.wall_seconds = self.wall_before + self.start.elapsed().as_secs_f64();
+        totals.cpu_seconds = match (self.cpu_start, cpu_seconds()) {
+            (Some(start), Some(now)) => Some(self.cpu_before.unwrap_or(0.0) + now - start),
+            _ => self.cpu_before,
+        };
+    }
+}

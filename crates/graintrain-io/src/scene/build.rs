@@ -1,0 +1,367 @@
+//! From a [`Scene`] to the world, the step's settings, and what a run writes.
+
+use super::Scene;
+use super::error::{Location, SceneError, SceneErrorKind};
+use super::mesh_file;
+use super::model::{
+    BodySpec, FrictionLaw, MeshSpec, MotionSpec, PackingSource, PackingSpec, PartSpec, ShapeSpec,
+};
+use super::packing::{self, read_file};
+use crate::settings::OutputSettings;
+use graintrain::collide::deepest_overlap;
+use graintrain::error::ModelError;
+use graintrain::material::Materials;
+use graintrain::math::{Quat, Vec3};
+use graintrain::motion::{Motion, Profile, Rotation};
+use graintrain::shape::{Geometry, Part, Shape};
+use graintrain::stepper::StepSettings;
+use graintrain::world::{Body, FREE, World};
+use graintrain_ccp::FrictionModel;
+use std::collections::HashMap;
+use std::path::PathBuf;
+
+/// Contact envelope as a fraction of the smallest radius: wide enough that the contacts of a settled packing persist
+/// while it moves, narrow enough that few contacts without force are solved for.
+const ENVELOPE: f64 = 0.3;
+
+/// Overlap accepted at the start, as a fraction of the smallest radius: what settled packings from other programs
+/// have.
+const ALLOWED_OVERLAP: f64 = 0.01;
+
+/// Everything that a run needs.
+#[derive(Clone, Debug)]
+pub struct Simulation {
+    /// The state at time 0.
+    pub world: World,
+    /// How steps are made.
+    pub settings: StepSettings,
+    /// Number of steps.
+    pub steps: u64,
+    /// What is written.
+    pub output: OutputSettings,
+    /// The scene with the defaults that depend on the bodies filled in; `resolved.to_toml()` belongs into the run's
+    /// folder.
+    pub resolved: Scene,
+}
+
+impl Scene {
+    /// Makes the world and the settings of a run. Reads the files that the scene names.
+    ///
+    /// # Errors
+    /// [`SceneError`] for a missing or damaged file, a packing that does not fit, no body that can move, or bodies
+    /// that overlap at the start.
+    pub fn build(&self) -> Result<Simulation, SceneError> {
+        let mut resolved = self.clone();
+        resolved.make_paths_absolute()?;
+        let mut builder = Builder::new(self)?;
+        for (name, body) in &self.bodies {
+            builder.add_body(name, body)?;
+        }
+        for (name, packing) in &self.packings {
+            builder.add_packing(name, packing)?;
+        }
+        let Builder { world, smallest_radius, origins, .. } = builder;
+        if world.bodies.is_empty() {
+            return Err(SceneError::new(SceneErrorKind::NoBodies, None));
+        }
+        if !(0..world.bodies.len()).any(|body| !world.is_prescribed(body)) {
+            return Err(SceneError::new(SceneErrorKind::NothingMoves, None));
+        }
+        let envelope = *resolved.contact.envelope.get_or_insert(ENVELOPE * smallest_radius);
+        let allowed = *resolved.contact.allowed_overlap.get_or_insert(ALLOWED_OVERLAP * smallest_radius);
+        check_overlap(&world, &origins, allowed)?;
+        let solver = self.solver.name.parse().map_err(|error: graintrain_ccp::CcpError| {
+            SceneError::new(SceneErrorKind::Contradiction(error.to_string()), None)
+        })?;
+        let settings = StepSettings {
+            step: self.time.step,
+            envelope,
+            solver,
+            tolerance: self.solver.tolerance,
+            max_iterations: self.solver.max_iterations,
+            friction: match self.solver.friction {
+                FrictionLaw::Relaxed => FrictionModel::Relaxed,
+                FrictionLaw::Coulomb => FrictionModel::Coulomb,
+            },
+            ..StepSettings::default()
+        };
+        let whole_steps = |time: f64| ((time / self.time.step).round() as u64).max(1);
+        let output = OutputSettings {
+            every: whole_steps(self.output.every),
+            bodies: self.output.bodies,
+            contacts: self.output.contacts,
+            precision: self.output.precision,
+            checkpoint_every: whole_steps(self.output.checkpoint_every),
+        };
+        Ok(Simulation { world, settings, steps: self.time.steps, output, resolved })
+    }
+
+    fn make_paths_absolute(&mut self) -> Result<(), SceneError> {
+        let absolute = |path: &mut PathBuf, location: &Location| {
+            *path = std::path::absolute(&*path).map_err(|error| {
+                let kind = SceneErrorKind::UnreadableFile {
+                    path: path.display().to_string(),
+                    reason: error.to_string(),
+                };
+                SceneError::at(kind, location)
+            })?;
+            Ok(())
+        };
+        for (_, body) in &mut self.bodies {
+            for part in &mut body.parts {
+                if let ShapeSpec::Mesh(MeshSpec { file: Some(path), location, .. }) = &mut part.shape {
+                    absolute(path, location)?;
+                }
+            }
+        }
+        for (_, packing) in &mut self.packings {
+            if let PackingSource::File(file) = &mut packing.source {
+                absolute(&mut file.path, &file.location)?;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// A world in the making.
+struct Builder {
+    world: World,
+    /// Indices of materials by name.
+    materials: HashMap<String, u32>,
+    /// Geometries of spheres by the bits of their radius: equal spheres share one.
+    spheres: HashMap<u64, u32>,
+    /// Motion of bodies with locked rotation, once there is one.
+    locked_rotation: Option<u32>,
+    /// Smallest size of a body that can move, m.
+    smallest_radius: f64,
+    /// Where bodies come from, in their order.
+    origins: Vec<Origin>,
+}
+
+/// A stretch of bodies that a body or packing of the scene made.
+struct Origin {
+    /// Name of the body or packing.
+    label: String,
+    /// Index of the first of them.
+    first: usize,
+    is_packing: bool,
+    location: Location,
+}
+
+/// An error for the deepest pair of bodies that overlap by more than allowed.
+fn check_overlap(world: &World, origins: &[Origin], allowed: f64) -> Result<(), SceneError> {
+    let Some(overlap) = deepest_overlap(world).filter(|overlap| overlap.depth > allowed) else {
+        return Ok(());
+    };
+    let origin = |body: u32| {
+        let after = origins.partition_point(|origin| origin.first <= body as usize);
+        &origins[after - 1]
+    };
+    let label = |body: u32| {
+        let origin = origin(body);
+        if origin.is_packing {
+            format!("number {} of packing `{}`", body as usize - origin.first + 1, origin.label)
+        } else {
+            format!("`{}`", origin.label)
+        }
+    };
+    let kind = SceneErrorKind::Overlap {
+        first: label(overlap.body_a),
+        second: label(overlap.body_b),
+        depth: overlap.depth,
+        allowed,
+    };
+    Err(SceneError::at(kind, &origin(overlap.body_a).location))
+}
+
+fn model_error(error: ModelError, location: &Location) -> SceneError {
+    SceneError::at(SceneErrorKind::Contradiction(error.to_string()), location)
+}
+
+impl Builder {
+    fn new(scene: &Scene) -> Result<Self, SceneError> {
+        let unplaced =
+            |error: ModelError| SceneError::new(SceneErrorKind::Contradiction(error.to_string()), None);
+        let mut materials = Materials::default();
+        let mut index = HashMap::new();
+        for (name, material) in &scene.materials {
+            index.insert(name.clone(), materials.add(name, material.density).map_err(unplaced)?);
+        }
+        for (i, (first_name, first)) in scene.materials.iter().enumerate() {
+            for (j, (second_name, second)) in scene.materials.iter().enumerate().skip(i) {
+                let pair = scene.pairs.iter().find(|pair| {
+                    let [a, b] = &pair.materials;
+                    (a == first_name && b == second_name) || (a == second_name && b == first_name)
+                });
+                let friction = pair.and_then(|pair| pair.friction).unwrap_or_else(|| {
+                    if i == j {
+                        first.friction
+                    } else {
+                        scene.contact.friction_rule.combine(first.friction, second.friction)
+                    }
+                });
+                let restitution = pair.and_then(|pair| pair.restitution).unwrap_or_else(|| {
+                    if i == j {
+                        first.restitution
+                    } else {
+                        scene.contact.restitution_rule.combine(first.restitution, second.restitution)
+                    }
+                });
+                materials.set_pair(i as u32, j as u32, friction, restitution).map_err(unplaced)?;
+            }
+        }
+        Ok(Self {
+            world: World::new(scene.gravity, materials).map_err(unplaced)?,
+            materials: index,
+            spheres: HashMap::new(),
+            locked_rotation: None,
+            smallest_radius: f64::INFINITY,
+            origins: Vec::new(),
+        })
+    }
+
+    fn material(&self, name: &str) -> u32 {
+        self.materials[name]
+    }
+
+    fn note_origin(&mut self, label: &str, is_packing: bool, location: &Location) {
+        let first = self.world.bodies.len();
+        self.origins.push(Origin { label: label.to_string(), first, is_packing, location: location.clone() });
+    }
+
+    fn add_body(&mut self, name: &str, spec: &BodySpec) -> Result<(), SceneError> {
+        self.note_origin(name, false, &spec.location);
+        let at = |error: ModelError| model_error(error, &spec.location);
+        let parts = spec.parts.iter().map(part).collect::<Result<Vec<_>, SceneError>>()?;
+        let (geometry, centre) = Geometry::compound(parts).map_err(at)?;
+        let material = self.material(&spec.material);
+        let volume = geometry.volume;
+        let motion = self.motion(&spec.motion).map_err(at)?;
+        let rotation = spec.rotation.0;
+        let geometry = self.world.add_geometry(geometry);
+        let body = self
+            .world
+            .add_body(Body {
+                name: name.to_string(),
+                motion,
+                position: spec.position + rotation * centre,
+                orientation: rotation,
+                velocity: spec.velocity,
+                angular_velocity: spec.angular_velocity,
+                ..Body::new(geometry, material, Vec3::ZERO)
+            })
+            .map_err(at)? as usize;
+        let default_mass = self.world.bodies.mass[body];
+        let mass = spec.mass.or(spec.density.map(|density| density * volume));
+        if let Some(mass) = mass.filter(|_| default_mass > 0.0) {
+            self.world.bodies.mass[body] = mass;
+            self.world.bodies.inertia[body] *= mass / default_mass;
+        }
+        if !self.world.is_prescribed(body) {
+            let sizes = spec.parts.iter().map(|part| part.shape.size());
+            self.smallest_radius = sizes.fold(self.smallest_radius, f64::min);
+        }
+        Ok(())
+    }
+
+    fn motion(&mut self, spec: &MotionSpec) -> Result<u32, ModelError> {
+        if spec.free == [true; 6] {
+            return Ok(FREE);
+        }
+        let delayed = |profile: &Profile| match spec.start {
+            0.0 => profile.clone(),
+            start => Profile::Delayed { start, profile: Box::new(profile.clone()) },
+        };
+        let translation =
+            spec.translation.iter().map(|item| (item.direction, delayed(&item.speed))).collect();
+        let rotation = spec.rotation.as_ref().map(|spin| Rotation {
+            point: spin.point,
+            axis: spin.axis,
+            profile: delayed(&spin.speed),
+        });
+        self.world.add_motion(Motion { free: spec.free, translation, rotation })
+    }
+
+    fn add_packing(&mut self, name: &str, spec: &PackingSpec) -> Result<(), SceneError> {
+        self.note_origin(name, true, &spec.location);
+        let at = |error: ModelError| model_error(error, &spec.location);
+        let material = self.material(&spec.material);
+        let shape = spec.shape.as_ref().map(shape).transpose()?;
+        let bounding_radius = shape.as_ref().map(|(shape, _)| shape.bounding_radius());
+        let placed = packing::place(name, spec, bounding_radius)?;
+        let shared = match shape {
+            Some((shape, _)) => {
+                let geometry = Geometry::single(shape).map_err(at)?;
+                Some(self.world.add_geometry(geometry))
+            }
+            None => None,
+        };
+        let motion = if spec.lock_rotation { self.locked_rotation().map_err(at)? } else { FREE };
+        for ((position, radius), velocity) in placed.position.iter().zip(&placed.radius).zip(&placed.velocity)
+        {
+            let geometry = match shared {
+                Some(geometry) => geometry,
+                None => self.sphere(*radius).map_err(at)?,
+            };
+            let body = Body { motion, velocity: *velocity, ..Body::new(geometry, material, *position) };
+            self.world.add_body(body).map_err(at)?;
+        }
+        let sizes = placed.radius.iter().copied();
+        self.smallest_radius = match &spec.shape {
+            Some(shape) => self.smallest_radius.min(shape.size()),
+            None => sizes.fold(self.smallest_radius, f64::min),
+        };
+        Ok(())
+    }
+
+    fn sphere(&mut self, radius: f64) -> Result<u32, ModelError> {
+        if let Some(&geometry) = self.spheres.get(&radius.to_bits()) {
+            return Ok(geometry);
+        }
+        let geometry = self.world.add_geometry(Geometry::sphere(radius)?);
+        self.spheres.insert(radius.to_bits(), geometry);
+        Ok(geometry)
+    }
+
+    fn locked_rotation(&mut self) -> Result<u32, ModelError> {
+        if let Some(motion) = self.locked_rotation {
+            return Ok(motion);
+        }
+        let motion = Motion::fixed().with_free([true, true, true, false, false, false]);
+        let motion = self.world.add_motion(motion)?;
+        self.locked_rotation = Some(motion);
+        Ok(motion)
+    }
+}
+
+/// A part with its shape in the form of the geometry, which has planes only with the normal z.
+fn part(spec: &PartSpec) -> Result<Part, SceneError> {
+    let (shape, turn) = shape(&spec.shape)?;
+    Ok(Part { shape, position: spec.position, orientation: spec.rotation.0 * turn })
+}
+
+/// The shape, and the rotation that it needs before any other.
+fn shape(spec: &ShapeSpec) -> Result<(Shape, Quat), SceneError> {
+    let shape = match *spec {
+        ShapeSpec::Sphere { radius } => Shape::Sphere { radius },
+        ShapeSpec::Box { size } => Shape::Box { half: 0.5 * size },
+        ShapeSpec::Plane { normal } => return Ok((Shape::Plane, Quat::from_rotation_arc(Vec3::Z, normal))),
+        ShapeSpec::Capsule { length, radius } => Shape::Capsule { half_length: 0.5 * length, radius },
+        ShapeSpec::Cylinder { length, radius } => Shape::Cylinder { half_length: 0.5 * length, radius },
+        ShapeSpec::Mesh(ref mesh) => mesh_shape(mesh)?,
+    };
+    Ok((shape, Quat::IDENTITY))
+}
+
+fn mesh_shape(mesh: &MeshSpec) -> Result<Shape, SceneError> {
+    let (vertices, triangles) = match &mesh.file {
+        None => (mesh.vertices.clone(), mesh.triangles.clone()),
+        Some(path) => {
+            let bytes = read_file(path, &mesh.location)?;
+            let read =
+                mesh_file::read(path, &bytes).map_err(|problem| problem.located(path, &mesh.location))?;
+            (read.vertices, read.triangles)
+        }
+    };
+    Ok(Shape::Mesh { vertices: vertices.into_iter().map(|vertex| vertex * mesh.scale).collect(), triangles })
+}

@@ -1,0 +1,548 @@
+//! From the tree of a scene file to a [`Scene`] in which every value is resolved.
+
+use super::Scene;
+use super::error::{SceneError, SceneErrorKind};
+use super::model::*;
+use super::parameters::Parameters;
+use super::reader::{Context, Range, Reader};
+use super::schema;
+use super::tree::{Node, Value};
+use crate::settings::Precision;
+use graintrain::math::{Quat, Vec3};
+use graintrain::motion::Profile;
+use graintrain_ccp::{CcpError, SolverSpec};
+use std::path::PathBuf;
+
+/// Name of the material of scenes that declare none.
+const DEFAULT_MATERIAL: &str = "default";
+
+/// Solver of scenes that name none.
+const DEFAULT_SOLVER: &str = "auto";
+
+/// Largest number of steps of a run.
+const MOST_STEPS: f64 = 1e12;
+
+/// Reads a scene from its tree. Relative paths start at `folder`.
+pub(crate) fn read(name: &str, root: &Node, folder: PathBuf) -> Result<Scene, SceneError> {
+    let context = Context { parameters: Parameters::new(root.get("parameters"))?, folder };
+    let scene = Reader::new(&context, root, String::new(), &schema::SCENE)?;
+    let time = time(&scene.required_child("time")?)?;
+    let seed = scene.count("seed")?.unwrap_or(1);
+    let mut materials = scene
+        .named("material")?
+        .into_iter()
+        .map(|(name, reader)| Ok((name, material(Some(&reader))?)))
+        .collect::<Result<Vec<_>, SceneError>>()?;
+    if materials.is_empty() {
+        materials.push((DEFAULT_MATERIAL.to_string(), material(None)?));
+    }
+    let names: Vec<&str> = materials.iter().map(|(name, _)| name.as_str()).collect();
+    let pairs = pairs(&scene, &names)?;
+    let bodies = scene
+        .named("body")?
+        .into_iter()
+        .map(|(name, reader)| Ok((name, body(&reader, &names)?)))
+        .collect::<Result<Vec<_>, SceneError>>()?;
+    let packings = scene
+        .named("packing")?
+        .into_iter()
+        .enumerate()
+        .map(|(index, (name, reader))| Ok((name, packing(&reader, &names, seed + index as u64)?)))
+        .collect::<Result<Vec<_>, SceneError>>()?;
+    Ok(Scene {
+        name: name.to_string(),
+        title: scene.text("title")?.unwrap_or_else(|| name.to_string()),
+        seed,
+        gravity: scene.vector("gravity", Range::Any)?.unwrap_or(Vec3::new(0.0, 0.0, -9.81)),
+        parameters: context.parameters.listing(),
+        contact: contact(scene.child("contact")?)?,
+        solver: solver(scene.child("solver")?)?,
+        output: output(scene.child("output")?, &time)?,
+        time,
+        materials,
+        pairs,
+        bodies,
+        packings,
+    })
+}
+
+fn time(reader: &Reader) -> Result<TimeSpec, SceneError> {
+    let step = reader.required("step", Range::Positive)?;
+    let steps = match reader.one_of(&["end", "steps"])? {
+        "steps" => reader.required_count("steps")?,
+        _ => {
+            let end = reader.required("end", Range::Positive)?;
+            let ratio = end / step;
+            if ratio > MOST_STEPS {
+                return Err(reader.out_of_range("end", "at most 1e12 steps", format!("{ratio:.3e} steps")));
+            }
+            // Whole steps up to round-off: 2 s in steps of 0.1 s are 20, not 21.
+            ((ratio * (1.0 - 1e-12)).ceil() as u64).max(1)
+        }
+    };
+    Ok(TimeSpec { step, steps })
+}
+
+fn contact(reader: Option<Reader>) -> Result<ContactSpec, SceneError> {
+    let mut spec = ContactSpec {
+        envelope: None,
+        allowed_overlap: None,
+        friction_rule: PairRule::Minimum,
+        restitution_rule: PairRule::Minimum,
+    };
+    if let Some(reader) = reader {
+        spec.envelope = reader.quantity("envelope", Range::Positive)?;
+        spec.allowed_overlap = reader.quantity("allowed_overlap", Range::NotNegative)?;
+        spec.friction_rule = reader.choice("friction_rule", PairRule::NAMES)?.unwrap_or(spec.friction_rule);
+        spec.restitution_rule =
+            reader.choice("restitution_rule", PairRule::NAMES)?.unwrap_or(spec.restitution_rule);
+    }
+    Ok(spec)
+}
+
+fn solver(reader: Option<Reader>) -> Result<SolverChoice, SceneError> {
+    let mut spec = SolverChoice {
+        name: DEFAULT_SOLVER.into(),
+        tolerance: 1e-4,
+        max_iterations: None,
+        friction: FrictionLaw::Relaxed,
+    };
+    if let Some(reader) = reader {
+        if let Some(name) = reader.text("name")? {
+            spec.name = name
+                .parse::<SolverSpec>()
+                .map_err(|error| unknown_solver(&reader, &name, error))?
+                .to_string();
+        }
+        spec.tolerance = reader.quantity("tolerance", Range::Positive)?.unwrap_or(spec.tolerance);
+        spec.max_iterations = match reader.count("max_iterations")? {
+            Some(0) => return Err(reader.out_of_range("max_iterations", "at least 1", 0)),
+            count => count.map(|count| count as usize),
+        };
+        let laws = &[("relaxed", FrictionLaw::Relaxed), ("coulomb", FrictionLaw::Coulomb)];
+        spec.friction = reader.choice("friction", laws)?.unwrap_or(spec.friction);
+    }
+    Ok(spec)
+}
+
+fn unknown_solver(reader: &Reader, name: &str, error: CcpError) -> SceneError {
+    match error {
+        CcpError::UnknownSolver { known, .. } => {
+            reader.unknown_name("name", "solver", name, known.split(", "))
+        }
+        other => reader.out_of_range("name", "a solver", other),
+    }
+}
+
+fn output(reader: Option<Reader>, time: &TimeSpec) -> Result<OutputSpec, SceneError> {
+    let whole = |fraction: u64| (time.steps / fraction).max(1) as f64 * time.step;
+    let mut spec = OutputSpec {
+        every: whole(100),
+        bodies: true,
+        contacts: true,
+        precision: Precision::Single,
+        checkpoint_every: whole(10),
+    };
+    if let Some(reader) = reader {
+        spec.every = reader.quantity("every", Range::Positive)?.unwrap_or(spec.every);
+        spec.bodies = reader.flag("bodies")?.unwrap_or(spec.bodies);
+        spec.contacts = reader.flag("contacts")?.unwrap_or(spec.contacts);
+        let precisions = &[("single", Precision::Single), ("double", Precision::Double)];
+        spec.precision = reader.choice("precision", precisions)?.unwrap_or(spec.precision);
+        spec.checkpoint_every =
+            reader.quantity("checkpoint_every", Range::Positive)?.unwrap_or(spec.checkpoint_every);
+    }
+    Ok(spec)
+}
+
+fn material(reader: Option<&Reader>) -> Result<MaterialSpec, SceneError> {
+    let mut spec = MaterialSpec { density: 1000.0, friction: 0.25, restitution: 0.0 };
+    if let Some(reader) = reader {
+        spec.density = reader.quantity("density", Range::Positive)?.unwrap_or(spec.density);
+        spec.friction = reader.quantity("friction", Range::NotNegative)?.unwrap_or(spec.friction);
+        spec.restitution = reader.quantity("restitution", Range::ZeroToOne)?.unwrap_or(spec.restitution);
+    }
+    Ok(spec)
+}
+
+fn pairs(scene: &Reader, materials: &[&str]) -> Result<Vec<PairSpec>, SceneError> {
+    let mut pairs: Vec<PairSpec> = Vec::new();
+    for reader in scene.tables("pair")? {
+        let names = reader.texts("materials")?.ok_or_else(|| reader.missing("materials"))?;
+        let names: [String; 2] = names
+            .try_into()
+            .map_err(|names: Vec<String>| reader.out_of_range("materials", "two names", names.len()))?;
+        for name in &names {
+            if !materials.contains(&name.as_str()) {
+                return Err(reader.unknown_name("materials", "material", name, materials.iter().copied()));
+            }
+        }
+        let same = |pair: &&PairSpec| {
+            let [first, second] = &pair.materials;
+            names == pair.materials || (names[0] == *second && names[1] == *first)
+        };
+        if pairs.iter().find(same).is_some() {
+            let problem = format!("the pair {} and {} is given twice", names[0], names[1]);
+            return Err(SceneError::at(SceneErrorKind::Contradiction(problem), reader.location()));
+        }
+        pairs.push(PairSpec {
+            materials: names,
+            friction: reader.quantity("friction", Range::NotNegative)?,
+            restitution: reader.quantity("restitution", Range::ZeroToOne)?,
+        });
+    }
+    Ok(pairs)
+}
+
+/// The material that a body or packing names; the only one where it names none.
+fn material_name(reader: &Reader, materials: &[&str]) -> Result<String, SceneError> {
+    match (reader.text("material")?, materials) {
+        (Some(name), _) if materials.contains(&name.as_str()) => Ok(name),
+        (Some(name), _) => Err(reader.unknown_name("material", "material", &name, materials.iter().copied())),
+        (None, [only]) => Ok(only.to_string()),
+        (None, _) => Err(reader.missing("material")),
+    }
+}
+
+fn body(reader: &Reader, materials: &[&str]) -> Result<BodySpec, SceneError> {
+    let parts = match reader.one_of(&["shape", "parts"])? {
+        "shape" => vec![PartSpec {
+            shape: shape(&reader.required_child("shape")?)?,
+            position: Vec3::ZERO,
+            rotation: RotationSpec(Quat::IDENTITY),
+        }],
+        _ => {
+            let parts = reader.tables("parts")?.iter().map(part).collect::<Result<Vec<_>, _>>()?;
+            if parts.is_empty() {
+                return Err(reader.out_of_range("parts", "at least one part", "none"));
+            }
+            parts
+        }
+    };
+    reader.at_most_one_of(&["mass", "density"])?;
+    let position = reader.vector("position", Range::Any)?.unwrap_or(Vec3::ZERO);
+    let boundary = parts.iter().any(|part| part.shape.is_boundary());
+    let motion = motion(reader, position, boundary)?;
+    if boundary && motion.free != [false; 6] {
+        let problem =
+            format!("`{}` has no mass (planes and meshes are boundaries): it cannot be free", reader.path);
+        return Err(SceneError::at(SceneErrorKind::Contradiction(problem), reader.location()));
+    }
+    Ok(BodySpec {
+        parts,
+        material: material_name(reader, materials)?,
+        position,
+        rotation: rotation(reader)?,
+        velocity: reader.vector("velocity", Range::Any)?.unwrap_or(Vec3::ZERO),
+        angular_velocity: reader.vector("angular_velocity", Range::Any)?.unwrap_or(Vec3::ZERO),
+        mass: reader.quantity("mass", Range::Positive)?,
+        density: reader.quantity("density", Range::Positive)?,
+        motion,
+        location: reader.location().clone(),
+    })
+}
+
+fn part(reader: &Reader) -> Result<PartSpec, SceneError> {
+    Ok(PartSpec {
+        shape: shape(&reader.required_child("shape")?)?,
+        position: reader.vector("position", Range::Any)?.unwrap_or(Vec3::ZERO),
+        rotation: rotation(reader)?,
+    })
+}
+
+fn rotation(parent: &Reader) -> Result<RotationSpec, SceneError> {
+    let Some(reader) = parent.child("rotation")? else { return Ok(RotationSpec(Quat::IDENTITY)) };
+    reader.at_most_one_of(&["angle", "quaternion"])?;
+    reader.at_most_one_of(&["axis", "quaternion"])?;
+    let Some(quaternion) = reader.list("quaternion", Range::Any)? else {
+        let axis = reader.direction("axis")?.unwrap_or(Vec3::Z);
+        let angle = reader.quantity("angle", Range::Any)?.unwrap_or(0.0);
+        return Ok(RotationSpec(Quat::from_axis_angle(axis, angle)));
+    };
+    let &[x, y, z, w] = quaternion.as_slice() else {
+        return Err(reader.out_of_range("quaternion", "four numbers", quaternion.len()));
+    };
+    let quaternion = Quat::from_xyzw(x, y, z, w);
+    let length = quaternion.length();
+    if !(length.is_finite() && length > 0.0) {
+        return Err(reader.out_of_range("quaternion", "of any length but zero", quaternion));
+    }
+    // A unit quaternion written by `to_toml` must come back unchanged.
+    let is_unit = (length - 1.0).abs() < 1e-14;
+    Ok(RotationSpec(if is_unit { quaternion } else { quaternion / length }))
+}
+
+fn shape(reader: &Reader) -> Result<ShapeSpec, SceneError> {
+    let form = reader.one_of(&["sphere", "box", "plane", "capsule", "cylinder", "mesh"])?;
+    let inner = reader.required_child(form)?;
+    Ok(match form {
+        "sphere" => ShapeSpec::Sphere { radius: inner.required("radius", Range::Positive)? },
+        "box" => ShapeSpec::Box {
+            size: inner.vector("size", Range::Positive)?.ok_or_else(|| inner.missing("size"))?,
+        },
+        "plane" => ShapeSpec::Plane { normal: inner.direction("normal")?.unwrap_or(Vec3::Z) },
+        "capsule" => ShapeSpec::Capsule {
+            length: inner.required("length", Range::Positive)?,
+            radius: inner.required("radius", Range::Positive)?,
+        },
+        "cylinder" => ShapeSpec::Cylinder {
+            length: inner.required("length", Range::Positive)?,
+            radius: inner.required("radius", Range::Positive)?,
+        },
+        _ => ShapeSpec::Mesh(mesh(&inner)?),
+    })
+}
+
+fn mesh(reader: &Reader) -> Result<MeshSpec, SceneError> {
+    let form = reader.one_of(&["file", "vertices"])?;
+    reader.at_most_one_of(&["file", "triangles"])?;
+    let mut spec = MeshSpec {
+        file: reader.path("file")?,
+        vertices: Vec::new(),
+        triangles: Vec::new(),
+        scale: reader.quantity("scale", Range::Positive)?.unwrap_or(1.0),
+        location: reader.get("file").map_or(reader.location(), |node| &node.location).clone(),
+    };
+    if form == "vertices" {
+        let vertices = reader.rows("vertices")?.ok_or_else(|| reader.missing("vertices"))?;
+        let triangles = reader.rows("triangles")?.ok_or_else(|| reader.missing("triangles"))?;
+        let vertex = |number: f64| {
+            let is_one = number.fract() == 0.0 && (0.0..vertices.len() as f64).contains(&number);
+            is_one.then_some(number as u32).ok_or_else(|| {
+                let requirement = format!("made of vertex numbers from 0 to {}", vertices.len() as i64 - 1);
+                reader.out_of_range("triangles", &requirement, number)
+            })
+        };
+        spec.triangles = triangles
+            .iter()
+            .map(|&[a, b, c]| Ok([vertex(a)?, vertex(b)?, vertex(c)?]))
+            .collect::<Result<_, SceneError>>()?;
+        if spec.triangles.is_empty() {
+            return Err(reader.out_of_range("triangles", "at least one", "none"));
+        }
+        spec.vertices = vertices.into_iter().map(Vec3::from_array).collect();
+    }
+    Ok(spec)
+}
+
+fn motion(body: &Reader, position: Vec3, boundary: bool) -> Result<MotionSpec, SceneError> {
+    let words = &[("free", false), ("fixed", true)];
+    let fixed = match body.get("motion") {
+        None => boundary,
+        Some(Node { value: Value::Table(_), .. }) => {
+            let reader = body.required_child("motion")?;
+            return prescribed_motion(&reader, position);
+        }
+        Some(_) => body.choice("motion", words)?.unwrap_or(false),
+    };
+    Ok(if fixed { MotionSpec::FIXED } else { MotionSpec::FREE })
+}
+
+fn prescribed_motion(reader: &Reader, position: Vec3) -> Result<MotionSpec, SceneError> {
+    let mut free = [false; 6];
+    for name in reader.texts("free")?.unwrap_or_default() {
+        let degree = DEGREES.iter().position(|degree| *degree == name);
+        let degree = degree.ok_or_else(|| {
+            reader.unknown_name("free", "degree of freedom", &name, DEGREES.iter().copied())
+        })?;
+        free[degree] = true;
+    }
+    let translation = reader
+        .tables("translation")?
+        .iter()
+        .map(|item| {
+            Ok(TranslationSpec {
+                direction: item.direction("direction")?.ok_or_else(|| item.missing("direction"))?,
+                speed: speed(item)?,
+            })
+        })
+        .collect::<Result<_, SceneError>>()?;
+    let rotation = match reader.child("rotation")? {
+        None => None,
+        Some(spin) => Some(SpinSpec {
+            point: spin.vector("point", Range::Any)?.unwrap_or(position),
+            axis: spin.direction("axis")?.unwrap_or(Vec3::Z),
+            speed: speed(&spin)?,
+        }),
+    };
+    let start = reader.quantity("start", Range::NotNegative)?.unwrap_or(0.0);
+    Ok(MotionSpec { free, start, translation, rotation })
+}
+
+/// The `speed` of a translation or rotation.
+fn speed(parent: &Reader) -> Result<Profile, SceneError> {
+    let node = parent.get("speed").ok_or_else(|| parent.missing("speed"))?;
+    if !matches!(node.value, Value::Table(_)) {
+        return Ok(Profile::Constant(parent.required("speed", Range::Any)?));
+    }
+    let reader = parent.required_child("speed")?;
+    let form = reader.one_of(&["sinusoidal", "table"])?;
+    let inner = reader.required_child(form)?;
+    if form == "sinusoidal" {
+        return Ok(Profile::Sinusoidal {
+            amplitude: inner.required("amplitude", Range::Any)?,
+            period: inner.required("period", Range::Positive)?,
+            phase: inner.quantity("phase", Range::Any)?.unwrap_or(0.0),
+        });
+    }
+    let times = inner.list("times", Range::Any)?.ok_or_else(|| inner.missing("times"))?;
+    let values = inner.list("values", Range::Any)?.ok_or_else(|| inner.missing("values"))?;
+    if times.is_empty() || times.windows(2).any(|pair| pair[1] <= pair[0]) {
+        return Err(inner.out_of_range(
+            "times",
+            "at least one time, each later than the one before",
+            format!("{times:?}"),
+        ));
+    }
+    if times.len() != values.len() {
+        let requirement = format!("as many as the {} times", times.len());
+        return Err(inner.out_of_range("values", &requirement, values.len()));
+    }
+    Ok(Profile::Table { times, values })
+}
+
+fn packing(reader: &Reader, materials: &[&str], default_seed: u64) -> Result<PackingSpec, SceneError> {
+    let form = reader.one_of(&["lattice", "drop", "file"])?;
+    let inner = reader.required_child(form)?;
+    let source = match form {
+        "lattice" => PackingSource::Lattice(lattice(&inner)?),
+        "drop" => PackingSource::Drop(drop_spec(&inner)?),
+        _ => PackingSource::File(file(&inner)?),
+    };
+    let size = reader.at_most_one_of(&["radius", "shape"])?;
+    match (form, size) {
+        ("file", Some("shape")) => {
+            let problem = "a packing from a file holds spheres: it takes no `shape`".to_string();
+            return Err(SceneError::at(SceneErrorKind::Contradiction(problem), reader.location()));
+        }
+        ("file", _) | (_, Some(_)) => {}
+        (_, None) => return Err(reader.missing("radius")),
+    }
+    let shape = reader.child("shape")?.as_ref().map(shape).transpose()?;
+    if shape.as_ref().is_some_and(ShapeSpec::is_boundary) {
+        return Err(reader.out_of_range("shape", "a shape with volume", "a plane or mesh"));
+    }
+    Ok(PackingSpec {
+        source,
+        radius: radius(reader)?,
+        shape,
+        material: material_name(reader, materials)?,
+        velocity: reader.vector("velocity", Range::Any)?.unwrap_or(Vec3::ZERO),
+        lock_rotation: reader.flag("lock_rotation")?.unwrap_or(false),
+        seed: reader.count("seed")?.unwrap_or(default_seed),
+        location: reader.location().clone(),
+    })
+}
+
+fn radius(packing: &Reader) -> Result<Option<RadiusSpec>, SceneError> {
+    match packing.get("radius") {
+        None => return Ok(None),
+        Some(Node { value: Value::Table(_), .. }) => {}
+        Some(_) => {
+            return packing.quantity("radius", Range::Positive).map(|radius| radius.map(RadiusSpec::Single));
+        }
+    }
+    let reader = packing.required_child("radius")?;
+    let form = reader.one_of(&["uniform", "normal", "lognormal", "choice"])?;
+    let inner = reader.required_child(form)?;
+    if form == "choice" {
+        let radii = inner.list("radii", Range::Positive)?.ok_or_else(|| inner.missing("radii"))?;
+        let weights = inner.list("weights", Range::NotNegative)?.unwrap_or_else(|| vec![1.0; radii.len()]);
+        if weights.len() != radii.len() || radii.is_empty() {
+            let requirement = format!("as many as the radii ({}), at least one", radii.len());
+            return Err(inner.out_of_range("weights", &requirement, weights.len()));
+        }
+        if weights.iter().sum::<f64>() <= 0.0 {
+            return Err(inner.out_of_range("weights", "positive in sum", format!("{weights:?}")));
+        }
+        return Ok(Some(RadiusSpec::Distribution(RadiusDistribution::Choice { radii, weights })));
+    }
+    let min = inner.required("min", Range::Positive)?;
+    let max = inner.required("max", Range::Positive)?;
+    if max < min {
+        return Err(inner.out_of_range("max", &format!("at least min ({min} m)"), format!("{max} m")));
+    }
+    // The cut must leave a fair part of the distribution: radii are drawn until one falls inside.
+    let inside = |key: &str, centre: f64| {
+        if (min..=max).contains(&centre) {
+            return Ok(());
+        }
+        Err(inner.out_of_range(
+            key,
+            &format!("between min and max ({min} m to {max} m)"),
+            format!("{centre} m"),
+        ))
+    };
+    Ok(Some(RadiusSpec::Distribution(match form {
+        "uniform" => RadiusDistribution::Uniform { min, max },
+        "normal" => {
+            let mean = inner.required("mean", Range::Positive)?;
+            inside("mean", mean)?;
+            let deviation = inner.required("deviation", Range::NotNegative)?;
+            RadiusDistribution::Normal { mean, deviation, min, max }
+        }
+        _ => {
+            let median = inner.required("median", Range::Positive)?;
+            inside("median", median)?;
+            let deviation = inner.required("deviation", Range::NotNegative)?;
+            RadiusDistribution::Lognormal { median, deviation, min, max }
+        }
+    })))
+}
+
+fn lattice(reader: &Reader) -> Result<LatticeSpec, SceneError> {
+    let pitch = match reader.get("pitch") {
+        Some(Node { value: Value::Array(_), .. }) => reader.vector("pitch", Range::Positive)?,
+        _ => reader.quantity("pitch", Range::Positive)?.map(Vec3::splat),
+    };
+    Ok(LatticeSpec {
+        counts: reader.counts("counts")?,
+        pitch: pitch.ok_or_else(|| reader.missing("pitch"))?,
+        origin: reader.vector("origin", Range::Any)?.unwrap_or(Vec3::ZERO),
+        jitter: reader.quantity("jitter", Range::NotNegative)?.unwrap_or(0.0),
+    })
+}
+
+fn drop_spec(reader: &Reader) -> Result<DropSpec, SceneError> {
+    let form = reader.one_of(&["box", "cylinder"])?;
+    let inner = reader.required_child(form)?;
+    let corner = |key: &str| inner.vector(key, Range::Any)?.ok_or_else(|| inner.missing(key));
+    let region = if form == "box" {
+        let (min, max) = (corner("min")?, corner("max")?);
+        if !min.cmplt(max).all() {
+            return Err(inner.out_of_range("max", &format!("above min ({min}) along every axis"), max));
+        }
+        Region::Box { min, max }
+    } else {
+        Region::Cylinder {
+            base: inner.vector("base", Range::Any)?.unwrap_or(Vec3::ZERO),
+            radius: inner.required("radius", Range::Positive)?,
+            height: inner.required("height", Range::Positive)?,
+        }
+    };
+    Ok(DropSpec { count: reader.required_count("count")? as usize, region })
+}
+
+fn file(reader: &Reader) -> Result<FileSpec, SceneError> {
+    let path = reader.path("path")?.ok_or_else(|| reader.missing("path"))?;
+    let format = match reader.choice("format", PackingFormat::NAMES)? {
+        Some(format) => format,
+        None => match path.extension().and_then(|ending| ending.to_str()).map(str::to_lowercase).as_deref() {
+            Some("vtu" | "vtp") => PackingFormat::Vtk,
+            Some("csv") => PackingFormat::Csv,
+            _ => PackingFormat::Table,
+        },
+    };
+    Ok(FileSpec {
+        path,
+        format,
+        skip_last: reader.count("skip_last")?.unwrap_or(0) as usize,
+        scale: reader.quantity("scale", Range::Positive)?.unwrap_or(1.0),
+        offset: reader.vector("offset", Range::Any)?.unwrap_or(Vec3::ZERO),
+        keep_min: reader.vector("keep_min", Range::Any)?,
+        keep_max: reader.vector("keep_max", Range::Any)?,
+        radius_min: reader.quantity("radius_min", Range::NotNegative)?.unwrap_or(0.0),
+        radius_max: reader.quantity("radius_max", Range::Positive)?,
+        location: reader.get("path").map_or(reader.location(), |node| &node.location).clone(),
+    })
+}

@@ -1,0 +1,185 @@
+//! Scenes: what to simulate, in a TOML file with units, turned into a [`World`](graintrain::world::World) and the settings of a run.
+//!
+//! ```text
+//! text --tree--> keys and values with their places --file--> Scene (SI units) --build--> Simulation
+//! ```
+//!
+//! | module | holds |
+//! |---|---|
+//! | [`schema`] | every key, its kind, default and meaning |
+//! | [`quantity`] | units and dimensions |
+//! | `expression`, `parameters` | arithmetic with units and named values |
+//! | `tree`, `reader`, `file` | from text to [`Scene`] |
+//! | [`model`] | the parts of a [`Scene`] |
+//! | `packing`, `mesh_file` | packings made here or read from files; meshes |
+//! | `build` | from [`Scene`] to [`Simulation`] |
+//! | [`builtin`] | the built-in scenes |
+//! | [`error`] | what can be wrong, and where |
+//!
+//! `docs/scenes.md` is the reference for users.
+
+mod build;
+pub mod builtin;
+pub mod error;
+mod expression;
+mod file;
+mod mesh_file;
+pub mod model;
+mod packing;
+mod parameters;
+pub mod quantity;
+mod random;
+mod reader;
+pub mod schema;
+mod tree;
+
+pub use build::Simulation;
+pub use error::{Location, SceneError, SceneErrorKind, Source};
+
+use graintrain::math::Vec3;
+use model::{BodySpec, ContactSpec, MaterialSpec, OutputSpec, PackingSpec, PairSpec, SolverChoice, TimeSpec};
+use quantity::Dimension;
+use serde::Serialize;
+use serde::ser::{SerializeMap, Serializer};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// A scene with every value resolved to SI units.
+#[derive(Clone, Debug, Serialize)]
+pub struct Scene {
+    /// Name of the file without its ending, or of the built-in scene.
+    #[serde(skip)]
+    pub name: String,
+    /// One line for people.
+    pub title: String,
+    /// Seed of everything random.
+    pub seed: u64,
+    /// m/s^2
+    pub gravity: Vec3,
+    /// Parameters as written, for people; their values are already in everything below.
+    #[serde(skip)]
+    pub parameters: Vec<(String, String)>,
+    /// Time step and number of steps.
+    pub time: TimeSpec,
+    /// Contact detection.
+    pub contact: ContactSpec,
+    /// Contact solver.
+    pub solver: SolverChoice,
+    /// What is written.
+    pub output: OutputSpec,
+    /// Materials by name.
+    #[serde(rename = "material", serialize_with = "in_order")]
+    pub materials: Vec<(String, MaterialSpec)>,
+    /// Pairs of materials with properties of their own.
+    #[serde(rename = "pair", skip_serializing_if = "Vec::is_empty")]
+    pub pairs: Vec<PairSpec>,
+    /// Single bodies by name.
+    #[serde(rename = "body", serialize_with = "in_order", skip_serializing_if = "Vec::is_empty")]
+    pub bodies: Vec<(String, BodySpec)>,
+    /// Packings by name.
+    #[serde(rename = "packing", serialize_with = "in_order", skip_serializing_if = "Vec::is_empty")]
+    pub packings: Vec<(String, PackingSpec)>,
+}
+
+/// Writes named tables in their order, which is that of the bodies in the world.
+fn in_order<S: Serializer, T: Serialize>(tables: &[(String, T)], serializer: S) -> Result<S::Ok, S::Error> {
+    let mut map = serializer.serialize_map(Some(tables.len()))?;
+    for (name, table) in tables {
+        map.serialize_entry(name, table)?;
+    }
+    map.end()
+}
+
+impl Scene {
+    /// Loads a scene file, or the built-in scene of that name, with `--set` settings applied in order.
+    ///
+    /// What contains a path separator or ends in `.toml` is a file; another word is a built-in scene if there is one.
+    ///
+    /// # Errors
+    /// [`SceneError`] for everything that is wrong with the text. Files that the scene names are read by
+    /// [`Scene::build`].
+    pub fn load(scene: &str, settings: &[(String, String)]) -> Result<Self, SceneError> {
+        let path = Path::new(scene);
+        if let Some(builtin) = builtin::find(scene) {
+            let name = format!("{scene} (built in)");
+            return Self::parse(scene, &name, builtin.text, Path::new(""), settings);
+        }
+        let is_path = path.extension().is_some() || path.components().count() > 1 || path.exists();
+        if !is_path {
+            return Err(SceneError::unknown_scene(scene));
+        }
+        let unreadable = |reason: String| {
+            SceneError::new(SceneErrorKind::UnreadableFile { path: scene.into(), reason }, None)
+        };
+        let bytes = std::fs::read(path).map_err(|error| unreadable(error.to_string()))?;
+        let text = String::from_utf8(bytes).map_err(|_| unreadable("it is not a text file".into()))?;
+        let name = path.file_stem().map_or(scene.into(), |stem| stem.to_string_lossy());
+        let folder = path.parent().unwrap_or(Path::new(""));
+        Self::parse(&name, scene, &text, folder, settings)
+    }
+
+    /// Reads a scene from its text. `source` names the text in messages; relative paths in it start at `folder`.
+    ///
+    /// # Errors
+    /// As [`Scene::load`].
+    pub fn parse(
+        name: &str,
+        source: &str,
+        text: &str,
+        folder: &Path,
+        settings: &[(String, String)],
+    ) -> Result<Self, SceneError> {
+        let source = Arc::new(Source { name: source.to_string(), text: text.to_string() });
+        let mut root = tree::parse(source)?;
+        for (key, value) in settings {
+            tree::set(&mut root, key, value)?;
+        }
+        file::read(name, &root, PathBuf::from(folder))
+    }
+
+    /// The scene as a complete TOML text: every default explicit, every value in SI units, every path absolute.
+    /// Reading it gives the same scene, bit for bit.
+    ///
+    /// # Errors
+    /// [`SceneErrorKind::Contradiction`] where a path is not valid UTF-8 and so cannot be written.
+    pub fn to_toml(&self) -> Result<String, SceneError> {
+        let mut text = format!("# Scene `{}`, resolved: all defaults explicit, SI units.\n", self.name);
+        for (name, value) in &self.parameters {
+            text += &format!("# parameter {name} = {}\n", value.replace(['\n', '\r'], " "));
+        }
+        let body = toml::to_string(self)
+            .map_err(|error| SceneError::new(SceneErrorKind::Contradiction(error.to_string()), None))?;
+        Ok(text + "\n" + &body)
+    }
+}
+
+/// A time in seconds from what scenes accept as one: a number of seconds, or an expression with units ("20 ms").
+///
+/// # Errors
+/// What is wrong with the text, in words.
+pub fn seconds(text: &str) -> Result<f64, String> {
+    let quantity = expression::evaluate(text, &expression::NoNames).map_err(|error| error.problem)?;
+    if ![Dimension::NONE, Dimension::TIME].contains(&quantity.dimension) {
+        return Err(format!("expected a time, got {}", quantity.dimension));
+    }
+    if !(quantity.value.is_finite() && quantity.value > 0.0) {
+        return Err("expected a positive time".to_string());
+    }
+    Ok(quantity.value)
+}
+
+/// A `KEY=VALUE` as typed after `--set`.
+///
+/// # Errors
+/// [`SceneErrorKind::Override`] where there is no `=`.
+pub fn setting(text: &str) -> Result<(String, String), SceneError> {
+    match text.split_once('=') {
+        Some((key, value)) => Ok((key.trim().to_string(), value.trim().to_string())),
+        None => {
+            let source = Source { name: parameters::COMMAND_LINE.into(), text: text.into() };
+            let location = Location { source: Arc::new(source), span: 0..text.len() };
+            let problem = format!("`{text}` is not of the form KEY=VALUE");
+            Err(SceneError::at(SceneErrorKind::Override(problem), &location))
+        }
+    }
+}

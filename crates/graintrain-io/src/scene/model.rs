@@ -1,0 +1,518 @@
+//! A scene with every value resolved to SI units: what the reader makes, the builder uses and `to_toml` writes.
+
+use super::error::Location;
+use crate::settings::Precision;
+use graintrain::math::{Quat, Vec3};
+use graintrain::motion::Profile;
+use serde::{Serialize, Serializer};
+use std::path::PathBuf;
+
+/// Time step and number of steps.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct TimeSpec {
+    /// Time step, s.
+    pub step: f64,
+    /// Number of steps.
+    pub steps: u64,
+}
+
+/// Contact detection; `None` until the builder knows the bodies.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ContactSpec {
+    /// Contact envelope, m.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub envelope: Option<f64>,
+    /// Overlap accepted at the start, m.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub allowed_overlap: Option<f64>,
+    /// Friction of pairs that are not named.
+    pub friction_rule: PairRule,
+    /// Restitution of pairs that are not named.
+    pub restitution_rule: PairRule,
+}
+
+/// How a property of a pair follows from those of its two materials.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum PairRule {
+    /// The smaller.
+    Minimum,
+    /// The larger.
+    Maximum,
+    /// Their arithmetic mean.
+    Mean,
+    /// The root of their product.
+    GeometricMean,
+}
+
+impl PairRule {
+    pub(crate) const NAMES: &[(&str, Self)] = &[
+        ("minimum", Self::Minimum),
+        ("maximum", Self::Maximum),
+        ("mean", Self::Mean),
+        ("geometric-mean", Self::GeometricMean),
+    ];
+
+    /// The pair's property.
+    pub fn combine(self, first: f64, second: f64) -> f64 {
+        match self {
+            Self::Minimum => first.min(second),
+            Self::Maximum => first.max(second),
+            Self::Mean => 0.5 * (first + second),
+            Self::GeometricMean => (first * second).sqrt(),
+        }
+    }
+}
+
+/// The contact solver.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct SolverChoice {
+    /// Name, with its linear solver after a `+`.
+    pub name: String,
+    /// Residual at which it stops.
+    pub tolerance: f64,
+    /// Iteration limit; `None` is the solver's own.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub max_iterations: Option<usize>,
+    /// Friction law.
+    pub friction: FrictionLaw,
+}
+
+/// Relaxed cone complementarity or exact Coulomb friction.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum FrictionLaw {
+    /// Cone complementarity.
+    Relaxed,
+    /// Exact.
+    Coulomb,
+}
+
+/// What a run writes, and when.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct OutputSpec {
+    /// Simulated time between frames, s.
+    pub every: f64,
+    /// Whether bodies are written.
+    pub bodies: bool,
+    /// Whether contacts are written.
+    pub contacts: bool,
+    /// Precision of frames.
+    pub precision: Precision,
+    /// Simulated time between checkpoints, s.
+    pub checkpoint_every: f64,
+}
+
+/// A material.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct MaterialSpec {
+    /// kg/m^3
+    pub density: f64,
+    /// With itself.
+    pub friction: f64,
+    /// With itself.
+    pub restitution: f64,
+}
+
+/// Properties of a pair of materials.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct PairSpec {
+    /// Their names.
+    pub materials: [String; 2],
+    /// Coefficient of friction; `None` follows the rule.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub friction: Option<f64>,
+    /// Coefficient of restitution; `None` follows the rule.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub restitution: Option<f64>,
+}
+
+/// A single body.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct BodySpec {
+    /// Its form: one part for a plain shape.
+    pub parts: Vec<PartSpec>,
+    /// Name of its material.
+    pub material: String,
+    /// Origin of its frame, m.
+    pub position: Vec3,
+    /// Rotation of its frame.
+    pub rotation: RotationSpec,
+    /// Velocity of the centre of mass, m/s.
+    pub velocity: Vec3,
+    /// rad/s
+    pub angular_velocity: Vec3,
+    /// kg; `None` follows from density and volume.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub mass: Option<f64>,
+    /// kg/m^3; `None` is the material's.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub density: Option<f64>,
+    /// How it moves.
+    pub motion: MotionSpec,
+    /// Where it is written.
+    #[serde(skip)]
+    pub location: Location,
+}
+
+/// A shape placed in a body's frame.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct PartSpec {
+    /// The shape.
+    pub shape: ShapeSpec,
+    /// m
+    pub position: Vec3,
+    /// Rotation in the body's frame.
+    pub rotation: RotationSpec,
+}
+
+/// A rotation, written as a quaternion x, y, z, w.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RotationSpec(pub Quat);
+
+impl Serialize for RotationSpec {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        #[derive(Serialize)]
+        struct Form {
+            quaternion: [f64; 4],
+        }
+        Form { quaternion: self.0.to_array() }.serialize(serializer)
+    }
+}
+
+/// A shape. Lengths in m.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ShapeSpec {
+    /// Ball.
+    Sphere {
+        /// Radius.
+        radius: f64,
+    },
+    /// Box.
+    Box {
+        /// Edge lengths.
+        size: Vec3,
+    },
+    /// Half-space.
+    Plane {
+        /// Outward unit normal.
+        normal: Vec3,
+    },
+    /// Capsule along z.
+    Capsule {
+        /// Distance between the centres of the half balls.
+        length: f64,
+        /// Radius.
+        radius: f64,
+    },
+    /// Cylinder along z.
+    Cylinder {
+        /// Height.
+        length: f64,
+        /// Radius.
+        radius: f64,
+    },
+    /// Triangles.
+    Mesh(MeshSpec),
+}
+
+/// Triangles from a file or written in the scene.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct MeshSpec {
+    /// The file.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub file: Option<PathBuf>,
+    /// Corner points, m, before scaling.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub vertices: Vec<Vec3>,
+    /// Vertex numbers.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub triangles: Vec<[u32; 3]>,
+    /// Factor on all coordinates.
+    pub scale: f64,
+    /// Where it is written.
+    #[serde(skip)]
+    pub location: Location,
+}
+
+/// How a body moves.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct MotionSpec {
+    /// Degrees of freedom that are dynamic, by name: x, y, z, rx, ry, rz.
+    #[serde(serialize_with = "degree_names")]
+    pub free: [bool; 6],
+    /// When the prescribed motion begins, s; speeds count their time from there.
+    pub start: f64,
+    /// Prescribed translations: direction and speed.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub translation: Vec<TranslationSpec>,
+    /// Prescribed rotation.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rotation: Option<SpinSpec>,
+}
+
+/// Names of the degrees of freedom, in the order of [`graintrain::motion::Motion::free`].
+pub(crate) const DEGREES: [&str; 6] = ["x", "y", "z", "rx", "ry", "rz"];
+
+fn degree_names<S: Serializer>(free: &[bool; 6], serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.collect_seq(DEGREES.iter().zip(free).filter(|(_, free)| **free).map(|(name, _)| name))
+}
+
+impl MotionSpec {
+    /// All degrees of freedom dynamic.
+    pub const FREE: Self = Self { free: [true; 6], start: 0.0, translation: Vec::new(), rotation: None };
+    /// At rest.
+    pub const FIXED: Self = Self { free: [false; 6], start: 0.0, translation: Vec::new(), rotation: None };
+}
+
+/// A prescribed translation.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct TranslationSpec {
+    /// Unit direction.
+    pub direction: Vec3,
+    /// m/s
+    #[serde(serialize_with = "speed")]
+    pub speed: Profile,
+}
+
+/// A prescribed rotation about an axis fixed in the world.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct SpinSpec {
+    /// A point of the axis, m.
+    pub point: Vec3,
+    /// Unit direction.
+    pub axis: Vec3,
+    /// rad/s
+    #[serde(serialize_with = "speed")]
+    pub speed: Profile,
+}
+
+fn speed<S: Serializer>(profile: &Profile, serializer: S) -> Result<S::Ok, S::Error> {
+    #[derive(Serialize)]
+    #[serde(rename_all = "snake_case")]
+    enum Form<'a> {
+        Sinusoidal { amplitude: f64, period: f64, phase: f64 },
+        Table { times: &'a [f64], values: &'a [f64] },
+    }
+    match profile {
+        Profile::Constant(speed) => serializer.serialize_f64(*speed),
+        Profile::Sinusoidal { amplitude, period, phase } => {
+            Form::Sinusoidal { amplitude: *amplitude, period: *period, phase: *phase }.serialize(serializer)
+        }
+        Profile::Table { times, values } => Form::Table { times, values }.serialize(serializer),
+        // The scene delays whole motions, not speeds: see `MotionSpec::start`.
+        Profile::Delayed { profile, .. } => speed(profile, serializer),
+    }
+}
+
+/// Many bodies at once.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct PackingSpec {
+    /// Where they come from.
+    #[serde(flatten)]
+    pub source: PackingSource,
+    /// Radius of the spheres; for a file, `None` is the file's.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub radius: Option<RadiusSpec>,
+    /// Shape, if not spheres.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub shape: Option<ShapeSpec>,
+    /// Name of their material.
+    pub material: String,
+    /// Initial velocity, m/s.
+    pub velocity: Vec3,
+    /// Whether they keep their orientation.
+    pub lock_rotation: bool,
+    /// Seed.
+    pub seed: u64,
+    /// Where it is written.
+    #[serde(skip)]
+    pub location: Location,
+}
+
+/// Where the bodies of a packing come from.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum PackingSource {
+    /// Perturbed cubic lattice.
+    Lattice(LatticeSpec),
+    /// Random places.
+    Drop(DropSpec),
+    /// A file.
+    File(FileSpec),
+}
+
+/// Perturbed cubic lattice.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct LatticeSpec {
+    /// Bodies along x, y, z.
+    pub counts: [u64; 3],
+    /// Distance of neighbours, m.
+    pub pitch: Vec3,
+    /// Lower corner, m.
+    pub origin: Vec3,
+    /// Largest move of each coordinate, m.
+    pub jitter: f64,
+}
+
+/// Random places.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct DropSpec {
+    /// Number of bodies.
+    pub count: usize,
+    /// Region.
+    #[serde(flatten)]
+    pub region: Region,
+}
+
+/// A region of space, m.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Region {
+    /// Box along the axes.
+    Box {
+        /// Lower corner.
+        min: Vec3,
+        /// Upper corner.
+        max: Vec3,
+    },
+    /// Upright cylinder.
+    Cylinder {
+        /// Centre of the lower end.
+        base: Vec3,
+        /// Radius.
+        radius: f64,
+        /// Height.
+        height: f64,
+    },
+}
+
+/// A packing file and what to take from it.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct FileSpec {
+    /// The file.
+    pub path: PathBuf,
+    /// Its form.
+    pub format: PackingFormat,
+    /// Lines left out at the end.
+    pub skip_last: usize,
+    /// Factor on all lengths.
+    pub scale: f64,
+    /// Added to all positions, m.
+    pub offset: Vec3,
+    /// Lower corner of what is kept, m.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub keep_min: Option<Vec3>,
+    /// Upper corner of what is kept, m.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub keep_max: Option<Vec3>,
+    /// Smallest radius kept, m.
+    pub radius_min: f64,
+    /// Largest radius kept, m.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub radius_max: Option<f64>,
+    /// Where the path is written.
+    #[serde(skip)]
+    pub location: Location,
+}
+
+/// Form of a packing file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum PackingFormat {
+    /// VTU or VTP.
+    Vtk,
+    /// Comma-separated, with a header line.
+    Csv,
+    /// Separated by blanks, with a header line.
+    Table,
+}
+
+impl PackingFormat {
+    pub(crate) const NAMES: &[(&str, Self)] =
+        &[("vtk", Self::Vtk), ("csv", Self::Csv), ("table", Self::Table)];
+}
+
+/// Radius of the spheres of a packing, m.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(untagged)]
+pub enum RadiusSpec {
+    /// The same for all.
+    Single(f64),
+    /// A distribution.
+    Distribution(RadiusDistribution),
+}
+
+/// Distribution of radii, m.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum RadiusDistribution {
+    /// Uniform between two radii.
+    Uniform {
+        /// Smallest.
+        min: f64,
+        /// Largest.
+        max: f64,
+    },
+    /// Normal, cut off.
+    Normal {
+        /// Before the cut.
+        mean: f64,
+        /// Standard deviation before the cut.
+        deviation: f64,
+        /// Smallest.
+        min: f64,
+        /// Largest.
+        max: f64,
+    },
+    /// Log-normal, cut off.
+    Lognormal {
+        /// Before the cut.
+        median: f64,
+        /// Standard deviation of the logarithm.
+        deviation: f64,
+        /// Smallest.
+        min: f64,
+        /// Largest.
+        max: f64,
+    },
+    /// One of several.
+    Choice {
+        /// The radii.
+        radii: Vec<f64>,
+        /// How often each is drawn.
+        weights: Vec<f64>,
+    },
+}
+
+impl ShapeSpec {
+    /// Whether the shape is a boundary without mass.
+    pub fn is_boundary(&self) -> bool {
+        matches!(self, Self::Plane { .. } | Self::Mesh(_))
+    }
+
+    /// Half the smallest extent, m: the radius of a sphere; infinite for boundaries.
+    pub fn size(&self) -> f64 {
+        match self {
+            Self::Sphere { radius } | Self::Capsule { radius, .. } => *radius,
+            Self::Box { size } => 0.5 * size.min_element(),
+            Self::Cylinder { length, radius } => radius.min(0.5 * length),
+            Self::Plane { .. } | Self::Mesh(_) => f64::INFINITY,
+        }
+    }
+}
+
+impl PackingSpec {
+    /// Where the bodies come from, for people.
+    pub fn kind(&self) -> String {
+        match &self.source {
+            PackingSource::Lattice(lattice) => {
+                let [x, y, z] = lattice.counts;
+                format!("lattice of {x} x {y} x {z}")
+            }
+            PackingSource::Drop(drop) => format!("{} at random places", drop.count),
+            PackingSource::File(file) => format!("from {}", file.path.display()),
+        }
+    }
+}

@@ -1,0 +1,11 @@
+//! Everything that reads and writes, in one program: linking it once is most of the cost.
+
+mod output;
+#[cfg(feature = "fclib")]
+mod problem_files;
+mod run;
+mod scene_builtin;
+mod scene_docs;
+mod scene_errors;
+#[cfg(not(feature = "fclib"))]
+mod without_fclib;

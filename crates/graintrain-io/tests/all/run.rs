@@ -1,0 +1,226 @@
+//! Runs that stop, are killed, fail and go on.
+
+use graintrain::ccp::FrictionModel;
+use graintrain::material::Materials;
+use graintrain::math::Vec3;
+use graintrain::motion::{Motion, Profile};
+use graintrain::shape::{Geometry, Shape};
+use graintrain::world::{Body, World};
+use graintrain_io::checkpoint;
+use graintrain_io::files::OutputError;
+use graintrain_io::output::OutputSettings;
+use graintrain_io::output::recorder::{Recorder, prepare_folder};
+use graintrain_io::output::summary::{RunStatus, Summary};
+use graintrain_io::output::vtp::Precision;
+use graintrain_io::run::{Ending, Observer, Run, RunError, RunSettings, RunTotals, StepView};
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// 27 balls of two sizes and some boxes fall onto a plane and are stirred by a turning bar.
+fn world() -> World {
+    let mut world =
+        World::new(Vec3::new(0.0, 0.0, -9.81), Materials::single("glass", 2500.0, 0.3, 0.0).unwrap())
+            .unwrap();
+    let fixed = world.add_motion(Motion::fixed()).unwrap();
+    let turning = world.add_motion(Motion::rotating(Vec3::ZERO, Vec3::Z, Profile::Constant(3.0))).unwrap();
+    let ground = world.add_geometry(Geometry::plane());
+    let bar = world.add_geometry(Geometry::single(Shape::Box { half: Vec3::new(0.5, 0.05, 0.05) }).unwrap());
+    let forms = [
+        world.add_geometry(Geometry::sphere(0.1).unwrap()),
+        world.add_geometry(Geometry::sphere(0.08).unwrap()),
+        world.add_geometry(Geometry::cuboid(Vec3::new(0.08, 0.06, 0.05)).unwrap()),
+    ];
+    world
+        .add_body(Body { name: "ground".into(), motion: fixed, ..Body::new(ground, 0, Vec3::ZERO) })
+        .unwrap();
+    let height = Vec3::new(0.0, 0.0, 0.1);
+    world.add_body(Body { name: "bar".into(), motion: turning, ..Body::new(bar, 0, height) }).unwrap();
+    for k in 0..27_usize {
+        let at = |n: usize| 0.22 * (n as f64 - 1.0);
+        let shift = 0.013 * ((7 * k) % 5) as f64;
+        let centre = Vec3::new(at(k % 3) + shift, at(k / 3 % 3) - shift, 0.5 + at(k / 9));
+        world.add_body(Body::new(forms[k % 3], 0, centre)).unwrap();
+    }
+    world
+}
+
+fn settings(steps: u64) -> RunSettings {
+    RunSettings {
+        scene: "stirred".into(),
+        step: 0.01,
+        envelope: 0.02,
+        solver: "apgd".into(),
+        tolerance: 1e-5,
+        max_iterations: None,
+        friction: FrictionModel::Relaxed,
+        steps,
+        output: OutputSettings {
+            every: 4,
+            bodies: true,
+            contacts: true,
+            precision: Precision::Double,
+            checkpoint_every: 7,
+        },
+        dump_problem_every: None,
+    }
+}
+
+fn never() -> Arc<AtomicBool> {
+    Arc::new(AtomicBool::new(false))
+}
+
+/// Sets the stop flag after a step.
+struct StopAfter(u64, Arc<AtomicBool>);
+
+impl Observer for StopAfter {
+    fn observe(&mut self, step: StepView<'_>) -> Result<(), OutputError> {
+        self.1.store(step.world.step >= self.0, Ordering::Relaxed);
+        Ok(())
+    }
+}
+
+/// Runs `steps` steps into the folder without an interruption.
+fn run_whole(folder: &Path, settings: &RunSettings) -> Run {
+    prepare_folder(folder, false).unwrap();
+    let mut recorder = Recorder::begin(folder, settings, &world(), "").unwrap();
+    let mut run = Run::new(world(), settings.clone(), RunTotals::default(), never()).unwrap();
+    assert_eq!(run.advance(&mut [&mut recorder]).unwrap(), Ending::Finished);
+    recorder.checkpoint(&run.world, &run.totals, RunStatus::Finished).unwrap();
+    run
+}
+
+fn resume(folder: &Path) -> Run {
+    let (checkpoint, defects) = checkpoint::latest(&folder.join("checkpoints")).unwrap();
+    assert!(defects.is_empty());
+    let mut recorder = Recorder::resume(folder, &checkpoint.settings, &checkpoint.world).unwrap();
+    let mut run = Run::new(checkpoint.world, checkpoint.settings, checkpoint.totals, never()).unwrap();
+    assert_eq!(run.advance(&mut [&mut recorder]).unwrap(), Ending::Finished);
+    recorder.checkpoint(&run.world, &run.totals, RunStatus::Finished).unwrap();
+    run
+}
+
+fn read(folder: &Path, file: &str) -> String {
+    std::fs::read_to_string(folder.join(file)).unwrap_or_else(|error| panic!("{file}: {error}"))
+}
+
+/// The table without its columns of seconds, which differ from run to run.
+fn without_seconds(table: &str) -> Vec<String> {
+    let header: Vec<&str> = table.lines().next().unwrap().split(',').collect();
+    let kept: Vec<usize> = (0..header.len()).filter(|&k| !header[k].starts_with("seconds")).collect();
+    assert!(kept.len() < header.len());
+    table
+        .lines()
+        .map(|line| {
+            let fields: Vec<&str> = line.split(',').collect();
+            kept.iter().map(|&k| fields[k]).collect::<Vec<_>>().join(",")
+        })
+        .collect()
+}
+
+fn assert_same_outputs(whole: &Path, other: &Path, last_step: u64) {
+    for file in ["wrench.csv", "all.pvd", "bodies.pvd", "contacts.pvd", "surfaces.pvd"] {
+        assert_eq!(read(whole, file), read(other, file), "{file}");
+    }
+    for kind in ["bodies", "contacts", "surfaces"] {
+        let file = format!("frames/{kind}_{last_step:08}.vtp");
+        assert_eq!(read(whole, &file), read(other, &file), "{file}");
+    }
+    assert_eq!(without_seconds(&read(whole, "steps.csv")), without_seconds(&read(other, "steps.csv")));
+    let hash = |folder| serde_json::from_str::<Summary>(&read(folder, "summary.json")).unwrap().state_hash;
+    assert_eq!(hash(whole), hash(other));
+}
+
+#[test]
+fn a_stopped_run_goes_on_to_the_same_bits() {
+    let (whole, stopped) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+    let settings = settings(40);
+    let reference = run_whole(whole.path(), &settings);
+    assert!(reference.totals.contacts_max > 20, "{:?}", reference.totals);
+    assert_eq!(reference.totals.unconverged_steps, 0);
+
+    let stop = never();
+    let mut recorder = Recorder::begin(stopped.path(), &settings, &world(), "").unwrap();
+    let mut run = Run::new(world(), settings.clone(), RunTotals::default(), stop.clone()).unwrap();
+    let ending = run.advance(&mut [&mut recorder, &mut StopAfter(23, stop)]).unwrap();
+    assert_eq!((ending, run.world.step), (Ending::Stopped, 23));
+    recorder.checkpoint(&run.world, &run.totals, RunStatus::Stopped).unwrap();
+    drop((run, recorder));
+
+    let resumed = resume(stopped.path());
+    assert_eq!(resumed.world, reference.world);
+    assert_eq!(resumed.world.state_hash(), reference.world.state_hash());
+    assert_eq!(resumed.totals.contacts_sum, reference.totals.contacts_sum);
+    assert_same_outputs(whole.path(), stopped.path(), 40);
+}
+
+#[test]
+fn a_killed_run_goes_on_from_its_last_checkpoint() {
+    let (whole, killed) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+    let settings = settings(30);
+    let reference = run_whole(whole.path(), &settings);
+
+    let stop = never();
+    let mut recorder = Recorder::begin(killed.path(), &settings, &world(), "").unwrap();
+    let mut run = Run::new(world(), settings.clone(), RunTotals::default(), stop.clone()).unwrap();
+    let _ = run.advance(&mut [&mut recorder, &mut StopAfter(26, stop)]).unwrap();
+    // No last checkpoint: the process is gone. The one of step 21 remains, and records of steps 22 to 26 after it.
+    drop((run, recorder));
+    assert_eq!(read(killed.path(), "steps.csv").lines().count(), 27);
+
+    let resumed = resume(killed.path());
+    assert_eq!(resumed.world.state_hash(), reference.world.state_hash());
+    assert_same_outputs(whole.path(), killed.path(), 30);
+}
+
+#[test]
+fn a_solve_that_is_stopped_leaves_the_state_as_it_was() {
+    let stop = never();
+    // Nothing reaches a residual of 1e-300: the solve goes on until the flag is set.
+    let settings = RunSettings { tolerance: 1e-300, max_iterations: Some(usize::MAX), ..settings(1_000_000) };
+    let mut run = Run::new(world(), settings, RunTotals::default(), stop.clone()).unwrap();
+    let handle = std::thread::spawn(move || {
+        std::thread::sleep(std::time::Duration::from_millis(300));
+        stop.store(true, Ordering::Relaxed);
+    });
+    assert_eq!(run.advance(&mut []).unwrap(), Ending::Stopped);
+    handle.join().unwrap();
+    let mut again = Run::new(
+        world(),
+        RunSettings { steps: run.world.step, ..run.settings.clone() },
+        RunTotals::default(),
+        never(),
+    )
+    .unwrap();
+    assert_eq!(again.advance(&mut []).unwrap(), Ending::Finished);
+    assert_eq!(again.world.state_hash(), run.world.state_hash());
+}
+
+#[test]
+fn strict_runs_end_where_a_solve_misses_its_tolerance() {
+    let settings = RunSettings { tolerance: 1e-12, max_iterations: Some(3), ..settings(60) };
+    let mut run = Run::new(world(), settings.clone(), RunTotals::default(), never()).unwrap();
+    assert_eq!(run.advance(&mut []).unwrap(), Ending::Finished);
+    assert!(run.totals.unconverged_steps > 0);
+
+    let mut run = Run::new(world(), settings, RunTotals::default(), never()).unwrap();
+    run.strict = true;
+    match run.advance(&mut []) {
+        Err(RunError::ToleranceMissed { step, residual, .. }) => {
+            assert_eq!(step, run.world.step);
+            assert!(residual > 1e-12);
+        }
+        other => panic!("{other:?}"),
+    }
+    assert_eq!(run.totals.unconverged_steps, 1);
+}
+
+#[test]
+fn a_step_that_fails_keeps_the_state_before_it() {
+    let mut run = Run::new(world(), settings(10), RunTotals::default(), never()).unwrap();
+    run.world.bodies.velocity[5] = Vec3::new(0.0, 1e308, 0.0);
+    run.world.bodies.velocity[6] = Vec3::new(0.0, f64::NAN, 0.0);
+    let before = run.world.state_hash();
+    assert!(matches!(run.advance(&mut []), Err(RunError::Step(_))));
+    assert_eq!(run.world.state_hash(), before);
+}

@@ -1,0 +1,119 @@
+//! Tier B: passive earth pressure on a smooth wall (Rankine 1857), and the friction angle that it tells.
+//!
+//! In a yielding bed under its own weight sigma_x = K sigma_z with K = tan^2(45 degrees + phi/2). With
+//! integral sigma_z dz = g sum m z / area, taken over the grains before the wall, K needs neither the height nor the bulk
+//! density: K = (force / width) / (g sum m z / (length width)).
+
+use super::bench::G;
+use super::{Check, VerifyError};
+use crate::reproduce::physics::Steady;
+use crate::reproduce::{ReproduceError, SEEDS};
+use graintrain::stepper::Stepper;
+use graintrain_io::scene::Scene;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+/// Width of the bed, m: the scene's lattice across the way.
+const SPHERES_ACROSS: f64 = 8.0;
+const PITCH: f64 = 0.23;
+/// Grains up to here before the wall carry the stress, m: about the height, less than the length of the yielding wedge.
+const LENGTH: f64 = 1.5;
+/// K is averaged while the wall's way is this part of the height: the bed yields, the heap before the wall is small.
+const WINDOW: std::ops::Range<f64> = 0.10..0.15;
+
+/// A friction of the grains, the friction angle of their assembly in degrees, and where it is known from.
+struct Known {
+    friction: f64,
+    angle: f64,
+    /// Of K, relative.
+    tolerance: f64,
+    id: &'static str,
+    source: &'static str,
+}
+
+const KNOWN: [Known; 2] = [
+    // 0.6 degrees are 2.1 % of K.
+    Known {
+        friction: 0.0,
+        angle: 5.76,
+        tolerance: 0.021,
+        id: "B5",
+        source: "Peyneau and Roux 2008: internal friction angle 5.76 degrees, within 0.6",
+    },
+    Known {
+        friction: 0.25,
+        angle: 18.65,
+        tolerance: 0.15,
+        id: "C9",
+        source: "Rankine with Chialvo et al. 2012: mu* 0.3375 between mu 0.1 (0.27) and 0.3 (0.36)",
+    },
+];
+
+/// The checks, averaged over perturbed lattices.
+///
+/// # Errors
+/// [`VerifyError::Reproduce`] where a simulation fails or is stopped.
+pub fn checks(stop: &Arc<AtomicBool>, mut progress: impl FnMut(&str)) -> Result<Vec<Check>, VerifyError> {
+    let mut checks = Vec::new();
+    for known in KNOWN {
+        let mut pressures = Vec::new();
+        for seed in 1..=SEEDS {
+            progress(&format!("passive wall, friction {}, seed {seed}", known.friction));
+            pressures.push(pressure(known.friction, seed, stop)?);
+        }
+        let single = pressures.into_iter().map(|mean| Steady { mean, error: f64::NAN });
+        let steady = Steady::over(single).unwrap_or(Steady { mean: f64::NAN, error: f64::NAN });
+        let expected = (45.0_f64 + known.angle / 2.0).to_radians().tan().powi(2);
+        checks.push(Check {
+            id: known.id,
+            what: format!(
+                "passive earth pressure, friction {}: K, that is {:.2} degrees (1)",
+                known.friction,
+                ((steady.mean - 1.0) / (steady.mean + 1.0)).asin().to_degrees()
+            ),
+            measured: steady.mean,
+            expected,
+            tolerance: known.tolerance * expected,
+            source: known.source,
+            error: steady.error,
+        });
+    }
+    Ok(checks)
+}
+
+/// Mean of K over [`WINDOW`].
+fn pressure(friction: f64, seed: u64, stop: &Arc<AtomicBool>) -> Result<f64, ReproduceError> {
+    let set = |key: &str, value: String| (key.to_string(), value);
+    let settings = [
+        set("friction", friction.to_string()),
+        set("seed", seed.to_string()),
+        set("across", SPHERES_ACROSS.to_string()),
+        set("pitch", format!("{PITCH} m")),
+    ];
+    let simulation = Scene::load("passive-wall", &settings)?.build()?;
+    let mut world = simulation.world;
+    let mut stepper = Stepper::new(simulation.settings)?;
+    stepper.stop_on(Arc::clone(stop));
+    let wall = world.bodies.name.iter().position(|name| name == "wall").unwrap_or(0);
+    let start = world.bodies.position[wall].x;
+    let (mut sum, mut count) = (0.0, 0.0);
+    for _ in 0..simulation.steps {
+        let report = stepper.step(&mut world)?;
+        let way = world.bodies.position[wall].x - start;
+        let before = |body: &usize| (way..way + LENGTH).contains(&world.bodies.position[*body].x);
+        let grains = (0..world.bodies.len()).filter(|&body| world.is_free(body)).filter(before);
+        let (mut mass, mut moment) = (0.0, 0.0);
+        for body in grains {
+            mass += world.bodies.mass[body];
+            moment += world.bodies.mass[body] * world.bodies.position[body].z;
+        }
+        let height = 2.0 * moment / mass;
+        if WINDOW.contains(&(way / height)) {
+            let wrench = report.wrenches.iter().find(|wrench| wrench.body as usize == wall);
+            let force = wrench.map_or(0.0, |wrench| -wrench.force.x);
+            sum += force / (SPHERES_ACROSS * PITCH) / (G * moment / (LENGTH * SPHERES_ACROSS * PITCH));
+            count += 1.0;
+        }
+    }
+    Ok(sum / count)
+}

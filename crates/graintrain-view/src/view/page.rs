@@ -1,0 +1,277 @@
+//! The replay's page: what is drawn, in which colours, and the HTML around it.
+
+use super::pack::{Frame, Ranges, pack};
+use super::tables::{Plot, plots};
+use super::{RunFolder, ViewError};
+use crate::plot::svg::escape;
+use crate::render::camera::Bounds;
+use crate::render::subject::{bounds, contact_force, grains, part_is_wall};
+use graintrain::math::Vec3;
+use graintrain::shape::{Part, Shape};
+use graintrain::world::World;
+use graintrain_io::output::surfaces::{Triangles, surface};
+use rayon::prelude::*;
+use serde::Serialize;
+
+const TEMPLATE: &str = include_str!("page.html");
+const SCRIPT: &str = include_str!("page.js");
+
+/// Contacts below this part of the largest usual force are not embedded: their tubes would be thinner than a line.
+const WEAKEST_CHAIN: f64 = 0.027;
+
+/// How a replay is made.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ViewSettings {
+    /// Most frames in the page; more are thinned evenly.
+    pub max_frames: usize,
+    /// Whether contact forces are embedded.
+    pub force_chains: bool,
+}
+
+impl Default for ViewSettings {
+    fn default() -> Self {
+        Self { max_frames: 240, force_chains: true }
+    }
+}
+
+/// What the page's script knows besides the frames.
+#[derive(Serialize)]
+struct Header {
+    facts: String,
+    bodies: usize,
+    oriented: Vec<usize>,
+    low: [f32; 3],
+    high: [f32; 3],
+    speed_max: f32,
+    speed_shown: f32,
+    force_max: f32,
+    force_shown: f32,
+    chain_shown: f32,
+    radius_max: f64,
+    grain_radius: f64,
+    up: [f64; 3],
+    center: [f64; 3],
+    radius: f64,
+    grain: Vec<u8>,
+    balls: Balls,
+    groups: Vec<Group>,
+    frames: Vec<FrameHeader>,
+    plots: Vec<Plot>,
+}
+
+/// Grains that are single balls.
+#[derive(Default, Serialize)]
+struct Balls {
+    body: Vec<usize>,
+    radius: Vec<f64>,
+}
+
+/// Bodies that share a surface.
+#[derive(Serialize)]
+struct Group {
+    /// `grain`, `tool`, `floor` (seen from one side) or `wall` (translucent).
+    kind: &'static str,
+    /// Corners of the triangles in the bodies' frame, nine numbers each.
+    triangles: Vec<f32>,
+    bodies: Vec<usize>,
+}
+
+#[derive(Serialize)]
+struct FrameHeader {
+    time: f64,
+    contacts: usize,
+}
+
+/// The replay of a run's folder as one HTML page.
+///
+/// # Errors
+/// [`ViewError`] for a folder without checkpoint or frames, or with damaged ones.
+pub fn page(run: &RunFolder, settings: &ViewSettings) -> Result<String, ViewError> {
+    let times = run.times();
+    if times.is_empty() {
+        return Err(ViewError::NoFrames { folder: run.path().to_path_buf() });
+    }
+    let stride = times.len().div_ceil(settings.max_frames.max(1));
+    // The last frame is always shown.
+    let mut shown: Vec<usize> = (0..times.len()).rev().step_by(stride).collect();
+    shown.reverse();
+    let first = run.world(shown[0])?;
+    let model = Model::new(&first);
+    let mut frames = shown
+        .par_iter()
+        .map(|&index| run.world(index).map(|world| model.frame(&world, run.step, settings.force_chains)))
+        .collect::<Result<Vec<Frame>, ViewError>>()?;
+    let chain_shown = usual_largest(frames.iter().flat_map(|frame| frame.contacts.iter().map(|c| c.3)));
+    for frame in &mut frames {
+        frame.contacts.retain(|contact| f64::from(contact.3) >= WEAKEST_CHAIN * f64::from(chain_shown));
+    }
+    let ranges = Ranges::of(&frames);
+    let data = pack(&frames, &ranges)?;
+    let grain_values = |of: fn(&Frame) -> &Vec<f32>| {
+        let grains = &model.grains;
+        usual_largest(frames.iter().flat_map(move |frame| grains.iter().map(move |&body| of(frame)[body])))
+    };
+    let scene = model.bounds;
+    let duration = times[times.len() - 1];
+    let header = Header {
+        facts: format!("{} bodies, {} frames, {duration:.3} s", model.count, frames.len()),
+        bodies: model.count,
+        low: ranges.low,
+        high: ranges.high,
+        speed_max: ranges.speed,
+        speed_shown: grain_values(|frame| &frame.speed),
+        force_max: ranges.force,
+        force_shown: grain_values(|frame| &frame.force),
+        chain_shown,
+        radius_max: model.balls.radius.iter().copied().fold(0.0, f64::max),
+        grain_radius: model.grain_radius,
+        up: (-first.gravity).normalize_or(Vec3::Z).to_array(),
+        center: scene.center().to_array(),
+        radius: 0.5 * (scene.high - scene.low).length(),
+        frames: frames.iter().map(|f| FrameHeader { time: f.time, contacts: f.contacts.len() }).collect(),
+        plots: plots(run.path())?,
+        oriented: model.oriented,
+        grain: model.is_grain.iter().map(|&grain| u8::from(grain)).collect(),
+        balls: model.balls,
+        groups: model.groups,
+    };
+    // A closing tag inside the data would end the element.
+    let header = serde_json::to_string(&header).map_err(std::io::Error::from)?.replace('<', "\\u003c");
+    Ok(TEMPLATE
+        .replace("{{title}}", &escape(&run.scene))
+        .replace("{{script}}", SCRIPT)
+        .replace("{{header}}", &header)
+        .replace("{{data}}", &data))
+}
+
+/// The largest of some values, or their 99.5th percentile where few values are far larger; at least a tiny positive number.
+fn usual_largest(values: impl Iterator<Item = f32>) -> f32 {
+    let mut sorted: Vec<f32> = values.filter(|value| *value > 0.0 && value.is_finite()).collect();
+    sorted.sort_unstable_by(f32::total_cmp);
+    let largest = sorted.last().copied().unwrap_or(1.0);
+    let usual = sorted.get(sorted.len() * 995 / 1000).copied().unwrap_or(largest);
+    if largest > 1.5 * usual { usual } else { largest }
+}
+
+/// What does not change from frame to frame.
+struct Model {
+    count: usize,
+    grains: Vec<usize>,
+    is_grain: Vec<bool>,
+    grain_radius: f64,
+    oriented: Vec<usize>,
+    balls: Balls,
+    groups: Vec<Group>,
+    bounds: Bounds,
+}
+
+impl Model {
+    fn new(world: &World) -> Self {
+        let count = world.bodies.len();
+        let grains = grains(world);
+        let mut is_grain = vec![false; count];
+        grains.iter().for_each(|&body| is_grain[body] = true);
+        let bounds = bounds(world, &grains);
+        let centers: Vec<Vec3> = grains.iter().map(|&body| world.bodies.position[body]).collect();
+        let mut balls = Balls::default();
+        let mut groups: Vec<Group> = Vec::new();
+        // Group of each geometry that grains share, once there is one.
+        let mut shared: Vec<Option<usize>> = vec![None; world.geometries.len()];
+        for body in 0..count {
+            let index = world.bodies.geometry[body] as usize;
+            let parts = &world.geometries[index].parts;
+            match parts.as_slice() {
+                [Part { shape: Shape::Sphere { radius }, position, .. }]
+                    if is_grain[body] && *position == Vec3::ZERO =>
+                {
+                    balls.body.push(body);
+                    balls.radius.push(*radius);
+                }
+                _ if is_grain[body] => match shared[index] {
+                    Some(group) => groups[group].bodies.push(body),
+                    None => {
+                        let triangles = parts.iter().flat_map(|part| corners(part, None)).collect();
+                        shared[index] = Some(groups.len());
+                        groups.push(Group { kind: "grain", triangles, bodies: vec![body] });
+                    }
+                },
+                _ => {
+                    for part in parts {
+                        let kind = match part.shape {
+                            Shape::Plane => "floor",
+                            _ if part_is_wall(world, body, part, &centers) => "wall",
+                            _ => "tool",
+                        };
+                        let triangles: Vec<f32> = corners(part, Some((world, body, &bounds)));
+                        match groups.iter_mut().find(|group| group.kind == kind && group.bodies == [body]) {
+                            Some(group) => group.triangles.extend(triangles),
+                            None => groups.push(Group { kind, triangles, bodies: vec![body] }),
+                        }
+                    }
+                }
+            }
+        }
+        let mut oriented: Vec<usize> = groups.iter().flat_map(|group| group.bodies.iter().copied()).collect();
+        oriented.sort_unstable();
+        oriented.dedup();
+        let smallest = grains.iter().map(|&body| {
+            let geometry = &world.geometries[world.bodies.geometry[body] as usize];
+            geometry.bounding_radius()
+        });
+        let grain_radius = smallest.fold(f64::INFINITY, f64::min);
+        let grain_radius = if grain_radius.is_finite() { grain_radius } else { 1.0 };
+        Self { count, grains, is_grain, grain_radius, oriented, balls, groups, bounds }
+    }
+
+    fn frame(&self, world: &World, step: f64, chains: bool) -> Frame {
+        let bodies = &world.bodies;
+        let single = |v: Vec3| v.as_vec3().to_array();
+        let contacts = world.contacts.contacts.iter().zip(&world.contacts.impulse).filter(|_| chains);
+        Frame {
+            time: world.time,
+            position: bodies.position.iter().map(|&position| single(position)).collect(),
+            orientation: self
+                .oriented
+                .iter()
+                .map(|&body| bodies.orientation[body].to_array().map(|q| q as f32))
+                .collect(),
+            speed: bodies.velocity.iter().map(|velocity| velocity.length() as f32).collect(),
+            force: contact_force(world, step).into_iter().map(|force| force as f32).collect(),
+            contacts: contacts
+                .map(|(contact, impulse)| {
+                    let force = (impulse.dot(contact.normal) / step) as f32;
+                    (contact.body_a, contact.body_b, single(contact.point), force)
+                })
+                .filter(|contact| contact.3 > 0.0)
+                .collect(),
+        }
+    }
+}
+
+/// Corners of a part's triangles in its body's frame. A plane is cut at the scene's bounds; without a scene it has none.
+fn corners(part: &Part, scene: Option<(&World, usize, &Bounds)>) -> Vec<f32> {
+    let triangles = match (&part.shape, scene) {
+        // A capsule of no length is a ball.
+        (Shape::Sphere { radius }, _) => surface(&Shape::Capsule { half_length: 0.0, radius: *radius }),
+        (Shape::Plane, Some((world, body, bounds))) => {
+            let turn = world.bodies.orientation[body] * part.orientation;
+            let origin = world.bodies.position[body] + world.bodies.orientation[body] * part.position;
+            let reach = bounds
+                .corners()
+                .into_iter()
+                .map(|corner| turn.conjugate() * (corner - origin))
+                .fold(Bounds::EMPTY, |reach, corner| reach.with(corner, 0.0));
+            let at = |x: f64, y: f64| Vec3::new(x, y, 0.0);
+            let (low, high) = (reach.low, reach.high);
+            let vertices = vec![at(low.x, low.y), at(high.x, low.y), at(high.x, high.y), at(low.x, high.y)];
+            (!bounds.is_empty()).then(|| Triangles { vertices, triangles: vec![[0, 1, 2], [0, 2, 3]] })
+        }
+        (shape, _) => surface(shape),
+    };
+    let Some(triangles) = triangles else { return Vec::new() };
+    let place = |&corner: &u32| {
+        let point = part.position + part.orientation * triangles.vertices[corner as usize];
+        point.as_vec3().to_array()
+    };
+    triangles.triangles.iter().flatten().flat_map(place).collect()
+}

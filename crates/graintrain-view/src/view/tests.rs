@@ -1,0 +1,259 @@
+use super::pack::{Frame, Ranges};
+use super::*;
+use base64::Engine;
+use flate2::read::GzDecoder;
+use graintrain::material::Materials;
+use graintrain::math::{Quat, Vec3};
+use graintrain::motion::{Motion, Profile};
+use graintrain::shape::{Geometry, Part, Shape};
+use graintrain::world::{Body, World};
+use graintrain_ccp::FrictionModel;
+use graintrain_io::output::OutputSettings;
+use graintrain_io::output::recorder::{Recorder, prepare_folder};
+use graintrain_io::output::summary::RunStatus;
+use graintrain_io::output::vtp::Precision;
+use graintrain_io::run::{Run, RunSettings, RunTotals};
+use std::io::Read;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+/// Grains of three forms that fall on a plane beside a turning blade.
+fn world() -> World {
+    let mut materials = Materials::default();
+    let stone = materials.add("stone", 2000.0).unwrap();
+    materials.set_pair(stone, stone, 0.3, 0.0).unwrap();
+    let mut world = World::new(Vec3::new(0.0, 0.0, -9.81), materials).unwrap();
+    let fixed = world.add_motion(Motion::fixed()).unwrap();
+    let ground = world.add_geometry(Geometry::plane());
+    world
+        .add_body(Body { name: "ground".into(), motion: fixed, ..Body::new(ground, stone, Vec3::ZERO) })
+        .unwrap();
+    let turning = Motion::rotating(Vec3::new(1.0, 0.0, 0.2), Vec3::Z, Profile::Constant(2.0));
+    let turning = world.add_motion(turning).unwrap();
+    let blade = world.add_geometry(Geometry::cuboid(Vec3::new(0.3, 0.02, 0.1)).unwrap());
+    let at = Vec3::new(1.0, 0.0, 0.2);
+    world
+        .add_body(Body { name: "blade <1>".into(), motion: turning, ..Body::new(blade, stone, at) })
+        .unwrap();
+    let ball = world.add_geometry(Geometry::sphere(0.1).unwrap());
+    let rod = world.add_geometry(Geometry::capsule(0.1, 0.05).unwrap());
+    let sphere = |x: f64| Part {
+        shape: Shape::Sphere { radius: 0.06 },
+        position: Vec3::new(x, 0.0, 0.0),
+        orientation: Quat::IDENTITY,
+    };
+    let pair = world.add_geometry(Geometry::compound(vec![sphere(-0.05), sphere(0.07)]).unwrap().0);
+    for (k, geometry) in [ball, rod, pair, ball].into_iter().enumerate() {
+        let position = Vec3::new(0.3 * k as f64 - 0.6, 0.05, 0.13 + 0.02 * k as f64);
+        let orientation = Quat::from_rotation_y(0.4 * k as f64);
+        world.add_body(Body { orientation, ..Body::new(geometry, stone, position) }).unwrap();
+    }
+    world
+}
+
+/// Runs the world for some steps, and returns the states after each step, the initial one included.
+fn run_into(folder: &std::path::Path, steps: u64) -> Vec<World> {
+    struct Keep(Vec<World>);
+    impl graintrain_io::run::Observer for Keep {
+        fn observe(
+            &mut self,
+            step: graintrain_io::run::StepView<'_>,
+        ) -> Result<(), graintrain_io::files::OutputError> {
+            self.0.push(step.world.clone());
+            Ok(())
+        }
+    }
+    let settings = RunSettings {
+        scene: "a <b> & c".into(),
+        step: 0.01,
+        envelope: 0.02,
+        solver: "apgd".into(),
+        tolerance: 1e-6,
+        max_iterations: None,
+        friction: FrictionModel::Relaxed,
+        steps,
+        dump_problem_every: None,
+        output: OutputSettings {
+            every: 1,
+            bodies: true,
+            contacts: true,
+            precision: Precision::Single,
+            checkpoint_every: 100,
+        },
+    };
+    prepare_folder(folder, false).unwrap();
+    let mut recorder = Recorder::begin(folder, &settings, &world(), "").unwrap();
+    let stop = Arc::new(AtomicBool::new(false));
+    let mut run = Run::new(world(), settings, RunTotals::default(), stop).unwrap();
+    let mut keep = Keep(vec![world()]);
+    run.advance(&mut [&mut recorder, &mut keep]).unwrap();
+    recorder.checkpoint(&run.world, &run.totals, RunStatus::Finished).unwrap();
+    keep.0
+}
+
+#[test]
+fn frames_read_back_as_the_worlds_that_were_written() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path().join("run");
+    let truth = run_into(&folder, 12);
+    let run = RunFolder::open(&folder).unwrap();
+    assert_eq!(run.times().len(), 13);
+    let mut loaded = 0;
+    for (k, expected) in truth.iter().enumerate() {
+        let world = run.world(k).unwrap();
+        assert!((world.time - expected.time).abs() < 1e-12);
+        for body in 0..expected.bodies.len() {
+            let near = |a: Vec3, b: Vec3| assert!(a.distance(b) < 2e-6, "step {k}, body {body}: {a} and {b}");
+            near(world.bodies.position[body], expected.bodies.position[body]);
+            let (a, b) = (world.bodies.orientation[body], expected.bodies.orientation[body]);
+            assert!(a.dot(b).abs() > 1.0 - 1e-6, "step {k}, body {body}: {a} and {b}");
+            if expected.free_degrees(body).contains(&true) {
+                near(world.bodies.velocity[body], expected.bodies.velocity[body]);
+            }
+        }
+        assert_eq!(world.contacts.contacts.len(), expected.contacts.contacts.len());
+        for (a, b) in world.contacts.contacts.iter().zip(&expected.contacts.contacts) {
+            assert_eq!((a.body_a, a.body_b), (b.body_a, b.body_b));
+            assert!(a.point.distance(b.point) < 1e-6 && a.normal.distance(b.normal) < 1e-6);
+            loaded += 1;
+        }
+        for (a, b) in world.contacts.impulse.iter().zip(&expected.contacts.impulse) {
+            assert!(a.distance(*b) < 1e-6 * (1.0 + b.length()));
+        }
+    }
+    assert!(loaded > 20, "the scene has contacts");
+    let turned = run.world(12).unwrap().bodies.orientation[1].angle_between(Quat::IDENTITY);
+    assert!((turned - 2.0 * 0.12).abs() < 1e-5, "the blade has turned by {turned}");
+}
+
+/// The text of an element of the page.
+fn between<'a>(page: &'a str, start: &str, end: &str) -> &'a str {
+    let from = page.find(start).expect("the element") + start.len();
+    &page[from..from + page[from..].find(end).expect("its end")]
+}
+
+/// Unpacks frames by the layout that the documentation of [`pack`] states.
+fn unpack(text: &str, bodies: usize, oriented: usize, contacts: &[usize], ranges: &Ranges) -> Vec<Frame> {
+    let packed = base64::engine::general_purpose::STANDARD.decode(text).unwrap();
+    let mut bytes = Vec::new();
+    GzDecoder::new(packed.as_slice()).read_to_end(&mut bytes).unwrap();
+    let mut rest = bytes.as_slice();
+    let mut words = |count: usize| -> Vec<u16> {
+        let (now, later) = rest.split_at(2 * count);
+        rest = later;
+        now.as_chunks::<2>().0.iter().map(|&pair| u16::from_le_bytes(pair)).collect()
+    };
+    let place = |axis: usize, word: u16| {
+        ranges.low[axis] + (ranges.high[axis] - ranges.low[axis]) * f32::from(word) / 65535.0
+    };
+    let mut previous = vec![0_u16; 3 * bodies];
+    let mut frames = Vec::new();
+    for &count in contacts {
+        let change = words(3 * bodies);
+        previous.iter_mut().zip(change).for_each(|(word, change)| *word = word.wrapping_add(change));
+        let position = (0..bodies).map(|i| [0, 1, 2].map(|k| place(k, previous[k * bodies + i]))).collect();
+        let turns = words(4 * oriented);
+        let orientation =
+            turns.chunks_exact(4).map(|q| [0, 1, 2, 3].map(|k| f32::from(q[k] as i16) / 32767.0)).collect();
+        let speed = words(bodies).iter().map(|&w| f32::from(w) / 65535.0 * ranges.speed).collect();
+        let force = words(bodies).iter().map(|&w| f32::from(w) / 65535.0 * ranges.force).collect();
+        let pairs = words(4 * count);
+        let body = |k: usize| u32::from(pairs[2 * k]) | u32::from(pairs[2 * k + 1]) << 16;
+        let spots = words(3 * count);
+        let loads = words(count);
+        let contacts = (0..count)
+            .map(|i| {
+                let point = [0, 1, 2].map(|k| place(k, spots[3 * i + k]));
+                (body(i), body(count + i), point, f32::from(loads[i]) / 65535.0 * ranges.force)
+            })
+            .collect();
+        frames.push(Frame { time: 0.0, position, orientation, speed, force, contacts });
+    }
+    assert!(rest.is_empty(), "{} bytes are left over", rest.len());
+    frames
+}
+
+#[test]
+fn the_page_holds_the_frames() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path().join("run");
+    let truth = run_into(&folder, 20);
+    let page =
+        page(&RunFolder::open(&folder).unwrap(), &ViewSettings { max_frames: 7, ..ViewSettings::default() });
+    let page = page.unwrap();
+    assert!(page.contains("<title>a &lt;b&gt; &amp; c</title>") && !page.contains("{{"));
+    assert!(!page.contains("http://") && !page.contains("https://"), "the page needs no network");
+    let header: serde_json::Value =
+        serde_json::from_str(between(&page, "<script id=\"header\" type=\"application/json\">", "</script>"))
+            .unwrap();
+    let numbers = |name: &str| -> Vec<f64> {
+        header[name].as_array().unwrap().iter().map(|x| x.as_f64().unwrap()).collect()
+    };
+    let number = |name: &str| header[name].as_f64().unwrap() as f32;
+    let corner = |name: &str| -> [f32; 3] { std::array::from_fn(|k| numbers(name)[k] as f32) };
+    let ranges = Ranges {
+        low: corner("low"),
+        high: corner("high"),
+        speed: number("speed_max"),
+        force: number("force_max"),
+    };
+    let frames = header["frames"].as_array().unwrap();
+    let shown: Vec<usize> = [2, 5, 8, 11, 14, 17, 20].to_vec();
+    assert_eq!(frames.len(), shown.len());
+    let contacts: Vec<usize> = frames.iter().map(|f| f["contacts"].as_u64().unwrap() as usize).collect();
+    let oriented = numbers("oriented");
+    assert_eq!(oriented, [0.0, 1.0, 3.0, 4.0], "all but the balls");
+    let data = between(&page, "<script id=\"data\" type=\"text/plain\">", "</script>");
+    let decoded = unpack(data, truth[0].bodies.len(), oriented.len(), &contacts, &ranges);
+    let resolution = (0..3).map(|k| ranges.high[k] - ranges.low[k]).fold(0.0, f32::max) / 65535.0;
+    assert!(contacts.iter().sum::<usize>() > 5);
+    for (frame, &k) in decoded.iter().zip(&shown) {
+        for body in 0..truth[k].bodies.len() {
+            let expected = truth[k].bodies.position[body].as_vec3().to_array();
+            for axis in 0..3 {
+                assert!((frame.position[body][axis] - expected[axis]).abs() <= resolution);
+            }
+            let speed = truth[k].bodies.velocity[body].length() as f32;
+            assert!(
+                (frame.speed[body] - speed).abs() <= ranges.speed / 60000.0 || truth[k].is_prescribed(body)
+            );
+        }
+        for contact in &frame.contacts {
+            let near = |other: &graintrain::contact::Contact| {
+                other.body_a == contact.0
+                    && other.body_b == contact.1
+                    && Vec3::from(contact.2.map(f64::from)).distance(other.point)
+                        < 2.0 * f64::from(resolution)
+            };
+            let found = truth[k].contacts.contacts.iter().position(near).expect("the contact exists");
+            let exact = truth[k].contacts.impulse[found].dot(truth[k].contacts.contacts[found].normal) / 0.01;
+            assert!((f64::from(contact.3) - exact).abs() < 1e-4 * f64::from(ranges.force));
+        }
+    }
+    let plots = header["plots"].as_array().unwrap();
+    let titles: Vec<&str> = plots.iter().map(|plot| plot["title"].as_str().unwrap()).collect();
+    assert!(titles.contains(&"residual (1)") && titles.contains(&"force on blade <1> (N)"), "{titles:?}");
+    assert_eq!(plots[0]["x"].as_array().unwrap().len(), 20);
+}
+
+#[test]
+fn damaged_runs_are_errors() {
+    let folder = tempfile::tempdir().unwrap();
+    let empty = folder.path().join("empty");
+    std::fs::create_dir(&empty).unwrap();
+    assert!(matches!(RunFolder::open(&empty), Err(ViewError::Checkpoint(_))));
+    let run_folder = folder.path().join("run");
+    run_into(&run_folder, 2);
+    let run = RunFolder::open(&run_folder).unwrap();
+    let frame = run_folder.join("frames/bodies_00000001.vtp");
+    let text = std::fs::read_to_string(&frame).unwrap();
+    std::fs::write(&frame, text.replace("Name=\"omega\"", "Name=\"other\"")).unwrap();
+    assert!(run.world(1).unwrap_err().to_string().contains("no array omega"));
+    std::fs::write(&frame, &text[..text.len() / 2]).unwrap();
+    assert!(matches!(run.world(1), Err(ViewError::Malformed { .. })));
+    std::fs::remove_file(&frame).unwrap();
+    assert!(matches!(page(&run, &ViewSettings::default()), Err(ViewError::Read { .. })));
+    std::fs::remove_file(run_folder.join("bodies.pvd")).unwrap();
+    let run = RunFolder::open(&run_folder).unwrap();
+    assert!(matches!(page(&run, &ViewSettings::default()), Err(ViewError::NoFrames { .. })));
+}
