@@ -1,6 +1,6 @@
 //! Narrow phase: contacts of two bodies near each other.
 
-use super::capsule::capsule_contacts;
+use super::capsule::{capsule_contacts, crossings};
 use super::distance::signed_distance;
 use super::manifold::{Solid, manifold_contacts};
 use super::mesh::{TriangleTree, Visitor};
@@ -161,7 +161,8 @@ fn ordered_contacts(a: &PlacedPart<'_>, b: &PlacedPart<'_>, envelope: f64, touch
         (&Shape::Capsule { half_length, radius }, solid) => {
             let half_axis = inverse * (a.orientation * Vec3::new(0.0, 0.0, half_length));
             let distance = |p: Vec3| signed_distance(solid, p);
-            capsule_contacts(position, half_axis, radius, distance, envelope, touches);
+            let borders = crossings(solid, position, half_axis);
+            capsule_contacts(position, half_axis, radius, distance, &borders, envelope, touches);
         }
         (shape_a, shape_b) => {
             let solid = |part: &PlacedPart<'_>, shape| Solid::Placed {
