@@ -76,7 +76,19 @@ impl<'a> Placed<'a> {
     }
 }
 
-/// Contacts of bodies A and B with gap up to the envelope, at most four per patch, ordered by feature.
+/// Contacts of one part of A with one part of B with gap up to the envelope, unreduced.
+pub(super) fn contacts_of_parts(
+    a: Placed<'_>,
+    part_a: usize,
+    b: Placed<'_>,
+    part_b: usize,
+    envelope: f64,
+    touches: &mut Vec<Touch>,
+) {
+    part_contacts(&a.part(part_a), &b.part(part_b), envelope, touches);
+}
+
+/// Contacts of bodies A and B with gap up to the envelope, reduced to what each patch needs, ordered by feature.
 pub(crate) fn body_contacts(a: Placed<'_>, b: Placed<'_>, envelope: f64, touches: &mut Vec<Touch>) {
     let (parts_a, parts_b) = (a.form.geometry.parts.len(), b.form.geometry.parts.len());
     if parts_a == 1 && parts_b == 1 {
