@@ -1,57 +1,140 @@
 //! Contacts of a capsule with convex shapes and triangles.
 //!
-//! A capsule is a ball moved along a segment, and the distance from the points of a segment to a convex set is a convex
-//! function of the point. So the nearest point is found by bisection of the derivative, and the ends of the stretch that
-//! is hardly farther away than the nearest point are found by bisection of the value. Each of the three is a contact of
-//! a ball with the shape, exact to round-off; together they hold a capsule that lies flat.
+//! A capsule is a ball moved along a segment, and the distance s from a point to a convex set is a convex function of the
+//! point. A contact of any one of the balls bounds what that ball can do: with the ball's centre c moved by d,
+//! `s(c + d) >= s(c) + n . d`. The balls given are those that matter for every motion of the capsule:
+//!
+//! * at both ends, and nearest to the shape (bisection of the derivative of s along the segment), exact to round-off;
+//! * where the segment crosses from the space over one face of the shape to the space beside it (the *crossings*).
+//!
+//! Between two of them that lie over the same face, s is linear along the segment and so is the displacement: the balls in
+//! between are held off by the two. Beside a face the nearest ball holds the segment off the edge, up to terms of second
+//! order in the motion (turn times displacement).
 
 use super::distance::Distance;
 use super::reduce::Touch;
 use crate::math::Vec3;
+use crate::shape::Shape;
 
 /// Bisection halves an interval of length 2 to the last bit.
 const BISECTIONS: usize = 54;
 
-/// A stretch of the capsule counts as lying on the shape where it is at most this fraction of the radius farther away
-/// than its nearest point.
-const FLAT: f64 = 1e-3;
+/// Balls nearer to each other than this fraction of the radius are one ball.
+const SEPARATE: f64 = 0.05;
+
+/// Feature of the ball nearest to the shape; the ends are 0 and 2.
+const NEAREST: u64 = 1;
+
+/// Feature of the first crossing.
+const CROSSING: u64 = 3;
+
+/// A ball of the capsule: where along the segment, its feature, its distance.
+struct Ball {
+    t: f64,
+    feature: u64,
+    distance: Distance,
+}
 
 /// Contacts of the capsule with segment `centre + t * half_axis`, t in [-1, 1], against the convex shape given by its
-/// signed distance, in the shape's frame. Normals point from the shape to the capsule.
+/// signed distance, in the shape's frame: all balls of the module's list with gap up to the envelope, m. `crossings`
+/// holds the t of the crossings (see [`crossings`]) in an order that persists. Normals point from the shape to the
+/// capsule.
 pub(crate) fn capsule_contacts(
     centre: Vec3,
     half_axis: Vec3,
     radius: f64,
     distance: impl Fn(Vec3) -> Distance,
+    crossings: &[f64],
     envelope: f64,
     touches: &mut Vec<Touch>,
 ) {
     let at = |t: f64| distance(centre + t * half_axis);
     let nearest = minimise(|t| at(t).normal.dot(half_axis));
-    let least = at(nearest).value;
-    if least - radius > envelope {
+    let least = at(nearest);
+    if least.value - radius > envelope {
         return;
     }
-    let level = least + FLAT * radius;
-    let ends = [-1.0, 1.0].map(|end| farthest_within(nearest, end, |t| at(t).value <= level));
-    let mut taken: Vec<f64> = Vec::with_capacity(3);
-    let separate = 0.05 * radius / half_axis.length();
-    for (t, feature) in [(nearest, 1), (ends[0], 0), (ends[1], 2)] {
-        if taken.iter().any(|other| (other - t).abs() < separate) {
+    let separate = SEPARATE * radius / half_axis.length();
+    // The nearest ball takes the number of an end that it is next to.
+    let of_end = |t: f64| if t < 0.0 { 0 } else { 2 };
+    let own = if 1.0 - nearest.abs() < separate { of_end(nearest) } else { NEAREST };
+    let mut balls = vec![Ball { t: nearest, feature: own, distance: least }];
+    let ends = [-1.0, 1.0].map(|t| (t, of_end(t)));
+    let between = crossings.iter().zip(CROSSING..).filter(|(t, _)| t.abs() < 1.0);
+    for (t, feature) in ends.into_iter().chain(between.map(|(&t, feature)| (t, feature))) {
+        let distance = at(t);
+        if distance.value - radius <= envelope && balls.iter().all(|other| (other.t - t).abs() >= separate) {
+            balls.push(Ball { t, feature, distance });
+        }
+    }
+    balls.sort_by(|a, b| a.t.total_cmp(&b.t));
+    for (i, ball) in balls.iter().enumerate() {
+        let held = i > 0 && i + 1 < balls.len() && lies_between(&balls[i - 1], ball, &balls[i + 1], radius);
+        if held {
             continue;
         }
-        taken.push(t);
-        let Distance { value, normal } = at(t);
+        let Distance { value, normal } = ball.distance;
         let gap = value - radius;
-        if gap <= envelope {
-            let point = centre + t * half_axis - (radius + 0.5 * gap) * normal;
-            touches.push(Touch { point, normal, gap, feature });
-        }
+        let point = centre + ball.t * half_axis - (radius + 0.5 * gap) * normal;
+        touches.push(Touch { point, normal, gap, feature: ball.feature });
     }
 }
 
+/// Whether a ball is held off by its neighbours: over one face, and no nearer than between them.
+fn lies_between(before: &Ball, ball: &Ball, after: &Ball, radius: f64) -> bool {
+    let alike = |other: &Ball| (other.distance.normal - ball.distance.normal).length() < 1e-9;
+    let fraction = (ball.t - before.t) / (after.t - before.t);
+    let line = before.distance.value + fraction * (after.distance.value - before.distance.value);
+    alike(before) && alike(after) && ball.distance.value >= line - 1e-9 * radius
+}
+
+/// Where the line `centre + t * half_axis` crosses the borders of the space over a face of the shape: the planes of a
+/// box's faces, the cylinder's mantle and end planes, the end planes of a capsule's segment. In the shape's frame, in an
+/// order of its own; t that do not exist are infinite.
+pub(crate) fn crossings(shape: &Shape, centre: Vec3, half_axis: Vec3) -> Vec<f64> {
+    let slab = |axis: usize, half: f64| {
+        [-half, half].map(|border| {
+            let t = (border - centre[axis]) / half_axis[axis];
+            if t.is_finite() { t } else { f64::INFINITY }
+        })
+    };
+    match *shape {
+        Shape::Box { half } => (0..3).flat_map(|axis| slab(axis, half[axis])).collect(),
+        Shape::Capsule { half_length, .. } => slab(2, half_length).to_vec(),
+        Shape::Cylinder { half_length, radius } => {
+            let [low, high] = slab(2, half_length);
+            let [first, second] = mantle_crossings(centre, half_axis, radius);
+            vec![low, high, first, second]
+        }
+        Shape::Sphere { .. } | Shape::Plane | Shape::Mesh { .. } => Vec::new(),
+    }
+}
+
+/// Both t at which the line is `radius` away from the z axis.
+fn mantle_crossings(centre: Vec3, half_axis: Vec3, radius: f64) -> [f64; 2] {
+    let (c, a) = (centre.truncate(), half_axis.truncate());
+    let (square, linear, constant) = (a.length_squared(), a.dot(c), c.length_squared() - radius * radius);
+    let discriminant = linear * linear - square * constant;
+    if square == 0.0 || discriminant <= 0.0 {
+        return [f64::INFINITY; 2];
+    }
+    let root = discriminant.sqrt();
+    [(-linear - root) / square, (-linear + root) / square]
+}
+
+/// The same for a triangle: the planes through its edges that stand on its face.
+pub(crate) fn triangle_crossings(corners: [Vec3; 3], face: Vec3, centre: Vec3, half_axis: Vec3) -> Vec<f64> {
+    (0..3)
+        .map(|k| {
+            let across = face.cross(corners[(k + 1) % 3] - corners[k]);
+            let t = across.dot(corners[k] - centre) / across.dot(half_axis);
+            if t.is_finite() { t } else { f64::INFINITY }
+        })
+        .collect()
+}
+
 /// Zero of an ascending function on [-1, 1], or the end nearest to it.
-fn minimise(derivative: impl Fn(f64) -> f64) -> f64 {
+pub(crate) fn minimise(derivative: impl Fn(f64) -> f64) -> f64 {
     if derivative(-1.0) >= 0.0 && derivative(1.0) >= 0.0 {
         // Ascending from the start, or flat: a flat function is least everywhere, so take its middle.
         if derivative(0.0) > 0.0 || derivative(1.0) > 0.0 { return -1.0 } else { return 0.0 }
@@ -67,51 +150,74 @@ fn minimise(derivative: impl Fn(f64) -> f64) -> f64 {
     0.5 * (low + high)
 }
 
-/// The last t on the way from `inside` to `end` for which the predicate holds; it holds on an interval.
-fn farthest_within(inside: f64, end: f64, holds: impl Fn(f64) -> bool) -> f64 {
-    if holds(end) {
-        return end;
-    }
-    let (mut within, mut beyond) = (inside, end);
-    for _ in 0..BISECTIONS {
-        let middle = 0.5 * (within + beyond);
-        if holds(middle) { within = middle } else { beyond = middle }
-    }
-    within
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::collide::distance::signed_distance;
-    use crate::shape::Shape;
+
+    fn contacts(shape: &Shape, centre: Vec3, half_axis: Vec3, radius: f64, envelope: f64) -> Vec<Touch> {
+        let mut touches = Vec::new();
+        let borders = crossings(shape, centre, half_axis);
+        let distance = |p| signed_distance(shape, p);
+        capsule_contacts(centre, half_axis, radius, distance, &borders, envelope, &mut touches);
+        touches
+    }
 
     #[test]
     fn a_capsule_lying_across_a_box_touches_at_both_edges() {
         let block = Shape::Box { half: Vec3::new(0.5, 0.5, 0.5) };
-        let mut touches = Vec::new();
         let centre = Vec3::new(0.0, 0.1, 0.5 + 0.2 + 1e-3);
-        capsule_contacts(centre, 2.0 * Vec3::X, 0.2, |p| signed_distance(&block, p), 0.01, &mut touches);
+        let touches = contacts(&block, centre, 2.0 * Vec3::X, 0.2, 0.01);
         let mut x: Vec<f64> = touches.iter().map(|t| t.point.x).collect();
         x.sort_by(f64::total_cmp);
-        // The ends lie where the ball is FLAT radii farther: at most sqrt(2 radius FLAT radius) beyond the edge.
-        assert!(x[0] <= -0.5 + 1e-9 && x[0] > -0.52, "{x:?}");
-        assert!(x[x.len() - 1] >= 0.5 - 1e-9 && x[x.len() - 1] < 0.52, "{x:?}");
+        assert_eq!(x.len(), 2);
+        assert!((x[0] + 0.5).abs() < 1e-12 && (x[1] - 0.5).abs() < 1e-12, "{x:?}");
         for touch in &touches {
-            assert!(touch.gap >= 1e-3 - 1e-15 && touch.gap <= 1e-3 + 2.1e-4, "{touch:?}");
+            assert!((touch.gap - 1e-3).abs() < 1e-15, "{touch:?}");
         }
     }
 
     #[test]
     fn crossed_capsules_touch_once_where_lines_are_nearest() {
         let other = Shape::Capsule { half_length: 1.0, radius: 0.3 };
-        let mut touches = Vec::new();
-        let centre = Vec3::new(0.2, 0.52, 0.4);
-        capsule_contacts(centre, Vec3::X, 0.2, |p| signed_distance(&other, p), 0.05, &mut touches);
-        assert_eq!(touches.iter().filter(|t| t.gap < 0.0201).count(), 1, "{touches:?}");
-        let touch = touches.iter().min_by(|a, b| a.gap.total_cmp(&b.gap)).unwrap();
+        let touches = contacts(&other, Vec3::new(0.2, 0.52, 0.4), Vec3::X, 0.2, 0.05);
+        assert_eq!(touches.len(), 1, "{touches:?}");
+        let touch = touches[0];
         assert!((touch.gap - 0.02).abs() < 1e-14);
         assert!((touch.normal - Vec3::Y).length() < 1e-7);
         assert!((touch.point - Vec3::new(0.0, 0.31, 0.4)).length() < 1e-7);
+    }
+
+    #[test]
+    fn the_far_end_of_a_tilted_capsule_is_a_contact_when_the_envelope_reaches_it() {
+        let block = Shape::Box { half: Vec3::splat(1.0) };
+        let (half_length, radius) = (0.02_f64, 0.01);
+        for tilt in [1.0_f64, 30.0, 60.0, 80.0].map(f64::to_radians) {
+            let half_axis = half_length * Vec3::new(tilt.sin(), 0.0, tilt.cos());
+            let centre = Vec3::new(0.1, 0.2, 1.0 + radius + 1e-3 + half_axis.z);
+            let rise = 2.0 * half_axis.z;
+            for (envelope, expected) in [(1e-3 + 1e-9, 1), (1e-3 + rise + 1e-9, 2)] {
+                let touches = contacts(&block, centre, half_axis, radius, envelope);
+                assert_eq!(touches.len(), expected, "{touches:?}");
+            }
+            let touches = contacts(&block, centre, half_axis, radius, 1.0);
+            assert_eq!(touches.iter().map(|t| t.feature).collect::<Vec<_>>(), [0, 2]);
+            assert!((touches[0].gap - 1e-3).abs() < 1e-15 && (touches[1].gap - 1e-3 - rise).abs() < 1e-15);
+            assert!(touches.iter().all(|touch| (touch.normal - Vec3::Z).length() < 1e-14));
+        }
+    }
+
+    #[test]
+    fn a_capsule_over_an_edge_has_its_end_beside_the_box_and_its_ball_over_the_edge() {
+        let block = Shape::Box { half: Vec3::splat(1.0) };
+        // Low end over the face, high end 0.5 beyond the edge x = 1 and 0.5 above it.
+        let touches = contacts(&block, Vec3::new(1.0, 0.0, 1.4), Vec3::new(0.5, 0.0, 0.1), 0.1, 1.0);
+        let gaps: Vec<f64> = touches.iter().map(|t| t.gap).collect();
+        let expected = [0.3 - 0.1, 0.4 - 0.1, 0.5_f64.hypot(0.5) - 0.1];
+        assert_eq!(gaps.len(), 3, "{touches:?}");
+        for (gap, expected) in gaps.iter().zip(expected) {
+            assert!((gap - expected).abs() < 1e-12, "{touches:?}");
+        }
+        assert!((touches[2].normal - Vec3::new(0.5, 0.0, 0.5).normalize()).length() < 1e-12);
     }
 }

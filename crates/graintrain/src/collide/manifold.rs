@@ -1,6 +1,8 @@
 //! Contacts of boxes and cylinders with each other and with triangles, through the collision library's polyhedral
-//! manifolds (separating axes and GJK, then clipping of the touching faces).
+//! manifolds (separating axes and GJK, then clipping of the touching faces), and the points within the envelope that the
+//! library leaves out (`corners`).
 
+use super::corners::add_corners;
 use super::reduce::Touch;
 use crate::math::{Pose, Quat, Vec3};
 use crate::shape::Shape;
@@ -107,6 +109,7 @@ pub(crate) fn manifold_contacts(
             &mut manifold,
         ),
     }
+    let first = touches.len();
     // The library's normal points from A to B.
     let normal = -(pose_a.rotation * manifold.local_n1);
     for point in &manifold.points {
@@ -118,4 +121,7 @@ pub(crate) fn manifold_contacts(
         let feature = u64::from(point.fid1.0) << 32 | u64::from(point.fid2.0);
         touches.push(Touch { point: origin + unit * middle, normal, gap, feature });
     }
+    let mut found = touches.split_off(first);
+    add_corners(a, b, unit, envelope, &mut found);
+    touches.append(&mut found);
 }

@@ -4,7 +4,7 @@
 //! triangles are removed. A contact on an edge or corner is real only if it is a local minimum of the distance to the
 //! whole surface, that is if every triangle that shares the edge or corner gives the same nearest point.
 
-use super::capsule::capsule_contacts;
+use super::capsule::{capsule_contacts, triangle_crossings};
 use super::distance::{Distance, TriangleFeature, nearest_on_triangle};
 use super::manifold::{Solid, manifold_contacts};
 use super::reduce::Touch;
@@ -69,7 +69,8 @@ impl TriangleTree {
         for &triangle in &near {
             self.triangle_contacts(triangle, visitor, envelope, &mut candidates);
         }
-        touches.extend(candidates.iter().filter(|c| self.is_real(c, &candidates, visitor)).map(|c| c.touch));
+        let real = candidates.iter().filter(|c| self.is_real(c, &candidates, &near, visitor));
+        touches.extend(real.map(|c| c.touch));
     }
 
     fn triangle_contacts(
@@ -100,7 +101,9 @@ impl TriangleTree {
             Shape::Capsule { half_length, radius } => {
                 let half_axis = visitor.orientation * Vec3::new(0.0, 0.0, half_length);
                 let distance = |p: Vec3| unsigned_distance(p, nearest_on_triangle(p, corners).0, toward);
-                capsule_contacts(visitor.position, half_axis, radius, distance, envelope, &mut touches);
+                let borders = triangle_crossings(corners, face, visitor.position, half_axis);
+                let centre = visitor.position;
+                capsule_contacts(centre, half_axis, radius, distance, &borders, envelope, &mut touches);
             }
             Shape::Box { .. } | Shape::Cylinder { .. } => {
                 let Visitor { shape, position, orientation } = *visitor;
@@ -119,8 +122,14 @@ impl TriangleTree {
         }
     }
 
-    /// Whether a candidate would be there if the surface were whole.
-    fn is_real(&self, candidate: &Candidate, all: &[Candidate], visitor: &Visitor<'_>) -> bool {
+    /// Whether a candidate would be there if the surface were whole. `near` are the triangles around the visitor.
+    fn is_real(
+        &self,
+        candidate: &Candidate,
+        all: &[Candidate],
+        near: &[u32],
+        visitor: &Visitor<'_>,
+    ) -> bool {
         let touching: Vec<u32> = {
             let corners = self.shared[candidate.triangle as usize];
             match candidate.feature {
@@ -131,6 +140,16 @@ impl TriangleTree {
         };
         let small = 1e-9 * visitor.shape.bounding_radius();
         let shares = |triangle: u32| touching.iter().all(|v| self.shared[triangle as usize].contains(v));
+        if let Shape::Capsule { radius, .. } = *visitor.shape {
+            // As for a sphere, with the ball of the capsule that touches.
+            let touch = &candidate.touch;
+            let centre = touch.point + (radius + 0.5 * touch.gap) * touch.normal;
+            let distance = (centre - candidate.foot).length();
+            return near.iter().filter(|&&other| other != candidate.triangle && shares(other)).all(|&other| {
+                let (foot, _) = nearest_on_triangle(centre, self.corners[other as usize]);
+                (centre - foot).length() >= distance - small
+            });
+        }
         all.iter().filter(|other| other.triangle != candidate.triangle && shares(other.triangle)).all(
             |other| {
                 let apart = (other.foot - candidate.foot).length();

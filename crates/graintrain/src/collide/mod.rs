@@ -7,12 +7,15 @@
 //! | `narrow` | contacts of two bodies, shape by shape |
 //! | `distance`, `plane`, `capsule` | closed-form kernels |
 //! | `mesh` | triangle meshes, without contacts that only the cut into triangles makes |
-//! | `manifold` | boxes and cylinders, through the collision library |
-//! | `reduce` | at most four contacts per patch |
+//! | `manifold`, `corners` | boxes and cylinders, through the collision library; corners and edges that it leaves out |
+//! | `reduce` | the contacts that a patch needs: four, up to eight where four do not hold the others |
+//! | `sweep` | when fast bodies meet within a step, and the contact that lets them arrive |
+//! | `union` | what overlapping parts of a compound have in common |
 //! | `identity` | the same number for the same contact from step to step |
 
 mod broad;
 mod capsule;
+mod corners;
 mod distance;
 mod grid;
 pub(crate) mod identity;
@@ -21,5 +24,9 @@ mod mesh;
 mod narrow;
 mod plane;
 mod reduce;
+#[cfg(test)]
+mod sampled_motions;
+pub(crate) mod sweep;
+pub(crate) mod union;
 
 pub use broad::{Collider, Overlap, deepest_overlap};

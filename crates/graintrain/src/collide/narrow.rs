@@ -1,6 +1,6 @@
 //! Narrow phase: contacts of two bodies near each other.
 
-use super::capsule::capsule_contacts;
+use super::capsule::{capsule_contacts, crossings};
 use super::distance::signed_distance;
 use super::manifold::{Solid, manifold_contacts};
 use super::mesh::{TriangleTree, Visitor};
@@ -88,7 +88,19 @@ impl<'a> Placed<'a> {
     }
 }
 
-/// Contacts of bodies A and B with gap up to the envelope, at most four per patch, ordered by feature.
+/// Contacts of one part of A with one part of B with gap up to the envelope, unreduced.
+pub(super) fn contacts_of_parts(
+    a: Placed<'_>,
+    part_a: usize,
+    b: Placed<'_>,
+    part_b: usize,
+    envelope: f64,
+    touches: &mut Vec<Touch>,
+) {
+    part_contacts(&a.part(part_a), &b.part(part_b), envelope, touches);
+}
+
+/// Contacts of bodies A and B with gap up to the envelope, reduced to what each patch needs, ordered by feature.
 pub(crate) fn body_contacts(a: Placed<'_>, b: Placed<'_>, envelope: f64, touches: &mut Vec<Touch>) {
     let (parts_a, parts_b) = (a.form.geometry.parts.len(), b.form.geometry.parts.len());
     if parts_a == 1 && parts_b == 1 {
@@ -173,7 +185,8 @@ fn ordered_contacts(a: &PlacedPart<'_>, b: &PlacedPart<'_>, envelope: f64, touch
         (&Shape::Capsule { half_length, radius }, solid) => {
             let half_axis = inverse * (a.orientation * Vec3::new(0.0, 0.0, half_length));
             let distance = |p: Vec3| signed_distance(solid, p);
-            capsule_contacts(position, half_axis, radius, distance, envelope, touches);
+            let borders = crossings(solid, position, half_axis);
+            capsule_contacts(position, half_axis, radius, distance, &borders, envelope, touches);
         }
         (shape_a, shape_b) => {
             let solid = |part: &PlacedPart<'_>, shape| Solid::Placed {

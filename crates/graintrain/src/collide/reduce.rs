@@ -1,4 +1,4 @@
-//! Contact reduction: at most four points per patch of contact.
+//! Contact reduction: the points that a patch of contact needs.
 
 use crate::math::{Vec3, tangents};
 
@@ -16,17 +16,28 @@ pub(crate) struct Touch {
 }
 
 /// Normals within about 18 degrees belong to one patch.
-const SAME_PATCH: f64 = 0.95;
+pub(crate) const SAME_PATCH: f64 = 0.95;
 
 /// Points nearer to each other than this fraction of the patch's extent are one point.
 const SAME_POINT: f64 = 1e-3;
 
-/// Contacts kept per patch: enough to fix the position and tilt of a face that lies on another.
+/// Contacts with which a patch begins: enough to fix the position and tilt of a face that lies on another.
 const KEPT: usize = 4;
 
-/// Splits the touches of one pair of parts into patches of like normals and keeps up to four points of each: the
-/// deepest, the one farthest from it, the one farthest from the line through both, and the one farthest on the line's
-/// other side. Ordered by feature; features are made unique.
+/// Contacts kept per patch at most: the corners in which two four-sided faces overlap.
+const MOST: usize = 8;
+
+/// A point may lie this fraction of the patch's extent beyond the hull of the kept ones and be dropped.
+const BEYOND: f64 = 0.02;
+
+/// A point may be nearer than the kept ones say by this fraction of the patch's extent and be dropped.
+const NEARER: f64 = 1e-4;
+
+/// Splits the touches of one pair of parts into patches of like normals. Of each it keeps the deepest point, the one
+/// farthest from it, the one farthest from the line through both, and the one farthest on the line's other side; and,
+/// up to eight, those that these four do not hold off: with one normal n, the constraint of a point is linear in its
+/// place in the patch and its gap, so a point is held off if it lies above the lower hull of the kept ones over the
+/// patch. Ordered by feature; features are made unique.
 pub(crate) fn reduce(touches: &mut Vec<Touch>) {
     if touches.len() > 1 {
         // Total order: the result must not depend on the order in which a kernel reports.
@@ -88,7 +99,60 @@ fn keep_four(patch: &mut Vec<Touch>) {
             kept.push(patch[index]);
         }
     }
+    let kept_first: Vec<usize> = {
+        let mut indices = vec![0, far];
+        indices
+            .extend([(left, left_area), (right, right_area)].iter().filter(|(_, a)| *a > 0.0).map(|p| p.0));
+        indices
+    };
+    let extent = flat[far][0].hypot(flat[far][1]);
+    let place = |i: usize| [flat[i][0] / extent, flat[i][1] / extent, patch[i].gap / extent];
+    let mut places: Vec<[f64; 3]> = kept_first.iter().map(|&i| place(i)).collect();
+    for i in 0..patch.len() {
+        if places.len() < MOST && !kept_first.contains(&i) && extent > 0.0 && !is_held(place(i), &places) {
+            places.push(place(i));
+            kept.push(patch[i]);
+        }
+    }
     *patch = kept;
+}
+
+/// Whether the point (two coordinates in the patch, gap) is held off by kept ones: whether it lies above a triangle or
+/// a line of theirs, give or take [`BEYOND`] and [`NEARER`]. Lengths in units of the patch's extent.
+fn is_held(p: [f64; 3], kept: &[[f64; 3]]) -> bool {
+    let cross =
+        |a: [f64; 3], b: [f64; 3], c: [f64; 3]| (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
+    let apart = |a: [f64; 3], b: [f64; 3]| (a[0] - b[0]).hypot(a[1] - b[1]);
+    for (i, &a) in kept.iter().enumerate() {
+        for (j, &b) in kept.iter().enumerate().skip(i + 1) {
+            let length = apart(a, b);
+            if length > BEYOND {
+                let along =
+                    ((p[0] - a[0]) * (b[0] - a[0]) + (p[1] - a[1]) * (b[1] - a[1])) / (length * length);
+                let inside = along * length >= -BEYOND && (along - 1.0) * length <= BEYOND;
+                let near = cross(a, b, p).abs() / length <= BEYOND;
+                if inside && near && p[2] >= a[2] + along * (b[2] - a[2]) - NEARER {
+                    return true;
+                }
+            }
+            for &c in &kept[j + 1..] {
+                let area = cross(a, b, c);
+                let longest = length.max(apart(b, c)).max(apart(c, a));
+                if area.abs() <= BEYOND * longest {
+                    continue;
+                }
+                let weights = [cross(p, b, c) / area, cross(a, p, c) / area, cross(a, b, p) / area];
+                // A weight times the height over the opposite side is the distance from that side.
+                let sides = [apart(b, c), apart(c, a), length];
+                let inside = (0..3).all(|k| weights[k] * area.abs() / sides[k] >= -BEYOND);
+                let gap = weights[0] * a[2] + weights[1] * b[2] + weights[2] * c[2];
+                if inside && p[2] >= gap - NEARER {
+                    return true;
+                }
+            }
+        }
+    }
+    false
 }
 
 #[cfg(test)]
@@ -128,7 +192,36 @@ mod tests {
         reduce(&mut touches);
         reduce(&mut reversed);
         assert_eq!(touches, reversed);
-        assert_eq!(touches.len(), 4);
+        assert!(touches.len() <= MOST);
+    }
+
+    #[test]
+    fn an_octagon_keeps_its_corners_and_a_fine_row_its_ends() {
+        let corner =
+            |i: u32| touch((f64::from(i) * 0.785).cos(), (f64::from(i) * 0.785).sin(), 0.0, i.into());
+        let mut touches: Vec<Touch> = (0..8).map(corner).collect();
+        touches.push(touch(0.1, 0.2, 0.0, 20));
+        reduce(&mut touches);
+        assert_eq!(touches.iter().map(|t| t.feature).collect::<Vec<_>>(), (0..8).collect::<Vec<_>>());
+        let mut row: Vec<Touch> =
+            (0..20_u32).map(|i| touch(i.into(), 0.0, 0.1 * f64::from(i), i.into())).collect();
+        reduce(&mut row);
+        assert_eq!(row.iter().map(|t| t.feature).collect::<Vec<_>>(), [0, 19]);
+    }
+
+    #[test]
+    fn a_nearer_point_inside_the_hull_is_kept_and_a_farther_one_dropped() {
+        let square = |gap: f64| {
+            let mut touches: Vec<Touch> = [(1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)]
+                .iter()
+                .zip(0..)
+                .map(|(&(x, y), k)| touch(x, y, 0.5 + 0.1 * x, k))
+                .collect();
+            touches.push(touch(0.5, 0.1, gap, 9));
+            reduce(&mut touches);
+            touches.iter().any(|t| t.feature == 9)
+        };
+        assert!(square(0.5) && !square(0.6));
     }
 
     #[test]

@@ -3,7 +3,10 @@
 use crate::support::*;
 use graintrain::ccp::FrictionModel;
 use graintrain::ccp::FrictionModel::{Coulomb, Relaxed};
-use graintrain::math::Vec3;
+use graintrain::math::{Quat, Vec3};
+use graintrain::motion::Motion;
+use graintrain::shape::Geometry;
+use graintrain::world::Body;
 
 /// A sphere that hits a plane at unit speed, `angle` from the normal, in one step without gravity: tangential velocity,
 /// R omega, rebound velocity.
@@ -152,5 +155,31 @@ fn fast_bodies_do_not_meet_inside_each_other() {
         }
         assert!(deepest < 0.02 * radius, "at {speed} m/s: overlap {deepest:.2e} m");
         assert!(world.bodies.position[low].z > 0.98 * radius);
+    }
+}
+
+/// A tilted capsule falls on a fixed box without rebound: its far end lands too, instead of being found deep inside.
+#[test]
+fn a_tilted_capsule_lands_on_both_ends() {
+    let radius = 0.01;
+    for tilt in [30.0_f64, 60.0, 70.0, 80.0, 89.0] {
+        for step in [1e-3, 5e-3] {
+            let mut world = world(0.0, 0.0);
+            let block = world.add_geometry(Geometry::cuboid(Vec3::splat(0.2)).unwrap());
+            let fixed = world.add_motion(Motion::fixed()).unwrap();
+            let below = Vec3::new(0.0, 0.0, -0.2);
+            world.add_body(Body { motion: fixed, ..Body::new(block, 0, below) }).unwrap();
+            let rod = world.add_geometry(Geometry::capsule(0.02, radius).unwrap());
+            let orientation = Quat::from_rotation_y(tilt.to_radians());
+            let body = Body { orientation, ..Body::new(rod, 0, Vec3::new(0.0, 0.0, 0.2)) };
+            world.add_body(body).unwrap();
+            let mut stepper = stepper(step, 0.1 * radius, 1e-10, Coulomb);
+            let mut deepest: f64 = 0.0;
+            while world.time < 0.6 {
+                deepest = deepest.max(solved_step(&mut stepper, &mut world).penetration_max);
+            }
+            println!("capsule tilted {tilt} degrees, step {step}: deepest {:.4} R", deepest / radius);
+            assert!(deepest < 0.1 * radius, "{tilt} degrees, {step} s: {deepest}");
+        }
     }
 }

@@ -1,0 +1,253 @@
+//! Corners and edges of boxes, cylinders and triangles against the other shape's signed distance: the points within the
+//! envelope that the collision library leaves out.
+//!
+//! The library reports where the two faces that look at each other most lie over one another. A corner of a tilted box
+//! over a smaller one, a pair that lies diagonally apart, or the corner of a face that it did not choose are missing.
+//! Each point added here is a point p of one shape with its nearest point on the other, so that with s the (convex)
+//! signed distance, `s(p + d) >= s(p) + n . d`: a true lower bound for that point.
+//!
+//! Not every such point is needed, and of bodies that nearly touch some would hold up motions that are free: a corner
+//! that sticks out by a hair beyond the edge of the face it rests on is *beside* that face, at a tiny distance and with a
+//! sideways normal. So a point is added only if
+//!
+//! * it is the nearest of all, and the library found none as near; or
+//! * it looks along the contact's own normal (within 18 degrees), over a face of the other shape; or over an edge of it,
+//!   if it is not nearly touching; or
+//! * it is a corner over the inside of another face of the other shape;
+//!
+//! and in every case only if its distance is more than [`CLEAR`] of the smaller size. Of what touches, only corners on a
+//! face are added, along the library's normal: of faces whose edges coincide but for round-off it loses some.
+
+use super::capsule::{crossings, minimise};
+use super::distance::{Distance, TriangleFeature, nearest_on_triangle, signed_distance};
+use super::manifold::Solid;
+use super::reduce::{SAME_PATCH, Touch};
+use crate::math::Vec3;
+use crate::shape::Shape;
+
+/// Points nearer than this fraction of the smaller size are left to the library.
+const CLEAR: f64 = 1e-6;
+
+/// Points beside a face must be this fraction of the smaller size away, points over another face as far inside it.
+const MARGIN: f64 = 1e-2;
+
+/// Points of ours within this fraction of the smaller size of a point of the library's are that point.
+const SAME_POINT: f64 = 1e-3;
+
+/// Corners and edges of a solid, in the world. Of a cylinder: per end four points of the rim, of which the first looks at
+/// the other solid, with the chords between them, and the line of the mantle that looks at the other solid.
+struct Corners {
+    points: Vec<Vec3>,
+    edges: Vec<[usize; 2]>,
+}
+
+/// A point of one solid near the other.
+struct Candidate {
+    point: Vec3,
+    distance: Distance,
+    /// How far the nearest point lies inside a face of the other solid, m; zero on edges.
+    inside: f64,
+    is_corner: bool,
+    feature: u64,
+}
+
+/// Adds the points that are missing in `touches`, which hold what the library found for this pair. `unit` is the size
+/// of the smaller solid; normals point from B to A.
+pub(crate) fn add_corners(a: Solid<'_>, b: Solid<'_>, unit: f64, envelope: f64, touches: &mut Vec<Touch>) {
+    if envelope <= CLEAR * unit {
+        return;
+    }
+    let library = touches.iter().min_by(|x, y| x.gap.total_cmp(&y.gap)).copied();
+    let toward = library.map_or(b.centre() - a.centre(), |touch| -touch.normal);
+    let mut candidates = Vec::new();
+    // A's corners; then B's, whose normals turn round.
+    of_one(&a.corners(toward), b, envelope, 1, 1.0, &mut candidates);
+    of_one(&b.corners(-toward), a, envelope, 1 << 16, -1.0, &mut candidates);
+    let nearest = candidates
+        .iter()
+        .min_by(|x, y| x.distance.value.total_cmp(&y.distance.value).then(x.feature.cmp(&y.feature)));
+    let Some(nearest) = nearest else { return };
+    let missed = library.is_none_or(|touch| nearest.distance.value < touch.gap - SAME_POINT * unit);
+    let first = if missed { Some(nearest.feature) } else { None };
+    let normal = if missed { nearest.distance.normal } else { -toward };
+    let known = touches.len();
+    let same = |known: &[Touch], point: Vec3, normal: Vec3| {
+        let near = |touch: &Touch| (touch.point - point).length() <= SAME_POINT * unit;
+        known.iter().any(|touch| near(touch) && touch.normal.dot(normal) >= SAME_PATCH)
+    };
+    if library.is_some() {
+        let normal = -toward;
+        for (corners, other, outward, first) in
+            [(a.corners(toward), b, normal, 1), (b.corners(-toward), a, -normal, 1 << 16)]
+        {
+            for (feature, &p) in (first..).zip(&corners.points) {
+                if let Some(gap) = other.height_on_face(p, outward, unit)
+                    && gap <= envelope
+                {
+                    let point = p - 0.5 * gap * outward;
+                    if !same(&touches[..known], point, normal) {
+                        touches.push(Touch { point, normal, gap, feature });
+                    }
+                }
+            }
+        }
+    }
+    for candidate in &candidates {
+        let Distance { value, normal: own } = candidate.distance;
+        let alike = own.dot(normal);
+        let taken = value > CLEAR * unit
+            && (first == Some(candidate.feature)
+                || (alike >= SAME_PATCH && candidate.inside >= 0.0)
+                || (alike >= SAME_PATCH && value >= MARGIN * unit)
+                || alike >= 1.0 - 1e-6
+                || (candidate.is_corner && candidate.inside >= MARGIN * unit));
+        let same = |touch: &Touch| {
+            (touch.point - candidate.point).length() <= SAME_POINT * unit
+                && touch.normal.dot(own) >= SAME_PATCH
+        };
+        if taken && !touches[..known].iter().any(same) {
+            touches.push(Touch {
+                point: candidate.point,
+                normal: own,
+                gap: value,
+                feature: candidate.feature,
+            });
+        }
+    }
+}
+
+/// Corners, edge crossings and nearest points of edges of one solid against the other. Features count up from `feature`,
+/// which is below 2^32: the library's own numbers are larger, or zero.
+fn of_one(
+    corners: &Corners,
+    other: Solid<'_>,
+    envelope: f64,
+    feature: u64,
+    sign: f64,
+    candidates: &mut Vec<Candidate>,
+) {
+    let mut add = |p: Vec3, is_corner: bool, feature: u64| {
+        if let Some((distance, inside)) = other.distance(p)
+            && distance.value <= envelope
+        {
+            let Distance { value, normal } = distance;
+            let point = p - 0.5 * value * normal;
+            let distance = Distance { value, normal: sign * normal };
+            candidates.push(Candidate { point, distance, inside, is_corner, feature });
+        }
+    };
+    for (number, &p) in corners.points.iter().enumerate() {
+        add(p, true, feature + number as u64);
+    }
+    let Solid::Placed { shape, position, orientation } = other else { return };
+    let inverse = orientation.conjugate();
+    let own = |p: Vec3| inverse * (p - position);
+    for (number, edge) in corners.edges.iter().enumerate() {
+        let [p, q] = edge.map(|end| own(corners.points[end]));
+        let (centre, half) = (0.5 * (p + q), 0.5 * (q - p));
+        let [at_p, at_q] = [p, q].map(|end| signed_distance(shape, end).value);
+        // The distance changes by at most the length of the way.
+        if 0.5 * (at_p + at_q) - half.length() > envelope {
+            continue;
+        }
+        let feature = feature + 64 + 16 * number as u64;
+        let world = |t: f64| position + orientation * (centre + t * half);
+        let nearest = minimise(|t| signed_distance(shape, centre + t * half).normal.dot(half));
+        if nearest.abs() < 1.0 {
+            add(world(nearest), false, feature);
+        }
+        for (k, t) in crossings(shape, centre, half).into_iter().enumerate() {
+            if t.abs() < 1.0 {
+                add(world(t), false, feature + 1 + k as u64);
+            }
+        }
+    }
+}
+
+impl Solid<'_> {
+    fn centre(self) -> Vec3 {
+        match self {
+            Self::Placed { position, .. } => position,
+            Self::Triangle([a, b, c]) => (a + b + c) / 3.0,
+        }
+    }
+
+    /// Distance of a point of the world and how far its nearest point lies inside a face, m (negative on an edge);
+    /// `None` behind a triangle, and beside it.
+    fn distance(self, p: Vec3) -> Option<(Distance, f64)> {
+        match self {
+            Self::Placed { shape, position, orientation } => {
+                let own = orientation.conjugate() * (p - position);
+                let Distance { value, normal } = signed_distance(shape, own);
+                Some((Distance { value, normal: orientation * normal }, inside_face(shape, own)))
+            }
+            Self::Triangle(corners) => {
+                let [a, b, c] = corners;
+                let face = (b - a).cross(c - a).normalize();
+                let (foot, feature) = nearest_on_triangle(p, corners);
+                let value = face.dot(p - foot);
+                let edge = |k: usize| {
+                    let along = (corners[(k + 1) % 3] - corners[k]).normalize();
+                    face.cross(along).dot(foot - corners[k])
+                };
+                let over = feature == TriangleFeature::Face && value > 0.0;
+                over.then(|| (Distance { value, normal: face }, edge(0).min(edge(1)).min(edge(2))))
+            }
+        }
+    }
+
+    /// Height of a touching point over the face of a box whose normal is `outward`, m; `None` for points that do not
+    /// touch or lie beside the face.
+    fn height_on_face(self, p: Vec3, outward: Vec3, unit: f64) -> Option<f64> {
+        let Self::Placed { shape: &Shape::Box { half }, position, orientation } = self else { return None };
+        let inverse = orientation.conjugate();
+        let (own, normal) = (inverse * (p - position), inverse * outward);
+        let axis = (0..3).find(|&k| normal[k].abs() >= 1.0 - 1e-9)?;
+        let height = own[axis].copysign(own[axis] * normal[axis]) - half[axis];
+        let over = (0..3).all(|k| k == axis || own[k].abs() <= half[k] + CLEAR * unit);
+        (over && height >= -MARGIN * unit && height <= CLEAR * unit).then_some(height)
+    }
+
+    fn corners(self, toward: Vec3) -> Corners {
+        match self {
+            Self::Triangle(corners) => Corners { points: corners.to_vec(), edges: Vec::new() },
+            Self::Placed { shape: &Shape::Box { half }, position, orientation } => {
+                let sign = |corner: usize, axis: usize| if corner >> axis & 1 == 1 { -1.0 } else { 1.0 };
+                let points = (0..8)
+                    .map(|k| position + orientation * (half * Vec3::new(sign(k, 0), sign(k, 1), sign(k, 2))))
+                    .collect();
+                let along =
+                    |axis: usize| (0..8).filter(move |k| k >> axis & 1 == 0).map(move |k| [k, k | 1 << axis]);
+                Corners { points, edges: (0..3).flat_map(along).collect() }
+            }
+            Self::Placed { shape: &Shape::Cylinder { half_length, radius }, position, orientation } => {
+                let axis = orientation * Vec3::Z;
+                let across = toward - toward.dot(axis) * axis;
+                let level = across.length() <= 1e-9 * toward.length();
+                let down = if level { orientation * Vec3::X } else { across.normalize() };
+                let side = axis.cross(down);
+                let end = |z: f64| [down, side, -down, -side].map(|way| position + z * axis + radius * way);
+                let points = [end(-half_length), end(half_length)].concat();
+                let chord = |first: usize| (0..4).map(move |k| [first + k, first + (k + 1) % 4]);
+                Corners { points, edges: [[0, 4]].into_iter().chain(chord(0)).chain(chord(4)).collect() }
+            }
+            Self::Placed { .. } => Corners { points: Vec::new(), edges: Vec::new() },
+        }
+    }
+}
+
+/// How far the nearest point of the surface lies inside a face of the box or cylinder; negative on edges and corners.
+fn inside_face(shape: &Shape, p: Vec3) -> f64 {
+    match *shape {
+        Shape::Box { half } => {
+            let beyond = (p.abs() - half).to_array();
+            let largest = (0..3).fold(0, |best, k| if beyond[k] > beyond[best] { k } else { best });
+            (0..3).filter(|&k| k != largest).map(|k| -beyond[k]).fold(f64::INFINITY, f64::min)
+        }
+        Shape::Cylinder { half_length, radius } => {
+            let (across, along) = (p.x.hypot(p.y) - radius, p.z.abs() - half_length);
+            -across.min(along)
+        }
+        _ => 0.0,
+    }
+}
