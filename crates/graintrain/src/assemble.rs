@@ -23,8 +23,8 @@ const TASK: usize = 4096;
 /// Touching means that the gap closes within the step, Phi_i + dt D_i,n^T v <= 0, so that a body rebounds with e times
 /// the velocity with which it arrives. Fully prescribed bodies are [`FIXED`] in D; their velocity enters r.
 ///
-/// J, which makes residuals dimensionless, is the mean mass of the bodies that have a dynamic degree of freedom, times
-/// |gravity| dt; without gravity it is left to the problem (from r, as for a bare problem).
+/// V, which makes residuals dimensionless, is |gravity| dt; without gravity it is left to the problem (from r, as for a bare
+/// problem). J of the former measure is the mean mass of the bodies that have a dynamic degree of freedom, times V.
 pub fn assemble(world: &World, contacts: &[Contact], free: &[f64], step: f64) -> Ccp {
     let rigid: Vec<RigidContact> = contacts
         .par_iter()
@@ -56,6 +56,7 @@ pub fn assemble(world: &World, contacts: &[Contact], free: &[f64], step: f64) ->
         delassus: Delassus::Rigid(RigidDelassus::new(rigid, inverse_mass(world))),
         r,
         friction,
+        velocity_scale: velocity_scale(world, step),
         impulse_scale: impulse_scale(world, step),
         points: contacts.iter().map(|contact| contact.point.to_array()).collect(),
         identity: contacts.iter().map(|contact| contact.identity).collect(),
@@ -106,6 +107,11 @@ fn relative_velocity(contact: &Contact, rigid: &RigidContact, velocity: impl Fn(
 /// Components (n, t1, t2) of a world vector.
 fn to_frame(rigid: &RigidContact, v: Vec3) -> [f64; 3] {
     rigid.frame.map(|axis| Vec3::from_array(axis).dot(v))
+}
+
+/// |gravity| dt, m/s: what every body would gain in a step without contact.
+fn velocity_scale(world: &World, step: f64) -> Option<f64> {
+    Some(world.gravity.length() * step).filter(|&scale| scale > 0.0)
 }
 
 fn impulse_scale(world: &World, step: f64) -> Option<f64> {

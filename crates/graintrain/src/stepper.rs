@@ -8,8 +8,8 @@ use crate::integrate::{advance, free_velocity};
 use crate::math::Vec3;
 use crate::world::World;
 use graintrain_ccp::{
-    Ccp, CcpError, CcpSolver, Delassus, FrictionModel, Residual, SolveReport, SolveSettings, SolverSpec,
-    Status,
+    Ccp, CcpError, CcpSolver, Delassus, FrictionModel, Judge, Residual, SolveReport, SolveSettings,
+    SolverSpec, Status,
 };
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -26,8 +26,10 @@ pub struct StepSettings {
     pub envelope: f64,
     /// Solver of the contact problem.
     pub solver: SolverSpec,
-    /// Residual at which it stops.
+    /// Residual at which it stops, as `judge` takes it.
     pub tolerance: f64,
+    /// Which number of the residual is held against the tolerance; [`Judge::Mixed`] in runs unless asked otherwise.
+    pub judge: Judge,
     /// Iteration limit; `None` is the solver's own.
     pub max_iterations: Option<usize>,
     /// Relaxed cone complementarity or exact Coulomb friction.
@@ -221,6 +223,7 @@ impl Stepper {
                 residual: Residual::default(),
                 residual_relaxed: Residual::default(),
                 residual_coulomb: Residual::default(),
+                residual_paper: 0.0,
                 objective: 0.0,
                 seconds: 0.0,
                 newton: Vec::new(),
@@ -229,6 +232,7 @@ impl Stepper {
         }
         let settings = SolveSettings {
             tolerance: self.settings.tolerance,
+            judge: self.settings.judge,
             max_iterations: self.settings.max_iterations,
             friction: self.settings.friction,
             stop: self.stop.clone(),

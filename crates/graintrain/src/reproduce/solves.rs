@@ -122,6 +122,7 @@ impl Problems {
             envelope: settings.envelope,
             solver: settings.solver.parse::<SolverSpec>().map_err(crate::stepper::StepError::from)?,
             tolerance: settings.tolerance,
+            judge: settings.judge,
             max_iterations: settings.max_iterations,
             friction: FrictionModel::Relaxed,
         })?;

@@ -16,7 +16,7 @@ use crate::output::OutputSettings;
 use crate::shape::{Geometry, Part, Shape};
 use crate::stepper::StepSettings;
 use crate::world::{Body, FREE, World};
-use graintrain_ccp::FrictionModel;
+use graintrain_ccp::{FrictionModel, Judge};
 use std::collections::HashMap;
 use std::path::PathBuf;
 
@@ -78,6 +78,7 @@ impl Scene {
             envelope,
             solver,
             tolerance: self.solver.tolerance,
+            judge: if self.solver.strict_max { Judge::Maximum } else { Judge::Mixed },
             max_iterations: self.solver.max_iterations,
             friction: match self.solver.friction {
                 FrictionLaw::Relaxed => FrictionModel::Relaxed,

@@ -7,7 +7,7 @@ use crate::motion::Motion;
 use crate::shape::Geometry;
 use crate::stepper::{StepError, StepReport, StepSettings, Stepper};
 use crate::world::{Body, World};
-use graintrain_ccp::{FrictionModel, SolverSpec};
+use graintrain_ccp::{FrictionModel, Judge, SolverSpec};
 
 /// Acceleration of gravity, m/s^2.
 pub const G: f64 = 9.81;
@@ -60,7 +60,8 @@ impl Bench {
     ) -> Result<Self, VerifyError> {
         let solver = "apgd".parse::<SolverSpec>().map_err(StepError::from)?;
         let max_iterations = Some(200_000);
-        let settings = StepSettings { step, envelope, solver, tolerance, max_iterations, friction };
+        let judge = Judge::Maximum;
+        let settings = StepSettings { step, envelope, solver, tolerance, judge, max_iterations, friction };
         Ok(Self { stepper: Stepper::new(settings)?, tolerance })
     }
 
