@@ -44,13 +44,14 @@ class Problem:
         self.inverse_mass, self.r, self.mu = data["Minv"], data["p"], data["mu"]
         self.n = (self.d.T @ sp.diags(self.inverse_mass) @ self.d).tocsc()
         self.eta = self.n.diagonal().reshape(-1, 3).mean(axis=1)
-        self.scale = np.sqrt(np.mean(((self.r.reshape(-1, 3) / self.eta[:, None]) ** 2).sum(axis=1)))
+        self.scale = np.sqrt(np.mean((self.r.reshape(-1, 3) ** 2).sum(axis=1)))
 
     def residual(self, g):
-        """Largest row of g - P(g - u / eta) in units of J."""
+        """Largest row of eta (g - P(g - u / eta)) over V, the root mean square of r."""
         u = (self.n @ g + self.r).reshape(-1, 3)
         g = g.reshape(-1, 3)
-        return np.linalg.norm(g - project(g - u / self.eta[:, None], self.mu), axis=1).max() / self.scale
+        d = np.linalg.norm(g - project(g - u / self.eta[:, None], self.mu), axis=1)
+        return (self.eta * d).max() / self.scale
 
 
 def run_clarabel(problem, form, tolerance):

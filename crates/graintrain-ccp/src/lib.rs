@@ -31,5 +31,5 @@ pub mod tensor_train;
 pub use cone::FrictionCone;
 pub use delassus::{BodyInverseMass, Delassus, FIXED, RigidContact, RigidDelassus};
 pub use problem::{Ccp, CcpError};
-pub use residual::{FrictionModel, Residual};
+pub use residual::{FrictionModel, Judge, Residual};
 pub use solver::{CcpSolver, SolveReport, SolveSettings, SolverSpec, Status};

@@ -12,8 +12,11 @@ pub struct Ccp {
     pub r: Vec<f64>,
     /// Coefficient of friction of each contact.
     pub friction: Vec<f64>,
-    /// Impulse J, N s, that makes residuals dimensionless: mean mass of the free bodies x |gravity| x step. `None` for
-    /// a bare problem, whose J is sqrt(mean_i (|r_i| / eta_i)^2).
+    /// Velocity V, m/s, that makes residuals dimensionless: |gravity| x step in a simulation. `None` for a bare problem, whose V is
+    /// sqrt(mean_i |r_i|^2). See [`crate::residual::Residual`].
+    pub velocity_scale: Option<f64>,
+    /// Impulse J, N s, of the measure used until November 2026: mean mass of the free bodies x |gravity| x step. No solver looks at
+    /// it, only [`crate::residual::ResidualScale::paper`]. `None` for a bare problem.
     pub impulse_scale: Option<f64>,
     /// Contact points in space, m, for geometric orderings; empty where they are not known.
     pub points: Vec<[f64; 3]>,
@@ -71,8 +74,15 @@ impl Ccp {
     /// # Errors
     /// See [`Ccp::validate`].
     pub fn new(delassus: Delassus, r: Vec<f64>, friction: Vec<f64>) -> Result<Self, CcpError> {
-        let problem =
-            Self { delassus, r, friction, impulse_scale: None, points: Vec::new(), identity: Vec::new() };
+        let problem = Self {
+            delassus,
+            r,
+            friction,
+            velocity_scale: None,
+            impulse_scale: None,
+            points: Vec::new(),
+            identity: Vec::new(),
+        };
         problem.validate()?;
         Ok(problem)
     }
@@ -100,9 +110,13 @@ impl Ccp {
                 return Err(CcpError::Value { what: "r", contact: k / 3, value, expected });
             }
         }
-        if let Some(value) = self.impulse_scale.filter(|scale| !(scale.is_finite() && *scale >= 0.0)) {
-            let expected = "it must be finite and not negative";
-            return Err(CcpError::Value { what: "the impulse scale", contact: 0, value, expected });
+        for (what, scale) in
+            [("the velocity scale", self.velocity_scale), ("the impulse scale", self.impulse_scale)]
+        {
+            if let Some(value) = scale.filter(|scale| !(scale.is_finite() && *scale >= 0.0)) {
+                let expected = "it must be finite and not negative";
+                return Err(CcpError::Value { what, contact: 0, value, expected });
+            }
         }
         for (contact, &value) in self.friction.iter().enumerate() {
             if !(value.is_finite() && value >= 0.0) {

@@ -75,8 +75,8 @@ fn feasible(problem: &Ccp, g: &[f64]) -> (Vec<f64>, Vec<f64>) {
     (g, u)
 }
 
-/// How far the objective of g can be above that of any other y in the cones, if every |d_i| = |g_i - p_i| with p_i = P_i(g_i - u_i / eta_i) is
-/// at most `largest`: the objective is convex and p a projection, so that
+/// How far the objective of g can be above that of any other y in the cones, if every eta_i |d_i| with d_i = g_i - p_i and
+/// p_i = P_i(g_i - u_i / eta_i) is at most `largest`, m/s: the objective is convex and p a projection, so that
 ///
 /// ```text
 /// f(g) - f(y) <= u^T (g - y) <= sum_i |d_i| (|u_i| + eta_i |p_i - y_i|)
@@ -88,7 +88,7 @@ fn gap_bound(problem: &Ccp, scale: &ResidualScale, g: &[f64], u: &[f64], y: &[f6
             let eta = scale.eta[i];
             let p = problem.cone(i).project(std::array::from_fn(|k| g[3 * i + k] - u[3 * i + k] / eta));
             let away = norm(std::array::from_fn(|k| p[k] - y[3 * i + k]));
-            largest * (norm([u[3 * i], u[3 * i + 1], u[3 * i + 2]]) + eta * away)
+            largest / eta * (norm([u[3 * i], u[3 * i + 1], u[3 * i + 2]]) + eta * away)
         })
         .sum()
 }
@@ -106,7 +106,8 @@ fn check_against_oracle(
     let scale = ResidualScale::new(problem);
     for i in 0..problem.num_contacts() {
         let excess = g[3 * i + 1].hypot(g[3 * i + 2]) - problem.friction[i] * g[3 * i];
-        assert!(excess <= 1e-9 * scale.impulse.max(g[3 * i].abs()), "{name}, seed {seed}: outside the cone");
+        let size = (scale.velocity / scale.eta[i]).max(g[3 * i].abs());
+        assert!(excess <= 1e-9 * size, "{name}, seed {seed}: outside the cone");
     }
     let mut u = vec![0.0; g.len()];
     problem.delassus.multiply(&g, &mut u, &mut problem.delassus.work());
@@ -125,14 +126,14 @@ fn check_against_oracle(
     // Rounding of the objectives themselves.
     let terms = g.iter().chain(&best).zip(problem.r.iter().chain(&problem.r));
     let size = 1e-13 * terms.map(|(g, r)| (g * r).abs()).sum::<f64>();
-    let below = gap_bound(problem, &scale, &best, &best_u, &g, oracle_residual * scale.impulse) + size;
+    let below = gap_bound(problem, &scale, &best, &best_u, &g, oracle_residual * scale.velocity) + size;
     assert!(
         objective >= optimum - below,
         "{name}, seed {seed}: objective {objective} more than {below:e} below the optimum {optimum}"
     );
     if report.converged() {
         // With the residual that was asked for: the claim, not what the evaluation above found.
-        let above = gap_bound(problem, &scale, &g, &u, &best, 1.001 * tolerance * scale.impulse) + size;
+        let above = gap_bound(problem, &scale, &g, &u, &best, 1.001 * tolerance * scale.velocity) + size;
         assert!(
             objective <= optimum + above,
             "{name}, seed {seed}: objective {objective} more than {above:e} above the optimum {optimum}, {report:?}"
@@ -279,7 +280,7 @@ fn exact_coulomb_friction_of_a_packing() {
     }
 }
 
-/// |g - P(g - u~/eta)| / J at its largest, u~ = u + mu |u_t| n, evaluated here from the entries of N alone.
+/// eta |g - P(g - u~/eta)| / V at its largest, u~ = u + mu |u_t| n, evaluated here from the entries of N alone.
 fn exact_residual(problem: &Ccp, g: &[f64]) -> f64 {
     let n = sparse_form(problem);
     let scale = ResidualScale::new(problem);
@@ -301,7 +302,7 @@ fn exact_residual(problem: &Ccp, g: &[f64]) -> f64 {
             [normal, mu * normal * z[1] / slip, mu * normal * z[2] / slip]
         };
         let square: f64 = (0..3).map(|k| (g[3 * i + k] - image[k]).powi(2)).sum();
-        largest = largest.max(square.sqrt() / scale.impulse);
+        largest = largest.max(scale.eta[i] * square.sqrt() / scale.velocity);
     }
     largest
 }

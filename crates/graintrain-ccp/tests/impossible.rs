@@ -71,11 +71,11 @@ fn a_residual_that_is_not_finite_ends_the_solve() {
 }
 
 #[test]
-fn an_impulse_scale_without_meaning_is_refused() {
+fn a_scale_without_meaning_is_refused() {
     for scale in [f64::NAN, f64::INFINITY, -1.0] {
-        let mut problem = diagonal(&[[1.0; 3]], &[-1.0, 0.0, 0.0], &[0.3]);
-        problem.impulse_scale = Some(scale);
-        assert!(problem.validate().is_err());
+        let problem = diagonal(&[[1.0; 3]], &[-1.0, 0.0, 0.0], &[0.3]);
+        assert!(Ccp { velocity_scale: Some(scale), ..problem.clone() }.validate().is_err());
+        assert!(Ccp { impulse_scale: Some(scale), ..problem }.validate().is_err());
     }
 }
 

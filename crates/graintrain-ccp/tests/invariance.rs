@@ -36,7 +36,14 @@ fn in_units(problem: &Ccp, mass: f64, length: f64, time: f64) -> Ccp {
     });
     let r = problem.r.iter().map(|r| r * length / time).collect();
     let impulse_scale = problem.impulse_scale.map(|j| j * mass * length / time);
-    Ccp { r, impulse_scale, points: vec![], ..with_bodies(problem, contacts.collect(), masses.collect()) }
+    let velocity_scale = problem.velocity_scale.map(|v| v * length / time);
+    Ccp {
+        r,
+        velocity_scale,
+        impulse_scale,
+        points: vec![],
+        ..with_bodies(problem, contacts.collect(), masses.collect())
+    }
 }
 
 fn assert_close(found: f64, expected: f64, tolerance: f64, what: &str) {
@@ -113,7 +120,7 @@ fn two_problems_as_one_have_the_sum_of_their_objectives() {
             r: [&first.r[..], &second.r[..]].concat(),
             friction: [&first.friction[..], &second.friction[..]].concat(),
             points: vec![],
-            impulse_scale: None,
+            velocity_scale: None,
             ..with_bodies(first, bodies(first).contacts().iter().copied().chain(contacts).collect(), masses)
         };
         for form in [united.clone(), sparse_form(&united)] {
@@ -146,7 +153,7 @@ fn packings_of_masses_from_a_gram_to_a_ton() {
             })
             .collect();
         let problem = Ccp {
-            impulse_scale: None,
+            velocity_scale: None,
             ..with_bodies(&packing, bodies(&packing).contacts().to_vec(), masses)
         };
         let report = solve(&problem);

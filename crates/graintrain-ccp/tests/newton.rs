@@ -225,7 +225,7 @@ fn pdip_converges_from_cold_and_warm_starts() {
             let report = solver.solve(&problem, &mut impulse, &settings).unwrap();
             slowest = slowest.max(report.iterations);
             if !report.converged() {
-                unconverged.push((case, start, report.status, report.residual.max));
+                unconverged.push((case, start, report.status, report.residual.max, report.residual_paper));
             }
             // A little off, so that there is something to do.
             impulse.iter_mut().for_each(|g| *g *= 1.1);
@@ -233,7 +233,9 @@ fn pdip_converges_from_cold_and_warm_starts() {
     }
     println!("at most {slowest} iterations; not converged: {unconverged:?}");
     assert!(unconverged.iter().all(|(case, ..)| *case < 200), "{unconverged:?}");
-    assert!(unconverged.len() <= 4, "{unconverged:?}");
+    // Masses differ by up to 1e6: by the measure that lets light contacts be off, as it was then, two miss the tolerance.
+    let by_former_measure = unconverged.iter().filter(|(.., paper)| *paper > 1e-4).count();
+    assert!(unconverged.len() <= 12 && by_former_measure <= 4, "{unconverged:?}");
 }
 
 /// Objective of `ipm` against two formulations of Clarabel, which err on either side: it agrees with one of them to
@@ -420,7 +422,7 @@ fn solvers_used_again_have_forgotten_the_last_problem() {
                 assert_eq!(impulses[0], impulses[1], "{name}, {friction:?}");
                 // The same N and mu with another r, in both models.
                 let mut next = problem.clone();
-                next.impulse_scale = Some(1.0);
+                next.velocity_scale = Some(1.0);
                 next.r.iter_mut().for_each(|r| *r *= 0.9);
                 used.solve(&next, &mut vec![0.0; next.r.len()], &settings).unwrap();
                 next.r.iter_mut().for_each(|r| *r *= 0.8);
@@ -563,14 +565,17 @@ fn a_train_that_cannot_pay_is_not_made_and_not_asked_for_again_soon() {
     assert_eq!(tries, 2, "of 20 matrices the first and, after eight, the tenth");
 }
 
-/// Seed 967 is nearly jammed: at a residual of 1e-8 its objective is 8 % off. The gap shows it (as 0.4 %: the impulses of the
-/// solution are larger still than those of the answer); elsewhere it is small.
+/// Seed 967 is nearly jammed: at a residual of 3e-5 (1e-7 by the measure used until November 2026) its objective is 9 % off. The gap
+/// shows it (as 0.4 %: the impulses of the solution are larger still than those of the answer); elsewhere, and nearer to the solution,
+/// it is small.
 #[test]
 fn the_gap_shows_an_objective_that_a_small_residual_hides() {
-    for (seed, loose) in [(967, true), (966, false), (968, false)] {
+    for (seed, tolerance, loose) in
+        [(967, 1e-4, true), (967, 1e-8, false), (966, 1e-8, false), (968, 1e-8, false)]
+    {
         let problem = random_problem(seed);
         let mut g = vec![0.0; 3 * problem.num_contacts()];
-        let settings = SolveSettings { tolerance: 1e-8, ..SolveSettings::default() };
+        let settings = SolveSettings { tolerance, ..SolveSettings::default() };
         let report =
             "ipm".parse::<SolverSpec>().unwrap().build().unwrap().solve(&problem, &mut g, &settings).unwrap();
         let mut u = vec![0.0; g.len()];
@@ -584,5 +589,6 @@ fn the_gap_shows_an_objective_that_a_small_residual_hides() {
         );
         assert!(gap >= 0.01 * error, "seed {seed}: gap {gap:e}, error {error:e}");
         assert_eq!(gap > 1e-3, loose, "seed {seed}: gap {gap:e}");
+        assert!(loose || error < 1e-3, "seed {seed}: error {error:e}");
     }
 }

@@ -25,7 +25,7 @@ fn two_threads_compute_the_bits_of_one() {
     assert!(3 * problem.num_contacts() > 4096);
     let relaxed = [
         ("ipm", 4),
-        ("ipm+body-cg", 4),
+        ("ipm+body-cg", 8),
         ("ipm+ic", 15),
         ("ipm+cholesky", 15),
         ("scip", 25),

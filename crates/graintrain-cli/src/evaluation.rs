@@ -14,7 +14,9 @@ pub struct Yardstick<'a> {
     matrix: BlockMatrix3,
     /// eta_i = trace(N_ii) / 3, 1/kg.
     eta: Vec<f64>,
-    /// J, N s.
+    /// V, m/s.
+    velocity_scale: f64,
+    /// J of the former measure, N s.
     impulse_scale: f64,
 }
 
@@ -27,6 +29,8 @@ pub struct Evaluation {
     pub relaxed: Residual,
     /// Residual as exact Coulomb friction.
     pub coulomb: Residual,
+    /// The measure used until November 2026, max_i |d_i| / J: relaxed and with exact Coulomb friction.
+    pub paper: [f64; 2],
     /// 1/2 g^T N g + r^T g, J.
     pub objective: f64,
     /// How far the objective may lie above the optimum of the relaxed problem, relative to itself.
@@ -47,6 +51,11 @@ impl Evaluation {
             FrictionModel::Coulomb => self.coulomb,
         }
     }
+
+    /// The measure used until November 2026 in one friction model.
+    pub fn paper(&self, model: FrictionModel) -> f64 {
+        self.paper[usize::from(model == FrictionModel::Coulomb)]
+    }
 }
 
 impl<'a> Yardstick<'a> {
@@ -65,12 +74,18 @@ impl<'a> Yardstick<'a> {
                 *eta = smallest;
             }
         }
-        let components: Vec<f64> = problem.r.iter().enumerate().map(|(k, r)| r / eta[k / 3]).collect();
-        let largest = components.iter().fold(f64::MIN_POSITIVE, |largest, x| x.abs().max(largest));
-        let squares = components.iter().map(|x| (x / largest).powi(2)).sum::<f64>();
-        let mean = largest * (squares / eta.len().max(1) as f64).sqrt();
-        let scale = problem.impulse_scale.unwrap_or(mean);
-        Self { problem, matrix, eta, impulse_scale: if scale > 0.0 { scale } else { 1.0 } }
+        let mean_length = |components: Vec<f64>| {
+            let largest = components.iter().fold(f64::MIN_POSITIVE, |largest, x| x.abs().max(largest));
+            let squares = components.iter().map(|x| (x / largest).powi(2)).sum::<f64>();
+            largest * (squares / eta.len().max(1) as f64).sqrt()
+        };
+        let usable = |scale: f64| if scale > 0.0 && scale.is_finite() { scale } else { 1.0 };
+        let velocity = problem.velocity_scale.unwrap_or_else(|| mean_length(problem.r.clone()));
+        let impulse = problem.impulse_scale.unwrap_or_else(|| {
+            mean_length(problem.r.iter().enumerate().map(|(k, r)| r / eta[k / 3]).collect())
+        });
+        let (velocity_scale, impulse_scale) = (usable(velocity), usable(impulse));
+        Self { problem, matrix, eta, velocity_scale, impulse_scale }
     }
 
     /// Evaluates impulses `g`, N s, length 3 N_c.
@@ -81,6 +96,7 @@ impl<'a> Yardstick<'a> {
             velocity: Vec::new(),
             relaxed: Residual::default(),
             coulomb: Residual::default(),
+            paper: [0.0; 2],
             objective: 0.0,
             gap: 0.0,
             apart: 0,
@@ -97,15 +113,22 @@ impl<'a> Yardstick<'a> {
                 u[k] += product[k];
             }
             let slip = u[1].hypot(u[2]);
-            let relaxed = natural_map(impulse, [u[0], u[1], u[2]], mu, eta, self.impulse_scale);
-            let coulomb = natural_map(impulse, [u[0] + mu * slip, u[1], u[2]], mu, eta, self.impulse_scale);
-            for (sum, square) in [(&mut evaluation.relaxed, relaxed), (&mut evaluation.coulomb, coulomb)] {
-                // f64::max would lose a NaN.
-                sum.max = if square.is_nan() || square > sum.max { square } else { sum.max };
+            // f64::max would lose a NaN.
+            let raise = |max: &mut f64, x: f64| *max = if x.is_nan() || x > *max { x } else { *max };
+            let sums = [&mut evaluation.relaxed, &mut evaluation.coulomb];
+            for ((sum, normal), paper) in
+                sums.into_iter().zip([u[0], u[0] + mu * slip]).zip(&mut evaluation.paper)
+            {
+                let error = natural_map(impulse, [normal, u[1], u[2]], mu, eta);
+                // As a velocity, by the contact's own effective mass. Divided before it is squared: the squares of very
+                // small or large numbers are not numbers.
+                let square = (eta * error / self.velocity_scale).powi(2);
+                raise(&mut sum.max, square);
                 sum.rms += square;
+                raise(paper, error / self.impulse_scale);
             }
             let tangential = impulse[1].hypot(impulse[2]);
-            let noise = 1e-9 * self.impulse_scale;
+            let noise = 1e-9 * self.velocity_scale / eta;
             if impulse[0] <= noise {
                 evaluation.apart += 1;
             } else if tangential >= mu * impulse[0] * (1.0 - 1e-6) {
@@ -124,9 +147,8 @@ impl<'a> Yardstick<'a> {
     }
 }
 
-/// |g - P(g - u / eta)|^2 / J^2 with P the projection on { |g_t| <= mu g_n }, J = `unit`. Divided before it is squared: the
-/// squares of very small or large impulses are not numbers.
-fn natural_map(g: [f64; 3], u: [f64; 3], mu: f64, eta: f64, unit: f64) -> f64 {
+/// |g - P(g - u / eta)|, N s, with P the projection on { |g_t| <= mu g_n }.
+fn natural_map(g: [f64; 3], u: [f64; 3], mu: f64, eta: f64) -> f64 {
     let x = [g[0] - u[0] / eta, g[1] - u[1] / eta, g[2] - u[2] / eta];
     let tangential = x[1].hypot(x[2]);
     let projected = if x[0] >= 0.0 && tangential <= mu * x[0] {
@@ -138,9 +160,10 @@ fn natural_map(g: [f64; 3], u: [f64; 3], mu: f64, eta: f64, unit: f64) -> f64 {
         [along, shrink * x[1], shrink * x[2]]
     };
     // Impulses so large that their rounding swallows u prove nothing.
-    let rounding = g.iter().map(|g| (f64::EPSILON * (g / unit)).powi(2)).sum::<f64>();
-    let square: f64 = (0..3).map(|k| ((g[k] - projected[k]) / unit).powi(2)).sum();
-    if square < rounding { rounding } else { square }
+    let length = |x: [f64; 3]| x[0].hypot(x[1]).hypot(x[2]);
+    let rounding = f64::EPSILON * length(g);
+    let error = length(std::array::from_fn(|k| g[k] - projected[k]));
+    if error < rounding { rounding } else { error }
 }
 
 #[cfg(test)]

@@ -130,6 +130,7 @@ mod tests {
             residual_rms: 0.0,
             residual_relaxed: 0.0,
             residual_coulomb: 0.0,
+            residual_paper: 0.0,
             objective: 0.0,
             gap: None,
             converged,

@@ -149,9 +149,10 @@ impl Warnings {
                 }
             };
             warnings.push(format!(
-                "{place}: the solve missed the tolerance (residual {:.1e}, {}): {cause}. `--strict` ends a run here, \
+                "{place}: the solve missed the tolerance (residual {:.1e}, rms {:.1e}, {}): {cause}. `--strict` ends a run here, \
                  `--dump-problem every={step}` keeps the problem",
                 solve.residual.max,
+                solve.residual.rms,
                 status_word(Some(solve.status))
             ));
         }
@@ -189,6 +190,7 @@ mod tests {
             residual,
             residual_relaxed: residual,
             residual_coulomb: residual,
+            residual_paper: 0.0,
             objective: 0.0,
             seconds: 0.0,
             newton: Vec::new(),
@@ -218,7 +220,10 @@ mod tests {
         assert!(deep[0].contains("--friction coulomb"), "{deep:?}");
         let missed = warnings.of(14, 0.35, &bad, 0.2);
         assert_eq!(missed.len(), 1);
-        assert!(missed[0].contains("step 14") && missed[0].contains("1.4e-1, stalled"), "{missed:?}");
+        assert!(
+            missed[0].contains("step 14") && missed[0].contains("1.4e-1, rms 1.4e-1, stalled"),
+            "{missed:?}"
+        );
         assert!(warnings.of(15, 0.375, &bad, 0.3).is_empty());
     }
 }

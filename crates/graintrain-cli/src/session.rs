@@ -103,9 +103,13 @@ pub fn output_failure(error: OutputError) -> Failure {
 fn warn_of_missed_tolerance(summary: &Summary) {
     if summary.unconverged_steps > 0 {
         eprintln!(
-            "warning: {} of {} steps missed the tolerance {:.0e}, the worst with residual {:.1e}: see the columns status \
-             and residual of steps.csv",
-            summary.unconverged_steps, summary.steps, summary.tolerance, summary.residual_max
+            "warning: {} of {} steps missed the tolerance {:.0e}, the worst residual is {:.1e} (rms {:.1e}): see the columns status, \
+             residual and residual_rms of steps.csv",
+            summary.unconverged_steps,
+            summary.steps,
+            summary.tolerance,
+            summary.residual_max,
+            summary.residual_rms_max
         );
     }
 }
@@ -138,13 +142,17 @@ fn describe(summary: &Summary, folder: &Path) -> String {
             summary.contacts_final, summary.contacts_mean, summary.contacts_max
         ),
     );
+    let what = if summary.strict_max { "maximum" } else { "rms" };
     let converged = match summary.unconverged_steps {
-        0 => format!("every step within {:.0e}", summary.tolerance),
-        missed => format!("{missed} steps above {:.0e}", summary.tolerance),
+        0 => format!("every step within {what} {:.0e}", summary.tolerance),
+        missed => format!("{missed} steps above {what} {:.0e}", summary.tolerance),
     };
     line(
         "residual",
-        format!("{:.1e} in the worst step ({converged}, {})", summary.residual_max, summary.solver),
+        format!(
+            "{:.1e} at the worst contact, rms {:.1e} in the worst step ({converged}, {})",
+            summary.residual_max, summary.residual_rms_max, summary.solver
+        ),
     );
     line(
         "penetration",

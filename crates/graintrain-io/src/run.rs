@@ -6,7 +6,7 @@ use crate::scene::Simulation;
 use crate::settings::OutputSettings;
 use graintrain::stepper::{PhaseSeconds, StepError, StepReport, StepSettings, Stepper};
 use graintrain::world::World;
-use graintrain_ccp::{Ccp, FrictionModel};
+use graintrain_ccp::{Ccp, FrictionModel, Judge};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -23,8 +23,10 @@ pub struct RunSettings {
     pub envelope: f64,
     /// Solver by name.
     pub solver: String,
-    /// Residual at which it stops.
+    /// Residual at which it stops, as `judge` takes it.
     pub tolerance: f64,
+    /// Which number of the residual is held against the tolerance.
+    pub judge: Judge,
     /// Iteration limit; `None` is the solver's own.
     pub max_iterations: Option<usize>,
     /// Relaxed or exact friction.
@@ -47,6 +49,7 @@ impl RunSettings {
             envelope: settings.envelope,
             solver: settings.solver.to_string(),
             tolerance: settings.tolerance,
+            judge: settings.judge,
             max_iterations: settings.max_iterations,
             friction: settings.friction,
             steps: simulation.steps,
@@ -75,8 +78,12 @@ pub struct RunTotals {
     pub contacts_max: usize,
     /// Contacts of the last step.
     pub contacts_final: usize,
-    /// Worst residual.
+    /// Worst residual of a contact.
     pub residual_max: f64,
+    /// Worst root mean square over the contacts of a step.
+    pub residual_rms_max: f64,
+    /// Worst residual by the measure used until November 2026.
+    pub residual_paper_max: f64,
     /// Residual of the last step.
     pub residual_final: f64,
     /// Steps whose solve missed the tolerance.
@@ -99,6 +106,8 @@ impl RunTotals {
         self.contacts_max = self.contacts_max.max(report.contacts);
         self.contacts_final = report.contacts;
         self.residual_max = self.residual_max.max(report.solve.residual.max);
+        self.residual_rms_max = self.residual_rms_max.max(report.solve.residual.rms);
+        self.residual_paper_max = self.residual_paper_max.max(report.solve.residual_paper);
         self.residual_final = report.solve.residual.max;
         self.unconverged_steps += u64::from(!report.solve.converged());
         self.penetration_max = self.penetration_max.max(report.penetration_max);
@@ -145,20 +154,35 @@ pub enum RunError {
     #[error(transparent)]
     Step(#[from] StepError),
     /// A solve missed its tolerance, which [`Run::strict`] forbids.
-    #[error("step {step}: {solver} stopped at residual {residual:.2e}, above the tolerance {tolerance:.2e}")]
+    #[error(
+        "step {step}: {solver} stopped at residual {residual:.2e} (rms {residual_rms:.2e}), above the tolerance {tolerance:.2e} {}",
+        tolerance_rule(*judge)
+    )]
     ToleranceMissed {
         /// Number of the step.
         step: u64,
         /// Solver.
         solver: String,
-        /// Residual reached.
+        /// Residual reached, of the worst contact.
         residual: f64,
+        /// Its root mean square over the contacts.
+        residual_rms: f64,
         /// Residual asked for.
         tolerance: f64,
+        /// Which of the two was held against it.
+        judge: Judge,
     },
     /// An output could not be written.
     #[error(transparent)]
     Output(#[from] OutputError),
+}
+
+/// What a tolerance is of, in words.
+pub fn tolerance_rule(judge: Judge) -> &'static str {
+    match judge {
+        Judge::Maximum => "of the worst contact",
+        Judge::Mixed => "of the rms (20 times that for the worst contact)",
+    }
 }
 
 /// A simulation under way.
@@ -191,6 +215,7 @@ impl Run {
             envelope: settings.envelope,
             solver: settings.solver.parse()?,
             tolerance: settings.tolerance,
+            judge: settings.judge,
             max_iterations: settings.max_iterations,
             friction: settings.friction,
             ..StepSettings::default()
@@ -237,7 +262,9 @@ impl Run {
                     step: self.world.step,
                     solver: report.solve.solver,
                     residual: report.solve.residual.max,
+                    residual_rms: report.solve.residual.rms,
                     tolerance: self.settings.tolerance,
+                    judge: self.settings.judge,
                 });
             }
         }

@@ -44,6 +44,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         envelope: 0.03,
         solver: "apgd".parse()?,
         tolerance: 1e-2,
+        judge: graintrain::ccp::Judge::Mixed,
         max_iterations: Some(200),
         friction: graintrain::ccp::FrictionModel::Relaxed,
         ..StepSettings::default()

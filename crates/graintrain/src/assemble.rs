@@ -61,8 +61,8 @@ pub fn relative_velocities(contacts: &[Contact], rows: &[RigidContact], velocity
 /// where Phi_i > 0. Where bodies overlap, b_i = 0 or, after the paper, Phi_i / dt: see [`OverlapCorrection`]. The velocity of
 /// prescribed bodies enters r. Restitution is not here but in [`crate::impact`].
 ///
-/// J, which makes residuals dimensionless, is the mean mass of the bodies that have a dynamic degree of freedom, times
-/// |gravity| dt; without gravity it is left to the problem (from r, as for a bare problem).
+/// V, which makes residuals dimensionless, is |gravity| dt; without gravity it is left to the problem (from r, as for a bare
+/// problem). J of the former measure is the mean mass of the bodies that have a dynamic degree of freedom, times V.
 pub fn assemble(
     world: &World,
     contacts: &[Contact],
@@ -83,6 +83,7 @@ pub fn assemble(
         delassus: Delassus::Rigid(RigidDelassus::new(rows, inverse_mass)),
         r,
         friction: pair_property(world, contacts, |a, b| world.materials.pair_friction(a, b)),
+        velocity_scale: velocity_scale(world, step),
         impulse_scale: impulse_scale(world, step),
         points: contacts.iter().map(|contact| contact.point.to_array()).collect(),
         identity: contacts.iter().map(|contact| contact.identity).collect(),
@@ -115,6 +116,11 @@ fn relative_velocity(contact: &Contact, rigid: &RigidContact, velocity: impl Fn(
 /// Components (n, t1, t2) of a world vector.
 fn to_frame(rigid: &RigidContact, v: Vec3) -> [f64; 3] {
     rigid.frame.map(|axis| Vec3::from_array(axis).dot(v))
+}
+
+/// |gravity| dt, m/s: what every body would gain in a step without contact.
+fn velocity_scale(world: &World, step: f64) -> Option<f64> {
+    Some(world.gravity.length() * step).filter(|&scale| scale > 0.0)
 }
 
 fn impulse_scale(world: &World, step: f64) -> Option<f64> {

@@ -129,6 +129,7 @@ impl ImpactSolver<'_> {
             delassus: Delassus::Rigid(part.delassus(of.rows, of.inverse_mass)),
             r: u.clone(),
             friction: part.gather::<1, f64>(friction),
+            velocity_scale: None,
             impulse_scale: None,
             points: Vec::new(),
             identity: Vec::new(),

@@ -17,7 +17,7 @@
 
 use crate::parts::{Part, parts};
 use graintrain_ccp::{
-    BodyInverseMass, Ccp, CcpError, CcpSolver, Delassus, RigidContact, SolveSettings,
+    BodyInverseMass, Ccp, CcpError, CcpSolver, Delassus, Judge, RigidContact, SolveSettings,
 };
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -125,16 +125,15 @@ impl Gaps<'_> {
             friction: vec![0.0; part.contacts.len()],
             r,
             // Lengths take the place of velocities.
-            impulse_scale: Some(least),
+            velocity_scale: Some(least),
+            impulse_scale: None,
             points: Vec::new(),
             identity: Vec::new(),
         };
-        // TEMPORARY until the yardstick lands.
-        let largest = problem.diagonal_scale().into_iter().fold(0.0, f64::max);
-        let problem = Ccp { impulse_scale: Some(least / largest), ..problem };
         let mut multiplier = vec![0.0; problem.r.len()];
         let settings = SolveSettings {
             tolerance: TOLERANCE,
+            judge: Judge::Mixed,
             max_iterations: Some(ITERATIONS),
             stop: stop.cloned(),
             ..SolveSettings::default()

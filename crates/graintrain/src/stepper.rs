@@ -14,8 +14,8 @@ use crate::parts::parts;
 use crate::world::World;
 use graintrain_ccp::residual::ResidualScale;
 use graintrain_ccp::{
-    Ccp, CcpError, CcpSolver, Delassus, FrictionModel, Residual, SolveReport, SolveSettings, SolverSpec,
-    Status,
+    Ccp, CcpError, CcpSolver, Delassus, FrictionModel, Judge, Residual, SolveReport, SolveSettings,
+    SolverSpec, Status,
 };
 use serde::{Deserialize, Serialize};
 use std::collections::HashSet;
@@ -33,8 +33,10 @@ pub struct StepSettings {
     pub envelope: f64,
     /// Solver of the contact problem.
     pub solver: SolverSpec,
-    /// Residual at which it stops.
+    /// Residual at which it stops, as `judge` takes it.
     pub tolerance: f64,
+    /// Which number of the residual is held against the tolerance; [`Judge::Mixed`] in runs unless asked otherwise.
+    pub judge: Judge,
     /// Iteration limit; `None` is the solver's own.
     pub max_iterations: Option<usize>,
     /// Relaxed cone complementarity or exact Coulomb friction.
@@ -51,6 +53,7 @@ impl Default for StepSettings {
             envelope: 0.0,
             solver: SolverSpec::default(),
             tolerance: 1e-3,
+            judge: Judge::Mixed,
             max_iterations: None,
             friction: FrictionModel::Relaxed,
             overlap: OverlapCorrection::Position,
@@ -494,7 +497,7 @@ impl Stepper {
         let chosen: Vec<Contact> = active.iter().map(|&i| contacts[i as usize]).collect();
         let u = relative_velocities(&chosen, rigid.contacts(), velocity);
         let step = self.settings.step;
-        let resolved = 20.0 * self.settings.tolerance * ResidualScale::new(problem).impulse;
+        let resolved = 20.0 * self.settings.tolerance * ResidualScale::new(problem).velocity;
         for (k, contact) in chosen.iter().enumerate() {
             let (u, g) = (&u[3 * k..3 * k + 3], &impulse[3 * k..3 * k + 3]);
             let approach = -(u[0] + contact.gap.max(0.0) / step);
@@ -519,6 +522,7 @@ impl Stepper {
     fn solve(&mut self, problem: &Ccp, impulse: &mut [f64]) -> Result<(SolveReport, usize), CcpError> {
         let settings = SolveSettings {
             tolerance: self.settings.tolerance,
+            judge: self.settings.judge,
             max_iterations: self.settings.max_iterations,
             friction: self.settings.friction,
             stop: self.stop.clone(),
@@ -541,6 +545,7 @@ impl Stepper {
                 delassus: Delassus::Rigid(part.delassus(rigid.contacts(), rigid.inverse_mass())),
                 r: part.gather::<3, f64>(&problem.r),
                 friction: part.gather::<1, f64>(&problem.friction),
+                velocity_scale: problem.velocity_scale,
                 impulse_scale: problem.impulse_scale,
                 points: part.gather::<1, [f64; 3]>(&problem.points),
                 identity: part.gather::<1, u64>(&problem.identity),
@@ -576,6 +581,7 @@ fn nothing_to_solve(solver: String) -> SolveReport {
         residual: Residual::default(),
         residual_relaxed: Residual::default(),
         residual_coulomb: Residual::default(),
+        residual_paper: 0.0,
         objective: 0.0,
         seconds: 0.0,
         newton: Vec::new(),
@@ -605,6 +611,7 @@ fn merge(all: &mut SolveReport, part: SolveReport, names: bool) {
     all.residual = worse(all.residual, part.residual);
     all.residual_relaxed = worse(all.residual_relaxed, part.residual_relaxed);
     all.residual_coulomb = worse(all.residual_coulomb, part.residual_coulomb);
+    all.residual_paper = all.residual_paper.max(part.residual_paper);
     all.objective += part.objective;
     all.seconds += part.seconds;
     all.newton.extend(part.newton);

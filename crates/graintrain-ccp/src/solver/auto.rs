@@ -73,8 +73,9 @@ impl Auto {
             linear_iterations += report.linear_iterations;
             status = report.status;
             name = format!("auto ({})", report.solver);
-            best.offer(impulse, report.residual.max);
-            if report.converged() || limits.status(iterations, report.residual.max).is_some() {
+            let residual = limits.judged(report.residual);
+            best.offer(impulse, residual);
+            if report.converged() || limits.status(iterations, residual).is_some() {
                 break;
             }
             best.restore(impulse);

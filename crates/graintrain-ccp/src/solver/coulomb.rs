@@ -138,17 +138,18 @@ impl CoulombIteration {
             again = true;
             found.steps += report.iterations;
             found.products += report.products;
-            found.best.offer(&impulse, report.residual.max);
+            let residual = limits.judged(report.residual);
+            found.best.offer(&impulse, residual);
             found.solver = Some(report.solver);
             if matches!(report.status, Status::Converged | Status::Stopped) {
                 return Ok(Some(report.status));
             }
-            if report.iterations >= left || !report.residual.max.is_finite() {
+            if report.iterations >= left || !residual.is_finite() {
                 break;
             }
             since += 1;
-            if report.residual.max <= EXACT_GAIN * reference {
-                (reference, since) = (report.residual.max, 0);
+            if residual <= EXACT_GAIN * reference {
+                (reference, since) = (residual, 0);
             }
         }
         Ok(None)
@@ -189,8 +190,8 @@ impl CoulombIteration {
         let contacts = problem.num_contacts();
         let scale = ResidualScale::new(problem);
         let mut shifted = problem.clone();
-        // The relaxed solver must measure with the J of this problem, not of the shifted one.
-        shifted.impulse_scale = Some(scale.impulse);
+        // The relaxed solver must measure with the V of this problem, not of the shifted one.
+        shifted.velocity_scale = Some(scale.velocity);
         let mut work = problem.delassus.work();
         let mut u = vec![0.0; 3 * contacts];
         let mut shift = Shift::new(contacts);
@@ -220,7 +221,7 @@ impl CoulombIteration {
             for (u, r) in u.iter_mut().zip(&problem.r) {
                 *u += r;
             }
-            let residual = scale.residual(problem, impulse, &u, FrictionModel::Coulomb).max;
+            let residual = limits.judged(scale.residual(problem, impulse, &u, FrictionModel::Coulomb));
             best.offer(impulse, residual);
             since_best += 1;
             if residual < 0.9 * best_residual {
@@ -257,7 +258,7 @@ impl CoulombIteration {
                 max_iterations: Some(limits.iterations_left(iterations).min(self.relaxed.iteration_limit())),
                 max_time: limits.time_left(),
                 friction: FrictionModel::Relaxed,
-                stop: settings.stop.clone(),
+                ..settings.clone()
             };
             let again = outer > 0 && self.knows_problem;
             let report = self.relaxed.solve_maybe_again(&shifted, impulse, &inner, again)?;

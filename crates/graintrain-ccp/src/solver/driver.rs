@@ -4,7 +4,7 @@ use super::{SolveReport, SolveSettings, Status};
 use crate::newton::NewtonError;
 use crate::newton::driver::NewtonDriver;
 use crate::problem::{Ccp, CcpError};
-use crate::residual::{FrictionModel, ResidualScale};
+use crate::residual::{FrictionModel, Residual, ResidualScale};
 use graintrain_linalg::patience::Patience;
 use std::time::Instant;
 
@@ -23,7 +23,12 @@ impl<'a> Limits<'a> {
         Self { settings, start: Instant::now(), max_iterations }
     }
 
-    /// The status to stop with after this many iterations with this residual, if it is time to stop.
+    /// The number of a residual that is held against the tolerance.
+    pub fn judged(&self, residual: Residual) -> f64 {
+        residual.judged(self.settings.judge)
+    }
+
+    /// The status to stop with after this many iterations with this residual, as [judged](Self::judged), if it is time to stop.
     /// A residual that is not finite is [`Status::Stalled`].
     pub fn status(&self, iterations: usize, residual: f64) -> Option<Status> {
         if residual <= self.settings.tolerance {
@@ -85,11 +90,12 @@ impl<'a> Limits<'a> {
         }
         let residual_relaxed = scale.residual(problem, impulse, &velocity, FrictionModel::Relaxed);
         let residual_coulomb = scale.residual(problem, impulse, &velocity, FrictionModel::Coulomb);
-        let residual = match self.settings.friction {
+        let model = self.settings.friction;
+        let residual = match model {
             FrictionModel::Relaxed => residual_relaxed,
             FrictionModel::Coulomb => residual_coulomb,
         };
-        let status = if residual.max <= self.settings.tolerance {
+        let status = if self.judged(residual) <= self.settings.tolerance {
             Status::Converged
         } else if matches!(status, Status::Converged | Status::Stalled) {
             // A linear solver that is out of time stops the method that waits for it.
@@ -106,6 +112,7 @@ impl<'a> Limits<'a> {
             residual,
             residual_relaxed,
             residual_coulomb,
+            residual_paper: scale.paper(problem, impulse, &velocity, model),
             objective: problem.objective(impulse, &velocity),
             seconds: self.seconds(),
             newton: Vec::new(),

@@ -72,10 +72,10 @@ impl<M: FirstOrderMethod> FirstOrder<M> {
         self.packed = Some(scaled);
         let mut report = it.limits.report(M::NAME, problem, impulse, status, iterations, 0);
         if !report.converged() {
-            // The residual that picks the best iterate knows nothing of the rounding of impulses, and where they grow without
-            // limit (a contact between immovable bodies) it falls with them: what was handed over may be better.
+            // Where impulses grow without limit (a contact between immovable bodies) the last projection may move them by more than
+            // they are worth: what was handed over may be better.
             let of_start = it.limits.report(M::NAME, problem, &start, status, iterations, 0);
-            if of_start.residual.max < report.residual.max {
+            if it.limits.judged(of_start.residual) < it.limits.judged(report.residual) {
                 impulse.copy_from_slice(&start);
                 report = of_start;
             }
@@ -188,11 +188,12 @@ impl<'a> Iterate<'a> {
     }
 
     fn residual(&mut self, scaled: &ScaledProblem) -> f64 {
-        if self.gradient.is_empty() {
+        let residual = if self.gradient.is_empty() {
             scaled.residual(&mut self.x, &self.image, &mut self.work)
         } else {
             scaled.residual_given(&mut self.x, &mut self.gradient, &mut self.work)
-        }
+        };
+        self.limits.judged(residual)
     }
 
     /// Whether the image of x was recomputed since this was last asked. A method that keeps images of other vectors has

@@ -37,7 +37,7 @@ pub use spg::SpectralProjectedGradient;
 
 use crate::newton::NewtonRecord;
 use crate::problem::{Ccp, CcpError};
-use crate::residual::{FrictionModel, Residual};
+use crate::residual::{FrictionModel, Judge, Residual};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -45,8 +45,10 @@ use std::time::{Duration, Instant};
 /// When a solver stops.
 #[derive(Clone, Debug)]
 pub struct SolveSettings {
-    /// Stop when the residual ([`Residual::max`]) is at most this. Default 1e-4.
+    /// Stop when the residual, judged by `judge`, is at most this. Default 1e-4.
     pub tolerance: f64,
+    /// Which number of the residual counts. Default [`Judge::Maximum`].
+    pub judge: Judge,
     /// Stop after this many iterations; `None` is the solver's own limit. For exact friction see [`CoulombIteration`].
     pub max_iterations: Option<usize>,
     /// Stop after this time.
@@ -61,6 +63,7 @@ impl Default for SolveSettings {
     fn default() -> Self {
         Self {
             tolerance: 1e-4,
+            judge: Judge::Maximum,
             max_iterations: None,
             max_time: None,
             friction: FrictionModel::Relaxed,
@@ -81,7 +84,7 @@ impl SolveSettings {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Status {
-    /// The residual is at most the tolerance.
+    /// The residual, as judged, is at most the tolerance.
     Converged,
     /// No further progress is possible (round-off, breakdown of a linear solve).
     Stalled,
@@ -113,6 +116,9 @@ pub struct SolveReport {
     pub residual_relaxed: Residual,
     /// Residual of the returned impulses as exact Coulomb friction.
     pub residual_coulomb: Residual,
+    /// The measure used until November 2026 in the friction model asked for; see [`crate::residual::ResidualScale::paper`].
+    #[serde(default)]
+    pub residual_paper: f64,
     /// 1/2 g^T N g + r^T g, J.
     pub objective: f64,
     /// Wall-clock seconds.
@@ -154,7 +160,7 @@ pub trait CcpSolver: Send {
         settings: &SolveSettings,
     ) -> Result<SolveReport, CcpError>;
 
-    /// As [`Self::solve`], with the caller's word that N, mu and J are those of this solver's last call and only r
+    /// As [`Self::solve`], with the caller's word that N, mu and V are those of this solver's last call and only r
     /// differs, so that whatever does not depend on r can be used again.
     ///
     /// # Errors

@@ -1,7 +1,7 @@
 //! The problem as the first-order methods see it: scaled contact by contact, packed, with one fused pass for
 //! "velocity, update, force".
 //!
-//! With e_n = (N_ii)_nn, e_t = ((N_ii)_11 + (N_ii)_22)/2, the impulse J of the residual and c = J sqrt(mean eta):
+//! With e_n = (N_ii)_nn, e_t = ((N_ii)_11 + (N_ii)_22)/2, the velocity V of the residual and c = V sqrt(mean 1/eta):
 //!
 //! ```text
 //! g_n = c x_n / sqrt(e_n),   g_t = c x_t / sqrt(e_t),   mu' = mu sqrt(e_t / e_n)
@@ -10,7 +10,8 @@
 //!
 //! One factor for the normal and one for both tangents turns a friction cone into a friction cone of another mu, so
 //! that the scaled problem is again a CCP; its diagonal is one, also for balls, whose tangential mobility is 3.5 times
-//! the normal one. Only the residual has to be taken in the original metric, where |d_i| is measured.
+//! the normal one. Only the residual has to be taken in the original metric, where |d_i| is measured: in units of V / eta_i, the
+//! impulse by which the contact's own effective mass changes its velocity by V.
 
 mod kernel;
 mod passes;
@@ -22,7 +23,7 @@ use super::row_operator::RowOperator;
 use super::sweep::{CHUNK, Tally, Totals, for_each_task, vectorised};
 use crate::delassus::Delassus;
 use crate::problem::Ccp;
-use crate::residual::{FrictionModel, ResidualScale};
+use crate::residual::{FrictionModel, Residual, ResidualScale};
 use graintrain_linalg::block3::Block;
 use passes::{BodyPass, BodySweep, RowPass};
 use surroundings::Surroundings;
@@ -94,8 +95,7 @@ impl ScaledProblem {
     /// Scales and packs a problem. Costs a few products with N.
     pub fn new(problem: &Ccp, residual: &ResidualScale) -> Self {
         let contacts = problem.num_contacts();
-        let mean = residual.eta.iter().sum::<f64>() / contacts.max(1) as f64;
-        let c = residual.impulse * mean.sqrt();
+        let c = residual.size();
         let scaling: Vec<[f64; 2]> = (0..contacts)
             .map(|i| {
                 let block = problem.delassus.diagonal_block(i);
@@ -129,11 +129,11 @@ impl ScaledProblem {
             let [normal, tangential] = scaled.unit[i];
             scaled.friction[batch].0[lane] = problem.friction[i] * normal / tangential;
             let metric = &mut scaled.metric[batch];
-            metric.normal.0[lane] = normal / residual.impulse;
-            metric.tangential.0[lane] = tangential / residual.impulse;
-            let mobility = mean / residual.eta[i];
-            metric.along.0[lane] = mobility / metric.normal.0[lane];
-            metric.across.0[lane] = mobility / metric.tangential.0[lane];
+            metric.normal.0[lane] = residual.eta[i] * normal / residual.velocity;
+            metric.tangential.0[lane] = residual.eta[i] * tangential / residual.velocity;
+            // u = c^2 u' / unit, and u / eta_i is u / V of these units.
+            metric.along.0[lane] = c / normal * (c / residual.velocity);
+            metric.across.0[lane] = c / tangential * (c / residual.velocity);
             metric.mu.0[lane] = problem.friction[i];
         }
         scaled.set_free_velocity(&problem.r);
@@ -459,14 +459,24 @@ impl ScaledProblem {
         }
     }
 
-    /// Residual max_i |d_i| / J of x, given its image: the natural map in the original metric.
-    pub fn residual(&self, x: &mut [Batch], image: &[Lanes], work: &mut PassWork) -> f64 {
-        self.look(image, [x], work, &NaturalMap).max.sqrt()
+    /// Residual of x, given its image: the natural map in the original metric.
+    pub fn residual(&self, x: &mut [Batch], image: &[Lanes], work: &mut PassWork) -> Residual {
+        let totals = self.look(image, [x], work, &NaturalMap);
+        self.residual_of(&totals)
     }
 
     /// As [`Self::residual`], given u = N' x + r' contact by contact.
-    pub fn residual_given(&self, x: &mut [Batch], u: &mut [Batch], work: &mut PassWork) -> f64 {
-        self.contact_pass::<2, false, false>(&[], [x, u], work, &NaturalMapGiven).max.sqrt()
+    pub fn residual_given(&self, x: &mut [Batch], u: &mut [Batch], work: &mut PassWork) -> Residual {
+        let totals = self.contact_pass::<2, false, false>(&[], [x, u], work, &NaturalMapGiven);
+        self.residual_of(&totals)
+    }
+
+    /// The residual that [`NaturalMap`] has tallied.
+    fn residual_of(&self, totals: &Totals) -> Residual {
+        // A lane may lose a NaN in its maximum, never in its sum.
+        let square = if totals.sum[0].is_nan() { f64::NAN } else { totals.max };
+        let mean = totals.sum[0] / self.num_contacts().max(1) as f64;
+        Residual { max: square.sqrt(), rms: mean.sqrt() }
     }
 
     /// out <- N' x + r', given the image of x.

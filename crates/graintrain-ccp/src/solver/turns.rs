@@ -73,7 +73,7 @@ impl Turns {
             if names.last() != Some(&report.solver) {
                 names.push(report.solver);
             }
-            best.offer(impulse, report.residual.max);
+            best.offer(impulse, limits.judged(report.residual));
             if matches!(status, Status::Converged | Status::Stopped) {
                 break;
             }

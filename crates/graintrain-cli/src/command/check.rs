@@ -70,7 +70,8 @@ fn summary(scene: &Scene, simulation: &Simulation) -> String {
         graintrain_ccp::FrictionModel::Relaxed => "relaxed",
         graintrain_ccp::FrictionModel::Coulomb => "Coulomb",
     };
-    line("solver", format!("{} to {:e}, {law} friction{limit}", settings.solver, settings.tolerance));
+    let rule = graintrain_io::run::tolerance_rule(settings.judge);
+    line("solver", format!("{} to {:e} {rule}, {law} friction{limit}", settings.solver, settings.tolerance));
     let frames = steps / simulation.output.every;
     line("output", format!("{frames} frames, one in {} steps", simulation.output.every));
     text

@@ -3,6 +3,7 @@
 use crate::error::Failure;
 use crate::session::{SessionOptions, make_steps, output_failure};
 use crate::signal::Stop;
+use graintrain::ccp::Judge;
 use graintrain_io::checkpoint::{self, CheckpointError};
 use graintrain_io::output::recorder::Recorder;
 use graintrain_io::run::Run;
@@ -31,6 +32,9 @@ pub struct Arguments {
     /// Go on with another tolerance
     #[arg(long, value_name = "X")]
     tolerance: Option<f64>,
+    /// Ask the tolerance of the worst contact from now on
+    #[arg(long)]
+    strict_max: bool,
     #[command(flatten)]
     session: SessionOptions,
 }
@@ -59,6 +63,9 @@ pub fn execute(arguments: &Arguments) -> Result<ExitCode, Failure> {
         settings.solver.clone_from(solver);
     }
     settings.tolerance = arguments.tolerance.unwrap_or(settings.tolerance);
+    if arguments.strict_max {
+        settings.judge = Judge::Maximum;
+    }
     if world.step >= settings.steps {
         println!(
             "nothing to do: the run has made {} of {} steps; --steps or --until take it further",

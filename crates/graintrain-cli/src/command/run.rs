@@ -35,9 +35,12 @@ pub struct Arguments {
     /// Contact solver (`graintrain solvers` lists them)
     #[arg(long, value_name = "NAME")]
     solver: Option<String>,
-    /// Residual at which the solver stops
+    /// Residual at which the solver stops: its root mean square over the contacts, with 20 times that for the worst one
     #[arg(long, value_name = "X")]
     tolerance: Option<String>,
+    /// Ask the tolerance of the worst contact
+    #[arg(long)]
+    strict_max: bool,
     /// Friction law
     #[arg(long, value_name = "MODEL", value_parser = ["relaxed", "coulomb"])]
     friction: Option<String>,
@@ -68,11 +71,13 @@ impl Arguments {
             .map(|text| scene::setting(text).map_err(scene_failure))
             .collect::<Result<_, _>>()?;
         let steps = self.steps.map(|steps| steps.to_string());
+        let strict_max = self.strict_max.then(|| "true".to_string());
         let options = [
             ("time.steps", &steps),
             ("time.end", &self.until),
             ("solver.name", &self.solver),
             ("solver.tolerance", &self.tolerance),
+            ("solver.strict_max", &strict_max),
             ("solver.friction", &self.friction),
         ];
         for (key, value) in options {

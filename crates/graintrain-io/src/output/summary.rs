@@ -50,6 +50,8 @@ pub struct Summary {
     pub solver: String,
     /// Residual asked for.
     pub tolerance: f64,
+    /// Whether it was asked of the worst contact of a step, rather than of the root mean square with a bound for the worst.
+    pub strict_max: bool,
     /// Friction model.
     pub friction: graintrain_ccp::FrictionModel,
     /// Time step, s.
@@ -74,8 +76,12 @@ pub struct Summary {
     pub contacts_max: usize,
     /// Contacts of the last step.
     pub contacts_final: usize,
-    /// Worst residual of a step.
+    /// Worst residual of a contact.
     pub residual_max: f64,
+    /// Worst root mean square of the residual over the contacts of a step.
+    pub residual_rms_max: f64,
+    /// Worst residual by the measure used until November 2026.
+    pub residual_paper_max: f64,
     /// Residual of the last step.
     pub residual_final: f64,
     /// Steps whose solve missed the tolerance.
@@ -103,6 +109,7 @@ impl Summary {
             status,
             solver: settings.solver.clone(),
             tolerance: settings.tolerance,
+            strict_max: settings.judge == graintrain_ccp::Judge::Maximum,
             friction: settings.friction,
             step: settings.step,
             threads: rayon::current_num_threads(),
@@ -122,6 +129,8 @@ impl Summary {
             contacts_max: totals.contacts_max,
             contacts_final: totals.contacts_final,
             residual_max: totals.residual_max,
+            residual_rms_max: totals.residual_rms_max,
+            residual_paper_max: totals.residual_paper_max,
             residual_final: totals.residual_final,
             unconverged_steps: totals.unconverged_steps,
             penetration_max_over_radius: totals.penetration_max / radius,

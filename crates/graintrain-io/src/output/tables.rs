@@ -7,6 +7,9 @@ use graintrain::stepper::StepReport;
 use graintrain::world::World;
 use std::path::Path;
 
+/// The last column of `steps.csv`.
+const LAST: &str = "residual_paper";
+
 /// Columns of `steps.csv` before those of Newton methods. SI units; the pages of the documentation name them.
 const STEPS: &str = "step,time,contacts,contacts_with_force,solver,status,iterations,linear_iterations,\
     residual,residual_rms,residual_relaxed,residual_coulomb,penetration_max,kinetic_energy,\
@@ -14,7 +17,7 @@ const STEPS: &str = "step,time,contacts,contacts_with_force,solver,status,iterat
 
 /// All columns of `steps.csv`.
 fn steps_header() -> String {
-    format!("{STEPS},{STEP_COLUMNS}")
+    format!("{STEPS},{STEP_COLUMNS},{LAST}")
 }
 
 /// Columns of `wrench.csv`.
@@ -99,7 +102,7 @@ fn step_record(world: &World, report: &StepReport, output_seconds: f64) -> Strin
     // The name of a status is the one that it has in every other file.
     let status = serde_json::to_string(&solve.status).unwrap_or_default();
     format!(
-        "{},{:?},{},{},{},{},{},{},{:?},{:?},{:?},{:?},{:?},{:?},{:?},{:?},{:?},{:?},{:?},{}",
+        "{},{:?},{},{},{},{},{},{},{:?},{:?},{:?},{:?},{:?},{:?},{:?},{:?},{:?},{:?},{:?},{},{:?}",
         world.step,
         world.time,
         report.contacts,
@@ -120,6 +123,7 @@ fn step_record(world: &World, report: &StepReport, output_seconds: f64) -> Strin
         report.phases.integrate,
         output_seconds,
         step_cells(&solve.newton),
+        solve.residual_paper,
     )
 }
 

@@ -9,7 +9,8 @@
 //! | data set | holds |
 //! |---|---|
 //! | `version` | 1 |
-//! | `impulse_scale` | J, N s (absent where not known) |
+//! | `velocity_scale` | V of the residual, m/s (absent where not known, and in files from before December 2026) |
+//! | `impulse_scale` | J of the former measure, N s (absent where not known) |
 //! | `points` | contact points, 3 per contact, m (absent where not known) |
 //! | `identity` | a number per contact that persists from step to step (absent where not known) |
 //! | `body_a`, `body_b` | body of each side, -1 for an immovable one |
@@ -85,8 +86,11 @@ fn encode(problem: &Ccp, title: &str) -> Result<Vec<u8>, Defect> {
 
     let mut own = builder.create_group(GROUP);
     own.create_dataset("version").with_i32_data(&[VERSION]);
-    if let Some(scale) = problem.impulse_scale {
-        own.create_dataset("impulse_scale").with_f64_data(&[scale]);
+    let scales = [("velocity_scale", problem.velocity_scale), ("impulse_scale", problem.impulse_scale)];
+    for (name, scale) in scales {
+        if let Some(scale) = scale {
+            own.create_dataset(name).with_f64_data(&[scale]);
+        }
     }
     if !problem.points.is_empty() {
         own.create_dataset("points").with_f64_data(problem.points.as_flattened());
@@ -240,8 +244,9 @@ pub(super) fn read_extras(file: &File, problem: &RawProblem) -> Result<Extras, D
         Vec::new()
     };
     let points = triples(&numbers("points")?);
+    let velocity_scale = numbers("velocity_scale")?.first().copied();
     let impulse_scale = numbers("impulse_scale")?.first().copied();
-    if points.iter().flatten().chain(&impulse_scale).any(|x| !x.is_finite()) {
+    if points.iter().flatten().chain(&velocity_scale).chain(&impulse_scale).any(|x| !x.is_finite()) {
         return Err(Defect::damaged("graintrain", "holds numbers that are not finite", COPY_AGAIN));
     }
     let contacts = match problem {
@@ -258,11 +263,11 @@ pub(super) fn read_extras(file: &File, problem: &RawProblem) -> Result<Extras, D
         let remark = format!(
             "the group {GROUP} tells of {count} contacts, the problem has {contacts}: taken as edited, without that group"
         );
-        return Ok(Extras { impulse_scale, remark: Some(remark), ..Extras::default() });
+        return Ok(Extras { velocity_scale, impulse_scale, remark: Some(remark), ..Extras::default() });
     }
     let remark = (has_bodies && bodies.is_none())
         .then(|| format!("the bodies of the group {GROUP} do not reproduce the problem: taken as edited"));
-    Ok(Extras { impulse_scale, points, identity, bodies, remark })
+    Ok(Extras { velocity_scale, impulse_scale, points, identity, bodies, remark })
 }
 
 /// The bodies, where they reproduce the FCLIB part.

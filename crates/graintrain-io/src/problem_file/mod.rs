@@ -143,6 +143,7 @@ fn build(stated: Stated) -> Result<ProblemFile, Defect> {
     let invalid =
         |error: CcpError| Defect::damaged("the contact problem", error.to_string(), error::WRITE_AGAIN);
     let mut problem = Ccp::new(delassus, r, friction).map_err(invalid)?;
+    problem.velocity_scale = extras.velocity_scale;
     problem.impulse_scale = extras.impulse_scale;
     problem.identity = extras.identity;
     problem.points = if extras.points.is_empty() { points } else { extras.points };

@@ -24,6 +24,7 @@ pub(super) enum RawProblem {
 /// What FCLIB cannot say and the program's own dumps do.
 #[derive(Default)]
 pub(super) struct Extras {
+    pub(super) velocity_scale: Option<f64>,
     pub(super) impulse_scale: Option<f64>,
     pub(super) points: Vec<[f64; 3]>,
     pub(super) identity: Vec<u64>,

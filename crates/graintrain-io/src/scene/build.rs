@@ -16,7 +16,7 @@ use graintrain::motion::{Motion, Profile, Rotation};
 use graintrain::shape::{Geometry, Part, Shape};
 use graintrain::stepper::StepSettings;
 use graintrain::world::{Body, FREE, World};
-use graintrain_ccp::FrictionModel;
+use graintrain_ccp::{FrictionModel, Judge};
 use std::collections::HashMap;
 use std::path::PathBuf;
 
@@ -78,6 +78,7 @@ impl Scene {
             envelope,
             solver,
             tolerance: self.solver.tolerance,
+            judge: if self.solver.strict_max { Judge::Maximum } else { Judge::Mixed },
             max_iterations: self.solver.max_iterations,
             friction: match self.solver.friction {
                 FrictionLaw::Relaxed => FrictionModel::Relaxed,

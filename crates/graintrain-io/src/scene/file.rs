@@ -104,6 +104,7 @@ fn solver(reader: Option<Reader>) -> Result<SolverChoice, SceneError> {
     let mut spec = SolverChoice {
         name: DEFAULT_SOLVER.into(),
         tolerance: 1e-4,
+        strict_max: false,
         max_iterations: None,
         friction: FrictionLaw::Relaxed,
     };
@@ -115,6 +116,7 @@ fn solver(reader: Option<Reader>) -> Result<SolverChoice, SceneError> {
                 .to_string();
         }
         spec.tolerance = reader.quantity("tolerance", Range::Positive)?.unwrap_or(spec.tolerance);
+        spec.strict_max = reader.flag("strict_max")?.unwrap_or(spec.strict_max);
         spec.max_iterations = match reader.count("max_iterations")? {
             Some(0) => return Err(reader.out_of_range("max_iterations", "at least 1", 0)),
             count => count.map(|count| count as usize),

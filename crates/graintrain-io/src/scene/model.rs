@@ -71,6 +71,8 @@ pub struct SolverChoice {
     pub name: String,
     /// Residual at which it stops.
     pub tolerance: f64,
+    /// Whether the tolerance is of the worst contact, rather than of the root mean square with a bound for the worst.
+    pub strict_max: bool,
     /// Iteration limit; `None` is the solver's own.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub max_iterations: Option<usize>,

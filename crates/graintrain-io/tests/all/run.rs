@@ -1,6 +1,6 @@
 //! Runs that stop, are killed, fail and go on.
 
-use graintrain::ccp::FrictionModel;
+use graintrain::ccp::{FrictionModel, Judge};
 use graintrain::material::Materials;
 use graintrain::math::Vec3;
 use graintrain::motion::{Motion, Profile};
@@ -52,6 +52,7 @@ fn settings(steps: u64) -> RunSettings {
         envelope: 0.02,
         solver: "apgd".into(),
         tolerance: 1e-5,
+        judge: Judge::Maximum,
         max_iterations: None,
         friction: FrictionModel::Relaxed,
         steps,

@@ -291,6 +291,7 @@ impl Plan {
             delassus: Delassus::Rigid(rigid),
             friction: vec![FRICTION; self.touches.len()],
             r,
+            velocity_scale: Some(GRAVITY * STEP),
             impulse_scale: Some(self.mass * GRAVITY * STEP),
             identity: (0..self.touches.len() as u64).collect(),
             points,

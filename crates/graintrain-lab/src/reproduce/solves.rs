@@ -123,6 +123,7 @@ impl Problems {
             envelope: settings.envelope,
             solver: settings.solver.parse::<SolverSpec>().map_err(graintrain::stepper::StepError::from)?,
             tolerance: settings.tolerance,
+            judge: settings.judge,
             max_iterations: settings.max_iterations,
             friction: FrictionModel::Relaxed,
             overlap: OverlapCorrection::Velocity,

@@ -7,7 +7,7 @@ use graintrain::motion::Motion;
 use graintrain::shape::Geometry;
 use graintrain::stepper::{StepError, StepReport, StepSettings, Stepper};
 use graintrain::world::{Body, World};
-use graintrain_ccp::{FrictionModel, SolverSpec};
+use graintrain_ccp::{FrictionModel, Judge, SolverSpec};
 
 /// Acceleration of gravity, m/s^2.
 pub const G: f64 = 9.81;
@@ -65,6 +65,7 @@ impl Bench {
             envelope,
             solver,
             tolerance,
+            judge: Judge::Maximum,
             max_iterations,
             friction,
             ..StepSettings::default()

@@ -69,6 +69,7 @@ fn run_into(folder: &std::path::Path, steps: u64) -> Vec<World> {
         envelope: 0.02,
         solver: "apgd".into(),
         tolerance: 1e-6,
+        judge: graintrain_ccp::Judge::Mixed,
         max_iterations: None,
         friction: FrictionModel::Relaxed,
         steps,

@@ -1,10 +1,11 @@
 //! What must hold at every step: A1, A17, A18, momentum, threads, D against finite differences.
 
 use crate::support::*;
-use graintrain::ccp::Delassus;
+use graintrain::assemble::contact_rows;
+use graintrain::ccp::RigidDelassus;
 use graintrain::ccp::FrictionModel::Relaxed;
 use graintrain::collide::Collider;
-use graintrain::integrate::free_velocity;
+use graintrain::integrate::{free_velocity, inverse_mass, velocities};
 use graintrain::material::Materials;
 use graintrain::math::{Quat, Vec3, rotation_exponential};
 use graintrain::motion::{Motion, Profile};

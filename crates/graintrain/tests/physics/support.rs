@@ -1,6 +1,6 @@
 //! What the tests share.
 
-use graintrain::ccp::{FrictionModel, Status};
+use graintrain::ccp::{FrictionModel, Judge, Status};
 use graintrain::material::Materials;
 use graintrain::math::{Quat, Vec3};
 use graintrain::motion::Motion;
@@ -35,6 +35,7 @@ pub fn stepper(step: f64, envelope: f64, tolerance: f64, friction: FrictionModel
         envelope,
         solver: "apgd".parse().unwrap(),
         tolerance,
+        judge: Judge::Maximum,
         max_iterations: Some(200_000),
         friction,
         ..StepSettings::default()

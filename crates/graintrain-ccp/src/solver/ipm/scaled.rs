@@ -47,6 +47,7 @@ impl Scaled {
             delassus,
             r,
             friction: problem.friction.clone(),
+            velocity_scale: None,
             impulse_scale: None,
             points: problem.points.clone(),
             identity: problem.identity.clone(),

@@ -53,15 +53,16 @@ impl<'a> Session<'a> {
         }
     }
 
-    /// Residual of impulses g of the scaled problem, given N g, in the metric of the problem as given. The best
-    /// iterate is kept.
+    /// Residual of impulses g of the scaled problem, given N g, in the metric of the problem as given and as the settings judge it.
+    /// The best iterate is kept.
     pub fn judge(&mut self, g: &[f64], ng: &[f64]) -> f64 {
         for k in 0..g.len() {
             self.physical[k] = self.scaled.impulse_unit[k / 3] * g[k];
             self.velocity[k] = self.scaled.velocity_unit[k / 3] * (ng[k] + self.scaled.problem.r[k]);
         }
         let scale = self.residual_scale;
-        let residual = scale.residual(self.problem, &self.physical, &self.velocity, self.friction).max;
+        let residual =
+            self.limits.judged(scale.residual(self.problem, &self.physical, &self.velocity, self.friction));
         self.best.offer(&self.physical, residual);
         residual
     }

@@ -16,7 +16,7 @@ const SMALLEST_FRICTION: f64 = 1e-7;
 /// A scaled problem with an iterate, and the memory that Newton's method needs.
 ///
 /// ```text
-/// g_i = c x_i / e_i,   u_i = c e_i u'_i,   N' = E^-1 N E^-1,   e_i = sqrt(eta_i),   c = J sqrt(mean eta)
+/// g_i = c x_i / e_i,   u_i = c e_i u'_i,   N' = E^-1 N E^-1,   e_i = sqrt(eta_i),   c = V sqrt(mean 1/eta)
 /// ```
 ///
 /// One factor per contact leaves cones as they are and makes trace(N'_ii) = 3 however different the masses are.
@@ -78,7 +78,7 @@ impl<'a> Iterate<'a> {
         let mut it = Self {
             problem,
             friction: problem.friction.iter().map(|mu| mu.max(SMALLEST_FRICTION)).collect(),
-            size: scale.impulse * (scale.eta.iter().sum::<f64>() / contacts.max(1) as f64).sqrt(),
+            size: scale.size(),
             root: scale.eta.iter().map(|eta| eta.sqrt()).collect(),
             image: zero(3),
             g: zero(3),

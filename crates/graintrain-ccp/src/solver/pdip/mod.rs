@@ -15,12 +15,12 @@
 //! S = N + sum_k ( lambda_k Hess f_k + lambda_k / (-f_k) grad f_k grad f_k^T )
 //! ```
 //!
-//! The problem is scaled first, by J (see [`ResidualScale`]) and one factor per contact that makes trace(N_ii) = 3. S = N + H is
+//! The problem is scaled first, by c = V sqrt(mean 1/eta) (see [`ResidualScale::size`]) and one factor per contact that makes trace(N_ii) = 3. S = N + H is
 //! scaled from both sides with the factors of H^-1 = F F^T: (I + F^T N F) z = F^T b, dg = F z (see [`crate::newton`]).
 //!
 //! # Two rules for the step
 //! `pdip-literal` follows the paper: tau = 10 (number of constraints) / (-f^T lambda) in every iteration, start at g_n = 1 (in
-//! units of J), one step for impulses and multipliers that keeps lambda > 0, then f < 0, then lowers |(r_d, r_c)|. On settled
+//! units of c / sqrt(eta_i), for equal contacts V / eta), one step for impulses and multipliers that keeps lambda > 0, then f < 0, then lowers |(r_d, r_c)|. On settled
 //! packings it stalls: r_d is far from zero while 1/tau has already fallen, the linearised f_1 leaves its cone after 1e-3 of
 //! the step, and no later step returns to the centre.
 //!
@@ -30,7 +30,7 @@
 //!   the cones' boundary (a quadratic per contact) and is shortened until phi falls (Armijo); lambda has a step of its own.
 //! * tau grows to 10 / (mean complementarity) as in the paper, but only where the last step was long and Newton's
 //!   decrement dg^T S dg tau was at most 4 per contact: before that the iterate is far from the centre for the tau at hand.
-//! * It starts above the solution, at g_n = 100 J, or at the last impulses, but at least J and at most 100 J, with 1/tau in proportion to the
+//! * It starts above the solution, at g_n = 100 of these units, or at the last impulses, but at least 1 and at most 100, with 1/tau in proportion to the
 //!   mean of |g| |N g + r|. From below the solution the cones are narrow and hundreds of steps are short.
 //! * Where grains are clamped between walls, impulses can grow at no cost and there is no central path. A proximal term
 //!   1/2 eps (g_n - last centre)^2 restores it; it vanishes as the iterates settle.
@@ -61,7 +61,7 @@ const LINEAR_TIGHTENING: f64 = 1e-3;
 const LINEAR_FINEST: f64 = 1e-13;
 /// Iterations allowed where the settings name no limit.
 const ITERATIONS: usize = 300;
-/// Normal impulse of the central start, J.
+/// Normal impulse of the central start, c / sqrt(eta_i).
 const CENTRAL_START: f64 = 100.0;
 /// 1/tau of the start above the solution, and of one from known impulses, per third of the mean of |g| |N g + r|.
 const CENTRAL_BARRIER: [f64; 2] = [0.1, 1.0];
@@ -74,7 +74,7 @@ const LONG_STEP: f64 = 0.7;
 const NEAR_CENTRE: f64 = 4.0;
 /// Iterations without a better residual before `pdip` gives up.
 const STALL_ITERATIONS: usize = 50;
-/// Smallest normal impulse of the paper's start from known impulses, J.
+/// Smallest normal impulse of the paper's start from known impulses, c / sqrt(eta_i).
 const PAPER_FLOOR: f64 = 1e-2;
 
 /// How tau grows, where the iteration starts and how long its steps are.
@@ -158,11 +158,12 @@ fn offer_starts(
     problem: &Ccp,
     impulse: &[f64],
     scale: &ResidualScale,
+    limits: &Limits<'_>,
     friction: FrictionModel,
     best: &mut Best<f64>,
 ) -> f64 {
     let mut g = vec![0.0; impulse.len()];
-    let least = scale.residual(problem, &g, &problem.r, friction).max;
+    let least = limits.judged(scale.residual(problem, &g, &problem.r, friction));
     best.offer(&g, least);
     if impulse.iter().all(|&x| x == 0.0) {
         return least;
@@ -176,7 +177,7 @@ fn offer_starts(
     for (u, r) in u.iter_mut().zip(&problem.r) {
         *u += r;
     }
-    let residual = scale.residual(problem, &g, &u, friction).max;
+    let residual = limits.judged(scale.residual(problem, &g, &u, friction));
     best.offer(&g, residual);
     least.min(residual)
 }
@@ -201,7 +202,7 @@ impl CcpSolver for Pdip {
         let scale = ResidualScale::new(problem);
         // The path starts inside the cones, far from the solution: what is better must not be lost on the way.
         let mut best = Best::default();
-        let residual = offer_starts(problem, impulse, &scale, settings.friction, &mut best);
+        let residual = offer_starts(problem, impulse, &scale, &limits, settings.friction, &mut best);
         if residual <= settings.tolerance {
             best.restore(impulse);
             return Ok(limits.report(&self.name(), problem, impulse, Status::Converged, 0, 0));
@@ -219,7 +220,7 @@ impl CcpSolver for Pdip {
         let mut status = loop {
             // The residual of the problem itself, in its own units.
             it.physical(&mut g, &mut u);
-            let residual = scale.residual(problem, &g, &u, settings.friction).max;
+            let residual = limits.judged(scale.residual(problem, &g, &u, settings.friction));
             best.offer(&g, residual);
             if let Some(status) = limits.status(iterations, residual) {
                 break status;

@@ -118,7 +118,8 @@ impl Kernel<1> for PowerStep {
     }
 }
 
-/// Tallies max (|d_i| / J)^2 of the natural map in the original metric.
+/// Tallies the maximum and the sum of (eta_i |d_i| / V)^2 of the natural map in the original metric, no less than the rounding of
+/// the impulse (as [`ResidualScale::residual`](crate::residual::ResidualScale::residual)); gives d.
 pub(super) struct NaturalMap;
 
 impl Kernel<1> for NaturalMap {
@@ -142,8 +143,13 @@ impl Kernel<1> for NaturalMap {
         [x]: [&mut Batch<V>; 1],
         tally: &mut Tally<V>,
     ) -> Batch<V> {
-        let d = sub(&here.metric.impulse(x), &projected);
-        tally.max = tally.max.max(dot(&d, &d));
+        let impulse = here.metric.impulse(x);
+        let d = sub(&impulse, &projected);
+        let rounding = V::splat(f64::EPSILON * f64::EPSILON) * dot(&impulse, &impulse);
+        // The second one where one is NaN.
+        let square = rounding.max(dot(&d, &d));
+        tally.sum[0] += square;
+        tally.max = tally.max.max(square);
         d
     }
 }

@@ -5,11 +5,11 @@ use super::super::lanes::{Batch, Lanes, Vector, load, project_given, within_disc
 /// What the residual in the original metric needs of four contacts.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Metric<V = Lanes> {
-    /// Normal and tangential impulse per unit of x, in units of J.
+    /// Normal and tangential impulse per unit of x, in units of V / eta_i.
     pub normal: V,
     /// See `normal`.
     pub tangential: V,
-    /// Impulse, in units of J, by which a unit of u_n or u_t moves the natural map's argument.
+    /// Impulse, in units of V / eta_i, by which a unit of u_n or u_t moves the natural map's argument: u in units of V.
     pub along: V,
     /// See `along`.
     pub across: V,
@@ -18,7 +18,7 @@ pub struct Metric<V = Lanes> {
 }
 
 impl<V: Vector> Metric<V> {
-    /// Impulses in units of J.
+    /// Impulses in units of V / eta_i.
     #[inline(always)]
     pub fn impulse(&self, x: &Batch<V>) -> Batch<V> {
         [self.normal * x[0], self.tangential * x[1], self.tangential * x[2]]

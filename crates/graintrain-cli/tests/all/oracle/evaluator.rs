@@ -88,9 +88,8 @@ impl Problem {
         let (u, r) = (self.velocity(&g), self.velocity(&vec![0.0; g.len()]));
         let eta: Vec<f64> = self.diagonal().chunks(3).map(|d| d.iter().sum::<f64>() / 3.0).collect();
         let square = |x: &[f64]| x.iter().map(|x| x * x).sum::<f64>();
-        let mean =
-            r.chunks(3).zip(&eta).map(|(r, eta)| square(r) / (eta * eta)).sum::<f64>() / eta.len() as f64;
-        let scale = mean.sqrt();
+        // Of a bare problem: no file here states a V.
+        let scale = (r.chunks(3).map(square).sum::<f64>() / eta.len() as f64).sqrt();
         let residual = |coulomb: f64| {
             (0..eta.len())
                 .map(|i| {
@@ -98,7 +97,7 @@ impl Problem {
                     let normal = u[0] + coulomb * mu * square(&u[1..]).sqrt();
                     let x = [g[0] - normal / eta[i], g[1] - u[1] / eta[i], g[2] - u[2] / eta[i]];
                     let p = project(x, mu);
-                    square(&[g[0] - p[0], g[1] - p[1], g[2] - p[2]]).sqrt() / scale
+                    eta[i] * square(&[g[0] - p[0], g[1] - p[1], g[2] - p[2]]).sqrt() / scale
                 })
                 .fold(0.0, |m: f64, x| if x.is_nan() { x } else { m.max(x) })
         };

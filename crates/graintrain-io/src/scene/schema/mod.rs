@@ -255,7 +255,14 @@ static SOLVER: Table = Table {
     alternatives: &[],
     keys: &[
         key("name", Text, "\"auto\"", "\"apgd\"", "Solver, with its linear solver after a `+`"),
-        key("tolerance", Quantity(D::NONE), "1e-4", "1e-5", "Residual at which it stops"),
+        key(
+            "tolerance",
+            Quantity(D::NONE),
+            "1e-4",
+            "1e-5",
+            "Residual at which it stops: its root mean square, with 20 times that for the worst contact",
+        ),
+        key("strict_max", Flag, "false", "true", "Whether the worst contact has to reach the tolerance"),
         key("max_iterations", Count, "the solver's own", "2000", "Iteration limit"),
         key(
             "friction",

@@ -201,6 +201,8 @@ fn an_edited_dump_is_read_without_what_no_longer_fits() {
     builder.write(&path).unwrap();
     let file = problem_file::read(&path).unwrap();
     assert_eq!((file.problem.num_contacts(), file.problem.impulse_scale), (2, Some(0.25)));
+    // From before there was a V.
+    assert_eq!(file.problem.velocity_scale, None);
     assert!(file.problem.points.is_empty());
     assert!(file.notes()[0].contains("tells of 3 contacts, the problem has 2"), "{:?}", file.notes());
 }
