@@ -106,7 +106,7 @@ fn a_run_leaves_its_files_and_says_what_it_did() {
     assert_eq!(read(&run.join("steps.csv")).lines().count(), 71);
     let _ = ended(graintrain(folder.path(), &["resume", "out/balls", "--until", "0.375 s", "--quiet"]), 0);
     assert_eq!(read(&run.join("steps.csv")).lines().count(), 76);
-    let (out, _) = ended(graintrain(folder.path(), &["render", "out/balls", "--size", "80x60"]), 0);
+    let (out, _) = ended(graintrain(folder.path(), &["render", "out/balls", "--size", "80x64"]), 0);
     assert!(out.contains("out/balls/picture.png") && run.join("picture.png").exists(), "{out}");
 }
 
