@@ -123,13 +123,7 @@ impl TriangleTree {
     }
 
     /// Whether a candidate would be there if the surface were whole. `near` are the triangles around the visitor.
-    fn is_real(
-        &self,
-        candidate: &Candidate,
-        all: &[Candidate],
-        near: &[u32],
-        visitor: &Visitor<'_>,
-    ) -> bool {
+    fn is_real(&self, candidate: &Candidate, all: &[Candidate], near: &[u32], visitor: &Visitor<'_>) -> bool {
         let touching: Vec<u32> = {
             let corners = self.shared[candidate.triangle as usize];
             match candidate.feature {
@@ -145,10 +139,12 @@ impl TriangleTree {
             let touch = &candidate.touch;
             let centre = touch.point + (radius + 0.5 * touch.gap) * touch.normal;
             let distance = (centre - candidate.foot).length();
-            return near.iter().filter(|&&other| other != candidate.triangle && shares(other)).all(|&other| {
-                let (foot, _) = nearest_on_triangle(centre, self.corners[other as usize]);
-                (centre - foot).length() >= distance - small
-            });
+            return near.iter().filter(|&&other| other != candidate.triangle && shares(other)).all(
+                |&other| {
+                    let (foot, _) = nearest_on_triangle(centre, self.corners[other as usize]);
+                    (centre - foot).length() >= distance - small
+                },
+            );
         }
         all.iter().filter(|other| other.triangle != candidate.triangle && shares(other.triangle)).all(
             |other| {
