@@ -155,7 +155,7 @@ pub enum RunError {
     Step(#[from] StepError),
     /// A solve missed its tolerance, which [`Run::strict`] forbids.
     #[error(
-        "step {step}: {solver} stopped at residual {residual:.2e} (rms {residual_rms:.2e}), above the tolerance {tolerance:.2e} {}",
+        "step {step}: {solver} stopped above the tolerance {tolerance:.2e} {}, at residual {residual:.2e}, rms {residual_rms:.2e}",
         tolerance_rule(*judge)
     )]
     ToleranceMissed {

@@ -272,3 +272,33 @@ fn strict_runs_fail_where_a_tolerance_is_missed() {
     let (_, err) = ended(graintrain(folder.path(), &arguments), 1);
     assert!(err.contains("above the tolerance") && err.contains("graintrain resume a"), "{err}");
 }
+
+/// Runs ask for the root mean square and bound the worst contact; `--strict-max` asks for the worst contact, and so does a run that is
+/// resumed with it. What was asked for is in the resolved scene and the summary.
+#[test]
+fn the_tolerance_is_of_the_mean_or_of_the_worst_contact() {
+    let folder = folder();
+    let asked = |out: &str, is_strict: bool| {
+        let path = folder.path().join(out);
+        let summary: serde_json::Value = serde_json::from_str(&read(&path.join("summary.json"))).unwrap();
+        assert_eq!(summary["strict_max"], is_strict);
+        assert_eq!(summary["unconverged_steps"], 0);
+        let number = |key: &str| summary[key].as_f64().unwrap();
+        let (rms, max) = (number("residual_rms_max"), number("residual_max"));
+        assert!(rms <= 1e-5 && max <= if is_strict { 1e-5 } else { 20e-5 }, "{summary}");
+        assert!(number("residual_paper_max") > 0.0);
+        let table = read(&path.join("steps.csv"));
+        assert!(table.lines().next().unwrap().ends_with(",residual_paper"), "{table}");
+        max
+    };
+    ended(graintrain(folder.path(), &["run", "balls.toml", "--out", "mean", "--quiet"]), 0);
+    assert!(asked("mean", false) > 1e-5, "the mean would not differ from the worst");
+    assert!(read(&folder.path().join("mean/scene.toml")).contains("strict_max = false"));
+    let strict = ["run", "balls.toml", "--out", "worst", "--quiet", "--strict-max"];
+    ended(graintrain(folder.path(), &strict), 0);
+    asked("worst", true);
+    assert!(read(&folder.path().join("worst/scene.toml")).contains("strict_max = true"));
+    ended(graintrain(folder.path(), &["run", "balls.toml", "--out", "later", "--steps", "1", "--quiet"]), 0);
+    ended(graintrain(folder.path(), &["resume", "later", "--steps", "60", "--strict-max", "--quiet"]), 0);
+    asked("later", true);
+}

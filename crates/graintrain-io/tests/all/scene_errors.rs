@@ -36,7 +36,8 @@ fn typos_name_place_and_closest_key() {
         fails(BALL, &["solver.tolerence=1e-5"]),
         (
             "--set:1:8: unknown key `tolerence` in `solver`".into(),
-            "did you mean `tolerance`? Known here: name, tolerance, max_iterations, friction".into()
+            "did you mean `tolerance`? Known here: name, tolerance, strict_max, max_iterations, friction"
+                .into()
         )
     );
     let (message, help) = fails(BALL, &["nn=3"]);
