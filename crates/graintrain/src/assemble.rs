@@ -30,11 +30,12 @@ pub fn contact_rows(world: &World, contacts: &[Contact]) -> Vec<RigidContact> {
         .with_min_len(TASK)
         .map(|contact| {
             let (t1, t2) = tangents(contact.normal);
-            let side = |body: u32| {
-                let arm = contact.point - world.bodies.position[body as usize];
+            let side = |body: u32, point: Vec3| {
+                let arm = point - world.bodies.position[body as usize];
                 (if world.is_prescribed(body as usize) { FIXED } else { body }, arm.to_array())
             };
-            let ((body_a, arm_a), (body_b, arm_b)) = (side(contact.body_a), side(contact.body_b));
+            let [on_a, on_b] = contact.surface_points();
+            let ((body_a, arm_a), (body_b, arm_b)) = (side(contact.body_a, on_a), side(contact.body_b, on_b));
             let frame = [contact.normal.to_array(), t1.to_array(), t2.to_array()];
             RigidContact { body_a, body_b, frame, arm_a, arm_b }
         })
@@ -46,7 +47,10 @@ pub fn contact_rows(world: &World, contacts: &[Contact]) -> Vec<RigidContact> {
 pub fn relative_velocities(contacts: &[Contact], rows: &[RigidContact], velocity: &[f64]) -> Vec<f64> {
     let mut u = vec![0.0; 3 * contacts.len()];
     u.par_chunks_mut(3).zip(contacts).zip(rows).with_min_len(TASK).for_each(|((u, contact), row)| {
-        u.copy_from_slice(&to_frame(row, relative_velocity(contact, row, |body| velocity_of(velocity, body))));
+        u.copy_from_slice(&to_frame(
+            row,
+            relative_velocity(contact, row, |body| velocity_of(velocity, body)),
+        ));
     });
     u
 }

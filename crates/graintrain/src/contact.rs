@@ -17,8 +17,20 @@ pub struct Contact {
     pub point: Vec3,
     /// Unit normal from B to A.
     pub normal: Vec3,
-    /// Signed distance, m; negative where the bodies overlap.
+    /// Signed distance, m; negative where the bodies overlap. Of bodies that meet only after a way, the distance that they
+    /// have to close along the normal (see [`Self::lead`]).
     pub gap: f64,
+    /// Half the way from B's surface point to A's, m, where bodies are so fast that they meet elsewhere than they are nearest now:
+    /// normal and surface points are then those of the impact, carried back with the bodies, and the arms are those of
+    /// `point + lead` on A and `point - lead` on B. Zero for all other contacts.
+    pub lead: Vec3,
+}
+
+impl Contact {
+    /// Points of the bodies A and B from whose centres the arms of the impulse reach, m.
+    pub fn surface_points(&self) -> [Vec3; 2] {
+        [self.point + self.lead, self.point - self.lead]
+    }
 }
 
 /// Contacts of one step, with what the solver found.

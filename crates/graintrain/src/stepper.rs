@@ -280,6 +280,13 @@ impl Stepper {
             phases.assemble += (attempt.assembled - begin).as_secs_f64();
             phases.solve += attempt.assembled.elapsed().as_secs_f64();
             iterations += attempt.solve.iterations;
+            let passing = if round < ROUNDS { self.passing(world, &contacts, &attempt) } else { Vec::new() };
+            if !passing.is_empty() {
+                added += passing.len();
+                contacts.extend(passing);
+                guess = Some(attempt);
+                continue;
+            }
             let begin = Instant::now();
             let size: Vec<f64> = contacts.iter().map(|c| self.collider.contact_size(world, c)).collect();
             let correction = self.correct(world, &contacts, &attempt, &size)?;
@@ -386,6 +393,35 @@ impl Stepper {
         Ok(if finite { correction } else { Correction { displacement: None, ..correction } })
     }
 
+    /// Contacts that bodies would meet on their way with the velocities found, where those make a body faster than the collision
+    /// phase knew: at the end of the step it may have passed another one.
+    fn passing(&mut self, world: &mut World, contacts: &[Contact], attempt: &Attempt) -> Vec<Contact> {
+        let step = self.settings.step;
+        let deflected = (0..world.bodies.len()).filter(|&body| !world.is_prescribed(body)).any(|body| {
+            let v = Vec3::from_slice(&attempt.velocity[6 * body..6 * body + 3]);
+            let way = 0.5 * self.collider.body_size(world, body);
+            step * v.length() > way && step * (v - world.bodies.velocity[body]).length() > way
+        });
+        if !deflected {
+            return Vec::new();
+        }
+        let before = Placement::of(world);
+        for (body, v) in attempt.velocity.chunks_exact(6).enumerate() {
+            world.bodies.velocity[body] = Vec3::from_slice(&v[..3]);
+            world.bodies.angular_velocity[body] = Vec3::from_slice(&v[3..]);
+        }
+        let ahead = self.collider.contacts(world, 0.0, step);
+        before.exchange(world);
+        let known: HashSet<u64> = contacts.iter().map(|c| c.identity).collect();
+        let rows = contact_rows(world, &ahead);
+        let u = relative_velocities(&ahead, &rows, &attempt.velocity);
+        let meets = |(c, u): (Contact, &[f64])| {
+            let size = self.collider.contact_size(world, &c);
+            (!known.contains(&c.identity) && c.gap.max(0.0) + step * u[0] < -MISSED * size).then_some(c)
+        };
+        ahead.into_iter().zip(u.chunks_exact(3)).filter_map(meets).collect()
+    }
+
     /// Pairs that overlap at the end of the step and were no contacts in it.
     fn missed(&self, world: &World, contacts: &[Contact], ahead: &[Contact]) -> Vec<Contact> {
         let deep = |c: &&Contact| -c.gap > MISSED * self.collider.contact_size(world, c);
@@ -409,9 +445,9 @@ impl Stepper {
         let mut pairs: Vec<[u32; 2]> = missed.iter().map(|c| [c.body_a, c.body_b]).collect();
         pairs.sort_unstable();
         pairs.dedup();
-        let found = pairs.into_iter().flat_map(|[a, b]| {
-            self.collider.contacts_of_pair(world, [a, b], velocity, self.settings.step)
-        });
+        let found = pairs
+            .into_iter()
+            .flat_map(|[a, b]| self.collider.contacts_of_pair(world, [a, b], velocity, self.settings.step));
         found.filter(|c| !known.contains(&c.identity)).collect()
     }
 
@@ -453,7 +489,9 @@ impl Stepper {
             over_size = over_size.max(-contact.gap / self.collider.contact_size(world, contact));
         }
         let work = correction.displacement.as_ref().map_or(0.0, |displacement| {
-            let against = |(b, d): (usize, &[f64])| -world.bodies.mass[b] * world.gravity.dot(Vec3::from_slice(&d[..3]));
+            let against = |(b, d): (usize, &[f64])| {
+                -world.bodies.mass[b] * world.gravity.dot(Vec3::from_slice(&d[..3]))
+            };
             displacement.chunks_exact(6).enumerate().map(against).sum()
         });
         world.contacts = set;
@@ -707,11 +745,14 @@ fn wrenches(position: &[Vec3], world: &World, set: &ContactSet, step: f64) -> Ve
         wrenches.push(Wrench { body: body as u32, ..Wrench::default() });
     }
     for (contact, &impulse) in set.contacts.iter().zip(&set.impulse) {
-        for (body, sign) in [(contact.body_a as usize, 1.0), (contact.body_b as usize, -1.0)] {
+        let [on_a, on_b] = contact.surface_points();
+        for (body, sign, point) in
+            [(contact.body_a as usize, 1.0, on_a), (contact.body_b as usize, -1.0, on_b)]
+        {
             if let Some(wrench) = wrenches.get_mut(slot[body]) {
                 let force = sign / step * impulse;
                 wrench.force += force;
-                wrench.torque += (contact.point - position[body]).cross(force);
+                wrench.torque += (point - position[body]).cross(force);
             }
         }
     }

@@ -62,6 +62,7 @@ fn advance(world: &mut World, settings: &RunSettings) -> StepReport {
         point,
         normal,
         gap,
+        lead: Vec3::ZERO,
     };
     world.contacts = ContactSet {
         contacts: vec![

@@ -252,6 +252,7 @@ fn small_world() -> World {
         point: Vec3::new(0.1, 0.0, 0.1),
         normal: Vec3::X,
         gap: 0.0,
+        lead: Vec3::ZERO,
     };
     world.contacts =
         ContactSet { contacts: vec![contact], impulse: vec![3.0 * Vec3::X], friction: vec![0.3] };

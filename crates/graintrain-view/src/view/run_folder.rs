@@ -143,6 +143,7 @@ impl RunFolder {
                 point: points[corners[corner]],
                 normal: normal[k],
                 gap: gap[k],
+                lead: Vec3::ZERO,
             });
             set.impulse.push(force[k] * self.step);
             first = ends[k];

@@ -5,6 +5,7 @@ use super::identity::identity;
 use super::mesh::turned_bounds;
 use super::narrow::{Collidable, Placed, body_contacts};
 use super::reduce::Touch;
+use super::sweep::{arrivals, time_of_impact};
 use crate::contact::Contact;
 use crate::math::{Mat3, Vec3};
 use crate::shape::Shape;
@@ -128,7 +129,13 @@ impl Collider {
 
     /// Every contact of two bodies that could close within the step if they moved with these velocities (six numbers per body), or
     /// twice as fast. Forms are those of the last call of [`Self::contacts`].
-    pub(crate) fn contacts_of_pair(&self, world: &World, pair: [u32; 2], velocity: &[f64], step: f64) -> Vec<Contact> {
+    pub(crate) fn contacts_of_pair(
+        &self,
+        world: &World,
+        pair: [u32; 2],
+        velocity: &[f64],
+        step: f64,
+    ) -> Vec<Contact> {
         let [a, b] = pair.map(|body| self.placed(world, body as usize));
         let travel = |body: u32| {
             let v = &velocity[6 * body as usize..6 * body as usize + 6];
@@ -142,11 +149,16 @@ impl Collider {
         touches.iter().map(|touch| contact(pair, touch)).collect()
     }
 
-    /// Size of the smaller body of a contact, m: the radius of spheres, capsules and cylinders, half the thickness of boxes. A body
-    /// without a size of its own (planes, meshes) leaves it to the other one.
+    /// Size of a body, m: the radius of spheres, capsules and cylinders, half the thickness of boxes. A body
+    /// without a size of its own (planes, meshes) has an infinite one. Forms are those of the last call of [`Self::contacts`].
+    pub(crate) fn body_size(&self, world: &World, body: usize) -> f64 {
+        self.form(world, body).size
+    }
+
+    /// Size of the smaller body of a contact, m.
     pub(crate) fn contact_size(&self, world: &World, contact: &Contact) -> f64 {
-        let size = |body: u32| self.form(world, body as usize).size;
-        let size = size(contact.body_a).min(size(contact.body_b));
+        let [a, b] = [contact.body_a, contact.body_b].map(|body| self.body_size(world, body as usize));
+        let size = a.min(b);
         if size.is_finite() { size } else { 1.0 }
     }
 
@@ -295,8 +307,7 @@ impl Collider {
             grid.around(me.position, |range| {
                 for slot in range {
                     let other = grid.body[slot];
-                    let reach =
-                        radius + grid.radius[slot] + margin + sorted.approach(body, other as usize);
+                    let reach = radius + grid.radius[slot] + margin + sorted.approach(body, other as usize);
                     let apart = me.position - grid.centre[slot];
                     if other as usize > body && apart.length_squared() <= reach * reach {
                         balls.push(other);
@@ -344,10 +355,60 @@ impl Collider {
                 _ => body_contacts(me, them, ahead, touches),
             }
             let pair = [body as u32, other];
+            if look.step * relative_speed(world, pair) > FAST * me.form.size.min(them.form.size) {
+                self.arrivals(world, pair, sorted.largest, look, touches, contacts);
+                continue;
+            }
             let closes = |touch: &&Touch| look.closes(world, pair, sorted.largest, touch);
             contacts.extend(touches.iter().filter(closes).map(|touch| contact(pair, touch)));
         }
     }
+
+    /// Contacts of two bodies that move past each other by about their size or more within the step: where they meet, if they do,
+    /// rather than where they are nearest now. Touches within the envelope, and those that close in case that one of both comes to
+    /// rest, stay what they are.
+    fn arrivals(
+        &self,
+        world: &World,
+        pair: [u32; 2],
+        largest: f64,
+        look: Look,
+        touches: &[Touch],
+        contacts: &mut Vec<Contact>,
+    ) {
+        let [a, b] = pair.map(|body| self.placed(world, body as usize));
+        let [v_a, v_b] = pair.map(|body| {
+            let body = body as usize;
+            [world.bodies.velocity[body], world.bodies.angular_velocity[body]]
+        });
+        let first = contacts.len();
+        if let Some(impact) =
+            time_of_impact(a, b, v_a, v_b, look.step, look.envelope).filter(|i| i.time > 0.0)
+        {
+            for arrival in arrivals(&impact, a, b, v_a, v_b) {
+                let lead = 0.5 * (arrival.on_a - arrival.on_b);
+                contacts.push(Contact { lead, ..contact(pair, &arrival.touch) });
+            }
+        }
+        let met = contacts.len() - first;
+        for touch in touches {
+            let near = touch.gap <= look.envelope || look.closes_at_rest(world, pair, largest, touch);
+            let new = contact(pair, touch);
+            if near && contacts[first..first + met].iter().all(|c| c.identity != new.identity) {
+                contacts.push(new);
+            }
+        }
+        contacts[first..].sort_by_key(|c| c.identity);
+    }
+}
+
+/// Bodies whose centres move by more than this fraction of the smaller one's size relative to each other within a step are looked
+/// at along their way: up to there the error of a fixed normal is a thirtieth of the size.
+const FAST: f64 = 0.5;
+
+/// |u_A - u_B|, m/s.
+fn relative_speed(world: &World, [a, b]: [u32; 2]) -> f64 {
+    (world.bodies.velocity[a as usize] - world.bodies.velocity[b as usize]).length()
 }
 
 /// How far contacts are looked for.
@@ -361,23 +422,36 @@ struct Look {
 
 impl Look {
     /// Whether a touch lies within the envelope or may close within the step.
-    fn closes(&self, world: &World, [a, b]: [u32; 2], largest: f64, touch: &Touch) -> bool {
+    fn closes(&self, world: &World, pair: [u32; 2], largest: f64, touch: &Touch) -> bool {
         if touch.gap <= self.envelope {
             return true;
         }
-        let surface = |body: u32| {
-            let body = body as usize;
-            let arm = touch.point - world.bodies.position[body];
-            world.bodies.velocity[body] + world.bodies.angular_velocity[body].cross(arm)
-        };
-        let (away_a, away_b) = (touch.normal.dot(surface(a)), touch.normal.dot(surface(b)));
-        // One of both comes to rest, unless it is held.
-        let [held_a, held_b] = [a, b].map(|body| world.is_prescribed(body as usize));
+        let [away_a, away_b] = surface_speeds(world, pair, touch);
+        let approach = self.step * (away_b - away_a);
+        self.reaches(touch, approach) || self.closes_at_rest(world, pair, largest, touch)
+    }
+
+    /// Whether a touch may close within the step if one of both bodies came to rest, unless it is held.
+    fn closes_at_rest(&self, world: &World, pair: [u32; 2], largest: f64, touch: &Touch) -> bool {
+        let [away_a, away_b] = surface_speeds(world, pair, touch);
+        let [held_a, held_b] = pair.map(|body| world.is_prescribed(body as usize));
         let stops = |parting: f64, held: bool| if held { parting } else { 0.0 };
         let rest = (-away_a + stops(away_b, held_b)).max(away_b - stops(away_a, held_a));
-        let approach = (self.step * (away_b - away_a)).max((self.step * rest).min(largest));
+        self.reaches(touch, (self.step * rest).min(largest))
+    }
+
+    fn reaches(&self, touch: &Touch, approach: f64) -> bool {
         touch.gap <= self.envelope + approach || touch.gap <= self.fall + approach
     }
+}
+
+/// Velocities of the bodies A and B at a touch along its normal, m/s.
+fn surface_speeds(world: &World, pair: [u32; 2], touch: &Touch) -> [f64; 2] {
+    pair.map(|body| {
+        let body = body as usize;
+        let arm = touch.point - world.bodies.position[body];
+        touch.normal.dot(world.bodies.velocity[body] + world.bodies.angular_velocity[body].cross(arm))
+    })
 }
 
 fn contact([body_a, body_b]: [u32; 2], touch: &Touch) -> Contact {
@@ -388,6 +462,7 @@ fn contact([body_a, body_b]: [u32; 2], touch: &Touch) -> Contact {
         point: touch.point,
         normal: touch.normal,
         gap: touch.gap,
+        lead: Vec3::ZERO,
     }
 }
 

@@ -71,6 +71,7 @@ mod tests {
             point: Vec3::ZERO,
             normal: Vec3::Z,
             gap: 0.0,
+            lead: Vec3::ZERO,
         };
         let set = ContactSet {
             contacts: vec![contact(2, 1, 0), contact(0, 1, 5), contact(0, 1, 6)],

@@ -9,9 +9,6 @@
 //!
 //! **Contact.** See [`arrivals`].
 
-// The collision phase of the step does not call it yet.
-#![cfg_attr(not(test), allow(dead_code))]
-
 use super::narrow::{Placed, body_contacts, contacts_of_parts};
 use super::reduce::Touch;
 use crate::math::{Vec3, rotation_exponential};
