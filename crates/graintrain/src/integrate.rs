@@ -164,7 +164,8 @@ pub fn inverse_mass(world: &World) -> Vec<BodyInverseMass> {
 }
 
 /// Sets the velocities of all bodies (six numbers each) and moves them: `x + dt u`, `exp(dt w / 2) Q` renormalised; then by a
-/// displacement (translation and turn, six numbers per body) that leaves no velocity, if there is one.
+/// displacement (translation and turn, six numbers per body) that leaves no velocity, if there is one. A turn takes the angular
+/// velocity with it, so that the kinetic energy stays.
 pub(crate) fn advance(world: &mut World, velocity: &[f64], displacement: Option<&[f64]>, step: f64) {
     move_bodies(world, velocity, step, true);
     if let Some(displacement) = displacement {
@@ -183,12 +184,15 @@ fn move_bodies(world: &mut World, velocity: &[f64], step: f64, keeps: bool) {
         .with_min_len(TASK)
         .for_each(|(((position, orientation), (linear, angular)), v)| {
             let (u, w) = (Vec3::from_slice(&v[..3]), Vec3::from_slice(&v[3..]));
+            *position += step * u;
+            let turn = rotation_exponential(step * w);
             if keeps {
                 (*linear, *angular) = (u, w);
+            } else {
+                *angular = turn * *angular;
             }
-            *position += step * u;
             if w != Vec3::ZERO {
-                *orientation = (rotation_exponential(step * w) * *orientation).normalize();
+                *orientation = (turn * *orientation).normalize();
             }
         });
 }

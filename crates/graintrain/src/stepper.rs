@@ -573,8 +573,7 @@ impl Stepper {
         let parts = parts(rigid.contacts(), 0..contacts as u32, rigid.num_bodies());
         // A method that keeps something from step to step has to see the same problem again.
         if parts.len() == 1 || (contacts > 0 && self.settings.solver.keeps_between_steps()) {
-            let report = self.solver.solve(problem, impulse, &settings)?;
-            return Ok((report, 1));
+            return Ok((solve_without_gain(self.solver.as_mut(), problem, impulse, &settings)?, 1));
         }
         let mut merged = nothing_to_solve(self.solver.name());
         let mut largest = 0;
@@ -592,7 +591,7 @@ impl Stepper {
             if parts_freely(&own) {
                 g.fill(0.0);
             } else {
-                let report = self.solver.solve(&own, &mut g, &settings)?;
+                let report = solve_without_gain(self.solver.as_mut(), &own, &mut g, &settings)?;
                 merge(&mut merged, report, part.contacts.len() > largest);
                 largest = largest.max(part.contacts.len());
             }
@@ -600,6 +599,64 @@ impl Stepper {
         }
         Ok((merged, parts.len()))
     }
+}
+
+/// Solves a problem with impulses that make no energy. Exact ones have g . (N g + r) = 0 (negative where friction is exact); those of
+/// an iteration miss it within their residual, and g . D^T v+ > 0 is energy from nowhere. On the ray of g the objective is least at
+/// s = -g . r / (g . N g), where the product vanishes, and s < 1 stays in the cones. Where that lifts the residual above the
+/// tolerance, the solver goes on from there to a tighter one; where that does not help either, the impulses stay as they were found.
+fn solve_without_gain(
+    solver: &mut dyn CcpSolver,
+    problem: &Ccp,
+    g: &mut [f64],
+    settings: &SolveSettings,
+) -> Result<SolveReport, CcpError> {
+    let first = solver.solve(problem, g, settings)?;
+    let mut report = first.clone();
+    let mut kept = Vec::new();
+    for tighter in [0.3, 0.1, 0.03] {
+        let along: f64 = g.iter().zip(&problem.r).map(|(g, r)| g * r).sum();
+        // The objective is 1/2 g . N g + g . r.
+        let (gain, square) = (2.0 * report.objective - along, 2.0 * (report.objective - along));
+        if !(gain > 0.0 && square > gain) {
+            return Ok(report);
+        }
+        if kept.is_empty() {
+            kept = g.to_vec();
+        }
+        g.iter_mut().for_each(|g| *g *= 1.0 - gain / square);
+        evaluate(problem, g, settings.friction, &mut report);
+        let good = |report: &SolveReport| report.residual.judged(settings.judge) <= settings.tolerance;
+        if report.status != Status::Converged || good(&report) {
+            return Ok(report);
+        }
+        let settings = SolveSettings { tolerance: tighter * settings.tolerance, ..settings.clone() };
+        let next = solver.solve(problem, g, &settings)?;
+        let status = if good(&next) { Status::Converged } else { next.status };
+        report = SolveReport { iterations: report.iterations + next.iterations, status, ..next };
+        if status != Status::Converged {
+            break;
+        }
+    }
+    g.copy_from_slice(&kept);
+    Ok(SolveReport { iterations: report.iterations, ..first })
+}
+
+/// Residuals and objective of these impulses.
+fn evaluate(problem: &Ccp, g: &[f64], friction: FrictionModel, report: &mut SolveReport) {
+    let scale = ResidualScale::new(problem);
+    let mut u = vec![0.0; g.len()];
+    problem.delassus.multiply(g, &mut u, &mut problem.delassus.work());
+    for (u, r) in u.iter_mut().zip(&problem.r) {
+        *u += r;
+    }
+    report.residual_relaxed = scale.residual(problem, g, &u, FrictionModel::Relaxed);
+    report.residual_coulomb = scale.residual(problem, g, &u, FrictionModel::Coulomb);
+    report.residual = match friction {
+        FrictionModel::Relaxed => report.residual_relaxed,
+        FrictionModel::Coulomb => report.residual_coulomb,
+    };
+    report.objective = problem.objective(g, &u);
 }
 
 /// Whether bodies part at every contact by themselves, r_i in Y_i^*, so that g = 0 solves the problem, relaxed and exact.

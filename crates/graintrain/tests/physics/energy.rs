@@ -1,0 +1,98 @@
+//! Without a drive the energy of a world never rises: random scenes of mixed shapes, masses over four orders of magnitude, all
+//! coefficients of restitution and friction, both friction models, default solver and tolerance.
+
+use crate::support::*;
+use graintrain::ccp::FrictionModel;
+use graintrain::material::Materials;
+use graintrain::math::{Vec3, rotation_exponential};
+use graintrain::shape::Geometry;
+use graintrain::stepper::{StepSettings, Stepper};
+use graintrain::world::{Body, World};
+
+fn random(seed: u64) -> impl FnMut() -> f64 {
+    let mut state = seed;
+    move || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 11) as f64 / (1_u64 << 53) as f64
+    }
+}
+
+/// Fourteen bodies that fall, spin and bounce on a plane.
+fn scene(seed: u64, restitution: f64, friction: f64) -> World {
+    let mut next = random(seed);
+    let mut materials = Materials::default();
+    for (k, density) in [10.0, 1000.0, 100_000.0].into_iter().enumerate() {
+        materials.add(&format!("m{k}"), density).unwrap();
+    }
+    for i in 0..3 {
+        for j in i..3 {
+            materials.set_pair(i, j, friction, restitution).unwrap();
+        }
+    }
+    let mut world = World::new(Vec3::new(0.0, 0.0, -G), materials).unwrap();
+    add_ground(&mut world, 0.0);
+    for k in 0..14 {
+        let size = 0.05 + 0.1 * next();
+        let geometry = match k % 4 {
+            0 => Geometry::sphere(size),
+            1 => Geometry::cuboid(Vec3::new(size, 0.7 * size, 0.5 * size)),
+            2 => Geometry::capsule(size, 0.5 * size),
+            _ => Geometry::cylinder(0.7 * size, 0.6 * size),
+        };
+        let geometry = world.add_geometry(geometry.unwrap());
+        let place = Vec3::new(0.35 * f64::from(k % 2), 0.35 * f64::from(k / 2 % 2), 0.3 + 0.35 * f64::from(k / 4));
+        let turn = Vec3::new(next(), next(), next()) * 3.0;
+        let material = (next() * 3.0) as u32;
+        world
+            .add_body(Body {
+                orientation: rotation_exponential(turn),
+                velocity: Vec3::new(next() - 0.5, next() - 0.5, -next()),
+                angular_velocity: 4.0 * Vec3::new(next() - 0.5, next() - 0.5, next() - 0.5),
+                ..Body::new(geometry, material, place)
+            })
+            .unwrap();
+    }
+    world
+}
+
+fn energy(world: &World) -> f64 {
+    let bodies = &world.bodies;
+    let height: f64 = (0..bodies.len()).map(|b| bodies.mass[b] * G * bodies.position[b].z).sum();
+    world.kinetic_energy() + height
+}
+
+fn worst_rise(seed: u64, restitution: f64, friction: f64, model: FrictionModel, steps: usize) -> f64 {
+    let mut world = scene(seed, restitution, friction);
+    let settings = StepSettings { step: 5e-3, envelope: 2e-3, friction: model, ..StepSettings::default() };
+    let mut stepper = Stepper::new(settings).unwrap();
+    let mut worst: f64 = 0.0;
+    for step in 0..steps {
+        let before = energy(&world);
+        let report = stepper.step(&mut world).unwrap();
+        let rise = (energy(&world) - before - report.correction_energy) / before.abs();
+        if rise > 1e-9 {
+            println!(
+                "seed {seed} e {restitution} mu {friction} {model:?} step {step}: {rise:.2e} of {before:.3} J, {} impacts, \
+                 {:?} residual {:.1e}, added {}",
+                report.impacts, report.solve.status, report.solve.residual.max, report.contacts_added
+            );
+        }
+        worst = worst.max(rise);
+    }
+    worst
+}
+
+#[test]
+fn energy_never_rises_without_a_drive() {
+    let mut worst: f64 = 0.0;
+    let mut seed = 0;
+    for restitution in [0.0, 0.5, 0.9, 1.0] {
+        for friction in [0.0, 0.3, 1.0] {
+            for model in BOTH {
+                seed += 1;
+                worst = worst.max(worst_rise(seed, restitution, friction, model, 400));
+            }
+        }
+    }
+    assert!(worst < 1e-9, "largest rise in a step: {worst:.1e} of the energy present");
+}
