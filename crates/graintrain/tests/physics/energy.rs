@@ -40,7 +40,8 @@ fn scene(seed: u64, restitution: f64, friction: f64) -> World {
             _ => Geometry::cylinder(0.7 * size, 0.6 * size),
         };
         let geometry = world.add_geometry(geometry.unwrap());
-        let place = Vec3::new(0.35 * f64::from(k % 2), 0.35 * f64::from(k / 2 % 2), 0.3 + 0.35 * f64::from(k / 4));
+        let place =
+            Vec3::new(0.35 * f64::from(k % 2), 0.35 * f64::from(k / 2 % 2), 0.3 + 0.35 * f64::from(k / 4));
         let turn = Vec3::new(next(), next(), next()) * 3.0;
         let material = (next() * 3.0) as u32;
         world

@@ -130,7 +130,7 @@ fn a17_momentum_balance_and_energy_ledger() {
     let step = 2e-3;
     let mut stepper = stepper(step, 5e-3, 1e-6, Relaxed);
     let (mut worst_momentum, mut worst_energy, mut contacts): (f64, f64, usize) = (0.0, 0.0, 0);
-    let mut turns = 0;
+    let (mut turns, mut with_impacts, mut balances) = (0, 0, 0);
     for _ in 0..400 {
         let before = world.clone();
         let free = free_velocity(&before, &velocities(&before), step);
@@ -139,9 +139,12 @@ fn a17_momentum_balance_and_energy_ledger() {
         let bodies = world.bodies.len();
         let (mut impulse, mut moment) = (vec![Vec3::ZERO; bodies], vec![Vec3::ZERO; bodies]);
         for (contact, &g) in world.contacts.contacts.iter().zip(&world.contacts.impulse) {
-            for (body, sign) in [(contact.body_a as usize, 1.0), (contact.body_b as usize, -1.0)] {
+            let [on_a, on_b] = contact.surface_points();
+            for (body, sign, point) in
+                [(contact.body_a as usize, 1.0, on_a), (contact.body_b as usize, -1.0, on_b)]
+            {
                 impulse[body] += sign * g;
-                moment[body] += (contact.point - before.bodies.position[body]).cross(sign * g);
+                moment[body] += (point - before.bodies.position[body]).cross(sign * g);
             }
         }
         let (mut change, mut work, mut kinetic) = (0.0, 0.0, 0.0);
@@ -164,6 +167,11 @@ fn a17_momentum_balance_and_energy_ledger() {
                 );
                 continue;
             }
+            // The gyroscopic term acts on the spin after impacts, which is not known here.
+            if report.impacts > 0 {
+                with_impacts += 1;
+                continue;
+            }
             // Energies with the orientation at the start of the step, where M is taken.
             let turn = before.bodies.orientation[body];
             let inertia = |w: Vec3| turn * (before.bodies.inertia[body] * (turn.conjugate() * w));
@@ -171,9 +179,12 @@ fn a17_momentum_balance_and_energy_ledger() {
             let gyroscopic = inertia(Vec3::from_slice(&free[6 * body + 3..]) - w0);
             // A turn that removes overlap takes the angular velocity with it: then only its length can be held against this.
             let balanced = w0
-                + turn * (before.bodies.inertia[body].inverse() * (turn.conjugate() * (gyroscopic + moment[body])));
+                + turn
+                    * (before.bodies.inertia[body].inverse()
+                        * (turn.conjugate() * (gyroscopic + moment[body])));
             let turned = report.overlap_corrected_max > 0.0 && (w - balanced).length() > 1e-12 * w.length();
             turns += usize::from(turned);
+            balances += 1;
             worst_momentum = worst_momentum.max((w.length() - balanced.length()).abs() / (1e-3 + w.length()));
             let w = if turned { balanced } else { w };
             let spin_balance = inertia(w - w0) - gyroscopic - moment[body];
@@ -186,15 +197,24 @@ fn a17_momentum_balance_and_energy_ledger() {
             work += 0.5 * (u + u0).dot(mass * step * before.gravity + impulse[body]);
             work += 0.5 * (w + w0).dot(gyroscopic + moment[body]);
         }
+        if report.impacts > 0 {
+            continue;
+        }
         worst_energy = worst_energy.max((change - work).abs() / kinetic.max(1e-6));
     }
     let blade = world.bodies.name.iter().position(|n| n == "blade").unwrap();
     let exact = 0.5 * (1.0 - (2.0 * std::f64::consts::PI * world.time).cos()) / (2.0 * std::f64::consts::PI);
     assert_close(world.bodies.position[blade].x, exact, 1e-13, "path of the blade");
     println!(
-        "A17: up to {contacts} contacts, {turns} turns by corrections, momentum {worst_momentum:.1e} m/s, energy {worst_energy:.1e} relative"
+        "A17: up to {contacts} contacts, {turns} of {balances} turned by corrections, {with_impacts} with impacts, momentum {worst_momentum:.1e} m/s, energy {worst_energy:.1e} relative"
     );
-    assert!(contacts > 60 && turns < 1000 && worst_momentum < 1e-12 && worst_energy < 1e-12);
+    assert!(
+        contacts > 60
+            && turns < balances / 10
+            && balances > 5000
+            && worst_momentum < 1e-12
+            && worst_energy < 1e-12
+    );
 }
 
 /// A18: frictionless, inelastic: energy never rises, momentum and angular momentum of a closed system stay.
