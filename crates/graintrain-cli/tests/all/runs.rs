@@ -302,3 +302,81 @@ fn the_tolerance_is_of_the_mean_or_of_the_worst_contact() {
     ended(graintrain(folder.path(), &["resume", "later", "--steps", "60", "--strict-max", "--quiet"]), 0);
     asked("later", true);
 }
+
+/// A run whose output nobody reads any more (`| head -1`, a closed terminal) goes on to its end, as does one that warns; commands
+/// that only print stop without a word.
+#[test]
+fn a_closed_pipe_ends_no_run() {
+    let folder = folder();
+    let commands: &[(&[&str], i32)] = &[
+        (&["run", "balls.toml", "--out", "a", "--steps", "20"], 0),
+        (&["run", "balls.toml", "--out", "b", "--set", "solver.max_iterations=2", "--tolerance", "1e-9"], 0),
+        (&["resume", "a", "--steps", "25"], 0),
+        (&["resume", "a"], 0),
+        (&["check", "balls.toml"], 0),
+        (&["scenes"], 0),
+        (&["solvers"], 0),
+        (&["man"], 0),
+        (&["completions", "bash"], 0),
+        (&["view", "a"], 0),
+        (&["render", "a", "--size", "80x64"], 0),
+        (&["--help"], 0),
+        (&["run", "missing.toml"], 2),
+    ];
+    for (arguments, code) in commands {
+        let [out, err] = [(), ()].map(|()| {
+            let (reader, writer) = std::io::pipe().unwrap();
+            drop(reader);
+            writer
+        });
+        let status = graintrain(folder.path(), arguments).stdout(out).stderr(err).status().unwrap();
+        assert_eq!(status.code(), Some(*code), "{arguments:?}");
+    }
+    let finished = |run: &str, steps: usize| {
+        assert_eq!(read(&folder.path().join(run).join("steps.csv")).lines().count(), 1 + steps);
+        assert!(read(&folder.path().join(run).join("summary.json")).contains("\"finished\""));
+    };
+    finished("a", 25);
+    finished("b", 60);
+}
+
+/// Where what a command was called for cannot be kept, it says so.
+#[test]
+#[cfg(target_os = "linux")]
+fn an_answer_that_cannot_be_written_is_a_failure() {
+    let folder = folder();
+    let mut command = graintrain(folder.path(), &["check", "balls.toml"]);
+    let full = std::fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
+    let child = command.stdout(full).stderr(Stdio::piped()).spawn().unwrap();
+    let (_, err) = told(child.wait_with_output().unwrap(), 1);
+    assert!(err.contains("cannot write to stdout"), "{err}");
+}
+
+/// Both treatments of overlap are told before a run, remembered by it, and differ; what a run found is in its summary.
+#[test]
+fn overlap_is_removed_as_the_scene_says() {
+    let folder = folder();
+    let (told, _) = ended(graintrain(folder.path(), &["check", "balls.toml"]), 0);
+    assert!(told.contains("removed by positions"), "{told}");
+    let summary = |out: &str, settings: &[&str]| -> serde_json::Value {
+        let mut arguments = vec!["run", "balls.toml", "--out", out, "--quiet"];
+        arguments.extend(settings);
+        ended(graintrain(folder.path(), &arguments), 0);
+        serde_json::from_str(&read(&folder.path().join(out).join("summary.json"))).unwrap()
+    };
+    let position = summary("position", &[]);
+    let velocity = summary("velocity", &["--set", "contact.overlap=velocity"]);
+    assert_eq!((&position["overlap"], &velocity["overlap"]), (&"position".into(), &"velocity".into()));
+    assert_eq!(velocity["correction_energy"], 0.0);
+    assert!(read(&folder.path().join("velocity/scene.toml")).contains("overlap = \"velocity\""));
+    for summary in [&position, &velocity] {
+        let number = |key: &str| summary[key].as_f64().unwrap_or_else(|| panic!("{key}: {summary}"));
+        // The tolerance of 1e-5 is relative to 0.05 m/s, and 20 times as much for the worst contact.
+        assert!((0.0..1e-4).contains(&number("velocity_error_max")), "{summary}");
+        assert!(number("overlap_per_step_max_over_radius") < 1e-5, "{summary}");
+        assert!(number("parts_max") >= 1.0 && number("friction_error_max") >= 0.0, "{summary}");
+        assert!(number("slip_angle_max") < 1.0, "{summary}");
+        assert_eq!((number("impacts"), number("contacts_missed")), (0.0, 0.0), "{summary}");
+        assert!(summary["contacts_missed_first_step"].is_null(), "{summary}");
+    }
+}
