@@ -134,7 +134,10 @@ impl Warnings {
     /// What is to be said of a step for the first time.
     fn at(&mut self, step: StepView<'_>) -> Vec<String> {
         let report = step.report;
+        // Gaps of contacts are those at the start of the step.
+        let before = step.world.contacts.contacts.iter().fold(0.0, |deepest: f64, c| deepest.max(-c.gap));
         let found = Found {
+            is_new: before < 0.5 * report.penetration_max,
             contacts_missed: report.contacts_missed,
             penetration: report.penetration_max_over_size,
             closing: report.errors.overlap_per_step_max_over_size,
@@ -175,26 +178,31 @@ impl Warnings {
             warnings.push(format!(
                 "{place}: two bodies overlap by {:.0} % of the smaller one's radius; what follows is not to be trusted. {}",
                 100.0 * found.penetration,
-                self.cause_of_overlap(found.closing)
+                self.cause_of_overlap(step, found)
             ));
         }
         warnings
     }
 
     /// What a run knows of where a deep overlap comes from, and what helps against that.
-    fn cause_of_overlap(&self, closing: f64) -> String {
+    fn cause_of_overlap(&self, step: u64, found: Found) -> String {
         match (self.passed, self.unsolved) {
             (Some(step), _) => {
                 format!("Bodies have passed into each other since step {step}: a shorter step (time.step) keeps them apart")
             }
             (None, Some(step)) => format!("Solves have missed their tolerance since step {step}, see there"),
-            (None, None) if closing > CLOSING => format!(
+            (None, None) if found.closing > CLOSING => format!(
                 "Velocities left over at contacts make {:.1} % in this step alone: a smaller --tolerance removes them",
-                100.0 * closing
+                100.0 * found.closing
             ),
+            (None, None) if found.is_new => "It arose in this step though its contacts were solved: the bodies turn or move too far within \
+                a step for contacts that are taken as flat. A shorter step (time.step) helps"
+                .to_string(),
+            (None, None) if step == 1 => {
+                "It was there at the start: see contact.allowed_overlap, and how the bodies are placed".to_string()
+            }
             (None, None) => {
-                "No solve has missed its tolerance and no contact was missed: look at the first frames for overlap from the start"
-                    .to_string()
+                "It has come about over several steps in which no solve missed its tolerance and no contact was missed".to_string()
             }
         }
     }
@@ -207,6 +215,8 @@ struct Found {
     contacts_missed: usize,
     /// Over the smaller body's size.
     penetration: f64,
+    /// Whether most of it was not there before the step.
+    is_new: bool,
     /// Overlap per step that remaining velocities make, over the smaller body's size.
     closing: f64,
 }
@@ -284,12 +294,13 @@ mod tests {
     #[test]
     fn deep_overlap_is_put_down_to_what_made_it() {
         let (good, bad) = (report(Status::Converged, 1e-5), report(Status::Stalled, 0.14));
-        let deep = Found { contacts_missed: 0, penetration: 0.9, closing: 1e-5 };
+        let deep = Found { penetration: 0.9, closing: 1e-5, ..Found::default() };
         let told = |solve: &SolveReport, found: Found| {
             Warnings::default().of(7, 0.1, solve, found).pop().expect("a warning")
         };
         let unknown = told(&good, deep);
         assert!(!unknown.contains("friction") && !unknown.contains("shorter step"), "{unknown}");
+        assert!(told(&good, Found { is_new: true, ..deep }).contains("too far within a step"));
         assert!(
             told(&good, Found { contacts_missed: 1, ..deep }).contains("passed into each other since step 7")
         );

@@ -380,3 +380,48 @@ fn overlap_is_removed_as_the_scene_says() {
         assert!(summary["contacts_missed_first_step"].is_null(), "{summary}");
     }
 }
+
+/// Bars that turn by more than a radian in a step and get into each other: the run says so in plain words, with the first step and
+/// what helps, and its summary and table agree.
+#[test]
+fn bodies_that_pass_through_each_other_are_told() {
+    let folder = folder();
+    let mut found = 0;
+    for seed in [5, 7, 9] {
+        let mut scene = "[time]\nstep = \"50 ms\"\nsteps = 20\n".to_string();
+        for k in 0..12_i32 {
+            let turn = |factor: i32| (factor * (k + seed)) % 181 - 90;
+            scene += &format!(
+                "[body.b{k}]\nshape = {{ box = {{ size = [1, 0.02, 0.02] }} }}\nposition = [{}, {}, {}]\n\
+                 angular_velocity = [{}, {}, {}]\n",
+                f64::from((7 * k) % 11) * 0.1 - 0.5,
+                f64::from((5 * k) % 11) * 0.1 - 0.5,
+                f64::from(k) * 0.06,
+                turn(37),
+                turn(59),
+                turn(83)
+            );
+        }
+        std::fs::write(folder.path().join("bars.toml"), scene).unwrap();
+        let arguments = ["run", "bars.toml", "--out", "bars", "--quiet", "--force"];
+        let (_, err) = ended(graintrain(folder.path(), &arguments), 0);
+        let summary: serde_json::Value =
+            serde_json::from_str(&read(&folder.path().join("bars/summary.json"))).unwrap();
+        let missed = summary["contacts_missed"].as_u64().unwrap();
+        let table = read(&folder.path().join("bars/steps.csv"));
+        let column =
+            table.lines().next().unwrap().split(',').position(|name| name == "contacts_missed").unwrap();
+        let counts: Vec<u64> =
+            table.lines().skip(1).map(|line| line.split(',').nth(column).unwrap().parse().unwrap()).collect();
+        assert_eq!(counts.iter().sum::<u64>(), missed);
+        let first = counts.iter().position(|count| *count > 0).map(|row| row as u64 + 1);
+        assert_eq!(summary["contacts_missed_first_step"].as_u64(), first);
+        assert_eq!(err.contains("passed into or through each other"), missed > 0, "{err}");
+        if let Some(first) = first {
+            found += 1;
+            assert!(err.contains(&format!("first in step {first}:")), "{err}");
+            assert!(err.contains("time.step='0.025 s'"), "{err}");
+        }
+    }
+    assert!(found > 0, "no pair was missed: this needs wilder bars");
+}
