@@ -55,6 +55,14 @@ def check_time(data, time, path):
     expect(field is not None and field.GetValue(0) == time, f"{path}: TimeValue is not {time}")
 
 
+def rotation(quaternions):
+    """Matrices of quaternions x y z w."""
+    x, y, z, w = quaternions.T
+    return numpy.array([[1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+                        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+                        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)]]).transpose(2, 0, 1)
+
+
 def check_bodies(folder):
     """Every body frame with VTK, then the whole series with OVITO against it."""
     from ovito.io import import_file
@@ -78,9 +86,11 @@ def check_bodies(folder):
         length = numpy.linalg.norm(arrays["quat"], axis=1)
         expect(numpy.allclose(length, 1, atol=1e-6), f"{files[0]}: quaternions are not normalised")
 
+        # With shapes of their own, OVITO's particles have no radius.
+        is_turned = data.GetPointData().HasArray("tensor")
         particles = pipeline.compute(number).particles
         expect(particles.count == points, f"OVITO frame {number}: {particles.count} particles, VTK has {points}")
-        for theirs, ours in (("Position", position), ("Radius", arrays["radius"]), ("Mass", arrays["mass"]),
+        for theirs, ours in (("Position", position), ("Radius", arrays["radius"] * (not is_turned)), ("Mass", arrays["mass"]),
                              ("Velocity", arrays["v"]), ("Angular Velocity", arrays["omega"]),
                              ("Force", arrays["f"]), ("Torque", arrays["tq"]),
                              ("Particle Identifier", arrays["id"])):
@@ -88,6 +98,16 @@ def check_bodies(folder):
             if theirs in particles:
                 expect(numpy.allclose(particles[theirs][...], ours, rtol=1e-6, atol=0),
                        f"OVITO frame {number}: {theirs} differs from VTK")
+        if is_turned:
+            half_axes = numpy.stack([array(data.GetPointData(), f"shape{axis}") for axis in "xyz"], axis=1)
+            expect(numpy.allclose(particles["Aspherical Shape"][...], half_axes, rtol=1e-6, atol=0),
+                   f"OVITO frame {number}: Aspherical Shape differs from VTK")
+            tensor = array(data.GetPointData(), "tensor").reshape(-1, 3, 3).transpose(0, 2, 1)
+            expect(numpy.allclose(rotation(particles["Orientation"][...]), tensor, atol=1e-6),
+                   f"OVITO frame {number}: Orientation is not the rotation of tensor")
+            for name in ("Orientation", "Aspherical Shape"):
+                # Arrays of these names without a type are what a user added, and are not drawn.
+                expect(particles[name].type_id != 0, f"OVITO frame {number}: {name} is not its own property")
         shown = pipeline.compute(number).attributes.get("Time")
         expect(shown is not None and abs(shown - time) <= 1e-12 * max(1, time), f"OVITO frame {number}: Time is {shown}")
     print(f"bodies    {len(series)} frames, {points} points")
@@ -166,12 +186,34 @@ def check_tables(folder):
         steps = list(csv.DictReader(file))
     summary = json.loads((folder / "summary.json").read_text())
     expect([int(row["step"]) for row in steps] == list(range(1, summary["steps"] + 1)), "steps.csv skips steps")
-    expect(not any(value in (None, "") for row in steps for value in row.values()), "steps.csv has empty fields")
+    columns = json.loads((folder / "columns.json").read_text())
+    for name, listed in columns.items():
+        if (folder / name).exists():
+            with open(folder / name, newline="") as file:
+                header = next(csv.reader(file))
+            expect(header == [column["name"] for column in listed], f"columns.json and {name} disagree")
+            expect(all(column["meaning"] for column in listed), f"columns.json leaves a column of {name} unexplained")
+    expect({path.name for path in folder.glob("*.csv")} <= set(columns), "columns.json lacks a table")
+    of_newton = {"newton_precompute_seconds", "newton_apply_seconds", "newton_condition", "rank_matrix", "rank_inverse",
+                 "compression_error"}
+    expect(not any(value in (None, "") for row in steps for name, value in row.items() if name not in of_newton),
+           "steps.csv has empty fields")
     expect(steps == [] or float(steps[-1]["time"]) == summary["simulated_seconds"], "the final times differ")
     for column in ["residual", "residual_rms", "residual_paper"]:
         worst = max((float(row[column]) for row in steps), default=0)
         found = summary[f"{column}_max"]
         expect(worst == found, f"{column}_max is {found}, steps.csv has {worst}")
+    for column, key in (("approach_max", "velocity_error_max"), ("cone_excess", "friction_error_max"),
+                        ("slip_angle", "slip_angle_max"), ("overlap_per_step", "overlap_per_step_max_over_radius"),
+                        ("penetration_over_size", "penetration_max_over_radius"), ("parts", "parts_max")):
+        worst = max((float(row[column]) for row in steps), default=0)
+        expect(worst == summary[key], f"{key} is {summary[key]}, steps.csv has {worst}")
+    for column, key in (("impacts", "impacts"), ("restitution_lowered", "restitution_lowered"),
+                        ("contacts_added", "contacts_added_after_solve"), ("contacts_missed", "contacts_missed")):
+        total = sum(int(row[column]) for row in steps)
+        expect(total == summary[key], f"{key} is {summary[key]}, steps.csv has {total}")
+    total = sum(float(row["correction_energy"]) for row in steps)
+    expect(abs(total - summary["correction_energy"]) <= 1e-12 * abs(total), "correction_energy differs from steps.csv")
     worst = summary["residual_max"]
     with open(folder / "wrench.csv", newline="") as file:
         records = list(csv.DictReader(file))

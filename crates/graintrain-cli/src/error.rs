@@ -1,5 +1,6 @@
 //! How commands fail: what is printed and with which exit code.
 
+use crate::terminal::tell;
 use std::process::ExitCode;
 
 /// Why a command could not do its work.
@@ -34,7 +35,7 @@ impl Failure {
             Self::Input(report) => (report, 2),
             Self::Work(report) => (report, 1),
         };
-        eprintln!("{report:?}");
+        tell!("{report:?}");
         ExitCode::from(code)
     }
 }

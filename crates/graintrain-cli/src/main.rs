@@ -3,6 +3,8 @@
 //! Exit codes: 0 done; 1 the work failed (or missed its tolerance under `--strict`); 2 bad input; 130 or 143 stopped by
 //! a signal after leaving things in order.
 
+#![warn(clippy::print_stdout, clippy::print_stderr)]
+
 mod command;
 mod error;
 mod evaluation;
@@ -12,6 +14,7 @@ mod scene_failure;
 mod session;
 mod signal;
 mod solving;
+mod terminal;
 mod threads;
 
 use clap::{CommandFactory, Parser};

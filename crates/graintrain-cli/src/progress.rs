@@ -2,7 +2,8 @@
 //! it is not; and warnings at the step where a run stops being what was asked for.
 
 use crate::solving::status_word;
-use graintrain_ccp::{FrictionModel, SolveReport, Status};
+use crate::terminal::tell;
+use graintrain_ccp::{SolveReport, Status};
 use graintrain_io::files::OutputError;
 use graintrain_io::run::{Observer, StepView};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
@@ -27,7 +28,7 @@ pub struct Progress {
 
 impl Progress {
     /// For a run at step `done` of `steps`; `quiet` draws no bar.
-    pub fn new(done: u64, steps: u64, quiet: bool, warnings: Warnings) -> Self {
+    pub fn new(done: u64, steps: u64, quiet: bool) -> Self {
         let bar = ProgressBar::with_draw_target(Some(steps), ProgressDrawTarget::hidden());
         // The template is a constant; were it faulty, the plain bar would do.
         if let Ok(style) = ProgressStyle::with_template(
@@ -38,17 +39,17 @@ impl Progress {
         bar.set_position(done);
         bar.reset_eta();
         let log = (!quiet && !std::io::stderr().is_terminal()).then(|| Log::new(done, LINE_EVERY));
-        Self { bar, warnings, start: Instant::now(), shown: quiet || log.is_some(), log }
+        Self { bar, warnings: Warnings::default(), start: Instant::now(), shown: quiet || log.is_some(), log }
     }
 }
 
 impl Observer for Progress {
     fn observe(&mut self, step: StepView<'_>) -> Result<(), OutputError> {
         for warning in self.warnings.at(step) {
-            self.bar.suspend(|| eprintln!("warning: {warning}"));
+            self.bar.suspend(|| tell!("warning: {warning}"));
         }
         if let Some(line) = self.log.as_mut().and_then(|log| log.line(step, self.bar.length())) {
-            eprintln!("{line}");
+            tell!("{line}");
         }
         self.bar.set_position(step.world.step);
         self.bar.set_message(format!(
@@ -111,35 +112,44 @@ impl Log {
     }
 }
 
-/// Tells, each once, of the first step whose solve missed its tolerance and of the first deep overlap.
+/// Tells, each once, of the first step whose solve missed its tolerance, of the first bodies that passed into each other and of the
+/// first deep overlap.
+#[derive(Default)]
 pub struct Warnings {
-    friction: FrictionModel,
-    /// Size of the smallest body, m; infinite where there is none.
-    radius: f64,
-    is_missed: bool,
+    /// The first step whose solve missed its tolerance.
+    unsolved: Option<u64>,
+    /// The first step in which bodies passed into each other.
+    passed: Option<u64>,
     is_deep: bool,
 }
 
-/// An overlap deeper than this part of the smallest radius is no resting contact.
+/// An overlap deeper than this part of the smaller body's size is no resting contact.
 const DEEP: f64 = 0.5;
 
-impl Warnings {
-    /// For a run with this friction, whose smallest body has this size, m.
-    pub fn new(friction: FrictionModel, radius: Option<f64>) -> Self {
-        let radius = radius.filter(|&radius| radius > 0.0).unwrap_or(f64::INFINITY);
-        Self { friction, radius, is_missed: false, is_deep: false }
-    }
+/// Where the velocities left over at a contact make more overlap than this in a step, relative to the smaller body's size, they are a
+/// cause of deep overlap.
+const CLOSING: f64 = 0.01;
 
+impl Warnings {
     /// What is to be said of a step for the first time.
     fn at(&mut self, step: StepView<'_>) -> Vec<String> {
-        self.of(step.world.step, step.world.time, &step.report.solve, step.report.penetration_max)
+        let report = step.report;
+        // Gaps of contacts are those at the start of the step.
+        let before = step.world.contacts.contacts.iter().fold(0.0, |deepest: f64, c| deepest.max(-c.gap));
+        let found = Found {
+            is_new: before < 0.5 * report.penetration_max,
+            contacts_missed: report.contacts_missed,
+            penetration: report.penetration_max_over_size,
+            closing: report.errors.overlap_per_step_max_over_size,
+        };
+        self.of(step.world.step, step.world.time, &report.solve, found)
     }
 
-    fn of(&mut self, step: u64, time: f64, solve: &SolveReport, penetration: f64) -> Vec<String> {
+    fn of(&mut self, step: u64, time: f64, solve: &SolveReport, found: Found) -> Vec<String> {
         let place = format!("step {step} (t = {time:.6} s)");
         let mut warnings = Vec::new();
-        if !solve.converged() && !self.is_missed {
-            self.is_missed = true;
+        if !solve.converged() && self.unsolved.is_none() {
+            self.unsolved = Some(step);
             let cause = match solve.status {
                 Status::Infeasible => {
                     "its contact problem has no solution (jammed bodies), the impulses of slightly compliant contacts are taken. Try a shorter step"
@@ -156,21 +166,66 @@ impl Warnings {
                 status_word(Some(solve.status))
             ));
         }
-        if penetration > DEEP * self.radius && !self.is_deep {
-            self.is_deep = true;
-            let advice = match self.friction {
-                FrictionModel::Relaxed => {
-                    "Relaxed friction parts sliding contacts by mu |slip| and throws wedged bodies where mu is large: try \
-                     --friction coulomb, or a shorter step"
-                }
-                FrictionModel::Coulomb => "Try a shorter step",
-            };
+        if found.contacts_missed > 0 && self.passed.is_none() {
+            self.passed = Some(step);
             warnings.push(format!(
-                "{place}: bodies overlap by {:.0} % of the smallest radius; what follows is not to be trusted. {advice}",
-                100.0 * penetration / self.radius
+                "{place}: {}, since no contact was found that keeps them apart. A shorter step does (time.step)",
+                passed(found.contacts_missed as u64)
+            ));
+        }
+        if found.penetration > DEEP && !self.is_deep {
+            self.is_deep = true;
+            warnings.push(format!(
+                "{place}: two bodies overlap by {:.0} % of the smaller one's radius; what follows is not to be trusted. {}",
+                100.0 * found.penetration,
+                self.cause_of_overlap(step, found)
             ));
         }
         warnings
+    }
+
+    /// What a run knows of where a deep overlap comes from, and what helps against that.
+    fn cause_of_overlap(&self, step: u64, found: Found) -> String {
+        match (self.passed, self.unsolved) {
+            (Some(step), _) => {
+                format!("Bodies have passed into each other since step {step}: a shorter step (time.step) keeps them apart")
+            }
+            (None, Some(step)) => format!("Solves have missed their tolerance since step {step}, see there"),
+            (None, None) if found.closing > CLOSING => format!(
+                "Velocities left over at contacts make {:.1} % in this step alone: a smaller --tolerance removes them",
+                100.0 * found.closing
+            ),
+            (None, None) if found.is_new => "It arose in this step though its contacts were solved: the bodies turn or move too far within \
+                a step for contacts that are taken as flat. A shorter step (time.step) helps"
+                .to_string(),
+            (None, None) if step == 1 => {
+                "It was there at the start: see contact.allowed_overlap, and how the bodies are placed".to_string()
+            }
+            (None, None) => {
+                "It has come about over several steps in which no solve missed its tolerance and no contact was missed".to_string()
+            }
+        }
+    }
+}
+
+/// What a step left behind, as far as warnings go.
+#[derive(Clone, Copy, Default)]
+struct Found {
+    /// Pairs of bodies.
+    contacts_missed: usize,
+    /// Over the smaller body's size.
+    penetration: f64,
+    /// Whether most of it was not there before the step.
+    is_new: bool,
+    /// Overlap per step that remaining velocities make, over the smaller body's size.
+    closing: f64,
+}
+
+/// So many pairs passed into each other, in words.
+pub fn passed(pairs: u64) -> String {
+    match pairs {
+        1 => "1 pair of bodies passed into or through each other".to_string(),
+        _ => format!("{pairs} pairs of bodies passed into or through each other"),
     }
 }
 
@@ -211,19 +266,46 @@ mod tests {
 
     #[test]
     fn each_kind_of_trouble_is_told_once_with_its_step_and_time() {
-        let mut warnings = Warnings::new(FrictionModel::Relaxed, Some(0.1));
+        let mut warnings = Warnings::default();
         let (good, bad) = (report(Status::Converged, 1e-5), report(Status::Stalled, 0.14));
-        assert!(warnings.of(1, 0.025, &good, 0.04).is_empty());
-        let deep = warnings.of(13, 0.325, &good, 0.076);
+        let overlap = |penetration: f64| Found { penetration, ..Found::default() };
+        assert!(warnings.of(1, 0.025, &good, overlap(0.4)).is_empty());
+        let deep = warnings.of(13, 0.325, &good, overlap(0.76));
         assert_eq!(deep.len(), 1);
         assert!(deep[0].contains("step 13 (t = 0.325") && deep[0].contains("76 %"), "{deep:?}");
-        assert!(deep[0].contains("--friction coulomb"), "{deep:?}");
-        let missed = warnings.of(14, 0.35, &bad, 0.2);
+        let missed = warnings.of(14, 0.35, &bad, overlap(2.0));
         assert_eq!(missed.len(), 1);
         assert!(
             missed[0].contains("step 14") && missed[0].contains("1.4e-1, rms 1.4e-1, stalled"),
             "{missed:?}"
         );
-        assert!(warnings.of(15, 0.375, &bad, 0.3).is_empty());
+        assert!(warnings.of(15, 0.375, &bad, overlap(3.0)).is_empty());
+        let through = warnings.of(16, 0.4, &bad, Found { contacts_missed: 3, ..overlap(3.0) });
+        assert_eq!(through.len(), 1);
+        assert!(
+            through[0].contains("step 16") && through[0].contains("3 pairs of bodies passed"),
+            "{through:?}"
+        );
+        assert!(through[0].contains("shorter step"), "{through:?}");
+        assert!(warnings.of(17, 0.425, &bad, Found { contacts_missed: 1, ..overlap(3.0) }).is_empty());
+    }
+
+    /// Neither the step nor friction is blamed for an overlap that has another cause.
+    #[test]
+    fn deep_overlap_is_put_down_to_what_made_it() {
+        let (good, bad) = (report(Status::Converged, 1e-5), report(Status::Stalled, 0.14));
+        let deep = Found { penetration: 0.9, closing: 1e-5, ..Found::default() };
+        let told = |solve: &SolveReport, found: Found| {
+            Warnings::default().of(7, 0.1, solve, found).pop().expect("a warning")
+        };
+        let unknown = told(&good, deep);
+        assert!(!unknown.contains("friction") && !unknown.contains("shorter step"), "{unknown}");
+        assert!(told(&good, Found { is_new: true, ..deep }).contains("too far within a step"));
+        assert!(
+            told(&good, Found { contacts_missed: 1, ..deep }).contains("passed into each other since step 7")
+        );
+        assert!(told(&bad, deep).contains("missed their tolerance since step 7"));
+        let left = told(&good, Found { closing: 0.034, ..deep });
+        assert!(left.contains("3.4 %") && left.contains("smaller --tolerance"), "{left}");
     }
 }

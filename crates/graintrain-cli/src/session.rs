@@ -1,12 +1,12 @@
 //! What `run` and `resume` share: making the steps, leaving things in order, telling how it went.
 
 use crate::error::Failure;
-use crate::progress::{Progress, Warnings};
+use crate::progress::{Progress, passed};
 use crate::signal::Stop;
+use crate::terminal::{say, tell};
 use crate::threads::with_threads;
 use graintrain_io::files::OutputError;
 use graintrain_io::output::recorder::Recorder;
-use graintrain_io::output::size::smallest_radius;
 use graintrain_io::output::summary::{RunStatus, Summary};
 use graintrain_io::run::{Ending, Observer, Run, RunError};
 use std::fmt::Write as _;
@@ -37,8 +37,7 @@ pub fn make_steps(
 ) -> Result<ExitCode, Failure> {
     run.strict = options.strict;
     let (ending, summary) = with_threads(options.threads, || {
-        let warnings = Warnings::new(run.settings.friction, smallest_radius(&run.world));
-        let mut progress = Progress::new(run.world.step, run.settings.steps, options.quiet, warnings);
+        let mut progress = Progress::new(run.world.step, run.settings.steps, options.quiet);
         let mut observers: Vec<&mut dyn Observer> = vec![&mut recorder, &mut progress];
         let ending = run.advance(&mut observers);
         drop(progress);
@@ -55,8 +54,9 @@ pub fn make_steps(
         Ok(_) => {
             let summary = summary.map_err(output_failure)?;
             warn_of_missed_tolerance(&summary);
+            warn_of_missed_contacts(&summary);
             if !options.quiet {
-                print!("{}", describe(&summary, folder));
+                say!("{}", describe(&summary, folder));
             }
             match summary.status {
                 RunStatus::Stopped => Ok(stop.exit_code().unwrap_or(ExitCode::SUCCESS)),
@@ -102,7 +102,7 @@ pub fn output_failure(error: OutputError) -> Failure {
 
 fn warn_of_missed_tolerance(summary: &Summary) {
     if summary.unconverged_steps > 0 {
-        eprintln!(
+        tell!(
             "warning: {} of {} steps missed the tolerance {:.0e}, the worst residual is {:.1e} (rms {:.1e}): see the columns status, \
              residual and residual_rms of steps.csv",
             summary.unconverged_steps,
@@ -110,6 +110,20 @@ fn warn_of_missed_tolerance(summary: &Summary) {
             summary.tolerance,
             summary.residual_max,
             summary.residual_rms_max
+        );
+    }
+}
+
+fn warn_of_missed_contacts(summary: &Summary) {
+    if summary.contacts_missed > 0 {
+        let first = summary
+            .contacts_missed_first_step
+            .map_or(String::new(), |step| format!(", first in step {step}"));
+        tell!(
+            "warning: {}{first}: no contact was found that keeps them apart. Use a shorter step, e.g. --set time.step='{} s'; the \
+             column contacts_missed of steps.csv has the steps",
+            passed(summary.contacts_missed),
+            0.5 * summary.step
         );
     }
 }
@@ -157,9 +171,20 @@ fn describe(summary: &Summary, folder: &Path) -> String {
     line(
         "penetration",
         format!(
-            "{:.2} % of the smallest radius in the last step, {:.2} % at most",
+            "{:.2} % of the smaller body's radius in the last step, {:.2} % at most",
             100.0 * summary.penetration_final_over_radius,
             100.0 * summary.penetration_max_over_radius
+        ),
+    );
+    line(
+        "errors",
+        format!(
+            "contacts still close at {:.1e} m/s at most ({:.1e} % of the smaller body's radius per step), friction is {:.1e} of the \
+             contact's force outside of its cone and {:.1e} rad off the slip",
+            summary.velocity_error_max,
+            100.0 * summary.overlap_per_step_max_over_radius,
+            summary.friction_error_max,
+            summary.slip_angle_max
         ),
     );
     line("energy", format!("{:.3e} J kinetic at the end", summary.kinetic_energy));

@@ -4,7 +4,8 @@ use crate::files::OutputError;
 use crate::process::cpu_seconds;
 use crate::scene::Simulation;
 use crate::settings::OutputSettings;
-use graintrain::stepper::{PhaseSeconds, StepError, StepReport, StepSettings, Stepper};
+use graintrain::assemble::OverlapCorrection;
+use graintrain::stepper::{PhaseSeconds, PhysicalErrors, StepError, StepReport, StepSettings, Stepper};
 use graintrain::world::World;
 use graintrain_ccp::{Ccp, FrictionModel, Judge};
 use serde::{Deserialize, Serialize};
@@ -31,6 +32,8 @@ pub struct RunSettings {
     pub max_iterations: Option<usize>,
     /// Relaxed or exact friction.
     pub friction: FrictionModel,
+    /// What becomes of overlap.
+    pub overlap: OverlapCorrection,
     /// Number of the last step.
     pub steps: u64,
     /// What is written.
@@ -52,6 +55,7 @@ impl RunSettings {
             judge: settings.judge,
             max_iterations: settings.max_iterations,
             friction: settings.friction,
+            overlap: settings.overlap,
             steps: simulation.steps,
             output: simulation.output.clone(),
             dump_problem_every,
@@ -88,15 +92,33 @@ pub struct RunTotals {
     pub residual_final: f64,
     /// Steps whose solve missed the tolerance.
     pub unconverged_steps: u64,
-    /// Deepest overlap, m.
-    pub penetration_max: f64,
-    /// Overlap in the last step, m.
-    pub penetration_final: f64,
+    /// Deepest overlap over the size of the smaller of both bodies.
+    pub penetration_max_over_size: f64,
+    /// The same in the last step.
+    pub penetration_final_over_size: f64,
+    /// The worst of each over the steps.
+    pub errors: PhysicalErrors,
+    /// Largest number of connected parts.
+    pub parts_max: usize,
+    /// Contacts that arrived with restitution, summed.
+    pub impacts: u64,
+    /// Connected parts in which restitution was lowered, summed.
+    pub restitution_lowered: u64,
+    /// Contacts that joined a problem after its solve, summed.
+    pub contacts_added: u64,
+    /// Pairs of bodies that passed into or through each other, summed.
+    pub contacts_missed: u64,
+    /// The first step with such a pair.
+    pub first_missed_step: Option<u64>,
+    /// Largest overlap that displacements worked on, m.
+    pub overlap_corrected_max: f64,
+    /// Energy that they gave to bodies against gravity, summed, J.
+    pub correction_energy: f64,
 }
 
 impl RunTotals {
-    /// Adds a step.
-    fn add(&mut self, report: &StepReport) {
+    /// Adds a step, which had this number.
+    fn add(&mut self, step: u64, report: &StepReport) {
         let phases = &report.phases;
         self.phases.collide += phases.collide;
         self.phases.assemble += phases.assemble;
@@ -110,8 +132,24 @@ impl RunTotals {
         self.residual_paper_max = self.residual_paper_max.max(report.solve.residual_paper);
         self.residual_final = report.solve.residual.max;
         self.unconverged_steps += u64::from(!report.solve.converged());
-        self.penetration_max = self.penetration_max.max(report.penetration_max);
-        self.penetration_final = report.penetration_max;
+        self.penetration_max_over_size = self.penetration_max_over_size.max(report.penetration_max_over_size);
+        self.penetration_final_over_size = report.penetration_max_over_size;
+        let (worst, errors) = (&mut self.errors, &report.errors);
+        worst.approach_max = worst.approach_max.max(errors.approach_max);
+        worst.overlap_per_step_max_over_size =
+            worst.overlap_per_step_max_over_size.max(errors.overlap_per_step_max_over_size);
+        worst.cone_excess_max = worst.cone_excess_max.max(errors.cone_excess_max);
+        worst.slip_angle_max = worst.slip_angle_max.max(errors.slip_angle_max);
+        self.parts_max = self.parts_max.max(report.parts);
+        self.impacts += report.impacts as u64;
+        self.restitution_lowered += report.restitution_lowered as u64;
+        self.contacts_added += report.contacts_added as u64;
+        self.contacts_missed += report.contacts_missed as u64;
+        if report.contacts_missed > 0 {
+            self.first_missed_step.get_or_insert(step);
+        }
+        self.overlap_corrected_max = self.overlap_corrected_max.max(report.overlap_corrected_max);
+        self.correction_energy += report.correction_energy;
     }
 }
 
@@ -218,7 +256,7 @@ impl Run {
             judge: settings.judge,
             max_iterations: settings.max_iterations,
             friction: settings.friction,
-            ..StepSettings::default()
+            overlap: settings.overlap,
         })?;
         stepper.stop_on(Arc::clone(&stop));
         Ok(Self { world, settings, totals, strict: false, stepper, stop })
@@ -244,7 +282,7 @@ impl Run {
                 Err(StepError::Stopped) => return Ok(Ending::Stopped),
                 result => result?,
             };
-            self.totals.add(&report);
+            self.totals.add(self.world.step, &report);
             session.count(&mut self.totals);
             let begin = Instant::now();
             for observer in &mut *observers {

@@ -2,8 +2,9 @@
 
 use crate::error::Failure;
 use crate::scene_failure::scene_failure;
+use crate::terminal::answer;
+use graintrain::assemble::OverlapCorrection;
 use graintrain_io::scene::{Scene, SceneError, Simulation, setting};
-use std::io::Write;
 use std::process::ExitCode;
 
 /// Validate a scene without running it, and say what would run
@@ -24,8 +25,7 @@ pub struct Arguments {
 
 pub fn execute(arguments: &Arguments) -> Result<ExitCode, Failure> {
     let report = check(arguments).map_err(scene_failure)?;
-    // A reader that stops early (`| head`) is no failure.
-    let _ = std::io::stdout().write_all(report.as_bytes());
+    answer(report)?;
     Ok(ExitCode::SUCCESS)
 }
 
@@ -63,7 +63,11 @@ fn summary(scene: &Scene, simulation: &Simulation) -> String {
     }
     let end = steps as f64 * settings.step;
     line("time", format!("{steps} steps of {} s, {end:.6} s in all", settings.step));
-    line("contacts", format!("envelope {:.4e} m", settings.envelope));
+    let overlap = match settings.overlap {
+        OverlapCorrection::Position => "positions (no velocity is made)",
+        OverlapCorrection::Velocity => "velocities (-gap / step, as in the paper)",
+    };
+    line("contacts", format!("envelope {:.4e} m, overlap is removed by {overlap}", settings.envelope));
     let limit =
         settings.max_iterations.map_or(String::new(), |limit| format!(", at most {limit} iterations"));
     let law = match settings.friction {

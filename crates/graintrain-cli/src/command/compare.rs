@@ -5,6 +5,7 @@ use crate::evaluation::Yardstick;
 use crate::profile;
 use crate::signal::Stop;
 use crate::solving::{self, Options, Record};
+use crate::terminal::{answer, say, tell};
 use crate::threads::with_threads;
 use graintrain_ccp::SolverSpec;
 use graintrain_ccp::solver::METHODS;
@@ -70,7 +71,8 @@ pub fn execute(arguments: &Arguments) -> Result<ExitCode, Failure> {
     progress.bar.finish_and_clear();
     let interrupted = stop.exit_code();
     if arguments.options.json {
-        println!("{}", serde_json::to_string_pretty(&records).unwrap_or_default());
+        let text = serde_json::to_string_pretty(&records).unwrap_or_default();
+        answer(text + "\n")?;
     } else if files.len() > 1 {
         print_summary(&records);
     }
@@ -80,11 +82,11 @@ pub fn execute(arguments: &Arguments) -> Result<ExitCode, Failure> {
         })?;
     }
     if let Some(code) = interrupted {
-        eprintln!("stopped after {} of {} solves", records.len(), files.len() * specs.len());
+        tell!("stopped after {} of {} solves", records.len(), files.len() * specs.len());
         return Ok(code);
     }
     if left_out > 0 {
-        eprintln!("{left_out} of {} files left out, see above", files.len() + left_out);
+        tell!("{left_out} of {} files left out, see above", files.len() + left_out);
         return Ok(ExitCode::from(2));
     }
     let missed = arguments.options.strict && records.iter().any(|record| !record.converged);
@@ -258,29 +260,36 @@ fn solve_all(
 
 /// The table of one problem; the fastest solver that converged is starred.
 fn print_problem(name: &str, file: &ProblemFile, records: &[Record]) {
-    println!("{name}\n  {}", solving::describe(file));
+    say!("{name}\n  {}\n", solving::describe(file));
     for note in file.notes() {
-        println!("  note: {note}");
+        say!("  note: {note}\n");
     }
     let fastest = records.iter().filter(|record| record.converged).map(Record::cost).reduce(f64::min);
     let width = records.iter().map(|record| record.solver.len()).max().unwrap_or(0).max(6);
-    println!(
-        "  {:<width$}  {:<15} {:>10} {:>8} {:>11}  {:>8}  {:>8}  {:>19}",
-        "solver", "status", "iterations", "linear", "time", "relaxed", "Coulomb", "objective, J"
+    say!(
+        "  {:<width$}  {:<15} {:>10} {:>8} {:>11}  {:>8}  {:>8}  {:>19}\n",
+        "solver",
+        "status",
+        "iterations",
+        "linear",
+        "time",
+        "relaxed",
+        "Coulomb",
+        "objective, J"
     );
     for record in records {
         let star = if record.converged && Some(record.cost()) == fastest { "*" } else { " " };
         if record.status.is_none() {
-            println!(
-                "  {:<width$}  {}",
+            say!(
+                "  {:<width$}  {}\n",
                 record.solver,
                 record.remark.as_deref().unwrap_or("cannot treat this problem")
             );
             continue;
         }
         let verdict = record.verdict();
-        println!(
-            "  {:<width$}  {verdict:<15} {:>10} {:>8} {:>11}{star} {:>8.1e}  {:>8.1e}  {:>19.12e}",
+        say!(
+            "  {:<width$}  {verdict:<15} {:>10} {:>8} {:>11}{star} {:>8.1e}  {:>8.1e}  {:>19.12e}\n",
             record.solver,
             record.iterations,
             record.linear_iterations,
@@ -290,19 +299,19 @@ fn print_problem(name: &str, file: &ProblemFile, records: &[Record]) {
             record.objective,
         );
     }
-    println!();
+    say!("\n");
 }
 
 /// How often each solver converged, and how its time compares with the fastest.
 fn print_summary(records: &[Record]) {
     let summary = profile::summary(records);
     let width = summary.iter().map(|line| line.solver.len()).max().unwrap_or(0).max(6);
-    println!("{:<width$}  {:>9}  {:>7}  time over the fastest", "solver", "converged", "fastest");
-    println!("{:<width$}  {:>9}  {:>7}  (geometric mean where converged)", "", "", "");
+    say!("{:<width$}  {:>9}  {:>7}  time over the fastest\n", "solver", "converged", "fastest");
+    say!("{:<width$}  {:>9}  {:>7}  (geometric mean where converged)\n", "", "", "");
     for line in summary {
         let ratio = line.mean_ratio.map_or("-".to_string(), |ratio| format!("{ratio:.2}"));
-        println!(
-            "{:<width$}  {:>9}  {:>7}  {ratio}",
+        say!(
+            "{:<width$}  {:>9}  {:>7}  {ratio}\n",
             line.solver,
             format!("{}/{}", line.converged, line.problems),
             line.fastest

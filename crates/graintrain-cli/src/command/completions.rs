@@ -1,8 +1,8 @@
 //! `graintrain completions`: what the Tab key offers.
 
 use crate::error::Failure;
+use crate::terminal::answer;
 use clap_complete::Shell;
-use std::io::Write;
 use std::process::ExitCode;
 
 /// Print a script that completes commands and options in a shell
@@ -18,6 +18,6 @@ pub struct Arguments {
 pub fn execute(arguments: &Arguments, mut program: clap::Command) -> Result<ExitCode, Failure> {
     let mut script = Vec::new();
     clap_complete::generate(arguments.shell, &mut program, "graintrain", &mut script);
-    std::io::stdout().write_all(&script).map_err(|error| Failure::work_error(error, ""))?;
+    answer(script)?;
     Ok(ExitCode::SUCCESS)
 }

@@ -1,8 +1,8 @@
 //! `graintrain man`: manual pages.
 
 use crate::error::Failure;
+use crate::terminal::answer;
 use graintrain_io::files::make_folder;
-use std::io::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -20,7 +20,7 @@ pub fn execute(arguments: &Arguments, program: clap::Command) -> Result<ExitCode
         None => {
             let mut page = Vec::new();
             clap_mangen::Man::new(program).render(&mut page).map_err(failed)?;
-            std::io::stdout().write_all(&page).map_err(failed)?;
+            answer(page)?;
         }
         Some(folder) => {
             make_folder(folder).map_err(|error| Failure::input_error(error, "choose another folder"))?;

@@ -1,6 +1,7 @@
 //! `graintrain render`: a picture of a moment of a run.
 
 use crate::error::Failure;
+use crate::terminal::{say, tell};
 use graintrain::world::World;
 use graintrain_io::checkpoint;
 use graintrain_io::files::write_atomically;
@@ -92,10 +93,10 @@ pub fn execute(arguments: &Arguments) -> Result<ExitCode, Failure> {
         let remedy = error.remedy();
         Failure::work_error(error, remedy)
     })?;
-    println!("{}: t = {:.3} s", out.display(), world.time);
+    say!("{}: t = {:.3} s\n", out.display(), world.time);
     // A frame is never further from its time than frames from each other, unless the time is outside of the run.
     if let Some(wanted) = arguments.time.filter(|wanted| (wanted - world.time).abs() > farthest) {
-        eprintln!("note: no frame is near {wanted} s; this is the nearest one");
+        tell!("note: no frame is near {wanted} s; this is the nearest one");
     }
     Ok(ExitCode::SUCCESS)
 }

@@ -3,6 +3,7 @@
 use crate::error::Failure;
 use crate::signal::Stop;
 use crate::solving::positive;
+use crate::terminal::{say, tell};
 use crate::threads::with_threads;
 use graintrain_lab::reproduce::claims::Verdict;
 use graintrain_lab::reproduce::report::reproduce;
@@ -87,7 +88,7 @@ pub fn execute(arguments: &Arguments) -> Result<ExitCode, Failure> {
     let report = match result {
         Ok(report) => report,
         Err(ReproduceError::Stopped) => {
-            eprintln!("stopped; the same command goes on from here");
+            tell!("stopped; the same command goes on from here");
             return Ok(stop.exit_code().unwrap_or(ExitCode::FAILURE));
         }
         Err(error) => {
@@ -104,18 +105,18 @@ pub fn execute(arguments: &Arguments) -> Result<ExitCode, Failure> {
             Verdict::Fails => "does not hold",
             Verdict::Open => "not decided  ",
         };
-        println!("{mark}  {}: {}\n               {}", claim.place, claim.statement, claim.evidence);
+        say!("{mark}  {}: {}\n               {}\n", claim.place, claim.statement, claim.evidence);
     }
     if report.damaged > 0 {
-        eprintln!(
+        tell!(
             "warning: {} lines of cells.jsonl could not be read; their cells were measured again, and the file as it was is \
              kept as cells.jsonl.damaged",
             report.damaged
         );
     }
     if !report.missing.is_empty() {
-        println!("missing in this build: {}", report.missing.join(", "));
+        say!("missing in this build: {}\n", report.missing.join(", "));
     }
-    println!("{}", report.page.display());
+    say!("{}\n", report.page.display());
     Ok(ExitCode::SUCCESS)
 }

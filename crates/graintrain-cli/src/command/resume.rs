@@ -3,6 +3,7 @@
 use crate::error::Failure;
 use crate::session::{SessionOptions, make_steps, output_failure};
 use crate::signal::Stop;
+use crate::terminal::{say, tell};
 use graintrain::ccp::Judge;
 use graintrain_io::checkpoint::{self, CheckpointError};
 use graintrain_io::output::recorder::Recorder;
@@ -50,7 +51,7 @@ pub fn execute(arguments: &Arguments) -> Result<ExitCode, Failure> {
         Failure::input_error(error, remedy)
     })?;
     for defect in defects {
-        eprintln!("warning: {defect}; an earlier checkpoint is used");
+        tell!("warning: {defect}; an earlier checkpoint is used");
     }
     let (mut settings, world) = (checkpoint.settings, checkpoint.world);
     settings.steps = match (arguments.steps, arguments.until) {
@@ -67,15 +68,16 @@ pub fn execute(arguments: &Arguments) -> Result<ExitCode, Failure> {
         settings.judge = Judge::Maximum;
     }
     if world.step >= settings.steps {
-        println!(
-            "nothing to do: the run has made {} of {} steps; --steps or --until take it further",
-            world.step, settings.steps
+        say!(
+            "nothing to do: the run has made {} of {} steps; --steps or --until take it further\n",
+            world.step,
+            settings.steps
         );
         return Ok(ExitCode::SUCCESS);
     }
     if !arguments.session.quiet {
-        println!(
-            "{}: {} bodies, going on after step {} of {} in {}",
+        say!(
+            "{}: {} bodies, going on after step {} of {} in {}\n",
             settings.scene,
             world.bodies.len(),
             world.step,

@@ -4,6 +4,7 @@ use crate::error::Failure;
 use crate::scene_failure::scene_failure;
 use crate::session::{SessionOptions, make_steps, output_failure};
 use crate::signal::Stop;
+use crate::terminal::say;
 use graintrain_io::output::recorder::{PrepareError, Recorder, prepare_folder};
 use graintrain_io::run::{Run, RunSettings, RunTotals};
 use graintrain_io::scene::{self, Scene};
@@ -35,7 +36,8 @@ pub struct Arguments {
     /// Contact solver (`graintrain solvers` lists them)
     #[arg(long, value_name = "NAME")]
     solver: Option<String>,
-    /// Residual at which the solver stops: its root mean square over the contacts, with 20 times that for the worst one
+    /// Residual at which the solver stops: its root mean square over the contacts, with 20 times that for the worst one. 1e-4: the
+    /// velocities left over at contacts are, in the root mean square, 1e-4 of |gravity| times the time step
     #[arg(long, value_name = "X")]
     tolerance: Option<String>,
     /// Ask the tolerance of the worst contact
@@ -106,8 +108,8 @@ pub fn execute(arguments: &Arguments) -> Result<ExitCode, Failure> {
         Failure::input_error(error, remedy)
     })?;
     if !arguments.session.quiet {
-        println!(
-            "{}: {} bodies, {} steps of {} s, {} to residual {:.0e} -> {}",
+        say!(
+            "{}: {} bodies, {} steps of {} s, {} to residual {:.0e} -> {}\n",
             settings.scene,
             simulation.world.bodies.len(),
             settings.steps,

@@ -2,8 +2,8 @@
 
 use crate::error::Failure;
 use crate::scene_failure::scene_failure;
+use crate::terminal::answer;
 use graintrain_io::scene::{SceneError, builtin};
-use std::io::Write;
 use std::process::ExitCode;
 
 /// List the built-in scenes, or print the file of one
@@ -26,7 +26,6 @@ pub fn execute(arguments: &Arguments) -> Result<ExitCode, Failure> {
             builtin::SCENES.iter().map(line).collect()
         }
     };
-    // A reader that stops early (`| head`) is no failure.
-    let _ = std::io::stdout().write_all(text.as_bytes());
+    answer(text)?;
     Ok(ExitCode::SUCCESS)
 }

@@ -4,6 +4,7 @@ use crate::error::Failure;
 use crate::evaluation::Yardstick;
 use crate::signal::Stop;
 use crate::solving::{self, Options, Outcome};
+use crate::terminal::{answer, tell};
 use crate::threads::with_threads;
 use graintrain_ccp::CcpError;
 use graintrain_io::problem_file::ProblemFile;
@@ -62,12 +63,13 @@ pub fn execute(arguments: &Arguments) -> Result<ExitCode, Failure> {
         write_solution(path, &outcome).map_err(|error| solving::unwritable(path, &error, WRITABLE))?;
     }
     if arguments.options.json {
-        println!("{}", serde_json::to_string_pretty(&outcome.record).unwrap_or_default());
+        let text = serde_json::to_string_pretty(&outcome.record).unwrap_or_default();
+        answer(text + "\n")?;
     } else {
-        print!("{}", table(&file, &outcome));
+        answer(table(&file, &outcome))?;
     }
     for note in file.notes() {
-        eprintln!("note: {note}");
+        tell!("note: {note}");
     }
     if let Some(code) = stop.exit_code() {
         return Ok(code);

@@ -1,6 +1,7 @@
 //! `graintrain solvers`: the solvers by name.
 
 use crate::error::Failure;
+use crate::terminal::answer;
 use graintrain_ccp::solver::METHODS;
 use std::process::ExitCode;
 
@@ -11,8 +12,7 @@ pub struct Arguments {}
 
 pub fn execute(_: &Arguments) -> Result<ExitCode, Failure> {
     let width = METHODS.iter().map(|method| method.name.len()).max().unwrap_or(0);
-    for method in METHODS {
-        println!("{:width$}  {}", method.name, method.about);
-    }
+    let lines = METHODS.iter().map(|method| format!("{:width$}  {}\n", method.name, method.about));
+    answer(lines.collect::<String>())?;
     Ok(ExitCode::SUCCESS)
 }

@@ -2,6 +2,7 @@
 
 use crate::error::Failure;
 use crate::signal::Stop;
+use crate::terminal::{say, tell};
 use graintrain_io::files::{make_folder, write_atomically};
 use graintrain_lab::verify::{Outcome, VerifyError, earth_pressure, granular, table, tier_a};
 use std::path::PathBuf;
@@ -29,7 +30,7 @@ pub struct Arguments {
 /// Makes the checks, prints and writes the table.
 pub fn execute(arguments: &Arguments) -> Result<ExitCode, Failure> {
     let stop = Stop::listen()?;
-    let told = |name: &str| eprintln!("{name} ...");
+    let told = |name: &str| tell!("{name} ...");
     let failed = |error: VerifyError| Failure::work_error(error, "");
     let output = |error: graintrain_io::files::OutputError| {
         let remedy = error.remedy();
@@ -46,7 +47,7 @@ pub fn execute(arguments: &Arguments) -> Result<ExitCode, Failure> {
         checks
     };
     let text = table(&checks);
-    print!("{text}");
+    say!("{text}");
     if let Some(folder) = &arguments.out {
         make_folder(folder).map_err(output)?;
         write_atomically(&folder.join("verification.md"), text.as_bytes()).map_err(output)?;

@@ -1,6 +1,7 @@
 //! `graintrain view`: a replay of a run.
 
 use crate::error::Failure;
+use crate::terminal::say;
 use graintrain_io::files::write_atomically;
 use graintrain_view::view::{RunFolder, ViewSettings, page};
 use std::path::PathBuf;
@@ -40,6 +41,6 @@ pub fn execute(arguments: &Arguments) -> Result<ExitCode, Failure> {
         let remedy = error.remedy();
         Failure::work_error(error, remedy)
     })?;
-    println!("{} ({:.1} MB)", path.display(), html.len() as f64 / 1e6);
+    say!("{} ({:.1} MB)\n", path.display(), html.len() as f64 / 1e6);
     Ok(ExitCode::SUCCESS)
 }

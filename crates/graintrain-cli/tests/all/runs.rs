@@ -302,3 +302,126 @@ fn the_tolerance_is_of_the_mean_or_of_the_worst_contact() {
     ended(graintrain(folder.path(), &["resume", "later", "--steps", "60", "--strict-max", "--quiet"]), 0);
     asked("later", true);
 }
+
+/// A run whose output nobody reads any more (`| head -1`, a closed terminal) goes on to its end, as does one that warns; commands
+/// that only print stop without a word.
+#[test]
+fn a_closed_pipe_ends_no_run() {
+    let folder = folder();
+    let commands: &[(&[&str], i32)] = &[
+        (&["run", "balls.toml", "--out", "a", "--steps", "20"], 0),
+        (&["run", "balls.toml", "--out", "b", "--set", "solver.max_iterations=2", "--tolerance", "1e-9"], 0),
+        (&["resume", "a", "--steps", "25"], 0),
+        (&["resume", "a"], 0),
+        (&["check", "balls.toml"], 0),
+        (&["scenes"], 0),
+        (&["solvers"], 0),
+        (&["man"], 0),
+        (&["completions", "bash"], 0),
+        (&["view", "a"], 0),
+        (&["render", "a", "--size", "80x64"], 0),
+        (&["--help"], 0),
+        (&["run", "missing.toml"], 2),
+    ];
+    for (arguments, code) in commands {
+        let [out, err] = [(), ()].map(|()| {
+            let (reader, writer) = std::io::pipe().unwrap();
+            drop(reader);
+            writer
+        });
+        let status = graintrain(folder.path(), arguments).stdout(out).stderr(err).status().unwrap();
+        assert_eq!(status.code(), Some(*code), "{arguments:?}");
+    }
+    let finished = |run: &str, steps: usize| {
+        assert_eq!(read(&folder.path().join(run).join("steps.csv")).lines().count(), 1 + steps);
+        assert!(read(&folder.path().join(run).join("summary.json")).contains("\"finished\""));
+    };
+    finished("a", 25);
+    finished("b", 60);
+}
+
+/// Where what a command was called for cannot be kept, it says so.
+#[test]
+#[cfg(target_os = "linux")]
+fn an_answer_that_cannot_be_written_is_a_failure() {
+    let folder = folder();
+    let mut command = graintrain(folder.path(), &["check", "balls.toml"]);
+    let full = std::fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
+    let child = command.stdout(full).stderr(Stdio::piped()).spawn().unwrap();
+    let (_, err) = told(child.wait_with_output().unwrap(), 1);
+    assert!(err.contains("cannot write to stdout"), "{err}");
+}
+
+/// Both treatments of overlap are told before a run, remembered by it, and differ; what a run found is in its summary.
+#[test]
+fn overlap_is_removed_as_the_scene_says() {
+    let folder = folder();
+    let (told, _) = ended(graintrain(folder.path(), &["check", "balls.toml"]), 0);
+    assert!(told.contains("removed by positions"), "{told}");
+    let summary = |out: &str, settings: &[&str]| -> serde_json::Value {
+        let mut arguments = vec!["run", "balls.toml", "--out", out, "--quiet"];
+        arguments.extend(settings);
+        ended(graintrain(folder.path(), &arguments), 0);
+        serde_json::from_str(&read(&folder.path().join(out).join("summary.json"))).unwrap()
+    };
+    let position = summary("position", &[]);
+    let velocity = summary("velocity", &["--set", "contact.overlap=velocity"]);
+    assert_eq!((&position["overlap"], &velocity["overlap"]), (&"position".into(), &"velocity".into()));
+    assert_eq!(velocity["correction_energy"], 0.0);
+    assert!(read(&folder.path().join("velocity/scene.toml")).contains("overlap = \"velocity\""));
+    for summary in [&position, &velocity] {
+        let number = |key: &str| summary[key].as_f64().unwrap_or_else(|| panic!("{key}: {summary}"));
+        // The tolerance of 1e-5 is relative to 0.05 m/s, and 20 times as much for the worst contact.
+        assert!((0.0..1e-4).contains(&number("velocity_error_max")), "{summary}");
+        assert!(number("overlap_per_step_max_over_radius") < 1e-5, "{summary}");
+        assert!(number("parts_max") >= 1.0 && number("friction_error_max") >= 0.0, "{summary}");
+        assert!(number("slip_angle_max") < 1.0, "{summary}");
+        assert_eq!((number("impacts"), number("contacts_missed")), (0.0, 0.0), "{summary}");
+        assert!(summary["contacts_missed_first_step"].is_null(), "{summary}");
+    }
+}
+
+/// Bars that turn by more than a radian in a step and get into each other: the run says so in plain words, with the first step and
+/// what helps, and its summary and table agree.
+#[test]
+fn bodies_that_pass_through_each_other_are_told() {
+    let folder = folder();
+    let mut found = 0;
+    for seed in [5, 7, 9] {
+        let mut scene = "[time]\nstep = \"50 ms\"\nsteps = 20\n".to_string();
+        for k in 0..12_i32 {
+            let turn = |factor: i32| (factor * (k + seed)) % 181 - 90;
+            scene += &format!(
+                "[body.b{k}]\nshape = {{ box = {{ size = [1, 0.02, 0.02] }} }}\nposition = [{}, {}, {}]\n\
+                 angular_velocity = [{}, {}, {}]\n",
+                f64::from((7 * k) % 11) * 0.1 - 0.5,
+                f64::from((5 * k) % 11) * 0.1 - 0.5,
+                f64::from(k) * 0.06,
+                turn(37),
+                turn(59),
+                turn(83)
+            );
+        }
+        std::fs::write(folder.path().join("bars.toml"), scene).unwrap();
+        let arguments = ["run", "bars.toml", "--out", "bars", "--quiet", "--force"];
+        let (_, err) = ended(graintrain(folder.path(), &arguments), 0);
+        let summary: serde_json::Value =
+            serde_json::from_str(&read(&folder.path().join("bars/summary.json"))).unwrap();
+        let missed = summary["contacts_missed"].as_u64().unwrap();
+        let table = read(&folder.path().join("bars/steps.csv"));
+        let column =
+            table.lines().next().unwrap().split(',').position(|name| name == "contacts_missed").unwrap();
+        let counts: Vec<u64> =
+            table.lines().skip(1).map(|line| line.split(',').nth(column).unwrap().parse().unwrap()).collect();
+        assert_eq!(counts.iter().sum::<u64>(), missed);
+        let first = counts.iter().position(|count| *count > 0).map(|row| row as u64 + 1);
+        assert_eq!(summary["contacts_missed_first_step"].as_u64(), first);
+        assert_eq!(err.contains("passed into or through each other"), missed > 0, "{err}");
+        if let Some(first) = first {
+            found += 1;
+            assert!(err.contains(&format!("first in step {first}:")), "{err}");
+            assert!(err.contains("time.step='0.025 s'"), "{err}");
+        }
+    }
+    assert!(found > 0, "no pair was missed: this needs wilder bars");
+}

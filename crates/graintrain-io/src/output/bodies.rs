@@ -2,7 +2,7 @@
 
 use super::size::inscribed_radius;
 use super::vtp::{Cells, DataArray, PolyData, Values};
-use graintrain::math::{Quat, Vec3};
+use graintrain::math::{Mat3, Quat, Vec3};
 use graintrain::shape::{Geometry, Shape};
 use graintrain::world::World;
 
@@ -58,16 +58,47 @@ struct Point {
     position: Vec3,
     radius: f64,
     kind: ShapeType,
+    half_axes: Vec3,
+    orientation: Quat,
+}
+
+/// A point of a geometry in its own frame.
+struct Template {
+    position: Vec3,
+    radius: f64,
+    kind: ShapeType,
+    /// Of an ellipsoid inside the shape, m.
+    half_axes: Vec3,
+    /// From the axes of the shape to those of the body.
+    orientation: Quat,
+}
+
+impl Template {
+    fn sphere(position: Vec3, radius: f64) -> Self {
+        let half_axes = Vec3::splat(radius);
+        Self { position, radius, kind: ShapeType::Sphere, half_axes, orientation: Quat::IDENTITY }
+    }
+}
+
+/// Half-axes of the largest ellipsoid inside a shape along its own axes, m; `None` for surfaces and half-spaces.
+fn half_axes(shape: &Shape) -> Option<Vec3> {
+    match shape {
+        Shape::Sphere { radius } => Some(Vec3::splat(*radius)),
+        Shape::Box { half } => Some(*half),
+        Shape::Capsule { half_length, radius } => Some(Vec3::new(*radius, *radius, half_length + radius)),
+        Shape::Cylinder { half_length, radius } => Some(Vec3::new(*radius, *radius, *half_length)),
+        Shape::Plane | Shape::Mesh { .. } => None,
+    }
 }
 
 /// Points of a geometry in its own frame with their radii: one per sphere, or, where there is none and the body can
 /// move (`free`), one at the centre with the radius of an inscribed ball, so that it hides inside the drawn surface.
-fn points_of(geometry: &Geometry, free: bool) -> Vec<(Vec3, f64, ShapeType)> {
+fn points_of(geometry: &Geometry, free: bool) -> Vec<Template> {
     let spheres: Vec<_> = geometry
         .parts
         .iter()
         .filter_map(|part| match part.shape {
-            Shape::Sphere { radius } => Some((part.position, radius, ShapeType::Sphere)),
+            Shape::Sphere { radius } => Some(Template::sphere(part.position, radius)),
             _ => None,
         })
         .collect();
@@ -87,7 +118,12 @@ fn points_of(geometry: &Geometry, free: bool) -> Vec<(Vec3, f64, ShapeType)> {
     };
     let radius =
         geometry.parts.iter().map(|part| inscribed_radius(&part.shape)).fold(f64::INFINITY, f64::min);
-    vec![(Vec3::ZERO, radius, kind)]
+    let turned = match geometry.parts.as_slice() {
+        [part] => half_axes(&part.shape).map(|half_axes| (half_axes, part.orientation)),
+        _ => None,
+    };
+    let (half_axes, orientation) = turned.unwrap_or((Vec3::splat(radius), Quat::IDENTITY));
+    vec![Template { position: Vec3::ZERO, radius, kind, half_axes, orientation }]
 }
 
 /// The frame: one point per sphere, plus one per other body with a degree of freedom. Walls, blades and mixers without
@@ -97,9 +133,13 @@ fn points_of(geometry: &Geometry, free: bool) -> Vec<(Vec3, f64, ShapeType)> {
 /// `type` (material), `shapetype`, `radius` (m), `mass` (kg, of the body), `v` (m/s, of the point), `omega` (rad/s),
 /// `quat` (x y z w), `f` (N) and `tq` (N m), the net contact force and torque on the body averaged over the step of
 /// length `step`, and `contacts`, its number of loaded contacts.
+///
+/// Where a free body is no sphere there are also `tensor` (rotation matrix from the axes of the shape to those of the world, column by
+/// column) and `shapex`, `shapey`, `shapez` (m, half-axes of an ellipsoid inside the shape): these are what OVITO's reader makes
+/// orientations and shapes of. It then sets its own radii to zero, which is why samples of spheres between plates go without.
 pub fn particles(world: &World, step: f64) -> PolyData {
     let bodies = &world.bodies;
-    let templates = |free: bool| -> Vec<Vec<(Vec3, f64, ShapeType)>> {
+    let templates = |free: bool| -> Vec<Vec<Template>> {
         world.geometries.iter().map(|geometry| points_of(geometry, free)).collect()
     };
     let (held, free) = (templates(false), templates(true));
@@ -107,9 +147,11 @@ pub fn particles(world: &World, step: f64) -> PolyData {
     for body in 0..bodies.len() {
         let can_move = !world.is_prescribed(body);
         let geometry = bodies.geometry[body] as usize;
-        for &(position, radius, kind) in if can_move { &free[geometry] } else { &held[geometry] } {
-            let position = bodies.position[body] + bodies.orientation[body] * position;
-            points.push(Point { body, position, radius, kind });
+        for template in if can_move { &free[geometry] } else { &held[geometry] } {
+            let &Template { radius, kind, half_axes, .. } = template;
+            let position = bodies.position[body] + bodies.orientation[body] * template.position;
+            let orientation = bodies.orientation[body] * template.orientation;
+            points.push(Point { body, position, radius, kind, half_axes, orientation });
         }
     }
     let mut next_id = bodies.len() as i64;
@@ -133,7 +175,7 @@ pub fn particles(world: &World, step: f64) -> PolyData {
     });
     let quaternion =
         points.iter().flat_map(|point| Quat::to_array(&bodies.orientation[point.body])).collect();
-    let point_data = vec![
+    let mut point_data = vec![
         DataArray::int64("id", id),
         DataArray::int32("type", points.iter().map(|point| bodies.material[point.body] as i32).collect()),
         DataArray::int32("shapetype", points.iter().map(|point| point.kind as i32).collect()),
@@ -147,10 +189,73 @@ pub fn particles(world: &World, step: f64) -> PolyData {
         DataArray::int32("contacts", points.iter().map(|point| loads.contacts[point.body]).collect()),
         DataArray::int64("body", points.iter().map(|point| point.body as i64).collect()),
     ];
+    if points.iter().any(|point| point.kind != ShapeType::Sphere && world.is_free(point.body)) {
+        let turned = |point: &Point| Mat3::from_quat(point.orientation).to_cols_array();
+        let tensor = Values::Real(points.iter().flat_map(turned).collect());
+        point_data.push(DataArray { name: "tensor", components: 9, values: tensor });
+        for (axis, name) in ["shapex", "shapey", "shapez"].into_iter().enumerate() {
+            let half_axes = points.iter().map(|point| point.half_axes[axis]).collect();
+            point_data.push(DataArray::scalar(name, half_axes));
+        }
+    }
     PolyData {
         points: points.iter().map(|point| point.position).collect(),
         cells: Cells::verts(points.len()),
         point_data,
         cell_data: Vec::new(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use graintrain::material::Materials;
+    use graintrain::shape::Part;
+    use graintrain::world::Body;
+
+    fn world(geometry: Geometry, orientation: Quat) -> World {
+        let materials = Materials::single("glass", 2500.0, 0.3, 0.0).unwrap();
+        let mut world = World::new(Vec3::ZERO, materials).unwrap();
+        let ball = world.add_geometry(Geometry::sphere(0.1).unwrap());
+        world.add_body(Body::new(ball, 0, Vec3::ZERO)).unwrap();
+        let geometry = world.add_geometry(geometry);
+        world.add_body(Body { orientation, ..Body::new(geometry, 0, Vec3::X) }).unwrap();
+        world
+    }
+
+    fn real<'a>(data: &'a PolyData, name: &str) -> Option<&'a [f64]> {
+        let array = data.point_data.iter().find(|array| array.name == name)?;
+        match &array.values {
+            Values::Real(values) => Some(values),
+            _ => None,
+        }
+    }
+
+    /// A capsule whose shape lies along x of a body that is turned by a quarter about z points along y.
+    #[test]
+    fn tensors_turn_shapes_to_where_they_are() {
+        let along_x = Part {
+            shape: Shape::Capsule { half_length: 0.3, radius: 0.1 },
+            position: Vec3::ZERO,
+            orientation: Quat::from_rotation_y(std::f64::consts::FRAC_PI_2),
+        };
+        let (geometry, centre) = Geometry::compound(vec![along_x]).unwrap();
+        assert!(centre.length() < 1e-12);
+        let quarter = Quat::from_rotation_z(std::f64::consts::FRAC_PI_2);
+        let data = particles(&world(geometry, quarter), 0.01);
+        let tensor = real(&data, "tensor").unwrap();
+        // The third column is where the capsule's own axis, z, points to.
+        let axis = Vec3::from_slice(&tensor[15..18]);
+        assert!(axis.cross(Vec3::Y).length() < 1e-12, "{axis}");
+        let half: Vec<f64> = ["shapex", "shapey", "shapez"].map(|name| real(&data, name).unwrap()[1]).into();
+        assert_eq!(half, [0.1, 0.1, 0.4]);
+        assert_eq!(real(&data, "shapez").unwrap()[0], 0.1);
+        assert_eq!(real(&data, "radius").unwrap(), [0.1, 0.1]);
+    }
+
+    #[test]
+    fn frames_of_spheres_are_spared_shapes() {
+        let data = particles(&world(Geometry::sphere(0.2).unwrap(), Quat::IDENTITY), 0.01);
+        assert!(real(&data, "tensor").is_none() && real(&data, "shapex").is_none());
     }
 }

@@ -5,11 +5,13 @@
 //! | [`recorder`] | the folder of a run: what is written when |
 //! | [`bodies`], [`surfaces`], [`contacts`] | a frame of each |
 //! | [`vtp`], [`vtm`], [`pvd`] | the file formats of frames and their list |
+//! | [`columns`] | what the columns of tables mean: `columns.json` |
 //! | [`tables`] | `steps.csv`, `wrench.csv` |
 //! | [`newton`] | `newton.csv` |
 //! | [`summary`] | `summary.json` |
 
 pub mod bodies;
+pub mod columns;
 pub mod contacts;
 pub mod newton;
 pub mod pvd;

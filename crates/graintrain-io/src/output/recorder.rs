@@ -48,6 +48,7 @@ const FILES: &[&str] = &[
     "steps.csv",
     "wrench.csv",
     "newton.csv",
+    "columns.json",
     "summary.json",
     "scene.toml",
 ];

@@ -54,6 +54,8 @@ pub struct Summary {
     pub strict_max: bool,
     /// Friction model.
     pub friction: graintrain_ccp::FrictionModel,
+    /// What became of overlap.
+    pub overlap: graintrain::assemble::OverlapCorrection,
     /// Time step, s.
     pub step: f64,
     /// Threads of the last session.
@@ -86,10 +88,34 @@ pub struct Summary {
     pub residual_final: f64,
     /// Steps whose solve missed the tolerance.
     pub unconverged_steps: u64,
-    /// Deepest overlap over the smallest radius of the bodies that forces can move.
+    /// Largest number of connected parts of the contact graph in a step.
+    pub parts_max: usize,
+    /// Largest velocity at which a contact still closed faster than its gap allowed, m/s.
+    pub velocity_error_max: f64,
+    /// The overlap that this made within a step, over the size of the smaller of both bodies.
+    pub overlap_per_step_max_over_radius: f64,
+    /// Largest excess of friction over mu times the normal force, relative to that contact's force.
+    pub friction_error_max: f64,
+    /// Largest angle between friction and the direction against the slip, rad.
+    pub slip_angle_max: f64,
+    /// Contacts that arrived with restitution.
+    pub impacts: u64,
+    /// Connected parts in which restitution was lowered, because it would have made energy.
+    pub restitution_lowered: u64,
+    /// Contacts that joined a step's problem after its solve, because their bodies would have met all the same.
+    pub contacts_added_after_solve: u64,
+    /// Pairs of bodies that passed into or through each other, since no contact kept them apart.
+    pub contacts_missed: u64,
+    /// The first step with such a pair.
+    pub contacts_missed_first_step: Option<u64>,
+    /// Deepest overlap at the end of a step over the size of the smaller of both bodies.
     pub penetration_max_over_radius: f64,
     /// The same for the last step alone.
     pub penetration_final_over_radius: f64,
+    /// Largest overlap that displacements worked on, over the smallest radius of the bodies that forces can move.
+    pub overlap_corrected_max_over_radius: f64,
+    /// Energy that these displacements gave to bodies against gravity, J.
+    pub correction_energy: f64,
     /// Kinetic energy at the end, J.
     pub kinetic_energy: f64,
     /// Largest resident memory of the process, bytes; null where the system does not tell.
@@ -101,7 +127,7 @@ pub struct Summary {
 impl Summary {
     /// The figures of a run so far.
     pub fn new(world: &World, settings: &RunSettings, totals: &RunTotals, status: RunStatus) -> Self {
-        // Without a movable body there is nothing to penetrate.
+        // Without a movable body there is nothing to correct.
         let radius = smallest_radius(world).filter(|&radius| radius > 0.0).unwrap_or(f64::INFINITY);
         Self {
             version: env!("CARGO_PKG_VERSION").to_string(),
@@ -111,6 +137,7 @@ impl Summary {
             tolerance: settings.tolerance,
             strict_max: settings.judge == graintrain_ccp::Judge::Maximum,
             friction: settings.friction,
+            overlap: settings.overlap,
             step: settings.step,
             threads: rayon::current_num_threads(),
             bodies: world.bodies.len(),
@@ -133,8 +160,20 @@ impl Summary {
             residual_paper_max: totals.residual_paper_max,
             residual_final: totals.residual_final,
             unconverged_steps: totals.unconverged_steps,
-            penetration_max_over_radius: totals.penetration_max / radius,
-            penetration_final_over_radius: totals.penetration_final / radius,
+            parts_max: totals.parts_max,
+            velocity_error_max: totals.errors.approach_max,
+            overlap_per_step_max_over_radius: totals.errors.overlap_per_step_max_over_size,
+            friction_error_max: totals.errors.cone_excess_max,
+            slip_angle_max: totals.errors.slip_angle_max,
+            impacts: totals.impacts,
+            restitution_lowered: totals.restitution_lowered,
+            contacts_added_after_solve: totals.contacts_added,
+            contacts_missed: totals.contacts_missed,
+            contacts_missed_first_step: totals.first_missed_step,
+            penetration_max_over_radius: totals.penetration_max_over_size,
+            penetration_final_over_radius: totals.penetration_final_over_size,
+            overlap_corrected_max_over_radius: totals.overlap_corrected_max / radius,
+            correction_energy: totals.correction_energy,
             kinetic_energy: world.kinetic_energy(),
             peak_memory_bytes: peak_memory_bytes(),
             state_hash: format!("{:016x}", world.state_hash()),

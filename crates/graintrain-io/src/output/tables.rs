@@ -1,28 +1,12 @@
 //! The tables of a run: `steps.csv`, one record per step, `wrench.csv`, one record per step and driven or held body, and
-//! `newton.csv`, one record per Newton iteration.
+//! `newton.csv`, one record per Newton iteration. [`columns`] names their columns.
 
-use super::newton::{NewtonTable, STEP_COLUMNS, step_cells};
+use super::columns::{self, STEPS, WRENCH, header};
+use super::newton::{NewtonTable, step_cells};
 use crate::files::{OutputError, Table};
 use graintrain::stepper::StepReport;
 use graintrain::world::World;
 use std::path::Path;
-
-/// The last column of `steps.csv`.
-const LAST: &str = "residual_paper";
-
-/// Columns of `steps.csv` before those of Newton methods. SI units; the pages of the documentation name them.
-const STEPS: &str = "step,time,contacts,contacts_with_force,solver,status,iterations,linear_iterations,\
-    residual,residual_rms,residual_relaxed,residual_coulomb,penetration_max,kinetic_energy,\
-    seconds_collide,seconds_assemble,seconds_solve,seconds_integrate,seconds_output";
-
-/// All columns of `steps.csv`.
-fn steps_header() -> String {
-    format!("{STEPS},{STEP_COLUMNS},{LAST}")
-}
-
-/// Columns of `wrench.csv`.
-const WRENCH: &str = "step,time,body,name,force_x,force_y,force_z,torque_x,torque_y,torque_z,\
-    x,y,z,velocity_x,velocity_y,velocity_z";
 
 /// The tables.
 #[derive(Debug)]
@@ -38,9 +22,10 @@ impl Tables {
     /// # Errors
     /// Where they cannot be written.
     pub fn create(folder: &Path) -> Result<Self, OutputError> {
+        columns::write(folder)?;
         Ok(Self {
-            steps: Table::create(folder.join("steps.csv"), &steps_header())?,
-            wrench: Table::create(folder.join("wrench.csv"), WRENCH)?,
+            steps: Table::create(folder.join("steps.csv"), &header(STEPS))?,
+            wrench: Table::create(folder.join("wrench.csv"), &header(WRENCH))?,
             newton: NewtonTable::create(folder),
         })
     }
@@ -50,9 +35,10 @@ impl Tables {
     /// # Errors
     /// Where they cannot be read or written.
     pub fn reopen(folder: &Path, last_step: u64) -> Result<Self, OutputError> {
+        columns::write(folder)?;
         Ok(Self {
-            steps: Table::reopen(folder.join("steps.csv"), &steps_header(), last_step)?,
-            wrench: Table::reopen(folder.join("wrench.csv"), WRENCH, last_step)?,
+            steps: Table::reopen(folder.join("steps.csv"), &header(STEPS), last_step)?,
+            wrench: Table::reopen(folder.join("wrench.csv"), &header(WRENCH), last_step)?,
             newton: NewtonTable::reopen(folder, last_step)?,
         })
     }
@@ -101,30 +87,44 @@ fn step_record(world: &World, report: &StepReport, output_seconds: f64) -> Strin
     let solve = &report.solve;
     // The name of a status is the one that it has in every other file.
     let status = serde_json::to_string(&solve.status).unwrap_or_default();
-    format!(
-        "{},{:?},{},{},{},{},{},{},{:?},{:?},{:?},{:?},{:?},{:?},{:?},{:?},{:?},{:?},{:?},{},{:?}",
-        world.step,
-        world.time,
-        report.contacts,
-        report.contacts_with_force,
+    let (errors, phases) = (&report.errors, &report.phases);
+    let real = |value: f64| format!("{value:?}");
+    [
+        world.step.to_string(),
+        real(world.time),
+        report.contacts.to_string(),
+        report.contacts_with_force.to_string(),
+        report.parts.to_string(),
         quoted(&solve.solver),
-        status.trim_matches('"'),
-        solve.iterations,
-        solve.linear_iterations,
-        solve.residual.max,
-        solve.residual.rms,
-        solve.residual_relaxed.max,
-        solve.residual_coulomb.max,
-        report.penetration_max,
-        report.kinetic_energy,
-        report.phases.collide,
-        report.phases.assemble,
-        report.phases.solve,
-        report.phases.integrate,
-        output_seconds,
+        status.trim_matches('"').to_string(),
+        solve.iterations.to_string(),
+        solve.linear_iterations.to_string(),
+        real(solve.residual.max),
+        real(solve.residual.rms),
+        real(solve.residual_relaxed.max),
+        real(solve.residual_coulomb.max),
+        real(errors.approach_max),
+        real(errors.overlap_per_step_max_over_size),
+        real(errors.cone_excess_max),
+        real(errors.slip_angle_max),
+        report.impacts.to_string(),
+        report.restitution_lowered.to_string(),
+        report.contacts_added.to_string(),
+        report.contacts_missed.to_string(),
+        real(report.penetration_max),
+        real(report.penetration_max_over_size),
+        real(report.overlap_corrected_max),
+        real(report.correction_energy),
+        real(report.kinetic_energy),
+        real(phases.collide),
+        real(phases.assemble),
+        real(phases.solve),
+        real(phases.integrate),
+        real(output_seconds),
         step_cells(&solve.newton),
-        solve.residual_paper,
-    )
+        real(solve.residual_paper),
+    ]
+    .join(",")
 }
 
 /// A text as a CSV field: in quotes where it holds a comma, quote or line break.

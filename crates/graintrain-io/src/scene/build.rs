@@ -84,7 +84,7 @@ impl Scene {
                 FrictionLaw::Relaxed => FrictionModel::Relaxed,
                 FrictionLaw::Coulomb => FrictionModel::Coulomb,
             },
-            ..StepSettings::default()
+            overlap: self.contact.overlap,
         };
         let whole_steps = |time: f64| ((time / self.time.step).round() as u64).max(1);
         let output = OutputSettings {

@@ -8,6 +8,7 @@ use super::reader::{Context, Range, Reader};
 use super::schema;
 use super::tree::{Node, Value};
 use crate::settings::Precision;
+use graintrain::assemble::OverlapCorrection;
 use graintrain::math::{Quat, Vec3};
 use graintrain::motion::Profile;
 use graintrain_ccp::{CcpError, SolverSpec};
@@ -87,12 +88,15 @@ fn contact(reader: Option<Reader>) -> Result<ContactSpec, SceneError> {
     let mut spec = ContactSpec {
         envelope: None,
         allowed_overlap: None,
+        overlap: OverlapCorrection::Position,
         friction_rule: PairRule::Minimum,
         restitution_rule: PairRule::Minimum,
     };
     if let Some(reader) = reader {
         spec.envelope = reader.quantity("envelope", Range::Positive)?;
         spec.allowed_overlap = reader.quantity("allowed_overlap", Range::NotNegative)?;
+        let schemes = &[("position", OverlapCorrection::Position), ("velocity", OverlapCorrection::Velocity)];
+        spec.overlap = reader.choice("overlap", schemes)?.unwrap_or(spec.overlap);
         spec.friction_rule = reader.choice("friction_rule", PairRule::NAMES)?.unwrap_or(spec.friction_rule);
         spec.restitution_rule =
             reader.choice("restitution_rule", PairRule::NAMES)?.unwrap_or(spec.restitution_rule);

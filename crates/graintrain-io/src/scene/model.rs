@@ -2,6 +2,7 @@
 
 use super::error::Location;
 use crate::settings::Precision;
+use graintrain::assemble::OverlapCorrection;
 use graintrain::math::{Quat, Vec3};
 use graintrain::motion::Profile;
 use serde::{Serialize, Serializer};
@@ -16,7 +17,7 @@ pub struct TimeSpec {
     pub steps: u64,
 }
 
-/// Contact detection; `None` until the builder knows the bodies.
+/// Contact detection and overlap; `None` until the builder knows the bodies.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ContactSpec {
     /// Contact envelope, m.
@@ -25,6 +26,8 @@ pub struct ContactSpec {
     /// Overlap accepted at the start, m.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub allowed_overlap: Option<f64>,
+    /// What becomes of overlap.
+    pub overlap: OverlapCorrection,
     /// Friction of pairs that are not named.
     pub friction_rule: PairRule,
     /// Restitution of pairs that are not named.

@@ -1,19 +1,23 @@
 //! Outputs and checkpoints of hand-made worlds.
 
+use graintrain::assemble::OverlapCorrection;
+use graintrain::ccp::newton::NewtonRecord;
 use graintrain::ccp::{FrictionModel, Residual, SolveReport, Status};
 use graintrain::contact::{Contact, ContactSet};
 use graintrain::material::Materials;
 use graintrain::math::{Quat, Vec3};
 use graintrain::motion::{Motion, Profile};
 use graintrain::shape::{Geometry, Part, Shape};
-use graintrain::stepper::{PhaseSeconds, StepReport, Wrench};
+use graintrain::stepper::{PhaseSeconds, PhysicalErrors, StepReport, Wrench};
 use graintrain::world::{Body, World};
 use graintrain_io::checkpoint::{self, CheckpointError};
 use graintrain_io::output::OutputSettings;
+use graintrain_io::output::columns::{Column, NEWTON, STEPS, WRENCH};
 use graintrain_io::output::recorder::{PrepareError, Recorder, prepare_folder};
 use graintrain_io::output::summary::{RunStatus, Summary};
 use graintrain_io::output::vtp::Precision;
 use graintrain_io::run::{Observer, RunSettings, RunTotals, StepView};
+use std::collections::HashSet;
 use std::path::Path;
 
 /// Two spheres, a dumb-bell, a box and a capsule that move, on a plane, beside a fixed wall and a turning cylinder.
@@ -82,6 +86,7 @@ fn advance(world: &mut World, settings: &RunSettings) -> StepReport {
     StepReport {
         contacts: 3,
         contacts_with_force: 2,
+        parts: 1,
         solve: SolveReport {
             solver: "apgd".into(),
             status: Status::Converged,
@@ -98,6 +103,19 @@ fn advance(world: &mut World, settings: &RunSettings) -> StepReport {
             remark: None,
         },
         penetration_max: 1e-5,
+        penetration_max_over_size: 1e-4,
+        errors: PhysicalErrors {
+            approach_max: 2e-6,
+            overlap_per_step_max_over_size: 3e-7,
+            cone_excess_max: 4e-3,
+            slip_angle_max: 5e-2,
+        },
+        impacts: 3,
+        restitution_lowered: 1,
+        contacts_added: 2,
+        contacts_missed: 1,
+        overlap_corrected_max: 6e-6,
+        correction_energy: 7e-5,
         kinetic_energy: world.kinetic_energy(),
         phases: PhaseSeconds { collide: 0.1, assemble: 0.2, solve: 0.3, integrate: 0.4 },
         wrenches: vec![
@@ -118,6 +136,7 @@ fn settings() -> RunSettings {
         judge: graintrain::ccp::Judge::Mixed,
         max_iterations: None,
         friction: FrictionModel::Relaxed,
+        overlap: OverlapCorrection::Position,
         steps: 5,
         output: OutputSettings {
             every: 2,
@@ -180,12 +199,61 @@ fn a_recorded_run_has_all_files() {
     assert_eq!(rows[3][column("status")], "converged");
     assert_eq!(rows[3][column("residual")].parse::<f64>().unwrap(), 3e-5);
     assert_eq!(rows[3][column("seconds_integrate")], "0.4");
+    assert_eq!(rows[3][column("parts")], "1");
+    assert_eq!(rows[3][column("slip_angle")], "0.05");
+    assert_eq!(rows[3][column("penetration_over_size")], "0.0001");
+    assert_eq!(rows[3][column("correction_energy")], "7e-5");
     let wrench = read(folder, "wrench.csv");
     assert_eq!(wrench.lines().count(), 1 + 5 * 3);
     assert!(wrench.contains(",6,\"wall, left\",0.0,0.0,0.0,"), "{wrench}");
     let summary: Summary = serde_json::from_str(&read(folder, "summary.json")).unwrap();
     assert_eq!((summary.steps, summary.status), (5, RunStatus::Finished));
     assert_eq!(summary.state_hash, format!("{:016x}", world.state_hash()));
+}
+
+/// `columns.json` names exactly the columns of every table, in their order, each with a meaning.
+#[test]
+fn columns_are_explained_beside_the_tables() {
+    let folder = tempfile::tempdir().unwrap();
+    let (settings, mut world) = (settings(), world());
+    let mut recorder = Recorder::begin(folder.path(), &settings, &world, "").unwrap();
+    let mut report = advance(&mut world, &settings);
+    report.solve.newton.push(NewtonRecord::default());
+    recorder.observe(view(&world, &report, &RunTotals::default())).unwrap();
+    let columns: serde_json::Value = serde_json::from_str(&read(folder.path(), "columns.json")).unwrap();
+    let tables = columns.as_object().unwrap();
+    let files = std::fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().file_name());
+    let mut files: Vec<String> = files.map(|name| name.into_string().unwrap()).collect();
+    files.retain(|name| name.ends_with(".csv"));
+    files.sort();
+    assert_eq!(files, ["newton.csv", "steps.csv", "wrench.csv"]);
+    assert_eq!(tables.len(), files.len());
+    for file in &files {
+        let text = read(folder.path(), file);
+        let header: Vec<&str> = text.lines().next().unwrap().split(',').collect();
+        let listed = tables[file].as_array().unwrap();
+        let names: Vec<&str> = listed.iter().map(|column| column["name"].as_str().unwrap()).collect();
+        assert_eq!(names, header, "{file}");
+        assert_eq!(text.lines().nth(1).unwrap().split(',').count(), header.len(), "{file}");
+        assert!(listed.iter().all(|column| column["unit"].is_string() && column["meaning"] != ""));
+    }
+}
+
+/// Every column has a name of its own, and `docs/output.md` names it.
+#[test]
+fn the_page_on_outputs_names_every_column() {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/output.md");
+    let page = std::fs::read_to_string(path).unwrap();
+    for columns in [STEPS, WRENCH, NEWTON] {
+        let names: HashSet<&str> = columns.iter().map(|column| column.name).collect();
+        assert_eq!(names.len(), columns.len());
+        for Column { name, meaning, .. } in columns {
+            assert!(!meaning.is_empty() && !meaning.contains('\n'), "{name}");
+            let axes = name.strip_suffix(['x', 'y', 'z']).filter(|stem| stem.ends_with('_'));
+            let shown = axes.map_or(format!("`{name}`"), |stem| format!("`{stem}x/y/z`"));
+            assert!(page.contains(&shown), "docs/output.md lacks {shown}");
+        }
+    }
 }
 
 #[test]

@@ -1,5 +1,6 @@
 //! Runs that stop, are killed, fail and go on.
 
+use graintrain::assemble::OverlapCorrection;
 use graintrain::ccp::{FrictionModel, Judge};
 use graintrain::material::Materials;
 use graintrain::math::Vec3;
@@ -55,6 +56,7 @@ fn settings(steps: u64) -> RunSettings {
         judge: Judge::Maximum,
         max_iterations: None,
         friction: FrictionModel::Relaxed,
+        overlap: OverlapCorrection::Position,
         steps,
         output: OutputSettings {
             every: 4,

@@ -226,7 +226,12 @@ impl Simulate {
     /// The scene with what differs from the paper.
     fn scene(&self) -> Result<Scene, ReproduceError> {
         let set = |key: &str, value: &str| (key.to_string(), value.to_string());
-        let mut settings = vec![set("n", &self.n.to_string()), set("seed", &self.seed.to_string())];
+        // Overlap is removed as in the paper, whatever the default has become.
+        let mut settings = vec![
+            set("n", &self.n.to_string()),
+            set("seed", &self.seed.to_string()),
+            set("contact.overlap", "velocity"),
+        ];
         let name = self.experiment.scene();
         match self.variant {
             Variant::Paper => {}

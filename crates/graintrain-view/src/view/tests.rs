@@ -2,6 +2,7 @@ use super::pack::{Frame, Ranges};
 use super::*;
 use base64::Engine;
 use flate2::read::GzDecoder;
+use graintrain::assemble::OverlapCorrection;
 use graintrain::material::Materials;
 use graintrain::math::{Quat, Vec3};
 use graintrain::motion::{Motion, Profile};
@@ -72,6 +73,7 @@ fn run_into(folder: &std::path::Path, steps: u64) -> Vec<World> {
         judge: graintrain_ccp::Judge::Mixed,
         max_iterations: None,
         friction: FrictionModel::Relaxed,
+        overlap: OverlapCorrection::Position,
         steps,
         dump_problem_every: None,
         output: OutputSettings {

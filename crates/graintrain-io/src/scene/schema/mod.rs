@@ -170,7 +170,7 @@ pub static SCENE: Table = Table {
             Kind::Table(&CONTACT),
             "its keys' defaults",
             "{ envelope = \"1 mm\" }",
-            "Contact detection",
+            "Contact detection, overlap",
         ),
         key("solver", Kind::Table(&SOLVER), "its keys' defaults", "{ tolerance = 1e-5 }", "Contact solver"),
         key("output", Kind::Table(&OUTPUT), "its keys' defaults", "{ every = \"0.1 s\" }", "What is written"),
@@ -240,6 +240,14 @@ static CONTACT: Table = Table {
             "Overlap accepted at the start",
         ),
         key(
+            "overlap",
+            Text,
+            "\"position\"",
+            "\"velocity\"",
+            "How overlap is removed: position (bodies are displaced, which makes no kinetic energy) or velocity (they part with \
+             -gap / step and keep it: the paper's scheme)",
+        ),
+        key(
             "friction_rule",
             Text,
             "\"minimum\"",
@@ -260,7 +268,8 @@ static SOLVER: Table = Table {
             Quantity(D::NONE),
             "1e-4",
             "1e-5",
-            "Residual at which it stops: its root mean square, with 20 times that for the worst contact",
+            "Residual at which it stops: its root mean square, with 20 times that for the worst contact. 1e-4: the velocities left \
+             over at contacts are, in the root mean square, 1e-4 of gravity times step",
         ),
         key("strict_max", Flag, "false", "true", "Whether the worst contact has to reach the tolerance"),
         key("max_iterations", Count, "the solver's own", "2000", "Iteration limit"),
