@@ -92,6 +92,9 @@ impl ImpactSolver<'_> {
         }
         let friction = pair_property(world, of.contacts, |a, b| world.materials.pair_friction(a, b));
         let slow = RESTING * world.gravity.length() * step;
+        let rows: Vec<RigidContact> =
+            of.rows.iter().zip(of.contacts).map(|(row, c)| arrived(row, c)).collect();
+        let of = Rows { rows: &rows, ..of };
         for pass in 0..=PASSES {
             let free = free_velocity(world, &found.velocity, step);
             let now = relative_velocities(of.contacts, of.rows, &with_driven(world, &found.velocity, &free));
@@ -181,6 +184,18 @@ impl ImpactSolver<'_> {
         let report = self.solver.solve(problem, &mut g, &settings)?;
         Ok((report.status != Status::Stopped).then_some(g))
     }
+}
+
+/// The row of a contact with the arms that it has when the bodies touch, where they still have a gap to close: from each centre to the
+/// own surface. Half a gap more would change the spin that friction gives with the phase of arrival.
+fn arrived(row: &RigidContact, contact: &Contact) -> RigidContact {
+    if contact.gap <= 0.0 || contact.lead != Vec3::ZERO {
+        return *row;
+    }
+    let half = 0.5 * contact.gap * contact.normal;
+    let arm_a = Vec3::from_array(row.arm_a) + half;
+    let arm_b = Vec3::from_array(row.arm_b) - half;
+    RigidContact { arm_a: arm_a.to_array(), arm_b: arm_b.to_array(), ..*row }
 }
 
 /// Velocities with those of prescribed degrees of freedom taken from `free`: the ones that hold during this step.

@@ -17,7 +17,7 @@
 
 use crate::parts::{Part, parts};
 use graintrain_ccp::{
-    BodyInverseMass, Ccp, CcpError, CcpSolver, Delassus, Judge, RigidContact, SolveSettings,
+    BodyInverseMass, Ccp, CcpError, CcpSolver, Delassus, FIXED, Judge, RigidContact, SolveSettings,
 };
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -36,6 +36,9 @@ const PER_STEP: f64 = 0.2;
 /// Overlap beyond this fraction of the size is an accident. A fraction of it is removed per step, however short that is.
 const ACCIDENT: f64 = 1e-2;
 const ACCIDENT_SHARE: f64 = 0.2;
+
+/// A correction moves the bodies of the contacts that need it and those up to so many contacts away; the others hold still.
+const RINGS: usize = 2;
 
 /// Iterations of a correction; what is left is for the next step.
 const ITERATIONS: usize = 40;
@@ -102,18 +105,45 @@ impl Gaps<'_> {
         }
         (correction.overlap_max, correction.overlap_max_over_size) = (-self.gap[worst.0], worst.1);
         let mut displacement = vec![0.0; 6 * self.inverse_mass.len()];
-        for part in parts(self.rows, 0..self.gap.len() as u32, self.inverse_mass.len()) {
-            if part.contacts.iter().any(|&i| self.overlap_over_size(i) > TRIGGER) {
-                self.correct_part(&part, solver, stop, &mut displacement)?;
-            }
+        let moving = self.neighbourhood();
+        let held = |body: u32| if body != FIXED && moving[body as usize] { body } else { FIXED };
+        let rows: Vec<RigidContact> = self
+            .rows
+            .iter()
+            .map(|row| RigidContact { body_a: held(row.body_a), body_b: held(row.body_b), ..*row })
+            .collect();
+        let chosen: Vec<u32> = (0..rows.len() as u32)
+            .filter(|&i| rows[i as usize].body_a != FIXED || rows[i as usize].body_b != FIXED)
+            .collect();
+        for part in parts(&rows, chosen.iter().copied(), moving.len()) {
+            self.correct_part(&part, &rows, solver, stop, &mut displacement)?;
         }
         correction.displacement = Some(displacement);
         Ok(correction)
     }
 
+    /// Which bodies a correction may move.
+    fn neighbourhood(&self) -> Vec<bool> {
+        let mut moving = vec![false; self.inverse_mass.len()];
+        for ring in 0..=RINGS {
+            let before = moving.clone();
+            let reached = |body: u32| body != FIXED && before[body as usize];
+            for (i, row) in self.rows.iter().enumerate() {
+                let starts = ring == 0 && self.overlap_over_size(i as u32) > 0.5 * TRIGGER;
+                if starts || reached(row.body_a) || reached(row.body_b) {
+                    for body in [row.body_a, row.body_b].into_iter().filter(|&body| body != FIXED) {
+                        moving[body as usize] = true;
+                    }
+                }
+            }
+        }
+        moving
+    }
+
     fn correct_part(
         &self,
         part: &Part,
+        rows: &[RigidContact],
         solver: &mut dyn CcpSolver,
         stop: Option<&Arc<AtomicBool>>,
         displacement: &mut [f64],
@@ -121,7 +151,7 @@ impl Gaps<'_> {
         let r: Vec<f64> = part.contacts.iter().flat_map(|&i| [self.room(i), 0.0, 0.0]).collect();
         let least = part.contacts.iter().map(|&i| KEPT * self.size[i as usize]).fold(f64::INFINITY, f64::min);
         let problem = Ccp {
-            delassus: Delassus::Rigid(part.delassus(self.rows, self.inverse_mass)),
+            delassus: Delassus::Rigid(part.delassus(rows, self.inverse_mass)),
             friction: vec![0.0; part.contacts.len()],
             r,
             // Lengths take the place of velocities.

@@ -211,7 +211,7 @@ fn a17_momentum_balance_and_energy_ledger() {
     assert!(
         contacts > 60
             && turns < balances / 10
-            && balances > 5000
+            && balances > 1000
             && worst_momentum < 1e-12
             && worst_energy < 1e-12
     );

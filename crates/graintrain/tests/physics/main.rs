@@ -8,3 +8,4 @@ mod packings;
 mod rotation;
 mod statics;
 mod support;
+mod trust;
