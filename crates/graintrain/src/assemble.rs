@@ -46,7 +46,10 @@ pub fn contact_rows(world: &World, contacts: &[Contact]) -> Vec<RigidContact> {
 pub fn relative_velocities(contacts: &[Contact], rows: &[RigidContact], velocity: &[f64]) -> Vec<f64> {
     let mut u = vec![0.0; 3 * contacts.len()];
     u.par_chunks_mut(3).zip(contacts).zip(rows).with_min_len(TASK).for_each(|((u, contact), row)| {
-        u.copy_from_slice(&to_frame(row, relative_velocity(contact, row, |body| velocity_of(velocity, body))));
+        u.copy_from_slice(&to_frame(
+            row,
+            relative_velocity(contact, row, |body| velocity_of(velocity, body)),
+        ));
     });
     u
 }

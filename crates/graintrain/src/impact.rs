@@ -79,7 +79,12 @@ impl ImpactSolver<'_> {
     ///
     /// # Errors
     /// Those of the solver.
-    pub(crate) fn resolve(&mut self, world: &World, of: Rows<'_>, step: f64) -> Result<Option<Impacts>, CcpError> {
+    pub(crate) fn resolve(
+        &mut self,
+        world: &World,
+        of: Rows<'_>,
+        step: f64,
+    ) -> Result<Option<Impacts>, CcpError> {
         let mut found = Impacts { velocity: velocities(world), ..Impacts::default() };
         let restitution = pair_property(world, of.contacts, |a, b| world.materials.pair_restitution(a, b));
         if restitution.iter().all(|&e| e == 0.0) {
@@ -150,7 +155,9 @@ impl ImpactSolver<'_> {
             plastic.delassus.multiply(&g, &mut change, &mut work);
         }
         for (k, &body) in part.bodies.iter().enumerate() {
-            for (v, dv) in found.velocity[6 * body as usize..].iter_mut().zip(&work.body_velocity()[6 * k..6 * k + 6]) {
+            for (v, dv) in
+                found.velocity[6 * body as usize..].iter_mut().zip(&work.body_velocity()[6 * k..6 * k + 6])
+            {
                 *v += dv;
             }
         }

@@ -35,7 +35,12 @@ pub fn free_velocity(world: &World, before: &[f64], step: f64) -> Vec<f64> {
 /// The velocities of all bodies, six numbers each.
 pub fn velocities(world: &World) -> Vec<f64> {
     let bodies = &world.bodies;
-    bodies.velocity.iter().zip(&bodies.angular_velocity).flat_map(|(u, w)| [u.x, u.y, u.z, w.x, w.y, w.z]).collect()
+    bodies
+        .velocity
+        .iter()
+        .zip(&bodies.angular_velocity)
+        .flat_map(|(u, w)| [u.x, u.y, u.z, w.x, w.y, w.z])
+        .collect()
 }
 
 fn body_free_velocity(world: &World, before: &[f64], body: usize, step: f64) -> (Vec3, Vec3) {

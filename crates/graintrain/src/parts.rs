@@ -26,7 +26,11 @@ fn root(parent: &mut [u32], mut body: u32) -> u32 {
 
 /// The parts that `chosen` contacts (ascending) make, in the order of their first contacts. Bodies that no impulse can move do
 /// not connect. Cost: nearly linear in bodies and contacts (union by index, path halving).
-pub(crate) fn parts(rows: &[RigidContact], chosen: impl Iterator<Item = u32> + Clone, bodies: usize) -> Vec<Part> {
+pub(crate) fn parts(
+    rows: &[RigidContact],
+    chosen: impl Iterator<Item = u32> + Clone,
+    bodies: usize,
+) -> Vec<Part> {
     let mut parent: Vec<u32> = (0..bodies as u32).collect();
     for contact in chosen.clone() {
         let RigidContact { body_a, body_b, .. } = rows[contact as usize];
@@ -81,7 +85,10 @@ impl Part {
 
     /// The entries of a list with `N` numbers per contact that belong to the part.
     pub(crate) fn gather<const N: usize, T: Copy>(&self, all: &[T]) -> Vec<T> {
-        self.contacts.iter().flat_map(|&i| all[N * i as usize..N * (i as usize + 1)].iter().copied()).collect()
+        self.contacts
+            .iter()
+            .flat_map(|&i| all[N * i as usize..N * (i as usize + 1)].iter().copied())
+            .collect()
     }
 
     /// Writes three numbers per contact of the part to their places.

@@ -409,9 +409,9 @@ impl Stepper {
         let mut pairs: Vec<[u32; 2]> = missed.iter().map(|c| [c.body_a, c.body_b]).collect();
         pairs.sort_unstable();
         pairs.dedup();
-        let found = pairs.into_iter().flat_map(|[a, b]| {
-            self.collider.contacts_of_pair(world, [a, b], velocity, self.settings.step)
-        });
+        let found = pairs
+            .into_iter()
+            .flat_map(|[a, b]| self.collider.contacts_of_pair(world, [a, b], velocity, self.settings.step));
         found.filter(|c| !known.contains(&c.identity)).collect()
     }
 
@@ -453,7 +453,9 @@ impl Stepper {
             over_size = over_size.max(-contact.gap / self.collider.contact_size(world, contact));
         }
         let work = correction.displacement.as_ref().map_or(0.0, |displacement| {
-            let against = |(b, d): (usize, &[f64])| -world.bodies.mass[b] * world.gravity.dot(Vec3::from_slice(&d[..3]));
+            let against = |(b, d): (usize, &[f64])| {
+                -world.bodies.mass[b] * world.gravity.dot(Vec3::from_slice(&d[..3]))
+            };
             displacement.chunks_exact(6).enumerate().map(against).sum()
         });
         world.contacts = set;

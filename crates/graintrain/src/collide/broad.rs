@@ -128,7 +128,13 @@ impl Collider {
 
     /// Every contact of two bodies that could close within the step if they moved with these velocities (six numbers per body), or
     /// twice as fast. Forms are those of the last call of [`Self::contacts`].
-    pub(crate) fn contacts_of_pair(&self, world: &World, pair: [u32; 2], velocity: &[f64], step: f64) -> Vec<Contact> {
+    pub(crate) fn contacts_of_pair(
+        &self,
+        world: &World,
+        pair: [u32; 2],
+        velocity: &[f64],
+        step: f64,
+    ) -> Vec<Contact> {
         let [a, b] = pair.map(|body| self.placed(world, body as usize));
         let travel = |body: u32| {
             let v = &velocity[6 * body as usize..6 * body as usize + 6];
@@ -295,8 +301,7 @@ impl Collider {
             grid.around(me.position, |range| {
                 for slot in range {
                     let other = grid.body[slot];
-                    let reach =
-                        radius + grid.radius[slot] + margin + sorted.approach(body, other as usize);
+                    let reach = radius + grid.radius[slot] + margin + sorted.approach(body, other as usize);
                     let apart = me.position - grid.centre[slot];
                     if other as usize > body && apart.length_squared() <= reach * reach {
                         balls.push(other);

@@ -2,8 +2,8 @@
 
 use crate::support::*;
 use graintrain::assemble::contact_rows;
-use graintrain::ccp::RigidDelassus;
 use graintrain::ccp::FrictionModel::Relaxed;
+use graintrain::ccp::RigidDelassus;
 use graintrain::collide::Collider;
 use graintrain::integrate::{free_velocity, inverse_mass, velocities};
 use graintrain::material::Materials;
