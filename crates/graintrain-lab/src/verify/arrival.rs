@@ -26,8 +26,9 @@ fn phases() -> Result<Vec<Row>, VerifyError> {
         for (name, degrees, friction) in [("head-on", 0.0_f64, 0.1), ("45 degrees", 45.0, 0.1)] {
             let angle = degrees.to_radians();
             let [left, up] = closed_form(angle, friction, restitution, model);
-            for envelope in [0.0, 0.01 * radius] {
-                let accuracy = Accuracy::SCENES;
+            for (envelope, accuracy) in
+                [0.0, 0.01 * radius].into_iter().flat_map(|e| Accuracy::both(1e-11).map(|a| (e, a)))
+            {
                 let (mut slip_error, mut rebound_error) = (0.0_f64, 0.0_f64);
                 let mut all: Option<Bench> = None;
                 for phase in 0..8 {

@@ -41,7 +41,8 @@ fn loaded_bed() -> Result<Vec<Row>, VerifyError> {
     let (radius, step) = (0.05, 2e-3);
     let mut rows = Vec::new();
     for model in MODELS {
-        for accuracy in Accuracy::both(1e-7) {
+        {
+            let accuracy = Accuracy::SCENES;
             let mut world = world(0.3, 0.0)?;
             add_ground(&mut world, 0.0)?;
             add_walls(&mut world, 0.22)?;

@@ -253,5 +253,10 @@ pub fn measure(
     cases
 }
 
+/// Whether all that was planned was measured and nothing failed: the program's exit code.
+pub fn held(cases: &[Case], planned: usize) -> bool {
+    cases.len() == planned && cases.iter().all(|case| case.outcome() != Outcome::Failed)
+}
+
 #[cfg(test)]
 mod tests;

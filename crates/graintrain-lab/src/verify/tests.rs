@@ -30,7 +30,7 @@ fn the_quick_cases_of_tier_a_pass() {
 }
 
 #[test]
-#[ignore = "all of tier A: about a minute"]
+#[ignore = "all of tier A takes about a minute; A10, A18 and A25 fail today, see docs/mechanics.md"]
 fn tier_a_passes() {
     let cases = sampled(&[]);
     println!("{}", table(&cases));
@@ -53,7 +53,7 @@ fn every_case_has_a_setup_and_a_source_in_full() {
             }
         }
     }
-    for k in (1..=29).filter(|k| *k != 19) {
+    for k in 1..=29 {
         assert!(all.iter().any(|case| case.id == format!("A{k}")), "A{k}");
     }
     let mut ids: Vec<_> = all.iter().map(|case| case.id).collect();
@@ -131,6 +131,7 @@ fn the_report_renders() {
     assert_eq!(seen, [1, 2, 3]);
     let outcomes: Vec<_> = cases.iter().map(Case::outcome).collect();
     assert_eq!(outcomes, [Outcome::Failed, Outcome::Failed, Outcome::LeftOut]);
+    assert!(!held(&cases, 3) && held(&cases[2..], 1) && !held(&cases[2..], 2), "exit code");
     let head = Head::now("graintrain verify".into(), 4);
     for text in [table(&cases), markdown(&head, &cases), html(&head, &cases)] {
         assert!(text.contains("3 cases, 2 failed, 1 left out; 3 rows, 2 failed"), "{text}");
