@@ -59,8 +59,8 @@ pub const CASES: &[Definition] = &[
         id: "B11",
         title: "Angle of repose",
         setup: "Spheres of 2 cm, radii within 10 %, lie 4 diameters deep between smooth walls on a rough floor; the end wall is drawn \
-                away at 0.2 m/s and the slope left after 1.5 s fitted by a line. (The figures are of heaps left by a discharge; \
-                without friction of the side walls.)",
+                away at 0.2 m/s and the slope left after 1.5 s fitted by a line. The figures \
+                are of heaps left by a discharge.",
         sources: &[ZHOU],
         measure: Measure::Sample(repose),
     },
