@@ -3,3 +3,4 @@
 mod oracle;
 mod runs;
 mod solve_compare;
+mod verify;

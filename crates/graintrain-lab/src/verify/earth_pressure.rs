@@ -4,12 +4,13 @@
 //! integral sigma_z dz = g sum m z / area, taken over the grains before the wall, K needs neither the height nor the bulk
 //! density: K = (force / width) / (g sum m z / (length width)).
 
-use super::bench::G;
-use super::{Check, VerifyError};
+use super::bench::{Accuracy, G};
+use super::source::{CHIALVO, PEYNEAU_ROUX, RANKINE, Source};
+use super::{Definition, Measure, Row, Sampling, VerifyError};
 use crate::reproduce::physics::Steady;
 use crate::reproduce::{ReproduceError, SEEDS};
 use graintrain::stepper::Stepper;
-use graintrain_io::scene::Scene;
+use graintrain_io::scene::{Scene, Simulation};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
@@ -21,68 +22,79 @@ const LENGTH: f64 = 1.5;
 /// K is averaged while the wall's way is this part of the height: the bed yields, the heap before the wall is small.
 const WINDOW: std::ops::Range<f64> = 0.10..0.15;
 
-/// A friction of the grains, the friction angle of their assembly in degrees, and where it is known from.
+/// A friction of the grains and the friction angle of their assembly in degrees.
 struct Known {
     friction: f64,
     angle: f64,
     /// Of K, relative.
     tolerance: f64,
-    id: &'static str,
-    source: &'static str,
 }
 
 const KNOWN: [Known; 2] = [
     // 0.6 degrees are 2.1 % of K.
-    Known {
-        friction: 0.0,
-        angle: 5.76,
-        tolerance: 0.021,
+    Known { friction: 0.0, angle: 5.76, tolerance: 0.021 },
+    Known { friction: 0.25, angle: 18.65, tolerance: 0.15 },
+];
+
+/// The cases.
+pub const CASES: &[Definition] = &[
+    Definition {
         id: "B5",
-        source: "Peyneau and Roux 2008: internal friction angle 5.76 degrees, within 0.6",
+        title: "Passive earth pressure without friction",
+        setup: "A smooth wall is pushed into a bed of 2 816 spheres without friction, four perturbed lattices.",
+        sources: &[
+            PEYNEAU_ROUX,
+            RANKINE,
+            Source::Algebra(
+                "K = tan^2(45 degrees + phi/2) at phi = 5.76 degrees; 0.6 degrees are 2.1 % of K",
+            ),
+        ],
+        measure: Measure::Sample(|sampling| checks(&KNOWN[0], sampling)),
     },
-    Known {
-        friction: 0.25,
-        angle: 18.65,
-        tolerance: 0.15,
+    Definition {
         id: "C9",
-        source: "Rankine with Chialvo et al. 2012: mu* 0.3375 between mu 0.1 (0.27) and 0.3 (0.36)",
+        title: "Passive earth pressure with friction",
+        setup: "A smooth wall is pushed into a bed of 2 816 spheres with mu = 0.25, four perturbed lattices.",
+        sources: &[
+            RANKINE,
+            CHIALVO,
+            Source::Algebra(
+                "mu* = 0.3375 between those of mu = 0.1 (0.27) and mu = 0.3 (0.36), that is 18.65 degrees",
+            ),
+        ],
+        measure: Measure::Sample(|sampling| checks(&KNOWN[1], sampling)),
     },
 ];
 
-/// The checks, averaged over perturbed lattices.
-///
-/// # Errors
-/// [`VerifyError::Reproduce`] where a simulation fails or is stopped.
-pub fn checks(stop: &Arc<AtomicBool>, mut progress: impl FnMut(&str)) -> Result<Vec<Check>, VerifyError> {
-    let mut checks = Vec::new();
-    for known in KNOWN {
-        let mut pressures = Vec::new();
-        for seed in 1..=SEEDS {
-            progress(&format!("passive wall, friction {}, seed {seed}", known.friction));
-            pressures.push(pressure(known.friction, seed, stop)?);
-        }
-        let single = pressures.into_iter().map(|mean| Steady { mean, error: f64::NAN });
-        let steady = Steady::over(single).unwrap_or(Steady { mean: f64::NAN, error: f64::NAN });
-        let expected = (45.0_f64 + known.angle / 2.0).to_radians().tan().powi(2);
-        checks.push(Check {
-            id: known.id,
-            what: format!(
-                "passive earth pressure, friction {}: K, that is {:.2} degrees (1)",
-                known.friction,
-                ((steady.mean - 1.0) / (steady.mean + 1.0)).asin().to_degrees()
-            ),
-            measured: steady.mean,
-            expected,
-            tolerance: known.tolerance * expected,
-            source: known.source,
-            error: steady.error,
-        });
+/// K, averaged over perturbed lattices.
+fn checks(known: &Known, sampling: &mut Sampling<'_>) -> Result<Vec<Row>, VerifyError> {
+    let mut pressures = Vec::new();
+    for seed in 1..=SEEDS {
+        (sampling.progress)(&format!("passive wall, friction {}, seed {seed}", known.friction));
+        pressures.push(pressure(known.friction, seed, &sampling.stop)?);
     }
-    Ok(checks)
+    let settings = simulation(known.friction, 1)?.settings;
+    let single = pressures.into_iter().map(|mean| Steady { mean, error: f64::NAN });
+    let steady = Steady::over(single).unwrap_or(Steady { mean: f64::NAN, error: f64::NAN });
+    let expected = (45.0_f64 + known.angle / 2.0).to_radians().tan().powi(2);
+    let angle = ((steady.mean - 1.0) / (steady.mean + 1.0)).asin().to_degrees();
+    Ok(vec![Row {
+        what: format!("K (1; that is {angle:.2} degrees)"),
+        friction: Some(settings.friction),
+        solver: settings.solver.to_string(),
+        step: settings.step,
+        accuracy: Accuracy { tolerance: settings.tolerance, judge: settings.judge },
+        measured: steady.mean,
+        expected,
+        allowed: known.tolerance * expected,
+        error: steady.error,
+        steps: 0,
+        unsolved: 0,
+    }])
 }
 
-/// Mean of K over [`WINDOW`].
-fn pressure(friction: f64, seed: u64, stop: &Arc<AtomicBool>) -> Result<f64, ReproduceError> {
+/// The scene at a friction, one perturbed lattice.
+fn simulation(friction: f64, seed: u64) -> Result<Simulation, ReproduceError> {
     let set = |key: &str, value: String| (key.to_string(), value);
     let settings = [
         set("friction", friction.to_string()),
@@ -90,7 +102,12 @@ fn pressure(friction: f64, seed: u64, stop: &Arc<AtomicBool>) -> Result<f64, Rep
         set("across", SPHERES_ACROSS.to_string()),
         set("pitch", format!("{PITCH} m")),
     ];
-    let simulation = Scene::load("passive-wall", &settings)?.build()?;
+    Ok(Scene::load("passive-wall", &settings)?.build()?)
+}
+
+/// Mean of K over [`WINDOW`].
+fn pressure(friction: f64, seed: u64, stop: &Arc<AtomicBool>) -> Result<f64, ReproduceError> {
+    let simulation = simulation(friction, seed)?;
     let mut world = simulation.world;
     let mut stepper = Stepper::new(simulation.settings)?;
     stepper.stop_on(Arc::clone(stop));

@@ -1,0 +1,43 @@
+//! `verify` as a user meets it: the report, progress, exit codes.
+
+use std::process::Command;
+
+fn graintrain(arguments: &[&str]) -> (Option<i32>, String, String) {
+    let out = Command::new(env!("CARGO_BIN_EXE_graintrain")).args(arguments).output().unwrap();
+    let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
+    (out.status.code(), text(out.stdout), text(out.stderr))
+}
+
+#[test]
+fn a_report_is_written_and_progress_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("verification");
+    let (code, table, progress) = graintrain(&["verify", "--only", "a1,A8", "--out", out.to_str().unwrap()]);
+    assert_eq!(code, Some(0), "{table}{progress}");
+    assert!(
+        table.contains("2 cases, 0 failed") && progress.contains("A8 Head-on impact"),
+        "{table}{progress}"
+    );
+    for name in ["verify.md", "verify.html"] {
+        let text = std::fs::read_to_string(out.join(name)).unwrap();
+        for word in [
+            "2 cases, 0 failed",
+            "graintrain verify --only a1,A8",
+            "UTC",
+            "algebra: ",
+            std::env::consts::ARCH,
+        ] {
+            assert!(text.contains(word), "{name}: {word}");
+        }
+    }
+}
+
+#[test]
+fn left_out_cases_do_not_fail_and_unknown_ones_do() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().to_str().unwrap();
+    let (code, table, _) = graintrain(&["verify", "--tier", "b", "--only", "B1", "--out", out]);
+    assert!(code == Some(0) && table.contains("left out: "), "{table}");
+    let (code, _, message) = graintrain(&["verify", "--only", "A99"]);
+    assert!(code == Some(2) && message.contains("A99") && message.contains("A1, A2"), "{message}");
+}
