@@ -43,6 +43,10 @@ const TOLERANCE: f64 = 1e-9;
 /// Iterations of a pass.
 const ITERATIONS: usize = 3000;
 
+/// Energy that an impact makes, relative to the magnitude of its terms, above which restitution is lowered; less is the error of its
+/// solve.
+const LOWERED: f64 = 1e-6;
+
 /// What the impacts of a step did.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Impacts {
@@ -151,10 +155,16 @@ impl ImpactSolver<'_> {
         let mut change = vec![0.0; g.len()];
         plastic.delassus.multiply(&g, &mut change, &mut work);
         let (gain, scale) = energy(&g, &u, &change);
-        if gain > 1e-12 * scale {
+        if gain > LOWERED * scale {
             found.lowered += 1;
             let Some(start) = self.impulses(&plastic)? else { return Ok(None) };
             lower(&plastic.delassus, &u, &start, &mut g, &change);
+            plastic.delassus.multiply(&g, &mut change, &mut work);
+        } else if gain > 0.0 {
+            // The error of the solve: on the ray of g energy is kept where g . u + 1/2 s g . N g = 0.
+            let along: f64 = g.iter().zip(&u).map(|(g, u)| g * u).sum();
+            let s = -along / (gain - along);
+            g.iter_mut().for_each(|g| *g *= s);
             plastic.delassus.multiply(&g, &mut change, &mut work);
         }
         for (k, &body) in part.bodies.iter().enumerate() {

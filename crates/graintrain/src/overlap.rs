@@ -43,8 +43,8 @@ const RINGS: usize = 2;
 /// Iterations of a correction; what is left is for the next step.
 const ITERATIONS: usize = 40;
 
-/// Accuracy of a correction, in overlaps kept.
-const TOLERANCE: f64 = 0.5;
+/// Accuracy of a correction, relative to the largest displacement that its contacts ask for.
+const TOLERANCE: f64 = 0.1;
 
 /// What the correction of a step did.
 #[derive(Clone, Debug, Default)]
@@ -149,13 +149,13 @@ impl Gaps<'_> {
         displacement: &mut [f64],
     ) -> Result<(), CcpError> {
         let r: Vec<f64> = part.contacts.iter().flat_map(|&i| [self.room(i), 0.0, 0.0]).collect();
-        let least = part.contacts.iter().map(|&i| KEPT * self.size[i as usize]).fold(f64::INFINITY, f64::min);
+        let largest = part.contacts.iter().map(|&i| -self.room(i)).fold(0.0, f64::max);
         let problem = Ccp {
             delassus: Delassus::Rigid(part.delassus(rows, self.inverse_mass)),
             friction: vec![0.0; part.contacts.len()],
             r,
             // Lengths take the place of velocities.
-            velocity_scale: Some(least),
+            velocity_scale: Some(largest),
             impulse_scale: None,
             points: Vec::new(),
             identity: Vec::new(),

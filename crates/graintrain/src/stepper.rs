@@ -46,13 +46,13 @@ pub struct StepSettings {
 }
 
 impl Default for StepSettings {
-    /// Steps of 1 ms, no envelope beyond what closes within the step, solver `auto` to 1e-3, relaxed friction, positions corrected.
+    /// Steps of 1 ms, no envelope beyond what closes within the step, solver `auto` to 1e-4, relaxed friction, positions corrected.
     fn default() -> Self {
         Self {
             step: 1e-3,
             envelope: 0.0,
             solver: SolverSpec::default(),
-            tolerance: 1e-3,
+            tolerance: 1e-4,
             judge: Judge::Mixed,
             max_iterations: None,
             friction: FrictionModel::Relaxed,
@@ -627,13 +627,15 @@ fn solve_without_gain(
         let along: f64 = g.iter().zip(&problem.r).map(|(g, r)| g * r).sum();
         // The objective is 1/2 g . N g + g . r.
         let (gain, square) = (2.0 * report.objective - along, 2.0 * (report.objective - along));
-        if !(gain > 0.0 && square > gain) {
+        if gain.is_nan() || gain <= 0.0 {
             return Ok(report);
         }
         if kept.is_empty() {
             kept = g.to_vec();
         }
-        g.iter_mut().for_each(|g| *g *= 1.0 - gain / square);
+        // Impulses left over from a contact that opens have their optimum below zero.
+        let scale = if square > gain { 1.0 - gain / square } else { 0.0 };
+        g.iter_mut().for_each(|g| *g *= scale);
         evaluate(problem, g, settings.friction, &mut report);
         let good = |report: &SolveReport| report.residual.judged(settings.judge) <= settings.tolerance;
         if report.status != Status::Converged || good(&report) {

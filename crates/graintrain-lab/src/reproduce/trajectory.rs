@@ -381,18 +381,18 @@ mod tests {
     fn the_plane_between_the_halves_is_where_the_scene_puts_it() {
         let simulate = Simulate {
             experiment: Experiment::DirectShear,
-            n: 2,
+            n: 3,
             steps: None,
             variant: Variant::Paper,
             seed: 1,
         };
         let world = simulate.scene().unwrap().build().unwrap().world;
         let split = lowest(&world, find(&world, "upper").unwrap());
-        // Half of 0.55 of the width of five lattice pitches.
-        assert!((split - 0.5 * 0.55 * 5.0 * 0.23).abs() < 1e-12, "{split}");
-        // 35 grains per layer of the lattice, at 0.115 m + k 0.23 m: the jitter of 12 mm takes none across the plane.
+        // Half of 0.55 of the height of seven lattice pitches.
+        assert!((split - 0.5 * 0.55 * 7.0 * 0.23).abs() < 1e-12, "{split}");
+        // 70 grains per layer of the lattice, at 0.115 m + k 0.23 m: the jitter of 12 mm takes none across the plane.
         let grain = 4.0 / 3.0 * std::f64::consts::PI * 1e-3 * 1000.0 * world.gravity.length();
-        let layers = (0..5).filter(|k| 0.115 + 0.23 * f64::from(*k) < split).count();
-        assert!((weight_below(&world, split) / grain / 35.0 - layers as f64).abs() < 1e-9);
+        let layers = (0..7).filter(|k| 0.115 + 0.23 * f64::from(*k) < split).count();
+        assert!((weight_below(&world, split) / grain / 70.0 - layers as f64).abs() < 1e-9);
     }
 }

@@ -144,7 +144,7 @@ impl Bench {
         self.steps += 1;
         // A stalled solve within a tenth of the tolerance is round-off.
         let residual = report.solve.residual.judged(self.accuracy.judge);
-        self.unsolved += usize::from(!(residual <= 1.1 * self.accuracy.tolerance));
+        self.unsolved += usize::from(residual.is_nan() || residual > 1.1 * self.accuracy.tolerance);
         Ok(report)
     }
 
