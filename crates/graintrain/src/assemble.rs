@@ -65,8 +65,7 @@ pub fn relative_velocities(contacts: &[Contact], rows: &[RigidContact], velocity
 /// where Phi_i > 0. Where bodies overlap, b_i = 0 or, after the paper, Phi_i / dt: see [`OverlapCorrection`]. The velocity of
 /// prescribed bodies enters r. Restitution is not here but in [`crate::impact`].
 ///
-/// V, which makes residuals dimensionless, is |gravity| dt; without gravity it is left to the problem (from r, as for a bare
-/// problem). J of the former measure is the mean mass of the bodies that have a dynamic degree of freedom, times V.
+/// V, which makes residuals dimensionless, is |gravity| dt; without gravity it is [`velocity_scale`]. J of the former measure is the mean mass of the bodies that have a dynamic degree of freedom, times V.
 pub fn assemble(
     world: &World,
     contacts: &[Contact],
@@ -83,11 +82,12 @@ pub fn assemble(
             OverlapCorrection::Position => contact.gap.max(0.0) / step,
         };
     }
+    let friction = pair_property(world, contacts, |a, b| world.materials.pair_friction(a, b));
     Ccp {
+        velocity_scale: scale_under(world.gravity.length(), step, &r, &friction),
         delassus: Delassus::Rigid(RigidDelassus::new(rows, inverse_mass)),
         r,
-        friction: pair_property(world, contacts, |a, b| world.materials.pair_friction(a, b)),
-        velocity_scale: velocity_scale(world, step),
+        friction,
         impulse_scale: impulse_scale(world, step),
         points: contacts.iter().map(|contact| contact.point.to_array()).collect(),
         identity: contacts.iter().map(|contact| contact.identity).collect(),
@@ -123,8 +123,29 @@ fn to_frame(rigid: &RigidContact, v: Vec3) -> [f64; 3] {
 }
 
 /// |gravity| dt, m/s: what every body would gain in a step without contact.
-fn velocity_scale(world: &World, step: f64) -> Option<f64> {
-    Some(world.gravity.length() * step).filter(|&scale| scale > 0.0)
+/// V of contacts where gravity sets none, m/s: the root mean square of |r_i| over those that do not part by themselves,
+/// r_n < mu |r_t|. In those that do, r holds Phi / dt, which grows without limit as steps get shorter. `None` where all part.
+pub(crate) fn velocity_scale(r: &[f64], friction: &[f64]) -> Option<f64> {
+    let (mut sum, mut count) = (0.0, 0.0);
+    for (r, mu) in r.chunks_exact(3).zip(friction) {
+        if r[0] < mu * r[1].hypot(r[2]) {
+            sum += r[0] * r[0] + r[1] * r[1] + r[2] * r[2];
+            count += 1.0;
+        }
+    }
+    (sum > 0.0).then(|| (sum / count).sqrt())
+}
+
+/// Below this fraction of the velocities of the contacts themselves |gravity| dt is none to measure by.
+const FAINT: f64 = 1e-9;
+
+/// V of a problem under gravity, m/s: |gravity| dt, and where that is nothing beside the contacts' own velocities, theirs.
+pub(crate) fn scale_under(gravity: f64, step: f64, r: &[f64], friction: &[f64]) -> Option<f64> {
+    let fall = gravity * step;
+    match velocity_scale(r, friction) {
+        Some(own) if fall <= FAINT * own => Some(own),
+        _ => Some(fall).filter(|&fall| fall > 0.0),
+    }
 }
 
 fn impulse_scale(world: &World, step: f64) -> Option<f64> {

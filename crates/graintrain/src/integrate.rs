@@ -32,6 +32,12 @@ pub fn free_velocity(world: &World, before: &[f64], step: f64) -> Vec<f64> {
     free
 }
 
+/// As [`free_velocity`] of one body.
+pub(crate) fn free_velocity_of(world: &World, before: &[f64], body: usize, step: f64) -> [f64; 6] {
+    let (u, w) = body_free_velocity(world, before, body, step);
+    [u.x, u.y, u.z, w.x, w.y, w.z]
+}
+
 /// The velocities of all bodies, six numbers each.
 pub fn velocities(world: &World) -> Vec<f64> {
     let bodies = &world.bodies;

@@ -67,6 +67,8 @@ pub(crate) struct Gaps<'a> {
     pub size: &'a [f64],
     /// |gravity| dt^2, m.
     pub fall: f64,
+    /// 1/2 dt^2 (|w_A|^2 |r_A| + |w_B|^2 |r_B|) of every contact, m: what turning adds to the overlap beyond the linearised gap.
+    pub turn: &'a [f64],
 }
 
 impl Gaps<'_> {
@@ -83,7 +85,7 @@ impl Gaps<'_> {
         }
         let accident = ACCIDENT_SHARE * (-gap - ACCIDENT * size).max(0.0);
         let limit = if self.fall > 0.0 { PER_STEP * self.fall } else { ACCIDENT_SHARE * -room };
-        -(-room).min(limit.max(accident))
+        -(-room).min((limit + 2.0 * self.turn[i as usize]).max(accident))
     }
 
     /// The correction; `None` as soon as a stop was asked for.
@@ -163,7 +165,7 @@ impl Gaps<'_> {
         let mut multiplier = vec![0.0; problem.r.len()];
         let settings = SolveSettings {
             tolerance: TOLERANCE,
-            judge: Judge::Mixed,
+            judge: Judge::Maximum,
             max_iterations: Some(ITERATIONS),
             stop: stop.cloned(),
             ..SolveSettings::default()

@@ -1,7 +1,7 @@
 //! One time step: settings, the step itself, report.
 
 use crate::assemble::{
-    OverlapCorrection, assemble, contact_rows, pair_property, relative_velocities, warm_start,
+    OverlapCorrection, assemble, contact_rows, pair_property, relative_velocities, scale_under, warm_start,
 };
 use crate::collide::Collider;
 use crate::contact::{Contact, ContactSet};
@@ -106,11 +106,12 @@ pub struct StepReport {
     pub errors: PhysicalErrors,
     /// Contacts that arrived with restitution, over all passes of [`crate::impact`].
     pub impacts: usize,
-    /// Connected parts in which restitution was lowered, because it would have made energy.
+    /// Connected parts in which restitution was lowered, because it would have made energy, and contacts that went on closing through all
+    /// passes and met plastically.
     pub restitution_lowered: usize,
     /// Contacts that joined the problem after a solve, because their bodies would have met all the same.
     pub contacts_added: usize,
-    /// Pairs of bodies found inside each other after the step that no added contact could keep apart.
+    /// Pairs of bodies found inside each other after the step that had no contact in it.
     pub contacts_missed: usize,
     /// Largest overlap that displacements worked on in this step (see [`crate::overlap`]), m; zero where there was none to mend.
     pub overlap_corrected_max: f64,
@@ -179,6 +180,8 @@ pub struct Stepper {
     correction: Box<dyn CcpSolver>,
     collider: Collider,
     last: Option<(Ccp, Vec<f64>)>,
+    /// |gravity| of the step under way, m/s^2.
+    gravity: f64,
     /// Contacts found at the end of the last step, and the fingerprint of the state that they belong to.
     ahead: Option<(u64, Vec<Contact>)>,
     stop: Option<Arc<AtomicBool>>,
@@ -223,7 +226,17 @@ impl Stepper {
         let named = |name: &str| name.parse::<SolverSpec>()?.build();
         let (impacts, correction) = (named("auto")?, named("apgd")?);
         let collider = Collider::default();
-        Ok(Self { settings, solver, impacts, correction, collider, last: None, ahead: None, stop: None })
+        Ok(Self {
+            settings,
+            solver,
+            impacts,
+            correction,
+            collider,
+            last: None,
+            gravity: 0.0,
+            ahead: None,
+            stop: None,
+        })
     }
 
     /// The settings.
@@ -265,7 +278,9 @@ impl Stepper {
         let begin = Instant::now();
         check_state(world)?;
         let (step, envelope) = (self.settings.step, self.settings.envelope);
-        let found = self.ahead.take().filter(|(state, _)| *state == world.fingerprint());
+        self.gravity = world.gravity.length();
+        let same_forms = !self.collider.update_forms(world);
+        let found = self.ahead.take().filter(|(state, _)| same_forms && *state == world.fingerprint());
         let mut contacts = match found {
             Some((_, contacts)) => contacts,
             None => self.collider.contacts(world, envelope, step),
@@ -273,13 +288,23 @@ impl Stepper {
         let mut phases = PhaseSeconds { collide: begin.elapsed().as_secs_f64(), ..PhaseSeconds::default() };
         let start = Placement::of(world);
         let mut guess = None;
+        // Contacts under way that bodies are driven into all the same.
+        let mut driven: Vec<u32> = Vec::new();
         let (mut added, mut iterations) = (0, 0);
         for round in 0.. {
             let begin = Instant::now();
-            let attempt = self.attempt(world, &contacts, guess.take())?;
+            let attempt = self.attempt(world, &contacts, guess.take(), &driven)?;
             phases.assemble += (attempt.assembled - begin).as_secs_f64();
             phases.solve += attempt.assembled.elapsed().as_secs_f64();
             iterations += attempt.solve.iterations;
+            let met = self.met(world, &contacts, &attempt);
+            if !met.is_empty() && round < ROUNDS {
+                added += met.len();
+                driven.extend(met);
+                driven.sort_unstable();
+                guess = Some(attempt);
+                continue;
+            }
             let passing = if round < ROUNDS { self.passing(world, &contacts, &attempt) } else { Vec::new() };
             if !passing.is_empty() {
                 added += passing.len();
@@ -305,7 +330,10 @@ impl Stepper {
             }
             phases.collide += begin.elapsed().as_secs_f64();
             if new.is_empty() {
-                let missed = missed.len();
+                let pair = |c: &Contact| [c.body_a.min(c.body_b), c.body_a.max(c.body_b)];
+                let pairs: HashSet<[u32; 2]> = contacts.iter().map(pair).collect();
+                let apart = |c: &&Contact| !pairs.contains(&pair(c));
+                let missed = met.len() + missed.iter().filter(apart).map(pair).collect::<HashSet<_>>().len();
                 let mut report =
                     self.finish(world, &start, contacts, attempt, &size, &correction, ahead, phases);
                 (report.contacts_added, report.contacts_missed) = (added, missed);
@@ -325,6 +353,7 @@ impl Stepper {
         world: &World,
         contacts: &[Contact],
         last: Option<Attempt>,
+        driven: &[u32],
     ) -> Result<Attempt, StepError> {
         let step = self.settings.step;
         let rows = contact_rows(world, contacts);
@@ -338,7 +367,9 @@ impl Stepper {
         let Some(impacts) = impacts.resolve(world, of, step)? else { return Err(StepError::Stopped) };
         let free = free_velocity(world, &impacts.velocity, step);
         let waits = |i: &u32| {
-            self.settings.friction == FrictionModel::Relaxed && impacts.under_way.binary_search(i).is_ok()
+            self.settings.friction == FrictionModel::Relaxed
+                && impacts.under_way.binary_search(i).is_ok()
+                && driven.binary_search(i).is_err()
         };
         let active: Vec<u32> = (0..contacts.len() as u32).filter(|i| !waits(i)).collect();
         let pick = |i: &u32| contacts[*i as usize];
@@ -381,16 +412,42 @@ impl Stepper {
         let u = relative_velocities(&chosen, rigid.contacts(), &attempt.velocity);
         let gap: Vec<f64> = chosen.iter().zip(u.chunks_exact(3)).map(|(c, u)| c.gap + step * u[0]).collect();
         let size: Vec<f64> = attempt.active.iter().map(|&i| size[i as usize]).collect();
+        let bend = |body: u32, point: Vec3| {
+            let body = body as usize;
+            let spin = Vec3::from_slice(&attempt.velocity[6 * body + 3..6 * body + 6]);
+            0.5 * step * step * spin.length_squared() * (point - world.bodies.position[body]).length()
+        };
+        let turn: Vec<f64> =
+            chosen.iter().map(|c| bend(c.body_a, c.point) + bend(c.body_b, c.point)).collect();
         let gaps = Gaps {
             rows: rigid.contacts(),
             inverse_mass: rigid.inverse_mass(),
             gap: &gap,
             size: &size,
             fall: world.gravity.length() * step * step,
+            turn: &turn,
         };
         let correction = gaps.correct(self.correction.as_mut(), self.stop.as_ref())?;
         let finite = correction.displacement.iter().flatten().all(|x| x.is_finite());
         Ok(if finite { correction } else { Correction { displacement: None, ..correction } })
+    }
+
+    /// Contacts that were left out of the problem and close with the velocities found, as indices.
+    fn met(&self, world: &World, contacts: &[Contact], attempt: &Attempt) -> Vec<u32> {
+        if attempt.active.len() == contacts.len() {
+            return Vec::new();
+        }
+        let rows = contact_rows(world, contacts);
+        let u = relative_velocities(contacts, &rows, &attempt.velocity);
+        let closes = |i: &u32| {
+            let contact = &contacts[*i as usize];
+            let end = contact.gap.max(0.0) + self.settings.step * u[3 * *i as usize];
+            end < -MISSED * self.collider.contact_size(world, contact)
+        };
+        (0..contacts.len() as u32)
+            .filter(|i| attempt.active.binary_search(i).is_err())
+            .filter(closes)
+            .collect()
     }
 
     /// Contacts that bodies would meet on their way with the velocities found, where those make a body faster than the collision
@@ -398,9 +455,13 @@ impl Stepper {
     fn passing(&mut self, world: &mut World, contacts: &[Contact], attempt: &Attempt) -> Vec<Contact> {
         let step = self.settings.step;
         let deflected = (0..world.bodies.len()).filter(|&body| !world.is_prescribed(body)).any(|body| {
-            let v = Vec3::from_slice(&attempt.velocity[6 * body..6 * body + 3]);
+            let v = &attempt.velocity[6 * body..6 * body + 6];
+            let (u, w) = (Vec3::from_slice(&v[..3]), Vec3::from_slice(&v[3..]));
             let way = 0.5 * self.collider.body_size(world, body);
-            step * v.length() > way && step * (v - world.bodies.velocity[body]).length() > way
+            let spin = |w: Vec3| self.collider.spin_travel(world, body, w.length(), step);
+            let change = step * (u - world.bodies.velocity[body]).length()
+                + spin(w - world.bodies.angular_velocity[body]);
+            step * u.length() + spin(w) > way && change > way
         });
         if !deflected {
             return Vec::new();
@@ -570,6 +631,7 @@ impl Stepper {
             return Ok((self.solver.solve(problem, impulse, &settings)?, 1));
         };
         let contacts = problem.num_contacts();
+        let gravity = self.gravity;
         let parts = parts(rigid.contacts(), 0..contacts as u32, rigid.num_bodies());
         // A method that keeps something from step to step has to see the same problem again.
         if parts.len() == 1 || (contacts > 0 && self.settings.solver.keeps_between_steps()) {
@@ -582,10 +644,14 @@ impl Stepper {
                 delassus: Delassus::Rigid(part.delassus(rigid.contacts(), rigid.inverse_mass())),
                 r: part.gather::<3, f64>(&problem.r),
                 friction: part.gather::<1, f64>(&problem.friction),
-                velocity_scale: problem.velocity_scale,
+                velocity_scale: None,
                 impulse_scale: problem.impulse_scale,
                 points: part.gather::<1, [f64; 3]>(&problem.points),
                 identity: part.gather::<1, u64>(&problem.identity),
+            };
+            let own = Ccp {
+                velocity_scale: scale_under(gravity, self.settings.step, &own.r, &own.friction),
+                ..own
             };
             let mut g = part.gather::<3, f64>(impulse);
             if parts_freely(&own) {

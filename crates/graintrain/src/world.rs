@@ -238,6 +238,9 @@ impl World {
         }
         bodies.orientation.iter().flat_map(|q| q.to_array()).for_each(|x| add(x.to_bits()));
         bodies.geometry.iter().chain(&bodies.motion).for_each(|&index| add(u64::from(index)));
+        for motion in &self.motions {
+            motion.free.iter().for_each(|&free| add(u64::from(free)));
+        }
         self.gravity.to_array().iter().for_each(|x| add(x.to_bits()));
         crate::math::mix(hash)
     }

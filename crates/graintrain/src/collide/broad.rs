@@ -159,18 +159,36 @@ impl Collider {
     pub(crate) fn contact_size(&self, world: &World, contact: &Contact) -> f64 {
         let [a, b] = [contact.body_a, contact.body_b].map(|body| self.body_size(world, body as usize));
         let size = a.min(b);
-        if size.is_finite() { size } else { 1.0 }
+        if size.is_finite() {
+            return size;
+        }
+        let [a, b] =
+            [contact.body_a, contact.body_b].map(|body| self.form(world, body as usize).bounding_radius);
+        let radius = a.min(b);
+        if radius.is_finite() { radius } else { 1.0 }
     }
 
-    fn update_forms(&mut self, world: &World) {
+    /// How far this spin, rad/s, moves the surface of a body within the step, m, where that bends its way: nothing for balls, for bodies
+    /// without bounds, and for those that turn by less than [`TURN`].
+    pub(crate) fn spin_travel(&self, world: &World, body: usize, spin: f64, step: f64) -> f64 {
+        let form = self.form(world, body);
+        let bends = form.ball.is_none() && form.bounding_radius.is_finite() && step * spin > TURN;
+        if bends { step * spin * form.bounding_radius } else { 0.0 }
+    }
+
+    /// Follows the geometries of the world; whether any of them is new or another one than before.
+    pub(crate) fn update_forms(&mut self, world: &World) -> bool {
+        let mut changed = self.forms.len() != world.geometries.len();
         self.forms.truncate(world.geometries.len());
         for (index, geometry) in world.geometries.iter().enumerate() {
             match self.forms.get_mut(index) {
-                Some(form) if form.geometry == *geometry => {}
+                Some(form) if form.geometry == *geometry => continue,
                 Some(form) => *form = Collidable::new(geometry),
                 None => self.forms.push(Collidable::new(geometry)),
             }
+            changed = true;
         }
+        changed
     }
 
     fn form(&self, world: &World, body: usize) -> &Collidable {
@@ -355,13 +373,21 @@ impl Collider {
                 _ => body_contacts(me, them, ahead, touches),
             }
             let pair = [body as u32, other];
-            if look.step * relative_speed(world, pair) > FAST * me.form.size.min(them.form.size) {
+            if self.relative_travel(world, pair, look.step) > FAST * me.form.size.min(them.form.size) {
                 self.arrivals(world, pair, sorted.largest, look, touches, contacts);
                 continue;
             }
             let closes = |touch: &&Touch| look.closes(world, pair, sorted.largest, touch);
             contacts.extend(touches.iter().filter(closes).map(|touch| contact(pair, touch)));
         }
+    }
+
+    /// dt |u_A - u_B| and what spin adds to it, m.
+    fn relative_travel(&self, world: &World, pair: [u32; 2], step: f64) -> f64 {
+        let [a, b] = pair.map(|body| body as usize);
+        let spin =
+            |body: usize| self.spin_travel(world, body, world.bodies.angular_velocity[body].length(), step);
+        step * (world.bodies.velocity[a] - world.bodies.velocity[b]).length() + spin(a) + spin(b)
     }
 
     /// Contacts of two bodies that move past each other by about their size or more within the step: where they meet, if they do,
@@ -402,14 +428,12 @@ impl Collider {
     }
 }
 
-/// Bodies whose centres move by more than this fraction of the smaller one's size relative to each other within a step are looked
+/// Bodies whose surfaces move by more than this fraction of the smaller one's size relative to each other within a step are looked
 /// at along their way: up to there the error of a fixed normal is a thirtieth of the size.
 const FAST: f64 = 0.5;
 
-/// |u_A - u_B|, m/s.
-fn relative_speed(world: &World, [a, b]: [u32; 2]) -> f64 {
-    (world.bodies.velocity[a as usize] - world.bodies.velocity[b as usize]).length()
-}
+/// Turn of a body within a step, rad, up to which a fixed normal does.
+const TURN: f64 = 0.3;
 
 /// How far contacts are looked for.
 #[derive(Clone, Copy)]
