@@ -96,9 +96,6 @@ impl ImpactSolver<'_> {
         }
         let friction = pair_property(world, of.contacts, |a, b| world.materials.pair_friction(a, b));
         let slow = RESTING * world.gravity.length() * step;
-        let rows: Vec<RigidContact> =
-            of.rows.iter().zip(of.contacts).map(|(row, c)| arrived(row, c)).collect();
-        let of = Rows { rows: &rows, ..of };
         let mut free = free_velocity(world, &found.velocity, step);
         let mut driven = with_driven(world, &found.velocity, &free);
         let mut now = relative_velocities(of.contacts, of.rows, &driven);
@@ -223,16 +220,16 @@ impl ImpactSolver<'_> {
     }
 }
 
-/// The row of a contact with the arms that it has when the bodies touch, where they still have a gap to close: from each centre to the
-/// own surface. Half a gap more would change the spin that friction gives with the phase of arrival.
-fn arrived(row: &RigidContact, contact: &Contact) -> RigidContact {
-    if contact.gap <= 0.0 || contact.lead != Vec3::ZERO {
-        return *row;
+/// Gives contacts of pairs with restitution the arms that they have when the bodies touch, where they still have a gap to close: from
+/// each centre to the own surface. With half a gap more the spin that friction gives would depend on the phase of arrival.
+pub(crate) fn lead_to_surfaces(world: &World, contacts: &mut [Contact]) {
+    let materials = &world.bodies.material;
+    for contact in contacts.iter_mut().filter(|contact| contact.gap > 0.0 && contact.lead == Vec3::ZERO) {
+        let [a, b] = [contact.body_a, contact.body_b].map(|body| materials[body as usize] as usize);
+        if world.materials.pair_restitution(a, b) > 0.0 {
+            contact.lead = 0.5 * contact.gap * contact.normal;
+        }
     }
-    let half = 0.5 * contact.gap * contact.normal;
-    let arm_a = Vec3::from_array(row.arm_a) + half;
-    let arm_b = Vec3::from_array(row.arm_b) - half;
-    RigidContact { arm_a: arm_a.to_array(), arm_b: arm_b.to_array(), ..*row }
 }
 
 /// Velocities with those of prescribed degrees of freedom taken from `free`: the ones that hold during this step.

@@ -6,7 +6,7 @@ use crate::assemble::{
 use crate::collide::Collider;
 use crate::contact::{Contact, ContactSet};
 use crate::error::{ModelError, positive};
-use crate::impact::{ImpactSolver, Impacts, Rows};
+use crate::impact::{ImpactSolver, Impacts, Rows, lead_to_surfaces};
 use crate::integrate::{advance, free_velocity, inverse_mass};
 use crate::math::{Quat, Vec3};
 use crate::overlap::{Correction, Gaps};
@@ -292,6 +292,7 @@ impl Stepper {
         let mut driven: Vec<u32> = Vec::new();
         let (mut added, mut iterations) = (0, 0);
         for round in 0.. {
+            lead_to_surfaces(world, &mut contacts);
             let begin = Instant::now();
             let attempt = self.attempt(world, &contacts, guess.take(), &driven)?;
             phases.assemble += (attempt.assembled - begin).as_secs_f64();

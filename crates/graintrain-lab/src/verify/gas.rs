@@ -68,9 +68,12 @@ fn ledger() -> Result<Vec<Row>, VerifyError> {
             let n = world.bodies.len();
             let (mut impulse, mut moment) = (vec![Vec3::ZERO; n], vec![Vec3::ZERO; n]);
             for (contact, &g) in world.contacts.contacts.iter().zip(&world.contacts.impulse) {
-                for (body, sign) in [(contact.body_a as usize, 1.0), (contact.body_b as usize, -1.0)] {
+                let [on_a, on_b] = contact.surface_points();
+                for (body, sign, point) in
+                    [(contact.body_a as usize, 1.0, on_a), (contact.body_b as usize, -1.0, on_b)]
+                {
                     impulse[body] += sign * g;
-                    moment[body] += (contact.point - before.position[body]).cross(sign * g);
+                    moment[body] += (point - before.position[body]).cross(sign * g);
                 }
             }
             let (mut change, mut work) = (0.0, 0.0);
