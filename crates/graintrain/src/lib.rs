@@ -10,7 +10,7 @@
 //! | [`assemble`] | the contact problem of a step |
 //! | [`integrate`] | velocities without contact, positions, rotations |
 //! | [`impact`], [`overlap`], [`parts`] | restitution, overlap without energy, parts that do not touch |
-//! | [`stepper`] | the time step |
+//! | [`stepper`], [`step_report`] | the time step, what it reports |
 //! | [`error`] | what can be wrong with a world |
 //! | [`ccp`] | contact problems and their solvers |
 //!
@@ -30,8 +30,10 @@ pub mod material;
 pub mod math;
 pub mod motion;
 pub mod overlap;
+mod part_solver;
 pub mod parts;
 pub mod shape;
+pub mod step_report;
 pub mod stepper;
 pub mod world;
 

@@ -1,7 +1,7 @@
-//! One time step: settings, the step itself, report.
+//! One time step: settings and the step itself. What it reports is in [`crate::step_report`].
 
 use crate::assemble::{
-    OverlapCorrection, assemble, contact_rows, pair_property, relative_velocities, scale_under, warm_start,
+    OverlapCorrection, assemble, contact_rows, pair_property, relative_velocities, warm_start,
 };
 use crate::collide::Collider;
 use crate::contact::{Contact, ContactSet};
@@ -10,14 +10,13 @@ use crate::impact::{ImpactSolver, Impacts, Rows, lead_to_surfaces};
 use crate::integrate::{advance, free_velocity, inverse_mass};
 use crate::math::{Quat, Vec3};
 use crate::overlap::{Correction, Gaps};
-use crate::parts::parts;
+use crate::part_solver::PartSolver;
+use crate::step_report::wrenches;
+pub use crate::step_report::{PhaseSeconds, PhysicalErrors, StepReport, Wrench};
 use crate::world::World;
-use graintrain_ccp::residual::ResidualScale;
 use graintrain_ccp::{
-    Ccp, CcpError, CcpSolver, Delassus, FrictionModel, Judge, Residual, SolveReport, SolveSettings,
-    SolverSpec, Status,
+    Ccp, CcpError, CcpSolver, Delassus, FrictionModel, Judge, SolveReport, SolveSettings, SolverSpec, Status,
 };
-use serde::{Deserialize, Serialize};
 use std::collections::HashSet;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -59,82 +58,6 @@ impl Default for StepSettings {
             overlap: OverlapCorrection::Position,
         }
     }
-}
-
-/// Wall-clock seconds of the phases of a step.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct PhaseSeconds {
-    /// Broad and narrow phase.
-    pub collide: f64,
-    /// Building the contact problem.
-    pub assemble: f64,
-    /// Solving it.
-    pub solve: f64,
-    /// Velocities, positions, rotations.
-    pub integrate: f64,
-}
-
-/// Force and torque that contacts exert on a body that is not free, averaged over the step.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Wrench {
-    /// Index of the body.
-    pub body: u32,
-    /// N.
-    pub force: Vec3,
-    /// About the body's centre, N m.
-    pub torque: Vec3,
-}
-
-/// What a step did.
-#[derive(Clone, Debug)]
-pub struct StepReport {
-    /// Contacts in the envelope.
-    pub contacts: usize,
-    /// Contacts whose normal impulse exceeds a millionth of the mean.
-    pub contacts_with_force: usize,
-    /// Connected parts of the contact graph with a problem to solve.
-    pub parts: usize,
-    /// The solver's own report; over several parts the worst residuals and status, the most iterations, and the sums of the rest.
-    pub solve: SolveReport,
-    /// Deepest overlap at the end of the step, m; zero if nothing overlaps.
-    pub penetration_max: f64,
-    /// Deepest overlap at the end of the step over the size of the smaller of both bodies.
-    pub penetration_max_over_size: f64,
-    /// Kinetic energy of the bodies with a dynamic degree of freedom after the step, J.
-    pub kinetic_energy: f64,
-    /// What is left of the contact problem, in physical units.
-    pub errors: PhysicalErrors,
-    /// Contacts that arrived with restitution, over all passes of [`crate::impact`].
-    pub impacts: usize,
-    /// Connected parts in which restitution was lowered, because it would have made energy, and contacts that went on closing through all
-    /// passes and met plastically.
-    pub restitution_lowered: usize,
-    /// Contacts that joined the problem after a solve, because their bodies would have met all the same.
-    pub contacts_added: usize,
-    /// Pairs of bodies found inside each other after the step that had no contact in it.
-    pub contacts_missed: usize,
-    /// Largest overlap that displacements worked on in this step (see [`crate::overlap`]), m; zero where there was none to mend.
-    pub overlap_corrected_max: f64,
-    /// Energy that those displacements gave to bodies against gravity, J.
-    pub correction_energy: f64,
-    /// Seconds per phase.
-    pub phases: PhaseSeconds,
-    /// One entry per body that is not free.
-    pub wrenches: Vec<Wrench>,
-}
-
-/// What the solve of a step left undone, as a person would measure it.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct PhysicalErrors {
-    /// Largest velocity at which a contact still closes faster than its gap allows, m/s.
-    pub approach_max: f64,
-    /// The overlap that this makes within the step, over the size of the smaller body.
-    pub overlap_per_step_max_over_size: f64,
-    /// Largest excess of friction over mu times the normal force, relative to that contact's force.
-    pub cone_excess_max: f64,
-    /// Largest angle between friction and the direction against the slip, rad, at contacts that slide faster than the tolerance
-    /// resolves.
-    pub slip_angle_max: f64,
 }
 
 /// Why a step could not be made.
@@ -180,8 +103,6 @@ pub struct Stepper {
     correction: Box<dyn CcpSolver>,
     collider: Collider,
     last: Option<(Ccp, Vec<f64>)>,
-    /// |gravity| of the step under way, m/s^2.
-    gravity: f64,
     /// Contacts found at the end of the last step, and the fingerprint of the state that they belong to.
     ahead: Option<(u64, Vec<Contact>)>,
     stop: Option<Arc<AtomicBool>>,
@@ -226,17 +147,7 @@ impl Stepper {
         let named = |name: &str| name.parse::<SolverSpec>()?.build();
         let (impacts, correction) = (named("auto")?, named("apgd")?);
         let collider = Collider::default();
-        Ok(Self {
-            settings,
-            solver,
-            impacts,
-            correction,
-            collider,
-            last: None,
-            gravity: 0.0,
-            ahead: None,
-            stop: None,
-        })
+        Ok(Self { settings, solver, impacts, correction, collider, last: None, ahead: None, stop: None })
     }
 
     /// The settings.
@@ -278,7 +189,6 @@ impl Stepper {
         let begin = Instant::now();
         check_state(world)?;
         let (step, envelope) = (self.settings.step, self.settings.envelope);
-        self.gravity = world.gravity.length();
         let same_forms = !self.collider.update_forms(world);
         let found = self.ahead.take().filter(|(state, _)| same_forms && *state == world.fingerprint());
         let mut contacts = match found {
@@ -387,7 +297,7 @@ impl Stepper {
             }
         }
         let assembled = Instant::now();
-        let (solve, parts) = self.solve(&problem, &mut impulse)?;
+        let (solve, parts) = self.solve(world, &problem, &mut impulse)?;
         if solve.status == Status::Stopped {
             return Err(StepError::Stopped);
         }
@@ -542,7 +452,15 @@ impl Stepper {
             }
         }
         let friction = pair_property(world, &contacts, |a, b| world.materials.pair_friction(a, b));
-        let errors = self.physical_errors(&contacts, &active, size, &problem, &impulse, &velocity);
+        let chosen: Vec<Contact> = active.iter().map(|&i| contacts[i as usize]).collect();
+        let chosen_size: Vec<f64> = active.iter().map(|&i| size[i as usize]).collect();
+        let errors = PhysicalErrors::of(
+            &chosen,
+            &chosen_size,
+            (&problem, &impulse),
+            &velocity,
+            (step, self.settings.tolerance),
+        );
         let set = ContactSet { contacts, impulse: world_impulse, friction };
         let wrenches = wrenches(&start.position, world, &set, step);
         let (mut deepest, mut over_size) = (0.0_f64, 0.0_f64);
@@ -583,43 +501,13 @@ impl Stepper {
         report
     }
 
-    fn physical_errors(
-        &self,
-        contacts: &[Contact],
-        active: &[u32],
-        size: &[f64],
-        problem: &Ccp,
-        impulse: &[f64],
-        velocity: &[f64],
-    ) -> PhysicalErrors {
-        let Delassus::Rigid(rigid) = &problem.delassus else { return PhysicalErrors::default() };
-        let mut errors = PhysicalErrors::default();
-        let chosen: Vec<Contact> = active.iter().map(|&i| contacts[i as usize]).collect();
-        let u = relative_velocities(&chosen, rigid.contacts(), velocity);
-        let step = self.settings.step;
-        let resolved = 20.0 * self.settings.tolerance * ResidualScale::new(problem).velocity;
-        for (k, contact) in chosen.iter().enumerate() {
-            let (u, g) = (&u[3 * k..3 * k + 3], &impulse[3 * k..3 * k + 3]);
-            let approach = -(u[0] + contact.gap.max(0.0) / step);
-            errors.approach_max = errors.approach_max.max(approach);
-            errors.overlap_per_step_max_over_size =
-                errors.overlap_per_step_max_over_size.max(step * approach / size[active[k] as usize]);
-            let (limit, friction) = (problem.friction[k] * g[0], g[1].hypot(g[2]));
-            let force = g[0].hypot(friction);
-            if force > 0.0 {
-                errors.cone_excess_max = errors.cone_excess_max.max((friction - limit) / force);
-            }
-            let slip = u[1].hypot(u[2]);
-            if slip > resolved && friction > 0.0 {
-                let cosine = -(u[1] * g[1] + u[2] * g[2]) / (slip * friction);
-                errors.slip_angle_max = errors.slip_angle_max.max(cosine.clamp(-1.0, 1.0).acos());
-            }
-        }
-        errors
-    }
-
     /// Solves the problem part by part; the merged report and the number of parts.
-    fn solve(&mut self, problem: &Ccp, impulse: &mut [f64]) -> Result<(SolveReport, usize), CcpError> {
+    fn solve(
+        &mut self,
+        world: &World,
+        problem: &Ccp,
+        impulse: &mut [f64],
+    ) -> Result<(SolveReport, usize), CcpError> {
         let settings = SolveSettings {
             tolerance: self.settings.tolerance,
             judge: self.settings.judge,
@@ -628,166 +516,11 @@ impl Stepper {
             stop: self.stop.clone(),
             ..SolveSettings::default()
         };
-        let Delassus::Rigid(rigid) = &problem.delassus else {
-            return Ok((self.solver.solve(problem, impulse, &settings)?, 1));
-        };
-        let contacts = problem.num_contacts();
-        let gravity = self.gravity;
-        let parts = parts(rigid.contacts(), 0..contacts as u32, rigid.num_bodies());
         // A method that keeps something from step to step has to see the same problem again.
-        if parts.len() == 1 || (contacts > 0 && self.settings.solver.keeps_between_steps()) {
-            return Ok((solve_without_gain(self.solver.as_mut(), problem, impulse, &settings)?, 1));
-        }
-        let mut merged = nothing_to_solve(self.solver.name());
-        let mut largest = 0;
-        for part in &parts {
-            let own = Ccp {
-                delassus: Delassus::Rigid(part.delassus(rigid.contacts(), rigid.inverse_mass())),
-                r: part.gather::<3, f64>(&problem.r),
-                friction: part.gather::<1, f64>(&problem.friction),
-                velocity_scale: None,
-                impulse_scale: problem.impulse_scale,
-                points: part.gather::<1, [f64; 3]>(&problem.points),
-                identity: part.gather::<1, u64>(&problem.identity),
-            };
-            let own = Ccp {
-                velocity_scale: scale_under(gravity, self.settings.step, &own.r, &own.friction),
-                ..own
-            };
-            let mut g = part.gather::<3, f64>(impulse);
-            if parts_freely(&own) {
-                g.fill(0.0);
-            } else {
-                let report = solve_without_gain(self.solver.as_mut(), &own, &mut g, &settings)?;
-                merge(&mut merged, report, part.contacts.len() > largest);
-                largest = largest.max(part.contacts.len());
-            }
-            part.scatter(&g, impulse);
-        }
-        Ok((merged, parts.len()))
+        let whole = self.settings.solver.keeps_between_steps();
+        let (gravity, step) = (world.gravity.length(), self.settings.step);
+        PartSolver { solver: self.solver.as_mut(), settings, whole, gravity, step }.solve(problem, impulse)
     }
-}
-
-/// Solves a problem with impulses that make no energy. Exact ones have g . (N g + r) = 0 (negative where friction is exact); those of
-/// an iteration miss it within their residual, and g . D^T v+ > 0 is energy from nowhere. On the ray of g the objective is least at
-/// s = -g . r / (g . N g), where the product vanishes, and s < 1 stays in the cones. Where that lifts the residual above the
-/// tolerance, the solver goes on from there to a tighter one; where that does not help either, the impulses stay as they were found.
-fn solve_without_gain(
-    solver: &mut dyn CcpSolver,
-    problem: &Ccp,
-    g: &mut [f64],
-    settings: &SolveSettings,
-) -> Result<SolveReport, CcpError> {
-    let mut first = solver.solve(problem, g, settings)?;
-    let judged = first.residual.judged(settings.judge);
-    if first.status == Status::Stalled && judged <= 2.0 * settings.tolerance {
-        // With a heavy body on a light one the iteration and the report differ by rounding: it has to aim a little lower.
-        let lower = SolveSettings { tolerance: 0.5 * settings.tolerance, ..settings.clone() };
-        let again = solver.solve(problem, g, &lower)?;
-        let converged = again.residual.judged(settings.judge) <= settings.tolerance;
-        let status = if converged { Status::Converged } else { again.status };
-        first = SolveReport { status, iterations: first.iterations + again.iterations, ..again };
-    }
-    let mut report = first.clone();
-    let mut kept = Vec::new();
-    for tighter in [0.3, 0.1, 0.03] {
-        let along: f64 = g.iter().zip(&problem.r).map(|(g, r)| g * r).sum();
-        // The objective is 1/2 g . N g + g . r.
-        let (gain, square) = (2.0 * report.objective - along, 2.0 * (report.objective - along));
-        if gain.is_nan() || gain <= 0.0 {
-            return Ok(report);
-        }
-        if kept.is_empty() {
-            kept = g.to_vec();
-        }
-        // Impulses left over from a contact that opens have their optimum below zero.
-        let scale = if square > gain { 1.0 - gain / square } else { 0.0 };
-        g.iter_mut().for_each(|g| *g *= scale);
-        evaluate(problem, g, settings.friction, &mut report);
-        let good = |report: &SolveReport| report.residual.judged(settings.judge) <= settings.tolerance;
-        if report.status != Status::Converged || good(&report) {
-            return Ok(report);
-        }
-        let settings = SolveSettings { tolerance: tighter * settings.tolerance, ..settings.clone() };
-        let next = solver.solve(problem, g, &settings)?;
-        let status = if good(&next) { Status::Converged } else { next.status };
-        report = SolveReport { iterations: report.iterations + next.iterations, status, ..next };
-        if status != Status::Converged {
-            break;
-        }
-    }
-    g.copy_from_slice(&kept);
-    Ok(SolveReport { iterations: report.iterations, ..first })
-}
-
-/// Residuals and objective of these impulses.
-fn evaluate(problem: &Ccp, g: &[f64], friction: FrictionModel, report: &mut SolveReport) {
-    let scale = ResidualScale::new(problem);
-    let mut u = vec![0.0; g.len()];
-    problem.delassus.multiply(g, &mut u, &mut problem.delassus.work());
-    for (u, r) in u.iter_mut().zip(&problem.r) {
-        *u += r;
-    }
-    report.residual_relaxed = scale.residual(problem, g, &u, FrictionModel::Relaxed);
-    report.residual_coulomb = scale.residual(problem, g, &u, FrictionModel::Coulomb);
-    report.residual = match friction {
-        FrictionModel::Relaxed => report.residual_relaxed,
-        FrictionModel::Coulomb => report.residual_coulomb,
-    };
-    report.objective = problem.objective(g, &u);
-}
-
-/// Whether bodies part at every contact by themselves, r_i in Y_i^*, so that g = 0 solves the problem, relaxed and exact.
-fn parts_freely(problem: &Ccp) -> bool {
-    let friction = problem.friction.iter();
-    problem.r.chunks_exact(3).zip(friction).all(|(r, mu)| r[0] >= mu * r[1].hypot(r[2]))
-}
-
-/// The report of a step without contacts.
-fn nothing_to_solve(solver: String) -> SolveReport {
-    SolveReport {
-        solver,
-        status: Status::Converged,
-        iterations: 0,
-        linear_iterations: 0,
-        products: 0,
-        residual: Residual::default(),
-        residual_relaxed: Residual::default(),
-        residual_coulomb: Residual::default(),
-        residual_paper: 0.0,
-        objective: 0.0,
-        seconds: 0.0,
-        newton: Vec::new(),
-        remark: None,
-    }
-}
-
-/// Adds the report of a part; the largest part gives the name.
-fn merge(all: &mut SolveReport, part: SolveReport, names: bool) {
-    let worse = |a: Residual, b: Residual| Residual { max: a.max.max(b.max), rms: a.rms.max(b.rms) };
-    let rank = |status: Status| match status {
-        Status::Converged => 0,
-        Status::IterationLimit => 1,
-        Status::Stalled => 2,
-        Status::Infeasible => 3,
-        Status::Stopped => 4,
-    };
-    if rank(part.status) > rank(all.status) {
-        (all.status, all.remark) = (part.status, part.remark);
-    }
-    if names {
-        all.solver = part.solver;
-    }
-    all.iterations = all.iterations.max(part.iterations);
-    all.linear_iterations += part.linear_iterations;
-    all.products += part.products;
-    all.residual = worse(all.residual, part.residual);
-    all.residual_relaxed = worse(all.residual_relaxed, part.residual_relaxed);
-    all.residual_coulomb = worse(all.residual_coulomb, part.residual_coulomb);
-    all.residual_paper = all.residual_paper.max(part.residual_paper);
-    all.objective += part.objective;
-    all.seconds += part.seconds;
-    all.newton.extend(part.newton);
 }
 
 /// Where bodies are and how they move: what a step changes of them.
@@ -868,28 +601,4 @@ fn check_velocity(world: &World, velocity: &[f64]) -> Result<(), StepError> {
         }
         None => Ok(()),
     }
-}
-
-/// Impulses on every body that is not free, divided by the step; torques about the body's centre at the step's start.
-fn wrenches(position: &[Vec3], world: &World, set: &ContactSet, step: f64) -> Vec<Wrench> {
-    let bodies = world.bodies.len();
-    let mut slot = vec![usize::MAX; bodies];
-    let mut wrenches: Vec<Wrench> = Vec::new();
-    for body in (0..bodies).filter(|&body| !world.is_free(body)) {
-        slot[body] = wrenches.len();
-        wrenches.push(Wrench { body: body as u32, ..Wrench::default() });
-    }
-    for (contact, &impulse) in set.contacts.iter().zip(&set.impulse) {
-        let [on_a, on_b] = contact.surface_points();
-        for (body, sign, point) in
-            [(contact.body_a as usize, 1.0, on_a), (contact.body_b as usize, -1.0, on_b)]
-        {
-            if let Some(wrench) = wrenches.get_mut(slot[body]) {
-                let force = sign / step * impulse;
-                wrench.force += force;
-                wrench.torque += (point - position[body]).cross(force);
-            }
-        }
-    }
-    wrenches
 }

@@ -1,0 +1,144 @@
+//! What a step reports.
+
+use crate::assemble::relative_velocities;
+use crate::contact::{Contact, ContactSet};
+use crate::math::Vec3;
+use crate::world::World;
+use graintrain_ccp::residual::{MIXED_MAXIMUM, ResidualScale};
+use graintrain_ccp::{Ccp, Delassus, SolveReport};
+use serde::{Deserialize, Serialize};
+
+/// Wall-clock seconds of the phases of a step.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct PhaseSeconds {
+    /// Broad and narrow phase.
+    pub collide: f64,
+    /// Building the contact problem.
+    pub assemble: f64,
+    /// Solving it.
+    pub solve: f64,
+    /// Velocities, positions, rotations.
+    pub integrate: f64,
+}
+
+/// Force and torque that contacts exert on a body that is not free, averaged over the step.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Wrench {
+    /// Index of the body.
+    pub body: u32,
+    /// N.
+    pub force: Vec3,
+    /// About the body's centre, N m.
+    pub torque: Vec3,
+}
+
+/// What a step did.
+#[derive(Clone, Debug)]
+pub struct StepReport {
+    /// Contacts in the envelope.
+    pub contacts: usize,
+    /// Contacts whose normal impulse exceeds a millionth of the mean.
+    pub contacts_with_force: usize,
+    /// Connected parts of the contact graph with a problem to solve.
+    pub parts: usize,
+    /// The solver's own report; over several parts the worst residuals and status, the most iterations, and the sums of the rest.
+    pub solve: SolveReport,
+    /// Deepest overlap at the end of the step, m; zero if nothing overlaps.
+    pub penetration_max: f64,
+    /// Deepest overlap at the end of the step over the size of the smaller of both bodies.
+    pub penetration_max_over_size: f64,
+    /// Kinetic energy of the bodies with a dynamic degree of freedom after the step, J.
+    pub kinetic_energy: f64,
+    /// What is left of the contact problem, in physical units.
+    pub errors: PhysicalErrors,
+    /// Contacts that arrived with restitution, over all passes of [`crate::impact`].
+    pub impacts: usize,
+    /// Connected parts in which restitution was lowered, because it would have made energy, and contacts that went on closing through all
+    /// passes and met plastically.
+    pub restitution_lowered: usize,
+    /// Contacts that joined the problem after a solve, because their bodies would have met all the same.
+    pub contacts_added: usize,
+    /// Pairs of bodies found inside each other after the step that had no contact in it.
+    pub contacts_missed: usize,
+    /// Largest overlap that displacements worked on in this step (see [`crate::overlap`]), m; zero where there was none to mend.
+    pub overlap_corrected_max: f64,
+    /// Energy that those displacements gave to bodies against gravity, J.
+    pub correction_energy: f64,
+    /// Seconds per phase.
+    pub phases: PhaseSeconds,
+    /// One entry per body that is not free.
+    pub wrenches: Vec<Wrench>,
+}
+
+/// What the solve of a step left undone, as a person would measure it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct PhysicalErrors {
+    /// Largest velocity at which a contact still closes faster than its gap allows, m/s.
+    pub approach_max: f64,
+    /// The overlap that this makes within the step, over the size of the smaller body.
+    pub overlap_per_step_max_over_size: f64,
+    /// Largest excess of friction over mu times the normal force, relative to that contact's force.
+    pub cone_excess_max: f64,
+    /// Largest angle between friction and the direction against the slip, rad, at contacts that slide faster than the tolerance
+    /// resolves.
+    pub slip_angle_max: f64,
+}
+
+impl PhysicalErrors {
+    /// Those of impulses of a problem of these contacts, with the sizes of their smaller bodies (m), the velocities of all bodies
+    /// after the step (six numbers each), the step (s) and the tolerance of the solve.
+    pub(crate) fn of(
+        contacts: &[Contact],
+        size: &[f64],
+        (problem, impulse): (&Ccp, &[f64]),
+        velocity: &[f64],
+        (step, tolerance): (f64, f64),
+    ) -> Self {
+        let Delassus::Rigid(rigid) = &problem.delassus else { return PhysicalErrors::default() };
+        let mut errors = PhysicalErrors::default();
+        let u = relative_velocities(contacts, rigid.contacts(), velocity);
+        let resolved = MIXED_MAXIMUM * tolerance * ResidualScale::new(problem).velocity;
+        for (k, contact) in contacts.iter().enumerate() {
+            let (u, g) = (&u[3 * k..3 * k + 3], &impulse[3 * k..3 * k + 3]);
+            let approach = -(u[0] + contact.gap.max(0.0) / step);
+            errors.approach_max = errors.approach_max.max(approach);
+            errors.overlap_per_step_max_over_size =
+                errors.overlap_per_step_max_over_size.max(step * approach / size[k]);
+            let (limit, friction) = (problem.friction[k] * g[0], g[1].hypot(g[2]));
+            let force = g[0].hypot(friction);
+            if force > 0.0 {
+                errors.cone_excess_max = errors.cone_excess_max.max((friction - limit) / force);
+            }
+            let slip = u[1].hypot(u[2]);
+            if slip > resolved && friction > 0.0 {
+                let cosine = -(u[1] * g[1] + u[2] * g[2]) / (slip * friction);
+                errors.slip_angle_max = errors.slip_angle_max.max(cosine.clamp(-1.0, 1.0).acos());
+            }
+        }
+        errors
+    }
+}
+
+/// Impulses on every body that is not free, divided by the step; torques about the body's centre at the step's start.
+pub(crate) fn wrenches(position: &[Vec3], world: &World, set: &ContactSet, step: f64) -> Vec<Wrench> {
+    let bodies = world.bodies.len();
+    let mut slot = vec![usize::MAX; bodies];
+    let mut wrenches: Vec<Wrench> = Vec::new();
+    for body in (0..bodies).filter(|&body| !world.is_free(body)) {
+        slot[body] = wrenches.len();
+        wrenches.push(Wrench { body: body as u32, ..Wrench::default() });
+    }
+    for (contact, &impulse) in set.contacts.iter().zip(&set.impulse) {
+        let [on_a, on_b] = contact.surface_points();
+        for (body, sign, point) in
+            [(contact.body_a as usize, 1.0, on_a), (contact.body_b as usize, -1.0, on_b)]
+        {
+            if let Some(wrench) = wrenches.get_mut(slot[body]) {
+                let force = sign / step * impulse;
+                wrench.force += force;
+                wrench.torque += (point - position[body]).cross(force);
+            }
+        }
+    }
+    wrenches
+}
