@@ -381,12 +381,11 @@ fn overlap_is_removed_as_the_scene_says() {
     }
 }
 
-/// Bars that turn by more than a radian in a step and get into each other: the run says so in plain words, with the first step and
-/// what helps, and its summary and table agree.
+/// Bars that turn by several radians in a step do not get into each other; summary, table and warnings agree on it. (The words for
+/// those that do are tested beside them, in `progress.rs`.)
 #[test]
-fn bodies_that_pass_through_each_other_are_told() {
+fn bars_that_turn_by_radians_in_a_step_do_not_pass_each_other() {
     let folder = folder();
-    let mut found = 0;
     for seed in [5, 7, 9] {
         let mut scene = "[time]\nstep = \"50 ms\"\nsteps = 20\n".to_string();
         for k in 0..12_i32 {
@@ -417,11 +416,11 @@ fn bodies_that_pass_through_each_other_are_told() {
         let first = counts.iter().position(|count| *count > 0).map(|row| row as u64 + 1);
         assert_eq!(summary["contacts_missed_first_step"].as_u64(), first);
         assert_eq!(err.contains("passed into or through each other"), missed > 0, "{err}");
-        if let Some(first) = first {
-            found += 1;
-            assert!(err.contains(&format!("first in step {first}:")), "{err}");
-            assert!(err.contains("time.step='0.025 s'"), "{err}");
-        }
+        assert!(
+            summary["contacts_added_after_solve"].as_u64().unwrap() > 0,
+            "no bar was in the way of another: {summary}"
+        );
+        assert_eq!(missed, 0, "{summary}");
+        assert!(summary["penetration_max_over_radius"].as_f64().unwrap() < 0.05, "{summary}");
     }
-    assert!(found > 0, "no pair was missed: this needs wilder bars");
 }
