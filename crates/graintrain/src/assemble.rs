@@ -65,7 +65,8 @@ pub fn relative_velocities(contacts: &[Contact], rows: &[RigidContact], velocity
 /// where Phi_i > 0. Where bodies overlap, b_i = 0 or, after the paper, Phi_i / dt: see [`OverlapCorrection`]. The velocity of
 /// prescribed bodies enters r. Restitution is not here but in [`crate::impact`].
 ///
-/// V, which makes residuals dimensionless, is |gravity| dt; without gravity the root mean square of |r_i| over contacts that do not part by themselves. J of the former measure is the mean mass of the bodies that have a dynamic degree of freedom, times V.
+/// V, which makes residuals dimensionless, is |gravity| dt; without gravity the root mean square of |r_i| over contacts that do
+/// not part by themselves. J of the former measure is the mean mass of the bodies that have a dynamic degree of freedom, times V.
 pub fn assemble(
     world: &World,
     contacts: &[Contact],
