@@ -54,6 +54,11 @@ pub enum Judge {
 pub const MIXED_MAXIMUM: f64 = 20.0;
 
 impl Residual {
+    /// The larger of each number.
+    pub fn worse(self, other: Self) -> Self {
+        Self { max: self.max.max(other.max), rms: self.rms.max(other.rms) }
+    }
+
     /// The number that is held against the tolerance: max, or max(rms, max / [`MIXED_MAXIMUM`]); NaN where either is.
     pub fn judged(&self, judge: Judge) -> f64 {
         match judge {

@@ -102,6 +102,8 @@ pub struct RunTotals {
     pub parts_max: usize,
     /// Contacts that arrived with restitution, summed.
     pub impacts: u64,
+    /// The worst residual that a solve of impacts was left with.
+    pub impact_residual_max: f64,
     /// Connected parts in which restitution was lowered, summed.
     pub restitution_lowered: u64,
     /// Contacts that joined a problem after its solve, summed.
@@ -142,6 +144,7 @@ impl RunTotals {
         worst.slip_angle_max = worst.slip_angle_max.max(errors.slip_angle_max);
         self.parts_max = self.parts_max.max(report.parts);
         self.impacts += report.impacts as u64;
+        self.impact_residual_max = self.impact_residual_max.max(report.impact_residual.max);
         self.restitution_lowered += report.restitution_lowered as u64;
         self.contacts_added += report.contacts_added as u64;
         self.contacts_missed += report.contacts_missed as u64;

@@ -25,7 +25,8 @@ use crate::math::Vec3;
 use crate::parts::{Part, parts};
 use crate::world::World;
 use graintrain_ccp::{
-    BodyInverseMass, Ccp, CcpError, CcpSolver, Delassus, FrictionModel, RigidContact, SolveSettings, Status,
+    BodyInverseMass, Ccp, CcpError, CcpSolver, Delassus, FrictionModel, Residual, RigidContact,
+    SolveSettings, Status,
 };
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -58,6 +59,8 @@ pub(crate) struct Impacts {
     pub count: usize,
     /// Parts in which restitution was lowered, because it would have made energy, and contacts that still closed after the last pass.
     pub lowered: usize,
+    /// The worst residual that a solve was left with, in the velocities of its own contacts.
+    pub residual: Residual,
     /// Contacts that still approach, but not far enough to close within the step: in the contact problem the relaxed cone would
     /// brake them before they arrive. Indices, ascending.
     pub under_way: Vec<u32>,
@@ -174,14 +177,14 @@ impl ImpactSolver<'_> {
         for (u, e) in elastic.r.chunks_exact_mut(3).zip(&e) {
             u[0] *= 1.0 + e;
         }
-        let Some(mut g) = self.impulses(&elastic)? else { return Ok(None) };
+        let Some(mut g) = self.impulses(&elastic, found)? else { return Ok(None) };
         let mut work = plastic.delassus.work();
         let mut change = vec![0.0; g.len()];
         plastic.delassus.multiply(&g, &mut change, &mut work);
         let (gain, scale) = energy(&g, &u, &change);
         if gain > LOWERED * scale {
             found.lowered += 1;
-            let Some(start) = self.impulses(&plastic)? else { return Ok(None) };
+            let Some(start) = self.impulses(&plastic, found)? else { return Ok(None) };
             lower(&plastic.delassus, &u, &start, &mut g, &change);
             plastic.delassus.multiply(&g, &mut change, &mut work);
         } else if gain > 0.0 {
@@ -206,7 +209,7 @@ impl ImpactSolver<'_> {
         Ok(Some(()))
     }
 
-    fn impulses(&mut self, problem: &Ccp) -> Result<Option<Vec<f64>>, CcpError> {
+    fn impulses(&mut self, problem: &Ccp, found: &mut Impacts) -> Result<Option<Vec<f64>>, CcpError> {
         let mut g = vec![0.0; problem.r.len()];
         let settings = SolveSettings {
             tolerance: TOLERANCE,
@@ -216,6 +219,7 @@ impl ImpactSolver<'_> {
             ..SolveSettings::default()
         };
         let report = self.solver.solve(problem, &mut g, &settings)?;
+        found.residual = found.residual.worse(report.residual);
         Ok((report.status != Status::Stopped).then_some(g))
     }
 }

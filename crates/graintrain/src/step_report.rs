@@ -5,7 +5,7 @@ use crate::contact::{Contact, ContactSet};
 use crate::math::Vec3;
 use crate::world::World;
 use graintrain_ccp::residual::{MIXED_MAXIMUM, ResidualScale};
-use graintrain_ccp::{Ccp, Delassus, SolveReport};
+use graintrain_ccp::{Ccp, Delassus, Residual, SolveReport};
 use serde::{Deserialize, Serialize};
 
 /// Wall-clock seconds of the phases of a step.
@@ -15,7 +15,7 @@ pub struct PhaseSeconds {
     pub collide: f64,
     /// Building the contact problem.
     pub assemble: f64,
-    /// Solving it.
+    /// Solving it, and the impacts before it.
     pub solve: f64,
     /// Velocities, positions, rotations.
     pub integrate: f64,
@@ -53,6 +53,8 @@ pub struct StepReport {
     pub errors: PhysicalErrors,
     /// Contacts that arrived with restitution, over all passes of [`crate::impact`].
     pub impacts: usize,
+    /// The worst residual that a solve of theirs was left with. Above the tolerance, the step counts as one that missed it.
+    pub impact_residual: Residual,
     /// Connected parts in which restitution was lowered, because it would have made energy, and contacts that went on closing through all
     /// passes and met plastically.
     pub restitution_lowered: usize,

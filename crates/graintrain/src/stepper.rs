@@ -123,6 +123,7 @@ struct Attempt {
     /// Contacts of the problem as indices into those of the step.
     active: Vec<u32>,
     impacts: Impacts,
+    impact_seconds: f64,
     velocity: Vec<f64>,
     solve: SolveReport,
     parts: usize,
@@ -205,8 +206,9 @@ impl Stepper {
             lead_to_surfaces(world, &mut contacts);
             let begin = Instant::now();
             let attempt = self.attempt(world, &contacts, guess.take(), &driven)?;
-            phases.assemble += (attempt.assembled - begin).as_secs_f64();
-            phases.solve += attempt.assembled.elapsed().as_secs_f64();
+            let impacts = attempt.impact_seconds;
+            phases.assemble += (attempt.assembled - begin).as_secs_f64() - impacts;
+            phases.solve += attempt.assembled.elapsed().as_secs_f64() + impacts;
             iterations += attempt.solve.iterations;
             let met = self.met(world, &contacts, &attempt);
             if !met.is_empty() && round < ROUNDS {
@@ -275,7 +277,9 @@ impl Stepper {
             stop: self.stop.clone(),
         };
         let of = Rows { contacts, rows: &rows, inverse_mass: &masses };
+        let begin = Instant::now();
         let Some(impacts) = impacts.resolve(world, of, step)? else { return Err(StepError::Stopped) };
+        let impact_seconds = begin.elapsed().as_secs_f64();
         let free = free_velocity(world, &impacts.velocity, step);
         let waits = |i: &u32| {
             self.settings.friction == FrictionModel::Relaxed
@@ -303,7 +307,7 @@ impl Stepper {
         }
         let velocity = velocity_after(&problem, &impulse, free);
         check_velocity(world, &velocity)?;
-        Ok(Attempt { problem, impulse, active, impacts, velocity, solve, parts, assembled })
+        Ok(Attempt { problem, impulse, active, impacts, impact_seconds, velocity, solve, parts, assembled })
     }
 
     /// Displacements that remove overlap at the end of the step.
@@ -437,7 +441,12 @@ impl Stepper {
     ) -> StepReport {
         let begin = Instant::now();
         let step = self.settings.step;
-        let Attempt { problem, impulse, active, impacts, velocity, solve, parts, .. } = attempt;
+        let Attempt { problem, impulse, active, impacts, velocity, mut solve, parts, .. } = attempt;
+        let left = impacts.residual.judged(self.settings.judge);
+        if left > self.settings.tolerance && solve.status == Status::Converged {
+            solve.status = Status::IterationLimit;
+            solve.remark = Some(format!("impacts were left at residual {left:.1e}"));
+        }
         let normal_sum: f64 = impulse.iter().step_by(3).sum();
         let threshold = 1e-6 * normal_sum / active.len().max(1) as f64;
         let mut with_force: Vec<bool> = impacts.impulse.iter().map(|g| *g != Vec3::ZERO).collect();
@@ -489,6 +498,7 @@ impl Stepper {
             kinetic_energy: world.kinetic_energy(),
             errors,
             impacts: impacts.count,
+            impact_residual: impacts.residual,
             restitution_lowered: impacts.lowered,
             contacts_added: 0,
             contacts_missed: 0,

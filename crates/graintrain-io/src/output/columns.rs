@@ -51,6 +51,7 @@ pub const STEPS: &[Column] = &[
     ),
     column("slip_angle", "rad", "largest angle between friction and the direction against the slip"),
     column("impacts", "1", "contacts that arrived with restitution"),
+    column("impact_residual", "1", "the worst that a solve of theirs was left with"),
     column(
         "restitution_lowered",
         "1",

@@ -100,6 +100,8 @@ pub struct Summary {
     pub slip_angle_max: f64,
     /// Contacts that arrived with restitution.
     pub impacts: u64,
+    /// The worst residual that a solve of impacts was left with.
+    pub impact_residual_max: f64,
     /// Connected parts in which restitution was lowered, because it would have made energy.
     pub restitution_lowered: u64,
     /// Contacts that joined a step's problem after its solve, because their bodies would have met all the same.
@@ -166,6 +168,7 @@ impl Summary {
             friction_error_max: totals.errors.cone_excess_max,
             slip_angle_max: totals.errors.slip_angle_max,
             impacts: totals.impacts,
+            impact_residual_max: totals.impact_residual_max,
             restitution_lowered: totals.restitution_lowered,
             contacts_added_after_solve: totals.contacts_added,
             contacts_missed: totals.contacts_missed,

@@ -108,6 +108,7 @@ fn step_record(world: &World, report: &StepReport, output_seconds: f64) -> Strin
         real(errors.cone_excess_max),
         real(errors.slip_angle_max),
         report.impacts.to_string(),
+        real(report.impact_residual.max),
         report.restitution_lowered.to_string(),
         report.contacts_added.to_string(),
         report.contacts_missed.to_string(),

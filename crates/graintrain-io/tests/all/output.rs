@@ -111,6 +111,7 @@ fn advance(world: &mut World, settings: &RunSettings) -> StepReport {
             slip_angle_max: 5e-2,
         },
         impacts: 3,
+        impact_residual: Default::default(),
         restitution_lowered: 1,
         contacts_added: 2,
         contacts_missed: 1,

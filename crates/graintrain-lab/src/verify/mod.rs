@@ -13,11 +13,12 @@
 //! | [`source`] | where expected values come from |
 //! | [`mod@bench`] | small worlds, and stepping them |
 //! | [`flight`], [`impact`], [`arrival`], [`sliding`], [`rest`], [`painleve`], [`shapes`], [`heaps`], [`gas`], [`problems`] | tier A |
-//! | [`granular`], [`earth_pressure`], [`samples`] | tier B |
+//! | [`compression`], [`granular`], [`earth_pressure`], [`samples`] | tier B |
 //! | [`report`] | table, Markdown, HTML |
 
 pub mod arrival;
 pub mod bench;
+pub mod compression;
 pub mod earth_pressure;
 pub mod flight;
 pub mod gas;
@@ -220,7 +221,7 @@ pub fn tier_a() -> impl Iterator<Item = &'static Definition> {
 
 /// The cases of tier B, the short ones first.
 pub fn tier_b() -> impl Iterator<Item = &'static Definition> {
-    [samples::CASES, earth_pressure::CASES, granular::CASES].into_iter().flatten()
+    [compression::CASES, samples::CASES, earth_pressure::CASES, granular::CASES].into_iter().flatten()
 }
 
 /// Measures cases one after another, tells each before it begins, and hands over all so far after each. Ends early once the stop is

@@ -87,6 +87,14 @@ published! {
     AGNOLIN_ROUX: "I. Agnolin, J.-N. Roux",
         "Internal states of model isotropic granular packings. I. Assembling process, geometry, and contact networks",
         "Physical Review E 76, 061302", 2007;
+    /// Density and contacts from random close to random loose packing.
+    SILBERT: "L. E. Silbert",
+        "Jamming of frictional spheres and random loose packing",
+        "Soft Matter 6, 2918-2924", 2010;
+    /// Density by the number of contacts, mean field.
+    SONG_WANG_MAKSE: "C. Song, P. Wang, H. A. Makse",
+        "A phase diagram for jammed matter",
+        "Nature 453, 629-632", 2008;
     /// Pressure in silos.
     JANSSEN: "H. A. Janssen",
         "Versuche ueber Getreidedruck in Silozellen",
