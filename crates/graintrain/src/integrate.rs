@@ -17,9 +17,10 @@ const MAX_SUBSTEPS: f64 = 1000.0;
 
 /// Velocities (u, w) after the step if no contact acted, six numbers per body, m/s and rad/s, from the velocities `before` it.
 ///
-/// Dynamic degrees of freedom: `v + M^-1 (dt f + G)` with gravity f and the gyroscopic impulse G of [`free_spin`].
+/// Dynamic degrees of freedom: `v + M^-1 (dt f + G)` with gravity and external forces f and the gyroscopic impulse G of
+/// [`free_spin`].
 /// Prescribed ones: the mean over the step of the prescribed velocity. Where only some rotations of a body are dynamic
-/// (set S, the rest P; J = R I R^T): `w_S + J_SS^-1 (-dt (w x J w)_S - J_SP (w_P+ - w_P))`.
+/// (set S, the rest P; J = R I R^T): `w_S + J_SS^-1 (dt (T - w x J w)_S - J_SP (w_P+ - w_P))`, torque T.
 pub fn free_velocity(world: &World, before: &[f64], step: f64) -> Vec<f64> {
     let mut free = vec![0.0; 6 * world.bodies.len()];
     free.par_chunks_mut(6 * TASK).enumerate().for_each(|(task, chunk)| {
@@ -53,9 +54,20 @@ fn body_free_velocity(world: &World, before: &[f64], body: usize, step: f64) -> 
     let bodies = &world.bodies;
     let [u, w] = [0, 3].map(|part| Vec3::from_slice(&before[6 * body + part..6 * body + part + 3]));
     let orientation = bodies.orientation[body];
-    let falling = u + step * world.gravity;
+    let (force, torque) = (bodies.force[body], bodies.torque[body]);
+    let mut falling = u + step * world.gravity;
+    if force != Vec3::ZERO {
+        falling += step / bodies.mass[body] * force;
+    }
+    let spinning = || {
+        let spin = free_spin(bodies.inertia[body], orientation, w, step);
+        if torque == Vec3::ZERO {
+            return spin;
+        }
+        spin + step * (world_inertia(bodies.inertia[body], orientation).inverse() * torque)
+    };
     if bodies.motion[body] == FREE {
-        return (falling, free_spin(bodies.inertia[body], orientation, w, step));
+        return (falling, spinning());
     }
     let motion = &world.motions[bodies.motion[body] as usize];
     let (driven, driven_spin) = motion.mean_velocity(bodies.position[body], world.time, step);
@@ -64,11 +76,11 @@ fn body_free_velocity(world: &World, before: &[f64], body: usize, step: f64) -> 
     let free = [rx, ry, rz];
     let angular = match free {
         [false, false, false] => driven_spin,
-        [true, true, true] => free_spin(bodies.inertia[body], orientation, w, step),
+        [true, true, true] => spinning(),
         _ => {
             let inertia = world_inertia(bodies.inertia[body], orientation);
             let change = select(free, Vec3::ZERO, driven_spin - w);
-            let impulse = -step * w.cross(inertia * w) - inertia * change;
+            let impulse = step * (torque - w.cross(inertia * w)) - inertia * change;
             select(free, w + masked_inverse(inertia, free) * impulse, driven_spin)
         }
     };

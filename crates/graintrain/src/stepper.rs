@@ -590,6 +590,8 @@ fn check_state(world: &World) -> Result<(), StepError> {
         ("position", &bodies.position),
         ("velocity", &bodies.velocity),
         ("angular velocity", &bodies.angular_velocity),
+        ("external force", &bodies.force),
+        ("external torque", &bodies.torque),
     ];
     for (what, list) in lists {
         if let Some(body) = list.iter().position(|v| !v.is_finite()) {

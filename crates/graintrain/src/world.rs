@@ -31,6 +31,11 @@ pub struct Bodies {
     pub mass: Vec<f64>,
     /// Inertia about the centre of mass in body axes, kg m^2.
     pub inertia: Vec<Mat3>,
+    /// External force on the centre of mass in world axes, N, besides gravity: acts in every step until it is set anew. Degrees of
+    /// freedom that are prescribed do not feel it.
+    pub force: Vec<Vec3>,
+    /// External torque about the centre of mass in world axes, N m; as `force`.
+    pub torque: Vec<Vec3>,
 }
 
 /// Motion index of a body whose six degrees of freedom are all dynamic.
@@ -190,7 +195,91 @@ impl World {
         bodies.orientation.push(body.orientation.normalize());
         bodies.velocity.push(body.velocity);
         bodies.angular_velocity.push(body.angular_velocity);
+        bodies.force.push(Vec3::ZERO);
+        bodies.torque.push(Vec3::ZERO);
         Ok(bodies.len() as u32 - 1)
+    }
+
+    /// Adds an external force (N, world axes) that acts at a point (m, world frame) to those on a body: the same force on its centre
+    /// of mass and the torque `(point - centre) x force`.
+    ///
+    /// # Errors
+    /// [`ModelError::Index`] for a body that is none, [`ModelError::Value`] for a component that is not finite.
+    pub fn add_force_at(&mut self, body: u32, force: Vec3, point: Vec3) -> Result<(), ModelError> {
+        let (index, len) = (body as usize, self.bodies.len());
+        if index >= len {
+            return Err(ModelError::Index { what: "body", index: body, len });
+        }
+        finite("a component of a force", &force.to_array())?;
+        finite("a coordinate of the point where a force acts", &point.to_array())?;
+        self.bodies.force[index] += force;
+        self.bodies.torque[index] += (point - self.bodies.position[index]).cross(force);
+        Ok(())
+    }
+
+    /// Sets the external forces and torques on all bodies to zero.
+    pub fn clear_forces(&mut self) {
+        self.bodies.force.fill(Vec3::ZERO);
+        self.bodies.torque.fill(Vec3::ZERO);
+    }
+
+    /// Removes the bodies for which `remove` (called once for each index, ascending) is true, with their contacts. The others keep
+    /// their order and move up: returned is the new index of every former body, `None` for those that are gone. Impulses between
+    /// bodies that moved up start the next solve from zero. Cost: linear.
+    pub fn remove_bodies(&mut self, mut remove: impl FnMut(usize) -> bool) -> Vec<Option<u32>> {
+        let mut next = 0;
+        let new_index: Vec<Option<u32>> = (0..self.bodies.len())
+            .map(|body| {
+                let index = (!remove(body)).then_some(next);
+                next += u32::from(index.is_some());
+                index
+            })
+            .collect();
+        let Bodies {
+            name,
+            geometry,
+            material,
+            motion,
+            position,
+            orientation,
+            velocity,
+            angular_velocity,
+            mass,
+            inertia,
+            force,
+            torque,
+        } = &mut self.bodies;
+        keep(name, &new_index);
+        for indices in [geometry, material, motion] {
+            keep(indices, &new_index);
+        }
+        for vectors in [position, velocity, angular_velocity, force, torque] {
+            keep(vectors, &new_index);
+        }
+        keep(orientation, &new_index);
+        keep(mass, &new_index);
+        keep(inertia, &new_index);
+        let set = std::mem::take(&mut self.contacts);
+        let friction = set.friction.into_iter().map(Some).chain(std::iter::repeat(None));
+        for ((mut contact, impulse), friction) in set.contacts.into_iter().zip(set.impulse).zip(friction) {
+            let [a, b] = [contact.body_a, contact.body_b].map(|body| new_index[body as usize]);
+            if let (Some(a), Some(b)) = (a, b) {
+                (contact.body_a, contact.body_b) = (a, b);
+                self.contacts.contacts.push(contact);
+                self.contacts.impulse.push(impulse);
+                self.contacts.friction.extend(friction);
+            }
+        }
+        new_index
+    }
+
+    /// Largest acceleration, m/s^2, that gravity and an external force give a body with a dynamic translation: how far bodies may
+    /// fall beyond their velocities within a step.
+    pub(crate) fn largest_acceleration(&self) -> f64 {
+        let bodies = &self.bodies;
+        let pulled = (0..bodies.len()).filter(|&b| bodies.force[b] != Vec3::ZERO && !self.is_prescribed(b));
+        let own = pulled.map(|b| (self.gravity + bodies.force[b] / bodies.mass[b]).length());
+        own.fold(self.gravity.length(), f64::max)
     }
 
     /// Whether all six degrees of freedom of the body are dynamic.
@@ -242,6 +331,8 @@ impl World {
             motion.free.iter().for_each(|&free| add(u64::from(free)));
         }
         self.gravity.to_array().iter().for_each(|x| add(x.to_bits()));
+        // Of torques contacts do not depend.
+        bodies.force.iter().flat_map(|v| v.to_array()).for_each(|x| add(x.to_bits()));
         crate::math::mix(hash)
     }
 
@@ -258,12 +349,24 @@ impl World {
             list.iter().flat_map(|v| v.to_array()).for_each(|x| add(x.to_bits()));
         }
         bodies.orientation.iter().flat_map(|q| q.to_array()).for_each(|x| add(x.to_bits()));
+        for (b, (force, torque)) in bodies.force.iter().zip(&bodies.torque).enumerate() {
+            if *force != Vec3::ZERO || *torque != Vec3::ZERO {
+                add(b as u64);
+                force.to_array().into_iter().chain(torque.to_array()).for_each(|x| add(x.to_bits()));
+            }
+        }
         for (contact, impulse) in self.contacts.contacts.iter().zip(&self.contacts.impulse) {
             add(contact.identity);
             impulse.to_array().iter().for_each(|x| add(x.to_bits()));
         }
         crate::math::mix(hash)
     }
+}
+
+/// Drops the entries of bodies that are gone.
+fn keep<T>(list: &mut Vec<T>, new_index: &[Option<u32>]) {
+    let mut kept = new_index.iter().map(Option::is_some);
+    list.retain(|_| kept.next().unwrap_or(true));
 }
 
 #[cfg(test)]

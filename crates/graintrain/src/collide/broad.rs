@@ -112,7 +112,7 @@ impl Collider {
     pub fn contacts(&mut self, world: &World, envelope: f64, step: f64) -> Vec<Contact> {
         self.update_forms(world);
         let sorted = self.sort(world, envelope, step);
-        let look = Look { envelope, step, fall: world.gravity.length() * step * step };
+        let look = Look { envelope, step, fall: world.largest_acceleration() * step * step };
         let bodies = world.bodies.len();
         let tasks: Vec<Vec<Contact>> = (0..bodies.div_ceil(TASK))
             .into_par_iter()
@@ -143,7 +143,7 @@ impl Collider {
             let spin = if radius.is_finite() { Vec3::from_slice(&v[3..]).length() * radius } else { 0.0 };
             step * (Vec3::from_slice(&v[..3]).length() + spin)
         };
-        let ahead = 2.0 * (travel(pair[0]) + travel(pair[1])) + world.gravity.length() * step * step;
+        let ahead = 2.0 * (travel(pair[0]) + travel(pair[1])) + world.largest_acceleration() * step * step;
         let mut touches = Vec::new();
         body_contacts(a, b, ahead, &mut touches);
         touches.iter().map(|touch| contact(pair, touch)).collect()
@@ -256,7 +256,7 @@ impl Collider {
         };
         let bounds: Vec<Aabb> = large.iter().map(wider).collect();
         // Slightly larger than needed, so that rounding in the cell coordinates cannot lose a pair.
-        let fall = world.gravity.length() * step * step;
+        let fall = world.largest_acceleration() * step * step;
         let ahead = (2.0 * farthest).max(fastest.min(largest)) + envelope.max(fall);
         let size = (2.0 * largest + ahead) * (1.0 + 1e-9);
         Sorted {
@@ -440,7 +440,7 @@ const TURN: f64 = 0.3;
 struct Look {
     envelope: f64,
     step: f64,
-    /// |gravity| step^2, m.
+    /// Largest acceleration times step^2, m.
     fall: f64,
 }
 
