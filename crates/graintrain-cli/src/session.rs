@@ -9,10 +9,15 @@ use graintrain_io::files::OutputError;
 use graintrain_io::output::recorder::Recorder;
 use graintrain_io::output::summary::{RunStatus, Summary};
 use graintrain_io::run::{Ending, Observer, Run, RunError};
+use graintrain_io::scene;
 use std::fmt::Write as _;
 use std::num::NonZeroUsize;
 use std::path::Path;
 use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread;
+use std::time::Duration;
 
 /// Options of `run` and `resume` alike.
 #[derive(clap::Args)]
@@ -26,6 +31,9 @@ pub struct SessionOptions {
     /// End with exit code 1 at the first step whose solve misses its tolerance
     #[arg(long)]
     pub strict: bool,
+    /// Stop in good order after so many seconds of wall clock: a checkpoint is written, `graintrain resume DIR` goes on
+    #[arg(long, value_name = "SECONDS", value_parser = scene::seconds)]
+    pub max_seconds: Option<f64>,
 }
 
 /// Makes the remaining steps, writes the last checkpoint and the summary, and tells how it went.
@@ -36,6 +44,10 @@ pub fn make_steps(
     stop: &Stop,
 ) -> Result<ExitCode, Failure> {
     run.strict = options.strict;
+    recorder.checkpoint_wanted = Arc::clone(&stop.checkpoint_wanted);
+    if let Some(limit) = options.max_seconds {
+        stop_after(limit, &stop.requested);
+    }
     let (ending, summary) = with_threads(options.threads, || {
         let mut progress = Progress::new(run.world.step, run.settings.steps, options.quiet);
         let mut observers: Vec<&mut dyn Observer> = vec![&mut recorder, &mut progress];
@@ -64,6 +76,16 @@ pub fn make_steps(
             }
         }
     }
+}
+
+/// Sets the flag after so many seconds; the thread ends with the process.
+fn stop_after(seconds: f64, requested: &Arc<AtomicBool>) {
+    let duration = Duration::try_from_secs_f64(seconds).unwrap_or(Duration::MAX);
+    let requested = Arc::clone(requested);
+    thread::spawn(move || {
+        thread::sleep(duration);
+        requested.store(true, Ordering::Relaxed);
+    });
 }
 
 fn conclude(

@@ -1,6 +1,9 @@
-//! Stopping in good order: the first Ctrl-C (or SIGTERM) asks, the second ends the process at once.
+//! Stopping in good order: the first Ctrl-C (or SIGTERM, SIGHUP) asks, the second ends the process at once; SIGUSR1 asks for a
+//! checkpoint.
 
 use crate::error::Failure;
+#[cfg(unix)]
+use signal_hook::consts::{SIGHUP, SIGUSR1};
 use signal_hook::consts::{SIGINT, SIGTERM};
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -11,17 +14,19 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 pub struct Stop {
     /// Set by the first signal; hand it to whatever can stop early.
     pub requested: Arc<AtomicBool>,
+    /// Set by SIGUSR1, where there is such a signal: a checkpoint is wanted.
+    pub checkpoint_wanted: Arc<AtomicBool>,
     signal: Arc<AtomicUsize>,
 }
 
 impl Stop {
-    /// Listens for SIGINT and SIGTERM from now on.
+    /// Listens for SIGINT, SIGTERM, SIGHUP and SIGUSR1 from now on.
     ///
     /// # Errors
     /// Where the operating system refuses to install the handlers.
     pub fn listen() -> Result<Self, Failure> {
         let stop =
-            Self { requested: Arc::new(AtomicBool::new(false)), signal: Arc::new(AtomicUsize::new(0)) };
+            Self { requested: Arc::default(), checkpoint_wanted: Arc::default(), signal: Arc::default() };
         let install = |signal: i32| {
             // Handlers run in the order of registration: the first one ends the process only when the flag was set by
             // an earlier signal.
@@ -33,13 +38,19 @@ impl Stop {
             signal_hook::flag::register_usize(signal, Arc::clone(&stop.signal), signal as usize)?;
             signal_hook::flag::register(signal, Arc::clone(&stop.requested))
         };
+        let refused = |error| Failure::work_error(error, "signals cannot be handled here");
         for signal in [SIGINT, SIGTERM] {
-            install(signal).map_err(|error| Failure::work_error(error, "signals cannot be handled here"))?;
+            install(signal).map_err(refused)?;
+        }
+        #[cfg(unix)]
+        {
+            install(SIGHUP).map_err(refused)?;
+            signal_hook::flag::register(SIGUSR1, Arc::clone(&stop.checkpoint_wanted)).map_err(refused)?;
         }
         Ok(stop)
     }
 
-    /// Exit code of a process that was stopped: 130 or 143; `None` where nobody asked.
+    /// Exit code of a process that was stopped: 130, 143 or 129; `None` where nobody asked.
     pub fn exit_code(&self) -> Option<ExitCode> {
         match self.signal.load(Ordering::Relaxed) {
             0 => None,

@@ -43,6 +43,9 @@ impl OutputError {
             io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded | io::ErrorKind::FileTooLarge => {
                 "make room, or write fewer frames; what was written before is complete, and `graintrain resume` goes on from the last checkpoint"
             }
+            io::ErrorKind::ResourceBusy => {
+                "wait until the other run has ended, or choose another folder with --out"
+            }
             _ => "choose another folder with --out",
         }
     }

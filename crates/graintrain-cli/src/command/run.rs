@@ -17,7 +17,8 @@ use std::sync::Arc;
 #[command(after_help = "Examples:\n  graintrain run sedimentation --set n=4 --steps 120\n  \
     graintrain run mine.toml --out results/mine --solver apgd --tolerance 1e-5\n\n\
     Exit codes: 0 done; 1 the run failed, or a solve missed its tolerance under --strict; 2 bad input; \
-    130/143 stopped by a signal (a checkpoint is written: `graintrain resume DIR` goes on)")]
+    130/143/129 stopped by Ctrl-C, SIGTERM, SIGHUP (a checkpoint is written: `graintrain resume DIR` goes on; SIGUSR1 writes one and \
+    goes on by itself)")]
 pub struct Arguments {
     /// A scene file (TOML) or the name of a built-in scene (`graintrain scenes` lists them)
     scene: String,

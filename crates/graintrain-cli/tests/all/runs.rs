@@ -142,7 +142,7 @@ fn options_override_the_scene() {
 
 #[test]
 fn a_run_stopped_by_a_signal_resumes_to_the_same_bits() {
-    for (name, code) in [("TERM", 143), ("INT", 130)] {
+    for (name, code) in [("TERM", 143), ("INT", 130), ("HUP", 129)] {
         let folder = folder();
         let child = long_run(folder.path(), "400");
         signal(&child, name);
@@ -160,6 +160,39 @@ fn a_run_stopped_by_a_signal_resumes_to_the_same_bits() {
         let _ = ended(graintrain(folder.path(), &whole), 0);
         assert_eq!(hash(&folder.path().join("cut")), hash(&folder.path().join("whole")));
     }
+}
+
+/// While a run writes, its folder belongs to it; a checkpoint can be asked for; wall clock can be limited.
+#[test]
+fn a_folder_belongs_to_one_run_at_a_time() {
+    let folder = folder();
+    let mut child = long_run(folder.path(), "1000000");
+    for arguments in
+        [&["resume", "cut"][..], &["run", "balls.toml", "--out", "cut", "--force", "--steps", "3"][..]]
+    {
+        let output = graintrain(folder.path(), arguments).output().unwrap();
+        let err = String::from_utf8(output.stderr).unwrap();
+        assert!(!output.status.success() && err.contains("another process"), "{arguments:?}: {err}");
+    }
+    let checkpoints = || {
+        let names = std::fs::read_dir(folder.path().join("cut/checkpoints")).unwrap();
+        let mut names: Vec<_> = names.map(|entry| entry.unwrap().file_name()).collect();
+        names.sort();
+        names
+    };
+    let before = checkpoints();
+    signal(&child, "USR1");
+    let start = Instant::now();
+    while checkpoints() == before {
+        assert!(start.elapsed() < Duration::from_secs(60), "no checkpoint is written");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    assert!(child.try_wait().unwrap().is_none(), "the run goes on");
+    child.kill().unwrap();
+    let _ = child.wait_with_output().unwrap();
+    let limited = ["resume", "cut", "--steps", "100000000", "--max-seconds", "0.3"];
+    let (out, _) = ended(graintrain(folder.path(), &limited), 0);
+    assert!(out.contains("was stopped") && out.contains("graintrain resume cut"), "{out}");
 }
 
 #[test]

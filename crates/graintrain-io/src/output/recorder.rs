@@ -14,7 +14,10 @@ use crate::problem_file::{self, ProblemFileError};
 use crate::run::{Observer, RunSettings, RunTotals, StepView};
 use graintrain::world::World;
 use graintrain_ccp::Ccp;
+use std::fs::{File, TryLockError};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 /// A checkpoint is also due after this wall-clock time: no more than that is lost when a run of long steps is killed.
@@ -56,16 +59,37 @@ const FILES: &[&str] = &[
 const FOLDERS: &[(&str, &str)] =
     &[("frames", "vtp"), ("frames", "vtm"), ("checkpoints", "ckpt"), ("problems", "hdf5")];
 
+/// Who holds this file locked writes into its folder.
+const LOCK: &str = ".lock";
+
+/// Takes the folder for this process until the file is dropped: two runs in one folder would write into each other's tables.
+fn lock(folder: &Path) -> Result<Option<File>, OutputError> {
+    let path = folder.join(LOCK);
+    let refuse = |error| OutputError::new("take the folder", folder, error);
+    let file = File::options().create(true).append(true).open(&path).map_err(refuse)?;
+    match file.try_lock() {
+        Ok(()) => Ok(Some(file)),
+        Err(TryLockError::WouldBlock) => {
+            let why = "another process is writing results into it";
+            Err(refuse(std::io::Error::new(std::io::ErrorKind::ResourceBusy, why)))
+        }
+        // A file system that knows no locks.
+        Err(TryLockError::Error(_)) => Ok(None),
+    }
+}
+
 /// Makes the folder of a new run. With `force`, the files of an earlier run are removed from it, and nothing else.
 ///
 /// # Errors
-/// [`PrepareError::Occupied`] where the folder is not empty and `force` is not set.
+/// [`PrepareError::Occupied`] where the folder is not empty and `force` is not set; [`PrepareError::Output`] where another process
+/// writes into it.
 pub fn prepare_folder(folder: &Path, force: bool) -> Result<(), PrepareError> {
     make_folder(folder)?;
+    let _lock = lock(folder)?;
     let entries = |folder: &Path| {
         std::fs::read_dir(folder).map_err(|error| OutputError::new("read the folder", folder, error))
     };
-    if entries(folder)?.next().is_none() {
+    if entries(folder)?.flatten().all(|entry| entry.file_name() == LOCK) {
         return Ok(());
     }
     if !force {
@@ -106,6 +130,9 @@ pub struct Recorder {
     surfaces: FrameList,
     contacts: FrameList,
     last_checkpoint: Instant,
+    /// Set from outside to ask for a checkpoint after the step under way.
+    pub checkpoint_wanted: Arc<AtomicBool>,
+    _lock: Option<File>,
 }
 
 impl Recorder {
@@ -113,13 +140,14 @@ impl Recorder {
     /// initial state (a run killed early can go on, too).
     ///
     /// # Errors
-    /// Where a file cannot be written.
+    /// Where a file cannot be written, or another process writes into the folder.
     pub fn begin(
         folder: &Path,
         settings: &RunSettings,
         world: &World,
         resolved_scene: &str,
     ) -> Result<Self, OutputError> {
+        let lock = lock(folder)?;
         write_atomically(&folder.join("scene.toml"), resolved_scene.as_bytes())?;
         let mut recorder = Self {
             folder: folder.to_path_buf(),
@@ -130,6 +158,8 @@ impl Recorder {
             surfaces: FrameList::new(folder.join("surfaces.pvd")),
             contacts: FrameList::new(folder.join("contacts.pvd")),
             last_checkpoint: Instant::now(),
+            checkpoint_wanted: Arc::default(),
+            _lock: lock,
         };
         recorder.frame(world)?;
         recorder.checkpoint(world, &RunTotals::default(), RunStatus::Running)?;
@@ -139,8 +169,9 @@ impl Recorder {
     /// Goes on with the outputs in a folder from the state of a checkpoint: whatever was written after it is dropped.
     ///
     /// # Errors
-    /// Where a file cannot be read or written.
+    /// Where a file cannot be read or written, or another process writes into the folder.
     pub fn resume(folder: &Path, settings: &RunSettings, world: &World) -> Result<Self, OutputError> {
+        let lock = lock(folder)?;
         let list = |name: &str| FrameList::reopen(folder.join(name), world.time);
         Ok(Self {
             folder: folder.to_path_buf(),
@@ -151,6 +182,8 @@ impl Recorder {
             surfaces: list("surfaces.pvd")?,
             contacts: list("contacts.pvd")?,
             last_checkpoint: Instant::now(),
+            checkpoint_wanted: Arc::default(),
+            _lock: lock,
         })
     }
 
@@ -271,7 +304,8 @@ impl Observer for Recorder {
             self.dump(world, problem)?;
         }
         let is_due = world.step.is_multiple_of(checkpoint_every)
-            || self.last_checkpoint.elapsed() >= LONGEST_WITHOUT_CHECKPOINT;
+            || self.last_checkpoint.elapsed() >= LONGEST_WITHOUT_CHECKPOINT
+            || self.checkpoint_wanted.swap(false, Ordering::Relaxed);
         // The last one is written by whoever ends the run, since it knows how the run ended.
         if is_due && !is_last {
             self.checkpoint(world, totals, RunStatus::Running)?;
