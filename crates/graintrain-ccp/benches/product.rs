@@ -9,11 +9,11 @@
 mod common;
 
 use graintrain_ccp::residual::ResidualScale;
-use graintrain_ccp::solver::lanes::{LANES, Lanes, Vector};
+use graintrain_ccp::solver::dispatch::vectorised;
+use graintrain_ccp::solver::lanes::{LANES, Lanes, TaskWork, Vector};
 use graintrain_ccp::solver::scaling::ScaledProblem;
-use graintrain_ccp::solver::sweep::{TaskWork, vectorised};
-use graintrain_ccp::solver::{SolveSettings, SolverSpec};
 use graintrain_ccp::{Ccp, Delassus};
+use graintrain_ccp::{SolveSettings, SolverSpec};
 use rayon::prelude::*;
 use std::time::Instant;
 

@@ -58,6 +58,14 @@ pub enum CcpError {
         /// Comma-separated names.
         known: String,
     },
+    /// The solver exists, but this build has left it out.
+    #[error("solver '{name}' is not compiled in: it needs the feature '{feature}' of graintrain-ccp")]
+    NotCompiled {
+        /// The name asked for.
+        name: String,
+        /// The cargo feature that it needs.
+        feature: &'static str,
+    },
     /// The solver cannot treat this problem.
     #[error("solver {solver} cannot treat this problem: {reason}")]
     Unsupported {

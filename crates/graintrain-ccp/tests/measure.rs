@@ -3,8 +3,8 @@
 mod common;
 
 use common::{Random, lattice_packing, random_problem, sparse_form};
+use graintrain_ccp::registry::Method;
 use graintrain_ccp::residual::{MIXED_MAXIMUM, ResidualScale};
-use graintrain_ccp::solver::METHODS;
 use graintrain_ccp::solver::scaling::ScaledProblem;
 use graintrain_ccp::{BodyInverseMass, Ccp, Delassus, FIXED, RigidContact, RigidDelassus};
 use graintrain_ccp::{FrictionModel, Judge, Residual, SolveReport, SolveSettings, SolverSpec, Status};
@@ -204,7 +204,7 @@ fn every_solver_measures_inside_as_its_report_does() {
     const HAIR: f64 = 1e-6;
     let linear = ["ipm+cholesky", "scip+block-jacobi", "pdip+ilu"];
     for (k, problem) in uneven_problems().iter().enumerate() {
-        for name in METHODS.iter().map(|method| method.name).chain(linear) {
+        for name in Method::available().map(Method::name).chain(linear) {
             for judge in [Judge::Maximum, Judge::Mixed] {
                 let is_newton = ["ipm", "scip", "pdip"].iter().any(|newton| name.starts_with(newton));
                 let iterations = if is_newton { 4 } else { 40 };

@@ -2,20 +2,13 @@
 
 use super::body::BodyCholesky;
 use super::body_matrix::BodyMatrix;
-use super::{LinearReport, NewtonError, NewtonSolver, NewtonSystem};
+use super::refinement::{REFINEMENTS, SHIFTS};
+use super::system::{LinearReport, NewtonError, NewtonSolver, NewtonSystem, multiply_scaled};
 use crate::delassus::{Delassus, DelassusWork};
-use crate::newton::multiply_scaled;
 use graintrain_linalg::cholesky::{SparseCholesky, predicted_cost};
 use graintrain_linalg::krylov::{KrylovSettings, KrylovWork, conjugate_gradient};
 use graintrain_linalg::ordering::Ordering;
 use std::collections::BTreeMap;
-
-/// Steps of refinement after which a direct solve gives up improving.
-pub(super) const REFINEMENTS: usize = 30;
-
-/// Diagonal shifts, relative to the diagonal, tried one after the other where the factorisation breaks down. The solve
-/// is refined against the matrix itself, so that a shift costs iterations, not accuracy.
-pub(super) const SHIFTS: [f64; 4] = [0.0, 1e-13, 1e-10, 1e-7];
 
 /// Sparse Cholesky factorisation of S~, analysed once per pattern; solutions are refined by conjugate gradients with the
 /// factor as preconditioner until the residual of the true matrix reaches the tolerance.

@@ -1,7 +1,8 @@
 //! What an outer Newton method needs around its linear solver: S kept up to date, records of every iteration.
 
-use super::{
-    Form, LinearReport, NewtonError, NewtonRecord, NewtonSolver, NewtonSystem, SchurComplement, apply_blocks,
+use super::schur::SchurComplement;
+use super::system::{
+    Form, LinearReport, NewtonError, NewtonRecord, NewtonSolver, NewtonSystem, ScaledBlocks, apply_blocks,
     apply_blocks_in_place, multiply_scaled,
 };
 use crate::delassus::{Delassus, DelassusWork};
@@ -9,8 +10,6 @@ use crate::problem::Ccp;
 use graintrain_linalg::parallel::norm;
 use graintrain_linalg::patience::Patience;
 use std::time::Instant;
-
-pub use super::ScaledBlocks;
 
 /// Steps of the power iteration per Newton matrix; each matrix goes on from the vector of the last.
 const POWER_STEPS: usize = 2;
@@ -68,7 +67,7 @@ impl NewtonDriver {
     }
 
     /// Which system the linear solver takes.
-    pub fn form(&self) -> super::Form {
+    pub fn form(&self) -> Form {
         self.solver.form()
     }
 

@@ -6,9 +6,10 @@
 //! space and goes over once contact space is found to be cheaper, for good. S~ is not assembled before.
 
 use super::body::{BodyCg, LIMIT};
+use super::convergence::ConvergenceRate;
 use super::krylov::{self, SchurKrylov};
-use super::train_body::Rival;
-use super::{Form, LinearReport, NewtonError, NewtonSolver, NewtonSystem, SchurComplement};
+use super::schur::SchurComplement;
+use super::system::{Form, LinearReport, NewtonError, NewtonSolver, NewtonSystem};
 use crate::delassus::Delassus;
 use std::collections::BTreeMap;
 
@@ -58,7 +59,7 @@ impl Default for IncompleteCholeskyCg {
 
 impl IncompleteCholeskyCg {
     /// What a solve costs, from a few iterations.
-    pub(super) fn measure(&mut self, system: &NewtonSystem<'_>) -> Option<Rival> {
+    pub fn measure(&mut self, system: &NewtonSystem<'_>) -> Option<ConvergenceRate> {
         if self.in_body_space {
             return self.body.measure(system);
         }

@@ -1,7 +1,7 @@
 //! Krylov methods in contact space: on S~, and the paper's baseline on S.
 
-use super::train_body::{RACE, Rival, unstructured};
-use super::{Form, LinearReport, NewtonError, NewtonSolver, NewtonSystem, multiply_scaled};
+use super::convergence::{ConvergenceRate, SAMPLE, unstructured};
+use super::system::{Form, LinearReport, NewtonError, NewtonSolver, NewtonSystem, multiply_scaled};
 use crate::delassus::{Delassus, DelassusWork};
 use crate::problem::Ccp;
 use graintrain_linalg::krylov::{KrylovReport, KrylovSettings, KrylovWork, bicgstab, conjugate_gradient};
@@ -63,13 +63,17 @@ impl SchurKrylov {
     }
 
     /// What a solve costs, from a few iterations; `None` for the plain form and where the matrix is missing or empty.
-    pub(super) fn measure(&mut self, system: &NewtonSystem<'_>) -> Option<Rival> {
+    pub fn measure(&mut self, system: &NewtonSystem<'_>) -> Option<ConvergenceRate> {
         let mut x = vec![0.0; 3 * system.problem.num_contacts()];
         let b = unstructured(x.len());
-        let settings = KrylovSettings { relative_tolerance: 0.0, max_iterations: RACE };
+        let settings = KrylovSettings { relative_tolerance: 0.0, max_iterations: SAMPLE };
         let report = self.iterate(system, &b, &mut x, settings)?;
         let blocks = system.matrix.map_or(0, |matrix| matrix.columns().len());
-        Some(Rival::new(report.iterations, report.residual, iteration_flops(system.problem, blocks)))
+        Some(ConvergenceRate::new(
+            report.iterations,
+            report.residual,
+            iteration_flops(system.problem, blocks),
+        ))
     }
 
     /// From x as it is; `None` where the matrix is missing.

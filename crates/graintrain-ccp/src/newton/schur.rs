@@ -1,6 +1,6 @@
 //! The Newton matrix in contact space as a sparse matrix whose pattern is made once per problem.
 
-use super::{Form, ScaledBlocks};
+use super::system::{Form, ScaledBlocks};
 use crate::delassus::Delassus;
 use crate::problem::Ccp;
 use graintrain_linalg::block_ops::multiply3;

@@ -4,10 +4,11 @@
 //! friction and contact", ACM Transactions on Graphics 34(3):32, 2015, after Nesterov (1983) and, for the restart,
 //! O'Donoghue and Candes (2015).
 
-use super::first_order::{FirstOrder, FirstOrderMethod, Iterate};
+use super::combination::Combination;
+use super::first_order::{FirstOrderMethod, Iterate};
 use super::lanes::{Batch, Vector, add_scaled, dot, project_given, sub, within_disc};
-use super::scaling::{Combination, Given, Here, Kernel, ScaledProblem};
-use super::sweep::Tally;
+use super::scaling::{Given, Here, Kernel, ScaledProblem};
+use super::tasks::Tally;
 use crate::residual::FrictionModel;
 
 /// Accelerated projected gradient on the scaled problem:
@@ -185,10 +186,4 @@ impl Combination<2> for Extrapolation {
         let new = y + d;
         [new + V::splat(self.beta) * (new - x), new]
     }
-}
-
-/// Makes the solver by name; it has no linear solver.
-pub(super) fn build(linear: Option<&str>) -> Result<Box<dyn super::CcpSolver>, crate::CcpError> {
-    super::without_linear_solver(Apgd::NAME, linear)?;
-    Ok(Box::new(FirstOrder::new(Apgd::default())))
 }

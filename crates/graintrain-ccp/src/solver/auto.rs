@@ -1,8 +1,13 @@
 //! `auto`: the solver that is likely to reach the tolerance first, and others where it does not.
 
+use super::alternating::Alternating;
+use super::apgd::Apgd;
 use super::driver::{Best, Limits, check_start};
-use super::turns::Turns;
-use super::{CcpSolver, METHODS, SolveReport, SolveSettings, Status};
+use super::first_order::FirstOrder;
+use super::interface::CcpSolver;
+use super::ipm::Ipm;
+use super::report::{SolveReport, Status};
+use super::settings::SolveSettings;
 use crate::problem::{Ccp, CcpError};
 
 /// Below this tolerance the interior point goes first.
@@ -18,18 +23,21 @@ pub struct Auto {
     members: Vec<(&'static str, Box<dyn CcpSolver>)>,
     /// Members that have seen N and mu of the last call.
     ready: Vec<&'static str>,
-    exact: Turns,
+    exact: Alternating,
+}
+
+impl Default for Auto {
+    fn default() -> Self {
+        Self::new()
+    }
 }
 
 impl Auto {
-    fn new() -> Result<Self, CcpError> {
-        let mut members = Vec::new();
-        for name in ["apgd", "ipm"] {
-            if let Some(method) = METHODS.iter().find(|method| method.name == name) {
-                members.push((name, (method.build)(None)?));
-            }
-        }
-        Ok(Self { members, ready: Vec::new(), exact: Turns::new() })
+    /// With `apgd` and `ipm`.
+    pub fn new() -> Self {
+        let members: Vec<(_, Box<dyn CcpSolver>)> =
+            vec![("apgd", Box::new(FirstOrder::new(Apgd::default()))), ("ipm", Box::new(Ipm::new()))];
+        Self { members, ready: Vec::new(), exact: Alternating::new() }
     }
 
     fn run(
@@ -127,10 +135,4 @@ impl CcpSolver for Auto {
         let report = self.exact.solve(problem, impulse, last, settings, again)?;
         Ok(Some(SolveReport { solver: format!("auto ({})", report.solver), ..report }))
     }
-}
-
-/// Makes the solver by name; it has no linear solver.
-pub(super) fn build(linear: Option<&str>) -> Result<Box<dyn CcpSolver>, CcpError> {
-    super::without_linear_solver("auto", linear)?;
-    Ok(Box::new(Auto::new()?))
 }

@@ -5,7 +5,9 @@
 //! convex optimization", ZAMM 91(2):155-175, 2011.
 
 use super::driver::{Best, Limits, check_start};
-use super::{CcpSolver, SolveReport, SolveSettings, Status};
+use super::interface::CcpSolver;
+use super::report::{SolveReport, Status};
+use super::settings::SolveSettings;
 use crate::problem::{Ccp, CcpError};
 use crate::residual::{FrictionModel, ResidualScale};
 
@@ -341,8 +343,11 @@ mod tests {
     use super::{CoulombIteration, EXACT_ROUND};
     use crate::delassus::Delassus;
     use crate::problem::{Ccp, CcpError};
+    use crate::registry::{Method, SolverSpec};
     use crate::residual::FrictionModel;
-    use crate::solver::{CcpSolver, METHODS, SolveReport, SolveSettings, SolverSpec, Status};
+    use crate::solver::interface::CcpSolver;
+    use crate::solver::report::{SolveReport, Status};
+    use crate::solver::settings::SolveSettings;
     use graintrain_linalg::block3::BlockMatrix3;
 
     /// Two coupled contacts.
@@ -361,15 +366,15 @@ mod tests {
     #[test]
     fn without_friction_the_exact_problem_is_solved_as_the_relaxed_one() {
         let problem = two_contacts(0.0);
-        for method in METHODS {
+        for method in Method::available() {
             let solve = |friction| {
                 let settings = SolveSettings { tolerance: 1e-7, friction, ..SolveSettings::default() };
                 let mut impulse = vec![0.0; 6];
-                let mut solver = method.name.parse::<SolverSpec>().unwrap().build().unwrap();
+                let mut solver = SolverSpec::from(method).build().unwrap();
                 let report = solver.solve(&problem, &mut impulse, &settings).unwrap();
                 (report.status, report.iterations, impulse)
             };
-            assert_eq!(solve(FrictionModel::Coulomb), solve(FrictionModel::Relaxed), "{}", method.name);
+            assert_eq!(solve(FrictionModel::Coulomb), solve(FrictionModel::Relaxed), "{method}");
         }
     }
 

@@ -1,9 +1,11 @@
 //! What the first-order methods share: the scaled problem, the iterate with its image, stopping.
 
 use super::driver::{Best, Limits, check_start};
+use super::interface::{CcpSolver, ITERATION_LIMIT};
 use super::lanes::{Batch, Lanes, Vector};
+use super::report::{SolveReport, Status};
 use super::scaling::{Image, PassWork, ScaledProblem};
-use super::{CcpSolver, SolveReport, SolveSettings, Status};
+use super::settings::SolveSettings;
 use crate::problem::{Ccp, CcpError};
 use crate::residual::{FrictionModel, ResidualScale};
 use rayon::prelude::*;
@@ -127,8 +129,6 @@ impl<M: FirstOrderMethod> CcpSolver for FirstOrder<M> {
     }
 }
 
-/// Iterations where the settings name no limit.
-pub(super) const ITERATION_LIMIT: usize = 100_000;
 /// Iterations between two evaluations of the residual.
 const CHECK: usize = 10;
 /// Iterations between two evaluations of the image of x from x itself: two per cent of the work.
@@ -268,7 +268,8 @@ pub fn add_image(to: &mut [Lanes], factor: f64, image: &[Lanes]) {
 mod tests {
     use crate::delassus::Delassus;
     use crate::problem::Ccp;
-    use crate::solver::{SolveSettings, SolverSpec};
+    use crate::registry::{Method, SolverSpec};
+    use crate::solver::settings::SolveSettings;
     use graintrain_linalg::block3::BlockMatrix3;
 
     /// Beside an ordinary contact one between immovable bodies that should part: no impulse helps, and none may make it worse.
@@ -278,8 +279,9 @@ mod tests {
         let matrix = BlockMatrix3::from_rows(vec![0, 1, 2], vec![0, 1], vec![free, [0.0; 9]]);
         let r = vec![-1.0, 0.3, 0.0, -1.0, 0.0, 0.2];
         let problem = Ccp::new(Delassus::Sparse(matrix), r, vec![0.3, 0.5]).unwrap();
-        for name in ["pj", "pgs", "apgd", "bb", "kucera", "spg", "gpminres"] {
-            let mut solver = name.parse::<SolverSpec>().unwrap().build().unwrap();
+        let first_order = |method: &Method| !method.has_linear_solver() && *method != Method::Auto;
+        for name in Method::available().filter(first_order) {
+            let mut solver = SolverSpec::from(name).build().unwrap();
             let mut residual_after = |iterations| {
                 let settings = SolveSettings { max_iterations: Some(iterations), ..SolveSettings::default() };
                 let mut impulse = vec![0.0; 6];

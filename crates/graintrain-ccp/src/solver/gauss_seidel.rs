@@ -5,10 +5,9 @@
 //! "Unilateral contact and dry friction in finite freedom dynamics", 1988, and M. Jean, "The non-smooth contact dynamics method",
 //! Computer Methods in Applied Mechanics and Engineering 177:235-257, 1999.
 
-use super::first_order::{FirstOrder, FirstOrderMethod, Iterate};
+use super::first_order::{FirstOrderMethod, Iterate};
 use super::lanes::{Batch, LANES, Lanes, Vector, sub, tangential_length};
 use super::scaling::{Here, Relaxation, ScaledProblem};
-use crate::problem::CcpError;
 use graintrain_linalg::block3::Block;
 
 /// Projected Gauss-Seidel on the scaled problem: contacts one after the other,
@@ -94,25 +93,16 @@ fn largest_eigenvalue(a: &Block) -> f64 {
     mean + 2.0 * p * (half.acos() / 3.0).cos()
 }
 
-/// Makes the solver by name; it has no linear solver.
-pub(super) fn build(linear: Option<&str>) -> Result<Box<dyn super::CcpSolver>, CcpError> {
-    super::without_linear_solver(GaussSeidel::NAME, linear)?;
-    Ok(Box::new(FirstOrder::new(GaussSeidel::default())))
-}
-
-/// The solver with this omega, `None` unless it is a number between 0 and 2.
-pub(super) fn build_with(omega: &str) -> Option<Box<dyn super::CcpSolver>> {
-    let relaxation = omega.parse().ok().filter(|omega| *omega > 0.0 && *omega < 2.0)?;
-    Some(Box::new(FirstOrder::new(GaussSeidel { relaxation })))
-}
-
 #[cfg(test)]
 mod tests {
     use super::super::body_operator::{TOGETHER, pack};
-    use super::super::{CcpSolver, SolveSettings, SolverSpec};
+    use super::super::first_order::FirstOrder;
+    use super::super::interface::CcpSolver;
+    use super::super::settings::SolveSettings;
     use super::*;
     use crate::delassus::{BodyInverseMass, Delassus, FIXED, RigidContact, RigidDelassus};
     use crate::problem::Ccp;
+    use crate::registry::SolverSpec;
     use crate::residual::FrictionModel;
 
     /// Contacts between neighbours of a row of bodies, and of every fourth body with a fixed one.

@@ -13,25 +13,26 @@
 //! the normal one. Only the residual has to be taken in the original metric, where |d_i| is measured: in units of V / eta_i, the
 //! impulse by which the contact's own effective mass changes its velocity by V.
 
+mod contacts;
 mod kernel;
 mod passes;
-mod surroundings;
 
 use super::body_operator::{BodyOperator, BodyPair, pack};
+use super::combination::{Combination, Replace};
+use super::dispatch::vectorised;
 use super::lanes::{Batch, LANES, Lanes, ZERO, project};
 use super::row_operator::RowOperator;
-use super::sweep::{CHUNK, Tally, Totals, for_each_task, vectorised};
+use super::tasks::{CHUNK, Tally, Totals, for_each_task};
 use crate::delassus::Delassus;
 use crate::problem::Ccp;
 use crate::residual::{FrictionModel, Residual, ResidualScale};
+use contacts::Surroundings;
 use graintrain_linalg::block3::Block;
-use passes::{BodyPass, BodySweep, RowPass};
-use surroundings::Surroundings;
-
 use kernel::{Identity, NaturalMap, NaturalMapGiven, PowerStep, Store};
+use passes::{BodyPass, BodySweep, RowPass};
 
-pub use kernel::{Accumulate, Combination, Given, Kernel, Relaxation, Replace};
-pub use surroundings::{Here, Metric};
+pub use contacts::{Here, Metric};
+pub use kernel::{Given, Kernel, Relaxation};
 
 /// Power iterations for the first step size.
 const POWER_ITERATIONS: usize = 12;
@@ -74,7 +75,7 @@ pub struct PassWork {
 }
 
 impl PassWork {
-    /// Tallies of the chunks, for [`for_each_batch`](super::sweep::for_each_batch).
+    /// Tallies of the chunks, for [`for_each_batch`](super::tasks::for_each_batch).
     pub fn tallies(&mut self) -> &mut [Tally] {
         &mut self.tallies
     }
@@ -311,7 +312,7 @@ impl ScaledProblem {
                     &|chunk, vectors, slots, tally| {
                         let batches = range(chunk);
                         vectorised(BodyPass::<M, GATHER, SCATTER, _> {
-                            scaled: self,
+                            surroundings: self.surroundings(batches.clone()),
                             bodies,
                             velocity,
                             batches,
@@ -339,7 +340,7 @@ impl ScaledProblem {
                     &|chunk, vectors, scattered, tally| {
                         let batches = range(chunk);
                         vectorised(RowPass::<M, GATHER, _> {
-                            scaled: self,
+                            surroundings: self.surroundings(batches.clone()),
                             product,
                             batches,
                             vectors,
@@ -438,7 +439,8 @@ impl ScaledProblem {
         work.products += 1;
         match &self.operator {
             Operator::Bodies(bodies) => {
-                vectorised(BodySweep { scaled: self, bodies, x, image, kernel });
+                let surroundings = self.surroundings(0..x.len());
+                vectorised(BodySweep { surroundings, bodies, x, image, kernel });
                 true
             }
             Operator::Rows(rows) => {

@@ -3,6 +3,8 @@
 
 use clarabel::algebra::CscMatrix;
 use clarabel::solver::{DefaultSettingsBuilder, DefaultSolver, IPSolver, SupportedConeT};
+use graintrain_ccp::newton::NewtonSolver;
+use graintrain_ccp::registry::{LinearMethod, Method};
 use graintrain_ccp::residual::{FrictionModel, ResidualScale};
 use graintrain_ccp::{BodyInverseMass, Ccp, Delassus, FIXED, RigidContact, RigidDelassus};
 
@@ -377,4 +379,9 @@ pub fn clarabel_over_velocities(problem: &Ccp) -> f64 {
     let objective = solver.solution.obj_val;
     assert!(objective.is_finite(), "Clarabel failed: {:?}", solver.solution.status);
     -scale * scale * objective
+}
+
+/// A linear solver by name.
+pub fn linear_solver(name: &str) -> Box<dyn NewtonSolver> {
+    LinearMethod::of(Method::Ipm, name).and_then(LinearMethod::build).unwrap()
 }

@@ -16,10 +16,11 @@ use super::super::driver::Limits;
 use super::super::ipm::iterate::Work;
 use super::super::ipm::mehrotra;
 use super::super::ipm::scaled::Scaled;
-use super::{CERTAIN, Certificate, Judge, PROBABLE};
+use super::certificate::{CERTAIN, Certificate, Evaluator, PROBABLE};
 use crate::delassus::DelassusWork;
-use crate::newton::driver::{NewtonDriver, ScaledBlocks};
-use crate::newton::{apply_blocks_in_place, multiply_scaled};
+use crate::newton::driver::NewtonDriver;
+use crate::newton::system::ScaledBlocks;
+use crate::newton::system::{apply_blocks_in_place, multiply_scaled};
 use crate::problem::Ccp;
 use graintrain_linalg::parallel::dot;
 
@@ -41,14 +42,14 @@ const SUSPICIOUS: f64 = 1e9;
 
 /// Whether impulses of a scaled problem look like those of a problem without a solution: (r^T g)^2 / (g^T N g) has grown out
 /// of proportion to |r|^2. The optimal value is at most minus half of it. Given r^T g, g^T N g and |r|^2.
-pub(in crate::solver) fn is_suspicious(along: f64, energy: f64, free: f64) -> bool {
+pub(crate) fn is_suspicious(along: f64, energy: f64, free: f64) -> bool {
     along < 0.0 && along * along > SUSPICIOUS * free * energy
 }
 
 /// Looks for a proof that `problem` has no solution; ends where one is found that is [`CERTAIN`], or no better one can be expected.
 /// `newton` must have begun the scaled problem; `iterations` counts Newton systems. Each costs one right-hand side more than those of
 /// the interior point, and a step of refinement for every one.
-pub(in crate::solver) fn search(
+pub(crate) fn search(
     newton: &mut NewtonDriver,
     problem: &Ccp,
     scaled: &Scaled,
@@ -57,7 +58,7 @@ pub(in crate::solver) fn search(
 ) -> Certificate {
     let inner = &scaled.problem;
     let a: Vec<f64> = inner.r.iter().map(|r| WEIGHT * r).collect();
-    let mut judge = Judge::new(problem);
+    let mut evaluator = Evaluator::new(problem);
     // Nothing of r_d counts as noise: the smallest part of N g matters.
     let mut work = Work::new(inner, 0.0);
     (work.proximal, work.noise) = (PROXIMAL, 0.0);
@@ -77,7 +78,7 @@ pub(in crate::solver) fn search(
         for (k, physical) in physical.iter_mut().enumerate() {
             *physical = scaled.impulse_unit[k / 3] * work.g[k];
         }
-        let needed_velocity = judge.needed_velocity(problem, &physical);
+        let needed_velocity = evaluator.needed_velocity(problem, &physical);
         if needed_velocity > best.needed_velocity {
             best.ray.copy_from_slice(&physical);
             best.needed_velocity = needed_velocity;

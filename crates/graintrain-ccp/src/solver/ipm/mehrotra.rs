@@ -2,7 +2,7 @@
 
 use super::cone::product;
 use super::iterate::Work;
-use crate::newton::driver::ScaledBlocks;
+use crate::newton::system::ScaledBlocks;
 
 /// Gondzio correctors tried per step.
 const CORRECTORS: usize = 2;
@@ -11,10 +11,7 @@ const PRODUCTS: [f64; 2] = [0.1, 10.0];
 
 /// Makes the step from scalings, blocks and dual residual of `work` and returns its length. `solve` solves
 /// (I + F^T N F) z = b, given F, b and in z the last solution; it is called two to four times.
-pub(in crate::solver) fn step(
-    work: &mut Work,
-    mut solve: impl FnMut(ScaledBlocks<'_>, &[f64], &mut [f64]),
-) -> f64 {
+pub(crate) fn step(work: &mut Work, mut solve: impl FnMut(ScaledBlocks<'_>, &[f64], &mut [f64])) -> f64 {
     let contacts = work.contacts();
     let barrier = work.barrier();
     work.affine_right_hand_side();

@@ -36,20 +36,25 @@
 //! impulses are searched for ([`infeasible`](super::infeasible)). The answer returned is that of N + `COMPLIANCE` diag(eta), a
 //! little give in every contact, with [`Status::Infeasible`].
 
-pub(super) mod cone;
-pub(super) mod iterate;
-pub(super) mod mehrotra;
-pub(super) mod pair;
+pub(crate) mod cone;
+pub(crate) mod iterate;
+pub(crate) mod mehrotra;
+pub(crate) mod pair;
 mod path;
 mod proximal;
-pub(super) mod scaled;
-pub(super) mod session;
+pub(crate) mod scaled;
+pub(crate) mod session;
 
+use super::alternating::Alternating;
+use super::apgd::Apgd;
 use super::driver::{Limits, check_start};
-use super::turns::Turns;
-use super::{CcpSolver, SolveReport, SolveSettings, Status};
+use super::first_order::FirstOrder;
+use super::interface::CcpSolver;
+use super::report::{SolveReport, Status};
+use super::settings::SolveSettings;
+use crate::newton::direct::Direct;
 use crate::newton::driver::NewtonDriver;
-use crate::newton::{Form, NewtonSolver, linear_solver};
+use crate::newton::{Form, NewtonSolver};
 use crate::problem::{Ccp, CcpError};
 use crate::residual::ResidualScale;
 use scaled::Scaled;
@@ -71,22 +76,20 @@ pub struct Ipm {
     start: Option<Box<dyn CcpSolver>>,
     /// Whether the start has seen N and mu of the last call.
     start_ready: bool,
-    exact: Turns,
+    exact: Alternating,
 }
 
 impl Ipm {
-    /// The interior point with the linear solver of this name (see [`crate::newton`]), without a start.
-    ///
-    /// # Errors
-    /// [`CcpError::UnknownSolver`].
-    pub fn new(linear: &str) -> Result<Self, CcpError> {
-        Ok(Self::with_solver(linear_solver("ipm", linear)?))
+    /// Started by projected gradients, with sparse Cholesky factorisations: `ipm`.
+    pub fn new() -> Self {
+        let start: Box<dyn CcpSolver> = Box::new(FirstOrder::new(Apgd::default()));
+        Self { start: Some(start), ..Self::with_solver(Box::new(Direct::default())) }
     }
 
-    /// With a linear solver of one's own.
+    /// The interior point with a linear solver of one's own, without a start: `ipm+LINEAR`.
     pub fn with_solver(linear: Box<dyn NewtonSolver>) -> Self {
         let newton = NewtonDriver::new(linear);
-        Self { newton, start: None, start_ready: false, exact: Turns::new() }
+        Self { newton, start: None, start_ready: false, exact: Alternating::new() }
     }
 
     fn run(
@@ -166,11 +169,10 @@ impl Ipm {
     }
 }
 
-pub(super) fn build(linear: Option<&str>) -> Result<Box<dyn CcpSolver>, CcpError> {
-    Ok(Box::new(match linear {
-        None => Ipm { start: Some(super::apgd::build(None)?), ..Ipm::new("cholesky")? },
-        Some(linear) => Ipm::new(linear)?,
-    }))
+impl Default for Ipm {
+    fn default() -> Self {
+        Self::new()
+    }
 }
 
 impl CcpSolver for Ipm {

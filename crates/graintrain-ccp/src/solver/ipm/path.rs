@@ -1,7 +1,7 @@
 //! The interior point itself: along the central path to the solution.
 
-use super::super::Status;
 use super::super::driver::Progress;
+use super::super::report::Status;
 use super::iterate::Work;
 use super::mehrotra;
 use super::session::Session;

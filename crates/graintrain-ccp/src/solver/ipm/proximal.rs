@@ -30,11 +30,12 @@
 //! method", Mathematical Programming 58:353-367, 1993; X. Zhao, D. Sun, K.-C. Toh, "A Newton-CG augmented Lagrangian
 //! method for semidefinite programming", SIAM J. Optimization 20:1737-1765, 2010.
 
-use super::super::Status;
+use super::super::report::Status;
 use super::session::Session;
 use crate::delassus::DelassusWork;
-use crate::newton::driver::{NewtonDriver, ScaledBlocks};
-use crate::newton::{apply_blocks, apply_blocks_in_place};
+use crate::newton::driver::NewtonDriver;
+use crate::newton::system::ScaledBlocks;
+use crate::newton::system::{apply_blocks, apply_blocks_in_place};
 use crate::problem::Ccp;
 use graintrain_linalg::block3::Block;
 

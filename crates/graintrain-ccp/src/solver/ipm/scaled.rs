@@ -7,7 +7,7 @@ use graintrain_linalg::block3::BlockMatrix3;
 
 /// A scaled problem: g_i = `impulse_unit`_i x_i and u_i = `velocity_unit`_i y_i. One positive factor per contact leaves
 /// every cone as it is.
-pub(in crate::solver) struct Scaled {
+pub(crate) struct Scaled {
     pub problem: Ccp,
     pub impulse_unit: Vec<f64>,
     pub velocity_unit: Vec<f64>,

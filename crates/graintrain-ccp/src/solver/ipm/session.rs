@@ -1,8 +1,8 @@
 //! What the phases of one solve share: the problem as given and scaled, when to stop, and the best iterate.
 
-use super::super::Status;
 use super::super::driver::{Best, Limits};
 use super::super::infeasible::{self, Certificate};
+use super::super::report::Status;
 use super::iterate::Work;
 use super::scaled::Scaled;
 use crate::newton::driver::NewtonDriver;
@@ -11,7 +11,7 @@ use crate::residual::{FrictionModel, ResidualScale};
 use graintrain_linalg::parallel::dot;
 
 /// One solve. Iterations are Newton systems.
-pub(in crate::solver) struct Session<'a> {
+pub(crate) struct Session<'a> {
     /// The problem as given.
     problem: &'a Ccp,
     /// The problem scaled.

@@ -1,8 +1,8 @@
 //! What a pass does at four contacts: the interface of a method's update, and the updates that the scaled problem needs itself.
 
 use super::super::lanes::{Batch, Vector, dot, project_given, scale, sub, zero};
-use super::super::sweep::Tally;
-use super::{Here, Metric};
+use super::super::tasks::Tally;
+use super::contacts::{Here, Metric};
 
 /// What a method does at four contacts in a pass. A type rather than a closure, because only `#[inline(always)]`
 /// functions are sure to be compiled for the processor's vector instructions.
@@ -49,32 +49,6 @@ pub struct Given<V> {
     pub u: Batch<V>,
     /// What [`Kernel::projected`] has made of [`Kernel::point`].
     pub projected: Batch<V>,
-}
-
-/// What becomes of a method's images when a pass has computed a new one: a linear combination, number by number.
-pub trait Combination<const K: usize>: Sync {
-    /// The images' new numbers, given those of the fresh image.
-    fn of<V: Vector>(&self, fresh: V, images: [V; K]) -> [V; K];
-}
-
-/// Image <- the fresh one.
-pub struct Replace;
-
-impl Combination<1> for Replace {
-    #[inline(always)]
-    fn of<V: Vector>(&self, fresh: V, _: [V; 1]) -> [V; 1] {
-        [fresh]
-    }
-}
-
-/// Image <- image + the fresh one.
-pub struct Accumulate;
-
-impl Combination<1> for Accumulate {
-    #[inline(always)]
-    fn of<V: Vector>(&self, fresh: V, [image]: [V; 1]) -> [V; 1] {
-        [image + fresh]
-    }
 }
 
 /// What Gauss-Seidel makes of the impulses of four contacts, given their velocities.

@@ -2,17 +2,18 @@
 
 use super::super::body_operator::{BodyOperator, BodyPair, Geometry, Update};
 use super::super::lanes::{
-    Batch, Lanes, Vector, add, in_place, load, scale, store, sub, tangential_length, zero,
+    Batch, Lanes, TaskWork, Vector, add, in_place, load, scale, store, sub, tangential_length, zero,
 };
-use super::super::sweep::{Tally, TaskWork};
-use super::{Given, Here, Kernel, Relaxation, ScaledProblem, Surroundings};
+use super::super::tasks::Tally;
+use super::contacts::{Here, Surroundings};
+use super::kernel::{Given, Kernel, Relaxation};
 
 /// So many batches ahead a pass over bodies asks for geometry.
 const PREFETCH: usize = 8;
 
 /// The part of a pass over bodies that one chunk does.
 pub(super) struct BodyPass<'a, const M: usize, const GATHER: bool, const SCATTER: bool, K> {
-    pub(super) scaled: &'a ScaledProblem,
+    pub(super) surroundings: Surroundings<'a>,
     pub(super) bodies: &'a BodyOperator,
     pub(super) velocity: &'a [BodyPair],
     pub(super) batches: std::ops::Range<usize>,
@@ -29,13 +30,12 @@ where
 {
     #[inline(always)]
     fn run<V: Vector>(self) {
-        let Self { scaled, bodies, velocity, batches, vectors, slots, tally: total, kernel } = self;
+        let Self { surroundings, bodies, velocity, batches, vectors, slots, tally: total, kernel } = self;
         if SCATTER {
             slots.fill(BodyPair::default());
         }
         let mut vectors = vectors.map(in_place::<V>);
         let mut tally = Tally::default();
-        let surroundings = scaled.surroundings(batches.clone());
         let following = &bodies.geometry()[batches.start..];
         let geometry = &following[..batches.len()];
         if K::SHORT {
@@ -132,7 +132,7 @@ fn seen<const GATHER: bool, const M: usize, K: Kernel<M>, V: Vector>(
 
 /// A sweep of Gauss-Seidel over bodies.
 pub(super) struct BodySweep<'a, K> {
-    pub(super) scaled: &'a ScaledProblem,
+    pub(super) surroundings: Surroundings<'a>,
     pub(super) bodies: &'a BodyOperator,
     pub(super) x: &'a mut [Batch],
     pub(super) image: &'a mut [Lanes],
@@ -142,8 +142,7 @@ pub(super) struct BodySweep<'a, K> {
 impl<K: Relaxation> TaskWork for BodySweep<'_, K> {
     #[inline(always)]
     fn run<V: Vector>(self) {
-        let Self { scaled, bodies, x, image, kernel } = self;
-        let surroundings = scaled.surroundings(0..x.len());
+        let Self { surroundings, bodies, x, image, kernel } = self;
         bodies.sweep::<V>(image, &mut Relaxing { surroundings, x: in_place(x), kernel });
     }
 }
@@ -170,7 +169,7 @@ impl<V: Vector, K: Relaxation> Update<V> for Relaxing<'_, V, K> {
 
 /// The part of a pass over rows that one chunk does before the product.
 pub(super) struct RowPass<'a, const M: usize, const GATHER: bool, K> {
-    pub(super) scaled: &'a ScaledProblem,
+    pub(super) surroundings: Surroundings<'a>,
     pub(super) product: &'a [Batch],
     pub(super) batches: std::ops::Range<usize>,
     pub(super) vectors: [&'a mut [Batch]; M],
@@ -185,9 +184,8 @@ where
 {
     #[inline(always)]
     fn run<V: Vector>(self) {
-        let Self { scaled, product, batches, vectors, scattered, tally: total, kernel } = self;
+        let Self { surroundings, product, batches, vectors, scattered, tally: total, kernel } = self;
         let mut vectors = vectors.map(in_place::<V>);
-        let surroundings = scaled.surroundings(batches.clone());
         let mut tally = Tally::default();
         for (offset, (batch, scattered)) in batches.zip(scattered).enumerate() {
             let here = surroundings.at(offset);

@@ -3,10 +3,11 @@
 //! Source: A. Tasora, M. Anitescu, "A matrix-free cone complementarity approach for solving large-scale, nonsmooth,
 //! rigid body dynamics", Computer Methods in Applied Mechanics and Engineering 200:439-453, 2011.
 
-use super::first_order::{FirstOrder, FirstOrderMethod, Iterate};
-use super::lanes::{Batch, Vector, add, add_scaled, dot, scale, sub};
-use super::scaling::{Accumulate, Given, Here, Kernel, ScaledProblem};
-use super::sweep::Tally;
+use crate::solver::combination::Accumulate;
+use crate::solver::first_order::{FirstOrderMethod, Iterate};
+use crate::solver::lanes::{Batch, Vector, add, add_scaled, dot, scale, sub};
+use crate::solver::scaling::{Given, Here, Kernel, ScaledProblem};
+use crate::solver::tasks::Tally;
 
 /// Projected Jacobi: all contacts at once from the same velocities,
 ///
@@ -70,10 +71,4 @@ impl FirstOrderMethod for Jacobi {
             }
         }
     }
-}
-
-/// Makes the solver by name; it has no linear solver.
-pub(super) fn build(linear: Option<&str>) -> Result<Box<dyn super::CcpSolver>, crate::CcpError> {
-    super::without_linear_solver(Jacobi::NAME, linear)?;
-    Ok(Box::new(FirstOrder::new(Jacobi::default())))
 }

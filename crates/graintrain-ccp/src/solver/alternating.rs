@@ -4,7 +4,9 @@ use super::apgd::Apgd;
 use super::driver::{Best, Limits};
 use super::first_order::FirstOrder;
 use super::gauss_seidel::GaussSeidel;
-use super::{CcpSolver, SolveReport, SolveSettings, Status};
+use super::interface::CcpSolver;
+use super::report::{SolveReport, Status};
+use super::settings::SolveSettings;
 use crate::problem::{Ccp, CcpError};
 
 /// Over-relaxation of the sweeps.
@@ -18,13 +20,13 @@ const BOLD: f64 = 4.0;
 /// The exact problem has no objective, and any of these methods may circle where another gets on: sheared packings want short
 /// momenta or sweeps, which creep in settled boxes and in stacks of bricks, where the impulses have a long way to go at
 /// residuals of 1e-5 and long momenta carry them.
-pub(super) struct Turns {
+pub(super) struct Alternating {
     members: [Box<dyn CcpSolver>; 3],
     /// Which of them have seen N and mu of the last call.
     ready: [bool; 3],
 }
 
-impl Turns {
+impl Alternating {
     pub fn new() -> Self {
         let bold = Apgd { longer: BOLD, shorter: BOLD, ..Apgd::default() };
         let sweeps = GaussSeidel { relaxation: RELAXATION };

@@ -1,9 +1,10 @@
 //! Projected gradient with spectral (Barzilai-Borwein) steps: what `bb` and `spg` share.
 
-use super::first_order::Iterate;
-use super::lanes::{Batch, Vector, add, add_scaled, dot, sub, zero};
-use super::scaling::{Given, Here, Image, Kernel, Replace, ScaledProblem};
-use super::sweep::Tally;
+use crate::solver::combination::Replace;
+use crate::solver::first_order::Iterate;
+use crate::solver::lanes::{Batch, Vector, add, add_scaled, dot, sub, zero};
+use crate::solver::scaling::{Given, Here, Image, Kernel, ScaledProblem};
+use crate::solver::tasks::Tally;
 
 /// Steps are kept between these multiples of 1 / (largest eigenvalue of N').
 const STEP_RANGE: (f64, f64) = (0.1, 1e4);

@@ -5,10 +5,11 @@
 //! Engineering 95:541-561, 2013, after the gradient projection / conjugate gradient method of J. More, G. Toraldo (1991).
 
 use super::face::in_tangent_space;
-use super::first_order::{FirstOrder, FirstOrderMethod, Iterate};
-use super::lanes::{Batch, Vector, add, add_scaled, dot, sub, zero};
-use super::scaling::{Accumulate, Given, Here, Image, Kernel, ScaledProblem};
-use super::sweep::Tally;
+use crate::solver::combination::Accumulate;
+use crate::solver::first_order::{FirstOrderMethod, Iterate};
+use crate::solver::lanes::{Batch, Vector, add, add_scaled, dot, sub, zero};
+use crate::solver::scaling::{Given, Here, Image, Kernel, ScaledProblem};
+use crate::solver::tasks::Tally;
 
 /// Two phases by turns. Gradient projection steps with a spectral step length find out which contacts stick, slide or
 /// carry nothing. Then the minimum residual method solves the equations of that face, Z^T (N' (x + w) + r') = 0 for w in the tangent
@@ -263,10 +264,4 @@ fn projected_search(scaled: &ScaledProblem, it: &mut Iterate<'_>, face: &mut Fac
         }
         tau *= 0.5;
     }
-}
-
-/// Makes the solver by name; it has no linear solver.
-pub(super) fn build(linear: Option<&str>) -> Result<Box<dyn super::CcpSolver>, crate::CcpError> {
-    super::without_linear_solver(GpMinres::NAME, linear)?;
-    Ok(Box::new(FirstOrder::new(GpMinres::default())))
 }

@@ -1,15 +1,15 @@
-//! `tt`: a tensor train in body space where that pays, incomplete Cholesky ([`super::incomplete`]) where it does not.
+//! `tt`: a tensor train in body space where that pays, incomplete Cholesky ([`crate::newton::incomplete`]) where it does not.
 //!
 //! Conjugate gradients with block IC(0) are the rival: ten iterations of theirs tell what a solve costs. A train is
 //! made only where its prediction is cheaper than that, and used where it then wins
 //! ([`TrainCorrection`]). After a loss, or a train that breaks down, the next try waits,
 //! four times longer after every loss in a row, also from one problem to the next.
 
-use super::body::BodyCg;
-use super::incomplete::IncompleteCholeskyCg;
-use super::train_body::{Rival, TrainCorrection};
-use super::{LinearReport, NewtonError, NewtonSolver, NewtonSystem};
+use super::train_body::{NAME, TrainCorrection};
 use crate::delassus::Delassus;
+use crate::newton::body::{BodyCg, BodyCorrection};
+use crate::newton::incomplete::IncompleteCholeskyCg;
+use crate::newton::{ConvergenceRate, LinearReport, NewtonError, NewtonSolver, NewtonSystem};
 use std::collections::BTreeMap;
 
 /// Matrices to pass after the first loss.
@@ -48,7 +48,7 @@ impl TensorTrain {
 
     fn with(correction: TrainCorrection) -> Self {
         Self {
-            body: BodyCg::tensor_train(correction),
+            body: BodyCg::corrected(NAME, Box::new(correction)),
             local: IncompleteCholeskyCg::default(),
             with_train: false,
             tried: false,
@@ -69,15 +69,15 @@ impl TensorTrain {
     }
 
     /// Tries a train on this matrix; whether it paid.
-    fn try_train(&mut self, system: &NewtonSystem<'_>, rival: Rival) -> bool {
+    fn try_train(&mut self, system: &NewtonSystem<'_>, rival: ConvergenceRate) -> bool {
         let system = NewtonSystem { new_delassus: self.unseen, ..*system };
         self.tried = true;
         // A train that breaks down has lost: the rival is there.
         match self.body.refresh_against(&system, Some(rival)) {
             Ok(()) => {
                 self.unseen = false;
-                self.with_train = self.body.train_is_active();
-                self.body.train_paid()
+                self.with_train = self.body.correction().is_some_and(BodyCorrection::is_active);
+                self.body.correction().is_some_and(BodyCorrection::has_paid)
             }
             Err(_) => {
                 self.unseen = true;
@@ -89,7 +89,7 @@ impl TensorTrain {
 
 impl NewtonSolver for TensorTrain {
     fn name(&self) -> &'static str {
-        "tt"
+        NAME
     }
 
     fn needs_matrix(&self) -> bool {

@@ -21,17 +21,19 @@
 //! *inexactly*, to a fraction of the residual of the problem: what is left of them only adds to r_d. What sets the method apart
 //! from [`ipm`](super::ipm): one right-hand side per matrix, no predictor, no second-order corrector, no polishing.
 
-use super::driver::{Limits, Progress, check_start};
-use super::ipm::cone::product;
-use super::ipm::iterate::Work;
-use super::ipm::pair::Pair;
-use super::ipm::scaled::Scaled;
-use super::ipm::session::Session;
-use super::{CcpSolver, SolveReport, SolveSettings, Status};
+use crate::newton::NewtonSolver;
 use crate::newton::driver::NewtonDriver;
-use crate::newton::{NewtonSolver, linear_solver};
 use crate::problem::{Ccp, CcpError};
 use crate::residual::ResidualScale;
+use crate::solver::driver::{Limits, Progress, check_start};
+use crate::solver::interface::CcpSolver;
+use crate::solver::ipm::cone::product;
+use crate::solver::ipm::iterate::Work;
+use crate::solver::ipm::pair::Pair;
+use crate::solver::ipm::scaled::Scaled;
+use crate::solver::ipm::session::Session;
+use crate::solver::report::{SolveReport, Status};
+use crate::solver::settings::SolveSettings;
 
 /// Iterations allowed where the settings name no limit.
 const ITERATIONS: usize = 200;
@@ -57,23 +59,10 @@ pub struct Scip {
 }
 
 impl Scip {
-    /// With the linear solver of this name (see [`crate::newton`]).
-    ///
-    /// # Errors
-    /// [`CcpError::UnknownSolver`].
-    pub fn new(linear: &str) -> Result<Self, CcpError> {
-        Ok(Self::with_solver(linear_solver("scip", linear)?))
-    }
-
     /// With a linear solver of one's own.
     pub fn with_solver(linear: Box<dyn NewtonSolver>) -> Self {
         Self { newton: NewtonDriver::new(linear) }
     }
-}
-
-/// Makes the solver by name and linear solver.
-pub(super) fn build(linear: Option<&str>) -> Result<Box<dyn CcpSolver>, CcpError> {
-    Ok(Box::new(Scip::new(linear.unwrap_or("cholesky"))?))
 }
 
 /// The smaller eigenvalue of P(x^(1/2)) s; both are tau on the central path.

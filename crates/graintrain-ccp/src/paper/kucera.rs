@@ -5,10 +5,11 @@
 //! contact by T. Heyn, PhD thesis, University of Wisconsin-Madison, 2013.
 
 use super::face::{along_face, where_sticking};
-use super::first_order::{FirstOrder, FirstOrderMethod, Iterate, add_image};
-use super::lanes::{Batch, Vector, add_scaled, dot, scale, sub, zero};
-use super::scaling::{Accumulate, Given, Here, Kernel, ScaledProblem};
-use super::sweep::{Tally, for_each_batch};
+use crate::solver::combination::Accumulate;
+use crate::solver::first_order::{FirstOrderMethod, Iterate, add_image};
+use crate::solver::lanes::{Batch, Vector, add_scaled, dot, scale, sub, zero};
+use crate::solver::scaling::{Given, Here, Kernel, ScaledProblem};
+use crate::solver::tasks::{Tally, for_each_batch};
 
 /// The gradient u = N' x + r' is split, contact by contact, into the part phi along the face of the cone on which x lies
 /// (the whole space inside, the ray on the mantle, nothing at the apex) and the rest. While the reduced
@@ -200,10 +201,4 @@ impl FirstOrderMethod for Kucera {
             }
         }
     }
-}
-
-/// Makes the solver by name; it has no linear solver.
-pub(super) fn build(linear: Option<&str>) -> Result<Box<dyn super::CcpSolver>, crate::CcpError> {
-    super::without_linear_solver(Kucera::NAME, linear)?;
-    Ok(Box::new(FirstOrder::new(Kucera::default())))
 }

@@ -43,14 +43,16 @@ mod step;
 
 use self::iterate::{Direction, Iterate};
 use self::step::{by_barrier, by_residual};
-use super::driver::{Best, Limits, Progress, check_start};
-use super::infeasible;
-use super::ipm::scaled::Scaled;
-use super::{CcpSolver, SolveReport, SolveSettings, Status};
+use crate::newton::NewtonSolver;
 use crate::newton::driver::NewtonDriver;
-use crate::newton::{NewtonSolver, linear_solver};
 use crate::problem::{Ccp, CcpError};
 use crate::residual::{FrictionModel, ResidualScale};
+use crate::solver::driver::{Best, Limits, Progress, check_start};
+use crate::solver::infeasible;
+use crate::solver::interface::CcpSolver;
+use crate::solver::ipm::scaled::Scaled;
+use crate::solver::report::{SolveReport, Status};
+use crate::solver::settings::SolveSettings;
 
 /// 1/tau = (mean complementarity) / TAU_FACTOR.
 const TAU_FACTOR: f64 = 10.0;
@@ -131,26 +133,10 @@ pub struct Pdip {
 }
 
 impl Pdip {
-    /// With the linear solver of this name (see [`crate::newton`]).
-    ///
-    /// # Errors
-    /// [`CcpError::UnknownSolver`].
-    pub fn new(rule: Rule, linear: &str) -> Result<Self, CcpError> {
-        Ok(Self::with_solver(rule, linear_solver(rule.name(), linear)?))
-    }
-
     /// With a linear solver of one's own.
     pub fn with_solver(rule: Rule, linear: Box<dyn NewtonSolver>) -> Self {
         Self { newton: NewtonDriver::new(linear), rule }
     }
-}
-
-pub(super) fn build(linear: Option<&str>) -> Result<Box<dyn CcpSolver>, CcpError> {
-    Ok(Box::new(Pdip::new(Rule::Central, linear.unwrap_or("cholesky"))?))
-}
-
-pub(super) fn build_literal(linear: Option<&str>) -> Result<Box<dyn CcpSolver>, CcpError> {
-    Ok(Box::new(Pdip::new(Rule::Paper, linear.unwrap_or("cholesky"))?))
 }
 
 /// Offers no impulses at all, and the given ones projected on their cones. The smaller of their residuals.
