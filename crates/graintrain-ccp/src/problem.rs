@@ -2,12 +2,14 @@
 
 use crate::cone::FrictionCone;
 use crate::delassus::Delassus;
+use std::sync::Arc;
 
 /// A cone complementarity problem: find g with Y_i contains g_i perpendicular to (N g + r)_i in the dual cone Y_i^*.
 #[derive(Clone, Debug)]
 pub struct Ccp {
-    /// N = D^T M^-1 D, 1/kg.
-    pub delassus: Delassus,
+    /// N = D^T M^-1 D, 1/kg. Shared: problems that hold the same N, one and not merely equal ones, differ in r, mu or V alone, and a
+    /// solver that meets them one after the other prepares itself for N once. `Ccp { r, ..problem.clone() }` is such a problem.
+    pub delassus: Arc<Delassus>,
     /// Free relative velocity r = b + D^T M^-1 k, length 3 N_c, m/s.
     pub r: Vec<f64>,
     /// Coefficient of friction of each contact.
@@ -81,9 +83,13 @@ impl Ccp {
     ///
     /// # Errors
     /// See [`Ccp::validate`].
-    pub fn new(delassus: Delassus, r: Vec<f64>, friction: Vec<f64>) -> Result<Self, CcpError> {
+    pub fn new(
+        delassus: impl Into<Arc<Delassus>>,
+        r: Vec<f64>,
+        friction: Vec<f64>,
+    ) -> Result<Self, CcpError> {
         let problem = Self {
-            delassus,
+            delassus: delassus.into(),
             r,
             friction,
             velocity_scale: None,

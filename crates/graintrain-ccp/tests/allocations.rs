@@ -47,10 +47,7 @@ fn allocations(solver: &mut dyn CcpSolver, problem: &Ccp, exact: bool, iteration
     let mut last = g.clone();
     let before = ALLOCATIONS.load(Ordering::Relaxed);
     let report = if exact {
-        solver
-            .solve_exact(problem, &mut g, &mut last, &settings, false)
-            .unwrap()
-            .expect("treats exact friction")
+        solver.solve_exact(problem, &mut g, &mut last, &settings).unwrap().expect("treats exact friction")
     } else {
         solver.solve(problem, &mut g, &settings).unwrap()
     };

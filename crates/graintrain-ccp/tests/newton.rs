@@ -404,7 +404,7 @@ fn the_end_of_one_solve_does_not_decide_the_race_of_the_next() {
     assert_eq!(figures(false), figures(true));
 }
 
-/// A solver keeps what it prepared only when it is told that N stays: used for one problem after another, of the same
+/// A solver keeps what it prepared only while N, mu and V stay: used for one problem after another, of the same
 /// size and of another one, it gives the bits of a new solver.
 #[test]
 fn solvers_used_again_have_forgotten_the_last_problem() {
@@ -430,7 +430,7 @@ fn solvers_used_again_have_forgotten_the_last_problem() {
                 for friction in [FrictionModel::Relaxed, FrictionModel::Coulomb] {
                     let settings = SolveSettings { friction, ..settings.clone() };
                     let mut impulses = [vec![0.0; next.r.len()], vec![0.0; next.r.len()]];
-                    used.solve_again(&next, &mut impulses[0], &settings).unwrap();
+                    used.solve(&next, &mut impulses[0], &settings).unwrap();
                     spec.build().unwrap().solve(&next, &mut impulses[1], &settings).unwrap();
                     assert_eq!(impulses[0], impulses[1], "{name}, again, {friction:?}");
                 }

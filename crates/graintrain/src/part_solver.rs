@@ -6,6 +6,7 @@ use graintrain_ccp::residual::ResidualScale;
 use graintrain_ccp::{
     Ccp, CcpError, CcpSolver, Delassus, FrictionModel, Residual, SolveReport, SolveSettings, Status,
 };
+use std::sync::Arc;
 
 /// Solves the connected parts of a problem apart.
 pub(crate) struct PartSolver<'a> {
@@ -30,7 +31,7 @@ impl PartSolver<'_> {
         impulse: &mut [f64],
     ) -> Result<(SolveReport, usize), CcpError> {
         let settings = &self.settings;
-        let Delassus::Rigid(rigid) = &problem.delassus else {
+        let Delassus::Rigid(rigid) = &*problem.delassus else {
             return Ok((self.solver.solve(problem, impulse, settings)?, 1));
         };
         let contacts = problem.num_contacts();
@@ -42,7 +43,7 @@ impl PartSolver<'_> {
         let mut largest = 0;
         for part in &parts {
             let own = Ccp {
-                delassus: Delassus::Rigid(part.delassus(rigid.contacts(), rigid.inverse_mass())),
+                delassus: Arc::new(Delassus::Rigid(part.delassus(rigid.contacts(), rigid.inverse_mass()))),
                 r: part.gather::<3, f64>(&problem.r),
                 friction: part.gather::<1, f64>(&problem.friction),
                 velocity_scale: None,

@@ -317,7 +317,7 @@ impl Stepper {
         if self.settings.overlap == OverlapCorrection::Velocity {
             return Ok(Correction::default());
         }
-        let Delassus::Rigid(rigid) = &attempt.problem.delassus else { return Ok(Correction::default()) };
+        let Delassus::Rigid(rigid) = &*attempt.problem.delassus else { return Ok(Correction::default()) };
         let step = self.settings.step;
         let chosen: Vec<Contact> = attempt.active.iter().map(|&i| contacts[i as usize]).collect();
         let u = relative_velocities(&chosen, rigid.contacts(), &attempt.velocity);
@@ -444,7 +444,7 @@ impl Stepper {
         with_force.resize(contacts.len(), false);
         let mut world_impulse = impacts.impulse;
         world_impulse.resize(contacts.len(), Vec3::ZERO);
-        if let Delassus::Rigid(rigid) = &problem.delassus {
+        if let Delassus::Rigid(rigid) = &*problem.delassus {
             for ((&i, row), g) in active.iter().zip(rigid.contacts()).zip(impulse.chunks_exact(3)) {
                 let [n, t1, t2] = row.frame.map(Vec3::from_array);
                 world_impulse[i as usize] += g[0] * n + g[1] * t1 + g[2] * t2;
@@ -557,7 +557,7 @@ impl Placement {
 /// v+ = free + M^-1 D g, six numbers per body.
 fn velocity_after(problem: &Ccp, impulse: &[f64], free: Vec<f64>) -> Vec<f64> {
     let mut velocity = free;
-    if let Delassus::Rigid(rigid) = &problem.delassus {
+    if let Delassus::Rigid(rigid) = &*problem.delassus {
         let mut world_impulse = vec![0.0; impulse.len()];
         rigid.world_impulse(impulse, &mut world_impulse);
         let mut change = vec![0.0; velocity.len()];

@@ -23,7 +23,7 @@ fn refresh_matrix(
     system: &NewtonSystem<'_>,
     solver: &'static str,
 ) -> Result<bool, NewtonError> {
-    let Delassus::Rigid(rigid) = &system.problem.delassus else {
+    let Delassus::Rigid(rigid) = &*system.problem.delassus else {
         return Err(NewtonError::Unsupported {
             solver,
             reason: "it needs the bodies, and the problem gives N as a matrix",

@@ -88,7 +88,7 @@ impl NewtonSolver for SchurCholesky {
         z.copy_from_slice(b);
         factor.solve(z);
         let report = conjugate_gradient(
-            &mut |x, y| match &system.problem.delassus {
+            &mut |x, y| match &*system.problem.delassus {
                 Delassus::Rigid(_) => {
                     multiply_scaled(system.problem, system.blocks.factor, x, y, product, scratch);
                 }
@@ -139,7 +139,7 @@ const CLEARLY_CONTACT: f64 = 0.8;
 impl Direct {
     /// Chooses the space for a problem. Called before [`NewtonSolver::needs_matrix`] is asked for.
     fn choose(&mut self, system: &NewtonSystem<'_>) {
-        let Delassus::Rigid(rigid) = &system.problem.delassus else {
+        let Delassus::Rigid(rigid) = &*system.problem.delassus else {
             self.in_body_space = false;
             return;
         };

@@ -5,7 +5,7 @@ use super::system::{
     Form, LinearReport, NewtonError, NewtonRecord, NewtonSolver, NewtonSystem, ScaledBlocks, apply_blocks,
     apply_blocks_in_place, multiply_scaled,
 };
-use crate::delassus::{Delassus, DelassusWork};
+use crate::delassus::{DelassusIdentity, DelassusWork};
 use crate::problem::Ccp;
 use graintrain_linalg::parallel::norm;
 use graintrain_linalg::patience::Patience;
@@ -19,11 +19,12 @@ const RECORDS: usize = 200;
 
 /// A linear solver together with the Schur complement it may need and the history of what it did.
 ///
-/// Between solves of problems with the same N (only r or mu changed) nothing that depends on N is made anew.
+/// Between solves of problems that share N nothing that depends on N is made anew.
 pub struct NewtonDriver {
     solver: Box<dyn NewtonSolver>,
     schur: Option<SchurComplement>,
-    delassus: Option<Delassus>,
+    /// The N that the solver was prepared for.
+    prepared: DelassusIdentity,
     new_delassus: bool,
     records: Vec<NewtonRecord>,
     current: NewtonRecord,
@@ -47,7 +48,7 @@ impl NewtonDriver {
         Self {
             solver,
             schur: None,
-            delassus: None,
+            prepared: DelassusIdentity::default(),
             new_delassus: true,
             records: Vec::new(),
             current,
@@ -87,11 +88,10 @@ impl NewtonDriver {
     /// Goes on with another problem and keeps the records.
     pub fn change_problem(&mut self, problem: &Ccp) {
         let start = Instant::now();
-        let same = self.delassus.as_ref().is_some_and(|old| same_delassus(old, &problem.delassus));
-        if same {
+        if self.prepared.is(&problem.delassus) {
             return;
         }
-        self.delassus = Some(problem.delassus.clone());
+        self.prepared = DelassusIdentity::of(&problem.delassus);
         self.product = problem.delassus.work();
         self.new_delassus = true;
         self.schur = None;
@@ -232,15 +232,5 @@ impl NewtonDriver {
     /// The records since [`Self::begin`], which are handed over.
     pub fn take_records(&mut self) -> Vec<NewtonRecord> {
         std::mem::take(&mut self.records)
-    }
-}
-
-fn same_delassus(a: &Delassus, b: &Delassus) -> bool {
-    match (a, b) {
-        (Delassus::Rigid(a), Delassus::Rigid(b)) => {
-            a.contacts() == b.contacts() && a.inverse_mass() == b.inverse_mass()
-        }
-        (Delassus::Sparse(a), Delassus::Sparse(b)) => a == b,
-        _ => false,
     }
 }

@@ -133,7 +133,7 @@ impl NewtonSolver for IncompleteCholeskyCg {
         }
         // Another solve begins with weights that are alike, also where N has stayed.
         if system.new_delassus || system.iteration == 0 {
-            self.in_body_space = matches!(system.problem.delassus, Delassus::Rigid(_));
+            self.in_body_space = matches!(*system.problem.delassus, Delassus::Rigid(_));
             (self.last, self.last_rate, self.worth) = (0, 0.0, COMPARE);
         }
         if self.in_body_space {

@@ -89,7 +89,7 @@ impl SchurKrylov {
         work.patience = system.patience.clone();
         let method = if *symmetric { conjugate_gradient } else { bicgstab };
         let report = method(
-            &mut |x, y| match (&system.problem.delassus, *symmetric) {
+            &mut |x, y| match (&*system.problem.delassus, *symmetric) {
                 // Through the bodies it reads a third of the memory. Symmetric methods are all of the scaled form.
                 (Delassus::Rigid(_), true) => {
                     multiply_scaled(system.problem, system.blocks.factor, x, y, product, scratch);
@@ -112,7 +112,7 @@ impl SchurKrylov {
 /// Operations of an iteration with IC(0): the product with S~, through the bodies where there are any, and both triangular
 /// factors of S~, which has so many blocks.
 pub(super) fn iteration_flops(problem: &Ccp, blocks: usize) -> f64 {
-    let product = match problem.delassus {
+    let product = match *problem.delassus {
         Delassus::Rigid(_) => PRODUCT_FLOPS * problem.num_contacts(),
         Delassus::Sparse(_) => 2 * 9 * blocks,
     };

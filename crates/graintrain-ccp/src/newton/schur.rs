@@ -26,7 +26,7 @@ impl SchurComplement {
     /// symmetric part.
     pub fn new(problem: &Ccp, form: Form) -> Self {
         let mut own = with_diagonal(problem.delassus.assemble());
-        if matches!(problem.delassus, Delassus::Sparse(_)) && own.asymmetry() > 0.0 {
+        if matches!(*problem.delassus, Delassus::Sparse(_)) && own.asymmetry() > 0.0 {
             own = symmetric_part(&own);
         }
         let row = own

@@ -30,7 +30,7 @@ use crate::solver::interface::CcpSolver;
 use crate::solver::ipm::cone::product;
 use crate::solver::ipm::iterate::Work;
 use crate::solver::ipm::pair::Pair;
-use crate::solver::ipm::scaled::Scaled;
+use crate::solver::ipm::scaled::{Scaled, ScaledMatrix};
 use crate::solver::ipm::session::Session;
 use crate::solver::report::{SolveReport, Status};
 use crate::solver::settings::SolveSettings;
@@ -56,12 +56,14 @@ const WARM_BARRIER: [f64; 2] = [1e-4, 1.0];
 /// Jammed bodies (no bounded solution) are reported as [`Status::Infeasible`], with the iterate of least residual.
 pub struct Scip {
     newton: NewtonDriver,
+    /// The scaled N of the last problem.
+    scaled: Option<ScaledMatrix>,
 }
 
 impl Scip {
     /// With a linear solver of one's own.
     pub fn with_solver(linear: Box<dyn NewtonSolver>) -> Self {
-        Self { newton: NewtonDriver::new(linear) }
+        Self { newton: NewtonDriver::new(linear), scaled: None }
     }
 }
 
@@ -175,7 +177,7 @@ impl CcpSolver for Scip {
         if problem.num_contacts() == 0 {
             return Ok(limits.report(&self.name(), problem, impulse, Status::Converged, 0, 0));
         }
-        let scaled = Scaled::new(problem, &scale);
+        let scaled = Scaled::new(problem, &scale, &mut self.scaled);
         self.newton.set_patience(limits.patience());
         self.newton.begin(&scaled.problem);
         let mut session = Session::new(problem, &scaled, &scale, &limits, settings.friction);

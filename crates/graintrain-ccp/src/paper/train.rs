@@ -100,7 +100,7 @@ impl NewtonSolver for TensorTrain {
         (self.with_train, self.tried) = (false, false);
         self.unseen |= system.new_delassus;
         self.local.refresh(system)?;
-        if !matches!(system.problem.delassus, Delassus::Rigid(_)) {
+        if !matches!(*system.problem.delassus, Delassus::Rigid(_)) {
             return Ok(());
         }
         if self.wait > 0 {

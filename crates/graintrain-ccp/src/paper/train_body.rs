@@ -151,7 +151,7 @@ impl BodyCorrection for TrainCorrection {
     ) -> Result<(), NewtonError> {
         (self.active, self.paid) = (false, false);
         self.figures.clear();
-        let Delassus::Rigid(rigid) = &system.problem.delassus else { return Ok(()) };
+        let Delassus::Rigid(rigid) = &*system.problem.delassus else { return Ok(()) };
         if matrix.num_bodies() < 2 {
             return Ok(());
         }

@@ -22,8 +22,6 @@ const BOLD: f64 = 4.0;
 /// residuals of 1e-5 and long momenta carry them.
 pub(super) struct Alternating {
     members: [Box<dyn CcpSolver>; 3],
-    /// Which of them have seen N and mu of the last call.
-    ready: [bool; 3],
 }
 
 impl Alternating {
@@ -36,13 +34,7 @@ impl Alternating {
                 Box::new(FirstOrder::new(bold)),
                 Box::new(FirstOrder::new(sweeps)),
             ],
-            ready: [false; 3],
         }
-    }
-
-    /// The next call has another N or mu, whatever it says.
-    pub fn forget(&mut self) {
-        self.ready = [false; 3];
     }
 
     /// One turn of each, as [`CcpSolver::solve_exact`]; the best impulses are returned.
@@ -52,24 +44,19 @@ impl Alternating {
         impulse: &mut [f64],
         last: &mut [f64],
         settings: &SolveSettings,
-        again: bool,
     ) -> Result<SolveReport, CcpError> {
         let limits = Limits::start(settings, usize::MAX);
         let share = limits.iterations_left(0).div_ceil(self.members.len());
         let mut best = Best::default();
         let (mut iterations, mut products, mut status) = (0, 0, Status::IterationLimit);
         let mut names: Vec<String> = Vec::new();
-        if !again {
-            self.forget();
-        }
-        for (solver, ready) in self.members.iter_mut().zip(&mut self.ready) {
+        for solver in &mut self.members {
             let turn = SolveSettings {
                 max_iterations: Some(share.min(limits.iterations_left(iterations))),
                 max_time: limits.time_left(),
                 ..settings.clone()
             };
-            let Some(report) = solver.solve_exact(problem, impulse, last, &turn, *ready)? else { continue };
-            *ready = true;
+            let Some(report) = solver.solve_exact(problem, impulse, last, &turn)? else { continue };
             (iterations, products) = (iterations + report.iterations, products + report.products);
             status = report.status;
             if names.last() != Some(&report.solver) {

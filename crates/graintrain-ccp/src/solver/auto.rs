@@ -21,8 +21,6 @@ const PATIENCE: usize = 30_000;
 /// tolerance. Each next method starts from the best impulses so far, and the best impulses are returned.
 pub struct Auto {
     members: Vec<(&'static str, Box<dyn CcpSolver>)>,
-    /// Members that have seen N and mu of the last call.
-    ready: Vec<&'static str>,
     exact: Alternating,
 }
 
@@ -37,59 +35,7 @@ impl Auto {
     pub fn new() -> Self {
         let members: Vec<(_, Box<dyn CcpSolver>)> =
             vec![("apgd", Box::new(FirstOrder::new(Apgd::default()))), ("ipm", Box::new(Ipm::new()))];
-        Self { members, ready: Vec::new(), exact: Alternating::new() }
-    }
-
-    fn run(
-        &mut self,
-        problem: &Ccp,
-        impulse: &mut [f64],
-        settings: &SolveSettings,
-        again: bool,
-    ) -> Result<SolveReport, CcpError> {
-        let limits = Limits::start(settings, usize::MAX);
-        check_start(problem, impulse)?;
-        self.members.sort_by_key(|(name, _)| (*name == "ipm") != (settings.tolerance < TIGHT));
-        let mut best = Best::default();
-        let (mut iterations, mut linear_iterations) = (0, 0);
-        let mut status = Status::Stalled;
-        let mut name = "auto".to_string();
-        let last = self.members.len() - 1;
-        if !again {
-            self.ready.clear();
-            self.exact.forget();
-        }
-        for (position, (member, solver)) in self.members.iter_mut().enumerate() {
-            let is_first = position < last && *member == "apgd";
-            let allowed = if is_first { PATIENCE } else { solver.iteration_limit() };
-            let mine = SolveSettings {
-                max_iterations: Some(limits.iterations_left(iterations).min(allowed)),
-                max_time: limits.time_left(),
-                ..settings.clone()
-            };
-            let seen = self.ready.contains(member);
-            if !seen {
-                self.ready.push(member);
-            }
-            let report = match solver.solve_maybe_again(problem, impulse, &mine, seen) {
-                Ok(report) => report,
-                // Another member may be able to treat it.
-                Err(error) if position == last => return Err(error),
-                Err(_) => continue,
-            };
-            iterations += report.iterations;
-            linear_iterations += report.linear_iterations;
-            status = report.status;
-            name = format!("auto ({})", report.solver);
-            let residual = limits.judged(report.residual);
-            best.offer(impulse, residual);
-            if report.converged() || limits.status(iterations, residual).is_some() {
-                break;
-            }
-            best.restore(impulse);
-        }
-        best.restore(impulse);
-        Ok(limits.report(&name, problem, impulse, status, iterations, linear_iterations))
+        Self { members, exact: Alternating::new() }
     }
 }
 
@@ -109,16 +55,41 @@ impl CcpSolver for Auto {
         impulse: &mut [f64],
         settings: &SolveSettings,
     ) -> Result<SolveReport, CcpError> {
-        self.run(problem, impulse, settings, false)
-    }
-
-    fn solve_again(
-        &mut self,
-        problem: &Ccp,
-        impulse: &mut [f64],
-        settings: &SolveSettings,
-    ) -> Result<SolveReport, CcpError> {
-        self.run(problem, impulse, settings, true)
+        let limits = Limits::start(settings, usize::MAX);
+        check_start(problem, impulse)?;
+        self.members.sort_by_key(|(name, _)| (*name == "ipm") != (settings.tolerance < TIGHT));
+        let mut best = Best::default();
+        let (mut iterations, mut linear_iterations) = (0, 0);
+        let mut status = Status::Stalled;
+        let mut name = "auto".to_string();
+        let last = self.members.len() - 1;
+        for (position, (member, solver)) in self.members.iter_mut().enumerate() {
+            let is_first = position < last && *member == "apgd";
+            let allowed = if is_first { PATIENCE } else { solver.iteration_limit() };
+            let mine = SolveSettings {
+                max_iterations: Some(limits.iterations_left(iterations).min(allowed)),
+                max_time: limits.time_left(),
+                ..settings.clone()
+            };
+            let report = match solver.solve(problem, impulse, &mine) {
+                Ok(report) => report,
+                // Another member may be able to treat it.
+                Err(error) if position == last => return Err(error),
+                Err(_) => continue,
+            };
+            iterations += report.iterations;
+            linear_iterations += report.linear_iterations;
+            status = report.status;
+            name = format!("auto ({})", report.solver);
+            let residual = limits.judged(report.residual);
+            best.offer(impulse, residual);
+            if report.converged() || limits.status(iterations, residual).is_some() {
+                break;
+            }
+            best.restore(impulse);
+        }
+        best.restore(impulse);
+        Ok(limits.report(&name, problem, impulse, status, iterations, linear_iterations))
     }
 
     fn solve_exact(
@@ -127,12 +98,8 @@ impl CcpSolver for Auto {
         impulse: &mut [f64],
         last: &mut [f64],
         settings: &SolveSettings,
-        again: bool,
     ) -> Result<Option<SolveReport>, CcpError> {
-        if !again {
-            self.ready.clear();
-        }
-        let report = self.exact.solve(problem, impulse, last, settings, again)?;
+        let report = self.exact.solve(problem, impulse, last, settings)?;
         Ok(Some(SolveReport { solver: format!("auto ({})", report.solver), ..report }))
     }
 }

@@ -17,8 +17,7 @@ use crate::residual::{FrictionModel, ResidualScale};
 /// solve the CCP with r_n + s for g;   s <- mu |u_t(g)|
 /// ```
 ///
-/// until the residual of the exact problem is small. N and mu stay, so solvers are told through
-/// [`CcpSolver::solve_again`]; every solve starts from the last impulses and is asked for a fraction of the exact
+/// until the residual of the exact problem is small. N and mu stay, and solvers keep what they prepared for them; every solve starts from the last impulses and is asked for a fraction of the exact
 /// residual still there. Where the fixed point converges slowly or swings, s is extrapolated from its last two changes
 /// (Irons and Tuck 1969, vector Aitken), kept at or above zero. Where the residual does not fall, the fraction is lowered and s
 /// no longer extrapolated, only damped: in settled packings the map has slow modes (factors of 0.98) beside modes that swing (-1.1), and
@@ -33,8 +32,6 @@ use crate::residual::{FrictionModel, ResidualScale};
 /// times the iterations that the solver allows itself for one relaxed solve ([`Status::IterationLimit`]).
 pub struct CoulombIteration {
     relaxed: Box<dyn CcpSolver>,
-    /// Whether the relaxed solver's last call had the N and mu of the caller's problem.
-    knows_problem: bool,
 }
 
 /// Outer iterations allowed; the sequence needs 5 to 30 where it converges easily, some hundreds in settled packings.
@@ -59,7 +56,7 @@ const FACTOR: [f64; 2] = [0.3, 2.0];
 impl CoulombIteration {
     /// Wraps a solver of the relaxed problem.
     pub fn new(relaxed: Box<dyn CcpSolver>) -> Self {
-        Self { relaxed, knows_problem: false }
+        Self { relaxed }
     }
 }
 
@@ -72,22 +69,16 @@ impl CcpSolver for CoulombIteration {
         self.relaxed.iteration_limit()
     }
 
-    fn solve_again(
-        &mut self,
-        problem: &Ccp,
-        impulse: &mut [f64],
-        settings: &SolveSettings,
-    ) -> Result<SolveReport, CcpError> {
-        self.run(problem, impulse, settings, true)
-    }
-
     fn solve(
         &mut self,
         problem: &Ccp,
         impulse: &mut [f64],
         settings: &SolveSettings,
     ) -> Result<SolveReport, CcpError> {
-        self.run(problem, impulse, settings, false)
+        match effective(problem, settings) {
+            Some(relaxed) => self.relaxed.solve(problem, impulse, &relaxed),
+            None => self.exact(problem, impulse, settings),
+        }
     }
 }
 
@@ -100,20 +91,6 @@ fn effective(problem: &Ccp, settings: &SolveSettings) -> Option<SolveSettings> {
 }
 
 impl CoulombIteration {
-    fn run(
-        &mut self,
-        problem: &Ccp,
-        impulse: &mut [f64],
-        settings: &SolveSettings,
-        again: bool,
-    ) -> Result<SolveReport, CcpError> {
-        let again = again && std::mem::replace(&mut self.knows_problem, true);
-        match effective(problem, settings) {
-            Some(relaxed) => self.relaxed.solve_maybe_again(problem, impulse, &relaxed, again),
-            None => self.exact(problem, impulse, settings, again),
-        }
-    }
-
     /// Rounds of the relaxed solver's own treatment of exact friction, from `last`. The status that ends the solve, or `None` where
     /// the rounds no longer gain, or the solver has no such treatment.
     fn rounds(
@@ -123,7 +100,6 @@ impl CoulombIteration {
         settings: &SolveSettings,
         limits: &Limits<'_>,
         found: &mut Found,
-        mut again: bool,
     ) -> Result<Option<Status>, CcpError> {
         let mut impulse = last.to_vec();
         let (mut reference, mut since) = (f64::INFINITY, 0);
@@ -134,10 +110,9 @@ impl CoulombIteration {
                 max_time: limits.time_left(),
                 ..settings.clone()
             };
-            let Some(report) = self.relaxed.solve_exact(problem, &mut impulse, last, &round, again)? else {
+            let Some(report) = self.relaxed.solve_exact(problem, &mut impulse, last, &round)? else {
                 return Ok(None);
             };
-            again = true;
             found.steps += report.iterations;
             found.products += report.products;
             let residual = limits.judged(report.residual);
@@ -167,43 +142,39 @@ impl CoulombIteration {
         limits: &Limits<'_>,
         iterations: usize,
     ) -> Result<SolveReport, CcpError> {
-        let mut frictionless = problem.clone();
-        frictionless.friction.fill(0.0);
+        let frictionless = Ccp { friction: vec![0.0; problem.num_contacts()], ..problem.clone() };
         let settings = SolveSettings {
             friction: FrictionModel::Relaxed,
             max_iterations: Some(limits.iterations_left(iterations).min(self.relaxed.iteration_limit())),
             max_time: limits.time_left(),
             ..settings.clone()
         };
-        self.knows_problem = false;
         self.relaxed.solve(&frictionless, &mut vec![0.0; 3 * problem.num_contacts()], &settings)
     }
 
-    /// The exact problem; `again` as in [`CcpSolver::solve_exact`].
+    /// The exact problem.
     fn exact(
         &mut self,
         problem: &Ccp,
         impulse: &mut [f64],
         settings: &SolveSettings,
-        again: bool,
     ) -> Result<SolveReport, CcpError> {
         let limits = Limits::start(settings, NESTED_LIMIT.saturating_mul(self.relaxed.iteration_limit()));
         check_start(problem, impulse)?;
         let contacts = problem.num_contacts();
         let scale = ResidualScale::new(problem);
-        let mut shifted = problem.clone();
-        // The relaxed solver must measure with the V of this problem, not of the shifted one.
-        shifted.velocity_scale = Some(scale.velocity);
+        // The relaxed solver must measure with the V of this problem, not of the shifted one. Both share N.
+        let mut shifted = Ccp { velocity_scale: Some(scale.velocity), ..problem.clone() };
         let mut work = problem.delassus.work();
         let mut u = vec![0.0; 3 * contacts];
         let mut shift = Shift::new(contacts);
         let mut found = Found::default();
         let mut last = impulse.to_vec();
-        let mut ended = self.rounds(problem, &mut last, settings, &limits, &mut found, again)?;
+        let mut ended = self.rounds(problem, &mut last, settings, &limits, &mut found)?;
         if ended.is_none() && found.solver.is_some() && impulse.iter().any(|&g| g != 0.0) {
             // These iterations are chaotic: a start that leads nowhere need not be nearer to a solution than none.
             last.fill(0.0);
-            ended = self.rounds(problem, &mut last, settings, &limits, &mut found, true)?;
+            ended = self.rounds(problem, &mut last, settings, &limits, &mut found)?;
         }
         found.best.restore(impulse);
         if let Some(status) = ended {
@@ -262,9 +233,7 @@ impl CoulombIteration {
                 friction: FrictionModel::Relaxed,
                 ..settings.clone()
             };
-            let again = outer > 0 && self.knows_problem;
-            let report = self.relaxed.solve_maybe_again(&shifted, impulse, &inner, again)?;
-            self.knows_problem = true;
+            let report = self.relaxed.solve(&shifted, impulse, &inner)?;
             iterations += report.iterations;
             linear_iterations += report.linear_iterations;
             products += report.products;
@@ -401,7 +370,6 @@ mod tests {
             impulse: &mut [f64],
             last: &mut [f64],
             settings: &SolveSettings,
-            _: bool,
         ) -> Result<Option<SolveReport>, CcpError> {
             let (answer, status) = self.0.remove(0);
             impulse.copy_from_slice(&answer);

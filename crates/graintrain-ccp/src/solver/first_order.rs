@@ -6,8 +6,9 @@ use super::lanes::{Batch, Lanes, Vector};
 use super::report::{SolveReport, Status};
 use super::scaling::{Image, PassWork, ScaledProblem};
 use super::settings::SolveSettings;
+use crate::delassus::DelassusIdentity;
 use crate::problem::{Ccp, CcpError};
-use crate::residual::{FrictionModel, ResidualScale};
+use crate::residual::{FrictionModel, ResidualScale, velocity_scale};
 use rayon::prelude::*;
 
 /// A method that works on the scaled problem with passes.
@@ -21,17 +22,48 @@ pub trait FirstOrderMethod: Send {
     fn run(&mut self, scaled: &ScaledProblem, it: &mut Iterate<'_>);
 }
 
-/// Makes a [`CcpSolver`] of a first-order method. The packed problem is kept between solves, for
-/// [`CcpSolver::solve_again`].
+/// Makes a [`CcpSolver`] of a first-order method. The scaled problem is kept between solves and used again while N, mu and V
+/// stay.
 pub struct FirstOrder<M> {
     method: M,
-    packed: Option<ScaledProblem>,
+    prepared: Option<Prepared>,
+}
+
+/// The scaled problem of the last solve, and what it was made of.
+struct Prepared {
+    delassus: DelassusIdentity,
+    friction: Vec<f64>,
+    velocity: f64,
+    scaled: ScaledProblem,
+}
+
+impl Prepared {
+    fn new(problem: &Ccp) -> Self {
+        let residual = ResidualScale::new(problem);
+        Self {
+            delassus: DelassusIdentity::of(&problem.delassus),
+            friction: problem.friction.clone(),
+            velocity: residual.velocity,
+            scaled: ScaledProblem::new(problem, &residual),
+        }
+    }
+
+    /// The scaled problem with another r, where nothing else differs.
+    fn again(mut self, problem: &Ccp) -> Option<Self> {
+        let fits = self.delassus.is(&problem.delassus)
+            && self.velocity == velocity_scale(problem)
+            && self.friction == problem.friction;
+        if fits {
+            self.scaled.set_free_velocity(&problem.r);
+        }
+        fits.then_some(self)
+    }
 }
 
 impl<M> FirstOrder<M> {
     /// The solver with this method's parameters.
     pub fn new(method: M) -> Self {
-        Self { method, packed: None }
+        Self { method, prepared: None }
     }
 }
 
@@ -48,19 +80,15 @@ impl<M: FirstOrderMethod> FirstOrder<M> {
         let limits = Limits::start(settings, ITERATION_LIMIT);
         check_start(problem, impulse)?;
         let start = impulse.to_vec();
-        let mut scaled = match self.packed.take() {
-            Some(mut scaled) => {
-                scaled.set_free_velocity(&problem.r);
-                scaled
-            }
-            None => ScaledProblem::new(problem, &ResidualScale::new(problem)),
-        };
+        let last_one = self.prepared.take().and_then(|prepared| prepared.again(problem));
+        let mut prepared = last_one.unwrap_or_else(|| Prepared::new(problem));
+        let scaled = &mut prepared.scaled;
         scaled.set_friction_model(model);
         if let Some(last) = &mut last {
             check_start(problem, last)?;
         }
-        let mut it = Iterate::new(&scaled, limits, last.as_deref().unwrap_or(impulse));
-        self.method.run(&scaled, &mut it);
+        let mut it = Iterate::new(scaled, limits, last.as_deref().unwrap_or(impulse));
+        self.method.run(scaled, &mut it);
         if let Some(last) = last {
             scaled.unpack(&it.x, last);
         }
@@ -71,7 +99,7 @@ impl<M: FirstOrderMethod> FirstOrder<M> {
         for (i, g) in impulse.chunks_exact_mut(3).enumerate() {
             g.copy_from_slice(&problem.cone(i).project([g[0], g[1], g[2]]));
         }
-        self.packed = Some(scaled);
+        self.prepared = Some(prepared);
         let mut report = it.limits.report(M::NAME, problem, impulse, status, iterations, 0);
         if !report.converged() {
             // Where impulses grow without limit (a contact between immovable bodies) the last projection may move them by more than
@@ -97,16 +125,6 @@ impl<M: FirstOrderMethod> CcpSolver for FirstOrder<M> {
         impulse: &mut [f64],
         settings: &SolveSettings,
     ) -> Result<SolveReport, CcpError> {
-        self.packed = None;
-        self.solve_again(problem, impulse, settings)
-    }
-
-    fn solve_again(
-        &mut self,
-        problem: &Ccp,
-        impulse: &mut [f64],
-        settings: &SolveSettings,
-    ) -> Result<SolveReport, CcpError> {
         self.improve(problem, impulse, None, settings, FrictionModel::Relaxed)
     }
 
@@ -116,11 +134,7 @@ impl<M: FirstOrderMethod> CcpSolver for FirstOrder<M> {
         impulse: &mut [f64],
         last: &mut [f64],
         settings: &SolveSettings,
-        again: bool,
     ) -> Result<Option<SolveReport>, CcpError> {
-        if !again {
-            self.packed = None;
-        }
         if M::EXACT {
             self.improve(problem, impulse, Some(last), settings, FrictionModel::Coulomb).map(Some)
         } else {

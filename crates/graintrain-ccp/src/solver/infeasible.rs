@@ -59,7 +59,7 @@ pub fn certificate(problem: &Ccp) -> Result<Certificate, CcpError> {
     if problem.num_contacts() == 0 {
         return Ok(Certificate::default());
     }
-    let scaled = Scaled::new(problem, &ResidualScale::new(problem));
+    let scaled = Scaled::new(problem, &ResidualScale::new(problem), &mut None);
     let mut newton = NewtonDriver::new(Box::new(Direct::default()));
     newton.begin(&scaled.problem);
     let settings = SolveSettings::default();

@@ -7,7 +7,8 @@ use crate::problem::{Ccp, CcpError};
 /// Iterations that a first-order method is allowed where the settings name no limit.
 pub(crate) const ITERATION_LIMIT: usize = 100_000;
 
-/// A method for the CCP. A solver may keep work memory and what it learned between solves.
+/// A method for the CCP. A solver may keep work memory and what it learned between solves: whatever depends on N alone is
+/// used again for a problem that shares N with the last one (see [`Ccp::delassus`]).
 pub trait CcpSolver: Send {
     /// Name as given on the command line.
     fn name(&self) -> String;
@@ -29,40 +30,8 @@ pub trait CcpSolver: Send {
         settings: &SolveSettings,
     ) -> Result<SolveReport, CcpError>;
 
-    /// As [`Self::solve`], with the caller's word that N, mu and V are those of this solver's last call and only r
-    /// differs, so that whatever does not depend on r can be used again.
-    ///
-    /// # Errors
-    /// As [`Self::solve`].
-    fn solve_again(
-        &mut self,
-        problem: &Ccp,
-        impulse: &mut [f64],
-        settings: &SolveSettings,
-    ) -> Result<SolveReport, CcpError> {
-        self.solve(problem, impulse, settings)
-    }
-
-    /// [`Self::solve_again`] where `again`, else [`Self::solve`].
-    ///
-    /// # Errors
-    /// As [`Self::solve`].
-    fn solve_maybe_again(
-        &mut self,
-        problem: &Ccp,
-        impulse: &mut [f64],
-        settings: &SolveSettings,
-        again: bool,
-    ) -> Result<SolveReport, CcpError> {
-        if again {
-            self.solve_again(problem, impulse, settings)
-        } else {
-            self.solve(problem, impulse, settings)
-        }
-    }
-
     /// Exact Coulomb friction without the outer iteration of [`CoulombIteration`](super::CoulombIteration), where the method can; `None` where it
-    /// cannot. `settings.friction` is [`FrictionModel::Coulomb`](crate::FrictionModel::Coulomb). `again` is the caller's word of [`Self::solve_again`].
+    /// cannot. `settings.friction` is [`FrictionModel::Coulomb`](crate::FrictionModel::Coulomb).
     ///
     /// The iterates begin at `last` (length 3 N_c); on exit it is where they ended, and `impulse` the best of them. The next call
     /// goes on from there: on their way to a solution of the exact problem residuals have to rise now and then, and from the best
@@ -76,9 +45,8 @@ pub trait CcpSolver: Send {
         impulse: &mut [f64],
         last: &mut [f64],
         settings: &SolveSettings,
-        again: bool,
     ) -> Result<Option<SolveReport>, CcpError> {
-        let _ = (problem, impulse, last, settings, again);
+        let _ = (problem, impulse, last, settings);
         Ok(None)
     }
 }

@@ -105,7 +105,7 @@ impl ScaledProblem {
                 [factor(block[0]), factor(0.5 * (block[4] + block[8]))]
             })
             .collect();
-        let (operator, order) = match &problem.delassus {
+        let (operator, order) = match &*problem.delassus {
             Delassus::Rigid(rigid) => {
                 let packing = pack(rigid);
                 (Operator::Bodies(BodyOperator::new(rigid, &packing, &scaling)), packing.contacts)

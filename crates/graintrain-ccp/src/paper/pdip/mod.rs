@@ -260,7 +260,7 @@ impl CcpSolver for Pdip {
             }
         };
         if status == Status::Stalled && best.residual() > infeasible::GOOD_ENOUGH {
-            let scaled = Scaled::new(problem, &scale);
+            let scaled = Scaled::new(problem, &scale, &mut None);
             self.newton.change_problem(&scaled.problem);
             let found = infeasible::search(&mut self.newton, problem, &scaled, &limits, &mut iterations);
             if found.needed_velocity >= infeasible::PROBABLE {

@@ -62,7 +62,7 @@ impl Evaluator {
             terms += (0..3).map(|k| (self.ray[3 * i + k] * problem.r[3 * i + k]).abs()).sum::<f64>();
         }
         let asked = -dot(&problem.r, &self.ray) - f64::EPSILON * self.ray.len() as f64 * terms;
-        let moved = match &problem.delassus {
+        let moved = match &*problem.delassus {
             Delassus::Rigid(rigid) => {
                 rigid.world_impulse(&self.ray, &mut self.image);
                 moved_bodies(rigid, &self.image)

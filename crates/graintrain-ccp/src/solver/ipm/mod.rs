@@ -57,7 +57,7 @@ use crate::newton::driver::NewtonDriver;
 use crate::newton::{Form, NewtonSolver};
 use crate::problem::{Ccp, CcpError};
 use crate::residual::ResidualScale;
-use scaled::Scaled;
+use scaled::{Scaled, ScaledMatrix};
 use session::Session;
 
 /// Newton systems allowed where the settings name no limit.
@@ -74,8 +74,8 @@ const START_ITERATIONS: usize = 500;
 pub struct Ipm {
     newton: NewtonDriver,
     start: Option<Box<dyn CcpSolver>>,
-    /// Whether the start has seen N and mu of the last call.
-    start_ready: bool,
+    /// The scaled N of the last problem.
+    scaled: Option<ScaledMatrix>,
     exact: Alternating,
 }
 
@@ -89,50 +89,7 @@ impl Ipm {
     /// The interior point with a linear solver of one's own, without a start: `ipm+LINEAR`.
     pub fn with_solver(linear: Box<dyn NewtonSolver>) -> Self {
         let newton = NewtonDriver::new(linear);
-        Self { newton, start: None, start_ready: false, exact: Alternating::new() }
-    }
-
-    fn run(
-        &mut self,
-        problem: &Ccp,
-        impulse: &mut [f64],
-        settings: &SolveSettings,
-        again: bool,
-    ) -> Result<SolveReport, CcpError> {
-        let limits = Limits::start(settings, ITERATIONS);
-        check_start(problem, impulse)?;
-        if problem.num_contacts() == 0 {
-            return Ok(limits.report(&self.name(), problem, impulse, Status::Converged, 0, 0));
-        }
-        let residual_scale = ResidualScale::new(problem);
-        if !again {
-            self.exact.forget();
-        }
-        let mut given = impulse.to_vec();
-        let mut start_iterations = 0;
-        if let Some(start) = &mut self.start {
-            let settings = SolveSettings {
-                tolerance: settings.tolerance.max(START_TOLERANCE),
-                max_iterations: Some(START_ITERATIONS + problem.num_contacts()),
-                max_time: limits.time_left(),
-                ..settings.clone()
-            };
-            let report = start.solve_maybe_again(problem, impulse, &settings, again && self.start_ready)?;
-            start_iterations = report.iterations;
-            self.start_ready = true;
-        }
-        let scaled = Scaled::new(problem, &residual_scale);
-        self.newton.set_patience(limits.patience());
-        self.newton.begin(&scaled.problem);
-        let mut session = Session::new(problem, &scaled, &residual_scale, &limits, settings.friction);
-        let status = self.phases(&mut session, impulse, &mut given);
-        session.best(impulse);
-        let (name, iterations) = (self.name(), session.iterations);
-        let mut report = limits.report_with(&name, problem, impulse, status, iterations, &mut self.newton)?;
-        if let Some(first) = report.newton.first_mut() {
-            first.figures.insert("start_iterations".to_string(), start_iterations as f64);
-        }
-        Ok(report)
+        Self { newton, start: None, scaled: None, exact: Alternating::new() }
     }
 
     /// The phases after the start, whose impulses are `started`; `given` are those handed over by the caller.
@@ -193,16 +150,36 @@ impl CcpSolver for Ipm {
         impulse: &mut [f64],
         settings: &SolveSettings,
     ) -> Result<SolveReport, CcpError> {
-        self.run(problem, impulse, settings, false)
-    }
-
-    fn solve_again(
-        &mut self,
-        problem: &Ccp,
-        impulse: &mut [f64],
-        settings: &SolveSettings,
-    ) -> Result<SolveReport, CcpError> {
-        self.run(problem, impulse, settings, true)
+        let limits = Limits::start(settings, ITERATIONS);
+        check_start(problem, impulse)?;
+        if problem.num_contacts() == 0 {
+            return Ok(limits.report(&self.name(), problem, impulse, Status::Converged, 0, 0));
+        }
+        let residual_scale = ResidualScale::new(problem);
+        let mut given = impulse.to_vec();
+        let mut start_iterations = 0;
+        if let Some(start) = &mut self.start {
+            let settings = SolveSettings {
+                tolerance: settings.tolerance.max(START_TOLERANCE),
+                max_iterations: Some(START_ITERATIONS + problem.num_contacts()),
+                max_time: limits.time_left(),
+                ..settings.clone()
+            };
+            let report = start.solve(problem, impulse, &settings)?;
+            start_iterations = report.iterations;
+        }
+        let scaled = Scaled::new(problem, &residual_scale, &mut self.scaled);
+        self.newton.set_patience(limits.patience());
+        self.newton.begin(&scaled.problem);
+        let mut session = Session::new(problem, &scaled, &residual_scale, &limits, settings.friction);
+        let status = self.phases(&mut session, impulse, &mut given);
+        session.best(impulse);
+        let (name, iterations) = (self.name(), session.iterations);
+        let mut report = limits.report_with(&name, problem, impulse, status, iterations, &mut self.newton)?;
+        if let Some(first) = report.newton.first_mut() {
+            first.figures.insert("start_iterations".to_string(), start_iterations as f64);
+        }
+        Ok(report)
     }
 
     /// By projected gradients and Gauss-Seidel sweeps in turn: near a solution of the exact problem
@@ -213,15 +190,11 @@ impl CcpSolver for Ipm {
         impulse: &mut [f64],
         last: &mut [f64],
         settings: &SolveSettings,
-        again: bool,
     ) -> Result<Option<SolveReport>, CcpError> {
         if self.start.is_none() {
             return Ok(None);
         }
-        if !again {
-            self.start_ready = false;
-        }
-        let report = self.exact.solve(problem, impulse, last, settings, again)?;
+        let report = self.exact.solve(problem, impulse, last, settings)?;
         Ok(Some(SolveReport { solver: self.name(), ..report }))
     }
 }
