@@ -14,6 +14,25 @@ pub enum FrictionModel {
     Coulomb,
 }
 
+impl FrictionModel {
+    /// Both with their names in files and on the command line.
+    pub const NAMES: &[(&str, Self)] = &[("relaxed", Self::Relaxed), ("coulomb", Self::Coulomb)];
+
+    /// Name in files and on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Relaxed => "relaxed",
+            Self::Coulomb => "coulomb",
+        }
+    }
+}
+
+impl std::fmt::Display for FrictionModel {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.pad(self.name())
+    }
+}
+
 /// Distance of an impulse from solving the problem, dimensionless.
 ///
 /// With u = N g + r (u_n + mu |u_t| in place of u_n in Coulomb mode), eta_i = trace(N_ii) / 3 (1/kg, the inverse of the

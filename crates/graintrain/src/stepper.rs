@@ -22,8 +22,8 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
-/// How steps are made.
-#[derive(Clone, Debug)]
+/// How steps are made. Its fields in their order are part of the format of checkpoints.
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct StepSettings {
     /// Time step dt, s.
     pub step: f64,
