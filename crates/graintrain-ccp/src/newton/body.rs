@@ -180,7 +180,7 @@ impl BodyPreconditioner {
 /// A correction of block Jacobi in body space: a preconditioner of K that approximates L^-T (L^-1 K L^-T)^-1 L^-1, L the
 /// Cholesky factors of the diagonal blocks.
 pub trait BodyCorrection: Send {
-    /// Adapts to new values of K, whose diagonal blocks `jacobi` has factorised. Without a `rival` the correction is measured
+    /// Adapts to new values of K, whose diagonal blocks `jacobi` has factorised. Without a `baseline` the correction is measured
     /// against conjugate gradients with these blocks, and what it costs to make does not count.
     ///
     /// # Errors
@@ -190,7 +190,7 @@ pub trait BodyCorrection: Send {
         matrix: &BodyMatrix,
         jacobi: &BlockJacobi,
         system: &NewtonSystem<'_>,
-        rival: Option<ConvergenceRate>,
+        baseline: Option<ConvergenceRate>,
     ) -> Result<(), NewtonError>;
 
     /// Whether it is better than block Jacobi alone for the present matrix, and [`Self::apply`] is to be used.
@@ -282,7 +282,7 @@ impl BodyCg {
     pub fn refresh_against(
         &mut self,
         system: &NewtonSystem<'_>,
-        rival: Option<ConvergenceRate>,
+        baseline: Option<ConvergenceRate>,
     ) -> Result<(), NewtonError> {
         refresh_matrix(&mut self.matrix, system, self.name)?;
         let Some(matrix) = &self.matrix else { return Ok(()) };
@@ -294,7 +294,7 @@ impl BodyCg {
         else {
             return Ok(());
         };
-        correction.refresh(matrix, jacobi, system, rival)
+        correction.refresh(matrix, jacobi, system, baseline)
     }
 
     fn new(

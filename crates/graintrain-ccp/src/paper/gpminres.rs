@@ -8,7 +8,7 @@ use super::face::in_tangent_space;
 use crate::solver::combination::Accumulate;
 use crate::solver::first_order::{FirstOrderMethod, Iterate};
 use crate::solver::lanes::{Batch, Vector, add, add_scaled, dot, sub, zero};
-use crate::solver::scaling::{Given, Here, Image, Kernel, ScaledProblem};
+use crate::solver::scaling::{ContactBatch, Image, Kernel, KernelInput, ScaledProblem};
 use crate::solver::tasks::Tally;
 
 /// Two phases by turns. Gradient projection steps with a spectral step length find out which contacts stick, slide or
@@ -39,15 +39,15 @@ struct GradientStep {
 
 impl Kernel<1> for GradientStep {
     #[inline(always)]
-    fn point<V: Vector>(&self, _: Here<V>, u: &Batch<V>, [x]: [&Batch<V>; 1]) -> Batch<V> {
+    fn point<V: Vector>(&self, _: ContactBatch<V>, u: &Batch<V>, [x]: [&Batch<V>; 1]) -> Batch<V> {
         add_scaled(x, -self.alpha, u)
     }
 
     #[inline(always)]
     fn at<V: Vector>(
         &self,
-        _: Here<V>,
-        Given { projected: new, .. }: Given<V>,
+        _: ContactBatch<V>,
+        KernelInput { projected: new, .. }: KernelInput<V>,
         [x]: [&mut Batch<V>; 1],
         tally: &mut Tally<V>,
     ) -> Batch<V> {
@@ -63,20 +63,26 @@ struct FaceResidual;
 
 impl Kernel<5> for FaceResidual {
     #[inline(always)]
-    fn point<V: Vector>(&self, _: Here<V>, _: &Batch<V>, [x, ..]: [&Batch<V>; 5]) -> Batch<V> {
+    fn point<V: Vector>(&self, _: ContactBatch<V>, _: &Batch<V>, [x, ..]: [&Batch<V>; 5]) -> Batch<V> {
         *x
     }
 
     #[inline(always)]
-    fn projected<V: Vector>(&self, here: Here<V>, u: &Batch<V>, x: &Batch<V>, tangential: V) -> Batch<V> {
-        in_tangent_space(here.mu, x, tangential, u)
+    fn projected<V: Vector>(
+        &self,
+        contact: ContactBatch<V>,
+        u: &Batch<V>,
+        x: &Batch<V>,
+        tangential: V,
+    ) -> Batch<V> {
+        in_tangent_space(contact.mu, x, tangential, u)
     }
 
     #[inline(always)]
     fn at<V: Vector>(
         &self,
-        _: Here<V>,
-        Given { projected, .. }: Given<V>,
+        _: ContactBatch<V>,
+        KernelInput { projected, .. }: KernelInput<V>,
         [_, w, rho, p, ap]: [&mut Batch<V>; 5],
         tally: &mut Tally<V>,
     ) -> Batch<V> {
@@ -98,20 +104,26 @@ impl Kernel<4> for Conjugate {
     const GRADIENT: bool = false;
 
     #[inline(always)]
-    fn point<V: Vector>(&self, _: Here<V>, _: &Batch<V>, [x, ..]: [&Batch<V>; 4]) -> Batch<V> {
+    fn point<V: Vector>(&self, _: ContactBatch<V>, _: &Batch<V>, [x, ..]: [&Batch<V>; 4]) -> Batch<V> {
         *x
     }
 
     #[inline(always)]
-    fn projected<V: Vector>(&self, here: Here<V>, u: &Batch<V>, x: &Batch<V>, tangential: V) -> Batch<V> {
-        in_tangent_space(here.mu, x, tangential, u)
+    fn projected<V: Vector>(
+        &self,
+        contact: ContactBatch<V>,
+        u: &Batch<V>,
+        x: &Batch<V>,
+        tangential: V,
+    ) -> Batch<V> {
+        in_tangent_space(contact.mu, x, tangential, u)
     }
 
     #[inline(always)]
     fn at<V: Vector>(
         &self,
-        _: Here<V>,
-        Given { projected, .. }: Given<V>,
+        _: ContactBatch<V>,
+        KernelInput { projected, .. }: KernelInput<V>,
         [_, rho, p, ap]: [&mut Batch<V>; 4],
         tally: &mut Tally<V>,
     ) -> Batch<V> {
@@ -133,8 +145,8 @@ impl Kernel<4> for Advance {
     #[inline(always)]
     fn at<V: Vector>(
         &self,
-        _: Here<V>,
-        _: Given<V>,
+        _: ContactBatch<V>,
+        _: KernelInput<V>,
         [w, rho, p, ap]: [&mut Batch<V>; 4],
         tally: &mut Tally<V>,
     ) -> Batch<V> {
@@ -152,15 +164,15 @@ struct Trial {
 
 impl Kernel<3> for Trial {
     #[inline(always)]
-    fn point<V: Vector>(&self, _: Here<V>, _: &Batch<V>, [x, w, _]: [&Batch<V>; 3]) -> Batch<V> {
+    fn point<V: Vector>(&self, _: ContactBatch<V>, _: &Batch<V>, [x, w, _]: [&Batch<V>; 3]) -> Batch<V> {
         add_scaled(x, self.tau, w)
     }
 
     #[inline(always)]
     fn at<V: Vector>(
         &self,
-        _: Here<V>,
-        Given { u, projected }: Given<V>,
+        _: ContactBatch<V>,
+        KernelInput { u, projected }: KernelInput<V>,
         [x, _, trial]: [&mut Batch<V>; 3],
         tally: &mut Tally<V>,
     ) -> Batch<V> {

@@ -6,7 +6,7 @@
 use crate::solver::combination::Accumulate;
 use crate::solver::first_order::{FirstOrderMethod, Iterate};
 use crate::solver::lanes::{Batch, Vector, add, add_scaled, dot, scale, sub};
-use crate::solver::scaling::{Given, Here, Kernel, ScaledProblem};
+use crate::solver::scaling::{ContactBatch, Kernel, KernelInput, ScaledProblem};
 use crate::solver::tasks::Tally;
 
 /// Projected Jacobi: all contacts at once from the same velocities,
@@ -38,15 +38,15 @@ struct Step {
 
 impl Kernel<1> for Step {
     #[inline(always)]
-    fn point<V: Vector>(&self, _: Here<V>, u: &Batch<V>, [x]: [&Batch<V>; 1]) -> Batch<V> {
+    fn point<V: Vector>(&self, _: ContactBatch<V>, u: &Batch<V>, [x]: [&Batch<V>; 1]) -> Batch<V> {
         add_scaled(x, -self.omega, u)
     }
 
     #[inline(always)]
     fn at<V: Vector>(
         &self,
-        _: Here<V>,
-        Given { projected, .. }: Given<V>,
+        _: ContactBatch<V>,
+        KernelInput { projected, .. }: KernelInput<V>,
         [x]: [&mut Batch<V>; 1],
         tally: &mut Tally<V>,
     ) -> Batch<V> {

@@ -28,10 +28,10 @@ use crate::residual::ResidualScale;
 use crate::solver::driver::{Limits, Progress, check_start};
 use crate::solver::interface::CcpSolver;
 use crate::solver::ipm::cone::product;
+use crate::solver::ipm::context::SolveContext;
 use crate::solver::ipm::iterate::Work;
 use crate::solver::ipm::pair::Pair;
 use crate::solver::ipm::scaled::{Scaled, ScaledMatrix};
-use crate::solver::ipm::session::Session;
 use crate::solver::report::{SolveReport, Status};
 use crate::solver::settings::SolveSettings;
 
@@ -96,14 +96,14 @@ fn advance(work: &mut Work, before: &mut [Pair]) -> f64 {
 }
 
 impl Scip {
-    /// Runs from `impulse`; the best iterate is left with the session.
-    fn run(&mut self, session: &mut Session<'_>, impulse: &[f64]) -> Status {
-        let inner = &session.scaled.problem;
+    /// Runs from `impulse`; the best iterate is left with the context.
+    fn run(&mut self, context: &mut SolveContext<'_>, impulse: &[f64]) -> Status {
+        let inner = &context.scaled.problem;
         let mut work = Work::new(inner, 0.0);
-        session.hand_over(impulse, &mut work);
+        context.hand_over(impulse, &mut work);
         // The path starts inside the cones: impulses handed over that are better must not be lost on the way.
-        let residual = session.judge(&work.g, &work.ng);
-        if let Some(status) = session.status(residual) {
+        let residual = context.judge(&work.g, &work.ng);
+        if let Some(status) = context.status(residual) {
             return status;
         }
         let barrier = if work.g.iter().any(|&g| g != 0.0) {
@@ -119,18 +119,18 @@ impl Scip {
             work.impulses_from_pairs();
             work.multiply(inner);
             work.update_dual_residual(&inner.r);
-            let residual = session.judge(&work.g, &work.ng);
-            if let Some(status) = session.status(residual) {
+            let residual = context.judge(&work.g, &work.ng);
+            if let Some(status) = context.status(residual) {
                 return status;
             }
             if progress.has_ended(residual) {
                 return Status::Stalled;
             }
-            if session.runs_away(&mut self.newton, &work.g, &work.ng) {
+            if context.runs_away(&mut self.newton, &work.g, &work.ng) {
                 return Status::Infeasible;
             }
             work.update_blocks();
-            if self.newton.refresh(inner, work.blocks(), session.iterations, residual).is_err() {
+            if self.newton.refresh(inner, work.blocks(), context.iterations, residual).is_err() {
                 return Status::Stalled;
             }
             let sigma = (1.0 - last_step).powi(2).clamp(CENTRING[0], CENTRING[1]);
@@ -145,7 +145,7 @@ impl Scip {
             });
             last_step = advance(&mut work, &mut before);
             self.newton.end_iteration(last_step);
-            session.iterations += 1;
+            context.iterations += 1;
             if last_step == 0.0 {
                 return Status::Stalled;
             }
@@ -180,11 +180,11 @@ impl CcpSolver for Scip {
         let scaled = Scaled::new(problem, &scale, &mut self.scaled);
         self.newton.set_patience(limits.patience());
         self.newton.begin(&scaled.problem);
-        let mut session = Session::new(problem, &scaled, &scale, &limits, settings.friction);
-        let status = self.run(&mut session, impulse);
-        let status = session.verdict(&mut self.newton, status);
-        session.best(impulse);
-        let iterations = session.iterations;
+        let mut context = SolveContext::new(problem, &scaled, &scale, &limits, settings.friction);
+        let status = self.run(&mut context, impulse);
+        let status = context.verdict(&mut self.newton, status);
+        context.best(impulse);
+        let iterations = context.iterations;
         limits.report_with(&self.name(), problem, impulse, status, iterations, &mut self.newton)
     }
 }

@@ -1,6 +1,6 @@
 //! `tt`: a tensor train in body space where that pays, incomplete Cholesky ([`crate::newton::incomplete`]) where it does not.
 //!
-//! Conjugate gradients with block IC(0) are the rival: ten iterations of theirs tell what a solve costs. A train is
+//! Conjugate gradients with block IC(0) are the baseline: ten iterations of theirs tell what a solve costs. A train is
 //! made only where its prediction is cheaper than that, and used where it then wins
 //! ([`TrainCorrection`]). After a loss, or a train that breaks down, the next try waits,
 //! four times longer after every loss in a row, also from one problem to the next.
@@ -69,11 +69,11 @@ impl TensorTrain {
     }
 
     /// Tries a train on this matrix; whether it paid.
-    fn try_train(&mut self, system: &NewtonSystem<'_>, rival: ConvergenceRate) -> bool {
+    fn try_train(&mut self, system: &NewtonSystem<'_>, baseline: ConvergenceRate) -> bool {
         let system = NewtonSystem { new_delassus: self.unseen, ..*system };
         self.tried = true;
-        // A train that breaks down has lost: the rival is there.
-        match self.body.refresh_against(&system, Some(rival)) {
+        // A train that breaks down has lost: the baseline is there.
+        match self.body.refresh_against(&system, Some(baseline)) {
             Ok(()) => {
                 self.unseen = false;
                 self.with_train = self.body.correction().is_some_and(BodyCorrection::is_active);
@@ -107,8 +107,8 @@ impl NewtonSolver for TensorTrain {
             self.wait -= 1;
             return Ok(());
         }
-        let Some(rival) = self.local.measure(system) else { return Ok(()) };
-        if self.try_train(system, rival) {
+        let Some(baseline) = self.local.measure(system) else { return Ok(()) };
+        if self.try_train(system, baseline) {
             self.losses = 0;
         } else {
             self.lose();

@@ -7,8 +7,8 @@
 //! 1. *Compressibility probe*: the share of the off-diagonal energy of K_s that a train of the largest rank allowed captures.
 //!    It is small on random packings and near one on assemblies that repeat under translation.
 //! 2. *Prediction*: floating-point operations of the inversion, from the ranks found by the probe, against those of a whole
-//!    solve by the rival.
-//! 3. *Race*: a few iterations with X. It is used where it lowers the residual by more per operation than the rival.
+//!    solve by the baseline.
+//! 3. *Race*: a few iterations with X. It is used where it lowers the residual by more per operation than the baseline.
 
 use super::tensor_train::inverse::{Compression, TrainInverse, TrainSettings};
 use super::tensor_train::place::body_centres;
@@ -83,7 +83,7 @@ impl TrainCorrection {
         matrix: &BodyMatrix,
         scaling: &BlockJacobi,
         system: &NewtonSystem<'_>,
-        rival: Option<ConvergenceRate>,
+        baseline: Option<ConvergenceRate>,
     ) -> Result<(), TtError> {
         let mut note = |name: &str, value: f64| self.figures.insert(name.to_string(), value);
         let (capacity, depth) = self.placement.shape();
@@ -96,7 +96,7 @@ impl TrainCorrection {
         note("train_captured_energy", captured);
         let price = self.inverse.predicted_flops(&train);
         note("train_predicted_flops", price);
-        let bearable = self.at_any_price || rival.is_none_or(|rival| price <= rival.solve_flops());
+        let bearable = self.at_any_price || baseline.is_none_or(|baseline| price <= baseline.solve_flops());
         if captured < CAPTURED || !bearable {
             return Ok(());
         }
@@ -111,14 +111,14 @@ impl TrainCorrection {
             *error *= full.norm() / off_diagonal.norm().max(f64::MIN_POSITIVE);
         }
         let with = self.measure(matrix, scaling);
-        let (rival, price) = match rival {
-            Some(rival) => (rival, price),
+        let (baseline, price) = match baseline {
+            Some(baseline) => (baseline, price),
             None => (self.measure_alone(matrix, scaling), 0.0),
         };
-        let gain = rival.solve_flops() / with.solve_flops();
+        let gain = baseline.solve_flops() / with.solve_flops();
         self.figures.insert("train_race_gain".to_string(), gain);
         self.active = gain > 1.0;
-        self.paid = self.active && price + with.solve_flops() <= rival.solve_flops();
+        self.paid = self.active && price + with.solve_flops() <= baseline.solve_flops();
         Ok(())
     }
 
@@ -147,7 +147,7 @@ impl BodyCorrection for TrainCorrection {
         matrix: &BodyMatrix,
         jacobi: &BlockJacobi,
         system: &NewtonSystem<'_>,
-        rival: Option<ConvergenceRate>,
+        baseline: Option<ConvergenceRate>,
     ) -> Result<(), NewtonError> {
         (self.active, self.paid) = (false, false);
         self.figures.clear();
@@ -164,7 +164,7 @@ impl BodyCorrection for TrainCorrection {
             self.placement.figures(&mut self.figures);
         }
         // Where a dense kernel of the tensor-train algorithms fails, or the patience ends, the next train starts cold.
-        self.build(matrix, jacobi, system, rival).map_err(|error| {
+        self.build(matrix, jacobi, system, baseline).map_err(|error| {
             self.inverse.forget();
             NewtonError::Breakdown { solver: NAME, reason: error.to_string() }
         })

@@ -7,7 +7,7 @@
 use super::combination::Combination;
 use super::first_order::{FirstOrderMethod, Iterate};
 use super::lanes::{Batch, Vector, add_scaled, dot, project_given, sub, within_disc};
-use super::scaling::{Given, Here, Kernel, ScaledProblem};
+use super::scaling::{ContactBatch, Kernel, KernelInput, ScaledProblem};
 use super::tasks::Tally;
 use crate::residual::FrictionModel;
 
@@ -67,24 +67,30 @@ struct Step<const EXACT: bool> {
 
 impl<const EXACT: bool> Kernel<2> for Step<EXACT> {
     #[inline(always)]
-    fn point<V: Vector>(&self, _: Here<V>, u: &Batch<V>, [x, previous]: [&Batch<V>; 2]) -> Batch<V> {
+    fn point<V: Vector>(&self, _: ContactBatch<V>, u: &Batch<V>, [x, previous]: [&Batch<V>; 2]) -> Batch<V> {
         add_scaled(&extrapolated(x, previous, self.beta), -self.step, u)
     }
 
     #[inline(always)]
-    fn projected<V: Vector>(&self, here: Here<V>, _: &Batch<V>, point: &Batch<V>, tangential: V) -> Batch<V> {
+    fn projected<V: Vector>(
+        &self,
+        contact: ContactBatch<V>,
+        _: &Batch<V>,
+        point: &Batch<V>,
+        tangential: V,
+    ) -> Batch<V> {
         if EXACT {
-            within_disc(here.mu, point, tangential)
+            within_disc(contact.mu, point, tangential)
         } else {
-            project_given(here.mu, point, tangential)
+            project_given(contact.mu, point, tangential)
         }
     }
 
     #[inline(always)]
     fn at<V: Vector>(
         &self,
-        _: Here<V>,
-        Given { projected: new, .. }: Given<V>,
+        _: ContactBatch<V>,
+        KernelInput { projected: new, .. }: KernelInput<V>,
         [x, previous]: [&mut Batch<V>; 2],
         tally: &mut Tally<V>,
     ) -> Batch<V> {
@@ -108,8 +114,8 @@ impl Kernel<2> for Extrapolated {
     #[inline(always)]
     fn at<V: Vector>(
         &self,
-        _: Here<V>,
-        _: Given<V>,
+        _: ContactBatch<V>,
+        _: KernelInput<V>,
         [x, previous]: [&mut Batch<V>; 2],
         _: &mut Tally<V>,
     ) -> Batch<V> {

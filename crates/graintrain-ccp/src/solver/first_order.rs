@@ -15,7 +15,7 @@ use rayon::prelude::*;
 pub trait FirstOrderMethod: Send {
     /// Name on the command line.
     const NAME: &'static str;
-    /// Whether the method treats exact Coulomb friction itself, by [`Here::allowed`](super::scaling::Here::allowed).
+    /// Whether the method treats exact Coulomb friction itself, by [`ContactBatch::allowed`](super::scaling::ContactBatch::allowed).
     const EXACT: bool = false;
 
     /// Improves the iterate until it says to stop.

@@ -7,7 +7,7 @@
 
 use super::first_order::{FirstOrderMethod, Iterate};
 use super::lanes::{Batch, LANES, Lanes, Vector, sub, tangential_length};
-use super::scaling::{Here, Relaxation, ScaledProblem};
+use super::scaling::{ContactBatch, Relaxation, ScaledProblem};
 use graintrain_linalg::block3::Block;
 
 /// Projected Gauss-Seidel on the scaled problem: contacts one after the other,
@@ -48,10 +48,16 @@ struct Steps {
 
 impl Relaxation for Steps {
     #[inline(always)]
-    fn relaxed<V: Vector>(&self, batch: usize, here: Here<V>, u: &Batch<V>, x: &Batch<V>) -> Batch<V> {
+    fn relaxed<V: Vector>(
+        &self,
+        batch: usize,
+        contact: ContactBatch<V>,
+        u: &Batch<V>,
+        x: &Batch<V>,
+    ) -> Batch<V> {
         let step = V::of(self.step[batch]);
         let moved = sub(x, &[step * u[0], step * u[1], step * u[2]]);
-        here.allowed(&moved, tangential_length(&moved))
+        contact.allowed(&moved, tangential_length(&moved))
     }
 }
 

@@ -26,13 +26,13 @@ use super::tasks::{CHUNK, Tally, Totals, for_each_task};
 use crate::delassus::Delassus;
 use crate::problem::Ccp;
 use crate::residual::{FrictionModel, Residual, ResidualScale};
-use contacts::Surroundings;
+use contacts::ContactArrays;
 use graintrain_linalg::block3::Block;
 use kernel::{Identity, NaturalMap, NaturalMapGiven, PowerStep, Store};
 use passes::{BodyPass, BodySweep, RowPass};
 
-pub use contacts::{Here, Metric};
-pub use kernel::{Given, Kernel, Relaxation};
+pub use contacts::{ContactBatch, Metric};
+pub use kernel::{Kernel, KernelInput, Relaxation};
 
 /// Power iterations for the first step size.
 const POWER_ITERATIONS: usize = 12;
@@ -152,12 +152,12 @@ impl ScaledProblem {
         }
     }
 
-    /// The problem that the residual, [`Here::drive`] and [`Here::allowed`] are of; relaxed at first.
+    /// The problem that the residual, [`ContactBatch::drive`] and [`ContactBatch::allowed`] are of; relaxed at first.
     pub fn set_friction_model(&mut self, model: FrictionModel) {
         self.friction_model = model;
     }
 
-    /// The problem that the residual, [`Here::drive`] and [`Here::allowed`] are of.
+    /// The problem that the residual, [`ContactBatch::drive`] and [`ContactBatch::allowed`] are of.
     pub fn friction_model(&self) -> FrictionModel {
         self.friction_model
     }
@@ -312,7 +312,7 @@ impl ScaledProblem {
                     &|chunk, vectors, slots, tally| {
                         let batches = range(chunk);
                         vectorised(BodyPass::<M, GATHER, SCATTER, _> {
-                            surroundings: self.surroundings(batches.clone()),
+                            contacts: self.contacts(batches.clone()),
                             bodies,
                             velocity,
                             batches,
@@ -340,7 +340,7 @@ impl ScaledProblem {
                     &|chunk, vectors, scattered, tally| {
                         let batches = range(chunk);
                         vectorised(RowPass::<M, GATHER, _> {
-                            surroundings: self.surroundings(batches.clone()),
+                            contacts: self.contacts(batches.clone()),
                             product,
                             batches,
                             vectors,
@@ -439,19 +439,19 @@ impl ScaledProblem {
         work.products += 1;
         match &self.operator {
             Operator::Bodies(bodies) => {
-                let surroundings = self.surroundings(0..x.len());
-                vectorised(BodySweep { surroundings, bodies, x, image, kernel });
+                let contacts = self.contacts(0..x.len());
+                vectorised(BodySweep { contacts, bodies, x, image, kernel });
                 true
             }
             Operator::Rows(rows) => {
-                let surroundings = self.surroundings(0..self.num_batches());
+                let contacts = self.contacts(0..self.num_batches());
                 for i in 0..self.order.len() {
                     let (batch, lane) = (i / LANES, i % LANES);
                     let mut u = self.r[batch];
                     for (u, product) in u.iter_mut().zip(rows.row_times(i, x)) {
                         u.0[lane] += product;
                     }
-                    let new = kernel.relaxed(batch, surroundings.at(batch), &u, &x[batch]);
+                    let new = kernel.relaxed(batch, contacts.at(batch), &u, &x[batch]);
                     for k in 0..3 {
                         x[batch][k].0[lane] = new[k].0[lane];
                     }
@@ -488,8 +488,8 @@ impl ScaledProblem {
 
     /// What is known about some batches.
     #[inline(always)]
-    fn surroundings(&self, batches: std::ops::Range<usize>) -> Surroundings<'_> {
-        Surroundings {
+    fn contacts(&self, batches: std::ops::Range<usize>) -> ContactArrays<'_> {
+        ContactArrays {
             friction: &self.friction[batches.clone()],
             metric: &self.metric[batches.clone()],
             r: &self.r[batches],

@@ -37,13 +37,13 @@
 //! little give in every contact, with [`Status::Infeasible`].
 
 pub(crate) mod cone;
+pub(crate) mod context;
 pub(crate) mod iterate;
 pub(crate) mod mehrotra;
 pub(crate) mod pair;
 mod path;
 mod proximal;
 pub(crate) mod scaled;
-pub(crate) mod session;
 
 use super::alternating::Alternating;
 use super::apgd::Apgd;
@@ -57,8 +57,8 @@ use crate::newton::driver::NewtonDriver;
 use crate::newton::{Form, NewtonSolver};
 use crate::problem::{Ccp, CcpError};
 use crate::residual::ResidualScale;
+use context::SolveContext;
 use scaled::{Scaled, ScaledMatrix};
-use session::Session;
 
 /// Newton systems allowed where the settings name no limit.
 const ITERATIONS: usize = 300;
@@ -93,34 +93,34 @@ impl Ipm {
     }
 
     /// The phases after the start, whose impulses are `started`; `given` are those handed over by the caller.
-    fn phases(&mut self, session: &mut Session<'_>, started: &[f64], given: &mut [f64]) -> Status {
+    fn phases(&mut self, context: &mut SolveContext<'_>, started: &[f64], given: &mut [f64]) -> Status {
         if self.start.is_some() {
-            let status = proximal::run(&mut self.newton, session, started);
+            let status = proximal::run(&mut self.newton, context, started);
             if status != Status::Stalled {
                 return status;
             }
         }
-        let mut status = path::run(&mut self.newton, session, given, 0.0);
+        let mut status = path::run(&mut self.newton, context, given, 0.0);
         // Blocks of Newton's method on the projection are singular: it has no plain form.
         if status == Status::Stalled && self.newton.form() == Form::Scaled {
-            session.best(given);
-            status = proximal::run(&mut self.newton, session, given);
+            context.best(given);
+            status = proximal::run(&mut self.newton, context, given);
         }
-        status = session.verdict(&mut self.newton, status);
+        status = context.verdict(&mut self.newton, status);
         if status == Status::Stalled
-            && let Some(solution) = session.take_solution()
+            && let Some(solution) = context.take_solution()
         {
             if self.newton.form() == Form::Scaled {
-                status = proximal::run(&mut self.newton, session, &solution);
+                status = proximal::run(&mut self.newton, context, &solution);
             }
             if status == Status::Stalled {
-                status = path::run(&mut self.newton, session, &solution, 0.0);
+                status = path::run(&mut self.newton, context, &solution, 0.0);
             }
         }
         if status == Status::Infeasible {
-            session.forget();
+            context.forget();
             given.fill(0.0);
-            path::run(&mut self.newton, session, given, COMPLIANCE);
+            path::run(&mut self.newton, context, given, COMPLIANCE);
         }
         status
     }
@@ -171,10 +171,10 @@ impl CcpSolver for Ipm {
         let scaled = Scaled::new(problem, &residual_scale, &mut self.scaled);
         self.newton.set_patience(limits.patience());
         self.newton.begin(&scaled.problem);
-        let mut session = Session::new(problem, &scaled, &residual_scale, &limits, settings.friction);
-        let status = self.phases(&mut session, impulse, &mut given);
-        session.best(impulse);
-        let (name, iterations) = (self.name(), session.iterations);
+        let mut context = SolveContext::new(problem, &scaled, &residual_scale, &limits, settings.friction);
+        let status = self.phases(&mut context, impulse, &mut given);
+        context.best(impulse);
+        let (name, iterations) = (self.name(), context.iterations);
         let mut report = limits.report_with(&name, problem, impulse, status, iterations, &mut self.newton)?;
         if let Some(first) = report.newton.first_mut() {
             first.figures.insert("start_iterations".to_string(), start_iterations as f64);

@@ -31,7 +31,7 @@
 //! method for semidefinite programming", SIAM J. Optimization 20:1737-1765, 2010.
 
 use super::super::report::Status;
-use super::session::Session;
+use super::context::SolveContext;
 use crate::delassus::DelassusWork;
 use crate::newton::driver::NewtonDriver;
 use crate::newton::system::ScaledBlocks;
@@ -222,27 +222,27 @@ impl Vectors {
 }
 
 /// Runs the method from `impulse` until the tolerance or a limit is reached, or it does not get on
-/// ([`Status::Stalled`]). The best iterate is left with the session.
-pub(super) fn run(newton: &mut NewtonDriver, session: &mut Session<'_>, impulse: &[f64]) -> Status {
-    let inner = &session.scaled.problem;
+/// ([`Status::Stalled`]). The best iterate is left with the context.
+pub(super) fn run(newton: &mut NewtonDriver, context: &mut SolveContext<'_>, impulse: &[f64]) -> Status {
+    let inner = &context.scaled.problem;
     let contacts = inner.num_contacts();
     let mut work: DelassusWork = inner.delassus.work();
     let mut v = Vectors::new(3 * contacts);
-    session.scale(impulse, &mut v.anchor);
+    context.scale(impulse, &mut v.anchor);
     v.begin(inner, &mut work);
-    let mut residual = session.judge(&v.h, &v.nh);
+    let mut residual = context.judge(&v.h, &v.nh);
     let mut best = v.h.clone();
     let mut sigma = (REACH / natural_map(inner, &v.h, &v.nh)).clamp(SIGMA[0], SIGMA[1]);
     let (mut systems, mut since_better, mut reference) = (0, 0, f64::INFINITY);
     loop {
-        if let Some(status) = session.status(residual) {
+        if let Some(status) = context.status(residual) {
             return status;
         }
         v.evaluate(inner, sigma, &mut work);
         // Two candidates. In exact arithmetic they agree at the minimum; T carries the rounding errors of u times sigma,
         // P(h) does not.
         let (by_image, by_projection) =
-            (session.judge(&v.image, &v.nimage), session.judge(&v.projected, &v.nprojected));
+            (context.judge(&v.image, &v.nimage), context.judge(&v.projected, &v.nprojected));
         let (candidate, ncandidate, now) = if by_projection <= by_image {
             (&v.projected, &v.nprojected, by_projection)
         } else {
@@ -252,7 +252,7 @@ pub(super) fn run(newton: &mut NewtonDriver, session: &mut Session<'_>, impulse:
             residual = now;
             best.copy_from_slice(candidate);
         }
-        if let Some(status) = session.status(residual) {
+        if let Some(status) = context.status(residual) {
             return status;
         }
         if residual <= 0.1 * reference {
@@ -285,7 +285,7 @@ pub(super) fn run(newton: &mut NewtonDriver, session: &mut Session<'_>, impulse:
             continue;
         }
         let blocks = ScaledBlocks { added: &[], factor: &v.factor, factor_inverse: &[] };
-        if newton.refresh(inner, blocks, session.iterations, residual).is_err() {
+        if newton.refresh(inner, blocks, context.iterations, residual).is_err() {
             return Status::Stalled;
         }
         v.rhs.copy_from_slice(&v.ngap);
@@ -298,7 +298,7 @@ pub(super) fn run(newton: &mut NewtonDriver, session: &mut Session<'_>, impulse:
         inner.delassus.multiply(&v.direction, &mut v.ndirection, &mut work);
         let alpha = v.step(inner, sigma);
         newton.end_iteration(alpha);
-        session.iterations += 1;
+        context.iterations += 1;
         systems = if alpha < SHORT { SYSTEMS } else { systems + 1 };
         since_better += 1;
         for (h, direction) in v.h.iter_mut().zip(&v.direction) {

@@ -11,7 +11,7 @@ use crate::residual::{FrictionModel, ResidualScale};
 use graintrain_linalg::parallel::dot;
 
 /// One solve. Iterations are Newton systems.
-pub(crate) struct Session<'a> {
+pub(crate) struct SolveContext<'a> {
     /// The problem as given.
     problem: &'a Ccp,
     /// The problem scaled.
@@ -28,7 +28,7 @@ pub(crate) struct Session<'a> {
     velocity: Vec<f64>,
 }
 
-impl<'a> Session<'a> {
+impl<'a> SolveContext<'a> {
     pub fn new(
         problem: &'a Ccp,
         scaled: &'a Scaled,
