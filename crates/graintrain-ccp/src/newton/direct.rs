@@ -123,18 +123,30 @@ impl NewtonSolver for SchurCholesky {
     }
 }
 
+/// Where [`Direct`] does not count operations to choose its space.
+#[derive(Clone, Copy, Debug)]
+pub struct Parameters {
+    /// Contacts per body above which body space is taken without counting operations.
+    pub clearly_body: f64,
+    /// Contacts per body below which contact space is taken without counting operations.
+    pub clearly_contact: f64,
+}
+
+impl Default for Parameters {
+    fn default() -> Self {
+        Self { clearly_body: 2.2, clearly_contact: 0.8 }
+    }
+}
+
 /// Sparse Cholesky in contact space or in body space, whichever needs fewer operations for the pattern at hand.
 #[derive(Default)]
 pub struct Direct {
     schur: SchurCholesky,
     body: BodyCholesky,
     in_body_space: bool,
+    /// The tuned constants.
+    pub parameters: Parameters,
 }
-
-/// Contacts per body above which body space is taken without counting operations.
-const CLEARLY_BODY: f64 = 2.2;
-/// Contacts per body below which contact space is taken without counting operations.
-const CLEARLY_CONTACT: f64 = 0.8;
 
 impl Direct {
     /// Chooses the space for a problem. Called before [`NewtonSolver::needs_matrix`] is asked for.
@@ -145,9 +157,9 @@ impl Direct {
         };
         let touched = (0..rigid.num_bodies()).filter(|&body| !rigid.sides(body).is_empty()).count();
         let ratio = rigid.num_contacts() as f64 / touched.max(1) as f64;
-        self.in_body_space = if ratio > CLEARLY_BODY {
+        self.in_body_space = if ratio > self.parameters.clearly_body {
             true
-        } else if ratio < CLEARLY_CONTACT {
+        } else if ratio < self.parameters.clearly_contact {
             false
         } else {
             let body = BodyMatrix::new(rigid);

@@ -35,21 +35,41 @@ use crate::solver::ipm::scaled::{Scaled, ScaledMatrix};
 use crate::solver::report::{SolveReport, Status};
 use crate::solver::settings::SolveSettings;
 
-/// Iterations allowed where the settings name no limit.
-const ITERATIONS: usize = 200;
-/// gamma of the neighbourhood.
-const NEIGHBOURHOOD: f64 = 1e-2;
-/// Part of the way to the boundary that a step may go at most.
-const FRACTION: f64 = 0.99;
-/// Bounds of sigma: the shorter the last step, the more the next one goes back to the central path.
-const CENTRING: [f64; 2] = [0.05, 0.9];
-/// Iterations without a better residual before giving up.
-const PATIENCE: usize = 20;
-/// Steps shorter than this lead nowhere.
-const SHORTEST: f64 = 1e-8;
-/// Barrier of a start from zero, and bounds of that of a warm start, in the scaled problem.
-const COLD_BARRIER: f64 = 1e4;
-const WARM_BARRIER: [f64; 2] = [1e-4, 1.0];
+/// What [`Scip`] is tuned by.
+#[derive(Clone, Debug)]
+pub struct Parameters {
+    /// Iterations allowed where the settings name no limit.
+    pub iterations: usize,
+    /// gamma of the neighbourhood.
+    pub neighbourhood: f64,
+    /// Part of the way to the boundary that a step may go at most.
+    pub fraction: f64,
+    /// Bounds of sigma: the shorter the last step, the more the next one goes back to the central path.
+    pub centring: [f64; 2],
+    /// Iterations without a better residual before giving up.
+    pub patience: usize,
+    /// Steps shorter than this lead nowhere.
+    pub shortest: f64,
+    /// Barrier of a start from zero, in the scaled problem.
+    pub cold_barrier: f64,
+    /// Bounds of the barrier of a warm start.
+    pub warm_barrier: [f64; 2],
+}
+
+impl Default for Parameters {
+    fn default() -> Self {
+        Self {
+            iterations: 200,
+            neighbourhood: 1e-2,
+            fraction: 0.99,
+            centring: [0.05, 0.9],
+            patience: 20,
+            shortest: 1e-8,
+            cold_barrier: 1e4,
+            warm_barrier: [1e-4, 1.0],
+        }
+    }
+}
 
 /// The symmetric cone interior point, see the [module](self).
 ///
@@ -58,12 +78,14 @@ pub struct Scip {
     newton: NewtonDriver,
     /// The scaled N of the last problem.
     scaled: Option<ScaledMatrix>,
+    /// The tuned constants.
+    pub parameters: Parameters,
 }
 
 impl Scip {
     /// With a linear solver of one's own.
     pub fn with_solver(linear: Box<dyn NewtonSolver>) -> Self {
-        Self { newton: NewtonDriver::new(linear), scaled: None }
+        Self { newton: NewtonDriver::new(linear), scaled: None, parameters: Parameters::default() }
     }
 }
 
@@ -80,12 +102,12 @@ fn least_eigenvalue(pair: &Pair) -> f64 {
 
 /// Goes as far as the cones allow, at most 1, and back until the neighbourhood is met; returns the step, 0 where none was
 /// found. `before` is room for the pairs.
-fn advance(work: &mut Work, before: &mut [Pair]) -> f64 {
+fn advance(work: &mut Work, before: &mut [Pair], parameters: &Parameters) -> f64 {
     before.copy_from_slice(&work.pairs);
-    let mut alpha = (FRACTION * work.longest_step()).min(1.0);
-    while alpha > SHORTEST {
+    let mut alpha = (parameters.fraction * work.longest_step()).min(1.0);
+    while alpha > parameters.shortest {
         work.advance(alpha);
-        let bound = NEIGHBOURHOOD * work.barrier();
+        let bound = parameters.neighbourhood * work.barrier();
         if work.pairs.iter().all(|pair| least_eigenvalue(pair) >= bound) {
             return alpha;
         }
@@ -107,13 +129,14 @@ impl Scip {
             return status;
         }
         let barrier = if work.g.iter().any(|&g| g != 0.0) {
-            work.distance(inner, &inner.r).clamp(WARM_BARRIER[0], WARM_BARRIER[1])
+            work.distance(inner, &inner.r)
+                .clamp(self.parameters.warm_barrier[0], self.parameters.warm_barrier[1])
         } else {
-            COLD_BARRIER
+            self.parameters.cold_barrier
         };
         work.start(inner, &inner.r, barrier);
         let mut before = work.pairs.clone();
-        let mut progress = Progress::new(PATIENCE);
+        let mut progress = Progress::new(self.parameters.patience);
         let mut last_step = 0.0_f64;
         loop {
             work.impulses_from_pairs();
@@ -133,7 +156,8 @@ impl Scip {
             if self.newton.refresh(inner, work.blocks(), context.iterations, residual).is_err() {
                 return Status::Stalled;
             }
-            let sigma = (1.0 - last_step).powi(2).clamp(CENTRING[0], CENTRING[1]);
+            let sigma =
+                (1.0 - last_step).powi(2).clamp(self.parameters.centring[0], self.parameters.centring[1]);
             let target = sigma * work.barrier();
             work.right_hand_side(1.0, |_, lambda| {
                 let square = product(lambda, lambda);
@@ -143,7 +167,7 @@ impl Scip {
             work.solve(|blocks, b, z| {
                 self.newton.solve(inner, blocks, b, z, tolerance);
             });
-            last_step = advance(&mut work, &mut before);
+            last_step = advance(&mut work, &mut before, &self.parameters);
             self.newton.end_iteration(last_step);
             context.iterations += 1;
             if last_step == 0.0 {
@@ -162,7 +186,7 @@ impl CcpSolver for Scip {
     }
 
     fn iteration_limit(&self) -> usize {
-        ITERATIONS
+        self.parameters.iterations
     }
 
     fn solve(
@@ -171,7 +195,7 @@ impl CcpSolver for Scip {
         impulse: &mut [f64],
         settings: &SolveSettings,
     ) -> Result<SolveReport, CcpError> {
-        let limits = Limits::start(settings, ITERATIONS);
+        let limits = Limits::start(settings, self.parameters.iterations);
         check_start(problem, impulse)?;
         let scale = ResidualScale::new(problem);
         if problem.num_contacts() == 0 {

@@ -9,10 +9,20 @@ use super::report::{SolveReport, Status};
 use super::settings::SolveSettings;
 use crate::problem::{Ccp, CcpError};
 
-/// Over-relaxation of the sweeps.
-const RELAXATION: f64 = 1.3;
-/// Factor by which the memory of the bold gradients grows and shrinks.
-const BOLD: f64 = 4.0;
+/// What [`Alternating`] is tuned by.
+#[derive(Clone, Debug)]
+pub(super) struct Parameters {
+    /// Over-relaxation of the sweeps.
+    pub relaxation: f64,
+    /// Factor by which the memory of the bold gradients grows and shrinks.
+    pub bold: f64,
+}
+
+impl Default for Parameters {
+    fn default() -> Self {
+        Self { relaxation: 1.3, bold: 4.0 }
+    }
+}
 
 /// Projected gradients with momentum ([`Apgd`]), the same with a momentum that grows and shrinks boldly, and sweeps
 /// ([`GaussSeidel`]), a third of the iterations each. Each goes on where the one before ended.
@@ -26,8 +36,9 @@ pub(super) struct Alternating {
 
 impl Alternating {
     pub fn new() -> Self {
-        let bold = Apgd { longer: BOLD, shorter: BOLD, ..Apgd::default() };
-        let sweeps = GaussSeidel { relaxation: RELAXATION };
+        let Parameters { relaxation, bold } = Parameters::default();
+        let bold = Apgd { longer: bold, shorter: bold, ..Apgd::default() };
+        let sweeps = GaussSeidel { relaxation };
         Self {
             members: [
                 Box::new(FirstOrder::new(Apgd::default())),

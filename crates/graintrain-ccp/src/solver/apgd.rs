@@ -38,16 +38,22 @@ pub struct Apgd {
     pub longer: f64,
     /// Divisor of the limit where they do not.
     pub shorter: f64,
+    /// Least and greatest limit of theta.
+    pub memory_range: [f64; 2],
+    /// A momentum whose theta is below this says nothing about the limit.
+    pub young: f64,
 }
-
-/// Least and greatest limit of theta.
-const MEMORY: [f64; 2] = [10.0, 3000.0];
-/// A momentum younger than this says nothing about the limit.
-const YOUNG: f64 = 5.0;
 
 impl Default for Apgd {
     fn default() -> Self {
-        Self { growth: 1.03, memory: 50.0, longer: 1.5, shorter: 2.0 }
+        Self {
+            growth: 1.03,
+            memory: 50.0,
+            longer: 1.5,
+            shorter: 2.0,
+            memory_range: [10.0, 3000.0],
+            young: 5.0,
+        }
     }
 }
 
@@ -157,10 +163,10 @@ impl Apgd {
             let (totals, curvature) = scaled.pass_onto(images, vectors, &mut it.work, &kernel, |totals| {
                 let [length, downhill, ..] = totals.sum;
                 if downhill < 0.0 || theta > memory {
-                    if EXACT && theta > YOUNG {
+                    if EXACT && theta > self.young {
                         let now = length.sqrt() / step;
                         let factor = if now < last_step { self.longer } else { self.shorter.recip() };
-                        memory = (factor * memory).clamp(MEMORY[0], MEMORY[1]);
+                        memory = (factor * memory).clamp(self.memory_range[0], self.memory_range[1]);
                         last_step = now;
                     }
                     (theta, beta) = (1.0, 0.0);

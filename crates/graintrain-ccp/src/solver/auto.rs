@@ -10,11 +10,21 @@ use super::report::{SolveReport, Status};
 use super::settings::SolveSettings;
 use crate::problem::{Ccp, CcpError};
 
-/// Below this tolerance the interior point goes first.
-const TIGHT: f64 = 1e-6;
-/// Iterations of the first-order method while another method is left to try: about ten times what a settled packing needs
-/// for 1e-4 from a cold start, fewer where the tolerance is looser.
-const PATIENCE: usize = 30_000;
+/// What [`Auto`] is tuned by.
+#[derive(Clone, Debug)]
+pub struct Parameters {
+    /// Below this tolerance the interior point goes first.
+    pub tight: f64,
+    /// Iterations of the first-order method while another method is left to try: about ten times what a settled packing needs
+    /// for 1e-4 from a cold start, fewer where the tolerance is looser.
+    pub first_order_limit: usize,
+}
+
+impl Default for Parameters {
+    fn default() -> Self {
+        Self { tight: 1e-6, first_order_limit: 30_000 }
+    }
+}
 
 /// Tries `apgd` and `ipm` in the order that suits the tolerance: an iteration of `apgd` costs nanoseconds per contact and it
 /// profits from a warm start, so it goes first down to 1e-6; `ipm` needs factorisations but few iterations whatever the
@@ -22,6 +32,8 @@ const PATIENCE: usize = 30_000;
 pub struct Auto {
     members: Vec<(&'static str, Box<dyn CcpSolver>)>,
     exact: Alternating,
+    /// The tuned constants.
+    pub parameters: Parameters,
 }
 
 impl Default for Auto {
@@ -35,7 +47,7 @@ impl Auto {
     pub fn new() -> Self {
         let members: Vec<(_, Box<dyn CcpSolver>)> =
             vec![("apgd", Box::new(FirstOrder::new(Apgd::default()))), ("ipm", Box::new(Ipm::new()))];
-        Self { members, exact: Alternating::new() }
+        Self { members, exact: Alternating::new(), parameters: Parameters::default() }
     }
 }
 
@@ -46,7 +58,7 @@ impl CcpSolver for Auto {
 
     /// For the first member and those after it.
     fn iteration_limit(&self) -> usize {
-        2 * PATIENCE
+        2 * self.parameters.first_order_limit
     }
 
     fn solve(
@@ -57,7 +69,8 @@ impl CcpSolver for Auto {
     ) -> Result<SolveReport, CcpError> {
         let limits = Limits::start(settings, usize::MAX);
         check_start(problem, impulse)?;
-        self.members.sort_by_key(|(name, _)| (*name == "ipm") != (settings.tolerance < TIGHT));
+        let is_tight = settings.tolerance < self.parameters.tight;
+        self.members.sort_by_key(|(name, _)| (*name == "ipm") != is_tight);
         let mut best = Best::default();
         let (mut iterations, mut linear_iterations) = (0, 0);
         let mut status = Status::Stalled;
@@ -65,7 +78,7 @@ impl CcpSolver for Auto {
         let last = self.members.len() - 1;
         for (position, (member, solver)) in self.members.iter_mut().enumerate() {
             let is_first = position < last && *member == "apgd";
-            let allowed = if is_first { PATIENCE } else { solver.iteration_limit() };
+            let allowed = if is_first { self.parameters.first_order_limit } else { solver.iteration_limit() };
             let mine = SolveSettings {
                 max_iterations: Some(limits.iterations_left(iterations).min(allowed)),
                 max_time: limits.time_left(),

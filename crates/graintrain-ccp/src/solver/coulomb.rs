@@ -32,31 +32,53 @@ use crate::residual::{FrictionModel, ResidualScale};
 /// times the iterations that the solver allows itself for one relaxed solve ([`Status::IterationLimit`]).
 pub struct CoulombIteration {
     relaxed: Box<dyn CcpSolver>,
+    /// The tuned constants.
+    pub parameters: Parameters,
 }
 
-/// Outer iterations allowed; the sequence needs 5 to 30 where it converges easily, some hundreds in settled packings.
-const OUTER_LIMIT: usize = 1000;
-/// Iterations of a solver that treats exact friction itself, in rounds; it goes on while one of the last rounds has lowered the
-/// least residual to this fraction.
-const EXACT_ROUND: usize = 30_000;
-const EXACT_GAIN: f64 = 0.5;
-/// Rounds that may go by without that.
-const EXACT_PATIENCE: usize = 2;
-/// Where the settings name no limit, all relaxed solves together may take so many times the iterations of one.
-const NESTED_LIMIT: usize = 10;
-/// A relaxed solve is asked for this fraction of the exact residual: at first, and at the least.
-const INNER_FRACTION: [f64; 2] = [0.3, 0.03];
-/// Outer iterations without a better residual before the fraction is lowered to a third.
-const SLOW: usize = 15;
-/// Outer iterations without a better residual before giving up.
-const PATIENCE: usize = 100;
-/// Least and largest factor of the extrapolation; the largest is 1 as soon as the residual was slow to fall.
-const FACTOR: [f64; 2] = [0.3, 2.0];
+/// What [`CoulombIteration`] is tuned by.
+#[derive(Clone, Debug)]
+pub struct Parameters {
+    /// Outer iterations allowed; the sequence needs 5 to 30 where it converges easily, some hundreds in settled packings.
+    pub outer_limit: usize,
+    /// Iterations of a round of a solver that treats exact friction itself.
+    pub round: usize,
+    /// Rounds go on while one of the last ones has lowered the least residual to this fraction.
+    pub round_gain: f64,
+    /// Rounds that may go by without that.
+    pub round_patience: usize,
+    /// Where the settings name no limit, all relaxed solves together may take so many times the iterations of one.
+    pub nested_limit: usize,
+    /// A relaxed solve is asked for this fraction of the exact residual: at first, and at the least.
+    pub inner_fraction: [f64; 2],
+    /// Outer iterations without a better residual before the fraction is lowered to a third.
+    pub slow: usize,
+    /// Outer iterations without a better residual before giving up.
+    pub patience: usize,
+    /// Least and largest factor of the extrapolation; the largest is 1 as soon as the residual was slow to fall.
+    pub factor_range: [f64; 2],
+}
+
+impl Default for Parameters {
+    fn default() -> Self {
+        Self {
+            outer_limit: 1000,
+            round: 30_000,
+            round_gain: 0.5,
+            round_patience: 2,
+            nested_limit: 10,
+            inner_fraction: [0.3, 0.03],
+            slow: 15,
+            patience: 100,
+            factor_range: [0.3, 2.0],
+        }
+    }
+}
 
 impl CoulombIteration {
     /// Wraps a solver of the relaxed problem.
     pub fn new(relaxed: Box<dyn CcpSolver>) -> Self {
-        Self { relaxed }
+        Self { relaxed, parameters: Parameters::default() }
     }
 }
 
@@ -103,10 +125,10 @@ impl CoulombIteration {
     ) -> Result<Option<Status>, CcpError> {
         let mut impulse = last.to_vec();
         let (mut reference, mut since) = (f64::INFINITY, 0);
-        while since < EXACT_PATIENCE {
+        while since < self.parameters.round_patience {
             let left = settings.max_iterations.map_or(usize::MAX, |limit| limit.saturating_sub(found.steps));
             let round = SolveSettings {
-                max_iterations: Some(left.min(EXACT_ROUND)),
+                max_iterations: Some(left.min(self.parameters.round)),
                 max_time: limits.time_left(),
                 ..settings.clone()
             };
@@ -125,7 +147,7 @@ impl CoulombIteration {
                 break;
             }
             since += 1;
-            if residual <= EXACT_GAIN * reference {
+            if residual <= self.parameters.round_gain * reference {
                 (reference, since) = (residual, 0);
             }
         }
@@ -159,7 +181,10 @@ impl CoulombIteration {
         impulse: &mut [f64],
         settings: &SolveSettings,
     ) -> Result<SolveReport, CcpError> {
-        let limits = Limits::start(settings, NESTED_LIMIT.saturating_mul(self.relaxed.iteration_limit()));
+        let limits = Limits::start(
+            settings,
+            self.parameters.nested_limit.saturating_mul(self.relaxed.iteration_limit()),
+        );
         check_start(problem, impulse)?;
         let contacts = problem.num_contacts();
         let scale = ResidualScale::new(problem);
@@ -167,7 +192,7 @@ impl CoulombIteration {
         let mut shifted = Ccp { velocity_scale: Some(scale.velocity), ..problem.clone() };
         let mut work = problem.delassus.work();
         let mut u = vec![0.0; 3 * contacts];
-        let mut shift = Shift::new(contacts);
+        let mut shift = Shift::new(contacts, self.parameters.factor_range);
         let mut found = Found::default();
         let mut last = impulse.to_vec();
         let mut ended = self.rounds(problem, &mut last, settings, &limits, &mut found)?;
@@ -185,11 +210,11 @@ impl CoulombIteration {
         let Found { mut best, steps, mut products, .. } = found;
         let (mut iterations, mut linear_iterations, mut since_best) = (0, 0, 0);
         let mut asked_without_friction = false;
-        let mut fraction = INNER_FRACTION[0];
+        let mut fraction = self.parameters.inner_fraction[0];
         let mut best_residual = f64::INFINITY;
         let mut last_inner = None;
         let mut status = Status::IterationLimit;
-        for outer in 0..=OUTER_LIMIT {
+        for outer in 0..=self.parameters.outer_limit {
             problem.delassus.multiply(impulse, &mut u, &mut work);
             for (u, r) in u.iter_mut().zip(&problem.r) {
                 *u += r;
@@ -205,7 +230,7 @@ impl CoulombIteration {
                 status = stop;
                 break;
             }
-            if since_best > PATIENCE {
+            if since_best > self.parameters.patience {
                 // The relaxed solver's own verdict tells more than "stalled" where it has one.
                 status = match last_inner {
                     Some(Status::IterationLimit) => Status::IterationLimit,
@@ -213,12 +238,12 @@ impl CoulombIteration {
                 };
                 break;
             }
-            if outer == OUTER_LIMIT {
+            if outer == self.parameters.outer_limit {
                 break;
             }
-            if since_best > 0 && since_best.is_multiple_of(SLOW) {
-                fraction = (fraction / 3.0).max(INNER_FRACTION[1]);
-                shift.largest_factor = 1.0;
+            if since_best > 0 && since_best.is_multiple_of(self.parameters.slow) {
+                fraction = (fraction / 3.0).max(self.parameters.inner_fraction[1]);
+                shift.factor_range[1] = 1.0;
             }
             if outer > 0 || impulse.iter().any(|&g| g != 0.0) {
                 shift.update((0..contacts).map(|i| problem.friction[i] * u[3 * i + 1].hypot(u[3 * i + 2])));
@@ -272,14 +297,14 @@ struct Shift {
     changes: [Vec<f64>; 2],
     updates: usize,
     factor: f64,
-    largest_factor: f64,
+    factor_range: [f64; 2],
 }
 
 impl Shift {
-    fn new(contacts: usize) -> Self {
+    fn new(contacts: usize, factor_range: [f64; 2]) -> Self {
         let zeros = || vec![0.0; contacts];
         let changes = [zeros(), zeros()];
-        Self { value: zeros(), changes, updates: 0, factor: 1.0, largest_factor: FACTOR[1] }
+        Self { value: zeros(), changes, updates: 0, factor: 1.0, factor_range }
     }
 
     /// s <- max(0, s + factor (image - s)), the factor after Aitken from the last two changes, within its bounds.
@@ -296,7 +321,8 @@ impl Shift {
                 square += (new - old) * (new - old);
             }
             if square > 0.0 {
-                self.factor = (-self.factor * across / square).clamp(FACTOR[0], self.largest_factor);
+                self.factor =
+                    (-self.factor * across / square).clamp(self.factor_range[0], self.factor_range[1]);
             }
         }
         for (value, change) in self.value.iter_mut().zip(&*change) {
@@ -309,7 +335,7 @@ impl Shift {
 #[cfg(test)]
 mod tests {
     use super::super::driver::Limits;
-    use super::{CoulombIteration, EXACT_ROUND};
+    use super::{CoulombIteration, Parameters};
     use crate::delassus::Delassus;
     use crate::problem::{Ccp, CcpError};
     use crate::registry::{Method, SolverSpec};
@@ -374,8 +400,14 @@ mod tests {
             let (answer, status) = self.0.remove(0);
             impulse.copy_from_slice(&answer);
             last.copy_from_slice(&answer);
-            let report =
-                Limits::start(settings, 1).report("scripted", problem, impulse, status, EXACT_ROUND, 0);
+            let report = Limits::start(settings, 1).report(
+                "scripted",
+                problem,
+                impulse,
+                status,
+                Parameters::default().round,
+                0,
+            );
             Ok(Some(SolveReport { products: 7, ..report }))
         }
     }
@@ -395,6 +427,6 @@ mod tests {
         let report = solver.solve(&problem, &mut impulse, &settings).unwrap();
         assert_eq!((impulse, report.residual), (near, expected.residual));
         assert_eq!(report.status, Status::Stopped);
-        assert_eq!((report.iterations, report.products), (2 * EXACT_ROUND, 14));
+        assert_eq!((report.iterations, report.products), (2 * Parameters::default().round, 14));
     }
 }

@@ -7,18 +7,19 @@
 //! | [`lanes`], [`tasks`], [`dispatch`] | vector registers and parallel loops |
 //! | [`scaling`], [`combination`] | the scaled problem and its passes |
 //! | [`first_order`] | what the first-order methods share |
+//! | [`auto`], [`coulomb`] | the choice among solvers, and exact friction by any of them |
 //! | [`ipm`], [`infeasible`] | the interior point, and the search for a proof that there is no solution |
 //!
 //! Solvers by name are in [`crate::registry`].
 
 mod alternating;
 mod apgd;
-mod auto;
+pub mod auto;
 #[cfg(target_arch = "x86_64")]
 mod avx2;
 mod body_operator;
 pub mod combination;
-mod coulomb;
+pub mod coulomb;
 pub mod dispatch;
 pub mod driver;
 pub mod first_order;

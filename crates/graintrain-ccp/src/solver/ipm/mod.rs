@@ -33,7 +33,7 @@
 //!
 //! **Infeasible problems.** Where the bodies are jammed, impulses exist that change no velocity and yet are asked for:
 //! N g = 0, r^T g < 0, and the objective has no lower bound. Where impulses grow out of proportion, or nothing helps, such
-//! impulses are searched for ([`infeasible`](super::infeasible)). The answer returned is that of N + `COMPLIANCE` diag(eta), a
+//! impulses are searched for ([`infeasible`](super::infeasible)). The answer returned is that of N + `self.parameters.compliance` diag(eta), a
 //! little give in every contact, with [`Status::Infeasible`].
 
 pub(crate) mod cone;
@@ -41,6 +41,7 @@ pub(crate) mod context;
 pub(crate) mod iterate;
 pub(crate) mod mehrotra;
 pub(crate) mod pair;
+mod parameters;
 mod path;
 mod proximal;
 pub(crate) mod scaled;
@@ -58,17 +59,10 @@ use crate::newton::{Form, NewtonSolver};
 use crate::problem::{Ccp, CcpError};
 use crate::residual::ResidualScale;
 use context::SolveContext;
-use scaled::{Scaled, ScaledMatrix};
+pub use mehrotra::Correctors;
+pub use parameters::Parameters;
 
-/// Newton systems allowed where the settings name no limit.
-const ITERATIONS: usize = 300;
-/// Compliance relative to eta that makes an infeasible problem solvable.
-const COMPLIANCE: f64 = 1e-6;
-/// Residual that the start is asked for.
-const START_TOLERANCE: f64 = 1e-6;
-/// Iterations of the start beside one per contact. One Cholesky factorisation of a settled packing takes as long as
-/// 0.07 iterations per contact.
-const START_ITERATIONS: usize = 500;
+use scaled::{Scaled, ScaledMatrix};
 
 /// The solver.
 pub struct Ipm {
@@ -77,6 +71,8 @@ pub struct Ipm {
     /// The scaled N of the last problem.
     scaled: Option<ScaledMatrix>,
     exact: Alternating,
+    /// The tuned constants.
+    pub parameters: Parameters,
 }
 
 impl Ipm {
@@ -89,38 +85,44 @@ impl Ipm {
     /// The interior point with a linear solver of one's own, without a start: `ipm+LINEAR`.
     pub fn with_solver(linear: Box<dyn NewtonSolver>) -> Self {
         let newton = NewtonDriver::new(linear);
-        Self { newton, start: None, scaled: None, exact: Alternating::new() }
+        Self {
+            newton,
+            start: None,
+            scaled: None,
+            exact: Alternating::new(),
+            parameters: Parameters::default(),
+        }
     }
 
     /// The phases after the start, whose impulses are `started`; `given` are those handed over by the caller.
     fn phases(&mut self, context: &mut SolveContext<'_>, started: &[f64], given: &mut [f64]) -> Status {
         if self.start.is_some() {
-            let status = proximal::run(&mut self.newton, context, started);
+            let status = proximal::run(&mut self.newton, context, &self.parameters, started);
             if status != Status::Stalled {
                 return status;
             }
         }
-        let mut status = path::run(&mut self.newton, context, given, 0.0);
+        let mut status = path::run(&mut self.newton, context, &self.parameters, given, 0.0);
         // Blocks of Newton's method on the projection are singular: it has no plain form.
         if status == Status::Stalled && self.newton.form() == Form::Scaled {
             context.best(given);
-            status = proximal::run(&mut self.newton, context, given);
+            status = proximal::run(&mut self.newton, context, &self.parameters, given);
         }
         status = context.verdict(&mut self.newton, status);
         if status == Status::Stalled
             && let Some(solution) = context.take_solution()
         {
             if self.newton.form() == Form::Scaled {
-                status = proximal::run(&mut self.newton, context, &solution);
+                status = proximal::run(&mut self.newton, context, &self.parameters, &solution);
             }
             if status == Status::Stalled {
-                status = path::run(&mut self.newton, context, &solution, 0.0);
+                status = path::run(&mut self.newton, context, &self.parameters, &solution, 0.0);
             }
         }
         if status == Status::Infeasible {
             context.forget();
             given.fill(0.0);
-            path::run(&mut self.newton, context, given, COMPLIANCE);
+            path::run(&mut self.newton, context, &self.parameters, given, self.parameters.compliance);
         }
         status
     }
@@ -141,7 +143,7 @@ impl CcpSolver for Ipm {
     }
 
     fn iteration_limit(&self) -> usize {
-        ITERATIONS
+        self.parameters.iterations
     }
 
     fn solve(
@@ -150,7 +152,7 @@ impl CcpSolver for Ipm {
         impulse: &mut [f64],
         settings: &SolveSettings,
     ) -> Result<SolveReport, CcpError> {
-        let limits = Limits::start(settings, ITERATIONS);
+        let limits = Limits::start(settings, self.parameters.iterations);
         check_start(problem, impulse)?;
         if problem.num_contacts() == 0 {
             return Ok(limits.report(&self.name(), problem, impulse, Status::Converged, 0, 0));
@@ -160,8 +162,8 @@ impl CcpSolver for Ipm {
         let mut start_iterations = 0;
         if let Some(start) = &mut self.start {
             let settings = SolveSettings {
-                tolerance: settings.tolerance.max(START_TOLERANCE),
-                max_iterations: Some(START_ITERATIONS + problem.num_contacts()),
+                tolerance: settings.tolerance.max(self.parameters.start_tolerance),
+                max_iterations: Some(self.parameters.start_iterations + problem.num_contacts()),
                 max_time: limits.time_left(),
                 ..settings.clone()
             };
