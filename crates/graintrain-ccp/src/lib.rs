@@ -14,7 +14,7 @@
 //! |---|---|
 //! | [`cone`] | the friction cone and its projection |
 //! | [`delassus`] | N, matrix-free over bodies or as a sparse matrix |
-//! | [`problem`] | the CCP: N, r, mu |
+//! | [`problem`] | the CCP: N, r, mu, also from plain arrays ([`Ccp::from_csc`], [`Ccp::from_triplets`]) |
 //! | [`residual`] | the one accuracy measure |
 //! | [`newton`] | Newton systems and their linear solvers |
 //! | [`solver`] | settings, report, the solvers of production |
@@ -24,6 +24,7 @@
 //! Each uses only what stands above it. Without the feature `paper` no tensor train is compiled: names of solvers that need
 //! it give [`CcpError::NotCompiled`].
 
+mod arrays;
 pub mod cone;
 pub mod delassus;
 pub mod newton;

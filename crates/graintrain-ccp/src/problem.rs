@@ -2,6 +2,7 @@
 
 use crate::cone::FrictionCone;
 use crate::delassus::Delassus;
+use graintrain_linalg::block3::PatternError;
 use std::sync::Arc;
 
 /// A cone complementarity problem: find g with Y_i contains g_i perpendicular to (N g + r)_i in the dual cone Y_i^*.
@@ -52,6 +53,31 @@ pub enum CcpError {
         /// What it should be.
         expected: &'static str,
     },
+    /// An index beyond what there is.
+    #[error("{what} {index} is out of range: there are {bound}")]
+    Index {
+        /// What is counted.
+        what: &'static str,
+        /// The index, from 0.
+        index: usize,
+        /// How many there are.
+        bound: usize,
+    },
+    /// An entry of N that a symmetric positive semi-definite matrix cannot have.
+    #[error("N has {value} in row {row}, column {column}; {expected}")]
+    Entry {
+        /// Row, from 0; contact i has the rows 3 i to 3 i + 2.
+        row: usize,
+        /// Column, from 0.
+        column: usize,
+        /// The offending number.
+        value: f64,
+        /// What it should be.
+        expected: &'static str,
+    },
+    /// The arrays of a sparse matrix do not fit together.
+    #[error(transparent)]
+    Pattern(#[from] PatternError),
     /// No solver has this name.
     #[error("unknown solver '{name}'; known solvers: {known}")]
     UnknownSolver {
