@@ -40,4 +40,4 @@ pub use delassus::{BodyInverseMass, Delassus, FIXED, RigidContact, RigidDelassus
 pub use problem::{Ccp, CcpError};
 pub use registry::SolverSpec;
 pub use residual::{FrictionModel, Judge, Residual};
-pub use solver::{CcpSolver, SolveReport, SolveSettings, Status};
+pub use solver::{CcpSolver, ResidualSample, SolveReport, SolveSettings, Status};

@@ -248,7 +248,7 @@ pub fn run(
         objective: evaluation.objective,
         gap: (settings.friction == FrictionModel::Relaxed).then_some(evaluation.gap),
         converged: report.converged() && confirmed,
-        remark,
+        remark: remark.or(report.remark),
         notes: file.notes(),
     };
     Ok(Outcome { impulse, evaluation, record })

@@ -157,11 +157,12 @@ fn nothing_to_solve(solver: String) -> SolveReport {
         objective: 0.0,
         seconds: 0.0,
         newton: Vec::new(),
+        history: Vec::new(),
         remark: None,
     }
 }
 
-/// Adds the report of a part; the largest part gives the name.
+/// Adds the report of a part; the largest part gives the name and the history.
 fn merge(all: &mut SolveReport, part: SolveReport, names: bool) {
     let worse = |a: Residual, b: Residual| Residual { max: a.max.max(b.max), rms: a.rms.max(b.rms) };
     let rank = |status: Status| match status {
@@ -175,7 +176,7 @@ fn merge(all: &mut SolveReport, part: SolveReport, names: bool) {
         (all.status, all.remark) = (part.status, part.remark);
     }
     if names {
-        all.solver = part.solver;
+        (all.solver, all.history) = (part.solver, part.history);
     }
     all.iterations = all.iterations.max(part.iterations);
     all.linear_iterations += part.linear_iterations;

@@ -208,7 +208,9 @@ impl CcpSolver for Scip {
         let status = self.run(&mut context, impulse);
         let status = context.verdict(&mut self.newton, status);
         context.best(impulse);
-        let iterations = context.iterations;
-        limits.report_with(&self.name(), problem, impulse, status, iterations, &mut self.newton)
+        let (iterations, history) = (context.iterations, context.history.into_samples());
+        let report =
+            limits.report_with(&self.name(), problem, impulse, status, iterations, &mut self.newton)?;
+        Ok(SolveReport { history, ..report })
     }
 }

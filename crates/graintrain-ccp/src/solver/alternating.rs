@@ -4,6 +4,7 @@ use super::apgd::Apgd;
 use super::driver::{Best, Limits};
 use super::first_order::FirstOrder;
 use super::gauss_seidel::GaussSeidel;
+use super::history::History;
 use super::interface::CcpSolver;
 use super::report::{SolveReport, Status};
 use super::settings::SolveSettings;
@@ -61,13 +62,16 @@ impl Alternating {
         let mut best = Best::default();
         let (mut iterations, mut products, mut status) = (0, 0, Status::IterationLimit);
         let mut names: Vec<String> = Vec::new();
+        let mut history = History::default();
         for solver in &mut self.members {
             let turn = SolveSettings {
                 max_iterations: Some(share.min(limits.iterations_left(iterations))),
                 max_time: limits.time_left(),
                 ..settings.clone()
             };
+            let begun = limits.seconds();
             let Some(report) = solver.solve_exact(problem, impulse, last, &turn)? else { continue };
+            history.append(&report.history, iterations, begun);
             (iterations, products) = (iterations + report.iterations, products + report.products);
             status = report.status;
             if names.last() != Some(&report.solver) {
@@ -80,6 +84,6 @@ impl Alternating {
         }
         best.restore(impulse);
         let report = limits.report(&names.join(", "), problem, impulse, status, iterations, 0);
-        Ok(SolveReport { products, ..report })
+        Ok(SolveReport { products, history: history.into_samples(), ..report })
     }
 }

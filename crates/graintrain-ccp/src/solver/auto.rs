@@ -4,6 +4,7 @@ use super::alternating::Alternating;
 use super::apgd::Apgd;
 use super::driver::{Best, Limits, check_start};
 use super::first_order::FirstOrder;
+use super::history::History;
 use super::interface::CcpSolver;
 use super::ipm::Ipm;
 use super::report::{SolveReport, Status};
@@ -75,6 +76,7 @@ impl CcpSolver for Auto {
         let (mut iterations, mut linear_iterations) = (0, 0);
         let mut status = Status::Stalled;
         let mut name = "auto".to_string();
+        let (mut history, mut remark) = (History::default(), None);
         let last = self.members.len() - 1;
         for (position, (member, solver)) in self.members.iter_mut().enumerate() {
             let is_first = position < last && *member == "apgd";
@@ -84,25 +86,29 @@ impl CcpSolver for Auto {
                 max_time: limits.time_left(),
                 ..settings.clone()
             };
+            let begun = limits.seconds();
             let report = match solver.solve(problem, impulse, &mine) {
                 Ok(report) => report,
                 // Another member may be able to treat it.
                 Err(error) if position == last => return Err(error),
                 Err(_) => continue,
             };
+            history.append(&report.history, iterations, begun);
             iterations += report.iterations;
             linear_iterations += report.linear_iterations;
             status = report.status;
             name = format!("auto ({})", report.solver);
             let residual = limits.judged(report.residual);
             best.offer(impulse, residual);
+            remark.clone_from(&report.remark);
             if report.converged() || limits.status(iterations, residual).is_some() {
                 break;
             }
             best.restore(impulse);
         }
         best.restore(impulse);
-        Ok(limits.report(&name, problem, impulse, status, iterations, linear_iterations))
+        let report = limits.report(&name, problem, impulse, status, iterations, linear_iterations);
+        Ok(SolveReport { history: history.into_samples(), remark, ..report })
     }
 
     fn solve_exact(

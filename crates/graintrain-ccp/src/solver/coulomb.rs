@@ -5,6 +5,7 @@
 //! convex optimization", ZAMM 91(2):155-175, 2011.
 
 use super::driver::{Best, Limits, check_start};
+use super::history::History;
 use super::interface::CcpSolver;
 use super::report::{SolveReport, Status};
 use super::settings::SolveSettings;
@@ -132,9 +133,11 @@ impl CoulombIteration {
                 max_time: limits.time_left(),
                 ..settings.clone()
             };
+            let begun = limits.seconds();
             let Some(report) = self.relaxed.solve_exact(problem, &mut impulse, last, &round)? else {
                 return Ok(None);
             };
+            found.history.append(&report.history, found.steps, begun);
             found.steps += report.iterations;
             found.products += report.products;
             let residual = limits.judged(report.residual);
@@ -205,9 +208,10 @@ impl CoulombIteration {
         if let Some(status) = ended {
             let name = found.solver.unwrap_or_else(|| self.name());
             let report = limits.report(&name, problem, impulse, status, found.steps, 0);
-            return Ok(SolveReport { products: found.products, ..report });
+            let history = found.history.into_samples();
+            return Ok(SolveReport { products: found.products, history, ..report });
         }
-        let Found { mut best, steps, mut products, .. } = found;
+        let Found { mut best, steps, mut products, mut history, .. } = found;
         let (mut iterations, mut linear_iterations, mut since_best) = (0, 0, 0);
         let mut asked_without_friction = false;
         let mut fraction = self.parameters.inner_fraction[0];
@@ -219,7 +223,9 @@ impl CoulombIteration {
             for (u, r) in u.iter_mut().zip(&problem.r) {
                 *u += r;
             }
-            let residual = limits.judged(scale.residual(problem, impulse, &u, FrictionModel::Coulomb));
+            let exact = scale.residual(problem, impulse, &u, FrictionModel::Coulomb);
+            history.record(steps + iterations, limits.seconds(), exact);
+            let residual = limits.judged(exact);
             best.offer(impulse, residual);
             since_best += 1;
             if residual < 0.9 * best_residual {
@@ -276,7 +282,7 @@ impl CoulombIteration {
         best.restore(impulse);
         let report =
             limits.report(&self.name(), problem, impulse, status, steps + iterations, linear_iterations);
-        Ok(SolveReport { products, ..report })
+        Ok(SolveReport { products, history: history.into_samples(), ..report })
     }
 }
 
@@ -286,6 +292,7 @@ struct Found {
     best: Best<f64>,
     steps: usize,
     products: usize,
+    history: History,
     /// Who made the last round; `None` where there was none.
     solver: Option<String>,
 }

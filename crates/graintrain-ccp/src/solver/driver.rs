@@ -117,6 +117,7 @@ impl<'a> Limits<'a> {
             objective: problem.objective(impulse, &velocity),
             seconds: self.seconds(),
             newton: Vec::new(),
+            history: Vec::new(),
             remark: None,
         }
     }

@@ -1,6 +1,7 @@
 //! What the first-order methods share: the scaled problem, the iterate with its image, stopping.
 
 use super::driver::{Best, Limits, check_start};
+use super::history::History;
 use super::interface::{CcpSolver, ITERATION_LIMIT};
 use super::lanes::{Batch, Lanes, Vector};
 use super::report::{SolveReport, Status};
@@ -8,7 +9,7 @@ use super::scaling::{Image, PassWork, ScaledProblem};
 use super::settings::SolveSettings;
 use crate::delassus::DelassusIdentity;
 use crate::problem::{Ccp, CcpError};
-use crate::residual::{FrictionModel, ResidualScale, velocity_scale};
+use crate::residual::{FrictionModel, Residual, ResidualScale, velocity_scale};
 use rayon::prelude::*;
 
 /// A method that works on the scaled problem with passes.
@@ -110,7 +111,8 @@ impl<M: FirstOrderMethod> FirstOrder<M> {
                 report = of_start;
             }
         }
-        Ok(SolveReport { products, ..report })
+        let history = it.history.into_samples();
+        Ok(SolveReport { products, history, ..report })
     }
 }
 
@@ -163,6 +165,7 @@ pub struct Iterate<'a> {
     pub work: PassWork,
     limits: Limits<'a>,
     iterations: usize,
+    history: History,
     best: Best<Batch>,
     status: Status,
     refreshed: bool,
@@ -177,6 +180,7 @@ impl<'a> Iterate<'a> {
             work: scaled.work(),
             limits,
             iterations: 0,
+            history: History::default(),
             best: Best::default(),
             status: Status::Stalled,
             refreshed: false,
@@ -201,13 +205,12 @@ impl<'a> Iterate<'a> {
         scaled.gradient(&self.image, &mut self.gradient, &mut self.work);
     }
 
-    fn residual(&mut self, scaled: &ScaledProblem) -> f64 {
-        let residual = if self.gradient.is_empty() {
+    fn residual(&mut self, scaled: &ScaledProblem) -> Residual {
+        if self.gradient.is_empty() {
             scaled.residual(&mut self.x, &self.image, &mut self.work)
         } else {
             scaled.residual_given(&mut self.x, &mut self.gradient, &mut self.work)
-        };
-        self.limits.judged(residual)
+        }
     }
 
     /// Whether the image of x was recomputed since this was last asked. A method that keeps images of other vectors has
@@ -240,12 +243,14 @@ impl<'a> Iterate<'a> {
         if self.iterations.is_multiple_of(REFRESH) {
             self.refresh(scaled);
         }
-        let mut residual = self.residual(scaled);
-        if residual <= self.limits.tolerance() {
+        let mut found = self.residual(scaled);
+        if self.limits.judged(found) <= self.limits.tolerance() {
             // The image drifts from N' x by rounding: hold the claim against a fresh one.
             self.refresh(scaled);
-            residual = self.residual(scaled);
+            found = self.residual(scaled);
         }
+        self.history.record(self.iterations, self.limits.seconds(), found);
+        let residual = self.limits.judged(found);
         self.best.offer(&self.x, residual);
         match self.limits.status(self.iterations, residual) {
             Some(status) => {

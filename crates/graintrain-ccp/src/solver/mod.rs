@@ -3,6 +3,7 @@
 //! | module | holds |
 //! |---|---|
 //! | [`interface`], [`settings`], [`report`] | what a solver is given and gives |
+//! | [`history`] | the residual over iterations and seconds |
 //! | [`driver`] | limits, best iterate, progress |
 //! | [`lanes`], [`tasks`], [`dispatch`] | vector registers and parallel loops |
 //! | [`scaling`], [`combination`] | the scaled problem and its passes |
@@ -24,6 +25,7 @@ pub mod dispatch;
 pub mod driver;
 pub mod first_order;
 mod gauss_seidel;
+pub mod history;
 pub mod infeasible;
 pub mod interface;
 pub mod ipm;
@@ -38,6 +40,7 @@ pub use apgd::Apgd;
 pub use auto::Auto;
 pub use coulomb::CoulombIteration;
 pub use gauss_seidel::GaussSeidel;
+pub use history::ResidualSample;
 pub use interface::CcpSolver;
 pub use report::{SolveReport, Status};
 pub use settings::SolveSettings;

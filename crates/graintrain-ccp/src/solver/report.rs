@@ -1,5 +1,6 @@
 //! What a solve did.
 
+use super::history::ResidualSample;
 use crate::newton::NewtonRecord;
 use crate::residual::Residual;
 
@@ -49,7 +50,25 @@ pub struct SolveReport {
     /// What the linear solver of a second-order method did, one record per Newton iteration.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub newton: Vec<NewtonRecord>,
-    /// Why a linear solver gave up, where that ended the solve.
+    /// The residual in the friction model asked for, at every check that the solver made: iteration, seconds, rms, max. Where there
+    /// were more than 256 checks they are thinned evenly; the last one is always there. A check looks at the solver's own iterate,
+    /// in its own arithmetic: the impulses returned are the best ones, and `residual` is theirs, evaluated afresh.
+    ///
+    /// ```
+    /// use graintrain_ccp::{Ccp, SolveSettings, SolverSpec};
+    /// let entries: Vec<_> = (0..6).map(|k| (k, k, 1.0 + k as f64)).collect();
+    /// let r = vec![-1.0, 0.1, 0.0, -0.5, 0.0, 0.2];
+    /// let problem = Ccp::from_triplets(&entries, r, vec![0.3; 2])?;
+    /// let settings = SolveSettings { tolerance: 1e-8, ..SolveSettings::default() };
+    /// let report = SolverSpec::default().build()?.solve(&problem, &mut [0.0; 6], &settings)?;
+    /// let least = report.history.iter().map(|sample| sample.max).fold(f64::INFINITY, f64::min);
+    /// assert!(report.converged() && least <= 1e-8);
+    /// # Ok::<(), graintrain_ccp::CcpError>(())
+    /// ```
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub history: Vec<ResidualSample>,
+    /// What is to be said beside the status: why a linear solver gave up, where that ended the solve, or which other method than the
+    /// one named ended it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub remark: Option<String>,
 }

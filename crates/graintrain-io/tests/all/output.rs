@@ -100,6 +100,7 @@ fn advance(world: &mut World, settings: &RunSettings) -> StepReport {
             objective: -1.0,
             seconds: 0.01,
             newton: Vec::new(),
+            history: Vec::new(),
             remark: None,
         },
         penetration_max: 1e-5,

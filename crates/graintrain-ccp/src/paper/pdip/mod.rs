@@ -49,6 +49,7 @@ use crate::newton::driver::NewtonDriver;
 use crate::problem::{Ccp, CcpError};
 use crate::residual::{FrictionModel, ResidualScale};
 use crate::solver::driver::{Best, Limits, Progress, check_start};
+use crate::solver::history::History;
 use crate::solver::infeasible;
 use crate::solver::interface::CcpSolver;
 use crate::solver::ipm::scaled::Scaled;
@@ -234,13 +235,16 @@ impl CcpSolver for Pdip {
         let mut direction = Direction::new(it.num_contacts());
         let (mut g, mut u) = (vec![0.0; impulse.len()], vec![0.0; impulse.len()]);
         let mut iterations = 0;
+        let mut history = History::default();
         let mut progress = Progress::new(self.parameters.stall_iterations);
         let mut linear_tolerance = self.rule.linear_tolerance();
         let mut centred = false;
         let mut status = loop {
             // The residual of the problem itself, in its own units.
             it.physical(&mut g, &mut u);
-            let residual = limits.judged(scale.residual(problem, &g, &u, settings.friction));
+            let found = scale.residual(problem, &g, &u, settings.friction);
+            history.record(iterations, limits.seconds(), found);
+            let residual = limits.judged(found);
             best.offer(&g, residual);
             if let Some(status) = limits.status(iterations, residual) {
                 break status;
@@ -304,6 +308,8 @@ impl CcpSolver for Pdip {
             }
         }
         best.restore(impulse);
-        limits.report_with(&self.name(), problem, impulse, status, iterations, &mut self.newton)
+        let report =
+            limits.report_with(&self.name(), problem, impulse, status, iterations, &mut self.newton)?;
+        Ok(SolveReport { history: history.into_samples(), ..report })
     }
 }

@@ -1,6 +1,7 @@
 //! What the phases of one solve share: the problem as given and scaled, when to stop, and the best iterate.
 
 use super::super::driver::{Best, Limits};
+use super::super::history::History;
 use super::super::infeasible::{self, Certificate};
 use super::super::report::Status;
 use super::iterate::Work;
@@ -21,6 +22,8 @@ pub(crate) struct SolveContext<'a> {
     friction: FrictionModel,
     /// Newton systems so far.
     pub iterations: usize,
+    /// Every residual that was judged.
+    pub history: History,
     best: Best<f64>,
     /// What the search for a proof that there is no solution found, once it has been made.
     found: Option<Certificate>,
@@ -46,6 +49,7 @@ impl<'a> SolveContext<'a> {
             limits,
             friction,
             iterations: 0,
+            history: History::default(),
             best,
             found: None,
             physical,
@@ -61,8 +65,9 @@ impl<'a> SolveContext<'a> {
             self.velocity[k] = self.scaled.velocity_unit[k / 3] * (ng[k] + self.scaled.problem.r[k]);
         }
         let scale = self.residual_scale;
-        let residual =
-            self.limits.judged(scale.residual(self.problem, &self.physical, &self.velocity, self.friction));
+        let found = scale.residual(self.problem, &self.physical, &self.velocity, self.friction);
+        self.history.record(self.iterations, self.limits.seconds(), found);
+        let residual = self.limits.judged(found);
         self.best.offer(&self.physical, residual);
         residual
     }

@@ -159,7 +159,7 @@ impl CcpSolver for Ipm {
         }
         let residual_scale = ResidualScale::new(problem);
         let mut given = impulse.to_vec();
-        let mut start_iterations = 0;
+        let mut started = None;
         if let Some(start) = &mut self.start {
             let settings = SolveSettings {
                 tolerance: settings.tolerance.max(self.parameters.start_tolerance),
@@ -167,21 +167,33 @@ impl CcpSolver for Ipm {
                 max_time: limits.time_left(),
                 ..settings.clone()
             };
-            let report = start.solve(problem, impulse, &settings)?;
-            start_iterations = report.iterations;
+            started = Some(start.solve(problem, impulse, &settings)?);
         }
         let scaled = Scaled::new(problem, &residual_scale, &mut self.scaled);
         self.newton.set_patience(limits.patience());
         self.newton.begin(&scaled.problem);
         let mut context = SolveContext::new(problem, &scaled, &residual_scale, &limits, settings.friction);
+        if let Some(started) = &mut started {
+            // Iterations are Newton systems, and the start makes none.
+            started.history.iter_mut().for_each(|sample| sample.iteration = 0);
+            context.history.append(&started.history, 0, 0.0);
+        }
         let status = self.phases(&mut context, impulse, &mut given);
         context.best(impulse);
         let (name, iterations) = (self.name(), context.iterations);
+        let history = context.history.into_samples();
         let mut report = limits.report_with(&name, problem, impulse, status, iterations, &mut self.newton)?;
         if let Some(first) = report.newton.first_mut() {
+            let start_iterations = started.as_ref().map_or(0, |started| started.iterations);
             first.figures.insert("start_iterations".to_string(), start_iterations as f64);
         }
-        Ok(report)
+        if let Some(started) = started.filter(|_| iterations == 0 && report.converged()) {
+            let SolveReport { solver, iterations, .. } = started;
+            report.remark = Some(format!(
+                "{solver} reached the tolerance in {iterations} iterations, before any Newton system"
+            ));
+        }
+        Ok(SolveReport { history, ..report })
     }
 
     /// By projected gradients and Gauss-Seidel sweeps in turn: near a solution of the exact problem
