@@ -594,3 +594,21 @@ fn the_gap_shows_an_objective_that_a_small_residual_hides() {
         assert!(loose || error < 1e-3, "seed {seed}: error {error:e}");
     }
 }
+
+/// Where the start reaches the tolerance no Newton system is solved, and the report says who did it; the history has what it checked.
+#[test]
+fn ipm_says_when_projected_gradients_did_the_work() {
+    let problem = lattice_packing(3, 3, 0.4, 3);
+    for (tolerance, by_start) in [(1e-3, true), (1e-10, false)] {
+        let settings = SolveSettings { tolerance, ..SolveSettings::default() };
+        let mut g = vec![0.0; problem.r.len()];
+        let mut solver = "ipm".parse::<SolverSpec>().unwrap().build().unwrap();
+        let report = solver.solve(&problem, &mut g, &settings).unwrap();
+        assert!(report.converged());
+        assert_eq!(report.iterations == 0, by_start);
+        assert_eq!(report.remark.is_some_and(|remark| remark.starts_with("apgd ")), by_start);
+        let least = report.history.iter().map(|sample| sample.max).fold(f64::INFINITY, f64::min);
+        assert!(least <= tolerance && report.history.len() > 1, "{least:e}");
+        assert!(report.history.windows(2).all(|pair| pair[0].seconds <= pair[1].seconds));
+    }
+}

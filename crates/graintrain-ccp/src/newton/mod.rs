@@ -1,6 +1,6 @@
 //! The linear systems of Newton's method for contact problems, (N + H) x = b, and their solvers.
 //!
-//! Both interior points ([`ipm`](crate::solver::ipm), [`pdip`](crate::solver::pdip)) meet the same matrix in every
+//! Both interior points ([`ipm`](crate::solver::ipm), `pdip` of the paper) meet the same matrix in every
 //! iteration: S = N + H with the Delassus matrix N, which stays, and one symmetric positive definite 3x3 block H_i per
 //! contact, which changes. S is the Schur complement of the Newton system in contact space. Near a solution the blocks
 //! H_i spread over 20 decades, also inside one block. So the system is scaled from both sides: with factors

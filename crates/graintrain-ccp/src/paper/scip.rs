@@ -19,7 +19,7 @@
 //! Steps end in the wide neighbourhood of the path, where every eigenvalue of P(x^(1/2)) s (P the quadratic representation) is
 //! at least gamma tau; for a second-order cone these are x^T s -+ sqrt((x^T s)^2 - det x det s). The linear systems are solved
 //! *inexactly*, to a fraction of the residual of the problem: what is left of them only adds to r_d. What sets the method apart
-//! from [`ipm`](super::ipm): one right-hand side per matrix, no predictor, no second-order corrector, no polishing.
+//! from [`ipm`](crate::solver::ipm): one right-hand side per matrix, no predictor, no second-order corrector, no polishing.
 
 use crate::newton::NewtonSolver;
 use crate::newton::driver::NewtonDriver;
