@@ -9,12 +9,13 @@
 mod common;
 
 use graintrain_ccp::residual::ResidualScale;
-use graintrain_ccp::solver::lanes::{LANES, Lanes, Vector};
+use graintrain_ccp::solver::dispatch::vectorised;
+use graintrain_ccp::solver::lanes::{LANES, Lanes, TaskWork, Vector};
 use graintrain_ccp::solver::scaling::ScaledProblem;
-use graintrain_ccp::solver::sweep::{TaskWork, vectorised};
-use graintrain_ccp::solver::{SolveSettings, SolverSpec};
 use graintrain_ccp::{Ccp, Delassus};
+use graintrain_ccp::{SolveSettings, SolverSpec};
 use rayon::prelude::*;
+use std::sync::Arc;
 use std::time::Instant;
 
 const METHODS: &[&str] = &["pj", "pgs", "apgd", "bb", "kucera", "spg", "gpminres"];
@@ -207,8 +208,10 @@ fn main() {
                     measure(&problem, &methods);
                 }
                 if rows && problem.num_contacts() < 300_000 {
-                    let sparse =
-                        Ccp { delassus: Delassus::Sparse(problem.delassus.assemble()), ..problem.clone() };
+                    let sparse = Ccp {
+                        delassus: Arc::new(Delassus::Sparse(problem.delassus.assemble())),
+                        ..problem.clone()
+                    };
                     print!("  sparse ");
                     measure(&sparse, &methods);
                 }

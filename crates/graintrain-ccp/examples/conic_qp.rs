@@ -20,7 +20,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         }
         start.push(column.len());
     }
-    let matrix = BlockMatrix3::from_rows(start, column, blocks);
+    let matrix = BlockMatrix3::try_from_rows(start, column, blocks)?;
     let b: Vec<f64> = (0..3 * nodes).map(|k| f64::sin(0.11 * k as f64)).collect();
     let problem = Ccp::new(Delassus::Sparse(matrix), b.iter().map(|b| -b).collect(), vec![1.0; nodes])?;
 

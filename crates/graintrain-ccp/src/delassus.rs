@@ -2,6 +2,7 @@
 
 use graintrain_linalg::block3::{Block, BlockMatrix3};
 use rayon::prelude::*;
+use std::sync::{Arc, Weak};
 
 /// Body index of a contact side whose velocity the impulses cannot change: fixed or fully prescribed.
 pub const FIXED: u32 = u32::MAX;
@@ -66,6 +67,23 @@ pub enum Delassus {
     Rigid(RigidDelassus),
     /// An explicit symmetric sparse matrix (problem files without bodies).
     Sparse(BlockMatrix3),
+}
+
+/// Which N something was prepared for, without keeping it in memory.
+#[derive(Clone, Debug, Default)]
+pub struct DelassusIdentity(Weak<Delassus>);
+
+impl DelassusIdentity {
+    /// Of this N.
+    pub fn of(delassus: &Arc<Delassus>) -> Self {
+        Self(Arc::downgrade(delassus))
+    }
+
+    /// Whether it is that of this N. Equal numbers elsewhere in memory are another N. The weak reference keeps the address from
+    /// being used again.
+    pub fn is(&self, delassus: &Arc<Delassus>) -> bool {
+        std::ptr::eq(self.0.as_ptr(), Arc::as_ptr(delassus))
+    }
 }
 
 #[inline]

@@ -14,22 +14,30 @@
 //! |---|---|
 //! | [`cone`] | the friction cone and its projection |
 //! | [`delassus`] | N, matrix-free over bodies or as a sparse matrix |
-//! | [`problem`] | the CCP: N, r, mu |
+//! | [`problem`] | the CCP: N, r, mu, also from plain arrays ([`Ccp::from_csc`], [`Ccp::from_triplets`]) |
 //! | [`residual`] | the one accuracy measure |
 //! | [`newton`] | Newton systems and their linear solvers |
-//! | [`solver`] | settings, report, the solvers by name |
-//! | [`tensor_train`] | what the tensor-train Newton solvers need: places, index tree, compressed inverses |
+//! | [`solver`] | settings, report, the solvers of production |
+//! | `paper` | feature `paper`: the methods that the paper compares, its interior point, its tensor trains |
+//! | [`registry`] | solvers by name |
+//!
+//! Each uses only what stands above it. Without the feature `paper` no tensor train is compiled: names of solvers that need
+//! it give [`CcpError::NotCompiled`].
 
+mod arrays;
 pub mod cone;
 pub mod delassus;
 pub mod newton;
+#[cfg(feature = "paper")]
+pub mod paper;
 pub mod problem;
+pub mod registry;
 pub mod residual;
 pub mod solver;
-pub mod tensor_train;
 
 pub use cone::FrictionCone;
 pub use delassus::{BodyInverseMass, Delassus, FIXED, RigidContact, RigidDelassus};
 pub use problem::{Ccp, CcpError};
+pub use registry::SolverSpec;
 pub use residual::{FrictionModel, Judge, Residual};
-pub use solver::{CcpSolver, SolveReport, SolveSettings, SolverSpec, Status};
+pub use solver::{CcpSolver, ResidualSample, SolveReport, SolveSettings, Status};

@@ -2,12 +2,15 @@
 
 use crate::cone::FrictionCone;
 use crate::delassus::Delassus;
+use graintrain_linalg::block3::PatternError;
+use std::sync::Arc;
 
 /// A cone complementarity problem: find g with Y_i contains g_i perpendicular to (N g + r)_i in the dual cone Y_i^*.
 #[derive(Clone, Debug)]
 pub struct Ccp {
-    /// N = D^T M^-1 D, 1/kg.
-    pub delassus: Delassus,
+    /// N = D^T M^-1 D, 1/kg. Shared: problems that hold the same N, one and not merely equal ones, differ in r, mu or V alone, and a
+    /// solver that meets them one after the other prepares itself for N once. `Ccp { r, ..problem.clone() }` is such a problem.
+    pub delassus: Arc<Delassus>,
     /// Free relative velocity r = b + D^T M^-1 k, length 3 N_c, m/s.
     pub r: Vec<f64>,
     /// Coefficient of friction of each contact.
@@ -50,6 +53,31 @@ pub enum CcpError {
         /// What it should be.
         expected: &'static str,
     },
+    /// An index beyond what there is.
+    #[error("{what} {index} is out of range: there are {bound}")]
+    Index {
+        /// What is counted.
+        what: &'static str,
+        /// The index, from 0.
+        index: usize,
+        /// How many there are.
+        bound: usize,
+    },
+    /// An entry of N that a symmetric positive semi-definite matrix cannot have.
+    #[error("N has {value} in row {row}, column {column}; {expected}")]
+    Entry {
+        /// Row, from 0; contact i has the rows 3 i to 3 i + 2.
+        row: usize,
+        /// Column, from 0.
+        column: usize,
+        /// The offending number.
+        value: f64,
+        /// What it should be.
+        expected: &'static str,
+    },
+    /// The arrays of a sparse matrix do not fit together.
+    #[error(transparent)]
+    Pattern(#[from] PatternError),
     /// No solver has this name.
     #[error("unknown solver '{name}'; known solvers: {known}")]
     UnknownSolver {
@@ -57,6 +85,14 @@ pub enum CcpError {
         name: String,
         /// Comma-separated names.
         known: String,
+    },
+    /// The solver exists, but this build has left it out.
+    #[error("solver '{name}' is not compiled in: it needs the feature '{feature}' of graintrain-ccp")]
+    NotCompiled {
+        /// The name asked for.
+        name: String,
+        /// The cargo feature that it needs.
+        feature: &'static str,
     },
     /// The solver cannot treat this problem.
     #[error("solver {solver} cannot treat this problem: {reason}")]
@@ -73,9 +109,13 @@ impl Ccp {
     ///
     /// # Errors
     /// See [`Ccp::validate`].
-    pub fn new(delassus: Delassus, r: Vec<f64>, friction: Vec<f64>) -> Result<Self, CcpError> {
+    pub fn new(
+        delassus: impl Into<Arc<Delassus>>,
+        r: Vec<f64>,
+        friction: Vec<f64>,
+    ) -> Result<Self, CcpError> {
         let problem = Self {
-            delassus,
+            delassus: delassus.into(),
             r,
             friction,
             velocity_scale: None,

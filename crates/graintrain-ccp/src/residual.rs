@@ -14,6 +14,25 @@ pub enum FrictionModel {
     Coulomb,
 }
 
+impl FrictionModel {
+    /// Both with their names in files and on the command line.
+    pub const NAMES: &[(&str, Self)] = &[("relaxed", Self::Relaxed), ("coulomb", Self::Coulomb)];
+
+    /// Name in files and on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Relaxed => "relaxed",
+            Self::Coulomb => "coulomb",
+        }
+    }
+}
+
+impl std::fmt::Display for FrictionModel {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.pad(self.name())
+    }
+}
+
 /// Distance of an impulse from solving the problem, dimensionless.
 ///
 /// With u = N g + r (u_n + mu |u_t| in place of u_n in Coulomb mode), eta_i = trace(N_ii) / 3 (1/kg, the inverse of the
@@ -96,13 +115,16 @@ fn mean_length(contacts: usize, component: impl Fn(usize) -> f64 + Sync) -> f64 
     unit * (sum / contacts.max(1) as f64).sqrt()
 }
 
+/// V of a problem, m/s: `problem.velocity_scale`, or sqrt(mean_i |r_i|^2) for a bare problem; 1 where that is zero or not finite.
+pub(crate) fn velocity_scale(problem: &Ccp) -> f64 {
+    or_one(problem.velocity_scale.unwrap_or_else(|| mean_length(problem.num_contacts(), |k| problem.r[k])))
+}
+
 impl ResidualScale {
     /// eta and V of a problem. V is `problem.velocity_scale`, or sqrt(mean_i |r_i|^2) for a bare problem; 1 where that is zero or
     /// not finite.
     pub fn new(problem: &Ccp) -> Self {
-        let velocity =
-            problem.velocity_scale.unwrap_or_else(|| mean_length(problem.num_contacts(), |k| problem.r[k]));
-        Self { eta: problem.diagonal_scale(), velocity: or_one(velocity) }
+        Self { eta: problem.diagonal_scale(), velocity: velocity_scale(problem) }
     }
 
     /// V sqrt(mean_i 1 / eta_i), sqrt(J): the size of sqrt(eta_i) g_i and of u_i / sqrt(eta_i), in which all contacts are alike.

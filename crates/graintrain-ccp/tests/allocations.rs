@@ -5,10 +5,10 @@
 mod common;
 
 use common::{lattice_packing, sparse_form};
-use graintrain_ccp::newton::{Form, LinearReport, NewtonError, NewtonSolver, NewtonSystem, linear_solver};
+use graintrain_ccp::newton::{Form, LinearReport, NewtonError, NewtonSolver, NewtonSystem};
+use graintrain_ccp::paper::scip::Scip;
 use graintrain_ccp::solver::first_order::FirstOrder;
 use graintrain_ccp::solver::ipm::Ipm;
-use graintrain_ccp::solver::scip::Scip;
 use graintrain_ccp::solver::{Apgd, CcpSolver, GaussSeidel};
 use graintrain_ccp::{Ccp, SolveSettings, SolverSpec};
 use std::alloc::{GlobalAlloc, Layout, System};
@@ -47,10 +47,7 @@ fn allocations(solver: &mut dyn CcpSolver, problem: &Ccp, exact: bool, iteration
     let mut last = g.clone();
     let before = ALLOCATIONS.load(Ordering::Relaxed);
     let report = if exact {
-        solver
-            .solve_exact(problem, &mut g, &mut last, &settings, false)
-            .unwrap()
-            .expect("treats exact friction")
+        solver.solve_exact(problem, &mut g, &mut last, &settings).unwrap().expect("treats exact friction")
     } else {
         solver.solve(problem, &mut g, &settings).unwrap()
     };
@@ -129,7 +126,7 @@ fn newton_allocations(solver: &mut dyn CcpSolver, problem: &Ccp, iterations: usi
 
 /// Checks that neither the method nor its linear solver allocates from one system to the next, but for the record.
 fn check_newton(name: &str, linear: &str, problem: &Ccp, systems: usize) {
-    let watched = Box::new(Watched(linear_solver(name, linear).unwrap()));
+    let watched = Box::new(Watched(common::linear_solver(linear)));
     let mut solver: Box<dyn CcpSolver> = match name {
         "ipm" => Box::new(Ipm::with_solver(watched)),
         _ => Box::new(Scip::with_solver(watched)),

@@ -4,8 +4,8 @@ mod common;
 
 use common::{clarabel, lattice_packing, random_problem, sparse_form};
 use graintrain_ccp::residual::{FrictionModel, ResidualScale};
-use graintrain_ccp::solver::{SolveReport, SolveSettings, SolverSpec};
 use graintrain_ccp::{Ccp, Delassus, FIXED, RigidContact, RigidDelassus};
+use graintrain_ccp::{SolveReport, SolveSettings, SolverSpec};
 
 const FIRST_ORDER: &[&str] = &["pj", "pgs", "apgd", "bb", "kucera", "spg", "gpminres", "auto"];
 

@@ -1,8 +1,8 @@
 //! Problems without a solution, or of sizes at the end of the floats: nobody may claim to have solved them.
 
 use graintrain_ccp::newton::{LinearReport, NewtonError, NewtonSolver, NewtonSystem};
-use graintrain_ccp::solver::METHODS;
-use graintrain_ccp::solver::pdip::{Pdip, Rule};
+use graintrain_ccp::paper::pdip::{Pdip, Rule};
+use graintrain_ccp::registry::Method;
 use graintrain_ccp::{Ccp, CcpError, CcpSolver, Delassus, FrictionModel, SolveSettings, SolverSpec, Status};
 use graintrain_linalg::block3::BlockMatrix3;
 use std::time::Duration;
@@ -20,7 +20,7 @@ fn diagonal(blocks: &[[f64; 3]], r: &[f64], friction: &[f64]) -> Ccp {
 }
 
 fn nobody_converges(problem: &Ccp, tolerance: f64) {
-    for method in METHODS {
+    for method in Method::available() {
         for friction in [FrictionModel::Relaxed, FrictionModel::Coulomb] {
             let settings = SolveSettings {
                 tolerance,
@@ -30,10 +30,10 @@ fn nobody_converges(problem: &Ccp, tolerance: f64) {
                 ..Default::default()
             };
             let mut impulse = vec![0.0; problem.r.len()];
-            let solver = method.name.parse::<SolverSpec>().unwrap().build();
+            let solver = SolverSpec::from(method).build();
             let report = solver.unwrap().solve(problem, &mut impulse, &settings);
             if let Ok(report) = report {
-                assert!(!report.converged(), "{} {friction:?}: {impulse:?} {report:?}", method.name);
+                assert!(!report.converged(), "{} {friction:?}: {impulse:?} {report:?}", method.name());
             }
         }
     }
@@ -135,14 +135,14 @@ fn a_linear_solver_that_fails_leaves_the_better_of_the_given_impulses_and_none()
 fn no_solver_returns_impulses_that_are_not_numbers() {
     for size in [1e-300, 1e-160, 1e160, 1e300] {
         let problem = diagonal(&[[size; 3]; 2], &[-1.0, 0.3, 0.1, -1.0, 0.3, 0.1], &[0.5; 2]);
-        for method in METHODS {
+        for method in Method::available() {
             for start in [0.0, f64::NAN, 1.0 / size] {
                 let settings =
                     SolveSettings { max_time: Some(Duration::from_secs(1)), ..SolveSettings::default() };
                 let mut impulse = [start; 6];
-                let solver = method.name.parse::<SolverSpec>().unwrap().build();
+                let solver = SolverSpec::from(method).build();
                 let _ = solver.unwrap().solve(&problem, &mut impulse, &settings);
-                let name = method.name;
+                let name = method.name();
                 assert!(impulse.iter().all(|g| g.is_finite()), "{name} N {size:e} {start:e}: {impulse:?}");
             }
         }

@@ -6,6 +6,7 @@ use common::{Random, ball, frame, random_problem, sparse_form};
 use graintrain_ccp::solver::infeasible::{CERTAIN, PROBABLE, certificate, needed_velocity};
 use graintrain_ccp::{Ccp, Delassus, FIXED, RigidContact, RigidDelassus};
 use graintrain_ccp::{SolveReport, SolveSettings, SolverSpec, Status};
+use std::sync::Arc;
 
 fn solve(name: &str, problem: &Ccp, tolerance: f64) -> (Vec<f64>, SolveReport) {
     let mut solver = name.parse::<SolverSpec>().unwrap().build().unwrap();
@@ -16,7 +17,7 @@ fn solve(name: &str, problem: &Ccp, tolerance: f64) -> (Vec<f64>, SolveReport) {
 }
 
 fn rigid(problem: &Ccp) -> &RigidDelassus {
-    match &problem.delassus {
+    match &*problem.delassus {
         Delassus::Rigid(rigid) => rigid,
         Delassus::Sparse(_) => unreachable!("the generators make bodies"),
     }
@@ -264,7 +265,7 @@ fn the_certificate_has_no_units() {
             angular: m.angular.map(|x| x / (mass * length * length)),
         });
         let other = Ccp {
-            delassus: Delassus::Rigid(RigidDelassus::new(contacts.collect(), masses.collect())),
+            delassus: Arc::new(Delassus::Rigid(RigidDelassus::new(contacts.collect(), masses.collect()))),
             r: problem.r.iter().map(|r| r * length / time).collect(),
             ..problem.clone()
         };

@@ -5,6 +5,7 @@ mod common;
 use common::{Random, lattice_packing, random_problem, sparse_form};
 use graintrain_ccp::{BodyInverseMass, Ccp, Delassus, FIXED, RigidContact, RigidDelassus};
 use graintrain_ccp::{SolveReport, SolveSettings, SolverSpec, Status};
+use std::sync::Arc;
 
 fn solve(problem: &Ccp) -> SolveReport {
     let mut solver = "ipm".parse::<SolverSpec>().unwrap().build().unwrap();
@@ -13,14 +14,14 @@ fn solve(problem: &Ccp) -> SolveReport {
 }
 
 fn bodies(problem: &Ccp) -> &RigidDelassus {
-    match &problem.delassus {
+    match &*problem.delassus {
         Delassus::Rigid(rigid) => rigid,
         Delassus::Sparse(_) => unreachable!("the generators make bodies"),
     }
 }
 
 fn with_bodies(problem: &Ccp, contacts: Vec<RigidContact>, masses: Vec<BodyInverseMass>) -> Ccp {
-    Ccp { delassus: Delassus::Rigid(RigidDelassus::new(contacts, masses)), ..problem.clone() }
+    Ccp { delassus: Arc::new(Delassus::Rigid(RigidDelassus::new(contacts, masses))), ..problem.clone() }
 }
 
 /// The problem in units that are so many times smaller.

@@ -3,16 +3,17 @@
 mod common;
 
 use common::{Random, lattice_packing, random_problem, sparse_form};
+use graintrain_ccp::registry::Method;
 use graintrain_ccp::residual::{MIXED_MAXIMUM, ResidualScale};
-use graintrain_ccp::solver::METHODS;
 use graintrain_ccp::solver::scaling::ScaledProblem;
 use graintrain_ccp::{BodyInverseMass, Ccp, Delassus, FIXED, RigidContact, RigidDelassus};
 use graintrain_ccp::{FrictionModel, Judge, Residual, SolveReport, SolveSettings, SolverSpec, Status};
+use std::sync::Arc;
 
 const MODELS: [FrictionModel; 2] = [FrictionModel::Relaxed, FrictionModel::Coulomb];
 
 fn bodies(problem: &Ccp) -> &RigidDelassus {
-    match &problem.delassus {
+    match &*problem.delassus {
         Delassus::Rigid(rigid) => rigid,
         Delassus::Sparse(_) => unreachable!("the generators make bodies"),
     }
@@ -26,7 +27,7 @@ fn with_masses(problem: &Ccp, factor: impl Fn(usize) -> f64) -> Ccp {
         angular: m.angular.map(|x| x / factor(b)),
     });
     let rigid = RigidDelassus::new(bodies(problem).contacts().to_vec(), masses.collect());
-    Ccp { delassus: Delassus::Rigid(rigid), ..problem.clone() }
+    Ccp { delassus: Arc::new(Delassus::Rigid(rigid)), ..problem.clone() }
 }
 
 /// Both problems in one, without a body in common.
@@ -41,7 +42,7 @@ fn beside(first: &Ccp, second: &Ccp) -> Ccp {
     let contacts = bodies(first).contacts().iter().copied().chain(others).collect();
     let masses = [bodies(first).inverse_mass(), bodies(second).inverse_mass()].concat();
     Ccp {
-        delassus: Delassus::Rigid(RigidDelassus::new(contacts, masses)),
+        delassus: Arc::new(Delassus::Rigid(RigidDelassus::new(contacts, masses))),
         r: [&first.r[..], &second.r[..]].concat(),
         friction: [&first.friction[..], &second.friction[..]].concat(),
         points: vec![],
@@ -204,7 +205,7 @@ fn every_solver_measures_inside_as_its_report_does() {
     const HAIR: f64 = 1e-6;
     let linear = ["ipm+cholesky", "scip+block-jacobi", "pdip+ilu"];
     for (k, problem) in uneven_problems().iter().enumerate() {
-        for name in METHODS.iter().map(|method| method.name).chain(linear) {
+        for name in Method::available().map(Method::name).chain(linear) {
             for judge in [Judge::Maximum, Judge::Mixed] {
                 let is_newton = ["ipm", "scip", "pdip"].iter().any(|newton| name.starts_with(newton));
                 let iterations = if is_newton { 4 } else { 40 };

@@ -4,11 +4,12 @@ mod common;
 
 use common::{Random, clarabel, clarabel_over_velocities, lattice_packing, random_problem, sparse_form};
 use graintrain_ccp::newton::{
-    LINEAR_METHODS, LinearReport, NewtonError, NewtonSolver, NewtonSystem, ScaledBlocks,
-    driver::NewtonDriver, linear_solver, train::TensorTrain,
+    LinearReport, NewtonError, NewtonSolver, NewtonSystem, ScaledBlocks, driver::NewtonDriver,
 };
+use graintrain_ccp::paper::pdip::{Pdip, Rule};
+use graintrain_ccp::paper::train::TensorTrain;
+use graintrain_ccp::registry::LinearMethod;
 use graintrain_ccp::residual::objective_gap;
-use graintrain_ccp::solver::pdip::{Pdip, Rule};
 use graintrain_ccp::{Ccp, CcpSolver, SolveSettings, SolverSpec};
 use graintrain_linalg::block_ops::{factor_in_place, invert3_general, multiply3_transposed};
 use graintrain_linalg::block3::Block;
@@ -76,14 +77,14 @@ fn every_linear_solver_solves_the_system_or_says_that_it_did_not() {
     {
         let n = 3 * problem.num_contacts();
         let b: Vec<f64> = (0..n).map(|k| f64::sin(1.7 * k as f64) + 0.2).collect();
-        for method in LINEAR_METHODS {
-            let mut driver = NewtonDriver::new(linear_solver("pdip", method.name).unwrap());
+        for method in LinearMethod::ALL {
+            let mut driver = NewtonDriver::new(method.build().unwrap());
             driver.begin(&problem);
             for (iteration, spread) in [0.5, 2.0, 4.0].into_iter().enumerate() {
                 let [added, factor, factor_inverse] = random_blocks(&problem, spread, 17 + iteration as u64);
                 let blocks = ScaledBlocks { added: &added, factor: &factor, factor_inverse: &factor_inverse };
                 let refreshed = driver.refresh(&problem, blocks, iteration, 0.0);
-                let by_bodies = method.name.starts_with("body");
+                let by_bodies = method.name().starts_with("body");
                 if problem.delassus.num_bodies() == 0 && by_bodies {
                     assert!(refreshed.is_err());
                     continue;
@@ -92,7 +93,7 @@ fn every_linear_solver_solves_the_system_or_says_that_it_did_not() {
                 let mut x = vec![0.0; n];
                 let report = driver.solve(&problem, blocks, &b, &mut x, 1e-9);
                 let true_residual = residual(&problem, &factor, &b, &x);
-                let name = method.name;
+                let name = method.name();
                 assert!(report.converged || MAY_FAIL.contains(&name), "{name} spread {spread}: {report:?}");
                 // `none` and `tt-cross` report the residual of the unscaled system.
                 if report.converged && !MAY_FAIL.contains(&name) {
@@ -158,7 +159,7 @@ fn pdip_takes_a_linear_solver_of_ones_own() {
     let problem = lattice_packing(3, 2, 0.4, 5);
     let settings = SolveSettings::default();
     let solves = Arc::new(AtomicUsize::new(0));
-    let own = Counting { inner: linear_solver("pdip", "ic").unwrap(), solves: solves.clone() };
+    let own = Counting { inner: common::linear_solver("ic"), solves: solves.clone() };
     let mut impulses = [vec![0.0; 3 * problem.num_contacts()], vec![0.0; 3 * problem.num_contacts()]];
     let report =
         Pdip::with_solver(Rule::Central, Box::new(own)).solve(&problem, &mut impulses[0], &settings).unwrap();
@@ -178,8 +179,8 @@ fn compare_pdip_with_clarabel(wanted: impl Fn(usize, &str) -> bool) {
     let random = [1, 2, 4, 9, 11].map(random_problem);
     for (case, problem) in random.into_iter().chain([lattice_packing(3, 3, 0.3, 1)]).enumerate() {
         let oracle = clarabel(&problem);
-        for method in LINEAR_METHODS.iter().filter(|method| wanted(case, method.name)) {
-            let spec: SolverSpec = format!("pdip+{}", method.name).parse().unwrap();
+        for method in LinearMethod::ALL.into_iter().filter(|method| wanted(case, method.name())) {
+            let spec: SolverSpec = format!("pdip+{}", method.name()).parse().unwrap();
             let mut impulse = vec![0.0; 3 * problem.num_contacts()];
             // Twice what the direct solvers need.
             let settings =
@@ -191,10 +192,10 @@ fn compare_pdip_with_clarabel(wanted: impl Fn(usize, &str) -> bool) {
             assert_eq!(inner, report.linear_iterations);
             if report.converged() {
                 let error = (report.objective - oracle.objective).abs() / oracle.objective.abs();
-                assert!(error < 1e-3, "{case} {}: {error:.1e}", method.name);
+                assert!(error < 1e-3, "{case} {}: {error:.1e}", method.name());
             }
-            if case == 5 && !MAY_FAIL.contains(&method.name) {
-                assert!(report.converged(), "{}: {:?}", method.name, report.status);
+            if case == 5 && !MAY_FAIL.contains(&method.name()) {
+                assert!(report.converged(), "{}: {:?}", method.name(), report.status);
             }
         }
     }
@@ -347,7 +348,7 @@ fn solve_spreads(
 /// in body space, and what contact space knew of the last N is forgotten: the bits are those of a new solver.
 #[test]
 fn incomplete_cholesky_goes_over_to_contact_space_as_weights_spread() {
-    let new = || NewtonDriver::new(linear_solver("pdip", "ic").unwrap());
+    let new = || NewtonDriver::new(common::linear_solver("ic"));
     let mut used = new();
     let packings =
         [lattice_packing(4, 4, 0.4, 3), lattice_packing(4, 4, 0.4, 4), lattice_packing(3, 5, 0.4, 5)];
@@ -371,7 +372,7 @@ fn the_end_of_one_solve_does_not_decide_the_race_of_the_next() {
     let [added, factor, factor_inverse] = random_blocks(&problem, 1.0, 17);
     let blocks = ScaledBlocks { added: &added, factor: &factor, factor_inverse: &factor_inverse };
     let figures = |stopped_before: bool| {
-        let mut driver = NewtonDriver::new(linear_solver("pdip", "tt").unwrap());
+        let mut driver = NewtonDriver::new(common::linear_solver("tt"));
         let mut z = vec![0.0; 3 * problem.num_contacts()];
         if stopped_before {
             let first = lattice_packing(3, 3, 0.4, 9);
@@ -403,7 +404,7 @@ fn the_end_of_one_solve_does_not_decide_the_race_of_the_next() {
     assert_eq!(figures(false), figures(true));
 }
 
-/// A solver keeps what it prepared only when it is told that N stays: used for one problem after another, of the same
+/// A solver keeps what it prepared only while N, mu and V stay: used for one problem after another, of the same
 /// size and of another one, it gives the bits of a new solver.
 #[test]
 fn solvers_used_again_have_forgotten_the_last_problem() {
@@ -429,7 +430,7 @@ fn solvers_used_again_have_forgotten_the_last_problem() {
                 for friction in [FrictionModel::Relaxed, FrictionModel::Coulomb] {
                     let settings = SolveSettings { friction, ..settings.clone() };
                     let mut impulses = [vec![0.0; next.r.len()], vec![0.0; next.r.len()]];
-                    used.solve_again(&next, &mut impulses[0], &settings).unwrap();
+                    used.solve(&next, &mut impulses[0], &settings).unwrap();
                     spec.build().unwrap().solve(&next, &mut impulses[1], &settings).unwrap();
                     assert_eq!(impulses[0], impulses[1], "{name}, again, {friction:?}");
                 }
@@ -451,7 +452,7 @@ fn linear_solvers_stop_when_they_are_told() {
     for name in
         ["none", "ilu", "ic", "schur-ic", "block-jacobi", "body-cg", "body-ic", "tt-schur", "tt-cross"]
     {
-        let mut driver = NewtonDriver::new(linear_solver("pdip", name).unwrap());
+        let mut driver = NewtonDriver::new(common::linear_solver(name));
         driver.set_patience(Patience::new(None, Some(Arc::new(AtomicBool::new(true)))));
         driver.begin(&problem);
         if name.starts_with("tt") {
@@ -504,9 +505,10 @@ fn column(balls: u32, offset: f64) -> Ccp {
 #[test]
 fn a_train_on_a_column_starts_hot_in_the_next_step_and_comes_into_use() {
     use graintrain_ccp::newton::body::BodyCg;
-    use graintrain_ccp::newton::train_body::TrainCorrection;
+    use graintrain_ccp::paper::train_body::TrainCorrection;
     let balls = 64;
-    let mut driver = NewtonDriver::new(Box::new(BodyCg::tensor_train(TrainCorrection::default())));
+    let mut driver =
+        NewtonDriver::new(Box::new(BodyCg::corrected("tt", Box::new(TrainCorrection::default()))));
     let mut errors = Vec::new();
     for (step, offset) in [0.0, 1e-3].into_iter().enumerate() {
         let problem = column(balls, offset);
@@ -542,7 +544,7 @@ fn a_train_on_a_column_starts_hot_in_the_next_step_and_comes_into_use() {
 /// `tt` predicts what a train costs before it makes one, and after a loss it waits.
 #[test]
 fn a_train_that_cannot_pay_is_not_made_and_not_asked_for_again_soon() {
-    let mut driver = NewtonDriver::new(linear_solver("pdip", "tt").unwrap());
+    let mut driver = NewtonDriver::new(common::linear_solver("tt"));
     let mut tries = 0;
     for step in 0..5 {
         let problem = lattice_packing(3, 3, 0.4, 3 + step);
@@ -590,5 +592,23 @@ fn the_gap_shows_an_objective_that_a_small_residual_hides() {
         assert!(gap >= 0.01 * error, "seed {seed}: gap {gap:e}, error {error:e}");
         assert_eq!(gap > 1e-3, loose, "seed {seed}: gap {gap:e}");
         assert!(loose || error < 1e-3, "seed {seed}: error {error:e}");
+    }
+}
+
+/// Where the start reaches the tolerance no Newton system is solved, and the report says who did it; the history has what it checked.
+#[test]
+fn ipm_says_when_projected_gradients_did_the_work() {
+    let problem = lattice_packing(3, 3, 0.4, 3);
+    for (tolerance, by_start) in [(1e-3, true), (1e-10, false)] {
+        let settings = SolveSettings { tolerance, ..SolveSettings::default() };
+        let mut g = vec![0.0; problem.r.len()];
+        let mut solver = "ipm".parse::<SolverSpec>().unwrap().build().unwrap();
+        let report = solver.solve(&problem, &mut g, &settings).unwrap();
+        assert!(report.converged());
+        assert_eq!(report.iterations == 0, by_start);
+        assert_eq!(report.remark.is_some_and(|remark| remark.starts_with("apgd ")), by_start);
+        let least = report.history.iter().map(|sample| sample.max).fold(f64::INFINITY, f64::min);
+        assert!(least <= tolerance && report.history.len() > 1, "{least:e}");
+        assert!(report.history.windows(2).all(|pair| pair[0].seconds <= pair[1].seconds));
     }
 }

@@ -249,6 +249,7 @@ mod tests {
             objective: 0.0,
             seconds: 0.0,
             newton: Vec::new(),
+            history: Vec::new(),
             remark: None,
         }
     }

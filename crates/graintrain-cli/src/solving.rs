@@ -3,6 +3,7 @@
 use crate::error::Failure;
 use crate::evaluation::{Evaluation, Yardstick};
 use crate::signal::Stop;
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use graintrain_ccp::{CcpError, FrictionModel, SolveSettings, SolverSpec, Status};
 use graintrain_io::problem_file::{self, Form, ProblemFile};
 use graintrain_io::process::cpu_seconds;
@@ -20,8 +21,8 @@ pub struct Options {
     #[arg(long, value_name = "S", value_parser = positive, allow_negative_numbers = true)]
     pub max_seconds: Option<f64>,
     /// The convex relaxation, or exact Coulomb friction
-    #[arg(long, value_enum, default_value_t = Friction::Relaxed)]
-    pub friction: Friction,
+    #[arg(long, value_parser = friction_model(), default_value_t = FrictionModel::Relaxed)]
+    pub friction: FrictionModel,
     /// Number of threads [default: all processors]
     #[arg(long, value_name = "N")]
     pub threads: Option<std::num::NonZeroUsize>,
@@ -33,22 +34,18 @@ pub struct Options {
     pub strict: bool,
 }
 
-/// `--friction`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-pub enum Friction {
-    /// The convex relaxation (CCP)
-    Relaxed,
-    /// Exact Coulomb friction
-    Coulomb,
-}
-
-impl From<Friction> for FrictionModel {
-    fn from(friction: Friction) -> Self {
-        match friction {
-            Friction::Relaxed => Self::Relaxed,
-            Friction::Coulomb => Self::Coulomb,
-        }
-    }
+/// `--friction`: the friction models by name.
+pub fn friction_model() -> impl TypedValueParser<Value = FrictionModel> {
+    let about = |model| match model {
+        FrictionModel::Relaxed => "The convex relaxation (CCP)",
+        FrictionModel::Coulomb => "Exact Coulomb friction",
+    };
+    let names =
+        FrictionModel::NAMES.iter().map(move |&(name, model)| PossibleValue::new(name).help(about(model)));
+    PossibleValuesParser::new(names).map(|name| {
+        let found = FrictionModel::NAMES.iter().find(|(known, _)| *known == name);
+        found.map_or(FrictionModel::default(), |&(_, model)| model)
+    })
 }
 
 /// A number that is finite and positive.
@@ -67,7 +64,7 @@ impl Options {
             max_time: self
                 .max_seconds
                 .map(|limit| Duration::try_from_secs_f64(limit).unwrap_or(Duration::MAX)),
-            friction: self.friction.into(),
+            friction: self.friction,
             stop: Some(std::sync::Arc::clone(&stop.requested)),
             ..SolveSettings::default()
         }
@@ -251,7 +248,7 @@ pub fn run(
         objective: evaluation.objective,
         gap: (settings.friction == FrictionModel::Relaxed).then_some(evaluation.gap),
         converged: report.converged() && confirmed,
-        remark,
+        remark: remark.or(report.remark),
         notes: file.notes(),
     };
     Ok(Outcome { impulse, evaluation, record })
@@ -270,7 +267,7 @@ pub fn refused(
         contacts: file.problem.num_contacts(),
         bodies: file.bodies,
         solver: spec.to_string(),
-        friction: options.friction.into(),
+        friction: options.friction,
         tolerance: options.tolerance,
         status: None,
         interrupted: false,

@@ -4,10 +4,9 @@ use crate::files::OutputError;
 use crate::process::cpu_seconds;
 use crate::scene::Simulation;
 use crate::settings::OutputSettings;
-use graintrain::assemble::OverlapCorrection;
 use graintrain::stepper::{PhaseSeconds, PhysicalErrors, StepError, StepReport, StepSettings, Stepper};
 use graintrain::world::World;
-use graintrain_ccp::{Ccp, FrictionModel, Judge};
+use graintrain_ccp::{Ccp, Judge};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -18,22 +17,8 @@ use std::time::Instant;
 pub struct RunSettings {
     /// Name of the scene.
     pub scene: String,
-    /// Time step, s.
-    pub step: f64,
-    /// Contact envelope delta, m.
-    pub envelope: f64,
-    /// Solver by name.
-    pub solver: String,
-    /// Residual at which it stops, as `judge` takes it.
-    pub tolerance: f64,
-    /// Which number of the residual is held against the tolerance.
-    pub judge: Judge,
-    /// Iteration limit; `None` is the solver's own.
-    pub max_iterations: Option<usize>,
-    /// Relaxed or exact friction.
-    pub friction: FrictionModel,
-    /// What becomes of overlap.
-    pub overlap: OverlapCorrection,
+    /// How steps are made.
+    pub stepping: StepSettings,
     /// Number of the last step.
     pub steps: u64,
     /// What is written.
@@ -45,17 +30,9 @@ pub struct RunSettings {
 impl RunSettings {
     /// The settings of a scene's simulation.
     pub fn new(simulation: &Simulation, dump_problem_every: Option<u64>) -> Self {
-        let settings = &simulation.settings;
         Self {
             scene: simulation.resolved.name.clone(),
-            step: settings.step,
-            envelope: settings.envelope,
-            solver: settings.solver.to_string(),
-            tolerance: settings.tolerance,
-            judge: settings.judge,
-            max_iterations: settings.max_iterations,
-            friction: settings.friction,
-            overlap: settings.overlap,
+            stepping: simulation.settings.clone(),
             steps: simulation.steps,
             output: simulation.output.clone(),
             dump_problem_every,
@@ -251,16 +228,7 @@ impl Run {
         totals: RunTotals,
         stop: Arc<AtomicBool>,
     ) -> Result<Self, StepError> {
-        let mut stepper = Stepper::new(StepSettings {
-            step: settings.step,
-            envelope: settings.envelope,
-            solver: settings.solver.parse()?,
-            tolerance: settings.tolerance,
-            judge: settings.judge,
-            max_iterations: settings.max_iterations,
-            friction: settings.friction,
-            overlap: settings.overlap,
-        })?;
+        let mut stepper = Stepper::new(settings.stepping.clone())?;
         stepper.stop_on(Arc::clone(&stop));
         Ok(Self { world, settings, totals, strict: false, stepper, stop })
     }
@@ -304,8 +272,8 @@ impl Run {
                     solver: report.solve.solver,
                     residual: report.solve.residual.max,
                     residual_rms: report.solve.residual.rms,
-                    tolerance: self.settings.tolerance,
-                    judge: self.settings.judge,
+                    tolerance: self.settings.stepping.tolerance,
+                    judge: self.settings.stepping.judge,
                 });
             }
         }

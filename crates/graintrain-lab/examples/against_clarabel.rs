@@ -94,7 +94,7 @@ type Answer = (Vec<f64>, usize, String);
 type Failure = Box<dyn std::error::Error + Send + Sync>;
 
 fn by_clarabel(problem: &Ccp, tolerance: f64) -> Result<Answer, Failure> {
-    match &problem.delassus {
+    match &*problem.delassus {
         Delassus::Rigid(rigid) => over_velocities(problem, rigid, tolerance),
         Delassus::Sparse(_) => over_impulses(problem, tolerance),
     }

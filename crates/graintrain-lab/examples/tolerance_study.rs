@@ -200,7 +200,7 @@ fn velocity_errors(world: &World, dv: &[f64]) -> Vec<f64> {
 
 /// Impulses in world axes, and the velocities that they make.
 fn impulses_and_velocities(problem: &Ccp, g: &[f64]) -> Result<(Vec<Vec3>, Vec<f64>), Failure> {
-    let Delassus::Rigid(rigid) = &problem.delassus else { return Err("not a rigid problem".into()) };
+    let Delassus::Rigid(rigid) = &*problem.delassus else { return Err("not a rigid problem".into()) };
     let mut impulse = vec![0.0; g.len()];
     rigid.world_impulse(g, &mut impulse);
     let mut velocity = vec![0.0; 6 * rigid.num_bodies()];

@@ -13,7 +13,7 @@ use std::error::Error;
 
 /// Impulses in world axes by the identity of the contact.
 fn world_impulses(problem: &Ccp, impulse: &[f64]) -> HashMap<u64, [f64; 3]> {
-    let Delassus::Rigid(rigid) = &problem.delassus else { return HashMap::new() };
+    let Delassus::Rigid(rigid) = &*problem.delassus else { return HashMap::new() };
     let world = |i: usize| {
         let frame = &rigid.contacts()[i].frame;
         std::array::from_fn(|axis| (0..3).map(|row| frame[row][axis] * impulse[3 * i + row]).sum())
@@ -23,7 +23,7 @@ fn world_impulses(problem: &Ccp, impulse: &[f64]) -> HashMap<u64, [f64; 3]> {
 
 /// Those impulses in the frames of a problem's contacts, zero at new ones: what a step of the program starts from.
 fn warm_start(problem: &Ccp, before: &HashMap<u64, [f64; 3]>) -> Vec<f64> {
-    let Delassus::Rigid(rigid) = &problem.delassus else { return Vec::new() };
+    let Delassus::Rigid(rigid) = &*problem.delassus else { return Vec::new() };
     let contacts = problem.identity.iter().zip(rigid.contacts()).enumerate();
     contacts
         .flat_map(|(i, (identity, contact))| {

@@ -14,22 +14,91 @@ pub struct BlockMatrix3 {
     block: Vec<Block>,
 }
 
+/// Why arrays are not a matrix in compressed block rows.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum PatternError {
+    /// The row starts do not lead through the list of blocks.
+    #[error("the {starts} row starts must ascend from 0 to the number of blocks, {blocks}")]
+    RowStarts {
+        /// How many row starts there are: one more than block rows.
+        starts: usize,
+        /// How many blocks.
+        blocks: usize,
+    },
+    /// The lists of columns and of blocks differ in length.
+    #[error("there are {columns} column indices for {blocks} blocks")]
+    Lengths {
+        /// How many column indices.
+        columns: usize,
+        /// How many blocks.
+        blocks: usize,
+    },
+    /// A column index beyond the matrix, or not above the one before in its row.
+    #[error(
+        "block row {row} has column {column}: columns must ascend strictly and be below the number of rows, {rows}"
+    )]
+    Column {
+        /// The block row.
+        row: usize,
+        /// The block column.
+        column: u32,
+        /// Number of block rows.
+        rows: usize,
+    },
+}
+
 impl BlockMatrix3 {
-    /// From compressed block rows: `column[row_start[i]..row_start[i + 1]]` are the block columns of row i.
+    /// From compressed block rows: `column[row_start[i]..row_start[i + 1]]` are the block columns of row i, with rows + 1 row starts.
+    ///
+    /// ```
+    /// use graintrain_linalg::block3::BlockMatrix3;
+    /// let identity = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
+    /// let matrix = BlockMatrix3::try_from_rows(vec![0, 1, 2], vec![0, 1], vec![identity; 2])?;
+    /// assert_eq!(matrix.num_rows(), 2);
+    /// assert!(BlockMatrix3::try_from_rows(vec![0, 1], vec![7], vec![identity]).is_err());
+    /// # Ok::<(), graintrain_linalg::block3::PatternError>(())
+    /// ```
+    ///
+    /// # Errors
+    /// [`PatternError`] where the row starts do not ascend from 0 to the number of blocks, or the columns of a row do not strictly
+    /// ascend below the number of rows.
+    pub fn try_from_rows(
+        row_start: Vec<usize>,
+        column: Vec<u32>,
+        block: Vec<Block>,
+    ) -> Result<Self, PatternError> {
+        let blocks = block.len();
+        if column.len() != blocks {
+            return Err(PatternError::Lengths { columns: column.len(), blocks });
+        }
+        let ends = row_start.first() == Some(&0) && row_start.last() == Some(&blocks);
+        if !ends || row_start.windows(2).any(|row| row[0] > row[1]) {
+            return Err(PatternError::RowStarts { starts: row_start.len(), blocks });
+        }
+        let rows = row_start.len() - 1;
+        for (row, range) in row_start.windows(2).enumerate() {
+            let mut last = None;
+            for &c in &column[range[0]..range[1]] {
+                if last.is_some_and(|last| last >= c) || c as usize >= rows {
+                    return Err(PatternError::Column { row, column: c, rows });
+                }
+                last = Some(c);
+            }
+        }
+        Ok(Self { row_start, column, block })
+    }
+
+    /// As [`Self::try_from_rows`] for arrays that are right by construction.
     ///
     /// # Panics
-    /// If the row starts do not ascend from 0 to the number of blocks, or the columns of a row do not strictly ascend.
+    /// Where they are not.
+    #[track_caller]
     pub fn from_rows(row_start: Vec<usize>, column: Vec<u32>, block: Vec<Block>) -> Self {
-        assert_eq!(row_start.first(), Some(&0), "row starts begin at 0");
-        assert_eq!(row_start.last(), Some(&column.len()), "row starts end at the number of blocks");
-        assert_eq!(column.len(), block.len(), "one column index per block");
-        let rows = row_start.len() - 1;
-        for row in row_start.windows(2) {
-            let columns = &column[row[0]..row[1]];
-            assert!(columns.windows(2).all(|pair| pair[0] < pair[1]), "columns of a row ascend");
-            assert!(columns.iter().all(|&c| (c as usize) < rows), "columns are below the number of rows");
+        match Self::try_from_rows(row_start, column, block) {
+            Ok(matrix) => matrix,
+            Err(error) => panic!("{error}"),
         }
-        Self { row_start, column, block }
     }
 
     /// Number of block rows.
@@ -120,5 +189,28 @@ impl BlockMatrix3 {
             }
         }
         if largest > 0.0 { difference / largest } else { 0.0 }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        /// Whatever the arrays are, they are a matrix or an error, and a matrix can be used.
+        #[test]
+        fn arrays_are_a_matrix_or_an_error(
+            starts in prop::collection::vec(0..6_usize, 0..5),
+            columns in prop::collection::vec(0..5_u32, 0..6),
+        ) {
+            let blocks = vec![[1.0; 9]; columns.len()];
+            if let Ok(matrix) = BlockMatrix3::try_from_rows(starts, columns, blocks) {
+                let x = vec![1.0; 3 * matrix.num_rows()];
+                let mut y = x.clone();
+                matrix.multiply(&x, &mut y);
+                prop_assert_eq!(y.iter().sum::<f64>(), 9.0 * matrix.num_blocks() as f64);
+            }
+        }
     }
 }

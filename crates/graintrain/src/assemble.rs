@@ -6,6 +6,7 @@ use crate::math::{Vec3, tangents};
 use crate::world::World;
 use graintrain_ccp::{BodyInverseMass, Ccp, Delassus, FIXED, RigidContact, RigidDelassus};
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// Contacts per parallel task.
 const TASK: usize = 4096;
@@ -86,7 +87,7 @@ pub fn assemble(
     let friction = pair_property(world, contacts, |a, b| world.materials.pair_friction(a, b));
     Ccp {
         velocity_scale: scale_under(world.gravity.length(), step, &r, &friction),
-        delassus: Delassus::Rigid(RigidDelassus::new(rows, inverse_mass)),
+        delassus: Arc::new(Delassus::Rigid(RigidDelassus::new(rows, inverse_mass))),
         r,
         friction,
         impulse_scale: impulse_scale(world, step),
@@ -164,7 +165,7 @@ fn impulse_scale(world: &World, step: f64) -> Option<f64> {
 /// frame; zero at new contacts. Length 3 N_c, N s.
 pub(crate) fn warm_start(problem: &Ccp, contacts: &[Contact], last: &ContactSet, bodies: usize) -> Vec<f64> {
     let mut impulse = vec![0.0; 3 * contacts.len()];
-    let Delassus::Rigid(rigid) = &problem.delassus else { return impulse };
+    let Delassus::Rigid(rigid) = &*problem.delassus else { return impulse };
     let previous = PreviousContacts::new(last, bodies);
     impulse.par_chunks_mut(3).zip(contacts).zip(rigid.contacts()).enumerate().with_min_len(TASK).for_each(
         |(i, ((g, contact), rigid))| {

@@ -165,7 +165,7 @@ impl ImpactSolver<'_> {
         let u = part.gather::<3, f64>(velocity);
         let e = part.gather::<1, f64>(restitution);
         let plastic = Ccp {
-            delassus: Delassus::Rigid(part.delassus(of.rows, of.inverse_mass)),
+            delassus: Arc::new(Delassus::Rigid(part.delassus(of.rows, of.inverse_mass))),
             r: u.clone(),
             friction: part.gather::<1, f64>(friction),
             velocity_scale: None,

@@ -153,7 +153,7 @@ impl Gaps<'_> {
         let r: Vec<f64> = part.contacts.iter().flat_map(|&i| [self.room(i), 0.0, 0.0]).collect();
         let largest = part.contacts.iter().map(|&i| -self.room(i)).fold(0.0, f64::max);
         let problem = Ccp {
-            delassus: Delassus::Rigid(part.delassus(rows, self.inverse_mass)),
+            delassus: Arc::new(Delassus::Rigid(part.delassus(rows, self.inverse_mass))),
             friction: vec![0.0; part.contacts.len()],
             r,
             // Lengths take the place of velocities.

@@ -6,6 +6,7 @@ use graintrain_ccp::residual::ResidualScale;
 use graintrain_ccp::{
     Ccp, CcpError, CcpSolver, Delassus, FrictionModel, Residual, SolveReport, SolveSettings, Status,
 };
+use std::sync::Arc;
 
 /// Parts of up to this many contacts are solved to [`FINER`] times the tolerance. Few contacts cost next to nothing, and what a solve
 /// leaves over is the same in every step of a body at rest, which starts from the impulses of the last: a block on a slope would creep
@@ -41,7 +42,7 @@ impl PartSolver<'_> {
         impulse: &mut [f64],
     ) -> Result<(SolveReport, usize), CcpError> {
         let settings = &self.settings;
-        let Delassus::Rigid(rigid) = &problem.delassus else {
+        let Delassus::Rigid(rigid) = &*problem.delassus else {
             return Ok((self.solver.solve(problem, impulse, settings)?, 1));
         };
         let contacts = problem.num_contacts();
@@ -53,7 +54,7 @@ impl PartSolver<'_> {
         let mut largest = 0;
         for part in &parts {
             let own = Ccp {
-                delassus: Delassus::Rigid(part.delassus(rigid.contacts(), rigid.inverse_mass())),
+                delassus: Arc::new(Delassus::Rigid(part.delassus(rigid.contacts(), rigid.inverse_mass()))),
                 r: part.gather::<3, f64>(&problem.r),
                 friction: part.gather::<1, f64>(&problem.friction),
                 velocity_scale: None,
@@ -195,11 +196,12 @@ fn nothing_to_solve(solver: String) -> SolveReport {
         objective: 0.0,
         seconds: 0.0,
         newton: Vec::new(),
+        history: Vec::new(),
         remark: None,
     }
 }
 
-/// Adds the report of a part; the largest part gives the name.
+/// Adds the report of a part; the largest part gives the name and the history.
 fn merge(all: &mut SolveReport, part: SolveReport, names: bool) {
     let rank = |status: Status| match status {
         Status::Converged => 0,
@@ -212,7 +214,7 @@ fn merge(all: &mut SolveReport, part: SolveReport, names: bool) {
         (all.status, all.remark) = (part.status, part.remark);
     }
     if names {
-        all.solver = part.solver;
+        (all.solver, all.history) = (part.solver, part.history);
     }
     all.iterations = all.iterations.max(part.iterations);
     all.linear_iterations += part.linear_iterations;

@@ -96,7 +96,7 @@ impl PhysicalErrors {
         velocity: &[f64],
         (step, tolerance): (f64, f64),
     ) -> Self {
-        let Delassus::Rigid(rigid) = &problem.delassus else { return PhysicalErrors::default() };
+        let Delassus::Rigid(rigid) = &*problem.delassus else { return PhysicalErrors::default() };
         let mut errors = PhysicalErrors::default();
         let u = relative_velocities(contacts, rigid.contacts(), velocity);
         let resolved = MIXED_MAXIMUM * tolerance * ResidualScale::new(problem).velocity;

@@ -22,8 +22,8 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
-/// How steps are made.
-#[derive(Clone, Debug)]
+/// How steps are made. Its fields in their order are part of the format of checkpoints.
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct StepSettings {
     /// Time step dt, s.
     pub step: f64,
@@ -321,7 +321,7 @@ impl Stepper {
         if self.settings.overlap == OverlapCorrection::Velocity {
             return Ok(Correction::default());
         }
-        let Delassus::Rigid(rigid) = &attempt.problem.delassus else { return Ok(Correction::default()) };
+        let Delassus::Rigid(rigid) = &*attempt.problem.delassus else { return Ok(Correction::default()) };
         let step = self.settings.step;
         let chosen: Vec<Contact> = attempt.active.iter().map(|&i| contacts[i as usize]).collect();
         let u = relative_velocities(&chosen, rigid.contacts(), &attempt.velocity);
@@ -453,7 +453,7 @@ impl Stepper {
         with_force.resize(contacts.len(), false);
         let mut world_impulse = impacts.impulse;
         world_impulse.resize(contacts.len(), Vec3::ZERO);
-        if let Delassus::Rigid(rigid) = &problem.delassus {
+        if let Delassus::Rigid(rigid) = &*problem.delassus {
             for ((&i, row), g) in active.iter().zip(rigid.contacts()).zip(impulse.chunks_exact(3)) {
                 let [n, t1, t2] = row.frame.map(Vec3::from_array);
                 world_impulse[i as usize] += g[0] * n + g[1] * t1 + g[2] * t2;
@@ -567,7 +567,7 @@ impl Placement {
 /// v+ = free + M^-1 D g, six numbers per body.
 fn velocity_after(problem: &Ccp, impulse: &[f64], free: Vec<f64>) -> Vec<f64> {
     let mut velocity = free;
-    if let Delassus::Rigid(rigid) = &problem.delassus {
+    if let Delassus::Rigid(rigid) = &*problem.delassus {
         let mut world_impulse = vec![0.0; impulse.len()];
         rigid.world_impulse(impulse, &mut world_impulse);
         let mut change = vec![0.0; velocity.len()];

@@ -1,9 +1,9 @@
 //! Solvers in body space: K = I + A A^T by sparse Cholesky or by conjugate gradients.
 
 use super::body_matrix::BodyMatrix;
-use super::direct::{REFINEMENTS, SHIFTS};
-use super::train_body::{Rival, TrainCorrection, few_iterations, product_flops};
-use super::{LinearReport, NewtonError, NewtonSolver, NewtonSystem};
+use super::convergence::{ConvergenceRate, few_iterations, product_flops};
+use super::refinement::{REFINEMENTS, SHIFTS};
+use super::system::{LinearReport, NewtonError, NewtonSolver, NewtonSystem};
 use crate::delassus::Delassus;
 use graintrain_linalg::cholesky::SparseCholesky;
 use graintrain_linalg::krylov::{
@@ -23,7 +23,7 @@ fn refresh_matrix(
     system: &NewtonSystem<'_>,
     solver: &'static str,
 ) -> Result<bool, NewtonError> {
-    let Delassus::Rigid(rigid) = &system.problem.delassus else {
+    let Delassus::Rigid(rigid) = &*system.problem.delassus else {
         return Err(NewtonError::Unsupported {
             solver,
             reason: "it needs the bodies, and the problem gives N as a matrix",
@@ -177,8 +177,39 @@ impl BodyPreconditioner {
     }
 }
 
-/// Conjugate gradients on K with block Jacobi or block IC(0), and on request a tensor-train correction of the former where
-/// that pays.
+/// A correction of block Jacobi in body space: a preconditioner of K that approximates L^-T (L^-1 K L^-T)^-1 L^-1, L the
+/// Cholesky factors of the diagonal blocks.
+pub trait BodyCorrection: Send {
+    /// Adapts to new values of K, whose diagonal blocks `jacobi` has factorised. Without a `baseline` the correction is measured
+    /// against conjugate gradients with these blocks, and what it costs to make does not count.
+    ///
+    /// # Errors
+    /// [`NewtonError::Breakdown`] where it could not be made.
+    fn refresh(
+        &mut self,
+        matrix: &BodyMatrix,
+        jacobi: &BlockJacobi,
+        system: &NewtonSystem<'_>,
+        baseline: Option<ConvergenceRate>,
+    ) -> Result<(), NewtonError>;
+
+    /// Whether it is better than block Jacobi alone for the present matrix, and [`Self::apply`] is to be used.
+    fn is_active(&self) -> bool;
+
+    /// Whether, moreover, one solve pays for making it.
+    fn has_paid(&self) -> bool;
+
+    /// It proved to be of no use for the present matrix.
+    fn give_up(&mut self);
+
+    /// z <- the corrected preconditioner of r; symmetric, but only nearly.
+    fn apply(&mut self, jacobi: &BlockJacobi, r: &[f64], z: &mut [f64]);
+
+    /// Named figures of what the last refresh measured.
+    fn figures(&self, figures: &mut BTreeMap<String, f64>);
+}
+
+/// Conjugate gradients on K with block Jacobi or block IC(0), and on request a correction of the former.
 ///
 /// Where K y = A b - rho, z = b - A^T y has the residual -A^T rho of S~: it is what conjugate gradients are asked to
 /// make small. Where weights H^-1 spread, |A^T rho| is larger than |rho| by many orders of magnitude.
@@ -186,7 +217,7 @@ pub struct BodyCg {
     name: &'static str,
     matrix: Option<BodyMatrix>,
     preconditioner: BodyPreconditioner,
-    correction: Option<TrainCorrection>,
+    correction: Option<Box<dyn BodyCorrection>>,
     krylov: KrylovWork,
     max_iterations: usize,
     velocity: Vec<f64>,
@@ -212,19 +243,14 @@ impl BodyCg {
         Self::new("body-ic", BodyPreconditioner::Incomplete(Box::default()), None)
     }
 
-    /// Block Jacobi, corrected by a tensor train where that pays.
-    pub fn tensor_train(correction: TrainCorrection) -> Self {
-        Self::new("tt", BodyPreconditioner::Jacobi(BlockJacobi::new(6)), Some(correction))
+    /// Block Jacobi, corrected where that pays.
+    pub fn corrected(name: &'static str, correction: Box<dyn BodyCorrection>) -> Self {
+        Self::new(name, BodyPreconditioner::Jacobi(BlockJacobi::new(6)), Some(correction))
     }
 
-    /// Whether the train is in use for the current matrix.
-    pub(super) fn train_is_active(&self) -> bool {
-        self.correction.as_ref().is_some_and(TrainCorrection::is_active)
-    }
-
-    /// Whether the train of the last refresh was worth what it cost.
-    pub(super) fn train_paid(&self) -> bool {
-        self.correction.as_ref().is_some_and(TrainCorrection::has_paid)
+    /// The correction, where there is one.
+    pub fn correction(&self) -> Option<&dyn BodyCorrection> {
+        self.correction.as_deref()
     }
 
     /// Iterations per solve at most.
@@ -241,19 +267,22 @@ impl BodyCg {
     }
 
     /// What a solve costs, from a few iterations.
-    pub(super) fn measure(&mut self, system: &NewtonSystem<'_>) -> Option<Rival> {
+    pub fn measure(&mut self, system: &NewtonSystem<'_>) -> Option<ConvergenceRate> {
         let flops = self.iteration_flops();
         self.krylov.patience = system.patience.clone();
         let Self { matrix: Some(matrix), preconditioner, krylov, .. } = self else { return None };
         let (iterations, residual) = few_iterations(matrix, &mut |r, z| preconditioner.apply(r, z), krylov);
-        Some(Rival::new(iterations, residual, flops))
+        Some(ConvergenceRate::new(iterations, residual, flops))
     }
 
-    /// As [`NewtonSolver::refresh`], the train racing against another solver than block Jacobi.
-    pub(super) fn refresh_against(
+    /// As [`NewtonSolver::refresh`], the correction measured against another solver than block Jacobi.
+    ///
+    /// # Errors
+    /// As [`NewtonSolver::refresh`].
+    pub fn refresh_against(
         &mut self,
         system: &NewtonSystem<'_>,
-        rival: Option<Rival>,
+        baseline: Option<ConvergenceRate>,
     ) -> Result<(), NewtonError> {
         refresh_matrix(&mut self.matrix, system, self.name)?;
         let Some(matrix) = &self.matrix else { return Ok(()) };
@@ -265,15 +294,13 @@ impl BodyCg {
         else {
             return Ok(());
         };
-        correction
-            .refresh(matrix, jacobi, system, rival)
-            .map_err(|error| NewtonError::Breakdown { solver: self.name, reason: error.to_string() })
+        correction.refresh(matrix, jacobi, system, baseline)
     }
 
     fn new(
         name: &'static str,
         preconditioner: BodyPreconditioner,
-        correction: Option<TrainCorrection>,
+        correction: Option<Box<dyn BodyCorrection>>,
     ) -> Self {
         Self {
             name,
@@ -349,7 +376,7 @@ impl NewtonSolver for BodyCg {
             };
             matrix.gather(residual, rhs);
             velocity.fill(0.0);
-            let with_correction = correction.as_ref().is_some_and(TrainCorrection::is_active);
+            let with_correction = correction.as_ref().is_some_and(|correction| correction.is_active());
             let inner = conjugate_gradient_measured(
                 &mut |x, y| matrix.multiply(x, y),
                 &mut |r, z| match (&mut *correction, &*preconditioner) {
@@ -368,14 +395,15 @@ impl NewtonSolver for BodyCg {
                         matrix.scatter(1.0, rho, image);
                         norm(image) / size
                     },
-                    // A truncated train is symmetric only nearly.
+                    // A correction is symmetric only nearly.
                     flexible: with_correction,
                 },
             );
             report.iterations += inner.iterations;
-            // A truncated train need not be positive definite: then the iteration breaks down.
-            let train = correction.as_mut().filter(|train| train.is_active() && !inner.converged());
-            let with_train = train.map(TrainCorrection::give_up).is_some();
+            // A correction need not be positive definite: then the iteration breaks down.
+            let failed =
+                correction.as_mut().filter(|correction| correction.is_active() && !inner.converged());
+            let was_corrected = failed.map(|correction| correction.give_up()).is_some();
             best.copy_from_slice(z);
             for (z, r) in z.iter_mut().zip(residual.iter()) {
                 *z += r;
@@ -387,7 +415,7 @@ impl NewtonSolver for BodyCg {
                 // No better than nothing.
                 z.copy_from_slice(best);
                 report.residual = before;
-                if !with_train {
+                if !was_corrected {
                     break;
                 }
                 true_residual(matrix, b, z, residual, velocity);

@@ -2,20 +2,13 @@
 
 use super::body::BodyCholesky;
 use super::body_matrix::BodyMatrix;
-use super::{LinearReport, NewtonError, NewtonSolver, NewtonSystem};
+use super::refinement::{REFINEMENTS, SHIFTS};
+use super::system::{LinearReport, NewtonError, NewtonSolver, NewtonSystem, multiply_scaled};
 use crate::delassus::{Delassus, DelassusWork};
-use crate::newton::multiply_scaled;
 use graintrain_linalg::cholesky::{SparseCholesky, predicted_cost};
 use graintrain_linalg::krylov::{KrylovSettings, KrylovWork, conjugate_gradient};
 use graintrain_linalg::ordering::Ordering;
 use std::collections::BTreeMap;
-
-/// Steps of refinement after which a direct solve gives up improving.
-pub(super) const REFINEMENTS: usize = 30;
-
-/// Diagonal shifts, relative to the diagonal, tried one after the other where the factorisation breaks down. The solve
-/// is refined against the matrix itself, so that a shift costs iterations, not accuracy.
-pub(super) const SHIFTS: [f64; 4] = [0.0, 1e-13, 1e-10, 1e-7];
 
 /// Sparse Cholesky factorisation of S~, analysed once per pattern; solutions are refined by conjugate gradients with the
 /// factor as preconditioner until the residual of the true matrix reaches the tolerance.
@@ -95,7 +88,7 @@ impl NewtonSolver for SchurCholesky {
         z.copy_from_slice(b);
         factor.solve(z);
         let report = conjugate_gradient(
-            &mut |x, y| match &system.problem.delassus {
+            &mut |x, y| match &*system.problem.delassus {
                 Delassus::Rigid(_) => {
                     multiply_scaled(system.problem, system.blocks.factor, x, y, product, scratch);
                 }
@@ -130,31 +123,43 @@ impl NewtonSolver for SchurCholesky {
     }
 }
 
+/// Where [`Direct`] does not count operations to choose its space.
+#[derive(Clone, Copy, Debug)]
+pub struct Parameters {
+    /// Contacts per body above which body space is taken without counting operations.
+    pub clearly_body: f64,
+    /// Contacts per body below which contact space is taken without counting operations.
+    pub clearly_contact: f64,
+}
+
+impl Default for Parameters {
+    fn default() -> Self {
+        Self { clearly_body: 2.2, clearly_contact: 0.8 }
+    }
+}
+
 /// Sparse Cholesky in contact space or in body space, whichever needs fewer operations for the pattern at hand.
 #[derive(Default)]
 pub struct Direct {
     schur: SchurCholesky,
     body: BodyCholesky,
     in_body_space: bool,
+    /// The tuned constants.
+    pub parameters: Parameters,
 }
-
-/// Contacts per body above which body space is taken without counting operations.
-const CLEARLY_BODY: f64 = 2.2;
-/// Contacts per body below which contact space is taken without counting operations.
-const CLEARLY_CONTACT: f64 = 0.8;
 
 impl Direct {
     /// Chooses the space for a problem. Called before [`NewtonSolver::needs_matrix`] is asked for.
     fn choose(&mut self, system: &NewtonSystem<'_>) {
-        let Delassus::Rigid(rigid) = &system.problem.delassus else {
+        let Delassus::Rigid(rigid) = &*system.problem.delassus else {
             self.in_body_space = false;
             return;
         };
         let touched = (0..rigid.num_bodies()).filter(|&body| !rigid.sides(body).is_empty()).count();
         let ratio = rigid.num_contacts() as f64 / touched.max(1) as f64;
-        self.in_body_space = if ratio > CLEARLY_BODY {
+        self.in_body_space = if ratio > self.parameters.clearly_body {
             true
-        } else if ratio < CLEARLY_CONTACT {
+        } else if ratio < self.parameters.clearly_contact {
             false
         } else {
             let body = BodyMatrix::new(rigid);

@@ -1,16 +1,15 @@
 //! What an outer Newton method needs around its linear solver: S kept up to date, records of every iteration.
 
-use super::{
-    Form, LinearReport, NewtonError, NewtonRecord, NewtonSolver, NewtonSystem, SchurComplement, apply_blocks,
+use super::schur::SchurComplement;
+use super::system::{
+    Form, LinearReport, NewtonError, NewtonRecord, NewtonSolver, NewtonSystem, ScaledBlocks, apply_blocks,
     apply_blocks_in_place, multiply_scaled,
 };
-use crate::delassus::{Delassus, DelassusWork};
+use crate::delassus::{DelassusIdentity, DelassusWork};
 use crate::problem::Ccp;
 use graintrain_linalg::parallel::norm;
 use graintrain_linalg::patience::Patience;
 use std::time::Instant;
-
-pub use super::ScaledBlocks;
 
 /// Steps of the power iteration per Newton matrix; each matrix goes on from the vector of the last.
 const POWER_STEPS: usize = 2;
@@ -20,11 +19,12 @@ const RECORDS: usize = 200;
 
 /// A linear solver together with the Schur complement it may need and the history of what it did.
 ///
-/// Between solves of problems with the same N (only r or mu changed) nothing that depends on N is made anew.
+/// Between solves of problems that share N nothing that depends on N is made anew.
 pub struct NewtonDriver {
     solver: Box<dyn NewtonSolver>,
     schur: Option<SchurComplement>,
-    delassus: Option<Delassus>,
+    /// The N that the solver was prepared for.
+    prepared: DelassusIdentity,
     new_delassus: bool,
     records: Vec<NewtonRecord>,
     current: NewtonRecord,
@@ -48,7 +48,7 @@ impl NewtonDriver {
         Self {
             solver,
             schur: None,
-            delassus: None,
+            prepared: DelassusIdentity::default(),
             new_delassus: true,
             records: Vec::new(),
             current,
@@ -68,7 +68,7 @@ impl NewtonDriver {
     }
 
     /// Which system the linear solver takes.
-    pub fn form(&self) -> super::Form {
+    pub fn form(&self) -> Form {
         self.solver.form()
     }
 
@@ -88,11 +88,10 @@ impl NewtonDriver {
     /// Goes on with another problem and keeps the records.
     pub fn change_problem(&mut self, problem: &Ccp) {
         let start = Instant::now();
-        let same = self.delassus.as_ref().is_some_and(|old| same_delassus(old, &problem.delassus));
-        if same {
+        if self.prepared.is(&problem.delassus) {
             return;
         }
-        self.delassus = Some(problem.delassus.clone());
+        self.prepared = DelassusIdentity::of(&problem.delassus);
         self.product = problem.delassus.work();
         self.new_delassus = true;
         self.schur = None;
@@ -233,15 +232,5 @@ impl NewtonDriver {
     /// The records since [`Self::begin`], which are handed over.
     pub fn take_records(&mut self) -> Vec<NewtonRecord> {
         std::mem::take(&mut self.records)
-    }
-}
-
-fn same_delassus(a: &Delassus, b: &Delassus) -> bool {
-    match (a, b) {
-        (Delassus::Rigid(a), Delassus::Rigid(b)) => {
-            a.contacts() == b.contacts() && a.inverse_mass() == b.inverse_mass()
-        }
-        (Delassus::Sparse(a), Delassus::Sparse(b)) => a == b,
-        _ => false,
     }
 }

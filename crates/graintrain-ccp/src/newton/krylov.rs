@@ -1,7 +1,7 @@
 //! Krylov methods in contact space: on S~, and the paper's baseline on S.
 
-use super::train_body::{RACE, Rival, unstructured};
-use super::{Form, LinearReport, NewtonError, NewtonSolver, NewtonSystem, multiply_scaled};
+use super::convergence::{ConvergenceRate, SAMPLE, unstructured};
+use super::system::{Form, LinearReport, NewtonError, NewtonSolver, NewtonSystem, multiply_scaled};
 use crate::delassus::{Delassus, DelassusWork};
 use crate::problem::Ccp;
 use graintrain_linalg::krylov::{KrylovReport, KrylovSettings, KrylovWork, bicgstab, conjugate_gradient};
@@ -63,13 +63,17 @@ impl SchurKrylov {
     }
 
     /// What a solve costs, from a few iterations; `None` for the plain form and where the matrix is missing or empty.
-    pub(super) fn measure(&mut self, system: &NewtonSystem<'_>) -> Option<Rival> {
+    pub fn measure(&mut self, system: &NewtonSystem<'_>) -> Option<ConvergenceRate> {
         let mut x = vec![0.0; 3 * system.problem.num_contacts()];
         let b = unstructured(x.len());
-        let settings = KrylovSettings { relative_tolerance: 0.0, max_iterations: RACE };
+        let settings = KrylovSettings { relative_tolerance: 0.0, max_iterations: SAMPLE };
         let report = self.iterate(system, &b, &mut x, settings)?;
         let blocks = system.matrix.map_or(0, |matrix| matrix.columns().len());
-        Some(Rival::new(report.iterations, report.residual, iteration_flops(system.problem, blocks)))
+        Some(ConvergenceRate::new(
+            report.iterations,
+            report.residual,
+            iteration_flops(system.problem, blocks),
+        ))
     }
 
     /// From x as it is; `None` where the matrix is missing.
@@ -85,7 +89,7 @@ impl SchurKrylov {
         work.patience = system.patience.clone();
         let method = if *symmetric { conjugate_gradient } else { bicgstab };
         let report = method(
-            &mut |x, y| match (&system.problem.delassus, *symmetric) {
+            &mut |x, y| match (&*system.problem.delassus, *symmetric) {
                 // Through the bodies it reads a third of the memory. Symmetric methods are all of the scaled form.
                 (Delassus::Rigid(_), true) => {
                     multiply_scaled(system.problem, system.blocks.factor, x, y, product, scratch);
@@ -108,7 +112,7 @@ impl SchurKrylov {
 /// Operations of an iteration with IC(0): the product with S~, through the bodies where there are any, and both triangular
 /// factors of S~, which has so many blocks.
 pub(super) fn iteration_flops(problem: &Ccp, blocks: usize) -> f64 {
-    let product = match problem.delassus {
+    let product = match *problem.delassus {
         Delassus::Rigid(_) => PRODUCT_FLOPS * problem.num_contacts(),
         Delassus::Sparse(_) => 2 * 9 * blocks,
     };

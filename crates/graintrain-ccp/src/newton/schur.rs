@@ -1,6 +1,6 @@
 //! The Newton matrix in contact space as a sparse matrix whose pattern is made once per problem.
 
-use super::{Form, ScaledBlocks};
+use super::system::{Form, ScaledBlocks};
 use crate::delassus::Delassus;
 use crate::problem::Ccp;
 use graintrain_linalg::block_ops::multiply3;
@@ -26,7 +26,7 @@ impl SchurComplement {
     /// symmetric part.
     pub fn new(problem: &Ccp, form: Form) -> Self {
         let mut own = with_diagonal(problem.delassus.assemble());
-        if matches!(problem.delassus, Delassus::Sparse(_)) && own.asymmetry() > 0.0 {
+        if matches!(*problem.delassus, Delassus::Sparse(_)) && own.asymmetry() > 0.0 {
             own = symmetric_part(&own);
         }
         let row = own

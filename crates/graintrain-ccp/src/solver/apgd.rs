@@ -4,10 +4,11 @@
 //! friction and contact", ACM Transactions on Graphics 34(3):32, 2015, after Nesterov (1983) and, for the restart,
 //! O'Donoghue and Candes (2015).
 
-use super::first_order::{FirstOrder, FirstOrderMethod, Iterate};
+use super::combination::Combination;
+use super::first_order::{FirstOrderMethod, Iterate};
 use super::lanes::{Batch, Vector, add_scaled, dot, project_given, sub, within_disc};
-use super::scaling::{Combination, Given, Here, Kernel, ScaledProblem};
-use super::sweep::Tally;
+use super::scaling::{ContactBatch, Kernel, KernelInput, ScaledProblem};
+use super::tasks::Tally;
 use crate::residual::FrictionModel;
 
 /// Accelerated projected gradient on the scaled problem:
@@ -37,16 +38,22 @@ pub struct Apgd {
     pub longer: f64,
     /// Divisor of the limit where they do not.
     pub shorter: f64,
+    /// Least and greatest limit of theta.
+    pub memory_range: [f64; 2],
+    /// A momentum whose theta is below this says nothing about the limit.
+    pub young: f64,
 }
-
-/// Least and greatest limit of theta.
-const MEMORY: [f64; 2] = [10.0, 3000.0];
-/// A momentum younger than this says nothing about the limit.
-const YOUNG: f64 = 5.0;
 
 impl Default for Apgd {
     fn default() -> Self {
-        Self { growth: 1.03, memory: 50.0, longer: 1.5, shorter: 2.0 }
+        Self {
+            growth: 1.03,
+            memory: 50.0,
+            longer: 1.5,
+            shorter: 2.0,
+            memory_range: [10.0, 3000.0],
+            young: 5.0,
+        }
     }
 }
 
@@ -66,24 +73,30 @@ struct Step<const EXACT: bool> {
 
 impl<const EXACT: bool> Kernel<2> for Step<EXACT> {
     #[inline(always)]
-    fn point<V: Vector>(&self, _: Here<V>, u: &Batch<V>, [x, previous]: [&Batch<V>; 2]) -> Batch<V> {
+    fn point<V: Vector>(&self, _: ContactBatch<V>, u: &Batch<V>, [x, previous]: [&Batch<V>; 2]) -> Batch<V> {
         add_scaled(&extrapolated(x, previous, self.beta), -self.step, u)
     }
 
     #[inline(always)]
-    fn projected<V: Vector>(&self, here: Here<V>, _: &Batch<V>, point: &Batch<V>, tangential: V) -> Batch<V> {
+    fn projected<V: Vector>(
+        &self,
+        contact: ContactBatch<V>,
+        _: &Batch<V>,
+        point: &Batch<V>,
+        tangential: V,
+    ) -> Batch<V> {
         if EXACT {
-            within_disc(here.mu, point, tangential)
+            within_disc(contact.mu, point, tangential)
         } else {
-            project_given(here.mu, point, tangential)
+            project_given(contact.mu, point, tangential)
         }
     }
 
     #[inline(always)]
     fn at<V: Vector>(
         &self,
-        _: Here<V>,
-        Given { projected: new, .. }: Given<V>,
+        _: ContactBatch<V>,
+        KernelInput { projected: new, .. }: KernelInput<V>,
         [x, previous]: [&mut Batch<V>; 2],
         tally: &mut Tally<V>,
     ) -> Batch<V> {
@@ -107,8 +120,8 @@ impl Kernel<2> for Extrapolated {
     #[inline(always)]
     fn at<V: Vector>(
         &self,
-        _: Here<V>,
-        _: Given<V>,
+        _: ContactBatch<V>,
+        _: KernelInput<V>,
         [x, previous]: [&mut Batch<V>; 2],
         _: &mut Tally<V>,
     ) -> Batch<V> {
@@ -150,10 +163,10 @@ impl Apgd {
             let (totals, curvature) = scaled.pass_onto(images, vectors, &mut it.work, &kernel, |totals| {
                 let [length, downhill, ..] = totals.sum;
                 if downhill < 0.0 || theta > memory {
-                    if EXACT && theta > YOUNG {
+                    if EXACT && theta > self.young {
                         let now = length.sqrt() / step;
                         let factor = if now < last_step { self.longer } else { self.shorter.recip() };
-                        memory = (factor * memory).clamp(MEMORY[0], MEMORY[1]);
+                        memory = (factor * memory).clamp(self.memory_range[0], self.memory_range[1]);
                         last_step = now;
                     }
                     (theta, beta) = (1.0, 0.0);
@@ -185,10 +198,4 @@ impl Combination<2> for Extrapolation {
         let new = y + d;
         [new + V::splat(self.beta) * (new - x), new]
     }
-}
-
-/// Makes the solver by name; it has no linear solver.
-pub(super) fn build(linear: Option<&str>) -> Result<Box<dyn super::CcpSolver>, crate::CcpError> {
-    super::without_linear_solver(Apgd::NAME, linear)?;
-    Ok(Box::new(FirstOrder::new(Apgd::default())))
 }

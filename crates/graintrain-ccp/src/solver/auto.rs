@@ -1,87 +1,54 @@
 //! `auto`: the solver that is likely to reach the tolerance first, and others where it does not.
 
+use super::alternating::Alternating;
+use super::apgd::Apgd;
 use super::driver::{Best, Limits, check_start};
-use super::turns::Turns;
-use super::{CcpSolver, METHODS, SolveReport, SolveSettings, Status};
+use super::first_order::FirstOrder;
+use super::history::History;
+use super::interface::CcpSolver;
+use super::ipm::Ipm;
+use super::report::{SolveReport, Status};
+use super::settings::SolveSettings;
 use crate::problem::{Ccp, CcpError};
 
-/// Below this tolerance the interior point goes first.
-const TIGHT: f64 = 1e-6;
-/// Iterations of the first-order method while another method is left to try: about ten times what a settled packing needs
-/// for 1e-4 from a cold start, fewer where the tolerance is looser.
-const PATIENCE: usize = 30_000;
+/// What [`Auto`] is tuned by.
+#[derive(Clone, Debug)]
+pub struct Parameters {
+    /// Below this tolerance the interior point goes first.
+    pub tight: f64,
+    /// Iterations of the first-order method while another method is left to try: about ten times what a settled packing needs
+    /// for 1e-4 from a cold start, fewer where the tolerance is looser.
+    pub first_order_limit: usize,
+}
+
+impl Default for Parameters {
+    fn default() -> Self {
+        Self { tight: 1e-6, first_order_limit: 30_000 }
+    }
+}
 
 /// Tries `apgd` and `ipm` in the order that suits the tolerance: an iteration of `apgd` costs nanoseconds per contact and it
 /// profits from a warm start, so it goes first down to 1e-6; `ipm` needs factorisations but few iterations whatever the
 /// tolerance. Each next method starts from the best impulses so far, and the best impulses are returned.
 pub struct Auto {
     members: Vec<(&'static str, Box<dyn CcpSolver>)>,
-    /// Members that have seen N and mu of the last call.
-    ready: Vec<&'static str>,
-    exact: Turns,
+    exact: Alternating,
+    /// The tuned constants.
+    pub parameters: Parameters,
+}
+
+impl Default for Auto {
+    fn default() -> Self {
+        Self::new()
+    }
 }
 
 impl Auto {
-    fn new() -> Result<Self, CcpError> {
-        let mut members = Vec::new();
-        for name in ["apgd", "ipm"] {
-            if let Some(method) = METHODS.iter().find(|method| method.name == name) {
-                members.push((name, (method.build)(None)?));
-            }
-        }
-        Ok(Self { members, ready: Vec::new(), exact: Turns::new() })
-    }
-
-    fn run(
-        &mut self,
-        problem: &Ccp,
-        impulse: &mut [f64],
-        settings: &SolveSettings,
-        again: bool,
-    ) -> Result<SolveReport, CcpError> {
-        let limits = Limits::start(settings, usize::MAX);
-        check_start(problem, impulse)?;
-        self.members.sort_by_key(|(name, _)| (*name == "ipm") != (settings.tolerance < TIGHT));
-        let mut best = Best::default();
-        let (mut iterations, mut linear_iterations) = (0, 0);
-        let mut status = Status::Stalled;
-        let mut name = "auto".to_string();
-        let last = self.members.len() - 1;
-        if !again {
-            self.ready.clear();
-            self.exact.forget();
-        }
-        for (position, (member, solver)) in self.members.iter_mut().enumerate() {
-            let is_first = position < last && *member == "apgd";
-            let allowed = if is_first { PATIENCE } else { solver.iteration_limit() };
-            let mine = SolveSettings {
-                max_iterations: Some(limits.iterations_left(iterations).min(allowed)),
-                max_time: limits.time_left(),
-                ..settings.clone()
-            };
-            let seen = self.ready.contains(member);
-            if !seen {
-                self.ready.push(member);
-            }
-            let report = match solver.solve_maybe_again(problem, impulse, &mine, seen) {
-                Ok(report) => report,
-                // Another member may be able to treat it.
-                Err(error) if position == last => return Err(error),
-                Err(_) => continue,
-            };
-            iterations += report.iterations;
-            linear_iterations += report.linear_iterations;
-            status = report.status;
-            name = format!("auto ({})", report.solver);
-            let residual = limits.judged(report.residual);
-            best.offer(impulse, residual);
-            if report.converged() || limits.status(iterations, residual).is_some() {
-                break;
-            }
-            best.restore(impulse);
-        }
-        best.restore(impulse);
-        Ok(limits.report(&name, problem, impulse, status, iterations, linear_iterations))
+    /// With `apgd` and `ipm`.
+    pub fn new() -> Self {
+        let members: Vec<(_, Box<dyn CcpSolver>)> =
+            vec![("apgd", Box::new(FirstOrder::new(Apgd::default()))), ("ipm", Box::new(Ipm::new()))];
+        Self { members, exact: Alternating::new(), parameters: Parameters::default() }
     }
 }
 
@@ -92,7 +59,7 @@ impl CcpSolver for Auto {
 
     /// For the first member and those after it.
     fn iteration_limit(&self) -> usize {
-        2 * PATIENCE
+        2 * self.parameters.first_order_limit
     }
 
     fn solve(
@@ -101,16 +68,47 @@ impl CcpSolver for Auto {
         impulse: &mut [f64],
         settings: &SolveSettings,
     ) -> Result<SolveReport, CcpError> {
-        self.run(problem, impulse, settings, false)
-    }
-
-    fn solve_again(
-        &mut self,
-        problem: &Ccp,
-        impulse: &mut [f64],
-        settings: &SolveSettings,
-    ) -> Result<SolveReport, CcpError> {
-        self.run(problem, impulse, settings, true)
+        let limits = Limits::start(settings, usize::MAX);
+        check_start(problem, impulse)?;
+        let is_tight = settings.tolerance < self.parameters.tight;
+        self.members.sort_by_key(|(name, _)| (*name == "ipm") != is_tight);
+        let mut best = Best::default();
+        let (mut iterations, mut linear_iterations) = (0, 0);
+        let mut status = Status::Stalled;
+        let mut name = "auto".to_string();
+        let (mut history, mut remark) = (History::default(), None);
+        let last = self.members.len() - 1;
+        for (position, (member, solver)) in self.members.iter_mut().enumerate() {
+            let is_first = position < last && *member == "apgd";
+            let allowed = if is_first { self.parameters.first_order_limit } else { solver.iteration_limit() };
+            let mine = SolveSettings {
+                max_iterations: Some(limits.iterations_left(iterations).min(allowed)),
+                max_time: limits.time_left(),
+                ..settings.clone()
+            };
+            let begun = limits.seconds();
+            let report = match solver.solve(problem, impulse, &mine) {
+                Ok(report) => report,
+                // Another member may be able to treat it.
+                Err(error) if position == last => return Err(error),
+                Err(_) => continue,
+            };
+            history.append(&report.history, iterations, begun);
+            iterations += report.iterations;
+            linear_iterations += report.linear_iterations;
+            status = report.status;
+            name = format!("auto ({})", report.solver);
+            let residual = limits.judged(report.residual);
+            best.offer(impulse, residual);
+            remark.clone_from(&report.remark);
+            if report.converged() || limits.status(iterations, residual).is_some() {
+                break;
+            }
+            best.restore(impulse);
+        }
+        best.restore(impulse);
+        let report = limits.report(&name, problem, impulse, status, iterations, linear_iterations);
+        Ok(SolveReport { history: history.into_samples(), remark, ..report })
     }
 
     fn solve_exact(
@@ -119,18 +117,8 @@ impl CcpSolver for Auto {
         impulse: &mut [f64],
         last: &mut [f64],
         settings: &SolveSettings,
-        again: bool,
     ) -> Result<Option<SolveReport>, CcpError> {
-        if !again {
-            self.ready.clear();
-        }
-        let report = self.exact.solve(problem, impulse, last, settings, again)?;
+        let report = self.exact.solve(problem, impulse, last, settings)?;
         Ok(Some(SolveReport { solver: format!("auto ({})", report.solver), ..report }))
     }
-}
-
-/// Makes the solver by name; it has no linear solver.
-pub(super) fn build(linear: Option<&str>) -> Result<Box<dyn CcpSolver>, CcpError> {
-    super::without_linear_solver("auto", linear)?;
-    Ok(Box::new(Auto::new()?))
 }

@@ -5,8 +5,7 @@
 //! N takes 0.129 ms, with `Lanes` compiled for AVX2 and records without padding it took 0.171 ms.
 #![allow(unsafe_code)]
 
-use super::lanes::{Batch, LANES, Lanes, Vector};
-use super::sweep::TaskWork;
+use super::lanes::{Batch, LANES, Lanes, TaskWork, Vector};
 use std::arch::x86_64::*;
 use std::ops::{Add, AddAssign, Mul, Neg, Sub};
 

@@ -1,9 +1,10 @@
 //! N over rigid bodies, packed for the first-order methods: contacts in batches of four, each pass over the contacts
 //! both reads the velocities of the last impulses and adds up the forces of the new ones.
 
-use super::lanes::{Batch, LANES, Lanes, Vector, ZERO, add, cross, dot, load, scale, sub, zero};
-use super::scaling::Combination;
-use super::sweep::{CHUNK, Tally, TaskWork, Totals, for_each_task, vectorised};
+use super::combination::Combination;
+use super::dispatch::vectorised;
+use super::lanes::{Batch, LANES, Lanes, TaskWork, Vector, ZERO, add, cross, dot, load, scale, sub, zero};
+use super::tasks::{CHUNK, Tally, Totals, for_each_task};
 use crate::delassus::{BodyInverseMass, FIXED, RigidDelassus};
 use graintrain_linalg::block3::Block;
 

@@ -5,7 +5,10 @@
 //! convex optimization", ZAMM 91(2):155-175, 2011.
 
 use super::driver::{Best, Limits, check_start};
-use super::{CcpSolver, SolveReport, SolveSettings, Status};
+use super::history::History;
+use super::interface::CcpSolver;
+use super::report::{SolveReport, Status};
+use super::settings::SolveSettings;
 use crate::problem::{Ccp, CcpError};
 use crate::residual::{FrictionModel, ResidualScale};
 
@@ -15,8 +18,7 @@ use crate::residual::{FrictionModel, ResidualScale};
 /// solve the CCP with r_n + s for g;   s <- mu |u_t(g)|
 /// ```
 ///
-/// until the residual of the exact problem is small. N and mu stay, so solvers are told through
-/// [`CcpSolver::solve_again`]; every solve starts from the last impulses and is asked for a fraction of the exact
+/// until the residual of the exact problem is small. N and mu stay, and solvers keep what they prepared for them; every solve starts from the last impulses and is asked for a fraction of the exact
 /// residual still there. Where the fixed point converges slowly or swings, s is extrapolated from its last two changes
 /// (Irons and Tuck 1969, vector Aitken), kept at or above zero. Where the residual does not fall, the fraction is lowered and s
 /// no longer extrapolated, only damped: in settled packings the map has slow modes (factors of 0.98) beside modes that swing (-1.1), and
@@ -31,33 +33,53 @@ use crate::residual::{FrictionModel, ResidualScale};
 /// times the iterations that the solver allows itself for one relaxed solve ([`Status::IterationLimit`]).
 pub struct CoulombIteration {
     relaxed: Box<dyn CcpSolver>,
-    /// Whether the relaxed solver's last call had the N and mu of the caller's problem.
-    knows_problem: bool,
+    /// The tuned constants.
+    pub parameters: Parameters,
 }
 
-/// Outer iterations allowed; the sequence needs 5 to 30 where it converges easily, some hundreds in settled packings.
-const OUTER_LIMIT: usize = 1000;
-/// Iterations of a solver that treats exact friction itself, in rounds; it goes on while one of the last rounds has lowered the
-/// least residual to this fraction.
-const EXACT_ROUND: usize = 30_000;
-const EXACT_GAIN: f64 = 0.5;
-/// Rounds that may go by without that.
-const EXACT_PATIENCE: usize = 2;
-/// Where the settings name no limit, all relaxed solves together may take so many times the iterations of one.
-const NESTED_LIMIT: usize = 10;
-/// A relaxed solve is asked for this fraction of the exact residual: at first, and at the least.
-const INNER_FRACTION: [f64; 2] = [0.3, 0.03];
-/// Outer iterations without a better residual before the fraction is lowered to a third.
-const SLOW: usize = 15;
-/// Outer iterations without a better residual before giving up.
-const PATIENCE: usize = 100;
-/// Least and largest factor of the extrapolation; the largest is 1 as soon as the residual was slow to fall.
-const FACTOR: [f64; 2] = [0.3, 2.0];
+/// What [`CoulombIteration`] is tuned by.
+#[derive(Clone, Debug)]
+pub struct Parameters {
+    /// Outer iterations allowed; the sequence needs 5 to 30 where it converges easily, some hundreds in settled packings.
+    pub outer_limit: usize,
+    /// Iterations of a round of a solver that treats exact friction itself.
+    pub round: usize,
+    /// Rounds go on while one of the last ones has lowered the least residual to this fraction.
+    pub round_gain: f64,
+    /// Rounds that may go by without that.
+    pub round_patience: usize,
+    /// Where the settings name no limit, all relaxed solves together may take so many times the iterations of one.
+    pub nested_limit: usize,
+    /// A relaxed solve is asked for this fraction of the exact residual: at first, and at the least.
+    pub inner_fraction: [f64; 2],
+    /// Outer iterations without a better residual before the fraction is lowered to a third.
+    pub slow: usize,
+    /// Outer iterations without a better residual before giving up.
+    pub patience: usize,
+    /// Least and largest factor of the extrapolation; the largest is 1 as soon as the residual was slow to fall.
+    pub factor_range: [f64; 2],
+}
+
+impl Default for Parameters {
+    fn default() -> Self {
+        Self {
+            outer_limit: 1000,
+            round: 30_000,
+            round_gain: 0.5,
+            round_patience: 2,
+            nested_limit: 10,
+            inner_fraction: [0.3, 0.03],
+            slow: 15,
+            patience: 100,
+            factor_range: [0.3, 2.0],
+        }
+    }
+}
 
 impl CoulombIteration {
     /// Wraps a solver of the relaxed problem.
     pub fn new(relaxed: Box<dyn CcpSolver>) -> Self {
-        Self { relaxed, knows_problem: false }
+        Self { relaxed, parameters: Parameters::default() }
     }
 }
 
@@ -70,22 +92,16 @@ impl CcpSolver for CoulombIteration {
         self.relaxed.iteration_limit()
     }
 
-    fn solve_again(
-        &mut self,
-        problem: &Ccp,
-        impulse: &mut [f64],
-        settings: &SolveSettings,
-    ) -> Result<SolveReport, CcpError> {
-        self.run(problem, impulse, settings, true)
-    }
-
     fn solve(
         &mut self,
         problem: &Ccp,
         impulse: &mut [f64],
         settings: &SolveSettings,
     ) -> Result<SolveReport, CcpError> {
-        self.run(problem, impulse, settings, false)
+        match effective(problem, settings) {
+            Some(relaxed) => self.relaxed.solve(problem, impulse, &relaxed),
+            None => self.exact(problem, impulse, settings),
+        }
     }
 }
 
@@ -98,20 +114,6 @@ fn effective(problem: &Ccp, settings: &SolveSettings) -> Option<SolveSettings> {
 }
 
 impl CoulombIteration {
-    fn run(
-        &mut self,
-        problem: &Ccp,
-        impulse: &mut [f64],
-        settings: &SolveSettings,
-        again: bool,
-    ) -> Result<SolveReport, CcpError> {
-        let again = again && std::mem::replace(&mut self.knows_problem, true);
-        match effective(problem, settings) {
-            Some(relaxed) => self.relaxed.solve_maybe_again(problem, impulse, &relaxed, again),
-            None => self.exact(problem, impulse, settings, again),
-        }
-    }
-
     /// Rounds of the relaxed solver's own treatment of exact friction, from `last`. The status that ends the solve, or `None` where
     /// the rounds no longer gain, or the solver has no such treatment.
     fn rounds(
@@ -121,21 +123,21 @@ impl CoulombIteration {
         settings: &SolveSettings,
         limits: &Limits<'_>,
         found: &mut Found,
-        mut again: bool,
     ) -> Result<Option<Status>, CcpError> {
         let mut impulse = last.to_vec();
         let (mut reference, mut since) = (f64::INFINITY, 0);
-        while since < EXACT_PATIENCE {
+        while since < self.parameters.round_patience {
             let left = settings.max_iterations.map_or(usize::MAX, |limit| limit.saturating_sub(found.steps));
             let round = SolveSettings {
-                max_iterations: Some(left.min(EXACT_ROUND)),
+                max_iterations: Some(left.min(self.parameters.round)),
                 max_time: limits.time_left(),
                 ..settings.clone()
             };
-            let Some(report) = self.relaxed.solve_exact(problem, &mut impulse, last, &round, again)? else {
+            let begun = limits.seconds();
+            let Some(report) = self.relaxed.solve_exact(problem, &mut impulse, last, &round)? else {
                 return Ok(None);
             };
-            again = true;
+            found.history.append(&report.history, found.steps, begun);
             found.steps += report.iterations;
             found.products += report.products;
             let residual = limits.judged(report.residual);
@@ -148,7 +150,7 @@ impl CoulombIteration {
                 break;
             }
             since += 1;
-            if residual <= EXACT_GAIN * reference {
+            if residual <= self.parameters.round_gain * reference {
                 (reference, since) = (residual, 0);
             }
         }
@@ -165,63 +167,65 @@ impl CoulombIteration {
         limits: &Limits<'_>,
         iterations: usize,
     ) -> Result<SolveReport, CcpError> {
-        let mut frictionless = problem.clone();
-        frictionless.friction.fill(0.0);
+        let frictionless = Ccp { friction: vec![0.0; problem.num_contacts()], ..problem.clone() };
         let settings = SolveSettings {
             friction: FrictionModel::Relaxed,
             max_iterations: Some(limits.iterations_left(iterations).min(self.relaxed.iteration_limit())),
             max_time: limits.time_left(),
             ..settings.clone()
         };
-        self.knows_problem = false;
         self.relaxed.solve(&frictionless, &mut vec![0.0; 3 * problem.num_contacts()], &settings)
     }
 
-    /// The exact problem; `again` as in [`CcpSolver::solve_exact`].
+    /// The exact problem.
     fn exact(
         &mut self,
         problem: &Ccp,
         impulse: &mut [f64],
         settings: &SolveSettings,
-        again: bool,
     ) -> Result<SolveReport, CcpError> {
-        let limits = Limits::start(settings, NESTED_LIMIT.saturating_mul(self.relaxed.iteration_limit()));
+        let limits = Limits::start(
+            settings,
+            self.parameters.nested_limit.saturating_mul(self.relaxed.iteration_limit()),
+        );
         check_start(problem, impulse)?;
         let contacts = problem.num_contacts();
         let scale = ResidualScale::new(problem);
-        let mut shifted = problem.clone();
-        // The relaxed solver must measure with the V of this problem, not of the shifted one.
-        shifted.velocity_scale = Some(scale.velocity);
+        // The relaxed solver must measure with the V of this problem, not of the shifted one. Both share N.
+        let mut shifted = Ccp { velocity_scale: Some(scale.velocity), ..problem.clone() };
         let mut work = problem.delassus.work();
         let mut u = vec![0.0; 3 * contacts];
-        let mut shift = Shift::new(contacts);
+        let mut shift = Shift::new(contacts, self.parameters.factor_range);
         let mut found = Found::default();
         let mut last = impulse.to_vec();
-        let mut ended = self.rounds(problem, &mut last, settings, &limits, &mut found, again)?;
+        let mut ended = self.rounds(problem, &mut last, settings, &limits, &mut found)?;
         if ended.is_none() && found.solver.is_some() && impulse.iter().any(|&g| g != 0.0) {
             // These iterations are chaotic: a start that leads nowhere need not be nearer to a solution than none.
             last.fill(0.0);
-            ended = self.rounds(problem, &mut last, settings, &limits, &mut found, true)?;
+            ended = self.rounds(problem, &mut last, settings, &limits, &mut found)?;
         }
         found.best.restore(impulse);
         if let Some(status) = ended {
             let name = found.solver.unwrap_or_else(|| self.name());
             let report = limits.report(&name, problem, impulse, status, found.steps, 0);
-            return Ok(SolveReport { products: found.products, ..report });
+            let history = found.history.into_samples();
+            return Ok(SolveReport { products: found.products, history, ..report });
         }
-        let Found { mut best, steps, mut products, .. } = found;
+        let Found { mut best, steps, mut products, mut history, .. } = found;
         let (mut iterations, mut linear_iterations, mut since_best) = (0, 0, 0);
         let mut asked_without_friction = false;
-        let mut fraction = INNER_FRACTION[0];
+        let mut fraction = self.parameters.inner_fraction[0];
         let mut best_residual = f64::INFINITY;
         let mut last_inner = None;
         let mut status = Status::IterationLimit;
-        for outer in 0..=OUTER_LIMIT {
+        for outer in 0..=self.parameters.outer_limit {
             problem.delassus.multiply(impulse, &mut u, &mut work);
             for (u, r) in u.iter_mut().zip(&problem.r) {
                 *u += r;
             }
-            let residual = limits.judged(scale.residual(problem, impulse, &u, FrictionModel::Coulomb));
+            let exact = scale.residual(problem, impulse, &u, FrictionModel::Coulomb);
+            history.record(steps + iterations, limits.seconds(), exact);
+            let residual = limits.judged(exact);
             best.offer(impulse, residual);
             since_best += 1;
             if residual < 0.9 * best_residual {
@@ -232,7 +236,7 @@ impl CoulombIteration {
                 status = stop;
                 break;
             }
-            if since_best > PATIENCE {
+            if since_best > self.parameters.patience {
                 // The relaxed solver's own verdict tells more than "stalled" where it has one.
                 status = match last_inner {
                     Some(Status::IterationLimit) => Status::IterationLimit,
@@ -240,12 +244,12 @@ impl CoulombIteration {
                 };
                 break;
             }
-            if outer == OUTER_LIMIT {
+            if outer == self.parameters.outer_limit {
                 break;
             }
-            if since_best > 0 && since_best.is_multiple_of(SLOW) {
-                fraction = (fraction / 3.0).max(INNER_FRACTION[1]);
-                shift.largest_factor = 1.0;
+            if since_best > 0 && since_best.is_multiple_of(self.parameters.slow) {
+                fraction = (fraction / 3.0).max(self.parameters.inner_fraction[1]);
+                shift.factor_range[1] = 1.0;
             }
             if outer > 0 || impulse.iter().any(|&g| g != 0.0) {
                 shift.update((0..contacts).map(|i| problem.friction[i] * u[3 * i + 1].hypot(u[3 * i + 2])));
@@ -260,9 +264,7 @@ impl CoulombIteration {
                 friction: FrictionModel::Relaxed,
                 ..settings.clone()
             };
-            let again = outer > 0 && self.knows_problem;
-            let report = self.relaxed.solve_maybe_again(&shifted, impulse, &inner, again)?;
-            self.knows_problem = true;
+            let report = self.relaxed.solve(&shifted, impulse, &inner)?;
             iterations += report.iterations;
             linear_iterations += report.linear_iterations;
             products += report.products;
@@ -280,7 +282,7 @@ impl CoulombIteration {
         best.restore(impulse);
         let report =
             limits.report(&self.name(), problem, impulse, status, steps + iterations, linear_iterations);
-        Ok(SolveReport { products, ..report })
+        Ok(SolveReport { products, history: history.into_samples(), ..report })
     }
 }
 
@@ -290,6 +292,7 @@ struct Found {
     best: Best<f64>,
     steps: usize,
     products: usize,
+    history: History,
     /// Who made the last round; `None` where there was none.
     solver: Option<String>,
 }
@@ -301,14 +304,14 @@ struct Shift {
     changes: [Vec<f64>; 2],
     updates: usize,
     factor: f64,
-    largest_factor: f64,
+    factor_range: [f64; 2],
 }
 
 impl Shift {
-    fn new(contacts: usize) -> Self {
+    fn new(contacts: usize, factor_range: [f64; 2]) -> Self {
         let zeros = || vec![0.0; contacts];
         let changes = [zeros(), zeros()];
-        Self { value: zeros(), changes, updates: 0, factor: 1.0, largest_factor: FACTOR[1] }
+        Self { value: zeros(), changes, updates: 0, factor: 1.0, factor_range }
     }
 
     /// s <- max(0, s + factor (image - s)), the factor after Aitken from the last two changes, within its bounds.
@@ -325,7 +328,8 @@ impl Shift {
                 square += (new - old) * (new - old);
             }
             if square > 0.0 {
-                self.factor = (-self.factor * across / square).clamp(FACTOR[0], self.largest_factor);
+                self.factor =
+                    (-self.factor * across / square).clamp(self.factor_range[0], self.factor_range[1]);
             }
         }
         for (value, change) in self.value.iter_mut().zip(&*change) {
@@ -338,11 +342,14 @@ impl Shift {
 #[cfg(test)]
 mod tests {
     use super::super::driver::Limits;
-    use super::{CoulombIteration, EXACT_ROUND};
+    use super::{CoulombIteration, Parameters};
     use crate::delassus::Delassus;
     use crate::problem::{Ccp, CcpError};
+    use crate::registry::{Method, SolverSpec};
     use crate::residual::FrictionModel;
-    use crate::solver::{CcpSolver, METHODS, SolveReport, SolveSettings, SolverSpec, Status};
+    use crate::solver::interface::CcpSolver;
+    use crate::solver::report::{SolveReport, Status};
+    use crate::solver::settings::SolveSettings;
     use graintrain_linalg::block3::BlockMatrix3;
 
     /// Two coupled contacts.
@@ -361,15 +368,15 @@ mod tests {
     #[test]
     fn without_friction_the_exact_problem_is_solved_as_the_relaxed_one() {
         let problem = two_contacts(0.0);
-        for method in METHODS {
+        for method in Method::available() {
             let solve = |friction| {
                 let settings = SolveSettings { tolerance: 1e-7, friction, ..SolveSettings::default() };
                 let mut impulse = vec![0.0; 6];
-                let mut solver = method.name.parse::<SolverSpec>().unwrap().build().unwrap();
+                let mut solver = SolverSpec::from(method).build().unwrap();
                 let report = solver.solve(&problem, &mut impulse, &settings).unwrap();
                 (report.status, report.iterations, impulse)
             };
-            assert_eq!(solve(FrictionModel::Coulomb), solve(FrictionModel::Relaxed), "{}", method.name);
+            assert_eq!(solve(FrictionModel::Coulomb), solve(FrictionModel::Relaxed), "{method}");
         }
     }
 
@@ -396,13 +403,18 @@ mod tests {
             impulse: &mut [f64],
             last: &mut [f64],
             settings: &SolveSettings,
-            _: bool,
         ) -> Result<Option<SolveReport>, CcpError> {
             let (answer, status) = self.0.remove(0);
             impulse.copy_from_slice(&answer);
             last.copy_from_slice(&answer);
-            let report =
-                Limits::start(settings, 1).report("scripted", problem, impulse, status, EXACT_ROUND, 0);
+            let report = Limits::start(settings, 1).report(
+                "scripted",
+                problem,
+                impulse,
+                status,
+                Parameters::default().round,
+                0,
+            );
             Ok(Some(SolveReport { products: 7, ..report }))
         }
     }
@@ -422,6 +434,6 @@ mod tests {
         let report = solver.solve(&problem, &mut impulse, &settings).unwrap();
         assert_eq!((impulse, report.residual), (near, expected.residual));
         assert_eq!(report.status, Status::Stopped);
-        assert_eq!((report.iterations, report.products), (2 * EXACT_ROUND, 14));
+        assert_eq!((report.iterations, report.products), (2 * Parameters::default().round, 14));
     }
 }

@@ -1,6 +1,7 @@
 //! What every solver needs around its iteration: when to stop, the best iterate, the report.
 
-use super::{SolveReport, SolveSettings, Status};
+use super::report::{SolveReport, Status};
+use super::settings::SolveSettings;
 use crate::newton::NewtonError;
 use crate::newton::driver::NewtonDriver;
 use crate::problem::{Ccp, CcpError};
@@ -116,6 +117,7 @@ impl<'a> Limits<'a> {
             objective: problem.objective(impulse, &velocity),
             seconds: self.seconds(),
             newton: Vec::new(),
+            history: Vec::new(),
             remark: None,
         }
     }

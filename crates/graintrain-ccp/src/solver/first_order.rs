@@ -1,35 +1,70 @@
 //! What the first-order methods share: the scaled problem, the iterate with its image, stopping.
 
 use super::driver::{Best, Limits, check_start};
+use super::history::History;
+use super::interface::{CcpSolver, ITERATION_LIMIT};
 use super::lanes::{Batch, Lanes, Vector};
+use super::report::{SolveReport, Status};
 use super::scaling::{Image, PassWork, ScaledProblem};
-use super::{CcpSolver, SolveReport, SolveSettings, Status};
+use super::settings::SolveSettings;
+use crate::delassus::DelassusIdentity;
 use crate::problem::{Ccp, CcpError};
-use crate::residual::{FrictionModel, ResidualScale};
+use crate::residual::{FrictionModel, Residual, ResidualScale, velocity_scale};
 use rayon::prelude::*;
 
 /// A method that works on the scaled problem with passes.
 pub trait FirstOrderMethod: Send {
     /// Name on the command line.
     const NAME: &'static str;
-    /// Whether the method treats exact Coulomb friction itself, by [`Here::allowed`](super::scaling::Here::allowed).
+    /// Whether the method treats exact Coulomb friction itself, by [`ContactBatch::allowed`](super::scaling::ContactBatch::allowed).
     const EXACT: bool = false;
 
     /// Improves the iterate until it says to stop.
     fn run(&mut self, scaled: &ScaledProblem, it: &mut Iterate<'_>);
 }
 
-/// Makes a [`CcpSolver`] of a first-order method. The packed problem is kept between solves, for
-/// [`CcpSolver::solve_again`].
+/// Makes a [`CcpSolver`] of a first-order method. The scaled problem is kept between solves and used again while N, mu and V
+/// stay.
 pub struct FirstOrder<M> {
     method: M,
-    packed: Option<ScaledProblem>,
+    prepared: Option<Prepared>,
+}
+
+/// The scaled problem of the last solve, and what it was made of.
+struct Prepared {
+    delassus: DelassusIdentity,
+    friction: Vec<f64>,
+    velocity: f64,
+    scaled: ScaledProblem,
+}
+
+impl Prepared {
+    fn new(problem: &Ccp) -> Self {
+        let residual = ResidualScale::new(problem);
+        Self {
+            delassus: DelassusIdentity::of(&problem.delassus),
+            friction: problem.friction.clone(),
+            velocity: residual.velocity,
+            scaled: ScaledProblem::new(problem, &residual),
+        }
+    }
+
+    /// The scaled problem with another r, where nothing else differs.
+    fn again(mut self, problem: &Ccp) -> Option<Self> {
+        let fits = self.delassus.is(&problem.delassus)
+            && self.velocity == velocity_scale(problem)
+            && self.friction == problem.friction;
+        if fits {
+            self.scaled.set_free_velocity(&problem.r);
+        }
+        fits.then_some(self)
+    }
 }
 
 impl<M> FirstOrder<M> {
     /// The solver with this method's parameters.
     pub fn new(method: M) -> Self {
-        Self { method, packed: None }
+        Self { method, prepared: None }
     }
 }
 
@@ -46,19 +81,15 @@ impl<M: FirstOrderMethod> FirstOrder<M> {
         let limits = Limits::start(settings, ITERATION_LIMIT);
         check_start(problem, impulse)?;
         let start = impulse.to_vec();
-        let mut scaled = match self.packed.take() {
-            Some(mut scaled) => {
-                scaled.set_free_velocity(&problem.r);
-                scaled
-            }
-            None => ScaledProblem::new(problem, &ResidualScale::new(problem)),
-        };
+        let last_one = self.prepared.take().and_then(|prepared| prepared.again(problem));
+        let mut prepared = last_one.unwrap_or_else(|| Prepared::new(problem));
+        let scaled = &mut prepared.scaled;
         scaled.set_friction_model(model);
         if let Some(last) = &mut last {
             check_start(problem, last)?;
         }
-        let mut it = Iterate::new(&scaled, limits, last.as_deref().unwrap_or(impulse));
-        self.method.run(&scaled, &mut it);
+        let mut it = Iterate::new(scaled, limits, last.as_deref().unwrap_or(impulse));
+        self.method.run(scaled, &mut it);
         if let Some(last) = last {
             scaled.unpack(&it.x, last);
         }
@@ -69,7 +100,7 @@ impl<M: FirstOrderMethod> FirstOrder<M> {
         for (i, g) in impulse.chunks_exact_mut(3).enumerate() {
             g.copy_from_slice(&problem.cone(i).project([g[0], g[1], g[2]]));
         }
-        self.packed = Some(scaled);
+        self.prepared = Some(prepared);
         let mut report = it.limits.report(M::NAME, problem, impulse, status, iterations, 0);
         if !report.converged() {
             // Where impulses grow without limit (a contact between immovable bodies) the last projection may move them by more than
@@ -80,7 +111,8 @@ impl<M: FirstOrderMethod> FirstOrder<M> {
                 report = of_start;
             }
         }
-        Ok(SolveReport { products, ..report })
+        let history = it.history.into_samples();
+        Ok(SolveReport { products, history, ..report })
     }
 }
 
@@ -95,16 +127,6 @@ impl<M: FirstOrderMethod> CcpSolver for FirstOrder<M> {
         impulse: &mut [f64],
         settings: &SolveSettings,
     ) -> Result<SolveReport, CcpError> {
-        self.packed = None;
-        self.solve_again(problem, impulse, settings)
-    }
-
-    fn solve_again(
-        &mut self,
-        problem: &Ccp,
-        impulse: &mut [f64],
-        settings: &SolveSettings,
-    ) -> Result<SolveReport, CcpError> {
         self.improve(problem, impulse, None, settings, FrictionModel::Relaxed)
     }
 
@@ -114,11 +136,7 @@ impl<M: FirstOrderMethod> CcpSolver for FirstOrder<M> {
         impulse: &mut [f64],
         last: &mut [f64],
         settings: &SolveSettings,
-        again: bool,
     ) -> Result<Option<SolveReport>, CcpError> {
-        if !again {
-            self.packed = None;
-        }
         if M::EXACT {
             self.improve(problem, impulse, Some(last), settings, FrictionModel::Coulomb).map(Some)
         } else {
@@ -127,8 +145,6 @@ impl<M: FirstOrderMethod> CcpSolver for FirstOrder<M> {
     }
 }
 
-/// Iterations where the settings name no limit.
-pub(super) const ITERATION_LIMIT: usize = 100_000;
 /// Iterations between two evaluations of the residual.
 const CHECK: usize = 10;
 /// Iterations between two evaluations of the image of x from x itself: two per cent of the work.
@@ -149,6 +165,7 @@ pub struct Iterate<'a> {
     pub work: PassWork,
     limits: Limits<'a>,
     iterations: usize,
+    history: History,
     best: Best<Batch>,
     status: Status,
     refreshed: bool,
@@ -163,6 +180,7 @@ impl<'a> Iterate<'a> {
             work: scaled.work(),
             limits,
             iterations: 0,
+            history: History::default(),
             best: Best::default(),
             status: Status::Stalled,
             refreshed: false,
@@ -187,13 +205,12 @@ impl<'a> Iterate<'a> {
         scaled.gradient(&self.image, &mut self.gradient, &mut self.work);
     }
 
-    fn residual(&mut self, scaled: &ScaledProblem) -> f64 {
-        let residual = if self.gradient.is_empty() {
+    fn residual(&mut self, scaled: &ScaledProblem) -> Residual {
+        if self.gradient.is_empty() {
             scaled.residual(&mut self.x, &self.image, &mut self.work)
         } else {
             scaled.residual_given(&mut self.x, &mut self.gradient, &mut self.work)
-        };
-        self.limits.judged(residual)
+        }
     }
 
     /// Whether the image of x was recomputed since this was last asked. A method that keeps images of other vectors has
@@ -226,12 +243,14 @@ impl<'a> Iterate<'a> {
         if self.iterations.is_multiple_of(REFRESH) {
             self.refresh(scaled);
         }
-        let mut residual = self.residual(scaled);
-        if residual <= self.limits.tolerance() {
+        let mut found = self.residual(scaled);
+        if self.limits.judged(found) <= self.limits.tolerance() {
             // The image drifts from N' x by rounding: hold the claim against a fresh one.
             self.refresh(scaled);
-            residual = self.residual(scaled);
+            found = self.residual(scaled);
         }
+        self.history.record(self.iterations, self.limits.seconds(), found);
+        let residual = self.limits.judged(found);
         self.best.offer(&self.x, residual);
         match self.limits.status(self.iterations, residual) {
             Some(status) => {
@@ -268,7 +287,8 @@ pub fn add_image(to: &mut [Lanes], factor: f64, image: &[Lanes]) {
 mod tests {
     use crate::delassus::Delassus;
     use crate::problem::Ccp;
-    use crate::solver::{SolveSettings, SolverSpec};
+    use crate::registry::{Method, SolverSpec};
+    use crate::solver::settings::SolveSettings;
     use graintrain_linalg::block3::BlockMatrix3;
 
     /// Beside an ordinary contact one between immovable bodies that should part: no impulse helps, and none may make it worse.
@@ -278,8 +298,9 @@ mod tests {
         let matrix = BlockMatrix3::from_rows(vec![0, 1, 2], vec![0, 1], vec![free, [0.0; 9]]);
         let r = vec![-1.0, 0.3, 0.0, -1.0, 0.0, 0.2];
         let problem = Ccp::new(Delassus::Sparse(matrix), r, vec![0.3, 0.5]).unwrap();
-        for name in ["pj", "pgs", "apgd", "bb", "kucera", "spg", "gpminres"] {
-            let mut solver = name.parse::<SolverSpec>().unwrap().build().unwrap();
+        let first_order = |method: &Method| !method.has_linear_solver() && *method != Method::Auto;
+        for name in Method::available().filter(first_order) {
+            let mut solver = SolverSpec::from(name).build().unwrap();
             let mut residual_after = |iterations| {
                 let settings = SolveSettings { max_iterations: Some(iterations), ..SolveSettings::default() };
                 let mut impulse = vec![0.0; 6];

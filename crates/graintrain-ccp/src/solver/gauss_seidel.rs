@@ -5,10 +5,9 @@
 //! "Unilateral contact and dry friction in finite freedom dynamics", 1988, and M. Jean, "The non-smooth contact dynamics method",
 //! Computer Methods in Applied Mechanics and Engineering 177:235-257, 1999.
 
-use super::first_order::{FirstOrder, FirstOrderMethod, Iterate};
+use super::first_order::{FirstOrderMethod, Iterate};
 use super::lanes::{Batch, LANES, Lanes, Vector, sub, tangential_length};
-use super::scaling::{Here, Relaxation, ScaledProblem};
-use crate::problem::CcpError;
+use super::scaling::{ContactBatch, Relaxation, ScaledProblem};
 use graintrain_linalg::block3::Block;
 
 /// Projected Gauss-Seidel on the scaled problem: contacts one after the other,
@@ -49,10 +48,16 @@ struct Steps {
 
 impl Relaxation for Steps {
     #[inline(always)]
-    fn relaxed<V: Vector>(&self, batch: usize, here: Here<V>, u: &Batch<V>, x: &Batch<V>) -> Batch<V> {
+    fn relaxed<V: Vector>(
+        &self,
+        batch: usize,
+        contact: ContactBatch<V>,
+        u: &Batch<V>,
+        x: &Batch<V>,
+    ) -> Batch<V> {
         let step = V::of(self.step[batch]);
         let moved = sub(x, &[step * u[0], step * u[1], step * u[2]]);
-        here.allowed(&moved, tangential_length(&moved))
+        contact.allowed(&moved, tangential_length(&moved))
     }
 }
 
@@ -94,26 +99,18 @@ fn largest_eigenvalue(a: &Block) -> f64 {
     mean + 2.0 * p * (half.acos() / 3.0).cos()
 }
 
-/// Makes the solver by name; it has no linear solver.
-pub(super) fn build(linear: Option<&str>) -> Result<Box<dyn super::CcpSolver>, CcpError> {
-    super::without_linear_solver(GaussSeidel::NAME, linear)?;
-    Ok(Box::new(FirstOrder::new(GaussSeidel::default())))
-}
-
-/// The solver with this omega, `None` unless it is a number between 0 and 2.
-pub(super) fn build_with(omega: &str) -> Option<Box<dyn super::CcpSolver>> {
-    let relaxation = omega.parse().ok().filter(|omega| *omega > 0.0 && *omega < 2.0)?;
-    Some(Box::new(FirstOrder::new(GaussSeidel { relaxation })))
-}
-
 #[cfg(test)]
 mod tests {
     use super::super::body_operator::{TOGETHER, pack};
-    use super::super::{CcpSolver, SolveSettings, SolverSpec};
+    use super::super::first_order::FirstOrder;
+    use super::super::interface::CcpSolver;
+    use super::super::settings::SolveSettings;
     use super::*;
     use crate::delassus::{BodyInverseMass, Delassus, FIXED, RigidContact, RigidDelassus};
     use crate::problem::Ccp;
+    use crate::registry::SolverSpec;
     use crate::residual::FrictionModel;
+    use std::sync::Arc;
 
     /// Contacts between neighbours of a row of bodies, and of every fourth body with a fixed one.
     fn row_of_bodies(bodies: u32) -> Ccp {
@@ -150,7 +147,7 @@ mod tests {
     fn a_sweep_over_bodies_is_one_contact_after_the_other() {
         for bodies in [3, 9, 700] {
             let problem = row_of_bodies(bodies);
-            let Delassus::Rigid(rigid) = &problem.delassus else { unreachable!() };
+            let Delassus::Rigid(rigid) = &*problem.delassus else { unreachable!() };
             let order = pack(rigid).contacts;
             let mut sorted = order.clone();
             sorted.sort_unstable();
@@ -158,7 +155,7 @@ mod tests {
             let contacts = order.iter().map(|&i| rigid.contacts()[i as usize]).collect();
             let packed = RigidDelassus::new(contacts, rigid.inverse_mass().to_vec());
             let rows = Ccp {
-                delassus: Delassus::Sparse(packed.assemble()),
+                delassus: Arc::new(Delassus::Sparse(packed.assemble())),
                 r: order.iter().flat_map(|&i| problem.r[3 * i as usize..][..3].to_vec()).collect(),
                 friction: order.iter().map(|&i| problem.friction[i as usize]).collect(),
                 ..problem.clone()
@@ -175,7 +172,7 @@ mod tests {
                     let mut last = g.clone();
                     let mut solver = FirstOrder::new(GaussSeidel { relaxation: 1.2 });
                     if friction == FrictionModel::Coulomb {
-                        solver.solve_exact(problem, &mut g, &mut last, &settings, false).unwrap().unwrap();
+                        solver.solve_exact(problem, &mut g, &mut last, &settings).unwrap().unwrap();
                     } else {
                         solver.solve(problem, &mut g, &settings).unwrap();
                     }
@@ -196,7 +193,7 @@ mod tests {
     #[test]
     fn batches_computed_together_share_no_body() {
         let problem = row_of_bodies(700);
-        let Delassus::Rigid(rigid) = &problem.delassus else { unreachable!() };
+        let Delassus::Rigid(rigid) = &*problem.delassus else { unreachable!() };
         let order = pack(rigid).contacts;
         let apart = |group: &&[u32]| {
             let contacts = group.iter().map(|&i| rigid.contacts()[i as usize]);

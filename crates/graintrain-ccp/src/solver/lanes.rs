@@ -297,6 +297,12 @@ pub fn within_disc<V: Vector>(mu: V, x: &Batch<V>, tangential: V) -> Batch<V> {
     [normal, factor * x[1], factor * x[2]]
 }
 
+/// Work of one task, written as a type so that it can be compiled for more than one kind of [`Vector`].
+pub trait TaskWork {
+    /// Does the work. Implementations are `#[inline(always)]`.
+    fn run<V: Vector>(self);
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -1,8 +1,8 @@
 //! N as a sparse matrix, packed for the first-order methods.
 
+use super::combination::Combination;
 use super::lanes::{Batch, LANES, Lanes, ZERO, dot};
-use super::scaling::Combination;
-use super::sweep::{CHUNK, Tally, Totals, for_each_task};
+use super::tasks::{CHUNK, Tally, Totals, for_each_task};
 use graintrain_linalg::block3::{Block, BlockMatrix3};
 
 /// Block rows of N scaled from both sides, with columns as places in vectors of batches.

@@ -13,25 +13,26 @@
 //! the normal one. Only the residual has to be taken in the original metric, where |d_i| is measured: in units of V / eta_i, the
 //! impulse by which the contact's own effective mass changes its velocity by V.
 
+mod contacts;
 mod kernel;
 mod passes;
-mod surroundings;
 
 use super::body_operator::{BodyOperator, BodyPair, pack};
+use super::combination::{Combination, Replace};
+use super::dispatch::vectorised;
 use super::lanes::{Batch, LANES, Lanes, ZERO, project};
 use super::row_operator::RowOperator;
-use super::sweep::{CHUNK, Tally, Totals, for_each_task, vectorised};
+use super::tasks::{CHUNK, Tally, Totals, for_each_task};
 use crate::delassus::Delassus;
 use crate::problem::Ccp;
 use crate::residual::{FrictionModel, Residual, ResidualScale};
+use contacts::ContactArrays;
 use graintrain_linalg::block3::Block;
-use passes::{BodyPass, BodySweep, RowPass};
-use surroundings::Surroundings;
-
 use kernel::{Identity, NaturalMap, NaturalMapGiven, PowerStep, Store};
+use passes::{BodyPass, BodySweep, RowPass};
 
-pub use kernel::{Accumulate, Combination, Given, Kernel, Relaxation, Replace};
-pub use surroundings::{Here, Metric};
+pub use contacts::{ContactBatch, Metric};
+pub use kernel::{Kernel, KernelInput, Relaxation};
 
 /// Power iterations for the first step size.
 const POWER_ITERATIONS: usize = 12;
@@ -74,7 +75,7 @@ pub struct PassWork {
 }
 
 impl PassWork {
-    /// Tallies of the chunks, for [`for_each_batch`](super::sweep::for_each_batch).
+    /// Tallies of the chunks, for [`for_each_batch`](super::tasks::for_each_batch).
     pub fn tallies(&mut self) -> &mut [Tally] {
         &mut self.tallies
     }
@@ -104,7 +105,7 @@ impl ScaledProblem {
                 [factor(block[0]), factor(0.5 * (block[4] + block[8]))]
             })
             .collect();
-        let (operator, order) = match &problem.delassus {
+        let (operator, order) = match &*problem.delassus {
             Delassus::Rigid(rigid) => {
                 let packing = pack(rigid);
                 (Operator::Bodies(BodyOperator::new(rigid, &packing, &scaling)), packing.contacts)
@@ -151,12 +152,12 @@ impl ScaledProblem {
         }
     }
 
-    /// The problem that the residual, [`Here::drive`] and [`Here::allowed`] are of; relaxed at first.
+    /// The problem that the residual, [`ContactBatch::drive`] and [`ContactBatch::allowed`] are of; relaxed at first.
     pub fn set_friction_model(&mut self, model: FrictionModel) {
         self.friction_model = model;
     }
 
-    /// The problem that the residual, [`Here::drive`] and [`Here::allowed`] are of.
+    /// The problem that the residual, [`ContactBatch::drive`] and [`ContactBatch::allowed`] are of.
     pub fn friction_model(&self) -> FrictionModel {
         self.friction_model
     }
@@ -311,7 +312,7 @@ impl ScaledProblem {
                     &|chunk, vectors, slots, tally| {
                         let batches = range(chunk);
                         vectorised(BodyPass::<M, GATHER, SCATTER, _> {
-                            scaled: self,
+                            contacts: self.contacts(batches.clone()),
                             bodies,
                             velocity,
                             batches,
@@ -339,7 +340,7 @@ impl ScaledProblem {
                     &|chunk, vectors, scattered, tally| {
                         let batches = range(chunk);
                         vectorised(RowPass::<M, GATHER, _> {
-                            scaled: self,
+                            contacts: self.contacts(batches.clone()),
                             product,
                             batches,
                             vectors,
@@ -438,18 +439,19 @@ impl ScaledProblem {
         work.products += 1;
         match &self.operator {
             Operator::Bodies(bodies) => {
-                vectorised(BodySweep { scaled: self, bodies, x, image, kernel });
+                let contacts = self.contacts(0..x.len());
+                vectorised(BodySweep { contacts, bodies, x, image, kernel });
                 true
             }
             Operator::Rows(rows) => {
-                let surroundings = self.surroundings(0..self.num_batches());
+                let contacts = self.contacts(0..self.num_batches());
                 for i in 0..self.order.len() {
                     let (batch, lane) = (i / LANES, i % LANES);
                     let mut u = self.r[batch];
                     for (u, product) in u.iter_mut().zip(rows.row_times(i, x)) {
                         u.0[lane] += product;
                     }
-                    let new = kernel.relaxed(batch, surroundings.at(batch), &u, &x[batch]);
+                    let new = kernel.relaxed(batch, contacts.at(batch), &u, &x[batch]);
                     for k in 0..3 {
                         x[batch][k].0[lane] = new[k].0[lane];
                     }
@@ -486,8 +488,8 @@ impl ScaledProblem {
 
     /// What is known about some batches.
     #[inline(always)]
-    fn surroundings(&self, batches: std::ops::Range<usize>) -> Surroundings<'_> {
-        Surroundings {
+    fn contacts(&self, batches: std::ops::Range<usize>) -> ContactArrays<'_> {
+        ContactArrays {
             friction: &self.friction[batches.clone()],
             metric: &self.metric[batches.clone()],
             r: &self.r[batches],

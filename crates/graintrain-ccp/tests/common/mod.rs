@@ -3,8 +3,11 @@
 
 use clarabel::algebra::CscMatrix;
 use clarabel::solver::{DefaultSettingsBuilder, DefaultSolver, IPSolver, SupportedConeT};
+use graintrain_ccp::newton::NewtonSolver;
+use graintrain_ccp::registry::{LinearMethod, Method};
 use graintrain_ccp::residual::{FrictionModel, ResidualScale};
 use graintrain_ccp::{BodyInverseMass, Ccp, Delassus, FIXED, RigidContact, RigidDelassus};
+use std::sync::Arc;
 
 /// SplitMix64 (Steele, Lea, Flood 2014): the same numbers on every machine.
 pub struct Random(u64);
@@ -115,7 +118,7 @@ pub fn random_problem(seed: u64) -> Ccp {
 
 /// The same problem with N as a sparse matrix.
 pub fn sparse_form(problem: &Ccp) -> Ccp {
-    Ccp { delassus: Delassus::Sparse(problem.delassus.assemble()), ..problem.clone() }
+    Ccp { delassus: Arc::new(Delassus::Sparse(problem.delassus.assemble())), ..problem.clone() }
 }
 
 /// A block of layers x side x side balls on a jittered lattice, pressed together and sliding, with gravity; the bottom
@@ -315,7 +318,7 @@ pub fn clarabel(problem: &Ccp) -> Oracle {
 /// # Panics
 /// If the problem has no bodies or Clarabel does not solve it.
 pub fn clarabel_over_velocities(problem: &Ccp) -> f64 {
-    let Delassus::Rigid(rigid) = &problem.delassus else { panic!("a problem over bodies") };
+    let Delassus::Rigid(rigid) = &*problem.delassus else { panic!("a problem over bodies") };
     let scale = problem.r.iter().map(|x| x * x).sum::<f64>().sqrt().max(1e-300);
     let mut cones = Vec::new();
     let mut first_row = vec![0];
@@ -377,4 +380,9 @@ pub fn clarabel_over_velocities(problem: &Ccp) -> f64 {
     let objective = solver.solution.obj_val;
     assert!(objective.is_finite(), "Clarabel failed: {:?}", solver.solution.status);
     -scale * scale * objective
+}
+
+/// A linear solver by name.
+pub fn linear_solver(name: &str) -> Box<dyn NewtonSolver> {
+    LinearMethod::of(Method::Ipm, name).and_then(LinearMethod::build).unwrap()
 }

@@ -8,7 +8,7 @@ use crate::solving::{self, Options, Record};
 use crate::terminal::{answer, say, tell};
 use crate::threads::with_threads;
 use graintrain_ccp::SolverSpec;
-use graintrain_ccp::solver::METHODS;
+use graintrain_ccp::registry::Method;
 use graintrain_io::problem_file::ProblemFile;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::path::{Path, PathBuf};
@@ -201,7 +201,7 @@ fn specs(names: &[String]) -> Result<Vec<SolverSpec>, Failure> {
     let mut specs: Vec<SolverSpec> = Vec::new();
     for name in &rejoined(names) {
         let expanded: Vec<&str> =
-            if name == "all" { METHODS.iter().map(|method| method.name).collect() } else { vec![name] };
+            if name == "all" { Method::available().map(Method::name).collect() } else { vec![name] };
         for name in expanded {
             let spec = solving::solver_spec(name)?;
             if !specs.contains(&spec) {

@@ -105,7 +105,7 @@ pub fn execute(arguments: &Arguments) -> Result<ExitCode, Failure> {
 fn moment(path: &Path, time: Option<f64>) -> Result<(World, f64, f64), ViewError> {
     if path.is_file() {
         let checkpoint = checkpoint::read(path)?;
-        return Ok((checkpoint.world, checkpoint.settings.step, checkpoint.settings.step));
+        return Ok((checkpoint.world, checkpoint.settings.stepping.step, checkpoint.settings.stepping.step));
     }
     let run = RunFolder::open(path)?;
     let times = run.times();

@@ -3,6 +3,7 @@
 use crate::error::Failure;
 use crate::session::{SessionOptions, make_steps, output_failure};
 use crate::signal::Stop;
+use crate::solving;
 use crate::terminal::{say, tell};
 use graintrain::ccp::Judge;
 use graintrain_io::checkpoint::{self, CheckpointError};
@@ -57,15 +58,15 @@ pub fn execute(arguments: &Arguments) -> Result<ExitCode, Failure> {
     settings.steps = match (arguments.steps, arguments.until) {
         (Some(steps), _) => steps,
         // Whole steps up to round-off.
-        (None, Some(end)) => (end / settings.step * (1.0 - 1e-12)).ceil().max(0.0) as u64,
+        (None, Some(end)) => (end / settings.stepping.step * (1.0 - 1e-12)).ceil().max(0.0) as u64,
         (None, None) => settings.steps,
     };
     if let Some(solver) = &arguments.solver {
-        settings.solver.clone_from(solver);
+        settings.stepping.solver = solving::solver_spec(solver)?;
     }
-    settings.tolerance = arguments.tolerance.unwrap_or(settings.tolerance);
+    settings.stepping.tolerance = arguments.tolerance.unwrap_or(settings.stepping.tolerance);
     if arguments.strict_max {
-        settings.judge = Judge::Maximum;
+        settings.stepping.judge = Judge::Maximum;
     }
     if world.step >= settings.steps {
         say!(

@@ -114,9 +114,9 @@ pub fn execute(arguments: &Arguments) -> Result<ExitCode, Failure> {
             settings.scene,
             simulation.world.bodies.len(),
             settings.steps,
-            settings.step,
-            settings.solver,
-            settings.tolerance,
+            settings.stepping.step,
+            settings.stepping.solver,
+            settings.stepping.tolerance,
             folder.display()
         );
     }

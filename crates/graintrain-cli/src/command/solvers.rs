@@ -2,7 +2,7 @@
 
 use crate::error::Failure;
 use crate::terminal::answer;
-use graintrain_ccp::solver::METHODS;
+use graintrain_ccp::registry::Method;
 use std::process::ExitCode;
 
 /// List the contact solvers by name
@@ -11,8 +11,9 @@ use std::process::ExitCode;
 pub struct Arguments {}
 
 pub fn execute(_: &Arguments) -> Result<ExitCode, Failure> {
-    let width = METHODS.iter().map(|method| method.name.len()).max().unwrap_or(0);
-    let lines = METHODS.iter().map(|method| format!("{:width$}  {}\n", method.name, method.about));
+    let listed = || Method::available().filter(|method| method.is_listed());
+    let width = listed().map(|method| method.name().len()).max().unwrap_or(0);
+    let lines = listed().map(|method| format!("{method:width$}  {}\n", method.about()));
     answer(lines.collect::<String>())?;
     Ok(ExitCode::SUCCESS)
 }

@@ -220,7 +220,7 @@ impl Recorder {
 
     /// Writes the frames of the bodies, surfaces and contacts.
     fn frame(&mut self, world: &World) -> Result<(), OutputError> {
-        let (output, step) = (&self.settings.output, self.settings.step);
+        let (output, step) = (&self.settings.output, self.settings.stepping.step);
         if !(output.bodies || output.contacts) {
             return Ok(());
         }

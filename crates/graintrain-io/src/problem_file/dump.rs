@@ -52,7 +52,7 @@ fn encode(problem: &Ccp, title: &str) -> Result<Vec<u8>, Defect> {
     let refused =
         |error: FormatError| Defect::unsupported(error.to_string(), "give the problem another title");
     let mut builder = FileBuilder::new();
-    let forms = match &problem.delassus {
+    let forms = match &*problem.delassus {
         Delassus::Rigid(rigid) => mass_and_jacobian(rigid),
         Delassus::Sparse(_) => None,
     };
@@ -98,7 +98,7 @@ fn encode(problem: &Ccp, title: &str) -> Result<Vec<u8>, Defect> {
     if !problem.identity.is_empty() {
         own.create_dataset("identity").with_u64_data(&problem.identity);
     }
-    if let (Delassus::Rigid(rigid), Some(_)) = (&problem.delassus, &forms) {
+    if let (Delassus::Rigid(rigid), Some(_)) = (&*problem.delassus, &forms) {
         let contacts = rigid.contacts();
         let body = |body: u32| if body == FIXED { -1 } else { i64::from(body) };
         let numbers =

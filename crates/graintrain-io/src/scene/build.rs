@@ -3,9 +3,7 @@
 use super::Scene;
 use super::error::{Location, SceneError, SceneErrorKind};
 use super::mesh_file;
-use super::model::{
-    BodySpec, FrictionLaw, MeshSpec, MotionSpec, PackingSource, PackingSpec, PartSpec, ShapeSpec,
-};
+use super::model::{BodySpec, MeshSpec, MotionSpec, PackingSource, PackingSpec, PartSpec, ShapeSpec};
 use super::packing::{self, read_file};
 use crate::settings::OutputSettings;
 use graintrain::collide::deepest_overlap;
@@ -16,7 +14,7 @@ use graintrain::motion::{Motion, Profile, Rotation};
 use graintrain::shape::{Geometry, Part, Shape};
 use graintrain::stepper::StepSettings;
 use graintrain::world::{Body, FREE, World};
-use graintrain_ccp::{FrictionModel, Judge};
+use graintrain_ccp::Judge;
 use std::collections::HashMap;
 use std::path::PathBuf;
 
@@ -70,20 +68,14 @@ impl Scene {
         let envelope = *resolved.contact.envelope.get_or_insert(ENVELOPE * smallest_radius);
         let allowed = *resolved.contact.allowed_overlap.get_or_insert(ALLOWED_OVERLAP * smallest_radius);
         check_overlap(&world, &origins, allowed)?;
-        let solver = self.solver.name.parse().map_err(|error: graintrain_ccp::CcpError| {
-            SceneError::new(SceneErrorKind::Contradiction(error.to_string()), None)
-        })?;
         let settings = StepSettings {
             step: self.time.step,
             envelope,
-            solver,
+            solver: self.solver.name,
             tolerance: self.solver.tolerance,
             judge: if self.solver.strict_max { Judge::Maximum } else { Judge::Mixed },
             max_iterations: self.solver.max_iterations,
-            friction: match self.solver.friction {
-                FrictionLaw::Relaxed => FrictionModel::Relaxed,
-                FrictionLaw::Coulomb => FrictionModel::Coulomb,
-            },
+            friction: self.solver.friction,
             overlap: self.contact.overlap,
         };
         let whole_steps = |time: f64| ((time / self.time.step).round() as u64).max(1);

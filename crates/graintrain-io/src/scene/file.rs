@@ -11,14 +11,11 @@ use crate::settings::Precision;
 use graintrain::assemble::OverlapCorrection;
 use graintrain::math::{Quat, Vec3};
 use graintrain::motion::Profile;
-use graintrain_ccp::{CcpError, SolverSpec};
+use graintrain_ccp::{CcpError, FrictionModel, SolverSpec};
 use std::path::PathBuf;
 
 /// Name of the material of scenes that declare none.
 const DEFAULT_MATERIAL: &str = "default";
-
-/// Solver of scenes that name none.
-const DEFAULT_SOLVER: &str = "auto";
 
 /// Largest number of steps of a run.
 const MOST_STEPS: f64 = 1e12;
@@ -106,18 +103,15 @@ fn contact(reader: Option<Reader>) -> Result<ContactSpec, SceneError> {
 
 fn solver(reader: Option<Reader>) -> Result<SolverChoice, SceneError> {
     let mut spec = SolverChoice {
-        name: DEFAULT_SOLVER.into(),
+        name: SolverSpec::default(),
         tolerance: 1e-4,
         strict_max: false,
         max_iterations: None,
-        friction: FrictionLaw::Relaxed,
+        friction: FrictionModel::Relaxed,
     };
     if let Some(reader) = reader {
         if let Some(name) = reader.text("name")? {
-            spec.name = name
-                .parse::<SolverSpec>()
-                .map_err(|error| unknown_solver(&reader, &name, error))?
-                .to_string();
+            spec.name = name.parse().map_err(|error| unknown_solver(&reader, &name, error))?;
         }
         spec.tolerance = reader.quantity("tolerance", Range::Positive)?.unwrap_or(spec.tolerance);
         spec.strict_max = reader.flag("strict_max")?.unwrap_or(spec.strict_max);
@@ -125,8 +119,7 @@ fn solver(reader: Option<Reader>) -> Result<SolverChoice, SceneError> {
             Some(0) => return Err(reader.out_of_range("max_iterations", "at least 1", 0)),
             count => count.map(|count| count as usize),
         };
-        let laws = &[("relaxed", FrictionLaw::Relaxed), ("coulomb", FrictionLaw::Coulomb)];
-        spec.friction = reader.choice("friction", laws)?.unwrap_or(spec.friction);
+        spec.friction = reader.choice("friction", FrictionModel::NAMES)?.unwrap_or(spec.friction);
     }
     Ok(spec)
 }

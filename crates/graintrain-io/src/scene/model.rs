@@ -5,6 +5,7 @@ use crate::settings::Precision;
 use graintrain::assemble::OverlapCorrection;
 use graintrain::math::{Quat, Vec3};
 use graintrain::motion::Profile;
+use graintrain_ccp::{FrictionModel, SolverSpec};
 use serde::{Serialize, Serializer};
 use std::path::PathBuf;
 
@@ -71,7 +72,7 @@ impl PairRule {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct SolverChoice {
     /// Name, with its linear solver after a `+`.
-    pub name: String,
+    pub name: SolverSpec,
     /// Residual at which it stops.
     pub tolerance: f64,
     /// Whether the tolerance is of the worst contact, rather than of the root mean square with a bound for the worst.
@@ -80,17 +81,7 @@ pub struct SolverChoice {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub max_iterations: Option<usize>,
     /// Friction law.
-    pub friction: FrictionLaw,
-}
-
-/// Relaxed cone complementarity or exact Coulomb friction.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum FrictionLaw {
-    /// Cone complementarity.
-    Relaxed,
-    /// Exact.
-    Coulomb,
+    pub friction: FrictionModel,
 }
 
 /// What a run writes, and when.

@@ -8,7 +8,7 @@ use graintrain::material::Materials;
 use graintrain::math::{Quat, Vec3};
 use graintrain::motion::{Motion, Profile};
 use graintrain::shape::{Geometry, Part, Shape};
-use graintrain::stepper::{PhaseSeconds, PhysicalErrors, StepReport, Wrench};
+use graintrain::stepper::{PhaseSeconds, PhysicalErrors, StepReport, StepSettings, Wrench};
 use graintrain::world::{Body, World};
 use graintrain_io::checkpoint::{self, CheckpointError};
 use graintrain_io::output::OutputSettings;
@@ -56,9 +56,9 @@ fn world() -> World {
 /// Puts the world a step further, as if solved: contacts of the two spheres with the ground and with each other.
 fn advance(world: &mut World, settings: &RunSettings) -> StepReport {
     world.step += 1;
-    world.time += settings.step;
-    world.bodies.position[1].x += settings.step;
-    let weight = |body: usize| world.bodies.mass[body] * 9.81 * settings.step;
+    world.time += settings.stepping.step;
+    world.bodies.position[1].x += settings.stepping.step;
+    let weight = |body: usize| world.bodies.mass[body] * 9.81 * settings.stepping.step;
     let contact = |a: u32, b: u32, point: Vec3, normal: Vec3, gap: f64| Contact {
         body_a: a,
         body_b: b,
@@ -100,6 +100,7 @@ fn advance(world: &mut World, settings: &RunSettings) -> StepReport {
             objective: -1.0,
             seconds: 0.01,
             newton: Vec::new(),
+            history: Vec::new(),
             remark: None,
         },
         penetration_max: 1e-5,
@@ -120,7 +121,11 @@ fn advance(world: &mut World, settings: &RunSettings) -> StepReport {
         kinetic_energy: world.kinetic_energy(),
         phases: PhaseSeconds { collide: 0.1, assemble: 0.2, solve: 0.3, integrate: 0.4 },
         wrenches: vec![
-            Wrench { body: 5, force: Vec3::new(0.0, 0.0, -total / settings.step), torque: Vec3::ZERO },
+            Wrench {
+                body: 5,
+                force: Vec3::new(0.0, 0.0, -total / settings.stepping.step),
+                torque: Vec3::ZERO,
+            },
             Wrench { body: 6, ..Wrench::default() },
             Wrench { body: 7, ..Wrench::default() },
         ],
@@ -130,14 +135,16 @@ fn advance(world: &mut World, settings: &RunSettings) -> StepReport {
 fn settings() -> RunSettings {
     RunSettings {
         scene: "hand-made".into(),
-        step: 0.025,
-        envelope: 0.01,
-        solver: "apgd".into(),
-        tolerance: 1e-4,
-        judge: graintrain::ccp::Judge::Mixed,
-        max_iterations: None,
-        friction: FrictionModel::Relaxed,
-        overlap: OverlapCorrection::Position,
+        stepping: StepSettings {
+            step: 0.025,
+            envelope: 0.01,
+            solver: "apgd".parse().unwrap(),
+            tolerance: 1e-4,
+            judge: graintrain::ccp::Judge::Mixed,
+            max_iterations: None,
+            friction: FrictionModel::Relaxed,
+            overlap: OverlapCorrection::Position,
+        },
         steps: 5,
         output: OutputSettings {
             every: 2,

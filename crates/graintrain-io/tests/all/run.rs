@@ -6,6 +6,7 @@ use graintrain::material::Materials;
 use graintrain::math::Vec3;
 use graintrain::motion::{Motion, Profile};
 use graintrain::shape::{Geometry, Shape};
+use graintrain::stepper::StepSettings;
 use graintrain::world::{Body, World};
 use graintrain_io::checkpoint;
 use graintrain_io::files::OutputError;
@@ -49,14 +50,16 @@ fn world() -> World {
 fn settings(steps: u64) -> RunSettings {
     RunSettings {
         scene: "stirred".into(),
-        step: 0.01,
-        envelope: 0.02,
-        solver: "apgd".into(),
-        tolerance: 1e-5,
-        judge: Judge::Maximum,
-        max_iterations: None,
-        friction: FrictionModel::Relaxed,
-        overlap: OverlapCorrection::Position,
+        stepping: StepSettings {
+            step: 0.01,
+            envelope: 0.02,
+            solver: "apgd".parse().unwrap(),
+            tolerance: 1e-5,
+            judge: Judge::Maximum,
+            max_iterations: None,
+            friction: FrictionModel::Relaxed,
+            overlap: OverlapCorrection::Position,
+        },
         steps,
         output: OutputSettings {
             every: 4,
@@ -67,6 +70,14 @@ fn settings(steps: u64) -> RunSettings {
         },
         dump_problem_every: None,
     }
+}
+
+/// With a tolerance and an iteration limit.
+fn with_limits(tolerance: f64, max_iterations: usize, steps: u64) -> RunSettings {
+    let mut settings = settings(steps);
+    settings.stepping.tolerance = tolerance;
+    settings.stepping.max_iterations = Some(max_iterations);
+    settings
 }
 
 fn never() -> Arc<AtomicBool> {
@@ -180,7 +191,7 @@ fn a_killed_run_goes_on_from_its_last_checkpoint() {
 fn a_solve_that_is_stopped_leaves_the_state_as_it_was() {
     let stop = never();
     // Nothing reaches a residual of 1e-300: the solve goes on until the flag is set.
-    let settings = RunSettings { tolerance: 1e-300, max_iterations: Some(usize::MAX), ..settings(1_000_000) };
+    let settings = with_limits(1e-300, usize::MAX, 1_000_000);
     let mut run = Run::new(world(), settings, RunTotals::default(), stop.clone()).unwrap();
     let handle = std::thread::spawn(move || {
         std::thread::sleep(std::time::Duration::from_millis(300));
@@ -201,7 +212,7 @@ fn a_solve_that_is_stopped_leaves_the_state_as_it_was() {
 
 #[test]
 fn strict_runs_end_where_a_solve_misses_its_tolerance() {
-    let settings = RunSettings { tolerance: 1e-12, max_iterations: Some(3), ..settings(60) };
+    let settings = with_limits(1e-12, 3, 60);
     let mut run = Run::new(world(), settings.clone(), RunTotals::default(), never()).unwrap();
     assert_eq!(run.advance(&mut []).unwrap(), Ending::Finished);
     assert!(run.totals.unconverged_steps > 0);

@@ -7,6 +7,7 @@
 use graintrain::ccp::{BodyInverseMass, Ccp, Delassus, FIXED, RigidContact, RigidDelassus};
 use rand::Rng;
 use rand_pcg::Pcg64;
+use std::sync::Arc;
 
 /// Half edge or radius, m; density, kg/m^3; friction; time step, s (the values of the common job).
 const RADIUS: f64 = 0.1;
@@ -288,7 +289,7 @@ impl Plan {
         let mut r = vec![0.0; 3 * self.touches.len()];
         rigid.relative_velocity(&fall, &mut r);
         Ccp {
-            delassus: Delassus::Rigid(rigid),
+            delassus: Arc::new(Delassus::Rigid(rigid)),
             friction: vec![FRICTION; self.touches.len()],
             r,
             velocity_scale: Some(GRAVITY * STEP),

@@ -7,9 +7,10 @@ use crate::Failure;
 use crate::solve::{clock, settings};
 use crate::table::short;
 use graintrain::ccp::newton::driver::NewtonDriver;
-use graintrain::ccp::newton::train::TensorTrain;
-use graintrain::ccp::newton::{Form, LinearReport, NewtonError, NewtonSolver, NewtonSystem, linear_solver};
-use graintrain::ccp::solver::pdip::{Pdip, Rule};
+use graintrain::ccp::newton::{Form, LinearReport, NewtonError, NewtonSolver, NewtonSystem};
+use graintrain::ccp::paper::pdip::{Pdip, Rule};
+use graintrain::ccp::paper::train::TensorTrain;
+use graintrain::ccp::registry::{LinearMethod, Method};
 use graintrain::ccp::{Ccp, CcpError, CcpSolver, SolveReport, SolveSettings};
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -121,7 +122,7 @@ fn build(name: &str) -> Result<Box<dyn NewtonSolver>, CcpError> {
     if name == TRAIN_AT_ANY_SIZE {
         return Ok(Box::new(TensorTrain::at_any_size()));
     }
-    linear_solver("pdip", name)
+    LinearMethod::of(Method::Pdip, name)?.build()
 }
 
 /// One of the others.

@@ -7,11 +7,12 @@
 use crate::Failure;
 use crate::solve::{TOLERANCE, clock, problem};
 use crate::table::short;
-use graintrain::ccp::newton::{Form, LinearReport, NewtonError, NewtonSolver, NewtonSystem, linear_solver};
-use graintrain::ccp::solver::pdip::{Pdip, Rule};
-use graintrain::ccp::tensor_train::inverse::{Compression, TrainInverse, TrainSettings};
-use graintrain::ccp::tensor_train::place::contact_points;
-use graintrain::ccp::tensor_train::tree::{PointTree, Split};
+use graintrain::ccp::newton::{Form, LinearReport, NewtonError, NewtonSolver, NewtonSystem};
+use graintrain::ccp::paper::pdip::{Pdip, Rule};
+use graintrain::ccp::paper::tensor_train::inverse::{Compression, TrainInverse, TrainSettings};
+use graintrain::ccp::paper::tensor_train::place::contact_points;
+use graintrain::ccp::paper::tensor_train::tree::{PointTree, Split};
+use graintrain::ccp::registry::LinearMethod;
 use graintrain::ccp::{CcpSolver, SolveSettings};
 use graintrain_linalg::block3::BlockMatrix3;
 use graintrain_linalg::dense::{Matrix, product, symmetric_eigen};
@@ -416,8 +417,11 @@ pub fn orders_of(name: &str, iterations: &[usize]) -> Result<(), Failure> {
     );
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
     let stop = Arc::new(AtomicBool::new(false));
-    let studied =
-        Studied { guide: linear_solver("pdip", "ic")?, iterations: iterations.to_vec(), stop: stop.clone() };
+    let studied = Studied {
+        guide: LinearMethod::IncompleteCholesky.build()?,
+        iterations: iterations.to_vec(),
+        stop: stop.clone(),
+    };
     let settings = SolveSettings { tolerance: TOLERANCE, stop: Some(stop), ..SolveSettings::default() };
     let mut impulse = vec![0.0; 3 * problem.num_contacts()];
     pool.install(|| {

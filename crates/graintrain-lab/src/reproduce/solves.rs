@@ -117,16 +117,10 @@ impl Problems {
     /// [`ReproduceError`] for a damaged state or a stop request.
     pub fn open(folder: &Path, stop: &Arc<AtomicBool>) -> Result<Self, ReproduceError> {
         let (checkpoint, _) = checkpoint::latest(folder)?;
-        let settings = checkpoint.settings;
         let mut stepper = Stepper::new(StepSettings {
-            step: settings.step,
-            envelope: settings.envelope,
-            solver: settings.solver.parse::<SolverSpec>().map_err(graintrain::stepper::StepError::from)?,
-            tolerance: settings.tolerance,
-            judge: settings.judge,
-            max_iterations: settings.max_iterations,
             friction: FrictionModel::Relaxed,
             overlap: OverlapCorrection::Velocity,
+            ..checkpoint.settings.stepping
         })?;
         stepper.stop_on(Arc::clone(stop));
         Ok(Self { world: checkpoint.world, stepper })

@@ -55,7 +55,7 @@ impl RunFolder {
         }
         Ok(Self {
             scene: checkpoint.settings.scene,
-            step: checkpoint.settings.step,
+            step: checkpoint.settings.stepping.step,
             last: checkpoint.world,
             folder: folder.to_path_buf(),
             frames,

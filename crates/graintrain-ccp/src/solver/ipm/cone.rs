@@ -6,7 +6,7 @@
 
 /// A point of the interior of { |x_t| <= x_0 }.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(in crate::solver) struct Point {
+pub(crate) struct Point {
     /// x_0 - |x_t| > 0.
     pub gap: f64,
     /// x_t.
@@ -84,7 +84,7 @@ impl Point {
 ///
 /// with x' = x / sqrt(det x), s' likewise, eta = (det x / det s)^(1/4) (Nesterov, Todd 1997; Vandenberghe 2010).
 #[derive(Clone, Copy, Debug)]
-pub(in crate::solver) struct Scaling {
+pub(crate) struct Scaling {
     eta: f64,
     w: [f64; 3],
     /// lambda.
@@ -165,7 +165,7 @@ impl Scaling {
 }
 
 /// Jordan product a o b = (a^T b, a_0 b_t + b_0 a_t).
-pub(in crate::solver) fn product(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+pub(crate) fn product(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     [a[0] * b[0] + a[1] * b[1] + a[2] * b[2], a[0] * b[1] + b[0] * a[1], a[0] * b[2] + b[0] * a[2]]
 }
 

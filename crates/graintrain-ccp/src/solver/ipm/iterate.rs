@@ -2,8 +2,8 @@
 
 use super::pair::{Pair, PairScaling, componentwise, cone_map, divide_by};
 use crate::delassus::DelassusWork;
-use crate::newton::apply_blocks_in_place;
-use crate::newton::driver::ScaledBlocks;
+use crate::newton::system::ScaledBlocks;
+use crate::newton::system::apply_blocks_in_place;
 use crate::problem::Ccp;
 use graintrain_linalg::block_ops::apply3;
 use graintrain_linalg::block3::Block;
@@ -16,7 +16,7 @@ const NOISE: f64 = 32.0 * f64::EPSILON;
 const PROXIMAL: f64 = 1e-9;
 
 /// Vectors of one solve, allocated once.
-pub(in crate::solver) struct Work {
+pub(crate) struct Work {
     pub pairs: Vec<Pair>,
     pub scalings: Vec<PairScaling>,
     /// Diagonals of T.

@@ -2,17 +2,28 @@
 
 use super::cone::product;
 use super::iterate::Work;
-use crate::newton::driver::ScaledBlocks;
+use crate::newton::system::ScaledBlocks;
 
-/// Gondzio correctors tried per step.
-const CORRECTORS: usize = 2;
-/// Complementarity products are pulled into this range around their target.
-const PRODUCTS: [f64; 2] = [0.1, 10.0];
+/// Gondzio's correctors.
+#[derive(Clone, Copy, Debug)]
+pub struct Correctors {
+    /// Gondzio correctors tried per step.
+    pub tried: usize,
+    /// Complementarity products are pulled into this range around their target.
+    pub products: [f64; 2],
+}
+
+impl Default for Correctors {
+    fn default() -> Self {
+        Self { tried: 2, products: [0.1, 10.0] }
+    }
+}
 
 /// Makes the step from scalings, blocks and dual residual of `work` and returns its length. `solve` solves
 /// (I + F^T N F) z = b, given F, b and in z the last solution; it is called two to four times.
-pub(in crate::solver) fn step(
+pub(crate) fn step(
     work: &mut Work,
+    correctors: Correctors,
     mut solve: impl FnMut(ScaledBlocks<'_>, &[f64], &mut [f64]),
 ) -> f64 {
     let contacts = work.contacts();
@@ -35,14 +46,20 @@ pub(in crate::solver) fn step(
     let mut step = work.longest_step();
 
     // Gondzio's correctors: pull outlying complementarity products of a longer step back.
-    for _ in 0..CORRECTORS {
+    for _ in 0..correctors.tried {
         if step >= 1.0 {
             break;
         }
         let aim = (1.5 * step + 0.1).min(1.0);
         for i in 0..contacts {
             let (dx, ds) = (work.scaled_dx[i], work.scaled_ds[i]);
-            let correction = outlying(work.scalings[i].lambda(), aim, dx, ds, target);
+            let correction = outlying(
+                work.scalings[i].lambda(),
+                aim,
+                dx,
+                ds,
+                correctors.products.map(|factor| factor * target),
+            );
             trial[i] = std::array::from_fn(|k| complementarity[i][k] + correction[k]);
         }
         work.save_direction();
@@ -65,12 +82,11 @@ pub(in crate::solver) fn step(
 
 /// Gondzio's correction of d_c: what the products of the step `aim` exceed the range around the target by, per
 /// eigenvalue of (lambda + aim dx) o (lambda + aim ds), bounded below by minus the upper end of the range.
-fn outlying(lambda: [f64; 3], aim: f64, dx: [f64; 3], ds: [f64; 3], target: f64) -> [f64; 3] {
+fn outlying(lambda: [f64; 3], aim: f64, dx: [f64; 3], ds: [f64; 3], [low, high]: [f64; 2]) -> [f64; 3] {
     let x: [f64; 3] = std::array::from_fn(|k| lambda[k] + aim * dx[k]);
     let s: [f64; 3] = std::array::from_fn(|k| lambda[k] + aim * ds[k]);
     let v = product(x, s);
     let length = v[1].hypot(v[2]);
-    let [low, high] = PRODUCTS.map(|factor| factor * target);
     let excess = |l: f64| (l - l.clamp(low, high)).min(high);
     let (a, b) = (excess(v[0] - length), excess(v[0] + length));
     let (mean, half) = (0.5 * (a + b), 0.5 * (b - a));

@@ -33,144 +33,105 @@
 //!
 //! **Infeasible problems.** Where the bodies are jammed, impulses exist that change no velocity and yet are asked for:
 //! N g = 0, r^T g < 0, and the objective has no lower bound. Where impulses grow out of proportion, or nothing helps, such
-//! impulses are searched for ([`infeasible`](super::infeasible)). The answer returned is that of N + `COMPLIANCE` diag(eta), a
+//! impulses are searched for ([`infeasible`](super::infeasible)). The answer returned is that of N + `self.parameters.compliance` diag(eta), a
 //! little give in every contact, with [`Status::Infeasible`].
 
-pub(super) mod cone;
-pub(super) mod iterate;
-pub(super) mod mehrotra;
-pub(super) mod pair;
+pub(crate) mod cone;
+pub(crate) mod context;
+pub(crate) mod iterate;
+pub(crate) mod mehrotra;
+pub(crate) mod pair;
+mod parameters;
 mod path;
 mod proximal;
-pub(super) mod scaled;
-pub(super) mod session;
+pub(crate) mod scaled;
 
+use super::alternating::Alternating;
+use super::apgd::Apgd;
 use super::driver::{Limits, check_start};
-use super::turns::Turns;
-use super::{CcpSolver, SolveReport, SolveSettings, Status};
+use super::first_order::FirstOrder;
+use super::interface::CcpSolver;
+use super::report::{SolveReport, Status};
+use super::settings::SolveSettings;
+use crate::newton::direct::Direct;
 use crate::newton::driver::NewtonDriver;
-use crate::newton::{Form, NewtonSolver, linear_solver};
+use crate::newton::{Form, NewtonSolver};
 use crate::problem::{Ccp, CcpError};
 use crate::residual::ResidualScale;
-use scaled::Scaled;
-use session::Session;
+use context::SolveContext;
+pub use mehrotra::Correctors;
+pub use parameters::Parameters;
 
-/// Newton systems allowed where the settings name no limit.
-const ITERATIONS: usize = 300;
-/// Compliance relative to eta that makes an infeasible problem solvable.
-const COMPLIANCE: f64 = 1e-6;
-/// Residual that the start is asked for.
-const START_TOLERANCE: f64 = 1e-6;
-/// Iterations of the start beside one per contact. One Cholesky factorisation of a settled packing takes as long as
-/// 0.07 iterations per contact.
-const START_ITERATIONS: usize = 500;
+use scaled::{Scaled, ScaledMatrix};
 
 /// The solver.
 pub struct Ipm {
     newton: NewtonDriver,
     start: Option<Box<dyn CcpSolver>>,
-    /// Whether the start has seen N and mu of the last call.
-    start_ready: bool,
-    exact: Turns,
+    /// The scaled N of the last problem.
+    scaled: Option<ScaledMatrix>,
+    exact: Alternating,
+    /// The tuned constants.
+    pub parameters: Parameters,
 }
 
 impl Ipm {
-    /// The interior point with the linear solver of this name (see [`crate::newton`]), without a start.
-    ///
-    /// # Errors
-    /// [`CcpError::UnknownSolver`].
-    pub fn new(linear: &str) -> Result<Self, CcpError> {
-        Ok(Self::with_solver(linear_solver("ipm", linear)?))
+    /// Started by projected gradients, with sparse Cholesky factorisations: `ipm`.
+    pub fn new() -> Self {
+        let start: Box<dyn CcpSolver> = Box::new(FirstOrder::new(Apgd::default()));
+        Self { start: Some(start), ..Self::with_solver(Box::new(Direct::default())) }
     }
 
-    /// With a linear solver of one's own.
+    /// The interior point with a linear solver of one's own, without a start: `ipm+LINEAR`.
     pub fn with_solver(linear: Box<dyn NewtonSolver>) -> Self {
         let newton = NewtonDriver::new(linear);
-        Self { newton, start: None, start_ready: false, exact: Turns::new() }
-    }
-
-    fn run(
-        &mut self,
-        problem: &Ccp,
-        impulse: &mut [f64],
-        settings: &SolveSettings,
-        again: bool,
-    ) -> Result<SolveReport, CcpError> {
-        let limits = Limits::start(settings, ITERATIONS);
-        check_start(problem, impulse)?;
-        if problem.num_contacts() == 0 {
-            return Ok(limits.report(&self.name(), problem, impulse, Status::Converged, 0, 0));
+        Self {
+            newton,
+            start: None,
+            scaled: None,
+            exact: Alternating::new(),
+            parameters: Parameters::default(),
         }
-        let residual_scale = ResidualScale::new(problem);
-        if !again {
-            self.exact.forget();
-        }
-        let mut given = impulse.to_vec();
-        let mut start_iterations = 0;
-        if let Some(start) = &mut self.start {
-            let settings = SolveSettings {
-                tolerance: settings.tolerance.max(START_TOLERANCE),
-                max_iterations: Some(START_ITERATIONS + problem.num_contacts()),
-                max_time: limits.time_left(),
-                ..settings.clone()
-            };
-            let report = start.solve_maybe_again(problem, impulse, &settings, again && self.start_ready)?;
-            start_iterations = report.iterations;
-            self.start_ready = true;
-        }
-        let scaled = Scaled::new(problem, &residual_scale);
-        self.newton.set_patience(limits.patience());
-        self.newton.begin(&scaled.problem);
-        let mut session = Session::new(problem, &scaled, &residual_scale, &limits, settings.friction);
-        let status = self.phases(&mut session, impulse, &mut given);
-        session.best(impulse);
-        let (name, iterations) = (self.name(), session.iterations);
-        let mut report = limits.report_with(&name, problem, impulse, status, iterations, &mut self.newton)?;
-        if let Some(first) = report.newton.first_mut() {
-            first.figures.insert("start_iterations".to_string(), start_iterations as f64);
-        }
-        Ok(report)
     }
 
     /// The phases after the start, whose impulses are `started`; `given` are those handed over by the caller.
-    fn phases(&mut self, session: &mut Session<'_>, started: &[f64], given: &mut [f64]) -> Status {
+    fn phases(&mut self, context: &mut SolveContext<'_>, started: &[f64], given: &mut [f64]) -> Status {
         if self.start.is_some() {
-            let status = proximal::run(&mut self.newton, session, started);
+            let status = proximal::run(&mut self.newton, context, &self.parameters, started);
             if status != Status::Stalled {
                 return status;
             }
         }
-        let mut status = path::run(&mut self.newton, session, given, 0.0);
+        let mut status = path::run(&mut self.newton, context, &self.parameters, given, 0.0);
         // Blocks of Newton's method on the projection are singular: it has no plain form.
         if status == Status::Stalled && self.newton.form() == Form::Scaled {
-            session.best(given);
-            status = proximal::run(&mut self.newton, session, given);
+            context.best(given);
+            status = proximal::run(&mut self.newton, context, &self.parameters, given);
         }
-        status = session.verdict(&mut self.newton, status);
+        status = context.verdict(&mut self.newton, status);
         if status == Status::Stalled
-            && let Some(solution) = session.take_solution()
+            && let Some(solution) = context.take_solution()
         {
             if self.newton.form() == Form::Scaled {
-                status = proximal::run(&mut self.newton, session, &solution);
+                status = proximal::run(&mut self.newton, context, &self.parameters, &solution);
             }
             if status == Status::Stalled {
-                status = path::run(&mut self.newton, session, &solution, 0.0);
+                status = path::run(&mut self.newton, context, &self.parameters, &solution, 0.0);
             }
         }
         if status == Status::Infeasible {
-            session.forget();
+            context.forget();
             given.fill(0.0);
-            path::run(&mut self.newton, session, given, COMPLIANCE);
+            path::run(&mut self.newton, context, &self.parameters, given, self.parameters.compliance);
         }
         status
     }
 }
 
-pub(super) fn build(linear: Option<&str>) -> Result<Box<dyn CcpSolver>, CcpError> {
-    Ok(Box::new(match linear {
-        None => Ipm { start: Some(super::apgd::build(None)?), ..Ipm::new("cholesky")? },
-        Some(linear) => Ipm::new(linear)?,
-    }))
+impl Default for Ipm {
+    fn default() -> Self {
+        Self::new()
+    }
 }
 
 impl CcpSolver for Ipm {
@@ -182,7 +143,7 @@ impl CcpSolver for Ipm {
     }
 
     fn iteration_limit(&self) -> usize {
-        ITERATIONS
+        self.parameters.iterations
     }
 
     fn solve(
@@ -191,16 +152,48 @@ impl CcpSolver for Ipm {
         impulse: &mut [f64],
         settings: &SolveSettings,
     ) -> Result<SolveReport, CcpError> {
-        self.run(problem, impulse, settings, false)
-    }
-
-    fn solve_again(
-        &mut self,
-        problem: &Ccp,
-        impulse: &mut [f64],
-        settings: &SolveSettings,
-    ) -> Result<SolveReport, CcpError> {
-        self.run(problem, impulse, settings, true)
+        let limits = Limits::start(settings, self.parameters.iterations);
+        check_start(problem, impulse)?;
+        if problem.num_contacts() == 0 {
+            return Ok(limits.report(&self.name(), problem, impulse, Status::Converged, 0, 0));
+        }
+        let residual_scale = ResidualScale::new(problem);
+        let mut given = impulse.to_vec();
+        let mut started = None;
+        if let Some(start) = &mut self.start {
+            let settings = SolveSettings {
+                tolerance: settings.tolerance.max(self.parameters.start_tolerance),
+                max_iterations: Some(self.parameters.start_iterations + problem.num_contacts()),
+                max_time: limits.time_left(),
+                ..settings.clone()
+            };
+            started = Some(start.solve(problem, impulse, &settings)?);
+        }
+        let scaled = Scaled::new(problem, &residual_scale, &mut self.scaled);
+        self.newton.set_patience(limits.patience());
+        self.newton.begin(&scaled.problem);
+        let mut context = SolveContext::new(problem, &scaled, &residual_scale, &limits, settings.friction);
+        if let Some(started) = &mut started {
+            // Iterations are Newton systems, and the start makes none.
+            started.history.iter_mut().for_each(|sample| sample.iteration = 0);
+            context.history.append(&started.history, 0, 0.0);
+        }
+        let status = self.phases(&mut context, impulse, &mut given);
+        context.best(impulse);
+        let (name, iterations) = (self.name(), context.iterations);
+        let history = context.history.into_samples();
+        let mut report = limits.report_with(&name, problem, impulse, status, iterations, &mut self.newton)?;
+        if let Some(first) = report.newton.first_mut() {
+            let start_iterations = started.as_ref().map_or(0, |started| started.iterations);
+            first.figures.insert("start_iterations".to_string(), start_iterations as f64);
+        }
+        if let Some(started) = started.filter(|_| iterations == 0 && report.converged()) {
+            let SolveReport { solver, iterations, .. } = started;
+            report.remark = Some(format!(
+                "{solver} reached the tolerance in {iterations} iterations, before any Newton system"
+            ));
+        }
+        Ok(SolveReport { history, ..report })
     }
 
     /// By projected gradients and Gauss-Seidel sweeps in turn: near a solution of the exact problem
@@ -211,15 +204,11 @@ impl CcpSolver for Ipm {
         impulse: &mut [f64],
         last: &mut [f64],
         settings: &SolveSettings,
-        again: bool,
     ) -> Result<Option<SolveReport>, CcpError> {
         if self.start.is_none() {
             return Ok(None);
         }
-        if !again {
-            self.start_ready = false;
-        }
-        let report = self.exact.solve(problem, impulse, last, settings, again)?;
+        let report = self.exact.solve(problem, impulse, last, settings)?;
         Ok(Some(SolveReport { solver: self.name(), ..report }))
     }
 }

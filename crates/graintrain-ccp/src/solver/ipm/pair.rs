@@ -5,34 +5,34 @@ use super::cone::{Point, Scaling};
 use graintrain_linalg::block3::Block;
 
 /// Coefficients of friction below this are taken as zero.
-pub(in crate::solver) const FRICTIONLESS: f64 = 1e-9;
+pub(crate) const FRICTIONLESS: f64 = 1e-9;
 /// H of the tangential components of a frictionless contact, relative to eta: they are held at zero.
 const HELD: f64 = 1e8;
 
 /// One contact: its primal-dual pair in cone coordinates, or the half lines of a frictionless one.
 #[derive(Clone, Copy)]
-pub(in crate::solver) enum Pair {
+pub(crate) enum Pair {
     Cone { x: Point, s: Point },
     Line { x: f64, s: f64 },
 }
 
 /// Scaling of a pair, or that of a half line: sqrt(x / s) and lambda = sqrt(x s).
 #[derive(Clone, Copy)]
-pub(in crate::solver) enum PairScaling {
+pub(crate) enum PairScaling {
     Cone(Scaling),
     Line { w: f64, lambda: f64 },
 }
 
 /// Diagonal of T.
-pub(in crate::solver) fn cone_map(mu: f64) -> [f64; 3] {
+pub(crate) fn cone_map(mu: f64) -> [f64; 3] {
     if mu <= FRICTIONLESS { [1.0, 0.0, 0.0] } else { [mu.recip().min(1.0), mu.min(1.0), mu.min(1.0)] }
 }
 
-pub(in crate::solver) fn componentwise(t: [f64; 3], v: [f64; 3]) -> [f64; 3] {
+pub(crate) fn componentwise(t: [f64; 3], v: [f64; 3]) -> [f64; 3] {
     [t[0] * v[0], t[1] * v[1], t[2] * v[2]]
 }
 
-pub(in crate::solver) fn divide_by(t: [f64; 3], v: [f64; 3]) -> [f64; 3] {
+pub(crate) fn divide_by(t: [f64; 3], v: [f64; 3]) -> [f64; 3] {
     std::array::from_fn(|k| if t[k] > 0.0 { v[k] / t[k] } else { 0.0 })
 }
 
@@ -155,7 +155,7 @@ impl PairScaling {
 }
 
 /// See [`PairScaling::blocks`].
-pub(in crate::solver) struct Blocks {
+pub(crate) struct Blocks {
     pub added: Block,
     pub factor: Block,
     pub factor_inverse: Block,

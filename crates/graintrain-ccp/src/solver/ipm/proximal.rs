@@ -30,37 +30,15 @@
 //! method", Mathematical Programming 58:353-367, 1993; X. Zhao, D. Sun, K.-C. Toh, "A Newton-CG augmented Lagrangian
 //! method for semidefinite programming", SIAM J. Optimization 20:1737-1765, 2010.
 
-use super::super::Status;
-use super::session::Session;
+use super::super::report::Status;
+use super::context::SolveContext;
+use super::parameters::Parameters;
 use crate::delassus::DelassusWork;
-use crate::newton::driver::{NewtonDriver, ScaledBlocks};
-use crate::newton::{apply_blocks, apply_blocks_in_place};
+use crate::newton::driver::NewtonDriver;
+use crate::newton::system::ScaledBlocks;
+use crate::newton::system::{apply_blocks, apply_blocks_in_place};
 use crate::problem::Ccp;
 use graintrain_linalg::block3::Block;
-
-/// sigma times the natural map: how far, in units of impulse, an error of the velocities may move the argument of P.
-const REACH: f64 = 10.0;
-/// Range of sigma, in units of the scaled problem (trace N_ii = 3).
-const SIGMA: [f64; 2] = [1.0, 1e9];
-/// Growth of sigma from one anchor to the next: at least, where the minimum was found in [`EASY`] systems, and at most.
-const GROWTH: [f64; 2] = [10.0, 100.0];
-const EASY: usize = 3;
-/// Factor on sigma where Newton's method does not find the minimum quickly.
-const RETREAT: f64 = 0.03;
-/// Newton systems allowed per anchor.
-const SYSTEMS: usize = 6;
-/// A step shorter than this tells that sigma is too large.
-const SHORT: f64 = 0.05;
-/// The anchor moves when the error of the minimum is this fraction of what sigma leaves.
-const INEXACT: f64 = 0.3;
-/// Newton systems allowed for a tenth of the residual.
-const STALL_ITERATIONS: usize = 10;
-/// Relative residual of the linear solves.
-const LINEAR: f64 = 1e-10;
-/// A line search ends where the slope along the direction has fallen to this fraction.
-const SLOPE: f64 = 0.5;
-/// Evaluations of a line search.
-const TRIALS: usize = 30;
 
 /// V^(1/2) of the projection on the cone at z, times `root`; zero outside.
 fn projection_root(mu: f64, z: [f64; 3], root: f64) -> Block {
@@ -195,16 +173,16 @@ impl Vectors {
     }
 
     /// Step along the direction: 1 where the slope there is not steeply upwards, else near the minimum.
-    fn step(&self, problem: &Ccp, sigma: f64) -> f64 {
+    fn step(&self, problem: &Ccp, sigma: f64, parameters: &Parameters) -> f64 {
         let start = self.slope(problem, sigma, 0.0);
-        let bound = SLOPE * start.abs();
+        let bound = parameters.line_search_slope * start.abs();
         let (mut low, mut slope_low) = (0.0, start);
         let (mut high, mut slope_high) = (1.0, self.slope(problem, sigma, 1.0));
         if start >= 0.0 || slope_high <= bound {
             return 1.0;
         }
         // The slope grows monotonically: regula falsi, with the Illinois rule.
-        for _ in 0..TRIALS {
+        for _ in 0..parameters.line_search_trials {
             let middle = low + (high - low) * slope_low / (slope_low - slope_high);
             let slope = self.slope(problem, sigma, middle);
             if slope.abs() <= bound {
@@ -221,27 +199,33 @@ impl Vectors {
 }
 
 /// Runs the method from `impulse` until the tolerance or a limit is reached, or it does not get on
-/// ([`Status::Stalled`]). The best iterate is left with the session.
-pub(super) fn run(newton: &mut NewtonDriver, session: &mut Session<'_>, impulse: &[f64]) -> Status {
-    let inner = &session.scaled.problem;
+/// ([`Status::Stalled`]). The best iterate is left with the context.
+pub(super) fn run(
+    newton: &mut NewtonDriver,
+    context: &mut SolveContext<'_>,
+    parameters: &Parameters,
+    impulse: &[f64],
+) -> Status {
+    let inner = &context.scaled.problem;
     let contacts = inner.num_contacts();
     let mut work: DelassusWork = inner.delassus.work();
     let mut v = Vectors::new(3 * contacts);
-    session.scale(impulse, &mut v.anchor);
+    context.scale(impulse, &mut v.anchor);
     v.begin(inner, &mut work);
-    let mut residual = session.judge(&v.h, &v.nh);
+    let mut residual = context.judge(&v.h, &v.nh);
     let mut best = v.h.clone();
-    let mut sigma = (REACH / natural_map(inner, &v.h, &v.nh)).clamp(SIGMA[0], SIGMA[1]);
+    let mut sigma = (parameters.reach / natural_map(inner, &v.h, &v.nh))
+        .clamp(parameters.sigma_range[0], parameters.sigma_range[1]);
     let (mut systems, mut since_better, mut reference) = (0, 0, f64::INFINITY);
     loop {
-        if let Some(status) = session.status(residual) {
+        if let Some(status) = context.status(residual) {
             return status;
         }
         v.evaluate(inner, sigma, &mut work);
         // Two candidates. In exact arithmetic they agree at the minimum; T carries the rounding errors of u times sigma,
         // P(h) does not.
         let (by_image, by_projection) =
-            (session.judge(&v.image, &v.nimage), session.judge(&v.projected, &v.nprojected));
+            (context.judge(&v.image, &v.nimage), context.judge(&v.projected, &v.nprojected));
         let (candidate, ncandidate, now) = if by_projection <= by_image {
             (&v.projected, &v.nprojected, by_projection)
         } else {
@@ -251,31 +235,39 @@ pub(super) fn run(newton: &mut NewtonDriver, session: &mut Session<'_>, impulse:
             residual = now;
             best.copy_from_slice(candidate);
         }
-        if let Some(status) = session.status(residual) {
+        if let Some(status) = context.status(residual) {
             return status;
         }
         if residual <= 0.1 * reference {
             (reference, since_better) = (residual, 0);
         }
-        if since_better >= STALL_ITERATIONS {
+        if since_better >= parameters.stall_systems {
             return Status::Stalled;
         }
         if systems > 0 {
             let left = v.distance(candidate) / sigma;
             let defect = natural_map(inner, candidate, ncandidate);
             // The second test is for rounding errors of u, which T has times sigma.
-            if largest(&v.ngap) <= INEXACT * left || defect <= (1.0 + INEXACT) * left {
+            if largest(&v.ngap) <= parameters.anchor_error * left
+                || defect <= (1.0 + parameters.anchor_error) * left
+            {
                 v.anchor.copy_from_slice(candidate);
                 v.begin(inner, &mut work);
-                let least = if systems <= EASY { GROWTH[0] * sigma } else { sigma };
-                sigma = (REACH / defect).clamp(least, GROWTH[1] * sigma).min(SIGMA[1]);
+                let least = if systems <= parameters.easy_systems {
+                    parameters.sigma_growth[0] * sigma
+                } else {
+                    sigma
+                };
+                sigma = (parameters.reach / defect)
+                    .clamp(least, parameters.sigma_growth[1] * sigma)
+                    .min(parameters.sigma_range[1]);
                 systems = 0;
                 continue;
             }
         }
-        if systems == SYSTEMS {
-            sigma *= RETREAT;
-            if sigma < SIGMA[0] {
+        if systems == parameters.systems_per_anchor {
+            sigma *= parameters.sigma_retreat;
+            if sigma < parameters.sigma_range[0] {
                 return Status::Stalled;
             }
             v.anchor.copy_from_slice(&best);
@@ -284,21 +276,21 @@ pub(super) fn run(newton: &mut NewtonDriver, session: &mut Session<'_>, impulse:
             continue;
         }
         let blocks = ScaledBlocks { added: &[], factor: &v.factor, factor_inverse: &[] };
-        if newton.refresh(inner, blocks, session.iterations, residual).is_err() {
+        if newton.refresh(inner, blocks, context.iterations, residual).is_err() {
             return Status::Stalled;
         }
         v.rhs.copy_from_slice(&v.ngap);
         apply_blocks_in_place(&v.factor, &mut v.rhs, true);
-        newton.solve(inner, blocks, &v.rhs, &mut v.z, LINEAR);
+        newton.solve(inner, blocks, &v.rhs, &mut v.z, parameters.linear_tolerance);
         apply_blocks(&v.factor, &v.z, &mut v.direction, false);
         for (direction, gap) in v.direction.iter_mut().zip(&v.gap) {
             *direction -= gap;
         }
         inner.delassus.multiply(&v.direction, &mut v.ndirection, &mut work);
-        let alpha = v.step(inner, sigma);
+        let alpha = v.step(inner, sigma, parameters);
         newton.end_iteration(alpha);
-        session.iterations += 1;
-        systems = if alpha < SHORT { SYSTEMS } else { systems + 1 };
+        context.iterations += 1;
+        systems = if alpha < parameters.short_step { parameters.systems_per_anchor } else { systems + 1 };
         since_better += 1;
         for (h, direction) in v.h.iter_mut().zip(&v.direction) {
             *h += alpha * direction;

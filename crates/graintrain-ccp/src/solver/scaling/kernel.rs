@@ -1,8 +1,8 @@
 //! What a pass does at four contacts: the interface of a method's update, and the updates that the scaled problem needs itself.
 
 use super::super::lanes::{Batch, Vector, dot, project_given, scale, sub, zero};
-use super::super::sweep::Tally;
-use super::{Here, Metric};
+use super::super::tasks::Tally;
+use super::contacts::{ContactBatch, Metric};
 
 /// What a method does at four contacts in a pass. A type rather than a closure, because only `#[inline(always)]`
 /// functions are sure to be compiled for the processor's vector instructions.
@@ -15,7 +15,12 @@ pub trait Kernel<const M: usize>: Sync {
     /// The point whose projection on the cones the update wants, given u and the method's vectors at this batch. Its tangential
     /// length, a root, is taken two batches ahead of the update, the projection, with its quotient, one batch ahead.
     #[inline(always)]
-    fn point<V: Vector>(&self, _here: Here<V>, _u: &Batch<V>, _vectors: [&Batch<V>; M]) -> Batch<V> {
+    fn point<V: Vector>(
+        &self,
+        _contact: ContactBatch<V>,
+        _u: &Batch<V>,
+        _vectors: [&Batch<V>; M],
+    ) -> Batch<V> {
         zero()
     }
 
@@ -23,20 +28,20 @@ pub trait Kernel<const M: usize>: Sync {
     #[inline(always)]
     fn projected<V: Vector>(
         &self,
-        here: Here<V>,
+        contact: ContactBatch<V>,
         _u: &Batch<V>,
         point: &Batch<V>,
         tangential: V,
     ) -> Batch<V> {
-        project_given(here.mu, point, tangential)
+        project_given(contact.mu, point, tangential)
     }
 
     /// Given u and the projection of the point, updates the method's vectors at this batch, adds to the tally and returns the
     /// batch whose image the pass computes.
     fn at<V: Vector>(
         &self,
-        here: Here<V>,
-        given: Given<V>,
+        contact: ContactBatch<V>,
+        input: KernelInput<V>,
         vectors: [&mut Batch<V>; M],
         tally: &mut Tally<V>,
     ) -> Batch<V>;
@@ -44,43 +49,23 @@ pub trait Kernel<const M: usize>: Sync {
 
 /// What a kernel is given at four contacts.
 #[derive(Clone, Copy)]
-pub struct Given<V> {
+pub struct KernelInput<V> {
     /// u = N' y + r', or N' y where the kernel wants only that.
     pub u: Batch<V>,
     /// What [`Kernel::projected`] has made of [`Kernel::point`].
     pub projected: Batch<V>,
 }
 
-/// What becomes of a method's images when a pass has computed a new one: a linear combination, number by number.
-pub trait Combination<const K: usize>: Sync {
-    /// The images' new numbers, given those of the fresh image.
-    fn of<V: Vector>(&self, fresh: V, images: [V; K]) -> [V; K];
-}
-
-/// Image <- the fresh one.
-pub struct Replace;
-
-impl Combination<1> for Replace {
-    #[inline(always)]
-    fn of<V: Vector>(&self, fresh: V, _: [V; 1]) -> [V; 1] {
-        [fresh]
-    }
-}
-
-/// Image <- image + the fresh one.
-pub struct Accumulate;
-
-impl Combination<1> for Accumulate {
-    #[inline(always)]
-    fn of<V: Vector>(&self, fresh: V, [image]: [V; 1]) -> [V; 1] {
-        [image + fresh]
-    }
-}
-
 /// What Gauss-Seidel makes of the impulses of four contacts, given their velocities.
 pub trait Relaxation: Sync {
     /// The new impulses.
-    fn relaxed<V: Vector>(&self, batch: usize, here: Here<V>, u: &Batch<V>, x: &Batch<V>) -> Batch<V>;
+    fn relaxed<V: Vector>(
+        &self,
+        batch: usize,
+        contact: ContactBatch<V>,
+        u: &Batch<V>,
+        x: &Batch<V>,
+    ) -> Batch<V>;
 }
 
 /// Returns the vector: its image is wanted.
@@ -90,7 +75,13 @@ impl Kernel<1> for Identity {
     const SHORT: bool = true;
 
     #[inline(always)]
-    fn at<V: Vector>(&self, _: Here<V>, _: Given<V>, [x]: [&mut Batch<V>; 1], _: &mut Tally<V>) -> Batch<V> {
+    fn at<V: Vector>(
+        &self,
+        _: ContactBatch<V>,
+        _: KernelInput<V>,
+        [x]: [&mut Batch<V>; 1],
+        _: &mut Tally<V>,
+    ) -> Batch<V> {
         *x
     }
 }
@@ -107,8 +98,8 @@ impl Kernel<1> for PowerStep {
     #[inline(always)]
     fn at<V: Vector>(
         &self,
-        _: Here<V>,
-        Given { u, .. }: Given<V>,
+        _: ContactBatch<V>,
+        KernelInput { u, .. }: KernelInput<V>,
         [x]: [&mut Batch<V>; 1],
         tally: &mut Tally<V>,
     ) -> Batch<V> {
@@ -124,26 +115,32 @@ pub(super) struct NaturalMap;
 
 impl Kernel<1> for NaturalMap {
     #[inline(always)]
-    fn point<V: Vector>(&self, here: Here<V>, u: &Batch<V>, [x]: [&Batch<V>; 1]) -> Batch<V> {
-        let u = here.drive(u);
-        let Metric { along, across, .. } = here.metric;
-        sub(&here.metric.impulse(x), &[along * u[0], across * u[1], across * u[2]])
+    fn point<V: Vector>(&self, contact: ContactBatch<V>, u: &Batch<V>, [x]: [&Batch<V>; 1]) -> Batch<V> {
+        let u = contact.drive(u);
+        let Metric { along, across, .. } = contact.metric;
+        sub(&contact.metric.impulse(x), &[along * u[0], across * u[1], across * u[2]])
     }
 
     #[inline(always)]
-    fn projected<V: Vector>(&self, here: Here<V>, _: &Batch<V>, point: &Batch<V>, tangential: V) -> Batch<V> {
-        project_given(here.metric.mu, point, tangential)
+    fn projected<V: Vector>(
+        &self,
+        contact: ContactBatch<V>,
+        _: &Batch<V>,
+        point: &Batch<V>,
+        tangential: V,
+    ) -> Batch<V> {
+        project_given(contact.metric.mu, point, tangential)
     }
 
     #[inline(always)]
     fn at<V: Vector>(
         &self,
-        here: Here<V>,
-        Given { projected, .. }: Given<V>,
+        contact: ContactBatch<V>,
+        KernelInput { projected, .. }: KernelInput<V>,
         [x]: [&mut Batch<V>; 1],
         tally: &mut Tally<V>,
     ) -> Batch<V> {
-        let impulse = here.metric.impulse(x);
+        let impulse = contact.metric.impulse(x);
         let d = sub(&impulse, &projected);
         let rounding = V::splat(f64::EPSILON * f64::EPSILON) * dot(&impulse, &impulse);
         // The second one where one is NaN.
@@ -159,24 +156,30 @@ pub(super) struct NaturalMapGiven;
 
 impl Kernel<2> for NaturalMapGiven {
     #[inline(always)]
-    fn point<V: Vector>(&self, here: Here<V>, _: &Batch<V>, [x, u]: [&Batch<V>; 2]) -> Batch<V> {
-        NaturalMap.point(here, u, [x])
+    fn point<V: Vector>(&self, contact: ContactBatch<V>, _: &Batch<V>, [x, u]: [&Batch<V>; 2]) -> Batch<V> {
+        NaturalMap.point(contact, u, [x])
     }
 
     #[inline(always)]
-    fn projected<V: Vector>(&self, here: Here<V>, u: &Batch<V>, point: &Batch<V>, tangential: V) -> Batch<V> {
-        NaturalMap.projected(here, u, point, tangential)
+    fn projected<V: Vector>(
+        &self,
+        contact: ContactBatch<V>,
+        u: &Batch<V>,
+        point: &Batch<V>,
+        tangential: V,
+    ) -> Batch<V> {
+        NaturalMap.projected(contact, u, point, tangential)
     }
 
     #[inline(always)]
     fn at<V: Vector>(
         &self,
-        here: Here<V>,
-        given: Given<V>,
+        contact: ContactBatch<V>,
+        input: KernelInput<V>,
         [x, _]: [&mut Batch<V>; 2],
         tally: &mut Tally<V>,
     ) -> Batch<V> {
-        NaturalMap.at(here, given, [x], tally)
+        NaturalMap.at(contact, input, [x], tally)
     }
 }
 
@@ -190,8 +193,8 @@ impl<const GRADIENT: bool> Kernel<1> for Store<GRADIENT> {
     #[inline(always)]
     fn at<V: Vector>(
         &self,
-        _: Here<V>,
-        Given { u, .. }: Given<V>,
+        _: ContactBatch<V>,
+        KernelInput { u, .. }: KernelInput<V>,
         [out]: [&mut Batch<V>; 1],
         _: &mut Tally<V>,
     ) -> Batch<V> {

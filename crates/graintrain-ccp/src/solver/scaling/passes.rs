@@ -2,17 +2,18 @@
 
 use super::super::body_operator::{BodyOperator, BodyPair, Geometry, Update};
 use super::super::lanes::{
-    Batch, Lanes, Vector, add, in_place, load, scale, store, sub, tangential_length, zero,
+    Batch, Lanes, TaskWork, Vector, add, in_place, load, scale, store, sub, tangential_length, zero,
 };
-use super::super::sweep::{Tally, TaskWork};
-use super::{Given, Here, Kernel, Relaxation, ScaledProblem, Surroundings};
+use super::super::tasks::Tally;
+use super::contacts::{ContactArrays, ContactBatch};
+use super::kernel::{Kernel, KernelInput, Relaxation};
 
 /// So many batches ahead a pass over bodies asks for geometry.
 const PREFETCH: usize = 8;
 
 /// The part of a pass over bodies that one chunk does.
 pub(super) struct BodyPass<'a, const M: usize, const GATHER: bool, const SCATTER: bool, K> {
-    pub(super) scaled: &'a ScaledProblem,
+    pub(super) contacts: ContactArrays<'a>,
     pub(super) bodies: &'a BodyOperator,
     pub(super) velocity: &'a [BodyPair],
     pub(super) batches: std::ops::Range<usize>,
@@ -29,21 +30,20 @@ where
 {
     #[inline(always)]
     fn run<V: Vector>(self) {
-        let Self { scaled, bodies, velocity, batches, vectors, slots, tally: total, kernel } = self;
+        let Self { contacts, bodies, velocity, batches, vectors, slots, tally: total, kernel } = self;
         if SCATTER {
             slots.fill(BodyPair::default());
         }
         let mut vectors = vectors.map(in_place::<V>);
         let mut tally = Tally::default();
-        let surroundings = scaled.surroundings(batches.clone());
         let following = &bodies.geometry()[batches.start..];
         let geometry = &following[..batches.len()];
         if K::SHORT {
             for (batch, geometry) in geometry.iter().enumerate() {
-                let here = surroundings.at(batch);
-                let u = seen::<GATHER, M, K, V>(geometry, velocity, &here);
+                let contact = contacts.at(batch);
+                let u = seen::<GATHER, M, K, V>(geometry, velocity, &contact);
                 let mine = vectors.each_mut().map(|v| &mut v[batch]);
-                let s = kernel.at(here, Given { u, projected: zero() }, mine, &mut tally);
+                let s = kernel.at(contact, KernelInput { u, projected: zero() }, mine, &mut tally);
                 if SCATTER {
                     geometry.scatter(&s, slots);
                 }
@@ -53,22 +53,22 @@ where
         }
         // Three batches are under way at once: the root of one, the quotient of the one before, the update of the one before that. Roots
         // and quotients take tens of cycles, which the processor hides only where enough is at hand that does not wait for them.
-        let ahead = Ahead { kernel, surroundings, geometry, velocity };
+        let ahead = Ahead { kernel, contacts, geometry, velocity };
         let last = geometry.len() - 1;
-        let mut given = ahead.given::<V, M>(0, &ahead.rooted::<GATHER, V, M>(0, &vectors));
+        let mut input = ahead.input::<V, M>(0, &ahead.rooted::<GATHER, V, M>(0, &vectors));
         let mut rooted = ahead.rooted::<GATHER, V, M>(last.min(1), &vectors);
-        for (batch, here_geometry) in geometry.iter().enumerate() {
+        for (batch, this_geometry) in geometry.iter().enumerate() {
             // The memory would have nothing to do here: this loop alone, in memory, takes 0.94 of the time.
             if let Some(later) = following.get(batch + PREFETCH) {
                 V::prefetch(later);
             }
-            let now = given;
-            given = ahead.given::<V, M>(last.min(batch + 1), &rooted);
+            let now = input;
+            input = ahead.input::<V, M>(last.min(batch + 1), &rooted);
             rooted = ahead.rooted::<GATHER, V, M>(last.min(batch + 2), &vectors);
             let mine = vectors.each_mut().map(|v| &mut v[batch]);
-            let s = kernel.at(surroundings.at(batch), now, mine, &mut tally);
+            let s = kernel.at(contacts.at(batch), now, mine, &mut tally);
             if SCATTER {
-                here_geometry.scatter(&s, slots);
+                this_geometry.scatter(&s, slots);
             }
         }
         *total = tally.store();
@@ -78,7 +78,7 @@ where
 /// What a pass does at a batch before the update.
 struct Ahead<'a, K> {
     kernel: &'a K,
-    surroundings: Surroundings<'a>,
+    contacts: ContactArrays<'a>,
     geometry: &'a [Geometry],
     velocity: &'a [BodyPair],
 }
@@ -100,19 +100,22 @@ impl<K> Ahead<'_, K> {
     where
         K: Kernel<M>,
     {
-        let here = self.surroundings.at(batch);
-        let u = seen::<GATHER, M, K, V>(&self.geometry[batch], self.velocity, &here);
-        let point = self.kernel.point(here, &u, vectors.each_ref().map(|v| &v[batch]));
+        let contact = self.contacts.at(batch);
+        let u = seen::<GATHER, M, K, V>(&self.geometry[batch], self.velocity, &contact);
+        let point = self.kernel.point(contact, &u, vectors.each_ref().map(|v| &v[batch]));
         Rooted { u, point, tangential: tangential_length(&point) }
     }
 
     #[inline(always)]
-    fn given<V: Vector, const M: usize>(&self, batch: usize, rooted: &Rooted<V>) -> Given<V>
+    fn input<V: Vector, const M: usize>(&self, batch: usize, rooted: &Rooted<V>) -> KernelInput<V>
     where
         K: Kernel<M>,
     {
         let Rooted { u, point, tangential } = rooted;
-        Given { u: *u, projected: self.kernel.projected(self.surroundings.at(batch), u, point, *tangential) }
+        KernelInput {
+            u: *u,
+            projected: self.kernel.projected(self.contacts.at(batch), u, point, *tangential),
+        }
     }
 }
 
@@ -121,18 +124,18 @@ impl<K> Ahead<'_, K> {
 fn seen<const GATHER: bool, const M: usize, K: Kernel<M>, V: Vector>(
     geometry: &Geometry,
     velocity: &[BodyPair],
-    here: &Here<V>,
+    contact: &ContactBatch<V>,
 ) -> Batch<V> {
     if !GATHER {
         return zero();
     }
     let product = geometry.relative_velocity(velocity);
-    if K::GRADIENT { add(&product, &here.r) } else { product }
+    if K::GRADIENT { add(&product, &contact.r) } else { product }
 }
 
 /// A sweep of Gauss-Seidel over bodies.
 pub(super) struct BodySweep<'a, K> {
-    pub(super) scaled: &'a ScaledProblem,
+    pub(super) contacts: ContactArrays<'a>,
     pub(super) bodies: &'a BodyOperator,
     pub(super) x: &'a mut [Batch],
     pub(super) image: &'a mut [Lanes],
@@ -142,15 +145,14 @@ pub(super) struct BodySweep<'a, K> {
 impl<K: Relaxation> TaskWork for BodySweep<'_, K> {
     #[inline(always)]
     fn run<V: Vector>(self) {
-        let Self { scaled, bodies, x, image, kernel } = self;
-        let surroundings = scaled.surroundings(0..x.len());
-        bodies.sweep::<V>(image, &mut Relaxing { surroundings, x: in_place(x), kernel });
+        let Self { contacts, bodies, x, image, kernel } = self;
+        bodies.sweep::<V>(image, &mut Relaxing { contacts, x: in_place(x), kernel });
     }
 }
 
 /// The contacts' part of a sweep.
 struct Relaxing<'a, V, K> {
-    surroundings: Surroundings<'a>,
+    contacts: ContactArrays<'a>,
     x: &'a mut [Batch<V>],
     kernel: &'a K,
 }
@@ -158,10 +160,10 @@ struct Relaxing<'a, V, K> {
 impl<V: Vector, K: Relaxation> Update<V> for Relaxing<'_, V, K> {
     #[inline(always)]
     fn at(&mut self, batch: usize, velocity: &Batch<V>, moves: V) -> Batch<V> {
-        let here = self.surroundings.at(batch);
-        let u = add(velocity, &here.r);
+        let contact = self.contacts.at(batch);
+        let u = add(velocity, &contact.r);
         let x = &mut self.x[batch];
-        let new = self.kernel.relaxed(batch, here, &u, x);
+        let new = self.kernel.relaxed(batch, contact, &u, x);
         let change = scale(moves, &sub(&new, x));
         *x = add(x, &change);
         change
@@ -170,7 +172,7 @@ impl<V: Vector, K: Relaxation> Update<V> for Relaxing<'_, V, K> {
 
 /// The part of a pass over rows that one chunk does before the product.
 pub(super) struct RowPass<'a, const M: usize, const GATHER: bool, K> {
-    pub(super) scaled: &'a ScaledProblem,
+    pub(super) contacts: ContactArrays<'a>,
     pub(super) product: &'a [Batch],
     pub(super) batches: std::ops::Range<usize>,
     pub(super) vectors: [&'a mut [Batch]; M],
@@ -185,21 +187,20 @@ where
 {
     #[inline(always)]
     fn run<V: Vector>(self) {
-        let Self { scaled, product, batches, vectors, scattered, tally: total, kernel } = self;
+        let Self { contacts, product, batches, vectors, scattered, tally: total, kernel } = self;
         let mut vectors = vectors.map(in_place::<V>);
-        let surroundings = scaled.surroundings(batches.clone());
         let mut tally = Tally::default();
         for (offset, (batch, scattered)) in batches.zip(scattered).enumerate() {
-            let here = surroundings.at(offset);
+            let contact = contacts.at(offset);
             let u = match (GATHER, K::GRADIENT) {
                 (false, _) => zero(),
                 (true, false) => load(&product[batch]),
-                (true, true) => add(&load(&product[batch]), &here.r),
+                (true, true) => add(&load(&product[batch]), &contact.r),
             };
-            let point = kernel.point(here, &u, vectors.each_ref().map(|v| &v[offset]));
-            let projected = kernel.projected(here, &u, &point, tangential_length(&point));
+            let point = kernel.point(contact, &u, vectors.each_ref().map(|v| &v[offset]));
+            let projected = kernel.projected(contact, &u, &point, tangential_length(&point));
             let mine = vectors.each_mut().map(|v| &mut v[offset]);
-            *scattered = store(&kernel.at(here, Given { u, projected }, mine, &mut tally));
+            *scattered = store(&kernel.at(contact, KernelInput { u, projected }, mine, &mut tally));
         }
         *total = tally.store();
     }

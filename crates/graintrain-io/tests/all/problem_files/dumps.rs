@@ -42,7 +42,7 @@ fn a_dump_of_bodies_comes_back_to_the_bit() {
     problem_file::write(&path, &problem, "three bodies").unwrap();
     let back = problem_file::read(&path).unwrap();
     assert_eq!((back.form, back.bodies, back.title.as_str()), (Form::RigidBodies, 3, "three bodies"));
-    let (Delassus::Rigid(a), Delassus::Rigid(b)) = (&problem.delassus, &back.problem.delassus) else {
+    let (Delassus::Rigid(a), Delassus::Rigid(b)) = (&*problem.delassus, &*back.problem.delassus) else {
         panic!("bodies expected");
     };
     assert_eq!((a.contacts(), a.inverse_mass()), (b.contacts(), b.inverse_mass()));
@@ -81,7 +81,7 @@ fn a_dump_of_a_symmetric_matrix_comes_back_to_the_bit() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("dump.hdf5");
     let mut problem = problem();
-    problem.delassus = Delassus::Sparse(problem.delassus.assemble());
+    problem.delassus = Delassus::Sparse(problem.delassus.assemble()).into();
     problem_file::write(&path, &problem, "").unwrap();
     let back = problem_file::read(&path).unwrap();
     assert_eq!(back.form, Form::Local);

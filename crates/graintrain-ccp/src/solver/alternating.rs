@@ -4,13 +4,26 @@ use super::apgd::Apgd;
 use super::driver::{Best, Limits};
 use super::first_order::FirstOrder;
 use super::gauss_seidel::GaussSeidel;
-use super::{CcpSolver, SolveReport, SolveSettings, Status};
+use super::history::History;
+use super::interface::CcpSolver;
+use super::report::{SolveReport, Status};
+use super::settings::SolveSettings;
 use crate::problem::{Ccp, CcpError};
 
-/// Over-relaxation of the sweeps.
-const RELAXATION: f64 = 1.3;
-/// Factor by which the memory of the bold gradients grows and shrinks.
-const BOLD: f64 = 4.0;
+/// What [`Alternating`] is tuned by.
+#[derive(Clone, Debug)]
+pub(super) struct Parameters {
+    /// Over-relaxation of the sweeps.
+    pub relaxation: f64,
+    /// Factor by which the memory of the bold gradients grows and shrinks.
+    pub bold: f64,
+}
+
+impl Default for Parameters {
+    fn default() -> Self {
+        Self { relaxation: 1.3, bold: 4.0 }
+    }
+}
 
 /// Projected gradients with momentum ([`Apgd`]), the same with a momentum that grows and shrinks boldly, and sweeps
 /// ([`GaussSeidel`]), a third of the iterations each. Each goes on where the one before ended.
@@ -18,29 +31,22 @@ const BOLD: f64 = 4.0;
 /// The exact problem has no objective, and any of these methods may circle where another gets on: sheared packings want short
 /// momenta or sweeps, which creep in settled boxes and in stacks of bricks, where the impulses have a long way to go at
 /// residuals of 1e-5 and long momenta carry them.
-pub(super) struct Turns {
+pub(super) struct Alternating {
     members: [Box<dyn CcpSolver>; 3],
-    /// Which of them have seen N and mu of the last call.
-    ready: [bool; 3],
 }
 
-impl Turns {
+impl Alternating {
     pub fn new() -> Self {
-        let bold = Apgd { longer: BOLD, shorter: BOLD, ..Apgd::default() };
-        let sweeps = GaussSeidel { relaxation: RELAXATION };
+        let Parameters { relaxation, bold } = Parameters::default();
+        let bold = Apgd { longer: bold, shorter: bold, ..Apgd::default() };
+        let sweeps = GaussSeidel { relaxation };
         Self {
             members: [
                 Box::new(FirstOrder::new(Apgd::default())),
                 Box::new(FirstOrder::new(bold)),
                 Box::new(FirstOrder::new(sweeps)),
             ],
-            ready: [false; 3],
         }
-    }
-
-    /// The next call has another N or mu, whatever it says.
-    pub fn forget(&mut self) {
-        self.ready = [false; 3];
     }
 
     /// One turn of each, as [`CcpSolver::solve_exact`]; the best impulses are returned.
@@ -50,24 +56,22 @@ impl Turns {
         impulse: &mut [f64],
         last: &mut [f64],
         settings: &SolveSettings,
-        again: bool,
     ) -> Result<SolveReport, CcpError> {
         let limits = Limits::start(settings, usize::MAX);
         let share = limits.iterations_left(0).div_ceil(self.members.len());
         let mut best = Best::default();
         let (mut iterations, mut products, mut status) = (0, 0, Status::IterationLimit);
         let mut names: Vec<String> = Vec::new();
-        if !again {
-            self.forget();
-        }
-        for (solver, ready) in self.members.iter_mut().zip(&mut self.ready) {
+        let mut history = History::default();
+        for solver in &mut self.members {
             let turn = SolveSettings {
                 max_iterations: Some(share.min(limits.iterations_left(iterations))),
                 max_time: limits.time_left(),
                 ..settings.clone()
             };
-            let Some(report) = solver.solve_exact(problem, impulse, last, &turn, *ready)? else { continue };
-            *ready = true;
+            let begun = limits.seconds();
+            let Some(report) = solver.solve_exact(problem, impulse, last, &turn)? else { continue };
+            history.append(&report.history, iterations, begun);
             (iterations, products) = (iterations + report.iterations, products + report.products);
             status = report.status;
             if names.last() != Some(&report.solver) {
@@ -80,6 +84,6 @@ impl Turns {
         }
         best.restore(impulse);
         let report = limits.report(&names.join(", "), problem, impulse, status, iterations, 0);
-        Ok(SolveReport { products, ..report })
+        Ok(SolveReport { products, history: history.into_samples(), ..report })
     }
 }

@@ -10,7 +10,7 @@ pub fn contact_points(problem: &Ccp) -> Vec<[f64; 3]> {
     if !problem.points.is_empty() {
         return problem.points.clone();
     }
-    match &problem.delassus {
+    match &*problem.delassus {
         Delassus::Rigid(rigid) => {
             let centres = reconstructed_centres(rigid);
             rigid
@@ -154,7 +154,7 @@ mod tests {
     fn centres_follow_from_points_and_arms_or_from_arms_alone() {
         for with_points in [true, false] {
             let (problem, centres) = chain(with_points);
-            let Delassus::Rigid(rigid) = &problem.delassus else { unreachable!() };
+            let Delassus::Rigid(rigid) = &*problem.delassus else { unreachable!() };
             let found = body_centres(&problem, rigid);
             let points = contact_points(&problem);
             for body in 0..5 {

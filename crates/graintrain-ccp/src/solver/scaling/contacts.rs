@@ -27,7 +27,7 @@ impl<V: Vector> Metric<V> {
 
 /// What is known about a contact inside a pass.
 #[derive(Clone, Copy, Debug)]
-pub struct Here<V> {
+pub struct ContactBatch<V> {
     /// Coefficients of friction mu' of the scaled problem.
     pub mu: V,
     /// For the residual.
@@ -38,7 +38,7 @@ pub struct Here<V> {
     exact: bool,
 }
 
-impl<V: Vector> Here<V> {
+impl<V: Vector> ContactBatch<V> {
     /// The velocity that the natural map of the residual takes: u itself, or with mu' |u_t| added to the normal component where
     /// friction is exact.
     /// The two factors per contact turn mu |u_t| into mu' |u'_t|.
@@ -59,20 +59,20 @@ impl<V: Vector> Here<V> {
     }
 }
 
-/// What [`Here`] is taken from, for some batches.
+/// What [`ContactBatch`] is taken from, for some batches.
 #[derive(Clone, Copy)]
-pub(super) struct Surroundings<'a> {
+pub(super) struct ContactArrays<'a> {
     pub(super) friction: &'a [Lanes],
     pub(super) metric: &'a [Metric],
     pub(super) r: &'a [Batch],
     pub(super) exact: bool,
 }
 
-impl Surroundings<'_> {
+impl ContactArrays<'_> {
     #[inline(always)]
-    pub(super) fn at<V: Vector>(&self, batch: usize) -> Here<V> {
+    pub(super) fn at<V: Vector>(&self, batch: usize) -> ContactBatch<V> {
         let Metric { normal, tangential, along, across, mu } = &self.metric[batch];
-        Here {
+        ContactBatch {
             mu: V::of(self.friction[batch]),
             metric: Metric {
                 normal: V::of(*normal),

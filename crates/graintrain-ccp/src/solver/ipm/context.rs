@@ -1,8 +1,9 @@
 //! What the phases of one solve share: the problem as given and scaled, when to stop, and the best iterate.
 
-use super::super::Status;
 use super::super::driver::{Best, Limits};
+use super::super::history::History;
 use super::super::infeasible::{self, Certificate};
+use super::super::report::Status;
 use super::iterate::Work;
 use super::scaled::Scaled;
 use crate::newton::driver::NewtonDriver;
@@ -11,7 +12,7 @@ use crate::residual::{FrictionModel, ResidualScale};
 use graintrain_linalg::parallel::dot;
 
 /// One solve. Iterations are Newton systems.
-pub(in crate::solver) struct Session<'a> {
+pub(crate) struct SolveContext<'a> {
     /// The problem as given.
     problem: &'a Ccp,
     /// The problem scaled.
@@ -21,6 +22,8 @@ pub(in crate::solver) struct Session<'a> {
     friction: FrictionModel,
     /// Newton systems so far.
     pub iterations: usize,
+    /// Every residual that was judged.
+    pub history: History,
     best: Best<f64>,
     /// What the search for a proof that there is no solution found, once it has been made.
     found: Option<Certificate>,
@@ -28,7 +31,7 @@ pub(in crate::solver) struct Session<'a> {
     velocity: Vec<f64>,
 }
 
-impl<'a> Session<'a> {
+impl<'a> SolveContext<'a> {
     pub fn new(
         problem: &'a Ccp,
         scaled: &'a Scaled,
@@ -46,6 +49,7 @@ impl<'a> Session<'a> {
             limits,
             friction,
             iterations: 0,
+            history: History::default(),
             best,
             found: None,
             physical,
@@ -61,8 +65,9 @@ impl<'a> Session<'a> {
             self.velocity[k] = self.scaled.velocity_unit[k / 3] * (ng[k] + self.scaled.problem.r[k]);
         }
         let scale = self.residual_scale;
-        let residual =
-            self.limits.judged(scale.residual(self.problem, &self.physical, &self.velocity, self.friction));
+        let found = scale.residual(self.problem, &self.physical, &self.velocity, self.friction);
+        self.history.record(self.iterations, self.limits.seconds(), found);
+        let residual = self.limits.judged(found);
         self.best.offer(&self.physical, residual);
         residual
     }

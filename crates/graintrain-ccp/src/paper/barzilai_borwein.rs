@@ -4,9 +4,9 @@
 //! 1988; Y.-H. Dai, R. Fletcher, "Projected Barzilai-Borwein methods for large-scale box-constrained quadratic
 //! programming", Numerische Mathematik 100:21-47, 2005 (alternating steps, adaptive reference value).
 
-use super::first_order::{FirstOrder, FirstOrderMethod, Iterate};
-use super::scaling::ScaledProblem;
 use super::spectral::Spectral;
+use crate::solver::first_order::{FirstOrderMethod, Iterate};
+use crate::solver::scaling::ScaledProblem;
 
 /// x+ = P(x - alpha u) with the long step alpha = |d|^2 / d^T N' d and the short one d^T N' d / |N' d|^2 by turns, on the
 /// scaled problem. The objective may rise, but not above the reference value of Dai and Fletcher, the largest of the
@@ -46,10 +46,4 @@ impl FirstOrderMethod for BarzilaiBorwein {
             long = !long;
         }
     }
-}
-
-/// Makes the solver by name; it has no linear solver.
-pub(super) fn build(linear: Option<&str>) -> Result<Box<dyn super::CcpSolver>, crate::CcpError> {
-    super::without_linear_solver(BarzilaiBorwein::NAME, linear)?;
-    Ok(Box::new(FirstOrder::new(BarzilaiBorwein::default())))
 }

@@ -5,10 +5,11 @@
 //! contact by T. Heyn, PhD thesis, University of Wisconsin-Madison, 2013.
 
 use super::face::{along_face, where_sticking};
-use super::first_order::{FirstOrder, FirstOrderMethod, Iterate, add_image};
-use super::lanes::{Batch, Vector, add_scaled, dot, scale, sub, zero};
-use super::scaling::{Accumulate, Given, Here, Kernel, ScaledProblem};
-use super::sweep::{Tally, for_each_batch};
+use crate::solver::combination::Accumulate;
+use crate::solver::first_order::{FirstOrderMethod, Iterate, add_image};
+use crate::solver::lanes::{Batch, Vector, add_scaled, dot, scale, sub, zero};
+use crate::solver::scaling::{ContactBatch, Kernel, KernelInput, ScaledProblem};
+use crate::solver::tasks::{Tally, for_each_batch};
 
 /// The gradient u = N' x + r' is split, contact by contact, into the part phi along the face of the cone on which x lies
 /// (the whole space inside, the ray on the mantle, nothing at the apex) and the rest. While the reduced
@@ -35,15 +36,15 @@ struct Split {
 
 impl Kernel<2> for Split {
     #[inline(always)]
-    fn point<V: Vector>(&self, _: Here<V>, u: &Batch<V>, [x, _]: [&Batch<V>; 2]) -> Batch<V> {
+    fn point<V: Vector>(&self, _: ContactBatch<V>, u: &Batch<V>, [x, _]: [&Batch<V>; 2]) -> Batch<V> {
         add_scaled(x, -self.step, u)
     }
 
     #[inline(always)]
     fn at<V: Vector>(
         &self,
-        here: Here<V>,
-        Given { u, projected }: Given<V>,
+        contact: ContactBatch<V>,
+        KernelInput { u, projected }: KernelInput<V>,
         [x, phi]: [&mut Batch<V>; 2],
         tally: &mut Tally<V>,
     ) -> Batch<V> {
@@ -51,8 +52,8 @@ impl Kernel<2> for Split {
         // On the boundary the free part is a multiple of x, and so is its reduction: x - P(x - step coefficient x).
         let coefficient = dot(x, &u).divide(dot(x, x).max(V::splat(f64::MIN_POSITIVE)));
         let shrink = (V::splat(self.step) * coefficient).min(V::splat(1.0));
-        *phi = where_sticking(here.mu, x, &u, &scale(coefficient, x));
-        let reduced_free = where_sticking(here.mu, x, &reduced, &scale(shrink, x));
+        *phi = where_sticking(contact.mu, x, &u, &scale(coefficient, x));
+        let reduced_free = where_sticking(contact.mu, x, &reduced, &scale(shrink, x));
         let boundary = sub(&reduced, &reduced_free);
         tally.sum[0] += dot(phi, &reduced_free);
         tally.sum[1] += dot(&boundary, &boundary);
@@ -75,18 +76,18 @@ impl Kernel<3> for Direction {
     #[inline(always)]
     fn at<V: Vector>(
         &self,
-        here: Here<V>,
-        _: Given<V>,
+        contact: ContactBatch<V>,
+        _: KernelInput<V>,
         [x, phi, p]: [&mut Batch<V>; 3],
         tally: &mut Tally<V>,
     ) -> Batch<V> {
         *p = add_scaled(phi, self.conjugation, p);
         tally.sum[0] += dot(phi, p);
-        let (none, square) = (V::default(), here.mu * here.mu);
+        let (none, square) = (V::default(), contact.mu * contact.mu);
         // No root and no quotient where the shortest step met so far stays in the cones, as it does nearly everywhere.
         let y = sub(&scale(tally.max, x), p);
         let outside = y[1] * y[1] + y[2] * y[2] - square * y[0] * y[0];
-        let [outside, ..] = where_sticking(here.mu, x, &[outside, none, none], &zero());
+        let [outside, ..] = where_sticking(contact.mu, x, &[outside, none, none], &zero());
         if outside.max(-y[0]).all_at_most(none) {
             return *p;
         }
@@ -98,7 +99,7 @@ impl Kernel<3> for Direction {
         let numerator = none.at_most(discriminant, discriminant.max(none).sqrt() - b, none);
         let along_ray = x[0].at_most(none, none, p[0]);
         let [numerator, denominator, _] =
-            where_sticking(here.mu, x, &[numerator, -c, none], &[along_ray, x[0], none]);
+            where_sticking(contact.mu, x, &[numerator, -c, none], &[along_ray, x[0], none]);
         let inverse = numerator.divide(denominator.max(V::splat(f64::MIN_POSITIVE)));
         tally.max = tally.max.max(inverse.max(none));
         *p
@@ -112,15 +113,15 @@ struct Proportioning {
 
 impl Kernel<1> for Proportioning {
     #[inline(always)]
-    fn point<V: Vector>(&self, here: Here<V>, u: &Batch<V>, [x]: [&Batch<V>; 1]) -> Batch<V> {
-        add_scaled(x, -self.step, &where_sticking(here.mu, x, &zero(), u))
+    fn point<V: Vector>(&self, contact: ContactBatch<V>, u: &Batch<V>, [x]: [&Batch<V>; 1]) -> Batch<V> {
+        add_scaled(x, -self.step, &where_sticking(contact.mu, x, &zero(), u))
     }
 
     #[inline(always)]
     fn at<V: Vector>(
         &self,
-        _: Here<V>,
-        Given { projected: new, .. }: Given<V>,
+        _: ContactBatch<V>,
+        KernelInput { projected: new, .. }: KernelInput<V>,
         [x]: [&mut Batch<V>; 1],
         _: &mut Tally<V>,
     ) -> Batch<V> {
@@ -139,16 +140,16 @@ struct Expansion {
 
 impl Kernel<2> for Expansion {
     #[inline(always)]
-    fn point<V: Vector>(&self, here: Here<V>, u: &Batch<V>, [x, p]: [&Batch<V>; 2]) -> Batch<V> {
+    fn point<V: Vector>(&self, contact: ContactBatch<V>, u: &Batch<V>, [x, p]: [&Batch<V>; 2]) -> Batch<V> {
         let boundary = add_scaled(x, -self.alpha, p);
-        add_scaled(&boundary, -self.step, &along_face(here.mu, &boundary, u))
+        add_scaled(&boundary, -self.step, &along_face(contact.mu, &boundary, u))
     }
 
     #[inline(always)]
     fn at<V: Vector>(
         &self,
-        _: Here<V>,
-        Given { projected: new, .. }: Given<V>,
+        _: ContactBatch<V>,
+        KernelInput { projected: new, .. }: KernelInput<V>,
         [x, p]: [&mut Batch<V>; 2],
         _: &mut Tally<V>,
     ) -> Batch<V> {
@@ -200,10 +201,4 @@ impl FirstOrderMethod for Kucera {
             }
         }
     }
-}
-
-/// Makes the solver by name; it has no linear solver.
-pub(super) fn build(linear: Option<&str>) -> Result<Box<dyn super::CcpSolver>, crate::CcpError> {
-    super::without_linear_solver(Kucera::NAME, linear)?;
-    Ok(Box::new(FirstOrder::new(Kucera::default())))
 }

@@ -19,61 +19,74 @@
 //! Steps end in the wide neighbourhood of the path, where every eigenvalue of P(x^(1/2)) s (P the quadratic representation) is
 //! at least gamma tau; for a second-order cone these are x^T s -+ sqrt((x^T s)^2 - det x det s). The linear systems are solved
 //! *inexactly*, to a fraction of the residual of the problem: what is left of them only adds to r_d. What sets the method apart
-//! from [`ipm`](super::ipm): one right-hand side per matrix, no predictor, no second-order corrector, no polishing.
+//! from [`ipm`](crate::solver::ipm): one right-hand side per matrix, no predictor, no second-order corrector, no polishing.
 
-use super::driver::{Limits, Progress, check_start};
-use super::ipm::cone::product;
-use super::ipm::iterate::Work;
-use super::ipm::pair::Pair;
-use super::ipm::scaled::Scaled;
-use super::ipm::session::Session;
-use super::{CcpSolver, SolveReport, SolveSettings, Status};
+use crate::newton::NewtonSolver;
 use crate::newton::driver::NewtonDriver;
-use crate::newton::{NewtonSolver, linear_solver};
 use crate::problem::{Ccp, CcpError};
 use crate::residual::ResidualScale;
+use crate::solver::driver::{Limits, Progress, check_start};
+use crate::solver::interface::CcpSolver;
+use crate::solver::ipm::cone::product;
+use crate::solver::ipm::context::SolveContext;
+use crate::solver::ipm::iterate::Work;
+use crate::solver::ipm::pair::Pair;
+use crate::solver::ipm::scaled::{Scaled, ScaledMatrix};
+use crate::solver::report::{SolveReport, Status};
+use crate::solver::settings::SolveSettings;
 
-/// Iterations allowed where the settings name no limit.
-const ITERATIONS: usize = 200;
-/// gamma of the neighbourhood.
-const NEIGHBOURHOOD: f64 = 1e-2;
-/// Part of the way to the boundary that a step may go at most.
-const FRACTION: f64 = 0.99;
-/// Bounds of sigma: the shorter the last step, the more the next one goes back to the central path.
-const CENTRING: [f64; 2] = [0.05, 0.9];
-/// Iterations without a better residual before giving up.
-const PATIENCE: usize = 20;
-/// Steps shorter than this lead nowhere.
-const SHORTEST: f64 = 1e-8;
-/// Barrier of a start from zero, and bounds of that of a warm start, in the scaled problem.
-const COLD_BARRIER: f64 = 1e4;
-const WARM_BARRIER: [f64; 2] = [1e-4, 1.0];
+/// What [`Scip`] is tuned by.
+#[derive(Clone, Debug)]
+pub struct Parameters {
+    /// Iterations allowed where the settings name no limit.
+    pub iterations: usize,
+    /// gamma of the neighbourhood.
+    pub neighbourhood: f64,
+    /// Part of the way to the boundary that a step may go at most.
+    pub fraction: f64,
+    /// Bounds of sigma: the shorter the last step, the more the next one goes back to the central path.
+    pub centring: [f64; 2],
+    /// Iterations without a better residual before giving up.
+    pub patience: usize,
+    /// Steps shorter than this lead nowhere.
+    pub shortest: f64,
+    /// Barrier of a start from zero, in the scaled problem.
+    pub cold_barrier: f64,
+    /// Bounds of the barrier of a warm start.
+    pub warm_barrier: [f64; 2],
+}
+
+impl Default for Parameters {
+    fn default() -> Self {
+        Self {
+            iterations: 200,
+            neighbourhood: 1e-2,
+            fraction: 0.99,
+            centring: [0.05, 0.9],
+            patience: 20,
+            shortest: 1e-8,
+            cold_barrier: 1e4,
+            warm_barrier: [1e-4, 1.0],
+        }
+    }
+}
 
 /// The symmetric cone interior point, see the [module](self).
 ///
 /// Jammed bodies (no bounded solution) are reported as [`Status::Infeasible`], with the iterate of least residual.
 pub struct Scip {
     newton: NewtonDriver,
+    /// The scaled N of the last problem.
+    scaled: Option<ScaledMatrix>,
+    /// The tuned constants.
+    pub parameters: Parameters,
 }
 
 impl Scip {
-    /// With the linear solver of this name (see [`crate::newton`]).
-    ///
-    /// # Errors
-    /// [`CcpError::UnknownSolver`].
-    pub fn new(linear: &str) -> Result<Self, CcpError> {
-        Ok(Self::with_solver(linear_solver("scip", linear)?))
-    }
-
     /// With a linear solver of one's own.
     pub fn with_solver(linear: Box<dyn NewtonSolver>) -> Self {
-        Self { newton: NewtonDriver::new(linear) }
+        Self { newton: NewtonDriver::new(linear), scaled: None, parameters: Parameters::default() }
     }
-}
-
-/// Makes the solver by name and linear solver.
-pub(super) fn build(linear: Option<&str>) -> Result<Box<dyn CcpSolver>, CcpError> {
-    Ok(Box::new(Scip::new(linear.unwrap_or("cholesky"))?))
 }
 
 /// The smaller eigenvalue of P(x^(1/2)) s; both are tau on the central path.
@@ -89,12 +102,12 @@ fn least_eigenvalue(pair: &Pair) -> f64 {
 
 /// Goes as far as the cones allow, at most 1, and back until the neighbourhood is met; returns the step, 0 where none was
 /// found. `before` is room for the pairs.
-fn advance(work: &mut Work, before: &mut [Pair]) -> f64 {
+fn advance(work: &mut Work, before: &mut [Pair], parameters: &Parameters) -> f64 {
     before.copy_from_slice(&work.pairs);
-    let mut alpha = (FRACTION * work.longest_step()).min(1.0);
-    while alpha > SHORTEST {
+    let mut alpha = (parameters.fraction * work.longest_step()).min(1.0);
+    while alpha > parameters.shortest {
         work.advance(alpha);
-        let bound = NEIGHBOURHOOD * work.barrier();
+        let bound = parameters.neighbourhood * work.barrier();
         if work.pairs.iter().all(|pair| least_eigenvalue(pair) >= bound) {
             return alpha;
         }
@@ -105,44 +118,46 @@ fn advance(work: &mut Work, before: &mut [Pair]) -> f64 {
 }
 
 impl Scip {
-    /// Runs from `impulse`; the best iterate is left with the session.
-    fn run(&mut self, session: &mut Session<'_>, impulse: &[f64]) -> Status {
-        let inner = &session.scaled.problem;
+    /// Runs from `impulse`; the best iterate is left with the context.
+    fn run(&mut self, context: &mut SolveContext<'_>, impulse: &[f64]) -> Status {
+        let inner = &context.scaled.problem;
         let mut work = Work::new(inner, 0.0);
-        session.hand_over(impulse, &mut work);
+        context.hand_over(impulse, &mut work);
         // The path starts inside the cones: impulses handed over that are better must not be lost on the way.
-        let residual = session.judge(&work.g, &work.ng);
-        if let Some(status) = session.status(residual) {
+        let residual = context.judge(&work.g, &work.ng);
+        if let Some(status) = context.status(residual) {
             return status;
         }
         let barrier = if work.g.iter().any(|&g| g != 0.0) {
-            work.distance(inner, &inner.r).clamp(WARM_BARRIER[0], WARM_BARRIER[1])
+            work.distance(inner, &inner.r)
+                .clamp(self.parameters.warm_barrier[0], self.parameters.warm_barrier[1])
         } else {
-            COLD_BARRIER
+            self.parameters.cold_barrier
         };
         work.start(inner, &inner.r, barrier);
         let mut before = work.pairs.clone();
-        let mut progress = Progress::new(PATIENCE);
+        let mut progress = Progress::new(self.parameters.patience);
         let mut last_step = 0.0_f64;
         loop {
             work.impulses_from_pairs();
             work.multiply(inner);
             work.update_dual_residual(&inner.r);
-            let residual = session.judge(&work.g, &work.ng);
-            if let Some(status) = session.status(residual) {
+            let residual = context.judge(&work.g, &work.ng);
+            if let Some(status) = context.status(residual) {
                 return status;
             }
             if progress.has_ended(residual) {
                 return Status::Stalled;
             }
-            if session.runs_away(&mut self.newton, &work.g, &work.ng) {
+            if context.runs_away(&mut self.newton, &work.g, &work.ng) {
                 return Status::Infeasible;
             }
             work.update_blocks();
-            if self.newton.refresh(inner, work.blocks(), session.iterations, residual).is_err() {
+            if self.newton.refresh(inner, work.blocks(), context.iterations, residual).is_err() {
                 return Status::Stalled;
             }
-            let sigma = (1.0 - last_step).powi(2).clamp(CENTRING[0], CENTRING[1]);
+            let sigma =
+                (1.0 - last_step).powi(2).clamp(self.parameters.centring[0], self.parameters.centring[1]);
             let target = sigma * work.barrier();
             work.right_hand_side(1.0, |_, lambda| {
                 let square = product(lambda, lambda);
@@ -152,9 +167,9 @@ impl Scip {
             work.solve(|blocks, b, z| {
                 self.newton.solve(inner, blocks, b, z, tolerance);
             });
-            last_step = advance(&mut work, &mut before);
+            last_step = advance(&mut work, &mut before, &self.parameters);
             self.newton.end_iteration(last_step);
-            session.iterations += 1;
+            context.iterations += 1;
             if last_step == 0.0 {
                 return Status::Stalled;
             }
@@ -171,7 +186,7 @@ impl CcpSolver for Scip {
     }
 
     fn iteration_limit(&self) -> usize {
-        ITERATIONS
+        self.parameters.iterations
     }
 
     fn solve(
@@ -180,20 +195,22 @@ impl CcpSolver for Scip {
         impulse: &mut [f64],
         settings: &SolveSettings,
     ) -> Result<SolveReport, CcpError> {
-        let limits = Limits::start(settings, ITERATIONS);
+        let limits = Limits::start(settings, self.parameters.iterations);
         check_start(problem, impulse)?;
         let scale = ResidualScale::new(problem);
         if problem.num_contacts() == 0 {
             return Ok(limits.report(&self.name(), problem, impulse, Status::Converged, 0, 0));
         }
-        let scaled = Scaled::new(problem, &scale);
+        let scaled = Scaled::new(problem, &scale, &mut self.scaled);
         self.newton.set_patience(limits.patience());
         self.newton.begin(&scaled.problem);
-        let mut session = Session::new(problem, &scaled, &scale, &limits, settings.friction);
-        let status = self.run(&mut session, impulse);
-        let status = session.verdict(&mut self.newton, status);
-        session.best(impulse);
-        let iterations = session.iterations;
-        limits.report_with(&self.name(), problem, impulse, status, iterations, &mut self.newton)
+        let mut context = SolveContext::new(problem, &scaled, &scale, &limits, settings.friction);
+        let status = self.run(&mut context, impulse);
+        let status = context.verdict(&mut self.newton, status);
+        context.best(impulse);
+        let (iterations, history) = (context.iterations, context.history.into_samples());
+        let report =
+            limits.report_with(&self.name(), problem, impulse, status, iterations, &mut self.newton)?;
+        Ok(SolveReport { history, ..report })
     }
 }

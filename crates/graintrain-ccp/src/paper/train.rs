@@ -1,23 +1,33 @@
-//! `tt`: a tensor train in body space where that pays, incomplete Cholesky ([`super::incomplete`]) where it does not.
+//! `tt`: a tensor train in body space where that pays, incomplete Cholesky ([`crate::newton::incomplete`]) where it does not.
 //!
-//! Conjugate gradients with block IC(0) are the rival: ten iterations of theirs tell what a solve costs. A train is
+//! Conjugate gradients with block IC(0) are the baseline: ten iterations of theirs tell what a solve costs. A train is
 //! made only where its prediction is cheaper than that, and used where it then wins
 //! ([`TrainCorrection`]). After a loss, or a train that breaks down, the next try waits,
 //! four times longer after every loss in a row, also from one problem to the next.
 
-use super::body::BodyCg;
-use super::incomplete::IncompleteCholeskyCg;
-use super::train_body::{Rival, TrainCorrection};
-use super::{LinearReport, NewtonError, NewtonSolver, NewtonSystem};
+use super::train_body::{NAME, TrainCorrection};
 use crate::delassus::Delassus;
+use crate::newton::body::{BodyCg, BodyCorrection};
+use crate::newton::incomplete::IncompleteCholeskyCg;
+use crate::newton::{ConvergenceRate, LinearReport, NewtonError, NewtonSolver, NewtonSystem};
 use std::collections::BTreeMap;
 
-/// Matrices to pass after the first loss.
-const WAIT: u32 = 8;
-/// Factor on the wait after every further loss.
-const BACK_OFF: u32 = 4;
-/// Longest wait.
-const LONGEST_WAIT: u32 = 4096;
+/// When [`TensorTrain`] tries again after a loss.
+#[derive(Clone, Copy, Debug)]
+pub struct Parameters {
+    /// Matrices to pass after the first loss.
+    pub wait: u32,
+    /// Factor on the wait after every further loss.
+    pub back_off: u32,
+    /// Longest wait.
+    pub longest_wait: u32,
+}
+
+impl Default for Parameters {
+    fn default() -> Self {
+        Self { wait: 8, back_off: 4, longest_wait: 4096 }
+    }
+}
 
 /// The two solvers and which of them holds the current matrix.
 pub struct TensorTrain {
@@ -32,6 +42,8 @@ pub struct TensorTrain {
     wait: u32,
     /// Whether to wait after a loss.
     patient: bool,
+    /// The tuned constants.
+    pub parameters: Parameters,
 }
 
 impl Default for TensorTrain {
@@ -48,7 +60,7 @@ impl TensorTrain {
 
     fn with(correction: TrainCorrection) -> Self {
         Self {
-            body: BodyCg::tensor_train(correction),
+            body: BodyCg::corrected(NAME, Box::new(correction)),
             local: IncompleteCholeskyCg::default(),
             with_train: false,
             tried: false,
@@ -56,6 +68,7 @@ impl TensorTrain {
             losses: 0,
             wait: 0,
             patient: true,
+            parameters: Parameters::default(),
         }
     }
 
@@ -64,20 +77,24 @@ impl TensorTrain {
         if !self.patient {
             return;
         }
-        self.wait = WAIT.saturating_mul(BACK_OFF.saturating_pow(self.losses)).min(LONGEST_WAIT);
+        let parameters = self.parameters;
+        self.wait = parameters
+            .wait
+            .saturating_mul(parameters.back_off.saturating_pow(self.losses))
+            .min(parameters.longest_wait);
         self.losses = self.losses.saturating_add(1);
     }
 
     /// Tries a train on this matrix; whether it paid.
-    fn try_train(&mut self, system: &NewtonSystem<'_>, rival: Rival) -> bool {
+    fn try_train(&mut self, system: &NewtonSystem<'_>, baseline: ConvergenceRate) -> bool {
         let system = NewtonSystem { new_delassus: self.unseen, ..*system };
         self.tried = true;
-        // A train that breaks down has lost: the rival is there.
-        match self.body.refresh_against(&system, Some(rival)) {
+        // A train that breaks down has lost: the baseline is there.
+        match self.body.refresh_against(&system, Some(baseline)) {
             Ok(()) => {
                 self.unseen = false;
-                self.with_train = self.body.train_is_active();
-                self.body.train_paid()
+                self.with_train = self.body.correction().is_some_and(BodyCorrection::is_active);
+                self.body.correction().is_some_and(BodyCorrection::has_paid)
             }
             Err(_) => {
                 self.unseen = true;
@@ -89,7 +106,7 @@ impl TensorTrain {
 
 impl NewtonSolver for TensorTrain {
     fn name(&self) -> &'static str {
-        "tt"
+        NAME
     }
 
     fn needs_matrix(&self) -> bool {
@@ -100,15 +117,15 @@ impl NewtonSolver for TensorTrain {
         (self.with_train, self.tried) = (false, false);
         self.unseen |= system.new_delassus;
         self.local.refresh(system)?;
-        if !matches!(system.problem.delassus, Delassus::Rigid(_)) {
+        if !matches!(*system.problem.delassus, Delassus::Rigid(_)) {
             return Ok(());
         }
         if self.wait > 0 {
             self.wait -= 1;
             return Ok(());
         }
-        let Some(rival) = self.local.measure(system) else { return Ok(()) };
-        if self.try_train(system, rival) {
+        let Some(baseline) = self.local.measure(system) else { return Ok(()) };
+        if self.try_train(system, baseline) {
             self.losses = 0;
         } else {
             self.lose();

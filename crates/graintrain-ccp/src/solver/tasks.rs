@@ -1,4 +1,4 @@
-//! Passes over all contacts, in parallel, with sums whose bits do not depend on the number of threads.
+//! Parallel loops over all contacts, with sums whose bits do not depend on the number of threads.
 
 use super::lanes::{Batch, Lanes, Vector};
 use std::ops::Range;
@@ -93,20 +93,6 @@ pub fn for_each_task<T: Send, U: Send, const M: usize>(
         || for_each_task(tasks.start..middle, unit, low, extra_low, extra_len, tallies_low, work),
         || for_each_task(middle..tasks.end, unit, high, extra_high, extra_len, tallies_high, work),
     );
-}
-
-/// Work of one task, written as a type so that it can be compiled for more than one kind of [`Vector`].
-pub trait TaskWork {
-    /// Does the work. Implementations are `#[inline(always)]`.
-    fn run<V: Vector>(self);
-}
-
-/// Runs the work with the vectors of this processor; the bits are the same with all of them.
-#[inline(always)]
-pub fn vectorised(work: impl TaskWork) {
-    #[cfg(target_arch = "x86_64")]
-    let Err(work) = super::avx2::run(work) else { return };
-    work.run::<Lanes>();
 }
 
 /// One pass over vectors of batches without a product: `kernel(batch, [vectors at batch], tally)`.

@@ -1,12 +1,13 @@
 //! The scaled problem, its iterate and Newton's direction.
 
-use super::super::infeasible;
 use super::contact::Constraints;
 use crate::delassus::DelassusWork;
-use crate::newton::driver::{NewtonDriver, ScaledBlocks};
-use crate::newton::{NewtonError, apply_blocks, apply_blocks_in_place};
+use crate::newton::NewtonError;
+use crate::newton::driver::NewtonDriver;
+use crate::newton::system::{ScaledBlocks, apply_blocks, apply_blocks_in_place};
 use crate::problem::Ccp;
 use crate::residual::ResidualScale;
+use crate::solver::infeasible;
 use graintrain_linalg::block3::Block;
 use graintrain_linalg::parallel::dot;
 
@@ -259,7 +260,7 @@ impl<'a> Iterate<'a> {
 mod tests {
     use super::*;
     use crate::delassus::Delassus;
-    use crate::newton::linear_solver;
+    use crate::newton::direct::Direct;
     use graintrain_linalg::block3::BlockMatrix3;
 
     /// Two coupled contacts, away from the central path: r_d and r_c are linear along the direction and vanish at its end.
@@ -278,7 +279,7 @@ mod tests {
         it.g.copy_from_slice(&[1.2, 0.3, -0.2, 0.8, -0.1, 0.4]);
         it.lambda.copy_from_slice(&[0.7, 0.2, 0.3, 0.9]);
         it.refresh_velocity();
-        let mut newton = NewtonDriver::new(linear_solver("pdip", "cholesky").unwrap());
+        let mut newton = NewtonDriver::new(Box::new(Direct::default()));
         newton.begin(&problem);
         it.refresh(&mut newton, barrier, 0, 0.0).unwrap();
         let mut d = Direction::new(2);

@@ -3,19 +3,35 @@
 use super::contact::Constraints;
 use super::iterate::{Direction, Iterate};
 
-/// Decrease asked of a step, as a fraction of what the linear model promises.
-const DECREASE: f64 = 0.01;
-/// Factor by which backtracking shortens the step.
-const BACKTRACK: f64 = 0.8;
-/// Backtracking stops below this step.
-const SHORTEST_STEP: f64 = 1e-10;
-/// Fraction of the way to the boundary of lambda > 0 that the paper's rule goes.
-const PAPER_FRACTION: f64 = 0.99;
-/// The same for both boundaries in the rule of the barrier function.
-const CENTRAL_FRACTION: f64 = 0.9;
-
 /// Steps to the boundary are not looked for beyond this one; none is longer than 1.
 const FARTHEST: f64 = 10.0;
+
+/// How far [`Pdip`](super::Pdip) goes along Newton's direction.
+#[derive(Clone, Debug)]
+pub struct StepParameters {
+    /// Decrease asked of a step, as a fraction of what the linear model promises.
+    pub decrease: f64,
+    /// Factor by which backtracking shortens the step.
+    pub backtrack: f64,
+    /// Backtracking stops below this step.
+    pub shortest_step: f64,
+    /// Fraction of the way to the boundary of lambda > 0 that the paper's rule goes.
+    pub paper_fraction: f64,
+    /// The same for both boundaries in the rule of the barrier function.
+    pub central_fraction: f64,
+}
+
+impl Default for StepParameters {
+    fn default() -> Self {
+        Self {
+            decrease: 0.01,
+            backtrack: 0.8,
+            shortest_step: 1e-10,
+            paper_fraction: 0.99,
+            central_fraction: 0.9,
+        }
+    }
+}
 
 /// A step that was found, or how far each test let it come.
 #[derive(Clone, Copy, Debug)]
@@ -78,17 +94,22 @@ fn residual_square(it: &Iterate<'_>, step: f64, direction: &Direction, barrier: 
 }
 
 /// The paper's tests: one step for impulses and multipliers that keeps lambda > 0, then f < 0, then lowers |(r_d, r_c)|.
-pub(super) fn by_residual(it: &Iterate<'_>, direction: &Direction, barrier: f64) -> Step {
-    let multipliers = it.longest_for_multipliers(PAPER_FRACTION, direction);
+pub(super) fn by_residual(
+    it: &Iterate<'_>,
+    direction: &Direction,
+    barrier: f64,
+    parameters: &StepParameters,
+) -> Step {
+    let multipliers = it.longest_for_multipliers(parameters.paper_fraction, direction);
     let cone = to_boundary(it, direction);
     let before = residual_square(it, 0.0, direction, barrier).unwrap_or(f64::INFINITY).sqrt();
     let mut step = multipliers;
-    while step >= SHORTEST_STEP {
+    while step >= parameters.shortest_step {
         let after = residual_square(it, step, direction, barrier);
-        if after.is_some_and(|square| square.sqrt() <= (1.0 - DECREASE * step) * before) {
+        if after.is_some_and(|square| square.sqrt() <= (1.0 - parameters.decrease * step) * before) {
             return Step { taken: step, multipliers: step, cone };
         }
-        step *= BACKTRACK;
+        step *= parameters.backtrack;
     }
     Step { taken: 0.0, multipliers, cone }
 }
@@ -113,18 +134,25 @@ fn barrier_change(it: &Iterate<'_>, step: f64, direction: &Direction, barrier: f
 
 /// Lowers the barrier function: Newton's direction is one of descent for it whatever lambda > 0 is, because its matrix is
 /// positive definite and lambda cancels from its right-hand side. The multipliers take a step of their own.
-pub(super) fn by_barrier(it: &Iterate<'_>, direction: &Direction, barrier: f64) -> Step {
+pub(super) fn by_barrier(
+    it: &Iterate<'_>,
+    direction: &Direction,
+    barrier: f64,
+    parameters: &StepParameters,
+) -> Step {
     let cone = to_boundary(it, direction);
-    let multipliers = it.longest_for_multipliers(CENTRAL_FRACTION, direction);
+    let multipliers = it.longest_for_multipliers(parameters.central_fraction, direction);
     // Rounding in the sum of logarithms.
     let rounding = 1e-12 * barrier * it.num_contacts() as f64;
-    let mut step = (CENTRAL_FRACTION * cone).min(1.0);
-    while direction.decrease > 0.0 && step >= SHORTEST_STEP {
+    let mut step = (parameters.central_fraction * cone).min(1.0);
+    while direction.decrease > 0.0 && step >= parameters.shortest_step {
         // Not a number fails the test.
-        if barrier_change(it, step, direction, barrier) <= rounding - DECREASE * step * direction.decrease {
+        if barrier_change(it, step, direction, barrier)
+            <= rounding - parameters.decrease * step * direction.decrease
+        {
             return Step { taken: step, multipliers, cone };
         }
-        step *= BACKTRACK;
+        step *= parameters.backtrack;
     }
     Step { taken: 0.0, multipliers, cone }
 }

@@ -4,9 +4,9 @@
 //! contact", PhD thesis, University of Wisconsin-Madison, 2013, after E. Birgin, J. Martinez, M. Raydan, "Nonmonotone
 //! spectral projected gradient methods on convex sets", SIAM Journal on Optimization 10:1196-1211, 2000.
 
-use super::first_order::{FirstOrder, FirstOrderMethod, Iterate};
-use super::scaling::ScaledProblem;
 use super::spectral::Spectral;
+use crate::solver::first_order::{FirstOrderMethod, Iterate};
+use crate::solver::scaling::ScaledProblem;
 
 /// Direction d = P(x - alpha u) - x in the metric of the scaled problem (the diagonal preconditioner, one factor for the normal and one for the tangents,
 /// so that cones stay cones), non-monotone line search against the largest of the last ten objectives (Grippo, Lampariello, Lucidi 1986),
@@ -45,10 +45,4 @@ impl FirstOrderMethod for SpectralProjectedGradient {
             alpha = if short < self.ratio * long { short } else { long };
         }
     }
-}
-
-/// Makes the solver by name; it has no linear solver.
-pub(super) fn build(linear: Option<&str>) -> Result<Box<dyn super::CcpSolver>, crate::CcpError> {
-    super::without_linear_solver(SpectralProjectedGradient::NAME, linear)?;
-    Ok(Box::new(FirstOrder::new(SpectralProjectedGradient::default())))
 }

@@ -1,9 +1,10 @@
 //! Projected gradient with spectral (Barzilai-Borwein) steps: what `bb` and `spg` share.
 
-use super::first_order::Iterate;
-use super::lanes::{Batch, Vector, add, add_scaled, dot, sub, zero};
-use super::scaling::{Given, Here, Image, Kernel, Replace, ScaledProblem};
-use super::sweep::Tally;
+use crate::solver::combination::Replace;
+use crate::solver::first_order::Iterate;
+use crate::solver::lanes::{Batch, Vector, add, add_scaled, dot, sub, zero};
+use crate::solver::scaling::{ContactBatch, Image, Kernel, KernelInput, ScaledProblem};
+use crate::solver::tasks::Tally;
 
 /// Steps are kept between these multiples of 1 / (largest eigenvalue of N').
 const STEP_RANGE: (f64, f64) = (0.1, 1e4);
@@ -39,15 +40,15 @@ struct GradientStep {
 
 impl Kernel<3> for GradientStep {
     #[inline(always)]
-    fn point<V: Vector>(&self, _: Here<V>, _: &Batch<V>, [x, u, _]: [&Batch<V>; 3]) -> Batch<V> {
+    fn point<V: Vector>(&self, _: ContactBatch<V>, _: &Batch<V>, [x, u, _]: [&Batch<V>; 3]) -> Batch<V> {
         add_scaled(x, -self.alpha, u)
     }
 
     #[inline(always)]
     fn at<V: Vector>(
         &self,
-        _: Here<V>,
-        Given { projected, .. }: Given<V>,
+        _: ContactBatch<V>,
+        KernelInput { projected, .. }: KernelInput<V>,
         [x, u, next]: [&mut Batch<V>; 3],
         tally: &mut Tally<V>,
     ) -> Batch<V> {
@@ -68,20 +69,20 @@ impl Kernel<3> for FullThenGradientStep {
     const GRADIENT: bool = false;
 
     #[inline(always)]
-    fn point<V: Vector>(&self, _: Here<V>, nd: &Batch<V>, [x, u, _]: [&Batch<V>; 3]) -> Batch<V> {
+    fn point<V: Vector>(&self, _: ContactBatch<V>, nd: &Batch<V>, [x, u, _]: [&Batch<V>; 3]) -> Batch<V> {
         add_scaled(x, -self.alpha, &add(u, nd))
     }
 
     #[inline(always)]
     fn at<V: Vector>(
         &self,
-        here: Here<V>,
-        given: Given<V>,
+        contact: ContactBatch<V>,
+        given: KernelInput<V>,
         [x, u, next]: [&mut Batch<V>; 3],
         tally: &mut Tally<V>,
     ) -> Batch<V> {
         *u = add(u, &given.u);
-        GradientStep { alpha: self.alpha }.at(here, given, [x, u, next], tally)
+        GradientStep { alpha: self.alpha }.at(contact, given, [x, u, next], tally)
     }
 }
 
@@ -95,8 +96,8 @@ impl Kernel<1> for FullStep {
     #[inline(always)]
     fn at<V: Vector>(
         &self,
-        _: Here<V>,
-        Given { u: nd, .. }: Given<V>,
+        _: ContactBatch<V>,
+        KernelInput { u: nd, .. }: KernelInput<V>,
         [u]: [&mut Batch<V>; 1],
         tally: &mut Tally<V>,
     ) -> Batch<V> {
@@ -118,8 +119,8 @@ impl Kernel<3> for ShortenedStep {
     #[inline(always)]
     fn at<V: Vector>(
         &self,
-        _: Here<V>,
-        Given { u: nd, .. }: Given<V>,
+        _: ContactBatch<V>,
+        KernelInput { u: nd, .. }: KernelInput<V>,
         [u, x, previous]: [&mut Batch<V>; 3],
         tally: &mut Tally<V>,
     ) -> Batch<V> {

@@ -3,10 +3,11 @@
 //! Source: A. Tasora, M. Anitescu, "A matrix-free cone complementarity approach for solving large-scale, nonsmooth,
 //! rigid body dynamics", Computer Methods in Applied Mechanics and Engineering 200:439-453, 2011.
 
-use super::first_order::{FirstOrder, FirstOrderMethod, Iterate};
-use super::lanes::{Batch, Vector, add, add_scaled, dot, scale, sub};
-use super::scaling::{Accumulate, Given, Here, Kernel, ScaledProblem};
-use super::sweep::Tally;
+use crate::solver::combination::Accumulate;
+use crate::solver::first_order::{FirstOrderMethod, Iterate};
+use crate::solver::lanes::{Batch, Vector, add, add_scaled, dot, scale, sub};
+use crate::solver::scaling::{ContactBatch, Kernel, KernelInput, ScaledProblem};
+use crate::solver::tasks::Tally;
 
 /// Projected Jacobi: all contacts at once from the same velocities,
 ///
@@ -37,15 +38,15 @@ struct Step {
 
 impl Kernel<1> for Step {
     #[inline(always)]
-    fn point<V: Vector>(&self, _: Here<V>, u: &Batch<V>, [x]: [&Batch<V>; 1]) -> Batch<V> {
+    fn point<V: Vector>(&self, _: ContactBatch<V>, u: &Batch<V>, [x]: [&Batch<V>; 1]) -> Batch<V> {
         add_scaled(x, -self.omega, u)
     }
 
     #[inline(always)]
     fn at<V: Vector>(
         &self,
-        _: Here<V>,
-        Given { projected, .. }: Given<V>,
+        _: ContactBatch<V>,
+        KernelInput { projected, .. }: KernelInput<V>,
         [x]: [&mut Batch<V>; 1],
         tally: &mut Tally<V>,
     ) -> Batch<V> {
@@ -70,10 +71,4 @@ impl FirstOrderMethod for Jacobi {
             }
         }
     }
-}
-
-/// Makes the solver by name; it has no linear solver.
-pub(super) fn build(linear: Option<&str>) -> Result<Box<dyn super::CcpSolver>, crate::CcpError> {
-    super::without_linear_solver(Jacobi::NAME, linear)?;
-    Ok(Box::new(FirstOrder::new(Jacobi::default())))
 }

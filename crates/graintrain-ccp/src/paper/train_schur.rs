@@ -14,11 +14,11 @@
 //! `tt-schur` mends what can be mended in the same space: S~, symmetric 3x3 block-Jacobi scaling first, exact compression
 //! from the nonzero blocks, hardly any dummies, and the residual form of the inverse.
 
-use super::{Form, LinearReport, NewtonError, NewtonSolver, NewtonSystem};
-use crate::tensor_train::inverse::{Compression, TrainInverse, TrainSettings};
-use crate::tensor_train::place::contact_points;
-use crate::tensor_train::placement::Placement;
-use crate::tensor_train::tree::Split;
+use super::tensor_train::inverse::{Compression, TrainInverse, TrainSettings};
+use super::tensor_train::place::contact_points;
+use super::tensor_train::placement::Placement;
+use super::tensor_train::tree::Split;
+use crate::newton::{Form, LinearReport, NewtonError, NewtonSolver, NewtonSystem};
 use graintrain_linalg::block3::BlockMatrix3;
 use graintrain_linalg::krylov::{KrylovSettings, KrylovWork, bicgstab};
 use graintrain_linalg::precond::{BlockJacobi, Preconditioner};

@@ -7,17 +7,19 @@
 //! 1. *Compressibility probe*: the share of the off-diagonal energy of K_s that a train of the largest rank allowed captures.
 //!    It is small on random packings and near one on assemblies that repeat under translation.
 //! 2. *Prediction*: floating-point operations of the inversion, from the ranks found by the probe, against those of a whole
-//!    solve by the rival.
-//! 3. *Race*: a few iterations with X. It is used where it lowers the residual by more per operation than the rival.
+//!    solve by the baseline.
+//! 3. *Race*: a few iterations with X. It is used where it lowers the residual by more per operation than the baseline.
 
-use super::NewtonSystem;
-use super::body_matrix::BodyMatrix;
+use super::tensor_train::inverse::{Compression, TrainInverse, TrainSettings};
+use super::tensor_train::place::body_centres;
+use super::tensor_train::placement::Placement;
+use super::tensor_train::tree::Split;
 use crate::delassus::Delassus;
-use crate::tensor_train::inverse::{Compression, TrainInverse, TrainSettings};
-use crate::tensor_train::place::body_centres;
-use crate::tensor_train::placement::Placement;
-use crate::tensor_train::tree::Split;
-use graintrain_linalg::krylov::{KrylovSettings, KrylovWork, flexible_conjugate_gradient};
+use crate::newton::body::BodyCorrection;
+use crate::newton::body_matrix::BodyMatrix;
+use crate::newton::convergence::{ASKED, ConvergenceRate, SAMPLE, few_iterations, product_flops};
+use crate::newton::{NewtonError, NewtonSystem};
+use graintrain_linalg::krylov::KrylovWork;
 use graintrain_linalg::precond::{BlockJacobi, Preconditioner};
 use graintrain_tt::inverse::InverseForm;
 use graintrain_tt::sparse::QuadtreeMatrix;
@@ -26,6 +28,9 @@ use std::collections::BTreeMap;
 
 /// Unknowns per body.
 const BODY: usize = 6;
+
+/// Name of the linear solver.
+pub(super) const NAME: &str = "tt";
 
 /// Accuracy and rank cap of the train: the paper's best preconditioner.
 const SETTINGS: TrainSettings = TrainSettings {
@@ -37,39 +42,6 @@ const SETTINGS: TrainSettings = TrainSettings {
 
 /// Share of the off-diagonal energy below which a train is not tried.
 const CAPTURED: f64 = 0.5;
-
-/// Iterations of the race.
-pub(super) const RACE: usize = 10;
-
-/// Reduction of the residual that a solve is taken to be asked for.
-const ASKED: f64 = 1e-6;
-
-/// A right-hand side without structure: multiples of the golden ratio modulo 1.
-pub(super) fn unstructured(size: usize) -> Vec<f64> {
-    (0..size).map(|k| (k as f64 * 0.618_033_988_749_894_9).fract() - 0.5).collect()
-}
-
-/// How fast an iteration is.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Rival {
-    /// Mean decrease of the logarithm of the residual per iteration; not positive where it does not fall.
-    decay: f64,
-    /// Floating-point operations per iteration.
-    flops: f64,
-}
-
-impl Rival {
-    /// From what some iterations did to the residual, 1 at first.
-    pub(super) fn new(iterations: usize, residual: f64, flops: f64) -> Self {
-        let fallen = if residual.is_finite() { -residual.max(f64::MIN_POSITIVE).ln() } else { 0.0 };
-        Self { decay: fallen / iterations.max(1) as f64, flops }
-    }
-
-    /// Operations of a solve.
-    fn solve_flops(&self) -> f64 {
-        if self.decay > 0.0 { (-ASKED.ln() / self.decay).max(1.0) * self.flops } else { f64::INFINITY }
-    }
-}
 
 /// The correction and what is known of its worth.
 pub struct TrainCorrection {
@@ -105,62 +77,13 @@ impl TrainCorrection {
         Self { at_any_price: true, ..Self::default() }
     }
 
-    /// Whether the train passed its race and [`Self::apply`] is to be used.
-    pub fn is_active(&self) -> bool {
-        self.active
-    }
-
-    /// The train proved to be of no use for this matrix.
-    pub(super) fn give_up(&mut self) {
-        (self.active, self.paid) = (false, false);
-    }
-
-    /// Whether the train is in use and its inversion, too, is paid for by one solve.
-    pub(super) fn has_paid(&self) -> bool {
-        self.paid
-    }
-
-    /// Adapts to new values of K, whose diagonal blocks `scaling` has factorised. Without a rival the train races against
-    /// conjugate gradients with these blocks, and its price does not count.
-    ///
-    /// # Errors
-    /// [`TtError`] where a dense kernel of the tensor-train algorithms fails, or the patience ends; the next train then
-    /// starts cold.
-    pub(super) fn refresh(
-        &mut self,
-        matrix: &BodyMatrix,
-        scaling: &BlockJacobi,
-        system: &NewtonSystem<'_>,
-        rival: Option<Rival>,
-    ) -> Result<(), TtError> {
-        (self.active, self.paid) = (false, false);
-        self.figures.clear();
-        let Delassus::Rigid(rigid) = &system.problem.delassus else { return Ok(()) };
-        if matrix.num_bodies() < 2 {
-            return Ok(());
-        }
-        if system.new_delassus || self.placement.positions().len() != matrix.num_bodies() {
-            let centres = body_centres(system.problem, rigid);
-            let identities: Vec<u64> = (0..matrix.num_bodies() as u64).collect();
-            if !self.placement.update(&centres, &identities) {
-                self.inverse.forget();
-            }
-            self.placement.figures(&mut self.figures);
-        }
-        let built = self.build(matrix, scaling, system, rival);
-        if built.is_err() {
-            self.inverse.forget();
-        }
-        built
-    }
-
     /// Probe, prediction, train and race.
     fn build(
         &mut self,
         matrix: &BodyMatrix,
         scaling: &BlockJacobi,
         system: &NewtonSystem<'_>,
-        rival: Option<Rival>,
+        baseline: Option<ConvergenceRate>,
     ) -> Result<(), TtError> {
         let mut note = |name: &str, value: f64| self.figures.insert(name.to_string(), value);
         let (capacity, depth) = self.placement.shape();
@@ -173,7 +96,7 @@ impl TrainCorrection {
         note("train_captured_energy", captured);
         let price = self.inverse.predicted_flops(&train);
         note("train_predicted_flops", price);
-        let bearable = self.at_any_price || rival.is_none_or(|rival| price <= rival.solve_flops());
+        let bearable = self.at_any_price || baseline.is_none_or(|baseline| price <= baseline.solve_flops());
         if captured < CAPTURED || !bearable {
             return Ok(());
         }
@@ -188,46 +111,87 @@ impl TrainCorrection {
             *error *= full.norm() / off_diagonal.norm().max(f64::MIN_POSITIVE);
         }
         let with = self.measure(matrix, scaling);
-        let (rival, price) = match rival {
-            Some(rival) => (rival, price),
+        let (baseline, price) = match baseline {
+            Some(baseline) => (baseline, price),
             None => (self.measure_alone(matrix, scaling), 0.0),
         };
-        let gain = rival.solve_flops() / with.solve_flops();
+        let gain = baseline.solve_flops() / with.solve_flops();
         self.figures.insert("train_race_gain".to_string(), gain);
         self.active = gain > 1.0;
-        self.paid = self.active && price + with.solve_flops() <= rival.solve_flops();
+        self.paid = self.active && price + with.solve_flops() <= baseline.solve_flops();
         Ok(())
     }
 
-    /// z <- L^-T X L^-1 r.
-    pub fn apply(&mut self, scaling: &BlockJacobi, r: &[f64], z: &mut [f64]) {
-        self.buffer.resize(r.len(), 0.0);
-        self.buffer.copy_from_slice(r);
-        scaling.solve_lower(&mut self.buffer);
-        self.inverse.apply(BODY, self.placement.positions(), &self.buffer, z);
-        scaling.solve_upper(z);
-    }
-
     /// Iterations with the train.
-    fn measure(&mut self, matrix: &BodyMatrix, scaling: &BlockJacobi) -> Rival {
+    fn measure(&mut self, matrix: &BodyMatrix, scaling: &BlockJacobi) -> ConvergenceRate {
         let mut krylov = std::mem::take(&mut self.krylov);
         let (iterations, residual) =
             few_iterations(matrix, &mut |r, z| self.apply(scaling, r, z), &mut krylov);
         self.krylov = krylov;
         // Where the train does not act as a positive definite matrix the iteration breaks down.
-        let residual = if iterations < RACE && residual > ASKED { 1.0 } else { residual };
-        Rival::new(iterations, residual, product_flops(matrix) + self.inverse.flops())
+        let residual = if iterations < SAMPLE && residual > ASKED { 1.0 } else { residual };
+        ConvergenceRate::new(iterations, residual, product_flops(matrix) + self.inverse.flops())
     }
 
     /// Iterations with block Jacobi alone.
-    fn measure_alone(&mut self, matrix: &BodyMatrix, scaling: &BlockJacobi) -> Rival {
+    fn measure_alone(&mut self, matrix: &BodyMatrix, scaling: &BlockJacobi) -> ConvergenceRate {
         let (iterations, residual) =
             few_iterations(matrix, &mut |r, z| scaling.apply(r, z), &mut self.krylov);
-        Rival::new(iterations, residual, product_flops(matrix))
+        ConvergenceRate::new(iterations, residual, product_flops(matrix))
+    }
+}
+
+impl BodyCorrection for TrainCorrection {
+    fn refresh(
+        &mut self,
+        matrix: &BodyMatrix,
+        jacobi: &BlockJacobi,
+        system: &NewtonSystem<'_>,
+        baseline: Option<ConvergenceRate>,
+    ) -> Result<(), NewtonError> {
+        (self.active, self.paid) = (false, false);
+        self.figures.clear();
+        let Delassus::Rigid(rigid) = &*system.problem.delassus else { return Ok(()) };
+        if matrix.num_bodies() < 2 {
+            return Ok(());
+        }
+        if system.new_delassus || self.placement.positions().len() != matrix.num_bodies() {
+            let centres = body_centres(system.problem, rigid);
+            let identities: Vec<u64> = (0..matrix.num_bodies() as u64).collect();
+            if !self.placement.update(&centres, &identities) {
+                self.inverse.forget();
+            }
+            self.placement.figures(&mut self.figures);
+        }
+        // Where a dense kernel of the tensor-train algorithms fails, or the patience ends, the next train starts cold.
+        self.build(matrix, jacobi, system, baseline).map_err(|error| {
+            self.inverse.forget();
+            NewtonError::Breakdown { solver: NAME, reason: error.to_string() }
+        })
     }
 
-    /// Named figures of what the last refresh measured.
-    pub fn figures(&self, figures: &mut BTreeMap<String, f64>) {
+    fn is_active(&self) -> bool {
+        self.active
+    }
+
+    fn has_paid(&self) -> bool {
+        self.paid
+    }
+
+    fn give_up(&mut self) {
+        (self.active, self.paid) = (false, false);
+    }
+
+    /// z <- L^-T X L^-1 r.
+    fn apply(&mut self, jacobi: &BlockJacobi, r: &[f64], z: &mut [f64]) {
+        self.buffer.resize(r.len(), 0.0);
+        self.buffer.copy_from_slice(r);
+        jacobi.solve_lower(&mut self.buffer);
+        self.inverse.apply(BODY, self.placement.positions(), &self.buffer, z);
+        jacobi.solve_upper(z);
+    }
+
+    fn figures(&self, figures: &mut BTreeMap<String, f64>) {
         figures.extend(self.figures.clone());
         figures.insert("train_active".to_string(), f64::from(u8::from(self.active)));
     }
@@ -253,24 +217,4 @@ fn scaled_entries(matrix: &BodyMatrix, scaling: &BlockJacobi, place: &[usize]) -
         }
     }
     entries
-}
-
-/// Operations of a product with K and with its diagonal blocks.
-pub(super) fn product_flops(matrix: &BodyMatrix) -> f64 {
-    let block = (2 * BODY * BODY) as f64;
-    block * (2.0 * matrix.columns().len() as f64 + matrix.num_bodies() as f64)
-}
-
-/// A few conjugate gradient iterations on K: how many, and the residual they leave.
-pub(super) fn few_iterations(
-    matrix: &BodyMatrix,
-    precondition: &mut dyn FnMut(&[f64], &mut [f64]),
-    krylov: &mut KrylovWork,
-) -> (usize, f64) {
-    let b = unstructured(BODY * matrix.num_bodies());
-    let mut x = vec![0.0; b.len()];
-    let settings = KrylovSettings { relative_tolerance: 0.0, max_iterations: RACE };
-    let product = &mut |x: &[f64], y: &mut [f64]| matrix.multiply(x, y);
-    let report = flexible_conjugate_gradient(product, precondition, &b, &mut x, settings, krylov);
-    (report.iterations, report.residual)
 }

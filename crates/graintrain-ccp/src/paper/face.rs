@@ -1,6 +1,6 @@
 //! Faces of the friction cones: in which directions an impulse can move on.
 
-use super::lanes::{Batch, Vector, dot, scale};
+use crate::solver::lanes::{Batch, Vector, dot, scale};
 
 /// Relative distance to the mantle below which an impulse counts as sliding.
 const ON_MANTLE: f64 = 1e-9;

@@ -42,40 +42,69 @@ mod iterate;
 mod step;
 
 use self::iterate::{Direction, Iterate};
+pub use self::step::StepParameters;
 use self::step::{by_barrier, by_residual};
-use super::driver::{Best, Limits, Progress, check_start};
-use super::infeasible;
-use super::ipm::scaled::Scaled;
-use super::{CcpSolver, SolveReport, SolveSettings, Status};
+use crate::newton::NewtonSolver;
 use crate::newton::driver::NewtonDriver;
-use crate::newton::{NewtonSolver, linear_solver};
 use crate::problem::{Ccp, CcpError};
 use crate::residual::{FrictionModel, ResidualScale};
+use crate::solver::driver::{Best, Limits, Progress, check_start};
+use crate::solver::history::History;
+use crate::solver::infeasible;
+use crate::solver::interface::CcpSolver;
+use crate::solver::ipm::scaled::Scaled;
+use crate::solver::report::{SolveReport, Status};
+use crate::solver::settings::SolveSettings;
 
-/// 1/tau = (mean complementarity) / TAU_FACTOR.
-const TAU_FACTOR: f64 = 10.0;
-/// Where no step is found the relative residual of the linear solves with the matrix at hand is tightened by this factor, down to
-/// [`LINEAR_FINEST`], before the method gives up.
-const LINEAR_TIGHTENING: f64 = 1e-3;
-/// See [`LINEAR_TIGHTENING`].
-const LINEAR_FINEST: f64 = 1e-13;
-/// Iterations allowed where the settings name no limit.
-const ITERATIONS: usize = 300;
-/// Normal impulse of the central start, c / sqrt(eta_i).
-const CENTRAL_START: f64 = 100.0;
-/// 1/tau of the start above the solution, and of one from known impulses, per third of the mean of |g| |N g + r|.
-const CENTRAL_BARRIER: [f64; 2] = [0.1, 1.0];
-/// Weight of the proximal term of the central rule, relative to trace(N'_ii) / 3.
-const PROXIMAL: f64 = 1e-8;
-/// Smallest step after which tau may grow.
-const LONG_STEP: f64 = 0.7;
-/// Largest squared Newton decrement per contact with which tau may grow. A contact whose impulse grows without limit adds 3,
-/// the parameter of its logarithms.
-const NEAR_CENTRE: f64 = 4.0;
-/// Iterations without a better residual before `pdip` gives up.
-const STALL_ITERATIONS: usize = 50;
-/// Smallest normal impulse of the paper's start from known impulses, c / sqrt(eta_i).
-const PAPER_FLOOR: f64 = 1e-2;
+/// What [`Pdip`] is tuned by; lengths of steps are in [`StepParameters`].
+#[derive(Clone, Debug)]
+pub struct Parameters {
+    /// 1/tau = (mean complementarity) / this.
+    pub tau_factor: f64,
+    /// Where no step is found the relative residual of the linear solves with the matrix at hand is tightened by this factor, down to
+    /// the finest, before the method gives up.
+    pub linear_tightening: f64,
+    /// The finest relative residual of the linear solves.
+    pub linear_finest: f64,
+    /// Iterations allowed where the settings name no limit.
+    pub iterations: usize,
+    /// Normal impulse of the central start, c / sqrt(eta_i).
+    pub central_start: f64,
+    /// 1/tau of the start above the solution, and of one from known impulses, per third of the mean of |g| |N g + r|.
+    pub central_barrier: [f64; 2],
+    /// Weight of the proximal term of the central rule, relative to trace(N'_ii) / 3.
+    pub proximal: f64,
+    /// Smallest step after which tau may grow.
+    pub long_step: f64,
+    /// Largest squared Newton decrement per contact with which tau may grow. A contact whose impulse grows without limit adds 3,
+    /// the parameter of its logarithms.
+    pub near_centre: f64,
+    /// Iterations without a better residual before `pdip` gives up.
+    pub stall_iterations: usize,
+    /// Smallest normal impulse of the paper's start from known impulses, c / sqrt(eta_i).
+    pub paper_floor: f64,
+    /// Lengths of steps.
+    pub step: StepParameters,
+}
+
+impl Default for Parameters {
+    fn default() -> Self {
+        Self {
+            tau_factor: 10.0,
+            linear_tightening: 1e-3,
+            linear_finest: 1e-13,
+            iterations: 300,
+            central_start: 100.0,
+            central_barrier: [0.1, 1.0],
+            proximal: 1e-8,
+            long_step: 0.7,
+            near_centre: 4.0,
+            stall_iterations: 50,
+            paper_floor: 1e-2,
+            step: StepParameters::default(),
+        }
+    }
+}
 
 /// How tau grows, where the iteration starts and how long its steps are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -103,20 +132,26 @@ impl Rule {
     }
 
     /// A start inside the cones, and its 1/tau.
-    fn start<'a>(self, problem: &'a Ccp, impulse: &[f64], scale: &ResidualScale) -> (Iterate<'a>, f64) {
+    fn start<'a>(
+        self,
+        problem: &'a Ccp,
+        impulse: &[f64],
+        scale: &ResidualScale,
+        parameters: &Parameters,
+    ) -> (Iterate<'a>, f64) {
         let known = impulse.iter().any(|&x| x != 0.0);
         let (unknown, floor, proximal) = match self {
-            Self::Paper => (1.0, PAPER_FLOOR, 0.0),
-            Self::Central => (CENTRAL_START, 1.0, PROXIMAL),
+            Self::Paper => (1.0, parameters.paper_floor, 0.0),
+            Self::Central => (parameters.central_start, 1.0, parameters.proximal),
         };
         let normal = |i: usize, unit: f64| {
-            if known { (impulse[3 * i] / unit).clamp(floor, CENTRAL_START) } else { unknown }
+            if known { (impulse[3 * i] / unit).clamp(floor, parameters.central_start) } else { unknown }
         };
         let mut barrier = 0.0;
         let it = Iterate::new(problem, scale, proximal, normal, |mean| {
             barrier = match self {
                 Self::Paper => 1.0,
-                Self::Central => CENTRAL_BARRIER[usize::from(known)] * mean / 3.0,
+                Self::Central => parameters.central_barrier[usize::from(known)] * mean / 3.0,
             };
             barrier
         });
@@ -128,29 +163,15 @@ impl Rule {
 pub struct Pdip {
     newton: NewtonDriver,
     rule: Rule,
+    /// The tuned constants.
+    pub parameters: Parameters,
 }
 
 impl Pdip {
-    /// With the linear solver of this name (see [`crate::newton`]).
-    ///
-    /// # Errors
-    /// [`CcpError::UnknownSolver`].
-    pub fn new(rule: Rule, linear: &str) -> Result<Self, CcpError> {
-        Ok(Self::with_solver(rule, linear_solver(rule.name(), linear)?))
-    }
-
     /// With a linear solver of one's own.
     pub fn with_solver(rule: Rule, linear: Box<dyn NewtonSolver>) -> Self {
-        Self { newton: NewtonDriver::new(linear), rule }
+        Self { newton: NewtonDriver::new(linear), rule, parameters: Parameters::default() }
     }
-}
-
-pub(super) fn build(linear: Option<&str>) -> Result<Box<dyn CcpSolver>, CcpError> {
-    Ok(Box::new(Pdip::new(Rule::Central, linear.unwrap_or("cholesky"))?))
-}
-
-pub(super) fn build_literal(linear: Option<&str>) -> Result<Box<dyn CcpSolver>, CcpError> {
-    Ok(Box::new(Pdip::new(Rule::Paper, linear.unwrap_or("cholesky"))?))
 }
 
 /// Offers no impulses at all, and the given ones projected on their cones. The smaller of their residuals.
@@ -188,7 +209,7 @@ impl CcpSolver for Pdip {
     }
 
     fn iteration_limit(&self) -> usize {
-        ITERATIONS
+        self.parameters.iterations
     }
 
     fn solve(
@@ -197,7 +218,7 @@ impl CcpSolver for Pdip {
         impulse: &mut [f64],
         settings: &SolveSettings,
     ) -> Result<SolveReport, CcpError> {
-        let limits = Limits::start(settings, ITERATIONS);
+        let limits = Limits::start(settings, self.parameters.iterations);
         check_start(problem, impulse)?;
         let scale = ResidualScale::new(problem);
         // The path starts inside the cones, far from the solution: what is better must not be lost on the way.
@@ -210,17 +231,20 @@ impl CcpSolver for Pdip {
         let patience = limits.patience();
         self.newton.set_patience(patience.clone());
         self.newton.begin(problem);
-        let (mut it, mut barrier) = self.rule.start(problem, impulse, &scale);
+        let (mut it, mut barrier) = self.rule.start(problem, impulse, &scale, &self.parameters);
         let mut direction = Direction::new(it.num_contacts());
         let (mut g, mut u) = (vec![0.0; impulse.len()], vec![0.0; impulse.len()]);
         let mut iterations = 0;
-        let mut progress = Progress::new(STALL_ITERATIONS);
+        let mut history = History::default();
+        let mut progress = Progress::new(self.parameters.stall_iterations);
         let mut linear_tolerance = self.rule.linear_tolerance();
         let mut centred = false;
         let mut status = loop {
             // The residual of the problem itself, in its own units.
             it.physical(&mut g, &mut u);
-            let residual = limits.judged(scale.residual(problem, &g, &u, settings.friction));
+            let found = scale.residual(problem, &g, &u, settings.friction);
+            history.record(iterations, limits.seconds(), found);
+            let residual = limits.judged(found);
             best.offer(&g, residual);
             if let Some(status) = limits.status(iterations, residual) {
                 break status;
@@ -228,7 +252,7 @@ impl CcpSolver for Pdip {
             if it.runs_away() || (progress.has_ended(residual) && self.rule == Rule::Central) {
                 break Status::Stalled;
             }
-            let wanted = it.mean_complementarity() / TAU_FACTOR;
+            let wanted = it.mean_complementarity() / self.parameters.tau_factor;
             match self.rule {
                 Rule::Paper => barrier = wanted,
                 Rule::Central if centred => {
@@ -243,13 +267,15 @@ impl CcpSolver for Pdip {
             let step = loop {
                 it.direction(&mut self.newton, barrier, linear_tolerance, &mut direction);
                 let step = match self.rule {
-                    Rule::Paper => by_residual(&it, &direction, barrier),
-                    Rule::Central => by_barrier(&it, &direction, barrier),
+                    Rule::Paper => by_residual(&it, &direction, barrier, &self.parameters.step),
+                    Rule::Central => by_barrier(&it, &direction, barrier, &self.parameters.step),
                 };
-                if step.taken > 0.0 || linear_tolerance <= LINEAR_FINEST || patience.is_over() {
+                if step.taken > 0.0 || linear_tolerance <= self.parameters.linear_finest || patience.is_over()
+                {
                     break step;
                 }
-                linear_tolerance = (linear_tolerance * LINEAR_TIGHTENING).max(LINEAR_FINEST);
+                linear_tolerance =
+                    (linear_tolerance * self.parameters.linear_tightening).max(self.parameters.linear_finest);
             };
             let decrement = direction.decrease / (barrier * it.num_contacts() as f64);
             self.newton.end_iteration_with(
@@ -266,7 +292,7 @@ impl CcpSolver for Pdip {
             }
             it.advance_impulses(step.taken, &direction);
             it.advance_multipliers(step.multipliers, &direction);
-            centred = step.taken >= LONG_STEP && decrement <= NEAR_CENTRE;
+            centred = step.taken >= self.parameters.long_step && decrement <= self.parameters.near_centre;
             iterations += 1;
             if iterations % 10 == 0 {
                 // Rounding in the updated velocities must not accumulate.
@@ -274,7 +300,7 @@ impl CcpSolver for Pdip {
             }
         };
         if status == Status::Stalled && best.residual() > infeasible::GOOD_ENOUGH {
-            let scaled = Scaled::new(problem, &scale);
+            let scaled = Scaled::new(problem, &scale, &mut None);
             self.newton.change_problem(&scaled.problem);
             let found = infeasible::search(&mut self.newton, problem, &scaled, &limits, &mut iterations);
             if found.needed_velocity >= infeasible::PROBABLE {
@@ -282,6 +308,8 @@ impl CcpSolver for Pdip {
             }
         }
         best.restore(impulse);
-        limits.report_with(&self.name(), problem, impulse, status, iterations, &mut self.newton)
+        let report =
+            limits.report_with(&self.name(), problem, impulse, status, iterations, &mut self.newton)?;
+        Ok(SolveReport { history: history.into_samples(), ..report })
     }
 }

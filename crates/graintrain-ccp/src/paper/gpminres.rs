@@ -5,10 +5,11 @@
 //! Engineering 95:541-561, 2013, after the gradient projection / conjugate gradient method of J. More, G. Toraldo (1991).
 
 use super::face::in_tangent_space;
-use super::first_order::{FirstOrder, FirstOrderMethod, Iterate};
-use super::lanes::{Batch, Vector, add, add_scaled, dot, sub, zero};
-use super::scaling::{Accumulate, Given, Here, Image, Kernel, ScaledProblem};
-use super::sweep::Tally;
+use crate::solver::combination::Accumulate;
+use crate::solver::first_order::{FirstOrderMethod, Iterate};
+use crate::solver::lanes::{Batch, Vector, add, add_scaled, dot, sub, zero};
+use crate::solver::scaling::{ContactBatch, Image, Kernel, KernelInput, ScaledProblem};
+use crate::solver::tasks::Tally;
 
 /// Two phases by turns. Gradient projection steps with a spectral step length find out which contacts stick, slide or
 /// carry nothing. Then the minimum residual method solves the equations of that face, Z^T (N' (x + w) + r') = 0 for w in the tangent
@@ -38,15 +39,15 @@ struct GradientStep {
 
 impl Kernel<1> for GradientStep {
     #[inline(always)]
-    fn point<V: Vector>(&self, _: Here<V>, u: &Batch<V>, [x]: [&Batch<V>; 1]) -> Batch<V> {
+    fn point<V: Vector>(&self, _: ContactBatch<V>, u: &Batch<V>, [x]: [&Batch<V>; 1]) -> Batch<V> {
         add_scaled(x, -self.alpha, u)
     }
 
     #[inline(always)]
     fn at<V: Vector>(
         &self,
-        _: Here<V>,
-        Given { projected: new, .. }: Given<V>,
+        _: ContactBatch<V>,
+        KernelInput { projected: new, .. }: KernelInput<V>,
         [x]: [&mut Batch<V>; 1],
         tally: &mut Tally<V>,
     ) -> Batch<V> {
@@ -62,20 +63,26 @@ struct FaceResidual;
 
 impl Kernel<5> for FaceResidual {
     #[inline(always)]
-    fn point<V: Vector>(&self, _: Here<V>, _: &Batch<V>, [x, ..]: [&Batch<V>; 5]) -> Batch<V> {
+    fn point<V: Vector>(&self, _: ContactBatch<V>, _: &Batch<V>, [x, ..]: [&Batch<V>; 5]) -> Batch<V> {
         *x
     }
 
     #[inline(always)]
-    fn projected<V: Vector>(&self, here: Here<V>, u: &Batch<V>, x: &Batch<V>, tangential: V) -> Batch<V> {
-        in_tangent_space(here.mu, x, tangential, u)
+    fn projected<V: Vector>(
+        &self,
+        contact: ContactBatch<V>,
+        u: &Batch<V>,
+        x: &Batch<V>,
+        tangential: V,
+    ) -> Batch<V> {
+        in_tangent_space(contact.mu, x, tangential, u)
     }
 
     #[inline(always)]
     fn at<V: Vector>(
         &self,
-        _: Here<V>,
-        Given { projected, .. }: Given<V>,
+        _: ContactBatch<V>,
+        KernelInput { projected, .. }: KernelInput<V>,
         [_, w, rho, p, ap]: [&mut Batch<V>; 5],
         tally: &mut Tally<V>,
     ) -> Batch<V> {
@@ -97,20 +104,26 @@ impl Kernel<4> for Conjugate {
     const GRADIENT: bool = false;
 
     #[inline(always)]
-    fn point<V: Vector>(&self, _: Here<V>, _: &Batch<V>, [x, ..]: [&Batch<V>; 4]) -> Batch<V> {
+    fn point<V: Vector>(&self, _: ContactBatch<V>, _: &Batch<V>, [x, ..]: [&Batch<V>; 4]) -> Batch<V> {
         *x
     }
 
     #[inline(always)]
-    fn projected<V: Vector>(&self, here: Here<V>, u: &Batch<V>, x: &Batch<V>, tangential: V) -> Batch<V> {
-        in_tangent_space(here.mu, x, tangential, u)
+    fn projected<V: Vector>(
+        &self,
+        contact: ContactBatch<V>,
+        u: &Batch<V>,
+        x: &Batch<V>,
+        tangential: V,
+    ) -> Batch<V> {
+        in_tangent_space(contact.mu, x, tangential, u)
     }
 
     #[inline(always)]
     fn at<V: Vector>(
         &self,
-        _: Here<V>,
-        Given { projected, .. }: Given<V>,
+        _: ContactBatch<V>,
+        KernelInput { projected, .. }: KernelInput<V>,
         [_, rho, p, ap]: [&mut Batch<V>; 4],
         tally: &mut Tally<V>,
     ) -> Batch<V> {
@@ -132,8 +145,8 @@ impl Kernel<4> for Advance {
     #[inline(always)]
     fn at<V: Vector>(
         &self,
-        _: Here<V>,
-        _: Given<V>,
+        _: ContactBatch<V>,
+        _: KernelInput<V>,
         [w, rho, p, ap]: [&mut Batch<V>; 4],
         tally: &mut Tally<V>,
     ) -> Batch<V> {
@@ -151,15 +164,15 @@ struct Trial {
 
 impl Kernel<3> for Trial {
     #[inline(always)]
-    fn point<V: Vector>(&self, _: Here<V>, _: &Batch<V>, [x, w, _]: [&Batch<V>; 3]) -> Batch<V> {
+    fn point<V: Vector>(&self, _: ContactBatch<V>, _: &Batch<V>, [x, w, _]: [&Batch<V>; 3]) -> Batch<V> {
         add_scaled(x, self.tau, w)
     }
 
     #[inline(always)]
     fn at<V: Vector>(
         &self,
-        _: Here<V>,
-        Given { u, projected }: Given<V>,
+        _: ContactBatch<V>,
+        KernelInput { u, projected }: KernelInput<V>,
         [x, _, trial]: [&mut Batch<V>; 3],
         tally: &mut Tally<V>,
     ) -> Batch<V> {
@@ -263,10 +276,4 @@ fn projected_search(scaled: &ScaledProblem, it: &mut Iterate<'_>, face: &mut Fac
         }
         tau *= 0.5;
     }
-}
-
-/// Makes the solver by name; it has no linear solver.
-pub(super) fn build(linear: Option<&str>) -> Result<Box<dyn super::CcpSolver>, crate::CcpError> {
-    super::without_linear_solver(GpMinres::NAME, linear)?;
-    Ok(Box::new(FirstOrder::new(GpMinres::default())))
 }

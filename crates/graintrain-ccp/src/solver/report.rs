@@ -1,0 +1,81 @@
+//! What a solve did.
+
+use super::history::ResidualSample;
+use crate::newton::NewtonRecord;
+use crate::residual::Residual;
+
+/// Why a solver stopped. Not reaching the tolerance is a status, not an error.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Status {
+    /// The residual, as judged, is at most the tolerance.
+    Converged,
+    /// No further progress is possible (round-off, breakdown of a linear solve).
+    Stalled,
+    /// The iteration limit was reached.
+    IterationLimit,
+    /// The time limit was reached or a stop was requested.
+    Stopped,
+    /// The problem has no solution: the bodies are jammed (see the solver's documentation for what is returned).
+    Infeasible,
+}
+
+/// What a solve did. The impulses returned are the best iterate found, converged or not.
+#[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
+pub struct SolveReport {
+    /// Name of the solver, with its linear solver where it has one.
+    pub solver: String,
+    /// Why it stopped.
+    pub status: Status,
+    /// Iterations of the outer method.
+    pub iterations: usize,
+    /// Iterations of linear solvers, summed.
+    pub linear_iterations: usize,
+    /// Products with N that a first-order method's iterations made (a sweep of Gauss-Seidel is one); 0 for other methods.
+    #[serde(default)]
+    pub products: usize,
+    /// Residual of the returned impulses in the friction model asked for.
+    pub residual: Residual,
+    /// Residual of the returned impulses as a relaxed CCP.
+    pub residual_relaxed: Residual,
+    /// Residual of the returned impulses as exact Coulomb friction.
+    pub residual_coulomb: Residual,
+    /// The measure used until November 2026 in the friction model asked for; see [`crate::residual::ResidualScale::paper`].
+    #[serde(default)]
+    pub residual_paper: f64,
+    /// 1/2 g^T N g + r^T g, J.
+    pub objective: f64,
+    /// Wall-clock seconds.
+    pub seconds: f64,
+    /// What the linear solver of a second-order method did, one record per Newton iteration.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub newton: Vec<NewtonRecord>,
+    /// The residual in the friction model asked for, at every check that the solver made: iteration, seconds, rms, max. Where there
+    /// were more than 256 checks they are thinned evenly; the last one is always there. A check looks at the solver's own iterate,
+    /// in its own arithmetic: the impulses returned are the best ones, and `residual` is theirs, evaluated afresh.
+    ///
+    /// ```
+    /// use graintrain_ccp::{Ccp, SolveSettings, SolverSpec};
+    /// let entries: Vec<_> = (0..6).map(|k| (k, k, 1.0 + k as f64)).collect();
+    /// let r = vec![-1.0, 0.1, 0.0, -0.5, 0.0, 0.2];
+    /// let problem = Ccp::from_triplets(&entries, r, vec![0.3; 2])?;
+    /// let settings = SolveSettings { tolerance: 1e-8, ..SolveSettings::default() };
+    /// let report = SolverSpec::default().build()?.solve(&problem, &mut [0.0; 6], &settings)?;
+    /// let least = report.history.iter().map(|sample| sample.max).fold(f64::INFINITY, f64::min);
+    /// assert!(report.converged() && least <= 1e-8);
+    /// # Ok::<(), graintrain_ccp::CcpError>(())
+    /// ```
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub history: Vec<ResidualSample>,
+    /// What is to be said beside the status: why a linear solver gave up, where that ended the solve, or which other method than the
+    /// one named ended it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub remark: Option<String>,
+}
+
+impl SolveReport {
+    /// Whether the tolerance was reached.
+    pub fn converged(&self) -> bool {
+        self.status == Status::Converged
+    }
+}

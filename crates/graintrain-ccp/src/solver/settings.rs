@@ -1,0 +1,44 @@
+//! When a solver stops, and which problem it solves.
+
+use crate::residual::{FrictionModel, Judge};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+/// When a solver stops.
+#[derive(Clone, Debug)]
+pub struct SolveSettings {
+    /// Stop when the residual, judged by `judge`, is at most this. Default 1e-4.
+    pub tolerance: f64,
+    /// Which number of the residual counts. Default [`Judge::Maximum`].
+    pub judge: Judge,
+    /// Stop after this many iterations; `None` is the solver's own limit. For exact friction see [`CoulombIteration`](super::CoulombIteration).
+    pub max_iterations: Option<usize>,
+    /// Stop after this time.
+    pub max_time: Option<Duration>,
+    /// Relaxed CCP or exact Coulomb friction.
+    pub friction: FrictionModel,
+    /// Stop as soon as this is set (Ctrl-C), with the best iterate.
+    pub stop: Option<Arc<AtomicBool>>,
+}
+
+impl Default for SolveSettings {
+    fn default() -> Self {
+        Self {
+            tolerance: 1e-4,
+            judge: Judge::Maximum,
+            max_iterations: None,
+            max_time: None,
+            friction: FrictionModel::Relaxed,
+            stop: None,
+        }
+    }
+}
+
+impl SolveSettings {
+    /// Whether a solve begun at `start` has to stop now because of time or a stop request.
+    pub fn out_of_time(&self, start: Instant) -> bool {
+        self.max_time.is_some_and(|limit| start.elapsed() >= limit)
+            || self.stop.as_ref().is_some_and(|stop| stop.load(Ordering::Relaxed))
+    }
+}
