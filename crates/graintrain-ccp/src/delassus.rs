@@ -452,6 +452,18 @@ pub(crate) mod tests {
     }
 
     #[test]
+    fn identity_is_that_of_one_matrix_and_not_of_equal_ones() {
+        let mut n = Arc::new(Delassus::Rigid(random_rigid(3, 4, 1)));
+        let identity = DelassusIdentity::of(&n);
+        assert!(identity.is(&n) && identity.is(&Arc::clone(&n)));
+        assert!(!identity.is(&Arc::new((*n).clone())) && !DelassusIdentity::default().is(&n));
+        // Nobody can change N behind the back of who remembers it.
+        assert!(Arc::get_mut(&mut n).is_none());
+        Arc::make_mut(&mut n);
+        assert!(!identity.is(&n));
+    }
+
+    #[test]
     fn product_and_assembly_agree_with_a_dense_transpose_times_inverse_mass_times_jacobian() {
         let rigid = random_rigid(7, 20, 3);
         let d = dense_jacobian(&rigid);
