@@ -22,11 +22,22 @@ pub(crate) trait Cores {
     /// [`DenseError::NotFinite`].
     fn exponent(&self, k: usize) -> Result<Option<i32>, DenseError>;
 
+    /// 2^power ||G_k||_F, or a bound of it.
+    fn size(&self, k: usize, power: i32) -> f64;
+
     /// 2^power M G_k.
     fn multiply_left(&self, k: usize, m: View<'_>, power: i32) -> Core;
 
     /// 2^power G_k M.
     fn multiply_right(&self, k: usize, m: View<'_>, power: i32) -> Core;
+}
+
+/// 2^power ||G||_F without overflow on the way.
+fn core_size(core: &Core, power: i32) -> f64 {
+    let Ok(Some(exponent)) = core_exponent(core) else { return 0.0 };
+    let unit = f64::from(-exponent).exp2();
+    let size = core.data.iter().map(|x| (x * unit).powi(2)).sum::<f64>().sqrt();
+    size * f64::from(power.saturating_add(exponent)).exp2()
 }
 
 /// The exponent of the largest number of a core; none if all are zero.
@@ -42,6 +53,10 @@ impl Cores for TtVector {
 
     fn exponent(&self, k: usize) -> Result<Option<i32>, DenseError> {
         core_exponent(&self.cores[k])
+    }
+
+    fn size(&self, k: usize, power: i32) -> f64 {
+        core_size(&self.cores[k], power)
     }
 
     fn multiply_left(&self, k: usize, m: View<'_>, power: i32) -> Core {
@@ -79,6 +94,11 @@ impl Cores for Product<'_> {
     fn exponent(&self, k: usize) -> Result<Option<i32>, DenseError> {
         let (a, x) = (core_exponent(&self.a.cores()[k])?, core_exponent(&self.x.cores[k])?);
         Ok(a.zip(x).map(|(a, x)| a + x))
+    }
+
+    fn size(&self, k: usize, power: i32) -> f64 {
+        let (a, x, power) = self.scaled(k, power);
+        core_size(&a, 0) * core_size(&x, power)
     }
 
     fn multiply_left(&self, k: usize, matrix: View<'_>, power: i32) -> Core {

@@ -82,6 +82,11 @@ impl RightFactors {
         Ok(Some(Self { powers, right }))
     }
 
+    /// ||G_k||_F ||A_{>k}||_F in the units of the factors.
+    fn size_from(&self, train: &impl Cores, k: usize) -> f64 {
+        train.size(k, -self.powers[k]) * sum_of_squares(self.right[k].data()).sqrt()
+    }
+
     /// The sum of all powers.
     fn exponent(&self) -> i64 {
         self.powers.iter().map(|&power| i64::from(power)).sum()
@@ -92,12 +97,22 @@ impl RightFactors {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TruncationReport {
     /// Relative Frobenius error: sqrt(sum of all discarded squared singular values) / norm. The projections are
-    /// nested, so this is the error itself, not a bound (up to rounding, about 1e-15).
+    /// nested, so this is the error itself, not a bound (up to rounding, see `floor`).
     pub error: f64,
+    /// Relative error that rounding may have added: the error is known to `error` + `floor` at best. Near 1e-15, but where a
+    /// train cancels (a - a + 1e-12 b) its terms lose digits before anything is truncated; see [`TtVector::rounding_floor`].
+    pub floor: f64,
     /// Frobenius norm of the tensor before the truncation (infinite where it exceeds the largest float).
     pub norm: f64,
     /// Whether the cap on the ranks made the error exceed the tolerance.
     pub capped: bool,
+}
+
+impl TruncationReport {
+    /// For the zero tensor.
+    pub(crate) fn zero() -> Self {
+        Self { error: 0.0, floor: 0.0, norm: 0.0, capped: false }
+    }
 }
 
 /// The squared error still allowed, handed from bond to bond: what one bond does not use, later bonds may.
@@ -155,12 +170,12 @@ impl Budget {
         (rank, tail)
     }
 
-    /// The report for a tensor of this squared norm.
-    pub(crate) fn report(&self, norm_squared: f64) -> TruncationReport {
+    /// The report for a tensor of this squared norm, whose relative rounding errors are `floor`.
+    pub(crate) fn report(&self, norm_squared: f64, floor: f64) -> TruncationReport {
         let error = if norm_squared > 0.0 { (self.used / norm_squared).sqrt() } else { 0.0 };
         // Rounding-level tails of exact ranks are not an effect of the cap.
         let capped = self.used > self.allowed.max(norm_squared * 1e-28);
-        TruncationReport { error, norm: norm_squared.sqrt(), capped }
+        TruncationReport { error, floor, norm: norm_squared.sqrt(), capped }
     }
 }
 
@@ -177,26 +192,33 @@ pub(crate) fn round_cores(
     truncation.check()?;
     let modes = train.modes();
     let Some(factors) = RightFactors::new(train)? else {
-        let report = TruncationReport { error: 0.0, norm: 0.0, capped: false };
-        return Ok((TtVector::constant(&modes, 0.0)?, report));
+        return Ok((TtVector::constant(&modes, 0.0)?, TruncationReport::zero()));
     };
     let mut cores = Vec::with_capacity(modes.len());
     let mut core = train.multiply_left(0, Matrix::identity(1).view(), -factors.powers[0]);
     let mut unfolding = product(core.left_unfolding(), factors.right[0].view());
-    let norm_squared = unfolding.data().iter().map(|x| x * x).sum::<f64>();
+    let norm_squared = sum_of_squares(unfolding.data());
+    // What rounding of one core does to the tensor: its size times those of the parts left and right of it.
+    let moved = |k: usize, left: f64| left * factors.size_from(train, k).powi(2);
+    let mut rounding = moved(0, 1.0);
     let mut budget = Budget::new(truncation, norm_squared, modes.len() - 1);
     for k in 1..modes.len() {
         let u = leading_columns(&unfolding, &mut budget).map_err(at_core(k - 1))?;
         let carry = product(u.t(), core.left_unfolding());
         cores.push(Core::from_left_unfolding(core.left, core.mode, u));
+        rounding += moved(k, sum_of_squares(carry.data()));
         core = train.multiply_left(k, carry.view(), -factors.powers[k]);
         unfolding = product(core.left_unfolding(), factors.right[k].view());
     }
     cores.push(core);
     share_power(&mut cores, factors.exponent());
-    let report = budget.report(norm_squared);
+    let report = budget.report(norm_squared, f64::EPSILON * (rounding / norm_squared).sqrt());
     let norm = report.norm * (factors.exponent() as f64).exp2();
     Ok((TtVector { cores }, TruncationReport { norm, ..report }))
+}
+
+pub(crate) fn sum_of_squares(data: &[f64]) -> f64 {
+    data.iter().map(|x| x * x).sum()
 }
 
 /// diag(s) V^T restricted to the first `rank` rows.
@@ -269,8 +291,40 @@ impl TtVector {
         (r.data().iter().map(|x| x * x).sum::<f64>().sqrt(), exponent)
     }
 
+    /// The relative error that rounding of its own cores makes in a train, and so in everything computed from it:
+    ///
+    /// eps sqrt(sum_k ||A_{<k}||^2 ||G_k||^2 ||A_{>k}||^2) / ||A||
+    ///
+    /// with A_{<k} and A_{>k} the unfoldings of the parts left and right of core k. Near eps sqrt(d) r for trains that do not cancel; where
+    /// terms cancel, as in a - a + 1e-12 b, it says how many digits are left. (The product of all core norms over the norm bounds it from
+    /// above.) 0 for the zero tensor. O(d n r^3).
+    ///
+    /// # Errors
+    /// [`TtError::Dense`] for entries that are not finite.
+    ///
+    /// ```
+    /// use graintrain_tt::TtVector;
+    /// let (a, b) = (TtVector::random(&[2; 20], 3, 1)?, TtVector::random(&[2; 20], 3, 2)?);
+    /// assert!(a.rounding_floor()? < 1e-13);
+    /// let rest = a.subtract(&a)?.add(&b.scale(1e-12))?;
+    /// assert!(rest.rounding_floor()? > 1e-5);
+    /// # Ok::<(), graintrain_tt::TtError>(())
+    /// ```
+    pub fn rounding_floor(&self) -> Result<f64, TtError> {
+        let Some(factors) = RightFactors::new(self)? else { return Ok(0.0) };
+        let (mut left, mut rounding, mut taken_out) = (Matrix::identity(1), 0.0, 0.0);
+        for (k, core) in self.cores.iter().enumerate() {
+            rounding +=
+                sum_of_squares(left.data()) * (factors.size_from(self, k) * f64::exp2(taken_out)).powi(2);
+            left = triangle(core.multiply_left_scaled(left.view(), -factors.powers[k]).into_left_unfolding());
+            taken_out += f64::from(factor_out(left.data_mut()).unwrap_or(0));
+        }
+        let norm_squared = sum_of_squares(left.data()) * (2.0 * taken_out).exp2();
+        Ok(f64::EPSILON * (rounding / norm_squared).sqrt())
+    }
+
     /// The shortest train within the truncation (Oseledets 2011, Algorithm 2). O(d n r^3). The error never exceeds the
-    /// tolerance (beyond rounding level, about 1e-15 sqrt(d)) unless the cap binds.
+    /// tolerance by more than the `floor` of the report unless the cap binds.
     ///
     /// The factors L_k of the parts A_{>k} = L_k Q_k come from the right (Q is never formed), already without what depends on
     /// other rows at rounding level; from the left, the leading left singular vectors U_k of G_k L_k are the new core (any

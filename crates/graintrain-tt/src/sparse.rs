@@ -318,13 +318,23 @@ impl QuadtreeMatrix {
         share_power(&mut cores, i64::from(exponent));
         let modes = self.modes();
         let matrix = TtMatrix { rows: modes.clone(), columns: modes, train: TtVector { cores } };
-        let report = budget.report(norm_squared);
+        // Every level rotates numbers of the size of the matrix with its dummies.
+        let floor = f64::EPSILON
+            * ((self.levels + 1) as f64).sqrt()
+            * (self.augmented_norm() / self.norm).min(f64::MAX);
+        let report = budget.report(norm_squared, if self.norm > 0.0 { floor } else { 0.0 });
         // (The quotient first: the product of the error and the norm may vanish.)
         let augmented_error =
             if report.error > 0.0 { report.error * (self.norm / self.augmented_norm()) } else { 0.0 };
         Ok((
             matrix,
-            SparseReport { error: report.error, augmented_error, norm: self.norm(), capped: report.capped },
+            SparseReport {
+                error: report.error,
+                floor: report.floor,
+                augmented_error,
+                norm: self.norm(),
+                capped: report.capped,
+            },
         ))
     }
 
@@ -358,6 +368,8 @@ pub struct SparseReport {
     /// Frobenius error relative to the norm of the given entries (without dummies): exact up to the rounding of a Gram
     /// matrix, at most a tenth of the tolerance.
     pub error: f64,
+    /// Relative error that rounding may have added: eps sqrt(levels) times the norm with dummies over that without.
+    pub floor: f64,
     /// The same error relative to the norm with dummies: what a method that looks only at the augmented matrix sees.
     pub augmented_error: f64,
     /// Frobenius norm of the given entries.

@@ -64,7 +64,7 @@ impl TtVector {
         }
         cores.push(Core { left, mode: last, right: 1, data: rest });
         share_power(&mut cores, i64::from(power));
-        let report = budget.report(norm_squared);
+        let report = budget.report(norm_squared, f64::EPSILON * (modes.len() as f64).sqrt());
         let norm = report.norm * f64::from(power).exp2();
         Ok((Self { cores }, TruncationReport { norm, ..report }))
     }
