@@ -117,6 +117,56 @@ fn dependent_rows(a: View<'_>, squares: &Matrix) -> Option<Matrix> {
     left_over.iter().zip(&lengths).all(negligible).then_some(lower)
 }
 
+/// Rows S of A and C with A = C A_S, where every row keeps 16 eps of its own length; C is the identity on S. None if no row can be left
+/// out. (C = A A_S^T (A_S A_S^T)^-1 is made from the Gram matrix and improved once by what it leaves over.)
+pub(crate) fn interpolative_rows(a: &Matrix) -> Option<(Vec<usize>, Matrix)> {
+    let (m, n) = (a.rows(), a.columns());
+    // Rows brought to length one, so that neither sums of squares nor combinations know their units.
+    let largest = |i: usize| (0..n).fold(0.0_f64, |largest, j| a[(i, j)].abs().max(largest));
+    let length = |i: usize| {
+        let unit = largest(i);
+        if unit > 0.0 { unit * (0..n).map(|j| (a[(i, j)] / unit).powi(2)).sum::<f64>().sqrt() } else { 0.0 }
+    };
+    let lengths: Vec<f64> = (0..m).map(length).collect();
+    let unit = |i: usize, x: f64| if lengths[i] > 0.0 { x / lengths[i] } else { 0.0 };
+    let rows = Matrix::from_fn(m, n, |i, j| unit(i, a[(i, j)]));
+    let squares = gram(rows.t());
+    let ones: Vec<f64> = lengths.iter().map(|&x| f64::from(x > 0.0)).collect();
+    let kept = independent_rows(&squares, &ones, m.min(n));
+    if kept.is_empty() || kept.len() == m {
+        return None;
+    }
+    let factor =
+        SafeCholesky::new(&Matrix::from_fn(kept.len(), kept.len(), |i, j| squares[(kept[i], kept[j])]))?;
+    let basis = Matrix::from_fn(kept.len(), n, |i, j| rows[(kept[i], j)]);
+    let solve = |mut of_basis: Matrix| {
+        factor.factor.solve_in_place(of_basis.view_mut());
+        of_basis.transposed()
+    };
+    let mut combinations = solve(product(basis.view(), rows.t()));
+    let mut rest = rows.clone();
+    multiply_add(-1.0, combinations.view(), basis.view(), rest.view_mut());
+    let correction = solve(product(basis.view(), rest.t()));
+    combinations.data_mut().iter_mut().zip(correction.data()).for_each(|(c, x)| *c += x);
+    // Combinations of explicit constructions are small integers or zero: what is rounding around them goes.
+    combinations.data_mut().iter_mut().for_each(|c| {
+        if (*c - c.round()).abs() <= DEPENDENT {
+            *c = c.round();
+        }
+    });
+    for (s, &row) in kept.iter().enumerate() {
+        (0..kept.len()).for_each(|j| combinations[(row, j)] = f64::from(j == s));
+    }
+    let mut rest = rows;
+    multiply_add(-1.0, combinations.view(), basis.view(), rest.view_mut());
+    let left_over = |i: usize| (0..n).map(|j| rest[(i, j)].powi(2)).sum::<f64>().sqrt();
+    if (0..m).any(|i| left_over(i) > DEPENDENT) {
+        return None;
+    }
+    let back = Matrix::from_fn(m, kept.len(), |i, j| combinations[(i, j)] * (lengths[i] / lengths[kept[j]]));
+    Some((kept, back))
+}
+
 /// Pivots of the Cholesky factorization of the Gram matrix of rows brought to length one, until what is left of every row
 /// is [`UNRESOLVED`] or `most` are found.
 fn independent_rows(squares: &Matrix, lengths: &[f64], most: usize) -> Vec<usize> {
@@ -275,7 +325,7 @@ mod tests {
             let mut budget = Budget::new(&truncation, norm_squared, 1);
             let expected = budget.split(&thin_svd(a.view()).unwrap().s.iter().map(|s| s * s).collect::<Vec<_>>());
             let basis = leading_columns(&a, &mut budget).unwrap();
-            let report = budget.report(norm_squared);
+            let report = budget.report(norm_squared, 0.0);
             let identity = product(basis.t(), basis.view());
             for (e, x) in identity.data().iter().enumerate() {
                 prop_assert!((x - f64::from(e % (basis.columns() + 1) == 0)).abs() < 1e-11);

@@ -13,7 +13,7 @@
 //! [`newton_schulz`] is a second opinion: X <- 2 X - X A X with rounding.
 
 use crate::solve::{
-    MOST_TIGHTENING, SAFETY, SolveReport, SolveSettings, SolveStatus, solve, solve_matrix_within,
+    MOST_TIGHTENING, SolveReport, SolveSettings, SolveStatus, measured_residual, solve, solve_matrix_within,
 };
 use crate::{Truncation, TtError, TtMatrix};
 use graintrain_linalg::patience::Patience;
@@ -97,7 +97,7 @@ pub fn inverse_within(
             let mut found = solve_matrix_within(&normal, &transpose, Some(&start), &inner, patience)?;
             while found.1.status == SolveStatus::Converged
                 && inner.tolerance > settings.tolerance * MOST_TIGHTENING
-                && inverse_residual(a, &found.0)? > SAFETY * settings.tolerance
+                && inverse_residual(a, &found.0)? > settings.tolerance
             {
                 inner.tolerance *= 0.2;
                 let sweeps = found.1.sweeps;
@@ -113,8 +113,9 @@ pub fn inverse_within(
             (start.map(|_| x), report)
         }
     };
-    report.residual = inverse_residual(a, &x)?;
-    if report.residual <= SAFETY * settings.tolerance {
+    let residual = measured_residual(a, &x.train, &identity.train, &a.columns)?;
+    (report.residual, report.floor) = (residual.value, residual.floor);
+    if report.residual <= settings.tolerance {
         report.status = SolveStatus::Converged;
     } else if report.status == SolveStatus::Converged {
         report.status = SolveStatus::Stagnated;
@@ -159,8 +160,10 @@ fn sylvester(a: &TtMatrix) -> Result<TtMatrix, TtError> {
 /// What [`newton_schulz`] did.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct NewtonReport {
-    /// Whether ||I - A X||_F fell below the stop value.
+    /// Whether ||I - A X||_F fell to the stop value.
     pub converged: bool,
+    /// What rounding leaves uncertain about the smallest ||I - A X||_F.
+    pub floor: f64,
     /// ||I - A X||_F after every step (absolute).
     pub history: Vec<f64>,
 }
@@ -183,16 +186,18 @@ pub fn newton_schulz(
     a.check_same_sizes(start)?;
     let identity = TtMatrix::identity(&a.rows)?;
     let mut x = start.clone();
-    let mut best = (f64::INFINITY, x.clone());
+    let norm = identity.norm();
+    let (mut best, mut floor) = ((f64::INFINITY, x.clone()), 0.0);
     let mut history = Vec::new();
     for step in 0..=max_steps {
-        let product = a.times_matrix(&x)?;
         // Of the product itself: a rounded one would hide what the rounding of X has cost.
-        let size = identity.subtract(&product)?.norm();
-        let product = product.round(truncation)?.0;
+        let residual = measured_residual(a, &x.train, &identity.train, &a.columns)?;
+        let size = residual.value * norm;
+        let product = a.times_matrix_rounded(&x, truncation)?.0;
         history.push(size);
         if size < best.0 {
             best = (size, x.clone());
+            floor = residual.floor * norm;
         }
         let rising = history.len() > 3 && size > 2.0 * history[history.len() - 2];
         if size <= stop || step == max_steps || rising || !size.is_finite() {
@@ -202,5 +207,5 @@ pub fn newton_schulz(
         let correction = identity.scale(2.0).subtract(&product)?.round(truncation)?.0;
         x = x.times_matrix_rounded(&correction, truncation)?.0;
     }
-    Ok((best.1, NewtonReport { converged: best.0 <= stop, history }))
+    Ok((best.1, NewtonReport { converged: best.0 <= stop, floor, history }))
 }

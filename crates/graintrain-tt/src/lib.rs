@@ -27,9 +27,11 @@ struct Readme;
 
 pub mod apply;
 pub mod arithmetic;
+mod cores;
 pub mod cross;
 pub mod definite;
 mod error;
+mod exact;
 mod factor;
 pub mod inverse;
 mod io;
@@ -50,5 +52,5 @@ pub mod vector;
 
 pub use error::TtError;
 pub use matrix::TtMatrix;
-pub use round::{Truncation, TruncationReport};
+pub use round::{Measured, Truncation, TruncationReport};
 pub use vector::{Core, TtVector};

@@ -271,7 +271,8 @@ pub fn kronecker_sum(axes: &[TtMatrix], order: DigitOrder) -> Result<TtMatrix, T
         };
         total = Some(match total {
             None => term,
-            Some(sum) => sum.add(&term)?.round(&Truncation::to(1e-14))?.0,
+            // Not rounded: an axis whose operator is 1e-15 of another's would be lost.
+            Some(sum) => sum.add(&term)?.without_dependent_ranks(),
         });
     }
     total.ok_or(TtError::Shape { what: "number of axes", expected: vec![1], got: vec![0] })

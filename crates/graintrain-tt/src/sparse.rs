@@ -14,9 +14,9 @@
 //! dummies much larger than the entries), the triangle of a QR of all vectors takes its place.
 
 use crate::error::at_core;
-use crate::round::Budget;
+use crate::round::{Budget, ROUNDING};
 use crate::scale::{binary_exponent, largest_finite, share_power};
-use crate::vector::Core;
+use crate::vector::{Core, LARGEST_CORE};
 use crate::{Truncation, TtError, TtMatrix, TtVector};
 use graintrain_linalg::block3::BlockMatrix3;
 use graintrain_linalg::dense::{
@@ -291,13 +291,20 @@ impl QuadtreeMatrix {
     /// norm WITHOUT dummies: an identity on many dummies would otherwise hide any error.
     ///
     /// # Errors
-    /// [`TtError::Setting`] for a bad truncation or a norm that overflows, [`TtError::Dense`] if an entry is not finite.
+    /// [`TtError::Setting`] for a bad truncation or a norm that overflows, [`TtError::Dense`] if an entry is not finite,
+    /// [`TtError::TooLarge`] for leaves whose Gram matrix (n_1^4 numbers) does not fit.
     pub fn to_train(&self, truncation: &Truncation) -> Result<(TtMatrix, SparseReport), TtError> {
         truncation.check()?;
         largest_finite(&self.value).map_err(at_core(0))?;
         let exponent = self.exponent();
         if !self.norm.is_finite() {
             return Err(TtError::Setting { what: "norm of the entries", need: "finite", got: self.norm });
+        }
+        // Leaves as vectors, and Gram matrices of them.
+        let width = (self.leaf_size as f64).powi(2);
+        let numbers = width * (self.key.len() as f64 + if self.levels > 0 { width } else { 0.0 });
+        if numbers > LARGEST_CORE as f64 {
+            return Err(TtError::TooLarge { entries: numbers });
         }
         let norm_squared = (self.norm * f64::from(-exponent).exp2()).powi(2);
         let mut budget = Budget::new(truncation, norm_squared, self.levels);
@@ -368,7 +375,7 @@ pub struct SparseReport {
     /// Frobenius error relative to the norm of the given entries (without dummies): exact up to the rounding of a Gram
     /// matrix, at most a tenth of the tolerance.
     pub error: f64,
-    /// Relative error that rounding may have added: eps sqrt(levels) times the norm with dummies over that without.
+    /// Relative error that rounding may have added: 64 eps sqrt(levels) times the norm with dummies over that without.
     pub floor: f64,
     /// The same error relative to the norm with dummies: what a method that looks only at the augmented matrix sees.
     pub augmented_error: f64,

@@ -7,7 +7,7 @@
 use crate::error::at_core;
 use crate::factor::leading_columns;
 use crate::matrix::checked_product;
-use crate::round::Budget;
+use crate::round::{Budget, ROUNDING};
 use crate::scale::{binary_exponent, largest_finite, scale_by_power, share_power};
 use crate::vector::Core;
 use crate::{Truncation, TruncationReport, TtError, TtMatrix, TtVector};
@@ -64,7 +64,7 @@ impl TtVector {
         }
         cores.push(Core { left, mode: last, right: 1, data: rest });
         share_power(&mut cores, i64::from(power));
-        let report = budget.report(norm_squared, f64::EPSILON * (modes.len() as f64).sqrt());
+        let report = budget.report(norm_squared, ROUNDING * (modes.len() as f64).sqrt());
         let norm = report.norm * f64::from(power).exp2();
         Ok((Self { cores }, TruncationReport { norm, ..report }))
     }

@@ -15,7 +15,7 @@
 
 use crate::error::at_core;
 use crate::factor::{all_columns, row_factor};
-use crate::round::{Budget, sum_of_squares};
+use crate::round::{Budget, ROUNDING, sum_of_squares};
 use crate::scale::{binary_exponent, largest_finite, power_shares, scale_by_power};
 use crate::vector::Core;
 use crate::{Truncation, TruncationReport, TtError, TtMatrix, TtVector};
@@ -239,7 +239,7 @@ impl SymmetricTrain {
             }
             unfolding = unfoldings(&cores[k + 1], &right[k + 1]);
         }
-        let report = budget.report(norm_squared, f64::EPSILON * (rounding / norm_squared).sqrt());
+        let report = budget.report(norm_squared, ROUNDING * (rounding / norm_squared).sqrt());
         for (core, share) in cores.iter_mut().zip(power_shares(exponent, d)) {
             core.scale_by_power(share);
         }
