@@ -17,7 +17,7 @@ use graintrain_linalg::dense::{
 /// Largest ||D R^-1||_F^2 / n at which a Gram matrix stands for its columns: at most two digits above rounding level.
 const CONDITION: f64 = 100.0;
 /// Squared lengths of columns outside this range may overflow or vanish in products: no Gram matrix of them.
-const SQUARES: std::ops::Range<f64> = 1e-200..1e200;
+pub(crate) const SQUARES: std::ops::Range<f64> = 1e-200..1e200;
 /// What is left of a row of length one is not resolved by the Gram matrix below this square.
 const UNRESOLVED: f64 = 1e-8;
 /// Rows are dependent on others if less than this part of their length is left: the backward error of a QR.
@@ -26,7 +26,7 @@ const DEPENDENT: f64 = 16.0 * f64::EPSILON;
 const RESOLVED_SHARE: f64 = 1e-11;
 
 /// R with A^T A = R^T R for well-conditioned columns of A.
-struct SafeCholesky {
+pub(crate) struct SafeCholesky {
     factor: Cholesky,
     /// ||R^-1||_F^2, so that no singular value of A is below 1 / sqrt of it.
     inverse_squared: f64,
@@ -34,7 +34,7 @@ struct SafeCholesky {
 
 impl SafeCholesky {
     /// From A^T A; none where the columns of A are too dependent (see the module), or where there are none.
-    fn new(gram: &Matrix) -> Option<Self> {
+    pub(crate) fn new(gram: &Matrix) -> Option<Self> {
         let n = gram.rows();
         let squares: Vec<f64> = (0..n).map(|i| gram[(i, i)]).collect();
         if n == 0 || !squares.iter().all(|square| SQUARES.contains(square)) {
@@ -55,7 +55,7 @@ impl SafeCholesky {
     }
 
     /// L = R^T, with zeros above the diagonal.
-    fn lower(&self) -> Matrix {
+    pub(crate) fn lower(&self) -> Matrix {
         let lower = self.factor.lower();
         Matrix::from_fn(lower.rows(), lower.rows(), |i, j| if i >= j { lower[(i, j)] } else { 0.0 })
     }

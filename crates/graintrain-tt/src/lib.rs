@@ -40,6 +40,7 @@ pub mod maxvol;
 pub mod product;
 pub mod qtt;
 mod random;
+mod range;
 pub mod round;
 mod scale;
 pub mod sketch;

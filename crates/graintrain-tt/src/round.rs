@@ -165,6 +165,11 @@ impl Budget {
         self.used += left_out;
     }
 
+    /// Counts what no bond leaves out.
+    pub(crate) fn spend(&mut self, left_out: f64) {
+        self.used += left_out;
+    }
+
     /// The rank to keep from descending squared singular values, at least 1; charges for the others.
     pub(crate) fn rank(&mut self, squares: &[f64]) -> usize {
         let (rank, tail) = self.split(squares);

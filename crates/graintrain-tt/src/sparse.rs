@@ -326,9 +326,8 @@ impl QuadtreeMatrix {
         let modes = self.modes();
         let matrix = TtMatrix { rows: modes.clone(), columns: modes, train: TtVector { cores } };
         // Every level rotates numbers of the size of the matrix with its dummies.
-        let floor = f64::EPSILON
-            * ((self.levels + 1) as f64).sqrt()
-            * (self.augmented_norm() / self.norm).min(f64::MAX);
+        let floor =
+            ROUNDING * ((self.levels + 1) as f64).sqrt() * (self.augmented_norm() / self.norm).min(f64::MAX);
         let report = budget.report(norm_squared, if self.norm > 0.0 { floor } else { 0.0 });
         // (The quotient first: the product of the error and the norm may vanish.)
         let augmented_error =
