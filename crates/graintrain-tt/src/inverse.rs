@@ -2,11 +2,14 @@
 //!
 //! A X = I is a linear system for the matrix X: its column digits are spectators, so every local system is that of a
 //! vector unknown, factored once and solved for all of them (other libraries lift to (A (x) I) vec X = vec I and pay
-//! n^3 times more per site). Three forms:
+//! n^3 times more per site). Four forms:
 //!
 //! * [`InverseForm::Energy`]: Galerkin, minimises tr(X^T A X) / 2 - tr X for symmetric positive definite A. The error
 //!   is weighted by A: large eigenvalues are met first, and a truncated X may be indefinite.
 //! * [`InverseForm::Residual`]: minimises ||A X - I||_F, any regular A: (A^T A) X = A^T with A^T A formed as a train.
+//! * [`InverseForm::Galerkin`]: A X = I projected onto the span of the other cores for ANY regular matrix: local systems that are not symmetric are
+//!   solved by LU, so the condition is not squared. A projection of an indefinite matrix may be singular; where the sweeps miss the tolerance
+//!   the normal equations go on from the best iterate, and the better of both is returned.
 //! * [`InverseForm::Symmetric`]: A X + X A = 2 I, whose exact solution is symmetric; ranks of the operator are 2 R and
 //!   there is no spectator, so it is the dearest.
 //!
@@ -24,8 +27,10 @@ use serde::{Deserialize, Serialize};
 pub enum InverseForm {
     /// A X = I by Galerkin projection.
     Energy,
-    /// (A^T A) X = A^T.
+    /// (A^T A) X = A^T. The condition is squared: lines of more than about 2^10 points are out of its reach.
     Residual,
+    /// A X = I by Galerkin projection for any regular matrix, normal equations where this fails.
+    Galerkin,
     /// A X + X A = 2 I.
     Symmetric,
 }
@@ -87,6 +92,20 @@ pub fn inverse_within(
     };
     let (x, mut report) = match form {
         InverseForm::Energy => return solve_matrix_within(a, &identity, Some(&start), settings, patience),
+        InverseForm::Galerkin => {
+            let projected = solve_matrix_within(a, &identity, Some(&start), settings, patience)?;
+            if projected.1.status == SolveStatus::Converged {
+                return Ok(projected);
+            }
+            let second = inverse_within(a, InverseForm::Residual, Some(&projected.0), settings, patience)?;
+            let (mut better, worse) = if second.1.residual < projected.1.residual {
+                (second, projected)
+            } else {
+                (projected, second)
+            };
+            better.1.sweeps += worse.1.sweeps;
+            return Ok(better);
+        }
         InverseForm::Residual => {
             // 2^p A^T A X = 2^p A^T with a power that keeps the square of A in range.
             let unit = (-(a.train.log_norm() / std::f64::consts::LN_2).round()).exp2();

@@ -37,6 +37,8 @@ pub mod inverse;
 mod io;
 pub mod matrix;
 pub mod maxvol;
+mod modes;
+mod operators;
 pub mod product;
 pub mod qtt;
 mod random;

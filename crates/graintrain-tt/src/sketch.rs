@@ -257,6 +257,50 @@ impl Sketch {
     }
 }
 
+impl TtVector {
+    /// sum_i w_i x_i of many terms at once: every term is sketched, O(d n r_i R (r_i + R)) for a sketch of rank R, and no core of the sum of all ranks is ever
+    /// made. R doubles from 8 until the sketch's own estimate of its error meets the tolerance; the report holds this ESTIMATE (see
+    /// the module), not the error itself, which [`TtVector::sum_rounded`] knows.
+    ///
+    /// # Errors
+    /// [`TtError::Shape`] if there is no term or the modes differ, else as for [`Sketch::to_train`].
+    ///
+    /// ```
+    /// use graintrain_tt::{Truncation, TtVector, qtt};
+    /// // A thousand waves that are combinations of ten.
+    /// let waves: Vec<TtVector> = (0..1000).map(|k| qtt::sine(16, 1e-3 * (k % 5) as f64, k as f64)).collect::<Result<_, _>>()?;
+    /// let terms: Vec<(f64, &TtVector)> = waves.iter().map(|wave| (0.001, wave)).collect();
+    /// let (sum, report) = TtVector::sum_sketched(&terms, &Truncation::to(1e-8), 1)?;
+    /// assert!(sum.max_rank() <= 10 && report.error <= 1e-8);
+    /// let entry: f64 = waves.iter().map(|wave| 0.001 * wave.entry(&[1; 16]).unwrap()).sum();
+    /// assert!((sum.entry(&[1; 16])? - entry).abs() < 1e-8);
+    /// # Ok::<(), graintrain_tt::TtError>(())
+    /// ```
+    pub fn sum_sketched(
+        terms: &[(f64, &Self)],
+        truncation: &Truncation,
+        seed: u64,
+    ) -> Result<(Self, TruncationReport), TtError> {
+        let Some((_, first)) = terms.first() else {
+            return Err(TtError::Shape { what: "terms of a sum", expected: vec![1], got: vec![0] });
+        };
+        let most = terms.iter().map(|(_, term)| term.max_rank()).fold(0usize, usize::saturating_add);
+        let mut rank = 8;
+        loop {
+            let mut sketch = Sketch::new(&first.modes(), rank, seed)?;
+            for (weight, term) in terms {
+                sketch.add_train(&term.scale(*weight))?;
+            }
+            let (sum, report) = sketch.to_train(truncation)?;
+            if report.error <= truncation.tolerance.max(report.floor) || rank >= most.min(truncation.max_rank)
+            {
+                return Ok((sum, report));
+            }
+            rank *= 2;
+        }
+    }
+}
+
 /// Mean squared distance of the columns of U diag(s) V^T from the span of the others, over their mean square: column j is 1 / |row j of the
 /// pseudo-inverse| away. All singular values are positive.
 fn left_out_share(s: &[f64], v: &Matrix) -> f64 {

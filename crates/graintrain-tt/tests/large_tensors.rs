@@ -36,7 +36,8 @@ fn check(full: &[f64], modes: &[usize], tolerance: f64, most: usize) {
     assert!(truth <= tolerance + report.floor, "{truth:e} > {tolerance:e}: {report:?}");
     assert!(report.error >= truth - 0.01 * tolerance - report.floor, "{truth:e}: {report:?}");
     assert!(
-        report.error <= tolerance * 1.000001 + report.floor && report.error <= truth + 0.01 * tolerance + 4e-8,
+        report.error <= tolerance * 1.000001 + report.floor
+            && report.error <= truth + 0.01 * tolerance + 4e-8,
         "{truth:e}: {report:?}"
     );
     assert!(train.max_rank() <= most, "{:?}, {most} expected at {tolerance:e}", train.ranks());
