@@ -15,6 +15,7 @@
 //! A local residual says little about the whole: the report's residual is computed afresh from the trains.
 
 mod amen;
+mod eigen;
 mod interface;
 mod local;
 
@@ -24,6 +25,7 @@ use crate::round::{measured, relative_norm};
 use crate::scale::{largest_finite, scale_by_power, share_power};
 use crate::{Measured, Truncation, TtError, TtMatrix, TtVector};
 pub(crate) use amen::Sweeper;
+pub use eigen::{EigenSettings, Eigenpair, lowest_eigenpairs};
 use graintrain_linalg::patience::Patience;
 pub(crate) use interface::{BlockCore, OperatorCore};
 use serde::{Deserialize, Serialize};
