@@ -22,6 +22,8 @@ const RESOLVED: f64 = 4e-14;
 const FEW: f64 = 0.02;
 /// Buckets of the first stage: enough that few columns that matter meet in one.
 const BUCKETS: usize = 512;
+/// Buckets that are filled before they are mixed (a divisor of [`BUCKETS`]).
+const TOGETHER: usize = 128;
 /// Numbers of a column that are added at a time.
 const PIECE: usize = 1024;
 /// Columns of A per task of the second read.
@@ -41,12 +43,14 @@ pub(crate) struct Range {
 /// check can tell, or if A is too small for it. Two reads, 2 rank + 3 flops per number.
 pub(crate) fn column_range(data: &[f64], m: usize, allowed: f64, seed: u64) -> (f64, Option<Range>) {
     let n = data.len() / m;
-    let (sketch, norm_squared) = bucket_sums(data, m, seed);
+    let (first, norm_squared) = sketch(data, m, RANKS[0] + TESTS, seed);
     if !norm_squared.is_finite() || norm_squared == 0.0 {
         return (norm_squared, None);
     }
+    let mut first = Some(first);
     for rank in RANKS.into_iter().filter(|rank| m.min(n) >= 4 * (rank + TESTS)) {
-        if let Some(basis) = promising_basis(&sketch, norm_squared, allowed, rank, seed) {
+        let spanned = first.take().unwrap_or_else(|| sketch(data, m, rank + TESTS, seed).0);
+        if let Some(basis) = promising_basis(spanned, norm_squared, allowed) {
             let range = project(basis, data, norm_squared, allowed);
             if range.left_out <= allowed * norm_squared {
                 return (norm_squared, Some(range));
@@ -82,16 +86,8 @@ fn project(basis: Matrix, data: &[f64], norm_squared: f64, allowed: f64) -> Rang
 /// An orthonormal basis of the sketch that seems to leave out at most `allowed` of the squared norm: it does so of columns of the sketch that were
 /// set aside, E |(I - P) A omega|^2 = ||(I - P) A||^2. (Columns of A that met in a bucket did so in all columns of the sketch, so this proves
 /// nothing: it saves reads that would be in vain.)
-fn promising_basis(
-    sketch: &Matrix,
-    norm_squared: f64,
-    allowed: f64,
-    rank: usize,
-    seed: u64,
-) -> Option<Matrix> {
-    let m = sketch.rows();
-    let signs = Matrix::from_fn(BUCKETS, rank + TESTS, |i, j| sign(seed ^ 0xA5A5, (i + BUCKETS * j) as u64));
-    let mut spanned = product(sketch.view(), signs.view());
+fn promising_basis(mut spanned: Matrix, norm_squared: f64, allowed: f64) -> Option<Matrix> {
+    let (m, rank) = (spanned.rows(), spanned.columns() - TESTS);
     let tests = Matrix::from_vec(m, TESTS, spanned.data()[m * rank..].to_vec());
     spanned.truncate_columns(rank);
     let (found, triangle) = thin_qr(spanned);
@@ -118,30 +114,36 @@ fn promising_basis(
     None
 }
 
-/// The columns with random signs, added up in random buckets, and the sum of the squares of all numbers; a bucket is one task.
-fn bucket_sums(data: &[f64], m: usize, seed: u64) -> (Matrix, f64) {
+/// `columns` signed sums of the columns of A, each by way of the buckets, and the sum of the squares of all numbers. A bucket is one task; only
+/// [`TOGETHER`] buckets live at a time.
+fn sketch(data: &[f64], m: usize, columns: usize, seed: u64) -> (Matrix, f64) {
     let mut members: Vec<Vec<usize>> = vec![Vec::new(); BUCKETS];
     for j in 0..data.len() / m {
         members[(mixed(seed, j as u64) >> 40) as usize % BUCKETS].push(j);
     }
-    let mut sums = Matrix::zeros(m, BUCKETS);
-    let squares: Vec<f64> = sums
-        .data_mut()
-        .par_chunks_mut(m)
-        .zip(members)
-        .map(|(sum, members)| {
+    let (mut spanned, mut squares) = (Matrix::zeros(m, columns), 0.0);
+    let mut sums = Matrix::zeros(m, TOGETHER);
+    for (group, members) in members.chunks(TOGETHER).enumerate() {
+        sums.data_mut().fill(0.0);
+        let add = |(sum, members): (&mut [f64], &Vec<usize>)| {
             let mut lanes = [0.0; 8];
             // In pieces that stay in the fastest cache.
             for (piece, sum) in sum.chunks_mut(PIECE).enumerate() {
-                for &j in &members {
+                for &j in members {
                     let first = m * j + PIECE * piece;
                     add_signed(&data[first..first + sum.len()], sign(seed, j as u64), sum, &mut lanes);
                 }
             }
             lanes.iter().sum::<f64>()
-        })
-        .collect();
-    (sums, squares.iter().sum())
+        };
+        let parts: Vec<f64> = sums.data_mut().par_chunks_mut(m).zip(members).map(add).collect();
+        squares += parts.iter().sum::<f64>();
+        let first = TOGETHER * group;
+        let signs =
+            Matrix::from_fn(TOGETHER, columns, |i, j| sign(seed ^ 0xA5A5, (first + i + BUCKETS * j) as u64));
+        multiply_add(1.0, sums.view(), signs.view(), spanned.view_mut());
+    }
+    (spanned, squares)
 }
 
 /// sum += sign column; lanes += squares of the column.
