@@ -112,10 +112,12 @@ fn cases() -> Vec<Case> {
             1.0 / (1.0 + total(i)) + 10.0 * one_if(i == [3, 7, 1, 2, 0, 5])
         }),
         hidden("one needle 2^16", vec![2; 16], |i| 1.0 + 100.0 * one_if(number(i) == 12345.0)),
-        hidden("needles, 1 in 20000, 8^6", vec![8; 6], |i| 1.0 + 30.0 * one_if(hash(i) % 20000 == 0)),
-        hidden("needles, 1 in 4000, 8^6", vec![8; 6], |i| 1.0 + 30.0 * one_if(hash(i) % 4000 == 0)),
-        visible("needles, 1 in 800, 10^5", vec![10; 5], |i| 1.0 + 10.0 * one_if(hash(i) % 800 == 0)),
-        visible("needles, 1 in 200, 8^6", vec![8; 6], |i| 1.0 + 10.0 * one_if(hash(i) % 200 == 0)),
+        hidden("needles, 1 in 20000, 8^6", vec![8; 6], |i| {
+            1.0 + 30.0 * one_if(hash(i).is_multiple_of(20000))
+        }),
+        hidden("needles, 1 in 4000, 8^6", vec![8; 6], |i| 1.0 + 30.0 * one_if(hash(i).is_multiple_of(4000))),
+        visible("needles, 1 in 800, 10^5", vec![10; 5], |i| 1.0 + 10.0 * one_if(hash(i).is_multiple_of(800))),
+        visible("needles, 1 in 200, 8^6", vec![8; 6], |i| 1.0 + 10.0 * one_if(hash(i).is_multiple_of(200))),
         visible("line of needles 16^4", vec![16; 4], |i| 1.0 + 10.0 * one_if(i[0] == 3 && i[2] == 5)),
     ]
 }
