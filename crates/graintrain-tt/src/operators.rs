@@ -7,7 +7,7 @@
 //! use graintrain_tt::{Truncation, qtt};
 //! let (a, x) = (qtt::laplacian(8)?, qtt::sine(8, 0.1, 0.3)?);
 //! let y = &(&(&a * &x) - &(2.0 * &x)) % Truncation::to(1e-12);
-//! assert_eq!(format!("{y}"), "train of 8 modes 2 x 2 x ... x 2, ranks 1 2 3 3 3 3 3 2 1, 112 numbers");
+//! assert_eq!(format!("{y}"), "train of 8 modes 2 x 2 x ... x 2, ranks 1 2 4 4 4 4 4 2 1, 168 numbers");
 //! # Ok::<(), graintrain_tt::TtError>(())
 //! ```
 

@@ -1,7 +1,7 @@
 //! Products within a tolerance, whose cores of rank R r are never formed.
 //!
 //! Rounding needs a train only through products of its cores with matrices from the left and from the right
-//! ([`crate::cores`]). The cores of A X are sums over j of A(i, j) (x) X(j, s), and a product with such a core is a product with
+//! (`cores.rs`). The cores of A X are sums over j of A(i, j) (x) X(j, s), and a product with such a core is a product with
 //! that of X and one with that of A: O(t n (m R^2 r + s r^2 R)) for t rows instead of O(t m s R^2 r^2), and no
 //! R^2 r^2 m s numbers in memory. Everything else, the error promise included, is that of [`TtVector::round`].
 

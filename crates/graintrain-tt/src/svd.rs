@@ -1,7 +1,7 @@
 //! TT-SVD: the train of a full tensor (Oseledets 2011, Algorithm 1).
 //!
 //! A large tensor is read twice. The unfolding nearest to square is A = Q B + what is left out, Q from a random sketch that checks itself
-//! ([`crate::range`]), and the TT-SVD of Q B works on two matrices that are small. Where the check says that this leaves out too much (the rank
+//! (`range.rs`), and the TT-SVD of Q B works on two matrices that are small. Where the check says that this leaves out too much (the rank
 //! there exceeds 100, or the tolerance is 0), the passes go from the fine modes to the coarse ones:
 //!
 //! Every pass over the data costs traffic, and a small mode shortens them little: n = 2 halves them at best. So several
