@@ -17,7 +17,7 @@ use graintrain_linalg::dense::{
 /// Largest ||D R^-1||_F^2 / n at which a Gram matrix stands for its columns: at most two digits above rounding level.
 const CONDITION: f64 = 100.0;
 /// Squared lengths of columns outside this range may overflow or vanish in products: no Gram matrix of them.
-const SQUARES: std::ops::Range<f64> = 1e-200..1e200;
+pub(crate) const SQUARES: std::ops::Range<f64> = 1e-200..1e200;
 /// What is left of a row of length one is not resolved by the Gram matrix below this square.
 const UNRESOLVED: f64 = 1e-8;
 /// Rows are dependent on others if less than this part of their length is left: the backward error of a QR.
@@ -26,7 +26,7 @@ const DEPENDENT: f64 = 16.0 * f64::EPSILON;
 const RESOLVED_SHARE: f64 = 1e-11;
 
 /// R with A^T A = R^T R for well-conditioned columns of A.
-struct SafeCholesky {
+pub(crate) struct SafeCholesky {
     factor: Cholesky,
     /// ||R^-1||_F^2, so that no singular value of A is below 1 / sqrt of it.
     inverse_squared: f64,
@@ -34,7 +34,7 @@ struct SafeCholesky {
 
 impl SafeCholesky {
     /// From A^T A; none where the columns of A are too dependent (see the module), or where there are none.
-    fn new(gram: &Matrix) -> Option<Self> {
+    pub(crate) fn new(gram: &Matrix) -> Option<Self> {
         let n = gram.rows();
         let squares: Vec<f64> = (0..n).map(|i| gram[(i, i)]).collect();
         if n == 0 || !squares.iter().all(|square| SQUARES.contains(square)) {
@@ -55,7 +55,7 @@ impl SafeCholesky {
     }
 
     /// L = R^T, with zeros above the diagonal.
-    fn lower(&self) -> Matrix {
+    pub(crate) fn lower(&self) -> Matrix {
         let lower = self.factor.lower();
         Matrix::from_fn(lower.rows(), lower.rows(), |i, j| if i >= j { lower[(i, j)] } else { 0.0 })
     }
@@ -115,6 +115,56 @@ fn dependent_rows(a: View<'_>, squares: &Matrix) -> Option<Matrix> {
     }
     let negligible = |(square, length): (&f64, &f64)| square.sqrt() <= DEPENDENT * length;
     left_over.iter().zip(&lengths).all(negligible).then_some(lower)
+}
+
+/// Rows S of A and C with A = C A_S, where every row keeps 16 eps of its own length; C is the identity on S. None if no row can be left
+/// out. (C = A A_S^T (A_S A_S^T)^-1 is made from the Gram matrix and improved once by what it leaves over.)
+pub(crate) fn interpolative_rows(a: &Matrix) -> Option<(Vec<usize>, Matrix)> {
+    let (m, n) = (a.rows(), a.columns());
+    // Rows brought to length one, so that neither sums of squares nor combinations know their units.
+    let largest = |i: usize| (0..n).fold(0.0_f64, |largest, j| a[(i, j)].abs().max(largest));
+    let length = |i: usize| {
+        let unit = largest(i);
+        if unit > 0.0 { unit * (0..n).map(|j| (a[(i, j)] / unit).powi(2)).sum::<f64>().sqrt() } else { 0.0 }
+    };
+    let lengths: Vec<f64> = (0..m).map(length).collect();
+    let unit = |i: usize, x: f64| if lengths[i] > 0.0 { x / lengths[i] } else { 0.0 };
+    let rows = Matrix::from_fn(m, n, |i, j| unit(i, a[(i, j)]));
+    let squares = gram(rows.t());
+    let ones: Vec<f64> = lengths.iter().map(|&x| f64::from(x > 0.0)).collect();
+    let kept = independent_rows(&squares, &ones, m.min(n));
+    if kept.is_empty() || kept.len() == m {
+        return None;
+    }
+    let factor =
+        SafeCholesky::new(&Matrix::from_fn(kept.len(), kept.len(), |i, j| squares[(kept[i], kept[j])]))?;
+    let basis = Matrix::from_fn(kept.len(), n, |i, j| rows[(kept[i], j)]);
+    let solve = |mut of_basis: Matrix| {
+        factor.factor.solve_in_place(of_basis.view_mut());
+        of_basis.transposed()
+    };
+    let mut combinations = solve(product(basis.view(), rows.t()));
+    let mut rest = rows.clone();
+    multiply_add(-1.0, combinations.view(), basis.view(), rest.view_mut());
+    let correction = solve(product(basis.view(), rest.t()));
+    combinations.data_mut().iter_mut().zip(correction.data()).for_each(|(c, x)| *c += x);
+    // Combinations of explicit constructions are small integers or zero: what is rounding around them goes.
+    combinations.data_mut().iter_mut().for_each(|c| {
+        if (*c - c.round()).abs() <= DEPENDENT {
+            *c = c.round();
+        }
+    });
+    for (s, &row) in kept.iter().enumerate() {
+        (0..kept.len()).for_each(|j| combinations[(row, j)] = f64::from(j == s));
+    }
+    let mut rest = rows;
+    multiply_add(-1.0, combinations.view(), basis.view(), rest.view_mut());
+    let left_over = |i: usize| (0..n).map(|j| rest[(i, j)].powi(2)).sum::<f64>().sqrt();
+    if (0..m).any(|i| left_over(i) > DEPENDENT) {
+        return None;
+    }
+    let back = Matrix::from_fn(m, kept.len(), |i, j| combinations[(i, j)] * (lengths[i] / lengths[kept[j]]));
+    Some((kept, back))
 }
 
 /// Pivots of the Cholesky factorization of the Gram matrix of rows brought to length one, until what is left of every row
@@ -275,7 +325,7 @@ mod tests {
             let mut budget = Budget::new(&truncation, norm_squared, 1);
             let expected = budget.split(&thin_svd(a.view()).unwrap().s.iter().map(|s| s * s).collect::<Vec<_>>());
             let basis = leading_columns(&a, &mut budget).unwrap();
-            let report = budget.report(norm_squared);
+            let report = budget.report(norm_squared, 0.0);
             let identity = product(basis.t(), basis.view());
             for (e, x) in identity.data().iter().enumerate() {
                 prop_assert!((x - f64::from(e % (basis.columns() + 1) == 0)).abs() < 1e-11);

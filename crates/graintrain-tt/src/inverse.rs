@@ -2,18 +2,21 @@
 //!
 //! A X = I is a linear system for the matrix X: its column digits are spectators, so every local system is that of a
 //! vector unknown, factored once and solved for all of them (other libraries lift to (A (x) I) vec X = vec I and pay
-//! n^3 times more per site). Three forms:
+//! n^3 times more per site). Four forms:
 //!
 //! * [`InverseForm::Energy`]: Galerkin, minimises tr(X^T A X) / 2 - tr X for symmetric positive definite A. The error
 //!   is weighted by A: large eigenvalues are met first, and a truncated X may be indefinite.
 //! * [`InverseForm::Residual`]: minimises ||A X - I||_F, any regular A: (A^T A) X = A^T with A^T A formed as a train.
+//! * [`InverseForm::Galerkin`]: A X = I projected onto the span of the other cores for ANY regular matrix: local systems that are not symmetric are
+//!   solved by LU, so the condition is not squared. A projection of an indefinite matrix may be singular; where the sweeps miss the tolerance
+//!   the normal equations go on from the best iterate, and the better of both is returned.
 //! * [`InverseForm::Symmetric`]: A X + X A = 2 I, whose exact solution is symmetric; ranks of the operator are 2 R and
 //!   there is no spectator, so it is the dearest.
 //!
 //! [`newton_schulz`] is a second opinion: X <- 2 X - X A X with rounding.
 
 use crate::solve::{
-    MOST_TIGHTENING, SAFETY, SolveReport, SolveSettings, SolveStatus, solve, solve_matrix_within,
+    MOST_TIGHTENING, SolveReport, SolveSettings, SolveStatus, measured_residual, solve, solve_matrix_within,
 };
 use crate::{Truncation, TtError, TtMatrix};
 use graintrain_linalg::patience::Patience;
@@ -24,8 +27,10 @@ use serde::{Deserialize, Serialize};
 pub enum InverseForm {
     /// A X = I by Galerkin projection.
     Energy,
-    /// (A^T A) X = A^T.
+    /// (A^T A) X = A^T. The condition is squared: lines of more than about 2^10 points are out of its reach.
     Residual,
+    /// A X = I by Galerkin projection for any regular matrix, normal equations where this fails.
+    Galerkin,
     /// A X + X A = 2 I.
     Symmetric,
 }
@@ -87,6 +92,20 @@ pub fn inverse_within(
     };
     let (x, mut report) = match form {
         InverseForm::Energy => return solve_matrix_within(a, &identity, Some(&start), settings, patience),
+        InverseForm::Galerkin => {
+            let projected = solve_matrix_within(a, &identity, Some(&start), settings, patience)?;
+            if projected.1.status == SolveStatus::Converged {
+                return Ok(projected);
+            }
+            let second = inverse_within(a, InverseForm::Residual, Some(&projected.0), settings, patience)?;
+            let (mut better, worse) = if second.1.residual < projected.1.residual {
+                (second, projected)
+            } else {
+                (projected, second)
+            };
+            better.1.sweeps += worse.1.sweeps;
+            return Ok(better);
+        }
         InverseForm::Residual => {
             // 2^p A^T A X = 2^p A^T with a power that keeps the square of A in range.
             let unit = (-(a.train.log_norm() / std::f64::consts::LN_2).round()).exp2();
@@ -97,7 +116,7 @@ pub fn inverse_within(
             let mut found = solve_matrix_within(&normal, &transpose, Some(&start), &inner, patience)?;
             while found.1.status == SolveStatus::Converged
                 && inner.tolerance > settings.tolerance * MOST_TIGHTENING
-                && inverse_residual(a, &found.0)? > SAFETY * settings.tolerance
+                && inverse_residual(a, &found.0)? > settings.tolerance
             {
                 inner.tolerance *= 0.2;
                 let sweeps = found.1.sweeps;
@@ -113,8 +132,9 @@ pub fn inverse_within(
             (start.map(|_| x), report)
         }
     };
-    report.residual = inverse_residual(a, &x)?;
-    if report.residual <= SAFETY * settings.tolerance {
+    let residual = measured_residual(a, &x.train, &identity.train, &a.columns)?;
+    (report.residual, report.floor) = (residual.value, residual.floor);
+    if report.residual <= settings.tolerance {
         report.status = SolveStatus::Converged;
     } else if report.status == SolveStatus::Converged {
         report.status = SolveStatus::Stagnated;
@@ -159,8 +179,10 @@ fn sylvester(a: &TtMatrix) -> Result<TtMatrix, TtError> {
 /// What [`newton_schulz`] did.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct NewtonReport {
-    /// Whether ||I - A X||_F fell below the stop value.
+    /// Whether ||I - A X||_F fell to the stop value.
     pub converged: bool,
+    /// What rounding leaves uncertain about the smallest ||I - A X||_F.
+    pub floor: f64,
     /// ||I - A X||_F after every step (absolute).
     pub history: Vec<f64>,
 }
@@ -183,16 +205,18 @@ pub fn newton_schulz(
     a.check_same_sizes(start)?;
     let identity = TtMatrix::identity(&a.rows)?;
     let mut x = start.clone();
-    let mut best = (f64::INFINITY, x.clone());
+    let norm = identity.norm();
+    let (mut best, mut floor) = ((f64::INFINITY, x.clone()), 0.0);
     let mut history = Vec::new();
     for step in 0..=max_steps {
-        let product = a.times_matrix(&x)?;
         // Of the product itself: a rounded one would hide what the rounding of X has cost.
-        let size = identity.subtract(&product)?.norm();
-        let product = product.round(truncation)?.0;
+        let residual = measured_residual(a, &x.train, &identity.train, &a.columns)?;
+        let size = residual.value * norm;
+        let product = a.times_matrix_rounded(&x, truncation)?.0;
         history.push(size);
         if size < best.0 {
             best = (size, x.clone());
+            floor = residual.floor * norm;
         }
         let rising = history.len() > 3 && size > 2.0 * history[history.len() - 2];
         if size <= stop || step == max_steps || rising || !size.is_finite() {
@@ -202,5 +226,5 @@ pub fn newton_schulz(
         let correction = identity.scale(2.0).subtract(&product)?.round(truncation)?.0;
         x = x.times_matrix_rounded(&correction, truncation)?.0;
     }
-    Ok((best.1, NewtonReport { converged: best.0 <= stop, history }))
+    Ok((best.1, NewtonReport { converged: best.0 <= stop, floor, history }))
 }

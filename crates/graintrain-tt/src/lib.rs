@@ -9,11 +9,11 @@
 //! | [`arithmetic`] | sums, entrywise, Kronecker and inner products, TT-matrix times TT-vector and TT-matrix |
 //! | [`product`] | products within a tolerance, without their full-rank cores |
 //! | [`round`] | orthogonalisation, norm, rounding |
-//! | [`svd`] | TT-SVD: the train of a full tensor |
+//! | [`svd`] | TT-SVD: the train of a full tensor, by sketches where it is large |
 //! | [`symmetric`] | symmetric matrices with even and odd bonds: half the numbers, symmetric to the last bit |
 //! | [`apply`] | TT-matrix times full vector in O(r^2 N log N) |
-//! | [`cross`], [`maxvol`] | a train from some of the entries: AMEn-cross with measured error |
-//! | [`solve`] | linear systems by AMEn, ALS and DMRG |
+//! | [`cross`], [`maxvol`] | a train from some of the entries: AMEn-cross, confirmed on fresh points |
+//! | [`solve`] | linear systems by AMEn, ALS and DMRG; lowest eigenpairs |
 //! | [`inverse`] | the inverse of a TT-matrix, Newton-Schulz |
 //! | [`qtt`] | quantized trains with known ranks |
 //! | [`sparse`] | sparse matrix to TT by one exact bottom-up pass over its nonzero blocks |
@@ -27,17 +27,22 @@ struct Readme;
 
 pub mod apply;
 pub mod arithmetic;
+mod cores;
 pub mod cross;
 pub mod definite;
 mod error;
+mod exact;
 mod factor;
 pub mod inverse;
 mod io;
 pub mod matrix;
 pub mod maxvol;
+mod modes;
+mod operators;
 pub mod product;
 pub mod qtt;
 mod random;
+mod range;
 pub mod round;
 mod scale;
 pub mod sketch;
@@ -50,5 +55,5 @@ pub mod vector;
 
 pub use error::TtError;
 pub use matrix::TtMatrix;
-pub use round::{Truncation, TruncationReport};
+pub use round::{Measured, Truncation, TruncationReport};
 pub use vector::{Core, TtVector};

@@ -1,6 +1,6 @@
 //! The tensor train of a matrix: modes are pairs (row digit, column digit).
 
-use crate::vector::{Core, check_index};
+use crate::vector::{Core, LARGEST_CORE, check_index};
 use crate::{TtError, TtVector};
 use serde::{Deserialize, Serialize};
 
@@ -84,9 +84,9 @@ impl TtMatrix {
     /// The identity: rank one.
     ///
     /// # Errors
-    /// [`TtError::Shape`] if there is no mode or a mode is empty, [`TtError::TooLarge`] for a mode above 2^15.
+    /// [`TtError::Shape`] if there is no mode or a mode is empty, [`TtError::TooLarge`] for a mode above 2^14.
     pub fn identity(modes: &[usize]) -> Result<Self, TtError> {
-        if let Some(&n) = modes.iter().find(|&&n| n > 1 << 15) {
+        if let Some(&n) = modes.iter().find(|&&n| n.saturating_mul(n) > LARGEST_CORE) {
             return Err(TtError::TooLarge { entries: (n as f64).powi(2) });
         }
         let eye = |&n: &usize| (0..n * n).map(|b| f64::from(b % (n + 1) == 0)).collect();

@@ -1,63 +1,21 @@
 //! Products within a tolerance, whose cores of rank R r are never formed.
 //!
 //! Rounding needs a train only through products of its cores with matrices from the left and from the right
-//! (the trait `Cores`). The cores of A X are sums over j of A(i, j) (x) X(j, s), and a product with such a core is a product with
+//! (`cores.rs`). The cores of A X are sums over j of A(i, j) (x) X(j, s), and a product with such a core is a product with
 //! that of X and one with that of A: O(t n (m R^2 r + s r^2 R)) for t rows instead of O(t m s R^2 r^2), and no
 //! R^2 r^2 m s numbers in memory. Everything else, the error promise included, is that of [`TtVector::round`].
 
+use crate::cores::{Cores, core_exponent, squared};
 use crate::round::round_cores;
-use crate::scale::{binary_exponent, largest_finite};
 use crate::vector::Core;
 use crate::{Truncation, TruncationReport, TtError, TtMatrix, TtVector};
 use graintrain_linalg::dense::{DenseError, Matrix, View, ViewMut, multiply};
 
-/// A train by what its cores do to matrices.
-pub(crate) trait Cores {
-    /// Mode sizes.
-    fn modes(&self) -> Vec<usize>;
-
-    /// e such that 2^-e G_k is of moderate size; none if G_k is zero.
-    ///
-    /// # Errors
-    /// [`DenseError::NotFinite`].
-    fn exponent(&self, k: usize) -> Result<Option<i32>, DenseError>;
-
-    /// 2^power M G_k.
-    fn multiply_left(&self, k: usize, m: View<'_>, power: i32) -> Core;
-
-    /// 2^power G_k M.
-    fn multiply_right(&self, k: usize, m: View<'_>, power: i32) -> Core;
-}
-
-/// The exponent of the largest number of a core; none if all are zero.
-fn core_exponent(core: &Core) -> Result<Option<i32>, DenseError> {
-    let largest = largest_finite(&core.data)?;
-    Ok((largest > 0.0).then(|| binary_exponent(largest)))
-}
-
-impl Cores for TtVector {
-    fn modes(&self) -> Vec<usize> {
-        TtVector::modes(self)
-    }
-
-    fn exponent(&self, k: usize) -> Result<Option<i32>, DenseError> {
-        core_exponent(&self.cores[k])
-    }
-
-    fn multiply_left(&self, k: usize, m: View<'_>, power: i32) -> Core {
-        self.cores[k].multiply_left_scaled(m, power)
-    }
-
-    fn multiply_right(&self, k: usize, m: View<'_>, power: i32) -> Core {
-        self.cores[k].multiply_right_scaled(m, power)
-    }
-}
-
 /// A X, or A x with one spectator: rank indices (a, alpha) with that of A fastest, modes (i, s).
-struct Product<'a> {
-    a: &'a TtMatrix,
-    x: &'a TtVector,
-    spectators: &'a [usize],
+pub(crate) struct Product<'a> {
+    pub(crate) a: &'a TtMatrix,
+    pub(crate) x: &'a TtVector,
+    pub(crate) spectators: &'a [usize],
 }
 
 impl Product<'_> {
@@ -81,26 +39,24 @@ impl Cores for Product<'_> {
         Ok(a.zip(x).map(|(a, x)| a + x))
     }
 
+    fn ranks(&self, k: usize) -> (usize, usize) {
+        let (a, x) = (&self.a.cores()[k], &self.x.cores[k]);
+        (a.left * x.left, a.right * x.right)
+    }
+
+    fn weighted_square(&self, k: usize, left: &[f64], right: &[f64], power: i32) -> f64 {
+        let (a, x, power) = self.scaled(k, power);
+        let (n, s) = (self.a.columns[k], self.spectators[k]);
+        // (sum of n terms)^2 <= n times the sum of the squares.
+        let row = times_product(View::new(left, 1, left.len()), &squared(&a, 0), &squared(&x, 0), n, s);
+        let sum = |(block, r): (&[f64], &f64)| r * block.iter().sum::<f64>();
+        let total: f64 = row.data.chunks_exact(row.mode).zip(right).map(sum).sum();
+        total * n as f64 * f64::from(2 * power).exp2()
+    }
+
     fn multiply_left(&self, k: usize, matrix: View<'_>, power: i32) -> Core {
         let (a, x, power) = self.scaled(k, power);
-        let (m, n, s, t) = (self.a.rows[k], self.a.columns[k], self.spectators[k], matrix.rows());
-        // M(t, (a, alpha)) X(alpha, (j, s, alpha')) = Z(t, a, j, s, alpha')
-        let numbers: Vec<f64> =
-            (0..matrix.columns()).flat_map(|c| (0..t).map(move |r| matrix.get(r, c))).collect();
-        let rows = Core { left: t * a.left, mode: 1, right: x.left, data: numbers };
-        let z = rows.multiply_right(x.right_unfolding());
-        // Z(t, (a, j)) A((a, j), (i, a')) for every s and alpha'
-        let turned = Matrix::from_fn(a.left * n, m * a.right, |row, column| {
-            a.get(row % a.left, column % m + m * (row / a.left), column / m)
-        });
-        let (block, result) = (t * a.left * n, t * m * a.right);
-        let mut data = vec![0.0; result * s * x.right];
-        for (from, to) in z.data.chunks_exact(block).zip(data.chunks_exact_mut(result)) {
-            multiply(1.0, View::new(from, t, a.left * n), turned.view(), ViewMut::new(to, t, m * a.right));
-        }
-        // (t, i, a', s, alpha') to (t, i, s, a', alpha')
-        let data = exchange(data, t * m, a.right, s);
-        Core { left: t, mode: m * s, right: a.right * x.right, data }.into_scaled(power)
+        times_product(matrix, &a, &x, self.a.columns[k], self.spectators[k]).into_scaled(power)
     }
 
     fn multiply_right(&self, k: usize, matrix: View<'_>, power: i32) -> Core {
@@ -124,6 +80,28 @@ impl Cores for Product<'_> {
         let data = exchange(data, a.left, m, x.left);
         Core { left: a.left * x.left, mode: m * s, right: t, data }.into_scaled(power)
     }
+}
+
+/// M times the core sum_j A(a, i, j, a') X(alpha, j, s, alpha') for n values of j, the columns of M being (a, alpha).
+fn times_product(matrix: View<'_>, a: &Core, x: &Core, n: usize, s: usize) -> Core {
+    let (m, t) = (a.mode / n, matrix.rows());
+    // M(t, (a, alpha)) X(alpha, (j, s, alpha')) = Z(t, a, j, s, alpha')
+    let numbers: Vec<f64> =
+        (0..matrix.columns()).flat_map(|c| (0..t).map(move |r| matrix.get(r, c))).collect();
+    let rows = Core { left: t * a.left, mode: 1, right: x.left, data: numbers };
+    let z = rows.multiply_right(x.right_unfolding());
+    // Z(t, (a, j)) A((a, j), (i, a')) for every s and alpha'
+    let turned = Matrix::from_fn(a.left * n, m * a.right, |row, column| {
+        a.get(row % a.left, column % m + m * (row / a.left), column / m)
+    });
+    let (block, result) = (t * a.left * n, t * m * a.right);
+    let mut data = vec![0.0; result * s * x.right];
+    for (from, to) in z.data.chunks_exact(block).zip(data.chunks_exact_mut(result)) {
+        multiply(1.0, View::new(from, t, a.left * n), turned.view(), ViewMut::new(to, t, m * a.right));
+    }
+    // (t, i, a', s, alpha') to (t, i, s, a', alpha')
+    let data = exchange(data, t * m, a.right, s);
+    Core { left: t, mode: m * s, right: a.right * x.right, data }
 }
 
 /// Exchanges the second and third index of numbers (p, q, r, ...), first index fastest.

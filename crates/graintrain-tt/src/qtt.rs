@@ -271,7 +271,8 @@ pub fn kronecker_sum(axes: &[TtMatrix], order: DigitOrder) -> Result<TtMatrix, T
         };
         total = Some(match total {
             None => term,
-            Some(sum) => sum.add(&term)?.round(&Truncation::to(1e-14))?.0,
+            // Not rounded: an axis whose operator is 1e-15 of another's would be lost.
+            Some(sum) => sum.add(&term)?.without_dependent_ranks(),
         });
     }
     total.ok_or(TtError::Shape { what: "number of axes", expected: vec![1], got: vec![0] })
@@ -433,4 +434,120 @@ fn exponential_sum(smallest: f64, largest: f64, tolerance: f64) -> Result<Vec<(f
             (step * u.exp(), u.exp())
         })
         .collect())
+}
+
+/// The numbers origin + step j, j = 0, ..., 2^d - 1; rank 2.
+///
+/// # Errors
+/// [`TtError::Setting`] for d < 2.
+pub fn ramp(d: usize, origin: f64, step: f64) -> Result<TtVector, TtError> {
+    polynomial(d, &[0.0, 1.0], origin, step)
+}
+
+/// 1 from j = first on, 0 before, j = 0, ..., 2^d - 1; rank 2.
+///
+/// The rank index, from the fine digits to the coarse ones, tells whether the digits so far make a number of at least those of `first`.
+///
+/// # Errors
+/// [`TtError::Setting`] for d = 0 or d > 63, [`TtError::Index`] for first > 2^d.
+///
+/// ```
+/// use graintrain_tt::qtt;
+/// assert_eq!(qtt::step(3, 5)?.to_full()?, [0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0]);
+/// # Ok::<(), graintrain_tt::TtError>(())
+/// ```
+pub fn step(d: usize, first: usize) -> Result<TtVector, TtError> {
+    if d == 0 || d > 63 {
+        return Err(TtError::Setting { what: "number of digits", need: "in 1..=63", got: d as f64 });
+    }
+    let size = 1usize << d;
+    if first > size {
+        return Err(TtError::Index { mode: 0, index: first, size: size + 1 });
+    }
+    if first == size {
+        return TtVector::constant(&vec![2; d], 0.0);
+    }
+    let core = |k: usize| {
+        let bound = first >> k & 1;
+        // State 1: the digits below are at least those of `first` (so they are before the first digit).
+        let next = |at_least: usize, i: usize| usize::from(i > bound || (i == bound && at_least == 1));
+        let (left, right) = (if k == 0 { 1 } else { 2 }, if k + 1 == d { 1 } else { 2 });
+        Core::from_fn(left, 2, right, |alpha, i, beta| {
+            let state = next(if k == 0 { 1 } else { alpha }, i);
+            f64::from(state == if right == 1 { 1 } else { beta })
+        })
+    };
+    TtVector::from_cores((0..d).map(core).collect())
+}
+
+/// Which entries of a difference of indices a matrix reads.
+#[derive(Clone, Copy, PartialEq)]
+enum Difference {
+    /// i - j modulo 2^d.
+    Cyclic,
+    /// i - j modulo 2^(d + 1).
+    Signed,
+}
+
+/// x(i - j): the digits of the difference follow from those of i and j and a borrow, which doubles the ranks (Kazeev, Khoromskij, Tyrtyshnikov,
+/// SIAM J. Sci. Comput. 35, 2013).
+fn of_difference(x: &TtVector, kind: Difference) -> Result<TtMatrix, TtError> {
+    let last = x.num_cores() - usize::from(kind == Difference::Signed);
+    if x.modes().iter().any(|&n| n != 2) || last == 0 {
+        return Err(TtError::Shape {
+            what: "modes of a vector of differences",
+            expected: vec![2],
+            got: x.modes(),
+        });
+    }
+    let core = |k: usize| {
+        let digits = &x.cores[k];
+        let borrows = |first: bool| if first { 1 } else { 2 };
+        let (before, after) = (borrows(k == 0), borrows(k + 1 == last));
+        let right = if k + 1 == last { 1 } else { digits.right };
+        Core::from_fn(digits.left * before, 4, right * after, |alpha, b, beta| {
+            let (i, j, borrow) = (b % 2, b / 2, alpha / digits.left);
+            let digit = (i + 4 - j - borrow) % 2;
+            let borrowed = usize::from(i < j + borrow);
+            let alpha = alpha % digits.left;
+            match (k + 1 == last, kind) {
+                (false, _) if borrowed == beta / right => digits.get(alpha, digit, beta % right),
+                (false, _) => 0.0,
+                (true, Difference::Cyclic) => digits.get(alpha, digit, 0),
+                // The digit beyond the last: 1 for a negative difference.
+                (true, Difference::Signed) => {
+                    let sign = &x.cores[last];
+                    (0..digits.right)
+                        .map(|beta| digits.get(alpha, digit, beta) * sign.get(beta, borrowed, 0))
+                        .sum()
+                }
+            }
+        })
+    };
+    TtMatrix::from_cores((0..last).map(core).collect(), &vec![2; last], &vec![2; last])
+}
+
+/// The 2^d x 2^d circulant matrix with entries x((i - j) mod 2^d): its product with y is the cyclic convolution. Ranks 2 r.
+///
+/// # Errors
+/// [`TtError::Shape`] unless all modes of x are 2.
+///
+/// ```
+/// use graintrain_tt::{TtVector, qtt};
+/// let x = TtVector::from_full(&[1.0, 2.0, 3.0, 4.0], &[2, 2], &Default::default())?.0;
+/// let first_row: Vec<f64> = (0..4).map(|j| qtt::circulant(&x).unwrap().entries(&[(0, j)]).unwrap()[0]).collect();
+/// assert!(first_row.iter().zip([1.0, 4.0, 3.0, 2.0]).all(|(a, b)| (a - b).abs() < 1e-14));
+/// # Ok::<(), graintrain_tt::TtError>(())
+/// ```
+pub fn circulant(x: &TtVector) -> Result<TtMatrix, TtError> {
+    of_difference(x, Difference::Cyclic)
+}
+
+/// The 2^d x 2^d Toeplitz matrix with entries x((i - j) mod 2^(d + 1)) from a vector of 2^(d + 1) numbers: first those of the first column, then (from
+/// place 2^d + 1 on) those of the first row from its end. Its product with y is the convolution cut to 2^d numbers. Ranks 2 r.
+///
+/// # Errors
+/// [`TtError::Shape`] unless x has at least two modes, all of size 2.
+pub fn toeplitz(x: &TtVector) -> Result<TtMatrix, TtError> {
+    of_difference(x, Difference::Signed)
 }

@@ -4,14 +4,18 @@
 //! right-orthogonal if the right unfoldings of cores k+1..d have orthonormal rows. Then the singular values of the
 //! k-th unfolding of the whole tensor are those of core k, and a truncation there is a truncation of the tensor.
 
+use crate::cores::{Cores, Sum};
 use crate::error::at_core;
 use crate::factor::{leading_columns, row_factor, triangle};
-use crate::product::Cores;
 use crate::scale::{binary_exponent, factor_out, largest_finite, share_power};
 use crate::vector::Core;
 use crate::{TtError, TtMatrix, TtVector};
 use graintrain_linalg::dense::{Matrix, left_svd, product, thin_qr};
 use serde::{Deserialize, Serialize};
+
+/// Backward error of the products, factors and sums at one core, relative to its size, Gram matrices included: by measurement on 1500
+/// cancelling sums.
+pub(crate) const ROUNDING: f64 = 64.0 * f64::EPSILON;
 
 /// How far a train may be shortened: relative Frobenius error and a cap on the ranks.
 ///
@@ -82,22 +86,52 @@ impl RightFactors {
         Ok(Some(Self { powers, right }))
     }
 
+    /// What rounding of core k does to the tensor, squared and over eps^2, in the units of the factors, where `left` has the squared
+    /// lengths of the columns of the part left of the core.
+    fn rounding_of(&self, train: &impl Cores, k: usize, left: &[f64]) -> f64 {
+        let right = &self.right[k];
+        let mut lengths = vec![0.0; right.rows()];
+        for column in right.data().chunks_exact(right.rows().max(1)) {
+            lengths.iter_mut().zip(column).for_each(|(sum, x)| *sum += x * x);
+        }
+        train.weighted_square(k, left, &lengths, -self.powers[k])
+    }
+
     /// The sum of all powers.
     fn exponent(&self) -> i64 {
         self.powers.iter().map(|&power| i64::from(power)).sum()
     }
 }
 
+/// An error that was measured, and what rounding leaves uncertain about it.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Measured {
+    /// The error.
+    pub value: f64,
+    /// Rounding may have added or hidden this much: below it `value` says nothing.
+    pub floor: f64,
+}
+
 /// What a truncation did.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TruncationReport {
     /// Relative Frobenius error: sqrt(sum of all discarded squared singular values) / norm. The projections are
-    /// nested, so this is the error itself, not a bound (up to rounding, about 1e-15).
+    /// nested, so this is the error itself, not a bound (up to rounding, see `floor`).
     pub error: f64,
+    /// Relative error that rounding may have added: the error is known to `error` + `floor` at best. Near 1e-15, but where a
+    /// train cancels (a - a + 1e-12 b) its terms lose digits before anything is truncated; see [`TtVector::rounding_floor`].
+    pub floor: f64,
     /// Frobenius norm of the tensor before the truncation (infinite where it exceeds the largest float).
     pub norm: f64,
     /// Whether the cap on the ranks made the error exceed the tolerance.
     pub capped: bool,
+}
+
+impl TruncationReport {
+    /// For the zero tensor.
+    pub(crate) fn zero() -> Self {
+        Self { error: 0.0, floor: 0.0, norm: 0.0, capped: false }
+    }
 }
 
 /// The squared error still allowed, handed from bond to bond: what one bond does not use, later bonds may.
@@ -131,6 +165,11 @@ impl Budget {
         self.used += left_out;
     }
 
+    /// Counts what no bond leaves out.
+    pub(crate) fn spend(&mut self, left_out: f64) {
+        self.used += left_out;
+    }
+
     /// The rank to keep from descending squared singular values, at least 1; charges for the others.
     pub(crate) fn rank(&mut self, squares: &[f64]) -> usize {
         let (rank, tail) = self.split(squares);
@@ -155,12 +194,12 @@ impl Budget {
         (rank, tail)
     }
 
-    /// The report for a tensor of this squared norm.
-    pub(crate) fn report(&self, norm_squared: f64) -> TruncationReport {
+    /// The report for a tensor of this squared norm, whose relative rounding errors are `floor`.
+    pub(crate) fn report(&self, norm_squared: f64, floor: f64) -> TruncationReport {
         let error = if norm_squared > 0.0 { (self.used / norm_squared).sqrt() } else { 0.0 };
         // Rounding-level tails of exact ranks are not an effect of the cap.
         let capped = self.used > self.allowed.max(norm_squared * 1e-28);
-        TruncationReport { error, norm: norm_squared.sqrt(), capped }
+        TruncationReport { error, floor, norm: norm_squared.sqrt(), capped }
     }
 }
 
@@ -177,26 +216,76 @@ pub(crate) fn round_cores(
     truncation.check()?;
     let modes = train.modes();
     let Some(factors) = RightFactors::new(train)? else {
-        let report = TruncationReport { error: 0.0, norm: 0.0, capped: false };
-        return Ok((TtVector::constant(&modes, 0.0)?, report));
+        return Ok((TtVector::constant(&modes, 0.0)?, TruncationReport::zero()));
     };
     let mut cores = Vec::with_capacity(modes.len());
     let mut core = train.multiply_left(0, Matrix::identity(1).view(), -factors.powers[0]);
     let mut unfolding = product(core.left_unfolding(), factors.right[0].view());
-    let norm_squared = unfolding.data().iter().map(|x| x * x).sum::<f64>();
+    let norm_squared = sum_of_squares(unfolding.data());
+    let mut rounding = factors.rounding_of(train, 0, &[1.0]);
     let mut budget = Budget::new(truncation, norm_squared, modes.len() - 1);
     for k in 1..modes.len() {
         let u = leading_columns(&unfolding, &mut budget).map_err(at_core(k - 1))?;
         let carry = product(u.t(), core.left_unfolding());
         cores.push(Core::from_left_unfolding(core.left, core.mode, u));
+        rounding += factors.rounding_of(train, k, &squares_of_columns(&carry));
         core = train.multiply_left(k, carry.view(), -factors.powers[k]);
         unfolding = product(core.left_unfolding(), factors.right[k].view());
     }
     cores.push(core);
     share_power(&mut cores, factors.exponent());
-    let report = budget.report(norm_squared);
+    let report = budget.report(norm_squared, ROUNDING * (rounding / norm_squared).sqrt());
     let norm = report.norm * (factors.exponent() as f64).exp2();
     Ok((TtVector { cores }, TruncationReport { norm, ..report }))
+}
+
+/// The norm, the size of what rounding of the cores may add to it (see [`TtVector::rounding_floor`]), and the power of two that both
+/// are to be multiplied by. Both from triangles: nothing is subtracted. O(d n r^3).
+pub(crate) fn norm_and_rounding(train: &impl Cores) -> Result<(f64, f64, i64), TtError> {
+    let Some(factors) = RightFactors::new(train)? else { return Ok((0.0, 0.0, 0)) };
+    let (mut left, mut rounding, mut taken_out) = (Matrix::identity(1), 0.0, 0.0_f64);
+    let mut norm = 0.0;
+    for k in 0..factors.powers.len() {
+        rounding += factors.rounding_of(train, k, &squares_of_columns(&left)) * (2.0 * taken_out).exp2();
+        let core = train.multiply_left(k, left.view(), -factors.powers[k]);
+        if k == 0 {
+            norm = sum_of_squares(product(core.left_unfolding(), factors.right[0].view()).data()).sqrt();
+        }
+        left = triangle(core.into_left_unfolding());
+        taken_out += f64::from(factor_out(left.data_mut()).unwrap_or(0));
+    }
+    Ok((norm, ROUNDING * rounding.sqrt(), factors.exponent()))
+}
+
+/// ||x - y|| / ||y|| without the floor: half the work of [`measured`].
+pub(crate) fn relative_norm(difference: &impl Cores, reference: &impl Cores) -> Result<f64, TtError> {
+    let (difference, power) = norm_by_factors(difference)?.unwrap_or((0.0, 0));
+    let (reference, unit) = norm_by_factors(reference)?.unwrap_or((0.0, 0));
+    Ok(if difference == 0.0 { 0.0 } else { difference / reference * ((power - unit) as f64).exp2() })
+}
+
+/// The norm over a power of two, and the power; none for zero.
+fn norm_by_factors(train: &impl Cores) -> Result<Option<(f64, i64)>, TtError> {
+    let Some(factors) = RightFactors::new(train)? else { return Ok(None) };
+    let first = train.multiply_right(0, factors.right[0].view(), -factors.powers[0]);
+    Ok(Some((sum_of_squares(&first.data).sqrt(), factors.exponent())))
+}
+
+/// ||x - y|| / ||y|| for the difference `difference` and its reference.
+pub(crate) fn measured(difference: &impl Cores, reference: &impl Cores) -> Result<Measured, TtError> {
+    let (norm, rounding, power) = norm_and_rounding(difference)?;
+    let (size, _, unit) = norm_and_rounding(reference)?;
+    let relative = |x: f64| if x == 0.0 { 0.0 } else { x / size * ((power - unit) as f64).exp2() };
+    Ok(Measured { value: relative(norm), floor: relative(rounding) })
+}
+
+/// Squared lengths of the columns.
+fn squares_of_columns(a: &Matrix) -> Vec<f64> {
+    (0..a.columns()).map(|j| sum_of_squares(a.column(j))).collect()
+}
+
+pub(crate) fn sum_of_squares(data: &[f64]) -> f64 {
+    data.iter().map(|x| x * x).sum()
 }
 
 /// diag(s) V^T restricted to the first `rank` rows.
@@ -269,8 +358,32 @@ impl TtVector {
         (r.data().iter().map(|x| x * x).sum::<f64>().sqrt(), exponent)
     }
 
+    /// The relative error that rounding of its own cores makes in a train, and so in everything computed from it:
+    ///
+    /// 64 eps sqrt(sum_k sum_{alpha, i, beta} |A_{<k}(:, alpha)|^2 G_k(alpha, i, beta)^2 |A_{>k}(beta, :)|^2) / ||A||
+    ///
+    /// with A_{<k} and A_{>k} the unfoldings of the parts left and right of core k. Near 1e-14 sqrt(d r) for trains that do not cancel; where
+    /// terms cancel, as in a - a + 1e-12 b, it says how many digits are left. (64 eps sqrt(d) times the product of all core norms over the
+    /// norm bounds it from above.) 0 for the zero tensor. O(d n r^3).
+    ///
+    /// # Errors
+    /// [`TtError::Dense`] for entries that are not finite.
+    ///
+    /// ```
+    /// use graintrain_tt::TtVector;
+    /// let (a, b) = (TtVector::random(&[2; 20], 3, 1)?, TtVector::random(&[2; 20], 3, 2)?);
+    /// assert!(a.rounding_floor()? < 1e-12);
+    /// let rest = a.subtract(&a)?.add(&b.scale(1e-12))?;
+    /// assert!(rest.rounding_floor()? > 1e-5);
+    /// # Ok::<(), graintrain_tt::TtError>(())
+    /// ```
+    pub fn rounding_floor(&self) -> Result<f64, TtError> {
+        let (norm, rounding, _) = norm_and_rounding(self)?;
+        Ok(if norm > 0.0 { rounding / norm } else { 0.0 })
+    }
+
     /// The shortest train within the truncation (Oseledets 2011, Algorithm 2). O(d n r^3). The error never exceeds the
-    /// tolerance (beyond rounding level, about 1e-15 sqrt(d)) unless the cap binds.
+    /// tolerance by more than the `floor` of the report unless the cap binds.
     ///
     /// The factors L_k of the parts A_{>k} = L_k Q_k come from the right (Q is never formed), already without what depends on
     /// other rows at rounding level; from the left, the leading left singular vectors U_k of G_k L_k are the new core (any
@@ -342,6 +455,48 @@ impl TtVector {
         let difference = self.subtract(other)?.log_norm();
         let log = difference - other.log_norm();
         Ok(if difference == f64::NEG_INFINITY { 0.0 } else { log.exp() })
+    }
+
+    /// [`TtVector::relative_distance`] with its rounding floor.
+    ///
+    /// # Errors
+    /// [`TtError::Shape`] if the modes differ, [`TtError::Dense`] for entries that are not finite.
+    ///
+    /// ```
+    /// use graintrain_tt::TtVector;
+    /// let x = TtVector::random(&[2; 20], 3, 1)?;
+    /// let error = x.measured_distance(&x.scale(1.0 + 1e-9))?;
+    /// assert!((error.value / 1e-9 - 1.0).abs() < 1e-3 && error.floor < 1e-12);
+    /// # Ok::<(), graintrain_tt::TtError>(())
+    /// ```
+    pub fn measured_distance(&self, other: &Self) -> Result<Measured, TtError> {
+        self.check_same_modes(other)?;
+        measured(&Sum { terms: vec![(1.0, self), (-1.0, other)] }, other)
+    }
+
+    /// sum_i w_i x_i within the truncation, without its block-diagonal cores: the ranks and the error promise of rounding the sum, at
+    /// the cost of its nonzero blocks only. O(d n r^3) for the sum r of the ranks; terms that depend on others are left out on the way.
+    ///
+    /// # Errors
+    /// [`TtError::Shape`] if there is no term or the modes differ, else as for [`TtVector::round`].
+    ///
+    /// ```
+    /// use graintrain_tt::{Truncation, TtVector};
+    /// let x = TtVector::random(&[2; 12], 4, 1)?;
+    /// let (zero, _) = TtVector::sum_rounded(&[(1.0, &x), (2.0, &x), (-3.0, &x)], &Truncation::to(1e-12))?;
+    /// assert!(zero.norm() <= 1e-14 * x.norm());
+    /// # Ok::<(), graintrain_tt::TtError>(())
+    /// ```
+    pub fn sum_rounded(
+        terms: &[(f64, &Self)],
+        truncation: &Truncation,
+    ) -> Result<(Self, TruncationReport), TtError> {
+        let Some((_, first)) = terms.first() else {
+            return Err(TtError::Shape { what: "terms of a sum", expected: vec![1], got: vec![0] });
+        };
+        terms.iter().try_for_each(|(_, term)| first.check_same_modes(term))?;
+        let terms = terms.iter().map(|&(weight, term)| (weight, term as &dyn Cores)).collect();
+        round_cores(&Sum { terms }, truncation)
     }
 }
 

@@ -7,9 +7,10 @@
 //! Omega_k = Y_k^T A_k X_k (small), Psi_k = (Y_{k-1}^T (x) I) A_k X_k, core k = Psi_k Omega_k^+,
 //!
 //! a generalised Nystrom approximation (Kressner, Vandereycken, Voorhaar, arXiv 2208.02600). O(nnz d r^2) for entries.
-//! The error is near the best one of the rank in expectation, but it is not known from the sketch: measure it (for a
-//! sparse matrix with [`QuadtreeMatrix::relative_error`]). Where all entries are at hand, the exact pass of
-//! [`crate::sparse`] is simpler and better.
+//! The error is near the best one of the rank in expectation. The sketch estimates it from itself: a few columns more than the rank are
+//! kept, and how far a column of Omega_k is from the span of the others is what a new column would find at this bond (leaving one out).
+//! That is an estimate, not a bound; for a sparse matrix [`QuadtreeMatrix::relative_error`] measures. Where all entries are at hand, the
+//! exact pass of [`crate::sparse`] is simpler and better.
 
 use crate::arithmetic::push_dot;
 use crate::error::at_core;
@@ -21,6 +22,8 @@ use graintrain_linalg::dense::{Matrix, Svd, View, ViewMut, multiply_add, product
 
 /// Singular values of Omega below this part of the largest are noise and are not inverted.
 const CUT: f64 = 1e-13;
+/// Columns beyond the rank on the right; the left side has twice all of them and as many again.
+const OVERSAMPLING: usize = 5;
 
 /// The sketch of a tensor.
 ///
@@ -44,10 +47,12 @@ pub struct Sketch {
     omega: Vec<Matrix>,
     /// Psi of mode k = 1..d as a core.
     psi: Vec<Core>,
+    /// No rank of a result above this.
+    rank: usize,
 }
 
 impl Sketch {
-    /// The sketch of zero for results of rank up to `rank`; the left side is oversampled by rank + 5.
+    /// The sketch of zero for results of rank up to `rank`: rank + 5 columns on the right, 2 rank + 15 on the left.
     ///
     /// Sketches can be added if they have the same modes, rank and seed.
     ///
@@ -63,15 +68,16 @@ impl Sketch {
             };
             TtVector::from_cores((0..modes.len()).map(|k| core(k, &mut random)).collect())
         };
-        let right_ranks = admissible_ranks(modes, rank);
-        let left_ranks = admissible_ranks(modes, rank.saturating_mul(2).saturating_add(5));
+        let columns = rank.saturating_add(OVERSAMPLING);
+        let right_ranks = admissible_ranks(modes, columns);
+        let left_ranks = admissible_ranks(modes, columns.saturating_mul(2).saturating_add(OVERSAMPLING));
         let (left, right) = (gaussian(&left_ranks)?, gaussian(&right_ranks)?);
         let d = modes.len();
         let omega = (1..d).map(|k| Matrix::zeros(left_ranks[k], right_ranks[k])).collect();
         let psi = (0..d)
             .map(|k| Core::from_fn(left_ranks[k], modes[k], right_ranks[k + 1], |_, _, _| 0.0))
             .collect();
-        Ok(Self { left, right, omega, psi })
+        Ok(Self { left, right, omega, psi, rank })
     }
 
     /// Adds `values` at `indices` (d indices per entry).
@@ -171,7 +177,8 @@ impl Sketch {
         Ok(())
     }
 
-    /// The train, rounded. The report's error is that of the rounding alone; see the module.
+    /// The train, rounded, of ranks up to that of the sketch. The report's error is that of the rounding and the estimate of what the sketch
+    /// missed (see the module), sqrt(rounding^2 + sum over bonds of missed^2).
     ///
     /// # Errors
     /// [`TtError::Setting`] for a bad truncation, [`TtError::Dense`] if an entry is not finite.
@@ -179,7 +186,8 @@ impl Sketch {
         let d = self.psi.len();
         let mut cores = Vec::with_capacity(d);
         // Core k is Psi_k Omega_k^+ = (Psi_k V) (diag(1/s) U^T): the second part goes to the right.
-        let mut carry = Matrix::identity(1);
+        let (mut carry, mut missed) = (Matrix::identity(1), 0.0);
+        let modes = self.left.modes();
         for k in 0..d {
             let core = self.psi[k].multiply_left(carry.view());
             if k + 1 == d {
@@ -188,12 +196,30 @@ impl Sketch {
             }
             let Svd { u, s, mut v } = thin_svd(self.omega[k].view()).map_err(at_core(k))?;
             let useful = s.iter().take_while(|&&x| x > CUT * s[0]).count().max(1);
+            let size = |modes: &[usize]| modes.iter().fold(1usize, |size, &n| size.saturating_mul(n));
+            // (Where the columns of the sketch span all of one side nothing is missed.)
+            if useful == v.rows() && v.rows() < size(&modes[..=k]).min(size(&modes[k + 1..])) {
+                missed += left_out_share(&s, &v);
+            }
             v.truncate_columns(useful);
             cores.push(core.multiply_right(v.view()));
             let inverse = |x: f64| if x > 0.0 { 1.0 / x } else { 0.0 };
             carry = Matrix::from_fn(useful, u.rows(), |i, j| inverse(s[i]) * u[(j, i)]);
         }
-        TtVector { cores }.round(truncation)
+        let capped = Truncation { max_rank: truncation.max_rank.min(self.rank.max(1)), ..*truncation };
+        let (train, report) = TtVector { cores }.round(&capped)?;
+        let error = report.error.hypot(missed.sqrt());
+        // Exact ranks leave rounding errors of a pseudo-inverse.
+        let floor = report.floor.max(CUT);
+        Ok((
+            train,
+            TruncationReport {
+                error,
+                floor,
+                capped: report.capped || error > truncation.tolerance.max(floor),
+                ..report
+            },
+        ))
     }
 
     /// L_0 = 1, L_k = L_{k-1} Y_k(i_k).
@@ -229,4 +255,55 @@ impl Sketch {
         columns.reverse();
         columns
     }
+}
+
+impl TtVector {
+    /// sum_i w_i x_i of many terms at once: every term is sketched, O(d n r_i R (r_i + R)) for a sketch of rank R, and no core of the sum of all ranks is ever
+    /// made. R doubles from 8 until the sketch's own estimate of its error meets the tolerance; the report holds this ESTIMATE (see
+    /// the module), not the error itself, which [`TtVector::sum_rounded`] knows.
+    ///
+    /// # Errors
+    /// [`TtError::Shape`] if there is no term or the modes differ, else as for [`Sketch::to_train`].
+    ///
+    /// ```
+    /// use graintrain_tt::{Truncation, TtVector, qtt};
+    /// // A thousand waves that are combinations of ten.
+    /// let waves: Vec<TtVector> = (0..1000).map(|k| qtt::sine(16, 1e-3 * (k % 5) as f64, k as f64)).collect::<Result<_, _>>()?;
+    /// let terms: Vec<(f64, &TtVector)> = waves.iter().map(|wave| (0.001, wave)).collect();
+    /// let (sum, report) = TtVector::sum_sketched(&terms, &Truncation::to(1e-8), 1)?;
+    /// assert!(sum.max_rank() <= 10 && report.error <= 1e-8);
+    /// let entry: f64 = waves.iter().map(|wave| 0.001 * wave.entry(&[1; 16]).unwrap()).sum();
+    /// assert!((sum.entry(&[1; 16])? - entry).abs() < 1e-8);
+    /// # Ok::<(), graintrain_tt::TtError>(())
+    /// ```
+    pub fn sum_sketched(
+        terms: &[(f64, &Self)],
+        truncation: &Truncation,
+        seed: u64,
+    ) -> Result<(Self, TruncationReport), TtError> {
+        let Some((_, first)) = terms.first() else {
+            return Err(TtError::Shape { what: "terms of a sum", expected: vec![1], got: vec![0] });
+        };
+        let most = terms.iter().map(|(_, term)| term.max_rank()).fold(0usize, usize::saturating_add);
+        let mut rank = 8;
+        loop {
+            let mut sketch = Sketch::new(&first.modes(), rank, seed)?;
+            for (weight, term) in terms {
+                sketch.add_train(&term.scale(*weight))?;
+            }
+            let (sum, report) = sketch.to_train(truncation)?;
+            if report.error <= truncation.tolerance.max(report.floor) || rank >= most.min(truncation.max_rank)
+            {
+                return Ok((sum, report));
+            }
+            rank *= 2;
+        }
+    }
+}
+
+/// Mean squared distance of the columns of U diag(s) V^T from the span of the others, over their mean square: column j is 1 / |row j of the
+/// pseudo-inverse| away. All singular values are positive.
+fn left_out_share(s: &[f64], v: &Matrix) -> f64 {
+    let distance = |j: usize| 1.0 / (0..s.len()).map(|i| (v[(j, i)] / s[i]).powi(2)).sum::<f64>();
+    (0..v.rows()).map(distance).sum::<f64>() / s.iter().map(|s| s * s).sum::<f64>()
 }

@@ -14,9 +14,9 @@
 //! dummies much larger than the entries), the triangle of a QR of all vectors takes its place.
 
 use crate::error::at_core;
-use crate::round::Budget;
+use crate::round::{Budget, ROUNDING};
 use crate::scale::{binary_exponent, largest_finite, share_power};
-use crate::vector::Core;
+use crate::vector::{Core, LARGEST_CORE};
 use crate::{Truncation, TtError, TtMatrix, TtVector};
 use graintrain_linalg::block3::BlockMatrix3;
 use graintrain_linalg::dense::{
@@ -291,13 +291,20 @@ impl QuadtreeMatrix {
     /// norm WITHOUT dummies: an identity on many dummies would otherwise hide any error.
     ///
     /// # Errors
-    /// [`TtError::Setting`] for a bad truncation or a norm that overflows, [`TtError::Dense`] if an entry is not finite.
+    /// [`TtError::Setting`] for a bad truncation or a norm that overflows, [`TtError::Dense`] if an entry is not finite,
+    /// [`TtError::TooLarge`] for leaves whose Gram matrix (n_1^4 numbers) does not fit.
     pub fn to_train(&self, truncation: &Truncation) -> Result<(TtMatrix, SparseReport), TtError> {
         truncation.check()?;
         largest_finite(&self.value).map_err(at_core(0))?;
         let exponent = self.exponent();
         if !self.norm.is_finite() {
             return Err(TtError::Setting { what: "norm of the entries", need: "finite", got: self.norm });
+        }
+        // Leaves as vectors, and Gram matrices of them.
+        let width = (self.leaf_size as f64).powi(2);
+        let numbers = width * (self.key.len() as f64 + if self.levels > 0 { width } else { 0.0 });
+        if numbers > LARGEST_CORE as f64 {
+            return Err(TtError::TooLarge { entries: numbers });
         }
         let norm_squared = (self.norm * f64::from(-exponent).exp2()).powi(2);
         let mut budget = Budget::new(truncation, norm_squared, self.levels);
@@ -318,13 +325,22 @@ impl QuadtreeMatrix {
         share_power(&mut cores, i64::from(exponent));
         let modes = self.modes();
         let matrix = TtMatrix { rows: modes.clone(), columns: modes, train: TtVector { cores } };
-        let report = budget.report(norm_squared);
+        // Every level rotates numbers of the size of the matrix with its dummies.
+        let floor =
+            ROUNDING * ((self.levels + 1) as f64).sqrt() * (self.augmented_norm() / self.norm).min(f64::MAX);
+        let report = budget.report(norm_squared, if self.norm > 0.0 { floor } else { 0.0 });
         // (The quotient first: the product of the error and the norm may vanish.)
         let augmented_error =
             if report.error > 0.0 { report.error * (self.norm / self.augmented_norm()) } else { 0.0 };
         Ok((
             matrix,
-            SparseReport { error: report.error, augmented_error, norm: self.norm(), capped: report.capped },
+            SparseReport {
+                error: report.error,
+                floor: report.floor,
+                augmented_error,
+                norm: self.norm(),
+                capped: report.capped,
+            },
         ))
     }
 
@@ -358,6 +374,8 @@ pub struct SparseReport {
     /// Frobenius error relative to the norm of the given entries (without dummies): exact up to the rounding of a Gram
     /// matrix, at most a tenth of the tolerance.
     pub error: f64,
+    /// Relative error that rounding may have added: 64 eps sqrt(levels) times the norm with dummies over that without.
+    pub floor: f64,
     /// The same error relative to the norm with dummies: what a method that looks only at the augmented matrix sees.
     pub augmented_error: f64,
     /// Frobenius norm of the given entries.

@@ -1,26 +1,49 @@
 //! TT-SVD: the train of a full tensor (Oseledets 2011, Algorithm 1).
 //!
+//! A large tensor is read twice. The unfolding nearest to square is A = Q B + what is left out, Q from a random sketch that checks itself
+//! (`range.rs`), and the TT-SVD of Q B works on two matrices that are small. Where the check says that this leaves out too much (the rank
+//! there exceeds 100, or the tolerance is 0), the passes go from the fine modes to the coarse ones:
+//!
 //! Every pass over the data costs traffic, and a small mode shortens them little: n = 2 halves them at best. So several
 //! modes are taken at once, as many as keep the unfolding at `GROUP_ROWS` rows: A = L Q of this unfolding with orthonormal
 //! rows of Q, and the TT-SVD of the small tensor L gives the same cores as that of A.
 
 use crate::error::at_core;
-use crate::factor::leading_columns;
+use crate::factor::{SQUARES, SafeCholesky, leading_columns};
 use crate::matrix::checked_product;
-use crate::round::Budget;
+use crate::range::{Range, column_range};
+use crate::round::{Budget, ROUNDING, sum_of_squares};
 use crate::scale::{binary_exponent, largest_finite, scale_by_power, share_power};
 use crate::vector::Core;
 use crate::{Truncation, TruncationReport, TtError, TtMatrix, TtVector};
-use graintrain_linalg::dense::{Matrix, View, product, qr_triangle};
+use graintrain_linalg::dense::{
+    Matrix, View, ViewMut, gram, multiply, product, qr_triangle, symmetric_eigen,
+};
+use rayon::prelude::*;
 
 /// Unfoldings of more rows than this are not made by joining modes: the QR of a pass costs 2 rows flops per entry.
-const GROUP_ROWS: usize = 32;
+const GROUP_ROWS: usize = 64;
+/// Tensors of fewer numbers than this are small: their reads cost nothing, so no sketches and no Gram matrices of them.
+const LARGE: usize = 1 << 18;
+/// A basis from a sketch may leave out this part of the squared error allowed.
+const RANGE_SHARE: f64 = 0.05;
+/// A Gram matrix stands for its rows where the squared error that may be made is more than this part of its trace.
+const GRAM_SHARE: f64 = 1e-11;
+/// Numbers per task of a read.
+const TASK_NUMBERS: usize = 1 << 16;
+/// Seed of the sketches: the same tensor gives the same train.
+const SEED: u64 = 0x7EA5_0125;
 
 impl TtVector {
     /// TT-SVD of a full tensor (Oseledets 2011, Algorithm 1), first index fastest: truncated SVDs of the unfoldings,
-    /// several modes in one pass. Each wide unfolding is first reduced to a small triangle by QR of its transpose.
+    /// several modes in one pass. Each wide unfolding is first reduced to a small triangle by QR of its transpose, or by a Gram matrix
+    /// where the tolerance (above about 1e-5) allows it.
     ///
-    /// The report's error is the error itself. Entries of any finite size (they are scaled by a power of two).
+    /// From 2^18 entries on, and where the unfolding in the middle has a rank up to about 100 within the tolerance, a random sketch of it comes
+    /// first (see the module): two reads, 2 r + 3 flops per entry, no copy of the input.
+    ///
+    /// The report's error is the error itself, what a sketch left out included (measured, squares to about 1e-15 of the squared norm).
+    /// Entries of any finite size.
     ///
     /// # Errors
     /// [`TtError::Shape`] if the length is not the product of the modes; [`TtError::Setting`] and [`TtError::Dense`]
@@ -42,7 +65,7 @@ impl TtVector {
         truncation.check()?;
         let entries =
             modes.iter().try_fold(1usize, |product, &n| product.checked_mul(n)).unwrap_or(usize::MAX);
-        let Some((&last, before_last)) = modes.split_last().filter(|_| entries == full.len() && entries > 0)
+        let Some((_, before_last)) = modes.split_last().filter(|_| entries == full.len() && entries > 0)
         else {
             return Err(TtError::Shape {
                 what: "entries of a full tensor",
@@ -50,24 +73,120 @@ impl TtVector {
                 got: vec![full.len()],
             });
         };
+        // Numbers of moderate size, as the sum of their squares tells, are not scaled and so not copied.
+        let (bond, rows) = middle(modes);
+        let allowed = truncation.tolerance.powi(2) * RANGE_SHARE;
+        let (squares, range) = if full.len() >= LARGE && bond > 0 {
+            column_range(full, rows, allowed, SEED)
+        } else {
+            (sum_of_squares(full), None)
+        };
+        if SQUARES.contains(&squares) {
+            let mut cores = Vec::with_capacity(modes.len());
+            let mut budget = Budget::new(truncation, squares, before_last.len());
+            match range {
+                Some(range) => from_range(range, modes, bond, &mut budget, &mut cores)?,
+                None => split_off(&mut cores, 1, modes, Source::Borrowed(full), &mut budget)?,
+            }
+            let report = budget.report(squares, ROUNDING * (modes.len() as f64).sqrt());
+            return Ok((Self { cores }, report));
+        }
         let power = binary_exponent(largest_finite(full).map_err(at_core(0))?);
-        let mut rest = full.to_vec();
-        scale_by_power(&mut rest, -power);
-        let norm_squared = rest.iter().map(|x| x * x).sum::<f64>();
+        let mut scaled = full.to_vec();
+        scale_by_power(&mut scaled, -power);
+        let norm_squared = sum_of_squares(&scaled);
         let mut budget = Budget::new(truncation, norm_squared, before_last.len());
         let mut cores = Vec::with_capacity(modes.len());
-        let mut left = 1;
-        while cores.len() < before_last.len() {
-            let group = group_of_modes(left, &before_last[cores.len()..]);
-            rest = split_off_group(&mut cores, left, group, &rest, &mut budget)?;
-            left = cores[cores.len() - 1].right;
-        }
-        cores.push(Core { left, mode: last, right: 1, data: rest });
+        split_off(&mut cores, 1, modes, Source::Owned(scaled), &mut budget)?;
         share_power(&mut cores, i64::from(power));
-        let report = budget.report(norm_squared);
+        let report = budget.report(norm_squared, ROUNDING * (modes.len() as f64).sqrt());
         let norm = report.norm * f64::from(power).exp2();
         Ok((Self { cores }, TruncationReport { norm, ..report }))
     }
+}
+
+/// Numbers that belong to the caller until the first pass has shortened them.
+enum Source<'a> {
+    Borrowed(&'a [f64]),
+    Owned(Vec<f64>),
+}
+
+impl Source<'_> {
+    fn numbers(&self) -> &[f64] {
+        match self {
+            Self::Borrowed(numbers) => numbers,
+            Self::Owned(numbers) => numbers,
+        }
+    }
+}
+
+/// The bond whose unfolding is nearest to square and has no fewer columns than rows, and its rows; bond 0 if there is none.
+fn middle(modes: &[usize]) -> (usize, usize) {
+    let entries: f64 = modes.iter().map(|&n| n as f64).product();
+    let (mut bond, mut rows) = (0, 1);
+    for (k, &n) in modes.iter().enumerate().take(modes.len().saturating_sub(1)) {
+        if (rows * n) as f64 > entries.sqrt() {
+            break;
+        }
+        (bond, rows) = (k + 1, rows * n);
+    }
+    (bond, rows)
+}
+
+/// All cores of the tensor of these modes with a left rank in front, appended to those left of it.
+fn split_off(
+    cores: &mut Vec<Core>,
+    mut left: usize,
+    modes: &[usize],
+    numbers: Source<'_>,
+    budget: &mut Budget,
+) -> Result<(), TtError> {
+    let (first, last) = modes.split_at(modes.len() - 1);
+    let (mut rest, mut done) = (numbers, 0);
+    while done < first.len() {
+        let group = group_of_modes(left, &first[done..]);
+        let basis = group_basis(cores, left, group, rest.numbers(), budget)?;
+        rest = Source::Owned(project(&basis, rest.numbers()));
+        left = basis.columns();
+        done += group.len();
+    }
+    let data = match rest {
+        Source::Borrowed(numbers) => numbers.to_vec(),
+        Source::Owned(numbers) => numbers,
+    };
+    cores.push(Core { left, mode: last[0], right: 1, data });
+    Ok(())
+}
+
+/// The cores of Q B, the unfolding at a bond: Q B has the left singular vectors of Q L with B = L times orthonormal rows, and what remains
+/// of it right of the bond is (U^T Q) B for the basis U that the cores left of the bond hold.
+fn from_range(
+    range: Range,
+    modes: &[usize],
+    bond: usize,
+    budget: &mut Budget,
+    cores: &mut Vec<Core>,
+) -> Result<(), TtError> {
+    budget.spend(range.left_out);
+    let Range { basis, coefficients, .. } = range;
+    let lower = lower_factor(coefficients.data(), coefficients.rows(), 0.0);
+    // Side by side: Q L, which decides, and Q, which is carried along.
+    let mut both = product(basis.view(), lower.view()).into_vec();
+    let width = both.len();
+    both.extend(basis.into_vec());
+    let (mut left, mut done, mut first) = (1, 0, width);
+    while done < bond {
+        let group = group_of_modes(left, &modes[done..bond]);
+        let basis = group_basis(cores, left, group, &both[..first], budget)?;
+        let (kept, carried) = (project(&basis, &both[..first]), project(&basis, &both[first..]));
+        first = kept.len();
+        both = [kept, carried].concat();
+        left = basis.columns();
+        done += group.len();
+    }
+    let carried = View::new(&both[first..], left, coefficients.rows());
+    let rest = product(carried, coefficients.view()).into_vec();
+    split_off(cores, left, &modes[bond..], Source::Owned(rest), budget)
 }
 
 /// The modes of the next pass: as many as keep the rows of the unfolding at [`GROUP_ROWS`], at least one.
@@ -80,24 +199,23 @@ fn group_of_modes(left: usize, modes: &[usize]) -> &[usize] {
     &modes[..fits.count().max(1)]
 }
 
-/// Appends the left-orthogonal cores of the group and returns what remains, rank x (entries of the later modes).
-fn split_off_group(
+/// Appends the left-orthogonal cores of the group and returns their product, rows x rank.
+fn group_basis(
     cores: &mut Vec<Core>,
     left: usize,
     group: &[usize],
     rest: &[f64],
     budget: &mut Budget,
-) -> Result<Vec<f64>, TtError> {
+) -> Result<Matrix, TtError> {
     let rows = left * group.iter().product::<usize>();
-    let unfolding = View::new(rest, rows, rest.len() / rows);
-    let mut small = lower_factor(unfolding);
-    // The product of the cores of the group, rows x rank.
+    let mut small = lower_factor(rest, rows, budget.share());
     let mut basis = Matrix::identity(left);
     for &mode in group {
         let left = basis.columns();
         let numbers = small.into_vec();
         let tensor = View::new(&numbers, left * mode, numbers.len() / (left * mode));
-        let u = leading_columns(&lower_factor(tensor), budget).map_err(at_core(cores.len()))?;
+        let u = leading_columns(&lower_factor(&numbers, left * mode, 0.0), budget)
+            .map_err(at_core(cores.len()))?;
         small = product(u.t(), tensor);
         let core = Core::from_left_unfolding(left, mode, u);
         basis = Matrix::from_vec(
@@ -107,23 +225,100 @@ fn split_off_group(
         );
         cores.push(core);
     }
-    Ok(product(basis.t(), unfolding).into_vec())
+    Ok(basis)
 }
 
-/// L with A A^T = L L^T and no more columns than A, by a QR of A^T that runs over blocks of columns: A = L Q with
-/// orthonormal rows of Q has the singular values and left singular vectors of L. Only rows x rows numbers live at a time.
-fn lower_factor(a: View<'_>) -> Matrix {
-    let (m, n) = (a.rows(), a.columns());
+/// U^T A by blocks of columns, each a task.
+fn project(basis: &Matrix, numbers: &[f64]) -> Vec<f64> {
+    let (rows, rank) = (basis.rows(), basis.columns());
+    let columns = numbers.len() / rows;
+    let mut projected = vec![0.0; rank * columns];
+    let task = (TASK_NUMBERS / rows).max(1);
+    projected.par_chunks_mut(rank * task).zip(numbers.par_chunks(rows * task)).for_each(|(to, from)| {
+        let width = from.len() / rows;
+        multiply(1.0, basis.t(), View::new(from, rows, width), ViewMut::new(to, rank, width));
+    });
+    projected
+}
+
+/// L with A A^T = L L^T and no more columns than A: A = L Q with orthonormal rows of Q has the singular values and left singular vectors of
+/// L. Only some times rows x rows numbers live at a time.
+///
+/// From Gram matrices ([`factor_by_gram`], which `share`, the squared error that may be made, makes cheaper), else by a QR of A^T that runs
+/// over blocks of columns.
+fn lower_factor(numbers: &[f64], m: usize, share: f64) -> Matrix {
+    let n = numbers.len() / m;
+    if n > 2 * m
+        && let Some(lower) = factor_by_gram(numbers, m, share)
+    {
+        return lower;
+    }
     let block = (4 * m).max(256);
     let mut triangle = Matrix::zeros(0, m);
     for first in (0..n).step_by(block) {
         let (kept, width) = (triangle.rows(), block.min(n - first));
-        let stacked = Matrix::from_fn(kept + width, m, |i, j| {
-            if i < kept { triangle[(i, j)] } else { a.get(j, first + i - kept) }
-        });
+        let mut stacked = Matrix::zeros(kept + width, m);
+        for (j, column) in stacked.data_mut().chunks_exact_mut(kept + width).enumerate() {
+            column[..kept].copy_from_slice(triangle.column(j));
+        }
+        transpose_into(&numbers[m * first..m * (first + width)], m, kept, kept + width, stacked.data_mut());
         triangle = qr_triangle(stacked);
     }
     triangle.transposed()
+}
+
+/// Writes the transpose of m x n numbers to rows `first`.. of a matrix of `height` rows, tile by tile.
+fn transpose_into(numbers: &[f64], m: usize, first: usize, height: usize, to: &mut [f64]) {
+    const TILE: usize = 8;
+    let n = numbers.len() / m;
+    for j in (0..n).step_by(TILE) {
+        for i in (0..m).step_by(TILE) {
+            for row in i..(i + TILE).min(m) {
+                for column in j..(j + TILE).min(n) {
+                    to[first + column + height * row] = numbers[row + m * column];
+                }
+            }
+        }
+    }
+}
+
+/// [`lower_factor`] at the rate of matrix products: the Cholesky factor of A A^T where its condition allows that; where it does not, the rows are rotated
+/// onto the eigenvectors V of A A^T, which leaves them nearly orthogonal and of all sizes, and V times the Cholesky factor of
+/// V^T A (V^T A)^T is as good as reflections are (the condition that counts is that of rows brought to length one, see [`crate::factor`]). In a large tensor the
+/// eigenvalues themselves do where `share` is far above their rounding. None where all this fails.
+fn factor_by_gram(numbers: &[f64], m: usize, share: f64) -> Option<Matrix> {
+    let total = sum_of_grams(numbers, m, None);
+    let trace: f64 = (0..m).map(|i| total[(i, i)]).sum();
+    if !SQUARES.contains(&trace) {
+        return None;
+    }
+    if let Some(factor) = SafeCholesky::new(&total) {
+        return Some(factor.lower());
+    }
+    let (values, vectors) = symmetric_eigen(total.view()).ok()?;
+    if numbers.len() >= LARGE && share > GRAM_SHARE * trace {
+        return Some(Matrix::from_fn(m, m, |i, j| vectors[(i, j)] * values[j].max(0.0).sqrt()));
+    }
+    let rotated = sum_of_grams(numbers, m, Some(&vectors));
+    let factor = SafeCholesky::new(&rotated)?;
+    Some(product(vectors.view(), factor.lower().view()))
+}
+
+/// A A^T, or V^T A A^T V, by blocks of columns that are tasks and are added in their order.
+fn sum_of_grams(numbers: &[f64], m: usize, vectors: Option<&Matrix>) -> Matrix {
+    let part = |part: &[f64]| {
+        let part = View::new(part, m, part.len() / m);
+        match vectors {
+            None => gram(part.t()),
+            Some(vectors) => gram(product(vectors.t(), part).t()),
+        }
+    };
+    let parts: Vec<Matrix> = numbers.par_chunks((TASK_NUMBERS / m).max(1) * m).map(part).collect();
+    let mut total = Matrix::zeros(m, m);
+    for part in &parts {
+        total.data_mut().iter_mut().zip(part.data()).for_each(|(sum, x)| *sum += x);
+    }
+    total
 }
 
 impl TtMatrix {

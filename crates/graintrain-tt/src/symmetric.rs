@@ -15,7 +15,7 @@
 
 use crate::error::at_core;
 use crate::factor::{all_columns, row_factor};
-use crate::round::Budget;
+use crate::round::{Budget, ROUNDING, sum_of_squares};
 use crate::scale::{binary_exponent, largest_finite, power_shares, scale_by_power};
 use crate::vector::Core;
 use crate::{Truncation, TruncationReport, TtError, TtMatrix, TtVector};
@@ -219,10 +219,18 @@ impl SymmetricTrain {
         let mut unfolding = unfoldings(&cores[0], &right[0]);
         let norm_squared = unfolding.iter().flat_map(|u| u.data()).map(|x| x * x).sum::<f64>();
         let mut budget = Budget::new(truncation, norm_squared, d - 1);
+        // As in `round`: what rounding of one core does to the tensor.
+        let moved = |k: usize, core: &GradedCore, left: f64| {
+            let size: f64 = core.blocks.iter().flatten().map(|block| sum_of_squares(&block.data)).sum();
+            left * size * right[k].iter().map(|factor| sum_of_squares(factor.data())).sum::<f64>()
+        };
+        let mut rounding = moved(0, &cores[0], 1.0);
         for k in 0..d - 1 {
             let vectors = leading_of_both(&unfolding, &mut budget).map_err(at_core(k))?;
             let carry = PARITIES.map(|q| product(vectors[q].t(), cores[k].left_unfolding(q).view()));
             cores[k].set_left_unfoldings(&vectors);
+            let left = carry.iter().map(|carry| sum_of_squares(carry.data())).sum();
+            rounding += moved(k + 1, &cores[k + 1], left);
             for p in PARITIES {
                 for q in PARITIES {
                     let block = &mut cores[k + 1].blocks[p][q];
@@ -231,7 +239,7 @@ impl SymmetricTrain {
             }
             unfolding = unfoldings(&cores[k + 1], &right[k + 1]);
         }
-        let report = budget.report(norm_squared);
+        let report = budget.report(norm_squared, ROUNDING * (rounding / norm_squared).sqrt());
         for (core, share) in cores.iter_mut().zip(power_shares(exponent, d)) {
             core.scale_by_power(share);
         }
@@ -249,7 +257,7 @@ impl SymmetricTrain {
             GradedCore { blocks: PARITIES.map(|p| PARITIES.map(|q| block(p, q))) }
         };
         let cores = self.modes.iter().map(zero).collect();
-        let report = TruncationReport { error: 0.0, norm: 0.0, capped: false };
+        let report = TruncationReport::zero();
         (Self { modes: self.modes.clone(), cores }, report)
     }
 }

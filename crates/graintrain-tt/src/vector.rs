@@ -8,6 +8,8 @@ use serde::{Deserialize, Serialize};
 
 /// Largest full tensor that will be formed: 2^31 entries (16 GiB).
 const LARGEST_FULL: f64 = 2147483648.0;
+/// Most numbers of one core, or of a matrix on the way to one, that an operation makes unasked: 2^28 (2 GiB).
+pub(crate) const LARGEST_CORE: usize = 1 << 28;
 /// Points per task of the evaluation of many entries.
 const POINTS_PER_TASK: usize = 2048;
 

@@ -6,22 +6,31 @@
 //! of TT-Toolbox).
 //!
 //! Everything the method learns comes from the entries it reads: where the tensor vanishes on all of them it cannot
-//! know. So the result carries an error measured on entries the method did not choose: random ones and, where the
-//! caller has them, `probes` (for a sparse matrix its nonzeros). Points with large error become pivots of the next
-//! sweep. `Converged` means that the measured errors are below the tolerance, nothing else. For sparse matrices prefer
-//! [`crate::sparse`]: it sees every entry.
+//! know. So every train is measured on entries the method did not choose, drawn AFTER it was made: a guide of random points
+//! after every sweep, whose worst ones become pivots of the next, and before `Converged` a larger confirmation on points of its
+//! own. Points that have served are never used again. Where errors proved to sit on few points (jumps), the confirmation grows with the
+//! entries read, up to all of the tensor where it is small. Half of the points are uniform, half favour the ends of modes and
+//! coarse sub-grids, with weights that keep the estimate unbiased. The caller may add `probes`: points he knows to matter (for a
+//! sparse matrix its nonzeros), [`sub_grid`] and [`ends_of_modes`] for functions with jumps.
+//!
+//! `Converged` means that the error measured on fresh points, and on the probes, is at most the tolerance. The report's
+//! `upper_bound` says what this excludes with 95 % confidence, which is much less: a needle that no point hits is not seen by any
+//! sampling method. For sparse matrices prefer [`crate::sparse`]: it sees every entry.
 
+mod judge;
+mod points;
 mod sample;
 mod source;
 mod sweep;
 
 use crate::random::Random;
-use crate::scale::{binary_exponent, share_power};
+use crate::scale::share_power;
 use crate::sparse::QuadtreeMatrix;
 use crate::vector::check_index;
 use crate::{TtError, TtMatrix, TtVector};
 use graintrain_linalg::patience::Patience;
-use sample::Sample;
+use judge::Judge;
+pub use points::{ends_of_modes, sub_grid};
 use serde::{Deserialize, Serialize};
 pub use source::{EntrySource, Function};
 use sweep::State;
@@ -30,7 +39,7 @@ use sweep::State;
 ///
 /// ```
 /// let settings = graintrain_tt::cross::CrossSettings::default();
-/// assert_eq!((settings.tolerance, settings.max_sweeps, settings.kick_rank, settings.samples), (1e-6, 30, 4, 2000));
+/// assert_eq!((settings.tolerance, settings.max_sweeps, settings.kick_rank, settings.samples), (1e-6, 30, 4, 4000));
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CrossSettings {
@@ -42,7 +51,9 @@ pub struct CrossSettings {
     pub max_sweeps: usize,
     /// Residual directions added per bond and sweep.
     pub kick_rank: usize,
-    /// Random entries for the error estimate.
+    /// Random entries of a confirmation: twice as many after every one that failed, and where errors sit on few points a
+    /// fifth of the entries read so far (all entries of a tensor that has no more than were read). A guide takes an eighth of
+    /// it, afresh after every sweep.
     pub samples: usize,
     /// Seed of the random start and of the samples.
     pub seed: u64,
@@ -50,7 +61,7 @@ pub struct CrossSettings {
 
 impl Default for CrossSettings {
     fn default() -> Self {
-        Self { tolerance: 1e-6, max_rank: usize::MAX, max_sweeps: 30, kick_rank: 4, samples: 2000, seed: 1 }
+        Self { tolerance: 1e-6, max_rank: usize::MAX, max_sweeps: 30, kick_rank: 4, samples: 4000, seed: 1 }
     }
 }
 
@@ -60,7 +71,7 @@ const MOST_SAMPLES: usize = 1 << 24;
 /// Why the sweeps ended. Only the first says that the measured error is below the tolerance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum CrossStatus {
-    /// Increments and all measured errors are below the tolerance.
+    /// All errors measured on fresh points and on the probes are at most the tolerance.
     Converged,
     /// The increments are below the tolerance, but all entries of the independent sample are zero, so nothing is known
     /// about the error: give probes.
@@ -80,13 +91,27 @@ pub enum CrossStatus {
 pub struct CrossReport {
     /// Why it ended.
     pub status: CrossStatus,
-    /// ||A - train|| / ||A|| over random entries that the method did not choose; none if A vanishes on all of them.
+    /// ||A - train|| / ||A|| from random entries drawn after the last sweep but one that enriched; none if A vanishes on all
+    /// random entries. An estimate: half of such estimates lie below the truth.
     pub sampled_error: Option<f64>,
+    /// What ||A - train|| / ||A|| does not exceed with 95 % confidence, given that no entry of A is larger than the largest one read and no
+    /// entry of the train larger than on the points. With n points and no error on any of them it still is about sqrt(10 / n)
+    /// times the largest entry over the root mean square one: a sample knows nothing about fewer than n / 3 parts of a tensor.
+    /// None where even the norm is not known.
+    pub upper_bound: Option<f64>,
+    /// Random entries behind `sampled_error` and `upper_bound`.
+    pub points: usize,
+    /// Those of them that are not zero: where they are few, so is what is known.
+    pub nonzeros: usize,
+    /// Whether these were ALL entries of the tensor: then `sampled_error` and `upper_bound` are the error itself.
+    pub complete: bool,
     /// The same over the caller's probes; none if there are none or A vanishes on them.
     pub probe_error: Option<f64>,
     /// The same over ALL entries, relative to the norm of a sparse matrix without its dummies: known to [`cross_sparse`]
     /// alone; none below 1e-7, which it cannot resolve.
     pub exact_error: Option<f64>,
+    /// Rounding level of the entries of the train (see [`TtVector::rounding_floor`]): no error is known below this.
+    pub floor: f64,
     /// Entries evaluated, samples included.
     pub evaluations: usize,
     /// Sweeps made.
@@ -165,82 +190,107 @@ fn cross_within(
         }
         None => TtVector::random(&modes, 2, settings.seed)?,
     };
-    let mut random = Random::new(settings.seed ^ 0x5EED);
-    let mut points = || (0..settings.samples * d).map(|p| random.below(modes[p % d])).collect();
-    // The worst points of the guide become pivots, so it cannot measure the error: the sample does.
-    let (mut guide, mut sample) = (Sample::new(source, points()), Sample::new(source, points()));
-    let mut probe = Sample::new(source, probes.to_vec());
-    // All values in units of the largest one seen so far (a power of two): squares neither overflow nor vanish.
-    let exponent = binary_exponent(sample.largest()?.max(probe.largest()?).max(guide.largest()?));
-    for points in [&mut guide, &mut sample, &mut probe] {
-        points.scale(-exponent);
-    }
-    let mut state = State::new(source, &start, settings, random, exponent)?;
-    state.evaluations += guide.values.len() + sample.values.len() + probe.values.len();
+    let mut judge = Judge::new(source, probes, settings)?;
+    let mut state =
+        State::new(source, &start, settings, Random::new(settings.seed ^ 0x5EED), judge.exponent)?;
     let mut history: Vec<f64> = Vec::new();
     let mut errors: Vec<f64> = Vec::new();
     let mut status = CrossStatus::SweepLimit;
     let mut capped = false;
-    let mut before_cleaning = None;
+    let mut confirmed = None;
     while history.len() < settings.max_sweeps.max(2) {
         // The last sweep allowed does not enrich, so that the ranks obey the cap.
         let enrich = history.len() + 1 < settings.max_sweeps.max(2);
         let outcome = state.sweep(settings, enrich, patience)?;
         history.push(outcome.change);
         capped = outcome.capped;
-        if state.largest == 0.0 && [&guide, &sample, &probe].iter().all(|points| points.norm == 0.0) {
+        if state.largest == 0.0 && judge.has_seen_zeros_only() {
             status = CrossStatus::ZeroSampled;
             break;
         }
         let train = state.train();
-        let worst = |points: &Sample| points.error(&train, settings.kick_rank.max(1));
-        let (probed, sampled) = (worst(&probe)?, sample.error(&train, 0)?.0);
-        let error = [sampled, probed.0].into_iter().flatten().reduce(f64::max);
-        errors.push(error.unwrap_or(outcome.change));
-        if outcome.change <= settings.tolerance && error.is_none_or(|error| error <= settings.tolerance) {
-            status = if error.is_some() { CrossStatus::Converged } else { CrossStatus::Unverified };
-            before_cleaning = (train.max_rank() <= settings.max_rank).then_some(train);
-            break;
+        let mut verdict = judge.guide(&train)?;
+        if outcome.change <= settings.tolerance && verdict.meets(settings.tolerance) {
+            // Quiet on the guide: fresh points decide.
+            let sample = judge.fresh(state.evaluations, |count| state.near_pivots(count));
+            verdict = judge.verdict(&train, &sample, state.largest)?;
+            if verdict.meets(settings.tolerance) {
+                status = CrossStatus::Converged;
+                confirmed = Some((train, verdict, sample));
+                break;
+            }
         }
-        let n = errors.len();
-        if n > 4 && errors[n - 1] > 0.7 * errors[n - 4] && (capped || n > 8) {
+        errors.push(verdict.error().unwrap_or(outcome.change));
+        if stagnates(&errors, capped) {
             status = if capped { CrossStatus::RankCapped } else { CrossStatus::Stagnated };
             break;
         }
         // Points with the largest error become pivots of the residual.
-        state.add_pivots(&[worst(&guide)?.1, probed.1].concat());
+        state.add_pivots(&verdict.worst);
     }
     if status != CrossStatus::ZeroSampled && state.enriched {
         capped |= state.sweep(settings, false, patience)?.capped;
     }
-    let measure = |train: &TtVector| -> Result<_, TtError> {
-        let (sampled, probed) = (sample.error(train, 0)?.0, probe.error(train, 0)?.0);
-        Ok((sampled, probed, [sampled, probed].into_iter().flatten().reduce(f64::max)))
-    };
     let mut train = state.train();
-    let (mut sampled_error, mut probe_error, mut error) = measure(&train)?;
-    if let (Some(longer), true) = (before_cleaning, error.is_some_and(|error| error > settings.tolerance)) {
-        // Shortening cost more than the tolerance: keep the longer train.
-        (sampled_error, probe_error, error) = measure(&longer)?;
-        train = longer;
-    }
-    if status == CrossStatus::Converged && error.is_none_or(|error| error > settings.tolerance) {
-        status = if capped { CrossStatus::RankCapped } else { CrossStatus::Stagnated };
-    } else if status == CrossStatus::SweepLimit && capped {
-        status = CrossStatus::RankCapped;
-    }
-    share_power(&mut train.cores, i64::from(exponent));
+    let verdict = match confirmed {
+        Some((longer, before, sample)) => {
+            let after = judge.verdict(&train, &sample, state.largest)?;
+            if !after.meets(settings.tolerance) && longer.max_rank() <= settings.max_rank {
+                // Shortening cost more than the tolerance: keep the longer train.
+                train = longer;
+                before
+            } else {
+                after
+            }
+        }
+        None => {
+            let sample = judge.fresh(state.evaluations, |count| state.near_pivots(count));
+            judge.verdict(&train, &sample, state.largest)?
+        }
+    };
+    // The claim is what fresh points say about the train that is returned, however the sweeps ended.
+    let status = if status == CrossStatus::ZeroSampled {
+        status
+    } else if verdict.error().is_some() && verdict.meets(settings.tolerance) {
+        CrossStatus::Converged
+    } else if status == CrossStatus::Converged && verdict.error().is_none() {
+        CrossStatus::Unverified
+    } else if capped {
+        CrossStatus::RankCapped
+    } else if status == CrossStatus::Converged {
+        CrossStatus::Stagnated
+    } else {
+        status
+    };
+    let floor = train.rounding_floor()?;
+    share_power(&mut train.cores, i64::from(judge.exponent));
     let report = CrossReport {
         status,
-        sampled_error,
-        probe_error,
+        sampled_error: verdict.sampled,
+        upper_bound: verdict.bound,
+        points: verdict.points,
+        nonzeros: verdict.nonzeros,
+        complete: verdict.complete,
+        probe_error: verdict.probed,
         exact_error: None,
-        evaluations: state.evaluations,
+        floor,
+        evaluations: state.evaluations + judge.evaluations,
         sweeps: history.len(),
         history,
         ranks: train.ranks(),
     };
     Ok((train, report))
+}
+
+/// Whether the errors of the last three sweeps together are hardly below those of the three before: one fresh sample may be
+/// lucky.
+fn stagnates(errors: &[f64], capped: bool) -> bool {
+    let n = errors.len();
+    if n < 6 || (n <= 8 && !capped) {
+        return false;
+    }
+    let together = |errors: &[f64]| errors.iter().map(|x| x * x).sum::<f64>();
+    together(&errors[n - 3..]) > 0.5 * together(&errors[n - 6..n - 3])
 }
 
 /// [`QuadtreeMatrix::relative_error`] is a difference of squares and knows nothing below this.

@@ -32,6 +32,8 @@ pub(super) struct State<'a> {
     /// Core 1 in any form, cores 2..d interpolating on the right: the identity on the pivots.
     cores: Vec<Core>,
     right: Vec<Vec<Vec<usize>>>,
+    /// The fragments (i_1, ..., i_k) left of mode k that the sweep before the last one chose, for points near pivots.
+    left: Vec<Vec<Vec<usize>>>,
     residual_right: Vec<Vec<Vec<usize>>>,
     random: Random,
     /// Entries are taken times 2^-exponent.
@@ -82,6 +84,7 @@ impl<'a> State<'a> {
             reversed: false,
             cores,
             right,
+            left: Vec::new(),
             residual_right,
             random,
             exponent,
@@ -288,6 +291,32 @@ impl<'a> State<'a> {
         }
     }
 
+    /// At most `count` different points that share most digits with pivots: a left and a right fragment of a bond, one digit of each moved
+    /// to a neighbour.
+    pub(super) fn near_pivots(&mut self, count: usize) -> Vec<usize> {
+        let d = self.modes.len();
+        let mut found = std::collections::BTreeSet::new();
+        for _ in 0..count {
+            let k = self.random.below(d);
+            let (Some(heads), tails) = (self.left.get(k), &self.right[k]) else { break };
+            let mut point = heads[self.random.below(heads.len())].clone();
+            point.push(self.random.below(self.modes[k]));
+            point.extend_from_slice(&tails[self.random.below(tails.len())]);
+            for (first, digits) in [(0, k), (k + 1, d - k - 1)] {
+                if digits > 0 {
+                    let at = first + self.random.below(digits);
+                    let step = self.random.below(3);
+                    point[at] = (point[at] + step).saturating_sub(1).min(self.modes[at] - 1);
+                }
+            }
+            if self.reversed {
+                point.reverse();
+            }
+            found.insert(point);
+        }
+        found.into_iter().flatten().collect()
+    }
+
     /// Reverses the direction: left sets become right sets.
     fn turn(&mut self, left: Vec<Vec<Vec<usize>>>, residual_left: Vec<Vec<Vec<usize>>>) {
         let turned = |sets: Vec<Vec<Vec<usize>>>| -> Vec<Vec<Vec<usize>>> {
@@ -296,7 +325,7 @@ impl<'a> State<'a> {
             };
             sets.into_iter().rev().map(reverse).collect()
         };
-        self.right = turned(left);
+        self.left = turned(std::mem::replace(&mut self.right, turned(left)));
         self.residual_right = turned(residual_left);
         self.modes.reverse();
         let cores = std::mem::take(&mut self.cores);

@@ -270,7 +270,7 @@ impl BlockCore {
     }
 
     /// Two neighbouring cores as one: (alpha, (i, i'), (s, s'), beta).
-    fn merge(&self, next: &Self) -> Self {
+    pub(super) fn merge(&self, next: &Self) -> Self {
         let product = graintrain_linalg::dense::product(self.left_unfolding(), next.right_unfolding());
         let (n, s) = (self.n * next.n, self.s * next.s);
         let mut data = Vec::with_capacity(product.data().len());
@@ -289,7 +289,7 @@ impl BlockCore {
     }
 
     /// The inverse of [`BlockCore::merge`] as the matrix [(alpha, i, s), (i', s', beta)].
-    fn split(&self, first: &Self, second: &Self) -> Matrix {
+    pub(super) fn split(&self, first: &Self, second: &Self) -> Matrix {
         let (rows, columns) = (first.left * first.n * first.s, second.n * second.s * second.right);
         Matrix::from_fn(rows, columns, |row, column| {
             let (alpha, i1, s1) =

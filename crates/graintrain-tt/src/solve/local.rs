@@ -2,9 +2,11 @@
 
 use super::interface::LocalOperator;
 use crate::TtError;
-use graintrain_linalg::dense::{Cholesky, Lu, Matrix, ViewMut};
+use graintrain_linalg::dense::{Cholesky, Lu, Matrix, Svd, View, ViewMut, product, thin_svd};
 use graintrain_linalg::patience::Patience;
 
+/// Singular values below this part of the largest are taken for zero.
+const SINGULAR: f64 = 1e-14;
 /// Vectors of one GMRES cycle.
 const RESTART: usize = 40;
 
@@ -23,7 +25,7 @@ pub(crate) struct LocalSettings<'a> {
     pub symmetric: bool,
 }
 
-/// Improves `u` towards B u = b for all spectators; leaves it as it is where the system is singular.
+/// Improves `u` towards B u = b for all spectators; where a dense B is singular, the shortest u of the smallest residual.
 ///
 /// # Errors
 /// [`TtError::Stopped`] where the patience ends.
@@ -37,19 +39,21 @@ pub(crate) fn solve(
     if size <= settings.direct_limit {
         let matrix = operator.to_matrix();
         let columns = b.len() / size;
+        let mut solved = b.to_vec();
         if settings.symmetric
             && let Ok(factor) = Cholesky::new(matrix.clone())
         {
-            u.copy_from_slice(b);
-            factor.solve_in_place(ViewMut::new(u, size, columns));
-            return Ok(());
-        }
-        if let Ok(factor) = Lu::new(matrix) {
-            let mut solved = b.to_vec();
             factor.solve_in_place(ViewMut::new(&mut solved, size, columns));
-            if solved.iter().all(|x| x.is_finite()) {
-                u.copy_from_slice(&solved);
-            }
+        } else if let Ok(factor) = Lu::new(matrix.clone()) {
+            factor.solve_in_place(ViewMut::new(&mut solved, size, columns));
+        } else {
+            solved.fill(f64::NAN);
+        }
+        // A solution so large that A u loses all digits of b belongs to a singular matrix.
+        if norm(&solved) * norm(matrix.data()) * SINGULAR <= norm(b) {
+            u.copy_from_slice(&solved);
+        } else if let Some(shortest) = least_squares(&matrix, b) {
+            u.copy_from_slice(&shortest);
         }
         return Ok(());
     }
@@ -64,6 +68,19 @@ pub(crate) fn solve(
         }
     }
     Ok(())
+}
+
+/// The shortest u of all that minimise |B u - b| for every column of b, singular values below [`SINGULAR`] of the largest being taken
+/// for zero; none if B is not finite.
+fn least_squares(matrix: &Matrix, b: &[f64]) -> Option<Vec<f64>> {
+    let Svd { u, s, v } = thin_svd(matrix.view()).ok()?;
+    let rank = s.iter().take_while(|&&x| x > SINGULAR * s[0]).count();
+    let mut weights =
+        product(u.first_columns(rank).t(), View::new(b, matrix.rows(), b.len() / matrix.rows()));
+    for column in weights.data_mut().chunks_exact_mut(rank.max(1)) {
+        column.iter_mut().zip(&s).for_each(|(x, s)| *x /= s);
+    }
+    Some(product(v.first_columns(rank), weights.view()).into_vec())
 }
 
 /// The n x n diagonal blocks of B, factored; blocks that cannot be factored are left out.

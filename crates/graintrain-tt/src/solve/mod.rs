@@ -15,12 +15,17 @@
 //! A local residual says little about the whole: the report's residual is computed afresh from the trains.
 
 mod amen;
+mod eigen;
 mod interface;
 mod local;
 
-use crate::scale::{scale_by_power, share_power};
-use crate::{Truncation, TtError, TtMatrix, TtVector};
+use crate::cores::Sum;
+use crate::product::Product;
+use crate::round::{measured, relative_norm};
+use crate::scale::{largest_finite, scale_by_power, share_power};
+use crate::{Measured, Truncation, TtError, TtMatrix, TtVector};
 pub(crate) use amen::Sweeper;
+pub use eigen::{EigenSettings, Eigenpair, lowest_eigenpairs};
 use graintrain_linalg::patience::Patience;
 pub(crate) use interface::{BlockCore, OperatorCore};
 use serde::{Deserialize, Serialize};
@@ -87,15 +92,13 @@ impl SolveSettings {
     }
 }
 
-/// A residual up to this many times the tolerance counts as converged: the last clean-up may cost that much.
-pub(crate) const SAFETY: f64 = 3.0;
 /// The local tolerance is never tightened below this part of the tolerance asked for.
 pub(crate) const MOST_TIGHTENING: f64 = 0.01;
 
 /// Why the sweeps ended. Only the first says that the tolerance is met.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum SolveStatus {
-    /// The true residual is below the tolerance (times a safety factor of 3 for the last clean-up).
+    /// The residual of what is returned, computed afresh from the trains, is at most the tolerance.
     Converged,
     /// The cap on the ranks keeps the residual above the tolerance.
     RankCapped,
@@ -110,8 +113,10 @@ pub enum SolveStatus {
 pub struct SolveReport {
     /// Why it ended.
     pub status: SolveStatus,
-    /// ||A x - y|| / ||y||, computed from the trains after the last sweep (see [`relative_residual`]).
+    /// ||A x - y|| / ||y|| of what is returned, computed from the trains (see [`measured_residual`]).
     pub residual: f64,
+    /// What rounding leaves uncertain about the residual: no solver can promise less.
+    pub floor: f64,
     /// Sweeps made.
     pub sweeps: usize,
     /// Largest relative local residual of every sweep, before its sites were solved.
@@ -213,6 +218,7 @@ fn solve_block(
         let report = SolveReport {
             status: SolveStatus::Converged,
             residual: 0.0,
+            floor: 0.0,
             sweeps: 0,
             history: Vec::new(),
             ranks,
@@ -256,11 +262,12 @@ fn solve_block(
         start
     };
     let mut sweeper = Sweeper::new(operators, blocks(y), blocks(&start), symmetric, settings);
+    let mut best = Best::new(a, y, spectators);
     let mut history = Vec::new();
     let mut ended;
     let mut inner = *settings;
     // Local residuals promise more than they keep: where the true one misses the tolerance the sweeps go on, tighter.
-    let (mut x, residual) = loop {
+    loop {
         ended = SolveStatus::SweepLimit;
         while history.len() + 1 < settings.max_sweeps {
             let outcome = sweeper.sweep(&inner, true, patience)?;
@@ -280,28 +287,74 @@ fn solve_block(
         if outcome.capped && ended != SolveStatus::Converged {
             ended = SolveStatus::RankCapped;
         }
-        let x = sweeper.solution();
-        let residual = relative_residual(a, &x, y, spectators)?;
-        let met = residual <= SAFETY * settings.tolerance;
+        best.offer(sweeper.solution())?;
         let floor = settings.tolerance * MOST_TIGHTENING;
         // (Two-site sweeps without enrichment also stagnate because they truncate too much.)
         let tighter_may_help = ended == SolveStatus::Converged
             || (ended == SolveStatus::Stagnated && settings.method == Method::Dmrg);
-        if met || !tighter_may_help || inner.tolerance <= floor || history.len() + 2 >= settings.max_sweeps {
-            break (x, residual);
+        if best.residual <= settings.tolerance
+            || !tighter_may_help
+            || inner.tolerance <= floor
+            || history.len() + 2 >= settings.max_sweeps
+        {
+            break;
         }
         inner.tolerance *= 0.2;
-    };
+    }
+    if best.residual > settings.tolerance {
+        // What the sweeps began with may be better than what they made of it; so may nothing at all.
+        best.offer(start)?;
+        best.offer_zero();
+    }
+    let Best { mut x, .. } = best;
+    let Measured { value: residual, floor } = measured_residual(a, &x, y, spectators)?;
     share_power(&mut x.cores, exponent);
-    let status = if residual <= SAFETY * settings.tolerance {
+    let status = if residual <= settings.tolerance {
         SolveStatus::Converged
     } else if ended == SolveStatus::Converged {
         SolveStatus::Stagnated
     } else {
         ended
     };
-    let report = SolveReport { status, residual, sweeps: history.len(), history, ranks: x.ranks() };
-    Ok((x, report))
+    let ranks = x.ranks();
+    Ok((x, SolveReport { status, residual, floor, sweeps: history.len(), history, ranks }))
+}
+
+/// The iterate with the smallest residual so far.
+struct Best<'a> {
+    a: &'a TtMatrix,
+    y: &'a TtVector,
+    spectators: &'a [usize],
+    x: TtVector,
+    residual: f64,
+}
+
+impl<'a> Best<'a> {
+    fn new(a: &'a TtMatrix, y: &'a TtVector, spectators: &'a [usize]) -> Self {
+        Self { a, y, spectators, x: y.clone(), residual: f64::INFINITY }
+    }
+
+    /// Takes x if its residual is smaller; one with numbers that are not finite is never better.
+    fn offer(&mut self, x: TtVector) -> Result<(), TtError> {
+        if x.cores.iter().any(|core| largest_finite(&core.data).is_err()) {
+            return Ok(());
+        }
+        // (The right-hand side of a matrix equation has other column digits than A has.)
+        let residual = relative_residual(self.a, &x, self.y, self.spectators)?;
+        if residual < self.residual {
+            (self.x, self.residual) = (x, residual);
+        }
+        Ok(())
+    }
+
+    /// x = 0 leaves all of y: a residual of 1.
+    fn offer_zero(&mut self) {
+        if self.residual > 1.0 || self.residual.is_nan() {
+            let zero = |core: &crate::Core| crate::Core::from_fn(1, core.mode, 1, |_, _, _| 0.0);
+            self.x = TtVector { cores: self.y.cores.iter().map(zero).collect() };
+            self.residual = 1.0;
+        }
+    }
 }
 
 /// The train with every part right of a bond of a size near sqrt(product of its `sizes`), as for entries of size one
@@ -330,29 +383,50 @@ fn stagnates(history: &[f64], capped: bool) -> bool {
     best(last) > factor * best(before)
 }
 
-/// ||A X - Y|| / ||Y|| from the trains, independent of any interface of the sweeps.
-///
-/// While the ranks of the residual train are below 400 its norm comes from a QR sweep (accurate to rounding level); above,
-/// from ||A X||^2 - 2 <A X, Y> + ||Y||^2 as long as this says 1e-5 or more: less it hardly resolves.
+/// ||A X - Y|| / ||Y|| from the trains, independent of any interface of the sweeps; see [`measured_residual`].
 ///
 /// # Errors
-/// [`TtError::Shape`] if the sizes do not fit.
+/// As for [`measured_residual`].
 pub fn relative_residual(
     a: &TtMatrix,
     x: &TtVector,
     y: &TtVector,
     spectators: &[usize],
 ) -> Result<f64, TtError> {
-    let columns: Vec<usize> = spectators.to_vec();
-    let block = TtMatrix::from_vector(x.clone(), &a.columns, &columns)?;
-    let product = a.times_matrix(&block)?.train;
-    product.check_same_modes(y)?;
-    if product.max_rank() + y.max_rank() > 400 {
-        let (product_norm, y_norm) = (product.dot(&product)?, y.dot(y)?);
-        let squared = product_norm - 2.0 * product.dot(y)? + y_norm;
-        if squared.is_finite() && squared > 1e-10 * product_norm.max(y_norm) && y_norm > 0.0 {
-            return Ok((squared / y_norm).sqrt());
+    let product = checked_product(a, x, y, spectators)?;
+    relative_norm(&Sum { terms: vec![(1.0, &product), (-1.0, y)] }, y)
+}
+
+/// ||A X - Y|| / ||Y|| with its rounding floor, for X of modes n_k s_k with spectators s_k (all 1 for a vector).
+///
+/// The norm of A X - Y comes from triangles of the parts of this train, never from a difference of squares, at any rank: it is right to the
+/// floor. The cores of A X are not formed. O(d (n R^3 r^3)) for the ranks R of A and r of X.
+///
+/// # Errors
+/// [`TtError::Shape`] if the sizes do not fit, [`TtError::Dense`] for entries that are not finite.
+pub fn measured_residual(
+    a: &TtMatrix,
+    x: &TtVector,
+    y: &TtVector,
+    spectators: &[usize],
+) -> Result<Measured, TtError> {
+    let product = checked_product(a, x, y, spectators)?;
+    measured(&Sum { terms: vec![(1.0, &product), (-1.0, y)] }, y)
+}
+
+/// A X, if its sizes are those of Y.
+fn checked_product<'a>(
+    a: &'a TtMatrix,
+    x: &'a TtVector,
+    y: &TtVector,
+    spectators: &'a [usize],
+) -> Result<Product<'a>, TtError> {
+    let sizes = |modes: &[usize]| modes.iter().zip(spectators).map(|(n, s)| n.saturating_mul(*s)).collect();
+    let (columns, rows): (Vec<usize>, Vec<usize>) = (sizes(&a.columns), sizes(&a.rows));
+    for (what, train, expected) in [("modes of X in A X", x, columns), ("modes of Y", y, rows)] {
+        if spectators.len() != a.num_cores() || train.modes() != expected {
+            return Err(TtError::Shape { what, expected, got: train.modes() });
         }
     }
-    product.relative_distance(y)
+    Ok(Product { a, x, spectators })
 }

@@ -1,0 +1,173 @@
+//! The columns of a large matrix of low rank in two reads: a random sketch finds their span, a projection onto it follows and measures what the
+//! span leaves out.
+//!
+//! A (m x n, first index fastest) is taken to be of rank up to [`RANKS`]. First read: the columns are added, with random signs, into
+//! [`BUCKETS`] random buckets (Clarkson and Woodruff, J. ACM 63, 2017), which costs one addition per number, and the buckets are mixed by random signs to
+//! rank + [`TESTS`] columns Y = A Omega. Q is an orthonormal basis of Y. Second read: B = Q^T A, so that A = Q B + what is left out (Halko, Martinsson, Tropp,
+//! SIAM Review 53, 2011).
+//!
+//! What is left out is measured in the second read, so nothing rests on the luck of the sketch: a basis that leaves out too much is discarded.
+
+use graintrain_linalg::dense::{Matrix, View, ViewMut, multiply, multiply_add, product, thin_qr, thin_svd};
+use rayon::prelude::*;
+
+/// Most columns of the basis, and of the second attempt: ranks up to 32 and 100, and four to spare.
+const RANKS: [usize; 2] = [36, 104];
+/// Columns of the sketch that measure what the basis leaves out.
+const TESTS: usize = 8;
+/// The difference of ||A||^2 and ||B||^2, relative, is right to some 1e-15: it may decide on parts larger than this.
+const RESOLVED: f64 = 4e-14;
+/// Singular values of the sketch whose squares are below this part of what may be left out belong to no basis: their squares are about as many times
+/// those of A as the sketch has columns.
+const FEW: f64 = 0.02;
+/// Buckets of the first stage: enough that few columns that matter meet in one.
+const BUCKETS: usize = 512;
+/// Buckets that are filled before they are mixed (a divisor of [`BUCKETS`]).
+const TOGETHER: usize = 128;
+/// Numbers of a column that are added at a time.
+const PIECE: usize = 1024;
+/// Columns of A per task of the second read.
+const TASK: usize = 64;
+
+/// A = Q B within `left_out`.
+pub(crate) struct Range {
+    /// Orthonormal columns.
+    pub(crate) basis: Matrix,
+    /// Q^T A.
+    pub(crate) coefficients: Matrix,
+    /// ||A - Q B||_F^2.
+    pub(crate) left_out: f64,
+}
+
+/// ||A||_F^2 and a basis of the columns of A that leaves out at most `allowed` times this of it; none if the rank is larger than [`RANKS`] as far as the
+/// check can tell, or if A is too small for it. Two reads, 2 rank + 3 flops per number.
+pub(crate) fn column_range(data: &[f64], m: usize, allowed: f64, seed: u64) -> (f64, Option<Range>) {
+    let n = data.len() / m;
+    let (first, norm_squared) = sketch(data, m, RANKS[0] + TESTS, seed);
+    if !norm_squared.is_finite() || norm_squared == 0.0 {
+        return (norm_squared, None);
+    }
+    let mut first = Some(first);
+    for rank in RANKS.into_iter().filter(|rank| m.min(n) >= 4 * (rank + TESTS)) {
+        let spanned = first.take().unwrap_or_else(|| sketch(data, m, rank + TESTS, seed).0);
+        if let Some(basis) = promising_basis(spanned, norm_squared, allowed) {
+            let range = project(basis, data, norm_squared, allowed);
+            if range.left_out <= allowed * norm_squared {
+                return (norm_squared, Some(range));
+            }
+        }
+    }
+    (norm_squared, None)
+}
+
+/// The second read: B = Q^T A and what this leaves out, by the difference of the norms where that resolves what may be left out, else by the
+/// norm of A - Q B.
+fn project(basis: Matrix, data: &[f64], norm_squared: f64, allowed: f64) -> Range {
+    let (m, columns) = (basis.rows(), basis.columns());
+    let mut coefficients = Matrix::zeros(columns, data.len() / m);
+    let explicit = allowed < RESOLVED;
+    let task = |(to, from): (&mut [f64], &[f64])| {
+        let width = from.len() / m;
+        multiply(1.0, basis.t(), View::new(from, m, width), ViewMut::new(to, columns, width));
+        if !explicit {
+            return to.iter().map(|x| x * x).sum();
+        }
+        let mut rest = from.to_vec();
+        multiply_add(-1.0, basis.view(), View::new(to, columns, width), ViewMut::new(&mut rest, m, width));
+        rest.iter().map(|x| x * x).sum::<f64>()
+    };
+    let tasks = coefficients.data_mut().par_chunks_mut(columns * TASK).zip(data.par_chunks(m * TASK));
+    let squares: Vec<f64> = tasks.map(task).collect();
+    let total: f64 = squares.iter().sum();
+    let left_out = if explicit { total } else { (norm_squared - total).max(0.0) };
+    Range { basis, coefficients, left_out }
+}
+
+/// An orthonormal basis of the sketch that seems to leave out at most `allowed` of the squared norm: it does so of columns of the sketch that were
+/// set aside, E |(I - P) A omega|^2 = ||(I - P) A||^2. (Columns of A that met in a bucket did so in all columns of the sketch, so this proves
+/// nothing: it saves reads that would be in vain.)
+fn promising_basis(mut spanned: Matrix, norm_squared: f64, allowed: f64) -> Option<Matrix> {
+    let (m, rank) = (spanned.rows(), spanned.columns() - TESTS);
+    let tests = Matrix::from_vec(m, TESTS, spanned.data()[m * rank..].to_vec());
+    spanned.truncate_columns(rank);
+    let (found, triangle) = thin_qr(spanned);
+    // As few columns as seem to do, by the singular values of the sketch; all of them if the tests say that they do not.
+    let svd = thin_svd(triangle.view()).ok()?;
+    let few = svd.s.iter().take_while(|s| s.powi(2) > FEW * allowed * norm_squared).count();
+    for kept in [few, rank] {
+        let mut basis = found.clone();
+        if kept < rank {
+            basis = product(found.view(), svd.u.first_columns(kept));
+        }
+        // What the basis leaves of the tests. Twice: the first projection leaves rounding of the size of what it takes away.
+        let mut rest = tests.clone();
+        for _ in 0..2 {
+            let inside = product(basis.t(), rest.view());
+            multiply_add(-1.0, basis.view(), inside.view(), rest.view_mut());
+        }
+        let left_out = rest.data().iter().map(|x| x * x).sum::<f64>() / TESTS as f64;
+        // (The signs of a column of the sketch have variance one for every column of A.)
+        if left_out <= allowed * norm_squared {
+            return Some(basis);
+        }
+    }
+    None
+}
+
+/// `columns` signed sums of the columns of A, each by way of the buckets, and the sum of the squares of all numbers. A bucket is one task; only
+/// [`TOGETHER`] buckets live at a time.
+fn sketch(data: &[f64], m: usize, columns: usize, seed: u64) -> (Matrix, f64) {
+    let mut members: Vec<Vec<usize>> = vec![Vec::new(); BUCKETS];
+    for j in 0..data.len() / m {
+        members[(mixed(seed, j as u64) >> 40) as usize % BUCKETS].push(j);
+    }
+    let (mut spanned, mut squares) = (Matrix::zeros(m, columns), 0.0);
+    let mut sums = Matrix::zeros(m, TOGETHER);
+    for (group, members) in members.chunks(TOGETHER).enumerate() {
+        sums.data_mut().fill(0.0);
+        let add = |(sum, members): (&mut [f64], &Vec<usize>)| {
+            let mut lanes = [0.0; 8];
+            // In pieces that stay in the fastest cache.
+            for (piece, sum) in sum.chunks_mut(PIECE).enumerate() {
+                for &j in members {
+                    let first = m * j + PIECE * piece;
+                    add_signed(&data[first..first + sum.len()], sign(seed, j as u64), sum, &mut lanes);
+                }
+            }
+            lanes.iter().sum::<f64>()
+        };
+        let parts: Vec<f64> = sums.data_mut().par_chunks_mut(m).zip(members).map(add).collect();
+        squares += parts.iter().sum::<f64>();
+        let first = TOGETHER * group;
+        let signs =
+            Matrix::from_fn(TOGETHER, columns, |i, j| sign(seed ^ 0xA5A5, (first + i + BUCKETS * j) as u64));
+        multiply_add(1.0, sums.view(), signs.view(), spanned.view_mut());
+    }
+    (spanned, squares)
+}
+
+/// sum += sign column; lanes += squares of the column.
+fn add_signed(column: &[f64], sign: f64, sum: &mut [f64], lanes: &mut [f64; 8]) {
+    let (from, to) = (column.chunks_exact(8), sum.chunks_exact_mut(8));
+    for (x, lane) in from.remainder().iter().zip(&mut *lanes) {
+        *lane += x * x;
+    }
+    let whole = column.len() - column.len() % 8;
+    for (from, to) in from.zip(to) {
+        for k in 0..8 {
+            to[k] += sign * from[k];
+            lanes[k] += from[k] * from[k];
+        }
+    }
+    sum[whole..].iter_mut().zip(&column[whole..]).for_each(|(to, x)| *to += sign * x);
+}
+
+/// A number without pattern from a seed and a place (SplitMix64).
+fn mixed(seed: u64, place: u64) -> u64 {
+    crate::random::Random::new(seed.wrapping_add(place.wrapping_mul(0xD134_2543_DE82_EF95))).next()
+}
+
+/// 1 or -1.
+fn sign(seed: u64, place: u64) -> f64 {
+    if mixed(seed, place) & 1 == 0 { 1.0 } else { -1.0 }
+}
