@@ -160,30 +160,41 @@ fn shell(folder: &Path, script: &str) -> std::process::Output {
         .unwrap()
 }
 
+/// Runs the commands of a chapter in a folder of its own; returns how many blocks ran and how many did not.
+fn run_chapter(sources: &Path, chapter: &str) -> (usize, usize) {
+    let (mut run, mut ignored) = (0, 0);
+    let folder = tempfile::tempdir().unwrap();
+    for block in blocks(&read(&sources.join(chapter))) {
+        if let Some(name) = block.option("file") {
+            std::fs::write(folder.path().join(name), &block.body).unwrap();
+        }
+        match block.language() {
+            "sh" if block.is("ignore") => ignored += 1,
+            "sh" => {
+                let code: i32 = block.option("exit").map_or(0, |code| code.parse().unwrap());
+                let output = shell(folder.path(), &block.body);
+                let told = String::from_utf8_lossy(&output.stderr);
+                assert_eq!(output.status.code(), Some(code), "{chapter}: {}\n{told}", block.body);
+                run += 1;
+            }
+            "console" | "bash" => panic!("{chapter}: commands stand in blocks marked sh"),
+            _ => {}
+        }
+    }
+    (run, ignored)
+}
+
 #[test]
 fn the_commands_of_the_book_run() {
     let Some(sources) = sources() else { return };
-    let (mut run, mut ignored) = (0, 0);
-    for chapter in chapters(&sources).iter().filter(|chapter| !is_appendix(chapter)) {
-        let folder = tempfile::tempdir().unwrap();
-        for block in blocks(&read(&sources.join(chapter))) {
-            if let Some(name) = block.option("file") {
-                std::fs::write(folder.path().join(name), &block.body).unwrap();
-            }
-            match block.language() {
-                "sh" if block.is("ignore") => ignored += 1,
-                "sh" => {
-                    let code: i32 = block.option("exit").map_or(0, |code| code.parse().unwrap());
-                    let output = shell(folder.path(), &block.body);
-                    let told = String::from_utf8_lossy(&output.stderr);
-                    assert_eq!(output.status.code(), Some(code), "{chapter}: {}\n{told}", block.body);
-                    run += 1;
-                }
-                "console" | "bash" => panic!("{chapter}: commands stand in blocks marked sh"),
-                _ => {}
-            }
-        }
-    }
+    let chapters = chapters(&sources);
+    let counts: Vec<(usize, usize)> = std::thread::scope(|scope| {
+        let own = chapters.iter().filter(|chapter| !is_appendix(chapter));
+        let running: Vec<_> = own.map(|chapter| scope.spawn(|| run_chapter(&sources, chapter))).collect();
+        running.into_iter().map(|chapter| chapter.join().expect("a chapter whose commands run")).collect()
+    });
+    let run: usize = counts.iter().map(|count| count.0).sum();
+    let ignored: usize = counts.iter().map(|count| count.1).sum();
     println!("{run} blocks of commands run, {ignored} not: they need cargo, data or a long time");
     assert!(run >= 20, "{run} blocks");
 }
