@@ -26,7 +26,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let (time, contacts, rms) = (column("time")?, column("contacts")?, column("residual_rms")?);
     for line in lines.step_by(10) {
         let cells: Vec<&str> = line.split(',').collect();
-        println!("{:>5.4} s: {} contacts, residual {}", cells[time], cells[contacts], cells[rms]);
+        let (time, rms): (f64, f64) = (cells[time].parse()?, cells[rms].parse()?);
+        println!("{time:.2} s: {} contacts, residual {rms:.1e}", cells[contacts]);
     }
     let summary: serde_json::Value =
         serde_json::from_str(&std::fs::read_to_string(folder.join("summary.json"))?)?;

@@ -12,7 +12,7 @@ fn main() -> Result<(), TtError> {
     let entries = (0..n).flat_map(|i| [(i, i, 2.1), (i, (i + 1) % n, -1.0), ((i + 1) % n, i, -1.0)]);
     let matrix = QuadtreeMatrix::from_entries(leaf, levels, entries)?;
     println!("{n} x {n}, {} nonzeros", matrix.num_entries());
-    for truncation in [Truncation::to(1e-10), Truncation::capped(1e-10, 3)] {
+    for truncation in [Truncation::to(1e-10), Truncation::capped(1e-10, 2)] {
         let (train, report) = matrix.to_train(&truncation)?;
         let (numbers, rank) = (train.as_vector().num_parameters(), train.as_vector().max_rank());
         println!("{numbers} numbers, largest rank {rank}, relative error {:.1e}", report.error);
