@@ -11,7 +11,7 @@ use std::process::ExitCode;
 
 /// Hold this program against exact answers and print measured and expected numbers
 ///
-/// Tier a: flight, impacts, sliding, rolling, rest, shapes and small assemblies against closed forms (a minute). Tier b: granular samples
+/// Tier a: flight, impacts, sliding, rolling, rest, shapes and small assemblies against closed forms (two minutes). Tier b: granular samples
 /// against published figures, and what must not depend on time step and tolerance (up to an hour; small samples first). Rows
 /// are made with the solver and tolerance of scenes, in both friction models. Exit code 1 if a case fails.
 #[derive(clap::Args)]

@@ -1,5 +1,6 @@
 //! The program as a user and a script meet it.
 
+mod book;
 mod oracle;
 mod runs;
 mod solve_compare;

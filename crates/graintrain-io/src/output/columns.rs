@@ -69,8 +69,8 @@ pub const STEPS: &[Column] = &[
     column("correction_energy", "J", "energy that those displacements gave to bodies against gravity"),
     column("kinetic_energy", "J", "of the bodies that forces can move, at the end of the step"),
     column("seconds_collide", "s", "wall clock: finding contacts"),
-    column("seconds_assemble", "s", "wall clock: impacts, and building the contact problem"),
-    column("seconds_solve", "s", "wall clock: solving it"),
+    column("seconds_assemble", "s", "wall clock: building the contact problem"),
+    column("seconds_solve", "s", "wall clock: solving it, and the impacts before it"),
     column("seconds_integrate", "s", "wall clock: moving the bodies, removing overlap"),
     column("seconds_output", "s", "wall clock: the outputs after the step before"),
     column(
