@@ -26,7 +26,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     for method in Method::available() {
         let mut impulse = vec![0.0; 60];
         let settings = SolveSettings { tolerance: 1e-6, ..SolveSettings::default() };
-        let report = method.name().parse::<SolverSpec>()?.build()?.solve(&problem, &mut impulse, &settings)?;
+        let report =
+            method.name().parse::<SolverSpec>()?.build()?.solve(&problem, &mut impulse, &settings)?;
         let (status, iterations, residual) = (report.status, report.iterations, report.residual.max);
         println!("{:12} {status:?}: {iterations} iterations, residual {residual:.1e}", method.name());
     }
