@@ -2,7 +2,7 @@
 //!
 //! B1 settles under gravity. The others compress a gas: six walls without friction close in at a constant rate of strain. Grains are rigid, so that the pressure p on the walls rises
 //! from that of a gas without bound where the sample jams; it is taken as jammed where the inertial number
-//! I = rate d sqrt(rho / p) falls below [`JAMMED`]. Density and contacts are those of the inside, [`MARGIN`] diameters off all walls.
+//! I = rate d sqrt(rho / p) falls below 1e-3. Density and contacts are those of the inside, 3 diameters off all walls.
 
 use super::bench::{Accuracy, Bench, add_plane, add_sphere, add_walls, random, world};
 use super::source::{AGNOLIN_ROUX, SILBERT, SONG_WANG_MAKSE, Source};
