@@ -19,6 +19,16 @@ pub struct Stop {
     signal: Arc<AtomicUsize>,
 }
 
+/// Whether this process was started with the signal ignored, as `nohup` does, so that it has to stay so. Linux tells; elsewhere
+/// it is taken for ignored.
+#[cfg(unix)]
+fn is_ignored(signal: i32) -> bool {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
+    let mask = mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok());
+    mask.is_none_or(|mask| mask >> (signal - 1) & 1 == 1)
+}
+
 impl Stop {
     /// Listens for SIGINT, SIGTERM, SIGHUP and SIGUSR1 from now on.
     ///
@@ -27,16 +37,15 @@ impl Stop {
     pub fn listen() -> Result<Self, Failure> {
         let stop =
             Self { requested: Arc::default(), checkpoint_wanted: Arc::default(), signal: Arc::default() };
+        // Set by signals alone: after `--max-seconds` the first signal still asks.
+        let asked: Arc<AtomicBool> = Arc::default();
         let install = |signal: i32| {
             // Handlers run in the order of registration: the first one ends the process only when the flag was set by
             // an earlier signal.
-            signal_hook::flag::register_conditional_shutdown(
-                signal,
-                128 + signal,
-                Arc::clone(&stop.requested),
-            )?;
+            signal_hook::flag::register_conditional_shutdown(signal, 128 + signal, Arc::clone(&asked))?;
             signal_hook::flag::register_usize(signal, Arc::clone(&stop.signal), signal as usize)?;
-            signal_hook::flag::register(signal, Arc::clone(&stop.requested))
+            signal_hook::flag::register(signal, Arc::clone(&stop.requested))?;
+            signal_hook::flag::register(signal, Arc::clone(&asked))
         };
         let refused = |error| Failure::work_error(error, "signals cannot be handled here");
         for signal in [SIGINT, SIGTERM] {
@@ -44,7 +53,9 @@ impl Stop {
         }
         #[cfg(unix)]
         {
-            install(SIGHUP).map_err(refused)?;
+            if !is_ignored(SIGHUP) {
+                install(SIGHUP).map_err(refused)?;
+            }
             signal_hook::flag::register(SIGUSR1, Arc::clone(&stop.checkpoint_wanted)).map_err(refused)?;
         }
         Ok(stop)

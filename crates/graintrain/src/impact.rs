@@ -39,7 +39,7 @@ const PASSES: usize = 30;
 const RESTING: f64 = 0.1;
 
 /// Residual to which a pass is solved, in the velocities of its own contacts.
-const TOLERANCE: f64 = 1e-9;
+pub(crate) const TOLERANCE: f64 = 1e-9;
 
 /// Iterations of a pass.
 const ITERATIONS: usize = 3000;

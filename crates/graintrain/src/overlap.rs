@@ -20,7 +20,6 @@ use graintrain_ccp::{
     BodyInverseMass, Ccp, CcpError, CcpSolver, Delassus, FIXED, Judge, RigidContact, SolveSettings,
 };
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
 
 /// An overlap above this fraction of the smaller body's size starts a correction of its part.
 const TRIGGER: f64 = 5e-4;
@@ -88,15 +87,11 @@ impl Gaps<'_> {
         -(-room).min((limit + 2.0 * self.turn[i as usize]).max(accident))
     }
 
-    /// The correction; `None` as soon as a stop was asked for.
+    /// The correction.
     ///
     /// # Errors
     /// Those of the solver.
-    pub(crate) fn correct(
-        &self,
-        solver: &mut dyn CcpSolver,
-        stop: Option<&Arc<AtomicBool>>,
-    ) -> Result<Correction, CcpError> {
+    pub(crate) fn correct(&self, solver: &mut dyn CcpSolver) -> Result<Correction, CcpError> {
         let mut correction = Correction::default();
         let worst = (0..self.gap.len() as u32)
             .map(|i| self.overlap_over_size(i))
@@ -118,7 +113,7 @@ impl Gaps<'_> {
             .filter(|&i| rows[i as usize].body_a != FIXED || rows[i as usize].body_b != FIXED)
             .collect();
         for part in parts(&rows, chosen.iter().copied(), moving.len()) {
-            self.correct_part(&part, &rows, solver, stop, &mut displacement)?;
+            self.correct_part(&part, &rows, solver, &mut displacement)?;
         }
         correction.displacement = Some(displacement);
         Ok(correction)
@@ -147,7 +142,6 @@ impl Gaps<'_> {
         part: &Part,
         rows: &[RigidContact],
         solver: &mut dyn CcpSolver,
-        stop: Option<&Arc<AtomicBool>>,
         displacement: &mut [f64],
     ) -> Result<(), CcpError> {
         let r: Vec<f64> = part.contacts.iter().flat_map(|&i| [self.room(i), 0.0, 0.0]).collect();
@@ -166,8 +160,8 @@ impl Gaps<'_> {
         let settings = SolveSettings {
             tolerance: TOLERANCE,
             judge: Judge::Maximum,
+            // So few iterations that a stop can wait: cut short, they would leave a step that depends on when that was.
             max_iterations: Some(ITERATIONS),
-            stop: stop.cloned(),
             ..SolveSettings::default()
         };
         solver.solve(&problem, &mut multiplier, &settings)?;

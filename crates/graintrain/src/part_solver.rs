@@ -94,6 +94,9 @@ fn solve_without_gain(
         // With a heavy body on a light one the iteration and the report differ by rounding: it has to aim a little lower.
         let lower = SolveSettings { tolerance: 0.5 * settings.tolerance, ..settings.clone() };
         let again = solver.solve(problem, g, &lower)?;
+        if again.status == Status::Stopped {
+            return Ok(again);
+        }
         let converged = again.residual.judged(settings.judge) <= settings.tolerance;
         let status = if converged { Status::Converged } else { again.status };
         first = SolveReport { status, iterations: first.iterations + again.iterations, ..again };
@@ -120,6 +123,9 @@ fn solve_without_gain(
         }
         let settings = SolveSettings { tolerance: tighter * settings.tolerance, ..settings.clone() };
         let next = solver.solve(problem, g, &settings)?;
+        if next.status == Status::Stopped {
+            return Ok(next);
+        }
         let status = if good(&next) { Status::Converged } else { next.status };
         report = SolveReport { iterations: report.iterations + next.iterations, status, ..next };
         if status != Status::Converged {

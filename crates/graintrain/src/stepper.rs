@@ -6,7 +6,7 @@ use crate::assemble::{
 use crate::collide::Collider;
 use crate::contact::{Contact, ContactSet};
 use crate::error::{ModelError, positive};
-use crate::impact::{ImpactSolver, Impacts, Rows, lead_to_surfaces};
+use crate::impact::{self, ImpactSolver, Impacts, Rows, lead_to_surfaces};
 use crate::integrate::{advance, free_velocity, inverse_mass};
 use crate::math::{Quat, Vec3};
 use crate::overlap::{Correction, Gaps};
@@ -178,8 +178,7 @@ impl Stepper {
     /// Then all pairs are looked at where they are now. Where bodies overlap that were no contacts, the step is taken back and made
     /// again with them, until there are none: see [`StepReport::contacts_added`] and [`StepReport::contacts_missed`].
     ///
-    /// With forces that do not depend on position the sum of kinetic energy and work against gravity never rises in a step whose
-    /// bodies are not driven, but for [`StepReport::correction_energy`]: impacts make none, and the contact problem takes
+    /// Without external forces the sum of kinetic energy and work against gravity never rises in a step whose bodies are not driven, but for [`StepReport::correction_energy`]: impacts make none, and the contact problem takes
     /// `1/2 |v+ - v|_M^2 - g . (D^T v+)`, of which the second term is made not to be positive.
     ///
     /// A solve that misses its tolerance is no error: see [`StepReport::solve`].
@@ -342,7 +341,7 @@ impl Stepper {
             fall: world.gravity.length() * step * step,
             turn: &turn,
         };
-        let correction = gaps.correct(self.correction.as_mut(), self.stop.as_ref())?;
+        let correction = gaps.correct(self.correction.as_mut())?;
         let finite = correction.displacement.iter().flatten().all(|x| x.is_finite());
         Ok(if finite { correction } else { Correction { displacement: None, ..correction } })
     }
@@ -443,7 +442,7 @@ impl Stepper {
         let step = self.settings.step;
         let Attempt { problem, impulse, active, impacts, velocity, mut solve, parts, .. } = attempt;
         let left = impacts.residual.judged(self.settings.judge);
-        if left > self.settings.tolerance && solve.status == Status::Converged {
+        if left > self.settings.tolerance.max(impact::TOLERANCE) && solve.status == Status::Converged {
             solve.status = Status::IterationLimit;
             solve.remark = Some(format!("impacts were left at residual {left:.1e}"));
         }

@@ -264,6 +264,10 @@ impl World {
         for ((mut contact, impulse), friction) in set.contacts.into_iter().zip(set.impulse).zip(friction) {
             let [a, b] = [contact.body_a, contact.body_b].map(|body| new_index[body as usize]);
             if let (Some(a), Some(b)) = (a, b) {
+                if [a, b] != [contact.body_a, contact.body_b] {
+                    // Identities are made of indices: an old one might be that of another pair.
+                    contact.identity = 0;
+                }
                 (contact.body_a, contact.body_b) = (a, b);
                 self.contacts.contacts.push(contact);
                 self.contacts.impulse.push(impulse);
@@ -273,13 +277,19 @@ impl World {
         new_index
     }
 
-    /// Largest acceleration, m/s^2, that gravity and an external force give a body with a dynamic translation: how far bodies may
-    /// fall beyond their velocities within a step.
+    /// Largest acceleration, m/s^2, that gravity alone or with its external force gives a body: how far it may fall beyond its
+    /// velocity within a step.
+    pub(crate) fn acceleration(&self, body: usize) -> f64 {
+        let (force, gravity) = (self.bodies.force[body], self.gravity.length());
+        if force == Vec3::ZERO || self.is_prescribed(body) {
+            return gravity;
+        }
+        gravity.max((self.gravity + force / self.bodies.mass[body]).length())
+    }
+
+    /// The largest of [`Self::acceleration`] over all bodies.
     pub(crate) fn largest_acceleration(&self) -> f64 {
-        let bodies = &self.bodies;
-        let pulled = (0..bodies.len()).filter(|&b| bodies.force[b] != Vec3::ZERO && !self.is_prescribed(b));
-        let own = pulled.map(|b| (self.gravity + bodies.force[b] / bodies.mass[b]).length());
-        own.fold(self.gravity.length(), f64::max)
+        (0..self.bodies.len()).map(|body| self.acceleration(body)).fold(self.gravity.length(), f64::max)
     }
 
     /// Whether all six degrees of freedom of the body are dynamic.

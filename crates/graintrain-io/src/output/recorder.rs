@@ -85,15 +85,16 @@ fn lock(folder: &Path) -> Result<Option<File>, OutputError> {
 /// writes into it.
 pub fn prepare_folder(folder: &Path, force: bool) -> Result<(), PrepareError> {
     make_folder(folder)?;
-    let _lock = lock(folder)?;
     let entries = |folder: &Path| {
         std::fs::read_dir(folder).map_err(|error| OutputError::new("read the folder", folder, error))
     };
-    if entries(folder)?.flatten().all(|entry| entry.file_name() == LOCK) {
-        return Ok(());
-    }
-    if !force {
+    let is_empty = entries(folder)?.flatten().all(|entry| entry.file_name() == LOCK);
+    if !is_empty && !force {
         return Err(Occupied { folder: folder.to_path_buf() }.into());
+    }
+    let _lock = lock(folder)?;
+    if is_empty {
+        return Ok(());
     }
     let remove = |path: &Path| match std::fs::remove_file(path) {
         Err(error) if error.kind() != std::io::ErrorKind::NotFound => {

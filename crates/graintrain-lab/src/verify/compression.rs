@@ -159,7 +159,8 @@ fn compress(friction: f64, edge: i32, sampling: &mut Sampling<'_>) -> Result<(Be
         };
         let pressure = walls.iter().map(force).sum::<f64>() / (6.0 * 4.0 * half * half);
         let inertial = RATE * 2.0 * RADIUS * (1000.0 / pressure.max(f64::MIN_POSITIVE)).sqrt();
-        if inertial < JAMMED {
+        // Where nothing jams until the box is half as wide, the last state is judged.
+        if inertial < JAMMED || RATE * world.time > 0.5 {
             let inside = Inside { centre: Vec3::ZERO, half: Vec3::splat(half - MARGIN * 2.0 * RADIUS) };
             return Ok((bench, inside.of(&world, 2)));
         }

@@ -206,7 +206,11 @@ fn discharge(sampling: &mut Sampling<'_>) -> Result<Vec<Row>, VerifyError> {
         }
         let begin = through.partition_point(|&fallen| fallen < 150.0 / grains.len() as f64 * mass);
         let end = through.len() - 1;
-        let rate = (through[end] - through[begin]) / (times[end] - times[begin]);
+        // Not a number where the opening clogs.
+        let rate = match through.get(begin) {
+            Some(first) => (through[end] - first) / (times[end] - times[begin]),
+            None => f64::NAN,
+        };
         // By the hydraulic diameter of the square, its side.
         let free = (opening - 1.45) * diameter;
         constants.push(rate / (4.0 / PI * density * G.sqrt() * free.powf(2.5)));

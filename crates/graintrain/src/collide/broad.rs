@@ -143,7 +143,9 @@ impl Collider {
             let spin = if radius.is_finite() { Vec3::from_slice(&v[3..]).length() * radius } else { 0.0 };
             step * (Vec3::from_slice(&v[..3]).length() + spin)
         };
-        let ahead = 2.0 * (travel(pair[0]) + travel(pair[1])) + world.largest_acceleration() * step * step;
+        let fall =
+            pair.map(|body| world.acceleration(body as usize)).into_iter().fold(0.0, f64::max) * step * step;
+        let ahead = 2.0 * (travel(pair[0]) + travel(pair[1])) + fall;
         let mut touches = Vec::new();
         body_contacts(a, b, ahead, &mut touches);
         touches.iter().map(|touch| contact(pair, touch)).collect()
@@ -418,7 +420,8 @@ impl Collider {
         }
         let met = contacts.len() - first;
         for touch in touches {
-            let near = touch.gap <= look.envelope || look.closes_at_rest(world, pair, largest, touch);
+            let near = touch.gap <= look.envelope
+                || look.closes_at_rest(world, pair, look.fall_of(world, pair), largest, touch);
             let new = contact(pair, touch);
             if near && contacts[first..first + met].iter().all(|c| c.identity != new.identity) {
                 contacts.push(new);
@@ -440,7 +443,7 @@ const TURN: f64 = 0.3;
 struct Look {
     envelope: f64,
     step: f64,
-    /// Largest acceleration times step^2, m.
+    /// The largest acceleration of any body times step^2, m: pairs further apart are not looked at.
     fall: f64,
 }
 
@@ -452,20 +455,27 @@ impl Look {
         }
         let [away_a, away_b] = surface_speeds(world, pair, touch);
         let approach = self.step * (away_b - away_a);
-        self.reaches(touch, approach) || self.closes_at_rest(world, pair, largest, touch)
+        let fall = self.fall_of(world, pair);
+        self.reaches(touch, fall, approach) || self.closes_at_rest(world, pair, fall, largest, touch)
+    }
+
+    /// Largest acceleration of either body times step^2, m.
+    fn fall_of(&self, world: &World, pair: [u32; 2]) -> f64 {
+        let [a, b] = pair.map(|body| world.acceleration(body as usize));
+        a.max(b) * self.step * self.step
     }
 
     /// Whether a touch may close within the step if one of both bodies came to rest, unless it is held.
-    fn closes_at_rest(&self, world: &World, pair: [u32; 2], largest: f64, touch: &Touch) -> bool {
+    fn closes_at_rest(&self, world: &World, pair: [u32; 2], fall: f64, largest: f64, touch: &Touch) -> bool {
         let [away_a, away_b] = surface_speeds(world, pair, touch);
         let [held_a, held_b] = pair.map(|body| world.is_prescribed(body as usize));
         let stops = |parting: f64, held: bool| if held { parting } else { 0.0 };
         let rest = (-away_a + stops(away_b, held_b)).max(away_b - stops(away_a, held_a));
-        self.reaches(touch, (self.step * rest).min(largest))
+        self.reaches(touch, fall, (self.step * rest).min(largest))
     }
 
-    fn reaches(&self, touch: &Touch, approach: f64) -> bool {
-        touch.gap <= self.envelope + approach || touch.gap <= self.fall + approach
+    fn reaches(&self, touch: &Touch, fall: f64, approach: f64) -> bool {
+        touch.gap <= self.envelope + approach || touch.gap <= fall + approach
     }
 }
 
