@@ -34,7 +34,8 @@ use std::sync::atomic::AtomicBool;
 /// Passes of one step; what closes after the last is left to the contact problem, as a plastic impact, and counted as lowered.
 const PASSES: usize = 30;
 
-/// An approach slower than this fraction of |gravity| dt is no impact: a resting body arrives with what the last step's solve left
+/// An approach slower than this fraction of a dt, with the larger acceleration a of both bodies under gravity and external forces, is
+/// no impact: a resting body arrives with what the last step's solve left
 /// over.
 const RESTING: f64 = 0.1;
 
@@ -98,13 +99,19 @@ impl ImpactSolver<'_> {
             return Ok(Some(found));
         }
         let friction = pair_property(world, of.contacts, |a, b| world.materials.pair_friction(a, b));
-        let slow = RESTING * world.gravity.length() * step;
+        let slow: Vec<f64> = of
+            .contacts
+            .iter()
+            .map(|c| [c.body_a, c.body_b].map(|body| world.acceleration(body as usize)))
+            .map(|[a, b]| RESTING * a.max(b) * step)
+            .collect();
         let mut free = free_velocity(world, &found.velocity, step);
         let mut driven = with_driven(world, &found.velocity, &free);
         let mut now = relative_velocities(of.contacts, of.rows, &driven);
         let mut later = relative_velocities(of.contacts, of.rows, &free);
         for pass in 0..=PASSES {
-            let approaches = |i: &u32| restitution[*i as usize] > 0.0 && now[3 * *i as usize] < -slow;
+            let approaches =
+                |i: &u32| restitution[*i as usize] > 0.0 && now[3 * *i as usize] < -slow[*i as usize];
             let closes = |i: &u32| {
                 let gap = of.contacts[*i as usize].gap;
                 gap <= 0.0 || gap + step * later[3 * *i as usize] <= 0.0

@@ -233,3 +233,42 @@ fn merge(all: &mut SolveReport, part: SolveReport, names: bool) {
     all.seconds += part.seconds;
     all.newton.extend(part.newton);
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Stalls just above the tolerance, and is stopped within it when it is asked for less.
+    struct Stopped;
+
+    impl CcpSolver for Stopped {
+        fn name(&self) -> String {
+            "stopped".into()
+        }
+
+        fn solve(
+            &mut self,
+            problem: &Ccp,
+            g: &mut [f64],
+            settings: &SolveSettings,
+        ) -> Result<SolveReport, CcpError> {
+            let asked_for_less = settings.tolerance == 0.5e-4;
+            let mut report = nothing_to_solve(self.name());
+            g[0] = if asked_for_less { 1.0 + 0.2e-4 } else { 1.0 + 1.5e-4 };
+            evaluate(problem, g, settings.friction, &mut report);
+            report.status = if asked_for_less { Status::Stopped } else { Status::Stalled };
+            Ok(report)
+        }
+    }
+
+    #[test]
+    fn a_solve_that_was_stopped_never_counts_as_converged() {
+        let entries = [(0, 0, 1.0), (1, 1, 1.0), (2, 2, 1.0)];
+        let problem = Ccp::from_triplets(&entries, vec![-1.0, 0.0, 0.0], vec![0.3]).unwrap();
+        let settings = SolveSettings { tolerance: 1e-4, ..SolveSettings::default() };
+        let mut g = vec![0.0; 3];
+        let report = solve_without_gain(&mut Stopped, &problem, &mut g, &settings).unwrap();
+        assert!(report.residual.max < 1e-4, "{:?}", report.residual);
+        assert_eq!(report.status, Status::Stopped);
+    }
+}

@@ -195,6 +195,43 @@ fn a_folder_belongs_to_one_run_at_a_time() {
     assert!(out.contains("was stopped") && out.contains("graintrain resume cut"), "{out}");
 }
 
+/// `nohup` starts a program with SIGHUP ignored: it goes on when the terminal is gone.
+#[test]
+#[cfg(target_os = "linux")]
+fn a_run_under_nohup_outlives_its_terminal() {
+    let folder = folder();
+    let program = env!("CARGO_BIN_EXE_graintrain");
+    let script =
+        format!("trap '' HUP; exec '{program}' run balls.toml --out cut --steps 1000000 --threads 1 --quiet");
+    let mut child = Command::new("sh").args(["-c", &script]).current_dir(folder.path()).spawn().unwrap();
+    let table = folder.path().join("cut/steps.csv");
+    let steps = || std::fs::read_to_string(&table).map_or(0, |text| text.lines().count());
+    let wait_for = |more: usize| {
+        let start = Instant::now();
+        while steps() < more {
+            assert!(start.elapsed() < Duration::from_secs(60), "no steps are recorded");
+            std::thread::sleep(Duration::from_millis(5));
+        }
+    };
+    wait_for(15);
+    signal(&child, "HUP");
+    wait_for(steps() + 20);
+    assert!(child.try_wait().unwrap().is_none());
+    child.kill().unwrap();
+    child.wait().unwrap();
+}
+
+/// A folder of somebody else's is refused as it is.
+#[test]
+fn a_refused_folder_is_left_untouched() {
+    let folder = folder();
+    std::fs::create_dir(folder.path().join("mine")).unwrap();
+    std::fs::write(folder.path().join("mine/letter.txt"), "dear").unwrap();
+    let (_, err) = ended(graintrain(folder.path(), &["run", "balls.toml", "--out", "mine"]), 2);
+    assert!(err.contains("not empty"), "{err}");
+    assert_eq!(std::fs::read_dir(folder.path().join("mine")).unwrap().count(), 1);
+}
+
 #[test]
 fn a_killed_run_resumes_to_the_same_bits_even_past_a_damaged_checkpoint() {
     let folder = folder();

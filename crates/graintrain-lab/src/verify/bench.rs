@@ -144,7 +144,12 @@ impl Bench {
         self.steps += 1;
         // A stalled solve within a tenth of the tolerance is round-off.
         let residual = report.solve.residual.judged(self.accuracy.judge);
-        self.unsolved += usize::from(residual.is_nan() || residual > 1.1 * self.accuracy.tolerance);
+        // Impacts have a tolerance of their own, tighter than most; a step that missed it says so by its status alone.
+        let impacts = report.impact_residual.judged(self.accuracy.judge);
+        let missed = |residual: f64, tolerance: f64| residual.is_nan() || residual > 1.1 * tolerance;
+        self.unsolved += usize::from(
+            missed(residual, self.accuracy.tolerance) || missed(impacts, self.accuracy.tolerance.max(1e-9)),
+        );
         Ok(report)
     }
 

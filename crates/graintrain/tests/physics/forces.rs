@@ -145,3 +145,60 @@ fn bodies_can_be_removed_between_steps() {
         stepper.step(&mut world).unwrap();
     }
 }
+
+/// Without gravity, a ball with e = 0.5 that a force presses on a wall rests there: what a solve leaves over is no impact.
+#[test]
+fn what_a_force_presses_rests() {
+    for model in BOTH {
+        let mut world = world(0.3, 0.5);
+        world.gravity = Vec3::ZERO;
+        add_ground(&mut world, 0.0);
+        let ball = add_sphere(&mut world, 0.1, Vec3::new(0.0, 0.0, 0.15));
+        world.bodies.force[ball] = -10.0 * world.bodies.mass[ball] * Vec3::Z;
+        let mut stepper = stepper(1e-3, model);
+        let mut late = 0;
+        for step in 0..1500 {
+            let report = stepper.step(&mut world).unwrap();
+            assert!(report.solve.converged());
+            late += if step >= 1000 { report.impacts } else { 0 };
+        }
+        assert_eq!(late, 0, "{model:?}");
+        assert!(
+            world.bodies.velocity[ball].length() < 1e-6 && (world.bodies.position[ball].z - 0.1).abs() < 1e-4
+        );
+    }
+}
+
+/// A force of 1e5 m/s^2 on one ball makes no contacts of others with each other.
+#[test]
+fn a_strong_force_widens_no_other_pair() {
+    let contacts = |pull: f64| {
+        let mut world = world(0.3, 0.0);
+        let ball = world.add_geometry(Geometry::sphere(0.005).unwrap());
+        for k in 0..100 {
+            let place = Vec3::new(f64::from(k % 10), f64::from(k / 10), 0.0) * 0.012;
+            world.add_body(Body::new(ball, 0, place)).unwrap();
+        }
+        let far = world.add_body(Body::new(ball, 0, Vec3::new(0.0, 0.0, 5.0))).unwrap() as usize;
+        world.bodies.force[far] = pull * world.bodies.mass[far] * Vec3::Z;
+        stepper(1e-3, FrictionModel::Relaxed).step(&mut world).unwrap().contacts
+    };
+    assert_eq!(contacts(1e5), contacts(0.0));
+}
+
+/// Impacts are solved to 1e-9, which is no reason to call a step missed whose contact problem is asked for more.
+#[test]
+fn impacts_do_not_miss_a_tolerance_below_their_own() {
+    let mut world = world(0.3, 0.5);
+    add_ground(&mut world, 0.0);
+    for k in 0..4 {
+        let ball =
+            add_sphere(&mut world, 0.1, Vec3::new(0.19 * f64::from(k % 2), 0.19 * f64::from(k / 2), 0.12));
+        world.bodies.velocity[ball] = Vec3::new(1.0 - f64::from(k), 0.3, -2.0);
+    }
+    let settings = StepSettings { step: 1e-2, tolerance: 1e-11, ..StepSettings::default() };
+    let mut stepper = Stepper::new(settings).unwrap();
+    let report = stepper.step(&mut world).unwrap();
+    assert!(report.impacts > 0 && report.impact_residual.max <= 1e-9, "{:?}", report.impact_residual);
+    assert!(report.solve.remark.is_none(), "{:?}", report.solve.remark);
+}
