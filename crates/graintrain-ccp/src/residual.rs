@@ -73,9 +73,11 @@ pub enum Judge {
 pub const MIXED_MAXIMUM: f64 = 20.0;
 
 impl Residual {
-    /// The larger of each number.
+    /// The larger of each number; NaN where one is.
     pub fn worse(self, other: Self) -> Self {
-        Self { max: self.max.max(other.max), rms: self.rms.max(other.rms) }
+        // f64::max would lose a NaN.
+        let worse = |a: f64, b: f64| if a.is_nan() || a > b { a } else { b };
+        Self { max: worse(self.max, other.max), rms: worse(self.rms, other.rms) }
     }
 
     /// The number that is held against the tolerance: max, or max(rms, max / [`MIXED_MAXIMUM`]); NaN where either is.

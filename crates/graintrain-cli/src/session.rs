@@ -8,7 +8,7 @@ use crate::threads::with_threads;
 use graintrain_io::files::OutputError;
 use graintrain_io::output::recorder::Recorder;
 use graintrain_io::output::summary::{RunStatus, Summary};
-use graintrain_io::run::{Ending, Observer, Run, RunError};
+use graintrain_io::run::{Ending, Observer, Run, RunError, StepView};
 use graintrain_io::scene;
 use std::fmt::Write as _;
 use std::num::NonZeroUsize;
@@ -31,7 +31,8 @@ pub struct SessionOptions {
     /// End with exit code 1 at the first step whose solve misses its tolerance
     #[arg(long)]
     pub strict: bool,
-    /// Stop in good order after so many seconds of wall clock: a checkpoint is written, `graintrain resume DIR` goes on
+    /// Stop in good order after so many seconds of wall clock, but not before a step is made: a checkpoint is written, `graintrain
+    /// resume DIR` goes on
     #[arg(long, value_name = "SECONDS", value_parser = scene::seconds)]
     pub max_seconds: Option<f64>,
 }
@@ -45,12 +46,13 @@ pub fn make_steps(
 ) -> Result<ExitCode, Failure> {
     run.strict = options.strict;
     recorder.checkpoint_wanted = Arc::clone(&stop.checkpoint_wanted);
+    let mut first_step = FirstStep::default();
     if let Some(limit) = options.max_seconds {
-        stop_after(limit, &stop.requested);
+        stop_after(limit, &first_step.is_made, &stop.requested);
     }
     let (ending, summary) = with_threads(options.threads, || {
         let mut progress = Progress::new(run.world.step, run.settings.steps, options.quiet);
-        let mut observers: Vec<&mut dyn Observer> = vec![&mut recorder, &mut progress];
+        let mut observers: Vec<&mut dyn Observer> = vec![&mut recorder, &mut progress, &mut first_step];
         let ending = run.advance(&mut observers);
         drop(progress);
         let summary = conclude(&run, &mut recorder, &ending);
@@ -78,12 +80,29 @@ pub fn make_steps(
     }
 }
 
-/// Sets the flag after so many seconds; the thread ends with the process.
-fn stop_after(seconds: f64, requested: &Arc<AtomicBool>) {
+/// Tells whether this session has made a step.
+#[derive(Default)]
+struct FirstStep {
+    is_made: Arc<AtomicBool>,
+}
+
+impl Observer for FirstStep {
+    fn observe(&mut self, _: StepView<'_>) -> Result<(), OutputError> {
+        self.is_made.store(true, Ordering::Relaxed);
+        Ok(())
+    }
+}
+
+/// Asks to stop after so many seconds, but not before a step is made: sessions that are each shorter than a step would never get on.
+/// The thread ends with the process.
+fn stop_after(seconds: f64, step_is_made: &Arc<AtomicBool>, requested: &Arc<AtomicBool>) {
     let duration = Duration::try_from_secs_f64(seconds).unwrap_or(Duration::MAX);
-    let requested = Arc::clone(requested);
+    let (step_is_made, requested) = (Arc::clone(step_is_made), Arc::clone(requested));
     thread::spawn(move || {
         thread::sleep(duration);
+        while !step_is_made.load(Ordering::Relaxed) {
+            thread::sleep(Duration::from_millis(20));
+        }
         requested.store(true, Ordering::Relaxed);
     });
 }
@@ -125,13 +144,14 @@ pub fn output_failure(error: OutputError) -> Failure {
 fn warn_of_missed_tolerance(summary: &Summary) {
     if summary.unconverged_steps > 0 {
         tell!(
-            "warning: {} of {} steps missed the tolerance {:.0e}, the worst residual is {:.1e} (rms {:.1e}): see the columns status, \
-             residual and residual_rms of steps.csv",
+            "warning: {} of {} steps missed the tolerance {:.0e}, the worst residual is {:.1e} (rms {:.1e}; {:.1e} in impacts): see \
+             the columns status, residual, residual_rms and impact_residual of steps.csv",
             summary.unconverged_steps,
             summary.steps,
             summary.tolerance,
             summary.residual_max,
-            summary.residual_rms_max
+            summary.residual_rms_max,
+            summary.impact_residual_max
         );
     }
 }

@@ -2,7 +2,8 @@
 //!
 //! `cargo run --release -p graintrain-io --example read_results`
 
-use graintrain_io::output::recorder::{Recorder, prepare_folder};
+use graintrain_io::output::folder::RunFolder;
+use graintrain_io::output::recorder::Recorder;
 use graintrain_io::output::summary::RunStatus;
 use graintrain_io::run::{Run, RunSettings, RunTotals};
 use graintrain_io::scene::{Scene, setting};
@@ -12,8 +13,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let simulation = Scene::load("stack", &[setting("n=3")?, setting("time.steps=50")?])?.build()?;
     let settings = RunSettings::new(&simulation, None);
     let resolved = simulation.resolved.to_toml()?;
-    prepare_folder(&folder, true)?;
-    let mut recorder = Recorder::begin(&folder, &settings, &simulation.world, &resolved)?;
+    let results = RunFolder::create(&folder, true)?;
+    let mut recorder = Recorder::begin(results, &settings, &simulation.world, &resolved)?;
     let mut run = Run::new(simulation.world, settings, RunTotals::default(), Default::default())?;
     run.advance(&mut [&mut recorder])?;
     recorder.checkpoint(&run.world, &run.totals, RunStatus::Finished)?;

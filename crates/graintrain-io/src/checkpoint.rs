@@ -83,6 +83,18 @@ pub enum CheckpointError {
         /// What does not fit.
         what: String,
     },
+    /// Whole, but it holds what this build of the program does not know.
+    #[error(
+        "the checkpoint {} holds something that this build of the program does not know, such as a solver that it was built \
+         without ({what}): use the program that wrote it",
+        path.display()
+    )]
+    Foreign {
+        /// The file.
+        path: PathBuf,
+        /// Where reading ended.
+        what: String,
+    },
     /// No checkpoint in the folder.
     #[error("there is no checkpoint in {}", folder.display())]
     None {
@@ -140,6 +152,11 @@ pub fn latest(folder: &Path) -> Result<(Checkpoint, Vec<CheckpointError>), Check
     } else {
         defects.swap_remove(0)
     })
+}
+
+/// Whether there is a checkpoint in the folder, usable or not.
+pub fn is_in(folder: &Path) -> bool {
+    !list(folder).is_empty()
 }
 
 /// Checkpoints in the folder, latest first.
@@ -206,5 +223,6 @@ fn decode(bytes: &[u8], path: &Path) -> Result<Checkpoint, CheckpointError> {
     if let Err(error) = ZlibDecoder::new(payload).take(expanded).read_to_end(&mut plain) {
         return Err(CheckpointError::Damaged { path, what: error.to_string() });
     }
-    postcard::from_bytes(&plain).map_err(|error| CheckpointError::Damaged { path, what: error.to_string() })
+    // The check sum holds: these bytes are what some build of this format wrote.
+    postcard::from_bytes(&plain).map_err(|error| CheckpointError::Foreign { path, what: error.to_string() })
 }

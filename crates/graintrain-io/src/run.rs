@@ -267,11 +267,13 @@ impl Run {
             self.totals.last_output_seconds = begin.elapsed().as_secs_f64();
             self.totals.output_seconds += self.totals.last_output_seconds;
             if self.strict && !report.solve.converged() {
+                // Contacts within the tolerance: then it was the impacts.
+                let residual = report.solve.residual.worse(report.impact_residual);
                 return Err(RunError::ToleranceMissed {
                     step: self.world.step,
                     solver: report.solve.solver,
-                    residual: report.solve.residual.max,
-                    residual_rms: report.solve.residual.rms,
+                    residual: residual.max,
+                    residual_rms: residual.rms,
                     tolerance: self.settings.stepping.tolerance,
                     judge: self.settings.stepping.judge,
                 });

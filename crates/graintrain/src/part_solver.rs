@@ -99,7 +99,7 @@ fn solve_without_gain(
         }
         let converged = again.residual.judged(settings.judge) <= settings.tolerance;
         let status = if converged { Status::Converged } else { again.status };
-        first = SolveReport { status, iterations: first.iterations + again.iterations, ..again };
+        first = SolveReport { status, ..again.after(&first) };
     }
     let mut report = first.clone();
     let mut kept = Vec::new();
@@ -127,13 +127,19 @@ fn solve_without_gain(
             return Ok(next);
         }
         let status = if good(&next) { Status::Converged } else { next.status };
-        report = SolveReport { iterations: report.iterations + next.iterations, status, ..next };
+        report = SolveReport { status, ..next.after(&report) };
         if status != Status::Converged {
             break;
         }
     }
     g.copy_from_slice(&kept);
-    Ok(SolveReport { iterations: report.iterations, ..first })
+    Ok(SolveReport {
+        iterations: report.iterations,
+        linear_iterations: report.linear_iterations,
+        products: report.products,
+        seconds: report.seconds,
+        ..first
+    })
 }
 
 /// Solves to the tolerance, and small problems beyond it: see [`FEW`].
@@ -161,7 +167,7 @@ fn solve_finely_if_few(
         return Ok(report);
     }
     let full = solver.solve(problem, g, settings)?;
-    Ok(SolveReport { iterations: report.iterations + full.iterations, ..full })
+    Ok(full.after(&report))
 }
 
 /// Residuals and objective of these impulses.

@@ -336,6 +336,7 @@ impl World {
             list.iter().flat_map(|v| v.to_array()).for_each(|x| add(x.to_bits()));
         }
         bodies.orientation.iter().flat_map(|q| q.to_array()).for_each(|x| add(x.to_bits()));
+        bodies.mass.iter().for_each(|mass| add(mass.to_bits()));
         bodies.geometry.iter().chain(&bodies.motion).for_each(|&index| add(u64::from(index)));
         for motion in &self.motions {
             motion.free.iter().for_each(|&free| add(u64::from(free)));

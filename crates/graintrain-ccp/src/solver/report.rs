@@ -1,6 +1,6 @@
 //! What a solve did.
 
-use super::history::ResidualSample;
+use super::history::{History, ResidualSample};
 use crate::newton::NewtonRecord;
 use crate::residual::Residual;
 
@@ -74,6 +74,22 @@ pub struct SolveReport {
 }
 
 impl SolveReport {
+    /// The report of a solve that went on where an earlier one had ended: the work of both.
+    #[must_use]
+    pub fn after(mut self, earlier: &Self) -> Self {
+        let mut history = History::default();
+        history.append(&earlier.history, 0, 0.0);
+        history.append(&self.history, earlier.iterations, earlier.seconds);
+        self.history = history.into_samples();
+        self.iterations += earlier.iterations;
+        self.linear_iterations += earlier.linear_iterations;
+        self.products += earlier.products;
+        self.seconds += earlier.seconds;
+        let own = std::mem::replace(&mut self.newton, earlier.newton.clone());
+        self.newton.extend(own);
+        self
+    }
+
     /// Whether the tolerance was reached.
     pub fn converged(&self) -> bool {
         self.status == Status::Converged

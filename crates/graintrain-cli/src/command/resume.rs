@@ -7,6 +7,7 @@ use crate::solving;
 use crate::terminal::{say, tell};
 use graintrain::ccp::Judge;
 use graintrain_io::checkpoint::{self, CheckpointError};
+use graintrain_io::output::folder::RunFolder;
 use graintrain_io::output::recorder::Recorder;
 use graintrain_io::run::Run;
 use graintrain_io::scene;
@@ -44,12 +45,16 @@ pub struct Arguments {
 pub fn execute(arguments: &Arguments) -> Result<ExitCode, Failure> {
     let stop = Stop::listen()?;
     let folder = &arguments.folder;
-    let (checkpoint, defects) = checkpoint::latest(&folder.join("checkpoints")).map_err(|error| {
-        let remedy = match error {
-            CheckpointError::None { .. } => "resume takes the folder that `graintrain run` wrote".to_string(),
-            _ => format!("begin anew: graintrain run {0}/scene.toml --out {0} --force", folder.display()),
-        };
-        Failure::input_error(error, remedy)
+    let checkpoints = folder.join("checkpoints");
+    if !checkpoint::is_in(&checkpoints) {
+        let remedy = "resume takes the folder that `graintrain run` wrote";
+        return Err(Failure::input_error(CheckpointError::None { folder: checkpoints }, remedy));
+    }
+    // Before the checkpoint is read: no other process may write a later one in between.
+    let taken = RunFolder::open(folder).map_err(output_failure)?;
+    let (checkpoint, defects) = checkpoint::latest(&checkpoints).map_err(|error| {
+        let anew = format!("begin anew: graintrain run {0}/scene.toml --out {0} --force", folder.display());
+        Failure::input_error(error, anew)
     })?;
     for defect in defects {
         tell!("warning: {defect}; an earlier checkpoint is used");
@@ -88,6 +93,6 @@ pub fn execute(arguments: &Arguments) -> Result<ExitCode, Failure> {
     }
     let run = Run::new(world, settings, checkpoint.totals, Arc::clone(&stop.requested))
         .map_err(|error| Failure::input_error(error, "`graintrain solvers` lists the solvers"))?;
-    let recorder = Recorder::resume(folder, &run.settings, &run.world).map_err(output_failure)?;
+    let recorder = Recorder::resume(taken, &run.settings, &run.world).map_err(output_failure)?;
     make_steps(run, recorder, &arguments.session, &stop)
 }

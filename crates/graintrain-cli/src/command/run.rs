@@ -5,7 +5,8 @@ use crate::scene_failure::scene_failure;
 use crate::session::{SessionOptions, make_steps, output_failure};
 use crate::signal::Stop;
 use crate::terminal::say;
-use graintrain_io::output::recorder::{PrepareError, Recorder, prepare_folder};
+use graintrain_io::output::folder::{PrepareError, RunFolder};
+use graintrain_io::output::recorder::Recorder;
 use graintrain_io::run::{Run, RunSettings, RunTotals};
 use graintrain_io::scene::{self, Scene};
 use std::path::{Path, PathBuf};
@@ -101,7 +102,7 @@ pub fn execute(arguments: &Arguments) -> Result<ExitCode, Failure> {
         Some(folder) => folder.clone(),
         None => default_folder(&scene.name, arguments.force),
     };
-    prepare_folder(&folder, arguments.force).map_err(|error| {
+    let taken = RunFolder::create(&folder, arguments.force).map_err(|error| {
         let remedy = match &error {
             PrepareError::Occupied(_) => "choose another --out, or replace what is there with --force",
             PrepareError::Output(error) => error.remedy(),
@@ -120,8 +121,7 @@ pub fn execute(arguments: &Arguments) -> Result<ExitCode, Failure> {
             folder.display()
         );
     }
-    let recorder =
-        Recorder::begin(&folder, &settings, &simulation.world, &resolved).map_err(output_failure)?;
+    let recorder = Recorder::begin(taken, &settings, &simulation.world, &resolved).map_err(output_failure)?;
     let run = Run::new(simulation.world, settings, RunTotals::default(), Arc::clone(&stop.requested))
         .map_err(|error| Failure::input_error(error, ""))?;
     make_steps(run, recorder, &arguments.session, &stop)

@@ -2,7 +2,8 @@
 //!
 //! | module | holds |
 //! |---|---|
-//! | [`recorder`] | the folder of a run: what is written when |
+//! | [`folder`] | the folder of a run, held by one process |
+//! | [`recorder`] | what is written into it, and when |
 //! | [`bodies`], [`surfaces`], [`contacts`] | a frame of each |
 //! | [`vtp`], [`vtm`], [`pvd`] | the file formats of frames and their list |
 //! | [`columns`] | what the columns of tables mean: `columns.json` |
@@ -13,6 +14,7 @@
 pub mod bodies;
 pub mod columns;
 pub mod contacts;
+pub mod folder;
 pub mod newton;
 pub mod pvd;
 pub mod recorder;

@@ -1,7 +1,8 @@
-//! The folder of a run: frames, tables, checkpoints, summary.
+//! What is written into the folder of a run, and when: frames, tables, checkpoints, summary.
 
 use super::bodies::particles;
 use super::contacts::lines;
+use super::folder::RunFolder;
 use super::pvd::FrameList;
 use super::summary::{RunStatus, Summary};
 use super::surfaces::{Show, surfaces};
@@ -14,8 +15,7 @@ use crate::problem_file::{self, ProblemFileError};
 use crate::run::{Observer, RunSettings, RunTotals, StepView};
 use graintrain::world::World;
 use graintrain_ccp::Ccp;
-use std::fs::{File, TryLockError};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -23,107 +23,10 @@ use std::time::{Duration, Instant};
 /// A checkpoint is also due after this wall-clock time: no more than that is lost when a run of long steps is killed.
 const LONGEST_WITHOUT_CHECKPOINT: Duration = Duration::from_secs(300);
 
-/// A folder that holds something else, where a run should go.
-#[derive(Debug, thiserror::Error)]
-#[error("{} is not empty", folder.display())]
-pub struct Occupied {
-    /// The folder.
-    pub folder: PathBuf,
-}
-
-/// What stands in the way of a new run's folder.
-#[derive(Debug, thiserror::Error)]
-pub enum PrepareError {
-    /// There is something in it.
-    #[error(transparent)]
-    Occupied(#[from] Occupied),
-    /// The system refuses.
-    #[error(transparent)]
-    Output(#[from] OutputError),
-}
-
-/// Files of a run, directly in its folder.
-const FILES: &[&str] = &[
-    "all.pvd",
-    "bodies.pvd",
-    "surfaces.pvd",
-    "contacts.pvd",
-    "steps.csv",
-    "wrench.csv",
-    "newton.csv",
-    "columns.json",
-    "summary.json",
-    "scene.toml",
-];
-/// Folders of a run, and what is in them.
-const FOLDERS: &[(&str, &str)] =
-    &[("frames", "vtp"), ("frames", "vtm"), ("checkpoints", "ckpt"), ("problems", "hdf5")];
-
-/// Who holds this file locked writes into its folder.
-const LOCK: &str = ".lock";
-
-/// Takes the folder for this process until the file is dropped: two runs in one folder would write into each other's tables.
-fn lock(folder: &Path) -> Result<Option<File>, OutputError> {
-    let path = folder.join(LOCK);
-    let refuse = |error| OutputError::new("take the folder", folder, error);
-    let file = File::options().create(true).append(true).open(&path).map_err(refuse)?;
-    match file.try_lock() {
-        Ok(()) => Ok(Some(file)),
-        Err(TryLockError::WouldBlock) => {
-            let why = "another process is writing results into it";
-            Err(refuse(std::io::Error::new(std::io::ErrorKind::ResourceBusy, why)))
-        }
-        // A file system that knows no locks.
-        Err(TryLockError::Error(_)) => Ok(None),
-    }
-}
-
-/// Makes the folder of a new run. With `force`, the files of an earlier run are removed from it, and nothing else.
-///
-/// # Errors
-/// [`PrepareError::Occupied`] where the folder is not empty and `force` is not set; [`PrepareError::Output`] where another process
-/// writes into it.
-pub fn prepare_folder(folder: &Path, force: bool) -> Result<(), PrepareError> {
-    make_folder(folder)?;
-    let entries = |folder: &Path| {
-        std::fs::read_dir(folder).map_err(|error| OutputError::new("read the folder", folder, error))
-    };
-    let is_empty = entries(folder)?.flatten().all(|entry| entry.file_name() == LOCK);
-    if !is_empty && !force {
-        return Err(Occupied { folder: folder.to_path_buf() }.into());
-    }
-    let _lock = lock(folder)?;
-    if is_empty {
-        return Ok(());
-    }
-    let remove = |path: &Path| match std::fs::remove_file(path) {
-        Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
-            Err(OutputError::new("replace", path, error))
-        }
-        _ => Ok(()),
-    };
-    for file in FILES {
-        remove(&folder.join(file))?;
-    }
-    for (name, extension) in FOLDERS {
-        let inner = folder.join(name);
-        if !inner.is_dir() {
-            continue;
-        }
-        for entry in entries(&inner)?.flatten() {
-            let path = entry.path();
-            if path.extension().is_some_and(|found| found == *extension) {
-                remove(&path)?;
-            }
-        }
-    }
-    Ok(())
-}
-
 /// Writes everything that a run leaves in its folder.
 #[derive(Debug)]
 pub struct Recorder {
-    folder: PathBuf,
+    folder: RunFolder,
     settings: RunSettings,
     tables: Tables,
     all: FrameList,
@@ -133,34 +36,32 @@ pub struct Recorder {
     last_checkpoint: Instant,
     /// Set from outside to ask for a checkpoint after the step under way.
     pub checkpoint_wanted: Arc<AtomicBool>,
-    _lock: Option<File>,
 }
 
 impl Recorder {
-    /// Begins the outputs of a new run in a prepared folder: the resolved scene, the frame and a checkpoint of the
+    /// Begins the outputs of a new run in its folder: the resolved scene, the frame and a checkpoint of the
     /// initial state (a run killed early can go on, too).
     ///
     /// # Errors
-    /// Where a file cannot be written, or another process writes into the folder.
+    /// Where a file cannot be written.
     pub fn begin(
-        folder: &Path,
+        folder: RunFolder,
         settings: &RunSettings,
         world: &World,
         resolved_scene: &str,
     ) -> Result<Self, OutputError> {
-        let lock = lock(folder)?;
-        write_atomically(&folder.join("scene.toml"), resolved_scene.as_bytes())?;
+        let path = folder.path();
+        write_atomically(&path.join("scene.toml"), resolved_scene.as_bytes())?;
         let mut recorder = Self {
-            folder: folder.to_path_buf(),
             settings: settings.clone(),
-            tables: Tables::create(folder)?,
-            all: FrameList::new(folder.join("all.pvd")),
-            bodies: FrameList::new(folder.join("bodies.pvd")),
-            surfaces: FrameList::new(folder.join("surfaces.pvd")),
-            contacts: FrameList::new(folder.join("contacts.pvd")),
+            tables: Tables::create(path)?,
+            all: FrameList::new(path.join("all.pvd")),
+            bodies: FrameList::new(path.join("bodies.pvd")),
+            surfaces: FrameList::new(path.join("surfaces.pvd")),
+            contacts: FrameList::new(path.join("contacts.pvd")),
             last_checkpoint: Instant::now(),
             checkpoint_wanted: Arc::default(),
-            _lock: lock,
+            folder,
         };
         recorder.frame(world)?;
         recorder.checkpoint(world, &RunTotals::default(), RunStatus::Running)?;
@@ -170,27 +71,26 @@ impl Recorder {
     /// Goes on with the outputs in a folder from the state of a checkpoint: whatever was written after it is dropped.
     ///
     /// # Errors
-    /// Where a file cannot be read or written, or another process writes into the folder.
-    pub fn resume(folder: &Path, settings: &RunSettings, world: &World) -> Result<Self, OutputError> {
-        let lock = lock(folder)?;
-        let list = |name: &str| FrameList::reopen(folder.join(name), world.time);
+    /// Where a file cannot be read or written.
+    pub fn resume(folder: RunFolder, settings: &RunSettings, world: &World) -> Result<Self, OutputError> {
+        let path = folder.path();
+        let list = |name: &str| FrameList::reopen(path.join(name), world.time);
         Ok(Self {
-            folder: folder.to_path_buf(),
             settings: settings.clone(),
-            tables: Tables::reopen(folder, world.step)?,
+            tables: Tables::reopen(path, world.step)?,
             all: list("all.pvd")?,
             bodies: list("bodies.pvd")?,
             surfaces: list("surfaces.pvd")?,
             contacts: list("contacts.pvd")?,
             last_checkpoint: Instant::now(),
             checkpoint_wanted: Arc::default(),
-            _lock: lock,
+            folder,
         })
     }
 
     /// Folder of the run.
     pub fn folder(&self) -> &Path {
-        &self.folder
+        self.folder.path()
     }
 
     /// Writes a checkpoint and the summary so far.
@@ -203,10 +103,10 @@ impl Recorder {
         totals: &RunTotals,
         status: RunStatus,
     ) -> Result<Summary, OutputError> {
-        checkpoint::write(&self.folder.join("checkpoints"), &self.settings, totals, world)?;
+        checkpoint::write(&self.folder.path().join("checkpoints"), &self.settings, totals, world)?;
         self.last_checkpoint = Instant::now();
         let summary = Summary::new(world, &self.settings, totals, status);
-        summary.write(&self.folder)?;
+        summary.write(self.folder.path())?;
         Ok(summary)
     }
 
@@ -225,7 +125,7 @@ impl Recorder {
         if !(output.bodies || output.contacts) {
             return Ok(());
         }
-        let frames = self.folder.join("frames");
+        let frames = self.folder.path().join("frames");
         make_folder(&frames)?;
         let in_folder =
             |names: &[String]| names.iter().map(|name| format!("frames/{name}")).collect::<Vec<_>>();
@@ -274,7 +174,7 @@ impl Recorder {
 /// The part of [`Recorder`] for `--dump-problem`.
 impl Recorder {
     fn dump(&self, world: &World, problem: &Ccp) -> Result<(), OutputError> {
-        let folder = self.folder.join("problems");
+        let folder = self.folder.path().join("problems");
         make_folder(&folder)?;
         let path = folder.join(format!("step_{:08}.hdf5", world.step));
         let title = format!("{}, step {}, time {} s", self.settings.scene, world.step, world.time);

@@ -13,7 +13,8 @@ use graintrain::world::{Body, World};
 use graintrain_io::checkpoint::{self, CheckpointError};
 use graintrain_io::output::OutputSettings;
 use graintrain_io::output::columns::{Column, NEWTON, STEPS, WRENCH};
-use graintrain_io::output::recorder::{PrepareError, Recorder, prepare_folder};
+use graintrain_io::output::folder::{PrepareError, RunFolder};
+use graintrain_io::output::recorder::Recorder;
 use graintrain_io::output::summary::{RunStatus, Summary};
 use graintrain_io::output::vtp::Precision;
 use graintrain_io::run::{Observer, RunSettings, RunTotals, StepView};
@@ -168,9 +169,9 @@ fn read(folder: &Path, file: &str) -> String {
 /// Runs all steps into the folder and gives the final state.
 fn record(folder: &Path) -> (World, RunTotals) {
     let settings = settings();
-    prepare_folder(folder, false).unwrap();
     let (mut world, totals) = (world(), RunTotals::default());
-    let mut recorder = Recorder::begin(folder, &settings, &world, "").unwrap();
+    let mut recorder =
+        Recorder::begin(RunFolder::create(folder, false).unwrap(), &settings, &world, "").unwrap();
     for _ in 0..settings.steps {
         let report = advance(&mut world, &settings);
         recorder.observe(view(&world, &report, &totals)).unwrap();
@@ -224,7 +225,8 @@ fn a_recorded_run_has_all_files() {
 fn columns_are_explained_beside_the_tables() {
     let folder = tempfile::tempdir().unwrap();
     let (settings, mut world) = (settings(), world());
-    let mut recorder = Recorder::begin(folder.path(), &settings, &world, "").unwrap();
+    let mut recorder =
+        Recorder::begin(RunFolder::create(folder.path(), false).unwrap(), &settings, &world, "").unwrap();
     let mut report = advance(&mut world, &settings);
     report.solve.newton.push(NewtonRecord::default());
     recorder.observe(view(&world, &report, &RunTotals::default())).unwrap();
@@ -270,9 +272,9 @@ fn occupied_folders_are_left_alone_unless_forced() {
     let _ = record(folder.path());
     std::fs::write(folder.path().join("notes.txt"), "mine").unwrap();
     std::fs::write(folder.path().join("frames/picture.png"), "mine").unwrap();
-    assert!(matches!(prepare_folder(folder.path(), false), Err(PrepareError::Occupied(_))));
+    assert!(matches!(RunFolder::create(folder.path(), false), Err(PrepareError::Occupied(_))));
     assert!(folder.path().join("steps.csv").exists());
-    prepare_folder(folder.path(), true).unwrap();
+    let _ = RunFolder::create(folder.path(), true).unwrap();
     let left: Vec<_> =
         ["steps.csv", "bodies.pvd", "frames/bodies_00000002.vtp", "checkpoints/step_00000005.ckpt"]
             .into_iter()
@@ -289,7 +291,8 @@ fn outputs_resumed_from_a_checkpoint_are_those_of_an_uninterrupted_run() {
     let _ = record(whole.path());
     let settings = settings();
     let (mut world, totals) = (world(), RunTotals::default());
-    let mut recorder = Recorder::begin(cut.path(), &settings, &world, "").unwrap();
+    let mut recorder =
+        Recorder::begin(RunFolder::create(cut.path(), false).unwrap(), &settings, &world, "").unwrap();
     for step in 1..=4 {
         let report = advance(&mut world, &settings);
         recorder.observe(view(&world, &report, &totals)).unwrap();
@@ -302,7 +305,7 @@ fn outputs_resumed_from_a_checkpoint_are_those_of_an_uninterrupted_run() {
     assert!(defects.is_empty());
     assert_eq!((resumed.world.step, &resumed.settings), (3, &settings));
     let mut world = resumed.world;
-    let mut recorder = Recorder::resume(cut.path(), &settings, &world).unwrap();
+    let mut recorder = Recorder::resume(RunFolder::open(cut.path()).unwrap(), &settings, &world).unwrap();
     for _ in 4..=5 {
         let report = advance(&mut world, &settings);
         recorder.observe(view(&world, &report, &totals)).unwrap();

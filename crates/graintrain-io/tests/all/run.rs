@@ -11,7 +11,8 @@ use graintrain::world::{Body, World};
 use graintrain_io::checkpoint;
 use graintrain_io::files::OutputError;
 use graintrain_io::output::OutputSettings;
-use graintrain_io::output::recorder::{Recorder, prepare_folder};
+use graintrain_io::output::folder::RunFolder;
+use graintrain_io::output::recorder::Recorder;
 use graintrain_io::output::summary::{RunStatus, Summary};
 use graintrain_io::output::vtp::Precision;
 use graintrain_io::run::{Ending, Observer, Run, RunError, RunSettings, RunTotals, StepView};
@@ -96,8 +97,8 @@ impl Observer for StopAfter {
 
 /// Runs `steps` steps into the folder without an interruption.
 fn run_whole(folder: &Path, settings: &RunSettings) -> Run {
-    prepare_folder(folder, false).unwrap();
-    let mut recorder = Recorder::begin(folder, settings, &world(), "").unwrap();
+    let mut recorder =
+        Recorder::begin(RunFolder::create(folder, false).unwrap(), settings, &world(), "").unwrap();
     let mut run = Run::new(world(), settings.clone(), RunTotals::default(), never()).unwrap();
     assert_eq!(run.advance(&mut [&mut recorder]).unwrap(), Ending::Finished);
     recorder.checkpoint(&run.world, &run.totals, RunStatus::Finished).unwrap();
@@ -105,9 +106,10 @@ fn run_whole(folder: &Path, settings: &RunSettings) -> Run {
 }
 
 fn resume(folder: &Path) -> Run {
+    let taken = RunFolder::open(folder).unwrap();
     let (checkpoint, defects) = checkpoint::latest(&folder.join("checkpoints")).unwrap();
     assert!(defects.is_empty());
-    let mut recorder = Recorder::resume(folder, &checkpoint.settings, &checkpoint.world).unwrap();
+    let mut recorder = Recorder::resume(taken, &checkpoint.settings, &checkpoint.world).unwrap();
     let mut run = Run::new(checkpoint.world, checkpoint.settings, checkpoint.totals, never()).unwrap();
     assert_eq!(run.advance(&mut [&mut recorder]).unwrap(), Ending::Finished);
     recorder.checkpoint(&run.world, &run.totals, RunStatus::Finished).unwrap();
@@ -154,7 +156,8 @@ fn a_stopped_run_goes_on_to_the_same_bits() {
     assert_eq!(reference.totals.unconverged_steps, 0);
 
     let stop = never();
-    let mut recorder = Recorder::begin(stopped.path(), &settings, &world(), "").unwrap();
+    let mut recorder =
+        Recorder::begin(RunFolder::create(stopped.path(), false).unwrap(), &settings, &world(), "").unwrap();
     let mut run = Run::new(world(), settings.clone(), RunTotals::default(), stop.clone()).unwrap();
     let ending = run.advance(&mut [&mut recorder, &mut StopAfter(23, stop)]).unwrap();
     assert_eq!((ending, run.world.step), (Ending::Stopped, 23));
@@ -175,7 +178,8 @@ fn a_killed_run_goes_on_from_its_last_checkpoint() {
     let reference = run_whole(whole.path(), &settings);
 
     let stop = never();
-    let mut recorder = Recorder::begin(killed.path(), &settings, &world(), "").unwrap();
+    let mut recorder =
+        Recorder::begin(RunFolder::create(killed.path(), false).unwrap(), &settings, &world(), "").unwrap();
     let mut run = Run::new(world(), settings.clone(), RunTotals::default(), stop.clone()).unwrap();
     let _ = run.advance(&mut [&mut recorder, &mut StopAfter(26, stop)]).unwrap();
     // No last checkpoint: the process is gone. The one of step 21 remains, and records of steps 22 to 26 after it.

@@ -11,7 +11,8 @@ use graintrain::stepper::StepSettings;
 use graintrain::world::{Body, World};
 use graintrain_ccp::FrictionModel;
 use graintrain_io::output::OutputSettings;
-use graintrain_io::output::recorder::{Recorder, prepare_folder};
+use graintrain_io::output::folder;
+use graintrain_io::output::recorder::Recorder;
 use graintrain_io::output::summary::RunStatus;
 use graintrain_io::output::vtp::Precision;
 use graintrain_io::run::{Run, RunSettings, RunTotals};
@@ -87,8 +88,8 @@ fn run_into(folder: &std::path::Path, steps: u64) -> Vec<World> {
             checkpoint_every: 100,
         },
     };
-    prepare_folder(folder, false).unwrap();
-    let mut recorder = Recorder::begin(folder, &settings, &world(), "").unwrap();
+    let mut recorder =
+        Recorder::begin(folder::RunFolder::create(folder, false).unwrap(), &settings, &world(), "").unwrap();
     let stop = Arc::new(AtomicBool::new(false));
     let mut run = Run::new(world(), settings, RunTotals::default(), stop).unwrap();
     let mut keep = Keep(vec![world()]);

@@ -1,0 +1,130 @@
+//! The folder of a run, held by one process at a time.
+
+use crate::files::{OutputError, make_folder};
+use std::fs::{File, TryLockError};
+use std::path::{Path, PathBuf};
+
+/// A folder that holds something else, where a run should go.
+#[derive(Debug, thiserror::Error)]
+#[error("{} is not empty", folder.display())]
+pub struct Occupied {
+    /// The folder.
+    pub folder: PathBuf,
+}
+
+/// What stands in the way of a new run's folder.
+#[derive(Debug, thiserror::Error)]
+pub enum PrepareError {
+    /// There is something in it.
+    #[error(transparent)]
+    Occupied(#[from] Occupied),
+    /// The system refuses.
+    #[error(transparent)]
+    Output(#[from] OutputError),
+}
+
+/// Files of a run, directly in its folder.
+const FILES: &[&str] = &[
+    "all.pvd",
+    "bodies.pvd",
+    "surfaces.pvd",
+    "contacts.pvd",
+    "steps.csv",
+    "wrench.csv",
+    "newton.csv",
+    "columns.json",
+    "summary.json",
+    "scene.toml",
+];
+/// Folders of a run, and what is in them.
+const FOLDERS: &[(&str, &str)] =
+    &[("frames", "vtp"), ("frames", "vtm"), ("checkpoints", "ckpt"), ("problems", "hdf5")];
+
+/// Who holds this file locked writes into its folder.
+const LOCK: &str = ".lock";
+
+/// Locks the folder's file.
+fn lock(folder: &Path) -> Result<Option<File>, OutputError> {
+    let path = folder.join(LOCK);
+    let refuse = |error| OutputError::new("take the folder", folder, error);
+    let file = File::options().create(true).append(true).open(&path).map_err(refuse)?;
+    match file.try_lock() {
+        Ok(()) => Ok(Some(file)),
+        Err(TryLockError::WouldBlock) => {
+            let why = "another process is writing results into it";
+            Err(refuse(std::io::Error::new(std::io::ErrorKind::ResourceBusy, why)))
+        }
+        // A file system that knows no locks.
+        Err(TryLockError::Error(_)) => Ok(None),
+    }
+}
+
+/// The folder of a run, taken for this process until it is dropped: two runs in one folder would write into each other's tables.
+#[derive(Debug)]
+pub struct RunFolder {
+    path: PathBuf,
+    _lock: Option<File>,
+}
+
+impl RunFolder {
+    /// Makes the folder of a new run. With `force`, the files of an earlier run are removed from it, and nothing else.
+    ///
+    /// # Errors
+    /// [`PrepareError::Occupied`] where the folder is not empty and `force` is not set; [`PrepareError::Output`] where another process
+    /// writes into it.
+    pub fn create(path: &Path, force: bool) -> Result<Self, PrepareError> {
+        make_folder(path)?;
+        let is_empty = entries(path)?.flatten().all(|entry| entry.file_name() == LOCK);
+        if !is_empty && !force {
+            return Err(Occupied { folder: path.to_path_buf() }.into());
+        }
+        let folder = Self::open(path)?;
+        if !is_empty {
+            clear(path)?;
+        }
+        Ok(folder)
+    }
+
+    /// Takes the folder of an earlier run.
+    ///
+    /// # Errors
+    /// Where it is not there, or another process writes into it.
+    pub fn open(path: &Path) -> Result<Self, OutputError> {
+        Ok(Self { _lock: lock(path)?, path: path.to_path_buf() })
+    }
+
+    /// Where it is.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+}
+
+fn entries(folder: &Path) -> Result<std::fs::ReadDir, OutputError> {
+    std::fs::read_dir(folder).map_err(|error| OutputError::new("read the folder", folder, error))
+}
+
+/// Removes the files of an earlier run.
+fn clear(folder: &Path) -> Result<(), OutputError> {
+    let remove = |path: &Path| match std::fs::remove_file(path) {
+        Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
+            Err(OutputError::new("replace", path, error))
+        }
+        _ => Ok(()),
+    };
+    for file in FILES {
+        remove(&folder.join(file))?;
+    }
+    for (name, extension) in FOLDERS {
+        let inner = folder.join(name);
+        if !inner.is_dir() {
+            continue;
+        }
+        for entry in entries(&inner)?.flatten() {
+            let path = entry.path();
+            if path.extension().is_some_and(|found| found == *extension) {
+                remove(&path)?;
+            }
+        }
+    }
+    Ok(())
+}
