@@ -15,9 +15,10 @@ use crate::step_report::wrenches;
 pub use crate::step_report::{PhaseSeconds, PhysicalErrors, StepReport, Wrench};
 use crate::world::World;
 use graintrain_ccp::{
-    Ccp, CcpError, CcpSolver, Delassus, FrictionModel, Judge, SolveReport, SolveSettings, SolverSpec, Status,
+    Ccp, CcpError, CcpSolver, Delassus, FrictionModel, Judge, RigidContact, SolveReport, SolveSettings,
+    SolverSpec, Status,
 };
-use std::collections::HashSet;
+use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
@@ -115,6 +116,10 @@ const ROUNDS: usize = 8;
 /// new round.
 const MISSED: f64 = 5e-4;
 
+/// A contact that ends in overlap by more than this fraction of the smaller body's size, and by so much more than foreseen, makes
+/// a new round too.
+const BENT: f64 = 5e-3;
+
 /// A solved step before it is made.
 struct Attempt {
     problem: Ccp,
@@ -175,8 +180,8 @@ impl Stepper {
     /// x+ = x + dt u+ + dx;   Q+ = exp(dw / 2) exp(dt w+ / 2) Q   with the displacements that remove overlap (crate::overlap)
     /// ```
     ///
-    /// Then all pairs are looked at where they are now. Where bodies overlap that were no contacts, the step is taken back and made
-    /// again with them, until there are none: see [`StepReport::contacts_added`] and [`StepReport::contacts_missed`].
+    /// Then all pairs are looked at where they are now. Where bodies overlap that were no contacts, or far more than their contact
+    /// foresaw, the step is taken back and made again with what was seen, until there are none: see [`StepReport::contacts_added`] and [`StepReport::contacts_missed`].
     ///
     /// Without external forces the sum of kinetic energy and work against gravity never rises in a step whose bodies are not driven, but for [`StepReport::correction_energy`]: impacts make none, and the contact problem takes
     /// `1/2 |v+ - v|_M^2 - g . (D^T v+)`, of which the second term is made not to be positive.
@@ -232,16 +237,19 @@ impl Stepper {
             let begin = Instant::now();
             let ahead = self.collider.contacts(world, envelope, step);
             let missed = self.missed(world, &contacts, &ahead);
-            let mut new = Vec::new();
-            if !missed.is_empty() && round < ROUNDS {
+            let (mut new, mut bent) = (Vec::new(), Vec::new());
+            if round < ROUNDS {
+                bent = self.bent(world, &contacts, &attempt, &ahead);
+            }
+            if !missed.is_empty() && round < ROUNDS || !bent.is_empty() {
                 let end = start.exchange(world);
                 new = self.new_contacts(world, &contacts, &missed, &attempt.velocity);
-                if new.is_empty() {
+                if new.is_empty() && bent.is_empty() {
                     end.exchange(world);
                 }
             }
             phases.collide += begin.elapsed().as_secs_f64();
-            if new.is_empty() {
+            if new.is_empty() && bent.is_empty() {
                 let pair = |c: &Contact| [c.body_a.min(c.body_b), c.body_a.max(c.body_b)];
                 let pairs: HashSet<[u32; 2]> = contacts.iter().map(pair).collect();
                 let apart = |c: &&Contact| !pairs.contains(&pair(c));
@@ -253,6 +261,9 @@ impl Stepper {
                 return Ok(report);
             }
             added += new.len();
+            for (i, gap) in bent {
+                contacts[i].gap = gap;
+            }
             contacts.extend(new);
             guess = Some(attempt);
         }
@@ -406,6 +417,32 @@ impl Stepper {
         }
         let known: HashSet<u64> = contacts.iter().map(|c| c.identity).collect();
         deep.into_iter().filter(|c| !known.contains(&c.identity)).collect()
+    }
+
+    /// Contacts (indices) that end deep in overlap where Phi + dt u_n foresaw less, and the gap that foresees what came: a turning
+    /// face, or an edge that a fast body meets elsewhere than it was to, is not where the tangent plane at the contact says.
+    fn bent(
+        &self,
+        world: &World,
+        contacts: &[Contact],
+        attempt: &Attempt,
+        ahead: &[Contact],
+    ) -> Vec<(usize, f64)> {
+        let allowed = |c: &Contact| BENT * self.collider.contact_size(world, c);
+        let deep: HashMap<u64, f64> =
+            ahead.iter().filter(|c| -c.gap > allowed(c)).map(|c| (c.identity, c.gap)).collect();
+        let Delassus::Rigid(rigid) = &*attempt.problem.delassus else { return Vec::new() };
+        if deep.is_empty() {
+            return Vec::new();
+        }
+        let mended = |(&i, row): (&u32, &RigidContact)| {
+            let contact = contacts[i as usize];
+            let end = *deep.get(&contact.identity)?;
+            let u = relative_velocities(&[contact], std::slice::from_ref(row), &attempt.velocity);
+            let error = contact.gap + self.settings.step * u[0] - end;
+            (error > allowed(&contact)).then(|| (i as usize, contact.gap - error))
+        };
+        attempt.active.iter().zip(rigid.contacts()).filter_map(mended).collect()
     }
 
     /// Contacts at the start of the step of pairs that would overlap at its end.
