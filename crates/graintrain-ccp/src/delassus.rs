@@ -2,7 +2,7 @@
 
 use graintrain_linalg::block3::{Block, BlockMatrix3};
 use rayon::prelude::*;
-use std::sync::{Arc, Weak};
+use std::sync::{Arc, OnceLock, Weak};
 
 /// Body index of a contact side whose velocity the impulses cannot change: fixed or fully prescribed.
 pub const FIXED: u32 = u32::MAX;
@@ -47,6 +47,8 @@ pub struct RigidDelassus {
     /// Body b's contact sides are `sides[side_start[b]..side_start[b + 1]]`, contact ascending.
     side_start: Vec<u32>,
     sides: Vec<Side>,
+    /// Diagonals of the blocks N_ii, made when first asked for.
+    diagonal: OnceLock<Vec<[f64; 3]>>,
 }
 
 /// One side of a contact, seen from its body.
@@ -139,7 +141,7 @@ impl RigidDelassus {
                 }
             }
         }
-        Self { contacts, inverse_mass, side_start, sides }
+        Self { contacts, inverse_mass, side_start, sides, diagonal: OnceLock::new() }
     }
 
     /// Number of contacts N_c.
@@ -264,6 +266,35 @@ impl RigidDelassus {
         block
     }
 
+    /// Diagonals (nn, 11, 22) of the blocks N_ii of all contacts, 1/kg; computed once.
+    pub fn diagonal(&self) -> &[[f64; 3]] {
+        self.diagonal.get_or_init(|| {
+            let contacts = self.contacts.par_iter().with_min_len(TASK);
+            contacts.map(|contact| self.diagonal_of(contact)).collect()
+        })
+    }
+
+    /// The diagonal of [`Self::block`] of a contact with itself, in the same arithmetic.
+    fn diagonal_of(&self, contact: &RigidContact) -> [f64; 3] {
+        let sides = [(contact.body_a, 1.0, contact.arm_a), (contact.body_b, -1.0, contact.arm_b)];
+        let mut diagonal = [0.0; 3];
+        for (body_i, sign_i, arm_i) in sides {
+            for (body_j, sign_j, arm_j) in sides {
+                if body_i != body_j || body_i == FIXED {
+                    continue;
+                }
+                let inverse = &self.inverse_mass[body_i as usize];
+                for (axis, entry) in contact.frame.iter().zip(&mut diagonal) {
+                    let w = times3(&inverse.angular, cross(arm_j, *axis));
+                    let spin = cross(w, arm_i);
+                    let velocity: [f64; 3] = std::array::from_fn(|k| inverse.linear[k] * axis[k] + spin[k]);
+                    *entry += sign_i * sign_j * dot3(*axis, velocity);
+                }
+            }
+        }
+        diagonal
+    }
+
     /// N as a sparse matrix: block (i, j) is stored where contacts i and j share a body that is not fixed.
     pub fn assemble(&self) -> BlockMatrix3 {
         let rows: Vec<Vec<u32>> = (0..self.num_contacts())
@@ -356,6 +387,17 @@ impl Delassus {
         match self {
             Self::Rigid(rigid) => rigid.block(i, i),
             Self::Sparse(matrix) => matrix.get(i, i),
+        }
+    }
+
+    /// Diagonal (nn, 11, 22) of the block N_ii, 1/kg.
+    pub fn diagonal(&self, i: usize) -> [f64; 3] {
+        match self {
+            Self::Rigid(rigid) => rigid.diagonal()[i],
+            Self::Sparse(matrix) => {
+                let block = matrix.get(i, i);
+                [block[0], block[4], block[8]]
+            }
         }
     }
 

@@ -196,8 +196,8 @@ impl Ccp {
     pub fn diagonal_scale(&self) -> Vec<f64> {
         let mut eta: Vec<f64> = (0..self.num_contacts())
             .map(|i| {
-                let block = self.delassus.diagonal_block(i);
-                (block[0] + block[4] + block[8]) / 3.0
+                let [nn, t1, t2] = self.delassus.diagonal(i);
+                (nn + t1 + t2) / 3.0
             })
             .collect();
         let smallest = eta.iter().copied().filter(|&e| e > 0.0).fold(f64::INFINITY, f64::min);

@@ -1,7 +1,7 @@
 //! The one accuracy measure: the natural map of the complementarity problem, dimensionless.
 
 use crate::problem::Ccp;
-use graintrain_linalg::parallel::sum_chunks;
+use graintrain_linalg::parallel::{map_chunks, sum_chunks};
 
 /// Which problem an impulse is held against.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
@@ -75,9 +75,7 @@ pub const MIXED_MAXIMUM: f64 = 20.0;
 impl Residual {
     /// The larger of each number; NaN where one is.
     pub fn worse(self, other: Self) -> Self {
-        // f64::max would lose a NaN.
-        let worse = |a: f64, b: f64| if a.is_nan() || a > b { a } else { b };
-        Self { max: worse(self.max, other.max), rms: worse(self.rms, other.rms) }
+        Self { max: larger(self.max, other.max), rms: larger(self.rms, other.rms) }
     }
 
     /// The number that is held against the tolerance: max, or max(rms, max / [`MIXED_MAXIMUM`]); NaN where either is.
@@ -118,7 +116,7 @@ fn mean_length(contacts: usize, component: impl Fn(usize) -> f64 + Sync) -> f64 
 }
 
 /// V of a problem, m/s: `problem.velocity_scale`, or sqrt(mean_i |r_i|^2) for a bare problem; 1 where that is zero or not finite.
-pub(crate) fn velocity_scale(problem: &Ccp) -> f64 {
+pub fn velocity_scale(problem: &Ccp) -> f64 {
     or_one(problem.velocity_scale.unwrap_or_else(|| mean_length(problem.num_contacts(), |k| problem.r[k])))
 }
 
@@ -146,13 +144,16 @@ impl ResidualScale {
         std::array::from_fn(|k| g[3 * i + k] - image[k])
     }
 
-    /// Residual of impulses g whose relative velocities are u = N g + r.
-    pub fn residual(&self, problem: &Ccp, g: &[f64], u: &[f64], model: FrictionModel) -> Residual {
-        let contacts = problem.num_contacts();
-        if contacts == 0 {
-            return Residual::default();
-        }
-        let square = |i: usize| {
+    /// Sum and maximum over the contacts of (eta_i |d_i| / V)^2, and the maximum of (|d_i| / J)^2, of each friction model asked for.
+    fn squares<const M: usize>(
+        &self,
+        problem: &Ccp,
+        g: &[f64],
+        u: &[f64],
+        models: [FrictionModel; M],
+        impulse_unit: f64,
+    ) -> [Squares; M] {
+        let of_contact = |i: usize, model: FrictionModel| {
             // In units of V / eta_i, so that no square overflows.
             let measured = |impulse: f64| self.eta[i] * impulse / self.velocity;
             let d = self.natural_map(problem, g, u, model, i);
@@ -160,31 +161,115 @@ impl ResidualScale {
             // Below the rounding of its impulse nothing is known: where impulses grow without limit (bodies that
             // cannot be kept apart) g - u / eta is g in the end, whatever u is.
             let rounding = (0..3).map(|k| (f64::EPSILON * measured(g[3 * i + k])).powi(2)).sum::<f64>();
-            if defect < rounding { rounding } else { defect }
+            let square = if defect < rounding { rounding } else { defect };
+            let paper = d.iter().map(|d| (d / impulse_unit).powi(2)).sum::<f64>();
+            Squares { sum: square, max: square, paper_max: paper }
         };
-        let sum = sum_chunks(contacts, |range| range.map(square).sum());
-        Residual { max: largest((0..contacts).map(square)).sqrt(), rms: (sum / contacts as f64).sqrt() }
+        let chunks = map_chunks(problem.num_contacts(), |range| {
+            range.fold([Squares::default(); M], |all, i| {
+                std::array::from_fn(|m| all[m].and(of_contact(i, models[m])))
+            })
+        });
+        let none = [Squares::default(); M];
+        chunks.iter().fold(none, |all, chunk| std::array::from_fn(|m| all[m].and(chunk[m])))
+    }
+
+    /// Residual of impulses g whose relative velocities are u = N g + r.
+    pub fn residual(&self, problem: &Ccp, g: &[f64], u: &[f64], model: FrictionModel) -> Residual {
+        let [squares] = self.squares(problem, g, u, [model], 1.0);
+        squares.residual(problem.num_contacts())
+    }
+
+    /// All that is told of impulses g whose relative velocities are u = N g + r.
+    pub fn evaluate(&self, problem: &Ccp, g: &[f64], u: &[f64]) -> Evaluation {
+        let contacts = problem.num_contacts();
+        let unit = self.paper_unit(problem);
+        let models = [FrictionModel::Relaxed, FrictionModel::Coulomb];
+        let [relaxed, coulomb] = self.squares(problem, g, u, models, unit);
+        Evaluation {
+            relaxed: relaxed.residual(contacts),
+            coulomb: coulomb.residual(contacts),
+            paper_relaxed: relaxed.paper_max.sqrt(),
+            paper_coulomb: coulomb.paper_max.sqrt(),
+        }
+    }
+
+    /// J, N s, or 1 where that tells nothing.
+    fn paper_unit(&self, problem: &Ccp) -> f64 {
+        or_one(
+            problem
+                .impulse_scale
+                .unwrap_or_else(|| mean_length(problem.num_contacts(), |k| problem.r[k] / self.eta[k / 3])),
+        )
     }
 
     /// The measure used until November 2026: max_i |d_i| / J with one impulse J (N s) for all contacts, `problem.impulse_scale` or
     /// sqrt(mean_i (|r_i| / eta_i)^2). A heavy body anywhere loosens it for all others: only for comparison with older figures.
     pub fn paper(&self, problem: &Ccp, g: &[f64], u: &[f64], model: FrictionModel) -> f64 {
-        let contacts = problem.num_contacts();
-        let scale = problem
-            .impulse_scale
-            .unwrap_or_else(|| mean_length(contacts, |k| problem.r[k] / self.eta[k / 3]));
-        let unit = or_one(scale);
-        let square = |i: usize| {
-            let d = self.natural_map(problem, g, u, model, i);
-            d.iter().map(|d| (d / unit).powi(2)).sum::<f64>()
-        };
-        largest((0..contacts).map(square)).sqrt()
+        let [squares] = self.squares(problem, g, u, [model], self.paper_unit(problem));
+        squares.paper_max.sqrt()
     }
 }
 
-/// The largest number; a NaN does not hide.
-fn largest(numbers: impl Iterator<Item = f64>) -> f64 {
-    numbers.fold(0.0, |m: f64, x| if x.is_nan() || x > m { x } else { m })
+/// Residuals of impulses in both friction models, each evaluated afresh with the problem's own N.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Evaluation {
+    /// As a relaxed CCP.
+    pub relaxed: Residual,
+    /// As exact Coulomb friction.
+    pub coulomb: Residual,
+    /// [`ResidualScale::paper`] as a relaxed CCP.
+    pub paper_relaxed: f64,
+    /// [`ResidualScale::paper`] as exact Coulomb friction.
+    pub paper_coulomb: f64,
+}
+
+impl Evaluation {
+    /// The residual in this friction model.
+    pub fn residual(&self, model: FrictionModel) -> Residual {
+        match model {
+            FrictionModel::Relaxed => self.relaxed,
+            FrictionModel::Coulomb => self.coulomb,
+        }
+    }
+
+    /// The older measure in this friction model.
+    pub fn paper(&self, model: FrictionModel) -> f64 {
+        match model {
+            FrictionModel::Relaxed => self.paper_relaxed,
+            FrictionModel::Coulomb => self.paper_coulomb,
+        }
+    }
+}
+
+/// What contacts add up to on the way to a residual.
+#[derive(Clone, Copy, Debug, Default)]
+struct Squares {
+    sum: f64,
+    max: f64,
+    paper_max: f64,
+}
+
+impl Squares {
+    fn and(self, other: Self) -> Self {
+        Self {
+            sum: self.sum + other.sum,
+            max: larger(self.max, other.max),
+            paper_max: larger(self.paper_max, other.paper_max),
+        }
+    }
+
+    fn residual(self, contacts: usize) -> Residual {
+        if contacts == 0 {
+            return Residual::default();
+        }
+        Residual { max: self.max.sqrt(), rms: (self.sum / contacts as f64).sqrt() }
+    }
+}
+
+/// The larger number, or NaN where one is: `f64::max` would lose it.
+fn larger(a: f64, b: f64) -> f64 {
+    if a.is_nan() || a > b { a } else { b }
 }
 
 /// How far the objective of impulses g, with velocities u = N g + r, may lie above the optimum of the relaxed problem, relative to

@@ -178,12 +178,9 @@ fn evaluate(problem: &Ccp, g: &[f64], friction: FrictionModel, report: &mut Solv
     for (u, r) in u.iter_mut().zip(&problem.r) {
         *u += r;
     }
-    report.residual_relaxed = scale.residual(problem, g, &u, FrictionModel::Relaxed);
-    report.residual_coulomb = scale.residual(problem, g, &u, FrictionModel::Coulomb);
-    report.residual = match friction {
-        FrictionModel::Relaxed => report.residual_relaxed,
-        FrictionModel::Coulomb => report.residual_coulomb,
-    };
+    let evaluation = scale.evaluate(problem, g, &u);
+    (report.residual_relaxed, report.residual_coulomb) = (evaluation.relaxed, evaluation.coulomb);
+    report.residual = evaluation.residual(friction);
     report.objective = problem.objective(g, &u);
 }
 

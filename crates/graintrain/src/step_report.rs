@@ -4,7 +4,7 @@ use crate::assemble::relative_velocities;
 use crate::contact::{Contact, ContactSet};
 use crate::math::Vec3;
 use crate::world::World;
-use graintrain_ccp::residual::{MIXED_MAXIMUM, ResidualScale};
+use graintrain_ccp::residual::{MIXED_MAXIMUM, velocity_scale};
 use graintrain_ccp::{Ccp, Delassus, Residual, SolveReport};
 use serde::{Deserialize, Serialize};
 
@@ -99,7 +99,7 @@ impl PhysicalErrors {
         let Delassus::Rigid(rigid) = &*problem.delassus else { return PhysicalErrors::default() };
         let mut errors = PhysicalErrors::default();
         let u = relative_velocities(contacts, rigid.contacts(), velocity);
-        let resolved = MIXED_MAXIMUM * tolerance * ResidualScale::new(problem).velocity;
+        let resolved = MIXED_MAXIMUM * tolerance * velocity_scale(problem);
         for (k, contact) in contacts.iter().enumerate() {
             let (u, g) = (&u[3 * k..3 * k + 3], &impulse[3 * k..3 * k + 3]);
             let approach = -(u[0] + contact.gap.max(0.0) / step);

@@ -440,7 +440,7 @@ impl Stepper {
             let end = *deep.get(&contact.identity)?;
             let u = relative_velocities(&[contact], std::slice::from_ref(row), &attempt.velocity);
             let error = contact.gap + self.settings.step * u[0] - end;
-            (error > allowed(&contact)).then(|| (i as usize, contact.gap - error))
+            (error > allowed(&contact)).then_some((i as usize, contact.gap - error))
         };
         attempt.active.iter().zip(rigid.contacts()).filter_map(mended).collect()
     }

@@ -5,7 +5,7 @@ use super::settings::SolveSettings;
 use crate::newton::NewtonError;
 use crate::newton::driver::NewtonDriver;
 use crate::problem::{Ccp, CcpError};
-use crate::residual::{FrictionModel, Residual, ResidualScale};
+use crate::residual::{Residual, ResidualScale};
 use graintrain_linalg::patience::Patience;
 use std::time::Instant;
 
@@ -89,13 +89,9 @@ impl<'a> Limits<'a> {
         for (u, r) in velocity.iter_mut().zip(&problem.r) {
             *u += r;
         }
-        let residual_relaxed = scale.residual(problem, impulse, &velocity, FrictionModel::Relaxed);
-        let residual_coulomb = scale.residual(problem, impulse, &velocity, FrictionModel::Coulomb);
         let model = self.settings.friction;
-        let residual = match model {
-            FrictionModel::Relaxed => residual_relaxed,
-            FrictionModel::Coulomb => residual_coulomb,
-        };
+        let evaluation = scale.evaluate(problem, impulse, &velocity);
+        let residual = evaluation.residual(model);
         let status = if self.judged(residual) <= self.settings.tolerance {
             Status::Converged
         } else if matches!(status, Status::Converged | Status::Stalled) {
@@ -111,9 +107,9 @@ impl<'a> Limits<'a> {
             linear_iterations,
             products: 0,
             residual,
-            residual_relaxed,
-            residual_coulomb,
-            residual_paper: scale.paper(problem, impulse, &velocity, model),
+            residual_relaxed: evaluation.relaxed,
+            residual_coulomb: evaluation.coulomb,
+            residual_paper: evaluation.paper(model),
             objective: problem.objective(impulse, &velocity),
             seconds: self.seconds(),
             newton: Vec::new(),

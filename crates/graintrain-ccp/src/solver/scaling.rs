@@ -99,10 +99,10 @@ impl ScaledProblem {
         let c = residual.size();
         let scaling: Vec<[f64; 2]> = (0..contacts)
             .map(|i| {
-                let block = problem.delassus.diagonal_block(i);
+                let [nn, t1, t2] = problem.delassus.diagonal(i);
                 // A degree of freedom that impulses do not move gets a little of eta.
                 let factor = |mobility: f64| 1.0 / mobility.max(0.05 * residual.eta[i]).sqrt();
-                [factor(block[0]), factor(0.5 * (block[4] + block[8]))]
+                [factor(nn), factor(0.5 * (t1 + t2))]
             })
             .collect();
         let (operator, order) = match &*problem.delassus {
