@@ -4,6 +4,7 @@ use graintrain::collide::deepest_overlap;
 use graintrain::math::Vec3;
 use graintrain::shape::Shape;
 use graintrain_io::scene::{Scene, Simulation, builtin};
+use graintrain_testdata::public_data;
 use std::path::Path;
 
 fn settings(list: &[(&str, &str)]) -> Vec<(String, String)> {
@@ -31,14 +32,7 @@ fn assert_resolves(simulation: &Simulation) {
 }
 
 fn data(file: &str) -> Option<String> {
-    let folder = std::env::var("GRAINTRAIN_DATA")
-        .unwrap_or_else(|_| concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data").to_string());
-    let path = Path::new(&folder).join("packings").join(file);
-    if !path.exists() {
-        println!("skipped: {} is not there", path.display());
-        return None;
-    }
-    path.to_str().map(str::to_string)
+    public_data(&format!("packings/{file}"))?.to_str().map(str::to_string)
 }
 
 /// Deepest overlap as a fraction of the smallest radius.

@@ -7,22 +7,12 @@ use graintrain::math::Vec3;
 use graintrain::motion::Motion;
 use graintrain::shape::Geometry;
 use graintrain::world::{Body, FREE, World};
-use std::path::PathBuf;
+use graintrain_testdata::public_data;
 
-/// Contents of a file of the data folder, or `None` with a message where the folder is absent.
+/// Contents of a packing of the public data.
 fn data(name: &str) -> Option<String> {
-    let folder = std::env::var_os("GRAINTRAIN_DATA").map_or_else(
-        || PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data")),
-        PathBuf::from,
-    );
-    let path = folder.join("packings").join(name);
-    match std::fs::read_to_string(&path) {
-        Ok(text) => Some(text),
-        Err(error) => {
-            println!("skipped: cannot read {}: {error} (set GRAINTRAIN_DATA)", path.display());
-            None
-        }
-    }
+    let path = public_data(&format!("packings/{name}"))?;
+    Some(std::fs::read_to_string(path).unwrap())
 }
 
 /// The numbers of the first ascii data array whose tag has all the words.

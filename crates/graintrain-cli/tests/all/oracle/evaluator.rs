@@ -3,15 +3,18 @@
 
 use std::path::Path;
 
-/// A problem as its file states it, at most sparse: u = W g + q, or u = H^T M^-1 (H g + f) + w with diagonal M.
+/// A problem as its file states it, at most sparse: u = W g + q, or u = H^T M^-1 (H g + f) + w with M of blocks
+/// 3 x 3.
 pub struct Problem {
     form: Form,
     friction: Vec<f64>,
+    /// V of the residual, where the file states one (dumps of runs do).
+    velocity_scale: Option<f64>,
 }
 
 enum Form {
     Local { w: Entries, q: Vec<f64> },
-    Global { inverse_mass: Vec<f64>, h: Entries, f: Vec<f64>, w: Vec<f64> },
+    Global { inverse_mass: Entries, h: Entries, f: Vec<f64>, w: Vec<f64> },
 }
 
 /// (row, column, value); entries at the same place add up.
@@ -25,6 +28,8 @@ pub struct Verdict {
     pub objective: f64,
     /// max |u - u of the answer| / max |u|.
     pub velocity_error: f64,
+    /// Of the residuals, by round-off: where a heavy body stands on a light one, velocities are small differences of large impulses.
+    pub rounding: f64,
 }
 
 impl Problem {
@@ -51,8 +56,10 @@ impl Problem {
             Form::Global { inverse_mass, h, f, w } => {
                 let mut v = f.clone();
                 h.iter().for_each(|&(i, j, x)| v[i] += x * g[j]);
+                let mut moved = vec![0.0; v.len()];
+                inverse_mass.iter().for_each(|&(i, j, x)| moved[i] += x * v[j]);
                 let mut u = w.clone();
-                h.iter().for_each(|&(i, j, x)| u[j] += x * v[i] * inverse_mass[i]);
+                h.iter().for_each(|&(i, j, x)| u[j] += x * moved[i]);
                 u
             }
         }
@@ -64,9 +71,19 @@ impl Problem {
             Form::Local { w, .. } => {
                 w.iter().filter(|(i, j, _)| i == j).for_each(|&(i, _, x)| diagonal[i] += x);
             }
-            // No file states an entry of H twice.
-            Form::Global { inverse_mass, h, .. } => {
-                h.iter().for_each(|&(i, j, x)| diagonal[j] += x * x * inverse_mass[i]);
+            Form::Global { inverse_mass, h, f, .. } => {
+                let mut columns = vec![Vec::new(); diagonal.len()];
+                h.iter().for_each(|&(i, j, x)| columns[j].push((i, x)));
+                let mut rows = vec![Vec::new(); f.len()];
+                inverse_mass.iter().for_each(|&(i, j, x)| rows[i].push((j, x)));
+                for (column, sum) in columns.iter().zip(&mut diagonal) {
+                    let entry =
+                        |row: usize| column.iter().filter(|(i, _)| *i == row).map(|(_, x)| x).sum::<f64>();
+                    *sum = column
+                        .iter()
+                        .map(|&(i, x)| x * rows[i].iter().map(|&(j, m)| m * entry(j)).sum::<f64>())
+                        .sum();
+                }
             }
         }
         diagonal
@@ -88,8 +105,8 @@ impl Problem {
         let (u, r) = (self.velocity(&g), self.velocity(&vec![0.0; g.len()]));
         let eta: Vec<f64> = self.diagonal().chunks(3).map(|d| d.iter().sum::<f64>() / 3.0).collect();
         let square = |x: &[f64]| x.iter().map(|x| x * x).sum::<f64>();
-        // Of a bare problem: no file here states a V.
-        let scale = (r.chunks(3).map(square).sum::<f64>() / eta.len() as f64).sqrt();
+        let bare = (r.chunks(3).map(square).sum::<f64>() / eta.len() as f64).sqrt();
+        let scale = self.velocity_scale.unwrap_or(bare);
         let residual = |coulomb: f64| {
             (0..eta.len())
                 .map(|i| {
@@ -107,6 +124,9 @@ impl Problem {
             relaxed: residual(0.0),
             coulomb: residual(1.0),
             objective: g.iter().zip(&u).zip(&r).map(|((g, u), r)| 0.5 * g * (u + r)).sum(),
+            rounding: (0..eta.len())
+                .map(|i| 4.0 * f64::EPSILON * eta[i] * square(&g[3 * i..3 * i + 3]).sqrt() / scale)
+                .fold(0.0, f64::max),
             velocity_error: u.iter().zip(&stated).fold(0.0, |m: f64, (a, b)| m.max((a - b).abs())) / both,
         }
     }
@@ -153,16 +173,34 @@ fn read_fclib(path: &Path) -> Problem {
         let inverse_mass = invert(&matrix("fclib_global/M"), vector("f").len());
         Form::Global { inverse_mass, h: matrix("fclib_global/H"), f: vector("f"), w: vector("w") }
     };
-    Problem { form, friction: vector("mu") }
+    let velocity_scale =
+        file.dataset("graintrain/velocity_scale").ok().map(|scale| scale.read_f64().unwrap()[0]);
+    Problem { form, friction: vector("mu"), velocity_scale }
 }
 
-fn invert(m: &Entries, size: usize) -> Vec<f64> {
-    let mut diagonal = vec![0.0; size];
+/// The inverse of a matrix of blocks 3 x 3, by the adjugate.
+fn invert(m: &Entries, size: usize) -> Entries {
+    let mut blocks = vec![[[0.0; 3]; 3]; size.div_ceil(3)];
     for &(i, j, x) in m {
-        assert!(i == j || x == 0.0, "diagonal mass matrix expected");
-        diagonal[i] += x;
+        assert!(i / 3 == j / 3 || x == 0.0, "mass matrix of blocks expected");
+        if x != 0.0 {
+            blocks[i / 3][i % 3][j % 3] += x;
+        }
     }
-    diagonal.iter().map(|x| 1.0 / x).collect()
+    let mut inverse = Vec::new();
+    for (k, b) in blocks.iter().enumerate() {
+        let minor = |i: usize, j: usize| {
+            let (r, c) = ([(i + 1) % 3, (i + 2) % 3], [(j + 1) % 3, (j + 2) % 3]);
+            b[r[0]][c[0]] * b[r[1]][c[1]] - b[r[0]][c[1]] * b[r[1]][c[0]]
+        };
+        let determinant: f64 = (0..3).map(|j| b[0][j] * minor(0, j)).sum();
+        for i in 0..3 {
+            for j in (0..3).filter(|&j| minor(j, i) != 0.0) {
+                inverse.push((3 * k + i, 3 * k + j, minor(j, i) / determinant));
+            }
+        }
+    }
+    inverse
 }
 
 /// The words of a Siconos text file, without what CSparse prints around the numbers.
@@ -189,14 +227,15 @@ fn read_siconos(text: &str) -> Problem {
     };
     if words.len() - at <= 4 * contacts + 1 {
         let q = take(3 * contacts, &mut at);
-        return Problem { form: Form::Local { w: first, q }, friction: take(contacts, &mut at) };
+        let form = Form::Local { w: first, q };
+        return Problem { form, friction: take(contacts, &mut at), velocity_scale: None };
     }
     let size = first.iter().map(|entry| entry.0).max().unwrap() + 1;
     let h = matrix(&words, &mut at, &mut triplets);
     let f = take(size, &mut at);
     let w = take(3 * contacts, &mut at);
     let form = Form::Global { inverse_mass: invert(&first, size), h, f, w };
-    Problem { form, friction: take(contacts, &mut at) }
+    Problem { form, friction: take(contacts, &mut at), velocity_scale: None }
 }
 
 fn matrix(words: &[f64], at: &mut usize, triplets: &mut impl Iterator<Item = usize>) -> Entries {

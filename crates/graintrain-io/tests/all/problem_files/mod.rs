@@ -7,17 +7,12 @@ mod dumps;
 mod unusual;
 
 use graintrain_io::problem_file::{self, Form};
+use graintrain_testdata::public_data;
 use std::path::PathBuf;
 
-/// The folder of public data, or `None` (said aloud) where it is absent.
+/// The folder of public data.
 fn data() -> Option<PathBuf> {
-    let default = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data");
-    let folder = std::env::var_os("GRAINTRAIN_DATA").map_or_else(|| PathBuf::from(default), PathBuf::from);
-    if folder.is_dir() {
-        return Some(folder);
-    }
-    eprintln!("skipped: no public data at {} (set GRAINTRAIN_DATA)", folder.display());
-    None
+    public_data("")
 }
 
 /// A line of the reference.
