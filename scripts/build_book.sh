@@ -11,4 +11,9 @@ fi
 mdbook build docs/book
 # The pages of the notebook are included from docs/, their pictures lie beside them there.
 cp docs/*.svg target/book/notebook/
+# Pages link to sources from where they lie in docs/book/src. In the built book these links lead to the repository around it, or to
+# BOOK_SOURCES=https://host/graintrain/blob/main where it is shown elsewhere.
+sources=${BOOK_SOURCES:-../..}
+sed -i.bak -E "s#href=\"\.\./\.\./\.\./([A-Z]+)\.html#href=\"$sources/\1.md#g; s#href=\"\.\./\.\./\.\./#href=\"$sources/#g" target/book/*.html
+rm target/book/*.html.bak
 echo "target/book/index.html"
