@@ -24,6 +24,10 @@ use std::sync::Arc;
 /// An overlap above this fraction of the smaller body's size starts a correction of its part.
 const TRIGGER: f64 = 5e-4;
 
+/// The same per tolerance of the solve, where that is more: whoever asks for 1e-2 lets every step add overlap, and a correction of all
+/// contacts in every step costs as much as the solve.
+const TRIGGER_PER_TOLERANCE: f64 = 0.2;
+
 /// A correction leaves this overlap, as a fraction of the size: contacts that just touch would part and meet again with every
 /// rounding.
 const KEPT: f64 = 1e-4;
@@ -68,9 +72,16 @@ pub(crate) struct Gaps<'a> {
     pub fall: f64,
     /// 1/2 dt^2 (|w_A|^2 |r_A| + |w_B|^2 |r_B|) of every contact, m: what turning adds to the overlap beyond the linearised gap.
     pub turn: &'a [f64],
+    /// Tolerance of the step's solve.
+    pub tolerance: f64,
 }
 
 impl Gaps<'_> {
+    /// The overlap over size that starts a correction.
+    fn trigger(&self) -> f64 {
+        TRIGGER.max(TRIGGER_PER_TOLERANCE * self.tolerance)
+    }
+
     fn overlap_over_size(&self, i: u32) -> f64 {
         -self.gap[i as usize] / self.size[i as usize]
     }
@@ -93,11 +104,12 @@ impl Gaps<'_> {
     /// Those of the solver.
     pub(crate) fn correct(&self, solver: &mut dyn CcpSolver) -> Result<Correction, CcpError> {
         let mut correction = Correction::default();
+        let trigger = self.trigger();
         let worst = (0..self.gap.len() as u32)
             .map(|i| self.overlap_over_size(i))
             .enumerate()
-            .fold((0, TRIGGER), |worst, next| if next.1 > worst.1 { next } else { worst });
-        if worst.1 <= TRIGGER {
+            .fold((0, trigger), |worst, next| if next.1 > worst.1 { next } else { worst });
+        if worst.1 <= trigger {
             return Ok(correction);
         }
         (correction.overlap_max, correction.overlap_max_over_size) = (-self.gap[worst.0], worst.1);
@@ -126,7 +138,7 @@ impl Gaps<'_> {
             let before = moving.clone();
             let reached = |body: u32| body != FIXED && before[body as usize];
             for (i, row) in self.rows.iter().enumerate() {
-                let starts = ring == 0 && self.overlap_over_size(i as u32) > 0.5 * TRIGGER;
+                let starts = ring == 0 && self.overlap_over_size(i as u32) > 0.5 * self.trigger();
                 if starts || reached(row.body_a) || reached(row.body_b) {
                     for body in [row.body_a, row.body_b].into_iter().filter(|&body| body != FIXED) {
                         moving[body as usize] = true;

@@ -351,6 +351,7 @@ impl Stepper {
             size: &size,
             fall: world.gravity.length() * step * step,
             turn: &turn,
+            tolerance: self.settings.tolerance,
         };
         let correction = gaps.correct(self.correction.as_mut())?;
         let finite = correction.displacement.iter().flatten().all(|x| x.is_finite());
