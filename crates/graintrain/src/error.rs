@@ -20,7 +20,7 @@ pub enum ModelError {
         /// Kind of thing.
         what: &'static str,
         /// The index given.
-        index: u32,
+        index: usize,
         /// How many there are.
         len: usize,
     },

@@ -3,6 +3,7 @@
 //! | module | holds |
 //! |---|---|
 //! | [`math`] | vectors, rotations |
+//! | [`handle`] | typed indices of geometries, materials, motions, bodies |
 //! | [`shape`], [`material`], [`motion`] | what bodies are made of and how they are driven |
 //! | [`world`] | the state |
 //! | [`contact`] | contacts and their impulses |
@@ -24,6 +25,7 @@ pub mod assemble;
 pub mod collide;
 pub mod contact;
 pub mod error;
+pub mod handle;
 pub mod impact;
 pub mod integrate;
 pub mod material;

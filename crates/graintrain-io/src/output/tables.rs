@@ -56,7 +56,7 @@ impl Tables {
         self.steps.append(&step_record(world, report, output_seconds))?;
         self.newton.append(world.step, &report.solve.newton)?;
         for wrench in &report.wrenches {
-            let body = wrench.body as usize;
+            let body = wrench.body.index();
             if has_wrench_record(world, body) {
                 let vectors =
                     [wrench.force, wrench.torque, world.bodies.position[body], world.bodies.velocity[body]];

@@ -8,6 +8,7 @@ use super::packing::{self, read_file};
 use crate::settings::OutputSettings;
 use graintrain::collide::deepest_overlap;
 use graintrain::error::ModelError;
+use graintrain::handle::{GeometryId, MaterialId, MotionId};
 use graintrain::material::Materials;
 use graintrain::math::{Quat, Vec3};
 use graintrain::motion::{Motion, Profile, Rotation};
@@ -119,12 +120,12 @@ impl Scene {
 /// A world in the making.
 struct Builder {
     world: World,
-    /// Indices of materials by name.
-    materials: HashMap<String, u32>,
+    /// Materials by name.
+    materials: HashMap<String, MaterialId>,
     /// Geometries of spheres by the bits of their radius: equal spheres share one.
-    spheres: HashMap<u64, u32>,
+    spheres: HashMap<u64, GeometryId>,
     /// Motion of bodies with locked rotation, once there is one.
-    locked_rotation: Option<u32>,
+    locked_rotation: Option<MotionId>,
     /// Smallest size of a body that can move, m.
     smallest_radius: f64,
     /// Where bodies come from, in their order.
@@ -200,7 +201,9 @@ impl Builder {
                         scene.contact.restitution_rule.combine(first.restitution, second.restitution)
                     }
                 });
-                materials.set_pair(i as u32, j as u32, friction, restitution).map_err(unplaced)?;
+                materials
+                    .set_pair(index[first_name], index[second_name], friction, restitution)
+                    .map_err(unplaced)?;
             }
         }
         Ok(Self {
@@ -213,7 +216,7 @@ impl Builder {
         })
     }
 
-    fn material(&self, name: &str) -> u32 {
+    fn material(&self, name: &str) -> MaterialId {
         self.materials[name]
     }
 
@@ -243,7 +246,8 @@ impl Builder {
                 angular_velocity: spec.angular_velocity,
                 ..Body::new(geometry, material, Vec3::ZERO)
             })
-            .map_err(at)? as usize;
+            .map_err(at)?
+            .index();
         let default_mass = self.world.bodies.mass[body];
         let mass = spec.mass.or(spec.density.map(|density| density * volume));
         if let Some(mass) = mass.filter(|_| default_mass > 0.0) {
@@ -257,7 +261,7 @@ impl Builder {
         Ok(())
     }
 
-    fn motion(&mut self, spec: &MotionSpec) -> Result<u32, ModelError> {
+    fn motion(&mut self, spec: &MotionSpec) -> Result<MotionId, ModelError> {
         if spec.free == [true; 6] {
             return Ok(FREE);
         }
@@ -307,7 +311,7 @@ impl Builder {
         Ok(())
     }
 
-    fn sphere(&mut self, radius: f64) -> Result<u32, ModelError> {
+    fn sphere(&mut self, radius: f64) -> Result<GeometryId, ModelError> {
         if let Some(&geometry) = self.spheres.get(&radius.to_bits()) {
             return Ok(geometry);
         }
@@ -316,7 +320,7 @@ impl Builder {
         Ok(geometry)
     }
 
-    fn locked_rotation(&mut self) -> Result<u32, ModelError> {
+    fn locked_rotation(&mut self) -> Result<MotionId, ModelError> {
         if let Some(motion) = self.locked_rotation {
             return Ok(motion);
         }

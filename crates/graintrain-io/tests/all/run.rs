@@ -2,6 +2,7 @@
 
 use graintrain::assemble::OverlapCorrection;
 use graintrain::ccp::{FrictionModel, Judge};
+use graintrain::handle::MaterialId;
 use graintrain::material::Materials;
 use graintrain::math::Vec3;
 use graintrain::motion::{Motion, Profile};
@@ -34,15 +35,25 @@ fn world() -> World {
         world.add_geometry(Geometry::cuboid(Vec3::new(0.08, 0.06, 0.05)).unwrap()),
     ];
     world
-        .add_body(Body { name: "ground".into(), motion: fixed, ..Body::new(ground, 0, Vec3::ZERO) })
+        .add_body(Body {
+            name: "ground".into(),
+            motion: fixed,
+            ..Body::new(ground, MaterialId::default(), Vec3::ZERO)
+        })
         .unwrap();
     let height = Vec3::new(0.0, 0.0, 0.1);
-    world.add_body(Body { name: "bar".into(), motion: turning, ..Body::new(bar, 0, height) }).unwrap();
+    world
+        .add_body(Body {
+            name: "bar".into(),
+            motion: turning,
+            ..Body::new(bar, MaterialId::default(), height)
+        })
+        .unwrap();
     for k in 0..27_usize {
         let at = |n: usize| 0.22 * (n as f64 - 1.0);
         let shift = 0.013 * ((7 * k) % 5) as f64;
         let centre = Vec3::new(at(k % 3) + shift, at(k / 3 % 3) - shift, 0.5 + at(k / 9));
-        world.add_body(Body::new(forms[k % 3], 0, centre)).unwrap();
+        world.add_body(Body::new(forms[k % 3], MaterialId::default(), centre)).unwrap();
     }
     world
 }
