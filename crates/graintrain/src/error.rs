@@ -54,7 +54,7 @@ pub enum ModelError {
         /// The name.
         name: String,
     },
-    /// A table of velocities that is not a function of time.
+    /// A table or formula that is not a function of time.
     #[error("{what}")]
     Table {
         /// What is wrong with it.

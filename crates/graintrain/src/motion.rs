@@ -1,18 +1,19 @@
-//! Prescribed motion: velocities as functions of time, and which degrees of freedom they hold.
+//! Functions of time, and prescribed motion: velocities, and which degrees of freedom they hold.
 
 use crate::error::{ModelError, finite, positive};
+use crate::formula::Formula;
 use crate::math::Vec3;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
 
-/// A scalar velocity (m/s or rad/s) as a function of time.
+/// A scalar function of time: a velocity (m/s or rad/s), a force, an acceleration.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Profile {
     /// The same at all times.
     Constant(f64),
     /// amplitude sin(2 pi t / period + phase).
     Sinusoidal {
-        /// Largest velocity.
+        /// Largest value.
         amplitude: f64,
         /// s.
         period: f64,
@@ -23,16 +24,18 @@ pub enum Profile {
     Table {
         /// Strictly ascending times, s.
         times: Vec<f64>,
-        /// Velocity at each time.
+        /// Value at each time.
         values: Vec<f64>,
     },
-    /// At rest until `start`, then the profile with its time counted from there.
+    /// Zero until `start`, then the profile with its time counted from there.
     Delayed {
         /// s.
         start: f64,
         /// What follows.
         profile: Box<Profile>,
     },
+    /// A formula.
+    Formula(Formula),
 }
 
 /// How a body moves: each of its six degrees of freedom (translation along and rotation about the world axes) is
@@ -60,10 +63,11 @@ pub struct Rotation {
 }
 
 impl Profile {
-    /// Velocity at a time.
+    /// Value at a time.
     pub fn value(&self, time: f64) -> f64 {
         match self {
             Self::Constant(value) => *value,
+            Self::Formula(formula) => formula.value(time),
             Self::Sinusoidal { amplitude, period, phase } => amplitude * (TAU * time / period + phase).sin(),
             Self::Delayed { start, .. } if time < *start => 0.0,
             Self::Delayed { start, profile } => profile.value(time - start),
@@ -81,10 +85,12 @@ impl Profile {
         }
     }
 
-    /// Exact integral of the velocity over [start, start + step]: the displacement, m or rad.
+    /// Integral over [start, start + step], exact but for formulas (see [`Formula::integral`]): of a velocity the displacement, m or
+    /// rad.
     pub fn integral(&self, start: f64, step: f64) -> f64 {
         match self {
             Self::Constant(value) => value * step,
+            Self::Formula(formula) => formula.integral(start, step),
             Self::Sinusoidal { amplitude, period, phase } => {
                 // cos a - cos b as a product, which keeps all digits for short steps.
                 let rate = TAU / period;
@@ -110,6 +116,14 @@ impl Profile {
         }
     }
 
+    /// Mean over [start, start + step].
+    pub fn mean(&self, start: f64, step: f64) -> f64 {
+        match self {
+            Self::Constant(value) => *value,
+            other => other.integral(start, step) / step,
+        }
+    }
+
     /// Checks the numbers.
     ///
     /// # Errors
@@ -117,32 +131,33 @@ impl Profile {
     /// unequal lengths, or whose times do not ascend.
     pub fn validate(&self) -> Result<(), ModelError> {
         match self {
-            Self::Constant(value) => finite("a constant velocity", &[*value]),
+            Self::Constant(value) => finite("a constant of time", &[*value]),
+            Self::Formula(formula) => formula.validate(),
             Self::Sinusoidal { amplitude, period, phase } => {
-                positive("the period of a sinusoidal velocity", *period)?;
-                finite("the amplitude or phase of a sinusoidal velocity", &[*amplitude, *phase])
+                positive("the period of a sinusoid", *period)?;
+                finite("the amplitude or phase of a sinusoid", &[*amplitude, *phase])
             }
             Self::Delayed { start, profile } => {
-                finite("the start of a delayed velocity", &[*start])?;
+                finite("the start of a delayed function", &[*start])?;
                 profile.validate()
             }
             Self::Table { times, values } => {
                 let table = |what: String| Err(ModelError::Table { what });
                 if times.len() != values.len() {
                     return table(format!(
-                        "a table of velocities has {} times but {} values",
+                        "a table over time has {} times but {} values",
                         times.len(),
                         values.len()
                     ));
                 }
                 if times.is_empty() {
-                    return Err(ModelError::Empty { what: "a table of velocities" });
+                    return Err(ModelError::Empty { what: "a table over time" });
                 }
-                finite("a time in a table of velocities", times)?;
-                finite("a value in a table of velocities", values)?;
+                finite("a time in a table over time", times)?;
+                finite("a value in a table over time", values)?;
                 match times.windows(2).find(|pair| pair[0] >= pair[1]) {
                     Some(pair) => table(format!(
-                        "the times of a table of velocities must ascend, but {} follows {}",
+                        "the times of a table must ascend, but {} follows {}",
                         pair[1], pair[0]
                     )),
                     None => Ok(()),

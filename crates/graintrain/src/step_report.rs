@@ -67,6 +67,9 @@ pub struct StepReport {
     pub overlap_corrected_max: f64,
     /// Energy that those displacements gave to bodies against gravity, J.
     pub correction_energy: f64,
+    /// Work of external forces and torques in the step (loads, and what a program has set), J: what they add to the kinetic energy, see
+    /// [`crate::load`].
+    pub load_work: f64,
     /// Seconds per phase.
     pub phases: PhaseSeconds,
     /// One entry per body that is not free.

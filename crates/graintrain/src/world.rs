@@ -3,9 +3,10 @@
 use crate::contact::ContactSet;
 use crate::error::{ModelError, finite};
 use crate::handle::{BodyId, GeometryId, MaterialId, MotionId};
+use crate::load::Load;
 use crate::material::Materials;
 use crate::math::{Mat3, Quat, Vec3};
-use crate::motion::Motion;
+use crate::motion::{Motion, Profile};
 use crate::shape::{Geometry, unit_quaternion};
 use serde::{Deserialize, Serialize};
 
@@ -49,8 +50,12 @@ pub struct World {
     pub time: f64,
     /// Steps done.
     pub step: u64,
-    /// Gravitational acceleration, m/s^2.
+    /// Gravitational acceleration, m/s^2; of the step that was made last where it depends on time.
     pub gravity: Vec3,
+    /// Gravity as a function of time, m/s^2, where it is one: see [`World::set_gravity_of_time`].
+    pub gravity_of_time: Option<[Profile; 3]>,
+    /// Loads on bodies, in the order in which they are summed.
+    pub loads: Vec<Load>,
     /// Geometries shared by bodies.
     pub geometries: Vec<Geometry>,
     /// Materials.
@@ -114,6 +119,8 @@ impl Default for World {
             time: 0.0,
             step: 0,
             gravity: Vec3::new(0.0, 0.0, -9.81),
+            gravity_of_time: None,
+            loads: Vec::new(),
             geometries: Vec::new(),
             materials,
             motions: Vec::new(),
@@ -232,13 +239,37 @@ impl World {
         Ok(())
     }
 
-    /// Sets the external forces and torques on all bodies to zero.
+    /// Adds a load, which acts from the next step on.
+    ///
+    /// # Errors
+    /// As [`Load::validate`], and [`ModelError::Index`] for a body that is none.
+    pub fn add_load(&mut self, load: Load) -> Result<(), ModelError> {
+        load.validate()?;
+        let len = self.bodies.len();
+        if let Some(body) = load.bodies.iter().flatten().find(|body| body.index() >= len) {
+            return Err(ModelError::Index { what: "body", index: body.index(), len });
+        }
+        self.loads.push(load);
+        Ok(())
+    }
+
+    /// Makes gravity a function of time, m/s^2 in world axes: every step takes its mean.
+    ///
+    /// # Errors
+    /// As [`Profile::validate`].
+    pub fn set_gravity_of_time(&mut self, gravity: [Profile; 3]) -> Result<(), ModelError> {
+        gravity.iter().try_for_each(Profile::validate)?;
+        self.gravity_of_time = Some(gravity);
+        Ok(())
+    }
+
+    /// Sets the external forces and torques on all bodies to zero; loads stay.
     pub fn clear_forces(&mut self) {
         self.bodies.force.fill(Vec3::ZERO);
         self.bodies.torque.fill(Vec3::ZERO);
     }
 
-    /// Removes the bodies for which `remove` (called once for each index, ascending) is true, with their contacts. The others keep
+    /// Removes the bodies for which `remove` (called once for each index, ascending) is true, with their contacts, and from the lists of loads. The others keep
     /// their order and move up: returned is the new handle of every former body, `None` for those that are gone. Impulses between
     /// bodies that moved up start the next solve from zero. Cost: linear.
     pub fn remove_bodies(&mut self, mut remove: impl FnMut(usize) -> bool) -> Vec<Option<BodyId>> {
@@ -274,6 +305,9 @@ impl World {
         keep(orientation, &new_index);
         keep(mass, &new_index);
         keep(inertia, &new_index);
+        for bodies in self.loads.iter_mut().filter_map(|load| load.bodies.as_mut()) {
+            *bodies = bodies.iter().filter_map(|body| new_index[body.index()]).collect();
+        }
         let set = std::mem::take(&mut self.contacts);
         let friction = set.friction.into_iter().map(Some).chain(std::iter::repeat(None));
         for ((mut contact, impulse), friction) in set.contacts.into_iter().zip(set.impulse).zip(friction) {
@@ -399,7 +433,6 @@ fn keep<T>(list: &mut Vec<T>, new_index: &[Option<BodyId>]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::motion::Profile;
 
     fn world() -> World {
         let materials = Materials::single("glass", 2500.0, 0.3, 0.0).unwrap();

@@ -116,6 +116,7 @@ fn step_record(world: &World, report: &StepReport, output_seconds: f64) -> Strin
         real(report.penetration_max_over_size),
         real(report.overlap_corrected_max),
         real(report.correction_energy),
+        real(report.load_work),
         real(report.kinetic_energy),
         real(phases.collide),
         real(phases.assemble),

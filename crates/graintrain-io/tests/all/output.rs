@@ -119,6 +119,7 @@ fn advance(world: &mut World, settings: &RunSettings) -> StepReport {
         contacts_missed: 1,
         overlap_corrected_max: 6e-6,
         correction_energy: 7e-5,
+        load_work: 8e-5,
         kinetic_energy: world.kinetic_energy(),
         phases: PhaseSeconds { collide: 0.1, assemble: 0.2, solve: 0.3, integrate: 0.4 },
         wrenches: vec![
@@ -212,6 +213,7 @@ fn a_recorded_run_has_all_files() {
     assert_eq!(rows[3][column("slip_angle")], "0.05");
     assert_eq!(rows[3][column("penetration_over_size")], "0.0001");
     assert_eq!(rows[3][column("correction_energy")], "7e-5");
+    assert_eq!(rows[3][column("load_work")], "8e-5");
     let wrench = read(folder, "wrench.csv");
     assert_eq!(wrench.lines().count(), 1 + 5 * 3);
     assert!(wrench.contains(",6,\"wall, left\",0.0,0.0,0.0,"), "{wrench}");

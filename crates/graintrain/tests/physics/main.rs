@@ -5,6 +5,7 @@ mod forces;
 mod friction;
 mod impacts;
 mod invariants;
+mod loads;
 mod packings;
 mod rotation;
 mod statics;
