@@ -7,20 +7,9 @@
 use crate::error::{ModelError, finite, positive};
 use crate::handle::BodyId;
 use crate::math::{Mat3, Vec3};
-use crate::motion::Profile;
+use crate::motion::{Axes, Profile};
 use crate::world::World;
 use serde::{Deserialize, Serialize};
-
-/// Axes in which a vector is given.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Axes {
-    /// Those of the world.
-    #[default]
-    World,
-    /// Those of the body, which turn with it.
-    Body,
-}
 
 /// A region of space, m.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

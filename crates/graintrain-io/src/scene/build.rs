@@ -13,10 +13,10 @@ use crate::settings::OutputSettings;
 use graintrain::collide::deepest_overlap;
 use graintrain::error::ModelError;
 use graintrain::handle::{BodyId, GeometryId, MaterialId, MotionId};
-use graintrain::load::{Action, Axes, Load};
+use graintrain::load::{Action, Load};
 use graintrain::material::Materials;
 use graintrain::math::{Quat, Vec3};
-use graintrain::motion::{Motion, Profile, Rotation};
+use graintrain::motion::{Axes, Motion, Profile, Rotation};
 use graintrain::shape::{Geometry, Part, Shape};
 use graintrain::stepper::StepSettings;
 use graintrain::world::{Body, FREE, World};
@@ -273,7 +273,7 @@ impl Builder {
         let (geometry, centre) = Geometry::compound(parts).map_err(at)?;
         let material = self.material(&spec.material);
         let volume = geometry.volume;
-        let motion = self.motion(&spec.motion, &spec.location)?;
+        let motion = self.motion(&spec.motion, centre, &spec.location)?;
         let rotation = spec.rotation.0;
         let geometry = self.world.add_geometry(geometry);
         let body = self
@@ -303,7 +303,13 @@ impl Builder {
         Ok(())
     }
 
-    fn motion(&mut self, spec: &MotionSpec, location: &Location) -> Result<MotionId, SceneError> {
+    /// The motion of a body whose centre of mass is at `centre` in its frame.
+    fn motion(
+        &mut self,
+        spec: &MotionSpec,
+        centre: Vec3,
+        location: &Location,
+    ) -> Result<MotionId, SceneError> {
         if spec.free == [true; 6] {
             return Ok(FREE);
         }
@@ -322,7 +328,11 @@ impl Builder {
         let rotation = match &spec.rotation {
             None => None,
             Some(spin) => {
-                Some(Rotation { point: spin.point, axis: spin.axis, profile: delayed(&spin.speed)? })
+                let (point, of) = match spin.point {
+                    Some(point) => (point, Axes::World),
+                    None => (-centre, Axes::Body),
+                };
+                Some(Rotation { point, of, axis: spin.axis, profile: delayed(&spin.speed)? })
             }
         };
         let motion = Motion { free: spec.free, translation, rotation };

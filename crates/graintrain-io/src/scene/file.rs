@@ -9,8 +9,9 @@ use super::schema;
 use super::tree::{Node, Value};
 use crate::settings::Precision;
 use graintrain::assemble::OverlapCorrection;
-use graintrain::load::{Axes, Region};
+use graintrain::load::Region;
 use graintrain::math::{Quat, Vec3};
+use graintrain::motion::Axes;
 use graintrain_ccp::{CcpError, FrictionModel, SolverSpec};
 use std::path::PathBuf;
 
@@ -230,7 +231,7 @@ fn body(reader: &Reader, materials: &[&str]) -> Result<BodySpec, SceneError> {
     reader.at_most_one_of(&["mass", "density"])?;
     let position = reader.vector("position", Range::Any)?.unwrap_or(Vec3::ZERO);
     let boundary = parts.iter().any(|part| part.shape.is_boundary());
-    let motion = motion(reader, position, boundary)?;
+    let motion = motion(reader, boundary)?;
     if boundary && motion.free != [false; 6] {
         let problem =
             format!("`{}` has no mass (planes and meshes are boundaries): it cannot be free", reader.path);
@@ -333,20 +334,20 @@ fn mesh(reader: &Reader) -> Result<MeshSpec, SceneError> {
     Ok(spec)
 }
 
-fn motion(body: &Reader, position: Vec3, boundary: bool) -> Result<MotionSpec, SceneError> {
+fn motion(body: &Reader, boundary: bool) -> Result<MotionSpec, SceneError> {
     let words = &[("free", false), ("fixed", true)];
     let fixed = match body.get("motion") {
         None => boundary,
         Some(Node { value: Value::Table(_), .. }) => {
             let reader = body.required_child("motion")?;
-            return prescribed_motion(&reader, position);
+            return prescribed_motion(&reader);
         }
         Some(_) => body.choice("motion", words)?.unwrap_or(false),
     };
     Ok(if fixed { MotionSpec::FIXED } else { MotionSpec::FREE })
 }
 
-fn prescribed_motion(reader: &Reader, position: Vec3) -> Result<MotionSpec, SceneError> {
+fn prescribed_motion(reader: &Reader) -> Result<MotionSpec, SceneError> {
     let mut free = [false; 6];
     for name in reader.texts("free")?.unwrap_or_default() {
         let degree = DEGREES.iter().position(|degree| *degree == name);
@@ -368,7 +369,7 @@ fn prescribed_motion(reader: &Reader, position: Vec3) -> Result<MotionSpec, Scen
     let rotation = match reader.child("rotation")? {
         None => None,
         Some(spin) => Some(SpinSpec {
-            point: spin.vector("point", Range::Any)?.unwrap_or(position),
+            point: spin.vector("point", Range::Any)?,
             axis: spin.direction("axis")?.unwrap_or(Vec3::Z),
             speed: speed(&spin)?,
         }),

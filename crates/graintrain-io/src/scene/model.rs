@@ -5,9 +5,9 @@ use super::expression::formula_text;
 use super::quantity::Dimension;
 use crate::settings::Precision;
 use graintrain::assemble::OverlapCorrection;
-use graintrain::load::{Axes, Region};
+use graintrain::load::Region;
 use graintrain::math::{Quat, Vec3};
-use graintrain::motion::Profile;
+use graintrain::motion::{Axes, Profile};
 use graintrain_ccp::{FrictionModel, SolverSpec};
 use serde::{Serialize, Serializer};
 use std::path::PathBuf;
@@ -274,11 +274,12 @@ pub struct TranslationSpec {
     pub speed: FunctionSpec,
 }
 
-/// A prescribed rotation about an axis fixed in the world.
+/// A prescribed rotation.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct SpinSpec {
-    /// A point of the axis, m.
-    pub point: Vec3,
+    /// A point of the axis in the world, m; `None`: the axis goes through the origin of the body's frame and moves with it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub point: Option<Vec3>,
     /// Unit direction.
     pub axis: Vec3,
     /// rad/s

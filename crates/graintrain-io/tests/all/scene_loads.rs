@@ -129,3 +129,44 @@ fn mistakes_in_loads_are_told() {
     assert!(build(SCENE, &folder).unwrap_err().contains("ascend"));
     std::fs::remove_dir_all(folder).unwrap();
 }
+
+/// The axis of a prescribed rotation goes where the body goes, unless a point of the world is given; the frame's origin counts, not
+/// the centre of mass.
+#[test]
+fn an_axis_moves_with_its_body_unless_a_point_is_given() {
+    let scene = |point: &str| {
+        format!(
+            r#"
+[time]
+step = "10 ms"
+end = "2 s"
+[body.ball]
+shape = {{ sphere = {{ radius = 0.1 }} }}
+position = [9, 9, 9]
+[body.crank]
+parts = [{{ shape = {{ box = {{ size = [0.2, 0.1, 0.1] }} }}, position = [0.5, 0, 0] }}]
+position = [1, 0, 0]
+motion = {{ translation = [{{ direction = [0, 0, 1], speed = "0.3 m/s" }}], rotation = {{ axis = [0, 0, 1], speed = "0.5 rad/s" {point} }} }}
+"#
+        )
+    };
+    let turned = |x: f64, y: f64| {
+        Vec3::new(x * 1.0_f64.cos() - y * 1.0_f64.sin(), x * 1.0_f64.sin() + y * 1.0_f64.cos(), 0.6)
+    };
+    for (point, expected) in [("", turned(0.5, 0.0) + Vec3::X), (", point = [0, 0, 0]", turned(1.5, 0.0))] {
+        let (_, simulation) = build(&scene(point), Path::new("")).unwrap();
+        let (_, again) = build(&simulation.resolved.to_toml().unwrap(), Path::new("")).unwrap();
+        assert_eq!(again.world, simulation.world);
+        let mut world = simulation.world;
+        let mut stepper = Stepper::new(simulation.settings).unwrap();
+        for _ in 0..200 {
+            stepper.step(&mut world).unwrap();
+        }
+        let crank = world.bodies.name.iter().position(|name| name == "crank").unwrap();
+        assert!(
+            (world.bodies.position[crank] - expected).length() < 1e-10,
+            "{point}: {}",
+            world.bodies.position[crank]
+        );
+    }
+}

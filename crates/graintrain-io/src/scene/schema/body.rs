@@ -221,7 +221,7 @@ static MOTION: Table = Table {
             Kind::Table(&SPIN),
             "none",
             "{ axis = [0, 0, 1], speed = \"12 rpm\" }",
-            "Prescribed rotation about a fixed axis",
+            "Prescribed rotation: about an axis that moves with the body, or through a point of the world",
         ),
     ],
 };
@@ -248,9 +248,9 @@ static SPIN: Table = Table {
         key(
             "point",
             Vector(D::LENGTH),
-            "the body's position",
+            "the origin of the body's frame, wherever it goes",
             "[0, 0, 0]",
-            "A point of the axis in the world",
+            "A point of the axis in the world: the axis then stays there",
         ),
         key("axis", Vector(D::NONE), "[0, 0, 1]", "[1, 0, 0]", "Direction of the axis; any length"),
         key(
