@@ -214,6 +214,8 @@ def check_tables(folder):
         expect(total == summary[key], f"{key} is {summary[key]}, steps.csv has {total}")
     total = sum(float(row["correction_energy"]) for row in steps)
     expect(abs(total - summary["correction_energy"]) <= 1e-12 * abs(total), "correction_energy differs from steps.csv")
+    work = [float(row["load_work"]) for row in steps]
+    expect(abs(sum(work) - summary["load_work"]) <= 1e-12 * sum(map(abs, work)), "load_work differs from steps.csv")
     worst = summary["residual_max"]
     with open(folder / "wrench.csv", newline="") as file:
         records = list(csv.DictReader(file))

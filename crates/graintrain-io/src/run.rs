@@ -93,6 +93,8 @@ pub struct RunTotals {
     pub overlap_corrected_max: f64,
     /// Energy that they gave to bodies against gravity, summed, J.
     pub correction_energy: f64,
+    /// Work of external forces and torques, summed, J.
+    pub load_work: f64,
 }
 
 impl RunTotals {
@@ -130,6 +132,7 @@ impl RunTotals {
         }
         self.overlap_corrected_max = self.overlap_corrected_max.max(report.overlap_corrected_max);
         self.correction_energy += report.correction_energy;
+        self.load_work += report.load_work;
     }
 }
 

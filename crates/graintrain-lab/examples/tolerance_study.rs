@@ -5,6 +5,7 @@
 
 use graintrain::ccp::{Ccp, Delassus, FrictionModel, Judge, SolveSettings, SolverSpec, Status};
 use graintrain::contact::ContactSet;
+use graintrain::handle::MaterialId;
 use graintrain::math::{Quat, Vec3};
 use graintrain::motion::Motion;
 use graintrain::shape::Geometry;
@@ -104,7 +105,7 @@ fn sizes() -> Result<Scene, Failure> {
         let wall = world.add_geometry(Geometry::cuboid(half)?);
         world.add_body(Body {
             motion: fixed,
-            ..Body::new(wall, 0, 0.17 * place + Vec3::new(0.0, 0.0, 0.02))
+            ..Body::new(wall, MaterialId::default(), 0.17 * place + Vec3::new(0.0, 0.0, 0.02))
         })?;
     }
     lattice(&mut world, [12, 12, 1], 2.4 * small, 0.012, |world, place, _| {
@@ -139,8 +140,8 @@ fn pressed() -> Result<Scene, Failure> {
     })?;
     let plate = world.add_geometry(Geometry::cuboid(Vec3::new(0.15, 0.15, 0.02))?);
     let sinking = world.add_motion(Motion::fixed().with_free([false, false, true, false, false, false]))?;
-    let body = Body { motion: sinking, ..Body::new(plate, 0, Vec3::new(0.0, 0.0, 0.7)) };
-    let press = world.add_body(body)? as usize;
+    let body = Body { motion: sinking, ..Body::new(plate, MaterialId::default(), Vec3::new(0.0, 0.0, 0.7)) };
+    let press = world.add_body(body)?.index();
     let factor = 50.0 / world.bodies.mass[press];
     scale_mass(&mut world, press, factor);
     Ok(Scene { name: "50 kg on 0.1 kg", world, press: Some(press), smallest: radius, steps: 400 })
@@ -159,7 +160,10 @@ fn shapes() -> Result<Scene, Failure> {
     lattice(&mut world, [4, 4, 5], 0.132, 0.08, |world, place, k| {
         let turn = Vec3::new(next(), next(), next()) * 3.0;
         let orientation = Quat::from_scaled_axis(turn);
-        world.add_body(Body { orientation, ..Body::new(kinds[(k + k / 16) % 4], 0, place) })?;
+        world.add_body(Body {
+            orientation,
+            ..Body::new(kinds[(k + k / 16) % 4], MaterialId::default(), place)
+        })?;
         Ok(())
     })?;
     Ok(Scene { name: "mixed shapes", world, press: None, smallest: 0.03, steps: 400 })

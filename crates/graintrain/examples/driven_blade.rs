@@ -2,6 +2,7 @@
 //!
 //! `cargo run --release -p graintrain --example driven_blade`
 
+use graintrain::handle::MaterialId;
 use graintrain::material::Materials;
 use graintrain::math::Vec3;
 use graintrain::motion::{Motion, Profile};
@@ -14,15 +15,18 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut world = World::new(Vec3::new(0.0, 0.0, -9.81), materials)?;
     let plane = world.add_geometry(Geometry::plane());
     let fixed = world.add_motion(Motion::fixed())?;
-    world.add_body(Body { motion: fixed, ..Body::new(plane, 0, Vec3::ZERO) })?;
+    world.add_body(Body { motion: fixed, ..Body::new(plane, MaterialId::default(), Vec3::ZERO) })?;
     // A cuboid takes half its edges: cubes of 4 cm, the blade meets one after the other.
     let cube = world.add_geometry(Geometry::cuboid(Vec3::splat(0.02))?);
     for i in 1..=4_u32 {
-        world.add_body(Body::new(cube, 0, Vec3::new(0.06 * f64::from(i), 0.0, 0.02)))?;
+        world.add_body(Body::new(cube, MaterialId::default(), Vec3::new(0.06 * f64::from(i), 0.0, 0.02)))?;
     }
     let blade = world.add_geometry(Geometry::cuboid(Vec3::new(0.005, 0.1, 0.05))?);
     let driven = world.add_motion(Motion::translating(Vec3::X, Profile::Constant(0.1)))?;
-    let blade = world.add_body(Body { motion: driven, ..Body::new(blade, 0, Vec3::new(0.0, 0.0, 0.052)) })?;
+    let blade = world.add_body(Body {
+        motion: driven,
+        ..Body::new(blade, MaterialId::default(), Vec3::new(0.0, 0.0, 0.052))
+    })?;
     let mut stepper = Stepper::new(StepSettings { step: 1e-3, envelope: 0.002, ..Default::default() })?;
     let mut drag = 0.0;
     for step in 1..=1500 {

@@ -3,6 +3,7 @@
 //! `cargo run --release -p graintrain --example exact_friction`
 
 use graintrain::ccp::FrictionModel;
+use graintrain::handle::MaterialId;
 use graintrain::material::Materials;
 use graintrain::math::Vec3;
 use graintrain::motion::Motion;
@@ -16,11 +17,14 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             World::new(Vec3::new(0.0, 0.0, -9.81), Materials::single("stone", 2500.0, 0.5, 0.0)?)?;
         let plane = world.add_geometry(Geometry::plane());
         let fixed = world.add_motion(Motion::fixed())?;
-        world.add_body(Body { motion: fixed, ..Body::new(plane, 0, Vec3::ZERO) })?;
+        world.add_body(Body { motion: fixed, ..Body::new(plane, MaterialId::default(), Vec3::ZERO) })?;
         // Flat enough not to tip over.
         let block = world.add_geometry(Geometry::cuboid(Vec3::new(0.5, 0.5, 0.05))?);
-        let thrown = Body { velocity: Vec3::new(5.0, 0.0, 0.0), ..Body::new(block, 0, 0.05 * Vec3::Z) };
-        let block = world.add_body(thrown)? as usize;
+        let thrown = Body {
+            velocity: Vec3::new(5.0, 0.0, 0.0),
+            ..Body::new(block, MaterialId::default(), 0.05 * Vec3::Z)
+        };
+        let block = world.add_body(thrown)?.index();
         let settings = StepSettings { envelope: 0.01, tolerance: 1e-6, friction, ..Default::default() };
         let mut stepper = Stepper::new(settings)?;
         let mut highest: f64 = 0.0;

@@ -2,6 +2,7 @@
 //!
 //! `cargo run --release -p graintrain --example first_pile`
 
+use graintrain::handle::MaterialId;
 use graintrain::material::Materials;
 use graintrain::math::Vec3;
 use graintrain::motion::Motion;
@@ -17,12 +18,13 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let ball = world.add_geometry(Geometry::sphere(0.01)?);
     let plane = world.add_geometry(Geometry::plane());
     let fixed = world.add_motion(Motion::fixed())?;
-    let ground = world.add_body(Body { motion: fixed, ..Body::new(plane, 0, Vec3::ZERO) })?;
+    let ground =
+        world.add_body(Body { motion: fixed, ..Body::new(plane, MaterialId::default(), Vec3::ZERO) })?;
     for i in 0..64_u32 {
         // A cube of 4 x 4 x 4 balls whose layers do not stand exactly on top of each other.
         let [x, y, z] = [i % 4, i / 4 % 4, i / 16].map(f64::from);
         let place = Vec3::new(0.022 * x + 0.003 * z, 0.022 * y - 0.002 * z, 0.02 + 0.025 * z);
-        world.add_body(Body::new(ball, 0, place))?;
+        world.add_body(Body::new(ball, MaterialId::default(), place))?;
     }
     let settings = StepSettings { step: 2e-3, envelope: 0.003, ..StepSettings::default() };
     let mut stepper = Stepper::new(settings)?;

@@ -2,6 +2,7 @@
 //!
 //! `cargo run --release -p graintrain --example own_forces`
 
+use graintrain::handle::{BodyId, MaterialId};
 use graintrain::material::Materials;
 use graintrain::math::Vec3;
 use graintrain::motion::Motion;
@@ -14,10 +15,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut world = World::new(Vec3::new(0.0, 0.0, -9.81), foam)?;
     let plane = world.add_geometry(Geometry::plane());
     let fixed = world.add_motion(Motion::fixed())?;
-    world.add_body(Body { motion: fixed, ..Body::new(plane, 0, Vec3::ZERO) })?;
+    world.add_body(Body { motion: fixed, ..Body::new(plane, MaterialId::default(), Vec3::ZERO) })?;
     let ball = world.add_geometry(Geometry::sphere(0.02)?);
     for i in 0..10_u32 {
-        world.add_body(Body::new(ball, 0, Vec3::new(0.0, 0.05 * f64::from(i), 0.02)))?;
+        world.add_body(Body::new(ball, MaterialId::default(), Vec3::new(0.0, 0.05 * f64::from(i), 0.02)))?;
     }
     let mut stepper = Stepper::new(StepSettings { envelope: 2e-3, ..Default::default() })?;
     for step in 1..=1500 {
@@ -26,7 +27,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             // Drag of a wind of 5 m/s along x, at the centre: 1/2 rho c_d A |v| v.
             let relative = Vec3::new(5.0, 0.0, 0.0) - world.bodies.velocity[b];
             let force = 0.5 * 1.2 * 0.47 * 1.26e-3 * relative.length() * relative;
-            world.add_force_at(b as u32, force, world.bodies.position[b])?;
+            world.add_force_at(BodyId::from_index(b), force, world.bodies.position[b])?;
         }
         stepper.step(&mut world)?;
         let away: Vec<bool> = world.bodies.position.iter().map(|x| x.x > 1.0).collect();

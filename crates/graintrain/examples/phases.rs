@@ -2,6 +2,7 @@
 //!
 //! `cargo run --release -p graintrain --example phases -- n steps`
 
+use graintrain::handle::MaterialId;
 use graintrain::material::Materials;
 use graintrain::math::{Quat, Vec3};
 use graintrain::motion::{Motion, Profile};
@@ -24,12 +25,16 @@ fn main() -> Result<(), Box<dyn Error>> {
     for normal in [Vec3::Z, Vec3::X, -Vec3::X, Vec3::Y, -Vec3::Y] {
         let orientation = Quat::from_rotation_arc(Vec3::Z, normal);
         let point = if normal == Vec3::Z { Vec3::ZERO } else { -half * normal };
-        world.add_body(Body { motion: fixed, orientation, ..Body::new(plane, 0, point) })?;
+        world.add_body(Body {
+            motion: fixed,
+            orientation,
+            ..Body::new(plane, MaterialId::default(), point)
+        })?;
     }
     let turning = world.add_motion(Motion::rotating(Vec3::ZERO, Vec3::Z, Profile::Constant(1.0)))?;
     let paddle = world.add_geometry(Geometry::cuboid(Vec3::new(0.8 * half, 0.05, 2.0 * radius))?);
     let place = Vec3::new(0.0, 0.0, 2.0 * radius);
-    world.add_body(Body { motion: turning, ..Body::new(paddle, 0, place) })?;
+    world.add_body(Body { motion: turning, ..Body::new(paddle, MaterialId::default(), place) })?;
     let ball = world.add_geometry(Geometry::sphere(radius)?);
     let spacing = 2.02 * radius;
     for index in 0..side * side * side {
@@ -37,7 +42,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         let jitter = 0.05 * radius * (index as f64 * 0.618).fract();
         let height = 6.0 * radius + spacing * (cell[2] + n as f64);
         let place = Vec3::new(0.98 * spacing * cell[0] + jitter, 0.98 * spacing * cell[1] - jitter, height);
-        world.add_body(Body::new(ball, 0, place))?;
+        world.add_body(Body::new(ball, MaterialId::default(), place))?;
     }
     let mut stepper = Stepper::new(StepSettings {
         step: 0.025,

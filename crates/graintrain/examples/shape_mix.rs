@@ -2,6 +2,7 @@
 //!
 //! `cargo run --release -p graintrain --example shape_mix`
 
+use graintrain::handle::MaterialId;
 use graintrain::material::Materials;
 use graintrain::math::{Quat, Vec3};
 use graintrain::motion::Motion;
@@ -14,7 +15,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut world = World::new(Vec3::new(0.0, 0.0, -9.81), wood)?;
     let plane = world.add_geometry(Geometry::plane());
     let fixed = world.add_motion(Motion::fixed())?;
-    world.add_body(Body { motion: fixed, ..Body::new(plane, 0, Vec3::ZERO) })?;
+    world.add_body(Body { motion: fixed, ..Body::new(plane, MaterialId::default(), Vec3::ZERO) })?;
     let part = |shape, x| Part { shape, position: Vec3::new(x, 0.0, 0.0), orientation: Quat::IDENTITY };
     let end = || Shape::Sphere { radius: 0.015 };
     let bar = Shape::Box { half: Vec3::new(0.02, 0.005, 0.005) };
@@ -31,7 +32,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let place =
             Vec3::new(0.09 * f64::from(i % 2), 0.09 * f64::from(i / 2 % 2), 0.05 + 0.08 * f64::from(i / 4));
         let orientation = Quat::from_axis_angle(Vec3::ONE.normalize(), f64::from(i));
-        world.add_body(Body { orientation, ..Body::new(shapes[(i * 7 / 3 % 4) as usize], 0, place) })?;
+        world.add_body(Body {
+            orientation,
+            ..Body::new(shapes[(i * 7 / 3 % 4) as usize], MaterialId::default(), place)
+        })?;
     }
     let mut stepper = Stepper::new(StepSettings { step: 2e-3, envelope: 2e-3, ..Default::default() })?;
     for _ in 0..1000 {

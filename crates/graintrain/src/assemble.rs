@@ -102,7 +102,7 @@ pub(crate) fn pair_property(
     contacts: &[Contact],
     property: impl Fn(usize, usize) -> f64,
 ) -> Vec<f64> {
-    let material = |body: u32| world.bodies.material[body as usize] as usize;
+    let material = |body: u32| world.bodies.material[body as usize].index();
     contacts.iter().map(|contact| property(material(contact.body_a), material(contact.body_b))).collect()
 }
 

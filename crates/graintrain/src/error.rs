@@ -20,7 +20,7 @@ pub enum ModelError {
         /// Kind of thing.
         what: &'static str,
         /// The index given.
-        index: u32,
+        index: usize,
         /// How many there are.
         len: usize,
     },
@@ -54,7 +54,7 @@ pub enum ModelError {
         /// The name.
         name: String,
     },
-    /// A table of velocities that is not a function of time.
+    /// A table or formula that is not a function of time.
     #[error("{what}")]
     Table {
         /// What is wrong with it.

@@ -236,7 +236,7 @@ impl ImpactSolver<'_> {
 pub(crate) fn lead_to_surfaces(world: &World, contacts: &mut [Contact]) {
     let materials = &world.bodies.material;
     for contact in contacts.iter_mut().filter(|contact| contact.gap > 0.0 && contact.lead == Vec3::ZERO) {
-        let [a, b] = [contact.body_a, contact.body_b].map(|body| materials[body as usize] as usize);
+        let [a, b] = [contact.body_a, contact.body_b].map(|body| materials[body as usize].index());
         if world.materials.pair_restitution(a, b) > 0.0 {
             contact.lead = 0.5 * contact.gap * contact.normal;
         }

@@ -69,8 +69,8 @@ fn body_free_velocity(world: &World, before: &[f64], body: usize, step: f64) -> 
     if bodies.motion[body] == FREE {
         return (falling, spinning());
     }
-    let motion = &world.motions[bodies.motion[body] as usize];
-    let (driven, driven_spin) = motion.mean_velocity(bodies.position[body], world.time, step);
+    let motion = &world.motions[bodies.motion[body].index()];
+    let (driven, driven_spin) = motion.mean_velocity(bodies.position[body], orientation, world.time, step);
     let [x, y, z, rx, ry, rz] = motion.free;
     let linear = select([x, y, z], falling, driven);
     let free = [rx, ry, rz];

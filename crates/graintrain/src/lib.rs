@@ -3,7 +3,9 @@
 //! | module | holds |
 //! |---|---|
 //! | [`math`] | vectors, rotations |
+//! | [`handle`] | typed indices of geometries, materials, motions, bodies |
 //! | [`shape`], [`material`], [`motion`] | what bodies are made of and how they are driven |
+//! | [`formula`], [`load`] | functions of time, what acts on bodies besides contact |
 //! | [`world`] | the state |
 //! | [`contact`] | contacts and their impulses |
 //! | [`collide`] | finding contacts |
@@ -24,8 +26,11 @@ pub mod assemble;
 pub mod collide;
 pub mod contact;
 pub mod error;
+pub mod formula;
+pub mod handle;
 pub mod impact;
 pub mod integrate;
+pub mod load;
 pub mod material;
 pub mod math;
 pub mod motion;

@@ -1,6 +1,7 @@
 //! Materials: density, and friction and restitution of every pair.
 
 use crate::error::{ModelError, positive};
+use crate::handle::MaterialId;
 use serde::{Deserialize, Serialize};
 
 /// Materials by index, with symmetric tables of pair properties.
@@ -28,12 +29,12 @@ impl Materials {
         Ok(materials)
     }
 
-    /// Adds a material and returns its index. Its pairs have no friction and no restitution until
+    /// Adds a material and returns its handle. Its pairs have no friction and no restitution until
     /// [`Materials::set_pair`] gives them some.
     ///
     /// # Errors
     /// [`ModelError::DuplicateMaterial`], or [`ModelError::Value`] unless the density is positive.
-    pub fn add(&mut self, name: &str, density: f64) -> Result<u32, ModelError> {
+    pub fn add(&mut self, name: &str, density: f64) -> Result<MaterialId, ModelError> {
         positive(format!("the density of material '{name}'"), density)?;
         if self.names.iter().any(|known| known == name) {
             return Err(ModelError::DuplicateMaterial { name: name.to_string() });
@@ -48,21 +49,27 @@ impl Materials {
             }
             *table = grown;
         }
-        Ok(old as u32)
+        Ok(MaterialId::from_index(old))
     }
 
     /// Sets friction and restitution between materials i and j (which may be the same).
     ///
     /// # Errors
     /// [`ModelError::Index`], or [`ModelError::Value`] unless 0 <= friction and 0 <= restitution <= 1.
-    pub fn set_pair(&mut self, i: u32, j: u32, friction: f64, restitution: f64) -> Result<(), ModelError> {
+    pub fn set_pair(
+        &mut self,
+        i: MaterialId,
+        j: MaterialId,
+        friction: f64,
+        restitution: f64,
+    ) -> Result<(), ModelError> {
         let len = self.len();
+        let (i, j) = (i.index(), j.index());
         for index in [i, j] {
-            if index as usize >= len {
+            if index >= len {
                 return Err(ModelError::Index { what: "material", index, len });
             }
         }
-        let (i, j) = (i as usize, j as usize);
         let pair = || format!("between materials '{}' and '{}'", self.names[i], self.names[j]);
         if !(friction.is_finite() && friction >= 0.0) {
             let what = format!("the friction {}", pair());
@@ -77,6 +84,11 @@ impl Materials {
             self.restitution[entry] = restitution;
         }
         Ok(())
+    }
+
+    /// The materials in the order in which they were added.
+    pub fn handles(&self) -> impl Iterator<Item = MaterialId> + use<> {
+        (0..self.len()).map(MaterialId::from_index)
     }
 
     /// Number of materials.
@@ -108,8 +120,8 @@ mod tests {
     fn pairs_survive_the_addition_of_materials_and_are_symmetric() {
         let mut materials = Materials::single("glass", 2500.0, 0.3, 0.5).unwrap();
         let steel = materials.add("steel", 7800.0).unwrap();
-        materials.set_pair(0, steel, 0.2, 0.4).unwrap();
-        let rubber = materials.add("rubber", 1100.0).unwrap() as usize;
+        materials.set_pair(MaterialId::default(), steel, 0.2, 0.4).unwrap();
+        let rubber = materials.add("rubber", 1100.0).unwrap().index();
         assert_eq!(materials.pair_friction(0, 0), 0.3);
         assert_eq!(materials.pair_friction(1, 0), 0.2);
         assert_eq!(materials.pair_restitution(0, 1), 0.4);
@@ -121,9 +133,10 @@ mod tests {
         let mut materials = Materials::single("glass", 2500.0, 0.3, 0.5).unwrap();
         assert!(materials.add("glass", 1.0).is_err());
         assert!(materials.add("void", 0.0).is_err());
-        assert!(materials.set_pair(0, 1, 0.1, 0.1).is_err());
-        assert!(materials.set_pair(0, 0, -0.1, 0.1).is_err());
-        assert!(materials.set_pair(0, 0, 0.1, 1.1).is_err());
-        assert!(materials.set_pair(0, 0, f64::NAN, 0.1).is_err());
+        let (glass, none) = (MaterialId::default(), MaterialId::from_index(1));
+        assert!(materials.set_pair(glass, none, 0.1, 0.1).is_err());
+        assert!(materials.set_pair(glass, glass, -0.1, 0.1).is_err());
+        assert!(materials.set_pair(glass, glass, 0.1, 1.1).is_err());
+        assert!(materials.set_pair(glass, glass, f64::NAN, 0.1).is_err());
     }
 }

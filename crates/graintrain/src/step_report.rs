@@ -2,6 +2,7 @@
 
 use crate::assemble::relative_velocities;
 use crate::contact::{Contact, ContactSet};
+use crate::handle::BodyId;
 use crate::math::Vec3;
 use crate::world::World;
 use graintrain_ccp::residual::{MIXED_MAXIMUM, velocity_scale};
@@ -24,8 +25,8 @@ pub struct PhaseSeconds {
 /// Force and torque that contacts exert on a body that is not free, averaged over the step.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Wrench {
-    /// Index of the body.
-    pub body: u32,
+    /// The body.
+    pub body: BodyId,
     /// N.
     pub force: Vec3,
     /// About the body's centre, N m.
@@ -66,6 +67,9 @@ pub struct StepReport {
     pub overlap_corrected_max: f64,
     /// Energy that those displacements gave to bodies against gravity, J.
     pub correction_energy: f64,
+    /// Work of external forces and torques in the step (loads, and what a program has set), J: what they add to the kinetic energy, see
+    /// [`crate::load`].
+    pub load_work: f64,
     /// Seconds per phase.
     pub phases: PhaseSeconds,
     /// One entry per body that is not free.
@@ -128,7 +132,7 @@ pub(crate) fn wrenches(position: &[Vec3], world: &World, set: &ContactSet, step:
     let mut wrenches: Vec<Wrench> = Vec::new();
     for body in (0..bodies).filter(|&body| !world.is_free(body)) {
         slot[body] = wrenches.len();
-        wrenches.push(Wrench { body: body as u32, ..Wrench::default() });
+        wrenches.push(Wrench { body: BodyId::from_index(body), ..Wrench::default() });
     }
     for (contact, &impulse) in set.contacts.iter().zip(&set.impulse) {
         let [on_a, on_b] = contact.surface_points();

@@ -5,9 +5,10 @@ use crate::assemble::{
 };
 use crate::collide::Collider;
 use crate::contact::{Contact, ContactSet};
-use crate::error::{ModelError, positive};
+use crate::error::{ModelError, finite, positive};
 use crate::impact::{self, ImpactSolver, Impacts, Rows, lead_to_surfaces};
 use crate::integrate::{advance, free_velocity, inverse_mass};
+use crate::load;
 use crate::math::{Quat, Vec3};
 use crate::overlap::{Correction, Gaps};
 use crate::part_solver::PartSolver;
@@ -174,7 +175,7 @@ impl Stepper {
     /// One step of semi-implicit Euler with contact:
     ///
     /// ```text
-    /// contacts with gap <= envelope, or closing within the step;
+    /// loads are summed into the forces f (crate::load); contacts with gap <= envelope, or closing within the step;
     /// impacts: v' = v + M^-1 D g' with restitution (crate::impact);
     /// v* = v' + M^-1 (dt f + G); solve the CCP of N = D^T M^-1 D, r = b + D^T v*;  v+ = v* + M^-1 D g;
     /// x+ = x + dt u+ + dx;   Q+ = exp(dw / 2) exp(dt w+ / 2) Q   with the displacements that remove overlap (crate::overlap)
@@ -191,6 +192,17 @@ impl Stepper {
     /// # Errors
     /// [`StepError::NotFinite`], [`StepError::Solver`] or [`StepError::Stopped`]; the world is left unchanged.
     pub fn step(&mut self, world: &mut World) -> Result<StepReport, StepError> {
+        let Some(before) = load::apply(world, self.settings.step) else { return self.step_under(world) };
+        let report = self.step_under(world);
+        match &report {
+            Ok(_) => load::remove(world, before),
+            Err(_) => load::undo(world, before),
+        }
+        report
+    }
+
+    /// The step under the forces that bodies now have.
+    fn step_under(&mut self, world: &mut World) -> Result<StepReport, StepError> {
         let begin = Instant::now();
         check_state(world)?;
         let (step, envelope) = (self.settings.step, self.settings.envelope);
@@ -533,6 +545,7 @@ impl Stepper {
             penetration_max: deepest,
             penetration_max_over_size: over_size,
             kinetic_energy: world.kinetic_energy(),
+            load_work: load::work(world, &start.velocities(), &velocity, step),
             errors,
             impacts: impacts.count,
             impact_residual: impacts.residual,
@@ -589,6 +602,12 @@ impl Placement {
         }
     }
 
+    /// The velocities, six numbers per body.
+    fn velocities(&self) -> Vec<f64> {
+        let pairs = self.velocity.iter().zip(&self.angular_velocity);
+        pairs.flat_map(|(u, w)| [u.x, u.y, u.z, w.x, w.y, w.z]).collect()
+    }
+
     /// Puts the bodies of the world here and returns where they were.
     fn exchange(&self, world: &mut World) -> Self {
         let before = Self::of(world);
@@ -630,6 +649,7 @@ fn check_state(world: &World) -> Result<(), StepError> {
         ("external force", &bodies.force),
         ("external torque", &bodies.torque),
     ];
+    finite("a component of gravity", &world.gravity.to_array())?;
     for (what, list) in lists {
         if let Some(body) = list.iter().position(|v| !v.is_finite()) {
             let value = list[body].to_array().into_iter().find(|x| !x.is_finite()).unwrap_or(f64::NAN);

@@ -2,9 +2,11 @@
 
 use crate::contact::ContactSet;
 use crate::error::{ModelError, finite};
+use crate::handle::{BodyId, GeometryId, MaterialId, MotionId};
+use crate::load::Load;
 use crate::material::Materials;
 use crate::math::{Mat3, Quat, Vec3};
-use crate::motion::Motion;
+use crate::motion::{Motion, Profile};
 use crate::shape::{Geometry, unit_quaternion};
 use serde::{Deserialize, Serialize};
 
@@ -14,11 +16,11 @@ pub struct Bodies {
     /// Names; empty for the many bodies made by a packing.
     pub name: Vec<String>,
     /// Index into [`World::geometries`].
-    pub geometry: Vec<u32>,
+    pub geometry: Vec<GeometryId>,
     /// Index into [`Materials`].
-    pub material: Vec<u32>,
+    pub material: Vec<MaterialId>,
     /// Index into [`World::motions`], or [`FREE`].
-    pub motion: Vec<u32>,
+    pub motion: Vec<MotionId>,
     /// Centre of mass, m.
     pub position: Vec<Vec3>,
     /// Unit quaternion: rotation from body axes to world axes.
@@ -38,8 +40,8 @@ pub struct Bodies {
     pub torque: Vec<Vec3>,
 }
 
-/// Motion index of a body whose six degrees of freedom are all dynamic.
-pub const FREE: u32 = u32::MAX;
+/// Motion of a body whose six degrees of freedom are all dynamic.
+pub const FREE: MotionId = MotionId::from_index(u32::MAX as usize);
 
 /// The complete state: what a checkpoint holds.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -48,8 +50,12 @@ pub struct World {
     pub time: f64,
     /// Steps done.
     pub step: u64,
-    /// Gravitational acceleration, m/s^2.
+    /// Gravitational acceleration, m/s^2; of the step that was made last where it depends on time.
     pub gravity: Vec3,
+    /// Gravity as a function of time, m/s^2, where it is one: see [`World::set_gravity_of_time`].
+    pub gravity_of_time: Option<[Profile; 3]>,
+    /// Loads on bodies, in the order in which they are summed.
+    pub loads: Vec<Load>,
     /// Geometries shared by bodies.
     pub geometries: Vec<Geometry>,
     /// Materials.
@@ -67,12 +73,12 @@ pub struct World {
 pub struct Body {
     /// Name; may be empty.
     pub name: String,
-    /// Index of its geometry.
-    pub geometry: u32,
-    /// Index of its material.
-    pub material: u32,
-    /// Index of its motion, or [`FREE`].
-    pub motion: u32,
+    /// Its geometry.
+    pub geometry: GeometryId,
+    /// Its material.
+    pub material: MaterialId,
+    /// Its motion, or [`FREE`].
+    pub motion: MotionId,
     /// Centre of mass, m.
     pub position: Vec3,
     /// Rotation from body axes to world axes.
@@ -85,7 +91,7 @@ pub struct Body {
 
 impl Body {
     /// A free body at rest, not rotated.
-    pub fn new(geometry: u32, material: u32, position: Vec3) -> Self {
+    pub fn new(geometry: GeometryId, material: MaterialId, position: Vec3) -> Self {
         Self {
             name: String::new(),
             geometry,
@@ -95,6 +101,31 @@ impl Body {
             orientation: Quat::IDENTITY,
             velocity: Vec3::ZERO,
             angular_velocity: Vec3::ZERO,
+        }
+    }
+}
+
+impl Default for World {
+    /// An empty world at time 0 under the gravity of the Earth, 9.81 m/s^2 along -z, with one material `default` of 1000 kg/m^3, friction
+    /// 0.25 and no restitution: what a scene has that says nothing.
+    fn default() -> Self {
+        let materials = Materials {
+            names: vec!["default".to_string()],
+            density: vec![1000.0],
+            friction: vec![0.25],
+            restitution: vec![0.0],
+        };
+        Self {
+            time: 0.0,
+            step: 0,
+            gravity: Vec3::new(0.0, 0.0, -9.81),
+            gravity_of_time: None,
+            loads: Vec::new(),
+            geometries: Vec::new(),
+            materials,
+            motions: Vec::new(),
+            bodies: Bodies::default(),
+            contacts: ContactSet::default(),
         }
     }
 }
@@ -126,47 +157,38 @@ impl World {
     /// [`ModelError::Value`] unless gravity is finite.
     pub fn new(gravity: Vec3, materials: Materials) -> Result<Self, ModelError> {
         finite("a component of gravity", &gravity.to_array())?;
-        Ok(Self {
-            time: 0.0,
-            step: 0,
-            gravity,
-            geometries: Vec::new(),
-            materials,
-            motions: Vec::new(),
-            bodies: Bodies::default(),
-            contacts: ContactSet::default(),
-        })
+        Ok(Self { gravity, materials, ..Self::default() })
     }
 
-    /// Adds a geometry and returns its index.
-    pub fn add_geometry(&mut self, geometry: Geometry) -> u32 {
+    /// Adds a geometry and returns its handle.
+    pub fn add_geometry(&mut self, geometry: Geometry) -> GeometryId {
         self.geometries.push(geometry);
-        self.geometries.len() as u32 - 1
+        GeometryId::from_index(self.geometries.len() - 1)
     }
 
-    /// Adds a motion and returns its index.
+    /// Adds a motion and returns its handle.
     ///
     /// # Errors
     /// As [`Motion::validate`].
-    pub fn add_motion(&mut self, motion: Motion) -> Result<u32, ModelError> {
+    pub fn add_motion(&mut self, motion: Motion) -> Result<MotionId, ModelError> {
         motion.validate()?;
         self.motions.push(motion);
-        Ok(self.motions.len() as u32 - 1)
+        Ok(MotionId::from_index(self.motions.len() - 1))
     }
 
-    /// Adds a body and returns its index. Mass and inertia are density times those of the geometry.
+    /// Adds a body and returns its handle. Mass and inertia are density times those of the geometry.
     ///
     /// # Errors
     /// [`ModelError`] for an index that names nothing, a number that is not finite, a quaternion that is not
     /// normalised, or a body without volume that is not fully prescribed.
-    pub fn add_body(&mut self, body: Body) -> Result<u32, ModelError> {
-        let index = |what: &'static str, index: u32, len: usize| {
-            if (index as usize) < len { Ok(()) } else { Err(ModelError::Index { what, index, len }) }
+    pub fn add_body(&mut self, body: Body) -> Result<BodyId, ModelError> {
+        let index = |what: &'static str, index: usize, len: usize| {
+            if index < len { Ok(()) } else { Err(ModelError::Index { what, index, len }) }
         };
-        index("geometry", body.geometry, self.geometries.len())?;
-        index("material", body.material, self.materials.len())?;
+        index("geometry", body.geometry.index(), self.geometries.len())?;
+        index("material", body.material.index(), self.materials.len())?;
         if body.motion != FREE {
-            index("motion", body.motion, self.motions.len())?;
+            index("motion", body.motion.index(), self.motions.len())?;
         }
         let label = if body.name.is_empty() {
             self.bodies.len().to_string()
@@ -177,10 +199,10 @@ impl World {
         finite(&format!("a velocity of body {label}"), &body.velocity.to_array())?;
         finite(&format!("an angular velocity of body {label}"), &body.angular_velocity.to_array())?;
         unit_quaternion(&format!("the orientation of body {label}"), body.orientation)?;
-        let geometry = &self.geometries[body.geometry as usize];
-        let density = self.materials.density[body.material as usize];
+        let geometry = &self.geometries[body.geometry.index()];
+        let density = self.materials.density[body.material.index()];
         let mass = density * geometry.volume;
-        let prescribed = body.motion != FREE && self.motions[body.motion as usize].is_prescribed();
+        let prescribed = body.motion != FREE && self.motions[body.motion.index()].is_prescribed();
         if mass == 0.0 && !prescribed {
             return Err(ModelError::Massless { body: label });
         }
@@ -197,7 +219,7 @@ impl World {
         bodies.angular_velocity.push(body.angular_velocity);
         bodies.force.push(Vec3::ZERO);
         bodies.torque.push(Vec3::ZERO);
-        Ok(bodies.len() as u32 - 1)
+        Ok(BodyId::from_index(bodies.len() - 1))
     }
 
     /// Adds an external force (N, world axes) that acts at a point (m, world frame) to those on a body: the same force on its centre
@@ -205,10 +227,10 @@ impl World {
     ///
     /// # Errors
     /// [`ModelError::Index`] for a body that is none, [`ModelError::Value`] for a component that is not finite.
-    pub fn add_force_at(&mut self, body: u32, force: Vec3, point: Vec3) -> Result<(), ModelError> {
-        let (index, len) = (body as usize, self.bodies.len());
+    pub fn add_force_at(&mut self, body: BodyId, force: Vec3, point: Vec3) -> Result<(), ModelError> {
+        let (index, len) = (body.index(), self.bodies.len());
         if index >= len {
-            return Err(ModelError::Index { what: "body", index: body, len });
+            return Err(ModelError::Index { what: "body", index, len });
         }
         finite("a component of a force", &force.to_array())?;
         finite("a coordinate of the point where a force acts", &point.to_array())?;
@@ -217,21 +239,45 @@ impl World {
         Ok(())
     }
 
-    /// Sets the external forces and torques on all bodies to zero.
+    /// Adds a load, which acts from the next step on.
+    ///
+    /// # Errors
+    /// As [`Load::validate`], and [`ModelError::Index`] for a body that is none.
+    pub fn add_load(&mut self, load: Load) -> Result<(), ModelError> {
+        load.validate()?;
+        let len = self.bodies.len();
+        if let Some(body) = load.bodies.iter().flatten().find(|body| body.index() >= len) {
+            return Err(ModelError::Index { what: "body", index: body.index(), len });
+        }
+        self.loads.push(load);
+        Ok(())
+    }
+
+    /// Makes gravity a function of time, m/s^2 in world axes: every step takes its mean.
+    ///
+    /// # Errors
+    /// As [`Profile::validate`].
+    pub fn set_gravity_of_time(&mut self, gravity: [Profile; 3]) -> Result<(), ModelError> {
+        gravity.iter().try_for_each(Profile::validate)?;
+        self.gravity_of_time = Some(gravity);
+        Ok(())
+    }
+
+    /// Sets the external forces and torques on all bodies to zero; loads stay.
     pub fn clear_forces(&mut self) {
         self.bodies.force.fill(Vec3::ZERO);
         self.bodies.torque.fill(Vec3::ZERO);
     }
 
-    /// Removes the bodies for which `remove` (called once for each index, ascending) is true, with their contacts. The others keep
-    /// their order and move up: returned is the new index of every former body, `None` for those that are gone. Impulses between
+    /// Removes the bodies for which `remove` (called once for each index, ascending) is true, with their contacts, and from the lists of loads. The others keep
+    /// their order and move up: returned is the new handle of every former body, `None` for those that are gone. Impulses between
     /// bodies that moved up start the next solve from zero. Cost: linear.
-    pub fn remove_bodies(&mut self, mut remove: impl FnMut(usize) -> bool) -> Vec<Option<u32>> {
+    pub fn remove_bodies(&mut self, mut remove: impl FnMut(usize) -> bool) -> Vec<Option<BodyId>> {
         let mut next = 0;
-        let new_index: Vec<Option<u32>> = (0..self.bodies.len())
+        let new_index: Vec<Option<BodyId>> = (0..self.bodies.len())
             .map(|body| {
-                let index = (!remove(body)).then_some(next);
-                next += u32::from(index.is_some());
+                let index = (!remove(body)).then(|| BodyId::from_index(next));
+                next += usize::from(index.is_some());
                 index
             })
             .collect();
@@ -250,19 +296,23 @@ impl World {
             torque,
         } = &mut self.bodies;
         keep(name, &new_index);
-        for indices in [geometry, material, motion] {
-            keep(indices, &new_index);
-        }
+        keep(geometry, &new_index);
+        keep(material, &new_index);
+        keep(motion, &new_index);
         for vectors in [position, velocity, angular_velocity, force, torque] {
             keep(vectors, &new_index);
         }
         keep(orientation, &new_index);
         keep(mass, &new_index);
         keep(inertia, &new_index);
+        for bodies in self.loads.iter_mut().filter_map(|load| load.bodies.as_mut()) {
+            *bodies = bodies.iter().filter_map(|body| new_index[body.index()]).collect();
+        }
         let set = std::mem::take(&mut self.contacts);
         let friction = set.friction.into_iter().map(Some).chain(std::iter::repeat(None));
         for ((mut contact, impulse), friction) in set.contacts.into_iter().zip(set.impulse).zip(friction) {
-            let [a, b] = [contact.body_a, contact.body_b].map(|body| new_index[body as usize]);
+            let [a, b] =
+                [contact.body_a, contact.body_b].map(|body| Some(new_index[body as usize]?.index() as u32));
             if let (Some(a), Some(b)) = (a, b) {
                 if [a, b] != [contact.body_a, contact.body_b] {
                     // Identities are made of indices: an old one might be that of another pair.
@@ -301,7 +351,7 @@ impl World {
     pub fn is_prescribed(&self, body: usize) -> bool {
         match self.bodies.motion[body] {
             FREE => false,
-            motion => self.motions[motion as usize].is_prescribed(),
+            motion => self.motions[motion.index()].is_prescribed(),
         }
     }
 
@@ -309,7 +359,7 @@ impl World {
     pub fn free_degrees(&self, body: usize) -> [bool; 6] {
         match self.bodies.motion[body] {
             FREE => [true; 6],
-            motion => self.motions[motion as usize].free,
+            motion => self.motions[motion.index()].free,
         }
     }
 
@@ -337,7 +387,8 @@ impl World {
         }
         bodies.orientation.iter().flat_map(|q| q.to_array()).for_each(|x| add(x.to_bits()));
         bodies.mass.iter().for_each(|mass| add(mass.to_bits()));
-        bodies.geometry.iter().chain(&bodies.motion).for_each(|&index| add(u64::from(index)));
+        bodies.geometry.iter().for_each(|geometry| add(geometry.index() as u64));
+        bodies.motion.iter().for_each(|motion| add(motion.index() as u64));
         for motion in &self.motions {
             motion.free.iter().for_each(|&free| add(u64::from(free)));
         }
@@ -375,7 +426,7 @@ impl World {
 }
 
 /// Drops the entries of bodies that are gone.
-fn keep<T>(list: &mut Vec<T>, new_index: &[Option<u32>]) {
+fn keep<T>(list: &mut Vec<T>, new_index: &[Option<BodyId>]) {
     let mut kept = new_index.iter().map(Option::is_some);
     list.retain(|_| kept.next().unwrap_or(true));
 }
@@ -383,7 +434,6 @@ fn keep<T>(list: &mut Vec<T>, new_index: &[Option<u32>]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::motion::Profile;
 
     fn world() -> World {
         let materials = Materials::single("glass", 2500.0, 0.3, 0.0).unwrap();
@@ -394,7 +444,7 @@ mod tests {
     fn mass_follows_from_density() {
         let mut world = world();
         let ball = world.add_geometry(Geometry::sphere(0.1).unwrap());
-        let body = world.add_body(Body::new(ball, 0, Vec3::ZERO)).unwrap() as usize;
+        let body = world.add_body(Body::new(ball, MaterialId::default(), Vec3::ZERO)).unwrap().index();
         let mass = 2500.0 * 4.0 / 3.0 * std::f64::consts::PI * 1e-3;
         assert!((world.bodies.mass[body] - mass).abs() < 1e-12);
         assert!((world.bodies.inertia[body].x_axis.x - 0.4 * mass * 0.01).abs() < 1e-14);
@@ -408,11 +458,11 @@ mod tests {
         let along_x = Motion::translating(Vec3::X, Profile::Constant(1.0));
         let half_free =
             world.add_motion(along_x.with_free([false, false, true, false, false, false])).unwrap();
-        let good = Body::new(ball, 0, Vec3::ZERO);
+        let good = Body::new(ball, MaterialId::default(), Vec3::ZERO);
         let bad = [
-            Body { geometry: 7, ..good.clone() },
-            Body { material: 1, ..good.clone() },
-            Body { motion: 3, ..good.clone() },
+            Body { geometry: GeometryId::from_index(7), ..good.clone() },
+            Body { material: MaterialId::from_index(1), ..good.clone() },
+            Body { motion: MotionId::from_index(3), ..good.clone() },
             Body { position: Vec3::new(f64::NAN, 0.0, 0.0), ..good.clone() },
             Body { velocity: Vec3::new(f64::INFINITY, 0.0, 0.0), ..good.clone() },
             Body { orientation: Quat::from_xyzw(0.0, 0.0, 0.0, 2.0), ..good.clone() },
@@ -430,7 +480,7 @@ mod tests {
     fn the_hash_sees_one_bit() {
         let mut world = world();
         let ball = world.add_geometry(Geometry::sphere(0.1).unwrap());
-        world.add_body(Body::new(ball, 0, Vec3::ONE)).unwrap();
+        world.add_body(Body::new(ball, MaterialId::default(), Vec3::ONE)).unwrap();
         let before = world.state_hash();
         world.bodies.velocity[0].y = -0.0;
         assert_ne!(before, world.state_hash());

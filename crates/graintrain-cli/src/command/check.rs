@@ -61,6 +61,9 @@ fn summary(scene: &Scene, simulation: &Simulation) -> String {
     for (name, packing) in &scene.packings {
         line("packing", format!("{name}: {} of {}", packing.kind(), packing.material));
     }
+    for (name, load) in &scene.loads {
+        line("load", format!("{name}: {}", load.about()));
+    }
     let end = steps as f64 * settings.step;
     line("time", format!("{steps} steps of {} s, {end:.6} s in all", settings.step));
     let overlap = match settings.overlap {

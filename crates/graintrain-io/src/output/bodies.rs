@@ -146,7 +146,7 @@ pub fn particles(world: &World, step: f64) -> PolyData {
     let mut points = Vec::with_capacity(bodies.len());
     for body in 0..bodies.len() {
         let can_move = !world.is_prescribed(body);
-        let geometry = bodies.geometry[body] as usize;
+        let geometry = bodies.geometry[body].index();
         for template in if can_move { &free[geometry] } else { &held[geometry] } {
             let &Template { radius, kind, half_axes, .. } = template;
             let position = bodies.position[body] + bodies.orientation[body] * template.position;
@@ -177,7 +177,10 @@ pub fn particles(world: &World, step: f64) -> PolyData {
         points.iter().flat_map(|point| Quat::to_array(&bodies.orientation[point.body])).collect();
     let mut point_data = vec![
         DataArray::int64("id", id),
-        DataArray::int32("type", points.iter().map(|point| bodies.material[point.body] as i32).collect()),
+        DataArray::int32(
+            "type",
+            points.iter().map(|point| bodies.material[point.body].index() as i32).collect(),
+        ),
         DataArray::int32("shapetype", points.iter().map(|point| point.kind as i32).collect()),
         DataArray::scalar("radius", points.iter().map(|point| point.radius).collect()),
         DataArray::scalar("mass", points.iter().map(|point| bodies.mass[point.body]).collect()),
@@ -209,6 +212,7 @@ pub fn particles(world: &World, step: f64) -> PolyData {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use graintrain::handle::MaterialId;
     use graintrain::material::Materials;
     use graintrain::shape::Part;
     use graintrain::world::Body;
@@ -217,9 +221,9 @@ mod tests {
         let materials = Materials::single("glass", 2500.0, 0.3, 0.0).unwrap();
         let mut world = World::new(Vec3::ZERO, materials).unwrap();
         let ball = world.add_geometry(Geometry::sphere(0.1).unwrap());
-        world.add_body(Body::new(ball, 0, Vec3::ZERO)).unwrap();
+        world.add_body(Body::new(ball, MaterialId::default(), Vec3::ZERO)).unwrap();
         let geometry = world.add_geometry(geometry);
-        world.add_body(Body { orientation, ..Body::new(geometry, 0, Vec3::X) }).unwrap();
+        world.add_body(Body { orientation, ..Body::new(geometry, MaterialId::default(), Vec3::X) }).unwrap();
         world
     }
 

@@ -67,6 +67,7 @@ pub const STEPS: &[Column] = &[
     ),
     column("overlap_corrected", "m", "largest overlap that displacements worked on in the step"),
     column("correction_energy", "J", "energy that those displacements gave to bodies against gravity"),
+    column("load_work", "J", "work of external forces and torques in the step, besides gravity"),
     column("kinetic_energy", "J", "of the bodies that forces can move, at the end of the step"),
     column("seconds_collide", "s", "wall clock: finding contacts"),
     column("seconds_assemble", "s", "wall clock: building the contact problem"),

@@ -18,7 +18,7 @@ pub fn inscribed_radius(shape: &Shape) -> f64 {
 pub fn smallest_radius(world: &World) -> Option<f64> {
     let mut used = vec![false; world.geometries.len()];
     for body in (0..world.bodies.len()).filter(|&body| !world.is_prescribed(body)) {
-        used[world.bodies.geometry[body] as usize] = true;
+        used[world.bodies.geometry[body].index()] = true;
     }
     world
         .geometries

@@ -118,6 +118,8 @@ pub struct Summary {
     pub overlap_corrected_max_over_radius: f64,
     /// Energy that these displacements gave to bodies against gravity, J.
     pub correction_energy: f64,
+    /// Work of external forces and torques, J.
+    pub load_work: f64,
     /// Kinetic energy at the end, J.
     pub kinetic_energy: f64,
     /// Largest resident memory of the process, bytes; null where the system does not tell.
@@ -177,6 +179,7 @@ impl Summary {
             penetration_final_over_radius: totals.penetration_final_over_size,
             overlap_corrected_max_over_radius: totals.overlap_corrected_max / radius,
             correction_energy: totals.correction_energy,
+            load_work: totals.load_work,
             kinetic_energy: world.kinetic_energy(),
             peak_memory_bytes: peak_memory_bytes(),
             state_hash: format!("{:016x}", world.state_hash()),

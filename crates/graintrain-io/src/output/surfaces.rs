@@ -146,7 +146,7 @@ impl Builder<'_> {
             bodies.velocity[body] + bodies.angular_velocity[body].cross(point - bodies.position[body])
         });
         let point_data = vec![DataArray::vector("v", velocity.collect::<Vec<_>>())];
-        let material = self.body.iter().map(|k| bodies.material[body(k)] as i32).collect();
+        let material = self.body.iter().map(|k| bodies.material[body(k)].index() as i32).collect();
         let cell_data = vec![DataArray::int32("type", material), DataArray::int64("body_id", self.body)];
         PolyData { points: self.points, cells: self.cells, point_data, cell_data }
     }
@@ -165,7 +165,7 @@ pub fn surfaces(world: &World, show: Show) -> PolyData {
         .collect();
     let bounds = bounds(world, &templates).unwrap_or((-Vec3::ONE, Vec3::ONE));
     for body in 0..world.bodies.len() {
-        let geometry = world.bodies.geometry[body] as usize;
+        let geometry = world.bodies.geometry[body].index();
         let (position, orientation) = (world.bodies.position[body], world.bodies.orientation[body]);
         let is_fixed = world.is_prescribed(body) && is_at_rest(world, body);
         for (part, template) in world.geometries[geometry].parts.iter().zip(&templates[geometry]) {
@@ -190,7 +190,7 @@ fn is_at_rest(world: &World, body: usize) -> bool {
     match world.bodies.motion[body] {
         FREE => false,
         motion => {
-            let motion = &world.motions[motion as usize];
+            let motion = &world.motions[motion.index()];
             motion.translation.is_empty() && motion.rotation.is_none()
         }
     }
@@ -203,7 +203,7 @@ fn bounds(world: &World, templates: &[Vec<Option<Triangles>>]) -> Option<(Vec3, 
         bounds = (bounds.0.min(point - reach), bounds.1.max(point + reach));
     };
     for body in 0..world.bodies.len() {
-        let geometry = world.bodies.geometry[body] as usize;
+        let geometry = world.bodies.geometry[body].index();
         let (position, orientation) = (world.bodies.position[body], world.bodies.orientation[body]);
         for (part, template) in world.geometries[geometry].parts.iter().zip(&templates[geometry]) {
             let place = position + orientation * part.position;

@@ -56,7 +56,7 @@ impl Tables {
         self.steps.append(&step_record(world, report, output_seconds))?;
         self.newton.append(world.step, &report.solve.newton)?;
         for wrench in &report.wrenches {
-            let body = wrench.body as usize;
+            let body = wrench.body.index();
             if has_wrench_record(world, body) {
                 let vectors =
                     [wrench.force, wrench.torque, world.bodies.position[body], world.bodies.velocity[body]];
@@ -116,6 +116,7 @@ fn step_record(world: &World, report: &StepReport, output_seconds: f64) -> Strin
         real(report.penetration_max_over_size),
         real(report.overlap_corrected_max),
         real(report.correction_energy),
+        real(report.load_work),
         real(report.kinetic_energy),
         real(phases.collide),
         real(phases.assemble),

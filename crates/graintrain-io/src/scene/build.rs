@@ -3,14 +3,20 @@
 use super::Scene;
 use super::error::{Location, SceneError, SceneErrorKind};
 use super::mesh_file;
-use super::model::{BodySpec, MeshSpec, MotionSpec, PackingSource, PackingSpec, PartSpec, ShapeSpec};
-use super::packing::{self, read_file};
+use super::model::{
+    BodySpec, CentralSpec, DragSpec, FunctionFile, FunctionSpec, LoadSpec, MeshSpec, MotionSpec,
+    PackingSource, PackingSpec, PartSpec, PressureSpec, ShapeSpec,
+};
+use super::packing::{self, FileProblem, read_file, table_file};
+use super::quantity::Dimension;
 use crate::settings::OutputSettings;
 use graintrain::collide::deepest_overlap;
 use graintrain::error::ModelError;
+use graintrain::handle::{BodyId, GeometryId, MaterialId, MotionId};
+use graintrain::load::{Action, Load};
 use graintrain::material::Materials;
 use graintrain::math::{Quat, Vec3};
-use graintrain::motion::{Motion, Profile, Rotation};
+use graintrain::motion::{Axes, Motion, Profile, Rotation};
 use graintrain::shape::{Geometry, Part, Shape};
 use graintrain::stepper::StepSettings;
 use graintrain::world::{Body, FREE, World};
@@ -57,6 +63,9 @@ impl Scene {
         }
         for (name, packing) in &self.packings {
             builder.add_packing(name, packing)?;
+        }
+        for (name, load) in &self.loads {
+            builder.add_load(name, load)?;
         }
         let Builder { world, smallest_radius, origins, .. } = builder;
         if world.bodies.is_empty() {
@@ -107,6 +116,9 @@ impl Scene {
                 }
             }
         }
+        for file in self.function_files() {
+            absolute(&mut file.path, &file.location)?;
+        }
         for (_, packing) in &mut self.packings {
             if let PackingSource::File(file) = &mut packing.source {
                 absolute(&mut file.path, &file.location)?;
@@ -116,19 +128,41 @@ impl Scene {
     }
 }
 
+impl Scene {
+    /// The files of all functions of time.
+    fn function_files(&mut self) -> impl Iterator<Item = &mut FunctionFile> {
+        let motions = self.bodies.iter_mut().flat_map(|(_, body)| {
+            let MotionSpec { translation, rotation, .. } = &mut body.motion;
+            let speeds = translation.iter_mut().map(|item| &mut item.speed);
+            speeds.chain(rotation.iter_mut().map(|spin| &mut spin.speed))
+        });
+        let loads = self.loads.iter_mut().flat_map(|(_, load)| {
+            let LoadSpec { force, torque, acceleration, pressure, .. } = load;
+            let vectors = [force, torque, acceleration].into_iter().flatten().flatten();
+            vectors.chain(pressure.iter_mut().map(|pressure| &mut pressure.stress))
+        });
+        self.gravity.iter_mut().chain(motions).chain(loads).filter_map(|function| match function {
+            FunctionSpec::File { file } => Some(file),
+            FunctionSpec::Profile(_) => None,
+        })
+    }
+}
+
 /// A world in the making.
 struct Builder {
     world: World,
-    /// Indices of materials by name.
-    materials: HashMap<String, u32>,
+    /// Materials by name.
+    materials: HashMap<String, MaterialId>,
     /// Geometries of spheres by the bits of their radius: equal spheres share one.
-    spheres: HashMap<u64, u32>,
+    spheres: HashMap<u64, GeometryId>,
     /// Motion of bodies with locked rotation, once there is one.
-    locked_rotation: Option<u32>,
+    locked_rotation: Option<MotionId>,
     /// Smallest size of a body that can move, m.
     smallest_radius: f64,
     /// Where bodies come from, in their order.
     origins: Vec<Origin>,
+    /// Centres of mass of the single bodies in their frames, by their indices.
+    centres: HashMap<usize, Vec3>,
 }
 
 /// A stretch of bodies that a body or packing of the scene made.
@@ -200,20 +234,30 @@ impl Builder {
                         scene.contact.restitution_rule.combine(first.restitution, second.restitution)
                     }
                 });
-                materials.set_pair(i as u32, j as u32, friction, restitution).map_err(unplaced)?;
+                materials
+                    .set_pair(index[first_name], index[second_name], friction, restitution)
+                    .map_err(unplaced)?;
             }
         }
+        let [x, y, z] = &scene.gravity;
+        let gravity = [function(x)?, function(y)?, function(z)?];
+        let initial = Vec3::from_array(gravity.each_ref().map(|profile| profile.mean(0.0, scene.time.step)));
+        let mut world = World::new(initial, materials).map_err(unplaced)?;
+        if gravity.iter().any(|profile| !matches!(profile, Profile::Constant(_))) {
+            world.set_gravity_of_time(gravity).map_err(unplaced)?;
+        }
         Ok(Self {
-            world: World::new(scene.gravity, materials).map_err(unplaced)?,
+            world,
             materials: index,
             spheres: HashMap::new(),
             locked_rotation: None,
             smallest_radius: f64::INFINITY,
             origins: Vec::new(),
+            centres: HashMap::new(),
         })
     }
 
-    fn material(&self, name: &str) -> u32 {
+    fn material(&self, name: &str) -> MaterialId {
         self.materials[name]
     }
 
@@ -229,7 +273,7 @@ impl Builder {
         let (geometry, centre) = Geometry::compound(parts).map_err(at)?;
         let material = self.material(&spec.material);
         let volume = geometry.volume;
-        let motion = self.motion(&spec.motion).map_err(at)?;
+        let motion = self.motion(&spec.motion, centre, &spec.location)?;
         let rotation = spec.rotation.0;
         let geometry = self.world.add_geometry(geometry);
         let body = self
@@ -243,7 +287,9 @@ impl Builder {
                 angular_velocity: spec.angular_velocity,
                 ..Body::new(geometry, material, Vec3::ZERO)
             })
-            .map_err(at)? as usize;
+            .map_err(at)?
+            .index();
+        self.centres.insert(body, centre);
         let default_mass = self.world.bodies.mass[body];
         let mass = spec.mass.or(spec.density.map(|density| density * volume));
         if let Some(mass) = mass.filter(|_| default_mass > 0.0) {
@@ -257,22 +303,40 @@ impl Builder {
         Ok(())
     }
 
-    fn motion(&mut self, spec: &MotionSpec) -> Result<u32, ModelError> {
+    /// The motion of a body whose centre of mass is at `centre` in its frame.
+    fn motion(
+        &mut self,
+        spec: &MotionSpec,
+        centre: Vec3,
+        location: &Location,
+    ) -> Result<MotionId, SceneError> {
         if spec.free == [true; 6] {
             return Ok(FREE);
         }
-        let delayed = |profile: &Profile| match spec.start {
-            0.0 => profile.clone(),
-            start => Profile::Delayed { start, profile: Box::new(profile.clone()) },
+        let delayed = |speed: &FunctionSpec| {
+            let profile = function(speed)?;
+            Ok(match spec.start {
+                0.0 => profile,
+                start => Profile::Delayed { start, profile: Box::new(profile) },
+            })
         };
-        let translation =
-            spec.translation.iter().map(|item| (item.direction, delayed(&item.speed))).collect();
-        let rotation = spec.rotation.as_ref().map(|spin| Rotation {
-            point: spin.point,
-            axis: spin.axis,
-            profile: delayed(&spin.speed),
-        });
-        self.world.add_motion(Motion { free: spec.free, translation, rotation })
+        let translation = spec
+            .translation
+            .iter()
+            .map(|item| Ok((item.direction, delayed(&item.speed)?)))
+            .collect::<Result<_, SceneError>>()?;
+        let rotation = match &spec.rotation {
+            None => None,
+            Some(spin) => {
+                let (point, of) = match spin.point {
+                    Some(point) => (point, Axes::World),
+                    None => (-centre, Axes::Body),
+                };
+                Some(Rotation { point, of, axis: spin.axis, profile: delayed(&spin.speed)? })
+            }
+        };
+        let motion = Motion { free: spec.free, translation, rotation };
+        self.world.add_motion(motion).map_err(|error| model_error(error, location))
     }
 
     fn add_packing(&mut self, name: &str, spec: &PackingSpec) -> Result<(), SceneError> {
@@ -307,7 +371,72 @@ impl Builder {
         Ok(())
     }
 
-    fn sphere(&mut self, radius: f64) -> Result<u32, ModelError> {
+    fn add_load(&mut self, name: &str, spec: &LoadSpec) -> Result<(), SceneError> {
+        let bodies = self.bodies_under(spec);
+        let moves = |body: &BodyId| !self.world.is_prescribed(body.index());
+        if bodies.as_ref().is_some_and(|bodies| !bodies.iter().any(moves)) {
+            let problem =
+                format!("`load.{name}` acts on nothing that can move: `free` its degrees of freedom");
+            return Err(SceneError::at(SceneErrorKind::Contradiction(problem), &spec.location));
+        }
+        let (axes, count) = (spec.axes, self.world.bodies.len());
+        let along_axes = |functions: &[FunctionSpec; 3]| {
+            let terms = [Vec3::X, Vec3::Y, Vec3::Z].into_iter().zip(functions);
+            terms.map(|(axis, part)| Ok((axis, function(part)?))).collect::<Result<Vec<_>, SceneError>>()
+        };
+        let mut add = |bodies: Option<Vec<BodyId>>, action: Action| {
+            let load = Load { bodies, region: spec.region.clone(), action };
+            self.world.add_load(load).map_err(|error| model_error(error, &spec.location))
+        };
+        if let Some(force) = &spec.force {
+            let terms = along_axes(force)?;
+            match spec.point {
+                None => add(bodies.clone(), Action::Force { terms, axes, point: Vec3::ZERO })?,
+                // Bodies differ in where their frames are.
+                Some(point) => {
+                    let all = || (0..count).map(BodyId::from_index).collect();
+                    for body in bodies.clone().unwrap_or_else(all) {
+                        let centre = self.centres.get(&body.index()).copied().unwrap_or_default();
+                        let action = Action::Force { terms: terms.clone(), axes, point: point - centre };
+                        add(Some(vec![body]), action)?;
+                    }
+                }
+            }
+        }
+        if let Some(torque) = &spec.torque {
+            add(bodies.clone(), Action::Torque { terms: along_axes(torque)?, axes })?;
+        }
+        if let Some(PressureSpec { stress, area, direction }) = &spec.pressure {
+            let terms = vec![(*area * *direction, function(stress)?)];
+            add(bodies.clone(), Action::Force { terms, axes: Axes::World, point: Vec3::ZERO })?;
+        }
+        if let Some([x, y, z]) = &spec.acceleration {
+            let acceleration = [function(x)?, function(y)?, function(z)?];
+            add(bodies.clone(), Action::Uniform { acceleration })?;
+        }
+        if let Some(CentralSpec { point, strength, distance, power }) = spec.central {
+            add(bodies.clone(), Action::Central { centre: point, strength, distance, power })?;
+        }
+        if let Some(DragSpec { linear, quadratic, angular, medium }) = spec.drag {
+            add(bodies, Action::Drag { linear, quadratic, angular, medium })?;
+        }
+        Ok(())
+    }
+
+    /// The bodies that a load names, ascending; `None` where it names none: all.
+    fn bodies_under(&self, spec: &LoadSpec) -> Option<Vec<BodyId>> {
+        if spec.bodies.is_empty() && spec.packings.is_empty() {
+            return None;
+        }
+        let ends = self.origins.iter().skip(1).map(|origin| origin.first).chain([self.world.bodies.len()]);
+        let named = self.origins.iter().zip(ends).filter(|(origin, _)| {
+            let names = if origin.is_packing { &spec.packings } else { &spec.bodies };
+            names.contains(&origin.label)
+        });
+        Some(named.flat_map(|(origin, end)| origin.first..end).map(BodyId::from_index).collect())
+    }
+
+    fn sphere(&mut self, radius: f64) -> Result<GeometryId, ModelError> {
         if let Some(&geometry) = self.spheres.get(&radius.to_bits()) {
             return Ok(geometry);
         }
@@ -316,7 +445,7 @@ impl Builder {
         Ok(geometry)
     }
 
-    fn locked_rotation(&mut self) -> Result<u32, ModelError> {
+    fn locked_rotation(&mut self) -> Result<MotionId, ModelError> {
         if let Some(motion) = self.locked_rotation {
             return Ok(motion);
         }
@@ -325,6 +454,30 @@ impl Builder {
         self.locked_rotation = Some(motion);
         Ok(motion)
     }
+}
+
+/// A function of time; reads its file where it has one.
+fn function(spec: &FunctionSpec) -> Result<Profile, SceneError> {
+    let FunctionFile { path, time, value, dimension, location } = match spec {
+        FunctionSpec::Profile(profile) => return Ok(profile.clone()),
+        FunctionSpec::File { file } => file,
+    };
+    let bytes = read_file(path, location)?;
+    let is_csv = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("csv"));
+    let read = || {
+        let table = table_file::read(&bytes, is_csv.then_some(','), 0)?;
+        let column = |name: &str, dimension: Dimension| {
+            let found = table.column(&[name.to_lowercase().as_str()], dimension)?;
+            found.ok_or_else(|| {
+                FileProblem::at(table.header_line, format!("the header lacks the column `{name}`"))
+            })
+        };
+        let profile =
+            Profile::Table { times: column(time, Dimension::TIME)?, values: column(value, *dimension)? };
+        profile.validate().map_err(|error| FileProblem::new(error.to_string()))?;
+        Ok(profile)
+    };
+    read().map_err(|problem: FileProblem| problem.located(path, location))
 }
 
 /// A part with its shape in the form of the geometry, which has planes only with the normal z.

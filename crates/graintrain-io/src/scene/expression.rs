@@ -9,10 +9,13 @@
 //! exponent = { "+" | "-" } atom [ "^" exponent ]
 //! atom     = number | parameter | unit | "pi" | function "(" sum { "," sum } ")" | "(" sum ")"
 //! ```
+//! In a function of time the atom `t` is the time (elsewhere it is the unit, a tonne): `"2 kN * sin(2*pi*t/4 s)"`.
+//!
 //! So `10 cm/s` is a speed, `9.81 m/s^2` an acceleration and `1 m / 2 s` is 0.5 m/s.
 
 use super::error::closest;
 use super::quantity::{Dimension, Quantity, unit, unit_symbols};
+use graintrain::formula::{Formula, Function, Operation, Operator};
 use std::ops::Range;
 
 /// Nesting deeper than this is refused (it would exhaust the stack).
@@ -20,6 +23,9 @@ const DEEPEST_NESTING: usize = 64;
 
 const FUNCTIONS: &[&str] =
     &["abs", "acos", "asin", "atan", "ceil", "cos", "floor", "max", "min", "round", "sin", "sqrt", "tan"];
+
+/// The name of the time in functions of it.
+const TIME: &str = "t";
 
 /// What is wrong with an expression, and where in its text.
 #[derive(Clone, Debug, PartialEq)]
@@ -60,16 +66,122 @@ impl Names for NoNames {
     }
 }
 
+/// A value with its dimension, as the operations that make it from the time. Operations on numbers alone are made at once, so that what
+/// does not depend on time is one number.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Term {
+    pub dimension: Dimension,
+    pub operations: Vec<Operation>,
+}
+
+impl From<Quantity> for Term {
+    fn from(quantity: Quantity) -> Self {
+        Self { dimension: quantity.dimension, operations: vec![Operation::Number(quantity.value)] }
+    }
+}
+
+impl Term {
+    /// The value where it does not depend on time.
+    pub fn constant(&self) -> Option<Quantity> {
+        match self.operations.as_slice() {
+            &[Operation::Number(value)] => Some(Quantity { value, dimension: self.dimension }),
+            _ => None,
+        }
+    }
+
+    /// A value of the same dimension to try dimensions with, never zero.
+    fn sample(&self) -> Quantity {
+        self.constant().unwrap_or(Quantity { value: 1.0, dimension: self.dimension })
+    }
+
+    /// `quantities` joins numbers (and dimensions, for which any numbers do), `operator` what depends on time.
+    fn joined(
+        self,
+        other: Self,
+        operator: Operator,
+        quantities: impl Fn(Quantity, Quantity) -> Result<Quantity, String>,
+    ) -> Result<Self, String> {
+        let result = quantities(self.sample(), other.sample())?;
+        if self.constant().is_some() && other.constant().is_some() {
+            return Ok(result.into());
+        }
+        // Dividing by one unit takes a dimension away and leaves the number.
+        let by_one = operator == Operator::Divide && other.operations == [Operation::Number(1.0)];
+        let mut operations = self.operations;
+        if !by_one {
+            operations.extend(other.operations);
+            operations.push(Operation::Operator(operator));
+        }
+        Ok(Self { dimension: result.dimension, operations })
+    }
+
+    fn negated(mut self) -> Self {
+        match self.operations.as_mut_slice() {
+            [Operation::Number(value)] => *value *= -1.0,
+            _ => {
+                self.operations.push(Operation::Number(-1.0));
+                self.operations.push(Operation::Operator(Operator::Multiply));
+            }
+        }
+        self
+    }
+}
+
 /// Evaluates an expression.
 pub(crate) fn evaluate(text: &str, names: &dyn Names) -> Result<Quantity, ExpressionError> {
+    let term = parse(text, names, false)?;
+    // Without a time everything is a number.
+    Ok(term.constant().unwrap_or(Quantity { value: f64::NAN, dimension: term.dimension }))
+}
+
+/// Compiles a function of the time `t`.
+pub(crate) fn compile(text: &str, names: &dyn Names) -> Result<Term, ExpressionError> {
+    parse(text, names, true)
+}
+
+/// The formula as a text that [`compile`] turns into the same operations, whatever is asked for in SI units.
+pub(crate) fn formula_text(formula: &Formula) -> String {
+    let mut stack: Vec<String> = Vec::new();
+    for operation in formula.operations() {
+        let text = match *operation {
+            Operation::Number(number) => format!("{number:?}"),
+            Operation::Time => "(t / 1 s)".to_string(),
+            Operation::Function(function) => {
+                let x = stack.pop().unwrap_or_default();
+                let name = Function::NAMES.iter().find(|(_, known)| *known == function).map_or("", |f| f.0);
+                match function {
+                    Function::Asin | Function::Acos | Function::Atan => format!("({name}({x}) / 1 rad)"),
+                    _ => format!("{name}({x})"),
+                }
+            }
+            Operation::Operator(operator) => {
+                let b = stack.pop().unwrap_or_default();
+                let a = stack.pop().unwrap_or_default();
+                match operator {
+                    Operator::Add => format!("({a} + {b})"),
+                    Operator::Subtract => format!("({a} - {b})"),
+                    Operator::Multiply => format!("({a} * {b})"),
+                    Operator::Divide => format!("({a} / {b})"),
+                    Operator::Power => format!("(({a})^({b}))"),
+                    Operator::Minimum => format!("min({a}, {b})"),
+                    Operator::Maximum => format!("max({a}, {b})"),
+                }
+            }
+        };
+        stack.push(text);
+    }
+    stack.pop().unwrap_or_default()
+}
+
+fn parse(text: &str, names: &dyn Names, of_time: bool) -> Result<Term, ExpressionError> {
     let tokens = tokenize(text)?;
-    let mut parser = Parser { text, tokens, next: 0, depth: 0, names };
+    let mut parser = Parser { text, tokens, next: 0, depth: 0, names, of_time };
     let value = parser.sum()?;
     match parser.peek() {
         None => Ok(value),
         Some(token) => {
             let problem = match &token.kind {
-                Kind::Word(word) if names.value(word).is_some() => {
+                Kind::Word(word) if names.value(word).is_some() || parser.is_time(word) => {
                     format!("an operator is missing before `{word}`: write `* {word}`")
                 }
                 Kind::Word(word) => parser.unknown_word(word),
@@ -160,6 +272,8 @@ struct Parser<'a> {
     next: usize,
     depth: usize,
     names: &'a dyn Names,
+    /// Whether `t` is the time.
+    of_time: bool,
 }
 
 impl Parser<'_> {
@@ -188,17 +302,22 @@ impl Parser<'_> {
         end.saturating_sub(1)..end
     }
 
-    fn sum(&mut self) -> Result<Quantity, ExpressionError> {
+    /// Whether a word is the time.
+    fn is_time(&self, word: &str) -> bool {
+        self.of_time && word == TIME
+    }
+
+    fn sum(&mut self) -> Result<Term, ExpressionError> {
         self.depth += 1;
         if self.depth > DEEPEST_NESTING {
             return self.fail("nested too deeply", 0..self.text.len());
         }
         let mut total = self.product()?;
         loop {
-            let (sign, span) = if let Some(span) = self.take('+') {
-                (1.0, span)
+            let (sign, operator, span) = if let Some(span) = self.take('+') {
+                (1.0, Operator::Add, span)
             } else if let Some(span) = self.take('-') {
-                (-1.0, span)
+                (-1.0, Operator::Subtract, span)
             } else {
                 break;
             };
@@ -207,19 +326,20 @@ impl Parser<'_> {
                 let problem = format!("cannot add {} and {}", total.dimension, term.dimension);
                 return self.fail(problem, span);
             }
-            total.value += sign * term.value;
+            let add = |a: Quantity, b: Quantity| Ok(Quantity { value: a.value + sign * b.value, ..a });
+            total = total.joined(term, operator, add).or_else(|problem| self.fail(problem, span))?;
         }
         self.depth -= 1;
         Ok(total)
     }
 
-    fn product(&mut self) -> Result<Quantity, ExpressionError> {
+    fn product(&mut self) -> Result<Term, ExpressionError> {
         let mut total = self.signed()?;
         loop {
             let (result, span) = if let Some(span) = self.take('*') {
-                (total.multiply(self.signed()?), span)
+                (total.joined(self.signed()?, Operator::Multiply, Quantity::multiply), span)
             } else if let Some(span) = self.take('/') {
-                (total.divide(self.signed()?), span)
+                (total.joined(self.signed()?, Operator::Divide, Quantity::divide), span)
             } else {
                 return Ok(total);
             };
@@ -238,59 +358,66 @@ impl Parser<'_> {
         }
     }
 
-    fn signed(&mut self) -> Result<Quantity, ExpressionError> {
+    fn signed(&mut self) -> Result<Term, ExpressionError> {
         let sign = self.sign();
-        let mut value = self.measured()?;
-        value.value *= sign;
-        Ok(value)
+        let value = self.measured()?;
+        Ok(if sign < 0.0 { value.negated() } else { value })
     }
 
-    fn measured(&mut self) -> Result<Quantity, ExpressionError> {
+    fn measured(&mut self) -> Result<Term, ExpressionError> {
         let mut total = self.power()?;
         while let Some(Token { kind: Kind::Word(word), span }) = self.peek() {
-            let Some(mut factor) = unit(word).filter(|_| self.names.value(word).is_none()) else { break };
+            let known = self.names.value(word).is_some() || self.is_time(word);
+            let Some(factor) = unit(word).filter(|_| !known) else { break };
             let span = span.clone();
             self.next += 1;
+            let mut factor = Term::from(factor);
             if self.take('^').is_some() {
-                let exponent = self.exponent()?;
-                factor = factor.power(exponent).or_else(|problem| self.fail(problem, span.clone()))?;
+                factor = self.raised(factor, span.clone())?;
             }
-            total = total.multiply(factor).or_else(|problem| self.fail(problem, span))?;
+            total = total
+                .joined(factor, Operator::Multiply, Quantity::multiply)
+                .or_else(|problem| self.fail(problem, span))?;
         }
         Ok(total)
     }
 
-    fn power(&mut self) -> Result<Quantity, ExpressionError> {
+    fn power(&mut self) -> Result<Term, ExpressionError> {
         let base = self.atom()?;
         match self.take('^') {
-            Some(span) => {
-                let exponent = self.exponent()?;
-                base.power(exponent).or_else(|problem| self.fail(problem, span))
-            }
+            Some(span) => self.raised(base, span),
             None => Ok(base),
         }
     }
 
-    fn exponent(&mut self) -> Result<Quantity, ExpressionError> {
+    /// The base to the power of the exponent that follows.
+    fn raised(&mut self, base: Term, span: Range<usize>) -> Result<Term, ExpressionError> {
+        let exponent = self.exponent()?;
+        if exponent.constant().is_none() && base.dimension != Dimension::NONE {
+            return self.fail("an exponent that depends on time needs a base without unit", span);
+        }
+        base.joined(exponent, Operator::Power, Quantity::power).or_else(|problem| self.fail(problem, span))
+    }
+
+    fn exponent(&mut self) -> Result<Term, ExpressionError> {
         self.depth += 1;
         if self.depth > DEEPEST_NESTING {
             return self.fail("nested too deeply", 0..self.text.len());
         }
         let sign = self.sign();
-        let mut value = self.power()?;
-        value.value *= sign;
+        let value = self.power()?;
         self.depth -= 1;
-        Ok(value)
+        Ok(if sign < 0.0 { value.negated() } else { value })
     }
 
-    fn atom(&mut self) -> Result<Quantity, ExpressionError> {
+    fn atom(&mut self) -> Result<Term, ExpressionError> {
         let Some(Token { kind, span }) = self.peek().cloned() else {
             let problem = if self.tokens.is_empty() { "it is empty" } else { "it ends too early" };
             return self.fail(problem, self.end());
         };
         self.next += 1;
         match kind {
-            Kind::Number(value) => Ok(Quantity::number(value)),
+            Kind::Number(value) => Ok(Quantity::number(value).into()),
             Kind::Symbol('(') => {
                 let value = self.sum()?;
                 match self.take(')') {
@@ -302,11 +429,13 @@ impl Parser<'_> {
             Kind::Word(word) if FUNCTIONS.contains(&word.as_str()) => self.call(&word, span),
             Kind::Word(word) => {
                 if let Some(value) = self.names.value(&word) {
-                    value.or_else(|problem| self.fail(problem, span))
+                    value.map(Term::from).or_else(|problem| self.fail(problem, span))
+                } else if self.is_time(&word) {
+                    Ok(Term { dimension: Dimension::TIME, operations: vec![Operation::Time] })
                 } else if let Some(value) = unit(&word) {
-                    Ok(value)
+                    Ok(value.into())
                 } else if word == "pi" {
-                    Ok(Quantity::number(std::f64::consts::PI))
+                    Ok(Quantity::number(std::f64::consts::PI).into())
                 } else {
                     self.fail(self.unknown_word(&word), span)
                 }
@@ -329,7 +458,7 @@ impl Parser<'_> {
         }
     }
 
-    fn call(&mut self, function: &str, span: Range<usize>) -> Result<Quantity, ExpressionError> {
+    fn call(&mut self, function: &str, span: Range<usize>) -> Result<Term, ExpressionError> {
         if self.take('(').is_none() {
             return self.fail(format!("`{function}` is a function: write `{function}(...)`"), span);
         }
@@ -340,50 +469,54 @@ impl Parser<'_> {
         if self.take(')').is_none() {
             return self.fail(format!("the parenthesis of `{function}` is not closed"), span);
         }
-        apply(function, &arguments).or_else(|problem| self.fail(problem, span))
+        apply(function, arguments).or_else(|problem| self.fail(problem, span))
     }
 }
 
-fn apply(function: &str, arguments: &[Quantity]) -> Result<Quantity, String> {
-    let first = arguments[0];
-    if matches!(function, "min" | "max") {
-        return arguments[1..].iter().try_fold(first, |best, &next| {
+fn apply(name: &str, arguments: Vec<Term>) -> Result<Term, String> {
+    let count = arguments.len();
+    let mut arguments = arguments.into_iter();
+    let Some(first) = arguments.next() else { return Err(format!("`{name}` takes a value")) };
+    if let Some(operator) = match name {
+        "min" => Some(Operator::Minimum),
+        "max" => Some(Operator::Maximum),
+        _ => None,
+    } {
+        let choose = |best: Quantity, next: Quantity| {
             if next.dimension != best.dimension {
-                return Err(format!("`{function}` of {} and {}", best.dimension, next.dimension));
+                return Err(format!("`{name}` of {} and {}", best.dimension, next.dimension));
             }
-            let value =
-                if function == "min" { best.value.min(next.value) } else { best.value.max(next.value) };
-            Ok(Quantity { value, ..best })
-        });
+            Ok(Quantity { value: operator.value(best.value, next.value), ..best })
+        };
+        return arguments.try_fold(first, |best, next| best.joined(next, operator, choose));
     }
-    if arguments.len() > 1 {
-        return Err(format!("`{function}` takes one value, got {}", arguments.len()));
+    if count > 1 {
+        return Err(format!("`{name}` takes one value, got {count}"));
     }
-    let pure = |f: fn(f64) -> f64| match first.dimension {
-        Dimension::NONE => Ok(Quantity::number(f(first.value))),
-        other => Err(format!("`{function}` takes a number without unit, got {other}")),
+    let Some(&(_, function)) = Function::NAMES.iter().find(|(known, _)| *known == name) else {
+        return Err(format!("`{name}` is not a function"));
     };
-    let of_angle = |f: fn(f64) -> f64| match first.dimension {
-        Dimension::NONE | Dimension::ANGLE => Ok(Quantity::number(f(first.value))),
-        other => Err(format!("`{function}` takes an angle, got {other}")),
+    let dimension = match function {
+        Function::Abs => first.dimension,
+        Function::Sqrt => first.sample().square_root()?.dimension,
+        Function::Sin | Function::Cos | Function::Tan => match first.dimension {
+            Dimension::NONE | Dimension::ANGLE => Dimension::NONE,
+            other => return Err(format!("`{name}` takes an angle, got {other}")),
+        },
+        _ => match first.dimension {
+            Dimension::NONE if matches!(function, Function::Asin | Function::Acos | Function::Atan) => {
+                Dimension::ANGLE
+            }
+            Dimension::NONE => Dimension::NONE,
+            other => return Err(format!("`{name}` takes a number without unit, got {other}")),
+        },
     };
-    let to_angle = |f: fn(f64) -> f64| {
-        pure(f).map(|number| Quantity { value: number.value, dimension: Dimension::ANGLE })
-    };
-    match function {
-        "abs" => Ok(Quantity { value: first.value.abs(), ..first }),
-        "sqrt" => first.square_root(),
-        "floor" => pure(f64::floor),
-        "ceil" => pure(f64::ceil),
-        "round" => pure(f64::round),
-        "sin" => of_angle(f64::sin),
-        "cos" => of_angle(f64::cos),
-        "tan" => of_angle(f64::tan),
-        "asin" => to_angle(f64::asin),
-        "acos" => to_angle(f64::acos),
-        "atan" => to_angle(f64::atan),
-        _ => Err(format!("`{function}` is not a function")),
+    if let Some(quantity) = first.constant() {
+        return Ok(Quantity { value: function.value(quantity.value), dimension }.into());
     }
+    let mut operations = first.operations;
+    operations.push(Operation::Function(function));
+    Ok(Term { dimension, operations })
 }
 
 #[cfg(test)]
@@ -424,6 +557,38 @@ mod tests {
         close("12 rpm", 12.0 * std::f64::consts::TAU / 60.0);
         close("sin(30 deg) + sqrt(4 m^2) / 1 m + max(1, n, 3)", 10.5);
         close("2e3 mm", 2.0);
+    }
+
+    #[test]
+    fn functions_of_time_have_dimensions_and_values() {
+        type Case = (&'static str, Dimension, fn(f64) -> f64);
+        let cases: [Case; 7] = [
+            ("2 kN * sin(2*pi*t/4 s)", Dimension::FORCE, |t| {
+                2000.0 * (2.0 * std::f64::consts::PI * t / 4.0).sin()
+            }),
+            ("-t * 3 N/s", Dimension::FORCE, |t| -t * 3.0),
+            ("min(t, 2 s) / 4 s * 1 m/s", Dimension::SPEED, |t| t.min(2.0) / 4.0),
+            ("(1 m + 2 m * t/1 s)^2 / 1 s^2", Dimension::new(2, 0, -2, 0), |t| (1.0 + 2.0 * t).powf(2.0)),
+            ("sqrt(t^2 + 9 s^2) * 1 N/s", Dimension::FORCE, |t| (t.powf(2.0) + 9.0).sqrt()),
+            ("atan(t/1 s) * n", Dimension::ANGLE, |t| t.atan() * 8.0),
+            ("2^(t/1 s)", Dimension::NONE, |t| 2.0_f64.powf(t)),
+        ];
+        for (text, dimension, expected) in cases {
+            let term = compile(text, &One).unwrap_or_else(|error| panic!("{text}: {}", error.problem));
+            assert_eq!(term.dimension, dimension, "{text}");
+            let formula = Formula::new(term.operations.clone()).unwrap();
+            for time in [0.0, 0.3, 1.7, 12.0] {
+                let (found, expected) = (formula.value(time), expected(time));
+                assert!((found - expected).abs() <= 1e-15 * expected.abs(), "{text} at {time}: {found}");
+            }
+            // Written out and read again it is the same, operation by operation.
+            let again = compile(&formula_text(&formula), &One).unwrap();
+            assert_eq!(again.operations, term.operations, "{text}: {}", formula_text(&formula));
+        }
+        for bad in ["2 t", "t + 1 N", "2^t", "(1 m)^(t/1 s)", "sin(t)", "2*x"] {
+            assert!(compile(bad, &One).is_err(), "{bad}");
+        }
+        assert_eq!(evaluate("3 t", &One).unwrap(), Quantity { value: 3000.0, dimension: Dimension::MASS });
     }
 
     proptest! {

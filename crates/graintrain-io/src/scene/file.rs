@@ -9,8 +9,9 @@ use super::schema;
 use super::tree::{Node, Value};
 use crate::settings::Precision;
 use graintrain::assemble::OverlapCorrection;
+use graintrain::load::Region;
 use graintrain::math::{Quat, Vec3};
-use graintrain::motion::Profile;
+use graintrain::motion::Axes;
 use graintrain_ccp::{CcpError, FrictionModel, SolverSpec};
 use std::path::PathBuf;
 
@@ -47,11 +48,19 @@ pub(crate) fn read(name: &str, root: &Node, folder: PathBuf) -> Result<Scene, Sc
         .enumerate()
         .map(|(index, (name, reader))| Ok((name, packing(&reader, &names, seed + index as u64)?)))
         .collect::<Result<Vec<_>, SceneError>>()?;
+    let body_names: Vec<&str> = bodies.iter().map(|(name, _): &(String, BodySpec)| name.as_str()).collect();
+    let packing_names: Vec<&str> =
+        packings.iter().map(|(name, _): &(String, PackingSpec)| name.as_str()).collect();
+    let loads = scene
+        .named("load")?
+        .into_iter()
+        .map(|(name, reader)| Ok((name, load(&reader, &body_names, &packing_names)?)))
+        .collect::<Result<Vec<_>, SceneError>>()?;
     Ok(Scene {
         name: name.to_string(),
         title: scene.text("title")?.unwrap_or_else(|| name.to_string()),
         seed,
-        gravity: scene.vector("gravity", Range::Any)?.unwrap_or(Vec3::new(0.0, 0.0, -9.81)),
+        gravity: scene.functions("gravity")?.unwrap_or([0.0, 0.0, -9.81].map(FunctionSpec::constant)),
         parameters: context.parameters.listing(),
         contact: contact(scene.child("contact")?)?,
         solver: solver(scene.child("solver")?)?,
@@ -61,6 +70,7 @@ pub(crate) fn read(name: &str, root: &Node, folder: PathBuf) -> Result<Scene, Sc
         pairs,
         bodies,
         packings,
+        loads,
     })
 }
 
@@ -221,7 +231,7 @@ fn body(reader: &Reader, materials: &[&str]) -> Result<BodySpec, SceneError> {
     reader.at_most_one_of(&["mass", "density"])?;
     let position = reader.vector("position", Range::Any)?.unwrap_or(Vec3::ZERO);
     let boundary = parts.iter().any(|part| part.shape.is_boundary());
-    let motion = motion(reader, position, boundary)?;
+    let motion = motion(reader, boundary)?;
     if boundary && motion.free != [false; 6] {
         let problem =
             format!("`{}` has no mass (planes and meshes are boundaries): it cannot be free", reader.path);
@@ -324,20 +334,20 @@ fn mesh(reader: &Reader) -> Result<MeshSpec, SceneError> {
     Ok(spec)
 }
 
-fn motion(body: &Reader, position: Vec3, boundary: bool) -> Result<MotionSpec, SceneError> {
+fn motion(body: &Reader, boundary: bool) -> Result<MotionSpec, SceneError> {
     let words = &[("free", false), ("fixed", true)];
     let fixed = match body.get("motion") {
         None => boundary,
         Some(Node { value: Value::Table(_), .. }) => {
             let reader = body.required_child("motion")?;
-            return prescribed_motion(&reader, position);
+            return prescribed_motion(&reader);
         }
         Some(_) => body.choice("motion", words)?.unwrap_or(false),
     };
     Ok(if fixed { MotionSpec::FIXED } else { MotionSpec::FREE })
 }
 
-fn prescribed_motion(reader: &Reader, position: Vec3) -> Result<MotionSpec, SceneError> {
+fn prescribed_motion(reader: &Reader) -> Result<MotionSpec, SceneError> {
     let mut free = [false; 6];
     for name in reader.texts("free")?.unwrap_or_default() {
         let degree = DEGREES.iter().position(|degree| *degree == name);
@@ -359,7 +369,7 @@ fn prescribed_motion(reader: &Reader, position: Vec3) -> Result<MotionSpec, Scen
     let rotation = match reader.child("rotation")? {
         None => None,
         Some(spin) => Some(SpinSpec {
-            point: spin.vector("point", Range::Any)?.unwrap_or(position),
+            point: spin.vector("point", Range::Any)?,
             axis: spin.direction("axis")?.unwrap_or(Vec3::Z),
             speed: speed(&spin)?,
         }),
@@ -369,35 +379,75 @@ fn prescribed_motion(reader: &Reader, position: Vec3) -> Result<MotionSpec, Scen
 }
 
 /// The `speed` of a translation or rotation.
-fn speed(parent: &Reader) -> Result<Profile, SceneError> {
-    let node = parent.get("speed").ok_or_else(|| parent.missing("speed"))?;
-    if !matches!(node.value, Value::Table(_)) {
-        return Ok(Profile::Constant(parent.required("speed", Range::Any)?));
+fn speed(parent: &Reader) -> Result<FunctionSpec, SceneError> {
+    parent.function("speed")?.ok_or_else(|| parent.missing("speed"))
+}
+
+/// What a load can do to bodies.
+const ACTIONS: &[&str] = &["force", "torque", "pressure", "acceleration", "central", "drag"];
+
+fn load(reader: &Reader, bodies: &[&str], packings: &[&str]) -> Result<LoadSpec, SceneError> {
+    let names = |key: &str, what: &str, known: &[&str]| {
+        let names = reader.texts(key)?.unwrap_or_default();
+        match names.iter().find(|name| !known.contains(&name.as_str())) {
+            Some(name) => Err(reader.unknown_name(key, what, name, known.iter().copied())),
+            None => Ok(names),
+        }
+    };
+    if ACTIONS.iter().all(|action| reader.get(action).is_none()) {
+        let kind = SceneErrorKind::OneOf {
+            table: format!("`{}`", reader.path),
+            keys: ACTIONS.join(", "),
+            found: "none".into(),
+        };
+        return Err(SceneError::at(kind, reader.location()));
     }
-    let reader = parent.required_child("speed")?;
-    let form = reader.one_of(&["sinusoidal", "table"])?;
-    let inner = reader.required_child(form)?;
-    if form == "sinusoidal" {
-        return Ok(Profile::Sinusoidal {
-            amplitude: inner.required("amplitude", Range::Any)?,
-            period: inner.required("period", Range::Positive)?,
-            phase: inner.quantity("phase", Range::Any)?.unwrap_or(0.0),
-        });
+    let point = reader.vector("point", Range::Any)?;
+    let force = reader.functions("force")?;
+    if point.is_some() && force.is_none() {
+        return Err(reader.missing("force"));
     }
-    let times = inner.list("times", Range::Any)?.ok_or_else(|| inner.missing("times"))?;
-    let values = inner.list("values", Range::Any)?.ok_or_else(|| inner.missing("values"))?;
-    if times.is_empty() || times.windows(2).any(|pair| pair[1] <= pair[0]) {
-        return Err(inner.out_of_range(
-            "times",
-            "at least one time, each later than the one before",
-            format!("{times:?}"),
-        ));
-    }
-    if times.len() != values.len() {
-        let requirement = format!("as many as the {} times", times.len());
-        return Err(inner.out_of_range("values", &requirement, values.len()));
-    }
-    Ok(Profile::Table { times, values })
+    Ok(LoadSpec {
+        bodies: names("bodies", "body", bodies)?,
+        packings: names("packings", "packing", packings)?,
+        region: reader.child("region")?.as_ref().map(region).transpose()?,
+        force,
+        point,
+        torque: reader.functions("torque")?,
+        axes: reader.choice("axes", &[("world", Axes::World), ("body", Axes::Body)])?.unwrap_or_default(),
+        pressure: reader.child("pressure")?.as_ref().map(pressure).transpose()?,
+        acceleration: reader.functions("acceleration")?,
+        central: reader.child("central")?.as_ref().map(central).transpose()?,
+        drag: reader.child("drag")?.as_ref().map(drag).transpose()?,
+        location: reader.location().clone(),
+    })
+}
+
+fn pressure(reader: &Reader) -> Result<PressureSpec, SceneError> {
+    Ok(PressureSpec {
+        stress: reader.function("stress")?.ok_or_else(|| reader.missing("stress"))?,
+        area: reader.required("area", Range::Positive)?,
+        direction: reader.direction("direction")?.ok_or_else(|| reader.missing("direction"))?,
+    })
+}
+
+fn central(reader: &Reader) -> Result<CentralSpec, SceneError> {
+    Ok(CentralSpec {
+        point: reader.vector("point", Range::Any)?.unwrap_or(Vec3::ZERO),
+        strength: reader.required("strength", Range::Any)?,
+        distance: reader.quantity("distance", Range::Positive)?.unwrap_or(1.0),
+        power: reader.quantity("power", Range::Any)?.unwrap_or(-2.0),
+    })
+}
+
+fn drag(reader: &Reader) -> Result<DragSpec, SceneError> {
+    let coefficient = |key: &str| Ok(reader.quantity(key, Range::NotNegative)?.unwrap_or(0.0));
+    Ok(DragSpec {
+        linear: coefficient("linear")?,
+        quadratic: coefficient("quadratic")?,
+        angular: coefficient("angular")?,
+        medium: reader.vector("medium", Range::Any)?.unwrap_or(Vec3::ZERO),
+    })
 }
 
 fn packing(reader: &Reader, materials: &[&str], default_seed: u64) -> Result<PackingSpec, SceneError> {
@@ -502,11 +552,12 @@ fn lattice(reader: &Reader) -> Result<LatticeSpec, SceneError> {
     })
 }
 
-fn drop_spec(reader: &Reader) -> Result<DropSpec, SceneError> {
+/// The region that a table names: a box or a cylinder.
+fn region(reader: &Reader) -> Result<Region, SceneError> {
     let form = reader.one_of(&["box", "cylinder"])?;
     let inner = reader.required_child(form)?;
     let corner = |key: &str| inner.vector(key, Range::Any)?.ok_or_else(|| inner.missing(key));
-    let region = if form == "box" {
+    Ok(if form == "box" {
         let (min, max) = (corner("min")?, corner("max")?);
         if !min.cmplt(max).all() {
             return Err(inner.out_of_range("max", &format!("above min ({min}) along every axis"), max));
@@ -518,7 +569,11 @@ fn drop_spec(reader: &Reader) -> Result<DropSpec, SceneError> {
             radius: inner.required("radius", Range::Positive)?,
             height: inner.required("height", Range::Positive)?,
         }
-    };
+    })
+}
+
+fn drop_spec(reader: &Reader) -> Result<DropSpec, SceneError> {
+    let region = region(reader)?;
     Ok(DropSpec { count: reader.required_count("count")? as usize, region })
 }
 

@@ -36,8 +36,10 @@ mod tree;
 pub use build::Simulation;
 pub use error::{Location, SceneError, SceneErrorKind, Source};
 
-use graintrain::math::Vec3;
-use model::{BodySpec, ContactSpec, MaterialSpec, OutputSpec, PackingSpec, PairSpec, SolverChoice, TimeSpec};
+use model::{
+    BodySpec, ContactSpec, FunctionSpec, LoadSpec, MaterialSpec, OutputSpec, PackingSpec, PairSpec,
+    SolverChoice, TimeSpec,
+};
 use quantity::Dimension;
 use serde::Serialize;
 use serde::ser::{SerializeMap, Serializer};
@@ -55,7 +57,7 @@ pub struct Scene {
     /// Seed of everything random.
     pub seed: u64,
     /// m/s^2
-    pub gravity: Vec3,
+    pub gravity: [FunctionSpec; 3],
     /// Parameters as written, for people; their values are already in everything below.
     #[serde(skip)]
     pub parameters: Vec<(String, String)>,
@@ -79,6 +81,9 @@ pub struct Scene {
     /// Packings by name.
     #[serde(rename = "packing", serialize_with = "in_order", skip_serializing_if = "Vec::is_empty")]
     pub packings: Vec<(String, PackingSpec)>,
+    /// Loads by name.
+    #[serde(rename = "load", serialize_with = "in_order", skip_serializing_if = "Vec::is_empty")]
+    pub loads: Vec<(String, LoadSpec)>,
 }
 
 /// Writes named tables in their order, which is that of the bodies in the world.

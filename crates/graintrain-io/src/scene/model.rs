@@ -1,10 +1,13 @@
 //! A scene with every value resolved to SI units: what the reader makes, the builder uses and `to_toml` writes.
 
 use super::error::Location;
+use super::expression::formula_text;
+use super::quantity::Dimension;
 use crate::settings::Precision;
 use graintrain::assemble::OverlapCorrection;
+use graintrain::load::Region;
 use graintrain::math::{Quat, Vec3};
-use graintrain::motion::Profile;
+use graintrain::motion::{Axes, Profile};
 use graintrain_ccp::{FrictionModel, SolverSpec};
 use serde::{Serialize, Serializer};
 use std::path::PathBuf;
@@ -268,38 +271,180 @@ pub struct TranslationSpec {
     /// Unit direction.
     pub direction: Vec3,
     /// m/s
-    #[serde(serialize_with = "speed")]
-    pub speed: Profile,
+    pub speed: FunctionSpec,
 }
 
-/// A prescribed rotation about an axis fixed in the world.
+/// A prescribed rotation.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct SpinSpec {
-    /// A point of the axis, m.
-    pub point: Vec3,
+    /// A point of the axis in the world, m; `None`: the axis goes through the origin of the body's frame and moves with it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub point: Option<Vec3>,
     /// Unit direction.
     pub axis: Vec3,
     /// rad/s
-    #[serde(serialize_with = "speed")]
-    pub speed: Profile,
+    pub speed: FunctionSpec,
 }
 
-fn speed<S: Serializer>(profile: &Profile, serializer: S) -> Result<S::Ok, S::Error> {
-    #[derive(Serialize)]
-    #[serde(rename_all = "snake_case")]
-    enum Form<'a> {
-        Sinusoidal { amplitude: f64, period: f64, phase: f64 },
-        Table { times: &'a [f64], values: &'a [f64] },
+/// A function of time.
+#[derive(Clone, Debug, PartialEq)]
+pub enum FunctionSpec {
+    /// As it is.
+    Profile(Profile),
+    /// From a file.
+    File {
+        /// The file.
+        file: FunctionFile,
+    },
+}
+
+/// A file with times and values.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct FunctionFile {
+    /// The file.
+    pub path: PathBuf,
+    /// Column of the times.
+    pub time: String,
+    /// Column of the values.
+    pub value: String,
+    /// Dimension of the values.
+    #[serde(skip)]
+    pub dimension: Dimension,
+    /// Where the path is written.
+    #[serde(skip)]
+    pub location: Location,
+}
+
+impl FunctionSpec {
+    /// The same at all times.
+    pub fn constant(value: f64) -> Self {
+        Self::Profile(Profile::Constant(value))
     }
-    match profile {
-        Profile::Constant(speed) => serializer.serialize_f64(*speed),
-        Profile::Sinusoidal { amplitude, period, phase } => {
-            Form::Sinusoidal { amplitude: *amplitude, period: *period, phase: *phase }.serialize(serializer)
+}
+
+impl Serialize for FunctionSpec {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        #[derive(Serialize)]
+        #[serde(rename_all = "snake_case")]
+        enum Form<'a> {
+            Sinusoidal { amplitude: f64, period: f64, phase: f64 },
+            Table { times: &'a [f64], values: &'a [f64] },
+            File(&'a FunctionFile),
         }
-        Profile::Table { times, values } => Form::Table { times, values }.serialize(serializer),
-        // The scene delays whole motions, not speeds: see `MotionSpec::start`.
-        Profile::Delayed { profile, .. } => speed(profile, serializer),
+        match self {
+            Self::File { file } => Form::File(file).serialize(serializer),
+            Self::Profile(Profile::Constant(value)) => serializer.serialize_f64(*value),
+            Self::Profile(Profile::Formula(formula)) => serializer.serialize_str(&formula_text(formula)),
+            Self::Profile(Profile::Sinusoidal { amplitude, period, phase }) => {
+                Form::Sinusoidal { amplitude: *amplitude, period: *period, phase: *phase }
+                    .serialize(serializer)
+            }
+            Self::Profile(Profile::Table { times, values }) => {
+                Form::Table { times, values }.serialize(serializer)
+            }
+            // The scene delays whole motions, not functions: see `MotionSpec::start`.
+            Self::Profile(Profile::Delayed { profile, .. }) => {
+                Self::Profile((**profile).clone()).serialize(serializer)
+            }
+        }
     }
+}
+
+/// Forces, torques and fields on some bodies.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct LoadSpec {
+    /// Names of single bodies; without these and packings all bodies.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub bodies: Vec<String>,
+    /// Names of packings.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub packings: Vec<String>,
+    /// Where it acts.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub region: Option<Region>,
+    /// N
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub force: Option<[FunctionSpec; 3]>,
+    /// Where the force acts in the body's frame, m; `None`: at the centre of mass.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub point: Option<Vec3>,
+    /// N m
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub torque: Option<[FunctionSpec; 3]>,
+    /// Axes of force and torque.
+    pub axes: Axes,
+    /// Stress on an area.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub pressure: Option<PressureSpec>,
+    /// Uniform field, m/s^2.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub acceleration: Option<[FunctionSpec; 3]>,
+    /// Central field.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub central: Option<CentralSpec>,
+    /// Drag.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub drag: Option<DragSpec>,
+    /// Where it is written.
+    #[serde(skip)]
+    pub location: Location,
+}
+
+impl LoadSpec {
+    /// What acts on what, for people.
+    pub fn about(&self) -> String {
+        let actions = [
+            ("force", self.force.is_some()),
+            ("torque", self.torque.is_some()),
+            ("pressure", self.pressure.is_some()),
+            ("acceleration", self.acceleration.is_some()),
+            ("central field", self.central.is_some()),
+            ("drag", self.drag.is_some()),
+        ];
+        let actions: Vec<&str> =
+            actions.into_iter().filter(|(_, given)| *given).map(|(name, _)| name).collect();
+        let names: Vec<&str> = self.bodies.iter().chain(&self.packings).map(String::as_str).collect();
+        let on = if names.is_empty() { "all bodies".to_string() } else { names.join(", ") };
+        let where_ = if self.region.is_some() { " in a region" } else { "" };
+        format!("{} on {on}{where_}", actions.join(", "))
+    }
+}
+
+/// A stress on an area.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct PressureSpec {
+    /// Pa
+    pub stress: FunctionSpec,
+    /// m^2
+    pub area: f64,
+    /// Unit direction of the force.
+    pub direction: Vec3,
+}
+
+/// A central field.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct CentralSpec {
+    /// m
+    pub point: Vec3,
+    /// m/s^2
+    pub strength: f64,
+    /// m
+    pub distance: f64,
+    /// Exponent.
+    pub power: f64,
+}
+
+/// Drag of a medium.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct DragSpec {
+    /// N s/m
+    pub linear: f64,
+    /// N s^2/m^2
+    pub quadratic: f64,
+    /// N m s
+    pub angular: f64,
+    /// m/s
+    pub medium: Vec3,
 }
 
 /// Many bodies at once.
@@ -360,28 +505,6 @@ pub struct DropSpec {
     /// Region.
     #[serde(flatten)]
     pub region: Region,
-}
-
-/// A region of space, m.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Region {
-    /// Box along the axes.
-    Box {
-        /// Lower corner.
-        min: Vec3,
-        /// Upper corner.
-        max: Vec3,
-    },
-    /// Upright cylinder.
-    Cylinder {
-        /// Centre of the lower end.
-        base: Vec3,
-        /// Radius.
-        radius: f64,
-        /// Height.
-        height: f64,
-    },
 }
 
 /// A packing file and what to take from it.

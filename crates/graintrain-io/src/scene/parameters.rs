@@ -1,7 +1,7 @@
 //! The `[parameters]` of a scene: numbers, quantities and texts that expressions and `${name}` refer to.
 
 use super::error::{Location, SceneError, SceneErrorKind, closest};
-use super::expression::{ExpressionError, Names, evaluate, is_name, is_reserved};
+use super::expression::{ExpressionError, Names, Term, compile, evaluate, is_name, is_reserved};
 use super::quantity::Quantity;
 use super::tree::{Entry, Node, Value};
 use std::cell::RefCell;
@@ -74,6 +74,14 @@ impl Parameters {
     pub fn evaluate(&self, text: &str, location: &Location) -> Result<Quantity, SceneError> {
         let lookup = Lookup { parameters: self, failed: RefCell::new(None) };
         evaluate(text, &lookup).map_err(|error| {
+            lookup.failed.into_inner().unwrap_or_else(|| expression_error(text, error, location))
+        })
+    }
+
+    /// Compiles a function of time written at `location`.
+    pub fn compile(&self, text: &str, location: &Location) -> Result<Term, SceneError> {
+        let lookup = Lookup { parameters: self, failed: RefCell::new(None) };
+        compile(text, &lookup).map_err(|error| {
             lookup.failed.into_inner().unwrap_or_else(|| expression_error(text, error, location))
         })
     }

@@ -31,12 +31,17 @@ impl Dimension {
     pub const ANGULAR_SPEED: Self = Self::new(0, 0, -1, 1);
     /// kg/m^3
     pub const DENSITY: Self = Self::new(-3, 1, 0, 0);
-    const FORCE: Self = Self::new(1, 1, -2, 0);
-    const PRESSURE: Self = Self::new(-1, 1, -2, 0);
-    const ENERGY: Self = Self::new(2, 1, -2, 0);
+    /// m^2
+    pub const AREA: Self = Self::new(2, 0, 0, 0);
+    /// kg m/s^2
+    pub const FORCE: Self = Self::new(1, 1, -2, 0);
+    /// kg/m/s^2
+    pub const PRESSURE: Self = Self::new(-1, 1, -2, 0);
+    /// kg m^2/s^2; of a torque as well
+    pub const ENERGY: Self = Self::new(2, 1, -2, 0);
     const POWER: Self = Self::new(2, 1, -3, 0);
 
-    const fn new(length: i8, mass: i8, time: i8, angle: i8) -> Self {
+    pub(crate) const fn new(length: i8, mass: i8, time: i8, angle: i8) -> Self {
         Self { length, mass, time, angle }
     }
 
@@ -79,6 +84,7 @@ impl Dimension {
         match self {
             Self::NONE => "a number without unit",
             Self::LENGTH => "a length",
+            Self::AREA => "an area",
             Self::MASS => "a mass",
             Self::TIME => "a time",
             Self::ANGLE => "an angle",

@@ -1,11 +1,14 @@
 //! Reads keys of one table: checks names against the schema, evaluates quantities, checks dimensions and ranges.
 
 use super::error::{Location, SceneError, SceneErrorKind, closest};
+use super::model::{FunctionFile, FunctionSpec};
 use super::parameters::Parameters;
 use super::quantity::Dimension;
 use super::schema::{Key, Kind, Table};
 use super::tree::{Node, Value};
+use graintrain::formula::Formula;
 use graintrain::math::Vec3;
+use graintrain::motion::Profile;
 use std::path::{Path, PathBuf};
 
 /// What a number must satisfy.
@@ -131,6 +134,10 @@ impl<'a> Reader<'a> {
             Kind::Count => "a whole number".into(),
             Kind::Counts => "three whole numbers".into(),
             Kind::Text => "a text".into(),
+            Kind::Function(dimension, _) => format!("{dimension}, a text with the time t, or a table"),
+            Kind::Functions(dimension, _) => {
+                format!("three times {dimension}, a text with the time t, or a table")
+            }
             Kind::TextOr(_) => "a text or a table".into(),
             Kind::Texts => "a list of texts".into(),
             Kind::Flag => "true or false".into(),
@@ -187,6 +194,25 @@ impl<'a> Reader<'a> {
         if keys.iter().any(|key| self.get(key).is_some()) { self.one_of(keys).map(Some) } else { Ok(None) }
     }
 
+    /// What was found must have the dimension, or none.
+    fn check_dimension(
+        &self,
+        path: &str,
+        node: &Node,
+        found: Dimension,
+        expected: Dimension,
+    ) -> Result<(), SceneError> {
+        if found == expected || found == Dimension::NONE {
+            return Ok(());
+        }
+        let kind = SceneErrorKind::WrongUnit {
+            key: path.into(),
+            expected: expected.to_string(),
+            found: found.to_string(),
+        };
+        Err(SceneError::at(kind, &node.location))
+    }
+
     /// Evaluates a node to a number of the dimension, in SI units.
     fn number(&self, path: &str, node: &Node, key: &str, dimension: Dimension) -> Result<f64, SceneError> {
         let value = match &node.value {
@@ -194,16 +220,7 @@ impl<'a> Reader<'a> {
             Value::Float(number) => *number,
             Value::Text(text) => {
                 let quantity = self.context.parameters.evaluate(text, &node.location)?;
-                if quantity.dimension != dimension && quantity.dimension != Dimension::NONE {
-                    return Err(SceneError::at(
-                        SceneErrorKind::WrongUnit {
-                            key: path.into(),
-                            expected: dimension.to_string(),
-                            found: quantity.dimension.to_string(),
-                        },
-                        &node.location,
-                    ));
-                }
+                self.check_dimension(path, node, quantity.dimension, dimension)?;
                 quantity.value
             }
             _ => return Err(self.wrong_type(path, &self.expectation(key), node)),
@@ -248,6 +265,8 @@ impl<'a> Reader<'a> {
             Kind::Quantity(dimension)
             | Kind::QuantityOr(dimension, _)
             | Kind::Vector(dimension)
+            | Kind::Function(dimension, _)
+            | Kind::Functions(dimension, _)
             | Kind::List(dimension) => dimension,
             _ => Dimension::NONE,
         }
@@ -303,6 +322,83 @@ impl<'a> Reader<'a> {
         match (vector / largest).try_normalize() {
             Some(unit) if largest > 0.0 => Ok(Some(unit)),
             _ => Err(self.out_of_range(key, "a direction of any length but zero", vector)),
+        }
+    }
+
+    /// A function of time, if given.
+    pub fn function(&self, key: &str) -> Result<Option<FunctionSpec>, SceneError> {
+        self.get(key).map(|node| self.function_of(&self.full(key), node, key)).transpose()
+    }
+
+    /// Three functions of time, if given.
+    pub fn functions(&self, key: &str) -> Result<Option<[FunctionSpec; 3]>, SceneError> {
+        let Some(items) = self.items(key)? else { return Ok(None) };
+        let functions = items
+            .iter()
+            .enumerate()
+            .map(|(index, item)| self.function_of(&format!("{}.{index}", self.full(key)), item, key));
+        let functions: Vec<FunctionSpec> = functions.collect::<Result<_, _>>()?;
+        let wrong =
+            |_| self.wrong_type(&self.full(key), &self.expectation(key), self.get(key).unwrap_or(self.node));
+        functions.try_into().map(Some).map_err(wrong)
+    }
+
+    fn function_of(&self, path: &str, node: &'a Node, key: &str) -> Result<FunctionSpec, SceneError> {
+        let dimension = self.dimension(key);
+        match (&node.value, self.key(key).kind) {
+            (Value::Table(_), Kind::Function(_, table) | Kind::Functions(_, table)) => {
+                Self::new(self.context, node, path.to_string(), table)?.sampled_function(dimension)
+            }
+            (Value::Text(text), _) => {
+                let term = self.context.parameters.compile(text, &node.location)?;
+                if term.constant().is_some() {
+                    return self.number(path, node, key, dimension).map(FunctionSpec::constant);
+                }
+                self.check_dimension(path, node, term.dimension, dimension)?;
+                let formula = Formula::new(term.operations).map_err(|error| {
+                    SceneError::at(SceneErrorKind::Contradiction(error.to_string()), &node.location)
+                })?;
+                Ok(FunctionSpec::Profile(Profile::Formula(formula)))
+            }
+            _ => self.number(path, node, key, dimension).map(FunctionSpec::constant),
+        }
+    }
+
+    /// The function of time that this table says.
+    fn sampled_function(&self, dimension: Dimension) -> Result<FunctionSpec, SceneError> {
+        let form = self.one_of(&["sinusoidal", "table", "file"])?;
+        let inner = self.required_child(form)?;
+        match form {
+            "sinusoidal" => Ok(FunctionSpec::Profile(Profile::Sinusoidal {
+                amplitude: inner.required("amplitude", Range::Any)?,
+                period: inner.required("period", Range::Positive)?,
+                phase: inner.quantity("phase", Range::Any)?.unwrap_or(0.0),
+            })),
+            "table" => {
+                let times = inner.list("times", Range::Any)?.ok_or_else(|| inner.missing("times"))?;
+                let values = inner.list("values", Range::Any)?.ok_or_else(|| inner.missing("values"))?;
+                if times.is_empty() || times.windows(2).any(|pair| pair[1] <= pair[0]) {
+                    return Err(inner.out_of_range(
+                        "times",
+                        "at least one time, each later than the one before",
+                        format!("{times:?}"),
+                    ));
+                }
+                if times.len() != values.len() {
+                    let requirement = format!("as many as the {} times", times.len());
+                    return Err(inner.out_of_range("values", &requirement, values.len()));
+                }
+                Ok(FunctionSpec::Profile(Profile::Table { times, values }))
+            }
+            _ => Ok(FunctionSpec::File {
+                file: FunctionFile {
+                    path: inner.path("path")?.ok_or_else(|| inner.missing("path"))?,
+                    time: inner.text("time")?.unwrap_or_else(|| "time".into()),
+                    value: inner.text("value")?.unwrap_or_else(|| "value".into()),
+                    dimension,
+                    location: inner.get("path").map_or(inner.location(), |node| &node.location).clone(),
+                },
+            }),
         }
     }
 

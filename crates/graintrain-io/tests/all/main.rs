@@ -7,5 +7,6 @@ mod run;
 mod scene_builtin;
 mod scene_docs;
 mod scene_errors;
+mod scene_loads;
 #[cfg(not(feature = "fclib"))]
 mod without_fclib;

@@ -4,6 +4,7 @@ use graintrain::assemble::OverlapCorrection;
 use graintrain::ccp::newton::NewtonRecord;
 use graintrain::ccp::{FrictionModel, Residual, SolveReport, Status};
 use graintrain::contact::{Contact, ContactSet};
+use graintrain::handle::{BodyId, MaterialId};
 use graintrain::material::Materials;
 use graintrain::math::{Quat, Vec3};
 use graintrain::motion::{Motion, Profile};
@@ -41,7 +42,7 @@ fn world() -> World {
     let ground = world.add_geometry(Geometry::plane());
     let wall = world.add_geometry(Geometry::cuboid(Vec3::new(0.05, 1.0, 1.0)).unwrap());
     let drum = world.add_geometry(Geometry::cylinder(0.5, 0.1).unwrap());
-    let at = |geometry, x: f64, z: f64| Body::new(geometry, 0, Vec3::new(x, 0.0, z));
+    let at = |geometry, x: f64, z: f64| Body::new(geometry, MaterialId::default(), Vec3::new(x, 0.0, z));
     world.add_body(at(small, 0.0, 0.1)).unwrap();
     world.add_body(Body { velocity: Vec3::X, ..at(large, 0.5, 0.2) }).unwrap();
     let quarter = Quat::from_rotation_z(std::f64::consts::FRAC_PI_2);
@@ -119,16 +120,17 @@ fn advance(world: &mut World, settings: &RunSettings) -> StepReport {
         contacts_missed: 1,
         overlap_corrected_max: 6e-6,
         correction_energy: 7e-5,
+        load_work: 8e-5,
         kinetic_energy: world.kinetic_energy(),
         phases: PhaseSeconds { collide: 0.1, assemble: 0.2, solve: 0.3, integrate: 0.4 },
         wrenches: vec![
             Wrench {
-                body: 5,
+                body: BodyId::from_index(5),
                 force: Vec3::new(0.0, 0.0, -total / settings.stepping.step),
                 torque: Vec3::ZERO,
             },
-            Wrench { body: 6, ..Wrench::default() },
-            Wrench { body: 7, ..Wrench::default() },
+            Wrench { body: BodyId::from_index(6), ..Wrench::default() },
+            Wrench { body: BodyId::from_index(7), ..Wrench::default() },
         ],
     }
 }
@@ -212,6 +214,7 @@ fn a_recorded_run_has_all_files() {
     assert_eq!(rows[3][column("slip_angle")], "0.05");
     assert_eq!(rows[3][column("penetration_over_size")], "0.0001");
     assert_eq!(rows[3][column("correction_energy")], "7e-5");
+    assert_eq!(rows[3][column("load_work")], "8e-5");
     let wrench = read(folder, "wrench.csv");
     assert_eq!(wrench.lines().count(), 1 + 5 * 3);
     assert!(wrench.contains(",6,\"wall, left\",0.0,0.0,0.0,"), "{wrench}");

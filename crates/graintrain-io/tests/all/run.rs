@@ -2,6 +2,9 @@
 
 use graintrain::assemble::OverlapCorrection;
 use graintrain::ccp::{FrictionModel, Judge};
+use graintrain::formula::{Formula, Function, Operation};
+use graintrain::handle::{BodyId, MaterialId};
+use graintrain::load::{Action, Load};
 use graintrain::material::Materials;
 use graintrain::math::Vec3;
 use graintrain::motion::{Motion, Profile};
@@ -35,16 +38,34 @@ fn world() -> World {
         world.add_geometry(Geometry::cuboid(Vec3::new(0.08, 0.06, 0.05)).unwrap()),
     ];
     world
-        .add_body(Body { name: "ground".into(), motion: fixed, ..Body::new(ground, 0, Vec3::ZERO) })
+        .add_body(Body {
+            name: "ground".into(),
+            motion: fixed,
+            ..Body::new(ground, MaterialId::default(), Vec3::ZERO)
+        })
         .unwrap();
     let height = Vec3::new(0.0, 0.0, 0.1);
-    world.add_body(Body { name: "bar".into(), motion: turning, ..Body::new(bar, 0, height) }).unwrap();
+    world
+        .add_body(Body {
+            name: "bar".into(),
+            motion: turning,
+            ..Body::new(bar, MaterialId::default(), height)
+        })
+        .unwrap();
     for k in 0..27_usize {
         let at = |n: usize| 0.22 * (n as f64 - 1.0);
         let shift = 0.013 * ((7 * k) % 5) as f64;
         let centre = Vec3::new(at(k % 3) + shift, at(k / 3 % 3) - shift, 0.5 + at(k / 9));
-        world.add_body(Body::new(forms[k % 3], 0, centre)).unwrap();
+        world.add_body(Body::new(forms[k % 3], MaterialId::default(), centre)).unwrap();
     }
+    let swing = Profile::Sinusoidal { amplitude: 0.5, period: 0.1, phase: 0.0 };
+    let rising = Formula::new(vec![Operation::Time, Operation::Function(Function::Sqrt)]).unwrap();
+    let acceleration = [swing, Profile::Formula(rising), Profile::Constant(0.0)];
+    world.add_load(Load::on_all(Action::Uniform { acceleration })).unwrap();
+    let drag = Action::Drag { linear: 0.1, quadratic: 0.1, angular: 1e-4, medium: Vec3::X };
+    world.add_load(Load::on(BodyId::from_index(5), drag)).unwrap();
+    let falling = Profile::Table { times: vec![0.0, 1.0], values: vec![-9.0, -10.0] };
+    world.set_gravity_of_time([Profile::Constant(0.0), Profile::Constant(0.0), falling]).unwrap();
     world
 }
 

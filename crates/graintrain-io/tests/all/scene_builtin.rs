@@ -95,7 +95,7 @@ fn masses_and_motions_of_the_paper() {
     let volume = (7.0 * 0.23 - 0.08) * (5.0 * 0.23 - 0.08) * 0.2;
     assert!((world.bodies.mass[press] / (1e4 * volume) - 1.0).abs() < 1e-12);
     let lower = world.bodies.name.iter().position(|name| name == "lower").unwrap();
-    let motion = &world.motions[world.bodies.motion[lower] as usize];
+    let motion = &world.motions[world.bodies.motion[lower].index()];
     let distance = |from: f64, to: f64| motion.translation[0].1.integral(from, to - from);
     assert_eq!(distance(0.0, 1.0), 0.0);
     assert!((distance(1.0, 3.0) - 0.3).abs() < 1e-12, "half a period is a stroke");
@@ -103,7 +103,7 @@ fn masses_and_motions_of_the_paper() {
 
     let drafting = build("drafting", &[("n", "8")]);
     let blade = drafting.world.bodies.name.iter().position(|name| name == "blade").unwrap();
-    let motion = &drafting.world.motions[drafting.world.bodies.motion[blade] as usize];
+    let motion = &drafting.world.motions[drafting.world.bodies.motion[blade].index()];
     let end = drafting.world.bodies.position[blade].x + motion.translation[0].1.integral(1.0, 2.0);
     let length = 17.0 * 0.23 + 0.2;
     assert!((end + 0.05 - length / 2.0).abs() < 1e-9, "the blade stops half way");
@@ -136,7 +136,7 @@ fn kleinerts_piles_are_read_as_published() {
             assert!(position.min_element() > 0.0 && position.max_element() < 10.0);
             assert_eq!(world.free_degrees(body), [true, true, true, false, false, false]);
             let Shape::Sphere { radius } =
-                world.geometries[world.bodies.geometry[body] as usize].parts[0].shape
+                world.geometries[world.bodies.geometry[body].index()].parts[0].shape
             else {
                 panic!("not a sphere")
             };

@@ -20,6 +20,8 @@ fn kind(kind: Kind) -> String {
         Kind::Named(_) => "named tables".into(),
         Kind::Tables(_) => "list of tables".into(),
         Kind::QuantityOr(dimension, _) => format!("{} or table", unit(dimension.unit())),
+        Kind::Function(dimension, _) => format!("{}, text with t, or table", unit(dimension.unit())),
+        Kind::Functions(dimension, _) => format!("3 x ({}, text with t, or table)", unit(dimension.unit())),
         Kind::TextOr(_) => "text or table".into(),
         Kind::Free => "names and values".into(),
         Kind::Rows => "rows of 3 numbers".into(),

@@ -311,7 +311,7 @@ fn row(
 ) -> Row {
     let contacts = &world.contacts.contacts;
     let kept = contacts.iter().filter(|contact| known.contains(&contact.identity)).count();
-    let wrench = report.wrenches.iter().find(|wrench| Some(wrench.body as usize) == tool);
+    let wrench = report.wrenches.iter().find(|wrench| Some(wrench.body.index()) == tool);
     let of_tool = |values: &[Vec3]| tool.map_or([0.0; 3], |body| values[body].to_array());
     Row {
         time: world.time,
@@ -335,7 +335,7 @@ fn row(
 /// Height of the lowest point of a body of boxes, m.
 fn lowest(world: &World, body: usize) -> f64 {
     let (place, turn) = (world.bodies.position[body], world.bodies.orientation[body]);
-    let parts = &world.geometries[world.bodies.geometry[body] as usize].parts;
+    let parts = &world.geometries[world.bodies.geometry[body].index()].parts;
     let lowest = parts.iter().filter_map(|part| {
         let Shape::Box { half } = part.shape else { return None };
         let axes = Mat3::from_quat(turn * part.orientation);

@@ -1,6 +1,7 @@
 //! Small worlds of one material, stepped with the defaults of scenes, or to more digits where a closed form is compared.
 
 use super::{Row, VerifyError};
+use graintrain::handle::{BodyId, MaterialId};
 use graintrain::material::Materials;
 use graintrain::math::{Quat, Vec3};
 use graintrain::motion::Motion;
@@ -26,7 +27,7 @@ pub fn world(friction: f64, restitution: f64) -> Result<World, VerifyError> {
 ///
 /// # Errors
 /// None in practice.
-pub fn add_ground(world: &mut World, tilt: f64) -> Result<u32, VerifyError> {
+pub fn add_ground(world: &mut World, tilt: f64) -> Result<BodyId, VerifyError> {
     add_plane(world, Vec3::ZERO, Quat::from_rotation_y(tilt) * Vec3::Z)
 }
 
@@ -34,11 +35,15 @@ pub fn add_ground(world: &mut World, tilt: f64) -> Result<u32, VerifyError> {
 ///
 /// # Errors
 /// None in practice.
-pub fn add_plane(world: &mut World, point: Vec3, normal: Vec3) -> Result<u32, VerifyError> {
+pub fn add_plane(world: &mut World, point: Vec3, normal: Vec3) -> Result<BodyId, VerifyError> {
     let plane = world.add_geometry(Geometry::plane());
     let fixed = world.add_motion(Motion::fixed())?;
     let orientation = Quat::from_rotation_arc(Vec3::Z, normal);
-    Ok(world.add_body(Body { motion: fixed, orientation, ..Body::new(plane, 0, point) })?)
+    Ok(world.add_body(Body {
+        motion: fixed,
+        orientation,
+        ..Body::new(plane, MaterialId::default(), point)
+    })?)
 }
 
 /// Adds four fixed walls at x, y = +-`half`.
@@ -58,7 +63,7 @@ pub fn add_walls(world: &mut World, half: f64) -> Result<(), VerifyError> {
 /// [`VerifyError::Model`] for a radius that is not positive.
 pub fn add_sphere(world: &mut World, radius: f64, position: Vec3) -> Result<usize, VerifyError> {
     let ball = world.add_geometry(Geometry::sphere(radius)?);
-    Ok(world.add_body(Body::new(ball, 0, position))? as usize)
+    Ok(world.add_body(Body::new(ball, MaterialId::default(), position))?.index())
 }
 
 /// Numbers in [-1, 1) from a fixed linear congruence: the same on every machine.

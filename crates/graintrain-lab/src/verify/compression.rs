@@ -8,6 +8,7 @@ use super::bench::{Accuracy, Bench, add_plane, add_sphere, add_walls, random, wo
 use super::source::{AGNOLIN_ROUX, SILBERT, SONG_WANG_MAKSE, Source};
 use super::{Definition, Measure, Row, Sampling, VerifyError};
 use crate::reproduce::ReproduceError;
+use graintrain::handle::{BodyId, MaterialId};
 use graintrain::material::Materials;
 use graintrain::math::{Quat, Vec3};
 use graintrain::motion::{Motion, Profile};
@@ -125,7 +126,7 @@ fn compress(friction: f64, edge: i32, sampling: &mut Sampling<'_>) -> Result<(Be
     (sampling.progress)(&format!("compression, friction {friction}"));
     let mut world = World::new(Vec3::ZERO, Materials::single("stuff", 1000.0, friction, 0.0)?)?;
     let smooth = world.materials.add("wall", 1000.0)?;
-    world.materials.set_pair(0, smooth, 0.0, 0.0)?;
+    world.materials.set_pair(MaterialId::default(), smooth, 0.0, 0.0)?;
     let pitch = 2.0 * RADIUS * (PI / 6.0 / GAS).cbrt();
     let half = 0.5 * pitch * f64::from(edge);
     // The strain is of the box as it was, d(half)/dt = -RATE half(0).
@@ -153,7 +154,7 @@ fn compress(friction: f64, edge: i32, sampling: &mut Sampling<'_>) -> Result<(Be
         }
         let report = bench.step(&mut world)?;
         let half = half * (1.0 - RATE * world.time);
-        let force = |(body, normal): &(u32, Vec3)| {
+        let force = |(body, normal): &(BodyId, Vec3)| {
             let wrench = report.wrenches.iter().find(|wrench| wrench.body == *body);
             wrench.map_or(0.0, |wrench| -wrench.force.dot(*normal))
         };

@@ -126,7 +126,7 @@ fn pressure(friction: f64, seed: u64, stop: &Arc<AtomicBool>) -> Result<f64, Rep
         }
         let height = 2.0 * moment / mass;
         if WINDOW.contains(&(way / height)) {
-            let wrench = report.wrenches.iter().find(|wrench| wrench.body as usize == wall);
+            let wrench = report.wrenches.iter().find(|wrench| wrench.body.index() == wall);
             let force = wrench.map_or(0.0, |wrench| -wrench.force.x);
             sum += force / (SPHERES_ACROSS * PITCH) / (G * moment / (LENGTH * SPHERES_ACROSS * PITCH));
             count += 1.0;

@@ -3,6 +3,7 @@
 use super::bench::{Accuracy, Bench, G, add_ground, add_sphere, world};
 use super::source::{GOLDSTEIN, LANDAU, Source};
 use super::{Definition, MODELS, Measure, Row, VerifyError};
+use graintrain::handle::MaterialId;
 use graintrain::math::{Mat3, Quat, Vec3};
 use graintrain::shape::{Geometry, Part, Shape};
 use graintrain::world::{Body, World};
@@ -119,8 +120,12 @@ impl Top {
         let orientation = Quat::from_rotation_y(tilt);
         let position = orientation * centre + Vec3::new(0.0, 0.0, tip);
         let angular_velocity = spin * (orientation * Vec3::Z);
-        let body = world.add_body(Body { orientation, angular_velocity, ..Body::new(form, 0, position) })?;
-        Ok(Self { world, body: body as usize, length: centre.z, across, along })
+        let body = world.add_body(Body {
+            orientation,
+            angular_velocity,
+            ..Body::new(form, MaterialId::default(), position)
+        })?;
+        Ok(Self { world, body: body.index(), length: centre.z, across, along })
     }
 
     fn tilt(&self) -> f64 {

@@ -3,6 +3,7 @@
 use super::bench::{Accuracy, Bench, G, add_ground, add_sphere, add_walls, random, world};
 use super::source::Source;
 use super::{Definition, MODELS, Measure, Row, VerifyError};
+use graintrain::handle::MaterialId;
 use graintrain::math::Vec3;
 use graintrain::motion::Motion;
 use graintrain::shape::Geometry;
@@ -57,7 +58,7 @@ fn loaded_bed() -> Result<Vec<Row>, VerifyError> {
             let half = Vec3::new(0.21, 0.21, 0.02);
             let dense = 10.0 * grains / (8.0 * half.x * half.y * half.z);
             let heavy = world.materials.add("press", dense)?;
-            world.materials.set_pair(0, heavy, 0.3, 0.0)?;
+            world.materials.set_pair(MaterialId::default(), heavy, 0.3, 0.0)?;
             let press = world.add_geometry(Geometry::cuboid(half)?);
             let sinking = Motion::fixed().with_free([false, false, true, false, false, false]);
             let sinking = world.add_motion(sinking)?;
@@ -69,7 +70,7 @@ fn loaded_bed() -> Result<Vec<Row>, VerifyError> {
             let (mut force, mut overlap) = (0.0, 0.0_f64);
             for _ in 0..100 {
                 let report = bench.step(&mut world)?;
-                let walls = report.wrenches.iter().filter(|wrench| wrench.body < 5);
+                let walls = report.wrenches.iter().filter(|wrench| wrench.body.index() < 5);
                 force -= walls.map(|wrench| wrench.force.z).sum::<f64>() / 100.0;
                 overlap = overlap.max(report.penetration_max / radius);
             }
@@ -125,7 +126,10 @@ fn bystander() -> Result<Vec<Row>, VerifyError> {
             let fixed = world.add_motion(Motion::fixed())?;
             let wall = world.add_geometry(Geometry::cuboid(Vec3::new(0.02, 0.2, 0.2))?);
             for x in [-0.14, 0.14] {
-                world.add_body(Body { motion: fixed, ..Body::new(wall, 0, Vec3::new(x, 0.0, 0.2)) })?;
+                world.add_body(Body {
+                    motion: fixed,
+                    ..Body::new(wall, MaterialId::default(), Vec3::new(x, 0.0, 0.2))
+                })?;
             }
             let mut next = random(9);
             for k in 0..8 {
@@ -136,7 +140,7 @@ fn bystander() -> Result<Vec<Row>, VerifyError> {
             }
             if heavy {
                 let dense = world.materials.add("heavy", 1e6)?;
-                for other in [0, dense] {
+                for other in [MaterialId::default(), dense] {
                     world.materials.set_pair(other, dense, 0.3, 0.0)?;
                 }
                 let ball = add_sphere(&mut world, 0.5, Vec3::new(20.0, 0.0, 0.5))?;

@@ -3,6 +3,7 @@
 use super::bench::{Accuracy, Bench, G, add_ground, world};
 use super::source::{GENOT_BROGLIATO, PAINLEVE};
 use super::{Definition, MODELS, Measure, Row, VerifyError};
+use graintrain::handle::MaterialId;
 use graintrain::math::{Quat, Vec3};
 use graintrain::shape::Geometry;
 use graintrain::world::{Body, World};
@@ -30,7 +31,9 @@ fn rod() -> Result<Vec<Row>, VerifyError> {
             let axis = Vec3::new(angle.cos(), 0.0, angle.sin());
             let orientation = Quat::from_rotation_arc(Vec3::Z, axis);
             let position = half_length * axis + Vec3::new(0.0, 0.0, radius);
-            let body = world.add_body(Body { orientation, ..Body::new(rod, 0, position) })? as usize;
+            let body = world
+                .add_body(Body { orientation, ..Body::new(rod, MaterialId::default(), position) })?
+                .index();
             world.bodies.velocity[body] = Vec3::new(-3.0, 0.0, 0.0);
             let energy = |world: &World| {
                 world.kinetic_energy() + world.bodies.mass[body] * G * world.bodies.position[body].z

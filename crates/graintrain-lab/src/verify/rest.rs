@@ -3,6 +3,7 @@
 use super::bench::{Accuracy, Bench, G, add_ground, add_plane, add_sphere, world};
 use super::source::{OLSEN_KAMRIN, Source};
 use super::{Definition, MODELS, Measure, Row, VerifyError};
+use graintrain::handle::MaterialId;
 use graintrain::math::{Quat, Vec3};
 use graintrain::shape::{Geometry, Part, Shape};
 use graintrain::world::{Body, World};
@@ -82,13 +83,13 @@ fn stack(
     let step = 0.005;
     let mut world = world(0.5, 0.0)?;
     let heavy = world.materials.add("top", top)?;
-    for (i, j) in [(0, heavy), (heavy, heavy)] {
+    for (i, j) in [(MaterialId::default(), heavy), (heavy, heavy)] {
         world.materials.set_pair(i, j, 0.5, 0.0)?;
     }
     add_ground(&mut world, 0.0)?;
     let block = world.add_geometry(Geometry::cuboid(Vec3::splat(0.1))?);
     for k in 0..count {
-        let material = if k + 1 == count { heavy } else { 0 };
+        let material = if k + 1 == count { heavy } else { MaterialId::default() };
         world.add_body(Body::new(block, material, Vec3::new(0.0, 0.0, 0.1 + 0.2 * f64::from(k))))?;
     }
     let start = world.bodies.position.clone();
@@ -153,9 +154,9 @@ fn pyramid(
     let radius = 0.1;
     let mut world = world(sphere_sphere, 0.0)?;
     let ground_material = world.materials.add("ground", 1000.0)?;
-    world.materials.set_pair(0, ground_material, sphere_ground, 0.0)?;
+    world.materials.set_pair(MaterialId::default(), ground_material, sphere_ground, 0.0)?;
     let ground = add_ground(&mut world, 0.0)?;
-    world.bodies.material[ground as usize] = ground_material;
+    world.bodies.material[ground.index()] = ground_material;
     let ring = radius / (PI / base as f64).sin();
     for k in 0..base {
         let angle = 2.0 * PI * k as f64 / base as f64;
@@ -257,7 +258,7 @@ fn table() -> Result<Vec<Row>, VerifyError> {
             }
             let (geometry, centre) = Geometry::compound(parts)?;
             let geometry = world.add_geometry(geometry);
-            let body = world.add_body(Body::new(geometry, 0, centre))? as usize;
+            let body = world.add_body(Body::new(geometry, MaterialId::default(), centre))?.index();
             let step = 1e-3;
             let mut bench = Bench::new(step, 1e-3, accuracy, model)?;
             bench.steps(&mut world, 20)?;

@@ -4,6 +4,7 @@ use super::bench::{Accuracy, Bench, G, add_plane, add_sphere, add_walls, random,
 use super::source::{BEVERLOO, JANSSEN, LANDRY, MELLMANN, Source, ZHOU};
 use super::{Definition, Measure, Row, Sampling, VerifyError};
 use crate::reproduce::ReproduceError;
+use graintrain::handle::{BodyId, MaterialId};
 use graintrain::math::{Quat, Vec3};
 use graintrain::motion::{Motion, Profile};
 use graintrain::shape::Geometry;
@@ -101,12 +102,12 @@ fn fill(world: &mut World, counts: [i32; 3], corner: Vec3) -> Result<Vec<usize>,
 }
 
 /// Makes everything touch this body's material with friction of its own.
-fn own_material(world: &mut World, body: u32, friction: f64) -> Result<(), VerifyError> {
+fn own_material(world: &mut World, body: BodyId, friction: f64) -> Result<(), VerifyError> {
     let material = world.materials.add(&format!("wall {body}"), 1000.0)?;
-    for other in 0..=material {
+    for other in world.materials.handles() {
         world.materials.set_pair(other, material, friction, 0.0)?;
     }
-    world.bodies.material[body as usize] = material;
+    world.bodies.material[body.index()] = material;
     Ok(())
 }
 
@@ -129,7 +130,8 @@ fn silo(sampling: &mut Sampling<'_>) -> Result<Vec<Row>, VerifyError> {
             },
         );
         let sinking = world.add_motion(sinking)?;
-        let floor = world.add_body(Body { motion: sinking, ..Body::new(floor, 0, Vec3::ZERO) })?;
+        let floor = world
+            .add_body(Body { motion: sinking, ..Body::new(floor, MaterialId::default(), Vec3::ZERO) })?;
         let grains = fill(&mut world, [wide, wide, high], Vec3::new(-0.5 * width, -0.5 * width, 0.0))?;
         let mut bench = Bench::new(2e-3, 0.1 * RADIUS, Accuracy::SCENES, Relaxed)?;
         until(settled, &mut world, &mut bench, sampling, |_, _| {})?;
@@ -144,7 +146,7 @@ fn silo(sampling: &mut Sampling<'_>) -> Result<Vec<Row>, VerifyError> {
         loads.push(load / count);
         let mass: f64 = grains.iter().map(|&grain| world.bodies.mass[grain]).sum();
         let top = grains.iter().map(|&grain| world.bodies.position[grain].z).fold(0.0, f64::max);
-        density = mass / (width * width * (top - world.bodies.position[floor as usize].z));
+        density = mass / (width * width * (top - world.bodies.position[floor.index()].z));
         all = Some(match all {
             Some(sum) => bench.and(&sum),
             None => bench,
@@ -179,7 +181,11 @@ fn discharge(sampling: &mut Sampling<'_>) -> Result<Vec<Row>, VerifyError> {
         for quarter in 0..4 {
             let turn = Quat::from_rotation_z(0.25 * TAU * f64::from(quarter));
             let place = turn * Vec3::new(half - along, -half + across, -thick);
-            world.add_body(Body { motion: fixed, orientation: turn, ..Body::new(bar, 0, place) })?;
+            world.add_body(Body {
+                motion: fixed,
+                orientation: turn,
+                ..Body::new(bar, MaterialId::default(), place)
+            })?;
         }
         // The lid of the opening is drawn away under it.
         let down = Profile::Table {
@@ -188,7 +194,10 @@ fn discharge(sampling: &mut Sampling<'_>) -> Result<Vec<Row>, VerifyError> {
         };
         let down = world.add_motion(Motion::translating(-Vec3::Z, down))?;
         let lid = world.add_geometry(Geometry::cuboid(Vec3::new(gap, gap, thick))?);
-        world.add_body(Body { motion: down, ..Body::new(lid, 0, Vec3::new(0.0, 0.0, -thick)) })?;
+        world.add_body(Body {
+            motion: down,
+            ..Body::new(lid, MaterialId::default(), Vec3::new(0.0, 0.0, -thick))
+        })?;
         let grains = fill(&mut world, [wide, wide, high], Vec3::new(-half, -half, 0.0))?;
         let mut bench = Bench::new(2e-3, 0.1 * RADIUS, Accuracy::SCENES, Relaxed)?;
         until(settled, &mut world, &mut bench, sampling, |_, _| {})?;
@@ -276,7 +285,11 @@ fn repose(sampling: &mut Sampling<'_>) -> Result<Vec<Row>, VerifyError> {
         let away = world.add_motion(Motion::translating(Vec3::X, away))?;
         let orientation = Quat::from_rotation_arc(Vec3::Z, -Vec3::X);
         let place = Vec3::new(2.0 * RADIUS * f64::from(wide), 0.0, 0.0);
-        smooth.push(world.add_body(Body { motion: away, orientation, ..Body::new(gate, 0, place) })?);
+        smooth.push(world.add_body(Body {
+            motion: away,
+            orientation,
+            ..Body::new(gate, MaterialId::default(), place)
+        })?);
         for wall in smooth {
             own_material(&mut world, wall, 0.0)?;
         }
@@ -286,8 +299,10 @@ fn repose(sampling: &mut Sampling<'_>) -> Result<Vec<Row>, VerifyError> {
         let ball = world.add_geometry(Geometry::sphere(RADIUS)?);
         for k in 0..45 * deep {
             let [x, y] = [k % 45, k / 45].map(|i| 2.0 * RADIUS * (f64::from(i) + 0.5));
-            world
-                .add_body(Body { motion: fixed, ..Body::new(ball, 0, Vec3::new(x, y - 0.5 * depth, 0.0)) })?;
+            world.add_body(Body {
+                motion: fixed,
+                ..Body::new(ball, MaterialId::default(), Vec3::new(x, y - 0.5 * depth, 0.0))
+            })?;
         }
         let grains = fill(&mut world, [wide, deep, high], Vec3::new(0.0, -0.5 * depth, RADIUS))?;
         let mut bench = Bench::new(2e-3, 0.1 * RADIUS, Accuracy::SCENES, Relaxed)?;
@@ -327,7 +342,7 @@ fn drum(sampling: &mut Sampling<'_>) -> Result<Vec<Row>, VerifyError> {
         }
         let drum = world.add_geometry(shell(radius, depth)?);
         let turning = world.add_motion(Motion::rotating(Vec3::ZERO, Vec3::Y, Profile::Constant(speed)))?;
-        world.add_body(Body { motion: turning, ..Body::new(drum, 0, Vec3::ZERO) })?;
+        world.add_body(Body { motion: turning, ..Body::new(drum, MaterialId::default(), Vec3::ZERO) })?;
         let grains =
             fill(&mut world, [13, deep, 8], Vec3::new(-13.0 * RADIUS, -0.5 * depth, -14.0 * RADIUS))?;
         let mut bench = Bench::new(2e-3, 0.1 * RADIUS, Accuracy::SCENES, Relaxed)?;

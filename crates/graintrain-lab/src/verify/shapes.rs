@@ -3,6 +3,7 @@
 use super::bench::{Accuracy, Bench, G, add_ground, add_sphere, world};
 use super::source::Source;
 use super::{Definition, MODELS, Measure, Row, VerifyError};
+use graintrain::handle::MaterialId;
 use graintrain::math::{Quat, Vec3};
 use graintrain::motion::Motion;
 use graintrain::shape::Geometry;
@@ -64,7 +65,10 @@ fn mesh() -> Result<Vec<Row>, VerifyError> {
                 let mut world = world(0.25, 0.0)?;
                 let ground = world.add_geometry(ground);
                 let fixed = world.add_motion(Motion::fixed())?;
-                world.add_body(Body { motion: fixed, ..Body::new(ground, 0, Vec3::ZERO) })?;
+                world.add_body(Body {
+                    motion: fixed,
+                    ..Body::new(ground, MaterialId::default(), Vec3::ZERO)
+                })?;
                 let start = Vec3::new(-0.353, -0.017, radius + 0.02);
                 let ball = add_sphere(&mut world, radius, start)?;
                 world.bodies.velocity[ball] = Vec3::new(1.0, 0.1, 0.0);
@@ -101,8 +105,9 @@ fn on_slope(friction: f64, tilt: f64, standing: bool) -> Result<(World, usize), 
     let turn = Quat::from_rotation_y(tilt);
     let (height, own) =
         if standing { (half_length, Quat::IDENTITY) } else { (radius, Quat::from_rotation_x(FRAC_PI_2)) };
-    let body = Body { orientation: turn * own, ..Body::new(form, 0, height * (turn * Vec3::Z)) };
-    let body = world.add_body(body)? as usize;
+    let body =
+        Body { orientation: turn * own, ..Body::new(form, MaterialId::default(), height * (turn * Vec3::Z)) };
+    let body = world.add_body(body)?.index();
     Ok((world, body))
 }
 
@@ -147,11 +152,14 @@ fn falling_capsule(
     let mut world = world(0.5, 0.0)?;
     let block = world.add_geometry(Geometry::cuboid(Vec3::splat(0.2))?);
     let fixed = world.add_motion(Motion::fixed())?;
-    world.add_body(Body { motion: fixed, ..Body::new(block, 0, Vec3::new(0.0, 0.0, -0.2)) })?;
+    world.add_body(Body {
+        motion: fixed,
+        ..Body::new(block, MaterialId::default(), Vec3::new(0.0, 0.0, -0.2))
+    })?;
     let rod = world.add_geometry(Geometry::capsule(0.02, radius)?);
     let orientation = Quat::from_rotation_y(tilt.to_radians());
-    let body = Body { orientation, ..Body::new(rod, 0, Vec3::new(0.0, 0.0, 0.2)) };
-    let body = world.add_body(body)? as usize;
+    let body = Body { orientation, ..Body::new(rod, MaterialId::default(), Vec3::new(0.0, 0.0, 0.2)) };
+    let body = world.add_body(body)?.index();
     let mut bench = Bench::new(step, 0.1 * radius, accuracy, model)?;
     let mut deepest: f64 = 0.0;
     while world.time < 1.5 {

@@ -3,6 +3,7 @@
 use super::bench::{Accuracy, Bench, G, add_ground, add_sphere, world};
 use super::source::{RELAXED, Source};
 use super::{Definition, MODELS, Measure, Row, VerifyError};
+use graintrain::handle::MaterialId;
 use graintrain::math::{Quat, Vec3};
 use graintrain::motion::Motion;
 use graintrain::shape::Geometry;
@@ -71,8 +72,9 @@ fn block(friction: f64, tilt: f64, turns: bool) -> Result<(World, usize), Verify
     let motion = world.add_motion(Motion::fixed().with_free([true, true, true, turns, turns, turns]))?;
     let orientation = Quat::from_rotation_y(tilt);
     let position = orientation * Vec3::new(0.0, 0.0, 0.1);
-    let body = world.add_body(Body { motion, orientation, ..Body::new(shape, 0, position) })?;
-    Ok((world, body as usize))
+    let body =
+        world.add_body(Body { motion, orientation, ..Body::new(shape, MaterialId::default(), position) })?;
+    Ok((world, body.index()))
 }
 
 fn resting() -> Result<Vec<Row>, VerifyError> {

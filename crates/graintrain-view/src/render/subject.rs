@@ -38,7 +38,7 @@ pub fn bounds(world: &World, grains: &[usize]) -> Bounds {
         let center = part_center(world, body, part);
         bounds.with(center, part.shape.bounding_radius())
     };
-    let parts_of = |body: usize| &world.geometries[world.bodies.geometry[body] as usize].parts;
+    let parts_of = |body: usize| &world.geometries[world.bodies.geometry[body].index()].parts;
     let mut bounds = Bounds::EMPTY;
     for &body in grains {
         bounds = parts_of(body).iter().fold(bounds, |bounds, part| ball(bounds, body, part));
@@ -118,7 +118,7 @@ fn grain_colors(world: &World, grains: &[usize], settings: &RenderSettings) -> (
         }
         ColorBy::Radius => {
             let radius = |&body: &usize| {
-                let parts = &world.geometries[world.bodies.geometry[body] as usize].parts;
+                let parts = &world.geometries[world.bodies.geometry[body].index()].parts;
                 parts.iter().map(|part| part.shape.bounding_radius()).fold(0.0, f64::max)
             };
             ("radius (m)", grains.iter().map(radius).collect())
@@ -159,14 +159,14 @@ pub fn primitives(
     let mut is_grain = vec![false; world.bodies.len()];
     for (&body, &color) in grains.iter().zip(&colors) {
         is_grain[body] = true;
-        for part in &world.geometries[world.bodies.geometry[body] as usize].parts {
+        for part in &world.geometries[world.bodies.geometry[body].index()].parts {
             let color = if settings.force_chains { [0.6, 0.64, 0.7] } else { color };
             primitives.extend(forms(world, body, part, bounds).map(|form| Primitive { form, color, look }));
         }
     }
     let centers: Vec<Vec3> = grains.iter().map(|&body| world.bodies.position[body]).collect();
     for body in (0..world.bodies.len()).filter(|&body| !is_grain[body]) {
-        for part in &world.geometries[world.bodies.geometry[body] as usize].parts {
+        for part in &world.geometries[world.bodies.geometry[body].index()].parts {
             for form in forms(world, body, part, bounds) {
                 let (color, look) = match wall_hides(&form, &centers, camera) {
                     Some(true) => (PANE, Look::Glass),
@@ -276,7 +276,7 @@ fn force_chains(
         let contact = &set.contacts[i];
         let ends = [contact.body_a as usize, contact.body_b as usize];
         let radius_of = |body: usize| {
-            let parts = &world.geometries[world.bodies.geometry[body] as usize].parts;
+            let parts = &world.geometries[world.bodies.geometry[body].index()].parts;
             parts.iter().map(|part| part.shape.bounding_radius()).fold(0.0, f64::max)
         };
         let grains = ends.into_iter().filter(|&body| is_grain[body]);

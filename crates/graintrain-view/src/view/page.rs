@@ -178,7 +178,7 @@ impl Model {
         // Group of each geometry that grains share, once there is one.
         let mut shared: Vec<Option<usize>> = vec![None; world.geometries.len()];
         for body in 0..count {
-            let index = world.bodies.geometry[body] as usize;
+            let index = world.bodies.geometry[body].index();
             let parts = &world.geometries[index].parts;
             match parts.as_slice() {
                 [Part { shape: Shape::Sphere { radius }, position, .. }]
@@ -215,7 +215,7 @@ impl Model {
         oriented.sort_unstable();
         oriented.dedup();
         let smallest = grains.iter().map(|&body| {
-            let geometry = &world.geometries[world.bodies.geometry[body] as usize];
+            let geometry = &world.geometries[world.bodies.geometry[body].index()];
             geometry.bounding_radius()
         });
         let grain_radius = smallest.fold(f64::INFINITY, f64::min);

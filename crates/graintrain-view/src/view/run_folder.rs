@@ -105,7 +105,7 @@ impl RunFolder {
             if std::mem::replace(&mut placed[body], true) {
                 continue;
             }
-            let geometry = &world.geometries[world.bodies.geometry[body] as usize];
+            let geometry = &world.geometries[world.bodies.geometry[body].index()];
             let turn = Quat::from_slice(&turns[4 * k..4 * k + 4]).normalize();
             let arm = turn * point_of_body(geometry);
             world.bodies.orientation[body] = turn;
@@ -171,7 +171,7 @@ fn place_surfaces(world: &mut World, file: &VtpFile) -> Result<(), ViewError> {
         if std::mem::replace(&mut placed[body], true) || world.free_degrees(body).contains(&true) {
             continue;
         }
-        let geometry = &world.geometries[world.bodies.geometry[body] as usize];
+        let geometry = &world.geometries[world.bodies.geometry[body].index()];
         // A plane's patch follows the scene: it says nothing about the body's pose.
         if geometry.parts.iter().any(|part| part.shape == Shape::Plane) {
             continue;

@@ -194,7 +194,7 @@ impl Collider {
     }
 
     fn form(&self, world: &World, body: usize) -> &Collidable {
-        &self.forms[world.bodies.geometry[body] as usize]
+        &self.forms[world.bodies.geometry[body].index()]
     }
 
     fn placed(&self, world: &World, body: usize) -> Placed<'_> {
@@ -524,6 +524,7 @@ fn ball_contact(a: Vec3, r_a: f64, b: Vec3, r_b: f64, envelope: f64, touches: &m
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::handle::MaterialId;
     use crate::material::Materials;
     use crate::math::rotation_exponential;
     use crate::motion::Motion;
@@ -576,7 +577,7 @@ mod tests {
             for (kind, position, turn, free) in bodies {
                 let motion = if free && kind < 4 { crate::world::FREE } else { fixed };
                 let orientation = rotation_exponential(Vec3::from_array(turn));
-                let body = Body::new(forms[kind], 0, Vec3::from_array(position));
+                let body = Body::new(forms[kind], MaterialId::default(), Vec3::from_array(position));
                 world.add_body(Body { motion, orientation, ..body }).unwrap();
             }
             let contacts = Collider::default().contacts(&world, envelope, 0.0);
@@ -592,7 +593,7 @@ mod tests {
         let mut world = World::new(Vec3::ZERO, materials).unwrap();
         let ball = world.add_geometry(Geometry::sphere(0.1).unwrap());
         for x in [0.0, 0.3, 0.45, 0.64] {
-            world.add_body(Body::new(ball, 0, Vec3::new(x, 0.0, 0.0))).unwrap();
+            world.add_body(Body::new(ball, MaterialId::default(), Vec3::new(x, 0.0, 0.0))).unwrap();
         }
         let overlap = deepest_overlap(&world).unwrap();
         assert_eq!((overlap.body_a, overlap.body_b), (1, 2));

@@ -3,6 +3,7 @@
 
 use crate::support::*;
 use graintrain::ccp::FrictionModel;
+use graintrain::handle::MaterialId;
 use graintrain::material::Materials;
 use graintrain::math::{Vec3, rotation_exponential};
 use graintrain::shape::Geometry;
@@ -24,8 +25,8 @@ fn scene(seed: u64, restitution: f64, friction: f64) -> World {
     for (k, density) in [10.0, 1000.0, 100_000.0].into_iter().enumerate() {
         materials.add(&format!("m{k}"), density).unwrap();
     }
-    for i in 0..3 {
-        for j in i..3 {
+    for i in materials.handles() {
+        for j in materials.handles() {
             materials.set_pair(i, j, friction, restitution).unwrap();
         }
     }
@@ -43,7 +44,7 @@ fn scene(seed: u64, restitution: f64, friction: f64) -> World {
         let place =
             Vec3::new(0.35 * f64::from(k % 2), 0.35 * f64::from(k / 2 % 2), 0.3 + 0.35 * f64::from(k / 4));
         let turn = Vec3::new(next(), next(), next()) * 3.0;
-        let material = (next() * 3.0) as u32;
+        let material = MaterialId::from_index((next() * 3.0) as usize);
         world
             .add_body(Body {
                 orientation: rotation_exponential(turn),

@@ -1,6 +1,7 @@
 //! External forces and torques that a program sets between steps, and removal of bodies.
 
 use crate::support::*;
+use graintrain::handle::{BodyId, MaterialId};
 use graintrain::math::{Quat, Vec3};
 use graintrain::motion::{Motion, Profile};
 use graintrain::shape::Geometry;
@@ -13,9 +14,9 @@ fn stepper(step: f64, friction: FrictionModel) -> Stepper {
         .unwrap()
 }
 
-fn block(world: &mut World, half: f64, position: Vec3) -> u32 {
+fn block(world: &mut World, half: f64, position: Vec3) -> BodyId {
     let geometry = world.add_geometry(Geometry::cuboid(Vec3::splat(half)).unwrap());
-    world.add_body(Body::new(geometry, 0, position)).unwrap()
+    world.add_body(Body::new(geometry, MaterialId::default(), position)).unwrap()
 }
 
 #[test]
@@ -23,7 +24,10 @@ fn a_constant_force_and_torque_accelerate() {
     let mut world = world(0.0, 0.0);
     let geometry = world.add_geometry(Geometry::cuboid(Vec3::new(0.1, 0.2, 0.3)).unwrap());
     let orientation = Quat::from_rotation_y(0.7);
-    let body = world.add_body(Body { orientation, ..Body::new(geometry, 0, Vec3::ZERO) }).unwrap() as usize;
+    let body = world
+        .add_body(Body { orientation, ..Body::new(geometry, MaterialId::default(), Vec3::ZERO) })
+        .unwrap()
+        .index();
     let (mass, inertia) = (world.bodies.mass[body], world.bodies.inertia[body]);
     let force = Vec3::new(3.0, -2.0, 50.0);
     // About the middle axis of the box, which stays where it is.
@@ -54,7 +58,7 @@ fn a_pulled_block_slides_beyond_friction() {
             let mut world = world(0.4, 0.0);
             let floor = add_ground(&mut world, 0.0);
             let body = block(&mut world, 0.1, Vec3::new(0.0, 0.0, 0.1));
-            let mass = world.bodies.mass[body as usize];
+            let mass = world.bodies.mass[body.index()];
             let press = 20.0 * mass;
             let pull = share * 0.4 * (mass * G + press);
             // At the height of the floor, so that nothing tips.
@@ -68,7 +72,7 @@ fn a_pulled_block_slides_beyond_friction() {
             }
             let expected = mass * G + press;
             assert!((-carried / expected - 1.0).abs() < 1e-6, "{model:?}: {carried} of {expected} N");
-            let speed = world.bodies.velocity[body as usize].x;
+            let speed = world.bodies.velocity[body.index()].x;
             let exact = if slides { 0.2 * (pull - 0.4 * expected) / mass } else { 0.0 };
             assert!(
                 (speed - exact).abs() < 1e-6 * expected / mass,
@@ -84,9 +88,10 @@ fn a_strong_force_does_not_pass_a_plate() {
     let mut world = world(0.3, 0.0);
     let plate = world.add_geometry(Geometry::cuboid(Vec3::new(0.5, 0.5, 1e-3)).unwrap());
     let fixed = world.add_motion(Motion::fixed()).unwrap();
-    world.add_body(Body { motion: fixed, ..Body::new(plate, 0, Vec3::ZERO) }).unwrap();
+    world.add_body(Body { motion: fixed, ..Body::new(plate, MaterialId::default(), Vec3::ZERO) }).unwrap();
     let ball = world.add_geometry(Geometry::sphere(0.005).unwrap());
-    let grain = world.add_body(Body::new(ball, 0, Vec3::new(0.0, 0.0, 0.02))).unwrap() as usize;
+    let grain =
+        world.add_body(Body::new(ball, MaterialId::default(), Vec3::new(0.0, 0.0, 0.02))).unwrap().index();
     world.bodies.force[grain] = -1e5 * world.bodies.mass[grain] * Vec3::Z;
     let mut stepper = stepper(1e-3, FrictionModel::Relaxed);
     for _ in 0..20 {
@@ -100,9 +105,11 @@ fn driven_bodies_do_not_feel_forces_and_bad_forces_are_refused() {
     let mut world = world(0.3, 0.0);
     let ball = world.add_geometry(Geometry::sphere(0.1).unwrap());
     let driven = world.add_motion(Motion::translating(Vec3::X, Profile::Constant(1.0))).unwrap();
-    let body = world.add_body(Body { motion: driven, ..Body::new(ball, 0, Vec3::ZERO) }).unwrap();
+    let body = world
+        .add_body(Body { motion: driven, ..Body::new(ball, MaterialId::default(), Vec3::ZERO) })
+        .unwrap();
     world.add_force_at(body, Vec3::new(1e3, 1e3, 1e3), Vec3::ONE).unwrap();
-    assert!(world.add_force_at(7, Vec3::ONE, Vec3::ZERO).is_err());
+    assert!(world.add_force_at(BodyId::from_index(7), Vec3::ONE, Vec3::ZERO).is_err());
     assert!(world.add_force_at(body, Vec3::splat(f64::NAN), Vec3::ZERO).is_err());
     let mut stepper = stepper(0.1, FrictionModel::Relaxed);
     stepper.step(&mut world).unwrap();
@@ -127,10 +134,10 @@ fn bodies_can_be_removed_between_steps() {
             stepper.step(&mut world).unwrap();
         }
         let before = world.contacts.contacts.len();
-        let index = world.remove_bodies(|body| body == lower as usize);
-        assert_eq!(index, [None, Some(0), Some(1)]);
+        let index = world.remove_bodies(|body| body == lower.index());
+        assert_eq!(index, [None, Some(BodyId::from_index(0)), Some(BodyId::from_index(1))]);
         assert!(before >= 8 && world.contacts.contacts.is_empty(), "the two kept bodies do not touch");
-        assert_eq!((world.bodies.len(), index[upper as usize]), (2, Some(0)));
+        assert_eq!((world.bodies.len(), index[upper.index()]), (2, Some(BodyId::from_index(0))));
         for _ in 0..400 {
             assert!(stepper.step(&mut world).unwrap().solve.converged());
         }
@@ -177,9 +184,10 @@ fn a_strong_force_widens_no_other_pair() {
         let ball = world.add_geometry(Geometry::sphere(0.005).unwrap());
         for k in 0..100 {
             let place = Vec3::new(f64::from(k % 10), f64::from(k / 10), 0.0) * 0.012;
-            world.add_body(Body::new(ball, 0, place)).unwrap();
+            world.add_body(Body::new(ball, MaterialId::default(), place)).unwrap();
         }
-        let far = world.add_body(Body::new(ball, 0, Vec3::new(0.0, 0.0, 5.0))).unwrap() as usize;
+        let far =
+            world.add_body(Body::new(ball, MaterialId::default(), Vec3::new(0.0, 0.0, 5.0))).unwrap().index();
         world.bodies.force[far] = pull * world.bodies.mass[far] * Vec3::Z;
         stepper(1e-3, FrictionModel::Relaxed).step(&mut world).unwrap().contacts
     };

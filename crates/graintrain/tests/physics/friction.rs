@@ -2,6 +2,7 @@
 
 use crate::support::*;
 use graintrain::ccp::FrictionModel::{self, Coulomb, Relaxed};
+use graintrain::handle::MaterialId;
 use graintrain::math::{Quat, Vec3};
 use graintrain::motion::Motion;
 use graintrain::shape::Geometry;
@@ -17,8 +18,10 @@ fn block_on_incline(friction: f64, tilt: f64, free: [bool; 6]) -> (World, usize)
     let motion = world.add_motion(Motion::fixed().with_free(free)).unwrap();
     let orientation = Quat::from_rotation_y(tilt);
     let position = orientation * Vec3::new(0.0, 0.0, 0.1);
-    let body = world.add_body(Body { motion, orientation, ..Body::new(block, 0, position) }).unwrap();
-    (world, body as usize)
+    let body = world
+        .add_body(Body { motion, orientation, ..Body::new(block, MaterialId::default(), position) })
+        .unwrap();
+    (world, body.index())
 }
 
 fn downhill(tilt: f64) -> Vec3 {

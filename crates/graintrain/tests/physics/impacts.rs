@@ -3,6 +3,7 @@
 use crate::support::*;
 use graintrain::ccp::FrictionModel;
 use graintrain::ccp::FrictionModel::{Coulomb, Relaxed};
+use graintrain::handle::MaterialId;
 use graintrain::math::{Quat, Vec3};
 use graintrain::motion::Motion;
 use graintrain::shape::Geometry;
@@ -168,10 +169,11 @@ fn a_tilted_capsule_lands_on_both_ends() {
             let block = world.add_geometry(Geometry::cuboid(Vec3::splat(0.2)).unwrap());
             let fixed = world.add_motion(Motion::fixed()).unwrap();
             let below = Vec3::new(0.0, 0.0, -0.2);
-            world.add_body(Body { motion: fixed, ..Body::new(block, 0, below) }).unwrap();
+            world.add_body(Body { motion: fixed, ..Body::new(block, MaterialId::default(), below) }).unwrap();
             let rod = world.add_geometry(Geometry::capsule(0.02, radius).unwrap());
             let orientation = Quat::from_rotation_y(tilt.to_radians());
-            let body = Body { orientation, ..Body::new(rod, 0, Vec3::new(0.0, 0.0, 0.2)) };
+            let body =
+                Body { orientation, ..Body::new(rod, MaterialId::default(), Vec3::new(0.0, 0.0, 0.2)) };
             world.add_body(body).unwrap();
             let mut stepper = stepper(step, 0.1 * radius, 1e-10, Coulomb);
             let mut deepest: f64 = 0.0;

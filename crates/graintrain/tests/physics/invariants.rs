@@ -5,6 +5,7 @@ use graintrain::assemble::contact_rows;
 use graintrain::ccp::FrictionModel::Relaxed;
 use graintrain::ccp::RigidDelassus;
 use graintrain::collide::Collider;
+use graintrain::handle::MaterialId;
 use graintrain::integrate::{free_velocity, inverse_mass, velocities};
 use graintrain::material::Materials;
 use graintrain::math::{Quat, Vec3, rotation_exponential};
@@ -61,7 +62,7 @@ fn a01_free_flight() {
 fn mixed_heap(count: usize) -> World {
     let mut materials = Materials::single("a", 1000.0, 0.4, 0.0).unwrap();
     let b = materials.add("b", 3000.0).unwrap();
-    materials.set_pair(0, b, 0.2, 0.3).unwrap();
+    materials.set_pair(MaterialId::default(), b, 0.2, 0.3).unwrap();
     materials.set_pair(b, b, 0.6, 0.0).unwrap();
     let mut world = World::new(Vec3::new(0.0, 0.0, -G), materials).unwrap();
     let fixed = world.add_motion(Motion::fixed()).unwrap();
@@ -75,7 +76,9 @@ fn mixed_heap(count: usize) -> World {
     ];
     for (point, normal) in walls {
         let orientation = Quat::from_rotation_arc(Vec3::Z, normal);
-        world.add_body(Body { motion: fixed, orientation, ..Body::new(plane, 0, point) }).unwrap();
+        world
+            .add_body(Body { motion: fixed, orientation, ..Body::new(plane, MaterialId::default(), point) })
+            .unwrap();
     }
     let blade = world.add_geometry(Geometry::cuboid(Vec3::new(0.02, 0.3, 0.1)).unwrap());
     let swing = Motion::translating(Vec3::X, Profile::Sinusoidal { amplitude: 0.5, period: 1.0, phase: 0.0 });
@@ -84,7 +87,7 @@ fn mixed_heap(count: usize) -> World {
         .add_body(Body {
             motion: swing,
             name: "blade".into(),
-            ..Body::new(blade, 0, Vec3::new(0.0, 0.0, 0.11))
+            ..Body::new(blade, MaterialId::default(), Vec3::new(0.0, 0.0, 0.11))
         })
         .unwrap();
     let capsule = Shape::Capsule { half_length: 0.04, radius: 0.02 };
@@ -110,7 +113,7 @@ fn mixed_heap(count: usize) -> World {
         let body = Body {
             orientation: random_rotation(&mut next),
             angular_velocity: 3.0 * random_unit(&mut next),
-            ..Body::new(forms[k % 5], (k % 2) as u32, place + jitter)
+            ..Body::new(forms[k % 5], MaterialId::from_index(k % 2), place + jitter)
         };
         world.add_body(body).unwrap();
     }
@@ -118,7 +121,13 @@ fn mixed_heap(count: usize) -> World {
     let sinking = Motion::fixed().with_free([false, false, true, false, false, false]);
     let sinking = world.add_motion(sinking).unwrap();
     let top = Vec3::new(0.0, 0.0, 0.7 + 0.2 * (count / 16) as f64);
-    world.add_body(Body { motion: sinking, name: "press".into(), ..Body::new(press, 0, top) }).unwrap();
+    world
+        .add_body(Body {
+            motion: sinking,
+            name: "press".into(),
+            ..Body::new(press, MaterialId::default(), top)
+        })
+        .unwrap();
     world
 }
 
@@ -158,7 +167,7 @@ fn a17_momentum_balance_and_energy_ledger() {
                 worst_momentum = worst_momentum.max((u[k] - f[k] - pushed).abs());
             }
             if !world.is_free(body) {
-                let wrench = report.wrenches.iter().find(|w| w.body as usize == body).unwrap();
+                let wrench = report.wrenches.iter().find(|w| w.body.index() == body).unwrap();
                 assert!(
                     (wrench.force - impulse[body] / step).length() <= 1e-9 * (1.0 + wrench.force.length())
                 );
@@ -324,12 +333,12 @@ fn posed(a: &Geometry, b: &Geometry, gap: f64, next: &mut impl FnMut() -> f64) -
     let driven = world.add_motion(Motion::fixed()).unwrap();
     let (a, b) = (world.add_geometry(a.clone()), world.add_geometry(b.clone()));
     let direction =
-        if world.geometries[b as usize].bounding_radius().is_finite() { random_unit(next) } else { Vec3::Z };
+        if world.geometries[b.index()].bounding_radius().is_finite() { random_unit(next) } else { Vec3::Z };
     let orientation = random_rotation(next);
-    world.add_body(Body { orientation, ..Body::new(a, 0, 2.0 * direction) }).unwrap();
+    world.add_body(Body { orientation, ..Body::new(a, MaterialId::default(), 2.0 * direction) }).unwrap();
     let orientation = if direction == Vec3::Z { Quat::IDENTITY } else { random_rotation(next) };
-    let motion = if world.geometries[b as usize].volume == 0.0 { driven } else { graintrain::world::FREE };
-    world.add_body(Body { orientation, motion, ..Body::new(b, 0, Vec3::ZERO) }).unwrap();
+    let motion = if world.geometries[b.index()].volume == 0.0 { driven } else { graintrain::world::FREE };
+    world.add_body(Body { orientation, motion, ..Body::new(b, MaterialId::default(), Vec3::ZERO) }).unwrap();
     let mut collider = Collider::default();
     let (mut near, mut far) = (0.0, 2.0);
     for _ in 0..60 {

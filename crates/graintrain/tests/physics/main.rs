@@ -1,10 +1,12 @@
 //! Physics against exact answers: the tests A1 to A20 of docs/mechanics.md.
 
+mod drives;
 mod energy;
 mod forces;
 mod friction;
 mod impacts;
 mod invariants;
+mod loads;
 mod packings;
 mod rotation;
 mod statics;

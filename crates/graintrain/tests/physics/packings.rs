@@ -2,6 +2,7 @@
 
 use crate::support::*;
 use graintrain::ccp::FrictionModel::Relaxed;
+use graintrain::handle::MaterialId;
 use graintrain::material::Materials;
 use graintrain::math::Vec3;
 use graintrain::motion::Motion;
@@ -77,7 +78,7 @@ fn settle(
         rest.iterations += report.solve.iterations;
         rest.contacts = report.contacts;
         if k + last >= steps {
-            let wrench = report.wrenches.iter().find(|w| w.body as usize == boundary).unwrap();
+            let wrench = report.wrenches.iter().find(|w| w.body.index() == boundary).unwrap();
             rest.carried += -wrench.force.z / weight / last as f64;
         }
     }
@@ -116,12 +117,14 @@ fn kleinert(name: &str, step: f64, steps: usize) {
     let mass = array(&text, &["\"mass\""]);
     let materials = Materials::single("grain", 1650.0, 0.4, 0.0).unwrap();
     let mut world = World::new(Vec3::new(0.0, 0.0, -10.0), materials).unwrap();
-    let ground = add_ground(&mut world, 0.0) as usize;
+    let ground = add_ground(&mut world, 0.0).index();
     let sliding = Motion::fixed().with_free([true, true, true, false, false, false]);
     let motion = world.add_motion(sliding).unwrap();
     for (point, &r) in points.chunks_exact(3).zip(&radius) {
         let geometry = world.add_geometry(Geometry::sphere(r).unwrap());
-        world.add_body(Body { motion, ..Body::new(geometry, 0, Vec3::from_slice(point)) }).unwrap();
+        world
+            .add_body(Body { motion, ..Body::new(geometry, MaterialId::default(), Vec3::from_slice(point)) })
+            .unwrap();
     }
     for (body, m) in mass.iter().enumerate() {
         assert_close(world.bodies.mass[body + 1], *m, 1e-3 * m, "mass of the file");
@@ -176,7 +179,7 @@ fn dosta_bed_stays_at_rest() {
     for (step, steps) in [(1e-3, 100), (1e-2, 20)] {
         let mut materials = Materials::single("glass", 2500.0, 0.3, 0.0).unwrap();
         let steel = materials.add("steel", 7200.0).unwrap();
-        materials.set_pair(0, steel, 0.2, 0.0).unwrap();
+        materials.set_pair(MaterialId::default(), steel, 0.2, 0.0).unwrap();
         let mut world = World::new(Vec3::new(0.0, 0.0, -G), materials).unwrap();
         let fixed = world.add_motion(Motion::fixed()).unwrap();
         let mesh = world.add_geometry(Geometry::mesh(corners.clone(), triangles.clone()).unwrap());
@@ -185,7 +188,9 @@ fn dosta_bed_stays_at_rest() {
         for row in &spheres {
             assert_eq!(row[0], spheres[0][0]);
             let position = Vec3::from_slice(&row[1..]);
-            world.add_body(Body { motion: FREE, ..Body::new(ball, 0, position) }).unwrap();
+            world
+                .add_body(Body { motion: FREE, ..Body::new(ball, MaterialId::default(), position) })
+                .unwrap();
         }
         let rest = settle(&mut world, &vec![spheres[0][0]; spheres.len()], 0, step, steps, 1e-3);
         report("Dosta 25k", step, &rest, steps);

@@ -2,6 +2,7 @@
 
 use crate::support::*;
 use graintrain::ccp::FrictionModel::Relaxed;
+use graintrain::handle::{BodyId, MaterialId};
 use graintrain::math::{Mat3, Quat, Vec3};
 use graintrain::motion::{Motion, Profile};
 use graintrain::shape::{Geometry, Part, Shape};
@@ -68,8 +69,12 @@ fn top(tilt: f64, spin: f64) -> Top {
     let orientation = Quat::from_rotation_y(tilt);
     let position = orientation * centre + Vec3::new(0.0, 0.0, tip);
     let axis = orientation * Vec3::Z;
-    let body = Body { orientation, angular_velocity: spin * axis, ..Body::new(form, 0, position) };
-    let body = world.add_body(body).unwrap() as usize;
+    let body = Body {
+        orientation,
+        angular_velocity: spin * axis,
+        ..Body::new(form, MaterialId::default(), position)
+    };
+    let body = world.add_body(body).unwrap().index();
     Top { world, body, length: centre.z, across, along }
 }
 
@@ -131,9 +136,13 @@ fn a_driven_body_stays_on_its_circle() {
     let table = world.add_geometry(Geometry::cylinder(0.1, 2.0).unwrap());
     let axis_point = Vec3::new(0.5, 0.0, 0.0);
     let turning = world.add_motion(Motion::rotating(axis_point, Vec3::Z, Profile::Constant(0.5))).unwrap();
-    let arm = world.add_body(Body { motion: turning, ..Body::new(table, 0, Vec3::ZERO) }).unwrap() as usize;
+    let arm = world
+        .add_body(Body { motion: turning, ..Body::new(table, MaterialId::default(), Vec3::ZERO) })
+        .unwrap()
+        .index();
     let block = world.add_geometry(Geometry::cuboid(Vec3::splat(0.05)).unwrap());
-    let rider = world.add_body(Body::new(block, 0, Vec3::new(0.9, 0.0, 0.15))).unwrap() as usize;
+    let rider =
+        world.add_body(Body::new(block, MaterialId::default(), Vec3::new(0.9, 0.0, 0.15))).unwrap().index();
     // Already turning with the table.
     world.bodies.velocity[rider] = Vec3::new(0.0, 0.5 * 0.4, 0.0);
     world.bodies.angular_velocity[rider] = 0.5 * Vec3::Z;
@@ -160,21 +169,25 @@ fn mixed_motions_move_as_told() {
     let block = world.add_geometry(Geometry::cuboid(Vec3::splat(0.1)).unwrap());
     let driven = Motion::translating(Vec3::new(1.0, 0.0, 5.0), Profile::Constant(0.2));
     let driven = world.add_motion(driven.with_free([false, false, true, false, false, false])).unwrap();
-    let blade =
-        world.add_body(Body { motion: driven, ..Body::new(block, 0, Vec3::new(0.0, 0.0, 0.1)) }).unwrap();
+    let blade = world
+        .add_body(Body {
+            motion: driven,
+            ..Body::new(block, MaterialId::default(), Vec3::new(0.0, 0.0, 0.1))
+        })
+        .unwrap();
     let step = 1e-3;
     let mut stepper = stepper(step, 0.01, 1e-10, Relaxed);
     let mut last = None;
     for _ in 0..200 {
         last = Some(solved_step(&mut stepper, &mut world));
     }
-    let body = blade as usize;
+    let body = blade.index();
     assert_close(world.bodies.position[body].x, 0.2 * world.time, 1e-12, "driven along x");
     assert_close(world.bodies.position[body].y, 0.0, 0.0, "held in y");
     assert_eq!(world.bodies.orientation[body], Quat::IDENTITY);
     let weight = world.bodies.mass[body] * G;
     let report = last.unwrap();
-    let wrench = |b: u32| report.wrenches.iter().find(|w| w.body == b).unwrap();
+    let wrench = |b: BodyId| report.wrenches.iter().find(|w| w.body == b).unwrap();
     assert_close(wrench(blade).force.z, weight, 1e-6 * weight, "load in z");
     assert_close(wrench(blade).force.x, -0.3 * weight, 1e-4 * weight, "drag of friction");
     assert!((wrench(ground).force + wrench(blade).force).length() < 1e-9 * weight);

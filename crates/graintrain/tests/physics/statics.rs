@@ -3,6 +3,7 @@
 use crate::support::*;
 use graintrain::ccp::FrictionModel;
 use graintrain::ccp::FrictionModel::{Coulomb, Relaxed};
+use graintrain::handle::{BodyId, MaterialId};
 use graintrain::math::{Quat, Vec3};
 use graintrain::motion::Motion;
 use graintrain::shape::{Geometry, Part, Shape};
@@ -10,7 +11,8 @@ use graintrain::world::{Body, World};
 use std::f64::consts::{FRAC_PI_2, PI};
 
 /// Normal force between two bodies, N, from the contacts of the last step.
-fn normal_force(world: &World, step: f64, a: u32, b: u32) -> f64 {
+fn normal_force(world: &World, step: f64, a: BodyId, b: BodyId) -> f64 {
+    let [a, b] = [a, b].map(|body| body.index() as u32);
     let set = &world.contacts;
     let between = |i: &usize| {
         let c = &set.contacts[*i];
@@ -20,17 +22,17 @@ fn normal_force(world: &World, step: f64, a: u32, b: u32) -> f64 {
 }
 
 /// Ten boxes; `top` is the density of the highest, the others have 1000.
-fn stack(top: f64) -> (World, Vec<u32>) {
+fn stack(top: f64) -> (World, Vec<BodyId>) {
     let mut world = world(0.5, 0.0);
     let heavy = world.materials.add("top", top).unwrap();
-    for (i, j) in [(0, heavy), (heavy, heavy)] {
+    for (i, j) in [(MaterialId::default(), heavy), (heavy, heavy)] {
         world.materials.set_pair(i, j, 0.5, 0.0).unwrap();
     }
     let ground = add_ground(&mut world, 0.0);
     let block = world.add_geometry(Geometry::cuboid(Vec3::splat(0.1)).unwrap());
     let mut order = vec![ground];
     for k in 0..10 {
-        let material = if k == 9 { heavy } else { 0 };
+        let material = if k == 9 { heavy } else { MaterialId::default() };
         let position = Vec3::new(0.0, 0.0, 0.1 + 0.2 * f64::from(k));
         order.push(world.add_body(Body::new(block, material, position)).unwrap());
     }
@@ -54,7 +56,7 @@ fn a10_stack_of_boxes() {
         let mut above = 0.0;
         let mut worst: f64 = 0.0;
         for level in (1..order.len()).rev() {
-            above += world.bodies.mass[order[level] as usize] * G;
+            above += world.bodies.mass[order[level].index()] * G;
             let force = normal_force(&world, step, order[level], order[level - 1]);
             worst = worst.max((force / above - 1.0).abs());
         }
@@ -74,9 +76,9 @@ fn pyramid(base: usize, sphere_sphere: f64, sphere_ground: f64, model: FrictionM
     let radius = 0.1;
     let mut world = world(sphere_sphere, 0.0);
     let ground_material = world.materials.add("ground", 1000.0).unwrap();
-    world.materials.set_pair(0, ground_material, sphere_ground, 0.0).unwrap();
+    world.materials.set_pair(MaterialId::default(), ground_material, sphere_ground, 0.0).unwrap();
     let ground = add_ground(&mut world, 0.0);
-    world.bodies.material[ground as usize] = ground_material;
+    world.bodies.material[ground.index()] = ground_material;
     let ring = radius / (PI / base as f64).sin();
     for k in 0..base {
         let angle = 2.0 * PI * k as f64 / base as f64;
@@ -119,7 +121,8 @@ fn a12_sphere_in_a_groove() {
         for sign in [-1.0, 1.0] {
             // A wall at `half` from the vertical has its normal at 90 degrees - half from it.
             let orientation = Quat::from_rotation_y(sign * (FRAC_PI_2 - half));
-            let body = Body { motion: fixed, orientation, ..Body::new(plane, 0, Vec3::ZERO) };
+            let body =
+                Body { motion: fixed, orientation, ..Body::new(plane, MaterialId::default(), Vec3::ZERO) };
             world.add_body(body).unwrap();
         }
         let ball = add_sphere(&mut world, radius, Vec3::new(0.0, 0.0, radius / half.sin()));
@@ -161,7 +164,7 @@ fn a13_table_on_four_legs() {
     }
     let (table, centre) = Geometry::compound(parts).unwrap();
     let table = world.add_geometry(table);
-    let body = world.add_body(Body::new(table, 0, centre)).unwrap() as usize;
+    let body = world.add_body(Body::new(table, MaterialId::default(), centre)).unwrap().index();
     let weight = world.bodies.mass[body] * G;
     let step = 1e-3;
     let mut stepper = stepper(step, 1e-3, 1e-11, Relaxed);
@@ -198,7 +201,10 @@ fn a14_painleve_rod() {
             let axis = Vec3::new(angle.cos(), 0.0, angle.sin());
             let orientation = Quat::from_rotation_arc(Vec3::Z, axis);
             let position = half_length * axis + Vec3::new(0.0, 0.0, radius);
-            let body = world.add_body(Body { orientation, ..Body::new(rod, 0, position) }).unwrap() as usize;
+            let body = world
+                .add_body(Body { orientation, ..Body::new(rod, MaterialId::default(), position) })
+                .unwrap()
+                .index();
             world.bodies.velocity[body] = Vec3::new(-3.0, 0.0, 0.0);
             let mut stepper = stepper(1e-3, 0.01, 1e-9, model);
             let energy = |world: &World| {

@@ -1,6 +1,7 @@
 //! What the tests share.
 
 use graintrain::ccp::{FrictionModel, Judge, Status};
+use graintrain::handle::{BodyId, MaterialId};
 use graintrain::material::Materials;
 use graintrain::math::{Quat, Vec3};
 use graintrain::motion::Motion;
@@ -17,16 +18,18 @@ pub fn world(friction: f64, restitution: f64) -> World {
 }
 
 /// Adds the fixed half-space z <= 0, tilted about y so that the way down is +x.
-pub fn add_ground(world: &mut World, tilt: f64) -> u32 {
+pub fn add_ground(world: &mut World, tilt: f64) -> BodyId {
     let plane = world.add_geometry(Geometry::plane());
     let fixed = world.add_motion(Motion::fixed()).unwrap();
     let orientation = Quat::from_rotation_y(tilt);
-    world.add_body(Body { motion: fixed, orientation, ..Body::new(plane, 0, Vec3::ZERO) }).unwrap()
+    world
+        .add_body(Body { motion: fixed, orientation, ..Body::new(plane, MaterialId::default(), Vec3::ZERO) })
+        .unwrap()
 }
 
 pub fn add_sphere(world: &mut World, radius: f64, position: Vec3) -> usize {
     let ball = world.add_geometry(Geometry::sphere(radius).unwrap());
-    world.add_body(Body::new(ball, 0, position)).unwrap() as usize
+    world.add_body(Body::new(ball, MaterialId::default(), position)).unwrap().index()
 }
 
 pub fn stepper(step: f64, envelope: f64, tolerance: f64, friction: FrictionModel) -> Stepper {

@@ -3,6 +3,7 @@
 use crate::support::*;
 use graintrain::ccp::FrictionModel;
 use graintrain::ccp::FrictionModel::{Coulomb, Relaxed};
+use graintrain::handle::MaterialId;
 use graintrain::math::{Quat, Vec3, rotation_exponential};
 use graintrain::motion::Motion;
 use graintrain::shape::Geometry;
@@ -16,7 +17,7 @@ fn default_stepper(step: f64, friction: FrictionModel) -> Stepper {
 
 fn add_box(world: &mut World, half: Vec3, position: Vec3, mass: f64) -> usize {
     let geometry = world.add_geometry(Geometry::cuboid(half).unwrap());
-    let body = world.add_body(Body::new(geometry, 0, position)).unwrap() as usize;
+    let body = world.add_body(Body::new(geometry, MaterialId::default(), position)).unwrap().index();
     let factor = mass / world.bodies.mass[body];
     world.bodies.mass[body] = mass;
     world.bodies.inertia[body] = factor * world.bodies.inertia[body];
@@ -35,7 +36,12 @@ fn an_unconnected_heavy_body_changes_no_bit() {
             let (x, y, z) = (k % 6, k / 6 % 6, k / 36);
             let place = Vec3::new(f64::from(x), f64::from(y), f64::from(z)) * 0.0102;
             let jitter = 2e-5 * Vec3::new(f64::from(k * 7 % 5), f64::from(k * 3 % 7), 0.0);
-            grains.push(world.add_body(Body::new(ball, 0, place + jitter + 0.0052 * Vec3::Z)).unwrap() as usize);
+            grains.push(
+                world
+                    .add_body(Body::new(ball, MaterialId::default(), place + jitter + 0.0052 * Vec3::Z))
+                    .unwrap()
+                    .index(),
+            );
         }
         if let Some(mass) = mass {
             add_box(&mut world, Vec3::splat(0.5), Vec3::new(3.0, 0.0, 0.5), mass);
@@ -94,14 +100,16 @@ fn a_column_that_overlaps_stays() {
         let height = |k: f64| radius * (1.0 - 1e-3) + k * radius * (2.0 - 1e-3);
         for k in 0..20 {
             let place = Vec3::new(0.0, 0.0, height(f64::from(k)));
-            world.add_body(Body { motion: vertical, ..Body::new(ball, 0, place) }).unwrap();
+            world
+                .add_body(Body { motion: vertical, ..Body::new(ball, MaterialId::default(), place) })
+                .unwrap();
         }
         let mut stepper = default_stepper(step, Relaxed);
         let weight: f64 = 20.0 * world.bodies.mass[1] * G;
         for _ in 0..50 {
             let report = stepper.step(&mut world).unwrap();
             assert!(report.kinetic_energy < 1e-8, "step {step}: {} J", report.kinetic_energy);
-            let floor = report.wrenches.iter().find(|w| w.body == 0).unwrap().force.z;
+            let floor = report.wrenches.iter().find(|w| w.body.index() == 0).unwrap().force.z;
             assert!((floor / weight + 1.0).abs() < 0.01, "step {step}: {floor} N of {weight} N on the floor");
         }
         assert!(world.bodies.position[20].z - height(19.0) < 21.0 * 1e-3 * radius);
@@ -221,7 +229,9 @@ fn elastic_impacts_keep_energy() {
         (0.1 * Vec3::Y, -Vec3::Y),
     ] {
         let orientation = Quat::from_rotation_arc(Vec3::Z, normal);
-        world.add_body(Body { motion: fixed, orientation, ..Body::new(plane, 0, point) }).unwrap();
+        world
+            .add_body(Body { motion: fixed, orientation, ..Body::new(plane, MaterialId::default(), point) })
+            .unwrap();
     }
     let ball = world.add_geometry(Geometry::sphere(0.01).unwrap());
     for k in 0..60 {
@@ -229,7 +239,7 @@ fn elastic_impacts_keep_energy() {
         let velocity =
             Vec3::new((f64::from(k) * 1.3).sin(), (f64::from(k) * 2.1).cos(), (f64::from(k) * 0.7).sin());
         let place = 0.0125 * Vec3::ONE + 0.025 * cell;
-        world.add_body(Body { velocity, ..Body::new(ball, 0, place) }).unwrap();
+        world.add_body(Body { velocity, ..Body::new(ball, MaterialId::default(), place) }).unwrap();
     }
     let before = world.kinetic_energy();
     let mut stepper = default_stepper(1e-3, Relaxed);
@@ -289,14 +299,16 @@ fn a_heavy_press_on_light_grains_is_carried() {
     for (at, normal) in [(-1.0, Vec3::X), (1.0, -Vec3::X), (-1.0, Vec3::Y), (1.0, -Vec3::Y)] {
         let orientation = Quat::from_rotation_arc(Vec3::Z, normal);
         let point = at * 0.025 * normal.abs();
-        world.add_body(Body { motion: fixed, orientation, ..Body::new(plane, 0, point) }).unwrap();
+        world
+            .add_body(Body { motion: fixed, orientation, ..Body::new(plane, MaterialId::default(), point) })
+            .unwrap();
     }
     let ball = world.add_geometry(Geometry::sphere(0.005).unwrap());
     for k in 0..96 {
         let cell = Vec3::new(f64::from(k % 4), f64::from(k / 4 % 4), f64::from(k / 16));
         let jitter = 3e-4 * Vec3::new((f64::from(k) * 1.7).sin(), (f64::from(k) * 2.9).sin(), 0.0);
         let place = Vec3::new(-0.0175, -0.0175, 0.006) + 0.0116 * cell + jitter;
-        world.add_body(Body::new(ball, 0, place)).unwrap();
+        world.add_body(Body::new(ball, MaterialId::default(), place)).unwrap();
     }
     let vertical =
         world.add_motion(Motion::fixed().with_free([false, false, true, false, false, false])).unwrap();
@@ -309,7 +321,7 @@ fn a_heavy_press_on_light_grains_is_carried() {
         let report = stepper.step(&mut world).unwrap();
         deepest = deepest.max(report.penetration_max_over_size);
         if step >= 200 {
-            let floor: f64 = report.wrenches.iter().filter(|w| w.body < 5).map(|w| w.force.z).sum();
+            let floor: f64 = report.wrenches.iter().filter(|w| w.body.index() < 5).map(|w| w.force.z).sum();
             worst = worst.max((floor / weight + 1.0).abs());
         }
     }

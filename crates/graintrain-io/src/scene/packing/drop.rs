@@ -1,7 +1,7 @@
 //! Random places in a region without overlap (random sequential addition).
 
-use crate::scene::model::Region;
 use crate::scene::random::Random;
+use graintrain::load::Region;
 use graintrain::math::Vec3;
 use std::collections::HashMap;
 

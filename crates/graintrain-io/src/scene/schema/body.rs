@@ -1,7 +1,8 @@
 //! Keys of bodies: parts, shapes, motions.
 
-use super::Kind::{self, List, Quantity, QuantityOr, Rows, Tables, Text, TextOr, Texts, Vector};
-use super::{D, Key, Table, key};
+use super::Kind::{self, Function, List, Quantity, Rows, Tables, Text, TextOr, Texts, Vector};
+use super::function::{ANGULAR_SPEED, SPEED};
+use super::{D, Table, key};
 
 pub(super) static BODY: Table = Table {
     heading: "`[body.NAME]`",
@@ -220,7 +221,7 @@ static MOTION: Table = Table {
             Kind::Table(&SPIN),
             "none",
             "{ axis = [0, 0, 1], speed = \"12 rpm\" }",
-            "Prescribed rotation about a fixed axis",
+            "Prescribed rotation: about an axis that moves with the body, or through a point of the world",
         ),
     ],
 };
@@ -232,10 +233,10 @@ static TRANSLATION: Table = Table {
         key("direction", Vector(D::NONE), "required", "[1, 0, 0]", "Direction; any length"),
         key(
             "speed",
-            QuantityOr(D::SPEED, &LINEAR_SPEED),
+            Function(D::SPEED, &SPEED),
             "required",
             "\"10 cm/s\"",
-            "Speed: constant, or a function of time",
+            "Speed: constant, or a function of time such as \"1 m/s * sin(2*pi*t/4 s)\"",
         ),
     ],
 };
@@ -247,94 +248,17 @@ static SPIN: Table = Table {
         key(
             "point",
             Vector(D::LENGTH),
-            "the body's position",
+            "the origin of the body's frame, wherever it goes",
             "[0, 0, 0]",
-            "A point of the axis in the world",
+            "A point of the axis in the world: the axis then stays there",
         ),
         key("axis", Vector(D::NONE), "[0, 0, 1]", "[1, 0, 0]", "Direction of the axis; any length"),
         key(
             "speed",
-            QuantityOr(D::ANGULAR_SPEED, &ANGULAR_SPEED),
+            Function(D::ANGULAR_SPEED, &ANGULAR_SPEED),
             "required",
             "\"12 rpm\"",
             "Angular speed: constant, or a function of time",
         ),
-    ],
-};
-
-static LINEAR_SPEED: Table = Table {
-    heading: "`speed` of a translation",
-    alternatives: &[&["sinusoidal", "table"]],
-    keys: &[
-        key(
-            "sinusoidal",
-            Kind::Table(&LINEAR_SINUSOID),
-            "one of",
-            "{ amplitude = \"1 m/s\", period = \"4 s\" }",
-            "amplitude sin(2 pi t / period + phase)",
-        ),
-        key(
-            "table",
-            Kind::Table(&LINEAR_TABLE),
-            "one of",
-            "{ times = [0, 1], values = [0, \"1 m/s\"] }",
-            "Linear between samples, constant outside",
-        ),
-    ],
-};
-
-static ANGULAR_SPEED: Table = Table {
-    heading: "`speed` of a rotation",
-    alternatives: &[&["sinusoidal", "table"]],
-    keys: &[
-        key(
-            "sinusoidal",
-            Kind::Table(&ANGULAR_SINUSOID),
-            "one of",
-            "{ amplitude = \"5 rpm\", period = \"4 s\" }",
-            "amplitude sin(2 pi t / period + phase)",
-        ),
-        key(
-            "table",
-            Kind::Table(&ANGULAR_TABLE),
-            "one of",
-            "{ times = [0, 1], values = [0, \"1 rad/s\"] }",
-            "Linear between samples, constant outside",
-        ),
-    ],
-};
-
-const PERIOD: Key = key("period", Quantity(D::TIME), "required", "\"4 s\"", "Period");
-const PHASE: Key = key("phase", Quantity(D::ANGLE), "0", "\"90 deg\"", "Phase");
-const TIMES: Key = key("times", List(D::TIME), "required", "[0, \"0.5 s\", \"1 s\"]", "Ascending times");
-
-static LINEAR_SINUSOID: Table = Table {
-    heading: "`speed.sinusoidal` of a translation",
-    alternatives: &[],
-    keys: &[key("amplitude", Quantity(D::SPEED), "required", "\"1 m/s\"", "Largest speed"), PERIOD, PHASE],
-};
-
-static ANGULAR_SINUSOID: Table = Table {
-    heading: "`speed.sinusoidal` of a rotation",
-    alternatives: &[],
-    keys: &[
-        key("amplitude", Quantity(D::ANGULAR_SPEED), "required", "\"5 rpm\"", "Largest angular speed"),
-        PERIOD,
-        PHASE,
-    ],
-};
-
-static LINEAR_TABLE: Table = Table {
-    heading: "`speed.table` of a translation",
-    alternatives: &[],
-    keys: &[TIMES, key("values", List(D::SPEED), "required", "[0, \"1 m/s\", 0]", "Speed at each time")],
-};
-
-static ANGULAR_TABLE: Table = Table {
-    heading: "`speed.table` of a rotation",
-    alternatives: &[],
-    keys: &[
-        TIMES,
-        key("values", List(D::ANGULAR_SPEED), "required", "[0, \"5 rpm\", 0]", "Angular speed at each time"),
     ],
 };

@@ -2,10 +2,14 @@
 //! alternatives in them, and a test holds `docs/scenes.md` against them.
 
 mod body;
+mod function;
+mod load;
 mod packing;
 
 use super::quantity::Dimension;
 use body::BODY;
+use function::ACCELERATION;
+use load::LOAD;
 use packing::PACKING;
 
 /// What a key holds.
@@ -35,6 +39,10 @@ pub enum Kind {
     Tables(&'static Table),
     /// A quantity, or a table that says more.
     QuantityOr(Dimension, &'static Table),
+    /// A quantity, a text with the time `t`, or a table that says more: a function of time.
+    Function(Dimension, &'static Table),
+    /// Three of them.
+    Functions(Dimension, &'static Table),
     /// A text, or a table that says more.
     TextOr(&'static Table),
     /// Names and values of the user's choice.
@@ -51,6 +59,8 @@ impl Kind {
             | Self::Named(table)
             | Self::Tables(table)
             | Self::QuantityOr(_, table)
+            | Self::Function(_, table)
+            | Self::Functions(_, table)
             | Self::TextOr(table) => Some(table),
             _ => None,
         }
@@ -118,7 +128,7 @@ pub(crate) fn alternatives(path: &str, key: &str) -> Vec<&'static str> {
     let mut parts = path.split('.').filter(|part| !part.is_empty());
     while let Some(part) = parts.next() {
         let Some(found) = table.key(part) else { return Vec::new() };
-        if matches!(found.kind, Kind::Named(_) | Kind::Tables(_)) {
+        if matches!(found.kind, Kind::Named(_) | Kind::Tables(_) | Kind::Functions(..)) {
             parts.next();
         }
         match found.kind.table() {
@@ -140,7 +150,7 @@ const fn key(
     Key { name, kind, default, example, about }
 }
 
-use Kind::{Count, Flag, Free, Named, Quantity, Tables, Text, Texts, Vector};
+use Kind::{Count, Flag, Free, Named, Quantity, Tables, Text, Texts};
 type D = Dimension;
 
 /// Top level of a scene.
@@ -150,7 +160,13 @@ pub static SCENE: Table = Table {
     keys: &[
         key("title", Text, "the scene's name", "\"Balls in a box\"", "One line for people"),
         key("seed", Count, "1", "42", "Seed of everything random; packing number k (from 0) uses seed + k"),
-        key("gravity", Vector(D::ACCELERATION), "[0, 0, -9.81]", "[0, 0, \"-1.62 m/s^2\"]", "Gravity"),
+        key(
+            "gravity",
+            Kind::Functions(D::ACCELERATION, &ACCELERATION),
+            "[0, 0, -9.81]",
+            "[0, 0, \"-1.62 m/s^2\"]",
+            "Gravity; each component may be a function of time",
+        ),
         key(
             "parameters",
             Free,
@@ -201,6 +217,13 @@ pub static SCENE: Table = Table {
             "none",
             "{ grains = { radius = 0.1, file = { path = \"a.csv\" } } }",
             "Many bodies at once, by name",
+        ),
+        key(
+            "load",
+            Named(&LOAD),
+            "none",
+            "{ push = { bodies = [\"wheel\"], force = [0, 0, \"-2 kN\"] } }",
+            "Forces, torques and fields by name",
         ),
     ],
 };

@@ -185,21 +185,33 @@ static DROP: Table = Table {
     ],
 };
 
-static BOX_REGION: Table = Table {
-    heading: "`drop.box`",
+pub(super) static BOX_REGION: Table = Table {
+    heading: "`box` of a region",
     alternatives: &[],
     keys: &[
-        key("min", Vector(D::LENGTH), "required", "[0, 0, 0]", "Lower corner; bodies lie wholly inside"),
+        key(
+            "min",
+            Vector(D::LENGTH),
+            "required",
+            "[0, 0, 0]",
+            "Lower corner; dropped bodies lie wholly inside",
+        ),
         key("max", Vector(D::LENGTH), "required", "[1, 1, 3]", "Upper corner"),
     ],
 };
 
-static CYLINDER_REGION: Table = Table {
-    heading: "`drop.cylinder`",
+pub(super) static CYLINDER_REGION: Table = Table {
+    heading: "`cylinder` of a region",
     alternatives: &[],
     keys: &[
         key("base", Vector(D::LENGTH), "[0, 0, 0]", "[0, 0, \"1 cm\"]", "Centre of the lower end"),
-        key("radius", Quantity(D::LENGTH), "required", "\"10 cm\"", "Radius; bodies lie wholly inside"),
+        key(
+            "radius",
+            Quantity(D::LENGTH),
+            "required",
+            "\"10 cm\"",
+            "Radius; dropped bodies lie wholly inside",
+        ),
         key("height", Quantity(D::LENGTH), "required", "\"30 cm\"", "Height, along z"),
     ],
 };

@@ -1,0 +1,103 @@
+//! Keys of functions of time.
+
+use super::Kind::{self, List, Quantity, Text};
+use super::{D, Key, Table, key};
+
+/// The tables of a function of time whose values have one dimension.
+macro_rules! function_of_time {
+    ($name:ident, $sinusoid:ident, $samples:ident, $of:literal, $dimension:expr, $value:literal) => {
+        pub(super) static $name: Table = Table {
+            heading: concat!("Function of time: ", $of),
+            alternatives: &[&["sinusoidal", "table", "file"]],
+            keys: &[
+                key(
+                    "sinusoidal",
+                    Kind::Table(&$sinusoid),
+                    "one of",
+                    concat!("{ amplitude = ", $value, ", period = \"4 s\" }"),
+                    "amplitude sin(2 pi t / period + phase)",
+                ),
+                key(
+                    "table",
+                    Kind::Table(&$samples),
+                    "one of",
+                    concat!("{ times = [0, 1], values = [0, ", $value, "] }"),
+                    "Linear between samples, constant outside",
+                ),
+                key(
+                    "file",
+                    Kind::Table(&FUNCTION_FILE),
+                    "one of",
+                    "{ path = \"record.csv\", value = \"value\" }",
+                    "A table from a file",
+                ),
+            ],
+        };
+
+        static $sinusoid: Table = Table {
+            heading: concat!("`sinusoidal` ", $of),
+            alternatives: &[],
+            keys: &[
+                key("amplitude", Quantity($dimension), "required", $value, "Largest value"),
+                PERIOD,
+                PHASE,
+            ],
+        };
+
+        static $samples: Table = Table {
+            heading: concat!("`table` ", $of),
+            alternatives: &[],
+            keys: &[
+                TIMES,
+                key(
+                    "values",
+                    List($dimension),
+                    "required",
+                    concat!("[0, ", $value, ", 0]"),
+                    "Value at each time",
+                ),
+            ],
+        };
+    };
+}
+
+const PERIOD: Key = key("period", Quantity(D::TIME), "required", "\"4 s\"", "Period");
+const PHASE: Key = key("phase", Quantity(D::ANGLE), "0", "\"90 deg\"", "Phase");
+const TIMES: Key = key("times", List(D::TIME), "required", "[0, \"0.5 s\", \"1 s\"]", "Ascending times");
+
+function_of_time!(SPEED, SPEED_SINUSOID, SPEED_TABLE, "speed", D::SPEED, "\"1 m/s\"");
+function_of_time!(
+    ANGULAR_SPEED,
+    ANGULAR_SPEED_SINUSOID,
+    ANGULAR_SPEED_TABLE,
+    "angular speed",
+    D::ANGULAR_SPEED,
+    "\"5 rpm\""
+);
+function_of_time!(FORCE, FORCE_SINUSOID, FORCE_TABLE, "force", D::FORCE, "\"2 kN\"");
+function_of_time!(TORQUE, TORQUE_SINUSOID, TORQUE_TABLE, "torque", D::ENERGY, "\"3 N m\"");
+function_of_time!(
+    ACCELERATION,
+    ACCELERATION_SINUSOID,
+    ACCELERATION_TABLE,
+    "acceleration",
+    D::ACCELERATION,
+    "\"2 m/s^2\""
+);
+function_of_time!(PRESSURE, PRESSURE_SINUSOID, PRESSURE_TABLE, "pressure", D::PRESSURE, "\"10 kPa\"");
+
+static FUNCTION_FILE: Table = Table {
+    heading: "`file` of a function of time",
+    alternatives: &[],
+    keys: &[
+        key(
+            "path",
+            Text,
+            "required",
+            "\"record.csv\"",
+            "CSV (or columns separated by blanks) with a header line that names the columns, with units in brackets",
+        ),
+        key("time", Text, "\"time\"", "\"t\"", "Column of the ascending times"),
+        key("value", Text, "\"value\"", "\"force_z\"", "Column of the values"),
+    ],
+};

@@ -1,0 +1,311 @@
+//! Loads: forces and torques on bodies besides gravity and contact, as functions of time and place.
+//!
+//! In every step loads are summed into [`Bodies::force`](crate::world::Bodies::force) and `torque`, on top of what a program has set
+//! there, before contacts are looked for; after the step the program's own values are back. Functions of time enter with their mean over
+//! the step, so that the impulse of a load is exact; what depends on position, orientation or velocity is taken at the start of the step.
+
+use crate::error::{ModelError, finite, positive};
+use crate::handle::BodyId;
+use crate::math::{Mat3, Vec3};
+use crate::motion::{Axes, Profile};
+use crate::world::World;
+use serde::{Deserialize, Serialize};
+
+/// A region of space, m.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Region {
+    /// Box along the axes.
+    Box {
+        /// Lower corner.
+        min: Vec3,
+        /// Upper corner.
+        max: Vec3,
+    },
+    /// Upright cylinder.
+    Cylinder {
+        /// Centre of the lower end.
+        base: Vec3,
+        /// Radius.
+        radius: f64,
+        /// Height.
+        height: f64,
+    },
+}
+
+impl Region {
+    /// Whether a point lies inside or on the surface.
+    pub fn contains(&self, point: Vec3) -> bool {
+        match *self {
+            Self::Box { min, max } => point.cmpge(min).all() && point.cmple(max).all(),
+            Self::Cylinder { base, radius, height } => {
+                let d = point - base;
+                d.x.hypot(d.y) <= radius && (0.0..=height).contains(&d.z)
+            }
+        }
+    }
+}
+
+/// What acts.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Action {
+    /// The force sum_i direction_i f_i(t), N, at a point of the body.
+    Force {
+        /// Directions (any vectors, not normalised) with the function of time that each is multiplied by.
+        terms: Vec<(Vec3, Profile)>,
+        /// Axes of the directions.
+        axes: Axes,
+        /// Where it acts, from the centre of mass in body axes, m.
+        point: Vec3,
+    },
+    /// The torque sum_i direction_i f_i(t), N m.
+    Torque {
+        /// Directions with the function of time that each is multiplied by.
+        terms: Vec<(Vec3, Profile)>,
+        /// Axes of the directions.
+        axes: Axes,
+    },
+    /// A uniform field, m/s^2: the force m a(t) at the centre of mass.
+    Uniform {
+        /// Components of the acceleration in world axes.
+        acceleration: [Profile; 3],
+    },
+    /// A central field: at the distance r from the centre the acceleration strength (r / distance)^power toward it, and none at the
+    /// centre itself.
+    Central {
+        /// m
+        centre: Vec3,
+        /// Acceleration at the given distance, m/s^2; negative: away from the centre.
+        strength: f64,
+        /// m
+        distance: f64,
+        /// -2 for gravity outside a planet, 1 for a spring.
+        power: f64,
+    },
+    /// Drag of a medium against the velocity u relative to it, and against turning,
+    ///
+    /// ```text
+    /// F = -(linear + quadratic |u|) u,   T = -angular w
+    /// ```
+    ///
+    /// by an implicit step, m (u1 - u) = -dt (linear + quadratic |u1|) u1, which no step length makes unstable: bodies never turn back
+    /// relative to the medium. What falls in it reaches the velocity at which drag carries it up to a relative error of
+    /// dt linear / m. The torque likewise, with the least moment of inertia.
+    Drag {
+        /// N s/m
+        linear: f64,
+        /// N s^2/m^2: 1/2 density c_d area.
+        quadratic: f64,
+        /// N m s
+        angular: f64,
+        /// Velocity of the medium, m/s.
+        medium: Vec3,
+    },
+}
+
+/// A load on some bodies.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Load {
+    /// The bodies; `None`: all.
+    pub bodies: Option<Vec<BodyId>>,
+    /// Acts only on bodies whose centre of mass is in the region at the start of a step.
+    pub region: Option<Region>,
+    /// What acts.
+    pub action: Action,
+}
+
+impl Load {
+    /// On one body.
+    pub fn on(body: BodyId, action: Action) -> Self {
+        Self { bodies: Some(vec![body]), region: None, action }
+    }
+
+    /// On all bodies.
+    pub fn on_all(action: Action) -> Self {
+        Self { bodies: None, region: None, action }
+    }
+
+    /// Checks the numbers.
+    ///
+    /// # Errors
+    /// [`ModelError`] for the first defect.
+    pub fn validate(&self) -> Result<(), ModelError> {
+        match &self.action {
+            Action::Force { terms, point, .. } => {
+                finite("the point of a load", &point.to_array())?;
+                validate_terms(terms)
+            }
+            Action::Torque { terms, .. } => validate_terms(terms),
+            Action::Uniform { acceleration } => acceleration.iter().try_for_each(Profile::validate),
+            Action::Central { centre, strength, distance, power } => {
+                finite("the centre of a field", &centre.to_array())?;
+                finite("the strength or power of a field", &[*strength, *power])?;
+                positive("the distance at which a field has its strength", *distance)
+            }
+            Action::Drag { linear, quadratic, angular, medium } => {
+                finite("the velocity of a medium", &medium.to_array())?;
+                for value in [*linear, *quadratic, *angular] {
+                    if !(value.is_finite() && value >= 0.0) {
+                        let what = "a coefficient of drag".to_string();
+                        return Err(ModelError::Value { what, value, expected: "finite and not negative" });
+                    }
+                }
+                Ok(())
+            }
+        }
+    }
+}
+
+fn validate_terms(terms: &[(Vec3, Profile)]) -> Result<(), ModelError> {
+    terms.iter().try_for_each(|(direction, profile)| {
+        finite("a direction of a load", &direction.to_array())?;
+        profile.validate()
+    })
+}
+
+/// The mean of sum_i direction_i f_i over a step.
+fn mean_of(terms: &[(Vec3, Profile)], time: f64, step: f64) -> Vec3 {
+    terms.iter().map(|(direction, profile)| *direction * profile.mean(time, step)).sum()
+}
+
+/// What loads change of a world for the time of a step.
+pub(crate) struct Unloaded {
+    gravity: Vec3,
+    force: Vec<Vec3>,
+    torque: Vec<Vec3>,
+}
+
+/// Sums the loads of the step that begins now into the bodies' forces and torques, and sets gravity to its mean over the step where it
+/// depends on time. Returned is what was there; `None` where there is nothing to do.
+pub(crate) fn apply(world: &mut World, step: f64) -> Option<Unloaded> {
+    if world.loads.is_empty() && world.gravity_of_time.is_none() {
+        return None;
+    }
+    let before = Unloaded {
+        gravity: world.gravity,
+        force: world.bodies.force.clone(),
+        torque: world.bodies.torque.clone(),
+    };
+    let time = world.time;
+    if let Some(gravity) = &world.gravity_of_time {
+        world.gravity = Vec3::from_array(gravity.each_ref().map(|profile| profile.mean(time, step)));
+    }
+    let loads = std::mem::take(&mut world.loads);
+    for load in &loads {
+        load.apply(world, step);
+    }
+    world.loads = loads;
+    Some(before)
+}
+
+/// Takes the loads away again: what a program had set is left.
+pub(crate) fn remove(world: &mut World, before: Unloaded) {
+    (world.bodies.force, world.bodies.torque) = (before.force, before.torque);
+}
+
+/// As [`remove`], with the gravity that was there: the step was not made.
+pub(crate) fn undo(world: &mut World, before: Unloaded) {
+    world.gravity = before.gravity;
+    remove(world, before);
+}
+
+impl Load {
+    fn apply(&self, world: &mut World, step: f64) {
+        let time = world.time;
+        // Functions of time are the same for all bodies.
+        let mean = match &self.action {
+            Action::Force { terms, .. } | Action::Torque { terms, .. } => mean_of(terms, time, step),
+            Action::Uniform { acceleration } => {
+                Vec3::from_array(acceleration.each_ref().map(|profile| profile.mean(time, step)))
+            }
+            Action::Central { .. } | Action::Drag { .. } => Vec3::ZERO,
+        };
+        match &self.bodies {
+            Some(bodies) => bodies.iter().for_each(|body| self.apply_to(world, body.index(), mean, step)),
+            None => (0..world.bodies.len()).for_each(|body| self.apply_to(world, body, mean, step)),
+        }
+    }
+
+    fn apply_to(&self, world: &mut World, body: usize, mean: Vec3, step: f64) {
+        let inside = self.region.as_ref().is_none_or(|region| region.contains(world.bodies.position[body]));
+        if inside && !world.is_prescribed(body) {
+            let (force, torque) = self.action.on(world, body, mean, step);
+            world.bodies.force[body] += force;
+            world.bodies.torque[body] += torque;
+        }
+    }
+}
+
+impl Action {
+    /// Force and torque about the centre of mass, world axes, on a body with a mass.
+    fn on(&self, world: &World, body: usize, mean: Vec3, step: f64) -> (Vec3, Vec3) {
+        let bodies = &world.bodies;
+        let (mass, orientation) = (bodies.mass[body], bodies.orientation[body]);
+        let turned = |axes: Axes| match axes {
+            Axes::World => mean,
+            Axes::Body => orientation * mean,
+        };
+        match self {
+            Self::Force { axes, point, .. } => {
+                let force = turned(*axes);
+                (force, (orientation * *point).cross(force))
+            }
+            Self::Torque { axes, .. } => (Vec3::ZERO, turned(*axes)),
+            Self::Uniform { .. } => (mass * mean, Vec3::ZERO),
+            Self::Central { centre, strength, distance, power } => {
+                let toward = *centre - bodies.position[body];
+                let r = toward.length();
+                if r == 0.0 {
+                    return (Vec3::ZERO, Vec3::ZERO);
+                }
+                (mass * strength * (r / distance).powf(*power) / r * toward, Vec3::ZERO)
+            }
+            Self::Drag { linear, quadratic, angular, medium } => {
+                let u = bodies.velocity[body] - *medium;
+                let force = -braking(mass, *linear, *quadratic, u.length(), step) * u;
+                let turning = braking(least_inertia(bodies.inertia[body]), *angular, 0.0, 0.0, step);
+                (force, -turning * bodies.angular_velocity[body])
+            }
+        }
+    }
+}
+
+/// A lower bound of the principal moments of inertia, exact for a diagonal matrix.
+fn least_inertia(inertia: Mat3) -> f64 {
+    let diagonal = Vec3::new(inertia.x_axis.x, inertia.y_axis.y, inertia.z_axis.z);
+    if inertia == Mat3::from_diagonal(diagonal) {
+        return diagonal.min_element();
+    }
+    let inverse = inertia.inverse();
+    1.0 / (inverse.x_axis.x + inverse.y_axis.y + inverse.z_axis.z)
+}
+
+/// The c of a braking force -c u that takes an inertia m from the speed |u| to the s of m (s - |u|) = -dt (linear + quadratic s) s:
+/// c = (linear + quadratic s) / (1 + dt (linear + quadratic s) / m).
+fn braking(inertia: f64, linear: f64, quadratic: f64, speed: f64, step: f64) -> f64 {
+    let (a, b) = (step * quadratic, inertia + step * linear);
+    // The positive root of a s^2 + b s = m |u|, without cancellation.
+    let s = 2.0 * inertia * speed / (b + (b * b + 4.0 * a * inertia * speed).sqrt());
+    let coefficient = linear + quadratic * s;
+    coefficient / (1.0 + step * coefficient / inertia)
+}
+
+/// Work of the external forces and torques over a step from the velocities `before` it to those `after` it (six numbers per body), J:
+/// `dt (F . (u + u+) / 2 + T . (w + w+) / 2)` over the dynamic degrees of freedom, which is exactly what they add to the kinetic energy of
+/// the step (but for the gyroscopic term).
+pub(crate) fn work(world: &World, before: &[f64], after: &[f64], step: f64) -> f64 {
+    let bodies = &world.bodies;
+    let mut work = 0.0;
+    for (body, (force, torque)) in bodies.force.iter().zip(&bodies.torque).enumerate() {
+        if *force == Vec3::ZERO && *torque == Vec3::ZERO {
+            continue;
+        }
+        let generalised = force.to_array().into_iter().chain(torque.to_array());
+        for (k, (free, f)) in world.free_degrees(body).into_iter().zip(generalised).enumerate() {
+            if free {
+                work += 0.5 * step * f * (before[6 * body + k] + after[6 * body + k]);
+            }
+        }
+    }
+    work
+}

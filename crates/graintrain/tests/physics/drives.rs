@@ -1,0 +1,143 @@
+//! Bodies of which some degrees of freedom are driven, some loaded and some free.
+
+use crate::support::*;
+use graintrain::ccp::FrictionModel;
+use graintrain::handle::{BodyId, MaterialId};
+use graintrain::load::{Action, Load};
+use graintrain::math::{Quat, Vec3};
+use graintrain::motion::{Axes, Motion, Profile};
+use graintrain::shape::Geometry;
+use graintrain::stepper::{StepSettings, Stepper};
+use graintrain::world::{Body, World};
+use std::f64::consts::FRAC_PI_2;
+
+const BOTH: [FrictionModel; 2] = [FrictionModel::Relaxed, FrictionModel::Coulomb];
+
+fn stepper(step: f64, friction: FrictionModel) -> Stepper {
+    Stepper::new(StepSettings { step, envelope: 0.01, tolerance: 1e-10, friction, ..StepSettings::default() })
+        .unwrap()
+}
+
+fn constant_force(direction: Vec3, size: f64) -> Action {
+    Action::Force { terms: vec![(direction, Profile::Constant(size))], axes: Axes::World, point: Vec3::ZERO }
+}
+
+/// A wheel of radius 1 m with its axis along y that stands on the ground.
+fn add_wheel(world: &mut World, motion: Motion) -> BodyId {
+    let geometry = world.add_geometry(Geometry::cylinder(0.1, 1.0).unwrap());
+    let motion = world.add_motion(motion).unwrap();
+    let orientation = Quat::from_rotation_x(FRAC_PI_2);
+    let place = Vec3::new(0.0, 0.0, 1.0);
+    world.add_body(Body { motion, orientation, ..Body::new(geometry, MaterialId::default(), place) }).unwrap()
+}
+
+/// Driven at 0.1 m/s and 0.1 rad/s a wheel of radius 1 m goes straight on, where an axis fixed in the world takes it in a circle.
+#[test]
+fn a_wheel_that_translates_and_turns_goes_straight() {
+    for model in BOTH {
+        let mut world = world(0.5, 0.0);
+        add_ground(&mut world, 0.0);
+        let rolling = Motion::spinning(Vec3::Y, Profile::Constant(0.1))
+            .and_translating(Vec3::X, Profile::Constant(0.1));
+        let wheel = add_wheel(&mut world, rolling).index();
+        let mut stepper = stepper(0.01, model);
+        for _ in 0..500 {
+            let report = stepper.step(&mut world).unwrap();
+            assert!(report.solve.converged());
+            let slip = world.bodies.velocity[wheel].x - world.bodies.angular_velocity[wheel].y;
+            assert!(slip.abs() < 1e-15, "{slip}");
+        }
+        let expected = Vec3::new(0.5, 0.0, 1.0);
+        assert!(
+            (world.bodies.position[wheel] - expected).length() < 1e-12,
+            "{}",
+            world.bodies.position[wheel]
+        );
+    }
+}
+
+/// With its rate prescribed and its path free, friction takes a wheel along until speed = radius x rate, to the accuracy of the solve.
+#[test]
+fn a_driven_wheel_rolls_with_radius_times_rate() {
+    for model in BOTH {
+        let mut world = world(0.5, 0.0);
+        add_ground(&mut world, 0.0);
+        let free = [true, false, true, false, false, false];
+        let rolling = Motion::spinning(Vec3::Y, Profile::Constant(0.3)).with_free(free);
+        let wheel = add_wheel(&mut world, rolling).index();
+        let mut stepper = stepper(0.002, model);
+        for _ in 0..300 {
+            assert!(stepper.step(&mut world).unwrap().solve.converged());
+        }
+        let speed = world.bodies.velocity[wheel].x;
+        // The contact lies the height of the centre below it: the radius but for the overlap kept.
+        let radius = world.bodies.position[wheel].z;
+        assert!((radius - 1.0).abs() < 1e-3);
+        assert!((speed - 0.3 * radius).abs() < 1e-9, "{model:?}: {speed} with {radius}");
+    }
+}
+
+/// Torque on the axle, load and weight on it: without slip the wheel accelerates by T R / (m R^2 + I).
+#[test]
+fn a_wheel_loaded_by_a_torque_accelerates_as_it_should() {
+    for model in BOTH {
+        let mut world = world(0.8, 0.0);
+        let ground = add_ground(&mut world, 0.0);
+        let wheel = add_wheel(&mut world, Motion::fixed().with_free([true, false, true, false, true, false]));
+        let (mass, torque, load) = (world.bodies.mass[wheel.index()], 300.0, 2000.0);
+        // About its own axis.
+        let inertia = world.bodies.inertia[wheel.index()].z_axis.z;
+        let twist = Action::Torque { terms: vec![(Vec3::Y, Profile::Constant(torque))], axes: Axes::World };
+        world.add_load(Load::on(wheel, twist)).unwrap();
+        world.add_load(Load::on(wheel, constant_force(-Vec3::Z, load))).unwrap();
+        let step = 1e-3;
+        let mut stepper = stepper(step, model);
+        let mut work = 0.0;
+        for n in 1..=500 {
+            let report = stepper.step(&mut world).unwrap();
+            work += report.load_work;
+            let acceleration = torque / (mass + inertia);
+            let speed = f64::from(n) * step * acceleration;
+            let found = world.bodies.velocity[wheel.index()].x;
+            assert!((found / speed - 1.0).abs() < 2e-4, "{model:?} {n}: {found}, not {speed}");
+            let carried = report.wrenches.iter().find(|w| w.body == ground).unwrap().force.z;
+            assert!((carried / (mass * G + load) + 1.0).abs() < 1e-3, "{model:?} {n}: {carried} N");
+        }
+        // Rolling loses nothing: what the torque does is there as motion.
+        assert!((work / world.kinetic_energy() - 1.0).abs() < 1e-3, "{model:?}: {work}");
+    }
+}
+
+/// A piston on rails accelerates at F / m; pressed on a block it hands the force through to the floor.
+#[test]
+fn a_loaded_piston_accelerates_and_presses() {
+    for model in BOTH {
+        let mut world = world(0.3, 0.0);
+        let floor = add_ground(&mut world, 0.0);
+        let cube = world.add_geometry(Geometry::cuboid(Vec3::splat(0.1)).unwrap());
+        let block = Body::new(cube, MaterialId::default(), Vec3::new(0.0, 0.0, 0.1));
+        world.add_body(block).unwrap();
+        let rail =
+            world.add_motion(Motion::fixed().with_free([false, false, true, false, false, false])).unwrap();
+        let piston = Body::new(cube, MaterialId::default(), Vec3::new(0.0, 0.0, 0.35));
+        let piston = world.add_body(Body { motion: rail, ..piston }).unwrap();
+        let (mass, load) = (world.bodies.mass[piston.index()], 500.0);
+        world.add_load(Load::on(piston, constant_force(-Vec3::Z, load))).unwrap();
+        let step = 1e-3;
+        let mut stepper = stepper(step, model);
+        let mut carried = 0.0;
+        for n in 1..=400 {
+            let report = stepper.step(&mut world).unwrap();
+            if n <= 30 {
+                // Nothing in its way yet: 1/2 a t^2 < 50 mm.
+                let speed = f64::from(n) * step * (G + load / mass);
+                let found = -world.bodies.velocity[piston.index()].z;
+                assert!((found / speed - 1.0).abs() < 1e-12, "{found}");
+            }
+            carried = -report.wrenches.iter().find(|w| w.body == floor).unwrap().force.z;
+        }
+        let expected = 2.0 * mass * G + load;
+        assert!((carried / expected - 1.0).abs() < 1e-4, "{model:?}: {carried} N, not {expected} N");
+        assert!(world.bodies.velocity[piston.index()].length() < 1e-6);
+    }
+}
