@@ -19,6 +19,7 @@
 //! | [`sparse`] | sparse matrix to TT by one exact bottom-up pass over its nonzero blocks |
 //! | [`definite`] | keeping a truncated positive definite matrix positive definite |
 //! | [`mod@slice`] | ranges of digits, fixed digits |
+//! | [`toolbox`] | trains from and to the files of TT-Toolbox, ttpy and tt-fort |
 //! | [`sketch`] | streaming approximation from random sketches |
 
 #[doc = include_str!("../README.md")]
@@ -27,12 +28,15 @@ struct Readme;
 
 pub mod apply;
 pub mod arithmetic;
+#[cfg(feature = "ndarray")]
+mod arrays;
 mod cores;
 pub mod cross;
 pub mod definite;
 mod error;
 mod exact;
 mod factor;
+mod full;
 pub mod inverse;
 mod io;
 pub mod matrix;
@@ -51,9 +55,23 @@ pub mod solve;
 pub mod sparse;
 pub mod svd;
 pub mod symmetric;
+pub mod toolbox;
 pub mod vector;
 
-pub use error::TtError;
+pub use error::{DenseFailure, TtError};
+pub use full::FullMatrix;
 pub use matrix::TtMatrix;
 pub use round::{Measured, Truncation, TruncationReport};
 pub use vector::{Core, TtVector};
+
+/// Asked between the parts of a long computation: true ends it with [`TtError::Stopped`].
+///
+/// ```
+/// use graintrain_tt::{TtError, inverse::{InverseForm, inverse_within}, qtt};
+/// use std::time::{Duration, Instant};
+/// let deadline = Instant::now() + Duration::from_millis(0);
+/// let stopped = inverse_within(&qtt::laplacian(10)?, InverseForm::Energy, None, &Default::default(), &|| Instant::now() >= deadline);
+/// assert!(matches!(stopped, Err(TtError::Stopped)));
+/// # Ok::<(), TtError>(())
+/// ```
+pub type Stop<'a> = &'a (dyn Fn() -> bool + Sync);
