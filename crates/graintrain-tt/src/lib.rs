@@ -18,6 +18,9 @@
 //! | [`qtt`] | quantized trains with known ranks |
 //! | [`sparse`] | sparse matrix to TT by one exact bottom-up pass over its nonzero blocks |
 //! | [`definite`] | keeping a truncated positive definite matrix positive definite |
+//! | [`extremes`] | largest and smallest entry with bounds; samples from a train as a density |
+//! | [`functions`] | functions of entries: any by cross, reciprocals and roots with residuals over all entries |
+//! | [`mod@fourier`] | Fourier transform of quantized trains, convolution |
 //! | [`mod@slice`] | ranges of digits, fixed digits |
 //! | [`toolbox`] | trains from and to the files of TT-Toolbox, ttpy and tt-fort |
 //! | [`sketch`] | streaming approximation from random sketches |
@@ -35,8 +38,11 @@ pub mod cross;
 pub mod definite;
 mod error;
 mod exact;
+pub mod extremes;
 mod factor;
+pub mod fourier;
 mod full;
+pub mod functions;
 pub mod inverse;
 mod io;
 pub mod matrix;

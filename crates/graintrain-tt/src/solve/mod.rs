@@ -12,10 +12,13 @@
 //! A matrix unknown X (A X = Y) has a spectator digit in every core: the local matrix is the same for all its values,
 //! so it is factored once and solved for all of them.
 //!
+//! [`gmres`] keeps whole trains instead: for well-conditioned or preconditioned systems, and as a second opinion.
+//!
 //! A local residual says little about the whole: the report's residual is computed afresh from the trains.
 
 mod amen;
 mod eigen;
+mod gmres;
 mod interface;
 mod local;
 
@@ -26,6 +29,7 @@ use crate::scale::{largest_finite, scale_by_power, share_power};
 use crate::{Measured, Stop, Truncation, TtError, TtMatrix, TtVector};
 pub(crate) use amen::Sweeper;
 pub use eigen::{EigenSettings, Eigenpair, lowest_eigenpairs};
+pub use gmres::{GmresReport, GmresSettings, gmres};
 pub(crate) use interface::{BlockCore, OperatorCore};
 use serde::{Deserialize, Serialize};
 
