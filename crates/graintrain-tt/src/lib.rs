@@ -20,6 +20,7 @@
 //! | [`definite`] | keeping a truncated positive definite matrix positive definite |
 //! | [`extremes`] | largest and smallest entry with bounds; samples from a train as a density |
 //! | [`functions`] | functions of entries: any by cross, reciprocals and roots with residuals over all entries |
+//! | [`mod@fit`] | a train through scattered data, validated |
 //! | [`mod@fourier`] | Fourier transform of quantized trains, convolution |
 //! | [`mod@slice`] | ranges of digits, fixed digits |
 //! | [`toolbox`] | trains from and to the files of TT-Toolbox, ttpy and tt-fort |
@@ -40,6 +41,7 @@ mod error;
 mod exact;
 pub mod extremes;
 mod factor;
+pub mod fit;
 pub mod fourier;
 mod full;
 pub mod functions;

@@ -14,10 +14,13 @@
 //!
 //! [`gmres`] keeps whole trains instead: for well-conditioned or preconditioned systems, and as a second opinion.
 //!
+//! [`evolve`] follows x' = A x (TDVP), [`lowest_eigenpairs`] finds eigenvectors, both by the same sweeps.
+//!
 //! A local residual says little about the whole: the report's residual is computed afresh from the trains.
 
 mod amen;
 mod eigen;
+mod evolution;
 mod gmres;
 mod interface;
 mod local;
@@ -29,6 +32,7 @@ use crate::scale::{largest_finite, scale_by_power, share_power};
 use crate::{Measured, Stop, Truncation, TtError, TtMatrix, TtVector};
 pub(crate) use amen::Sweeper;
 pub use eigen::{EigenSettings, Eigenpair, lowest_eigenpairs};
+pub use evolution::{EvolutionReport, EvolutionSettings, Sites, evolve};
 pub use gmres::{GmresReport, GmresSettings, gmres};
 pub(crate) use interface::{BlockCore, OperatorCore};
 use serde::{Deserialize, Serialize};
