@@ -88,18 +88,18 @@ fn the_other_stored_systems_are_solved_again() {
     solve_again("tt-solve_ex6.mat", 1e-2);
 }
 
-#[test]
-fn stored_operators_are_inverted_at_low_rank_with_an_honest_residual() {
+/// Inverts the stored operators to a tolerance with a cap, and holds the residuals against random full vectors.
+fn invert(tolerance: f64, max_rank: usize) {
     for (file, forms) in [
         ("tt-solve_ex2.1_6-8.mat", &[InverseForm::Energy, InverseForm::Residual][..]),
-        // Indefinite: only the residual form has a meaning.
+        // Indefinite: the energy has no minimum.
         ("tt-solve_ex2_6-10.mat", &[InverseForm::Residual]),
         ("tt-solve_ex3.mat", &[InverseForm::Energy, InverseForm::Residual]),
         ("tt-solve_ex6.mat", &[InverseForm::Energy]),
     ] {
         let Some((a, ..)) = system(file) else { return };
         for &form in forms {
-            let settings = SolveSettings { tolerance: 1e-2, max_rank: 40, ..Default::default() };
+            let settings = SolveSettings { tolerance, max_rank, ..Default::default() };
             let (x, report) = inverse(&a, form, None, &settings).unwrap();
             println!("{file} {form:?}: {:?} {:e} rank {}", report.status, report.residual, x.max_rank());
             assert_eq!(report.status, SolveStatus::Converged, "{file} {form:?} {report:?}");
@@ -121,4 +121,15 @@ fn stored_operators_are_inverted_at_low_rank_with_an_honest_residual() {
             assert!(truth < 2.0 * report.residual && report.residual < 2.0 * truth, "{truth} {report:?}");
         }
     }
+}
+
+#[test]
+fn stored_operators_are_inverted_at_low_rank_with_an_honest_residual() {
+    invert(5e-2, 30);
+}
+
+#[test]
+#[ignore = "a minute: normal equations at rank 40"]
+fn stored_operators_are_inverted_to_a_hundredth() {
+    invert(1e-2, 40);
 }
