@@ -117,6 +117,14 @@ impl BlockMatrix3 {
         (&self.column[range.clone()], &self.block[range])
     }
 
+    /// All blocks with their block rows and columns, row by row.
+    pub fn iter(&self) -> impl Iterator<Item = (usize, usize, Block)> + '_ {
+        (0..self.num_rows()).flat_map(|i| {
+            let (columns, blocks) = self.row(i);
+            columns.iter().zip(blocks).map(move |(&j, block)| (i, j as usize, *block))
+        })
+    }
+
     /// Start of each block row in the list of blocks (length rows + 1).
     pub fn row_starts(&self) -> &[usize] {
         &self.row_start

@@ -48,10 +48,10 @@ pub enum TtError {
         /// Zero-based core where it happened.
         core: usize,
         /// What happened.
-        source: DenseError,
+        source: DenseFailure,
     },
-    /// The caller's [`Patience`](graintrain_linalg::patience::Patience) ended before the work did.
-    #[error("stopped: the time given is over, or a stop was requested")]
+    /// The caller's [`Stop`](crate::Stop) said so before the work was done.
+    #[error("stopped before the work was done, as the caller asked")]
     Stopped,
     /// A saved train cannot be read.
     #[error("{file}: byte {offset}: {what}")]
@@ -73,7 +73,39 @@ pub enum TtError {
     },
 }
 
+/// Why a dense factorization of one core failed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum DenseFailure {
+    /// An entry is infinite or not a number.
+    #[error("an entry is infinite or not a number")]
+    NotFinite,
+    /// A pivot of a Cholesky factorization is not positive.
+    #[error("not positive definite: pivot {index} is not positive")]
+    NotPositiveDefinite {
+        /// Zero-based index of the pivot.
+        index: usize,
+    },
+    /// A pivot of an LU factorization is zero or not finite.
+    #[error("singular: pivot {index} is zero or not finite")]
+    Singular {
+        /// Zero-based index of the pivot.
+        index: usize,
+    },
+}
+
+impl DenseFailure {
+    /// Not a `From`, which would be public.
+    pub(crate) fn of(error: DenseError) -> Self {
+        match error {
+            DenseError::NotPositiveDefinite { index } => Self::NotPositiveDefinite { index },
+            DenseError::Singular { index } => Self::Singular { index },
+            _ => Self::NotFinite,
+        }
+    }
+}
+
 /// Puts the core number on a dense failure.
 pub(crate) fn at_core(core: usize) -> impl Fn(DenseError) -> TtError {
-    move |source| TtError::Dense { core, source }
+    move |source| TtError::Dense { core, source: DenseFailure::of(source) }
 }

@@ -18,8 +18,7 @@
 use crate::solve::{
     MOST_TIGHTENING, SolveReport, SolveSettings, SolveStatus, measured_residual, solve, solve_matrix_within,
 };
-use crate::{Truncation, TtError, TtMatrix};
-use graintrain_linalg::patience::Patience;
+use crate::{Stop, Truncation, TtError, TtMatrix};
 use serde::{Deserialize, Serialize};
 
 /// Which equation defines the inverse.
@@ -61,10 +60,10 @@ pub fn inverse(
     start: Option<&TtMatrix>,
     settings: &SolveSettings,
 ) -> Result<(TtMatrix, SolveReport), TtError> {
-    inverse_within(a, form, start, settings, &Patience::default())
+    inverse_within(a, form, start, settings, &|| false)
 }
 
-/// As [`inverse`], as long as the patience lasts: it is asked at every site and for every right-hand side that is iterated
+/// As [`inverse`], as long as `stop` is false: it is asked at every site and for every right-hand side that is iterated
 /// (not within [`InverseForm::Symmetric`]).
 ///
 /// # Errors
@@ -74,7 +73,7 @@ pub fn inverse_within(
     form: InverseForm,
     start: Option<&TtMatrix>,
     settings: &SolveSettings,
-    patience: &Patience,
+    stop: Stop<'_>,
 ) -> Result<(TtMatrix, SolveReport), TtError> {
     a.check_square()?;
     settings.check()?;
@@ -91,13 +90,13 @@ pub fn inverse_within(
         None => identity.scale(a.trace()? / a.norm() / a.norm()),
     };
     let (x, mut report) = match form {
-        InverseForm::Energy => return solve_matrix_within(a, &identity, Some(&start), settings, patience),
+        InverseForm::Energy => return solve_matrix_within(a, &identity, Some(&start), settings, stop),
         InverseForm::Galerkin => {
-            let projected = solve_matrix_within(a, &identity, Some(&start), settings, patience)?;
+            let projected = solve_matrix_within(a, &identity, Some(&start), settings, stop)?;
             if projected.1.status == SolveStatus::Converged {
                 return Ok(projected);
             }
-            let second = inverse_within(a, InverseForm::Residual, Some(&projected.0), settings, patience)?;
+            let second = inverse_within(a, InverseForm::Residual, Some(&projected.0), settings, stop)?;
             let (mut better, worse) = if second.1.residual < projected.1.residual {
                 (second, projected)
             } else {
@@ -113,14 +112,14 @@ pub fn inverse_within(
             let normal = transpose.times_matrix(a)?.round(&Truncation::to(1e-13))?.0;
             // The residual of the normal equations is not that of A X = I: go on, tighter, where the latter is missed.
             let mut inner = *settings;
-            let mut found = solve_matrix_within(&normal, &transpose, Some(&start), &inner, patience)?;
+            let mut found = solve_matrix_within(&normal, &transpose, Some(&start), &inner, stop)?;
             while found.1.status == SolveStatus::Converged
                 && inner.tolerance > settings.tolerance * MOST_TIGHTENING
                 && inverse_residual(a, &found.0)? > settings.tolerance
             {
                 inner.tolerance *= 0.2;
                 let sweeps = found.1.sweeps;
-                found = solve_matrix_within(&normal, &transpose, Some(&found.0), &inner, patience)?;
+                found = solve_matrix_within(&normal, &transpose, Some(&found.0), &inner, stop)?;
                 found.1.sweeps += sweeps;
             }
             found

@@ -18,7 +18,12 @@
 //! | [`qtt`] | quantized trains with known ranks |
 //! | [`sparse`] | sparse matrix to TT by one exact bottom-up pass over its nonzero blocks |
 //! | [`definite`] | keeping a truncated positive definite matrix positive definite |
+//! | [`extremes`] | largest and smallest entry with bounds; samples from a train as a density |
+//! | [`functions`] | functions of entries: any by cross, reciprocals and roots with residuals over all entries |
+//! | [`mod@fit`] | a train through scattered data, validated |
+//! | [`mod@fourier`] | Fourier transform of quantized trains, convolution |
 //! | [`mod@slice`] | ranges of digits, fixed digits |
+//! | [`toolbox`] | trains from and to the files of TT-Toolbox, ttpy and tt-fort |
 //! | [`sketch`] | streaming approximation from random sketches |
 
 #[doc = include_str!("../README.md")]
@@ -27,12 +32,19 @@ struct Readme;
 
 pub mod apply;
 pub mod arithmetic;
+#[cfg(feature = "ndarray")]
+mod arrays;
 mod cores;
 pub mod cross;
 pub mod definite;
 mod error;
 mod exact;
+pub mod extremes;
 mod factor;
+pub mod fit;
+pub mod fourier;
+mod full;
+pub mod functions;
 pub mod inverse;
 mod io;
 pub mod matrix;
@@ -51,9 +63,23 @@ pub mod solve;
 pub mod sparse;
 pub mod svd;
 pub mod symmetric;
+pub mod toolbox;
 pub mod vector;
 
-pub use error::TtError;
+pub use error::{DenseFailure, TtError};
+pub use full::FullMatrix;
 pub use matrix::TtMatrix;
 pub use round::{Measured, Truncation, TruncationReport};
 pub use vector::{Core, TtVector};
+
+/// Asked between the parts of a long computation: true ends it with [`TtError::Stopped`].
+///
+/// ```
+/// use graintrain_tt::{TtError, inverse::{InverseForm, inverse_within}, qtt};
+/// use std::time::{Duration, Instant};
+/// let deadline = Instant::now() + Duration::from_millis(0);
+/// let stopped = inverse_within(&qtt::laplacian(10)?, InverseForm::Energy, None, &Default::default(), &|| Instant::now() >= deadline);
+/// assert!(matches!(stopped, Err(TtError::Stopped)));
+/// # Ok::<(), TtError>(())
+/// ```
+pub type Stop<'a> = &'a (dyn Fn() -> bool + Sync);

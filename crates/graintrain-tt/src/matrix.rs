@@ -1,7 +1,7 @@
 //! The tensor train of a matrix: modes are pairs (row digit, column digit).
 
 use crate::vector::{Core, LARGEST_CORE, check_index};
-use crate::{TtError, TtVector};
+use crate::{FullMatrix, TtError, TtVector};
 use serde::{Deserialize, Serialize};
 
 /// A matrix in tensor-train form: A(i, j) = G_1(i_1, j_1) G_2(i_2, j_2) ... G_d(i_d, j_d).
@@ -228,10 +228,10 @@ impl TtMatrix {
     ///
     /// # Errors
     /// [`TtError::TooLarge`] above 2^31 entries.
-    pub fn to_full(&self) -> Result<graintrain_linalg::dense::Matrix, TtError> {
+    pub fn to_full(&self) -> Result<FullMatrix, TtError> {
         let paired = self.train.to_full()?;
         let (m, n) = (self.num_rows()?, self.num_columns()?);
-        let mut full = graintrain_linalg::dense::Matrix::zeros(m, n);
+        let mut full = FullMatrix::new(m, n, vec![0.0; paired.len()])?;
         let mut digits = vec![0; self.num_cores()];
         let modes = self.train.modes();
         for value in paired {

@@ -1,5 +1,7 @@
 //! Rows of a tall matrix that span it well: the maximal-volume principle.
 
+use crate::error::at_core;
+use crate::{FullMatrix, TtError};
 use graintrain_linalg::dense::{DenseError, Lu, Matrix, View, ViewMut, multiply_add};
 
 /// Largest allowed |B_ij| - 1 before a swap.
@@ -14,8 +16,22 @@ const MAX_SWAPS: usize = 200;
 /// Tyrtyshnikov, Zamarashkin 2010). O(m r^2) to start, O(m r) per swap.
 ///
 /// # Errors
-/// [`DenseError::Singular`] if the columns are linearly dependent, as more columns than rows are (orthogonalise them first).
-pub fn maxvol(a: &Matrix) -> Result<(Vec<usize>, Matrix), DenseError> {
+/// [`TtError::Dense`] (singular, core 0) if the columns are linearly dependent, as more columns than rows are (orthogonalise them first).
+///
+/// ```
+/// use graintrain_tt::{FullMatrix, maxvol::maxvol};
+/// let a = FullMatrix::new(4, 1, vec![1.0, -4.0, 2.0, 3.0])?;
+/// let (rows, b) = maxvol(&a)?;
+/// assert_eq!((rows, b.data()), (vec![1], &[-0.25, 1.0, -0.5, -0.75][..]));
+/// # Ok::<(), graintrain_tt::TtError>(())
+/// ```
+pub fn maxvol(a: &FullMatrix) -> Result<(Vec<usize>, FullMatrix), TtError> {
+    let (rows, b) = dominant_rows(&a.clone().into_matrix()).map_err(at_core(0))?;
+    Ok((rows, FullMatrix::of(b)))
+}
+
+/// [`maxvol`] on the matrices of this workspace.
+pub(crate) fn dominant_rows(a: &Matrix) -> Result<(Vec<usize>, Matrix), DenseError> {
     let (m, r) = (a.rows(), a.columns());
     if m < r {
         return Err(DenseError::Singular { index: m });
@@ -61,7 +77,7 @@ mod tests {
             let r = r.min(m);
             let mut random = Random::new(seed);
             let a = Matrix::from_fn(m, r, |_, _| random.symmetric());
-            let (rows, b) = maxvol(&a).unwrap();
+            let (rows, b) = dominant_rows(&a).unwrap();
             prop_assert!(b.data().iter().all(|x| x.abs() <= 1.0 + EXCESS + 1e-9));
             let mut distinct = rows.clone();
             distinct.sort_unstable();
@@ -79,6 +95,6 @@ mod tests {
     #[test]
     fn dependent_columns_are_refused() {
         let a = Matrix::from_fn(9, 3, |i, j| (i as f64) * if j == 1 { 0.0 } else { 1.0 });
-        assert!(maxvol(&a).is_err());
+        assert!(dominant_rows(&a).is_err());
     }
 }

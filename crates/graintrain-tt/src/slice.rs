@@ -2,7 +2,7 @@
 
 use crate::vector::Core;
 use crate::{TtError, TtMatrix, TtVector};
-use graintrain_linalg::dense::{Matrix, View};
+use graintrain_linalg::dense::{Matrix, View, product};
 use std::ops::Range;
 
 impl TtVector {
@@ -49,7 +49,7 @@ impl TtVector {
                     });
                 }
                 Some(last) => *last = last.multiply_right(slice()),
-                None => before = graintrain_linalg::dense::product(before.view(), slice()),
+                None => before = product(before.view(), slice()),
             }
         }
         if cores.is_empty() {

@@ -18,7 +18,6 @@ use crate::round::{Budget, ROUNDING};
 use crate::scale::{binary_exponent, largest_finite, share_power};
 use crate::vector::{Core, LARGEST_CORE};
 use crate::{Truncation, TtError, TtMatrix, TtVector};
-use graintrain_linalg::block3::BlockMatrix3;
 use graintrain_linalg::dense::{
     DenseError, Matrix, View, ViewMut, gram, left_svd, multiply, qr_triangle, symmetric_eigen,
 };
@@ -104,38 +103,31 @@ impl QuadtreeMatrix {
         Ok(Self { leaf_size, levels, key: keys, start, position, value, dummy: 0.0, norm, dummy_count: 0.0 })
     }
 
-    /// From a matrix of 3x3 blocks and the place of every block row: block row c sits at rows 3 place\[c\] + 0..3, so
+    /// From the 3x3 blocks (block row, block column, numbers row by row) of a matrix and the place of every block row: block row c sits at rows 3 place\[c\] + 0..3, so
     /// with `slots` places per leaf its leaf is place\[c\] / slots and its slot place\[c\] % slots. The first mode is
     /// (3 slots)^2, then 4, ..., 4. Places that no block row takes are dummies: `dummy` on their diagonal (1 keeps the
     /// matrix regular, 0 leaves them zero, which compresses better).
     ///
     /// # Errors
-    /// [`TtError::Shape`] if there is not one place per block row, [`TtError::Index`] for a place outside
-    /// slots 2^levels or one that is taken twice, [`TtError::Setting`] as for [`QuadtreeMatrix::from_entries`].
+    /// [`TtError::Index`] for a block row or column without a place, a place outside slots 2^levels or one that is taken twice, [`TtError::Setting`] as for [`QuadtreeMatrix::from_entries`].
     ///
     /// ```
-    /// use graintrain_linalg::block3::BlockMatrix3;
     /// use graintrain_tt::{Truncation, sparse::QuadtreeMatrix};
     /// let block = [2.0, 0.0, 0.0, 0.0, 2.0, 0.0, 0.0, 0.0, 2.0];
-    /// let s = BlockMatrix3::from_rows(vec![0, 1, 2, 3], vec![0, 1, 2], vec![block; 3]);
     /// // Three contacts in leaves of two slots; the tree has one level.
-    /// let matrix = QuadtreeMatrix::from_blocks(&s, &[0, 1, 3], 2, 1, 2.0)?;
+    /// let matrix = QuadtreeMatrix::from_blocks((0..3).map(|c| (c, c, block)), &[0, 1, 3], 2, 1, 2.0)?;
     /// let (train, report) = matrix.to_train(&Truncation::to(1e-12))?;
     /// assert_eq!(train.ranks(), [1, 1, 1]); // twice the identity
     /// assert!(report.error < 1e-12);
     /// # Ok::<(), graintrain_tt::TtError>(())
     /// ```
     pub fn from_blocks(
-        matrix: &BlockMatrix3,
+        blocks: impl IntoIterator<Item = (usize, usize, [f64; 9])>,
         place: &[usize],
         slots: usize,
         levels: usize,
         dummy: f64,
     ) -> Result<Self, TtError> {
-        if place.len() != matrix.num_rows() {
-            let (expected, got) = (vec![matrix.num_rows()], vec![place.len()]);
-            return Err(TtError::Shape { what: "places of block rows", expected, got });
-        }
         let mut sorted: Vec<usize> = place.to_vec();
         sorted.sort_unstable();
         let places = slots.checked_shl(levels as u32).unwrap_or(0);
@@ -145,12 +137,12 @@ impl QuadtreeMatrix {
         if let Some(twice) = sorted.windows(2).find(|pair| pair[0] == pair[1]) {
             return Err(TtError::Index { mode: 0, index: twice[0], size: places });
         }
-        let entries = (0..matrix.num_rows()).flat_map(|i| {
-            let (columns, blocks) = matrix.row(i);
-            columns.iter().zip(blocks).flat_map(move |(&j, block)| {
-                let (row, column) = (3 * place[i], 3 * place[j as usize]);
-                (0..9).map(move |e| (row + e / 3, column + e % 3, block[e]))
-            })
+        // (A block without a place goes outside, where it is refused.)
+        let outside = places.saturating_mul(3);
+        let entries = blocks.into_iter().flat_map(|(i, j, block)| {
+            let first = |c: usize| place.get(c).map_or(outside, |p| 3 * p);
+            let (row, column) = (first(i), first(j));
+            (0..9).map(move |e| (row.saturating_add(e / 3), column.saturating_add(e % 3), block[e]))
         });
         let mut quadtree = Self::from_entries(slots.saturating_mul(3), levels, entries)?;
         quadtree.fill_partial_leaves(&sorted, slots, dummy);

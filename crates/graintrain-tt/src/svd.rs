@@ -15,7 +15,7 @@ use crate::range::{Range, column_range};
 use crate::round::{Budget, ROUNDING, sum_of_squares};
 use crate::scale::{binary_exponent, largest_finite, scale_by_power, share_power};
 use crate::vector::Core;
-use crate::{Truncation, TruncationReport, TtError, TtMatrix, TtVector};
+use crate::{FullMatrix, Truncation, TruncationReport, TtError, TtMatrix, TtVector};
 use graintrain_linalg::dense::{
     Matrix, View, ViewMut, gram, multiply, product, qr_triangle, symmetric_eigen,
 };
@@ -327,7 +327,7 @@ impl TtMatrix {
     /// # Errors
     /// As for [`TtVector::from_full`].
     pub fn from_full(
-        full: &Matrix,
+        full: &FullMatrix,
         rows: &[usize],
         columns: &[usize],
         truncation: &Truncation,

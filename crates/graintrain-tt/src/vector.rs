@@ -115,19 +115,19 @@ impl Core {
 
     /// The (left mode) x right unfolding.
     #[inline]
-    pub fn left_unfolding(&self) -> View<'_> {
+    pub(crate) fn left_unfolding(&self) -> View<'_> {
         View::new(&self.data, self.left * self.mode, self.right)
     }
 
     /// The left x (mode right) unfolding.
     #[inline]
-    pub fn right_unfolding(&self) -> View<'_> {
+    pub(crate) fn right_unfolding(&self) -> View<'_> {
         View::new(&self.data, self.left, self.mode * self.right)
     }
 
     /// The left x right matrix G(i) of one index: a view with stride left * mode between columns.
     #[inline]
-    pub fn slice(&self, i: usize) -> View<'_> {
+    pub(crate) fn slice(&self, i: usize) -> View<'_> {
         View::with_stride(&self.data[i * self.left..], self.left, self.right, self.left * self.mode)
     }
 

@@ -1,5 +1,8 @@
 //! Lowest eigenpairs against closed forms and dense eigenvalues.
 
+mod dense;
+
+use dense::dense;
 use graintrain_linalg::dense::symmetric_eigen;
 use graintrain_tt::solve::{EigenSettings, lowest_eigenpairs};
 use graintrain_tt::{TtError, TtMatrix, TtVector, qtt};
@@ -88,7 +91,7 @@ fn spin_chains_have_their_known_energies() {
 fn random_matrices_against_dense_eigenvalues() {
     for seed in 0..6 {
         let a = TtMatrix::random(&[3, 2, 3], &[3, 2, 3], 3, seed).unwrap().symmetric_part().unwrap();
-        let (values, _) = symmetric_eigen(a.to_full().unwrap().view()).unwrap();
+        let (values, _) = symmetric_eigen(dense(&a).view()).unwrap();
         let pairs =
             lowest_eigenpairs(&a, 3, &EigenSettings { max_sweeps: 60, ..Default::default() }).unwrap();
         for (k, pair) in pairs.iter().enumerate() {

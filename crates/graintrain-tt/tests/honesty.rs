@@ -1,5 +1,8 @@
 //! Errors that a report must not hide: regressions of a review.
 
+mod dense;
+
+use dense::full;
 use graintrain_linalg::block3::BlockMatrix3;
 use graintrain_linalg::dense::Matrix;
 use graintrain_tt::cross::{CrossSettings, CrossStatus, Function, cross, cross_sparse};
@@ -30,7 +33,7 @@ fn points_that_became_pivots_do_not_measure_the_error() {
 fn three_contacts(levels: usize) -> QuadtreeMatrix {
     let block = [2.0, 0.1, 0.0, 0.1, 3.0, 0.0, 0.0, 0.0, 2.5];
     let s = BlockMatrix3::from_rows(vec![0, 1, 2, 3], vec![0, 1, 2], vec![block; 3]);
-    QuadtreeMatrix::from_blocks(&s, &[1, 5, 9], 1, levels, 1.0).unwrap()
+    QuadtreeMatrix::from_blocks(s.iter(), &[1, 5, 9], 1, levels, 1.0).unwrap()
 }
 
 #[test]
@@ -109,7 +112,7 @@ fn a_norm_beyond_the_floats_is_an_error() {
 fn unreasonable_sizes_are_errors() {
     assert!(TtVector::constant(&[usize::MAX, 2], 1.0).is_err());
     assert!(TtVector::unit(&[usize::MAX], &[0]).is_err());
-    assert!(maxvol::maxvol(&Matrix::from_fn(2, 3, |i, j| (i + 2 * j) as f64)).is_err());
+    assert!(maxvol::maxvol(&full(&Matrix::from_fn(2, 3, |i, j| (i + 2 * j) as f64))).is_err());
     let source = Function::new(&[2; 4], |_| 1.0);
     let settings = CrossSettings { samples: usize::MAX, ..Default::default() };
     assert!(cross(&source, None, &[], &settings).is_err());

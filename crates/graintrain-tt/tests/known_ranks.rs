@@ -1,5 +1,8 @@
 //! Exact ranks and closed forms from the literature and from singular values of every unfolding.
 
+mod dense;
+
+use dense::{dense, full};
 use graintrain_linalg::dense::{Lu, Matrix, product};
 use graintrain_tt::qtt::{self, Boundary, DigitOrder};
 use graintrain_tt::{Core, Truncation, TtMatrix, TtVector};
@@ -7,9 +10,10 @@ use graintrain_tt::{Core, Truncation, TtMatrix, TtVector};
 const TIGHT: f64 = 1e-10;
 
 /// Inner ranks from the coarsest digit to the finest, as tables print them.
-fn ranks_of(full: &Matrix) -> Vec<usize> {
-    let d = full.rows().trailing_zeros() as usize;
-    let (train, _) = TtMatrix::from_full(full, &vec![2; d], &vec![2; d], &Truncation::to(TIGHT)).unwrap();
+fn ranks_of(matrix: &Matrix) -> Vec<usize> {
+    let d = matrix.rows().trailing_zeros() as usize;
+    let (train, _) =
+        TtMatrix::from_full(&full(matrix), &vec![2; d], &vec![2; d], &Truncation::to(TIGHT)).unwrap();
     coarse_to_fine(&train.ranks())
 }
 
@@ -308,8 +312,8 @@ fn inverse_of_the_morton_plane_needs_more_rank_than_the_separated_one() {
         let line = qtt::laplacian(levels).unwrap();
         let a = qtt::kronecker_sum(&vec![line; dimension], order).unwrap();
         let sizes = a.row_modes().to_vec();
-        let x = inverse(&a.to_full().unwrap());
-        let exact = TtMatrix::from_full(&x, &sizes, &sizes, &Truncation::to(1e-11)).unwrap().0;
+        let x = inverse(&dense(&a));
+        let exact = TtMatrix::from_full(&full(&x), &sizes, &sizes, &Truncation::to(1e-11)).unwrap().0;
         for (tolerance, expected) in [1e-2, 1e-4, 1e-6, 1e-8].into_iter().zip(expected) {
             let found = unfolding_ranks(exact.as_vector(), tolerance).into_iter().max().unwrap();
             assert_eq!(found, expected, "{dimension}-D {order:?} {tolerance}");

@@ -124,7 +124,7 @@ fn dummies_far_larger_or_smaller_than_the_entries_do_not_hide_the_error() {
             .collect();
         let s = BlockMatrix3::from_rows((0..=5).collect(), (0..5).collect(), blocks);
         // Five contacts in a tree of 2 * 2^6 places.
-        let matrix = QuadtreeMatrix::from_blocks(&s, &[3, 17, 40, 77, 101], 2, 6, dummy).unwrap();
+        let matrix = QuadtreeMatrix::from_blocks(s.iter(), &[3, 17, 40, 77, 101], 2, 6, dummy).unwrap();
         for tolerance in [0.3, 1e-2, 1e-4] {
             let (train, report) = matrix.to_train(&Truncation::to(tolerance)).unwrap();
             let full = train.to_full().unwrap();

@@ -1,5 +1,8 @@
 //! Linear systems and inverses against exact answers.
 
+mod dense;
+
+use dense::dense;
 use graintrain_linalg::dense::{Matrix, product};
 use graintrain_tt::inverse::{InverseForm, inverse, inverse_residual, newton_schulz};
 use graintrain_tt::qtt::{self, DigitOrder};
@@ -117,7 +120,7 @@ fn a_rank_cap_is_obeyed_and_reported_with_the_true_residual() {
     let settings = SolveSettings { tolerance: 1e-8, max_rank: 4, ..Default::default() };
     let (x, report) = solve(&a, &f, None, &settings).unwrap();
     assert!(x.max_rank() <= 4 && report.status != SolveStatus::Converged, "{report:?}");
-    let (full, fx) = (a.to_full().unwrap(), x.to_full().unwrap());
+    let (full, fx) = (dense(&a), x.to_full().unwrap());
     let ax = product(full.view(), Matrix::from_vec(1024, 1, fx).view());
     let ff = f.to_full().unwrap();
     let truth = ax.data().iter().zip(&ff).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt() / f.norm();
@@ -162,7 +165,7 @@ fn inverse_of_the_plane_at_tolerance() {
         for form in [InverseForm::Energy, InverseForm::Residual] {
             let settings = SolveSettings { tolerance: 1e-4, ..Default::default() };
             let (x, report) = inverse(&a, form, None, &settings).unwrap();
-            let full = product(a.to_full().unwrap().view(), x.to_full().unwrap().view());
+            let full = product(dense(&a).view(), dense(&x).view());
             let n = full.rows();
             let truth = (0..n * n)
                 .map(|e| (full.data()[e] - f64::from(e % (n + 1) == 0)).powi(2))
@@ -190,7 +193,7 @@ fn forms_of_the_inverse_agree_and_the_hot_start_needs_fewer_sweeps() {
     let a = half.transpose().times_matrix(&half).unwrap().round(&Truncation::to(1e-12)).unwrap().0;
     let settings = SolveSettings { tolerance: 1e-7, ..Default::default() };
     let exact = {
-        let full = a.to_full().unwrap();
+        let full = dense(&a);
         let mut x = Matrix::identity(full.rows());
         graintrain_linalg::dense::Cholesky::new(full).unwrap().solve_in_place(x.view_mut());
         x
@@ -244,9 +247,7 @@ fn inverse_of_the_plane_has_the_ranks_and_errors_of_the_reference() {
         let start = TtMatrix::identity(a.row_modes()).unwrap();
         let (x, report) = inverse(&a, InverseForm::Energy, Some(&start), &settings).unwrap();
         let mut exact = Matrix::identity(1 << (2 * levels));
-        graintrain_linalg::dense::Cholesky::new(a.to_full().unwrap())
-            .unwrap()
-            .solve_in_place(exact.view_mut());
+        graintrain_linalg::dense::Cholesky::new(dense(&a)).unwrap().solve_in_place(exact.view_mut());
         let (mut difference, mut size) = (0.0, 0.0_f64);
         for (x, y) in x.to_full().unwrap().data().iter().zip(exact.data()) {
             difference += (x - y).powi(2);

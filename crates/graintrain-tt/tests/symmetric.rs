@@ -1,5 +1,8 @@
 //! Parity-graded trains against ungraded ones.
 
+mod dense;
+
+use dense::{dense, full};
 use graintrain_linalg::dense::Matrix;
 use graintrain_tt::qtt::{self, Boundary, DigitOrder};
 use graintrain_tt::symmetric::SymmetricTrain;
@@ -26,7 +29,9 @@ fn inverse_of_line(digits: usize, first: f64, last: f64) -> TtMatrix {
     a[(n - 1, n - 1)] = last;
     let mut inverse = Matrix::identity(n);
     graintrain_linalg::dense::Lu::new(a).unwrap().solve_in_place(inverse.view_mut());
-    TtMatrix::from_full(&inverse, &vec![2; digits], &vec![2; digits], &Truncation::to(1e-10)).unwrap().0
+    TtMatrix::from_full(&full(&inverse), &vec![2; digits], &vec![2; digits], &Truncation::to(1e-10))
+        .unwrap()
+        .0
 }
 
 #[test]
@@ -48,8 +53,8 @@ fn unfoldings_of_symmetric_matrices_split_exactly() {
     // Digit pairs on either side of the middle bond, transformed by (1 +- exchange of all i and j) / 2: what leads from one
     // parity to the other is not small, it is 0.
     let n = 16;
-    let line = qtt::laplacian(4).unwrap().to_full().unwrap();
-    let free = qtt::laplacian_with(4, Boundary::Neumann, Boundary::Neumann).unwrap().to_full().unwrap();
+    let line = dense(&qtt::laplacian(4).unwrap());
+    let free = dense(&qtt::laplacian_with(4, Boundary::Neumann, Boundary::Neumann).unwrap());
     let inverse = inverse_of_line(4, 2.0, 2.0).to_full().unwrap();
     let closed = Matrix::from_fn(n, n, |i, j| ((i.min(j) + 1) * (n - i.max(j))) as f64 / (n + 1) as f64);
     assert!(closed.data().iter().zip(inverse.data()).all(|(a, b)| (a - b).abs() < 1e-12));

@@ -157,7 +157,7 @@ impl NewtonSolver for TrainSchur {
             )));
         }
         self.inverse.set_patience(system.patience.clone());
-        QuadtreeMatrix::from_blocks(matrix, self.placement.positions(), capacity, depth, 1.0)
+        QuadtreeMatrix::from_blocks(matrix.iter(), self.placement.positions(), capacity, depth, 1.0)
             .and_then(|quadtree| self.inverse.refresh(&quadtree))
             .map_err(|error| self.breakdown(&error))
     }

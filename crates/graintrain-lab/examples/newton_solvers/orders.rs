@@ -292,7 +292,8 @@ fn coarse_correction(matrix: &BlockMatrix3, points: &[[f64; 3]], b: &[f64]) -> R
     smoother.refresh(matrix)?;
     let tree = PointTree::build(points, 1, Split::Balanced);
     let unit = scaled(matrix, &scaling);
-    let quadtree = QuadtreeMatrix::from_blocks(&unit, tree.positions(), tree.capacity(), tree.depth(), 1.0)?;
+    let quadtree =
+        QuadtreeMatrix::from_blocks(unit.iter(), tree.positions(), tree.capacity(), tree.depth(), 1.0)?;
     let mut train = TrainInverse::new(TrainSettings {
         compression: Compression::Exact,
         form: InverseForm::Residual,

@@ -27,8 +27,7 @@ use crate::random::Random;
 use crate::scale::share_power;
 use crate::sparse::QuadtreeMatrix;
 use crate::vector::check_index;
-use crate::{TtError, TtMatrix, TtVector};
-use graintrain_linalg::patience::Patience;
+use crate::{Stop, TtError, TtMatrix, TtVector};
 use judge::Judge;
 pub use points::{ends_of_modes, sub_grid};
 use serde::{Deserialize, Serialize};
@@ -155,16 +154,16 @@ pub fn cross(
     probes: &[usize],
     settings: &CrossSettings,
 ) -> Result<(TtVector, CrossReport), TtError> {
-    cross_within(source, start, probes, settings, &Patience::default())
+    cross_within(source, start, probes, settings, &|| false)
 }
 
-/// As [`cross`], as long as the patience lasts: it is asked at every site.
+/// As [`cross`], as long as `stop` is false: it is asked at every site.
 fn cross_within(
     source: &dyn EntrySource,
     start: Option<&TtVector>,
     probes: &[usize],
     settings: &CrossSettings,
-    patience: &Patience,
+    stop: Stop<'_>,
 ) -> Result<(TtVector, CrossReport), TtError> {
     crate::Truncation::capped(settings.tolerance, settings.max_rank).check()?;
     let modes = source.modes();
@@ -201,7 +200,7 @@ fn cross_within(
     while history.len() < settings.max_sweeps.max(2) {
         // The last sweep allowed does not enrich, so that the ranks obey the cap.
         let enrich = history.len() + 1 < settings.max_sweeps.max(2);
-        let outcome = state.sweep(settings, enrich, patience)?;
+        let outcome = state.sweep(settings, enrich, stop)?;
         history.push(outcome.change);
         capped = outcome.capped;
         if state.largest == 0.0 && judge.has_seen_zeros_only() {
@@ -229,7 +228,7 @@ fn cross_within(
         state.add_pivots(&verdict.worst);
     }
     if status != CrossStatus::ZeroSampled && state.enriched {
-        capped |= state.sweep(settings, false, patience)?.capped;
+        capped |= state.sweep(settings, false, stop)?.capped;
     }
     let mut train = state.train();
     let verdict = match confirmed {
@@ -310,10 +309,10 @@ pub fn cross_sparse(
     stride: usize,
     settings: &CrossSettings,
 ) -> Result<(TtMatrix, CrossReport), TtError> {
-    cross_sparse_within(matrix, start, stride, settings, &Patience::default())
+    cross_sparse_within(matrix, start, stride, settings, &|| false)
 }
 
-/// As [`cross_sparse`], as long as the patience lasts: it is asked at every site.
+/// As [`cross_sparse`], as long as `stop` is false: it is asked at every site.
 ///
 /// # Errors
 /// As for [`cross`], and [`TtError::Stopped`].
@@ -322,7 +321,7 @@ pub fn cross_sparse_within(
     start: Option<&TtMatrix>,
     stride: usize,
     settings: &CrossSettings,
-    patience: &Patience,
+    stop: Stop<'_>,
 ) -> Result<(TtMatrix, CrossReport), TtError> {
     let sizes = matrix.modes();
     let identity = TtMatrix::identity(&sizes)?;
@@ -332,7 +331,7 @@ pub fn cross_sparse_within(
     }
     let start = start.unwrap_or(&identity);
     identity.check_same_sizes(start)?;
-    let (train, mut report) = cross_within(matrix, Some(start.as_vector()), &probes, settings, patience)?;
+    let (train, mut report) = cross_within(matrix, Some(start.as_vector()), &probes, settings, stop)?;
     let train = TtMatrix::from_vector(train, &sizes, &sizes)?;
     // Random points of a sparse matrix hit its zeros, and what a train puts there is very uneven: a few thousand of them
     // tell its norm only within a factor of some units. The nonzeros and the norm of the train tell it exactly.

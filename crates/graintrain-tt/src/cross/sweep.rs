@@ -2,13 +2,12 @@
 
 use super::{CrossSettings, EntrySource};
 use crate::error::at_core;
-use crate::maxvol::maxvol;
+use crate::maxvol::dominant_rows;
 use crate::random::Random;
 use crate::scale::{largest_finite, scale_by_power};
 use crate::vector::{Core, admissible_ranks};
-use crate::{TtError, TtVector};
-use graintrain_linalg::dense::{Matrix, product, thin_qr, thin_svd};
-use graintrain_linalg::patience::Patience;
+use crate::{Stop, TtError, TtVector};
+use graintrain_linalg::dense::{DenseError, Matrix, product, thin_qr, thin_svd};
 
 /// About how many entries are asked for at a time.
 const POINTS_AT_ONCE: usize = 1024;
@@ -61,7 +60,7 @@ impl<'a> State<'a> {
             let turned =
                 Matrix::from_vec(core.left(), core.mode() * core.right(), core.data().to_vec()).transposed();
             let (q, r) = thin_qr(turned);
-            let (rows, b) = maxvol(&q).map_err(at_core(k))?;
+            let (rows, b) = dominant_rows(&q).map_err(at_core(k))?;
             let (mode, rank) = (core.mode(), core.right());
             right[k - 1] = rows.iter().map(|&row| prepend(row % mode, &right[k][row / mode])).collect();
             let pivots = Matrix::from_fn(rows.len(), rows.len(), |i, j| q[(rows[i], j)]);
@@ -149,7 +148,7 @@ impl<'a> State<'a> {
         &mut self,
         settings: &CrossSettings,
         enrich: bool,
-        patience: &Patience,
+        stop: Stop<'_>,
     ) -> Result<SweepOutcome, TtError> {
         let d = self.modes.len();
         let mut outcome = SweepOutcome::default();
@@ -159,7 +158,7 @@ impl<'a> State<'a> {
         let mut left_values = Matrix::identity(1);
         self.enriched = enrich && settings.kick_rank > 0;
         for k in 0..d {
-            if patience.is_over() {
+            if stop() {
                 return Err(TtError::Stopped);
             }
             let right = self.right[k].clone();
@@ -232,7 +231,7 @@ impl<'a> State<'a> {
     ) -> Result<(), TtError> {
         let rank_left = left[k].len();
         let (q, r) = thin_qr(frame);
-        let (rows, b) = maxvol(&q).map_err(at_core(k))?;
+        let (rows, b) = dominant_rows(&q).map_err(at_core(k))?;
         let pivots = Matrix::from_fn(rows.len(), rows.len(), |i, j| q[(rows[i], j)]);
         let first = Matrix::from_fn(r.rows(), rank, |i, j| r[(i, j)]);
         let carry = product(product(pivots.view(), first.view()).view(), weight.view());
@@ -262,7 +261,7 @@ impl<'a> State<'a> {
             data.push(self.random.symmetric());
         }
         let (q, _) = thin_qr(Matrix::from_vec(height, columns, data));
-        let (rows, _) = maxvol(&q).map_err(at_core(k))?;
+        let (rows, _) = dominant_rows(&q).map_err(at_core(k))?;
         debug_assert_eq!(height, left.len() * mode);
         let next = rows.iter().map(|&row| append(&left[row % left.len()], row / left.len())).collect();
         Ok((rows, next))
@@ -371,7 +370,7 @@ fn tail_rank(s: &[f64], share: f64) -> usize {
 }
 
 /// At most `count` leading left singular vectors that are not of rounding size.
-fn leading(a: &Matrix, count: usize) -> Result<Matrix, graintrain_linalg::dense::DenseError> {
+fn leading(a: &Matrix, count: usize) -> Result<Matrix, DenseError> {
     let svd = thin_svd(a.view())?;
     let useful = svd.s.iter().take_while(|&&s| s > 1e-15 * svd.s[0] && s > 0.0).count();
     let mut u = svd.u;

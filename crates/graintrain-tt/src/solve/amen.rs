@@ -9,9 +9,8 @@ use crate::error::at_core;
 use crate::random::Random;
 use crate::round::scaled_rows;
 use crate::vector::Core;
-use crate::{TtError, TtVector};
-use graintrain_linalg::dense::{Matrix, Svd, thin_qr, thin_svd};
-use graintrain_linalg::patience::Patience;
+use crate::{Stop, TtError, TtVector};
+use graintrain_linalg::dense::{DenseError, Matrix, Svd, product, thin_qr, thin_svd};
 
 /// A Krylov method that does not lower a local residual to this part has failed.
 const KRYLOV_GAIN: f64 = 0.1;
@@ -107,25 +106,25 @@ impl Sweeper {
     /// One sweep over all sites; `enrich` adds residual directions (AMEn only). Afterwards the trains are turned.
     ///
     /// # Errors
-    /// [`TtError::Stopped`] where the patience ends; the sweeper then must not be used again.
+    /// [`TtError::Stopped`] where `stop` says so; the sweeper then must not be used again.
     pub fn sweep(
         &mut self,
         settings: &SolveSettings,
         enrich: bool,
-        patience: &Patience,
+        stop: Stop<'_>,
     ) -> Result<SweepOutcome, TtError> {
         let d = self.x.len();
         let mut outcome = SweepOutcome::default();
         let mut left = vec![Sides::one()];
         if settings.method == Method::Dmrg && d > 1 {
             for k in 0..d - 1 {
-                self.solve_pair(k, &left[k], settings, patience, &mut outcome)?;
+                self.solve_pair(k, &left[k], settings, stop, &mut outcome)?;
                 let next = left[k].push(&self.a[k], &self.x[k], &self.y[k], &self.z[k]);
                 left.push(next);
             }
         } else {
             for k in 0..d {
-                self.solve_site(k, &left[k], settings, enrich, patience, &mut outcome)?;
+                self.solve_site(k, &left[k], settings, enrich, stop, &mut outcome)?;
                 if k + 1 < d {
                     let next = left[k].push(&self.a[k], &self.x[k], &self.y[k], &self.z[k]);
                     left.push(next);
@@ -154,9 +153,9 @@ impl Sweeper {
         if self.reversed { train.reverse() } else { train }
     }
 
-    fn local_settings<'a>(&self, settings: &SolveSettings, patience: &'a Patience) -> LocalSettings<'a> {
+    fn local_settings<'a>(&self, settings: &SolveSettings, stop: Stop<'a>) -> LocalSettings<'a> {
         LocalSettings {
-            patience,
+            stop,
             direct_limit: self.direct_limit,
             iterations: settings.local_iterations,
             tolerance: 0.5 * settings.tolerance / (self.x.len() as f64).sqrt(),
@@ -171,7 +170,7 @@ impl Sweeper {
         left: &Sides,
         settings: &SolveSettings,
         enrich: bool,
-        patience: &Patience,
+        stop: Stop<'_>,
         outcome: &mut SweepOutcome,
     ) -> Result<(), TtError> {
         let (d, right) = (self.x.len(), &self.right[k]);
@@ -179,7 +178,7 @@ impl Sweeper {
         let operator = LocalOperator { left: &left.xx, core, right: &right.xx };
         let b = local_right_hand_side(&left.xy, y, &right.xy);
         let BlockCore { left: rank_left, n, s, right: rank_right, .. } = self.x[k];
-        let solved = improve(&operator, &b, &self.x[k], &self.local_settings(settings, patience), outcome)?;
+        let solved = improve(&operator, &b, &self.x[k], &self.local_settings(settings, stop), outcome)?;
         if solved.krylov_failed {
             self.direct_limit = self.direct_limit.max(RAISED_LIMIT * settings.direct_limit);
         }
@@ -206,7 +205,7 @@ impl Sweeper {
             joined.extend_from_slice(&extra.data);
             let (q, r) = thin_qr(Matrix::from_vec(rows, rank + zr, joined));
             let first = Matrix::from_fn(r.rows(), rank, |i, j| r[(i, j)]);
-            weight = graintrain_linalg::dense::product(first.view(), weight.view());
+            weight = product(first.view(), weight.view());
             frame = q;
         } else {
             // Keep the residual train orthogonal so that its interfaces stay bounded.
@@ -232,7 +231,7 @@ impl Sweeper {
         k: usize,
         left: &Sides,
         settings: &SolveSettings,
-        patience: &Patience,
+        stop: Stop<'_>,
         outcome: &mut SweepOutcome,
     ) -> Result<(), TtError> {
         let d = self.x.len();
@@ -242,7 +241,7 @@ impl Sweeper {
         let operator = LocalOperator { left: &left.xx, core: &core, right: &right.xx };
         let b = local_right_hand_side(&left.xy, &y, &right.xy);
         let pair = self.x[k].merge(&self.x[k + 1]);
-        let solved = improve(&operator, &b, &pair, &self.local_settings(settings, patience), outcome)?;
+        let solved = improve(&operator, &b, &pair, &self.local_settings(settings, stop), outcome)?;
         if solved.krylov_failed {
             self.direct_limit = self.direct_limit.max(RAISED_LIMIT * settings.direct_limit);
         }
@@ -265,13 +264,13 @@ impl Sweeper {
 impl BlockCore {
     /// frame * weight, the frame being a left unfolding.
     fn from_product(left: usize, n: usize, s: usize, frame: &Matrix, weight: &Matrix) -> Self {
-        let product = graintrain_linalg::dense::product(frame.view(), weight.view());
+        let product = product(frame.view(), weight.view());
         Self { left, n, s, right: weight.columns(), data: product.into_vec() }
     }
 
     /// Two neighbouring cores as one: (alpha, (i, i'), (s, s'), beta).
     pub(super) fn merge(&self, next: &Self) -> Self {
-        let product = graintrain_linalg::dense::product(self.left_unfolding(), next.right_unfolding());
+        let product = product(self.left_unfolding(), next.right_unfolding());
         let (n, s) = (self.n * next.n, self.s * next.s);
         let mut data = Vec::with_capacity(product.data().len());
         for beta in 0..next.right {
@@ -318,7 +317,7 @@ fn improve(
     settings: &LocalSettings<'_>,
     outcome: &mut SweepOutcome,
 ) -> Result<Solved, TtError> {
-    if settings.patience.is_over() {
+    if (settings.stop)() {
         return Err(TtError::Stopped);
     }
     let start = current.spectator_last();
@@ -380,7 +379,7 @@ fn truncate(
     target: f64,
     settings: &SolveSettings,
     outcome: &mut SweepOutcome,
-) -> Result<(Matrix, Matrix), graintrain_linalg::dense::DenseError> {
+) -> Result<(Matrix, Matrix), DenseError> {
     let Svd { mut u, s, v } = thin_svd(block.left_unfolding())?;
     let full = s.iter().take_while(|&&x| x > 1e-16 * s[0]).count().max(1);
     let residual_of = |rank: usize| {
@@ -425,7 +424,7 @@ fn orthogonalise_right(x: &mut [BlockCore]) {
         let (n, s, right) = (x[k].n, x[k].s, x[k].right);
         x[k] = BlockCore { left: right, n, s, right: q.columns(), data: q.into_vec() }.reversed();
         let previous = &x[k - 1];
-        let carried = graintrain_linalg::dense::product(previous.left_unfolding(), r.t());
+        let carried = product(previous.left_unfolding(), r.t());
         x[k - 1] = BlockCore { right: r.rows(), data: carried.into_vec(), ..*previous };
     }
 }

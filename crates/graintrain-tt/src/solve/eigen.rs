@@ -14,7 +14,7 @@ use crate::random::Random;
 use crate::round::{norm_and_rounding, scaled_rows};
 use crate::vector::Core;
 use crate::{Truncation, TtError, TtMatrix, TtVector};
-use graintrain_linalg::dense::{Matrix, Svd, product, symmetric_eigen, thin_qr, thin_svd};
+use graintrain_linalg::dense::{DenseError, Matrix, Svd, product, symmetric_eigen, thin_qr, thin_svd};
 use serde::{Deserialize, Serialize};
 
 /// Local problems up to this size are solved densely.
@@ -305,7 +305,7 @@ fn measure(
 
 /// A matrix of one core has no neighbours: its eigenvectors are those of its numbers.
 fn single_core(a: &TtMatrix, nth: usize, settings: &EigenSettings) -> Result<Eigenpair, TtError> {
-    let (values, vectors) = symmetric_eigen(a.to_full()?.view()).map_err(at_core(0))?;
+    let (values, vectors) = symmetric_eigen(a.to_full()?.into_matrix().view()).map_err(at_core(0))?;
     let vector = TtVector::rank_one(&[vectors.column(nth).to_vec()])?;
     measure(a, vector, values[values.len() - 1], 0, settings)
 }
@@ -323,7 +323,7 @@ fn lowest_of(
     away: &[Vec<f64>],
     shift: f64,
     start: &[f64],
-) -> Result<Local, graintrain_linalg::dense::DenseError> {
+) -> Result<Local, DenseError> {
     let n = operator.size();
     if n <= DENSE {
         let mut matrix = operator.to_matrix();

@@ -1,9 +1,8 @@
 //! Local systems B u = b of one site: dense Cholesky or LU while they are small, else preconditioned Krylov methods.
 
 use super::interface::LocalOperator;
-use crate::TtError;
+use crate::{Stop, TtError};
 use graintrain_linalg::dense::{Cholesky, Lu, Matrix, Svd, View, ViewMut, product, thin_svd};
-use graintrain_linalg::patience::Patience;
 
 /// Singular values below this part of the largest are taken for zero.
 const SINGULAR: f64 = 1e-14;
@@ -11,10 +10,10 @@ const SINGULAR: f64 = 1e-14;
 const RESTART: usize = 40;
 
 /// How a site solves its system.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy)]
 pub(crate) struct LocalSettings<'a> {
     /// Asked before every right-hand side of a Krylov method.
-    pub patience: &'a Patience,
+    pub stop: Stop<'a>,
     /// Largest system that is factored densely.
     pub direct_limit: usize,
     /// Most iterations of the Krylov method per right-hand side.
@@ -28,7 +27,7 @@ pub(crate) struct LocalSettings<'a> {
 /// Improves `u` towards B u = b for all spectators; where a dense B is singular, the shortest u of the smallest residual.
 ///
 /// # Errors
-/// [`TtError::Stopped`] where the patience ends.
+/// [`TtError::Stopped`] where `stop` says so.
 pub(crate) fn solve(
     operator: &LocalOperator<'_>,
     b: &[f64],
@@ -59,7 +58,7 @@ pub(crate) fn solve(
     }
     let preconditioner = BlockJacobi::new(operator);
     for (u, b) in u.chunks_exact_mut(size).zip(b.chunks_exact(size)) {
-        if settings.patience.is_over() {
+        if (settings.stop)() {
             return Err(TtError::Stopped);
         }
         // A symmetric operator need not be definite: conjugate gradients notice and hand over.

@@ -12,10 +12,16 @@
 //! A matrix unknown X (A X = Y) has a spectator digit in every core: the local matrix is the same for all its values,
 //! so it is factored once and solved for all of them.
 //!
+//! [`gmres`] keeps whole trains instead: for well-conditioned or preconditioned systems, and as a second opinion.
+//!
+//! [`evolve`] follows x' = A x (TDVP), [`lowest_eigenpairs`] finds eigenvectors, both by the same sweeps.
+//!
 //! A local residual says little about the whole: the report's residual is computed afresh from the trains.
 
 mod amen;
 mod eigen;
+mod evolution;
+mod gmres;
 mod interface;
 mod local;
 
@@ -23,10 +29,11 @@ use crate::cores::Sum;
 use crate::product::Product;
 use crate::round::{measured, relative_norm};
 use crate::scale::{largest_finite, scale_by_power, share_power};
-use crate::{Measured, Truncation, TtError, TtMatrix, TtVector};
+use crate::{Measured, Stop, Truncation, TtError, TtMatrix, TtVector};
 pub(crate) use amen::Sweeper;
 pub use eigen::{EigenSettings, Eigenpair, lowest_eigenpairs};
-use graintrain_linalg::patience::Patience;
+pub use evolution::{EvolutionReport, EvolutionSettings, Sites, evolve};
+pub use gmres::{GmresReport, GmresSettings, gmres};
 pub(crate) use interface::{BlockCore, OperatorCore};
 use serde::{Deserialize, Serialize};
 
@@ -152,7 +159,7 @@ pub fn solve(
 ) -> Result<(TtVector, SolveReport), TtError> {
     a.check_square()?;
     let spectators = vec![1; a.num_cores()];
-    solve_block(a, y, &spectators, start.unwrap_or(y), settings, &Patience::default())
+    solve_block(a, y, &spectators, start.unwrap_or(y), settings, &|| false)
 }
 
 /// Solves A X = Y for a matrix X; `start` defaults to Y.
@@ -165,16 +172,16 @@ pub fn solve_matrix(
     start: Option<&TtMatrix>,
     settings: &SolveSettings,
 ) -> Result<(TtMatrix, SolveReport), TtError> {
-    solve_matrix_within(a, y, start, settings, &Patience::default())
+    solve_matrix_within(a, y, start, settings, &|| false)
 }
 
-/// As [`solve_matrix`], as long as the patience lasts.
+/// As [`solve_matrix`], as long as `stop` is false.
 pub(crate) fn solve_matrix_within(
     a: &TtMatrix,
     y: &TtMatrix,
     start: Option<&TtMatrix>,
     settings: &SolveSettings,
-    patience: &Patience,
+    stop: Stop<'_>,
 ) -> Result<(TtMatrix, SolveReport), TtError> {
     a.check_square()?;
     if y.rows != a.rows {
@@ -186,7 +193,7 @@ pub(crate) fn solve_matrix_within(
     }
     let start = start.unwrap_or(y);
     y.check_same_sizes(start)?;
-    let (train, report) = solve_block(a, &y.train, &y.columns, &start.train, settings, patience)?;
+    let (train, report) = solve_block(a, &y.train, &y.columns, &start.train, settings, stop)?;
     Ok((y.map(|_| train), report))
 }
 
@@ -197,7 +204,7 @@ fn solve_block(
     spectators: &[usize],
     start: &TtVector,
     settings: &SolveSettings,
-    patience: &Patience,
+    stop: Stop<'_>,
 ) -> Result<(TtVector, SolveReport), TtError> {
     settings.check()?;
     let expected: Vec<usize> = a.rows.iter().zip(spectators).map(|(n, s)| n * s).collect();
@@ -270,7 +277,7 @@ fn solve_block(
     loop {
         ended = SolveStatus::SweepLimit;
         while history.len() + 1 < settings.max_sweeps {
-            let outcome = sweeper.sweep(&inner, true, patience)?;
+            let outcome = sweeper.sweep(&inner, true, stop)?;
             history.push(outcome.residual);
             if outcome.residual < inner.tolerance || outcome.change == 0.0 {
                 ended = SolveStatus::Converged;
@@ -282,7 +289,7 @@ fn solve_block(
             }
         }
         // A last sweep without enrichment brings the ranks down to what the tolerance needs.
-        let outcome = sweeper.sweep(&inner, false, patience)?;
+        let outcome = sweeper.sweep(&inner, false, stop)?;
         history.push(outcome.residual);
         if outcome.capped && ended != SolveStatus::Converged {
             ended = SolveStatus::RankCapped;

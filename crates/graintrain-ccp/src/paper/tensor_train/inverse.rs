@@ -104,6 +104,8 @@ impl TrainInverse {
         if self.matrix.as_ref().is_some_and(|old| old.row_modes() != matrix.modes()) {
             self.forget();
         }
+        let patience = self.patience.clone();
+        let stop = move || patience.is_over();
         let start = Instant::now();
         let train = match compression {
             Compression::Exact => {
@@ -115,7 +117,7 @@ impl TrainInverse {
                 let settings = CrossSettings { tolerance, max_rank, ..CrossSettings::default() };
                 let stride = matrix.num_entries() / PROBES + 1;
                 let (train, report) =
-                    cross_sparse_within(matrix, self.matrix.as_ref(), stride, &settings, &self.patience)?;
+                    cross_sparse_within(matrix, self.matrix.as_ref(), stride, &settings, &stop)?;
                 self.figures.insert("compression_error".to_string(), report.error().unwrap_or(f64::NAN));
                 self.figures.insert("cross_evaluations".to_string(), report.evaluations as f64);
                 train
@@ -126,7 +128,7 @@ impl TrainInverse {
 
         let start = Instant::now();
         let settings = SolveSettings { tolerance, max_rank, max_sweeps: SWEEPS, ..SolveSettings::default() };
-        let invert = |start| inverse_within(&train, form, start, &settings, &self.patience);
+        let invert = |start| inverse_within(&train, form, start, &settings, &stop);
         let (mut x, mut report) = invert(self.inverse.as_ref())?;
         let diverged = |report: &SolveReport| report.residual.is_nan() || report.residual >= DIVERGED;
         if self.inverse.is_some() && diverged(&report) {

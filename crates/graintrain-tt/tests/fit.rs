@@ -1,0 +1,94 @@
+//! Fits to scattered data against the functions they were drawn from.
+
+use graintrain_tt::TtVector;
+use graintrain_tt::fit::{FitSettings, fit};
+
+/// Random multi-indices.
+fn scattered(modes: &[usize], count: usize, seed: u64) -> Vec<usize> {
+    let mut state = seed;
+    let mut next = || {
+        state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        (state >> 33) as usize
+    };
+    (0..count).flat_map(|_| modes.iter().map(|n| next() % n).collect::<Vec<_>>()).collect()
+}
+
+#[test]
+fn low_rank_tensors_are_recovered_from_some_entries() {
+    for (modes, rank, count, seed) in
+        [(vec![8; 5], 2, 4000, 1), (vec![6, 3, 9, 4, 2, 7], 3, 6000, 5), (vec![2; 14], 2, 3000, 3)]
+    {
+        let exact = TtVector::random(&modes, rank, seed).unwrap();
+        // Units must not matter.
+        for scale in [1.0, 1e-200, 1e150] {
+            let exact = exact.scale(scale);
+            let indices = scattered(&modes, count, seed + 7);
+            let values = exact.entries(&indices).unwrap();
+            let settings =
+                FitSettings { tolerance: 1e-6, max_rank: 6, max_sweeps: 200, ..Default::default() };
+            let (x, report) = fit(&modes, &indices, &values, &settings).unwrap();
+            let truth = x.relative_distance(&exact).unwrap();
+            println!("{modes:?} {scale:e}: true {truth:e} {report:?}");
+            assert!(
+                report.test_error < 3.0 * truth + 1e-12 && truth < 3.0 * report.test_error + 1e-12,
+                "{truth:e} {report:?}"
+            );
+            assert_eq!(report.converged, report.test_error <= 1e-6);
+            assert!(report.converged, "{report:?}");
+        }
+    }
+}
+
+#[test]
+fn noise_and_too_few_points_show_in_the_test_error() {
+    let modes = vec![8; 5];
+    let exact = TtVector::random(&modes, 2, 1).unwrap();
+    let indices = scattered(&modes, 4000, 9);
+    let mut values = exact.entries(&indices).unwrap();
+    let size = values.iter().map(|x| x * x).sum::<f64>() / values.len() as f64;
+    let mut sign = 1.0;
+    values.iter_mut().for_each(|x| {
+        sign = -sign;
+        *x += sign * 0.05 * size.sqrt();
+    });
+    let settings = FitSettings { tolerance: 1e-6, max_rank: 8, ..Default::default() };
+    let (x, report) = fit(&modes, &indices, &values, &settings).unwrap();
+    let truth = x.relative_distance(&exact).unwrap();
+    println!("noise: true {truth:e} {report:?}");
+    // The noise cannot be predicted (the test says 5 %), but most of it is averaged away.
+    assert!(!report.converged && report.test_error > 0.04 && report.test_error < 0.1, "{report:?}");
+    assert!(truth < 0.04, "{truth}");
+    // Sixty points for a train of 110 numbers: the fit meets its own points and the test says that this is worth nothing.
+    let few = &indices[..5 * 60];
+    let (x, report) = fit(&modes, few, &exact.entries(few).unwrap(), &settings).unwrap();
+    let truth = x.relative_distance(&exact).unwrap();
+    assert!(!report.converged && truth > 0.3 && report.test_error > 0.3, "{truth} {report:?}");
+    // Random values have no train at all.
+    let noise: Vec<f64> = scattered(&[1001], 2000, 3).iter().map(|&i| i as f64 / 500.0 - 1.0).collect();
+    let (_, report) = fit(&modes, &indices[..5 * 2000], &noise, &settings).unwrap();
+    assert!(!report.converged && report.test_error > 0.8, "{report:?}");
+}
+
+#[test]
+fn what_does_not_fit_is_an_error() {
+    let indices = scattered(&[4, 4], 20, 1);
+    let values = vec![1.0; 20];
+    let ok = FitSettings::default();
+    // A constant, and zero.
+    assert!(fit(&[4, 4], &indices, &values, &ok).unwrap().1.converged);
+    let (zero, report) = fit(&[4, 4], &indices, &[0.0; 20], &ok).unwrap();
+    assert!(zero.norm() < 1e-6, "{report:?}");
+    assert!(fit(&[16], &scattered(&[16], 200, 2), &vec![2.5; 200], &ok).unwrap().1.converged);
+    assert!(fit(&[4, 3], &indices, &values, &ok).is_err());
+    assert!(fit(&[4, 4], &indices[..18], &values[..9], &ok).is_err());
+    assert!(fit(&[4, 4], &indices, &values[..19], &ok).is_err());
+    assert!(fit(&[], &[], &values, &ok).is_err());
+    assert!(fit(&[4, 4], &indices, &[f64::NAN; 20], &ok).is_err());
+    for bad in [
+        FitSettings { held_out: 0.0, ..ok },
+        FitSettings { max_rank: 0, ..ok },
+        FitSettings { tolerance: 2.0, ..ok },
+    ] {
+        assert!(fit(&[4, 4], &indices, &values, &bad).is_err());
+    }
+}
