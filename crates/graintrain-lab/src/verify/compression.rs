@@ -14,7 +14,7 @@ use graintrain::math::{Quat, Vec3};
 use graintrain::motion::{Motion, Profile};
 use graintrain::shape::Geometry;
 use graintrain::world::{Body, World};
-use graintrain_ccp::FrictionModel::Relaxed;
+use graintrain_ccp::FrictionModel::{self, Relaxed};
 use std::f64::consts::PI;
 use std::sync::atomic::Ordering;
 
@@ -39,8 +39,8 @@ pub const CASES: &[Definition] = &[
         title: "Isotropic compression with friction",
         setup: "A gas of 2 197 spheres, radii within 10 %, mu = 0.3 from the gas on, is compressed by six smooth walls to an inertial number of 1e-3.",
         sources: &[AGNOLIN_ROUX],
-        measure: Measure::Sample(|sampling| {
-            let (bench, jammed) = compress(0.3, 13, sampling)?;
+        measure: Measure::SampleWithFriction(|sampling, model| {
+            let (bench, jammed) = compress(0.3, 13, sampling, model)?;
             Ok(vec![
                 bench.row("volume fraction inside (1)", jammed.density, 0.593, 0.01),
                 bench.row("contacts per grain of the backbone (1)", jammed.contacts, 4.5, 0.2),
@@ -56,7 +56,7 @@ pub const CASES: &[Definition] = &[
             SONG_WANG_MAKSE,
             Source::Algebra("isostatic packings have 4 contacts per grain with much friction"),
         ],
-        measure: Measure::Sample(over_friction),
+        measure: Measure::SampleWithFriction(over_friction),
     },
 ];
 
@@ -88,12 +88,12 @@ struct Jammed {
     contacts: f64,
 }
 
-fn over_friction(sampling: &mut Sampling<'_>) -> Result<Vec<Row>, VerifyError> {
+fn over_friction(sampling: &mut Sampling<'_>, model: FrictionModel) -> Result<Vec<Row>, VerifyError> {
     let mut rows = Vec::new();
     let mut last: Option<Jammed> = None;
     // Ends by the literature; what lies between only has to fall.
     for (friction, ends) in [(0.1, None), (1.0, None), (10.0, Some((0.55, 4.0)))] {
-        let (bench, jammed) = compress(friction, 12, sampling)?;
+        let (bench, jammed) = compress(friction, 12, sampling, model)?;
         if let Some((density, contacts)) = ends {
             rows.push(bench.row(
                 format!("mu = {friction}: volume fraction (1)"),
@@ -122,7 +122,12 @@ fn over_friction(sampling: &mut Sampling<'_>) -> Result<Vec<Row>, VerifyError> {
 }
 
 /// Compresses `edge`^3 spheres until they jam.
-fn compress(friction: f64, edge: i32, sampling: &mut Sampling<'_>) -> Result<(Bench, Jammed), VerifyError> {
+fn compress(
+    friction: f64,
+    edge: i32,
+    sampling: &mut Sampling<'_>,
+    model: FrictionModel,
+) -> Result<(Bench, Jammed), VerifyError> {
     (sampling.progress)(&format!("compression, friction {friction}"));
     let mut world = World::new(Vec3::ZERO, Materials::single("stuff", 1000.0, friction, 0.0)?)?;
     let smooth = world.materials.add("wall", 1000.0)?;
@@ -147,7 +152,7 @@ fn compress(friction: f64, edge: i32, sampling: &mut Sampling<'_>) -> Result<(Be
         let grain = add_sphere(&mut world, radius, pitch * place - half * Vec3::ONE + jitter)?;
         world.bodies.velocity[grain] = 0.5 * Vec3::new(next(), next(), next());
     }
-    let mut bench = Bench::new(STEP, 0.02 * RADIUS, Accuracy::SCENES, Relaxed)?;
+    let mut bench = Bench::new(STEP, 0.02 * RADIUS, Accuracy::SCENES, model)?;
     loop {
         if sampling.stop.load(Ordering::Relaxed) {
             return Err(ReproduceError::Stopped.into());

@@ -10,6 +10,7 @@ use super::{Definition, Measure, Row, Sampling, VerifyError};
 use crate::reproduce::physics::Steady;
 use crate::reproduce::{ReproduceError, SEEDS};
 use graintrain::stepper::Stepper;
+use graintrain_ccp::FrictionModel;
 use graintrain_io::scene::{Scene, Simulation};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -49,7 +50,7 @@ pub const CASES: &[Definition] = &[
                 "K = tan^2(45 degrees + phi/2) at phi = 5.76 degrees; 0.6 degrees are 2.1 % of K",
             ),
         ],
-        measure: Measure::Sample(|sampling| checks(&KNOWN[0], sampling)),
+        measure: Measure::Sample(|sampling| checks(&KNOWN[0], sampling, FrictionModel::Relaxed)),
     },
     Definition {
         id: "C9",
@@ -62,18 +63,18 @@ pub const CASES: &[Definition] = &[
                 "mu* = 0.3375 between those of mu = 0.1 (0.27) and mu = 0.3 (0.36), that is 18.65 degrees",
             ),
         ],
-        measure: Measure::Sample(|sampling| checks(&KNOWN[1], sampling)),
+        measure: Measure::SampleWithFriction(|sampling, model| checks(&KNOWN[1], sampling, model)),
     },
 ];
 
 /// K, averaged over perturbed lattices.
-fn checks(known: &Known, sampling: &mut Sampling<'_>) -> Result<Vec<Row>, VerifyError> {
+fn checks(known: &Known, sampling: &mut Sampling<'_>, model: FrictionModel) -> Result<Vec<Row>, VerifyError> {
     let mut pressures = Vec::new();
     for seed in 1..=SEEDS {
         (sampling.progress)(&format!("passive wall, friction {}, seed {seed}", known.friction));
-        pressures.push(pressure(known.friction, seed, &sampling.stop)?);
+        pressures.push(pressure(known.friction, seed, model, &sampling.stop)?);
     }
-    let settings = simulation(known.friction, 1)?.settings;
+    let settings = simulation(known.friction, 1, model)?.settings;
     let single = pressures.into_iter().map(|mean| Steady { mean, error: f64::NAN });
     let steady = Steady::over(single).unwrap_or(Steady { mean: f64::NAN, error: f64::NAN });
     let expected = (45.0_f64 + known.angle / 2.0).to_radians().tan().powi(2);
@@ -94,11 +95,12 @@ fn checks(known: &Known, sampling: &mut Sampling<'_>) -> Result<Vec<Row>, Verify
 }
 
 /// The scene at a friction, one perturbed lattice.
-fn simulation(friction: f64, seed: u64) -> Result<Simulation, ReproduceError> {
+fn simulation(friction: f64, seed: u64, model: FrictionModel) -> Result<Simulation, ReproduceError> {
     let set = |key: &str, value: String| (key.to_string(), value);
     let settings = [
         set("friction", friction.to_string()),
         set("seed", seed.to_string()),
+        set("solver.friction", model.to_string()),
         set("across", SPHERES_ACROSS.to_string()),
         set("pitch", format!("{PITCH} m")),
     ];
@@ -106,8 +108,13 @@ fn simulation(friction: f64, seed: u64) -> Result<Simulation, ReproduceError> {
 }
 
 /// Mean of K over [`WINDOW`].
-fn pressure(friction: f64, seed: u64, stop: &Arc<AtomicBool>) -> Result<f64, ReproduceError> {
-    let simulation = simulation(friction, seed)?;
+fn pressure(
+    friction: f64,
+    seed: u64,
+    model: FrictionModel,
+    stop: &Arc<AtomicBool>,
+) -> Result<f64, ReproduceError> {
+    let simulation = simulation(friction, seed, model)?;
     let mut world = simulation.world;
     let mut stepper = Stepper::new(simulation.settings)?;
     stepper.stop_on(Arc::clone(stop));

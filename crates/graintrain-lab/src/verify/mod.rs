@@ -64,8 +64,10 @@ pub struct Definition {
 pub enum Measure {
     /// By single bodies and small assemblies.
     Small(fn() -> Result<Vec<Row>, VerifyError>),
-    /// By a granular sample.
+    /// By a granular sample whose friction model makes no difference, or is its scene's.
     Sample(fn(&mut Sampling) -> Result<Vec<Row>, VerifyError>),
+    /// By a granular sample, once in each friction model of [`Sampling::models`].
+    SampleWithFriction(fn(&mut Sampling, FrictionModel) -> Result<Vec<Row>, VerifyError>),
     /// Not at all, and why.
     LeftOut(&'static str),
 }
@@ -74,6 +76,8 @@ pub enum Measure {
 pub struct Sampling<'a> {
     /// Size parameter of the sheared and drafted samples.
     pub n: usize,
+    /// Friction models of samples with friction.
+    pub models: Vec<FrictionModel>,
     /// Folder for their states.
     pub scratch: PathBuf,
     /// Set to stop.
@@ -238,6 +242,7 @@ pub fn measure(
         let measured = match definition.measure {
             Measure::Small(measure) => measure(),
             Measure::Sample(measure) => measure(sampling),
+            Measure::SampleWithFriction(measure) => in_each_model(measure, sampling),
             Measure::LeftOut(_) => Ok(Vec::new()),
         };
         if sampling.stop.load(Ordering::Relaxed) {
@@ -252,6 +257,18 @@ pub fn measure(
         done(&cases);
     }
     cases
+}
+
+/// The rows of a sample in each of the friction models.
+fn in_each_model(
+    measure: fn(&mut Sampling, FrictionModel) -> Result<Vec<Row>, VerifyError>,
+    sampling: &mut Sampling<'_>,
+) -> Result<Vec<Row>, VerifyError> {
+    let mut rows = Vec::new();
+    for model in sampling.models.clone() {
+        rows.extend(measure(sampling, model)?);
+    }
+    Ok(rows)
 }
 
 /// Whether all that was planned was measured and nothing failed: the program's exit code.

@@ -10,7 +10,7 @@ use graintrain::motion::{Motion, Profile};
 use graintrain::shape::Geometry;
 use graintrain::stepper::StepReport;
 use graintrain::world::{Body, World};
-use graintrain_ccp::FrictionModel::Relaxed;
+use graintrain_ccp::FrictionModel;
 use std::f64::consts::{PI, TAU};
 use std::sync::atomic::Ordering;
 
@@ -28,7 +28,7 @@ pub const CASES: &[Definition] = &[
                 "saturated pressure rho g D / (4 mu K); K between 0.4 and 0.9, doubling the fill changes the load by less than 3 %",
             ),
         ],
-        measure: Measure::Sample(silo),
+        measure: Measure::SampleWithFriction(silo),
     },
     Definition {
         id: "B10",
@@ -42,7 +42,7 @@ pub const CASES: &[Definition] = &[
                  0.55 and 0.65; W over (D_h - k d)^{5/2} is the same for all openings, so that the exponent is 5/2 within 0.1",
             ),
         ],
-        measure: Measure::Sample(discharge),
+        measure: Measure::SampleWithFriction(discharge),
     },
     Definition {
         id: "B11",
@@ -51,7 +51,7 @@ pub const CASES: &[Definition] = &[
                 away at 0.2 m/s and the slope left after 1.5 s fitted by a line. The figures \
                 are of heaps left by a discharge.",
         sources: &[ZHOU],
-        measure: Measure::Sample(repose),
+        measure: Measure::SampleWithFriction(repose),
     },
     Definition {
         id: "B13",
@@ -62,7 +62,7 @@ pub const CASES: &[Definition] = &[
             MELLMANN,
             Source::Algebra("qualitative: the surface is flat and its angle rises mildly with the speed"),
         ],
-        measure: Measure::Sample(drum),
+        measure: Measure::SampleWithFriction(drum),
     },
 ];
 
@@ -111,7 +111,7 @@ fn own_material(world: &mut World, body: BodyId, friction: f64) -> Result<(), Ve
     Ok(())
 }
 
-fn silo(sampling: &mut Sampling<'_>) -> Result<Vec<Row>, VerifyError> {
+fn silo(sampling: &mut Sampling<'_>, model: FrictionModel) -> Result<Vec<Row>, VerifyError> {
     let (friction, wide) = (0.5, 5);
     let width = 2.0 * RADIUS * f64::from(wide);
     let mut loads = Vec::new();
@@ -133,7 +133,7 @@ fn silo(sampling: &mut Sampling<'_>) -> Result<Vec<Row>, VerifyError> {
         let floor = world
             .add_body(Body { motion: sinking, ..Body::new(floor, MaterialId::default(), Vec3::ZERO) })?;
         let grains = fill(&mut world, [wide, wide, high], Vec3::new(-0.5 * width, -0.5 * width, 0.0))?;
-        let mut bench = Bench::new(2e-3, 0.1 * RADIUS, Accuracy::SCENES, Relaxed)?;
+        let mut bench = Bench::new(2e-3, 0.1 * RADIUS, Accuracy::SCENES, model)?;
         until(settled, &mut world, &mut bench, sampling, |_, _| {})?;
         let (mut load, mut count, end) = (0.0, 0.0, settled + RADIUS / speed);
         until(end, &mut world, &mut bench, sampling, |world, report| {
@@ -161,7 +161,7 @@ fn silo(sampling: &mut Sampling<'_>) -> Result<Vec<Row>, VerifyError> {
     ])
 }
 
-fn discharge(sampling: &mut Sampling<'_>) -> Result<Vec<Row>, VerifyError> {
+fn discharge(sampling: &mut Sampling<'_>, model: FrictionModel) -> Result<Vec<Row>, VerifyError> {
     let (wide, high) = (11, 16);
     let diameter = 2.0 * RADIUS;
     let half = 0.5 * diameter * f64::from(wide);
@@ -199,7 +199,7 @@ fn discharge(sampling: &mut Sampling<'_>) -> Result<Vec<Row>, VerifyError> {
             ..Body::new(lid, MaterialId::default(), Vec3::new(0.0, 0.0, -thick))
         })?;
         let grains = fill(&mut world, [wide, wide, high], Vec3::new(-half, -half, 0.0))?;
-        let mut bench = Bench::new(2e-3, 0.1 * RADIUS, Accuracy::SCENES, Relaxed)?;
+        let mut bench = Bench::new(2e-3, 0.1 * RADIUS, Accuracy::SCENES, model)?;
         until(settled, &mut world, &mut bench, sampling, |_, _| {})?;
         let top = grains.iter().map(|&grain| world.bodies.position[grain].z).fold(0.0, f64::max);
         let mass: f64 = grains.iter().map(|&grain| world.bodies.mass[grain]).sum();
@@ -266,7 +266,7 @@ fn surface(world: &World, grains: &[usize], low: f64, high: f64) -> (f64, f64) {
     (slope.atan(), rough.sqrt())
 }
 
-fn repose(sampling: &mut Sampling<'_>) -> Result<Vec<Row>, VerifyError> {
+fn repose(sampling: &mut Sampling<'_>, model: FrictionModel) -> Result<Vec<Row>, VerifyError> {
     let (deep, wide, high) = (4, 14, 12);
     let depth = 2.0 * RADIUS * f64::from(deep);
     let mut rows = Vec::new();
@@ -305,7 +305,7 @@ fn repose(sampling: &mut Sampling<'_>) -> Result<Vec<Row>, VerifyError> {
             })?;
         }
         let grains = fill(&mut world, [wide, deep, high], Vec3::new(0.0, -0.5 * depth, RADIUS))?;
-        let mut bench = Bench::new(2e-3, 0.1 * RADIUS, Accuracy::SCENES, Relaxed)?;
+        let mut bench = Bench::new(2e-3, 0.1 * RADIUS, Accuracy::SCENES, model)?;
         until(settled + 1.5, &mut world, &mut bench, sampling, |_, _| {})?;
         let foot = grains.iter().map(|&grain| world.bodies.position[grain]).filter(|p| p.z > 1.5 * RADIUS);
         let reach = foot.map(|p| p.x).fold(0.0, f64::max);
@@ -329,7 +329,7 @@ fn shell(radius: f64, half_depth: f64) -> Result<Geometry, VerifyError> {
     Ok(Geometry::mesh(vertices, triangles)?)
 }
 
-fn drum(sampling: &mut Sampling<'_>) -> Result<Vec<Row>, VerifyError> {
+fn drum(sampling: &mut Sampling<'_>, model: FrictionModel) -> Result<Vec<Row>, VerifyError> {
     let (radius, deep) = (20.0 * RADIUS, 4);
     let depth = 2.0 * RADIUS * f64::from(deep);
     let (mut angles, mut rows) = (Vec::new(), Vec::new());
@@ -345,7 +345,7 @@ fn drum(sampling: &mut Sampling<'_>) -> Result<Vec<Row>, VerifyError> {
         world.add_body(Body { motion: turning, ..Body::new(drum, MaterialId::default(), Vec3::ZERO) })?;
         let grains =
             fill(&mut world, [13, deep, 8], Vec3::new(-13.0 * RADIUS, -0.5 * depth, -14.0 * RADIUS))?;
-        let mut bench = Bench::new(2e-3, 0.1 * RADIUS, Accuracy::SCENES, Relaxed)?;
+        let mut bench = Bench::new(2e-3, 0.1 * RADIUS, Accuracy::SCENES, model)?;
         let (mut angle, mut rough, mut count) = (0.0, 0.0, 0.0);
         until(2.0, &mut world, &mut bench, sampling, |world, _| {
             if world.time > 1.0 {

@@ -8,7 +8,8 @@ use graintrain_ccp::Judge;
 fn sampled(ids: &[&str]) -> Vec<Case> {
     let mut told = |_: &str| {};
     let stop = Arc::new(AtomicBool::new(false));
-    let mut sampling = Sampling { n: 2, scratch: PathBuf::new(), stop, progress: &mut told };
+    let mut sampling =
+        Sampling { n: 2, models: vec![Relaxed], scratch: PathBuf::new(), stop, progress: &mut told };
     measure(tier_a().filter(|case| ids.is_empty() || ids.contains(&case.id)), &mut sampling, |_| {})
 }
 
@@ -122,7 +123,8 @@ fn the_report_renders() {
     static LEFT_OUT: Definition = INVENTED;
     let mut told = |_: &str| {};
     let stop = Arc::new(AtomicBool::new(false));
-    let mut sampling = Sampling { n: 2, scratch: PathBuf::new(), stop, progress: &mut told };
+    let mut sampling =
+        Sampling { n: 2, models: vec![Relaxed], scratch: PathBuf::new(), stop, progress: &mut told };
     let mut seen = Vec::new();
     let cases = measure([&MEASURED, &TROUBLED, &LEFT_OUT].into_iter(), &mut sampling, |cases| {
         seen.push(cases.len());
@@ -152,6 +154,7 @@ fn a_stop_leaves_out_the_case_under_way() {
     static STOPPED: Definition = INVENTED;
     let mut told = |_: &str| {};
     let stop = Arc::new(AtomicBool::new(true));
-    let mut sampling = Sampling { n: 2, scratch: PathBuf::new(), stop, progress: &mut told };
+    let mut sampling =
+        Sampling { n: 2, models: vec![Relaxed], scratch: PathBuf::new(), stop, progress: &mut told };
     assert!(measure([&STOPPED].into_iter(), &mut sampling, |_| {}).is_empty());
 }
