@@ -11,9 +11,9 @@ mod evaluation;
 mod profile;
 mod progress;
 mod scene_failure;
-mod session;
 mod signal;
 mod solving;
+mod stepping;
 mod terminal;
 mod threads;
 

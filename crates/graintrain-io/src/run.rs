@@ -241,13 +241,13 @@ impl Run {
     /// # Errors
     /// [`RunError`]; the state is then that after the last complete step.
     pub fn advance(&mut self, observers: &mut [&mut dyn Observer]) -> Result<Ending, RunError> {
-        let session = Session::begin(&self.totals);
-        let ending = self.steps(observers, &session);
-        session.count(&mut self.totals);
+        let clocks = Clocks::begin(&self.totals);
+        let ending = self.steps(observers, &clocks);
+        clocks.count(&mut self.totals);
         ending
     }
 
-    fn steps(&mut self, observers: &mut [&mut dyn Observer], session: &Session) -> Result<Ending, RunError> {
+    fn steps(&mut self, observers: &mut [&mut dyn Observer], clocks: &Clocks) -> Result<Ending, RunError> {
         while self.world.step < self.settings.steps {
             if self.stop.load(Ordering::Relaxed) {
                 return Ok(Ending::Stopped);
@@ -257,7 +257,7 @@ impl Run {
                 result => result?,
             };
             self.totals.add(self.world.step, &report);
-            session.count(&mut self.totals);
+            clocks.count(&mut self.totals);
             let begin = Instant::now();
             for observer in &mut *observers {
                 observer.observe(StepView {
@@ -286,15 +286,15 @@ impl Run {
     }
 }
 
-/// Clocks of the present session, on top of what earlier ones took.
-struct Session {
+/// Seconds of wall and processor since the run was begun or resumed, on top of what came before.
+struct Clocks {
     start: Instant,
     wall_before: f64,
     cpu_start: Option<f64>,
     cpu_before: Option<f64>,
 }
 
-impl Session {
+impl Clocks {
     fn begin(totals: &RunTotals) -> Self {
         Self {
             start: Instant::now(),

@@ -1,9 +1,9 @@
 //! `graintrain resume`: go on with a run that was stopped or killed.
 
 use crate::error::Failure;
-use crate::session::{SessionOptions, make_steps, output_failure};
 use crate::signal::Stop;
 use crate::solving;
+use crate::stepping::{SteppingOptions, make_steps, output_failure};
 use crate::terminal::{say, tell};
 use graintrain::ccp::Judge;
 use graintrain_io::checkpoint::{self, CheckpointError};
@@ -39,7 +39,7 @@ pub struct Arguments {
     #[arg(long)]
     strict_max: bool,
     #[command(flatten)]
-    session: SessionOptions,
+    stepping: SteppingOptions,
 }
 
 pub fn execute(arguments: &Arguments) -> Result<ExitCode, Failure> {
@@ -81,7 +81,7 @@ pub fn execute(arguments: &Arguments) -> Result<ExitCode, Failure> {
         );
         return Ok(ExitCode::SUCCESS);
     }
-    if !arguments.session.quiet {
+    if !arguments.stepping.quiet {
         say!(
             "{}: {} bodies, going on after step {} of {} in {}\n",
             settings.scene,
@@ -94,5 +94,5 @@ pub fn execute(arguments: &Arguments) -> Result<ExitCode, Failure> {
     let run = Run::new(world, settings, checkpoint.totals, Arc::clone(&stop.requested))
         .map_err(|error| Failure::input_error(error, "`graintrain solvers` lists the solvers"))?;
     let recorder = Recorder::resume(taken, &run.settings, &run.world).map_err(output_failure)?;
-    make_steps(run, recorder, &arguments.session, &stop)
+    make_steps(run, recorder, &arguments.stepping, &stop)
 }

@@ -2,8 +2,8 @@
 
 use crate::error::Failure;
 use crate::scene_failure::scene_failure;
-use crate::session::{SessionOptions, make_steps, output_failure};
 use crate::signal::Stop;
+use crate::stepping::{SteppingOptions, make_steps, output_failure};
 use crate::terminal::say;
 use graintrain_io::output::folder::{PrepareError, RunFolder};
 use graintrain_io::output::recorder::Recorder;
@@ -55,7 +55,7 @@ pub struct Arguments {
     #[arg(long)]
     force: bool,
     #[command(flatten)]
-    session: SessionOptions,
+    stepping: SteppingOptions,
 }
 
 /// The K of `every=K`.
@@ -109,7 +109,7 @@ pub fn execute(arguments: &Arguments) -> Result<ExitCode, Failure> {
         };
         Failure::input_error(error, remedy)
     })?;
-    if !arguments.session.quiet {
+    if !arguments.stepping.quiet {
         say!(
             "{}: {} bodies, {} steps of {} s, {} to residual {:.0e} -> {}\n",
             settings.scene,
@@ -124,7 +124,7 @@ pub fn execute(arguments: &Arguments) -> Result<ExitCode, Failure> {
     let recorder = Recorder::begin(taken, &settings, &simulation.world, &resolved).map_err(output_failure)?;
     let run = Run::new(simulation.world, settings, RunTotals::default(), Arc::clone(&stop.requested))
         .map_err(|error| Failure::input_error(error, ""))?;
-    make_steps(run, recorder, &arguments.session, &stop)
+    make_steps(run, recorder, &arguments.stepping, &stop)
 }
 
 /// `out/NAME`; where something is there, `out/NAME-2` and so on, unless it is to be replaced.

@@ -21,7 +21,7 @@ use std::time::Duration;
 
 /// Options of `run` and `resume` alike.
 #[derive(clap::Args)]
-pub struct SessionOptions {
+pub struct SteppingOptions {
     /// Number of threads; all processors where it is not given. The results do not depend on it
     #[arg(long, value_name = "N")]
     pub threads: Option<NonZeroUsize>,
@@ -41,7 +41,7 @@ pub struct SessionOptions {
 pub fn make_steps(
     mut run: Run,
     mut recorder: Recorder,
-    options: &SessionOptions,
+    options: &SteppingOptions,
     stop: &Stop,
 ) -> Result<ExitCode, Failure> {
     run.strict = options.strict;
@@ -80,7 +80,7 @@ pub fn make_steps(
     }
 }
 
-/// Tells whether this session has made a step.
+/// Tells whether this process has made a step.
 #[derive(Default)]
 struct FirstStep {
     is_made: Arc<AtomicBool>,
@@ -93,7 +93,7 @@ impl Observer for FirstStep {
     }
 }
 
-/// Asks to stop after so many seconds, but not before a step is made: sessions that are each shorter than a step would never get on.
+/// Asks to stop after so many seconds, but not before a step is made: a run resumed again and again for less than a step would never get on.
 /// The thread ends with the process.
 fn stop_after(seconds: f64, step_is_made: &Arc<AtomicBool>, requested: &Arc<AtomicBool>) {
     let duration = Duration::try_from_secs_f64(seconds).unwrap_or(Duration::MAX);
