@@ -232,9 +232,15 @@ fn body(reader: &Reader, materials: &[&str]) -> Result<BodySpec, SceneError> {
     let position = reader.vector("position", Range::Any)?.unwrap_or(Vec3::ZERO);
     let boundary = parts.iter().any(|part| part.shape.is_boundary());
     let motion = motion(reader, boundary)?;
-    if boundary && motion.free != [false; 6] {
-        let problem =
-            format!("`{}` has no mass (planes and meshes are boundaries): it cannot be free", reader.path);
+    let inertia = reader.vector("inertia", Range::Positive)?;
+    if inertia.is_some() && reader.get("mass").is_none() {
+        return Err(reader.missing("mass"));
+    }
+    if boundary && inertia.is_none() && motion.free != [false; 6] {
+        let problem = format!(
+            "`{}` has no mass (planes, and meshes that are not `solid`, are boundaries): it cannot be free unless mass and inertia are given",
+            reader.path
+        );
         return Err(SceneError::at(SceneErrorKind::Contradiction(problem), reader.location()));
     }
     Ok(BodySpec {
@@ -245,6 +251,7 @@ fn body(reader: &Reader, materials: &[&str]) -> Result<BodySpec, SceneError> {
         velocity: reader.vector("velocity", Range::Any)?.unwrap_or(Vec3::ZERO),
         angular_velocity: reader.vector("angular_velocity", Range::Any)?.unwrap_or(Vec3::ZERO),
         mass: reader.quantity("mass", Range::Positive)?,
+        inertia,
         density: reader.quantity("density", Range::Positive)?,
         motion,
         location: reader.location().clone(),
@@ -310,6 +317,7 @@ fn mesh(reader: &Reader) -> Result<MeshSpec, SceneError> {
         vertices: Vec::new(),
         triangles: Vec::new(),
         scale: reader.quantity("scale", Range::Positive)?.unwrap_or(1.0),
+        solid: reader.flag("solid")?.unwrap_or(false),
         location: reader.get("file").map_or(reader.location(), |node| &node.location).clone(),
     };
     if form == "vertices" {
