@@ -364,25 +364,30 @@ impl Builder {
         self.note_origin(name, true, &spec.location);
         let at = |error: ModelError| model_error(error, &spec.location);
         let material = self.material(&spec.material);
-        let shape = spec.shape.as_ref().map(shape).transpose()?;
-        let size = shape.as_ref().map(|(shape, _)| shape.half_thickness());
-        let bounding_radius = shape.as_ref().map(|(shape, _)| shape.bounding_radius());
-        let placed = packing::place(name, spec, bounding_radius)?;
-        let shared = match shape {
-            Some((shape, _)) => {
-                let geometry = Geometry::single(shape).map_err(at)?;
-                Some(self.world.add_geometry(geometry))
+        let geometry = match &spec.shape {
+            Some(spec) => Some(Geometry::single(shape(spec)?.0).map_err(at)?),
+            None if spec.parts.is_empty() => None,
+            None => {
+                let parts = spec.parts.iter().map(part).collect::<Result<Vec<_>, SceneError>>()?;
+                Some(Geometry::compound(parts).map_err(at)?.0)
             }
-            None => None,
         };
+        let size = geometry.as_ref().map(|geometry| {
+            geometry.parts.iter().map(|part| part.shape.half_thickness()).fold(f64::INFINITY, f64::min)
+        });
+        let placed = packing::place(name, spec, geometry.as_ref().map(Geometry::bounding_radius))?;
+        let shared = geometry.map(|geometry| self.world.add_geometry(geometry));
         let motion = if spec.lock_rotation { self.locked_rotation().map_err(at)? } else { FREE };
+        let mut orientations = packing::orientations(spec);
         for ((position, radius), velocity) in placed.position.iter().zip(&placed.radius).zip(&placed.velocity)
         {
             let geometry = match shared {
                 Some(geometry) => geometry,
                 None => self.sphere(*radius).map_err(at)?,
             };
-            let body = Body { motion, velocity: *velocity, ..Body::new(geometry, material, *position) };
+            let orientation = orientations.next().unwrap_or(Quat::IDENTITY);
+            let velocity = *velocity;
+            let body = Body { motion, velocity, orientation, ..Body::new(geometry, material, *position) };
             self.world.add_body(body).map_err(at)?;
         }
         let sizes = placed.radius.iter().copied();

@@ -466,23 +466,34 @@ fn packing(reader: &Reader, materials: &[&str], default_seed: u64) -> Result<Pac
         "drop" => PackingSource::Drop(drop_spec(&inner)?),
         _ => PackingSource::File(file(&inner)?),
     };
-    let size = reader.at_most_one_of(&["radius", "shape"])?;
+    let size = reader.at_most_one_of(&["radius", "shape", "parts"])?;
     match (form, size) {
-        ("file", Some("shape")) => {
-            let problem = "a packing from a file holds spheres: it takes no `shape`".to_string();
+        ("file", Some(form @ ("shape" | "parts"))) => {
+            let problem = format!("a packing from a file holds spheres: it takes no `{form}`");
             return Err(SceneError::at(SceneErrorKind::Contradiction(problem), reader.location()));
         }
         ("file", _) | (_, Some(_)) => {}
         (_, None) => return Err(reader.missing("radius")),
     }
     let shape = reader.child("shape")?.as_ref().map(shape).transpose()?;
-    if shape.as_ref().is_some_and(ShapeSpec::is_boundary) {
-        return Err(reader.out_of_range("shape", "a shape with volume", "a plane or mesh"));
+    let parts = reader.tables("parts")?.iter().map(part).collect::<Result<Vec<_>, _>>()?;
+    for (key, shape) in
+        shape.iter().map(|shape| ("shape", shape)).chain(parts.iter().map(|part| ("parts", &part.shape)))
+    {
+        // Meshes do not touch each other.
+        if matches!(shape, ShapeSpec::Plane { .. } | ShapeSpec::Mesh(_)) {
+            return Err(reader.out_of_range(key, "a shape with volume", "a plane or mesh"));
+        }
+    }
+    if size == Some("parts") && parts.is_empty() {
+        return Err(reader.out_of_range("parts", "at least one part", "none"));
     }
     Ok(PackingSpec {
         source,
         radius: radius(reader)?,
         shape,
+        parts,
+        random_rotation: reader.flag("random_rotation")?.unwrap_or(false),
         material: material_name(reader, materials)?,
         velocity: reader.vector("velocity", Range::Any)?.unwrap_or(Vec3::ZERO),
         lock_rotation: reader.flag("lock_rotation")?.unwrap_or(false),

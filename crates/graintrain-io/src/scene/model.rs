@@ -464,6 +464,12 @@ pub struct PackingSpec {
     /// Shape, if not spheres.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub shape: Option<ShapeSpec>,
+    /// Several shapes in each body.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub parts: Vec<PartSpec>,
+    /// Whether bodies are turned at random.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub random_rotation: bool,
     /// Name of their material.
     pub material: String,
     /// Initial velocity, m/s.

@@ -1,11 +1,11 @@
 //! Solid meshes in scenes: mass from the file, what is refused, and a wheel from a binary STL file in millimetres that rolls through
-//! grains.
+//! grains. Packings of clumps.
 
 use graintrain::math::Vec3;
 use graintrain::stepper::{StepReport, Stepper};
 use graintrain::world::World;
 use graintrain_io::scene::{Scene, Simulation};
-use std::f64::consts::TAU;
+use std::f64::consts::{PI, TAU};
 use std::path::{Path, PathBuf};
 
 /// Corners of the circumference: twelve grousers, between which the wheel is thinner.
@@ -177,4 +177,56 @@ fn a_wheel_from_cad_rolls_through_grains() {
     assert!(mean(0).abs() < 0.6 * weight, "pull {} N beyond what friction allows", mean(0));
     assert_eq!(run(&folder, EARLY).1, hash);
     std::fs::remove_dir_all(folder).unwrap();
+}
+
+const CLUMPS: &str = r#"
+[time]
+step = "2 ms"
+end = "1.5 s"
+[body.ground]
+shape = { plane = {} }
+[packing.clumps]
+parts = [
+    { shape = { sphere = { radius = "2 cm" } } },
+    { shape = { sphere = { radius = "2 cm" } }, position = ["2 cm", 0, 0] },
+]
+random_rotation = true
+lattice = { counts = [4, 4, 3], pitch = "7 cm" }
+"#;
+
+/// Two balls of radius R at the distance R: the union has the volume of both less the lens 5/12 pi R^3; their centre comes to the place on
+/// the lattice, every body is turned another way, and they come to rest.
+#[test]
+fn packings_of_clumps_weigh_their_union_and_rest() {
+    let simulation = build(CLUMPS, Path::new("")).unwrap();
+    let again = build(&simulation.resolved.to_toml().unwrap(), Path::new("")).unwrap();
+    assert_eq!(again.world, simulation.world);
+    let (mut world, radius) = (simulation.world, 0.02_f64);
+    let volume = (8.0 / 3.0 - 5.0 / 12.0) * PI * radius.powi(3);
+    assert_eq!(world.bodies.len(), 49);
+    assert!((world.bodies.mass[1] / (1000.0 * volume) - 1.0).abs() < 1e-12);
+    assert!((world.bodies.position[1] - Vec3::splat(0.035)).length() < 1e-15);
+    // Uniform rotations take an axis to any place of the sphere: its mean square along each direction is 1/3 +- 0.04 (48 of them).
+    let axes: Vec<Vec3> = world.bodies.orientation[1..].iter().map(|turn| *turn * Vec3::X).collect();
+    for k in 0..3 {
+        let square = axes.iter().map(|axis| axis[k] * axis[k]).sum::<f64>() / 48.0;
+        assert!((square - 1.0 / 3.0).abs() < 0.13, "{square}");
+    }
+    let mut stepper = Stepper::new(simulation.settings).unwrap();
+    for _ in 0..simulation.steps {
+        let report = stepper.step(&mut world).unwrap();
+        assert!(
+            report.solve.converged()
+                && report.contacts_missed == 0
+                && report.penetration_max_over_size < 0.01
+        );
+    }
+    assert!(world.bodies.position[1..].iter().all(|x| (0.9 * radius..0.25).contains(&x.z)));
+    for (right, wrong) in [
+        ("random_rotation = true", "radius = 1"),
+        ("sphere = { radius = \"2 cm\" }", "plane = {}"),
+        ("lattice = { counts = [4, 4, 3], pitch = \"7 cm\" }", "file = { path = \"a.csv\" }"),
+    ] {
+        assert!(build(&CLUMPS.replace(right, wrong), Path::new("")).is_err(), "{wrong} was accepted");
+    }
 }

@@ -20,7 +20,7 @@ pub(super) static BODY: Table = Table {
             Tables(&PART),
             "one of shape, parts",
             "[{ shape = { plane = {} } }]",
-            "Several shapes in one rigid body; they may not overlap where they have mass",
+            "Several shapes in one rigid body; where they overlap, mass counts once",
         ),
         key("material", Text, "the only material", "\"glass\"", "Material"),
         key(
@@ -70,8 +70,8 @@ pub(super) static BODY: Table = Table {
     ],
 };
 
-static PART: Table = Table {
-    heading: "Part of a body, `body.NAME.parts`",
+pub(super) static PART: Table = Table {
+    heading: "Part of a body, `parts`",
     alternatives: &[],
     keys: &[
         key("shape", Kind::Table(&SHAPE), "required", "{ box = { size = [1, 1, 1] } }", "Shape"),
