@@ -1,5 +1,7 @@
 //! What can be wrong with a world: shapes, materials, motions, bodies.
 
+use crate::math::Vec3;
+
 /// A defect of a shape, material, motion or body, with the number that is wrong and what it should be.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
@@ -42,6 +44,43 @@ pub enum ModelError {
         /// Index of the triangle.
         triangle: usize,
     },
+    /// A mesh that is to be solid but does not close.
+    #[error(
+        "the mesh is not closed: {edges} edges belong to one triangle only, the first from {from} to {to} (triangle {triangle}); close \
+         the holes, or give the body a mass and an inertia"
+    )]
+    MeshOpen {
+        /// How many edges.
+        edges: usize,
+        /// A triangle with such an edge.
+        triangle: usize,
+        /// Where that edge begins.
+        from: Vec3,
+        /// Where it ends.
+        to: Vec3,
+    },
+    /// A mesh that is to be solid whose triangles are not all turned alike.
+    #[error(
+        "triangles {other} and {triangle} of the mesh go along a common edge in the same direction: one is turned the wrong way round, or \
+         more than two share the edge"
+    )]
+    MeshTurned {
+        /// Index of a triangle.
+        triangle: usize,
+        /// Index of another.
+        other: usize,
+    },
+    /// A mesh that is to be solid whose triangles all look inward.
+    #[error(
+        "the mesh is inside out: it encloses {volume} m^3; turn all triangles round (counter-clockwise seen from outside)"
+    )]
+    MeshInsideOut {
+        /// m^3, not positive.
+        volume: f64,
+    },
+    /// A solid mesh in a compound with other masses.
+    #[error("a solid mesh has to be the only part with a mass: what it shares with other parts is not known")]
+    MeshJoined,
     /// A geometry without parts, or a mesh without triangles.
     #[error("{what} is empty")]
     Empty {
@@ -60,9 +99,15 @@ pub enum ModelError {
         /// What is wrong with it.
         what: String,
     },
+    /// An inertia that no body has.
+    #[error("the inertia of body {body} is not symmetric and positive definite")]
+    Inertia {
+        /// Name or index of the body.
+        body: String,
+    },
     /// A body that forces are to move but that has no mass.
     #[error(
-        "body {body}: its geometry has no volume (planes and meshes are boundaries), so all of its motion must be prescribed"
+        "body {body}: its geometry has no volume (planes, and meshes that are not solid, are boundaries), so all of its motion must be prescribed, or its mass given"
     )]
     Massless {
         /// Name or index of the body.

@@ -38,6 +38,7 @@ pub mod overlap;
 mod part_solver;
 pub mod parts;
 pub mod shape;
+mod solid_mesh;
 pub mod step_report;
 pub mod stepper;
 pub mod world;

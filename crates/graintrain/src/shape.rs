@@ -1,8 +1,9 @@
 //! Shapes, and geometries made of one or more shapes, with volume and inertia.
 
-use crate::collide::union::counted_twice;
+use crate::collide::union::{Moments, counted_twice};
 use crate::error::{ModelError, finite, positive};
 use crate::math::{Mat3, Quat, Vec3};
+use crate::solid_mesh::{check_closed, moments};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 
@@ -35,12 +36,15 @@ pub enum Shape {
         /// Radius.
         radius: f64,
     },
-    /// Surface of triangles. A boundary: it has no mass, and bodies stay on the side of it on which their centre is.
+    /// Surface of triangles. Bodies stay on the side of it on which their centre is. It has the mass of what it encloses if it is `solid`,
+    /// otherwise it is a boundary without mass.
     Mesh {
         /// Corner points.
         vertices: Vec<Vec3>,
         /// Three vertex indices per triangle, counter-clockwise seen from outside.
         triangles: Vec<[u32; 3]>,
+        /// Whether it bounds a solid.
+        solid: bool,
     },
 }
 
@@ -76,12 +80,28 @@ impl Shape {
                 PI * radius * radius * (2.0 * half_length + 4.0 / 3.0 * radius)
             }
             Self::Cylinder { half_length, radius } => 2.0 * PI * radius * radius * half_length,
-            Self::Plane | Self::Mesh { .. } => 0.0,
+            Self::Mesh { ref vertices, ref triangles, solid: true } => moments(vertices, triangles).0.volume,
+            Self::Plane | Self::Mesh { solid: false, .. } => 0.0,
+        }
+    }
+
+    /// Half the smallest extent, m: the radius of balls, half the thickness of boxes; infinite for planes and surfaces.
+    pub fn half_thickness(&self) -> f64 {
+        match self {
+            Self::Sphere { radius } | Self::Capsule { radius, .. } => *radius,
+            Self::Box { half } => half.min_element(),
+            Self::Cylinder { half_length, radius } => radius.min(*half_length),
+            Self::Mesh { vertices, solid: true, .. } => {
+                let low = vertices.iter().fold(Vec3::INFINITY, |low, v| low.min(*v));
+                let high = vertices.iter().fold(Vec3::NEG_INFINITY, |high, v| high.max(*v));
+                0.5 * (high - low).min_element()
+            }
+            Self::Plane | Self::Mesh { solid: false, .. } => f64::INFINITY,
         }
     }
 
     /// Diagonal of the inertia about the shape's origin per unit density, m^5; the shape's axes are principal.
-    /// Zero for boundaries.
+    /// Zero for boundaries. Those of a solid mesh are not principal: [`Geometry::solid_mesh`] has all of its inertia.
     pub fn unit_inertia(&self) -> Vec3 {
         match *self {
             Self::Sphere { radius } => Vec3::splat(0.4 * radius * radius * self.volume()),
@@ -102,7 +122,12 @@ impl Shape {
                 let shift = half_length * half_length + 0.75 * half_length * radius;
                 cylinder.unit_inertia() + ball.unit_inertia() + ball.volume() * Vec3::new(shift, shift, 0.0)
             }
-            Self::Plane | Self::Mesh { .. } => Vec3::ZERO,
+            Self::Mesh { ref vertices, ref triangles, solid: true } => {
+                let (moments, middle) = moments(vertices, triangles);
+                let inertia = moments.inertia(-middle);
+                Vec3::new(inertia.x_axis.x, inertia.y_axis.y, inertia.z_axis.z)
+            }
+            Self::Plane | Self::Mesh { solid: false, .. } => Vec3::ZERO,
         }
     }
 
@@ -118,7 +143,7 @@ impl Shape {
         }
     }
 
-    /// Checks sizes and, for a mesh, the vertex indices.
+    /// Checks sizes and, for a mesh, the vertex indices; for a solid one that it closes and is not inside out.
     ///
     /// # Errors
     /// [`ModelError`] for the first defect.
@@ -137,7 +162,7 @@ impl Shape {
                 positive("the half length of a cylinder", *half_length)?;
                 positive("the radius of a cylinder", *radius)
             }
-            Self::Mesh { vertices, triangles } => {
+            Self::Mesh { vertices, triangles, solid } => {
                 if triangles.is_empty() {
                     return Err(ModelError::Empty { what: "the mesh" });
                 }
@@ -154,19 +179,23 @@ impl Shape {
                         return Err(ModelError::MeshArea { triangle });
                     }
                 }
-                Ok(())
+                if *solid { check_closed(vertices, triangles) } else { Ok(()) }
             }
         }
     }
 }
 
 impl Geometry {
-    /// A single shape whose origin is its centre of mass.
+    /// A single shape whose origin is its centre of mass; a solid mesh is moved so that it is.
     ///
     /// # Errors
     /// As [`Shape::validate`].
     pub fn single(shape: Shape) -> Result<Self, ModelError> {
         shape.validate()?;
+        if let Shape::Mesh { solid: true, .. } = shape {
+            let part = Part { shape, position: Vec3::ZERO, orientation: Quat::IDENTITY };
+            return Ok(Self::compound(vec![part])?.0);
+        }
         let (volume, unit_inertia) = (shape.volume(), Mat3::from_diagonal(shape.unit_inertia()));
         let part = Part { shape, position: Vec3::ZERO, orientation: Quat::IDENTITY };
         Ok(Self { parts: vec![part], volume, unit_inertia })
@@ -215,7 +244,29 @@ impl Geometry {
     /// # Errors
     /// [`ModelError`] for an empty mesh, a vertex index out of range, or a triangle without area.
     pub fn mesh(vertices: Vec<Vec3>, triangles: Vec<[u32; 3]>) -> Result<Self, ModelError> {
-        Self::single(Shape::Mesh { vertices, triangles })
+        Self::single(Shape::Mesh { vertices, triangles, solid: false })
+    }
+
+    /// Solid bounded by triangles (counter-clockwise seen from outside), m, with volume, centre and inertia by exact integration. Returns the
+    /// geometry, whose origin is the centre of mass, and that centre in the frame of the vertices.
+    ///
+    /// # Errors
+    /// As [`Geometry::mesh`]; [`ModelError::MeshOpen`], [`ModelError::MeshTurned`] or [`ModelError::MeshInsideOut`] for a surface that does
+    /// not bound a solid.
+    pub fn solid_mesh(vertices: Vec<Vec3>, triangles: Vec<[u32; 3]>) -> Result<(Self, Vec3), ModelError> {
+        let shape = Shape::Mesh { vertices, triangles, solid: true };
+        Self::compound(vec![Part { shape, position: Vec3::ZERO, orientation: Quat::IDENTITY }])
+    }
+
+    /// A solid mesh, placed, with its moments about a point `middle` of its frame.
+    fn solid(part: Part, boundaries: Vec<Part>, moments: &Moments, middle: Vec3) -> (Self, Vec3) {
+        let Moments { volume, first, .. } = *moments;
+        let (rotation, from_middle) = (Mat3::from_quat(part.orientation), first / volume);
+        let centre = part.position + part.orientation * (middle + from_middle);
+        let unit_inertia = rotation * moments.inertia(from_middle) * rotation.transpose();
+        let parts = std::iter::once(part).chain(boundaries);
+        let parts = parts.map(|part| Part { position: part.position - centre, ..part }).collect();
+        (Self { parts, volume, unit_inertia }, centre)
     }
 
     /// Rigid union of parts given in any frame. Returns the geometry, whose origin is the centre of mass, and that
@@ -228,7 +279,8 @@ impl Geometry {
     /// moments below 1e-3 (`collide::union`).
     ///
     /// # Errors
-    /// [`ModelError`] for an empty list, a defect of a part, or a quaternion that is not normalised.
+    /// [`ModelError`] for an empty list, a defect of a part, a quaternion that is not normalised, or a solid mesh beside other parts with a
+    /// mass.
     pub fn compound(parts: Vec<Part>) -> Result<(Self, Vec3), ModelError> {
         if parts.is_empty() {
             return Err(ModelError::Empty { what: "the list of parts of a compound" });
@@ -237,6 +289,20 @@ impl Geometry {
             part.shape.validate()?;
             finite("a coordinate of a part's position", &part.position.to_array())?;
             unit_quaternion("the orientation of a part", part.orientation)?;
+        }
+        if let Some(index) =
+            parts.iter().position(|part| matches!(part.shape, Shape::Mesh { solid: true, .. }))
+        {
+            let mut boundaries = parts;
+            let part = boundaries.remove(index);
+            let Shape::Mesh { vertices, triangles, .. } = &part.shape else {
+                return Err(ModelError::MeshJoined);
+            };
+            let (moments, middle) = moments(vertices, triangles);
+            if boundaries.iter().any(|part| part.shape.volume() > 0.0) {
+                return Err(ModelError::MeshJoined);
+            }
+            return Ok(Self::solid(part, boundaries, &moments, middle));
         }
         let mut volume: f64 = parts.iter().map(|part| part.shape.volume()).sum();
         let mut moment: Vec3 = parts.iter().map(|part| part.shape.volume() * part.position).sum();

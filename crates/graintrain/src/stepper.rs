@@ -3,7 +3,7 @@
 use crate::assemble::{
     OverlapCorrection, assemble, contact_rows, pair_property, relative_velocities, warm_start,
 };
-use crate::collide::Collider;
+use crate::collide::{Collider, meshes_that_meet};
 use crate::contact::{Contact, ContactSet};
 use crate::error::{ModelError, finite, positive};
 use crate::impact::{self, ImpactSolver, Impacts, Rows, lead_to_surfaces};
@@ -88,6 +88,17 @@ pub enum StepError {
         step: u64,
         /// Time at its start, s.
         time: f64,
+    },
+    /// Two meshes came near each other. The world is left as it was before the step.
+    #[error(
+        "bodies {first} and {second} are meshes and came near each other, but contacts between two meshes are not computed; make one of \
+         them of other shapes"
+    )]
+    Meshes {
+        /// Name or index of a body.
+        first: String,
+        /// Name or index of the other.
+        second: String,
     },
     /// The stop flag was set during the solve. The world is left as it was before the step, since a solve cut short
     /// depends on when that was.
@@ -205,6 +216,10 @@ impl Stepper {
     fn step_under(&mut self, world: &mut World) -> Result<StepReport, StepError> {
         let begin = Instant::now();
         check_state(world)?;
+        if let Some([first, second]) = meshes_that_meet(world) {
+            let [first, second] = [first, second].map(|body| world.bodies.label(body));
+            return Err(StepError::Meshes { first, second });
+        }
         let (step, envelope) = (self.settings.step, self.settings.envelope);
         let same_forms = !self.collider.update_forms(world);
         let found = self.ahead.take().filter(|(state, _)| same_forms && *state == world.fingerprint());

@@ -1,7 +1,7 @@
 //! The state of a simulation: bodies in structure-of-arrays form, materials, gravity, time.
 
 use crate::contact::ContactSet;
-use crate::error::{ModelError, finite};
+use crate::error::{ModelError, finite, positive};
 use crate::handle::{BodyId, GeometryId, MaterialId, MotionId};
 use crate::load::Load;
 use crate::material::Materials;
@@ -87,6 +87,17 @@ pub struct Body {
     pub velocity: Vec3,
     /// Angular velocity in world axes, rad/s.
     pub angular_velocity: Vec3,
+    /// Mass and inertia, where they do not follow from geometry and density.
+    pub mass: Option<MassProperties>,
+}
+
+/// Mass and inertia of a body.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MassProperties {
+    /// kg
+    pub mass: f64,
+    /// About the body's origin, which is taken for the centre of mass, in body axes, kg m^2.
+    pub inertia: Mat3,
 }
 
 impl Body {
@@ -101,7 +112,28 @@ impl Body {
             orientation: Quat::IDENTITY,
             velocity: Vec3::ZERO,
             angular_velocity: Vec3::ZERO,
+            mass: None,
         }
+    }
+}
+
+impl MassProperties {
+    fn validate(&self, label: &str) -> Result<(), ModelError> {
+        positive(format!("the mass of body {label}"), self.mass)?;
+        let columns = self.inertia.to_cols_array();
+        finite(&format!("the inertia of body {label}"), &columns)?;
+        // The leading minors of a symmetric matrix tell whether it is positive definite.
+        let minor = columns[0] * columns[4] - columns[1] * columns[3];
+        let symmetric = (self.inertia - self.inertia.transpose()).to_cols_array();
+        if symmetric.iter().any(|x| x.abs() > 1e-9 * columns[0].abs()) {
+            return Err(ModelError::Inertia { body: label.to_string() });
+        }
+        for leading in [columns[0], minor, self.inertia.determinant()] {
+            if leading <= 0.0 {
+                return Err(ModelError::Inertia { body: label.to_string() });
+            }
+        }
+        Ok(())
     }
 }
 
@@ -176,11 +208,11 @@ impl World {
         Ok(MotionId::from_index(self.motions.len() - 1))
     }
 
-    /// Adds a body and returns its handle. Mass and inertia are density times those of the geometry.
+    /// Adds a body and returns its handle. Mass and inertia are density times those of the geometry, unless they are given.
     ///
     /// # Errors
     /// [`ModelError`] for an index that names nothing, a number that is not finite, a quaternion that is not
-    /// normalised, or a body without volume that is not fully prescribed.
+    /// normalised, a given inertia that is not positive definite, or a body without mass that is not fully prescribed.
     pub fn add_body(&mut self, body: Body) -> Result<BodyId, ModelError> {
         let index = |what: &'static str, index: usize, len: usize| {
             if index < len { Ok(()) } else { Err(ModelError::Index { what, index, len }) }
@@ -201,14 +233,22 @@ impl World {
         unit_quaternion(&format!("the orientation of body {label}"), body.orientation)?;
         let geometry = &self.geometries[body.geometry.index()];
         let density = self.materials.density[body.material.index()];
-        let mass = density * geometry.volume;
+        let MassProperties { mass, inertia } = match body.mass {
+            None => {
+                MassProperties { mass: density * geometry.volume, inertia: density * geometry.unit_inertia }
+            }
+            Some(given) => {
+                given.validate(&label)?;
+                given
+            }
+        };
         let prescribed = body.motion != FREE && self.motions[body.motion.index()].is_prescribed();
         if mass == 0.0 && !prescribed {
             return Err(ModelError::Massless { body: label });
         }
         let bodies = &mut self.bodies;
         bodies.mass.push(mass);
-        bodies.inertia.push(density * geometry.unit_inertia);
+        bodies.inertia.push(inertia);
         bodies.name.push(body.name);
         bodies.geometry.push(body.geometry);
         bodies.material.push(body.material);

@@ -3,13 +3,15 @@
 use graintrain::shape::Shape;
 use graintrain::world::World;
 
-/// Radius of the largest ball about the shape's origin inside it, m; 0 for surfaces and half-spaces.
+/// Radius of the largest ball about the shape's origin inside it, m; of a solid mesh half its smallest extent; 0 for surfaces and
+/// half-spaces.
 pub fn inscribed_radius(shape: &Shape) -> f64 {
-    match shape {
-        Shape::Sphere { radius } | Shape::Capsule { radius, .. } => *radius,
+    match *shape {
+        Shape::Sphere { radius } | Shape::Capsule { radius, .. } => radius,
         Shape::Box { half } => half.min_element(),
-        Shape::Cylinder { half_length, radius } => half_length.min(*radius),
-        Shape::Plane | Shape::Mesh { .. } => 0.0,
+        Shape::Cylinder { half_length, radius } => half_length.min(radius),
+        Shape::Mesh { solid: true, .. } => shape.half_thickness(),
+        Shape::Plane | Shape::Mesh { solid: false, .. } => 0.0,
     }
 }
 
@@ -27,5 +29,6 @@ pub fn smallest_radius(world: &World) -> Option<f64> {
         .filter(|(_, used)| *used)
         .flat_map(|(geometry, _)| &geometry.parts)
         .map(|part| inscribed_radius(&part.shape))
+        .filter(|&radius| radius > 0.0)
         .reduce(f64::min)
 }

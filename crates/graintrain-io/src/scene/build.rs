@@ -10,16 +10,16 @@ use super::model::{
 use super::packing::{self, FileProblem, read_file, table_file};
 use super::quantity::Dimension;
 use crate::settings::OutputSettings;
-use graintrain::collide::deepest_overlap;
+use graintrain::collide::{deepest_overlap, meshes_that_meet};
 use graintrain::error::ModelError;
 use graintrain::handle::{BodyId, GeometryId, MaterialId, MotionId};
 use graintrain::load::{Action, Load};
 use graintrain::material::Materials;
-use graintrain::math::{Quat, Vec3};
+use graintrain::math::{Mat3, Quat, Vec3};
 use graintrain::motion::{Axes, Motion, Profile, Rotation};
 use graintrain::shape::{Geometry, Part, Shape};
 use graintrain::stepper::StepSettings;
-use graintrain::world::{Body, FREE, World};
+use graintrain::world::{Body, FREE, MassProperties, World};
 use graintrain_ccp::Judge;
 use std::collections::HashMap;
 use std::path::PathBuf;
@@ -76,6 +76,7 @@ impl Scene {
         }
         let envelope = *resolved.contact.envelope.get_or_insert(ENVELOPE * smallest_radius);
         let allowed = *resolved.contact.allowed_overlap.get_or_insert(ALLOWED_OVERLAP * smallest_radius);
+        check_meshes(&world, &origins)?;
         check_overlap(&world, &origins, allowed)?;
         let settings = StepSettings {
             step: self.time.step,
@@ -173,6 +174,18 @@ struct Origin {
     first: usize,
     is_packing: bool,
     location: Location,
+}
+
+/// An error for meshes near each other that would have to touch.
+fn check_meshes(world: &World, origins: &[Origin]) -> Result<(), SceneError> {
+    let Some([first, second]) = meshes_that_meet(world) else { return Ok(()) };
+    let [first, second] = [first, second].map(|body| world.bodies.label(body));
+    let problem = format!(
+        "the bodies {first} and {second} are meshes near each other, one of which can move, but contacts between two meshes are not \
+         computed; make one of them of other shapes"
+    );
+    let location = origins.last().map(|origin| &origin.location);
+    Err(SceneError::new(SceneErrorKind::Contradiction(problem), location.cloned()))
 }
 
 /// An error for the deepest pair of bodies that overlap by more than allowed.
@@ -275,6 +288,14 @@ impl Builder {
         let volume = geometry.volume;
         let motion = self.motion(&spec.motion, centre, &spec.location)?;
         let rotation = spec.rotation.0;
+        let size =
+            geometry.parts.iter().map(|part| part.shape.half_thickness()).fold(f64::INFINITY, f64::min);
+        let mass = spec
+            .inertia
+            .zip(spec.mass)
+            .map(|(inertia, mass)| MassProperties { mass, inertia: Mat3::from_diagonal(inertia) });
+        // Surfaces of a given mass have no thickness.
+        let size = if size.is_finite() { size } else { geometry.bounding_radius() };
         let geometry = self.world.add_geometry(geometry);
         let body = self
             .world
@@ -285,6 +306,7 @@ impl Builder {
                 orientation: rotation,
                 velocity: spec.velocity,
                 angular_velocity: spec.angular_velocity,
+                mass,
                 ..Body::new(geometry, material, Vec3::ZERO)
             })
             .map_err(at)?
@@ -292,13 +314,12 @@ impl Builder {
         self.centres.insert(body, centre);
         let default_mass = self.world.bodies.mass[body];
         let mass = spec.mass.or(spec.density.map(|density| density * volume));
-        if let Some(mass) = mass.filter(|_| default_mass > 0.0) {
+        if let Some(mass) = mass.filter(|_| default_mass > 0.0 && spec.inertia.is_none()) {
             self.world.bodies.mass[body] = mass;
             self.world.bodies.inertia[body] *= mass / default_mass;
         }
         if !self.world.is_prescribed(body) {
-            let sizes = spec.parts.iter().map(|part| part.shape.size());
-            self.smallest_radius = sizes.fold(self.smallest_radius, f64::min);
+            self.smallest_radius = self.smallest_radius.min(size);
         }
         Ok(())
     }
@@ -343,29 +364,35 @@ impl Builder {
         self.note_origin(name, true, &spec.location);
         let at = |error: ModelError| model_error(error, &spec.location);
         let material = self.material(&spec.material);
-        let shape = spec.shape.as_ref().map(shape).transpose()?;
-        let bounding_radius = shape.as_ref().map(|(shape, _)| shape.bounding_radius());
-        let placed = packing::place(name, spec, bounding_radius)?;
-        let shared = match shape {
-            Some((shape, _)) => {
-                let geometry = Geometry::single(shape).map_err(at)?;
-                Some(self.world.add_geometry(geometry))
+        let geometry = match &spec.shape {
+            Some(spec) => Some(Geometry::single(shape(spec)?.0).map_err(at)?),
+            None if spec.parts.is_empty() => None,
+            None => {
+                let parts = spec.parts.iter().map(part).collect::<Result<Vec<_>, SceneError>>()?;
+                Some(Geometry::compound(parts).map_err(at)?.0)
             }
-            None => None,
         };
+        let size = geometry.as_ref().map(|geometry| {
+            geometry.parts.iter().map(|part| part.shape.half_thickness()).fold(f64::INFINITY, f64::min)
+        });
+        let placed = packing::place(name, spec, geometry.as_ref().map(Geometry::bounding_radius))?;
+        let shared = geometry.map(|geometry| self.world.add_geometry(geometry));
         let motion = if spec.lock_rotation { self.locked_rotation().map_err(at)? } else { FREE };
+        let mut orientations = packing::orientations(spec);
         for ((position, radius), velocity) in placed.position.iter().zip(&placed.radius).zip(&placed.velocity)
         {
             let geometry = match shared {
                 Some(geometry) => geometry,
                 None => self.sphere(*radius).map_err(at)?,
             };
-            let body = Body { motion, velocity: *velocity, ..Body::new(geometry, material, *position) };
+            let orientation = orientations.next().unwrap_or(Quat::IDENTITY);
+            let velocity = *velocity;
+            let body = Body { motion, velocity, orientation, ..Body::new(geometry, material, *position) };
             self.world.add_body(body).map_err(at)?;
         }
         let sizes = placed.radius.iter().copied();
-        self.smallest_radius = match &spec.shape {
-            Some(shape) => self.smallest_radius.min(shape.size()),
+        self.smallest_radius = match size {
+            Some(size) => self.smallest_radius.min(size),
             None => sizes.fold(self.smallest_radius, f64::min),
         };
         Ok(())
@@ -509,5 +536,9 @@ fn mesh_shape(mesh: &MeshSpec) -> Result<Shape, SceneError> {
             (read.vertices, read.triangles)
         }
     };
-    Ok(Shape::Mesh { vertices: vertices.into_iter().map(|vertex| vertex * mesh.scale).collect(), triangles })
+    Ok(Shape::Mesh {
+        vertices: vertices.into_iter().map(|vertex| vertex * mesh.scale).collect(),
+        triangles,
+        solid: mesh.solid,
+    })
 }

@@ -232,9 +232,15 @@ fn body(reader: &Reader, materials: &[&str]) -> Result<BodySpec, SceneError> {
     let position = reader.vector("position", Range::Any)?.unwrap_or(Vec3::ZERO);
     let boundary = parts.iter().any(|part| part.shape.is_boundary());
     let motion = motion(reader, boundary)?;
-    if boundary && motion.free != [false; 6] {
-        let problem =
-            format!("`{}` has no mass (planes and meshes are boundaries): it cannot be free", reader.path);
+    let inertia = reader.vector("inertia", Range::Positive)?;
+    if inertia.is_some() && reader.get("mass").is_none() {
+        return Err(reader.missing("mass"));
+    }
+    if boundary && inertia.is_none() && motion.free != [false; 6] {
+        let problem = format!(
+            "`{}` has no mass (planes, and meshes that are not `solid`, are boundaries): it cannot be free unless mass and inertia are given",
+            reader.path
+        );
         return Err(SceneError::at(SceneErrorKind::Contradiction(problem), reader.location()));
     }
     Ok(BodySpec {
@@ -245,6 +251,7 @@ fn body(reader: &Reader, materials: &[&str]) -> Result<BodySpec, SceneError> {
         velocity: reader.vector("velocity", Range::Any)?.unwrap_or(Vec3::ZERO),
         angular_velocity: reader.vector("angular_velocity", Range::Any)?.unwrap_or(Vec3::ZERO),
         mass: reader.quantity("mass", Range::Positive)?,
+        inertia,
         density: reader.quantity("density", Range::Positive)?,
         motion,
         location: reader.location().clone(),
@@ -310,6 +317,7 @@ fn mesh(reader: &Reader) -> Result<MeshSpec, SceneError> {
         vertices: Vec::new(),
         triangles: Vec::new(),
         scale: reader.quantity("scale", Range::Positive)?.unwrap_or(1.0),
+        solid: reader.flag("solid")?.unwrap_or(false),
         location: reader.get("file").map_or(reader.location(), |node| &node.location).clone(),
     };
     if form == "vertices" {
@@ -458,23 +466,34 @@ fn packing(reader: &Reader, materials: &[&str], default_seed: u64) -> Result<Pac
         "drop" => PackingSource::Drop(drop_spec(&inner)?),
         _ => PackingSource::File(file(&inner)?),
     };
-    let size = reader.at_most_one_of(&["radius", "shape"])?;
+    let size = reader.at_most_one_of(&["radius", "shape", "parts"])?;
     match (form, size) {
-        ("file", Some("shape")) => {
-            let problem = "a packing from a file holds spheres: it takes no `shape`".to_string();
+        ("file", Some(form @ ("shape" | "parts"))) => {
+            let problem = format!("a packing from a file holds spheres: it takes no `{form}`");
             return Err(SceneError::at(SceneErrorKind::Contradiction(problem), reader.location()));
         }
         ("file", _) | (_, Some(_)) => {}
         (_, None) => return Err(reader.missing("radius")),
     }
     let shape = reader.child("shape")?.as_ref().map(shape).transpose()?;
-    if shape.as_ref().is_some_and(ShapeSpec::is_boundary) {
-        return Err(reader.out_of_range("shape", "a shape with volume", "a plane or mesh"));
+    let parts = reader.tables("parts")?.iter().map(part).collect::<Result<Vec<_>, _>>()?;
+    for (key, shape) in
+        shape.iter().map(|shape| ("shape", shape)).chain(parts.iter().map(|part| ("parts", &part.shape)))
+    {
+        // Meshes do not touch each other.
+        if matches!(shape, ShapeSpec::Plane { .. } | ShapeSpec::Mesh(_)) {
+            return Err(reader.out_of_range(key, "a shape with volume", "a plane or mesh"));
+        }
+    }
+    if size == Some("parts") && parts.is_empty() {
+        return Err(reader.out_of_range("parts", "at least one part", "none"));
     }
     Ok(PackingSpec {
         source,
         radius: radius(reader)?,
         shape,
+        parts,
+        random_rotation: reader.flag("random_rotation")?.unwrap_or(false),
         material: material_name(reader, materials)?,
         velocity: reader.vector("velocity", Range::Any)?.unwrap_or(Vec3::ZERO),
         lock_rotation: reader.flag("lock_rotation")?.unwrap_or(false),

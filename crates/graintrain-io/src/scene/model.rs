@@ -144,6 +144,9 @@ pub struct BodySpec {
     /// kg; `None` follows from density and volume.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub mass: Option<f64>,
+    /// Moments of inertia about the axes of the body's frame, kg m^2; `None` follows from mass and shape.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub inertia: Option<Vec3>,
     /// kg/m^3; `None` is the material's.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub density: Option<f64>,
@@ -230,6 +233,8 @@ pub struct MeshSpec {
     pub triangles: Vec<[u32; 3]>,
     /// Factor on all coordinates.
     pub scale: f64,
+    /// Whether it bounds a solid with a mass.
+    pub solid: bool,
     /// Where it is written.
     #[serde(skip)]
     pub location: Location,
@@ -459,6 +464,12 @@ pub struct PackingSpec {
     /// Shape, if not spheres.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub shape: Option<ShapeSpec>,
+    /// Several shapes in each body.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub parts: Vec<PartSpec>,
+    /// Whether bodies are turned at random.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub random_rotation: bool,
     /// Name of their material.
     pub material: String,
     /// Initial velocity, m/s.
@@ -608,17 +619,7 @@ pub enum RadiusDistribution {
 impl ShapeSpec {
     /// Whether the shape is a boundary without mass.
     pub fn is_boundary(&self) -> bool {
-        matches!(self, Self::Plane { .. } | Self::Mesh(_))
-    }
-
-    /// Half the smallest extent, m: the radius of a sphere; infinite for boundaries.
-    pub fn size(&self) -> f64 {
-        match self {
-            Self::Sphere { radius } | Self::Capsule { radius, .. } => *radius,
-            Self::Box { size } => 0.5 * size.min_element(),
-            Self::Cylinder { length, radius } => radius.min(0.5 * length),
-            Self::Plane { .. } | Self::Mesh(_) => f64::INFINITY,
-        }
+        matches!(self, Self::Plane { .. } | Self::Mesh(MeshSpec { solid: false, .. }))
     }
 }
 

@@ -8,5 +8,6 @@ mod scene_builtin;
 mod scene_docs;
 mod scene_errors;
 mod scene_loads;
+mod scene_meshes;
 #[cfg(not(feature = "fclib"))]
 mod without_fclib;

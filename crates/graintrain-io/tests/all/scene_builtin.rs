@@ -183,7 +183,7 @@ fn the_walls_of_dostas_box_are_a_mesh() {
          [body.ball]\nshape = {{ sphere = {{ radius = '1 cm' }} }}\n"
     );
     let simulation = Scene::parse("walls", "walls.toml", &text, Path::new(""), &[]).unwrap().build().unwrap();
-    let Shape::Mesh { vertices, triangles } = &simulation.world.geometries[0].parts[0].shape else {
+    let Shape::Mesh { vertices, triangles, .. } = &simulation.world.geometries[0].parts[0].shape else {
         panic!("not a mesh")
     };
     assert!(triangles.len() > 40, "{}", triangles.len());

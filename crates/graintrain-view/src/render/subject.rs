@@ -217,7 +217,7 @@ fn forms<'a>(
             let middle = reach.center().with_z(-half.z);
             one(Form::Box { center: center + rotation * middle, rotation, half })
         }
-        Shape::Mesh { vertices, triangles } => Box::new(triangles.iter().map(move |triangle| {
+        Shape::Mesh { vertices, triangles, .. } => Box::new(triangles.iter().map(move |triangle| {
             Form::Triangle { corners: triangle.map(|i| center + rotation * vertices[i as usize]) }
         })),
     }

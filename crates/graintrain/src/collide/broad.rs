@@ -8,7 +8,7 @@ use super::reduce::Touch;
 use super::sweep::{arrivals, time_of_impact};
 use crate::contact::Contact;
 use crate::math::{Mat3, Vec3};
-use crate::shape::Shape;
+use crate::shape::{Geometry, Shape};
 use crate::world::World;
 use parry3d_f64::bounding_volume::Aabb;
 use parry3d_f64::partitioning::{Bvh, BvhBuildStrategy};
@@ -50,6 +50,30 @@ pub fn deepest_overlap(world: &World) -> Option<Overlap> {
         depth: -deepest.gap,
         point: deepest.point,
     })
+}
+
+/// Two bodies with meshes, one of which can move, whose bounding balls overlap: contacts between two meshes are not computed.
+pub fn meshes_that_meet(world: &World) -> Option<[usize; 2]> {
+    let is_mesh =
+        |geometry: &Geometry| geometry.parts.iter().any(|part| matches!(part.shape, Shape::Mesh { .. }));
+    let meshes: Vec<bool> = world.geometries.iter().map(is_mesh).collect();
+    let with_mesh = (0..world.bodies.len()).filter(|&body| meshes[world.bodies.geometry[body].index()]);
+    let with_mesh: Vec<usize> = with_mesh.collect();
+    if with_mesh.len() < 2 || with_mesh.iter().all(|&body| world.is_prescribed(body)) {
+        return None;
+    }
+    let radius = |body: usize| world.geometries[world.bodies.geometry[body].index()].bounding_radius();
+    let balls: Vec<(usize, Vec3, f64)> =
+        with_mesh.iter().map(|&body| (body, world.bodies.position[body], radius(body))).collect();
+    for (k, &(a, place_a, radius_a)) in balls.iter().enumerate() {
+        for &(b, place_b, radius_b) in &balls[k + 1..] {
+            let both_driven = world.is_prescribed(a) && world.is_prescribed(b);
+            if !both_driven && (place_a - place_b).length() < radius_a + radius_b {
+                return Some([a, b]);
+            }
+        }
+    }
+    None
 }
 
 /// Bodies by how their neighbours are found.

@@ -29,4 +29,4 @@ mod sampled_motions;
 pub(crate) mod sweep;
 pub(crate) mod union;
 
-pub use broad::{Collider, Overlap, deepest_overlap};
+pub use broad::{Collider, Overlap, deepest_overlap, meshes_that_meet};

@@ -17,7 +17,7 @@ pub(crate) struct Collidable {
     pub bounding_radius: f64,
     /// The radius, where the geometry is one sphere about the body's origin: the hot path.
     pub ball: Option<f64>,
-    /// Smallest half thickness of its parts, m; infinite for planes and meshes alone.
+    /// Smallest half thickness of its parts, m; infinite for planes and surfaces alone.
     pub size: f64,
     /// One entry per part: the tree of a mesh.
     pub trees: Vec<Option<TriangleTree>>,
@@ -35,26 +35,17 @@ impl Collidable {
             _ => None,
         };
         let tree = |shape: &Shape| match shape {
-            Shape::Mesh { vertices, triangles } => Some(TriangleTree::new(vertices, triangles)),
+            Shape::Mesh { vertices, triangles, .. } => Some(TriangleTree::new(vertices, triangles)),
             _ => None,
         };
         Self {
             bounding_radius: geometry.bounding_radius(),
-            size: geometry.parts.iter().map(|part| half_thickness(&part.shape)).fold(f64::INFINITY, f64::min),
+            size: geometry.parts.iter().map(|part| part.shape.half_thickness()).fold(f64::INFINITY, f64::min),
             ball,
             trees: geometry.parts.iter().map(|part| tree(&part.shape)).collect(),
             part_radius: geometry.parts.iter().map(|part| part.shape.bounding_radius()).collect(),
             geometry: geometry.clone(),
         }
-    }
-}
-
-fn half_thickness(shape: &Shape) -> f64 {
-    match *shape {
-        Shape::Sphere { radius } | Shape::Capsule { radius, .. } => radius,
-        Shape::Box { half } => half.min_element(),
-        Shape::Cylinder { half_length, radius } => radius.min(half_length),
-        Shape::Plane | Shape::Mesh { .. } => f64::INFINITY,
     }
 }
 
@@ -150,8 +141,8 @@ fn rank(shape: &Shape) -> u8 {
         Shape::Capsule { .. } => 1,
         Shape::Box { .. } => 2,
         Shape::Cylinder { .. } => 3,
-        Shape::Plane => 4,
-        Shape::Mesh { .. } => 5,
+        Shape::Mesh { .. } => 4,
+        Shape::Plane => 5,
     }
 }
 

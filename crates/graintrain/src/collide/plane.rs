@@ -56,8 +56,14 @@ pub(crate) fn plane_contacts(
             }
             touch(centre(-low_end) + radius * down, 4);
         }
-        // Two boundaries never meet.
-        Shape::Plane | Shape::Mesh { .. } => {}
+        // Every corner: those that are not needed are taken out later.
+        Shape::Mesh { ref vertices, .. } => {
+            for (feature, vertex) in (0..).zip(vertices) {
+                touch(position + rotation * *vertex, feature);
+            }
+        }
+        // Two half-spaces never meet.
+        Shape::Plane => {}
     }
 }
 

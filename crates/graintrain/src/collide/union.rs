@@ -32,9 +32,9 @@ pub(crate) struct Moments {
 }
 
 impl Moments {
-    const ZERO: Self = Self { volume: 0.0, first: Vec3::ZERO, second: Mat3::ZERO };
+    pub(crate) const ZERO: Self = Self { volume: 0.0, first: Vec3::ZERO, second: Mat3::ZERO };
 
-    fn add(&mut self, other: &Self) {
+    pub(crate) fn add(&mut self, other: &Self) {
         self.volume += other.volume;
         self.first += other.first;
         self.second += other.second;
@@ -62,7 +62,7 @@ impl Moments {
 }
 
 /// a b^T.
-fn outer(a: Vec3, b: Vec3) -> Mat3 {
+pub(crate) fn outer(a: Vec3, b: Vec3) -> Mat3 {
     Mat3::from_cols(a * b.x, a * b.y, a * b.z)
 }
 

@@ -7,6 +7,7 @@ mod friction;
 mod impacts;
 mod invariants;
 mod loads;
+mod meshes;
 mod packings;
 mod rotation;
 mod statics;

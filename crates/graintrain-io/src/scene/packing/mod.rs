@@ -9,8 +9,12 @@ mod vtk_file;
 use super::error::{SceneError, SceneErrorKind};
 use super::model::{FileSpec, PackingFormat, PackingSource, PackingSpec, RadiusSpec};
 use super::random::Random;
-use graintrain::math::Vec3;
+use graintrain::math::{Quat, Vec3};
+use std::f64::consts::TAU;
 use std::path::Path;
+
+/// Tells the stream of orientations from that of places.
+const TURNS: u64 = 0x7475_726e_7321_0001;
 
 /// Most bodies of a packing; more would not fit into memory.
 const MOST_BODIES: u64 = 100_000_000;
@@ -110,6 +114,19 @@ pub(crate) fn place(
     placed.velocity.resize(placed.position.len(), Vec3::ZERO);
     placed.velocity.iter_mut().for_each(|velocity| *velocity += spec.velocity);
     Ok(placed)
+}
+
+/// The orientations of a packing's bodies, one after the other; none where they are not turned. Uniform over all rotations
+/// (K. Shoemake, "Uniform random rotations", Graphics Gems III, 1992), from a stream of their own: places stay what they are.
+pub(crate) fn orientations(spec: &PackingSpec) -> impl Iterator<Item = Quat> + use<> {
+    let mut random = Random::new(spec.seed ^ TURNS);
+    let turn = move || {
+        let share = random.uniform();
+        let [a, b] = [random.between(0.0, TAU), random.between(0.0, TAU)];
+        let (low, high) = ((1.0 - share).sqrt(), share.sqrt());
+        Quat::from_xyzw(low * a.sin(), low * a.cos(), high * b.sin(), high * b.cos()).normalize()
+    };
+    std::iter::repeat_with(turn).take(if spec.random_rotation { usize::MAX } else { 0 })
 }
 
 fn limited(name: &str, spec: &PackingSpec, count: Option<u64>) -> Result<usize, SceneError> {

@@ -1,6 +1,6 @@
 //! Keys of bodies: parts, shapes, motions.
 
-use super::Kind::{self, Function, List, Quantity, Rows, Tables, Text, TextOr, Texts, Vector};
+use super::Kind::{self, Flag, Function, List, Quantity, Rows, Tables, Text, TextOr, Texts, Vector};
 use super::function::{ANGULAR_SPEED, SPEED};
 use super::{D, Table, key};
 
@@ -20,7 +20,7 @@ pub(super) static BODY: Table = Table {
             Tables(&PART),
             "one of shape, parts",
             "[{ shape = { plane = {} } }]",
-            "Several shapes in one rigid body; they may not overlap where they have mass",
+            "Several shapes in one rigid body; where they overlap, mass counts once",
         ),
         key("material", Text, "the only material", "\"glass\"", "Material"),
         key(
@@ -52,19 +52,26 @@ pub(super) static BODY: Table = Table {
             "Initial angular velocity",
         ),
         key("mass", Quantity(D::MASS), "density x volume", "\"3 kg\"", "Mass"),
+        key(
+            "inertia",
+            Vector(D::new(2, 1, 0, 0)),
+            "from mass and shape",
+            "[0.2, 0.3, \"0.2 kg m^2\"]",
+            "Moments of inertia about the axes of the body's frame through its centre of mass (of a surface: its origin); with mass",
+        ),
         key("density", Quantity(D::DENSITY), "the material's", "\"7800 kg/m^3\"", "Density of this body"),
         key(
             "motion",
             TextOr(&MOTION),
-            "free; fixed for planes and meshes",
+            "free; fixed for planes and surfaces",
             "\"fixed\"",
             "free, fixed, or a table that prescribes it",
         ),
     ],
 };
 
-static PART: Table = Table {
-    heading: "Part of a body, `body.NAME.parts`",
+pub(super) static PART: Table = Table {
+    heading: "Part of a body, `parts`",
     alternatives: &[],
     keys: &[
         key("shape", Kind::Table(&SHAPE), "required", "{ box = { size = [1, 1, 1] } }", "Shape"),
@@ -121,7 +128,7 @@ pub(super) static SHAPE: Table = Table {
             Kind::Table(&MESH),
             "one of",
             "{ file = \"hopper.stl\" }",
-            "Surface of triangles; a boundary without mass",
+            "Surface of triangles: a boundary without mass, or a solid",
         ),
     ],
 };
@@ -188,6 +195,13 @@ static MESH: Table = Table {
             "Three vertex numbers (from 0) per triangle, counter-clockwise seen from outside",
         ),
         key("scale", Quantity(D::NONE), "1", "0.001", "Factor on all coordinates, e.g. for a file in mm"),
+        key(
+            "solid",
+            Flag,
+            "false",
+            "true",
+            "A closed surface, counter-clockwise seen from outside, with the mass of what it encloses",
+        ),
     ],
 };
 

@@ -1,12 +1,12 @@
 //! Keys of packings: radii, lattices, drops, files.
 
-use super::Kind::{self, Count, Counts, Flag, List, Quantity, QuantityOr, Text, Vector};
-use super::body::SHAPE;
+use super::Kind::{self, Count, Counts, Flag, List, Quantity, QuantityOr, Tables, Text, Vector};
+use super::body::{PART, SHAPE};
 use super::{D, Key, Table, key};
 
 pub(super) static PACKING: Table = Table {
     heading: "`[packing.NAME]`",
-    alternatives: &[&["lattice", "drop", "file"], &["radius", "shape"]],
+    alternatives: &[&["lattice", "drop", "file"], &["radius", "shape", "parts"]],
     keys: &[
         key(
             "lattice",
@@ -32,16 +32,30 @@ pub(super) static PACKING: Table = Table {
         key(
             "radius",
             QuantityOr(D::LENGTH, &RADIUS),
-            "one of radius, shape; the file's",
+            "one of radius, shape, parts; the file's",
             "\"5 mm\"",
             "Radius of the spheres: one value, or a distribution",
         ),
         key(
             "shape",
             Kind::Table(&SHAPE),
-            "one of radius, shape",
+            "one of radius, shape, parts",
             "{ box = { size = [1, 1, 1] } }",
             "Shape of the bodies",
+        ),
+        key(
+            "parts",
+            Tables(&PART),
+            "one of radius, shape, parts",
+            "[{ shape = { sphere = { radius = 1 } } }, { shape = { sphere = { radius = 1 } }, position = [1, 0, 0] }]",
+            "Several shapes in each body (clumps), with the mass of their union; the centre of mass comes to the body's place",
+        ),
+        key(
+            "random_rotation",
+            Flag,
+            "false",
+            "true",
+            "Bodies are turned at random, every rotation as likely as another",
         ),
         key("material", Text, "the only material", "\"glass\"", "Material"),
         key(

@@ -1,0 +1,232 @@
+//! Solid meshes in scenes: mass from the file, what is refused, and a wheel from a binary STL file in millimetres that rolls through
+//! grains. Packings of clumps.
+
+use graintrain::math::Vec3;
+use graintrain::stepper::{StepReport, Stepper};
+use graintrain::world::World;
+use graintrain_io::scene::{Scene, Simulation};
+use std::f64::consts::{PI, TAU};
+use std::path::{Path, PathBuf};
+
+/// Corners of the circumference: twelve grousers, between which the wheel is thinner.
+const CORNERS: u32 = 48;
+
+/// Outline of the wheel at corner k, mm from its axis, which is y.
+fn outline(k: u32) -> [f64; 2] {
+    let radius = if (k / 2).is_multiple_of(2) { 100.0 } else { 92.0 };
+    let angle = TAU * f64::from(k % CORNERS) / f64::from(CORNERS);
+    [radius * angle.cos(), radius * angle.sin()]
+}
+
+/// The wheel, 50 mm wide, its frame in the middle of one side.
+fn triangles() -> Vec<[[f64; 3]; 3]> {
+    let at = |k: u32, y: f64| {
+        let [z, x] = outline(k);
+        [x, y, z]
+    };
+    let (near, far) = (0.0, 50.0);
+    let sides = (0..CORNERS).flat_map(|k| {
+        [
+            [[0.0, near, 0.0], at(k + 1, near), at(k, near)],
+            [[0.0, far, 0.0], at(k, far), at(k + 1, far)],
+            [at(k, near), at(k + 1, far), at(k, far)],
+            [at(k, near), at(k + 1, near), at(k + 1, far)],
+        ]
+    });
+    sides.collect()
+}
+
+fn binary_stl(triangles: &[[[f64; 3]; 3]]) -> Vec<u8> {
+    let mut bytes = vec![b' '; 80];
+    bytes.extend((triangles.len() as u32).to_le_bytes());
+    for triangle in triangles {
+        bytes.extend([0; 12]);
+        triangle.iter().flatten().for_each(|&x| bytes.extend((x as f32).to_le_bytes()));
+        bytes.extend([0; 2]);
+    }
+    bytes
+}
+
+fn folder(name: &str, triangles: &[[[f64; 3]; 3]]) -> PathBuf {
+    let folder = std::env::temp_dir().join(format!("graintrain-meshes-{name}-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    std::fs::write(folder.join("wheel.stl"), binary_stl(triangles)).unwrap();
+    folder
+}
+
+fn build(text: &str, folder: &Path) -> Result<Simulation, String> {
+    let scene = Scene::parse("wheel", "wheel.toml", text, folder, &[]).map_err(|error| error.to_string())?;
+    scene.build().map_err(|error| error.to_string())
+}
+
+fn wheel_of(world: &World) -> usize {
+    world.bodies.name.iter().position(|name| name == "wheel").unwrap()
+}
+
+const WHEEL: &str = include_str!("wheel.toml");
+
+/// Volume and inertia about the axis of a polygon of corners p_k: sums over its triangles, in m.
+#[test]
+fn a_solid_mesh_from_millimetres_has_the_mass_of_its_volume() {
+    let folder = folder("mass", &triangles());
+    let text = WHEEL.replace("mass = \"3 kg\"\n", "");
+    let world = build(&text, &folder).unwrap().world;
+    let wheel = wheel_of(&world);
+    let (mut area, mut second) = (0.0, 0.0);
+    for k in 0..CORNERS {
+        let ([a, b], [c, d]) = (outline(k), outline(k + 1));
+        let cross = (a * d - b * c) * 1e-6;
+        area += 0.5 * cross;
+        second += cross / 12.0 * (a * a + b * b + c * c + d * d + a * c + b * d) * 1e-6;
+    }
+    let (mass, inertia) = (2600.0 * 0.05 * area, 2600.0 * 0.05 * second);
+    // The file has single precision.
+    assert!((world.bodies.mass[wheel] / mass - 1.0).abs() < 1e-6, "{}", world.bodies.mass[wheel]);
+    assert!((world.bodies.inertia[wheel].y_axis.y / inertia - 1.0).abs() < 1e-6);
+    // The frame's origin is in the middle of one side.
+    let centre = Vec3::new(-0.08, 0.0, 0.21);
+    assert!((world.bodies.position[wheel] - centre).length() < 1e-6, "{}", world.bodies.position[wheel]);
+    std::fs::remove_dir_all(folder).unwrap();
+}
+
+#[test]
+fn meshes_that_bound_no_solid_are_told() {
+    type Mesh = Vec<[[f64; 3]; 3]>;
+    type Case = (&'static str, fn(Mesh) -> Mesh, &'static str);
+    let cases: [Case; 3] = [
+        ("hole", |triangles| triangles[1..].to_vec(), "not closed: 3 edges"),
+        (
+            "turned",
+            |mut triangles| {
+                triangles[5].swap(0, 1);
+                triangles
+            },
+            "the wrong way round",
+        ),
+        ("inside-out", |triangles| triangles.into_iter().map(|[a, b, c]| [a, c, b]).collect(), "inside out"),
+    ];
+    for (name, change, expected) in cases {
+        let folder = folder(name, &change(triangles()));
+        let error = build(WHEEL, &folder).err().unwrap_or_else(|| panic!("{name} was accepted"));
+        assert!(error.contains(expected), "{name}: {error}");
+        // A surface may be free with a given mass and inertia.
+        let given =
+            WHEEL.replace(", solid = true", "").replace("mass = \"3 kg\"", "mass = 3\ninertia = [1, 1, 1]");
+        let world = build(&given, &folder).unwrap().world;
+        assert_eq!(world.bodies.mass[wheel_of(&world)], 3.0);
+        std::fs::remove_dir_all(folder).unwrap();
+    }
+    let folder = folder("two", &triangles());
+    let alone = WHEEL.replace(", solid = true", "");
+    assert!(build(&alone, &folder).unwrap_err().contains("mass and inertia"));
+    let second = format!(
+        "{WHEEL}[body.second]\nshape = {{ mesh = {{ file = \"wheel.stl\", scale = 0.001 }} }}\nposition = [0, 0, 0.2]\n"
+    );
+    assert!(build(&second, &folder).unwrap_err().contains("between two meshes"));
+    std::fs::remove_dir_all(folder).unwrap();
+}
+
+/// The step whose bits are compared: the wheel stands in the grains and begins to roll.
+const EARLY: u64 = 120;
+
+/// What is measured at the wheel (pull, load carried, torque about the axis, height of the axle), and the hash of the state after the step
+/// [`EARLY`].
+fn run(folder: &Path, steps: u64) -> (Vec<[f64; 4]>, u64) {
+    let simulation = build(WHEEL, folder).unwrap();
+    let mut world = simulation.world;
+    let wheel = wheel_of(&world);
+    let step = simulation.settings.step;
+    let mut stepper = Stepper::new(simulation.settings).unwrap();
+    let (mut series, mut early) = (Vec::new(), 0);
+    for _ in 0..simulation.steps.min(steps) {
+        let report: StepReport = stepper.step(&mut world).unwrap();
+        assert_eq!(report.contacts_missed, 0, "step {}", world.step);
+        assert!(report.solve.converged(), "step {}: {:?}", world.step, report.solve.residual);
+        let wrench = report.wrenches.iter().find(|wrench| wrench.body.index() == wheel).unwrap();
+        if world.step == EARLY {
+            early = world.state_hash();
+        }
+        series.push([wrench.force.x, wrench.force.z, wrench.torque.y, world.bodies.position[wheel].z]);
+    }
+    let way = world.bodies.position[wheel].x + 0.08;
+    // From 0.4 s on at 80 % of the speed of rolling, whatever the grains do.
+    assert!((way - 0.8 * 0.1 * (world.time - 0.4).max(0.0)).abs() < step * 1e-6, "{way}");
+    assert!(world.bodies.position.iter().all(|x| x.z >= 0.0 && x.x.abs() < 0.23 && x.y.abs() < 0.09));
+    (series, early)
+}
+
+/// The grains carry weight and load of the wheel; turning against slip costs a torque; the same bits again.
+#[test]
+fn a_wheel_from_cad_rolls_through_grains() {
+    let folder = folder("wheel", &triangles());
+    let (series, hash) = run(&folder, u64::MAX);
+    let rolling = &series[series.len() / 2..];
+    let mean = |k: usize| rolling.iter().map(|row| row[k]).sum::<f64>() / rolling.len() as f64;
+    let weight = 3.0 * 9.81 + 40.0;
+    println!(
+        "pull {:.1} N, carried {:.1} N of {weight:.1} N, torque {:.2} N m, axle at {:.4} m",
+        mean(0),
+        mean(1),
+        mean(2),
+        mean(3)
+    );
+    assert!((mean(1) / weight - 1.0).abs() < 0.05, "{} N of {weight} N", mean(1));
+    assert!(mean(2) < 0.0, "the bed resists turning: {} N m", mean(2));
+    // It sank into the bed (100 mm, loosely on its lattice) and did not fall through it.
+    assert!((0.11..0.16).contains(&mean(3)), "axle at {} m", mean(3));
+    assert!(mean(0).abs() < 0.6 * weight, "pull {} N beyond what friction allows", mean(0));
+    assert_eq!(run(&folder, EARLY).1, hash);
+    std::fs::remove_dir_all(folder).unwrap();
+}
+
+const CLUMPS: &str = r#"
+[time]
+step = "2 ms"
+end = "1.5 s"
+[body.ground]
+shape = { plane = {} }
+[packing.clumps]
+parts = [
+    { shape = { sphere = { radius = "2 cm" } } },
+    { shape = { sphere = { radius = "2 cm" } }, position = ["2 cm", 0, 0] },
+]
+random_rotation = true
+lattice = { counts = [4, 4, 3], pitch = "7 cm" }
+"#;
+
+/// Two balls of radius R at the distance R: the union has the volume of both less the lens 5/12 pi R^3; their centre comes to the place on
+/// the lattice, every body is turned another way, and they come to rest.
+#[test]
+fn packings_of_clumps_weigh_their_union_and_rest() {
+    let simulation = build(CLUMPS, Path::new("")).unwrap();
+    let again = build(&simulation.resolved.to_toml().unwrap(), Path::new("")).unwrap();
+    assert_eq!(again.world, simulation.world);
+    let (mut world, radius) = (simulation.world, 0.02_f64);
+    let volume = (8.0 / 3.0 - 5.0 / 12.0) * PI * radius.powi(3);
+    assert_eq!(world.bodies.len(), 49);
+    assert!((world.bodies.mass[1] / (1000.0 * volume) - 1.0).abs() < 1e-12);
+    assert!((world.bodies.position[1] - Vec3::splat(0.035)).length() < 1e-15);
+    // Uniform rotations take an axis to any place of the sphere: its mean square along each direction is 1/3 +- 0.04 (48 of them).
+    let axes: Vec<Vec3> = world.bodies.orientation[1..].iter().map(|turn| *turn * Vec3::X).collect();
+    for k in 0..3 {
+        let square = axes.iter().map(|axis| axis[k] * axis[k]).sum::<f64>() / 48.0;
+        assert!((square - 1.0 / 3.0).abs() < 0.13, "{square}");
+    }
+    let mut stepper = Stepper::new(simulation.settings).unwrap();
+    for _ in 0..simulation.steps {
+        let report = stepper.step(&mut world).unwrap();
+        assert!(
+            report.solve.converged()
+                && report.contacts_missed == 0
+                && report.penetration_max_over_size < 0.01
+        );
+    }
+    assert!(world.bodies.position[1..].iter().all(|x| (0.9 * radius..0.25).contains(&x.z)));
+    for (right, wrong) in [
+        ("random_rotation = true", "radius = 1"),
+        ("sphere = { radius = \"2 cm\" }", "plane = {}"),
+        ("lattice = { counts = [4, 4, 3], pitch = \"7 cm\" }", "file = { path = \"a.csv\" }"),
+    ] {
+        assert!(build(&CLUMPS.replace(right, wrong), Path::new("")).is_err(), "{wrong} was accepted");
+    }
+}
