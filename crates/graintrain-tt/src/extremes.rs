@@ -155,10 +155,14 @@ impl TtVector {
     pub fn extremes(&self, nodes: usize) -> Result<Extremes, TtError> {
         let modes = self.modes();
         let search = |train: &Self| -> Result<(Vec<usize>, f64), TtError> {
-            // (An exact rounding refuses what is not finite and takes dependent rows out.)
-            let mut train = train.round(&crate::Truncation::to(0.0))?.0;
-            train.orthogonalise_right();
-            Ok(largest_size(&train, nodes))
+            // (An exact rounding refuses what is not finite and takes dependent rows out; powers of two are taken out so that no square overflows.)
+            let exact = train.round(&crate::Truncation::to(0.0))?.0;
+            let Some((mut balanced, exponent)) = exact.balanced()? else {
+                return Ok((vec![0; modes.len()], 0.0));
+            };
+            balanced.orthogonalise_right();
+            let (index, bound) = largest_size(&balanced, nodes);
+            Ok((index, bound * (exponent as f64).exp2()))
         };
         let (first, size) = search(self)?;
         let (first, m) = self.climb(first, f64::abs)?;
