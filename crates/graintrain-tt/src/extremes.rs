@@ -155,24 +155,30 @@ impl TtVector {
     pub fn extremes(&self, nodes: usize) -> Result<Extremes, TtError> {
         let modes = self.modes();
         let search = |train: &Self| -> Result<(Vec<usize>, f64), TtError> {
-            // (An exact rounding refuses what is not finite and takes dependent rows out.)
-            let mut train = train.round(&crate::Truncation::to(0.0))?.0;
-            train.orthogonalise_right();
-            Ok(largest_size(&train, nodes))
+            // (An exact rounding refuses what is not finite and takes dependent rows out; powers of two are taken out so that no square overflows.)
+            let exact = train.round(&crate::Truncation::to(0.0))?.0;
+            let Some((mut balanced, exponent)) = exact.balanced()? else {
+                return Ok((vec![0; modes.len()], 0.0));
+            };
+            balanced.orthogonalise_right();
+            let (index, bound) = largest_size(&balanced, nodes);
+            Ok((index, bound * (exponent as f64).exp2()))
         };
         let (first, size) = search(self)?;
-        let m = self.entry(&first)?;
+        let (first, m) = self.climb(first, f64::abs)?;
         let shifted = self.subtract(&Self::constant(&modes, m)?)?;
         let (second, distance) = search(&shifted)?;
-        let other = self.entry(&second)?;
+        let (second, other) = self.climb(second, |x| (x - m).abs())?;
         let near = |bound: f64, value: f64| (bound - value).abs() <= 1e-12 * m.abs().max(other.abs());
         let extreme = |index: Vec<usize>, value: f64, bound: f64| {
             let proven = near(bound, value);
             Extreme { index, value, bound: if proven { value } else { bound }, proven }
         };
         let (upper, lower) = (size.min(m + distance), (-size).max(m - distance));
-        let (low, high) =
+        let (mut low, mut high) =
             if other <= m { ((second, other), (first, m)) } else { ((first, m), (second, other)) };
+        high = self.climb(high.0, |x| x)?;
+        low = self.climb(low.0, |x| -x)?;
         // If m is of the largest size, all entries lie on one side of it.
         let certain = near(size, m.abs());
         let (upper, lower) = if certain && m >= 0.0 { (m, lower) } else { (upper, lower) };
@@ -181,6 +187,32 @@ impl TtVector {
             largest: extreme(high.0, high.1, upper.max(high.1)),
             smallest: extreme(low.0, low.1, lower.min(low.1)),
         })
+    }
+
+    /// From an entry to larger ones (as `height` has it) along one mode at a time until none is; the entry. What a search left off is improved by it, proofs
+    /// are not its business.
+    fn climb(
+        &self,
+        mut index: Vec<usize>,
+        height: impl Fn(f64) -> f64,
+    ) -> Result<(Vec<usize>, f64), TtError> {
+        let mut value = self.entry(&index)?;
+        loop {
+            let points: Vec<Vec<usize>> = (0..index.len())
+                .flat_map(|k| (0..self.cores[k].mode).map(move |i| (k, i)))
+                .map(|(k, i)| [&index[..k], &[i], &index[k + 1..]].concat())
+                .collect();
+            let values = self.entries(&points.concat())?;
+            let best = (0..values.len())
+                .fold(0, |best, p| if height(values[p]) > height(values[best]) { p } else { best });
+            let found = self.entry(&points[best])?;
+            // (`entries` and `entry` may round differently: only what is larger by the same sums counts.)
+            if height(found) > height(value) {
+                (index, value) = (points[best].clone(), found);
+            } else {
+                return Ok((index, value));
+            }
+        }
     }
 
     /// Independent samples from the train as a density: `count` multi-indices, d digits each, one after the other. Drawn digit by digit from exact

@@ -3,6 +3,19 @@
 //! A tensor with d indices is kept as a product of d small cores, A(i_1, ..., i_d) = G_1(i_1) ... G_d(i_d) with
 //! G_k(i_k) an r_{k-1} x r_k matrix; a matrix has paired indices (i_k, j_k). The first index is the fastest.
 //!
+//! ```text
+//!        i_1            i_2                  i_d          j = i_1 + n_1 (i_2 + n_2 (i_3 + ...))
+//!      (fine)            |                (coarse)
+//!         |              |                    |           quantized: n_k = 2, i_k is bit k - 1 of j
+//!   1 --[G_1]-- r_1 --[G_2]-- r_2 -- ... --[G_d]-- 1
+//!
+//!        i_1            i_2                  i_d          rows
+//!         |              |                    |
+//!   1 --[A_1]-- R_1 --[A_2]-- R_2 -- ... --[A_d]-- 1
+//!         |              |                    |
+//!        j_1            j_2                  j_d          columns
+//! ```
+//!
 //! | module | holds |
 //! |---|---|
 //! | [`vector`], [`matrix`] | [`TtVector`], [`TtMatrix`]: the types, entries, full form |
@@ -45,6 +58,8 @@ pub mod fit;
 pub mod fourier;
 mod full;
 pub mod functions;
+#[cfg(feature = "hdf5")]
+mod hdf5;
 pub mod inverse;
 mod io;
 pub mod matrix;

@@ -178,3 +178,21 @@ fn stiff_steps_are_refused_or_their_error_is_seen() {
         }
     }
 }
+
+#[test]
+fn units_do_not_matter() {
+    let h = chain(4, 0.7).scale(-1.0);
+    let x = TtVector::random(&[2; 4], 2, 3).unwrap();
+    let settings = EvolutionSettings::default();
+    let (plain, first) = evolve(&h, &x, 0.5, &settings).unwrap();
+    for scale in [1e-200, 1e150] {
+        let (y, report) = evolve(&h.scale(scale), &x.scale(scale), 0.5 / scale, &settings).unwrap();
+        assert!(y.scale(1.0 / scale).relative_distance(&plain).unwrap() < 1e-10, "{scale:e}");
+        assert!(
+            (report.error() / scale - first.error()).abs() <= 0.1 * first.error() + 1e-6,
+            "{report:?} {first:?}"
+        );
+    }
+    // No matrix: nothing moves.
+    assert_eq!(evolve(&h.scale(0.0), &x, 1.0, &settings).unwrap().0, x);
+}

@@ -218,3 +218,30 @@ fn what_does_not_fit_is_an_error() {
     assert!(infinite.permute(&[1, 0], &Truncation::default()).is_err());
     let _ = infinite.sample(Density::Squares, 2, 1);
 }
+
+/// Numbers of any size: what is found and drawn does not change.
+#[test]
+fn units_do_not_matter() {
+    let x = TtVector::random(&[2, 3, 2, 4], 3, 11).unwrap();
+    let (plain, samples) = (x.extremes(1000).unwrap(), x.sample(Density::Squares, 50, 3).unwrap());
+    for scale in [1e-250, 1e-160, 1e160, 1e250] {
+        let scaled = x.scale(scale);
+        let found = scaled.extremes(1000).unwrap();
+        assert_eq!(
+            (&found.largest.index, &found.smallest.index),
+            (&plain.largest.index, &plain.smallest.index),
+            "{scale:e}"
+        );
+        assert!((found.largest.bound / scale / plain.largest.bound - 1.0).abs() < 1e-10, "{found:?}");
+        assert!(found.largest.proven && found.smallest.proven, "{scale:e} {found:?}");
+        assert_eq!(scaled.sample(Density::Squares, 50, 3).unwrap(), samples);
+        let turned = scaled.permute(&[3, 1, 0, 2], &Truncation::to(1e-10)).unwrap().0;
+        assert!(
+            (turned.entry(&[3, 2, 1, 0]).unwrap() / scale - x.entry(&[1, 2, 0, 3]).unwrap()).abs() < 1e-10
+        );
+    }
+    let wave = qtt::sine(6, 0.3, 0.1).unwrap();
+    let (real, ..) = fourier(&wave, None, Direction::Forward, &Truncation::to(1e-10)).unwrap();
+    let (large, ..) = fourier(&wave.scale(1e200), None, Direction::Forward, &Truncation::to(1e-10)).unwrap();
+    assert!(large.scale(1e-200).relative_distance(&real).unwrap() < 1e-9);
+}

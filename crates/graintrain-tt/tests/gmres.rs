@@ -135,3 +135,16 @@ fn what_gmres_cannot_solve_it_says() {
     let infinite = TtVector::unit(&[2; 5], &[0; 5]).unwrap().scale(f64::INFINITY);
     assert!(gmres(&shift, &infinite, None, None, &short).is_err());
 }
+
+#[test]
+fn units_do_not_matter() {
+    let random = TtMatrix::random(&[2, 3, 4], &[2, 3, 4], 2, 9).unwrap();
+    let a = TtMatrix::identity(&[2, 3, 4]).unwrap().add(&random.scale(0.5 / random.norm())).unwrap();
+    let y = TtVector::random(&[2, 3, 4], 2, 4).unwrap();
+    let (plain, _) = gmres(&a, &y, None, None, &GmresSettings::default()).unwrap();
+    for (p, q) in [(1e200, 1e-50), (1e-200, 1e50), (1e150, 1e150), (1e-120, 1e-180)] {
+        let (x, report) = gmres(&a.scale(p), &y.scale(q), None, None, &GmresSettings::default()).unwrap();
+        assert_eq!(report.status, SolveStatus::Converged, "{p:e} {q:e}: {report:?}");
+        assert!(x.scale(p).scale(1.0 / q).relative_distance(&plain).unwrap() < 1e-5, "{p:e} {q:e}");
+    }
+}

@@ -11,6 +11,7 @@
 
 use super::interface::{BlockCore, Interface, LocalOperator, OperatorCore};
 use crate::error::at_core;
+use crate::scale::share_power;
 use crate::vector::Core;
 use crate::{Truncation, TtError, TtMatrix, TtVector};
 use graintrain_linalg::dense::{DenseError, Matrix, View, product, thin_qr, thin_svd};
@@ -78,6 +79,18 @@ pub struct EvolutionReport {
 }
 
 impl EvolutionReport {
+    /// Nothing moved.
+    fn still(steps: usize) -> Self {
+        Self {
+            projection: 0.0,
+            projection_floor: 0.0,
+            truncation: 0.0,
+            splitting: 0.0,
+            capped: false,
+            ranks: vec![1; steps],
+        }
+    }
+
     /// The sum of the three errors: what ||x - exact|| is expected not to exceed where x^T A x <= 0 for all x.
     pub fn error(&self) -> f64 {
         self.projection + self.truncation + self.splitting
@@ -119,23 +132,27 @@ pub fn evolve(
     }
     // (Refuses numbers that are not finite; dependent rows would be no directions at all.)
     let start = x.round(&Truncation::capped(0.0, settings.max_rank))?.0;
-    let _ = a.train.round(&Truncation::to(0.0))?;
+    let Some((start, exponent)) = start.balanced()? else {
+        return Ok((start, EvolutionReport::still(settings.steps)));
+    };
+    let Some((balanced, a_exponent)) = a.train.balanced()? else {
+        return Ok((x.clone(), EvolutionReport::still(settings.steps)));
+    };
+    // Powers of two are taken out of both, so that no square overflows: exp(t A) = exp((2^p t) 2^-p A).
+    let (mut a, mut power) = (a.map(|_| balanced), a_exponent);
+    let unit = (0.5 * a.rows.iter().map(|&n| n as f64).product::<f64>().log2()).round() as i64;
+    share_power(&mut a.train.cores, unit);
+    power -= unit;
+    let (a, time) = (&a, time * (power as f64).exp2());
+    if !time.is_finite() {
+        return Err(too_long());
+    }
     let norm = start.norm();
     let bonds = 2 * settings.steps * a.num_cores().saturating_sub(1).max(1);
     let share = settings.tolerance * norm / bonds as f64;
     let mut state = Evolution::new(a, &start, settings, share);
     let h = time / settings.steps as f64;
-    let mut report = EvolutionReport {
-        projection: 0.0,
-        projection_floor: 0.0,
-        truncation: 0.0,
-        splitting: 0.0,
-        capped: false,
-        ranks: Vec::with_capacity(settings.steps),
-    };
-    if norm == 0.0 {
-        return Ok((start, report));
-    }
+    let mut report = EvolutionReport::still(0);
     let mut half = Evolution::new(a, &start, settings, share);
     half.step(0.5 * h)?;
     half.step(0.5 * h)?;
@@ -153,7 +170,15 @@ pub fn evolve(
         report.ranks.push(state.x.iter().map(|core| core.right).max().unwrap_or(1));
     }
     (report.truncation, report.capped) = (state.left_out, state.capped);
-    Ok((state.vector(), report))
+    let unit = (exponent as f64).exp2();
+    for error in
+        [&mut report.projection, &mut report.projection_floor, &mut report.truncation, &mut report.splitting]
+    {
+        *error *= unit;
+    }
+    let mut result = state.vector();
+    share_power(&mut result.cores, exponent);
+    Ok((result, report))
 }
 
 /// The trains, always swept from the first core (where the centre is) to the last.

@@ -6,6 +6,7 @@
 //! begins with y - A x from the trains, and so does the report.
 
 use super::{Best, SolveStatus, measured_residual};
+use crate::scale::share_power;
 use crate::{Measured, Truncation, TtError, TtMatrix, TtVector};
 use graintrain_linalg::dense::Matrix;
 use serde::{Deserialize, Serialize};
@@ -104,10 +105,16 @@ pub fn gmres(
         a.check_same_sizes(preconditioner)?;
     }
     let spectators = vec![1; a.num_cores()];
+    // Powers of two that bring y to norm 1 and A to the norm of an identity: no square overflows on the way. A' = 2^p A, y' = 2^q y, x' = 2^(q - p) x.
+    let power = |log: f64| if log.is_finite() { -(log / std::f64::consts::LN_2).round() } else { 0.0 };
+    let unknowns: f64 = a.rows.iter().map(|&n| n as f64).product();
+    let (p, q) = (power(a.train.log_norm() - 0.5 * unknowns.ln()), power(y.log_norm()));
+    let a = &a.map(|train| shared(train, p));
+    let y = &shared(y, q);
     let mut x = match start {
         Some(start) => {
             y.check_same_modes(start)?;
-            start.clone()
+            shared(start, q - p)
         }
         None => y.scale(0.0).round(&Truncation::default())?.0,
     };
@@ -169,8 +176,16 @@ pub fn gmres(
     if value <= settings.tolerance {
         status = SolveStatus::Converged;
     }
+    let x = shared(&x, p - q);
     let (iterations, largest_rank, ranks) = (state.iterations, state.largest_rank, x.ranks());
     Ok((x, GmresReport { status, residual: value, floor, iterations, history, largest_rank, ranks }))
+}
+
+/// 2^power x.
+fn shared(x: &TtVector, power: f64) -> TtVector {
+    let mut x = x.clone();
+    share_power(&mut x.cores, power as i64);
+    x
 }
 
 /// What the cycles share.
