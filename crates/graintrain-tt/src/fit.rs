@@ -100,7 +100,7 @@ impl Points {
 /// let points: Vec<usize> = (0..3000).map(|p| p * 7919 % 10_007 % 10_000).collect();
 /// let indices: Vec<usize> = points.iter().flat_map(|p| [p % 10, p / 10 % 10, p / 100 % 10, p / 1000]).collect();
 /// let values: Vec<f64> = indices.chunks_exact(4).map(f).collect();
-/// let settings = FitSettings { tolerance: 1e-3, ..Default::default() };
+/// let settings = FitSettings { tolerance: 1e-2, ..Default::default() };
 /// let (x, report) = fit(&[10; 4], &indices, &values, &settings)?;
 /// assert!(report.converged, "{report:?}");
 /// assert!((x.entry(&[3, 1, 4, 1])? - 0.1).abs() < 1e-2);
