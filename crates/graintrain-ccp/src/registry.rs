@@ -16,7 +16,7 @@ use crate::paper::{
 use crate::problem::CcpError;
 use crate::solver::first_order::FirstOrder;
 use crate::solver::ipm::Ipm;
-use crate::solver::{Apgd, Auto, CcpSolver, CoulombIteration, GaussSeidel};
+use crate::solver::{Apgd, Auto, CcpSolver, CoulombIteration, GaussSeidel, PathFollowing};
 use std::fmt;
 use std::str::FromStr;
 
@@ -47,6 +47,8 @@ pub enum Method {
     Scip,
     /// `ipm`.
     Ipm,
+    /// `path`.
+    PathFollowing,
     /// `pdip`.
     Pdip,
     /// `pdip-literal`.
@@ -55,7 +57,7 @@ pub enum Method {
 
 impl Method {
     /// Every method, in the order of the documentation.
-    pub const ALL: [Self; 12] = [
+    pub const ALL: [Self; 13] = [
         Self::Auto,
         Self::Jacobi,
         Self::GaussSeidel,
@@ -66,6 +68,7 @@ impl Method {
         Self::GpMinres,
         Self::Scip,
         Self::Ipm,
+        Self::PathFollowing,
         Self::Pdip,
         Self::PdipLiteral,
     ];
@@ -120,6 +123,10 @@ impl Method {
                 "ipm",
                 "projected gradients, Newton on the projection, interior point; ipm+LINEAR: the interior point alone",
             ),
+            Self::PathFollowing => (
+                "path",
+                "follows the smoothed path of the exact friction problem around its folds, one sparse LU per step",
+            ),
             Self::Pdip => (
                 "pdip",
                 "primal-dual interior point of the paper (Corona et al. 2019); linear solver after a '+'",
@@ -141,9 +148,11 @@ impl Method {
         matches!(self, Self::Scip | Self::Ipm | Self::Pdip | Self::PdipLiteral)
     }
 
-    /// Whether it is compiled in: `auto`, `pgs`, `apgd` and `ipm` always, the others with the feature `paper`.
+    /// Whether it is compiled in: `auto`, `pgs`, `apgd`, `ipm` and `path` always, the others with the feature `paper`.
     pub fn is_available(self) -> bool {
-        cfg!(feature = "paper") || matches!(self, Self::Auto | Self::GaussSeidel | Self::Apgd | Self::Ipm)
+        let always =
+            matches!(self, Self::Auto | Self::GaussSeidel | Self::Apgd | Self::Ipm | Self::PathFollowing);
+        cfg!(feature = "paper") || always
     }
 }
 
@@ -374,6 +383,8 @@ impl SolverSpec {
             }
             (Method::Apgd, _) => Box::new(FirstOrder::new(Apgd::default())),
             (Method::Ipm, None) => Box::new(Ipm::new()),
+            // It treats exact friction itself, and what it cannot solve no sequence of relaxed problems solved by it can.
+            (Method::PathFollowing, _) => return Ok(Box::new(PathFollowing::default())),
             (Method::Ipm, Some(linear)) => Box::new(Ipm::with_solver(linear.build()?)),
             (method, linear) => of_paper(method, linear.unwrap_or(LinearMethod::Cholesky))?,
         };

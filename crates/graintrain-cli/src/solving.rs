@@ -211,9 +211,10 @@ pub fn run(
     stop: &Stop,
 ) -> Result<Outcome, CcpError> {
     let settings = &options.settings(stop);
-    let mut impulse = vec![0.0; 3 * file.problem.num_contacts()];
+    let problem = file.posed(settings.friction);
+    let mut impulse = vec![0.0; 3 * problem.num_contacts()];
     let (start, cpu_start) = (Instant::now(), cpu_seconds());
-    let report = spec.build()?.solve(&file.problem, &mut impulse, settings)?;
+    let report = spec.build()?.solve(problem, &mut impulse, settings)?;
     let seconds = start.elapsed().as_secs_f64();
     let cpu_seconds = cpu_seconds().zip(cpu_start).map(|(end, start)| end - start);
     let evaluation = yardstick.evaluate(&impulse);
@@ -249,9 +250,23 @@ pub fn run(
         gap: (settings.friction == FrictionModel::Relaxed).then_some(evaluation.gap),
         converged: report.converged() && confirmed,
         remark: remark.or(report.remark),
-        notes: file.notes(),
+        notes: notes(file, settings.friction, &impulse),
     };
     Ok(Outcome { impulse, evaluation, record })
+}
+
+/// What the user should know about the file, and, where the relaxation took the symmetric part of its matrix, what the answer is worth for
+/// the matrix itself.
+fn notes(file: &ProblemFile, model: FrictionModel, impulse: &[f64]) -> Vec<String> {
+    let mut notes = file.notes();
+    if let (Some(as_filed), FrictionModel::Relaxed) = (&file.as_filed, model) {
+        let evaluation = Yardstick::new(as_filed).evaluate(impulse);
+        notes.push(format!(
+            "with the matrix as it is in the file the residual, relaxed, is {:.2e}",
+            evaluation.relaxed.max
+        ));
+    }
+    notes
 }
 
 /// The record of a solver that cannot treat the problem.

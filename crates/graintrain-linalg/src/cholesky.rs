@@ -13,7 +13,7 @@
 //! body space) makes the analysis 9 or 36 times cheaper than in scalars and moves whole blocks in the assembly.
 
 use crate::ordering::{Graph, Ordering};
-use crate::supernodes::Supernodes;
+use crate::supernodes::{Run, Supernodes};
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::llt::factor::{
     LltError, LltRegularization, cholesky_in_place, cholesky_in_place_scratch,
@@ -73,14 +73,6 @@ struct Entry {
     transposed: bool,
 }
 
-/// Consecutive block rows of an update matrix that stay consecutive in the parent's front.
-#[derive(Clone, Copy, Debug)]
-struct Run {
-    from: u32,
-    to: u32,
-    length: u32,
-}
-
 impl SparseCholesky {
     /// Analyses a symmetric matrix of `block_size` x `block_size` blocks in compressed row form. Of each pair of
     /// mirrored blocks only the lower one (column <= row) is read; the upper ones may be stored or not.
@@ -92,21 +84,7 @@ impl SparseCholesky {
         let structure = Supernodes::new(&symmetric_graph(row_start, column), ordering, block_size);
         let rows = structure.order.len();
         let mut entries: Vec<Vec<Entry>> = vec![Vec::new(); structure.len()];
-        let mut holder = vec![0_u32; rows];
-        for s in 0..structure.len() {
-            for j in structure.first[s]..structure.first[s + 1] {
-                holder[j as usize] = s as u32;
-            }
-        }
-        // Block row of a position inside the front of supernode s.
-        let local = |s: usize, position: u32| -> u32 {
-            if position < structure.first[s + 1] {
-                position - structure.first[s]
-            } else {
-                let below = structure.rows[s].partition_point(|&row| row < position);
-                structure.width(s) as u32 + below as u32
-            }
-        };
+        let holder = structure.holders();
         for i in 0..rows {
             for k in row_start[i]..row_start[i + 1] {
                 let j = column[k] as usize;
@@ -118,30 +96,13 @@ impl SparseCholesky {
                 let s = holder[column as usize] as usize;
                 entries[s].push(Entry {
                     block: k as u32,
-                    row: local(s, row),
+                    row: structure.local(s, row),
                     column: column - structure.first[s],
                     transposed,
                 });
             }
         }
-        let mut children: Vec<Vec<u32>> = vec![Vec::new(); structure.len()];
-        let mut runs: Vec<Vec<Run>> = vec![Vec::new(); structure.len()];
-        for s in 0..structure.len() {
-            let parent = structure.parent[s];
-            if parent == u32::MAX {
-                continue;
-            }
-            children[parent as usize].push(s as u32);
-            // A run must not cross from the parent's panel into its update matrix.
-            let border = structure.width(parent as usize) as u32;
-            for (from, &row) in structure.rows[s].iter().enumerate() {
-                let to = local(parent as usize, row);
-                match runs[s].last_mut() {
-                    Some(run) if run.to + run.length == to && to != border => run.length += 1,
-                    _ => runs[s].push(Run { from: from as u32, to, length: 1 }),
-                }
-            }
-        }
+        let (children, runs) = structure.assembly();
         let (mut panel_start, mut total) = (vec![0], 0);
         let (mut widest, mut tallest) = (0, 0);
         let (mut held, mut most) = (0_usize, 0_usize);
@@ -331,7 +292,7 @@ pub fn predicted_cost(
     factor_cost(&Supernodes::new(&symmetric_graph(row_start, column), ordering, block_size), block_size)
 }
 
-fn factor_cost(structure: &Supernodes, block_size: usize) -> FactorCost {
+pub(crate) fn factor_cost(structure: &Supernodes, block_size: usize) -> FactorCost {
     let mut cost = FactorCost { entries: 0, flops: 0.0 };
     for s in 0..structure.len() {
         let (width, below) = (block_size * structure.width(s), block_size * structure.rows[s].len());

@@ -4,6 +4,7 @@
 //! |---|---|
 //! | [`parallel`] | loops and sums whose bits do not depend on the number of threads |
 //! | [`cholesky`] | sparse Cholesky factorisation of block matrices, analysed once per pattern |
+//! | [`lu`] | sparse LU factorisation of nonsymmetric block matrices on the same analysis |
 //! | [`krylov`] | conjugate gradients, flexible conjugate gradients, BiCGSTAB |
 //! | [`precond`] | block Jacobi, ILU(0), IC(0) |
 //! | [`block_ops`] | small dense blocks |
@@ -21,6 +22,7 @@ pub mod block_ops;
 pub mod cholesky;
 pub mod dense;
 pub mod krylov;
+pub mod lu;
 pub mod ordering;
 pub mod parallel;
 pub mod patience;

@@ -92,6 +92,56 @@ impl Supernodes {
     pub fn width(&self, s: usize) -> usize {
         (self.first[s + 1] - self.first[s]) as usize
     }
+
+    /// The supernode of every position.
+    pub fn holders(&self) -> Vec<u32> {
+        let mut holder = vec![0; self.order.len()];
+        for s in 0..self.len() {
+            holder[self.first[s] as usize..self.first[s + 1] as usize].fill(s as u32);
+        }
+        holder
+    }
+
+    /// Block row of a position inside the front of supernode s.
+    pub fn local(&self, s: usize, position: u32) -> u32 {
+        if position < self.first[s + 1] {
+            position - self.first[s]
+        } else {
+            let below = self.rows[s].partition_point(|&row| row < position);
+            self.width(s) as u32 + below as u32
+        }
+    }
+
+    /// Children of every supernode, and where its rows lie in the front of its parent.
+    pub fn assembly(&self) -> (Vec<Vec<u32>>, Vec<Vec<Run>>) {
+        let mut children: Vec<Vec<u32>> = vec![Vec::new(); self.len()];
+        let mut runs: Vec<Vec<Run>> = vec![Vec::new(); self.len()];
+        for s in 0..self.len() {
+            let parent = self.parent[s];
+            if parent == NONE {
+                continue;
+            }
+            children[parent as usize].push(s as u32);
+            // A run must not cross from the parent's panel into its update matrix.
+            let border = self.width(parent as usize) as u32;
+            for (from, &row) in self.rows[s].iter().enumerate() {
+                let to = self.local(parent as usize, row);
+                match runs[s].last_mut() {
+                    Some(run) if run.to + run.length == to && to != border => run.length += 1,
+                    _ => runs[s].push(Run { from: from as u32, to, length: 1 }),
+                }
+            }
+        }
+        (children, runs)
+    }
+}
+
+/// Consecutive block rows of an update matrix that stay consecutive in the parent's front.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Run {
+    pub from: u32,
+    pub to: u32,
+    pub length: u32,
 }
 
 /// Strictly lower triangle of the permuted matrix by columns.

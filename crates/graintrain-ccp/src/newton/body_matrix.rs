@@ -19,7 +19,7 @@ use rayon::prelude::*;
 pub type BodyBlock = [f64; 36];
 
 /// One side of a contact in D~ or A: 6x3, row-major; zero where the side is fixed.
-type Side = [f64; 18];
+pub(crate) type Side = [f64; 18];
 
 const NONE: u32 = u32::MAX;
 
@@ -89,25 +89,29 @@ fn scaled_side(
     side
 }
 
+/// D~, both sides of every contact.
+pub(crate) fn scaled_sides(rigid: &RigidDelassus) -> Vec<[Side; 2]> {
+    let spins: Vec<Block> = rigid.inverse_mass().iter().map(|m| semidefinite_factor(&m.angular)).collect();
+    rigid
+        .contacts()
+        .iter()
+        .map(|contact| {
+            let side = |body: u32, sign: f64, arm: [f64; 3]| {
+                if body == FIXED {
+                    return [0.0; 18];
+                }
+                let body = body as usize;
+                scaled_side(sign, &contact.frame, arm, &rigid.inverse_mass()[body], &spins[body])
+            };
+            [side(contact.body_a, 1.0, contact.arm_a), side(contact.body_b, -1.0, contact.arm_b)]
+        })
+        .collect()
+}
+
 impl BodyMatrix {
     /// Pattern and D~ of a problem.
     pub fn new(rigid: &RigidDelassus) -> Self {
-        let spins: Vec<Block> =
-            rigid.inverse_mass().iter().map(|m| semidefinite_factor(&m.angular)).collect();
-        let sides: Vec<[Side; 2]> = rigid
-            .contacts()
-            .iter()
-            .map(|contact| {
-                let side = |body: u32, sign: f64, arm: [f64; 3]| {
-                    if body == FIXED {
-                        return [0.0; 18];
-                    }
-                    let body = body as usize;
-                    scaled_side(sign, &contact.frame, arm, &rigid.inverse_mass()[body], &spins[body])
-                };
-                [side(contact.body_a, 1.0, contact.arm_a), side(contact.body_b, -1.0, contact.arm_b)]
-            })
-            .collect();
+        let sides = scaled_sides(rigid);
         let bodies: Vec<[u32; 2]> = rigid.contacts().iter().map(|c| [c.body_a, c.body_b]).collect();
         let (row_start, column, terms, term_start) = pattern(rigid.num_bodies(), &bodies);
         let blocks = vec![[0.0; 36]; column.len()];
@@ -266,7 +270,7 @@ impl Work for Product<'_> {
 
 /// block += A B^T with A, B of 6x3.
 #[inline]
-fn add_product(block: &mut BodyBlock, a: &Side, b: &Side) {
+pub(crate) fn add_product(block: &mut [f64], a: &Side, b: &Side) {
     for r in 0..6 {
         for c in 0..6 {
             block[6 * r + c] +=

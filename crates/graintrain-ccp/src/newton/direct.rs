@@ -4,7 +4,7 @@ use super::body::BodyCholesky;
 use super::body_matrix::BodyMatrix;
 use super::refinement::{REFINEMENTS, SHIFTS};
 use super::system::{LinearReport, NewtonError, NewtonSolver, NewtonSystem, multiply_scaled};
-use crate::delassus::{Delassus, DelassusWork};
+use crate::delassus::{Delassus, DelassusWork, RigidDelassus};
 use graintrain_linalg::cholesky::{SparseCholesky, predicted_cost};
 use graintrain_linalg::krylov::{KrylovSettings, KrylovWork, conjugate_gradient};
 use graintrain_linalg::ordering::Ordering;
@@ -138,6 +138,23 @@ impl Default for Parameters {
     }
 }
 
+/// Whether a factorisation over the bodies needs fewer operations than one over the contacts.
+pub(crate) fn in_body_space(rigid: &RigidDelassus, parameters: &Parameters) -> bool {
+    let touched = (0..rigid.num_bodies()).filter(|&body| !rigid.sides(body).is_empty()).count();
+    let ratio = rigid.num_contacts() as f64 / touched.max(1) as f64;
+    if ratio > parameters.clearly_body {
+        return true;
+    }
+    if ratio < parameters.clearly_contact {
+        return false;
+    }
+    let body = BodyMatrix::new(rigid);
+    let pattern = rigid.assemble();
+    let ordering = Ordering::MinimumDegree;
+    let in_body = predicted_cost(6, body.row_starts(), body.columns(), ordering).flops;
+    in_body <= predicted_cost(3, pattern.row_starts(), pattern.columns(), ordering).flops
+}
+
 /// Sparse Cholesky in contact space or in body space, whichever needs fewer operations for the pattern at hand.
 #[derive(Default)]
 pub struct Direct {
@@ -155,19 +172,7 @@ impl Direct {
             self.in_body_space = false;
             return;
         };
-        let touched = (0..rigid.num_bodies()).filter(|&body| !rigid.sides(body).is_empty()).count();
-        let ratio = rigid.num_contacts() as f64 / touched.max(1) as f64;
-        self.in_body_space = if ratio > self.parameters.clearly_body {
-            true
-        } else if ratio < self.parameters.clearly_contact {
-            false
-        } else {
-            let body = BodyMatrix::new(rigid);
-            let pattern = rigid.assemble();
-            let ordering = Ordering::MinimumDegree;
-            let in_body = predicted_cost(6, body.row_starts(), body.columns(), ordering).flops;
-            in_body <= predicted_cost(3, pattern.row_starts(), pattern.columns(), ordering).flops
-        };
+        self.in_body_space = in_body_space(rigid, &self.parameters);
     }
 }
 

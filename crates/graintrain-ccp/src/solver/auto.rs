@@ -7,6 +7,7 @@ use super::first_order::FirstOrder;
 use super::history::History;
 use super::interface::CcpSolver;
 use super::ipm::Ipm;
+use super::path_following::PathFollowing;
 use super::report::{SolveReport, Status};
 use super::settings::SolveSettings;
 use crate::problem::{Ccp, CcpError};
@@ -19,11 +20,14 @@ pub struct Parameters {
     /// Iterations of the first-order method while another method is left to try: about ten times what a settled packing needs
     /// for 1e-4 from a cold start, fewer where the tolerance is looser.
     pub first_order_limit: usize,
+    /// Checks (one in ten iterations) that the first-order method may go without taking a tenth off its least residual while another
+    /// method is left to try. Settled packings creep for hundreds of iterations, jammed ones for ever.
+    pub first_order_patience: usize,
 }
 
 impl Default for Parameters {
     fn default() -> Self {
-        Self { tight: 1e-6, first_order_limit: 30_000 }
+        Self { tight: 1e-6, first_order_limit: 30_000, first_order_patience: 500 }
     }
 }
 
@@ -33,6 +37,7 @@ impl Default for Parameters {
 pub struct Auto {
     members: Vec<(&'static str, Box<dyn CcpSolver>)>,
     exact: Alternating,
+    path: PathFollowing,
     /// The tuned constants.
     pub parameters: Parameters,
 }
@@ -46,9 +51,11 @@ impl Default for Auto {
 impl Auto {
     /// With `apgd` and `ipm`.
     pub fn new() -> Self {
+        let parameters = Parameters::default();
+        let apgd = FirstOrder::with_patience(Apgd::default(), parameters.first_order_patience);
         let members: Vec<(_, Box<dyn CcpSolver>)> =
-            vec![("apgd", Box::new(FirstOrder::new(Apgd::default()))), ("ipm", Box::new(Ipm::new()))];
-        Self { members, exact: Alternating::new(), parameters: Parameters::default() }
+            vec![("apgd", Box::new(apgd)), ("ipm", Box::new(Ipm::new()))];
+        Self { members, exact: Alternating::new(), path: PathFollowing::default(), parameters }
     }
 }
 
@@ -101,7 +108,9 @@ impl CcpSolver for Auto {
             let residual = limits.judged(report.residual);
             best.offer(impulse, residual);
             remark.clone_from(&report.remark);
-            if report.converged() || limits.status(iterations, residual).is_some() {
+            // That a problem has no solution is proved; nobody after this one finds any.
+            let is_over = report.converged() || report.status == Status::Infeasible;
+            if is_over || limits.status(iterations, residual).is_some() {
                 break;
             }
             best.restore(impulse);
@@ -120,5 +129,9 @@ impl CcpSolver for Auto {
     ) -> Result<Option<SolveReport>, CcpError> {
         let report = self.exact.solve(problem, impulse, last, settings)?;
         Ok(Some(SolveReport { solver: format!("auto ({})", report.solver), ..report }))
+    }
+
+    fn path_following(&mut self) -> Option<&mut PathFollowing> {
+        Some(&mut self.path)
     }
 }

@@ -9,6 +9,7 @@ use super::history::History;
 use super::interface::CcpSolver;
 use super::report::{SolveReport, Status};
 use super::settings::SolveSettings;
+use crate::newton::NewtonRecord;
 use crate::problem::{Ccp, CcpError};
 use crate::residual::{FrictionModel, ResidualScale};
 
@@ -24,12 +25,14 @@ use crate::residual::{FrictionModel, ResidualScale};
 /// no longer extrapolated, only damped: in settled packings the map has slow modes (factors of 0.98) beside modes that swing (-1.1), and
 /// errors of the solves hide the first.
 ///
-/// A solver that treats exact friction in iterations of its own ([`CcpSolver::solve_exact`]) is tried first; the fixed point goes
-/// on from its best iterate where that did not converge, neither from the start given nor from zero. Relaxed solves pass straight
-/// through, and so do problems without friction.
+/// A solver that treats exact friction in iterations of its own ([`CcpSolver::solve_exact`]) is tried first. Where its first round ends
+/// without a solution and it has a [path to fall back on](CcpSolver::path_following), that is followed from the best impulses; then come
+/// more rounds, from where the first one ended and from zero. All that is decided by counts of operations and by residuals, never by
+/// the clock. The fixed point goes on from the best iterate where nothing of that converged. Relaxed solves pass straight through, and
+/// so do problems without friction.
 ///
 /// A limit of iterations holds for these two stages one by one, because they need not count the same: in the first one `ipm`
-/// makes gradient steps, in the second Newton systems. The report has their sum. Without a limit the second stage ends after ten
+/// makes gradient steps and factorisations, in the second Newton systems. The report has their sum. Without a limit the second stage ends after ten
 /// times the iterations that the solver allows itself for one relaxed solve ([`Status::IterationLimit`]).
 pub struct CoulombIteration {
     relaxed: Box<dyn CcpSolver>,
@@ -44,6 +47,8 @@ pub struct Parameters {
     pub outer_limit: usize,
     /// Iterations of a round of a solver that treats exact friction itself.
     pub round: usize,
+    /// The path that the solver falls back on may take as much work as so many iterations.
+    pub path_work: f64,
     /// Rounds go on while one of the last ones has lowered the least residual to this fraction.
     pub round_gain: f64,
     /// Rounds that may go by without that.
@@ -65,6 +70,7 @@ impl Default for Parameters {
         Self {
             outer_limit: 1000,
             round: 30_000,
+            path_work: 30_000.0,
             round_gain: 0.5,
             round_patience: 2,
             nested_limit: 10,
@@ -114,6 +120,51 @@ fn effective(problem: &Ccp, settings: &SolveSettings) -> Option<SolveSettings> {
 }
 
 impl CoulombIteration {
+    /// One round of the relaxed solver's own treatment of exact friction, then the path from the best impulses, for solvers that fall back
+    /// on it. How long the path may be is decided by operations: a factorisation against an iteration.
+    fn first_round(
+        &mut self,
+        problem: &Ccp,
+        last: &mut [f64],
+        settings: &SolveSettings,
+        limits: &Limits<'_>,
+        found: &mut Found,
+    ) -> Result<Option<Status>, CcpError> {
+        if self.relaxed.path_following().is_none() {
+            return Ok(None);
+        }
+        let mut impulse = last.to_vec();
+        let length = self.parameters.round;
+        let ended = self.round(problem, &mut impulse, last, settings, length, limits, found)?;
+        let Some(path) = self.relaxed.path_following().filter(|_| ended.is_none()) else {
+            return Ok(ended);
+        };
+        let systems = (self.parameters.path_work / path.iterations_per_system(problem)) as usize;
+        let left = settings.max_iterations.map_or(usize::MAX, |limit| limit.saturating_sub(found.steps));
+        if left.min(systems) == 0 {
+            return Ok(None);
+        }
+        found.best.restore(&mut impulse);
+        let path_settings = SolveSettings {
+            max_iterations: Some(left.min(systems)),
+            max_time: limits.time_left(),
+            ..settings.clone()
+        };
+        let begun = limits.seconds();
+        let report = path.solve(problem, &mut impulse, &path_settings)?;
+        found.history.append(&report.history, found.steps, begun);
+        found.steps += report.iterations;
+        found.best.offer(&impulse, limits.judged(report.residual));
+        found.remark.clone_from(&report.remark);
+        if report.converged() {
+            let before = found.solver.take().unwrap_or_default();
+            found.solver = Some(format!("{before}, {}", report.solver));
+        }
+        found.newton = report.newton;
+        let over = matches!(report.status, Status::Converged | Status::Stopped);
+        Ok(over.then_some(report.status))
+    }
+
     /// Rounds of the relaxed solver's own treatment of exact friction, from `last`. The status that ends the solve, or `None` where
     /// the rounds no longer gain, or the solver has no such treatment.
     fn rounds(
@@ -127,26 +178,14 @@ impl CoulombIteration {
         let mut impulse = last.to_vec();
         let (mut reference, mut since) = (f64::INFINITY, 0);
         while since < self.parameters.round_patience {
-            let left = settings.max_iterations.map_or(usize::MAX, |limit| limit.saturating_sub(found.steps));
-            let round = SolveSettings {
-                max_iterations: Some(left.min(self.parameters.round)),
-                max_time: limits.time_left(),
-                ..settings.clone()
-            };
-            let begun = limits.seconds();
-            let Some(report) = self.relaxed.solve_exact(problem, &mut impulse, last, &round)? else {
-                return Ok(None);
-            };
-            found.history.append(&report.history, found.steps, begun);
-            found.steps += report.iterations;
-            found.products += report.products;
-            let residual = limits.judged(report.residual);
-            found.best.offer(&impulse, residual);
-            found.solver = Some(report.solver);
-            if matches!(report.status, Status::Converged | Status::Stopped) {
-                return Ok(Some(report.status));
+            let (before, length) = (found.steps, self.parameters.round);
+            let ended = self.round(problem, &mut impulse, last, settings, length, limits, found)?;
+            if ended.is_some() {
+                return Ok(ended);
             }
-            if report.iterations >= left || !residual.is_finite() {
+            let residual = found.last_residual;
+            let out_of_steps = settings.max_iterations.is_some_and(|limit| found.steps >= limit);
+            if found.steps == before || out_of_steps || !residual.is_finite() {
                 break;
             }
             since += 1;
@@ -155,6 +194,41 @@ impl CoulombIteration {
             }
         }
         Ok(None)
+    }
+
+    /// One round, of at most so many iterations. The status where it ends the solve; no iterations where the solver has no such treatment.
+    fn round(
+        &mut self,
+        problem: &Ccp,
+        impulse: &mut [f64],
+        last: &mut [f64],
+        settings: &SolveSettings,
+        length: usize,
+        limits: &Limits<'_>,
+        found: &mut Found,
+    ) -> Result<Option<Status>, CcpError> {
+        let left = settings.max_iterations.map_or(usize::MAX, |limit| limit.saturating_sub(found.steps));
+        let round = SolveSettings {
+            max_iterations: Some(left.min(length)),
+            max_time: limits.time_left(),
+            ..settings.clone()
+        };
+        let begun = limits.seconds();
+        let Some(report) = self.relaxed.solve_exact(problem, impulse, last, &round)? else {
+            return Ok(None);
+        };
+        found.history.append(&report.history, found.steps, begun);
+        found.steps += report.iterations;
+        found.products += report.products;
+        found.last_residual = limits.judged(report.residual);
+        found.best.offer(impulse, found.last_residual);
+        found.solver = Some(report.solver);
+        if report.remark.is_some() {
+            found.remark = report.remark;
+        }
+        found.newton.extend(report.newton);
+        let over = matches!(report.status, Status::Converged | Status::Stopped);
+        Ok(over.then_some(report.status))
     }
 
     /// The problem without friction: where not even that has a solution, the exact one has none. Impulses that keep the bodies
@@ -198,7 +272,10 @@ impl CoulombIteration {
         let mut shift = Shift::new(contacts, self.parameters.factor_range);
         let mut found = Found::default();
         let mut last = impulse.to_vec();
-        let mut ended = self.rounds(problem, &mut last, settings, &limits, &mut found)?;
+        let mut ended = self.first_round(problem, &mut last, settings, &limits, &mut found)?;
+        if ended.is_none() {
+            ended = self.rounds(problem, &mut last, settings, &limits, &mut found)?;
+        }
         if ended.is_none() && found.solver.is_some() && impulse.iter().any(|&g| g != 0.0) {
             // These iterations are chaotic: a start that leads nowhere need not be nearer to a solution than none.
             last.fill(0.0);
@@ -209,9 +286,10 @@ impl CoulombIteration {
             let name = found.solver.unwrap_or_else(|| self.name());
             let report = limits.report(&name, problem, impulse, status, found.steps, 0);
             let history = found.history.into_samples();
-            return Ok(SolveReport { products: found.products, history, ..report });
+            let Found { products, newton, .. } = found;
+            return Ok(SolveReport { products, history, newton, ..report });
         }
-        let Found { mut best, steps, mut products, mut history, .. } = found;
+        let Found { mut best, steps, mut products, mut history, newton, remark, .. } = found;
         let (mut iterations, mut linear_iterations, mut since_best) = (0, 0, 0);
         let mut asked_without_friction = false;
         let mut fraction = self.parameters.inner_fraction[0];
@@ -282,7 +360,9 @@ impl CoulombIteration {
         best.restore(impulse);
         let report =
             limits.report(&self.name(), problem, impulse, status, steps + iterations, linear_iterations);
-        Ok(SolveReport { products, history: history.into_samples(), ..report })
+        // What the path came to tells most about exact friction, but not where there is no solution at all.
+        let remark = report.remark.clone().or(remark.filter(|_| !report.converged()));
+        Ok(SolveReport { products, history: history.into_samples(), newton, remark, ..report })
     }
 }
 
@@ -293,6 +373,12 @@ struct Found {
     steps: usize,
     products: usize,
     history: History,
+    /// Residual of the last round.
+    last_residual: f64,
+    /// One per factorisation; these are among the steps.
+    newton: Vec<NewtonRecord>,
+    /// What the path had to say.
+    remark: Option<String>,
     /// Who made the last round; `None` where there was none.
     solver: Option<String>,
 }

@@ -9,6 +9,11 @@ use crate::residual::{Residual, ResidualScale};
 use graintrain_linalg::patience::Patience;
 use std::time::Instant;
 
+/// Said beside [`Status::Infeasible`].
+const INFEASIBLE: &str = "no velocities of the bodies keep these contacts apart, which was proved: bodies are wedged in, or \
+    pressed together by ones that cannot give way. The impulses are those of contacts that give a little; let something move, or \
+    remove an overlap or a prescribed motion, for a problem that has a solution";
+
 /// Clock and limits of one solve.
 #[derive(Clone, Debug)]
 pub struct Limits<'a> {
@@ -114,7 +119,7 @@ impl<'a> Limits<'a> {
             seconds: self.seconds(),
             newton: Vec::new(),
             history: Vec::new(),
-            remark: None,
+            remark: (status == Status::Infeasible).then(|| INFEASIBLE.to_string()),
         }
     }
 

@@ -1,6 +1,6 @@
 //! What the first-order methods share: the scaled problem, the iterate with its image, stopping.
 
-use super::driver::{Best, Limits, check_start};
+use super::driver::{Best, Limits, Progress, check_start};
 use super::history::History;
 use super::interface::{CcpSolver, ITERATION_LIMIT};
 use super::lanes::{Batch, Lanes, Vector};
@@ -27,6 +27,8 @@ pub trait FirstOrderMethod: Send {
 /// stay.
 pub struct FirstOrder<M> {
     method: M,
+    /// Checks that a relaxed solve may go without a tenth off its least residual.
+    patience: usize,
     prepared: Option<Prepared>,
 }
 
@@ -64,7 +66,13 @@ impl Prepared {
 impl<M> FirstOrder<M> {
     /// The solver with this method's parameters.
     pub fn new(method: M) -> Self {
-        Self { method, prepared: None }
+        Self { method, patience: usize::MAX, prepared: None }
+    }
+
+    /// The same, ending a relaxed solve ([`Status::Stalled`]) after so many checks of the residual, one in ten iterations, without a tenth
+    /// off the least one.
+    pub fn with_patience(method: M, patience: usize) -> Self {
+        Self { patience, ..Self::new(method) }
     }
 }
 
@@ -89,6 +97,9 @@ impl<M: FirstOrderMethod> FirstOrder<M> {
             check_start(problem, last)?;
         }
         let mut it = Iterate::new(scaled, limits, last.as_deref().unwrap_or(impulse));
+        if model == FrictionModel::Relaxed {
+            it.progress = Progress::new(self.patience);
+        }
         self.method.run(scaled, &mut it);
         if let Some(last) = last {
             scaled.unpack(&it.x, last);
@@ -167,6 +178,7 @@ pub struct Iterate<'a> {
     iterations: usize,
     history: History,
     best: Best<Batch>,
+    progress: Progress,
     status: Status,
     refreshed: bool,
 }
@@ -182,6 +194,7 @@ impl<'a> Iterate<'a> {
             iterations: 0,
             history: History::default(),
             best: Best::default(),
+            progress: Progress::new(usize::MAX),
             status: Status::Stalled,
             refreshed: false,
         };
@@ -257,7 +270,8 @@ impl<'a> Iterate<'a> {
                 self.status = status;
                 false
             }
-            None => true,
+            // The status is [`Status::Stalled`] until another one is known.
+            None => !self.progress.has_ended(residual),
         }
     }
 

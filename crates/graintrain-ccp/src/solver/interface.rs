@@ -1,5 +1,6 @@
 //! What every solver of the CCP offers.
 
+use super::path_following::PathFollowing;
 use super::report::SolveReport;
 use super::settings::SolveSettings;
 use crate::problem::{Ccp, CcpError};
@@ -48,5 +49,10 @@ pub trait CcpSolver: Send {
     ) -> Result<Option<SolveReport>, CcpError> {
         let _ = (problem, impulse, last, settings);
         Ok(None)
+    }
+
+    /// The solver that exact friction goes to where [`Self::solve_exact`] does not get on; `None` for methods that stay by themselves.
+    fn path_following(&mut self) -> Option<&mut PathFollowing> {
+        None
     }
 }

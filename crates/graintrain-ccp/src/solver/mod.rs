@@ -9,6 +9,7 @@
 //! | [`scaling`], [`combination`] | the scaled problem and its passes |
 //! | [`first_order`] | what the first-order methods share |
 //! | [`auto`], [`coulomb`] | the choice among solvers, and exact friction by any of them |
+//! | [`path_following`] | exact friction where gradients do not get on |
 //! | [`ipm`], [`infeasible`] | the interior point, and the search for a proof that there is no solution |
 //!
 //! Solvers by name are in [`crate::registry`].
@@ -30,6 +31,7 @@ pub mod infeasible;
 pub mod interface;
 pub mod ipm;
 pub mod lanes;
+pub mod path_following;
 pub mod report;
 mod row_operator;
 pub mod scaling;
@@ -42,5 +44,6 @@ pub use coulomb::CoulombIteration;
 pub use gauss_seidel::GaussSeidel;
 pub use history::ResidualSample;
 pub use interface::CcpSolver;
+pub use path_following::PathFollowing;
 pub use report::{SolveReport, Status};
 pub use settings::SolveSettings;

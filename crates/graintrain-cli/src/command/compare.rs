@@ -222,7 +222,7 @@ fn solve_all(
     progress: &mut Progress,
 ) -> Vec<Record> {
     let options = &arguments.options;
-    let yardstick = Yardstick::new(&file.problem);
+    let yardstick = Yardstick::new(file.posed(options.friction));
     let mut records = Vec::new();
     for spec in specs {
         progress.begin(name, spec);

@@ -53,7 +53,7 @@ pub fn execute(arguments: &Arguments) -> Result<ExitCode, Failure> {
     let spinner = solving::spinner();
     spinner.set_message(format!("{spec} on {name}, {}", solving::describe(&file)));
     let outcome = with_threads(arguments.options.threads, || {
-        let yardstick = Yardstick::new(&file.problem);
+        let yardstick = Yardstick::new(file.posed(arguments.options.friction));
         solving::run(&name, &file, &yardstick, &spec, &arguments.options, &stop)
     })?
     .map_err(|error: CcpError| Failure::input_error(error, "choose another --solver"));
@@ -68,7 +68,7 @@ pub fn execute(arguments: &Arguments) -> Result<ExitCode, Failure> {
     } else {
         answer(table(&file, &outcome))?;
     }
-    for note in file.notes() {
+    for note in &outcome.record.notes {
         tell!("note: {note}");
     }
     if let Some(code) = stop.exit_code() {

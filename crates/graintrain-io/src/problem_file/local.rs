@@ -1,5 +1,6 @@
 //! From the local form, u = W r + q, to a CCP over an explicit sparse matrix.
 
+use super::NOTICEABLE_ASYMMETRY;
 use super::dense;
 use super::error::Defect;
 use super::matrix::{Entry, Matrix};
@@ -10,27 +11,40 @@ use graintrain_linalg::block3::{Block, BlockMatrix3};
 /// N, r and how far W was from symmetry, max |W - W^T| / max |W|.
 pub(super) struct Reduced {
     pub(super) delassus: Delassus,
+    /// W itself where it is noticeably asymmetric.
+    pub(super) as_filed: Option<Delassus>,
     pub(super) r: Vec<f64>,
     pub(super) asymmetry: f64,
 }
 
-/// The CCP of a local problem. W is made symmetric, N = (W + W^T) / 2: the problem is a minimisation only then.
+/// The CCP of a local problem. W is made symmetric, N = (W + W^T) / 2: the relaxed problem is a minimisation only then. Exact friction
+/// needs no symmetry.
 pub(super) fn reduce(local: LocalForm) -> Result<Reduced, Defect> {
     let asymmetry = local.w.asymmetry();
     let (w, r) = match &local.equalities {
         Some(equalities) => eliminate(&local, equalities)?,
         None => (local.w, local.q),
     };
-    Ok(Reduced { delassus: Delassus::Sparse(symmetric_blocks(&w)), r, asymmetry })
+    let as_filed = (asymmetry > NOTICEABLE_ASYMMETRY).then(|| Delassus::Sparse(blocks(&w)));
+    Ok(Reduced { delassus: Delassus::Sparse(symmetric_blocks(&w)), as_filed, r, asymmetry })
 }
 
 /// (A + A^T) / 2 in 3x3 blocks; diagonal blocks are always stored.
 pub(super) fn symmetric_blocks(matrix: &Matrix) -> BlockMatrix3 {
-    let contacts = matrix.rows / 3;
     let both = matrix.entries.iter().flat_map(|entry| {
         [(entry.row, entry.column, 0.5 * entry.value), (entry.column, entry.row, 0.5 * entry.value)]
     });
-    let mut entries: Vec<(usize, usize, f64)> = both.collect();
+    summed_blocks(matrix.rows / 3, both.collect())
+}
+
+/// A in 3x3 blocks; diagonal blocks are always stored.
+fn blocks(matrix: &Matrix) -> BlockMatrix3 {
+    let entries = matrix.entries.iter().map(|entry| (entry.row, entry.column, entry.value));
+    summed_blocks(matrix.rows / 3, entries.collect())
+}
+
+/// The matrix of these entries (row, column, value), added up where there are several.
+fn summed_blocks(contacts: usize, mut entries: Vec<(usize, usize, f64)>) -> BlockMatrix3 {
     // Sorted by block, then by position; the sort is stable, so that sums have a fixed order.
     entries.sort_by_key(|&(row, column, _)| (row / 3, column / 3));
     let mut entries = entries.into_iter().peekable();

@@ -31,7 +31,7 @@ pub use error::ProblemFileError;
 pub use hdf5::write;
 
 use error::Defect;
-use graintrain_ccp::{Ccp, CcpError, Delassus};
+use graintrain_ccp::{Ccp, CcpError, Delassus, FrictionModel};
 use raw::{Extras, RawProblem, Stated};
 use std::path::Path;
 #[cfg(not(feature = "fclib"))]
@@ -60,8 +60,9 @@ pub struct ProblemFile {
     pub title: String,
     /// Number of bodies (independent blocks of M); 0 where the file does not know them.
     pub bodies: usize,
-    /// max |A - A^T| / max |A| of the matrix in the file (W or M) that has to be symmetric. Above rounding the
-    /// problem solved is that of the symmetric part.
+    /// The problem with the matrix W as it is in the file, where that is noticeably asymmetric. `problem` has its symmetric part.
+    pub as_filed: Option<Ccp>,
+    /// max |A - A^T| / max |A| of the matrix in the file (W or M) that has to be symmetric.
     pub asymmetry: f64,
     /// What was taken in another way than the file says it, one sentence each.
     pub remarks: Vec<String>,
@@ -71,12 +72,25 @@ pub struct ProblemFile {
 const NOTICEABLE_ASYMMETRY: f64 = 1e-9;
 
 impl ProblemFile {
+    /// The problem that a friction model poses: exact friction holds for the matrix as it is in the file; the relaxation is a minimisation,
+    /// and takes its symmetric part.
+    pub fn posed(&self, model: FrictionModel) -> &Ccp {
+        match (model, &self.as_filed) {
+            (FrictionModel::Coulomb, Some(as_filed)) => as_filed,
+            _ => &self.problem,
+        }
+    }
+
     /// What the user should know about the file, one sentence each.
     pub fn notes(&self) -> Vec<String> {
         let mut notes = self.remarks.clone();
         if self.asymmetry > NOTICEABLE_ASYMMETRY {
+            let taken = match self.as_filed {
+                Some(_) => "exact friction takes it as it is, the relaxation its symmetric part",
+                None => "its symmetric part is solved",
+            };
             notes.push(format!(
-                "the matrix in the file is asymmetric ({:.1e} of its largest entry); its symmetric part is solved",
+                "the matrix in the file is asymmetric ({:.1e} of its largest entry); {taken}",
                 self.asymmetry
             ));
         }
@@ -121,10 +135,12 @@ fn build(stated: Stated) -> Result<ProblemFile, Defect> {
             "{name} has entries on one side of its diagonal only and is taken as one triangle of a symmetric matrix"
         )
     }));
+    let mut matrix_as_filed = None;
     let (delassus, r, points, friction, form, bodies, asymmetry) = match raw {
         RawProblem::Local(mut local) => {
             let friction = std::mem::take(&mut local.friction);
             let reduced = local::reduce(local)?;
+            matrix_as_filed = reduced.as_filed;
             (reduced.delassus, reduced.r, Vec::new(), friction, Form::Local, 0, reduced.asymmetry)
         }
         RawProblem::Global(mut global) => {
@@ -148,5 +164,7 @@ fn build(stated: Stated) -> Result<ProblemFile, Defect> {
     problem.identity = extras.identity;
     problem.points = if extras.points.is_empty() { points } else { extras.points };
     problem.validate().map_err(invalid)?;
-    Ok(ProblemFile { problem, form, title, bodies, asymmetry, remarks })
+    let as_filed =
+        matrix_as_filed.map(|matrix| Ccp { delassus: std::sync::Arc::new(matrix), ..problem.clone() });
+    Ok(ProblemFile { problem, form, title, bodies, as_filed, asymmetry, remarks })
 }

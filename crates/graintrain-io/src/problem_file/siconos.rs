@@ -19,6 +19,9 @@ use super::raw::{GlobalForm, LocalForm, RawProblem, check_dimension};
 pub(super) fn parse(text: &[u8]) -> Result<RawProblem, Defect> {
     let mut words = Words { text, position: 0 };
     let dimension = words.integer("the dimension of a contact")?;
+    if dimension == 2 {
+        check_two_dimensional(&mut words)?;
+    }
     check_dimension(dimension)?;
     let contacts = words.size("the number of contacts")?;
     let size = contacts
@@ -55,6 +58,23 @@ pub(super) fn parse(text: &[u8]) -> Result<RawProblem, Defect> {
         return Err(words.defect(what, "the sizes at the top of the file do not fit its numbers"));
     }
     Ok(problem)
+}
+
+/// A file that begins with a 2 is a two-dimensional contact problem only if its matrix has two rows per contact: other problems of Siconos
+/// (second-order cone complementarity, SOCLCP) begin with any number.
+fn check_two_dimensional(words: &mut Words<'_>) -> Result<(), Defect> {
+    let (contacts, storage) = (words.integer("the number of contacts")?, words.integer("a storage")?);
+    let rows = words.integer("the number of rows")?;
+    if !(0..=2).contains(&storage) || contacts.checked_mul(2) != Some(rows) {
+        return Err(Defect::unsupported(
+            format!(
+                "not even a two-dimensional contact problem in local form (it begins with 2, {contacts}, {storage}, {rows}: a matrix of {rows} rows does not fit \
+                 {contacts} contacts of 2 components); a second-order cone problem (SOCLCP)?"
+            ),
+            "state it as a contact problem with 3 components per contact",
+        ));
+    }
+    Ok(())
 }
 
 fn is_integer(word: &[u8]) -> bool {

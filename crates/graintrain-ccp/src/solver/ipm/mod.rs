@@ -51,6 +51,7 @@ use super::apgd::Apgd;
 use super::driver::{Limits, check_start};
 use super::first_order::FirstOrder;
 use super::interface::CcpSolver;
+use super::path_following::PathFollowing;
 use super::report::{SolveReport, Status};
 use super::settings::SolveSettings;
 use crate::newton::direct::Direct;
@@ -71,6 +72,7 @@ pub struct Ipm {
     /// The scaled N of the last problem.
     scaled: Option<ScaledMatrix>,
     exact: Alternating,
+    path: PathFollowing,
     /// The tuned constants.
     pub parameters: Parameters,
 }
@@ -90,6 +92,7 @@ impl Ipm {
             start: None,
             scaled: None,
             exact: Alternating::new(),
+            path: PathFollowing::default(),
             parameters: Parameters::default(),
         }
     }
@@ -210,5 +213,9 @@ impl CcpSolver for Ipm {
         }
         let report = self.exact.solve(problem, impulse, last, settings)?;
         Ok(Some(SolveReport { solver: self.name(), ..report }))
+    }
+
+    fn path_following(&mut self) -> Option<&mut PathFollowing> {
+        self.start.is_some().then_some(&mut self.path)
     }
 }

@@ -4,6 +4,7 @@
 mod by_hand;
 mod damage;
 mod dumps;
+mod exact;
 mod unusual;
 
 use graintrain_io::problem_file::{self, Form};

@@ -1,0 +1,250 @@
+//! `path`: the contact problem with exact Coulomb friction by following a smoothed path through its folds.
+//!
+//! **Equations.** With x = S g, S = diag(mu, 1, 1) per contact, the friction cones become second-order cones, which are their own dual;
+//! N' = S^-1 N S^-1, r' = S^-1 r. With a metric eta_i per contact (geometric mean of the diagonal of N'_ii) and x = P(w), y = eta (x - w),
+//! where P is the projection on the cones, x and y are in the cones and perpendicular, whatever w is. Exact friction is
+//! N' x + r' + |y_t| e_n = y (De Saxce's term). P is smoothed by P_tau: on the eigenvalues l = w_n +- |w_t| of w it acts as
+//!
+//! ```text
+//! phi(l) = (l + sqrt(l^2 + 4 tau_i^2)) / 2,      tau_i = tau V / eta_i
+//! G(w, tau) = N' P_tau(w) + r' + |y_t|_delta e_n - y = 0,      |y_t|_delta = sqrt(|y_t|^2 + delta^2),  delta = kappa eta_i tau_i
+//! ```
+//!
+//! (Chen, Harker 1993; Kanzow 1996; Smale 1987: CHKS; for cones Fukushima, Luo, Tseng, "Smoothing functions for second-order-cone
+//! complementarity problems", SIAM J. Optim. 12:436-460, 2001.) For large tau there is one solution; as tau falls to 0 its path leads
+//! to a solution of the exact problem, of error O(tau), where it leads anywhere.
+//!
+//! **Folds.** The exact problem is not monotone, and the path may turn back: there det J = 0 with J = dG/dw, and no method that only lowers
+//! tau, or any measure of G, passes. Where tau does not fall any more the path is followed by pseudo-arclength (H. Keller 1977). Its sense is
+//! given by the sign of det J, tau falling where it is that of the beginning and rising where it is not: the orientation of the curve,
+//! which a scalar product with the last step loses at sharp bends (Allgower, Georg, "Numerical Continuation Methods", 1990, chapter 2).
+//!
+//! **Linear algebra.** One sparse LU ([`graintrain_linalg::lu`]) of J per step gives Newton's direction and the tangent, over bodies as
+//! I + D~ A B^-1 D~^T (A = dP/dw, B the rest of J; the contact graph), over contacts as N' A + B, whichever is cheaper; a bare matrix, symmetric
+//! or not, over contacts. I - A is kept from vanishing (`Parameters::least_complement`): where impulses are not unique J would be singular.
+//!
+//! **Walks.** One walk goes down from large tau; which turns the path takes depends on kappa and on how closely it is followed, so several
+//! are tried with other such settings, and from impulses that are nearly right short ones at small tau. Iterations are factorisations,
+//! a report has a record of each (figures `log10_tau`, `determinant_sign`, `folds`).
+//!
+//! **Limits.** A path that passes many folds near each other (W of low rank with large mu) may be lost: the arclength then ends
+//! with steps of no length, and the solve [stalls](super::Status::Stalled); that tells nothing about whether there is a solution. Coefficients of friction far
+//! below 1e-3 (but not 0) make N' badly scaled. It proves no infeasibility. In relaxed mode De Saxce's term is left out, and the path is
+//! monotone. Memory: the factors, twice those of a Cholesky factorisation.
+
+mod follower;
+mod jacobian;
+mod smoothing;
+
+use super::driver::{Limits, check_start};
+use super::interface::CcpSolver;
+use super::report::{SolveReport, Status};
+use super::settings::SolveSettings;
+use crate::delassus::{Delassus, DelassusIdentity};
+use crate::problem::{Ccp, CcpError};
+use crate::residual::{FrictionModel, ResidualScale};
+use follower::Follower;
+use jacobian::Jacobian;
+use smoothing::SmoothedProblem;
+
+/// How one walk goes about it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Walk {
+    /// rms |G| / V over tau up to which a place counts as near the path.
+    pub near: f64,
+    /// kappa: delta_i of |y_t|_delta relative to eta_i tau_i.
+    pub rounding: f64,
+    /// Factorisations allowed.
+    pub systems: usize,
+}
+
+/// What [`PathFollowing`] is tuned by.
+#[derive(Clone, Debug)]
+pub struct Parameters {
+    /// Walks from `first_tau` down, one after the other until one of them arrives.
+    pub walks: Vec<Walk>,
+    /// Walks from the best impulses so far, at `warm_tau` times their residual, tried in turn.
+    pub warm_walks: Vec<Walk>,
+    /// See `warm_walks`.
+    pub warm_tau: f64,
+    /// Impulses of at most this residual are worth a warm walk.
+    pub warm_residual: f64,
+    /// Rounds of warm walks go on while the residual falls to this fraction.
+    pub warm_gain: f64,
+    /// tau of the start, in units of V / eta_i.
+    pub first_tau: f64,
+    /// Least eigenvalue of I - A in the Jacobian.
+    pub least_complement: f64,
+    /// First factor of tau per step, and the least.
+    pub reduction: [f64; 2],
+    /// rms |G| / V over tau up to which the arclength takes a place for one on the path.
+    pub centred: f64,
+    /// Steps in a row without a fall of tau that end a descent.
+    pub hard: usize,
+    /// Steps without a tenth off the least residual that end a descent below `least_tau`.
+    pub patience: usize,
+    /// tau over tolerance below which nothing is to be gained.
+    pub least_tau: f64,
+    /// Places near the path that are remembered.
+    pub anchors: usize,
+    /// Newton steps of a correction.
+    pub corrections: usize,
+    /// Growth of |G| that ends a correction.
+    pub growth: f64,
+    /// Change of w, relative to the size of x, that counts as much as a change of ln tau by 1.
+    pub spread: f64,
+    /// First, largest and least step of the arclength.
+    pub step: [f64; 3],
+    /// d ln tau / ds below minus this is free fall; so many steps of it end the arclength.
+    pub free: (f64, usize),
+}
+
+impl Default for Parameters {
+    fn default() -> Self {
+        let walk = |near, rounding, systems| Walk { near, rounding, systems };
+        Self {
+            walks: vec![
+                walk(1.0, 1e-2, 200),
+                walk(3.0, 1e-2, 200),
+                walk(0.3, 3e-2, 400),
+                walk(0.3, 1e-2, 400),
+                walk(0.3, 1.0, 400),
+                walk(3.0, 0.3, 400),
+            ],
+            warm_walks: vec![walk(1.0, 1e-2, 60), walk(3.0, 1e-1, 60), walk(0.3, 1e-2, 100)],
+            warm_tau: 3.0,
+            warm_residual: 1e-2,
+            warm_gain: 0.5,
+            first_tau: 1e3,
+            least_complement: 1e-10,
+            reduction: [0.3, 1e-4],
+            centred: 1e-2,
+            hard: 30,
+            patience: 10,
+            least_tau: 1e-4,
+            anchors: 10,
+            corrections: 12,
+            growth: 2.0,
+            spread: 0.3,
+            step: [0.5, 4.0, 1e-6],
+            free: (0.5, 3),
+        }
+    }
+}
+
+/// The solver.
+#[derive(Default)]
+pub struct PathFollowing {
+    /// Pattern and symbolic factorisation of the last problem.
+    prepared: Option<Prepared>,
+    /// The tuned constants.
+    pub parameters: Parameters,
+}
+
+/// What depends on N and the coefficients of friction alone.
+struct Prepared {
+    source: DelassusIdentity,
+    friction: Vec<f64>,
+    jacobian: Jacobian,
+}
+
+impl PathFollowing {
+    /// The Jacobian of a problem, its symbolic part made once.
+    fn prepare(&mut self, problem: &Ccp, smoothed: &SmoothedProblem<'_>) -> &mut Prepared {
+        let kept = self
+            .prepared
+            .take()
+            .filter(|kept| kept.source.is(&problem.delassus) && kept.friction == problem.friction);
+        self.prepared.insert(kept.unwrap_or_else(|| Prepared {
+            source: DelassusIdentity::of(&problem.delassus),
+            friction: problem.friction.clone(),
+            jacobian: Jacobian::new(problem, smoothed),
+        }))
+    }
+
+    /// How many iterations of a first-order method cost as much as one factorisation for this problem: at least 1.
+    pub(super) fn iterations_per_system(&mut self, problem: &Ccp) -> f64 {
+        let scale = ResidualScale::new(problem);
+        let model = FrictionModel::Coulomb;
+        let smoothed = SmoothedProblem::new(problem, &scale, model, self.parameters.least_complement);
+        let factorisation = self.prepare(problem, &smoothed).jacobian.flops();
+        let product = match &*problem.delassus {
+            Delassus::Rigid(_) => RIGID_FLOPS * problem.num_contacts() as f64,
+            Delassus::Sparse(matrix) => BLOCK_FLOPS * matrix.num_blocks() as f64,
+        };
+        (factorisation / product.max(1.0)).max(1.0)
+    }
+
+    fn follow(
+        &mut self,
+        problem: &Ccp,
+        impulse: &mut [f64],
+        settings: &SolveSettings,
+    ) -> Result<SolveReport, CcpError> {
+        let parameters = self.parameters.clone();
+        let allowed = parameters.systems();
+        let limits = Limits::start(settings, allowed);
+        check_start(problem, impulse)?;
+        if problem.num_contacts() == 0 {
+            return Ok(limits.report(NAME, problem, impulse, Status::Converged, 0, 0));
+        }
+        let scale = ResidualScale::new(problem);
+        let smoothed = SmoothedProblem::new(problem, &scale, settings.friction, parameters.least_complement);
+        let prepared = self.prepare(problem, &smoothed);
+        let mut follower = Follower::new(
+            problem,
+            &scale,
+            &limits,
+            &parameters,
+            settings.friction,
+            smoothed,
+            &mut prepared.jacobian,
+        );
+        let status = follower.run(impulse);
+        follower.best.restore(impulse);
+        let story = follower.story;
+        let history = story.history.into_samples();
+        let mut report = limits.report(NAME, problem, impulse, status, story.systems, 0);
+        if !report.converged() {
+            report.remark = Some(format!(
+                "the path was followed to tau = {:.1e} V / eta in {} walks and through {} folds",
+                story.least_tau, story.walks, story.folds
+            ));
+        }
+        Ok(SolveReport { newton: story.records, history, ..report })
+    }
+}
+
+/// Floating point operations of an iteration per contact of rigid bodies, and per block of an explicit matrix.
+const RIGID_FLOPS: f64 = 200.0;
+const BLOCK_FLOPS: f64 = 20.0;
+
+/// Name on the command line.
+const NAME: &str = "path";
+
+impl CcpSolver for PathFollowing {
+    fn name(&self) -> String {
+        NAME.to_string()
+    }
+
+    fn iteration_limit(&self) -> usize {
+        self.parameters.systems()
+    }
+
+    fn solve(
+        &mut self,
+        problem: &Ccp,
+        impulse: &mut [f64],
+        settings: &SolveSettings,
+    ) -> Result<SolveReport, CcpError> {
+        self.follow(problem, impulse, settings)
+    }
+}
+
+impl Parameters {
+    /// Factorisations of all walks together, where each round of warm walks is made once.
+    fn systems(&self) -> usize {
+        let sum = |walks: &[Walk]| walks.iter().map(|walk| walk.systems).sum::<usize>();
+        sum(&self.walks) + (1 + self.walks.len()) * sum(&self.warm_walks)
+    }
+}
