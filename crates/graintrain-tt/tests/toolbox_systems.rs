@@ -6,18 +6,9 @@ use graintrain_tt::inverse::{InverseForm, inverse};
 use graintrain_tt::solve::{SolveSettings, SolveStatus, relative_residual, solve};
 use graintrain_tt::toolbox::{Stored, read_mat};
 use graintrain_tt::{TtMatrix, TtVector};
-use std::path::PathBuf;
 
 fn read(name: &str) -> Option<Vec<(String, Stored)>> {
-    let folder = std::env::var_os("GRAINTRAIN_DATA").map_or_else(
-        || PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data")),
-        PathBuf::from,
-    );
-    let file = folder.join("tt").join(name);
-    if !file.exists() {
-        println!("skipped: {} is not there (set GRAINTRAIN_DATA)", file.display());
-        return None;
-    }
+    let file = graintrain_testdata::public_data(&format!("tt/{name}"))?;
     Some(read_mat(&file).unwrap())
 }
 

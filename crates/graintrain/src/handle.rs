@@ -40,8 +40,8 @@ macro_rules! handle {
             /// The handle of what stands at this index of its list. Whether there is such a thing is checked where the handle is
             /// used.
             pub const fn from_index(index: usize) -> Self {
-                // No list is as long: 2^32 of anything would not fit into memory.
-                Self(index as u32)
+                // No list is as long as u32::MAX: that one is refused like any other that does not exist.
+                Self(if index < u32::MAX as usize { index as u32 } else { u32::MAX })
             }
 
             /// Index in its list.

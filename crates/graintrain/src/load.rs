@@ -89,8 +89,8 @@ pub enum Action {
     /// ```
     ///
     /// by an implicit step, m (u1 - u) = -dt (linear + quadratic |u1|) u1, which no step length makes unstable: bodies never turn back
-    /// relative to the medium. What falls in it reaches the velocity at which drag carries it up to a relative error of
-    /// dt linear / m. The torque likewise, with the least moment of inertia.
+    /// relative to the medium. Each drag starts from the velocity that those before it leave. What falls reaches the velocity s at which
+    /// drag carries it up to a relative error of dt (linear + quadratic s) / m. The torque likewise, with the least moment of inertia.
     Drag {
         /// N s/m
         linear: f64,
@@ -130,6 +130,21 @@ impl Load {
     /// # Errors
     /// [`ModelError`] for the first defect.
     pub fn validate(&self) -> Result<(), ModelError> {
+        match self.region {
+            Some(Region::Box { min, max }) => {
+                finite("a corner of a region", &[min.to_array(), max.to_array()].concat())?;
+                (max - min)
+                    .to_array()
+                    .into_iter()
+                    .try_for_each(|edge| positive("an edge of a region", edge))?;
+            }
+            Some(Region::Cylinder { base, radius, height }) => {
+                finite("the base of a region", &base.to_array())?;
+                positive("the radius of a region", radius)?;
+                positive("the height of a region", height)?;
+            }
+            None => {}
+        }
         match &self.action {
             Action::Force { terms, point, .. } => {
                 finite("the point of a load", &point.to_array())?;
@@ -191,8 +206,11 @@ pub(crate) fn apply(world: &mut World, step: f64) -> Option<Unloaded> {
         world.gravity = Vec3::from_array(gravity.each_ref().map(|profile| profile.mean(time, step)));
     }
     let loads = std::mem::take(&mut world.loads);
+    let has_drag = loads.iter().any(|load| matches!(load.action, Action::Drag { .. }));
+    let pairs = world.bodies.velocity.iter().zip(&world.bodies.angular_velocity);
+    let mut braked = if has_drag { pairs.map(|(u, w)| [*u, *w]).collect() } else { Vec::new() };
     for load in &loads {
-        load.apply(world, step);
+        load.apply(world, step, &mut braked);
     }
     world.loads = loads;
     Some(before)
@@ -210,7 +228,9 @@ pub(crate) fn undo(world: &mut World, before: Unloaded) {
 }
 
 impl Load {
-    fn apply(&self, world: &mut World, step: f64) {
+    /// Adds the load to the bodies' forces and torques. `braked` has the velocities (u, w) that the drags so far leave, where there are
+    /// any.
+    fn apply(&self, world: &mut World, step: f64, braked: &mut [[Vec3; 2]]) {
         let time = world.time;
         // Functions of time are the same for all bodies.
         let mean = match &self.action {
@@ -221,15 +241,30 @@ impl Load {
             Action::Central { .. } | Action::Drag { .. } => Vec3::ZERO,
         };
         match &self.bodies {
-            Some(bodies) => bodies.iter().for_each(|body| self.apply_to(world, body.index(), mean, step)),
-            None => (0..world.bodies.len()).for_each(|body| self.apply_to(world, body, mean, step)),
+            Some(bodies) => {
+                bodies.iter().for_each(|body| self.apply_to(world, body.index(), mean, step, braked));
+            }
+            None => (0..world.bodies.len()).for_each(|body| self.apply_to(world, body, mean, step, braked)),
         }
     }
 
-    fn apply_to(&self, world: &mut World, body: usize, mean: Vec3, step: f64) {
+    fn apply_to(&self, world: &mut World, body: usize, mean: Vec3, step: f64, braked: &mut [[Vec3; 2]]) {
         let inside = self.region.as_ref().is_none_or(|region| region.contains(world.bodies.position[body]));
         if inside && !world.is_prescribed(body) {
-            let (force, torque) = self.action.on(world, body, mean, step);
+            let (force, torque) = match &self.action {
+                Action::Drag { linear, quadratic, angular, medium } => {
+                    let bodies = &world.bodies;
+                    let (mass, inertia) = (bodies.mass[body], least_inertia(bodies.inertia[body]));
+                    let [u, w] = &mut braked[body];
+                    let relative = *u - *medium;
+                    let force = -braking(mass, *linear, *quadratic, relative.length(), step) * relative;
+                    let torque = -braking(inertia, *angular, 0.0, 0.0, step) * *w;
+                    *u += step / mass * force;
+                    *w += step / inertia * torque;
+                    (force, torque)
+                }
+                action => action.on(world, body, mean),
+            };
             world.bodies.force[body] += force;
             world.bodies.torque[body] += torque;
         }
@@ -237,8 +272,8 @@ impl Load {
 }
 
 impl Action {
-    /// Force and torque about the centre of mass, world axes, on a body with a mass.
-    fn on(&self, world: &World, body: usize, mean: Vec3, step: f64) -> (Vec3, Vec3) {
+    /// Force and torque about the centre of mass, world axes, on a body with a mass; none for drag, which has a step of its own.
+    fn on(&self, world: &World, body: usize, mean: Vec3) -> (Vec3, Vec3) {
         let bodies = &world.bodies;
         let (mass, orientation) = (bodies.mass[body], bodies.orientation[body]);
         let turned = |axes: Axes| match axes {
@@ -260,12 +295,7 @@ impl Action {
                 }
                 (mass * strength * (r / distance).powf(*power) / r * toward, Vec3::ZERO)
             }
-            Self::Drag { linear, quadratic, angular, medium } => {
-                let u = bodies.velocity[body] - *medium;
-                let force = -braking(mass, *linear, *quadratic, u.length(), step) * u;
-                let turning = braking(least_inertia(bodies.inertia[body]), *angular, 0.0, 0.0, step);
-                (force, -turning * bodies.angular_velocity[body])
-            }
+            Self::Drag { .. } => (Vec3::ZERO, Vec3::ZERO),
         }
     }
 }

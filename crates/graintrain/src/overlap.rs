@@ -79,7 +79,7 @@ pub(crate) struct Gaps<'a> {
 impl Gaps<'_> {
     /// The overlap over size that starts a correction.
     fn trigger(&self) -> f64 {
-        TRIGGER.max(TRIGGER_PER_TOLERANCE * self.tolerance)
+        TRIGGER.max(TRIGGER_PER_TOLERANCE * self.tolerance).min(ACCIDENT)
     }
 
     fn overlap_over_size(&self, i: u32) -> f64 {

@@ -232,11 +232,15 @@ impl Stepper {
         let mut guess = None;
         // Contacts under way that bodies are driven into all the same.
         let mut driven: Vec<u32> = Vec::new();
+        // By how much contacts (indices) end deeper than their gap and velocity foresee, m.
+        let mut bends: HashMap<usize, f64> = HashMap::new();
         let (mut added, mut iterations) = (0, 0);
         for round in 0.. {
             lead_to_surfaces(world, &mut contacts);
             let begin = Instant::now();
-            let attempt = self.attempt(world, &contacts, guess.take(), &driven)?;
+            let mut foreseen = contacts.clone();
+            bends.iter().for_each(|(&i, bend)| foreseen[i].gap -= bend);
+            let attempt = self.attempt(world, &foreseen, guess.take(), &driven)?;
             let impacts = attempt.impact_seconds;
             phases.assemble += (attempt.assembled - begin).as_secs_f64() - impacts;
             phases.solve += attempt.assembled.elapsed().as_secs_f64() + impacts;
@@ -266,7 +270,7 @@ impl Stepper {
             let missed = self.missed(world, &contacts, &ahead);
             let (mut new, mut bent) = (Vec::new(), Vec::new());
             if round < ROUNDS {
-                bent = self.bent(world, &contacts, &attempt, &ahead);
+                bent = self.bent(world, &foreseen, &attempt, &ahead);
             }
             if !missed.is_empty() && round < ROUNDS || !bent.is_empty() {
                 let end = start.exchange(world);
@@ -287,10 +291,8 @@ impl Stepper {
                 report.solve.iterations = iterations;
                 return Ok(report);
             }
-            added += new.len();
-            for (i, gap) in bent {
-                contacts[i].gap = gap;
-            }
+            added += new.len() + bent.len();
+            bent.into_iter().for_each(|(i, bend)| *bends.entry(i).or_default() += bend);
             contacts.extend(new);
             guess = Some(attempt);
         }
@@ -447,8 +449,8 @@ impl Stepper {
         deep.into_iter().filter(|c| !known.contains(&c.identity)).collect()
     }
 
-    /// Contacts (indices) that end deep in overlap where Phi + dt u_n foresaw less, and the gap that foresees what came: a turning
-    /// face, or an edge that a fast body meets elsewhere than it was to, is not where the tangent plane at the contact says.
+    /// Contacts (indices) that end deep in overlap where Phi + dt u_n foresaw less, and by how much (m): a turning face, or an edge that
+    /// a fast body meets elsewhere than it was to, is not where the tangent plane at the contact says.
     fn bent(
         &self,
         world: &World,
@@ -468,7 +470,7 @@ impl Stepper {
             let end = *deep.get(&contact.identity)?;
             let u = relative_velocities(&[contact], std::slice::from_ref(row), &attempt.velocity);
             let error = contact.gap + self.settings.step * u[0] - end;
-            (error > allowed(&contact)).then_some((i as usize, contact.gap - error))
+            (error > allowed(&contact)).then_some((i as usize, error))
         };
         attempt.active.iter().zip(rigid.contacts()).filter_map(mended).collect()
     }

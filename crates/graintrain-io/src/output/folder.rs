@@ -74,12 +74,19 @@ impl RunFolder {
     /// writes into it.
     pub fn create(path: &Path, force: bool) -> Result<Self, PrepareError> {
         make_folder(path)?;
-        let is_empty = entries(path)?.flatten().all(|entry| entry.file_name() == LOCK);
-        if !is_empty && !force {
-            return Err(Occupied { folder: path.to_path_buf() }.into());
+        let occupied = || -> Result<bool, OutputError> {
+            Ok(!entries(path)?.flatten().all(|entry| entry.file_name() == LOCK))
+        };
+        let refusal = || Occupied { folder: path.to_path_buf() };
+        // Nothing is written into a folder that is refused; whoever held it may have filled it meanwhile.
+        if !force && occupied()? {
+            return Err(refusal().into());
         }
         let folder = Self::open(path)?;
-        if !is_empty {
+        if occupied()? {
+            if !force {
+                return Err(refusal().into());
+            }
             clear(path)?;
         }
         Ok(folder)

@@ -396,7 +396,11 @@ const ACTIONS: &[&str] = &["force", "torque", "pressure", "acceleration", "centr
 
 fn load(reader: &Reader, bodies: &[&str], packings: &[&str]) -> Result<LoadSpec, SceneError> {
     let names = |key: &str, what: &str, known: &[&str]| {
-        let names = reader.texts(key)?.unwrap_or_default();
+        let Some(names) = reader.texts(key)? else { return Ok(Vec::new()) };
+        if names.is_empty() {
+            // Left out, the key means everything: a list that somebody's program left empty does not.
+            return Err(reader.missing(key));
+        }
         match names.iter().find(|name| !known.contains(&name.as_str())) {
             Some(name) => Err(reader.unknown_name(key, what, name, known.iter().copied())),
             None => Ok(names),

@@ -2,7 +2,6 @@
 
 use graintrain_tt::sparse::QuadtreeMatrix;
 use std::collections::BTreeMap;
-use std::path::PathBuf;
 
 /// Entries "i j : x" of the two sparse matrices M and H of a problem in Siconos's global text form.
 fn matrices(text: &str) -> Vec<Vec<(usize, usize, f64)>> {
@@ -23,15 +22,8 @@ fn matrices(text: &str) -> Vec<Vec<(usize, usize, f64)>> {
 
 /// S = H^T M^-1 H + 0.01 mean(diagonal) I, contacts in the order of the file, 4 slots per leaf, zero dummies.
 pub fn settled_packing(name: &str) -> Option<QuadtreeMatrix> {
-    let folder = std::env::var_os("GRAINTRAIN_DATA").map_or_else(
-        || PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data")),
-        PathBuf::from,
-    );
-    let file = folder.join("ccp").join(name);
-    let Ok(text) = std::fs::read_to_string(&file) else {
-        println!("skipped: {} is not there (set GRAINTRAIN_DATA)", file.display());
-        return None;
-    };
+    let file = graintrain_testdata::public_data(&format!("ccp/{name}"))?;
+    let text = std::fs::read_to_string(file).unwrap();
     let lists = matrices(&text);
     let mass: BTreeMap<usize, f64> = lists[0].iter().map(|&(i, _, x)| (i, x)).collect();
     let mut rows: BTreeMap<usize, Vec<(usize, f64)>> = BTreeMap::new();

@@ -173,6 +173,31 @@ fn drag_is_an_implicit_step() {
     assert!((found / terminal - 1.0 - 1e-3 * 2.0 / mass).abs() < 1e-6, "{found} of {terminal}");
 }
 
+/// Drags on one body act one after the other: three that would each stop it do not throw it back.
+#[test]
+fn several_drags_do_not_turn_a_body_back() {
+    for linear in [10.0, 1e9] {
+        let mut world = weightless();
+        let body = add_sphere(&mut world, 0.05, Vec3::ZERO);
+        world.bodies.velocity[body] = Vec3::new(4.0, 0.0, 0.0);
+        world.bodies.angular_velocity[body] = Vec3::new(0.0, 0.0, 7.0);
+        for _ in 0..3 {
+            let medium = Vec3::ZERO;
+            world
+                .add_load(Load::on_all(Action::Drag { linear, quadratic: 0.0, angular: linear, medium }))
+                .unwrap();
+        }
+        let (mass, inertia) = (world.bodies.mass[body], world.bodies.inertia[body].x_axis.x);
+        stepper(0.01, Relaxed).step(&mut world).unwrap();
+        let expected =
+            [4.0 / (1.0 + 0.01 * linear / mass).powi(3), 7.0 / (1.0 + 0.01 * linear / inertia).powi(3)];
+        let found = [world.bodies.velocity[body].x, world.bodies.angular_velocity[body].z];
+        for (found, expected) in found.into_iter().zip(expected) {
+            assert!((found - expected).abs() < 1e-12, "{linear}: {found} for {expected}");
+        }
+    }
+}
+
 /// A central field with power 1 is a spring; semi-implicit Euler turns by the angle a with 2 - 2 cos a = w^2 dt^2 per step.
 #[test]
 fn a_central_field_of_power_one_is_an_oscillator() {
