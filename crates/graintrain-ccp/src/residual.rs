@@ -1,7 +1,7 @@
 //! The one accuracy measure: the natural map of the complementarity problem, dimensionless.
 
 use crate::problem::Ccp;
-use graintrain_linalg::parallel::{map_chunks, sum_chunks};
+use graintrain_linalg::parallel::{fold_chunks, sum_chunks};
 
 /// Which problem an impulse is held against.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
@@ -165,13 +165,13 @@ impl ResidualScale {
             let paper = d.iter().map(|d| (d / impulse_unit).powi(2)).sum::<f64>();
             Squares { sum: square, max: square, paper_max: paper }
         };
-        let chunks = map_chunks(problem.num_contacts(), |range| {
-            range.fold([Squares::default(); M], |all, i| {
-                std::array::from_fn(|m| all[m].and(of_contact(i, models[m])))
-            })
-        });
         let none = [Squares::default(); M];
-        chunks.iter().fold(none, |all, chunk| std::array::from_fn(|m| all[m].and(chunk[m])))
+        let of_chunk = |range: std::ops::Range<usize>| {
+            range.fold(none, |all, i| std::array::from_fn(|m| all[m].and(of_contact(i, models[m]))))
+        };
+        fold_chunks(problem.num_contacts(), none, of_chunk, |all, chunk| {
+            std::array::from_fn(|m| all[m].and(chunk[m]))
+        })
     }
 
     /// Residual of impulses g whose relative velocities are u = N g + r.

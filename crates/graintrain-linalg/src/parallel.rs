@@ -34,17 +34,23 @@ pub fn axpy(a: f64, x: &[f64], y: &mut [f64]) {
 
 /// Sum over fixed chunks of `0..len`: `chunk_sum` gets each index range, and the results are added in order.
 pub fn sum_chunks(len: usize, chunk_sum: impl Fn(std::ops::Range<usize>) -> f64 + Sync) -> f64 {
-    map_chunks(len, chunk_sum).iter().sum()
+    fold_chunks(len, 0.0, chunk_sum, |sum, chunk| sum + chunk)
 }
 
-/// What `of_chunk` makes of each fixed chunk of `0..len`, in order.
-pub fn map_chunks<T: Send>(len: usize, of_chunk: impl Fn(std::ops::Range<usize>) -> T + Sync) -> Vec<T> {
+/// What `of_chunk` makes of each fixed chunk of `0..len`, folded in order. On one thread nothing is allocated.
+pub fn fold_chunks<T: Send, U>(
+    len: usize,
+    start: U,
+    of_chunk: impl Fn(std::ops::Range<usize>) -> T + Sync,
+    fold: impl FnMut(U, T) -> U,
+) -> U {
     let chunks = len.div_ceil(CHUNK);
     let range = |chunk: usize| chunk * CHUNK..((chunk + 1) * CHUNK).min(len);
     if chunks <= 1 || rayon::current_num_threads() == 1 {
-        return (0..chunks).map(|chunk| of_chunk(range(chunk))).collect();
+        return (0..chunks).map(|chunk| of_chunk(range(chunk))).fold(start, fold);
     }
-    (0..chunks).into_par_iter().map(|chunk| of_chunk(range(chunk))).collect()
+    let found: Vec<T> = (0..chunks).into_par_iter().map(|chunk| of_chunk(range(chunk))).collect();
+    found.into_iter().fold(start, fold)
 }
 
 #[cfg(test)]

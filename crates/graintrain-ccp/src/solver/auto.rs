@@ -106,11 +106,25 @@ impl CcpSolver for Auto {
             status = report.status;
             name = format!("auto ({})", report.solver);
             let residual = limits.judged(report.residual);
+            if report.converged() {
+                // These are its impulses, evaluated afresh: once is enough.
+                let (seconds, history) = (limits.seconds(), history.into_samples());
+                let (products, newton) = (0, Vec::new());
+                return Ok(SolveReport {
+                    solver: name,
+                    iterations,
+                    linear_iterations,
+                    products,
+                    seconds,
+                    newton,
+                    history,
+                    ..report
+                });
+            }
             best.offer(impulse, residual);
             remark.clone_from(&report.remark);
             // That a problem has no solution is proved; nobody after this one finds any.
-            let is_over = report.converged() || report.status == Status::Infeasible;
-            if is_over || limits.status(iterations, residual).is_some() {
+            if report.status == Status::Infeasible || limits.status(iterations, residual).is_some() {
                 break;
             }
             best.restore(impulse);
