@@ -191,9 +191,11 @@ impl Formula {
     }
 
     /// Integral over [start, start + step] by Gauss-Legendre quadrature on intervals that are halved until they agree to 1e-12
-    /// with their halves. A NaN of the formula is one of the integral.
+    /// with their halves. Where the formula is not a number on more than single moments (sin(t) / t at 0 is one), neither is the
+    /// integral.
     pub fn integral(&self, start: f64, step: f64) -> f64 {
-        let slack = ACCURACY * step.abs() * self.value(start + 0.5 * step).abs();
+        // Zero where that is not a number.
+        let slack = (ACCURACY * step.abs() * self.value(start + 0.5 * step).abs()).max(0.0);
         let (mut sum, mut count) = (0.0, 0);
         let mut open = vec![(start, step, self.gauss(start, step), slack, 0)];
         while let Some((start, step, whole, slack, depth)) = open.pop() {
@@ -256,6 +258,15 @@ mod tests {
             let found = formula.integral(start, step);
             assert!((found - expected).abs() < 1e-12, "{start}: {found}, not {expected}");
         }
+    }
+
+    #[test]
+    fn a_moment_without_a_value_is_passed_by() {
+        let operations = vec![Time, F(Function::Sin), Time, O(Operator::Divide)];
+        let formula = Formula::new(operations).unwrap();
+        assert!(formula.value(0.0).is_nan());
+        // Si(1), twice.
+        assert!((formula.integral(-1.0, 2.0) - 2.0 * 0.946_083_070_367_183).abs() < 1e-11);
     }
 
     #[test]

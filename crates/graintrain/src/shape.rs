@@ -179,7 +179,17 @@ impl Shape {
                         return Err(ModelError::MeshArea { triangle });
                     }
                 }
-                if *solid { check_closed(vertices, triangles) } else { Ok(()) }
+                if !*solid {
+                    return Ok(());
+                }
+                // Its vertices are what touches planes.
+                let mut used = vec![false; vertices.len()];
+                triangles.iter().flatten().for_each(|&vertex| used[vertex as usize] = true);
+                if let Some(vertex) = used.iter().position(|&used| !used) {
+                    let what = format!("vertex {vertex} of a solid mesh belongs to no triangle");
+                    return Err(ModelError::Table { what });
+                }
+                check_closed(vertices, triangles)
             }
         }
     }

@@ -55,7 +55,7 @@ pub struct World {
     /// Gravity as a function of time, m/s^2, where it is one: see [`World::set_gravity_of_time`].
     pub gravity_of_time: Option<[Profile; 3]>,
     /// Loads on bodies, in the order in which they are summed.
-    pub loads: Vec<Load>,
+    pub(crate) loads: Vec<Load>,
     /// Geometries shared by bodies.
     pub geometries: Vec<Geometry>,
     /// Materials.
@@ -291,6 +291,11 @@ impl World {
         }
         self.loads.push(load);
         Ok(())
+    }
+
+    /// The loads, in the order in which they are summed.
+    pub fn loads(&self) -> &[Load] {
+        &self.loads
     }
 
     /// Makes gravity a function of time, m/s^2 in world axes: every step takes its mean.

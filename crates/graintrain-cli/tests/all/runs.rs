@@ -144,7 +144,7 @@ fn options_override_the_scene() {
 fn a_run_stopped_by_a_signal_resumes_to_the_same_bits() {
     for (name, code) in [("TERM", 143), ("INT", 130), ("HUP", 129)] {
         let folder = folder();
-        let child = long_run(folder.path(), "400");
+        let child = long_run(folder.path(), "2000");
         signal(&child, name);
         let (out, _) = told(child.wait_with_output().unwrap(), code);
         assert!(out.contains("graintrain resume cut"), "{out}");
@@ -156,7 +156,7 @@ fn a_run_stopped_by_a_signal_resumes_to_the_same_bits() {
             (Some("stopped"), Some(steps as u64))
         );
         let _ = ended(graintrain(folder.path(), &["resume", "cut", "--quiet"]), 0);
-        let whole = ["run", "balls.toml", "--out", "whole", "--steps", "400", "--quiet"];
+        let whole = ["run", "balls.toml", "--out", "whole", "--steps", "2000", "--quiet"];
         let _ = ended(graintrain(folder.path(), &whole), 0);
         assert_eq!(hash(&folder.path().join("cut")), hash(&folder.path().join("whole")));
     }
@@ -235,7 +235,7 @@ fn a_refused_folder_is_left_untouched() {
 #[test]
 fn a_killed_run_resumes_to_the_same_bits_even_past_a_damaged_checkpoint() {
     let folder = folder();
-    let mut child = long_run(folder.path(), "400");
+    let mut child = long_run(folder.path(), "2000");
     signal(&child, "KILL");
     let _ = child.wait().unwrap();
     let checkpoints = folder.path().join("cut/checkpoints");
@@ -251,7 +251,7 @@ fn a_killed_run_resumes_to_the_same_bits_even_past_a_damaged_checkpoint() {
     let (_, err) = ended(graintrain(folder.path(), &["resume", "cut", "--quiet"]), 0);
     assert!(err.contains("is cut short") && err.contains("an earlier checkpoint is used"), "{err}");
     let _ = ended(
-        graintrain(folder.path(), &["run", "balls.toml", "--out", "whole", "--steps", "400", "--quiet"]),
+        graintrain(folder.path(), &["run", "balls.toml", "--out", "whole", "--steps", "2000", "--quiet"]),
         0,
     );
     assert_eq!(hash(&folder.path().join("cut")), hash(&folder.path().join("whole")));

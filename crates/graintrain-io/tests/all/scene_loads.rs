@@ -68,7 +68,7 @@ fn a_resolved_scene_with_loads_has_the_same_bits() {
     assert_eq!(again.world, simulation.world, "{text}");
     let keys = |text: &str| text.split_once("\n\n").map(|(_, keys)| keys.to_string());
     assert_eq!(keys(&again.resolved.to_toml().unwrap()), keys(&text));
-    assert_eq!(simulation.world.loads.len(), 7);
+    assert_eq!(simulation.world.loads().len(), 7);
     let mut world = simulation.world;
     let mut stepper = Stepper::new(simulation.settings).unwrap();
     let mut work = 0.0;

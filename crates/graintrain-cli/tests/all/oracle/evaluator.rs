@@ -41,15 +41,16 @@ impl Problem {
         }
     }
 
-    /// u and the diagonal of N (columns of unit impulses would be too slow for the large ones).
-    fn velocity(&self, g: &[f64]) -> Vec<f64> {
+    /// u and the diagonal of N (columns of unit impulses would be too slow for the large ones); of a matrix that is not symmetric `own`
+    /// says whether it is taken as it is.
+    fn velocity(&self, g: &[f64], own: bool) -> Vec<f64> {
         match &self.form {
             Form::Local { w, q } => {
                 let mut u = q.clone();
-                // The symmetric part of W is what the program solves.
+                let transposed = if own { 0.0 } else { 0.5 };
                 for &(i, j, x) in w {
-                    u[i] += 0.5 * x * g[j];
-                    u[j] += 0.5 * x * g[i];
+                    u[i] += (1.0 - transposed) * x * g[j];
+                    u[j] += transposed * x * g[i];
                 }
                 u
             }
@@ -89,8 +90,8 @@ impl Problem {
         diagonal
     }
 
-    /// Judges a solution file.
-    pub fn judge(&self, solution: &Path) -> Verdict {
+    /// Judges a solution file. Exact friction is a matter of W as the file has it, the relaxation (a minimum) of its symmetric part.
+    pub fn judge(&self, solution: &Path, exact: bool) -> Verdict {
         let text = std::fs::read_to_string(solution).unwrap();
         let mut lines = text.lines();
         let header = "contact,impulse_n,impulse_t1,impulse_t2,velocity_n,velocity_t1,velocity_t2";
@@ -102,7 +103,7 @@ impl Problem {
         let g: Vec<f64> = rows.iter().flat_map(|row| row[1..4].to_vec()).collect();
         let stated: Vec<f64> = rows.iter().flat_map(|row| row[4..7].to_vec()).collect();
 
-        let (u, r) = (self.velocity(&g), self.velocity(&vec![0.0; g.len()]));
+        let (u, r) = (self.velocity(&g, exact), self.velocity(&vec![0.0; g.len()], exact));
         let eta: Vec<f64> = self.diagonal().chunks(3).map(|d| d.iter().sum::<f64>() / 3.0).collect();
         let square = |x: &[f64]| x.iter().map(|x| x * x).sum::<f64>();
         let bare = (r.chunks(3).map(square).sum::<f64>() / eta.len() as f64).sqrt();

@@ -56,7 +56,7 @@ fn solve(path: &Path, solver: &str, tolerance: f64, friction: &str, seconds: f64
         .unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let record = serde_json::from_slice(&output.stdout).unwrap();
-    (record, Problem::read(path).judge(&solution))
+    (record, Problem::read(path).judge(&solution, friction == "coulomb"))
 }
 
 /// Keys that scripts rely on, and that what the program says of an answer is what its file shows.
