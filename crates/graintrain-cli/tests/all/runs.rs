@@ -56,10 +56,10 @@ fn hash(folder: &Path) -> String {
     summary["state_hash"].as_str().unwrap().to_string()
 }
 
-/// Starts a run of many steps and waits until some are recorded.
-fn long_run(folder: &Path, steps: &str) -> Child {
+/// Starts a run that does not end by itself and waits until some steps are recorded.
+fn long_run(folder: &Path) -> Child {
     let child =
-        graintrain(folder, &["run", "balls.toml", "--out", "cut", "--steps", steps, "--threads", "1"])
+        graintrain(folder, &["run", "balls.toml", "--out", "cut", "--steps", "1000000", "--threads", "1"])
             .stdout(Stdio::piped())
             .stderr(Stdio::piped())
             .spawn()
@@ -144,7 +144,7 @@ fn options_override_the_scene() {
 fn a_run_stopped_by_a_signal_resumes_to_the_same_bits() {
     for (name, code) in [("TERM", 143), ("INT", 130), ("HUP", 129)] {
         let folder = folder();
-        let child = long_run(folder.path(), "2000");
+        let child = long_run(folder.path());
         signal(&child, name);
         let (out, _) = told(child.wait_with_output().unwrap(), code);
         assert!(out.contains("graintrain resume cut"), "{out}");
@@ -155,8 +155,9 @@ fn a_run_stopped_by_a_signal_resumes_to_the_same_bits() {
             (summary["status"].as_str(), summary["steps"].as_u64()),
             (Some("stopped"), Some(steps as u64))
         );
-        let _ = ended(graintrain(folder.path(), &["resume", "cut", "--quiet"]), 0);
-        let whole = ["run", "balls.toml", "--out", "whole", "--steps", "2000", "--quiet"];
+        let end = (steps + 100).to_string();
+        let _ = ended(graintrain(folder.path(), &["resume", "cut", "--steps", &end, "--quiet"]), 0);
+        let whole = ["run", "balls.toml", "--out", "whole", "--steps", &end, "--quiet"];
         let _ = ended(graintrain(folder.path(), &whole), 0);
         assert_eq!(hash(&folder.path().join("cut")), hash(&folder.path().join("whole")));
     }
@@ -166,7 +167,7 @@ fn a_run_stopped_by_a_signal_resumes_to_the_same_bits() {
 #[test]
 fn a_folder_belongs_to_one_run_at_a_time() {
     let folder = folder();
-    let mut child = long_run(folder.path(), "1000000");
+    let mut child = long_run(folder.path());
     for arguments in
         [&["resume", "cut"][..], &["run", "balls.toml", "--out", "cut", "--force", "--steps", "3"][..]]
     {
@@ -235,7 +236,7 @@ fn a_refused_folder_is_left_untouched() {
 #[test]
 fn a_killed_run_resumes_to_the_same_bits_even_past_a_damaged_checkpoint() {
     let folder = folder();
-    let mut child = long_run(folder.path(), "2000");
+    let mut child = long_run(folder.path());
     signal(&child, "KILL");
     let _ = child.wait().unwrap();
     let checkpoints = folder.path().join("cut/checkpoints");
@@ -248,12 +249,11 @@ fn a_killed_run_resumes_to_the_same_bits_even_past_a_damaged_checkpoint() {
     let last = files.last().unwrap();
     let bytes = std::fs::read(last).unwrap();
     std::fs::write(last, &bytes[..bytes.len() / 2]).unwrap();
-    let (_, err) = ended(graintrain(folder.path(), &["resume", "cut", "--quiet"]), 0);
+    let end = (read(&folder.path().join("cut/steps.csv")).lines().count() + 100).to_string();
+    let (_, err) = ended(graintrain(folder.path(), &["resume", "cut", "--steps", &end, "--quiet"]), 0);
     assert!(err.contains("is cut short") && err.contains("an earlier checkpoint is used"), "{err}");
-    let _ = ended(
-        graintrain(folder.path(), &["run", "balls.toml", "--out", "whole", "--steps", "2000", "--quiet"]),
-        0,
-    );
+    let whole = ["run", "balls.toml", "--out", "whole", "--steps", &end, "--quiet"];
+    let _ = ended(graintrain(folder.path(), &whole), 0);
     assert_eq!(hash(&folder.path().join("cut")), hash(&folder.path().join("whole")));
     let wrench = |run: &str| read(&folder.path().join(run).join("wrench.csv"));
     assert_eq!(wrench("cut"), wrench("whole"));
