@@ -3,6 +3,7 @@
 //! In every step loads are summed into [`Bodies::force`](crate::world::Bodies::force) and `torque`, on top of what a program has set
 //! there, before contacts are looked for; after the step the program's own values are back. Functions of time enter with their mean over
 //! the step, so that the impulse of a load is exact; what depends on position, orientation or velocity is taken at the start of the step.
+//! Where forces change from step to step, contacts are looked for twice per step: those found at its end do not hold for the next.
 
 use crate::error::{ModelError, finite, positive};
 use crate::handle::BodyId;

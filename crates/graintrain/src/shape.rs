@@ -85,7 +85,8 @@ impl Shape {
         }
     }
 
-    /// Half the smallest extent, m: the radius of balls, half the thickness of boxes; infinite for planes and surfaces.
+    /// Half the smallest extent, m: the radius of balls, half the thickness of boxes; of solid meshes along the axes of their file, so that
+    /// a thin plate that lies askew there counts as thick; infinite for planes and surfaces.
     pub fn half_thickness(&self) -> f64 {
         match self {
             Self::Sphere { radius } | Self::Capsule { radius, .. } => *radius,
@@ -258,7 +259,8 @@ impl Geometry {
     }
 
     /// Solid bounded by triangles (counter-clockwise seen from outside), m, with volume, centre and inertia by exact integration. Returns the
-    /// geometry, whose origin is the centre of mass, and that centre in the frame of the vertices.
+    /// geometry, whose origin is the centre of mass, and that centre in the frame of the vertices. Several closed shells add up: what lies
+    /// in two of them counts twice, and a shell turned inside out is subtracted.
     ///
     /// # Errors
     /// As [`Geometry::mesh`]; [`ModelError::MeshOpen`], [`ModelError::MeshTurned`] or [`ModelError::MeshInsideOut`] for a surface that does
