@@ -5,6 +5,8 @@ use crate::progress::{Progress, passed};
 use crate::signal::Stop;
 use crate::terminal::{say, tell};
 use crate::threads::with_threads;
+use graintrain_ccp::FrictionModel;
+use graintrain_ccp::residual::MIXED_MAXIMUM;
 use graintrain_io::files::OutputError;
 use graintrain_io::output::recorder::Recorder;
 use graintrain_io::output::summary::{RunStatus, Summary};
@@ -198,10 +200,15 @@ fn describe(summary: &Summary, folder: &Path) -> String {
             summary.contacts_final, summary.contacts_mean, summary.contacts_max
         ),
     );
-    let what = if summary.strict_max { "maximum" } else { "rms" };
+    let what = match summary.strict_max {
+        true => format!("maximum {:.0e}", summary.tolerance),
+        false => {
+            format!("rms {:.0e} and maximum {:.0e}", summary.tolerance, MIXED_MAXIMUM * summary.tolerance)
+        }
+    };
     let converged = match summary.unconverged_steps {
-        0 => format!("every step within {what} {:.0e}", summary.tolerance),
-        missed => format!("{missed} steps above {what} {:.0e}", summary.tolerance),
+        0 => format!("every step within {what}"),
+        missed => format!("{missed} steps above {what}"),
     };
     line(
         "residual",
@@ -229,6 +236,9 @@ fn describe(summary: &Summary, folder: &Path) -> String {
             summary.slip_angle_max
         ),
     );
+    if let Some(told) = relaxation(summary) {
+        line("relaxation", told);
+    }
     line("energy", format!("{:.3e} J kinetic at the end", summary.kinetic_energy));
     if let Some(bytes) = summary.peak_memory_bytes {
         line("memory", format!("{:.0} MB at most", bytes as f64 / 1e6));
@@ -255,6 +265,38 @@ fn describe(summary: &Summary, folder: &Path) -> String {
     };
     let _ = writeln!(text, "  next: {next}");
     text
+}
+
+/// Above this relative difference of the velocities exact friction is worth its price.
+const WORTH_EXACT_FRICTION: f64 = 0.01;
+
+/// What relaxed friction did to the run, and whether exact friction is advised.
+fn relaxation(summary: &Summary) -> Option<String> {
+    if summary.friction != FrictionModel::Relaxed {
+        return None;
+    }
+    let opened = format!(
+        "sliding contacts open by {:.1e} % of the smaller body's radius per step at most, {:.2} % of the contacts with force by more than 0.1 %",
+        100.0 * summary.relaxation_opening_max_over_radius,
+        100.0 * summary.relaxation_opened_share
+    );
+    if summary.relaxation_steps_compared == 0 {
+        return Some(opened);
+    }
+    let (steps, relative) = (summary.relaxation_steps_compared, summary.relaxation_relative_difference_max);
+    let undecided = match summary.relaxation_steps_undecided {
+        0 => String::new(),
+        steps => format!(" ({steps} of them undecided)"),
+    };
+    let advice = if relative > WORTH_EXACT_FRICTION {
+        "exact friction is worth it here: --friction coulomb"
+    } else {
+        "relaxed friction is good enough here"
+    };
+    Some(format!(
+        "{opened}; in {steps} steps compared{undecided} exact friction gives velocities that differ by {:.2} % of their rms: {advice}",
+        100.0 * relative
+    ))
 }
 
 /// Seconds for people: 12.3 ms, 4.56 s, 3 min 20 s, 2 h 5 min.

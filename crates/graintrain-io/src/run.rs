@@ -4,6 +4,7 @@ use crate::files::OutputError;
 use crate::process::cpu_seconds;
 use crate::scene::Simulation;
 use crate::settings::OutputSettings;
+use graintrain::relaxation::{Difference, Opening};
 use graintrain::stepper::{PhaseSeconds, PhysicalErrors, StepError, StepReport, StepSettings, Stepper};
 use graintrain::world::World;
 use graintrain_ccp::{Ccp, Judge};
@@ -75,6 +76,12 @@ pub struct RunTotals {
     pub penetration_final_over_size: f64,
     /// The worst of each over the steps.
     pub errors: PhysicalErrors,
+    /// The largest opening of a relaxed step, and contacts opened, summed.
+    pub opening: Opening,
+    /// Contacts with force, summed.
+    pub contacts_with_force_sum: u64,
+    /// Relaxed steps that were compared with exact friction.
+    pub comparison: Comparison,
     /// Largest number of connected parts.
     pub parts_max: usize,
     /// Contacts that arrived with restitution, summed.
@@ -95,6 +102,28 @@ pub struct RunTotals {
     pub correction_energy: f64,
     /// Work of external forces and torques, summed, J.
     pub load_work: f64,
+}
+
+/// Relaxed steps, one in a hundred, of which the contact problem was solved with exact friction, too.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Comparison {
+    /// Steps compared.
+    pub steps: u64,
+    /// Those of which the exact answer missed its tolerance in the iterations that it was given.
+    pub undecided: u64,
+    /// Largest difference of the bodies' velocities, root mean square, m/s.
+    pub velocity_rms_max: f64,
+    /// Largest difference relative to the root mean square of these velocities, or to |g| dt where that is more.
+    pub velocity_relative_max: f64,
+}
+
+impl Comparison {
+    fn add(&mut self, found: &Difference) {
+        self.steps += 1;
+        self.undecided += u64::from(!found.is_decided);
+        self.velocity_rms_max = self.velocity_rms_max.max(found.velocity_rms);
+        self.velocity_relative_max = self.velocity_relative_max.max(found.velocity_relative);
+    }
 }
 
 impl RunTotals {
@@ -121,6 +150,10 @@ impl RunTotals {
             worst.overlap_per_step_max_over_size.max(errors.overlap_per_step_max_over_size);
         worst.cone_excess_max = worst.cone_excess_max.max(errors.cone_excess_max);
         worst.slip_angle_max = worst.slip_angle_max.max(errors.slip_angle_max);
+        let opening = &report.opening;
+        self.opening.largest_over_size = self.opening.largest_over_size.max(opening.largest_over_size);
+        self.opening.opened += opening.opened;
+        self.contacts_with_force_sum += report.contacts_with_force as u64;
         self.parts_max = self.parts_max.max(report.parts);
         self.impacts += report.impacts as u64;
         self.impact_residual_max = self.impact_residual_max.max(report.impact_residual.max);
@@ -259,6 +292,7 @@ impl Run {
             self.totals.add(self.world.step, &report);
             clocks.count(&mut self.totals);
             let begin = Instant::now();
+            self.compare_with_exact_friction(&report)?;
             for observer in &mut *observers {
                 observer.observe(StepView {
                     world: &self.world,
@@ -283,6 +317,20 @@ impl Run {
             }
         }
         Ok(Ending::Finished)
+    }
+}
+
+/// Of relaxed steps, those with this remainder are compared with exact friction: one in a hundred, from the fiftieth on.
+const COMPARED: [u64; 2] = [50, 100];
+
+impl Run {
+    /// Solves the last step's problem with exact friction, too, where it is its turn; the state stays as it is.
+    fn compare_with_exact_friction(&mut self, report: &StepReport) -> Result<(), StepError> {
+        if self.world.step % COMPARED[1] == COMPARED[0] && report.solve.converged() {
+            let found = self.stepper.compare_with_exact(&self.world, report.solve.iterations)?;
+            found.iter().for_each(|found| self.totals.comparison.add(found));
+        }
+        Ok(())
     }
 }
 

@@ -12,6 +12,7 @@
 //! | [`assemble`] | the contact problem of a step |
 //! | [`integrate`] | velocities without contact, positions, rotations |
 //! | [`impact`], [`overlap`], [`parts`] | restitution, overlap without energy, parts that do not touch |
+//! | [`relaxation`] | what relaxed friction opens, and how far it is from exact friction |
 //! | [`stepper`], [`step_report`] | the time step, what it reports |
 //! | [`error`] | what can be wrong with a world |
 //! | [`ccp`] | contact problems and their solvers |
@@ -37,6 +38,7 @@ pub mod motion;
 pub mod overlap;
 mod part_solver;
 pub mod parts;
+pub mod relaxation;
 pub mod shape;
 mod solid_mesh;
 pub mod step_report;

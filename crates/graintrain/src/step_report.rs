@@ -4,6 +4,7 @@ use crate::assemble::relative_velocities;
 use crate::contact::{Contact, ContactSet};
 use crate::handle::BodyId;
 use crate::math::Vec3;
+use crate::relaxation::Opening;
 use crate::world::World;
 use graintrain_ccp::residual::{MIXED_MAXIMUM, velocity_scale};
 use graintrain_ccp::{Ccp, Delassus, Residual, SolveReport};
@@ -52,6 +53,8 @@ pub struct StepReport {
     pub kinetic_energy: f64,
     /// What is left of the contact problem, in physical units.
     pub errors: PhysicalErrors,
+    /// What the relaxation of friction opened: nothing where friction is exact.
+    pub opening: Opening,
     /// Contacts that arrived with restitution, over all passes of [`crate::impact`].
     pub impacts: usize,
     /// The worst residual that a solve of theirs was left with. Above the tolerance, the step counts as one that missed it.

@@ -12,6 +12,7 @@ use crate::load;
 use crate::math::{Quat, Vec3};
 use crate::overlap::{Correction, Gaps};
 use crate::part_solver::PartSolver;
+use crate::relaxation::{self, Difference, Opening};
 use crate::step_report::wrenches;
 pub use crate::step_report::{PhaseSeconds, PhysicalErrors, StepReport, Wrench};
 use crate::world::World;
@@ -115,7 +116,7 @@ pub struct Stepper {
     /// Solves corrections of overlap.
     correction: Box<dyn CcpSolver>,
     collider: Collider,
-    last: Option<(Ccp, Vec<f64>)>,
+    last: Option<Last>,
     /// Contacts found at the end of the last step, and the fingerprint of the state that they belong to.
     ahead: Option<(u64, Vec<Contact>)>,
     stop: Option<Arc<AtomicBool>>,
@@ -131,6 +132,18 @@ const MISSED: f64 = 5e-4;
 /// A contact that ends in overlap by more than this fraction of the smaller body's size, and by so much more than foreseen, makes
 /// a new round too.
 const BENT: f64 = 5e-3;
+
+/// Iterations that a comparison with exact friction is given, in multiples of those of the relaxed solve, and at least so many.
+const COMPARISON: (usize, usize) = (5, 300);
+
+/// The contact problem of a step that was made.
+struct Last {
+    problem: Ccp,
+    /// Impulses, contact frames.
+    impulse: Vec<f64>,
+    /// Gaps of its contacts at the start of the step, m.
+    gap: Vec<f64>,
+}
 
 /// A solved step before it is made.
 struct Attempt {
@@ -180,7 +193,35 @@ impl Stepper {
 
     /// The contact problem of the last step and the impulses found (length 3 N_c, contact frames, N s).
     pub fn last_problem(&self) -> Option<(&Ccp, &[f64])> {
-        self.last.as_ref().map(|(problem, impulse)| (problem, impulse.as_slice()))
+        self.last.as_ref().map(|last| (&last.problem, last.impulse.as_slice()))
+    }
+
+    /// How far the last step, made with relaxed friction and in so many iterations, is from exact friction (see [`crate::relaxation`]);
+    /// `world` as that step left it. Nothing is changed. Costs at most five times the step's solve. `None` where friction is exact or
+    /// absent, or where the stop flag was set meanwhile.
+    ///
+    /// # Errors
+    /// As the solver's.
+    pub fn compare_with_exact(
+        &self,
+        world: &World,
+        iterations: usize,
+    ) -> Result<Option<Difference>, StepError> {
+        let Some(Last { problem, impulse, gap }) = &self.last else { return Ok(None) };
+        let StepSettings { step, friction, .. } = self.settings;
+        if friction == FrictionModel::Coulomb || problem.friction.iter().all(|&mu| mu == 0.0) {
+            return Ok(None);
+        }
+        let settings = SolveSettings {
+            max_iterations: Some((COMPARISON.0 * iterations).max(COMPARISON.1)),
+            ..self.solve_settings()
+        };
+        let masses = inverse_mass(world);
+        let movable = world.bodies.velocity.iter().zip(&masses).filter(|(_, mass)| mass.linear != [0.0; 3]);
+        let (sum, count) =
+            movable.fold((0.0, 0), |(sum, count), (v, _)| (sum + v.length_squared(), count + 1));
+        let speed = (sum / f64::from(count.max(1))).sqrt();
+        Ok(relaxation::difference(problem, impulse, gap, (step, speed), settings)?)
     }
 
     /// One step of semi-implicit Euler with contact:
@@ -536,6 +577,12 @@ impl Stepper {
             &velocity,
             (step, self.settings.tolerance),
         );
+        let opening = match self.settings.friction {
+            FrictionModel::Relaxed => {
+                Opening::of(&chosen, &chosen_size, (&problem, &impulse, threshold), &velocity, step)
+            }
+            FrictionModel::Coulomb => Opening::default(),
+        };
         let set = ContactSet { contacts, impulse: world_impulse, friction };
         let wrenches = wrenches(&start.position, world, &set, step);
         let (mut deepest, mut over_size) = (0.0_f64, 0.0_f64);
@@ -564,6 +611,7 @@ impl Stepper {
             kinetic_energy: world.kinetic_energy(),
             load_work: load::work(world, &start.velocities(), &velocity, step),
             errors,
+            opening,
             impacts: impacts.count,
             impact_residual: impacts.residual,
             restitution_lowered: impacts.lowered,
@@ -574,8 +622,21 @@ impl Stepper {
             phases,
             wrenches,
         };
-        self.last = Some((problem, impulse));
+        let gap = active.iter().map(|&i| world.contacts.contacts[i as usize].gap).collect();
+        self.last = Some(Last { problem, impulse, gap });
         report
+    }
+
+    /// What the settings ask of a solve.
+    fn solve_settings(&self) -> SolveSettings {
+        SolveSettings {
+            tolerance: self.settings.tolerance,
+            judge: self.settings.judge,
+            max_iterations: self.settings.max_iterations,
+            friction: self.settings.friction,
+            stop: self.stop.clone(),
+            ..SolveSettings::default()
+        }
     }
 
     /// Solves the problem part by part; the merged report and the number of parts.
@@ -585,14 +646,7 @@ impl Stepper {
         problem: &Ccp,
         impulse: &mut [f64],
     ) -> Result<(SolveReport, usize), CcpError> {
-        let settings = SolveSettings {
-            tolerance: self.settings.tolerance,
-            judge: self.settings.judge,
-            max_iterations: self.settings.max_iterations,
-            friction: self.settings.friction,
-            stop: self.stop.clone(),
-            ..SolveSettings::default()
-        };
+        let settings = self.solve_settings();
         // A method that keeps something from step to step has to see the same problem again.
         let whole = self.settings.solver.keeps_between_steps();
         let (gravity, step) = (world.gravity.length(), self.settings.step);

@@ -50,6 +50,11 @@ pub const STEPS: &[Column] = &[
         "largest excess of friction over mu times the normal force, relative to that contact's force",
     ),
     column("slip_angle", "rad", "largest angle between friction and the direction against the slip"),
+    column(
+        "relaxation_opening",
+        "1",
+        "largest gap that relaxed friction opens in the step, dt mu |slip|, over the size of the smaller body",
+    ),
     column("impacts", "1", "contacts that arrived with restitution"),
     column("impact_residual", "1", "the worst that a solve of theirs was left with"),
     column(

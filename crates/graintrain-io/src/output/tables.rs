@@ -107,6 +107,7 @@ fn step_record(world: &World, report: &StepReport, output_seconds: f64) -> Strin
         real(errors.overlap_per_step_max_over_size),
         real(errors.cone_excess_max),
         real(errors.slip_angle_max),
+        real(report.opening.largest_over_size),
         report.impacts.to_string(),
         real(report.impact_residual.max),
         report.restitution_lowered.to_string(),

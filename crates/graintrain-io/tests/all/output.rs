@@ -8,6 +8,7 @@ use graintrain::handle::{BodyId, MaterialId};
 use graintrain::material::Materials;
 use graintrain::math::{Quat, Vec3};
 use graintrain::motion::{Motion, Profile};
+use graintrain::relaxation::Opening;
 use graintrain::shape::{Geometry, Part, Shape};
 use graintrain::stepper::{PhaseSeconds, PhysicalErrors, StepReport, StepSettings, Wrench};
 use graintrain::world::{Body, World};
@@ -113,6 +114,7 @@ fn advance(world: &mut World, settings: &RunSettings) -> StepReport {
             cone_excess_max: 4e-3,
             slip_angle_max: 5e-2,
         },
+        opening: Opening { largest_over_size: 2e-3, opened: 1 },
         impacts: 3,
         impact_residual: Default::default(),
         restitution_lowered: 1,
