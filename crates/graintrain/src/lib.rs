@@ -38,6 +38,7 @@ pub mod motion;
 pub mod overlap;
 mod part_solver;
 pub mod parts;
+mod projection;
 pub mod relaxation;
 pub mod shape;
 mod solid_mesh;

@@ -7,7 +7,7 @@
 //! min 1/2 dq^T M dq   subject to   Phi_i + dt D_i,n^T v+ + D_i,n^T dq >= target_i
 //! ```
 //!
-//! whose optimality conditions are a contact problem without friction with the same N. The displacement leaves no velocity, so a
+//! whose optimality conditions are a contact problem without friction with the same N (solved to few digits, [`crate::projection`]). The displacement leaves no velocity, so a
 //! state that came with overlaps gets no kinetic energy from them, whatever the step; what it does against gravity is reported.
 //!
 //! Source: C. W. Gear, B. Leimkuhler, G. K. Gupta, "Automatic integration of Euler-Lagrange equations with constraints",
@@ -16,10 +16,8 @@
 //! friction", Comput. Methods Appl. Mech. Engrg. 256:224-250, 2013.
 
 use crate::parts::{Part, parts};
-use graintrain_ccp::{
-    BodyInverseMass, Ccp, CcpError, CcpSolver, Delassus, FIXED, Judge, RigidContact, SolveSettings,
-};
-use std::sync::Arc;
+use crate::projection::project;
+use graintrain_ccp::{BodyInverseMass, FIXED, RigidContact};
 
 /// An overlap above this fraction of the smaller body's size starts a correction of its part.
 const TRIGGER: f64 = 5e-4;
@@ -43,8 +41,8 @@ const ACCIDENT_SHARE: f64 = 0.2;
 /// A correction moves the bodies of the contacts that need it and those up to so many contacts away; the others hold still.
 const RINGS: usize = 2;
 
-/// Iterations of a correction; what is left is for the next step.
-const ITERATIONS: usize = 40;
+/// Sweeps of a correction; what is left is for the next step.
+const SWEEPS: usize = 40;
 
 /// Accuracy of a correction, relative to the largest displacement that its contacts ask for.
 const TOLERANCE: f64 = 0.1;
@@ -99,10 +97,7 @@ impl Gaps<'_> {
     }
 
     /// The correction.
-    ///
-    /// # Errors
-    /// Those of the solver.
-    pub(crate) fn correct(&self, solver: &mut dyn CcpSolver) -> Result<Correction, CcpError> {
+    pub(crate) fn correct(&self) -> Correction {
         let mut correction = Correction::default();
         let trigger = self.trigger();
         let worst = (0..self.gap.len() as u32)
@@ -110,7 +105,7 @@ impl Gaps<'_> {
             .enumerate()
             .fold((0, trigger), |worst, next| if next.1 > worst.1 { next } else { worst });
         if worst.1 <= trigger {
-            return Ok(correction);
+            return correction;
         }
         (correction.overlap_max, correction.overlap_max_over_size) = (-self.gap[worst.0], worst.1);
         let mut displacement = vec![0.0; 6 * self.inverse_mass.len()];
@@ -125,10 +120,10 @@ impl Gaps<'_> {
             .filter(|&i| rows[i as usize].body_a != FIXED || rows[i as usize].body_b != FIXED)
             .collect();
         for part in parts(&rows, chosen.iter().copied(), moving.len()) {
-            self.correct_part(&part, &rows, solver, &mut displacement)?;
+            self.correct_part(&part, &rows, &mut displacement);
         }
         correction.displacement = Some(displacement);
-        Ok(correction)
+        correction
     }
 
     /// Which bodies a correction may move.
@@ -149,41 +144,9 @@ impl Gaps<'_> {
         moving
     }
 
-    fn correct_part(
-        &self,
-        part: &Part,
-        rows: &[RigidContact],
-        solver: &mut dyn CcpSolver,
-        displacement: &mut [f64],
-    ) -> Result<(), CcpError> {
-        let r: Vec<f64> = part.contacts.iter().flat_map(|&i| [self.room(i), 0.0, 0.0]).collect();
+    fn correct_part(&self, part: &Part, rows: &[RigidContact], displacement: &mut [f64]) {
         let largest = part.contacts.iter().map(|&i| -self.room(i)).fold(0.0, f64::max);
-        let problem = Ccp {
-            delassus: Arc::new(Delassus::Rigid(part.delassus(rows, self.inverse_mass))),
-            friction: vec![0.0; part.contacts.len()],
-            r,
-            // Lengths take the place of velocities.
-            velocity_scale: Some(largest),
-            impulse_scale: None,
-            points: Vec::new(),
-            identity: Vec::new(),
-        };
-        let mut multiplier = vec![0.0; problem.r.len()];
-        let settings = SolveSettings {
-            tolerance: TOLERANCE,
-            judge: Judge::Maximum,
-            // So few iterations that a stop can wait: cut short, they would leave a step that depends on when that was.
-            max_iterations: Some(ITERATIONS),
-            ..SolveSettings::default()
-        };
-        solver.solve(&problem, &mut multiplier, &settings)?;
-        let mut work = problem.delassus.work();
-        let mut image = vec![0.0; multiplier.len()];
-        problem.delassus.multiply(&multiplier, &mut image, &mut work);
-        for (k, &body) in part.bodies.iter().enumerate() {
-            let own = &mut displacement[6 * body as usize..6 * body as usize + 6];
-            own.copy_from_slice(&work.body_velocity()[6 * k..6 * k + 6]);
-        }
-        Ok(())
+        let contacts = part.contacts.iter().map(|&i| (&rows[i as usize], self.room(i)));
+        project(contacts, self.inverse_mass, displacement, (TOLERANCE * largest, SWEEPS));
     }
 }

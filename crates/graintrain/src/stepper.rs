@@ -113,8 +113,6 @@ pub struct Stepper {
     solver: Box<dyn CcpSolver>,
     /// Solves impacts.
     impacts: Box<dyn CcpSolver>,
-    /// Solves corrections of overlap.
-    correction: Box<dyn CcpSolver>,
     collider: Collider,
     last: Option<Last>,
     /// Contacts found at the end of the last step, and the fingerprint of the state that they belong to.
@@ -176,9 +174,9 @@ impl Stepper {
         }
         let solver = settings.solver.build()?;
         let named = |name: &str| name.parse::<SolverSpec>()?.build();
-        let (impacts, correction) = (named("auto")?, named("apgd")?);
+        let impacts = named("auto")?;
         let collider = Collider::default();
-        Ok(Self { settings, solver, impacts, correction, collider, last: None, ahead: None, stop: None })
+        Ok(Self { settings, solver, impacts, collider, last: None, ahead: None, stop: None })
     }
 
     /// The settings.
@@ -303,7 +301,7 @@ impl Stepper {
             }
             let begin = Instant::now();
             let size: Vec<f64> = contacts.iter().map(|c| self.collider.contact_size(world, c)).collect();
-            let correction = self.correct(world, &contacts, &attempt, &size)?;
+            let correction = self.correct(world, &contacts, &attempt, &size);
             advance(world, &attempt.velocity, correction.displacement.as_deref(), step);
             phases.integrate += begin.elapsed().as_secs_f64();
             let begin = Instant::now();
@@ -391,17 +389,11 @@ impl Stepper {
     }
 
     /// Displacements that remove overlap at the end of the step.
-    fn correct(
-        &mut self,
-        world: &World,
-        contacts: &[Contact],
-        attempt: &Attempt,
-        size: &[f64],
-    ) -> Result<Correction, StepError> {
+    fn correct(&self, world: &World, contacts: &[Contact], attempt: &Attempt, size: &[f64]) -> Correction {
         if self.settings.overlap == OverlapCorrection::Velocity {
-            return Ok(Correction::default());
+            return Correction::default();
         }
-        let Delassus::Rigid(rigid) = &*attempt.problem.delassus else { return Ok(Correction::default()) };
+        let Delassus::Rigid(rigid) = &*attempt.problem.delassus else { return Correction::default() };
         let step = self.settings.step;
         let chosen: Vec<Contact> = attempt.active.iter().map(|&i| contacts[i as usize]).collect();
         let u = relative_velocities(&chosen, rigid.contacts(), &attempt.velocity);
@@ -423,9 +415,9 @@ impl Stepper {
             turn: &turn,
             tolerance: self.settings.tolerance,
         };
-        let correction = gaps.correct(self.correction.as_mut())?;
+        let correction = gaps.correct();
         let finite = correction.displacement.iter().flatten().all(|x| x.is_finite());
-        Ok(if finite { correction } else { Correction { displacement: None, ..correction } })
+        if finite { correction } else { Correction { displacement: None, ..correction } }
     }
 
     /// Contacts that were left out of the problem and close with the velocities found, as indices.
