@@ -7,6 +7,14 @@ pub struct FrictionCone {
     pub mu: f64,
 }
 
+/// |x_t| of a contact's vector (normal, tangent 1, tangent 2).
+#[inline]
+pub fn tangential_length(x: [f64; 3]) -> f64 {
+    let square = x[1] * x[1] + x[2] * x[2];
+    // hypot is slow, and needed only where the square leaves the range of the floats.
+    if (1e-290..1e290).contains(&square) { square.sqrt() } else { x[1].hypot(x[2]) }
+}
+
 impl FrictionCone {
     /// Euclidean projection P_Y(x).
     ///
@@ -15,9 +23,7 @@ impl FrictionCone {
     #[inline]
     pub fn project(self, x: [f64; 3]) -> [f64; 3] {
         let mu = self.mu;
-        let square = x[1] * x[1] + x[2] * x[2];
-        // hypot is slow, and needed only where the square leaves the range of the floats.
-        let tangential = if (1e-290..1e290).contains(&square) { square.sqrt() } else { x[1].hypot(x[2]) };
+        let tangential = tangential_length(x);
         // The apex first: for mu = 0 and x_t = 0 both comparisons hold, whatever the sign of x_n.
         if mu * tangential <= -x[0] {
             return [0.0; 3];

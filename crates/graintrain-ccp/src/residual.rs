@@ -1,5 +1,6 @@
 //! The one accuracy measure: the natural map of the complementarity problem, dimensionless.
 
+use crate::cone::tangential_length;
 use crate::problem::Ccp;
 use graintrain_linalg::parallel::{fold_chunks, sum_chunks};
 
@@ -137,7 +138,7 @@ impl ResidualScale {
     fn natural_map(&self, problem: &Ccp, g: &[f64], u: &[f64], model: FrictionModel, i: usize) -> [f64; 3] {
         let mut velocity = [u[3 * i], u[3 * i + 1], u[3 * i + 2]];
         if model == FrictionModel::Coulomb {
-            velocity[0] += problem.friction[i] * velocity[1].hypot(velocity[2]);
+            velocity[0] += problem.friction[i] * tangential_length(velocity);
         }
         let step = 1.0 / self.eta[i];
         let image = problem.cone(i).project(std::array::from_fn(|k| g[3 * i + k] - step * velocity[k]));

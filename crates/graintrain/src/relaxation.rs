@@ -40,7 +40,7 @@ impl Opening {
         let u = relative_velocities(contacts, rigid.contacts(), velocity);
         for (k, u) in u.chunks_exact(3).enumerate() {
             if impulse[3 * k] > threshold {
-                let parted = step * problem.friction[k] * u[1].hypot(u[2]) / size[k];
+                let parted = step * problem.friction[k] * (u[1] * u[1] + u[2] * u[2]).sqrt() / size[k];
                 opening.largest_over_size = opening.largest_over_size.max(parted);
                 opening.opened += usize::from(parted > OPENED);
             }

@@ -114,12 +114,12 @@ impl PhysicalErrors {
             errors.approach_max = errors.approach_max.max(approach);
             errors.overlap_per_step_max_over_size =
                 errors.overlap_per_step_max_over_size.max(step * approach / size[k]);
-            let (limit, friction) = (problem.friction[k] * g[0], g[1].hypot(g[2]));
-            let force = g[0].hypot(friction);
+            let (limit, friction) = (problem.friction[k] * g[0], (g[1] * g[1] + g[2] * g[2]).sqrt());
+            let force = (g[0] * g[0] + friction * friction).sqrt();
             if force > 0.0 {
                 errors.cone_excess_max = errors.cone_excess_max.max((friction - limit) / force);
             }
-            let slip = u[1].hypot(u[2]);
+            let slip = (u[1] * u[1] + u[2] * u[2]).sqrt();
             if slip > resolved && friction > 0.0 {
                 let cosine = -(u[1] * g[1] + u[2] * g[2]) / (slip * friction);
                 errors.slip_angle_max = errors.slip_angle_max.max(cosine.clamp(-1.0, 1.0).acos());

@@ -150,6 +150,44 @@ pub(super) struct Packing {
     bodies: Vec<u32>,
 }
 
+/// A contact and the places of its bodies; [`FIXED`] is the highest.
+#[derive(Clone, Copy)]
+struct Pair {
+    lower: u32,
+    higher: u32,
+    contact: u32,
+}
+
+/// The contacts sorted by their lower, then their higher body, then their index; `number` is the place of each body.
+fn sorted_by_bodies(rigid: &RigidDelassus, number: &[u32]) -> Vec<Pair> {
+    let place = |body: u32| if body == FIXED { FIXED } else { number[body as usize] };
+    let pairs = rigid.contacts().iter().zip(0..).map(|(row, contact)| {
+        let (a, b) = (place(row.body_a), place(row.body_b));
+        Pair { lower: a.min(b), higher: a.max(b), contact }
+    });
+    // A body has few contacts: counting sorts by the lower one, and what is left is short. Contacts without a body come last.
+    let bucket = |pair: &Pair| (pair.lower as usize).min(number.len());
+    let mut start = vec![0_u32; number.len() + 2];
+    for pair in pairs.clone() {
+        start[bucket(&pair) + 1] += 1;
+    }
+    for b in 0..=number.len() {
+        start[b + 1] += start[b];
+    }
+    let mut next = start.clone();
+    let mut sorted = vec![Pair { lower: 0, higher: 0, contact: 0 }; rigid.num_contacts()];
+    for pair in pairs {
+        let place = &mut next[bucket(&pair)];
+        sorted[*place as usize] = pair;
+        *place += 1;
+    }
+    for bounds in start.windows(2) {
+        let own = &mut sorted[bounds[0] as usize..bounds[1] as usize];
+        own.sort_unstable_by_key(|pair| (pair.higher, pair.contact));
+    }
+    sorted
+}
+
 /// Batches whose contacts share no body if that can be arranged: a sweep of Gauss-Seidel computes them together.
 pub(super) const TOGETHER: usize = 4;
 /// Contacts among which those of the next [`TOGETHER`] batches are looked for.
@@ -182,41 +220,36 @@ pub(super) fn pack(rigid: &RigidDelassus) -> Packing {
             next += 1;
         }
     }
-    let place = |body: u32| if body == FIXED { FIXED } else { number[body as usize] };
-    let pair = |i: u32| {
-        let contact = &rigid.contacts()[i as usize];
-        (place(contact.body_a), place(contact.body_b))
-    };
-    let mut contacts: Vec<u32> = (0..rigid.num_contacts() as u32).collect();
-    contacts.sort_unstable_by_key(|&i| {
-        let (a, b) = pair(i);
-        (a.min(b), a.max(b), i)
-    });
+    let mut contacts = sorted_by_bodies(rigid, &number);
     // The last group that each body was dealt to.
     let mut group_of = vec![u32::MAX; bodies];
     let mut group = 0;
-    let mut dealt = Vec::with_capacity(CHUNK * LANES);
-    let mut pool: Vec<u32> = Vec::with_capacity(POOL);
+    let mut dealt: Vec<Pair> = Vec::with_capacity(CHUNK * LANES);
+    let mut pool: Vec<Pair> = Vec::with_capacity(POOL);
     for chunk in contacts.chunks_mut(CHUNK * LANES) {
         let mut rest = chunk.iter().copied();
         dealt.clear();
         while dealt.len() < chunk.len() {
             pool.extend(rest.by_ref().take(POOL - pool.len()));
             let first = dealt.len();
-            pool.retain(|&i| {
-                let (a, b) = pair(i);
+            let (mut seen, mut kept) = (0, 0);
+            while seen < pool.len() && dealt.len() - first < TOGETHER * LANES {
+                let pair = pool[seen];
+                seen += 1;
                 let free = |body: u32| body == FIXED || group_of[body as usize] != group;
-                if dealt.len() - first == TOGETHER * LANES || !free(a) || !free(b) {
-                    return true;
-                }
-                for body in [a, b] {
-                    if body != FIXED {
-                        group_of[body as usize] = group;
+                if free(pair.lower) && free(pair.higher) {
+                    for body in [pair.lower, pair.higher] {
+                        if body != FIXED {
+                            group_of[body as usize] = group;
+                        }
                     }
+                    dealt.push(pair);
+                } else {
+                    pool[kept] = pair;
+                    kept += 1;
                 }
-                dealt.push(i);
-                false
-            });
+            }
+            pool.drain(kept..seen);
             group += 1;
             let found = dealt.len() - first;
             if found >= LANES {
@@ -230,6 +263,7 @@ pub(super) fn pack(rigid: &RigidDelassus) -> Packing {
         }
         chunk.copy_from_slice(&dealt);
     }
+    let contacts = contacts.into_iter().map(|pair| pair.contact).collect();
     Packing { contacts, bodies: number }
 }
 
