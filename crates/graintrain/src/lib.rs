@@ -13,6 +13,7 @@
 //! | [`integrate`] | velocities without contact, positions, rotations |
 //! | [`impact`], [`overlap`], [`parts`] | restitution, overlap without energy, parts that do not touch |
 //! | [`stepper`], [`step_report`] | the time step, what it reports |
+//! | [`gradient`] | derivatives of a step |
 //! | [`error`] | what can be wrong with a world |
 //! | [`ccp`] | contact problems and their solvers |
 //!
@@ -27,6 +28,7 @@ pub mod collide;
 pub mod contact;
 pub mod error;
 pub mod formula;
+pub mod gradient;
 pub mod handle;
 pub mod impact;
 pub mod integrate;
