@@ -62,7 +62,9 @@ pub enum SensitivityError {
         margin: f64,
     },
     /// Impulses that are no solution.
-    #[error("contact {contact} is in no state: its impulse does not solve the problem; solve it to a tolerance of 1e-9 or below")]
+    #[error(
+        "contact {contact} is in no state: its impulse does not solve the problem; solve it to a tolerance of 1e-9 or below"
+    )]
     Unsolved {
         /// Index of the contact.
         contact: usize,
@@ -122,7 +124,13 @@ pub struct Adjoint {
 }
 
 impl Part {
-    fn of(problem: &Ccp, eta: f64, g: [f64; 3], u: [f64; 3], contact: usize) -> Result<Self, SensitivityError> {
+    fn of(
+        problem: &Ccp,
+        eta: f64,
+        g: [f64; 3],
+        u: [f64; 3],
+        contact: usize,
+    ) -> Result<Self, SensitivityError> {
         let (mu, scale) = (problem.friction[contact], velocity_scale(problem));
         let kink = |what| Err(SensitivityError::Kink { contact, what, margin: MARGIN });
         let small = |velocity: f64| velocity <= MARGIN * scale;
@@ -267,7 +275,7 @@ impl Sensitivity {
             let mut krylov = KrylovWork::default();
             let report =
                 conjugate_gradient(&mut apply, &mut precondition, &rhs, &mut x, settings, &mut krylov);
-            if !(report.residual <= accepted) {
+            if report.residual.is_nan() || report.residual > accepted {
                 return Err(SensitivityError::Adjoint { residual: report.residual });
             }
         }

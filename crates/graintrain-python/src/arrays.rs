@@ -87,7 +87,7 @@ pub fn writable<'py, T: Numbers>(
     leases: &Leases,
     list: &mut [T],
 ) -> PyResult<Bound<'py, PyAny>> {
-    const { assert!(size_of::<T>() % size_of::<f64>() == 0) };
+    const { assert!(size_of::<T>().is_multiple_of(size_of::<f64>())) };
     let shape: Vec<usize> = std::iter::once(list.len()).chain(T::SHAPE.iter().copied()).collect();
     let lease = Bound::new(owner.py(), leases.lease(owner.clone().unbind()))?;
     // SAFETY: by the contract of `Numbers` the list is that many f64; the lease keeps its memory where it is and alive.

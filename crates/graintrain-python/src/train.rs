@@ -229,10 +229,13 @@ impl TrainMatrix {
         let (rows, columns, row, column, value): (usize, usize, Vec<usize>, Vec<usize>, Vec<f64>) =
             parts.extract()?;
         if rows != columns {
-            return Err(PyValueError::new_err(format!("the matrix is {rows} x {columns}, expected a square one")));
+            return Err(PyValueError::new_err(format!(
+                "the matrix is {rows} x {columns}, expected a square one"
+            )));
         }
         let levels = rows.div_ceil(leaf.max(1)).next_power_of_two().trailing_zeros() as usize;
-        let entries = row.into_iter().zip(column).zip(value).map(|((row, column), value)| (row, column, value));
+        let entries =
+            row.into_iter().zip(column).zip(value).map(|((row, column), value)| (row, column, value));
         let make = || {
             QuadtreeMatrix::from_entries(leaf, levels, entries)?.to_train(&truncation(tolerance, max_rank))
         };

@@ -358,10 +358,11 @@ impl World {
     }
 
     /// Everything needed to go on, bit for bit: a checkpoint as bytes.
-    fn to_bytes<'py>(&mut self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
-        let run = self.run();
+    fn to_bytes<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyBytes>> {
+        let mut world = slf.borrow_mut();
+        let run = world.run();
         let bytes = checkpoint::to_bytes(&run.settings, &run.totals, &run.world)?;
-        Ok(PyBytes::new(py, &bytes))
+        Ok(PyBytes::new(slf.py(), &bytes))
     }
 
     /// Another world with the same state and settings.
@@ -381,8 +382,7 @@ impl World {
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, (Bound<'py, PyBytes>,))> {
-        let bytes = slf.borrow_mut().to_bytes(slf.py())?;
-        Ok((slf.get_type().getattr("from_bytes")?, (bytes,)))
+        Ok((slf.get_type().getattr("from_bytes")?, (Self::to_bytes(slf)?,)))
     }
 
     fn __len__(&mut self) -> usize {
@@ -514,7 +514,7 @@ impl World {
     #[getter]
     fn end(&mut self) -> Option<f64> {
         let settings = &self.run().settings;
-        (settings.steps > 0).then(|| settings.steps as f64 * settings.stepping.step)
+        (settings.steps > 0).then_some(settings.steps as f64 * settings.stepping.step)
     }
 
     /// Gravitational acceleration, m/s^2.

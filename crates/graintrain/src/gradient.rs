@@ -26,7 +26,6 @@ use graintrain_ccp::registry::Method;
 use graintrain_ccp::sensitivity::{Adjoint, ContactState, Sensitivity, SensitivityError};
 use graintrain_ccp::{Ccp, Delassus, FIXED, FrictionModel, Judge, RigidDelassus, SolverSpec};
 
-
 /// Residual that the step's problem is solved to, and the largest accepted.
 const TOLERANCE: (f64, f64) = (1e-11, 1e-9);
 
@@ -52,7 +51,9 @@ pub enum GradientError {
         what: String,
     },
     /// The contact problem was not solved well enough.
-    #[error("the contact problem was solved to a residual of {residual:.1e}, derivatives need {TOLERANCE_ACCEPTED:.0e}: {remark}")]
+    #[error(
+        "the contact problem was solved to a residual of {residual:.1e}, derivatives need {TOLERANCE_ACCEPTED:.0e}: {remark}"
+    )]
     Unsolved {
         /// Residual reached.
         residual: f64,
@@ -129,7 +130,9 @@ impl StepGradient {
             return unsupported("contacts were found in the midst of it; a shorter time step may do");
         }
         if after.contacts.contacts.iter().any(|contact| contact.lead != Vec3::ZERO) {
-            return unsupported("bodies move so fast that they meet elsewhere than they are nearest; a shorter time step may do");
+            return unsupported(
+                "bodies move so fast that they meet elsewhere than they are nearest; a shorter time step may do",
+            );
         }
         if report.solve.residual.max > accepted {
             let remark = report.solve.remark.unwrap_or_else(|| format!("{:?}", report.solve.status));
@@ -138,8 +141,7 @@ impl StepGradient {
         let Some((problem, impulse)) = stepper.last_problem() else {
             return unsupported("it left no contact problem");
         };
-        let sensitivity =
-            Sensitivity::new(problem, impulse).map_err(|source| at_contact(source, &after))?;
+        let sensitivity = Sensitivity::new(problem, impulse).map_err(|source| at_contact(source, &after))?;
         let problem = problem.clone();
         Ok(Self { before: world.clone(), step: settings.step, after, problem, sensitivity })
     }
@@ -169,10 +171,8 @@ impl StepGradient {
         };
         let mut y = vec![0.0; self.problem.r.len()];
         rigid.relative_velocity(&masked(rigid, cotangent), &mut y);
-        let Adjoint { r, friction } = self
-            .sensitivity
-            .adjoint(&y)
-            .map_err(|source| GradientError::Contact { source, bodies: None })?;
+        let Adjoint { r, friction } =
+            self.sensitivity.adjoint(&y).map_err(|source| GradientError::Contact { source, bodies: None })?;
         let mut by_free = cotangent.to_vec();
         add_transposed(rigid, &r, &mut by_free);
         let (mut velocity, mut force) = (vec![0.0; expected], vec![0.0; expected]);
@@ -238,8 +238,7 @@ fn add_transposed(rigid: &RigidDelassus, g: &[f64], n: &mut [f64]) {
     for (contact, g) in rigid.contacts().iter().zip(g.chunks_exact(3)) {
         let axes = contact.frame.map(Vec3::from_array);
         let force = g[0] * axes[0] + g[1] * axes[1] + g[2] * axes[2];
-        for (body, sign, arm) in
-            [(contact.body_a, 1.0, contact.arm_a), (contact.body_b, -1.0, contact.arm_b)]
+        for (body, sign, arm) in [(contact.body_a, 1.0, contact.arm_a), (contact.body_b, -1.0, contact.arm_b)]
         {
             if body != FIXED {
                 let torque = Vec3::from_array(arm).cross(force);

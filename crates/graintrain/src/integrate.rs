@@ -104,9 +104,8 @@ pub(crate) fn free_velocity_derivative(world: &World, body: usize, step: f64) ->
         turns => {
             let world_inertia = world_inertia(inertia, orientation);
             let inverse = masked_inverse(world_inertia, turns);
-            let mask = |kept: bool| {
-                Mat3::from_diagonal(Vec3::from_array(turns.map(|free| f64::from(free == kept))))
-            };
+            let mask =
+                |kept: bool| Mat3::from_diagonal(Vec3::from_array(turns.map(|free| f64::from(free == kept))));
             let gyroscopic = skew(w) * world_inertia - skew(world_inertia * w);
             let by_spin = mask(true) + inverse * (world_inertia * mask(false) - step * gyroscopic);
             (linear, by_spin, step * inverse)

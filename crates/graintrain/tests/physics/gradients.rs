@@ -1,5 +1,7 @@
 //! Derivatives of a step against central differences of steps, on ten scenes; what happens at kinks.
 
+use graintrain::ccp::FrictionModel;
+use graintrain::ccp::sensitivity::ContactState::{self, Apart, Sliding, Sticking};
 use graintrain::gradient::{GradientError, StepGradient};
 use graintrain::handle::{BodyId, GeometryId, MaterialId};
 use graintrain::load::{Action, Load};
@@ -9,16 +11,13 @@ use graintrain::motion::{Motion, Profile};
 use graintrain::shape::{Geometry, Part, Shape};
 use graintrain::stepper::{StepSettings, Stepper};
 use graintrain::world::{Body, World};
-use graintrain::ccp::FrictionModel;
-use graintrain::ccp::sensitivity::ContactState::{self, Apart, Sliding, Sticking};
 
 const DT: f64 = 1e-2;
 
 /// A world with the ground at z = 0 and two materials.
 fn ground(friction: f64, gravity: Vec3) -> World {
     let mut materials = Materials::default();
-    let (earth, stone) =
-        (materials.add("earth", 1000.0).unwrap(), materials.add("stone", 1000.0).unwrap());
+    let (earth, stone) = (materials.add("earth", 1000.0).unwrap(), materials.add("stone", 1000.0).unwrap());
     for (a, b) in [(earth, earth), (earth, stone), (stone, stone)] {
         materials.set_pair(a, b, friction, 0.0).unwrap();
     }
@@ -220,7 +219,8 @@ fn kinks_and_what_has_no_derivative_are_told() {
     };
     // Pushed along exactly as hard as friction holds.
     let mut world = ground(0.5, DOWN);
-    let motion = world.add_motion(Motion::fixed().with_free([true, false, true, false, false, false])).unwrap();
+    let motion =
+        world.add_motion(Motion::fixed().with_free([true, false, true, false, false, false])).unwrap();
     let block = world.add_geometry(Geometry::sphere(0.1).unwrap());
     let at = Vec3::new(0.0, 0.0, 0.1);
     world.add_body(Body { motion, ..Body::new(block, STONE, at) }).unwrap();
