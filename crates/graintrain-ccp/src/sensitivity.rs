@@ -22,7 +22,7 @@
 //! Source: Facchinei, Pang, "Finite-Dimensional Variational Inequalities and Complementarity Problems", 2003, section 5.4.
 //!
 //! K is applied by way of the bodies, and its systems are solved by conjugate gradients with the factors of K + eps in body space
-//! ([`crate::newton::BodyCholesky`]'s identity) as preconditioner: a few iterations.
+//! ([`crate::newton::body::BodyCholesky`]'s identity) as preconditioner: a few iterations.
 
 use crate::delassus::{Delassus, RigidDelassus};
 use crate::newton::body_matrix::BodyMatrix;

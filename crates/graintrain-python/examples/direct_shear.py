@@ -37,7 +37,7 @@ for line in zip(normal, strength, slope * normal + cohesion):
     print("normal stress {:7.0f} Pa: shear strength {:7.0f} Pa, the line {:7.0f} Pa".format(*line))
 print(f"friction angle {np.degrees(np.arctan(slope)):.1f} degrees, intercept {cohesion:.0f} Pa")
 
-figure, (left, right) = pyplot.subplots(1, 2, figsize=(9, 4))
+figure, (left, right) = pyplot.subplots(1, 2, figsize=(9, 4), layout="constrained")
 left.plot(displacement, shear, label=[f"{stress / 1e3:.1f} kPa" for stress in normal])
 left.set(xlabel="displacement of the lower half, m", ylabel="shear stress, Pa")
 left.legend()

@@ -184,19 +184,20 @@ pub fn vector(what: &str, object: &Bound<'_, PyAny>) -> PyResult<Vec3> {
 /// Four numbers (x, y, z, w), normalised if they are so to 1e-6.
 pub fn quaternion(what: &str, object: &Bound<'_, PyAny>) -> PyResult<Quat> {
     let q = Quat::from_slice(&shaped(what, object, &[Some(4)])?);
-    check_unit(what, q)?;
-    Ok(q.normalize())
+    if is_unit(q) { Ok(q.normalize()) } else { Err(no_rotation(what, q)) }
 }
 
-/// `ValueError` unless a quaternion has the length 1 to 1e-6.
-pub fn check_unit(what: &str, q: Quat) -> PyResult<()> {
+/// Whether a quaternion has the length 1 to 1e-6.
+pub fn is_unit(q: Quat) -> bool {
+    (q.length() - 1.0).abs() <= 1e-6
+}
+
+/// `ValueError` for a quaternion that is not of unit length.
+pub fn no_rotation(what: &str, q: Quat) -> PyErr {
     let length = q.length();
-    if (length - 1.0).abs() <= 1e-6 {
-        return Ok(());
-    }
-    Err(PyValueError::new_err(format!(
+    PyValueError::new_err(format!(
         "{what} is no rotation: the length of the quaternion (x, y, z, w) is {length}, expected 1"
-    )))
+    ))
 }
 
 /// Rows of three numbers.

@@ -1,6 +1,6 @@
 //! Worlds: made from scenes, in code or from checkpoints, and stepped.
 
-use crate::arrays::{Leases, check_unit, readable, vector, writable};
+use crate::arrays::{Leases, is_unit, no_rotation, readable, vector, writable};
 use crate::contacts::Contacts;
 use crate::error::OrRaise;
 use crate::plain::plain;
@@ -22,7 +22,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::sync::{Arc, Mutex, PoisonError};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// How long a signal may wait for an answer while a run is under way.
 const PATIENCE: Duration = Duration::from_millis(50);
@@ -121,6 +121,14 @@ pub(crate) fn interruptible<T: Send>(
     }
 }
 
+/// As [`interruptible`] for work that is known to be short: without a thread, which costs more than a step of a small world.
+fn brief<T: Send>(py: Python<'_>, stop: &AtomicBool, work: impl FnOnce() -> T + Send) -> PyResult<T> {
+    stop.store(false, Ordering::Relaxed);
+    let result = py.detach(work);
+    py.check_signals()?;
+    Ok(result)
+}
+
 impl World {
     fn new(world: graintrain::world::World, settings: RunSettings, totals: RunTotals) -> PyResult<Self> {
         let stop = Arc::<AtomicBool>::default();
@@ -157,8 +165,9 @@ impl World {
 
     /// Ready to step: what was written into arrays is checked, what is known of the last step forgotten.
     pub(crate) fn begin(&mut self) -> PyResult<Advance<'_>> {
-        for (body, &q) in self.state().bodies.orientation.iter().enumerate() {
-            check_unit(&format!("quaternions[{body}]"), q)?;
+        let turns = &self.state().bodies.orientation;
+        if let Some(body) = turns.iter().position(|&q| !is_unit(q)) {
+            return Err(no_rotation(&format!("quaternions[{body}]"), turns[body]));
         }
         self.contacts = None;
         let run = self.run.get_mut().unwrap_or_else(PoisonError::into_inner);
@@ -405,13 +414,9 @@ impl World {
         let stop = self.stop();
         let mut advance = self.begin()?;
         let target = advance.run.world.step.saturating_add(steps);
-        if steps > 1 {
-            interruptible(py, &[stop], || advance.to(target, false))?.or_raise()?;
-        } else {
-            stop.store(false, Ordering::Relaxed);
-            py.detach(|| advance.to(target, false)).or_raise()?;
-            py.check_signals()?;
-        }
+        let work = || advance.to(target, false);
+        let outcome = if steps > 1 { interruptible(py, &[stop], work) } else { brief(py, &stop, work) };
+        outcome?.or_raise()?;
         Ok(self.report())
     }
 
@@ -434,6 +439,8 @@ impl World {
             return Err(PyValueError::new_err("every is 0; it must be at least 1"));
         }
         let target = slf.borrow_mut().target(until, steps)?;
+        // Steps between two calls back, while they are quick, are made here.
+        let mut quick = false;
         loop {
             let mut world = slf.borrow_mut();
             let done = world.state().step;
@@ -443,7 +450,11 @@ impl World {
             let next = if callback.is_some() { target.min(done.saturating_add(every)) } else { target };
             let stop = world.stop();
             let mut advance = world.begin()?;
-            interruptible(py, &[stop], || advance.to(next, strict))?.or_raise()?;
+            let begin = Instant::now();
+            let work = || advance.to(next, strict);
+            let outcome = if quick { brief(py, &stop, work) } else { interruptible(py, &[stop], work) };
+            outcome?.or_raise()?;
+            quick = callback.is_some() && begin.elapsed() < PATIENCE;
             drop(world);
             if let Some(callback) = callback
                 && callback.call1((slf,))?.extract::<bool>().unwrap_or(false)

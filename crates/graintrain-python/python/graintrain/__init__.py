@@ -34,6 +34,7 @@ from graintrain._graintrain import (
     replay,
     solvers,
 )
+from graintrain._measure import stress
 from graintrain._sweep import sweep
 
 __all__ = [
@@ -62,5 +63,6 @@ __all__ = [
     "cross",
     "replay",
     "solvers",
+    "stress",
     "sweep",
 ]
