@@ -20,6 +20,7 @@
 //! | [`solver`] | settings, report, the solvers of production |
 //! | `paper` | feature `paper`: the methods that the paper compares, its interior point, its tensor trains |
 //! | [`registry`] | solvers by name |
+//! | [`sensitivity`] | derivatives of the solution by r and mu |
 //!
 //! Each uses only what stands above it. Without the feature `paper` no tensor train is compiled: names of solvers that need
 //! it give [`CcpError::NotCompiled`].
@@ -33,6 +34,7 @@ pub mod paper;
 pub mod problem;
 pub mod registry;
 pub mod residual;
+pub mod sensitivity;
 pub mod solver;
 
 pub use cone::FrictionCone;

@@ -116,7 +116,7 @@ pub fn write(
 ) -> Result<PathBuf, OutputError> {
     make_folder(folder)?;
     let path = folder.join(format!("step_{:08}.ckpt", world.step));
-    let bytes = encode(settings, totals, world).map_err(|error| OutputError::new("write", &path, error))?;
+    let bytes = to_bytes(settings, totals, world).map_err(|error| OutputError::new("write", &path, error))?;
     write_durably(&path, &bytes)?;
     for old in list(folder).into_iter().skip(KEPT) {
         // One checkpoint too many harms nobody.
@@ -133,6 +133,14 @@ pub fn read(path: &Path) -> Result<Checkpoint, CheckpointError> {
     let bytes =
         std::fs::read(path).map_err(|source| CheckpointError::Read { path: path.to_path_buf(), source })?;
     decode(&bytes, path)
+}
+
+/// Reads a checkpoint from the bytes of its file; `name` is what messages call them.
+///
+/// # Errors
+/// As [`read`].
+pub fn from_bytes(bytes: &[u8], name: &str) -> Result<Checkpoint, CheckpointError> {
+    decode(bytes, Path::new(name))
 }
 
 /// Reads the latest usable checkpoint in the folder; damaged later ones are given back beside it.
@@ -179,7 +187,11 @@ fn crc(bytes: &[u8]) -> u32 {
     crc.sum()
 }
 
-fn encode(settings: &RunSettings, totals: &RunTotals, world: &World) -> io::Result<Vec<u8>> {
+/// A checkpoint as the bytes of its file.
+///
+/// # Errors
+/// Where they do not fit into memory.
+pub fn to_bytes(settings: &RunSettings, totals: &RunTotals, world: &World) -> io::Result<Vec<u8>> {
     // A tuple has the layout of the struct that is read back.
     let plain = postcard::to_stdvec(&(settings, totals, world)).map_err(io::Error::other)?;
     let mut encoder = ZlibEncoder::new(Vec::new(), Compression::fast());

@@ -269,6 +269,11 @@ impl Run {
         Ok(Self { world, settings, totals, strict: false, stepper, stop })
     }
 
+    /// The contact problem of the last step and the impulses found (length 3 N_c, contact frames, N s).
+    pub fn last_problem(&self) -> Option<(&Ccp, &[f64])> {
+        self.stepper.last_problem()
+    }
+
     /// Makes the remaining steps, showing each to the observers in turn.
     ///
     /// # Errors

@@ -87,6 +87,56 @@ fn body_free_velocity(world: &World, before: &[f64], body: usize, step: f64) -> 
     (linear, angular)
 }
 
+/// Derivatives of the velocities of [`free_velocity`] of one body: by its velocity (a diagonal), by its angular velocity, and by the external
+/// torque, N m; that by the external force is `step / mass` along the dynamic axes. Zero for what is prescribed.
+pub(crate) fn free_velocity_derivative(world: &World, body: usize, step: f64) -> (Vec3, Mat3, Mat3) {
+    let bodies = &world.bodies;
+    let (inertia, orientation, w) =
+        (bodies.inertia[body], bodies.orientation[body], bodies.angular_velocity[body]);
+    let free = world.free_degrees(body);
+    let linear = Vec3::from_array(std::array::from_fn(|k| f64::from(free[k])));
+    match [free[3], free[4], free[5]] {
+        [false, false, false] => (linear, Mat3::ZERO, Mat3::ZERO),
+        [true, true, true] => {
+            let by_torque = step * world_inertia(inertia, orientation).inverse();
+            (linear, free_spin_derivative(inertia, orientation, w, step), by_torque)
+        }
+        turns => {
+            let world_inertia = world_inertia(inertia, orientation);
+            let inverse = masked_inverse(world_inertia, turns);
+            let mask =
+                |kept: bool| Mat3::from_diagonal(Vec3::from_array(turns.map(|free| f64::from(free == kept))));
+            let gyroscopic = skew(w) * world_inertia - skew(world_inertia * w);
+            let by_spin = mask(true) + inverse * (world_inertia * mask(false) - step * gyroscopic);
+            (linear, by_spin, step * inverse)
+        }
+    }
+}
+
+/// Derivative of [`free_spin`] by w: over every sub-step `(I + h/2 Q) dw1 = (I - h/2 Q) dw0` with `Q = skew(wm) I - skew(I wm)`.
+fn free_spin_derivative(inertia: Mat3, orientation: Quat, w: Vec3, step: f64) -> Mat3 {
+    if is_isotropic(inertia) {
+        return Mat3::IDENTITY;
+    }
+    let (substeps, h) = spin_substeps(w, step);
+    let (mut spin, mut derivative) = (orientation.conjugate() * w, Mat3::IDENTITY);
+    for _ in 0..substeps {
+        let next = midpoint_spin(inertia, spin, h);
+        let middle = 0.5 * (spin + next);
+        let change = 0.5 * h * (skew(middle) * inertia - skew(inertia * middle));
+        derivative = (inertia + change).inverse() * (inertia - change) * derivative;
+        spin = next;
+    }
+    let rotation = Mat3::from_quat(orientation);
+    rotation * derivative * rotation.transpose()
+}
+
+/// Number and length (s) of the sub-steps of [`free_spin`].
+fn spin_substeps(w: Vec3, step: f64) -> (usize, f64) {
+    let substeps = (step * w.length() / TURN_PER_SUBSTEP).ceil().clamp(1.0, MAX_SUBSTEPS);
+    (substeps as usize, step / substeps)
+}
+
 fn select(first: [bool; 3], a: Vec3, b: Vec3) -> Vec3 {
     Vec3::from_array(std::array::from_fn(|k| if first[k] { a[k] } else { b[k] }))
 }
@@ -98,10 +148,9 @@ pub fn free_spin(inertia: Mat3, orientation: Quat, w: Vec3, step: f64) -> Vec3 {
     if is_isotropic(inertia) {
         return w;
     }
-    let substeps = (step * w.length() / TURN_PER_SUBSTEP).ceil().clamp(1.0, MAX_SUBSTEPS);
-    let h = step / substeps;
+    let (substeps, h) = spin_substeps(w, step);
     let mut spin = orientation.conjugate() * w;
-    for _ in 0..substeps as usize {
+    for _ in 0..substeps {
         spin = midpoint_spin(inertia, spin, h);
     }
     orientation * spin

@@ -14,6 +14,7 @@
 //! | [`impact`], [`overlap`], [`parts`] | restitution, overlap without energy, parts that do not touch |
 //! | [`relaxation`] | what relaxed friction opens, and how far it is from exact friction |
 //! | [`stepper`], [`step_report`] | the time step, what it reports |
+//! | [`gradient`] | derivatives of a step |
 //! | [`error`] | what can be wrong with a world |
 //! | [`ccp`] | contact problems and their solvers |
 //!
@@ -28,6 +29,7 @@ pub mod collide;
 pub mod contact;
 pub mod error;
 pub mod formula;
+pub mod gradient;
 pub mod handle;
 pub mod impact;
 pub mod integrate;

@@ -217,9 +217,11 @@ pub(crate) fn apply(world: &mut World, step: f64) -> Option<Unloaded> {
     Some(before)
 }
 
-/// Takes the loads away again: what a program had set is left.
+/// Takes the loads away again: what a program had set is left. The lists stay where they are in memory, since a program may look at
+/// them in place.
 pub(crate) fn remove(world: &mut World, before: Unloaded) {
-    (world.bodies.force, world.bodies.torque) = (before.force, before.torque);
+    world.bodies.force.copy_from_slice(&before.force);
+    world.bodies.torque.copy_from_slice(&before.torque);
 }
 
 /// As [`remove`], with the gravity that was there: the step was not made.

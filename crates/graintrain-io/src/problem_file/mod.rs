@@ -32,7 +32,8 @@ pub use hdf5::write;
 
 use error::Defect;
 use graintrain_ccp::{Ccp, CcpError, Delassus, FrictionModel};
-use raw::{Extras, RawProblem, Stated};
+use matrix::{Entry, Matrix};
+use raw::{Extras, GlobalForm, LocalForm, RawProblem, Stated};
 use std::path::Path;
 #[cfg(not(feature = "fclib"))]
 use without_fclib as hdf5;
@@ -108,6 +109,61 @@ pub fn read(path: &Path) -> Result<ProblemFile, ProblemFileError> {
     parse(bytes).map_err(|defect| defect.in_file(path))
 }
 
+/// A sparse matrix by its entries (row, column, value), in any order; entries at the same place are added.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Entries {
+    /// Number of rows.
+    pub rows: usize,
+    /// Number of columns.
+    pub columns: usize,
+    /// Row, column, value.
+    pub entries: Vec<(usize, usize, f64)>,
+}
+
+impl Entries {
+    fn matrix(self, name: &str) -> Result<Matrix, Defect> {
+        let entry = |(row, column, value)| Entry { row, column, value };
+        Matrix::new(name, self.rows, self.columns, self.entries.into_iter().map(entry).collect())
+    }
+}
+
+/// The problem u = W g + q, as [`read`] takes it from a file. `name` is what messages call the matrices.
+///
+/// # Errors
+/// [`ProblemFileError`] for what [`read`] would refuse in a file.
+pub fn from_local(
+    name: &str,
+    w: Entries,
+    q: Vec<f64>,
+    friction: Vec<f64>,
+) -> Result<ProblemFile, ProblemFileError> {
+    let local = |w| RawProblem::Local(LocalForm { w, q, friction, equalities: None });
+    w.matrix("W").map(local).and_then(stated).map_err(|defect| defect.in_file(Path::new(name)))
+}
+
+/// The problem M v = H g + f, u = H^T v + w, as [`read`] takes it from a file: rigid bodies are recognised and kept.
+///
+/// # Errors
+/// [`ProblemFileError`] for what [`read`] would refuse in a file.
+pub fn from_global(
+    name: &str,
+    [m, h]: [Entries; 2],
+    [f, w]: [Vec<f64>; 2],
+    friction: Vec<f64>,
+) -> Result<ProblemFile, ProblemFileError> {
+    let raw = || {
+        let (m, h) = (m.matrix("M")?, h.matrix("H")?);
+        stated(RawProblem::Global(GlobalForm { m, h, f, w, friction, equalities: None }))
+    };
+    raw().map_err(|defect| defect.in_file(Path::new(name)))
+}
+
+/// A problem that was stated by nothing but its matrices.
+fn stated(raw: RawProblem) -> Result<ProblemFile, Defect> {
+    raw.check(str::to_string)?;
+    build(Stated { raw, title: String::new(), remark: None, extras: Extras::default() })
+}
+
 /// Whether this is an HDF5 file: its signature stands at the beginning or at 512, 1024, 2048, ...
 fn is_hdf5(bytes: &[u8]) -> bool {
     let places = std::iter::successors(Some(512_usize), |place| place.checked_mul(2));
@@ -117,14 +173,7 @@ fn is_hdf5(bytes: &[u8]) -> bool {
 }
 
 fn parse(bytes: Vec<u8>) -> Result<ProblemFile, Defect> {
-    let stated = if is_hdf5(&bytes) {
-        hdf5::parse(bytes)?
-    } else {
-        let raw = siconos::parse(&bytes)?;
-        raw.check(str::to_string)?;
-        Stated { raw, title: String::new(), remark: None, extras: Extras::default() }
-    };
-    build(stated)
+    if is_hdf5(&bytes) { build(hdf5::parse(bytes)?) } else { stated(siconos::parse(&bytes)?) }
 }
 
 fn build(stated: Stated) -> Result<ProblemFile, Defect> {

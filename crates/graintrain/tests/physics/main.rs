@@ -4,6 +4,7 @@ mod drives;
 mod energy;
 mod forces;
 mod friction;
+mod gradients;
 mod impacts;
 mod invariants;
 mod loads;

@@ -1,0 +1,39 @@
+//! The graintrain command line as a library, for programs that bring it along; `src/main.rs` is the program itself.
+//!
+//! Exit codes: 0 done; 1 the work failed (or missed its tolerance under `--strict`); 2 bad input; 130 or 143 stopped by
+//! a signal after leaving things in order.
+
+#![warn(clippy::print_stdout, clippy::print_stderr)]
+
+mod command;
+mod error;
+pub mod evaluation;
+mod profile;
+mod progress;
+mod scene_failure;
+mod signal;
+mod solving;
+mod stepping;
+mod terminal;
+mod threads;
+
+use clap::{CommandFactory, Parser};
+use std::ffi::OsString;
+use std::process::ExitCode;
+
+/// Granular and multibody dynamics with hard contact.
+#[derive(Parser)]
+#[command(name = "graintrain", version, about, long_about = None, max_term_width = 110)]
+struct Arguments {
+    #[command(subcommand)]
+    command: command::Command,
+}
+
+/// Parses a command line, of which the first word is the name of the program, carries the command out and tells failures on stderr.
+/// Where the words are no command, or ask for help, they are answered and the process ends, as clap does it.
+pub fn run(words: impl IntoIterator<Item = OsString>) -> ExitCode {
+    match Arguments::parse_from(words).command.execute(Arguments::command) {
+        Ok(code) => code,
+        Err(failure) => failure.report(),
+    }
+}
