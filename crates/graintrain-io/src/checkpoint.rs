@@ -23,7 +23,7 @@ use std::path::{Path, PathBuf};
 
 const MAGIC: &[u8; 8] = b"GRAINCKP";
 /// Raised whenever the layout of what is stored changes.
-const VERSION: u32 = 5;
+const VERSION: u32 = 6;
 const HEADER: usize = 32;
 /// Checkpoints kept in a folder: the last one and, should it be damaged, the one before.
 const KEPT: usize = 2;

@@ -11,6 +11,7 @@
 //! | [`collide`] | finding contacts |
 //! | [`assemble`] | the contact problem of a step |
 //! | [`integrate`] | velocities without contact, positions, rotations |
+//! | [`turning`] | rolling and spinning friction |
 //! | [`impact`], [`overlap`], [`parts`] | restitution, overlap without energy, parts that do not touch |
 //! | [`stepper`], [`step_report`] | the time step, what it reports |
 //! | [`error`] | what can be wrong with a world |
@@ -41,6 +42,7 @@ pub mod shape;
 mod solid_mesh;
 pub mod step_report;
 pub mod stepper;
+pub mod turning;
 pub mod world;
 
 pub use graintrain_ccp as ccp;

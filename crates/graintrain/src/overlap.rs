@@ -161,6 +161,7 @@ impl Gaps<'_> {
         let problem = Ccp {
             delassus: Arc::new(Delassus::Rigid(part.delassus(rows, self.inverse_mass))),
             friction: vec![0.0; part.contacts.len()],
+            turning: Vec::new(),
             r,
             // Lengths take the place of velocities.
             velocity_scale: Some(largest),

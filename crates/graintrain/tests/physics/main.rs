@@ -13,3 +13,4 @@ mod rotation;
 mod statics;
 mod support;
 mod trust;
+mod turning;
