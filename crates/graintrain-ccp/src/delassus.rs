@@ -4,6 +4,10 @@ use graintrain_linalg::block3::{Block, BlockMatrix3};
 use rayon::prelude::*;
 use std::sync::{Arc, OnceLock, Weak};
 
+mod turning;
+
+pub use turning::TurningRows;
+
 /// Body index of a contact side whose velocity the impulses cannot change: fixed or fully prescribed.
 pub const FIXED: u32 = u32::MAX;
 
@@ -47,6 +51,12 @@ pub struct RigidDelassus {
     /// Body b's contact sides are `sides[side_start[b]..side_start[b + 1]]`, contact ascending.
     side_start: Vec<u32>,
     sides: Vec<Side>,
+    /// Block row N_c + k of N is that of entry k.
+    turning: Vec<TurningRows>,
+    /// Body b's sides of turning rows are `turning_sides[turning_start[b]..turning_start[b + 1]]`: entry of `turning` and sign. Both are
+    /// empty where nothing resists turning.
+    turning_start: Vec<u32>,
+    turning_sides: Vec<(u32, f64)>,
     /// Diagonals of the blocks N_ii, made when first asked for.
     diagonal: OnceLock<Vec<[f64; 3]>>,
 }
@@ -141,7 +151,16 @@ impl RigidDelassus {
                 }
             }
         }
-        Self { contacts, inverse_mass, side_start, sides, diagonal: OnceLock::new() }
+        Self {
+            contacts,
+            inverse_mass,
+            side_start,
+            sides,
+            turning: Vec::new(),
+            turning_start: Vec::new(),
+            turning_sides: Vec::new(),
+            diagonal: OnceLock::new(),
+        }
     }
 
     /// Number of contacts N_c.
@@ -169,8 +188,17 @@ impl RigidDelassus {
         &self.sides[self.side_start[body] as usize..self.side_start[body + 1] as usize]
     }
 
-    /// force <- F^T g of every contact: impulses in world axes, N s; length 3 N_c.
+    /// force <- F^T g of every contact: impulses in world axes, N s; length 3 N_c. Then for every entry of [`Self::turning`] the moment
+    /// on body A in world axes, N m s.
     pub fn world_impulse(&self, g: &[f64], force: &mut [f64]) {
+        let (force, moment) = force.split_at_mut(3 * self.num_contacts());
+        let h = &g[3 * self.num_contacts()..];
+        for (k, (moment, h)) in moment.chunks_exact_mut(3).zip(h.chunks_exact(3)).enumerate() {
+            let [n, t1, t2] = self.turning_frame(k);
+            for axis in 0..3 {
+                moment[axis] = n[axis] * h[0] + t1[axis] * h[1] + t2[axis] * h[2];
+            }
+        }
         force.par_chunks_mut(3 * TASK).enumerate().for_each(|(task, force)| {
             let first = task * TASK;
             for (offset, force) in force.chunks_exact_mut(3).enumerate() {
@@ -204,6 +232,12 @@ impl RigidDelassus {
                         moment[axis] += m[axis];
                     }
                 }
+                for &(k, sign) in self.turning_sides(body) {
+                    let first = 3 * (self.num_contacts() + k as usize);
+                    for axis in 0..3 {
+                        moment[axis] += sign * world_impulse[first + axis];
+                    }
+                }
                 let inverse = &self.inverse_mass[body];
                 let w = times3(&inverse.angular, moment);
                 for axis in 0..3 {
@@ -214,8 +248,13 @@ impl RigidDelassus {
         });
     }
 
-    /// u <- D^T v: relative velocities at the contacts, length 3 N_c, m/s, of body velocities v = (u, w) per body.
+    /// u <- D^T v: relative velocities at the contacts, length 3 N_c, m/s, of body velocities v = (u, w) per body; then those of
+    /// turning, three per entry of [`Self::turning`].
     pub fn relative_velocity(&self, v: &[f64], u: &mut [f64]) {
+        let (u, turning) = u.split_at_mut(3 * self.num_contacts());
+        for (k, turning) in turning.chunks_exact_mut(3).enumerate() {
+            turning.copy_from_slice(&self.turning_velocity(k, v));
+        }
         u.par_chunks_mut(3 * TASK).enumerate().for_each(|(task, u)| {
             let first = task * TASK;
             for (offset, u) in u.chunks_exact_mut(3).enumerate() {
@@ -245,6 +284,9 @@ impl RigidDelassus {
     /// Block (i, j) of N: the sum over the bodies that contacts i and j share of
     /// `s_i s_j F_i (M_lin^-1 + [r_i]x^T J^-1 [r_j]x ...) F_j^T`, built column by column from unit impulses.
     fn block(&self, i: usize, j: usize) -> Block {
+        if i.max(j) >= self.num_contacts() {
+            return self.block_of_turning(i, j);
+        }
         let (ci, cj) = (&self.contacts[i], &self.contacts[j]);
         let mut block = [0.0; 9];
         for (body_i, sign_i, arm_i) in [(ci.body_a, 1.0, ci.arm_a), (ci.body_b, -1.0, ci.arm_b)] {
@@ -266,11 +308,16 @@ impl RigidDelassus {
         block
     }
 
-    /// Diagonals (nn, 11, 22) of the blocks N_ii of all contacts, 1/kg; computed once.
+    /// Diagonals (nn, 11, 22) of the blocks N_ii of all contacts and of those that resist turning once more, 1/kg; computed once.
     pub fn diagonal(&self) -> &[[f64; 3]] {
         self.diagonal.get_or_init(|| {
             let contacts = self.contacts.par_iter().with_min_len(TASK);
-            contacts.map(|contact| self.diagonal_of(contact)).collect()
+            let mut diagonal: Vec<[f64; 3]> = contacts.map(|contact| self.diagonal_of(contact)).collect();
+            diagonal.extend((self.num_contacts()..self.num_blocks()).map(|i| {
+                let block = self.block_of_turning(i, i);
+                [block[0], block[4], block[8]]
+            }));
+            diagonal
         })
     }
 
@@ -297,14 +344,21 @@ impl RigidDelassus {
 
     /// N as a sparse matrix: block (i, j) is stored where contacts i and j share a body that is not fixed.
     pub fn assemble(&self) -> BlockMatrix3 {
-        let rows: Vec<Vec<u32>> = (0..self.num_contacts())
+        let contacts = self.num_contacts();
+        let rows: Vec<Vec<u32>> = (0..self.num_blocks())
             .into_par_iter()
             .map(|i| {
-                let contact = &self.contacts[i];
+                let contact = i.checked_sub(contacts).map_or(i, |k| self.turning[k].contact as usize);
+                let contact = &self.contacts[contact];
+                let turning = |body: u32| {
+                    self.turning_sides(body as usize).iter().map(move |(k, _)| contacts as u32 + k)
+                };
                 let mut columns: Vec<u32> = [contact.body_a, contact.body_b]
                     .into_iter()
                     .filter(|&body| body != FIXED)
-                    .flat_map(|body| self.sides(body as usize).iter().map(|side| side.contact))
+                    .flat_map(|body| {
+                        self.sides(body as usize).iter().map(|side| side.contact).chain(turning(body))
+                    })
                     .chain([i as u32])
                     .collect();
                 columns.sort_unstable();
@@ -343,10 +397,10 @@ impl DelassusWork {
 }
 
 impl Delassus {
-    /// Number of contacts N_c.
-    pub fn num_contacts(&self) -> usize {
+    /// Number of block rows: contacts, and those that resist turning once more.
+    pub fn num_blocks(&self) -> usize {
         match self {
-            Self::Rigid(rigid) => rigid.num_contacts(),
+            Self::Rigid(rigid) => rigid.num_blocks(),
             Self::Sparse(matrix) => matrix.num_rows(),
         }
     }
@@ -363,14 +417,14 @@ impl Delassus {
     pub fn work(&self) -> DelassusWork {
         match self {
             Self::Rigid(rigid) => DelassusWork {
-                force: vec![0.0; 3 * rigid.num_contacts()],
+                force: vec![0.0; 3 * rigid.num_blocks()],
                 velocity: vec![0.0; 6 * rigid.num_bodies()],
             },
             Self::Sparse(_) => DelassusWork::default(),
         }
     }
 
-    /// u <- N g; both of length 3 N_c.
+    /// u <- N g; both with three numbers per block row.
     pub fn multiply(&self, g: &[f64], u: &mut [f64], work: &mut DelassusWork) {
         match self {
             Self::Rigid(rigid) => {
@@ -471,9 +525,20 @@ pub(crate) mod tests {
         RigidDelassus::new(contacts, inverse_mass)
     }
 
-    /// Dense D (6 bodies x 3 contacts) straight from the definition with the cross-product matrix.
+    /// Dense D (6 bodies x 3 block rows) straight from the definition with the cross-product matrix.
     fn dense_jacobian(rigid: &RigidDelassus) -> Vec<Vec<f64>> {
-        let mut d = vec![vec![0.0; 3 * rigid.num_contacts()]; 6 * rigid.num_bodies()];
+        let mut d = vec![vec![0.0; 3 * rigid.num_blocks()]; 6 * rigid.num_bodies()];
+        for (k, rows) in rigid.turning().iter().enumerate() {
+            let c = &rigid.contacts()[rows.contact as usize];
+            for (body, sign) in [(c.body_a, 1.0), (c.body_b, -1.0)].into_iter().filter(|(b, _)| *b != FIXED) {
+                for (component, axis) in c.frame.iter().enumerate() {
+                    for l in 0..3 {
+                        let column = 3 * (rigid.num_contacts() + k) + component;
+                        d[6 * body as usize + 3 + l][column] += sign * rows.length * axis[l];
+                    }
+                }
+            }
+        }
         for (i, c) in rigid.contacts().iter().enumerate() {
             for (body, sign, r) in [(c.body_a, 1.0, c.arm_a), (c.body_b, -1.0, c.arm_b)] {
                 if body == FIXED {
@@ -507,9 +572,15 @@ pub(crate) mod tests {
 
     #[test]
     fn product_and_assembly_agree_with_a_dense_transpose_times_inverse_mass_times_jacobian() {
-        let rigid = random_rigid(7, 20, 3);
+        let plain = random_rigid(7, 20, 3);
+        let rows = |contact: u32| TurningRows { contact, length: 0.1 + f64::from(contact) };
+        product_and_assembly_are_dense_ones(plain.clone().with_turning([0, 3, 4, 19].map(rows).to_vec()));
+        product_and_assembly_are_dense_ones(plain);
+    }
+
+    fn product_and_assembly_are_dense_ones(rigid: RigidDelassus) {
         let d = dense_jacobian(&rigid);
-        let size = 3 * rigid.num_contacts();
+        let size = 3 * rigid.num_blocks();
         let mut dense = vec![vec![0.0; size]; size];
         for body in 0..rigid.num_bodies() {
             let m = &rigid.inverse_mass()[body];
@@ -531,8 +602,9 @@ pub(crate) mod tests {
             }
         }
         let assembled = rigid.assemble();
-        for i in 0..rigid.num_contacts() {
-            for j in 0..rigid.num_contacts() {
+        for i in 0..rigid.num_blocks() {
+            assert_eq!(rigid.diagonal()[i], [0, 4, 8].map(|k| rigid.block(i, i)[k]));
+            for j in 0..rigid.num_blocks() {
                 let block = assembled.get(i, j);
                 for a in 0..3 {
                     for b in 0..3 {

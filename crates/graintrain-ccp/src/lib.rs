@@ -8,6 +8,9 @@
 //! ```
 //!
 //! which are the optimality conditions of `min 1/2 g^T N g + r^T g` over the cones.
+//! Contacts may resist turning as well ([`Ccp::turning`]): N then has a second block row for each of them, and their cone is
+//! [`TurningCone`].
+//!
 //! Impulses are in N s, velocities in m/s, components always ordered (normal, tangent 1, tangent 2).
 //!
 //! | module | holds |
@@ -37,9 +40,9 @@ pub mod residual;
 pub mod sensitivity;
 pub mod solver;
 
-pub use cone::FrictionCone;
-pub use delassus::{BodyInverseMass, Delassus, FIXED, RigidContact, RigidDelassus};
-pub use problem::{Ccp, CcpError};
+pub use cone::{FrictionCone, TurningCone};
+pub use delassus::{BodyInverseMass, Delassus, FIXED, RigidContact, RigidDelassus, TurningRows};
+pub use problem::{Ccp, CcpError, TurningFriction};
 pub use registry::SolverSpec;
 pub use residual::{FrictionModel, Judge, Residual};
 pub use solver::{CcpSolver, ResidualSample, SolveReport, SolveSettings, Status};

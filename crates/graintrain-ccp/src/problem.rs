@@ -1,6 +1,6 @@
 //! The cone complementarity problem: N, r, mu.
 
-use crate::cone::FrictionCone;
+use crate::cone::{FrictionCone, TurningCone};
 use crate::delassus::Delassus;
 use graintrain_linalg::block3::PatternError;
 use std::sync::Arc;
@@ -11,10 +11,13 @@ pub struct Ccp {
     /// N = D^T M^-1 D, 1/kg. Shared: problems that hold the same N, one and not merely equal ones, differ in r, mu or V alone, and a
     /// solver that meets them one after the other prepares itself for N once. `Ccp { r, ..problem.clone() }` is such a problem.
     pub delassus: Arc<Delassus>,
-    /// Free relative velocity r = b + D^T M^-1 k, length 3 N_c, m/s.
+    /// Free relative velocity r = b + D^T M^-1 k, length 3 N_c, m/s; then three turning velocities (about the normal and the two
+    /// tangents, times the length of the rows, m/s) of every entry of `turning`.
     pub r: Vec<f64>,
     /// Coefficient of friction of each contact.
     pub friction: Vec<f64>,
+    /// The contacts that resist turning, ascending; empty in most problems. Entry k owns block row N_c + k of N.
+    pub turning: Vec<TurningFriction>,
     /// Velocity V, m/s, that makes residuals dimensionless: |gravity| x step in a simulation. `None` for a bare problem, whose V is
     /// sqrt(mean_i |r_i|^2). See [`crate::residual::Residual`].
     pub velocity_scale: Option<f64>,
@@ -25,6 +28,17 @@ pub struct Ccp {
     pub points: Vec<[f64; 3]>,
     /// A number per contact that stays the same from step to step while the contact persists; empty where not known.
     pub identity: Vec<u64>,
+}
+
+/// Rolling and spinning friction of one contact.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TurningFriction {
+    /// Index of the contact.
+    pub contact: u32,
+    /// Coefficient of rolling friction over the length of the rows, dimensionless: |(h_1, h_2)| <= rolling g_n.
+    pub rolling: f64,
+    /// Coefficient of spinning friction over the length of the rows, dimensionless: |h_n| <= spinning g_n.
+    pub spinning: f64,
 }
 
 /// What is wrong with a problem, or why a solver cannot take it.
@@ -118,6 +132,31 @@ impl Ccp {
             delassus: delassus.into(),
             r,
             friction,
+            turning: Vec::new(),
+            velocity_scale: None,
+            impulse_scale: None,
+            points: Vec::new(),
+            identity: Vec::new(),
+        };
+        problem.validate()?;
+        Ok(problem)
+    }
+
+    /// The same problem where these contacts resist turning: N and r must have three more rows for each of them.
+    ///
+    /// # Errors
+    /// See [`Ccp::validate`].
+    pub fn with_turning(
+        delassus: impl Into<Arc<Delassus>>,
+        r: Vec<f64>,
+        friction: Vec<f64>,
+        turning: Vec<TurningFriction>,
+    ) -> Result<Self, CcpError> {
+        let problem = Self {
+            delassus: delassus.into(),
+            r,
+            friction,
+            turning,
             velocity_scale: None,
             impulse_scale: None,
             points: Vec::new(),
@@ -132,12 +171,16 @@ impl Ccp {
     /// # Errors
     /// [`CcpError::Size`] or [`CcpError::Value`] for the first defect found.
     pub fn validate(&self) -> Result<(), CcpError> {
+        let blocks = self.delassus.num_blocks();
         let contacts = self.num_contacts();
         let size = |what, got, expected| {
             if got == expected { Ok(()) } else { Err(CcpError::Size { what, got, expected }) }
         };
-        size("r", self.r.len(), 3 * contacts)?;
+        size("r", self.r.len(), 3 * blocks)?;
         size("friction", self.friction.len(), contacts)?;
+        if let Delassus::Rigid(rigid) = &*self.delassus {
+            size("turning", self.turning.len(), rigid.turning().len())?;
+        }
         if !self.points.is_empty() {
             size("points", self.points.len(), contacts)?;
         }
@@ -164,10 +207,38 @@ impl Ccp {
                 return Err(CcpError::Value { what: "friction", contact, value, expected });
             }
         }
-        for contact in 0..contacts {
-            for value in self.delassus.diagonal_block(contact) {
+        for (k, turning) in self.turning.iter().enumerate() {
+            let TurningFriction { contact, rolling, spinning } = *turning;
+            let ascends = k == 0 || self.turning[k - 1].contact < contact;
+            let owned = match &*self.delassus {
+                Delassus::Rigid(rigid) => rigid.turning()[k].contact == contact,
+                Delassus::Sparse(_) => true,
+            };
+            if contact as usize >= contacts {
+                let bound = contacts;
+                return Err(CcpError::Index { what: "turning contact", index: contact as usize, bound });
+            }
+            if !ascends || !owned {
+                let (what, contact, value) = ("the place in `turning`", contact as usize, k as f64);
+                let expected = "entries must ascend by contact, and be those of the turning rows of N";
+                return Err(CcpError::Value { what, contact, value, expected });
+            }
+            for (what, value) in [("rolling friction", rolling), ("spinning friction", spinning)] {
+                if !(value.is_finite() && value >= 0.0) {
+                    let (contact, expected) = (contact as usize, "it must be finite and not negative");
+                    return Err(CcpError::Value { what, contact, value, expected });
+                }
+            }
+        }
+        for block in 0..blocks {
+            for value in self.delassus.diagonal_block(block) {
                 if !value.is_finite() {
                     let expected = "it must be finite";
+                    let contact = if block < contacts {
+                        block
+                    } else {
+                        self.turning[block - contacts].contact as usize
+                    };
                     return Err(CcpError::Value {
                         what: "the diagonal block of N",
                         contact,
@@ -182,13 +253,58 @@ impl Ccp {
 
     /// Number of contacts N_c.
     pub fn num_contacts(&self) -> usize {
-        self.delassus.num_contacts()
+        self.delassus.num_blocks().saturating_sub(self.turning.len())
     }
 
     /// Friction cone of contact i.
     #[inline]
     pub fn cone(&self, i: usize) -> FrictionCone {
         FrictionCone { mu: self.friction[i] }
+    }
+
+    /// The entry of [`Self::turning`] of contact i, if it resists turning. Cost: a search among them, nothing where there are none.
+    #[inline]
+    pub fn turning_of(&self, i: usize) -> Option<usize> {
+        if self.turning.is_empty() {
+            return None;
+        }
+        self.turning.binary_search_by_key(&(i as u32), |turning| turning.contact).ok()
+    }
+
+    /// Cone of contact i and of entry k of [`Self::turning`], which is its own.
+    pub fn turning_cone(&self, i: usize, k: usize) -> TurningCone {
+        let TurningFriction { rolling, spinning, .. } = self.turning[k];
+        TurningCone { mu: self.friction[i], rolling, spinning }
+    }
+
+    /// Projects impulses (length of r) on the cones of their contacts.
+    pub fn project(&self, g: &mut [f64]) {
+        let contacts = self.num_contacts();
+        let (g, h) = g.split_at_mut(3 * contacts);
+        let mut next = 0;
+        for (i, g) in g.chunks_exact_mut(3).enumerate() {
+            let own = [g[0], g[1], g[2]];
+            if self.turning.get(next).is_some_and(|turning| turning.contact as usize == i) {
+                let h = &mut h[3 * next..3 * next + 3];
+                let [pg, ph] = self.turning_cone(i, next).project(own, [h[0], h[1], h[2]]);
+                g.copy_from_slice(&pg);
+                h.copy_from_slice(&ph);
+                next += 1;
+            } else {
+                g.copy_from_slice(&self.cone(i).project(own));
+            }
+        }
+    }
+
+    /// # Errors
+    /// [`CcpError::Unsupported`] where contacts resist turning: for solvers that have no cone for that.
+    pub(crate) fn refuse_turning(&self, solver: &str) -> Result<(), CcpError> {
+        if self.turning.is_empty() {
+            return Ok(());
+        }
+        let reason =
+            "contacts have rolling or spinning friction, which auto, apgd, pgs and pj take".to_string();
+        Err(CcpError::Unsupported { solver: solver.to_string(), reason })
     }
 
     /// eta_i = trace(N_ii) / 3 of every contact, 1/kg; contacts between immovable bodies get the smallest positive

@@ -370,6 +370,11 @@ impl SolverSpec {
         self.linear.is_some() || matches!(self.method, Method::Pdip | Method::PdipLiteral | Method::Scip)
     }
 
+    /// Whether it takes contacts that resist turning ([`Ccp::turning`](crate::Ccp::turning)); others refuse them.
+    pub fn takes_turning(&self) -> bool {
+        matches!(self.method, Method::Auto | Method::Apgd | Method::GaussSeidel | Method::Jacobi)
+    }
+
     /// Makes the solver, for relaxed and for exact friction.
     ///
     /// # Errors

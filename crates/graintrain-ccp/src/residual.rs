@@ -11,7 +11,7 @@ pub enum FrictionModel {
     /// The convex relaxation of Anitescu and Tasora: the CCP itself.
     #[default]
     Relaxed,
-    /// Exact Coulomb friction after De Saxce: u_n + mu |u_t| in place of u_n.
+    /// Exact Coulomb friction after De Saxce: u_n + mu |u_t| in place of u_n, and as much more for rolling and spinning.
     Coulomb,
 }
 
@@ -44,6 +44,10 @@ impl std::fmt::Display for FrictionModel {
 /// e_i = eta_i |d_i|                                         error of the contact as a velocity, m/s
 /// max = max_i e_i / V,   rms = sqrt(mean_i e_i^2) / V
 /// ```
+///
+/// A contact that resists turning has six components: with w its turning velocities and h its moments, each over or times the length of
+/// its rows, d_i and P_i are those of (g_i, h_i) and [`TurningCone`](crate::cone::TurningCone), with the same eta_i; in Coulomb mode
+/// u_n + mu |u_t| + rolling |(w_1, w_2)| + spinning |w_n| (Acary, Bourrier 2021).
 ///
 /// Each contact is measured by its own effective mass, so that neither a heavy body elsewhere nor a change of the unit of mass
 /// changes what is asked of it. (Until November 2026: max_i |d_i| / J with one impulse J, see [`ResidualScale::paper`].)
@@ -134,6 +138,31 @@ impl ResidualScale {
         self.velocity * or_one(mean).sqrt()
     }
 
+    /// d_i of a contact i that resists turning (entry k), N s: of its impulse and of its moment over the length.
+    fn turning_map(
+        &self,
+        problem: &Ccp,
+        g: &[f64],
+        u: &[f64],
+        model: FrictionModel,
+        (i, k): (usize, usize),
+    ) -> [[f64; 3]; 2] {
+        let cone = problem.turning_cone(i, k);
+        let places = [3 * i, 3 * (problem.num_contacts() + k)];
+        let of = |all: &[f64], first: usize| [all[first], all[first + 1], all[first + 2]];
+        let [mut velocity, spin] = places.map(|first| of(u, first));
+        if model == FrictionModel::Coulomb {
+            velocity[0] += cone.mu * velocity[1].hypot(velocity[2])
+                + cone.rolling * spin[1].hypot(spin[2])
+                + cone.spinning * spin[0].abs();
+        }
+        let step = 1.0 / self.eta[i];
+        let [g, h] = places.map(|first| of(g, first));
+        let moved = |g: [f64; 3], u: [f64; 3]| std::array::from_fn(|k| g[k] - step * u[k]);
+        let [pg, ph] = cone.project(moved(g, velocity), moved(h, spin));
+        [std::array::from_fn(|k| g[k] - pg[k]), std::array::from_fn(|k| h[k] - ph[k])]
+    }
+
     /// d_i of contact i, N s, for impulses g whose relative velocities are u = N g + r.
     fn natural_map(&self, problem: &Ccp, g: &[f64], u: &[f64], model: FrictionModel, i: usize) -> [f64; 3] {
         let mut velocity = [u[3 * i], u[3 * i + 1], u[3 * i + 2]];
@@ -157,13 +186,24 @@ impl ResidualScale {
         let of_contact = |i: usize, model: FrictionModel| {
             // In units of V / eta_i, so that no square overflows.
             let measured = |impulse: f64| self.eta[i] * impulse / self.velocity;
-            let d = self.natural_map(problem, g, u, model, i);
-            let defect = d.iter().map(|&d| measured(d).powi(2)).sum::<f64>();
+            let square_of = |d: [f64; 3]| d.iter().map(|&d| measured(d).powi(2)).sum::<f64>();
+            let paper_of = |d: [f64; 3]| d.iter().map(|d| (d / impulse_unit).powi(2)).sum::<f64>();
             // Below the rounding of its impulse nothing is known: where impulses grow without limit (bodies that
             // cannot be kept apart) g - u / eta is g in the end, whatever u is.
-            let rounding = (0..3).map(|k| (f64::EPSILON * measured(g[3 * i + k])).powi(2)).sum::<f64>();
+            let rounding_of = |block: usize| {
+                (0..3).map(|k| (f64::EPSILON * measured(g[3 * block + k])).powi(2)).sum::<f64>()
+            };
+            let (defect, rounding, paper);
+            if let Some(k) = problem.turning_of(i) {
+                let [d, turning] = self.turning_map(problem, g, u, model, (i, k));
+                defect = square_of(d) + square_of(turning);
+                rounding = rounding_of(i) + rounding_of(problem.num_contacts() + k);
+                paper = paper_of(d) + paper_of(turning);
+            } else {
+                let d = self.natural_map(problem, g, u, model, i);
+                (defect, rounding, paper) = (square_of(d), rounding_of(i), paper_of(d));
+            }
             let square = if defect < rounding { rounding } else { defect };
-            let paper = d.iter().map(|d| (d / impulse_unit).powi(2)).sum::<f64>();
             Squares { sum: square, max: square, paper_max: paper }
         };
         let none = [Squares::default(); M];
@@ -284,7 +324,16 @@ pub fn objective_gap(problem: &Ccp, g: &[f64], u: &[f64]) -> f64 {
     let norm = |v: [f64; 3]| (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sqrt();
     let sum: f64 = (0..problem.num_contacts())
         .map(|i| {
-            let (gi, ui) = ([g[3 * i], g[3 * i + 1], g[3 * i + 2]], [u[3 * i], u[3 * i + 1], u[3 * i + 2]]);
+            let of = |all: &[f64], block: usize| [all[3 * block], all[3 * block + 1], all[3 * block + 2]];
+            let (gi, ui) = (of(g, i), of(u, i));
+            if let Some(k) = problem.turning_of(i) {
+                let block = problem.num_contacts() + k;
+                let (hi, wi) = (of(g, block), of(u, block));
+                let outside = problem.turning_cone(i, k).project(ui.map(|x| -x), wi.map(|x| -x));
+                let power = (0..3).map(|k| gi[k] * ui[k] + hi[k] * wi[k]).sum::<f64>();
+                let both = |[a, b]: [[f64; 3]; 2]| norm(a).hypot(norm(b));
+                return power.abs() + both([gi, hi]) * both(outside);
+            }
             // Moreau: what lies outside the dual cone is the projection of -u on the cone itself.
             let outside = problem.cone(i).project(ui.map(|x| -x));
             (gi[0] * ui[0] + gi[1] * ui[1] + gi[2] * ui[2]).abs() + norm(gi) * norm(outside)

@@ -72,6 +72,9 @@ pub enum SensitivityError {
     /// N without bodies.
     #[error("derivatives need a problem with bodies, and this one gives N as a matrix")]
     NoBodies,
+    /// Rolling or spinning friction.
+    #[error("contacts with rolling or spinning friction have no derivatives yet")]
+    Turning,
     /// The linear system of the adjoint was not solved.
     #[error("the adjoint system was solved to {residual:.1e} only")]
     Adjoint {
@@ -203,6 +206,9 @@ impl Sensitivity {
     /// [`SensitivityError`]: a contact at a kink, impulses that do not solve the problem, a problem without bodies.
     pub fn new(problem: &Ccp, impulse: &[f64]) -> Result<Self, SensitivityError> {
         let Delassus::Rigid(rigid) = &*problem.delassus else { return Err(SensitivityError::NoBodies) };
+        if !problem.turning.is_empty() {
+            return Err(SensitivityError::Turning);
+        }
         let mut u = vec![0.0; impulse.len()];
         problem.delassus.multiply(impulse, &mut u, &mut problem.delassus.work());
         u.iter_mut().zip(&problem.r).for_each(|(u, r)| *u += r);

@@ -62,7 +62,8 @@ impl<'a> Yardstick<'a> {
     /// Assembles N.
     pub fn new(problem: &'a Ccp) -> Self {
         let matrix = problem.delassus.assemble();
-        let mut eta: Vec<f64> = (0..matrix.num_rows())
+        let contacts = problem.num_contacts();
+        let mut eta: Vec<f64> = (0..contacts)
             .map(|i| {
                 let block = matrix.get(i, i);
                 (block[0] + block[4] + block[8]) / 3.0
@@ -80,15 +81,16 @@ impl<'a> Yardstick<'a> {
             largest * (squares / eta.len().max(1) as f64).sqrt()
         };
         let usable = |scale: f64| if scale > 0.0 && scale.is_finite() { scale } else { 1.0 };
-        let velocity = problem.velocity_scale.unwrap_or_else(|| mean_length(problem.r.clone()));
+        let velocity =
+            problem.velocity_scale.unwrap_or_else(|| mean_length(problem.r[..3 * contacts].to_vec()));
         let impulse = problem.impulse_scale.unwrap_or_else(|| {
-            mean_length(problem.r.iter().enumerate().map(|(k, r)| r / eta[k / 3]).collect())
+            mean_length(problem.r[..3 * contacts].iter().enumerate().map(|(k, r)| r / eta[k / 3]).collect())
         });
         let (velocity_scale, impulse_scale) = (usable(velocity), usable(impulse));
         Self { problem, matrix, eta, velocity_scale, impulse_scale }
     }
 
-    /// Evaluates impulses `g`, N s, length 3 N_c.
+    /// Evaluates impulses `g`, N s, length of r.
     pub fn evaluate(&self, g: &[f64]) -> Evaluation {
         let contacts = self.problem.num_contacts();
         let mut velocity = self.problem.r.clone();
@@ -107,19 +109,37 @@ impl<'a> Yardstick<'a> {
             let product = self.matrix.row_times(i, g);
             let (mu, eta) = (self.problem.friction[i], self.eta[i]);
             let impulse = [g[3 * i], g[3 * i + 1], g[3 * i + 2]];
+            let turning = self.problem.turning.iter().position(|own| own.contact as usize == i);
+            let mut turned = Turned::default();
+            if let Some(k) = turning {
+                let (own, first) = (self.problem.turning[k], 3 * (contacts + k));
+                let product = self.matrix.row_times(contacts + k, g);
+                turned.impulse = [g[first], g[first + 1], g[first + 2]];
+                let w = &mut velocity[first..first + 3];
+                for l in 0..3 {
+                    evaluation.objective += turned.impulse[l] * (0.5 * product[l] + w[l]);
+                    w[l] += product[l];
+                }
+                turned.velocity = [w[0], w[1], w[2]];
+                turned.coefficients = [own.rolling, own.spinning];
+            }
             let u = &mut velocity[3 * i..3 * i + 3];
             for k in 0..3 {
                 evaluation.objective += impulse[k] * (0.5 * product[k] + u[k]);
                 u[k] += product[k];
             }
             let slip = u[1].hypot(u[2]);
+            let drive = mu * slip + turned.drive();
             // f64::max would lose a NaN.
             let raise = |max: &mut f64, x: f64| *max = if x.is_nan() || x > *max { x } else { *max };
             let sums = [&mut evaluation.relaxed, &mut evaluation.coulomb];
             for ((sum, normal), paper) in
-                sums.into_iter().zip([u[0], u[0] + mu * slip]).zip(&mut evaluation.paper)
+                sums.into_iter().zip([u[0], u[0] + drive]).zip(&mut evaluation.paper)
             {
-                let error = natural_map(impulse, [normal, u[1], u[2]], mu, eta);
+                let error = match turning {
+                    None => natural_map(impulse, [normal, u[1], u[2]], mu, eta),
+                    Some(_) => turned.natural_map(impulse, [normal, u[1], u[2]], mu, eta),
+                };
                 // As a velocity, by the contact's own effective mass. Divided before it is squared: the squares of very
                 // small or large numbers are not numbers.
                 let square = (eta * error / self.velocity_scale).powi(2);
@@ -164,6 +184,60 @@ fn natural_map(g: [f64; 3], u: [f64; 3], mu: f64, eta: f64) -> f64 {
     let rounding = f64::EPSILON * length(g);
     let error = length(std::array::from_fn(|k| g[k] - projected[k]));
     if error < rounding { rounding } else { error }
+}
+
+/// The turning rows of one contact: (spinning, turning 1, turning 2).
+#[derive(Default)]
+struct Turned {
+    impulse: [f64; 3],
+    velocity: [f64; 3],
+    /// Of rolling and of spinning.
+    coefficients: [f64; 2],
+}
+
+impl Turned {
+    /// What turning adds to the normal velocity of exact friction.
+    fn drive(&self) -> f64 {
+        let [spin, w1, w2] = self.velocity;
+        self.coefficients[0] * w1.hypot(w2) + self.coefficients[1] * spin.abs()
+    }
+
+    /// |(g, h) - P((g, h) - (u, w) / eta)|, N s. The normal component of the projection is a zero of a growing function of pieces of
+    /// lines, which is looked for from piece to piece.
+    fn natural_map(&self, g: [f64; 3], u: [f64; 3], mu: f64, eta: f64) -> f64 {
+        let moved = |g: [f64; 3], u: [f64; 3]| [g[0] - u[0] / eta, g[1] - u[1] / eta, g[2] - u[2] / eta];
+        let (x, y) = (moved(g, u), moved(self.impulse, self.velocity));
+        let parts = [
+            (mu, x[1].hypot(x[2])),
+            (self.coefficients[0], y[1].hypot(y[2])),
+            (self.coefficients[1], y[0].abs()),
+        ];
+        // Ends of the pieces, from the largest normal component down; beyond the first no part is too long.
+        let mut ends = parts.map(|(m, a)| if m > 0.0 { (a / m, m, a) } else { (0.0, 0.0, 0.0) });
+        ends.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let (mut above, mut below, mut normal) = (x[0], 1.0, x[0]);
+        for (end, m, a) in ends {
+            if normal >= end {
+                break;
+            }
+            (above, below) = (above + m * a, below + m * m);
+            normal = above / below;
+        }
+        let normal = normal.max(0.0);
+        let shrink = parts.map(|(m, a)| if a > m * normal { m * normal / a } else { 1.0 });
+        let errors = [
+            g[0] - normal,
+            g[1] - shrink[0] * x[1],
+            g[2] - shrink[0] * x[2],
+            self.impulse[0] - shrink[2] * y[0],
+            self.impulse[1] - shrink[1] * y[1],
+            self.impulse[2] - shrink[1] * y[2],
+        ];
+        let length = |all: &[f64]| all.iter().fold(0.0_f64, |length, x| length.hypot(*x));
+        let rounding = f64::EPSILON * length(&g).hypot(length(&self.impulse));
+        let error = length(&errors);
+        if error < rounding { rounding } else { error }
+    }
 }
 
 #[cfg(test)]

@@ -212,7 +212,7 @@ pub fn run(
 ) -> Result<Outcome, CcpError> {
     let settings = &options.settings(stop);
     let problem = file.posed(settings.friction);
-    let mut impulse = vec![0.0; 3 * problem.num_contacts()];
+    let mut impulse = vec![0.0; problem.r.len()];
     let (start, cpu_start) = (Instant::now(), cpu_seconds());
     let report = spec.build()?.solve(problem, &mut impulse, settings)?;
     let seconds = start.elapsed().as_secs_f64();

@@ -31,6 +31,11 @@ fn entries((rows, columns, row, column, value): Coordinates) -> Entries {
     Entries { rows, columns, entries: entries.collect() }
 }
 
+/// Block rows of three numbers: one per contact, then one per contact with rolling or spinning friction.
+fn blocks(problem: &Ccp) -> usize {
+    problem.r.len() / 3
+}
+
 impl Problem {
     /// The problem of a step.
     pub fn of_step(problem: &Ccp) -> Self {
@@ -41,15 +46,16 @@ impl Problem {
             title: String::new(),
             bodies,
             as_filed: None,
+            turning_length: Vec::new(),
             asymmetry: 0.0,
             remarks: Vec::new(),
         };
         Self { file }
     }
 
-    /// Impulses of any shape that has three numbers per contact.
+    /// Impulses of any shape that has three numbers per contact, and three more per contact with rolling or spinning friction.
     fn impulses(&self, what: &str, object: &Bound<'_, PyAny>) -> PyResult<Vec<f64>> {
-        let contacts = self.file.problem.num_contacts();
+        let contacts = blocks(&self.file.problem);
         let flat = object.py().import("numpy")?.call_method1("ndim", (object,))?.extract::<usize>()? == 1;
         let shape: &[Option<usize>] = if flat { &[Some(3 * contacts)] } else { &[Some(contacts), Some(3)] };
         shaped(what, object, shape)
@@ -151,7 +157,7 @@ impl Problem {
         let problem = self.file.posed(friction);
         let mut impulse = match start {
             Some(start) => self.impulses("start", start)?,
-            None => vec![0.0; 3 * problem.num_contacts()],
+            None => vec![0.0; problem.r.len()],
         };
         let stop = Arc::<AtomicBool>::default();
         let settings = SolveSettings {
@@ -165,7 +171,7 @@ impl Problem {
         let mut solver = solver.parse::<SolverSpec>().and_then(|spec| spec.build()).or_raise()?;
         let report =
             interruptible(py, &[stop], || solver.solve(problem, &mut impulse, &settings))?.or_raise()?;
-        let impulse = owned(py, impulse, &[problem.num_contacts(), 3])?;
+        let impulse = owned(py, impulse, &[blocks(problem), 3])?;
         Ok((impulse.into_any(), SolveReport::new(report)))
     }
 
@@ -184,7 +190,7 @@ impl Problem {
         let impulse = self.impulses("impulses", impulses)?;
         let found = Yardstick::new(&self.file.problem).evaluate(&impulse);
         let dict = PyDict::new(py);
-        dict.set_item("velocities", owned(py, found.velocity, &[self.file.problem.num_contacts(), 3])?)?;
+        dict.set_item("velocities", owned(py, found.velocity, &[blocks(&self.file.problem), 3])?)?;
         dict.set_item("residual_relaxed", (found.relaxed.max, found.relaxed.rms))?;
         dict.set_item("residual_coulomb", (found.coulomb.max, found.coulomb.rms))?;
         dict.set_item("objective", found.objective)?;
@@ -220,7 +226,7 @@ impl Problem {
     /// Free relative velocities r, (n, 3), m/s.
     #[getter]
     fn r<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        Ok(owned(py, self.file.problem.r.clone(), &[self.file.problem.num_contacts(), 3])?.into_any())
+        Ok(owned(py, self.file.problem.r.clone(), &[blocks(&self.file.problem), 3])?.into_any())
     }
 
     /// Coefficients of friction.
@@ -278,13 +284,14 @@ impl Problem {
 
 #[pymethods]
 impl World {
-    /// The contact problem of the last step, with the impulses found, (n, 3) in the contacts' frames (normal, tangents).
+    /// The contact problem of the last step, with the impulses found, (n, 3) in the contacts' frames (normal, tangents);
+    /// after the rows of all contacts come the moments of those with rolling or spinning friction.
     #[getter]
     fn problem<'py>(&mut self, py: Python<'py>) -> PyResult<(Problem, Bound<'py, PyAny>)> {
         let Some((problem, impulse)) = self.run().last_problem() else {
             return Err(exception::ProblemError::new_err("no step has been made since the world was made"));
         };
-        let impulse = owned(py, impulse.to_vec(), &[problem.num_contacts(), 3])?;
+        let impulse = owned(py, impulse.to_vec(), &[blocks(problem), 3])?;
         Ok((Problem::of_step(problem), impulse.into_any()))
     }
 }

@@ -3,6 +3,7 @@
 use crate::collide::identity::PreviousContacts;
 use crate::contact::{Contact, ContactSet};
 use crate::math::{Vec3, tangents};
+use crate::turning::{frame_moment, turning, turning_velocities};
 use crate::world::World;
 use graintrain_ccp::{BodyInverseMass, Ccp, Delassus, FIXED, RigidContact, RigidDelassus};
 use rayon::prelude::*;
@@ -63,6 +64,7 @@ pub fn relative_velocities(contacts: &[Contact], rows: &[RigidContact], velocity
 /// r_i = b_i + D_i^T free,   N = D^T M^-1 D with the masked inverse mass,   b_i = (Phi_i / dt, 0, 0)
 /// ```
 ///
+/// with three more rows for every contact that resists turning ([`crate::turning`]), whose b is zero;
 /// where Phi_i > 0. Where bodies overlap, b_i = 0 or, after the paper, Phi_i / dt: see [`OverlapCorrection`]. The velocity of
 /// prescribed bodies enters r. Restitution is not here but in [`crate::impact`].
 ///
@@ -85,11 +87,16 @@ pub fn assemble(
         };
     }
     let friction = pair_property(world, contacts, |a, b| world.materials.pair_friction(a, b));
+    let velocity_scale = scale_under(world.gravity.length(), step, &r, &friction);
+    let (turning_rows, turning) = turning(world, contacts);
+    r.extend(turning_velocities(contacts, &rows, &turning_rows, free));
+    let rigid = RigidDelassus::new(rows, inverse_mass).with_turning(turning_rows);
     Ccp {
-        velocity_scale: scale_under(world.gravity.length(), step, &r, &friction),
-        delassus: Arc::new(Delassus::Rigid(RigidDelassus::new(rows, inverse_mass))),
+        velocity_scale,
+        delassus: Arc::new(Delassus::Rigid(rigid)),
         r,
         friction,
+        turning,
         impulse_scale: impulse_scale(world, step),
         points: contacts.iter().map(|contact| contact.point.to_array()).collect(),
         identity: contacts.iter().map(|contact| contact.identity).collect(),
@@ -162,17 +169,26 @@ fn impulse_scale(world: &World, step: f64) -> Option<f64> {
 }
 
 /// Impulses to start the solver from: those of the last step at the contacts that persist, turned with the contact's
-/// frame; zero at new contacts. Length 3 N_c, N s.
+/// frame; zero at new contacts. Length of r, N s.
 pub(crate) fn warm_start(problem: &Ccp, contacts: &[Contact], last: &ContactSet, bodies: usize) -> Vec<f64> {
-    let mut impulse = vec![0.0; 3 * contacts.len()];
+    let mut impulse = vec![0.0; problem.r.len()];
     let Delassus::Rigid(rigid) = &*problem.delassus else { return impulse };
     let previous = PreviousContacts::new(last, bodies);
-    impulse.par_chunks_mut(3).zip(contacts).zip(rigid.contacts()).enumerate().with_min_len(TASK).for_each(
+    let (forces, moments) = impulse.split_at_mut(3 * contacts.len());
+    forces.par_chunks_mut(3).zip(contacts).zip(rigid.contacts()).enumerate().with_min_len(TASK).for_each(
         |(i, ((g, contact), rigid))| {
             let frame_impulse = to_frame(rigid, previous.impulse(contact));
             // Friction may have changed, or rounding left the cone.
             g.copy_from_slice(&problem.cone(i).project(frame_impulse));
         },
     );
+    for (h, rows) in moments.chunks_exact_mut(3).zip(rigid.turning()) {
+        let i = rows.contact as usize;
+        let moment = previous.moment(&contacts[i]);
+        h.copy_from_slice(&frame_moment(&rigid.contacts()[i], rows.length, moment));
+    }
+    if !problem.turning.is_empty() {
+        problem.project(&mut impulse);
+    }
     impulse
 }

@@ -43,4 +43,7 @@ pub struct ContactSet {
     pub impulse: Vec<Vec3>,
     /// Coefficient of friction; one per contact.
     pub friction: Vec<f64>,
+    /// Moment impulse of rolling and spinning friction on body A (minus that on B) in world axes, N m s; one per contact, or empty where
+    /// no pair of materials resists turning.
+    pub moment: Vec<Vec3>,
 }

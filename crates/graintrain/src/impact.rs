@@ -9,6 +9,8 @@
 //!
 //! so that each parts with e times the velocity of its arrival whatever its gap was; then those that close because of it, and so
 //! on, until none is left. Forces, and contacts that rest or only touch, are left to the contact problem, which starts from v'.
+//! Rolling and spinning friction act on lasting contact alone: their moments grow with the time that a contact takes, which an impact
+//! does not have.
 //! A collision that runs through a row of bodies (Newton's cradle) takes one pass per contact.
 //!
 //! Without friction and with one e for all contacts a pass cannot make energy (J. J. Moreau, "Unilateral contact and dry
@@ -175,6 +177,7 @@ impl ImpactSolver<'_> {
             delassus: Arc::new(Delassus::Rigid(part.delassus(of.rows, of.inverse_mass))),
             r: u.clone(),
             friction: part.gather::<1, f64>(friction),
+            turning: Vec::new(),
             velocity_scale: None,
             impulse_scale: None,
             points: Vec::new(),

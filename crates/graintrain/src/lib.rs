@@ -11,6 +11,7 @@
 //! | [`collide`] | finding contacts |
 //! | [`assemble`] | the contact problem of a step |
 //! | [`integrate`] | velocities without contact, positions, rotations |
+//! | [`turning`] | rolling and spinning friction |
 //! | [`impact`], [`overlap`], [`parts`] | restitution, overlap without energy, parts that do not touch |
 //! | [`relaxation`] | what relaxed friction opens, and how far it is from exact friction |
 //! | [`stepper`], [`step_report`] | the time step, what it reports |
@@ -46,6 +47,7 @@ pub mod shape;
 mod solid_mesh;
 pub mod step_report;
 pub mod stepper;
+pub mod turning;
 pub mod world;
 
 pub use graintrain_ccp as ccp;

@@ -1,8 +1,43 @@
-//! Materials: density, and friction and restitution of every pair.
+//! Materials: density, and friction, restitution and resistance to turning of every pair.
 
 use crate::error::{ModelError, positive};
 use crate::handle::MaterialId;
 use serde::{Deserialize, Serialize};
+
+/// How a pair resists rolling or spinning: a coefficient with the dimension of a length (see [`crate::turning`]).
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum TurningResistance {
+    /// So many effective radii of the pair, R_A R_B / (R_A + R_B); dimensionless.
+    Ratio(f64),
+    /// The length itself, m, whatever the bodies' sizes.
+    Length(f64),
+}
+
+impl TurningResistance {
+    /// None.
+    pub const NONE: Self = Self::Ratio(0.0);
+
+    /// Whether it is none.
+    pub fn is_none(&self) -> bool {
+        self.value() == 0.0
+    }
+
+    /// The coefficient, m, where the effective radius is this.
+    pub fn length(self, effective_radius: f64) -> f64 {
+        match self {
+            Self::Ratio(ratio) => ratio * effective_radius,
+            Self::Length(length) => length,
+        }
+    }
+
+    /// The number, in its own unit.
+    pub fn value(self) -> f64 {
+        match self {
+            Self::Ratio(value) | Self::Length(value) => value,
+        }
+    }
+}
 
 /// Materials by index, with symmetric tables of pair properties.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -15,6 +50,10 @@ pub struct Materials {
     pub friction: Vec<f64>,
     /// Newton's coefficient of restitution of a pair, in [0, 1]: entry `i * len + j`, symmetric.
     pub restitution: Vec<f64>,
+    /// Resistance of a pair to rolling: entry `i * len + j`, symmetric. Empty where no pair resists turning, like `spinning`.
+    pub rolling: Vec<TurningResistance>,
+    /// Resistance of a pair to spinning about the contact normal: entry `i * len + j`, symmetric.
+    pub spinning: Vec<TurningResistance>,
 }
 
 impl Materials {
@@ -44,6 +83,13 @@ impl Materials {
         self.density.push(density);
         for table in [&mut self.friction, &mut self.restitution] {
             let mut grown = vec![0.0; (old + 1) * (old + 1)];
+            for i in 0..old {
+                grown[i * (old + 1)..i * (old + 1) + old].copy_from_slice(&table[i * old..(i + 1) * old]);
+            }
+            *table = grown;
+        }
+        for table in [&mut self.rolling, &mut self.spinning].into_iter().filter(|table| !table.is_empty()) {
+            let mut grown = vec![TurningResistance::NONE; (old + 1) * (old + 1)];
             for i in 0..old {
                 grown[i * (old + 1)..i * (old + 1) + old].copy_from_slice(&table[i * old..(i + 1) * old]);
             }
@@ -86,6 +132,70 @@ impl Materials {
         Ok(())
     }
 
+    /// Sets how materials i and j (which may be the same) resist rolling on each other, and spinning about the contact normal.
+    ///
+    /// ```
+    /// use graintrain::material::{Materials, TurningResistance};
+    /// let mut materials = Materials::single("gravel", 2600.0, 0.5, 0.0)?;
+    /// let gravel = materials.handles().next().unwrap();
+    /// materials.set_pair_turning(gravel, gravel, TurningResistance::Ratio(0.1), TurningResistance::Length(1e-4))?;
+    /// # Ok::<(), graintrain::error::ModelError>(())
+    /// ```
+    ///
+    /// # Errors
+    /// [`ModelError::Index`], or [`ModelError::Value`] unless both are finite and not negative.
+    pub fn set_pair_turning(
+        &mut self,
+        i: MaterialId,
+        j: MaterialId,
+        rolling: TurningResistance,
+        spinning: TurningResistance,
+    ) -> Result<(), ModelError> {
+        let len = self.len();
+        let (i, j) = (i.index(), j.index());
+        for index in [i, j] {
+            if index >= len {
+                return Err(ModelError::Index { what: "material", index, len });
+            }
+        }
+        for (what, resistance) in [("rolling", rolling), ("spinning", spinning)] {
+            let value = resistance.value();
+            if !(value.is_finite() && value >= 0.0) {
+                let what = format!(
+                    "the {what} friction between materials '{}' and '{}'",
+                    self.names[i], self.names[j]
+                );
+                return Err(ModelError::Value { what, value, expected: "finite and not negative" });
+            }
+        }
+        if rolling.is_none() && spinning.is_none() && !self.resist_turning() {
+            return Ok(());
+        }
+        for (table, resistance) in [(&mut self.rolling, rolling), (&mut self.spinning, spinning)] {
+            table.resize(len * len, TurningResistance::NONE);
+            let resistance = if resistance.is_none() { TurningResistance::NONE } else { resistance };
+            for entry in [i * len + j, j * len + i] {
+                table[entry] = resistance;
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether any pair may resist turning.
+    pub fn resist_turning(&self) -> bool {
+        !self.rolling.is_empty()
+    }
+
+    /// Resistance to rolling between materials i and j.
+    pub fn pair_rolling(&self, i: usize, j: usize) -> TurningResistance {
+        self.rolling.get(i * self.len() + j).copied().unwrap_or(TurningResistance::NONE)
+    }
+
+    /// Resistance to spinning between materials i and j.
+    pub fn pair_spinning(&self, i: usize, j: usize) -> TurningResistance {
+        self.spinning.get(i * self.len() + j).copied().unwrap_or(TurningResistance::NONE)
+    }
+
     /// The materials in the order in which they were added.
     pub fn handles(&self) -> impl Iterator<Item = MaterialId> + use<> {
         (0..self.len()).map(MaterialId::from_index)
@@ -126,6 +236,28 @@ mod tests {
         assert_eq!(materials.pair_friction(1, 0), 0.2);
         assert_eq!(materials.pair_restitution(0, 1), 0.4);
         assert_eq!(materials.pair_friction(rubber, 1), 0.0);
+    }
+
+    #[test]
+    fn resistance_to_turning_survives_the_addition_of_materials_and_is_symmetric() {
+        let mut materials = Materials::single("glass", 2500.0, 0.3, 0.5).unwrap();
+        let glass = MaterialId::default();
+        let (ratio, length) = (TurningResistance::Ratio(0.1), TurningResistance::Length(1e-3));
+        materials
+            .set_pair_turning(glass, glass, TurningResistance::Length(0.0), TurningResistance::NONE)
+            .unwrap();
+        assert!(!materials.resist_turning());
+        let steel = materials.add("steel", 7800.0).unwrap();
+        materials.set_pair_turning(glass, steel, ratio, length).unwrap();
+        materials.add("rubber", 1100.0).unwrap();
+        assert!(materials.resist_turning());
+        assert_eq!((materials.pair_rolling(1, 0), materials.pair_spinning(0, 1)), (ratio, length));
+        assert_eq!(materials.pair_rolling(1, 2), TurningResistance::NONE);
+        assert_eq!((ratio.length(0.5), length.length(0.5)), (0.05, 1e-3));
+        let bad = materials.set_pair_turning(glass, steel, TurningResistance::Ratio(-0.1), length);
+        assert!(bad.unwrap_err().to_string().contains("rolling"));
+        let bad = materials.set_pair_turning(glass, steel, ratio, TurningResistance::Length(f64::NAN));
+        assert!(bad.unwrap_err().to_string().contains("spinning"));
     }
 
     #[test]

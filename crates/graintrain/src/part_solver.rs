@@ -53,10 +53,19 @@ impl PartSolver<'_> {
         let mut merged = nothing_to_solve(self.solver.name());
         let mut largest = 0;
         for part in &parts {
+            let (rows, turning, places) = part.turning(rigid.turning(), &problem.turning);
+            let turning_of = |all: &[f64]| {
+                let h = &all[3 * contacts..];
+                places.iter().flat_map(|k| [h[3 * k], h[3 * k + 1], h[3 * k + 2]]).collect::<Vec<f64>>()
+            };
+            let matrix = part.delassus(rigid.contacts(), rigid.inverse_mass()).with_turning(rows);
+            let mut r = part.gather::<3, f64>(&problem.r);
+            r.extend(turning_of(&problem.r));
             let own = Ccp {
-                delassus: Arc::new(Delassus::Rigid(part.delassus(rigid.contacts(), rigid.inverse_mass()))),
-                r: part.gather::<3, f64>(&problem.r),
+                delassus: Arc::new(Delassus::Rigid(matrix)),
+                r,
                 friction: part.gather::<1, f64>(&problem.friction),
+                turning,
                 velocity_scale: None,
                 impulse_scale: problem.impulse_scale,
                 points: part.gather::<1, [f64; 3]>(&problem.points),
@@ -65,6 +74,7 @@ impl PartSolver<'_> {
             let own =
                 Ccp { velocity_scale: scale_under(self.gravity, self.step, &own.r, &own.friction), ..own };
             let mut g = part.gather::<3, f64>(impulse);
+            g.extend(turning_of(impulse));
             if parts_freely(&own) {
                 g.fill(0.0);
             } else {
@@ -72,7 +82,10 @@ impl PartSolver<'_> {
                 merge(&mut merged, report, part.contacts.len() > largest);
                 largest = largest.max(part.contacts.len());
             }
-            part.scatter(&g, impulse);
+            part.scatter(&g[..3 * part.contacts.len()], impulse);
+            for (k, h) in places.iter().zip(g[3 * part.contacts.len()..].chunks_exact(3)) {
+                impulse[3 * (contacts + k)..3 * (contacts + k) + 3].copy_from_slice(h);
+            }
         }
         Ok((merged, parts.len()))
     }
@@ -187,7 +200,13 @@ fn evaluate(problem: &Ccp, g: &[f64], friction: FrictionModel, report: &mut Solv
 /// Whether bodies part at every contact by themselves, r_i in Y_i^*, so that g = 0 solves the problem, relaxed and exact.
 fn parts_freely(problem: &Ccp) -> bool {
     let friction = problem.friction.iter();
-    problem.r.chunks_exact(3).zip(friction).all(|(r, mu)| r[0] >= mu * r[1].hypot(r[2]))
+    let turning = |i: usize| {
+        let Some(k) = problem.turning_of(i) else { return 0.0 };
+        let (own, w) = (problem.turning[k], &problem.r[3 * (problem.num_contacts() + k)..]);
+        own.rolling * w[1].hypot(w[2]) + own.spinning * w[0].abs()
+    };
+    let mut contacts = problem.r.chunks_exact(3).zip(friction).enumerate();
+    contacts.all(|(i, (r, mu))| r[0] >= mu * r[1].hypot(r[2]) + turning(i))
 }
 
 /// The report of a step without contacts.

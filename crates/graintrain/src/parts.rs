@@ -3,7 +3,7 @@
 //! Contacts that share no chain of movable bodies do not know of each other: N is block diagonal over the parts. Solved apart, no
 //! part's convergence, scale or rounding reaches another one.
 
-use graintrain_ccp::{BodyInverseMass, FIXED, RigidContact, RigidDelassus};
+use graintrain_ccp::{BodyInverseMass, FIXED, RigidContact, RigidDelassus, TurningFriction, TurningRows};
 
 /// Contacts and movable bodies that hang together.
 #[derive(Clone, Debug, PartialEq)]
@@ -81,6 +81,27 @@ impl Part {
             })
             .collect();
         RigidDelassus::new(contacts, self.bodies.iter().map(|&b| inverse_mass[b as usize]).collect())
+    }
+
+    /// The contacts of the part that resist turning, of those of the whole problem (rows and coefficients, contact ascending), numbered
+    /// as in the part; and their places among those of the whole.
+    pub(crate) fn turning(
+        &self,
+        rows: &[TurningRows],
+        friction: &[TurningFriction],
+    ) -> (Vec<TurningRows>, Vec<TurningFriction>, Vec<usize>) {
+        let mut found = (Vec::new(), Vec::new(), Vec::new());
+        if rows.is_empty() {
+            return found;
+        }
+        for (contact, i) in (0..).zip(&self.contacts) {
+            if let Ok(k) = rows.binary_search_by_key(i, |rows| rows.contact) {
+                found.0.push(TurningRows { contact, ..rows[k] });
+                found.1.push(TurningFriction { contact, ..friction[k] });
+                found.2.push(k);
+            }
+        }
+        found
     }
 
     /// The entries of a list with `N` numbers per contact that belong to the part.

@@ -103,10 +103,9 @@ pub(crate) fn difference(
         return Ok(None);
     }
     let change: Vec<f64> = relaxed.iter().zip(&exact).map(|(relaxed, exact)| relaxed - exact).collect();
-    let mut world_impulse = vec![0.0; change.len()];
-    rigid.world_impulse(&change, &mut world_impulse);
-    let mut dv = vec![0.0; 6 * rigid.inverse_mass().len()];
-    rigid.velocity_change(&world_impulse, &mut dv);
+    let mut work = problem.delassus.work();
+    problem.delassus.multiply(&change, &mut vec![0.0; change.len()], &mut work);
+    let dv = work.body_velocity();
     let movable = rigid.inverse_mass().iter().filter(|mass| mass.linear != [0.0; 3]).count();
     let sum: f64 = dv.chunks_exact(6).flat_map(|dv| &dv[..3]).map(|dv| dv * dv).sum();
     let velocity_rms = (sum / movable.max(1) as f64).sqrt();

@@ -5,6 +5,7 @@ use crate::contact::{Contact, ContactSet};
 use crate::handle::BodyId;
 use crate::math::Vec3;
 use crate::relaxation::Opening;
+use crate::turning::turning_velocities;
 use crate::world::World;
 use graintrain_ccp::residual::{MIXED_MAXIMUM, velocity_scale};
 use graintrain_ccp::{Ccp, Delassus, Residual, SolveReport};
@@ -87,10 +88,11 @@ pub struct PhysicalErrors {
     pub approach_max: f64,
     /// The overlap that this makes within the step, over the size of the smaller body.
     pub overlap_per_step_max_over_size: f64,
-    /// Largest excess of friction over mu times the normal force, relative to that contact's force.
+    /// Largest excess of friction over mu times the normal force, relative to that contact's force; rolling and spinning friction count
+    /// likewise, their moments over the effective radius.
     pub cone_excess_max: f64,
-    /// Largest angle between friction and the direction against the slip, rad, at contacts that slide faster than the tolerance
-    /// resolves.
+    /// Largest angle between friction and the direction against the slip, rad, at contacts that slide (or roll, where they resist that)
+    /// faster than the tolerance resolves.
     pub slip_angle_max: f64,
 }
 
@@ -108,6 +110,21 @@ impl PhysicalErrors {
         let mut errors = PhysicalErrors::default();
         let u = relative_velocities(contacts, rigid.contacts(), velocity);
         let resolved = MIXED_MAXIMUM * tolerance * velocity_scale(problem);
+        let spin = turning_velocities(contacts, rigid.contacts(), rigid.turning(), velocity);
+        let moments = impulse[3 * contacts.len()..].chunks_exact(3).zip(spin.chunks_exact(3));
+        for (own, (h, w)) in problem.turning.iter().zip(moments) {
+            let g = &impulse[3 * own.contact as usize..3 * own.contact as usize + 3];
+            let (rolling, slip) = (h[1].hypot(h[2]), w[1].hypot(w[2]));
+            let force = (g[0] * g[0] + g[1] * g[1] + g[2] * g[2]).sqrt();
+            if force > 0.0 {
+                let excess = (rolling - own.rolling * g[0]).max(h[0].abs() - own.spinning * g[0]);
+                errors.cone_excess_max = errors.cone_excess_max.max(excess / force);
+            }
+            if slip > resolved && rolling > 0.0 {
+                let cosine = -(w[1] * h[1] + w[2] * h[2]) / (slip * rolling);
+                errors.slip_angle_max = errors.slip_angle_max.max(cosine.clamp(-1.0, 1.0).acos());
+            }
+        }
         for (k, contact) in contacts.iter().enumerate() {
             let (u, g) = (&u[3 * k..3 * k + 3], &impulse[3 * k..3 * k + 3]);
             let approach = -(u[0] + contact.gap.max(0.0) / step);
@@ -137,6 +154,13 @@ pub(crate) fn wrenches(position: &[Vec3], world: &World, set: &ContactSet, step:
     for body in (0..bodies).filter(|&body| !world.is_free(body)) {
         slot[body] = wrenches.len();
         wrenches.push(Wrench { body: BodyId::from_index(body), ..Wrench::default() });
+    }
+    for (contact, &moment) in set.contacts.iter().zip(&set.moment) {
+        for (body, sign) in [(contact.body_a as usize, 1.0), (contact.body_b as usize, -1.0)] {
+            if let Some(wrench) = wrenches.get_mut(slot[body]) {
+                wrench.torque += sign / step * moment;
+            }
+        }
     }
     for (contact, &impulse) in set.contacts.iter().zip(&set.impulse) {
         let [on_a, on_b] = contact.surface_points();

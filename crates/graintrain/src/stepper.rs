@@ -15,6 +15,7 @@ use crate::part_solver::PartSolver;
 use crate::relaxation::{self, Difference, Opening};
 use crate::step_report::wrenches;
 pub use crate::step_report::{PhaseSeconds, PhysicalErrors, StepReport, Wrench};
+use crate::turning::world_moment;
 use crate::world::World;
 use graintrain_ccp::{
     Ccp, CcpError, CcpSolver, Delassus, FrictionModel, Judge, RigidContact, SolveReport, SolveSettings,
@@ -189,7 +190,7 @@ impl Stepper {
         self.stop = Some(stop);
     }
 
-    /// The contact problem of the last step and the impulses found (length 3 N_c, contact frames, N s).
+    /// The contact problem of the last step and the impulses found (length of r, contact frames, N s).
     pub fn last_problem(&self) -> Option<(&Ccp, &[f64])> {
         self.last.as_ref().map(|last| (&last.problem, last.impulse.as_slice()))
     }
@@ -377,6 +378,14 @@ impl Stepper {
                     g.copy_from_slice(&last.impulse[3 * k..3 * k + 3]);
                 }
             }
+            for (k, own) in problem.turning.iter().enumerate() {
+                let place = last.active.binary_search(&active[own.contact as usize]).ok();
+                if let Some(known) = place.and_then(|place| last.problem.turning_of(place)) {
+                    let [from, to] =
+                        [(&last.problem, known), (&problem, k)].map(|(p, k)| 3 * (p.num_contacts() + k));
+                    impulse[to..to + 3].copy_from_slice(&last.impulse[from..from + 3]);
+                }
+            }
         }
         let assembled = Instant::now();
         let (solve, parts) = self.solve(world, &problem, &mut impulse)?;
@@ -546,17 +555,23 @@ impl Stepper {
             solve.status = Status::IterationLimit;
             solve.remark = Some(format!("impacts were left at residual {left:.1e}"));
         }
-        let normal_sum: f64 = impulse.iter().step_by(3).sum();
+        let normal_sum: f64 = impulse[..3 * active.len()].iter().step_by(3).sum();
         let threshold = 1e-6 * normal_sum / active.len().max(1) as f64;
         let mut with_force: Vec<bool> = impacts.impulse.iter().map(|g| *g != Vec3::ZERO).collect();
         with_force.resize(contacts.len(), false);
         let mut world_impulse = impacts.impulse;
         world_impulse.resize(contacts.len(), Vec3::ZERO);
+        let resists = world.materials.resist_turning();
+        let mut moment = if resists { vec![Vec3::ZERO; contacts.len()] } else { Vec::new() };
         if let Delassus::Rigid(rigid) = &*problem.delassus {
             for ((&i, row), g) in active.iter().zip(rigid.contacts()).zip(impulse.chunks_exact(3)) {
                 let [n, t1, t2] = row.frame.map(Vec3::from_array);
                 world_impulse[i as usize] += g[0] * n + g[1] * t1 + g[2] * t2;
                 with_force[i as usize] |= g[0] > threshold;
+            }
+            for (rows, h) in rigid.turning().iter().zip(impulse[3 * active.len()..].chunks_exact(3)) {
+                let row = &rigid.contacts()[rows.contact as usize];
+                moment[active[rows.contact as usize] as usize] = world_moment(row, rows.length, h);
             }
         }
         let friction = pair_property(world, &contacts, |a, b| world.materials.pair_friction(a, b));
@@ -575,7 +590,7 @@ impl Stepper {
             }
             FrictionModel::Coulomb => Opening::default(),
         };
-        let set = ContactSet { contacts, impulse: world_impulse, friction };
+        let set = ContactSet { contacts, impulse: world_impulse, friction, moment };
         let wrenches = wrenches(&start.position, world, &set, step);
         let (mut deepest, mut over_size) = (0.0_f64, 0.0_f64);
         for contact in ahead.iter().filter(|contact| contact.gap < 0.0) {
@@ -687,6 +702,7 @@ impl Placement {
 fn velocity_after(problem: &Ccp, impulse: &[f64], free: Vec<f64>) -> Vec<f64> {
     let mut velocity = free;
     if let Delassus::Rigid(rigid) = &*problem.delassus {
+        // Impulses, and after them the moments of contacts that resist turning.
         let mut world_impulse = vec![0.0; impulse.len()];
         rigid.world_impulse(impulse, &mut world_impulse);
         let mut change = vec![0.0; velocity.len()];

@@ -146,6 +146,8 @@ impl Default for World {
             density: vec![1000.0],
             friction: vec![0.25],
             restitution: vec![0.0],
+            rolling: Vec::new(),
+            spinning: Vec::new(),
         };
         Self {
             time: 0.0,
@@ -355,7 +357,11 @@ impl World {
         }
         let set = std::mem::take(&mut self.contacts);
         let friction = set.friction.into_iter().map(Some).chain(std::iter::repeat(None));
-        for ((mut contact, impulse), friction) in set.contacts.into_iter().zip(set.impulse).zip(friction) {
+        let moment = set.moment.into_iter().map(Some).chain(std::iter::repeat(None));
+        let impulses = set.impulse.into_iter().zip(moment);
+        for ((mut contact, (impulse, moment)), friction) in
+            set.contacts.into_iter().zip(impulses).zip(friction)
+        {
             let [a, b] =
                 [contact.body_a, contact.body_b].map(|body| Some(new_index[body as usize]?.index() as u32));
             if let (Some(a), Some(b)) = (a, b) {
@@ -367,6 +373,7 @@ impl World {
                 self.contacts.contacts.push(contact);
                 self.contacts.impulse.push(impulse);
                 self.contacts.friction.extend(friction);
+                self.contacts.moment.extend(moment);
             }
         }
         new_index
@@ -466,6 +473,8 @@ impl World {
             add(contact.identity);
             impulse.to_array().iter().for_each(|x| add(x.to_bits()));
         }
+        // None where nothing resists turning.
+        self.contacts.moment.iter().flat_map(|m| m.to_array()).for_each(|x| add(x.to_bits()));
         crate::math::mix(hash)
     }
 }

@@ -59,6 +59,7 @@ impl Kernel<1> for Step {
 
 impl FirstOrderMethod for Jacobi {
     const NAME: &'static str = "pj";
+    const TURNING: bool = true;
 
     fn run(&mut self, scaled: &ScaledProblem, it: &mut Iterate<'_>) {
         let mut omega = 1.0 / it.largest_curvature(scaled, POWER_ITERATIONS);

@@ -6,8 +6,8 @@
 
 use super::combination::Combination;
 use super::first_order::{FirstOrderMethod, Iterate};
-use super::lanes::{Batch, Vector, add_scaled, dot, project_given, sub, within_disc};
-use super::scaling::{ContactBatch, Kernel, KernelInput, ScaledProblem};
+use super::lanes::{Batch, Vector, add_scaled, dot, project_given, sub, within_disc, within_discs};
+use super::scaling::{ContactBatch, Kernel, KernelInput, ScaledProblem, TurningBatch};
 use super::tasks::Tally;
 use crate::residual::FrictionModel;
 
@@ -105,6 +105,20 @@ impl<const EXACT: bool> Kernel<2> for Step<EXACT> {
     }
 
     #[inline(always)]
+    fn projected_both<V: Vector>(
+        &self,
+        contact: ContactBatch<V>,
+        turning: &TurningBatch<V>,
+        [point, turned]: [&Batch<V>; 2],
+    ) -> [Batch<V>; 2] {
+        if EXACT {
+            within_discs([contact.mu, turning.rows.mu, turning.spinning], point, turned)
+        } else {
+            turning.project(contact.mu, [point, turned])
+        }
+    }
+
+    #[inline(always)]
     fn at<V: Vector>(
         &self,
         _: ContactBatch<V>,
@@ -144,6 +158,7 @@ impl Kernel<2> for Extrapolated {
 impl FirstOrderMethod for Apgd {
     const NAME: &'static str = "apgd";
     const EXACT: bool = true;
+    const TURNING: bool = true;
 
     fn run(&mut self, scaled: &ScaledProblem, it: &mut Iterate<'_>) {
         match scaled.friction_model() {

@@ -34,6 +34,7 @@ impl Default for Parameters {
 /// Tries `apgd` and `ipm` in the order that suits the tolerance: an iteration of `apgd` costs nanoseconds per contact and it
 /// profits from a warm start, so it goes first down to 1e-6; `ipm` needs factorisations but few iterations whatever the
 /// tolerance. Each next method starts from the best impulses so far, and the best impulses are returned.
+/// Contacts that resist turning are for `apgd` alone.
 pub struct Auto {
     members: Vec<(&'static str, Box<dyn CcpSolver>)>,
     exact: Alternating,
@@ -84,8 +85,10 @@ impl CcpSolver for Auto {
         let mut status = Status::Stalled;
         let mut name = "auto".to_string();
         let (mut history, mut remark) = (History::default(), None);
-        let last = self.members.len() - 1;
-        for (position, (member, solver)) in self.members.iter_mut().enumerate() {
+        let takes = |member: &str| member != "ipm" || problem.turning.is_empty();
+        let last = self.members.iter().filter(|(member, _)| takes(member)).count() - 1;
+        let members = self.members.iter_mut().filter(|(member, _)| takes(member));
+        for (position, (member, solver)) in members.enumerate() {
             let is_first = position < last && *member == "apgd";
             let allowed = if is_first { self.parameters.first_order_limit } else { solver.iteration_limit() };
             let mine = SolveSettings {

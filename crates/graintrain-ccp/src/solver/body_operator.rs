@@ -4,6 +4,7 @@
 use super::combination::Combination;
 use super::dispatch::vectorised;
 use super::lanes::{Batch, LANES, Lanes, TaskWork, Vector, ZERO, add, cross, dot, load, scale, sub, zero};
+use super::packing::{EMPTY, Packing, turning_batches};
 use super::tasks::{CHUNK, Tally, Totals, for_each_task};
 use crate::delassus::{BodyInverseMass, FIXED, RigidDelassus};
 use graintrain_linalg::block3::Block;
@@ -59,10 +60,41 @@ impl Geometry {
         [V::records(&p), V::records(&moment_a), V::records(&moment_b)]
     }
 
+    /// Turning velocities of these rows, w_A - w_B in their frames: for batches of turning rows.
+    #[inline(always)]
+    pub(super) fn relative_spin<V: Vector>(&self, image: &[BodyPair]) -> Batch<V> {
+        let difference =
+            |l: usize| V::of(image[self.body_a[l] as usize][1]) - V::of(image[self.body_b[l] as usize][1]);
+        let relative = V::components([difference(0), difference(1), difference(2), difference(3)]);
+        [
+            dot(&load(&self.frame[0]), &relative),
+            dot(&load(&self.frame[1]), &relative),
+            dot(&load(&self.frame[2]), &relative),
+        ]
+    }
+
+    /// Impulses of turning rows: no force, and one moment on both bodies.
+    #[inline(always)]
+    fn world_moments<V: Vector>(&self, x: &Batch<V>) -> WorldImpulses<V> {
+        let along = |k: usize| scale(x[k], &load(&self.frame[k]));
+        let moment = V::records(&add(&add(&along(0), &along(1)), &along(2)));
+        [[V::default(); LANES], moment, moment]
+    }
+
+    /// As [`Self::scatter`] of turning rows.
+    #[inline(always)]
+    pub(super) fn scatter_turning<V: Vector>(&self, x: &Batch<V>, slots: &mut [BodyPair]) {
+        self.add_to_slots(&self.world_moments(x), slots);
+    }
+
     /// Adds the impulses of these contacts and their moments to the slots of their chunk.
     #[inline(always)]
     pub(super) fn scatter<V: Vector>(&self, x: &Batch<V>, slots: &mut [BodyPair]) {
-        let [p, moment_a, moment_b] = self.world_impulses(x);
+        self.add_to_slots(&self.world_impulses(x), slots);
+    }
+
+    #[inline(always)]
+    fn add_to_slots<V: Vector>(&self, [p, moment_a, moment_b]: &WorldImpulses<V>, slots: &mut [BodyPair]) {
         for lane in 0..LANES {
             let [force, moment] = &mut slots[self.slot_a[lane] as usize];
             *force = (V::of(*force) + p[lane]).lanes();
@@ -71,6 +103,12 @@ impl Geometry {
             *force = (V::of(*force) - p[lane]).lanes();
             *moment = (V::of(*moment) - moment_b[lane]).lanes();
         }
+    }
+
+    /// Whether no body that moves (below `fixed`) is in two of these contacts.
+    fn is_apart(&self, fixed: u32) -> bool {
+        let of = |l: usize| [self.body_a[l], self.body_b[l]].into_iter().filter(move |&body| body != fixed);
+        (1..LANES).all(|l| of(l).all(|body| (0..l).all(|earlier| of(earlier).all(|other| other != body))))
     }
 
     /// Adds M^-1 of the impulses of one contact to the velocities of its bodies.
@@ -98,6 +136,9 @@ impl Geometry {
 pub(super) trait Update<V> {
     /// Changes the impulses of a batch, given its D^T v, where `moves` is 1, and returns the change.
     fn at(&mut self, batch: usize, velocity: &Batch<V>, moves: V) -> Batch<V>;
+
+    /// As [`Self::at`] of a batch of contacts and the batch of their turning rows, which follows it.
+    fn at_turning(&mut self, batch: usize, velocity: [Batch<V>; 2], moves: V) -> [Batch<V>; 2];
 }
 
 /// Inverse mass matrix of a body, each vector followed by a zero.
@@ -131,6 +172,8 @@ impl InverseMass {
 #[derive(Clone, Debug)]
 pub(super) struct BodyOperator {
     geometry: Vec<Geometry>,
+    /// Which batches hold the turning rows of the contacts of the batch before them; empty where nothing resists turning.
+    turning: Vec<bool>,
     runs: Vec<Run>,
     /// In the order of the packing, like everything per body; that of the fixed body, zero, comes last.
     inverse_mass: Vec<InverseMass>,
@@ -142,131 +185,8 @@ pub(super) struct BodyOperator {
     slots: Vec<u32>,
 }
 
-/// In which order contacts and bodies lie in memory.
-pub(super) struct Packing {
-    /// Contact at each place.
-    pub contacts: Vec<u32>,
-    /// Place of each body.
-    bodies: Vec<u32>,
-}
-
-/// A contact and the places of its bodies; [`FIXED`] is the highest.
-#[derive(Clone, Copy)]
-struct Pair {
-    lower: u32,
-    higher: u32,
-    contact: u32,
-}
-
-/// The contacts sorted by their lower, then their higher body, then their index; `number` is the place of each body.
-fn sorted_by_bodies(rigid: &RigidDelassus, number: &[u32]) -> Vec<Pair> {
-    let place = |body: u32| if body == FIXED { FIXED } else { number[body as usize] };
-    let pairs = rigid.contacts().iter().zip(0..).map(|(row, contact)| {
-        let (a, b) = (place(row.body_a), place(row.body_b));
-        Pair { lower: a.min(b), higher: a.max(b), contact }
-    });
-    // A body has few contacts: counting sorts by the lower one, and what is left is short. Contacts without a body come last.
-    let bucket = |pair: &Pair| (pair.lower as usize).min(number.len());
-    let mut start = vec![0_u32; number.len() + 2];
-    for pair in pairs.clone() {
-        start[bucket(&pair) + 1] += 1;
-    }
-    for b in 0..=number.len() {
-        start[b + 1] += start[b];
-    }
-    let mut next = start.clone();
-    let mut sorted = vec![Pair { lower: 0, higher: 0, contact: 0 }; rigid.num_contacts()];
-    for pair in pairs {
-        let place = &mut next[bucket(&pair)];
-        sorted[*place as usize] = pair;
-        *place += 1;
-    }
-    for bounds in start.windows(2) {
-        let own = &mut sorted[bounds[0] as usize..bounds[1] as usize];
-        own.sort_unstable_by_key(|pair| (pair.higher, pair.contact));
-    }
-    sorted
-}
-
 /// Batches whose contacts share no body if that can be arranged: a sweep of Gauss-Seidel computes them together.
 pub(super) const TOGETHER: usize = 4;
-/// Contacts among which those of the next [`TOGETHER`] batches are looked for.
-const POOL: usize = 256;
-
-/// Neighbours together: bodies numbered breadth first over the contact graph, contacts sorted by their lower, then their
-/// higher body. Within a chunk they are dealt out again so that [`TOGETHER`] batches share no body wherever possible. (The same helps
-/// a pass: sums on one body would otherwise wait for one another.)
-pub(super) fn pack(rigid: &RigidDelassus) -> Packing {
-    let bodies = rigid.num_bodies();
-    let mut number = vec![u32::MAX; bodies];
-    let mut queue = Vec::with_capacity(bodies);
-    for seed in 0..bodies {
-        if number[seed] != u32::MAX {
-            continue;
-        }
-        number[seed] = queue.len() as u32;
-        let mut next = queue.len();
-        queue.push(seed);
-        while next < queue.len() {
-            for side in rigid.sides(queue[next]) {
-                let contact = &rigid.contacts()[side.contact as usize];
-                for body in [contact.body_a, contact.body_b] {
-                    if body != FIXED && number[body as usize] == u32::MAX {
-                        number[body as usize] = queue.len() as u32;
-                        queue.push(body as usize);
-                    }
-                }
-            }
-            next += 1;
-        }
-    }
-    let mut contacts = sorted_by_bodies(rigid, &number);
-    // The last group that each body was dealt to.
-    let mut group_of = vec![u32::MAX; bodies];
-    let mut group = 0;
-    let mut dealt: Vec<Pair> = Vec::with_capacity(CHUNK * LANES);
-    let mut pool: Vec<Pair> = Vec::with_capacity(POOL);
-    for chunk in contacts.chunks_mut(CHUNK * LANES) {
-        let mut rest = chunk.iter().copied();
-        dealt.clear();
-        while dealt.len() < chunk.len() {
-            pool.extend(rest.by_ref().take(POOL - pool.len()));
-            let first = dealt.len();
-            let (mut seen, mut kept) = (0, 0);
-            while seen < pool.len() && dealt.len() - first < TOGETHER * LANES {
-                let pair = pool[seen];
-                seen += 1;
-                let free = |body: u32| body == FIXED || group_of[body as usize] != group;
-                if free(pair.lower) && free(pair.higher) {
-                    for body in [pair.lower, pair.higher] {
-                        if body != FIXED {
-                            group_of[body as usize] = group;
-                        }
-                    }
-                    dealt.push(pair);
-                } else {
-                    pool[kept] = pair;
-                    kept += 1;
-                }
-            }
-            pool.drain(kept..seen);
-            group += 1;
-            let found = dealt.len() - first;
-            if found >= LANES {
-                // What does not fill a batch waits for the next group.
-                pool.splice(0..0, dealt.drain(first + found / LANES * LANES..));
-            } else {
-                // A batch that cannot be filled takes what comes next: places must not stay empty.
-                let missing = (LANES - found).min(pool.len());
-                dealt.extend(pool.drain(..missing));
-            }
-        }
-        chunk.copy_from_slice(&dealt);
-    }
-    let contacts = contacts.into_iter().map(|pair| pair.contact).collect();
-    Packing { contacts, bodies: number }
-}
-
 /// Consecutive batches that a sweep of Gauss-Seidel treats alike.
 #[derive(Clone, Copy, Debug)]
 struct Run {
@@ -340,14 +260,16 @@ impl BodyOperator {
                 }
                 (body, known.1)
             };
-            for (offset, &i) in contacts.iter().enumerate() {
-                let contact = &rigid.contacts()[i as usize];
+            for (offset, &i) in contacts.iter().enumerate().filter(|&(_, &i)| i != EMPTY) {
+                let turning = (i as usize).checked_sub(rigid.num_contacts()).map(|k| &rigid.turning()[k]);
+                let contact = &rigid.contacts()[turning.map_or(i, |rows| rows.contact) as usize];
+                let length = turning.map_or(1.0, |rows| rows.length);
                 let g = &mut geometry[chunk * CHUNK + offset / LANES];
                 let lane = offset % LANES;
                 for row in 0..3 {
                     for axis in 0..3 {
                         g.frame[row][axis].0[lane] =
-                            scaling[i as usize][row.min(1)] * contact.frame[row][axis];
+                            scaling[i as usize][row.min(1)] * (length * contact.frame[row][axis]);
                     }
                 }
                 for axis in 0..3 {
@@ -377,7 +299,8 @@ impl BodyOperator {
             inverse_mass[place as usize] = InverseMass::new(inverse);
         }
         let runs = runs(&geometry, fixed);
-        Self { geometry, runs, inverse_mass, num_bodies: bodies, chunk_start, slot_start, slots }
+        let turning = turning_batches(order, rigid.num_contacts());
+        Self { geometry, turning, runs, inverse_mass, num_bodies: bodies, chunk_start, slot_start, slots }
     }
 
     /// Vectors in an image: the [`BodyPair`] of every body and of the fixed one.
@@ -428,12 +351,52 @@ impl BodyOperator {
         Totals::of(tallies).sum[0]
     }
 
+    /// As [`Self::sweep`] where contacts resist turning: a batch and its turning rows together, batches that share no body within
+    /// themselves at once, others contact by contact.
+    #[inline(always)]
+    fn sweep_with_turning<V: Vector>(&self, image: &mut [BodyPair], contacts: &mut impl Update<V>) {
+        let mut batch = 0;
+        while let Some(geometry) = self.geometry.get(batch) {
+            let turns = self.turning.get(batch + 1) == Some(&true);
+            let mut one_by_one = [Lanes::default(); LANES];
+            for (lane, moves) in one_by_one.iter_mut().enumerate() {
+                moves.0[lane] = 1.0;
+            }
+            let all = [Lanes::splat(1.0)];
+            let apart = geometry.is_apart(self.num_bodies as u32);
+            let moves = if apart { &all[..] } else { &one_by_one[..] };
+            for moves in moves {
+                let u = geometry.relative_velocity(image);
+                let moved = |lane: &usize| moves.0[*lane] != 0.0;
+                if turns {
+                    let turning = &self.geometry[batch + 1];
+                    let velocity = [u, turning.relative_spin(image)];
+                    let [change, turn] = contacts.at_turning(batch, velocity, V::of(*moves));
+                    let (world, moments) = (geometry.world_impulses(&change), turning.world_moments(&turn));
+                    for lane in (0..LANES).filter(moved) {
+                        geometry.push(lane, &world, &self.inverse_mass, image);
+                        turning.push(lane, &moments, &self.inverse_mass, image);
+                    }
+                } else {
+                    let world = geometry.world_impulses(&contacts.at(batch, &u, V::of(*moves)));
+                    for lane in (0..LANES).filter(moved) {
+                        geometry.push(lane, &world, &self.inverse_mass, image);
+                    }
+                }
+            }
+            batch += 1 + usize::from(turns);
+        }
+    }
+
     /// Gauss-Seidel over all contacts: `contacts` get the velocities D^T v of a batch and change its impulses; the velocities of
     /// the bodies follow at once. Batches of a [`Run`] that share no body are computed side by side, others contact by contact:
     /// the result is that of one contact after the other in the order of the packing.
     #[inline(always)]
     pub(super) fn sweep<V: Vector>(&self, image: &mut [Lanes], contacts: &mut impl Update<V>) {
         let image = image.as_chunks_mut::<2>().0;
+        if !self.turning.is_empty() {
+            return self.sweep_with_turning(image, contacts);
+        }
         for run in &self.runs {
             let geometry = &self.geometry[run.first..run.first + run.count];
             if run.apart {
@@ -468,6 +431,7 @@ impl BodyOperator {
     /// Block N_ii of one contact, rows scaled as the frame is.
     pub(super) fn diagonal_block(&self, batch: usize, lane: usize) -> Block {
         let g = &self.geometry[batch];
+        let turns = self.turning.get(batch) == Some(&true);
         let of_lane = |v: &Batch| [v[0].0[lane], v[1].0[lane], v[2].0[lane]];
         let frame = [of_lane(&g.frame[0]), of_lane(&g.frame[1]), of_lane(&g.frame[2])];
         let (arm_a, arm_b) = (of_lane(&g.arm_a), of_lane(&g.arm_b));
@@ -476,6 +440,9 @@ impl BodyOperator {
         let mut add_side = |body: u32, linear: f64, arm: [f64; 3]| {
             let InverseMass { linear: inverse, angular } = &self.inverse_mass[body as usize];
             let lever = frame.map(|f| {
+                if turns {
+                    return f;
+                }
                 [arm[1] * f[2] - arm[2] * f[1], arm[2] * f[0] - arm[0] * f[2], arm[0] * f[1] - arm[1] * f[0]]
             });
             for column in 0..3 {
@@ -490,7 +457,12 @@ impl BodyOperator {
             }
         };
         let (a, b) = (g.body_a[lane], g.body_b[lane]);
-        if a == b {
+        if turns {
+            if a != b {
+                add_side(a, 0.0, arm_a);
+                add_side(b, 0.0, arm_b);
+            }
+        } else if a == b {
             add_side(a, 0.0, std::array::from_fn(|k| arm_a[k] - arm_b[k]));
         } else {
             add_side(a, 1.0, arm_a);

@@ -19,7 +19,7 @@ use crate::residual::{FrictionModel, ResidualScale};
 /// solve the CCP with r_n + s for g;   s <- mu |u_t(g)|
 /// ```
 ///
-/// until the residual of the exact problem is small. N and mu stay, and solvers keep what they prepared for them; every solve starts from the last impulses and is asked for a fraction of the exact
+/// (with what rolling and spinning add where contacts resist turning, [`FrictionModel::Coulomb`]) until the residual of the exact problem is small. N and mu stay, and solvers keep what they prepared for them; every solve starts from the last impulses and is asked for a fraction of the exact
 /// residual still there. Where the fixed point converges slowly or swings, s is extrapolated from its last two changes
 /// (Irons and Tuck 1969, vector Aitken), kept at or above zero. Where the residual does not fall, the fraction is lowered and s
 /// no longer extrapolated, only damped: in settled packings the map has slow modes (factors of 0.98) beside modes that swing (-1.1), and
@@ -114,9 +114,18 @@ impl CcpSolver for CoulombIteration {
 /// The settings of a relaxed solve where that is what is asked for: without friction anywhere, s = mu |u_t| = 0 and the exact
 /// problem is the relaxed one.
 fn effective(problem: &Ccp, settings: &SolveSettings) -> Option<SolveSettings> {
-    let is_relaxed =
-        settings.friction == FrictionModel::Relaxed || problem.friction.iter().all(|&mu| mu == 0.0);
+    let without_friction = problem.friction.iter().all(|&mu| mu == 0.0)
+        && problem.turning.iter().all(|turning| turning.rolling == 0.0 && turning.spinning == 0.0);
+    let is_relaxed = settings.friction == FrictionModel::Relaxed || without_friction;
     is_relaxed.then(|| SolveSettings { friction: FrictionModel::Relaxed, ..settings.clone() })
+}
+
+/// s_i of contact i: mu |u_t|, and where it resists turning the same of rolling and spinning.
+fn slip(problem: &Ccp, u: &[f64], i: usize) -> f64 {
+    let sliding = problem.friction[i] * u[3 * i + 1].hypot(u[3 * i + 2]);
+    let Some(k) = problem.turning_of(i) else { return sliding };
+    let (turning, w) = (problem.turning[k], &u[3 * (problem.num_contacts() + k)..]);
+    sliding + turning.rolling * w[1].hypot(w[2]) + turning.spinning * w[0].abs()
 }
 
 impl CoulombIteration {
@@ -136,7 +145,8 @@ impl CoulombIteration {
         let mut impulse = last.to_vec();
         let length = self.parameters.round;
         let ended = self.round(problem, &mut impulse, last, settings, length, limits, found)?;
-        let Some(path) = self.relaxed.path_following().filter(|_| ended.is_none()) else {
+        let follows = ended.is_none() && problem.turning.is_empty();
+        let Some(path) = self.relaxed.path_following().filter(|_| follows) else {
             return Ok(ended);
         };
         let systems = (self.parameters.path_work / path.iterations_per_system(problem)) as usize;
@@ -241,14 +251,17 @@ impl CoulombIteration {
         limits: &Limits<'_>,
         iterations: usize,
     ) -> Result<SolveReport, CcpError> {
-        let frictionless = Ccp { friction: vec![0.0; problem.num_contacts()], ..problem.clone() };
+        let mut frictionless = Ccp { friction: vec![0.0; problem.num_contacts()], ..problem.clone() };
+        for turning in &mut frictionless.turning {
+            (turning.rolling, turning.spinning) = (0.0, 0.0);
+        }
         let settings = SolveSettings {
             friction: FrictionModel::Relaxed,
             max_iterations: Some(limits.iterations_left(iterations).min(self.relaxed.iteration_limit())),
             max_time: limits.time_left(),
             ..settings.clone()
         };
-        self.relaxed.solve(&frictionless, &mut vec![0.0; 3 * problem.num_contacts()], &settings)
+        self.relaxed.solve(&frictionless, &mut vec![0.0; problem.r.len()], &settings)
     }
 
     /// The exact problem.
@@ -268,7 +281,7 @@ impl CoulombIteration {
         // The relaxed solver must measure with the V of this problem, not of the shifted one. Both share N.
         let mut shifted = Ccp { velocity_scale: Some(scale.velocity), ..problem.clone() };
         let mut work = problem.delassus.work();
-        let mut u = vec![0.0; 3 * contacts];
+        let mut u = vec![0.0; problem.r.len()];
         let mut shift = Shift::new(contacts, self.parameters.factor_range);
         let mut found = Found::default();
         let mut last = impulse.to_vec();
@@ -330,7 +343,7 @@ impl CoulombIteration {
                 shift.factor_range[1] = 1.0;
             }
             if outer > 0 || impulse.iter().any(|&g| g != 0.0) {
-                shift.update((0..contacts).map(|i| problem.friction[i] * u[3 * i + 1].hypot(u[3 * i + 2])));
+                shift.update((0..contacts).map(|i| slip(problem, &u, i)));
             }
             for i in 0..contacts {
                 shifted.r[3 * i] = problem.r[3 * i] + shift.value[i];

@@ -179,9 +179,9 @@ impl Progress {
 /// Checks that the impulses fit the problem and replaces numbers that are not finite by zero: a warm start is a guess.
 ///
 /// # Errors
-/// [`CcpError::Size`] where the length is not 3 N_c.
+/// [`CcpError::Size`] where the length is not that of r.
 pub fn check_start(problem: &Ccp, impulse: &mut [f64]) -> Result<(), CcpError> {
-    let expected = 3 * problem.num_contacts();
+    let expected = 3 * problem.delassus.num_blocks();
     if impulse.len() != expected {
         return Err(CcpError::Size { what: "impulse", got: impulse.len(), expected });
     }

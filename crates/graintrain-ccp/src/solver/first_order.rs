@@ -8,7 +8,7 @@ use super::report::{SolveReport, Status};
 use super::scaling::{Image, PassWork, ScaledProblem};
 use super::settings::SolveSettings;
 use crate::delassus::DelassusIdentity;
-use crate::problem::{Ccp, CcpError};
+use crate::problem::{Ccp, CcpError, TurningFriction};
 use crate::residual::{FrictionModel, Residual, ResidualScale, velocity_scale};
 use rayon::prelude::*;
 
@@ -18,6 +18,8 @@ pub trait FirstOrderMethod: Send {
     const NAME: &'static str;
     /// Whether the method treats exact Coulomb friction itself, by [`ContactBatch::allowed`](super::scaling::ContactBatch::allowed).
     const EXACT: bool = false;
+    /// Whether the method takes contacts that resist turning.
+    const TURNING: bool = false;
 
     /// Improves the iterate until it says to stop.
     fn run(&mut self, scaled: &ScaledProblem, it: &mut Iterate<'_>);
@@ -36,6 +38,7 @@ pub struct FirstOrder<M> {
 struct Prepared {
     delassus: DelassusIdentity,
     friction: Vec<f64>,
+    turning: Vec<TurningFriction>,
     velocity: f64,
     scaled: ScaledProblem,
 }
@@ -46,6 +49,7 @@ impl Prepared {
         Self {
             delassus: DelassusIdentity::of(&problem.delassus),
             friction: problem.friction.clone(),
+            turning: problem.turning.clone(),
             velocity: residual.velocity,
             scaled: ScaledProblem::new(problem, &residual),
         }
@@ -55,7 +59,8 @@ impl Prepared {
     fn again(mut self, problem: &Ccp) -> Option<Self> {
         let fits = self.delassus.is(&problem.delassus)
             && self.velocity == velocity_scale(problem)
-            && self.friction == problem.friction;
+            && self.friction == problem.friction
+            && self.turning == problem.turning;
         if fits {
             self.scaled.set_free_velocity(&problem.r);
         }
@@ -86,6 +91,9 @@ impl<M: FirstOrderMethod> FirstOrder<M> {
         settings: &SolveSettings,
         model: FrictionModel,
     ) -> Result<SolveReport, CcpError> {
+        if !M::TURNING {
+            problem.refuse_turning(M::NAME)?;
+        }
         let limits = Limits::start(settings, ITERATION_LIMIT);
         check_start(problem, impulse)?;
         let start = impulse.to_vec();
@@ -108,9 +116,7 @@ impl<M: FirstOrderMethod> FirstOrder<M> {
         it.best.restore(&mut it.x);
         scaled.unpack(&it.x, impulse);
         // Steps along the boundary leave the cones by more than rounding (kucera: 1e-9 of an impulse).
-        for (i, g) in impulse.chunks_exact_mut(3).enumerate() {
-            g.copy_from_slice(&problem.cone(i).project([g[0], g[1], g[2]]));
-        }
+        problem.project(impulse);
         self.prepared = Some(prepared);
         let mut report = it.limits.report(M::NAME, problem, impulse, status, iterations, 0);
         if !report.converged() {

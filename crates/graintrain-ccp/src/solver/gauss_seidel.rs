@@ -7,7 +7,7 @@
 
 use super::first_order::{FirstOrderMethod, Iterate};
 use super::lanes::{Batch, LANES, Lanes, Vector, sub, tangential_length};
-use super::scaling::{ContactBatch, Relaxation, ScaledProblem};
+use super::scaling::{ContactBatch, Relaxation, ScaledProblem, TurningBatch};
 use graintrain_linalg::block3::Block;
 
 /// Projected Gauss-Seidel on the scaled problem: contacts one after the other,
@@ -59,19 +59,38 @@ impl Relaxation for Steps {
         let moved = sub(x, &[step * u[0], step * u[1], step * u[2]]);
         contact.allowed(&moved, tangential_length(&moved))
     }
+
+    #[inline(always)]
+    fn relaxed_turning<V: Vector>(
+        &self,
+        batch: usize,
+        contact: ContactBatch<V>,
+        turning: TurningBatch<V>,
+        [u, w]: &[Batch<V>; 2],
+        [x, h]: [&Batch<V>; 2],
+    ) -> [Batch<V>; 2] {
+        let step = V::of(self.step[batch]);
+        let moved = |x: &Batch<V>, u: &Batch<V>| sub(x, &[step * u[0], step * u[1], step * u[2]]);
+        turning.allowed(&contact, [&moved(x, u), &moved(h, w)])
+    }
 }
 
 impl FirstOrderMethod for GaussSeidel {
     const NAME: &'static str = "pgs";
     const EXACT: bool = true;
+    const TURNING: bool = true;
 
     fn run(&mut self, scaled: &ScaledProblem, it: &mut Iterate<'_>) {
         let mut step = vec![Lanes::default(); scaled.num_batches()];
-        for place in 0..scaled.num_contacts() {
-            let largest = largest_eigenvalue(&scaled.diagonal_block(place));
+        for place in 0..scaled.num_places() {
+            let (batch, lane) = (place / LANES, place % LANES);
+            let mut largest = largest_eigenvalue(&scaled.diagonal_block(place));
+            if scaled.is_turning(batch + 1) {
+                // At least the largest eigenvalue of all six rows of a contact that resists turning.
+                largest += largest_eigenvalue(&scaled.diagonal_block(place + LANES));
+            }
             // A contact between immovable bodies: any positive step leads to its solution or to infinity.
-            step[place / LANES].0[place % LANES] =
-                self.relaxation / if largest > 0.0 { largest } else { 1.0 };
+            step[batch].0[lane] = self.relaxation / if largest > 0.0 { largest } else { 1.0 };
         }
         let steps = Steps { step };
         while it.proceed(scaled) {
@@ -101,9 +120,10 @@ fn largest_eigenvalue(a: &Block) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::body_operator::{TOGETHER, pack};
+    use super::super::body_operator::TOGETHER;
     use super::super::first_order::FirstOrder;
     use super::super::interface::CcpSolver;
+    use super::super::packing::pack;
     use super::super::settings::SolveSettings;
     use super::*;
     use crate::delassus::{BodyInverseMass, Delassus, FIXED, RigidContact, RigidDelassus};

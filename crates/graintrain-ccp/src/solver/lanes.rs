@@ -297,6 +297,63 @@ pub fn within_disc<V: Vector>(mu: V, x: &Batch<V>, tangential: V) -> Batch<V> {
     [normal, factor * x[1], factor * x[2]]
 }
 
+/// Lengths of the parts of an impulse that share a normal component: sliding, rolling, spinning.
+#[inline(always)]
+fn lengths<V: Vector>(x: &Batch<V>, turning: &Batch<V>) -> [V; 3] {
+    [tangential_length(x), tangential_length(turning), turning[0].max(-turning[0])]
+}
+
+/// The parts of four impulses whose normal components are given, each shortened to its coefficient times that where it is longer.
+#[inline(always)]
+fn shortened<V: Vector>(
+    coefficient: [V; 3],
+    normal: V,
+    x: &Batch<V>,
+    turning: &Batch<V>,
+    length: [V; 3],
+) -> [Batch<V>; 2] {
+    let mut factor = [V::splat(1.0); 3];
+    for k in 0..3 {
+        let bound = coefficient[k] * normal;
+        let shorter = bound.divide(length[k].max(V::splat(f64::MIN_POSITIVE)));
+        factor[k] = length[k].at_most(bound, factor[k], shorter);
+    }
+    [
+        [normal, factor[0] * x[1], factor[0] * x[2]],
+        [factor[2] * turning[0], factor[1] * turning[1], factor[1] * turning[2]],
+    ]
+}
+
+/// Projection of four points on cones with coefficients of sliding, rolling and spinning:
+/// [`TurningCone::project`](crate::cone::TurningCone::project).
+#[inline(always)]
+pub fn project_turning<V: Vector>(coefficient: [V; 3], x: &Batch<V>, turning: &Batch<V>) -> [Batch<V>; 2] {
+    let length = lengths(x, turning);
+    let mut normal = x[0].max(V::splat(0.0));
+    let (mut above, mut below) = ([V::default(); 3], [V::default(); 3]);
+    for k in 0..3 {
+        (above[k], below[k]) = (coefficient[k] * length[k], coefficient[k] * coefficient[k]);
+    }
+    for subset in 1..8_usize {
+        let (mut numerator, mut denominator) = (x[0], V::splat(1.0));
+        for k in 0..3 {
+            if subset >> k & 1 == 1 {
+                numerator += above[k];
+                denominator += below[k];
+            }
+        }
+        normal = normal.max(numerator.divide(denominator));
+    }
+    shortened(coefficient, normal, x, turning, length)
+}
+
+/// As [`within_disc`] with coefficients of sliding, rolling and spinning: the normal component first, then the others within what it
+/// allows.
+#[inline(always)]
+pub fn within_discs<V: Vector>(coefficient: [V; 3], x: &Batch<V>, turning: &Batch<V>) -> [Batch<V>; 2] {
+    shortened(coefficient, x[0].max(V::splat(0.0)), x, turning, lengths(x, turning))
+}
+
 /// Work of one task, written as a type so that it can be compiled for more than one kind of [`Vector`].
 pub trait TaskWork {
     /// Does the work. Implementations are `#[inline(always)]`.
@@ -306,10 +363,42 @@ pub trait TaskWork {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cone::FrictionCone;
+    use crate::cone::{FrictionCone, TurningCone};
     use proptest::prelude::*;
 
     proptest! {
+        #[test]
+        fn projects_like_the_scalar_cone_with_turning(
+            x in prop::collection::vec(prop_oneof![Just(0.0), -3.0..3.0_f64], 6 * LANES),
+            c in prop::collection::vec(prop_oneof![Just(0.0), 0.0..2.0_f64], 3 * LANES),
+        ) {
+            let of = |all: &[f64], k: usize| Lanes(std::array::from_fn(|l| all[k * LANES + l]));
+            let batch: Batch = std::array::from_fn(|k| of(&x, k));
+            let turning: Batch = std::array::from_fn(|k| of(&x, 3 + k));
+            let coefficient: [Lanes; 3] = std::array::from_fn(|k| of(&c, k));
+            let image = project_turning(coefficient, &batch, &turning);
+            let discs = within_discs(coefficient, &batch, &turning);
+            for l in 0..LANES {
+                let [mu, rolling, spinning] = coefficient.map(|c| c.0[l]);
+                let [g, h] = [batch, turning].map(|b| b.map(|b| b.0[l]));
+                let cone = TurningCone { mu, rolling, spinning };
+                let expected = cone.project(g, h);
+                let n = g[0].max(0.0);
+                let cut = |c: f64, a: f64| if a > c * n { c * n / a } else { 1.0 };
+                let factor = [cut(mu, g[1].hypot(g[2])), cut(rolling, h[1].hypot(h[2])), cut(spinning, h[0].abs())];
+                let cut = [
+                    [n, factor[0] * g[1], factor[0] * g[2]],
+                    [factor[2] * h[0], factor[1] * h[1], factor[1] * h[2]],
+                ];
+                for part in 0..2 {
+                    for k in 0..3 {
+                        prop_assert!((image[part][k].0[l] - expected[part][k]).abs() < 1e-13);
+                        prop_assert!((discs[part][k].0[l] - cut[part][k]).abs() < 1e-13);
+                    }
+                }
+            }
+        }
+
         #[test]
         fn projects_like_the_scalar_cone(
             x in prop::array::uniform12(-3.0..3.0_f64),

@@ -31,6 +31,7 @@ pub mod infeasible;
 pub mod interface;
 pub mod ipm;
 pub mod lanes;
+mod packing;
 pub mod path_following;
 pub mod report;
 mod row_operator;

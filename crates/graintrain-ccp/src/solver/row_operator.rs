@@ -2,10 +2,11 @@
 
 use super::combination::Combination;
 use super::lanes::{Batch, LANES, Lanes, ZERO, dot};
+use super::packing::EMPTY;
 use super::tasks::{CHUNK, Tally, Totals, for_each_task};
 use graintrain_linalg::block3::{Block, BlockMatrix3};
 
-/// Block rows of N scaled from both sides, with columns as places in vectors of batches.
+/// Block rows of N scaled from both sides, rows and columns as places in vectors of batches.
 #[derive(Clone, Debug)]
 pub(super) struct RowOperator {
     row_start: Vec<usize>,
@@ -15,21 +16,32 @@ pub(super) struct RowOperator {
 }
 
 impl RowOperator {
-    /// Scales N by the factors of the normal and of the tangents per contact.
-    pub(super) fn new(matrix: &BlockMatrix3, scaling: &[[f64; 2]]) -> Self {
-        let mut block = matrix.blocks().to_vec();
-        for i in 0..matrix.num_rows() {
-            for k in matrix.row_starts()[i]..matrix.row_starts()[i + 1] {
-                let j = matrix.columns()[k] as usize;
-                for (place, entry) in block[k].iter_mut().enumerate() {
-                    *entry *= scaling[i][(place / 3).min(1)] * scaling[j][(place % 3).min(1)];
+    /// Scales N by the factors of the normal and of the tangents per block row; `order` has the block row at each place.
+    pub(super) fn new(matrix: &BlockMatrix3, scaling: &[[f64; 2]], order: &[u32]) -> Self {
+        let mut place_of = vec![0; matrix.num_rows()];
+        for (place, &i) in order.iter().enumerate().filter(|&(_, &i)| i != EMPTY) {
+            place_of[i as usize] = place as u32;
+        }
+        let mut rows = Self { row_start: vec![0], column: Vec::new(), block: Vec::new() };
+        for &i in order {
+            let i = i as usize;
+            if i != EMPTY as usize {
+                for k in matrix.row_starts()[i]..matrix.row_starts()[i + 1] {
+                    let j = matrix.columns()[k] as usize;
+                    let mut block = matrix.blocks()[k];
+                    for (entry, value) in block.iter_mut().enumerate() {
+                        *value *= scaling[i][(entry / 3).min(1)] * scaling[j][(entry % 3).min(1)];
+                    }
+                    rows.column.push(place_of[j]);
+                    rows.block.push(block);
                 }
             }
+            rows.row_start.push(rows.block.len());
         }
-        Self { row_start: matrix.row_starts().to_vec(), column: matrix.columns().to_vec(), block }
+        rows
     }
 
-    /// Row i of N x.
+    /// The row at place i of N x.
     #[inline(always)]
     pub(super) fn row_times(&self, i: usize, x: &[Batch]) -> [f64; 3] {
         let mut sum = [0.0; 3];
@@ -45,7 +57,7 @@ impl RowOperator {
         sum
     }
 
-    /// Block N_ii.
+    /// Diagonal block at place i.
     pub(super) fn diagonal_block(&self, i: usize) -> Block {
         let range = self.row_start[i]..self.row_start[i + 1];
         let columns = &self.column[range.clone()];

@@ -10,17 +10,19 @@
 //!
 //! One factor for the normal and one for both tangents turns a friction cone into a friction cone of another mu, so
 //! that the scaled problem is again a CCP; its diagonal is one, also for balls, whose tangential mobility is 3.5 times
-//! the normal one. Only the residual has to be taken in the original metric, where |d_i| is measured: in units of V / eta_i, the
+//! the normal one. The rows of contacts that resist turning are scaled alike, spinning by one factor and rolling by another, so that
+//! mu_r' = mu_r sqrt(e_r / e_n) and mu_s' = mu_s sqrt(e_s / e_n); their batch follows that of their contacts. Only the residual has to be taken in the original metric, where |d_i| is measured: in units of V / eta_i, the
 //! impulse by which the contact's own effective mass changes its velocity by V.
 
 mod contacts;
 mod kernel;
 mod passes;
 
-use super::body_operator::{BodyOperator, BodyPair, pack};
+use super::body_operator::{BodyOperator, BodyPair};
 use super::combination::{Combination, Replace};
 use super::dispatch::vectorised;
 use super::lanes::{Batch, LANES, Lanes, ZERO, project};
+use super::packing::{EMPTY, pack, turning_batches, with_turning};
 use super::row_operator::RowOperator;
 use super::tasks::{CHUNK, Tally, Totals, for_each_task};
 use crate::delassus::Delassus;
@@ -31,7 +33,7 @@ use graintrain_linalg::block3::Block;
 use kernel::{Identity, NaturalMap, NaturalMapGiven, PowerStep, Store};
 use passes::{BodyPass, BodySweep, RowPass};
 
-pub use contacts::{ContactBatch, Metric};
+pub use contacts::{ContactBatch, Metric, TurningBatch};
 pub use kernel::{Kernel, KernelInput, Relaxation};
 
 /// N' in one of its two forms.
@@ -45,14 +47,20 @@ enum Operator {
 #[derive(Clone, Debug)]
 pub struct ScaledProblem {
     operator: Operator,
-    /// Contact at each packed place.
+    /// Block row of N at each packed place: a contact, turning rows, or [`EMPTY`].
     order: Vec<u32>,
-    /// c / sqrt(e_n) and c / sqrt(e_t) of each contact, N s per unit of x.
+    /// Number of contacts.
+    contacts: usize,
+    /// Which batches hold the turning rows of the contacts of the batch before; empty where nothing resists turning.
+    turning: Vec<bool>,
+    /// mu_s' and mu_s of batches of turning rows, zero elsewhere; empty where nothing resists turning.
+    spinning: Vec<[Lanes; 2]>,
+    /// c / sqrt(e_n) and c / sqrt(e_t) of each block row, N s per unit of x.
     unit: Vec<[f64; 2]>,
     /// c, the size of impulses in the problem's own metric.
     size: f64,
     r: Vec<Batch>,
-    /// mu'.
+    /// mu', or mu_r' of turning rows.
     friction: Vec<Lanes>,
     metric: Vec<Metric>,
     friction_model: FrictionModel,
@@ -94,24 +102,36 @@ impl ScaledProblem {
     pub fn new(problem: &Ccp, residual: &ResidualScale) -> Self {
         let contacts = problem.num_contacts();
         let c = residual.size();
-        let scaling: Vec<[f64; 2]> = (0..contacts)
+        let owner = |block: usize| {
+            if block < contacts { block } else { problem.turning[block - contacts].contact as usize }
+        };
+        let scaling: Vec<[f64; 2]> = (0..problem.delassus.num_blocks())
             .map(|i| {
                 let [nn, t1, t2] = problem.delassus.diagonal(i);
                 // A degree of freedom that impulses do not move gets a little of eta.
-                let factor = |mobility: f64| 1.0 / mobility.max(0.05 * residual.eta[i]).sqrt();
+                let factor = |mobility: f64| 1.0 / mobility.max(0.05 * residual.eta[owner(i)]).sqrt();
                 [factor(nn), factor(0.5 * (t1 + t2))]
             })
             .collect();
+        let add_turning = |order: &mut Vec<u32>| {
+            if !problem.turning.is_empty() {
+                with_turning(order, contacts, problem.turning.iter().map(|turning| turning.contact));
+            }
+        };
         let (operator, order) = match &*problem.delassus {
             Delassus::Rigid(rigid) => {
-                let packing = pack(rigid);
+                let mut packing = pack(rigid);
+                add_turning(&mut packing.contacts);
                 (Operator::Bodies(BodyOperator::new(rigid, &packing, &scaling)), packing.contacts)
             }
             Delassus::Sparse(matrix) => {
-                (Operator::Rows(RowOperator::new(matrix, &scaling)), (0..contacts as u32).collect())
+                let mut order: Vec<u32> = (0..contacts as u32).collect();
+                add_turning(&mut order);
+                (Operator::Rows(RowOperator::new(matrix, &scaling, &order)), order)
             }
         };
-        let batches = contacts.div_ceil(LANES);
+        let batches = order.len().div_ceil(LANES);
+        let turning = turning_batches(&order, contacts);
         let mut scaled = Self {
             operator,
             unit: scaling.iter().map(|s| s.map(|s| c * s)).collect(),
@@ -120,28 +140,48 @@ impl ScaledProblem {
             metric: vec![Metric::default(); batches],
             friction_model: FrictionModel::Relaxed,
             size: c,
+            contacts,
+            spinning: vec![Default::default(); turning.len()],
+            turning,
             order,
         };
-        for (place, &i) in scaled.order.iter().enumerate() {
-            let (batch, lane, i) = (place / LANES, place % LANES, i as usize);
+        let order = std::mem::take(&mut scaled.order);
+        for (place, i) in Self::places_of(&order) {
+            let (batch, lane) = (place / LANES, place % LANES);
             let [normal, tangential] = scaled.unit[i];
-            scaled.friction[batch].0[lane] = problem.friction[i] * normal / tangential;
+            let (eta, along_normal) = (residual.eta[owner(i)], scaled.unit[owner(i)][0]);
+            let mu = match i.checked_sub(contacts).map(|k| problem.turning[k]) {
+                Some(turning) => {
+                    let own = &mut scaled.spinning[batch];
+                    own[0].0[lane] = turning.spinning * along_normal / normal;
+                    own[1].0[lane] = turning.spinning;
+                    turning.rolling
+                }
+                None => problem.friction[i],
+            };
+            scaled.friction[batch].0[lane] = mu * along_normal / tangential;
             let metric = &mut scaled.metric[batch];
-            metric.normal.0[lane] = residual.eta[i] * normal / residual.velocity;
-            metric.tangential.0[lane] = residual.eta[i] * tangential / residual.velocity;
+            metric.normal.0[lane] = eta * normal / residual.velocity;
+            metric.tangential.0[lane] = eta * tangential / residual.velocity;
             // u = c^2 u' / unit, and u / eta_i is u / V of these units.
             metric.along.0[lane] = c / normal * (c / residual.velocity);
             metric.across.0[lane] = c / tangential * (c / residual.velocity);
-            metric.mu.0[lane] = problem.friction[i];
+            metric.mu.0[lane] = mu;
         }
+        scaled.order = order;
         scaled.set_free_velocity(&problem.r);
         scaled
     }
 
+    /// Places with their block rows, where they have one.
+    fn places_of(order: &[u32]) -> impl Iterator<Item = (usize, usize)> + '_ {
+        let filled = order.iter().enumerate().filter(|&(_, &i)| i != EMPTY);
+        filled.map(|(place, &i)| (place, i as usize))
+    }
+
     /// Replaces r, for another problem with the same N and mu.
     pub fn set_free_velocity(&mut self, r: &[f64]) {
-        for (place, &i) in self.order.iter().enumerate() {
-            let i = i as usize;
+        for (place, i) in Self::places_of(&self.order) {
             for k in 0..3 {
                 let factor = self.unit[i][k.min(1)] / (self.size * self.size);
                 self.r[place / LANES][k].0[place % LANES] = factor * r[3 * i + k];
@@ -198,21 +238,29 @@ impl ScaledProblem {
 
     /// x of impulses g, projected on the cones.
     pub fn pack(&self, g: &[f64], x: &mut [Batch]) {
-        for (place, &i) in self.order.iter().enumerate() {
-            let i = i as usize;
+        for (place, i) in Self::places_of(&self.order) {
             for k in 0..3 {
                 x[place / LANES][k].0[place % LANES] = g[3 * i + k] / self.unit[i][k.min(1)];
             }
         }
-        for (x, &mu) in x.iter_mut().zip(&self.friction) {
-            *x = project(mu, x);
+        let contacts = self.contacts(0..x.len());
+        let mut batch = 0;
+        while batch < x.len() {
+            if let Some(turning) = contacts.turning_at::<Lanes>(batch) {
+                let mu = self.friction[batch];
+                let [g, h] = turning.project(mu, [&x[batch], &x[batch + 1]]);
+                (x[batch], x[batch + 1]) = (g, h);
+                batch += 2;
+            } else {
+                x[batch] = project(self.friction[batch], &x[batch]);
+                batch += 1;
+            }
         }
     }
 
     /// Impulses g of x.
     pub fn unpack(&self, x: &[Batch], g: &mut [f64]) {
-        for (place, &i) in self.order.iter().enumerate() {
-            let i = i as usize;
+        for (place, i) in Self::places_of(&self.order) {
             for k in 0..3 {
                 g[3 * i + k] = self.unit[i][k.min(1)] * x[place / LANES][k].0[place % LANES];
             }
@@ -423,9 +471,19 @@ impl ScaledProblem {
         }
     }
 
-    /// Number of contacts: places beyond are empty.
+    /// Number of contacts.
     pub fn num_contacts(&self) -> usize {
+        self.contacts
+    }
+
+    /// Number of places: those of the contacts, and where contacts resist turning those of their turning rows and empty ones.
+    pub fn num_places(&self) -> usize {
         self.order.len()
+    }
+
+    /// Whether a batch holds the turning rows of the contacts of the batch before it.
+    pub fn is_turning(&self, batch: usize) -> bool {
+        self.turning.get(batch) == Some(&true)
     }
 
     /// One sweep of Gauss-Seidel, contact after contact on one thread: the kernel gets the newest u = N' x + r' at a batch
@@ -448,12 +506,30 @@ impl ScaledProblem {
             }
             Operator::Rows(rows) => {
                 let contacts = self.contacts(0..self.num_batches());
-                for i in 0..self.order.len() {
+                for (i, block) in Self::places_of(&self.order) {
                     let (batch, lane) = (i / LANES, i % LANES);
-                    let mut u = self.r[batch];
-                    for (u, product) in u.iter_mut().zip(rows.row_times(i, x)) {
-                        u.0[lane] += product;
+                    let at = |place: usize, batch: usize| {
+                        let mut u = self.r[batch];
+                        for (u, product) in u.iter_mut().zip(rows.row_times(place, x)) {
+                            u.0[lane] += product;
+                        }
+                        u
+                    };
+                    if let Some(turning) = contacts.turning_at(batch) {
+                        let u = [at(i, batch), at(i + LANES, batch + 1)];
+                        let both = [&x[batch], &x[batch + 1]];
+                        let new = kernel.relaxed_turning(batch, contacts.at(batch), turning, &u, both);
+                        for (x, new) in x[batch..batch + 2].iter_mut().zip(new) {
+                            for k in 0..3 {
+                                x[k].0[lane] = new[k].0[lane];
+                            }
+                        }
+                        continue;
                     }
+                    if block >= self.contacts {
+                        continue;
+                    }
+                    let u = at(i, batch);
                     let new = kernel.relaxed(batch, contacts.at(batch), &u, &x[batch]);
                     for k in 0..3 {
                         x[batch][k].0[lane] = new[k].0[lane];
@@ -495,7 +571,9 @@ impl ScaledProblem {
         ContactArrays {
             friction: &self.friction[batches.clone()],
             metric: &self.metric[batches.clone()],
-            r: &self.r[batches],
+            r: &self.r[batches.clone()],
+            turning: if self.turning.is_empty() { &[] } else { &self.turning[batches.clone()] },
+            spinning: if self.turning.is_empty() { &[] } else { &self.spinning[batches] },
             exact: self.friction_model == FrictionModel::Coulomb,
         }
     }

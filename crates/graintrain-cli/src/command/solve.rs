@@ -60,7 +60,7 @@ pub fn execute(arguments: &Arguments) -> Result<ExitCode, Failure> {
     spinner.finish_and_clear();
     let outcome = outcome?;
     if let Some(path) = &arguments.solution {
-        write_solution(path, &outcome).map_err(|error| solving::unwritable(path, &error, WRITABLE))?;
+        write_solution(path, &file, &outcome).map_err(|error| solving::unwritable(path, &error, WRITABLE))?;
     }
     if arguments.options.json {
         let text = serde_json::to_string_pretty(&outcome.record).unwrap_or_default();
@@ -121,13 +121,32 @@ fn table(file: &ProblemFile, outcome: &Outcome) -> String {
     format!("{}\n{text}", record.problem)
 }
 
-/// Writes impulses and velocities as CSV; numbers round-trip.
-fn write_solution(path: &Path, outcome: &Outcome) -> std::io::Result<()> {
-    let mut text =
-        String::from("contact,impulse_n,impulse_t1,impulse_t2,velocity_n,velocity_t1,velocity_t2\n");
+/// Writes impulses and velocities as CSV, and where contacts have rolling friction the moments and turning velocities in the units of the
+/// file; numbers round-trip.
+fn write_solution(path: &Path, file: &ProblemFile, outcome: &Outcome) -> std::io::Result<()> {
+    let mut text = String::from("contact,impulse_n,impulse_t1,impulse_t2,velocity_n,velocity_t1,velocity_t2");
+    let contacts = file.problem.num_contacts();
+    if !file.turning_length.is_empty() {
+        text += ",moment_t1,moment_t2,turning_t1,turning_t2";
+    }
+    text += "\n";
     let rows = outcome.impulse.chunks_exact(3).zip(outcome.evaluation.velocity.chunks_exact(3));
-    for (contact, (g, u)) in rows.enumerate() {
-        let _ = writeln!(text, "{contact},{:e},{:e},{:e},{:e},{:e},{:e}", g[0], g[1], g[2], u[0], u[1], u[2]);
+    for (contact, (g, u)) in rows.enumerate().take(contacts) {
+        let _ = write!(text, "{contact},{:e},{:e},{:e},{:e},{:e},{:e}", g[0], g[1], g[2], u[0], u[1], u[2]);
+        if let Some(length) = file.turning_length.get(contact) {
+            let first = 3 * (contacts + contact);
+            let [h, w] =
+                [&outcome.impulse, &outcome.evaluation.velocity].map(|all| [all[first + 1], all[first + 2]]);
+            let _ = write!(
+                text,
+                ",{:e},{:e},{:e},{:e}",
+                length * h[0],
+                length * h[1],
+                w[0] / length,
+                w[1] / length
+            );
+        }
+        text.push('\n');
     }
     std::fs::write(path, text)
 }

@@ -14,7 +14,8 @@ const SLIDING: f64 = 0.999;
 ///
 /// Cell arrays: `id1`, `id2` (indices of bodies A and B), `force` (N, on A, world axes, averaged over the step of length
 /// `step`), `fn` and `ft` (its normal part and the magnitude of its tangential part, N), `gap` (m, before the step),
-/// `n` (unit normal from B to A), `mu`, `sliding` (1 where the friction is used up).
+/// `n` (unit normal from B to A), `mu`, `sliding` (1 where the friction is used up). Where a pair of materials resists rolling or
+/// spinning also `moment` (N m, on A, world axes, averaged over the step).
 pub fn lines(world: &World, step: f64) -> PolyData {
     let set = &world.contacts;
     let mut points = Vec::with_capacity(3 * set.contacts.len());
@@ -43,7 +44,7 @@ pub fn lines(world: &World, step: f64) -> PolyData {
         .zip(&tangential)
         .zip(&set.friction)
         .map(|((&normal, &tangential), &mu)| normal > 0.0 && tangential >= SLIDING * mu * normal);
-    let cell_data = vec![
+    let mut cell_data = vec![
         DataArray::int64("id1", set.contacts.iter().map(|contact| i64::from(contact.body_a)).collect()),
         DataArray::int64("id2", set.contacts.iter().map(|contact| i64::from(contact.body_b)).collect()),
         DataArray::flags("sliding", sliding),
@@ -54,5 +55,8 @@ pub fn lines(world: &World, step: f64) -> PolyData {
         DataArray::vector("n", set.contacts.iter().map(|contact| contact.normal)),
         DataArray::scalar("mu", set.friction.clone()),
     ];
+    if !set.moment.is_empty() {
+        cell_data.push(DataArray::vector("moment", set.moment.iter().map(|&moment| moment / step)));
+    }
     PolyData { points, cells, point_data: Vec::new(), cell_data }
 }

@@ -2,7 +2,8 @@
 //!
 //! A problem over rigid bodies becomes the global form: M block diagonal, H = D, f = 0 and w = r, so that
 //! W = H^T M^-1 H = N and q = w + H^T M^-1 f = r. A prescribed degree of freedom has no finite mass: its row of H is
-//! set to zero and its mass to 1, which leaves N what it is. Any other problem becomes the local form, W = N, q = r.
+//! set to zero and its mass to 1, which leaves N what it is. Any other problem becomes the local form, W = N, q = r; with rolling
+//! friction the local form of five rows per contact, `fclib_local_rolling`.
 //!
 //! Beside the FCLIB group stands the group `graintrain`, which FCLIB readers ignore:
 //!
@@ -26,6 +27,7 @@ use super::fclib::Group;
 use super::matrix::{Entry, Matrix};
 use super::raw::{Extras, GlobalForm, RawProblem};
 use super::rigid::invert;
+use super::rolling;
 use graintrain_ccp::{BodyInverseMass, Ccp, Delassus, FIXED, RigidContact, RigidDelassus};
 use hdf5_pure::{File, FileBuilder, FormatError};
 use std::path::Path;
@@ -49,15 +51,20 @@ pub fn write(path: &Path, problem: &Ccp, title: &str) -> Result<(), ProblemFileE
 }
 
 fn encode(problem: &Ccp, title: &str) -> Result<Vec<u8>, Defect> {
+    let rolling = if problem.turning.is_empty() { None } else { Some(rolling::gather(problem)?) };
     let refused =
         |error: FormatError| Defect::unsupported(error.to_string(), "give the problem another title");
     let mut builder = FileBuilder::new();
     let forms = match &*problem.delassus {
-        Delassus::Rigid(rigid) => mass_and_jacobian(rigid),
-        Delassus::Sparse(_) => None,
+        Delassus::Rigid(rigid) if rolling.is_none() => mass_and_jacobian(rigid),
+        _ => None,
     };
-    let mut group = builder.create_group(if forms.is_some() { "fclib_global" } else { "fclib_local" });
-    group.create_dataset("spacedim").with_i32_data(&[3]);
+    let mut group = builder.create_group(match (&forms, &rolling) {
+        (Some(_), _) => "fclib_global",
+        (None, None) => "fclib_local",
+        (None, Some(_)) => "fclib_local_rolling",
+    });
+    group.create_dataset("spacedim").with_i32_data(&[if rolling.is_some() { 5 } else { 3 }]);
     let mut info = group.create_group("info");
     let ascii: String = title.chars().filter(|c| (' '..='~').contains(c)).collect();
     let texts = [("title", ascii.as_str()), ("description", "written by graintrain"), ("math_info", "")];
@@ -69,14 +76,19 @@ fn encode(problem: &Ccp, title: &str) -> Result<Vec<u8>, Defect> {
     group.add_group(info.finish());
     let mut vectors = group.create_group("vectors");
     vectors.create_dataset("mu").with_f64_data(&problem.friction);
-    match &forms {
-        Some((m, h)) => {
+    match (&forms, &rolling) {
+        (None, Some(rolling)) => {
+            vectors.create_dataset("mu_r").with_f64_data(&rolling.mu_r);
+            vectors.create_dataset("q").with_f64_data(&rolling.q);
+            add_triplets(&mut group, "W", &rolling.w)?;
+        }
+        (Some((m, h)), _) => {
             vectors.create_dataset("f").with_f64_data(&vec![0.0; m.rows]);
             vectors.create_dataset("w").with_f64_data(&problem.r);
             add_triplets(&mut group, "M", m)?;
             add_triplets(&mut group, "H", h)?;
         }
-        None => {
+        (None, None) => {
             vectors.create_dataset("q").with_f64_data(&problem.r);
             add_triplets(&mut group, "W", &scalar_entries(problem)?)?;
         }

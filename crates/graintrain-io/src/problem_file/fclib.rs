@@ -1,4 +1,5 @@
-//! Reads FCLIB problems (HDF5): `fclib_local` and `fclib_global`.
+//! Reads FCLIB problems (HDF5): `fclib_local` and `fclib_global`, and those with rolling friction, `fclib_local_rolling` and
+//! `fclib_global_rolling`, whose contacts have five rows and a second coefficient, `mu_r`.
 //!
 //! Meanings after the FCLIB report (Acary, Bremond, Huber: FCLIB: a collection of discrete 3D frictional contact
 //! problems, Inria RT-444) and `fclib.h`:
@@ -15,11 +16,14 @@
 use super::error::{COPY_AGAIN, Defect, WRITE_AGAIN};
 use super::matrix::{Entry, Matrix};
 use super::raw::{GlobalEqualities, GlobalForm, LocalEqualities, LocalForm, RawProblem, check_dimension};
+use super::rolling::ROWS;
 use hdf5_pure::{AttrValue, Error, File, FormatError};
 
 /// What an FCLIB file says.
 pub(super) struct Read {
     pub(super) raw: RawProblem,
+    /// Its group.
+    pub(super) group: &'static str,
     /// Title; empty where there is none.
     pub(super) title: String,
     /// What the user should know about the choice of what was read.
@@ -29,20 +33,19 @@ pub(super) struct Read {
 /// Reads the problem.
 pub(super) fn read(file: &File) -> Result<Read, Defect> {
     let groups = file.root().groups().map_err(|error| damaged("/", &error))?;
-    if let Some(name) = groups.iter().find(|name| name.contains("rolling")) {
-        return Err(rolling(&format!("group {name}")));
-    }
-    let (is_global, is_local) =
-        (groups.iter().any(|name| name == "fclib_global"), groups.iter().any(|name| name == "fclib_local"));
-    if is_global {
-        let group = Group { file, path: "fclib_global" };
-        let remark = is_local.then(|| {
-            "the file holds a global and a local problem; the global one (fclib_global) is solved".to_string()
+    let find =
+        |names: [&'static str; 2]| names.into_iter().find(|name| groups.iter().any(|group| group == name));
+    let global_path = find(["fclib_global", "fclib_global_rolling"]);
+    let local_path = find(["fclib_local", "fclib_local_rolling"]);
+    if let Some(path) = global_path {
+        let group = Group { file, path };
+        let remark = local_path.map(|_| {
+            format!("the file holds a global and a local problem; the global one ({path}) is solved")
         });
-        Ok(Read { raw: RawProblem::Global(global(&group)?), title: group.title(), remark })
-    } else if is_local {
-        let group = Group { file, path: "fclib_local" };
-        Ok(Read { raw: RawProblem::Local(local(&group)?), title: group.title(), remark: None })
+        Ok(Read { raw: RawProblem::Global(global(&group)?), group: path, title: group.title(), remark })
+    } else if let Some(path) = local_path {
+        let group = Group { file, path };
+        Ok(Read { raw: RawProblem::Local(local(&group)?), group: path, title: group.title(), remark: None })
     } else {
         let found = if groups.is_empty() { "nothing".to_string() } else { groups.join(", ") };
         Err(Defect::damaged(
@@ -71,7 +74,8 @@ fn local(group: &Group<'_>) -> Result<LocalForm, Defect> {
         }
     };
     let q = group.numbers("vectors/q")?;
-    Ok(LocalForm { w: group.matrix("W")?, friction: group.friction(q.len())?, q, equalities })
+    let (friction, rolling) = group.friction(q.len())?;
+    Ok(LocalForm { w: group.matrix("W")?, friction, rolling, q, equalities })
 }
 
 fn global(group: &Group<'_>) -> Result<GlobalForm, Defect> {
@@ -81,21 +85,16 @@ fn global(group: &Group<'_>) -> Result<GlobalForm, Defect> {
         None
     };
     let w = group.numbers("vectors/w")?;
+    let (friction, rolling) = group.friction(w.len())?;
     Ok(GlobalForm {
         m: group.matrix("M")?,
         h: group.matrix("H")?,
         f: group.numbers("vectors/f")?,
-        friction: group.friction(w.len())?,
+        friction,
+        rolling,
         w,
         equalities,
     })
-}
-
-fn rolling(what: &str) -> Defect {
-    Defect::unsupported(
-        format!("a problem with rolling friction ({what})"),
-        "rolling friction is not supported; state the problem with sliding friction",
-    )
 }
 
 /// What HDF5 says is wrong, at a place.
@@ -202,14 +201,16 @@ impl Group<'_> {
         integers.map(convert).collect()
     }
 
-    /// Coefficients of friction of a problem with `size` unknowns; a single one holds for every contact. Refuses problems
-    /// that are not three-dimensional; where `spacedim` is missing there has to be a coefficient per three unknowns.
-    fn friction(&self, size: usize) -> Result<Vec<f64>, Defect> {
+    /// Coefficients of friction, and of rolling friction where contacts have five rows, of a problem with `size` unknowns; a single one
+    /// holds for every contact. Refuses problems that are not three-dimensional; where `spacedim` is missing there has to be a
+    /// coefficient per three unknowns.
+    fn friction(&self, size: usize) -> Result<(Vec<f64>, Option<Vec<f64>>), Defect> {
+        let mut each = 3;
         let friction = self.numbers("vectors/mu")?;
         let has_dimension =
             self.attribute("spacedim").is_some() || self.file.dataset(&self.place("spacedim")).is_ok();
         if has_dimension {
-            check_dimension(self.integer("spacedim")?)?;
+            each = check_dimension(self.integer("spacedim")?)?;
         } else if friction.len() * 3 != size {
             return Err(Defect::damaged(
                 self.place("spacedim"),
@@ -217,10 +218,21 @@ impl Group<'_> {
                 "write spacedim = 3 and a coefficient of friction per contact",
             ));
         }
-        if self.file.dataset(&self.place("vectors/mu_r")).is_ok() {
-            return Err(rolling(&self.place("vectors/mu_r")));
+        let rolls = self.file.dataset(&self.place("vectors/mu_r")).is_ok();
+        if rolls != (each == ROWS) {
+            let what = if rolls {
+                "gives coefficients of rolling friction, but contacts have three rows (spacedim)"
+            } else {
+                "is missing, and contacts have five rows (spacedim), two of them of rolling friction"
+            };
+            let remedy = "write spacedim = 5 with mu_r and five rows per contact, or spacedim = 3 without";
+            return Err(Defect::damaged(self.place("vectors/mu_r"), what, remedy));
         }
-        Ok(if friction.len() == 1 { vec![friction[0]; (size / 3).max(1)] } else { friction })
+        let for_all = |given: Vec<f64>| {
+            if given.len() == 1 { vec![given[0]; (size / each).max(1)] } else { given }
+        };
+        let rolling = rolls.then(|| self.numbers("vectors/mu_r")).transpose()?;
+        Ok((for_all(friction), rolling.map(for_all)))
     }
 
     /// Title of the problem; empty where there is none that is text.

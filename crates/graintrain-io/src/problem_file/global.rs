@@ -41,10 +41,12 @@ impl Reduced {
 }
 
 /// The CCP of a global problem.
-pub(super) fn reduce(global: &GlobalForm) -> Result<Reduced, Defect> {
+pub(super) fn reduce(global: &GlobalForm, rolls: bool) -> Result<Reduced, Defect> {
     let asymmetry = global.m.asymmetry();
     let ht = global.h.transposed();
+    // Rows of rolling friction have no bodies to be told from: `rolls` says that there are some.
     if global.equalities.is_none()
+        && !rolls
         && let Some(Bodies { delassus, free_velocity }) = rigid::recognise(&global.m, &ht, &global.f)?
     {
         let r = global.w.iter().zip(free_velocity).map(|(w, u)| w + u).collect();

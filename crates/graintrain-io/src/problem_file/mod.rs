@@ -6,6 +6,7 @@
 //! | `fclib`, `siconos` | the two formats |
 //! | `raw` | a problem as a file states it: local (W, q, mu) or global (M, H, f, w, mu) |
 //! | `local`, `global` | from there to the CCP |
+//! | `rolling` | from the five rows of contacts with rolling friction to block rows |
 //! | `rigid` | recognises the rigid bodies of a global problem |
 //! | `dump` | writes problems |
 //! | `hdf5` | the files of both; without the feature `fclib`, `without_fclib` refuses them |
@@ -23,6 +24,7 @@ mod local;
 mod matrix;
 mod raw;
 mod rigid;
+mod rolling;
 mod siconos;
 #[cfg(not(feature = "fclib"))]
 mod without_fclib;
@@ -63,6 +65,9 @@ pub struct ProblemFile {
     pub bodies: usize,
     /// The problem with the matrix W as it is in the file, where that is noticeably asymmetric. `problem` has its symmetric part.
     pub as_filed: Option<Ccp>,
+    /// Where contacts have rolling friction, the length of each one's turning rows, m: the impulses of these rows in `problem` are the
+    /// file's moments over it, the velocities the file's times it. Empty without rolling friction.
+    pub turning_length: Vec<f64>,
     /// max |A - A^T| / max |A| of the matrix in the file (W or M) that has to be symmetric.
     pub asymmetry: f64,
     /// What was taken in another way than the file says it, one sentence each.
@@ -102,7 +107,7 @@ impl ProblemFile {
 /// Reads a problem file; its contents decide the format, not its name.
 ///
 /// # Errors
-/// [`ProblemFileError`]: unreadable, damaged, or a problem that is not solved here (two-dimensional, rolling friction).
+/// [`ProblemFileError`]: unreadable, damaged, or a problem that is not solved here (two-dimensional).
 pub fn read(path: &Path) -> Result<ProblemFile, ProblemFileError> {
     let bytes =
         std::fs::read(path).map_err(|source| ProblemFileError::Io { path: path.to_path_buf(), source })?;
@@ -137,7 +142,7 @@ pub fn from_local(
     q: Vec<f64>,
     friction: Vec<f64>,
 ) -> Result<ProblemFile, ProblemFileError> {
-    let local = |w| RawProblem::Local(LocalForm { w, q, friction, equalities: None });
+    let local = |w| RawProblem::Local(LocalForm { w, q, friction, rolling: None, equalities: None });
     w.matrix("W").map(local).and_then(stated).map_err(|defect| defect.in_file(Path::new(name)))
 }
 
@@ -153,7 +158,7 @@ pub fn from_global(
 ) -> Result<ProblemFile, ProblemFileError> {
     let raw = || {
         let (m, h) = (m.matrix("M")?, h.matrix("H")?);
-        stated(RawProblem::Global(GlobalForm { m, h, f, w, friction, equalities: None }))
+        stated(RawProblem::Global(GlobalForm { m, h, f, w, friction, rolling: None, equalities: None }))
     };
     raw().map_err(|defect| defect.in_file(Path::new(name)))
 }
@@ -185,7 +190,8 @@ fn build(stated: Stated) -> Result<ProblemFile, Defect> {
         )
     }));
     let mut matrix_as_filed = None;
-    let (delassus, r, points, friction, form, bodies, asymmetry) = match raw {
+    let rolling = raw.spread_rolling()?;
+    let (mut delassus, mut r, points, friction, form, bodies, asymmetry) = match raw {
         RawProblem::Local(mut local) => {
             let friction = std::mem::take(&mut local.friction);
             let reduced = local::reduce(local)?;
@@ -196,7 +202,7 @@ fn build(stated: Stated) -> Result<ProblemFile, Defect> {
             let friction = std::mem::take(&mut global.friction);
             let reduced = match extras.bodies {
                 Some(bodies) => global::Reduced::from_bodies(bodies, std::mem::take(&mut global.w)),
-                None => global::reduce(&global)?,
+                None => global::reduce(&global, rolling.is_some())?,
             };
             let form = match reduced.delassus {
                 Delassus::Rigid(_) => Form::RigidBodies,
@@ -207,7 +213,13 @@ fn build(stated: Stated) -> Result<ProblemFile, Defect> {
     };
     let invalid =
         |error: CcpError| Defect::damaged("the contact problem", error.to_string(), error::WRITE_AGAIN);
-    let mut problem = Ccp::new(delassus, r, friction).map_err(invalid)?;
+    let (mut turning, mut turning_length) = (Vec::new(), Vec::new());
+    if let Some(rolling) = rolling {
+        let scaled = rolling::scale(&delassus, matrix_as_filed.as_ref(), r, &rolling)?;
+        (delassus, matrix_as_filed) = (scaled.delassus, scaled.as_filed);
+        (r, turning, turning_length) = (scaled.r, scaled.turning, scaled.length);
+    }
+    let mut problem = Ccp::with_turning(delassus, r, friction, turning).map_err(invalid)?;
     problem.velocity_scale = extras.velocity_scale;
     problem.impulse_scale = extras.impulse_scale;
     problem.identity = extras.identity;
@@ -215,5 +227,5 @@ fn build(stated: Stated) -> Result<ProblemFile, Defect> {
     problem.validate().map_err(invalid)?;
     let as_filed =
         matrix_as_filed.map(|matrix| Ccp { delassus: std::sync::Arc::new(matrix), ..problem.clone() });
-    Ok(ProblemFile { problem, form, title, bodies, as_filed, asymmetry, remarks })
+    Ok(ProblemFile { problem, form, title, bodies, as_filed, turning_length, asymmetry, remarks })
 }

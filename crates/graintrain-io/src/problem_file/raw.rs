@@ -2,6 +2,7 @@
 
 use super::error::{Defect, WRITE_AGAIN};
 use super::matrix::Matrix;
+use super::rolling::{self, spread_matrix, spread_vector};
 use graintrain_ccp::RigidDelassus;
 
 /// Everything that a file says.
@@ -39,6 +40,8 @@ pub(super) struct LocalForm {
     pub(super) w: Matrix,
     pub(super) q: Vec<f64>,
     pub(super) friction: Vec<f64>,
+    /// Coefficients of rolling friction, m, of a problem with five rows per contact.
+    pub(super) rolling: Option<Vec<f64>>,
     pub(super) equalities: Option<LocalEqualities>,
 }
 
@@ -58,6 +61,8 @@ pub(super) struct GlobalForm {
     pub(super) f: Vec<f64>,
     pub(super) w: Vec<f64>,
     pub(super) friction: Vec<f64>,
+    /// Coefficients of rolling friction, m, of a problem with five rows per contact.
+    pub(super) rolling: Option<Vec<f64>>,
     pub(super) equalities: Option<GlobalEqualities>,
 }
 
@@ -77,12 +82,12 @@ pub(super) fn check_size(place: &str, matrix: &Matrix, rows: usize, columns: usi
     Err(Defect::damaged(place, what, WRITE_AGAIN))
 }
 
-/// Checks that a matrix has three columns per contact; gives their number.
-fn check_triples(place: &str, matrix: &Matrix) -> Result<usize, Defect> {
-    if matrix.columns.is_multiple_of(3) {
+/// Checks that a matrix has so many columns per contact; gives their number.
+fn check_columns(place: &str, matrix: &Matrix, each: usize) -> Result<usize, Defect> {
+    if matrix.columns.is_multiple_of(each) {
         return Ok(matrix.columns);
     }
-    let what = format!("a matrix of {} columns, which are not three per contact", matrix.columns);
+    let what = format!("a matrix of {} columns, which are not {each} per contact", matrix.columns);
     Err(Defect::damaged(place, what, WRITE_AGAIN))
 }
 
@@ -110,26 +115,53 @@ pub(super) fn check_friction(place: &str, friction: &[f64], contacts: usize) -> 
     }
 }
 
-/// Refuses contacts that do not have three components.
-pub(super) fn check_dimension(dimension: i64) -> Result<(), Defect> {
+/// Refuses contacts that have neither three components nor, with rolling friction, five; gives their number.
+pub(super) fn check_dimension(dimension: i64) -> Result<usize, Defect> {
     match dimension {
-        3 => Ok(()),
+        3 => Ok(3),
+        5 => Ok(rolling::ROWS),
         2 => Err(Defect::unsupported(
             "a two-dimensional contact problem (2 components per contact)",
             "only three-dimensional problems are solved here; state the problem with 3 components per contact",
         )),
-        5 => Err(Defect::unsupported(
-            "a problem with rolling friction (5 components per contact)",
-            "rolling friction is not supported; state the problem with sliding friction (3 components per contact)",
-        )),
         other => Err(Defect::unsupported(
             format!("a contact problem with {other} components per contact"),
-            "only problems with 3 components per contact (normal, tangent 1, tangent 2) are solved here",
+            "only problems with 3 components per contact (normal, tangent 1, tangent 2), or 5 with rolling friction, are solved here",
         )),
     }
 }
 
 impl RawProblem {
+    /// Rows per contact.
+    fn components(&self) -> usize {
+        let rolling = match self {
+            Self::Local(local) => &local.rolling,
+            Self::Global(global) => &global.rolling,
+        };
+        if rolling.is_some() { rolling::ROWS } else { 3 }
+    }
+
+    /// Turns five rows per contact into block rows of three; gives the coefficients of rolling friction where there are any.
+    pub(super) fn spread_rolling(&mut self) -> Result<Option<Vec<f64>>, Defect> {
+        match self {
+            Self::Local(local) => {
+                let Some(rolling) = local.rolling.take() else { return Ok(None) };
+                local.w = spread_matrix(std::mem::take(&mut local.w), true, true)?;
+                local.q = spread_vector(&local.q);
+                if let Some(equalities) = &mut local.equalities {
+                    equalities.v = spread_matrix(std::mem::take(&mut equalities.v), true, false)?;
+                }
+                Ok(Some(rolling))
+            }
+            Self::Global(global) => {
+                let Some(rolling) = global.rolling.take() else { return Ok(None) };
+                global.h = spread_matrix(std::mem::take(&mut global.h), false, true)?;
+                global.w = spread_vector(&global.w);
+                Ok(Some(rolling))
+            }
+        }
+    }
+
     /// Completes matrices that have to be symmetric and of which only one triangle is stored; gives their names.
     pub(super) fn mirror_triangles(&mut self) -> Vec<&'static str> {
         let symmetric: Vec<(&'static str, &mut Matrix)> = match self {
@@ -144,11 +176,15 @@ impl RawProblem {
 
     /// Checks sizes and numbers; `name` gives the place of each part in the file.
     pub(super) fn check(&self, name: impl Fn(&str) -> String) -> Result<(), Defect> {
+        let each = self.components();
         match self {
             Self::Local(local) => {
-                let size = check_triples(&name("W"), &local.w)?;
+                let size = check_columns(&name("W"), &local.w, each)?;
                 check_size(&name("W"), &local.w, size, size)?;
-                check_friction(&name("mu"), &local.friction, size / 3)?;
+                check_friction(&name("mu"), &local.friction, size / each)?;
+                if let Some(rolling) = &local.rolling {
+                    check_friction(&name("mu_r"), rolling, size / each)?;
+                }
                 check_vector(&name("q"), &local.q, size)?;
                 if let Some(equalities) = &local.equalities {
                     let p = equalities.s.len();
@@ -158,11 +194,14 @@ impl RawProblem {
                 }
             }
             Self::Global(global) => {
-                let size = check_triples(&name("H"), &global.h)?;
+                let size = check_columns(&name("H"), &global.h, each)?;
                 let freedoms = global.m.rows;
                 check_size(&name("M"), &global.m, freedoms, freedoms)?;
                 check_size(&name("H"), &global.h, freedoms, size)?;
-                check_friction(&name("mu"), &global.friction, size / 3)?;
+                check_friction(&name("mu"), &global.friction, size / each)?;
+                if let Some(rolling) = &global.rolling {
+                    check_friction(&name("mu_r"), rolling, size / each)?;
+                }
                 check_vector(&name("f"), &global.f, freedoms)?;
                 check_vector(&name("w"), &global.w, size)?;
                 if let Some(equalities) = &global.equalities {

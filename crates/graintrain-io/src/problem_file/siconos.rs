@@ -1,7 +1,7 @@
 //! Reads the text problems of Siconos (`.dat`): dense, sparse-block and sparse matrices, local and global form.
 //!
 //! Local:  dimension, contacts, W, q, mu.  Global:  dimension, contacts, M, H, q, b, mu  with  M v = H r + q,
-//! u = H^T v + b. A matrix is a storage number, rows, columns, and
+//! u = H^T v + b. With dimension 5 contacts have two rows of rolling friction more, and mu_r follows mu. A matrix is a storage number, rows, columns, and
 //!
 //! | storage | then |
 //! |---|---|
@@ -14,6 +14,7 @@
 use super::error::{COPY_AGAIN, Defect};
 use super::matrix::{Entry, Matrix};
 use super::raw::{GlobalForm, LocalForm, RawProblem, check_dimension};
+use super::rolling::ROWS;
 
 /// Reads a problem from the text of a file.
 pub(super) fn parse(text: &[u8]) -> Result<RawProblem, Defect> {
@@ -22,20 +23,24 @@ pub(super) fn parse(text: &[u8]) -> Result<RawProblem, Defect> {
     if dimension == 2 {
         check_two_dimensional(&mut words)?;
     }
-    check_dimension(dimension)?;
+    let each = check_dimension(dimension)?;
+    // mu, and mu_r with rolling friction.
+    let coefficients = if each == ROWS { 2 } else { 1 };
     let contacts = words.size("the number of contacts")?;
     let size = contacts
-        .checked_mul(3)
+        .checked_mul(each)
         .filter(|&size| size <= text.len())
         .ok_or_else(|| words.defect(format!("{contacts} contacts do not fit into this file"), COPY_AGAIN))?;
     let first = matrix(&mut words, "the first matrix")?;
-    // A local problem goes on with q and mu alone (some writers add a flag); a global one has a second matrix and at
-    // least 7 numbers per contact.
+    // A local problem goes on with q and its coefficients alone (some writers add a flag); a global one has a second matrix and more
+    // numbers per contact.
     let rest = words.remaining();
-    let problem = if first.rows == size && rest <= 4 * contacts + 1 {
+    let rolling = |words: &mut Words<'_>| (each == ROWS).then(|| words.vector(contacts, "mu_r")).transpose();
+    let problem = if first.rows == size && rest <= (each + coefficients) * contacts + 1 {
         let q = words.vector(size, "q")?;
         let friction = words.vector(contacts, "mu")?;
-        RawProblem::Local(LocalForm { w: first, q, friction, equalities: None })
+        let rolling = rolling(&mut words)?;
+        RawProblem::Local(LocalForm { w: first, q, friction, rolling, equalities: None })
     } else {
         if !words.peek().is_some_and(is_integer) {
             let what = format!(
@@ -51,7 +56,8 @@ pub(super) fn parse(text: &[u8]) -> Result<RawProblem, Defect> {
         let f = words.vector(first.rows, "q")?;
         let w = words.vector(h.columns, "b")?;
         let friction = words.vector(contacts, "mu")?;
-        RawProblem::Global(GlobalForm { m: first, h, f, w, friction, equalities: None })
+        let rolling = rolling(&mut words)?;
+        RawProblem::Global(GlobalForm { m: first, h, f, w, friction, rolling, equalities: None })
     };
     if words.remaining() > 1 {
         let what = "more numbers than the problem has".to_string();

@@ -14,7 +14,7 @@ use graintrain::collide::{deepest_overlap, meshes_that_meet};
 use graintrain::error::ModelError;
 use graintrain::handle::{BodyId, GeometryId, MaterialId, MotionId};
 use graintrain::load::{Action, Load};
-use graintrain::material::Materials;
+use graintrain::material::{Materials, TurningResistance};
 use graintrain::math::{Mat3, Quat, Vec3};
 use graintrain::motion::{Axes, Motion, Profile, Rotation};
 use graintrain::shape::{Geometry, Part, Shape};
@@ -76,6 +76,14 @@ impl Scene {
         }
         let envelope = *resolved.contact.envelope.get_or_insert(ENVELOPE * smallest_radius);
         let allowed = *resolved.contact.allowed_overlap.get_or_insert(ALLOWED_OVERLAP * smallest_radius);
+        if world.materials.resist_turning() && !self.solver.name.takes_turning() {
+            let problem = format!(
+                "solver {} cannot treat the rolling or spinning friction of these materials; solver.name = \"auto\", \"apgd\", \"pgs\" and \
+                 \"pj\" can",
+                self.solver.name
+            );
+            return Err(SceneError::new(SceneErrorKind::Contradiction(problem), None));
+        }
         check_meshes(&world, &origins)?;
         check_overlap(&world, &origins, allowed)?;
         let settings = StepSettings {
@@ -247,6 +255,33 @@ impl Builder {
                         scene.contact.restitution_rule.combine(first.restitution, second.restitution)
                     }
                 });
+                let turning = |what: &str,
+                               of_pair: Option<TurningResistance>,
+                               [a, b]: [TurningResistance; 2]| {
+                    if let Some(resistance) = of_pair {
+                        return Ok(resistance);
+                    }
+                    scene.contact.friction_rule.combine_turning(a, b).ok_or_else(|| {
+                        let problem = format!(
+                            "the {what} friction of material '{first_name}' and that of '{second_name}' are a number and a length: \
+                             give that of both in a [[pair]]"
+                        );
+                        SceneError::new(SceneErrorKind::Contradiction(problem), None)
+                    })
+                };
+                let rolling = turning(
+                    "rolling",
+                    pair.and_then(|pair| pair.rolling_friction),
+                    [first.rolling_friction, second.rolling_friction],
+                )?;
+                let spinning = turning(
+                    "spinning",
+                    pair.and_then(|pair| pair.spinning_friction),
+                    [first.spinning_friction, second.spinning_friction],
+                )?;
+                materials
+                    .set_pair_turning(index[first_name], index[second_name], rolling, spinning)
+                    .map_err(unplaced)?;
                 materials
                     .set_pair(index[first_name], index[second_name], friction, restitution)
                     .map_err(unplaced)?;

@@ -10,6 +10,7 @@ use super::tree::{Node, Value};
 use crate::settings::Precision;
 use graintrain::assemble::OverlapCorrection;
 use graintrain::load::Region;
+use graintrain::material::TurningResistance;
 use graintrain::math::{Quat, Vec3};
 use graintrain::motion::Axes;
 use graintrain_ccp::{CcpError, FrictionModel, SolverSpec};
@@ -165,11 +166,19 @@ fn output(reader: Option<Reader>, time: &TimeSpec) -> Result<OutputSpec, SceneEr
 }
 
 fn material(reader: Option<&Reader>) -> Result<MaterialSpec, SceneError> {
-    let mut spec = MaterialSpec { density: 1000.0, friction: 0.25, restitution: 0.0 };
+    let mut spec = MaterialSpec {
+        density: 1000.0,
+        friction: 0.25,
+        restitution: 0.0,
+        rolling_friction: TurningResistance::NONE,
+        spinning_friction: TurningResistance::NONE,
+    };
     if let Some(reader) = reader {
         spec.density = reader.quantity("density", Range::Positive)?.unwrap_or(spec.density);
         spec.friction = reader.quantity("friction", Range::NotNegative)?.unwrap_or(spec.friction);
         spec.restitution = reader.quantity("restitution", Range::ZeroToOne)?.unwrap_or(spec.restitution);
+        spec.rolling_friction = reader.resistance("rolling_friction")?.unwrap_or(spec.rolling_friction);
+        spec.spinning_friction = reader.resistance("spinning_friction")?.unwrap_or(spec.spinning_friction);
     }
     Ok(spec)
 }
@@ -198,6 +207,8 @@ fn pairs(scene: &Reader, materials: &[&str]) -> Result<Vec<PairSpec>, SceneError
             materials: names,
             friction: reader.quantity("friction", Range::NotNegative)?,
             restitution: reader.quantity("restitution", Range::ZeroToOne)?,
+            rolling_friction: reader.resistance("rolling_friction")?,
+            spinning_friction: reader.resistance("spinning_friction")?,
         });
     }
     Ok(pairs)

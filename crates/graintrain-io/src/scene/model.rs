@@ -6,6 +6,7 @@ use super::quantity::Dimension;
 use crate::settings::Precision;
 use graintrain::assemble::OverlapCorrection;
 use graintrain::load::Region;
+use graintrain::material::TurningResistance;
 use graintrain::math::{Quat, Vec3};
 use graintrain::motion::{Axes, Profile};
 use graintrain_ccp::{FrictionModel, SolverSpec};
@@ -69,6 +70,26 @@ impl PairRule {
             Self::GeometricMean => (first * second).sqrt(),
         }
     }
+
+    /// The pair's resistance to turning. `None` where one is a ratio and the other a length: neither says what the pair's is.
+    pub fn combine_turning(
+        self,
+        first: TurningResistance,
+        second: TurningResistance,
+    ) -> Option<TurningResistance> {
+        use TurningResistance::{Length, Ratio};
+        match (first, second) {
+            (Ratio(a), Ratio(b)) => Some(Ratio(self.combine(a, b))),
+            (Length(a), Length(b)) => Some(Length(self.combine(a, b))),
+            (Ratio(zero), Length(b)) | (Length(b), Ratio(zero)) if zero == 0.0 => {
+                Some(Length(self.combine(b, zero)))
+            }
+            (Ratio(a), Length(zero)) | (Length(zero), Ratio(a)) if zero == 0.0 => {
+                Some(Ratio(self.combine(a, zero)))
+            }
+            _ => None,
+        }
+    }
 }
 
 /// The contact solver.
@@ -111,6 +132,31 @@ pub struct MaterialSpec {
     pub friction: f64,
     /// With itself.
     pub restitution: f64,
+    /// Resistance to rolling on itself.
+    #[serde(skip_serializing_if = "TurningResistance::is_none", serialize_with = "as_written")]
+    pub rolling_friction: TurningResistance,
+    /// Resistance to spinning on itself.
+    #[serde(skip_serializing_if = "TurningResistance::is_none", serialize_with = "as_written")]
+    pub spinning_friction: TurningResistance,
+}
+
+/// A resistance to turning as scenes write it: a number, or a text with a length.
+fn as_written<S: Serializer>(resistance: &TurningResistance, serializer: S) -> Result<S::Ok, S::Error> {
+    match resistance {
+        TurningResistance::Ratio(ratio) => serializer.serialize_f64(*ratio),
+        TurningResistance::Length(length) => serializer.serialize_str(&format!("{length:e} m")),
+    }
+}
+
+/// The same of a pair; left out where it follows the rule.
+fn as_written_of_pair<S: Serializer>(
+    resistance: &Option<TurningResistance>,
+    serializer: S,
+) -> Result<S::Ok, S::Error> {
+    match resistance {
+        Some(resistance) => as_written(resistance, serializer),
+        None => serializer.serialize_none(),
+    }
 }
 
 /// Properties of a pair of materials.
@@ -124,6 +170,12 @@ pub struct PairSpec {
     /// Coefficient of restitution; `None` follows the rule.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub restitution: Option<f64>,
+    /// Resistance to rolling on each other; `None` follows the rule of friction.
+    #[serde(skip_serializing_if = "Option::is_none", serialize_with = "as_written_of_pair")]
+    pub rolling_friction: Option<TurningResistance>,
+    /// Resistance to spinning on each other; `None` follows the rule of friction.
+    #[serde(skip_serializing_if = "Option::is_none", serialize_with = "as_written_of_pair")]
+    pub spinning_friction: Option<TurningResistance>,
 }
 
 /// A single body.

@@ -7,6 +7,7 @@ use super::quantity::Dimension;
 use super::schema::{Key, Kind, Table};
 use super::tree::{Node, Value};
 use graintrain::formula::Formula;
+use graintrain::material::TurningResistance;
 use graintrain::math::Vec3;
 use graintrain::motion::Profile;
 use std::path::{Path, PathBuf};
@@ -131,6 +132,7 @@ impl<'a> Reader<'a> {
             Kind::Vector(dimension) => format!("three times {dimension}"),
             Kind::List(Dimension::NONE) => "a list of numbers".into(),
             Kind::List(dimension) => format!("a list, each {dimension}"),
+            Kind::RatioOrLength => "a number (of effective radii) or a length".into(),
             Kind::Count => "a whole number".into(),
             Kind::Counts => "three whole numbers".into(),
             Kind::Text => "a text".into(),
@@ -276,6 +278,21 @@ impl<'a> Reader<'a> {
     pub fn quantity(&self, key: &str, range: Range) -> Result<Option<f64>, SceneError> {
         let Some(node) = self.get(key) else { return Ok(None) };
         self.ranged(&self.full(key), node, key, self.dimension(key), range).map(Some)
+    }
+
+    /// A resistance to turning, if given: a number of effective radii, or a length.
+    pub fn resistance(&self, key: &str) -> Result<Option<TurningResistance>, SceneError> {
+        let Some(node) = self.get(key) else { return Ok(None) };
+        let is_length = match &node.value {
+            Value::Text(text) => {
+                let quantity = self.context.parameters.evaluate(text, &node.location)?;
+                quantity.dimension == Dimension::LENGTH
+            }
+            _ => false,
+        };
+        let dimension = if is_length { Dimension::LENGTH } else { Dimension::NONE };
+        let value = self.ranged(&self.full(key), node, key, dimension, Range::NotNegative)?;
+        Ok(Some(if is_length { TurningResistance::Length(value) } else { TurningResistance::Ratio(value) }))
     }
 
     /// A quantity in SI units that must be given.

@@ -9,5 +9,6 @@ mod scene_docs;
 mod scene_errors;
 mod scene_loads;
 mod scene_meshes;
+mod scene_turning;
 #[cfg(not(feature = "fclib"))]
 mod without_fclib;

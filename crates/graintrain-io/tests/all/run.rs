@@ -5,7 +5,7 @@ use graintrain::ccp::{FrictionModel, Judge};
 use graintrain::formula::{Formula, Function, Operation};
 use graintrain::handle::{BodyId, MaterialId};
 use graintrain::load::{Action, Load};
-use graintrain::material::Materials;
+use graintrain::material::{Materials, TurningResistance};
 use graintrain::math::Vec3;
 use graintrain::motion::{Motion, Profile};
 use graintrain::shape::{Geometry, Shape};
@@ -28,6 +28,9 @@ fn world() -> World {
     let mut world =
         World::new(Vec3::new(0.0, 0.0, -9.81), Materials::single("glass", 2500.0, 0.3, 0.0).unwrap())
             .unwrap();
+    let glass = MaterialId::default();
+    let (rolling, spinning) = (TurningResistance::Ratio(0.05), TurningResistance::Length(1e-3));
+    world.materials.set_pair_turning(glass, glass, rolling, spinning).unwrap();
     let fixed = world.add_motion(Motion::fixed()).unwrap();
     let turning = world.add_motion(Motion::rotating(Vec3::ZERO, Vec3::Z, Profile::Constant(3.0))).unwrap();
     let ground = world.add_geometry(Geometry::plane());

@@ -11,6 +11,7 @@ fn kind(kind: Kind) -> String {
         Kind::Quantity(dimension) => unit(dimension.unit()),
         Kind::Vector(dimension) => format!("3 x {}", unit(dimension.unit())),
         Kind::List(dimension) => format!("list of {}", unit(dimension.unit())),
+        Kind::RatioOrLength => "number or m".into(),
         Kind::Count => "whole number".into(),
         Kind::Counts => "3 x whole number".into(),
         Kind::Text => "text".into(),

@@ -291,6 +291,7 @@ impl Plan {
         Ccp {
             delassus: Arc::new(Delassus::Rigid(rigid)),
             friction: vec![FRICTION; self.touches.len()],
+            turning: Vec::new(),
             r,
             velocity_scale: Some(GRAVITY * STEP),
             impulse_scale: Some(self.mass * GRAVITY * STEP),

@@ -12,7 +12,7 @@
 //! |---|---|
 //! | [`source`] | where expected values come from |
 //! | [`mod@bench`] | small worlds, and stepping them |
-//! | [`flight`], [`impact`], [`arrival`], [`sliding`], [`rest`], [`painleve`], [`shapes`], [`heaps`], [`gas`], [`problems`] | tier A |
+//! | [`flight`], [`impact`], [`arrival`], [`sliding`], [`rest`], [`painleve`], [`shapes`], [`heaps`], [`gas`], [`problems`], [`turning`] | tier A |
 //! | [`compression`], [`granular`], [`earth_pressure`], [`samples`] | tier B |
 //! | [`report`] | table, Markdown, HTML |
 
@@ -33,6 +33,7 @@ pub mod samples;
 pub mod shapes;
 pub mod sliding;
 pub mod source;
+pub mod turning;
 
 use crate::reproduce::ReproduceError;
 use bench::Accuracy;
@@ -215,6 +216,7 @@ pub fn tier_a() -> impl Iterator<Item = &'static Definition> {
         shapes::CASES,
         arrival::CASES,
         heaps::CASES,
+        turning::CASES,
     ]
     .into_iter()
     .flatten()

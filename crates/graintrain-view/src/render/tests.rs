@@ -254,8 +254,12 @@ fn small_world() -> World {
         gap: 0.0,
         lead: Vec3::ZERO,
     };
-    world.contacts =
-        ContactSet { contacts: vec![contact], impulse: vec![3.0 * Vec3::X], friction: vec![0.3] };
+    world.contacts = ContactSet {
+        contacts: vec![contact],
+        impulse: vec![3.0 * Vec3::X],
+        friction: vec![0.3],
+        ..ContactSet::default()
+    };
     world
 }
 

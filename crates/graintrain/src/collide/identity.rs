@@ -45,16 +45,27 @@ impl<'a> PreviousContacts<'a> {
 
     /// The impulse that the contact had on its body A, N s, world axes; zero for a new contact.
     pub(crate) fn impulse(&self, contact: &Contact) -> Vec3 {
+        self.find(contact).map_or(Vec3::ZERO, |(i, sign)| sign * self.set.impulse[i])
+    }
+
+    /// The moment impulse of rolling and spinning friction that the contact had on its body A, N m s, world axes.
+    pub(crate) fn moment(&self, contact: &Contact) -> Vec3 {
+        let found = self.find(contact).and_then(|(i, sign)| Some(sign * *self.set.moment.get(i)?));
+        found.unwrap_or(Vec3::ZERO)
+    }
+
+    /// Where the contact stands in the set, and -1 if its bodies A and B have changed names.
+    fn find(&self, contact: &Contact) -> Option<(usize, f64)> {
         // The collision phase may have called the bodies A and B the other way round.
         for (body, sign) in [(contact.body_a, 1.0), (contact.body_b, -1.0)] {
             let range = self.start[body as usize] as usize..self.start[body as usize + 1] as usize;
             for &i in &self.order[range] {
                 if self.set.contacts[i as usize].identity == contact.identity {
-                    return sign * self.set.impulse[i as usize];
+                    return Some((i as usize, sign));
                 }
             }
         }
-        Vec3::ZERO
+        None
     }
 }
 
@@ -77,6 +88,7 @@ mod tests {
             contacts: vec![contact(2, 1, 0), contact(0, 1, 5), contact(0, 1, 6)],
             impulse: vec![Vec3::X, Vec3::Y, Vec3::Z],
             friction: vec![0.0; 3],
+            moment: vec![Vec3::X, Vec3::Y, Vec3::Z],
         };
         let previous = PreviousContacts::new(&set, 3);
         assert_eq!(previous.impulse(&contact(2, 1, 0)), Vec3::X);
@@ -84,5 +96,7 @@ mod tests {
         assert_eq!(previous.impulse(&contact(0, 1, 6)), Vec3::Z);
         assert_eq!(previous.impulse(&contact(0, 1, 7)), Vec3::ZERO);
         assert_eq!(previous.impulse(&contact(0, 2, 0)), Vec3::ZERO);
+        assert_eq!(previous.moment(&contact(1, 0, 5)), -Vec3::Y);
+        assert_eq!(previous.moment(&contact(0, 1, 7)), Vec3::ZERO);
     }
 }

@@ -14,3 +14,4 @@ mod rotation;
 mod statics;
 mod support;
 mod trust;
+mod turning;

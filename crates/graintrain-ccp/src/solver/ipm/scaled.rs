@@ -64,6 +64,7 @@ impl Scaled {
             delassus: Arc::clone(&matrix.scaled),
             r,
             friction: problem.friction.clone(),
+            turning: Vec::new(),
             velocity_scale: None,
             impulse_scale: None,
             points: problem.points.clone(),

@@ -237,6 +237,7 @@ impl CcpSolver for PathFollowing {
         impulse: &mut [f64],
         settings: &SolveSettings,
     ) -> Result<SolveReport, CcpError> {
+        problem.refuse_turning(&self.name())?;
         self.follow(problem, impulse, settings)
     }
 }

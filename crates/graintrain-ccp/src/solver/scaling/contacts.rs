@@ -1,6 +1,8 @@
 //! What a pass knows about four contacts: friction, r', and what the residual in the original metric needs.
 
-use super::super::lanes::{Batch, Lanes, Vector, load, project_given, within_disc};
+use super::super::lanes::{
+    Batch, Lanes, Vector, load, project_given, project_turning, tangential_length, within_disc, within_discs,
+};
 
 /// What the residual in the original metric needs of four contacts.
 #[derive(Clone, Copy, Debug, Default)]
@@ -59,16 +61,69 @@ impl<V: Vector> ContactBatch<V> {
     }
 }
 
+/// What is known about the turning rows of the contacts of a batch.
+#[derive(Clone, Copy, Debug)]
+pub struct TurningBatch<V> {
+    /// The rows as a batch: `mu` is mu_r', the factors of the metric are those of spinning (normal) and of rolling.
+    pub rows: ContactBatch<V>,
+    /// mu_s'.
+    pub spinning: V,
+    /// mu_s.
+    pub given_spinning: V,
+}
+
+impl<V: Vector> TurningBatch<V> {
+    /// As [`ContactBatch::drive`]: the normal velocity that the natural map takes, with what turning adds where friction is exact.
+    #[inline(always)]
+    pub fn drive(&self, contact: &ContactBatch<V>, [u, turning]: [&Batch<V>; 2]) -> Batch<V> {
+        let [normal, t1, t2] = contact.drive(u);
+        if !contact.exact {
+            return [normal, t1, t2];
+        }
+        let spin = turning[0].max(-turning[0]);
+        [normal + self.rows.mu * tangential_length(turning) + self.spinning * spin, t1, t2]
+    }
+
+    /// Projection on the scaled cones; `mu` is mu' of the contacts.
+    #[inline(always)]
+    pub fn project(&self, mu: V, [point, turning]: [&Batch<V>; 2]) -> [Batch<V>; 2] {
+        project_turning([mu, self.rows.mu, self.spinning], point, turning)
+    }
+
+    /// As [`ContactBatch::allowed`].
+    #[inline(always)]
+    pub fn allowed(&self, contact: &ContactBatch<V>, [point, turning]: [&Batch<V>; 2]) -> [Batch<V>; 2] {
+        if contact.exact {
+            within_discs([contact.mu, self.rows.mu, self.spinning], point, turning)
+        } else {
+            self.project(contact.mu, [point, turning])
+        }
+    }
+}
+
 /// What [`ContactBatch`] is taken from, for some batches.
 #[derive(Clone, Copy)]
 pub(super) struct ContactArrays<'a> {
     pub(super) friction: &'a [Lanes],
     pub(super) metric: &'a [Metric],
     pub(super) r: &'a [Batch],
+    /// Empty where nothing resists turning, like `spinning`.
+    pub(super) turning: &'a [bool],
+    pub(super) spinning: &'a [[Lanes; 2]],
     pub(super) exact: bool,
 }
 
 impl ContactArrays<'_> {
+    /// The turning rows of the contacts of a batch, which are the next batch, where they have any.
+    #[inline(always)]
+    pub(super) fn turning_at<V: Vector>(&self, batch: usize) -> Option<TurningBatch<V>> {
+        if self.turning.get(batch + 1) != Some(&true) {
+            return None;
+        }
+        let [spinning, given_spinning] = self.spinning[batch + 1].map(V::of);
+        Some(TurningBatch { rows: self.at(batch + 1), spinning, given_spinning })
+    }
+
     #[inline(always)]
     pub(super) fn at<V: Vector>(&self, batch: usize) -> ContactBatch<V> {
         let Metric { normal, tangential, along, across, mu } = &self.metric[batch];

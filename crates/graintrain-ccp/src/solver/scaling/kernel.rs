@@ -1,8 +1,8 @@
 //! What a pass does at four contacts: the interface of a method's update, and the updates that the scaled problem needs itself.
 
-use super::super::lanes::{Batch, Vector, dot, project_given, scale, sub, zero};
+use super::super::lanes::{Batch, Vector, dot, project_given, project_turning, scale, sub, zero};
 use super::super::tasks::Tally;
-use super::contacts::{ContactBatch, Metric};
+use super::contacts::{ContactBatch, Metric, TurningBatch};
 
 /// What a method does at four contacts in a pass. A type rather than a closure, because only `#[inline(always)]`
 /// functions are sure to be compiled for the processor's vector instructions.
@@ -45,6 +45,44 @@ pub trait Kernel<const M: usize>: Sync {
         vectors: [&mut Batch<V>; M],
         tally: &mut Tally<V>,
     ) -> Batch<V>;
+
+    /// [`Self::point`] of contacts that resist turning, and of their turning rows.
+    #[inline(always)]
+    fn points<V: Vector>(
+        &self,
+        contact: ContactBatch<V>,
+        turning: &TurningBatch<V>,
+        [u, w]: &[Batch<V>; 2],
+        vectors: [&[Batch<V>; 2]; M],
+    ) -> [Batch<V>; 2] {
+        let of_turning = vectors.map(|v| &v[1]);
+        [self.point(contact, u, vectors.map(|v| &v[0])), self.point(turning.rows, w, of_turning)]
+    }
+
+    /// [`Self::projected`] of both, whose cones are one.
+    #[inline(always)]
+    fn projected_both<V: Vector>(
+        &self,
+        contact: ContactBatch<V>,
+        turning: &TurningBatch<V>,
+        [point, turned]: [&Batch<V>; 2],
+    ) -> [Batch<V>; 2] {
+        turning.project(contact.mu, [point, turned])
+    }
+
+    /// [`Self::at`] of both.
+    #[inline(always)]
+    fn at_both<V: Vector>(
+        &self,
+        contact: ContactBatch<V>,
+        turning: &TurningBatch<V>,
+        [input, turned]: [KernelInput<V>; 2],
+        mut vectors: [&mut [Batch<V>; 2]; M],
+        tally: &mut Tally<V>,
+    ) -> [Batch<V>; 2] {
+        let first = self.at(contact, input, vectors.each_mut().map(|v| &mut v[0]), tally);
+        [first, self.at(turning.rows, turned, vectors.map(|v| &mut v[1]), tally)]
+    }
 }
 
 /// What a kernel is given at four contacts.
@@ -66,6 +104,16 @@ pub trait Relaxation: Sync {
         u: &Batch<V>,
         x: &Batch<V>,
     ) -> Batch<V>;
+
+    /// The same for contacts that resist turning and their turning rows.
+    fn relaxed_turning<V: Vector>(
+        &self,
+        batch: usize,
+        contact: ContactBatch<V>,
+        turning: TurningBatch<V>,
+        u: &[Batch<V>; 2],
+        x: [&Batch<V>; 2],
+    ) -> [Batch<V>; 2];
 }
 
 /// Returns the vector: its image is wanted.
@@ -149,6 +197,51 @@ impl Kernel<1> for NaturalMap {
         tally.max = tally.max.max(square);
         d
     }
+
+    #[inline(always)]
+    fn points<V: Vector>(
+        &self,
+        contact: ContactBatch<V>,
+        turning: &TurningBatch<V>,
+        [u, w]: &[Batch<V>; 2],
+        [x]: [&[Batch<V>; 2]; 1],
+    ) -> [Batch<V>; 2] {
+        let moved = |contact: &ContactBatch<V>, u: &Batch<V>, x: &Batch<V>| {
+            let Metric { along, across, .. } = contact.metric;
+            sub(&contact.metric.impulse(x), &[along * u[0], across * u[1], across * u[2]])
+        };
+        [moved(&contact, &turning.drive(&contact, [u, w]), &x[0]), moved(&turning.rows, w, &x[1])]
+    }
+
+    #[inline(always)]
+    fn projected_both<V: Vector>(
+        &self,
+        contact: ContactBatch<V>,
+        turning: &TurningBatch<V>,
+        [point, turned]: [&Batch<V>; 2],
+    ) -> [Batch<V>; 2] {
+        let coefficient = [contact.metric.mu, turning.rows.metric.mu, turning.given_spinning];
+        project_turning(coefficient, point, turned)
+    }
+
+    #[inline(always)]
+    fn at_both<V: Vector>(
+        &self,
+        contact: ContactBatch<V>,
+        turning: &TurningBatch<V>,
+        [input, turned]: [KernelInput<V>; 2],
+        [x]: [&mut [Batch<V>; 2]; 1],
+        tally: &mut Tally<V>,
+    ) -> [Batch<V>; 2] {
+        let impulse = [contact.metric.impulse(&x[0]), turning.rows.metric.impulse(&x[1])];
+        let d = [sub(&impulse[0], &input.projected), sub(&impulse[1], &turned.projected)];
+        let square_of = |[a, b]: &[Batch<V>; 2]| dot(a, a) + dot(b, b);
+        let rounding = V::splat(f64::EPSILON * f64::EPSILON) * square_of(&impulse);
+        let square = rounding.max(square_of(&d));
+        tally.sum[0] += square;
+        tally.max = tally.max.max(square);
+        d
+    }
 }
 
 /// As [`NaturalMap`] where u is a vector.
@@ -180,6 +273,39 @@ impl Kernel<2> for NaturalMapGiven {
         tally: &mut Tally<V>,
     ) -> Batch<V> {
         NaturalMap.at(contact, input, [x], tally)
+    }
+
+    #[inline(always)]
+    fn points<V: Vector>(
+        &self,
+        contact: ContactBatch<V>,
+        turning: &TurningBatch<V>,
+        _: &[Batch<V>; 2],
+        [x, u]: [&[Batch<V>; 2]; 2],
+    ) -> [Batch<V>; 2] {
+        NaturalMap.points(contact, turning, u, [x])
+    }
+
+    #[inline(always)]
+    fn projected_both<V: Vector>(
+        &self,
+        contact: ContactBatch<V>,
+        turning: &TurningBatch<V>,
+        points: [&Batch<V>; 2],
+    ) -> [Batch<V>; 2] {
+        NaturalMap.projected_both(contact, turning, points)
+    }
+
+    #[inline(always)]
+    fn at_both<V: Vector>(
+        &self,
+        contact: ContactBatch<V>,
+        turning: &TurningBatch<V>,
+        input: [KernelInput<V>; 2],
+        [x, _]: [&mut [Batch<V>; 2]; 2],
+        tally: &mut Tally<V>,
+    ) -> [Batch<V>; 2] {
+        NaturalMap.at_both(contact, turning, input, [x], tally)
     }
 }
 

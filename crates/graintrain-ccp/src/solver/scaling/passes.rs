@@ -5,7 +5,7 @@ use super::super::lanes::{
     Batch, Lanes, TaskWork, Vector, add, in_place, load, scale, store, sub, tangential_length, zero,
 };
 use super::super::tasks::Tally;
-use super::contacts::{ContactArrays, ContactBatch};
+use super::contacts::{ContactArrays, ContactBatch, TurningBatch};
 use super::kernel::{Kernel, KernelInput, Relaxation};
 
 /// So many batches ahead a pass over bodies asks for geometry.
@@ -38,6 +38,39 @@ where
         let mut tally = Tally::default();
         let following = &bodies.geometry()[batches.start..];
         let geometry = &following[..batches.len()];
+        if !contacts.turning.is_empty() {
+            let mut batch = 0;
+            while let Some(own) = geometry.get(batch) {
+                let contact = contacts.at(batch);
+                let u = seen::<GATHER, M, K, V>(own, velocity, &contact);
+                if let Some(turning) = contacts.turning_at::<V>(batch) {
+                    let rows = &geometry[batch + 1];
+                    let w = match (GATHER, K::GRADIENT) {
+                        (false, _) => zero(),
+                        (true, false) => rows.relative_spin(velocity),
+                        (true, true) => add(&rows.relative_spin(velocity), &turning.rows.r),
+                    };
+                    let mine = vectors.each_mut().map(|v| pair_of(v, batch));
+                    let [s, turn] = both(kernel, contact, &turning, [u, w], mine, &mut tally);
+                    if SCATTER {
+                        own.scatter(&s, slots);
+                        rows.scatter_turning(&turn, slots);
+                    }
+                    batch += 2;
+                } else {
+                    let point = kernel.point(contact, &u, vectors.each_ref().map(|v| &v[batch]));
+                    let projected = kernel.projected(contact, &u, &point, tangential_length(&point));
+                    let mine = vectors.each_mut().map(|v| &mut v[batch]);
+                    let s = kernel.at(contact, KernelInput { u, projected }, mine, &mut tally);
+                    if SCATTER {
+                        own.scatter(&s, slots);
+                    }
+                    batch += 1;
+                }
+            }
+            *total = tally.store();
+            return;
+        }
         if K::SHORT {
             for (batch, geometry) in geometry.iter().enumerate() {
                 let contact = contacts.at(batch);
@@ -73,6 +106,28 @@ where
         }
         *total = tally.store();
     }
+}
+
+/// A batch of contacts that resist turning and the batch of their turning rows.
+#[inline(always)]
+fn pair_of<'a, V>(vector: &'a mut &mut [Batch<V>], batch: usize) -> &'a mut [Batch<V>; 2] {
+    vector[batch..].first_chunk_mut().expect("turning rows follow their contacts in the same chunk")
+}
+
+/// All that a kernel does at contacts that resist turning and at their turning rows.
+#[inline(always)]
+fn both<const M: usize, K: Kernel<M>, V: Vector>(
+    kernel: &K,
+    contact: ContactBatch<V>,
+    turning: &TurningBatch<V>,
+    u: [Batch<V>; 2],
+    mine: [&mut [Batch<V>; 2]; M],
+    tally: &mut Tally<V>,
+) -> [Batch<V>; 2] {
+    let points = kernel.points(contact, turning, &u, mine.each_ref().map(|v| &**v));
+    let projected = kernel.projected_both(contact, turning, points.each_ref());
+    let inputs = [0, 1].map(|k| KernelInput { u: u[k], projected: projected[k] });
+    kernel.at_both(contact, turning, inputs, mine, tally)
 }
 
 /// What a pass does at a batch before the update.
@@ -168,6 +223,21 @@ impl<V: Vector, K: Relaxation> Update<V> for Relaxing<'_, V, K> {
         *x = add(x, &change);
         change
     }
+
+    #[inline(always)]
+    fn at_turning(&mut self, batch: usize, [u, w]: [Batch<V>; 2], moves: V) -> [Batch<V>; 2] {
+        let contact = self.contacts.at(batch);
+        let turning = self.contacts.turning_at(batch).expect("the contacts resist turning");
+        let u = [add(&u, &contact.r), add(&w, &turning.rows.r)];
+        let x = self.x[batch..].first_chunk_mut::<2>().expect("turning rows follow their contacts");
+        let new = self.kernel.relaxed_turning(batch, contact, turning, &u, x.each_ref());
+        let mut change = [zero(); 2];
+        for k in 0..2 {
+            change[k] = scale(moves, &sub(&new[k], &x[k]));
+            x[k] = add(&x[k], &change[k]);
+        }
+        change
+    }
 }
 
 /// The part of a pass over rows that one chunk does before the product.
@@ -190,6 +260,34 @@ where
         let Self { contacts, product, batches, vectors, scattered, tally: total, kernel } = self;
         let mut vectors = vectors.map(in_place::<V>);
         let mut tally = Tally::default();
+        if !contacts.turning.is_empty() {
+            let u_of = |offset: usize, r: &Batch<V>| match (GATHER, K::GRADIENT) {
+                (false, _) => zero(),
+                (true, false) => load(&product[batches.start + offset]),
+                (true, true) => add(&load(&product[batches.start + offset]), r),
+            };
+            let mut offset = 0;
+            while offset < batches.len() {
+                let contact = contacts.at(offset);
+                let u = u_of(offset, &contact.r);
+                if let Some(turning) = contacts.turning_at::<V>(offset) {
+                    let w = u_of(offset + 1, &turning.rows.r);
+                    let mine = vectors.each_mut().map(|v| pair_of(v, offset));
+                    let [s, turn] = both(kernel, contact, &turning, [u, w], mine, &mut tally);
+                    (scattered[offset], scattered[offset + 1]) = (store(&s), store(&turn));
+                    offset += 2;
+                } else {
+                    let point = kernel.point(contact, &u, vectors.each_ref().map(|v| &v[offset]));
+                    let projected = kernel.projected(contact, &u, &point, tangential_length(&point));
+                    let mine = vectors.each_mut().map(|v| &mut v[offset]);
+                    scattered[offset] =
+                        store(&kernel.at(contact, KernelInput { u, projected }, mine, &mut tally));
+                    offset += 1;
+                }
+            }
+            *total = tally.store();
+            return;
+        }
         for (offset, (batch, scattered)) in batches.zip(scattered).enumerate() {
             let contact = contacts.at(offset);
             let u = match (GATHER, K::GRADIENT) {

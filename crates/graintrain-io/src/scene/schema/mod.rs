@@ -17,6 +17,8 @@ use packing::PACKING;
 pub enum Kind {
     /// A number, or a text that evaluates to a quantity of this dimension.
     Quantity(Dimension),
+    /// A number, or a length.
+    RatioOrLength,
     /// Three of them.
     Vector(Dimension),
     /// Any number of them.
@@ -150,7 +152,7 @@ const fn key(
     Key { name, kind, default, example, about }
 }
 
-use Kind::{Count, Flag, Free, Named, Quantity, Tables, Text, Texts};
+use Kind::{Count, Flag, Free, Named, Quantity, RatioOrLength, Tables, Text, Texts};
 type D = Dimension;
 
 /// Top level of a scene.
@@ -275,7 +277,8 @@ static CONTACT: Table = Table {
             Text,
             "\"minimum\"",
             "\"geometric-mean\"",
-            "Friction of a pair that `pair` does not name, from both materials: minimum, maximum, mean, geometric-mean",
+            "Friction (sliding, rolling, spinning) of a pair that `pair` does not name, from both materials: minimum, maximum, mean, \
+             geometric-mean",
         ),
         key("restitution_rule", Text, "\"minimum\"", "\"mean\"", "Restitution of such a pair"),
     ],
@@ -349,6 +352,21 @@ static MATERIAL: Table = Table {
             "0.6",
             "Newton's coefficient of restitution with itself, 0 to 1",
         ),
+        key(
+            "rolling_friction",
+            RatioOrLength,
+            "0",
+            "0.1",
+            "Rolling friction with itself: the largest moment across the normal over the normal force, a length; a number counts in \
+             effective radii R_A R_B / (R_A + R_B)",
+        ),
+        key(
+            "spinning_friction",
+            RatioOrLength,
+            "0",
+            "\"0.2 mm\"",
+            "Spinning friction with itself: the same for the moment about the normal",
+        ),
     ],
 };
 
@@ -370,6 +388,20 @@ static PAIR: Table = Table {
             "contact.restitution_rule",
             "0.4",
             "Coefficient of restitution between them",
+        ),
+        key(
+            "rolling_friction",
+            RatioOrLength,
+            "contact.friction_rule",
+            "0.05",
+            "Rolling friction between them, a number of effective radii or a length",
+        ),
+        key(
+            "spinning_friction",
+            RatioOrLength,
+            "contact.friction_rule",
+            "0.02",
+            "Spinning friction between them, a number of effective radii or a length",
         ),
     ],
 };

@@ -53,7 +53,7 @@ pub(crate) fn positive_definite(size: usize, seed: u8) -> Dense {
 }
 
 /// Solves A x = b by Gaussian elimination with partial pivoting.
-fn solve(a: &Dense, b: &[f64]) -> Vec<f64> {
+pub(crate) fn solve(a: &Dense, b: &[f64]) -> Vec<f64> {
     let n = b.len();
     let mut rows: Dense = a.iter().zip(b).map(|(row, &b)| row.iter().copied().chain([b]).collect()).collect();
     for k in 0..n {

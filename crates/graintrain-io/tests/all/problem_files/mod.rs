@@ -5,6 +5,7 @@ mod by_hand;
 mod damage;
 mod dumps;
 mod exact;
+mod rolling;
 mod unusual;
 
 use graintrain_io::problem_file::{self, Form};

@@ -95,7 +95,7 @@ fn half_of_an_equality_constraint_is_refused() {
 }
 
 #[test]
-fn rolling_friction_is_refused_wherever_it_shows() {
+fn rolling_friction_of_contacts_with_three_rows_is_refused() {
     let text = message(written("fclib_local", |group, vectors| {
         dimension(group);
         add_matrix(group, "W", &positive_definite(6, 1), Storage::Columns);
@@ -103,7 +103,7 @@ fn rolling_friction_is_refused_wherever_it_shows() {
         vectors.create_dataset("mu").with_f64_data(&MU);
         vectors.create_dataset("mu_r").with_f64_data(&[0.1; 2]);
     }));
-    assert!(text.contains("rolling friction (fclib_local/vectors/mu_r)"), "{text}");
+    assert!(text.contains("fclib_local/vectors/mu_r: gives coefficients of rolling friction"), "{text}");
 }
 
 /// W of two contacts with everything that FCLIB wants as data sets of one number given as attributes.

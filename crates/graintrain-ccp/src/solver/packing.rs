@@ -1,0 +1,163 @@
+//! In which order contacts and bodies lie in memory.
+
+use super::body_operator::TOGETHER;
+use super::lanes::LANES;
+use super::tasks::CHUNK;
+use crate::delassus::{FIXED, RigidDelassus};
+
+/// In which order contacts and bodies lie in memory.
+pub(super) struct Packing {
+    /// Contact at each place; after [`with_turning`] block row of N, or [`EMPTY`].
+    pub contacts: Vec<u32>,
+    /// Place of each body.
+    pub bodies: Vec<u32>,
+}
+
+/// A place without a block row.
+pub(super) const EMPTY: u32 = u32::MAX;
+
+/// Puts behind every batch of contacts that has any the batch of their turning rows, block row N_c + k for entry k of the list of
+/// contacts that resist turning (ascending): both in one chunk, lane by lane.
+pub(super) fn with_turning(order: &mut Vec<u32>, contacts: usize, turning: impl Iterator<Item = u32>) {
+    let mut block = vec![EMPTY; contacts];
+    for (k, contact) in turning.enumerate() {
+        block[contact as usize] = (contacts + k) as u32;
+    }
+    let plain = std::mem::take(order);
+    for batch in plain.chunks(LANES) {
+        let own = |lane: usize| batch.get(lane).map_or(EMPTY, |&i| block[i as usize]);
+        let turning: [u32; LANES] = std::array::from_fn(own);
+        let turns = turning.iter().any(|&block| block != EMPTY);
+        if turns && (order.len() / LANES) % CHUNK == CHUNK - 1 {
+            order.extend([EMPTY; LANES]);
+        }
+        order.extend((0..LANES).map(|lane| batch.get(lane).copied().unwrap_or(EMPTY)));
+        if turns {
+            order.extend(turning);
+        }
+    }
+}
+
+/// Which batches of an order by [`with_turning`] hold turning rows; empty where none do.
+pub(super) fn turning_batches(order: &[u32], contacts: usize) -> Vec<bool> {
+    let turns = |block: &u32| *block != EMPTY && *block as usize >= contacts;
+    if !order.iter().any(turns) {
+        return Vec::new();
+    }
+    order.chunks(LANES).map(|batch| batch.iter().any(turns)).collect()
+}
+
+/// A contact and the places of its bodies; [`FIXED`] is the highest.
+#[derive(Clone, Copy)]
+struct Pair {
+    lower: u32,
+    higher: u32,
+    contact: u32,
+}
+
+/// The contacts sorted by their lower, then their higher body, then their index; `number` is the place of each body.
+fn sorted_by_bodies(rigid: &RigidDelassus, number: &[u32]) -> Vec<Pair> {
+    let place = |body: u32| if body == FIXED { FIXED } else { number[body as usize] };
+    let pairs = rigid.contacts().iter().zip(0..).map(|(row, contact)| {
+        let (a, b) = (place(row.body_a), place(row.body_b));
+        Pair { lower: a.min(b), higher: a.max(b), contact }
+    });
+    // A body has few contacts: counting sorts by the lower one, and what is left is short. Contacts without a body come last.
+    let bucket = |pair: &Pair| (pair.lower as usize).min(number.len());
+    let mut start = vec![0_u32; number.len() + 2];
+    for pair in pairs.clone() {
+        start[bucket(&pair) + 1] += 1;
+    }
+    for b in 0..=number.len() {
+        start[b + 1] += start[b];
+    }
+    let mut next = start.clone();
+    let mut sorted = vec![Pair { lower: 0, higher: 0, contact: 0 }; rigid.num_contacts()];
+    for pair in pairs {
+        let place = &mut next[bucket(&pair)];
+        sorted[*place as usize] = pair;
+        *place += 1;
+    }
+    for bounds in start.windows(2) {
+        let own = &mut sorted[bounds[0] as usize..bounds[1] as usize];
+        own.sort_unstable_by_key(|pair| (pair.higher, pair.contact));
+    }
+    sorted
+}
+
+/// Contacts among which those of the next [`TOGETHER`] batches are looked for.
+const POOL: usize = 256;
+
+/// Neighbours together: bodies numbered breadth first over the contact graph, contacts sorted by their lower, then their
+/// higher body. Within a chunk they are dealt out again so that [`TOGETHER`] batches share no body wherever possible. (The same helps
+/// a pass: sums on one body would otherwise wait for one another.)
+pub(super) fn pack(rigid: &RigidDelassus) -> Packing {
+    let bodies = rigid.num_bodies();
+    let mut number = vec![u32::MAX; bodies];
+    let mut queue = Vec::with_capacity(bodies);
+    for seed in 0..bodies {
+        if number[seed] != u32::MAX {
+            continue;
+        }
+        number[seed] = queue.len() as u32;
+        let mut next = queue.len();
+        queue.push(seed);
+        while next < queue.len() {
+            for side in rigid.sides(queue[next]) {
+                let contact = &rigid.contacts()[side.contact as usize];
+                for body in [contact.body_a, contact.body_b] {
+                    if body != FIXED && number[body as usize] == u32::MAX {
+                        number[body as usize] = queue.len() as u32;
+                        queue.push(body as usize);
+                    }
+                }
+            }
+            next += 1;
+        }
+    }
+    let mut contacts = sorted_by_bodies(rigid, &number);
+    // The last group that each body was dealt to.
+    let mut group_of = vec![u32::MAX; bodies];
+    let mut group = 0;
+    let mut dealt: Vec<Pair> = Vec::with_capacity(CHUNK * LANES);
+    let mut pool: Vec<Pair> = Vec::with_capacity(POOL);
+    for chunk in contacts.chunks_mut(CHUNK * LANES) {
+        let mut rest = chunk.iter().copied();
+        dealt.clear();
+        while dealt.len() < chunk.len() {
+            pool.extend(rest.by_ref().take(POOL - pool.len()));
+            let first = dealt.len();
+            let (mut seen, mut kept) = (0, 0);
+            while seen < pool.len() && dealt.len() - first < TOGETHER * LANES {
+                let pair = pool[seen];
+                seen += 1;
+                let free = |body: u32| body == FIXED || group_of[body as usize] != group;
+                if free(pair.lower) && free(pair.higher) {
+                    for body in [pair.lower, pair.higher] {
+                        if body != FIXED {
+                            group_of[body as usize] = group;
+                        }
+                    }
+                    dealt.push(pair);
+                } else {
+                    pool[kept] = pair;
+                    kept += 1;
+                }
+            }
+            pool.drain(kept..seen);
+            group += 1;
+            let found = dealt.len() - first;
+            if found >= LANES {
+                // What does not fill a batch waits for the next group.
+                pool.splice(0..0, dealt.drain(first + found / LANES * LANES..));
+            } else {
+                // A batch that cannot be filled takes what comes next: places must not stay empty.
+                let missing = (LANES - found).min(pool.len());
+                dealt.extend(pool.drain(..missing));
+            }
+        }
+        chunk.copy_from_slice(&dealt);
+    }
+    let contacts = contacts.into_iter().map(|pair| pair.contact).collect();
+    Packing { contacts, bodies: number }
+}
