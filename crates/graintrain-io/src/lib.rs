@@ -4,6 +4,7 @@
 //! |---|---|
 //! | [`scene`] | scene files with units, built-in scenes, packings |
 //! | [`settings`] | what a run writes |
+//! | [`measure`], [`column`] | measurements of a run, and what the columns of tables mean |
 //! | [`run`] | steps one after another, watched by observers |
 //! | [`checkpoint`] | going on later |
 //! | [`output`] | frames, tables, summary |
@@ -20,7 +21,9 @@
 struct Readme;
 
 pub mod checkpoint;
+pub mod column;
 pub mod files;
+pub mod measure;
 pub mod output;
 pub mod problem_file;
 pub mod process;

@@ -1,9 +1,12 @@
 //! The run: steps one after another, watched by observers, until the end or until somebody asks to stop.
 
 use crate::files::OutputError;
+use crate::measure::{Measure, MeasureState, Measured};
 use crate::process::cpu_seconds;
 use crate::scene::Simulation;
 use crate::settings::OutputSettings;
+use graintrain::math::Vec3;
+use graintrain::measure::energy::Ledger;
 use graintrain::stepper::{PhaseSeconds, PhysicalErrors, StepError, StepReport, StepSettings, Stepper};
 use graintrain::world::World;
 use graintrain_ccp::{Ccp, Judge};
@@ -23,6 +26,8 @@ pub struct RunSettings {
     pub steps: u64,
     /// What is written.
     pub output: OutputSettings,
+    /// What is measured.
+    pub measures: Vec<Measure>,
     /// Steps from one dumped contact problem to the next; `None` dumps none.
     pub dump_problem_every: Option<u64>,
 }
@@ -35,6 +40,7 @@ impl RunSettings {
             stepping: simulation.settings.clone(),
             steps: simulation.steps,
             output: simulation.output.clone(),
+            measures: simulation.measures.clone(),
             dump_problem_every,
         }
     }
@@ -93,8 +99,10 @@ pub struct RunTotals {
     pub overlap_corrected_max: f64,
     /// Energy that they gave to bodies against gravity, summed, J.
     pub correction_energy: f64,
-    /// Work of external forces and torques, summed, J.
-    pub load_work: f64,
+    /// What changed the kinetic energy, summed; work of loads included.
+    pub ledger: Ledger,
+    /// What measurements remember, in their order.
+    pub measured: Vec<MeasureState>,
 }
 
 impl RunTotals {
@@ -132,7 +140,7 @@ impl RunTotals {
         }
         self.overlap_corrected_max = self.overlap_corrected_max.max(report.overlap_corrected_max);
         self.correction_energy += report.correction_energy;
-        self.load_work += report.load_work;
+        self.ledger.add(&report.ledger);
     }
 }
 
@@ -145,6 +153,8 @@ pub struct StepView<'a> {
     pub report: &'a StepReport,
     /// The run so far, this step included.
     pub totals: &'a RunTotals,
+    /// Records of the measurements that were due, with the numbers of those: the rows of their columns.
+    pub measured: &'a [(usize, Vec<Vec<f64>>)],
     /// The step's contact problem and the impulses found.
     pub problem: Option<(&'a Ccp, &'a [f64])>,
 }
@@ -252,11 +262,13 @@ impl Run {
             if self.stop.load(Ordering::Relaxed) {
                 return Ok(Ending::Stopped);
             }
+            let before = self.follows_bodies().then(|| self.world.bodies.position.clone());
             let report = match self.stepper.step(&mut self.world) {
                 Err(StepError::Stopped) => return Ok(Ending::Stopped),
                 result => result?,
             };
             self.totals.add(self.world.step, &report);
+            let measured = self.measure(before.as_deref());
             clocks.count(&mut self.totals);
             let begin = Instant::now();
             for observer in &mut *observers {
@@ -264,6 +276,7 @@ impl Run {
                     world: &self.world,
                     report: &report,
                     totals: &self.totals,
+                    measured: &measured,
                     problem: self.stepper.last_problem(),
                 })?;
             }
@@ -283,6 +296,34 @@ impl Run {
             }
         }
         Ok(Ending::Finished)
+    }
+}
+
+/// The part of [`Run`] that measures.
+impl Run {
+    fn follows_bodies(&self) -> bool {
+        self.settings.measures.iter().any(Measure::follows_bodies)
+    }
+
+    /// Makes the records that are due after a step from these places of the bodies.
+    fn measure(&mut self, before: Option<&[Vec3]>) -> Vec<(usize, Vec<Vec<f64>>)> {
+        let (measures, mut states) = (&self.settings.measures, std::mem::take(&mut self.totals.measured));
+        states.resize(measures.len(), MeasureState::default());
+        let now = Measured {
+            world: &self.world,
+            step: self.settings.stepping.step,
+            ledger: &self.totals.ledger,
+            correction_energy: self.totals.correction_energy,
+        };
+        let mut records = Vec::new();
+        for (number, (measure, state)) in measures.iter().zip(&mut states).enumerate() {
+            if let Some(before) = before {
+                measure.follow(&self.world, before, state);
+            }
+            records.extend(measure.record(now, state).map(|rows| (number, rows)));
+        }
+        self.totals.measured = states;
+        records
     }
 }
 

@@ -13,6 +13,7 @@
 //! | [`integrate`] | velocities without contact, positions, rotations |
 //! | [`impact`], [`overlap`], [`parts`] | restitution, overlap without energy, parts that do not touch |
 //! | [`stepper`], [`step_report`] | the time step, what it reports |
+//! | [`measure`] | stress, coordination, profiles, flow, energies and other measurements |
 //! | [`error`] | what can be wrong with a world |
 //! | [`ccp`] | contact problems and their solvers |
 //!
@@ -33,6 +34,7 @@ pub mod integrate;
 pub mod load;
 pub mod material;
 pub mod math;
+pub mod measure;
 pub mod motion;
 pub mod overlap;
 mod part_solver;
@@ -41,6 +43,7 @@ pub mod shape;
 mod solid_mesh;
 pub mod step_report;
 pub mod stepper;
+mod validate;
 pub mod world;
 
 pub use graintrain_ccp as ccp;

@@ -179,7 +179,7 @@ impl Summary {
             penetration_final_over_radius: totals.penetration_final_over_size,
             overlap_corrected_max_over_radius: totals.overlap_corrected_max / radius,
             correction_energy: totals.correction_energy,
-            load_work: totals.load_work,
+            load_work: totals.ledger.loads,
             kinetic_energy: world.kinetic_energy(),
             peak_memory_bytes: peak_memory_bytes(),
             state_hash: format!("{:016x}", world.state_hash()),

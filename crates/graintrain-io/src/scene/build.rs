@@ -2,6 +2,7 @@
 
 use super::Scene;
 use super::error::{Location, SceneError, SceneErrorKind};
+use super::measure::{MeasureSpec, PlaneSpec, ProfileSpec, ShearBoxSpec};
 use super::mesh_file;
 use super::model::{
     BodySpec, CentralSpec, DragSpec, FunctionFile, FunctionSpec, LoadSpec, MeshSpec, MotionSpec,
@@ -9,13 +10,16 @@ use super::model::{
 };
 use super::packing::{self, FileProblem, read_file, table_file};
 use super::quantity::Dimension;
+use crate::measure::{Measure, Quantity, ShearBox};
 use crate::settings::OutputSettings;
 use graintrain::collide::{deepest_overlap, meshes_that_meet};
 use graintrain::error::ModelError;
 use graintrain::handle::{BodyId, GeometryId, MaterialId, MotionId};
-use graintrain::load::{Action, Load};
+use graintrain::load::{Action, Load, Region};
 use graintrain::material::Materials;
 use graintrain::math::{Mat3, Quat, Vec3};
+use graintrain::measure::flow::Plane;
+use graintrain::measure::profile::{Along, Bins};
 use graintrain::motion::{Axes, Motion, Profile, Rotation};
 use graintrain::shape::{Geometry, Part, Shape};
 use graintrain::stepper::StepSettings;
@@ -43,6 +47,8 @@ pub struct Simulation {
     pub steps: u64,
     /// What is written.
     pub output: OutputSettings,
+    /// What is measured.
+    pub measures: Vec<Measure>,
     /// The scene with the defaults that depend on the bodies filled in; `resolved.to_toml()` belongs into the run's
     /// folder.
     pub resolved: Scene,
@@ -67,6 +73,11 @@ impl Scene {
         for (name, load) in &self.loads {
             builder.add_load(name, load)?;
         }
+        let measures = self
+            .measures
+            .iter()
+            .map(|(name, spec)| builder.measure(name, spec, self.time.step))
+            .collect::<Result<_, SceneError>>()?;
         let Builder { world, smallest_radius, origins, .. } = builder;
         if world.bodies.is_empty() {
             return Err(SceneError::new(SceneErrorKind::NoBodies, None));
@@ -96,7 +107,7 @@ impl Scene {
             precision: self.output.precision,
             checkpoint_every: whole_steps(self.output.checkpoint_every),
         };
-        Ok(Simulation { world, settings, steps: self.time.steps, output, resolved })
+        Ok(Simulation { world, settings, steps: self.time.steps, output, measures, resolved })
     }
 
     fn make_paths_absolute(&mut self) -> Result<(), SceneError> {
@@ -399,7 +410,7 @@ impl Builder {
     }
 
     fn add_load(&mut self, name: &str, spec: &LoadSpec) -> Result<(), SceneError> {
-        let bodies = self.bodies_under(spec);
+        let bodies = self.bodies_named(&spec.bodies, &spec.packings);
         let moves = |body: &BodyId| !self.world.is_prescribed(body.index());
         if bodies.as_ref().is_some_and(|bodies| !bodies.iter().any(moves)) {
             let problem =
@@ -450,14 +461,81 @@ impl Builder {
         Ok(())
     }
 
-    /// The bodies that a load names, ascending; `None` where it names none: all.
-    fn bodies_under(&self, spec: &LoadSpec) -> Option<Vec<BodyId>> {
-        if spec.bodies.is_empty() && spec.packings.is_empty() {
+    fn measure(&self, name: &str, spec: &MeasureSpec, step: f64) -> Result<Measure, SceneError> {
+        let bodies = self.bodies_named(&spec.bodies, &spec.packings);
+        let named = |names: &[String]| self.bodies_named(names, &[]).unwrap_or_default();
+        let one = |name: &str| named(&[name.to_string()])[0];
+        let plane = |plane: &PlaneSpec| {
+            Quantity::Plane(Plane { point: plane.point, normal: plane.normal, region: spec.region.clone() })
+        };
+        let shear_box = |shear: &ShearBoxSpec| {
+            Quantity::ShearBox(ShearBox {
+                sheared: one(&shear.sheared),
+                pressing: one(&shear.pressing),
+                direction: shear.direction,
+                normal: shear.normal,
+                area: shear.area,
+            })
+        };
+        let profile = |profile: &ProfileSpec| -> Result<Quantity, SceneError> {
+            let along = profile.along.from(profile.centre);
+            let sideways = matches!(along, Along::Axis(0 | 1));
+            if sideways && matches!(spec.region, Some(Region::Cylinder { .. })) {
+                let problem = format!(
+                    "bins of `measure.{name}` along x or y in a cylinder have no volume: take a box, or the radius"
+                );
+                return Err(SceneError::at(SceneErrorKind::Contradiction(problem), &spec.location));
+            }
+            let (from, to, count) = (profile.from, profile.to, profile.bins as usize);
+            Ok(Quantity::Profile(Bins { along, from, to, count }))
+        };
+        let flags = [
+            (spec.stress, Quantity::Stress),
+            (spec.coordination, Quantity::Coordination(spec.rattlers_below as usize)),
+            (spec.fabric, Quantity::Fabric),
+            (spec.porosity, Quantity::Porosity),
+            (spec.forces, Quantity::Forces),
+            (spec.energy, Quantity::Energy),
+            (spec.motion, Quantity::Motion),
+        ];
+        let mut quantities: Vec<Quantity> =
+            flags.into_iter().filter(|(wanted, _)| *wanted).map(|(_, quantity)| quantity).collect();
+        let tables = [
+            spec.force.as_ref().map(|force| Quantity::ForceOn(named(&force.bodies), force.point)),
+            spec.plane.as_ref().map(plane),
+            spec.mixing.as_ref().map(|mixing| {
+                let first = self.bodies_named(&[], &mixing.packings).unwrap_or_default();
+                Quantity::Mixing(first, mixing.cell)
+            }),
+            spec.shear_box.as_ref().map(shear_box),
+            spec.repose
+                .as_ref()
+                .map(|repose| Quantity::Repose(repose.along.from(repose.centre), repose.width)),
+            spec.profile.as_ref().map(profile).transpose()?,
+            spec.histogram
+                .as_ref()
+                .map(|histogram| Quantity::Histogram(histogram.bins as usize, histogram.most)),
+        ];
+        quantities.extend(tables.into_iter().flatten());
+        let whole_steps = |time: f64| (time / step).round() as u64;
+        Ok(Measure {
+            name: name.to_string(),
+            bodies,
+            region: spec.region.clone(),
+            start: whole_steps(spec.start),
+            every: whole_steps(spec.every).max(1),
+            quantities,
+        })
+    }
+
+    /// The bodies of these names and of the packings of these, ascending; `None` where there are no names: all.
+    fn bodies_named(&self, bodies: &[String], packings: &[String]) -> Option<Vec<BodyId>> {
+        if bodies.is_empty() && packings.is_empty() {
             return None;
         }
         let ends = self.origins.iter().skip(1).map(|origin| origin.first).chain([self.world.bodies.len()]);
         let named = self.origins.iter().zip(ends).filter(|(origin, _)| {
-            let names = if origin.is_packing { &spec.packings } else { &spec.bodies };
+            let names = if origin.is_packing { packings } else { bodies };
             names.contains(&origin.label)
         });
         Some(named.flat_map(|(origin, end)| origin.first..end).map(BodyId::from_index).collect())

@@ -12,6 +12,7 @@
 //! | `tree`, `reader`, `file` | from text to [`Scene`] |
 //! | [`model`] | the parts of a [`Scene`] |
 //! | `packing`, `mesh_file` | packings made here or read from files; meshes |
+//! | `measure` | measurements |
 //! | `build` | from [`Scene`] to [`Simulation`] |
 //! | [`builtin`] | the built-in scenes |
 //! | [`error`] | what can be wrong, and where |
@@ -23,6 +24,7 @@ pub mod builtin;
 pub mod error;
 mod expression;
 mod file;
+mod measure;
 mod mesh_file;
 pub mod model;
 mod packing;
@@ -35,6 +37,10 @@ mod tree;
 
 pub use build::Simulation;
 pub use error::{Location, SceneError, SceneErrorKind, Source};
+pub use measure::{
+    AlongSpec, ForceSpec, HistogramSpec, MeasureSpec, MixingSpec, PlaneSpec, ProfileSpec, ReposeSpec,
+    ShearBoxSpec,
+};
 
 use model::{
     BodySpec, ContactSpec, FunctionSpec, LoadSpec, MaterialSpec, OutputSpec, PackingSpec, PairSpec,
@@ -84,6 +90,9 @@ pub struct Scene {
     /// Loads by name.
     #[serde(rename = "load", serialize_with = "in_order", skip_serializing_if = "Vec::is_empty")]
     pub loads: Vec<(String, LoadSpec)>,
+    /// Measurements by name.
+    #[serde(rename = "measure", serialize_with = "in_order", skip_serializing_if = "Vec::is_empty")]
+    pub measures: Vec<(String, MeasureSpec)>,
 }
 
 /// Writes named tables in their order, which is that of the bodies in the world.

@@ -7,6 +7,7 @@ use graintrain::contact::{Contact, ContactSet};
 use graintrain::handle::{BodyId, MaterialId};
 use graintrain::material::Materials;
 use graintrain::math::{Quat, Vec3};
+use graintrain::measure::energy::Ledger;
 use graintrain::motion::{Motion, Profile};
 use graintrain::shape::{Geometry, Part, Shape};
 use graintrain::stepper::{PhaseSeconds, PhysicalErrors, StepReport, StepSettings, Wrench};
@@ -120,7 +121,7 @@ fn advance(world: &mut World, settings: &RunSettings) -> StepReport {
         contacts_missed: 1,
         overlap_corrected_max: 6e-6,
         correction_energy: 7e-5,
-        load_work: 8e-5,
+        ledger: Ledger { loads: 8e-5, ..Ledger::default() },
         kinetic_energy: world.kinetic_energy(),
         phases: PhaseSeconds { collide: 0.1, assemble: 0.2, solve: 0.3, integrate: 0.4 },
         wrenches: vec![
@@ -156,12 +157,13 @@ fn settings() -> RunSettings {
             precision: Precision::Double,
             checkpoint_every: 1000,
         },
+        measures: Vec::new(),
         dump_problem_every: None,
     }
 }
 
 fn view<'a>(world: &'a World, report: &'a StepReport, totals: &'a RunTotals) -> StepView<'a> {
-    StepView { world, report, totals, problem: None }
+    StepView { world, report, totals, measured: &[], problem: None }
 }
 
 fn read(folder: &Path, file: &str) -> String {

@@ -4,12 +4,14 @@
 mod body;
 mod function;
 mod load;
+mod measure;
 mod packing;
 
 use super::quantity::Dimension;
 use body::BODY;
 use function::ACCELERATION;
 use load::LOAD;
+use measure::MEASURE;
 use packing::PACKING;
 
 /// What a key holds.
@@ -224,6 +226,13 @@ pub static SCENE: Table = Table {
             "none",
             "{ push = { bodies = [\"wheel\"], force = [0, 0, \"-2 kN\"] } }",
             "Forces, torques and fields by name",
+        ),
+        key(
+            "measure",
+            Named(&MEASURE),
+            "none",
+            "{ sample = { stress = true, coordination = true } }",
+            "Measurements by name; each makes a table `measures/NAME.csv`",
         ),
     ],
 };
