@@ -26,6 +26,8 @@ pub struct Measure {
     pub bodies: Option<Vec<BodyId>>,
     /// Only bodies whose centre of mass is here.
     pub region: Option<Region>,
+    /// Number of the only stage that has records; `None`: all.
+    pub stage: Option<usize>,
     /// The first step that may have a record.
     pub start: u64,
     /// Steps from record to record, at least 1.
@@ -100,6 +102,8 @@ pub struct Measured<'a> {
     pub world: &'a World,
     /// Length of the step, s.
     pub step: f64,
+    /// Number of the stage that the step belongs to.
+    pub stage: usize,
     /// The ledger of all steps so far.
     pub ledger: &'a Ledger,
     /// Energy that removing overlap gave to bodies so far, J.
@@ -412,8 +416,8 @@ impl Measure {
     }
 
     /// Counts what a step did to the bodies whose centres were at `before` (m).
-    pub fn follow(&self, world: &World, before: &[Vec3], state: &mut MeasureState) {
-        if world.step < self.start {
+    pub fn follow(&self, world: &World, stage: usize, before: &[Vec3], state: &mut MeasureState) {
+        if world.step < self.start || self.stage.is_some_and(|only| only != stage) {
             return;
         }
         for quantity in &self.quantities {
@@ -429,6 +433,9 @@ impl Measure {
     /// The rows of its columns (step and time among them) after the step that was just made; `None` where there is no record due.
     pub fn record(&self, now: Measured<'_>, state: &mut MeasureState) -> Option<Vec<Vec<f64>>> {
         let number = now.world.step;
+        if self.stage.is_some_and(|only| only != now.stage) {
+            return None;
+        }
         if number < self.start || !(number - self.start).is_multiple_of(self.every.max(1)) {
             return None;
         }

@@ -5,6 +5,7 @@ use crate::measure::{Measure, MeasureState, Measured};
 use crate::process::cpu_seconds;
 use crate::scene::Simulation;
 use crate::settings::OutputSettings;
+use crate::stage::{Stage, StageRecord};
 use graintrain::math::Vec3;
 use graintrain::measure::energy::Ledger;
 use graintrain::stepper::{PhaseSeconds, PhysicalErrors, StepError, StepReport, StepSettings, Stepper};
@@ -26,6 +27,8 @@ pub struct RunSettings {
     pub steps: u64,
     /// What is written.
     pub output: OutputSettings,
+    /// The stages; none is one without end.
+    pub stages: Vec<Stage>,
     /// What is measured.
     pub measures: Vec<Measure>,
     /// Steps from one dumped contact problem to the next; `None` dumps none.
@@ -40,6 +43,7 @@ impl RunSettings {
             stepping: simulation.settings.clone(),
             steps: simulation.steps,
             output: simulation.output.clone(),
+            stages: simulation.stages.clone(),
             measures: simulation.measures.clone(),
             dump_problem_every,
         }
@@ -101,6 +105,8 @@ pub struct RunTotals {
     pub correction_energy: f64,
     /// What changed the kinetic energy, summed; work of loads included.
     pub ledger: Ledger,
+    /// The stages that have begun.
+    pub stages: Vec<StageRecord>,
     /// What measurements remember, in their order.
     pub measured: Vec<MeasureState>,
 }
@@ -262,6 +268,10 @@ impl Run {
             if self.stop.load(Ordering::Relaxed) {
                 return Ok(Ending::Stopped);
             }
+            if !self.begin_stage()? {
+                return Ok(Ending::Finished);
+            }
+            let velocity = self.compares_velocities().then(|| self.world.bodies.velocity.clone());
             let before = self.follows_bodies().then(|| self.world.bodies.position.clone());
             let report = match self.stepper.step(&mut self.world) {
                 Err(StepError::Stopped) => return Ok(Ending::Stopped),
@@ -269,6 +279,7 @@ impl Run {
             };
             self.totals.add(self.world.step, &report);
             let measured = self.measure(before.as_deref());
+            self.end_stage(velocity.as_deref());
             clocks.count(&mut self.totals);
             let begin = Instant::now();
             for observer in &mut *observers {
@@ -299,6 +310,41 @@ impl Run {
     }
 }
 
+/// The part of [`Run`] that leads through the stages. What has begun and ended is in the totals, so that a run goes on where it was.
+impl Run {
+    /// The stage under way, with its record.
+    fn stage(&self) -> Option<(&Stage, &StageRecord)> {
+        let record = self.totals.stages.last().filter(|record| record.end.is_none())?;
+        Some((self.settings.stages.get(self.totals.stages.len() - 1)?, record))
+    }
+
+    /// Begins the next stage where none is under way; `false` where the last one has ended.
+    fn begin_stage(&mut self) -> Result<bool, RunError> {
+        if self.settings.stages.is_empty() || self.stage().is_some() {
+            return Ok(true);
+        }
+        let Some(next) = self.settings.stages.get(self.totals.stages.len()) else { return Ok(false) };
+        next.begin(&mut self.world).map_err(StepError::Settings)?;
+        let (name, first_step) = (next.name.clone(), self.world.step);
+        self.totals.stages.push(StageRecord { name, first_step, last_step: None, end: None });
+        Ok(true)
+    }
+
+    fn compares_velocities(&self) -> bool {
+        self.stage().is_some_and(|(stage, _)| stage.compares_velocities())
+    }
+
+    /// Ends the stage under way if its condition holds after a step from these velocities.
+    fn end_stage(&mut self, before: Option<&[Vec3]>) {
+        let Some((stage, record)) = self.stage() else { return };
+        let number = self.world.step;
+        let end = stage.end(&self.world, number - record.first_step, self.settings.stepping.step, before);
+        if let (Some(_), Some(record)) = (end, self.totals.stages.last_mut()) {
+            (record.last_step, record.end) = (Some(number), end);
+        }
+    }
+}
+
 /// The part of [`Run`] that measures.
 impl Run {
     fn follows_bodies(&self) -> bool {
@@ -312,13 +358,14 @@ impl Run {
         let now = Measured {
             world: &self.world,
             step: self.settings.stepping.step,
+            stage: self.totals.stages.len().saturating_sub(1),
             ledger: &self.totals.ledger,
             correction_energy: self.totals.correction_energy,
         };
         let mut records = Vec::new();
         for (number, (measure, state)) in measures.iter().zip(&mut states).enumerate() {
             if let Some(before) = before {
-                measure.follow(&self.world, before, state);
+                measure.follow(&self.world, now.stage, before, state);
             }
             records.extend(measure.record(now, state).map(|rows| (number, rows)));
         }

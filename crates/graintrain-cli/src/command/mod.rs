@@ -3,6 +3,7 @@
 mod check;
 mod compare;
 mod completions;
+mod dt_study;
 mod man;
 mod render;
 mod reproduce;
@@ -11,6 +12,8 @@ mod run;
 mod scenes;
 mod solve;
 mod solvers;
+mod sweep;
+mod tolerance_study;
 mod verify;
 mod view;
 
@@ -26,6 +29,9 @@ pub enum Command {
     Scenes(scenes::Arguments),
     View(view::Arguments),
     Render(render::Arguments),
+    Sweep(sweep::Arguments),
+    DtStudy(dt_study::Arguments),
+    ToleranceStudy(tolerance_study::Arguments),
     Reproduce(reproduce::Arguments),
     Verify(verify::Arguments),
     Solve(solve::Arguments),
@@ -45,6 +51,9 @@ impl Command {
             Self::Scenes(arguments) => scenes::execute(&arguments),
             Self::View(arguments) => view::execute(&arguments),
             Self::Render(arguments) => render::execute(&arguments),
+            Self::Sweep(arguments) => sweep::execute(&arguments),
+            Self::DtStudy(arguments) => dt_study::execute(&arguments),
+            Self::ToleranceStudy(arguments) => tolerance_study::execute(&arguments),
             Self::Reproduce(arguments) => reproduce::execute(&arguments),
             Self::Verify(arguments) => verify::execute(&arguments),
             Self::Solve(arguments) => solve::execute(&arguments),

@@ -110,6 +110,11 @@ impl Recorder {
         totals: &RunTotals,
         status: RunStatus,
     ) -> Result<Summary, OutputError> {
+        if matches!(status, RunStatus::Finished) && world.step < self.settings.steps {
+            // The last stage ended before the time was over.
+            self.settings.steps = world.step;
+            self.frame(world)?;
+        }
         self.tables.sync()?;
         checkpoint::write(&self.folder.path().join("checkpoints"), &self.settings, totals, world)?;
         self.last_checkpoint = Instant::now();

@@ -5,13 +5,14 @@ use super::error::{Location, SceneError, SceneErrorKind};
 use super::measure::{MeasureSpec, PlaneSpec, ProfileSpec, ShearBoxSpec};
 use super::mesh_file;
 use super::model::{
-    BodySpec, CentralSpec, DragSpec, FunctionFile, FunctionSpec, LoadSpec, MeshSpec, MotionSpec,
-    PackingSource, PackingSpec, PartSpec, PressureSpec, ShapeSpec,
+    BodySpec, CentralSpec, DragSpec, FunctionFile, FunctionSpec, LoadSpec, MaterialSpec, MeshSpec,
+    MotionSpec, PackingSource, PackingSpec, PartSpec, PressureSpec, ShapeSpec,
 };
 use super::packing::{self, FileProblem, read_file, table_file};
 use super::quantity::Dimension;
 use crate::measure::{Measure, Quantity, ShearBox};
 use crate::settings::OutputSettings;
+use crate::stage::Stage;
 use graintrain::collide::{deepest_overlap, meshes_that_meet};
 use graintrain::error::ModelError;
 use graintrain::handle::{BodyId, GeometryId, MaterialId, MotionId};
@@ -47,6 +48,8 @@ pub struct Simulation {
     pub steps: u64,
     /// What is written.
     pub output: OutputSettings,
+    /// The stages.
+    pub stages: Vec<Stage>,
     /// What is measured.
     pub measures: Vec<Measure>,
     /// The scene with the defaults that depend on the bodies filled in; `resolved.to_toml()` belongs into the run's
@@ -73,10 +76,11 @@ impl Scene {
         for (name, load) in &self.loads {
             builder.add_load(name, load)?;
         }
+        let stages = builder.stages(self)?;
         let measures = self
             .measures
             .iter()
-            .map(|(name, spec)| builder.measure(name, spec, self.time.step))
+            .map(|(name, spec)| builder.measure(name, spec, self))
             .collect::<Result<_, SceneError>>()?;
         let Builder { world, smallest_radius, origins, .. } = builder;
         if world.bodies.is_empty() {
@@ -107,7 +111,7 @@ impl Scene {
             precision: self.output.precision,
             checkpoint_every: whole_steps(self.output.checkpoint_every),
         };
-        Ok(Simulation { world, settings, steps: self.time.steps, output, measures, resolved })
+        Ok(Simulation { world, settings, steps: self.time.steps, output, stages, measures, resolved })
     }
 
     fn make_paths_absolute(&mut self) -> Result<(), SceneError> {
@@ -153,10 +157,20 @@ impl Scene {
             let vectors = [force, torque, acceleration].into_iter().flatten().flatten();
             vectors.chain(pressure.iter_mut().map(|pressure| &mut pressure.stress))
         });
-        self.gravity.iter_mut().chain(motions).chain(loads).filter_map(|function| match function {
-            FunctionSpec::File { file } => Some(file),
-            FunctionSpec::Profile(_) => None,
-        })
+        let stages = self.stages.iter_mut().flat_map(|stage| {
+            let speeds = stage.bodies.iter_mut().flat_map(|(_, body)| {
+                let MotionSpec { translation, rotation, .. } = &mut body.motion;
+                let speeds = translation.iter_mut().map(|item| &mut item.speed);
+                speeds.chain(rotation.iter_mut().map(|spin| &mut spin.speed))
+            });
+            stage.gravity.iter_mut().flatten().chain(speeds)
+        });
+        self.gravity.iter_mut().chain(motions).chain(loads).chain(stages).filter_map(
+            |function| match function {
+                FunctionSpec::File { file } => Some(file),
+                FunctionSpec::Profile(_) => None,
+            },
+        )
     }
 }
 
@@ -178,6 +192,7 @@ struct Builder {
 }
 
 /// A stretch of bodies that a body or packing of the scene made.
+#[derive(Clone)]
 struct Origin {
     /// Name of the body or packing.
     label: String,
@@ -233,36 +248,7 @@ impl Builder {
     fn new(scene: &Scene) -> Result<Self, SceneError> {
         let unplaced =
             |error: ModelError| SceneError::new(SceneErrorKind::Contradiction(error.to_string()), None);
-        let mut materials = Materials::default();
-        let mut index = HashMap::new();
-        for (name, material) in &scene.materials {
-            index.insert(name.clone(), materials.add(name, material.density).map_err(unplaced)?);
-        }
-        for (i, (first_name, first)) in scene.materials.iter().enumerate() {
-            for (j, (second_name, second)) in scene.materials.iter().enumerate().skip(i) {
-                let pair = scene.pairs.iter().find(|pair| {
-                    let [a, b] = &pair.materials;
-                    (a == first_name && b == second_name) || (a == second_name && b == first_name)
-                });
-                let friction = pair.and_then(|pair| pair.friction).unwrap_or_else(|| {
-                    if i == j {
-                        first.friction
-                    } else {
-                        scene.contact.friction_rule.combine(first.friction, second.friction)
-                    }
-                });
-                let restitution = pair.and_then(|pair| pair.restitution).unwrap_or_else(|| {
-                    if i == j {
-                        first.restitution
-                    } else {
-                        scene.contact.restitution_rule.combine(first.restitution, second.restitution)
-                    }
-                });
-                materials
-                    .set_pair(index[first_name], index[second_name], friction, restitution)
-                    .map_err(unplaced)?;
-            }
-        }
+        let (materials, index) = materials(scene, &scene.materials)?;
         let [x, y, z] = &scene.gravity;
         let gravity = [function(x)?, function(y)?, function(z)?];
         let initial = Vec3::from_array(gravity.each_ref().map(|profile| profile.mean(0.0, scene.time.step)));
@@ -335,40 +321,95 @@ impl Builder {
         Ok(())
     }
 
-    /// The motion of a body whose centre of mass is at `centre` in its frame.
+    /// The motion of a body whose centre of mass is at `centre` in its frame, added to the world.
     fn motion(
         &mut self,
         spec: &MotionSpec,
         centre: Vec3,
         location: &Location,
     ) -> Result<MotionId, SceneError> {
-        if spec.free == [true; 6] {
-            return Ok(FREE);
+        match motion_of(spec, centre)? {
+            None => Ok(FREE),
+            Some(motion) => self.world.add_motion(motion).map_err(|error| model_error(error, location)),
         }
-        let delayed = |speed: &FunctionSpec| {
-            let profile = function(speed)?;
-            Ok(match spec.start {
-                0.0 => profile,
-                start => Profile::Delayed { start, profile: Box::new(profile) },
-            })
-        };
-        let translation = spec
-            .translation
-            .iter()
-            .map(|item| Ok((item.direction, delayed(&item.speed)?)))
-            .collect::<Result<_, SceneError>>()?;
-        let rotation = match &spec.rotation {
-            None => None,
-            Some(spin) => {
-                let (point, of) = match spin.point {
-                    Some(point) => (point, Axes::World),
-                    None => (-centre, Axes::Body),
-                };
-                Some(Rotation { point, of, axis: spin.axis, profile: delayed(&spin.speed)? })
+    }
+
+    /// The stages of the scene, after all bodies and loads are there.
+    fn stages(&self, scene: &Scene) -> Result<Vec<Stage>, SceneError> {
+        let whole_steps = |time: f64| (time / scene.time.step).round() as u64;
+        let mut list = scene.materials.clone();
+        let mut stages = Vec::new();
+        for spec in &scene.stages {
+            let fail =
+                |problem: String| SceneError::at(SceneErrorKind::Contradiction(problem), &spec.location);
+            for (name, change) in &spec.materials {
+                for (_, material) in list.iter_mut().filter(|(known, _)| known == name) {
+                    material.friction = change.friction.unwrap_or(material.friction);
+                    material.restitution = change.restitution.unwrap_or(material.restitution);
+                }
             }
-        };
-        let motion = Motion { free: spec.free, translation, rotation };
-        self.world.add_motion(motion).map_err(|error| model_error(error, location))
+            let mut motions = Vec::new();
+            for (name, body) in &spec.bodies {
+                let id = self.bodies_named(std::slice::from_ref(name), &[]).unwrap_or_default()[0];
+                let centre = self.centres.get(&id.index()).copied().unwrap_or_default();
+                let motion = motion_of(&body.motion, centre)?;
+                let moves = motion.as_ref().is_none_or(|motion| !motion.is_prescribed());
+                if moves && self.world.bodies.mass[id.index()] <= 0.0 {
+                    return Err(fail(format!(
+                        "`{name}` has no mass, so that the stage `{}` cannot free it: give it mass and inertia",
+                        spec.name
+                    )));
+                }
+                if let Some(motion) = &motion {
+                    motion.validate().map_err(|error| model_error(error, &spec.location))?;
+                }
+                motions.push((id, motion));
+            }
+            let loads = match &spec.loads {
+                None => None,
+                Some(names) => {
+                    // A builder with the same bodies and these loads alone.
+                    let mut other = self.without_loads();
+                    for (name, load) in scene.loads.iter().filter(|(name, _)| names.contains(name)) {
+                        other.add_load(name, load)?;
+                    }
+                    Some(other.world.loads().to_vec())
+                }
+            };
+            let gravity = match &spec.gravity {
+                None => None,
+                Some([x, y, z]) => Some([function(x)?, function(y)?, function(z)?]),
+            };
+            stages.push(Stage {
+                name: spec.name.clone(),
+                most: spec.time.map(|time| whole_steps(time).max(1)),
+                least: whole_steps(spec.at_least),
+                kinetic_energy: spec.kinetic_energy,
+                unbalanced_force: spec.unbalanced_force,
+                gravity,
+                materials: if spec.materials.is_empty() { None } else { Some(materials(scene, &list)?.0) },
+                motions,
+                loads,
+            });
+        }
+        Ok(stages)
+    }
+
+    /// The same bodies without loads.
+    fn without_loads(&self) -> Self {
+        let mut world = self.world.clone();
+        // An empty list fits every world.
+        let _ = world.set_loads(Vec::new());
+        let origins = self.origins.clone();
+        Self {
+            world,
+            materials: self.materials.clone(),
+            spheres: HashMap::new(),
+            locked_rotation: None,
+            smallest_radius: self.smallest_radius,
+            origins,
+            centres: self.centres.clone(),
+        }
     }
 
     fn add_packing(&mut self, name: &str, spec: &PackingSpec) -> Result<(), SceneError> {
@@ -461,7 +502,7 @@ impl Builder {
         Ok(())
     }
 
-    fn measure(&self, name: &str, spec: &MeasureSpec, step: f64) -> Result<Measure, SceneError> {
+    fn measure(&self, name: &str, spec: &MeasureSpec, scene: &Scene) -> Result<Measure, SceneError> {
         let bodies = self.bodies_named(&spec.bodies, &spec.packings);
         let named = |names: &[String]| self.bodies_named(names, &[]).unwrap_or_default();
         let one = |name: &str| named(&[name.to_string()])[0];
@@ -517,11 +558,13 @@ impl Builder {
                 .map(|histogram| Quantity::Histogram(histogram.bins as usize, histogram.most)),
         ];
         quantities.extend(tables.into_iter().flatten());
-        let whole_steps = |time: f64| (time / step).round() as u64;
+        let whole_steps = |time: f64| (time / scene.time.step).round() as u64;
+        let numbered = |name: &String| scene.stages.iter().position(|stage| stage.name == *name);
         Ok(Measure {
             name: name.to_string(),
             bodies,
             region: spec.region.clone(),
+            stage: spec.stage.as_ref().and_then(numbered),
             start: whole_steps(spec.start),
             every: whole_steps(spec.every).max(1),
             quantities,
@@ -559,6 +602,76 @@ impl Builder {
         self.locked_rotation = Some(motion);
         Ok(motion)
     }
+}
+
+/// Materials with the values of this list, and the pairs and rules of the scene.
+fn materials(
+    scene: &Scene,
+    list: &[(String, MaterialSpec)],
+) -> Result<(Materials, HashMap<String, MaterialId>), SceneError> {
+    let unplaced =
+        |error: ModelError| SceneError::new(SceneErrorKind::Contradiction(error.to_string()), None);
+    let mut materials = Materials::default();
+    let mut index = HashMap::new();
+    for (name, material) in list {
+        index.insert(name.clone(), materials.add(name, material.density).map_err(unplaced)?);
+    }
+    for (i, (first_name, first)) in list.iter().enumerate() {
+        for (j, (second_name, second)) in list.iter().enumerate().skip(i) {
+            let pair = scene.pairs.iter().find(|pair| {
+                let [a, b] = &pair.materials;
+                (a == first_name && b == second_name) || (a == second_name && b == first_name)
+            });
+            let friction = pair.and_then(|pair| pair.friction).unwrap_or_else(|| {
+                if i == j {
+                    first.friction
+                } else {
+                    scene.contact.friction_rule.combine(first.friction, second.friction)
+                }
+            });
+            let restitution = pair.and_then(|pair| pair.restitution).unwrap_or_else(|| {
+                if i == j {
+                    first.restitution
+                } else {
+                    scene.contact.restitution_rule.combine(first.restitution, second.restitution)
+                }
+            });
+            materials
+                .set_pair(index[first_name], index[second_name], friction, restitution)
+                .map_err(unplaced)?;
+        }
+    }
+    Ok((materials, index))
+}
+
+/// The motion of a body whose centre of mass is at `centre` in its frame; `None` where it is free.
+fn motion_of(spec: &MotionSpec, centre: Vec3) -> Result<Option<Motion>, SceneError> {
+    if spec.free == [true; 6] {
+        return Ok(None);
+    }
+    let delayed = |speed: &FunctionSpec| {
+        let profile = function(speed)?;
+        Ok(match spec.start {
+            0.0 => profile,
+            start => Profile::Delayed { start, profile: Box::new(profile) },
+        })
+    };
+    let translation = spec
+        .translation
+        .iter()
+        .map(|item| Ok((item.direction, delayed(&item.speed)?)))
+        .collect::<Result<_, SceneError>>()?;
+    let rotation = match &spec.rotation {
+        None => None,
+        Some(spin) => {
+            let (point, of) = match spin.point {
+                Some(point) => (point, Axes::World),
+                None => (-centre, Axes::Body),
+            };
+            Some(Rotation { point, of, axis: spin.axis, profile: delayed(&spin.speed)? })
+        }
+    };
+    Ok(Some(Motion { free: spec.free, translation, rotation }))
 }
 
 /// A function of time; reads its file where it has one.

@@ -7,6 +7,7 @@ use super::model::*;
 use super::parameters::Parameters;
 use super::reader::{Context, Range, Reader};
 use super::schema;
+use super::stage::{self, StageSpec};
 use super::tree::{Node, Value};
 use crate::settings::Precision;
 use graintrain::assemble::OverlapCorrection;
@@ -57,6 +58,11 @@ pub(crate) fn read(name: &str, root: &Node, folder: PathBuf) -> Result<Scene, Sc
         .into_iter()
         .map(|(name, reader)| Ok((name, load(&reader, &body_names, &packing_names)?)))
         .collect::<Result<Vec<_>, SceneError>>()?;
+    let material_names: Vec<&str> = names.clone();
+    let load_names: Vec<&str> = loads.iter().map(|(name, _): &(String, LoadSpec)| name.as_str()).collect();
+    let names = stage::Names { materials: &material_names, bodies: &body_names, loads: &load_names };
+    let stages = stage::read(&scene, &names)?;
+    let stage_names: Vec<&str> = stages.iter().map(|stage: &StageSpec| stage.name.as_str()).collect();
     let measures = scene
         .named("measure")?
         .into_iter()
@@ -69,7 +75,7 @@ pub(crate) fn read(name: &str, root: &Node, folder: PathBuf) -> Result<Scene, Sc
                 let requirement = "a name of letters, digits, `-`, `_` and `.`, which is that of a file";
                 return Err(scene.out_of_range("measure", requirement, format!("`{name}`")));
             }
-            let spec = measure::read(&reader, time.step, &body_names, &packing_names)?;
+            let spec = measure::read(&reader, time.step, &body_names, &packing_names, &stage_names)?;
             Ok((name, spec))
         })
         .collect::<Result<Vec<_>, SceneError>>()?;
@@ -88,6 +94,7 @@ pub(crate) fn read(name: &str, root: &Node, folder: PathBuf) -> Result<Scene, Sc
         bodies,
         packings,
         loads,
+        stages,
         measures,
     })
 }
@@ -360,7 +367,8 @@ fn mesh(reader: &Reader) -> Result<MeshSpec, SceneError> {
     Ok(spec)
 }
 
-fn motion(body: &Reader, boundary: bool) -> Result<MotionSpec, SceneError> {
+/// The `motion` of a body, or what it is without one: free, or fixed where it is a boundary.
+pub(super) fn motion(body: &Reader, boundary: bool) -> Result<MotionSpec, SceneError> {
     let words = &[("free", false), ("fixed", true)];
     let fixed = match body.get("motion") {
         None => boundary,

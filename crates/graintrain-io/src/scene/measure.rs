@@ -27,6 +27,9 @@ pub struct MeasureSpec {
     /// Where.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub region: Option<Region>,
+    /// Name of the stage; `None`: all.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub stage: Option<String>,
     /// s
     pub start: f64,
     /// s
@@ -207,12 +210,13 @@ const QUANTITIES: &[&str] = &[
 /// How many of these stand alone.
 const ALONE: usize = 2;
 
-/// Reads a measurement of a scene with this time step (s) and these bodies and packings.
+/// Reads a measurement of a scene with this time step (s) and these bodies, packings and stages.
 pub(super) fn read(
     reader: &Reader,
     step: f64,
     bodies: &[&str],
     packings: &[&str],
+    stages: &[&str],
 ) -> Result<MeasureSpec, SceneError> {
     let given = |key: &&&str| -> Result<bool, SceneError> {
         match reader.get(key) {
@@ -246,6 +250,12 @@ pub(super) fn read(
         bodies: names_of(reader, "bodies", "body", bodies)?,
         packings: names_of(reader, "packings", "packing", packings)?,
         region: reader.child("region")?.as_ref().map(region).transpose()?,
+        stage: match reader.text("stage")? {
+            Some(name) if !stages.contains(&name.as_str()) => {
+                return Err(reader.unknown_name("stage", "stage", &name, stages.iter().copied()));
+            }
+            stage => stage,
+        },
         start: reader.quantity("start", Range::NotNegative)?.unwrap_or(0.0),
         every: reader.quantity("every", Range::Positive)?.unwrap_or(step),
         stress: flag("stress")?,

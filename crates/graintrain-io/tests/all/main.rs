@@ -10,5 +10,6 @@ mod scene_docs;
 mod scene_errors;
 mod scene_loads;
 mod scene_meshes;
+mod stages;
 #[cfg(not(feature = "fclib"))]
 mod without_fclib;

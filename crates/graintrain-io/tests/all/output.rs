@@ -157,6 +157,7 @@ fn settings() -> RunSettings {
             precision: Precision::Double,
             checkpoint_every: 1000,
         },
+        stages: Vec::new(),
         measures: Vec::new(),
         dump_problem_every: None,
     }

@@ -24,6 +24,7 @@ pub(super) static MEASURE: Table = Table {
             "Only bodies whose centre of mass is inside; the volume of stress, porosity and profiles (otherwise the box around the bodies)",
         ),
         key("start", Quantity(D::TIME), "0", "\"2 s\"", "No record before; planes count from here"),
+        key("stage", Text, "all stages", "\"shear\"", "Records only in the stage of this name"),
         key(
             "every",
             Quantity(D::TIME),
