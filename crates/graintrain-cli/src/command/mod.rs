@@ -5,6 +5,7 @@ mod compare;
 mod completions;
 mod dt_study;
 mod man;
+mod plot;
 mod render;
 mod reproduce;
 mod resume;
@@ -28,6 +29,7 @@ pub enum Command {
     Check(check::Arguments),
     Scenes(scenes::Arguments),
     View(view::Arguments),
+    Plot(plot::Arguments),
     Render(render::Arguments),
     Sweep(sweep::Arguments),
     DtStudy(dt_study::Arguments),
@@ -50,6 +52,7 @@ impl Command {
             Self::Check(arguments) => check::execute(&arguments),
             Self::Scenes(arguments) => scenes::execute(&arguments),
             Self::View(arguments) => view::execute(&arguments),
+            Self::Plot(arguments) => plot::execute(&arguments),
             Self::Render(arguments) => render::execute(&arguments),
             Self::Sweep(arguments) => sweep::execute(&arguments),
             Self::DtStudy(arguments) => dt_study::execute(&arguments),

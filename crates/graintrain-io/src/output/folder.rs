@@ -43,6 +43,7 @@ const FOLDERS: &[(&str, &str)] = &[
     ("checkpoints", "ckpt"),
     ("problems", "hdf5"),
     ("measures", "csv"),
+    ("plots", "svg"),
 ];
 
 /// Who holds this file locked writes into its folder.

@@ -64,10 +64,7 @@ pub fn profile(world: &World, selected: &[bool], bins: &Bins, region: Option<&Re
     for body in (0..world.bodies.len()).filter(|&body| selected[body]) {
         // The bins that the body can reach.
         let place = coordinate(bins.along, world.bodies.position[body]);
-        let reach = match ball(world, body) {
-            Some(radius) => radius,
-            None => 0.0,
-        };
+        let reach = ball(world, body).unwrap_or(0.0);
         let bin_at = |x: f64| ((x - bins.from) / width).floor().clamp(-1.0, bins.count as f64) as i64;
         for k in bin_at(place - reach).max(0)..=bin_at(place + reach).min(bins.count as i64 - 1) {
             let k = k as usize;
