@@ -1,8 +1,10 @@
 //! From a [`Scene`] to the world, the step's settings, and what a run writes.
 
+mod measures;
+mod stages;
+
 use super::Scene;
 use super::error::{Location, SceneError, SceneErrorKind};
-use super::measure::{MeasureSpec, PlaneSpec, ProfileSpec, ShearBoxSpec};
 use super::mesh_file;
 use super::model::{
     BodySpec, CentralSpec, DragSpec, FunctionFile, FunctionSpec, LoadSpec, MaterialSpec, MeshSpec,
@@ -10,17 +12,15 @@ use super::model::{
 };
 use super::packing::{self, FileProblem, read_file, table_file};
 use super::quantity::Dimension;
-use crate::measure::{Measure, Quantity, ShearBox};
+use crate::measure::Measure;
 use crate::settings::OutputSettings;
 use crate::stage::Stage;
 use graintrain::collide::{deepest_overlap, meshes_that_meet};
 use graintrain::error::ModelError;
 use graintrain::handle::{BodyId, GeometryId, MaterialId, MotionId};
-use graintrain::load::{Action, Load, Region};
+use graintrain::load::{Action, Load};
 use graintrain::material::Materials;
 use graintrain::math::{Mat3, Quat, Vec3};
-use graintrain::measure::flow::Plane;
-use graintrain::measure::profile::{Along, Bins};
 use graintrain::motion::{Axes, Motion, Profile, Rotation};
 use graintrain::shape::{Geometry, Part, Shape};
 use graintrain::stepper::StepSettings;
@@ -334,84 +334,6 @@ impl Builder {
         }
     }
 
-    /// The stages of the scene, after all bodies and loads are there.
-    fn stages(&self, scene: &Scene) -> Result<Vec<Stage>, SceneError> {
-        let whole_steps = |time: f64| (time / scene.time.step).round() as u64;
-        let mut list = scene.materials.clone();
-        let mut stages = Vec::new();
-        for spec in &scene.stages {
-            let fail =
-                |problem: String| SceneError::at(SceneErrorKind::Contradiction(problem), &spec.location);
-            for (name, change) in &spec.materials {
-                for (_, material) in list.iter_mut().filter(|(known, _)| known == name) {
-                    material.friction = change.friction.unwrap_or(material.friction);
-                    material.restitution = change.restitution.unwrap_or(material.restitution);
-                }
-            }
-            let mut motions = Vec::new();
-            for (name, body) in &spec.bodies {
-                let id = self.bodies_named(std::slice::from_ref(name), &[]).unwrap_or_default()[0];
-                let centre = self.centres.get(&id.index()).copied().unwrap_or_default();
-                let motion = motion_of(&body.motion, centre)?;
-                let moves = motion.as_ref().is_none_or(|motion| !motion.is_prescribed());
-                if moves && self.world.bodies.mass[id.index()] <= 0.0 {
-                    return Err(fail(format!(
-                        "`{name}` has no mass, so that the stage `{}` cannot free it: give it mass and inertia",
-                        spec.name
-                    )));
-                }
-                if let Some(motion) = &motion {
-                    motion.validate().map_err(|error| model_error(error, &spec.location))?;
-                }
-                motions.push((id, motion));
-            }
-            let loads = match &spec.loads {
-                None => None,
-                Some(names) => {
-                    // A builder with the same bodies and these loads alone.
-                    let mut other = self.without_loads();
-                    for (name, load) in scene.loads.iter().filter(|(name, _)| names.contains(name)) {
-                        other.add_load(name, load)?;
-                    }
-                    Some(other.world.loads().to_vec())
-                }
-            };
-            let gravity = match &spec.gravity {
-                None => None,
-                Some([x, y, z]) => Some([function(x)?, function(y)?, function(z)?]),
-            };
-            stages.push(Stage {
-                name: spec.name.clone(),
-                most: spec.time.map(|time| whole_steps(time).max(1)),
-                least: whole_steps(spec.at_least),
-                kinetic_energy: spec.kinetic_energy,
-                unbalanced_force: spec.unbalanced_force,
-                gravity,
-                materials: if spec.materials.is_empty() { None } else { Some(materials(scene, &list)?.0) },
-                motions,
-                loads,
-            });
-        }
-        Ok(stages)
-    }
-
-    /// The same bodies without loads.
-    fn without_loads(&self) -> Self {
-        let mut world = self.world.clone();
-        // An empty list fits every world.
-        let _ = world.set_loads(Vec::new());
-        let origins = self.origins.clone();
-        Self {
-            world,
-            materials: self.materials.clone(),
-            spheres: HashMap::new(),
-            locked_rotation: None,
-            smallest_radius: self.smallest_radius,
-            origins,
-            centres: self.centres.clone(),
-        }
-    }
-
     fn add_packing(&mut self, name: &str, spec: &PackingSpec) -> Result<(), SceneError> {
         self.note_origin(name, true, &spec.location);
         let at = |error: ModelError| model_error(error, &spec.location);
@@ -500,75 +422,6 @@ impl Builder {
             add(bodies, Action::Drag { linear, quadratic, angular, medium })?;
         }
         Ok(())
-    }
-
-    fn measure(&self, name: &str, spec: &MeasureSpec, scene: &Scene) -> Result<Measure, SceneError> {
-        let bodies = self.bodies_named(&spec.bodies, &spec.packings);
-        let named = |names: &[String]| self.bodies_named(names, &[]).unwrap_or_default();
-        let one = |name: &str| named(&[name.to_string()])[0];
-        let plane = |plane: &PlaneSpec| {
-            Quantity::Plane(Plane { point: plane.point, normal: plane.normal, region: spec.region.clone() })
-        };
-        let shear_box = |shear: &ShearBoxSpec| {
-            Quantity::ShearBox(ShearBox {
-                sheared: one(&shear.sheared),
-                pressing: one(&shear.pressing),
-                direction: shear.direction,
-                normal: shear.normal,
-                area: shear.area,
-            })
-        };
-        let profile = |profile: &ProfileSpec| -> Result<Quantity, SceneError> {
-            let along = profile.along.from(profile.centre);
-            let sideways = matches!(along, Along::Axis(0 | 1));
-            if sideways && matches!(spec.region, Some(Region::Cylinder { .. })) {
-                let problem = format!(
-                    "bins of `measure.{name}` along x or y in a cylinder have no volume: take a box, or the radius"
-                );
-                return Err(SceneError::at(SceneErrorKind::Contradiction(problem), &spec.location));
-            }
-            let (from, to, count) = (profile.from, profile.to, profile.bins as usize);
-            Ok(Quantity::Profile(Bins { along, from, to, count }))
-        };
-        let flags = [
-            (spec.stress, Quantity::Stress),
-            (spec.coordination, Quantity::Coordination(spec.rattlers_below as usize)),
-            (spec.fabric, Quantity::Fabric),
-            (spec.porosity, Quantity::Porosity),
-            (spec.forces, Quantity::Forces),
-            (spec.energy, Quantity::Energy),
-            (spec.motion, Quantity::Motion),
-        ];
-        let mut quantities: Vec<Quantity> =
-            flags.into_iter().filter(|(wanted, _)| *wanted).map(|(_, quantity)| quantity).collect();
-        let tables = [
-            spec.force.as_ref().map(|force| Quantity::ForceOn(named(&force.bodies), force.point)),
-            spec.plane.as_ref().map(plane),
-            spec.mixing.as_ref().map(|mixing| {
-                let first = self.bodies_named(&[], &mixing.packings).unwrap_or_default();
-                Quantity::Mixing(first, mixing.cell)
-            }),
-            spec.shear_box.as_ref().map(shear_box),
-            spec.repose
-                .as_ref()
-                .map(|repose| Quantity::Repose(repose.along.from(repose.centre), repose.width)),
-            spec.profile.as_ref().map(profile).transpose()?,
-            spec.histogram
-                .as_ref()
-                .map(|histogram| Quantity::Histogram(histogram.bins as usize, histogram.most)),
-        ];
-        quantities.extend(tables.into_iter().flatten());
-        let whole_steps = |time: f64| (time / scene.time.step).round() as u64;
-        let numbered = |name: &String| scene.stages.iter().position(|stage| stage.name == *name);
-        Ok(Measure {
-            name: name.to_string(),
-            bodies,
-            region: spec.region.clone(),
-            stage: spec.stage.as_ref().and_then(numbered),
-            start: whole_steps(spec.start),
-            every: whole_steps(spec.every).max(1),
-            quantities,
-        })
     }
 
     /// The bodies of these names and of the packings of these, ascending; `None` where there are no names: all.
