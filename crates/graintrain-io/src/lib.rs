@@ -5,7 +5,7 @@
 //! | [`scene`] | scene files with units, built-in scenes, packings |
 //! | [`settings`] | what a run writes |
 //! | [`stage`] | stages of a run, what changes from one to the next |
-//! | [`measure`], [`column`] | measurements of a run, and what the columns of tables mean |
+//! | [`measure`], [`mod@column`] | measurements of a run, and what the columns of tables mean |
 //! | [`run`] | steps one after another, watched by observers |
 //! | [`checkpoint`] | going on later |
 //! | [`output`] | frames, tables, summary |
