@@ -107,7 +107,7 @@ fn a_grid_of_sliding_blocks() {
         assert!((way[k] - exact).abs() < 0.6 * 0.002 * speed, "{} {exact}", way[k]);
     }
     let page = std::fs::read_to_string(folder.path().join("s/sweep.html")).unwrap();
-    assert!(page.matches("<svg").count() == 2 && page.contains("block.centre_x"), "{}", page.len());
+    assert!(page.matches("<h2>").count() == 2 && page.contains("block.centre_x"), "{}", page.len());
     let columns = std::fs::read_to_string(folder.path().join("s/columns.json")).unwrap();
     let columns: serde_json::Value = serde_json::from_str(&columns).unwrap();
     let way =
