@@ -14,6 +14,8 @@ mod scene_failure;
 mod signal;
 mod solving;
 mod stepping;
+mod studying;
+mod sweeping;
 mod terminal;
 mod threads;
 

@@ -25,6 +25,8 @@ const MAGIC: &[u8; 8] = b"GRAINCKP";
 /// Raised whenever the layout of what is stored changes.
 const VERSION: u32 = 6;
 const HEADER: usize = 32;
+/// Bytes that a payload may expand to: so many, and so many per byte of its own. Worlds at rest shrink to a twentieth.
+const MOST_EXPANDED: (u64, u64) = (1 << 26, 64);
 /// Checkpoints kept in a folder: the last one and, should it be damaged, the one before.
 const KEPT: usize = 2;
 
@@ -231,10 +233,97 @@ fn decode(bytes: &[u8], path: &Path) -> Result<Checkpoint, CheckpointError> {
     if crc(payload) != sum {
         return Err(CheckpointError::Damaged { path, what: "its check sum differs".to_string() });
     }
+    // A few megabytes of zeros expand to as many gigabytes: states do not.
+    let most = MOST_EXPANDED.0 + MOST_EXPANDED.1 * payload.len() as u64;
+    if expanded > most {
+        let what = format!("it claims to expand from {} to {expanded} bytes", payload.len());
+        return Err(CheckpointError::Damaged { path, what });
+    }
     let mut plain = Vec::new();
     if let Err(error) = ZlibDecoder::new(payload).take(expanded).read_to_end(&mut plain) {
         return Err(CheckpointError::Damaged { path, what: error.to_string() });
     }
     // The check sum holds: these bytes are what some build of this format wrote.
-    postcard::from_bytes(&plain).map_err(|error| CheckpointError::Foreign { path, what: error.to_string() })
+    let checkpoint: Checkpoint = postcard::from_bytes(&plain)
+        .map_err(|error| CheckpointError::Foreign { path: path.clone(), what: error.to_string() })?;
+    match checkpoint.world.validate() {
+        Ok(()) => Ok(checkpoint),
+        Err(error) => Err(CheckpointError::Damaged { path, what: error.to_string() }),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::Scene;
+    use graintrain::stepper::Stepper;
+
+    fn saved() -> (RunSettings, World) {
+        let text = "[time]\nstep = 0.01\nsteps = 9\n[body.floor]\nshape = { plane = {} }\n[packing.a]\nradius = 0.1\n\
+                    lattice = { counts = [2, 2, 2], pitch = 0.2, origin = [0, 0, 0.1] }\n[load.wind]\nforce = [1, \"t*2 N/s\", 0]\n\
+                    [measure.m]\nstress = true\nprofile = { from = 0, to = 1, bins = 3 }\n"
+            .replace("stress = true\n", "");
+        let scene = Scene::parse("a", "a.toml", &text, Path::new(""), &[]).unwrap();
+        let simulation = scene.build().unwrap();
+        let settings = RunSettings::new(&simulation, None);
+        let mut world = simulation.world;
+        let mut stepper = Stepper::new(settings.stepping.clone()).unwrap();
+        (0..3).for_each(|_| {
+            stepper.step(&mut world).unwrap();
+        });
+        (settings, world)
+    }
+
+    fn packed(plain: &[u8], expanded: u64) -> Vec<u8> {
+        let mut encoder = ZlibEncoder::new(Vec::new(), Compression::fast());
+        io::Write::write_all(&mut encoder, plain).unwrap();
+        let payload = encoder.finish().unwrap();
+        let mut bytes = MAGIC.to_vec();
+        bytes.extend(VERSION.to_le_bytes());
+        bytes.extend(crc(&payload).to_le_bytes());
+        bytes.extend((payload.len() as u64).to_le_bytes());
+        bytes.extend(expanded.to_le_bytes());
+        bytes.extend(payload);
+        bytes
+    }
+
+    /// Altered payloads with the right check sum: refused, or a world that a step can be asked of; never a panic.
+    #[test]
+    fn altered_payloads_make_no_panic() {
+        let (settings, world) = saved();
+        let plain = postcard::to_stdvec(&(&settings, &RunTotals::default(), &world)).unwrap();
+        assert!(decode(&packed(&plain, plain.len() as u64), Path::new("a")).is_ok());
+        let mut state = 9_u64;
+        let mut draw = |below: usize| {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 33) as usize % below
+        };
+        let mut accepted = 0;
+        for _ in 0..5000 {
+            let mut altered = plain.clone();
+            for _ in 0..=draw(3) {
+                let at = draw(altered.len());
+                match draw(3) {
+                    0 => altered[at] ^= 1 << draw(8),
+                    1 => altered[at] = [0, 1, 0x7f, 0x80, 0xff][draw(5)],
+                    _ => {
+                        altered.remove(at);
+                    }
+                }
+            }
+            let Ok(checkpoint) = decode(&packed(&altered, altered.len() as u64), Path::new("a")) else {
+                continue;
+            };
+            accepted += 1;
+            checkpoint.world.state_hash();
+        }
+        assert!(accepted > 500, "{accepted}");
+    }
+
+    #[test]
+    fn a_small_file_that_claims_to_be_huge_is_refused() {
+        let bomb = packed(&vec![0; 1 << 20], 1 << 33);
+        let error = decode(&bomb, Path::new("a")).unwrap_err();
+        assert!(error.to_string().contains("expand"), "{error}");
+    }
 }

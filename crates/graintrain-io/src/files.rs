@@ -92,6 +92,26 @@ fn replace(path: &Path, write: impl FnOnce(&mut File) -> io::Result<()>) -> Resu
     })
 }
 
+/// Puts a damaged file out of the way without losing it: it becomes `NAME.bad`, or `NAME.bad2` and so on where there is one already.
+///
+/// # Errors
+/// Where the system refuses.
+pub fn set_aside(path: &Path) -> Result<PathBuf, OutputError> {
+    let bad = free_name(path);
+    fs::rename(path, &bad).map_err(|error| OutputError::new("set aside", path, error))?;
+    Ok(bad)
+}
+
+/// `NAME.bad`, `NAME.bad2`, ...: the first that is not there.
+fn free_name(path: &Path) -> PathBuf {
+    let named = |number: u32| {
+        let mut name = path.file_name().unwrap_or_default().to_os_string();
+        name.push(if number == 1 { ".bad".to_string() } else { format!(".bad{number}") });
+        path.with_file_name(name)
+    };
+    (1..).map(named).find(|name| !name.exists()).unwrap_or_else(|| named(1))
+}
+
 /// A table in CSV form to which records are appended, each written and handed to the system at once.
 #[derive(Debug)]
 pub struct Table {
@@ -99,6 +119,8 @@ pub struct Table {
     file: File,
     /// Bytes of complete records.
     length: u64,
+    /// Where a damaged table of the same name went.
+    set_aside: Option<PathBuf>,
 }
 
 impl Table {
@@ -108,13 +130,13 @@ impl Table {
     /// Where the file cannot be written.
     pub fn create(path: PathBuf, header: &str) -> Result<Self, OutputError> {
         let file = File::create(&path).map_err(|error| OutputError::new("write", &path, error))?;
-        let mut table = Self { path, file, length: 0 };
+        let mut table = Self { path, file, length: 0, set_aside: None };
         table.append(header)?;
         Ok(table)
     }
 
     /// Reopens a table and drops the records after step `last_step` (the first column) and a record cut short; a new
-    /// table where there is none or its header differs.
+    /// table where there is none. What is damaged or has another header is kept beside it: see [`Self::set_aside`].
     ///
     /// # Errors
     /// Where the file cannot be read or written.
@@ -124,22 +146,52 @@ impl Table {
             Err(error) if error.kind() == io::ErrorKind::NotFound => return Self::create(path, header),
             Err(error) => return Err(OutputError::new("open", &path, error)),
         };
-        let mut text = String::new();
-        // Text that is not UTF-8 is no table of ours: begin anew.
-        if file.read_to_string(&mut text).is_err() || text.lines().next() != Some(header) {
-            return Self::create(path, header);
+        let mut bytes = Vec::new();
+        let read = file.read_to_end(&mut bytes);
+        read.map_err(|error| OutputError::new("read", &path, error))?;
+        let text = String::from_utf8_lossy(&bytes);
+        if text.lines().next() != Some(header) {
+            let bad = set_aside(&path)?;
+            return Ok(Self { set_aside: Some(bad), ..Self::create(path, header)? });
         }
-        let kept: usize = text
+        let columns = header.split(',').count();
+        let is_whole = |record: &str| {
+            // A comma in quotes (a name) only adds to the count.
+            record.ends_with('\n') && record.split(',').count() >= columns && !record.contains('\u{fffd}')
+        };
+        let kept: Vec<&str> = text
             .split_inclusive('\n')
             .enumerate()
-            .take_while(|(line, record)| {
-                record.ends_with('\n') && (*line == 0 || step_of(record) <= last_step)
-            })
-            .map(|(_, record)| record.len())
-            .sum();
-        let mut table = Self { path, file, length: kept as u64 };
+            .take_while(|(line, record)| *line == 0 || is_whole(record) && step_of(record) <= last_step)
+            .map(|(_, record)| record)
+            .collect();
+        // Records of later steps are made anew; those of earlier ones behind a damaged place would be lost.
+        let is_lost = |record: &str| is_whole(record) && step_of(record) <= last_step;
+        let lost = text.split_inclusive('\n').skip(kept.len()).any(is_lost);
+        let length = kept.iter().map(|record| record.len() as u64).sum();
+        let bad = if lost {
+            let bad = free_name(&path);
+            fs::copy(&path, &bad).map_err(|error| OutputError::new("set aside", &path, error))?;
+            Some(bad)
+        } else {
+            None
+        };
+        let mut table = Self { path, file, length, set_aside: bad };
         table.cut().map_err(|error| OutputError::new("write", &table.path, error))?;
         Ok(table)
+    }
+
+    /// Where a damaged table of the same name went when this one was reopened.
+    pub fn set_aside(&self) -> Option<&Path> {
+        self.set_aside.as_deref()
+    }
+
+    /// Hands the table to the disk, so that not even a power failure takes it away.
+    ///
+    /// # Errors
+    /// Where the system refuses.
+    pub fn sync(&self) -> Result<(), OutputError> {
+        self.file.sync_data().map_err(|error| OutputError::new("write", &self.path, error))
     }
 
     /// Appends one record (without its newline).
@@ -191,8 +243,32 @@ mod tests {
         );
         let _ = Table::reopen(path.clone(), "step,time", 9).unwrap();
         assert!(fs::read_to_string(&path).unwrap().ends_with("4,again\n"));
-        let _ = Table::reopen(path.clone(), "step,time,more", 9).unwrap();
+        let other = Table::reopen(path.clone(), "step,time,more", 9).unwrap();
         assert_eq!(fs::read_to_string(&path).unwrap(), "step,time,more\n");
+        assert!(fs::read_to_string(other.set_aside().unwrap()).unwrap().ends_with("4,again\n"));
+    }
+
+    #[test]
+    fn damaged_tables_are_kept_beside_new_ones() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("steps.csv");
+        let damaged = b"step,time\n1,0.1\n2\xff,0.2\n3,0.3\n".as_slice();
+        for (name, kept) in
+            [("steps.csv.bad", "step,time\n1,0.1\n"), ("steps.csv.bad2", "step,time\n1,0.1\n")]
+        {
+            fs::write(&path, damaged).unwrap();
+            let table = Table::reopen(path.clone(), "step,time", 9).unwrap();
+            assert_eq!(table.set_aside(), Some(folder.path().join(name).as_path()));
+            assert_eq!(fs::read(folder.path().join(name)).unwrap(), damaged);
+            assert_eq!(fs::read_to_string(&path).unwrap(), kept);
+        }
+        fs::write(&path, [0xff; 9]).unwrap();
+        let table = Table::reopen(path.clone(), "step,time", 9).unwrap();
+        assert_eq!(fs::read(table.set_aside().unwrap()).unwrap(), [0xff; 9]);
+        assert_eq!(fs::read_to_string(&path).unwrap(), "step,time\n");
+        // A record cut short by a kill is no damage, and neither are records of steps that are made again.
+        fs::write(&path, "step,time\n1,0.1\n2,0.2\n3,0.").unwrap();
+        assert!(Table::reopen(path, "step,time", 1).unwrap().set_aside().is_none());
     }
 
     #[test]

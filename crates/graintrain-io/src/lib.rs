@@ -4,6 +4,8 @@
 //! |---|---|
 //! | [`scene`] | scene files with units, built-in scenes, packings |
 //! | [`settings`] | what a run writes |
+//! | [`stage`] | stages of a run, what changes from one to the next |
+//! | [`measure`], [`mod@column`] | measurements of a run, and what the columns of tables mean |
 //! | [`run`] | steps one after another, watched by observers |
 //! | [`checkpoint`] | going on later |
 //! | [`output`] | frames, tables, summary |
@@ -20,10 +22,13 @@
 struct Readme;
 
 pub mod checkpoint;
+pub mod column;
 pub mod files;
+pub mod measure;
 pub mod output;
 pub mod problem_file;
 pub mod process;
 pub mod run;
 pub mod scene;
 pub mod settings;
+pub mod stage;

@@ -1,9 +1,13 @@
 //! The run: steps one after another, watched by observers, until the end or until somebody asks to stop.
 
 use crate::files::OutputError;
+use crate::measure::{Measure, MeasureState, Measured};
 use crate::process::cpu_seconds;
 use crate::scene::Simulation;
 use crate::settings::OutputSettings;
+use crate::stage::{Stage, StageRecord};
+use graintrain::math::Vec3;
+use graintrain::measure::energy::Ledger;
 use graintrain::relaxation::{Difference, Opening};
 use graintrain::stepper::{PhaseSeconds, PhysicalErrors, StepError, StepReport, StepSettings, Stepper};
 use graintrain::world::World;
@@ -24,6 +28,10 @@ pub struct RunSettings {
     pub steps: u64,
     /// What is written.
     pub output: OutputSettings,
+    /// The stages; none is one without end.
+    pub stages: Vec<Stage>,
+    /// What is measured.
+    pub measures: Vec<Measure>,
     /// Steps from one dumped contact problem to the next; `None` dumps none.
     pub dump_problem_every: Option<u64>,
 }
@@ -36,6 +44,8 @@ impl RunSettings {
             stepping: simulation.settings.clone(),
             steps: simulation.steps,
             output: simulation.output.clone(),
+            stages: simulation.stages.clone(),
+            measures: simulation.measures.clone(),
             dump_problem_every,
         }
     }
@@ -100,8 +110,12 @@ pub struct RunTotals {
     pub overlap_corrected_max: f64,
     /// Energy that they gave to bodies against gravity, summed, J.
     pub correction_energy: f64,
-    /// Work of external forces and torques, summed, J.
-    pub load_work: f64,
+    /// What changed the kinetic energy, summed; work of loads included.
+    pub ledger: Ledger,
+    /// The stages that have begun.
+    pub stages: Vec<StageRecord>,
+    /// What measurements remember, in their order.
+    pub measured: Vec<MeasureState>,
 }
 
 /// Relaxed steps, one in a hundred, of which the contact problem was solved with exact friction, too.
@@ -165,7 +179,7 @@ impl RunTotals {
         }
         self.overlap_corrected_max = self.overlap_corrected_max.max(report.overlap_corrected_max);
         self.correction_energy += report.correction_energy;
-        self.load_work += report.load_work;
+        self.ledger.add(&report.ledger);
     }
 }
 
@@ -178,6 +192,8 @@ pub struct StepView<'a> {
     pub report: &'a StepReport,
     /// The run so far, this step included.
     pub totals: &'a RunTotals,
+    /// Records of the measurements that were due, with the numbers of those: the rows of their columns.
+    pub measured: &'a [(usize, Vec<Vec<f64>>)],
     /// The step's contact problem and the impulses found.
     pub problem: Option<(&'a Ccp, &'a [f64])>,
 }
@@ -290,11 +306,18 @@ impl Run {
             if self.stop.load(Ordering::Relaxed) {
                 return Ok(Ending::Stopped);
             }
+            if !self.begin_stage()? {
+                return Ok(Ending::Finished);
+            }
+            let velocity = self.compares_velocities().then(|| self.world.bodies.velocity.clone());
+            let before = self.follows_bodies().then(|| self.world.bodies.position.clone());
             let report = match self.stepper.step(&mut self.world) {
                 Err(StepError::Stopped) => return Ok(Ending::Stopped),
                 result => result?,
             };
             self.totals.add(self.world.step, &report);
+            let measured = self.measure(before.as_deref());
+            self.end_stage(velocity.as_deref());
             clocks.count(&mut self.totals);
             let begin = Instant::now();
             self.compare_with_exact_friction(&report)?;
@@ -303,6 +326,7 @@ impl Run {
                     world: &self.world,
                     report: &report,
                     totals: &self.totals,
+                    measured: &measured,
                     problem: self.stepper.last_problem(),
                 })?;
             }
@@ -336,6 +360,70 @@ impl Run {
             found.iter().for_each(|found| self.totals.comparison.add(found));
         }
         Ok(())
+    }
+}
+
+/// The part of [`Run`] that leads through the stages. What has begun and ended is in the totals, so that a run goes on where it was.
+impl Run {
+    /// The stage under way, with its record.
+    fn stage(&self) -> Option<(&Stage, &StageRecord)> {
+        let record = self.totals.stages.last().filter(|record| record.end.is_none())?;
+        Some((self.settings.stages.get(self.totals.stages.len() - 1)?, record))
+    }
+
+    /// Begins the next stage where none is under way; `false` where the last one has ended.
+    fn begin_stage(&mut self) -> Result<bool, RunError> {
+        if self.settings.stages.is_empty() || self.stage().is_some() {
+            return Ok(true);
+        }
+        let Some(next) = self.settings.stages.get(self.totals.stages.len()) else { return Ok(false) };
+        next.begin(&mut self.world).map_err(StepError::Settings)?;
+        let (name, first_step) = (next.name.clone(), self.world.step);
+        self.totals.stages.push(StageRecord { name, first_step, last_step: None, end: None });
+        Ok(true)
+    }
+
+    fn compares_velocities(&self) -> bool {
+        self.stage().is_some_and(|(stage, _)| stage.compares_velocities())
+    }
+
+    /// Ends the stage under way if its condition holds after a step from these velocities.
+    fn end_stage(&mut self, before: Option<&[Vec3]>) {
+        let Some((stage, record)) = self.stage() else { return };
+        let number = self.world.step;
+        let end = stage.end(&self.world, number - record.first_step, self.settings.stepping.step, before);
+        if let (Some(_), Some(record)) = (end, self.totals.stages.last_mut()) {
+            (record.last_step, record.end) = (Some(number), end);
+        }
+    }
+}
+
+/// The part of [`Run`] that measures.
+impl Run {
+    fn follows_bodies(&self) -> bool {
+        self.settings.measures.iter().any(Measure::follows_bodies)
+    }
+
+    /// Makes the records that are due after a step from these places of the bodies.
+    fn measure(&mut self, before: Option<&[Vec3]>) -> Vec<(usize, Vec<Vec<f64>>)> {
+        let (measures, mut states) = (&self.settings.measures, std::mem::take(&mut self.totals.measured));
+        states.resize(measures.len(), MeasureState::default());
+        let now = Measured {
+            world: &self.world,
+            step: self.settings.stepping.step,
+            stage: self.totals.stages.len().saturating_sub(1),
+            ledger: &self.totals.ledger,
+            correction_energy: self.totals.correction_energy,
+        };
+        let mut records = Vec::new();
+        for (number, (measure, state)) in measures.iter().zip(&mut states).enumerate() {
+            if let Some(before) = before {
+                measure.follow(&self.world, now.stage, before, state);
+            }
+            records.extend(measure.record(now, state).map(|rows| (number, rows)));
+        }
+        self.totals.measured = states;
+        records
     }
 }
 

@@ -190,7 +190,19 @@ impl StepReport {
     /// Work of external forces and torques in the step, J.
     #[getter]
     fn load_work(&self) -> f64 {
-        self.report.load_work
+        self.report.ledger.loads
+    }
+
+    /// What changed the kinetic energy in the step, J, as a dict: gravity, loads, drives, friction, normal, rest.
+    #[getter]
+    fn ledger<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        plain(py, &self.report.ledger)
+    }
+
+    /// Largest gap that relaxed friction opened in the step, over the size of the smaller body; 0 with exact friction.
+    #[getter]
+    fn relaxation_opening(&self) -> f64 {
+        self.report.opening.largest_over_size
     }
 
     /// What is left of the contact problem in physical units, as a dict: approach_max (m/s), overlap_per_step_max_over_size,

@@ -337,8 +337,15 @@ impl World {
             precision: Precision::default(),
             checkpoint_every: 1,
         };
-        let settings =
-            RunSettings { scene: "python".to_string(), stepping, steps: 0, output, dump_problem_every: None };
+        let settings = RunSettings {
+            scene: "python".to_string(),
+            stepping,
+            steps: 0,
+            output,
+            dump_problem_every: None,
+            measures: Vec::new(),
+            stages: Vec::new(),
+        };
         Self::new(world, settings, RunTotals::default())
     }
 

@@ -3,9 +3,11 @@
 //! | module | holds |
 //! |---|---|
 //! | [`plot`] | charts in SVG |
+//! | [`figures`] | the standard figures of a run |
 //! | [`render`] | pictures of a world |
 //! | [`view`] | a run's folder read back; replays in one HTML page |
 
+pub mod figures;
 pub mod plot;
 pub mod render;
 pub mod view;

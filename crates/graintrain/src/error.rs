@@ -26,6 +26,16 @@ pub enum ModelError {
         /// How many there are.
         len: usize,
     },
+    /// Lists of which one is too short or too long.
+    #[error("there are {found} {what}, but there should be {expected}")]
+    Length {
+        /// Kind of thing.
+        what: &'static str,
+        /// How many there are.
+        found: usize,
+        /// How many there should be.
+        expected: usize,
+    },
     /// A triangle names a vertex that does not exist.
     #[error(
         "triangle {triangle} of the mesh names vertex {vertex}, but the mesh has {len} vertices, counted from 0"

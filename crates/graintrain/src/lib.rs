@@ -16,6 +16,7 @@
 //! | [`relaxation`] | what relaxed friction opens, and how far it is from exact friction |
 //! | [`stepper`], [`step_report`] | the time step, what it reports |
 //! | [`gradient`] | derivatives of a step |
+//! | [`measure`] | stress, coordination, profiles, flow, energies and other measurements |
 //! | [`error`] | what can be wrong with a world |
 //! | [`ccp`] | contact problems and their solvers |
 //!
@@ -37,6 +38,7 @@ pub mod integrate;
 pub mod load;
 pub mod material;
 pub mod math;
+pub mod measure;
 pub mod motion;
 pub mod overlap;
 mod part_solver;
@@ -48,6 +50,7 @@ mod solid_mesh;
 pub mod step_report;
 pub mod stepper;
 pub mod turning;
+mod validate;
 pub mod world;
 
 pub use graintrain_ccp as ccp;

@@ -4,6 +4,7 @@ use crate::assemble::relative_velocities;
 use crate::contact::{Contact, ContactSet};
 use crate::handle::BodyId;
 use crate::math::Vec3;
+use crate::measure::energy::Ledger;
 use crate::relaxation::Opening;
 use crate::turning::turning_velocities;
 use crate::world::World;
@@ -72,9 +73,8 @@ pub struct StepReport {
     pub overlap_corrected_max: f64,
     /// Energy that those displacements gave to bodies against gravity, J.
     pub correction_energy: f64,
-    /// Work of external forces and torques in the step (loads, and what a program has set), J: what they add to the kinetic energy, see
-    /// [`crate::load`].
-    pub load_work: f64,
+    /// What changed the kinetic energy, work of loads included.
+    pub ledger: Ledger,
     /// Seconds per phase.
     pub phases: PhaseSeconds,
     /// One entry per body that is not free.

@@ -10,6 +10,7 @@ use crate::impact::{self, ImpactSolver, Impacts, Rows, lead_to_surfaces};
 use crate::integrate::{advance, free_velocity, inverse_mass};
 use crate::load;
 use crate::math::{Quat, Vec3};
+use crate::measure::energy;
 use crate::overlap::{Correction, Gaps};
 use crate::part_solver::PartSolver;
 use crate::relaxation::{self, Difference, Opening};
@@ -592,6 +593,9 @@ impl Stepper {
         };
         let set = ContactSet { contacts, impulse: world_impulse, friction, moment };
         let wrenches = wrenches(&start.position, world, &set, step);
+        let (before, kinetic_energy) = (start.velocities(), world.kinetic_energy());
+        let change = kinetic_energy - start.kinetic_energy;
+        let ledger = energy::ledger(world, &set, &start.position, [&before, &velocity], step, change);
         let (mut deepest, mut over_size) = (0.0_f64, 0.0_f64);
         for contact in ahead.iter().filter(|contact| contact.gap < 0.0) {
             deepest = deepest.max(-contact.gap);
@@ -615,8 +619,8 @@ impl Stepper {
             solve,
             penetration_max: deepest,
             penetration_max_over_size: over_size,
-            kinetic_energy: world.kinetic_energy(),
-            load_work: load::work(world, &start.velocities(), &velocity, step),
+            kinetic_energy,
+            ledger,
             errors,
             opening,
             impacts: impacts.count,
@@ -667,6 +671,8 @@ struct Placement {
     orientation: Vec<Quat>,
     velocity: Vec<Vec3>,
     angular_velocity: Vec<Vec3>,
+    /// J
+    kinetic_energy: f64,
 }
 
 impl Placement {
@@ -677,6 +683,7 @@ impl Placement {
             orientation: bodies.orientation.clone(),
             velocity: bodies.velocity.clone(),
             angular_velocity: bodies.angular_velocity.clone(),
+            kinetic_energy: world.kinetic_energy(),
         }
     }
 

@@ -295,6 +295,19 @@ impl World {
         Ok(())
     }
 
+    /// Puts these loads in the place of all that there are.
+    ///
+    /// # Errors
+    /// As [`Self::add_load`]; the loads are then as they were.
+    pub fn set_loads(&mut self, loads: Vec<Load>) -> Result<(), ModelError> {
+        let before = std::mem::take(&mut self.loads);
+        let added = loads.into_iter().try_for_each(|load| self.add_load(load));
+        if added.is_err() {
+            self.loads = before;
+        }
+        added
+    }
+
     /// The loads, in the order in which they are summed.
     pub fn loads(&self) -> &[Load] {
         &self.loads

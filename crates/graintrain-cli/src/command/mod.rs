@@ -3,7 +3,9 @@
 mod check;
 mod compare;
 mod completions;
+mod dt_study;
 mod man;
+mod plot;
 mod render;
 mod reproduce;
 mod resume;
@@ -11,6 +13,8 @@ mod run;
 mod scenes;
 mod solve;
 mod solvers;
+mod sweep;
+mod tolerance_study;
 mod verify;
 mod view;
 
@@ -25,7 +29,11 @@ pub enum Command {
     Check(check::Arguments),
     Scenes(scenes::Arguments),
     View(view::Arguments),
+    Plot(plot::Arguments),
     Render(render::Arguments),
+    Sweep(sweep::Arguments),
+    DtStudy(dt_study::Arguments),
+    ToleranceStudy(tolerance_study::Arguments),
     Reproduce(reproduce::Arguments),
     Verify(verify::Arguments),
     Solve(solve::Arguments),
@@ -44,7 +52,11 @@ impl Command {
             Self::Check(arguments) => check::execute(&arguments),
             Self::Scenes(arguments) => scenes::execute(&arguments),
             Self::View(arguments) => view::execute(&arguments),
+            Self::Plot(arguments) => plot::execute(&arguments),
             Self::Render(arguments) => render::execute(&arguments),
+            Self::Sweep(arguments) => sweep::execute(&arguments),
+            Self::DtStudy(arguments) => dt_study::execute(&arguments),
+            Self::ToleranceStudy(arguments) => tolerance_study::execute(&arguments),
             Self::Reproduce(arguments) => reproduce::execute(&arguments),
             Self::Verify(arguments) => verify::execute(&arguments),
             Self::Solve(arguments) => solve::execute(&arguments),

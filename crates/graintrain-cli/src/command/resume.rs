@@ -94,5 +94,11 @@ pub fn execute(arguments: &Arguments) -> Result<ExitCode, Failure> {
     let run = Run::new(world, settings, checkpoint.totals, Arc::clone(&stop.requested))
         .map_err(|error| Failure::input_error(error, "`graintrain solvers` lists the solvers"))?;
     let recorder = Recorder::resume(taken, &run.settings, &run.world).map_err(output_failure)?;
+    for bad in recorder.set_aside() {
+        tell!(
+            "warning: a damaged table or list was kept as {}; its readable beginning goes on",
+            bad.display()
+        );
+    }
     make_steps(run, recorder, &arguments.stepping, &stop)
 }

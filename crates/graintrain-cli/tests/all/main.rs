@@ -4,4 +4,5 @@ mod book;
 mod oracle;
 mod runs;
 mod solve_compare;
+mod sweeps;
 mod verify;

@@ -1,23 +1,10 @@
 //! Columns of every table of a run, with units and meanings; `columns.json` says the same to programs.
 
+pub use crate::column::Column;
+use crate::column::column;
 use crate::files::{OutputError, write_atomically};
-use serde::Serialize;
+use std::collections::BTreeMap;
 use std::path::Path;
-
-/// A column of a table.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-pub struct Column {
-    /// As in the header.
-    pub name: &'static str,
-    /// SI unit, `1` for ratios and counts, empty for names.
-    pub unit: &'static str,
-    /// One line.
-    pub meaning: &'static str,
-}
-
-const fn column(name: &'static str, unit: &'static str, meaning: &'static str) -> Column {
-    Column { name, unit, meaning }
-}
 
 /// Columns of `steps.csv`.
 pub const STEPS: &[Column] = &[
@@ -173,24 +160,17 @@ pub fn header(columns: &[Column]) -> String {
     columns.iter().map(|column| column.name).collect::<Vec<_>>().join(",")
 }
 
-/// The tables of a run by file name.
-#[derive(Serialize)]
-struct Tables {
-    #[serde(rename = "steps.csv")]
-    steps: &'static [Column],
-    #[serde(rename = "wrench.csv")]
-    wrench: &'static [Column],
-    #[serde(rename = "newton.csv")]
-    newton: &'static [Column],
-}
-
-/// Writes `columns.json` into the folder: per table the list of its columns in order, each with `name`, `unit` and `meaning`.
+/// Writes `columns.json` into the folder: per table the list of its columns in order, each with `name`, `unit` and `meaning`; `measures` are the names and columns of
+/// the measurements.
 ///
 /// # Errors
 /// Where the file cannot be written.
-pub fn write(folder: &Path) -> Result<(), OutputError> {
+pub fn write(folder: &Path, measures: &[(String, Vec<Column>)]) -> Result<(), OutputError> {
     let path = folder.join("columns.json");
-    let text = serde_json::to_string_pretty(&Tables { steps: STEPS, wrench: WRENCH, newton: NEWTON })
+    let fixed = [("steps.csv", STEPS), ("wrench.csv", WRENCH), ("newton.csv", NEWTON)];
+    let fixed = fixed.into_iter().map(|(name, columns)| (name.to_string(), columns.to_vec()));
+    let tables: BTreeMap<String, Vec<Column>> = fixed.chain(measures.iter().cloned()).collect();
+    let text = serde_json::to_string_pretty(&tables)
         .map_err(|error| OutputError::new("write", &path, error.into()))?;
     write_atomically(&path, format!("{text}\n").as_bytes())
 }

@@ -2,11 +2,8 @@
 
 use super::vtp::{CellKind, Cells, DataArray, PolyData};
 use graintrain::math::Vec3;
+use graintrain::measure::contacts::{is_sliding, normal_and_tangential};
 use graintrain::world::World;
-
-/// Part of the largest admissible tangential force above which a contact counts as sliding: the solver reaches the
-/// surface of the cone only to its tolerance.
-const SLIDING: f64 = 0.999;
 
 /// The frame: one line of three points per contact, from the centre of body A through the contact point to the centre of
 /// body B. Where a body has no degree of freedom (a wall), the contact point stands for its centre. (OVITO drops lines
@@ -31,23 +28,14 @@ pub fn lines(world: &World, step: f64) -> PolyData {
         cells.push(first..first + 3);
     }
     let force: Vec<Vec3> = set.impulse.iter().map(|&impulse| impulse / step).collect();
-    let normal: Vec<f64> =
-        force.iter().zip(&set.contacts).map(|(f, contact)| f.dot(contact.normal)).collect();
-    let tangential: Vec<f64> = force
-        .iter()
-        .zip(&set.contacts)
-        .zip(&normal)
-        .map(|((&f, contact), &normal)| (f - normal * contact.normal).length())
-        .collect();
-    let sliding = normal
-        .iter()
-        .zip(&tangential)
-        .zip(&set.friction)
-        .map(|((&normal, &tangential), &mu)| normal > 0.0 && tangential >= SLIDING * mu * normal);
+    let (normal, tangential): (Vec<f64>, Vec<f64>) =
+        set.contacts.iter().zip(&force).map(|(contact, &f)| normal_and_tangential(contact, f)).unzip();
+    let parts = normal.iter().zip(&tangential).zip(&set.friction);
+    let sliding = parts.map(|((&normal, &tangential), &mu)| is_sliding(normal, tangential, mu));
     let mut cell_data = vec![
         DataArray::int64("id1", set.contacts.iter().map(|contact| i64::from(contact.body_a)).collect()),
         DataArray::int64("id2", set.contacts.iter().map(|contact| i64::from(contact.body_b)).collect()),
-        DataArray::flags("sliding", sliding),
+        DataArray::flags("sliding", sliding.collect::<Vec<_>>().into_iter()),
         DataArray::vector("force", force),
         DataArray::scalar("fn", normal),
         DataArray::scalar("ft", tangential),

@@ -37,8 +37,14 @@ const FILES: &[&str] = &[
     "scene.toml",
 ];
 /// Folders of a run, and what is in them.
-const FOLDERS: &[(&str, &str)] =
-    &[("frames", "vtp"), ("frames", "vtm"), ("checkpoints", "ckpt"), ("problems", "hdf5")];
+const FOLDERS: &[(&str, &str)] = &[
+    ("frames", "vtp"),
+    ("frames", "vtm"),
+    ("checkpoints", "ckpt"),
+    ("problems", "hdf5"),
+    ("measures", "csv"),
+    ("plots", "svg"),
+];
 
 /// Who holds this file locked writes into its folder.
 const LOCK: &str = ".lock";

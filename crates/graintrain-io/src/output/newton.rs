@@ -35,6 +35,19 @@ impl NewtonTable {
         Ok(table)
     }
 
+    /// Where a damaged table of the same name went when this one was reopened.
+    pub fn set_aside(&self) -> Option<&Path> {
+        self.table.as_ref().and_then(Table::set_aside)
+    }
+
+    /// Hands the table to the disk.
+    ///
+    /// # Errors
+    /// Where the system refuses.
+    pub fn sync(&self) -> Result<(), OutputError> {
+        self.table.as_ref().map_or(Ok(()), Table::sync)
+    }
+
     /// Appends the iterations of a step.
     ///
     /// # Errors

@@ -1,6 +1,6 @@
 //! ParaView's list of frames over time (`.pvd`).
 
-use crate::files::{OutputError, write_atomically};
+use crate::files::{OutputError, set_aside, write_atomically};
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
@@ -9,6 +9,8 @@ use std::path::{Path, PathBuf};
 pub struct FrameList {
     path: PathBuf,
     entries: Vec<Entry>,
+    /// Where a damaged list of the same name went.
+    set_aside: Option<PathBuf>,
 }
 
 /// One frame: time in s, and its files relative to the list's folder.
@@ -21,22 +23,26 @@ struct Entry {
 impl FrameList {
     /// An empty list, not yet written.
     pub fn new(path: PathBuf) -> Self {
-        Self { path, entries: Vec::new() }
+        Self { path, entries: Vec::new(), set_aside: None }
     }
 
     /// The list in the file, up to and including `until` (s); empty where there is no such file or it is damaged
-    /// (the frames written from now on are then listed).
+    /// (the frames written from now on are then listed, and the damaged list is kept: see [`Self::set_aside`]).
     ///
     /// # Errors
     /// Where the file exists and cannot be read.
     pub fn reopen(path: PathBuf, until: f64) -> Result<Self, OutputError> {
         let mut list = Self::new(path);
-        let text = match std::fs::read_to_string(&list.path) {
-            Ok(text) => text,
+        let bytes = match std::fs::read(&list.path) {
+            Ok(bytes) => bytes,
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(list),
             Err(error) => return Err(OutputError::new("read", &list.path, error)),
         };
-        let Ok(document) = roxmltree::Document::parse(&text) else { return Ok(list) };
+        let text = String::from_utf8(bytes).unwrap_or_default();
+        let Ok(document) = roxmltree::Document::parse(&text) else {
+            list.set_aside = Some(set_aside(&list.path)?);
+            return Ok(list);
+        };
         for node in document.descendants().filter(|node| node.has_tag_name("DataSet")) {
             let time = node.attribute("timestep").and_then(|time| time.parse::<f64>().ok());
             if let (Some(time), Some(file)) = (time, node.attribute("file"))
@@ -78,6 +84,11 @@ impl FrameList {
         }
         text.push_str("</Collection>\n</VTKFile>\n");
         text
+    }
+
+    /// Where a damaged list of the same name went when this one was reopened.
+    pub fn set_aside(&self) -> Option<&Path> {
+        self.set_aside.as_deref()
     }
 
     /// Where the file is.

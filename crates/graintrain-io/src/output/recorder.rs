@@ -15,7 +15,7 @@ use crate::problem_file::{self, ProblemFileError};
 use crate::run::{Observer, RunSettings, RunTotals, StepView};
 use graintrain::world::World;
 use graintrain_ccp::Ccp;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -54,7 +54,7 @@ impl Recorder {
         write_atomically(&path.join("scene.toml"), resolved_scene.as_bytes())?;
         let mut recorder = Self {
             settings: settings.clone(),
-            tables: Tables::create(path)?,
+            tables: Tables::create(path, &settings.measures)?,
             all: FrameList::new(path.join("all.pvd")),
             bodies: FrameList::new(path.join("bodies.pvd")),
             surfaces: FrameList::new(path.join("surfaces.pvd")),
@@ -77,7 +77,7 @@ impl Recorder {
         let list = |name: &str| FrameList::reopen(path.join(name), world.time);
         Ok(Self {
             settings: settings.clone(),
-            tables: Tables::reopen(path, world.step)?,
+            tables: Tables::reopen(path, &settings.measures, world.step)?,
             all: list("all.pvd")?,
             bodies: list("bodies.pvd")?,
             surfaces: list("surfaces.pvd")?,
@@ -93,7 +93,14 @@ impl Recorder {
         self.folder.path()
     }
 
-    /// Writes a checkpoint and the summary so far.
+    /// Where damaged tables and lists of frames went when this run was resumed: nothing of them is erased.
+    pub fn set_aside(&self) -> Vec<PathBuf> {
+        let lists = [&self.all, &self.bodies, &self.surfaces, &self.contacts];
+        let lists = lists.into_iter().filter_map(FrameList::set_aside);
+        self.tables.set_aside().chain(lists).map(Path::to_path_buf).collect()
+    }
+
+    /// Writes a checkpoint and the summary so far; tables are on the disk before it is.
     ///
     /// # Errors
     /// Where a file cannot be written.
@@ -103,6 +110,12 @@ impl Recorder {
         totals: &RunTotals,
         status: RunStatus,
     ) -> Result<Summary, OutputError> {
+        if matches!(status, RunStatus::Finished) && world.step < self.settings.steps {
+            // The last stage ended before the time was over.
+            self.settings.steps = world.step;
+            self.frame(world)?;
+        }
+        self.tables.sync()?;
         checkpoint::write(&self.folder.path().join("checkpoints"), &self.settings, totals, world)?;
         self.last_checkpoint = Instant::now();
         let summary = Summary::new(world, &self.settings, totals, status);
@@ -190,8 +203,9 @@ impl Recorder {
 
 impl Observer for Recorder {
     fn observe(&mut self, step: StepView<'_>) -> Result<(), OutputError> {
-        let StepView { world, report, totals, problem } = step;
+        let StepView { world, report, totals, measured, problem } = step;
         self.tables.append(world, report, totals.last_output_seconds)?;
+        self.tables.append_measured(measured)?;
         let output = &self.settings.output;
         let (every, checkpoint_every) = (output.every.max(1), output.checkpoint_every.max(1));
         let is_last = world.step == self.settings.steps;

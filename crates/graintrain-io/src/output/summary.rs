@@ -4,6 +4,7 @@ use super::size::smallest_radius;
 use crate::files::{OutputError, write_atomically};
 use crate::process::peak_memory_bytes;
 use crate::run::{RunSettings, RunTotals};
+use crate::stage::StageRecord;
 use graintrain::world::World;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -133,6 +134,9 @@ pub struct Summary {
     pub correction_energy: f64,
     /// Work of external forces and torques, J.
     pub load_work: f64,
+    /// The stages that have begun.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub stages: Vec<StageRecord>,
     /// Kinetic energy at the end, J.
     pub kinetic_energy: f64,
     /// Largest resident memory of the process, bytes; null where the system does not tell.
@@ -199,7 +203,8 @@ impl Summary {
             penetration_final_over_radius: totals.penetration_final_over_size,
             overlap_corrected_max_over_radius: totals.overlap_corrected_max / radius,
             correction_energy: totals.correction_energy,
-            load_work: totals.load_work,
+            load_work: totals.ledger.loads,
+            stages: totals.stages.clone(),
             kinetic_energy: world.kinetic_energy(),
             peak_memory_bytes: peak_memory_bytes(),
             state_hash: format!("{:016x}", world.state_hash()),

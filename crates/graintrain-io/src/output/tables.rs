@@ -1,12 +1,13 @@
-//! The tables of a run: `steps.csv`, one record per step, `wrench.csv`, one record per step and driven or held body, and
-//! `newton.csv`, one record per Newton iteration. [`columns`] names their columns.
+//! The tables of a run: `steps.csv`, one record per step, `wrench.csv`, one record per step and driven or held body,
+//! `newton.csv`, one record per Newton iteration, and `measures/NAME.csv`. [`columns`] names their columns.
 
-use super::columns::{self, STEPS, WRENCH, header};
+use super::columns::{self, Column, STEPS, WRENCH, header};
 use super::newton::{NewtonTable, step_cells};
-use crate::files::{OutputError, Table};
+use crate::files::{OutputError, Table, make_folder};
+use crate::measure::Measure;
 use graintrain::stepper::StepReport;
 use graintrain::world::World;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// The tables.
 #[derive(Debug)]
@@ -14,6 +15,13 @@ pub struct Tables {
     steps: Table,
     wrench: Table,
     newton: NewtonTable,
+    /// One per measurement.
+    measures: Vec<Table>,
+}
+
+/// Names (relative to the folder) and columns of the tables of measurements.
+fn measured(measures: &[Measure]) -> Vec<(String, Vec<Column>)> {
+    measures.iter().map(|measure| (format!("measures/{}.csv", measure.name), measure.columns())).collect()
 }
 
 impl Tables {
@@ -21,26 +29,79 @@ impl Tables {
     ///
     /// # Errors
     /// Where they cannot be written.
-    pub fn create(folder: &Path) -> Result<Self, OutputError> {
-        columns::write(folder)?;
-        Ok(Self {
-            steps: Table::create(folder.join("steps.csv"), &header(STEPS))?,
-            wrench: Table::create(folder.join("wrench.csv"), &header(WRENCH))?,
-            newton: NewtonTable::create(folder),
-        })
+    pub fn create(folder: &Path, measures: &[Measure]) -> Result<Self, OutputError> {
+        Self::open(folder, measures, Table::create, NewtonTable::create(folder))
     }
 
     /// Goes on with the tables in the folder after step `last_step`.
     ///
     /// # Errors
     /// Where they cannot be read or written.
-    pub fn reopen(folder: &Path, last_step: u64) -> Result<Self, OutputError> {
-        columns::write(folder)?;
+    pub fn reopen(folder: &Path, measures: &[Measure], last_step: u64) -> Result<Self, OutputError> {
+        let newton = NewtonTable::reopen(folder, last_step)?;
+        Self::open(folder, measures, |path, header| Table::reopen(path, header, last_step), newton)
+    }
+
+    fn open(
+        folder: &Path,
+        measures: &[Measure],
+        table: impl Fn(PathBuf, &str) -> Result<Table, OutputError>,
+        newton: NewtonTable,
+    ) -> Result<Self, OutputError> {
+        let measured = measured(measures);
+        columns::write(folder, &measured)?;
+        if !measured.is_empty() {
+            make_folder(&folder.join("measures"))?;
+        }
         Ok(Self {
-            steps: Table::reopen(folder.join("steps.csv"), &header(STEPS), last_step)?,
-            wrench: Table::reopen(folder.join("wrench.csv"), &header(WRENCH), last_step)?,
-            newton: NewtonTable::reopen(folder, last_step)?,
+            steps: table(folder.join("steps.csv"), &header(STEPS))?,
+            wrench: table(folder.join("wrench.csv"), &header(WRENCH))?,
+            newton,
+            measures: measured
+                .iter()
+                .map(|(name, columns)| table(folder.join(name), &header(columns)))
+                .collect::<Result<_, _>>()?,
         })
+    }
+
+    /// Appends records of measurements: their numbers and rows. What is not a number becomes an empty cell.
+    ///
+    /// # Errors
+    /// Where they cannot be written.
+    pub fn append_measured(&mut self, records: &[(usize, Vec<Vec<f64>>)]) -> Result<(), OutputError> {
+        let cell = |value: &f64| match value {
+            value if value.is_nan() => String::new(),
+            // Counts without a point, as in the other tables.
+            value if value.fract() == 0.0 && value.abs() < 1e15 => format!("{value:.0}"),
+            value => format!("{value:?}"),
+        };
+        for (number, rows) in records {
+            let record = |row: &Vec<f64>| row.iter().map(cell).collect::<Vec<_>>().join(",");
+            // All bins at once: a record that is cut short loses them together.
+            let lines = rows.iter().map(record).collect::<Vec<_>>().join("\n");
+            self.measures[*number].append(&lines)?;
+        }
+        Ok(())
+    }
+
+    /// Where damaged tables of the same names went when these were reopened.
+    pub fn set_aside(&self) -> impl Iterator<Item = &Path> {
+        let measures = self.measures.iter().map(Table::set_aside);
+        [self.steps.set_aside(), self.wrench.set_aside(), self.newton.set_aside()]
+            .into_iter()
+            .chain(measures)
+            .flatten()
+    }
+
+    /// Hands the tables to the disk.
+    ///
+    /// # Errors
+    /// Where the system refuses.
+    pub fn sync(&self) -> Result<(), OutputError> {
+        self.steps.sync()?;
+        self.wrench.sync()?;
+        self.measures.iter().try_for_each(Table::sync)?;
+        self.newton.sync()
     }
 
     /// Appends the records of a step; `output_seconds` is what the outputs of the step before took.
@@ -117,7 +178,7 @@ fn step_record(world: &World, report: &StepReport, output_seconds: f64) -> Strin
         real(report.penetration_max_over_size),
         real(report.overlap_corrected_max),
         real(report.correction_energy),
-        real(report.load_work),
+        real(report.ledger.loads),
         real(report.kinetic_energy),
         real(phases.collide),
         real(phases.assemble),

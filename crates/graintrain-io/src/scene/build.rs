@@ -1,5 +1,9 @@
 //! From a [`Scene`] to the world, the step's settings, and what a run writes.
 
+mod materials;
+mod measures;
+mod stages;
+
 use super::Scene;
 use super::error::{Location, SceneError, SceneErrorKind};
 use super::mesh_file;
@@ -9,18 +13,20 @@ use super::model::{
 };
 use super::packing::{self, FileProblem, read_file, table_file};
 use super::quantity::Dimension;
+use crate::measure::Measure;
 use crate::settings::OutputSettings;
+use crate::stage::Stage;
 use graintrain::collide::{deepest_overlap, meshes_that_meet};
 use graintrain::error::ModelError;
 use graintrain::handle::{BodyId, GeometryId, MaterialId, MotionId};
 use graintrain::load::{Action, Load};
-use graintrain::material::{Materials, TurningResistance};
 use graintrain::math::{Mat3, Quat, Vec3};
 use graintrain::motion::{Axes, Motion, Profile, Rotation};
 use graintrain::shape::{Geometry, Part, Shape};
 use graintrain::stepper::StepSettings;
 use graintrain::world::{Body, FREE, MassProperties, World};
 use graintrain_ccp::Judge;
+use materials::materials;
 use std::collections::HashMap;
 use std::path::PathBuf;
 
@@ -43,6 +49,10 @@ pub struct Simulation {
     pub steps: u64,
     /// What is written.
     pub output: OutputSettings,
+    /// The stages.
+    pub stages: Vec<Stage>,
+    /// What is measured.
+    pub measures: Vec<Measure>,
     /// The scene with the defaults that depend on the bodies filled in; `resolved.to_toml()` belongs into the run's
     /// folder.
     pub resolved: Scene,
@@ -67,6 +77,12 @@ impl Scene {
         for (name, load) in &self.loads {
             builder.add_load(name, load)?;
         }
+        let stages = builder.stages(self)?;
+        let measures = self
+            .measures
+            .iter()
+            .map(|(name, spec)| builder.measure(name, spec, self))
+            .collect::<Result<_, SceneError>>()?;
         let Builder { world, smallest_radius, origins, .. } = builder;
         if world.bodies.is_empty() {
             return Err(SceneError::new(SceneErrorKind::NoBodies, None));
@@ -104,7 +120,7 @@ impl Scene {
             precision: self.output.precision,
             checkpoint_every: whole_steps(self.output.checkpoint_every),
         };
-        Ok(Simulation { world, settings, steps: self.time.steps, output, resolved })
+        Ok(Simulation { world, settings, steps: self.time.steps, output, stages, measures, resolved })
     }
 
     fn make_paths_absolute(&mut self) -> Result<(), SceneError> {
@@ -150,10 +166,20 @@ impl Scene {
             let vectors = [force, torque, acceleration].into_iter().flatten().flatten();
             vectors.chain(pressure.iter_mut().map(|pressure| &mut pressure.stress))
         });
-        self.gravity.iter_mut().chain(motions).chain(loads).filter_map(|function| match function {
-            FunctionSpec::File { file } => Some(file),
-            FunctionSpec::Profile(_) => None,
-        })
+        let stages = self.stages.iter_mut().flat_map(|stage| {
+            let speeds = stage.bodies.iter_mut().flat_map(|(_, body)| {
+                let MotionSpec { translation, rotation, .. } = &mut body.motion;
+                let speeds = translation.iter_mut().map(|item| &mut item.speed);
+                speeds.chain(rotation.iter_mut().map(|spin| &mut spin.speed))
+            });
+            stage.gravity.iter_mut().flatten().chain(speeds)
+        });
+        self.gravity.iter_mut().chain(motions).chain(loads).chain(stages).filter_map(
+            |function| match function {
+                FunctionSpec::File { file } => Some(file),
+                FunctionSpec::Profile(_) => None,
+            },
+        )
     }
 }
 
@@ -175,6 +201,7 @@ struct Builder {
 }
 
 /// A stretch of bodies that a body or packing of the scene made.
+#[derive(Clone)]
 struct Origin {
     /// Name of the body or packing.
     label: String,
@@ -230,63 +257,7 @@ impl Builder {
     fn new(scene: &Scene) -> Result<Self, SceneError> {
         let unplaced =
             |error: ModelError| SceneError::new(SceneErrorKind::Contradiction(error.to_string()), None);
-        let mut materials = Materials::default();
-        let mut index = HashMap::new();
-        for (name, material) in &scene.materials {
-            index.insert(name.clone(), materials.add(name, material.density).map_err(unplaced)?);
-        }
-        for (i, (first_name, first)) in scene.materials.iter().enumerate() {
-            for (j, (second_name, second)) in scene.materials.iter().enumerate().skip(i) {
-                let pair = scene.pairs.iter().find(|pair| {
-                    let [a, b] = &pair.materials;
-                    (a == first_name && b == second_name) || (a == second_name && b == first_name)
-                });
-                let friction = pair.and_then(|pair| pair.friction).unwrap_or_else(|| {
-                    if i == j {
-                        first.friction
-                    } else {
-                        scene.contact.friction_rule.combine(first.friction, second.friction)
-                    }
-                });
-                let restitution = pair.and_then(|pair| pair.restitution).unwrap_or_else(|| {
-                    if i == j {
-                        first.restitution
-                    } else {
-                        scene.contact.restitution_rule.combine(first.restitution, second.restitution)
-                    }
-                });
-                let turning = |what: &str,
-                               of_pair: Option<TurningResistance>,
-                               [a, b]: [TurningResistance; 2]| {
-                    if let Some(resistance) = of_pair {
-                        return Ok(resistance);
-                    }
-                    scene.contact.friction_rule.combine_turning(a, b).ok_or_else(|| {
-                        let problem = format!(
-                            "the {what} friction of material '{first_name}' and that of '{second_name}' are a number and a length: \
-                             give that of both in a [[pair]]"
-                        );
-                        SceneError::new(SceneErrorKind::Contradiction(problem), None)
-                    })
-                };
-                let rolling = turning(
-                    "rolling",
-                    pair.and_then(|pair| pair.rolling_friction),
-                    [first.rolling_friction, second.rolling_friction],
-                )?;
-                let spinning = turning(
-                    "spinning",
-                    pair.and_then(|pair| pair.spinning_friction),
-                    [first.spinning_friction, second.spinning_friction],
-                )?;
-                materials
-                    .set_pair_turning(index[first_name], index[second_name], rolling, spinning)
-                    .map_err(unplaced)?;
-                materials
-                    .set_pair(index[first_name], index[second_name], friction, restitution)
-                    .map_err(unplaced)?;
-            }
-        }
+        let (materials, index) = materials(scene, &scene.materials)?;
         let [x, y, z] = &scene.gravity;
         let gravity = [function(x)?, function(y)?, function(z)?];
         let initial = Vec3::from_array(gravity.each_ref().map(|profile| profile.mean(0.0, scene.time.step)));
@@ -359,40 +330,17 @@ impl Builder {
         Ok(())
     }
 
-    /// The motion of a body whose centre of mass is at `centre` in its frame.
+    /// The motion of a body whose centre of mass is at `centre` in its frame, added to the world.
     fn motion(
         &mut self,
         spec: &MotionSpec,
         centre: Vec3,
         location: &Location,
     ) -> Result<MotionId, SceneError> {
-        if spec.free == [true; 6] {
-            return Ok(FREE);
+        match motion_of(spec, centre)? {
+            None => Ok(FREE),
+            Some(motion) => self.world.add_motion(motion).map_err(|error| model_error(error, location)),
         }
-        let delayed = |speed: &FunctionSpec| {
-            let profile = function(speed)?;
-            Ok(match spec.start {
-                0.0 => profile,
-                start => Profile::Delayed { start, profile: Box::new(profile) },
-            })
-        };
-        let translation = spec
-            .translation
-            .iter()
-            .map(|item| Ok((item.direction, delayed(&item.speed)?)))
-            .collect::<Result<_, SceneError>>()?;
-        let rotation = match &spec.rotation {
-            None => None,
-            Some(spin) => {
-                let (point, of) = match spin.point {
-                    Some(point) => (point, Axes::World),
-                    None => (-centre, Axes::Body),
-                };
-                Some(Rotation { point, of, axis: spin.axis, profile: delayed(&spin.speed)? })
-            }
-        };
-        let motion = Motion { free: spec.free, translation, rotation };
-        self.world.add_motion(motion).map_err(|error| model_error(error, location))
     }
 
     fn add_packing(&mut self, name: &str, spec: &PackingSpec) -> Result<(), SceneError> {
@@ -434,7 +382,7 @@ impl Builder {
     }
 
     fn add_load(&mut self, name: &str, spec: &LoadSpec) -> Result<(), SceneError> {
-        let bodies = self.bodies_under(spec);
+        let bodies = self.bodies_named(&spec.bodies, &spec.packings);
         let moves = |body: &BodyId| !self.world.is_prescribed(body.index());
         if bodies.as_ref().is_some_and(|bodies| !bodies.iter().any(moves)) {
             let problem =
@@ -485,14 +433,14 @@ impl Builder {
         Ok(())
     }
 
-    /// The bodies that a load names, ascending; `None` where it names none: all.
-    fn bodies_under(&self, spec: &LoadSpec) -> Option<Vec<BodyId>> {
-        if spec.bodies.is_empty() && spec.packings.is_empty() {
+    /// The bodies of these names and of the packings of these, ascending; `None` where there are no names: all.
+    fn bodies_named(&self, bodies: &[String], packings: &[String]) -> Option<Vec<BodyId>> {
+        if bodies.is_empty() && packings.is_empty() {
             return None;
         }
         let ends = self.origins.iter().skip(1).map(|origin| origin.first).chain([self.world.bodies.len()]);
         let named = self.origins.iter().zip(ends).filter(|(origin, _)| {
-            let names = if origin.is_packing { &spec.packings } else { &spec.bodies };
+            let names = if origin.is_packing { packings } else { bodies };
             names.contains(&origin.label)
         });
         Some(named.flat_map(|(origin, end)| origin.first..end).map(BodyId::from_index).collect())
@@ -516,6 +464,36 @@ impl Builder {
         self.locked_rotation = Some(motion);
         Ok(motion)
     }
+}
+
+/// The motion of a body whose centre of mass is at `centre` in its frame; `None` where it is free.
+fn motion_of(spec: &MotionSpec, centre: Vec3) -> Result<Option<Motion>, SceneError> {
+    if spec.free == [true; 6] {
+        return Ok(None);
+    }
+    let delayed = |speed: &FunctionSpec| {
+        let profile = function(speed)?;
+        Ok(match spec.start {
+            0.0 => profile,
+            start => Profile::Delayed { start, profile: Box::new(profile) },
+        })
+    };
+    let translation = spec
+        .translation
+        .iter()
+        .map(|item| Ok((item.direction, delayed(&item.speed)?)))
+        .collect::<Result<_, SceneError>>()?;
+    let rotation = match &spec.rotation {
+        None => None,
+        Some(spin) => {
+            let (point, of) = match spin.point {
+                Some(point) => (point, Axes::World),
+                None => (-centre, Axes::Body),
+            };
+            Some(Rotation { point, of, axis: spin.axis, profile: delayed(&spin.speed)? })
+        }
+    };
+    Ok(Some(Motion { free: spec.free, translation, rotation }))
 }
 
 /// A function of time; reads its file where it has one.

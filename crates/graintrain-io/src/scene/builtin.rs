@@ -29,6 +29,11 @@ pub const SCENES: &[Builtin] = &[
         text: include_str!("../../scenes/direct-shear.toml"),
     },
     Builtin {
+        name: "shear-box",
+        about: "n^2 x 14 glass beads in a shear box under a constant normal stress sigma, with measurements; for `sweep`",
+        text: include_str!("../../scenes/shear-box.toml"),
+    },
+    Builtin {
         name: "passive-wall",
         about: "a smooth wall pushed into a bed of spheres: Rankine's passive earth pressure",
         text: include_str!("../../scenes/passive-wall.toml"),

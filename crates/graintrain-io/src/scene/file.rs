@@ -2,10 +2,12 @@
 
 use super::Scene;
 use super::error::{SceneError, SceneErrorKind};
+use super::measure;
 use super::model::*;
 use super::parameters::Parameters;
 use super::reader::{Context, Range, Reader};
 use super::schema;
+use super::stage::{self, StageSpec};
 use super::tree::{Node, Value};
 use crate::settings::Precision;
 use graintrain::assemble::OverlapCorrection;
@@ -57,6 +59,27 @@ pub(crate) fn read(name: &str, root: &Node, folder: PathBuf) -> Result<Scene, Sc
         .into_iter()
         .map(|(name, reader)| Ok((name, load(&reader, &body_names, &packing_names)?)))
         .collect::<Result<Vec<_>, SceneError>>()?;
+    let material_names: Vec<&str> = names.clone();
+    let load_names: Vec<&str> = loads.iter().map(|(name, _): &(String, LoadSpec)| name.as_str()).collect();
+    let names = stage::Names { materials: &material_names, bodies: &body_names, loads: &load_names };
+    let stages = stage::read(&scene, &names)?;
+    let stage_names: Vec<&str> = stages.iter().map(|stage: &StageSpec| stage.name.as_str()).collect();
+    let measures = scene
+        .named("measure")?
+        .into_iter()
+        .map(|(name, reader)| {
+            // The name is that of a file.
+            if name.is_empty()
+                || !name.chars().all(|c| c.is_alphanumeric() || "-_.".contains(c))
+                || name.starts_with('.')
+            {
+                let requirement = "a name of letters, digits, `-`, `_` and `.`, which is that of a file";
+                return Err(scene.out_of_range("measure", requirement, format!("`{name}`")));
+            }
+            let spec = measure::read(&reader, time.step, &body_names, &packing_names, &stage_names)?;
+            Ok((name, spec))
+        })
+        .collect::<Result<Vec<_>, SceneError>>()?;
     Ok(Scene {
         name: name.to_string(),
         title: scene.text("title")?.unwrap_or_else(|| name.to_string()),
@@ -72,6 +95,8 @@ pub(crate) fn read(name: &str, root: &Node, folder: PathBuf) -> Result<Scene, Sc
         bodies,
         packings,
         loads,
+        stages,
+        measures,
     })
 }
 
@@ -353,7 +378,8 @@ fn mesh(reader: &Reader) -> Result<MeshSpec, SceneError> {
     Ok(spec)
 }
 
-fn motion(body: &Reader, boundary: bool) -> Result<MotionSpec, SceneError> {
+/// The `motion` of a body, or what it is without one: free, or fixed where it is a boundary.
+pub(super) fn motion(body: &Reader, boundary: bool) -> Result<MotionSpec, SceneError> {
     let words = &[("free", false), ("fixed", true)];
     let fixed = match body.get("motion") {
         None => boundary,
@@ -405,18 +431,25 @@ fn speed(parent: &Reader) -> Result<FunctionSpec, SceneError> {
 /// What a load can do to bodies.
 const ACTIONS: &[&str] = &["force", "torque", "pressure", "acceleration", "central", "drag"];
 
+/// The list of names that a key holds, each of which has to be known; empty where it is not given.
+pub(super) fn names_of(
+    reader: &Reader,
+    key: &str,
+    what: &str,
+    known: &[&str],
+) -> Result<Vec<String>, SceneError> {
+    let Some(names) = reader.texts(key)? else { return Ok(Vec::new()) };
+    if names.is_empty() {
+        // Left out, the key means everything: a list that somebody's program left empty does not.
+        return Err(reader.missing(key));
+    }
+    match names.iter().find(|name| !known.contains(&name.as_str())) {
+        Some(name) => Err(reader.unknown_name(key, what, name, known.iter().copied())),
+        None => Ok(names),
+    }
+}
+
 fn load(reader: &Reader, bodies: &[&str], packings: &[&str]) -> Result<LoadSpec, SceneError> {
-    let names = |key: &str, what: &str, known: &[&str]| {
-        let Some(names) = reader.texts(key)? else { return Ok(Vec::new()) };
-        if names.is_empty() {
-            // Left out, the key means everything: a list that somebody's program left empty does not.
-            return Err(reader.missing(key));
-        }
-        match names.iter().find(|name| !known.contains(&name.as_str())) {
-            Some(name) => Err(reader.unknown_name(key, what, name, known.iter().copied())),
-            None => Ok(names),
-        }
-    };
     if ACTIONS.iter().all(|action| reader.get(action).is_none()) {
         let kind = SceneErrorKind::OneOf {
             table: format!("`{}`", reader.path),
@@ -431,8 +464,8 @@ fn load(reader: &Reader, bodies: &[&str], packings: &[&str]) -> Result<LoadSpec,
         return Err(reader.missing("force"));
     }
     Ok(LoadSpec {
-        bodies: names("bodies", "body", bodies)?,
-        packings: names("packings", "packing", packings)?,
+        bodies: names_of(reader, "bodies", "body", bodies)?,
+        packings: names_of(reader, "packings", "packing", packings)?,
         region: reader.child("region")?.as_ref().map(region).transpose()?,
         force,
         point,
@@ -587,7 +620,7 @@ fn lattice(reader: &Reader) -> Result<LatticeSpec, SceneError> {
 }
 
 /// The region that a table names: a box or a cylinder.
-fn region(reader: &Reader) -> Result<Region, SceneError> {
+pub(super) fn region(reader: &Reader) -> Result<Region, SceneError> {
     let form = reader.one_of(&["box", "cylinder"])?;
     let inner = reader.required_child(form)?;
     let corner = |key: &str| inner.vector(key, Range::Any)?.ok_or_else(|| inner.missing(key));

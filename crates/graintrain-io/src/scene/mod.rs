@@ -12,6 +12,7 @@
 //! | `tree`, `reader`, `file` | from text to [`Scene`] |
 //! | [`model`] | the parts of a [`Scene`] |
 //! | `packing`, `mesh_file` | packings made here or read from files; meshes |
+//! | `measure`, `stage` | measurements, stages |
 //! | `build` | from [`Scene`] to [`Simulation`] |
 //! | [`builtin`] | the built-in scenes |
 //! | [`error`] | what can be wrong, and where |
@@ -23,6 +24,7 @@ pub mod builtin;
 pub mod error;
 mod expression;
 mod file;
+mod measure;
 mod mesh_file;
 pub mod model;
 mod packing;
@@ -31,10 +33,17 @@ pub mod quantity;
 mod random;
 mod reader;
 pub mod schema;
+mod stage;
 mod tree;
 
 pub use build::Simulation;
 pub use error::{Location, SceneError, SceneErrorKind, Source};
+pub use measure::{
+    AlongSpec, ForceSpec, HistogramSpec, MeasureSpec, MixingSpec, PlaneSpec, ProfileSpec, ReposeSpec,
+    ShearBoxSpec,
+};
+
+pub use stage::{StageBody, StageMaterial, StageSpec};
 
 use model::{
     BodySpec, ContactSpec, FunctionSpec, LoadSpec, MaterialSpec, OutputSpec, PackingSpec, PairSpec,
@@ -84,6 +93,12 @@ pub struct Scene {
     /// Loads by name.
     #[serde(rename = "load", serialize_with = "in_order", skip_serializing_if = "Vec::is_empty")]
     pub loads: Vec<(String, LoadSpec)>,
+    /// Stages in their order.
+    #[serde(rename = "stage", skip_serializing_if = "Vec::is_empty")]
+    pub stages: Vec<StageSpec>,
+    /// Measurements by name.
+    #[serde(rename = "measure", serialize_with = "in_order", skip_serializing_if = "Vec::is_empty")]
+    pub measures: Vec<(String, MeasureSpec)>,
 }
 
 /// Writes named tables in their order, which is that of the bodies in the world.

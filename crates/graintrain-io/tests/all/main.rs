@@ -1,5 +1,6 @@
 //! Everything that reads and writes, in one program: linking it once is most of the cost.
 
+mod measures;
 mod output;
 #[cfg(feature = "fclib")]
 mod problem_files;
@@ -10,5 +11,6 @@ mod scene_errors;
 mod scene_loads;
 mod scene_meshes;
 mod scene_turning;
+mod stages;
 #[cfg(not(feature = "fclib"))]
 mod without_fclib;

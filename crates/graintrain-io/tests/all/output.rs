@@ -7,6 +7,7 @@ use graintrain::contact::{Contact, ContactSet};
 use graintrain::handle::{BodyId, MaterialId};
 use graintrain::material::Materials;
 use graintrain::math::{Quat, Vec3};
+use graintrain::measure::energy::Ledger;
 use graintrain::motion::{Motion, Profile};
 use graintrain::relaxation::Opening;
 use graintrain::shape::{Geometry, Part, Shape};
@@ -123,7 +124,7 @@ fn advance(world: &mut World, settings: &RunSettings) -> StepReport {
         contacts_missed: 1,
         overlap_corrected_max: 6e-6,
         correction_energy: 7e-5,
-        load_work: 8e-5,
+        ledger: Ledger { loads: 8e-5, ..Ledger::default() },
         kinetic_energy: world.kinetic_energy(),
         phases: PhaseSeconds { collide: 0.1, assemble: 0.2, solve: 0.3, integrate: 0.4 },
         wrenches: vec![
@@ -159,12 +160,14 @@ fn settings() -> RunSettings {
             precision: Precision::Double,
             checkpoint_every: 1000,
         },
+        stages: Vec::new(),
+        measures: Vec::new(),
         dump_problem_every: None,
     }
 }
 
 fn view<'a>(world: &'a World, report: &'a StepReport, totals: &'a RunTotals) -> StepView<'a> {
-    StepView { world, report, totals, problem: None }
+    StepView { world, report, totals, measured: &[], problem: None }
 }
 
 fn read(folder: &Path, file: &str) -> String {

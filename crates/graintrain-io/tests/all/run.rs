@@ -93,6 +93,8 @@ fn settings(steps: u64) -> RunSettings {
             precision: Precision::Double,
             checkpoint_every: 7,
         },
+        stages: Vec::new(),
+        measures: Vec::new(),
         dump_problem_every: None,
     }
 }

@@ -73,7 +73,7 @@ fn a_resolved_scene_with_loads_has_the_same_bits() {
     let mut stepper = Stepper::new(simulation.settings).unwrap();
     let mut work = 0.0;
     for _ in 0..100 {
-        work += stepper.step(&mut world).unwrap().load_work;
+        work += stepper.step(&mut world).unwrap().ledger.loads;
     }
     assert!(work.is_finite() && work != 0.0);
     std::fs::remove_dir_all(folder).unwrap();

@@ -79,6 +79,8 @@ fn run_into(folder: &std::path::Path, steps: u64) -> Vec<World> {
             overlap: OverlapCorrection::Position,
         },
         steps,
+        stages: Vec::new(),
+        measures: Vec::new(),
         dump_problem_every: None,
         output: OutputSettings {
             every: 1,

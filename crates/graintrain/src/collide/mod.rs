@@ -16,7 +16,7 @@
 mod broad;
 mod capsule;
 mod corners;
-mod distance;
+pub(crate) mod distance;
 mod grid;
 pub(crate) mod identity;
 mod manifold;

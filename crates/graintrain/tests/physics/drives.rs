@@ -95,7 +95,7 @@ fn a_wheel_loaded_by_a_torque_accelerates_as_it_should() {
         let mut work = 0.0;
         for n in 1..=500 {
             let report = stepper.step(&mut world).unwrap();
-            work += report.load_work;
+            work += report.ledger.loads;
             let acceleration = torque / (mass + inertia);
             let speed = f64::from(n) * step * acceleration;
             let found = world.bodies.velocity[wheel.index()].x;

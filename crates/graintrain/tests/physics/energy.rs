@@ -4,8 +4,11 @@
 use crate::support::*;
 use graintrain::ccp::FrictionModel;
 use graintrain::handle::MaterialId;
+use graintrain::load::{Action, Load};
 use graintrain::material::Materials;
 use graintrain::math::{Vec3, rotation_exponential};
+use graintrain::measure::energy::Ledger;
+use graintrain::motion::{Motion, Profile};
 use graintrain::shape::Geometry;
 use graintrain::stepper::{StepSettings, Stepper};
 use graintrain::world::{Body, World};
@@ -97,4 +100,48 @@ fn energy_never_rises_without_a_drive() {
         }
     }
     assert!(worst < 1e-9, "largest rise in a step: {worst:.1e} of the energy present");
+}
+
+/// The ledger of balls closes to rounding in every step, with a drive, a load, impacts and friction; its terms have the signs that they must have, and
+/// gravity's work is the fall.
+#[test]
+fn the_ledger_of_balls_closes_in_every_step() {
+    for (model, restitution) in [(FrictionModel::Relaxed, 0.0), (FrictionModel::Coulomb, 0.6)] {
+        let mut world = world(0.4, restitution);
+        let plane = world.add_geometry(Geometry::plane());
+        let belt = Motion::translating(Vec3::X, Profile::Constant(0.5));
+        let belt = world.add_motion(belt).unwrap();
+        world.add_body(Body { motion: belt, ..Body::new(plane, MaterialId::default(), Vec3::ZERO) }).unwrap();
+        let mut next = random(7);
+        for k in 0..30 {
+            let size = if k % 3 == 0 { 0.01 } else { 0.1 };
+            let place = Vec3::new(
+                0.25 * f64::from(k % 3),
+                0.25 * f64::from(k / 3 % 3),
+                0.15 + 0.25 * f64::from(k / 9),
+            );
+            let ball = add_sphere(&mut world, size, place);
+            world.bodies.velocity[ball] = 3.0 * Vec3::new(next() - 0.5, next() - 0.5, next() - 0.5);
+            world.bodies.angular_velocity[ball] = 9.0 * Vec3::new(next(), next(), next());
+        }
+        let wind = Action::Uniform {
+            acceleration: [Profile::Constant(0.0), Profile::Constant(0.3), Profile::Constant(0.0)],
+        };
+        world.add_load(Load::on_all(wind)).unwrap();
+        let settings =
+            StepSettings { step: 2e-3, envelope: 2e-3, friction: model, ..StepSettings::default() };
+        let mut stepper = Stepper::new(settings).unwrap();
+        let (begin, mut sum) = (world.kinetic_energy(), Ledger::default());
+        for _ in 0..400 {
+            let ledger = stepper.step(&mut world).unwrap().ledger;
+            assert!(ledger.rest.abs() <= 1e-10 * ledger.throughput(), "{ledger:?}");
+            sum.add(&ledger);
+        }
+        let Ledger { gravity, loads, drives, friction, normal, rest } = sum;
+        let change = world.kinetic_energy() - begin;
+        assert!(
+            (change - (gravity + loads + drives - friction - normal + rest)).abs() < 1e-10 * sum.throughput()
+        );
+        assert!(gravity > 0.0 && loads != 0.0 && drives > 0.0 && friction > 0.0 && normal > 0.0, "{sum:?}");
+    }
 }

@@ -54,7 +54,7 @@ fn a_sinusoidal_force_moves_as_the_closed_form_of_the_integrator() {
         let mut stepper = stepper(step, Relaxed);
         let mut work = 0.0;
         for n in 1..=1000 {
-            work += stepper.step(&mut world).unwrap().load_work;
+            work += stepper.step(&mut world).unwrap().ledger.loads;
             let (n, angle) = (f64::from(n), rate * step);
             let scale = amplitude / (mass * rate);
             let cosines = (0.5 * n * angle).sin() * (0.5 * (n + 1.0) * angle).cos() / (0.5 * angle).sin();
@@ -88,7 +88,7 @@ fn a_force_in_body_axes_at_a_point_turns_a_body_on_an_axle() {
     let mut stepper = stepper(1e-3, Relaxed);
     let mut work = 0.0;
     for _ in 0..2000 {
-        work += stepper.step(&mut world).unwrap().load_work;
+        work += stepper.step(&mut world).unwrap().ledger.loads;
     }
     let spin = 2.0 * (0.3 * 2.0 + 0.1) / world.bodies.inertia[0].z_axis.z;
     assert!((world.bodies.angular_velocity[0] - spin * Vec3::Z).length() < 1e-11 * spin);
@@ -154,7 +154,7 @@ fn drag_is_an_implicit_step() {
             spin /= 1.0 + step * 1e-3 / inertia;
             assert!((world.bodies.angular_velocity[body].z - spin).abs() < 1e-12 * 7.0);
             let now = world.kinetic_energy();
-            assert!((report.load_work - (now - energy)).abs() < 1e-12 * energy.max(now), "{linear}");
+            assert!((report.ledger.loads - (now - energy)).abs() < 1e-12 * energy.max(now), "{linear}");
             (energy, speed) = (now, s);
         }
     }

@@ -205,7 +205,7 @@ static MESH: Table = Table {
     ],
 };
 
-static MOTION: Table = Table {
+pub(super) static MOTION: Table = Table {
     heading: "`motion`",
     alternatives: &[],
     keys: &[

@@ -77,7 +77,7 @@ pub(super) static LOAD: Table = Table {
     ],
 };
 
-static REGION: Table = Table {
+pub(super) static REGION: Table = Table {
     heading: "`region`",
     alternatives: &[&["box", "cylinder"]],
     keys: &[

@@ -4,13 +4,17 @@
 mod body;
 mod function;
 mod load;
+mod measure;
 mod packing;
+mod stage;
 
 use super::quantity::Dimension;
 use body::BODY;
 use function::ACCELERATION;
 use load::LOAD;
+use measure::MEASURE;
 use packing::PACKING;
+use stage::STAGE;
 
 /// What a key holds.
 #[derive(Clone, Copy, Debug)]
@@ -226,6 +230,20 @@ pub static SCENE: Table = Table {
             "none",
             "{ push = { bodies = [\"wheel\"], force = [0, 0, \"-2 kN\"] } }",
             "Forces, torques and fields by name",
+        ),
+        key(
+            "stage",
+            Tables(&STAGE),
+            "one stage without end",
+            "[{ name = \"settle\", kinetic_energy = \"1e-9 J\" }, { name = \"shear\" }]",
+            "Stages one after the other, with what changes from one to the next",
+        ),
+        key(
+            "measure",
+            Named(&MEASURE),
+            "none",
+            "{ sample = { stress = true, coordination = true } }",
+            "Measurements by name; each makes a table `measures/NAME.csv`",
         ),
     ],
 };

@@ -1,0 +1,181 @@
+//! What `sweep` and the studies share: options, progress, failures, the end.
+
+use crate::error::Failure;
+use crate::scene_failure::scene_failure;
+use crate::signal::Stop;
+use crate::terminal::{say, tell};
+use graintrain_io::scene;
+use graintrain_lab::sweep::SweepError;
+use graintrain_lab::sweep::collect::{Collected, collect};
+use graintrain_lab::sweep::execute::{Execution, Outcome, Progress, execute};
+use graintrain_lab::sweep::plan::{Cell, Plan};
+use graintrain_lab::sweep::report::{shown, with_error};
+use indicatif::{ProgressBar, ProgressStyle};
+use std::num::NonZeroUsize;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::time::Duration;
+
+/// Options of all sweeps.
+#[derive(clap::Args)]
+pub struct SweepOptions {
+    /// A scene file (TOML) or the name of a built-in scene
+    pub scene: String,
+    /// Set a parameter of the scene or any of its keys in all runs; may be repeated
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    settings: Vec<String>,
+    /// Runs per point, with different seeds
+    #[arg(long, default_value_t = 1, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=100_000))]
+    seeds: u64,
+    /// Runs at a time; processors by threads where it is not given
+    #[arg(long, value_name = "N")]
+    jobs: Option<NonZeroUsize>,
+    /// Threads of each run
+    #[arg(long, value_name = "N", default_value_t = NonZeroUsize::MIN)]
+    threads: NonZeroUsize,
+    /// An observable of the page and the printed table: MEASURE.COLUMN (its mean in time), with :max, :min or :last, or a figure of
+    /// summary.json; may be repeated. All of them are in sweep.csv
+    #[arg(long = "observe", value_name = "NAME")]
+    observe: Vec<String>,
+    /// Means in time begin here, in seconds or with a unit; by default where a series becomes steady
+    #[arg(long, value_name = "SECONDS", value_parser = scene::seconds)]
+    from: Option<f64>,
+    /// Folder of the results; by default out/sweep-NAME
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Let the runs write frames, for `view` and `render`
+    #[arg(long)]
+    frames: bool,
+    /// Print nothing but warnings and errors
+    #[arg(long)]
+    quiet: bool,
+}
+
+/// A sweep that has been made.
+pub struct Made {
+    pub folder: PathBuf,
+    pub plan: Plan,
+    pub cells: Vec<Cell>,
+    pub collected: Collected,
+    /// Observables to be shown.
+    pub names: Vec<String>,
+    failed: usize,
+    quiet: bool,
+}
+
+impl SweepOptions {
+    /// The plan without points.
+    pub fn plan(&self) -> Result<Plan, Failure> {
+        let settings = self.settings.iter().map(|text| scene::setting(text).map_err(scene_failure));
+        let settings = settings.collect::<Result<_, _>>()?;
+        let (scene, seeds, frames) = (self.scene.clone(), self.seeds, self.frames);
+        Ok(Plan { scene, settings, points: vec![Vec::new()], seeds, frames })
+    }
+
+    /// Makes all runs of the plan, with a bar, and collects what they measured. `kind` is a word for the folder.
+    ///
+    /// # Errors
+    /// `Err(Ok(code))` where it was stopped.
+    pub fn make(&self, plan: Plan, kind: &str) -> Result<Made, Result<ExitCode, Failure>> {
+        let stop = Stop::listen().map_err(Err)?;
+        let cells = plan.cells().map_err(|error| Err(sweep_failure(error)))?;
+        let name = Path::new(&self.scene).file_stem().map_or("scene".into(), |stem| stem.to_string_lossy());
+        let folder = self.out.clone().unwrap_or_else(|| Path::new("out").join(format!("{kind}-{name}")));
+        let processors = std::thread::available_parallelism().map_or(1, NonZeroUsize::get);
+        let jobs = self.jobs.map_or((processors / self.threads.get()).max(1), NonZeroUsize::get);
+        let how =
+            Execution { folder: folder.clone(), jobs: jobs.min(cells.len()), threads: self.threads.get() };
+        if !self.quiet {
+            let (points, seeds) = (plan.points.len(), plan.seeds);
+            say!(
+                "{} runs ({points} points, {seeds} seeds), {} at a time -> {}\n",
+                cells.len(),
+                how.jobs,
+                folder.display()
+            );
+        }
+        let bar = if self.quiet { ProgressBar::hidden() } else { ProgressBar::new(cells.len() as u64) };
+        let style = ProgressStyle::with_template(
+            "[{bar:30}] {pos}/{len} | {elapsed} so far, {eta} to go | {wide_msg}",
+        );
+        bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
+        bar.enable_steady_tick(Duration::from_millis(500));
+        let progress = |progress: Progress<'_>| {
+            bar.set_position(progress.done as u64);
+            bar.set_message(progress.last.to_string());
+        };
+        let outcomes = execute(&plan, &cells, &how, &stop.requested, &progress);
+        bar.finish_and_clear();
+        let outcomes = outcomes.map_err(|error| match error {
+            SweepError::Stopped => {
+                tell!("stopped; the same command goes on from here");
+                Ok(stop.exit_code().unwrap_or(ExitCode::FAILURE))
+            }
+            error => Err(sweep_failure(error)),
+        })?;
+        let mut failed = 0;
+        for (cell, outcome) in cells.iter().zip(&outcomes) {
+            if let Outcome::Failed(why) = outcome {
+                failed += 1;
+                tell!("warning: {} failed: {why}", cell.name);
+            }
+        }
+        let failure = |error| Err(sweep_failure(error));
+        let collected = collect(&folder, &cells, self.from).map_err(failure)?;
+        collected.write(&folder, &plan, &cells).map_err(failure)?;
+        let names = shown(&collected, &self.observe).map_err(failure)?;
+        Ok(Made { folder, plan, cells, collected, names, failed, quiet: self.quiet })
+    }
+}
+
+impl Made {
+    /// Whether nothing but warnings is to be printed.
+    pub fn is_quiet(&self) -> bool {
+        self.quiet
+    }
+
+    /// Prints the table of the points, and where everything is.
+    pub fn conclude(&self) -> ExitCode {
+        if !self.quiet {
+            for (point, settings) in self.plan.points.iter().enumerate() {
+                say!("\n{}\n", graintrain_lab::sweep::plan::label(settings));
+                for name in &self.names {
+                    if let Some(found) = self.collected.estimate(&self.cells, point, name) {
+                        let unit =
+                            self.collected.observable(name).map_or("", |observable| observable.unit.as_str());
+                        let unit = if unit == "1" { "" } else { unit };
+                        say!("  {name:<40} {} {unit}\n", with_error(&found));
+                    }
+                }
+            }
+            say!("\n  {}: sweep.html, sweep.csv, runs.csv, columns.json, runs/\n", self.folder.display());
+        }
+        if self.failed > 0 {
+            tell!(
+                "warning: {} of {} runs failed and are left out of all means",
+                self.failed,
+                self.cells.len()
+            );
+            return ExitCode::FAILURE;
+        }
+        ExitCode::SUCCESS
+    }
+}
+
+/// A failure of a sweep, as the user sees it.
+pub fn sweep_failure(error: SweepError) -> Failure {
+    match error {
+        SweepError::Scene { point, error } => {
+            tell!("at {point}:");
+            scene_failure(*error)
+        }
+        SweepError::Output(error) => {
+            let remedy = error.remedy();
+            Failure::work_error(error, remedy)
+        }
+        error @ (SweepError::Plan(_) | SweepError::Differs { .. } | SweepError::Observable { .. }) => {
+            Failure::input_error(error, "")
+        }
+        error => Failure::work_error(error, "finished runs are kept: the same command goes on"),
+    }
+}

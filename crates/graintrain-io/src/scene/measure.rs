@@ -1,0 +1,353 @@
+//! Measurements as a scene asks for them.
+
+use super::error::{Location, SceneError, SceneErrorKind};
+use super::file::{names_of, region};
+use super::reader::{Range, Reader};
+use graintrain::load::Region;
+use graintrain::math::Vec3;
+use graintrain::measure::profile::Along;
+use serde::Serialize;
+
+/// Bins beyond this many are a slip of the keyboard.
+const MOST_BINS: u64 = 1_000_000;
+
+fn no(flag: &bool) -> bool {
+    !*flag
+}
+
+/// A measurement.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct MeasureSpec {
+    /// Names of single bodies; without these and packings all bodies that can move.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub bodies: Vec<String>,
+    /// Names of packings.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub packings: Vec<String>,
+    /// Where.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub region: Option<Region>,
+    /// Name of the stage; `None`: all.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub stage: Option<String>,
+    /// s
+    pub start: f64,
+    /// s
+    pub every: f64,
+    /// The stress tensor.
+    #[serde(skip_serializing_if = "no")]
+    pub stress: bool,
+    /// Coordination.
+    #[serde(skip_serializing_if = "no")]
+    pub coordination: bool,
+    /// Bodies with fewer neighbours are rattlers.
+    pub rattlers_below: u64,
+    /// The fabric tensor.
+    #[serde(skip_serializing_if = "no")]
+    pub fabric: bool,
+    /// Porosity.
+    #[serde(skip_serializing_if = "no")]
+    pub porosity: bool,
+    /// Normal forces.
+    #[serde(skip_serializing_if = "no")]
+    pub forces: bool,
+    /// Energies.
+    #[serde(skip_serializing_if = "no")]
+    pub energy: bool,
+    /// Centre of mass.
+    #[serde(skip_serializing_if = "no")]
+    pub motion: bool,
+    /// Force on bodies.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub force: Option<ForceSpec>,
+    /// What passes a plane.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub plane: Option<PlaneSpec>,
+    /// Lacey's index.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub mixing: Option<MixingSpec>,
+    /// A shear box.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub shear_box: Option<ShearBoxSpec>,
+    /// The angle of a slope.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub repose: Option<ReposeSpec>,
+    /// Fields in bins.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub profile: Option<ProfileSpec>,
+    /// Distribution of forces.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub histogram: Option<HistogramSpec>,
+    /// Where it is written.
+    #[serde(skip)]
+    pub location: Location,
+}
+
+/// Force on bodies together.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ForceSpec {
+    /// Their names.
+    pub bodies: Vec<String>,
+    /// m
+    pub point: Vec3,
+}
+
+/// A plane.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct PlaneSpec {
+    /// m
+    pub point: Vec3,
+    /// Unit normal.
+    pub normal: Vec3,
+}
+
+/// Lacey's index.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct MixingSpec {
+    /// Packings of the first kind.
+    pub packings: Vec<String>,
+    /// m
+    pub cell: f64,
+}
+
+/// A shear box.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ShearBoxSpec {
+    /// The body that is moved.
+    pub sheared: String,
+    /// The body that presses.
+    pub pressing: String,
+    /// Unit direction.
+    pub direction: Vec3,
+    /// Unit direction.
+    pub normal: Vec3,
+    /// m^2
+    pub area: f64,
+}
+
+/// The angle of a slope.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ReposeSpec {
+    /// x, y, z or radius.
+    pub along: AlongSpec,
+    /// m
+    pub centre: Vec3,
+    /// m
+    pub width: f64,
+}
+
+/// Fields in bins.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ProfileSpec {
+    /// x, y, z or radius.
+    pub along: AlongSpec,
+    /// m
+    pub centre: Vec3,
+    /// m
+    pub from: f64,
+    /// m
+    pub to: f64,
+    /// Number of bins.
+    pub bins: u64,
+}
+
+/// Distribution of forces.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct HistogramSpec {
+    /// Number of bins.
+    pub bins: u64,
+    /// Largest ratio to the mean.
+    pub most: f64,
+}
+
+/// Along what bins lie.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum AlongSpec {
+    /// x
+    X,
+    /// y
+    Y,
+    /// z
+    Z,
+    /// Distance from an upright line.
+    Radius,
+}
+
+impl AlongSpec {
+    const NAMES: &[(&str, Self)] =
+        &[("x", Self::X), ("y", Self::Y), ("z", Self::Z), ("radius", Self::Radius)];
+
+    /// With the point that a radius counts from.
+    pub fn from(self, centre: Vec3) -> Along {
+        match self {
+            Self::X => Along::Axis(0),
+            Self::Y => Along::Axis(1),
+            Self::Z => Along::Axis(2),
+            Self::Radius => Along::Radius(centre),
+        }
+    }
+}
+
+/// Keys of which a measurement has at least one, those that stand alone first.
+const QUANTITIES: &[&str] = &[
+    "profile",
+    "histogram",
+    "stress",
+    "coordination",
+    "fabric",
+    "porosity",
+    "forces",
+    "energy",
+    "motion",
+    "force",
+    "plane",
+    "mixing",
+    "shear_box",
+    "repose",
+];
+
+/// How many of these stand alone.
+const ALONE: usize = 2;
+
+/// Reads a measurement of a scene with this time step (s) and these bodies, packings and stages.
+pub(super) fn read(
+    reader: &Reader,
+    step: f64,
+    bodies: &[&str],
+    packings: &[&str],
+    stages: &[&str],
+) -> Result<MeasureSpec, SceneError> {
+    let given = |key: &&&str| -> Result<bool, SceneError> {
+        match reader.get(key) {
+            Some(node) if node.entries().is_none() => Ok(reader.flag(key)?.unwrap_or(false)),
+            node => Ok(node.is_some()),
+        }
+    };
+    let mut found = Vec::new();
+    for key in QUANTITIES {
+        if given(&key)? {
+            found.push(*key);
+        }
+    }
+    let one_of = |keys: &[&str], found: String| {
+        let kind =
+            SceneErrorKind::OneOf { table: format!("`{}`", reader.path), keys: keys.join(", "), found };
+        SceneError::at(kind, reader.location())
+    };
+    if found.is_empty() {
+        return Err(one_of(QUANTITIES, "none".into()));
+    }
+    if QUANTITIES[..ALONE].contains(&found[0]) && found.len() > 1 {
+        let problem = format!(
+            "`{}` has records of bins, so that it cannot share a table with `{}`: give it a measure of its own",
+            found[0], found[1]
+        );
+        return Err(SceneError::at(SceneErrorKind::Contradiction(problem), reader.location()));
+    }
+    let flag = |key: &str| Ok::<bool, SceneError>(reader.flag(key)?.unwrap_or(false));
+    let spec = MeasureSpec {
+        bodies: names_of(reader, "bodies", "body", bodies)?,
+        packings: names_of(reader, "packings", "packing", packings)?,
+        region: reader.child("region")?.as_ref().map(region).transpose()?,
+        stage: match reader.text("stage")? {
+            Some(name) if !stages.contains(&name.as_str()) => {
+                return Err(reader.unknown_name("stage", "stage", &name, stages.iter().copied()));
+            }
+            stage => stage,
+        },
+        start: reader.quantity("start", Range::NotNegative)?.unwrap_or(0.0),
+        every: reader.quantity("every", Range::Positive)?.unwrap_or(step),
+        stress: flag("stress")?,
+        coordination: flag("coordination")?,
+        rattlers_below: reader.count("rattlers_below")?.unwrap_or(2),
+        fabric: flag("fabric")?,
+        porosity: flag("porosity")?,
+        forces: flag("forces")?,
+        energy: flag("energy")?,
+        motion: flag("motion")?,
+        force: match reader.child("force")? {
+            None => None,
+            Some(inner) => Some(ForceSpec {
+                bodies: required_names(&inner, "bodies", "body", bodies)?,
+                point: inner.vector("point", Range::Any)?.unwrap_or(Vec3::ZERO),
+            }),
+        },
+        plane: match reader.child("plane")? {
+            None => None,
+            Some(inner) => Some(PlaneSpec {
+                point: inner.vector("point", Range::Any)?.unwrap_or(Vec3::ZERO),
+                normal: inner.direction("normal")?.unwrap_or(Vec3::Z),
+            }),
+        },
+        mixing: match reader.child("mixing")? {
+            None => None,
+            Some(inner) => Some(MixingSpec {
+                packings: required_names(&inner, "packings", "packing", packings)?,
+                cell: inner.required("cell", Range::Positive)?,
+            }),
+        },
+        shear_box: reader.child("shear_box")?.map(|inner| shear_box(&inner, bodies)).transpose()?,
+        repose: match reader.child("repose")? {
+            None => None,
+            Some(inner) => Some(ReposeSpec {
+                along: inner.choice("along", AlongSpec::NAMES)?.unwrap_or(AlongSpec::Radius),
+                centre: inner.vector("centre", Range::Any)?.unwrap_or(Vec3::ZERO),
+                width: inner.required("width", Range::Positive)?,
+            }),
+        },
+        profile: reader.child("profile")?.map(|inner| profile(&inner)).transpose()?,
+        histogram: match reader.child("histogram")? {
+            None => None,
+            Some(inner) => Some(HistogramSpec {
+                bins: bins(&inner, Some(20))?,
+                most: inner.quantity("most", Range::Positive)?.unwrap_or(5.0),
+            }),
+        },
+        location: reader.location().clone(),
+    };
+    Ok(spec)
+}
+
+fn required_names(reader: &Reader, key: &str, what: &str, known: &[&str]) -> Result<Vec<String>, SceneError> {
+    let names = names_of(reader, key, what, known)?;
+    if names.is_empty() { Err(reader.missing(key)) } else { Ok(names) }
+}
+
+fn shear_box(reader: &Reader, bodies: &[&str]) -> Result<ShearBoxSpec, SceneError> {
+    let body = |key: &str| {
+        let name = reader.text(key)?.ok_or_else(|| reader.missing(key))?;
+        match bodies.contains(&name.as_str()) {
+            true => Ok(name),
+            false => Err(reader.unknown_name(key, "body", &name, bodies.iter().copied())),
+        }
+    };
+    Ok(ShearBoxSpec {
+        sheared: body("sheared")?,
+        pressing: body("pressing")?,
+        direction: reader.direction("direction")?.unwrap_or(Vec3::X),
+        normal: reader.direction("normal")?.unwrap_or(Vec3::Z),
+        area: reader.required("area", Range::Positive)?,
+    })
+}
+
+fn profile(reader: &Reader) -> Result<ProfileSpec, SceneError> {
+    let (from, to) = (reader.required("from", Range::Any)?, reader.required("to", Range::Any)?);
+    if to <= from {
+        return Err(reader.out_of_range("to", &format!("above from ({from} m)"), format!("{to} m")));
+    }
+    let along = reader.choice("along", AlongSpec::NAMES)?.unwrap_or(AlongSpec::Z);
+    if along == AlongSpec::Radius && from < 0.0 {
+        return Err(reader.out_of_range("from", "zero or positive along a radius", format!("{from} m")));
+    }
+    let centre = reader.vector("centre", Range::Any)?.unwrap_or(Vec3::ZERO);
+    Ok(ProfileSpec { along, centre, from, to, bins: bins(reader, None)? })
+}
+
+fn bins(reader: &Reader, default: Option<u64>) -> Result<u64, SceneError> {
+    match reader.count("bins")?.or(default) {
+        None => Err(reader.missing("bins")),
+        Some(count) if (1..=MOST_BINS).contains(&count) => Ok(count),
+        Some(count) => Err(reader.out_of_range("bins", &format!("from 1 to {MOST_BINS}"), count)),
+    }
+}

@@ -1,0 +1,229 @@
+//! Keys of measurements.
+
+use super::Kind::{self, Count, Flag, Quantity, Text, Texts, Vector};
+use super::load::REGION;
+use super::{D, Table, key};
+
+pub(super) static MEASURE: Table = Table {
+    heading: "`[measure.NAME]`",
+    alternatives: &[],
+    keys: &[
+        key("bodies", Texts, "all that can move, or those of packings", "[\"wheel\"]", "Bodies by name"),
+        key(
+            "packings",
+            Texts,
+            "all that can move, or those of bodies",
+            "[\"grains\"]",
+            "All bodies of packings by name",
+        ),
+        key(
+            "region",
+            Kind::Table(&REGION),
+            "everywhere",
+            "{ box = { min = [0, 0, 0], max = [1, 1, 1] } }",
+            "Only bodies whose centre of mass is inside; the volume of stress, porosity and profiles (otherwise the box around the bodies)",
+        ),
+        key("start", Quantity(D::TIME), "0", "\"2 s\"", "No record before; planes count from here"),
+        key("stage", Text, "all stages", "\"shear\"", "Records only in the stage of this name"),
+        key(
+            "every",
+            Quantity(D::TIME),
+            "the time step",
+            "\"10 ms\"",
+            "Time between records; rounded to whole steps",
+        ),
+        key(
+            "stress",
+            Flag,
+            "false",
+            "true",
+            "Stress tensor by contacts, compression positive; pressure, deviator, kinetic pressure",
+        ),
+        key(
+            "coordination",
+            Flag,
+            "false",
+            "true",
+            "Coordination with and without rattlers, sliding share, hyperstaticity",
+        ),
+        key(
+            "rattlers_below",
+            Count,
+            "2",
+            "4",
+            "Bodies with fewer neighbours that hold them are rattlers (4 without friction)",
+        ),
+        key("fabric", Flag, "false", "true", "Fabric tensor of the contacts with force, and its anisotropy"),
+        key("porosity", Flag, "false", "true", "Porosity and solid fraction"),
+        key("forces", Flag, "false", "true", "Mean, scatter and largest of normal forces"),
+        key(
+            "energy",
+            Flag,
+            "false",
+            "true",
+            "Energies; work and losses of the whole world since the beginning",
+        ),
+        key("motion", Flag, "false", "true", "Mass, centre of mass and its velocity"),
+        key(
+            "force",
+            Kind::Table(&FORCE_ON),
+            "none",
+            "{ bodies = [\"floor\"] }",
+            "Force and torque by contacts on some bodies together, walls too; in a region by the contacts there",
+        ),
+        key(
+            "plane",
+            Kind::Table(&PLANE),
+            "none",
+            "{ point = [0, 0, 0], normal = [0, 0, -1] }",
+            "Mass and bodies that pass a plane (in the region, where there is one), and the force through it",
+        ),
+        key(
+            "mixing",
+            Kind::Table(&MIXING),
+            "none",
+            "{ packings = [\"red\"], cell = \"3 cm\" }",
+            "Lacey's index of mixing",
+        ),
+        key(
+            "shear_box",
+            Kind::Table(&SHEAR_BOX),
+            "none",
+            "{ sheared = \"lower\", pressing = \"press\", area = 0.04 }",
+            "Shear and normal stress, their ratio, displacement and dilation of a shear box",
+        ),
+        key(
+            "repose",
+            Kind::Table(&REPOSE),
+            "none",
+            "{ along = \"radius\", width = \"1 cm\" }",
+            "Angle of the surface of a heap",
+        ),
+        key(
+            "profile",
+            Kind::Table(&PROFILE),
+            "none",
+            "{ along = \"z\", from = 0, to = \"20 cm\", bins = 20 }",
+            "Density, velocity and temperature in bins; stands alone in its table, a record per bin",
+        ),
+        key(
+            "histogram",
+            Kind::Table(&HISTOGRAM),
+            "none",
+            "{ bins = 20, most = 5 }",
+            "Distribution of normal forces over their mean; stands alone in its table, a record per bin",
+        ),
+    ],
+};
+
+static FORCE_ON: Table = Table {
+    heading: "`measure.force`",
+    alternatives: &[],
+    keys: &[
+        key("bodies", Texts, "required", "[\"floor\", \"wall\"]", "Bodies by name"),
+        key(
+            "point",
+            Vector(D::LENGTH),
+            "[0, 0, 0]",
+            "[0, 0, 1]",
+            "The torque is about this point of the world",
+        ),
+    ],
+};
+
+static PLANE: Table = Table {
+    heading: "`measure.plane`",
+    alternatives: &[],
+    keys: &[
+        key("point", Vector(D::LENGTH), "[0, 0, 0]", "[0, 0, \"5 cm\"]", "A point of the plane"),
+        key(
+            "normal",
+            Vector(D::NONE),
+            "[0, 0, 1]",
+            "[0, 0, -1]",
+            "Direction that counts as positive; any length",
+        ),
+    ],
+};
+
+static MIXING: Table = Table {
+    heading: "`measure.mixing`",
+    alternatives: &[],
+    keys: &[
+        key(
+            "packings",
+            Texts,
+            "required",
+            "[\"red\"]",
+            "Packings of the first kind; all other bodies that are meant are the second",
+        ),
+        key("cell", Quantity(D::LENGTH), "required", "\"3 cm\"", "Edge of the cells: a few bodies wide"),
+    ],
+};
+
+static SHEAR_BOX: Table = Table {
+    heading: "`measure.shear_box`",
+    alternatives: &[],
+    keys: &[
+        key("sheared", Text, "required", "\"lower\"", "The body that is moved"),
+        key("pressing", Text, "required", "\"press\"", "The body that presses"),
+        key(
+            "direction",
+            Vector(D::NONE),
+            "[1, 0, 0]",
+            "[0, 1, 0]",
+            "In which the first is moved; any length",
+        ),
+        key("normal", Vector(D::NONE), "[0, 0, 1]", "[0, 0, 1]", "From the sample to the second; any length"),
+        key("area", Quantity(D::AREA), "required", "\"0.12 m * 0.12 m\"", "Area of the sample"),
+    ],
+};
+
+static REPOSE: Table = Table {
+    heading: "`measure.repose`",
+    alternatives: &[],
+    keys: &[
+        key("along", Text, "\"radius\"", "\"x\"", "Where the surface falls to: x, y, z or radius"),
+        key(
+            "centre",
+            Vector(D::LENGTH),
+            "[0, 0, 0]",
+            "[\"5 cm\", 0, 0]",
+            "The upright line that the radius counts from",
+        ),
+        key(
+            "width",
+            Quantity(D::LENGTH),
+            "required",
+            "\"1 cm\"",
+            "Width of the columns whose tops make the surface: a diameter or two",
+        ),
+    ],
+};
+
+static PROFILE: Table = Table {
+    heading: "`measure.profile`",
+    alternatives: &[],
+    keys: &[
+        key("along", Text, "\"z\"", "\"radius\"", "Bins lie along x, y, z or the radius"),
+        key(
+            "centre",
+            Vector(D::LENGTH),
+            "[0, 0, 0]",
+            "[\"5 cm\", 0, 0]",
+            "The upright line that the radius counts from",
+        ),
+        key("from", Quantity(D::LENGTH), "required", "0", "Lower edge of the first bin"),
+        key("to", Quantity(D::LENGTH), "required", "\"20 cm\"", "Upper edge of the last bin"),
+        key("bins", Count, "required", "20", "Number of bins"),
+    ],
+};
+
+static HISTOGRAM: Table = Table {
+    heading: "`measure.histogram`",
+    alternatives: &[],
+    keys: &[
+        key("bins", Count, "20", "40", "Number of bins"),
+        key("most", Quantity(D::NONE), "5", "8", "Largest ratio of a normal force to the mean"),
+    ],
+};

@@ -1,0 +1,142 @@
+//! Stages of a run: settle, then press, then shear.
+
+use graintrain::error::ModelError;
+use graintrain::handle::BodyId;
+use graintrain::load::Load;
+use graintrain::material::Materials;
+use graintrain::math::Vec3;
+use graintrain::motion::{Motion, Profile};
+use graintrain::world::{FREE, World};
+use serde::{Deserialize, Serialize};
+
+/// A stage: what changes when it begins, and when it ends.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Stage {
+    /// Its name.
+    pub name: String,
+    /// Steps after which it ends, whatever the other conditions; `None`: with the run.
+    pub most: Option<u64>,
+    /// Steps before which no other condition ends it.
+    pub least: u64,
+    /// It ends when the kinetic energy per body that can move is below this, J.
+    pub kinetic_energy: Option<f64>,
+    /// It ends when the mean net force is below this share of the mean contact force.
+    pub unbalanced_force: Option<f64>,
+    /// m/s^2
+    pub gravity: Option<[Profile; 3]>,
+    /// All materials, where some change.
+    pub materials: Option<Materials>,
+    /// New motions of bodies, `None` for free ones; their times count from the beginning of the stage.
+    pub motions: Vec<(BodyId, Option<Motion>)>,
+    /// All loads, where they change.
+    pub loads: Option<Vec<Load>>,
+}
+
+/// What ended a stage.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum StageEnd {
+    /// Its time was over.
+    Time,
+    /// Kinetic energy.
+    KineticEnergy,
+    /// Unbalanced force.
+    UnbalancedForce,
+}
+
+/// A stage that has begun.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct StageRecord {
+    /// Its name.
+    pub name: String,
+    /// Number of steps that were made before it.
+    pub first_step: u64,
+    /// Number of its last step, once it has ended.
+    pub last_step: Option<u64>,
+    /// What ended it.
+    pub end: Option<StageEnd>,
+}
+
+/// The profile with its time counted from now.
+fn from_now(profile: &Profile, now: f64) -> Profile {
+    match profile {
+        Profile::Constant(_) => profile.clone(),
+        other => Profile::Delayed { start: now, profile: Box::new(other.clone()) },
+    }
+}
+
+impl Stage {
+    /// Whether it needs the velocities of bodies before a step.
+    pub fn compares_velocities(&self) -> bool {
+        self.unbalanced_force.is_some()
+    }
+
+    /// Makes its changes.
+    ///
+    /// # Errors
+    /// [`ModelError`] for changes that do not fit the world, which those of a scene do.
+    pub fn begin(&self, world: &mut World) -> Result<(), ModelError> {
+        let now = world.time;
+        if let Some(gravity) = &self.gravity {
+            match gravity {
+                [Profile::Constant(x), Profile::Constant(y), Profile::Constant(z)] => {
+                    (world.gravity, world.gravity_of_time) = (Vec3::new(*x, *y, *z), None);
+                }
+                functions => world.set_gravity_of_time(functions.clone())?,
+            }
+        }
+        if let Some(materials) = &self.materials {
+            world.materials = materials.clone();
+        }
+        for (body, motion) in &self.motions {
+            let id = match motion {
+                None => FREE,
+                Some(motion) => {
+                    let mut motion = motion.clone();
+                    motion.translation.iter_mut().for_each(|(_, profile)| *profile = from_now(profile, now));
+                    motion.rotation.iter_mut().for_each(|turn| turn.profile = from_now(&turn.profile, now));
+                    world.add_motion(motion)?
+                }
+            };
+            let index = body.index();
+            if index >= world.bodies.len() {
+                return Err(ModelError::Index { what: "body", index, len: world.bodies.len() });
+            }
+            world.bodies.motion[index] = id;
+        }
+        match &self.loads {
+            Some(loads) => world.set_loads(loads.clone()),
+            None => Ok(()),
+        }
+    }
+
+    /// What ends it after a step of this length (s) that was its `made`-th, from these velocities (m/s, where it compares them).
+    pub fn end(&self, world: &World, made: u64, step: f64, before: Option<&[Vec3]>) -> Option<StageEnd> {
+        if made >= self.least.max(1) {
+            let movable = (0..world.bodies.len()).filter(|&body| !world.is_prescribed(body));
+            let bodies = movable.count().max(1) as f64;
+            if self.kinetic_energy.is_some_and(|limit| world.kinetic_energy() / bodies < limit) {
+                return Some(StageEnd::KineticEnergy);
+            }
+            let balanced = |limit: f64| before.is_some_and(|before| unbalanced(world, step, before) < limit);
+            if self.unbalanced_force.is_some_and(balanced) {
+                return Some(StageEnd::UnbalancedForce);
+            }
+        }
+        self.most.is_some_and(|most| made >= most).then_some(StageEnd::Time)
+    }
+}
+
+/// Mean net force (mass times change of velocity over the step) on the bodies that are free, over the mean contact force; infinite without
+/// contact forces.
+fn unbalanced(world: &World, step: f64, before: &[Vec3]) -> f64 {
+    let free: Vec<usize> = (0..world.bodies.len()).filter(|&body| world.is_free(body)).collect();
+    let net = |&body: &usize| world.bodies.mass[body] * (world.bodies.velocity[body] - before[body]).length();
+    let impulses: Vec<f64> =
+        world.contacts.impulse.iter().map(|g| g.length()).filter(|length| *length > 0.0).collect();
+    if impulses.is_empty() {
+        return f64::INFINITY;
+    }
+    let force = impulses.iter().sum::<f64>() / impulses.len() as f64 / step;
+    free.iter().map(net).sum::<f64>() / step / free.len().max(1) as f64 / force
+}

@@ -1,0 +1,172 @@
+//! Makes the runs of a sweep.
+
+use super::SweepError;
+use super::plan::{Cell, Plan, label};
+use graintrain_io::checkpoint;
+use graintrain_io::files::{OutputError, make_folder};
+use graintrain_io::output::folder::{PrepareError, RunFolder};
+use graintrain_io::output::recorder::Recorder;
+use graintrain_io::output::summary::RunStatus;
+use graintrain_io::run::{Ending, Run, RunError, RunSettings, RunTotals};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+
+/// How a sweep is carried out.
+#[derive(Clone, Debug)]
+pub struct Execution {
+    /// Its folder.
+    pub folder: PathBuf,
+    /// Runs at a time.
+    pub jobs: usize,
+    /// Threads of each; the results do not depend on it.
+    pub threads: usize,
+}
+
+/// What became of a run.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Outcome {
+    /// It reached its end, now or before.
+    Finished,
+    /// It was stopped, or had not begun.
+    Stopped,
+    /// It ended early.
+    Failed(String),
+}
+
+/// How far a sweep is.
+#[derive(Clone, Copy, Debug)]
+pub struct Progress<'a> {
+    /// Runs that ended.
+    pub done: usize,
+    /// All runs.
+    pub total: usize,
+    /// The one that ended last.
+    pub last: &'a str,
+}
+
+/// Folder of a run.
+pub fn run_folder(folder: &Path, cell: &Cell) -> PathBuf {
+    folder.join("runs").join(&cell.name)
+}
+
+/// Makes all runs that are not finished yet, `jobs` at a time, in the order of the cells; what becomes of each. A run that fails does not
+/// keep others from being made. The folder belongs to this process meanwhile.
+///
+/// # Errors
+/// [`SweepError::Scene`] before the first run where the scene of a point is wrong; [`SweepError::Differs`], [`SweepError::Output`] and
+/// [`SweepError::Threads`] as they come; [`SweepError::Stopped`] after `stop` was set.
+pub fn execute(
+    plan: &Plan,
+    cells: &[Cell],
+    how: &Execution,
+    stop: &Arc<AtomicBool>,
+    progress: &(dyn Fn(Progress<'_>) + Sync),
+) -> Result<Vec<Outcome>, SweepError> {
+    make_folder(&how.folder.join("runs"))?;
+    let _held = RunFolder::open(&how.folder)?;
+    let first_of_point = |point: usize| cells.iter().find(|cell| cell.point == point);
+    for cell in (0..plan.points.len()).filter_map(first_of_point) {
+        plan.load(&[], &cell.settings)?.build().map_err(|error| wrong(plan, cell, error))?;
+    }
+    let (next, done) = (AtomicUsize::new(0), AtomicUsize::new(0));
+    let outcomes: Mutex<Vec<Outcome>> = Mutex::new(vec![Outcome::Stopped; cells.len()]);
+    let error: Mutex<Option<SweepError>> = Mutex::new(None);
+    let fail = |found: SweepError| {
+        stop_others(&next, cells.len());
+        let mut error = error.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+        error.get_or_insert(found);
+    };
+    let work = || {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(how.threads.max(1)).build();
+        let pool = match pool {
+            Ok(pool) => pool,
+            Err(error) => return fail(SweepError::Threads(error.to_string())),
+        };
+        loop {
+            let index = next.fetch_add(1, Ordering::Relaxed);
+            let Some(cell) = cells.get(index).filter(|_| !stop.load(Ordering::Relaxed)) else { return };
+            match pool.install(|| make(plan, cell, &how.folder, stop)) {
+                Err(error) => return fail(error),
+                Ok(outcome) => {
+                    let mut list = outcomes.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+                    list[index] = outcome;
+                }
+            }
+            let done = done.fetch_add(1, Ordering::Relaxed) + 1;
+            progress(Progress { done, total: cells.len(), last: &cell.name });
+        }
+    };
+    std::thread::scope(|scope| {
+        for _ in 0..how.jobs.max(1) {
+            scope.spawn(work);
+        }
+    });
+    if let Some(error) = error.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner) {
+        return Err(error);
+    }
+    let outcomes = outcomes.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner);
+    if outcomes.contains(&Outcome::Stopped) { Err(SweepError::Stopped) } else { Ok(outcomes) }
+}
+
+/// No worker takes another cell.
+fn stop_others(next: &AtomicUsize, cells: usize) {
+    next.store(cells, Ordering::Relaxed);
+}
+
+fn wrong(plan: &Plan, cell: &Cell, error: graintrain_io::scene::SceneError) -> SweepError {
+    SweepError::Scene { point: label(&plan.points[cell.point]), error: Box::new(error) }
+}
+
+/// Makes a run, or what is left of it.
+fn make(plan: &Plan, cell: &Cell, folder: &Path, stop: &Arc<AtomicBool>) -> Result<Outcome, SweepError> {
+    let folder = run_folder(folder, cell);
+    let simulation = plan.load(&[], &cell.settings)?.build().map_err(|error| wrong(plan, cell, error))?;
+    let resolved = simulation.resolved.to_toml().map_err(|error| wrong(plan, cell, error))?;
+    let checkpoints = folder.join("checkpoints");
+    let begun = checkpoint::is_in(&checkpoints);
+    if begun && std::fs::read_to_string(folder.join("scene.toml")).ok().as_deref() != Some(&resolved) {
+        return Err(SweepError::Differs { folder });
+    }
+    let saved = if begun { checkpoint::latest(&checkpoints).ok().map(|(saved, _)| saved) } else { None };
+    let (run, mut recorder) = match saved {
+        Some(saved) if saved.world.step >= saved.settings.steps => return Ok(Outcome::Finished),
+        Some(saved) => {
+            let taken = RunFolder::open(&folder)?;
+            let recorder = Recorder::resume(taken, &saved.settings, &saved.world)?;
+            (Run::new(saved.world, saved.settings, saved.totals, Arc::clone(stop)), recorder)
+        }
+        // Nothing, or nothing that can be used: from the beginning.
+        None => {
+            let taken = RunFolder::create(&folder, true).map_err(|error| match error {
+                PrepareError::Output(error) => SweepError::Output(error),
+                PrepareError::Occupied(occupied) => SweepError::Plan(occupied.to_string()),
+            })?;
+            let settings = RunSettings::new(&simulation, None);
+            let recorder = Recorder::begin(taken, &settings, &simulation.world, &resolved)?;
+            (Run::new(simulation.world, settings, RunTotals::default(), Arc::clone(stop)), recorder)
+        }
+    };
+    let mut run = run.map_err(|error| SweepError::Plan(format!("{}: {error}", cell.name)))?;
+    match run.advance(&mut [&mut recorder]) {
+        Ok(Ending::Finished) => {
+            recorder.checkpoint(&run.world, &run.totals, RunStatus::Finished)?;
+            Ok(Outcome::Finished)
+        }
+        Ok(Ending::Stopped) => {
+            recorder.checkpoint(&run.world, &run.totals, RunStatus::Stopped)?;
+            Ok(Outcome::Stopped)
+        }
+        Err(RunError::Output(error)) => Err(error.into()),
+        Err(error) => {
+            recorder.fail(&run.world, &run.totals)?;
+            Ok(Outcome::Failed(error.to_string()))
+        }
+    }
+}
+
+/// Writes a file of the sweep whole.
+pub(super) fn write(path: &Path, text: &str) -> Result<(), OutputError> {
+    graintrain_io::files::write_atomically(path, text.as_bytes())
+}

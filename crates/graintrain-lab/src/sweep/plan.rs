@@ -1,0 +1,230 @@
+//! Which runs a sweep is made of.
+
+use super::SweepError;
+use graintrain_io::scene::{Scene, SceneError};
+
+/// From seed to seed: packing number k of a scene uses the seed + k, so that neighbours would share them.
+const SEED_STRIDE: u64 = 1000;
+
+/// More runs than this are a slip of the keyboard.
+const MOST_RUNS: usize = 1_000_000;
+
+/// A key of the scene and its value, as after `--set`.
+pub type Setting = (String, String);
+
+/// A sweep.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Plan {
+    /// Scene file, or name of a built-in scene.
+    pub scene: String,
+    /// Settings of all runs.
+    pub settings: Vec<Setting>,
+    /// Settings of each point, all of the same keys.
+    pub points: Vec<Vec<Setting>>,
+    /// Runs per point, with seeds of their own.
+    pub seeds: u64,
+    /// Whether the runs write frames.
+    pub frames: bool,
+}
+
+/// One run of a sweep.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Cell {
+    /// Index of its point.
+    pub point: usize,
+    /// Number of its seed, from 0.
+    pub seed: u64,
+    /// Name of its folder.
+    pub name: String,
+    /// All of its settings.
+    pub settings: Vec<Setting>,
+}
+
+/// `KEY=V1,V2,...` as after `--over`; commas in brackets or quotes belong to a value.
+///
+/// # Errors
+/// [`SweepError::Plan`] where there is no key or no value, or a value stands twice.
+pub fn over(text: &str) -> Result<(String, Vec<String>), SweepError> {
+    let wrong = |why: &str| SweepError::Plan(format!("`{text}` is not of the form KEY=V1,V2,...: {why}"));
+    let (key, list) = text.split_once('=').ok_or_else(|| wrong("there is no `=`"))?;
+    let mut values = vec![String::new()];
+    let (mut depth, mut quoted) = (0_i64, false);
+    for c in list.chars() {
+        match c {
+            '"' | '\'' => quoted = !quoted,
+            '[' | '{' | '(' => depth += 1,
+            ']' | '}' | ')' => depth -= 1,
+            _ => {}
+        }
+        match values.last_mut() {
+            Some(value) if c != ',' || quoted || depth > 0 => value.push(c),
+            _ => values.push(String::new()),
+        }
+    }
+    let values: Vec<String> = values.iter().map(|value| value.trim().to_string()).collect();
+    if key.trim().is_empty() || values.iter().any(String::is_empty) {
+        return Err(wrong("a key or value is empty"));
+    }
+    for (k, value) in values.iter().enumerate() {
+        if values[..k].contains(value) {
+            return Err(wrong(&format!("the value {value} stands twice")));
+        }
+    }
+    Ok((key.trim().to_string(), values))
+}
+
+/// All combinations of the values of the keys, the last key changing fastest; one point without keys where there are none.
+///
+/// # Errors
+/// [`SweepError::Plan`] for a key that stands twice, or far too many points.
+pub fn grid(keys: &[(String, Vec<String>)]) -> Result<Vec<Vec<Setting>>, SweepError> {
+    let mut points: Vec<Vec<Setting>> = vec![Vec::new()];
+    for (k, (key, values)) in keys.iter().enumerate() {
+        if keys[..k].iter().any(|(known, _)| known == key) {
+            return Err(SweepError::Plan(format!("the key {key} stands twice")));
+        }
+        if points.len().saturating_mul(values.len()) > MOST_RUNS {
+            return Err(SweepError::Plan(format!("there would be more than {MOST_RUNS} runs")));
+        }
+        let with = |point: &Vec<Setting>, value: &String| {
+            let mut point = point.clone();
+            point.push((key.clone(), value.clone()));
+            point
+        };
+        points = points.iter().flat_map(|point| values.iter().map(move |value| with(point, value))).collect();
+    }
+    Ok(points)
+}
+
+/// The points of a CSV file: keys in the header, a point per line.
+///
+/// # Errors
+/// [`SweepError::Plan`] for lines that do not fit the header, no lines, or the same point twice.
+pub fn table(text: &str) -> Result<Vec<Vec<Setting>>, SweepError> {
+    let fields = |line: &str| line.split(',').map(|field| field.trim().to_string()).collect::<Vec<_>>();
+    let mut lines = text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty());
+    let keys = lines.next().map(|(_, line)| fields(line)).unwrap_or_default();
+    let mut points: Vec<Vec<Setting>> = Vec::new();
+    for (number, line) in lines {
+        let values = fields(line);
+        let number = number + 1;
+        if values.len() != keys.len() || values.iter().any(String::is_empty) {
+            let problem =
+                format!("line {number} has {} values, the header {} keys", values.len(), keys.len());
+            return Err(SweepError::Plan(problem));
+        }
+        let point: Vec<Setting> = keys.iter().cloned().zip(values).collect();
+        if points.contains(&point) {
+            return Err(SweepError::Plan(format!("line {number} is a point that was already there")));
+        }
+        points.push(point);
+    }
+    if points.is_empty() || keys.iter().any(String::is_empty) {
+        return Err(SweepError::Plan("the table needs a header of keys and a line per point".into()));
+    }
+    Ok(points)
+}
+
+/// Values of a point for people: `mu=0.1, n=4`.
+pub fn label(point: &[Setting]) -> String {
+    if point.is_empty() {
+        return "the scene as it is".into();
+    }
+    point.iter().map(|(key, value)| format!("{key}={value}")).collect::<Vec<_>>().join(", ")
+}
+
+/// The same as the name of a folder: what may stand in one stays, the rest becomes `_`; with a number of its bits where that made a difference.
+fn folder_name(point: &[Setting], seed: u64) -> String {
+    let plain: String = point.iter().map(|(key, value)| format!("{key}={value},")).collect();
+    let safe = |c: char| if c.is_ascii_alphanumeric() || "=.,-+".contains(c) { c } else { '_' };
+    let mut name: String = plain.chars().map(safe).collect();
+    if name != plain || name.len() > 150 {
+        let bits = plain.bytes().fold(0xcbf2_9ce4_8422_2325_u64, |hash, byte| {
+            (hash ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3)
+        });
+        name.truncate(150);
+        name += &format!("{:08x},", bits >> 32);
+    }
+    name + &format!("seed={seed}")
+}
+
+impl Plan {
+    /// Keys that change from point to point.
+    pub fn keys(&self) -> Vec<&str> {
+        self.points.first().map_or(Vec::new(), |point| point.iter().map(|(key, _)| key.as_str()).collect())
+    }
+
+    /// All runs, seed by seed, so that a sweep that is stopped has all points once before it has one of them twice.
+    ///
+    /// # Errors
+    /// [`SweepError::Scene`] where the scene itself cannot be read; [`SweepError::Plan`] where there are too many runs.
+    pub fn cells(&self) -> Result<Vec<Cell>, SweepError> {
+        if self.points.len().saturating_mul(self.seeds as usize) > MOST_RUNS {
+            return Err(SweepError::Plan(format!("there would be more than {MOST_RUNS} runs")));
+        }
+        let mut bases = Vec::new();
+        for point in &self.points {
+            bases.push(self.load(point, &[])?.seed);
+        }
+        let cell = |seed: u64, point: usize| {
+            let mut settings = [self.settings.clone(), self.points[point].clone()].concat();
+            if seed > 0 {
+                settings.push(("seed".into(), (bases[point] + SEED_STRIDE * seed).to_string()));
+            }
+            if !self.frames {
+                settings.extend(["output.bodies", "output.contacts"].map(|key| (key.into(), "false".into())));
+            }
+            Cell { point, seed, name: folder_name(&self.points[point], seed), settings }
+        };
+        let seeds = 0..self.seeds;
+        Ok(seeds
+            .flat_map(|seed| (0..self.points.len()).map(move |point| (seed, point)))
+            .map(|(s, p)| cell(s, p))
+            .collect())
+    }
+
+    /// The scene of a point with more settings.
+    ///
+    /// # Errors
+    /// [`SweepError::Scene`].
+    pub fn load(&self, point: &[Setting], more: &[Setting]) -> Result<Scene, SweepError> {
+        let settings = [self.settings.as_slice(), point, more].concat();
+        let wrong = |error: SceneError| SweepError::Scene { point: label(point), error: Box::new(error) };
+        Scene::load(&self.scene, &settings).map_err(wrong)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn grids_and_tables() {
+        let keys = [over("mu=0.1, 0.3").unwrap(), over("box=[1,2],[3,4],\"a,b\"").unwrap()];
+        assert_eq!(keys[1].1, ["[1,2]", "[3,4]", "\"a,b\""]);
+        let points = grid(&keys).unwrap();
+        assert_eq!(points.len(), 6);
+        assert_eq!(label(&points[1]), "mu=0.1, box=[3,4]");
+        assert_eq!(grid(&[]).unwrap(), [Vec::new()]);
+        let rows = table("mu, n\n0.1,4\n\n0.3,8\n").unwrap();
+        assert_eq!(label(&rows[1]), "mu=0.3, n=8");
+        for bad in ["mu", "=1", "mu=", "mu=1,,2", "mu=1,1"] {
+            assert!(over(bad).is_err(), "{bad}");
+        }
+        for bad in ["", "mu,n\n", "mu,n\n1\n", "mu\n1\n1\n", "mu,\n1,2\n"] {
+            assert!(table(bad).is_err(), "{bad}");
+        }
+        assert!(grid(&[keys[0].clone(), keys[0].clone()]).is_err());
+    }
+
+    #[test]
+    fn folders_of_different_points_differ() {
+        let set = |value: &str| vec![("a".to_string(), value.to_string())];
+        let names = ["1 m", "1_m", "1/m", "1"].map(|value| folder_name(&set(value), 2));
+        assert!(names.iter().all(|name| !name.contains('/') && name.ends_with("seed=2")));
+        for (k, name) in names.iter().enumerate() {
+            assert!(!names[..k].contains(name), "{name}");
+        }
+        assert_eq!(names[3], "a=1,seed=2");
+    }
+}

@@ -1,0 +1,130 @@
+//! Energies, and what changes them in a step.
+
+use crate::contact::ContactSet;
+use crate::load;
+use crate::math::Vec3;
+use crate::world::World;
+use serde::{Deserialize, Serialize};
+
+/// Energies of the bodies that can move, J.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Energies {
+    /// 1/2 m |u|^2
+    pub translational: f64,
+    /// 1/2 w . I w
+    pub rotational: f64,
+    /// -m g . x: in the gravity of now, zero at the origin of the world.
+    pub potential: f64,
+}
+
+/// Energies of the bodies that are meant.
+pub fn energies(world: &World, selected: &[bool]) -> Energies {
+    let bodies = &world.bodies;
+    let mut sum = Energies::default();
+    for b in (0..bodies.len()).filter(|&b| selected[b]) {
+        let w = bodies.orientation[b].inverse() * bodies.angular_velocity[b];
+        sum.translational += 0.5 * bodies.mass[b] * bodies.velocity[b].length_squared();
+        sum.rotational += 0.5 * w.dot(bodies.inertia[b] * w);
+        sum.potential -= bodies.mass[b] * world.gravity.dot(bodies.position[b]);
+    }
+    sum
+}
+
+/// What changed the kinetic energy of the bodies with a dynamic degree of freedom, J, in a step or summed over many:
+///
+/// ```text
+/// K+ - K- = gravity + loads + drives - friction - normal + rest
+/// ```
+///
+/// With the impulses g of a step, v = (v- + v+) / 2 for dynamic degrees of freedom and the prescribed velocity for others, the terms are dt m g . v, dt f . v,
+/// -(D g) . v over the prescribed degrees, and -g_t . (D^T v)_t and -g_n (D^T v)_n over all contacts, impacts included. For balls this is an
+/// identity: the rest is rounding. For other bodies it is what their turning in the step adds (the gyroscopic term), and for bodies that are
+/// driven in some degrees what their own inertia takes. Overlap is removed by displacements, which change no velocity: the energy
+/// that this gives to bodies against gravity is counted apart.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Ledger {
+    /// Work of gravity.
+    pub gravity: f64,
+    /// Work of external forces and torques besides gravity.
+    pub loads: f64,
+    /// Work of prescribed motions.
+    pub drives: f64,
+    /// Taken by friction, that of rolling and spinning included.
+    pub friction: f64,
+    /// Taken by normal impulses: impacts, and gaps that close.
+    pub normal: f64,
+    /// Change of kinetic energy less all of these.
+    pub rest: f64,
+}
+
+impl Ledger {
+    /// Adds another step.
+    pub fn add(&mut self, other: &Self) {
+        self.gravity += other.gravity;
+        self.loads += other.loads;
+        self.drives += other.drives;
+        self.friction += other.friction;
+        self.normal += other.normal;
+        self.rest += other.rest;
+    }
+
+    /// Sum of the magnitudes, J: what the rest is to be compared with.
+    pub fn throughput(&self) -> f64 {
+        let Self { gravity, loads, drives, friction, normal, rest: _ } = *self;
+        [gravity, loads, drives, friction, normal].into_iter().map(f64::abs).sum()
+    }
+}
+
+/// The ledger of a step of this length with the contacts and impulses of `set`, the centres `position` at its start (m), the velocities
+/// before and after it (six numbers per body; after it with the mean prescribed ones), and the change of kinetic energy.
+pub(crate) fn ledger(
+    world: &World,
+    set: &ContactSet,
+    position: &[Vec3],
+    [before, after]: [&[f64]; 2],
+    step: f64,
+    change: f64,
+) -> Ledger {
+    let mut ledger = Ledger { loads: load::work(world, before, after, step), ..Ledger::default() };
+    let count = world.bodies.len();
+    let free: Vec<[bool; 6]> = (0..count).map(|body| world.free_degrees(body)).collect();
+    let mean: Vec<[f64; 6]> = (0..count)
+        .map(|body| {
+            std::array::from_fn(|k| {
+                let i = 6 * body + k;
+                if free[body][k] { 0.5 * (before[i] + after[i]) } else { after[i] }
+            })
+        })
+        .collect();
+    for body in 0..count {
+        for (k, g) in world.gravity.to_array().into_iter().enumerate() {
+            if free[body][k] {
+                ledger.gravity += step * world.bodies.mass[body] * g * mean[body][k];
+            }
+        }
+    }
+    for (i, (contact, &impulse)) in set.contacts.iter().zip(&set.impulse).enumerate() {
+        let moment = set.moment.get(i).copied().unwrap_or_default();
+        let (mut relative, mut turning) = (Vec3::ZERO, Vec3::ZERO);
+        for (body, point, impulse) in super::contacts::ends(contact, impulse) {
+            let arm = point - position[body];
+            let (u, w) = (Vec3::from_slice(&mean[body][..3]), Vec3::from_slice(&mean[body][3..]));
+            let sign = if body == contact.body_a as usize { 1.0 } else { -1.0 };
+            relative += sign * (u + w.cross(arm));
+            turning += sign * w;
+            let torque = arm.cross(impulse) + sign * moment;
+            let generalised = impulse.to_array().into_iter().chain(torque.to_array());
+            for (k, g) in generalised.enumerate() {
+                if !free[body][k] {
+                    ledger.drives -= g * mean[body][k];
+                }
+            }
+        }
+        let normal = contact.normal.dot(impulse) * contact.normal.dot(relative);
+        ledger.normal -= normal;
+        ledger.friction -= impulse.dot(relative) - normal + moment.dot(turning);
+    }
+    let Ledger { gravity, loads, drives, friction, normal, .. } = ledger;
+    ledger.rest = change - (gravity + loads + drives - friction - normal);
+    ledger
+}
