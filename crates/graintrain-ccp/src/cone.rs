@@ -67,6 +67,9 @@ impl TurningCone {
     pub fn project(self, g: [f64; 3], h: [f64; 3]) -> [[f64; 3]; 2] {
         let coefficient = [self.mu, self.rolling, self.spinning];
         let length = [g[1].hypot(g[2]), h[1].hypot(h[2]), h[0].abs()];
+        if g[0].is_nan() {
+            return [[f64::NAN; 3]; 2];
+        }
         let mut normal = g[0].max(0.0);
         for subset in 1..8_u32 {
             let (mut above, mut below) = (g[0], 1.0);

@@ -1,6 +1,6 @@
 //! The cone complementarity problem: N, r, mu.
 
-use crate::cone::{FrictionCone, TurningCone};
+use crate::cone::{FrictionCone, TurningCone, tangential_length};
 use crate::delassus::Delassus;
 use graintrain_linalg::block3::PatternError;
 use std::sync::Arc;
@@ -269,6 +269,23 @@ impl Ccp {
             return None;
         }
         self.turning.binary_search_by_key(&(i as u32), |turning| turning.contact).ok()
+    }
+
+    /// De Saxce's s_i of contact i for velocities u (length of r), m/s: mu |u_t|, and where it resists turning the same of rolling and
+    /// spinning. The relaxed law parts contacts by it.
+    pub fn de_saxce(&self, u: &[f64], i: usize) -> f64 {
+        let of = |first: usize| [u[first], u[first + 1], u[first + 2]];
+        let sliding = self.friction[i] * tangential_length(of(3 * i));
+        let Some(k) = self.turning_of(i) else { return sliding };
+        let (TurningFriction { rolling, spinning, .. }, w) =
+            (self.turning[k], of(3 * (self.num_contacts() + k)));
+        sliding + rolling * tangential_length(w) + spinning * w[0].abs()
+    }
+
+    /// Whether any contact has friction, of sliding, rolling or spinning.
+    pub fn has_friction(&self) -> bool {
+        self.friction.iter().any(|&mu| mu > 0.0)
+            || self.turning.iter().any(|turning| turning.rolling > 0.0 || turning.spinning > 0.0)
     }
 
     /// Cone of contact i and of entry k of [`Self::turning`], which is its own.

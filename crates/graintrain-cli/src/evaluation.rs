@@ -109,7 +109,7 @@ impl<'a> Yardstick<'a> {
             let product = self.matrix.row_times(i, g);
             let (mu, eta) = (self.problem.friction[i], self.eta[i]);
             let impulse = [g[3 * i], g[3 * i + 1], g[3 * i + 2]];
-            let turning = self.problem.turning.iter().position(|own| own.contact as usize == i);
+            let turning = self.problem.turning_of(i);
             let mut turned = Turned::default();
             if let Some(k) = turning {
                 let (own, first) = (self.problem.turning[k], 3 * (contacts + k));
@@ -223,7 +223,7 @@ impl Turned {
             (above, below) = (above + m * a, below + m * m);
             normal = above / below;
         }
-        let normal = normal.max(0.0);
+        let normal = if normal < 0.0 { 0.0 } else { normal };
         let shrink = parts.map(|(m, a)| if a > m * normal { m * normal / a } else { 1.0 });
         let errors = [
             g[0] - normal,

@@ -280,7 +280,7 @@ fn relaxation(summary: &Summary) -> Option<String> {
         100.0 * summary.relaxation_opening_max_over_radius,
         100.0 * summary.relaxation_opened_share
     );
-    if summary.relaxation_steps_compared == 0 {
+    if summary.relaxation_steps_compared == summary.relaxation_steps_undecided {
         return Some(opened);
     }
     let (steps, relative) = (summary.relaxation_steps_compared, summary.relaxation_relative_difference_max);

@@ -246,10 +246,31 @@ fn decode(bytes: &[u8], path: &Path) -> Result<Checkpoint, CheckpointError> {
     // The check sum holds: these bytes are what some build of this format wrote.
     let checkpoint: Checkpoint = postcard::from_bytes(&plain)
         .map_err(|error| CheckpointError::Foreign { path: path.clone(), what: error.to_string() })?;
-    match checkpoint.world.validate() {
-        Ok(()) => Ok(checkpoint),
-        Err(error) => Err(CheckpointError::Damaged { path, what: error.to_string() }),
+    match defect(&checkpoint) {
+        None => Ok(checkpoint),
+        Some(what) => Err(CheckpointError::Damaged { path, what }),
     }
+}
+
+/// What makes a checkpoint one that no run can go on from.
+fn defect(checkpoint: &Checkpoint) -> Option<String> {
+    let Checkpoint { settings, totals, world } = checkpoint;
+    if let Err(error) = world.validate() {
+        return Some(error.to_string());
+    }
+    if let Some(measure) = settings.measures.iter().find(|measure| !measure.fits(world.bodies.len())) {
+        return Some(format!("measure {} fits no run of it", measure.name));
+    }
+    if totals.stages.len() > settings.stages.len() {
+        return Some("more stages have begun than there are".to_string());
+    }
+    // What is still to come has to make worlds, too.
+    let coming = settings.stages.get(totals.stages.len()..).unwrap_or_default();
+    coming.iter().find_map(|stage| {
+        let mut then = world.clone();
+        let begun = stage.begin(&mut then);
+        begun.and_then(|()| then.validate()).err().map(|error| format!("stage {}: {error}", stage.name))
+    })
 }
 
 #[cfg(test)]
@@ -315,7 +336,14 @@ mod tests {
                 continue;
             };
             accepted += 1;
-            checkpoint.world.state_hash();
+            let Checkpoint { settings, totals, mut world } = checkpoint;
+            // What may be asked of it: nothing panics, whatever comes of it.
+            world.state_hash();
+            if world.bodies.len() < 10 {
+                settings.measures.iter().for_each(|measure| assert!(measure.fits(world.bodies.len())));
+                let next = settings.stages.get(totals.stages.len());
+                next.iter().for_each(|stage| assert!(stage.begin(&mut world).is_ok()));
+            }
         }
         assert!(accepted > 500, "{accepted}");
     }

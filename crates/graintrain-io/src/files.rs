@@ -166,7 +166,10 @@ impl Table {
             .map(|(_, record)| record)
             .collect();
         // Records of later steps are made anew; those of earlier ones behind a damaged place would be lost.
-        let is_lost = |record: &str| is_whole(record) && step_of(record) <= last_step;
+        let is_lost = |record: &str| {
+            // A record that a kill cut short is no loss: its step is made again.
+            record.ends_with('\n') && (!is_whole(record) || step_of(record) <= last_step)
+        };
         let lost = text.split_inclusive('\n').skip(kept.len()).any(is_lost);
         let length = kept.iter().map(|record| record.len() as u64).sum();
         let bad = if lost {

@@ -84,6 +84,24 @@ pub struct ShearBox {
     pub area: f64,
 }
 
+/// More bins than this are no measurement.
+const MOST_BINS: usize = 1_000_000;
+
+impl Measure {
+    /// Whether it names bodies of a world of so many, and bins that fit into memory: scenes give no other, a damaged file may.
+    pub(crate) fn fits(&self, bodies: usize) -> bool {
+        let known = |list: &[BodyId]| list.iter().all(|body| body.index() < bodies);
+        let quantity = |quantity: &Quantity| match quantity {
+            Quantity::ForceOn(list, _) | Quantity::Mixing(list, _) => known(list),
+            Quantity::ShearBox(shear) => known(&[shear.sheared, shear.pressing]),
+            Quantity::Profile(bins) => (1..=MOST_BINS).contains(&bins.count),
+            Quantity::Histogram(count, _) => (1..=MOST_BINS).contains(count),
+            _ => true,
+        };
+        self.every > 0 && self.bodies.as_deref().is_none_or(known) && self.quantities.iter().all(quantity)
+    }
+}
+
 /// What a measurement remembers from step to step.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct MeasureState {

@@ -289,7 +289,7 @@ impl World {
             .ok_or_else(|| PyValueError::new_err("normal has no direction: it is zero or not finite"))?;
         let orientation = Quat::from_rotation_arc(Vec3::Z, unit);
         let place = point.map_or(Ok(Vec3::ZERO), |point| vector("point", point))?;
-        let mut world = slf.borrow_mut();
+        let mut world = slf.try_borrow_mut()?;
         let fixed = graintrain::motion::Motion::fixed();
         let motion = Motion { motion: motion.map_or(fixed, |motion| motion.get().motion.clone()) };
         let material = world.material_of(material)?;

@@ -146,6 +146,12 @@ impl World {
         // Looks at what was written into arrays, too.
         self.begin()?;
         let run = self.run();
+        if run.begins_a_stage() {
+            let what = "a stage of the scene begins with it; make the first step of the stage before";
+            return Err(exception::NotDifferentiable::new_err(format!(
+                "this step has no derivative: {what}"
+            )));
+        }
         let (state, stepping) = (&run.world, &run.settings.stepping);
         let gradient = py.detach(|| gradient::StepGradient::new(state, stepping)).map_err(Raise::raise)?;
         let materials = state.materials.names.clone();

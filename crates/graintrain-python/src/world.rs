@@ -169,6 +169,9 @@ impl World {
         if let Some(body) = turns.iter().position(|&q| !is_unit(q)) {
             return Err(no_rotation(&format!("quaternions[{body}]"), turns[body]));
         }
+        // Single precision leaves them longer by 1e-7 than a state may keep.
+        let turns = &mut self.state().bodies.orientation;
+        turns.iter_mut().filter(|q| (q.length() - 1.0).abs() > 1e-12).for_each(|q| *q = q.normalize());
         self.contacts = None;
         let run = self.run.get_mut().unwrap_or_else(PoisonError::into_inner);
         Ok(Advance { run, report: &mut self.report })
@@ -228,7 +231,8 @@ impl World {
                 }
                 // Whole steps up to round-off, as in scenes.
                 let ratio = (end - run.world.time) / run.settings.stepping.step;
-                Ok(run.world.step + (ratio - 1e-9 * ratio.abs().max(1.0)).ceil().max(0.0) as u64)
+                let steps = (ratio - 1e-9 * ratio.abs().max(1.0)).ceil().max(0.0) as u64;
+                Ok(run.world.step.saturating_add(steps))
             }
         }
     }
@@ -299,7 +303,7 @@ pub(crate) fn scene_of(scene: &Bound<'_, PyAny>, set: Option<&Bound<'_, PyAny>>)
 macro_rules! list {
     ($slf:expr, $view:ident, $list:ident) => {{
         let owner = $slf.clone().into_any();
-        let mut world = $slf.borrow_mut();
+        let mut world = $slf.try_borrow_mut()?;
         let leases = world.leases.clone();
         $view(&owner, &leases, &mut world.state().bodies.$list)
     }};
@@ -375,7 +379,7 @@ impl World {
 
     /// Everything needed to go on, bit for bit: a checkpoint as bytes.
     fn to_bytes<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyBytes>> {
-        let mut world = slf.borrow_mut();
+        let mut world = slf.try_borrow_mut()?;
         let run = world.run();
         let bytes = checkpoint::to_bytes(&run.settings, &run.totals, &run.world)?;
         Ok(PyBytes::new(slf.py(), &bytes))
@@ -445,11 +449,11 @@ impl World {
         if every == 0 {
             return Err(PyValueError::new_err("every is 0; it must be at least 1"));
         }
-        let target = slf.borrow_mut().target(until, steps)?;
+        let target = slf.try_borrow_mut()?.target(until, steps)?;
         // Steps between two calls back, while they are quick, are made here.
         let mut quick = false;
         loop {
-            let mut world = slf.borrow_mut();
+            let mut world = slf.try_borrow_mut()?;
             let done = world.state().step;
             if done >= target {
                 return Ok(world.report());
@@ -460,13 +464,18 @@ impl World {
             let begin = Instant::now();
             let work = || advance.to(next, strict);
             let outcome = if quick { brief(py, &stop, work) } else { interruptible(py, &[stop], work) };
-            outcome?.or_raise()?;
+            let ending = outcome?.or_raise()?;
+            // The last stage of a scene may end before the steps that were asked for.
+            let is_over = ending == Ending::Finished && world.state().step < next;
             quick = callback.is_some() && begin.elapsed() < PATIENCE;
             drop(world);
             if let Some(callback) = callback
                 && callback.call1((slf,))?.extract::<bool>().unwrap_or(false)
             {
-                return Ok(slf.borrow_mut().report());
+                return Ok(slf.try_borrow_mut()?.report());
+            }
+            if is_over {
+                return Ok(slf.try_borrow_mut()?.report());
             }
         }
     }
@@ -485,6 +494,17 @@ impl World {
         let mut new = run.settings.clone();
         if let Some(changes) = settings {
             changed(&mut new.stepping, changes)?;
+        }
+        let ratio = run.settings.stepping.step / new.stepping.step;
+        if ratio != 1.0 && new.steps > 0 && ratio.is_finite() {
+            if !new.stages.is_empty() {
+                return Err(PyValueError::new_err(
+                    "step: the stages of this scene are counted in steps of the one it was made with; give time.step in `set` of from_scene",
+                ));
+            }
+            // The end stays where it is in time.
+            let left = new.steps.saturating_sub(run.world.step) as f64 * ratio;
+            new.steps = run.world.step.saturating_add(left.round() as u64);
         }
         // The state is handed over only once nothing can fail any more.
         let empty = graintrain::world::World::default();
@@ -531,8 +551,9 @@ impl World {
     /// The time at which the scene ends, s; None for worlds made in code.
     #[getter]
     fn end(&mut self) -> Option<f64> {
-        let settings = &self.run().settings;
-        (settings.steps > 0).then_some(settings.steps as f64 * settings.stepping.step)
+        let Run { settings, world, .. } = &*self.run();
+        let left = settings.steps.saturating_sub(world.step) as f64;
+        (settings.steps > 0).then_some(world.time + left * settings.stepping.step)
     }
 
     /// Gravitational acceleration, m/s^2.

@@ -120,6 +120,9 @@ impl StepGradient {
             max_iterations: None,
             ..settings.clone()
         };
+        if world.materials.resist_turning() {
+            return unsupported("contacts with rolling or spinning friction have no derivatives yet");
+        }
         let mut stepper = Stepper::new(strict)?;
         let mut after = world.clone();
         let report = stepper.step(&mut after)?;
@@ -141,6 +144,9 @@ impl StepGradient {
         let Some((problem, impulse)) = stepper.last_problem() else {
             return unsupported("it left no contact problem");
         };
+        if problem.num_contacts() != after.contacts.contacts.len() {
+            return unsupported("bodies are about to meet with restitution; a shorter time step may do");
+        }
         let sensitivity = Sensitivity::new(problem, impulse).map_err(|source| at_contact(source, &after))?;
         let problem = problem.clone();
         Ok(Self { before: world.clone(), step: settings.step, after, problem, sensitivity })

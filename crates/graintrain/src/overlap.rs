@@ -7,7 +7,7 @@
 //! min 1/2 dq^T M dq   subject to   Phi_i + dt D_i,n^T v+ + D_i,n^T dq >= target_i
 //! ```
 //!
-//! whose optimality conditions are a contact problem without friction with the same N (solved to few digits, [`crate::projection`]). The displacement leaves no velocity, so a
+//! whose optimality conditions are a contact problem without friction with the same N (solved to few digits by `projection`). The displacement leaves no velocity, so a
 //! state that came with overlaps gets no kinetic energy from them, whatever the step; what it does against gravity is reported.
 //!
 //! Source: C. W. Gear, B. Leimkuhler, G. K. Gupta, "Automatic integration of Euler-Lagrange equations with constraints",

@@ -138,7 +138,7 @@ mod tests {
             let light = 10.0_f64.powi(body as i32 % 3);
             let spin = vector(1.0);
             // Positive definite: 1 + a a^T.
-            let entry = |k: usize| f64::from(u8::from(k % 4 == 0)) + spin[k / 3] * spin[k % 3];
+            let entry = |k: usize| f64::from(u8::from(k.is_multiple_of(4))) + spin[k / 3] * spin[k % 3];
             BodyInverseMass { linear: [light; 3], angular: std::array::from_fn(|k| light * entry(k)) }
         });
         let masses = masses.collect();

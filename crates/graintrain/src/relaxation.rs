@@ -9,6 +9,7 @@
 
 use crate::assemble::relative_velocities;
 use crate::contact::Contact;
+use crate::turning::turning_velocities;
 use graintrain_ccp::residual::velocity_scale;
 use graintrain_ccp::{Ccp, CcpError, Delassus, FrictionModel, SolveSettings, SolverSpec, Status};
 use serde::{Deserialize, Serialize};
@@ -19,7 +20,7 @@ pub const OPENED: f64 = 1e-3;
 /// What the relaxed law opened in a step: nothing where friction is exact or absent.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Opening {
-    /// Largest `dt mu |u_t|` of a contact with force, over the size of the smaller body.
+    /// Largest `dt mu |u_t|` (and the same of rolling and spinning) of a contact with force, over the size of the smaller body.
     pub largest_over_size: f64,
     /// Contacts with force that part by more than [`OPENED`] of the size in the step.
     pub opened: usize,
@@ -37,10 +38,11 @@ impl Opening {
     ) -> Self {
         let mut opening = Self::default();
         let Delassus::Rigid(rigid) = &*problem.delassus else { return opening };
-        let u = relative_velocities(contacts, rigid.contacts(), velocity);
-        for (k, u) in u.chunks_exact(3).enumerate() {
+        let mut u = relative_velocities(contacts, rigid.contacts(), velocity);
+        u.extend(turning_velocities(contacts, rigid.contacts(), rigid.turning(), velocity));
+        for k in 0..contacts.len() {
             if impulse[3 * k] > threshold {
-                let parted = step * problem.friction[k] * (u[1] * u[1] + u[2] * u[2]).sqrt() / size[k];
+                let parted = step * problem.de_saxce(&u, k) / size[k];
                 opening.largest_over_size = opening.largest_over_size.max(parted);
                 opening.opened += usize::from(parted > OPENED);
             }
@@ -64,7 +66,7 @@ pub struct Difference {
 /// `dt mu |u_t|`, and the exact law would spend the step on closing them. `gap` (m) are those of the contacts at the start of the step:
 ///
 /// ```text
-/// r_n <- r_n - min( max(gap, 0) / dt, mu |u_t| ),     u = N g + r with the relaxed impulses g
+/// r_n <- r_n - min( max(gap, 0) / dt, s ),     s = mu |u_t| + ... of u = N g + r with the relaxed impulses g
 /// ```
 fn without_standing_gaps(problem: &Ccp, relaxed: &[f64], gap: &[f64], step: f64) -> Ccp {
     let mut u = vec![0.0; relaxed.len()];
@@ -72,7 +74,7 @@ fn without_standing_gaps(problem: &Ccp, relaxed: &[f64], gap: &[f64], step: f64)
     u.iter_mut().zip(&problem.r).for_each(|(u, r)| *u += r);
     let mut r = problem.r.clone();
     for (k, gap) in gap.iter().enumerate() {
-        let opening = problem.friction[k] * u[3 * k + 1].hypot(u[3 * k + 2]);
+        let opening = problem.de_saxce(&u, k);
         if relaxed[3 * k] > 0.0 {
             r[3 * k] -= opening.min(gap.max(0.0) / step);
         }
@@ -80,7 +82,7 @@ fn without_standing_gaps(problem: &Ccp, relaxed: &[f64], gap: &[f64], step: f64)
     Ccp { r, velocity_scale: Some(velocity_scale(problem)), ..problem.clone() }
 }
 
-/// Solves the step's problem with exact friction from the relaxed impulses (length 3 N_c, contact frames), and compares the velocities of
+/// Solves the step's problem with exact friction from the relaxed impulses (length of r, contact frames), and compares the velocities of
 /// the bodies, of which the relaxed ones have this root mean square (m/s). The gaps that earlier relaxed steps left are taken out first.
 /// `None` where the solve was stopped.
 ///

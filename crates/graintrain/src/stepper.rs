@@ -134,7 +134,7 @@ const MISSED: f64 = 5e-4;
 const BENT: f64 = 5e-3;
 
 /// Iterations that a comparison with exact friction is given, in multiples of those of the relaxed solve, and at least so many.
-const COMPARISON: (usize, usize) = (5, 300);
+const COMPARISON: (usize, usize) = (5, 100);
 
 /// The contact problem of a step that was made.
 struct Last {
@@ -197,7 +197,7 @@ impl Stepper {
     }
 
     /// How far the last step, made with relaxed friction and in so many iterations, is from exact friction (see [`crate::relaxation`]);
-    /// `world` as that step left it. Nothing is changed. Costs at most five times the step's solve. `None` where friction is exact or
+    /// `world` as that step left it. Nothing is changed. Costs at most five times the iterations of the step's solve, or 100. `None` where friction is exact or
     /// absent, or where the stop flag was set meanwhile.
     ///
     /// # Errors
@@ -209,7 +209,7 @@ impl Stepper {
     ) -> Result<Option<Difference>, StepError> {
         let Some(Last { problem, impulse, gap }) = &self.last else { return Ok(None) };
         let StepSettings { step, friction, .. } = self.settings;
-        if friction == FrictionModel::Coulomb || problem.friction.iter().all(|&mu| mu == 0.0) {
+        if friction == FrictionModel::Coulomb || !problem.has_friction() {
             return Ok(None);
         }
         let settings = SolveSettings {

@@ -55,7 +55,8 @@ fn effective_radius(world: &World, bodies: [u32; 2]) -> f64 {
     1.0 / (1.0 / a + 1.0 / b)
 }
 
-/// Radius that a body counts with, m: of balls and capsules their own, of others that move that of the ball of the same volume; infinite
+/// Radius that a body counts with, m: of balls and capsules their own, of others that move that of the ball of the same volume (of open surfaces, which have none,
+/// that of the ball around them); infinite
 /// for walls, that is, bodies of other shapes that are fixed or wholly driven.
 fn radius(world: &World, body: usize) -> f64 {
     let geometry = &world.geometries[world.bodies.geometry[body].index()];
@@ -63,7 +64,8 @@ fn radius(world: &World, body: usize) -> f64 {
         [part] if matches!(part.shape, Shape::Sphere { .. } | Shape::Capsule { .. }) => {
             part.shape.half_thickness()
         }
-        _ if world.is_prescribed(body) || geometry.volume <= 0.0 => f64::INFINITY,
+        _ if world.is_prescribed(body) => f64::INFINITY,
+        _ if geometry.volume <= 0.0 => geometry.bounding_radius(),
         _ => (0.75 / PI * geometry.volume).cbrt(),
     }
 }

@@ -59,6 +59,18 @@ impl World {
         same_length("densities of materials", materials.density.len(), count)?;
         same_length("coefficients of friction", materials.friction.len(), count * count)?;
         same_length("coefficients of restitution", materials.restitution.len(), count * count)?;
+        let turning = [&materials.rolling, &materials.spinning];
+        if turning.iter().any(|table| !table.is_empty()) {
+            for table in turning {
+                same_length("resistances to turning", table.len(), count * count)?;
+            }
+        }
+        for value in turning.into_iter().flatten().map(|resistance| resistance.value()) {
+            if !(value.is_finite() && value >= 0.0) {
+                let what = "a resistance to turning".to_string();
+                return Err(ModelError::Value { what, value, expected: "finite and not negative" });
+            }
+        }
         materials.density.iter().try_for_each(|&density| positive("the density of a material", density))?;
         for &value in &materials.friction {
             if !(value.is_finite() && value >= 0.0) {
@@ -125,7 +137,11 @@ impl World {
         let set = &self.contacts;
         same_length("impulses of contacts", set.impulse.len(), set.contacts.len())?;
         same_length("coefficients of friction of contacts", set.friction.len(), set.contacts.len())?;
+        if !set.moment.is_empty() {
+            same_length("moments of contacts", set.moment.len(), set.contacts.len())?;
+        }
         vectors("an impulse", &set.impulse)?;
+        vectors("a moment", &set.moment)?;
         finite("the friction of a contact", &set.friction)?;
         for contact in &set.contacts {
             index("body", contact.body_a as usize, self.bodies.len())?;
@@ -142,6 +158,7 @@ mod tests {
     use super::*;
     use crate::contact::Contact;
     use crate::handle::{GeometryId, MaterialId, MotionId};
+    use crate::material::TurningResistance;
     use crate::shape::Geometry;
     use crate::world::Body;
 
@@ -157,12 +174,18 @@ mod tests {
     #[test]
     fn worlds_that_no_step_can_be_made_from_are_refused() {
         assert_eq!(world().validate(), Ok(()));
-        let damages: [fn(&mut World); 16] = [
+        let damages: [fn(&mut World); 19] = [
             |w| w.time = f64::NAN,
             |w| w.gravity.z = f64::INFINITY,
             |w| w.materials.density.clear(),
             |w| w.materials.friction[0] = -0.1,
             |w| w.materials.restitution.push(0.0),
+            |w| w.materials.rolling.push(TurningResistance::NONE),
+            |w| {
+                w.materials.rolling.push(TurningResistance::Length(-1.0));
+                w.materials.spinning.push(TurningResistance::NONE);
+            },
+            |w| w.contacts.moment.push(Vec3::ZERO),
             |w| w.geometries[0].parts.clear(),
             |w| w.geometries[0].parts[0].position.x = f64::NAN,
             |w| w.bodies.name.truncate(1),

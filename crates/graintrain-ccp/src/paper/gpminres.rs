@@ -6,7 +6,7 @@
 
 use super::face::in_tangent_space;
 use crate::solver::combination::Accumulate;
-use crate::solver::first_order::{FirstOrderMethod, Iterate, POWER_ITERATIONS};
+use crate::solver::first_order::{FirstOrderMethod, Iterate};
 use crate::solver::lanes::{Batch, Vector, add, add_scaled, dot, sub, zero};
 use crate::solver::scaling::{ContactBatch, Image, Kernel, KernelInput, ScaledProblem};
 use crate::solver::tasks::Tally;
@@ -196,7 +196,7 @@ impl FirstOrderMethod for GpMinres {
     const NAME: &'static str = "gpminres";
 
     fn run(&mut self, scaled: &ScaledProblem, it: &mut Iterate<'_>) {
-        let shortest = 1.0 / it.largest_curvature(scaled, POWER_ITERATIONS);
+        let shortest = 1.0 / it.largest_curvature(scaled);
         let mut face = Face {
             w: scaled.zeros(),
             rho: scaled.zeros(),

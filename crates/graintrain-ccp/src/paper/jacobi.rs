@@ -4,7 +4,7 @@
 //! rigid body dynamics", Computer Methods in Applied Mechanics and Engineering 200:439-453, 2011.
 
 use crate::solver::combination::Accumulate;
-use crate::solver::first_order::{FirstOrderMethod, Iterate, POWER_ITERATIONS};
+use crate::solver::first_order::{FirstOrderMethod, Iterate};
 use crate::solver::lanes::{Batch, Vector, add, add_scaled, dot, scale, sub};
 use crate::solver::scaling::{ContactBatch, Kernel, KernelInput, ScaledProblem};
 use crate::solver::tasks::Tally;
@@ -62,7 +62,7 @@ impl FirstOrderMethod for Jacobi {
     const TURNING: bool = true;
 
     fn run(&mut self, scaled: &ScaledProblem, it: &mut Iterate<'_>) {
-        let mut omega = 1.0 / it.largest_curvature(scaled, POWER_ITERATIONS);
+        let mut omega = 1.0 / it.largest_curvature(scaled);
         while it.proceed(scaled) {
             let step = Step { omega, averaging: self.averaging };
             let (totals, curvature) =

@@ -6,7 +6,7 @@
 
 use super::face::{along_face, where_sticking};
 use crate::solver::combination::Accumulate;
-use crate::solver::first_order::{FirstOrderMethod, Iterate, POWER_ITERATIONS, add_image};
+use crate::solver::first_order::{FirstOrderMethod, Iterate, add_image};
 use crate::solver::lanes::{Batch, Vector, add_scaled, dot, scale, sub, zero};
 use crate::solver::scaling::{ContactBatch, Kernel, KernelInput, ScaledProblem};
 use crate::solver::tasks::{Tally, for_each_batch};
@@ -163,7 +163,7 @@ impl FirstOrderMethod for Kucera {
     const NAME: &'static str = "kucera";
 
     fn run(&mut self, scaled: &ScaledProblem, it: &mut Iterate<'_>) {
-        let step = 1.7 / it.largest_curvature(scaled, POWER_ITERATIONS);
+        let step = 1.7 / it.largest_curvature(scaled);
         let (mut phi, mut p) = (scaled.zeros(), scaled.zeros());
         let mut image_p = scaled.zero_image();
         let mut last_square = f64::INFINITY;

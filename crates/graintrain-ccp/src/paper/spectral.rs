@@ -1,7 +1,7 @@
 //! Projected gradient with spectral (Barzilai-Borwein) steps: what `bb` and `spg` share.
 
 use crate::solver::combination::Replace;
-use crate::solver::first_order::{Iterate, POWER_ITERATIONS};
+use crate::solver::first_order::Iterate;
 use crate::solver::lanes::{Batch, Vector, add, add_scaled, dot, sub, zero};
 use crate::solver::scaling::{ContactBatch, Image, Kernel, KernelInput, ScaledProblem};
 use crate::solver::tasks::Tally;
@@ -133,7 +133,7 @@ impl Kernel<3> for ShortenedStep {
 
 impl Spectral {
     pub fn new(scaled: &ScaledProblem, it: &mut Iterate<'_>) -> (Self, f64) {
-        let shortest = 1.0 / it.largest_curvature(scaled, POWER_ITERATIONS);
+        let shortest = 1.0 / it.largest_curvature(scaled);
         let range = (STEP_RANGE.0 * shortest, STEP_RANGE.1 * shortest);
         it.keep_gradient(scaled);
         let spectral = Self {

@@ -33,8 +33,6 @@ use crate::residual::FrictionModel;
 /// N' x+ = N' y + N' d needs no product of its own.
 #[derive(Clone, Debug)]
 pub struct Apgd {
-    /// Power iterations before the first step. Few: a step that is too long is shortened by the first curvature that it meets.
-    pub power_iterations: usize,
     /// Factor by which the step grows per iteration.
     pub growth: f64,
     /// Largest theta where friction is relaxed, in the first iterations.
@@ -56,7 +54,6 @@ pub struct Apgd {
 impl Default for Apgd {
     fn default() -> Self {
         Self {
-            power_iterations: 4,
             growth: 1.03,
             cap: 50.0,
             cap_growth: 0.2,
@@ -171,7 +168,7 @@ impl FirstOrderMethod for Apgd {
 impl Apgd {
     /// The iterations, with exact friction or not.
     fn iterate<const EXACT: bool>(&self, scaled: &ScaledProblem, it: &mut Iterate<'_>) {
-        let mut step = 1.0 / it.largest_curvature(scaled, self.power_iterations);
+        let mut step = 1.0 / it.largest_curvature(scaled);
         let mut previous = it.x.clone();
         let mut image_y = it.image.clone();
         let (mut theta, mut beta) = (1.0_f64, 0.0);

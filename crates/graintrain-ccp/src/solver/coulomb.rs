@@ -114,18 +114,8 @@ impl CcpSolver for CoulombIteration {
 /// The settings of a relaxed solve where that is what is asked for: without friction anywhere, s = mu |u_t| = 0 and the exact
 /// problem is the relaxed one.
 fn effective(problem: &Ccp, settings: &SolveSettings) -> Option<SolveSettings> {
-    let without_friction = problem.friction.iter().all(|&mu| mu == 0.0)
-        && problem.turning.iter().all(|turning| turning.rolling == 0.0 && turning.spinning == 0.0);
-    let is_relaxed = settings.friction == FrictionModel::Relaxed || without_friction;
+    let is_relaxed = settings.friction == FrictionModel::Relaxed || !problem.has_friction();
     is_relaxed.then(|| SolveSettings { friction: FrictionModel::Relaxed, ..settings.clone() })
-}
-
-/// s_i of contact i: mu |u_t|, and where it resists turning the same of rolling and spinning.
-fn slip(problem: &Ccp, u: &[f64], i: usize) -> f64 {
-    let sliding = problem.friction[i] * u[3 * i + 1].hypot(u[3 * i + 2]);
-    let Some(k) = problem.turning_of(i) else { return sliding };
-    let (turning, w) = (problem.turning[k], &u[3 * (problem.num_contacts() + k)..]);
-    sliding + turning.rolling * w[1].hypot(w[2]) + turning.spinning * w[0].abs()
 }
 
 impl CoulombIteration {
@@ -343,7 +333,7 @@ impl CoulombIteration {
                 shift.factor_range[1] = 1.0;
             }
             if outer > 0 || impulse.iter().any(|&g| g != 0.0) {
-                shift.update((0..contacts).map(|i| slip(problem, &u, i)));
+                shift.update((0..contacts).map(|i| problem.de_saxce(&u, i)));
             }
             for i in 0..contacts {
                 shifted.r[3 * i] = problem.r[3 * i] + shift.value[i];

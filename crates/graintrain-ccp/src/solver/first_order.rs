@@ -162,8 +162,6 @@ impl<M: FirstOrderMethod> CcpSolver for FirstOrder<M> {
     }
 }
 
-/// Power iterations for methods whose steps rely on the largest eigenvalue of N': some per cent below it.
-pub const POWER_ITERATIONS: usize = 12;
 /// Iterations between two evaluations of the residual.
 const CHECK: usize = 10;
 /// Iterations between two evaluations of the image of x from x itself: two per cent of the work.
@@ -288,10 +286,10 @@ impl<'a> Iterate<'a> {
         add_image(&mut self.image, factor, image);
     }
 
-    /// Largest eigenvalue of N', from below, after so many power iterations; see [`ScaledProblem::largest_curvature`].
-    pub fn largest_curvature(&mut self, scaled: &ScaledProblem, iterations: usize) -> f64 {
+    /// Largest eigenvalue of N', from below; see [`ScaledProblem::largest_curvature`].
+    pub fn largest_curvature(&mut self, scaled: &ScaledProblem) -> f64 {
         let (mut x, mut image) = (scaled.zeros(), scaled.zero_image());
-        scaled.largest_curvature(&mut x, &mut image, &mut self.work, iterations)
+        scaled.largest_curvature(&mut x, &mut image, &mut self.work)
     }
 }
 

@@ -36,6 +36,9 @@ use passes::{BodyPass, BodySweep, RowPass};
 pub use contacts::{ContactBatch, Metric, TurningBatch};
 pub use kernel::{Kernel, KernelInput, Relaxation};
 
+/// Power iterations for the first step size. With fewer, problems over large ratios of masses are solved less often.
+const POWER_ITERATIONS: usize = 12;
+
 /// N' in one of its two forms.
 #[derive(Clone, Debug)]
 enum Operator {
@@ -433,15 +436,9 @@ impl ScaledProblem {
         }
     }
 
-    /// Largest eigenvalue of N' from below, to some per cent: the largest quotient met in so many power iterations from a
+    /// Largest eigenvalue of N' from below, to some per cent: the largest quotient met in a few power iterations from a
     /// fixed vector; at least 1 because trace(N'_ii) = 3. `x` and `image` are overwritten.
-    pub fn largest_curvature(
-        &self,
-        x: &mut [Batch],
-        image: &mut [Lanes],
-        work: &mut PassWork,
-        iterations: usize,
-    ) -> f64 {
+    pub fn largest_curvature(&self, x: &mut [Batch], image: &mut [Lanes], work: &mut PassWork) -> f64 {
         for (batch, x) in x.iter_mut().enumerate() {
             // Any vector without symmetry will do.
             let s: [f64; LANES] =
@@ -451,7 +448,7 @@ impl ScaledProblem {
         let mut next = image.to_vec();
         let mut largest = 1.0_f64;
         self.image_of(x, &mut next, work);
-        for _ in 0..iterations {
+        for _ in 0..POWER_ITERATIONS {
             image.copy_from_slice(&next);
             let step = PowerStep { factor: 1.0 / largest };
             let (totals, quadratic) = self.pass(image, [&mut *x], &mut next, work, &step);

@@ -6,9 +6,9 @@ use crate::sweeping::{SweepOptions, sweep_failure};
 use graintrain_lab::sweep::study::{Refined, time_steps};
 use std::process::ExitCode;
 
-/// Run a scene with its time step, half of it, a quarter and so on, and tell which is short enough
+/// Tell which time step of a scene is short enough
 ///
-/// Writes what `sweep` writes, and study.csv: the deviation of every observable from that at the shortest step, with its error.
+/// Runs it with its time step, half of it, a quarter and so on. Writes what `sweep` writes, and study.csv: the deviation of every observable from that at the shortest step, with its error.
 #[derive(clap::Args)]
 #[command(
     after_help = "Examples:\n  graintrain dt-study shear.toml --observe box.tau_over_sigma --seeds 4\n  \

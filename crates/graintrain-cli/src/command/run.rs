@@ -5,6 +5,7 @@ use crate::scene_failure::scene_failure;
 use crate::signal::Stop;
 use crate::stepping::{SteppingOptions, make_steps, output_failure};
 use crate::terminal::say;
+use graintrain::material::Materials;
 use graintrain_io::output::folder::{PrepareError, RunFolder};
 use graintrain_io::output::recorder::Recorder;
 use graintrain_io::run::{Run, RunSettings, RunTotals};
@@ -95,6 +96,18 @@ pub fn execute(arguments: &Arguments) -> Result<ExitCode, Failure> {
     let stop = Stop::listen()?;
     let scene = Scene::load(&arguments.scene, &arguments.scene_settings()?).map_err(scene_failure)?;
     let simulation = scene.build().map_err(scene_failure)?;
+    let spins = |materials: &Materials| materials.spinning.iter().any(|resistance| !resistance.is_none());
+    let of_stages = simulation.stages.iter().filter_map(|stage| stage.materials.as_ref());
+    if arguments.dump_problem.is_some()
+        && std::iter::once(&simulation.world.materials).chain(of_stages).any(spins)
+    {
+        return Err(Failure::input_error(
+            std::io::Error::other(
+                "problems with spinning friction cannot be written: FCLIB has no place for it",
+            ),
+            "take out --dump-problem, or spinning_friction of the scene",
+        ));
+    }
     let settings = RunSettings::new(&simulation, arguments.dump_problem);
     let resolved = simulation.resolved.to_toml().map_err(scene_failure)?;
 

@@ -20,6 +20,7 @@ use graintrain::collide::{deepest_overlap, meshes_that_meet};
 use graintrain::error::ModelError;
 use graintrain::handle::{BodyId, GeometryId, MaterialId, MotionId};
 use graintrain::load::{Action, Load};
+use graintrain::material::Materials;
 use graintrain::math::{Mat3, Quat, Vec3};
 use graintrain::motion::{Axes, Motion, Profile, Rotation};
 use graintrain::shape::{Geometry, Part, Shape};
@@ -92,7 +93,9 @@ impl Scene {
         }
         let envelope = *resolved.contact.envelope.get_or_insert(ENVELOPE * smallest_radius);
         let allowed = *resolved.contact.allowed_overlap.get_or_insert(ALLOWED_OVERLAP * smallest_radius);
-        if world.materials.resist_turning() && !self.solver.name.takes_turning() {
+        let resist = |stage: &Stage| stage.materials.as_ref().is_some_and(Materials::resist_turning);
+        let resist = world.materials.resist_turning() || stages.iter().any(resist);
+        if resist && !self.solver.name.takes_turning() {
             let problem = format!(
                 "solver {} cannot treat the rolling or spinning friction of these materials; solver.name = \"auto\", \"apgd\", \"pgs\" and \
                  \"pj\" can",

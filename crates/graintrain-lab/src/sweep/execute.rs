@@ -2,7 +2,7 @@
 
 use super::SweepError;
 use super::plan::{Cell, Plan, label};
-use graintrain_io::checkpoint;
+use graintrain_io::checkpoint::{self, CheckpointError};
 use graintrain_io::files::{OutputError, make_folder};
 use graintrain_io::output::folder::{PrepareError, RunFolder};
 use graintrain_io::output::recorder::Recorder;
@@ -129,15 +129,25 @@ fn make(plan: &Plan, cell: &Cell, folder: &Path, stop: &Arc<AtomicBool>) -> Resu
     if begun && std::fs::read_to_string(folder.join("scene.toml")).ok().as_deref() != Some(&resolved) {
         return Err(SweepError::Differs { folder });
     }
-    let saved = if begun { checkpoint::latest(&checkpoints).ok().map(|(saved, _)| saved) } else { None };
-    let (run, mut recorder) = match saved {
-        Some(saved) if saved.world.step >= saved.settings.steps => return Ok(Outcome::Finished),
-        Some(saved) => {
-            let taken = RunFolder::open(&folder)?;
+    if is_finished(&folder) {
+        return Ok(Outcome::Finished);
+    }
+    let taken = if begun { Some(RunFolder::open(&folder)?) } else { None };
+    // What cannot be read is not made again in silence: it may be the work of days.
+    let unusable =
+        |error: CheckpointError| SweepError::Unusable { folder: folder.clone(), reason: error.to_string() };
+    let saved = match checkpoint::latest(&checkpoints) {
+        Ok((saved, _)) => Some(saved),
+        Err(CheckpointError::None { .. }) => None,
+        Err(error) if begun => return Err(unusable(error)),
+        Err(_) => None,
+    };
+    let (run, mut recorder) = match saved.zip(taken) {
+        Some((saved, taken)) => {
             let recorder = Recorder::resume(taken, &saved.settings, &saved.world)?;
             (Run::new(saved.world, saved.settings, saved.totals, Arc::clone(stop)), recorder)
         }
-        // Nothing, or nothing that can be used: from the beginning.
+        // Nothing there: from the beginning.
         None => {
             let taken = RunFolder::create(&folder, true).map_err(|error| match error {
                 PrepareError::Output(error) => SweepError::Output(error),
@@ -164,6 +174,12 @@ fn make(plan: &Plan, cell: &Cell, folder: &Path, stop: &Arc<AtomicBool>) -> Resu
             Ok(Outcome::Failed(error.to_string()))
         }
     }
+}
+
+/// Whether the summary of a run says that it is done.
+fn is_finished(folder: &Path) -> bool {
+    let text = std::fs::read_to_string(folder.join("summary.json")).unwrap_or_default();
+    serde_json::from_str::<serde_json::Value>(&text).is_ok_and(|summary| summary["status"] == "finished")
 }
 
 /// Writes a file of the sweep whole.

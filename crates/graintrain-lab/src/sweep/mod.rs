@@ -45,6 +45,14 @@ pub enum SweepError {
         /// The run's folder.
         folder: PathBuf,
     },
+    /// A run was begun there, and its state cannot be read.
+    #[error("{} holds a run that cannot be gone on with: {reason}; remove it to make that run again", folder.display())]
+    Unusable {
+        /// The run's folder.
+        folder: PathBuf,
+        /// What is wrong.
+        reason: String,
+    },
     /// A file cannot be written.
     #[error(transparent)]
     Output(#[from] OutputError),

@@ -128,7 +128,7 @@ fn chart(collected: &Collected, plan: &Plan, cells: &[Cell], name: &str, logarit
 /// The series behind an observable, a curve per point (of its first seed): over time, or over the displacement of a shear box.
 fn history(folder: &Path, plan: &Plan, cells: &[Cell], collected: &Collected, name: &str) -> Option<Chart> {
     let plain = name.split(':').next()?;
-    let (measure, column) = plain.split_once('.')?;
+    let (measure, column) = plain.rsplit_once('.')?;
     let mut x_label = "time (s)";
     let mut curves = Vec::new();
     let first = |cell: &&Cell| cell.seed == 0;

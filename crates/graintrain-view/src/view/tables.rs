@@ -2,6 +2,7 @@
 
 use super::{ViewError, read_text};
 use serde::Serialize;
+use std::collections::HashSet;
 use std::path::Path;
 
 /// Most points of a curve; longer ones are thinned evenly.
@@ -74,9 +75,10 @@ impl Table {
     /// The different texts of a column, in order of appearance.
     pub fn distinct(&self, name: &str) -> Vec<String> {
         let mut found: Vec<String> = Vec::new();
+        let mut seen = HashSet::new();
         if let Some(column) = self.column(name) {
             for row in &self.rows {
-                if !found.contains(&row[column]) {
+                if seen.insert(row[column].as_str()) {
                     found.push(row[column].clone());
                 }
             }

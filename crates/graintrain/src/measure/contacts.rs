@@ -3,6 +3,7 @@
 use crate::collide::union::outer;
 use crate::contact::Contact;
 use crate::math::{Mat3, Vec3};
+use crate::shape::Shape;
 use crate::world::World;
 use std::collections::HashSet;
 
@@ -54,7 +55,8 @@ pub struct Coordination {
     /// Share of the loaded contacts whose friction is used up.
     pub sliding: f64,
     /// Components of loaded contact forces less equations of motion of the bodies that are no rattlers (a sliding contact has one
-    /// component, others three): above zero forces are not unique.
+    /// component, others three; balls without friction have three equations; moments of rolling friction are not counted): above zero
+    /// forces are not unique. In a part of a packing contacts with what is outside count whole.
     pub hyperstaticity: i64,
 }
 
@@ -91,6 +93,12 @@ pub fn coordination(world: &World, selected: &[bool], least: usize) -> Coordinat
     }
     let bodies = selected.iter().filter(|meant| **meant).count();
     let (mut contacts, mut sliding, mut unknowns) = (0, 0, 0_i64);
+    // Normal forces alone turn no ball: without friction its equations of rotation say nothing.
+    let is_ball = |body: usize| {
+        let parts = &world.geometries[world.bodies.geometry[body].index()].parts;
+        matches!(parts.as_slice(), [part] if matches!(part.shape, Shape::Sphere { .. }))
+    };
+    let mut turns: Vec<bool> = (0..count).map(|body| !is_ball(body)).collect();
     for (i, contact) in set.contacts.iter().enumerate().filter(|(i, _)| loaded[*i]) {
         let [a, b] = of(contact);
         if selected[a] || selected[b] {
@@ -98,6 +106,9 @@ pub fn coordination(world: &World, selected: &[bool], least: usize) -> Coordinat
             let slides = set.friction[i] == 0.0 || is_sliding(normal, tangential, set.friction[i]);
             contacts += 1;
             sliding += usize::from(slides);
+            if set.friction[i] > 0.0 {
+                (turns[a], turns[b]) = (true, true);
+            }
             if held[a] && held[b] {
                 unknowns += if slides { 1 } else { 3 };
             }
@@ -105,7 +116,10 @@ pub fn coordination(world: &World, selected: &[bool], least: usize) -> Coordinat
     }
     let mean = |sum: usize, of: usize| if of == 0 { 0.0 } else { sum as f64 / of as f64 };
     let kept: Vec<usize> = (0..count).filter(|&b| selected[b] && held[b]).collect();
-    let equation = |body: &usize| world.free_degrees(*body).iter().filter(|free| **free).count() as i64;
+    let equation = |&body: &usize| {
+        let counted = if turns[body] { 6 } else { 3 };
+        world.free_degrees(body)[..counted].iter().filter(|free| **free).count() as i64
+    };
     Coordination {
         bodies,
         contacts,
@@ -117,14 +131,15 @@ pub fn coordination(world: &World, selected: &[bool], least: usize) -> Coordinat
     }
 }
 
-/// The fabric tensor: the mean of n n^T over the loaded contacts of the bodies that are meant; zero where there are none.
+/// The fabric tensor: the mean of n n^T over the loaded contacts of the bodies that are meant; NaN where there are none.
 pub fn fabric(world: &World, selected: &[bool]) -> Mat3 {
     let loaded = loaded(world);
     let chosen = |c: &Contact| selected[c.body_a as usize] || selected[c.body_b as usize];
     let meant = world.contacts.contacts.iter().zip(&loaded).filter(|(c, loaded)| **loaded && chosen(c));
     let (sum, count) =
         meant.fold((Mat3::ZERO, 0_u32), |(sum, count), (c, _)| (sum + outer(c.normal, c.normal), count + 1));
-    sum * (1.0 / f64::from(count.max(1)))
+    // 0 * inf: the mean of nothing is none.
+    sum * (1.0 / f64::from(count))
 }
 
 /// The invariant sqrt(3/2 A:A) of A = 15/2 (F - 1/3): amplitude of the second-order distribution of contact normals (Kanatani 1984);
@@ -210,6 +225,10 @@ mod tests {
         assert_eq!((found.mean, found.mean_without_rattlers, found.sliding), (2.0, 2.0, 0.0));
         // Four sticking contacts hold three components each; three balls have six equations each.
         assert_eq!(found.hyperstaticity, 12 - 18);
+        // Without friction four normal forces, and three equations each.
+        let mut smooth = world.clone();
+        smooth.contacts.friction = vec![0.0; 4];
+        assert_eq!(coordination(&smooth, &all, 2).hyperstaticity, 4 - 9);
         let none = coordination(&world, &all, 4);
         assert_eq!((none.rattlers, none.mean_without_rattlers), (3, 0.0));
     }

@@ -85,7 +85,7 @@ pub fn force_on(
     let mut meant = vec![false; world.bodies.len()];
     bodies.iter().for_each(|body| meant[body.index()] = true);
     let (mut force, mut torque) = (Vec3::ZERO, Vec3::ZERO);
-    for (contact, impulse) in world.contacts.contacts.iter().zip(&world.contacts.impulse) {
+    for (i, (contact, impulse)) in world.contacts.contacts.iter().zip(&world.contacts.impulse).enumerate() {
         let within = meant[contact.body_a as usize] && meant[contact.body_b as usize];
         if within || region.is_some_and(|region| !region.contains(contact.point)) {
             continue;
@@ -93,6 +93,11 @@ pub fn force_on(
         for (_, on, f) in ends(contact, *impulse / step).into_iter().filter(|(body, ..)| meant[*body]) {
             force += f;
             torque += (on - point).cross(f);
+        }
+        if let Some(&moment) = world.contacts.moment.get(i) {
+            let sign = if meant[contact.body_a as usize] { 1.0 } else { 0.0 }
+                - if meant[contact.body_b as usize] { 1.0 } else { 0.0 };
+            torque += sign / step * moment;
         }
     }
     (force, torque)

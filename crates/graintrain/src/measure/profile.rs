@@ -1,6 +1,6 @@
 //! Fields in bins along an axis or a radius.
 
-use super::space::{ball_below, ball_in_pipe, bounding_box, bounds, cross_section};
+use super::space::{ball_below, ball_in_pipe, bounding_box, bounds, cross_section, disc_in_region};
 use crate::load::Region;
 use crate::math::Vec3;
 use crate::shape::Shape;
@@ -140,12 +140,13 @@ fn bin_volume(along: Along, low: f64, high: f64, space: &Region) -> Option<f64> 
             let common = (high.min(top) - low.max(bottom)).max(0.0);
             Some(cross_section(space, axis)? * common).filter(|volume| *volume > 0.0)
         }
-        Along::Radius(_) => {
+        Along::Radius(centre) => {
+            let disc = |radius: f64| disc_in_region(space, centre, radius.max(0.0));
             let height = match *space {
                 Region::Box { min, max } => max.z - min.z,
                 Region::Cylinder { height, .. } => height,
             };
-            Some(PI * (high * high - low.max(0.0) * low.max(0.0)) * height)
+            Some((disc(high) - disc(low)) * height).filter(|volume| *volume > 0.0)
         }
     }
 }

@@ -237,6 +237,19 @@ pub fn solid_volume(world: &World, region: &Region) -> f64 {
     sum
 }
 
+/// Area common to a region, seen from above, and the disc of this radius about `centre`, m^2.
+pub(crate) fn disc_in_region(region: &Region, centre: Vec3, radius: f64) -> f64 {
+    match *region {
+        Region::Box { min, max } => {
+            let corner = |point: Vec3| [point.x - centre.x, point.y - centre.y];
+            disc_and_rectangle(radius, corner(min), corner(max))
+        }
+        Region::Cylinder { base, radius: own, .. } => {
+            disc_and_disc(own, radius, (base.x - centre.x).hypot(base.y - centre.y))
+        }
+    }
+}
+
 /// Share of a region that no body which can move fills. Overlaps of different bodies count twice.
 pub fn porosity(world: &World, region: &Region) -> f64 {
     1.0 - solid_volume(world, region) / volume(region)

@@ -5,7 +5,7 @@ use crate::support::*;
 use graintrain::ccp::FrictionModel;
 use graintrain::handle::MaterialId;
 use graintrain::load::{Action, Load};
-use graintrain::material::Materials;
+use graintrain::material::{Materials, TurningResistance};
 use graintrain::math::{Vec3, rotation_exponential};
 use graintrain::measure::energy::Ledger;
 use graintrain::motion::{Motion, Profile};
@@ -102,12 +102,14 @@ fn energy_never_rises_without_a_drive() {
     assert!(worst < 1e-9, "largest rise in a step: {worst:.1e} of the energy present");
 }
 
-/// The ledger of balls closes to rounding in every step, with a drive, a load, impacts and friction; its terms have the signs that they must have, and
+/// The ledger of balls closes to rounding in every step, with a drive, a load, impacts, friction, and resistance to rolling and spinning; its terms have the signs that they must have, and
 /// gravity's work is the fall.
 #[test]
 fn the_ledger_of_balls_closes_in_every_step() {
     for (model, restitution) in [(FrictionModel::Relaxed, 0.0), (FrictionModel::Coulomb, 0.6)] {
         let mut world = world(0.4, restitution);
+        let (material, resistance) = (MaterialId::default(), TurningResistance::Ratio(0.1));
+        world.materials.set_pair_turning(material, material, resistance, resistance).unwrap();
         let plane = world.add_geometry(Geometry::plane());
         let belt = Motion::translating(Vec3::X, Profile::Constant(0.5));
         let belt = world.add_motion(belt).unwrap();
