@@ -41,8 +41,10 @@ const ACCIDENT_SHARE: f64 = 0.2;
 /// A correction moves the bodies of the contacts that need it and those up to so many contacts away; the others hold still.
 const RINGS: usize = 2;
 
-/// Sweeps of a correction; what is left is for the next step.
+/// Sweeps of a correction; what is left is for the next step. Sweeps carry a correction from contact to contact, and one cut short
+/// pushes overlap from here to there: a tall column of few contacts gets as many as so many visits to contacts allow.
 const SWEEPS: usize = 40;
+const VISITS: usize = 100_000;
 
 /// Accuracy of a correction, relative to the largest displacement that its contacts ask for.
 const TOLERANCE: f64 = 0.1;
@@ -147,6 +149,7 @@ impl Gaps<'_> {
     fn correct_part(&self, part: &Part, rows: &[RigidContact], displacement: &mut [f64]) {
         let largest = part.contacts.iter().map(|&i| -self.room(i)).fold(0.0, f64::max);
         let contacts = part.contacts.iter().map(|&i| (&rows[i as usize], self.room(i)));
-        project(contacts, self.inverse_mass, displacement, (TOLERANCE * largest, SWEEPS));
+        let sweeps = SWEEPS.max(VISITS / part.contacts.len().max(1));
+        project(contacts, self.inverse_mass, displacement, (TOLERANCE * largest, sweeps));
     }
 }
