@@ -6,10 +6,12 @@ use crate::model::{Motion, Shape, profile};
 use crate::world::World;
 use graintrain::handle::{BodyId, GeometryId, MaterialId};
 use graintrain::load::{Action, Load, Region};
+use graintrain::material::TurningResistance;
 use graintrain::math::{Mat3, Quat, Vec3};
 use graintrain::motion::{Axes, Profile};
 use graintrain::shape::Geometry;
 use graintrain::world::{Body, FREE, MassProperties};
+use graintrain_io::scene::turning_resistance;
 use pyo3::exceptions::{PyKeyError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyRange};
@@ -115,6 +117,20 @@ fn factor(function: Option<&Bound<'_, PyAny>>) -> PyResult<Profile> {
     function.map_or(Ok(Profile::Constant(1.0)), |function| profile("function", function))
 }
 
+/// Resistance to turning as given; as it was where it is not.
+fn resistance(
+    what: &str,
+    given: Option<&Bound<'_, PyAny>>,
+    before: TurningResistance,
+) -> PyResult<TurningResistance> {
+    let Some(given) = given else { return Ok(before) };
+    match given.extract::<String>() {
+        Ok(text) => turning_resistance(&text)
+            .map_err(|problem| PyValueError::new_err(format!("{what} = '{text}': {problem}"))),
+        Err(_) => Ok(TurningResistance::Ratio(given.extract()?)),
+    }
+}
+
 #[pymethods]
 impl World {
     /// Adds a material: density (kg/m^3), friction and restitution of its own pairs. With another material the smaller ones of both hold,
@@ -138,11 +154,29 @@ impl World {
         Ok(())
     }
 
-    /// Sets friction and restitution between two materials (or of one with itself).
-    #[pyo3(signature = (first, second, friction, restitution=0.0))]
-    fn set_pair(&mut self, first: &str, second: &str, friction: f64, restitution: f64) -> PyResult<()> {
+    /// Sets friction and restitution between two materials (or of one with itself), and, where given, how they resist rolling on each
+    /// other and spinning about the contact normal: a number of effective radii, or a length as a text ("1 mm").
+    #[pyo3(signature = (first, second, friction, restitution=0.0, *, rolling_friction=None, spinning_friction=None))]
+    fn set_pair(
+        &mut self,
+        first: &str,
+        second: &str,
+        friction: f64,
+        restitution: f64,
+        rolling_friction: Option<&Bound<'_, PyAny>>,
+        spinning_friction: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<()> {
         let (first, second) = (self.material_of(Some(first))?, self.material_of(Some(second))?);
-        self.state().materials.set_pair(first, second, friction, restitution).or_raise()
+        let materials = &mut self.state().materials;
+        let (i, j) = (first.index(), second.index());
+        let rolling = resistance("rolling_friction", rolling_friction, materials.pair_rolling(i, j))?;
+        let spinning = resistance("spinning_friction", spinning_friction, materials.pair_spinning(i, j))?;
+        // All or nothing.
+        let mut changed = materials.clone();
+        changed.set_pair(first, second, friction, restitution).or_raise()?;
+        changed.set_pair_turning(first, second, rolling, spinning).or_raise()?;
+        *materials = changed;
+        Ok(())
     }
 
     /// Names of the materials.

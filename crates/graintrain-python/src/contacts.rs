@@ -63,6 +63,16 @@ impl Contacts {
         field(slf.clone().into_any(), &slf.get().set.impulse, |impulse| &impulse.x, 3)
     }
 
+    /// Moment impulses of rolling and spinning friction on A (minus those on B) in world axes, N m s, shape (n, 3).
+    #[getter]
+    fn moments<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let count = self.set.contacts.len();
+        let mut moments: Vec<f64> = self.set.moment.iter().flat_map(|moment| moment.to_array()).collect();
+        // Where nothing resists turning there is no list.
+        moments.resize(3 * count, 0.0);
+        Ok(owned(py, moments, &[count, 3])?.into_any())
+    }
+
     /// Coefficients of friction.
     #[getter]
     fn friction<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {

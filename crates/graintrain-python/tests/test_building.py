@@ -39,6 +39,31 @@ def test_materials_pair_by_the_smaller_number():
     assert world.materials == ["default", "steel", "rubber"]
 
 
+def rolled(resistance):
+    """How fast a ball still rolls after half a second, and the moment on it in the last step."""
+    world = graintrain.World(step=1e-3, friction="coulomb")
+    world.set_pair("default", "default", 0.5, rolling_friction=resistance)
+    world.add_plane()
+    ball = world.add_body(
+        Shape.sphere(0.1), (0.0, 0.0, 0.1), velocity=(1.0, 0.0, 0.0), angular_velocity=(0.0, 10.0, 0.0)
+    )
+    world.run(steps=500)
+    return world.velocities[ball, 0], np.abs(world.contacts.moments).max() / 1e-3, world.masses[ball]
+
+
+def test_rolling_friction():
+    # The ball decelerates by 5/7 g mu_r / R, where mu_r is 0.01 R.
+    speed, moment, mass = rolled(0.01)
+    assert speed == pytest.approx(1.0 - 0.5 * 5 / 7 * 9.81 * 0.01, abs=1e-3)
+    assert moment == pytest.approx(0.001 * mass * 9.81, rel=1e-2)
+    assert rolled("1 mm")[0] == pytest.approx(speed, abs=1e-9)
+    assert rolled(None)[:2] == pytest.approx((1.0, 0.0), abs=1e-3)
+    with pytest.raises(ValueError, match="rolling_friction"):
+        rolled("1 kg")
+    with pytest.raises(graintrain.ModelError, match="rolling"):
+        rolled(-0.1)
+
+
 def test_mass_and_inertia():
     world = graintrain.World()
     box = world.add_body(Shape.box((0.1, 0.2, 0.3)))

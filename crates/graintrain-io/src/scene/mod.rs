@@ -45,6 +45,7 @@ pub use measure::{
 
 pub use stage::{StageBody, StageMaterial, StageSpec};
 
+use graintrain::material::TurningResistance;
 use model::{
     BodySpec, ContactSpec, FunctionSpec, LoadSpec, MaterialSpec, OutputSpec, PackingSpec, PairSpec,
     SolverChoice, TimeSpec,
@@ -186,6 +187,19 @@ pub fn seconds(text: &str) -> Result<f64, String> {
         return Err("expected a positive time".to_string());
     }
     Ok(quantity.value)
+}
+
+/// Rolling or spinning friction from what scenes accept as one: a number of effective radii, or a length ("1 mm").
+///
+/// # Errors
+/// What is wrong with the text, in words.
+pub fn turning_resistance(text: &str) -> Result<TurningResistance, String> {
+    let quantity = expression::evaluate(text, &expression::NoNames).map_err(|error| error.problem)?;
+    match quantity.dimension {
+        Dimension::NONE => Ok(TurningResistance::Ratio(quantity.value)),
+        Dimension::LENGTH => Ok(TurningResistance::Length(quantity.value)),
+        other => Err(format!("expected a number of effective radii or a length, got {other}")),
+    }
 }
 
 /// A `KEY=VALUE` as typed after `--set`.
