@@ -9,6 +9,7 @@
 //! | `batch` | many worlds side by side |
 //! | `problem` | contact problems and solvers |
 //! | `gradient` | derivatives of a step |
+//! | `measure` | coordination, fabric, porosity, forces |
 //! | `picture` | pictures and replays |
 //! | `train` | tensor trains |
 
@@ -18,6 +19,7 @@ mod building;
 mod contacts;
 mod error;
 mod gradient;
+mod measure;
 mod model;
 mod picture;
 mod plain;
