@@ -157,7 +157,7 @@ def mine(frame, meant):
 def fabric(frame, meant, spec):
     normals = [c["n"] for c in mine(frame, meant)]
     pairs = ("xx", "yy", "zz", "xy", "xz", "yz")
-    mean = lambda i, j: sum(n[i] * n[j] for n in normals) / max(len(normals), 1)
+    mean = lambda i, j: sum(n[i] * n[j] for n in normals) / len(normals) if normals else math.nan
     return {f"fabric_{p}": mean("xyz".index(p[0]), "xyz".index(p[1])) for p in pairs}
 
 
@@ -304,6 +304,8 @@ def main():
                 for column, value in mine_row.items():
                     compared += 1
                     theirs = float(row[column]) if row[column] else math.nan
+                    if math.isnan(theirs) and math.isnan(value):
+                        continue
                     if not abs(theirs - value) <= arguments.tolerance * max(scale[column.rsplit("_", 1)[0]], 1e-12):
                         print(f"{name}, step {step}: {column} is {theirs!r} in the table, {value!r} from the frame")
                         wrong += 1
