@@ -140,9 +140,20 @@ fn options_override_the_scene() {
     assert!(!folder.path().join("a/problems/step_00000003.hdf5").exists());
 }
 
+/// Whether this process, and so those that it starts, ignores SIGHUP (bit 0 of SigIgn), as under nohup.
+fn hang_up_is_ignored() -> bool {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let ignored = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
+    ignored.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok()).is_some_and(|mask| mask & 1 == 1)
+}
+
 #[test]
 fn a_run_stopped_by_a_signal_resumes_to_the_same_bits() {
     for (name, code) in [("TERM", 143), ("INT", 130), ("HUP", 129)] {
+        if name == "HUP" && hang_up_is_ignored() {
+            eprintln!("skipped: under nohup a run goes on after SIGHUP");
+            continue;
+        }
         let folder = folder();
         let child = long_run(folder.path());
         signal(&child, name);
