@@ -4,12 +4,13 @@
 //! find lambda_i >= 0 perpendicular to room_i + D_i,n^T q >= 0,     q = M^-1 D_n lambda
 //! ```
 //!
-//! contact after contact, `lambda_i <- max(0, lambda_i - (room_i + D_i,n^T q) / N_ii)`, there and back in turn. One scalar per contact and no
-//! matrix: a sweep costs a third of an iteration of a contact solver, and needs no preparation.
+//! contact after contact, `lambda_i <- max(0, lambda_i - (room_i + D_i,n^T q) / N_ii)`, there and back in turn. One scalar per contact, no
+//! matrix and no preparation. Cost of a sweep: linear in the contacts.
 //!
 //! Source: J. J. Moreau, "Unilateral contact and dry friction in finite freedom dynamics", 1988; for positions M. Müller, B. Heidelberger,
 //! M. Hennix, J. Ratcliff, "Position based dynamics", J. Visual Communication and Image Representation 18:109-118, 2007.
 
+use crate::math::{Mat3, Vec3};
 use graintrain_ccp::{BodyInverseMass, FIXED, RigidContact};
 
 /// The side of a contact on one body.
@@ -19,12 +20,12 @@ struct Side {
     /// +1 on A, -1 on B.
     sign: f64,
     /// r x n, m; `None` where the normal goes through the centre of mass, as it does on spheres.
-    spin: Option<[f64; 3]>,
+    spin: Option<Vec3>,
 }
 
 /// A contact as the sweeps see it.
 struct Row {
-    normal: [f64; 3],
+    normal: Vec3,
     sides: [Option<Side>; 2],
     /// How far it may close, m.
     room: f64,
@@ -36,31 +37,26 @@ struct Row {
 /// Arms shorter than this fraction of their length across the normal turn nothing.
 const THROUGH_CENTRE: f64 = 1e-12;
 
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
-
-fn times(m: &[f64; 9], x: [f64; 3]) -> [f64; 3] {
-    [dot([m[0], m[1], m[2]], x), dot([m[3], m[4], m[5]], x), dot([m[6], m[7], m[8]], x)]
+/// What a unit of this force and moment moves a body by: M^-1 (f, m).
+fn response(inverse: &BodyInverseMass, force: Vec3, moment: Option<Vec3>) -> (Vec3, Option<Vec3>) {
+    // The inverse inertia is symmetric: rows are columns.
+    let turn = moment.map(|moment| Mat3::from_cols_array(&inverse.angular) * moment);
+    (Vec3::from_array(inverse.linear) * force, turn)
 }
 
 impl Row {
     fn new(contact: &RigidContact, room: f64, inverse_mass: &[BodyInverseMass]) -> Self {
-        let normal = contact.frame[0];
+        let normal = Vec3::from_array(contact.frame[0]);
         let side = |body: u32, sign: f64, arm: [f64; 3]| {
-            let spin = cross(arm, normal);
-            let turns = dot(spin, spin) > THROUGH_CENTRE * THROUGH_CENTRE * dot(arm, arm);
+            let arm = Vec3::from_array(arm);
+            let spin = arm.cross(normal);
+            let turns = spin.length_squared() > THROUGH_CENTRE * THROUGH_CENTRE * arm.length_squared();
             (body != FIXED).then_some(Side { body: body as usize, sign, spin: turns.then_some(spin) })
         };
         let sides = [side(contact.body_a, 1.0, contact.arm_a), side(contact.body_b, -1.0, contact.arm_b)];
         let mobility = |side: &Side| {
-            let inverse = &inverse_mass[side.body];
-            let linear: f64 = (0..3).map(|k| inverse.linear[k] * normal[k] * normal[k]).sum();
-            linear + side.spin.map_or(0.0, |spin| dot(spin, times(&inverse.angular, spin)))
+            let (way, turn) = response(&inverse_mass[side.body], normal, side.spin);
+            normal.dot(way) + side.spin.zip(turn).map_or(0.0, |(spin, turn)| spin.dot(turn))
         };
         let diagonal = sides.iter().flatten().map(mobility).sum();
         Self { normal, sides, room, diagonal, multiplier: 0.0 }
@@ -74,24 +70,19 @@ impl Row {
         let mut closing = self.room;
         for side in self.sides.iter().flatten() {
             let q = &displacement[6 * side.body..6 * side.body + 6];
-            let turned = side.spin.map_or(0.0, |spin| dot(spin, [q[3], q[4], q[5]]));
-            closing += side.sign * (dot(self.normal, [q[0], q[1], q[2]]) + turned);
+            let turned = side.spin.map_or(0.0, |spin| spin.dot(Vec3::from_slice(&q[3..])));
+            closing += side.sign * (self.normal.dot(Vec3::from_slice(&q[..3])) + turned);
         }
         let multiplier = (self.multiplier - closing / self.diagonal).max(0.0);
         let change = multiplier - self.multiplier;
         self.multiplier = multiplier;
         if change != 0.0 {
             for side in self.sides.iter().flatten() {
-                let inverse = &inverse_mass[side.body];
+                let (way, turn) = response(&inverse_mass[side.body], self.normal, side.spin);
                 let q = &mut displacement[6 * side.body..6 * side.body + 6];
                 for axis in 0..3 {
-                    q[axis] += side.sign * change * inverse.linear[axis] * self.normal[axis];
-                }
-                if let Some(spin) = side.spin {
-                    let turn = times(&inverse.angular, spin);
-                    for axis in 0..3 {
-                        q[3 + axis] += side.sign * change * turn[axis];
-                    }
+                    q[axis] += side.sign * change * way[axis];
+                    q[3 + axis] += side.sign * change * turn.map_or(0.0, |turn| turn[axis]);
                 }
             }
         }
@@ -143,12 +134,19 @@ mod tests {
         });
         let masses = masses.collect();
         let rows = (0..contacts as u32).map(|i| {
-            let [a, b, c] = [vector(1.0), vector(1.0), vector(0.5)];
-            let unit = |v: [f64; 3]| v.map(|x| x / dot(v, v).sqrt());
+            let [a, b] = [vector(1.0), vector(1.0)].map(Vec3::from_array);
+            let c = vector(0.5);
+            let unit = Vec3::normalize;
             let n = unit(a);
-            let t1 = unit(cross(n, b));
+            let t1 = unit(n.cross(b));
             let body_b = if i % 5 == 0 { FIXED } else { (i / 2 + 1 + i % 3) % bodies };
-            RigidContact { body_a: i / 2, body_b, frame: [n, t1, cross(n, t1)], arm_a: c, arm_b: vector(0.5) }
+            RigidContact {
+                body_a: i / 2,
+                body_b,
+                frame: [n, t1, n.cross(t1)].map(|axis| axis.to_array()),
+                arm_a: c,
+                arm_b: vector(0.5),
+            }
         });
         let rows: Vec<_> = rows.filter(|row| row.body_a != row.body_b).collect();
         let room = rows.iter().map(|_| vector(1e-3)[0]).collect();
