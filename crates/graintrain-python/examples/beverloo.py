@@ -9,13 +9,12 @@ import os
 import numpy as np
 
 import graintrain
-from graintrain import Motion, Shape
+from graintrain import Function, Motion, Shape
 
 SMALL = bool(os.environ.get("GRAINTRAIN_SMALL"))
 radius, density = 0.005, 2500.0
 d, side = 2 * radius, 0.1
-holes = [6 * d, 8 * d] if SMALL else [4.5 * d, 5.5 * d, 6.5 * d, 7.5 * d]
-layers = 6 if SMALL else 10
+holes, layers = ([6 * d, 8 * d], 6) if SMALL else ([4.5 * d, 5.5 * d, 6.5 * d, 7.5 * d], 10)
 
 
 def bottom(hole: float, count: int = 32) -> Shape:
@@ -32,8 +31,7 @@ def hopper(hole: float) -> graintrain.World:
     world = graintrain.World(step=1e-3, envelope=0.3 * radius, tolerance=1e-3)
     world.add_material("glass", density=density, friction=0.5)
     world.add_body(bottom(hole), material="glass", motion=Motion.fixed())
-    away = Motion.translating((0, 0, -1), graintrain.Function.delayed(0.3, 5.0))
-    world.add_plane((0, 0, -1e-3), material="glass", motion=away)
+    world.add_plane((0, 0, -1e-3), material="glass", motion=Motion.translating((0, 0, -1), Function.delayed(0.3, 5.0)))
     for normal in [(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0)]:
         world.add_plane(-0.5 * side * np.array(normal), normal, material="glass")
     x, y, z = np.meshgrid(*[np.arange(9) - 4.0] * 2, np.arange(layers), indexing="ij")
