@@ -1,5 +1,8 @@
-//! One time step: settings and the step itself. What it reports is in [`crate::step_report`].
+//! One time step: settings and the step itself. What makes it be made again is in `repetition`, what it reports in [`crate::step_report`].
 
+mod repetition;
+
+use self::repetition::{Bends, carried_back};
 use crate::assemble::{
     OverlapCorrection, assemble, contact_rows, pair_property, relative_velocities, warm_start,
 };
@@ -19,8 +22,7 @@ pub use crate::step_report::{PhaseSeconds, PhysicalErrors, StepReport, Wrench};
 use crate::turning::world_moment;
 use crate::world::World;
 use graintrain_ccp::{
-    Ccp, CcpError, CcpSolver, Delassus, FrictionModel, Judge, RigidContact, SolveReport, SolveSettings,
-    SolverSpec, Status,
+    Ccp, CcpError, CcpSolver, Delassus, FrictionModel, Judge, SolveReport, SolveSettings, SolverSpec, Status,
 };
 use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
@@ -125,13 +127,8 @@ pub struct Stepper {
 /// Rounds of solving a step again with contacts that were missed; what still overlaps then is reported.
 const ROUNDS: usize = 8;
 
-/// Bodies that end inside each other by more than this fraction of the smaller one's size without having been in contact make a
-/// new round.
-const MISSED: f64 = 5e-4;
-
-/// A contact that ends in overlap by more than this fraction of the smaller body's size, and by so much more than foreseen, makes
-/// a new round too.
-const BENT: f64 = 5e-3;
+/// Rounds in which contacts may be left out.
+const PHANTOM_ROUNDS: usize = 3;
 
 /// Iterations that a comparison with exact friction is given, in multiples of those of the relaxed solve, and at least so many.
 const COMPARISON: (usize, usize) = (5, 100);
@@ -271,17 +268,14 @@ impl Stepper {
         let mut phases = PhaseSeconds { collide: begin.elapsed().as_secs_f64(), ..PhaseSeconds::default() };
         let start = Placement::of(world);
         let mut guess = None;
-        // Contacts under way that bodies are driven into all the same.
-        let mut driven: Vec<u32> = Vec::new();
-        // By how much contacts (indices) end deeper than their gap and velocity foresee, m.
-        let mut bends: HashMap<usize, f64> = HashMap::new();
+        // Contacts under way that bodies are driven into all the same, and phantoms that were none, by identity.
+        let (mut driven, mut kept) = (HashSet::new(), HashSet::new());
+        let mut bends = Bends::default();
         let (mut added, mut iterations) = (0, 0);
         for round in 0.. {
             lead_to_surfaces(world, &mut contacts);
             let begin = Instant::now();
-            let mut foreseen = contacts.clone();
-            bends.iter().for_each(|(&i, bend)| foreseen[i].gap -= bend);
-            let attempt = self.attempt(world, &foreseen, guess.take(), &driven)?;
+            let attempt = self.attempt(world, &contacts, guess.take(), &driven)?;
             let impacts = attempt.impact_seconds;
             phases.assemble += (attempt.assembled - begin).as_secs_f64() - impacts;
             phases.solve += attempt.assembled.elapsed().as_secs_f64() + impacts;
@@ -290,7 +284,6 @@ impl Stepper {
             if !met.is_empty() && round < ROUNDS {
                 added += met.len();
                 driven.extend(met);
-                driven.sort_unstable();
                 guess = Some(attempt);
                 continue;
             }
@@ -300,6 +293,15 @@ impl Stepper {
                 contacts.extend(passing);
                 guess = Some(attempt);
                 continue;
+            }
+            if round < PHANTOM_ROUNDS {
+                let phantoms = self.phantoms(world, &contacts, &attempt, &kept);
+                if !phantoms.is_empty() {
+                    let mut index = 0..;
+                    contacts.retain(|_| phantoms.binary_search(&index.next().unwrap_or_default()).is_err());
+                    guess = Some(attempt);
+                    continue;
+                }
             }
             let begin = Instant::now();
             let size: Vec<f64> = contacts.iter().map(|c| self.collider.contact_size(world, c)).collect();
@@ -311,11 +313,13 @@ impl Stepper {
             let missed = self.missed(world, &contacts, &ahead);
             let (mut new, mut bent) = (Vec::new(), Vec::new());
             if round < ROUNDS {
-                bent = self.bent(world, &foreseen, &attempt, &ahead);
+                bent = self.bent(world, &start, &contacts, &attempt, &ahead, &bends);
             }
             if !missed.is_empty() && round < ROUNDS || !bent.is_empty() {
+                let carry = |c: &Contact| carried_back(c, world, &start, &attempt.velocity, step);
+                let ends: Vec<Contact> = missed.iter().map(carry).collect();
                 let end = start.exchange(world);
-                new = self.new_contacts(world, &contacts, &missed, &attempt.velocity);
+                new = self.new_contacts(world, &contacts, &ends, &attempt.velocity);
                 if new.is_empty() && bent.is_empty() {
                     end.exchange(world);
                 }
@@ -333,7 +337,8 @@ impl Stepper {
                 return Ok(report);
             }
             added += new.len() + bent.len();
-            bent.into_iter().for_each(|(i, bend)| *bends.entry(i).or_default() += bend);
+            bends.put(bent, &mut contacts);
+            kept.extend(new.iter().map(|c| c.identity));
             contacts.extend(new);
             guess = Some(attempt);
         }
@@ -346,7 +351,7 @@ impl Stepper {
         world: &World,
         contacts: &[Contact],
         last: Option<Attempt>,
-        driven: &[u32],
+        driven: &HashSet<u64>,
     ) -> Result<Attempt, StepError> {
         let step = self.settings.step;
         let rows = contact_rows(world, contacts);
@@ -364,7 +369,7 @@ impl Stepper {
         let waits = |i: &u32| {
             self.settings.friction == FrictionModel::Relaxed
                 && impacts.under_way.binary_search(i).is_ok()
-                && driven.binary_search(i).is_err()
+                && !driven.contains(&contacts[*i as usize].identity)
         };
         let active: Vec<u32> = (0..contacts.len() as u32).filter(|i| !waits(i)).collect();
         let pick = |i: &u32| contacts[*i as usize];
@@ -373,15 +378,16 @@ impl Stepper {
         let problem = assemble(world, &chosen, rows, masses, &free, step, self.settings.overlap);
         let mut impulse = warm_start(&problem, &chosen, &world.contacts, world.bodies.len());
         if let Some(last) = last {
-            // New contacts stand at the end, but the first solve may have left others out.
-            for (i, g) in active.iter().zip(impulse.chunks_exact_mut(3)) {
-                if let Ok(k) = last.active.binary_search(i) {
+            let places: HashMap<u64, usize> =
+                last.problem.identity.iter().enumerate().map(|(k, &identity)| (identity, k)).collect();
+            for (identity, g) in problem.identity.iter().zip(impulse.chunks_exact_mut(3)) {
+                if let Some(k) = places.get(identity) {
                     g.copy_from_slice(&last.impulse[3 * k..3 * k + 3]);
                 }
             }
             for (k, own) in problem.turning.iter().enumerate() {
-                let place = last.active.binary_search(&active[own.contact as usize]).ok();
-                if let Some(known) = place.and_then(|place| last.problem.turning_of(place)) {
+                let place = places.get(&problem.identity[own.contact as usize]);
+                if let Some(known) = place.and_then(|&place| last.problem.turning_of(place)) {
                     let [from, to] =
                         [(&last.problem, known), (&problem, k)].map(|(p, k)| 3 * (p.num_contacts() + k));
                     impulse[to..to + 3].copy_from_slice(&last.impulse[from..from + 3]);
@@ -428,112 +434,6 @@ impl Stepper {
         let correction = gaps.correct();
         let finite = correction.displacement.iter().flatten().all(|x| x.is_finite());
         if finite { correction } else { Correction { displacement: None, ..correction } }
-    }
-
-    /// Contacts that were left out of the problem and close with the velocities found, as indices.
-    fn met(&self, world: &World, contacts: &[Contact], attempt: &Attempt) -> Vec<u32> {
-        if attempt.active.len() == contacts.len() {
-            return Vec::new();
-        }
-        let rows = contact_rows(world, contacts);
-        let u = relative_velocities(contacts, &rows, &attempt.velocity);
-        let closes = |i: &u32| {
-            let contact = &contacts[*i as usize];
-            let end = contact.gap.max(0.0) + self.settings.step * u[3 * *i as usize];
-            end < -MISSED * self.collider.contact_size(world, contact)
-        };
-        (0..contacts.len() as u32)
-            .filter(|i| attempt.active.binary_search(i).is_err())
-            .filter(closes)
-            .collect()
-    }
-
-    /// Contacts that bodies would meet on their way with the velocities found, where those make a body faster than the collision
-    /// phase knew: at the end of the step it may have passed another one.
-    fn passing(&mut self, world: &mut World, contacts: &[Contact], attempt: &Attempt) -> Vec<Contact> {
-        let step = self.settings.step;
-        let deflected = (0..world.bodies.len()).filter(|&body| !world.is_prescribed(body)).any(|body| {
-            let v = &attempt.velocity[6 * body..6 * body + 6];
-            let (u, w) = (Vec3::from_slice(&v[..3]), Vec3::from_slice(&v[3..]));
-            let way = 0.5 * self.collider.body_size(world, body);
-            let spin = |w: Vec3| self.collider.spin_travel(world, body, w.length(), step);
-            let change = step * (u - world.bodies.velocity[body]).length()
-                + spin(w - world.bodies.angular_velocity[body]);
-            step * u.length() + spin(w) > way && change > way
-        });
-        if !deflected {
-            return Vec::new();
-        }
-        let before = Placement::of(world);
-        for (body, v) in attempt.velocity.chunks_exact(6).enumerate() {
-            world.bodies.velocity[body] = Vec3::from_slice(&v[..3]);
-            world.bodies.angular_velocity[body] = Vec3::from_slice(&v[3..]);
-        }
-        let ahead = self.collider.contacts(world, 0.0, step);
-        before.exchange(world);
-        let known: HashSet<u64> = contacts.iter().map(|c| c.identity).collect();
-        let rows = contact_rows(world, &ahead);
-        let u = relative_velocities(&ahead, &rows, &attempt.velocity);
-        let meets = |(c, u): (Contact, &[f64])| {
-            let size = self.collider.contact_size(world, &c);
-            (!known.contains(&c.identity) && c.gap.max(0.0) + step * u[0] < -MISSED * size).then_some(c)
-        };
-        ahead.into_iter().zip(u.chunks_exact(3)).filter_map(meets).collect()
-    }
-
-    /// Pairs that overlap at the end of the step and were no contacts in it.
-    fn missed(&self, world: &World, contacts: &[Contact], ahead: &[Contact]) -> Vec<Contact> {
-        let deep = |c: &&Contact| -c.gap > MISSED * self.collider.contact_size(world, c);
-        let deep: Vec<Contact> = ahead.iter().filter(deep).copied().collect();
-        if deep.is_empty() {
-            return deep;
-        }
-        let known: HashSet<u64> = contacts.iter().map(|c| c.identity).collect();
-        deep.into_iter().filter(|c| !known.contains(&c.identity)).collect()
-    }
-
-    /// Contacts (indices) that end deep in overlap where Phi + dt u_n foresaw less, and by how much (m): a turning face, or an edge that
-    /// a fast body meets elsewhere than it was to, is not where the tangent plane at the contact says.
-    fn bent(
-        &self,
-        world: &World,
-        contacts: &[Contact],
-        attempt: &Attempt,
-        ahead: &[Contact],
-    ) -> Vec<(usize, f64)> {
-        let allowed = |c: &Contact| BENT * self.collider.contact_size(world, c);
-        let deep: HashMap<u64, f64> =
-            ahead.iter().filter(|c| -c.gap > allowed(c)).map(|c| (c.identity, c.gap)).collect();
-        let Delassus::Rigid(rigid) = &*attempt.problem.delassus else { return Vec::new() };
-        if deep.is_empty() {
-            return Vec::new();
-        }
-        let mended = |(&i, row): (&u32, &RigidContact)| {
-            let contact = contacts[i as usize];
-            let end = *deep.get(&contact.identity)?;
-            let u = relative_velocities(&[contact], std::slice::from_ref(row), &attempt.velocity);
-            let error = contact.gap + self.settings.step * u[0] - end;
-            (error > allowed(&contact)).then_some((i as usize, error))
-        };
-        attempt.active.iter().zip(rigid.contacts()).filter_map(mended).collect()
-    }
-
-    /// Contacts at the start of the step of pairs that would overlap at its end.
-    fn new_contacts(
-        &self,
-        world: &World,
-        contacts: &[Contact],
-        missed: &[Contact],
-        velocity: &[f64],
-    ) -> Vec<Contact> {
-        let known: HashSet<u64> = contacts.iter().map(|c| c.identity).collect();
-        let mut pairs: Vec<[u32; 2]> = missed.iter().map(|c| [c.body_a, c.body_b]).collect();
-        pairs.sort_unstable();
-        pairs.dedup();
-        let found = pairs
-            .into_iter()
-            .flat_map(|[a, b]| self.collider.contacts_of_pair(world, [a, b], velocity, self.settings.step));
-        found.filter(|c| !known.contains(&c.identity)).collect()
     }
 
     /// What is left to do once the world is where the step takes it.

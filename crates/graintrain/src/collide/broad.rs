@@ -5,7 +5,7 @@ use super::identity::identity;
 use super::mesh::turned_bounds;
 use super::narrow::{Collidable, Placed, body_contacts};
 use super::reduce::Touch;
-use super::sweep::{arrivals, time_of_impact};
+use super::sweep::{advanced, arrivals, time_of_impact};
 use crate::contact::Contact;
 use crate::math::{Mat3, Vec3};
 use crate::shape::{Geometry, Shape};
@@ -175,10 +175,54 @@ impl Collider {
         touches.iter().map(|touch| contact(pair, touch)).collect()
     }
 
+    /// Whether two bodies of the world that move with these velocities (u, w), as a step moves them, nowhere overlap by more than `allowed` and what they
+    /// fell till then, `fall` by the end of the step, m. Looked at in so many poses that a face no more curved than the smaller body's size is not missed; `false` where that would take
+    /// more than [`POSES`].
+    pub(crate) fn pass_freely(
+        &self,
+        world: &World,
+        pair: [u32; 2],
+        velocities: [[Vec3; 2]; 2],
+        step: f64,
+        allowed: f64,
+        fall: f64,
+    ) -> bool {
+        let [a, b] = pair.map(|body| self.placed(world, body as usize));
+        let turn = |k: usize, form: &Collidable| {
+            let spin = velocities[k][1].length();
+            if spin == 0.0 || form.ball.is_some() { 0.0 } else { spin * form.bounding_radius }
+        };
+        let way = step * ((velocities[0][0] - velocities[1][0]).length() + turn(0, a.form) + turn(1, b.form));
+        // A chord of c leaves a circle of radius R by c^2 / 8 R.
+        let poses = way / (8.0 * allowed * a.form.size.min(b.form.size)).sqrt();
+        if poses.is_nan() || poses > POSES {
+            return false;
+        }
+        let poses = poses.ceil().max(1.0);
+        let mut touches = Vec::new();
+        (1..=poses as u32).all(|k| {
+            let time = step * f64::from(k) / poses;
+            touches.clear();
+            body_contacts(
+                advanced(a, velocities[0], time),
+                advanced(b, velocities[1], time),
+                0.0,
+                &mut touches,
+            );
+            let depth = allowed + fall * f64::from(k) / poses;
+            touches.iter().all(|touch| touch.gap >= -depth)
+        })
+    }
+
     /// Size of a body, m: the radius of spheres, capsules and cylinders, half the thickness of boxes. A body
     /// without a size of its own (planes, meshes) has an infinite one. Forms are those of the last call of [`Self::contacts`].
     pub(crate) fn body_size(&self, world: &World, body: usize) -> f64 {
         self.form(world, body).size
+    }
+
+    /// Whether a body is one sphere about its own origin.
+    pub(crate) fn is_ball(&self, world: &World, body: usize) -> bool {
+        self.form(world, body).ball.is_some()
     }
 
     /// Size of the smaller body of a contact, m.
@@ -458,6 +502,9 @@ impl Collider {
 /// Bodies whose surfaces move by more than this fraction of the smaller one's size relative to each other within a step are looked
 /// at along their way: up to there the error of a fixed normal is a thirtieth of the size.
 const FAST: f64 = 0.5;
+
+/// Poses of a pair looked at to see whether it passes.
+const POSES: f64 = 128.0;
 
 /// Turn of a body within a step, rad, up to which a fixed normal does.
 const TURN: f64 = 0.3;

@@ -112,7 +112,7 @@ pub(crate) fn arrivals(
 }
 
 /// Pose after `time` seconds, as the step moves bodies.
-fn advanced<'a>(body: Placed<'a>, [u, w]: [Vec3; 2], time: f64) -> Placed<'a> {
+pub(crate) fn advanced<'a>(body: Placed<'a>, [u, w]: [Vec3; 2], time: f64) -> Placed<'a> {
     let mut moved = Placed { position: body.position + time * u, ..body };
     if w != Vec3::ZERO {
         moved.orientation = (rotation_exponential(time * w) * body.orientation).normalize();

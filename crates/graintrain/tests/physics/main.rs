@@ -10,6 +10,7 @@ mod invariants;
 mod loads;
 mod meshes;
 mod packings;
+mod repetition;
 mod rotation;
 mod statics;
 mod support;

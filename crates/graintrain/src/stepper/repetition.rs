@@ -1,0 +1,328 @@
+//! Why a solved step is made again: what the contacts of its beginning, each a plane that keeps two points apart, did not foresee of bodies
+//! that turn, are deflected or pass each other.
+//!
+//! | found | then |
+//! |---|---|
+//! | a contact under way to an impact is closed all the same (`met`) | it joins the problem |
+//! | a deflected body meets another on its way (`passing`) | the contact where they meet joins |
+//! | bodies overlap at the end that had no contact (`missed`) | their contacts join |
+//! | a contact ends far deeper than foreseen (`bent`) | it is linearised anew where it ends ([`carried_back`]) |
+//! | bodies were held apart that would pass without overlap (`phantoms`) | their contacts are left out |
+
+use super::{Attempt, Placement, Stepper};
+use crate::assemble::{contact_rows, relative_velocities};
+use crate::contact::Contact;
+use crate::math::{Mat3, Vec3, mix};
+use crate::world::World;
+use graintrain_ccp::Delassus;
+use std::collections::{HashMap, HashSet};
+
+/// Bodies that end inside each other by more than this fraction of the smaller one's size without having been in contact make a
+/// new round.
+pub(super) const MISSED: f64 = 5e-4;
+
+/// A contact that ends in overlap by more than this fraction of the smaller body's size, and by so much more than foreseen, makes
+/// a new round too.
+const BENT: f64 = 5e-3;
+
+/// A contact is a phantom if the bodies, without it, overlap on their way by no more than this fraction of what it foresees.
+const GHOSTLY: f64 = 0.2;
+
+/// Contacts that were linearised anew in a step. The first time the new plane takes the place of the old one; where a turning body bends away
+/// from that, too, planes gather, or two of them would take turns for ever.
+#[derive(Default)]
+pub(super) struct Bends {
+    /// How often a contact was linearised anew, by identity.
+    count: HashMap<u64, u64>,
+    /// Identities of further planes, and the contact that they belong to.
+    further: HashMap<u64, u64>,
+}
+
+impl Bends {
+    fn of(&self, contact: &Contact) -> u64 {
+        self.further.get(&contact.identity).copied().unwrap_or(contact.identity)
+    }
+
+    /// Puts `anew`, as [`Stepper::bent`] found them, among the contacts.
+    pub(super) fn put(&mut self, anew: Vec<Contact>, contacts: &mut Vec<Contact>) {
+        for mut contact in anew {
+            let count = self.count.entry(contact.identity).or_default();
+            *count += 1;
+            if *count == 1
+                && let Some(old) = contacts.iter_mut().find(|c| c.identity == contact.identity)
+            {
+                *old = contact;
+                continue;
+            }
+            let own = mix(contact.identity.wrapping_add(*count));
+            self.further.insert(own, contact.identity);
+            contact.identity = own;
+            contacts.push(contact);
+        }
+    }
+}
+
+impl Stepper {
+    /// Contacts that were left out of the problem and close with the velocities found, by identity.
+    pub(super) fn met(&self, world: &World, contacts: &[Contact], attempt: &Attempt) -> Vec<u64> {
+        if attempt.active.len() == contacts.len() {
+            return Vec::new();
+        }
+        let rows = contact_rows(world, contacts);
+        let u = relative_velocities(contacts, &rows, &attempt.velocity);
+        let closes = |i: &u32| {
+            let contact = &contacts[*i as usize];
+            let end = contact.gap.max(0.0) + self.settings.step * u[3 * *i as usize];
+            end < -MISSED * self.collider.contact_size(world, contact)
+        };
+        (0..contacts.len() as u32)
+            .filter(|i| attempt.active.binary_search(i).is_err())
+            .filter(closes)
+            .map(|i| contacts[i as usize].identity)
+            .collect()
+    }
+
+    /// Contacts that bodies would meet on their way with the velocities found, where those make a body faster than the collision
+    /// phase knew: at the end of the step it may have passed another one.
+    pub(super) fn passing(
+        &mut self,
+        world: &mut World,
+        contacts: &[Contact],
+        attempt: &Attempt,
+    ) -> Vec<Contact> {
+        let step = self.settings.step;
+        let deflected = (0..world.bodies.len()).filter(|&body| !world.is_prescribed(body)).any(|body| {
+            let v = &attempt.velocity[6 * body..6 * body + 6];
+            let (u, w) = (Vec3::from_slice(&v[..3]), Vec3::from_slice(&v[3..]));
+            let way = 0.5 * self.collider.body_size(world, body);
+            let spin = |w: Vec3| self.collider.spin_travel(world, body, w.length(), step);
+            let change = step * (u - world.bodies.velocity[body]).length()
+                + spin(w - world.bodies.angular_velocity[body]);
+            step * u.length() + spin(w) > way && change > way
+        });
+        if !deflected {
+            return Vec::new();
+        }
+        let before = Placement::of(world);
+        for (body, v) in attempt.velocity.chunks_exact(6).enumerate() {
+            world.bodies.velocity[body] = Vec3::from_slice(&v[..3]);
+            world.bodies.angular_velocity[body] = Vec3::from_slice(&v[3..]);
+        }
+        let ahead = self.collider.contacts(world, 0.0, step);
+        before.exchange(world);
+        let known: HashSet<u64> = contacts.iter().map(|c| c.identity).collect();
+        let rows = contact_rows(world, &ahead);
+        let u = relative_velocities(&ahead, &rows, &attempt.velocity);
+        let meets = |(c, u): (Contact, &[f64])| {
+            let size = self.collider.contact_size(world, &c);
+            (!known.contains(&c.identity) && c.gap.max(0.0) + step * u[0] < -MISSED * size).then_some(c)
+        };
+        ahead.into_iter().zip(u.chunks_exact(3)).filter_map(meets).collect()
+    }
+
+    /// Pairs that overlap at the end of the step and were no contacts in it.
+    pub(super) fn missed(&self, world: &World, contacts: &[Contact], ahead: &[Contact]) -> Vec<Contact> {
+        let deep = |c: &&Contact| -c.gap > MISSED * self.collider.contact_size(world, c);
+        let deep: Vec<Contact> = ahead.iter().filter(deep).copied().collect();
+        if deep.is_empty() {
+            return deep;
+        }
+        let known: HashSet<u64> = contacts.iter().map(|c| c.identity).collect();
+        deep.into_iter().filter(|c| !known.contains(&c.identity)).collect()
+    }
+
+    /// Contacts that end deep in overlap where Phi + dt u_n foresaw less, as they are to be instead: a turning face, or an edge that a fast
+    /// body meets elsewhere than it was to, is not where the tangent plane at the contact says. What takes their place is the contact of
+    /// the end, carried back, or, where that points the other way (a plate passed by more than half), the contact as it was with that much
+    /// less gap. `world` as the step leaves it, `ahead` its contacts.
+    pub(super) fn bent(
+        &self,
+        world: &World,
+        start: &Placement,
+        contacts: &[Contact],
+        attempt: &Attempt,
+        ahead: &[Contact],
+        bends: &Bends,
+    ) -> Vec<Contact> {
+        let step = self.settings.step;
+        let size = |c: &Contact| self.collider.contact_size(world, c);
+        let deep: Vec<&Contact> = ahead.iter().filter(|c| -c.gap > BENT * size(c)).collect();
+        if deep.is_empty() {
+            return Vec::new();
+        }
+        let wanted: HashSet<u64> = deep.iter().map(|c| c.identity).collect();
+        let speed = |body: u32, point: Vec3| {
+            let body = body as usize;
+            let v = &attempt.velocity[6 * body..6 * body + 6];
+            Vec3::from_slice(&v[..3]) + Vec3::from_slice(&v[3..]).cross(point - start.position[body])
+        };
+        // The nearest that any of the planes of a contact lets the bodies come, and which.
+        let mut foreseen: HashMap<u64, (f64, Contact)> = HashMap::new();
+        for contact in contacts.iter().filter(|c| wanted.contains(&bends.of(c))) {
+            let [on_a, on_b] = contact.surface_points();
+            let closing = speed(contact.body_a, on_a) - speed(contact.body_b, on_b);
+            let end = contact.gap + step * contact.normal.dot(closing);
+            let known = foreseen.entry(bends.of(contact)).or_insert((end, *contact));
+            if end < known.0 {
+                *known = (end, *contact);
+            }
+        }
+        let mended = |end: &Contact| {
+            let (gap, contact) = foreseen.get(&end.identity)?;
+            let error = gap - end.gap;
+            (error > BENT * size(end)).then(|| {
+                let same_way = end.body_a == contact.body_a && end.normal.dot(contact.normal) > 0.0;
+                if same_way {
+                    carried_back(end, world, start, &attempt.velocity, step)
+                } else {
+                    Contact { gap: contact.gap - error, identity: end.identity, ..*contact }
+                }
+            })
+        };
+        deep.into_iter().filter_map(mended).collect()
+    }
+
+    /// Contacts at the start of the step of pairs that would overlap at its end (`missed`, with `ends` the same contacts carried back);
+    /// `world` as it was before the step.
+    pub(super) fn new_contacts(
+        &self,
+        world: &World,
+        contacts: &[Contact],
+        ends: &[Contact],
+        velocity: &[f64],
+    ) -> Vec<Contact> {
+        let known: HashSet<u64> = contacts.iter().map(|c| c.identity).collect();
+        let mut pairs: Vec<[u32; 2]> = ends.iter().map(|c| [c.body_a, c.body_b]).collect();
+        pairs.sort_unstable();
+        pairs.dedup();
+        let mut found = Vec::new();
+        for pair in pairs {
+            let first = found.len();
+            let of_pair = self.collider.contacts_of_pair(world, pair, velocity, self.settings.step);
+            found.extend(of_pair.into_iter().filter(|c| !known.contains(&c.identity)));
+            if found.len() == first {
+                // At the start these features do not look at each other.
+                found.extend(ends.iter().filter(|c| [c.body_a, c.body_b] == pair));
+            }
+        }
+        found
+    }
+
+    /// Contacts (indices) that hold bodies apart that would pass each other: a plane through the nearest points of two edges bars the way
+    /// that leads past them. A ball that rolls over the seam of two tiles must not feel it.
+    ///
+    /// They are found by taking the impulses of a pair away: where Phi + dt u_n says that the bodies would then be inside each other by
+    /// more than 5e-4 of the smaller one's size, and on the way they nowhere are by a fifth of that, there is nothing to hold apart. What a body
+    /// falls in the step is allowed for: the contact may have carried its weight in another one's place. Those in `kept` stay, and those of two balls: they
+    /// have no seams, and grains that fly past each other are many.
+    pub(super) fn phantoms(
+        &self,
+        world: &World,
+        contacts: &[Contact],
+        attempt: &Attempt,
+        kept: &HashSet<u64>,
+    ) -> Vec<usize> {
+        let Delassus::Rigid(rigid) = &*attempt.problem.delassus else { return Vec::new() };
+        let step = self.settings.step;
+        let rows = rigid.contacts();
+        let pair = |k: usize| {
+            let contact = &contacts[attempt.active[k] as usize];
+            [contact.body_a, contact.body_b]
+        };
+        let mut found = Vec::new();
+        let mut first = 0;
+        while first < rows.len() {
+            let mut last = first + 1;
+            while last < rows.len() && pair(last) == pair(first) {
+                last += 1;
+            }
+            let group = first..last;
+            first = last;
+            if pair(group.start).into_iter().all(|body| self.collider.is_ball(world, body as usize)) {
+                continue;
+            }
+            let mut without = pair(group.start).map(|body| {
+                let v = &attempt.velocity[6 * body as usize..6 * body as usize + 6];
+                [Vec3::from_slice(&v[..3]), Vec3::from_slice(&v[3..])]
+            });
+            let mut pushed = false;
+            for k in group.clone() {
+                let row = &rows[k];
+                let [n, t1, t2] = row.frame.map(Vec3::from_array);
+                let g = &attempt.impulse[3 * k..3 * k + 3];
+                let mut impulse = g[0] * n + g[1] * t1 + g[2] * t2;
+                if let Some(of_impact) = attempt.impacts.impulse.get(attempt.active[k] as usize) {
+                    impulse += *of_impact;
+                }
+                if impulse == Vec3::ZERO {
+                    continue;
+                }
+                pushed = true;
+                let sides = [(row.body_a, row.arm_a, -1.0), (row.body_b, row.arm_b, 1.0)];
+                for ((body, arm, sign), v) in sides.into_iter().zip(&mut without) {
+                    if let Some(mass) = rigid.inverse_mass().get(body as usize) {
+                        v[0] += sign * Vec3::from_array(mass.linear) * impulse;
+                        v[1] += sign
+                            * (Mat3::from_cols_array(&mass.angular) * Vec3::from_array(arm).cross(impulse));
+                    }
+                }
+            }
+            let contact = |k: usize| &contacts[attempt.active[k] as usize];
+            if !pushed || group.clone().any(|k| kept.contains(&contact(k).identity)) {
+                continue;
+            }
+            let foreseen = |k: usize| {
+                let row = &rows[k];
+                let [a, b] = without;
+                let relative = a[0] + a[1].cross(Vec3::from_array(row.arm_a))
+                    - b[0]
+                    - b[1].cross(Vec3::from_array(row.arm_b));
+                contact(k).gap.max(0.0) + step * Vec3::from_array(row.frame[0]).dot(relative)
+            };
+            let size = self.collider.contact_size(world, contact(group.start));
+            let fall = pair(group.start)
+                .map(|body| world.acceleration(body as usize))
+                .into_iter()
+                .fold(0.0, f64::max)
+                * step
+                * step;
+            let barred: Vec<usize> = group.filter(|&k| foreseen(k) + fall < -MISSED * size).collect();
+            let least = barred.iter().map(|&k| -foreseen(k) - fall).fold(f64::INFINITY, f64::min);
+            let allowed = (GHOSTLY * least).min(MISSED * size);
+            if !barred.is_empty()
+                && self.collider.pass_freely(world, pair(barred[0]), without, step, allowed, fall)
+            {
+                found.extend(barred.iter().map(|&k| attempt.active[k] as usize));
+            }
+        }
+        found
+    }
+}
+
+/// The contact found at the end of a step, linearised there, for the problem of its beginning: normal n and arms are those of the end,
+/// and with the velocities (u, w) of the attempt
+///
+/// ```text
+/// Phi' = Phi_end - dt n . (u_A + w_A x r_A - u_B - w_B x r_B)
+/// ```
+///
+/// so that Phi' + dt u_n+ is the gap at the end to first order in the change of velocity: Newton's method on the gap of the end.
+pub(super) fn carried_back(
+    end: &Contact,
+    world: &World,
+    start: &Placement,
+    velocity: &[f64],
+    step: f64,
+) -> Contact {
+    let half = 0.5 * end.gap * end.normal;
+    let side = |body: u32, at_end: Vec3| {
+        let body = body as usize;
+        let arm = at_end - world.bodies.position[body];
+        let v = &velocity[6 * body..6 * body + 6];
+        (start.position[body] + arm, Vec3::from_slice(&v[..3]) + Vec3::from_slice(&v[3..]).cross(arm))
+    };
+    let (on_a, speed_a) = side(end.body_a, end.point + half);
+    let (on_b, speed_b) = side(end.body_b, end.point - half);
+    let gap = end.gap - step * end.normal.dot(speed_a - speed_b);
+    Contact { point: 0.5 * (on_a + on_b), lead: 0.5 * (on_a - on_b), gap, ..*end }
+}

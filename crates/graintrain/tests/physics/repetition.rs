@@ -1,0 +1,105 @@
+//! What makes a step be made again: seams that bar no way, and turning bodies that meet elsewhere than foreseen. Default solver and tolerance.
+
+use crate::support::*;
+use graintrain::ccp::FrictionModel;
+use graintrain::handle::MaterialId;
+use graintrain::math::{Quat, Vec3, rotation_exponential};
+use graintrain::motion::Motion;
+use graintrain::shape::Geometry;
+use graintrain::stepper::{StepSettings, Stepper};
+use graintrain::world::Body;
+
+fn default_stepper(step: f64, friction: FrictionModel) -> Stepper {
+    Stepper::new(StepSettings { step, friction, ..StepSettings::default() }).unwrap()
+}
+
+/// A number in [-1, 1] of a sequence without order (the golden ratio's multiples).
+fn scattered(k: usize) -> f64 {
+    2.0 * (0.618_033_988_749_894_9 * k as f64).fract() - 1.0
+}
+
+/// A ball and a box with another one on top slide at 1.5 m/s over nine seams of fixed tiles without friction: nothing brakes
+/// or lifts them. (The edge of the next tile, seen as a plane, would stop the box and throw up the ball.)
+#[test]
+fn seams_of_a_floor_do_not_hold_up_what_slides() {
+    for (model, step) in [(BOTH[0], 2e-3), (BOTH[0], 5e-3), (BOTH[1], 2e-3)] {
+        let mut world = world(0.0, 0.0);
+        let fixed = world.add_motion(Motion::fixed()).unwrap();
+        let tile = world.add_geometry(Geometry::cuboid(Vec3::new(0.05, 0.25, 0.025)).unwrap());
+        for k in 0..13 {
+            let place = Vec3::new(0.1 * f64::from(k), 0.0, -0.025);
+            world.add_body(Body { motion: fixed, ..Body::new(tile, MaterialId::default(), place) }).unwrap();
+        }
+        let ball = world.add_geometry(Geometry::sphere(0.02).unwrap());
+        let cube = world.add_geometry(Geometry::cuboid(Vec3::splat(0.02)).unwrap());
+        let velocity = Vec3::new(1.5, 0.0, 0.0);
+        for (form, place) in [
+            (ball, Vec3::new(0.0, 0.1, 0.02)),
+            (cube, Vec3::new(0.013, 0.0, 0.02)),
+            (cube, Vec3::new(0.013, 0.0, 0.06)),
+        ] {
+            world.add_body(Body { velocity, ..Body::new(form, MaterialId::default(), place) }).unwrap();
+        }
+        let mut stepper = default_stepper(step, model);
+        run(&mut stepper, &mut world, (0.6 / step) as usize);
+        for body in 13..16 {
+            let moved = (world.bodies.velocity[body] - velocity).length();
+            assert!(moved < 1e-6, "{model:?}, {step} s, body {body}: {:?}", world.bodies.velocity[body]);
+        }
+    }
+}
+
+/// Balls and turned boxes fall on one another from up to 3.5 m, in steps in which the boxes come to turn by 0.3 rad.
+#[test]
+fn balls_and_boxes_that_fall_in_a_heap_do_not_enter_each_other() {
+    for (model, allowed) in BOTH.into_iter().zip([0.01, 0.025]) {
+        let mut world = world(0.4, 0.0);
+        add_ground(&mut world, 0.0);
+        let ball = world.add_geometry(Geometry::sphere(0.05).unwrap());
+        let block = world.add_geometry(Geometry::cuboid(Vec3::new(0.05, 0.04, 0.03)).unwrap());
+        for k in 0..30 {
+            let place = Vec3::new(0.1 * scattered(3 * k), 0.1 * scattered(3 * k + 1), 0.1 + 0.12 * k as f64);
+            let orientation = rotation_exponential(Vec3::new(1.0, 2.0, 3.0) * scattered(3 * k + 2));
+            let form = if k % 3 == 0 { block } else { ball };
+            world.add_body(Body { orientation, ..Body::new(form, MaterialId::default(), place) }).unwrap();
+        }
+        let mut stepper = default_stepper(5e-3, model);
+        for step in 0..240 {
+            let report = solved_step(&mut stepper, &mut world);
+            let overlap = report.penetration_max_over_size;
+            assert!(overlap < allowed && report.contacts_missed == 0, "{model:?}, step {step}: {overlap}");
+        }
+    }
+}
+
+/// Boxes and capsules that fly and spin among six walls with e = 1 and without friction: their energy is kept, and none enters another one.
+#[test]
+fn an_elastic_gas_of_boxes_and_capsules_does_not_overlap() {
+    let mut world = world(0.0, 1.0);
+    world.gravity = Vec3::ZERO;
+    let plane = world.add_geometry(Geometry::plane());
+    let fixed = world.add_motion(Motion::fixed()).unwrap();
+    for inward in [Vec3::X, -Vec3::X, Vec3::Y, -Vec3::Y, Vec3::Z, -Vec3::Z] {
+        let orientation = Quat::from_rotation_arc(Vec3::Z, inward);
+        let wall = Body::new(plane, MaterialId::default(), -0.2 * inward);
+        world.add_body(Body { motion: fixed, orientation, ..wall }).unwrap();
+    }
+    let block = world.add_geometry(Geometry::cuboid(Vec3::new(0.025, 0.025, 0.02)).unwrap());
+    let capsule = world.add_geometry(Geometry::capsule(0.015, 0.02).unwrap());
+    for k in 0..27 {
+        let place = 0.12 * Vec3::new((k % 3) as f64 - 1.0, (k / 3 % 3) as f64 - 1.0, (k / 9) as f64 - 1.0);
+        let random = |first: usize| Vec3::new(scattered(first), scattered(first + 1), scattered(first + 2));
+        let form = if k % 2 == 0 { block } else { capsule };
+        let (velocity, angular_velocity) = (4.0 * random(7 * k), 30.0 * random(7 * k + 3));
+        world
+            .add_body(Body { velocity, angular_velocity, ..Body::new(form, MaterialId::default(), place) })
+            .unwrap();
+    }
+    let before = world.kinetic_energy();
+    let mut stepper = default_stepper(2e-3, FrictionModel::Relaxed);
+    for step in 0..250 {
+        let overlap = solved_step(&mut stepper, &mut world).penetration_max_over_size;
+        assert!(overlap < 0.01, "step {step}: {overlap}");
+    }
+    assert_close(world.kinetic_energy() / before, 1.0, 5e-3, "energy");
+}
