@@ -5,6 +5,8 @@ use graintrain_tt::solve::{Method, SolveSettings, SolveStatus, solve};
 use graintrain_tt::{Core, Truncation, TtError, TtMatrix, TtVector, qtt};
 use std::time::{Duration, Instant};
 
+type Entry = fn(&[usize]) -> f64;
+
 /// -u'' + wind u' on 2^d points, central differences.
 fn windy(d: usize, wind: f64) -> TtMatrix {
     let h = 1.0 / (1u64 << d) as f64;
@@ -109,14 +111,13 @@ fn entries_that_are_no_numbers_are_named() {
 #[test]
 fn tensors_that_are_read_whole_are_known_whole() {
     // Full rank, and no fibre tells of another: the sweeps stagnate, all entries do not.
-    let hash = |i: &[usize]| {
+    let hash: Entry = |i| {
         let n =
             i.iter().fold(7u64, |n, &i| (n ^ i as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15).rotate_left(31));
         (n >> 11) as f64 / (1u64 << 53) as f64 - 0.5
     };
-    let diagonal = |i: &[usize]| f64::from(i[0] == i[1]);
-    let cases: [(&[usize], &(dyn Fn(&[usize]) -> f64 + Sync)); 2] =
-        [(&[4; 7], &hash), (&[40, 40], &diagonal)];
+    let diagonal: Entry = |i| f64::from(i[0] == i[1]);
+    let cases: [(&[usize], Entry); 2] = [(&[4; 7], hash), (&[40, 40], diagonal)];
     for (modes, function) in cases {
         let (train, report) =
             cross(&Function::new(modes, function), None, &[], &CrossSettings::default()).unwrap();

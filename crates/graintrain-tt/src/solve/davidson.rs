@@ -109,7 +109,7 @@ fn good_enough(
     let (n, count) = (matrix.rows(), starts.len());
     let block = Matrix::from_vec(n, count, starts.concat());
     let overlap = product(block.t(), block.view());
-    let off = |e: (usize, &f64)| (e.1 - f64::from(e.0 % (count + 1) == 0)).abs();
+    let off = |e: (usize, &f64)| (e.1 - f64::from(e.0.is_multiple_of(count + 1))).abs();
     if overlap.data().iter().enumerate().map(off).fold(0.0, f64::max) > 1e-10 {
         return Ok(None);
     }
