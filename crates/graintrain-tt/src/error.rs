@@ -36,6 +36,16 @@ pub enum TtError {
         /// What was given.
         got: f64,
     },
+    /// A source of entries gave a number that is not finite.
+    #[error(
+        "entry {index:?} is {value}: a train holds finite numbers only; bound the function there or move the grid off its pole"
+    )]
+    Entry {
+        /// Zero-based index of the entry.
+        index: Vec<usize>,
+        /// What the source gave.
+        value: f64,
+    },
     /// A full tensor would not fit in memory or in an index.
     #[error("a full tensor with {entries:.3e} entries does not fit; keep it as a train")]
     TooLarge {

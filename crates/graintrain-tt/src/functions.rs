@@ -57,7 +57,7 @@ impl TtVector {
     /// O(evaluations d r^2), O(sweeps d n r^2) evaluations.
     ///
     /// # Errors
-    /// [`TtError::Shape`] if there is no train or their modes differ, else as for [`cross`]; [`TtError::Dense`] where f is not finite.
+    /// [`TtError::Shape`] if there is no train or their modes differ, else as for [`cross`]; [`TtError::Entry`] where f is not finite.
     ///
     /// ```
     /// use graintrain_tt::{TtVector, cross::{CrossSettings, CrossStatus}, qtt};
@@ -105,7 +105,7 @@ impl TtVector {
     /// equations are singular there: then the cross alone decides.
     ///
     /// # Errors
-    /// As for [`TtVector::map`]: [`TtError::Dense`] if a negative entry is met.
+    /// As for [`TtVector::map`]: [`TtError::Entry`] if a negative entry is met.
     ///
     /// ```
     /// use graintrain_tt::{cross::CrossSettings, qtt};

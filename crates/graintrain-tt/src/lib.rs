@@ -34,6 +34,7 @@
 //! | [`extremes`] | largest and smallest entry with bounds; samples from a train as a density |
 //! | [`functions`] | functions of entries: any by cross, reciprocals and roots with residuals over all entries |
 //! | [`mod@fit`] | a train through scattered data, validated |
+//! | [`complex`] | complex vectors and matrices: a mode for real and imaginary part |
 //! | [`mod@fourier`] | Fourier transform of quantized trains, convolution |
 //! | [`mod@slice`] | ranges of digits, fixed digits |
 //! | [`toolbox`] | trains from and to the files of TT-Toolbox, ttpy and tt-fort |
@@ -47,6 +48,7 @@ pub mod apply;
 pub mod arithmetic;
 #[cfg(feature = "ndarray")]
 mod arrays;
+pub mod complex;
 mod cores;
 pub mod cross;
 pub mod definite;

@@ -2,30 +2,49 @@
 
 use crate::vector::Core;
 use graintrain_linalg::dense::DenseError;
+use graintrain_linalg::vectorised::{Work, run_wide};
 
 /// The largest absolute value.
 ///
 /// # Errors
 /// [`DenseError::NotFinite`] if a number is infinite or not a number.
 pub(crate) fn largest_finite(data: &[f64]) -> Result<f64, DenseError> {
-    // In lanes, since the order of maxima must not depend on one another: four times the rate of a plain fold.
-    const LANES: usize = 8;
-    let (mut largest, mut not_finite) = ([0.0_f64; LANES], [0.0_f64; LANES]);
-    let mut take = |chunk: &[f64]| {
-        for (lane, x) in chunk.iter().enumerate() {
-            let size = x.abs();
-            largest[lane] = if size > largest[lane] { size } else { largest[lane] };
-            // Zero, or not a number from the first infinity or NaN on.
-            not_finite[lane] += x * 0.0;
-        }
-    };
-    let chunks = data.chunks_exact(LANES);
-    take(chunks.remainder());
-    chunks.for_each(take);
+    let (mut largest, mut not_finite) = ([0.0; LANES], [0.0; LANES]);
+    run_wide(Scan { data, largest: &mut largest, not_finite: &mut not_finite });
     if not_finite.iter().sum::<f64>() == 0.0 {
         Ok(largest.into_iter().fold(0.0, f64::max))
     } else {
         Err(DenseError::NotFinite)
+    }
+}
+
+/// Numbers that are looked at together.
+const LANES: usize = 8;
+
+/// The scan of [`largest_finite`], in lanes, since maxima must not wait for one another: four times the rate of a plain fold.
+struct Scan<'a> {
+    data: &'a [f64],
+    largest: &'a mut [f64; LANES],
+    /// Zero, or not a number from the first infinity or NaN on.
+    not_finite: &'a mut [f64; LANES],
+}
+
+impl Work for Scan<'_> {
+    #[inline(always)]
+    fn run(self) {
+        let Self { data, largest, not_finite } = self;
+        let chunks = data.chunks_exact(LANES);
+        for (lane, x) in chunks.remainder().iter().enumerate() {
+            largest[lane] = x.abs();
+            not_finite[lane] = x * 0.0;
+        }
+        for chunk in chunks {
+            for lane in 0..LANES {
+                let size = chunk[lane].abs();
+                largest[lane] = if size > largest[lane] { size } else { largest[lane] };
+                not_finite[lane] += chunk[lane] * 0.0;
+            }
+        }
     }
 }
 

@@ -83,7 +83,9 @@ impl TtVector {
         };
         if SQUARES.contains(&squares) {
             let mut cores = Vec::with_capacity(modes.len());
-            let mut budget = Budget::new(truncation, squares, before_last.len());
+            // (The bond in the middle is shortened from both sides.)
+            let mut budget =
+                Budget::new(truncation, squares, before_last.len() + usize::from(range.is_some()));
             match range {
                 Some(range) => from_range(range, modes, bond, &mut budget, &mut cores)?,
                 None => split_off(&mut cores, 1, modes, Source::Borrowed(full), &mut budget)?,
@@ -185,8 +187,41 @@ fn from_range(
         done += group.len();
     }
     let carried = View::new(&both[first..], left, coefficients.rows());
-    let rest = product(carried, coefficients.view()).into_vec();
-    split_off(cores, left, &modes[bond..], Source::Owned(rest), budget)
+    let rest = product(carried, coefficients.view());
+    // From the coarse end the first pass takes a whole group of modes; from the bond, with the full rank in front, every mode would be a pass.
+    let right = &modes[bond..];
+    let mut turned: Vec<usize> = right.iter().rev().copied().collect();
+    turned.push(left);
+    let mut from_end = Vec::with_capacity(turned.len());
+    split_off(&mut from_end, 1, &turned, Source::Owned(reversed(&rest, right)), budget)?;
+    let centre =
+        from_end.pop().unwrap_or_else(|| Core { left: 1, mode: left, right: 1, data: vec![1.0; left] });
+    // The weights between both halves go into the core right of the bond.
+    let weights = View::new(&centre.data, centre.left, left);
+    let mut right_cores = TtVector { cores: from_end }.reverse().cores;
+    if let Some(next) = right_cores.first_mut() {
+        let data = product(weights.t(), next.right_unfolding()).into_vec();
+        *next = Core { left, mode: next.mode, right: next.right, data };
+    }
+    cores.extend(right_cores);
+    Ok(())
+}
+
+/// A matrix whose columns are numbered by digits of these sizes, first fastest, as the tensor of the digits in reverse order, the row last.
+fn reversed(matrix: &Matrix, sizes: &[usize]) -> Vec<f64> {
+    let (rows, columns) = (matrix.rows(), matrix.columns());
+    // Where column j goes: its digits with the places of the reversed order.
+    let mut places = vec![0; 1];
+    let mut place = columns;
+    for &n in sizes {
+        place /= n;
+        places = (0..n).flat_map(|i| places.iter().map(move |p| p + place * i)).collect();
+    }
+    let mut turned = vec![0.0; rows * columns];
+    for (place, column) in places.iter().zip(matrix.data().chunks_exact(rows.max(1))) {
+        column.iter().enumerate().for_each(|(row, x)| turned[place + columns * row] = *x);
+    }
+    turned
 }
 
 /// The modes of the next pass: as many as keep the rows of the unfolding at [`GROUP_ROWS`], at least one.

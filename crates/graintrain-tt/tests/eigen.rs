@@ -4,7 +4,7 @@ mod dense;
 
 use dense::dense;
 use graintrain_linalg::dense::symmetric_eigen;
-use graintrain_tt::solve::{EigenSettings, lowest_eigenpairs};
+use graintrain_tt::solve::{EigenMethod, EigenSettings, lowest_eigenpairs};
 use graintrain_tt::{TtError, TtMatrix, TtVector, qtt};
 use std::f64::consts::PI;
 
@@ -116,4 +116,87 @@ fn random_matrices_against_dense_eigenvalues() {
     assert!(matches!(lowest_eigenpairs(&skew, 1, &EigenSettings::default()), Err(TtError::Setting { .. })));
     let bad = qtt::laplacian(4).unwrap().scale(f64::NAN);
     assert!(lowest_eigenpairs(&bad, 1, &EigenSettings::default()).is_err());
+}
+
+const METHODS: [EigenMethod; 2] = [EigenMethod::Dmrg, EigenMethod::Amen];
+
+#[test]
+fn blocks_hold_clusters_and_degenerate_eigenvalues() {
+    // A square: every second eigenvalue is double. The six lowest of 2^12 points.
+    let line = qtt::laplacian(6).unwrap();
+    let square = qtt::kronecker_sum(&[line.clone(), line], qtt::DigitOrder::Separated).unwrap();
+    let exact_line: Vec<f64> = (1..4).map(|k| 4.0 * (PI * f64::from(k) / 130.0).sin().powi(2)).collect();
+    let mut exact: Vec<f64> = exact_line.iter().flat_map(|x| exact_line.iter().map(move |y| x + y)).collect();
+    exact.sort_by(f64::total_cmp);
+    for method in METHODS {
+        let settings = EigenSettings { tolerance: 1e-7, method, ..Default::default() };
+        let pairs = lowest_eigenpairs(&square, 6, &settings).unwrap();
+        assert_eq!(pairs.len(), 6);
+        for (i, (pair, exact)) in pairs.iter().zip(&exact).enumerate() {
+            assert!(pair.converged, "{method:?} {i}: {:e}", pair.residual);
+            assert!((pair.value - exact).abs() < 1e-10, "{method:?} {i}: {} {exact}", pair.value);
+            for other in &pairs[..i] {
+                assert!(pair.vector.dot(&other.vector).unwrap().abs() < 1e-5);
+            }
+        }
+    }
+}
+
+#[test]
+fn both_methods_against_dense_eigenvalues() {
+    // A chain of 8 spins: a singlet, then triplets.
+    let chain = heisenberg(8);
+    let (values, _) = symmetric_eigen(dense(&chain).view()).unwrap();
+    let random = TtMatrix::random(&[3, 2, 4, 3], &[3, 2, 4, 3], 3, 4).unwrap().symmetric_part().unwrap();
+    let (random_values, _) = symmetric_eigen(dense(&random).view()).unwrap();
+    for method in METHODS {
+        for (a, values, count) in [(&chain, &values, 7), (&random, &random_values, 5)] {
+            let settings = EigenSettings { tolerance: 1e-7, method, ..Default::default() };
+            let pairs = lowest_eigenpairs(a, count, &settings).unwrap();
+            for (k, (pair, exact)) in pairs.iter().zip(values.iter()).enumerate() {
+                assert!(pair.converged, "{method:?} {k}: {:e}", pair.residual);
+                assert!((pair.value - exact).abs() < 1e-8, "{method:?} {k}: {} {exact}", pair.value);
+            }
+        }
+        // All eigenvalues of a small matrix; a cap that is too small is not called converged.
+        let small = qtt::laplacian(4).unwrap();
+        let pairs = lowest_eigenpairs(&small, 99, &EigenSettings { method, ..Default::default() }).unwrap();
+        assert_eq!(pairs.len(), 16);
+        for (k, pair) in pairs.iter().enumerate() {
+            assert!(
+                (pair.value - line(k + 1, 16)).abs() < 1e-12 && pair.converged,
+                "{method:?} {k} {pair:?}"
+            );
+        }
+        let settings = EigenSettings { max_rank: 2, method, ..Default::default() };
+        let pairs = lowest_eigenpairs(&heisenberg(10), 1, &settings).unwrap();
+        assert!(
+            !pairs[0].converged && pairs[0].residual > 1e-3 && pairs[0].vector.max_rank() <= 2,
+            "{pairs:?}"
+        );
+        assert!(pairs[0].value > -4.258035207, "{}", pairs[0].value);
+    }
+}
+
+#[test]
+fn the_long_chain_by_single_sites() {
+    let settings =
+        EigenSettings { tolerance: 1e-6, max_rank: 80, method: EigenMethod::Amen, ..Default::default() };
+    let pair = &lowest_eigenpairs(&heisenberg(20), 1, &settings).unwrap()[0];
+    assert!(pair.converged && (pair.value + 8.682473334).abs() < 1e-8, "{} {:e}", pair.value, pair.residual);
+}
+
+#[test]
+fn zero_and_single_points_have_eigenpairs() {
+    for method in METHODS {
+        let settings = EigenSettings { method, ..Default::default() };
+        let zero = TtMatrix::identity(&[2, 3]).unwrap().scale(0.0);
+        let pairs = lowest_eigenpairs(&zero, 9, &settings).unwrap();
+        assert!(pairs.len() == 6 && pairs.iter().all(|pair| pair.converged && pair.value == 0.0));
+        let pairs = lowest_eigenpairs(&TtMatrix::identity(&[1, 1]).unwrap(), 3, &settings).unwrap();
+        assert!(pairs.len() == 1 && (pairs[0].value - 1.0).abs() < 1e-15);
+        let pairs = lowest_eigenpairs(&TtMatrix::identity(&[2; 30]).unwrap(), 3, &settings).unwrap();
+        assert!(pairs.iter().all(|pair| pair.converged && (pair.value - 1.0).abs() < 1e-13));
+        assert!(lowest_eigenpairs(&zero, 0, &settings).unwrap().is_empty());
+    }
 }

@@ -82,9 +82,11 @@ fn numbers_that_are_not_finite_are_errors() {
         dense(solve(&broken_matrix, &x, None, &SolveSettings::default()).map(drop));
         assert!(newton_schulz(&broken_matrix, &a, &Truncation::default(), 1.0, 3).is_err());
         let source = Function::new(&[2; 6], move |i: &[usize]| if i[2] == 1 { bad } else { 1.0 });
-        dense(cross(&source, None, &[], &CrossSettings::default()).map(drop));
-        let blind = CrossSettings { samples: 0, ..Default::default() };
-        dense(cross(&source, None, &[], &blind).map(drop));
+        for samples in [0, 4000] {
+            let settings = CrossSettings { samples, ..Default::default() };
+            let error = cross(&source, None, &[], &settings).unwrap_err();
+            assert!(matches!(&error, TtError::Entry { index, .. } if index[2] == 1), "{error}");
+        }
         let sparse = QuadtreeMatrix::from_entries(2, 2, [(0, 0, 1.0), (1, 5, bad)]).unwrap();
         dense(sparse.to_train(&Truncation::to(0.1)).map(drop));
         dense(sparse.to_train(&Truncation::to(1e-9)).map(drop));

@@ -48,7 +48,7 @@ pub(super) struct Judge<'a> {
 
 /// The points of one confirmation.
 pub(super) struct Evidence {
-    random: Arc<Sample>,
+    pub(super) random: Arc<Sample>,
     /// Points near pivots, all different: there the errors of functions with jumps are. They are no random points, so all that
     /// follows from them is that the error is at least what they hold.
     near: Option<Sample>,
@@ -166,6 +166,19 @@ impl<'a> Judge<'a> {
         near.scale(-self.exponent);
         self.evaluations += near.values.len();
         Evidence { random, near: Some(near) }
+    }
+
+    /// All entries, where the sweeps and all samples have read as many already.
+    pub(super) fn all_entries(&mut self, read: usize) -> Option<Evidence> {
+        if self.everything.is_none() {
+            if self.samples == 0 || self.entries > (read + self.evaluations).min(MOST_POINTS) as f64 {
+                return None;
+            }
+            let sample = Sample::all(self.source, self.entries as usize);
+            self.everything = Some(Arc::new(self.take(sample)));
+        }
+        let everything = self.everything.as_ref()?;
+        Some(Evidence { random: Arc::clone(everything), near: None })
     }
 
     /// The train on the points of a confirmation; `largest` is the largest entry the sweeps read.

@@ -15,7 +15,8 @@
 //!
 //! `Converged` means that the error measured on fresh points, and on the probes, is at most the tolerance. The report's
 //! `upper_bound` says what this excludes with 95 % confidence, which is much less: a needle that no point hits is not seen by any
-//! sampling method. For sparse matrices prefer [`crate::sparse`]: it sees every entry.
+//! sampling method. Where the sweeps fail and have read as many entries as there are, the train is the TT-SVD of all of them.
+//! For sparse matrices prefer [`crate::sparse`]: it sees every entry.
 
 mod judge;
 mod points;
@@ -27,7 +28,7 @@ use crate::random::Random;
 use crate::scale::share_power;
 use crate::sparse::QuadtreeMatrix;
 use crate::vector::check_index;
-use crate::{Stop, TtError, TtMatrix, TtVector};
+use crate::{Stop, Truncation, TtError, TtMatrix, TtVector};
 use judge::Judge;
 pub use points::{ends_of_modes, sub_grid};
 use serde::{Deserialize, Serialize};
@@ -136,7 +137,7 @@ impl CrossReport {
 ///
 /// # Errors
 /// [`TtError::Shape`] or [`TtError::Index`] for a start or probes that do not fit, [`TtError::Setting`] for a bad
-/// setting, [`TtError::Dense`] if an entry is not finite. Not converging is not an error: see [`CrossReport::status`].
+/// setting, [`TtError::Entry`] if an entry that is read is not finite. Not converging is not an error: see [`CrossReport::status`].
 ///
 /// ```
 /// use graintrain_tt::cross::{CrossSettings, CrossStatus, Function, cross};
@@ -165,7 +166,7 @@ fn cross_within(
     settings: &CrossSettings,
     stop: Stop<'_>,
 ) -> Result<(TtVector, CrossReport), TtError> {
-    crate::Truncation::capped(settings.tolerance, settings.max_rank).check()?;
+    Truncation::capped(settings.tolerance, settings.max_rank).check()?;
     let modes = source.modes();
     let zero = TtVector::constant(&modes, 0.0)?;
     let d = modes.len();
@@ -247,8 +248,20 @@ fn cross_within(
             judge.verdict(&train, &sample, state.largest)?
         }
     };
+    let missed = verdict.error().is_none_or(|error| error > settings.tolerance);
+    let (mut train, verdict) = match missed.then(|| judge.all_entries(state.evaluations)).flatten() {
+        Some(all) => {
+            // As many entries as there are have been read and the sweeps did not get there: all of them, then, and their TT-SVD.
+            let truncation = Truncation::capped(0.9 * settings.tolerance, settings.max_rank);
+            let (whole, _) = TtVector::from_full(&all.random.values, &modes, &truncation)?;
+            let better = judge.verdict(&whole, &all, state.largest)?;
+            let is_better = better.error().is_some_and(|b| verdict.error().is_none_or(|error| b < error));
+            if is_better { (whole, better) } else { (train, verdict) }
+        }
+        None => (train, verdict),
+    };
     // The claim is what fresh points say about the train that is returned, however the sweeps ended.
-    let status = if status == CrossStatus::ZeroSampled {
+    let status = if status == CrossStatus::ZeroSampled && !(verdict.complete && verdict.nonzeros > 0) {
         status
     } else if verdict.error().is_some() && verdict.meets(settings.tolerance) {
         CrossStatus::Converged

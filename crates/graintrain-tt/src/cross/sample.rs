@@ -6,7 +6,6 @@
 //! at most 2, so that weighted means are unbiased for means over all entries, whatever the function.
 
 use super::EntrySource;
-use crate::error::at_core;
 use crate::random::Random;
 use crate::scale::{largest_finite, scale_by_power};
 use crate::{TtError, TtVector};
@@ -84,7 +83,10 @@ impl Sample {
     }
 
     pub(super) fn largest(&self) -> Result<f64, TtError> {
-        largest_finite(&self.values).map_err(at_core(0))
+        largest_finite(&self.values).map_err(|_| {
+            let p = self.values.iter().position(|x| !x.is_finite()).unwrap_or(0);
+            TtError::Entry { index: self.point(p), value: self.values[p] }
+        })
     }
 
     pub(super) fn scale(&mut self, power: i32) {

@@ -123,7 +123,17 @@ impl<'a> State<'a> {
         answers.next().into_iter().for_each(|answer| self.source.entries(&asked, answer));
         scale_by_power(&mut values, -self.exponent);
         self.evaluations += values.len();
-        self.largest = self.largest.max(largest_finite(&values).map_err(at_core(k))?);
+        let largest = largest_finite(&values).map_err(|_| {
+            let p = values.iter().position(|x| !x.is_finite()).unwrap_or(0);
+            let (head, rest) = (p % left.len(), p / left.len());
+            let mut index = vec![0; d];
+            left[head].iter().enumerate().for_each(|(digit, &i)| index[place(digit)] = i);
+            index[place(k)] = rest % n;
+            let tail = right[rest / n].iter().enumerate();
+            tail.for_each(|(digit, &i)| index[place(k + 1 + digit)] = i);
+            TtError::Entry { index, value: values[p] }
+        })?;
+        self.largest = self.largest.max(largest);
         Ok(Matrix::from_vec(left.len() * n, right.len(), values))
     }
 

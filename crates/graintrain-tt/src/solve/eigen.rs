@@ -1,9 +1,15 @@
-//! The lowest eigenpairs of a symmetric matrix by two-site sweeps (DMRG; White, Phys. Rev. Lett. 69, 1992), one after the other.
+//! The lowest eigenpairs of a symmetric matrix, all at once, in one train: block DMRG (White, Phys. Rev. Lett. 69, 1992; Dolgov, Khoromskij, Oseledets,
+//! Savostyanov, Comput. Phys. Commun. 185, 2014) and block AMEn.
 //!
-//! Two neighbouring cores at a time minimise the Rayleigh quotient, all others being orthogonal; the rank between them follows from an SVD. Vectors already
-//! found are moved to the other end of the spectrum: A + s sum v v^T. Nothing is claimed from the sweeps: the residual ||A v - mu v|| of what is
-//! returned comes from the trains, and for a symmetric matrix some eigenvalue lies within it of mu.
+//! All vectors share the frames of a block train; the core that is being improved carries their number as one more index, which moves along with the
+//! sweep. The sum of the Rayleigh quotients is minimised over two neighbouring cores ([`EigenMethod::Dmrg`], the rank between them from an SVD) or over one
+//! ([`EigenMethod::Amen`], frames enriched by residuals, which are kept in a small train of their own). Eigenvalues that lie close together, or on each
+//! other, come out as a block.
+//!
+//! Nothing is claimed from the sweeps: the residual ||A v - mu v|| of what is returned comes from the trains, and for a symmetric matrix some eigenvalue
+//! lies within it of mu.
 
+use super::davidson::{Lowest, lowest_of};
 use super::interface::{
     BlockCore, Interface, LocalOperator, OperatorCore, local_right_hand_side, push_right_hand_side,
 };
@@ -14,38 +20,46 @@ use crate::random::Random;
 use crate::round::{norm_and_rounding, scaled_rows};
 use crate::vector::Core;
 use crate::{Truncation, TtError, TtMatrix, TtVector};
-use graintrain_linalg::dense::{DenseError, Matrix, Svd, product, symmetric_eigen, thin_qr, thin_svd};
+use graintrain_linalg::dense::{Matrix, Svd, View, product, symmetric_eigen, thin_qr, thin_svd};
 use serde::{Deserialize, Serialize};
 
-/// Local problems up to this size are solved densely.
-const DENSE: usize = 300;
-/// Random directions per bond in the first sweeps, and the number of these (even).
-const KICK: usize = 3;
+/// Directions per bond that a sweep adds: random ones in the first sweeps of DMRG, residuals in all but the last of AMEn.
+const KICK: usize = 4;
+/// Sweeps of DMRG that get random directions (even).
 const KICKS: usize = 6;
-/// Steps of one Lanczos run, and runs per local problem.
-const LANCZOS: (usize, usize) = (40, 3);
+
+/// How the ranks of the eigenvectors grow.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum EigenMethod {
+    /// Two cores at a time.
+    Dmrg,
+    /// One core at a time, enriched by the residuals: cheaper where modes are large.
+    Amen,
+}
 
 /// Settings of [`lowest_eigenpairs`].
 ///
 /// ```
 /// let settings = graintrain_tt::solve::EigenSettings::default();
-/// assert_eq!((settings.tolerance, settings.max_rank, settings.max_sweeps, settings.seed), (1e-8, 200, 30, 1));
+/// assert_eq!((settings.tolerance, settings.max_rank, settings.max_sweeps, settings.seed), (1e-8, 200, 40, 1));
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct EigenSettings {
     /// Residual ||A v - mu v|| aimed at for ||v|| = 1, relative to the largest eigenvalue that the sweeps met.
     pub tolerance: f64,
-    /// No rank above this.
+    /// No rank of the block above this (nor of a vector).
     pub max_rank: usize,
-    /// Most sweeps per vector (in one direction each; at least 8, of which the first 6 are given random directions).
+    /// Most sweeps (in one direction each; at least 8, of which the first 6 of DMRG are given random directions).
     pub max_sweeps: usize,
+    /// How ranks grow.
+    pub method: EigenMethod,
     /// Seed of the starts.
     pub seed: u64,
 }
 
 impl Default for EigenSettings {
     fn default() -> Self {
-        Self { tolerance: 1e-8, max_rank: 200, max_sweeps: 30, seed: 1 }
+        Self { tolerance: 1e-8, max_rank: 200, max_sweeps: 40, method: EigenMethod::Dmrg, seed: 1 }
     }
 }
 
@@ -66,10 +80,10 @@ pub struct Eigenpair {
     pub sweeps: usize,
 }
 
-/// The `count` lowest eigenvalues of a symmetric matrix with their vectors, in ascending order of what was found. That no lower one was missed is not
-/// certified: a sweep may end in a vector that is not the lowest.
+/// The `count` lowest eigenvalues of a symmetric matrix with their vectors (fewer if it is smaller), in ascending order. That no lower one was missed is not
+/// certified: sweeps may end in vectors that are not the lowest.
 ///
-/// O(sweeps d (n^2 r^3 R + n^3 r^2 R^2)) per vector and Lanczos step.
+/// O(sweeps d (n^2 r^3 R + n^3 r^2 R^2)) per vector and step of the local iteration, r the rank of the block.
 ///
 /// # Errors
 /// [`TtError::Shape`] if A is not square, [`TtError::Setting`] if it is not symmetric (to 1e-10) or for a bad setting, [`TtError::Dense`] for entries that
@@ -91,68 +105,103 @@ pub fn lowest_eigenpairs(
 ) -> Result<Vec<Eigenpair>, TtError> {
     a.check_square()?;
     Truncation::capped(settings.tolerance, settings.max_rank).check()?;
-    if a.relative_distance(&a.transpose())? > 1e-10 {
-        return Err(TtError::Setting {
-            what: "||A - A^T|| / ||A||",
-            need: "at most 1e-10",
-            got: a.relative_distance(&a.transpose())?,
-        });
-    }
     let size: f64 = a.rows.iter().map(|&n| n as f64).product();
-    let mut found: Vec<Eigenpair> = Vec::new();
-    let mut largest = f64::NEG_INFINITY;
-    while found.len() < count && (found.len() as f64) < size {
-        let pair = next_pair(a, &found, &mut largest, settings)?;
-        found.push(pair);
+    let count = if size < count as f64 { size as usize } else { count };
+    if count == 0 {
+        return Ok(Vec::new());
     }
+    if a.as_vector().balanced()?.is_none() {
+        return of_zero(a, count, settings);
+    }
+    let asymmetry = a.relative_distance(&a.transpose())?;
+    if asymmetry > 1e-10 {
+        return Err(TtError::Setting { what: "||A - A^T|| / ||A||", need: "at most 1e-10", got: asymmetry });
+    }
+    let mut found =
+        if a.num_cores() == 1 { single_core(a, count, settings)? } else { block(a, count, settings)? };
     found.sort_by(|x, y| x.value.total_cmp(&y.value));
     Ok(found)
 }
 
-/// The state of the sweeps for one vector; always from the first core to the last, trains are turned afterwards.
+/// Sweeps until all vectors have converged, or no longer come nearer; the best block of all sweeps.
+fn block(a: &TtMatrix, count: usize, settings: &EigenSettings) -> Result<Vec<Eigenpair>, TtError> {
+    let mut sweeps = Sweeps::new(a, count, settings)?;
+    let (mut made, mut best): (usize, Option<Vec<Eigenpair>>) = (0, None);
+    let (mut last, mut worse) = (f64::INFINITY, 0);
+    let worst = |pairs: &[Eigenpair]| pairs.iter().map(|pair| pair.residual).fold(0.0, f64::max);
+    let most = settings.max_sweeps.max(KICKS + 2);
+    while made < most {
+        // Vectors are measured after sweeps without enrichment, in their own order: every second one once the values stand still.
+        let measured = made % 2 == 1 && made > KICKS;
+        let still = made + 2 >= most || settings.method == EigenMethod::Dmrg;
+        let values = sweeps.sweep(!(measured && still), settings)?;
+        made += 1;
+        let moved = (values - last).abs();
+        last = values;
+        let quiet = moved <= 1e-3 * settings.tolerance * count as f64 * sweeps.largest.abs();
+        if !measured || !(still || quiet) || (!quiet && made + 1 < most) {
+            continue;
+        }
+        let pairs = sweeps.measured(a, made, settings)?;
+        let done = pairs.iter().all(|pair| pair.converged);
+        match &best {
+            Some(before) if worst(&pairs) > 0.5 * worst(before) => worse += 1,
+            _ => worse = 0,
+        }
+        if best.as_ref().is_none_or(|before| worst(&pairs) < worst(before)) {
+            best = Some(pairs);
+        }
+        if done || worse == 2 {
+            break;
+        }
+    }
+    let best = match best {
+        Some(best) => best,
+        None => sweeps.measured(a, made, settings)?,
+    };
+    Ok(best.into_iter().map(|pair| Eigenpair { sweeps: made, ..pair }).collect())
+}
+
+/// The state of the sweeps; always from the first core to the last, trains are turned afterwards.
 struct Sweeps {
     a: Vec<OperatorCore>,
     turned_a: Vec<OperatorCore>,
+    /// The block train; the core at which a sweep begins carries the number of the vector as its spectator.
     x: Vec<BlockCore>,
-    /// Vectors to be orthogonal to, in both directions.
-    known: Vec<(Vec<BlockCore>, Vec<BlockCore>)>,
+    /// The train of the residuals (AMEn), one for all vectors.
+    z: Vec<BlockCore>,
     right: Vec<Sides>,
-    /// Sweeps that still get random directions.
-    kicks: usize,
+    reversed: bool,
+    /// Largest local eigenvalue met.
+    largest: f64,
     random: Random,
+    made: usize,
 }
 
-/// One side of a site: of the operator, and with every known vector.
+/// One side of a site: A between x and x and between z and x, and z times x.
 #[derive(Clone)]
 struct Sides {
-    operator: Interface,
-    known: Vec<Matrix>,
+    xx: Interface,
+    zx: Interface,
+    overlap: Matrix,
 }
 
 impl Sides {
-    fn one(known: usize) -> Self {
-        Self { operator: Interface::one(), known: vec![Matrix::identity(1); known] }
+    fn one() -> Self {
+        Self { xx: Interface::one(), zx: Interface::one(), overlap: Matrix::identity(1) }
     }
 
-    fn push<'a>(&self, a: &OperatorCore, x: &BlockCore, known: impl Iterator<Item = &'a BlockCore>) -> Self {
-        let known = self.known.iter().zip(known).map(|(phi, v)| push_right_hand_side(phi, x, v)).collect();
-        Self { operator: self.operator.push(x, a, x), known }
+    fn push(&self, a: &OperatorCore, x: &BlockCore, z: &BlockCore) -> Self {
+        Self {
+            xx: self.xx.push(x, a, x),
+            zx: self.zx.push(z, a, x),
+            overlap: push_right_hand_side(&self.overlap, z, x),
+        }
     }
-}
-
-fn blocks(train: &TtVector) -> Vec<BlockCore> {
-    let block = |core: &Core| BlockCore {
-        left: core.left,
-        n: core.mode,
-        s: 1,
-        right: core.right,
-        data: core.data.clone(),
-    };
-    train.cores.iter().map(block).collect()
 }
 
 impl Sweeps {
-    fn new(a: &TtMatrix, x: &TtVector, known: &[Eigenpair], seed: u64) -> Self {
+    fn new(a: &TtMatrix, count: usize, settings: &EigenSettings) -> Result<Self, TtError> {
         let d = a.num_cores();
         let core = |k: usize| {
             let core = &a.cores()[k];
@@ -160,127 +209,237 @@ impl Sweeps {
         };
         let operators: Vec<OperatorCore> = (0..d).map(core).collect();
         let turned_a: Vec<OperatorCore> = operators.iter().rev().map(OperatorCore::reversed).collect();
-        let known: Vec<(Vec<BlockCore>, Vec<BlockCore>)> =
-            known.iter().map(|pair| (blocks(&pair.vector), blocks(&pair.vector.reverse()))).collect();
-        let mut x = x.clone();
-        x.orthogonalise_right();
-        let x = blocks(&x);
-        let mut right = vec![Sides::one(known.len()); d];
+        let mut random = Random::new(settings.seed);
+        let train = |rank: usize, seed: u64| -> Result<Vec<BlockCore>, TtError> {
+            let mut train = TtVector::random(&a.rows, rank, settings.seed.wrapping_add(seed))?;
+            train.orthogonalise_right();
+            let block = |core: &Core| {
+                let Core { left, mode, right, data } = core.clone();
+                BlockCore { left, n: mode, s: 1, right, data }
+            };
+            Ok(train.cores.iter().map(block).collect())
+        };
+        // Ranks in which as many vectors can differ.
+        let mut x = train((count + 1).clamp(2, settings.max_rank.max(2)), 0)?;
+        let z = train(KICK, 1)?;
+        let (n, right) = (x[0].n, x[0].right);
+        x[0] = BlockCore {
+            left: 1,
+            n,
+            s: count,
+            right,
+            data: (0..n * count * right).map(|_| random.symmetric()).collect(),
+        };
+        let mut sides = vec![Sides::one(); d];
         for k in (1..d).rev() {
-            let turned = known.iter().map(|(_, turned)| &turned[d - 1 - k]);
-            right[k - 1] = right[k].push(&turned_a[d - 1 - k], &x[k].reversed(), turned);
+            sides[k - 1] = sides[k].push(&turned_a[d - 1 - k], &x[k].reversed(), &z[k].reversed());
         }
-        Self { a: operators, turned_a, x, known, right, kicks: KICKS, random: Random::new(seed) }
+        let (reversed, largest, made) = (false, f64::NEG_INFINITY, 0);
+        Ok(Self { a: operators, turned_a, x, z, right: sides, reversed, largest, random, made })
     }
 
-    /// One sweep; the lowest and the largest local eigenvalue met, the lowest of the last site. `shift` moves the known vectors away.
-    fn sweep(&mut self, shift: f64, settings: &EigenSettings, largest: &mut f64) -> Result<f64, TtError> {
+    /// One sweep; the sum of the lowest local eigenvalues of its last site. `enrich` adds directions.
+    fn sweep(&mut self, enrich: bool, settings: &EigenSettings) -> Result<f64, TtError> {
         let d = self.x.len();
-        let mut left = vec![Sides::one(self.known.len())];
-        let mut lowest = 0.0;
-        for k in 0..d - 1 {
-            let (core, right) = (self.a[k].merge(&self.a[k + 1]), &self.right[k + 1]);
-            let operator = LocalOperator { left: &left[k].operator, core: &core, right: &right.operator };
-            let pair = self.x[k].merge(&self.x[k + 1]);
-            let away: Vec<Vec<f64>> = (0..self.known.len())
-                .map(|v| {
-                    let known = &self.known[v].0;
-                    local_right_hand_side(&left[k].known[v], &known[k].merge(&known[k + 1]), &right.known[v])
-                })
-                .collect();
-            let local = lowest_of(&operator, &away, shift, &pair.spectator_last()).map_err(at_core(k))?;
-            (lowest, *largest) = (local.lowest, largest.max(local.largest));
-            let block = BlockCore::from_spectator_last(pair.left, pair.n, 1, pair.right, &local.vector);
-            let (first, second) = (self.x[k].clone(), self.x[k + 1].clone());
-            let Svd { mut u, s, v } = thin_svd(block.split(&first, &second).view()).map_err(at_core(k))?;
-            let share = (0.1 * settings.tolerance).powi(2) / d as f64;
-            let (mut rank, mut tail) = (s.len(), 0.0);
-            while rank > 1 && (tail + s[rank - 1].powi(2) <= share || rank > settings.max_rank) {
-                tail += s[rank - 1].powi(2);
-                rank -= 1;
+        let mut left = vec![Sides::one()];
+        let mut sum = 0.0;
+        let sites = if settings.method == EigenMethod::Dmrg { d - 1 } else { d };
+        for k in 0..sites {
+            sum = match settings.method {
+                EigenMethod::Dmrg => self.pair(k, &left[k], enrich && self.made < KICKS, settings),
+                EigenMethod::Amen => self.site(k, &left[k], enrich, settings),
+            }?;
+            if k + 1 < d {
+                left.push(left[k].push(&self.a[k], &self.x[k], &self.z[k]));
             }
-            u.truncate_columns(rank);
-            let mut carry = scaled_rows(&s, &v, rank);
-            if self.kicks > 0 {
-                (u, carry) = self.kicked(u, &carry);
-            }
-            let rank = u.columns();
-            self.x[k] = BlockCore { right: rank, data: u.into_vec(), ..first };
-            self.x[k + 1] = BlockCore { left: rank, data: carry.into_vec(), ..second };
-            let next = left[k].push(&self.a[k], &self.x[k], self.known.iter().map(|known| &known.0[k]));
-            left.push(next);
         }
         self.x = self.x.iter().rev().map(BlockCore::reversed).collect();
+        self.z = self.z.iter().rev().map(BlockCore::reversed).collect();
         std::mem::swap(&mut self.a, &mut self.turned_a);
-        self.known.iter_mut().for_each(|(one, other)| std::mem::swap(one, other));
-        self.kicks = self.kicks.saturating_sub(1);
         // Sides of the turned trains: what was left of core k is right of it.
         self.right = left.into_iter().rev().collect();
-        Ok(lowest)
+        self.reversed = !self.reversed;
+        self.made += 1;
+        Ok(sum)
     }
 
-    /// The frame with random columns beside it, which weigh nothing: a vector whose factors are eigenvectors themselves is stationary for sweeps that see
-    /// nothing else, however high its eigenvalue.
-    fn kicked(&mut self, frame: Matrix, weights: &Matrix) -> (Matrix, Matrix) {
-        let (rows, rank) = (frame.rows(), frame.columns());
-        let more = KICK.min(rows - rank);
-        let mut joined = frame.into_vec();
-        joined.extend((0..rows * more).map(|_| self.random.symmetric()));
-        let (q, r) = thin_qr(Matrix::from_vec(rows, rank + more, joined));
-        let first = Matrix::from_fn(r.rows(), rank, |i, j| r[(i, j)]);
-        (q, product(first.view(), weights.view()))
+    /// The lowest vectors of one local problem in place of `block`, and the sum of their values; zeros where it is too small for all.
+    fn improved(
+        &mut self,
+        operator: &LocalOperator<'_>,
+        block: &BlockCore,
+        settings: &EigenSettings,
+    ) -> Result<(BlockCore, Vec<f64>), graintrain_linalg::dense::DenseError> {
+        let before = block.spectator_last();
+        let starts: Vec<&[f64]> = before.chunks_exact(operator.size()).collect();
+        let Lowest { vectors, mut values, largest } =
+            lowest_of(operator, &starts, 0.05 * settings.tolerance)?;
+        self.largest = self.largest.max(largest);
+        let mut solved = vectors.concat();
+        solved.resize(before.len(), 0.0);
+        values.resize(block.s, 0.0);
+        Ok((BlockCore::from_spectator_last(block.left, block.n, block.s, block.right, &solved), values))
     }
 
-    fn vector(&self) -> TtVector {
-        let core = |x: &BlockCore| Core { left: x.left, mode: x.n, right: x.right, data: x.data.clone() };
-        TtVector { cores: self.x.iter().map(core).collect() }
+    /// Two cores at once.
+    fn pair(&mut self, k: usize, left: &Sides, kick: bool, settings: &EigenSettings) -> Result<f64, TtError> {
+        let (core, right) = (self.a[k].merge(&self.a[k + 1]), self.right[k + 1].clone());
+        let operator = LocalOperator { left: &left.xx, core: &core, right: &right.xx };
+        let (first, second) = (self.x[k].clone(), self.x[k + 1].clone());
+        let (block, values) =
+            self.improved(&operator, &first.merge(&second), settings).map_err(at_core(k))?;
+        let (first, second) = (BlockCore { s: 1, ..first }, BlockCore { s: block.s, ..second });
+        let (mut frame, mut weights) =
+            truncated(&block.split(&first, &second), self.x.len(), block.s, settings).map_err(at_core(k))?;
+        if kick {
+            let more = KICK.min(frame.rows() - frame.columns());
+            let random = Matrix::from_fn(frame.rows(), more, |_, _| self.random.symmetric());
+            (frame, weights) = joined(frame, random.view(), &weights);
+        }
+        let rank = frame.columns();
+        self.x[k] = BlockCore { right: rank, data: frame.into_vec(), ..first };
+        self.x[k + 1] = BlockCore { left: rank, data: weights.into_vec(), ..second };
+        Ok(values.iter().sum())
+    }
+
+    /// One core, its frame enriched by what the residuals of all vectors are in the frame of z.
+    fn site(
+        &mut self,
+        k: usize,
+        left: &Sides,
+        enrich: bool,
+        settings: &EigenSettings,
+    ) -> Result<f64, TtError> {
+        let right = self.right[k].clone();
+        let core = self.a[k].clone();
+        let operator = LocalOperator { left: &left.xx, core: &core, right: &right.xx };
+        let current = self.x[k].clone();
+        let (block, values) = self.improved(&operator, &current, settings).map_err(at_core(k))?;
+        let sum = values.iter().sum();
+        let BlockCore { left: rank_left, n, s, right: rank_right, .. } = block;
+        if k + 1 == self.x.len() {
+            self.x[k] = block;
+            return Ok(sum);
+        }
+        // The number of the vector goes right with the right rank: it lies between mode and right rank in memory.
+        let unfolding = Matrix::from_vec(rank_left * n, s * rank_right, block.data.clone());
+        let (mut frame, mut weights) =
+            truncated(&unfolding, self.x.len(), s, settings).map_err(at_core(k))?;
+        if enrich {
+            let kept = product(frame.view(), weights.view()).into_vec();
+            let kept = BlockCore { left: rank_left, n, s, right: rank_right, data: kept };
+            let residual = |side: &Interface, one: &Matrix| {
+                let mixed = LocalOperator { left: side, core: &core, right: &right.zx };
+                let mut image = vec![0.0; mixed.result_size() * s];
+                mixed.apply(&kept.spectator_last(), &mut image);
+                let itself = local_right_hand_side(one, &kept, &right.overlap);
+                let size = mixed.result_size();
+                for (j, value) in values.iter().enumerate() {
+                    let range = size * j..size * (j + 1);
+                    image[range.clone()].iter_mut().zip(&itself[range]).for_each(|(r, x)| *r -= value * x);
+                }
+                Matrix::from_vec(side.test * n, right.zx.test * s, image)
+            };
+            let of_z = residual(&left.zx, &left.overlap);
+            let leading = |matrix: Matrix, most: usize| -> Result<Matrix, TtError> {
+                let Svd { mut u, .. } = thin_svd(matrix.view()).map_err(at_core(k))?;
+                u.truncate_columns(most.min(u.columns()));
+                Ok(u)
+            };
+            let q = leading(of_z, KICK)?;
+            self.replace_z(k, q);
+            let most = KICK.min(frame.rows() - frame.columns());
+            let more = leading(residual(&left.xx, &Matrix::identity(rank_left)), most)?;
+            (frame, weights) = joined(frame, more.view(), &weights);
+        } else {
+            let z = &self.z[k];
+            let (rows, data) = (z.left * z.n, z.data.clone());
+            let (q, _) = thin_qr(Matrix::from_vec(rows, z.right, data));
+            self.replace_z(k, q);
+        }
+        let rank = frame.columns();
+        self.x[k] = BlockCore { left: rank_left, n, s: 1, right: rank, data: frame.into_vec() };
+        // Weights (rank x (s, beta)) times the next core, one vector after the other.
+        let next = self.x[k + 1].clone();
+        let parts: Vec<BlockCore> = (0..s)
+            .map(|j| {
+                next.multiply_left(View::with_stride(&weights.data()[rank * j..], rank, rank_right, rank * s))
+            })
+            .collect();
+        let mut data = Vec::with_capacity(rank * next.n * s * next.right);
+        for beta in 0..next.right {
+            let range = rank * next.n * beta..rank * next.n * (beta + 1);
+            parts.iter().for_each(|part| data.extend_from_slice(&part.data[range.clone()]));
+        }
+        self.x[k + 1] = BlockCore { left: rank, s, data, ..next };
+        Ok(sum)
+    }
+
+    /// Core k of the residual train; the next one keeps its numbers, cut or filled to the new rank.
+    fn replace_z(&mut self, k: usize, frame: Matrix) {
+        let rank = frame.columns();
+        self.z[k] = BlockCore { right: rank, data: frame.into_vec(), ..self.z[k] };
+        let next = &self.z[k + 1];
+        let random = &mut self.random;
+        let data = (0..rank * next.n * next.right).map(|_| random.symmetric()).collect();
+        self.z[k + 1] = BlockCore { left: rank, data, ..*next };
+    }
+
+    /// What is known about every vector of the block, in the order of the problem.
+    fn measured(
+        &self,
+        a: &TtMatrix,
+        made: usize,
+        settings: &EigenSettings,
+    ) -> Result<Vec<Eigenpair>, TtError> {
+        let count = self.x[0].s;
+        let first = self.x[0].spectator_last();
+        let size = first.len() / count;
+        let mut pairs = Vec::with_capacity(count);
+        for vector in first.chunks_exact(size) {
+            let mut cores: Vec<Core> = Vec::with_capacity(self.x.len());
+            for (k, x) in self.x.iter().enumerate() {
+                let data = if k == 0 { vector.to_vec() } else { x.data.clone() };
+                cores.push(Core { left: x.left, mode: x.n, right: x.right, data });
+            }
+            let train = TtVector { cores };
+            let train = if self.reversed { train.reverse() } else { train };
+            let (train, _) =
+                train.round(&Truncation::capped(0.02 * settings.tolerance, settings.max_rank))?;
+            pairs.push(measure(a, train, self.largest, made, settings)?);
+        }
+        Ok(pairs)
     }
 }
 
-/// The next vector above those found.
-fn next_pair(
-    a: &TtMatrix,
-    found: &[Eigenpair],
-    largest: &mut f64,
+/// Leading left singular vectors of a block of `count` vectors of length one, and their weights.
+fn truncated(
+    unfolding: &Matrix,
+    d: usize,
+    count: usize,
     settings: &EigenSettings,
-) -> Result<Eigenpair, TtError> {
-    let start = TtVector::random(&a.rows, 2, settings.seed.wrapping_add(found.len() as u64))?;
-    if a.num_cores() == 1 {
-        return single_core(a, found.len(), settings);
+) -> Result<(Matrix, Matrix), graintrain_linalg::dense::DenseError> {
+    let Svd { mut u, s, v } = thin_svd(unfolding.view())?;
+    let share = (0.05 * settings.tolerance).powi(2) / d as f64;
+    let (mut rank, mut tail) = (s.len(), 0.0);
+    // (A vector of the block must not lose more than one alone would.)
+    while rank > 1 && (tail + s[rank - 1].powi(2) <= share || rank > settings.max_rank.max(count.min(2))) {
+        tail += s[rank - 1].powi(2);
+        rank -= 1;
     }
-    let start = start.scale(1.0 / start.norm());
-    let mut sweeps = Sweeps::new(a, &start, found, settings.seed);
-    let lowest_found = found.iter().map(|pair| pair.value).fold(f64::INFINITY, f64::min);
-    let (mut made, mut best): (usize, Option<Eigenpair>) = (0, None);
-    let mut last = f64::INFINITY;
-    while made < settings.max_sweeps.max(KICKS + 2) {
-        let shift =
-            if found.is_empty() { 0.0 } else { 2.0 * (*largest - lowest_found).max(f64::MIN_POSITIVE) };
-        let value = sweeps.sweep(shift, settings, largest)?;
-        made += 1;
-        let moved = (value - last).abs();
-        last = value;
-        // Two sweeps bring the train back into its own order.
-        if made % 2 == 1
-            || made <= KICKS
-            || (moved > 1e-3 * settings.tolerance * largest.abs() && made + 1 < settings.max_sweeps)
-        {
-            continue;
-        }
-        let pair = measure(a, sweeps.vector(), *largest, made, settings)?;
-        let stuck = best.as_ref().is_some_and(|best| pair.residual > 0.5 * best.residual);
-        let converged = pair.converged;
-        if best.as_ref().is_none_or(|best| pair.residual < best.residual) {
-            best = Some(pair);
-        }
-        if converged || stuck {
-            break;
-        }
-    }
-    match best {
-        Some(best) => Ok(Eigenpair { sweeps: made, ..best }),
-        None => measure(a, sweeps.vector(), *largest, made, settings),
-    }
+    u.truncate_columns(rank);
+    Ok((u, scaled_rows(&s, &v, rank)))
+}
+
+/// The frame with more columns beside it, which weigh nothing: a vector whose factors are eigenvectors themselves is stationary for sweeps that see
+/// nothing else, however high its eigenvalue.
+fn joined(frame: Matrix, more: View<'_>, weights: &Matrix) -> (Matrix, Matrix) {
+    let (rows, rank) = (frame.rows(), frame.columns());
+    let mut columns = frame.into_vec();
+    columns.extend((0..more.columns()).flat_map(|j| (0..rows).map(move |i| more.get(i, j))));
+    let (q, r) = thin_qr(Matrix::from_vec(rows, rank + more.columns(), columns));
+    let first = Matrix::from_fn(r.rows(), rank, |i, j| r[(i, j)]);
+    (q, product(first.view(), weights.view()))
 }
 
 /// The pair that belongs to a vector.
@@ -304,105 +463,26 @@ fn measure(
 }
 
 /// A matrix of one core has no neighbours: its eigenvectors are those of its numbers.
-fn single_core(a: &TtMatrix, nth: usize, settings: &EigenSettings) -> Result<Eigenpair, TtError> {
+fn single_core(a: &TtMatrix, count: usize, settings: &EigenSettings) -> Result<Vec<Eigenpair>, TtError> {
     let (values, vectors) = symmetric_eigen(a.to_full()?.into_matrix().view()).map_err(at_core(0))?;
-    let vector = TtVector::rank_one(&[vectors.column(nth).to_vec()])?;
-    measure(a, vector, values[values.len() - 1], 0, settings)
-}
-
-/// The lowest eigenvector of a local problem, its value and the largest one met.
-struct Local {
-    vector: Vec<f64>,
-    lowest: f64,
-    largest: f64,
-}
-
-/// Of B + shift sum b b^T, from the current vector.
-fn lowest_of(
-    operator: &LocalOperator<'_>,
-    away: &[Vec<f64>],
-    shift: f64,
-    start: &[f64],
-) -> Result<Local, DenseError> {
-    let n = operator.size();
-    if n <= DENSE {
-        let mut matrix = operator.to_matrix();
-        // The largest eigenvalue of A itself, before known vectors are moved beyond it.
-        let largest = if away.is_empty() {
-            f64::NEG_INFINITY
-        } else {
-            (0..n).map(|i| matrix[(i, i)]).fold(f64::NEG_INFINITY, f64::max)
-        };
-        for b in away {
-            for j in 0..n {
-                for i in 0..n {
-                    matrix[(i, j)] += shift * b[i] * b[j];
-                }
-            }
-        }
-        let (values, vectors) = symmetric_eigen(matrix.view())?;
-        let largest = if away.is_empty() { values[n - 1] } else { largest };
-        return Ok(Local { vector: vectors.column(0).to_vec(), lowest: values[0], largest });
-    }
-    let apply = |u: &[f64]| {
-        let mut result = vec![0.0; n];
-        operator.apply(u, &mut result);
-        for b in away {
-            let weight = shift * dot(b, u);
-            result.iter_mut().zip(b).for_each(|(r, b)| *r += weight * b);
-        }
-        result
+    let pair = |nth: usize| {
+        let vector = TtVector::rank_one(&[vectors.column(nth).to_vec()])?;
+        measure(a, vector, values[values.len() - 1], 0, settings)
     };
-    let mut current = Local { vector: start.to_vec(), lowest: f64::INFINITY, largest: f64::NEG_INFINITY };
-    let mut random = Random::new(n as u64);
-    for _ in 0..LANCZOS.1 {
-        let before = current.lowest;
-        let length = dot(&current.vector, &current.vector).sqrt();
-        let first = if length > 0.0 {
-            current.vector.iter().map(|x| x / length).collect()
-        } else {
-            let noise: Vec<f64> = (0..n).map(|_| random.symmetric()).collect();
-            let length = dot(&noise, &noise).sqrt();
-            noise.iter().map(|x| x / length).collect()
-        };
-        let mut basis: Vec<Vec<f64>> = vec![first];
-        let mut projected = Matrix::zeros(LANCZOS.0, LANCZOS.0);
-        let mut steps = 0;
-        while steps < LANCZOS.0 {
-            let mut next = apply(&basis[steps]);
-            // Against all before, twice: short runs, and ghosts would be costly.
-            for _ in 0..2 {
-                for (i, v) in basis.iter().enumerate() {
-                    let weight = dot(v, &next);
-                    next.iter_mut().zip(v).for_each(|(x, v)| *x -= weight * v);
-                    if i < LANCZOS.0 {
-                        projected[(i, steps)] += weight;
-                    }
-                }
-            }
-            steps += 1;
-            let length = dot(&next, &next).sqrt();
-            let size = projected[(steps - 1, steps - 1)].abs().max(f64::MIN_POSITIVE);
-            if length <= 1e-14 * size || steps == LANCZOS.0 {
-                break;
-            }
-            basis.push(next.iter().map(|x| x / length).collect());
-        }
-        let small = Matrix::from_fn(steps, steps, |i, j| projected[(i.min(j), i.max(j))]);
-        let (values, vectors) = symmetric_eigen(small.view())?;
-        let mut vector = vec![0.0; n];
-        for (weight, v) in vectors.column(0).iter().zip(&basis) {
-            vector.iter_mut().zip(v).for_each(|(x, v)| *x += weight * v);
-        }
-        let largest = if away.is_empty() { values[steps - 1] } else { current.largest };
-        current = Local { vector, lowest: values[0], largest };
-        if (before - values[0]).abs() <= 1e-14 * values[0].abs().max(largest.abs()) {
-            break;
-        }
-    }
-    Ok(current)
+    (0..count).map(pair).collect()
 }
 
-fn dot(x: &[f64], y: &[f64]) -> f64 {
-    x.iter().zip(y).map(|(x, y)| x * y).sum()
+/// Every vector is an eigenvector of zero: the first unit vectors.
+fn of_zero(a: &TtMatrix, count: usize, settings: &EigenSettings) -> Result<Vec<Eigenpair>, TtError> {
+    let pair = |nth: usize| {
+        let mut rest = nth;
+        let digit = |&n: &usize| {
+            let digit = rest % n;
+            rest /= n;
+            digit
+        };
+        let index: Vec<usize> = a.rows.iter().map(digit).collect();
+        measure(a, TtVector::unit(&a.rows, &index)?, 0.0, 0, settings)
+    };
+    (0..count).map(pair).collect()
 }

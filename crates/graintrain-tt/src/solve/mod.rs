@@ -19,6 +19,8 @@
 //! A local residual says little about the whole: the report's residual is computed afresh from the trains.
 
 mod amen;
+mod breakdown;
+mod davidson;
 mod eigen;
 mod evolution;
 mod gmres;
@@ -31,7 +33,7 @@ use crate::round::{measured, relative_norm};
 use crate::scale::{largest_finite, scale_by_power, share_power};
 use crate::{Measured, Stop, Truncation, TtError, TtMatrix, TtVector};
 pub(crate) use amen::Sweeper;
-pub use eigen::{EigenSettings, Eigenpair, lowest_eigenpairs};
+pub use eigen::{EigenMethod, EigenSettings, Eigenpair, lowest_eigenpairs};
 pub use evolution::{EvolutionReport, EvolutionSettings, Sites, evolve};
 pub use gmres::{GmresReport, GmresSettings, gmres};
 pub(crate) use interface::{BlockCore, OperatorCore};
@@ -102,6 +104,11 @@ impl SolveSettings {
 /// The local tolerance is never tightened below this part of the tolerance asked for.
 pub(crate) const MOST_TIGHTENING: f64 = 0.01;
 
+/// Sweeps with local residuals above 1 after which it is asked whether rounding hides the tolerance.
+const HOPE: usize = 4;
+/// The rounding floor of a residual is a bound; true residuals came out up to 200 times smaller.
+const FLOOR_OVER_ROUNDING: f64 = 1000.0;
+
 /// Why the sweeps ended. Only the first says that the tolerance is met.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum SolveStatus {
@@ -132,7 +139,8 @@ pub struct SolveReport {
     pub ranks: Vec<usize>,
 }
 
-/// Solves A x = y; `start` defaults to y.
+/// Solves A x = y; `start` defaults to y. Where A is not symmetric and its projections break down (a residual above 0.1 at the end) a random start and, for A of
+/// rank up to 8, the normal equations are tried as well; what leaves the smallest residual is returned.
 ///
 /// # Errors
 /// [`TtError::Shape`] if the sizes do not fit, [`TtError::Setting`] for a bad setting or a zero operator,
@@ -159,7 +167,8 @@ pub fn solve(
 ) -> Result<(TtVector, SolveReport), TtError> {
     a.check_square()?;
     let spectators = vec![1; a.num_cores()];
-    solve_block(a, y, &spectators, start.unwrap_or(y), settings, &|| false)
+    let swept = solve_block(a, y, &spectators, start.unwrap_or(y), settings, &|| false)?;
+    breakdown::mended(a, y, swept, settings)
 }
 
 /// Solves A X = Y for a matrix X; `start` defaults to Y.
@@ -283,6 +292,13 @@ fn solve_block(
                 ended = SolveStatus::Converged;
                 break;
             }
+            if history.len() >= HOPE
+                && outcome.residual > 1.0
+                && best.rounding_hides(&sweeper.solution(), settings.tolerance)?
+            {
+                ended = SolveStatus::Stagnated;
+                break;
+            }
             if stagnates(&history, outcome.capped) {
                 ended = if outcome.capped { SolveStatus::RankCapped } else { SolveStatus::Stagnated };
                 break;
@@ -352,6 +368,16 @@ impl<'a> Best<'a> {
             (self.x, self.residual) = (x, residual);
         }
         Ok(())
+    }
+
+    /// Whether the residual of x cannot be known, and so not be lowered, to the tolerance: the condition of the system is beyond the numbers, and all that
+    /// further sweeps would add is rank.
+    fn rounding_hides(&self, x: &TtVector, tolerance: f64) -> Result<bool, TtError> {
+        if x.cores.iter().any(|core| largest_finite(&core.data).is_err()) {
+            return Ok(true);
+        }
+        let floor = measured_residual(self.a, x, self.y, self.spectators)?.floor;
+        Ok(floor > FLOOR_OVER_ROUNDING * tolerance)
     }
 
     /// x = 0 leaves all of y: a residual of 1.
