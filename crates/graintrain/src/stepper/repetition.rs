@@ -133,8 +133,8 @@ impl Stepper {
 
     /// Contacts that end deep in overlap where Phi + dt u_n foresaw less, as they are to be instead: a turning face, or an edge that a fast
     /// body meets elsewhere than it was to, is not where the tangent plane at the contact says. What takes their place is the contact of
-    /// the end, carried back, or, where that points the other way (a plate passed by more than half), the contact as it was with that much
-    /// less gap. `world` as the step leaves it, `ahead` its contacts.
+    /// the end, carried back; where that points the other way, since a thin body is passed by more than half, the one of its near side.
+    /// `world` as the step leaves it, `ahead` its contacts.
     pub(super) fn bent(
         &self,
         world: &World,
@@ -171,9 +171,16 @@ impl Stepper {
             let (gap, contact) = foreseen.get(&end.identity)?;
             let error = gap - end.gap;
             (error > BENT * size(end)).then(|| {
-                let same_way = end.body_a == contact.body_a && end.normal.dot(contact.normal) > 0.0;
-                if same_way {
+                let thickness =
+                    [end.body_a, end.body_b].map(|body| 2.0 * self.collider.body_size(world, body as usize));
+                let thickness: f64 = thickness.into_iter().sum();
+                let normal = if end.body_a == contact.body_a { contact.normal } else { -contact.normal };
+                if end.normal.dot(normal) > 0.0 {
                     carried_back(end, world, start, &attempt.velocity, step)
+                } else if thickness.is_finite() {
+                    // They have passed each other by more than half: the way back is the rest of both.
+                    let back = Contact { normal: -end.normal, gap: -thickness - end.gap, ..*end };
+                    carried_back(&back, world, start, &attempt.velocity, step)
                 } else {
                     Contact { gap: contact.gap - error, identity: end.identity, ..*contact }
                 }
