@@ -100,16 +100,18 @@ impl RigidDelassus {
         let turning = block.checked_sub(self.num_contacts());
         let contact = turning.map_or(block, |k| self.turning[k].contact as usize);
         let contact = &self.contacts[contact];
-        [(contact.body_a, 1.0, contact.arm_a), (contact.body_b, -1.0, contact.arm_b)].map(|(body, sign, arm)| {
-            let rows: [[f64; 6]; 3] = match turning {
-                None => contact.frame.map(|axis| {
-                    let moment = cross(arm, axis);
-                    [axis[0], axis[1], axis[2], moment[0], moment[1], moment[2]]
-                }),
-                Some(k) => self.turning_frame(k).map(|m| [0.0, 0.0, 0.0, m[0], m[1], m[2]]),
-            };
-            (body, rows.map(|row| row.map(|x| sign * x)))
-        })
+        [(contact.body_a, 1.0, contact.arm_a), (contact.body_b, -1.0, contact.arm_b)].map(
+            |(body, sign, arm)| {
+                let rows: [[f64; 6]; 3] = match turning {
+                    None => contact.frame.map(|axis| {
+                        let moment = cross(arm, axis);
+                        [axis[0], axis[1], axis[2], moment[0], moment[1], moment[2]]
+                    }),
+                    Some(k) => self.turning_frame(k).map(|m| [0.0, 0.0, 0.0, m[0], m[1], m[2]]),
+                };
+                (body, rows.map(|row| row.map(|x| sign * x)))
+            },
+        )
     }
 
     /// What coupled bodies add to block (i, j) of N.
