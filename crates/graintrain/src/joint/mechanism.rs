@@ -42,6 +42,9 @@ const TOGETHER: usize = 8;
 /// Rates that joints are solved to between solves of the contacts, over the velocity scale.
 const FINE: f64 = 1e-11;
 
+/// Joints that open faster than this, over the velocity scale, after all corrections are stuck.
+const STUCK: f64 = 1e-3;
+
 /// Roundings in the difference of two positions.
 const ROUNDING: f64 = 16.0;
 
@@ -524,12 +527,24 @@ impl<'a> Mechanisms<'a> {
     /// Finds what motors and stops do and how paths bend, as if contacts exerted these impulses (six numbers per body; empty: none).
     pub(crate) fn predict(&mut self, impulse: &[f64]) {
         for index in 0..self.mechanisms.len() {
-            for round in 0..CORRECTIONS {
-                if self.round(index, impulse, FINE * self.scale, round >= TOGETHER) == Change::None {
-                    break;
-                }
+            let fine = FINE * self.scale;
+            let mut rounds = 0..CORRECTIONS;
+            let settled =
+                rounds.any(|round| self.round(index, impulse, fine, round >= TOGETHER) == Change::None);
+            if !settled && self.is_open(index, impulse, STUCK * self.scale) {
+                // Corrections that lead nowhere, as in a linkage that is stuck, must not drive it.
+                self.mechanisms[index].rows.iter_mut().for_each(|row| row.target = row.wanted);
             }
         }
+    }
+
+    /// Whether a row of a mechanism opens faster than this (m/s).
+    fn is_open(&self, index: usize, impulse: &[f64], accuracy: f64) -> bool {
+        let mechanism = &self.mechanisms[index];
+        let solution = self.solve(mechanism, impulse);
+        let rates = self.rates(mechanism, &solution.velocity);
+        let closed = |(row, &rate): (&ActiveRow, &f64)| self.opening(row, rate) <= accuracy.max(row.noise);
+        !mechanism.rows.iter().zip(&rates).all(closed)
     }
 
     /// Whether joints are what the contact problem took them for, to this residual, now that contacts exert these impulses; else
@@ -567,10 +582,20 @@ impl<'a> Mechanisms<'a> {
             (state.force, state.torque) = (Vec3::ZERO, Vec3::ZERO);
             (state.rate, state.drive) = (0.0, 0.0);
         }
+        if self.is_empty() {
+            return found;
+        }
         let poses = |body: usize| self.world.pose(body);
+        let mut velocity = self.free.clone();
+        self.velocities(impulse, &mut velocity);
         let (mut squares, mut count) = (0.0, 0);
         for mechanism in &self.mechanisms {
             let solution = self.solve(mechanism, impulse);
+            for &joint in &mechanism.joints {
+                if let Some(along) = coordinate(&self.world.joints, joint, &poses) {
+                    found.states[joint].rate = along.rate(&velocity);
+                }
+            }
             let rates = self.rates(mechanism, &solution.velocity);
             let held = mechanism.rows.iter().zip(&solution.impulse);
             let all =

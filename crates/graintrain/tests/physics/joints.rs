@@ -242,6 +242,8 @@ fn gears_turn_at_their_ratio_and_carry_torque() {
     let state = world.joints()[gear.index()].state;
     assert!((state.drive - i2 * ratio * acceleration).abs() < 1e-11);
     assert!(state.coordinate.abs() < 1e-10, "teeth slip by {}", state.coordinate);
+    let rates = [a, b].map(|joint| world.joints()[joint.index()].state.rate);
+    assert!((rates[0] - 3.0 * acceleration).abs() < 1e-10 && (rates[1] - ratio * rates[0]).abs() < 1e-11);
     // They turned more than ten times: angles count on.
     assert!(world.joints()[a.index()].state.coordinate > 10.0 * TAU);
 }
@@ -524,6 +526,32 @@ fn joints_follow_their_bodies() {
     colliding.add_joint(slide).unwrap();
     let report = stepper(1e-3, FrictionModel::Relaxed).step(&mut colliding).unwrap();
     assert_eq!(report.contacts, 1);
+}
+
+/// A ball hits the bob of a pendulum: e times the speed of approach is that of parting, with the pendulum's mass seen at the bob.
+#[test]
+fn impacts_act_through_joints() {
+    for friction in BOTH {
+        let materials = Materials::single("stuff", 1000.0, 0.0, 0.5).unwrap();
+        let mut world = World::new(Vec3::ZERO, materials).unwrap();
+        let (arm, bob_mass, rod_mass): (f64, f64, f64) = (1.0, 3.0, 2.0);
+        let hung = Vec3::new(0.0, 0.0, -arm);
+        let bob = lump(&mut world, hung, bob_mass, Vec3::splat(1e-9));
+        let bar = lump(&mut world, Vec3::new(0.0, 5.0, 0.0), rod_mass, Vec3::splat(0.3));
+        world.add_joint(Joint::revolute(None, bar, Vec3::ZERO, Vec3::Y)).unwrap();
+        world.add_joint(Joint::fixed(Some(bar), bob, hung)).unwrap();
+        let geometry = world.add_geometry(Geometry::sphere(0.1).unwrap());
+        let start = hung - Vec3::new(0.103, 0.0, 0.0);
+        let ball = Body { velocity: Vec3::X, ..Body::new(geometry, MaterialId::default(), start) };
+        let ball = world.add_body(ball).unwrap();
+        let mass = world.bodies.mass[ball.index()];
+        run(&mut world, &mut stepper(1e-3, friction), 5);
+        let pendulum = (bob_mass * arm * arm + 0.3) / (arm * arm);
+        let parted = mass * 1.5 / (mass + pendulum);
+        let [bob, ball] = [bob, ball].map(|body| world.bodies.velocity[body.index()].x);
+        assert!((bob - parted).abs() < 1e-4 * parted, "{bob} {parted}");
+        assert!((ball - (1.0 - parted * pendulum / mass)).abs() < 1e-6, "{ball}");
+    }
 }
 
 /// Initial openings, and those that the removal of overlap makes, are closed without kinetic energy.
