@@ -4,8 +4,10 @@ use graintrain_linalg::block3::{Block, BlockMatrix3};
 use rayon::prelude::*;
 use std::sync::{Arc, OnceLock, Weak};
 
+mod coupled;
 mod turning;
 
+pub use coupled::CoupledBodies;
 pub use turning::TurningRows;
 
 /// Body index of a contact side whose velocity the impulses cannot change: fixed or fully prescribed.
@@ -57,6 +59,10 @@ pub struct RigidDelassus {
     /// empty where nothing resists turning.
     turning_start: Vec<u32>,
     turning_sides: Vec<(u32, f64)>,
+    /// Groups of bodies with a common inverse mass, and for every body its group and place there (`u32::MAX`: none); both are empty where
+    /// there are no groups.
+    coupled: Vec<CoupledBodies>,
+    group_of: Vec<(u32, u32)>,
     /// Diagonals of the blocks N_ii, made when first asked for.
     diagonal: OnceLock<Vec<[f64; 3]>>,
 }
@@ -159,6 +165,8 @@ impl RigidDelassus {
             turning: Vec::new(),
             turning_start: Vec::new(),
             turning_sides: Vec::new(),
+            coupled: Vec::new(),
+            group_of: Vec::new(),
             diagonal: OnceLock::new(),
         }
     }
@@ -218,26 +226,8 @@ impl RigidDelassus {
             let first = task * TASK;
             for (offset, dv) in dv.chunks_exact_mut(6).enumerate() {
                 let body = first + offset;
-                let (mut impulse, mut moment) = ([0.0; 3], [0.0; 3]);
-                for side in self.sides(body) {
-                    let k = 3 * side.contact as usize;
-                    let p = [
-                        side.sign * world_impulse[k],
-                        side.sign * world_impulse[k + 1],
-                        side.sign * world_impulse[k + 2],
-                    ];
-                    let m = cross(side.arm, p);
-                    for axis in 0..3 {
-                        impulse[axis] += p[axis];
-                        moment[axis] += m[axis];
-                    }
-                }
-                for &(k, sign) in self.turning_sides(body) {
-                    let first = 3 * (self.num_contacts() + k as usize);
-                    for axis in 0..3 {
-                        moment[axis] += sign * world_impulse[first + axis];
-                    }
-                }
+                let [x, y, z, mx, my, mz] = self.body_impulse(world_impulse, body);
+                let (impulse, moment) = ([x, y, z], [mx, my, mz]);
                 let inverse = &self.inverse_mass[body];
                 let w = times3(&inverse.angular, moment);
                 for axis in 0..3 {
@@ -246,6 +236,33 @@ impl RigidDelassus {
                 }
             }
         });
+        self.change_coupled(world_impulse, dv);
+    }
+
+    /// Sum of the world impulses on one body and of their moments about its centre, N s and N m s.
+    #[inline]
+    pub fn body_impulse(&self, world_impulse: &[f64], body: usize) -> [f64; 6] {
+        let (mut impulse, mut moment) = ([0.0; 3], [0.0; 3]);
+        for side in self.sides(body) {
+            let k = 3 * side.contact as usize;
+            let p = [
+                side.sign * world_impulse[k],
+                side.sign * world_impulse[k + 1],
+                side.sign * world_impulse[k + 2],
+            ];
+            let m = cross(side.arm, p);
+            for axis in 0..3 {
+                impulse[axis] += p[axis];
+                moment[axis] += m[axis];
+            }
+        }
+        for &(k, sign) in self.turning_sides(body) {
+            let first = 3 * (self.num_contacts() + k as usize);
+            for axis in 0..3 {
+                moment[axis] += sign * world_impulse[first + axis];
+            }
+        }
+        [impulse[0], impulse[1], impulse[2], moment[0], moment[1], moment[2]]
     }
 
     /// u <- D^T v: relative velocities at the contacts, length 3 N_c, m/s, of body velocities v = (u, w) per body; then those of
@@ -284,14 +301,16 @@ impl RigidDelassus {
     /// Block (i, j) of N: the sum over the bodies that contacts i and j share of
     /// `s_i s_j F_i (M_lin^-1 + [r_i]x^T J^-1 [r_j]x ...) F_j^T`, built column by column from unit impulses.
     fn block(&self, i: usize, j: usize) -> Block {
+        let mut block = self.block_of_coupled(i, j);
         if i.max(j) >= self.num_contacts() {
-            return self.block_of_turning(i, j);
+            let turning = self.block_of_turning(i, j);
+            block.iter_mut().zip(turning).for_each(|(block, turning)| *block += turning);
+            return block;
         }
         let (ci, cj) = (&self.contacts[i], &self.contacts[j]);
-        let mut block = [0.0; 9];
         for (body_i, sign_i, arm_i) in [(ci.body_a, 1.0, ci.arm_a), (ci.body_b, -1.0, ci.arm_b)] {
             for (body_j, sign_j, arm_j) in [(cj.body_a, 1.0, cj.arm_a), (cj.body_b, -1.0, cj.arm_b)] {
-                if body_i != body_j || body_i == FIXED {
+                if body_i != body_j || body_i == FIXED || self.group_of(body_i).is_some() {
                     continue;
                 }
                 let inverse = &self.inverse_mass[body_i as usize];
@@ -311,12 +330,18 @@ impl RigidDelassus {
     /// Diagonals (nn, 11, 22) of the blocks N_ii of all contacts and of those that resist turning once more, 1/kg; computed once.
     pub fn diagonal(&self) -> &[[f64; 3]] {
         self.diagonal.get_or_init(|| {
-            let contacts = self.contacts.par_iter().with_min_len(TASK);
-            let mut diagonal: Vec<[f64; 3]> = contacts.map(|contact| self.diagonal_of(contact)).collect();
-            diagonal.extend((self.num_contacts()..self.num_blocks()).map(|i| {
-                let block = self.block_of_turning(i, i);
+            let of_block = |i: usize| {
+                let block = self.block(i, i);
                 [block[0], block[4], block[8]]
-            }));
+            };
+            let contacts = self.contacts.par_iter().enumerate().with_min_len(TASK);
+            let of_contact = |(i, contact): (usize, &RigidContact)| {
+                let moves = |body: u32| self.group_of(body).is_some();
+                let coupled = moves(contact.body_a) || moves(contact.body_b);
+                if coupled { of_block(i) } else { self.diagonal_of(contact) }
+            };
+            let mut diagonal: Vec<[f64; 3]> = contacts.map(of_contact).collect();
+            diagonal.extend((self.num_contacts()..self.num_blocks()).map(of_block));
             diagonal
         })
     }
@@ -342,7 +367,8 @@ impl RigidDelassus {
         diagonal
     }
 
-    /// N as a sparse matrix: block (i, j) is stored where contacts i and j share a body that is not fixed.
+    /// N as a sparse matrix: block (i, j) is stored where contacts i and j share a body that is not fixed, or a group of
+    /// coupled ones.
     pub fn assemble(&self) -> BlockMatrix3 {
         let contacts = self.num_contacts();
         let rows: Vec<Vec<u32>> = (0..self.num_blocks())
@@ -356,6 +382,7 @@ impl RigidDelassus {
                 let mut columns: Vec<u32> = [contact.body_a, contact.body_b]
                     .into_iter()
                     .filter(|&body| body != FIXED)
+                    .flat_map(|body| self.moved_with(body).iter().copied().chain([body]))
                     .flat_map(|body| {
                         self.sides(body as usize).iter().map(|side| side.contact).chain(turning(body))
                     })
@@ -574,29 +601,58 @@ pub(crate) mod tests {
     fn product_and_assembly_agree_with_a_dense_transpose_times_inverse_mass_times_jacobian() {
         let plain = random_rigid(7, 20, 3);
         let rows = |contact: u32| TurningRows { contact, length: 0.1 + f64::from(contact) };
-        product_and_assembly_are_dense_ones(plain.clone().with_turning([0, 3, 4, 19].map(rows).to_vec()));
+        let turning = plain.clone().with_turning([0, 3, 4, 19].map(rows).to_vec());
+        product_and_assembly_are_dense_ones(turning.clone());
+        let mut random = uniform(4);
+        let factor = |bodies: usize, degrees: usize, random: &mut dyn FnMut() -> f64| {
+            (0..6 * bodies * degrees).map(|_| random() - 0.5).collect()
+        };
+        let coupled = vec![
+            CoupledBodies { bodies: vec![0, 2, 5], degrees: 4, factor: factor(3, 4, &mut random) },
+            CoupledBodies { bodies: vec![1, 6], degrees: 2, factor: factor(2, 2, &mut random) },
+        ];
+        product_and_assembly_are_dense_ones(plain.clone().with_coupled(coupled.clone()));
+        product_and_assembly_are_dense_ones(turning.with_coupled(coupled));
         product_and_assembly_are_dense_ones(plain);
+    }
+
+    /// M^-1 of all bodies as a dense matrix, coupled ones by the definition W = Y Y^T.
+    fn dense_inverse_mass(rigid: &RigidDelassus) -> Vec<Vec<f64>> {
+        let size = 6 * rigid.num_bodies();
+        let mut inverse = vec![vec![0.0; size]; size];
+        for (body, m) in rigid.inverse_mass().iter().enumerate() {
+            if rigid.group_of(body as u32).is_some() {
+                continue;
+            }
+            for k in 0..3 {
+                inverse[6 * body + k][6 * body + k] = m.linear[k];
+                for l in 0..3 {
+                    inverse[6 * body + 3 + k][6 * body + 3 + l] = m.angular[3 * k + l];
+                }
+            }
+        }
+        for group in rigid.coupled() {
+            let place = |k: usize| 6 * group.bodies[k / 6] as usize + k % 6;
+            for a in 0..6 * group.bodies.len() {
+                for b in 0..6 * group.bodies.len() {
+                    let y = |row: usize, column: usize| group.factor[row * group.degrees + column];
+                    inverse[place(a)][place(b)] = (0..group.degrees).map(|c| y(a, c) * y(b, c)).sum();
+                }
+            }
+        }
+        inverse
     }
 
     fn product_and_assembly_are_dense_ones(rigid: RigidDelassus) {
         let d = dense_jacobian(&rigid);
         let size = 3 * rigid.num_blocks();
         let mut dense = vec![vec![0.0; size]; size];
-        for body in 0..rigid.num_bodies() {
-            let m = &rigid.inverse_mass()[body];
-            let mut inverse = [[0.0; 6]; 6];
-            for k in 0..3 {
-                inverse[k][k] = m.linear[k];
-                for l in 0..3 {
-                    inverse[3 + k][3 + l] = m.angular[3 * k + l];
-                }
-            }
-            for a in 0..size {
-                for b in 0..size {
-                    for k in 0..6 {
-                        for l in 0..6 {
-                            dense[a][b] += d[6 * body + k][a] * inverse[k][l] * d[6 * body + l][b];
-                        }
+        let inverse = dense_inverse_mass(&rigid);
+        for (k, inverse) in inverse.iter().enumerate() {
+            for (l, inverse) in inverse.iter().enumerate().filter(|(_, x)| **x != 0.0) {
+                for a in 0..size {
+                    for b in 0..size {
+                        dense[a][b] += d[k][a] * inverse * d[l][b];
                     }
                 }
             }

@@ -41,7 +41,9 @@ pub mod sensitivity;
 pub mod solver;
 
 pub use cone::{FrictionCone, TurningCone};
-pub use delassus::{BodyInverseMass, Delassus, FIXED, RigidContact, RigidDelassus, TurningRows};
+pub use delassus::{
+    BodyInverseMass, CoupledBodies, Delassus, FIXED, RigidContact, RigidDelassus, TurningRows,
+};
 pub use problem::{Ccp, CcpError, TurningFriction};
 pub use registry::SolverSpec;
 pub use residual::{FrictionModel, Judge, Residual};

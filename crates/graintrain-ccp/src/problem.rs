@@ -314,14 +314,19 @@ impl Ccp {
     }
 
     /// # Errors
-    /// [`CcpError::Unsupported`] where contacts resist turning: for solvers that have no cone for that.
-    pub(crate) fn refuse_turning(&self, solver: &str) -> Result<(), CcpError> {
-        if self.turning.is_empty() {
-            return Ok(());
-        }
-        let reason =
-            "contacts have rolling or spinning friction, which auto, apgd, pgs and pj take".to_string();
-        Err(CcpError::Unsupported { solver: solver.to_string(), reason })
+    /// [`CcpError::Unsupported`] where contacts resist turning, or where bodies are coupled: for solvers that have no cone for the one or
+    /// take bodies one by one.
+    pub(crate) fn require_sliding_alone(&self, solver: &str) -> Result<(), CcpError> {
+        let reason = match &*self.delassus {
+            _ if !self.turning.is_empty() => {
+                "contacts have rolling or spinning friction, which auto, apgd, pgs and pj take"
+            }
+            Delassus::Rigid(rigid) if !rigid.coupled().is_empty() => {
+                "joints couple bodies; it takes the problem with N as a matrix"
+            }
+            _ => return Ok(()),
+        };
+        Err(CcpError::Unsupported { solver: solver.to_string(), reason: reason.to_string() })
     }
 
     /// eta_i = trace(N_ii) / 3 of every contact, 1/kg; contacts between immovable bodies get the smallest positive

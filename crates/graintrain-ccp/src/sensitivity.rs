@@ -209,6 +209,9 @@ impl Sensitivity {
         if !problem.turning.is_empty() {
             return Err(SensitivityError::Turning);
         }
+        if !rigid.coupled().is_empty() {
+            return Err(SensitivityError::NoBodies);
+        }
         let mut u = vec![0.0; impulse.len()];
         problem.delassus.multiply(impulse, &mut u, &mut problem.delassus.work());
         u.iter_mut().zip(&problem.r).for_each(|(u, r)| *u += r);

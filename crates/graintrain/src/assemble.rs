@@ -5,7 +5,7 @@ use crate::contact::{Contact, ContactSet};
 use crate::math::{Vec3, tangents};
 use crate::turning::{frame_moment, turning, turning_velocities};
 use crate::world::World;
-use graintrain_ccp::{BodyInverseMass, Ccp, Delassus, FIXED, RigidContact, RigidDelassus};
+use graintrain_ccp::{BodyInverseMass, Ccp, CoupledBodies, Delassus, FIXED, RigidContact, RigidDelassus};
 use rayon::prelude::*;
 use std::sync::Arc;
 
@@ -58,10 +58,10 @@ pub fn relative_velocities(contacts: &[Contact], rows: &[RigidContact], velocity
 }
 
 /// The contact problem of a step: with the velocities `free` that bodies would have without contact (six numbers per body,
-/// [`crate::integrate::free_velocity`]),
+/// [`crate::integrate::free_velocity`], of jointed bodies what their joints make of them),
 ///
 /// ```text
-/// r_i = b_i + D_i^T free,   N = D^T M^-1 D with the masked inverse mass,   b_i = (Phi_i / dt, 0, 0)
+/// r_i = b_i + D_i^T free,   N = D^T M^-1 D with the masked inverse mass (W of coupled bodies),   b_i = (Phi_i / dt, 0, 0)
 /// ```
 ///
 /// with three more rows for every contact that resists turning ([`crate::turning`]), whose b is zero;
@@ -74,7 +74,7 @@ pub fn assemble(
     world: &World,
     contacts: &[Contact],
     rows: Vec<RigidContact>,
-    inverse_mass: Vec<BodyInverseMass>,
+    (inverse_mass, coupled): (Vec<BodyInverseMass>, Vec<CoupledBodies>),
     free: &[f64],
     step: f64,
     overlap: OverlapCorrection,
@@ -90,7 +90,7 @@ pub fn assemble(
     let velocity_scale = scale_under(world.gravity.length(), step, &r, &friction);
     let (turning_rows, turning) = turning(world, contacts);
     r.extend(turning_velocities(contacts, &rows, &turning_rows, free));
-    let rigid = RigidDelassus::new(rows, inverse_mass).with_turning(turning_rows);
+    let rigid = RigidDelassus::new(rows, inverse_mass).with_turning(turning_rows).with_coupled(coupled);
     Ccp {
         velocity_scale,
         delassus: Arc::new(Delassus::Rigid(rigid)),

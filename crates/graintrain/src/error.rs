@@ -115,6 +115,14 @@ pub enum ModelError {
         /// Name or index of the body.
         body: String,
     },
+    /// A joint that holds nothing, or cannot do what it is asked for.
+    #[error("{joint}: {what}")]
+    Joint {
+        /// Its name or index.
+        joint: String,
+        /// What is wrong with it, and the remedy.
+        what: String,
+    },
     /// A body that forces are to move but that has no mass.
     #[error(
         "body {body}: its geometry has no volume (planes, and meshes that are not solid, are boundaries), so all of its motion must be prescribed, or its mass given"

@@ -108,6 +108,9 @@ impl StepGradient {
         if settings.friction == FrictionModel::Coulomb {
             return unsupported("friction is exact; the derivative is that of relaxed friction");
         }
+        if !world.joints().is_empty() {
+            return unsupported("bodies are held by joints, whose derivatives are not computed");
+        }
         if world.loads().iter().any(|load| matches!(load.action, Action::Drag { .. })) {
             return unsupported("there is drag, which depends on velocities by decisions of its own");
         }

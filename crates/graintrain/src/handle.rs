@@ -78,6 +78,11 @@ handle! {
     BodyId
 }
 
+handle! {
+    /// A joint of a world, see [`World::add_joint`](crate::world::World::add_joint).
+    JointId
+}
+
 impl Default for MotionId {
     fn default() -> Self {
         crate::world::FREE

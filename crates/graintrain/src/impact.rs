@@ -9,6 +9,7 @@
 //!
 //! so that each parts with e times the velocity of its arrival whatever its gap was; then those that close because of it, and so
 //! on, until none is left. Forces, and contacts that rest or only touch, are left to the contact problem, which starts from v'.
+//! Joints hold in impacts, motors with a limit and springs have no time to act, and stops neither.
 //! Rolling and spinning friction act on lasting contact alone: their moments grow with the time that a contact takes, which an impact
 //! does not have.
 //! A collision that runs through a row of bodies (Newton's cradle) takes one pass per contact.
@@ -23,12 +24,14 @@
 use crate::assemble::{pair_property, relative_velocities};
 use crate::contact::Contact;
 use crate::integrate::{free_velocity, free_velocity_of, velocities};
+use crate::joint::mechanism::coupled_in_impacts;
 use crate::math::Vec3;
+use crate::part_solver::as_matrix_if_coupled;
 use crate::parts::{Part, parts};
 use crate::world::World;
 use graintrain_ccp::{
-    BodyInverseMass, Ccp, CcpError, CcpSolver, Delassus, FrictionModel, Residual, RigidContact,
-    SolveSettings, Status,
+    BodyInverseMass, Ccp, CcpError, CcpSolver, CoupledBodies, Delassus, FrictionModel, Residual,
+    RigidContact, SolveSettings, Status,
 };
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -111,6 +114,7 @@ impl ImpactSolver<'_> {
         let mut driven = with_driven(world, &found.velocity, &free);
         let mut now = relative_velocities(of.contacts, of.rows, &driven);
         let mut later = relative_velocities(of.contacts, of.rows, &free);
+        let coupled = coupled_in_impacts(world, &found.velocity, step);
         for pass in 0..=PASSES {
             let approaches =
                 |i: &u32| restitution[*i as usize] > 0.0 && now[3 * *i as usize] < -slow[*i as usize];
@@ -133,8 +137,10 @@ impl ImpactSolver<'_> {
                 found.impulse = vec![Vec3::ZERO; of.contacts.len()];
             }
             let mut moved = vec![false; world.bodies.len()];
-            for part in parts(of.rows, closing.iter().copied(), world.bodies.len()) {
-                let Some(()) = self.solve(&part, of, [&restitution, &friction], &now, &mut found)? else {
+            for part in parts(of.rows, closing.iter().copied(), world.bodies.len(), &coupled) {
+                let Some(()) =
+                    self.solve(&part, (of, &coupled), [&restitution, &friction], &now, &mut found)?
+                else {
                     return Ok(None);
                 };
                 part.bodies.iter().for_each(|&body| moved[body as usize] = true);
@@ -166,7 +172,7 @@ impl ImpactSolver<'_> {
     fn solve(
         &mut self,
         part: &Part,
-        of: Rows<'_>,
+        (of, coupled): (Rows<'_>, &[CoupledBodies]),
         [restitution, friction]: [&[f64]; 2],
         velocity: &[f64],
         found: &mut Impacts,
@@ -174,7 +180,7 @@ impl ImpactSolver<'_> {
         let u = part.gather::<3, f64>(velocity);
         let e = part.gather::<1, f64>(restitution);
         let plastic = Ccp {
-            delassus: Arc::new(Delassus::Rigid(part.delassus(of.rows, of.inverse_mass))),
+            delassus: Arc::new(Delassus::Rigid(part.delassus(of.rows, of.inverse_mass, coupled))),
             r: u.clone(),
             friction: part.gather::<1, f64>(friction),
             turning: Vec::new(),
@@ -228,7 +234,8 @@ impl ImpactSolver<'_> {
             stop: self.stop.clone(),
             ..SolveSettings::default()
         };
-        let report = self.solver.solve(problem, &mut g, &settings)?;
+        let matrix = as_matrix_if_coupled(problem);
+        let report = self.solver.solve(matrix.as_ref().unwrap_or(problem), &mut g, &settings)?;
         found.residual = found.residual.worse(report.residual);
         Ok((report.status != Status::Stopped).then_some(g))
     }

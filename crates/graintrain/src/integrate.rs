@@ -181,7 +181,7 @@ fn is_isotropic(inertia: Mat3) -> bool {
 }
 
 /// R I R^T.
-fn world_inertia(inertia: Mat3, orientation: Quat) -> Mat3 {
+pub(crate) fn world_inertia(inertia: Mat3, orientation: Quat) -> Mat3 {
     let rotation = Mat3::from_quat(orientation);
     rotation * inertia * rotation.transpose()
 }
@@ -236,8 +236,13 @@ pub fn inverse_mass(world: &World) -> Vec<BodyInverseMass> {
 pub(crate) fn advance(world: &mut World, velocity: &[f64], displacement: Option<&[f64]>, step: f64) {
     move_bodies(world, velocity, step, true);
     if let Some(displacement) = displacement {
-        move_bodies(world, displacement, 1.0, false);
+        displace(world, displacement);
     }
+}
+
+/// Moves all bodies by a displacement (translation and turn, six numbers per body) that leaves no velocity.
+pub(crate) fn displace(world: &mut World, displacement: &[f64]) {
+    move_bodies(world, displacement, 1.0, false);
 }
 
 fn move_bodies(world: &mut World, velocity: &[f64], step: f64, keeps: bool) {

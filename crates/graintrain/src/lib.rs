@@ -6,6 +6,7 @@
 //! | [`handle`] | typed indices of geometries, materials, motions, bodies |
 //! | [`shape`], [`material`], [`motion`] | what bodies are made of and how they are driven |
 //! | [`formula`], [`load`] | functions of time, what acts on bodies besides contact |
+//! | [`joint`] | joints, motors, springs and stops between bodies |
 //! | [`world`] | the state |
 //! | [`contact`] | contacts and their impulses |
 //! | [`collide`] | finding contacts |
@@ -35,6 +36,7 @@ pub mod gradient;
 pub mod handle;
 pub mod impact;
 pub mod integrate;
+pub mod joint;
 pub mod load;
 pub mod material;
 pub mod math;

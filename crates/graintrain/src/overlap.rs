@@ -60,6 +60,17 @@ pub(crate) struct Correction {
     pub overlap_max_over_size: f64,
 }
 
+impl Correction {
+    /// Counts a displacement (six numbers per body) that came after it.
+    pub(crate) fn add(&mut self, displacement: Option<Vec<f64>>) {
+        match (&mut self.displacement, displacement) {
+            (Some(own), Some(more)) => own.iter_mut().zip(more).for_each(|(own, more)| *own += more),
+            (own @ None, more) => *own = more,
+            _ => {}
+        }
+    }
+}
+
 /// What a correction has to know of the contacts.
 pub(crate) struct Gaps<'a> {
     pub rows: &'a [RigidContact],
@@ -121,7 +132,7 @@ impl Gaps<'_> {
         let chosen: Vec<u32> = (0..rows.len() as u32)
             .filter(|&i| rows[i as usize].body_a != FIXED || rows[i as usize].body_b != FIXED)
             .collect();
-        for part in parts(&rows, chosen.iter().copied(), moving.len()) {
+        for part in parts(&rows, chosen.iter().copied(), moving.len(), &[]) {
             self.correct_part(&part, &rows, &mut displacement);
         }
         correction.displacement = Some(displacement);

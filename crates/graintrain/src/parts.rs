@@ -3,7 +3,9 @@
 //! Contacts that share no chain of movable bodies do not know of each other: N is block diagonal over the parts. Solved apart, no
 //! part's convergence, scale or rounding reaches another one.
 
-use graintrain_ccp::{BodyInverseMass, FIXED, RigidContact, RigidDelassus, TurningFriction, TurningRows};
+use graintrain_ccp::{
+    BodyInverseMass, CoupledBodies, FIXED, RigidContact, RigidDelassus, TurningFriction, TurningRows,
+};
 
 /// Contacts and movable bodies that hang together.
 #[derive(Clone, Debug, PartialEq)]
@@ -25,13 +27,20 @@ fn root(parent: &mut [u32], mut body: u32) -> u32 {
 }
 
 /// The parts that `chosen` contacts (ascending) make, in the order of their first contacts. Bodies that no impulse can move do
-/// not connect. Cost: nearly linear in bodies and contacts (union by index, path halving).
+/// not connect, coupled ones do. Cost: nearly linear in bodies and contacts (union by index, path halving).
 pub(crate) fn parts(
     rows: &[RigidContact],
     chosen: impl Iterator<Item = u32> + Clone,
     bodies: usize,
+    coupled: &[CoupledBodies],
 ) -> Vec<Part> {
     let mut parent: Vec<u32> = (0..bodies as u32).collect();
+    for group in coupled {
+        for pair in group.bodies.windows(2) {
+            let (a, b) = (root(&mut parent, pair[0]), root(&mut parent, pair[1]));
+            parent[a.max(b) as usize] = a.min(b);
+        }
+    }
     for contact in chosen.clone() {
         let RigidContact { body_a, body_b, .. } = rows[contact as usize];
         if body_a != FIXED && body_b != FIXED {
@@ -66,7 +75,12 @@ pub(crate) fn parts(
 
 impl Part {
     /// N of the part alone, its bodies numbered in the order of [`Self::bodies`].
-    pub(crate) fn delassus(&self, rows: &[RigidContact], inverse_mass: &[BodyInverseMass]) -> RigidDelassus {
+    pub(crate) fn delassus(
+        &self,
+        rows: &[RigidContact],
+        inverse_mass: &[BodyInverseMass],
+        coupled: &[CoupledBodies],
+    ) -> RigidDelassus {
         // The bodies ascend, so that the search finds them and a part made of everything keeps its numbers.
         let local = |body: u32| match self.bodies.binary_search(&body) {
             Ok(index) if body != FIXED => index as u32,
@@ -80,7 +94,15 @@ impl Part {
                 RigidContact { body_a: local(row.body_a), body_b: local(row.body_b), ..row }
             })
             .collect();
-        RigidDelassus::new(contacts, self.bodies.iter().map(|&b| inverse_mass[b as usize]).collect())
+        // A group is in one part as a whole.
+        let own = coupled.iter().filter(|group| group.bodies.iter().any(|&body| local(body) != FIXED));
+        let own = own.map(|group| CoupledBodies {
+            bodies: group.bodies.iter().map(|&body| local(body)).collect(),
+            ..group.clone()
+        });
+        let own = own.collect();
+        let inverse_mass = self.bodies.iter().map(|&b| inverse_mass[b as usize]).collect();
+        RigidDelassus::new(contacts, inverse_mass).with_coupled(own)
     }
 
     /// The contacts of the part that resist turning, of those of the whole problem (rows and coefficients, contact ascending), numbered
@@ -133,11 +155,13 @@ mod tests {
     #[test]
     fn fixed_bodies_do_not_connect() {
         let rows = [row(0, FIXED), row(4, 1), row(FIXED, 2), row(1, FIXED), row(3, 0)];
-        let found = parts(&rows, 0..5, 6);
+        let found = parts(&rows, 0..5, 6, &[]);
         let expected = [(vec![0, 4], vec![0, 3]), (vec![1, 3], vec![1, 4]), (vec![2], vec![2])];
         let expected = expected.map(|(contacts, bodies)| Part { contacts, bodies });
         assert_eq!(found, expected);
-        assert_eq!(parts(&rows, [1, 2].into_iter(), 6).len(), 2);
+        assert_eq!(parts(&rows, [1, 2].into_iter(), 6, &[]).len(), 2);
+        let coupled = CoupledBodies { bodies: vec![1, 2], degrees: 0, factor: Vec::new() };
+        assert_eq!(parts(&rows, [1, 2].into_iter(), 6, &[coupled]).len(), 1);
     }
 
     proptest! {
@@ -162,8 +186,8 @@ mod tests {
                 u
             };
             let mut found = vec![f64::NAN; g.len()];
-            for part in parts(&rows, 0..rows.len() as u32, 12) {
-                let own = product(&part.delassus(&rows, &inverse_mass), &part.gather::<3, f64>(&g));
+            for part in parts(&rows, 0..rows.len() as u32, 12, &[]) {
+                let own = product(&part.delassus(&rows, &inverse_mass, &[]), &part.gather::<3, f64>(&g));
                 part.scatter(&own, &mut found);
             }
             prop_assert_eq!(found, product(&whole, &g));

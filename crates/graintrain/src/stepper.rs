@@ -11,6 +11,8 @@ use crate::contact::{Contact, ContactSet};
 use crate::error::{ModelError, finite, positive};
 use crate::impact::{self, ImpactSolver, Impacts, Rows, lead_to_surfaces};
 use crate::integrate::{advance, free_velocity, inverse_mass};
+use crate::joint::drift;
+use crate::joint::mechanism::{JointReactions, Mechanisms};
 use crate::load;
 use crate::math::{Quat, Vec3};
 use crate::measure::energy;
@@ -22,7 +24,8 @@ pub use crate::step_report::{PhaseSeconds, PhysicalErrors, StepReport, Wrench};
 use crate::turning::world_moment;
 use crate::world::World;
 use graintrain_ccp::{
-    Ccp, CcpError, CcpSolver, Delassus, FrictionModel, Judge, SolveReport, SolveSettings, SolverSpec, Status,
+    Ccp, CcpError, CcpSolver, Delassus, FrictionModel, Judge, RigidContact, SolveReport, SolveSettings,
+    SolverSpec, Status,
 };
 use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
@@ -130,6 +133,9 @@ const ROUNDS: usize = 8;
 /// Rounds in which contacts may be left out.
 const PHANTOM_ROUNDS: usize = 3;
 
+/// Solves of the contacts for joints whose motors, stops or paths turned out otherwise than foreseen; what is left then is reported.
+const JOINT_ROUNDS: usize = 12;
+
 /// Iterations that a comparison with exact friction is given, in multiples of those of the relaxed solve, and at least so many.
 const COMPARISON: (usize, usize) = (5, 100);
 
@@ -149,6 +155,7 @@ struct Attempt {
     impulse: Vec<f64>,
     /// Contacts of the problem as indices into those of the step.
     active: Vec<u32>,
+    joints: JointReactions,
     impacts: Impacts,
     impact_seconds: f64,
     velocity: Vec<f64>,
@@ -305,8 +312,9 @@ impl Stepper {
             }
             let begin = Instant::now();
             let size: Vec<f64> = contacts.iter().map(|c| self.collider.contact_size(world, c)).collect();
-            let correction = self.correct(world, &contacts, &attempt, &size);
+            let mut correction = self.correct(world, &contacts, &attempt, &size);
             advance(world, &attempt.velocity, correction.displacement.as_deref(), step);
+            correction.add(drift::close(world));
             phases.integrate += begin.elapsed().as_secs_f64();
             let begin = Instant::now();
             let ahead = self.collider.contacts(world, envelope, step);
@@ -374,34 +382,64 @@ impl Stepper {
         let active: Vec<u32> = (0..contacts.len() as u32).filter(|i| !waits(i)).collect();
         let pick = |i: &u32| contacts[*i as usize];
         let chosen: Vec<Contact> = active.iter().map(pick).collect();
-        let rows = active.iter().map(|&i| rows[i as usize]).collect();
-        let problem = assemble(world, &chosen, rows, masses, &free, step, self.settings.overlap);
+        let rows: Vec<RigidContact> = active.iter().map(|&i| rows[i as usize]).collect();
+        let mut mechanisms = Mechanisms::new(world, &impacts.velocity, free, step);
+        mechanisms.predict(&[]);
+        // With joints the problem may have to be posed again.
+        let spare = (!mechanisms.is_empty()).then(|| (rows.clone(), masses.clone()));
+        let overlap = self.settings.overlap;
+        let pose = |mechanisms: &Mechanisms<'_>, (rows, masses): (Vec<RigidContact>, _)| {
+            let mut free = mechanisms.free().to_vec();
+            mechanisms.velocities(&[], &mut free);
+            let masses = (masses, mechanisms.coupled());
+            (assemble(world, &chosen, rows, masses, &free, step, overlap), free)
+        };
+        let (mut problem, mut free) = pose(&mechanisms, (rows, masses));
         let mut impulse = warm_start(&problem, &chosen, &world.contacts, world.bodies.len());
         if let Some(last) = last {
-            let places: HashMap<u64, usize> =
-                last.problem.identity.iter().enumerate().map(|(k, &identity)| (identity, k)).collect();
-            for (identity, g) in problem.identity.iter().zip(impulse.chunks_exact_mut(3)) {
-                if let Some(k) = places.get(identity) {
-                    g.copy_from_slice(&last.impulse[3 * k..3 * k + 3]);
-                }
-            }
-            for (k, own) in problem.turning.iter().enumerate() {
-                let place = places.get(&problem.identity[own.contact as usize]);
-                if let Some(known) = place.and_then(|&place| last.problem.turning_of(place)) {
-                    let [from, to] =
-                        [(&last.problem, known), (&problem, k)].map(|(p, k)| 3 * (p.num_contacts() + k));
-                    impulse[to..to + 3].copy_from_slice(&last.impulse[from..from + 3]);
-                }
-            }
+            start_from(&last, &problem, &mut impulse);
+        }
+        if let Some(spare) = spare.clone().filter(|_| !chosen.is_empty()) {
+            mechanisms.predict(&body_impulses(&problem, &impulse));
+            (problem, free) = pose(&mechanisms, spare);
         }
         let assembled = Instant::now();
-        let (solve, parts) = self.solve(world, &problem, &mut impulse)?;
+        let settings = self.solve_settings();
+        let (mut solve, mut parts) = self.solve(world, &problem, &mut impulse)?;
+        let mut on_bodies = Vec::new();
+        if let Some(spare) = spare {
+            on_bodies = body_impulses(&problem, &impulse);
+            for _ in 0..JOINT_ROUNDS {
+                if solve.status == Status::Stopped || mechanisms.agree(&on_bodies, settings.tolerance) {
+                    break;
+                }
+                mechanisms.predict(&on_bodies);
+                (problem, free) = pose(&mechanisms, spare.clone());
+                let (again, again_parts) = self.solve(world, &problem, &mut impulse)?;
+                (solve, parts) = (again.after(&solve), again_parts);
+                on_bodies = body_impulses(&problem, &impulse);
+            }
+        }
         if solve.status == Status::Stopped {
             return Err(StepError::Stopped);
         }
-        let velocity = velocity_after(&problem, &impulse, free);
+        let mut velocity = velocity_after(&problem, &impulse, free);
+        mechanisms.velocities(&on_bodies, &mut velocity);
         check_velocity(world, &velocity)?;
-        Ok(Attempt { problem, impulse, active, impacts, impact_seconds, velocity, solve, parts, assembled })
+        let joints = mechanisms.reactions(&on_bodies);
+        judge_joints(world, &joints, &settings, &mut solve);
+        Ok(Attempt {
+            problem,
+            impulse,
+            active,
+            joints,
+            impacts,
+            impact_seconds,
+            velocity,
+            solve,
+            parts,
+            assembled,
+        })
     }
 
     /// Displacements that remove overlap at the end of the step.
@@ -450,7 +488,7 @@ impl Stepper {
     ) -> StepReport {
         let begin = Instant::now();
         let step = self.settings.step;
-        let Attempt { problem, impulse, active, impacts, velocity, mut solve, parts, .. } = attempt;
+        let Attempt { problem, impulse, active, joints, impacts, velocity, mut solve, parts, .. } = attempt;
         let left = impacts.residual.judged(self.settings.judge);
         if left > self.settings.tolerance.max(impact::TOLERANCE) && solve.status == Status::Converged {
             solve.status = Status::IterationLimit;
@@ -495,7 +533,8 @@ impl Stepper {
         let wrenches = wrenches(&start.position, world, &set, step);
         let (before, kinetic_energy) = (start.velocities(), world.kinetic_energy());
         let change = kinetic_energy - start.kinetic_energy;
-        let ledger = energy::ledger(world, &set, &start.position, [&before, &velocity], step, change);
+        let forces = (&set, joints.impulses.as_slice());
+        let ledger = energy::ledger(world, forces, &start.position, [&before, &velocity], step, change);
         let (mut deepest, mut over_size) = (0.0_f64, 0.0_f64);
         for contact in ahead.iter().filter(|contact| contact.gap < 0.0) {
             deepest = deepest.max(-contact.gap);
@@ -507,6 +546,7 @@ impl Stepper {
             };
             displacement.chunks_exact(6).enumerate().map(against).sum()
         });
+        world.record_joints(&joints.states);
         world.contacts = set;
         world.time += step;
         world.step += 1;
@@ -602,6 +642,51 @@ impl Placement {
         bodies.velocity.copy_from_slice(&self.velocity);
         bodies.angular_velocity.copy_from_slice(&self.angular_velocity);
         before
+    }
+}
+
+/// Impulses of an earlier attempt at the contacts that it had in its problem.
+fn start_from(last: &Attempt, problem: &Ccp, impulse: &mut [f64]) {
+    let places: HashMap<u64, usize> =
+        last.problem.identity.iter().enumerate().map(|(k, &identity)| (identity, k)).collect();
+    for (identity, g) in problem.identity.iter().zip(impulse.chunks_exact_mut(3)) {
+        if let Some(k) = places.get(identity) {
+            g.copy_from_slice(&last.impulse[3 * k..3 * k + 3]);
+        }
+    }
+    for (k, own) in problem.turning.iter().enumerate() {
+        let place = places.get(&problem.identity[own.contact as usize]);
+        if let Some(known) = place.and_then(|&place| last.problem.turning_of(place)) {
+            let [from, to] = [(&last.problem, known), (problem, k)].map(|(p, k)| 3 * (p.num_contacts() + k));
+            impulse[to..to + 3].copy_from_slice(&last.impulse[from..from + 3]);
+        }
+    }
+}
+
+/// Impulses of contacts on every body and their moments about its centre, six numbers each.
+fn body_impulses(problem: &Ccp, impulse: &[f64]) -> Vec<f64> {
+    let Delassus::Rigid(rigid) = &*problem.delassus else { return Vec::new() };
+    let mut world_impulse = vec![0.0; impulse.len()];
+    rigid.world_impulse(impulse, &mut world_impulse);
+    (0..rigid.num_bodies()).flat_map(|body| rigid.body_impulse(&world_impulse, body)).collect()
+}
+
+/// Joints that open count in the residual, and a solve that leaves them open has not converged.
+fn judge_joints(world: &World, joints: &JointReactions, settings: &SolveSettings, solve: &mut SolveReport) {
+    if joints.states.is_empty() {
+        return;
+    }
+    for residual in [&mut solve.residual, &mut solve.residual_relaxed, &mut solve.residual_coulomb] {
+        *residual = residual.worse(joints.residual);
+    }
+    let judged = joints.residual.judged(settings.judge);
+    if (judged.is_nan() || judged > settings.tolerance) && solve.status == Status::Converged {
+        solve.status = Status::IterationLimit;
+        let name = world.joint_label(joints.worst);
+        solve.remark = Some(format!(
+            "{name} opens at {:.1e} m/s: joints, stops or driven bodies may contradict each other",
+            joints.opening
+        ));
     }
 }
 

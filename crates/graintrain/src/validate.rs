@@ -50,6 +50,7 @@ impl World {
             let bodies = load.bodies.iter().flatten();
             bodies.into_iter().try_for_each(|body| index("body", body.index(), self.bodies.len()))?;
         }
+        self.validate_joints()?;
         self.validate_contacts()
     }
 

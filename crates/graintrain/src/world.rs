@@ -3,6 +3,7 @@
 use crate::contact::ContactSet;
 use crate::error::{ModelError, finite, positive};
 use crate::handle::{BodyId, GeometryId, MaterialId, MotionId};
+use crate::joint::PlacedJoint;
 use crate::load::Load;
 use crate::material::Materials;
 use crate::math::{Mat3, Quat, Vec3};
@@ -56,6 +57,8 @@ pub struct World {
     pub gravity_of_time: Option<[Profile; 3]>,
     /// Loads on bodies, in the order in which they are summed.
     pub(crate) loads: Vec<Load>,
+    /// Joints between bodies.
+    pub(crate) joints: Vec<PlacedJoint>,
     /// Geometries shared by bodies.
     pub geometries: Vec<Geometry>,
     /// Materials.
@@ -155,6 +158,7 @@ impl Default for World {
             gravity: Vec3::new(0.0, 0.0, -9.81),
             gravity_of_time: None,
             loads: Vec::new(),
+            joints: Vec::new(),
             geometries: Vec::new(),
             materials,
             motions: Vec::new(),
@@ -329,7 +333,7 @@ impl World {
         self.bodies.torque.fill(Vec3::ZERO);
     }
 
-    /// Removes the bodies for which `remove` (called once for each index, ascending) is true, with their contacts, and from the lists of loads. The others keep
+    /// Removes the bodies for which `remove` (called once for each index, ascending) is true, with their contacts and joints, and from the lists of loads. The others keep
     /// their order and move up: returned is the new handle of every former body, `None` for those that are gone. Impulses between
     /// bodies that moved up start the next solve from zero. Cost: linear.
     pub fn remove_bodies(&mut self, mut remove: impl FnMut(usize) -> bool) -> Vec<Option<BodyId>> {
@@ -368,6 +372,7 @@ impl World {
         for bodies in self.loads.iter_mut().filter_map(|load| load.bodies.as_mut()) {
             *bodies = bodies.iter().filter_map(|body| new_index[body.index()]).collect();
         }
+        self.keep_joints(&new_index);
         let set = std::mem::take(&mut self.contacts);
         let friction = set.friction.into_iter().map(Some).chain(std::iter::repeat(None));
         let moment = set.moment.into_iter().map(Some).chain(std::iter::repeat(None));
@@ -457,6 +462,7 @@ impl World {
         for motion in &self.motions {
             motion.free.iter().for_each(|&free| add(u64::from(free)));
         }
+        self.joined_pairs().into_iter().flatten().for_each(|body| add(u64::from(body)));
         self.gravity.to_array().iter().for_each(|x| add(x.to_bits()));
         // Of torques contacts do not depend.
         bodies.force.iter().flat_map(|v| v.to_array()).for_each(|x| add(x.to_bits()));
@@ -488,6 +494,11 @@ impl World {
         }
         // None where nothing resists turning.
         self.contacts.moment.iter().flat_map(|m| m.to_array()).for_each(|x| add(x.to_bits()));
+        // Nor joints in most worlds.
+        for placed in &self.joints {
+            add(placed.state.coordinate.to_bits());
+            add(placed.state.switches());
+        }
         crate::math::mix(hash)
     }
 }

@@ -106,7 +106,7 @@ impl RigidDelassus {
         let mut block = [0.0; 9];
         for (body_i, sign_i, arm_i) in sides(i) {
             for (body_j, sign_j, arm_j) in sides(j) {
-                if body_i != body_j || body_i == FIXED {
+                if body_i != body_j || body_i == FIXED || self.group_of(body_i).is_some() {
                     continue;
                 }
                 let inverse = &self.inverse_mass[body_i as usize];

@@ -195,7 +195,7 @@ impl CcpSolver for Scip {
         impulse: &mut [f64],
         settings: &SolveSettings,
     ) -> Result<SolveReport, CcpError> {
-        problem.refuse_turning(&self.name())?;
+        problem.require_sliding_alone(&self.name())?;
         let limits = Limits::start(settings, self.parameters.iterations);
         check_start(problem, impulse)?;
         let scale = ResidualScale::new(problem);

@@ -92,7 +92,7 @@ impl<M: FirstOrderMethod> FirstOrder<M> {
         model: FrictionModel,
     ) -> Result<SolveReport, CcpError> {
         if !M::TURNING {
-            problem.refuse_turning(M::NAME)?;
+            problem.require_sliding_alone(M::NAME)?;
         }
         let limits = Limits::start(settings, ITERATION_LIMIT);
         check_start(problem, impulse)?;

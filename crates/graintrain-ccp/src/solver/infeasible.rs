@@ -56,7 +56,7 @@ use certificate::Evaluator;
 /// [`CcpError`] where the problem is not valid.
 pub fn certificate(problem: &Ccp) -> Result<Certificate, CcpError> {
     problem.validate()?;
-    problem.refuse_turning("the search for a certificate")?;
+    problem.require_sliding_alone("the search for a certificate")?;
     if problem.num_contacts() == 0 {
         return Ok(Certificate::default());
     }

@@ -122,15 +122,20 @@ impl ScaledProblem {
             }
         };
         let (operator, order) = match &*problem.delassus {
-            Delassus::Rigid(rigid) => {
+            Delassus::Rigid(rigid) if rigid.coupled().is_empty() => {
                 let mut packing = pack(rigid);
                 add_turning(&mut packing.contacts);
                 (Operator::Bodies(BodyOperator::new(rigid, &packing, &scaling)), packing.contacts)
             }
-            Delassus::Sparse(matrix) => {
+            // Over bodies that move together a product goes through the rows of N.
+            matrix => {
                 let mut order: Vec<u32> = (0..contacts as u32).collect();
                 add_turning(&mut order);
-                (Operator::Rows(RowOperator::new(matrix, &scaling, &order)), order)
+                let rows = match matrix {
+                    Delassus::Rigid(rigid) => RowOperator::new(&rigid.assemble(), &scaling, &order),
+                    Delassus::Sparse(matrix) => RowOperator::new(matrix, &scaling, &order),
+                };
+                (Operator::Rows(rows), order)
             }
         };
         let batches = order.len().div_ceil(LANES);

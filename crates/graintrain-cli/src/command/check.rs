@@ -64,6 +64,9 @@ fn summary(scene: &Scene, simulation: &Simulation) -> String {
     for (name, load) in &scene.loads {
         line("load", format!("{name}: {}", load.about()));
     }
+    for (name, joint) in &scene.joints {
+        line("joint", format!("{name}: {}", joint.about()));
+    }
     let end = steps as f64 * settings.step;
     line("time", format!("{steps} steps of {} s, {end:.6} s in all", settings.step));
     let overlap = match settings.overlap {

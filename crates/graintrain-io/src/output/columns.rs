@@ -60,6 +60,7 @@ pub const STEPS: &[Column] = &[
     column("overlap_corrected", "m", "largest overlap that displacements worked on in the step"),
     column("correction_energy", "J", "energy that those displacements gave to bodies against gravity"),
     column("load_work", "J", "work of external forces and torques in the step, besides gravity"),
+    column("joint_work", "J", "work of the motors, springs and dampers of joints in the step"),
     column("kinetic_energy", "J", "of the bodies that forces can move, at the end of the step"),
     column("seconds_collide", "s", "wall clock: finding contacts"),
     column("seconds_assemble", "s", "wall clock: building the contact problem"),
@@ -101,6 +102,31 @@ pub const WRENCH: &[Column] = &[
     column("velocity_x", "m/s", "velocity of the body's centre at the end of the step"),
     column("velocity_y", "m/s", "velocity of the body's centre at the end of the step"),
     column("velocity_z", "m/s", "velocity of the body's centre at the end of the step"),
+];
+
+/// Columns of `joints.csv`.
+pub const JOINTS: &[Column] = &[
+    column("step", "1", "number of the step, from 1"),
+    column("time", "s", "at the end of the step"),
+    column("joint", "1", "number of the joint, from 0"),
+    column("name", "", "its name"),
+    column(
+        "coordinate",
+        "m or rad",
+        "angle, slide or distance at the end of the step; of a gear that of its second joint less ratio times the first",
+    ),
+    column("rate", "m/s or rad/s", "its rate in the step"),
+    column(
+        "drive",
+        "N or N m",
+        "force of motor, spring and stops along it; of a gear that on its second joint",
+    ),
+    column("force_x", "N", "force on body B at the joint, mean over the step"),
+    column("force_y", "N", "force on body B at the joint, mean over the step"),
+    column("force_z", "N", "force on body B at the joint, mean over the step"),
+    column("torque_x", "N m", "torque on body B about the joint's point on it, mean over the step"),
+    column("torque_y", "N m", "torque on body B about the joint's point on it, mean over the step"),
+    column("torque_z", "N m", "torque on body B about the joint's point on it, mean over the step"),
 ];
 
 /// Columns of `newton.csv` that every linear solver has.
@@ -167,7 +193,8 @@ pub fn header(columns: &[Column]) -> String {
 /// Where the file cannot be written.
 pub fn write(folder: &Path, measures: &[(String, Vec<Column>)]) -> Result<(), OutputError> {
     let path = folder.join("columns.json");
-    let fixed = [("steps.csv", STEPS), ("wrench.csv", WRENCH), ("newton.csv", NEWTON)];
+    let fixed =
+        [("steps.csv", STEPS), ("wrench.csv", WRENCH), ("joints.csv", JOINTS), ("newton.csv", NEWTON)];
     let fixed = fixed.into_iter().map(|(name, columns)| (name.to_string(), columns.to_vec()));
     let tables: BTreeMap<String, Vec<Column>> = fixed.chain(measures.iter().cloned()).collect();
     let text = serde_json::to_string_pretty(&tables)

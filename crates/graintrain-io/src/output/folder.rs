@@ -31,6 +31,7 @@ const FILES: &[&str] = &[
     "contacts.pvd",
     "steps.csv",
     "wrench.csv",
+    "joints.csv",
     "newton.csv",
     "columns.json",
     "summary.json",

@@ -134,6 +134,8 @@ pub struct Summary {
     pub correction_energy: f64,
     /// Work of external forces and torques, J.
     pub load_work: f64,
+    /// Work of the motors, springs and dampers of joints, J.
+    pub joint_work: f64,
     /// The stages that have begun.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub stages: Vec<StageRecord>,
@@ -204,6 +206,7 @@ impl Summary {
             overlap_corrected_max_over_radius: totals.overlap_corrected_max / radius,
             correction_energy: totals.correction_energy,
             load_work: totals.ledger.loads,
+            joint_work: totals.ledger.joints,
             stages: totals.stages.clone(),
             kinetic_energy: world.kinetic_energy(),
             peak_memory_bytes: peak_memory_bytes(),

@@ -1,10 +1,12 @@
-//! The tables of a run: `steps.csv`, one record per step, `wrench.csv`, one record per step and driven or held body,
+//! The tables of a run: `steps.csv`, one record per step, `wrench.csv`, one record per step and driven or held body, `joints.csv`, one
+//! record per step and joint (where there are joints),
 //! `newton.csv`, one record per Newton iteration, and `measures/NAME.csv`. [`columns`] names their columns.
 
-use super::columns::{self, Column, STEPS, WRENCH, header};
+use super::columns::{self, Column, JOINTS, STEPS, WRENCH, header};
 use super::newton::{NewtonTable, step_cells};
 use crate::files::{OutputError, Table, make_folder};
 use crate::measure::Measure;
+use graintrain::joint::JointState;
 use graintrain::stepper::StepReport;
 use graintrain::world::World;
 use std::path::{Path, PathBuf};
@@ -14,6 +16,7 @@ use std::path::{Path, PathBuf};
 pub struct Tables {
     steps: Table,
     wrench: Table,
+    joints: Table,
     newton: NewtonTable,
     /// One per measurement.
     measures: Vec<Table>,
@@ -56,6 +59,7 @@ impl Tables {
         Ok(Self {
             steps: table(folder.join("steps.csv"), &header(STEPS))?,
             wrench: table(folder.join("wrench.csv"), &header(WRENCH))?,
+            joints: table(folder.join("joints.csv"), &header(JOINTS))?,
             newton,
             measures: measured
                 .iter()
@@ -87,7 +91,7 @@ impl Tables {
     /// Where damaged tables of the same names went when these were reopened.
     pub fn set_aside(&self) -> impl Iterator<Item = &Path> {
         let measures = self.measures.iter().map(Table::set_aside);
-        [self.steps.set_aside(), self.wrench.set_aside(), self.newton.set_aside()]
+        [self.steps.set_aside(), self.wrench.set_aside(), self.joints.set_aside(), self.newton.set_aside()]
             .into_iter()
             .chain(measures)
             .flatten()
@@ -100,6 +104,7 @@ impl Tables {
     pub fn sync(&self) -> Result<(), OutputError> {
         self.steps.sync()?;
         self.wrench.sync()?;
+        self.joints.sync()?;
         self.measures.iter().try_for_each(Table::sync)?;
         self.newton.sync()
     }
@@ -132,6 +137,18 @@ impl Tables {
                     numbers.join(",")
                 ))?;
             }
+        }
+        for (number, placed) in world.joints().iter().enumerate() {
+            let JointState { coordinate, rate, drive, force, torque, .. } = placed.state;
+            let vectors = force.to_array().into_iter().chain(torque.to_array());
+            let numbers = [coordinate, rate, drive].into_iter().chain(vectors).map(|x| format!("{x:?}"));
+            self.joints.append(&format!(
+                "{},{:?},{number},{},{}",
+                world.step,
+                world.time,
+                quoted(&placed.joint.name),
+                numbers.collect::<Vec<_>>().join(",")
+            ))?;
         }
         Ok(())
     }
@@ -179,6 +196,7 @@ fn step_record(world: &World, report: &StepReport, output_seconds: f64) -> Strin
         real(report.overlap_corrected_max),
         real(report.correction_energy),
         real(report.ledger.loads),
+        real(report.ledger.joints),
         real(report.kinetic_energy),
         real(phases.collide),
         real(phases.assemble),

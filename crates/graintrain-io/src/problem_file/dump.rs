@@ -2,7 +2,8 @@
 //!
 //! A problem over rigid bodies becomes the global form: M block diagonal, H = D, f = 0 and w = r, so that
 //! W = H^T M^-1 H = N and q = w + H^T M^-1 f = r. A prescribed degree of freedom has no finite mass: its row of H is
-//! set to zero and its mass to 1, which leaves N what it is. Any other problem becomes the local form, W = N, q = r; with rolling
+//! set to zero and its mass to 1, which leaves N what it is. Any other problem becomes the local form, W = N, q = r (joints are eliminated in it);
+//! with rolling
 //! friction the local form of five rows per contact, `fclib_local_rolling`.
 //!
 //! Beside the FCLIB group stands the group `graintrain`, which FCLIB readers ignore:
@@ -56,7 +57,7 @@ fn encode(problem: &Ccp, title: &str) -> Result<Vec<u8>, Defect> {
         |error: FormatError| Defect::unsupported(error.to_string(), "give the problem another title");
     let mut builder = FileBuilder::new();
     let forms = match &*problem.delassus {
-        Delassus::Rigid(rigid) if rolling.is_none() => mass_and_jacobian(rigid),
+        Delassus::Rigid(rigid) if rolling.is_none() && rigid.coupled().is_empty() => mass_and_jacobian(rigid),
         _ => None,
     };
     let mut group = builder.create_group(match (&forms, &rolling) {

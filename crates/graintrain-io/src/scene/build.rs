@@ -1,5 +1,6 @@
 //! From a [`Scene`] to the world, the step's settings, and what a run writes.
 
+mod joints;
 mod materials;
 mod measures;
 mod stages;
@@ -77,6 +78,9 @@ impl Scene {
         }
         for (name, load) in &self.loads {
             builder.add_load(name, load)?;
+        }
+        for (name, joint) in &self.joints {
+            builder.add_joint(name, joint, &self.joints)?;
         }
         let stages = builder.stages(self)?;
         let measures = self
@@ -177,7 +181,8 @@ impl Scene {
             });
             stage.gravity.iter_mut().flatten().chain(speeds)
         });
-        self.gravity.iter_mut().chain(motions).chain(loads).chain(stages).filter_map(
+        let joints = self.joints.iter_mut().flat_map(|(_, joint)| joint.functions());
+        self.gravity.iter_mut().chain(motions).chain(loads).chain(joints).chain(stages).filter_map(
             |function| match function {
                 FunctionSpec::File { file } => Some(file),
                 FunctionSpec::Profile(_) => None,

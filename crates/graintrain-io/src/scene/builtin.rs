@@ -49,6 +49,11 @@ pub const SCENES: &[Builtin] = &[
         text: include_str!("../../scenes/dosta.toml"),
     },
     Builtin {
+        name: "excavator",
+        about: "a bucket on an arm digs in grains; joints with motors",
+        text: include_str!("../../scenes/excavator.toml"),
+    },
+    Builtin {
         name: "incline",
         about: "a block and a ball on an inclined plane",
         text: include_str!("../../scenes/incline.toml"),

@@ -2,6 +2,7 @@
 
 use super::Scene;
 use super::error::{SceneError, SceneErrorKind};
+use super::joint::{self, JointSpec};
 use super::measure;
 use super::model::*;
 use super::parameters::Parameters;
@@ -59,6 +60,11 @@ pub(crate) fn read(name: &str, root: &Node, folder: PathBuf) -> Result<Scene, Sc
         .into_iter()
         .map(|(name, reader)| Ok((name, load(&reader, &body_names, &packing_names)?)))
         .collect::<Result<Vec<_>, SceneError>>()?;
+    let mut joints: Vec<(String, JointSpec)> = Vec::new();
+    for (name, reader) in scene.named("joint")? {
+        let spec = joint::read(&reader, &body_names, &joints)?;
+        joints.push((name, spec));
+    }
     let material_names: Vec<&str> = names.clone();
     let load_names: Vec<&str> = loads.iter().map(|(name, _): &(String, LoadSpec)| name.as_str()).collect();
     let names = stage::Names { materials: &material_names, bodies: &body_names, loads: &load_names };
@@ -95,6 +101,7 @@ pub(crate) fn read(name: &str, root: &Node, folder: PathBuf) -> Result<Scene, Sc
         bodies,
         packings,
         loads,
+        joints,
         stages,
         measures,
     })

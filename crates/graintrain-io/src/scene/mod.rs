@@ -24,6 +24,7 @@ pub mod builtin;
 pub mod error;
 mod expression;
 mod file;
+mod joint;
 mod measure;
 mod mesh_file;
 pub mod model;
@@ -43,6 +44,7 @@ pub use measure::{
     ShearBoxSpec,
 };
 
+pub use joint::{ActuatorSpec, JointSpec, MotorSpec, SpringSpec, StopsSpec};
 pub use stage::{StageBody, StageMaterial, StageSpec};
 
 use graintrain::material::TurningResistance;
@@ -94,6 +96,9 @@ pub struct Scene {
     /// Loads by name.
     #[serde(rename = "load", serialize_with = "in_order", skip_serializing_if = "Vec::is_empty")]
     pub loads: Vec<(String, LoadSpec)>,
+    /// Joints by name.
+    #[serde(rename = "joint", serialize_with = "in_order", skip_serializing_if = "Vec::is_empty")]
+    pub joints: Vec<(String, JointSpec)>,
     /// Stages in their order.
     #[serde(rename = "stage", skip_serializing_if = "Vec::is_empty")]
     pub stages: Vec<StageSpec>,

@@ -8,6 +8,7 @@ mod run;
 mod scene_builtin;
 mod scene_docs;
 mod scene_errors;
+mod scene_joints;
 mod scene_loads;
 mod scene_meshes;
 mod scene_turning;

@@ -12,7 +12,7 @@
 //! |---|---|
 //! | [`source`] | where expected values come from |
 //! | [`mod@bench`] | small worlds, and stepping them |
-//! | [`flight`], [`impact`], [`arrival`], [`sliding`], [`rest`], [`painleve`], [`shapes`], [`heaps`], [`gas`], [`problems`], [`turning`] | tier A |
+//! | [`flight`], [`impact`], [`arrival`], [`sliding`], [`rest`], [`painleve`], [`shapes`], [`heaps`], [`gas`], [`problems`], [`turning`], [`joints`] | tier A |
 //! | [`compression`], [`granular`], [`earth_pressure`], [`samples`] | tier B |
 //! | [`report`] | table, Markdown, HTML |
 
@@ -25,6 +25,7 @@ pub mod gas;
 pub mod granular;
 pub mod heaps;
 pub mod impact;
+pub mod joints;
 pub mod painleve;
 pub mod problems;
 pub mod report;
@@ -217,6 +218,7 @@ pub fn tier_a() -> impl Iterator<Item = &'static Definition> {
         arrival::CASES,
         heaps::CASES,
         turning::CASES,
+        joints::CASES,
     ]
     .into_iter()
     .flatten()

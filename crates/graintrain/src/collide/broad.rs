@@ -59,6 +59,7 @@ pub fn meshes_that_meet(world: &World) -> Option<[usize; 2]> {
     let meshes: Vec<bool> = world.geometries.iter().map(is_mesh).collect();
     let with_mesh = (0..world.bodies.len()).filter(|&body| meshes[world.bodies.geometry[body].index()]);
     let with_mesh: Vec<usize> = with_mesh.collect();
+    let joined = world.joined_pairs();
     if with_mesh.len() < 2 || with_mesh.iter().all(|&body| world.is_prescribed(body)) {
         return None;
     }
@@ -68,7 +69,8 @@ pub fn meshes_that_meet(world: &World) -> Option<[usize; 2]> {
     for (k, &(a, place_a, radius_a)) in balls.iter().enumerate() {
         for &(b, place_b, radius_b) in &balls[k + 1..] {
             let both_driven = world.is_prescribed(a) && world.is_prescribed(b);
-            if !both_driven && (place_a - place_b).length() < radius_a + radius_b {
+            let apart = joined.binary_search(&[a.min(b) as u32, a.max(b) as u32]).is_ok();
+            if !both_driven && !apart && (place_a - place_b).length() < radius_a + radius_b {
                 return Some([a, b]);
             }
         }
@@ -127,7 +129,8 @@ impl Unbounded {
 impl Collider {
     /// All contacts with gap up to the envelope, m, and those further apart that would close within `step` seconds at
     /// the present velocities and under gravity, or if one of both came to rest (else fast bodies would be found deep inside each
-    /// other: of two grains that fall together, the lower lands first); except between bodies that are both fully prescribed.
+    /// other: of two grains that fall together, the lower lands first); except between bodies that are both fully prescribed, and
+    /// those that joints keep from colliding.
     /// In case that one comes to rest the travel of the other is looked ahead up to the radius of the largest grain.
     ///
     /// In the order of body A, then of its neighbours (of similar size first, ascending), then of features. A is the
@@ -148,7 +151,13 @@ impl Collider {
                 found.contacts
             })
             .collect();
-        tasks.concat()
+        let mut contacts = tasks.concat();
+        let joined = world.joined_pairs();
+        if !joined.is_empty() {
+            let pair = |c: &Contact| [c.body_a.min(c.body_b), c.body_a.max(c.body_b)];
+            contacts.retain(|contact| joined.binary_search(&pair(contact)).is_err());
+        }
+        contacts
     }
 
     /// Every contact of two bodies that could close within the step if they moved with these velocities (six numbers per body), or

@@ -33,11 +33,11 @@ pub fn energies(world: &World, selected: &[bool]) -> Energies {
 /// What changed the kinetic energy of the bodies with a dynamic degree of freedom, J, in a step or summed over many:
 ///
 /// ```text
-/// K+ - K- = gravity + loads + drives - friction - normal + rest
+/// K+ - K- = gravity + loads + drives + joints - friction - normal + rest
 /// ```
 ///
 /// With the impulses g of a step, v = (v- + v+) / 2 for dynamic degrees of freedom and the prescribed velocity for others, the terms are dt m g . v, dt f . v,
-/// -(D g) . v over the prescribed degrees, and -g_t . (D^T v)_t and -g_n (D^T v)_n over all contacts, impacts included. For balls this is an
+/// -(D g + J^T lambda) . v over the prescribed degrees, (J^T lambda) . v of joints over all, and -g_t . (D^T v)_t and -g_n (D^T v)_n over all contacts, impacts included. For balls this is an
 /// identity: the rest is rounding. For other bodies it is what their turning in the step adds (the gyroscopic term), and for bodies that are
 /// driven in some degrees what their own inertia takes. Overlap is removed by displacements, which change no velocity: the energy
 /// that this gives to bodies against gravity is counted apart.
@@ -49,6 +49,8 @@ pub struct Ledger {
     pub loads: f64,
     /// Work of prescribed motions.
     pub drives: f64,
+    /// Work of joints: of motors, springs and dampers, and nothing but rounding of what only holds.
+    pub joints: f64,
     /// Taken by friction, that of rolling and spinning included.
     pub friction: f64,
     /// Taken by normal impulses: impacts, and gaps that close.
@@ -63,6 +65,7 @@ impl Ledger {
         self.gravity += other.gravity;
         self.loads += other.loads;
         self.drives += other.drives;
+        self.joints += other.joints;
         self.friction += other.friction;
         self.normal += other.normal;
         self.rest += other.rest;
@@ -70,16 +73,16 @@ impl Ledger {
 
     /// Sum of the magnitudes, J: what the rest is to be compared with.
     pub fn throughput(&self) -> f64 {
-        let Self { gravity, loads, drives, friction, normal, rest: _ } = *self;
-        [gravity, loads, drives, friction, normal].into_iter().map(f64::abs).sum()
+        let Self { gravity, loads, drives, joints, friction, normal, rest: _ } = *self;
+        [gravity, loads, drives, joints, friction, normal].into_iter().map(f64::abs).sum()
     }
 }
 
-/// The ledger of a step of this length with the contacts and impulses of `set`, the centres `position` at its start (m), the velocities
+/// The ledger of a step of this length with the contacts and impulses of `set`, the impulses of joints on bodies (and their moments about the centres), the centres `position` at its start (m), the velocities
 /// before and after it (six numbers per body; after it with the mean prescribed ones), and the change of kinetic energy.
 pub(crate) fn ledger(
     world: &World,
-    set: &ContactSet,
+    (set, joints): (&ContactSet, &[(usize, [Vec3; 2])]),
     position: &[Vec3],
     [before, after]: [&[f64]; 2],
     step: f64,
@@ -124,7 +127,16 @@ pub(crate) fn ledger(
         ledger.normal -= normal;
         ledger.friction -= impulse.dot(relative) - normal + moment.dot(turning);
     }
-    let Ledger { gravity, loads, drives, friction, normal, .. } = ledger;
-    ledger.rest = change - (gravity + loads + drives - friction - normal);
+    for (body, [force, moment]) in joints {
+        for (k, g) in force.to_array().into_iter().chain(moment.to_array()).enumerate() {
+            let work = g * mean[*body][k];
+            ledger.joints += work;
+            if !free[*body][k] {
+                ledger.drives -= work;
+            }
+        }
+    }
+    let Ledger { gravity, loads, drives, joints, friction, normal, .. } = ledger;
+    ledger.rest = change - (gravity + loads + drives + joints - friction - normal);
     ledger
 }

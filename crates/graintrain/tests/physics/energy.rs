@@ -139,7 +139,7 @@ fn the_ledger_of_balls_closes_in_every_step() {
             assert!(ledger.rest.abs() <= 1e-10 * ledger.throughput(), "{ledger:?}");
             sum.add(&ledger);
         }
-        let Ledger { gravity, loads, drives, friction, normal, rest } = sum;
+        let Ledger { gravity, loads, drives, joints: _, friction, normal, rest } = sum;
         let change = world.kinetic_energy() - begin;
         assert!(
             (change - (gravity + loads + drives - friction - normal + rest)).abs() < 1e-10 * sum.throughput()

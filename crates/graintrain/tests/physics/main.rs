@@ -7,6 +7,7 @@ mod friction;
 mod gradients;
 mod impacts;
 mod invariants;
+mod joints;
 mod loads;
 mod meshes;
 mod packings;

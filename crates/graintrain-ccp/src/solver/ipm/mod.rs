@@ -155,7 +155,7 @@ impl CcpSolver for Ipm {
         impulse: &mut [f64],
         settings: &SolveSettings,
     ) -> Result<SolveReport, CcpError> {
-        problem.refuse_turning(&self.name())?;
+        problem.require_sliding_alone(&self.name())?;
         let limits = Limits::start(settings, self.parameters.iterations);
         check_start(problem, impulse)?;
         if problem.num_contacts() == 0 {
@@ -209,7 +209,7 @@ impl CcpSolver for Ipm {
         last: &mut [f64],
         settings: &SolveSettings,
     ) -> Result<Option<SolveReport>, CcpError> {
-        problem.refuse_turning(&self.name())?;
+        problem.require_sliding_alone(&self.name())?;
         if self.start.is_none() {
             return Ok(None);
         }

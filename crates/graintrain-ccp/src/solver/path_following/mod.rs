@@ -237,7 +237,7 @@ impl CcpSolver for PathFollowing {
         impulse: &mut [f64],
         settings: &SolveSettings,
     ) -> Result<SolveReport, CcpError> {
-        problem.refuse_turning(&self.name())?;
+        problem.require_sliding_alone(&self.name())?;
         self.follow(problem, impulse, settings)
     }
 }

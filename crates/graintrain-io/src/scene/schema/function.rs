@@ -86,6 +86,9 @@ function_of_time!(
 );
 function_of_time!(PRESSURE, PRESSURE_SINUSOID, PRESSURE_TABLE, "pressure", D::PRESSURE, "\"10 kPa\"");
 
+function_of_time!(LENGTH, LENGTH_SINUSOID, LENGTH_TABLE, "length", D::LENGTH, "\"20 cm\"");
+function_of_time!(ANGLE, ANGLE_SINUSOID, ANGLE_TABLE, "angle", D::ANGLE, "\"15 deg\"");
+
 static FUNCTION_FILE: Table = Table {
     heading: "`file` of a function of time",
     alternatives: &[],

@@ -3,6 +3,7 @@
 
 mod body;
 mod function;
+mod joint;
 mod load;
 mod measure;
 mod packing;
@@ -11,6 +12,7 @@ mod stage;
 use super::quantity::Dimension;
 use body::BODY;
 use function::ACCELERATION;
+use joint::JOINT;
 use load::LOAD;
 use measure::MEASURE;
 use packing::PACKING;
@@ -230,6 +232,13 @@ pub static SCENE: Table = Table {
             "none",
             "{ push = { bodies = [\"wheel\"], force = [0, 0, \"-2 kN\"] } }",
             "Forces, torques and fields by name",
+        ),
+        key(
+            "joint",
+            Named(&JOINT),
+            "none",
+            "{ hinge = { kind = \"revolute\", bodies = [\"door\"], point = [0, 0, 1], axis = [0, 0, 1] } }",
+            "Joints between bodies, or a body and the world, by name",
         ),
         key(
             "stage",

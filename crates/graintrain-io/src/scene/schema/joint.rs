@@ -1,0 +1,206 @@
+//! Keys of joints.
+
+use super::Kind::{self, Flag, Function, Quantity, Rows, Text, Texts, Vector};
+use super::function::{ANGLE, ANGULAR_SPEED, FORCE, LENGTH, SPEED, TORQUE};
+use super::{D, Table, key};
+
+/// N m/rad
+const TORSION: D = D::new(2, 1, -2, -1);
+
+pub(super) static JOINT: Table = Table {
+    heading: "`[joint.NAME]`",
+    alternatives: &[],
+    keys: &[
+        key(
+            "kind",
+            Text,
+            "required",
+            "\"revolute\"",
+            "fixed, revolute, prismatic, cylindrical, spherical, distance or gear",
+        ),
+        key(
+            "bodies",
+            Texts,
+            "required unless a gear",
+            "[\"arm\", \"bucket\"]",
+            "Bodies A and B by name; one alone is B, held by the world",
+        ),
+        key(
+            "point",
+            Vector(D::LENGTH),
+            "required unless a distance or gear",
+            "[0, 0, \"5 cm\"]",
+            "Where the joint is, in the world at time 0",
+        ),
+        key(
+            "axis",
+            Vector(D::NONE),
+            "required of revolute, prismatic, cylindrical",
+            "[0, 1, 0]",
+            "Direction of its axis, in the world at time 0; any length",
+        ),
+        key(
+            "ends",
+            Rows,
+            "required of a distance",
+            "[[0, 0, 1], [0.5, 0, 1]]",
+            "Points on A and on B between which the distance is, in the world at time 0",
+        ),
+        key(
+            "joints",
+            Texts,
+            "required of a gear",
+            "[\"pinion\", \"wheel\"]",
+            "The two joints that a gear couples, above it",
+        ),
+        key(
+            "ratio",
+            Quantity(D::NONE),
+            "required of a gear",
+            "-0.25",
+            "Rate of the second joint over that of the first (rad/s or m/s), negative where they turn against each other",
+        ),
+        key(
+            "along",
+            Text,
+            "\"turn\"",
+            "\"slide\"",
+            "Of a cylindrical joint: whether `motor`, `torsion_spring` and `angles` (turn) or `actuator`, `spring` and `travel` (slide) are given",
+        ),
+        key(
+            "motor",
+            Kind::Table(&MOTOR),
+            "none",
+            "{ speed = \"20 rpm\", torque = \"50 N m\" }",
+            "Drives an angle: at a speed with at most this torque, or with this torque",
+        ),
+        key(
+            "actuator",
+            Kind::Table(&ACTUATOR),
+            "none",
+            "{ speed = \"5 cm/s\", force = \"2 kN\" }",
+            "Drives a slide or distance: at a speed with at most this force, or with this force",
+        ),
+        key(
+            "torsion_spring",
+            Kind::Table(&TORSION_SPRING),
+            "none",
+            "{ stiffness = \"30 N m/rad\" }",
+            "Spring and damper on an angle",
+        ),
+        key(
+            "spring",
+            Kind::Table(&SPRING),
+            "none",
+            "{ stiffness = \"10 kN/m\", damping = \"200 N s/m\" }",
+            "Spring and damper on a slide or distance",
+        ),
+        key(
+            "angles",
+            Kind::Table(&ANGLES),
+            "none",
+            "{ lower = \"-30 deg\" }",
+            "Stops of an angle, which is zero at time 0",
+        ),
+        key(
+            "travel",
+            Kind::Table(&TRAVEL),
+            "none",
+            "{ upper = \"12 cm\" }",
+            "Stops of a slide, which is zero at time 0, or of a distance: with `upper` alone a rope",
+        ),
+        key("collide", Flag, "false", "true", "Whether both bodies collide with each other"),
+    ],
+};
+
+static MOTOR: Table = Table {
+    heading: "`motor`",
+    alternatives: &[],
+    keys: &[
+        key(
+            "speed",
+            Function(D::ANGULAR_SPEED, &ANGULAR_SPEED),
+            "none: the torque itself",
+            "\"20 rpm\"",
+            "Angular speed of B relative to A, a function of time",
+        ),
+        key(
+            "torque",
+            Function(D::ENERGY, &TORQUE),
+            "no limit",
+            "\"50 N m\"",
+            "Largest torque; without `speed` the torque on B, a function of time",
+        ),
+    ],
+};
+
+static ACTUATOR: Table = Table {
+    heading: "`actuator`",
+    alternatives: &[],
+    keys: &[
+        key(
+            "speed",
+            Function(D::SPEED, &SPEED),
+            "none: the force itself",
+            "\"5 cm/s\"",
+            "Rate of the slide or distance, a function of time",
+        ),
+        key(
+            "force",
+            Function(D::FORCE, &FORCE),
+            "no limit",
+            "\"2 kN\"",
+            "Largest force; without `speed` the force on B, a function of time",
+        ),
+    ],
+};
+
+static TORSION_SPRING: Table = Table {
+    heading: "`torsion_spring`",
+    alternatives: &[],
+    keys: &[
+        key("stiffness", Quantity(TORSION), "0", "\"30 N m/rad\"", "Torque per angle"),
+        key("damping", Quantity(D::new(2, 1, -1, -1)), "0", "\"2 N m s/rad\"", "Torque per angular speed"),
+        key(
+            "rest",
+            Function(D::ANGLE, &ANGLE),
+            "0",
+            "\"15 deg\"",
+            "Angle without torque, a function of time",
+        ),
+    ],
+};
+
+static SPRING: Table = Table {
+    heading: "`spring`",
+    alternatives: &[],
+    keys: &[
+        key("stiffness", Quantity(D::new(0, 1, -2, 0)), "0", "\"10 kN/m\"", "Force per length"),
+        key("damping", Quantity(D::new(0, 1, -1, 0)), "0", "\"200 N s/m\"", "Force per speed"),
+        key(
+            "rest",
+            Function(D::LENGTH, &LENGTH),
+            "where it is at time 0",
+            "\"20 cm\"",
+            "Slide or distance without force, a function of time",
+        ),
+    ],
+};
+
+static ANGLES: Table = Table {
+    heading: "`angles`",
+    alternatives: &[],
+    keys: &[
+        key("lower", Quantity(D::ANGLE), "none", "\"-30 deg\"", "Smallest angle"),
+        key("upper", Quantity(D::ANGLE), "none", "\"1 rad\"", "Largest angle"),
+    ],
+};
+
+static TRAVEL: Table = Table {
+    heading: "`travel`",
+    alternatives: &[],
+    keys: &[
+        key("lower", Quantity(D::LENGTH), "none", "\"-5 cm\"", "Smallest slide or distance"),
+        key("upper", Quantity(D::LENGTH), "none", "\"12 cm\"", "Largest slide or distance"),
+    ],
+};

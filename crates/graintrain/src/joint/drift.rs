@@ -1,0 +1,88 @@
+//! Joints that are open are closed by displacements, not by velocities.
+//!
+//! ```text
+//! min 1/2 dq^T M dq   subject to   Phi(q + dq) = 0
+//! ```
+//!
+//! by Newton's method, a few times at most; for stops that were run over likewise. The displacement leaves no velocity, so that no energy
+//! comes of it but what bodies gain against gravity, which is reported ([`crate::step_report::StepReport::correction_energy`]). Bodies that
+//! overlap were moved before, each for itself: that is what opens joints by more than rounding.
+
+use super::JointKind;
+use super::elimination::Elimination;
+use super::kinematics::{Row, coordinate, held};
+use super::mechanism::{Root, connected, length_of, made_unit, row_over};
+use crate::integrate::{displace, inverse_mass};
+use crate::world::World;
+
+/// Corrections of one step.
+const ITERATIONS: usize = 4;
+
+/// Openings over the joint's length that are left alone.
+const CLOSED: f64 = 1e-13;
+
+/// The rows of a joint that are open by more than rounding, or run over; all of those that it holds if one of them is.
+fn open_rows(world: &World, joint: usize) -> (Vec<Row>, bool) {
+    let poses = |body: usize| world.pose(body);
+    let length = length_of(world, joint);
+    let mut rows = held(&world.joints, joint, &poses);
+    let place = world.joints[joint].joint.bodies.iter().flatten();
+    let far = place.map(|body| world.bodies.position[body.index()].length()).fold(0.0, f64::max);
+    let mut turns = world.joints[joint].state.coordinate.abs();
+    if let JointKind::Gear { joints, ratio } = world.joints[joint].joint.kind {
+        let [first, second] = joints.map(|other| world.joints[other.index()].state.coordinate.abs());
+        turns += ratio.abs() * first + second;
+    }
+    let rounding = |angular: bool| 16.0 * f64::EPSILON * if angular { 1.0 + turns } else { far + turns };
+    let allowed = |row: &Row| rounding(row.angular) + CLOSED * if row.angular { 1.0 } else { length };
+    let mut open = rows.iter().any(|row| row.value.abs() > allowed(row));
+    if let Some(limits) = world.joints[joint].joint.limits
+        && let Some(along) = coordinate(&world.joints, joint, &poses)
+    {
+        let over = |at: f64| Row { value: along.value - at, ..along.clone() };
+        let below = limits.lower.map(over).filter(|row| row.value < -allowed(row));
+        let above = limits.upper.map(over).filter(|row| row.value > allowed(row));
+        open |= below.is_some() || above.is_some();
+        rows.extend(below.into_iter().chain(above));
+    }
+    (rows, open)
+}
+
+/// Closes the joints of a world; returned is the displacement (translation in m and turn in rad, six numbers per body), if there was one.
+pub(crate) fn close(world: &mut World) -> Option<Vec<f64>> {
+    let mut total: Option<Vec<f64>> = None;
+    for _ in 0..ITERATIONS {
+        let mut displacement = None;
+        let masses = if world.joints.is_empty() { Vec::new() } else { inverse_mass(world) };
+        for (bodies, joints) in connected(world) {
+            let found: Vec<(Vec<Row>, bool)> = joints.iter().map(|&joint| open_rows(world, joint)).collect();
+            if !found.iter().any(|(_, open)| *open) {
+                continue;
+            }
+            let rows: Vec<Row> = found.into_iter().flat_map(|(rows, _)| rows).collect();
+            let roots: Vec<Root> = bodies.iter().map(|&body| Root::of(&masses[body as usize])).collect();
+            let length = 6 * bodies.len();
+            let (mut units, mut right) = (Vec::new(), Vec::new());
+            for row in &rows {
+                let mut unit = row_over(row, &bodies, &roots, length);
+                right.push(-row.value / made_unit(&mut unit));
+                units.push(unit);
+            }
+            let mut z = vec![0.0; length];
+            Elimination::new(length, units).project(&mut z, &right);
+            let all = displacement.get_or_insert_with(|| vec![0.0; 6 * world.bodies.len()]);
+            for (k, &body) in bodies.iter().enumerate() {
+                let [u, w] = roots[k].times(&z[6 * k..]);
+                let moved = [u.x, u.y, u.z, w.x, w.y, w.z];
+                all[6 * body as usize..6 * body as usize + 6].copy_from_slice(&moved);
+            }
+        }
+        let Some(displacement) = displacement.filter(|all| all.iter().all(|x| x.is_finite())) else { break };
+        displace(world, &displacement);
+        match &mut total {
+            Some(total) => total.iter_mut().zip(&displacement).for_each(|(total, more)| *total += more),
+            None => total = Some(displacement),
+        }
+    }
+    total
+}

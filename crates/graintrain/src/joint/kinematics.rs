@@ -1,0 +1,194 @@
+//! Values of the rows of joints and their derivatives.
+//!
+//! With a place on each body (x_A, x_B; axes t1, t2, a that turn with it) and d = x_B - x_A, rows are
+//!
+//! ```text
+//! translation along an axis n of A:  n . d,            d/dt = n . (u_B + w_B x r_B) - n . (u_A + w_A x (r_A + d))
+//! tilt of the axes:                  a_B . t_A,        d/dt = (w_B - w_A) . (a_B x t_A)
+//! twist about the axis:              t1_B . t2_A,      d/dt = (w_B - w_A) . (t1_B x t2_A)
+//! distance:                          |d|
+//! angle:                             atan2(t1_B . t2_A, t1_B . t1_A) + whole turns
+//! ```
+//!
+//! Forces of a translation row act on both bodies in one point, x_B: they make no torque of their own.
+
+use super::{Coordinate, JointKind, PlacedJoint};
+use crate::math::{Quat, Vec3};
+use std::f64::consts::TAU;
+
+/// Where the body of this index is.
+pub(crate) type Poses<'a> = dyn Fn(usize) -> (Vec3, Quat) + 'a;
+
+/// A scalar function of the places of bodies with its derivative.
+#[derive(Clone, Debug)]
+pub(crate) struct Row {
+    /// m, or rad.
+    pub value: f64,
+    /// Bodies with the derivatives by their translation and rotation. A body may be named twice.
+    pub ends: Vec<(usize, [Vec3; 2])>,
+    /// Whether the value is an angle.
+    pub angular: bool,
+}
+
+impl Row {
+    /// Sum of the derivatives over these velocities (six numbers per body).
+    pub(crate) fn rate(&self, velocity: &[f64]) -> f64 {
+        self.ends
+            .iter()
+            .map(|(body, [linear, angular])| {
+                let v = &velocity[6 * body..6 * body + 6];
+                linear.dot(Vec3::from_slice(&v[..3])) + angular.dot(Vec3::from_slice(&v[3..]))
+            })
+            .sum()
+    }
+
+    /// This row times a factor.
+    pub(crate) fn times(mut self, factor: f64) -> Self {
+        self.value *= factor;
+        for (_, parts) in &mut self.ends {
+            *parts = parts.map(|part| factor * part);
+        }
+        self
+    }
+}
+
+/// The places of a joint in the world.
+pub(crate) struct Placed {
+    bodies: [Option<usize>; 2],
+    /// x_A and x_B, m.
+    points: [Vec3; 2],
+    /// From the centres of both bodies to x_B, m.
+    arms: [Vec3; 2],
+    /// Columns t1, t2, a of A and of B.
+    frames: [[Vec3; 3]; 2],
+}
+
+impl Placed {
+    pub(crate) fn of(placed: &PlacedJoint, poses: &Poses) -> Self {
+        let bodies = placed.joint.bodies.map(|body| body.map(|body| body.index()));
+        let world = |k: usize| {
+            let (point, frame) = placed.places[k];
+            match bodies[k] {
+                Some(body) => {
+                    let (position, orientation) = poses(body);
+                    (position + orientation * point, orientation * frame, position)
+                }
+                None => (point, frame, Vec3::ZERO),
+            }
+        };
+        let [a, b] = [world(0), world(1)];
+        Self {
+            bodies,
+            points: [a.0, b.0],
+            arms: [b.0 - a.2, b.0 - b.2],
+            frames: [a.1, b.1].map(|frame| [frame * Vec3::X, frame * Vec3::Y, frame * Vec3::Z]),
+        }
+    }
+
+    /// Force on B and its torque about x_B of a unit of a row of this joint, which is no gear.
+    pub(crate) fn wrench(&self, row: &Row) -> [Vec3; 2] {
+        let (sign, arm) = if self.bodies[1].is_some() { (1.0, self.arms[1]) } else { (-1.0, self.arms[0]) };
+        let Some((_, [force, moment])) = row.ends.last() else { return [Vec3::ZERO; 2] };
+        [sign * *force, sign * (*moment - arm.cross(*force))]
+    }
+
+    /// Bodies with the force on each and its arm, of this force on B.
+    pub(crate) fn forces(&self, force: Vec3) -> impl Iterator<Item = (usize, Vec3, Vec3)> + '_ {
+        let both = self.bodies.into_iter().zip(self.arms).zip([-force, force]);
+        both.filter_map(|((body, arm), force)| Some((body?, arm, force)))
+    }
+
+    fn row(&self, value: f64, linear: Vec3, turns: [Vec3; 2], angular: bool) -> Row {
+        let ends = [(self.bodies[0], [-linear, -turns[0]]), (self.bodies[1], [linear, turns[1]])];
+        let ends = ends.into_iter().filter_map(|(body, parts)| Some((body?, parts))).collect();
+        Row { value, ends, angular }
+    }
+
+    fn translation(&self, along: Vec3) -> Row {
+        let value = along.dot(self.points[1] - self.points[0]);
+        self.row(value, along, self.arms.map(|arm| arm.cross(along)), false)
+    }
+
+    fn turn(&self, value: f64, about: Vec3) -> Row {
+        self.row(value, Vec3::ZERO, [about; 2], true)
+    }
+
+    fn dot(&self, of_b: usize, of_a: usize) -> Row {
+        let (b, a) = (self.frames[1][of_b], self.frames[0][of_a]);
+        self.turn(b.dot(a), b.cross(a))
+    }
+
+    fn distance(&self) -> Row {
+        let d = self.points[1] - self.points[0];
+        let length = d.length();
+        let along = if length > 0.0 { d / length } else { Vec3::X };
+        Row { value: length, ..self.translation(along) }
+    }
+
+    fn angle(&self, near: f64) -> Row {
+        let [[t1, t2, axis], [b, ..]] = self.frames;
+        let principal = b.dot(t2).atan2(b.dot(t1));
+        let value = principal + TAU * ((near - principal) / TAU).round();
+        self.turn(value, axis)
+    }
+}
+
+/// The rows that a joint holds at zero. A distance and a gear hold theirs at [`PlacedJoint::start`].
+pub(crate) fn held(joints: &[PlacedJoint], joint: usize, poses: &Poses) -> Vec<Row> {
+    let own = &joints[joint];
+    if let JointKind::Gear { .. } = own.joint.kind {
+        let row = coordinate(joints, joint, poses);
+        return row.map(|row| Row { value: row.value - own.start, ..row }).into_iter().collect();
+    }
+    let placed = Placed::of(own, poses);
+    let [t1, t2, axis] = placed.frames[0];
+    let along = |axes: &[Vec3]| axes.iter().map(|&axis| placed.translation(axis)).collect::<Vec<_>>();
+    let tilt = || [placed.dot(2, 0), placed.dot(2, 1)];
+    let mut rows = match own.joint.kind {
+        JointKind::Fixed { .. } | JointKind::Revolute { .. } | JointKind::Spherical { .. } => {
+            along(&[t1, t2, axis])
+        }
+        JointKind::Prismatic { .. } | JointKind::Cylindrical { .. } => along(&[t1, t2]),
+        JointKind::Distance { .. } => {
+            let joint = &own.joint;
+            let is_rod = joint.motor.is_none() && joint.spring.is_none() && joint.limits.is_none();
+            let row = placed.distance();
+            return is_rod.then_some(Row { value: row.value - own.start, ..row }).into_iter().collect();
+        }
+        JointKind::Gear { .. } => Vec::new(),
+    };
+    match own.joint.kind {
+        JointKind::Fixed { .. } | JointKind::Prismatic { .. } => {
+            rows.extend(tilt());
+            rows.push(placed.dot(0, 1));
+        }
+        JointKind::Revolute { .. } | JointKind::Cylindrical { .. } => rows.extend(tilt()),
+        _ => {}
+    }
+    rows
+}
+
+/// The coordinate of a joint, if it has one, with angles within half a turn of the last known one.
+pub(crate) fn coordinate(joints: &[PlacedJoint], joint: usize, poses: &Poses) -> Option<Row> {
+    let own = &joints[joint];
+    let placed = || Placed::of(own, poses);
+    match &own.joint.kind {
+        JointKind::Fixed { .. } | JointKind::Spherical { .. } => None,
+        JointKind::Revolute { .. } | JointKind::Cylindrical { coordinate: Coordinate::Turn, .. } => {
+            Some(placed().angle(own.state.coordinate))
+        }
+        JointKind::Prismatic { .. } | JointKind::Cylindrical { coordinate: Coordinate::Slide, .. } => {
+            let placed = placed();
+            let axis = placed.frames[0][2];
+            Some(placed.translation(axis))
+        }
+        JointKind::Distance { .. } => Some(placed().distance()),
+        JointKind::Gear { joints: pair, ratio } => {
+            let [first, second] = pair.map(|other| coordinate(joints, other.index(), poses));
+            let (first, second) = (first?.times(-ratio), second?);
+            let angular = second.angular;
+            let ends = first.ends.into_iter().chain(second.ends).collect();
+            Some(Row { value: first.value + second.value, ends, angular })
+        }
+    }
+}

@@ -1,0 +1,779 @@
+//! Bodies that joints hold together, solved directly.
+//!
+//! Joints of a step are the bilateral rows of
+//!
+//! ```text
+//! v+ = v* + M^-1 (D g + J^T lambda),      (Phi(q (+) dt v+) - Phi(q)) / dt = w
+//! ```
+//!
+//! with the velocities v* of free bodies, contact impulses g, positions q moved by v+ as the step moves them (q (+) dt v), and rates w that are
+//! zero but for motors and stops. The difference of positions rather than `J v+ = w` keeps bodies on their path to second order, and in a
+//! conservative mechanism the energy (SHAKE); it is reached by a few corrections of the right-hand side of `J v+ = w + beta`. What is
+//! left, or was there before, is removed by displacements ([`super::drift`]) and never by velocities.
+//!
+//! First-order methods need as many iterations as a chain has links, and more where light bodies carry heavy ones. So the rows are eliminated
+//! (see [`super::elimination`]): contacts see the mechanism's common inverse mass `W = M^-1 - M^-1 J^T (J M^-1 J^T)^-1 J M^-1`
+//! ([`graintrain_ccp::CoupledBodies`]), and any contact solver solves contacts alone, with joints exact in every iterate.
+//!
+//! Motors with a limit and stops are one-sided: each is either a row or a known impulse, and changes from one to the other until all
+//! agree with their impulses and rates (active sets); mostly they are what they were in the last step. Springs and dampers are rows with a
+//! compliance, `ds/dt + C g = c_0`, each with a column of its own.
+//!
+//! Source: J.-P. Ryckaert, G. Ciccotti, H. J. C. Berendsen, "Numerical integration of the Cartesian equations of motion of a system with
+//! constraints", Journal of Computational Physics 23:327-341, 1977; B. Leimkuhler, R. Skeel, "Symplectic numerical integrators in
+//! constrained Hamiltonian systems", Journal of Computational Physics 112:117-125, 1994.
+
+use super::elimination::Elimination;
+use super::kinematics::{Placed, Row, coordinate, held};
+use super::stiffening::{RESOLVED, Stiffening, restoring};
+use super::{JointKind, JointState, Motor};
+use crate::integrate::{inverse_mass, world_inertia};
+use crate::math::{Mat3, Vec3, rotation_exponential};
+use crate::motion::Profile;
+use crate::world::World;
+use graintrain_ccp::{BodyInverseMass, CoupledBodies, Residual};
+
+/// Corrections of the right-hand side, and changes of motors and stops, between two solves of the contacts.
+const CORRECTIONS: usize = 40;
+
+/// After so many, motors and stops change one by one.
+const TOGETHER: usize = 8;
+
+/// Rates that joints are solved to between solves of the contacts, over the velocity scale.
+const FINE: f64 = 1e-11;
+
+/// Joints that open faster than this, over the velocity scale, after all corrections are stuck.
+const STUCK: f64 = 1e-3;
+
+/// Roundings in the difference of two positions.
+const ROUNDING: f64 = 16.0;
+
+/// A force beyond its limit, or a rate on the wrong side, counts from this fraction on.
+const CLEAR: f64 = 1e-9;
+
+/// S with S S^T = M^-1 of one body: lower triangular, zero for what is prescribed.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Root {
+    linear: Vec3,
+    angular: Mat3,
+}
+
+impl Root {
+    pub(super) fn of(inverse: &BodyInverseMass) -> Self {
+        let a = |i: usize, j: usize| inverse.angular[3 * i + j];
+        let mut l = [[0.0; 3]; 3];
+        for j in 0..3 {
+            let pivot: f64 = a(j, j) - (0..j).map(|k| l[j][k] * l[j][k]).sum::<f64>();
+            if pivot > 0.0 {
+                l[j][j] = pivot.sqrt();
+                for i in j + 1..3 {
+                    let rest: f64 = a(i, j) - (0..j).map(|k| l[i][k] * l[j][k]).sum::<f64>();
+                    l[i][j] = rest / l[j][j];
+                }
+            }
+        }
+        let angular = Mat3::from_cols(
+            Vec3::new(l[0][0], l[1][0], l[2][0]),
+            Vec3::new(0.0, l[1][1], l[2][1]),
+            Vec3::new(0.0, 0.0, l[2][2]),
+        );
+        Self { linear: Vec3::from_array(inverse.linear.map(f64::sqrt)), angular }
+    }
+
+    /// S^T (f, m).
+    pub(super) fn transposed_times(&self, [f, m]: [Vec3; 2]) -> [Vec3; 2] {
+        [self.linear * f, self.angular.transpose() * m]
+    }
+
+    /// The trace of S^T K S over the rotations: above the square of the rate, 1/s^2, of any swing of the body alone.
+    fn turned(&self, stiffness: Mat3) -> f64 {
+        let product = self.angular.transpose() * stiffness * self.angular;
+        product.x_axis.x + product.y_axis.y + product.z_axis.z
+    }
+
+    /// S z.
+    pub(super) fn times(&self, z: &[f64]) -> [Vec3; 2] {
+        [self.linear * Vec3::from_slice(&z[..3]), self.angular * Vec3::from_slice(&z[3..6])]
+    }
+}
+
+/// What a row is for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Role {
+    /// The one of this number that the joint holds.
+    Held(usize),
+    Motor,
+    Stop,
+    Spring,
+}
+
+/// A row of a joint in a step.
+#[derive(Clone, Debug)]
+struct ActiveRow {
+    joint: usize,
+    role: Role,
+    row: Row,
+    /// Rate that the difference of positions shall have; of a spring the right-hand side itself.
+    wanted: f64,
+    /// Right-hand side: `wanted` with what the curvature of the path asks for.
+    target: f64,
+    /// C.
+    compliance: f64,
+    /// Length of the row of B before it was made one.
+    norm: f64,
+    /// The derivative at v*.
+    free_rate: f64,
+    /// Rate at which it seems to open by the rounding of positions alone, m/s.
+    noise: f64,
+}
+
+/// Bodies that hang together by joints.
+struct Mechanism {
+    /// Those that can move, ascending.
+    bodies: Vec<u32>,
+    roots: Vec<Root>,
+    joints: Vec<usize>,
+    rows: Vec<ActiveRow>,
+    /// Known impulses of motors: joint, row of the coordinate, impulse.
+    pushed: Vec<(usize, Row, f64)>,
+    elimination: Elimination,
+    springs: usize,
+    stiffening: Option<Stiffening>,
+}
+
+/// Velocities and multipliers of a mechanism.
+struct Solution {
+    /// Six per body of the mechanism.
+    velocity: Vec<f64>,
+    /// N s (N m s for angles), per row.
+    impulse: Vec<f64>,
+    /// What the swings that the step does not resolve took, six per body, in the coordinates of the elimination.
+    held: Vec<f64>,
+}
+
+/// All joints of a step.
+pub(crate) struct Mechanisms<'a> {
+    world: &'a World,
+    step: f64,
+    /// v*, six per body.
+    free: Vec<f64>,
+    /// Velocities before the step, six per body.
+    before: Vec<f64>,
+    /// m/s
+    scale: f64,
+    states: Vec<JointState>,
+    /// Length by which rates of angles of a joint become velocities, m.
+    lengths: Vec<f64>,
+    mechanisms: Vec<Mechanism>,
+}
+
+/// What joints did in a step.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct JointReactions {
+    /// One per joint of the world; coordinates still those before the step.
+    pub states: Vec<JointState>,
+    /// Impulses on bodies and their moments about the centres, world axes.
+    pub impulses: Vec<(usize, [Vec3; 2])>,
+    /// Rates at which joints open, over the velocity scale.
+    pub residual: Residual,
+    /// The joint that opens most.
+    pub worst: usize,
+    /// Rate at which it does, m/s.
+    pub opening: f64,
+}
+
+/// What separates rounds: whether motors or stops changed, or targets.
+#[derive(PartialEq)]
+enum Change {
+    Rows,
+    Targets,
+    None,
+}
+
+impl<'a> Mechanisms<'a> {
+    /// The joints of a step from the velocities `before` it, with those that bodies would have without joints and contacts (six per body).
+    pub(crate) fn new(world: &'a World, before: &[f64], free: Vec<f64>, step: f64) -> Self {
+        let mut own = Self {
+            world,
+            step,
+            free,
+            before: before.to_vec(),
+            scale: 0.0,
+            states: world.joints.iter().map(|placed| placed.state).collect(),
+            lengths: Vec::new(),
+            mechanisms: Vec::new(),
+        };
+        if world.joints.is_empty() {
+            return own;
+        }
+        let poses = |body: usize| world.pose(body);
+        let masses = inverse_mass(world);
+        let mut speed = 0.0_f64;
+        for index in 0..world.joints.len() {
+            let length = length_of(world, index);
+            own.lengths.push(length);
+            for row in held(&world.joints, index, &poses) {
+                let rate = row.rate(&own.free) - row.rate(&own.before);
+                speed = speed.max(rate.abs() * if row.angular { length } else { 1.0 });
+            }
+        }
+        let fall = world.gravity.length() * step;
+        own.scale = [fall, speed].into_iter().find(|&v| v > 0.0).unwrap_or(1.0);
+        for (bodies, joints) in connected(world) {
+            let roots = bodies.iter().map(|&body| Root::of(&masses[body as usize])).collect();
+            let (rows, pushed) = (Vec::new(), Vec::new());
+            let elimination = Elimination::default();
+            let mut mechanism =
+                Mechanism { bodies, roots, joints, rows, pushed, elimination, springs: 0, stiffening: None };
+            own.arrange(&mut mechanism);
+            own.mechanisms.push(mechanism);
+        }
+        own
+    }
+
+    /// Whether no joint holds anything that can move.
+    pub(crate) fn is_empty(&self) -> bool {
+        self.mechanisms.is_empty()
+    }
+
+    fn mean(&self, profile: &Profile) -> f64 {
+        profile.mean(self.world.time, self.step)
+    }
+
+    /// What rounding makes of the rate of a row, m/s.
+    fn noise(&self, joint: usize, row: &Row) -> f64 {
+        let place = |(body, _): &(usize, [Vec3; 2])| self.world.bodies.position[*body].length();
+        let far = row.ends.iter().map(place).fold(self.lengths[joint], f64::max);
+        let mut turned = 1.0 + self.states[joint].coordinate.abs();
+        if let JointKind::Gear { joints, ratio } = self.world.joints[joint].joint.kind {
+            let [first, second] = joints.map(|other| self.states[other.index()].coordinate.abs());
+            turned += ratio.abs() * first + second;
+        }
+        let size = if row.angular { self.lengths[joint] * turned } else { far };
+        ROUNDING * f64::EPSILON * size / self.step
+    }
+
+    /// Makes the rows of a mechanism with motors and stops as the states say.
+    fn arrange(&self, mechanism: &mut Mechanism) {
+        let (world, step) = (self.world, self.step);
+        let poses = |body: usize| world.pose(body);
+        (mechanism.rows, mechanism.pushed) = (Vec::new(), Vec::new());
+        for &joint in &mechanism.joints {
+            let mut add = |role: Role, row: Row, wanted: f64, compliance: f64| {
+                let free_rate = row.rate(&self.free);
+                let (target, noise) = (wanted, self.noise(joint, &row));
+                let row =
+                    ActiveRow { joint, role, row, wanted, target, compliance, norm: 1.0, free_rate, noise };
+                mechanism.rows.push(row);
+            };
+            for (k, row) in held(&world.joints, joint, &poses).into_iter().enumerate() {
+                add(Role::Held(k), row, 0.0, 0.0);
+            }
+            let own = &world.joints[joint].joint;
+            if own.motor.is_none() && own.spring.is_none() && own.limits.is_none() {
+                continue;
+            }
+            let Some(along) = coordinate(&world.joints, joint, &poses) else { continue };
+            if let Some(spring) = &own.spring {
+                let rest = spring.rest.as_ref().map_or(world.joints[joint].start, |rest| self.mean(rest));
+                let (k, c) = (spring.stiffness, spring.damping);
+                let quarter = 0.25 * step * step * k;
+                let mobility = 1.0 / (quarter + step * c);
+                let before = along.rate(&self.before);
+                let right = mobility * (quarter * before - step * k * (along.value - rest));
+                add(Role::Spring, along.clone(), right, mobility);
+            }
+            if let Some(limits) = own.limits {
+                let side = self.states[joint].stopped;
+                let at = if side < 0 { limits.lower } else { limits.upper };
+                if let Some(at) = at.filter(|_| side != 0) {
+                    let room = f64::from(side) * (at - along.value);
+                    add(Role::Stop, along.clone(), f64::from(side) * room.max(0.0) / step, 0.0);
+                }
+            }
+            match &own.motor {
+                Some(Motor::Force(force)) => {
+                    let impulse = step * self.mean(force);
+                    mechanism.pushed.push((joint, along, impulse));
+                }
+                Some(Motor::Speed { speed, limit }) => match (self.states[joint].saturated, limit) {
+                    (side, Some(limit)) if side != 0 => {
+                        let impulse = f64::from(side) * step * self.mean(limit).max(0.0);
+                        mechanism.pushed.push((joint, along, impulse));
+                    }
+                    _ => add(Role::Motor, along, self.mean(speed), 0.0),
+                },
+                None => {}
+            }
+        }
+        mechanism.factorise(|_| true);
+        mechanism.stiffening = self.stiffening(mechanism);
+    }
+
+    /// What the forces of the last step make of swings that the step does not resolve.
+    fn stiffening(&self, mechanism: &Mechanism) -> Option<Stiffening> {
+        let poses = |body: usize| self.world.pose(body);
+        let mut stiffness = vec![Mat3::ZERO; mechanism.bodies.len()];
+        for &joint in &mechanism.joints {
+            let own = &self.world.joints[joint];
+            if own.state.force == Vec3::ZERO {
+                continue;
+            }
+            for (body, arm, force) in Placed::of(own, &poses).forces(own.state.force) {
+                if let Ok(k) = mechanism.bodies.binary_search(&(body as u32)) {
+                    stiffness[k] += restoring(arm, force);
+                }
+            }
+        }
+        // The fastest that one body alone could swing: mostly that decides.
+        let bodies = stiffness.iter().zip(&mechanism.roots);
+        let fastest: f64 = bodies.map(|(k, root)| root.turned(*k)).sum();
+        if self.step * self.step * fastest <= RESOLVED {
+            return None;
+        }
+        let motions = mechanism.elimination.free_motions();
+        let turn = |motion: &Vec<f64>| -> Vec<Vec3> {
+            mechanism.roots.iter().enumerate().map(|(k, root)| root.times(&motion[6 * k..])[1]).collect()
+        };
+        let turns: Vec<Vec<Vec3>> = motions.iter().map(turn).collect();
+        Stiffening::new(motions, &turns, &stiffness, self.step)
+    }
+
+    /// M times these velocities (six) of a body.
+    fn momentum(&self, body: usize, v: [Vec3; 2]) -> [Vec3; 2] {
+        let bodies = &self.world.bodies;
+        let inertia = world_inertia(bodies.inertia[body], bodies.orientation[body]);
+        [bodies.mass[body] * v[0], inertia * v[1]]
+    }
+
+    /// Y^T M (v* - v-), one number per free motion.
+    fn change_before(&self, mechanism: &Mechanism, stiffening: &Stiffening) -> Vec<f64> {
+        let parts = |v: &[f64]| [Vec3::from_slice(&v[..3]), Vec3::from_slice(&v[3..6])];
+        let mut all = vec![0.0; 6 * mechanism.bodies.len()];
+        for (k, &body) in mechanism.bodies.iter().enumerate() {
+            let body = body as usize;
+            let (after, before) = (parts(&self.free[6 * body..]), parts(&self.before[6 * body..]));
+            let change = self.momentum(body, [after[0] - before[0], after[1] - before[1]]);
+            let [z, w] = mechanism.roots[k].transposed_times(change);
+            all[6 * k..6 * k + 3].copy_from_slice(&z.to_array());
+            all[6 * k + 3..6 * k + 6].copy_from_slice(&w.to_array());
+        }
+        let product = |motion: &Vec<f64>| motion.iter().zip(&all).map(|(m, x)| m * x).sum();
+        stiffening.motions.iter().map(product).collect()
+    }
+
+    /// Velocities and multipliers of a mechanism under these impulses on all bodies (six per body).
+    fn solve(&self, mechanism: &Mechanism, impulse: &[f64]) -> Solution {
+        let mut start = vec![0.0; 6 * mechanism.bodies.len() + mechanism.springs];
+        let parts = |f: &[f64]| [Vec3::from_slice(&f[..3]), Vec3::from_slice(&f[3..6])];
+        for (k, &body) in mechanism.bodies.iter().enumerate() {
+            let body = body as usize;
+            let mut sum = if impulse.is_empty() { [Vec3::ZERO; 2] } else { parts(&impulse[6 * body..]) };
+            for (_, row, pushed) in &mechanism.pushed {
+                for (_, [f, m]) in row.ends.iter().filter(|(end, _)| *end == body) {
+                    sum = [sum[0] + *pushed * *f, sum[1] + *pushed * *m];
+                }
+            }
+            let [z, w] = mechanism.roots[k].transposed_times(sum);
+            start[6 * k..6 * k + 3].copy_from_slice(&z.to_array());
+            start[6 * k + 3..6 * k + 6].copy_from_slice(&w.to_array());
+        }
+        let right: Vec<f64> =
+            mechanism.rows.iter().map(|row| (row.target - row.free_rate) / row.norm).collect();
+        let mut z = start.clone();
+        mechanism.elimination.project(&mut z, &right);
+        let mut held = Vec::new();
+        if let Some(stiffening) = &mechanism.stiffening {
+            held = z.clone();
+            stiffening.hold(&self.change_before(mechanism, stiffening), &mut z);
+            held.iter_mut().zip(&z).for_each(|(held, z)| *held = z - *held);
+        }
+        let way: Vec<f64> = z.iter().zip(&start).map(|(z, start)| z - start).collect();
+        let mut impulses = mechanism.elimination.multipliers(&way);
+        impulses.iter_mut().zip(&mechanism.rows).for_each(|(impulse, row)| *impulse /= row.norm);
+        let velocity = mechanism
+            .bodies
+            .iter()
+            .enumerate()
+            .flat_map(|(k, &body)| {
+                let [u, w] = mechanism.roots[k].times(&z[6 * k..]);
+                let change = [u.x, u.y, u.z, w.x, w.y, w.z];
+                std::array::from_fn::<f64, 6, _>(|axis| self.free[6 * body as usize + axis] + change[axis])
+            })
+            .collect();
+        Solution { velocity, impulse: impulses, held }
+    }
+
+    /// Where bodies are after the step with these velocities of the mechanism.
+    fn rates(&self, mechanism: &Mechanism, velocity: &[f64]) -> Vec<f64> {
+        let moved = |body: usize| {
+            let (position, orientation) = self.world.pose(body);
+            let v = match mechanism.bodies.binary_search(&(body as u32)) {
+                Ok(k) => &velocity[6 * k..6 * k + 6],
+                Err(_) => &self.free[6 * body..6 * body + 6],
+            };
+            let (u, w) = (Vec3::from_slice(&v[..3]), Vec3::from_slice(&v[3..]));
+            let turn = rotation_exponential(self.step * w);
+            (position + self.step * u, (turn * orientation).normalize())
+        };
+        let joints = &self.world.joints;
+        let mut known: Option<(usize, Vec<Row>)> = None;
+        let rate = |row: &ActiveRow| {
+            let after = match row.role {
+                Role::Held(k) => {
+                    if known.as_ref().is_none_or(|(joint, _)| *joint != row.joint) {
+                        known = Some((row.joint, held(joints, row.joint, &moved)));
+                    }
+                    known.as_ref().map(|(_, rows)| rows[k].value)
+                }
+                Role::Motor | Role::Stop => coordinate(joints, row.joint, &moved).map(|row| row.value),
+                Role::Spring => None,
+            };
+            after.map_or(row.wanted, |after| (after - row.row.value) / self.step)
+        };
+        mechanism.rows.iter().map(rate).collect()
+    }
+
+    /// How fast a row of the joint opens, m/s.
+    fn opening(&self, row: &ActiveRow, rate: f64) -> f64 {
+        (rate - row.wanted).abs() * if row.row.angular { self.lengths[row.joint] } else { 1.0 }
+    }
+
+    /// Motors and stops that disagree with their forces or rates take their other state; of several the first alone where `one` is
+    /// asked for.
+    fn switch(&mut self, index: usize, solution: &Solution, one: bool) -> bool {
+        let mechanism = &self.mechanisms[index];
+        let world = self.world;
+        let limited = |joint: &usize| {
+            let own = &world.joints[*joint].joint;
+            own.limits.is_some() || matches!(own.motor, Some(Motor::Speed { limit: Some(_), .. }))
+        };
+        if !mechanism.joints.iter().any(limited) {
+            return false;
+        }
+        let mut velocity = self.free.clone();
+        for (k, &body) in mechanism.bodies.iter().enumerate() {
+            velocity[6 * body as usize..6 * body as usize + 6]
+                .copy_from_slice(&solution.velocity[6 * k..6 * k + 6]);
+        }
+        let poses = |body: usize| world.pose(body);
+        let mut changed = false;
+        for &joint in mechanism.joints.iter().filter(|joint| limited(joint)) {
+            let own = &world.joints[joint].joint;
+            let Some(along) = coordinate(&world.joints, joint, &poses) else { continue };
+            let rate = along.rate(&velocity);
+            let scale = self.scale / if along.angular { self.lengths[joint] } else { 1.0 };
+            let impulse_of = |role: Role| {
+                let own = |row: &ActiveRow| row.joint == joint && row.role == role;
+                mechanism.rows.iter().position(own).map_or(0.0, |k| solution.impulse[k])
+            };
+            let mut state = self.states[joint];
+            if let Some(Motor::Speed { speed, limit: Some(limit) }) = &own.motor {
+                let most = self.step * self.mean(limit).max(0.0);
+                let wanted = self.mean(speed);
+                match state.saturated {
+                    0 => {
+                        let impulse = impulse_of(Role::Motor);
+                        if impulse.abs() > most * (1.0 + CLEAR) {
+                            state.saturated = if impulse > 0.0 { 1 } else { -1 };
+                        }
+                    }
+                    side if f64::from(side) * (rate - wanted) > CLEAR * scale => state.saturated = 0,
+                    _ => {}
+                }
+            }
+            if let Some(limits) = own.limits {
+                let end = along.value + self.step * rate;
+                let beyond = CLEAR * scale * self.step;
+                match state.stopped {
+                    0 if limits.lower.is_some_and(|lower| end < lower - beyond) => state.stopped = -1,
+                    0 if limits.upper.is_some_and(|upper| end > upper + beyond) => state.stopped = 1,
+                    side if f64::from(side) * impulse_of(Role::Stop) > 0.0 => state.stopped = 0,
+                    _ => {}
+                }
+            }
+            if state != self.states[joint] {
+                self.states[joint] = state;
+                changed = true;
+                if one {
+                    break;
+                }
+            }
+        }
+        changed
+    }
+
+    /// One round of a mechanism: whether anything changed under these contact impulses, to this accuracy of rates (m/s).
+    fn round(&mut self, index: usize, impulse: &[f64], accuracy: f64, one: bool) -> Change {
+        let solution = self.solve(&self.mechanisms[index], impulse);
+        if self.switch(index, &solution, one) {
+            let mut mechanism = std::mem::replace(&mut self.mechanisms[index], Mechanism::empty());
+            self.arrange(&mut mechanism);
+            self.mechanisms[index] = mechanism;
+            return Change::Rows;
+        }
+        let mechanism = &self.mechanisms[index];
+        let rates = self.rates(mechanism, &solution.velocity);
+        let open = |(row, &rate): (&ActiveRow, &f64)| self.opening(row, rate) > accuracy.max(row.noise);
+        if !mechanism.rows.iter().zip(&rates).any(open) {
+            return Change::None;
+        }
+        for (row, rate) in self.mechanisms[index].rows.iter_mut().zip(rates) {
+            row.target -= rate - row.wanted;
+        }
+        Change::Targets
+    }
+
+    /// Finds what motors and stops do and how paths bend, as if contacts exerted these impulses (six numbers per body; empty: none).
+    pub(crate) fn predict(&mut self, impulse: &[f64]) {
+        for index in 0..self.mechanisms.len() {
+            let fine = FINE * self.scale;
+            let mut rounds = 0..CORRECTIONS;
+            let settled =
+                rounds.any(|round| self.round(index, impulse, fine, round >= TOGETHER) == Change::None);
+            if !settled && self.is_open(index, impulse, STUCK * self.scale) {
+                // Corrections that lead nowhere, as in a linkage that is stuck, must not drive it.
+                self.mechanisms[index].rows.iter_mut().for_each(|row| row.target = row.wanted);
+            }
+        }
+    }
+
+    /// Whether a row of a mechanism opens faster than this (m/s).
+    fn is_open(&self, index: usize, impulse: &[f64], accuracy: f64) -> bool {
+        let mechanism = &self.mechanisms[index];
+        let solution = self.solve(mechanism, impulse);
+        let rates = self.rates(mechanism, &solution.velocity);
+        let closed = |(row, &rate): (&ActiveRow, &f64)| self.opening(row, rate) <= accuracy.max(row.noise);
+        !mechanism.rows.iter().zip(&rates).all(closed)
+    }
+
+    /// Whether joints are what the contact problem took them for, to this residual, now that contacts exert these impulses; else
+    /// [`Self::predict`] with them, and the contact problem again.
+    pub(crate) fn agree(&mut self, impulse: &[f64], tolerance: f64) -> bool {
+        let accuracy = tolerance * self.scale;
+        (0..self.mechanisms.len()).all(|index| self.round(index, impulse, accuracy, true) == Change::None)
+    }
+
+    /// Velocities of all bodies under these contact impulses (six per body; empty: none).
+    pub(crate) fn velocities(&self, impulse: &[f64], velocity: &mut [f64]) {
+        for mechanism in &self.mechanisms {
+            let solution = self.solve(mechanism, impulse);
+            for (k, &body) in mechanism.bodies.iter().enumerate() {
+                velocity[6 * body as usize..6 * body as usize + 6]
+                    .copy_from_slice(&solution.velocity[6 * k..6 * k + 6]);
+            }
+        }
+    }
+
+    /// v*, six per body.
+    pub(crate) fn free(&self) -> &[f64] {
+        &self.free
+    }
+
+    /// The common inverse masses of the mechanisms.
+    pub(crate) fn coupled(&self) -> Vec<CoupledBodies> {
+        self.mechanisms.iter().map(Mechanism::coupled).collect()
+    }
+
+    /// What joints did, under these contact impulses.
+    pub(crate) fn reactions(&self, impulse: &[f64]) -> JointReactions {
+        let mut found = JointReactions { states: self.states.clone(), ..JointReactions::default() };
+        for state in &mut found.states {
+            (state.force, state.torque) = (Vec3::ZERO, Vec3::ZERO);
+            (state.rate, state.drive) = (0.0, 0.0);
+        }
+        if self.is_empty() {
+            return found;
+        }
+        let poses = |body: usize| self.world.pose(body);
+        let mut velocity = self.free.clone();
+        self.velocities(impulse, &mut velocity);
+        let (mut squares, mut count) = (0.0, 0);
+        for mechanism in &self.mechanisms {
+            let solution = self.solve(mechanism, impulse);
+            for &joint in &mechanism.joints {
+                if let Some(along) = coordinate(&self.world.joints, joint, &poses) {
+                    found.states[joint].rate = along.rate(&velocity);
+                }
+            }
+            let rates = self.rates(mechanism, &solution.velocity);
+            let held = mechanism.rows.iter().zip(&solution.impulse);
+            let all =
+                held.map(|(row, &impulse)| (row.joint, &row.row, impulse, matches!(row.role, Role::Held(_))));
+            let pushed = mechanism.pushed.iter().map(|(joint, row, impulse)| (*joint, row, *impulse, false));
+            for (joint, row, impulse, holds) in all.chain(pushed) {
+                found
+                    .impulses
+                    .extend(row.ends.iter().map(|(body, parts)| (*body, parts.map(|part| impulse * part))));
+                let own = &self.world.joints[joint];
+                let state = &mut found.states[joint];
+                let is_gear = matches!(own.joint.kind, JointKind::Gear { .. });
+                if !holds || is_gear {
+                    state.drive += impulse / self.step;
+                }
+                if !is_gear {
+                    let [force, torque] = Placed::of(own, &poses).wrench(row);
+                    state.force += impulse / self.step * force;
+                    state.torque += impulse / self.step * torque;
+                }
+            }
+            for (k, &body) in mechanism.bodies.iter().enumerate().filter(|_| !solution.held.is_empty()) {
+                let change = mechanism.roots[k].times(&solution.held[6 * k..]);
+                found.impulses.push((body as usize, self.momentum(body as usize, change)));
+            }
+            for (row, &rate) in mechanism.rows.iter().zip(&rates) {
+                let opening = self.opening(row, rate);
+                if opening.is_nan() || opening > found.opening {
+                    (found.opening, found.worst) = (opening, row.joint);
+                }
+                squares += (opening / self.scale).powi(2);
+                count += 1;
+            }
+        }
+        let rms = (squares / f64::from(count.max(1))).sqrt();
+        found.residual = Residual { max: found.opening / self.scale, rms };
+        found
+    }
+}
+
+impl Mechanism {
+    fn empty() -> Self {
+        let (bodies, roots, joints) = (Vec::new(), Vec::new(), Vec::new());
+        let (rows, pushed, elimination) = (Vec::new(), Vec::new(), Elimination::default());
+        Self { bodies, roots, joints, rows, pushed, elimination, springs: 0, stiffening: None }
+    }
+
+    /// Eliminates the rows that are chosen.
+    fn factorise(&mut self, chosen: impl Fn(&ActiveRow) -> bool) {
+        self.rows.retain(chosen);
+        self.springs = self.rows.iter().filter(|row| row.compliance > 0.0).count();
+        let length = 6 * self.bodies.len() + self.springs;
+        let mut spring = 6 * self.bodies.len();
+        let mut rows = Vec::with_capacity(self.rows.len());
+        for own in &mut self.rows {
+            let mut row = row_over(&own.row, &self.bodies, &self.roots, length);
+            if own.compliance > 0.0 {
+                row[spring] = own.compliance.sqrt();
+                spring += 1;
+            }
+            own.norm = made_unit(&mut row);
+            rows.push(row);
+        }
+        self.elimination = Elimination::new(length, rows);
+    }
+
+    /// W = Y Y^T with Y = S (motions that the rows leave free), and what stiffens swings.
+    fn coupled(&self) -> CoupledBodies {
+        let motions: Vec<Vec<f64>> = self.elimination.free_motions();
+        let degrees = motions.len();
+        let mut factor = vec![0.0; 6 * self.bodies.len() * degrees];
+        for (column, motion) in motions.iter().enumerate() {
+            for (k, root) in self.roots.iter().enumerate() {
+                let [u, w] = root.times(&motion[6 * k..]);
+                for (axis, y) in [u.x, u.y, u.z, w.x, w.y, w.z].into_iter().enumerate() {
+                    factor[(6 * k + axis) * degrees + column] = y;
+                }
+            }
+        }
+        if let Some(stiffening) = &self.stiffening {
+            // Y L^-T: every row is L^-1 of itself.
+            factor.chunks_exact_mut(degrees).for_each(|row| stiffening.forward(row));
+        }
+        CoupledBodies { bodies: self.bodies.clone(), degrees, factor }
+    }
+}
+
+/// The common inverse masses in an impact: forces that are finite have no time to act, joints and motors without limit hold.
+pub(crate) fn coupled_in_impacts(world: &World, velocity: &[f64], step: f64) -> Vec<CoupledBodies> {
+    let mut all = Mechanisms::new(world, velocity, velocity.to_vec(), step);
+    for mechanism in &mut all.mechanisms {
+        mechanism.stiffening = None;
+        mechanism.factorise(|row| match row.role {
+            Role::Held(_) => true,
+            Role::Motor => {
+                let motor = &world.joints[row.joint].joint.motor;
+                matches!(motor, Some(Motor::Speed { limit: None, .. }))
+            }
+            Role::Stop | Role::Spring => false,
+        });
+    }
+    all.coupled()
+}
+
+/// S^T of a row's derivatives, over these bodies.
+pub(super) fn row_over(row: &Row, bodies: &[u32], roots: &[Root], length: usize) -> Vec<f64> {
+    let mut all = vec![0.0; length];
+    for (body, parts) in &row.ends {
+        if let Ok(k) = bodies.binary_search(&(*body as u32)) {
+            let [z, w] = roots[k].transposed_times(*parts);
+            for (axis, x) in z.to_array().into_iter().chain(w.to_array()).enumerate() {
+                all[6 * k + axis] += x;
+            }
+        }
+    }
+    all
+}
+
+/// Divides a row by its length, which is returned; 1 for a row of zeros.
+pub(super) fn made_unit(row: &mut [f64]) -> f64 {
+    let norm = row.iter().map(|x| x * x).sum::<f64>().sqrt();
+    if norm.is_nan() || norm <= 0.0 {
+        return 1.0;
+    }
+    row.iter_mut().for_each(|x| *x /= norm);
+    norm
+}
+
+/// Bodies of a joint, a gear's those of its joints.
+fn bodies_of(world: &World, joint: usize) -> Vec<usize> {
+    let own = &world.joints[joint].joint;
+    match &own.kind {
+        JointKind::Gear { joints, .. } => {
+            joints.iter().flat_map(|other| bodies_of(world, other.index())).collect()
+        }
+        _ => own.bodies.iter().flatten().map(|body| body.index()).collect(),
+    }
+}
+
+/// Movable bodies and joints that hang together, each ascending.
+pub(super) fn connected(world: &World) -> Vec<(Vec<u32>, Vec<usize>)> {
+    let mut found: Vec<(Vec<u32>, Vec<usize>)> = Vec::new();
+    for joint in 0..world.joints.len() {
+        let movable = bodies_of(world, joint).into_iter().filter(|&body| !world.is_prescribed(body));
+        let mut own: (Vec<u32>, Vec<usize>) = (movable.map(|body| body as u32).collect(), vec![joint]);
+        if own.0.is_empty() {
+            continue;
+        }
+        let touches = |other: &(Vec<u32>, Vec<usize>)| other.0.iter().any(|body| own.0.contains(body));
+        let (joined, apart): (Vec<_>, Vec<_>) = found.into_iter().partition(touches);
+        for (bodies, joints) in joined {
+            own.0.extend(bodies);
+            own.1.extend(joints);
+        }
+        own.0.sort_unstable();
+        own.0.dedup();
+        own.1.sort_unstable();
+        found = apart;
+        found.push(own);
+    }
+    found.sort_unstable_by_key(|(bodies, _)| bodies[0]);
+    found
+}
+
+/// The longer of a joint's arms and its bodies' radii of gyration, m.
+pub(super) fn length_of(world: &World, joint: usize) -> f64 {
+    let own = &world.joints[joint];
+    let ends =
+        own.joint.bodies.iter().zip(&own.places).filter_map(|(body, place)| Some(((*body)?.index(), place)));
+    let mut length = 0.0_f64;
+    for (body, (point, _)) in ends {
+        let (mass, inertia) = (world.bodies.mass[body], world.bodies.inertia[body]);
+        let trace = inertia.x_axis.x + inertia.y_axis.y + inertia.z_axis.z;
+        let gyration = if mass > 0.0 { (0.5 * trace / mass).sqrt() } else { 0.0 };
+        length = length.max(point.length()).max(gyration);
+    }
+    if let JointKind::Gear { joints, .. } = own.joint.kind {
+        length = length_of(world, joints[1].index());
+    }
+    if length > 0.0 { length } else { 1.0 }
+}

@@ -1,0 +1,492 @@
+//! Joints: what holds bodies together besides contact.
+//!
+//! A joint ties a place on body B to a place on body A (or the world) by bilateral rows, whose impulses have any sign. Rows of a joint:
+//!
+//! | kind | held | free |
+//! |---|---|---|
+//! | fixed | 3 translations, 3 rotations | nothing |
+//! | revolute | 3 translations, 2 rotations | the angle about the axis |
+//! | prismatic | 2 translations, 3 rotations | the slide along the axis |
+//! | cylindrical | 2 translations, 2 rotations | angle and slide |
+//! | spherical | 3 translations | all rotations |
+//! | distance | the distance of two points | everything else; the distance too, where a spring, a motor or limits act on it |
+//! | gear | the coordinate of a second joint is a multiple of that of a first | |
+//!
+//! The coordinate s of a joint (angle, slide or distance; B relative to A) may have a [`Motor`], a [`Spring`] and [`Limits`]. How the rows
+//! are solved is in [`mechanism`], their geometry in [`kinematics`].
+
+pub(crate) mod drift;
+pub(crate) mod elimination;
+pub(crate) mod kinematics;
+pub(crate) mod mechanism;
+mod stiffening;
+
+use crate::error::{ModelError, finite, positive};
+use crate::handle::{BodyId, JointId};
+use crate::math::{Mat3, Quat, Vec3, tangents};
+use crate::motion::Profile;
+use crate::world::World;
+use serde::{Deserialize, Serialize};
+
+/// What a joint holds. Points and axes in the world, where the bodies are when the joint is added.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub enum JointKind {
+    /// Both bodies move as one.
+    Fixed {
+        /// Where reactions are told, m.
+        point: Vec3,
+    },
+    /// A hinge.
+    Revolute {
+        /// A point of the axis, m.
+        point: Vec3,
+        /// Direction of the axis; any length.
+        axis: Vec3,
+    },
+    /// A slide that cannot turn.
+    Prismatic {
+        /// A point of the axis, m.
+        point: Vec3,
+        /// Direction of the axis; any length.
+        axis: Vec3,
+    },
+    /// A shaft that slides and turns.
+    Cylindrical {
+        /// A point of the axis, m.
+        point: Vec3,
+        /// Direction of the axis; any length.
+        axis: Vec3,
+        /// Which of both motors, springs and limits act on.
+        coordinate: Coordinate,
+    },
+    /// A ball in a socket.
+    Spherical {
+        /// Its centre, m.
+        point: Vec3,
+    },
+    /// A rod without mass between two points; with limits alone a rope, with a spring a spring, with a motor an actuator.
+    Distance {
+        /// Its ends on A and on B, m.
+        ends: [Vec3; 2],
+    },
+    /// Coordinate of the second joint = ratio x coordinate of the first + a constant: gears (ratio negative where they turn against each
+    /// other), a rack and its pinion (ratio in m/rad). Its bodies are those of both joints.
+    Gear {
+        /// The two joints, each with a coordinate.
+        joints: [JointId; 2],
+        /// ds_2 / ds_1.
+        ratio: f64,
+    },
+}
+
+/// The two coordinates of a cylindrical joint.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Coordinate {
+    /// The angle about the axis.
+    #[default]
+    Turn,
+    /// The way along it.
+    Slide,
+}
+
+/// What drives the coordinate of a joint: the force (N; torque, N m, on angles) on B along it, and the other way on A.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Motor {
+    /// Keeps a speed (m/s or rad/s) with whatever force that takes, up to a limit where there is one. Speed 0 with a limit is dry
+    /// friction in the joint.
+    Speed {
+        /// Speed as a function of time; steps take its mean.
+        speed: Profile,
+        /// Largest force, N or N m, not negative.
+        limit: Option<Profile>,
+    },
+    /// Exerts this force (N or N m).
+    Force(Profile),
+}
+
+/// A linear spring with a damper: force -k (s - rest) - c ds/dt on B along the coordinate. Stable for any step: the spring takes the mean
+/// (s- + 2 s + s+) / 4 over three steps, which keeps its energy; the damper the rate at the end of the step.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Spring {
+    /// k, N/m or N m/rad, not negative.
+    pub stiffness: f64,
+    /// c, N s/m or N m s/rad, not negative.
+    pub damping: f64,
+    /// Coordinate without force, m or rad, as a function of time; `None`: where the joint is when it is added.
+    pub rest: Option<Profile>,
+}
+
+/// Stops: the coordinate stays between these, as a bar of rope or a door does. Without rebound.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Limits {
+    /// Smallest coordinate, m or rad.
+    pub lower: Option<f64>,
+    /// Largest coordinate.
+    pub upper: Option<f64>,
+}
+
+/// A joint to be added to a world. Angles and slides are zero where it is added; distances are what they are.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Joint {
+    /// Name; may be empty.
+    pub name: String,
+    /// Bodies A and B; `None` for A or B is the world. A gear has none.
+    pub bodies: [Option<BodyId>; 2],
+    /// What it holds.
+    pub kind: JointKind,
+    /// What drives it.
+    pub motor: Option<Motor>,
+    /// Its spring and damper.
+    pub spring: Option<Spring>,
+    /// Its stops.
+    pub limits: Option<Limits>,
+    /// Whether its two bodies collide with each other.
+    pub collide: bool,
+}
+
+impl Joint {
+    /// A joint of this kind between two bodies, or a body and the world, without motor, spring or limits.
+    pub fn new(bodies: [Option<BodyId>; 2], kind: JointKind) -> Self {
+        Self { name: String::new(), bodies, kind, motor: None, spring: None, limits: None, collide: false }
+    }
+
+    /// Makes two bodies one.
+    pub fn fixed(a: Option<BodyId>, b: BodyId, point: Vec3) -> Self {
+        Self::new([a, Some(b)], JointKind::Fixed { point })
+    }
+
+    /// A hinge about an axis through a point.
+    pub fn revolute(a: Option<BodyId>, b: BodyId, point: Vec3, axis: Vec3) -> Self {
+        Self::new([a, Some(b)], JointKind::Revolute { point, axis })
+    }
+
+    /// A slide along an axis through a point.
+    pub fn prismatic(a: Option<BodyId>, b: BodyId, point: Vec3, axis: Vec3) -> Self {
+        Self::new([a, Some(b)], JointKind::Prismatic { point, axis })
+    }
+
+    /// A ball and socket.
+    pub fn spherical(a: Option<BodyId>, b: BodyId, point: Vec3) -> Self {
+        Self::new([a, Some(b)], JointKind::Spherical { point })
+    }
+
+    /// A rod between a point of A and a point of B.
+    pub fn distance(a: Option<BodyId>, b: BodyId, ends: [Vec3; 2]) -> Self {
+        Self::new([a, Some(b)], JointKind::Distance { ends })
+    }
+
+    /// Gears between two joints.
+    pub fn gear(joints: [JointId; 2], ratio: f64) -> Self {
+        Self::new([None, None], JointKind::Gear { joints, ratio })
+    }
+
+    /// The same with a name.
+    #[must_use]
+    pub fn named(self, name: &str) -> Self {
+        Self { name: name.to_string(), ..self }
+    }
+
+    /// The same with a motor.
+    #[must_use]
+    pub fn with_motor(self, motor: Motor) -> Self {
+        Self { motor: Some(motor), ..self }
+    }
+
+    /// The same with a spring and damper.
+    #[must_use]
+    pub fn with_spring(self, stiffness: f64, damping: f64) -> Self {
+        Self { spring: Some(Spring { stiffness, damping, rest: None }), ..self }
+    }
+
+    /// The same with stops.
+    #[must_use]
+    pub fn with_limits(self, lower: Option<f64>, upper: Option<f64>) -> Self {
+        Self { limits: Some(Limits { lower, upper }), ..self }
+    }
+
+    /// How messages call it.
+    fn label(&self, index: usize) -> String {
+        if self.name.is_empty() { format!("joint {index}") } else { format!("joint '{}'", self.name) }
+    }
+
+    /// Whether it has a coordinate on which motors, springs and limits act.
+    fn has_coordinate(&self) -> bool {
+        !matches!(self.kind, JointKind::Fixed { .. } | JointKind::Spherical { .. } | JointKind::Gear { .. })
+    }
+
+    /// Point and axes (columns: two across, and the axis) on A and on B, in the world.
+    fn places(&self) -> [(Vec3, Quat); 2] {
+        let along = |axis: Vec3| {
+            let axis = axis.normalize();
+            let (t1, t2) = tangents(axis);
+            Quat::from_mat3(&Mat3::from_cols(t1, t2, axis)).normalize()
+        };
+        match self.kind {
+            JointKind::Fixed { point } | JointKind::Spherical { point } => [(point, Quat::IDENTITY); 2],
+            JointKind::Revolute { point, axis }
+            | JointKind::Prismatic { point, axis }
+            | JointKind::Cylindrical { point, axis, .. } => [(point, along(axis)); 2],
+            JointKind::Distance { ends } => ends.map(|end| (end, Quat::IDENTITY)),
+            JointKind::Gear { .. } => [(Vec3::ZERO, Quat::IDENTITY); 2],
+        }
+    }
+
+    fn validate(&self, label: &str, world: &World, index: usize) -> Result<(), ModelError> {
+        let refuse = |what: String| Err(ModelError::Joint { joint: label.to_string(), what });
+        let bodies = self.bodies.iter().flatten();
+        if let Some(body) = bodies.clone().find(|body| body.index() >= world.bodies.len()) {
+            let (what, len) = ("body", world.bodies.len());
+            return Err(ModelError::Index { what, index: body.index(), len });
+        }
+        if let JointKind::Gear { joints, ratio } = &self.kind {
+            if let Some(joint) = joints.iter().find(|joint| joint.index() >= index) {
+                let (what, len) = ("joint before it", index);
+                return Err(ModelError::Index { what, index: joint.index(), len });
+            }
+            if joints[0] == joints[1] {
+                return refuse("it couples a joint with itself; name two joints".to_string());
+            }
+            if let Some(other) =
+                joints.iter().find(|joint| !world.joints[joint.index()].joint.has_coordinate())
+            {
+                let other = world.joints[other.index()].joint.label(other.index());
+                return refuse(format!("{other} has no angle or slide that a gear could couple"));
+            }
+            if !(ratio.is_finite() && *ratio != 0.0) {
+                let what = format!("the ratio of {label}");
+                return Err(ModelError::Value { what, value: *ratio, expected: "finite and not zero" });
+            }
+        } else {
+            match self.bodies {
+                [None, None] => return refuse("it names no body".to_string()),
+                [a, b] if a == b => return refuse("both its bodies are the same; name two".to_string()),
+                _ => {}
+            }
+            if bodies.clone().all(|body| world.is_prescribed(body.index())) {
+                return refuse(
+                    "nothing it holds can move: all its bodies are fixed or wholly driven; `free` a degree of freedom".to_string(),
+                );
+            }
+        }
+        if let JointKind::Revolute { point, axis }
+        | JointKind::Prismatic { point, axis }
+        | JointKind::Cylindrical { point, axis, .. } = &self.kind
+        {
+            finite(&format!("the point or axis of {label}"), &[point.to_array(), axis.to_array()].concat())?;
+            if axis.length() < 1e-12 {
+                return refuse("its axis has no direction; give one that is not zero".to_string());
+            }
+        }
+        if let JointKind::Fixed { point } | JointKind::Spherical { point } = &self.kind {
+            finite(&format!("the point of {label}"), &point.to_array())?;
+        }
+        if let JointKind::Distance { ends } = &self.kind {
+            finite(&format!("an end of {label}"), &[ends[0].to_array(), ends[1].to_array()].concat())?;
+            if (ends[1] - ends[0]).length() < 1e-12 {
+                return refuse("both its ends are in one place; use a spherical joint for that".to_string());
+            }
+        }
+        self.validate_drive(label)
+    }
+
+    fn validate_drive(&self, label: &str) -> Result<(), ModelError> {
+        let drives = self.motor.is_some() || self.spring.is_some() || self.limits.is_some();
+        if drives && !self.has_coordinate() {
+            let what = "it has no single angle or slide for a motor, a spring or limits".to_string();
+            return Err(ModelError::Joint { joint: label.to_string(), what });
+        }
+        match &self.motor {
+            Some(Motor::Speed { speed, limit }) => {
+                speed.validate()?;
+                if let Some(limit) = limit {
+                    limit.validate()?;
+                    if let Profile::Constant(value) = limit
+                        && *value < 0.0
+                    {
+                        let what = format!("the limit of the motor of {label}");
+                        return Err(ModelError::Value { what, value: *value, expected: "not negative" });
+                    }
+                }
+            }
+            Some(Motor::Force(force)) => force.validate()?,
+            None => {}
+        }
+        if let Some(Spring { stiffness, damping, rest }) = &self.spring {
+            for (name, value) in [("stiffness", *stiffness), ("damping", *damping)] {
+                if !(value.is_finite() && value >= 0.0) {
+                    let what = format!("the {name} of {label}");
+                    return Err(ModelError::Value { what, value, expected: "finite and not negative" });
+                }
+            }
+            if *stiffness == 0.0 && *damping == 0.0 {
+                positive(format!("stiffness or damping of {label}"), 0.0)?;
+            }
+            rest.iter().try_for_each(Profile::validate)?;
+        }
+        if let Some(Limits { lower, upper }) = self.limits {
+            finite(&format!("a limit of {label}"), &lower.into_iter().chain(upper).collect::<Vec<_>>())?;
+            if let (Some(lower), Some(upper)) = (lower, upper)
+                && lower >= upper
+            {
+                let what = format!("its lower limit {lower} is not below its upper limit {upper}");
+                return Err(ModelError::Joint { joint: label.to_string(), what });
+            }
+        }
+        Ok(())
+    }
+}
+
+/// What a joint did in the last step.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct JointState {
+    /// Coordinate, m or rad; angles count whole turns. Of a gear the second joint's less ratio times the first's.
+    pub coordinate: f64,
+    /// Its rate in the last step, m/s or rad/s.
+    pub rate: f64,
+    /// Force on B at the joint's point (that on B) in the last step, world axes, N, of all rows: motor and spring included.
+    pub force: Vec3,
+    /// Torque on B about that point, N m.
+    pub torque: Vec3,
+    /// Force of motor, spring and limits along the coordinate, N or N m; of a gear that on the second joint.
+    pub drive: f64,
+    /// Whether the motor was at its limit: sign of the force.
+    pub(crate) saturated: i8,
+    /// Which limit held: -1 the lower, 1 the upper.
+    pub(crate) stopped: i8,
+}
+
+impl JointState {
+    /// What motor and stops were doing, as a number.
+    pub(crate) fn switches(&self) -> u64 {
+        (3 * (i64::from(self.saturated) + 1) + i64::from(self.stopped) + 1) as u64
+    }
+}
+
+/// A joint of a world, with its places on both bodies.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PlacedJoint {
+    /// What was added.
+    pub joint: Joint,
+    /// What it did last.
+    pub state: JointState,
+    /// Point, m, and axes on A and on B, in body axes from the centre of mass (or of the world).
+    pub(crate) places: [(Vec3, Quat); 2],
+    /// Coordinate when it was added.
+    pub(crate) start: f64,
+}
+
+impl World {
+    /// Adds a joint, which holds from the next step on, where its bodies are now. Angle and slide are zero here.
+    ///
+    /// # Errors
+    /// [`ModelError`] for bodies that do not exist or cannot move, an axis without direction, a motor, spring or limits that the kind of
+    /// joint has no coordinate for, or a number out of its range.
+    pub fn add_joint(&mut self, joint: Joint) -> Result<JointId, ModelError> {
+        let index = self.joints.len();
+        joint.validate(&joint.label(index), self, index)?;
+        let bodies = &self.bodies;
+        let mut places = joint.places();
+        for (place, body) in places.iter_mut().zip(joint.bodies) {
+            if let Some(body) = body.map(BodyId::index) {
+                let turn = bodies.orientation[body].conjugate();
+                *place = (turn * (place.0 - bodies.position[body]), (turn * place.1).normalize());
+            }
+        }
+        let mut placed = PlacedJoint { joint, state: JointState::default(), places, start: 0.0 };
+        self.joints.push(placed.clone());
+        let start = kinematics::coordinate(&self.joints, index, &|body| self.pose(body));
+        placed.start = start.map_or(0.0, |start| start.value);
+        placed.state.coordinate = placed.start;
+        self.joints[index] = placed;
+        Ok(JointId::from_index(index))
+    }
+
+    /// The joints, with what they did in the last step.
+    pub fn joints(&self) -> &[PlacedJoint] {
+        &self.joints
+    }
+
+    /// How messages call a joint.
+    pub fn joint_label(&self, joint: usize) -> String {
+        self.joints[joint].joint.label(joint)
+    }
+
+    /// Replaces the motor of a joint.
+    ///
+    /// # Errors
+    /// As [`Self::add_joint`].
+    pub fn set_motor(&mut self, joint: JointId, motor: Option<Motor>) -> Result<(), ModelError> {
+        let (index, len) = (joint.index(), self.joints.len());
+        if index >= len {
+            return Err(ModelError::Index { what: "joint", index, len });
+        }
+        let changed = Joint { motor, ..self.joints[index].joint.clone() };
+        changed.validate_drive(&changed.label(index))?;
+        self.joints[index].joint = changed;
+        Ok(())
+    }
+
+    /// Where a body is.
+    pub(crate) fn pose(&self, body: usize) -> (Vec3, Quat) {
+        (self.bodies.position[body], self.bodies.orientation[body])
+    }
+
+    /// Pairs of bodies that joints keep from colliding, lower index first, ascending.
+    pub(crate) fn joined_pairs(&self) -> Vec<[u32; 2]> {
+        let pair = |placed: &PlacedJoint| match placed.joint.bodies {
+            [Some(a), Some(b)] if !placed.joint.collide => {
+                let (a, b) = (a.index() as u32, b.index() as u32);
+                Some([a.min(b), a.max(b)])
+            }
+            _ => None,
+        };
+        let mut pairs: Vec<[u32; 2]> = self.joints.iter().filter_map(pair).collect();
+        pairs.sort_unstable();
+        pairs
+    }
+
+    /// Takes over what joints did in a step, with the coordinates that bodies have now.
+    pub(crate) fn record_joints(&mut self, states: &[JointState]) {
+        for (index, state) in states.iter().enumerate() {
+            let along = kinematics::coordinate(&self.joints, index, &|body| self.pose(body));
+            let before = self.joints[index].state.coordinate;
+            self.joints[index].state =
+                JointState { coordinate: along.map_or(before, |along| along.value), ..*state };
+        }
+    }
+
+    /// Checks joints that were read from somewhere.
+    pub(crate) fn validate_joints(&self) -> Result<(), ModelError> {
+        for (index, placed) in self.joints.iter().enumerate() {
+            placed.joint.validate(&placed.joint.label(index), self, index)?;
+            for (point, frame) in placed.places {
+                finite("a place of a joint", &point.to_array())?;
+                crate::shape::unit_quaternion("the axes of a joint", frame)?;
+            }
+            let JointState { coordinate, rate, force, torque, drive, .. } = placed.state;
+            finite("the coordinate of a joint", &[coordinate, rate, drive, placed.start])?;
+            finite("the reaction of a joint", &[force.to_array(), torque.to_array()].concat())?;
+        }
+        Ok(())
+    }
+
+    /// Removes the joints of bodies that are gone, and gears of joints that are; the others follow their bodies.
+    pub(crate) fn keep_joints(&mut self, new_index: &[Option<BodyId>]) {
+        let mut kept: Vec<Option<JointId>> = Vec::new();
+        for mut placed in std::mem::take(&mut self.joints) {
+            let moved = placed.joint.bodies.map(|body| body.map(|body| new_index[body.index()]));
+            let mut stays = moved.iter().flatten().all(Option::is_some);
+            placed.joint.bodies = moved.map(Option::flatten);
+            if let JointKind::Gear { joints, .. } = &mut placed.joint.kind {
+                let new = joints.map(|joint| kept[joint.index()]);
+                stays = new.iter().all(Option::is_some);
+                *joints = std::array::from_fn(|k| new[k].unwrap_or(joints[k]));
+            }
+            kept.push(stays.then(|| JointId::from_index(self.joints.len())));
+            if stays {
+                self.joints.push(placed);
+            }
+        }
+    }
+}
