@@ -12,7 +12,7 @@
 //! | `tree`, `reader`, `file` | from text to [`Scene`] |
 //! | [`model`] | the parts of a [`Scene`] |
 //! | `packing`, `mesh_file` | packings made here or read from files; meshes |
-//! | `measure`, `stage` | measurements, stages |
+//! | `measure`, `stage`, `stream` | measurements, stages, ways in and out for bodies |
 //! | `build` | from [`Scene`] to [`Simulation`] |
 //! | [`builtin`] | the built-in scenes |
 //! | [`error`] | what can be wrong, and where |
@@ -30,10 +30,10 @@ pub mod model;
 mod packing;
 mod parameters;
 pub mod quantity;
-mod random;
 mod reader;
 pub mod schema;
 mod stage;
+mod stream;
 mod tree;
 
 pub use build::Simulation;
@@ -43,7 +43,8 @@ pub use measure::{
     ShearBoxSpec,
 };
 
-pub use stage::{StageBody, StageMaterial, StageSpec};
+pub use stage::{GrowthSpec, StageBody, StageMaterial, StageSpec, SteadySpec};
+pub use stream::{ExitSpec, OutletSpec, StreamSpec};
 
 use graintrain::material::TurningResistance;
 use model::{
@@ -91,6 +92,12 @@ pub struct Scene {
     /// Packings by name.
     #[serde(rename = "packing", serialize_with = "in_order", skip_serializing_if = "Vec::is_empty")]
     pub packings: Vec<(String, PackingSpec)>,
+    /// Streams of bodies by name.
+    #[serde(rename = "stream", serialize_with = "in_order", skip_serializing_if = "Vec::is_empty")]
+    pub streams: Vec<(String, StreamSpec)>,
+    /// Ways out by name.
+    #[serde(rename = "outlet", serialize_with = "in_order", skip_serializing_if = "Vec::is_empty")]
+    pub outlets: Vec<(String, OutletSpec)>,
     /// Loads by name.
     #[serde(rename = "load", serialize_with = "in_order", skip_serializing_if = "Vec::is_empty")]
     pub loads: Vec<(String, LoadSpec)>,

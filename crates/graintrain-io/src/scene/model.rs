@@ -3,6 +3,7 @@
 use super::error::Location;
 use super::expression::formula_text;
 use super::quantity::Dimension;
+pub use crate::radii::RadiusDistribution;
 use crate::settings::Precision;
 use graintrain::assemble::OverlapCorrection;
 use graintrain::load::Region;
@@ -31,6 +32,9 @@ pub struct ContactSpec {
     /// Overlap accepted at the start, m.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub allowed_overlap: Option<f64>,
+    /// Whether bodies that overlap by more are moved apart before the run.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub relax: bool,
     /// What becomes of overlap.
     pub overlap: OverlapCorrection,
     /// Friction of pairs that are not named.
@@ -543,6 +547,8 @@ pub enum PackingSource {
     Lattice(LatticeSpec),
     /// Random places.
     Drop(DropSpec),
+    /// Places of a least distance.
+    Poisson(PoissonSpec),
     /// A file.
     File(FileSpec),
 }
@@ -565,6 +571,16 @@ pub struct LatticeSpec {
 pub struct DropSpec {
     /// Number of bodies.
     pub count: usize,
+    /// Region.
+    #[serde(flatten)]
+    pub region: Region,
+}
+
+/// Places of a least distance.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct PoissonSpec {
+    /// Least distance of two centres, m.
+    pub distance: f64,
     /// Region.
     #[serde(flatten)]
     pub region: Region,
@@ -626,48 +642,6 @@ pub enum RadiusSpec {
     Distribution(RadiusDistribution),
 }
 
-/// Distribution of radii, m.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum RadiusDistribution {
-    /// Uniform between two radii.
-    Uniform {
-        /// Smallest.
-        min: f64,
-        /// Largest.
-        max: f64,
-    },
-    /// Normal, cut off.
-    Normal {
-        /// Before the cut.
-        mean: f64,
-        /// Standard deviation before the cut.
-        deviation: f64,
-        /// Smallest.
-        min: f64,
-        /// Largest.
-        max: f64,
-    },
-    /// Log-normal, cut off.
-    Lognormal {
-        /// Before the cut.
-        median: f64,
-        /// Standard deviation of the logarithm.
-        deviation: f64,
-        /// Smallest.
-        min: f64,
-        /// Largest.
-        max: f64,
-    },
-    /// One of several.
-    Choice {
-        /// The radii.
-        radii: Vec<f64>,
-        /// How often each is drawn.
-        weights: Vec<f64>,
-    },
-}
-
 impl ShapeSpec {
     /// Whether the shape is a boundary without mass.
     pub fn is_boundary(&self) -> bool {
@@ -684,6 +658,7 @@ impl PackingSpec {
                 format!("lattice of {x} x {y} x {z}")
             }
             PackingSource::Drop(drop) => format!("{} at random places", drop.count),
+            PackingSource::Poisson(poisson) => format!("at random places {} m apart", poisson.distance),
             PackingSource::File(file) => format!("from {}", file.path.display()),
         }
     }

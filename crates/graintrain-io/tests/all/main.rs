@@ -12,5 +12,6 @@ mod scene_loads;
 mod scene_meshes;
 mod scene_turning;
 mod stages;
+mod traffic;
 #[cfg(not(feature = "fclib"))]
 mod without_fclib;

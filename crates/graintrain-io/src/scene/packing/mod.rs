@@ -2,19 +2,23 @@
 
 mod drop;
 mod lattice;
-mod radii;
+mod poisson;
 pub(crate) mod table_file;
 mod vtk_file;
 
 use super::error::{SceneError, SceneErrorKind};
 use super::model::{FileSpec, PackingFormat, PackingSource, PackingSpec, RadiusSpec};
-use super::random::Random;
+use crate::radii;
+use crate::random::Random;
 use graintrain::math::{Quat, Vec3};
-use std::f64::consts::TAU;
+use graintrain::measure::space::volume;
 use std::path::Path;
 
 /// Tells the stream of orientations from that of places.
 const TURNS: u64 = 0x7475_726e_7321_0001;
+
+/// Tells the stream of evenly spread places from that of radii.
+const PLACES: u64 = 0x7370_7265_6164_2101;
 
 /// Most bodies of a packing; more would not fit into memory.
 const MOST_BODIES: u64 = 100_000_000;
@@ -105,6 +109,23 @@ pub(crate) fn place(
             }
             Placed { position, radius, velocity: Vec::new() }
         }
+        PackingSource::Poisson(sampling) => {
+            let most = volume(&sampling.region) / sampling.distance.powi(3);
+            limited(name, spec, Some(most as u64))?;
+            let reach = match (&spec.radius, bounding_radius) {
+                (_, Some(radius)) => radius,
+                (Some(RadiusSpec::Single(radius)), _) => *radius,
+                (Some(RadiusSpec::Distribution(distribution)), _) => distribution.range()[1],
+                (None, None) => 0.0,
+            };
+            let mut places = Random::new(spec.seed ^ PLACES);
+            let position = poisson::positions(&sampling.region, sampling.distance, reach, &mut places);
+            if position.is_empty() {
+                let kind = SceneErrorKind::NoRoom { packing: name.into(), placed: 0, wanted: 1 };
+                return Err(SceneError::at(kind, &spec.location));
+            }
+            Placed { radius: draw_radii(position.len()), position, velocity: Vec::new() }
+        }
         PackingSource::File(file) => {
             let content = read(file)?;
             let drawn = draw_radii(content.position.len());
@@ -116,17 +137,10 @@ pub(crate) fn place(
     Ok(placed)
 }
 
-/// The orientations of a packing's bodies, one after the other; none where they are not turned. Uniform over all rotations
-/// (K. Shoemake, "Uniform random rotations", Graphics Gems III, 1992), from a stream of their own: places stay what they are.
+/// The orientations of a packing's bodies, one after the other; none where they are not turned, from a stream of their own: places stay what they are.
 pub(crate) fn orientations(spec: &PackingSpec) -> impl Iterator<Item = Quat> + use<> {
     let mut random = Random::new(spec.seed ^ TURNS);
-    let turn = move || {
-        let share = random.uniform();
-        let [a, b] = [random.between(0.0, TAU), random.between(0.0, TAU)];
-        let (low, high) = ((1.0 - share).sqrt(), share.sqrt());
-        Quat::from_xyzw(low * a.sin(), low * a.cos(), high * b.sin(), high * b.cos()).normalize()
-    };
-    std::iter::repeat_with(turn).take(if spec.random_rotation { usize::MAX } else { 0 })
+    std::iter::repeat_with(move || random.rotation()).take(if spec.random_rotation { usize::MAX } else { 0 })
 }
 
 fn limited(name: &str, spec: &PackingSpec, count: Option<u64>) -> Result<usize, SceneError> {
