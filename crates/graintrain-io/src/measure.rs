@@ -86,6 +86,8 @@ pub struct ShearBox {
     pub normal: Vec3,
     /// Area of the sample, m^2.
     pub area: f64,
+    /// A point of the plane between the halves, m.
+    pub plane: Option<Vec3>,
 }
 
 /// More bins than this are no measurement.
@@ -247,6 +249,13 @@ const SHEAR_BOX: &[Column] = &[
     column("sigma", "Pa", "normal stress on the pressing part"),
     column("tau_over_sigma", "1", "their ratio"),
     column("friction_angle", "rad", "its arc tangent"),
+    column(
+        "plane_tau",
+        "Pa",
+        "shear stress that the sample carries through the plane between the halves, by contacts of grains alone",
+    ),
+    column("plane_sigma", "Pa", "normal stress likewise"),
+    column("plane_tau_over_sigma", "1", "their ratio"),
     column("dilation", "m", "way of the pressing part away from the sample since the first record"),
 ];
 const REPOSE: &[Column] = &[
@@ -445,7 +454,25 @@ impl ShearBox {
         let tau = -force(self.sheared).dot(self.direction) / self.area;
         let sigma = force(self.pressing).dot(self.normal) / self.area;
         let ratio = if sigma > 0.0 { tau / sigma } else { f64::NAN };
-        vec![places[0] - origin[0], tau, sigma, ratio, ratio.atan(), places[1] - origin[1]]
+        // What lies above receives the force; the sheared half below drags it along its direction.
+        let [plane_tau, plane_sigma] = self.plane.map_or([f64::NAN; 2], |point| {
+            let plane = Plane { point, normal: self.normal, region: None };
+            let force = plane.force_in_sample(world, now.step) / self.area;
+            [force.dot(self.direction), force.dot(self.normal)]
+        });
+        let plane_ratio = if plane_sigma > 0.0 { plane_tau / plane_sigma } else { f64::NAN };
+        let dilation = places[1] - origin[1];
+        vec![
+            places[0] - origin[0],
+            tau,
+            sigma,
+            ratio,
+            ratio.atan(),
+            plane_tau,
+            plane_sigma,
+            plane_ratio,
+            dilation,
+        ]
     }
 }
 

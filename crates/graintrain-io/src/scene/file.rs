@@ -692,12 +692,24 @@ fn file(reader: &Reader) -> Result<FileSpec, SceneError> {
         None => match path.extension().and_then(|ending| ending.to_str()).map(str::to_lowercase).as_deref() {
             Some("vtu" | "vtp") => PackingFormat::Vtk,
             Some("csv") => PackingFormat::Csv,
+            Some("dump" | "lammpstrj" | "liggghts") => PackingFormat::Lammps,
+            Some("xyz" | "extxyz") => PackingFormat::Xyz,
+            Some("data" | "restart") => PackingFormat::Mercury,
             _ => PackingFormat::Table,
         },
     };
+    let frame = reader.count("frame")?;
+    if frame.is_some()
+        && !matches!(format, PackingFormat::Lammps | PackingFormat::Xyz | PackingFormat::Mercury)
+    {
+        let problem =
+            format!("`{}.frame` is for files with several frames: lammps, xyz and mercury", reader.path);
+        return Err(SceneError::at(SceneErrorKind::Contradiction(problem), reader.location()));
+    }
     Ok(FileSpec {
         path,
         format,
+        frame,
         skip_last: reader.count("skip_last")?.unwrap_or(0) as usize,
         scale: reader.quantity("scale", Range::Positive)?.unwrap_or(1.0),
         offset: reader.vector("offset", Range::Any)?.unwrap_or(Vec3::ZERO),

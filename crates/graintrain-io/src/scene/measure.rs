@@ -133,6 +133,9 @@ pub struct ShearBoxSpec {
     pub normal: Vec3,
     /// m^2
     pub area: f64,
+    /// m
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub plane: Option<Vec3>,
 }
 
 /// The angle of a slope.
@@ -348,6 +351,7 @@ fn shear_box(reader: &Reader, bodies: &[&str]) -> Result<ShearBoxSpec, SceneErro
         direction: reader.direction("direction")?.unwrap_or(Vec3::X),
         normal: reader.direction("normal")?.unwrap_or(Vec3::Z),
         area: reader.required("area", Range::Positive)?,
+        plane: reader.vector("plane", Range::Any)?,
     })
 }
 

@@ -181,6 +181,28 @@ impl Scene {
     }
 }
 
+/// The number in SI units that an expression of a scene is, where these names are numbers; not a number where the expression is none.
+///
+/// # Errors
+/// What is wrong with the text, in words.
+pub fn value(text: &str, names: &[(&str, f64)]) -> Result<f64, String> {
+    struct Given<'a>(&'a [(&'a str, f64)]);
+    impl expression::Names for Given<'_> {
+        fn value(&self, name: &str) -> Option<Result<quantity::Quantity, String>> {
+            let found = self.0.iter().find(|(known, _)| *known == name);
+            found.map(|(_, value)| Ok(quantity::Quantity::number(*value)))
+        }
+
+        fn names(&self) -> Vec<&str> {
+            self.0.iter().map(|(name, _)| *name).collect()
+        }
+    }
+    if let Some((name, _)) = names.iter().find(|(name, _)| expression::is_reserved(name)) {
+        return Err(format!("`{name}` already means a unit, a function or a constant: choose another name"));
+    }
+    expression::evaluate(text, &Given(names)).map(|quantity| quantity.value).map_err(|error| error.problem)
+}
+
 /// A time in seconds from what scenes accept as one: a number of seconds, or an expression with units ("20 ms").
 ///
 /// # Errors

@@ -593,6 +593,9 @@ pub struct FileSpec {
     pub path: PathBuf,
     /// Its form.
     pub format: PackingFormat,
+    /// Frame of a file with several, from 0; `None`: the last.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub frame: Option<u64>,
     /// Lines left out at the end.
     pub skip_last: usize,
     /// Factor on all lengths.
@@ -625,11 +628,26 @@ pub enum PackingFormat {
     Csv,
     /// Separated by blanks, with a header line.
     Table,
+    /// Text dumps of LAMMPS and LIGGGHTS.
+    Lammps,
+    /// Extended XYZ.
+    Xyz,
+    /// YADE's text.
+    Yade,
+    /// Data and restart files of MercuryDPM.
+    Mercury,
 }
 
 impl PackingFormat {
-    pub(crate) const NAMES: &[(&str, Self)] =
-        &[("vtk", Self::Vtk), ("csv", Self::Csv), ("table", Self::Table)];
+    pub(crate) const NAMES: &[(&str, Self)] = &[
+        ("vtk", Self::Vtk),
+        ("csv", Self::Csv),
+        ("table", Self::Table),
+        ("lammps", Self::Lammps),
+        ("xyz", Self::Xyz),
+        ("yade", Self::Yade),
+        ("mercury", Self::Mercury),
+    ];
 }
 
 /// Radius of the spheres of a packing, m.

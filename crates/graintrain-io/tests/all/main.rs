@@ -1,5 +1,6 @@
 //! Everything that reads and writes, in one program: linking it once is most of the cost.
 
+mod exchange;
 mod measures;
 mod output;
 #[cfg(feature = "fclib")]

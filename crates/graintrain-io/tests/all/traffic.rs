@@ -113,7 +113,8 @@ fn table(folder: &Path, name: &str) -> impl Fn(&str) -> Vec<f64> {
         .map(|line| line.split(',').map(|cell| cell.parse().unwrap_or(f64::NAN)).collect())
         .collect();
     move |column: &str| {
-        let k = header.iter().position(|name| name == column).unwrap_or_else(|| panic!("{column} {header:?}"));
+        let k =
+            header.iter().position(|name| name == column).unwrap_or_else(|| panic!("{column} {header:?}"));
         rows.iter().map(|row| row[k]).collect()
     }
 }
@@ -156,7 +157,8 @@ fn streams_and_outlets_keep_their_books_and_survive_interruptions() {
     let count = |name: &str| *table(whole.path(), name)("count").last().unwrap();
     let present = |numbers: std::ops::Range<u64>| {
         let roster = &state.roster;
-        (0..reference.world.bodies.len()).filter(|&body| numbers.contains(&roster.number(body))).count() as f64
+        (0..reference.world.bodies.len()).filter(|&body| numbers.contains(&roster.number(body))).count()
+            as f64
     };
     assert_eq!(count("measures/first.csv"), present(2..20));
     assert!(present(2..20) < 18.0);
@@ -292,7 +294,9 @@ fn overlap_of_a_file_is_relaxed_before_the_run() {
 fn wrong_streams_are_refused_with_their_place() {
     let with = |body: &str| {
         let text = format!("[time]\nstep = 0.01\nsteps = 1\n{body}");
-        scene(&text).and_then(|scene| scene.build().map(|_| ()).map_err(|error| error.to_string())).unwrap_err()
+        scene(&text)
+            .and_then(|scene| scene.build().map(|_| ()).map_err(|error| error.to_string()))
+            .unwrap_err()
     };
     let region = "region = { box = { min = [0, 0, 0], max = [1, 1, 1] } }";
     let cases = [

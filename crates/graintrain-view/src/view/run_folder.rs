@@ -8,6 +8,7 @@ use graintrain::math::{Mat3, Quat, Vec3};
 use graintrain::shape::{Geometry, Shape};
 use graintrain::world::{Body, World};
 use graintrain_io::checkpoint;
+use graintrain_io::output::exchange::{ARRAYS, Array, Snapshot};
 use graintrain_io::output::surfaces::surface;
 use graintrain_io::roster::Roster;
 use std::collections::HashMap;
@@ -144,6 +145,30 @@ impl RunFolder {
         let stays = |body: usize| self.numbered.is_none() || world.is_prescribed(body);
         let present = placed.into_iter().enumerate().map(|(body, placed)| placed || stays(body)).collect();
         Ok((world, present))
+    }
+
+    /// The points of a frame (its index in [`Self::times`]) with their arrays, for other programs.
+    ///
+    /// # Errors
+    /// As [`Self::world`].
+    pub fn snapshot(&self, index: usize) -> Result<Snapshot, ViewError> {
+        let frame = &self.frames[index];
+        let file = VtpFile::read(&self.folder.join(&frame.bodies))?;
+        let position = file.vectors("Points")?;
+        let arrays = ARRAYS.into_iter().map(|(name, components, is_whole)| {
+            let values = file.numbers(name)?.to_vec();
+            if values.len() != components * position.len() {
+                return Err(file.malformed(format!("array {name} has {} numbers", values.len())));
+            }
+            Ok(Array { name, components, is_whole, values })
+        });
+        let digits: String = frame.bodies.chars().filter(char::is_ascii_digit).collect();
+        Ok(Snapshot {
+            time: frame.time,
+            step: digits.parse().unwrap_or(0),
+            arrays: arrays.collect::<Result<_, ViewError>>()?,
+            position,
+        })
     }
 
     /// Bodies that a file names by their numbers, as indices; `None` for those that are unknown.

@@ -28,6 +28,7 @@ impl Builder {
                 direction: shear.direction,
                 normal: shear.normal,
                 area: shear.area,
+                plane: shear.plane,
             })
         };
         let profile = |profile: &ProfileSpec| -> Result<Quantity, SceneError> {

@@ -1,10 +1,15 @@
 //! Packings: the places and sizes of many bodies, made here or read from a file.
 
 mod drop;
+mod lammps_file;
 mod lattice;
+mod mercury_file;
 mod poisson;
 pub(crate) mod table_file;
+mod text;
 mod vtk_file;
+mod xyz_file;
+mod yade_file;
 
 use super::error::{SceneError, SceneErrorKind};
 use super::model::{FileSpec, PackingFormat, PackingSource, PackingSpec, RadiusSpec};
@@ -157,11 +162,15 @@ fn read(file: &FileSpec) -> Result<FileContent, SceneError> {
     let bytes = read_file(&file.path, &file.location)?;
     let content = match file.format {
         PackingFormat::Vtk => vtk_file::read(&bytes),
+        PackingFormat::Lammps => lammps_file::read(&bytes, file.frame),
+        PackingFormat::Xyz => xyz_file::read(&bytes, file.frame),
+        PackingFormat::Yade => yade_file::read(&bytes),
+        PackingFormat::Mercury => mercury_file::read(&bytes, file.frame),
         PackingFormat::Csv => table_file::read_spheres(&bytes, Some(','), file.skip_last),
         PackingFormat::Table => table_file::read_spheres(&bytes, None, file.skip_last),
     };
     let mut content = content.map_err(|problem| problem.located(&file.path, &file.location))?;
-    if file.format == PackingFormat::Vtk {
+    if !matches!(file.format, PackingFormat::Csv | PackingFormat::Table) {
         let kept = content.position.len().saturating_sub(file.skip_last);
         content.position.truncate(kept);
         content.radius.iter_mut().for_each(|list| list.truncate(kept));

@@ -191,6 +191,13 @@ static SHEAR_BOX: Table = Table {
         ),
         key("normal", Vector(D::NONE), "[0, 0, 1]", "[0, 0, 1]", "From the sample to the second; any length"),
         key("area", Quantity(D::AREA), "required", "\"0.12 m * 0.12 m\"", "Area of the sample"),
+        key(
+            "plane",
+            Vector(D::LENGTH),
+            "none",
+            "[0, 0, \"3 cm\"]",
+            "A point of the plane between the halves: stresses there by contacts of grains alone, without walls, and with the weight above",
+        ),
     ],
 };
 

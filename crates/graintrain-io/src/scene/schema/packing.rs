@@ -268,9 +268,23 @@ static FILE: Table = Table {
             Text,
             "required",
             "\"pile.vtu\"",
-            "VTU or VTP, CSV, or a whitespace table; relative to the scene's folder, on the command line to the current one",
+            "VTU or VTP, CSV, a whitespace table, a dump of LAMMPS or LIGGGHTS, extended XYZ, YADE's text, data or restart files of MercuryDPM; \
+             relative to the scene's folder, on the command line to the current one",
         ),
-        key("format", Text, "by the file's ending", "\"table\"", "vtk, csv or table"),
+        key(
+            "format",
+            Text,
+            "by the file's ending",
+            "\"lammps\"",
+            "vtk, csv, table, lammps, xyz, yade or mercury",
+        ),
+        key(
+            "frame",
+            Count,
+            "the last",
+            "0",
+            "Frame of a file with several, counted from 0: lammps, xyz, mercury",
+        ),
         key("skip_last", Count, "0", "1", "Leave out this many lines at the end"),
         key(
             "scale",
