@@ -29,7 +29,7 @@ pub struct Arguments {
     #[arg(long, value_name = "COLUMN")]
     y: String,
     /// An expression of x and the constants, as in scenes
-    #[arg(long, value_name = "EXPRESSION")]
+    #[arg(long, value_name = "EXPRESSION", allow_hyphen_values = true)]
     model: String,
     /// The constants, each with a value to start from
     #[arg(long, value_name = "NAME=VALUE,...", value_delimiter = ',', required = true)]

@@ -25,7 +25,7 @@ pub(super) fn count(word: Option<&str>, line: usize) -> Result<usize, FileProble
 /// Where the named columns of a table are.
 pub(super) struct Columns<'a>(pub Vec<&'a str>);
 
-impl<'a> Columns<'a> {
+impl Columns<'_> {
     /// The first of these columns that is there.
     pub fn find(&self, names: &[&str]) -> Option<usize> {
         names.iter().find_map(|name| self.0.iter().position(|known| known.eq_ignore_ascii_case(name)))
@@ -43,7 +43,7 @@ impl<'a> Columns<'a> {
 }
 
 /// The words of a row, which has to have as many as there are columns.
-pub(super) fn row<'a>(text: &'a str, columns: usize, line: usize) -> Result<Vec<&'a str>, FileProblem> {
+pub(super) fn row(text: &str, columns: usize, line: usize) -> Result<Vec<&str>, FileProblem> {
     let words: Vec<&str> = text.split_whitespace().collect();
     if words.len() < columns {
         let problem = format!("{} values where there are {columns} columns", words.len());
