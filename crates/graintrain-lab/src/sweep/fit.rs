@@ -115,13 +115,22 @@ pub fn fit(model: &str, start: &[(String, f64)], points: &[Point]) -> Result<Fit
     let slopes = |constants: &[f64]| -> Result<Vec<Vec<f64>>, SweepError> {
         (0..count)
             .map(|k| {
-                let step = DIFFERENCE * constants[k].abs().max(1e-9);
-                let at = |sign: f64| {
+                let mut step = DIFFERENCE * constants[k].abs().max(1e-9);
+                let at = |sign: f64, step: f64| {
                     let mut moved = constants.to_vec();
                     moved[k] += sign * step;
                     residuals(&moved)
                 };
-                let (more, less) = (at(1.0)?, at(-1.0)?);
+                let (mut more, mut less) = (at(1.0, step)?, at(-1.0, step)?);
+                // A constant that starts from zero says nothing about its size: a step that rounding swallows is enlarged.
+                let is_lost = |more: &[f64], less: &[f64]| {
+                    let least = DIFFERENCE * more.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+                    more.iter().zip(less).all(|(a, b)| (a - b).abs() <= 1e-3 * least)
+                };
+                while constants[k].abs() < 1e-9 && step < 1e9 && is_lost(&more, &less) {
+                    step *= 10.0;
+                    (more, less) = (at(1.0, step)?, at(-1.0, step)?);
+                }
                 Ok(more.iter().zip(&less).map(|(a, b)| (b - a) / (2.0 * step)).collect())
             })
             .collect()
@@ -277,6 +286,10 @@ mod tests {
         assert!((found.constants[1].error / (variance / sxx).sqrt() - 1.0).abs() < 1e-6);
         let expected = (variance * (1.0 / n + mx * mx / sxx)).sqrt();
         assert!((found.constants[0].error / expected - 1.0).abs() < 1e-6);
+        // In other units, from the same start.
+        let large: Vec<Point> = points.iter().map(|p| Point { y: 1e6 * p.y, ..*p }).collect();
+        let found = fit("c + k*x", &start(&[("c", 0.0), ("k", 1.0)]), &large).unwrap();
+        assert!((found.constants[0].value / 1e6 - constant).abs() < 1e-6, "{found:?}");
     }
 
     #[test]
