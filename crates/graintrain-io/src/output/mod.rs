@@ -9,7 +9,7 @@
 //! | [`columns`] | what the columns of tables mean: `columns.json` |
 //! | [`tables`] | `steps.csv`, `wrench.csv` |
 //! | [`newton`] | `newton.csv` |
-//! | [`exchange`], [`mod@vtkhdf`] | frames for other programs |
+//! | [`exchange`], `vtkhdf` (feature `fclib`) | frames for other programs |
 //! | [`summary`] | `summary.json` |
 
 pub mod bodies;
