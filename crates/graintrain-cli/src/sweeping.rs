@@ -6,8 +6,8 @@ use crate::signal::Stop;
 use crate::terminal::{say, tell};
 use graintrain_io::scene;
 use graintrain_lab::sweep::SweepError;
-use graintrain_lab::sweep::collect::{Collected, collect};
-use graintrain_lab::sweep::execute::{Execution, Outcome, Progress, execute};
+use graintrain_lab::sweep::collect::{Collected, check_names, collect};
+use graintrain_lab::sweep::execute::{Execution, Outcome, Progress, check, execute};
 use graintrain_lab::sweep::plan::{Cell, Plan};
 use graintrain_lab::sweep::report::{shown, with_error};
 use indicatif::{ProgressBar, ProgressStyle};
@@ -94,6 +94,9 @@ impl SweepOptions {
                 folder.display()
             );
         }
+        // Before the first run, not after the last one.
+        let known = check(&plan, &cells, self.from).map_err(|error| Err(sweep_failure(error)))?;
+        check_names(&self.observe, &known).map_err(|error| Err(sweep_failure(error)))?;
         let bar = if self.quiet { ProgressBar::hidden() } else { ProgressBar::new(cells.len() as u64) };
         let style = ProgressStyle::with_template(
             "[{bar:30}] {pos}/{len} | {elapsed} so far, {eta} to go | {wide_msg}",
@@ -103,6 +106,15 @@ impl SweepOptions {
         let progress = |progress: Progress<'_>| {
             bar.set_position(progress.done as u64);
             bar.set_message(progress.last.to_string());
+            for path in progress.set_aside {
+                bar.suspend(|| {
+                    tell!(
+                        "warning: {}: an interruption had damaged a table; it is kept as {}, and the run's table begins anew",
+                        progress.last,
+                        path.display()
+                    );
+                });
+            }
         };
         let outcomes = execute(&plan, &cells, &how, &stop.requested, &progress);
         bar.finish_and_clear();

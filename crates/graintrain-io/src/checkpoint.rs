@@ -258,17 +258,27 @@ fn defect(checkpoint: &Checkpoint) -> Option<String> {
     if let Err(error) = world.validate() {
         return Some(error.to_string());
     }
-    if let Some(measure) = settings.measures.iter().find(|measure| !measure.fits(world.bodies.len())) {
+    if let Some(what) = settings.traffic.defect(world, &totals.traffic) {
+        return Some(what);
+    }
+    let given = totals.traffic.roster.given(world.bodies.len());
+    let streams = settings.traffic.streams.len();
+    if let Some(measure) = settings.measures.iter().find(|measure| !measure.fits(given, streams)) {
         return Some(format!("measure {} fits no run of it", measure.name));
     }
     if totals.stages.len() > settings.stages.len() {
         return Some("more stages have begun than there are".to_string());
     }
+    let grows =
+        |stage: &&crate::stage::Stage| stage.growth.as_ref().is_some_and(|growth| !growth.fits(given));
+    if let Some(stage) = settings.stages.iter().find(grows) {
+        return Some(format!("growth in stage {} fits no run of it", stage.name));
+    }
     // What is still to come has to make worlds, too.
     let coming = settings.stages.get(totals.stages.len()..).unwrap_or_default();
     coming.iter().find_map(|stage| {
         let mut then = world.clone();
-        let begun = stage.begin(&mut then);
+        let begun = stage.begin(&mut then, &totals.traffic.roster);
         begun.and_then(|()| then.validate()).err().map(|error| format!("stage {}: {error}", stage.name))
     })
 }
@@ -340,9 +350,11 @@ mod tests {
             // What may be asked of it: nothing panics, whatever comes of it.
             world.state_hash();
             if world.bodies.len() < 10 {
-                settings.measures.iter().for_each(|measure| assert!(measure.fits(world.bodies.len())));
+                let (roster, streams) = (&totals.traffic.roster, settings.traffic.streams.len());
+                let given = roster.given(world.bodies.len());
+                settings.measures.iter().for_each(|measure| assert!(measure.fits(given, streams)));
                 let next = settings.stages.get(totals.stages.len());
-                next.iter().for_each(|stage| assert!(stage.begin(&mut world).is_ok()));
+                next.iter().for_each(|stage| assert!(stage.begin(&mut world, roster).is_ok()));
             }
         }
         assert!(accepted > 500, "{accepted}");

@@ -3,7 +3,9 @@
 //! | module | holds |
 //! |---|---|
 //! | [`scene`] | scene files with units, built-in scenes, packings |
+//! | [`radii`], `random` | distributions of radii, the source of random numbers |
 //! | [`settings`] | what a run writes |
+//! | [`roster`], [`stream`], [`growth`], [`traffic`] | bodies that enter, leave and grow while a run goes |
 //! | [`stage`] | stages of a run, what changes from one to the next |
 //! | [`measure`], [`mod@column`] | measurements of a run, and what the columns of tables mean |
 //! | [`run`] | steps one after another, watched by observers |
@@ -24,11 +26,17 @@ struct Readme;
 pub mod checkpoint;
 pub mod column;
 pub mod files;
+pub mod growth;
 pub mod measure;
 pub mod output;
 pub mod problem_file;
 pub mod process;
+pub mod radii;
+mod random;
+pub mod roster;
 pub mod run;
 pub mod scene;
 pub mod settings;
 pub mod stage;
+pub mod stream;
+pub mod traffic;

@@ -1,6 +1,8 @@
 //! Measurements of a run: what is measured when, in which columns, and what has to be remembered from record to record.
 
 use crate::column::{Column, column};
+use crate::roster::{Members, Roster};
+use crate::traffic::TrafficState;
 use graintrain::handle::BodyId;
 use graintrain::load::Region;
 use graintrain::math::{Mat3, Vec3};
@@ -23,7 +25,7 @@ pub struct Measure {
     /// Its name, which is that of its table.
     pub name: String,
     /// The bodies that are meant; `None`: all.
-    pub bodies: Option<Vec<BodyId>>,
+    pub bodies: Option<Members>,
     /// Only bodies whose centre of mass is here.
     pub region: Option<Region>,
     /// Number of the only stage that has records; `None`: all.
@@ -58,7 +60,7 @@ pub enum Quantity {
     /// What passes a plane.
     Plane(Plane),
     /// Lacey's index of these bodies among all that are meant, in cells of this edge, m.
-    Mixing(Vec<BodyId>, f64),
+    Mixing(Members, f64),
     /// Stresses and displacements of a shear box.
     ShearBox(ShearBox),
     /// The angle of a slope, by columns of this width, m.
@@ -67,6 +69,8 @@ pub enum Quantity {
     Profile(Bins),
     /// Probability density of normal forces over their mean, in this many bins up to this ratio: a record per bin.
     Histogram(usize, f64),
+    /// Bodies that came through streams and left through outlets.
+    Exchange,
 }
 
 /// A shear box: the part that moves, and the one that presses.
@@ -82,23 +86,30 @@ pub struct ShearBox {
     pub normal: Vec3,
     /// Area of the sample, m^2.
     pub area: f64,
+    /// A point of the plane between the halves, m.
+    pub plane: Option<Vec3>,
 }
 
 /// More bins than this are no measurement.
 const MOST_BINS: usize = 1_000_000;
 
 impl Measure {
-    /// Whether it names bodies of a world of so many, and bins that fit into memory: scenes give no other, a damaged file may.
-    pub(crate) fn fits(&self, bodies: usize) -> bool {
-        let known = |list: &[BodyId]| list.iter().all(|body| body.index() < bodies);
+    /// Whether it names bodies and streams of a run that gave so many numbers, and bins that fit into memory: scenes give no other, a
+    /// damaged file may.
+    pub(crate) fn fits(&self, given: u64, streams: usize) -> bool {
+        let known = |list: &[BodyId]| list.iter().all(|body| (body.index() as u64) < given);
+        let members = |members: &Members| {
+            known(&members.bodies) && members.streams.iter().all(|&stream| (stream as usize) < streams)
+        };
         let quantity = |quantity: &Quantity| match quantity {
-            Quantity::ForceOn(list, _) | Quantity::Mixing(list, _) => known(list),
+            Quantity::ForceOn(list, _) => known(list),
+            Quantity::Mixing(first, _) => members(first),
             Quantity::ShearBox(shear) => known(&[shear.sheared, shear.pressing]),
             Quantity::Profile(bins) => (1..=MOST_BINS).contains(&bins.count),
             Quantity::Histogram(count, _) => (1..=MOST_BINS).contains(count),
             _ => true,
         };
-        self.every > 0 && self.bodies.as_deref().is_none_or(known) && self.quantities.iter().all(quantity)
+        self.every > 0 && self.bodies.as_ref().is_none_or(members) && self.quantities.iter().all(quantity)
     }
 }
 
@@ -126,6 +137,8 @@ pub struct Measured<'a> {
     pub ledger: &'a Ledger,
     /// Energy that removing overlap gave to bodies so far, J.
     pub correction_energy: f64,
+    /// Bodies that came and went.
+    pub traffic: &'a TrafficState,
 }
 
 /// The first columns of every table.
@@ -237,6 +250,13 @@ const SHEAR_BOX: &[Column] = &[
     column("sigma", "Pa", "normal stress on the pressing part"),
     column("tau_over_sigma", "1", "their ratio"),
     column("friction_angle", "rad", "its arc tangent"),
+    column(
+        "plane_tau",
+        "Pa",
+        "shear stress that the sample carries through the plane between the halves, by contacts of grains alone",
+    ),
+    column("plane_sigma", "Pa", "normal stress likewise"),
+    column("plane_tau_over_sigma", "1", "their ratio"),
     column("dilation", "m", "way of the pressing part away from the sample since the first record"),
 ];
 const REPOSE: &[Column] = &[
@@ -257,6 +277,15 @@ const PROFILE: &[Column] = &[
     column("spin_y", "rad/s", "likewise"),
     column("spin_z", "rad/s", "likewise"),
     column("temperature", "m^2/s^2", "a third of the mean square deviation from the mean velocity"),
+];
+const EXCHANGE: &[Column] = &[
+    column("entered_bodies", "1", "bodies that streams have given"),
+    column("entered_mass", "kg", "their mass, and what bodies have grown by"),
+    column("entered_energy", "J", "kinetic energy that they brought"),
+    column("left_bodies", "1", "bodies that left through outlets"),
+    column("left_mass", "kg", "their mass"),
+    column("left_energy", "J", "kinetic energy that they took"),
+    column("streams_waiting", "1", "streams with a body that finds no free place"),
 ];
 const HISTOGRAM: &[Column] = &[
     column("bin", "1", "number of the bin, from 0"),
@@ -281,6 +310,7 @@ impl Quantity {
             Self::Repose(..) => REPOSE,
             Self::Profile(_) => PROFILE,
             Self::Histogram(..) => HISTOGRAM,
+            Self::Exchange => EXCHANGE,
         }
     }
 
@@ -356,7 +386,8 @@ impl Quantity {
             }
             Self::Motion => motion(world, meant),
             Self::ForceOn(bodies, point) => {
-                let (force, torque) = force_on(world, step, bodies, measure.region.as_ref(), *point);
+                let bodies = now.traffic.roster.present(bodies);
+                let (force, torque) = force_on(world, step, &bodies, measure.region.as_ref(), *point);
                 [force.to_array(), torque.to_array()].concat()
             }
             Self::Plane(plane) => {
@@ -367,13 +398,20 @@ impl Quantity {
                 [[mass, state.passed.bodies as f64, flow].as_slice(), &through].concat()
             }
             Self::Mixing(first, cell) => {
-                let found = lacey(world, meant, &among(world, first), *cell);
+                let first = now.traffic.roster.members(first);
+                let found = lacey(world, meant, &among(world, &first), *cell);
                 vec![found.index, found.share, found.cells as f64, found.bodies_per_cell]
             }
             Self::ShearBox(shear) => shear.row(now, state),
             Self::Repose(along, width) => {
                 let found = slope(world, meant, *along, *width);
                 vec![found.angle, found.roughness, found.columns as f64]
+            }
+            Self::Exchange => {
+                let (entered, left) = (now.traffic.entered(), now.traffic.left());
+                let amounts = [entered, left];
+                let numbers = amounts.iter().flat_map(|a| [a.bodies as f64, a.mass, a.kinetic]);
+                numbers.chain([now.traffic.waiting() as f64]).collect()
             }
             Self::Profile(bins) => {
                 let found = profile(world, meant, bins, measure.region.as_ref());
@@ -418,7 +456,25 @@ impl ShearBox {
         let tau = -force(self.sheared).dot(self.direction) / self.area;
         let sigma = force(self.pressing).dot(self.normal) / self.area;
         let ratio = if sigma > 0.0 { tau / sigma } else { f64::NAN };
-        vec![places[0] - origin[0], tau, sigma, ratio, ratio.atan(), places[1] - origin[1]]
+        // What lies above receives the force; the sheared half below drags it along its direction.
+        let [plane_tau, plane_sigma] = self.plane.map_or([f64::NAN; 2], |point| {
+            let plane = Plane { point, normal: self.normal, region: None };
+            let force = plane.force_in_sample(world, now.step) / self.area;
+            [force.dot(self.direction), force.dot(self.normal)]
+        });
+        let plane_ratio = if plane_sigma > 0.0 { plane_tau / plane_sigma } else { f64::NAN };
+        let dilation = places[1] - origin[1];
+        vec![
+            places[0] - origin[0],
+            tau,
+            sigma,
+            ratio,
+            ratio.atan(),
+            plane_tau,
+            plane_sigma,
+            plane_ratio,
+            dilation,
+        ]
     }
 }
 
@@ -435,14 +491,21 @@ impl Measure {
         self.quantities.iter().any(|quantity| matches!(quantity, Quantity::Plane(_)))
     }
 
+    /// Which bodies are meant.
+    fn meant(&self, world: &World, roster: &Roster, region: Option<&Region>) -> Vec<bool> {
+        let bodies = self.bodies.as_ref().map(|members| roster.members(members));
+        selected(world, bodies.as_deref(), region)
+    }
+
     /// Counts what a step did to the bodies whose centres were at `before` (m).
-    pub fn follow(&self, world: &World, stage: usize, before: &[Vec3], state: &mut MeasureState) {
+    pub fn follow(&self, now: Measured<'_>, before: &[Vec3], state: &mut MeasureState) {
+        let Measured { world, stage, .. } = now;
         if world.step < self.start || self.stage.is_some_and(|only| only != stage) {
             return;
         }
         for quantity in &self.quantities {
             if let Quantity::Plane(plane) = quantity {
-                let meant = selected(world, self.bodies.as_deref(), None);
+                let meant = self.meant(world, &now.traffic.roster, None);
                 let passed = plane.passed(world, before, &meant);
                 state.passed.mass += passed.mass;
                 state.passed.bodies += passed.bodies;
@@ -459,7 +522,7 @@ impl Measure {
         if number < self.start || !(number - self.start).is_multiple_of(self.every.max(1)) {
             return None;
         }
-        let meant = selected(now.world, self.bodies.as_deref(), self.region.as_ref());
+        let meant = self.meant(now.world, &now.traffic.roster, self.region.as_ref());
         let begin = vec![vec![number as f64, now.world.time]];
         Some(self.quantities.iter().fold(begin, |rows, quantity| {
             let more = quantity.rows(self, &meant, now, state);

@@ -5,7 +5,10 @@ use crate::measure::{Measure, MeasureState, Measured};
 use crate::process::cpu_seconds;
 use crate::scene::Simulation;
 use crate::settings::OutputSettings;
-use crate::stage::{Stage, StageRecord};
+use crate::stage::{Progress, Stage, StageRecord};
+use crate::stream::Moment;
+use crate::traffic::{Traffic, TrafficState};
+use graintrain::collide::Collider;
 use graintrain::math::Vec3;
 use graintrain::measure::energy::Ledger;
 use graintrain::relaxation::{Difference, Opening};
@@ -32,6 +35,8 @@ pub struct RunSettings {
     pub stages: Vec<Stage>,
     /// What is measured.
     pub measures: Vec<Measure>,
+    /// Ways in and out for bodies.
+    pub traffic: Traffic,
     /// Steps from one dumped contact problem to the next; `None` dumps none.
     pub dump_problem_every: Option<u64>,
 }
@@ -46,6 +51,7 @@ impl RunSettings {
             output: simulation.output.clone(),
             stages: simulation.stages.clone(),
             measures: simulation.measures.clone(),
+            traffic: simulation.traffic.clone(),
             dump_problem_every,
         }
     }
@@ -116,6 +122,10 @@ pub struct RunTotals {
     pub stages: Vec<StageRecord>,
     /// What measurements remember, in their order.
     pub measured: Vec<MeasureState>,
+    /// The latest records of what is to be steady in the stage under way.
+    pub latest: Vec<f64>,
+    /// Bodies that came and went.
+    pub traffic: TrafficState,
 }
 
 /// Relaxed steps, one in a hundred, of which the contact problem was solved with exact friction, too.
@@ -270,6 +280,8 @@ pub struct Run {
     /// Whether a solve that misses its tolerance ends the run.
     pub strict: bool,
     stepper: Stepper,
+    /// Looks for free places.
+    collider: Collider,
     stop: Arc<AtomicBool>,
 }
 
@@ -286,7 +298,7 @@ impl Run {
     ) -> Result<Self, StepError> {
         let mut stepper = Stepper::new(settings.stepping.clone())?;
         stepper.stop_on(Arc::clone(&stop));
-        Ok(Self { world, settings, totals, strict: false, stepper, stop })
+        Ok(Self { world, settings, totals, strict: false, stepper, collider: Collider::default(), stop })
     }
 
     /// The contact problem of the last step and the impulses found (length 3 N_c, contact frames, N s).
@@ -313,6 +325,7 @@ impl Run {
             if !self.begin_stage()? {
                 return Ok(Ending::Finished);
             }
+            self.exchange_bodies()?;
             let velocity = self.compares_velocities().then(|| self.world.bodies.velocity.clone());
             let before = self.follows_bodies().then(|| self.world.bodies.position.clone());
             let report = match self.stepper.step(&mut self.world) {
@@ -321,6 +334,7 @@ impl Run {
             };
             self.totals.add(self.world.step, &report);
             let measured = self.measure(before.as_deref());
+            self.note_latest(&measured);
             self.end_stage(velocity.as_deref());
             clocks.count(&mut self.totals);
             let begin = Instant::now();
@@ -384,7 +398,8 @@ impl Run {
             return Ok(true);
         }
         let Some(next) = self.settings.stages.get(self.totals.stages.len()) else { return Ok(false) };
-        next.begin(&mut self.world).map_err(StepError::Settings)?;
+        next.begin(&mut self.world, &self.totals.traffic.roster).map_err(StepError::Settings)?;
+        self.totals.latest.clear();
         let (name, first_step) = (next.name.clone(), self.world.step);
         self.totals.stages.push(StageRecord { name, first_step, last_step: None, end: None });
         Ok(true)
@@ -403,15 +418,57 @@ impl Run {
     fn end_stage(&mut self, before: Option<&[Vec3]>) {
         let Some((stage, record)) = self.stage() else { return };
         let number = self.world.step;
-        let end = stage.end(&self.world, number - record.first_step, self.settings.stepping.step, before);
+        let traffic = &self.settings.traffic;
+        let end = stage.end(Progress {
+            world: &self.world,
+            made: number - record.first_step,
+            step: self.settings.stepping.step,
+            before,
+            is_filled: traffic.is_filled(self.totals.stages.len() - 1, &self.totals.traffic),
+            latest: &self.totals.latest,
+        });
         if let (Some(_), Some(record)) = (end, self.totals.stages.last_mut()) {
             (record.last_step, record.end) = (Some(number), end);
         }
     }
 }
 
+/// The part of [`Run`] by which bodies enter, leave and grow.
+impl Run {
+    /// Whether steps may change the number of bodies.
+    pub fn changes_bodies(&self) -> bool {
+        self.settings.traffic.changes_bodies()
+    }
+
+    /// Lets bodies enter, leave and grow for the next step.
+    fn exchange_bodies(&mut self) -> Result<(), RunError> {
+        let step = self.settings.stepping.step;
+        let record = self.totals.stages.last();
+        let now = Moment {
+            stage: self.totals.stages.len().saturating_sub(1),
+            stage_time: record.map_or(0.0, |record| record.first_step as f64 * step),
+            step,
+        };
+        let number = self.totals.stages.len().wrapping_sub(1);
+        let growth = self.settings.stages.get(number).and_then(|stage| stage.growth.as_ref());
+        let overlap = self.totals.penetration_final_over_size;
+        let (state, collider) = (&mut self.totals.traffic, &mut self.collider);
+        let prepared = self.settings.traffic.prepare(&mut self.world, collider, state, growth, now, overlap);
+        Ok(prepared.map_err(StepError::Settings)?)
+    }
+}
+
 /// The part of [`Run`] that measures.
 impl Run {
+    /// Takes note of the records of what is to be steady.
+    fn note_latest(&mut self, measured: &[(usize, Vec<Vec<f64>>)]) {
+        let Some(steady) = self.stage().and_then(|(stage, _)| stage.steady.clone()) else { return };
+        for (_, rows) in measured.iter().filter(|(number, _)| *number == steady.measure) {
+            let value = rows.first().and_then(|row| row.get(steady.column));
+            steady.note(value.copied().unwrap_or(f64::NAN), &mut self.totals.latest);
+        }
+    }
+
     fn follows_bodies(&self) -> bool {
         self.settings.measures.iter().any(Measure::follows_bodies)
     }
@@ -426,11 +483,12 @@ impl Run {
             stage: self.totals.stages.len().saturating_sub(1),
             ledger: &self.totals.ledger,
             correction_energy: self.totals.correction_energy,
+            traffic: &self.totals.traffic,
         };
         let mut records = Vec::new();
         for (number, (measure, state)) in measures.iter().zip(&mut states).enumerate() {
             if let Some(before) = before {
-                measure.follow(&self.world, now.stage, before, state);
+                measure.follow(now, before, state);
             }
             records.extend(measure.record(now, state).map(|rows| (number, rows)));
         }

@@ -1,5 +1,7 @@
 //! Stages of a run: settle, then press, then shear.
 
+use crate::growth::Growth;
+use crate::roster::Roster;
 use graintrain::error::ModelError;
 use graintrain::handle::BodyId;
 use graintrain::load::Load;
@@ -22,14 +24,56 @@ pub struct Stage {
     pub kinetic_energy: Option<f64>,
     /// It ends when the mean net force is below this share of the mean contact force.
     pub unbalanced_force: Option<f64>,
+    /// It ends when all streams that flow in it have given all.
+    pub filled: bool,
+    /// It ends when a measured quantity is steady.
+    pub steady: Option<Steady>,
+    /// Bodies that grow; it ends when the porosity is reached.
+    pub growth: Option<Growth>,
     /// m/s^2
     pub gravity: Option<[Profile; 3]>,
     /// All materials, where some change.
     pub materials: Option<Materials>,
     /// New motions of bodies, `None` for free ones; their times count from the beginning of the stage.
     pub motions: Vec<(BodyId, Option<Motion>)>,
-    /// All loads, where they change.
+    /// All loads, where they change; their bodies by numbers.
     pub loads: Option<Vec<Load>>,
+}
+
+/// When a measured quantity counts as steady: over the latest records, the mean of the first half and that of the second differ by no
+/// more than is allowed.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Steady {
+    /// Number of the measurement.
+    pub measure: usize,
+    /// Number of the column in its table.
+    pub column: usize,
+    /// How many records are looked at, at least 4.
+    pub records: usize,
+    /// Largest difference relative to the mean.
+    pub change: f64,
+    /// Largest difference, in the unit of the column, whatever the mean.
+    pub within: f64,
+}
+
+impl Steady {
+    /// Takes note of a record.
+    pub fn note(&self, value: f64, latest: &mut Vec<f64>) {
+        latest.push(value);
+        latest.drain(..latest.len().saturating_sub(self.records));
+    }
+
+    /// Whether the latest records are steady.
+    pub fn holds(&self, latest: &[f64]) -> bool {
+        if latest.len() < self.records || latest.len() < 2 {
+            return false;
+        }
+        let mean = |list: &[f64]| list.iter().sum::<f64>() / list.len() as f64;
+        let (first, second) = latest.split_at(latest.len() / 2);
+        let allowed = self.within.max(self.change * mean(latest).abs());
+        // False where a record is no number.
+        (mean(first) - mean(second)).abs() <= allowed
+    }
 }
 
 /// What ended a stage.
@@ -42,6 +86,12 @@ pub enum StageEnd {
     KineticEnergy,
     /// Unbalanced force.
     UnbalancedForce,
+    /// All streams had given all.
+    Filled,
+    /// The porosity that bodies grow to.
+    Porosity,
+    /// A measured quantity was steady.
+    Steady,
 }
 
 /// A stage that has begun.
@@ -55,6 +105,23 @@ pub struct StageRecord {
     pub last_step: Option<u64>,
     /// What ended it.
     pub end: Option<StageEnd>,
+}
+
+/// What the end of a stage may depend on.
+#[derive(Clone, Copy)]
+pub struct Progress<'a> {
+    /// The state after a step.
+    pub world: &'a World,
+    /// The step's number in the stage, from 1.
+    pub made: u64,
+    /// Its length, s.
+    pub step: f64,
+    /// Velocities before it (m/s), where the stage compares them.
+    pub before: Option<&'a [Vec3]>,
+    /// Whether all streams of the stage have given all.
+    pub is_filled: bool,
+    /// The latest records of what is to be steady.
+    pub latest: &'a [f64],
 }
 
 /// The profile with its time counted from now.
@@ -71,12 +138,15 @@ impl Stage {
         self.unbalanced_force.is_some()
     }
 
-    /// Makes its changes.
+    /// Makes its changes to the bodies of this roster.
     ///
     /// # Errors
     /// [`ModelError`] for changes that do not fit the world, which those of a scene do.
-    pub fn begin(&self, world: &mut World) -> Result<(), ModelError> {
+    pub fn begin(&self, world: &mut World, roster: &Roster) -> Result<(), ModelError> {
         let now = world.time;
+        if let Some(growth) = &self.growth {
+            growth.begin(world, roster)?;
+        }
         if let Some(gravity) = &self.gravity {
             match gravity {
                 [Profile::Constant(x), Profile::Constant(y), Profile::Constant(z)] => {
@@ -105,13 +175,20 @@ impl Stage {
             world.bodies.motion[index] = id;
         }
         match &self.loads {
-            Some(loads) => world.set_loads(loads.clone()),
+            Some(loads) => {
+                let there = |load: &Load| {
+                    let bodies = load.bodies.as_ref().map(|bodies| roster.present(bodies));
+                    Load { bodies, ..load.clone() }
+                };
+                world.set_loads(loads.iter().map(there).collect())
+            }
             None => Ok(()),
         }
     }
 
-    /// What ends it after a step of this length (s) that was its `made`-th, from these velocities (m/s, where it compares them).
-    pub fn end(&self, world: &World, made: u64, step: f64, before: Option<&[Vec3]>) -> Option<StageEnd> {
+    /// What ends it after a step.
+    pub fn end(&self, now: Progress<'_>) -> Option<StageEnd> {
+        let Progress { world, made, step, before, is_filled, latest } = now;
         if made >= self.least.max(1) {
             let movable = (0..world.bodies.len()).filter(|&body| !world.is_prescribed(body));
             let bodies = movable.count().max(1) as f64;
@@ -121,6 +198,15 @@ impl Stage {
             let balanced = |limit: f64| before.is_some_and(|before| unbalanced(world, step, before) < limit);
             if self.unbalanced_force.is_some_and(balanced) {
                 return Some(StageEnd::UnbalancedForce);
+            }
+            if self.filled && is_filled {
+                return Some(StageEnd::Filled);
+            }
+            if self.growth.as_ref().is_some_and(|growth| growth.is_reached(world)) {
+                return Some(StageEnd::Porosity);
+            }
+            if self.steady.as_ref().is_some_and(|steady| steady.holds(latest)) {
+                return Some(StageEnd::Steady);
             }
         }
         self.most.is_some_and(|most| made >= most).then_some(StageEnd::Time)

@@ -152,6 +152,12 @@ impl World {
                 "this step has no derivative: {what}"
             )));
         }
+        if run.changes_bodies() {
+            let what = "bodies may enter or leave with it (streams, outlets)";
+            return Err(exception::NotDifferentiable::new_err(format!(
+                "this step has no derivative: {what}"
+            )));
+        }
         let (state, stepping) = (&run.world, &run.settings.stepping);
         let gradient = py.detach(|| gradient::StepGradient::new(state, stepping)).map_err(Raise::raise)?;
         let materials = state.materials.names.clone();

@@ -173,6 +173,9 @@ impl World {
         let turns = &mut self.state().bodies.orientation;
         turns.iter_mut().filter(|q| (q.length() - 1.0).abs() > 1e-12).for_each(|q| *q = q.normalize());
         self.contacts = None;
+        if self.run().changes_bodies() {
+            self.leases.refuse_resize()?;
+        }
         let run = self.run.get_mut().unwrap_or_else(PoisonError::into_inner);
         Ok(Advance { run, report: &mut self.report })
     }
@@ -346,6 +349,7 @@ impl World {
             stepping,
             steps: 0,
             output,
+            traffic: Default::default(),
             dump_problem_every: None,
             measures: Vec::new(),
             stages: Vec::new(),

@@ -28,6 +28,10 @@ pub enum Function {
     Acos,
     /// Inverse tangent.
     Atan,
+    /// Exponential function.
+    Exp,
+    /// Natural logarithm.
+    Ln,
 }
 
 impl Function {
@@ -44,6 +48,8 @@ impl Function {
         ("asin", Self::Asin),
         ("acos", Self::Acos),
         ("atan", Self::Atan),
+        ("exp", Self::Exp),
+        ("ln", Self::Ln),
     ];
 
     /// Its value.
@@ -60,6 +66,8 @@ impl Function {
             Self::Asin => x.asin(),
             Self::Acos => x.acos(),
             Self::Atan => x.atan(),
+            Self::Exp => x.exp(),
+            Self::Ln => x.ln(),
         }
     }
 }

@@ -33,12 +33,24 @@ pub fn mix(x: u64) -> u64 {
     x ^ (x >> 31)
 }
 
+/// The number that [`mix`] makes this one of: each of its steps has an inverse (the factors are the inverses of its own modulo 2^64).
+pub(crate) fn unmix(x: u64) -> u64 {
+    let x = (x ^ (x >> 31) ^ (x >> 62)).wrapping_mul(0x3196_42b2_d24d_8ec3);
+    let x = (x ^ (x >> 27) ^ (x >> 54)).wrapping_mul(0x96de_1b17_3f11_9089);
+    x ^ (x >> 30) ^ (x >> 60)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use proptest::prelude::*;
 
     proptest! {
+        #[test]
+        fn mixing_can_be_undone(x: u64) {
+            prop_assert_eq!(unmix(mix(x)), x);
+        }
+
         #[test]
         fn tangents_make_a_right_handed_frame(v in prop::array::uniform3(-1.0..1.0_f64)) {
             let v = Vec3::from_array(v);

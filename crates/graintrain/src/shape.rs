@@ -212,6 +212,38 @@ impl Geometry {
         Ok(Self { parts: vec![part], volume, unit_inertia })
     }
 
+    /// The same form with all lengths multiplied by a factor: volumes by its cube, inertias by its fifth power.
+    ///
+    /// # Errors
+    /// As [`Shape::validate`], for a factor that makes lengths zero, negative or infinite.
+    pub fn scaled(&self, factor: f64) -> Result<Self, ModelError> {
+        let parts = self.parts.iter().map(|part| {
+            let shape = match &part.shape {
+                Shape::Sphere { radius } => Shape::Sphere { radius: factor * radius },
+                Shape::Box { half } => Shape::Box { half: factor * half },
+                Shape::Plane => Shape::Plane,
+                Shape::Capsule { half_length, radius } => {
+                    Shape::Capsule { half_length: factor * half_length, radius: factor * radius }
+                }
+                Shape::Cylinder { half_length, radius } => {
+                    Shape::Cylinder { half_length: factor * half_length, radius: factor * radius }
+                }
+                Shape::Mesh { vertices, triangles, solid } => Shape::Mesh {
+                    vertices: vertices.iter().map(|vertex| factor * vertex).collect(),
+                    triangles: triangles.clone(),
+                    solid: *solid,
+                },
+            };
+            shape.validate()?;
+            Ok(Part { shape, position: factor * part.position, orientation: part.orientation })
+        });
+        Ok(Self {
+            parts: parts.collect::<Result<_, ModelError>>()?,
+            volume: factor.powi(3) * self.volume,
+            unit_inertia: factor.powi(5) * self.unit_inertia,
+        })
+    }
+
     /// Ball of the given radius, m.
     ///
     /// # Errors

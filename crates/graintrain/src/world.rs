@@ -1,5 +1,6 @@
 //! The state of a simulation: bodies in structure-of-arrays form, materials, gravity, time.
 
+use crate::collide::identity::renamed;
 use crate::contact::ContactSet;
 use crate::error::{ModelError, finite, positive};
 use crate::handle::{BodyId, GeometryId, MaterialId, MotionId};
@@ -335,7 +336,7 @@ impl World {
 
     /// Removes the bodies for which `remove` (called once for each index, ascending) is true, with their contacts and joints, and from the lists of loads. The others keep
     /// their order and move up: returned is the new handle of every former body, `None` for those that are gone. Impulses between
-    /// bodies that moved up start the next solve from zero. Cost: linear.
+    /// those that stay start the next solve. Cost: linear.
     pub fn remove_bodies(&mut self, mut remove: impl FnMut(usize) -> bool) -> Vec<Option<BodyId>> {
         let mut next = 0;
         let new_index: Vec<Option<BodyId>> = (0..self.bodies.len())
@@ -384,8 +385,8 @@ impl World {
                 [contact.body_a, contact.body_b].map(|body| Some(new_index[body as usize]?.index() as u32));
             if let (Some(a), Some(b)) = (a, b) {
                 if [a, b] != [contact.body_a, contact.body_b] {
-                    // Identities are made of indices: an old one might be that of another pair.
-                    contact.identity = 0;
+                    // Identities are made of indices.
+                    contact.identity = renamed(contact.identity, [contact.body_a, contact.body_b], [a, b]);
                 }
                 (contact.body_a, contact.body_b) = (a, b);
                 self.contacts.contacts.push(contact);

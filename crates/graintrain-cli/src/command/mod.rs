@@ -4,6 +4,8 @@ mod check;
 mod compare;
 mod completions;
 mod dt_study;
+mod export;
+mod fit;
 mod man;
 mod plot;
 mod render;
@@ -29,6 +31,8 @@ pub enum Command {
     Check(check::Arguments),
     Scenes(scenes::Arguments),
     View(view::Arguments),
+    Export(export::Arguments),
+    Fit(fit::Arguments),
     Plot(plot::Arguments),
     Render(render::Arguments),
     Sweep(sweep::Arguments),
@@ -52,6 +56,8 @@ impl Command {
             Self::Check(arguments) => check::execute(&arguments),
             Self::Scenes(arguments) => scenes::execute(&arguments),
             Self::View(arguments) => view::execute(&arguments),
+            Self::Export(arguments) => export::execute(&arguments),
+            Self::Fit(arguments) => fit::execute(&arguments),
             Self::Plot(arguments) => plot::execute(&arguments),
             Self::Render(arguments) => render::execute(&arguments),
             Self::Sweep(arguments) => sweep::execute(&arguments),

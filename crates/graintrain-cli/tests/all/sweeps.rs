@@ -256,3 +256,33 @@ fn mistakes_are_told_before_the_first_run() {
         ended(folder.path(), &["sweep", "slide.toml", "--out", "s", &format!("--from={text}")], 2);
     }
 }
+
+/// What is wrong with a sweep is told before its first run.
+#[test]
+fn everything_is_looked_at_before_the_first_run() {
+    let folder = folder();
+    let at = folder.path();
+    let refused = |arguments: &[&str], expected: &[&str]| {
+        let (_, err) = ended(at, &[&["sweep", "slide.toml", "--out", "s"], arguments].concat(), 2);
+        expected.iter().for_each(|text| assert!(err.contains(text), "{text}: {err}"));
+        assert!(!at.join("s/runs").exists() || std::fs::read_dir(at.join("s/runs")).unwrap().count() == 0);
+    };
+    refused(&["--observe", "block.centre"], &["block.centre", "block.centre_x"]);
+    refused(&["--from", "3 s"], &["3 s", "ends at 0.8"]);
+    refused(&["--over", "mu=0.1,-1", "--observe", "block.centre_x"], &["mu=-1"]);
+    let table = |text: &str| std::fs::write(at.join("points.csv"), text).unwrap();
+    table("mu,speed,mu\n0.1,1,0.2\n");
+    refused(&["--table", "points.csv"], &["`mu` twice"]);
+    table("mu\n\"0.1\n");
+    refused(&["--table", "points.csv"], &["line 2", "not closed"]);
+    table("mu,\"speed\"\n0.3,\"1 m/s\"\n");
+    let observe = ["--table", "points.csv", "--observe", "block.centre_x:last"];
+    ended(at, &[&["sweep", "slide.toml", "--out", "s"], observe.as_slice()].concat(), 0);
+    // A table that somebody damaged is told, not averaged over.
+    let run = std::fs::read_dir(at.join("s/runs")).unwrap().next().unwrap().unwrap().path();
+    let path = run.join("measures/block.csv");
+    let text = std::fs::read_to_string(&path).unwrap();
+    std::fs::write(&path, text.replacen("\n2,", "\n2,7,", 1)).unwrap();
+    let (_, err) = ended(at, &[&["sweep", "slide.toml", "--out", "s"], observe.as_slice()].concat(), 1);
+    assert!(err.contains("block.csv") && err.contains("damaged"), "{err}");
+}

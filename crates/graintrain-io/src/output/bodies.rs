@@ -2,6 +2,7 @@
 
 use super::size::inscribed_radius;
 use super::vtp::{Cells, DataArray, PolyData, Values};
+use crate::roster::Roster;
 use graintrain::math::{Mat3, Quat, Vec3};
 use graintrain::shape::{Geometry, Shape};
 use graintrain::world::World;
@@ -129,7 +130,8 @@ fn points_of(geometry: &Geometry, free: bool) -> Vec<Template> {
 /// The frame: one point per sphere, plus one per other body with a degree of freedom. Walls, blades and mixers without
 /// a sphere are left to the surfaces.
 ///
-/// Arrays: `id` (the body's index for its first point, then numbers from the number of bodies on), `body` (index),
+/// Arrays: `id` (the body's number for its first point, then numbers from the count of numbers on), `body` (number: the index in the
+/// scene, for bodies that entered later the next ones; see [`Roster`]), `geometry` (index of its form, only while bodies enter and leave),
 /// `type` (material), `shapetype`, `radius` (m), `mass` (kg, of the body), `v` (m/s, of the point), `omega` (rad/s),
 /// `quat` (x y z w), `f` (N) and `tq` (N m), the net contact force and torque on the body averaged over the step of
 /// length `step`, and `contacts`, its number of loaded contacts.
@@ -137,7 +139,7 @@ fn points_of(geometry: &Geometry, free: bool) -> Vec<Template> {
 /// Where a free body is no sphere there are also `tensor` (rotation matrix from the axes of the shape to those of the world, column by
 /// column) and `shapex`, `shapey`, `shapez` (m, half-axes of an ellipsoid inside the shape): these are what OVITO's reader makes
 /// orientations and shapes of. It then sets its own radii to zero, which is why samples of spheres between plates go without.
-pub fn particles(world: &World, step: f64) -> PolyData {
+pub fn particles(world: &World, roster: &Roster, step: f64) -> PolyData {
     let bodies = &world.bodies;
     let templates = |free: bool| -> Vec<Vec<Template>> {
         world.geometries.iter().map(|geometry| points_of(geometry, free)).collect()
@@ -154,14 +156,15 @@ pub fn particles(world: &World, step: f64) -> PolyData {
             points.push(Point { body, position, radius, kind, half_axes, orientation });
         }
     }
-    let mut next_id = bodies.len() as i64;
+    let number = |body: usize| roster.number(body) as i64;
+    let mut next_id = roster.given(bodies.len()) as i64;
     let mut previous_body = usize::MAX;
     let id = points
         .iter()
         .map(|point| {
             if point.body != previous_body {
                 previous_body = point.body;
-                return point.body as i64;
+                return number(point.body);
             }
             next_id += 1;
             next_id - 1
@@ -190,8 +193,12 @@ pub fn particles(world: &World, step: f64) -> PolyData {
         DataArray::vector("f", of_bodies(&loads.force)),
         DataArray::vector("tq", of_bodies(&loads.torque)),
         DataArray::int32("contacts", points.iter().map(|point| loads.contacts[point.body]).collect()),
-        DataArray::int64("body", points.iter().map(|point| point.body as i64).collect()),
+        DataArray::int64("body", points.iter().map(|point| number(point.body)).collect()),
     ];
+    if roster.has_changed() {
+        let geometry = points.iter().map(|point| bodies.geometry[point.body].index() as i64);
+        point_data.push(DataArray::int64("geometry", geometry.collect()));
+    }
     if points.iter().any(|point| point.kind != ShapeType::Sphere && world.is_free(point.body)) {
         let turned = |point: &Point| Mat3::from_quat(point.orientation).to_cols_array();
         let tensor = Values::Real(points.iter().flat_map(turned).collect());
@@ -246,7 +253,7 @@ mod tests {
         let (geometry, centre) = Geometry::compound(vec![along_x]).unwrap();
         assert!(centre.length() < 1e-12);
         let quarter = Quat::from_rotation_z(std::f64::consts::FRAC_PI_2);
-        let data = particles(&world(geometry, quarter), 0.01);
+        let data = particles(&world(geometry, quarter), &Roster::default(), 0.01);
         let tensor = real(&data, "tensor").unwrap();
         // The third column is where the capsule's own axis, z, points to.
         let axis = Vec3::from_slice(&tensor[15..18]);
@@ -259,7 +266,8 @@ mod tests {
 
     #[test]
     fn frames_of_spheres_are_spared_shapes() {
-        let data = particles(&world(Geometry::sphere(0.2).unwrap(), Quat::IDENTITY), 0.01);
+        let data =
+            particles(&world(Geometry::sphere(0.2).unwrap(), Quat::IDENTITY), &Roster::default(), 0.01);
         assert!(real(&data, "tensor").is_none() && real(&data, "shapex").is_none());
     }
 }

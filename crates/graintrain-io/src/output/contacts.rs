@@ -1,6 +1,7 @@
 //! Frames of the contacts as lines.
 
 use super::vtp::{CellKind, Cells, DataArray, PolyData};
+use crate::roster::Roster;
 use graintrain::math::Vec3;
 use graintrain::measure::contacts::{is_sliding, normal_and_tangential};
 use graintrain::world::World;
@@ -9,11 +10,11 @@ use graintrain::world::World;
 /// body B. Where a body has no degree of freedom (a wall), the contact point stands for its centre. (OVITO drops lines
 /// of differing numbers of points.)
 ///
-/// Cell arrays: `id1`, `id2` (indices of bodies A and B), `force` (N, on A, world axes, averaged over the step of length
+/// Cell arrays: `id1`, `id2` (numbers of bodies A and B, as in the frames of bodies), `force` (N, on A, world axes, averaged over the step of length
 /// `step`), `fn` and `ft` (its normal part and the magnitude of its tangential part, N), `gap` (m, before the step),
 /// `n` (unit normal from B to A), `mu`, `sliding` (1 where the friction is used up). Where a pair of materials resists rolling or
 /// spinning also `moment` (N m, on A, world axes, averaged over the step).
-pub fn lines(world: &World, step: f64) -> PolyData {
+pub fn lines(world: &World, roster: &Roster, step: f64) -> PolyData {
     let set = &world.contacts;
     let mut points = Vec::with_capacity(3 * set.contacts.len());
     let mut cells = Cells::new(CellKind::Lines);
@@ -32,9 +33,10 @@ pub fn lines(world: &World, step: f64) -> PolyData {
         set.contacts.iter().zip(&force).map(|(contact, &f)| normal_and_tangential(contact, f)).unzip();
     let parts = normal.iter().zip(&tangential).zip(&set.friction);
     let sliding = parts.map(|((&normal, &tangential), &mu)| is_sliding(normal, tangential, mu));
+    let number = |body: u32| roster.number(body as usize) as i64;
     let mut cell_data = vec![
-        DataArray::int64("id1", set.contacts.iter().map(|contact| i64::from(contact.body_a)).collect()),
-        DataArray::int64("id2", set.contacts.iter().map(|contact| i64::from(contact.body_b)).collect()),
+        DataArray::int64("id1", set.contacts.iter().map(|contact| number(contact.body_a)).collect()),
+        DataArray::int64("id2", set.contacts.iter().map(|contact| number(contact.body_b)).collect()),
         DataArray::flags("sliding", sliding.collect::<Vec<_>>().into_iter()),
         DataArray::vector("force", force),
         DataArray::scalar("fn", normal),

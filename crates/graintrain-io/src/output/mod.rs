@@ -9,11 +9,13 @@
 //! | [`columns`] | what the columns of tables mean: `columns.json` |
 //! | [`tables`] | `steps.csv`, `wrench.csv` |
 //! | [`newton`] | `newton.csv` |
+//! | [`exchange`], `vtkhdf` (feature `fclib`) | frames for other programs |
 //! | [`summary`] | `summary.json` |
 
 pub mod bodies;
 pub mod columns;
 pub mod contacts;
+pub mod exchange;
 pub mod folder;
 pub mod newton;
 pub mod pvd;
@@ -22,6 +24,8 @@ pub mod size;
 pub mod summary;
 pub mod surfaces;
 pub mod tables;
+#[cfg(feature = "fclib")]
+pub mod vtkhdf;
 pub mod vtm;
 pub mod vtp;
 

@@ -12,6 +12,7 @@ use super::vtp::PolyData;
 use crate::checkpoint;
 use crate::files::{OutputError, make_folder, write_atomically};
 use crate::problem_file::{self, ProblemFileError};
+use crate::roster::Roster;
 use crate::run::{Observer, RunSettings, RunTotals, StepView};
 use graintrain::world::World;
 use graintrain_ccp::Ccp;
@@ -63,7 +64,7 @@ impl Recorder {
             checkpoint_wanted: Arc::default(),
             folder,
         };
-        recorder.frame(world)?;
+        recorder.frame(world, &Roster::default())?;
         recorder.checkpoint(world, &RunTotals::default(), RunStatus::Running)?;
         Ok(recorder)
     }
@@ -113,7 +114,7 @@ impl Recorder {
         if matches!(status, RunStatus::Finished) && world.step < self.settings.steps {
             // The last stage ended before the time was over.
             self.settings.steps = world.step;
-            self.frame(world)?;
+            self.frame(world, &totals.traffic.roster)?;
         }
         self.tables.sync()?;
         checkpoint::write(&self.folder.path().join("checkpoints"), &self.settings, totals, world)?;
@@ -128,12 +129,12 @@ impl Recorder {
     /// # Errors
     /// Where a file cannot be written.
     pub fn fail(&mut self, world: &World, totals: &RunTotals) -> Result<Summary, OutputError> {
-        self.frame(world)?;
+        self.frame(world, &totals.traffic.roster)?;
         self.checkpoint(world, totals, RunStatus::Failed)
     }
 
     /// Writes the frames of the bodies, surfaces and contacts.
-    fn frame(&mut self, world: &World) -> Result<(), OutputError> {
+    fn frame(&mut self, world: &World, roster: &Roster) -> Result<(), OutputError> {
         let (output, step) = (&self.settings.output, self.settings.stepping.step);
         if !(output.bodies || output.contacts) {
             return Ok(());
@@ -150,20 +151,23 @@ impl Recorder {
             write_atomically(&path, &bytes)?;
             Ok(name)
         };
+        // Frames of such runs name the forms of bodies from the first one on.
+        let is_first = self.settings.traffic.changes_bodies() && !roster.has_changed();
+        let roster = &if is_first { Roster::of_scene(world.bodies.len()) } else { roster.clone() };
         let number = format!("{:08}", world.step);
         let mut blocks = Blocks::default();
         if output.bodies {
-            let file = write(format!("bodies_{number}.vtp"), &particles(world, step))?;
+            let file = write(format!("bodies_{number}.vtp"), &particles(world, roster, step))?;
             self.bodies.push(world.time, &in_folder(std::slice::from_ref(&file)))?;
             blocks.particles = Some(file);
-            let fixed = surfaces(world, Show::Fixed);
+            let fixed = surfaces(world, roster, Show::Fixed);
             if !fixed.cells.is_empty() {
                 // Written once: what never moves is the same in every frame.
                 let name = "surfaces_fixed.vtp".to_string();
                 let is_first = self.surfaces.is_empty();
                 blocks.meshes.push(("fixed", if is_first { write(name, &fixed)? } else { name }));
             }
-            let moving = surfaces(world, Show::Moving);
+            let moving = surfaces(world, roster, Show::Moving);
             if !moving.cells.is_empty() {
                 blocks.meshes.push(("moving", write(format!("surfaces_{number}.vtp"), &moving)?));
             }
@@ -173,7 +177,7 @@ impl Recorder {
             }
         }
         if output.contacts {
-            let contacts = lines(world, step);
+            let contacts = lines(world, roster, step);
             let file = write(format!("contacts_{number}.vtp"), &contacts)?;
             self.contacts.push(world.time, &in_folder(std::slice::from_ref(&file)))?;
             blocks.contacts = (!contacts.cells.is_empty()).then_some(file);
@@ -210,7 +214,7 @@ impl Observer for Recorder {
         let (every, checkpoint_every) = (output.every.max(1), output.checkpoint_every.max(1));
         let is_last = world.step == self.settings.steps;
         if world.step.is_multiple_of(every) || is_last {
-            self.frame(world)?;
+            self.frame(world, &totals.traffic.roster)?;
         }
         let dump_every = self.settings.dump_problem_every.filter(|&every| every > 0);
         if let (Some(every), Some((problem, _))) = (dump_every, problem)

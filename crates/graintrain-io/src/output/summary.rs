@@ -5,6 +5,7 @@ use crate::files::{OutputError, write_atomically};
 use crate::process::peak_memory_bytes;
 use crate::run::{RunSettings, RunTotals};
 use crate::stage::StageRecord;
+use crate::stream::{Amount, StreamState};
 use graintrain::world::World;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -139,12 +140,76 @@ pub struct Summary {
     /// The stages that have begun.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub stages: Vec<StageRecord>,
+    /// What came through streams.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub streams: Vec<StreamSummary>,
+    /// What left through outlets.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub outlets: Vec<OutletSummary>,
     /// Kinetic energy at the end, J.
     pub kinetic_energy: f64,
     /// Largest resident memory of the process, bytes; null where the system does not tell.
     pub peak_memory_bytes: Option<u64>,
     /// Hash of the final state's bits, hexadecimal.
     pub state_hash: String,
+}
+
+/// A stream.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct StreamSummary {
+    /// Its name.
+    pub name: String,
+    /// Bodies that it gave.
+    pub bodies: u64,
+    /// Their mass, kg.
+    pub mass: f64,
+    /// Whether it gave all.
+    pub is_done: bool,
+    /// Steps in which a body found no free place and waited.
+    pub steps_waited: u64,
+}
+
+impl StreamSummary {
+    fn of(settings: &RunSettings, totals: &RunTotals) -> Vec<Self> {
+        let streams = settings.traffic.streams.iter().enumerate();
+        let state = |index: usize| totals.traffic.streams.get(index).copied().unwrap_or_default();
+        streams
+            .map(|(index, stream)| {
+                let StreamState { given, is_done, steps_waited, .. } = state(index);
+                Self {
+                    name: stream.name.clone(),
+                    bodies: given.bodies,
+                    mass: given.mass,
+                    is_done,
+                    steps_waited,
+                }
+            })
+            .collect()
+    }
+}
+
+/// An outlet.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct OutletSummary {
+    /// Its name.
+    pub name: String,
+    /// Bodies that left.
+    pub bodies: u64,
+    /// Their mass, kg.
+    pub mass: f64,
+}
+
+impl OutletSummary {
+    fn of(settings: &RunSettings, totals: &RunTotals) -> Vec<Self> {
+        let outlets = settings.traffic.outlets.iter().enumerate();
+        let gone = |index: usize| totals.traffic.outlets.get(index).copied().unwrap_or_default();
+        outlets
+            .map(|(index, outlet)| {
+                let Amount { bodies, mass, .. } = gone(index);
+                Self { name: outlet.name.clone(), bodies, mass }
+            })
+            .collect()
+    }
 }
 
 impl Summary {
@@ -208,6 +273,8 @@ impl Summary {
             load_work: totals.ledger.loads,
             joint_work: totals.ledger.joints,
             stages: totals.stages.clone(),
+            streams: StreamSummary::of(settings, totals),
+            outlets: OutletSummary::of(settings, totals),
             kinetic_energy: world.kinetic_energy(),
             peak_memory_bytes: peak_memory_bytes(),
             state_hash: format!("{:016x}", world.state_hash()),

@@ -1,6 +1,7 @@
 //! Frames of the bodies that are not spheres, as triangles: walls, blades, mixers, boxes.
 
 use super::vtp::{CellKind, Cells, DataArray, PolyData};
+use crate::roster::Roster;
 use graintrain::math::{Quat, Vec3};
 use graintrain::shape::Shape;
 use graintrain::world::{FREE, World};
@@ -130,7 +131,7 @@ impl Builder<'_> {
         }
     }
 
-    fn finish(self) -> PolyData {
+    fn finish(self, roster: &Roster) -> PolyData {
         let bodies = &self.world.bodies;
         let body = |k: &i64| *k as usize;
         let point_body = {
@@ -147,15 +148,16 @@ impl Builder<'_> {
         });
         let point_data = vec![DataArray::vector("v", velocity.collect::<Vec<_>>())];
         let material = self.body.iter().map(|k| bodies.material[body(k)].index() as i32).collect();
-        let cell_data = vec![DataArray::int32("type", material), DataArray::int64("body_id", self.body)];
+        let number = self.body.iter().map(|k| roster.number(body(k)) as i64).collect();
+        let cell_data = vec![DataArray::int32("type", material), DataArray::int64("body_id", number)];
         PolyData { points: self.points, cells: self.cells, point_data, cell_data }
     }
 }
 
 /// The frame: the surfaces of all shapes but spheres. A plane is drawn as a square patch that reaches below all bodies.
 ///
-/// Cell arrays: `body_id`, `type` (material). Point array: `v` (m/s).
-pub fn surfaces(world: &World, show: Show) -> PolyData {
+/// Cell arrays: `body_id` (number, as in the frames of bodies), `type` (material). Point array: `v` (m/s).
+pub fn surfaces(world: &World, roster: &Roster, show: Show) -> PolyData {
     let mut builder =
         Builder { world, points: Vec::new(), cells: Cells::new(CellKind::Polys), body: Vec::new() };
     let templates: Vec<Vec<Option<Triangles>>> = world
@@ -182,7 +184,7 @@ pub fn surfaces(world: &World, show: Show) -> PolyData {
             }
         }
     }
-    builder.finish()
+    builder.finish(roster)
 }
 
 /// Whether the prescribed motion of the body is rest at all times.

@@ -1,9 +1,10 @@
-//! Files that hold one contact problem: FCLIB (HDF5), the text problems of Siconos, and the program's own dumps,
+//! Files that hold one contact problem: FCLIB (HDF5), the text problems of Siconos, NumPy archives, MatrixMarket files, and the program's own dumps,
 //! which are FCLIB files.
 //!
 //! | module | holds |
 //! |---|---|
 //! | `fclib`, `siconos` | the two formats |
+//! | `numpy`, `matrix_market` | `.npz` archives, MatrixMarket files side by side |
 //! | `raw` | a problem as a file states it: local (W, q, mu) or global (M, H, f, w, mu) |
 //! | `local`, `global` | from there to the CCP |
 //! | `rolling` | from the five rows of contacts with rolling friction to block rows |
@@ -22,6 +23,8 @@ mod global;
 mod hdf5;
 mod local;
 mod matrix;
+mod matrix_market;
+mod numpy;
 mod raw;
 mod rigid;
 mod rolling;
@@ -111,7 +114,12 @@ impl ProblemFile {
 pub fn read(path: &Path) -> Result<ProblemFile, ProblemFileError> {
     let bytes =
         std::fs::read(path).map_err(|source| ProblemFileError::Io { path: path.to_path_buf(), source })?;
-    parse(bytes).map_err(|defect| defect.in_file(path))
+    let problem = if matrix_market::is_matrix_market(&bytes) {
+        matrix_market::parse(path).and_then(stated)
+    } else {
+        parse(bytes)
+    };
+    problem.map_err(|defect| defect.in_file(path))
 }
 
 /// A sparse matrix by its entries (row, column, value), in any order; entries at the same place are added.
@@ -178,7 +186,13 @@ fn is_hdf5(bytes: &[u8]) -> bool {
 }
 
 fn parse(bytes: Vec<u8>) -> Result<ProblemFile, Defect> {
-    if is_hdf5(&bytes) { build(hdf5::parse(bytes)?) } else { stated(siconos::parse(&bytes)?) }
+    if is_hdf5(&bytes) {
+        build(hdf5::parse(bytes)?)
+    } else if numpy::is_npz(&bytes) {
+        stated(numpy::parse(&bytes)?)
+    } else {
+        stated(siconos::parse(&bytes)?)
+    }
 }
 
 fn build(stated: Stated) -> Result<ProblemFile, Defect> {

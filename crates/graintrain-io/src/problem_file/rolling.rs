@@ -6,7 +6,9 @@
 //! velocities times a length.
 
 use super::error::{Defect, WRITE_AGAIN};
-use super::matrix::{Entry, Matrix};
+#[cfg(feature = "fclib")]
+use super::matrix::Entry;
+use super::matrix::Matrix;
 #[cfg(feature = "fclib")]
 use graintrain_ccp::Ccp;
 use graintrain_ccp::{Delassus, TurningFriction};

@@ -3,7 +3,9 @@
 mod joints;
 mod materials;
 mod measures;
+mod relax;
 mod stages;
+mod traffic;
 
 use super::Scene;
 use super::error::{Location, SceneError, SceneErrorKind};
@@ -17,6 +19,7 @@ use super::quantity::Dimension;
 use crate::measure::Measure;
 use crate::settings::OutputSettings;
 use crate::stage::Stage;
+use crate::traffic::Traffic;
 use graintrain::collide::{deepest_overlap, meshes_that_meet};
 use graintrain::error::ModelError;
 use graintrain::handle::{BodyId, GeometryId, MaterialId, MotionId};
@@ -55,6 +58,8 @@ pub struct Simulation {
     pub stages: Vec<Stage>,
     /// What is measured.
     pub measures: Vec<Measure>,
+    /// Ways in and out for bodies.
+    pub traffic: Traffic,
     /// The scene with the defaults that depend on the bodies filled in; `resolved.to_toml()` belongs into the run's
     /// folder.
     pub resolved: Scene,
@@ -82,17 +87,18 @@ impl Scene {
         for (name, joint) in &self.joints {
             builder.add_joint(name, joint, &self.joints)?;
         }
-        let stages = builder.stages(self)?;
-        let measures = self
+        let traffic = builder.traffic(self)?;
+        let measures: Vec<Measure> = self
             .measures
             .iter()
             .map(|(name, spec)| builder.measure(name, spec, self))
             .collect::<Result<_, SceneError>>()?;
-        let Builder { world, smallest_radius, origins, .. } = builder;
-        if world.bodies.is_empty() {
+        let stages = builder.stages(self, &measures)?;
+        let Builder { mut world, smallest_radius, origins, .. } = builder;
+        if world.bodies.is_empty() && traffic.streams.is_empty() {
             return Err(SceneError::new(SceneErrorKind::NoBodies, None));
         }
-        if !(0..world.bodies.len()).any(|body| !world.is_prescribed(body)) {
+        if traffic.streams.is_empty() && !(0..world.bodies.len()).any(|body| !world.is_prescribed(body)) {
             return Err(SceneError::new(SceneErrorKind::NothingMoves, None));
         }
         let envelope = *resolved.contact.envelope.get_or_insert(ENVELOPE * smallest_radius);
@@ -108,6 +114,9 @@ impl Scene {
             return Err(SceneError::new(SceneErrorKind::Contradiction(problem), None));
         }
         check_meshes(&world, &origins)?;
+        if self.contact.relax {
+            relax::relax(&mut world, envelope, allowed);
+        }
         check_overlap(&world, &origins, allowed)?;
         let settings = StepSettings {
             step: self.time.step,
@@ -127,7 +136,16 @@ impl Scene {
             precision: self.output.precision,
             checkpoint_every: whole_steps(self.output.checkpoint_every),
         };
-        Ok(Simulation { world, settings, steps: self.time.steps, output, stages, measures, resolved })
+        Ok(Simulation {
+            world,
+            settings,
+            steps: self.time.steps,
+            output,
+            stages,
+            measures,
+            traffic,
+            resolved,
+        })
     }
 
     fn make_paths_absolute(&mut self) -> Result<(), SceneError> {
@@ -206,6 +224,8 @@ struct Builder {
     origins: Vec<Origin>,
     /// Centres of mass of the single bodies in their frames, by their indices.
     centres: HashMap<usize, Vec3>,
+    /// Names of the streams, once they are there.
+    streams: Vec<String>,
 }
 
 /// A stretch of bodies that a body or packing of the scene made.
@@ -281,6 +301,7 @@ impl Builder {
             smallest_radius: f64::INFINITY,
             origins: Vec::new(),
             centres: HashMap::new(),
+            streams: Vec::new(),
         })
     }
 
@@ -355,17 +376,8 @@ impl Builder {
         self.note_origin(name, true, &spec.location);
         let at = |error: ModelError| model_error(error, &spec.location);
         let material = self.material(&spec.material);
-        let geometry = match &spec.shape {
-            Some(spec) => Some(Geometry::single(shape(spec)?.0).map_err(at)?),
-            None if spec.parts.is_empty() => None,
-            None => {
-                let parts = spec.parts.iter().map(part).collect::<Result<Vec<_>, SceneError>>()?;
-                Some(Geometry::compound(parts).map_err(at)?.0)
-            }
-        };
-        let size = geometry.as_ref().map(|geometry| {
-            geometry.parts.iter().map(|part| part.shape.half_thickness()).fold(f64::INFINITY, f64::min)
-        });
+        let geometry = form(spec.shape.as_ref(), &spec.parts, &spec.location)?;
+        let size = geometry.as_ref().map(half_thickness);
         let placed = packing::place(name, spec, geometry.as_ref().map(Geometry::bounding_radius))?;
         let shared = geometry.map(|geometry| self.world.add_geometry(geometry));
         let motion = if spec.lock_rotation { self.locked_rotation().map_err(at)? } else { FREE };
@@ -526,6 +538,28 @@ fn function(spec: &FunctionSpec) -> Result<Profile, SceneError> {
         Ok(profile)
     };
     read().map_err(|problem: FileProblem| problem.located(path, location))
+}
+
+/// The form of bodies that are not spheres.
+fn form(
+    single: Option<&ShapeSpec>,
+    parts: &[PartSpec],
+    location: &Location,
+) -> Result<Option<Geometry>, SceneError> {
+    let at = |error: ModelError| model_error(error, location);
+    match single {
+        Some(spec) => Ok(Some(Geometry::single(shape(spec)?.0).map_err(at)?)),
+        None if parts.is_empty() => Ok(None),
+        None => {
+            let parts = parts.iter().map(part).collect::<Result<Vec<_>, SceneError>>()?;
+            Ok(Some(Geometry::compound(parts).map_err(at)?.0))
+        }
+    }
+}
+
+/// Half the smallest extent of the parts of a geometry, m.
+fn half_thickness(geometry: &Geometry) -> f64 {
+    geometry.parts.iter().map(|part| part.shape.half_thickness()).fold(f64::INFINITY, f64::min)
 }
 
 /// A part with its shape in the form of the geometry, which has planes only with the normal z.

@@ -21,8 +21,10 @@ use std::ops::Range;
 /// Nesting deeper than this is refused (it would exhaust the stack).
 const DEEPEST_NESTING: usize = 64;
 
-const FUNCTIONS: &[&str] =
-    &["abs", "acos", "asin", "atan", "ceil", "cos", "floor", "max", "min", "round", "sin", "sqrt", "tan"];
+const FUNCTIONS: &[&str] = &[
+    "abs", "acos", "asin", "atan", "ceil", "cos", "exp", "floor", "ln", "max", "min", "round", "sin", "sqrt",
+    "tan",
+];
 
 /// The name of the time in functions of it.
 const TIME: &str = "t";
@@ -556,6 +558,7 @@ mod tests {
         close("8 / 2 / 2", 2.0);
         close("12 rpm", 12.0 * std::f64::consts::TAU / 60.0);
         close("sin(30 deg) + sqrt(4 m^2) / 1 m + max(1, n, 3)", 10.5);
+        close("exp(1) * ln(2) / exp(1) - ln(2) + ln(exp(3))", 3.0);
         close("2e3 mm", 2.0);
     }
 

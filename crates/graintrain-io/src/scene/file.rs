@@ -9,6 +9,7 @@ use super::parameters::Parameters;
 use super::reader::{Context, Range, Reader};
 use super::schema;
 use super::stage::{self, StageSpec};
+use super::stream;
 use super::tree::{Node, Value};
 use crate::settings::Precision;
 use graintrain::assemble::OverlapCorrection;
@@ -21,6 +22,9 @@ use std::path::PathBuf;
 
 /// Name of the material of scenes that declare none.
 const DEFAULT_MATERIAL: &str = "default";
+
+/// Seeds of streams begin so far behind that of the scene: packings have the first ones.
+const STREAM_SEEDS: u64 = 1000;
 
 /// Largest number of steps of a run.
 const MOST_STEPS: f64 = 1e12;
@@ -67,12 +71,41 @@ pub(crate) fn read(name: &str, root: &Node, folder: PathBuf) -> Result<Scene, Sc
     }
     let material_names: Vec<&str> = names.clone();
     let load_names: Vec<&str> = loads.iter().map(|(name, _): &(String, LoadSpec)| name.as_str()).collect();
-    let names = stage::Names { materials: &material_names, bodies: &body_names, loads: &load_names };
+    let named_streams = scene.named("stream")?;
+    let stream_names: Vec<&str> = named_streams.iter().map(|(name, _)| name.as_str()).collect();
+    let named_measures = scene.named("measure")?;
+    let measure_names: Vec<&str> = named_measures.iter().map(|(name, _)| name.as_str()).collect();
+    let names = stage::Names {
+        materials: &material_names,
+        bodies: &body_names,
+        loads: &load_names,
+        packings: &packing_names,
+        streams: &stream_names,
+        measures: &measure_names,
+    };
     let stages = stage::read(&scene, &names)?;
     let stage_names: Vec<&str> = stages.iter().map(|stage: &StageSpec| stage.name.as_str()).collect();
-    let measures = scene
-        .named("measure")?
+    let streams = named_streams
+        .iter()
+        .enumerate()
+        .map(|(index, (name, reader))| {
+            let seed = seed + STREAM_SEEDS + index as u64;
+            Ok((name.clone(), stream::read(reader, &material_names, &stage_names, seed)?))
+        })
+        .collect::<Result<Vec<_>, SceneError>>()?;
+    let outlets = scene
+        .named("outlet")?
         .into_iter()
+        .map(|(name, reader)| Ok((name, stream::read_outlet(&reader)?)))
+        .collect::<Result<Vec<_>, SceneError>>()?;
+    let names = measure::Names {
+        bodies: &body_names,
+        packings: &packing_names,
+        streams: &stream_names,
+        stages: &stage_names,
+    };
+    let measures = named_measures
+        .iter()
         .map(|(name, reader)| {
             // The name is that of a file.
             if name.is_empty()
@@ -82,8 +115,8 @@ pub(crate) fn read(name: &str, root: &Node, folder: PathBuf) -> Result<Scene, Sc
                 let requirement = "a name of letters, digits, `-`, `_` and `.`, which is that of a file";
                 return Err(scene.out_of_range("measure", requirement, format!("`{name}`")));
             }
-            let spec = measure::read(&reader, time.step, &body_names, &packing_names, &stage_names)?;
-            Ok((name, spec))
+            let spec = measure::read(reader, time.step, &names)?;
+            Ok((name.clone(), spec))
         })
         .collect::<Result<Vec<_>, SceneError>>()?;
     Ok(Scene {
@@ -100,6 +133,8 @@ pub(crate) fn read(name: &str, root: &Node, folder: PathBuf) -> Result<Scene, Sc
         pairs,
         bodies,
         packings,
+        streams,
+        outlets,
         loads,
         joints,
         stages,
@@ -128,6 +163,7 @@ fn contact(reader: Option<Reader>) -> Result<ContactSpec, SceneError> {
     let mut spec = ContactSpec {
         envelope: None,
         allowed_overlap: None,
+        relax: false,
         overlap: OverlapCorrection::Position,
         friction_rule: PairRule::Minimum,
         restitution_rule: PairRule::Minimum,
@@ -135,6 +171,7 @@ fn contact(reader: Option<Reader>) -> Result<ContactSpec, SceneError> {
     if let Some(reader) = reader {
         spec.envelope = reader.quantity("envelope", Range::Positive)?;
         spec.allowed_overlap = reader.quantity("allowed_overlap", Range::NotNegative)?;
+        spec.relax = reader.flag("relax")?.unwrap_or(false);
         let schemes = &[("position", OverlapCorrection::Position), ("velocity", OverlapCorrection::Velocity)];
         spec.overlap = reader.choice("overlap", schemes)?.unwrap_or(spec.overlap);
         spec.friction_rule = reader.choice("friction_rule", PairRule::NAMES)?.unwrap_or(spec.friction_rule);
@@ -247,7 +284,7 @@ fn pairs(scene: &Reader, materials: &[&str]) -> Result<Vec<PairSpec>, SceneError
 }
 
 /// The material that a body or packing names; the only one where it names none.
-fn material_name(reader: &Reader, materials: &[&str]) -> Result<String, SceneError> {
+pub(super) fn material_name(reader: &Reader, materials: &[&str]) -> Result<String, SceneError> {
     match (reader.text("material")?, materials) {
         (Some(name), _) if materials.contains(&name.as_str()) => Ok(name),
         (Some(name), _) => Err(reader.unknown_name("material", "material", &name, materials.iter().copied())),
@@ -301,7 +338,7 @@ fn body(reader: &Reader, materials: &[&str]) -> Result<BodySpec, SceneError> {
     })
 }
 
-fn part(reader: &Reader) -> Result<PartSpec, SceneError> {
+pub(super) fn part(reader: &Reader) -> Result<PartSpec, SceneError> {
     Ok(PartSpec {
         shape: shape(&reader.required_child("shape")?)?,
         position: reader.vector("position", Range::Any)?.unwrap_or(Vec3::ZERO),
@@ -331,7 +368,7 @@ fn rotation(parent: &Reader) -> Result<RotationSpec, SceneError> {
     Ok(RotationSpec(if is_unit { quaternion } else { quaternion / length }))
 }
 
-fn shape(reader: &Reader) -> Result<ShapeSpec, SceneError> {
+pub(super) fn shape(reader: &Reader) -> Result<ShapeSpec, SceneError> {
     let form = reader.one_of(&["sphere", "box", "plane", "capsule", "cylinder", "mesh"])?;
     let inner = reader.required_child(form)?;
     Ok(match form {
@@ -514,11 +551,15 @@ fn drag(reader: &Reader) -> Result<DragSpec, SceneError> {
 }
 
 fn packing(reader: &Reader, materials: &[&str], default_seed: u64) -> Result<PackingSpec, SceneError> {
-    let form = reader.one_of(&["lattice", "drop", "file"])?;
+    let form = reader.one_of(&["lattice", "drop", "poisson", "file"])?;
     let inner = reader.required_child(form)?;
     let source = match form {
         "lattice" => PackingSource::Lattice(lattice(&inner)?),
         "drop" => PackingSource::Drop(drop_spec(&inner)?),
+        "poisson" => PackingSource::Poisson(PoissonSpec {
+            distance: inner.required("distance", Range::Positive)?,
+            region: region(&inner)?,
+        }),
         _ => PackingSource::File(file(&inner)?),
     };
     let size = reader.at_most_one_of(&["radius", "shape", "parts"])?;
@@ -557,7 +598,7 @@ fn packing(reader: &Reader, materials: &[&str], default_seed: u64) -> Result<Pac
     })
 }
 
-fn radius(packing: &Reader) -> Result<Option<RadiusSpec>, SceneError> {
+pub(super) fn radius(packing: &Reader) -> Result<Option<RadiusSpec>, SceneError> {
     match packing.get("radius") {
         None => return Ok(None),
         Some(Node { value: Value::Table(_), .. }) => {}
@@ -658,12 +699,24 @@ fn file(reader: &Reader) -> Result<FileSpec, SceneError> {
         None => match path.extension().and_then(|ending| ending.to_str()).map(str::to_lowercase).as_deref() {
             Some("vtu" | "vtp") => PackingFormat::Vtk,
             Some("csv") => PackingFormat::Csv,
+            Some("dump" | "lammpstrj" | "liggghts") => PackingFormat::Lammps,
+            Some("xyz" | "extxyz") => PackingFormat::Xyz,
+            Some("data" | "restart") => PackingFormat::Mercury,
             _ => PackingFormat::Table,
         },
     };
+    let frame = reader.count("frame")?;
+    if frame.is_some()
+        && !matches!(format, PackingFormat::Lammps | PackingFormat::Xyz | PackingFormat::Mercury)
+    {
+        let problem =
+            format!("`{}.frame` is for files with several frames: lammps, xyz and mercury", reader.path);
+        return Err(SceneError::at(SceneErrorKind::Contradiction(problem), reader.location()));
+    }
     Ok(FileSpec {
         path,
         format,
+        frame,
         skip_last: reader.count("skip_last")?.unwrap_or(0) as usize,
         scale: reader.quantity("scale", Range::Positive)?.unwrap_or(1.0),
         offset: reader.vector("offset", Range::Any)?.unwrap_or(Vec3::ZERO),

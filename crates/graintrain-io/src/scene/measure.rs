@@ -24,6 +24,9 @@ pub struct MeasureSpec {
     /// Names of packings.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub packings: Vec<String>,
+    /// Names of streams.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub streams: Vec<String>,
     /// Where.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub region: Option<Region>,
@@ -57,6 +60,9 @@ pub struct MeasureSpec {
     /// Centre of mass.
     #[serde(skip_serializing_if = "no")]
     pub motion: bool,
+    /// Bodies that come and leave.
+    #[serde(skip_serializing_if = "no")]
+    pub exchange: bool,
     /// Force on bodies.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub force: Option<ForceSpec>,
@@ -105,7 +111,11 @@ pub struct PlaneSpec {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct MixingSpec {
     /// Packings of the first kind.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
     pub packings: Vec<String>,
+    /// Streams of the first kind.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub streams: Vec<String>,
     /// m
     pub cell: f64,
 }
@@ -123,6 +133,9 @@ pub struct ShearBoxSpec {
     pub normal: Vec3,
     /// m^2
     pub area: f64,
+    /// m
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub plane: Option<Vec3>,
 }
 
 /// The angle of a slope.
@@ -200,6 +213,7 @@ const QUANTITIES: &[&str] = &[
     "forces",
     "energy",
     "motion",
+    "exchange",
     "force",
     "plane",
     "mixing",
@@ -210,14 +224,17 @@ const QUANTITIES: &[&str] = &[
 /// How many of these stand alone.
 const ALONE: usize = 2;
 
-/// Reads a measurement of a scene with this time step (s) and these bodies, packings and stages.
-pub(super) fn read(
-    reader: &Reader,
-    step: f64,
-    bodies: &[&str],
-    packings: &[&str],
-    stages: &[&str],
-) -> Result<MeasureSpec, SceneError> {
+/// What measurements may name.
+pub(super) struct Names<'a> {
+    pub bodies: &'a [&'a str],
+    pub packings: &'a [&'a str],
+    pub streams: &'a [&'a str],
+    pub stages: &'a [&'a str],
+}
+
+/// Reads a measurement of a scene with this time step (s).
+pub(super) fn read(reader: &Reader, step: f64, names: &Names<'_>) -> Result<MeasureSpec, SceneError> {
+    let Names { bodies, packings, streams, stages } = *names;
     let given = |key: &&&str| -> Result<bool, SceneError> {
         match reader.get(key) {
             Some(node) if node.entries().is_none() => Ok(reader.flag(key)?.unwrap_or(false)),
@@ -249,6 +266,7 @@ pub(super) fn read(
     let spec = MeasureSpec {
         bodies: names_of(reader, "bodies", "body", bodies)?,
         packings: names_of(reader, "packings", "packing", packings)?,
+        streams: names_of(reader, "streams", "stream", streams)?,
         region: reader.child("region")?.as_ref().map(region).transpose()?,
         stage: match reader.text("stage")? {
             Some(name) if !stages.contains(&name.as_str()) => {
@@ -266,6 +284,7 @@ pub(super) fn read(
         forces: flag("forces")?,
         energy: flag("energy")?,
         motion: flag("motion")?,
+        exchange: flag("exchange")?,
         force: match reader.child("force")? {
             None => None,
             Some(inner) => Some(ForceSpec {
@@ -282,8 +301,12 @@ pub(super) fn read(
         },
         mixing: match reader.child("mixing")? {
             None => None,
+            Some(inner) if inner.get("packings").is_none() && inner.get("streams").is_none() => {
+                return Err(inner.missing("packings"));
+            }
             Some(inner) => Some(MixingSpec {
-                packings: required_names(&inner, "packings", "packing", packings)?,
+                packings: names_of(&inner, "packings", "packing", packings)?,
+                streams: names_of(&inner, "streams", "stream", streams)?,
                 cell: inner.required("cell", Range::Positive)?,
             }),
         },
@@ -328,6 +351,7 @@ fn shear_box(reader: &Reader, bodies: &[&str]) -> Result<ShearBoxSpec, SceneErro
         direction: reader.direction("direction")?.unwrap_or(Vec3::X),
         normal: reader.direction("normal")?.unwrap_or(Vec3::Z),
         area: reader.required("area", Range::Positive)?,
+        plane: reader.vector("plane", Range::Any)?,
     })
 }
 

@@ -12,7 +12,7 @@
 //! | `tree`, `reader`, `file` | from text to [`Scene`] |
 //! | [`model`] | the parts of a [`Scene`] |
 //! | `packing`, `mesh_file` | packings made here or read from files; meshes |
-//! | `measure`, `stage` | measurements, stages |
+//! | `measure`, `stage`, `stream` | measurements, stages, ways in and out for bodies |
 //! | `build` | from [`Scene`] to [`Simulation`] |
 //! | [`builtin`] | the built-in scenes |
 //! | [`error`] | what can be wrong, and where |
@@ -31,10 +31,10 @@ pub mod model;
 mod packing;
 mod parameters;
 pub mod quantity;
-mod random;
 mod reader;
 pub mod schema;
 mod stage;
+mod stream;
 mod tree;
 
 pub use build::Simulation;
@@ -45,7 +45,8 @@ pub use measure::{
 };
 
 pub use joint::{ActuatorSpec, JointSpec, MotorSpec, SpringSpec, StopsSpec};
-pub use stage::{StageBody, StageMaterial, StageSpec};
+pub use stage::{GrowthSpec, StageBody, StageMaterial, StageSpec, SteadySpec};
+pub use stream::{ExitSpec, OutletSpec, StreamSpec};
 
 use graintrain::material::TurningResistance;
 use model::{
@@ -93,6 +94,12 @@ pub struct Scene {
     /// Packings by name.
     #[serde(rename = "packing", serialize_with = "in_order", skip_serializing_if = "Vec::is_empty")]
     pub packings: Vec<(String, PackingSpec)>,
+    /// Streams of bodies by name.
+    #[serde(rename = "stream", serialize_with = "in_order", skip_serializing_if = "Vec::is_empty")]
+    pub streams: Vec<(String, StreamSpec)>,
+    /// Ways out by name.
+    #[serde(rename = "outlet", serialize_with = "in_order", skip_serializing_if = "Vec::is_empty")]
+    pub outlets: Vec<(String, OutletSpec)>,
     /// Loads by name.
     #[serde(rename = "load", serialize_with = "in_order", skip_serializing_if = "Vec::is_empty")]
     pub loads: Vec<(String, LoadSpec)>,
@@ -177,6 +184,28 @@ impl Scene {
             .map_err(|error| SceneError::new(SceneErrorKind::Contradiction(error.to_string()), None))?;
         Ok(text + "\n" + &body)
     }
+}
+
+/// The number in SI units that an expression of a scene is, where these names are numbers; not a number where the expression is none.
+///
+/// # Errors
+/// What is wrong with the text, in words.
+pub fn value(text: &str, names: &[(&str, f64)]) -> Result<f64, String> {
+    struct Given<'a>(&'a [(&'a str, f64)]);
+    impl expression::Names for Given<'_> {
+        fn value(&self, name: &str) -> Option<Result<quantity::Quantity, String>> {
+            let found = self.0.iter().find(|(known, _)| *known == name);
+            found.map(|(_, value)| Ok(quantity::Quantity::number(*value)))
+        }
+
+        fn names(&self) -> Vec<&str> {
+            self.0.iter().map(|(name, _)| *name).collect()
+        }
+    }
+    if let Some((name, _)) = names.iter().find(|(name, _)| expression::is_reserved(name)) {
+        return Err(format!("`{name}` already means a unit, a function or a constant: choose another name"));
+    }
+    expression::evaluate(text, &Given(names)).map(|quantity| quantity.value).map_err(|error| error.problem)
 }
 
 /// A time in seconds from what scenes accept as one: a number of seconds, or an expression with units ("20 ms").

@@ -3,6 +3,7 @@
 use super::error::Location;
 use super::expression::formula_text;
 use super::quantity::Dimension;
+pub use crate::radii::RadiusDistribution;
 use crate::settings::Precision;
 use graintrain::assemble::OverlapCorrection;
 use graintrain::load::Region;
@@ -31,6 +32,9 @@ pub struct ContactSpec {
     /// Overlap accepted at the start, m.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub allowed_overlap: Option<f64>,
+    /// Whether bodies that overlap by more are moved apart before the run.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub relax: bool,
     /// What becomes of overlap.
     pub overlap: OverlapCorrection,
     /// Friction of pairs that are not named.
@@ -543,6 +547,8 @@ pub enum PackingSource {
     Lattice(LatticeSpec),
     /// Random places.
     Drop(DropSpec),
+    /// Places of a least distance.
+    Poisson(PoissonSpec),
     /// A file.
     File(FileSpec),
 }
@@ -570,6 +576,16 @@ pub struct DropSpec {
     pub region: Region,
 }
 
+/// Places of a least distance.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct PoissonSpec {
+    /// Least distance of two centres, m.
+    pub distance: f64,
+    /// Region.
+    #[serde(flatten)]
+    pub region: Region,
+}
+
 /// A packing file and what to take from it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct FileSpec {
@@ -577,6 +593,9 @@ pub struct FileSpec {
     pub path: PathBuf,
     /// Its form.
     pub format: PackingFormat,
+    /// Frame of a file with several, from 0; `None`: the last.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub frame: Option<u64>,
     /// Lines left out at the end.
     pub skip_last: usize,
     /// Factor on all lengths.
@@ -609,11 +628,26 @@ pub enum PackingFormat {
     Csv,
     /// Separated by blanks, with a header line.
     Table,
+    /// Text dumps of LAMMPS and LIGGGHTS.
+    Lammps,
+    /// Extended XYZ.
+    Xyz,
+    /// YADE's text.
+    Yade,
+    /// Data and restart files of MercuryDPM.
+    Mercury,
 }
 
 impl PackingFormat {
-    pub(crate) const NAMES: &[(&str, Self)] =
-        &[("vtk", Self::Vtk), ("csv", Self::Csv), ("table", Self::Table)];
+    pub(crate) const NAMES: &[(&str, Self)] = &[
+        ("vtk", Self::Vtk),
+        ("csv", Self::Csv),
+        ("table", Self::Table),
+        ("lammps", Self::Lammps),
+        ("xyz", Self::Xyz),
+        ("yade", Self::Yade),
+        ("mercury", Self::Mercury),
+    ];
 }
 
 /// Radius of the spheres of a packing, m.
@@ -624,48 +658,6 @@ pub enum RadiusSpec {
     Single(f64),
     /// A distribution.
     Distribution(RadiusDistribution),
-}
-
-/// Distribution of radii, m.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum RadiusDistribution {
-    /// Uniform between two radii.
-    Uniform {
-        /// Smallest.
-        min: f64,
-        /// Largest.
-        max: f64,
-    },
-    /// Normal, cut off.
-    Normal {
-        /// Before the cut.
-        mean: f64,
-        /// Standard deviation before the cut.
-        deviation: f64,
-        /// Smallest.
-        min: f64,
-        /// Largest.
-        max: f64,
-    },
-    /// Log-normal, cut off.
-    Lognormal {
-        /// Before the cut.
-        median: f64,
-        /// Standard deviation of the logarithm.
-        deviation: f64,
-        /// Smallest.
-        min: f64,
-        /// Largest.
-        max: f64,
-    },
-    /// One of several.
-    Choice {
-        /// The radii.
-        radii: Vec<f64>,
-        /// How often each is drawn.
-        weights: Vec<f64>,
-    },
 }
 
 impl ShapeSpec {
@@ -684,6 +676,7 @@ impl PackingSpec {
                 format!("lattice of {x} x {y} x {z}")
             }
             PackingSource::Drop(drop) => format!("{} at random places", drop.count),
+            PackingSource::Poisson(poisson) => format!("at random places {} m apart", poisson.distance),
             PackingSource::File(file) => format!("from {}", file.path.display()),
         }
     }

@@ -27,6 +27,10 @@ impl Dimension {
     pub const SPEED: Self = Self::new(1, 0, -1, 0);
     /// m/s^2
     pub const ACCELERATION: Self = Self::new(1, 0, -2, 0);
+    /// 1/s
+    pub const RATE: Self = Self::new(0, 0, -1, 0);
+    /// kg/s
+    pub const MASS_RATE: Self = Self::new(0, 1, -1, 0);
     /// rad/s
     pub const ANGULAR_SPEED: Self = Self::new(0, 0, -1, 1);
     /// kg/m^3
@@ -90,6 +94,8 @@ impl Dimension {
             Self::ANGLE => "an angle",
             Self::SPEED => "a speed",
             Self::ACCELERATION => "an acceleration",
+            Self::RATE => "a rate",
+            Self::MASS_RATE => "a mass per time",
             Self::ANGULAR_SPEED => "an angular speed",
             Self::DENSITY => "a density",
             Self::FORCE => "a force",

@@ -1,9 +1,10 @@
 //! Stages as a scene asks for them.
 
 use super::error::{Location, SceneError, SceneErrorKind};
-use super::file::motion;
+use super::file::{motion, names_of, region};
 use super::model::{FunctionSpec, MotionSpec};
 use super::reader::{Range, Reader};
+use graintrain::load::Region;
 use serde::Serialize;
 
 /// A stage.
@@ -22,6 +23,15 @@ pub struct StageSpec {
     /// Share of the mean contact force.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub unbalanced_force: Option<f64>,
+    /// Whether it ends when all streams have given all.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub filled: bool,
+    /// A measured quantity that is steady.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub steady: Option<SteadySpec>,
+    /// Bodies that grow.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub growth: Option<GrowthSpec>,
     /// Names of the loads that act.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub loads: Option<Vec<String>>,
@@ -37,6 +47,38 @@ pub struct StageSpec {
     /// Where it is written.
     #[serde(skip)]
     pub location: Location,
+}
+
+/// A measured quantity that is steady.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct SteadySpec {
+    /// Name of the measurement.
+    pub measure: String,
+    /// Column of its table.
+    pub column: String,
+    /// s
+    pub over: f64,
+    /// Relative to the mean.
+    pub change: f64,
+    /// In the unit of the column.
+    pub within: f64,
+}
+
+/// Bodies that grow to a porosity.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct GrowthSpec {
+    /// Names of packings; without these and streams all bodies that can move.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub packings: Vec<String>,
+    /// Names of streams.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub streams: Vec<String>,
+    /// 1/s
+    pub rate: f64,
+    /// Porosity at which it ends.
+    pub porosity: f64,
+    /// Where porosity is taken.
+    pub region: Region,
 }
 
 /// What changes of a material.
@@ -62,6 +104,9 @@ pub(super) struct Names<'a> {
     pub materials: &'a [&'a str],
     pub bodies: &'a [&'a str],
     pub loads: &'a [&'a str],
+    pub packings: &'a [&'a str],
+    pub streams: &'a [&'a str],
+    pub measures: &'a [&'a str],
 }
 
 /// Reads the stages of a scene.
@@ -75,10 +120,21 @@ pub(super) fn read(scene: &Reader, names: &Names<'_>) -> Result<Vec<StageSpec>, 
             let problem = format!("there are two stages named `{}`", stage.name);
             return Err(SceneError::at(SceneErrorKind::Contradiction(problem), reader.location()));
         }
-        let ends = stage.time.is_some() || stage.kinetic_energy.is_some() || stage.unbalanced_force.is_some();
+        let ends = stage.time.is_some()
+            || stage.kinetic_energy.is_some()
+            || stage.unbalanced_force.is_some()
+            || stage.filled
+            || stage.steady.is_some()
+            || stage.growth.is_some();
+        if stage.filled && names.streams.is_empty() {
+            let problem =
+                format!("the stage `{}` ends when streams have given all, but there are none", stage.name);
+            return Err(SceneError::at(SceneErrorKind::Contradiction(problem), reader.location()));
+        }
         if !ends && number < last {
             let problem = format!(
-                "nothing ends the stage `{}`, so that the next one never begins: give it `time`, `kinetic_energy` or `unbalanced_force`",
+                "nothing ends the stage `{}`, so that the next one never begins: give it `time`, `kinetic_energy`, `unbalanced_force`, \
+                 `filled`, `steady` or `growth`",
                 stage.name
             );
             return Err(SceneError::at(SceneErrorKind::Contradiction(problem), reader.location()));
@@ -86,6 +142,34 @@ pub(super) fn read(scene: &Reader, names: &Names<'_>) -> Result<Vec<StageSpec>, 
         stages.push(stage);
     }
     Ok(stages)
+}
+
+fn steady(reader: &Reader, names: &Names<'_>) -> Result<SteadySpec, SceneError> {
+    let measure = reader.text("measure")?.ok_or_else(|| reader.missing("measure"))?;
+    if !names.measures.contains(&measure.as_str()) {
+        return Err(reader.unknown_name("measure", "measure", &measure, names.measures.iter().copied()));
+    }
+    Ok(SteadySpec {
+        measure,
+        column: reader.text("column")?.ok_or_else(|| reader.missing("column"))?,
+        over: reader.required("over", Range::Positive)?,
+        change: reader.quantity("change", Range::NotNegative)?.unwrap_or(0.01),
+        within: reader.quantity("within", Range::NotNegative)?.unwrap_or(0.0),
+    })
+}
+
+fn growth(reader: &Reader, names: &Names<'_>) -> Result<GrowthSpec, SceneError> {
+    let porosity = reader.required("porosity", Range::Positive)?;
+    if porosity >= 1.0 {
+        return Err(reader.out_of_range("porosity", "between 0 and 1", porosity));
+    }
+    Ok(GrowthSpec {
+        packings: names_of(reader, "packings", "packing", names.packings)?,
+        streams: names_of(reader, "streams", "stream", names.streams)?,
+        rate: reader.required("rate", Range::Positive)?,
+        porosity,
+        region: region(&reader.required_child("region")?)?,
+    })
 }
 
 fn one(reader: &Reader, names: &Names<'_>) -> Result<StageSpec, SceneError> {
@@ -116,6 +200,9 @@ fn one(reader: &Reader, names: &Names<'_>) -> Result<StageSpec, SceneError> {
         at_least: reader.quantity("at_least", Range::NotNegative)?.unwrap_or(0.0),
         kinetic_energy: reader.quantity("kinetic_energy", Range::Positive)?,
         unbalanced_force: reader.quantity("unbalanced_force", Range::Positive)?,
+        filled: reader.flag("filled")?.unwrap_or(false),
+        steady: reader.child("steady")?.map(|inner| steady(&inner, names)).transpose()?,
+        growth: reader.child("growth")?.map(|inner| growth(&inner, names)).transpose()?,
         loads,
         gravity: reader.functions("gravity")?,
         materials: materials.collect::<Result<_, SceneError>>()?,

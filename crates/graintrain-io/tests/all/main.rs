@@ -1,5 +1,6 @@
 //! Everything that reads and writes, in one program: linking it once is most of the cost.
 
+mod exchange;
 mod measures;
 mod output;
 #[cfg(feature = "fclib")]
@@ -13,5 +14,6 @@ mod scene_loads;
 mod scene_meshes;
 mod scene_turning;
 mod stages;
+mod traffic;
 #[cfg(not(feature = "fclib"))]
 mod without_fclib;

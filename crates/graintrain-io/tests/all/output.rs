@@ -162,6 +162,7 @@ fn settings() -> RunSettings {
         },
         stages: Vec::new(),
         measures: Vec::new(),
+        traffic: Default::default(),
         dump_problem_every: None,
     }
 }

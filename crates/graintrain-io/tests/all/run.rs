@@ -95,6 +95,7 @@ fn settings(steps: u64) -> RunSettings {
         },
         stages: Vec::new(),
         measures: Vec::new(),
+        traffic: Default::default(),
         dump_problem_every: None,
     }
 }

@@ -73,10 +73,10 @@ fn a_ball_of_a_scene_is_slowed_and_its_moment_is_in_the_frame() {
     let ball = world.bodies.name.iter().position(|name| name == "ball").unwrap();
     let expected = 1.0 - 5.0 / 7.0 * 9.81 * 0.1 * world.time;
     assert!((world.bodies.velocity[ball].x - expected).abs() < 0.01, "{}", world.bodies.velocity[ball].x);
-    let frame = lines(world, simulation.settings.step);
+    let frame = lines(world, &Default::default(), simulation.settings.step);
     assert!(frame.cell_data.iter().any(|array| array.name == "moment"));
     let (_, plain) = build(&SCENE.replace("rolling", "# rolling").replace("spinning", "# spinning")).unwrap();
-    let frame = lines(&plain.world, 1e-3);
+    let frame = lines(&plain.world, &Default::default(), 1e-3);
     assert!(!frame.cell_data.iter().any(|array| array.name == "moment"));
 }
 

@@ -4,6 +4,7 @@ use super::SweepError;
 use super::execute::{run_folder, write};
 use super::plan::{Cell, Plan};
 use graintrain::measure::statistics::{mean, steady_from};
+use graintrain_io::measure::{Measure, Quantity};
 use graintrain_view::view::tables::Table;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -82,6 +83,37 @@ fn json(path: &Path) -> Result<serde_json::Value, SweepError> {
     serde_json::from_str(&text).map_err(|error| unreadable(path, error))
 }
 
+/// Endings of the observables of a column, besides the mean in time.
+const ENDINGS: [&str; 3] = [":max", ":min", ":last"];
+
+/// The observables that a run with these measurements will have.
+pub(super) fn observables_of(measures: &[Measure]) -> Vec<String> {
+    let mut names: Vec<String> = SUMMARY.iter().map(|(name, ..)| name.to_string()).collect();
+    // Records of bins are no series in time.
+    for measure in measures.iter().filter(|measure| !measure.quantities.iter().any(Quantity::has_bins)) {
+        for column in measure.columns().iter().skip(2) {
+            let name = format!("{}.{}", measure.name, column.name);
+            names.extend(ENDINGS.iter().map(|ending| format!("{name}{ending}")));
+            names.push(name);
+        }
+    }
+    names
+}
+
+/// The error for the first of these observables that is not among those known, if there is one.
+///
+/// # Errors
+/// [`SweepError::Observable`].
+pub fn check_names(asked: &[String], known: &[String]) -> Result<(), SweepError> {
+    match asked.iter().find(|name| !known.contains(name)) {
+        None => Ok(()),
+        Some(name) => {
+            let plain = known.iter().map(String::as_str).filter(|name| !name.contains(':'));
+            Err(SweepError::Observable { name: name.clone(), known: plain.collect::<Vec<_>>().join(", ") })
+        }
+    }
+}
+
 /// Reads what finished runs left. Means in time are over records from `from` (s) on; without it over the part that looks steady, or over the second half
 /// where none does (which is noted).
 ///
@@ -138,6 +170,14 @@ pub fn collect(folder: &Path, cells: &[Cell], from: Option<f64>) -> Result<Colle
             }
             let path = run.join(file);
             let table = Table::read(&path).map_err(|error| unreadable(&path, error))?;
+            if table.odd_lines > 0 || columns.iter().any(|[name, ..]| table.column(name).is_none()) {
+                let what = format!(
+                    "it is damaged: {} lines do not fit its header, or columns are missing; remove {} to make the run again",
+                    table.odd_lines,
+                    run.display()
+                );
+                return Err(unreadable(&path, what));
+            }
             let times = table.numbers("time").unwrap_or_default();
             for [column, unit, meaning] in columns.iter().skip(2) {
                 let series = table.numbers(column).unwrap_or_default();
@@ -154,9 +194,9 @@ pub fn collect(folder: &Path, cells: &[Cell], from: Option<f64>) -> Result<Colle
                 let single = |value: Option<f64>| Found { value: value.unwrap_or(f64::NAN), error: f64::NAN };
                 let all = [
                     ("", "mean in time: ", Found { value: average.value, error: average.error }),
-                    (":max", "largest: ", single(pick(f64::max))),
-                    (":min", "smallest: ", single(pick(f64::min))),
-                    (":last", "last: ", single(last)),
+                    (ENDINGS[0], "largest: ", single(pick(f64::max))),
+                    (ENDINGS[1], "smallest: ", single(pick(f64::min))),
+                    (ENDINGS[2], "last: ", single(last)),
                 ];
                 for (ending, what, found) in all {
                     let name = format!("{name}{ending}");

@@ -1,6 +1,7 @@
 //! Makes the runs of a sweep.
 
 use super::SweepError;
+use super::collect::observables_of;
 use super::plan::{Cell, Plan, label};
 use graintrain_io::checkpoint::{self, CheckpointError};
 use graintrain_io::files::{OutputError, make_folder};
@@ -44,6 +45,8 @@ pub struct Progress<'a> {
     pub total: usize,
     /// The one that ended last.
     pub last: &'a str,
+    /// Where damaged tables of it went, that an interruption had left: nothing of them is erased.
+    pub set_aside: &'a [PathBuf],
 }
 
 /// Folder of a run.
@@ -51,11 +54,41 @@ pub fn run_folder(folder: &Path, cell: &Cell) -> PathBuf {
     folder.join("runs").join(&cell.name)
 }
 
+/// Looks at everything before the first run: the scene of every cell is read, that of every point built; returned are the names of the
+/// observables that the runs will have.
+///
+/// # Errors
+/// [`SweepError::Scene`] for the first wrong scene; [`SweepError::Plan`] where means that begin at `from` (s) would have no record.
+pub fn check(plan: &Plan, cells: &[Cell], from: Option<f64>) -> Result<Vec<String>, SweepError> {
+    for cell in cells {
+        plan.load(&[], &cell.settings)?;
+    }
+    let mut names: Vec<String> = Vec::new();
+    let first_of_point = |point: usize| cells.iter().find(|cell| cell.point == point);
+    for cell in (0..plan.points.len()).filter_map(first_of_point) {
+        let simulation = plan.load(&[], &cell.settings)?.build().map_err(|error| wrong(plan, cell, error))?;
+        let end = simulation.steps as f64 * simulation.settings.step;
+        if let Some(from) = from.filter(|from| *from > end * (1.0 + 1e-9)) {
+            let point = label(&plan.points[cell.point]);
+            let problem = format!(
+                "means would begin at {from} s, but the run ends at {end} s ({point}): no record is left"
+            );
+            return Err(SweepError::Plan(problem));
+        }
+        for name in observables_of(&simulation.measures) {
+            if !names.contains(&name) {
+                names.push(name);
+            }
+        }
+    }
+    Ok(names)
+}
+
 /// Makes all runs that are not finished yet, `jobs` at a time, in the order of the cells; what becomes of each. A run that fails does not
 /// keep others from being made. The folder belongs to this process meanwhile.
 ///
 /// # Errors
-/// [`SweepError::Scene`] before the first run where the scene of a point is wrong; [`SweepError::Differs`], [`SweepError::Output`] and
+/// [`SweepError::Scene`] where the scene of a run is wrong (see [`check`]); [`SweepError::Differs`], [`SweepError::Output`] and
 /// [`SweepError::Threads`] as they come; [`SweepError::Stopped`] after `stop` was set.
 pub fn execute(
     plan: &Plan,
@@ -66,10 +99,6 @@ pub fn execute(
 ) -> Result<Vec<Outcome>, SweepError> {
     make_folder(&how.folder.join("runs"))?;
     let _held = RunFolder::open(&how.folder)?;
-    let first_of_point = |point: usize| cells.iter().find(|cell| cell.point == point);
-    for cell in (0..plan.points.len()).filter_map(first_of_point) {
-        plan.load(&[], &cell.settings)?.build().map_err(|error| wrong(plan, cell, error))?;
-    }
     let (next, done) = (AtomicUsize::new(0), AtomicUsize::new(0));
     let outcomes: Mutex<Vec<Outcome>> = Mutex::new(vec![Outcome::Stopped; cells.len()]);
     let error: Mutex<Option<SweepError>> = Mutex::new(None);
@@ -89,13 +118,14 @@ pub fn execute(
             let Some(cell) = cells.get(index).filter(|_| !stop.load(Ordering::Relaxed)) else { return };
             match pool.install(|| make(plan, cell, &how.folder, stop)) {
                 Err(error) => return fail(error),
-                Ok(outcome) => {
+                Ok((outcome, set_aside)) => {
                     let mut list = outcomes.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
                     list[index] = outcome;
+                    drop(list);
+                    let done = done.fetch_add(1, Ordering::Relaxed) + 1;
+                    progress(Progress { done, total: cells.len(), last: &cell.name, set_aside: &set_aside });
                 }
             }
-            let done = done.fetch_add(1, Ordering::Relaxed) + 1;
-            progress(Progress { done, total: cells.len(), last: &cell.name });
         }
     };
     std::thread::scope(|scope| {
@@ -120,7 +150,12 @@ fn wrong(plan: &Plan, cell: &Cell, error: graintrain_io::scene::SceneError) -> S
 }
 
 /// Makes a run, or what is left of it.
-fn make(plan: &Plan, cell: &Cell, folder: &Path, stop: &Arc<AtomicBool>) -> Result<Outcome, SweepError> {
+fn make(
+    plan: &Plan,
+    cell: &Cell,
+    folder: &Path,
+    stop: &Arc<AtomicBool>,
+) -> Result<(Outcome, Vec<PathBuf>), SweepError> {
     let folder = run_folder(folder, cell);
     let simulation = plan.load(&[], &cell.settings)?.build().map_err(|error| wrong(plan, cell, error))?;
     let resolved = simulation.resolved.to_toml().map_err(|error| wrong(plan, cell, error))?;
@@ -130,7 +165,7 @@ fn make(plan: &Plan, cell: &Cell, folder: &Path, stop: &Arc<AtomicBool>) -> Resu
         return Err(SweepError::Differs { folder });
     }
     if is_finished(&folder) {
-        return Ok(Outcome::Finished);
+        return Ok((Outcome::Finished, Vec::new()));
     }
     let taken = if begun { Some(RunFolder::open(&folder)?) } else { None };
     // What cannot be read is not made again in silence: it may be the work of days.
@@ -159,21 +194,23 @@ fn make(plan: &Plan, cell: &Cell, folder: &Path, stop: &Arc<AtomicBool>) -> Resu
         }
     };
     let mut run = run.map_err(|error| SweepError::Plan(format!("{}: {error}", cell.name)))?;
-    match run.advance(&mut [&mut recorder]) {
+    let set_aside = recorder.set_aside();
+    let outcome = match run.advance(&mut [&mut recorder]) {
         Ok(Ending::Finished) => {
             recorder.checkpoint(&run.world, &run.totals, RunStatus::Finished)?;
-            Ok(Outcome::Finished)
+            Outcome::Finished
         }
         Ok(Ending::Stopped) => {
             recorder.checkpoint(&run.world, &run.totals, RunStatus::Stopped)?;
-            Ok(Outcome::Stopped)
+            Outcome::Stopped
         }
-        Err(RunError::Output(error)) => Err(error.into()),
+        Err(RunError::Output(error)) => return Err(error.into()),
         Err(error) => {
             recorder.fail(&run.world, &run.totals)?;
-            Ok(Outcome::Failed(error.to_string()))
+            Outcome::Failed(error.to_string())
         }
-    }
+    };
+    Ok((outcome, set_aside))
 }
 
 /// Whether the summary of a run says that it is done.

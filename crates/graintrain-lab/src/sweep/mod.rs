@@ -5,6 +5,7 @@
 //! | [`plan`] | which runs: grids, tables, seeds |
 //! | [`execute`] | makes the runs, some at a time; a sweep that was killed goes on |
 //! | [`collect`] | observables of the runs, means and errors over seeds, CSV files |
+//! | [`fit`] | constants of a model from the points, with their errors |
 //! | [`report`] | one page with plots |
 //! | [`study`] | sweeps over the time step or the tolerance, with what follows from them |
 //!
@@ -13,6 +14,7 @@
 
 pub mod collect;
 pub mod execute;
+pub mod fit;
 pub mod plan;
 pub mod report;
 pub mod study;

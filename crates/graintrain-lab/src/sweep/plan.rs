@@ -101,13 +101,16 @@ pub fn grid(keys: &[(String, Vec<String>)]) -> Result<Vec<Vec<Setting>>, SweepEr
 /// # Errors
 /// [`SweepError::Plan`] for lines that do not fit the header, no lines, or the same point twice.
 pub fn table(text: &str) -> Result<Vec<Vec<Setting>>, SweepError> {
-    let fields = |line: &str| line.split(',').map(|field| field.trim().to_string()).collect::<Vec<_>>();
+    let text = text.trim_start_matches('\u{feff}');
     let mut lines = text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty());
-    let keys = lines.next().map(|(_, line)| fields(line)).unwrap_or_default();
+    let keys = lines.next().map(|(number, line)| fields(line, number + 1)).transpose()?.unwrap_or_default();
+    if let Some((_, key)) = keys.iter().enumerate().find(|(k, key)| keys[..*k].contains(key)) {
+        return Err(SweepError::Plan(format!("the header names the key `{key}` twice")));
+    }
     let mut points: Vec<Vec<Setting>> = Vec::new();
     for (number, line) in lines {
-        let values = fields(line);
         let number = number + 1;
+        let values = fields(line, number)?;
         if values.len() != keys.len() || values.iter().any(String::is_empty) {
             let problem =
                 format!("line {number} has {} values, the header {} keys", values.len(), keys.len());
@@ -123,6 +126,46 @@ pub fn table(text: &str) -> Result<Vec<Vec<Setting>>, SweepError> {
         return Err(SweepError::Plan("the table needs a header of keys and a line per point".into()));
     }
     Ok(points)
+}
+
+/// The fields of a line of a CSV file; one in quotes may hold commas, and two quotes for one.
+fn fields(line: &str, number: usize) -> Result<Vec<String>, SweepError> {
+    let mut fields = Vec::new();
+    let mut rest = line;
+    loop {
+        rest = rest.trim_start();
+        let mut field = String::new();
+        if let Some(mut inside) = rest.strip_prefix('"') {
+            loop {
+                let Some((text, after)) = inside.split_once('"') else {
+                    return Err(SweepError::Plan(format!("line {number}: a quote is not closed")));
+                };
+                field += text;
+                match after.strip_prefix('"') {
+                    Some(more) => {
+                        field.push('"');
+                        inside = more;
+                    }
+                    None => {
+                        rest = after.trim_start();
+                        break;
+                    }
+                }
+            }
+            if !(rest.is_empty() || rest.starts_with(',')) {
+                return Err(SweepError::Plan(format!("line {number}: `{rest}` follows a closed quote")));
+            }
+        } else {
+            let end = rest.find(',').unwrap_or(rest.len());
+            field += rest[..end].trim();
+            rest = &rest[end..];
+        }
+        fields.push(field);
+        match rest.strip_prefix(',') {
+            Some(more) => rest = more,
+            None => return Ok(fields),
+        }
+    }
 }
 
 /// Values of a point for people: `mu=0.1, n=4`.
@@ -211,7 +254,11 @@ mod tests {
         for bad in ["mu", "=1", "mu=", "mu=1,,2", "mu=1,1"] {
             assert!(over(bad).is_err(), "{bad}");
         }
-        for bad in ["", "mu,n\n", "mu,n\n1\n", "mu\n1\n1\n", "mu,\n1,2\n"] {
+        let quoted = table("size,\"a\"\n \"[1, 2]\" ,\"say \"\"x\"\"\"\n3,4\n").unwrap();
+        assert_eq!(label(&quoted[0]), "size=[1, 2], a=say \"x\"");
+        let again = table("mu,n,mu\n1,2,3\n").unwrap_err().to_string();
+        assert!(again.contains("`mu` twice"), "{again}");
+        for bad in ["", "mu,n\n", "mu,n\n1\n", "mu\n1\n1\n", "mu,\n1,2\n", "mu\n\"1\n", "mu\n\"1\"2\n"] {
             assert!(table(bad).is_err(), "{bad}");
         }
         assert!(grid(&[keys[0].clone(), keys[0].clone()]).is_err());

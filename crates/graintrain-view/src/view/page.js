@@ -30,13 +30,15 @@ async function unpack() {
   const { bodies, oriented, low, high } = header;
   const scale = [0, 1, 2].map((k) => (high[k] - low[k]) / 65535);
   let previous = new Uint16Array(3 * bodies);
-  return header.frames.map(({ time, contacts }) => {
+  return header.frames.map(({ time, contacts, absent }) => {
     const coded = take(Uint16Array, 3 * bodies);
     for (let i = 0; i < coded.length; i++) coded[i] += previous[i];
     previous = coded;
     const position = new Float32Array(3 * bodies);
     for (let i = 0; i < bodies; i++)
       for (let k = 0; k < 3; k++) position[3 * i + k] = low[k] + scale[k] * coded[k * bodies + i];
+    // Who is not there is drawn where nobody looks.
+    for (const [first, end] of absent) position.fill(1e9, 3 * first, 3 * end);
     const turn = Float32Array.from(take(Int16Array, 4 * oriented.length), (q) => q / 32767);
     const speed = Float32Array.from(take(Uint16Array, bodies), (v) => (v / 65535) * header.speed_max);
     const force = Float32Array.from(take(Uint16Array, bodies), (v) => (v / 65535) * header.force_max);

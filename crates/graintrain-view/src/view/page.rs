@@ -80,6 +80,21 @@ struct Group {
 struct FrameHeader {
     time: f64,
     contacts: usize,
+    /// Bodies that are not there: ranges of indices.
+    absent: Vec<[usize; 2]>,
+}
+
+/// The bodies that are not there as ranges of indices.
+fn absent(present: &[bool]) -> Vec<[usize; 2]> {
+    let mut first = 0;
+    let mut ranges = Vec::new();
+    for run in present.chunk_by(|a, b| a == b) {
+        if !run[0] {
+            ranges.push([first, first + run.len()]);
+        }
+        first += run.len();
+    }
+    ranges
 }
 
 /// The replay of a run's folder as one HTML page.
@@ -95,12 +110,16 @@ pub fn page(run: &RunFolder, settings: &ViewSettings) -> Result<String, ViewErro
     // The last frame is always shown.
     let mut shown: Vec<usize> = (0..times.len()).rev().step_by(stride).collect();
     shown.reverse();
-    let first = run.world(shown[0])?;
+    let (first, _) = run.world_of_all(shown[0])?;
     let model = Model::new(&first);
-    let mut frames = shown
+    let made = shown
         .par_iter()
-        .map(|&index| run.world(index).map(|world| model.frame(&world, run.step, settings.force_chains)))
-        .collect::<Result<Vec<Frame>, ViewError>>()?;
+        .map(|&index| {
+            let (world, present) = run.world_of_all(index)?;
+            Ok((model.frame(&world, run.step, settings.force_chains), absent(&present)))
+        })
+        .collect::<Result<Vec<_>, ViewError>>()?;
+    let (mut frames, absent): (Vec<Frame>, Vec<Vec<[usize; 2]>>) = made.into_iter().unzip();
     let chain_shown = usual_largest(frames.iter().flat_map(|frame| frame.contacts.iter().map(|c| c.3)));
     for frame in &mut frames {
         frame.contacts.retain(|contact| f64::from(contact.3) >= WEAKEST_CHAIN * f64::from(chain_shown));
@@ -128,7 +147,11 @@ pub fn page(run: &RunFolder, settings: &ViewSettings) -> Result<String, ViewErro
         up: (-first.gravity).normalize_or(Vec3::Z).to_array(),
         center: scene.center().to_array(),
         radius: 0.5 * (scene.high - scene.low).length(),
-        frames: frames.iter().map(|f| FrameHeader { time: f.time, contacts: f.contacts.len() }).collect(),
+        frames: frames
+            .iter()
+            .zip(absent)
+            .map(|(f, absent)| FrameHeader { time: f.time, contacts: f.contacts.len(), absent })
+            .collect(),
         plots: plots(run.path())?,
         oriented: model.oriented,
         grain: model.is_grain.iter().map(|&grain| u8::from(grain)).collect(),

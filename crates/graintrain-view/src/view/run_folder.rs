@@ -3,11 +3,15 @@
 use super::vtp_file::VtpFile;
 use super::{ViewError, read_text};
 use graintrain::contact::{Contact, ContactSet};
+use graintrain::handle::{GeometryId, MaterialId};
 use graintrain::math::{Mat3, Quat, Vec3};
 use graintrain::shape::{Geometry, Shape};
-use graintrain::world::World;
+use graintrain::world::{Body, World};
 use graintrain_io::checkpoint;
+use graintrain_io::output::exchange::{ARRAYS, Array, Snapshot};
 use graintrain_io::output::surfaces::surface;
+use graintrain_io::roster::Roster;
+use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
 /// The frames of a run. Geometries, materials and motions come from its last checkpoint, poses, velocities and contacts
@@ -17,8 +21,10 @@ pub struct RunFolder {
     pub scene: String,
     /// Time step, s.
     pub step: f64,
-    /// The state of the last checkpoint.
+    /// The state of the last checkpoint, with all bodies that were there in a frame.
     pub last: World,
+    /// Their indices by number; `None` where the number of bodies does not change.
+    numbered: Option<HashMap<usize, usize>>,
     folder: PathBuf,
     frames: Vec<Frame>,
 }
@@ -53,13 +59,49 @@ impl RunFolder {
                 frame.contacts = Some(file);
             }
         }
-        Ok(Self {
+        let changes_bodies = checkpoint.settings.traffic.changes_bodies();
+        let roster = checkpoint.totals.traffic.roster;
+        let mut run = Self {
             scene: checkpoint.settings.scene,
             step: checkpoint.settings.stepping.step,
             last: checkpoint.world,
+            numbered: None,
             folder: folder.to_path_buf(),
             frames,
-        })
+        };
+        if changes_bodies {
+            run.collect_bodies(&roster)?;
+        }
+        Ok(run)
+    }
+
+    /// Adds all bodies that were there in a frame and are not in the last checkpoint.
+    fn collect_bodies(&mut self, roster: &Roster) -> Result<(), ViewError> {
+        let mut numbered: HashMap<usize, usize> =
+            (0..self.last.bodies.len()).map(|body| (roster.number(body) as usize, body)).collect();
+        for frame in &self.frames {
+            let file = VtpFile::read(&self.folder.join(&frame.bodies))?;
+            let numbers = file.indices("body", MOST_NUMBERS)?;
+            let geometries = file.indices("geometry", MOST_NUMBERS)?;
+            let materials = file.indices("type", self.last.materials.names.len())?;
+            let points = file.vectors("Points")?;
+            if [geometries.len(), materials.len(), points.len()].iter().any(|&n| n != numbers.len()) {
+                return Err(file.malformed("its arrays differ in length".into()));
+            }
+            for (k, number) in numbers.into_iter().enumerate() {
+                // Forms that came after the last checkpoint are unknown: their bodies are left out.
+                if numbered.contains_key(&number) || geometries[k] >= self.last.geometries.len() {
+                    continue;
+                }
+                let (geometry, material) =
+                    (GeometryId::from_index(geometries[k]), MaterialId::from_index(materials[k]));
+                let added = self.last.add_body(Body::new(geometry, material, points[k]));
+                let body = added.map_err(|error| file.malformed(error.to_string()))?;
+                numbered.insert(number, body.index());
+            }
+        }
+        self.numbered = Some(numbered);
+        Ok(())
     }
 
     /// Times of the frames, s, ascending.
@@ -72,35 +114,86 @@ impl RunFolder {
         &self.folder
     }
 
-    /// The world of a frame (its index in [`Self::times`]), to the precision of the files.
+    /// The world of a frame (its index in [`Self::times`]), to the precision of the files, with the bodies that were there.
     ///
     /// # Errors
     /// [`ViewError`] where a file is missing or damaged.
     pub fn world(&self, index: usize) -> Result<World, ViewError> {
-        let frame = &self.frames[index];
-        let mut world = self.last.clone();
-        world.time = frame.time;
-        world.contacts = ContactSet::default();
-        self.place_particles(&mut world, &VtpFile::read(&self.folder.join(&frame.bodies))?)?;
-        for file in &frame.surfaces {
-            place_surfaces(&mut world, &VtpFile::read(&self.folder.join(file))?)?;
-        }
-        if let Some(file) = &frame.contacts {
-            world.contacts = self.contacts(&world, &VtpFile::read(&self.folder.join(file))?)?;
+        let (mut world, present) = self.world_of_all(index)?;
+        if present.contains(&false) {
+            world.remove_bodies(|body| !present[body]);
         }
         Ok(world)
     }
 
-    fn place_particles(&self, world: &mut World, file: &VtpFile) -> Result<(), ViewError> {
+    /// The world of a frame with all bodies that are there in some frame, and whether they are in this one.
+    ///
+    /// # Errors
+    /// As [`Self::world`].
+    pub fn world_of_all(&self, index: usize) -> Result<(World, Vec<bool>), ViewError> {
+        let frame = &self.frames[index];
+        let mut world = self.last.clone();
+        world.time = frame.time;
+        world.contacts = ContactSet::default();
+        let placed = self.place_particles(&mut world, &VtpFile::read(&self.folder.join(&frame.bodies))?)?;
+        for file in &frame.surfaces {
+            self.place_surfaces(&mut world, &VtpFile::read(&self.folder.join(file))?)?;
+        }
+        if let Some(file) = &frame.contacts {
+            world.contacts = self.contacts(&world, &VtpFile::read(&self.folder.join(file))?)?;
+        }
+        let stays = |body: usize| self.numbered.is_none() || world.is_prescribed(body);
+        let present = placed.into_iter().enumerate().map(|(body, placed)| placed || stays(body)).collect();
+        Ok((world, present))
+    }
+
+    /// The points of a frame (its index in [`Self::times`]) with their arrays, for other programs.
+    ///
+    /// # Errors
+    /// As [`Self::world`].
+    pub fn snapshot(&self, index: usize) -> Result<Snapshot, ViewError> {
+        let frame = &self.frames[index];
+        let file = VtpFile::read(&self.folder.join(&frame.bodies))?;
+        let position = file.vectors("Points")?;
+        let arrays = ARRAYS.into_iter().map(|(name, components, is_whole)| {
+            let values = file.numbers(name)?.to_vec();
+            if values.len() != components * position.len() {
+                return Err(file.malformed(format!("array {name} has {} numbers", values.len())));
+            }
+            Ok(Array { name, components, is_whole, values })
+        });
+        let digits: String = frame.bodies.chars().filter(char::is_ascii_digit).collect();
+        Ok(Snapshot {
+            time: frame.time,
+            step: digits.parse().unwrap_or(0),
+            arrays: arrays.collect::<Result<_, ViewError>>()?,
+            position,
+        })
+    }
+
+    /// Bodies that a file names by their numbers, as indices; `None` for those that are unknown.
+    fn bodies(&self, world: &World, file: &VtpFile, array: &str) -> Result<Vec<Option<usize>>, ViewError> {
+        Ok(match &self.numbered {
+            None => file.indices(array, world.bodies.len())?.into_iter().map(Some).collect(),
+            Some(numbered) => {
+                let numbers = file.indices(array, MOST_NUMBERS)?;
+                numbers.iter().map(|number| numbered.get(number).copied()).collect()
+            }
+        })
+    }
+
+    /// Places the bodies of a frame; returned is which these are.
+    fn place_particles(&self, world: &mut World, file: &VtpFile) -> Result<Vec<bool>, ViewError> {
         let count = world.bodies.len();
-        let bodies = file.indices("body", count)?;
+        let bodies = self.bodies(world, file, "body")?;
         let (points, velocity, omega) = (file.vectors("Points")?, file.vectors("v")?, file.vectors("omega")?);
         let turns = file.numbers("quat")?;
         if [points.len(), velocity.len(), omega.len(), turns.len() / 4].iter().any(|&n| n != bodies.len()) {
             return Err(file.malformed("its arrays differ in length".into()));
         }
         let mut placed = vec![false; count];
-        for (k, &body) in bodies.iter().enumerate() {
+        for (k, body) in bodies.iter().enumerate() {
+            let Some(body) = *body else { continue };
             // Only the first point of a body: the others are further parts.
             if std::mem::replace(&mut placed[body], true) {
                 continue;
@@ -113,12 +206,11 @@ impl RunFolder {
             world.bodies.velocity[body] = velocity[k] - omega[k].cross(arm);
             world.bodies.angular_velocity[body] = omega[k];
         }
-        Ok(())
+        Ok(placed)
     }
 
     fn contacts(&self, world: &World, file: &VtpFile) -> Result<ContactSet, ViewError> {
-        let count = world.bodies.len();
-        let (a, b) = (file.indices("id1", count)?, file.indices("id2", count)?);
+        let (a, b) = (self.bodies(world, file, "id1")?, self.bodies(world, file, "id2")?);
         let (force, normal) = (file.vectors("force")?, file.vectors("n")?);
         let (gap, friction) = (file.numbers("gap")?, file.numbers("mu")?);
         let points = file.vectors("Points")?;
@@ -128,17 +220,21 @@ impl RunFolder {
         if lengths.iter().any(|&n| n != a.len()) {
             return Err(file.malformed("its arrays differ in length".into()));
         }
-        let mut set = ContactSet { friction: friction.to_vec(), ..ContactSet::default() };
+        let mut set = ContactSet::default();
         let mut first = 0;
         for k in 0..a.len() {
+            let (Some(body_a), Some(body_b)) = (a[k], b[k]) else {
+                first = ends[k];
+                continue;
+            };
             // The contact point follows the centre of body A, which is left out where it cannot move.
-            let corner = first + usize::from(world.free_degrees(a[k]).contains(&true));
+            let corner = first + usize::from(world.free_degrees(body_a).contains(&true));
             if corner >= ends[k] {
                 return Err(file.malformed(format!("line {k} has too few points")));
             }
             set.contacts.push(Contact {
-                body_a: a[k] as u32,
-                body_b: b[k] as u32,
+                body_a: body_a as u32,
+                body_b: body_b as u32,
                 identity: 0,
                 point: points[corners[corner]],
                 normal: normal[k],
@@ -146,51 +242,56 @@ impl RunFolder {
                 lead: Vec3::ZERO,
             });
             set.impulse.push(force[k] * self.step);
+            set.friction.push(friction[k]);
             first = ends[k];
         }
         Ok(set)
     }
+
+    /// Poses of the bodies that have no point of their own, from the first triangle of each.
+    fn place_surfaces(&self, world: &mut World, file: &VtpFile) -> Result<(), ViewError> {
+        let owners = self.bodies(world, file, "body_id")?;
+        let points = file.vectors("Points")?;
+        let corners = file.indices("connectivity", points.len())?;
+        if corners.len() != 3 * owners.len() {
+            return Err(file.malformed("its cells are not triangles".into()));
+        }
+        let mut placed = vec![false; world.bodies.len()];
+        for (triangle, body) in corners.chunks_exact(3).zip(&owners) {
+            let Some(body) = *body else { continue };
+            if std::mem::replace(&mut placed[body], true) || world.free_degrees(body).contains(&true) {
+                continue;
+            }
+            let geometry = &world.geometries[world.bodies.geometry[body].index()];
+            // A plane's patch follows the scene: it says nothing about the body's pose.
+            if geometry.parts.iter().any(|part| part.shape == Shape::Plane) {
+                continue;
+            }
+            let Some((part, template)) =
+                geometry.parts.iter().find_map(|part| surface(&part.shape).map(|template| (part, template)))
+            else {
+                continue;
+            };
+            let own = template.triangles[0]
+                .map(|corner| part.position + part.orientation * template.vertices[corner as usize]);
+            let seen = [0, 1, 2].map(|k| points[triangle[k]]);
+            if let (Some(from), Some(to)) = (frame(own), frame(seen)) {
+                let turn = Quat::from_mat3(&(to * from.transpose())).normalize();
+                world.bodies.orientation[body] = turn;
+                world.bodies.position[body] = seen[0] - turn * own[0];
+            }
+        }
+        Ok(())
+    }
 }
+
+/// Handles of bodies have 32 bits.
+const MOST_NUMBERS: usize = u32::MAX as usize;
 
 /// Where the first point of a body lies in its frame: at its first sphere, else at its centre.
 fn point_of_body(geometry: &Geometry) -> Vec3 {
     let sphere = geometry.parts.iter().find(|part| matches!(part.shape, Shape::Sphere { .. }));
     sphere.map_or(Vec3::ZERO, |part| part.position)
-}
-
-/// Poses of the bodies that have no point of their own, from the first triangle of each.
-fn place_surfaces(world: &mut World, file: &VtpFile) -> Result<(), ViewError> {
-    let owners = file.indices("body_id", world.bodies.len())?;
-    let points = file.vectors("Points")?;
-    let corners = file.indices("connectivity", points.len())?;
-    if corners.len() != 3 * owners.len() {
-        return Err(file.malformed("its cells are not triangles".into()));
-    }
-    let mut placed = vec![false; world.bodies.len()];
-    for (triangle, &body) in corners.chunks_exact(3).zip(&owners) {
-        if std::mem::replace(&mut placed[body], true) || world.free_degrees(body).contains(&true) {
-            continue;
-        }
-        let geometry = &world.geometries[world.bodies.geometry[body].index()];
-        // A plane's patch follows the scene: it says nothing about the body's pose.
-        if geometry.parts.iter().any(|part| part.shape == Shape::Plane) {
-            continue;
-        }
-        let Some((part, template)) =
-            geometry.parts.iter().find_map(|part| surface(&part.shape).map(|template| (part, template)))
-        else {
-            continue;
-        };
-        let own = template.triangles[0]
-            .map(|corner| part.position + part.orientation * template.vertices[corner as usize]);
-        let seen = [0, 1, 2].map(|k| points[triangle[k]]);
-        if let (Some(from), Some(to)) = (frame(own), frame(seen)) {
-            let turn = Quat::from_mat3(&(to * from.transpose())).normalize();
-            world.bodies.orientation[body] = turn;
-            world.bodies.position[body] = seen[0] - turn * own[0];
-        }
-    }
-    Ok(())
 }
 
 /// Orthonormal axes along a triangle's first edge, in its plane, and normal to it.

@@ -39,6 +39,8 @@ pub struct Curve {
 pub struct Table {
     names: Vec<String>,
     rows: Vec<Vec<String>>,
+    /// Lines that do not fit the header, which are left out.
+    pub odd_lines: usize,
 }
 
 impl Table {
@@ -50,13 +52,24 @@ impl Table {
         let text = read_text(path)?;
         let mut lines = text.lines().map(fields);
         let names = lines.next().unwrap_or_default();
-        let rows = lines.filter(|row| row.len() == names.len()).collect();
-        Ok(Self { names, rows })
+        let (rows, odd): (Vec<_>, Vec<_>) = lines.partition(|row| row.len() == names.len());
+        Ok(Self { names, rows, odd_lines: odd.len() })
     }
 
     /// Index of a column.
     pub fn column(&self, name: &str) -> Option<usize> {
         self.names.iter().position(|known| known == name)
+    }
+
+    /// Names of the columns.
+    pub fn names(&self) -> &[String] {
+        &self.names
+    }
+
+    /// A column's fields.
+    pub fn texts(&self, name: &str) -> Option<Vec<&str>> {
+        let column = self.column(name)?;
+        Some(self.rows.iter().map(|row| row[column].as_str()).collect())
     }
 
     /// A column's numbers, NaN where a field is none.
@@ -69,7 +82,7 @@ impl Table {
     pub fn with(&self, name: &str, value: &str) -> Self {
         let column = self.column(name);
         let rows = self.rows.iter().filter(|row| column.is_some_and(|column| row[column] == value));
-        Self { names: self.names.clone(), rows: rows.cloned().collect() }
+        Self { names: self.names.clone(), rows: rows.cloned().collect(), odd_lines: self.odd_lines }
     }
 
     /// The different texts of a column, in order of appearance.

@@ -81,6 +81,7 @@ fn run_into(folder: &std::path::Path, steps: u64) -> Vec<World> {
         steps,
         stages: Vec::new(),
         measures: Vec::new(),
+        traffic: Default::default(),
         dump_problem_every: None,
         output: OutputSettings {
             every: 1,

@@ -274,7 +274,7 @@ impl Collider {
         &self.forms[world.bodies.geometry[body].index()]
     }
 
-    fn placed(&self, world: &World, body: usize) -> Placed<'_> {
+    pub(super) fn placed(&self, world: &World, body: usize) -> Placed<'_> {
         Placed {
             form: self.form(world, body),
             position: world.bodies.position[body],
@@ -362,7 +362,7 @@ impl Collider {
     }
 
     /// Box in world axes that holds a body without planes.
-    fn bounds(&self, world: &World, body: usize) -> Aabb {
+    pub(super) fn bounds(&self, world: &World, body: usize) -> Aabb {
         let Placed { form, position, orientation } = self.placed(world, body);
         let boxes = form.geometry.parts.iter().zip(&form.trees).map(|(part, tree)| {
             let own = match (&part.shape, tree) {

@@ -1,7 +1,7 @@
 //! Contact identity: the same number for the same contact from step to step, and warm starts through it.
 
 use crate::contact::{Contact, ContactSet};
-use crate::math::{Vec3, mix};
+use crate::math::{Vec3, mix, unmix};
 
 /// Identity of the contact between two bodies at a feature of the pair: a scrambled 64-bit number, the same whichever
 /// body is called A. Two of n contacts clash with probability about n^2 / 2^65 (3e-8 for a million contacts).
@@ -10,6 +10,12 @@ pub(crate) fn identity(body_a: u32, body_b: u32, feature: u64) -> u64 {
     let (low, high) = (body_a.min(body_b), body_a.max(body_b));
     let pair = u64::from(low) << 32 | u64::from(high);
     mix(mix(pair).wrapping_add(feature))
+}
+
+/// The identity that a contact gets when its bodies get other indices: the feature is what the identity holds besides the pair.
+pub(crate) fn renamed(identity: u64, before: [u32; 2], after: [u32; 2]) -> u64 {
+    let pair = |[a, b]: [u32; 2]| mix(u64::from(a.min(b)) << 32 | u64::from(a.max(b)));
+    mix(pair(after).wrapping_add(unmix(identity).wrapping_sub(pair(before))))
 }
 
 /// Last step's contacts, arranged by their body A.
@@ -72,6 +78,13 @@ impl<'a> PreviousContacts<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn renamed_bodies_keep_their_feature() {
+        for feature in [0, 5, u64::MAX, mix(9)] {
+            assert_eq!(renamed(identity(7, 3, feature), [3, 7], [2, 6]), identity(6, 2, feature));
+        }
+    }
 
     #[test]
     fn impulses_are_found_from_either_side() {

@@ -11,6 +11,7 @@
 //! | `reduce` | the contacts that a patch needs: four, up to eight where four do not hold the others |
 //! | `sweep` | when fast bodies meet within a step, and the contact that lets them arrive |
 //! | `union` | what overlapping parts of a compound have in common |
+//! | [`places`] | whether there is room for another body |
 //! | `identity` | the same number for the same contact from step to step |
 
 mod broad;
@@ -22,6 +23,7 @@ pub(crate) mod identity;
 mod manifold;
 mod mesh;
 mod narrow;
+pub mod places;
 mod plane;
 mod reduce;
 #[cfg(test)]

@@ -60,12 +60,25 @@ impl Plane {
     /// The force that what lies above the plane receives through it by contacts, N: of those whose bodies' centres are on either
     /// side (of bodies that cannot move the contact point stands for the centre).
     pub fn force(&self, world: &World, step: f64) -> Vec3 {
+        self.force_where(world, step, |_| true)
+    }
+
+    /// The same by contacts of two bodies that can both move: what a sample carries itself, without the walls that hold it.
+    pub fn force_in_sample(&self, world: &World, step: f64) -> Vec3 {
+        let moves: Vec<bool> = (0..world.bodies.len()).map(|body| world.is_free(body)).collect();
+        self.force_where(world, step, |[a, b]| moves[a] && moves[b])
+    }
+
+    fn force_where(&self, world: &World, step: f64, counts: impl Fn([usize; 2]) -> bool) -> Vec3 {
         let end = |body: u32, point: Vec3| {
             let body = body as usize;
             if world.is_prescribed(body) { point } else { world.bodies.position[body] }
         };
         let set = &world.contacts;
         let through = set.contacts.iter().zip(&set.impulse).filter_map(|(c, impulse)| {
+            if !counts([c.body_a as usize, c.body_b as usize]) {
+                return None;
+            }
             let (a, b) = (end(c.body_a, c.point), end(c.body_b, c.point));
             // From B below to A above: the force on A is what goes up.
             self.crossing(b, a).map(|sign| sign / step * *impulse)

@@ -15,7 +15,7 @@ impl Builder {
         spec: &MeasureSpec,
         scene: &Scene,
     ) -> Result<Measure, SceneError> {
-        let bodies = self.bodies_named(&spec.bodies, &spec.packings);
+        let bodies = self.members(&spec.bodies, &spec.packings, &spec.streams);
         let named = |names: &[String]| self.bodies_named(names, &[]).unwrap_or_default();
         let one = |name: &str| named(&[name.to_string()])[0];
         let plane = |plane: &PlaneSpec| {
@@ -28,6 +28,7 @@ impl Builder {
                 direction: shear.direction,
                 normal: shear.normal,
                 area: shear.area,
+                plane: shear.plane,
             })
         };
         let profile = |profile: &ProfileSpec| -> Result<Quantity, SceneError> {
@@ -50,6 +51,7 @@ impl Builder {
             (spec.forces, Quantity::Forces),
             (spec.energy, Quantity::Energy),
             (spec.motion, Quantity::Motion),
+            (spec.exchange, Quantity::Exchange),
         ];
         let mut quantities: Vec<Quantity> =
             flags.into_iter().filter(|(wanted, _)| *wanted).map(|(_, quantity)| quantity).collect();
@@ -57,7 +59,7 @@ impl Builder {
             spec.force.as_ref().map(|force| Quantity::ForceOn(named(&force.bodies), force.point)),
             spec.plane.as_ref().map(plane),
             spec.mixing.as_ref().map(|mixing| {
-                let first = self.bodies_named(&[], &mixing.packings).unwrap_or_default();
+                let first = self.members(&[], &mixing.packings, &mixing.streams).unwrap_or_default();
                 Quantity::Mixing(first, mixing.cell)
             }),
             spec.shear_box.as_ref().map(shear_box),

@@ -1,12 +1,15 @@
 //! Stages of a scene with the bodies, materials and loads that they change.
 
 use super::{Builder, Scene, SceneError, SceneErrorKind, function, materials, model_error, motion_of};
-use crate::stage::Stage;
+use crate::growth::Growth;
+use crate::measure::{Measure, Quantity};
+use crate::scene::SteadySpec;
+use crate::stage::{Stage, Steady};
 use std::collections::HashMap;
 
 impl Builder {
     /// The stages of the scene, after all bodies and loads are there.
-    pub(super) fn stages(&self, scene: &Scene) -> Result<Vec<Stage>, SceneError> {
+    pub(super) fn stages(&self, scene: &Scene, measures: &[Measure]) -> Result<Vec<Stage>, SceneError> {
         let whole_steps = |time: f64| (time / scene.time.step).round() as u64;
         let mut list = scene.materials.clone();
         let mut stages = Vec::new();
@@ -57,6 +60,19 @@ impl Builder {
                 least: whole_steps(spec.at_least),
                 kinetic_energy: spec.kinetic_energy,
                 unbalanced_force: spec.unbalanced_force,
+                filled: spec.filled,
+                steady: spec
+                    .steady
+                    .as_ref()
+                    .map(|steady| found(steady, measures, scene.time.step))
+                    .transpose()
+                    .map_err(fail)?,
+                growth: spec.growth.as_ref().map(|growth| Growth {
+                    members: self.grains(&growth.packings, &growth.streams),
+                    rate: growth.rate,
+                    porosity: growth.porosity,
+                    region: growth.region.clone(),
+                }),
                 gravity,
                 materials: if spec.materials.is_empty() { None } else { Some(materials(scene, &list)?.0) },
                 motions,
@@ -80,6 +96,31 @@ impl Builder {
             smallest_radius: self.smallest_radius,
             origins,
             centres: self.centres.clone(),
+            streams: self.streams.clone(),
         }
     }
+}
+
+/// What is to be steady, found among the measurements; otherwise what is wrong.
+fn found(spec: &SteadySpec, measures: &[Measure], step: f64) -> Result<Steady, String> {
+    let SteadySpec { measure: name, column, over, change, within } = spec;
+    let position = measures.iter().position(|measure| measure.name == *name);
+    let Some((number, measure)) = position.map(|number| (number, &measures[number])) else {
+        return Err(format!("there is no measure `{name}`"));
+    };
+    if measure.quantities.iter().any(Quantity::has_bins) {
+        return Err(format!("measure `{name}` has records of bins: take one of a single record"));
+    }
+    let columns = measure.columns();
+    let Some(column) = columns.iter().position(|known| known.name == column) else {
+        let names: Vec<&str> = columns.iter().map(|column| column.name).collect();
+        return Err(format!("measure `{name}` has no column `{column}`; it has {}", names.join(", ")));
+    };
+    let records = (over / (measure.every as f64 * step)).round();
+    if !(4.0..=1e6).contains(&records) {
+        return Err(format!(
+            "`over` ({over} s) holds {records} records of measure `{name}`: it takes 4 to a million, two in each half at least"
+        ));
+    }
+    Ok(Steady { measure: number, column, records: records as usize, change: *change, within: *within })
 }

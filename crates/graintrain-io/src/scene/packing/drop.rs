@@ -1,6 +1,6 @@
 //! Random places in a region without overlap (random sequential addition).
 
-use crate::scene::random::Random;
+use crate::random::Random;
 use graintrain::load::Region;
 use graintrain::math::Vec3;
 use std::collections::HashMap;
@@ -37,33 +37,11 @@ pub(crate) fn positions(region: &Region, radii: &[f64], random: &mut Random) -> 
             })
         };
         let found = (0..MOST_TRIES)
-            .map_while(|_| inside(region, radius, random))
+            .map_while(|_| random.place(region, radius))
             .find(|&candidate| fits(candidate, &placed, &cells));
         let Some(position) = found else { break };
         cells.entry(cell_of(position)).or_default().push(index);
         placed.push(position);
     }
     placed
-}
-
-/// A uniformly random centre of a sphere inside the region; `None` if the sphere is too large for it.
-fn inside(region: &Region, radius: f64, random: &mut Random) -> Option<Vec3> {
-    match *region {
-        Region::Box { min, max } => {
-            let (low, high) = (min + radius, max - radius);
-            let [x, y, z] = [0, 1, 2].map(|axis| random.between(low[axis], high[axis]));
-            low.cmple(high).all().then_some(Vec3::new(x, y, z))
-        }
-        Region::Cylinder { base, radius: outer, height } => {
-            let reach = outer - radius;
-            if reach < 0.0 || height < 2.0 * radius {
-                return None;
-            }
-            // Uniform over the disc: the area within a distance grows with its square.
-            let distance = reach * random.uniform().sqrt();
-            let angle = random.between(0.0, std::f64::consts::TAU);
-            let z = random.between(radius, height - radius);
-            Some(base + Vec3::new(distance * angle.cos(), distance * angle.sin(), z))
-        }
-    }
 }

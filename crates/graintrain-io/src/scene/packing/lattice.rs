@@ -1,7 +1,7 @@
 //! Perturbed cubic lattice.
 
+use crate::random::Random;
 use crate::scene::model::LatticeSpec;
-use crate::scene::random::Random;
 use graintrain::math::Vec3;
 
 /// Centres origin + (i + 1/2) pitch + jitter, z fastest; each coordinate's jitter is uniform in [-jitter, jitter].

@@ -1,20 +1,29 @@
 //! Packings: the places and sizes of many bodies, made here or read from a file.
 
 mod drop;
+mod lammps_file;
 mod lattice;
-mod radii;
+mod mercury_file;
+mod poisson;
 pub(crate) mod table_file;
+mod text;
 mod vtk_file;
+mod xyz_file;
+mod yade_file;
 
 use super::error::{SceneError, SceneErrorKind};
 use super::model::{FileSpec, PackingFormat, PackingSource, PackingSpec, RadiusSpec};
-use super::random::Random;
+use crate::radii;
+use crate::random::Random;
 use graintrain::math::{Quat, Vec3};
-use std::f64::consts::TAU;
+use graintrain::measure::space::volume;
 use std::path::Path;
 
 /// Tells the stream of orientations from that of places.
 const TURNS: u64 = 0x7475_726e_7321_0001;
+
+/// Tells the stream of evenly spread places from that of radii.
+const PLACES: u64 = 0x7370_7265_6164_2101;
 
 /// Most bodies of a packing; more would not fit into memory.
 const MOST_BODIES: u64 = 100_000_000;
@@ -105,6 +114,23 @@ pub(crate) fn place(
             }
             Placed { position, radius, velocity: Vec::new() }
         }
+        PackingSource::Poisson(sampling) => {
+            let most = volume(&sampling.region) / sampling.distance.powi(3);
+            limited(name, spec, Some(most as u64))?;
+            let reach = match (&spec.radius, bounding_radius) {
+                (_, Some(radius)) => radius,
+                (Some(RadiusSpec::Single(radius)), _) => *radius,
+                (Some(RadiusSpec::Distribution(distribution)), _) => distribution.range()[1],
+                (None, None) => 0.0,
+            };
+            let mut places = Random::new(spec.seed ^ PLACES);
+            let position = poisson::positions(&sampling.region, sampling.distance, reach, &mut places);
+            if position.is_empty() {
+                let kind = SceneErrorKind::NoRoom { packing: name.into(), placed: 0, wanted: 1 };
+                return Err(SceneError::at(kind, &spec.location));
+            }
+            Placed { radius: draw_radii(position.len()), position, velocity: Vec::new() }
+        }
         PackingSource::File(file) => {
             let content = read(file)?;
             let drawn = draw_radii(content.position.len());
@@ -116,17 +142,10 @@ pub(crate) fn place(
     Ok(placed)
 }
 
-/// The orientations of a packing's bodies, one after the other; none where they are not turned. Uniform over all rotations
-/// (K. Shoemake, "Uniform random rotations", Graphics Gems III, 1992), from a stream of their own: places stay what they are.
+/// The orientations of a packing's bodies, one after the other; none where they are not turned, from a stream of their own: places stay what they are.
 pub(crate) fn orientations(spec: &PackingSpec) -> impl Iterator<Item = Quat> + use<> {
     let mut random = Random::new(spec.seed ^ TURNS);
-    let turn = move || {
-        let share = random.uniform();
-        let [a, b] = [random.between(0.0, TAU), random.between(0.0, TAU)];
-        let (low, high) = ((1.0 - share).sqrt(), share.sqrt());
-        Quat::from_xyzw(low * a.sin(), low * a.cos(), high * b.sin(), high * b.cos()).normalize()
-    };
-    std::iter::repeat_with(turn).take(if spec.random_rotation { usize::MAX } else { 0 })
+    std::iter::repeat_with(move || random.rotation()).take(if spec.random_rotation { usize::MAX } else { 0 })
 }
 
 fn limited(name: &str, spec: &PackingSpec, count: Option<u64>) -> Result<usize, SceneError> {
@@ -143,11 +162,15 @@ fn read(file: &FileSpec) -> Result<FileContent, SceneError> {
     let bytes = read_file(&file.path, &file.location)?;
     let content = match file.format {
         PackingFormat::Vtk => vtk_file::read(&bytes),
+        PackingFormat::Lammps => lammps_file::read(&bytes, file.frame),
+        PackingFormat::Xyz => xyz_file::read(&bytes, file.frame),
+        PackingFormat::Yade => yade_file::read(&bytes),
+        PackingFormat::Mercury => mercury_file::read(&bytes, file.frame),
         PackingFormat::Csv => table_file::read_spheres(&bytes, Some(','), file.skip_last),
         PackingFormat::Table => table_file::read_spheres(&bytes, None, file.skip_last),
     };
     let mut content = content.map_err(|problem| problem.located(&file.path, &file.location))?;
-    if file.format == PackingFormat::Vtk {
+    if !matches!(file.format, PackingFormat::Csv | PackingFormat::Table) {
         let kept = content.position.len().saturating_sub(file.skip_last);
         content.position.truncate(kept);
         content.radius.iter_mut().for_each(|list| list.truncate(kept));

@@ -63,7 +63,7 @@ pub(crate) fn read(
     Ok(NumberTable { columns, rows, header_line })
 }
 
-fn shorten(word: &str) -> String {
+pub(super) fn shorten(word: &str) -> String {
     if word.chars().count() > 40 {
         word.chars().take(40).chain(['.', '.', '.']).collect()
     } else {

@@ -17,6 +17,13 @@ pub(super) static MEASURE: Table = Table {
             "All bodies of packings by name",
         ),
         key(
+            "streams",
+            Texts,
+            "all that can move, or those of bodies and packings",
+            "[\"rain\"]",
+            "All bodies of streams by name",
+        ),
+        key(
             "region",
             Kind::Table(&REGION),
             "everywhere",
@@ -77,6 +84,13 @@ pub(super) static MEASURE: Table = Table {
             "none",
             "{ point = [0, 0, 0], normal = [0, 0, -1] }",
             "Mass and bodies that pass a plane (in the region, where there is one), and the force through it",
+        ),
+        key(
+            "exchange",
+            Flag,
+            "false",
+            "true",
+            "Bodies, mass and kinetic energy that came through all streams (and by growth) and left through all outlets",
         ),
         key(
             "mixing",
@@ -153,10 +167,11 @@ static MIXING: Table = Table {
         key(
             "packings",
             Texts,
-            "required",
+            "one of packings, streams",
             "[\"red\"]",
             "Packings of the first kind; all other bodies that are meant are the second",
         ),
+        key("streams", Texts, "one of packings, streams", "[\"rain\"]", "Streams of the first kind"),
         key("cell", Quantity(D::LENGTH), "required", "\"3 cm\"", "Edge of the cells: a few bodies wide"),
     ],
 };
@@ -176,6 +191,13 @@ static SHEAR_BOX: Table = Table {
         ),
         key("normal", Vector(D::NONE), "[0, 0, 1]", "[0, 0, 1]", "From the sample to the second; any length"),
         key("area", Quantity(D::AREA), "required", "\"0.12 m * 0.12 m\"", "Area of the sample"),
+        key(
+            "plane",
+            Vector(D::LENGTH),
+            "none",
+            "[0, 0, \"3 cm\"]",
+            "A point of the plane between the halves: stresses there by contacts of grains alone, without walls, and with the weight above",
+        ),
     ],
 };
 

@@ -8,6 +8,7 @@ mod load;
 mod measure;
 mod packing;
 mod stage;
+mod stream;
 
 use super::quantity::Dimension;
 use body::BODY;
@@ -17,6 +18,7 @@ use load::LOAD;
 use measure::MEASURE;
 use packing::PACKING;
 use stage::STAGE;
+use stream::{OUTLET, STREAM};
 
 /// What a key holds.
 #[derive(Clone, Copy, Debug)]
@@ -227,6 +229,20 @@ pub static SCENE: Table = Table {
             "Many bodies at once, by name",
         ),
         key(
+            "stream",
+            Named(&STREAM),
+            "none",
+            "{ rain = { radius = 0.01, rate = 100, region = { box = { min = [0, 0, 1], max = [1, 1, 1.1] } } } }",
+            "Bodies that enter while the run goes, by name",
+        ),
+        key(
+            "outlet",
+            Named(&OUTLET),
+            "none",
+            "{ bottom = { behind = { point = [0, 0, -1] } } }",
+            "Where bodies leave, by name; each leaves through the first that takes it",
+        ),
+        key(
             "load",
             Named(&LOAD),
             "none",
@@ -290,6 +306,14 @@ static CONTACT: Table = Table {
             "0.01 x the smallest radius",
             "\"0.1 mm\"",
             "Overlap accepted at the start",
+        ),
+        key(
+            "relax",
+            Flag,
+            "false",
+            "true",
+            "Bodies that overlap by more at the start are moved apart before the run, instead of being refused: for packings of programs \
+             with soft contacts",
         ),
         key(
             "overlap",

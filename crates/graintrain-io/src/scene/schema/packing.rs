@@ -6,26 +6,33 @@ use super::{D, Key, Table, key};
 
 pub(super) static PACKING: Table = Table {
     heading: "`[packing.NAME]`",
-    alternatives: &[&["lattice", "drop", "file"], &["radius", "shape", "parts"]],
+    alternatives: &[&["lattice", "drop", "poisson", "file"], &["radius", "shape", "parts"]],
     keys: &[
         key(
             "lattice",
             Kind::Table(&LATTICE),
-            "one of lattice, drop, file",
+            "one of lattice, drop, poisson, file",
             "{ counts = [9, 9, 9], pitch = 0.23 }",
             "Bodies on a perturbed cubic lattice",
         ),
         key(
             "drop",
             Kind::Table(&DROP),
-            "one of lattice, drop, file",
+            "one of lattice, drop, poisson, file",
             "{ count = 500, box = { min = [0, 0, 0], max = [1, 1, 3] } }",
             "Bodies at random places of a region, without overlap",
         ),
         key(
+            "poisson",
+            Kind::Table(&POISSON),
+            "one of lattice, drop, poisson, file",
+            "{ distance = 0.1, box = { min = [0, 0, 0], max = [1, 1, 3] } }",
+            "Bodies at random places of a least distance that fill a region evenly (Poisson-disk sampling)",
+        ),
+        key(
             "file",
             Kind::Table(&FILE),
-            "one of lattice, drop, file",
+            "one of lattice, drop, poisson, file",
             "{ path = \"pile.vtu\" }",
             "Spheres from a file",
         ),
@@ -70,7 +77,7 @@ pub(super) static PACKING: Table = Table {
     ],
 };
 
-static RADIUS: Table = Table {
+pub(super) static RADIUS: Table = Table {
     heading: "`packing.NAME.radius`",
     alternatives: &[&["uniform", "normal", "lognormal", "choice"]],
     keys: &[
@@ -199,6 +206,28 @@ static DROP: Table = Table {
     ],
 };
 
+static POISSON: Table = Table {
+    heading: "`packing.NAME.poisson`",
+    alternatives: &[&["box", "cylinder"]],
+    keys: &[
+        key("distance", Quantity(D::LENGTH), "required", "\"12 mm\"", "Least distance of two centres"),
+        key(
+            "box",
+            Kind::Table(&BOX_REGION),
+            "one of box, cylinder",
+            "{ min = [0, 0, 0], max = [1, 1, 3] }",
+            "Region: box",
+        ),
+        key(
+            "cylinder",
+            Kind::Table(&CYLINDER_REGION),
+            "one of box, cylinder",
+            "{ radius = 1, height = 3 }",
+            "Region: upright cylinder",
+        ),
+    ],
+};
+
 pub(super) static BOX_REGION: Table = Table {
     heading: "`box` of a region",
     alternatives: &[],
@@ -239,9 +268,23 @@ static FILE: Table = Table {
             Text,
             "required",
             "\"pile.vtu\"",
-            "VTU or VTP, CSV, or a whitespace table; relative to the scene's folder, on the command line to the current one",
+            "VTU or VTP, CSV, a whitespace table, a dump of LAMMPS or LIGGGHTS, extended XYZ, YADE's text, data or restart files of MercuryDPM; \
+             relative to the scene's folder, on the command line to the current one",
         ),
-        key("format", Text, "by the file's ending", "\"table\"", "vtk, csv or table"),
+        key(
+            "format",
+            Text,
+            "by the file's ending",
+            "\"lammps\"",
+            "vtk, csv, table, lammps, xyz, yade or mercury",
+        ),
+        key(
+            "frame",
+            Count,
+            "the last",
+            "0",
+            "Frame of a file with several, counted from 0: lammps, xyz, mercury",
+        ),
         key("skip_last", Count, "0", "1", "Leave out this many lines at the end"),
         key(
             "scale",

@@ -1,8 +1,9 @@
 //! Keys of stages.
 
-use super::Kind::{Functions, Named, Quantity, Text, TextOr, Texts};
+use super::Kind::{self, Flag, Functions, Named, Quantity, Text, TextOr, Texts};
 use super::body::MOTION;
 use super::function::ACCELERATION;
+use super::load::REGION;
 use super::{D, Table, key};
 
 pub(super) static STAGE: Table = Table {
@@ -39,6 +40,27 @@ pub(super) static STAGE: Table = Table {
             "The stage ends when the mean net force on bodies is below this share of the mean contact force",
         ),
         key(
+            "filled",
+            Flag,
+            "false",
+            "true",
+            "The stage ends when all streams that flow in it have given all their bodies",
+        ),
+        key(
+            "steady",
+            Kind::Table(&STEADY),
+            "none",
+            "{ measure = \"cell\", column = \"tau_over_sigma\", over = \"0.5 s\" }",
+            "The stage ends when a measured quantity is steady",
+        ),
+        key(
+            "growth",
+            Kind::Table(&GROWTH),
+            "none",
+            "{ packings = [\"sand\"], rate = 0.2, porosity = 0.4, region = { box = { min = [0, 0, 0], max = [1, 1, 1] } } }",
+            "Bodies grow; the stage ends when the porosity is reached",
+        ),
+        key(
             "gravity",
             Functions(D::ACCELERATION, &ACCELERATION),
             "unchanged",
@@ -65,6 +87,54 @@ pub(super) static STAGE: Table = Table {
             "unchanged",
             "[\"press\"]",
             "The loads that act from this stage on; all others do not",
+        ),
+    ],
+};
+
+static STEADY: Table = Table {
+    heading: "`stage.steady`",
+    alternatives: &[],
+    keys: &[
+        key("measure", Text, "required", "\"cell\"", "Name of the measurement, one without bins"),
+        key("column", Text, "required", "\"tau_over_sigma\"", "Column of its table"),
+        key(
+            "over",
+            Quantity(D::TIME),
+            "required",
+            "\"0.5 s\"",
+            "The latest records of so long are looked at, in two halves: at least four records",
+        ),
+        key(
+            "change",
+            Quantity(D::NONE),
+            "0.01",
+            "0.02",
+            "The means of both halves differ by at most this share of the mean",
+        ),
+        key("within", Quantity(D::NONE), "0", "1e-3", "Or by at most this, in the unit of the column (SI)"),
+    ],
+};
+
+static GROWTH: Table = Table {
+    heading: "`stage.growth`",
+    alternatives: &[],
+    keys: &[
+        key("packings", Texts, "all, or those of streams", "[\"sand\"]", "Packings that grow"),
+        key("streams", Texts, "all, or those of packings", "[\"rain\"]", "Streams whose bodies grow"),
+        key(
+            "rate",
+            Quantity(D::RATE),
+            "required",
+            "\"0.2/s\"",
+            "Relative growth of all lengths; it waits while bodies overlap by more than 1 % of their size",
+        ),
+        key("porosity", Quantity(D::NONE), "required", "0.4", "Porosity at which growth and the stage end"),
+        key(
+            "region",
+            Kind::Table(&REGION),
+            "required",
+            "{ box = { min = [0, 0, 0], max = [1, 1, 1] } }",
+            "Where porosity is taken",
         ),
     ],
 };

@@ -1,8 +1,10 @@
-//! The source of everything random in a scene: the same numbers on every machine and in every version.
+//! The source of everything random in scenes and runs: the same numbers on every machine and in every version.
 
-use graintrain::math::mix;
+use graintrain::load::Region;
+use graintrain::math::{Quat, Vec3, mix};
 use rand::Rng;
 use rand_pcg::Pcg64;
+use std::f64::consts::TAU;
 
 /// A stream of random numbers fixed by its seed.
 pub(crate) struct Random(Pcg64);
@@ -29,6 +31,36 @@ impl Random {
     /// Uniform in [low, high).
     pub fn between(&mut self, low: f64, high: f64) -> f64 {
         low + (high - low) * self.uniform()
+    }
+
+    /// Uniform over all rotations (K. Shoemake, "Uniform random rotations", Graphics Gems III, 1992).
+    pub fn rotation(&mut self) -> Quat {
+        let share = self.uniform();
+        let [a, b] = [self.between(0.0, TAU), self.between(0.0, TAU)];
+        let (low, high) = ((1.0 - share).sqrt(), share.sqrt());
+        Quat::from_xyzw(low * a.sin(), low * a.cos(), high * b.sin(), high * b.cos()).normalize()
+    }
+
+    /// A uniformly random centre of a ball wholly inside a region; `None` if the ball is too large for it.
+    pub fn place(&mut self, region: &Region, radius: f64) -> Option<Vec3> {
+        match *region {
+            Region::Box { min, max } => {
+                let (low, high) = (min + radius, max - radius);
+                let [x, y, z] = [0, 1, 2].map(|axis| self.between(low[axis], high[axis]));
+                low.cmple(high).all().then_some(Vec3::new(x, y, z))
+            }
+            Region::Cylinder { base, radius: outer, height } => {
+                let reach = outer - radius;
+                if reach < 0.0 || height < 2.0 * radius {
+                    return None;
+                }
+                // Uniform over the disc: the area within a distance grows with its square.
+                let distance = reach * self.uniform().sqrt();
+                let angle = self.between(0.0, TAU);
+                let z = self.between(radius, height - radius);
+                Some(base + Vec3::new(distance * angle.cos(), distance * angle.sin(), z))
+            }
+        }
     }
 
     /// Standard normal (polar method of Marsaglia).

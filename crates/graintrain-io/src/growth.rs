@@ -1,0 +1,108 @@
+//! Bodies that grow until a sample has the porosity that is asked for: without friction it becomes dense, with friction loose.
+//!
+//! All lengths of the bodies are multiplied by the same factor from step to step; centres and velocities stay. What then overlaps is
+//! displaced by the step (gravity is better off meanwhile). A sample that cannot become denser would only overlap more and more: growth
+//! waits while a body overlaps another by more than a hundredth of its size.
+
+use crate::roster::{Members, Roster};
+use crate::stream::Amount;
+use graintrain::error::ModelError;
+use graintrain::handle::GeometryId;
+use graintrain::load::Region;
+use graintrain::measure::space::porosity;
+use graintrain::world::World;
+use serde::{Deserialize, Serialize};
+use std::collections::HashMap;
+
+/// Growth waits above this overlap over the size of the smaller body.
+const WAITS: f64 = 0.01;
+
+/// Growth of some bodies.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Growth {
+    /// What grows.
+    pub members: Members,
+    /// Relative growth of all lengths, 1/s.
+    pub rate: f64,
+    /// Porosity at which it ends.
+    pub porosity: f64,
+    /// Where porosity is taken.
+    pub region: Region,
+}
+
+impl Growth {
+    /// Gives the bodies that will grow geometries of their own.
+    ///
+    /// # Errors
+    /// [`ModelError::Index`] for a body that is none.
+    pub fn begin(&self, world: &mut World, roster: &Roster) -> Result<(), ModelError> {
+        let mut own: HashMap<GeometryId, GeometryId> = HashMap::new();
+        for body in roster.members(&self.members) {
+            let (index, len) = (body.index(), world.bodies.len());
+            if index >= len {
+                return Err(ModelError::Index { what: "body", index, len });
+            }
+            let former = world.bodies.geometry[index];
+            let geometry = match own.get(&former) {
+                Some(geometry) => *geometry,
+                None => {
+                    let copy = world.geometries[former.index()].clone();
+                    *own.entry(former).or_insert_with(|| world.add_geometry(copy))
+                }
+            };
+            world.bodies.geometry[index] = geometry;
+        }
+        Ok(())
+    }
+
+    /// Whether the porosity is reached.
+    pub fn is_reached(&self, world: &World) -> bool {
+        porosity(world, &self.region) <= self.porosity * (1.0 + 1e-9)
+    }
+
+    /// Lets bodies grow by what a step of this length (s) brings, unless the last step left a deeper overlap over size than growth waits
+    /// for. Returned is the mass and kinetic energy that this adds.
+    ///
+    /// # Errors
+    /// [`ModelError`] where a body becomes larger than numbers are.
+    pub fn grow(
+        &self,
+        world: &mut World,
+        roster: &Roster,
+        step: f64,
+        overlap: f64,
+    ) -> Result<Amount, ModelError> {
+        let mut added = Amount::default();
+        let solid = 1.0 - porosity(world, &self.region);
+        if overlap > WAITS || solid >= 1.0 - self.porosity {
+            return Ok(added);
+        }
+        let full = 1.0 + self.rate * step;
+        let needed = ((1.0 - self.porosity) / solid).cbrt();
+        let factor = if needed.is_finite() { full.min(needed) } else { full };
+        let members = roster.members(&self.members);
+        let geometries: std::collections::BTreeSet<usize> =
+            members.iter().map(|body| world.bodies.geometry[body.index()].index()).collect();
+        for geometry in geometries {
+            world.geometries[geometry] = world.geometries[geometry].scaled(factor)?;
+        }
+        let before = world.kinetic_energy();
+        for body in members.iter().map(|body| body.index()) {
+            let more = (factor.powi(3) - 1.0) * world.bodies.mass[body];
+            added.mass += more;
+            world.bodies.mass[body] += more;
+            world.bodies.inertia[body] *= factor.powi(5);
+        }
+        added.kinetic = world.kinetic_energy() - before;
+        Ok(added)
+    }
+
+    /// Whether it is one of a world with so many numbers given.
+    pub(crate) fn fits(&self, given: u64) -> bool {
+        self.members.bodies.iter().all(|body| (body.index() as u64) < given)
+            && self.rate.is_finite()
+            && self.rate > 0.0
+            && self.porosity > 0.0
+            && self.porosity < 1.0
+    }
+}

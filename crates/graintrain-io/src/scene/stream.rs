@@ -1,0 +1,164 @@
+//! Streams and outlets as a scene asks for them.
+
+use super::error::{Location, SceneError, SceneErrorKind};
+use super::file::{material_name, part, radius, region, shape};
+use super::measure::PlaneSpec;
+use super::model::{PartSpec, RadiusSpec, ShapeSpec};
+use super::reader::{Range, Reader};
+use graintrain::load::Region;
+use graintrain::math::Vec3;
+use serde::Serialize;
+
+/// A stream of bodies.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct StreamSpec {
+    /// Where bodies enter.
+    pub region: Region,
+    /// Radius of the spheres.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub radius: Option<RadiusSpec>,
+    /// Shape, if not spheres.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub shape: Option<ShapeSpec>,
+    /// Several shapes in each body.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub parts: Vec<PartSpec>,
+    /// Whether bodies are turned at random.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub random_rotation: bool,
+    /// Name of their material.
+    pub material: String,
+    /// m/s
+    pub velocity: Vec3,
+    /// Whether they keep their orientation.
+    pub lock_rotation: bool,
+    /// Bodies per second.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rate: Option<f64>,
+    /// kg/s
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub mass_rate: Option<f64>,
+    /// Bodies after which it ends.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub count: Option<u64>,
+    /// Mass that it does not go beyond, kg.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub mass: Option<f64>,
+    /// s
+    pub start: f64,
+    /// s
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub end: Option<f64>,
+    /// Name of the stage; `None`: all.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub stage: Option<String>,
+    /// Seed.
+    pub seed: u64,
+    /// Where it is written.
+    #[serde(skip)]
+    pub location: Location,
+}
+
+/// A way out.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct OutletSpec {
+    /// Where.
+    #[serde(flatten)]
+    pub exit: ExitSpec,
+}
+
+/// Where bodies leave.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ExitSpec {
+    /// On the side of a plane to which its normal points.
+    Behind(PlaneSpec),
+    /// Outside of a region.
+    Outside(Region),
+    /// Inside of a region.
+    Inside(Region),
+}
+
+/// Most bodies of a stream; more would not fit into memory.
+const MOST_BODIES: u64 = 100_000_000;
+
+/// Reads a stream of a scene with these materials and stages.
+pub(super) fn read(
+    reader: &Reader,
+    materials: &[&str],
+    stages: &[&str],
+    default_seed: u64,
+) -> Result<StreamSpec, SceneError> {
+    if reader.at_most_one_of(&["radius", "shape", "parts"])?.is_none() {
+        return Err(reader.missing("radius"));
+    }
+    let shape = reader.child("shape")?.as_ref().map(shape).transpose()?;
+    let parts = reader.tables("parts")?.iter().map(part).collect::<Result<Vec<_>, _>>()?;
+    for (key, shape) in
+        shape.iter().map(|shape| ("shape", shape)).chain(parts.iter().map(|part| ("parts", &part.shape)))
+    {
+        if matches!(shape, ShapeSpec::Plane { .. } | ShapeSpec::Mesh(_)) {
+            return Err(reader.out_of_range(key, "a shape with volume", "a plane or mesh"));
+        }
+    }
+    let stage = match reader.text("stage")? {
+        Some(name) if !stages.contains(&name.as_str()) => {
+            return Err(reader.unknown_name("stage", "stage", &name, stages.iter().copied()));
+        }
+        stage => stage,
+    };
+    reader.at_most_one_of(&["rate", "mass_rate"])?;
+    let spec = StreamSpec {
+        region: region(&reader.required_child("region")?)?,
+        radius: radius(reader)?,
+        shape,
+        parts,
+        random_rotation: reader.flag("random_rotation")?.unwrap_or(false),
+        material: material_name(reader, materials)?,
+        velocity: reader.vector("velocity", Range::Any)?.unwrap_or(Vec3::ZERO),
+        lock_rotation: reader.flag("lock_rotation")?.unwrap_or(false),
+        rate: reader.quantity("rate", Range::Positive)?,
+        mass_rate: reader.quantity("mass_rate", Range::Positive)?,
+        count: reader.count("count")?,
+        mass: reader.quantity("mass", Range::Positive)?,
+        start: reader.quantity("start", Range::NotNegative)?.unwrap_or(0.0),
+        end: reader.quantity("end", Range::Positive)?,
+        stage,
+        seed: reader.count("seed")?.unwrap_or(default_seed),
+        location: reader.location().clone(),
+    };
+    let endless = spec.count.is_none() && spec.mass.is_none() && spec.end.is_none();
+    if endless && spec.rate.is_none() && spec.mass_rate.is_none() {
+        let problem = format!(
+            "nothing ends `{}`, which has no rate either: give it `rate` or `mass_rate`, or `count`, `mass` or `end`",
+            reader.path
+        );
+        return Err(SceneError::at(SceneErrorKind::Contradiction(problem), reader.location()));
+    }
+    if let Some(count) = spec.count.filter(|count| *count > MOST_BODIES) {
+        return Err(reader.out_of_range("count", &format!("at most {MOST_BODIES}"), count));
+    }
+    if let Some(end) = spec.end.filter(|end| *end <= spec.start) {
+        return Err(reader.out_of_range(
+            "end",
+            &format!("after start ({} s)", spec.start),
+            format!("{end} s"),
+        ));
+    }
+    Ok(spec)
+}
+
+/// Reads an outlet.
+pub(super) fn read_outlet(reader: &Reader) -> Result<OutletSpec, SceneError> {
+    let form = reader.one_of(&["behind", "outside", "inside"])?;
+    let inner = reader.required_child(form)?;
+    let exit = match form {
+        "behind" => ExitSpec::Behind(PlaneSpec {
+            point: inner.vector("point", Range::Any)?.unwrap_or(Vec3::ZERO),
+            normal: inner.direction("normal")?.unwrap_or(Vec3::NEG_Z),
+        }),
+        "outside" => ExitSpec::Outside(region(&inner)?),
+        _ => ExitSpec::Inside(region(&inner)?),
+    };
+    Ok(OutletSpec { exit })
+}

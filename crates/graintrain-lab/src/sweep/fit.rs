@@ -1,0 +1,312 @@
+//! Least squares: a model with unknown constants through the points of a sweep, with their uncertainty.
+
+use super::SweepError;
+use graintrain_io::scene;
+use graintrain_view::plot::{Axis, Chart, Series};
+use graintrain_view::view::tables::Table;
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// A point with the standard error of its ordinate; 0 where there is none.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Point {
+    /// Abscissa.
+    pub x: f64,
+    /// Ordinate.
+    pub y: f64,
+    /// Its standard error.
+    pub error: f64,
+}
+
+/// A constant of the model.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Constant {
+    /// Its name.
+    pub name: String,
+    /// Its value.
+    pub value: f64,
+    /// Its standard error; NaN where there are as many points as constants, and no errors.
+    pub error: f64,
+}
+
+/// A fitted model.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Fit {
+    /// The constants, in the order in which they were given.
+    pub constants: Vec<Constant>,
+    /// Root mean square of the residuals, in the unit of the ordinate.
+    pub residual: f64,
+    /// Sum of squares over degrees of freedom, of residuals over errors; NaN without errors.
+    pub chi_square: f64,
+}
+
+/// Most steps of the iteration.
+const STEPS: usize = 200;
+
+/// Relative step of the differences that stand for derivatives.
+const DIFFERENCE: f64 = 1e-6;
+
+fn wrong(problem: impl Into<String>) -> SweepError {
+    SweepError::Plan(problem.into())
+}
+
+/// The points of two columns of a table, with `Y_error` where it is there. Values may have units.
+///
+/// # Errors
+/// [`SweepError::Read`] for a file that cannot be read; [`SweepError::Plan`] for columns that are not there or no numbers.
+pub fn points(path: &Path, x: &str, y: &str) -> Result<Vec<Point>, SweepError> {
+    let unreadable =
+        |error: &dyn ToString| SweepError::Read { path: path.to_path_buf(), reason: error.to_string() };
+    let table = Table::read(path).map_err(|error| unreadable(&error))?;
+    let column = |name: &str| {
+        table.texts(name).ok_or_else(|| {
+            let known = table.names().join(", ");
+            wrong(format!("{} has no column `{name}`; it has {known}", path.display()))
+        })
+    };
+    let number =
+        |text: &str| scene::value(text, &[]).map_err(|problem| wrong(format!("`{text}`: {problem}")));
+    let (xs, ys) = (column(x)?, column(y)?);
+    let errors = table.texts(&format!("{y}_error"));
+    let mut points = Vec::new();
+    for (k, (x, y)) in xs.iter().zip(&ys).enumerate() {
+        // A point without a result yet.
+        if x.is_empty() || y.is_empty() {
+            continue;
+        }
+        let error = errors.as_ref().map_or("", |errors| errors[k]);
+        let error = if error.is_empty() { 0.0 } else { number(error)? };
+        points.push(Point { x: number(x)?, y: number(y)?, error });
+    }
+    Ok(points)
+}
+
+/// The model at an abscissa.
+fn evaluate(model: &str, names: &[&str], constants: &[f64], x: f64) -> Result<f64, SweepError> {
+    let values: Vec<(&str, f64)> =
+        names.iter().copied().zip(constants.iter().copied()).chain([("x", x)]).collect();
+    scene::value(model, &values).map_err(|problem| wrong(format!("the model `{model}`: {problem}")))
+}
+
+/// Fits the constants (with the values to start from) by the method of Levenberg and Marquardt: points weigh by their errors where all
+/// have one, and alike otherwise. The error of a constant is the root of the diagonal of (J^T W J)^-1, times the scatter of the
+/// residuals where there are no errors or that is more than they say.
+///
+/// Source: J. J. More, "The Levenberg-Marquardt algorithm", Lecture Notes in Mathematics 630, 1978.
+///
+/// # Errors
+/// [`SweepError::Plan`] for a model that is none, fewer points than constants, or constants that the points do not determine.
+pub fn fit(model: &str, start: &[(String, f64)], points: &[Point]) -> Result<Fit, SweepError> {
+    let names: Vec<&str> = start.iter().map(|(name, _)| name.as_str()).collect();
+    let count = names.len();
+    if points.len() < count || count == 0 {
+        return Err(wrong(format!("{} points cannot determine {count} constants", points.len())));
+    }
+    let weighted = points.iter().all(|point| point.error > 0.0 && point.error.is_finite());
+    let weight = |point: &Point| if weighted { 1.0 / point.error } else { 1.0 };
+    let residuals = |constants: &[f64]| -> Result<Vec<f64>, SweepError> {
+        let one =
+            |point: &Point| Ok(weight(point) * (point.y - evaluate(model, &names, constants, point.x)?));
+        points.iter().map(one).collect()
+    };
+    let square = |list: &[f64]| list.iter().map(|x| x * x).sum::<f64>();
+    let mut constants: Vec<f64> = start.iter().map(|(_, value)| *value).collect();
+    let mut now = residuals(&constants)?;
+    let slopes = |constants: &[f64]| -> Result<Vec<Vec<f64>>, SweepError> {
+        (0..count)
+            .map(|k| {
+                let mut step = DIFFERENCE * constants[k].abs().max(1e-9);
+                let at = |sign: f64, step: f64| {
+                    let mut moved = constants.to_vec();
+                    moved[k] += sign * step;
+                    residuals(&moved)
+                };
+                let (mut more, mut less) = (at(1.0, step)?, at(-1.0, step)?);
+                // A constant that starts from zero says nothing about its size: a step that rounding swallows is enlarged.
+                let is_lost = |more: &[f64], less: &[f64]| {
+                    let least = DIFFERENCE * more.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+                    more.iter().zip(less).all(|(a, b)| (a - b).abs() <= 1e-3 * least)
+                };
+                while constants[k].abs() < 1e-9 && step < 1e9 && is_lost(&more, &less) {
+                    step *= 10.0;
+                    (more, less) = (at(1.0, step)?, at(-1.0, step)?);
+                }
+                Ok(more.iter().zip(&less).map(|(a, b)| (b - a) / (2.0 * step)).collect())
+            })
+            .collect()
+    };
+    let normal = |slopes: &[Vec<f64>], damping: f64| -> Vec<Vec<f64>> {
+        let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+        let entry =
+            |i: usize, j: usize| dot(&slopes[i], &slopes[j]) * if i == j { 1.0 + damping } else { 1.0 };
+        (0..count).map(|i| (0..count).map(|j| entry(i, j)).collect()).collect()
+    };
+    let mut damping = 1e-3;
+    for _ in 0..STEPS {
+        let slopes = slopes(&constants)?;
+        let right = slopes.iter().map(|slope| slope.iter().zip(&now).map(|(a, b)| a * b).sum()).collect();
+        let Some(change) = solve(normal(&slopes, damping), right) else { break };
+        let tried: Vec<f64> = constants.iter().zip(&change).map(|(a, b)| a + b).collect();
+        let then = residuals(&tried)?;
+        if square(&then) <= square(&now) {
+            let is_done = change.iter().zip(&tried).all(|(d, c)| d.abs() <= 1e-12 * c.abs().max(1e-300));
+            (constants, now) = (tried, then);
+            damping *= 0.2;
+            if is_done {
+                break;
+            }
+        } else {
+            damping *= 5.0;
+            if damping > 1e12 {
+                break;
+            }
+        }
+    }
+    let slopes = slopes(&constants)?;
+    let free = (points.len() - count) as f64;
+    let scatter = if free > 0.0 { square(&now) / free } else { f64::NAN };
+    let factor = if weighted { scatter.max(1.0) } else { scatter };
+    let mut fitted = Vec::new();
+    for (k, name) in names.iter().enumerate() {
+        let unit = (0..count).map(|j| f64::from(u8::from(j == k))).collect();
+        let column = solve(normal(&slopes, 0.0), unit).ok_or_else(|| {
+            wrong(format!("the points do not determine the constant `{name}`: fix it in the model"))
+        })?;
+        fitted.push(Constant {
+            name: name.to_string(),
+            value: constants[k],
+            error: (column[k] * factor).sqrt(),
+        });
+    }
+    let plain = points.iter().zip(&now).map(|(point, r)| (r / weight(point)).powi(2)).sum::<f64>();
+    Ok(Fit {
+        constants: fitted,
+        residual: (plain / points.len() as f64).sqrt(),
+        chi_square: if weighted { scatter } else { f64::NAN },
+    })
+}
+
+/// A small linear system by elimination with pivots, after its rows and columns are scaled; `None` where it is singular.
+fn solve(mut a: Vec<Vec<f64>>, mut b: Vec<f64>) -> Option<Vec<f64>> {
+    let n = b.len();
+    let scale: Vec<f64> = (0..n).map(|i| a[i][i].abs().sqrt()).collect();
+    if scale.iter().any(|s| !(s.is_finite() && *s > 0.0)) {
+        return None;
+    }
+    for i in 0..n {
+        b[i] /= scale[i];
+        for j in 0..n {
+            a[i][j] /= scale[i] * scale[j];
+        }
+    }
+    for k in 0..n {
+        let pivot = (k..n).max_by(|&i, &j| a[i][k].abs().total_cmp(&a[j][k].abs()))?;
+        a.swap(k, pivot);
+        b.swap(k, pivot);
+        if a[k][k].abs() < 1e-13 {
+            return None;
+        }
+        for i in k + 1..n {
+            let factor = a[i][k] / a[k][k];
+            for j in k..n {
+                a[i][j] -= factor * a[k][j];
+            }
+            b[i] -= factor * b[k];
+        }
+    }
+    for k in (0..n).rev() {
+        for j in k + 1..n {
+            b[k] -= a[k][j] * b[j];
+        }
+        b[k] /= a[k][k];
+    }
+    Some(b.iter().zip(&scale).map(|(x, s)| x / s).collect())
+}
+
+/// The points with their error bars and the fitted model as a chart.
+///
+/// # Errors
+/// As [`fit`].
+pub fn chart(model: &str, fit: &Fit, points: &[Point], [x, y]: [&str; 2]) -> Result<String, SweepError> {
+    let names: Vec<&str> = fit.constants.iter().map(|constant| constant.name.as_str()).collect();
+    let values: Vec<f64> = fit.constants.iter().map(|constant| constant.value).collect();
+    let (low, high) = points
+        .iter()
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), point| (low.min(point.x), high.max(point.x)));
+    let curve = (0..=100).map(|k| {
+        let x = low + (high - low) * f64::from(k) / 100.0;
+        evaluate(model, &names, &values, x).map(|y| [x, y])
+    });
+    let curve = curve.collect::<Result<Vec<_>, _>>()?;
+    let bars = points.iter().map(|point| [point.y - point.error, point.y + point.error]).collect();
+    let measured = points.iter().map(|point| [point.x, point.y]).collect();
+    let constants: BTreeMap<&str, String> =
+        fit.constants.iter().map(|constant| (constant.name.as_str(), with_error(constant))).collect();
+    let title: Vec<String> = names.iter().map(|name| format!("{name} = {}", constants[name])).collect();
+    Ok(Chart::new(title.join(", "), Axis::linear(x), Axis::linear(y))
+        .with(Series::scatter("runs", measured).with_errors(bars))
+        .with(Series::line(model, curve))
+        .to_svg())
+}
+
+/// A constant with its error, to the digits that the error leaves.
+pub fn with_error(constant: &Constant) -> String {
+    let Constant { value, error, .. } = *constant;
+    if !(error.is_finite() && error > 0.0) {
+        return format!("{value:.6e}");
+    }
+    let digits = (value.abs() / error).log10().floor().clamp(0.0, 15.0) as usize + 1;
+    format!("{value:.digits$e} +- {error:.1e}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn start(list: &[(&str, f64)]) -> Vec<(String, f64)> {
+        list.iter().map(|(name, value)| (name.to_string(), *value)).collect()
+    }
+
+    /// A straight line has a closed form: slope 2.1, intercept 0.9, errors from the textbook.
+    #[test]
+    fn lines_as_in_the_textbook() {
+        let points: Vec<Point> = [(0.0, 1.0), (1.0, 2.8), (2.0, 5.2), (3.0, 7.2)]
+            .map(|(x, y)| Point { x, y, error: 0.0 })
+            .to_vec();
+        let found = fit("c + k*x", &start(&[("c", 0.0), ("k", 1.0)]), &points).unwrap();
+        let n = 4.0;
+        let mean = |f: &dyn Fn(&Point) -> f64| points.iter().map(f).sum::<f64>() / n;
+        let (mx, my) = (mean(&|p| p.x), mean(&|p| p.y));
+        let sxx = n * mean(&|p| (p.x - mx).powi(2));
+        let slope = n * mean(&|p| (p.x - mx) * (p.y - my)) / sxx;
+        let constant = my - slope * mx;
+        assert!((found.constants[1].value - slope).abs() < 1e-9, "{found:?}");
+        assert!((found.constants[0].value - constant).abs() < 1e-9);
+        let variance = points.iter().map(|p| (p.y - constant - slope * p.x).powi(2)).sum::<f64>() / 2.0;
+        assert!((found.constants[1].error / (variance / sxx).sqrt() - 1.0).abs() < 1e-6);
+        let expected = (variance * (1.0 / n + mx * mx / sxx)).sqrt();
+        assert!((found.constants[0].error / expected - 1.0).abs() < 1e-6);
+        // In other units, from the same start.
+        let large: Vec<Point> = points.iter().map(|p| Point { y: 1e6 * p.y, ..*p }).collect();
+        let found = fit("c + k*x", &start(&[("c", 0.0), ("k", 1.0)]), &large).unwrap();
+        assert!((found.constants[0].value / 1e6 - constant).abs() < 1e-6, "{found:?}");
+    }
+
+    #[test]
+    fn curves_come_back_from_their_points() {
+        let points: Vec<Point> = (1..=8)
+            .map(|k| {
+                let x = 0.5 * f64::from(k);
+                Point { x, y: 3.0 * (1.0 - (-x / 1.7).exp()), error: 0.01 * x }
+            })
+            .collect();
+        let model = "most * (1 - exp(-x / scale))";
+        let found = fit(model, &start(&[("most", 1.0), ("scale", 1.0)]), &points).unwrap();
+        assert!((found.constants[0].value - 3.0).abs() < 1e-7, "{found:?}");
+        assert!((found.constants[1].value - 1.7).abs() < 1e-7);
+        assert!(chart(model, &found, &points, ["x (m)", "y (N)"]).unwrap().contains("<svg"));
+        assert!(fit("a1 + b1 + x", &start(&[("a1", 1.0), ("b1", 1.0)]), &points).is_err());
+        assert!(fit(model, &start(&[("most", 1.0), ("scale", 1.0)]), &points[..1]).is_err());
+        assert!(fit("most * y", &start(&[("most", 1.0)]), &points).is_err());
+    }
+}
