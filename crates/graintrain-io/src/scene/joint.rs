@@ -52,7 +52,8 @@ pub struct JointSpec {
     /// Of a slide or distance, m.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub travel: Option<StopsSpec>,
-    /// Whether its bodies collide.
+    /// Whether its bodies collide; a gear has none of its own.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub collide: bool,
     /// Where it is written.
     #[serde(skip)]

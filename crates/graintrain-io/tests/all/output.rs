@@ -246,7 +246,7 @@ fn columns_are_explained_beside_the_tables() {
     let mut files: Vec<String> = files.map(|name| name.into_string().unwrap()).collect();
     files.retain(|name| name.ends_with(".csv"));
     files.sort();
-    assert_eq!(files, ["newton.csv", "steps.csv", "wrench.csv"]);
+    assert_eq!(files, ["joints.csv", "newton.csv", "steps.csv", "wrench.csv"]);
     assert_eq!(tables.len(), files.len());
     for file in &files {
         let text = read(folder.path(), file);
@@ -254,7 +254,10 @@ fn columns_are_explained_beside_the_tables() {
         let listed = tables[file].as_array().unwrap();
         let names: Vec<&str> = listed.iter().map(|column| column["name"].as_str().unwrap()).collect();
         assert_eq!(names, header, "{file}");
-        assert_eq!(text.lines().nth(1).unwrap().split(',').count(), header.len(), "{file}");
+        // This world has no joints.
+        if file != "joints.csv" {
+            assert_eq!(text.lines().nth(1).unwrap().split(',').count(), header.len(), "{file}");
+        }
         assert!(listed.iter().all(|column| column["unit"].is_string() && column["meaning"] != ""));
     }
 }

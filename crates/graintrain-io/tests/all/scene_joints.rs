@@ -21,7 +21,7 @@ position = [0.3, 0, 0.5]
 shape = { box = { size = [0.1, 0.1, 0.1] } }
 position = [0.6, 0, 0.5]
 [body.pinion]
-shape = { cylinder = { radius = 0.1, height = 0.05 } }
+shape = { cylinder = { radius = 0.1, length = 0.05 } }
 position = [-1, 0, 0.5]
 [body.rack]
 shape = { box = { size = [0.1, 0.1, 0.5] } }
@@ -138,7 +138,7 @@ fn errors_name_the_key_and_the_remedy() {
         ("bodies = [\"base\", \"arm\"]", "bodies = [\"base\", \"boom\"]", "boom"),
         ("kind = \"revolute\"", "kind = \"hinge\"", "hinge"),
         ("axis = [0, 2, 0]", "axis = [0, 0, 0]", "joint.hinge.axis"),
-        ("axis = [0, 2, 0]\n", "", "joint.hinge.axis"),
+        ("axis = [0, 2, 0]\n", "", "`joint.hinge` lacks `axis`"),
         ("speed = \"10 rpm * sin(2*pi*t/2 s)\"", "speed = \"1 m/s\"", "joint.hinge.motor.speed"),
         ("along = \"slide\"\n", "", "use `motor`"),
         ("torsion_spring", "spring", "joint.hinge.spring"),
