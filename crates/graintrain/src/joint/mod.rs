@@ -13,7 +13,7 @@
 //! | gear | the coordinate of a second joint is a multiple of that of a first | |
 //!
 //! The coordinate s of a joint (angle, slide or distance; B relative to A) may have a [`Motor`], a [`Spring`] and [`Limits`]. How the rows
-//! are solved is in [`mechanism`], their geometry in [`kinematics`].
+//! are solved is in `mechanism`, their geometry in `kinematics`.
 
 pub(crate) mod drift;
 pub(crate) mod elimination;
