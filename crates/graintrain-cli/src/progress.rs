@@ -158,8 +158,9 @@ impl Warnings {
                     "the best impulses found are taken. Try a shorter step, another --solver (auto, ipm) or a looser --tolerance"
                 }
             };
+            let remark = solve.remark.as_ref().map_or(String::new(), |remark| format!("; {remark}"));
             warnings.push(format!(
-                "{place}: the solve missed the tolerance (residual {:.1e}, rms {:.1e}, {}): {cause}. `--strict` ends a run here, \
+                "{place}: the solve missed the tolerance (residual {:.1e}, rms {:.1e}, {}{remark}): {cause}. `--strict` ends a run here, \
                  `--dump-problem every={step}` keeps the problem",
                 solve.residual.max,
                 solve.residual.rms,
