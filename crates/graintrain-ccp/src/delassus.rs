@@ -611,9 +611,31 @@ pub(crate) mod tests {
             CoupledBodies { bodies: vec![0, 2, 5], degrees: 4, factor: factor(3, 4, &mut random) },
             CoupledBodies { bodies: vec![1, 6], degrees: 2, factor: factor(2, 2, &mut random) },
         ];
+        responses_are_dense_ones(&plain.clone().with_coupled(coupled.clone()));
         product_and_assembly_are_dense_ones(plain.clone().with_coupled(coupled.clone()));
         product_and_assembly_are_dense_ones(turning.with_coupled(coupled));
         product_and_assembly_are_dense_ones(plain);
+    }
+
+    /// Velocity changes by impulses on two bodies: of one group, of two, one alone and a fixed one.
+    fn responses_are_dense_ones(rigid: &RigidDelassus) {
+        let inverse = dense_inverse_mass(rigid);
+        let impulse = |body: u32| std::array::from_fn(|k| f64::from(body % 7) + 0.3 * k as f64 - 0.5);
+        for pair in [[2, 5], [0, 6], [3, 1], [4, FIXED]] {
+            let response = rigid.response(pair.map(|body| (body, impulse(body))));
+            for (body, change) in pair.into_iter().zip(response) {
+                for (axis, change) in change.into_iter().enumerate() {
+                    let row = inverse.get(6 * body as usize + axis);
+                    let of = |row: &Vec<f64>, on: u32| {
+                        let of_axis =
+                            |k: usize| row.get(6 * on as usize + k).unwrap_or(&0.0) * impulse(on)[k];
+                        (0..6).map(of_axis).sum::<f64>()
+                    };
+                    let expected = row.map_or(0.0, |row| of(row, pair[0]) + of(row, pair[1]));
+                    assert!((change - expected).abs() < 1e-12, "{pair:?}: {change} {expected}");
+                }
+            }
+        }
     }
 
     /// M^-1 of all bodies as a dense matrix, coupled ones by the definition W = Y Y^T.

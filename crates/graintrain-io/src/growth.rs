@@ -2,7 +2,7 @@
 //!
 //! All lengths of the bodies are multiplied by the same factor from step to step; centres and velocities stay. What then overlaps is
 //! displaced by the step (gravity is better off meanwhile). A sample that cannot become denser would only overlap more and more: growth
-//! waits while a body overlaps another by more than a hundredth of its size.
+//! waits while a body overlaps another by more than a hundredth of its size, and no step brings more than that.
 
 use crate::roster::{Members, Roster};
 use crate::stream::Amount;
@@ -12,7 +12,7 @@ use graintrain::load::Region;
 use graintrain::measure::space::porosity;
 use graintrain::world::World;
 use serde::{Deserialize, Serialize};
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 /// Growth waits above this overlap over the size of the smaller body.
 const WAITS: f64 = 0.01;
@@ -31,18 +31,26 @@ pub struct Growth {
 }
 
 impl Growth {
-    /// Gives the bodies that will grow geometries of their own.
+    /// Gives the bodies that grow geometries that no other body has.
     ///
     /// # Errors
     /// [`ModelError::Index`] for a body that is none.
     pub fn begin(&self, world: &mut World, roster: &Roster) -> Result<(), ModelError> {
+        let members: Vec<usize> = roster.members(&self.members).iter().map(|body| body.index()).collect();
+        let len = world.bodies.len();
+        if let Some(&index) = members.iter().find(|&&index| index >= len) {
+            return Err(ModelError::Index { what: "body", index, len });
+        }
+        let mut grows = vec![false; len];
+        members.iter().for_each(|&index| grows[index] = true);
+        let others: HashSet<GeometryId> =
+            (0..len).filter(|&body| !grows[body]).map(|body| world.bodies.geometry[body]).collect();
         let mut own: HashMap<GeometryId, GeometryId> = HashMap::new();
-        for body in roster.members(&self.members) {
-            let (index, len) = (body.index(), world.bodies.len());
-            if index >= len {
-                return Err(ModelError::Index { what: "body", index, len });
-            }
+        for index in members {
             let former = world.bodies.geometry[index];
+            if !others.contains(&former) {
+                continue;
+            }
             let geometry = match own.get(&former) {
                 Some(geometry) => *geometry,
                 None => {
@@ -77,7 +85,9 @@ impl Growth {
         if overlap > WAITS || solid >= 1.0 - self.porosity {
             return Ok(added);
         }
-        let full = 1.0 + self.rate * step;
+        // Bodies that entered since may share a geometry with those that do not grow.
+        self.begin(world, roster)?;
+        let full = 1.0 + (self.rate * step).min(WAITS);
         let needed = ((1.0 - self.porosity) / solid).cbrt();
         let factor = if needed.is_finite() { full.min(needed) } else { full };
         let members = roster.members(&self.members);

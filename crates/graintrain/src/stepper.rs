@@ -297,6 +297,7 @@ impl Stepper {
             let passing = if round < ROUNDS { self.passing(world, &contacts, &attempt) } else { Vec::new() };
             if !passing.is_empty() {
                 added += passing.len();
+                kept.extend(passing.iter().map(|c| c.identity));
                 contacts.extend(passing);
                 guess = Some(attempt);
                 continue;
@@ -345,7 +346,7 @@ impl Stepper {
                 return Ok(report);
             }
             added += new.len() + bent.len();
-            bends.put(bent, &mut contacts);
+            kept.extend(bends.put(bent, &mut contacts));
             kept.extend(new.iter().map(|c| c.identity));
             contacts.extend(new);
             guess = Some(attempt);
@@ -406,11 +407,13 @@ impl Stepper {
         let assembled = Instant::now();
         let settings = self.solve_settings();
         let (mut solve, mut parts) = self.solve(world, &problem, &mut impulse)?;
-        let mut on_bodies = Vec::new();
+        let (mut on_bodies, mut agrees) = (Vec::new(), true);
         if let Some(spare) = spare {
             on_bodies = body_impulses(&problem, &impulse);
+            agrees = false;
             for _ in 0..JOINT_ROUNDS {
-                if solve.status == Status::Stopped || mechanisms.agree(&on_bodies, settings.tolerance) {
+                agrees = mechanisms.agree(&on_bodies, settings.tolerance);
+                if solve.status == Status::Stopped || agrees {
                     break;
                 }
                 mechanisms.predict(&on_bodies);
@@ -428,6 +431,10 @@ impl Stepper {
         check_velocity(world, &velocity)?;
         let joints = mechanisms.reactions(&on_bodies);
         judge_joints(world, &joints, &settings, &mut solve);
+        if !agrees && solve.status == Status::Converged {
+            solve.status = Status::IterationLimit;
+            solve.remark = Some(format!("motors, stops and contacts did not agree in {JOINT_ROUNDS} rounds"));
+        }
         Ok(Attempt {
             problem,
             impulse,

@@ -71,6 +71,33 @@ impl RigidDelassus {
         &self.coupled
     }
 
+    /// Velocity change of each of two bodies by an impulse on both (force, then moment about its centre), through their groups where they
+    /// have one.
+    pub fn response(&self, impulses: [(u32, [f64; 6]); 2]) -> [[f64; 6]; 2] {
+        impulses.map(|(body, own)| match self.group_of(body) {
+            Some((group, place)) => {
+                let group = &self.coupled[group];
+                let on = |other: usize| {
+                    let mut sum = [0.0; 6];
+                    for (_, impulse) in impulses.iter().filter(|(on, _)| *on as usize == other) {
+                        sum.iter_mut().zip(impulse).for_each(|(sum, f)| *sum += f);
+                    }
+                    sum
+                };
+                group.velocity(place, &group.gather(on))
+            }
+            None => match self.inverse_mass().get(body as usize) {
+                Some(mass) => {
+                    let turn =
+                        |row: usize| (0..3).map(|k| mass.angular[3 * row + k] * own[3 + k]).sum::<f64>();
+                    let push = |k: usize| mass.linear[k] * own[k];
+                    [push(0), push(1), push(2), turn(0), turn(1), turn(2)]
+                }
+                None => [0.0; 6],
+            },
+        })
+    }
+
     /// Group and place in it of a body.
     pub(super) fn group_of(&self, body: u32) -> Option<(usize, usize)> {
         let (group, place) = *self.group_of.get(body as usize)?;

@@ -14,6 +14,7 @@
 use super::error::{COPY_AGAIN, Defect, WRITE_AGAIN};
 use super::matrix::{Entry, Matrix};
 use super::raw::{GlobalForm, LocalForm, RawProblem};
+use flate2::Crc;
 use flate2::read::DeflateDecoder;
 use std::collections::HashMap;
 use std::io::Read;
@@ -141,6 +142,7 @@ fn members(bytes: &[u8]) -> Result<HashMap<String, Array>, Defect> {
         let entry = || {
             bytes.get(at..at + 4).filter(|head| *head == b"PK\x01\x02")?;
             let (method, packed, plain) = (at16(at + 10)?, at32(at + 20)?, at32(at + 24)?);
+            let checksum = at32(at + 16)?;
             let [name, extra, comment] = [at16(at + 28)?, at16(at + 30)?, at16(at + 32)?];
             let local = at32(at + 42)?;
             let text = bytes.get(at + 46..at + 46 + name)?;
@@ -152,10 +154,11 @@ fn members(bytes: &[u8]) -> Result<HashMap<String, Array>, Defect> {
                 method,
                 bytes.get(start..start + packed)?,
                 plain,
+                checksum,
                 next,
             ))
         };
-        let (name, method, packed, plain, next) =
+        let (name, method, packed, plain, checksum, next) =
             entry().ok_or_else(|| broken("its directory is damaged"))?;
         at = next;
         let Some(name) = name.strip_suffix(".npy") else { continue };
@@ -173,6 +176,11 @@ fn members(bytes: &[u8]) -> Result<HashMap<String, Array>, Defect> {
                 return Err(Defect::unsupported(what, "write it by numpy.savez or savez_compressed"));
             }
         };
+        let mut sum = Crc::new();
+        sum.update(&content);
+        if sum.sum() as usize != checksum {
+            return Err(Defect::damaged(name, "its checksum is wrong".to_string(), COPY_AGAIN));
+        }
         found.insert(name.to_string(), array(name, &content)?);
     }
     Ok(found)

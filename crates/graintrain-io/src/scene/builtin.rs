@@ -54,6 +54,16 @@ pub const SCENES: &[Builtin] = &[
         text: include_str!("../../scenes/excavator.toml"),
     },
     Builtin {
+        name: "hopper",
+        about: "grains rain into a funnel, settle, and run out when its gate drops; streams, outlets, stages",
+        text: include_str!("../../scenes/hopper.toml"),
+    },
+    Builtin {
+        name: "silo",
+        about: "Janssen: what the floor of a silo carries when it sinks by 2 mm; for `sweep` over grains",
+        text: include_str!("../../scenes/silo.toml"),
+    },
+    Builtin {
         name: "incline",
         about: "a block and a ball on an inclined plane",
         text: include_str!("../../scenes/incline.toml"),

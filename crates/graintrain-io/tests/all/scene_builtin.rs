@@ -111,9 +111,14 @@ fn masses_and_motions_of_the_paper() {
 
 #[test]
 fn small_scenes_build_without_overlap_and_survive_resolving() {
-    for (name, bodies) in
-        [("incline", 3), ("stack", 6), ("excavator", 16 * 6 * 5 + 4), ("shear-box", 19 * 19 * 14 + 3)]
-    {
+    for (name, bodies) in [
+        ("incline", 3),
+        ("stack", 6),
+        ("excavator", 16 * 6 * 5 + 4),
+        ("shear-box", 19 * 19 * 14 + 3),
+        ("hopper", 4),
+        ("silo", 2),
+    ] {
         let simulation = build(name, &[]);
         assert_eq!(simulation.world.bodies.len(), bodies, "{name}");
         assert!(overlap(&simulation) < 1e-9, "{name}: {}", overlap(&simulation));

@@ -58,6 +58,12 @@ pub fn points(path: &Path, x: &str, y: &str) -> Result<Vec<Point>, SweepError> {
     let unreadable =
         |error: &dyn ToString| SweepError::Read { path: path.to_path_buf(), reason: error.to_string() };
     let table = Table::read(path).map_err(|error| unreadable(&error))?;
+    if table.odd_lines > 0 {
+        return Err(unreadable(&format!(
+            "{} of its lines have another number of cells than its header",
+            table.odd_lines
+        )));
+    }
     let column = |name: &str| {
         table.texts(name).ok_or_else(|| {
             let known = table.names().join(", ");

@@ -48,6 +48,9 @@ const STUCK: f64 = 1e-3;
 /// Roundings in the difference of two positions.
 const ROUNDING: f64 = 16.0;
 
+/// A motor that misses this fraction of its speed while a stop is active works against the stop.
+const DRIVEN: f64 = 0.1;
+
 /// A force beyond its limit, or a rate on the wrong side, counts from this fraction on.
 const CLEAR: f64 = 1e-9;
 
@@ -457,6 +460,7 @@ impl<'a> Mechanisms<'a> {
                 .copy_from_slice(&solution.velocity[6 * k..6 * k + 6]);
         }
         let poses = |body: usize| world.pose(body);
+        let is_stopped = mechanism.joints.iter().any(|&joint| self.states[joint].stopped != 0);
         let mut changed = false;
         for &joint in mechanism.joints.iter().filter(|joint| limited(joint)) {
             let own = &world.joints[joint].joint;
@@ -474,8 +478,12 @@ impl<'a> Mechanisms<'a> {
                 match state.saturated {
                     0 => {
                         let impulse = impulse_of(Role::Motor);
+                        let missing = wanted - rate;
                         if impulse.abs() > most * (1.0 + CLEAR) {
                             state.saturated = if impulse > 0.0 { 1 } else { -1 };
+                        } else if is_stopped && missing.abs() > (DRIVEN * wanted.abs()).max(CLEAR * scale) {
+                            // Against a stop its row depends on that of the stop, and gets no rate at any force.
+                            state.saturated = if missing > 0.0 { 1 } else { -1 };
                         }
                     }
                     side if f64::from(side) * (rate - wanted) > CLEAR * scale => state.saturated = 0,

@@ -263,11 +263,6 @@ impl Joint {
                 [a, b] if a == b => return refuse("both its bodies are the same; name two".to_string()),
                 _ => {}
             }
-            if bodies.clone().all(|body| world.is_prescribed(body.index())) {
-                return refuse(
-                    "nothing it holds can move: all its bodies are fixed or wholly driven; `free` a degree of freedom".to_string(),
-                );
-            }
         }
         if let JointKind::Revolute { point, axis }
         | JointKind::Prismatic { point, axis }
@@ -385,6 +380,12 @@ impl World {
     pub fn add_joint(&mut self, joint: Joint) -> Result<JointId, ModelError> {
         let index = self.joints.len();
         joint.validate(&joint.label(index), self, index)?;
+        // A later stage may hold them, but a joint that never does anything is a slip.
+        let mut held = joint.bodies.iter().flatten();
+        if joint.bodies != [None, None] && held.all(|body| self.is_prescribed(body.index())) {
+            let what = "nothing it holds can move: all its bodies are fixed or wholly driven; `free` a degree of freedom";
+            return Err(ModelError::Joint { joint: joint.label(index), what: what.to_string() });
+        }
         let bodies = &self.bodies;
         let mut places = joint.places();
         for (place, body) in places.iter_mut().zip(joint.bodies) {

@@ -12,7 +12,7 @@
 use super::{Attempt, Placement, Stepper};
 use crate::assemble::{contact_rows, relative_velocities};
 use crate::contact::Contact;
-use crate::math::{Mat3, Vec3, mix};
+use crate::math::{Vec3, mix};
 use crate::world::World;
 use graintrain_ccp::Delassus;
 use std::collections::{HashMap, HashSet};
@@ -27,6 +27,9 @@ const BENT: f64 = 5e-3;
 
 /// A contact is a phantom if the bodies, without it, overlap on their way by no more than this fraction of what it foresees.
 const GHOSTLY: f64 = 0.2;
+
+/// Where bodies fall by more than this fraction of the smaller one's size in a step, what they do without a contact says nothing of it.
+const FALLEN: f64 = 0.1;
 
 /// Contacts that were linearised anew in a step. The first time the new plane takes the place of the old one; where a turning body bends away
 /// from that, too, planes gather, or two of them would take turns for ever.
@@ -43,8 +46,9 @@ impl Bends {
         self.further.get(&contact.identity).copied().unwrap_or(contact.identity)
     }
 
-    /// Puts `anew`, as [`Stepper::bent`] found them, among the contacts.
-    pub(super) fn put(&mut self, anew: Vec<Contact>, contacts: &mut Vec<Contact>) {
+    /// Puts `anew`, as [`Stepper::bent`] found them, among the contacts. Returned are the identities that they have there.
+    pub(super) fn put(&mut self, anew: Vec<Contact>, contacts: &mut Vec<Contact>) -> Vec<u64> {
+        let mut identities = Vec::with_capacity(anew.len());
         for mut contact in anew {
             let count = self.count.entry(contact.identity).or_default();
             *count += 1;
@@ -52,13 +56,16 @@ impl Bends {
                 && let Some(old) = contacts.iter_mut().find(|c| c.identity == contact.identity)
             {
                 *old = contact;
+                identities.push(contact.identity);
                 continue;
             }
             let own = mix(contact.identity.wrapping_add(*count));
             self.further.insert(own, contact.identity);
             contact.identity = own;
+            identities.push(own);
             contacts.push(contact);
         }
+        identities
     }
 }
 
@@ -232,28 +239,21 @@ impl Stepper {
         let Delassus::Rigid(rigid) = &*attempt.problem.delassus else { return Vec::new() };
         let step = self.settings.step;
         let rows = rigid.contacts();
+        let contact = |k: usize| &contacts[attempt.active[k] as usize];
         let pair = |k: usize| {
-            let contact = &contacts[attempt.active[k] as usize];
-            [contact.body_a, contact.body_b]
+            let contact = contact(k);
+            [contact.body_a.min(contact.body_b), contact.body_a.max(contact.body_b)]
         };
+        let with_seams =
+            |k: &usize| pair(*k).iter().any(|&body| !self.collider.is_ball(world, body as usize));
+        let mut order: Vec<usize> = (0..rows.len()).filter(with_seams).collect();
+        order.sort_by_key(|&k| (pair(k), k));
         let mut found = Vec::new();
-        let mut first = 0;
-        while first < rows.len() {
-            let mut last = first + 1;
-            while last < rows.len() && pair(last) == pair(first) {
-                last += 1;
-            }
-            let group = first..last;
-            first = last;
-            if pair(group.start).into_iter().all(|body| self.collider.is_ball(world, body as usize)) {
-                continue;
-            }
-            let mut without = pair(group.start).map(|body| {
-                let v = &attempt.velocity[6 * body as usize..6 * body as usize + 6];
-                [Vec3::from_slice(&v[..3]), Vec3::from_slice(&v[3..])]
-            });
+        for group in order.chunk_by(|&k, &l| pair(k) == pair(l)) {
+            let bodies = pair(group[0]);
+            let mut impulses = bodies.map(|body| (body, [0.0; 6]));
             let mut pushed = false;
-            for k in group.clone() {
+            for &k in group {
                 let row = &rows[k];
                 let [n, t1, t2] = row.frame.map(Vec3::from_array);
                 let g = &attempt.impulse[3 * k..3 * k + 3];
@@ -261,47 +261,50 @@ impl Stepper {
                 if let Some(of_impact) = attempt.impacts.impulse.get(attempt.active[k] as usize) {
                     impulse += *of_impact;
                 }
-                if impulse == Vec3::ZERO {
-                    continue;
-                }
-                pushed = true;
-                let sides = [(row.body_a, row.arm_a, -1.0), (row.body_b, row.arm_b, 1.0)];
-                for ((body, arm, sign), v) in sides.into_iter().zip(&mut without) {
-                    if let Some(mass) = rigid.inverse_mass().get(body as usize) {
-                        v[0] += sign * Vec3::from_array(mass.linear) * impulse;
-                        v[1] += sign
-                            * (Mat3::from_cols_array(&mass.angular) * Vec3::from_array(arm).cross(impulse));
+                pushed |= impulse != Vec3::ZERO;
+                for (body, arm, on_it) in
+                    [(row.body_a, row.arm_a, impulse), (row.body_b, row.arm_b, -impulse)]
+                {
+                    if let Some((_, sum)) = impulses.iter_mut().find(|(own, _)| *own == body) {
+                        let moment = Vec3::from_array(arm).cross(on_it);
+                        let both = on_it.to_array().into_iter().chain(moment.to_array());
+                        sum.iter_mut().zip(both).for_each(|(sum, part)| *sum += part);
                     }
                 }
             }
-            let contact = |k: usize| &contacts[attempt.active[k] as usize];
-            if !pushed || group.clone().any(|k| kept.contains(&contact(k).identity)) {
-                continue;
-            }
-            let foreseen = |k: usize| {
-                let row = &rows[k];
-                let [a, b] = without;
-                let relative = a[0] + a[1].cross(Vec3::from_array(row.arm_a))
-                    - b[0]
-                    - b[1].cross(Vec3::from_array(row.arm_b));
-                contact(k).gap.max(0.0) + step * Vec3::from_array(row.frame[0]).dot(relative)
-            };
-            let size = self.collider.contact_size(world, contact(group.start));
-            let fall = pair(group.start)
-                .map(|body| world.acceleration(body as usize))
-                .into_iter()
-                .fold(0.0, f64::max)
+            let size = self.collider.contact_size(world, contact(group[0]));
+            let fall = bodies.map(|body| world.acceleration(body as usize)).into_iter().fold(0.0, f64::max)
                 * step
                 * step;
-            let barred: Vec<usize> = group.filter(|&k| foreseen(k) + fall < -MISSED * size).collect();
+            if !pushed || fall > FALLEN * size || group.iter().any(|&k| kept.contains(&contact(k).identity)) {
+                continue;
+            }
+            let response = rigid.response(impulses);
+            let without: [[Vec3; 2]; 2] = std::array::from_fn(|side| {
+                let body = bodies[side] as usize;
+                let (v, change) = (&attempt.velocity[6 * body..6 * body + 6], &response[side]);
+                [0, 3].map(|first| {
+                    Vec3::from_slice(&v[first..first + 3]) - Vec3::from_slice(&change[first..first + 3])
+                })
+            });
+            let foreseen = |k: usize| {
+                let (row, own) = (&rows[k], contact(k));
+                let speed = |body: u32, arm: [f64; 3]| {
+                    let [u, w] = without[usize::from(body == bodies[1])];
+                    u + w.cross(Vec3::from_array(arm))
+                };
+                let relative = speed(own.body_a, row.arm_a) - speed(own.body_b, row.arm_b);
+                own.gap.max(0.0) + step * Vec3::from_array(row.frame[0]).dot(relative)
+            };
+            let barred: Vec<usize> =
+                group.iter().copied().filter(|&k| foreseen(k) + fall < -MISSED * size).collect();
             let least = barred.iter().map(|&k| -foreseen(k) - fall).fold(f64::INFINITY, f64::min);
             let allowed = (GHOSTLY * least).min(MISSED * size);
-            if !barred.is_empty()
-                && self.collider.pass_freely(world, pair(barred[0]), without, step, allowed, fall)
-            {
+            if !barred.is_empty() && self.collider.pass_freely(world, bodies, without, step, allowed, fall) {
                 found.extend(barred.iter().map(|&k| attempt.active[k] as usize));
             }
         }
+        found.sort_unstable();
         found
     }
 }
