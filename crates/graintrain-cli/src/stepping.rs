@@ -71,6 +71,10 @@ pub fn make_steps(
             let summary = summary.map_err(output_failure)?;
             warn_of_missed_tolerance(&summary);
             warn_of_missed_contacts(&summary);
+            if summary.status == RunStatus::Finished {
+                let stages: Vec<&str> = run.settings.stages.iter().map(|stage| stage.name.as_str()).collect();
+                warn_of_what_is_missing(&summary, &stages);
+            }
             if !options.quiet {
                 say!("{}", describe(&summary, folder));
             }
@@ -172,6 +176,33 @@ fn warn_of_missed_contacts(summary: &Summary) {
     }
 }
 
+/// Stages that the time did not suffice for, and streams that found no place.
+fn warn_of_what_is_missing(summary: &Summary, stages: &[&str]) {
+    let begun = summary.stages.len();
+    if begun < stages.len() {
+        let never: Vec<String> = stages[begun..].iter().map(|name| format!("`{name}`")).collect();
+        let open = stages.get(begun.wrapping_sub(1)).copied().unwrap_or_default();
+        tell!(
+            "warning: stage `{open}` had not ended when the time of the run was over, so {} never began. A longer `time.end`, or a \
+             `time` for that stage",
+            never.join(", ")
+        );
+    }
+    for stream in summary.streams.iter().filter(|stream| stream.steps_waited > 0 && !stream.is_done) {
+        tell!(
+            "warning: stream `{}` gave {} and had not given all at the end: in {} a body found no free place. A larger region, or a \
+             velocity that leads away from it",
+            stream.name,
+            counted(stream.bodies, "body", "bodies"),
+            counted(stream.steps_waited, "step", "steps")
+        );
+    }
+}
+
+fn counted(number: u64, one: &str, many: &str) -> String {
+    format!("{number} {}", if number == 1 { one } else { many })
+}
+
 /// The run in a few lines for people.
 fn describe(summary: &Summary, folder: &Path) -> String {
     let mut text = String::new();
@@ -238,6 +269,22 @@ fn describe(summary: &Summary, folder: &Path) -> String {
     );
     if let Some(told) = relaxation(summary) {
         line("relaxation", told);
+    }
+    for stage in &summary.stages {
+        let last = stage.last_step.map_or("the end".to_string(), |last| last.to_string());
+        line("stage", format!("`{}`: steps {} to {last}", stage.name, stage.first_step + 1));
+    }
+    for stream in &summary.streams {
+        let waited = match stream.steps_waited {
+            0 => String::new(),
+            steps => format!("; in {} a body found no free place", counted(steps, "step", "steps")),
+        };
+        let bodies = counted(stream.bodies, "body", "bodies");
+        line("stream", format!("`{}`: {bodies}, {:.3e} kg{waited}", stream.name, stream.mass));
+    }
+    for outlet in &summary.outlets {
+        let bodies = counted(outlet.bodies, "body", "bodies");
+        line("outlet", format!("`{}`: {bodies}, {:.3e} kg", outlet.name, outlet.mass));
     }
     line("energy", format!("{:.3e} J kinetic at the end", summary.kinetic_energy));
     if let Some(bytes) = summary.peak_memory_bytes {

@@ -443,7 +443,8 @@ impl World {
                 let w = bodies.orientation[b].inverse() * bodies.angular_velocity[b];
                 0.5 * (bodies.mass[b] * bodies.velocity[b].length_squared() + w.dot(bodies.inertia[b] * w))
             })
-            .sum()
+            // The sum of nothing is -0.
+            .fold(0.0, |sum, energy| sum + energy)
     }
 
     /// A number made of everything that the contacts of a step depend on: whoever changes a body between two steps changes it.

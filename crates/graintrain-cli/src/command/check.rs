@@ -41,7 +41,8 @@ fn summary(scene: &Scene, simulation: &Simulation) -> String {
     let bodies = world.bodies.len();
     let free = (0..bodies).filter(|&body| world.is_free(body)).count();
     let prescribed = (0..bodies).filter(|&body| world.is_prescribed(body)).count();
-    let mass: f64 = (0..bodies).filter(|&b| !world.is_prescribed(b)).map(|b| world.bodies.mass[b]).sum();
+    let movable = (0..bodies).filter(|&body| !world.is_prescribed(body));
+    let mass = movable.fold(0.0, |sum, body| sum + world.bodies.mass[body]);
     let settings = &simulation.settings;
     let steps = simulation.steps;
     let mut text = format!("{}\n", scene.title);
@@ -67,6 +68,25 @@ fn summary(scene: &Scene, simulation: &Simulation) -> String {
     for (name, joint) in &scene.joints {
         line("joint", format!("{name}: {}", joint.about()));
     }
+    for stream in &simulation.traffic.streams {
+        let limits = [
+            stream.count.map(|count| format!("{count} bodies")),
+            stream.mass.map(|mass| format!("{mass} kg")),
+            stream.end.map(|end| format!("{end} s")),
+        ];
+        let limits: Vec<String> = limits.into_iter().flatten().collect();
+        let until = if limits.is_empty() { "the end".to_string() } else { limits.join(" or ") };
+        line("stream", format!("{}: bodies that enter, until {until}", stream.name));
+    }
+    for outlet in &simulation.traffic.outlets {
+        line("outlet", outlet.name.clone());
+    }
+    for stage in &simulation.stages {
+        line("stage", stage.name.clone());
+    }
+    for (name, _) in &scene.measures {
+        line("measure", format!("measures/{name}.csv"));
+    }
     let end = steps as f64 * settings.step;
     line("time", format!("{steps} steps of {} s, {end:.6} s in all", settings.step));
     let overlap = match settings.overlap {
@@ -84,5 +104,38 @@ fn summary(scene: &Scene, simulation: &Simulation) -> String {
     line("solver", format!("{} to {:e} {rule}, {law} friction{limit}", settings.solver, settings.tolerance));
     let frames = steps / simulation.output.every;
     line("output", format!("{frames} frames, one in {} steps", simulation.output.every));
+    for doubt in doubts(simulation) {
+        line("doubtful", doubt);
+    }
     text
+}
+
+/// What is no mistake and yet seldom meant.
+fn doubts(simulation: &Simulation) -> Vec<String> {
+    let (world, settings) = (&simulation.world, &simulation.settings);
+    let mut doubts = Vec::new();
+    let materials = 0..world.materials.len();
+    let rough = materials.clone().flat_map(|i| materials.clone().map(move |j| (i, j)));
+    let friction = rough.map(|(i, j)| world.materials.pair_friction(i, j)).fold(0.0, f64::max);
+    if friction > 1.0 && settings.friction == graintrain_ccp::FrictionModel::Relaxed {
+        doubts.push(format!(
+            "friction {friction} with the relaxed model, which opens sliding contacts by step * friction * speed: \
+             solver.friction = \"coulomb\" does not"
+        ));
+    }
+    let radii = (0..world.bodies.len())
+        .filter(|&body| !world.is_prescribed(body))
+        .map(|body| world.geometries[world.bodies.geometry[body].index()].bounding_radius());
+    let smallest = radii.fold(f64::INFINITY, f64::min);
+    let fall = world.gravity.length() * settings.step * settings.step;
+    if fall > smallest {
+        doubts.push(format!(
+            "a body falls by {fall:.2e} m more in each step than in the one before, and the smallest has a radius of {smallest:.2e} m: \
+             a shorter time.step"
+        ));
+    }
+    if settings.tolerance < 1e-12 {
+        doubts.push(format!("a tolerance of {:e} is below what rounding allows", settings.tolerance));
+    }
+    doubts
 }

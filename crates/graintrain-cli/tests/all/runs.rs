@@ -433,6 +433,37 @@ fn an_answer_that_cannot_be_written_is_a_failure() {
     assert!(err.contains("cannot write to stdout"), "{err}");
 }
 
+/// What is no mistake and yet seldom meant is told before a run, and what did not come about after it.
+#[test]
+fn what_is_seldom_meant_is_told() {
+    let folder = folder();
+    let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
+    write(
+        "rough.toml",
+        "[time]\nstep = 0.2\nend = 1\n[solver]\ntolerance = 1e-13\n[material.m]\nfriction = 1.5\n[body.b]\nshape = { sphere = { radius = 0.1 } }\n",
+    );
+    let (told, _) = ended(graintrain(folder.path(), &["check", "rough.toml"]), 0);
+    for doubt in ["friction 1.5 with the relaxed model", "a shorter time.step", "below what rounding allows"]
+    {
+        assert!(told.contains(doubt), "{doubt}: {told}");
+    }
+    write(
+        "full.toml",
+        "[time]\nstep = 0.001\nend = 0.01\n[material.m]\n[body.block]\nshape = { box = { size = [1, 1, 1] } }\nmotion = \"fixed\"\n\
+         [stream.rain]\nradius = 0.05\ncount = 5\nregion = { box = { min = [-0.2, -0.2, -0.2], max = [0.2, 0.2, 0.2] } }\n\
+         [[stage]]\nname = \"fill\"\nfilled = true\n[[stage]]\nname = \"rest\"\n",
+    );
+    let (told, warned) = ended(graintrain(folder.path(), &["run", "full.toml", "--out", "full"]), 0);
+    assert!(
+        warned.contains("stage `fill` had not ended") && warned.contains("`rest` never began"),
+        "{warned}"
+    );
+    assert!(
+        warned.contains("stream `rain` gave 0 bodies") && told.contains("no free place"),
+        "{warned}{told}"
+    );
+}
+
 /// Both treatments of overlap are told before a run, remembered by it, and differ; what a run found is in its summary.
 #[test]
 fn overlap_is_removed_as_the_scene_says() {
