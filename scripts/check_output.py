@@ -210,6 +210,7 @@ def check_tables(folder):
         worst = max((float(row[column]) for row in steps), default=0)
         expect(worst == summary[key], f"{key} is {summary[key]}, steps.csv has {worst}")
     for column, key in (("impacts", "impacts"), ("restitution_lowered", "restitution_lowered"),
+                        ("contacts_wedged", "contacts_wedged"),
                         ("contacts_added", "contacts_added_after_solve"), ("contacts_missed", "contacts_missed")):
         total = sum(int(row[column]) for row in steps)
         expect(total == summary[key], f"{key} is {summary[key]}, steps.csv has {total}")

@@ -77,6 +77,16 @@ pub enum Judge {
 /// Under [`Judge::Mixed`] the worst contact may be off by so many tolerances.
 pub const MIXED_MAXIMUM: f64 = 20.0;
 
+impl Judge {
+    /// What the worst contact may be off by at this tolerance.
+    pub fn maximum(self, tolerance: f64) -> f64 {
+        match self {
+            Self::Maximum => tolerance,
+            Self::Mixed => MIXED_MAXIMUM * tolerance,
+        }
+    }
+}
+
 impl Residual {
     /// The larger of each number; NaN where one is.
     pub fn worse(self, other: Self) -> Self {
@@ -213,6 +223,12 @@ impl ResidualScale {
         fold_chunks(problem.num_contacts(), none, of_chunk, |all, chunk| {
             std::array::from_fn(|m| all[m].and(chunk[m]))
         })
+    }
+
+    /// eta_i |d_i| / V of contact i alone, whose resistance to turning does not count.
+    pub fn of_contact(&self, problem: &Ccp, g: &[f64], u: &[f64], model: FrictionModel, i: usize) -> f64 {
+        let d = self.natural_map(problem, g, u, model, i);
+        self.eta[i] / self.velocity * d.iter().map(|d| d * d).sum::<f64>().sqrt()
     }
 
     /// Residual of impulses g whose relative velocities are u = N g + r.

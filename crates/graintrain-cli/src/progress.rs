@@ -152,7 +152,7 @@ impl Warnings {
             self.unsolved = Some(step);
             let cause = match solve.status {
                 Status::Infeasible => {
-                    "its contact problem has no solution (jammed bodies), the impulses of slightly compliant contacts are taken. Try a shorter step"
+                    "its contact problem has no solution (jammed bodies). Try a shorter step"
                 }
                 _ => {
                     "the best impulses found are taken. Try a shorter step, another --solver (auto, ipm) or a looser --tolerance"

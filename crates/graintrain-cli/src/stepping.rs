@@ -270,6 +270,16 @@ fn describe(summary: &Summary, folder: &Path) -> String {
     if let Some(told) = relaxation(summary) {
         line("relaxation", told);
     }
+    if summary.wedged_steps > 0 {
+        let contacts = counted(summary.contacts_wedged, "contact", "contacts");
+        let steps = counted(summary.wedged_steps, "step", "steps");
+        line(
+            "wedged",
+            format!(
+                "{contacts} in {steps} taken with exact friction, since bodies wedged in have no relaxed solution"
+            ),
+        );
+    }
     for stage in &summary.stages {
         let last = stage.last_step.map_or("the end".to_string(), |last| last.to_string());
         line("stage", format!("`{}`: steps {} to {last}", stage.name, stage.first_step + 1));

@@ -106,6 +106,10 @@ pub struct RunTotals {
     pub impact_residual_max: f64,
     /// Connected parts in which restitution was lowered, summed.
     pub restitution_lowered: u64,
+    /// Contacts of wedged bodies, taken with exact friction in a relaxed step, summed.
+    pub contacts_wedged: u64,
+    /// Steps with such contacts.
+    pub wedged_steps: u64,
     /// Contacts that joined a problem after its solve, summed.
     pub contacts_added: u64,
     /// Pairs of bodies that passed into or through each other, summed.
@@ -186,6 +190,8 @@ impl RunTotals {
         self.impacts += report.impacts as u64;
         self.impact_residual_max = self.impact_residual_max.max(report.impact_residual.max);
         self.restitution_lowered += report.restitution_lowered as u64;
+        self.contacts_wedged += report.contacts_wedged as u64;
+        self.wedged_steps += u64::from(report.contacts_wedged > 0);
         self.contacts_added += report.contacts_added as u64;
         self.contacts_missed += report.contacts_missed as u64;
         if report.contacts_missed > 0 {

@@ -181,6 +181,12 @@ impl StepReport {
         self.report.impacts
     }
 
+    /// Contacts of wedged bodies, taken with exact friction in a relaxed step.
+    #[getter]
+    fn contacts_wedged(&self) -> usize {
+        self.report.contacts_wedged
+    }
+
     /// Pairs of bodies found inside each other that had no contact.
     #[getter]
     fn contacts_missed(&self) -> usize {

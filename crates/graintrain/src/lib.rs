@@ -53,6 +53,7 @@ pub mod step_report;
 pub mod stepper;
 pub mod turning;
 mod validate;
+mod wedge;
 pub mod world;
 
 pub use graintrain_ccp as ccp;

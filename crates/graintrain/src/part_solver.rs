@@ -1,7 +1,7 @@
 //! The contact problem of a step, solved part by part with impulses that make no energy.
 
-use crate::assemble::scale_under;
 use crate::parts::parts;
+use crate::wedge::{self, Excerpt, Wedges};
 use graintrain_ccp::residual::ResidualScale;
 use graintrain_ccp::{
     Ccp, CcpError, CcpSolver, Delassus, FrictionModel, Residual, SolveReport, SolveSettings, Status,
@@ -32,57 +32,43 @@ pub(crate) struct PartSolver<'a> {
 }
 
 impl PartSolver<'_> {
-    /// Solves the problem part by part; the merged report and the number of parts.
+    /// Solves the problem part by part.
     ///
     /// # Errors
     /// Those of the solver.
-    pub(crate) fn solve(
-        &mut self,
-        problem: &Ccp,
-        impulse: &mut [f64],
-    ) -> Result<(SolveReport, usize), CcpError> {
-        let settings = &self.settings;
+    pub(crate) fn solve(&mut self, problem: &Ccp, impulse: &mut [f64]) -> Result<Solved, CcpError> {
         let Delassus::Rigid(rigid) = &*problem.delassus else {
-            return Ok((self.solver.solve(problem, impulse, settings)?, 1));
+            let report = self.solver.solve(problem, impulse, &self.settings)?;
+            return Ok(Solved { report, parts: 1, wedged: 0 });
         };
         let contacts = problem.num_contacts();
         let parts = parts(rigid.contacts(), 0..contacts as u32, rigid.num_bodies(), rigid.coupled());
         if parts.len() == 1 || (contacts > 0 && self.whole) {
             let matrix = as_matrix_if_coupled(problem);
             let problem = matrix.as_ref().unwrap_or(problem);
-            return Ok((solve_without_gain(self.solver, problem, impulse, settings)?, 1));
+            let (report, wedged) = self.solve_one(problem, impulse)?;
+            return Ok(Solved { report, parts: 1, wedged });
         }
+        let count = parts.len();
+        let mut wedged = 0;
         let mut merged = nothing_to_solve(self.solver.name());
         let mut largest = 0;
-        for part in &parts {
-            let (rows, turning, places) = part.turning(rigid.turning(), &problem.turning);
+        for part in parts {
+            let (_, _, places) = part.turning(rigid.turning(), &problem.turning);
             let turning_of = |all: &[f64]| {
                 let h = &all[3 * contacts..];
                 places.iter().flat_map(|k| [h[3 * k], h[3 * k + 1], h[3 * k + 2]]).collect::<Vec<f64>>()
             };
-            let matrix = part.delassus(rigid.contacts(), rigid.inverse_mass(), rigid.coupled());
-            let matrix = matrix.with_turning(rows);
-            let mut r = part.gather::<3, f64>(&problem.r);
-            r.extend(turning_of(&problem.r));
-            let own = Ccp {
-                delassus: Arc::new(Delassus::Rigid(matrix)),
-                r,
-                friction: part.gather::<1, f64>(&problem.friction),
-                turning,
-                velocity_scale: None,
-                impulse_scale: problem.impulse_scale,
-                points: part.gather::<1, [f64; 3]>(&problem.points),
-                identity: part.gather::<1, u64>(&problem.identity),
-            };
-            let own =
-                Ccp { velocity_scale: scale_under(self.gravity, self.step, &own.r, &own.friction), ..own };
+            let Excerpt { part, problem: own } =
+                Excerpt::new(part, problem, rigid, (self.gravity, self.step));
             let own = as_matrix_if_coupled(&own).unwrap_or(own);
             let mut g = part.gather::<3, f64>(impulse);
             g.extend(turning_of(impulse));
             if parts_freely(&own) {
                 g.fill(0.0);
             } else {
-                let report = solve_without_gain(self.solver, &own, &mut g, settings)?;
+                let (report, own_wedged) = self.solve_one(&own, &mut g)?;
+                wedged += own_wedged;
                 merge(&mut merged, report, part.contacts.len() > largest);
                 largest = largest.max(part.contacts.len());
             }
@@ -91,8 +77,45 @@ impl PartSolver<'_> {
                 impulse[3 * (contacts + k)..3 * (contacts + k) + 3].copy_from_slice(h);
             }
         }
-        Ok((merged, parts.len()))
+        Ok(Solved { report: merged, parts: count, wedged })
     }
+
+    /// Solves a part; the report, and how many of its contacts are wedged. Where the solver does not arrive soon, wedges are looked for
+    /// before it goes on.
+    fn solve_one(&mut self, problem: &Ccp, g: &mut [f64]) -> Result<(SolveReport, usize), CcpError> {
+        let settings = &self.settings;
+        let soon = settings.max_iterations.map_or(wedge::PATIENCE, |most| most.min(wedge::PATIENCE));
+        let takes_wedges =
+            settings.friction == FrictionModel::Relaxed && problem.turning.is_empty() && !self.whole;
+        if !takes_wedges {
+            return Ok((solve_without_gain(self.solver, problem, g, settings)?, 0));
+        }
+        let first = SolveSettings { max_iterations: Some(soon), ..settings.clone() };
+        let first = solve_without_gain(self.solver, problem, g, &first)?;
+        if matches!(first.status, Status::Converged | Status::Stopped) {
+            return Ok((first, 0));
+        }
+        let mut wedges = Wedges { solver: self.solver, settings, under: (self.gravity, self.step) };
+        if let Some((report, wedged)) = wedges.solve(problem, g)? {
+            return Ok((report.after(&first), wedged));
+        }
+        if settings.max_iterations.is_some_and(|most| most <= soon) {
+            return Ok((first, 0));
+        }
+        let left = settings.max_iterations.map(|most| most.saturating_sub(first.iterations).max(1));
+        let rest = SolveSettings { max_iterations: left, ..settings.clone() };
+        Ok((solve_without_gain(self.solver, problem, g, &rest)?.after(&first), 0))
+    }
+}
+
+/// What became of the problem of a step.
+pub(crate) struct Solved {
+    /// Merged over the parts.
+    pub report: SolveReport,
+    /// Connected parts with a problem to solve.
+    pub parts: usize,
+    /// Contacts taken with exact friction, because their relaxation has no solution.
+    pub wedged: usize,
 }
 
 /// The same problem with N as a matrix, where joints couple bodies: every solver takes that.
@@ -110,7 +133,7 @@ pub(crate) fn as_matrix_if_coupled(problem: &Ccp) -> Option<Ccp> {
 /// an iteration miss it within their residual, and g . D^T v+ > 0 is energy from nowhere. On the ray of g the objective is least at
 /// s = -g . r / (g . N g), where the product vanishes, and s < 1 stays in the cones. Where that lifts the residual above the
 /// tolerance, the solver goes on from there to a tighter one; where that does not help either, the impulses stay as they were found.
-fn solve_without_gain(
+pub(crate) fn solve_without_gain(
     solver: &mut dyn CcpSolver,
     problem: &Ccp,
     g: &mut [f64],

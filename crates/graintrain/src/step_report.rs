@@ -45,6 +45,8 @@ pub struct StepReport {
     pub contacts_with_force: usize,
     /// Connected parts of the contact graph with a problem to solve.
     pub parts: usize,
+    /// Contacts of wedged bodies, whose relaxation has no solution: these alone were taken with exact friction.
+    pub contacts_wedged: usize,
     /// The solver's own report; over several parts the worst residuals and status, the most iterations, and the sums of the rest.
     pub solve: SolveReport,
     /// Deepest overlap at the end of the step, m; zero if nothing overlaps.

@@ -17,7 +17,7 @@ use crate::load;
 use crate::math::{Quat, Vec3};
 use crate::measure::energy;
 use crate::overlap::{Correction, Gaps};
-use crate::part_solver::PartSolver;
+use crate::part_solver::{PartSolver, Solved};
 use crate::relaxation::{self, Difference, Opening};
 use crate::step_report::wrenches;
 pub use crate::step_report::{PhaseSeconds, PhysicalErrors, StepReport, Wrench};
@@ -161,6 +161,8 @@ struct Attempt {
     velocity: Vec<f64>,
     solve: SolveReport,
     parts: usize,
+    /// Contacts with exact friction, because their relaxation has no solution.
+    wedged: usize,
     assembled: Instant,
 }
 
@@ -407,7 +409,8 @@ impl Stepper {
         }
         let assembled = Instant::now();
         let settings = self.solve_settings();
-        let (mut solve, mut parts) = self.solve(world, &problem, &mut impulse)?;
+        let Solved { report: mut solve, mut parts, mut wedged } =
+            self.solve(world, &problem, &mut impulse)?;
         let (mut on_bodies, mut agrees) = (Vec::new(), true);
         if let Some(spare) = spare {
             on_bodies = body_impulses(&problem, &impulse);
@@ -419,8 +422,8 @@ impl Stepper {
                 }
                 mechanisms.predict(&on_bodies);
                 (problem, free) = pose(&mechanisms, spare.clone());
-                let (again, again_parts) = self.solve(world, &problem, &mut impulse)?;
-                (solve, parts) = (again.after(&solve), again_parts);
+                let again = self.solve(world, &problem, &mut impulse)?;
+                (solve, parts, wedged) = (again.report.after(&solve), again.parts, again.wedged);
                 on_bodies = body_impulses(&problem, &impulse);
             }
         }
@@ -446,6 +449,7 @@ impl Stepper {
             velocity,
             solve,
             parts,
+            wedged,
             assembled,
         })
     }
@@ -496,7 +500,8 @@ impl Stepper {
     ) -> StepReport {
         let begin = Instant::now();
         let step = self.settings.step;
-        let Attempt { problem, impulse, active, joints, impacts, velocity, mut solve, parts, .. } = attempt;
+        let Attempt { problem, impulse, active, joints, impacts, velocity, mut solve, parts, wedged, .. } =
+            attempt;
         let left = impacts.residual.judged(self.settings.judge);
         if left > self.settings.tolerance.max(impact::TOLERANCE) && solve.status == Status::Converged {
             solve.status = Status::IterationLimit;
@@ -564,6 +569,7 @@ impl Stepper {
             contacts: world.contacts.contacts.len(),
             contacts_with_force: with_force.iter().filter(|&&force| force).count(),
             parts,
+            contacts_wedged: wedged,
             solve,
             penetration_max: deepest,
             penetration_max_over_size: over_size,
@@ -598,13 +604,8 @@ impl Stepper {
         }
     }
 
-    /// Solves the problem part by part; the merged report and the number of parts.
-    fn solve(
-        &mut self,
-        world: &World,
-        problem: &Ccp,
-        impulse: &mut [f64],
-    ) -> Result<(SolveReport, usize), CcpError> {
+    /// Solves the problem part by part.
+    fn solve(&mut self, world: &World, problem: &Ccp, impulse: &mut [f64]) -> Result<Solved, CcpError> {
         let settings = self.solve_settings();
         // A method that keeps something from step to step has to see the same problem again.
         let whole = self.settings.solver.keeps_between_steps();

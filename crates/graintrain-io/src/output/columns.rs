@@ -49,6 +49,7 @@ pub const STEPS: &[Column] = &[
         "1",
         "connected parts whose restitution was lowered, because it would have made energy",
     ),
+    column("contacts_wedged", "1", "contacts of wedged bodies, taken with exact friction in a relaxed step"),
     column("contacts_added", "1", "contacts that joined the problem after a solve"),
     column("contacts_missed", "1", "pairs of bodies that passed into or through each other in the step"),
     column("penetration_max", "m", "deepest overlap at the end of the step"),

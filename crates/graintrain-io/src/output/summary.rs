@@ -119,6 +119,10 @@ pub struct Summary {
     pub impact_residual_max: f64,
     /// Connected parts in which restitution was lowered, because it would have made energy.
     pub restitution_lowered: u64,
+    /// Contacts of wedged bodies, whose relaxation has no solution, taken with exact friction in a relaxed step.
+    pub contacts_wedged: u64,
+    /// Steps with such contacts.
+    pub wedged_steps: u64,
     /// Contacts that joined a step's problem after its solve, because their bodies would have met all the same.
     pub contacts_added_after_solve: u64,
     /// Pairs of bodies that passed into or through each other, since no contact kept them apart.
@@ -263,6 +267,8 @@ impl Summary {
             impacts: totals.impacts,
             impact_residual_max: totals.impact_residual_max,
             restitution_lowered: totals.restitution_lowered,
+            contacts_wedged: totals.contacts_wedged,
+            wedged_steps: totals.wedged_steps,
             contacts_added_after_solve: totals.contacts_added,
             contacts_missed: totals.contacts_missed,
             contacts_missed_first_step: totals.first_missed_step,

@@ -189,6 +189,7 @@ fn step_record(world: &World, report: &StepReport, output_seconds: f64) -> Strin
         report.impacts.to_string(),
         real(report.impact_residual.max),
         report.restitution_lowered.to_string(),
+        report.contacts_wedged.to_string(),
         report.contacts_added.to_string(),
         report.contacts_missed.to_string(),
         real(report.penetration_max),

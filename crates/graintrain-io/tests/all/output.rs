@@ -120,6 +120,7 @@ fn advance(world: &mut World, settings: &RunSettings) -> StepReport {
         impacts: 3,
         impact_residual: Default::default(),
         restitution_lowered: 1,
+        contacts_wedged: 5,
         contacts_added: 2,
         contacts_missed: 1,
         overlap_corrected_max: 6e-6,

@@ -8,7 +8,6 @@ use graintrain::motion::Motion;
 use graintrain::shape::Geometry;
 use graintrain::stepper::{StepReport, StepSettings, Stepper};
 use graintrain::world::{Body, World};
-use graintrain_ccp::residual::MIXED_MAXIMUM;
 use graintrain_ccp::{FrictionModel, Judge, SolverSpec};
 
 /// Acceleration of gravity, m/s^2.
@@ -101,10 +100,7 @@ impl Accuracy {
     /// What it promises of the worst contact, relative: its velocity is off by at most this times |g| dt (or the root mean square of
     /// the approaches where there is no gravity), its force by at most this times the weight of its effective mass.
     pub fn promise(&self) -> f64 {
-        match self.judge {
-            Judge::Maximum => self.tolerance,
-            Judge::Mixed => MIXED_MAXIMUM * self.tolerance,
-        }
+        self.judge.maximum(self.tolerance)
     }
 
     /// `fine` at an accuracy for many digits; at that of scenes what it promises times `scale`, where that is more.

@@ -17,3 +17,4 @@ mod statics;
 mod support;
 mod trust;
 mod turning;
+mod wedge;

@@ -1,0 +1,58 @@
+//! Bodies that the relaxation of friction locks. Default solver and tolerance.
+
+use crate::support::*;
+use graintrain::ccp::FrictionModel;
+use graintrain::handle::MaterialId;
+use graintrain::math::Vec3;
+use graintrain::motion::{Motion, Profile};
+use graintrain::shape::Geometry;
+use graintrain::stepper::{StepSettings, Stepper};
+use graintrain::world::{Body, World};
+
+/// A block of 0.2 m without play between a floor, which is driven at 0.1 m/s, and a fixed lid; 300 balls in contact lie on the floor beside it.
+fn press(balls: usize) -> (World, usize) {
+    let mut world = world(0.5, 0.0);
+    let fixed = world.add_motion(Motion::fixed()).unwrap();
+    let driven = world.add_motion(Motion::translating(Vec3::X, Profile::Constant(0.1))).unwrap();
+    let plate = world.add_geometry(Geometry::cuboid(Vec3::new(2.0, 2.0, 0.05)).unwrap());
+    for (motion, z) in [(driven, -0.05), (fixed, 0.25)] {
+        let place = Vec3::new(0.0, 0.0, z);
+        world.add_body(Body { motion, ..Body::new(plate, MaterialId::default(), place) }).unwrap();
+    }
+    let block = world.add_geometry(Geometry::cuboid(Vec3::splat(0.1)).unwrap());
+    world.add_body(Body::new(block, MaterialId::default(), Vec3::new(0.0, 0.0, 0.1))).unwrap();
+    let ball = world.add_geometry(Geometry::sphere(0.05).unwrap());
+    let side = (balls as f64).sqrt().ceil() as usize;
+    for k in 0..balls {
+        let place = Vec3::new(0.15 + 0.1 * (k % side) as f64, 0.1 * (k / side) as f64 - 0.5, 0.05);
+        world.add_body(Body::new(ball, MaterialId::default(), place)).unwrap();
+    }
+    (world, 2)
+}
+
+/// Relaxed friction would have to lift the block off one of the plates by mu times its slip, for which there is no room: the step's problem
+/// has no solution. The block rides on the floor and slides under the lid, as with exact friction; its neighbours do not feel it.
+#[test]
+fn a_block_that_slides_between_two_plates_is_not_locked() {
+    for balls in [0, 100] {
+        let speeds = [FrictionModel::Relaxed, FrictionModel::Coulomb].map(|friction| {
+            let (mut world, block) = press(balls);
+            let mut stepper =
+                Stepper::new(StepSettings { step: 5e-3, friction, ..StepSettings::default() }).unwrap();
+            for n in 0..40 {
+                let report = stepper.step(&mut world).unwrap();
+                assert!(report.solve.converged(), "{friction:?}, step {n}: {:?}", report.solve);
+                let wedged = report.contacts_wedged;
+                match friction {
+                    FrictionModel::Relaxed => assert!((1..=8).contains(&wedged), "step {n}: {wedged}"),
+                    FrictionModel::Coulomb => assert_eq!(wedged, 0),
+                }
+                let z = world.bodies.position[block].z;
+                assert!((z - 0.1).abs() < 1e-4, "{friction:?}, step {n}: {z}");
+            }
+            world.bodies.velocity[block].x
+        });
+        let [relaxed, exact] = speeds;
+        assert!((exact - 0.1).abs() < 1e-3 && (relaxed - exact).abs() < 5e-3, "{balls} balls: {speeds:?}");
+    }
+}
