@@ -3,6 +3,7 @@
 use super::error::{Location, SceneError, SceneErrorKind};
 use super::file::{motion, names_of, region};
 use super::model::{FunctionSpec, MotionSpec};
+use super::periodic::{self, DriveSpec};
 use super::reader::{Range, Reader};
 use graintrain::load::Region;
 use serde::Serialize;
@@ -32,6 +33,9 @@ pub struct StageSpec {
     /// Bodies that grow.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub growth: Option<GrowthSpec>,
+    /// What drives the periodic cell.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub periodic: Option<DriveSpec>,
     /// Names of the loads that act.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub loads: Option<Vec<String>>,
@@ -203,6 +207,7 @@ fn one(reader: &Reader, names: &Names<'_>) -> Result<StageSpec, SceneError> {
         filled: reader.flag("filled")?.unwrap_or(false),
         steady: reader.child("steady")?.map(|inner| steady(&inner, names)).transpose()?,
         growth: reader.child("growth")?.map(|inner| growth(&inner, names)).transpose()?,
+        periodic: reader.child("periodic")?.map(|inner| periodic::drive(&inner)).transpose()?,
         loads,
         gravity: reader.functions("gravity")?,
         materials: materials.collect::<Result<_, SceneError>>()?,
