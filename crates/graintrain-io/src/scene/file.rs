@@ -127,6 +127,7 @@ pub(crate) fn read(name: &str, root: &Node, folder: PathBuf) -> Result<Scene, Sc
             Ok((name.clone(), spec))
         })
         .collect::<Result<Vec<_>, SceneError>>()?;
+    stage::check_ends(&stages, &streams, &measures)?;
     Ok(Scene {
         name: name.to_string(),
         title: scene.text("title")?.unwrap_or_else(|| name.to_string()),

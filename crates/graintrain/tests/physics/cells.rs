@@ -7,6 +7,7 @@ use graintrain::collide::Collider;
 use graintrain::handle::MaterialId;
 use graintrain::load::Region;
 use graintrain::math::Vec3;
+use graintrain::measure::contacts::coordination;
 use graintrain::measure::space::{own_space, porosity, selected};
 use graintrain::measure::stress::{pressure, stress};
 use graintrain::motion::{Motion, Profile};
@@ -332,4 +333,66 @@ fn bodies_that_are_no_balls_have_images() {
             assert!((*a - *b).length() < 1e-6, "{place:?}: {a} {b}");
         }
     }
+}
+
+/// Spheres of radii within 10 %, without friction: compressed from a gas until they jam, then pressed.
+fn jammed(edge: i32, pressure: f64) -> (World, f64) {
+    let radius = 0.01;
+    let mut world = empty(0.0, 0.0);
+    let mut next = random(7);
+    let pitch = 2.0 * radius * (std::f64::consts::PI / 6.0 / 0.5).cbrt();
+    for k in 0..edge.pow(3) {
+        let place = Vec3::from_array([k % edge, k / edge % edge, k / edge.pow(2)].map(f64::from));
+        let jitter = 0.1 * radius * (Vec3::new(next(), next(), next()) - 0.5);
+        let ball = add_sphere(&mut world, radius * (0.9 + 0.1 * next()), pitch * place + jitter);
+        world.bodies.velocity[ball] = Vec3::new(next(), next(), next()) - 0.5;
+    }
+    let rate = -0.1;
+    let cell = held(pitch * f64::from(edge));
+    let closing = Cell { drive: rates([rate, rate, rate, 0.0, 0.0, 0.0]), ..cell };
+    world.set_cell(Some(closing)).unwrap();
+    let step = 1e-3;
+    let mut stepper = graintrain::stepper::Stepper::new(graintrain::stepper::StepSettings {
+        step,
+        envelope: 0.02 * radius,
+        tolerance: 1e-3,
+        ..graintrain::stepper::StepSettings::default()
+    })
+    .unwrap();
+    let all = vec![true; world.bodies.len()];
+    let own_pressure = |world: &World| pressure_of(world, step, &all);
+    while own_pressure(&world) < pressure && world.time < 1.5 {
+        stepper.step(&mut world).unwrap();
+    }
+    let cell = world.cell().unwrap().clone();
+    world.set_cell(Some(Cell { drive: pressed(pressure), fastest: 0.1, ..cell })).unwrap();
+    for _ in 0..400 {
+        stepper.step(&mut world).unwrap();
+    }
+    let found = own_pressure(&world);
+    (world, found)
+}
+
+fn pressure_of(world: &World, step: f64, all: &[bool]) -> f64 {
+    pressure(&stress(world, step, all, world.cell().unwrap().volume()).contact)
+}
+
+/// Frictionless packings are isostatic: six neighbours each without rattlers, at the density of random close packing; I. Agnolin, J.-N. Roux, "Internal
+/// states of model isotropic granular packings", Phys. Rev. E 76:061302, 2007 (0.639 and 6 for large ones of one size; small ones are looser).
+#[test]
+#[ignore = "slow: a gas of 512 spheres compressed until it jams"]
+fn spheres_without_friction_jam_with_six_neighbours() {
+    let (world, found) = jammed(8, 100.0);
+    let all = vec![true; world.bodies.len()];
+    let around = coordination(&world, &all, 4);
+    let solid = 1.0 - porosity(&world, &world.cell().unwrap().region());
+    eprintln!(
+        "{solid} {} {} {found} {:?}",
+        around.mean_without_rattlers,
+        around.rattlers,
+        world.cell().unwrap().rate
+    );
+    assert_close(found, 100.0, 5.0, "pressure");
+    assert_close(around.mean_without_rattlers, 6.0, 0.2, "neighbours");
+    assert_close(solid, 0.639, 0.01, "density");
 }
