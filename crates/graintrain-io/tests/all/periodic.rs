@@ -63,7 +63,8 @@ fn stages_drive_the_cell() {
     assert!(cell.strain[0] < -0.05 && cell.rate[0] >= -1.0 - 1e-9, "{cell:?}");
     assert!(matches!(&cell.drive[4], Drive::Rate(Profile::Constant(rate)) if *rate == 0.0));
     // What was resolved is a scene again.
-    let again = Scene::parse("cell", "cell.toml", &scene.to_toml(), Path::new(""), &[]).unwrap();
+    let written = scene.to_toml().unwrap();
+    let again = Scene::parse("cell", "cell.toml", &written, Path::new(""), &[]).unwrap();
     assert_eq!(finished(&again).world.state_hash(), run.world.state_hash());
 }
 
