@@ -183,7 +183,8 @@ fn stages_that_cannot_be_are_told() {
 /// Ends that can never come are refused when the scene is read.
 #[test]
 fn ends_that_never_come_are_refused() {
-    let stream = "[stream.rain]\nradius = 0.1\nregion = { box = { min = [0, 0, 1], max = [1, 1, 2] } }\n";
+    let stream =
+        "[stream.rain]\nradius = 0.1\nrate = 5\nregion = { box = { min = [0, 0, 1], max = [1, 1, 2] } }\n";
     let refused = |from: &str, to: &str, more: &str, part: &str| {
         let error = scene(&format!("{}{more}", SCENE.replace(from, to))).unwrap_err();
         assert!(error.contains(part), "{error}");
