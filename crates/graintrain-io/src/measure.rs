@@ -14,7 +14,7 @@ use graintrain::measure::flow::{Passed, Plane, force_on};
 use graintrain::measure::mixing::{among, centre_of_mass, lacey};
 use graintrain::measure::profile::{Along, Bins, profile};
 use graintrain::measure::repose::slope;
-use graintrain::measure::space::{bounding_box, porosity, selected, volume};
+use graintrain::measure::space::{own_space, porosity, selected, volume};
 use graintrain::measure::stress::{deviator, pressure, stress};
 use graintrain::world::World;
 use serde::{Deserialize, Serialize};
@@ -51,6 +51,8 @@ pub enum Quantity {
     Porosity,
     /// Mean and scatter of normal forces.
     Forces,
+    /// Form, strain and rate of the periodic cell.
+    Cell,
     /// Energies, and the ledger of the whole world.
     Energy,
     /// Mass, centre of mass and its velocity.
@@ -194,6 +196,27 @@ const FORCES: &[Column] = &[
     column("force_strong", "1", "share of the contacts above the mean"),
     column("force_participation", "1", "(sum f)^2 / (n sum f^2)"),
 ];
+const CELL: &[Column] = &[
+    column("cell_x", "m", "edge of the periodic cell along x"),
+    column("cell_y", "m", "likewise along y"),
+    column("cell_z", "m", "likewise along z"),
+    column("tilt_xy", "m", "offset along x of the image one edge further along y"),
+    column("tilt_xz", "m", "likewise of the one along z"),
+    column("tilt_yz", "m", "offset along y of the image one edge further along z"),
+    column("cell_volume", "m^3", "product of the edges"),
+    column("strain_xx", "1", "logarithmic strain since the beginning, positive where stretched"),
+    column("strain_yy", "1", "likewise"),
+    column("strain_zz", "1", "likewise"),
+    column("strain_xy", "1", "shear strain since the beginning"),
+    column("strain_xz", "1", "likewise"),
+    column("strain_yz", "1", "likewise"),
+    column("rate_xx", "1/s", "velocity gradient of the step, positive where stretched"),
+    column("rate_yy", "1/s", "likewise"),
+    column("rate_zz", "1/s", "likewise"),
+    column("rate_xy", "1/s", "velocity along x per way along y"),
+    column("rate_xz", "1/s", "likewise"),
+    column("rate_yz", "1/s", "likewise"),
+];
 const ENERGY: &[Column] = &[
     column("kinetic", "J", "kinetic energy of the bodies that are meant"),
     column("translational", "J", "its translational part"),
@@ -301,6 +324,7 @@ impl Quantity {
             Self::Fabric => FABRIC,
             Self::Porosity => POROSITY,
             Self::Forces => FORCES,
+            Self::Cell => CELL,
             Self::Energy => ENERGY,
             Self::Motion => MOTION,
             Self::ForceOn(..) => FORCE_ON,
@@ -329,7 +353,7 @@ impl Quantity {
     ) -> Vec<Vec<f64>> {
         let Measured { world, step, .. } = now;
         // The volume that the bodies have to themselves.
-        let space = || measure.region.clone().or_else(|| bounding_box(world, meant));
+        let space = || measure.region.clone().or_else(|| own_space(world, meant));
         let row = match self {
             Self::Stress => {
                 let volume = space().map_or(f64::NAN, |space| volume(&space));
@@ -365,6 +389,13 @@ impl Quantity {
                 let count = found.count as f64;
                 vec![count, found.mean, found.deviation, found.max, found.strong, found.participation]
             }
+            Self::Cell => world.cell().map_or_else(
+                || vec![f64::NAN; CELL.len()],
+                |cell| {
+                    let form = cell.size.to_array().into_iter().chain(cell.tilt);
+                    form.chain([cell.volume()]).chain(cell.strain).chain(cell.rate).collect()
+                },
+            ),
             Self::Energy => {
                 let found = energies(world, meant);
                 let Ledger { gravity, loads, drives, joints, friction, normal, rest } = *now.ledger;

@@ -332,7 +332,9 @@ impl Run {
                 return Ok(Ending::Finished);
             }
             self.exchange_bodies()?;
-            let velocity = self.compares_velocities().then(|| self.world.bodies.velocity.clone());
+            let velocity = self.compares_velocities().then(|| {
+                (0..self.world.bodies.len()).map(|body| self.world.fluctuation(body)).collect::<Vec<_>>()
+            });
             let before = self.follows_bodies().then(|| self.world.bodies.position.clone());
             let report = match self.stepper.step(&mut self.world) {
                 Err(StepError::Stopped) => return Ok(Ending::Stopped),

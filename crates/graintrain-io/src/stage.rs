@@ -2,6 +2,7 @@
 
 use crate::growth::Growth;
 use crate::roster::Roster;
+use graintrain::cell::{Cell, Drive};
 use graintrain::error::ModelError;
 use graintrain::handle::BodyId;
 use graintrain::load::Load;
@@ -36,8 +37,19 @@ pub struct Stage {
     pub materials: Option<Materials>,
     /// New motions of bodies, `None` for free ones; their times count from the beginning of the stage.
     pub motions: Vec<(BodyId, Option<Motion>)>,
+    /// What drives the periodic cell; times count from the beginning of the stage.
+    pub cell: Option<CellDrive>,
     /// All loads, where they change; their bodies by numbers.
     pub loads: Option<Vec<Load>>,
+}
+
+/// What drives a periodic cell.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CellDrive {
+    /// By component.
+    pub drive: [Drive; 6],
+    /// Largest rate of components whose stress is imposed, 1/s.
+    pub fastest: f64,
 }
 
 /// When a measured quantity counts as steady: over the latest records, the mean of the first half and that of the second differ by no
@@ -174,6 +186,13 @@ impl Stage {
             }
             world.bodies.motion[index] = id;
         }
+        if let (Some(driven), Some(cell)) = (&self.cell, world.cell().cloned()) {
+            let drive = driven.drive.clone().map(|drive| match drive {
+                Drive::Rate(profile) => Drive::Rate(from_now(&profile, now)),
+                Drive::Stress(profile) => Drive::Stress(from_now(&profile, now)),
+            });
+            world.set_cell(Some(Cell { drive, fastest: driven.fastest, ..cell }))?;
+        }
         match &self.loads {
             Some(loads) => {
                 let there = |load: &Load| {
@@ -213,11 +232,11 @@ impl Stage {
     }
 }
 
-/// Mean net force (mass times change of velocity over the step) on the bodies that are free, over the mean contact force; infinite without
-/// contact forces.
+/// Mean net force (mass times change of velocity over the step; relative to the deformation of a periodic cell) on the bodies that are free, over
+/// the mean contact force; infinite without contact forces.
 fn unbalanced(world: &World, step: f64, before: &[Vec3]) -> f64 {
     let free: Vec<usize> = (0..world.bodies.len()).filter(|&body| world.is_free(body)).collect();
-    let net = |&body: &usize| world.bodies.mass[body] * (world.bodies.velocity[body] - before[body]).length();
+    let net = |&body: &usize| world.bodies.mass[body] * (world.fluctuation(body) - before[body]).length();
     let impulses: Vec<f64> =
         world.contacts.impulse.iter().map(|g| g.length()).filter(|length| *length > 0.0).collect();
     if impulses.is_empty() {

@@ -1,5 +1,6 @@
 //! Assembly of the cone complementarity problem of a step.
 
+use crate::cell::{self, Cell};
 use crate::collide::identity::PreviousContacts;
 use crate::contact::{Contact, ContactSet};
 use crate::math::{Vec3, tangents};
@@ -36,7 +37,7 @@ pub fn contact_rows(world: &World, contacts: &[Contact]) -> Vec<RigidContact> {
                 let arm = point - world.bodies.position[body as usize];
                 (if world.is_prescribed(body as usize) { FIXED } else { body }, arm.to_array())
             };
-            let [on_a, on_b] = contact.surface_points();
+            let [(_, on_a), (_, on_b)] = cell::ends(world.cell(), contact);
             let ((body_a, arm_a), (body_b, arm_b)) = (side(contact.body_a, on_a), side(contact.body_b, on_b));
             let frame = [contact.normal.to_array(), t1.to_array(), t2.to_array()];
             RigidContact { body_a, body_b, frame, arm_a, arm_b }
@@ -45,14 +46,20 @@ pub fn contact_rows(world: &World, contacts: &[Contact]) -> Vec<RigidContact> {
 }
 
 /// D^T v in the contacts' frames (n, t1, t2), m/s, length 3 N_c, of velocities of all bodies (six numbers each), prescribed ones
-/// included.
-pub fn relative_velocities(contacts: &[Contact], rows: &[RigidContact], velocity: &[f64]) -> Vec<f64> {
+/// included; across the boundary of a periodic cell, relative to the image of body B.
+pub fn relative_velocities(
+    cell: Option<&Cell>,
+    contacts: &[Contact],
+    rows: &[RigidContact],
+    velocity: &[f64],
+) -> Vec<f64> {
     let mut u = vec![0.0; 3 * contacts.len()];
     u.par_chunks_mut(3).zip(contacts).zip(rows).with_min_len(TASK).for_each(|((u, contact), row)| {
-        u.copy_from_slice(&to_frame(
-            row,
-            relative_velocity(contact, row, |body| velocity_of(velocity, body)),
-        ));
+        let mut relative = relative_velocity(contact, row, |body| velocity_of(velocity, body));
+        if contact.image != [0; 3] {
+            relative -= cell::image_velocity(cell, contact);
+        }
+        u.copy_from_slice(&to_frame(row, relative));
     });
     u
 }
@@ -79,7 +86,7 @@ pub fn assemble(
     step: f64,
     overlap: OverlapCorrection,
 ) -> Ccp {
-    let mut r = relative_velocities(contacts, &rows, free);
+    let mut r = relative_velocities(world.cell(), contacts, &rows, free);
     for (u, contact) in r.chunks_exact_mut(3).zip(contacts) {
         u[0] += match overlap {
             OverlapCorrection::Velocity => contact.gap / step,

@@ -25,6 +25,9 @@ pub struct Contact {
     /// are nearest now (normal and surface points are then those of the impact, carried back with the bodies). Zero for all other
     /// contacts, whose arms both reach to `point`.
     pub lead: Vec3,
+    /// In a periodic cell, by how many of its edges the image of body B that touches A is away from B; zero otherwise. Contact point and
+    /// normal are beside A.
+    pub image: [i32; 3],
 }
 
 impl Contact {

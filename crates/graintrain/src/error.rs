@@ -123,6 +123,12 @@ pub enum ModelError {
         /// What is wrong with it, and the remedy.
         what: String,
     },
+    /// A periodic cell that cannot be, or bodies that do not fit into it.
+    #[error("the periodic cell: {what}")]
+    Cell {
+        /// What is wrong, and the remedy.
+        what: String,
+    },
     /// A body that forces are to move but that has no mass.
     #[error(
         "body {body}: its geometry has no volume (planes, and meshes that are not solid, are boundaries), so all of its motion must be prescribed, or its mass given"

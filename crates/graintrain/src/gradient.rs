@@ -108,6 +108,9 @@ impl StepGradient {
         if settings.friction == FrictionModel::Coulomb {
             return unsupported("friction is exact; the derivative is that of relaxed friction");
         }
+        if world.cell().is_some() {
+            return unsupported("space repeats in a periodic cell, for which derivatives are not computed");
+        }
         if !world.joints().is_empty() {
             return unsupported("bodies are held by joints, whose derivatives are not computed");
         }

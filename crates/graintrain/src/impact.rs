@@ -112,8 +112,8 @@ impl ImpactSolver<'_> {
             .collect();
         let mut free = free_velocity(world, &found.velocity, step);
         let mut driven = with_driven(world, &found.velocity, &free);
-        let mut now = relative_velocities(of.contacts, of.rows, &driven);
-        let mut later = relative_velocities(of.contacts, of.rows, &free);
+        let mut now = relative_velocities(world.cell(), of.contacts, of.rows, &driven);
+        let mut later = relative_velocities(world.cell(), of.contacts, of.rows, &free);
         let coupled = coupled_in_impacts(world, &found.velocity, step);
         for pass in 0..=PASSES {
             let approaches =
@@ -158,8 +158,8 @@ impl ImpactSolver<'_> {
                 if moved[contact.body_a as usize] || moved[contact.body_b as usize] {
                     let one = i..i + 1;
                     for (u, velocity) in [(&mut now, &driven), (&mut later, &free)] {
-                        let new =
-                            relative_velocities(&of.contacts[one.clone()], &of.rows[one.clone()], velocity);
+                        let (contacts, rows) = (&of.contacts[one.clone()], &of.rows[one.clone()]);
+                        let new = relative_velocities(world.cell(), contacts, rows, velocity);
                         u[3 * i..3 * i + 3].copy_from_slice(&new);
                     }
                 }

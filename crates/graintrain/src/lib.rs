@@ -9,6 +9,7 @@
 //! | [`joint`] | joints, motors, springs and stops between bodies |
 //! | [`world`] | the state |
 //! | [`contact`] | contacts and their impulses |
+//! | [`cell`] | periodic cells, their deformation and stress |
 //! | [`collide`] | finding contacts |
 //! | [`assemble`] | the contact problem of a step |
 //! | [`integrate`] | velocities without contact, positions, rotations |
@@ -28,6 +29,8 @@
 struct Readme;
 
 pub mod assemble;
+pub mod cell;
+mod cell_problem;
 pub mod collide;
 pub mod contact;
 pub mod error;

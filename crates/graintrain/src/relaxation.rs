@@ -8,6 +8,7 @@
 //! multibody dynamics", University of Wisconsin-Madison, TR-2014-11, 2014.
 
 use crate::assemble::relative_velocities;
+use crate::cell::Cell;
 use crate::contact::Contact;
 use crate::turning::turning_velocities;
 use graintrain_ccp::residual::velocity_scale;
@@ -33,12 +34,12 @@ impl Opening {
         contacts: &[Contact],
         size: &[f64],
         (problem, impulse, threshold): (&Ccp, &[f64], f64),
-        velocity: &[f64],
+        (velocity, cell): (&[f64], Option<&Cell>),
         step: f64,
     ) -> Self {
         let mut opening = Self::default();
         let Delassus::Rigid(rigid) = &*problem.delassus else { return opening };
-        let mut u = relative_velocities(contacts, rigid.contacts(), velocity);
+        let mut u = relative_velocities(cell, contacts, rigid.contacts(), velocity);
         u.extend(turning_velocities(contacts, rigid.contacts(), rigid.turning(), velocity));
         for k in 0..contacts.len() {
             if impulse[3 * k] > threshold {

@@ -1,6 +1,7 @@
 //! What a step reports.
 
 use crate::assemble::relative_velocities;
+use crate::cell::{Cell, ends};
 use crate::contact::{Contact, ContactSet};
 use crate::handle::BodyId;
 use crate::math::Vec3;
@@ -105,12 +106,12 @@ impl PhysicalErrors {
         contacts: &[Contact],
         size: &[f64],
         (problem, impulse): (&Ccp, &[f64]),
-        velocity: &[f64],
+        (velocity, cell): (&[f64], Option<&Cell>),
         (step, tolerance): (f64, f64),
     ) -> Self {
         let Delassus::Rigid(rigid) = &*problem.delassus else { return PhysicalErrors::default() };
         let mut errors = PhysicalErrors::default();
-        let u = relative_velocities(contacts, rigid.contacts(), velocity);
+        let u = relative_velocities(cell, contacts, rigid.contacts(), velocity);
         let resolved = MIXED_MAXIMUM * tolerance * velocity_scale(problem);
         let spin = turning_velocities(contacts, rigid.contacts(), rigid.turning(), velocity);
         let moments = impulse[3 * contacts.len()..].chunks_exact(3).zip(spin.chunks_exact(3));
@@ -148,8 +149,15 @@ impl PhysicalErrors {
     }
 }
 
-/// Impulses on every body that is not free, divided by the step; torques about the body's centre at the step's start.
-pub(crate) fn wrenches(position: &[Vec3], world: &World, set: &ContactSet, step: f64) -> Vec<Wrench> {
+/// Impulses on every body that is not free, divided by the step; torques about the body's centre at the step's start,
+/// where the cell was `cell`.
+pub(crate) fn wrenches(
+    position: &[Vec3],
+    cell: Option<&Cell>,
+    world: &World,
+    set: &ContactSet,
+    step: f64,
+) -> Vec<Wrench> {
     let bodies = world.bodies.len();
     let mut slot = vec![usize::MAX; bodies];
     let mut wrenches: Vec<Wrench> = Vec::new();
@@ -165,10 +173,8 @@ pub(crate) fn wrenches(position: &[Vec3], world: &World, set: &ContactSet, step:
         }
     }
     for (contact, &impulse) in set.contacts.iter().zip(&set.impulse) {
-        let [on_a, on_b] = contact.surface_points();
-        for (body, sign, point) in
-            [(contact.body_a as usize, 1.0, on_a), (contact.body_b as usize, -1.0, on_b)]
-        {
+        let [(body_a, on_a), (body_b, on_b)] = ends(cell, contact);
+        for (body, sign, point) in [(body_a, 1.0, on_a), (body_b, -1.0, on_b)] {
             if let Some(wrench) = wrenches.get_mut(slot[body]) {
                 let force = sign / step * impulse;
                 wrench.force += force;

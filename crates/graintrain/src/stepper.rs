@@ -6,11 +6,13 @@ use self::repetition::{Bends, carried_back};
 use crate::assemble::{
     OverlapCorrection, assemble, contact_rows, pair_property, relative_velocities, warm_start,
 };
+use crate::cell::{self, Cell, moved_mass};
+use crate::cell_problem::CellRows;
 use crate::collide::{Collider, meshes_that_meet};
 use crate::contact::{Contact, ContactSet};
 use crate::error::{ModelError, finite, positive};
 use crate::impact::{self, ImpactSolver, Impacts, Rows, lead_to_surfaces};
-use crate::integrate::{advance, free_velocity, inverse_mass};
+use crate::integrate::{advance, free_velocity, inverse_mass, velocities};
 use crate::joint::drift;
 use crate::joint::mechanism::{JointReactions, Mechanisms};
 use crate::load;
@@ -148,9 +150,22 @@ struct Last {
     gap: Vec<f64>,
 }
 
+/// A solved contact problem with what a periodic cell does.
+struct WithCell {
+    solved: Solved,
+    /// The problem as it was solved, where the cell takes part.
+    posed: Option<Ccp>,
+    /// The cell of the start with the rates after the step.
+    cell: Option<Cell>,
+}
+
 /// A solved step before it is made.
 struct Attempt {
     problem: Ccp,
+    /// The problem as it was solved, where a periodic cell takes part.
+    posed: Option<Ccp>,
+    /// The periodic cell at the start of the step with the rates after it.
+    cell: Option<Cell>,
     /// Impulses of the contact problem, contact frames.
     impulse: Vec<f64>,
     /// Contacts of the problem as indices into those of the step.
@@ -251,11 +266,16 @@ impl Stepper {
     /// # Errors
     /// [`StepError::NotFinite`], [`StepError::Solver`] or [`StepError::Stopped`]; the world is left unchanged.
     pub fn step(&mut self, world: &mut World) -> Result<StepReport, StepError> {
-        let Some(before) = load::apply(world, self.settings.step) else { return self.step_under(world) };
+        let undriven = cell::drive(world, self.settings.step);
+        let loaded = load::apply(world, self.settings.step);
         let report = self.step_under(world);
-        match &report {
-            Ok(_) => load::remove(world, before),
-            Err(_) => load::undo(world, before),
+        match (&report, loaded) {
+            (Ok(_), Some(before)) => load::remove(world, before),
+            (Err(_), Some(before)) => load::undo(world, before),
+            (_, None) => {}
+        }
+        if let (Err(_), Some(before)) = (&report, undriven) {
+            cell::undo(world, before);
         }
         report
     }
@@ -319,6 +339,9 @@ impl Stepper {
             let mut correction = self.correct(world, &contacts, &attempt, &size);
             advance(world, &attempt.velocity, correction.displacement.as_deref(), step);
             correction.add(drift::close(world));
+            if let Some(cell) = &attempt.cell {
+                cell::advance(world, cell.rate, step);
+            }
             phases.integrate += begin.elapsed().as_secs_f64();
             let begin = Instant::now();
             let ahead = self.collider.contacts(world, envelope, step);
@@ -328,7 +351,7 @@ impl Stepper {
                 bent = self.bent(world, &start, &contacts, &attempt, &ahead, &bends);
             }
             if !missed.is_empty() && round < ROUNDS || !bent.is_empty() {
-                let carry = |c: &Contact| carried_back(c, world, &start, &attempt.velocity, step);
+                let carry = |c: &Contact| carried_back(c, world, &start, &attempt, step);
                 let ends: Vec<Contact> = missed.iter().map(carry).collect();
                 let end = start.exchange(world);
                 new = self.new_contacts(world, &contacts, &ends, &attempt.velocity);
@@ -409,8 +432,9 @@ impl Stepper {
         }
         let assembled = Instant::now();
         let settings = self.solve_settings();
-        let Solved { report: mut solve, mut parts, mut wedged } =
-            self.solve(world, &problem, &mut impulse)?;
+        let WithCell { solved, posed, cell } =
+            self.solve_with_cell(world, (&chosen, &active), &impacts, &mut problem, &mut impulse)?;
+        let Solved { report: mut solve, mut parts, mut wedged } = solved;
         let (mut on_bodies, mut agrees) = (Vec::new(), true);
         if let Some(spare) = spare {
             on_bodies = body_impulses(&problem, &impulse);
@@ -441,6 +465,8 @@ impl Stepper {
         }
         Ok(Attempt {
             problem,
+            posed,
+            cell,
             impulse,
             active,
             joints,
@@ -462,16 +488,18 @@ impl Stepper {
         let Delassus::Rigid(rigid) = &*attempt.problem.delassus else { return Correction::default() };
         let step = self.settings.step;
         let chosen: Vec<Contact> = attempt.active.iter().map(|&i| contacts[i as usize]).collect();
-        let u = relative_velocities(&chosen, rigid.contacts(), &attempt.velocity);
+        let u = relative_velocities(attempt.cell.as_ref(), &chosen, rigid.contacts(), &attempt.velocity);
         let gap: Vec<f64> = chosen.iter().zip(u.chunks_exact(3)).map(|(c, u)| c.gap + step * u[0]).collect();
         let size: Vec<f64> = attempt.active.iter().map(|&i| size[i as usize]).collect();
-        let bend = |body: u32, point: Vec3| {
-            let body = body as usize;
+        let bend = |body: usize, point: Vec3| {
             let spin = Vec3::from_slice(&attempt.velocity[6 * body + 3..6 * body + 6]);
             0.5 * step * step * spin.length_squared() * (point - world.bodies.position[body]).length()
         };
-        let turn: Vec<f64> =
-            chosen.iter().map(|c| bend(c.body_a, c.point) + bend(c.body_b, c.point)).collect();
+        let both = |contact: &Contact| {
+            let [(a, on_a), (b, on_b)] = cell::ends(world.cell(), &Contact { lead: Vec3::ZERO, ..*contact });
+            bend(a, on_a) + bend(b, on_b)
+        };
+        let turn: Vec<f64> = chosen.iter().map(both).collect();
         let gaps = Gaps {
             rows: rigid.contacts(),
             inverse_mass: rigid.inverse_mass(),
@@ -500,8 +528,20 @@ impl Stepper {
     ) -> StepReport {
         let begin = Instant::now();
         let step = self.settings.step;
-        let Attempt { problem, impulse, active, joints, impacts, velocity, mut solve, parts, wedged, .. } =
-            attempt;
+        let Attempt {
+            problem,
+            posed,
+            cell,
+            impulse,
+            active,
+            joints,
+            impacts,
+            velocity,
+            mut solve,
+            parts,
+            wedged,
+            ..
+        } = attempt;
         let left = impacts.residual.judged(self.settings.judge);
         if left > self.settings.tolerance.max(impact::TOLERANCE) && solve.status == Status::Converged {
             solve.status = Status::IterationLimit;
@@ -533,21 +573,23 @@ impl Stepper {
             &chosen,
             &chosen_size,
             (&problem, &impulse),
-            &velocity,
+            (&velocity, cell.as_ref()),
             (step, self.settings.tolerance),
         );
         let opening = match self.settings.friction {
             FrictionModel::Relaxed => {
-                Opening::of(&chosen, &chosen_size, (&problem, &impulse, threshold), &velocity, step)
+                let moves = (velocity.as_slice(), cell.as_ref());
+                Opening::of(&chosen, &chosen_size, (&problem, &impulse, threshold), moves, step)
             }
             FrictionModel::Coulomb => Opening::default(),
         };
         let set = ContactSet { contacts, impulse: world_impulse, friction, moment };
-        let wrenches = wrenches(&start.position, world, &set, step);
+        let wrenches = wrenches(&start.position, cell.as_ref(), world, &set, step);
         let (before, kinetic_energy) = (start.velocities(), world.kinetic_energy());
-        let change = kinetic_energy - start.kinetic_energy;
+        let change = kinetic_energy + taken_along(world, &velocity) - start.kinetic_energy;
         let forces = (&set, joints.impulses.as_slice());
-        let ledger = energy::ledger(world, forces, &start.position, [&before, &velocity], step, change);
+        let places = (start.position.as_slice(), cell.as_ref());
+        let ledger = energy::ledger(world, forces, places, [&before, &velocity], step, change);
         let (mut deepest, mut over_size) = (0.0_f64, 0.0_f64);
         for contact in ahead.iter().filter(|contact| contact.gap < 0.0) {
             deepest = deepest.max(-contact.gap);
@@ -588,8 +630,54 @@ impl Stepper {
             wrenches,
         };
         let gap = active.iter().map(|&i| world.contacts.contacts[i as usize].gap).collect();
-        self.last = Some(Last { problem, impulse, gap });
+        self.last = Some(Last { problem: posed.unwrap_or(problem), impulse, gap });
         report
+    }
+
+    /// Solves the problem of these contacts (`active`: their places among those of the step) together with the rates of a periodic cell whose stress is
+    /// imposed. Components that come beyond the largest rate are held there and the others found again. r follows the rates.
+    fn solve_with_cell(
+        &mut self,
+        world: &World,
+        (chosen, active): (&[Contact], &[u32]),
+        impacts: &Impacts,
+        problem: &mut Ccp,
+        impulse: &mut [f64],
+    ) -> Result<WithCell, CcpError> {
+        let mut cell = world.cell().cloned();
+        let rows = match (&cell, &*problem.delassus) {
+            (Some(cell), Delassus::Rigid(rigid)) if cell.has_stress() => {
+                Some(CellRows::new(cell, chosen, rigid.contacts(), moved_mass(world)))
+            }
+            _ => None,
+        };
+        let (Some(mut rows), Some(cell_now)) = (rows, &mut cell) else {
+            let solved = self.solve(world, problem, impulse)?;
+            return Ok(WithCell { solved, posed: None, cell });
+        };
+        let (time, step) = (world.time, self.settings.step);
+        let of_impacts = rows.impact_change(active, &impacts.impulse);
+        let mut free: [f64; 6] = std::array::from_fn(|k| cell_now.rate[k] + of_impacts[k]);
+        rows.shift(&of_impacts, &mut problem.r);
+        let mut last: Option<SolveReport> = None;
+        loop {
+            let posed = (!rows.is_empty()).then(|| rows.posed(problem));
+            let mut solved = self.solve(world, posed.as_ref().unwrap_or(problem), impulse)?;
+            if let Some(last) = &last {
+                solved.report = solved.report.after(last);
+            }
+            let change = rows.rate_change(impulse);
+            cell_now.rate = std::array::from_fn(|k| free[k] + change[k]);
+            let beyond = cell_now.beyond(time, step);
+            let held: [f64; 6] = std::array::from_fn(|k| beyond[k].map_or(0.0, |limit| limit - free[k]));
+            if held == [0.0; 6] || solved.report.status == Status::Stopped {
+                return Ok(WithCell { solved, posed, cell });
+            }
+            rows.shift(&held, &mut problem.r);
+            rows.hold(|k| beyond[k].is_some());
+            free = std::array::from_fn(|k| free[k] + held[k]);
+            last = Some(solved.report);
+        }
     }
 
     /// What the settings ask of a solve.
@@ -620,7 +708,8 @@ struct Placement {
     orientation: Vec<Quat>,
     velocity: Vec<Vec3>,
     angular_velocity: Vec<Vec3>,
-    /// J
+    cell: Option<Cell>,
+    /// In the frame of the world, J.
     kinetic_energy: f64,
 }
 
@@ -632,7 +721,8 @@ impl Placement {
             orientation: bodies.orientation.clone(),
             velocity: bodies.velocity.clone(),
             angular_velocity: bodies.angular_velocity.clone(),
-            kinetic_energy: world.kinetic_energy(),
+            cell: world.cell().cloned(),
+            kinetic_energy: world.kinetic_energy() + taken_along(world, &velocities(world)),
         }
     }
 
@@ -650,8 +740,22 @@ impl Placement {
         bodies.orientation.copy_from_slice(&self.orientation);
         bodies.velocity.copy_from_slice(&self.velocity);
         bodies.angular_velocity.copy_from_slice(&self.angular_velocity);
+        world.cell.clone_from(&self.cell);
         before
     }
+}
+
+/// Kinetic energy of these velocities (six numbers per body) beyond that of the world, in which a periodic cell takes bodies along, J.
+fn taken_along(world: &World, velocity: &[f64]) -> f64 {
+    if world.cell().is_none() {
+        return 0.0;
+    }
+    let beyond = |(body, v): (usize, &[f64])| {
+        let speeds = Vec3::from_slice(&v[..3]).length_squared() - world.fluctuation(body).length_squared();
+        0.5 * world.bodies.mass[body] * speeds
+    };
+    let moving = velocity.chunks_exact(6).enumerate().filter(|(body, _)| !world.is_prescribed(*body));
+    moving.map(beyond).sum()
 }
 
 /// Impulses of an earlier attempt at the contacts that it had in its problem.

@@ -51,6 +51,7 @@ impl World {
             bodies.into_iter().try_for_each(|body| index("body", body.index(), self.bodies.len()))?;
         }
         self.validate_joints()?;
+        self.validate_cell()?;
         self.validate_contacts()
     }
 
@@ -206,6 +207,7 @@ mod tests {
                     normal: Vec3::X,
                     gap: 0.0,
                     lead: Vec3::ZERO,
+                    image: [0; 3],
                 };
                 w.contacts.contacts.push(contact);
                 w.contacts.impulse.push(Vec3::ZERO);

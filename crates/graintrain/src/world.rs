@@ -1,5 +1,6 @@
 //! The state of a simulation: bodies in structure-of-arrays form, materials, gravity, time.
 
+use crate::cell::Cell;
 use crate::collide::identity::renamed;
 use crate::contact::ContactSet;
 use crate::error::{ModelError, finite, positive};
@@ -60,6 +61,8 @@ pub struct World {
     pub(crate) loads: Vec<Load>,
     /// Joints between bodies.
     pub(crate) joints: Vec<PlacedJoint>,
+    /// The cell in which space repeats, if it does: see [`World::set_cell`].
+    pub(crate) cell: Option<Cell>,
     /// Geometries shared by bodies.
     pub geometries: Vec<Geometry>,
     /// Materials.
@@ -160,6 +163,7 @@ impl Default for World {
             gravity_of_time: None,
             loads: Vec::new(),
             joints: Vec::new(),
+            cell: None,
             geometries: Vec::new(),
             materials,
             motions: Vec::new(),
@@ -434,14 +438,15 @@ impl World {
         }
     }
 
-    /// Kinetic energy of the bodies with a dynamic degree of freedom, 1/2 m |u|^2 + 1/2 w . I w, J.
+    /// Kinetic energy of the bodies with a dynamic degree of freedom, 1/2 m |u|^2 + 1/2 w . I w, J; in a periodic cell with u relative
+    /// to its deformation ([`World::fluctuation`]).
     pub fn kinetic_energy(&self) -> f64 {
         let bodies = &self.bodies;
         (0..bodies.len())
             .filter(|&b| !self.is_prescribed(b))
             .map(|b| {
                 let w = bodies.orientation[b].inverse() * bodies.angular_velocity[b];
-                0.5 * (bodies.mass[b] * bodies.velocity[b].length_squared() + w.dot(bodies.inertia[b] * w))
+                0.5 * (bodies.mass[b] * self.fluctuation(b).length_squared() + w.dot(bodies.inertia[b] * w))
             })
             // The sum of nothing is -0.
             .fold(0.0, |sum, energy| sum + energy)
@@ -466,9 +471,24 @@ impl World {
         }
         self.joined_pairs().into_iter().flatten().for_each(|body| add(u64::from(body)));
         self.gravity.to_array().iter().for_each(|x| add(x.to_bits()));
+        self.cell_words().for_each(&mut add);
         // Of torques contacts do not depend.
         bodies.force.iter().flat_map(|v| v.to_array()).for_each(|x| add(x.to_bits()));
         crate::math::mix(hash)
+    }
+
+    /// Place, form and rate of the cell.
+    fn cell_words(&self) -> impl Iterator<Item = u64> {
+        let cell = self.cell.as_ref();
+        cell.into_iter().flat_map(|cell| {
+            let vectors = cell.lower.to_array().into_iter().chain(cell.size.to_array());
+            vectors.chain(cell.tilt).chain(cell.rate).map(f64::to_bits)
+        })
+    }
+
+    /// The cell in which space repeats, if it does.
+    pub fn cell(&self) -> Option<&Cell> {
+        self.cell.as_ref()
     }
 
     /// A number made of every bit of the state that later steps depend on: time, step, bodies, and the impulses that
@@ -501,6 +521,7 @@ impl World {
             add(placed.state.coordinate.to_bits());
             add(placed.state.switches());
         }
+        self.cell_words().for_each(&mut add);
         crate::math::mix(hash)
     }
 }

@@ -25,7 +25,16 @@ pub fn lines(world: &World, roster: &Roster, step: f64) -> PolyData {
             if movable[body] { world.bodies.position[body] } else { contact.point }
         };
         let first = points.len() as i64;
-        points.extend([end(contact.body_a), contact.point, end(contact.body_b)]);
+        let [a, b] = [contact.body_a, contact.body_b].map(|body| {
+            // Beside the contact, where space repeats.
+            let way = |body: usize| world.way_to(body, contact.point);
+            if world.cell().is_some() && movable[body as usize] {
+                contact.point - way(body as usize)
+            } else {
+                end(body)
+            }
+        });
+        points.extend([a, contact.point, b]);
         cells.push(first..first + 3);
     }
     let force: Vec<Vec3> = set.impulse.iter().map(|&impulse| impulse / step).collect();

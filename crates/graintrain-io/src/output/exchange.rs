@@ -78,7 +78,8 @@ const LAMMPS: [TextColumn; 20] = [
 ];
 
 /// Properties of extended XYZ with the array that they come from.
-const XYZ: [(&str, &str); 8] = [
+const XYZ: [(&str, &str); 9] = [
+    ("body", "body"),
     ("velo", "v"),
     ("omega", "omega"),
     ("radius", "radius"),

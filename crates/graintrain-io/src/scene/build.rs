@@ -3,6 +3,7 @@
 mod joints;
 mod materials;
 mod measures;
+mod periodic;
 mod relax;
 mod stages;
 mod traffic;
@@ -15,6 +16,7 @@ use super::model::{
     PackingSource, PackingSpec, PartSpec, PressureSpec, ShapeSpec,
 };
 use super::packing::{self, FileProblem, read_file, table_file};
+use super::periodic::{DriveSpec, PeriodicSpec};
 use super::quantity::Dimension;
 use crate::measure::Measure;
 use crate::settings::OutputSettings;
@@ -86,6 +88,9 @@ impl Scene {
         }
         for (name, joint) in &self.joints {
             builder.add_joint(name, joint, &self.joints)?;
+        }
+        if let Some(periodic) = &self.periodic {
+            builder.periodic(periodic)?;
         }
         let traffic = builder.traffic(self)?;
         let measures: Vec<Measure> = self
@@ -197,15 +202,22 @@ impl Scene {
                 let speeds = translation.iter_mut().map(|item| &mut item.speed);
                 speeds.chain(rotation.iter_mut().map(|spin| &mut spin.speed))
             });
-            stage.gravity.iter_mut().flatten().chain(speeds)
+            let cell = stage.periodic.iter_mut().flat_map(DriveSpec::functions);
+            stage.gravity.iter_mut().flatten().chain(speeds).chain(cell)
         });
+        let cell = self.periodic.iter_mut().flat_map(PeriodicSpec::functions);
         let joints = self.joints.iter_mut().flat_map(|(_, joint)| joint.functions());
-        self.gravity.iter_mut().chain(motions).chain(loads).chain(joints).chain(stages).filter_map(
-            |function| match function {
+        self.gravity
+            .iter_mut()
+            .chain(motions)
+            .chain(loads)
+            .chain(joints)
+            .chain(stages)
+            .chain(cell)
+            .filter_map(|function| match function {
                 FunctionSpec::File { file } => Some(file),
                 FunctionSpec::Profile(_) => None,
-            },
-        )
+            })
     }
 }
 

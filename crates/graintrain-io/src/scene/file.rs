@@ -6,6 +6,7 @@ use super::joint::{self, JointSpec};
 use super::measure;
 use super::model::*;
 use super::parameters::Parameters;
+use super::periodic;
 use super::reader::{Context, Range, Reader};
 use super::schema;
 use super::stage::{self, StageSpec};
@@ -83,7 +84,14 @@ pub(crate) fn read(name: &str, root: &Node, folder: PathBuf) -> Result<Scene, Sc
         streams: &stream_names,
         measures: &measure_names,
     };
+    let periodic = scene.child("periodic")?.map(|reader| periodic::read(&reader)).transpose()?;
     let stages = stage::read(&scene, &names)?;
+    let drives = |stage: &&StageSpec| stage.periodic.is_some() && periodic.is_none();
+    if let Some(stage) = stages.iter().find(drives) {
+        let problem =
+            format!("the stage `{}` drives a periodic cell, but there is none: add `[periodic]`", stage.name);
+        return Err(SceneError::at(SceneErrorKind::Contradiction(problem), &stage.location));
+    }
     let stage_names: Vec<&str> = stages.iter().map(|stage: &StageSpec| stage.name.as_str()).collect();
     let streams = named_streams
         .iter()
@@ -119,6 +127,7 @@ pub(crate) fn read(name: &str, root: &Node, folder: PathBuf) -> Result<Scene, Sc
             Ok((name.clone(), spec))
         })
         .collect::<Result<Vec<_>, SceneError>>()?;
+    stage::check_ends(&stages, &streams, &measures)?;
     Ok(Scene {
         name: name.to_string(),
         title: scene.text("title")?.unwrap_or_else(|| name.to_string()),
@@ -126,6 +135,7 @@ pub(crate) fn read(name: &str, root: &Node, folder: PathBuf) -> Result<Scene, Sc
         gravity: scene.functions("gravity")?.unwrap_or([0.0, 0.0, -9.81].map(FunctionSpec::constant)),
         parameters: context.parameters.listing(),
         contact: contact(scene.child("contact")?)?,
+        periodic,
         solver: solver(scene.child("solver")?)?,
         output: output(scene.child("output")?, &time)?,
         time,

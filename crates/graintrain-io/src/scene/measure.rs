@@ -54,6 +54,9 @@ pub struct MeasureSpec {
     /// Normal forces.
     #[serde(skip_serializing_if = "no")]
     pub forces: bool,
+    /// The periodic cell.
+    #[serde(skip_serializing_if = "no")]
+    pub cell: bool,
     /// Energies.
     #[serde(skip_serializing_if = "no")]
     pub energy: bool,
@@ -211,6 +214,7 @@ const QUANTITIES: &[&str] = &[
     "fabric",
     "porosity",
     "forces",
+    "cell",
     "energy",
     "motion",
     "exchange",
@@ -282,6 +286,7 @@ pub(super) fn read(reader: &Reader, step: f64, names: &Names<'_>) -> Result<Meas
         fabric: flag("fabric")?,
         porosity: flag("porosity")?,
         forces: flag("forces")?,
+        cell: flag("cell")?,
         energy: flag("energy")?,
         motion: flag("motion")?,
         exchange: flag("exchange")?,

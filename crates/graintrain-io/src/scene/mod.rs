@@ -12,7 +12,7 @@
 //! | `tree`, `reader`, `file` | from text to [`Scene`] |
 //! | [`model`] | the parts of a [`Scene`] |
 //! | `packing`, `mesh_file` | packings made here or read from files; meshes |
-//! | `measure`, `stage`, `stream` | measurements, stages, ways in and out for bodies |
+//! | `measure`, `stage`, `stream`, `periodic` | measurements, stages, ways in and out for bodies, cells that repeat |
 //! | `build` | from [`Scene`] to [`Simulation`] |
 //! | [`builtin`] | the built-in scenes |
 //! | [`error`] | what can be wrong, and where |
@@ -30,6 +30,7 @@ mod mesh_file;
 pub mod model;
 mod packing;
 mod parameters;
+mod periodic;
 pub mod quantity;
 mod reader;
 pub mod schema;
@@ -45,6 +46,7 @@ pub use measure::{
 };
 
 pub use joint::{ActuatorSpec, JointSpec, MotorSpec, SpringSpec, StopsSpec};
+pub use periodic::{DriveSpec, PeriodicSpec};
 pub use stage::{GrowthSpec, StageBody, StageMaterial, StageSpec, SteadySpec};
 pub use stream::{ExitSpec, OutletSpec, StreamSpec};
 
@@ -78,6 +80,9 @@ pub struct Scene {
     pub time: TimeSpec,
     /// Contact detection.
     pub contact: ContactSpec,
+    /// The cell in which space repeats.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub periodic: Option<PeriodicSpec>,
     /// Contact solver.
     pub solver: SolverChoice,
     /// What is written.

@@ -2,8 +2,11 @@
 
 use super::error::{Location, SceneError, SceneErrorKind};
 use super::file::{motion, names_of, region};
+use super::measure::MeasureSpec;
 use super::model::{FunctionSpec, MotionSpec};
+use super::periodic::{self, DriveSpec};
 use super::reader::{Range, Reader};
+use super::stream::StreamSpec;
 use graintrain::load::Region;
 use serde::Serialize;
 
@@ -32,6 +35,9 @@ pub struct StageSpec {
     /// Bodies that grow.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub growth: Option<GrowthSpec>,
+    /// What drives the periodic cell.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub periodic: Option<DriveSpec>,
     /// Names of the loads that act.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub loads: Option<Vec<String>>,
@@ -144,6 +150,51 @@ pub(super) fn read(scene: &Reader, names: &Names<'_>) -> Result<Vec<StageSpec>, 
     Ok(stages)
 }
 
+/// Refuses stages whose end can never come, now that streams and measures are known.
+pub(super) fn check_ends(
+    stages: &[StageSpec],
+    streams: &[(String, StreamSpec)],
+    measures: &[(String, MeasureSpec)],
+) -> Result<(), SceneError> {
+    for stage in stages {
+        let fail =
+            |problem: String| Err(SceneError::at(SceneErrorKind::Contradiction(problem), &stage.location));
+        let name = &stage.name;
+        if let Some(time) = stage.time.filter(|time| stage.at_least > *time) {
+            return fail(format!(
+                "the stage `{name}` lasts at least {} s but ends after `time` = {time} s",
+                stage.at_least
+            ));
+        }
+        let flows = |stream: &&(String, StreamSpec)| stream.1.stage.as_ref().is_none_or(|only| only == name);
+        if stage.filled {
+            if !streams.iter().any(|stream| flows(&stream)) {
+                return fail(format!(
+                    "the stage `{name}` ends when it is `filled`, but no stream flows in it"
+                ));
+            }
+            let endless = |stream: &&(String, StreamSpec)| {
+                stream.1.count.is_none() && stream.1.mass.is_none() && stream.1.end.is_none()
+            };
+            if let Some((stream, _)) = streams.iter().filter(flows).find(endless) {
+                return fail(format!(
+                    "the stage `{name}` ends when it is `filled`, but the stream `{stream}` never ends: give it `count`, `mass` or `end`"
+                ));
+            }
+        }
+        let looked_at =
+            stage.steady.as_ref().and_then(|steady| measures.iter().find(|(own, _)| *own == steady.measure));
+        if let Some((measure, MeasureSpec { stage: Some(only), .. })) = looked_at
+            && only != name
+        {
+            return fail(format!(
+                "the stage `{name}` waits for the measure `{measure}` to be steady, which has records in the stage `{only}` alone"
+            ));
+        }
+    }
+    Ok(())
+}
+
 fn steady(reader: &Reader, names: &Names<'_>) -> Result<SteadySpec, SceneError> {
     let measure = reader.text("measure")?.ok_or_else(|| reader.missing("measure"))?;
     if !names.measures.contains(&measure.as_str()) {
@@ -203,6 +254,7 @@ fn one(reader: &Reader, names: &Names<'_>) -> Result<StageSpec, SceneError> {
         filled: reader.flag("filled")?.unwrap_or(false),
         steady: reader.child("steady")?.map(|inner| steady(&inner, names)).transpose()?,
         growth: reader.child("growth")?.map(|inner| growth(&inner, names)).transpose()?,
+        periodic: reader.child("periodic")?.map(|inner| periodic::drive(&inner)).transpose()?,
         loads,
         gravity: reader.functions("gravity")?,
         materials: materials.collect::<Result<_, SceneError>>()?,

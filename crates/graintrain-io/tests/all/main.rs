@@ -4,6 +4,7 @@ mod exchange;
 mod measures;
 mod output;
 #[cfg(feature = "fclib")]
+mod periodic;
 mod problem_files;
 mod run;
 mod scene_builtin;

@@ -71,6 +71,7 @@ fn advance(world: &mut World, settings: &RunSettings) -> StepReport {
         normal,
         gap,
         lead: Vec3::ZERO,
+        image: [0; 3],
     };
     world.contacts = ContactSet {
         contacts: vec![

@@ -179,3 +179,27 @@ fn stages_that_cannot_be_are_told() {
         assert!(error.contains(expected), "{stages}: {error}");
     }
 }
+
+/// Ends that can never come are refused when the scene is read.
+#[test]
+fn ends_that_never_come_are_refused() {
+    let stream =
+        "[stream.rain]\nradius = 0.1\nrate = 5\nregion = { box = { min = [0, 0, 1], max = [1, 1, 2] } }\n";
+    let refused = |from: &str, to: &str, more: &str, part: &str| {
+        let error = scene(&format!("{}{more}", SCENE.replace(from, to))).unwrap_err();
+        assert!(error.contains(part), "{error}");
+    };
+    refused("kinetic_energy = \"1e-6 J\"", "time = \"10 ms\"", "", "at least 0.02 s");
+    refused("kinetic_energy = \"1e-6 J\"", "filled = true", stream, "`rain` never ends");
+    let elsewhere = format!("{stream}count = 3\nstage = \"rest\"\n");
+    refused("kinetic_energy = \"1e-6 J\"", "filled = true", &elsewhere, "no stream flows in it");
+    let steady = "steady = { measure = \"block\", column = \"mass\", over = \"10 ms\" }";
+    refused("kinetic_energy = \"1e-6 J\"", steady, "", "in the stage `push` alone");
+    assert!(
+        scene(&format!(
+            "{}{stream}count = 3\n",
+            SCENE.replace("kinetic_energy = \"1e-6 J\"", "filled = true")
+        ))
+        .is_ok()
+    );
+}

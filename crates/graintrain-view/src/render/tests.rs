@@ -253,6 +253,7 @@ fn small_world() -> World {
         normal: Vec3::X,
         gap: 0.0,
         lead: Vec3::ZERO,
+        image: [0; 3],
     };
     world.contacts = ContactSet {
         contacts: vec![contact],

@@ -240,6 +240,7 @@ impl RunFolder {
                 normal: normal[k],
                 gap: gap[k],
                 lead: Vec3::ZERO,
+                image: [0; 3],
             });
             set.impulse.push(force[k] * self.step);
             set.friction.push(friction[k]);

@@ -70,7 +70,8 @@ pub fn meshes_that_meet(world: &World) -> Option<[usize; 2]> {
         for &(b, place_b, radius_b) in &balls[k + 1..] {
             let both_driven = world.is_prescribed(a) && world.is_prescribed(b);
             let apart = joined.binary_search(&[a.min(b) as u32, a.max(b) as u32]).is_ok();
-            if !both_driven && !apart && (place_a - place_b).length() < radius_a + radius_b {
+            let way = world.cell().map_or(place_a - place_b, |cell| cell.nearest(place_a - place_b).1);
+            if !both_driven && !apart && way.length() < radius_a + radius_b {
                 return Some([a, b]);
             }
         }
@@ -169,7 +170,7 @@ impl Collider {
         velocity: &[f64],
         step: f64,
     ) -> Vec<Contact> {
-        let [a, b] = pair.map(|body| self.placed(world, body as usize));
+        let ([a, b], image) = self.placed_pair(world, pair);
         let travel = |body: u32| {
             let v = &velocity[6 * body as usize..6 * body as usize + 6];
             let radius = self.form(world, body as usize).bounding_radius;
@@ -181,7 +182,7 @@ impl Collider {
         let ahead = 2.0 * (travel(pair[0]) + travel(pair[1])) + fall;
         let mut touches = Vec::new();
         body_contacts(a, b, ahead, &mut touches);
-        touches.iter().map(|touch| contact(pair, touch)).collect()
+        touches.iter().map(|touch| Contact { image, ..contact(pair, touch) }).collect()
     }
 
     /// Whether two bodies of the world that move with these velocities (u, w), as a step moves them, nowhere overlap by more than `allowed` and what they
@@ -191,12 +192,15 @@ impl Collider {
         &self,
         world: &World,
         pair: [u32; 2],
-        velocities: [[Vec3; 2]; 2],
+        mut velocities: [[Vec3; 2]; 2],
         step: f64,
         allowed: f64,
         fall: f64,
     ) -> bool {
-        let [a, b] = pair.map(|body| self.placed(world, body as usize));
+        let ([a, b], image) = self.placed_pair(world, pair);
+        if let Some(cell) = world.cell().filter(|_| image != [0; 3]) {
+            velocities[1][0] += cell.image_velocity(image);
+        }
         let turn = |k: usize, form: &Collidable| {
             let spin = velocities[k][1].length();
             if spin == 0.0 || form.ball.is_some() { 0.0 } else { spin * form.bounding_radius }
@@ -282,18 +286,36 @@ impl Collider {
         }
     }
 
+    /// Both bodies of a pair, the second as its image beside the first, and by how many edges of a periodic cell that is away from it.
+    fn placed_pair(&self, world: &World, pair: [u32; 2]) -> ([Placed<'_>; 2], [i32; 3]) {
+        let [a, mut b] = pair.map(|body| self.placed(world, body as usize));
+        let image = world.image_beside(pair);
+        if let Some(cell) = world.cell().filter(|_| image != [0; 3]) {
+            b.position += cell.shift(image);
+        }
+        ([a, b], image)
+    }
+
     /// Bounds of how far the surfaces of bodies travel; of bodies without bounds only their centre.
     fn travel(&self, world: &World, step: f64) -> Vec<Travel> {
         let bodies = &world.bodies;
         let moving = (0..bodies.len()).filter(|&body| !world.is_prescribed(body));
         let count = moving.clone().count().max(1) as f64;
-        let mean: Vec3 = moving.map(|body| bodies.velocity[body]).sum::<Vec3>() / count;
+        let mean: Vec3 = moving.map(|body| world.fluctuation(body)).sum::<Vec3>() / count;
+        // What the deformation of a periodic cell makes of the distance of two centres, at most twice the radii.
+        let strain =
+            world.cell().map_or(0.0, |cell| 2.0 * cell.rate.iter().map(|rate| rate.abs()).sum::<f64>());
         let of = |body: usize| {
             let radius = self.form(world, body).bounding_radius;
-            let spin = if radius.is_finite() { bodies.angular_velocity[body].length() * radius } else { 0.0 };
+            let spin = if radius.is_finite() {
+                (bodies.angular_velocity[body].length() + strain) * radius
+            } else {
+                0.0
+            };
+            let velocity = world.fluctuation(body);
             Travel {
-                own: step * (bodies.velocity[body].length() + spin),
-                relative: step * ((bodies.velocity[body] - mean).length() + spin),
+                own: step * (velocity.length() + spin),
+                relative: step * ((velocity - mean).length() + spin),
             }
         };
         (0..bodies.len()).map(of).collect()
@@ -328,16 +350,35 @@ impl Collider {
                 unbounded.push(self.unbounded(world, body));
             }
         }
+        // Slightly larger than needed, so that rounding in the cell coordinates cannot lose a pair.
+        let fall = world.largest_acceleration() * step * step;
+        let ahead = (2.0 * farthest).max(fastest.min(largest)) + envelope.max(fall);
+        let size = (2.0 * largest + ahead) * (1.0 + 1e-9);
+        if let Some(cell) = world.cell() {
+            let own = balls.len();
+            for k in 0..own {
+                let (body, centre, radius) = balls[k];
+                balls.extend(cell.images(centre, size).map(|(_, image)| (body, image, radius)));
+            }
+        }
         let wider = |body: &u32| {
             let bounds = self.bounds(world, *body as usize);
             let by = travel[*body as usize].relative;
             Aabb::new(bounds.mins - by, bounds.maxs + by)
         };
-        let bounds: Vec<Aabb> = large.iter().map(wider).collect();
-        // Slightly larger than needed, so that rounding in the cell coordinates cannot lose a pair.
-        let fall = world.largest_acceleration() * step * step;
-        let ahead = (2.0 * farthest).max(fastest.min(largest)) + envelope.max(fall);
-        let size = (2.0 * largest + ahead) * (1.0 + 1e-9);
+        let mut bounds: Vec<Aabb> = large.iter().map(wider).collect();
+        if let Some(cell) = world.cell() {
+            let own = large.len();
+            for k in 0..own {
+                let bounds_of = bounds[k];
+                let (centre, reach) = (bounds_of.center(), bounds_of.half_extents().length());
+                for (_, image) in cell.images(centre, reach + size) {
+                    let way = image - centre;
+                    large.push(large[k]);
+                    bounds.push(Aabb::new(bounds_of.mins + way, bounds_of.maxs + way));
+                }
+            }
+        }
         Sorted {
             travel,
             grid: Grid::new(&balls, if size > 0.0 { size } else { 1.0 }),
@@ -412,6 +453,9 @@ impl Collider {
                 }
             });
             balls.sort_unstable();
+            if world.cell().is_some() {
+                balls.dedup();
+            }
         }
         if radius.is_finite() {
             let around = if similar {
@@ -438,12 +482,16 @@ impl Collider {
             others.extend(later.map(|other| other.body));
         }
         others.sort_unstable();
+        if world.cell().is_some() {
+            others.dedup();
+        }
         for &other in balls.iter().chain(others.iter()) {
             if prescribed && world.is_prescribed(other as usize) {
                 continue;
             }
             touches.clear();
-            let them = self.placed(world, other as usize);
+            let pair = [body as u32, other];
+            let ([_, them], image) = self.placed_pair(world, pair);
             let ahead = margin + sorted.approach(body, other as usize);
             match (me.form.ball, them.form.ball) {
                 (Some(r_a), Some(r_b)) => {
@@ -451,13 +499,14 @@ impl Collider {
                 }
                 _ => body_contacts(me, them, ahead, touches),
             }
-            let pair = [body as u32, other];
+            let first = contacts.len();
             if self.relative_travel(world, pair, look.step) > FAST * me.form.size.min(them.form.size) {
                 self.arrivals(world, pair, sorted.largest, look, touches, contacts);
-                continue;
+            } else {
+                let closes = |touch: &&Touch| look.closes(world, pair, sorted.largest, touch);
+                contacts.extend(touches.iter().filter(closes).map(|touch| contact(pair, touch)));
             }
-            let closes = |touch: &&Touch| look.closes(world, pair, sorted.largest, touch);
-            contacts.extend(touches.iter().filter(closes).map(|touch| contact(pair, touch)));
+            contacts[first..].iter_mut().for_each(|contact| contact.image = image);
         }
     }
 
@@ -466,7 +515,8 @@ impl Collider {
         let [a, b] = pair.map(|body| body as usize);
         let spin =
             |body: usize| self.spin_travel(world, body, world.bodies.angular_velocity[body].length(), step);
-        step * (world.bodies.velocity[a] - world.bodies.velocity[b]).length() + spin(a) + spin(b)
+        let [[u_a, _], [u_b, _]] = world.pair_velocities(pair);
+        step * (u_a - u_b).length() + spin(a) + spin(b)
     }
 
     /// Contacts of two bodies that move past each other by about their size or more within the step: where they meet, if they do,
@@ -481,11 +531,8 @@ impl Collider {
         touches: &[Touch],
         contacts: &mut Vec<Contact>,
     ) {
-        let [a, b] = pair.map(|body| self.placed(world, body as usize));
-        let [v_a, v_b] = pair.map(|body| {
-            let body = body as usize;
-            [world.bodies.velocity[body], world.bodies.angular_velocity[body]]
-        });
+        let ([a, b], _) = self.placed_pair(world, pair);
+        let [v_a, v_b] = world.pair_velocities(pair);
         let first = contacts.len();
         if let Some(impact) =
             time_of_impact(a, b, v_a, v_b, look.step, look.envelope).filter(|i| i.time > 0.0)
@@ -561,10 +608,10 @@ impl Look {
 
 /// Velocities of the bodies A and B at a touch along its normal, m/s.
 fn surface_speeds(world: &World, pair: [u32; 2], touch: &Touch) -> [f64; 2] {
-    pair.map(|body| {
-        let body = body as usize;
-        let arm = touch.point - world.bodies.position[body];
-        touch.normal.dot(world.bodies.velocity[body] + world.bodies.angular_velocity[body].cross(arm))
+    let [a, b] = world.pair_velocities(pair);
+    [(pair[0], a), (pair[1], b)].map(|(body, [velocity, spin])| {
+        let arm = world.way_to(body as usize, touch.point);
+        touch.normal.dot(velocity + spin.cross(arm))
     })
 }
 
@@ -577,6 +624,7 @@ fn contact([body_a, body_b]: [u32; 2], touch: &Touch) -> Contact {
         normal: touch.normal,
         gap: touch.gap,
         lead: Vec3::ZERO,
+        image: [0; 3],
     }
 }
 

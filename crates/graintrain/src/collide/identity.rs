@@ -96,6 +96,7 @@ mod tests {
             normal: Vec3::Z,
             gap: 0.0,
             lead: Vec3::ZERO,
+            image: [0; 3],
         };
         let set = ContactSet {
             contacts: vec![contact(2, 1, 0), contact(0, 1, 5), contact(0, 1, 6)],

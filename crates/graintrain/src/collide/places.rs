@@ -35,6 +35,10 @@ impl<'a> Places<'a> {
         collider.update_forms(world);
         let collider = &*collider;
         let meets = |&body: &usize| {
+            // Images may be near that are not looked for here.
+            if world.cell().is_some() {
+                return true;
+            }
             let form = collider.placed(world, body).form;
             let centre = world.bodies.position[body];
             if let Some(radius) = form.ball {
@@ -63,12 +67,17 @@ impl<'a> Places<'a> {
         let me = Placed { form: &newcomer.0, position, orientation };
         let reach = me.form.bounding_radius + clearance;
         let apart = |centre: Vec3, radius: f64| {
-            (centre - position).length_squared() > (reach + radius) * (reach + radius)
+            let way = centre - position;
+            let way = world.cell().map_or(way, |cell| cell.nearest(way).1);
+            way.length_squared() > (reach + radius) * (reach + radius)
         };
         let mut touches = Vec::new();
         others.iter().all(|&(centre, radius)| apart(centre, radius))
             && self.near.iter().all(|&body| {
-                let them = self.collider.placed(world, body);
+                let mut them = self.collider.placed(world, body);
+                if let Some(cell) = world.cell().filter(|_| !world.is_unbounded(body)) {
+                    them.position = position + cell.nearest(them.position - position).1;
+                }
                 if apart(them.position, them.form.bounding_radius) {
                     return true;
                 }

@@ -1,5 +1,6 @@
 //! Energies, and what changes them in a step.
 
+use crate::cell::{self, Cell};
 use crate::contact::ContactSet;
 use crate::load;
 use crate::math::Vec3;
@@ -9,7 +10,7 @@ use serde::{Deserialize, Serialize};
 /// Energies of the bodies that can move, J.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Energies {
-    /// 1/2 m |u|^2
+    /// 1/2 m |u|^2, u relative to the deformation of a periodic cell
     pub translational: f64,
     /// 1/2 w . I w
     pub rotational: f64,
@@ -23,7 +24,7 @@ pub fn energies(world: &World, selected: &[bool]) -> Energies {
     let mut sum = Energies::default();
     for b in (0..bodies.len()).filter(|&b| selected[b]) {
         let w = bodies.orientation[b].inverse() * bodies.angular_velocity[b];
-        sum.translational += 0.5 * bodies.mass[b] * bodies.velocity[b].length_squared();
+        sum.translational += 0.5 * bodies.mass[b] * world.fluctuation(b).length_squared();
         sum.rotational += 0.5 * w.dot(bodies.inertia[b] * w);
         sum.potential -= bodies.mass[b] * world.gravity.dot(bodies.position[b]);
     }
@@ -78,12 +79,13 @@ impl Ledger {
     }
 }
 
-/// The ledger of a step of this length with the contacts and impulses of `set`, the impulses of joints on bodies (and their moments about the centres), the centres `position` at its start (m), the velocities
+/// The ledger of a step of this length with the contacts and impulses of `set`, the impulses of joints on bodies (and their moments about the centres), the centres `position` and
+/// the periodic cell at its start (m; with the rates after it, whose work counts as that of drives), the velocities
 /// before and after it (six numbers per body; after it with the mean prescribed ones), and the change of kinetic energy.
 pub(crate) fn ledger(
     world: &World,
     (set, joints): (&ContactSet, &[(usize, [Vec3; 2])]),
-    position: &[Vec3],
+    (position, cell): (&[Vec3], Option<&Cell>),
     [before, after]: [&[f64]; 2],
     step: f64,
     change: f64,
@@ -109,7 +111,9 @@ pub(crate) fn ledger(
     for (i, (contact, &impulse)) in set.contacts.iter().zip(&set.impulse).enumerate() {
         let moment = set.moment.get(i).copied().unwrap_or_default();
         let (mut relative, mut turning) = (Vec3::ZERO, Vec3::ZERO);
-        for (body, point, impulse) in super::contacts::ends(contact, impulse) {
+        let jump = cell::image_velocity(cell, contact);
+        let sides = cell::ends(cell, contact).into_iter().zip([impulse, -impulse]);
+        for ((body, point), impulse) in sides {
             let arm = point - position[body];
             let (u, w) = (Vec3::from_slice(&mean[body][..3]), Vec3::from_slice(&mean[body][3..]));
             let sign = if body == contact.body_a as usize { 1.0 } else { -1.0 };
@@ -122,6 +126,10 @@ pub(crate) fn ledger(
                     ledger.drives -= g * mean[body][k];
                 }
             }
+        }
+        if contact.image != [0; 3] {
+            relative -= jump;
+            ledger.drives += impulse.dot(jump);
         }
         let normal = contact.normal.dot(impulse) * contact.normal.dot(relative);
         ledger.normal -= normal;

@@ -49,7 +49,10 @@ impl Plane {
     pub fn passed(&self, world: &World, before: &[Vec3], selected: &[bool]) -> Passed {
         let mut passed = Passed::default();
         for (body, (&from, &to)) in before.iter().zip(&world.bodies.position).enumerate() {
-            if let Some(sign) = self.crossing(from, to).filter(|_| selected[body]) {
+            if !selected[body] {
+                continue;
+            }
+            for sign in ways(world, from, to).into_iter().filter_map(|[from, to]| self.crossing(from, to)) {
                 passed.mass += sign * world.bodies.mass[body];
                 passed.bodies += sign as i64;
             }
@@ -80,11 +83,24 @@ impl Plane {
                 return None;
             }
             let (a, b) = (end(c.body_a, c.point), end(c.body_b, c.point));
+            let ways = if c.image == [0; 3] { vec![[b, a]] } else { ways(world, b, a) };
             // From B below to A above: the force on A is what goes up.
-            self.crossing(b, a).map(|sign| sign / step * *impulse)
+            Some(
+                ways.into_iter()
+                    .filter_map(|[b, a]| self.crossing(b, a))
+                    .map(|sign| sign / step * *impulse)
+                    .sum::<Vec3>(),
+            )
         });
         through.sum()
     }
+}
+
+/// The way between two places: in a periodic cell the short one, seen from either end where it leads across the boundary.
+fn ways(world: &World, from: Vec3, to: Vec3) -> Vec<[Vec3; 2]> {
+    let Some(cell) = world.cell() else { return vec![[from, to]] };
+    let (n, way) = cell.nearest(to - from);
+    if n == [0; 3] { vec![[from, to]] } else { vec![[from, from + way], [to - way, to]] }
 }
 
 /// Force (N) and torque about `point` (N m) by contacts with others on some bodies together; with a region only by contacts in it.

@@ -1,6 +1,6 @@
 //! Fields in bins along an axis or a radius.
 
-use super::space::{ball_below, ball_in_pipe, bounding_box, bounds, cross_section, disc_in_region};
+use super::space::{ball_below, ball_in_pipe, bounds, cross_section, disc_in_region, own_space};
 use crate::load::Region;
 use crate::math::Vec3;
 use crate::shape::Shape;
@@ -50,36 +50,38 @@ pub struct Bin {
 }
 
 /// The fields of the bodies that are meant. A ball counts in every bin by the volume that it has there, any other body by its centre of mass. The volume of a bin is what
-/// it has in common with the region; without one, with the box around the bodies that are meant.
+/// it has in common with the region; without one, with the box around the bodies that are meant, which ends at the faces of a periodic cell.
 ///
 /// Bins along x or y in a cylinder have no volume of their own: densities are then NaN.
 pub fn profile(world: &World, selected: &[bool], bins: &Bins, region: Option<&Region>) -> Vec<Bin> {
-    let around = bounding_box(world, selected);
+    let around = own_space(world, selected);
     let space = region.or(around.as_ref());
     let width = (bins.to - bins.from) / bins.count as f64;
     let edge = |k: usize| bins.from + k as f64 * width;
     let mut found: Vec<Bin> =
         (0..bins.count).map(|k| Bin { middle: edge(k) + 0.5 * width, ..Bin::default() }).collect();
-    let mut shares: Vec<(usize, usize, f64)> = Vec::new();
-    for body in (0..world.bodies.len()).filter(|&body| selected[body]) {
+    // Bin, body, share of it, and what its image is faster by.
+    let mut shares: Vec<(usize, usize, f64, Vec3)> = Vec::new();
+    let meant = (0..world.bodies.len()).filter(|&body| selected[body]);
+    for (body, centre, faster) in meant.flat_map(|body| places(world, body, bins.along)) {
         // The bins that the body can reach.
-        let place = coordinate(bins.along, world.bodies.position[body]);
+        let place = coordinate(bins.along, centre);
         let reach = ball(world, body).unwrap_or(0.0);
         let bin_at = |x: f64| ((x - bins.from) / width).floor().clamp(-1.0, bins.count as f64) as i64;
         for k in bin_at(place - reach).max(0)..=bin_at(place + reach).min(bins.count as i64 - 1) {
             let k = k as usize;
-            let share = share(world, body, bins.along, edge(k), edge(k + 1));
+            let share = share(world, body, centre, bins.along, [edge(k), edge(k + 1)]);
             if share > 0.0 {
-                shares.push((k, body, share));
+                shares.push((k, body, share, faster));
             }
         }
     }
     let mut mass = vec![0.0; bins.count];
-    for &(k, body, share) in &shares {
+    for &(k, body, share, faster) in &shares {
         let m = share * world.bodies.mass[body];
         mass[k] += m;
         found[k].bodies += share;
-        found[k].velocity += m * world.bodies.velocity[body];
+        found[k].velocity += m * (world.bodies.velocity[body] + faster);
         found[k].spin += m * world.bodies.angular_velocity[body];
         found[k].solid += share * world.geometries[world.bodies.geometry[body].index()].volume;
     }
@@ -87,8 +89,8 @@ pub fn profile(world: &World, selected: &[bool], bins: &Bins, region: Option<&Re
         bin.velocity /= *m;
         bin.spin /= *m;
     }
-    for &(k, body, share) in &shares {
-        let deviation = (world.bodies.velocity[body] - found[k].velocity).length_squared();
+    for &(k, body, share, faster) in &shares {
+        let deviation = (world.bodies.velocity[body] + faster - found[k].velocity).length_squared();
         found[k].temperature += share * world.bodies.mass[body] / mass[k] * deviation / 3.0;
     }
     for (k, bin) in found.iter_mut().enumerate() {
@@ -117,9 +119,27 @@ fn ball(world: &World, body: usize) -> Option<f64> {
     }
 }
 
+/// Where a body is seen, and what it is faster by there: itself, and the images of a ball that reaches through a face of a periodic cell.
+fn places(world: &World, body: usize, along: Along) -> Vec<(usize, Vec3, Vec3)> {
+    let centre = world.bodies.position[body];
+    let mut found = vec![(body, centre, Vec3::ZERO)];
+    if let (Some(cell), Some(radius), Along::Axis(axis)) = (world.cell(), ball(world, body), along) {
+        for sign in [-1, 1].into_iter().filter(|_| cell.periodic[axis]) {
+            let mut n = [0; 3];
+            n[axis] = sign;
+            let image = centre + cell.shift(n);
+            let (low, high) = (cell.lower[axis] - radius, cell.lower[axis] + cell.size[axis] + radius);
+            if (low..high).contains(&image[axis]) {
+                found.push((body, image, cell.image_velocity(n)));
+            }
+        }
+    }
+    found
+}
+
 /// Share of a body's volume between two edges.
-fn share(world: &World, body: usize, along: Along, low: f64, high: f64) -> f64 {
-    let place = coordinate(along, world.bodies.position[body]);
+fn share(world: &World, body: usize, centre: Vec3, along: Along, [low, high]: [f64; 2]) -> f64 {
+    let place = coordinate(along, centre);
     let Some(radius) = ball(world, body) else { return f64::from(u8::from((low..high).contains(&place))) };
     let whole = 4.0 / 3.0 * PI * radius.powi(3);
     let between = match along {

@@ -47,6 +47,7 @@ pub(crate) fn chain(balls: usize, force: f64) -> (World, f64) {
             normal: Vec3::X,
             gap: 0.0,
             lead: Vec3::ZERO,
+            image: [0; 3],
         };
         world.contacts.contacts.push(contact);
         world.contacts.impulse.push(force * step * Vec3::X);

@@ -72,6 +72,18 @@ pub fn bounding_box(world: &World, selected: &[bool]) -> Option<Region> {
     (min.is_finite() && max.is_finite()).then_some(Region::Box { min, max })
 }
 
+/// The space that the bodies that are meant have to themselves: the box along the axes around them, from face to face along the axes along which
+/// a periodic cell repeats.
+pub fn own_space(world: &World, selected: &[bool]) -> Option<Region> {
+    let mut around = bounding_box(world, selected)?;
+    if let (Some(cell), Region::Box { min, max }) = (world.cell(), &mut around) {
+        for axis in (0..3).filter(|&axis| cell.periodic[axis]) {
+            (min[axis], max[axis]) = (cell.lower[axis], cell.lower[axis] + cell.size[axis]);
+        }
+    }
+    Some(around)
+}
+
 /// Volume of a region, m^3.
 pub fn volume(region: &Region) -> f64 {
     match *region {
@@ -200,12 +212,23 @@ fn inner_points(geometry: &Geometry) -> Vec<Vec3> {
 
 /// Volume that the bodies which can move have in common with a region, m^3: of balls see [`ball_in_region`]; other bodies that the
 /// region cuts count by the share of the points of a grid that are inside, to about 1 % of the body, and solid meshes in whole where
-/// their centre is inside.
+/// their centre is inside. In a periodic cell images that reach into the region count, too.
 pub fn solid_volume(world: &World, region: &Region) -> f64 {
     let mut grids: HashMap<usize, Vec<Vec3>> = HashMap::new();
     let mut sum = 0.0;
-    for body in (0..world.bodies.len()).filter(|&body| !world.is_prescribed(body)) {
-        let (position, orientation) = (world.bodies.position[body], world.bodies.orientation[body]);
+    let movable = || (0..world.bodies.len()).filter(|&body| !world.is_prescribed(body));
+    let own_volume = |body: usize| world.geometries[world.bodies.geometry[body].index()].volume;
+    if world.cell().is_some_and(|cell| cell.periodic == [true; 3] && cell.region() == *region) {
+        return movable().map(own_volume).sum();
+    }
+    let places = movable().flat_map(|body| {
+        let position = world.bodies.position[body];
+        let reach = world.geometries[world.bodies.geometry[body].index()].bounding_radius();
+        let images = world.cell().into_iter().flat_map(move |cell| cell.images(position, reach));
+        std::iter::once((body, position)).chain(images.map(move |(_, image)| (body, image)))
+    });
+    for (body, position) in places {
+        let orientation = world.bodies.orientation[body];
         let index = world.bodies.geometry[body].index();
         let geometry = &world.geometries[index];
         if let [part] = geometry.parts.as_slice()

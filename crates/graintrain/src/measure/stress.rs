@@ -22,22 +22,22 @@ pub struct Stress {
 /// ```
 ///
 /// (Love and Weber; between two bodies that are both meant the two terms of a contact add up to branch times force). Compression is positive. The contact
-/// part is symmetric where bodies do not turn faster and faster.
+/// part is symmetric where bodies do not turn faster and faster. In a periodic cell velocities are relative to its deformation.
 pub fn stress(world: &World, step: f64, selected: &[bool], volume: f64) -> Stress {
     let mut contact = Mat3::ZERO;
     for (c, impulse) in world.contacts.contacts.iter().zip(&world.contacts.impulse) {
         for (body, on, force) in ends(c, *impulse / step) {
             if selected[body] {
-                contact += outer(world.bodies.position[body] - on, force);
+                contact += outer(-world.way_to(body, on), force);
             }
         }
     }
     let bodies = || (0..world.bodies.len()).filter(|&body| selected[body]);
     let mass: f64 = bodies().map(|b| world.bodies.mass[b]).sum();
-    let momentum: Vec3 = bodies().map(|b| world.bodies.mass[b] * world.bodies.velocity[b]).sum();
+    let momentum: Vec3 = bodies().map(|b| world.bodies.mass[b] * world.fluctuation(b)).sum();
     let mean = if mass > 0.0 { momentum / mass } else { Vec3::ZERO };
     let kinetic = bodies().fold(Mat3::ZERO, |sum, b| {
-        let c = world.bodies.velocity[b] - mean;
+        let c = world.fluctuation(b) - mean;
         sum + world.bodies.mass[b] * outer(c, c)
     });
     Stress { contact: contact * (1.0 / volume), kinetic: kinetic * (1.0 / volume) }

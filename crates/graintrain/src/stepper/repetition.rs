@@ -11,6 +11,7 @@
 
 use super::{Attempt, Placement, Stepper};
 use crate::assemble::{contact_rows, relative_velocities};
+use crate::cell;
 use crate::contact::Contact;
 use crate::math::{Vec3, mix};
 use crate::world::World;
@@ -76,7 +77,7 @@ impl Stepper {
             return Vec::new();
         }
         let rows = contact_rows(world, contacts);
-        let u = relative_velocities(contacts, &rows, &attempt.velocity);
+        let u = relative_velocities(attempt.cell.as_ref(), contacts, &rows, &attempt.velocity);
         let closes = |i: &u32| {
             let contact = &contacts[*i as usize];
             let end = contact.gap.max(0.0) + self.settings.step * u[3 * *i as usize];
@@ -119,7 +120,7 @@ impl Stepper {
         before.exchange(world);
         let known: HashSet<u64> = contacts.iter().map(|c| c.identity).collect();
         let rows = contact_rows(world, &ahead);
-        let u = relative_velocities(&ahead, &rows, &attempt.velocity);
+        let u = relative_velocities(attempt.cell.as_ref(), &ahead, &rows, &attempt.velocity);
         let meets = |(c, u): (Contact, &[f64])| {
             let size = self.collider.contact_size(world, &c);
             (!known.contains(&c.identity) && c.gap.max(0.0) + step * u[0] < -MISSED * size).then_some(c)
@@ -166,8 +167,11 @@ impl Stepper {
         // The nearest that any of the planes of a contact lets the bodies come, and which.
         let mut foreseen: HashMap<u64, (f64, Contact)> = HashMap::new();
         for contact in contacts.iter().filter(|c| wanted.contains(&bends.of(c))) {
-            let [on_a, on_b] = contact.surface_points();
-            let closing = speed(contact.body_a, on_a) - speed(contact.body_b, on_b);
+            let [(_, on_a), (_, on_b)] = cell::ends(start.cell.as_ref(), contact);
+            let mut closing = speed(contact.body_a, on_a) - speed(contact.body_b, on_b);
+            if contact.image != [0; 3] {
+                closing -= cell::image_velocity(attempt.cell.as_ref(), contact);
+            }
             let end = contact.gap + step * contact.normal.dot(closing);
             let known = foreseen.entry(bends.of(contact)).or_insert((end, *contact));
             if end < known.0 {
@@ -183,11 +187,11 @@ impl Stepper {
                 let thickness: f64 = thickness.into_iter().sum();
                 let normal = if end.body_a == contact.body_a { contact.normal } else { -contact.normal };
                 if end.normal.dot(normal) > 0.0 {
-                    carried_back(end, world, start, &attempt.velocity, step)
+                    carried_back(end, world, start, attempt, step)
                 } else if thickness.is_finite() {
                     // They have passed each other by more than half: the way back is the rest of both.
                     let back = Contact { normal: -end.normal, gap: -thickness - end.gap, ..*end };
-                    carried_back(&back, world, start, &attempt.velocity, step)
+                    carried_back(&back, world, start, attempt, step)
                 } else {
                     Contact { gap: contact.gap - error, identity: end.identity, ..*contact }
                 }
@@ -293,7 +297,10 @@ impl Stepper {
                     let [u, w] = without[usize::from(body == bodies[1])];
                     u + w.cross(Vec3::from_array(arm))
                 };
-                let relative = speed(own.body_a, row.arm_a) - speed(own.body_b, row.arm_b);
+                let mut relative = speed(own.body_a, row.arm_a) - speed(own.body_b, row.arm_b);
+                if own.image != [0; 3] {
+                    relative -= cell::image_velocity(attempt.cell.as_ref(), own);
+                }
                 own.gap.max(0.0) + step * Vec3::from_array(row.frame[0]).dot(relative)
             };
             let barred: Vec<usize> =
@@ -313,7 +320,7 @@ impl Stepper {
 /// and with the velocities (u, w) of the attempt
 ///
 /// ```text
-/// Phi' = Phi_end - dt n . (u_A + w_A x r_A - u_B - w_B x r_B)
+/// Phi' = Phi_end - dt n . (u_A + w_A x r_A - u_B - w_B x r_B)      (B: the image that touches, in a periodic cell)
 /// ```
 ///
 /// so that Phi' + dt u_n+ is the gap at the end to first order in the change of velocity: Newton's method on the gap of the end.
@@ -321,18 +328,25 @@ pub(super) fn carried_back(
     end: &Contact,
     world: &World,
     start: &Placement,
-    velocity: &[f64],
+    attempt: &Attempt,
     step: f64,
 ) -> Contact {
     let half = 0.5 * end.gap * end.normal;
     let side = |body: u32, at_end: Vec3| {
         let body = body as usize;
-        let arm = at_end - world.bodies.position[body];
-        let v = &velocity[6 * body..6 * body + 6];
+        let arm = world.way_to(body, at_end);
+        let v = &attempt.velocity[6 * body..6 * body + 6];
         (start.position[body] + arm, Vec3::from_slice(&v[..3]) + Vec3::from_slice(&v[3..]).cross(arm))
     };
     let (on_a, speed_a) = side(end.body_a, end.point + half);
-    let (on_b, speed_b) = side(end.body_b, end.point - half);
+    let (mut on_b, mut speed_b) = side(end.body_b, end.point - half);
+    let mut image = [0; 3];
+    if let Some(cell) = &attempt.cell {
+        // At the start, since when bodies may have left the cell on one side and come in on the other.
+        image = cell.nearest(on_a - on_b).0;
+        on_b += cell.shift(image);
+        speed_b += cell.image_velocity(image);
+    }
     let gap = end.gap - step * end.normal.dot(speed_a - speed_b);
-    Contact { point: 0.5 * (on_a + on_b), lead: 0.5 * (on_a - on_b), gap, ..*end }
+    Contact { point: 0.5 * (on_a + on_b), lead: 0.5 * (on_a - on_b), gap, image, ..*end }
 }

@@ -43,12 +43,18 @@ impl Builder {
             let (from, to, count) = (profile.from, profile.to, profile.bins as usize);
             Ok(Quantity::Profile(Bins { along, from, to, count }))
         };
+        if spec.cell && scene.periodic.is_none() {
+            let problem =
+                format!("`measure.{name}` asks for the periodic cell, but there is none: add `[periodic]`");
+            return Err(SceneError::at(SceneErrorKind::Contradiction(problem), &spec.location));
+        }
         let flags = [
             (spec.stress, Quantity::Stress),
             (spec.coordination, Quantity::Coordination(spec.rattlers_below as usize)),
             (spec.fabric, Quantity::Fabric),
             (spec.porosity, Quantity::Porosity),
             (spec.forces, Quantity::Forces),
+            (spec.cell, Quantity::Cell),
             (spec.energy, Quantity::Energy),
             (spec.motion, Quantity::Motion),
             (spec.exchange, Quantity::Exchange),

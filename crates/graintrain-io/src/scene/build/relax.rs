@@ -1,5 +1,6 @@
 //! Bodies that overlap are moved apart before a run.
 
+use graintrain::cell::{Cell, Drive};
 use graintrain::collide::deepest_overlap;
 use graintrain::math::Vec3;
 use graintrain::motion::Motion;
@@ -22,6 +23,10 @@ pub(super) fn relax(world: &mut World, envelope: f64, allowed: f64) {
     still.clear_forces();
     // An empty list fits every world.
     let _ = still.set_loads(Vec::new());
+    if let Some(cell) = still.cell().cloned() {
+        // One that is held takes the bodies that it had.
+        let _ = still.set_cell(Some(Cell { drive: [Drive::HELD; 6], ..cell }));
+    }
     still.motions.iter_mut().for_each(|motion| *motion = Motion::fixed().with_free(motion.free));
     let Ok(mut stepper) = Stepper::new(StepSettings { envelope, ..StepSettings::default() }) else { return };
     for _ in 0..STEPS {

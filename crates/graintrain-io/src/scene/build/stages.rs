@@ -1,5 +1,6 @@
 //! Stages of a scene with the bodies, materials and loads that they change.
 
+use super::periodic::cell_drive;
 use super::{Builder, Scene, SceneError, SceneErrorKind, function, materials, model_error, motion_of};
 use crate::growth::Growth;
 use crate::measure::{Measure, Quantity};
@@ -76,6 +77,7 @@ impl Builder {
                 gravity,
                 materials: if spec.materials.is_empty() { None } else { Some(materials(scene, &list)?.0) },
                 motions,
+                cell: spec.periodic.as_ref().map(cell_drive).transpose()?,
                 loads,
             });
         }

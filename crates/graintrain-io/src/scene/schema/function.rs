@@ -85,6 +85,7 @@ function_of_time!(
     "\"2 m/s^2\""
 );
 function_of_time!(PRESSURE, PRESSURE_SINUSOID, PRESSURE_TABLE, "pressure", D::PRESSURE, "\"10 kPa\"");
+function_of_time!(RATE, RATE_SINUSOID, RATE_TABLE, "rate", D::RATE, "\"0.1/s\"");
 
 function_of_time!(LENGTH, LENGTH_SINUSOID, LENGTH_TABLE, "length", D::LENGTH, "\"20 cm\"");
 function_of_time!(ANGLE, ANGLE_SINUSOID, ANGLE_TABLE, "angle", D::ANGLE, "\"15 deg\"");

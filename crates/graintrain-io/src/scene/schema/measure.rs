@@ -63,6 +63,7 @@ pub(super) static MEASURE: Table = Table {
         key("fabric", Flag, "false", "true", "Fabric tensor of the contacts with force, and its anisotropy"),
         key("porosity", Flag, "false", "true", "Porosity and solid fraction"),
         key("forces", Flag, "false", "true", "Mean, scatter and largest of normal forces"),
+        key("cell", Flag, "false", "true", "Edges, offsets, strain and rate of the periodic cell"),
         key(
             "energy",
             Flag,

@@ -7,6 +7,7 @@ mod joint;
 mod load;
 mod measure;
 mod packing;
+mod periodic;
 mod stage;
 mod stream;
 
@@ -17,6 +18,7 @@ use joint::JOINT;
 use load::LOAD;
 use measure::MEASURE;
 use packing::PACKING;
+use periodic::PERIODIC;
 use stage::STAGE;
 use stream::{OUTLET, STREAM};
 
@@ -197,6 +199,13 @@ pub static SCENE: Table = Table {
             "its keys' defaults",
             "{ envelope = \"1 mm\" }",
             "Contact detection, overlap",
+        ),
+        key(
+            "periodic",
+            Kind::Table(&PERIODIC),
+            "space ends nowhere and repeats nowhere",
+            "{ min = [0, 0, 0], max = [1, 1, 1], rate = { xy = \"0.1/s\" } }",
+            "A cell that repeats along some axes, held, deformed or under a stress",
         ),
         key("solver", Kind::Table(&SOLVER), "its keys' defaults", "{ tolerance = 1e-5 }", "Contact solver"),
         key("output", Kind::Table(&OUTPUT), "its keys' defaults", "{ every = \"0.1 s\" }", "What is written"),

@@ -4,6 +4,7 @@ use super::Kind::{self, Flag, Functions, Named, Quantity, Text, TextOr, Texts};
 use super::body::MOTION;
 use super::function::ACCELERATION;
 use super::load::REGION;
+use super::periodic::STAGE_PERIODIC;
 use super::{D, Table, key};
 
 pub(super) static STAGE: Table = Table {
@@ -80,6 +81,13 @@ pub(super) static STAGE: Table = Table {
             "unchanged",
             "{ lower = { motion = \"fixed\" } }",
             "Motions of bodies from this stage on",
+        ),
+        key(
+            "periodic",
+            Kind::Table(&STAGE_PERIODIC),
+            "unchanged",
+            "{ pressure = \"10 kPa\", rate = { xy = \"0.1/s\" } }",
+            "What drives the periodic cell from this stage on; components that are not named are held. Times count from the beginning of the stage",
         ),
         key(
             "loads",

@@ -1,0 +1,91 @@
+//! Periodic cells as a scene asks for them.
+
+use super::error::{Location, SceneError, SceneErrorKind};
+use super::model::FunctionSpec;
+use super::reader::{Range, Reader};
+use graintrain::cell::NAMES;
+use graintrain::math::Vec3;
+use serde::Serialize;
+
+/// A cell that repeats.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct PeriodicSpec {
+    /// Lower corner, m.
+    pub min: Vec3,
+    /// Upper corner, m.
+    pub max: Vec3,
+    /// Names of the axes along which it repeats.
+    pub axes: Vec<String>,
+    /// What drives it.
+    #[serde(flatten)]
+    pub drive: DriveSpec,
+    /// Where it is written.
+    #[serde(skip)]
+    pub location: Location,
+}
+
+/// What drives a cell; components that are not named are held.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct DriveSpec {
+    /// Velocity gradient by components, 1/s.
+    #[serde(serialize_with = "super::in_order", skip_serializing_if = "Vec::is_empty")]
+    pub rate: Vec<(String, FunctionSpec)>,
+    /// Stress by components, Pa.
+    #[serde(serialize_with = "super::in_order", skip_serializing_if = "Vec::is_empty")]
+    pub stress: Vec<(String, FunctionSpec)>,
+    /// Largest rate of components whose stress is imposed, 1/s.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub fastest: Option<f64>,
+}
+
+impl PeriodicSpec {
+    /// The functions of time.
+    pub(super) fn functions(&mut self) -> impl Iterator<Item = &mut FunctionSpec> {
+        self.drive.functions()
+    }
+}
+
+impl DriveSpec {
+    /// The functions of time.
+    pub(super) fn functions(&mut self) -> impl Iterator<Item = &mut FunctionSpec> {
+        self.rate.iter_mut().chain(&mut self.stress).map(|(_, function)| function)
+    }
+}
+
+/// Reads the cell of a scene.
+pub(super) fn read(reader: &Reader) -> Result<PeriodicSpec, SceneError> {
+    let corner = |key: &str| reader.vector(key, Range::Any)?.ok_or_else(|| reader.missing(key));
+    let (min, max) = (corner("min")?, corner("max")?);
+    if !min.cmplt(max).all() {
+        return Err(reader.out_of_range("max", "above `min` along every axis", max));
+    }
+    let axes = reader.texts("axes")?.unwrap_or_else(|| ["x", "y", "z"].map(String::from).to_vec());
+    if let Some(unknown) = axes.iter().find(|axis| !["x", "y", "z"].contains(&axis.as_str())) {
+        return Err(reader.unknown_name("axes", "axis", unknown, ["x", "y", "z"].into_iter()));
+    }
+    if axes.is_empty() {
+        return Err(reader.out_of_range("axes", "at least one axis", "none"));
+    }
+    Ok(PeriodicSpec { min, max, axes, drive: drive(reader)?, location: reader.location().clone() })
+}
+
+/// Reads what drives a cell.
+pub(super) fn drive(reader: &Reader) -> Result<DriveSpec, SceneError> {
+    reader.at_most_one_of(&["pressure", "stress"])?;
+    let components = |key: &str| -> Result<Vec<(String, FunctionSpec)>, SceneError> {
+        let Some(inner) = reader.child(key)? else { return Ok(Vec::new()) };
+        let read = |name: &str| Ok(inner.function(name)?.map(|function| (name.to_string(), function)));
+        NAMES.into_iter().filter_map(|name| read(name).transpose()).collect()
+    };
+    let rate = components("rate")?;
+    let stress = match reader.function("pressure")? {
+        Some(pressure) => NAMES[..3].iter().map(|name| (name.to_string(), pressure.clone())).collect(),
+        None => components("stress")?,
+    };
+    if let Some((name, _)) = stress.iter().find(|(name, _)| rate.iter().any(|(other, _)| other == name)) {
+        let problem = format!("the component {name} of the cell has a rate and a stress: impose one of them");
+        return Err(SceneError::at(SceneErrorKind::Contradiction(problem), reader.location()));
+    }
+    let fastest = reader.quantity("fastest", Range::Positive)?;
+    Ok(DriveSpec { rate, stress, fastest })
+}

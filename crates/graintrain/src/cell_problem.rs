@@ -1,0 +1,219 @@
+//! The contact problem of a step in a periodic cell whose stress is imposed: its deformation is one more thing that impulses change.
+//!
+//! Contacts across the boundary have the relative velocity `D_i^T v - F_i L b_i` (F: rows n, t1, t2; b = H n the way to the image of body B). With the
+//! components of L that are free and their inertias W,
+//!
+//! ```text
+//! N = D^T M^-1 D + sum over components c of   beta_c beta_c^T / W_c,     beta_c,i = -F_i e_row(c) (b_i)_column(c)
+//! ```
+//!
+//! which couples every contact across the boundary with every other one: N is given to solvers as a matrix. Its size grows with the square of the number of
+//! such contacts, about 2 N^(2/3) for N grains.
+
+use crate::cell::{COMPONENTS, Cell, Drive};
+use crate::contact::Contact;
+use crate::math::Vec3;
+use graintrain_ccp::{Ccp, Delassus, RigidContact};
+use graintrain_linalg::block3::{Block, BlockMatrix3};
+use rayon::prelude::*;
+use std::sync::Arc;
+
+/// The free components of L as contacts see them.
+pub(crate) struct CellRows {
+    /// Contacts across the boundary, ascending, with beta of each component and the way to the image, m.
+    rows: Vec<(u32, [[f64; 3]; 6], Vec3)>,
+    /// 1 / W of every component; zero where the rate is imposed.
+    mobility: [f64; 6],
+}
+
+impl CellRows {
+    /// Those of the contacts of a problem. `mass` is that of all bodies, kg.
+    pub(crate) fn new(cell: &Cell, contacts: &[Contact], rows: &[RigidContact], mass: f64) -> Self {
+        let mobility = std::array::from_fn(|k| match cell.drive[k] {
+            Drive::Stress(_) if mass > 0.0 => 1.0 / cell.inertia(k, mass),
+            _ => 0.0,
+        });
+        let across = |(i, (contact, row)): (usize, (&Contact, &RigidContact))| {
+            if contact.image == [0; 3] {
+                return None;
+            }
+            let way = cell.shift(contact.image);
+            let beta = COMPONENTS.map(|(i, j)| row.frame.map(|axis| -axis[i] * way[j]));
+            Some((i as u32, beta, way))
+        };
+        let rows: Vec<_> = contacts.iter().zip(rows).enumerate().filter_map(across).collect();
+        Self { rows, mobility }
+    }
+
+    /// Whether no contact reaches across the boundary.
+    pub(crate) fn is_empty(&self) -> bool {
+        self.rows.is_empty()
+    }
+
+    /// Holds components as they are, whatever impulses do.
+    pub(crate) fn hold(&mut self, component: impl Fn(usize) -> bool) {
+        (0..6).filter(|&k| component(k)).for_each(|k| self.mobility[k] = 0.0);
+    }
+
+    /// What the cell adds to block (k, l) of N, of two of its rows.
+    fn block(&self, k: usize, l: usize) -> Block {
+        let (beta, other) = (&self.rows[k].1, &self.rows[l].1);
+        std::array::from_fn(|entry| {
+            let (row, column) = (entry / 3, entry % 3);
+            (0..6).map(|c| self.mobility[c] * beta[c][row] * other[c][column]).sum()
+        })
+    }
+
+    /// The problem with N as a matrix that holds the cell.
+    pub(crate) fn posed(&self, problem: &Ccp) -> Ccp {
+        let bodies = problem.delassus.assemble();
+        let place: Vec<Option<usize>> = {
+            let mut place = vec![None; bodies.num_rows()];
+            self.rows.iter().enumerate().for_each(|(k, (contact, ..))| place[*contact as usize] = Some(k));
+            place
+        };
+        let rows: Vec<(Vec<u32>, Vec<Block>)> = (0..bodies.num_rows())
+            .into_par_iter()
+            .map(|i| {
+                let (columns, blocks) = bodies.row(i);
+                let Some(own) = place[i] else { return (columns.to_vec(), blocks.to_vec()) };
+                let mut all: Vec<u32> =
+                    columns.iter().copied().chain(self.rows.iter().map(|(c, ..)| *c)).collect();
+                all.sort_unstable();
+                all.dedup();
+                let entry = |column: &u32| {
+                    let mut block = columns.binary_search(column).map_or([0.0; 9], |k| blocks[k]);
+                    if let Some(other) = place[*column as usize] {
+                        block.iter_mut().zip(self.block(own, other)).for_each(|(sum, more)| *sum += more);
+                    }
+                    block
+                };
+                let blocks = all.iter().map(entry).collect();
+                (all, blocks)
+            })
+            .collect();
+        let mut row_start = Vec::with_capacity(rows.len() + 1);
+        row_start.push(0);
+        let mut total = 0;
+        for (columns, _) in &rows {
+            total += columns.len();
+            row_start.push(total);
+        }
+        let (columns, blocks): (Vec<_>, Vec<_>) = rows.into_iter().unzip();
+        let matrix = BlockMatrix3::from_rows(row_start, columns.concat(), blocks.concat());
+        Ccp { delassus: Arc::new(Delassus::Sparse(matrix)), ..problem.clone() }
+    }
+
+    /// Adds to r what a change of L (1/s) does to relative velocities.
+    pub(crate) fn shift(&self, change: &[f64; 6], r: &mut [f64]) {
+        for (contact, beta, _) in &self.rows {
+            let r = &mut r[3 * *contact as usize..3 * *contact as usize + 3];
+            for (beta, change) in beta.iter().zip(change) {
+                r.iter_mut().zip(beta).for_each(|(r, beta)| *r += beta * change);
+            }
+        }
+    }
+
+    /// What impulses of impacts (on body A of every contact of the step, world axes, N s; none: empty) change of L, 1/s; `active` are the contacts of
+    /// the problem among those of the step.
+    pub(crate) fn impact_change(&self, active: &[u32], impulse: &[Vec3]) -> [f64; 6] {
+        let mut change = [0.0; 6];
+        for (contact, _, way) in self.rows.iter().filter(|_| !impulse.is_empty()) {
+            let g = impulse[active[*contact as usize] as usize];
+            for (sum, (i, j)) in change.iter_mut().zip(COMPONENTS) {
+                *sum -= g[i] * way[j];
+            }
+        }
+        std::array::from_fn(|c| self.mobility[c] * change[c])
+    }
+
+    /// What impulses (contact frames, N s) change of L, 1/s.
+    pub(crate) fn rate_change(&self, impulse: &[f64]) -> [f64; 6] {
+        let mut change = [0.0; 6];
+        for (contact, beta, _) in &self.rows {
+            let g = &impulse[3 * *contact as usize..3 * *contact as usize + 3];
+            for (sum, beta) in change.iter_mut().zip(beta) {
+                *sum += beta.iter().zip(g).map(|(beta, g)| beta * g).sum::<f64>();
+            }
+        }
+        std::array::from_fn(|c| self.mobility[c] * change[c])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::motion::Profile;
+    use graintrain_ccp::{BodyInverseMass, RigidDelassus};
+
+    /// N g with the cell is N g without it and the relative velocities that its own change of rate makes.
+    #[test]
+    fn the_matrix_is_what_impulses_do() {
+        let mut cell = Cell::new(Vec3::ZERO, Vec3::new(1.0, 2.0, 3.0), [true; 3]).unwrap();
+        cell.tilt = [0.1, -0.2, 0.4];
+        cell.drive = [0, 1, 2, 3, 4, 5].map(|k| match k {
+            1 => Drive::HELD,
+            _ => Drive::Stress(Profile::Constant(1.0)),
+        });
+        let images = [[0, 0, 0], [1, 0, 0], [0, -1, 1], [0, 0, 0], [1, 1, 1]];
+        let contacts: Vec<Contact> = images
+            .into_iter()
+            .enumerate()
+            .map(|(k, image)| {
+                let normal = Vec3::new(1.0, k as f64, -0.5).normalize();
+                let (body_a, body_b) = (k as u32, (k as u32 + 1) % 5);
+                let zero = Vec3::ZERO;
+                Contact {
+                    body_a,
+                    body_b,
+                    identity: k as u64,
+                    point: zero,
+                    normal,
+                    gap: 0.0,
+                    lead: zero,
+                    image,
+                }
+            })
+            .collect();
+        let rows: Vec<RigidContact> = contacts
+            .iter()
+            .map(|c| {
+                let (t1, t2) = crate::math::tangents(c.normal);
+                let frame = [c.normal, t1, t2].map(|axis| axis.to_array());
+                let [arm_a, arm_b] = [[0.1, 0.0, 0.2], [0.0, -0.1, 0.1]];
+                RigidContact { body_a: c.body_a, body_b: c.body_b, frame, arm_a, arm_b }
+            })
+            .collect();
+        let across = CellRows::new(&cell, &contacts, &rows, 7.0);
+        let mass = |b: u32| BodyInverseMass {
+            linear: [1.0 + f64::from(b); 3],
+            angular: [2.0, 0.0, 0.0, 0.0, 2.0, 0.0, 0.0, 0.0, 2.0],
+        };
+        let rigid = RigidDelassus::new(rows, (0..5).map(mass).collect());
+        let problem = Ccp::new(Delassus::Rigid(rigid), vec![0.0; 15], vec![0.3; 5]).unwrap();
+        let g: Vec<f64> = (0..15).map(|k| f64::from(k).sin()).collect();
+        let product = |problem: &Ccp| {
+            let mut u = vec![0.0; 15];
+            problem.delassus.multiply(&g, &mut u, &mut problem.delassus.work());
+            u
+        };
+        let mut expected = product(&problem);
+        let change = across.rate_change(&g);
+        assert!(change[1] == 0.0 && change[0] != 0.0 && change[5] != 0.0);
+        across.shift(&change, &mut expected);
+        for (found, expected) in product(&across.posed(&problem)).iter().zip(&expected) {
+            assert!((found - expected).abs() < 1e-13, "{found} {expected}");
+        }
+        // Against L H n itself: contact 2 in world axes.
+        let rate = Cell { rate: change, ..cell.clone() };
+        let jump = rate.image_velocity(images[2]);
+        let mut only = vec![0.0; 15];
+        across.shift(&change, &mut only);
+        let n = contacts[2].normal;
+        assert!((only[6] + n.dot(jump)).abs() < 1e-13);
+        // A push apart of a contact across x stretches the cell along x.
+        let mut push = vec![0.0; 15];
+        push[3] = -contacts[1].normal.x.signum();
+        assert!(across.rate_change(&push)[0] > 0.0);
+    }
+}
