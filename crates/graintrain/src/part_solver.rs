@@ -19,6 +19,9 @@ const FINER: f64 = 1e-3;
 /// Iterations spent on that: where a heavy body stands on a light one, it may be out of reach.
 const FINER_ITERATIONS: usize = 300;
 
+/// Parts of fewer contacts than this neither remember the curvature of a solve nor are begun with one: it is that of a bed.
+const MANY: usize = 1000;
+
 /// Solves the connected parts of a problem apart.
 pub(crate) struct PartSolver<'a> {
     pub solver: &'a mut dyn CcpSolver,
@@ -82,7 +85,10 @@ impl PartSolver<'_> {
             if parts_freely(&own) {
                 g.fill(0.0);
             } else {
-                let report = solve_without_gain(self.solver, &own, &mut g, settings)?;
+                let curvature = settings.curvature.filter(|_| part.contacts.len() >= MANY);
+                let settings = SolveSettings { curvature, ..settings.clone() };
+                let mut report = solve_without_gain(self.solver, &own, &mut g, &settings)?;
+                report.curvature = report.curvature.filter(|_| part.contacts.len() >= MANY);
                 merge(&mut merged, report, part.contacts.len() > largest);
                 largest = largest.max(part.contacts.len());
             }
@@ -232,6 +238,7 @@ fn nothing_to_solve(solver: String) -> SolveReport {
         iterations: 0,
         linear_iterations: 0,
         products: 0,
+        curvature: None,
         residual: Residual::default(),
         residual_relaxed: Residual::default(),
         residual_coulomb: Residual::default(),
@@ -262,6 +269,7 @@ fn merge(all: &mut SolveReport, part: SolveReport, names: bool) {
     all.iterations = all.iterations.max(part.iterations);
     all.linear_iterations += part.linear_iterations;
     all.products += part.products;
+    all.curvature = all.curvature.into_iter().chain(part.curvature).reduce(f64::max);
     all.residual = all.residual.worse(part.residual);
     all.residual_relaxed = all.residual_relaxed.worse(part.residual_relaxed);
     all.residual_coulomb = all.residual_coulomb.worse(part.residual_coulomb);

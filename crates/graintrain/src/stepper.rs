@@ -537,7 +537,8 @@ impl Stepper {
             }
             FrictionModel::Coulomb => Opening::default(),
         };
-        let set = ContactSet { contacts, impulse: world_impulse, friction, moment };
+        let curvature = solve.curvature.or(world.contacts.curvature);
+        let set = ContactSet { contacts, impulse: world_impulse, friction, moment, curvature };
         let wrenches = wrenches(&start.position, world, &set, step);
         let (before, kinetic_energy) = (start.velocities(), world.kinetic_energy());
         let change = kinetic_energy - start.kinetic_energy;
@@ -605,7 +606,7 @@ impl Stepper {
         problem: &Ccp,
         impulse: &mut [f64],
     ) -> Result<(SolveReport, usize), CcpError> {
-        let settings = self.solve_settings();
+        let settings = SolveSettings { curvature: world.contacts.curvature, ..self.solve_settings() };
         // A method that keeps something from step to step has to see the same problem again.
         let whole = self.settings.solver.keeps_between_steps();
         let (gravity, step) = (world.gravity.length(), self.settings.step);

@@ -19,6 +19,8 @@ mod apgd;
 pub mod auto;
 #[cfg(target_arch = "x86_64")]
 mod avx2;
+#[cfg(target_arch = "x86_64")]
+mod avx2_single;
 mod body_operator;
 pub mod combination;
 pub mod coulomb;
@@ -31,12 +33,15 @@ pub mod infeasible;
 pub mod interface;
 pub mod ipm;
 pub mod lanes;
+pub mod octet;
 mod packing;
 pub mod path_following;
 pub mod report;
 mod row_operator;
 pub mod scaling;
 pub mod settings;
+mod single;
+mod slots;
 pub mod tasks;
 
 pub use apgd::Apgd;

@@ -98,6 +98,7 @@ fn advance(world: &mut World, settings: &RunSettings) -> StepReport {
             iterations: 12,
             linear_iterations: 0,
             products: 0,
+            curvature: None,
             residual,
             residual_relaxed: residual,
             residual_coulomb: Residual { max: 0.01, rms: 0.001 },
