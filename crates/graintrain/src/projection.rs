@@ -46,8 +46,11 @@ const NONE: u32 = u32::MAX;
 /// Arms shorter than this fraction of their length across the normal turn nothing.
 const THROUGH_CENTRE: f64 = 1e-12;
 
-/// A contact that has stayed open in two sweeps is passed over in so many.
-const REST: u32 = 3;
+/// A contact that has stayed far open in two sweeps is passed over in so many.
+const REST: u32 = 7;
+
+/// Far open is more than so many times the tolerance: more than corrections move bodies.
+const FAR: f64 = 10.0;
 
 /// Displacement of a body and what a force moves it by.
 #[derive(Clone, Copy)]
@@ -63,6 +66,8 @@ struct Projection {
     levers: Vec<Lever>,
     bodies: Vec<Body>,
     turns: Vec<Vec3>,
+    /// What is further open than this may rest, m.
+    far: f64,
 }
 
 impl Projection {
@@ -70,6 +75,7 @@ impl Projection {
         contacts: impl Iterator<Item = (&'a RigidContact, f64)>,
         inverse_mass: &[BodyInverseMass],
         displacement: &[f64],
+        far: f64,
     ) -> Self {
         let fixed = inverse_mass.len();
         let body = |(q, inverse): (&[f64], &BodyInverseMass)| Body {
@@ -80,7 +86,7 @@ impl Projection {
         bodies.push(Body { way: Vec3::ZERO, inverse: Vec3::ZERO });
         let turns = displacement.chunks_exact(6).map(|q| Vec3::from_slice(&q[3..]));
         let turns = turns.chain([Vec3::ZERO]).collect();
-        let mut all = Self { rows: Vec::new(), levers: Vec::new(), bodies, turns };
+        let mut all = Self { rows: Vec::new(), levers: Vec::new(), bodies, turns, far };
         for (contact, room) in contacts {
             let normal = Vec3::from_array(contact.frame[0]);
             let (mut lever, mut mobility) = (Lever { spin: [Vec3::ZERO; 2], response: [Vec3::ZERO; 2] }, 0.0);
@@ -130,7 +136,7 @@ impl Projection {
         let change = multiplier - row.multiplier;
         if change == 0.0 {
             // It is open, and was before.
-            row.rests = REST;
+            row.rests = if closing > self.far { REST } else { 0 };
             return 0.0;
         }
         row.multiplier = multiplier;
@@ -171,7 +177,7 @@ pub(crate) fn project<'a>(
     displacement: &mut [f64],
     (tolerance, sweeps): (f64, usize),
 ) {
-    let mut projection = Projection::new(contacts, inverse_mass, displacement);
+    let mut projection = Projection::new(contacts, inverse_mass, displacement, FAR * tolerance);
     let mut all = true;
     for sweep in 0..sweeps {
         let largest = projection.sweep(!sweep.is_multiple_of(2), all);

@@ -337,7 +337,10 @@ impl Stepper {
             phases.collide += begin.elapsed().as_secs_f64();
             if new.is_empty() && bent.is_empty() {
                 let pair = |c: &Contact| [c.body_a.min(c.body_b), c.body_a.max(c.body_b)];
-                let pairs: HashSet<[u32; 2]> = contacts.iter().map(pair).collect();
+                let mut pairs = HashSet::new();
+                if !missed.is_empty() {
+                    pairs.extend(contacts.iter().map(pair));
+                }
                 let apart = |c: &&Contact| !pairs.contains(&pair(c));
                 let missed = met.len() + missed.iter().filter(apart).map(pair).collect::<HashSet<_>>().len();
                 let mut report =

@@ -42,9 +42,9 @@ impl<'a> Limits<'a> {
         self.settings.judge
     }
 
-    /// The largest curvature of the last solve, where it is known and can be used.
+    /// The largest curvature of the last solve, where it is known; at least 1, because trace(N'_ii) = 3.
     pub fn curvature(&self) -> Option<f64> {
-        self.settings.curvature.filter(|curvature| curvature.is_finite() && *curvature > 0.0)
+        self.settings.curvature.filter(|curvature| curvature.is_finite()).map(|curvature| curvature.max(1.0))
     }
 
     /// What to remember after a solve whose steps met this curvature at the most, zero where there was none: a solve of few steps does

@@ -4,12 +4,12 @@ use super::super::apgd::{Extrapolated, Extrapolation, Space, Step, extrapolated}
 use super::super::combination::Replace;
 use super::super::driver::{Best, Limits};
 use super::super::history::History;
-use super::super::lanes::{Batch, tangential_length};
+use super::super::lanes::Batch;
 use super::super::octet::{EIGHT, Octet, SingleVector};
 use super::super::report::Status;
 use super::super::scaling::{POWER_ITERATIONS, start_of_power};
 use super::SingleProblem;
-use super::kernel::{Identity, NaturalMap, PowerStep, SingleKernel, SingleTally};
+use super::kernel::{Identity, NaturalMap, PowerStep, Seen, SingleKernel, SingleTally};
 use super::operator::SingleScratch;
 use crate::residual::{FrictionModel, Judge, Residual};
 
@@ -220,17 +220,19 @@ impl Space for SingleIterate<'_> {
 
 impl<const EXACT: bool> SingleKernel<2> for Step<EXACT> {
     #[inline(always)]
+    fn point<V: SingleVector>(&self, seen: &Seen<V>, [x, previous]: [&Batch<V>; 2]) -> Batch<V> {
+        self.point_from(&seen.u, x, previous)
+    }
+
+    #[inline(always)]
     fn at<V: SingleVector>(
         &self,
-        _: usize,
-        mu: V,
-        u: &Batch<V>,
-        [x, previous]: [&mut Batch<V>; 2],
+        seen: &Seen<V>,
+        (point, tangential): (&Batch<V>, V),
+        vectors: [&mut Batch<V>; 2],
         tally: &mut SingleTally<V>,
     ) -> Batch<V> {
-        let point = self.point_from(u, x, previous);
-        let new = Self::allowed(mu, &point, tangential_length(&point));
-        self.moved(new, [x, previous], &mut tally.sum)
+        self.moved(Self::allowed(seen.mu, point, tangential), vectors, &mut tally.sum)
     }
 }
 
@@ -238,9 +240,8 @@ impl SingleKernel<2> for Extrapolated {
     #[inline(always)]
     fn at<V: SingleVector>(
         &self,
-        _: usize,
-        _: V,
-        _: &Batch<V>,
+        _: &Seen<V>,
+        _: (&Batch<V>, V),
         [x, previous]: [&mut Batch<V>; 2],
         _: &mut SingleTally<V>,
     ) -> Batch<V> {

@@ -1,6 +1,6 @@
 //! What a pass in single precision does at eight contacts.
 
-use super::super::lanes::{Batch, dot, project_given, scale, sub, tangential_length};
+use super::super::lanes::{Batch, dot, project_given, scale, sub, tangential_length, zero};
 use super::super::octet::{Octet, SingleVector};
 use super::super::scaling::Metric;
 use super::geometry::load;
@@ -13,14 +13,30 @@ pub struct SingleTally<V> {
     pub max: V,
 }
 
-/// What is done at eight contacts, given mu' and u = N' y + r'; returns the batch whose image the pass computes.
+/// What a kernel is given at eight contacts.
+#[derive(Clone, Copy)]
+pub struct Seen<V> {
+    pub batch: usize,
+    /// mu'
+    pub mu: V,
+    /// u = N' y + r'
+    pub u: Batch<V>,
+}
+
+/// What is done at eight contacts in two stages: roots take long, and what they are roots of is known a batch ahead.
 pub trait SingleKernel<const M: usize>: Sync {
-    /// See the trait.
+    /// The point that is to be projected.
+    #[inline(always)]
+    fn point<V: SingleVector>(&self, _: &Seen<V>, _: [&Batch<V>; M]) -> Batch<V> {
+        zero()
+    }
+
+    /// Given the point and its tangential length, updates the method's vectors, adds to the tally and returns the batch whose image
+    /// the pass computes.
     fn at<V: SingleVector>(
         &self,
-        batch: usize,
-        mu: V,
-        u: &Batch<V>,
+        seen: &Seen<V>,
+        point: (&Batch<V>, V),
         vectors: [&mut Batch<V>; M],
         tally: &mut SingleTally<V>,
     ) -> Batch<V>;
@@ -33,9 +49,8 @@ impl SingleKernel<1> for Identity {
     #[inline(always)]
     fn at<V: SingleVector>(
         &self,
-        _: usize,
-        _: V,
-        _: &Batch<V>,
+        _: &Seen<V>,
+        _: (&Batch<V>, V),
         [x]: [&mut Batch<V>; 1],
         _: &mut SingleTally<V>,
     ) -> Batch<V> {
@@ -53,13 +68,12 @@ impl SingleKernel<1> for PowerStep<'_> {
     #[inline(always)]
     fn at<V: SingleVector>(
         &self,
-        batch: usize,
-        _: V,
-        u: &Batch<V>,
+        seen: &Seen<V>,
+        _: (&Batch<V>, V),
         [x]: [&mut Batch<V>; 1],
         tally: &mut SingleTally<V>,
     ) -> Batch<V> {
-        *x = scale(V::splat(self.factor), &sub(u, &load(&self.contacts[batch].r)));
+        *x = scale(V::splat(self.factor), &sub(&seen.u, &load(&self.contacts[seen.batch].r)));
         tally.sum[0] += dot(x, x);
         *x
     }
@@ -72,26 +86,39 @@ pub(super) struct NaturalMap<'a> {
     pub(super) exact: bool,
 }
 
+impl NaturalMap<'_> {
+    /// The impulse in units of V / eta_i.
+    #[inline(always)]
+    fn impulse<V: SingleVector>(&self, batch: usize, x: &Batch<V>) -> Batch<V> {
+        let Metric { normal, tangential, .. } = &self.metric[batch];
+        let tangential = V::of(*tangential);
+        [V::of(*normal) * x[0], tangential * x[1], tangential * x[2]]
+    }
+}
+
 impl SingleKernel<1> for NaturalMap<'_> {
+    #[inline(always)]
+    fn point<V: SingleVector>(&self, Seen { batch, mu, u }: &Seen<V>, [x]: [&Batch<V>; 1]) -> Batch<V> {
+        let Metric { along, across, .. } = &self.metric[*batch];
+        let across = V::of(*across);
+        let mut drive = u[0];
+        if self.exact {
+            drive += *mu * tangential_length(u);
+        }
+        sub(&self.impulse(*batch, x), &[V::of(*along) * drive, across * u[1], across * u[2]])
+    }
+
     #[inline(always)]
     fn at<V: SingleVector>(
         &self,
-        batch: usize,
-        scaled_mu: V,
-        u: &Batch<V>,
+        seen: &Seen<V>,
+        (point, tangential): (&Batch<V>, V),
         [x]: [&mut Batch<V>; 1],
         tally: &mut SingleTally<V>,
     ) -> Batch<V> {
-        let Metric { normal, tangential, along, across, mu } = &self.metric[batch];
-        let (normal, tangential, along, across) =
-            (V::of(*normal), V::of(*tangential), V::of(*along), V::of(*across));
-        let mut drive = u[0];
-        if self.exact {
-            drive += scaled_mu * tangential_length(u);
-        }
-        let impulse = [normal * x[0], tangential * x[1], tangential * x[2]];
-        let point = sub(&impulse, &[along * drive, across * u[1], across * u[2]]);
-        let d = sub(&impulse, &project_given(V::of(*mu), &point, tangential_length(&point)));
+        let impulse = self.impulse(seen.batch, x);
+        let mu = V::of(self.metric[seen.batch].mu);
+        let d = sub(&impulse, &project_given(mu, point, tangential));
         let square = dot(&d, &d);
         tally.sum[0] += square;
         tally.sum[1] += dot(&impulse, &impulse);

@@ -236,11 +236,6 @@ impl SingleProblem {
         self.order.len()
     }
 
-    /// Bytes that an iteration of [`Apgd`](super::Apgd) moves at the least.
-    pub(super) fn iteration_bytes(&self) -> usize {
-        self.operator.iteration_bytes()
-    }
-
     /// A vector of zeros.
     fn zeros(&self) -> Vec<Batch<Octet>> {
         vec![[Octet::default(); 3]; self.operator.contacts.len()]

@@ -2,12 +2,12 @@
 
 use super::super::combination::Combination;
 use super::super::dispatch::vectorised;
-use super::super::lanes::{Batch, add, zero};
+use super::super::lanes::{Batch, add, tangential_length, zero};
 use super::super::octet::{InSingle, Octet, SingleVector, SingleWork};
 use super::super::slots::SlotTable;
 use super::super::tasks::{Tally, Totals, for_each_task};
 use super::geometry::{General, Geometry, Radial, load};
-use super::kernel::{SingleKernel, SingleTally};
+use super::kernel::{Seen, SingleKernel, SingleTally};
 
 /// Batches per chunk of contacts: as many contacts as a chunk in double precision.
 pub(super) const CHUNK: usize = 128;
@@ -73,19 +73,7 @@ impl SingleOperator {
         self.masses.diagonal.len().div_ceil(BODIES)
     }
 
-    /// Bytes that an iteration of [`Apgd`](super::super::Apgd) moves at the least, each datum once per pass over it.
-    pub(super) fn iteration_bytes(&self) -> usize {
-        let geometry = match &self.arrangement {
-            Arrangement::Radial(all) => size_of_val(&all[..]),
-            Arrangement::General(all) => size_of_val(&all[..]),
-        };
-        // x and the one before are read, the one before is written; slots are written and read, two images read and written.
-        let vectors = 3 * size_of::<Batch<Octet>>() * self.contacts.len();
-        let bodies = (2 * self.slots.len() + 5 * self.masses.diagonal.len()) * size_of::<Octet>();
-        geometry + size_of_val(&self.contacts[..]) + vectors + bodies
-    }
-
-    /// One pass over the contacts: `kernel(batch, mu, u = N' y + r', vectors)` with the image of y where GATHER, else with zeros; what it
+    /// One pass over the contacts: the kernel sees u = N' y + r' with the image of y where GATHER, else with zeros; what it
     /// returns is left in the slots where SCATTER.
     pub(super) fn contact_pass<const M: usize, const GATHER: bool, const SCATTER: bool>(
         &self,
@@ -183,14 +171,16 @@ where
         let batches = vectors[0].len();
         let mut vectors = vectors.map(|v| V::of_slice(v.as_flattened_mut()).as_chunks_mut::<3>().0);
         let mut tally = SingleTally::<V>::default();
-        for batch in 0..batches {
+        let ahead = Ahead::<GATHER, G, K> { geometry, contacts, first, image, kernel };
+        let mut next = ahead.at::<V, M>(0, &vectors);
+        for (batch, own) in geometry[..batches].iter().enumerate() {
             if let Some(later) = geometry.get(batch + PREFETCH) {
                 V::prefetch(later);
             }
-            let (own, numbers) = (&geometry[batch], &contacts[batch]);
-            let u = if GATHER { add(&own.relative_velocity(image), &load(&numbers.r)) } else { zero() };
+            let (seen, point, tangential) = next;
+            next = ahead.at::<V, M>((batch + 1).min(batches - 1), &vectors);
             let mine = vectors.each_mut().map(|v| &mut v[batch]);
-            let s = kernel.at(first + batch, V::of(numbers.mu), &u, mine, &mut tally);
+            let s = kernel.at(&seen, (&point, tangential), mine, &mut tally);
             if SCATTER {
                 own.scatter(&s, slots);
             }
@@ -199,6 +189,37 @@ where
             sum.0[0] = own.octet().sum();
         }
         total.max.0[0] = f64::from(tally.max.octet().largest());
+    }
+}
+
+/// What a pass does at a batch before the update.
+struct Ahead<'a, const GATHER: bool, G, K> {
+    geometry: &'a [G],
+    contacts: &'a [ContactNumbers],
+    first: usize,
+    image: &'a [Octet],
+    kernel: &'a K,
+}
+
+impl<const GATHER: bool, G: Geometry, K> Ahead<'_, GATHER, G, K> {
+    /// What the kernel is given at a batch of the chunk, with the point to be projected and its tangential length.
+    #[inline(always)]
+    fn at<V: SingleVector, const M: usize>(
+        &self,
+        batch: usize,
+        vectors: &[&mut [Batch<V>]; M],
+    ) -> (Seen<V>, Batch<V>, V)
+    where
+        K: SingleKernel<M>,
+    {
+        let numbers = &self.contacts[batch];
+        let mut u = zero();
+        if GATHER {
+            u = add(&self.geometry[batch].relative_velocity(self.image), &load(&numbers.r));
+        }
+        let seen = Seen { batch: self.first + batch, mu: V::of(numbers.mu), u };
+        let point = self.kernel.point(&seen, vectors.each_ref().map(|v| &v[batch]));
+        (seen, point, tangential_length(&point))
     }
 }
 
