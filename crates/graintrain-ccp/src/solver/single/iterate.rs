@@ -225,14 +225,19 @@ impl<const EXACT: bool> SingleKernel<2> for Step<EXACT> {
     }
 
     #[inline(always)]
+    fn projected<V: SingleVector>(&self, seen: &Seen<V>, point: &Batch<V>, tangential: V) -> Batch<V> {
+        Self::allowed(seen.mu, point, tangential)
+    }
+
+    #[inline(always)]
     fn at<V: SingleVector>(
         &self,
-        seen: &Seen<V>,
-        (point, tangential): (&Batch<V>, V),
+        _: &Seen<V>,
+        projected: Batch<V>,
         vectors: [&mut Batch<V>; 2],
         tally: &mut SingleTally<V>,
     ) -> Batch<V> {
-        self.moved(Self::allowed(seen.mu, point, tangential), vectors, &mut tally.sum)
+        self.moved(projected, vectors, &mut tally.sum)
     }
 }
 
@@ -241,7 +246,7 @@ impl SingleKernel<2> for Extrapolated {
     fn at<V: SingleVector>(
         &self,
         _: &Seen<V>,
-        _: (&Batch<V>, V),
+        _: Batch<V>,
         [x, previous]: [&mut Batch<V>; 2],
         _: &mut SingleTally<V>,
     ) -> Batch<V> {

@@ -23,7 +23,7 @@ pub struct Seen<V> {
     pub u: Batch<V>,
 }
 
-/// What is done at eight contacts in two stages: roots take long, and what they are roots of is known a batch ahead.
+/// What is done at eight contacts in three stages: roots and quotients take long, and what they are of is known batches ahead.
 pub trait SingleKernel<const M: usize>: Sync {
     /// The point that is to be projected.
     #[inline(always)]
@@ -31,12 +31,17 @@ pub trait SingleKernel<const M: usize>: Sync {
         zero()
     }
 
-    /// Given the point and its tangential length, updates the method's vectors, adds to the tally and returns the batch whose image
-    /// the pass computes.
+    /// The projection of the point, given its tangential length.
+    #[inline(always)]
+    fn projected<V: SingleVector>(&self, _: &Seen<V>, _: &Batch<V>, _tangential: V) -> Batch<V> {
+        zero()
+    }
+
+    /// Given the projection, updates the method's vectors, adds to the tally and returns the batch whose image the pass computes.
     fn at<V: SingleVector>(
         &self,
         seen: &Seen<V>,
-        point: (&Batch<V>, V),
+        projected: Batch<V>,
         vectors: [&mut Batch<V>; M],
         tally: &mut SingleTally<V>,
     ) -> Batch<V>;
@@ -50,7 +55,7 @@ impl SingleKernel<1> for Identity {
     fn at<V: SingleVector>(
         &self,
         _: &Seen<V>,
-        _: (&Batch<V>, V),
+        _: Batch<V>,
         [x]: [&mut Batch<V>; 1],
         _: &mut SingleTally<V>,
     ) -> Batch<V> {
@@ -69,7 +74,7 @@ impl SingleKernel<1> for PowerStep<'_> {
     fn at<V: SingleVector>(
         &self,
         seen: &Seen<V>,
-        _: (&Batch<V>, V),
+        _: Batch<V>,
         [x]: [&mut Batch<V>; 1],
         tally: &mut SingleTally<V>,
     ) -> Batch<V> {
@@ -109,16 +114,20 @@ impl SingleKernel<1> for NaturalMap<'_> {
     }
 
     #[inline(always)]
+    fn projected<V: SingleVector>(&self, seen: &Seen<V>, point: &Batch<V>, tangential: V) -> Batch<V> {
+        project_given(V::of(self.metric[seen.batch].mu), point, tangential)
+    }
+
+    #[inline(always)]
     fn at<V: SingleVector>(
         &self,
         seen: &Seen<V>,
-        (point, tangential): (&Batch<V>, V),
+        projected: Batch<V>,
         [x]: [&mut Batch<V>; 1],
         tally: &mut SingleTally<V>,
     ) -> Batch<V> {
         let impulse = self.impulse(seen.batch, x);
-        let mu = V::of(self.metric[seen.batch].mu);
-        let d = sub(&impulse, &project_given(mu, point, tangential));
+        let d = sub(&impulse, &projected);
         let square = dot(&d, &d);
         tally.sum[0] += square;
         tally.sum[1] += dot(&impulse, &impulse);

@@ -172,15 +172,19 @@ where
         let mut vectors = vectors.map(|v| V::of_slice(v.as_flattened_mut()).as_chunks_mut::<3>().0);
         let mut tally = SingleTally::<V>::default();
         let ahead = Ahead::<GATHER, G, K> { geometry, contacts, first, image, kernel };
-        let mut next = ahead.at::<V, M>(0, &vectors);
+        // Three batches are under way at once, so that the processor has something to do while it waits for roots and quotients.
+        let last = batches - 1;
+        let mut ready = ahead.projected::<V, M>(ahead.rooted::<V, M>(0, &vectors));
+        let mut rooted = ahead.rooted::<V, M>(last.min(1), &vectors);
         for (batch, own) in geometry[..batches].iter().enumerate() {
             if let Some(later) = geometry.get(batch + PREFETCH) {
                 V::prefetch(later);
             }
-            let (seen, point, tangential) = next;
-            next = ahead.at::<V, M>((batch + 1).min(batches - 1), &vectors);
+            let (seen, projected) = ready;
+            ready = ahead.projected::<V, M>(rooted);
+            rooted = ahead.rooted::<V, M>(last.min(batch + 2), &vectors);
             let mine = vectors.each_mut().map(|v| &mut v[batch]);
-            let s = kernel.at(&seen, (&point, tangential), mine, &mut tally);
+            let s = kernel.at(&seen, projected, mine, &mut tally);
             if SCATTER {
                 own.scatter(&s, slots);
             }
@@ -204,7 +208,7 @@ struct Ahead<'a, const GATHER: bool, G, K> {
 impl<const GATHER: bool, G: Geometry, K> Ahead<'_, GATHER, G, K> {
     /// What the kernel is given at a batch of the chunk, with the point to be projected and its tangential length.
     #[inline(always)]
-    fn at<V: SingleVector, const M: usize>(
+    fn rooted<V: SingleVector, const M: usize>(
         &self,
         batch: usize,
         vectors: &[&mut [Batch<V>]; M],
@@ -220,6 +224,18 @@ impl<const GATHER: bool, G: Geometry, K> Ahead<'_, GATHER, G, K> {
         let seen = Seen { batch: self.first + batch, mu: V::of(numbers.mu), u };
         let point = self.kernel.point(&seen, vectors.each_ref().map(|v| &v[batch]));
         (seen, point, tangential_length(&point))
+    }
+
+    /// The same with the projection of the point.
+    #[inline(always)]
+    fn projected<V: SingleVector, const M: usize>(
+        &self,
+        (seen, point, tangential): (Seen<V>, Batch<V>, V),
+    ) -> (Seen<V>, Batch<V>)
+    where
+        K: SingleKernel<M>,
+    {
+        (seen, self.kernel.projected(&seen, &point, tangential))
     }
 }
 
