@@ -7,6 +7,7 @@
 //! | [`driver`] | limits, best iterate, progress |
 //! | [`lanes`], [`tasks`], [`dispatch`] | vector registers and parallel loops |
 //! | [`scaling`], [`combination`] | the scaled problem and its passes |
+//! | [`octet`], `single`, `slots` | the same in single precision; where passes leave forces |
 //! | [`first_order`] | what the first-order methods share |
 //! | [`auto`], [`coulomb`] | the choice among solvers, and exact friction by any of them |
 //! | [`path_following`] | exact friction where gradients do not get on |
