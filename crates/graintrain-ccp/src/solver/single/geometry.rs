@@ -117,13 +117,15 @@ impl Geometry for General {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use rand::{RngExt, SeedableRng};
 
     /// On contacts whose arms are along their normals both geometries do the same.
     #[test]
     fn radial_contacts_are_general_ones() {
-        let mut random = rand_pcg::Pcg64::seed_from_u64(5);
-        let mut number = || random.random_range(-1.0..1.0_f32);
+        let mut count = 0.0_f32;
+        let mut number = || {
+            count += 1.0;
+            (7.3 * count).sin()
+        };
         let axes = [[0.6_f32, 0.8, 0.0], [-0.8, 0.6, 0.0], [0.0, 0.0, 1.0]];
         for turn in 0..3 {
             let rows = std::array::from_fn(|row| {

@@ -41,6 +41,8 @@ pub struct SingleIterate<'a> {
     ratio: f64,
     last_check: usize,
     since_better: usize,
+    /// Whether the image of x was recomputed since the image of y was.
+    refreshed: bool,
     least: f64,
     pub iterations: usize,
     pub products: usize,
@@ -69,6 +71,7 @@ impl<'a> SingleIterate<'a> {
             ratio: 0.0,
             last_check: 0,
             since_better: 0,
+            refreshed: false,
             least: f64::INFINITY,
             iterations: 0,
             products: 0,
@@ -79,6 +82,7 @@ impl<'a> SingleIterate<'a> {
         };
         it.refresh();
         it.image_y.copy_from_slice(&it.image);
+        it.refreshed = false;
         it
     }
 
@@ -98,6 +102,7 @@ impl<'a> SingleIterate<'a> {
 
     /// The image of x from x.
     fn refresh(&mut self) {
+        self.refreshed = true;
         let Self { problem, x, image, scratch, .. } = self;
         problem.operator.contact_pass::<1, false, true>(&[], [x], scratch, &Identity);
         problem.operator.body_pass([image], scratch, &Replace);
@@ -191,6 +196,9 @@ impl Space for SingleIterate<'_> {
         }
         if self.iterations > 0 && self.iterations.is_multiple_of(REFRESH) {
             self.refresh();
+        }
+        if std::mem::take(&mut self.refreshed) {
+            // The image of y must not keep the rounding errors that the image of x has just lost.
             let Self { problem, x, previous, image_y, scratch, .. } = self;
             let kernel = Extrapolated { beta };
             problem.operator.contact_pass::<2, false, true>(&[], [x, previous], scratch, &kernel);
