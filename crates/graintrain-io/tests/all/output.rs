@@ -85,6 +85,7 @@ fn advance(world: &mut World, settings: &RunSettings) -> StepReport {
         ],
         friction: vec![0.3; 3],
         moment: Vec::new(),
+        curvature: None,
     };
     let residual = Residual { max: 3e-5, rms: 1e-5 };
     let total: f64 = weight(0) + weight(1);
