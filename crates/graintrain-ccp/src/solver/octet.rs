@@ -1,4 +1,4 @@
-//! Eight contacts at a time in single precision: the arithmetic of [`single`](super::single).
+//! Eight contacts at a time in single precision: the arithmetic of `solver/single`.
 
 use super::lanes::{Batch, Numbers, TaskWork, Vector};
 use std::ops::{Add, AddAssign, Mul, Neg, Sub};
