@@ -243,6 +243,7 @@ mod tests {
             iterations: 1,
             linear_iterations: 0,
             products: 0,
+            curvature: None,
             residual,
             residual_relaxed: residual,
             residual_coulomb: residual,

@@ -19,6 +19,9 @@ const FINER: f64 = 1e-3;
 /// Iterations spent on that: where a heavy body stands on a light one, it may be out of reach.
 const FINER_ITERATIONS: usize = 300;
 
+/// Parts of fewer contacts than this neither remember the curvature of a solve nor are begun with one: it is that of a bed.
+const MANY: usize = 1000;
+
 /// Solves the connected parts of a problem apart.
 pub(crate) struct PartSolver<'a> {
     pub solver: &'a mut dyn CcpSolver,
@@ -46,7 +49,8 @@ impl PartSolver<'_> {
         if parts.len() == 1 || (contacts > 0 && self.whole) {
             let matrix = as_matrix_if_coupled(problem);
             let problem = matrix.as_ref().unwrap_or(problem);
-            let (report, wedged) = self.solve_one(problem, impulse)?;
+            let settings = self.settings.clone();
+            let (report, wedged) = self.solve_one(problem, impulse, &settings)?;
             return Ok(Solved { report, parts: 1, wedged });
         }
         let count = parts.len();
@@ -67,7 +71,10 @@ impl PartSolver<'_> {
             if parts_freely(&own) {
                 g.fill(0.0);
             } else {
-                let (report, own_wedged) = self.solve_one(&own, &mut g)?;
+                let curvature = self.settings.curvature.filter(|_| part.contacts.len() >= MANY);
+                let settings = SolveSettings { curvature, ..self.settings.clone() };
+                let (mut report, own_wedged) = self.solve_one(&own, &mut g, &settings)?;
+                report.curvature = report.curvature.filter(|_| part.contacts.len() >= MANY);
                 wedged += own_wedged;
                 merge(&mut merged, report, part.contacts.len() > largest);
                 largest = largest.max(part.contacts.len());
@@ -82,8 +89,12 @@ impl PartSolver<'_> {
 
     /// Solves a part; the report, and how many of its contacts are wedged. Where the solver does not arrive soon, wedges are looked for
     /// before it goes on.
-    fn solve_one(&mut self, problem: &Ccp, g: &mut [f64]) -> Result<(SolveReport, usize), CcpError> {
-        let settings = &self.settings;
+    fn solve_one(
+        &mut self,
+        problem: &Ccp,
+        g: &mut [f64],
+        settings: &SolveSettings,
+    ) -> Result<(SolveReport, usize), CcpError> {
         let soon = settings.max_iterations.map_or(wedge::PATIENCE, |most| most.min(wedge::PATIENCE));
         let takes_wedges =
             settings.friction == FrictionModel::Relaxed && problem.turning.is_empty() && !self.whole;
@@ -255,6 +266,7 @@ fn nothing_to_solve(solver: String) -> SolveReport {
         iterations: 0,
         linear_iterations: 0,
         products: 0,
+        curvature: None,
         residual: Residual::default(),
         residual_relaxed: Residual::default(),
         residual_coulomb: Residual::default(),
@@ -285,6 +297,7 @@ fn merge(all: &mut SolveReport, part: SolveReport, names: bool) {
     all.iterations = all.iterations.max(part.iterations);
     all.linear_iterations += part.linear_iterations;
     all.products += part.products;
+    all.curvature = all.curvature.into_iter().chain(part.curvature).reduce(f64::max);
     all.residual = all.residual.worse(part.residual);
     all.residual_relaxed = all.residual_relaxed.worse(part.residual_relaxed);
     all.residual_coulomb = all.residual_coulomb.worse(part.residual_coulomb);

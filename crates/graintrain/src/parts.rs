@@ -81,10 +81,20 @@ impl Part {
         inverse_mass: &[BodyInverseMass],
         coupled: &[CoupledBodies],
     ) -> RigidDelassus {
-        // The bodies ascend, so that the search finds them and a part made of everything keeps its numbers.
-        let local = |body: u32| match self.bodies.binary_search(&body) {
-            Ok(index) if body != FIXED => index as u32,
-            _ => FIXED,
+        // The bodies ascend, so that the search finds them and a part made of everything keeps its numbers. A table of all bodies is for
+        // parts that have many of them.
+        let mut table = Vec::new();
+        if self.bodies.len() >= inverse_mass.len() / 16 {
+            table = vec![FIXED; inverse_mass.len()];
+            for (index, &body) in (0..).zip(&self.bodies) {
+                table[body as usize] = index;
+            }
+        }
+        let local = |body: u32| {
+            if !table.is_empty() {
+                return table.get(body as usize).copied().unwrap_or(FIXED);
+            }
+            self.bodies.binary_search(&body).map_or(FIXED, |index| index as u32)
         };
         let contacts = self
             .contacts

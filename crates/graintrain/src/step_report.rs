@@ -128,6 +128,8 @@ impl PhysicalErrors {
                 errors.slip_angle_max = errors.slip_angle_max.max(cosine.clamp(-1.0, 1.0).acos());
             }
         }
+        // An angle per contact would cost as much as all the rest.
+        let mut least_cosine = 1.0_f64;
         for (k, contact) in contacts.iter().enumerate() {
             let (u, g) = (&u[3 * k..3 * k + 3], &impulse[3 * k..3 * k + 3]);
             let approach = -(u[0] + contact.gap.max(0.0) / step);
@@ -141,10 +143,10 @@ impl PhysicalErrors {
             }
             let slip = (u[1] * u[1] + u[2] * u[2]).sqrt();
             if slip > resolved && friction > 0.0 {
-                let cosine = -(u[1] * g[1] + u[2] * g[2]) / (slip * friction);
-                errors.slip_angle_max = errors.slip_angle_max.max(cosine.clamp(-1.0, 1.0).acos());
+                least_cosine = least_cosine.min(-(u[1] * g[1] + u[2] * g[2]) / (slip * friction));
             }
         }
+        errors.slip_angle_max = errors.slip_angle_max.max(least_cosine.clamp(-1.0, 1.0).acos());
         errors
     }
 }

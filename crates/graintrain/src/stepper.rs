@@ -362,7 +362,10 @@ impl Stepper {
             phases.collide += begin.elapsed().as_secs_f64();
             if new.is_empty() && bent.is_empty() {
                 let pair = |c: &Contact| [c.body_a.min(c.body_b), c.body_a.max(c.body_b)];
-                let pairs: HashSet<[u32; 2]> = contacts.iter().map(pair).collect();
+                let mut pairs = HashSet::new();
+                if !missed.is_empty() {
+                    pairs.extend(contacts.iter().map(pair));
+                }
                 let apart = |c: &&Contact| !pairs.contains(&pair(c));
                 let missed = met.len() + missed.iter().filter(apart).map(pair).collect::<HashSet<_>>().len();
                 let mut report =
@@ -583,7 +586,8 @@ impl Stepper {
             }
             FrictionModel::Coulomb => Opening::default(),
         };
-        let set = ContactSet { contacts, impulse: world_impulse, friction, moment };
+        let curvature = solve.curvature.or(world.contacts.curvature);
+        let set = ContactSet { contacts, impulse: world_impulse, friction, moment, curvature };
         let wrenches = wrenches(&start.position, cell.as_ref(), world, &set, step);
         let (before, kinetic_energy) = (start.velocities(), world.kinetic_energy());
         let change = kinetic_energy + taken_along(world, &velocity) - start.kinetic_energy;
@@ -694,7 +698,7 @@ impl Stepper {
 
     /// Solves the problem part by part.
     fn solve(&mut self, world: &World, problem: &Ccp, impulse: &mut [f64]) -> Result<Solved, CcpError> {
-        let settings = self.solve_settings();
+        let settings = SolveSettings { curvature: world.contacts.curvature, ..self.solve_settings() };
         // A method that keeps something from step to step has to see the same problem again.
         let whole = self.settings.solver.keeps_between_steps();
         let (gravity, step) = (world.gravity.length(), self.settings.step);

@@ -279,6 +279,7 @@ impl Wedges<'_> {
             let settings = SolveSettings {
                 friction: FrictionModel::Coulomb,
                 max_iterations: Some(PATIENCE),
+                curvature: None,
                 ..self.settings.clone()
             };
             if !self.solver.solve(own, &mut impulse, &settings)?.converged() {

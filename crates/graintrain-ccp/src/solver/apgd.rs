@@ -6,8 +6,9 @@
 
 use super::combination::Combination;
 use super::first_order::{FirstOrderMethod, Iterate};
-use super::lanes::{Batch, Vector, add_scaled, dot, project_given, sub, within_disc, within_discs};
-use super::scaling::{ContactBatch, Kernel, KernelInput, ScaledProblem, TurningBatch};
+use super::lanes::{Batch, Numbers, Vector, add_scaled, dot, project_given, sub, within_disc, within_discs};
+use super::scaling::{ContactBatch, Image, Kernel, KernelInput, ScaledProblem, TurningBatch};
+use super::single::SingleIterate;
 use super::tasks::Tally;
 use crate::residual::FrictionModel;
 
@@ -28,6 +29,9 @@ use crate::residual::FrictionModel;
 /// limit the iterates may circle, with a short one they creep. So beta restarts also where theta reaches a limit, and the limit
 /// grows by [`longer`](Self::longer) as long as the step |x+ - y| / t is shorter than at the last restart, else it shrinks by
 /// [`shorter`](Self::shorter).
+///
+/// Large problems over rigid bodies are begun in single precision and, where that is not enough, ended in double
+/// precision. The first step is made for the curvature of the last solve, where the [settings](super::SolveSettings::curvature) name it.
 ///
 /// One iteration is one fused pass over the contacts and one over the bodies: because images are linear,
 /// N' x+ = N' y + N' d needs no product of its own.
@@ -68,22 +72,59 @@ impl Default for Apgd {
 
 /// x + beta (x - previous).
 #[inline(always)]
-fn extrapolated<V: Vector>(x: &Batch<V>, previous: &Batch<V>, beta: f64) -> Batch<V> {
+pub(super) fn extrapolated<V: Numbers>(x: &Batch<V>, previous: &Batch<V>, beta: f64) -> Batch<V> {
     add_scaled(x, beta, &sub(x, previous))
 }
 
 /// previous <- x+ = P(y - t u) with y = x + beta (x - previous); returns d = x+ - y, tallies |d|^2 and d^T (x+ - x).
 ///
 /// Whether friction is exact is known to the compiler: asked per contact it costs a tenth of an iteration.
-struct Step<const EXACT: bool> {
-    step: f64,
-    beta: f64,
+pub(super) struct Step<const EXACT: bool> {
+    /// t
+    pub(super) step: f64,
+    /// beta of the point that the step starts from.
+    pub(super) beta: f64,
+}
+
+impl<const EXACT: bool> Step<EXACT> {
+    /// x + beta (x - previous).
+    #[inline(always)]
+    pub(super) fn extrapolated<V: Numbers>(&self, x: &Batch<V>, previous: &Batch<V>) -> Batch<V> {
+        extrapolated(x, previous, self.beta)
+    }
+
+    /// y - t u.
+    #[inline(always)]
+    pub(super) fn point_from<V: Numbers>(&self, u: &Batch<V>, x: &Batch<V>, previous: &Batch<V>) -> Batch<V> {
+        add_scaled(&self.extrapolated(x, previous), -self.step, u)
+    }
+
+    /// P, given |x_t|.
+    #[inline(always)]
+    pub(super) fn allowed<V: Numbers>(mu: V, point: &Batch<V>, tangential: V) -> Batch<V> {
+        if EXACT { within_disc(mu, point, tangential) } else { project_given(mu, point, tangential) }
+    }
+
+    /// The rest of the step, given x+.
+    #[inline(always)]
+    pub(super) fn moved<V: Numbers>(
+        &self,
+        new: Batch<V>,
+        [x, previous]: [&mut Batch<V>; 2],
+        sum: &mut [V],
+    ) -> Batch<V> {
+        let d = sub(&new, &self.extrapolated(x, previous));
+        sum[0] += dot(&d, &d);
+        sum[1] += dot(&d, &sub(&new, x));
+        *previous = new;
+        d
+    }
 }
 
 impl<const EXACT: bool> Kernel<2> for Step<EXACT> {
     #[inline(always)]
     fn point<V: Vector>(&self, _: ContactBatch<V>, u: &Batch<V>, [x, previous]: [&Batch<V>; 2]) -> Batch<V> {
-        add_scaled(&extrapolated(x, previous, self.beta), -self.step, u)
+        self.point_from(u, x, previous)
     }
 
     #[inline(always)]
@@ -94,11 +135,7 @@ impl<const EXACT: bool> Kernel<2> for Step<EXACT> {
         point: &Batch<V>,
         tangential: V,
     ) -> Batch<V> {
-        if EXACT {
-            within_disc(contact.mu, point, tangential)
-        } else {
-            project_given(contact.mu, point, tangential)
-        }
+        Self::allowed(contact.mu, point, tangential)
     }
 
     #[inline(always)]
@@ -120,21 +157,17 @@ impl<const EXACT: bool> Kernel<2> for Step<EXACT> {
         &self,
         _: ContactBatch<V>,
         KernelInput { projected: new, .. }: KernelInput<V>,
-        [x, previous]: [&mut Batch<V>; 2],
+        vectors: [&mut Batch<V>; 2],
         tally: &mut Tally<V>,
     ) -> Batch<V> {
-        let y = extrapolated(x, previous, self.beta);
-        let d = sub(&new, &y);
-        tally.sum[0] += dot(&d, &d);
-        tally.sum[1] += dot(&d, &sub(&new, x));
-        *previous = new;
-        d
+        self.moved(new, vectors, &mut tally.sum)
     }
 }
 
 /// Returns y = x + beta (x - previous): its image is wanted.
-struct Extrapolated {
-    beta: f64,
+pub(super) struct Extrapolated {
+    /// beta
+    pub(super) beta: f64,
 }
 
 impl Kernel<2> for Extrapolated {
@@ -152,42 +185,113 @@ impl Kernel<2> for Extrapolated {
     }
 }
 
+/// Where the iterations take place: in double or in single precision. Holds x, the x before, and the images of x and y.
+pub(super) trait Space {
+    /// Which problem is solved.
+    fn friction_model(&self) -> FrictionModel;
+
+    /// What the first step is made for: the largest curvature known from an earlier solve, or that of power iterations.
+    fn first_curvature(&mut self) -> f64;
+
+    /// Counts an iteration and says whether to do it.
+    fn proceed(&mut self, beta: f64) -> bool;
+
+    /// A step from y; `next` makes the beta of the next y of |d|^2 and d^T (x+ - x). Returns |d|^2 and d^T N' d.
+    fn step<const EXACT: bool>(
+        &mut self,
+        kernel: Step<EXACT>,
+        next: impl FnOnce([f64; 2]) -> f64,
+    ) -> [f64; 2];
+}
+
+/// The space of double precision.
+struct Double<'a, 'b> {
+    scaled: &'a ScaledProblem,
+    it: &'a mut Iterate<'b>,
+    previous: Vec<Batch>,
+    image_y: Image,
+}
+
+impl Space for Double<'_, '_> {
+    fn friction_model(&self) -> FrictionModel {
+        self.scaled.friction_model()
+    }
+
+    fn first_curvature(&mut self) -> f64 {
+        self.it.known_curvature().unwrap_or_else(|| self.it.largest_curvature(self.scaled))
+    }
+
+    fn proceed(&mut self, beta: f64) -> bool {
+        let go = self.it.proceed(self.scaled);
+        if go && self.it.was_refreshed() {
+            // The image of y must not keep the rounding errors that the image of x has just lost: the extrapolation
+            // would take the difference for a motion and multiply it.
+            let Iterate { x, work, .. } = &mut *self.it;
+            let vectors = [&mut x[..], &mut self.previous];
+            self.scaled.scatter_pass(vectors, &mut self.image_y, work, &Extrapolated { beta });
+        }
+        go
+    }
+
+    fn step<const EXACT: bool>(
+        &mut self,
+        kernel: Step<EXACT>,
+        next: impl FnOnce([f64; 2]) -> f64,
+    ) -> [f64; 2] {
+        let Iterate { x, image, work, .. } = &mut *self.it;
+        let (images, vectors) = ([&mut self.image_y[..], image], [&mut x[..], &mut self.previous]);
+        let (totals, curvature) = self.scaled.pass_onto(images, vectors, work, &kernel, |totals| {
+            let [length, downhill, ..] = totals.sum;
+            Extrapolation { beta: next([length, downhill]) }
+        });
+        std::mem::swap(x, &mut self.previous);
+        [totals.sum[0], curvature]
+    }
+}
+
 impl FirstOrderMethod for Apgd {
     const NAME: &'static str = "apgd";
     const EXACT: bool = true;
     const TURNING: bool = true;
+    const SINGLE: bool = true;
 
     fn run(&mut self, scaled: &ScaledProblem, it: &mut Iterate<'_>) {
-        match scaled.friction_model() {
-            FrictionModel::Relaxed => self.iterate::<false>(scaled, it),
-            FrictionModel::Coulomb => self.iterate::<true>(scaled, it),
-        }
+        let (previous, image_y) = (it.x.clone(), it.image.clone());
+        let mut space = Double { scaled, it, previous, image_y };
+        let met = self.iterate_in(&mut space);
+        it.met_curvature(met);
+    }
+
+    fn run_single(&mut self, it: &mut SingleIterate<'_>) {
+        let met = self.iterate_in(it);
+        it.met_curvature(met);
     }
 }
 
 impl Apgd {
-    /// The iterations, with exact friction or not.
-    fn iterate<const EXACT: bool>(&self, scaled: &ScaledProblem, it: &mut Iterate<'_>) {
-        let mut step = 1.0 / it.largest_curvature(scaled);
-        let mut previous = it.x.clone();
-        let mut image_y = it.image.clone();
+    /// The iterations; the largest curvature met along a step, zero where none was made.
+    fn iterate_in(&self, space: &mut impl Space) -> f64 {
+        match space.friction_model() {
+            FrictionModel::Relaxed => self.iterate::<false>(space),
+            FrictionModel::Coulomb => self.iterate::<true>(space),
+        }
+    }
+
+    /// The same, with exact friction or not.
+    fn iterate<const EXACT: bool>(&self, space: &mut impl Space) -> f64 {
+        // Found when it is needed: a start that is good enough needs none.
+        let mut step = 0.0;
         let (mut theta, mut beta) = (1.0_f64, 0.0);
         let mut memory = if EXACT { self.memory } else { f64::INFINITY };
         let mut last_step = f64::INFINITY;
-        let mut iteration = 0.0;
-        while it.proceed(scaled) {
-            iteration += 1.0;
-            if it.was_refreshed() {
-                // The image of y must not keep the rounding errors that the image of x has just lost: the extrapolation
-                // would take the difference for a motion and multiply it.
-                let Iterate { x, work, .. } = it;
-                scaled.scatter_pass([x, &mut previous], &mut image_y, work, &Extrapolated { beta });
+        let (mut iteration, mut steepest) = (0.0, 0.0_f64);
+        while space.proceed(beta) {
+            if iteration == 0.0 {
+                step = 1.0 / space.first_curvature();
             }
+            iteration += 1.0;
             let kernel = Step::<EXACT> { step, beta };
-            let images = [&mut image_y[..], &mut it.image];
-            let vectors = [&mut it.x[..], &mut previous];
-            let (totals, curvature) = scaled.pass_onto(images, vectors, &mut it.work, &kernel, |totals| {
-                let [length, downhill, ..] = totals.sum;
+            let [length, curvature] = space.step(kernel, |[length, downhill]| {
                 if downhill < 0.0 || theta > memory {
                     if EXACT && theta > self.young {
                         let now = length.sqrt() / step;
@@ -203,27 +307,28 @@ impl Apgd {
                     }
                     (theta, beta) = (next, (theta - 1.0) / next);
                 }
-                Extrapolation { beta }
+                beta
             });
-            std::mem::swap(&mut it.x, &mut previous);
-            let [length, ..] = totals.sum;
+            steepest = steepest.max(curvature / length);
             if curvature * step > length {
                 step = 0.9 * length / curvature;
             } else {
                 step *= self.growth;
             }
         }
+        steepest
     }
 }
 
 /// From the images of y, x and d = x+ - y to those of the next y = x+ + beta (x+ - x) and of x+.
-struct Extrapolation {
-    beta: f64,
+pub(super) struct Extrapolation {
+    /// beta
+    pub(super) beta: f64,
 }
 
 impl Combination<2> for Extrapolation {
     #[inline(always)]
-    fn of<V: Vector>(&self, d: V, [y, x]: [V; 2]) -> [V; 2] {
+    fn of<V: Numbers>(&self, d: V, [y, x]: [V; 2]) -> [V; 2] {
         let new = y + d;
         [new + V::splat(self.beta) * (new - x), new]
     }

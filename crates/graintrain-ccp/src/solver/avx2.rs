@@ -5,7 +5,8 @@
 //! N takes 0.129 ms, with `Lanes` compiled for AVX2 and records without padding it took 0.171 ms.
 #![allow(unsafe_code)]
 
-use super::lanes::{Batch, LANES, Lanes, TaskWork, Vector};
+use super::avx2_single::SingleRegister;
+use super::lanes::{Batch, LANES, Lanes, Numbers, TaskWork, Vector};
 use std::arch::x86_64::*;
 use std::ops::{Add, AddAssign, Mul, Neg, Sub};
 
@@ -94,44 +95,13 @@ impl Neg for Register {
     }
 }
 
-impl Vector for Register {
-    #[inline(always)]
-    fn of(lanes: Lanes) -> Self {
-        // SAFETY: see `Register`; the address is that of 32 aligned bytes.
-        Self(unsafe { _mm256_load_pd(lanes.0.as_ptr()) })
-    }
-
-    #[inline(always)]
-    fn lanes(self) -> Lanes {
-        let mut lanes = Lanes::default();
-        // SAFETY: see `Register`; the address is that of 32 aligned bytes.
-        unsafe { _mm256_store_pd(lanes.0.as_mut_ptr(), self.0) };
-        lanes
-    }
-
-    #[inline(always)]
-    fn of_slice(lanes: &mut [Lanes]) -> &mut [Self] {
-        // SAFETY: both types are four f64 in 32 aligned bytes, all of whose values are valid; the borrow is handed on.
-        unsafe { std::slice::from_raw_parts_mut(lanes.as_mut_ptr().cast(), lanes.len()) }
-    }
+impl Numbers for Register {
+    const TINY: f64 = f64::MIN_POSITIVE;
 
     #[inline(always)]
     fn splat(x: f64) -> Self {
         // SAFETY: see `Register`.
         Self(unsafe { _mm256_set1_pd(x) })
-    }
-
-    #[inline(always)]
-    fn broadcast<const K: i32>(self) -> Self {
-        // SAFETY: see `Register`.
-        Self(unsafe {
-            match K {
-                0 => _mm256_permute4x64_pd::<0b00_00_00_00>(self.0),
-                1 => _mm256_permute4x64_pd::<0b01_01_01_01>(self.0),
-                2 => _mm256_permute4x64_pd::<0b10_10_10_10>(self.0),
-                _ => _mm256_permute4x64_pd::<0b11_11_11_11>(self.0),
-            }
-        })
     }
 
     #[inline(always)]
@@ -162,6 +132,43 @@ impl Vector for Register {
     fn at_most(self, bound: Self, yes: Self, no: Self) -> Self {
         // SAFETY: see `Register`.
         Self(unsafe { _mm256_blendv_pd(no.0, yes.0, _mm256_cmp_pd::<_CMP_LE_OQ>(self.0, bound.0)) })
+    }
+}
+
+impl Vector for Register {
+    type Single = SingleRegister;
+
+    #[inline(always)]
+    fn of(lanes: Lanes) -> Self {
+        // SAFETY: see `Register`; the address is that of 32 aligned bytes.
+        Self(unsafe { _mm256_load_pd(lanes.0.as_ptr()) })
+    }
+
+    #[inline(always)]
+    fn lanes(self) -> Lanes {
+        let mut lanes = Lanes::default();
+        // SAFETY: see `Register`; the address is that of 32 aligned bytes.
+        unsafe { _mm256_store_pd(lanes.0.as_mut_ptr(), self.0) };
+        lanes
+    }
+
+    #[inline(always)]
+    fn of_slice(lanes: &mut [Lanes]) -> &mut [Self] {
+        // SAFETY: both types are four f64 in 32 aligned bytes, all of whose values are valid; the borrow is handed on.
+        unsafe { std::slice::from_raw_parts_mut(lanes.as_mut_ptr().cast(), lanes.len()) }
+    }
+
+    #[inline(always)]
+    fn broadcast<const K: i32>(self) -> Self {
+        // SAFETY: see `Register`.
+        Self(unsafe {
+            match K {
+                0 => _mm256_permute4x64_pd::<0b00_00_00_00>(self.0),
+                1 => _mm256_permute4x64_pd::<0b01_01_01_01>(self.0),
+                2 => _mm256_permute4x64_pd::<0b10_10_10_10>(self.0),
+                _ => _mm256_permute4x64_pd::<0b11_11_11_11>(self.0),
+            }
+        })
     }
 
     #[inline(always)]
@@ -212,7 +219,7 @@ impl Vector for Register {
     }
 }
 
-const CACHE_LINE: usize = 64;
+pub(super) const CACHE_LINE: usize = 64;
 
 /// The low halves of two registers one after the other, for `_mm256_permute2f128_pd`.
 const LOW_HALVES: i32 = 0x20;

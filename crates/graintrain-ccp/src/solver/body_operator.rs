@@ -3,10 +3,13 @@
 
 use super::combination::Combination;
 use super::dispatch::vectorised;
-use super::lanes::{Batch, LANES, Lanes, TaskWork, Vector, ZERO, add, cross, dot, load, scale, sub, zero};
+use super::lanes::{
+    Batch, LANES, Lanes, Numbers, TaskWork, Vector, ZERO, add, cross, dot, load, scale, sub, zero,
+};
 use super::packing::{EMPTY, Packing, turning_batches};
+use super::slots::SlotTable;
 use super::tasks::{CHUNK, Tally, Totals, for_each_task};
-use crate::delassus::{BodyInverseMass, FIXED, RigidDelassus};
+use crate::delassus::{BodyInverseMass, RigidDelassus};
 use graintrain_linalg::block3::Block;
 
 /// Bodies per parallel task.
@@ -178,11 +181,7 @@ pub(super) struct BodyOperator {
     /// In the order of the packing, like everything per body; that of the fixed body, zero, comes last.
     inverse_mass: Vec<InverseMass>,
     num_bodies: usize,
-    /// Slots of chunk c are `chunk_start[c]..chunk_start[c + 1]`.
-    chunk_start: Vec<usize>,
-    /// Slots of body b are `slots[slot_start[b]..slot_start[b + 1]]`.
-    slot_start: Vec<u32>,
-    slots: Vec<u32>,
+    slots: SlotTable,
 }
 
 /// Batches whose contacts share no body if that can be arranged: a sweep of Gauss-Seidel computes them together.
@@ -242,57 +241,26 @@ impl BodyOperator {
             slot_b: [0; LANES],
         };
         let mut geometry = vec![empty; batches];
-        let mut chunk_start = vec![0];
-        let mut owner = Vec::new();
-        let mut slot_of = vec![(u32::MAX, 0_u32); bodies];
-        for (chunk, contacts) in order.chunks(CHUNK * LANES).enumerate() {
-            owner.push(fixed);
-            let first = chunk_start[chunk];
-            let mut slot = |body: u32| {
-                if body == FIXED {
-                    return (fixed, 0);
-                }
-                let body = packing.bodies[body as usize];
-                let known = &mut slot_of[body as usize];
-                if known.0 != chunk as u32 {
-                    *known = (chunk as u32, (owner.len() - first) as u32);
-                    owner.push(body);
-                }
-                (body, known.1)
-            };
-            for (offset, &i) in contacts.iter().enumerate().filter(|&(_, &i)| i != EMPTY) {
-                let turning = (i as usize).checked_sub(rigid.num_contacts()).map(|k| &rigid.turning()[k]);
-                let contact = &rigid.contacts()[turning.map_or(i, |rows| rows.contact) as usize];
-                let length = turning.map_or(1.0, |rows| rows.length);
-                let g = &mut geometry[chunk * CHUNK + offset / LANES];
-                let lane = offset % LANES;
-                for row in 0..3 {
-                    for axis in 0..3 {
-                        g.frame[row][axis].0[lane] =
-                            scaling[i as usize][row.min(1)] * (length * contact.frame[row][axis]);
-                    }
-                }
+        let slots = SlotTable::new(rigid, packing, CHUNK * LANES);
+        for (place, &i) in order.iter().enumerate().filter(|&(_, &i)| i != EMPTY) {
+            let turning = (i as usize).checked_sub(rigid.num_contacts()).map(|k| &rigid.turning()[k]);
+            let contact = &rigid.contacts()[turning.map_or(i, |rows| rows.contact) as usize];
+            let length = turning.map_or(1.0, |rows| rows.length);
+            let g = &mut geometry[place / LANES];
+            let lane = place % LANES;
+            for row in 0..3 {
                 for axis in 0..3 {
-                    g.arm_a[axis].0[lane] = contact.arm_a[axis];
-                    g.arm_b[axis].0[lane] = contact.arm_b[axis];
+                    g.frame[row][axis].0[lane] =
+                        scaling[i as usize][row.min(1)] * (length * contact.frame[row][axis]);
                 }
-                (g.body_a[lane], g.slot_a[lane]) = slot(contact.body_a);
-                (g.body_b[lane], g.slot_b[lane]) = slot(contact.body_b);
             }
-            chunk_start.push(owner.len());
-        }
-        let mut slot_start = vec![0_u32; bodies + 1];
-        for &body in owner.iter().filter(|&&body| body != fixed) {
-            slot_start[body as usize + 1] += 1;
-        }
-        for b in 0..bodies {
-            slot_start[b + 1] += slot_start[b];
-        }
-        let mut next = slot_start.clone();
-        let mut slots = vec![0; slot_start[bodies] as usize];
-        for (slot, &body) in owner.iter().enumerate().filter(|&(_, &body)| body != fixed) {
-            slots[next[body as usize] as usize] = slot as u32;
-            next[body as usize] += 1;
+            for axis in 0..3 {
+                g.arm_a[axis].0[lane] = contact.arm_a[axis];
+                g.arm_b[axis].0[lane] = contact.arm_b[axis];
+            }
+            [g.body_a[lane], g.body_b[lane]] =
+                [contact.body_a, contact.body_b].map(|body| packing.place_of(body));
+            [g.slot_a[lane], g.slot_b[lane]] = slots.of_place(place);
         }
         let mut inverse_mass = vec![InverseMass::default(); bodies + 1];
         for (&place, inverse) in packing.bodies.iter().zip(rigid.inverse_mass()) {
@@ -300,7 +268,7 @@ impl BodyOperator {
         }
         let runs = runs(&geometry, fixed);
         let turning = turning_batches(order, rigid.num_contacts());
-        Self { geometry, turning, runs, inverse_mass, num_bodies: bodies, chunk_start, slot_start, slots }
+        Self { geometry, turning, runs, inverse_mass, num_bodies: bodies, slots: slots.without_places() }
     }
 
     /// Vectors in an image: the [`BodyPair`] of every body and of the fixed one.
@@ -310,12 +278,12 @@ impl BodyOperator {
 
     /// Number of slots of all chunks.
     pub(super) fn num_slots(&self) -> usize {
-        *self.chunk_start.last().expect("there is always a first start")
+        self.slots.len()
     }
 
     /// Slots of a range of chunks.
     pub(super) fn slot_range(&self, chunks: std::ops::Range<usize>) -> std::ops::Range<usize> {
-        self.chunk_start[chunks.start]..self.chunk_start[chunks.end]
+        self.slots.of_chunks(chunks)
     }
 
     /// Bytes of one pass: the geometry, and half of what goes through slots, inverse masses and velocities.
@@ -495,8 +463,7 @@ impl<const K: usize, C: Combination<K>> TaskWork for BodyTask<'_, K, C> {
         for offset in 0..images[0].len() {
             let body = first + offset;
             let (mut force, mut moment) = (V::default(), V::default());
-            let range = operator.slot_start[body] as usize..operator.slot_start[body + 1] as usize;
-            for &slot in &operator.slots[range] {
+            for &slot in operator.slots.of_body(body) {
                 let [f, m] = slots[slot as usize];
                 force += V::of(f);
                 moment += V::of(m);

@@ -5,7 +5,7 @@ use super::settings::SolveSettings;
 use crate::newton::NewtonError;
 use crate::newton::driver::NewtonDriver;
 use crate::problem::{Ccp, CcpError};
-use crate::residual::{Residual, ResidualScale};
+use crate::residual::{Judge, Residual, ResidualScale};
 use graintrain_linalg::patience::Patience;
 use std::time::Instant;
 
@@ -13,6 +13,9 @@ use std::time::Instant;
 const INFEASIBLE: &str = "no velocities of the bodies keep these contacts apart, which was proved: bodies are wedged in, or \
     pressed together by ones that cannot give way. The impulses are those of contacts that give a little; let something move, or \
     remove an overlap or a prescribed motion, for a problem that has a solution";
+
+/// What is left of a curvature per solve that does not meet it again.
+const FORGET: f64 = 0.97;
 
 /// Clock and limits of one solve.
 #[derive(Clone, Debug)]
@@ -32,6 +35,24 @@ impl<'a> Limits<'a> {
     /// The number of a residual that is held against the tolerance.
     pub fn judged(&self, residual: Residual) -> f64 {
         residual.judged(self.settings.judge)
+    }
+
+    /// Which number that is.
+    pub fn judge(&self) -> Judge {
+        self.settings.judge
+    }
+
+    /// The largest curvature of the last solve, where it is known; at least 1, because trace(N'_ii) = 3.
+    pub fn curvature(&self) -> Option<f64> {
+        self.settings.curvature.filter(|curvature| curvature.is_finite()).map(|curvature| curvature.max(1.0))
+    }
+
+    /// What to remember after a solve whose steps met this curvature at the most, zero where there was none: a solve of few steps does
+    /// not meet the largest one there is.
+    pub fn next_curvature(&self, steepest: f64) -> Option<f64> {
+        let known = self.curvature().map(|known| FORGET * known);
+        let met = (steepest.is_finite() && steepest > 0.0).then_some(steepest);
+        known.into_iter().chain(met).reduce(f64::max)
     }
 
     /// The status to stop with after this many iterations with this residual, as [judged](Self::judged), if it is time to stop.
@@ -111,6 +132,7 @@ impl<'a> Limits<'a> {
             iterations,
             linear_iterations,
             products: 0,
+            curvature: None,
             residual,
             residual_relaxed: evaluation.relaxed,
             residual_coulomb: evaluation.coulomb,

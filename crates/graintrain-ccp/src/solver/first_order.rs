@@ -3,10 +3,11 @@
 use super::driver::{Best, Limits, Progress, check_start};
 use super::history::History;
 use super::interface::{CcpSolver, ITERATION_LIMIT};
-use super::lanes::{Batch, Lanes, Vector};
+use super::lanes::{Batch, Lanes, Numbers};
 use super::report::{SolveReport, Status};
 use super::scaling::{Image, PassWork, ScaledProblem};
 use super::settings::SolveSettings;
+use super::single::{self, SingleIterate, SingleProblem};
 use crate::delassus::DelassusIdentity;
 use crate::problem::{Ccp, CcpError, TurningFriction};
 use crate::residual::{FrictionModel, Residual, ResidualScale, velocity_scale};
@@ -21,57 +22,101 @@ pub trait FirstOrderMethod: Send {
     /// Whether the method takes contacts that resist turning.
     const TURNING: bool = false;
 
+    /// Whether the method can begin in single precision.
+    const SINGLE: bool = false;
+
     /// Improves the iterate until it says to stop.
     fn run(&mut self, scaled: &ScaledProblem, it: &mut Iterate<'_>);
+
+    /// The same in single precision, for a method that can.
+    fn run_single(&mut self, _it: &mut SingleIterate<'_>) {}
 }
 
 /// Makes a [`CcpSolver`] of a first-order method. The scaled problem is kept between solves and used again while N, mu and V
-/// stay.
+/// stay. Methods that can begin large problems in single precision.
 pub struct FirstOrder<M> {
     method: M,
     /// Checks that a relaxed solve may go without a tenth off its least residual.
     patience: usize,
-    prepared: Option<Prepared>,
+    prepared: Option<Prepared<ScaledProblem>>,
+    single: Option<Prepared<SingleProblem>>,
 }
 
-/// The scaled problem of the last solve, and what it was made of.
-struct Prepared {
+/// A problem scaled and packed, in double or in single precision.
+trait Packed: Sized {
+    /// Of this problem, where that is possible.
+    fn of(problem: &Ccp, residual: &ResidualScale) -> Option<Self>;
+
+    /// Replaces r.
+    fn replace_free_velocity(&mut self, r: &[f64]);
+}
+
+impl Packed for ScaledProblem {
+    fn of(problem: &Ccp, residual: &ResidualScale) -> Option<Self> {
+        Some(Self::new(problem, residual))
+    }
+
+    fn replace_free_velocity(&mut self, r: &[f64]) {
+        self.set_free_velocity(r);
+    }
+}
+
+impl Packed for SingleProblem {
+    fn of(problem: &Ccp, residual: &ResidualScale) -> Option<Self> {
+        Self::new(problem, residual)
+    }
+
+    fn replace_free_velocity(&mut self, r: &[f64]) {
+        self.set_free_velocity(r);
+    }
+}
+
+/// The packed problem of the last solve, and what it was made of.
+struct Prepared<P> {
     delassus: DelassusIdentity,
     friction: Vec<f64>,
     turning: Vec<TurningFriction>,
     velocity: f64,
-    scaled: ScaledProblem,
+    packed: P,
 }
 
-impl Prepared {
-    fn new(problem: &Ccp) -> Self {
+impl<P: Packed> Prepared<P> {
+    /// The last one with another r, where nothing else differs, or a new one.
+    fn of(problem: &Ccp, last: Option<Self>) -> Option<Self> {
+        if let Some(mut last) = last {
+            let fits = last.delassus.is(&problem.delassus)
+                && last.velocity == velocity_scale(problem)
+                && last.friction == problem.friction
+                && last.turning == problem.turning;
+            if fits {
+                last.packed.replace_free_velocity(&problem.r);
+                return Some(last);
+            }
+        }
         let residual = ResidualScale::new(problem);
-        Self {
+        Some(Self {
             delassus: DelassusIdentity::of(&problem.delassus),
             friction: problem.friction.clone(),
             turning: problem.turning.clone(),
             velocity: residual.velocity,
-            scaled: ScaledProblem::new(problem, &residual),
-        }
+            packed: P::of(problem, &residual)?,
+        })
     }
+}
 
-    /// The scaled problem with another r, where nothing else differs.
-    fn again(mut self, problem: &Ccp) -> Option<Self> {
-        let fits = self.delassus.is(&problem.delassus)
-            && self.velocity == velocity_scale(problem)
-            && self.friction == problem.friction
-            && self.turning == problem.turning;
-        if fits {
-            self.scaled.set_free_velocity(&problem.r);
-        }
-        fits.then_some(self)
-    }
+/// What was done in single precision.
+#[derive(Default)]
+struct Begun {
+    iterations: usize,
+    products: usize,
+    history: History,
+    curvature: Option<f64>,
 }
 
 impl<M> FirstOrder<M> {
     /// The solver with this method's parameters.
     pub fn new(method: M) -> Self {
-        Self { method, patience: usize::MAX, prepared: None }
+        Self { method, patience: usize::MAX, prepared: None, single: None }
     }
 
     /// The same, ending a relaxed solve ([`Status::Stalled`]) after so many checks of the residual, one in ten iterations, without a tenth
@@ -96,15 +141,23 @@ impl<M: FirstOrderMethod> FirstOrder<M> {
         }
         let limits = Limits::start(settings, ITERATION_LIMIT);
         check_start(problem, impulse)?;
-        let start = impulse.to_vec();
-        let last_one = self.prepared.take().and_then(|prepared| prepared.again(problem));
-        let mut prepared = last_one.unwrap_or_else(|| Prepared::new(problem));
-        let scaled = &mut prepared.scaled;
-        scaled.set_friction_model(model);
         if let Some(last) = &mut last {
             check_start(problem, last)?;
         }
+        let mut begun = Begun::default();
+        if M::SINGLE && single::suits(problem, settings) {
+            let ended = self.begin(problem, impulse, last.as_deref_mut(), &limits, model, &mut begun);
+            if let Some(report) = ended {
+                return Ok(report);
+            }
+        }
+        let start = impulse.to_vec();
+        let prepared = Prepared::<ScaledProblem>::of(problem, self.prepared.take());
+        let mut prepared = prepared.expect("every problem can be packed in double precision");
+        let scaled = &mut prepared.packed;
+        scaled.set_friction_model(model);
         let mut it = Iterate::new(scaled, limits, last.as_deref().unwrap_or(impulse));
+        (it.iterations, it.history) = (begun.iterations, begun.history);
         if model == FrictionModel::Relaxed {
             it.progress = Progress::new(self.patience);
         }
@@ -112,25 +165,70 @@ impl<M: FirstOrderMethod> FirstOrder<M> {
         if let Some(last) = last {
             scaled.unpack(&it.x, last);
         }
-        let (status, iterations, products) = (it.status, it.iterations, it.work.products());
+        let (status, iterations) = (it.status, it.iterations);
+        let products = begun.products + it.work.products();
         it.best.restore(&mut it.x);
         scaled.unpack(&it.x, impulse);
         // Steps along the boundary leave the cones by more than rounding (kucera: 1e-9 of an impulse).
         problem.project(impulse);
         self.prepared = Some(prepared);
-        let mut report = it.limits.report(M::NAME, problem, impulse, status, iterations, 0);
-        if !report.converged() {
-            // Where impulses grow without limit (a contact between immovable bodies) the last projection may move them by more than
-            // they are worth: what was handed over may be better.
-            let of_start = it.limits.report(M::NAME, problem, &start, status, iterations, 0);
-            if it.limits.judged(of_start.residual) < it.limits.judged(report.residual) {
-                impulse.copy_from_slice(&start);
-                report = of_start;
-            }
-        }
-        let history = it.history.into_samples();
-        Ok(SolveReport { products, history, ..report })
+        let report = it.limits.report(M::NAME, problem, impulse, status, iterations, 0);
+        let report = better_of(problem, &it.limits, &start, impulse, report);
+        let curvature = it.curvature.or(begun.curvature);
+        Ok(SolveReport { products, curvature, history: it.history.into_samples(), ..report })
     }
+
+    /// The iterations in single precision, with the meaning of the arguments of [`Self::improve`]. The report, where they have ended the
+    /// solve.
+    fn begin(
+        &mut self,
+        problem: &Ccp,
+        impulse: &mut [f64],
+        last: Option<&mut [f64]>,
+        limits: &Limits<'_>,
+        model: FrictionModel,
+        begun: &mut Begun,
+    ) -> Option<SolveReport> {
+        let mut prepared = Prepared::<SingleProblem>::of(problem, self.single.take())?;
+        prepared.packed.set_friction_model(model);
+        let start = impulse.to_vec();
+        let mut it = SingleIterate::new(&prepared.packed, limits, last.as_deref().unwrap_or(impulse));
+        self.method.run_single(&mut it);
+        it.unpack(impulse, last);
+        problem.project(impulse);
+        let (iterations, products) = (it.iterations, it.products);
+        let (ended, curvature) = (it.status, it.curvature);
+        *begun = Begun { iterations, products, curvature, history: it.history };
+        self.single = Some(prepared);
+        let status = ended.unwrap_or(Status::Stalled);
+        let report = limits.report(M::NAME, problem, impulse, status, iterations, 0);
+        let report = better_of(problem, limits, &start, impulse, report);
+        let over = matches!(report.status, Status::Converged | Status::Stopped | Status::IterationLimit);
+        over.then(|| {
+            let history = std::mem::take(&mut begun.history).into_samples();
+            SolveReport { products, curvature, history, ..report }
+        })
+    }
+}
+
+/// The report on the impulses, or where they are worse than those of the start, which they then become, on these: where impulses grow
+/// without limit (a contact between immovable bodies) the last projection may move them by more than they are worth.
+fn better_of(
+    problem: &Ccp,
+    limits: &Limits<'_>,
+    start: &[f64],
+    impulse: &mut [f64],
+    report: SolveReport,
+) -> SolveReport {
+    if report.converged() {
+        return report;
+    }
+    let of_start = limits.report(&report.solver, problem, start, report.status, report.iterations, 0);
+    if limits.judged(of_start.residual) < limits.judged(report.residual) {
+        impulse.copy_from_slice(start);
+        return of_start;
+    }
+    report
 }
 
 impl<M: FirstOrderMethod> CcpSolver for FirstOrder<M> {
@@ -187,6 +285,8 @@ pub struct Iterate<'a> {
     progress: Progress,
     status: Status,
     refreshed: bool,
+    /// Largest curvature met along a step.
+    curvature: Option<f64>,
 }
 
 impl<'a> Iterate<'a> {
@@ -203,6 +303,7 @@ impl<'a> Iterate<'a> {
             progress: Progress::new(usize::MAX),
             status: Status::Stalled,
             refreshed: false,
+            curvature: None,
         };
         scaled.pack(impulse, &mut it.x);
         it.refresh(scaled);
@@ -284,6 +385,16 @@ impl<'a> Iterate<'a> {
     /// Image of x <- image of x + factor * image.
     pub fn add_image(&mut self, factor: f64, image: &[Lanes]) {
         add_image(&mut self.image, factor, image);
+    }
+
+    /// The largest curvature of the last solve, where the settings name it.
+    pub fn known_curvature(&self) -> Option<f64> {
+        self.limits.curvature()
+    }
+
+    /// Keeps the largest curvature met along a step, for the next solve.
+    pub fn met_curvature(&mut self, steepest: f64) {
+        self.curvature = self.limits.next_curvature(steepest);
     }
 
     /// Largest eigenvalue of N', from below; see [`ScaledProblem::largest_curvature`].

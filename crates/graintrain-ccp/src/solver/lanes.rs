@@ -1,5 +1,6 @@
 //! Four contacts at a time: the arithmetic of the first-order methods.
 
+use super::octet::{Octet, SingleVector};
 use std::ops::{Add, AddAssign, Mul, Neg, Sub};
 
 /// Contacts per batch.
@@ -16,25 +17,15 @@ pub type Batch<V = Lanes> = [V; 3];
 /// A batch of zeros.
 pub const ZERO: Batch = [Lanes([0.0; LANES]); 3];
 
-/// Four numbers that an operation treats together: [`Lanes`] on any processor, a vector register where it has AVX2 (module
-/// `avx2`). Both give the same bits: there is no fused multiply-add.
-pub trait Vector:
+/// Numbers that an operation treats together, one of each of several contacts.
+pub trait Numbers:
     Copy + Default + Add<Output = Self> + AddAssign + Sub<Output = Self> + Mul<Output = Self> + Neg<Output = Self>
 {
-    /// These numbers.
-    fn of(lanes: Lanes) -> Self;
+    /// The least positive normal number.
+    const TINY: f64;
 
-    /// The numbers.
-    fn lanes(self) -> Lanes;
-
-    /// Numbers in memory, to change in place.
-    fn of_slice(lanes: &mut [Lanes]) -> &mut [Self];
-
-    /// The same number four times.
+    /// The same number for every contact, rounded to the precision of these.
     fn splat(x: f64) -> Self;
-
-    /// Number K, four times.
-    fn broadcast<const K: i32>(self) -> Self;
 
     /// Square roots.
     fn sqrt(self) -> Self;
@@ -50,6 +41,25 @@ pub trait Vector:
 
     /// `yes` where `self <= bound`, else `no`.
     fn at_most(self, bound: Self, yes: Self, no: Self) -> Self;
+}
+
+/// Four numbers in double precision: [`Lanes`] on any processor, a vector register where it has AVX2 (module
+/// `avx2`). Both give the same bits: there is no fused multiply-add.
+pub trait Vector: Numbers {
+    /// Eight numbers in single precision on the same processor.
+    type Single: SingleVector;
+
+    /// These numbers.
+    fn of(lanes: Lanes) -> Self;
+
+    /// The numbers.
+    fn lanes(self) -> Lanes;
+
+    /// Numbers in memory, to change in place.
+    fn of_slice(lanes: &mut [Lanes]) -> &mut [Self];
+
+    /// Number K, four times.
+    fn broadcast<const K: i32>(self) -> Self;
 
     /// Whether every number is at most its bound.
     fn all_at_most(self, bound: Self) -> bool;
@@ -83,30 +93,12 @@ impl Lanes {
     }
 }
 
-impl Vector for Lanes {
-    #[inline(always)]
-    fn of(lanes: Lanes) -> Self {
-        lanes
-    }
-
-    #[inline(always)]
-    fn lanes(self) -> Lanes {
-        self
-    }
-
-    #[inline(always)]
-    fn of_slice(lanes: &mut [Lanes]) -> &mut [Self] {
-        lanes
-    }
+impl Numbers for Lanes {
+    const TINY: f64 = f64::MIN_POSITIVE;
 
     #[inline(always)]
     fn splat(x: f64) -> Self {
         Self([x; LANES])
-    }
-
-    #[inline(always)]
-    fn broadcast<const K: i32>(self) -> Self {
-        Self([self.0[K as usize]; LANES])
     }
 
     #[inline(always)]
@@ -132,6 +124,30 @@ impl Vector for Lanes {
     #[inline(always)]
     fn at_most(self, bound: Self, yes: Self, no: Self) -> Self {
         Self(std::array::from_fn(|l| if self.0[l] <= bound.0[l] { yes.0[l] } else { no.0[l] }))
+    }
+}
+
+impl Vector for Lanes {
+    type Single = Octet;
+
+    #[inline(always)]
+    fn of(lanes: Lanes) -> Self {
+        lanes
+    }
+
+    #[inline(always)]
+    fn lanes(self) -> Lanes {
+        self
+    }
+
+    #[inline(always)]
+    fn of_slice(lanes: &mut [Lanes]) -> &mut [Self] {
+        lanes
+    }
+
+    #[inline(always)]
+    fn broadcast<const K: i32>(self) -> Self {
+        Self([self.0[K as usize]; LANES])
     }
 
     #[inline(always)]
@@ -194,7 +210,7 @@ impl Neg for Lanes {
 
 /// Zeros.
 #[inline(always)]
-pub fn zero<V: Vector>() -> Batch<V> {
+pub fn zero<V: Numbers>() -> Batch<V> {
     [V::default(); 3]
 }
 
@@ -218,60 +234,60 @@ pub fn in_place<V: Vector>(vector: &mut [Batch]) -> &mut [Batch<V>] {
 
 /// a + b.
 #[inline(always)]
-pub fn add<V: Vector>(a: &Batch<V>, b: &Batch<V>) -> Batch<V> {
+pub fn add<V: Numbers>(a: &Batch<V>, b: &Batch<V>) -> Batch<V> {
     [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
 }
 
 /// a - b.
 #[inline(always)]
-pub fn sub<V: Vector>(a: &Batch<V>, b: &Batch<V>) -> Batch<V> {
+pub fn sub<V: Numbers>(a: &Batch<V>, b: &Batch<V>) -> Batch<V> {
     [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
 }
 
 /// a + s b.
 #[inline(always)]
-pub fn add_scaled<V: Vector>(a: &Batch<V>, s: f64, b: &Batch<V>) -> Batch<V> {
+pub fn add_scaled<V: Numbers>(a: &Batch<V>, s: f64, b: &Batch<V>) -> Batch<V> {
     let s = V::splat(s);
     [a[0] + s * b[0], a[1] + s * b[1], a[2] + s * b[2]]
 }
 
 /// s a, with one factor per contact.
 #[inline(always)]
-pub fn scale<V: Vector>(s: V, a: &Batch<V>) -> Batch<V> {
+pub fn scale<V: Numbers>(s: V, a: &Batch<V>) -> Batch<V> {
     [s * a[0], s * a[1], s * a[2]]
 }
 
 /// Dot product per contact.
 #[inline(always)]
-pub fn dot<V: Vector>(a: &Batch<V>, b: &Batch<V>) -> V {
+pub fn dot<V: Numbers>(a: &Batch<V>, b: &Batch<V>) -> V {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 /// Cross product per contact.
 #[inline(always)]
-pub fn cross<V: Vector>(a: &Batch<V>, b: &Batch<V>) -> Batch<V> {
+pub fn cross<V: Numbers>(a: &Batch<V>, b: &Batch<V>) -> Batch<V> {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
 /// Projection of four points on their friction cones: [`FrictionCone::project`](crate::cone::FrictionCone::project)
 /// without branches.
 #[inline(always)]
-pub fn project<V: Vector>(mu: V, x: &Batch<V>) -> Batch<V> {
+pub fn project<V: Numbers>(mu: V, x: &Batch<V>) -> Batch<V> {
     project_given(mu, x, tangential_length(x))
 }
 
 /// |x_t| per contact: the root of a projection.
 #[inline(always)]
-pub fn tangential_length<V: Vector>(x: &Batch<V>) -> V {
+pub fn tangential_length<V: Numbers>(x: &Batch<V>) -> V {
     (x[1] * x[1] + x[2] * x[2]).sqrt()
 }
 
 /// [`project`] where |x_t| is known.
 #[inline(always)]
-pub fn project_given<V: Vector>(mu: V, x: &Batch<V>, tangential: V) -> Batch<V> {
-    // normal = q |x_t| and factor = mu q with one division; |x_t| is zero or at least 1e-162, so that q is finite.
+pub fn project_given<V: Numbers>(mu: V, x: &Batch<V>, tangential: V) -> Batch<V> {
+    // normal = q |x_t| and factor = mu q with one division; |x_t| is zero or at least 1e-162 (in single precision 1e-23), so that q is finite.
     let size = (V::splat(1.0) + mu * mu) * tangential;
-    let q = (x[0] + mu * tangential).divide(size.max(V::splat(f64::MIN_POSITIVE))).max(V::splat(0.0));
+    let q = (x[0] + mu * tangential).divide(size.max(V::splat(V::TINY))).max(V::splat(0.0));
     let (normal, factor) = (q * tangential, mu * q);
     let bound = mu * x[0];
     [
@@ -289,23 +305,22 @@ pub fn project_given<V: Vector>(mu: V, x: &Batch<V>, tangential: V) -> Batch<V> 
 /// n = max(0, x_n),   t = x_t min(1, mu n / |x_t|)
 /// ```
 #[inline(always)]
-pub fn within_disc<V: Vector>(mu: V, x: &Batch<V>, tangential: V) -> Batch<V> {
+pub fn within_disc<V: Numbers>(mu: V, x: &Batch<V>, tangential: V) -> Batch<V> {
     let normal = x[0].max(V::splat(0.0));
     let bound = mu * normal;
-    let factor =
-        tangential.at_most(bound, V::splat(1.0), bound.divide(tangential.max(V::splat(f64::MIN_POSITIVE))));
+    let factor = tangential.at_most(bound, V::splat(1.0), bound.divide(tangential.max(V::splat(V::TINY))));
     [normal, factor * x[1], factor * x[2]]
 }
 
 /// Lengths of the parts of an impulse that share a normal component: sliding, rolling, spinning.
 #[inline(always)]
-fn lengths<V: Vector>(x: &Batch<V>, turning: &Batch<V>) -> [V; 3] {
+fn lengths<V: Numbers>(x: &Batch<V>, turning: &Batch<V>) -> [V; 3] {
     [tangential_length(x), tangential_length(turning), turning[0].max(-turning[0])]
 }
 
 /// The parts of four impulses whose normal components are given, each shortened to its coefficient times that where it is longer.
 #[inline(always)]
-fn shortened<V: Vector>(
+fn shortened<V: Numbers>(
     coefficient: [V; 3],
     normal: V,
     x: &Batch<V>,
@@ -315,7 +330,7 @@ fn shortened<V: Vector>(
     let mut factor = [V::splat(1.0); 3];
     for k in 0..3 {
         let bound = coefficient[k] * normal;
-        let shorter = bound.divide(length[k].max(V::splat(f64::MIN_POSITIVE)));
+        let shorter = bound.divide(length[k].max(V::splat(V::TINY)));
         factor[k] = length[k].at_most(bound, factor[k], shorter);
     }
     [
@@ -327,7 +342,7 @@ fn shortened<V: Vector>(
 /// Projection of four points on cones with coefficients of sliding, rolling and spinning:
 /// [`TurningCone::project`](crate::cone::TurningCone::project).
 #[inline(always)]
-pub fn project_turning<V: Vector>(coefficient: [V; 3], x: &Batch<V>, turning: &Batch<V>) -> [Batch<V>; 2] {
+pub fn project_turning<V: Numbers>(coefficient: [V; 3], x: &Batch<V>, turning: &Batch<V>) -> [Batch<V>; 2] {
     let length = lengths(x, turning);
     let mut normal = x[0].max(V::splat(0.0));
     let (mut above, mut below) = ([V::default(); 3], [V::default(); 3]);
@@ -350,7 +365,7 @@ pub fn project_turning<V: Vector>(coefficient: [V; 3], x: &Batch<V>, turning: &B
 /// As [`within_disc`] with coefficients of sliding, rolling and spinning: the normal component first, then the others within what it
 /// allows.
 #[inline(always)]
-pub fn within_discs<V: Vector>(coefficient: [V; 3], x: &Batch<V>, turning: &Batch<V>) -> [Batch<V>; 2] {
+pub fn within_discs<V: Numbers>(coefficient: [V; 3], x: &Batch<V>, turning: &Batch<V>) -> [Batch<V>; 2] {
     shortened(coefficient, x[0].max(V::splat(0.0)), x, turning, lengths(x, turning))
 }
 

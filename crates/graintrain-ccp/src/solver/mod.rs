@@ -7,6 +7,7 @@
 //! | [`driver`] | limits, best iterate, progress |
 //! | [`lanes`], [`tasks`], [`dispatch`] | vector registers and parallel loops |
 //! | [`scaling`], [`combination`] | the scaled problem and its passes |
+//! | [`octet`], `single`, `slots` | the same in single precision; where passes leave forces |
 //! | [`first_order`] | what the first-order methods share |
 //! | [`auto`], [`coulomb`] | the choice among solvers, and exact friction by any of them |
 //! | [`path_following`] | exact friction where gradients do not get on |
@@ -19,6 +20,8 @@ mod apgd;
 pub mod auto;
 #[cfg(target_arch = "x86_64")]
 mod avx2;
+#[cfg(target_arch = "x86_64")]
+mod avx2_single;
 mod body_operator;
 pub mod combination;
 pub mod coulomb;
@@ -31,12 +34,15 @@ pub mod infeasible;
 pub mod interface;
 pub mod ipm;
 pub mod lanes;
+pub mod octet;
 mod packing;
 pub mod path_following;
 pub mod report;
 mod row_operator;
 pub mod scaling;
 pub mod settings;
+mod single;
+mod slots;
 pub mod tasks;
 
 pub use apgd::Apgd;

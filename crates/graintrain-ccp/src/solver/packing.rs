@@ -13,6 +13,13 @@ pub(super) struct Packing {
     pub bodies: Vec<u32>,
 }
 
+impl Packing {
+    /// Place of a body; that after the last one stands for [`FIXED`].
+    pub fn place_of(&self, body: u32) -> u32 {
+        if body == FIXED { self.bodies.len() as u32 } else { self.bodies[body as usize] }
+    }
+}
+
 /// A place without a block row.
 pub(super) const EMPTY: u32 = u32::MAX;
 

@@ -34,6 +34,9 @@ pub struct SolveReport {
     /// Products with N that a first-order method's iterations made (a sweep of Gauss-Seidel is one); 0 for other methods.
     #[serde(default)]
     pub products: usize,
+    /// What `apgd` remembers for the next solve: the largest curvature d^T N' d / |d|^2 of its scaled N along the steps that it made.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub curvature: Option<f64>,
     /// Residual of the returned impulses in the friction model asked for.
     pub residual: Residual,
     /// Residual of the returned impulses as a relaxed CCP.
@@ -84,6 +87,7 @@ impl SolveReport {
         self.iterations += earlier.iterations;
         self.linear_iterations += earlier.linear_iterations;
         self.products += earlier.products;
+        self.curvature = self.curvature.or(earlier.curvature);
         self.seconds += earlier.seconds;
         let own = std::mem::replace(&mut self.newton, earlier.newton.clone());
         self.newton.extend(own);

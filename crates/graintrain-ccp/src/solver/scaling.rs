@@ -37,7 +37,7 @@ pub use contacts::{ContactBatch, Metric, TurningBatch};
 pub use kernel::{Kernel, KernelInput, Relaxation};
 
 /// Power iterations for the first step size. With fewer, problems over large ratios of masses are solved less often.
-const POWER_ITERATIONS: usize = 12;
+pub(super) const POWER_ITERATIONS: usize = 12;
 
 /// N' in one of its two forms.
 #[derive(Clone, Debug)]
@@ -100,22 +100,36 @@ impl PassWork {
     }
 }
 
+/// The contact that a block row of N belongs to.
+fn owner(problem: &Ccp, block: usize) -> usize {
+    let contacts = problem.num_contacts();
+    if block < contacts { block } else { problem.turning[block - contacts].contact as usize }
+}
+
+/// 1 / sqrt(e_n) and 1 / sqrt(e_t) of each block row of N.
+pub(super) fn block_scaling(problem: &Ccp, residual: &ResidualScale) -> Vec<[f64; 2]> {
+    let of_block = |block: usize| {
+        let [nn, t1, t2] = problem.delassus.diagonal(block);
+        // A degree of freedom that impulses do not move gets a little of eta.
+        let factor = |mobility: f64| 1.0 / mobility.max(0.05 * residual.eta[owner(problem, block)]).sqrt();
+        [factor(nn), factor(0.5 * (t1 + t2))]
+    };
+    (0..problem.delassus.num_blocks()).map(of_block).collect()
+}
+
+/// Where the power iteration starts at a place: any vector without symmetry will do.
+pub(super) fn start_of_power(place: usize) -> [f64; 3] {
+    let s = 1.0 + 0.7 * (1.7 * place as f64).sin();
+    [s, s - 0.9, 0.8 - s]
+}
+
 impl ScaledProblem {
     /// Scales and packs a problem. Costs a few products with N.
     pub fn new(problem: &Ccp, residual: &ResidualScale) -> Self {
         let contacts = problem.num_contacts();
+        let owner = |block: usize| owner(problem, block);
         let c = residual.size();
-        let owner = |block: usize| {
-            if block < contacts { block } else { problem.turning[block - contacts].contact as usize }
-        };
-        let scaling: Vec<[f64; 2]> = (0..problem.delassus.num_blocks())
-            .map(|i| {
-                let [nn, t1, t2] = problem.delassus.diagonal(i);
-                // A degree of freedom that impulses do not move gets a little of eta.
-                let factor = |mobility: f64| 1.0 / mobility.max(0.05 * residual.eta[owner(i)]).sqrt();
-                [factor(nn), factor(0.5 * (t1 + t2))]
-            })
-            .collect();
+        let scaling = block_scaling(problem, residual);
         let add_turning = |order: &mut Vec<u32>| {
             if !problem.turning.is_empty() {
                 with_turning(order, contacts, problem.turning.iter().map(|turning| turning.contact));
@@ -168,13 +182,8 @@ impl ScaledProblem {
                 None => problem.friction[i],
             };
             scaled.friction[batch].0[lane] = mu * along_normal / tangential;
-            let metric = &mut scaled.metric[batch];
-            metric.normal.0[lane] = eta * normal / residual.velocity;
-            metric.tangential.0[lane] = eta * tangential / residual.velocity;
-            // u = c^2 u' / unit, and u / eta_i is u / V of these units.
-            metric.along.0[lane] = c / normal * (c / residual.velocity);
-            metric.across.0[lane] = c / tangential * (c / residual.velocity);
-            metric.mu.0[lane] = mu;
+            let own = Metric::of(c, [normal, tangential], eta, residual.velocity, mu);
+            scaled.metric[batch].set(lane, &own);
         }
         scaled.order = order;
         scaled.set_free_velocity(&problem.r);
@@ -445,10 +454,11 @@ impl ScaledProblem {
     /// fixed vector; at least 1 because trace(N'_ii) = 3. `x` and `image` are overwritten.
     pub fn largest_curvature(&self, x: &mut [Batch], image: &mut [Lanes], work: &mut PassWork) -> f64 {
         for (batch, x) in x.iter_mut().enumerate() {
-            // Any vector without symmetry will do.
-            let s: [f64; LANES] =
-                std::array::from_fn(|l| 1.0 + 0.7 * (1.7 * (LANES * batch + l) as f64).sin());
-            *x = [Lanes(s), Lanes(s.map(|x| x - 0.9)), Lanes(s.map(|x| 0.8 - x))];
+            for lane in 0..LANES {
+                for (k, start) in start_of_power(LANES * batch + lane).into_iter().enumerate() {
+                    x[k].0[lane] = start;
+                }
+            }
         }
         let mut next = image.to_vec();
         let mut largest = 1.0_f64;

@@ -18,6 +18,9 @@ pub struct SolveSettings {
     pub max_time: Option<Duration>,
     /// Relaxed CCP or exact Coulomb friction.
     pub friction: FrictionModel,
+    /// [`SolveReport::curvature`](super::SolveReport::curvature) of the solve of a similar problem: that of the step before. `apgd` then
+    /// needs no power iterations for its first step.
+    pub curvature: Option<f64>,
     /// Stop as soon as this is set (Ctrl-C), with the best iterate.
     pub stop: Option<Arc<AtomicBool>>,
 }
@@ -30,6 +33,7 @@ impl Default for SolveSettings {
             max_iterations: None,
             max_time: None,
             friction: FrictionModel::Relaxed,
+            curvature: None,
             stop: None,
         }
     }

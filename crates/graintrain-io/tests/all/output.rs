@@ -86,6 +86,7 @@ fn advance(world: &mut World, settings: &RunSettings) -> StepReport {
         ],
         friction: vec![0.3; 3],
         moment: Vec::new(),
+        curvature: None,
     };
     let residual = Residual { max: 3e-5, rms: 1e-5 };
     let total: f64 = weight(0) + weight(1);
@@ -99,6 +100,7 @@ fn advance(world: &mut World, settings: &RunSettings) -> StepReport {
             iterations: 12,
             linear_iterations: 0,
             products: 0,
+            curvature: None,
             residual,
             residual_relaxed: residual,
             residual_coulomb: Residual { max: 0.01, rms: 0.001 },

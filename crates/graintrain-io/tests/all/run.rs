@@ -19,6 +19,7 @@ use graintrain_io::output::recorder::Recorder;
 use graintrain_io::output::summary::{RunStatus, Summary};
 use graintrain_io::output::vtp::Precision;
 use graintrain_io::run::{Ending, Observer, Run, RunError, RunSettings, RunTotals, StepView};
+use graintrain_io::scene::{Scene, setting};
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -268,4 +269,37 @@ fn a_step_that_fails_keeps_the_state_before_it() {
     let before = run.world.state_hash();
     assert!(matches!(run.advance(&mut []), Err(RunError::Step(_))));
     assert_eq!(run.world.state_hash(), before);
+}
+
+/// A packing that is large enough to be begun in single precision, with a curvature remembered from step to step: a run that goes on from
+/// a checkpoint, with any number of threads, has the bits of an uninterrupted one.
+#[test]
+fn what_a_solver_remembers_is_in_the_checkpoint() {
+    for friction in [FrictionModel::Relaxed, FrictionModel::Coulomb] {
+        let simulation = Scene::load("sedimentation", &[setting("n=3").unwrap()]).unwrap().build().unwrap();
+        let settings = |steps| {
+            let mut all = RunSettings { steps, ..RunSettings::new(&simulation, None) };
+            all.stepping.friction = friction;
+            all.stepping.tolerance = 1e-2;
+            all
+        };
+        let on = |threads: usize, world: World, steps: u64| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| {
+                let mut run = Run::new(world, settings(steps), RunTotals::default(), never()).unwrap();
+                assert_eq!(run.advance(&mut []).unwrap(), Ending::Finished);
+                run.world
+            })
+        };
+        let whole = on(1, simulation.world.clone(), 24);
+        assert!(whole.contacts.contacts.len() > 256 && whole.contacts.curvature.is_some());
+        let half = on(2, simulation.world.clone(), 16);
+        let bytes = checkpoint::to_bytes(&settings(16), &RunTotals::default(), &half).unwrap();
+        let kept = checkpoint::from_bytes(&bytes, "half").unwrap().world;
+        for threads in [1, 2, 3, 4] {
+            let resumed = on(threads, kept.clone(), 24);
+            assert_eq!(resumed.state_hash(), whole.state_hash(), "{friction:?}, {threads} threads");
+            assert_eq!(resumed.contacts, whole.contacts);
+        }
+    }
 }

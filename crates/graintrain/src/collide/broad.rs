@@ -445,9 +445,12 @@ impl Collider {
             grid.around(me.position, |range| {
                 for slot in range {
                     let other = grid.body[slot];
+                    if other as usize <= body {
+                        continue;
+                    }
                     let reach = radius + grid.radius[slot] + margin + sorted.approach(body, other as usize);
                     let apart = me.position - grid.centre[slot];
-                    if other as usize > body && apart.length_squared() <= reach * reach {
+                    if apart.length_squared() <= reach * reach {
                         balls.push(other);
                     }
                 }

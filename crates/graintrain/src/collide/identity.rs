@@ -103,6 +103,7 @@ mod tests {
             impulse: vec![Vec3::X, Vec3::Y, Vec3::Z],
             friction: vec![0.0; 3],
             moment: vec![Vec3::X, Vec3::Y, Vec3::Z],
+            curvature: None,
         };
         let previous = PreviousContacts::new(&set, 3);
         assert_eq!(previous.impulse(&contact(2, 1, 0)), Vec3::X);

@@ -3,6 +3,7 @@
 use super::super::lanes::{
     Batch, Lanes, Vector, load, project_given, project_turning, tangential_length, within_disc, within_discs,
 };
+use super::super::octet::Octet;
 
 /// What the residual in the original metric needs of four contacts.
 #[derive(Clone, Copy, Debug, Default)]
@@ -17,6 +18,48 @@ pub struct Metric<V = Lanes> {
     pub across: V,
     /// mu.
     pub mu: V,
+}
+
+impl Metric<f64> {
+    /// Of a contact: c, c / sqrt(e_n) and c / sqrt(e_t), eta, V, mu.
+    pub(in super::super) fn of(
+        size: f64,
+        [normal, tangential]: [f64; 2],
+        eta: f64,
+        velocity: f64,
+        mu: f64,
+    ) -> Self {
+        Self {
+            normal: eta * normal / velocity,
+            tangential: eta * tangential / velocity,
+            // u = c^2 u' / unit, and u / eta_i is u / V of these units.
+            along: size / normal * (size / velocity),
+            across: size / tangential * (size / velocity),
+            mu,
+        }
+    }
+}
+
+impl Metric {
+    /// Puts the numbers of one contact into its lane.
+    pub(super) fn set(&mut self, lane: usize, own: &Metric<f64>) {
+        let numbers = [own.normal, own.tangential, own.along, own.across, own.mu];
+        let Self { normal, tangential, along, across, mu } = self;
+        for (to, from) in [normal, tangential, along, across, mu].into_iter().zip(numbers) {
+            to.0[lane] = from;
+        }
+    }
+}
+
+impl Metric<Octet> {
+    /// Puts the numbers of one contact into its lane.
+    pub(in super::super) fn set(&mut self, lane: usize, own: &Metric<f64>) {
+        let numbers = [own.normal, own.tangential, own.along, own.across, own.mu];
+        let Self { normal, tangential, along, across, mu } = self;
+        for (to, from) in [normal, tangential, along, across, mu].into_iter().zip(numbers) {
+            to.0[lane] = from as f32;
+        }
+    }
 }
 
 impl<V: Vector> Metric<V> {

@@ -1,0 +1,158 @@
+//! What eight contacts do to velocities and with impulses, in single precision.
+
+use super::super::lanes::{Batch, add, cross, dot, scale, sub};
+use super::super::octet::{EIGHT, Octet, SingleVector};
+
+/// Bodies A and B of eight contacts: places in an image and in the slots of the chunk.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Bodies {
+    pub(super) place: [[u32; EIGHT]; 2],
+    pub(super) slot: [[u16; EIGHT]; 2],
+}
+
+impl Bodies {
+    /// Velocities and spins of the bodies on one side.
+    #[inline(always)]
+    fn velocities<V: SingleVector>(&self, side: usize, image: &[Octet]) -> [Batch<V>; 2] {
+        let mut records = [V::default(); EIGHT];
+        for (record, &place) in records.iter_mut().zip(&self.place[side]) {
+            *record = V::of(image[place as usize]);
+        }
+        V::components(records)
+    }
+
+    /// Adds impulses with their moments about A to the slots of bodies A, and takes them with their moments about B from those of B.
+    #[inline(always)]
+    fn add_to_slots<V: SingleVector>(&self, p: &Batch<V>, moments: [&Batch<V>; 2], slots: &mut [Octet]) {
+        let (on_a, on_b) = (V::records([p, moments[0]]), V::records([p, moments[1]]));
+        for lane in 0..EIGHT {
+            let slot = &mut slots[self.slot[0][lane] as usize];
+            *slot = (V::of(*slot) + on_a[lane]).octet();
+            let slot = &mut slots[self.slot[1][lane] as usize];
+            *slot = (V::of(*slot) - on_b[lane]).octet();
+        }
+    }
+}
+
+/// The geometry of eight contacts.
+pub(super) trait Geometry: Send + Sync {
+    /// D^T v.
+    fn relative_velocity<V: SingleVector>(&self, image: &[Octet]) -> Batch<V>;
+
+    /// Adds the impulses D x to the slots.
+    fn scatter<V: SingleVector>(&self, x: &Batch<V>, slots: &mut [Octet]);
+}
+
+/// Reads a batch.
+#[inline(always)]
+pub(super) fn load<V: SingleVector>(a: &Batch<Octet>) -> Batch<V> {
+    [V::of(a[0]), V::of(a[1]), V::of(a[2])]
+}
+
+/// Contacts whose arms are multiples of their normals, as those of spheres are: r_A = a n, r_B = b n with t2 = n x t1. With
+/// W = a w_A - b w_B
+///
+/// ```text
+/// D^T v = (n . v, t1 . v + t2 . W, t2 . v - t1 . W),   v = u_A - u_B;     n x p = x_1 t2 - x_2 t1
+/// ```
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Radial {
+    /// Scaled rows n, t1, t2.
+    pub(super) rows: [Batch<Octet>; 3],
+    /// a and b.
+    pub(super) arms: [Octet; 2],
+    pub(super) bodies: Bodies,
+}
+
+impl Geometry for Radial {
+    #[inline(always)]
+    fn relative_velocity<V: SingleVector>(&self, image: &[Octet]) -> Batch<V> {
+        let [u_a, w_a] = self.bodies.velocities::<V>(0, image);
+        let [u_b, w_b] = self.bodies.velocities::<V>(1, image);
+        let v = sub(&u_a, &u_b);
+        let spin = sub(&scale(V::of(self.arms[0]), &w_a), &scale(V::of(self.arms[1]), &w_b));
+        let (n, t1, t2) = (load(&self.rows[0]), load(&self.rows[1]), load(&self.rows[2]));
+        [dot(&n, &v), dot(&t1, &v) + dot(&t2, &spin), dot(&t2, &v) - dot(&t1, &spin)]
+    }
+
+    #[inline(always)]
+    fn scatter<V: SingleVector>(&self, x: &Batch<V>, slots: &mut [Octet]) {
+        let (n, t1, t2) = (load(&self.rows[0]), load(&self.rows[1]), load(&self.rows[2]));
+        let p = add(&add(&scale(x[0], &n), &scale(x[1], &t1)), &scale(x[2], &t2));
+        let across = sub(&scale(x[1], &t2), &scale(x[2], &t1));
+        let moments = [scale(V::of(self.arms[0]), &across), scale(V::of(self.arms[1]), &across)];
+        self.bodies.add_to_slots(&p, [&moments[0], &moments[1]], slots);
+    }
+}
+
+/// Contacts with any arms.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct General {
+    /// Scaled rows n, t1, t2.
+    pub(super) rows: [Batch<Octet>; 3],
+    /// r_A and r_B.
+    pub(super) arms: [Batch<Octet>; 2],
+    pub(super) bodies: Bodies,
+}
+
+impl Geometry for General {
+    #[inline(always)]
+    fn relative_velocity<V: SingleVector>(&self, image: &[Octet]) -> Batch<V> {
+        let [u_a, w_a] = self.bodies.velocities::<V>(0, image);
+        let [u_b, w_b] = self.bodies.velocities::<V>(1, image);
+        let of_a = add(&u_a, &cross(&w_a, &load(&self.arms[0])));
+        let v = sub(&of_a, &add(&u_b, &cross(&w_b, &load(&self.arms[1]))));
+        [dot(&load(&self.rows[0]), &v), dot(&load(&self.rows[1]), &v), dot(&load(&self.rows[2]), &v)]
+    }
+
+    #[inline(always)]
+    fn scatter<V: SingleVector>(&self, x: &Batch<V>, slots: &mut [Octet]) {
+        let (n, t1, t2) = (load(&self.rows[0]), load(&self.rows[1]), load(&self.rows[2]));
+        let p = add(&add(&scale(x[0], &n), &scale(x[1], &t1)), &scale(x[2], &t2));
+        let moments = [cross(&load(&self.arms[0]), &p), cross(&load(&self.arms[1]), &p)];
+        self.bodies.add_to_slots(&p, [&moments[0], &moments[1]], slots);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// On contacts whose arms are along their normals both geometries do the same.
+    #[test]
+    fn radial_contacts_are_general_ones() {
+        let mut count = 0.0_f32;
+        let mut number = || {
+            count += 1.0;
+            (7.3 * count).sin()
+        };
+        let axes = [[0.6_f32, 0.8, 0.0], [-0.8, 0.6, 0.0], [0.0, 0.0, 1.0]];
+        for turn in 0..3 {
+            let rows = std::array::from_fn(|row| {
+                std::array::from_fn(|axis| Octet::splat(axes[(row + turn) % 3][axis]))
+            });
+            let lengths: [Octet; 2] = std::array::from_fn(|_| Octet(std::array::from_fn(|_| number())));
+            let along = |length: Octet| std::array::from_fn(|axis| length * rows[0][axis]);
+            let bodies = Bodies {
+                place: [std::array::from_fn(|l| l as u32), std::array::from_fn(|l| 8 + l as u32)],
+                slot: [std::array::from_fn(|l| l as u16), std::array::from_fn(|l| 8 + l as u16)],
+            };
+            let radial = Radial { rows, arms: lengths, bodies };
+            let general = General { rows, arms: lengths.map(along), bodies };
+            let record = |number: &mut dyn FnMut() -> f32| {
+                Octet(std::array::from_fn(|k| if k % 4 == 3 { 0.0 } else { number() }))
+            };
+            let image: Vec<Octet> = (0..16).map(|_| record(&mut number)).collect();
+            let x = std::array::from_fn(|_| Octet(std::array::from_fn(|_| number())));
+            let near = |a: &[Octet], b: &[Octet]| {
+                let pairs = a.iter().flat_map(|a| a.0).zip(b.iter().flat_map(|b| b.0));
+                pairs.into_iter().all(|(a, b)| (a - b).abs() < 1e-6)
+            };
+            assert!(near(&radial.relative_velocity(&image), &general.relative_velocity(&image)));
+            let (mut ours, mut theirs) = (vec![Octet::default(); 16], vec![Octet::default(); 16]);
+            radial.scatter(&x, &mut ours);
+            general.scatter(&x, &mut theirs);
+            assert!(near(&ours, &theirs));
+        }
+    }
+}

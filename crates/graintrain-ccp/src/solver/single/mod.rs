@@ -1,0 +1,266 @@
+//! The scaled problem over rigid bodies in single precision: half of the bytes and twice the contacts per instruction of [`scaling`].
+//!
+//! Masses are in units of the heaviest body and arms in units of their mean, so that no number leaves the range of f32. What an iterate is
+//! worth is claimed by nobody here: the residual that counts is evaluated in double precision on the exact geometry, and where rounding
+//! (of the order of 6e-8 eta_i |g_i| / V) comes near the tolerance, double precision goes on.
+//!
+//! [`scaling`]: super::scaling
+
+mod geometry;
+mod iterate;
+mod kernel;
+mod operator;
+
+use super::lanes::Batch;
+use super::octet::{EIGHT, Octet};
+use super::packing::{Packing, pack};
+use super::scaling::{Metric, block_scaling};
+use super::settings::SolveSettings;
+use super::slots::SlotTable;
+use crate::delassus::{BodyInverseMass, Delassus, FIXED, RigidContact, RigidDelassus};
+use crate::problem::Ccp;
+use crate::residual::{FrictionModel, Judge, ResidualScale};
+use geometry::{Bodies, General, Radial};
+use operator::{Arrangement, CHUNK, ContactNumbers, InverseMasses, SingleOperator};
+
+pub use iterate::SingleIterate;
+
+/// Fewer contacts are not worth the trouble.
+const FEWEST: usize = 256;
+
+/// Least tolerance, of the root mean square and of the maximum, that single precision is asked for.
+const LEAST_TOLERANCE: f64 = 2e-5;
+const LEAST_MAXIMUM: f64 = 1e-3;
+
+/// Arms that are off the normal by more than this fraction of their length are taken as they are.
+const ALONG_NORMAL: f64 = 1e-9;
+
+/// The scaled problem in single precision.
+#[derive(Clone, Debug)]
+pub struct SingleProblem {
+    operator: SingleOperator,
+    /// Contact at each place.
+    order: Vec<u32>,
+    /// c / sqrt(e_n) and c / sqrt(e_t) of each contact, N s per unit of x.
+    unit: Vec<[f64; 2]>,
+    /// c, the size of impulses in the problem's own metric.
+    size: f64,
+    metric: Vec<Metric<Octet>>,
+    friction_model: FrictionModel,
+}
+
+/// Whether the solve may begin in single precision: over rigid bodies that no joint couples and no contact keeps from turning, not too
+/// few contacts, not too tight a tolerance.
+pub(super) fn suits(problem: &Ccp, settings: &SolveSettings) -> bool {
+    let Delassus::Rigid(rigid) = &*problem.delassus else { return false };
+    let least = match settings.judge {
+        Judge::Mixed => LEAST_TOLERANCE,
+        Judge::Maximum => LEAST_MAXIMUM,
+    };
+    rigid.coupled().is_empty()
+        && problem.turning.is_empty()
+        && problem.num_contacts() >= FEWEST
+        && settings.tolerance >= least
+}
+
+/// Units of mobility (1/kg) and length (m), in which the numbers of a problem are near one.
+fn units(rigid: &RigidDelassus) -> [f64; 2] {
+    let or_one = |x: f64| if x > 0.0 && x.is_finite() { x } else { 1.0 };
+    let mobilities = rigid.inverse_mass().iter().flat_map(|m| m.linear).filter(|&m| m > 0.0);
+    let mobility = mobilities.fold(f64::INFINITY, f64::min);
+    let length = |arm: [f64; 3]| arm.iter().map(|x| x * x).sum::<f64>().sqrt();
+    let arms: f64 = rigid.contacts().iter().map(|c| length(c.arm_a).max(length(c.arm_b))).sum();
+    [or_one(mobility), or_one(arms / rigid.num_contacts() as f64)]
+}
+
+/// The length of an arm along the normal, where it is along it.
+fn along_normal(body: u32, arm: [f64; 3], normal: [f64; 3]) -> Option<f64> {
+    if body == FIXED {
+        return Some(0.0);
+    }
+    let along: f64 = arm.iter().zip(normal).map(|(a, n)| a * n).sum();
+    let off: f64 = arm.iter().zip(normal).map(|(a, n)| (a - along * n).powi(2)).sum();
+    (off <= (ALONG_NORMAL * along).powi(2)).then_some(along)
+}
+
+/// The lengths of both arms of a contact along its normal, where t2 = n x t1 and both are along it.
+fn radial_arms(contact: &RigidContact) -> Option<[f64; 2]> {
+    let [n, t1, t2] = contact.frame;
+    let across = crate::delassus::cross(n, t1);
+    let is_right_handed = across.iter().zip(t2).all(|(a, b)| (a - b).abs() <= ALONG_NORMAL);
+    let of_a = along_normal(contact.body_a, contact.arm_a, n).filter(|_| is_right_handed)?;
+    Some([of_a, along_normal(contact.body_b, contact.arm_b, n)?])
+}
+
+/// M^-1 of the bodies in the order of the packing, in these units.
+fn inverse_masses(packing: &Packing, all: &[BodyInverseMass], [mobility, length]: [f64; 2]) -> InverseMasses {
+    let mut masses = InverseMasses { diagonal: vec![Octet::default(); all.len()], others: Vec::new() };
+    let entry = |mass: &BodyInverseMass, row: usize, column: usize| {
+        (mass.angular[3 * row + column] * (length * length / mobility)) as f32
+    };
+    let is_diagonal = |mass: &BodyInverseMass| {
+        let largest = (0..3).map(|k| mass.angular[4 * k].abs()).fold(0.0, f64::max);
+        [1, 2, 5].iter().all(|&k| mass.angular[k].abs() <= 1e-12 * largest)
+    };
+    if !all.iter().all(is_diagonal) {
+        masses.others = vec![[Octet::default(); 2]; all.len()];
+    }
+    for (&place, mass) in packing.bodies.iter().zip(all) {
+        let place = place as usize;
+        for axis in 0..3 {
+            masses.diagonal[place].0[axis] = (mass.linear[axis] / mobility) as f32;
+            masses.diagonal[place].0[4 + axis] = entry(mass, axis, axis);
+            if let Some(others) = masses.others.get_mut(place) {
+                for (turn, other) in others.iter_mut().enumerate() {
+                    other.0[4 + axis] = entry(mass, axis, (axis + 1 + turn) % 3);
+                }
+            }
+        }
+    }
+    masses
+}
+
+impl SingleProblem {
+    /// Scales and packs a problem that [`suits`]. `None` where a number leaves the range of single precision.
+    pub(super) fn new(problem: &Ccp, residual: &ResidualScale) -> Option<Self> {
+        let Delassus::Rigid(rigid) = &*problem.delassus else { return None };
+        let packing = pack(rigid);
+        let slots = SlotTable::new(rigid, &packing, CHUNK * EIGHT);
+        let scaling = block_scaling(problem, residual);
+        let [mobility, length] = units(rigid);
+        let scale = mobility.sqrt();
+        let batches = packing.contacts.len().div_ceil(EIGHT);
+        let fixed = rigid.num_bodies() as u32;
+        let bodies = Bodies { place: [[fixed; EIGHT]; 2], slot: [[0; EIGHT]; 2] };
+        let mut rows = vec![[[Octet::default(); 3]; 3]; batches];
+        let mut own_bodies = vec![bodies; batches];
+        for (place, &i) in packing.contacts.iter().enumerate() {
+            let (batch, lane, contact) = (place / EIGHT, place % EIGHT, &rigid.contacts()[i as usize]);
+            for (row, own) in rows[batch].iter_mut().enumerate() {
+                for axis in 0..3 {
+                    own[axis].0[lane] =
+                        (scale * scaling[i as usize][row.min(1)] * contact.frame[row][axis]) as f32;
+                }
+            }
+            let sides = [contact.body_a, contact.body_b].map(|body| packing.place_of(body));
+            for (side, (body, slot)) in sides.into_iter().zip(slots.of_place(place)).enumerate() {
+                own_bodies[batch].place[side][lane] = body;
+                own_bodies[batch].slot[side][lane] = slot as u16;
+            }
+        }
+        let pairs = rows.into_iter().zip(own_bodies);
+        let radial: Option<Vec<[f64; 2]>> = rigid.contacts().iter().map(radial_arms).collect();
+        let arrangement = if let Some(arms) = radial {
+            let empty = [Octet::default(); 2];
+            let mut all: Vec<_> = pairs.map(|(rows, bodies)| Radial { rows, arms: empty, bodies }).collect();
+            for (place, &i) in packing.contacts.iter().enumerate() {
+                for (arm, own) in all[place / EIGHT].arms.iter_mut().zip(arms[i as usize]) {
+                    arm.0[place % EIGHT] = (own / length) as f32;
+                }
+            }
+            Arrangement::Radial(all)
+        } else {
+            let empty = [[Octet::default(); 3]; 2];
+            let mut all: Vec<_> = pairs.map(|(rows, bodies)| General { rows, arms: empty, bodies }).collect();
+            for (place, &i) in packing.contacts.iter().enumerate() {
+                let contact = &rigid.contacts()[i as usize];
+                let arms = all[place / EIGHT].arms.iter_mut();
+                for (arm, own) in arms.zip([contact.arm_a, contact.arm_b]) {
+                    for axis in 0..3 {
+                        arm[axis].0[place % EIGHT] = (own[axis] / length) as f32;
+                    }
+                }
+            }
+            Arrangement::General(all)
+        };
+        let size = residual.size();
+        let masses = inverse_masses(&packing, rigid.inverse_mass(), [mobility, length]);
+        let operator = SingleOperator {
+            arrangement,
+            contacts: vec![ContactNumbers::default(); batches],
+            masses,
+            slots: slots.without_places(),
+        };
+        let mut single = Self {
+            operator,
+            order: packing.contacts,
+            unit: scaling.iter().map(|s| s.map(|s| size * s)).collect(),
+            size,
+            metric: vec![Metric::default(); batches],
+            friction_model: FrictionModel::Relaxed,
+        };
+        for (place, &i) in single.order.iter().enumerate() {
+            let (batch, lane, i) = (place / EIGHT, place % EIGHT, i as usize);
+            let (eta, mu) = (residual.eta[i], problem.friction[i]);
+            let [normal, tangential] = single.unit[i];
+            single.operator.contacts[batch].mu.0[lane] = (mu * normal / tangential) as f32;
+            let own = Metric::of(size, [normal, tangential], eta, residual.velocity, mu);
+            single.metric[batch].set(lane, &own);
+        }
+        single.set_free_velocity(&problem.r);
+        single.is_finite().then_some(single)
+    }
+
+    /// Whether no number has left the range of single precision.
+    fn is_finite(&self) -> bool {
+        let finite = |octet: &Octet| octet.0.iter().all(|x| x.is_finite());
+        let rows = match &self.operator.arrangement {
+            Arrangement::Radial(all) => all.iter().all(|g| g.rows.as_flattened().iter().all(finite)),
+            Arrangement::General(all) => all.iter().all(|g| g.rows.as_flattened().iter().all(finite)),
+        };
+        let metric = |m: &Metric<Octet>| [m.normal, m.tangential, m.along, m.across].iter().all(finite);
+        rows && self.operator.contacts.iter().all(|c| c.r.iter().chain([&c.mu]).all(finite))
+            && self.metric.iter().all(metric)
+            && self.operator.masses.diagonal.iter().all(finite)
+            && self.operator.masses.others.as_flattened().iter().all(finite)
+    }
+
+    /// Replaces r, for another problem with the same N and mu.
+    pub(super) fn set_free_velocity(&mut self, r: &[f64]) {
+        for (place, &i) in self.order.iter().enumerate() {
+            let i = i as usize;
+            for k in 0..3 {
+                let factor = self.unit[i][k.min(1)] / (self.size * self.size);
+                self.operator.contacts[place / EIGHT].r[k].0[place % EIGHT] = (factor * r[3 * i + k]) as f32;
+            }
+        }
+    }
+
+    /// The problem that the residual and the steps are of; relaxed at first.
+    pub(super) fn set_friction_model(&mut self, model: FrictionModel) {
+        self.friction_model = model;
+    }
+
+    /// Number of contacts.
+    pub(super) fn num_contacts(&self) -> usize {
+        self.order.len()
+    }
+
+    /// A vector of zeros.
+    fn zeros(&self) -> Vec<Batch<Octet>> {
+        vec![[Octet::default(); 3]; self.operator.contacts.len()]
+    }
+
+    /// x of impulses g, projected on the cones.
+    fn pack(&self, g: &[f64], x: &mut [Batch<Octet>]) {
+        for (place, &i) in self.order.iter().enumerate() {
+            let i = i as usize;
+            for k in 0..3 {
+                x[place / EIGHT][k].0[place % EIGHT] = (g[3 * i + k] / self.unit[i][k.min(1)]) as f32;
+            }
+        }
+        for (x, contact) in x.iter_mut().zip(&self.operator.contacts) {
+            *x = super::lanes::project(contact.mu, x);
+        }
+    }
+
+    /// Impulses g of x.
+    pub(super) fn unpack(&self, x: &[Batch<Octet>], g: &mut [f64]) {
+        for (place, &i) in self.order.iter().enumerate() {
+            let i = i as usize;
+            for k in 0..3 {
+                g[3 * i + k] = self.unit[i][k.min(1)] * f64::from(x[place / EIGHT][k].0[place % EIGHT]);
+            }
+        }
+    }
+}

@@ -1,0 +1,281 @@
+//! N' over rigid bodies in single precision: one pass over contacts, one over bodies.
+
+use super::super::combination::Combination;
+use super::super::dispatch::vectorised;
+use super::super::lanes::{Batch, add, tangential_length, zero};
+use super::super::octet::{InSingle, Octet, SingleVector, SingleWork};
+use super::super::slots::SlotTable;
+use super::super::tasks::{Tally, Totals, for_each_task};
+use super::geometry::{General, Geometry, Radial, load};
+use super::kernel::{Seen, SingleKernel, SingleTally};
+
+/// Batches per chunk of contacts: as many contacts as a chunk in double precision.
+pub(super) const CHUNK: usize = 128;
+/// Bodies per parallel task.
+const BODIES: usize = 1024;
+/// So many batches ahead a pass asks for geometry.
+const PREFETCH: usize = 6;
+
+/// The geometry of all batches, in the cheaper of its forms.
+#[derive(Clone, Debug)]
+pub(super) enum Arrangement {
+    Radial(Vec<Radial>),
+    General(Vec<General>),
+}
+
+/// Friction and free velocities of eight contacts.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct ContactNumbers {
+    pub(super) r: Batch<Octet>,
+    /// mu'
+    pub(super) mu: Octet,
+}
+
+/// Inverse masses of bodies: of u and w the factors of (x, y, z), and those of (y, z, x) and (z, x, y).
+#[derive(Clone, Debug)]
+pub(super) struct InverseMasses {
+    pub(super) diagonal: Vec<Octet>,
+    /// Empty where no body has any.
+    pub(super) others: Vec<[Octet; 2]>,
+}
+
+/// Scratch of passes.
+#[derive(Clone, Debug)]
+pub struct SingleScratch {
+    slots: Vec<Octet>,
+    tallies: Vec<Tally>,
+}
+
+/// N' and r'.
+#[derive(Clone, Debug)]
+pub(super) struct SingleOperator {
+    pub(super) arrangement: Arrangement,
+    pub(super) contacts: Vec<ContactNumbers>,
+    pub(super) masses: InverseMasses,
+    pub(super) slots: SlotTable,
+}
+
+impl SingleOperator {
+    /// Vectors of an image: one per body and a zero for the fixed one.
+    pub(super) fn image_len(&self) -> usize {
+        self.masses.diagonal.len() + 1
+    }
+
+    pub(super) fn scratch(&self) -> SingleScratch {
+        let tasks = self.contacts.len().div_ceil(CHUNK).max(self.num_body_tasks());
+        SingleScratch {
+            slots: vec![Octet::default(); self.slots.len()],
+            tallies: vec![Tally::default(); tasks],
+        }
+    }
+
+    fn num_body_tasks(&self) -> usize {
+        self.masses.diagonal.len().div_ceil(BODIES)
+    }
+
+    /// One pass over the contacts: the kernel sees u = N' y + r' with the image of y where GATHER, else with zeros; what it
+    /// returns is left in the slots where SCATTER.
+    pub(super) fn contact_pass<const M: usize, const GATHER: bool, const SCATTER: bool>(
+        &self,
+        image: &[Octet],
+        vectors: [&mut [Batch<Octet>]; M],
+        scratch: &mut SingleScratch,
+        kernel: &impl SingleKernel<M>,
+    ) -> Totals {
+        match &self.arrangement {
+            Arrangement::Radial(all) => {
+                self.pass_over::<_, M, GATHER, SCATTER>(all, image, vectors, scratch, kernel)
+            }
+            Arrangement::General(all) => {
+                self.pass_over::<_, M, GATHER, SCATTER>(all, image, vectors, scratch, kernel)
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn pass_over<G: Geometry, const M: usize, const GATHER: bool, const SCATTER: bool>(
+        &self,
+        geometry: &[G],
+        image: &[Octet],
+        vectors: [&mut [Batch<Octet>]; M],
+        scratch: &mut SingleScratch,
+        kernel: &impl SingleKernel<M>,
+    ) -> Totals {
+        let chunks = geometry.len().div_ceil(CHUNK);
+        let tallies = &mut scratch.tallies[..chunks];
+        let len = |chunks| self.slots.of_chunks(chunks).len();
+        let slots = &mut scratch.slots[..];
+        for_each_task(0..chunks, CHUNK, vectors, slots, &len, tallies, &|chunk, vectors, slots, tally| {
+            let first = chunk * CHUNK;
+            let contacts = &self.contacts[first..];
+            let geometry = &geometry[first..];
+            vectorised(InSingle(ContactPass::<G, M, GATHER, SCATTER, _> {
+                geometry,
+                contacts,
+                first,
+                image,
+                vectors,
+                slots,
+                tally,
+                kernel,
+            }));
+        });
+        Totals::of(tallies)
+    }
+
+    /// Combines the image of what the contacts left in the slots with images; the quadratic form, force dot velocity.
+    pub(super) fn body_pass<const K: usize>(
+        &self,
+        images: [&mut [Octet]; K],
+        scratch: &mut SingleScratch,
+        combination: &impl Combination<K>,
+    ) -> f64 {
+        let tasks = self.num_body_tasks();
+        let bodies = self.masses.diagonal.len();
+        let images = images.map(|image| &mut image[..bodies]);
+        let tallies = &mut scratch.tallies[..tasks];
+        let slots = &scratch.slots[..];
+        let no_extra = &mut [] as &mut [()];
+        for_each_task(0..tasks, BODIES, images, no_extra, &|_| 0, tallies, &|task, images, _, tally| {
+            let first = task * BODIES;
+            vectorised(InSingle(BodyPass { operator: self, first, slots, images, tally, combination }));
+        });
+        Totals::of(tallies).sum[0]
+    }
+}
+
+/// What one task does of a pass over contacts.
+struct ContactPass<'a, G, const M: usize, const GATHER: bool, const SCATTER: bool, K> {
+    geometry: &'a [G],
+    contacts: &'a [ContactNumbers],
+    first: usize,
+    image: &'a [Octet],
+    vectors: [&'a mut [Batch<Octet>]; M],
+    slots: &'a mut [Octet],
+    tally: &'a mut Tally,
+    kernel: &'a K,
+}
+
+impl<G, const M: usize, const GATHER: bool, const SCATTER: bool, K> SingleWork
+    for ContactPass<'_, G, M, GATHER, SCATTER, K>
+where
+    G: Geometry,
+    K: SingleKernel<M>,
+{
+    #[inline(always)]
+    fn run<V: SingleVector>(self) {
+        let Self { geometry, contacts, first, image, vectors, slots, tally: total, kernel } = self;
+        if SCATTER {
+            slots.fill(Octet::default());
+        }
+        let batches = vectors[0].len();
+        let mut vectors = vectors.map(|v| V::of_slice(v.as_flattened_mut()).as_chunks_mut::<3>().0);
+        let mut tally = SingleTally::<V>::default();
+        let ahead = Ahead::<GATHER, G, K> { geometry, contacts, first, image, kernel };
+        // Three batches are under way at once, so that the processor has something to do while it waits for roots and quotients.
+        let last = batches - 1;
+        let mut ready = ahead.projected::<V, M>(ahead.rooted::<V, M>(0, &vectors));
+        let mut rooted = ahead.rooted::<V, M>(last.min(1), &vectors);
+        for (batch, own) in geometry[..batches].iter().enumerate() {
+            if let Some(later) = geometry.get(batch + PREFETCH) {
+                V::prefetch(later);
+            }
+            let (seen, projected) = ready;
+            ready = ahead.projected::<V, M>(rooted);
+            rooted = ahead.rooted::<V, M>(last.min(batch + 2), &vectors);
+            let mine = vectors.each_mut().map(|v| &mut v[batch]);
+            let s = kernel.at(&seen, projected, mine, &mut tally);
+            if SCATTER {
+                own.scatter(&s, slots);
+            }
+        }
+        for (sum, own) in total.sum.iter_mut().zip(tally.sum) {
+            sum.0[0] = own.octet().sum();
+        }
+        total.max.0[0] = f64::from(tally.max.octet().largest());
+    }
+}
+
+/// What a pass does at a batch before the update.
+struct Ahead<'a, const GATHER: bool, G, K> {
+    geometry: &'a [G],
+    contacts: &'a [ContactNumbers],
+    first: usize,
+    image: &'a [Octet],
+    kernel: &'a K,
+}
+
+impl<const GATHER: bool, G: Geometry, K> Ahead<'_, GATHER, G, K> {
+    /// What the kernel is given at a batch of the chunk, with the point to be projected and its tangential length.
+    #[inline(always)]
+    fn rooted<V: SingleVector, const M: usize>(
+        &self,
+        batch: usize,
+        vectors: &[&mut [Batch<V>]; M],
+    ) -> (Seen<V>, Batch<V>, V)
+    where
+        K: SingleKernel<M>,
+    {
+        let numbers = &self.contacts[batch];
+        let mut u = zero();
+        if GATHER {
+            u = add(&self.geometry[batch].relative_velocity(self.image), &load(&numbers.r));
+        }
+        let seen = Seen { batch: self.first + batch, mu: V::of(numbers.mu), u };
+        let point = self.kernel.point(&seen, vectors.each_ref().map(|v| &v[batch]));
+        (seen, point, tangential_length(&point))
+    }
+
+    /// The same with the projection of the point.
+    #[inline(always)]
+    fn projected<V: SingleVector, const M: usize>(
+        &self,
+        (seen, point, tangential): (Seen<V>, Batch<V>, V),
+    ) -> (Seen<V>, Batch<V>)
+    where
+        K: SingleKernel<M>,
+    {
+        (seen, self.kernel.projected(&seen, &point, tangential))
+    }
+}
+
+/// Velocities of some bodies from the slots.
+struct BodyPass<'a, const K: usize, C> {
+    operator: &'a SingleOperator,
+    first: usize,
+    slots: &'a [Octet],
+    images: [&'a mut [Octet]; K],
+    tally: &'a mut Tally,
+    combination: &'a C,
+}
+
+impl<const K: usize, C: Combination<K>> SingleWork for BodyPass<'_, K, C> {
+    #[inline(always)]
+    fn run<V: SingleVector>(self) {
+        let Self { operator, first, slots, mut images, tally, combination } = self;
+        let masses = &operator.masses;
+        let mut quadratic = V::default();
+        for offset in 0..images[0].len() {
+            let body = first + offset;
+            let mut force = V::default();
+            for &slot in operator.slots.of_body(body) {
+                force += V::of(slots[slot as usize]);
+            }
+            let mut velocity = V::of(masses.diagonal[body]) * force;
+            if let Some([next, last]) = masses.others.get(body) {
+                let rotated = force.rotated();
+                velocity += V::of(*next) * rotated + V::of(*last) * rotated.rotated();
+            }
+            quadratic += force * velocity;
+            // Loops, because closures need not be compiled for the processor's vector instructions.
+            let mut known = [V::default(); K];
+            for (known, image) in known.iter_mut().zip(&images) {
+                *known = V::of(image[offset]);
+            }
+            for (image, new) in images.iter_mut().zip(combination.of(velocity, known)) {
+                image[offset] = new.octet();
+            }
+        }
+        tally.sum[0].0[0] = quadratic.octet().sum();
+    }
+}

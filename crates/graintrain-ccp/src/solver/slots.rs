@@ -1,0 +1,90 @@
+//! Where a pass over the contacts leaves the forces on bodies.
+
+use super::packing::{EMPTY, Packing};
+use crate::delassus::RigidDelassus;
+use std::ops::Range;
+
+/// Slots: a chunk of contacts sums the forces on its bodies in slots of its own, then every body adds its slots in a fixed order. No two
+/// threads write to one place, and the bits do not depend on their number. Slot 0 of a chunk takes what acts on fixed bodies.
+#[derive(Clone, Debug)]
+pub(super) struct SlotTable {
+    /// Slots of bodies A and B at every place, counted from the first slot of the chunk.
+    places: Vec<[u32; 2]>,
+    /// Slots of chunk c are `chunk_start[c]..chunk_start[c + 1]`.
+    chunk_start: Vec<usize>,
+    /// Slots of the body at place b are `slots[slot_start[b]..slot_start[b + 1]]`, chunk ascending.
+    slot_start: Vec<u32>,
+    slots: Vec<u32>,
+}
+
+impl SlotTable {
+    /// For chunks of so many places.
+    pub(super) fn new(rigid: &RigidDelassus, packing: &Packing, chunk_len: usize) -> Self {
+        let bodies = rigid.num_bodies();
+        let fixed = bodies as u32;
+        let mut places = vec![[0; 2]; packing.contacts.len()];
+        let mut chunk_start = vec![0];
+        let mut owner = Vec::new();
+        let mut slot_of = vec![(u32::MAX, 0_u32); bodies];
+        let chunks = packing.contacts.chunks(chunk_len).zip(places.chunks_mut(chunk_len));
+        for (chunk, (contacts, places)) in (0..).zip(chunks) {
+            let first = owner.len();
+            owner.push(fixed);
+            for (&i, place) in contacts.iter().zip(places).filter(|(i, _)| **i != EMPTY) {
+                let turning = (i as usize).checked_sub(rigid.num_contacts());
+                let contact = turning.map_or(i, |k| rigid.turning()[k].contact);
+                let contact = &rigid.contacts()[contact as usize];
+                for (slot, body) in place.iter_mut().zip([contact.body_a, contact.body_b]) {
+                    let body = packing.place_of(body);
+                    let Some(known) = slot_of.get_mut(body as usize) else { continue };
+                    if known.0 != chunk {
+                        *known = (chunk, (owner.len() - first) as u32);
+                        owner.push(body);
+                    }
+                    *slot = known.1;
+                }
+            }
+            chunk_start.push(owner.len());
+        }
+        let mut slot_start = vec![0_u32; bodies + 1];
+        for &body in owner.iter().filter(|&&body| body != fixed) {
+            slot_start[body as usize + 1] += 1;
+        }
+        for b in 0..bodies {
+            slot_start[b + 1] += slot_start[b];
+        }
+        let mut next = slot_start.clone();
+        let mut slots = vec![0; slot_start[bodies] as usize];
+        for (slot, &body) in owner.iter().enumerate().filter(|&(_, &body)| body != fixed) {
+            slots[next[body as usize] as usize] = slot as u32;
+            next[body as usize] += 1;
+        }
+        Self { places, chunk_start, slot_start, slots }
+    }
+
+    /// The same without what [`Self::of_place`] tells, once that is known elsewhere.
+    pub(super) fn without_places(self) -> Self {
+        Self { places: Vec::new(), ..self }
+    }
+
+    /// Slots of bodies A and B of the contact at a place, counted from the first slot of its chunk.
+    pub(super) fn of_place(&self, place: usize) -> [u32; 2] {
+        self.places[place]
+    }
+
+    /// Number of slots of all chunks.
+    pub(super) fn len(&self) -> usize {
+        self.chunk_start.last().copied().unwrap_or_default()
+    }
+
+    /// Slots of a range of chunks.
+    pub(super) fn of_chunks(&self, chunks: Range<usize>) -> Range<usize> {
+        self.chunk_start[chunks.start]..self.chunk_start[chunks.end]
+    }
+
+    /// Slots of the body at a place.
+    #[inline(always)]
+    pub(super) fn of_body(&self, body: usize) -> &[u32] {
+        &self.slots[self.slot_start[body] as usize..self.slot_start[body + 1] as usize]
+    }
+}
