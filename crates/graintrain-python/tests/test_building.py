@@ -88,10 +88,14 @@ def test_shapes():
     solid = Shape.mesh(corners, faces, solid=True)
     assert solid.volume == pytest.approx(1 / 6)
     np.testing.assert_allclose(solid.center, 0.25)
+    hull = Shape.hull(np.vstack([corners, [[0.2, 0.2, 0.2], [0.5, 0, 0]]]))
+    assert hull.volume == pytest.approx(1 / 6)
+    np.testing.assert_allclose(hull.center, 0.25)
     dumbbell = Shape.compound([(Shape.sphere(0.1), (0, 0, 0)), (Shape.sphere(0.1), (0.4, 0, 0), (0, 0, 0, 1))])
     np.testing.assert_allclose(dumbbell.center, [0.2, 0, 0], atol=1e-15)
     for wrong, message in [
         (lambda: Shape.sphere(-1.0), "radius"),
+        (lambda: Shape.hull(corners[:3]), "in a plane"),
         (lambda: Shape.mesh(corners, [[0, 1, 4]]), "vertex 4"),
         (lambda: Shape.mesh(corners, [[0, 1, 2.5]]), "2.5"),
         (lambda: Shape.mesh(corners[:, :2], faces), r"vertices has the shape \(4, 2\)"),

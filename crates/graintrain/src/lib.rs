@@ -34,6 +34,7 @@ pub mod error;
 pub mod formula;
 pub mod gradient;
 pub mod handle;
+pub mod hull;
 pub mod impact;
 pub mod integrate;
 pub mod joint;

@@ -369,7 +369,7 @@ fn rotation(parent: &Reader) -> Result<RotationSpec, SceneError> {
 }
 
 pub(super) fn shape(reader: &Reader) -> Result<ShapeSpec, SceneError> {
-    let form = reader.one_of(&["sphere", "box", "plane", "capsule", "cylinder", "mesh"])?;
+    let form = reader.one_of(&["sphere", "box", "plane", "capsule", "cylinder", "hull", "mesh"])?;
     let inner = reader.required_child(form)?;
     Ok(match form {
         "sphere" => ShapeSpec::Sphere { radius: inner.required("radius", Range::Positive)? },
@@ -385,7 +385,23 @@ pub(super) fn shape(reader: &Reader) -> Result<ShapeSpec, SceneError> {
             length: inner.required("length", Range::Positive)?,
             radius: inner.required("radius", Range::Positive)?,
         },
+        "hull" => ShapeSpec::Hull(hull(&inner)?),
         _ => ShapeSpec::Mesh(mesh(&inner)?),
+    })
+}
+
+fn hull(reader: &Reader) -> Result<HullSpec, SceneError> {
+    reader.one_of(&["file", "points"])?;
+    let points: Vec<[f64; 3]> = reader.rows("points")?.unwrap_or_default();
+    Ok(HullSpec {
+        file: reader.path("file")?,
+        points: points.into_iter().map(Vec3::from_array).collect(),
+        scale: reader.quantity("scale", Range::Positive)?.unwrap_or(1.0),
+        location: reader
+            .get("file")
+            .or(reader.get("points"))
+            .map_or(reader.location(), |node| &node.location)
+            .clone(),
     })
 }
 

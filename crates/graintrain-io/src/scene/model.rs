@@ -271,8 +271,26 @@ pub enum ShapeSpec {
         /// Radius.
         radius: f64,
     },
+    /// Convex hull.
+    Hull(HullSpec),
     /// Triangles.
     Mesh(MeshSpec),
+}
+
+/// Points of a convex hull, from a file of triangles or written in the scene.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct HullSpec {
+    /// The file.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub file: Option<PathBuf>,
+    /// The points, m, before scaling.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub points: Vec<Vec3>,
+    /// Factor on all coordinates.
+    pub scale: f64,
+    /// Where it is written.
+    #[serde(skip)]
+    pub location: Location,
 }
 
 /// Triangles from a file or written in the scene.
@@ -661,6 +679,15 @@ pub enum RadiusSpec {
 }
 
 impl ShapeSpec {
+    /// The file that the shape is read from, and where the scene names it.
+    pub(crate) fn file_mut(&mut self) -> Option<(&mut PathBuf, &Location)> {
+        match self {
+            Self::Mesh(MeshSpec { file: Some(path), location, .. })
+            | Self::Hull(HullSpec { file: Some(path), location, .. }) => Some((path, location)),
+            _ => None,
+        }
+    }
+
     /// Whether the shape is a boundary without mass.
     pub fn is_boundary(&self) -> bool {
         matches!(self, Self::Plane { .. } | Self::Mesh(MeshSpec { solid: false, .. }))

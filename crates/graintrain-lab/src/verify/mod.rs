@@ -24,6 +24,7 @@ pub mod flight;
 pub mod gas;
 pub mod granular;
 pub mod heaps;
+pub mod hulls;
 pub mod impact;
 pub mod joints;
 pub mod painleve;
@@ -219,6 +220,7 @@ pub fn tier_a() -> impl Iterator<Item = &'static Definition> {
         heaps::CASES,
         turning::CASES,
         joints::CASES,
+        hulls::CASES,
     ]
     .into_iter()
     .flatten()
