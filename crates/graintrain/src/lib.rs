@@ -30,6 +30,7 @@ struct Readme;
 pub mod assemble;
 pub mod collide;
 pub mod contact;
+pub mod elasticity;
 pub mod error;
 pub mod formula;
 pub mod gradient;

@@ -48,7 +48,7 @@ impl PartSolver<'_> {
         let contacts = problem.num_contacts();
         let parts = parts(rigid.contacts(), 0..contacts as u32, rigid.num_bodies(), rigid.coupled());
         if parts.len() == 1 || (contacts > 0 && self.whole) {
-            let matrix = as_matrix_if_coupled(problem);
+            let matrix = as_matrix_unless_plain(problem);
             let problem = matrix.as_ref().unwrap_or(problem);
             return Ok((solve_without_gain(self.solver, problem, impulse, settings)?, 1));
         }
@@ -61,7 +61,10 @@ impl PartSolver<'_> {
                 places.iter().flat_map(|k| [h[3 * k], h[3 * k + 1], h[3 * k + 2]]).collect::<Vec<f64>>()
             };
             let matrix = part.delassus(rigid.contacts(), rigid.inverse_mass(), rigid.coupled());
-            let matrix = matrix.with_turning(rows);
+            let compliance = rigid.compliance();
+            let compliance =
+                if compliance.is_empty() { Vec::new() } else { part.gather::<1, f64>(compliance) };
+            let matrix = matrix.with_turning(rows).with_compliance(compliance);
             let mut r = part.gather::<3, f64>(&problem.r);
             r.extend(turning_of(&problem.r));
             let own = Ccp {
@@ -76,7 +79,7 @@ impl PartSolver<'_> {
             };
             let own =
                 Ccp { velocity_scale: scale_under(self.gravity, self.step, &own.r, &own.friction), ..own };
-            let own = as_matrix_if_coupled(&own).unwrap_or(own);
+            let own = as_matrix_unless_plain(&own).unwrap_or(own);
             let mut g = part.gather::<3, f64>(impulse);
             g.extend(turning_of(impulse));
             if parts_freely(&own) {
@@ -95,10 +98,10 @@ impl PartSolver<'_> {
     }
 }
 
-/// The same problem with N as a matrix, where joints couple bodies: every solver takes that.
-pub(crate) fn as_matrix_if_coupled(problem: &Ccp) -> Option<Ccp> {
+/// The same problem with N as a matrix, where joints couple bodies or contacts are compliant: every solver takes that.
+pub(crate) fn as_matrix_unless_plain(problem: &Ccp) -> Option<Ccp> {
     match &*problem.delassus {
-        Delassus::Rigid(rigid) if !rigid.coupled().is_empty() => {
+        Delassus::Rigid(rigid) if !rigid.is_plain() => {
             let delassus = Arc::new(Delassus::Sparse(rigid.assemble()));
             Some(Ccp { delassus, ..problem.clone() })
         }

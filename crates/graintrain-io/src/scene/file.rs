@@ -241,6 +241,9 @@ fn material(reader: Option<&Reader>) -> Result<MaterialSpec, SceneError> {
         restitution: 0.0,
         rolling_friction: TurningResistance::NONE,
         spinning_friction: TurningResistance::NONE,
+        stiffness: 0.0,
+        damping: 0.0,
+        cohesion: 0.0,
     };
     if let Some(reader) = reader {
         spec.density = reader.quantity("density", Range::Positive)?.unwrap_or(spec.density);
@@ -248,6 +251,9 @@ fn material(reader: Option<&Reader>) -> Result<MaterialSpec, SceneError> {
         spec.restitution = reader.quantity("restitution", Range::ZeroToOne)?.unwrap_or(spec.restitution);
         spec.rolling_friction = reader.resistance("rolling_friction")?.unwrap_or(spec.rolling_friction);
         spec.spinning_friction = reader.resistance("spinning_friction")?.unwrap_or(spec.spinning_friction);
+        spec.stiffness = reader.quantity("stiffness", Range::NotNegative)?.unwrap_or(spec.stiffness);
+        spec.damping = reader.quantity("damping", Range::NotNegative)?.unwrap_or(spec.damping);
+        spec.cohesion = reader.quantity("cohesion", Range::NotNegative)?.unwrap_or(spec.cohesion);
     }
     Ok(spec)
 }
@@ -278,6 +284,9 @@ fn pairs(scene: &Reader, materials: &[&str]) -> Result<Vec<PairSpec>, SceneError
             restitution: reader.quantity("restitution", Range::ZeroToOne)?,
             rolling_friction: reader.resistance("rolling_friction")?,
             spinning_friction: reader.resistance("spinning_friction")?,
+            stiffness: reader.quantity("stiffness", Range::NotNegative)?,
+            damping: reader.quantity("damping", Range::NotNegative)?,
+            cohesion: reader.quantity("cohesion", Range::NotNegative)?,
         });
     }
     Ok(pairs)

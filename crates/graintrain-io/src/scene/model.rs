@@ -142,6 +142,20 @@ pub struct MaterialSpec {
     /// Resistance to spinning on itself.
     #[serde(skip_serializing_if = "TurningResistance::is_none", serialize_with = "as_written")]
     pub spinning_friction: TurningResistance,
+    /// Of contacts with itself, N/m; zero: rigid.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub stiffness: f64,
+    /// Of contacts with itself, N s/m.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub damping: f64,
+    /// Pull on itself, N.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub cohesion: f64,
+}
+
+/// Whether a number is left out where it is its own default.
+fn is_zero(value: &f64) -> bool {
+    *value == 0.0
 }
 
 /// A resistance to turning as scenes write it: a number, or a text with a length.
@@ -180,6 +194,15 @@ pub struct PairSpec {
     /// Resistance to spinning on each other; `None` follows the rule of friction.
     #[serde(skip_serializing_if = "Option::is_none", serialize_with = "as_written_of_pair")]
     pub spinning_friction: Option<TurningResistance>,
+    /// Stiffness of contacts, N/m; `None` follows from both materials.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub stiffness: Option<f64>,
+    /// Damping of contacts, N s/m; `None` follows from both materials.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub damping: Option<f64>,
+    /// Pull on each other, N; `None` is the smaller of both.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub cohesion: Option<f64>,
 }
 
 /// A single body.

@@ -8,6 +8,7 @@ use graintrain::math::{Quat, Vec3};
 use graintrain::motion::Motion;
 use graintrain::shape::Geometry;
 use graintrain::world::{Body, World};
+use graintrain_ccp::FrictionModel;
 use std::f64::consts::TAU;
 
 /// The case.
@@ -68,7 +69,14 @@ fn hulls() -> Result<Vec<Row>, VerifyError> {
             let downhill = Quat::from_rotation_y(tilt) * Vec3::X;
             let a = world.bodies.velocity[body].dot(downhill) / world.time;
             let expected = G * (tilt.sin() - 0.25 * tilt.cos());
-            rows.push(sliding.row("block: acceleration (m/s^2)", a, expected, accuracy.allowed(1e-6, 0.02)));
+            // Where friction is relaxed, sliding at v lifts the block with mu v for one step, and the impulse of that brakes it once.
+            let lift = if model == FrictionModel::Relaxed {
+                0.25 * 0.25 * step * expected / world.time
+            } else {
+                0.0
+            };
+            let allowed = accuracy.allowed(1e-6, 0.02) + 1.1 * lift;
+            rows.push(sliding.row("block: acceleration (m/s^2)", a, expected, allowed));
 
             let height = radius * 0.75_f64.sqrt();
             let (mut world, body) = on_box(&prism(radius), height, 1.0, 29.0_f64.to_radians())?;

@@ -1,6 +1,7 @@
 //! Physics against exact answers: the tests A1 to A20 of docs/mechanics.md.
 
 mod drives;
+mod elasticity;
 mod energy;
 mod forces;
 mod friction;
