@@ -80,6 +80,21 @@ def test_mass_and_inertia():
     assert len(world) == 2
 
 
+def test_elastic_and_cohesive_pairs():
+    world = graintrain.World(step=1e-3, tolerance=1e-9)
+    world.add_body(Shape.plane(), motion=Motion.fixed())
+    ball = world.add_body(Shape.sphere(0.1), (0, 0, 0.1))
+    with pytest.raises(graintrain.ModelError, match="damping"):
+        world.set_pair("default", "default", 0.5, 0.3, stiffness=1e4)
+    with pytest.raises(graintrain.ModelError, match="cohesion"):
+        world.set_pair("default", "default", 0.5, cohesion=-1.0)
+    world.set_pair("default", "default", 0.5, stiffness=1e4, damping=200.0)
+    for _ in range(1000):
+        world.step()
+    np.testing.assert_allclose(0.1 - world.positions[ball, 2], world.masses[ball] * 9.81 / 1e4, rtol=1e-4)
+    world.set_pair("default", "default", 0.5, 0.3, stiffness=0.0, cohesion=0.1)
+
+
 def test_shapes():
     assert Shape.capsule(0.5, 0.1).volume == pytest.approx(np.pi * 0.01 * (1.0 + 4 / 30))
     assert Shape.cylinder(0.5, 0.1).volume == pytest.approx(np.pi * 0.01)

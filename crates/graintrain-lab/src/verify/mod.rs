@@ -27,6 +27,7 @@ pub mod heaps;
 pub mod hulls;
 pub mod impact;
 pub mod joints;
+pub mod laws;
 pub mod painleve;
 pub mod problems;
 pub mod report;
@@ -221,6 +222,7 @@ pub fn tier_a() -> impl Iterator<Item = &'static Definition> {
         turning::CASES,
         joints::CASES,
         hulls::CASES,
+        laws::CASES,
     ]
     .into_iter()
     .flatten()

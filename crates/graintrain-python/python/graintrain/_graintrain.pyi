@@ -285,6 +285,9 @@ class World:
         *,
         rolling_friction: float | str | None = None,
         spinning_friction: float | str | None = None,
+        stiffness: float | None = None,
+        damping: float | None = None,
+        cohesion: float | None = None,
     ) -> None: ...
     def friction(self, first: str, second: str | None = None) -> float: ...
     def add_body(

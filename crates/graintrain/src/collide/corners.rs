@@ -140,12 +140,20 @@ fn of_one(
             candidates.push(Candidate { point, distance, inside, is_corner, feature });
         }
     };
-    for (number, &p) in corners.points.iter().enumerate() {
-        add(p, true, feature + number as u64);
-    }
-    let Solid::Placed { shape, position, orientation } = other else { return };
+    let Solid::Placed { shape, position, orientation } = other else {
+        for (number, &p) in corners.points.iter().enumerate() {
+            add(p, true, feature + number as u64);
+        }
+        return;
+    };
     let inverse = orientation.conjugate();
     let own = |p: Vec3| inverse * (p - position);
+    let distances: Vec<Distance> = corners.points.iter().map(|&p| signed_distance(shape, own(p))).collect();
+    for (number, (&p, distance)) in corners.points.iter().zip(&distances).enumerate() {
+        if distance.value <= envelope {
+            add(p, true, feature + number as u64);
+        }
+    }
     let numbers = (corners.points.len() as u64).max(64);
     let per_edge = match shape {
         Shape::Hull(hull) => 1 + 2 * hull.edges().len() as u64,
@@ -154,13 +162,16 @@ fn of_one(
     for (number, edge) in corners.edges.iter().enumerate() {
         let [p, q] = edge.map(|end| own(corners.points[end]));
         let (centre, half) = (0.5 * (p + q), 0.5 * (q - p));
-        let [at_p, at_q] = [p, q].map(|end| signed_distance(shape, end));
+        let [at_p, at_q] = edge.map(|end| distances[end]);
         if least_between(&at_p, &at_q, half) > envelope * (1.0 + 1e-9) {
             continue;
         }
         let feature = feature + numbers + per_edge * number as u64;
         let world = |t: f64| position + orientation * (centre + t * half);
-        let nearest = minimise(|t| signed_distance(shape, centre + t * half).normal.dot(half));
+        let nearest = match shape {
+            Shape::Hull(hull) => nearest_to_edges(hull, centre, half),
+            _ => minimise(|t| signed_distance(shape, centre + t * half).normal.dot(half)),
+        };
         if nearest.abs() < 1.0 {
             add(world(nearest), false, feature);
         }
@@ -170,6 +181,32 @@ fn of_one(
             }
         }
     }
+}
+
+/// Where on the segment `centre + t * half`, t in [-1, 1], it is nearest to an edge of the hull. A segment outside is nearest to the hull
+/// there, or over a face: then at an end or where it crosses from one face to the next.
+fn nearest_to_edges(hull: &Hull, centre: Vec3, half: Vec3) -> f64 {
+    let square = half.length_squared();
+    let along_segment = |p: Vec3| (half.dot(p - centre) / square).clamp(-1.0, 1.0);
+    let mut best = (f64::INFINITY, 0.0);
+    for edge in hull.edges() {
+        let [a, b] = edge.corners.map(|k| hull.corners()[k as usize]);
+        let along = b - a;
+        let on_edge = |p: Vec3| a + (along.dot(p - a) / along.length_squared()).clamp(0.0, 1.0) * along;
+        // Of two lines that cross askew; clamped to the segment, then to the edge, then to the segment again.
+        let (mixed, edge_square) = (half.dot(along), along.length_squared());
+        let determinant = square * edge_square - mixed * mixed;
+        let start = a - centre;
+        let askew = (half.dot(start) * edge_square - along.dot(start) * mixed) / determinant;
+        let t = if askew.is_finite() { askew.clamp(-1.0, 1.0) } else { 0.0 };
+        let q = on_edge(centre + t * half);
+        let t = along_segment(q);
+        let distance = (centre + t * half - q).length_squared();
+        if distance < best.0 {
+            best = (distance, t);
+        }
+    }
+    best.1
 }
 
 /// A bound from below of a convex distance along the segment `centre + t * half`, t in [-1, 1], from its values and gradients at both
