@@ -319,7 +319,7 @@ impl Stepper {
             let size: Vec<f64> = contacts.iter().map(|c| self.collider.contact_size(world, c)).collect();
             let mut correction = self.correct(world, &contacts, &attempt, &size);
             advance(world, &attempt.velocity, correction.displacement.as_deref(), step);
-            correction.add(drift::close(world));
+            correction.add(drift::close(world, &attempt.joints.states, step));
             phases.integrate += begin.elapsed().as_secs_f64();
             let begin = Instant::now();
             let ahead = self.collider.contacts(world, envelope, step);
@@ -571,7 +571,7 @@ impl Stepper {
             };
             displacement.chunks_exact(6).enumerate().map(against).sum()
         });
-        world.record_joints(&joints.states);
+        world.record_joints(&joints.states, step);
         world.contacts = set;
         world.time += step;
         world.step += 1;
