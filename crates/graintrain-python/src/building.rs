@@ -4,10 +4,9 @@ use crate::arrays::{shaped, vector, vectors};
 use crate::error::OrRaise;
 use crate::model::{Motion, Shape, profile};
 use crate::world::World;
-use graintrain::elasticity::Elasticity;
 use graintrain::handle::{BodyId, GeometryId, MaterialId};
 use graintrain::load::{Action, Load, Region};
-use graintrain::material::TurningResistance;
+use graintrain::material::{Elasticity, TurningResistance};
 use graintrain::math::{Mat3, Quat, Vec3};
 use graintrain::motion::{Axes, Profile};
 use graintrain::shape::Geometry;
@@ -160,7 +159,6 @@ impl World {
     /// (N/m, 0: rigid) and damping (N s/m) per contact; and the force (N) with which they pull each other while they touch.
     #[pyo3(signature = (first, second, friction, restitution=0.0, *, rolling_friction=None, spinning_friction=None, stiffness=None,
         damping=None, cohesion=None))]
-    #[expect(clippy::too_many_arguments, reason = "keyword arguments of Python")]
     fn set_pair(
         &mut self,
         first: &str,

@@ -83,7 +83,10 @@ pub fn assemble(
 ) -> Ccp {
     let mut r = relative_velocities(contacts, &rows, free);
     for (u, contact) in r.chunks_exact_mut(3).zip(contacts) {
-        u[0] += bias(world, contact, step, overlap);
+        u[0] += bias(world, contact, step).unwrap_or_else(|| match overlap {
+            OverlapCorrection::Velocity => contact.gap / step,
+            OverlapCorrection::Position => contact.gap.max(0.0) / step,
+        });
     }
     let friction = pair_property(world, contacts, |a, b| world.materials.pair_friction(a, b));
     let velocity_scale = scale_under(world.gravity.length(), step, &r, &friction);

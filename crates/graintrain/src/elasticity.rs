@@ -16,12 +16,11 @@
 //! (B. V. Derjaguin, V. M. Muller, Y. P. Toporov, J. Colloid Interface Sci. 53(2):314-326, 1975, with constant adhesion), the force
 //! between the bodies is g_n' - dt F: a load on both in the same problem.
 
-use crate::assemble::{OverlapCorrection, pair_property};
 use crate::contact::Contact;
-use crate::error::{ModelError, positive};
+use crate::material::Elasticity;
 use crate::world::World;
-use graintrain_ccp::RigidContact;
-use serde::{Deserialize, Serialize};
+use graintrain_ccp::{BodyInverseMass, RigidContact};
+use std::collections::HashMap;
 
 /// Bodies touch where their gap is below this fraction of the smaller one's size, m/m: somewhat more than what corrections of overlap leave.
 const TOUCHING: f64 = 1e-3;
@@ -29,45 +28,14 @@ const TOUCHING: f64 = 1e-3;
 /// Largest compliance, 1/kg: softer springs do nothing, and their products with impulses have to stay finite.
 const SOFTEST: f64 = 1e100;
 
-/// Spring and dashpot of a contact along its normal.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Elasticity {
-    /// k, N/m per contact; zero: rigid.
-    pub stiffness: f64,
-    /// d, N s/m per contact.
-    pub damping: f64,
+/// c, 1/kg.
+fn compliance(law: Elasticity, step: f64) -> f64 {
+    if law.is_rigid() { 0.0 } else { (1.0 / (step * (law.stiffness * step + law.damping))).min(SOFTEST) }
 }
 
-impl Elasticity {
-    /// None: contacts do not give way.
-    pub const RIGID: Self = Self { stiffness: 0.0, damping: 0.0 };
-
-    /// Whether contacts do not give way.
-    pub fn is_rigid(&self) -> bool {
-        self.stiffness == 0.0
-    }
-
-    /// # Errors
-    /// [`ModelError::Value`] unless both are finite and not negative, and there is a stiffness where there is damping.
-    pub fn validate(&self, of: &str) -> Result<(), ModelError> {
-        if self.stiffness != 0.0 || self.damping != 0.0 {
-            positive(format!("the stiffness {of}"), self.stiffness)?;
-        }
-        if !(self.damping.is_finite() && self.damping >= 0.0) {
-            let (what, value) = (format!("the damping {of}"), self.damping);
-            return Err(ModelError::Value { what, value, expected: "finite and not negative" });
-        }
-        Ok(())
-    }
-
-    /// c, 1/kg.
-    fn compliance(&self, step: f64) -> f64 {
-        if self.is_rigid() {
-            0.0
-        } else {
-            (1.0 / (step * (self.stiffness * step + self.damping))).min(SOFTEST)
-        }
-    }
+/// The materials of both bodies of a contact.
+fn materials(world: &World, contact: &Contact) -> [usize; 2] {
+    [contact.body_a, contact.body_b].map(|body| world.bodies.material[body as usize].index())
 }
 
 /// Compliance of every contact, 1/kg; empty where all are rigid.
@@ -75,21 +43,21 @@ pub(crate) fn compliances(world: &World, contacts: &[Contact], step: f64) -> Vec
     if !world.materials.has_elastic_pairs() {
         return Vec::new();
     }
-    pair_property(world, contacts, |a, b| world.materials.pair_elasticity(a, b).compliance(step))
+    let of = |contact: &Contact| {
+        let [a, b] = materials(world, contact);
+        compliance(world.materials.pair_elasticity(a, b), step)
+    };
+    contacts.iter().map(of).collect()
 }
 
-/// b_n of a contact, m/s.
-pub(crate) fn bias(world: &World, contact: &Contact, step: f64, overlap: OverlapCorrection) -> f64 {
-    let material = |body: u32| world.bodies.material[body as usize].index();
-    let Elasticity { stiffness, damping } =
-        world.materials.pair_elasticity(material(contact.body_a), material(contact.body_b));
-    if stiffness > 0.0 && contact.gap < 0.0 {
-        return contact.gap * stiffness / (stiffness * step + damping);
-    }
-    match overlap {
-        OverlapCorrection::Velocity => contact.gap / step,
-        OverlapCorrection::Position => contact.gap.max(0.0) / step,
-    }
+/// b_n of a contact that overlaps and is elastic, m/s; `None` of others, whose b_n is that of rigid ones.
+pub(crate) fn bias(world: &World, contact: &Contact, step: f64) -> Option<f64> {
+    let [a, b] = materials(world, contact);
+    let Elasticity { stiffness, damping } = world.materials.pair_elasticity(a, b);
+    let presses = stiffness > 0.0 && contact.gap < 0.0;
+    let bias = contact.gap * stiffness / (stiffness * step + damping);
+    // The smallest numbers times the step are zero, and such a spring is none.
+    presses.then_some(if bias.is_finite() { bias } else { 0.0 })
 }
 
 /// Impulse dt F with which every contact pulls, N s; empty where nothing does. Contacts of the same two bodies share the force.
@@ -104,22 +72,23 @@ pub(crate) fn pulls(
     }
     let pair = |c: &Contact| [c.body_a.min(c.body_b), c.body_a.max(c.body_b)];
     let touches: Vec<bool> = contacts.iter().map(|c| c.gap <= TOUCHING * size(c)).collect();
-    let mut count = std::collections::HashMap::new();
+    let mut count = HashMap::new();
     for (contact, _) in contacts.iter().zip(&touches).filter(|(_, touches)| **touches) {
         *count.entry(pair(contact)).or_insert(0_u32) += 1;
     }
-    let force = pair_property(world, contacts, |a, b| world.materials.pair_cohesion(a, b));
-    let of = |((contact, touches), force): ((&Contact, bool), f64)| {
+    let of = |(contact, touches): (&Contact, bool)| {
+        let [a, b] = materials(world, contact);
+        let force = world.materials.pair_cohesion(a, b);
         if touches { step * force / f64::from(count[&pair(contact)]) } else { 0.0 }
     };
-    contacts.iter().zip(touches).zip(force).map(of).collect()
+    contacts.iter().zip(touches).map(of).collect()
 }
 
 /// Adds what pulling contacts do to the velocities of bodies (six numbers each), where the response of both bodies to an impulse is given.
 pub(crate) fn apply_pulls(
     rows: &[RigidContact],
     pulls: &[f64],
-    inverse_mass: &[graintrain_ccp::BodyInverseMass],
+    inverse_mass: &[BodyInverseMass],
     velocity: &mut [f64],
 ) {
     for (row, &pull) in rows.iter().zip(pulls).filter(|(_, pull)| **pull != 0.0) {

@@ -1,6 +1,5 @@
 //! Materials: density, and friction, restitution and resistance to turning of every pair.
 
-use crate::elasticity::Elasticity;
 use crate::error::{ModelError, positive};
 use crate::handle::MaterialId;
 use serde::{Deserialize, Serialize};
@@ -37,6 +36,40 @@ impl TurningResistance {
         match self {
             Self::Ratio(value) | Self::Length(value) => value,
         }
+    }
+}
+
+/// Spring and dashpot of a contact along its normal.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Elasticity {
+    /// k, N/m per contact; zero: rigid.
+    pub stiffness: f64,
+    /// d, N s/m per contact.
+    pub damping: f64,
+}
+
+impl Elasticity {
+    /// None: contacts do not give way.
+    pub const RIGID: Self = Self { stiffness: 0.0, damping: 0.0 };
+
+    /// Whether contacts do not give way.
+    pub fn is_rigid(&self) -> bool {
+        self.stiffness == 0.0
+    }
+
+    /// Checks both numbers; `of` says whose they are.
+    ///
+    /// # Errors
+    /// [`ModelError::Value`] unless both are finite and not negative, and there is a stiffness where there is damping.
+    pub fn validate(&self, of: &str) -> Result<(), ModelError> {
+        if self.stiffness != 0.0 || self.damping != 0.0 {
+            positive(format!("the stiffness {of}"), self.stiffness)?;
+        }
+        if !(self.damping.is_finite() && self.damping >= 0.0) {
+            let (what, value) = (format!("the damping {of}"), self.damping);
+            return Err(ModelError::Value { what, value, expected: "finite and not negative" });
+        }
+        Ok(())
     }
 }
 

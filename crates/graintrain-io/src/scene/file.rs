@@ -254,8 +254,26 @@ fn material(reader: Option<&Reader>) -> Result<MaterialSpec, SceneError> {
         spec.stiffness = reader.quantity("stiffness", Range::NotNegative)?.unwrap_or(spec.stiffness);
         spec.damping = reader.quantity("damping", Range::NotNegative)?.unwrap_or(spec.damping);
         spec.cohesion = reader.quantity("cohesion", Range::NotNegative)?.unwrap_or(spec.cohesion);
+        check_elasticity(reader, spec.stiffness, spec.damping, spec.restitution)?;
     }
     Ok(spec)
+}
+
+/// Damping needs a stiffness, and a stiffness rebounds by itself.
+fn check_elasticity(
+    reader: &Reader,
+    stiffness: f64,
+    damping: f64,
+    restitution: f64,
+) -> Result<(), SceneError> {
+    if stiffness == 0.0 && damping > 0.0 {
+        return Err(reader.out_of_range("damping", "0 without a `stiffness`", damping));
+    }
+    if stiffness > 0.0 && restitution > 0.0 {
+        let requirement = "0 with a `stiffness`, which rebounds by itself: give it `damping`";
+        return Err(reader.out_of_range("restitution", requirement, restitution));
+    }
+    Ok(())
 }
 
 fn pairs(scene: &Reader, materials: &[&str]) -> Result<Vec<PairSpec>, SceneError> {
@@ -278,7 +296,7 @@ fn pairs(scene: &Reader, materials: &[&str]) -> Result<Vec<PairSpec>, SceneError
             let problem = format!("the pair {} and {} is given twice", names[0], names[1]);
             return Err(SceneError::at(SceneErrorKind::Contradiction(problem), reader.location()));
         }
-        pairs.push(PairSpec {
+        let pair = PairSpec {
             materials: names,
             friction: reader.quantity("friction", Range::NotNegative)?,
             restitution: reader.quantity("restitution", Range::ZeroToOne)?,
@@ -287,7 +305,12 @@ fn pairs(scene: &Reader, materials: &[&str]) -> Result<Vec<PairSpec>, SceneError
             stiffness: reader.quantity("stiffness", Range::NotNegative)?,
             damping: reader.quantity("damping", Range::NotNegative)?,
             cohesion: reader.quantity("cohesion", Range::NotNegative)?,
-        });
+        };
+        if let Some(stiffness) = pair.stiffness {
+            let [damping, restitution] = [pair.damping, pair.restitution].map(Option::unwrap_or_default);
+            check_elasticity(&reader, stiffness, damping, restitution)?;
+        }
+        pairs.push(pair);
     }
     Ok(pairs)
 }

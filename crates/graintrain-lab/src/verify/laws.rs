@@ -3,8 +3,8 @@
 use super::bench::{Accuracy, Bench, G, add_ground, add_sphere, world};
 use super::source::Source;
 use super::{Definition, MODELS, Measure, Row, VerifyError};
-use graintrain::elasticity::Elasticity;
 use graintrain::handle::MaterialId;
+use graintrain::material::Elasticity;
 use graintrain::math::{Quat, Vec3};
 use graintrain::motion::Motion;
 use graintrain::shape::Geometry;

@@ -454,7 +454,11 @@ impl World {
     }
 
     /// About what coordinates joints have after a step in which they did this: however far they turn in it, within half a turn.
-    pub(crate) fn expected_coordinates(&self, states: &[JointState], step: f64) -> impl Fn(usize) -> f64 + use<> {
+    pub(crate) fn expected_coordinates(
+        &self,
+        states: &[JointState],
+        step: f64,
+    ) -> impl Fn(usize) -> f64 + use<> {
         let last = self.joints.iter().map(|placed| placed.state.coordinate);
         let rates = states.iter().map(|state| state.rate).chain(std::iter::repeat(0.0));
         let expected: Vec<f64> = last.zip(rates).map(|(last, rate)| last + step * rate).collect();

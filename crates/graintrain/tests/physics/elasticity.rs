@@ -1,8 +1,8 @@
 //! Contacts with stiffness and damping, and contacts that pull: A43 and A44 of `verify`, presses, every production solver.
 
 use crate::support::*;
-use graintrain::elasticity::Elasticity;
 use graintrain::handle::MaterialId;
+use graintrain::material::Elasticity;
 use graintrain::math::{Quat, Vec3};
 use graintrain::motion::{Motion, Profile};
 use graintrain::shape::Geometry;
@@ -148,6 +148,18 @@ fn stiff_contacts_are_rigid_and_light_bodies_carry_heavy_ones() {
         for (a, b) in rigid.iter().zip(&stiff) {
             assert!((a - b).length() < 1e-8, "{model}: {a} {b}");
         }
+    }
+}
+
+/// A stiffness that is all but nothing lets bodies through, whatever the smallness of the number.
+#[test]
+fn the_softest_contacts_do_not_break_the_step() {
+    for stiffness in [1e-6, 1e-300, 5e-324] {
+        let mut world = elastic(0.5, stiffness, 0.0);
+        add_ground(&mut world, 0.0);
+        let ball = add_sphere(&mut world, RADIUS, Vec3::new(0.0, 0.0, RADIUS));
+        run(&mut stepper(1e-3, 0.02, 1e-9, BOTH[0]), &mut world, 50);
+        assert_close(world.bodies.velocity[ball].z, -G * 0.05, 1e-6, "free fall");
     }
 }
 

@@ -3,10 +3,9 @@
 use crate::scene::Scene;
 use crate::scene::error::{SceneError, SceneErrorKind};
 use crate::scene::model::{MaterialSpec, PairSpec};
-use graintrain::elasticity::Elasticity;
 use graintrain::error::ModelError;
 use graintrain::handle::MaterialId;
-use graintrain::material::{Materials, TurningResistance};
+use graintrain::material::{Elasticity, Materials, TurningResistance};
 use std::collections::HashMap;
 
 /// Materials with the values of this list, and the pairs and rules of the scene.
