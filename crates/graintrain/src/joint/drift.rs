@@ -18,6 +18,10 @@ use crate::world::World;
 /// Corrections of one step.
 const ITERATIONS: usize = 4;
 
+/// A body is moved by no more than so many times the largest opening of its mechanism: near a dead point, where little opening asks for
+/// boundless motion, the rest is left to later steps.
+const REACH: f64 = 100.0;
+
 /// Openings over the joint's length that are left alone.
 const CLOSED: f64 = 1e-13;
 
@@ -72,6 +76,14 @@ pub(crate) fn close(world: &mut World, states: &[JointState], step: f64) -> Opti
             }
             let mut z = vec![0.0; length];
             Elimination::new(length, units).project(&mut z, &right);
+            let length = joints.iter().map(|&joint| length_of(world, joint)).fold(0.0, f64::max);
+            let in_metres = |value: f64, angular: bool| value.abs() * if angular { length } else { 1.0 };
+            let opening = rows.iter().map(|row| in_metres(row.value, row.angular)).fold(0.0, f64::max);
+            let moved = roots.iter().enumerate().map(|(k, root)| root.times(&z[6 * k..]));
+            let farthest = moved.map(|[u, w]| u.length().max(length * w.length())).fold(0.0, f64::max);
+            if farthest > REACH * opening {
+                z.iter_mut().for_each(|z| *z *= REACH * opening / farthest);
+            }
             let all = displacement.get_or_insert_with(|| vec![0.0; 6 * world.bodies.len()]);
             for (k, &body) in bodies.iter().enumerate() {
                 let [u, w] = roots[k].times(&z[6 * k..]);
