@@ -29,7 +29,7 @@ material = \"steel\"
 [packing.grains]
 radius = \"5 mm\"
 material = \"clay\"
-lattice = { counts = [2, 2, 3], pitch = \"9.9 mm\" }
+lattice = { counts = [2, 2, 3], pitch = \"10 mm\" }
 [packing.stones]
 shape = { hull = { points = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 1]], scale = 0.01 } }
 material = \"rubber\"
