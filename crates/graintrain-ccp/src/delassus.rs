@@ -4,6 +4,7 @@ use graintrain_linalg::block3::{Block, BlockMatrix3};
 use rayon::prelude::*;
 use std::sync::{Arc, OnceLock, Weak};
 
+mod compliance;
 mod coupled;
 mod turning;
 
@@ -63,6 +64,8 @@ pub struct RigidDelassus {
     /// there are no groups.
     coupled: Vec<CoupledBodies>,
     group_of: Vec<(u32, u32)>,
+    /// Compliances of the normal rows, 1/kg; empty where all contacts are rigid.
+    compliance: Vec<f64>,
     /// Diagonals of the blocks N_ii, made when first asked for.
     diagonal: OnceLock<Vec<[f64; 3]>>,
 }
@@ -167,6 +170,7 @@ impl RigidDelassus {
             turning_sides: Vec::new(),
             coupled: Vec::new(),
             group_of: Vec::new(),
+            compliance: Vec::new(),
             diagonal: OnceLock::new(),
         }
     }
@@ -302,6 +306,9 @@ impl RigidDelassus {
     /// `s_i s_j F_i (M_lin^-1 + [r_i]x^T J^-1 [r_j]x ...) F_j^T`, built column by column from unit impulses.
     fn block(&self, i: usize, j: usize) -> Block {
         let mut block = self.block_of_coupled(i, j);
+        if i == j {
+            block[0] += self.compliance_of(i);
+        }
         if i.max(j) >= self.num_contacts() {
             let turning = self.block_of_turning(i, j);
             block.iter_mut().zip(turning).for_each(|(block, turning)| *block += turning);
@@ -338,7 +345,7 @@ impl RigidDelassus {
             let of_contact = |(i, contact): (usize, &RigidContact)| {
                 let moves = |body: u32| self.group_of(body).is_some();
                 let coupled = moves(contact.body_a) || moves(contact.body_b);
-                if coupled { of_block(i) } else { self.diagonal_of(contact) }
+                if coupled || self.compliance_of(i) > 0.0 { of_block(i) } else { self.diagonal_of(contact) }
             };
             let mut diagonal: Vec<[f64; 3]> = contacts.map(of_contact).collect();
             diagonal.extend((self.num_contacts()..self.num_blocks()).map(of_block));
@@ -458,6 +465,7 @@ impl Delassus {
                 rigid.world_impulse(g, &mut work.force);
                 rigid.velocity_change(&work.force, &mut work.velocity);
                 rigid.relative_velocity(&work.velocity, u);
+                rigid.add_compliance(g, u);
             }
             Self::Sparse(matrix) => matrix.multiply(g, u),
         }
@@ -613,7 +621,9 @@ pub(crate) mod tests {
         ];
         responses_are_dense_ones(&plain.clone().with_coupled(coupled.clone()));
         product_and_assembly_are_dense_ones(plain.clone().with_coupled(coupled.clone()));
-        product_and_assembly_are_dense_ones(turning.with_coupled(coupled));
+        let compliance = || (0..20).map(|i| f64::from(i % 3)).collect();
+        product_and_assembly_are_dense_ones(plain.clone().with_compliance(compliance()));
+        product_and_assembly_are_dense_ones(turning.with_coupled(coupled).with_compliance(compliance()));
         product_and_assembly_are_dense_ones(plain);
     }
 
@@ -678,6 +688,9 @@ pub(crate) mod tests {
                     }
                 }
             }
+        }
+        for (i, c) in rigid.compliance().iter().enumerate() {
+            dense[3 * i][3 * i] += c;
         }
         let assembled = rigid.assemble();
         for i in 0..rigid.num_blocks() {

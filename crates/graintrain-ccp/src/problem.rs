@@ -314,7 +314,7 @@ impl Ccp {
     }
 
     /// # Errors
-    /// [`CcpError::Unsupported`] where contacts resist turning, or where bodies are coupled: for solvers that have no cone for the one or
+    /// [`CcpError::Unsupported`] where contacts resist turning or are compliant, or where bodies are coupled: for solvers that have no cone for the one or
     /// take bodies one by one.
     pub(crate) fn require_sliding_alone(&self, solver: &str) -> Result<(), CcpError> {
         let reason = match &*self.delassus {
@@ -323,6 +323,9 @@ impl Ccp {
             }
             Delassus::Rigid(rigid) if !rigid.coupled().is_empty() => {
                 "joints couple bodies; it takes the problem with N as a matrix"
+            }
+            Delassus::Rigid(rigid) if !rigid.compliance().is_empty() => {
+                "contacts are compliant; it takes the problem with N as a matrix"
             }
             _ => return Ok(()),
         };

@@ -209,7 +209,7 @@ impl Sensitivity {
         if !problem.turning.is_empty() {
             return Err(SensitivityError::Turning);
         }
-        if !rigid.coupled().is_empty() {
+        if !rigid.is_plain() {
             return Err(SensitivityError::NoBodies);
         }
         let mut u = vec![0.0; impulse.len()];

@@ -6,7 +6,7 @@ use crate::model::{Motion, Shape, profile};
 use crate::world::World;
 use graintrain::handle::{BodyId, GeometryId, MaterialId};
 use graintrain::load::{Action, Load, Region};
-use graintrain::material::TurningResistance;
+use graintrain::material::{Elasticity, TurningResistance};
 use graintrain::math::{Mat3, Quat, Vec3};
 use graintrain::motion::{Axes, Profile};
 use graintrain::shape::Geometry;
@@ -155,8 +155,10 @@ impl World {
     }
 
     /// Sets friction and restitution between two materials (or of one with itself), and, where given, how they resist rolling on each
-    /// other and spinning about the contact normal: a number of effective radii, or a length as a text ("1 mm").
-    #[pyo3(signature = (first, second, friction, restitution=0.0, *, rolling_friction=None, spinning_friction=None))]
+    /// other and spinning about the contact normal: a number of effective radii, or a length as a text ("1 mm"); their normal stiffness
+    /// (N/m, 0: rigid) and damping (N s/m) per contact; and the force (N) with which they pull each other while they touch.
+    #[pyo3(signature = (first, second, friction, restitution=0.0, *, rolling_friction=None, spinning_friction=None, stiffness=None,
+        damping=None, cohesion=None))]
     fn set_pair(
         &mut self,
         first: &str,
@@ -165,15 +167,26 @@ impl World {
         restitution: f64,
         rolling_friction: Option<&Bound<'_, PyAny>>,
         spinning_friction: Option<&Bound<'_, PyAny>>,
+        stiffness: Option<f64>,
+        damping: Option<f64>,
+        cohesion: Option<f64>,
     ) -> PyResult<()> {
         let (first, second) = (self.material_of(Some(first))?, self.material_of(Some(second))?);
         let materials = &mut self.state().materials;
         let (i, j) = (first.index(), second.index());
         let rolling = resistance("rolling_friction", rolling_friction, materials.pair_rolling(i, j))?;
         let spinning = resistance("spinning_friction", spinning_friction, materials.pair_spinning(i, j))?;
-        // All or nothing.
+        let known = materials.pair_elasticity(i, j);
+        let stiffness = stiffness.unwrap_or(known.stiffness);
+        let kept = if stiffness == 0.0 { 0.0 } else { known.damping };
+        let elasticity = Elasticity { stiffness, damping: damping.unwrap_or(kept) };
+        let cohesion = cohesion.unwrap_or(materials.pair_cohesion(i, j));
+        // All or nothing. What was elastic may become rigid with restitution, and the other way round.
         let mut changed = materials.clone();
+        changed.set_pair_elasticity(first, second, Elasticity::RIGID).or_raise()?;
         changed.set_pair(first, second, friction, restitution).or_raise()?;
+        changed.set_pair_elasticity(first, second, elasticity).or_raise()?;
+        changed.set_pair_cohesion(first, second, cohesion).or_raise()?;
         changed.set_pair_turning(first, second, rolling, spinning).or_raise()?;
         *materials = changed;
         Ok(())

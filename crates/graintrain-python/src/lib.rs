@@ -19,6 +19,7 @@ mod building;
 mod contacts;
 mod error;
 mod gradient;
+mod joint;
 mod measure;
 mod model;
 mod picture;

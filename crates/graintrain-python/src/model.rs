@@ -84,6 +84,13 @@ impl Shape {
         Ok(Self::new(Geometry::mesh(vertices, triangles).or_raise()?, Vec3::ZERO))
     }
 
+    /// Convex hull of points (n, 3). Bodies are placed by the centre of mass: see `center`.
+    #[staticmethod]
+    fn hull(points: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let (geometry, center) = Geometry::hull(&vectors("points", points)?).or_raise()?;
+        Ok(Self::new(geometry, center))
+    }
+
     /// Rigid union of parts, each (shape, position) or (shape, position, quaternion). What overlaps counts once. Bodies are placed by
     /// the centre of mass: see `center`.
     #[staticmethod]
@@ -134,6 +141,7 @@ impl Shape {
                 shape::Shape::Plane => "plane",
                 shape::Shape::Capsule { .. } => "capsule",
                 shape::Shape::Cylinder { .. } => "cylinder",
+                shape::Shape::Hull(_) => "hull",
                 shape::Shape::Mesh { .. } => "mesh",
             },
             _ => "compound",

@@ -80,6 +80,21 @@ def test_mass_and_inertia():
     assert len(world) == 2
 
 
+def test_elastic_and_cohesive_pairs():
+    world = graintrain.World(step=1e-3, tolerance=1e-9)
+    world.add_body(Shape.plane(), motion=Motion.fixed())
+    ball = world.add_body(Shape.sphere(0.1), (0, 0, 0.1))
+    with pytest.raises(graintrain.ModelError, match="damping"):
+        world.set_pair("default", "default", 0.5, 0.3, stiffness=1e4)
+    with pytest.raises(graintrain.ModelError, match="cohesion"):
+        world.set_pair("default", "default", 0.5, cohesion=-1.0)
+    world.set_pair("default", "default", 0.5, stiffness=1e4, damping=200.0)
+    for _ in range(1000):
+        world.step()
+    np.testing.assert_allclose(0.1 - world.positions[ball, 2], world.masses[ball] * 9.81 / 1e4, rtol=1e-4)
+    world.set_pair("default", "default", 0.5, 0.3, stiffness=0.0, cohesion=0.1)
+
+
 def test_shapes():
     assert Shape.capsule(0.5, 0.1).volume == pytest.approx(np.pi * 0.01 * (1.0 + 4 / 30))
     assert Shape.cylinder(0.5, 0.1).volume == pytest.approx(np.pi * 0.01)
@@ -88,10 +103,14 @@ def test_shapes():
     solid = Shape.mesh(corners, faces, solid=True)
     assert solid.volume == pytest.approx(1 / 6)
     np.testing.assert_allclose(solid.center, 0.25)
+    hull = Shape.hull(np.vstack([corners, [[0.2, 0.2, 0.2], [0.5, 0, 0]]]))
+    assert hull.volume == pytest.approx(1 / 6)
+    np.testing.assert_allclose(hull.center, 0.25)
     dumbbell = Shape.compound([(Shape.sphere(0.1), (0, 0, 0)), (Shape.sphere(0.1), (0.4, 0, 0), (0, 0, 0, 1))])
     np.testing.assert_allclose(dumbbell.center, [0.2, 0, 0], atol=1e-15)
     for wrong, message in [
         (lambda: Shape.sphere(-1.0), "radius"),
+        (lambda: Shape.hull(corners[:3]), "in a plane"),
         (lambda: Shape.mesh(corners, [[0, 1, 4]]), "vertex 4"),
         (lambda: Shape.mesh(corners, [[0, 1, 2.5]]), "2.5"),
         (lambda: Shape.mesh(corners[:, :2], faces), r"vertices has the shape \(4, 2\)"),

@@ -3,6 +3,7 @@
 use crate::cell::{self, Cell};
 use crate::collide::identity::PreviousContacts;
 use crate::contact::{Contact, ContactSet};
+use crate::elasticity::{bias, compliances};
 use crate::math::{Vec3, tangents};
 use crate::turning::{frame_moment, turning, turning_velocities};
 use crate::world::World;
@@ -72,7 +73,8 @@ pub fn relative_velocities(
 /// ```
 ///
 /// with three more rows for every contact that resists turning ([`crate::turning`]), whose b is zero;
-/// where Phi_i > 0. Where bodies overlap, b_i = 0 or, after the paper, Phi_i / dt: see [`OverlapCorrection`]. The velocity of
+/// where Phi_i > 0. Where bodies overlap, b_i = 0 or, after the paper, Phi_i / dt: see [`OverlapCorrection`]. Elastic contacts have a b
+/// of their own and a diagonal beside D^T M^-1 D: see [`crate::elasticity`]. The velocity of
 /// prescribed bodies enters r. Restitution is not here but in [`crate::impact`].
 ///
 /// V, which makes residuals dimensionless, is |gravity| dt; without gravity the root mean square of |r_i| over contacts that do
@@ -88,16 +90,17 @@ pub fn assemble(
 ) -> Ccp {
     let mut r = relative_velocities(world.cell(), contacts, &rows, free);
     for (u, contact) in r.chunks_exact_mut(3).zip(contacts) {
-        u[0] += match overlap {
+        u[0] += bias(world, contact, step).unwrap_or_else(|| match overlap {
             OverlapCorrection::Velocity => contact.gap / step,
             OverlapCorrection::Position => contact.gap.max(0.0) / step,
-        };
+        });
     }
     let friction = pair_property(world, contacts, |a, b| world.materials.pair_friction(a, b));
     let velocity_scale = scale_under(world.gravity.length(), step, &r, &friction);
     let (turning_rows, turning) = turning(world, contacts);
     r.extend(turning_velocities(contacts, &rows, &turning_rows, free));
     let rigid = RigidDelassus::new(rows, inverse_mass).with_turning(turning_rows).with_coupled(coupled);
+    let rigid = rigid.with_compliance(compliances(world, contacts, step));
     Ccp {
         velocity_scale,
         delassus: Arc::new(Delassus::Rigid(rigid)),
@@ -176,15 +179,23 @@ fn impulse_scale(world: &World, step: f64) -> Option<f64> {
 }
 
 /// Impulses to start the solver from: those of the last step at the contacts that persist, turned with the contact's
-/// frame; zero at new contacts. Length of r, N s.
-pub(crate) fn warm_start(problem: &Ccp, contacts: &[Contact], last: &ContactSet, bodies: usize) -> Vec<f64> {
+/// frame; zero at new contacts. `pulls` (empty, or one per contact) are the cohesive impulses that those of the last step are less
+/// than the surfaces' push. Length of r, N s.
+pub(crate) fn warm_start(
+    problem: &Ccp,
+    contacts: &[Contact],
+    pulls: &[f64],
+    last: &ContactSet,
+    bodies: usize,
+) -> Vec<f64> {
     let mut impulse = vec![0.0; problem.r.len()];
     let Delassus::Rigid(rigid) = &*problem.delassus else { return impulse };
     let previous = PreviousContacts::new(last, bodies);
     let (forces, moments) = impulse.split_at_mut(3 * contacts.len());
     forces.par_chunks_mut(3).zip(contacts).zip(rigid.contacts()).enumerate().with_min_len(TASK).for_each(
         |(i, ((g, contact), rigid))| {
-            let frame_impulse = to_frame(rigid, previous.impulse(contact));
+            let mut frame_impulse = to_frame(rigid, previous.impulse(contact));
+            frame_impulse[0] += pulls.get(i).copied().unwrap_or(0.0);
             // Friction may have changed, or rounding left the cone.
             g.copy_from_slice(&problem.cone(i).project(frame_impulse));
         },

@@ -91,6 +91,24 @@ pub enum ModelError {
     /// A solid mesh in a compound with other masses.
     #[error("a solid mesh has to be the only part with a mass: what it shares with other parts is not known")]
     MeshJoined,
+    /// Points that span no volume.
+    #[error(
+        "the {points} points of a convex hull lie in a plane, or are fewer than four; give points that enclose a volume"
+    )]
+    HullFlat {
+        /// How many points.
+        points: usize,
+    },
+    /// A hull that is finer than contacts are made for.
+    #[error(
+        "the convex hull has {corners} corners; at most {most} are possible: give fewer points, or a coarser mesh"
+    )]
+    HullCorners {
+        /// How many it has.
+        corners: usize,
+        /// How many it may have.
+        most: usize,
+    },
     /// A geometry without parts, or a mesh without triangles.
     #[error("{what} is empty")]
     Empty {

@@ -126,6 +126,9 @@ impl StepGradient {
             max_iterations: None,
             ..settings.clone()
         };
+        if world.materials.has_elastic_pairs() || world.materials.has_cohesive_pairs() {
+            return unsupported("a pair of materials has a stiffness or cohesion");
+        }
         if world.materials.resist_turning() {
             return unsupported("contacts with rolling or spinning friction have no derivatives yet");
         }

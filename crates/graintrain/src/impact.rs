@@ -26,7 +26,7 @@ use crate::contact::Contact;
 use crate::integrate::{free_velocity, free_velocity_of, velocities};
 use crate::joint::mechanism::coupled_in_impacts;
 use crate::math::Vec3;
-use crate::part_solver::as_matrix_if_coupled;
+use crate::part_solver::as_matrix_unless_plain;
 use crate::parts::{Part, parts};
 use crate::world::World;
 use graintrain_ccp::{
@@ -234,7 +234,7 @@ impl ImpactSolver<'_> {
             stop: self.stop.clone(),
             ..SolveSettings::default()
         };
-        let matrix = as_matrix_if_coupled(problem);
+        let matrix = as_matrix_unless_plain(problem);
         let report = self.solver.solve(matrix.as_ref().unwrap_or(problem), &mut g, &settings)?;
         found.residual = found.residual.worse(report.residual);
         Ok((report.status != Status::Stopped).then_some(g))

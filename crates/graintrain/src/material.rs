@@ -39,6 +39,40 @@ impl TurningResistance {
     }
 }
 
+/// Spring and dashpot of a contact along its normal.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Elasticity {
+    /// k, N/m per contact; zero: rigid.
+    pub stiffness: f64,
+    /// d, N s/m per contact.
+    pub damping: f64,
+}
+
+impl Elasticity {
+    /// None: contacts do not give way.
+    pub const RIGID: Self = Self { stiffness: 0.0, damping: 0.0 };
+
+    /// Whether contacts do not give way.
+    pub fn is_rigid(&self) -> bool {
+        self.stiffness == 0.0
+    }
+
+    /// Checks both numbers; `of` says whose they are.
+    ///
+    /// # Errors
+    /// [`ModelError::Value`] unless both are finite and not negative, and there is a stiffness where there is damping.
+    pub fn validate(&self, of: &str) -> Result<(), ModelError> {
+        if self.stiffness != 0.0 || self.damping != 0.0 {
+            positive(format!("the stiffness {of}"), self.stiffness)?;
+        }
+        if !(self.damping.is_finite() && self.damping >= 0.0) {
+            let (what, value) = (format!("the damping {of}"), self.damping);
+            return Err(ModelError::Value { what, value, expected: "finite and not negative" });
+        }
+        Ok(())
+    }
+}
+
 /// Materials by index, with symmetric tables of pair properties.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Materials {
@@ -54,6 +88,19 @@ pub struct Materials {
     pub rolling: Vec<TurningResistance>,
     /// Resistance of a pair to spinning about the contact normal: entry `i * len + j`, symmetric.
     pub spinning: Vec<TurningResistance>,
+    /// Stiffness and damping of a pair: entry `i * len + j`, symmetric. Empty where all are rigid.
+    pub elasticity: Vec<Elasticity>,
+    /// Force with which bodies of a pair pull each other while they touch, N: entry `i * len + j`, symmetric. Empty where none do.
+    pub cohesion: Vec<f64>,
+}
+
+/// A table of pairs of `old` materials with one more, whose pairs get `value`.
+fn grown<T: Copy>(table: &[T], old: usize, value: T) -> Vec<T> {
+    let mut grown = vec![value; (old + 1) * (old + 1)];
+    for i in 0..old {
+        grown[i * (old + 1)..i * (old + 1) + old].copy_from_slice(&table[i * old..(i + 1) * old]);
+    }
+    grown
 }
 
 impl Materials {
@@ -82,18 +129,16 @@ impl Materials {
         self.names.push(name.to_string());
         self.density.push(density);
         for table in [&mut self.friction, &mut self.restitution] {
-            let mut grown = vec![0.0; (old + 1) * (old + 1)];
-            for i in 0..old {
-                grown[i * (old + 1)..i * (old + 1) + old].copy_from_slice(&table[i * old..(i + 1) * old]);
-            }
-            *table = grown;
+            *table = grown(table, old, 0.0);
         }
         for table in [&mut self.rolling, &mut self.spinning].into_iter().filter(|table| !table.is_empty()) {
-            let mut grown = vec![TurningResistance::NONE; (old + 1) * (old + 1)];
-            for i in 0..old {
-                grown[i * (old + 1)..i * (old + 1) + old].copy_from_slice(&table[i * old..(i + 1) * old]);
-            }
-            *table = grown;
+            *table = grown(table, old, TurningResistance::NONE);
+        }
+        if self.has_elastic_pairs() {
+            self.elasticity = grown(&self.elasticity, old, Elasticity::RIGID);
+        }
+        if self.has_cohesive_pairs() {
+            self.cohesion = grown(&self.cohesion, old, 0.0);
         }
         Ok(MaterialId::from_index(old))
     }
@@ -116,7 +161,7 @@ impl Materials {
                 return Err(ModelError::Index { what: "material", index, len });
             }
         }
-        let pair = || format!("between materials '{}' and '{}'", self.names[i], self.names[j]);
+        let pair = || self.pair_name(i, j);
         if !(friction.is_finite() && friction >= 0.0) {
             let what = format!("the friction {}", pair());
             return Err(ModelError::Value { what, value: friction, expected: "finite and not negative" });
@@ -125,6 +170,7 @@ impl Materials {
             let what = format!("the restitution {}", pair());
             return Err(ModelError::Value { what, value: restitution, expected: "in [0, 1]" });
         }
+        self.check_rebound(i, j, restitution, self.pair_elasticity(i, j))?;
         for entry in [i * len + j, j * len + i] {
             self.friction[entry] = friction;
             self.restitution[entry] = restitution;
@@ -179,6 +225,95 @@ impl Materials {
             }
         }
         Ok(())
+    }
+
+    /// Sets stiffness and damping of contacts between materials i and j (which may be the same).
+    ///
+    /// # Errors
+    /// [`ModelError::Index`]; [`ModelError::Value`] for numbers that are negative or not finite, damping without stiffness, and a pair with
+    /// restitution.
+    pub fn set_pair_elasticity(
+        &mut self,
+        i: MaterialId,
+        j: MaterialId,
+        elasticity: Elasticity,
+    ) -> Result<(), ModelError> {
+        let [i, j] = self.pair_index(i, j)?;
+        elasticity.validate(&self.pair_name(i, j))?;
+        self.check_rebound(i, j, self.pair_restitution(i, j), elasticity)?;
+        if !(elasticity.is_rigid() && self.elasticity.is_empty()) {
+            let len = self.len();
+            self.elasticity.resize(len * len, Elasticity::RIGID);
+            self.elasticity[i * len + j] = elasticity;
+            self.elasticity[j * len + i] = elasticity;
+        }
+        Ok(())
+    }
+
+    /// Sets the force, N, with which bodies of materials i and j (which may be the same) pull each other while they touch.
+    ///
+    /// # Errors
+    /// [`ModelError::Index`], or [`ModelError::Value`] unless it is finite and not negative.
+    pub fn set_pair_cohesion(&mut self, i: MaterialId, j: MaterialId, force: f64) -> Result<(), ModelError> {
+        let [i, j] = self.pair_index(i, j)?;
+        if !(force.is_finite() && force >= 0.0) {
+            let what = format!("the cohesion {}", self.pair_name(i, j));
+            return Err(ModelError::Value { what, value: force, expected: "finite and not negative" });
+        }
+        if !(force == 0.0 && self.cohesion.is_empty()) {
+            let len = self.len();
+            self.cohesion.resize(len * len, 0.0);
+            self.cohesion[i * len + j] = force;
+            self.cohesion[j * len + i] = force;
+        }
+        Ok(())
+    }
+
+    fn pair_index(&self, i: MaterialId, j: MaterialId) -> Result<[usize; 2], ModelError> {
+        let len = self.len();
+        match [i, j].into_iter().find(|id| id.index() >= len) {
+            Some(id) => Err(ModelError::Index { what: "material", index: id.index(), len }),
+            None => Ok([i.index(), j.index()]),
+        }
+    }
+
+    fn pair_name(&self, i: usize, j: usize) -> String {
+        format!("between materials '{}' and '{}'", self.names[i], self.names[j])
+    }
+
+    fn check_rebound(
+        &self,
+        i: usize,
+        j: usize,
+        restitution: f64,
+        elasticity: Elasticity,
+    ) -> Result<(), ModelError> {
+        if restitution > 0.0 && !elasticity.is_rigid() {
+            let what = format!("the restitution {}", self.pair_name(i, j));
+            let expected = "0 where contacts have a stiffness, which rebounds by itself: give it damping";
+            return Err(ModelError::Value { what, value: restitution, expected });
+        }
+        Ok(())
+    }
+
+    /// Whether any pair may have a stiffness.
+    pub fn has_elastic_pairs(&self) -> bool {
+        !self.elasticity.is_empty()
+    }
+
+    /// Whether any pair may pull.
+    pub fn has_cohesive_pairs(&self) -> bool {
+        !self.cohesion.is_empty()
+    }
+
+    /// Stiffness and damping of contacts between materials i and j.
+    pub fn pair_elasticity(&self, i: usize, j: usize) -> Elasticity {
+        self.elasticity.get(i * self.len() + j).copied().unwrap_or(Elasticity::RIGID)
+    }
+
+    /// Force, N, with which bodies of materials i and j pull each other while they touch.
+    pub fn pair_cohesion(&self, i: usize, j: usize) -> f64 {
+        self.cohesion.get(i * self.len() + j).copied().unwrap_or(0.0)
     }
 
     /// Whether any pair may resist turning.
@@ -236,6 +371,37 @@ mod tests {
         assert_eq!(materials.pair_friction(1, 0), 0.2);
         assert_eq!(materials.pair_restitution(0, 1), 0.4);
         assert_eq!(materials.pair_friction(rubber, 1), 0.0);
+    }
+
+    #[test]
+    fn stiffness_and_cohesion_survive_the_addition_of_materials_and_are_symmetric() {
+        let mut materials = Materials::single("glass", 2500.0, 0.3, 0.0).unwrap();
+        let glass = MaterialId::default();
+        materials.set_pair_elasticity(glass, glass, Elasticity::RIGID).unwrap();
+        assert!(!materials.has_elastic_pairs() && !materials.has_cohesive_pairs());
+        let steel = materials.add("steel", 7800.0).unwrap();
+        let spring = Elasticity { stiffness: 1e4, damping: 3.0 };
+        materials.set_pair_elasticity(glass, steel, spring).unwrap();
+        materials.set_pair_cohesion(steel, steel, 0.2).unwrap();
+        materials.add("rubber", 1100.0).unwrap();
+        assert_eq!(
+            (materials.pair_elasticity(1, 0), materials.pair_elasticity(1, 2)),
+            (spring, Elasticity::RIGID)
+        );
+        assert_eq!((materials.pair_cohesion(1, 1), materials.pair_cohesion(2, 1)), (0.2, 0.0));
+        let text = |result: Result<(), ModelError>| result.unwrap_err().to_string();
+        assert!(text(materials.set_pair(glass, steel, 0.1, 0.5)).contains("damping"));
+        materials.set_pair(glass, glass, 0.1, 0.5).unwrap();
+        assert!(text(materials.set_pair_elasticity(glass, glass, spring)).contains("restitution"));
+        let wrong = |stiffness: f64, damping: f64| Elasticity { stiffness, damping };
+        for (bad, word) in [
+            (wrong(-1.0, 0.0), "stiffness"),
+            (wrong(0.0, 1.0), "stiffness"),
+            (wrong(1.0, f64::NAN), "damping"),
+        ] {
+            assert!(text(materials.set_pair_elasticity(steel, steel, bad)).contains(word));
+        }
+        assert!(text(materials.set_pair_cohesion(steel, glass, -1.0)).contains("cohesion"));
     }
 
     #[test]

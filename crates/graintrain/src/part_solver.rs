@@ -47,7 +47,7 @@ impl PartSolver<'_> {
         let contacts = problem.num_contacts();
         let parts = parts(rigid.contacts(), 0..contacts as u32, rigid.num_bodies(), rigid.coupled());
         if parts.len() == 1 || (contacts > 0 && self.whole) {
-            let matrix = as_matrix_if_coupled(problem);
+            let matrix = as_matrix_unless_plain(problem);
             let problem = matrix.as_ref().unwrap_or(problem);
             let settings = self.settings.clone();
             let (report, wedged) = self.solve_one(problem, impulse, &settings)?;
@@ -65,7 +65,7 @@ impl PartSolver<'_> {
             };
             let Excerpt { part, problem: own } =
                 Excerpt::new(part, problem, rigid, (self.gravity, self.step));
-            let own = as_matrix_if_coupled(&own).unwrap_or(own);
+            let own = as_matrix_unless_plain(&own).unwrap_or(own);
             let mut g = part.gather::<3, f64>(impulse);
             g.extend(turning_of(impulse));
             if parts_freely(&own) {
@@ -129,10 +129,10 @@ pub(crate) struct Solved {
     pub wedged: usize,
 }
 
-/// The same problem with N as a matrix, where joints couple bodies: every solver takes that.
-pub(crate) fn as_matrix_if_coupled(problem: &Ccp) -> Option<Ccp> {
+/// The same problem with N as a matrix, where joints couple bodies or contacts are compliant: every solver takes that.
+pub(crate) fn as_matrix_unless_plain(problem: &Ccp) -> Option<Ccp> {
     match &*problem.delassus {
-        Delassus::Rigid(rigid) if !rigid.coupled().is_empty() => {
+        Delassus::Rigid(rigid) if !rigid.is_plain() => {
             let delassus = Arc::new(Delassus::Sparse(rigid.assemble()));
             Some(Ccp { delassus, ..problem.clone() })
         }

@@ -2,6 +2,7 @@
 
 use crate::collide::union::{Moments, counted_twice};
 use crate::error::{ModelError, finite, positive};
+use crate::hull::Hull;
 use crate::math::{Mat3, Quat, Vec3};
 use crate::solid_mesh::{check_closed, moments};
 use serde::{Deserialize, Serialize};
@@ -36,6 +37,8 @@ pub enum Shape {
         /// Radius.
         radius: f64,
     },
+    /// Convex polyhedron about its centre of volume.
+    Hull(Hull),
     /// Surface of triangles. Bodies stay on the side of it on which their centre is. It has the mass of what it encloses if it is `solid`,
     /// otherwise it is a boundary without mass.
     Mesh {
@@ -80,18 +83,20 @@ impl Shape {
                 PI * radius * radius * (2.0 * half_length + 4.0 / 3.0 * radius)
             }
             Self::Cylinder { half_length, radius } => 2.0 * PI * radius * radius * half_length,
+            Self::Hull(ref hull) => hull.volume(),
             Self::Mesh { ref vertices, ref triangles, solid: true } => moments(vertices, triangles).0.volume,
             Self::Plane | Self::Mesh { solid: false, .. } => 0.0,
         }
     }
 
-    /// Half the smallest extent, m: the radius of balls, half the thickness of boxes; of solid meshes along the axes of their file, so that
+    /// Half the smallest extent, m: the radius of balls, half the thickness of boxes; of hulls across their faces; of solid meshes along the axes of their file, so that
     /// a thin plate that lies askew there counts as thick; infinite for planes and surfaces.
     pub fn half_thickness(&self) -> f64 {
         match self {
             Self::Sphere { radius } | Self::Capsule { radius, .. } => *radius,
             Self::Box { half } => half.min_element(),
             Self::Cylinder { half_length, radius } => radius.min(*half_length),
+            Self::Hull(hull) => hull.half_thickness(),
             Self::Mesh { vertices, solid: true, .. } => {
                 let low = vertices.iter().fold(Vec3::INFINITY, |low, v| low.min(*v));
                 let high = vertices.iter().fold(Vec3::NEG_INFINITY, |high, v| high.max(*v));
@@ -101,10 +106,9 @@ impl Shape {
         }
     }
 
-    /// Diagonal of the inertia about the shape's origin per unit density, m^5; the shape's axes are principal.
-    /// Zero for boundaries. Those of a solid mesh are not principal: [`Geometry::solid_mesh`] has all of its inertia.
-    pub fn unit_inertia(&self) -> Vec3 {
-        match *self {
+    /// Inertia about the shape's origin per unit density, the shape's axes, m^5. Zero for boundaries.
+    pub fn unit_inertia(&self) -> Mat3 {
+        let principal = match *self {
             Self::Sphere { radius } => Vec3::splat(0.4 * radius * radius * self.volume()),
             Self::Box { half } => {
                 let square = half * half;
@@ -121,15 +125,17 @@ impl Shape {
                 let ball = Self::Sphere { radius };
                 // Each half ball's own centre of mass lies 3/8 radius beyond the end of the segment.
                 let shift = half_length * half_length + 0.75 * half_length * radius;
-                cylinder.unit_inertia() + ball.unit_inertia() + ball.volume() * Vec3::new(shift, shift, 0.0)
+                let beyond = ball.volume() * Vec3::new(shift, shift, 0.0);
+                return cylinder.unit_inertia() + ball.unit_inertia() + Mat3::from_diagonal(beyond);
             }
+            Self::Hull(ref hull) => return hull.unit_inertia(),
             Self::Mesh { ref vertices, ref triangles, solid: true } => {
                 let (moments, middle) = moments(vertices, triangles);
-                let inertia = moments.inertia(-middle);
-                Vec3::new(inertia.x_axis.x, inertia.y_axis.y, inertia.z_axis.z)
+                return moments.inertia(-middle);
             }
             Self::Plane | Self::Mesh { solid: false, .. } => Vec3::ZERO,
-        }
+        };
+        Mat3::from_diagonal(principal)
     }
 
     /// Radius of a ball about the shape's origin that holds the shape, m; infinite for a plane.
@@ -140,6 +146,7 @@ impl Shape {
             Self::Plane => f64::INFINITY,
             Self::Capsule { half_length, radius } => half_length + radius,
             Self::Cylinder { half_length, radius } => half_length.hypot(*radius),
+            Self::Hull(hull) => hull.bounding_radius(),
             Self::Mesh { vertices, .. } => vertices.iter().map(|v| v.length()).fold(0.0, f64::max),
         }
     }
@@ -163,6 +170,7 @@ impl Shape {
                 positive("the half length of a cylinder", *half_length)?;
                 positive("the radius of a cylinder", *radius)
             }
+            Self::Hull(hull) => hull.validate(),
             Self::Mesh { vertices, triangles, solid } => {
                 if triangles.is_empty() {
                     return Err(ModelError::Empty { what: "the mesh" });
@@ -207,7 +215,7 @@ impl Geometry {
             let part = Part { shape, position: Vec3::ZERO, orientation: Quat::IDENTITY };
             return Ok(Self::compound(vec![part])?.0);
         }
-        let (volume, unit_inertia) = (shape.volume(), Mat3::from_diagonal(shape.unit_inertia()));
+        let (volume, unit_inertia) = (shape.volume(), shape.unit_inertia());
         let part = Part { shape, position: Vec3::ZERO, orientation: Quat::IDENTITY };
         Ok(Self { parts: vec![part], volume, unit_inertia })
     }
@@ -228,6 +236,7 @@ impl Geometry {
                 Shape::Cylinder { half_length, radius } => {
                     Shape::Cylinder { half_length: factor * half_length, radius: factor * radius }
                 }
+                Shape::Hull(hull) => Shape::Hull(hull.scaled(factor)),
                 Shape::Mesh { vertices, triangles, solid } => Shape::Mesh {
                     vertices: vertices.iter().map(|vertex| factor * vertex).collect(),
                     triangles: triangles.clone(),
@@ -280,6 +289,15 @@ impl Geometry {
     /// [`ModelError::Value`] unless both lengths are positive.
     pub fn cylinder(half_length: f64, radius: f64) -> Result<Self, ModelError> {
         Self::single(Shape::Cylinder { half_length, radius })
+    }
+
+    /// Convex hull of points, m. Returns the geometry, whose origin is the centre of mass, and that centre in the frame of the points.
+    ///
+    /// # Errors
+    /// As [`Hull::new`].
+    pub fn hull(points: &[Vec3]) -> Result<(Self, Vec3), ModelError> {
+        let (hull, centre) = Hull::new(points)?;
+        Ok((Self::single(Shape::Hull(hull))?, centre))
     }
 
     /// Surface of triangles, m.
@@ -361,7 +379,7 @@ impl Geometry {
             parts.into_iter().map(|part| Part { position: part.position - centre, ..part }).collect();
         for part in &parts {
             let rotation = Mat3::from_quat(part.orientation);
-            let own = rotation * Mat3::from_diagonal(part.shape.unit_inertia()) * rotation.transpose();
+            let own = rotation * part.shape.unit_inertia() * rotation.transpose();
             let d = part.position;
             let outer = Mat3::from_cols(d * d.x, d * d.y, d * d.z);
             unit_inertia +=
@@ -445,7 +463,8 @@ mod tests {
         ];
         for (shape, (volume, inertia)) in cases {
             assert!((shape.volume() / volume - 1.0).abs() < 2e-3, "{shape:?}");
-            let ratio = shape.unit_inertia() / inertia;
+            let own = shape.unit_inertia();
+            let ratio = Vec3::new(own.x_axis.x, own.y_axis.y, own.z_axis.z) / inertia;
             assert!((ratio - Vec3::ONE).abs().max_element() < 3e-3, "{shape:?} {ratio}");
         }
     }

@@ -132,7 +132,8 @@ impl PhysicalErrors {
         let mut least_cosine = 1.0_f64;
         for (k, contact) in contacts.iter().enumerate() {
             let (u, g) = (&u[3 * k..3 * k + 3], &impulse[3 * k..3 * k + 3]);
-            let approach = -(u[0] + contact.gap.max(0.0) / step);
+            let gives_way = rigid.compliance().get(k).is_some_and(|&c| c > 0.0);
+            let approach = if gives_way { 0.0 } else { -(u[0] + contact.gap.max(0.0) / step) };
             errors.approach_max = errors.approach_max.max(approach);
             errors.overlap_per_step_max_over_size =
                 errors.overlap_per_step_max_over_size.max(step * approach / size[k]);

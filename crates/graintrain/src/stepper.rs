@@ -10,6 +10,7 @@ use crate::cell::{self, Cell, moved_mass};
 use crate::cell_problem::CellRows;
 use crate::collide::{Collider, meshes_that_meet};
 use crate::contact::{Contact, ContactSet};
+use crate::elasticity;
 use crate::error::{ModelError, finite, positive};
 use crate::impact::{self, ImpactSolver, Impacts, Rows, lead_to_surfaces};
 use crate::integrate::{advance, free_velocity, inverse_mass, velocities};
@@ -170,6 +171,8 @@ struct Attempt {
     impulse: Vec<f64>,
     /// Contacts of the problem as indices into those of the step.
     active: Vec<u32>,
+    /// Impulses with which the contacts of the step pull, N s; empty where none do.
+    pulls: Vec<f64>,
     joints: JointReactions,
     impacts: Impacts,
     impact_seconds: f64,
@@ -338,7 +341,7 @@ impl Stepper {
             let size: Vec<f64> = contacts.iter().map(|c| self.collider.contact_size(world, c)).collect();
             let mut correction = self.correct(world, &contacts, &attempt, &size);
             advance(world, &attempt.velocity, correction.displacement.as_deref(), step);
-            correction.add(drift::close(world));
+            correction.add(drift::close(world, &attempt.joints.states, step));
             if let Some(cell) = &attempt.cell {
                 cell::advance(world, cell.rate, step);
             }
@@ -403,7 +406,9 @@ impl Stepper {
         let begin = Instant::now();
         let Some(impacts) = impacts.resolve(world, of, step)? else { return Err(StepError::Stopped) };
         let impact_seconds = begin.elapsed().as_secs_f64();
-        let free = free_velocity(world, &impacts.velocity, step);
+        let pulls = elasticity::pulls(world, contacts, |c| self.collider.contact_size(world, c), step);
+        let mut free = free_velocity(world, &impacts.velocity, step);
+        elasticity::apply_pulls(&rows, &pulls, &masses, &mut free);
         let waits = |i: &u32| {
             self.settings.friction == FrictionModel::Relaxed
                 && impacts.under_way.binary_search(i).is_ok()
@@ -425,7 +430,8 @@ impl Stepper {
             (assemble(world, &chosen, rows, masses, &free, step, overlap), free)
         };
         let (mut problem, mut free) = pose(&mechanisms, (rows, masses));
-        let mut impulse = warm_start(&problem, &chosen, &world.contacts, world.bodies.len());
+        let own: Vec<f64> = active.iter().filter_map(|&i| pulls.get(i as usize).copied()).collect();
+        let mut impulse = warm_start(&problem, &chosen, &own, &world.contacts, world.bodies.len());
         if let Some(last) = last {
             start_from(&last, &problem, &mut impulse);
         }
@@ -472,6 +478,7 @@ impl Stepper {
             cell,
             impulse,
             active,
+            pulls,
             joints,
             impacts,
             impact_seconds,
@@ -490,10 +497,16 @@ impl Stepper {
         }
         let Delassus::Rigid(rigid) = &*attempt.problem.delassus else { return Correction::default() };
         let step = self.settings.step;
-        let chosen: Vec<Contact> = attempt.active.iter().map(|&i| contacts[i as usize]).collect();
-        let u = relative_velocities(attempt.cell.as_ref(), &chosen, rigid.contacts(), &attempt.velocity);
+        // What an elastic contact overlaps is its own affair.
+        let compliance = rigid.compliance();
+        let is_rigid = |k: &usize| compliance.get(*k).is_none_or(|&c| c == 0.0);
+        let kept: Vec<usize> = (0..attempt.active.len()).filter(is_rigid).collect();
+        let active: Vec<u32> = kept.iter().map(|&k| attempt.active[k]).collect();
+        let rows: Vec<RigidContact> = kept.iter().map(|&k| rigid.contacts()[k]).collect();
+        let chosen: Vec<Contact> = active.iter().map(|&i| contacts[i as usize]).collect();
+        let u = relative_velocities(attempt.cell.as_ref(), &chosen, &rows, &attempt.velocity);
         let gap: Vec<f64> = chosen.iter().zip(u.chunks_exact(3)).map(|(c, u)| c.gap + step * u[0]).collect();
-        let size: Vec<f64> = attempt.active.iter().map(|&i| size[i as usize]).collect();
+        let size: Vec<f64> = active.iter().map(|&i| size[i as usize]).collect();
         let bend = |body: usize, point: Vec3| {
             let spin = Vec3::from_slice(&attempt.velocity[6 * body + 3..6 * body + 6]);
             0.5 * step * step * spin.length_squared() * (point - world.bodies.position[body]).length()
@@ -504,7 +517,7 @@ impl Stepper {
         };
         let turn: Vec<f64> = chosen.iter().map(both).collect();
         let gaps = Gaps {
-            rows: rigid.contacts(),
+            rows: &rows,
             inverse_mass: rigid.inverse_mass(),
             gap: &gap,
             size: &size,
@@ -537,6 +550,7 @@ impl Stepper {
             cell,
             impulse,
             active,
+            pulls,
             joints,
             impacts,
             velocity,
@@ -568,6 +582,9 @@ impl Stepper {
                 let row = &rigid.contacts()[rows.contact as usize];
                 moment[active[rows.contact as usize] as usize] = world_moment(row, rows.length, h);
             }
+        }
+        for ((impulse, contact), pull) in world_impulse.iter_mut().zip(&contacts).zip(&pulls) {
+            *impulse -= *pull * contact.normal;
         }
         let friction = pair_property(world, &contacts, |a, b| world.materials.pair_friction(a, b));
         let chosen: Vec<Contact> = active.iter().map(|&i| contacts[i as usize]).collect();
@@ -605,7 +622,7 @@ impl Stepper {
             };
             displacement.chunks_exact(6).enumerate().map(against).sum()
         });
-        world.record_joints(&joints.states);
+        world.record_joints(&joints.states, step);
         world.contacts = set;
         world.time += step;
         world.step += 1;

@@ -66,11 +66,13 @@ impl Excerpt {
     pub(crate) fn new(part: Part, problem: &Ccp, rigid: &RigidDelassus, (gravity, step): (f64, f64)) -> Self {
         let (rows, turning, places) = part.turning(rigid.turning(), &problem.turning);
         let matrix = part.delassus(rigid.contacts(), rigid.inverse_mass(), rigid.coupled());
+        let compliance = rigid.compliance();
+        let compliance = if compliance.is_empty() { Vec::new() } else { part.gather::<1, f64>(compliance) };
         let mut r = part.gather::<3, f64>(&problem.r);
         let first = 3 * problem.num_contacts();
         r.extend(places.iter().flat_map(|k| problem.r[first + 3 * k..first + 3 * k + 3].iter()));
         let own = Ccp {
-            delassus: Arc::new(Delassus::Rigid(matrix.with_turning(rows))),
+            delassus: Arc::new(Delassus::Rigid(matrix.with_turning(rows).with_compliance(compliance))),
             r,
             friction: part.gather::<1, f64>(&problem.friction),
             turning,

@@ -153,8 +153,7 @@ impl Default for World {
             density: vec![1000.0],
             friction: vec![0.25],
             restitution: vec![0.0],
-            rolling: Vec::new(),
-            spinning: Vec::new(),
+            ..Materials::default()
         };
         Self {
             time: 0.0,

@@ -136,12 +136,12 @@ impl ScaledProblem {
             }
         };
         let (operator, order) = match &*problem.delassus {
-            Delassus::Rigid(rigid) if rigid.coupled().is_empty() => {
+            Delassus::Rigid(rigid) if rigid.is_plain() => {
                 let mut packing = pack(rigid);
                 add_turning(&mut packing.contacts);
                 (Operator::Bodies(BodyOperator::new(rigid, &packing, &scaling)), packing.contacts)
             }
-            // Over bodies that move together a product goes through the rows of N.
+            // Over bodies that move together, and with compliant contacts, a product goes through the rows of N.
             matrix => {
                 let mut order: Vec<u32> = (0..contacts as u32).collect();
                 add_turning(&mut order);

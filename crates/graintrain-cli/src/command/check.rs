@@ -5,6 +5,7 @@ use crate::scene_failure::scene_failure;
 use crate::terminal::answer;
 use graintrain::assemble::OverlapCorrection;
 use graintrain_io::scene::{Scene, SceneError, Simulation, setting};
+use std::f64::consts::TAU;
 use std::process::ExitCode;
 
 /// Validate a scene without running it, and say what would run
@@ -110,6 +111,37 @@ fn summary(scene: &Scene, simulation: &Simulation) -> String {
     text
 }
 
+/// Bodies that sink far into what they stand on, and bounces that the steps do not resolve.
+fn elastic_doubts(simulation: &Simulation) -> Vec<String> {
+    let (world, step) = (&simulation.world, simulation.settings.step);
+    let mut doubts = Vec::new();
+    // Per movable body the softest and the stiffest contact that its material makes.
+    let (mut deepest, mut shortest) = (0.0_f64, f64::INFINITY);
+    for body in (0..world.bodies.len()).filter(|&body| !world.is_prescribed(body)) {
+        let own = world.bodies.material[body].index();
+        let pairs = (0..world.materials.len()).map(|other| world.materials.pair_elasticity(own, other));
+        let (mass, form) = (world.bodies.mass[body], &world.geometries[world.bodies.geometry[body].index()]);
+        for pair in pairs.filter(|pair| !pair.is_rigid()) {
+            let sunk = mass * world.gravity.length() / pair.stiffness;
+            deepest = deepest.max(sunk / form.bounding_radius());
+            shortest = shortest.min(TAU * (mass / pair.stiffness).sqrt());
+        }
+    }
+    if deepest > 0.05 {
+        doubts.push(format!(
+            "a body sinks by {:.0} % of its size into an elastic contact that carries its weight alone: a larger stiffness",
+            100.0 * deepest
+        ));
+    }
+    if shortest.is_finite() && step > shortest / 20.0 {
+        doubts.push(format!(
+            "elastic contacts swing with a period of {shortest:.1e} s, which steps of {step} s do not resolve: what falls on them comes to \
+             rest without a bounce"
+        ));
+    }
+    doubts
+}
+
 /// What is no mistake and yet seldom meant.
 fn doubts(simulation: &Simulation) -> Vec<String> {
     let (world, settings) = (&simulation.world, &simulation.settings);
@@ -134,6 +166,7 @@ fn doubts(simulation: &Simulation) -> Vec<String> {
              a shorter time.step"
         ));
     }
+    doubts.extend(elastic_doubts(simulation));
     if settings.tolerance < 1e-12 {
         doubts.push(format!("a tolerance of {:e} is below what rounding allows", settings.tolerance));
     }

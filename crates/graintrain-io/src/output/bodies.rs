@@ -18,6 +18,7 @@ enum ShapeType {
     Mesh = 5,
     /// Several parts, of which this point is not a sphere.
     Compound = 6,
+    Hull = 7,
 }
 
 /// Net contact force and torque on every body, averaged over the step, and its number of loaded contacts.
@@ -88,6 +89,7 @@ fn half_axes(shape: &Shape) -> Option<Vec3> {
         Shape::Box { half } => Some(*half),
         Shape::Capsule { half_length, radius } => Some(Vec3::new(*radius, *radius, half_length + radius)),
         Shape::Cylinder { half_length, radius } => Some(Vec3::new(*radius, *radius, *half_length)),
+        Shape::Hull(hull) => Some(Vec3::splat(hull.inscribed_radius())),
         Shape::Plane | Shape::Mesh { .. } => None,
     }
 }
@@ -113,6 +115,7 @@ fn points_of(geometry: &Geometry, free: bool) -> Vec<Template> {
             Shape::Plane => ShapeType::Plane,
             Shape::Capsule { .. } => ShapeType::Capsule,
             Shape::Cylinder { .. } => ShapeType::Cylinder,
+            Shape::Hull(_) => ShapeType::Hull,
             Shape::Mesh { .. } => ShapeType::Mesh,
         },
         _ => ShapeType::Compound,

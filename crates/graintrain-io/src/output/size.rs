@@ -10,6 +10,7 @@ pub fn inscribed_radius(shape: &Shape) -> f64 {
         Shape::Sphere { radius } | Shape::Capsule { radius, .. } => radius,
         Shape::Box { half } => half.min_element(),
         Shape::Cylinder { half_length, radius } => half_length.min(radius),
+        Shape::Hull(ref hull) => hull.inscribed_radius(),
         Shape::Mesh { solid: true, .. } => shape.half_thickness(),
         Shape::Plane | Shape::Mesh { solid: false, .. } => 0.0,
     }

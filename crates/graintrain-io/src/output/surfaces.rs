@@ -98,6 +98,9 @@ pub fn surface(shape: &Shape) -> Option<Triangles> {
         Shape::Box { half } => Some(Triangles::box_surface(*half)),
         Shape::Capsule { half_length, radius } => Some(Triangles::capsule(*half_length, *radius)),
         Shape::Cylinder { half_length, radius } => Some(Triangles::cylinder(*half_length, *radius)),
+        Shape::Hull(hull) => {
+            Some(Triangles { vertices: hull.corners().to_vec(), triangles: hull.triangles() })
+        }
         Shape::Mesh { vertices, triangles, .. } => {
             Some(Triangles { vertices: vertices.clone(), triangles: triangles.clone() })
         }

@@ -57,7 +57,7 @@ fn encode(problem: &Ccp, title: &str) -> Result<Vec<u8>, Defect> {
         |error: FormatError| Defect::unsupported(error.to_string(), "give the problem another title");
     let mut builder = FileBuilder::new();
     let forms = match &*problem.delassus {
-        Delassus::Rigid(rigid) if rolling.is_none() && rigid.coupled().is_empty() => mass_and_jacobian(rigid),
+        Delassus::Rigid(rigid) if rolling.is_none() && rigid.is_plain() => mass_and_jacobian(rigid),
         _ => None,
     };
     let mut group = builder.create_group(match (&forms, &rolling) {

@@ -12,7 +12,7 @@ use super::Scene;
 use super::error::{Location, SceneError, SceneErrorKind};
 use super::mesh_file;
 use super::model::{
-    BodySpec, CentralSpec, DragSpec, FunctionFile, FunctionSpec, LoadSpec, MeshSpec, MotionSpec,
+    BodySpec, CentralSpec, DragSpec, FunctionFile, FunctionSpec, HullSpec, LoadSpec, MeshSpec, MotionSpec,
     PackingSource, PackingSpec, PartSpec, PressureSpec, ShapeSpec,
 };
 use super::packing::{self, FileProblem, read_file, table_file};
@@ -25,6 +25,7 @@ use crate::traffic::Traffic;
 use graintrain::collide::{deepest_overlap, meshes_that_meet};
 use graintrain::error::ModelError;
 use graintrain::handle::{BodyId, GeometryId, MaterialId, MotionId};
+use graintrain::hull::Hull;
 use graintrain::load::{Action, Load};
 use graintrain::material::Materials;
 use graintrain::math::{Mat3, Quat, Vec3};
@@ -35,7 +36,7 @@ use graintrain::world::{Body, FREE, MassProperties, World};
 use graintrain_ccp::Judge;
 use materials::materials;
 use std::collections::HashMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Contact envelope as a fraction of the smallest radius: wide enough that the contacts of a settled packing persist
 /// while it moves, narrow enough that few contacts without force are solved for.
@@ -164,12 +165,8 @@ impl Scene {
             })?;
             Ok(())
         };
-        for (_, body) in &mut self.bodies {
-            for part in &mut body.parts {
-                if let ShapeSpec::Mesh(MeshSpec { file: Some(path), location, .. }) = &mut part.shape {
-                    absolute(path, location)?;
-                }
-            }
+        for (path, location) in self.shapes().filter_map(ShapeSpec::file_mut) {
+            absolute(path, location)?;
         }
         for file in self.function_files() {
             absolute(&mut file.path, &file.location)?;
@@ -184,6 +181,17 @@ impl Scene {
 }
 
 impl Scene {
+    /// The shapes of all bodies, packings and streams.
+    fn shapes(&mut self) -> impl Iterator<Item = &mut ShapeSpec> {
+        let bodies = self.bodies.iter_mut().flat_map(|(_, body)| &mut body.parts);
+        let packings = self.packings.iter_mut().map(|(_, packing)| (&mut packing.shape, &mut packing.parts));
+        let streams = self.streams.iter_mut().map(|(_, stream)| (&mut stream.shape, &mut stream.parts));
+        let grains = packings
+            .chain(streams)
+            .flat_map(|(shape, parts)| shape.iter_mut().chain(parts.iter_mut().map(|part| &mut part.shape)));
+        bodies.map(|part| &mut part.shape).chain(grains)
+    }
+
     /// The files of all functions of time.
     fn function_files(&mut self) -> impl Iterator<Item = &mut FunctionFile> {
         let motions = self.bodies.iter_mut().flat_map(|(_, body)| {
@@ -560,7 +568,7 @@ fn form(
 ) -> Result<Option<Geometry>, SceneError> {
     let at = |error: ModelError| model_error(error, location);
     match single {
-        Some(spec) => Ok(Some(Geometry::single(shape(spec)?.0).map_err(at)?)),
+        Some(spec) => Ok(Some(Geometry::single(shape(spec)?.shape).map_err(at)?)),
         None if parts.is_empty() => Ok(None),
         None => {
             let parts = parts.iter().map(part).collect::<Result<Vec<_>, SceneError>>()?;
@@ -576,30 +584,58 @@ fn half_thickness(geometry: &Geometry) -> f64 {
 
 /// A part with its shape in the form of the geometry, which has planes only with the normal z.
 fn part(spec: &PartSpec) -> Result<Part, SceneError> {
-    let (shape, turn) = shape(&spec.shape)?;
-    Ok(Part { shape, position: spec.position, orientation: spec.rotation.0 * turn })
+    let Part { shape, position, orientation } = shape(&spec.shape)?;
+    Ok(Part {
+        shape,
+        position: spec.position + spec.rotation.0 * position,
+        orientation: spec.rotation.0 * orientation,
+    })
 }
 
-/// The shape, and the rotation that it needs before any other.
-fn shape(spec: &ShapeSpec) -> Result<(Shape, Quat), SceneError> {
+/// The shape in the frame in which the scene describes it.
+fn shape(spec: &ShapeSpec) -> Result<Part, SceneError> {
+    let at = |shape, position, orientation| Part { shape, position, orientation };
     let shape = match *spec {
         ShapeSpec::Sphere { radius } => Shape::Sphere { radius },
         ShapeSpec::Box { size } => Shape::Box { half: 0.5 * size },
-        ShapeSpec::Plane { normal } => return Ok((Shape::Plane, Quat::from_rotation_arc(Vec3::Z, normal))),
+        ShapeSpec::Plane { normal } => {
+            return Ok(at(Shape::Plane, Vec3::ZERO, Quat::from_rotation_arc(Vec3::Z, normal)));
+        }
         ShapeSpec::Capsule { length, radius } => Shape::Capsule { half_length: 0.5 * length, radius },
         ShapeSpec::Cylinder { length, radius } => Shape::Cylinder { half_length: 0.5 * length, radius },
+        ShapeSpec::Hull(ref spec) => {
+            let (hull, centre) = hull(spec)?;
+            return Ok(at(Shape::Hull(hull), centre, Quat::IDENTITY));
+        }
         ShapeSpec::Mesh(ref mesh) => mesh_shape(mesh)?,
     };
-    Ok((shape, Quat::IDENTITY))
+    Ok(at(shape, Vec3::ZERO, Quat::IDENTITY))
+}
+
+/// The hull and its centre of volume in the frame of the points.
+fn hull(spec: &HullSpec) -> Result<(Hull, Vec3), SceneError> {
+    let read;
+    let points = match &spec.file {
+        None => &spec.points,
+        Some(path) => {
+            read = read_mesh(path, &spec.location)?.vertices;
+            &read
+        }
+    };
+    let points: Vec<Vec3> = points.iter().map(|point| spec.scale * point).collect();
+    Hull::new(&points).map_err(|error| model_error(error, &spec.location))
+}
+
+fn read_mesh(path: &Path, location: &Location) -> Result<mesh_file::Triangles, SceneError> {
+    let bytes = read_file(path, location)?;
+    mesh_file::read(path, &bytes).map_err(|problem| problem.located(path, location))
 }
 
 fn mesh_shape(mesh: &MeshSpec) -> Result<Shape, SceneError> {
     let (vertices, triangles) = match &mesh.file {
         None => (mesh.vertices.clone(), mesh.triangles.clone()),
         Some(path) => {
-            let bytes = read_file(path, &mesh.location)?;
-            let read =
-                mesh_file::read(path, &bytes).map_err(|problem| problem.located(path, &mesh.location))?;
+            let read = read_mesh(path, &mesh.location)?;
             (read.vertices, read.triangles)
         }
     };

@@ -251,6 +251,9 @@ fn material(reader: Option<&Reader>) -> Result<MaterialSpec, SceneError> {
         restitution: 0.0,
         rolling_friction: TurningResistance::NONE,
         spinning_friction: TurningResistance::NONE,
+        stiffness: 0.0,
+        damping: 0.0,
+        cohesion: 0.0,
     };
     if let Some(reader) = reader {
         spec.density = reader.quantity("density", Range::Positive)?.unwrap_or(spec.density);
@@ -258,8 +261,29 @@ fn material(reader: Option<&Reader>) -> Result<MaterialSpec, SceneError> {
         spec.restitution = reader.quantity("restitution", Range::ZeroToOne)?.unwrap_or(spec.restitution);
         spec.rolling_friction = reader.resistance("rolling_friction")?.unwrap_or(spec.rolling_friction);
         spec.spinning_friction = reader.resistance("spinning_friction")?.unwrap_or(spec.spinning_friction);
+        spec.stiffness = reader.quantity("stiffness", Range::NotNegative)?.unwrap_or(spec.stiffness);
+        spec.damping = reader.quantity("damping", Range::NotNegative)?.unwrap_or(spec.damping);
+        spec.cohesion = reader.quantity("cohesion", Range::NotNegative)?.unwrap_or(spec.cohesion);
+        check_elasticity(reader, spec.stiffness, spec.damping, spec.restitution)?;
     }
     Ok(spec)
+}
+
+/// Damping needs a stiffness, and a stiffness rebounds by itself.
+fn check_elasticity(
+    reader: &Reader,
+    stiffness: f64,
+    damping: f64,
+    restitution: f64,
+) -> Result<(), SceneError> {
+    if stiffness == 0.0 && damping > 0.0 {
+        return Err(reader.out_of_range("damping", "0 without a `stiffness`", damping));
+    }
+    if stiffness > 0.0 && restitution > 0.0 {
+        let requirement = "0 with a `stiffness`, which rebounds by itself: give it `damping`";
+        return Err(reader.out_of_range("restitution", requirement, restitution));
+    }
+    Ok(())
 }
 
 fn pairs(scene: &Reader, materials: &[&str]) -> Result<Vec<PairSpec>, SceneError> {
@@ -282,13 +306,21 @@ fn pairs(scene: &Reader, materials: &[&str]) -> Result<Vec<PairSpec>, SceneError
             let problem = format!("the pair {} and {} is given twice", names[0], names[1]);
             return Err(SceneError::at(SceneErrorKind::Contradiction(problem), reader.location()));
         }
-        pairs.push(PairSpec {
+        let pair = PairSpec {
             materials: names,
             friction: reader.quantity("friction", Range::NotNegative)?,
             restitution: reader.quantity("restitution", Range::ZeroToOne)?,
             rolling_friction: reader.resistance("rolling_friction")?,
             spinning_friction: reader.resistance("spinning_friction")?,
-        });
+            stiffness: reader.quantity("stiffness", Range::NotNegative)?,
+            damping: reader.quantity("damping", Range::NotNegative)?,
+            cohesion: reader.quantity("cohesion", Range::NotNegative)?,
+        };
+        if let Some(stiffness) = pair.stiffness {
+            let [damping, restitution] = [pair.damping, pair.restitution].map(Option::unwrap_or_default);
+            check_elasticity(&reader, stiffness, damping, restitution)?;
+        }
+        pairs.push(pair);
     }
     Ok(pairs)
 }
@@ -379,7 +411,7 @@ fn rotation(parent: &Reader) -> Result<RotationSpec, SceneError> {
 }
 
 pub(super) fn shape(reader: &Reader) -> Result<ShapeSpec, SceneError> {
-    let form = reader.one_of(&["sphere", "box", "plane", "capsule", "cylinder", "mesh"])?;
+    let form = reader.one_of(&["sphere", "box", "plane", "capsule", "cylinder", "hull", "mesh"])?;
     let inner = reader.required_child(form)?;
     Ok(match form {
         "sphere" => ShapeSpec::Sphere { radius: inner.required("radius", Range::Positive)? },
@@ -395,7 +427,23 @@ pub(super) fn shape(reader: &Reader) -> Result<ShapeSpec, SceneError> {
             length: inner.required("length", Range::Positive)?,
             radius: inner.required("radius", Range::Positive)?,
         },
+        "hull" => ShapeSpec::Hull(hull(&inner)?),
         _ => ShapeSpec::Mesh(mesh(&inner)?),
+    })
+}
+
+fn hull(reader: &Reader) -> Result<HullSpec, SceneError> {
+    reader.one_of(&["file", "points"])?;
+    let points: Vec<[f64; 3]> = reader.rows("points")?.unwrap_or_default();
+    Ok(HullSpec {
+        file: reader.path("file")?,
+        points: points.into_iter().map(Vec3::from_array).collect(),
+        scale: reader.quantity("scale", Range::Positive)?.unwrap_or(1.0),
+        location: reader
+            .get("file")
+            .or(reader.get("points"))
+            .map_or(reader.location(), |node| &node.location)
+            .clone(),
     })
 }
 

@@ -142,6 +142,20 @@ pub struct MaterialSpec {
     /// Resistance to spinning on itself.
     #[serde(skip_serializing_if = "TurningResistance::is_none", serialize_with = "as_written")]
     pub spinning_friction: TurningResistance,
+    /// Of contacts with itself, N/m; zero: rigid.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub stiffness: f64,
+    /// Of contacts with itself, N s/m.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub damping: f64,
+    /// Pull on itself, N.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub cohesion: f64,
+}
+
+/// Whether a number is left out where it is its own default.
+fn is_zero(value: &f64) -> bool {
+    *value == 0.0
 }
 
 /// A resistance to turning as scenes write it: a number, or a text with a length.
@@ -180,6 +194,15 @@ pub struct PairSpec {
     /// Resistance to spinning on each other; `None` follows the rule of friction.
     #[serde(skip_serializing_if = "Option::is_none", serialize_with = "as_written_of_pair")]
     pub spinning_friction: Option<TurningResistance>,
+    /// Stiffness of contacts, N/m; `None` follows from both materials.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub stiffness: Option<f64>,
+    /// Damping of contacts, N s/m; `None` follows from both materials.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub damping: Option<f64>,
+    /// Pull on each other, N; `None` is the smaller of both.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub cohesion: Option<f64>,
 }
 
 /// A single body.
@@ -271,8 +294,26 @@ pub enum ShapeSpec {
         /// Radius.
         radius: f64,
     },
+    /// Convex hull.
+    Hull(HullSpec),
     /// Triangles.
     Mesh(MeshSpec),
+}
+
+/// Points of a convex hull, from a file of triangles or written in the scene.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct HullSpec {
+    /// The file.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub file: Option<PathBuf>,
+    /// The points, m, before scaling.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub points: Vec<Vec3>,
+    /// Factor on all coordinates.
+    pub scale: f64,
+    /// Where it is written.
+    #[serde(skip)]
+    pub location: Location,
 }
 
 /// Triangles from a file or written in the scene.
@@ -661,6 +702,15 @@ pub enum RadiusSpec {
 }
 
 impl ShapeSpec {
+    /// The file that the shape is read from, and where the scene names it.
+    pub(crate) fn file_mut(&mut self) -> Option<(&mut PathBuf, &Location)> {
+        match self {
+            Self::Mesh(MeshSpec { file: Some(path), location, .. })
+            | Self::Hull(HullSpec { file: Some(path), location, .. }) => Some((path, location)),
+            _ => None,
+        }
+    }
+
     /// Whether the shape is a boundary without mass.
     pub fn is_boundary(&self) -> bool {
         matches!(self, Self::Plane { .. } | Self::Mesh(MeshSpec { solid: false, .. }))

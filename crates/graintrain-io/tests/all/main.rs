@@ -11,6 +11,7 @@ mod scene_builtin;
 mod scene_docs;
 mod scene_errors;
 mod scene_joints;
+mod scene_laws;
 mod scene_loads;
 mod scene_meshes;
 mod scene_turning;

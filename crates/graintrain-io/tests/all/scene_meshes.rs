@@ -230,3 +230,52 @@ fn packings_of_clumps_weigh_their_union_and_rest() {
         assert!(build(&CLUMPS.replace(right, wrong), Path::new("")).is_err(), "{wrong} was accepted");
     }
 }
+
+/// The hull of the wheel's points has no grooves; its frame is the file's. Inside, or in a plane, points are told what they are.
+#[test]
+fn a_hull_from_a_file_stands_where_the_file_says() {
+    let folder = folder("hull", &triangles());
+    let text =
+        WHEEL.replace("mass = \"3 kg\"\n", "").replace(", solid = true", "").replace("mesh =", "hull =");
+    let world = build(&text, &folder).unwrap().world;
+    let wheel = wheel_of(&world);
+    // The outer corners, between which the hull is straight.
+    let outer: Vec<[f64; 2]> = (0..CORNERS).filter(|k| (k / 2).is_multiple_of(2)).map(outline).collect();
+    let next = outer.iter().cycle().skip(1);
+    let area: f64 = outer.iter().zip(next).map(|([a, b], [c, d])| 0.5e-6 * (a * d - b * c)).sum();
+    let mass = 2600.0 * 0.05 * area;
+    assert!((world.bodies.mass[wheel] / mass - 1.0).abs() < 1e-6, "{}", world.bodies.mass[wheel]);
+    let centre = Vec3::new(-0.08, 0.0, 0.21);
+    assert!((world.bodies.position[wheel] - centre).length() < 1e-6, "{}", world.bodies.position[wheel]);
+    std::fs::remove_dir_all(folder).unwrap();
+}
+
+#[test]
+fn hulls_of_points_are_read_packed_and_refused() {
+    let scene = |hull: &str| {
+        format!(
+            "[time]\nstep = 1e-3\nsteps = 1\n[packing.stones]\nshape = {{ hull = {hull} }}\nlattice = {{ counts = [2, 2, 2], pitch = 3 }}\n"
+        )
+    };
+    let points = "{ points = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [0.2, 0.2, 0.2]], scale = 2 }";
+    let world = build(&scene(points), Path::new(".")).unwrap().world;
+    assert_eq!(world.bodies.len(), 8);
+    assert!((world.geometries[0].volume - 8.0 / 6.0).abs() < 1e-12);
+    // The same again from what the run's folder keeps.
+    let first = Scene::parse("stones", "stones.toml", &scene(points), Path::new("."), &[]).unwrap();
+    let again = build(&first.to_toml().unwrap(), Path::new(".")).unwrap().world;
+    assert_eq!(again.geometries, world.geometries);
+    for (hull, expected) in [
+        ("{ points = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]] }", "lie in a plane"),
+        ("{ points = [] }", "lie in a plane"),
+        ("{ file = \"absent.stl\" }", "absent.stl"),
+        ("{ scale = 2 }", "points"),
+    ] {
+        let error =
+            build(&scene(hull), Path::new(".")).err().unwrap_or_else(|| panic!("{hull} was accepted"));
+        assert!(
+            error.contains(expected) && error.contains("stones") || error.contains("wheel.toml"),
+            "{error}"
+        );
+    }
+}

@@ -24,8 +24,10 @@ pub mod flight;
 pub mod gas;
 pub mod granular;
 pub mod heaps;
+pub mod hulls;
 pub mod impact;
 pub mod joints;
+pub mod laws;
 pub mod painleve;
 pub mod problems;
 pub mod report;
@@ -219,6 +221,8 @@ pub fn tier_a() -> impl Iterator<Item = &'static Definition> {
         heaps::CASES,
         turning::CASES,
         joints::CASES,
+        hulls::CASES,
+        laws::CASES,
     ]
     .into_iter()
     .flatten()

@@ -51,6 +51,8 @@ class Shape:
     @staticmethod
     def cylinder(half_length: float, radius: float) -> Shape: ...
     @staticmethod
+    def hull(points: ArrayLike) -> Shape: ...
+    @staticmethod
     def mesh(vertices: ArrayLike, triangles: ArrayLike, solid: bool = False) -> Shape: ...
     @staticmethod
     def compound(parts: Sequence[tuple[Shape, ArrayLike] | tuple[Shape, ArrayLike, ArrayLike]]) -> Shape: ...
@@ -285,8 +287,36 @@ class World:
         *,
         rolling_friction: float | str | None = None,
         spinning_friction: float | str | None = None,
+        stiffness: float | None = None,
+        damping: float | None = None,
+        cohesion: float | None = None,
     ) -> None: ...
     def friction(self, first: str, second: str | None = None) -> float: ...
+    def add_joint(
+        self,
+        kind: str,
+        body: int | str | None = None,
+        other: int | str | None = None,
+        *,
+        point: ArrayLike | None = None,
+        axis: ArrayLike | None = None,
+        ends: tuple[ArrayLike, ArrayLike] | None = None,
+        joints: tuple[int, int] | None = None,
+        ratio: float | None = None,
+        coordinate: str = "turn",
+        speed: float | Function | None = None,
+        limit: float | Function | None = None,
+        force: float | Function | None = None,
+        stiffness: float | None = None,
+        damping: float | None = None,
+        rest: float | Function | None = None,
+        lower: float | None = None,
+        upper: float | None = None,
+        collide: bool = False,
+        name: str = "",
+    ) -> int: ...
+    @property
+    def joints(self) -> list[dict[str, Any]]: ...
     def add_body(
         self,
         shape: Shape,

@@ -84,6 +84,7 @@ fn part_points(world: &World, body: usize, part: &Part) -> Vec<Vec3> {
     let rotation = world.bodies.orientation[body] * part.orientation;
     let half = match &part.shape {
         Shape::Plane => return Vec::new(),
+        Shape::Hull(hull) => return hull.corners().iter().map(|&v| center + rotation * v).collect(),
         Shape::Mesh { vertices, .. } => return vertices.iter().map(|&v| center + rotation * v).collect(),
         Shape::Sphere { radius } => Vec3::splat(*radius),
         Shape::Box { half } => *half,
@@ -217,6 +218,9 @@ fn forms<'a>(
             let middle = reach.center().with_z(-half.z);
             one(Form::Box { center: center + rotation * middle, rotation, half })
         }
+        Shape::Hull(hull) => Box::new(hull.triangles().into_iter().map(move |triangle| Form::Triangle {
+            corners: triangle.map(|i| center + rotation * hull.corners()[i as usize]),
+        })),
         Shape::Mesh { vertices, triangles, .. } => Box::new(triangles.iter().map(move |triangle| {
             Form::Triangle { corners: triangle.map(|i| center + rotation * vertices[i as usize]) }
         })),

@@ -417,6 +417,11 @@ impl Collider {
                     let half = Vec3::new(*radius, *radius, half_length + radius);
                     Aabb::new(-half, half)
                 }
+                (Shape::Hull(hull), _) => {
+                    let low = hull.corners().iter().fold(Vec3::INFINITY, |low, c| low.min(*c));
+                    let high = hull.corners().iter().fold(Vec3::NEG_INFINITY, |high, c| high.max(*c));
+                    Aabb::new(low, high)
+                }
                 (shape, _) => {
                     let half = Vec3::splat(shape.bounding_radius());
                     Aabb::new(-half, half)

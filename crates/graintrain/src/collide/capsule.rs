@@ -13,6 +13,7 @@
 
 use super::distance::Distance;
 use super::reduce::Touch;
+use crate::hull::{Hull, HullFace};
 use crate::math::Vec3;
 use crate::shape::Shape;
 
@@ -89,7 +90,7 @@ fn lies_between(before: &Ball, ball: &Ball, after: &Ball, radius: f64) -> bool {
 }
 
 /// Where the line `centre + t * half_axis` crosses the borders of the space over a face of the shape: the planes of a
-/// box's faces, the cylinder's mantle and end planes, the end planes of a capsule's segment. In the shape's frame, in an
+/// box's faces, the sides of a hull's faces, the cylinder's mantle and end planes, the end planes of a capsule's segment. In the shape's frame, in an
 /// order of its own; t that do not exist are infinite.
 pub(crate) fn crossings(shape: &Shape, centre: Vec3, half_axis: Vec3) -> Vec<f64> {
     let slab = |axis: usize, half: f64| {
@@ -106,8 +107,28 @@ pub(crate) fn crossings(shape: &Shape, centre: Vec3, half_axis: Vec3) -> Vec<f64
             let [first, second] = mantle_crossings(centre, half_axis, radius);
             vec![low, high, first, second]
         }
+        Shape::Hull(ref hull) => hull_crossings(hull, centre, half_axis),
         Shape::Sphere { .. } | Shape::Plane | Shape::Mesh { .. } => Vec::new(),
     }
+}
+
+/// For every side of every face the t at which the line goes over that side: infinite where it does not.
+fn hull_crossings(hull: &Hull, centre: Vec3, half_axis: Vec3) -> Vec<f64> {
+    let crossing = |face: &HullFace, a: u32, b: u32| {
+        let [a, b] = [a, b].map(|k| hull.corners()[k as usize]);
+        let across = face.normal.cross(b - a);
+        let t = across.dot(a - centre) / across.dot(half_axis);
+        let p = centre + t * half_axis;
+        let along = (b - a).dot(p - a) / (b - a).length_squared();
+        let is_over = t.abs() < 1.0 && (0.0..=1.0).contains(&along) && face.normal.dot(p) >= face.offset;
+        if is_over { t } else { f64::INFINITY }
+    };
+    let of = |face: &HullFace| {
+        let corners = &face.corners;
+        let sides = corners.iter().zip(corners.iter().cycle().skip(1));
+        sides.map(|(&a, &b)| crossing(face, a, b)).collect::<Vec<_>>()
+    };
+    hull.faces().iter().flat_map(of).collect()
 }
 
 /// Both t at which the line is `radius` away from the z axis.

@@ -19,9 +19,10 @@
 //! face are added, along the library's normal: of faces whose edges coincide but for round-off it loses some.
 
 use super::capsule::{crossings, minimise};
-use super::distance::{Distance, TriangleFeature, nearest_on_triangle, signed_distance};
+use super::distance::{Distance, TriangleFeature, highest_face, nearest_on_triangle, signed_distance};
 use super::manifold::Solid;
 use super::reduce::{SAME_PATCH, Touch};
+use crate::hull::{Hull, HullFace};
 use crate::math::Vec3;
 use crate::shape::Shape;
 
@@ -33,6 +34,9 @@ const MARGIN: f64 = 1e-2;
 
 /// Points of ours within this fraction of the smaller size of a point of the library's are that point.
 const SAME_POINT: f64 = 1e-3;
+
+/// First feature of B's points; A's begin at 1. Corners, edges and their crossings of the largest hulls fit between.
+const OF_B: u64 = 1 << 28;
 
 /// Corners and edges of a solid, in the world. Of a cylinder: per end four points of the rim, of which the first looks at
 /// the other solid, with the chords between them, and the line of the mantle that looks at the other solid.
@@ -62,7 +66,7 @@ pub(crate) fn add_corners(a: Solid<'_>, b: Solid<'_>, unit: f64, envelope: f64, 
     let mut candidates = Vec::new();
     // A's corners; then B's, whose normals turn round.
     of_one(&a.corners(toward), b, envelope, 1, 1.0, &mut candidates);
-    of_one(&b.corners(-toward), a, envelope, 1 << 16, -1.0, &mut candidates);
+    of_one(&b.corners(-toward), a, envelope, OF_B, -1.0, &mut candidates);
     let nearest = candidates
         .iter()
         .min_by(|x, y| x.distance.value.total_cmp(&y.distance.value).then(x.feature.cmp(&y.feature)));
@@ -78,7 +82,7 @@ pub(crate) fn add_corners(a: Solid<'_>, b: Solid<'_>, unit: f64, envelope: f64, 
     if library.is_some() {
         let normal = -toward;
         for (corners, other, outward, first) in
-            [(a.corners(toward), b, normal, 1), (b.corners(-toward), a, -normal, 1 << 16)]
+            [(a.corners(toward), b, normal, 1), (b.corners(-toward), a, -normal, OF_B)]
         {
             for (feature, &p) in (first..).zip(&corners.points) {
                 if let Some(gap) = other.height_on_face(p, outward, unit)
@@ -117,7 +121,7 @@ pub(crate) fn add_corners(a: Solid<'_>, b: Solid<'_>, unit: f64, envelope: f64, 
 }
 
 /// Corners, edge crossings and nearest points of edges of one solid against the other. Features count up from `feature`,
-/// which is below 2^32: the library's own numbers are larger, or zero.
+/// and stay below 2^32: the library's own numbers are larger, or zero.
 fn of_one(
     corners: &Corners,
     other: Solid<'_>,
@@ -136,23 +140,38 @@ fn of_one(
             candidates.push(Candidate { point, distance, inside, is_corner, feature });
         }
     };
-    for (number, &p) in corners.points.iter().enumerate() {
-        add(p, true, feature + number as u64);
-    }
-    let Solid::Placed { shape, position, orientation } = other else { return };
+    let Solid::Placed { shape, position, orientation } = other else {
+        for (number, &p) in corners.points.iter().enumerate() {
+            add(p, true, feature + number as u64);
+        }
+        return;
+    };
     let inverse = orientation.conjugate();
     let own = |p: Vec3| inverse * (p - position);
+    let distances: Vec<Distance> = corners.points.iter().map(|&p| signed_distance(shape, own(p))).collect();
+    for (number, (&p, distance)) in corners.points.iter().zip(&distances).enumerate() {
+        if distance.value <= envelope {
+            add(p, true, feature + number as u64);
+        }
+    }
+    let numbers = (corners.points.len() as u64).max(64);
+    let per_edge = match shape {
+        Shape::Hull(hull) => 1 + 2 * hull.edges().len() as u64,
+        _ => 16,
+    };
     for (number, edge) in corners.edges.iter().enumerate() {
         let [p, q] = edge.map(|end| own(corners.points[end]));
         let (centre, half) = (0.5 * (p + q), 0.5 * (q - p));
-        let [at_p, at_q] = [p, q].map(|end| signed_distance(shape, end).value);
-        // The distance changes by at most the length of the way.
-        if 0.5 * (at_p + at_q) - half.length() > envelope {
+        let [at_p, at_q] = edge.map(|end| distances[end]);
+        if least_between(&at_p, &at_q, half) > envelope * (1.0 + 1e-9) {
             continue;
         }
-        let feature = feature + 64 + 16 * number as u64;
+        let feature = feature + numbers + per_edge * number as u64;
         let world = |t: f64| position + orientation * (centre + t * half);
-        let nearest = minimise(|t| signed_distance(shape, centre + t * half).normal.dot(half));
+        let nearest = match shape {
+            Shape::Hull(hull) => nearest_to_edges(hull, centre, half),
+            _ => minimise(|t| signed_distance(shape, centre + t * half).normal.dot(half)),
+        };
         if nearest.abs() < 1.0 {
             add(world(nearest), false, feature);
         }
@@ -162,6 +181,47 @@ fn of_one(
             }
         }
     }
+}
+
+/// Where on the segment `centre + t * half`, t in [-1, 1], it is nearest to an edge of the hull. A segment outside is nearest to the hull
+/// there, or over a face: then at an end or where it crosses from one face to the next.
+fn nearest_to_edges(hull: &Hull, centre: Vec3, half: Vec3) -> f64 {
+    let square = half.length_squared();
+    let along_segment = |p: Vec3| (half.dot(p - centre) / square).clamp(-1.0, 1.0);
+    let mut best = (f64::INFINITY, 0.0);
+    for edge in hull.edges() {
+        let [a, b] = edge.corners.map(|k| hull.corners()[k as usize]);
+        let along = b - a;
+        let on_edge = |p: Vec3| a + (along.dot(p - a) / along.length_squared()).clamp(0.0, 1.0) * along;
+        // Of two lines that cross askew; clamped to the segment, then to the edge, then to the segment again.
+        let (mixed, edge_square) = (half.dot(along), along.length_squared());
+        let determinant = square * edge_square - mixed * mixed;
+        let start = a - centre;
+        let askew = (half.dot(start) * edge_square - along.dot(start) * mixed) / determinant;
+        let t = if askew.is_finite() { askew.clamp(-1.0, 1.0) } else { 0.0 };
+        let q = on_edge(centre + t * half);
+        let t = along_segment(q);
+        let distance = (centre + t * half - q).length_squared();
+        if distance < best.0 {
+            best = (distance, t);
+        }
+    }
+    best.1
+}
+
+/// A bound from below of a convex distance along the segment `centre + t * half`, t in [-1, 1], from its values and gradients at both
+/// ends: where the tangents cross, m.
+fn least_between(at_p: &Distance, at_q: &Distance, half: Vec3) -> f64 {
+    let (down, up) = (2.0 * at_p.normal.dot(half), 2.0 * at_q.normal.dot(half));
+    if down >= 0.0 {
+        return at_p.value;
+    }
+    if up <= 0.0 {
+        return at_q.value;
+    }
+    // value_p + s down = value_q - (1 - s) up.
+    let s = (at_q.value - up - at_p.value) / (down - up);
+    at_p.value + s.clamp(0.0, 1.0) * down
 }
 
 impl Solid<'_> {
@@ -199,8 +259,12 @@ impl Solid<'_> {
     /// Height of a touching point over the face of a box whose normal is `outward`, m; `None` for points that do not
     /// touch or lie beside the face.
     fn height_on_face(self, p: Vec3, outward: Vec3, unit: f64) -> Option<f64> {
-        let Self::Placed { shape: &Shape::Box { half }, position, orientation } = self else { return None };
+        let Self::Placed { shape, position, orientation } = self else { return None };
         let inverse = orientation.conjugate();
+        if let Shape::Hull(hull) = shape {
+            return height_on_hull(hull, inverse * (p - position), inverse * outward, unit);
+        }
+        let &Shape::Box { half } = shape else { return None };
         let (own, normal) = (inverse * (p - position), inverse * outward);
         let axis = (0..3).find(|&k| normal[k].abs() >= 1.0 - 1e-9)?;
         let height = own[axis].copysign(own[axis] * normal[axis]) - half[axis];
@@ -231,12 +295,34 @@ impl Solid<'_> {
                 let chord = |first: usize| (0..4).map(move |k| [first + k, first + (k + 1) % 4]);
                 Corners { points, edges: [[0, 4]].into_iter().chain(chord(0)).chain(chord(4)).collect() }
             }
+            Self::Placed { shape: Shape::Hull(hull), position, orientation } => Corners {
+                points: hull.corners().iter().map(|p| position + orientation * *p).collect(),
+                edges: hull.edges().iter().map(|edge| edge.corners.map(|k| k as usize)).collect(),
+            },
             Self::Placed { .. } => Corners { points: Vec::new(), edges: Vec::new() },
         }
     }
 }
 
-/// How far the nearest point of the surface lies inside a face of the box or cylinder; negative on edges and corners.
+/// How far a point of the plane of a face lies inside it, m.
+fn inside_polygon(hull: &Hull, face: &HullFace, p: Vec3) -> f64 {
+    let sides = face.corners.iter().zip(face.corners.iter().cycle().skip(1));
+    let inside = sides.map(|(&a, &b)| {
+        let [a, b] = [a, b].map(|k| hull.corners()[k as usize]);
+        face.normal.cross((b - a).normalize_or_zero()).dot(p - a)
+    });
+    inside.fold(f64::INFINITY, f64::min)
+}
+
+/// [`Solid::height_on_face`] of a hull, in its own frame.
+fn height_on_hull(hull: &Hull, p: Vec3, outward: Vec3, unit: f64) -> Option<f64> {
+    let face = hull.faces().iter().find(|face| face.normal.dot(outward) >= 1.0 - 1e-9)?;
+    let height = face.normal.dot(p) - face.offset;
+    let over = inside_polygon(hull, face, p - height * face.normal) >= -CLEAR * unit;
+    (over && height >= -MARGIN * unit && height <= CLEAR * unit).then_some(height)
+}
+
+/// How far the nearest point of the surface lies inside a face of the box, cylinder or hull; negative on edges and corners.
 fn inside_face(shape: &Shape, p: Vec3) -> f64 {
     match *shape {
         Shape::Box { half } => {
@@ -247,6 +333,11 @@ fn inside_face(shape: &Shape, p: Vec3) -> f64 {
         Shape::Cylinder { half_length, radius } => {
             let (across, along) = (p.x.hypot(p.y) - radius, p.z.abs() - half_length);
             -across.min(along)
+        }
+        Shape::Hull(ref hull) => {
+            let (highest, height) = highest_face(p, hull);
+            let face = &hull.faces()[highest];
+            inside_polygon(hull, face, p - height * face.normal)
         }
         _ => 0.0,
     }

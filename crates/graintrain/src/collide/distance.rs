@@ -3,6 +3,7 @@
 //! A ball of radius r about c touches a shape where the signed distance s(c) equals r, along the gradient of s. The
 //! signed distance of a convex shape is a convex function, which makes capsules (balls along a segment) easy too.
 
+use crate::hull::Hull;
 use crate::math::Vec3;
 use crate::shape::Shape;
 
@@ -28,6 +29,7 @@ pub(crate) fn signed_distance(shape: &Shape, c: Vec3) -> Distance {
             to_point(c, Vec3::new(0.0, 0.0, c.z.clamp(-half_length, half_length)), radius)
         }
         Shape::Cylinder { half_length, radius } => to_cylinder(c, half_length, radius),
+        Shape::Hull(ref hull) => to_hull(c, hull),
         Shape::Mesh { .. } => unreachable!("a mesh is treated triangle by triangle"),
     }
 }
@@ -73,6 +75,46 @@ fn to_cylinder(c: Vec3, half_length: f64, radius: f64) -> Distance {
         Distance { value: across, normal: radial }
     } else {
         Distance { value: along, normal: axial }
+    }
+}
+
+/// The face whose plane the point is highest above (least deep below), and that height, m.
+pub(crate) fn highest_face(c: Vec3, hull: &Hull) -> (usize, f64) {
+    let heights = hull.faces().iter().map(|face| face.normal.dot(c) - face.offset);
+    heights.enumerate().fold((0, f64::NEG_INFINITY), |best, next| if next.1 > best.1 { next } else { best })
+}
+
+/// A nearest point in the inside of a face lies on the face of largest height; otherwise it lies on an edge.
+fn to_hull(c: Vec3, hull: &Hull) -> Distance {
+    let (highest, height) = highest_face(c, hull);
+    let face = &hull.faces()[highest];
+    let over = || {
+        let (foot, corners) = (c - height * face.normal, &face.corners);
+        corners.iter().zip(corners.iter().cycle().skip(1)).all(|(&a, &b)| {
+            let [a, b] = [a, b].map(|k| hull.corners()[k as usize]);
+            face.normal.cross(b - a).dot(foot - a) >= 0.0
+        })
+    };
+    if height <= 0.0 || over() {
+        return Distance { value: height, normal: face.normal };
+    }
+    let feet = hull.edges().iter().map(|edge| {
+        let [a, b] = edge.corners.map(|k| hull.corners()[k as usize]);
+        let (along, from) = (b - a, c - a);
+        from - (from.dot(along) / along.length_squared()).clamp(0.0, 1.0) * along
+    });
+    let away =
+        feet.fold(
+            Vec3::INFINITY,
+            |best, next| {
+                if next.length_squared() < best.length_squared() { next } else { best }
+            },
+        );
+    let value = away.length();
+    if value > 0.0 {
+        Distance { value, normal: away / value }
+    } else {
+        Distance { value, normal: face.normal }
     }
 }
 
@@ -127,6 +169,14 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
+    fn stone() -> Vec<Vec3> {
+        let point = |k: u32| {
+            let (a, b) = (1.7 * f64::from(k), 2.9 * f64::from(k));
+            Vec3::new(0.8 * a.sin(), 0.6 * b.cos(), 0.5 * (a + b).sin())
+        };
+        (0..14).map(point).collect()
+    }
+
     fn shapes() -> Vec<Shape> {
         vec![
             Shape::Sphere { radius: 0.7 },
@@ -134,13 +184,14 @@ mod tests {
             Shape::Plane,
             Shape::Capsule { half_length: 0.8, radius: 0.3 },
             Shape::Cylinder { half_length: 0.6, radius: 0.5 },
+            Shape::Hull(Hull::new(&stone()).unwrap().0),
         ]
     }
 
     proptest! {
         /// The gradient is a unit vector, agrees with finite differences, and leads back to the surface.
         #[test]
-        fn gradient_agrees_with_finite_differences(p in prop::array::uniform3(-1.5..1.5_f64), which in 0..5_usize) {
+        fn gradient_agrees_with_finite_differences(p in prop::array::uniform3(-1.5..1.5_f64), which in 0..6_usize) {
             let (shape, p) = (&shapes()[which], Vec3::from_array(p));
             let distance = signed_distance(shape, p);
             prop_assert!((distance.normal.length() - 1.0).abs() < 1e-14);

@@ -1,36 +1,77 @@
-//! Contacts of boxes and cylinders with each other and with triangles, through the collision library's polyhedral
+//! Contacts of boxes and cylinders with each other and with triangles, and of hulls with cylinders, through the collision library's polyhedral
 //! manifolds (separating axes and GJK, then clipping of the touching faces), and the points within the envelope that the
 //! library leaves out (`corners`).
 
 use super::corners::add_corners;
+use super::polyhedra::{Polyhedron, polyhedron_contacts};
 use super::reduce::Touch;
+use crate::hull::Hull;
 use crate::math::{Mat3, Pose, Quat, Vec3};
 use crate::shape::Shape;
 use parry3d_f64::query::ContactManifold;
 use parry3d_f64::query::details::{
     contact_manifold_cuboid_cuboid, contact_manifold_cuboid_triangle, contact_manifold_pfm_pfm,
 };
-use parry3d_f64::shape::{Cuboid, Cylinder, PolygonalFeatureMap, Triangle};
+use parry3d_f64::shape::{
+    Cuboid, Cylinder, PackedFeatureId, PolygonalFeature, PolygonalFeatureMap, SupportMap, Triangle,
+};
 
 /// A box, a cylinder or a triangle in the library's form, scaled by 1 / `unit`: the library's tolerances are absolute
 /// and made for objects of size about 1.
-enum Convex {
+enum Convex<'a> {
     Box(Cuboid),
     Cylinder(Cylinder),
     Triangle(Triangle),
+    Hull(ScaledHull<'a>),
+}
+
+/// A hull with its lengths in units of `unit`.
+struct ScaledHull<'a> {
+    hull: &'a Hull,
+    unit: f64,
+}
+
+impl SupportMap for ScaledHull<'_> {
+    fn local_support_point(&self, dir: Vec3) -> Vec3 {
+        let better = |best: Vec3, next: &Vec3| if next.dot(dir) > best.dot(dir) { *next } else { best };
+        self.hull.corners()[1..].iter().fold(self.hull.corners()[0], better) / self.unit
+    }
+}
+
+impl PolygonalFeatureMap for ScaledHull<'_> {
+    /// Of a face with more corners than the library takes, four around it: the others are among the corners added afterwards.
+    fn local_support_feature(&self, dir: Vec3, feature: &mut PolygonalFeature) {
+        let faces = self.hull.faces();
+        let best = (1..faces.len())
+            .fold(0, |best, k| if faces[k].normal.dot(dir) > faces[best].normal.dot(dir) { k } else { best });
+        let corners = &faces[best].corners;
+        let taken = corners.len().min(feature.vertices.len());
+        for k in 0..taken {
+            let corner = corners[k * corners.len() / taken];
+            feature.vertices[k] = self.hull.corners()[corner as usize] / self.unit;
+            feature.vids[k] = PackedFeatureId::vertex(corner);
+            feature.eids[k] = PackedFeatureId::edge(corner);
+        }
+        feature.fid = PackedFeatureId::face(best as u32);
+        feature.num_vertices = taken;
+    }
 }
 
 /// One of the two touching things.
 #[derive(Clone, Copy)]
 pub(crate) enum Solid<'a> {
-    /// A box or cylinder placed in the world.
+    /// A box, cylinder or hull placed in the world.
     Placed { shape: &'a Shape, position: Vec3, orientation: Quat },
     /// A triangle in world coordinates.
     Triangle([Vec3; 3]),
 }
 
-impl Solid<'_> {
-    fn scaled(self, unit: f64, origin: Vec3) -> (Convex, Pose) {
+impl<'a> Solid<'a> {
+    fn is_hull(self) -> bool {
+        matches!(self, Self::Placed { shape: Shape::Hull(_), .. })
+    }
+
+    fn scaled(self, unit: f64, origin: Vec3) -> (Convex<'a>, Pose) {
         match self {
             Self::Placed { shape, position, orientation } => {
                 let translation = (position - origin) / unit;
@@ -44,6 +85,9 @@ impl Solid<'_> {
                     Shape::Box { half } => {
                         (Convex::Box(Cuboid::new(half / unit)), Pose::from_parts(translation, orientation))
                     }
+                    Shape::Hull(ref hull) => {
+                        (Convex::Hull(ScaledHull { hull, unit }), Pose::from_parts(translation, orientation))
+                    }
                     _ => unreachable!("other shapes have their own kernels"),
                 }
             }
@@ -55,12 +99,13 @@ impl Solid<'_> {
     }
 }
 
-impl Convex {
+impl Convex<'_> {
     fn feature_map(&self) -> &dyn PolygonalFeatureMap {
         match self {
             Self::Box(cuboid) => cuboid,
             Self::Cylinder(cylinder) => cylinder,
             Self::Triangle(triangle) => triangle,
+            Self::Hull(hull) => hull,
         }
     }
 }
@@ -75,6 +120,19 @@ pub(crate) fn manifold_contacts(
     envelope: f64,
     touches: &mut Vec<Touch>,
 ) {
+    if (a.is_hull() || b.is_hull())
+        && let (Some(one), Some(other)) = (Polyhedron::new(a, origin), Polyhedron::new(b, origin))
+    {
+        let mut found = Vec::new();
+        if polyhedron_contacts(&one, &other, unit, envelope, &mut found) {
+            for touch in &mut found {
+                touch.point += origin;
+            }
+            add_corners(a, b, unit, envelope, &mut found);
+            touches.append(&mut found);
+        }
+        return;
+    }
     let ((shape_a, pose_a), (shape_b, pose_b)) = (a.scaled(unit, origin), b.scaled(unit, origin));
     let mut pose = pose_a.inv_mul(&pose_b);
     let prediction = envelope / unit;
@@ -118,8 +176,8 @@ const PARALLEL: f64 = 5e-11;
 
 /// The library's manifold of two solids in its form, for gaps up to `prediction`.
 fn library_manifold(
-    shape_a: &Convex,
-    shape_b: &Convex,
+    shape_a: &Convex<'_>,
+    shape_b: &Convex<'_>,
     pose: &Pose,
     prediction: f64,
 ) -> ContactManifold<(), ()> {

@@ -1,4 +1,4 @@
-//! Contacts of spheres, capsules, boxes and cylinders with a triangle mesh.
+//! Contacts of spheres, capsules, boxes, cylinders and hulls with a triangle mesh.
 //!
 //! Every triangle near the body gives contacts of its own; then contacts that exist only because the mesh is cut into
 //! triangles are removed. A contact on an edge or corner is real only if it is a local minimum of the distance to the
@@ -105,7 +105,7 @@ impl TriangleTree {
                 let centre = visitor.position;
                 capsule_contacts(centre, half_axis, radius, distance, &borders, envelope, &mut touches);
             }
-            Shape::Box { .. } | Shape::Cylinder { .. } => {
+            Shape::Box { .. } | Shape::Cylinder { .. } | Shape::Hull(_) => {
                 let Visitor { shape, position, orientation } = *visitor;
                 let solid = Solid::Placed { shape, position, orientation };
                 let unit = shape.bounding_radius();

@@ -7,7 +7,8 @@
 //! | `narrow` | contacts of two bodies, shape by shape |
 //! | `distance`, `plane`, `capsule` | closed-form kernels |
 //! | `mesh` | triangle meshes, without contacts that only the cut into triangles makes |
-//! | `manifold`, `corners` | boxes and cylinders, through the collision library; corners and edges that it leaves out |
+//! | `polyhedra` | convex hulls with hulls, boxes and triangles, in closed form |
+//! | `manifold`, `corners` | boxes and cylinders, and hulls with cylinders, through the collision library; corners and edges that it leaves out |
 //! | `reduce` | the contacts that a patch needs: four, up to eight where four do not hold the others |
 //! | `sweep` | when fast bodies meet within a step, and the contact that lets them arrive |
 //! | `union` | what overlapping parts of a compound have in common |
@@ -25,6 +26,7 @@ mod mesh;
 mod narrow;
 pub mod places;
 mod plane;
+mod polyhedra;
 mod reduce;
 #[cfg(test)]
 mod sampled_motions;

@@ -141,8 +141,9 @@ fn rank(shape: &Shape) -> u8 {
         Shape::Capsule { .. } => 1,
         Shape::Box { .. } => 2,
         Shape::Cylinder { .. } => 3,
-        Shape::Mesh { .. } => 4,
-        Shape::Plane => 5,
+        Shape::Hull(_) => 4,
+        Shape::Mesh { .. } => 5,
+        Shape::Plane => 6,
     }
 }
 

@@ -57,6 +57,11 @@ pub(crate) fn plane_contacts(
             touch(centre(-low_end) + radius * down, 4);
         }
         // Every corner: those that are not needed are taken out later.
+        Shape::Hull(ref hull) => {
+            for (feature, corner) in (0..).zip(hull.corners()) {
+                touch(position + rotation * *corner, feature);
+            }
+        }
         Shape::Mesh { ref vertices, .. } => {
             for (feature, vertex) in (0..).zip(vertices) {
                 touch(position + rotation * *vertex, feature);

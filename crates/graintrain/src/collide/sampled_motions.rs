@@ -4,6 +4,7 @@
 use super::distance::signed_distance;
 use super::narrow::{Collidable, Placed, body_contacts};
 use super::reduce::Touch;
+use crate::hull::Hull;
 use crate::math::{Quat, Vec3, rotation_exponential};
 use crate::shape::{Geometry, Shape};
 use rand::{RngExt, SeedableRng};
@@ -27,6 +28,23 @@ fn capsule() -> Shape {
 
 fn cylinder() -> Shape {
     Shape::Cylinder { half_length: 0.3, radius: 0.25 }
+}
+
+fn stone() -> Shape {
+    let point = |k: u32| {
+        let (a, b) = (1.7 * f64::from(k), 2.9 * f64::from(k));
+        Vec3::new(0.5 * a.sin(), 0.4 * b.cos(), 0.3 * (a + b).sin())
+    };
+    Shape::Hull(Hull::new(&(0..16).map(point).collect::<Vec<_>>()).unwrap().0)
+}
+
+/// A prism on a hexagon: faces with more corners than four.
+fn prism() -> Shape {
+    let corner = |k: u32| {
+        let angle = TAU * f64::from(k / 2) / 6.0;
+        Vec3::new(0.4 * angle.cos(), 0.4 * angle.sin(), if k % 2 == 1 { 0.25 } else { -0.25 })
+    };
+    Shape::Hull(Hull::new(&(0..12).map(corner).collect::<Vec<_>>()).unwrap().0)
 }
 
 /// Points of the surface, edges and corners among them.
@@ -57,6 +75,17 @@ fn surface(shape: &Shape) -> Vec<Vec3> {
                     points.push(
                         radius * (cosine * around + sine * Vec3::Z) + half_length * sine.signum() * Vec3::Z,
                     );
+                }
+                // A fourth of the lines: the points are per triangle.
+                Shape::Hull(_) if i % 4 != 0 || j % 4 != 0 => {}
+                Shape::Hull(ref hull) => {
+                    // Both parameters from 0 to 1, beyond the diagonal folded back.
+                    let (s, t) = (0.5 * (u + 1.0), 0.5 * (v + 1.0));
+                    let (s, t) = if s + t > 1.0 { (1.0 - s, 1.0 - t) } else { (s, t) };
+                    points.extend(hull.triangles().into_iter().map(|triangle| {
+                        let [a, b, c] = triangle.map(|k| hull.corners()[k as usize]);
+                        a + s * (b - a) + t * (c - a)
+                    }));
                 }
                 _ => unreachable!("not sampled"),
             }
@@ -154,6 +183,15 @@ fn motions_that_the_contacts_allow_do_not_overlap() {
         ("cylinder-box", cylinder(), wide_block(), 0.3),
         ("cylinder-small box", cylinder(), block(), 0.3),
         ("cylinder-cylinder", cylinder(), cylinder(), 0.3),
+        ("hull-hull", stone(), stone(), 0.1),
+        ("hull-prism", stone(), prism(), 0.1),
+        ("prism-same prism", prism(), prism(), 0.1),
+        ("hull-box", stone(), wide_block(), 0.1),
+        ("prism-box", prism(), wide_block(), 0.1),
+        ("capsule-hull", capsule(), stone(), 0.1),
+        ("capsule-prism", capsule(), prism(), 0.1),
+        ("cylinder-hull", cylinder(), stone(), 0.3),
+        ("cylinder-prism", cylinder(), prism(), 0.3),
     ];
     let found: Vec<(&str, f64, f64)> =
         cases.into_iter().map(|(name, a, b, bound)| (name, worst(&a, &b, 150), bound)).collect();

@@ -364,6 +364,14 @@ mod tests {
         assert!(time_of_impact(a, far, [Vec3::ZERO, spin], rest, 5e-3, 0.0).is_none());
     }
 
+    fn stone() -> Vec<Vec3> {
+        let point = |k: u32| {
+            let (a, b) = (1.7 * f64::from(k), 2.9 * f64::from(k));
+            Vec3::new(0.4 * a.sin(), 0.3 * b.cos(), 0.25 * (a + b).sin())
+        };
+        (0..14).map(point).collect()
+    }
+
     fn forms() -> Vec<Collidable> {
         let part = |x: f64| Part {
             shape: Shape::Sphere { radius: 0.2 },
@@ -379,6 +387,7 @@ mod tests {
             Geometry::cylinder(0.3, 0.2),
             Geometry::compound(vec![part(-0.4), part(0.4)]).map(|(geometry, _)| geometry),
             Geometry::mesh(v.map(|p| 0.3 * Vec3::from_array(p)).to_vec(), triangles),
+            Geometry::hull(&stone()).map(|(geometry, _)| geometry),
         ]
         .map(|geometry| form(geometry.unwrap()))
         .into_iter()
@@ -389,7 +398,7 @@ mod tests {
         /// Against the first of 1000 poses at which the bodies overlap.
         #[test]
         fn no_sampled_pose_overlaps_before_the_time_of_impact(
-            which in prop::array::uniform2(0..6_usize),
+            which in prop::array::uniform2(0..7_usize),
             place in prop::array::uniform3(-1.0..1.0_f64),
             turns in prop::array::uniform2(prop::array::uniform3(-2.0..2.0_f64)),
             u in prop::array::uniform3(-1.0..1.0_f64),

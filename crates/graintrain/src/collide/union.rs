@@ -49,7 +49,7 @@ impl Moments {
     }
 
     /// The same body moved by `shift`.
-    fn moved(&self, shift: Vec3) -> Self {
+    pub(crate) fn moved(&self, shift: Vec3) -> Self {
         Self {
             volume: self.volume,
             first: self.first + self.volume * shift,
@@ -165,6 +165,7 @@ fn bounds(part: &Part) -> Aabb {
         Shape::Box { half } => half,
         Shape::Cylinder { half_length, radius } => Vec3::new(radius, radius, half_length),
         Shape::Capsule { half_length, radius } => Vec3::new(radius, radius, half_length + radius),
+        Shape::Hull(ref hull) => hull.corners().iter().fold(Vec3::ZERO, |most, c| most.max(c.abs())),
         ref shape => Vec3::splat(shape.bounding_radius()),
     };
     turned_bounds(&Aabb::new(-half, half), part.position, Mat3::from_quat(part.orientation))

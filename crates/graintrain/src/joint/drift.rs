@@ -8,24 +8,28 @@
 //! comes of it but what bodies gain against gravity, which is reported ([`crate::step_report::StepReport::correction_energy`]). Bodies that
 //! overlap were moved before, each for itself: that is what opens joints by more than rounding.
 
-use super::JointKind;
 use super::elimination::Elimination;
-use super::kinematics::{Row, coordinate, held};
-use super::mechanism::{Root, connected, length_of, made_unit, row_over};
+use super::kinematics::{Near, Row, coordinate, held};
+use super::rows::{Root, connected, length_of, made_unit, row_over};
+use super::{JointKind, JointState};
 use crate::integrate::{displace, inverse_mass};
 use crate::world::World;
 
 /// Corrections of one step.
 const ITERATIONS: usize = 4;
 
+/// A body is moved by no more than so many times the largest opening of its mechanism: near a dead point, where little opening asks for
+/// boundless motion, the rest is left to later steps.
+const REACH: f64 = 100.0;
+
 /// Openings over the joint's length that are left alone.
 const CLOSED: f64 = 1e-13;
 
 /// The rows of a joint that are open by more than rounding, or run over; all of those that it holds if one of them is.
-fn open_rows(world: &World, joint: usize) -> (Vec<Row>, bool) {
+fn open_rows(world: &World, joint: usize, near: &Near) -> (Vec<Row>, bool) {
     let poses = |body: usize| world.pose(body);
     let length = length_of(world, joint);
-    let mut rows = held(&world.joints, joint, &poses);
+    let mut rows = held(&world.joints, joint, &poses, near);
     let place = world.joints[joint].joint.bodies.iter().flatten();
     let far = place.map(|body| world.bodies.position[body.index()].length()).fold(0.0, f64::max);
     let mut turns = world.joints[joint].state.coordinate.abs();
@@ -37,7 +41,7 @@ fn open_rows(world: &World, joint: usize) -> (Vec<Row>, bool) {
     let allowed = |row: &Row| rounding(row.angular) + CLOSED * if row.angular { 1.0 } else { length };
     let mut open = rows.iter().any(|row| row.value.abs() > allowed(row));
     if let Some(limits) = world.joints[joint].joint.limits
-        && let Some(along) = coordinate(&world.joints, joint, &poses)
+        && let Some(along) = coordinate(&world.joints, joint, &poses, near)
     {
         let over = |at: f64| Row { value: along.value - at, ..along.clone() };
         let below = limits.lower.map(over).filter(|row| row.value < -allowed(row));
@@ -48,14 +52,16 @@ fn open_rows(world: &World, joint: usize) -> (Vec<Row>, bool) {
     (rows, open)
 }
 
-/// Closes the joints of a world; returned is the displacement (translation in m and turn in rad, six numbers per body), if there was one.
-pub(crate) fn close(world: &mut World) -> Option<Vec<f64>> {
+/// Closes the joints of a world after a step in which they did this; returned is the displacement (translation in m and turn in rad, six numbers per body), if there was one.
+pub(crate) fn close(world: &mut World, states: &[JointState], step: f64) -> Option<Vec<f64>> {
     let mut total: Option<Vec<f64>> = None;
     for _ in 0..ITERATIONS {
         let mut displacement = None;
         let masses = if world.joints.is_empty() { Vec::new() } else { inverse_mass(world) };
         for (bodies, joints) in connected(world) {
-            let found: Vec<(Vec<Row>, bool)> = joints.iter().map(|&joint| open_rows(world, joint)).collect();
+            let near = world.expected_coordinates(states, step);
+            let found: Vec<(Vec<Row>, bool)> =
+                joints.iter().map(|&joint| open_rows(world, joint, &near)).collect();
             if !found.iter().any(|(_, open)| *open) {
                 continue;
             }
@@ -70,6 +76,14 @@ pub(crate) fn close(world: &mut World) -> Option<Vec<f64>> {
             }
             let mut z = vec![0.0; length];
             Elimination::new(length, units).project(&mut z, &right);
+            let length = joints.iter().map(|&joint| length_of(world, joint)).fold(0.0, f64::max);
+            let in_metres = |value: f64, angular: bool| value.abs() * if angular { length } else { 1.0 };
+            let opening = rows.iter().map(|row| in_metres(row.value, row.angular)).fold(0.0, f64::max);
+            let moved = roots.iter().enumerate().map(|(k, root)| root.times(&z[6 * k..]));
+            let farthest = moved.map(|[u, w]| u.length().max(length * w.length())).fold(0.0, f64::max);
+            if farthest > REACH * opening {
+                z.iter_mut().for_each(|z| *z *= REACH * opening / farthest);
+            }
             let all = displacement.get_or_insert_with(|| vec![0.0; 6 * world.bodies.len()]);
             for (k, &body) in bodies.iter().enumerate() {
                 let [u, w] = roots[k].times(&z[6 * k..]);

@@ -19,6 +19,9 @@ use std::f64::consts::TAU;
 /// Where the body of this index is.
 pub(crate) type Poses<'a> = dyn Fn(usize) -> (Vec3, Quat) + 'a;
 
+/// About what angle a joint is expected to have, rad.
+pub(crate) type Near<'a> = dyn Fn(usize) -> f64 + 'a;
+
 /// A scalar function of the places of bodies with its derivative.
 #[derive(Clone, Debug)]
 pub(crate) struct Row {
@@ -33,10 +36,15 @@ pub(crate) struct Row {
 impl Row {
     /// Sum of the derivatives over these velocities (six numbers per body).
     pub(crate) fn rate(&self, velocity: &[f64]) -> f64 {
+        self.rate_of(|body| &velocity[6 * body..6 * body + 6])
+    }
+
+    /// The same with the velocity of a body given by a function.
+    pub(crate) fn rate_of<'v>(&self, velocity: impl Fn(usize) -> &'v [f64]) -> f64 {
         self.ends
             .iter()
             .map(|(body, [linear, angular])| {
-                let v = &velocity[6 * body..6 * body + 6];
+                let v = velocity(*body);
                 linear.dot(Vec3::from_slice(&v[..3])) + angular.dot(Vec3::from_slice(&v[3..]))
             })
             .sum()
@@ -133,11 +141,17 @@ impl Placed {
     }
 }
 
-/// The rows that a joint holds at zero. A distance and a gear hold theirs at [`PlacedJoint::start`].
-pub(crate) fn held(joints: &[PlacedJoint], joint: usize, poses: &Poses) -> Vec<Row> {
+/// The coordinates that joints had at the end of the last step.
+pub(crate) fn last(joints: &[PlacedJoint]) -> impl Fn(usize) -> f64 + '_ {
+    |joint| joints[joint].state.coordinate
+}
+
+/// The rows that a joint holds at zero. A distance and a gear hold theirs at [`PlacedJoint::start`]; angles are those within half a turn
+/// of what `near` says of their joints.
+pub(crate) fn held(joints: &[PlacedJoint], joint: usize, poses: &Poses, near: &Near) -> Vec<Row> {
     let own = &joints[joint];
     if let JointKind::Gear { .. } = own.joint.kind {
-        let row = coordinate(joints, joint, poses);
+        let row = coordinate(joints, joint, poses, near);
         return row.map(|row| Row { value: row.value - own.start, ..row }).into_iter().collect();
     }
     let placed = Placed::of(own, poses);
@@ -168,14 +182,14 @@ pub(crate) fn held(joints: &[PlacedJoint], joint: usize, poses: &Poses) -> Vec<R
     rows
 }
 
-/// The coordinate of a joint, if it has one, with angles within half a turn of the last known one.
-pub(crate) fn coordinate(joints: &[PlacedJoint], joint: usize, poses: &Poses) -> Option<Row> {
+/// The coordinate of a joint, if it has one, with angles within half a turn of what `near` says of their joints.
+pub(crate) fn coordinate(joints: &[PlacedJoint], joint: usize, poses: &Poses, near: &Near) -> Option<Row> {
     let own = &joints[joint];
     let placed = || Placed::of(own, poses);
     match &own.joint.kind {
         JointKind::Fixed { .. } | JointKind::Spherical { .. } => None,
         JointKind::Revolute { .. } | JointKind::Cylindrical { coordinate: Coordinate::Turn, .. } => {
-            Some(placed().angle(own.state.coordinate))
+            Some(placed().angle(near(joint)))
         }
         JointKind::Prismatic { .. } | JointKind::Cylindrical { coordinate: Coordinate::Slide, .. } => {
             let placed = placed();
@@ -184,7 +198,7 @@ pub(crate) fn coordinate(joints: &[PlacedJoint], joint: usize, poses: &Poses) ->
         }
         JointKind::Distance { .. } => Some(placed().distance()),
         JointKind::Gear { joints: pair, ratio } => {
-            let [first, second] = pair.map(|other| coordinate(joints, other.index(), poses));
+            let [first, second] = pair.map(|other| coordinate(joints, other.index(), poses, near));
             let (first, second) = (first?.times(-ratio), second?);
             let angular = second.angular;
             let ends = first.ends.into_iter().chain(second.ends).collect();

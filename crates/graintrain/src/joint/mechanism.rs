@@ -23,82 +23,27 @@
 //! constraints", Journal of Computational Physics 23:327-341, 1977; B. Leimkuhler, R. Skeel, "Symplectic numerical integrators in
 //! constrained Hamiltonian systems", Journal of Computational Physics 112:117-125, 1994.
 
+mod reactions;
+mod switching;
+
+pub(crate) use reactions::JointReactions;
+
 use super::elimination::Elimination;
-use super::kinematics::{Placed, Row, coordinate, held};
+use super::kinematics::{Placed, Row, coordinate, held, last};
+use super::rows::{Root, connected, length_of, made_unit, row_over};
 use super::stiffening::{RESOLVED, Stiffening, restoring};
 use super::{JointKind, JointState, Motor};
 use crate::integrate::{inverse_mass, world_inertia};
 use crate::math::{Mat3, Vec3, rotation_exponential};
 use crate::motion::Profile;
 use crate::world::World;
-use graintrain_ccp::{BodyInverseMass, CoupledBodies, Residual};
-
-/// Corrections of the right-hand side, and changes of motors and stops, between two solves of the contacts.
-const CORRECTIONS: usize = 40;
-
-/// After so many, motors and stops change one by one.
-const TOGETHER: usize = 8;
-
-/// Rates that joints are solved to between solves of the contacts, over the velocity scale.
-const FINE: f64 = 1e-11;
-
-/// Joints that open faster than this, over the velocity scale, after all corrections are stuck.
-const STUCK: f64 = 1e-3;
+use graintrain_ccp::CoupledBodies;
 
 /// Roundings in the difference of two positions.
 const ROUNDING: f64 = 16.0;
 
-/// A motor that misses this fraction of its speed while a stop is active works against the stop.
-const DRIVEN: f64 = 0.1;
-
-/// A force beyond its limit, or a rate on the wrong side, counts from this fraction on.
-const CLEAR: f64 = 1e-9;
-
-/// S with S S^T = M^-1 of one body: lower triangular, zero for what is prescribed.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Root {
-    linear: Vec3,
-    angular: Mat3,
-}
-
-impl Root {
-    pub(super) fn of(inverse: &BodyInverseMass) -> Self {
-        let a = |i: usize, j: usize| inverse.angular[3 * i + j];
-        let mut l = [[0.0; 3]; 3];
-        for j in 0..3 {
-            let pivot: f64 = a(j, j) - (0..j).map(|k| l[j][k] * l[j][k]).sum::<f64>();
-            if pivot > 0.0 {
-                l[j][j] = pivot.sqrt();
-                for i in j + 1..3 {
-                    let rest: f64 = a(i, j) - (0..j).map(|k| l[i][k] * l[j][k]).sum::<f64>();
-                    l[i][j] = rest / l[j][j];
-                }
-            }
-        }
-        let angular = Mat3::from_cols(
-            Vec3::new(l[0][0], l[1][0], l[2][0]),
-            Vec3::new(0.0, l[1][1], l[2][1]),
-            Vec3::new(0.0, 0.0, l[2][2]),
-        );
-        Self { linear: Vec3::from_array(inverse.linear.map(f64::sqrt)), angular }
-    }
-
-    /// S^T (f, m).
-    pub(super) fn transposed_times(&self, [f, m]: [Vec3; 2]) -> [Vec3; 2] {
-        [self.linear * f, self.angular.transpose() * m]
-    }
-
-    /// The trace of S^T K S over the rotations: above the square of the rate, 1/s^2, of any swing of the body alone.
-    fn turned(&self, stiffness: Mat3) -> f64 {
-        let product = self.angular.transpose() * stiffness * self.angular;
-        product.x_axis.x + product.y_axis.y + product.z_axis.z
-    }
-
-    /// S z.
-    pub(super) fn times(&self, z: &[f64]) -> [Vec3; 2] {
-        [self.linear * Vec3::from_slice(&z[..3]), self.angular * Vec3::from_slice(&z[3..6])]
-    }
-}
+/// Largest mobility of a spring, 1/kg: softer ones do nothing, and its square has to stay finite.
+const SOFTEST: f64 = 1e100;
 
 /// What a row is for.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -170,29 +115,6 @@ pub(crate) struct Mechanisms<'a> {
     mechanisms: Vec<Mechanism>,
 }
 
-/// What joints did in a step.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct JointReactions {
-    /// One per joint of the world; coordinates still those before the step.
-    pub states: Vec<JointState>,
-    /// Impulses on bodies and their moments about the centres, world axes.
-    pub impulses: Vec<(usize, [Vec3; 2])>,
-    /// Rates at which joints open, over the velocity scale.
-    pub residual: Residual,
-    /// The joint that opens most.
-    pub worst: usize,
-    /// Rate at which it does, m/s.
-    pub opening: f64,
-}
-
-/// What separates rounds: whether motors or stops changed, or targets.
-#[derive(PartialEq)]
-enum Change {
-    Rows,
-    Targets,
-    None,
-}
-
 impl<'a> Mechanisms<'a> {
     /// The joints of a step from the velocities `before` it, with those that bodies would have without joints and contacts (six per body).
     pub(crate) fn new(world: &'a World, before: &[f64], free: Vec<f64>, step: f64) -> Self {
@@ -215,7 +137,7 @@ impl<'a> Mechanisms<'a> {
         for index in 0..world.joints.len() {
             let length = length_of(world, index);
             own.lengths.push(length);
-            for row in held(&world.joints, index, &poses) {
+            for row in held(&world.joints, index, &poses, &last(&world.joints)) {
                 let rate = row.rate(&own.free) - row.rate(&own.before);
                 speed = speed.max(rate.abs() * if row.angular { length } else { 1.0 });
             }
@@ -269,19 +191,21 @@ impl<'a> Mechanisms<'a> {
                     ActiveRow { joint, role, row, wanted, target, compliance, norm: 1.0, free_rate, noise };
                 mechanism.rows.push(row);
             };
-            for (k, row) in held(&world.joints, joint, &poses).into_iter().enumerate() {
+            for (k, row) in held(&world.joints, joint, &poses, &last(&world.joints)).into_iter().enumerate() {
                 add(Role::Held(k), row, 0.0, 0.0);
             }
             let own = &world.joints[joint].joint;
             if own.motor.is_none() && own.spring.is_none() && own.limits.is_none() {
                 continue;
             }
-            let Some(along) = coordinate(&world.joints, joint, &poses) else { continue };
+            let Some(along) = coordinate(&world.joints, joint, &poses, &last(&world.joints)) else {
+                continue;
+            };
             if let Some(spring) = &own.spring {
                 let rest = spring.rest.as_ref().map_or(world.joints[joint].start, |rest| self.mean(rest));
                 let (k, c) = (spring.stiffness, spring.damping);
                 let quarter = 0.25 * step * step * k;
-                let mobility = 1.0 / (quarter + step * c);
+                let mobility = (1.0 / (quarter + step * c)).min(SOFTEST);
                 let before = along.rate(&self.before);
                 let right = mobility * (quarter * before - step * k * (along.value - rest));
                 add(Role::Spring, along.clone(), right, mobility);
@@ -409,27 +333,33 @@ impl<'a> Mechanisms<'a> {
 
     /// Where bodies are after the step with these velocities of the mechanism.
     fn rates(&self, mechanism: &Mechanism, velocity: &[f64]) -> Vec<f64> {
+        let joints = &self.world.joints;
+        let velocity_of = |body: usize| match mechanism.bodies.binary_search(&(body as u32)) {
+            Ok(k) => &velocity[6 * k..6 * k + 6],
+            Err(_) => &self.free[6 * body..6 * body + 6],
+        };
         let moved = |body: usize| {
             let (position, orientation) = self.world.pose(body);
-            let v = match mechanism.bodies.binary_search(&(body as u32)) {
-                Ok(k) => &velocity[6 * k..6 * k + 6],
-                Err(_) => &self.free[6 * body..6 * body + 6],
-            };
+            let v = velocity_of(body);
             let (u, w) = (Vec3::from_slice(&v[..3]), Vec3::from_slice(&v[3..]));
             let turn = rotation_exponential(self.step * w);
             (position + self.step * u, (turn * orientation).normalize())
         };
-        let joints = &self.world.joints;
+        let poses = |body: usize| self.world.pose(body);
+        let near = |joint: usize| {
+            let along = coordinate(joints, joint, &poses, &last(joints));
+            along.map_or(0.0, |along| along.value + self.step * along.rate_of(velocity_of))
+        };
         let mut known: Option<(usize, Vec<Row>)> = None;
         let rate = |row: &ActiveRow| {
             let after = match row.role {
                 Role::Held(k) => {
                     if known.as_ref().is_none_or(|(joint, _)| *joint != row.joint) {
-                        known = Some((row.joint, held(joints, row.joint, &moved)));
+                        known = Some((row.joint, held(joints, row.joint, &moved, &near)));
                     }
                     known.as_ref().map(|(_, rows)| rows[k].value)
                 }
-                Role::Motor | Role::Stop => coordinate(joints, row.joint, &moved).map(|row| row.value),
+                Role::Motor | Role::Stop => coordinate(joints, row.joint, &moved, &near).map(|row| row.value),
                 Role::Spring => None,
             };
             after.map_or(row.wanted, |after| (after - row.row.value) / self.step)
@@ -440,126 +370,6 @@ impl<'a> Mechanisms<'a> {
     /// How fast a row of the joint opens, m/s.
     fn opening(&self, row: &ActiveRow, rate: f64) -> f64 {
         (rate - row.wanted).abs() * if row.row.angular { self.lengths[row.joint] } else { 1.0 }
-    }
-
-    /// Motors and stops that disagree with their forces or rates take their other state; of several the first alone where `one` is
-    /// asked for.
-    fn switch(&mut self, index: usize, solution: &Solution, one: bool) -> bool {
-        let mechanism = &self.mechanisms[index];
-        let world = self.world;
-        let limited = |joint: &usize| {
-            let own = &world.joints[*joint].joint;
-            own.limits.is_some() || matches!(own.motor, Some(Motor::Speed { limit: Some(_), .. }))
-        };
-        if !mechanism.joints.iter().any(limited) {
-            return false;
-        }
-        let mut velocity = self.free.clone();
-        for (k, &body) in mechanism.bodies.iter().enumerate() {
-            velocity[6 * body as usize..6 * body as usize + 6]
-                .copy_from_slice(&solution.velocity[6 * k..6 * k + 6]);
-        }
-        let poses = |body: usize| world.pose(body);
-        let is_stopped = mechanism.joints.iter().any(|&joint| self.states[joint].stopped != 0);
-        let mut changed = false;
-        for &joint in mechanism.joints.iter().filter(|joint| limited(joint)) {
-            let own = &world.joints[joint].joint;
-            let Some(along) = coordinate(&world.joints, joint, &poses) else { continue };
-            let rate = along.rate(&velocity);
-            let scale = self.scale / if along.angular { self.lengths[joint] } else { 1.0 };
-            let impulse_of = |role: Role| {
-                let own = |row: &ActiveRow| row.joint == joint && row.role == role;
-                mechanism.rows.iter().position(own).map_or(0.0, |k| solution.impulse[k])
-            };
-            let mut state = self.states[joint];
-            if let Some(Motor::Speed { speed, limit: Some(limit) }) = &own.motor {
-                let most = self.step * self.mean(limit).max(0.0);
-                let wanted = self.mean(speed);
-                match state.saturated {
-                    0 => {
-                        let impulse = impulse_of(Role::Motor);
-                        let missing = wanted - rate;
-                        if impulse.abs() > most * (1.0 + CLEAR) {
-                            state.saturated = if impulse > 0.0 { 1 } else { -1 };
-                        } else if is_stopped && missing.abs() > (DRIVEN * wanted.abs()).max(CLEAR * scale) {
-                            // Against a stop its row depends on that of the stop, and gets no rate at any force.
-                            state.saturated = if missing > 0.0 { 1 } else { -1 };
-                        }
-                    }
-                    side if f64::from(side) * (rate - wanted) > CLEAR * scale => state.saturated = 0,
-                    _ => {}
-                }
-            }
-            if let Some(limits) = own.limits {
-                let end = along.value + self.step * rate;
-                let beyond = CLEAR * scale * self.step;
-                match state.stopped {
-                    0 if limits.lower.is_some_and(|lower| end < lower - beyond) => state.stopped = -1,
-                    0 if limits.upper.is_some_and(|upper| end > upper + beyond) => state.stopped = 1,
-                    side if f64::from(side) * impulse_of(Role::Stop) > 0.0 => state.stopped = 0,
-                    _ => {}
-                }
-            }
-            if state != self.states[joint] {
-                self.states[joint] = state;
-                changed = true;
-                if one {
-                    break;
-                }
-            }
-        }
-        changed
-    }
-
-    /// One round of a mechanism: whether anything changed under these contact impulses, to this accuracy of rates (m/s).
-    fn round(&mut self, index: usize, impulse: &[f64], accuracy: f64, one: bool) -> Change {
-        let solution = self.solve(&self.mechanisms[index], impulse);
-        if self.switch(index, &solution, one) {
-            let mut mechanism = std::mem::replace(&mut self.mechanisms[index], Mechanism::empty());
-            self.arrange(&mut mechanism);
-            self.mechanisms[index] = mechanism;
-            return Change::Rows;
-        }
-        let mechanism = &self.mechanisms[index];
-        let rates = self.rates(mechanism, &solution.velocity);
-        let open = |(row, &rate): (&ActiveRow, &f64)| self.opening(row, rate) > accuracy.max(row.noise);
-        if !mechanism.rows.iter().zip(&rates).any(open) {
-            return Change::None;
-        }
-        for (row, rate) in self.mechanisms[index].rows.iter_mut().zip(rates) {
-            row.target -= rate - row.wanted;
-        }
-        Change::Targets
-    }
-
-    /// Finds what motors and stops do and how paths bend, as if contacts exerted these impulses (six numbers per body; empty: none).
-    pub(crate) fn predict(&mut self, impulse: &[f64]) {
-        for index in 0..self.mechanisms.len() {
-            let fine = FINE * self.scale;
-            let mut rounds = 0..CORRECTIONS;
-            let settled =
-                rounds.any(|round| self.round(index, impulse, fine, round >= TOGETHER) == Change::None);
-            if !settled && self.is_open(index, impulse, STUCK * self.scale) {
-                // Corrections that lead nowhere, as in a linkage that is stuck, must not drive it.
-                self.mechanisms[index].rows.iter_mut().for_each(|row| row.target = row.wanted);
-            }
-        }
-    }
-
-    /// Whether a row of a mechanism opens faster than this (m/s).
-    fn is_open(&self, index: usize, impulse: &[f64], accuracy: f64) -> bool {
-        let mechanism = &self.mechanisms[index];
-        let solution = self.solve(mechanism, impulse);
-        let rates = self.rates(mechanism, &solution.velocity);
-        let closed = |(row, &rate): (&ActiveRow, &f64)| self.opening(row, rate) <= accuracy.max(row.noise);
-        !mechanism.rows.iter().zip(&rates).all(closed)
-    }
-
-    /// Whether joints are what the contact problem took them for, to this residual, now that contacts exert these impulses; else
-    /// [`Self::predict`] with them, and the contact problem again.
-    pub(crate) fn agree(&mut self, impulse: &[f64], tolerance: f64) -> bool {
-        let accuracy = tolerance * self.scale;
-        (0..self.mechanisms.len()).all(|index| self.round(index, impulse, accuracy, true) == Change::None)
     }
 
     /// Velocities of all bodies under these contact impulses (six per body; empty: none).
@@ -581,66 +391,6 @@ impl<'a> Mechanisms<'a> {
     /// The common inverse masses of the mechanisms.
     pub(crate) fn coupled(&self) -> Vec<CoupledBodies> {
         self.mechanisms.iter().map(Mechanism::coupled).collect()
-    }
-
-    /// What joints did, under these contact impulses.
-    pub(crate) fn reactions(&self, impulse: &[f64]) -> JointReactions {
-        let mut found = JointReactions { states: self.states.clone(), ..JointReactions::default() };
-        for state in &mut found.states {
-            (state.force, state.torque) = (Vec3::ZERO, Vec3::ZERO);
-            (state.rate, state.drive) = (0.0, 0.0);
-        }
-        if self.is_empty() {
-            return found;
-        }
-        let poses = |body: usize| self.world.pose(body);
-        let mut velocity = self.free.clone();
-        self.velocities(impulse, &mut velocity);
-        let (mut squares, mut count) = (0.0, 0);
-        for mechanism in &self.mechanisms {
-            let solution = self.solve(mechanism, impulse);
-            for &joint in &mechanism.joints {
-                if let Some(along) = coordinate(&self.world.joints, joint, &poses) {
-                    found.states[joint].rate = along.rate(&velocity);
-                }
-            }
-            let rates = self.rates(mechanism, &solution.velocity);
-            let held = mechanism.rows.iter().zip(&solution.impulse);
-            let all =
-                held.map(|(row, &impulse)| (row.joint, &row.row, impulse, matches!(row.role, Role::Held(_))));
-            let pushed = mechanism.pushed.iter().map(|(joint, row, impulse)| (*joint, row, *impulse, false));
-            for (joint, row, impulse, holds) in all.chain(pushed) {
-                found
-                    .impulses
-                    .extend(row.ends.iter().map(|(body, parts)| (*body, parts.map(|part| impulse * part))));
-                let own = &self.world.joints[joint];
-                let state = &mut found.states[joint];
-                let is_gear = matches!(own.joint.kind, JointKind::Gear { .. });
-                if !holds || is_gear {
-                    state.drive += impulse / self.step;
-                }
-                if !is_gear {
-                    let [force, torque] = Placed::of(own, &poses).wrench(row);
-                    state.force += impulse / self.step * force;
-                    state.torque += impulse / self.step * torque;
-                }
-            }
-            for (k, &body) in mechanism.bodies.iter().enumerate().filter(|_| !solution.held.is_empty()) {
-                let change = mechanism.roots[k].times(&solution.held[6 * k..]);
-                found.impulses.push((body as usize, self.momentum(body as usize, change)));
-            }
-            for (row, &rate) in mechanism.rows.iter().zip(&rates) {
-                let opening = self.opening(row, rate);
-                if opening.is_nan() || opening > found.opening {
-                    (found.opening, found.worst) = (opening, row.joint);
-                }
-                squares += (opening / self.scale).powi(2);
-                count += 1;
-            }
-        }
-        let rms = (squares / f64::from(count.max(1))).sqrt();
-        found.residual = Residual { max: found.opening / self.scale, rms };
-        found
     }
 }
 
@@ -706,82 +456,4 @@ pub(crate) fn coupled_in_impacts(world: &World, velocity: &[f64], step: f64) -> 
         });
     }
     all.coupled()
-}
-
-/// S^T of a row's derivatives, over these bodies.
-pub(super) fn row_over(row: &Row, bodies: &[u32], roots: &[Root], length: usize) -> Vec<f64> {
-    let mut all = vec![0.0; length];
-    for (body, parts) in &row.ends {
-        if let Ok(k) = bodies.binary_search(&(*body as u32)) {
-            let [z, w] = roots[k].transposed_times(*parts);
-            for (axis, x) in z.to_array().into_iter().chain(w.to_array()).enumerate() {
-                all[6 * k + axis] += x;
-            }
-        }
-    }
-    all
-}
-
-/// Divides a row by its length, which is returned; 1 for a row of zeros.
-pub(super) fn made_unit(row: &mut [f64]) -> f64 {
-    let norm = row.iter().map(|x| x * x).sum::<f64>().sqrt();
-    if norm.is_nan() || norm <= 0.0 {
-        return 1.0;
-    }
-    row.iter_mut().for_each(|x| *x /= norm);
-    norm
-}
-
-/// Bodies of a joint, a gear's those of its joints.
-fn bodies_of(world: &World, joint: usize) -> Vec<usize> {
-    let own = &world.joints[joint].joint;
-    match &own.kind {
-        JointKind::Gear { joints, .. } => {
-            joints.iter().flat_map(|other| bodies_of(world, other.index())).collect()
-        }
-        _ => own.bodies.iter().flatten().map(|body| body.index()).collect(),
-    }
-}
-
-/// Movable bodies and joints that hang together, each ascending.
-pub(super) fn connected(world: &World) -> Vec<(Vec<u32>, Vec<usize>)> {
-    let mut found: Vec<(Vec<u32>, Vec<usize>)> = Vec::new();
-    for joint in 0..world.joints.len() {
-        let movable = bodies_of(world, joint).into_iter().filter(|&body| !world.is_prescribed(body));
-        let mut own: (Vec<u32>, Vec<usize>) = (movable.map(|body| body as u32).collect(), vec![joint]);
-        if own.0.is_empty() {
-            continue;
-        }
-        let touches = |other: &(Vec<u32>, Vec<usize>)| other.0.iter().any(|body| own.0.contains(body));
-        let (joined, apart): (Vec<_>, Vec<_>) = found.into_iter().partition(touches);
-        for (bodies, joints) in joined {
-            own.0.extend(bodies);
-            own.1.extend(joints);
-        }
-        own.0.sort_unstable();
-        own.0.dedup();
-        own.1.sort_unstable();
-        found = apart;
-        found.push(own);
-    }
-    found.sort_unstable_by_key(|(bodies, _)| bodies[0]);
-    found
-}
-
-/// The longer of a joint's arms and its bodies' radii of gyration, m.
-pub(super) fn length_of(world: &World, joint: usize) -> f64 {
-    let own = &world.joints[joint];
-    let ends =
-        own.joint.bodies.iter().zip(&own.places).filter_map(|(body, place)| Some(((*body)?.index(), place)));
-    let mut length = 0.0_f64;
-    for (body, (point, _)) in ends {
-        let (mass, inertia) = (world.bodies.mass[body], world.bodies.inertia[body]);
-        let trace = inertia.x_axis.x + inertia.y_axis.y + inertia.z_axis.z;
-        let gyration = if mass > 0.0 { (0.5 * trace / mass).sqrt() } else { 0.0 };
-        length = length.max(point.length()).max(gyration);
-    }
-    if let JointKind::Gear { joints, .. } = own.joint.kind {
-        length = length_of(world, joints[1].index());
-    }
-    if length > 0.0 { length } else { 1.0 }
 }

@@ -19,6 +19,7 @@ pub(crate) mod drift;
 pub(crate) mod elimination;
 pub(crate) mod kinematics;
 pub(crate) mod mechanism;
+mod rows;
 mod stiffening;
 
 use crate::error::{ModelError, finite, positive};
@@ -396,7 +397,12 @@ impl World {
         }
         let mut placed = PlacedJoint { joint, state: JointState::default(), places, start: 0.0 };
         self.joints.push(placed.clone());
-        let start = kinematics::coordinate(&self.joints, index, &|body| self.pose(body));
+        let start = kinematics::coordinate(
+            &self.joints,
+            index,
+            &|body| self.pose(body),
+            &kinematics::last(&self.joints),
+        );
         placed.start = start.map_or(0.0, |start| start.value);
         placed.state.coordinate = placed.start;
         self.joints[index] = placed;
@@ -447,10 +453,23 @@ impl World {
         pairs
     }
 
+    /// About what coordinates joints have after a step in which they did this: however far they turn in it, within half a turn.
+    pub(crate) fn expected_coordinates(
+        &self,
+        states: &[JointState],
+        step: f64,
+    ) -> impl Fn(usize) -> f64 + use<> {
+        let last = self.joints.iter().map(|placed| placed.state.coordinate);
+        let rates = states.iter().map(|state| state.rate).chain(std::iter::repeat(0.0));
+        let expected: Vec<f64> = last.zip(rates).map(|(last, rate)| last + step * rate).collect();
+        move |joint| expected[joint]
+    }
+
     /// Takes over what joints did in a step, with the coordinates that bodies have now.
-    pub(crate) fn record_joints(&mut self, states: &[JointState]) {
+    pub(crate) fn record_joints(&mut self, states: &[JointState], step: f64) {
+        let near = self.expected_coordinates(states, step);
         for (index, state) in states.iter().enumerate() {
-            let along = kinematics::coordinate(&self.joints, index, &|body| self.pose(body));
+            let along = kinematics::coordinate(&self.joints, index, &|body| self.pose(body), &near);
             let before = self.joints[index].state.coordinate;
             self.joints[index].state =
                 JointState { coordinate: along.map_or(before, |along| along.value), ..*state };

@@ -45,6 +45,9 @@ fn half_extent(shape: &Shape, orientation: Quat) -> Vec3 {
         Shape::Cylinder { half_length, radius } => {
             *half_length * axis + *radius * (Vec3::ONE - axis * axis).max(Vec3::ZERO).map(f64::sqrt)
         }
+        Shape::Hull(hull) => {
+            hull.corners().iter().map(|c| (orientation * *c).abs()).fold(Vec3::ZERO, Vec3::max)
+        }
         Shape::Mesh { vertices, .. } => {
             vertices.iter().map(|v| (orientation * *v).abs()).fold(Vec3::ZERO, Vec3::max)
         }

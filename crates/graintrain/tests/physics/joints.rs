@@ -570,3 +570,41 @@ fn open_joints_close_without_energy() {
     let end = bodies.position[bar] + bodies.orientation[bar] * (0.5 * Vec3::X);
     assert!((end - bodies.position[weight]).length() < 1e-10);
 }
+
+/// Angles count all turns, also where a step is several of them, of the joint itself and through a gear.
+#[test]
+fn angles_of_several_turns_per_step_are_counted() {
+    for step in [1e-3, 0.02] {
+        let mut world = weightless();
+        let fast = lump(&mut world, Vec3::ZERO, 1.0, Vec3::splat(1e-3));
+        let slow = lump(&mut world, Vec3::X, 1.0, Vec3::splat(1e-3));
+        let speed = 1000.0;
+        let motor = Motor::Speed { speed: Profile::Constant(speed), limit: None };
+        let turn = Joint::revolute(None, fast, Vec3::ZERO, Vec3::Z).with_motor(motor);
+        let turn = world.add_joint(turn).unwrap();
+        let follower = world.add_joint(Joint::revolute(None, slow, Vec3::X, Vec3::Z)).unwrap();
+        world.add_joint(Joint::gear([turn, follower], -0.7)).unwrap();
+        let mut stepper = stepper(step, FrictionModel::Relaxed);
+        run(&mut world, &mut stepper, 50);
+        let angle = |joint: JointId| world.joints()[joint.index()].state.coordinate;
+        let expected = 50.0 * step * speed;
+        assert!((angle(turn) - expected).abs() < 1e-9 * expected, "{} {expected}", angle(turn));
+        assert!((angle(follower) + 0.7 * expected).abs() < 1e-9 * expected, "{}", angle(follower));
+        assert!((world.bodies.angular_velocity[slow.index()].z + 0.7 * speed).abs() < 1e-9 * speed);
+    }
+}
+
+/// A spring too soft to do anything, down to the smallest number, does nothing.
+#[test]
+fn a_spring_as_soft_as_can_be_is_none() {
+    for stiffness in [1e-300, 5e-324] {
+        let mut world = weightless();
+        let ball = lump(&mut world, Vec3::ZERO, 0.7, Vec3::splat(1e-3));
+        world.bodies.velocity[ball.index()] = Vec3::X;
+        let spring = Spring { stiffness, damping: 0.0, rest: Some(Profile::Constant(-0.1)) };
+        let joint = Joint { spring: Some(spring), ..Joint::prismatic(None, ball, Vec3::ZERO, Vec3::X) };
+        world.add_joint(joint).unwrap();
+        run(&mut world, &mut stepper(1e-3, FrictionModel::Relaxed), 10);
+        assert!((world.bodies.velocity[ball.index()] - Vec3::X).length() < 1e-12);
+    }
+}

@@ -2,6 +2,7 @@
 
 mod cells;
 mod drives;
+mod elasticity;
 mod energy;
 mod forces;
 mod friction;

@@ -2,10 +2,10 @@
 
 use crate::scene::Scene;
 use crate::scene::error::{SceneError, SceneErrorKind};
-use crate::scene::model::MaterialSpec;
+use crate::scene::model::{MaterialSpec, PairSpec};
 use graintrain::error::ModelError;
 use graintrain::handle::MaterialId;
-use graintrain::material::{Materials, TurningResistance};
+use graintrain::material::{Elasticity, Materials, TurningResistance};
 use std::collections::HashMap;
 
 /// Materials with the values of this list, and the pairs and rules of the scene.
@@ -62,13 +62,57 @@ pub(super) fn materials(
                 pair.and_then(|pair| pair.spinning_friction),
                 [first.spinning_friction, second.spinning_friction],
             )?;
+            let own = [first, second].map(|m| Elasticity { stiffness: m.stiffness, damping: m.damping });
+            let elasticity = elasticity_of(own, i == j, pair);
+            let cohesion = pair.and_then(|pair| pair.cohesion).unwrap_or(first.cohesion.min(second.cohesion));
             materials
                 .set_pair_turning(index[first_name], index[second_name], rolling, spinning)
                 .map_err(unplaced)?;
             materials
                 .set_pair(index[first_name], index[second_name], friction, restitution)
                 .map_err(unplaced)?;
+            materials
+                .set_pair_elasticity(index[first_name], index[second_name], elasticity)
+                .map_err(unplaced)?;
+            materials.set_pair_cohesion(index[first_name], index[second_name], cohesion).map_err(unplaced)?;
         }
     }
     Ok((materials, index))
+}
+
+/// Stiffness and damping of a pair: those that it gives itself, otherwise both materials in series. A contact of a material with itself
+/// (k, d) is two halves of (2k, 2d) each, and a rigid material has no part in it; halves (K_1, D_1) and (K_2, D_2) in series are
+/// `1/K = 1/K_1 + 1/K_2` and, for oscillations slower than K/D, `D/K^2 = D_1/K_1^2 + D_2/K_2^2`.
+fn elasticity_of(own: [Elasticity; 2], is_same: bool, pair: Option<&PairSpec>) -> Elasticity {
+    let series = if is_same {
+        own[0]
+    } else {
+        let halves = || own.iter().filter(|half| half.stiffness > 0.0);
+        let softness: f64 = halves().map(|half| 0.5 / half.stiffness).sum();
+        let stiffness = if softness > 0.0 { 1.0 / softness } else { 0.0 };
+        let share = |half: &Elasticity| 0.5 * half.damping / (half.stiffness * half.stiffness);
+        Elasticity { stiffness, damping: stiffness * stiffness * halves().map(share).sum::<f64>() }
+    };
+    let Some(pair) = pair else { return series };
+    let stiffness = pair.stiffness.unwrap_or(series.stiffness);
+    let damping = pair.damping.unwrap_or(if stiffness > 0.0 { series.damping } else { 0.0 });
+    Elasticity { stiffness, damping }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn stiffnesses_in_series() {
+        let of = |stiffness, damping| Elasticity { stiffness, damping };
+        let pair = |a, b| elasticity_of([a, b], false, None);
+        assert_eq!(pair(of(3.0, 1.0), Elasticity::RIGID), of(6.0, 2.0));
+        let alike = pair(of(3.0, 1.0), of(3.0, 1.0));
+        assert!((alike.stiffness - 3.0).abs() < 1e-15 && (alike.damping - 1.0).abs() < 1e-15);
+        assert_eq!(pair(Elasticity::RIGID, Elasticity::RIGID), Elasticity::RIGID);
+        // Halves of 4 and 12 N/m: 3 N/m; the dashpot on the softer one moves by 3/4 of the way.
+        let mixed = pair(of(2.0, 0.5), of(6.0, 0.0));
+        assert!((mixed.stiffness - 3.0).abs() < 1e-15 && (mixed.damping - 9.0 / 16.0).abs() < 1e-15);
+    }
 }

@@ -104,7 +104,7 @@ static ROTATION: Table = Table {
 
 pub(super) static SHAPE: Table = Table {
     heading: "`shape`",
-    alternatives: &[&["sphere", "box", "plane", "capsule", "cylinder", "mesh"]],
+    alternatives: &[&["sphere", "box", "plane", "capsule", "cylinder", "hull", "mesh"]],
     keys: &[
         key("sphere", Kind::Table(&SPHERE), "one of", "{ radius = \"1 cm\" }", "Ball about the origin"),
         key("box", Kind::Table(&BOX), "one of", "{ size = [1, 2, 3] }", "Box about the origin"),
@@ -123,6 +123,7 @@ pub(super) static SHAPE: Table = Table {
             "Cylinder with half balls at both ends, along z",
         ),
         key("cylinder", Kind::Table(&CYLINDER), "one of", "{ length = 2, radius = 1 }", "Cylinder along z"),
+        key("hull", Kind::Table(&HULL), "one of", "{ file = \"stone.stl\" }", "Convex hull of points"),
         key(
             "mesh",
             Kind::Table(&MESH),
@@ -172,6 +173,28 @@ static CYLINDER: Table = Table {
     keys: &[
         key("length", Quantity(D::LENGTH), "required", "\"4 cm\"", "Height"),
         key("radius", Quantity(D::LENGTH), "required", "\"1 cm\"", "Radius"),
+    ],
+};
+
+static HULL: Table = Table {
+    heading: "`shape.hull`",
+    alternatives: &[&["file", "points"]],
+    keys: &[
+        key(
+            "file",
+            Text,
+            "one of file, points",
+            "\"stone.stl\"",
+            "STL, OBJ, or a table of nine coordinates per triangle: the hull of its corner points",
+        ),
+        key(
+            "points",
+            Rows,
+            "one of file, points",
+            "[[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]",
+            "Points that enclose a volume; those inside, or outside by less than 1e-6 of the extent, are no corners. At most 256 corners",
+        ),
+        key("scale", Quantity(D::NONE), "1", "0.001", "Factor on all coordinates, e.g. for a file in mm"),
     ],
 };
 

@@ -399,6 +399,10 @@ static OUTPUT: Table = Table {
     ],
 };
 
+/// Force per length, and force per speed.
+const STIFFNESS: D = D::new(0, 1, -2, 0);
+const DAMPING: D = D::new(0, 1, -1, 0);
+
 static MATERIAL: Table = Table {
     heading: "`[material.NAME]`",
     alternatives: &[],
@@ -426,6 +430,27 @@ static MATERIAL: Table = Table {
             "0",
             "\"0.2 mm\"",
             "Spinning friction with itself: the same for the moment about the normal",
+        ),
+        key(
+            "stiffness",
+            Quantity(STIFFNESS),
+            "0: rigid",
+            "\"100 kN/m\"",
+            "Normal stiffness of every contact with itself; not with restitution",
+        ),
+        key(
+            "damping",
+            Quantity(DAMPING),
+            "0",
+            "\"20 N s/m\"",
+            "Normal damping of every contact with itself; with a stiffness",
+        ),
+        key(
+            "cohesion",
+            Quantity(D::FORCE),
+            "0",
+            "\"2 mN\"",
+            "Force with which two bodies of it pull each other while they touch",
         ),
     ],
 };
@@ -462,6 +487,27 @@ static PAIR: Table = Table {
             "contact.friction_rule",
             "0.02",
             "Spinning friction between them, a number of effective radii or a length",
+        ),
+        key(
+            "stiffness",
+            Quantity(STIFFNESS),
+            "both in series",
+            "\"50 kN/m\"",
+            "Normal stiffness of every contact between them; 0: rigid",
+        ),
+        key(
+            "damping",
+            Quantity(DAMPING),
+            "both in series",
+            "\"10 N s/m\"",
+            "Normal damping of every contact between them",
+        ),
+        key(
+            "cohesion",
+            Quantity(D::FORCE),
+            "the smaller of both",
+            "\"1 mN\"",
+            "Force with which they pull each other while they touch",
         ),
     ],
 };

@@ -1,0 +1,315 @@
+//! Contacts of convex hulls with hulls, boxes and triangles, exact but for rounding.
+//!
+//! Two convex polyhedra are farthest apart (least deep inside each other) along the normal of a face of one of them or across an edge of
+//! each; edges count only where their arcs on the sphere of normals cross (D. Gregorius, "The separating axis test between convex
+//! polyhedra", Game Developers Conference 2013). Along that normal n, the faces that look at each other most are projected onto each
+//! other: the corners of the common part of both polygons, with their distances along n, are the contacts, whatever the number of
+//! corners; so is the pair of features that gave n. Polyhedra that are nearest with a corner or across other edges have those points from
+//! [`super::corners`].
+
+use super::manifold::Solid;
+use super::reduce::Touch;
+use crate::math::{Quat, Vec3, tangents};
+use crate::shape::Shape;
+
+/// By this fraction of the smaller size edges have to be farther apart than faces to be preferred.
+const FACES_FIRST: f64 = 1e-9;
+
+/// Points this fraction of the smaller size beside a polygon lie on it.
+const BESIDE: f64 = 1e-9;
+
+/// Sine of the angle below which edges are parallel.
+const PARALLEL: f64 = 1e-6;
+
+/// Cosine of the angle between the normal and a face from which on the face is seen edge-on.
+const STEEP: f64 = 0.1;
+
+/// Features of contacts: a corner of A, a corner of B, two edges, the features that gave the normal. Above those of the corners.
+const CORNER_OF_A: u64 = 1 << 40;
+const CORNER_OF_B: u64 = 2 << 40;
+const EDGES: u64 = 3 << 40;
+const NEAREST: u64 = 4 << 40;
+
+struct Face<'a> {
+    normal: Vec3,
+    offset: f64,
+    corners: &'a [u32],
+}
+
+struct Edge {
+    corners: [u32; 2],
+    faces: [u32; 2],
+}
+
+/// A polyhedron in the frame of the contact.
+pub(crate) struct Polyhedron<'a> {
+    corners: Vec<Vec3>,
+    faces: Vec<Face<'a>>,
+    edges: Vec<Edge>,
+    /// Without volume: a triangle, whose two faces look away from each other.
+    is_flat: bool,
+}
+
+/// Faces of a box whose corner k lies on the upper side of axis i where bit i of k is set, counter-clockwise from outside.
+static BOX_FACES: [[u32; 4]; 6] =
+    [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
+
+/// Both sides of a triangle.
+static TRIANGLE_FACES: [[u32; 3]; 2] = [[0, 1, 2], [0, 2, 1]];
+
+impl<'a> Polyhedron<'a> {
+    /// The solid relative to `origin`; `None` for solids with curved faces.
+    pub(crate) fn new(solid: Solid<'a>, origin: Vec3) -> Option<Self> {
+        match solid {
+            Solid::Placed { shape: Shape::Hull(hull), position, orientation } => {
+                let place = |p: &Vec3| position - origin + orientation * *p;
+                let faces = hull.faces().iter().map(|face| {
+                    let normal = orientation * face.normal;
+                    let offset = face.offset + normal.dot(position - origin);
+                    Face { normal, offset, corners: &face.corners }
+                });
+                let edges = hull.edges().iter().map(|e| Edge { corners: e.corners, faces: e.faces });
+                Some(Self {
+                    corners: hull.corners().iter().map(place).collect(),
+                    faces: faces.collect(),
+                    edges: edges.collect(),
+                    is_flat: false,
+                })
+            }
+            Solid::Placed { shape: &Shape::Box { half }, position, orientation } => {
+                Some(Self::of_box(half, position - origin, orientation))
+            }
+            Solid::Triangle(corners) => {
+                let corners: Vec<Vec3> = corners.iter().map(|p| *p - origin).collect();
+                let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize_or_zero();
+                let sides = TRIANGLE_FACES.iter().zip([normal, -normal]);
+                let faces =
+                    sides.map(|(own, normal)| Face { normal, offset: normal.dot(corners[0]), corners: own });
+                let edges = (0..3).map(|k| Edge { corners: [k, (k + 1) % 3], faces: [0, 1] });
+                Some(Self { faces: faces.collect(), edges: edges.collect(), corners, is_flat: true })
+            }
+            Solid::Placed { .. } => None,
+        }
+    }
+
+    fn of_box(half: Vec3, position: Vec3, orientation: Quat) -> Self {
+        let corner = |k: u32| {
+            let side = |axis: u32| if k >> axis & 1 == 1 { 1.0 } else { -1.0 };
+            position + orientation * (half * Vec3::new(side(0), side(1), side(2)))
+        };
+        let face = |(k, own): (usize, &'static [u32; 4])| {
+            let mut normal = Vec3::ZERO;
+            normal[k / 2] = if k % 2 == 1 { 1.0 } else { -1.0 };
+            let normal = orientation * normal;
+            Face { normal, offset: half[k / 2] + normal.dot(position), corners: own.as_slice() }
+        };
+        let along = |axis: u32| (0..8_u32).filter(move |k| k >> axis & 1 == 0).map(move |k| (axis, k));
+        let edge = |(axis, k): (u32, u32)| {
+            // The faces of the other two axes on whose sides it lies.
+            let side = |axis: u32| 2 * axis + (k >> axis & 1);
+            Edge { corners: [k, k | 1 << axis], faces: [side((axis + 1) % 3), side((axis + 2) % 3)] }
+        };
+        Self {
+            corners: (0..8).map(corner).collect(),
+            faces: BOX_FACES.iter().enumerate().map(face).collect(),
+            edges: (0..3).flat_map(along).map(edge).collect(),
+            is_flat: false,
+        }
+    }
+
+    fn ends(&self, edge: &Edge) -> [Vec3; 2] {
+        edge.corners.map(|k| self.corners[k as usize])
+    }
+
+    /// The corner least far along a direction, and how far, m.
+    fn lowest(&self, direction: Vec3) -> (usize, f64) {
+        let heights = self.corners.iter().map(|corner| direction.dot(*corner));
+        heights.enumerate().fold((0, f64::INFINITY), |best, next| if next.1 < best.1 { next } else { best })
+    }
+
+    fn middle(&self) -> Vec3 {
+        self.corners.iter().sum::<Vec3>() / self.corners.len() as f64
+    }
+
+    /// The face that looks most along a direction.
+    fn facing(&self, direction: Vec3) -> &Face<'a> {
+        let better =
+            |best: &'_ Face<'a>, next: &'_ Face<'a>| next.normal.dot(direction) > best.normal.dot(direction);
+        self.faces[1..].iter().fold(&self.faces[0], |best, next| if better(best, next) { next } else { best })
+    }
+}
+
+/// What two polyhedra are farthest apart along.
+struct Separation {
+    /// Unit normal from A to B.
+    normal: Vec3,
+    /// Distance along it, m; negative where they overlap.
+    gap: f64,
+    /// The point of each that gives the gap, and whether they lie over one another.
+    points: [Vec3; 2],
+    are_nearest: bool,
+}
+
+/// Adds the contacts of two polyhedra with gap up to the envelope, normals from B to A, points relative to the common frame; `false` if
+/// they are farther apart than the envelope. `unit` is the size of the smaller one.
+pub(crate) fn polyhedron_contacts(
+    a: &Polyhedron<'_>,
+    b: &Polyhedron<'_>,
+    unit: f64,
+    envelope: f64,
+    touches: &mut Vec<Touch>,
+) -> bool {
+    let Some(separation) = separation(a, b, unit, envelope) else { return false };
+    let Separation { normal, gap, points: [p, q], are_nearest } = separation;
+    clipped(a, b, normal, unit, &mut |point, gap, feature| {
+        if gap <= envelope {
+            touches.push(Touch { point, normal: -normal, gap, feature });
+        }
+    });
+    // Overlapping polyhedra always have a contact, even where rounding puts it beside both polygons.
+    if are_nearest || (touches.is_empty() && gap <= 0.0) {
+        touches.push(Touch { point: 0.5 * (p + q), normal: -normal, gap, feature: NEAREST });
+    }
+    true
+}
+
+/// The normal along which the polyhedra are farthest apart; `None` if that is more than the envelope.
+fn separation(a: &Polyhedron<'_>, b: &Polyhedron<'_>, unit: f64, envelope: f64) -> Option<Separation> {
+    let mut best: Option<Separation> = None;
+    // Faces of A look along the normal, those of B against it.
+    for (one, other, sign) in [(a, b, 1.0), (b, a, -1.0)] {
+        for face in &one.faces {
+            let (corner, height) = other.lowest(face.normal);
+            let gap = height - face.offset;
+            if gap > envelope {
+                return None;
+            }
+            if best.as_ref().is_none_or(|best| gap > best.gap + FACES_FIRST * unit) {
+                let point = other.corners[corner];
+                let foot = point - gap * face.normal;
+                let points = if sign > 0.0 { [foot, point] } else { [point, foot] };
+                let are_nearest = is_over(one, face, foot, unit);
+                best = Some(Separation { normal: sign * face.normal, gap, points, are_nearest });
+            }
+        }
+    }
+    let mut best = best?;
+    let toward = b.middle() - a.middle();
+    let any = a.is_flat || b.is_flat;
+    for edge_a in &a.edges {
+        let [p0, p1] = a.ends(edge_a);
+        let along_a = p1 - p0;
+        let of_a = edge_a.faces.map(|k| a.faces[k as usize].normal);
+        for edge_b in &b.edges {
+            if !any && !arcs_cross(of_a, edge_b.faces.map(|k| -b.faces[k as usize].normal)) {
+                continue;
+            }
+            let [q0, q1] = b.ends(edge_b);
+            let along_b = q1 - q0;
+            let across = along_a.cross(along_b);
+            let length = across.length();
+            if length <= PARALLEL * along_a.length() * along_b.length() {
+                continue;
+            }
+            let mut normal = across / length;
+            // Away from A: for polyhedra without volume the side is the one on which B is.
+            let outward = if any { normal.dot(toward) } else { normal.dot(of_a[0] + of_a[1]) };
+            if outward < 0.0 {
+                normal = -normal;
+            }
+            let gap = if any { b.lowest(normal).1 + a.lowest(-normal).1 } else { normal.dot(q0 - p0) };
+            if gap > envelope {
+                return None;
+            }
+            if gap > best.gap + FACES_FIRST * unit && (!any || normal.dot(q0 - p0) <= gap + BESIDE * unit) {
+                let (s, t) = nearest_parameters(p0, along_a, q0, along_b);
+                let are_nearest = (0.0..=1.0).contains(&s) && (0.0..=1.0).contains(&t);
+                let [s, t] = [s, t].map(|x| x.clamp(0.0, 1.0));
+                best = Separation { normal, gap, points: [p0 + s * along_a, q0 + t * along_b], are_nearest };
+            }
+        }
+    }
+    Some(best)
+}
+
+/// Whether the arcs from a to b and from c to d on the unit sphere cross.
+fn arcs_cross([a, b]: [Vec3; 2], [c, d]: [Vec3; 2]) -> bool {
+    let (b_a, d_c) = (b.cross(a), d.cross(c));
+    let (cba, dba) = (c.dot(b_a), d.dot(b_a));
+    let (adc, bdc) = (a.dot(d_c), b.dot(d_c));
+    cba * dba < 0.0 && adc * bdc < 0.0 && cba * bdc > 0.0
+}
+
+/// Where two lines that are not parallel are nearest to each other, as fractions of their directions.
+fn nearest_parameters(p: Vec3, along_a: Vec3, q: Vec3, along_b: Vec3) -> (f64, f64) {
+    let (aa, ab, bb) = (along_a.length_squared(), along_a.dot(along_b), along_b.length_squared());
+    let (apart_a, apart_b) = (along_a.dot(q - p), along_b.dot(q - p));
+    let determinant = aa * bb - ab * ab;
+    ((apart_a * bb - apart_b * ab) / determinant, (apart_a * ab - apart_b * aa) / determinant)
+}
+
+/// Whether a point of the plane of a face lies on the face.
+fn is_over(polyhedron: &Polyhedron<'_>, face: &Face<'_>, point: Vec3, unit: f64) -> bool {
+    sides(face.corners).all(|(a, b)| {
+        let [a, b] = [a, b].map(|k| polyhedron.corners[k as usize]);
+        let inward = face.normal.cross(b - a);
+        inward.dot(point - a) >= -BESIDE * unit * inward.length()
+    })
+}
+
+/// The sides of a polygon as pairs of corners.
+fn sides(corners: &[u32]) -> impl Iterator<Item = (u32, u32)> + '_ {
+    corners.iter().copied().zip(corners.iter().copied().cycle().skip(1))
+}
+
+/// Calls `add` with middle, distance along the normal and feature of every corner of what the two faces that look at each other most
+/// have in common, seen along the normal (from A to B).
+fn clipped(
+    a: &Polyhedron<'_>,
+    b: &Polyhedron<'_>,
+    normal: Vec3,
+    unit: f64,
+    add: &mut dyn FnMut(Vec3, f64, u64),
+) {
+    let (face_a, face_b) = (a.facing(normal), b.facing(-normal));
+    let (t1, t2) = tangents(normal);
+    let flat = |p: Vec3| [t1.dot(p), t2.dot(p)];
+    let cross =
+        |a: [f64; 2], b: [f64; 2], p: [f64; 2]| (b[0] - a[0]) * (p[1] - a[1]) - (b[1] - a[1]) * (p[0] - a[0]);
+    // Corners of one face over the other; seen along the normal, A's face runs counter-clockwise and B's clockwise.
+    let corners = [(a, face_a, b, face_b, -1.0, CORNER_OF_A), (b, face_b, a, face_a, 1.0, CORNER_OF_B)];
+    for (own, own_face, other, other_face, turn, first) in corners {
+        let steep = other_face.normal.dot(normal);
+        if steep.abs() < STEEP {
+            continue;
+        }
+        for &corner in own_face.corners {
+            let p = own.corners[corner as usize];
+            let over = sides(other_face.corners).all(|(c, d)| {
+                let [c, d] = [c, d].map(|k| flat(other.corners[k as usize]));
+                turn * cross(c, d, flat(p)) >= -BESIDE * unit * (d[0] - c[0]).hypot(d[1] - c[1])
+            });
+            if over {
+                // From the corner along the normal to the other face's plane.
+                let way = (other_face.offset - other_face.normal.dot(p)) / steep;
+                add(p + 0.5 * way * normal, -turn * way, first + u64::from(corner));
+            }
+        }
+    }
+    for (p0, p1) in sides(face_a.corners) {
+        let [from_a, to_a] = [p0, p1].map(|k| a.corners[k as usize]);
+        let [p, r] = [from_a, to_a].map(flat);
+        for (q0, q1) in sides(face_b.corners) {
+            let [from_b, to_b] = [q0, q1].map(|k| b.corners[k as usize]);
+            let [q, s] = [from_b, to_b].map(flat);
+            let (left, right) = (cross(p, r, q), cross(p, r, s));
+            let (before, beyond) = (cross(q, s, p), cross(q, s, r));
+            if left * right < 0.0 && before * beyond < 0.0 {
+                let on_a = from_a + before / (before - beyond) * (to_a - from_a);
+                let on_b = from_b + left / (left - right) * (to_b - from_b);
+                let feature = EDGES + (u64::from(p0) << 20) + u64::from(q0);
+                add(0.5 * (on_a + on_b), normal.dot(on_b - on_a), feature);
+            }
+        }
+    }
+}
