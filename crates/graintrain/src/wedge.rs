@@ -18,7 +18,7 @@ use crate::assemble::scale_under;
 use crate::part_solver::solve_without_gain;
 use crate::parts::Part;
 use graintrain_ccp::residual::ResidualScale;
-use graintrain_ccp::solver::infeasible;
+use graintrain_ccp::solver::infeasible::{self, Certificate};
 use graintrain_ccp::{
     Ccp, CcpError, CcpSolver, Delassus, FIXED, FrictionModel, Residual, RigidDelassus, SolveReport,
     SolveSettings, Status,
@@ -35,7 +35,10 @@ const LOCKED: f64 = 100.0;
 /// Layers of neighbours around the worst contact that are looked at.
 const LAYERS: usize = 3;
 
-/// Contacts among them at most: the search factorises some dozen matrices of this size.
+/// Of the worst contacts so many are looked around.
+const PLACES: usize = 4;
+
+/// Contacts among the bodies around one at most: the search factorises some dozen matrices of this size.
 const CONTACTS: usize = 2000;
 
 /// Contacts with more than this part of the proof's largest impulse take part in it.
@@ -212,10 +215,11 @@ impl Wedges<'_> {
             if exact.is_empty() || since >= STUCK {
                 let measured =
                     |i: usize| scale.of_contact(&mixture, &impulse, &shifted, FrictionModel::Relaxed, i);
-                let worst = (0..problem.num_contacts()).max_by(|&a, &b| measured(a).total_cmp(&measured(b)));
-                let wedge = worst.map(|worst| self.find(worst, &mixture, rigid)).transpose()?.flatten();
+                let mut worst: Vec<(usize, f64)> =
+                    (0..problem.num_contacts()).map(|i| (i, measured(i))).collect();
+                worst.sort_by(|a, b| b.1.total_cmp(&a.1));
+                let wedge = self.find(&exact, worst.iter().map(|&(i, _)| i), &mixture, rigid)?;
                 let Some(wedge) = wedge else { break };
-                let known = exact.len();
                 proved |= wedge.needed_velocity >= infeasible::PROBABLE;
                 for WedgedContact { contact: i, impulse: own, opening } in wedge.contacts {
                     impulse[3 * i..3 * i + 3].copy_from_slice(&own);
@@ -223,9 +227,6 @@ impl Wedges<'_> {
                         mixture.r[3 * i] += opening + margin;
                         exact.push(i);
                     }
-                }
-                if exact.len() == known {
-                    break;
                 }
                 (least, since) = (f64::INFINITY, 0);
             }
@@ -260,48 +261,75 @@ impl Wedges<'_> {
         Ok(told.map(|report| (report, exact.len())))
     }
 
-    /// The wedge around a contact, if there is one.
+    /// The wedge around the first of these contacts that has one, but for those whose contacts are `known`.
     fn find(
         &mut self,
-        contact: usize,
+        known: &[usize],
+        contacts: impl Iterator<Item = usize>,
         problem: &Ccp,
         rigid: &RigidDelassus,
     ) -> Result<Option<Wedge>, CcpError> {
-        for layers in 1..=LAYERS {
-            let excerpt = Excerpt::around(contact, layers, problem, rigid, self.under);
-            let own = &excerpt.problem;
-            if own.num_contacts() > CONTACTS {
-                return Ok(None);
-            }
-            let proof = infeasible::certificate(own)?;
-            if proof.needed_velocity < LOCKED {
+        let mut seen: Vec<u32> = Vec::new();
+        let mut places = 0;
+        for contact in contacts {
+            if seen.contains(&(contact as u32)) {
                 continue;
             }
-            let mut impulse = vec![0.0; own.r.len()];
-            let settings = SolveSettings {
-                friction: FrictionModel::Coulomb,
-                max_iterations: Some(PATIENCE),
-                curvature: None,
-                ..self.settings.clone()
-            };
-            if !self.solver.solve(own, &mut impulse, &settings)?.converged() {
-                return Ok(None);
+            for layers in 1..=LAYERS {
+                let excerpt = Excerpt::around(contact, layers, problem, rigid, self.under);
+                if excerpt.problem.num_contacts() > CONTACTS {
+                    break;
+                }
+                let proof = infeasible::certificate(&excerpt.problem)?;
+                seen.extend(&excerpt.part.contacts);
+                if proof.needed_velocity >= LOCKED {
+                    let is_new = |k: usize| !known.contains(&(excerpt.part.contacts[k] as usize));
+                    if taking_part(&proof).any(is_new) {
+                        return self.wedge(&excerpt, &proof);
+                    }
+                    break;
+                }
             }
-            let mut velocity = vec![0.0; own.r.len()];
-            own.delassus.multiply(&impulse, &mut velocity, &mut own.delassus.work());
-            velocity.iter_mut().zip(&own.r).for_each(|(u, r)| *u += r);
-            let largest = proof.ray.iter().step_by(3).fold(0.0_f64, |m, &g| m.max(g));
-            let takes_part = |k: &usize| proof.ray[3 * k] > SHARE * largest;
-            let of = |k: usize| WedgedContact {
-                contact: excerpt.part.contacts[k] as usize,
-                impulse: [impulse[3 * k], impulse[3 * k + 1], impulse[3 * k + 2]],
-                opening: opening(own, &velocity, k),
-            };
-            let contacts = (0..own.num_contacts()).filter(takes_part).map(of).collect();
-            return Ok(Some(Wedge { contacts, needed_velocity: proof.needed_velocity }));
+            places += 1;
+            if places == PLACES {
+                break;
+            }
         }
         Ok(None)
     }
+
+    /// The contacts of the proof, with the exact solution among the bodies around; `None` where there is none without friction either.
+    fn wedge(&mut self, excerpt: &Excerpt, proof: &Certificate) -> Result<Option<Wedge>, CcpError> {
+        let own = &excerpt.problem;
+        let mut impulse = vec![0.0; own.r.len()];
+        let settings = SolveSettings {
+            friction: FrictionModel::Coulomb,
+            max_iterations: Some(PATIENCE),
+            curvature: None,
+            ..self.settings.clone()
+        };
+        // Without friction, too, there may be no room; where exact friction stalls, its best answer is a start all the same.
+        let exact = self.solver.solve(own, &mut impulse, &settings)?;
+        if matches!(exact.status, Status::Infeasible | Status::Stopped) {
+            return Ok(None);
+        }
+        let mut velocity = vec![0.0; own.r.len()];
+        own.delassus.multiply(&impulse, &mut velocity, &mut own.delassus.work());
+        velocity.iter_mut().zip(&own.r).for_each(|(u, r)| *u += r);
+        let of = |k: usize| WedgedContact {
+            contact: excerpt.part.contacts[k] as usize,
+            impulse: [impulse[3 * k], impulse[3 * k + 1], impulse[3 * k + 2]],
+            opening: opening(own, &velocity, k),
+        };
+        let contacts = taking_part(proof).map(of).collect();
+        Ok(Some(Wedge { contacts, needed_velocity: proof.needed_velocity }))
+    }
+}
+
+/// The contacts on which a proof lives.
+fn taking_part(proof: &Certificate) -> impl Iterator<Item = usize> {
+    let largest = proof.ray.iter().step_by(3).fold(0.0_f64, |m, &g| m.max(g));
+    (0..proof.ray.len() / 3).filter(move |k| proof.ray[3 * k] > SHARE * largest)
 }
 
 /// s = mu |u_t| of a contact, m/s.
