@@ -42,19 +42,18 @@ impl PartSolver<'_> {
     pub(crate) fn solve(&mut self, problem: &Ccp, impulse: &mut [f64]) -> Result<Solved, CcpError> {
         let Delassus::Rigid(rigid) = &*problem.delassus else {
             let report = self.solver.solve(problem, impulse, &self.settings)?;
-            return Ok(Solved { report, parts: 1, wedged: 0 });
+            return Ok(Solved { report, parts: 1, wedged: Vec::new() });
         };
         let contacts = problem.num_contacts();
         let parts = parts(rigid.contacts(), 0..contacts as u32, rigid.num_bodies(), rigid.coupled());
         if parts.len() == 1 || (contacts > 0 && self.whole) {
             let matrix = as_matrix_unless_plain(problem);
             let problem = matrix.as_ref().unwrap_or(problem);
-            let settings = self.settings.clone();
-            let (report, wedged) = self.solve_one(problem, impulse, &settings)?;
+            let (report, wedged) = self.solve_one(problem, impulse)?;
             return Ok(Solved { report, parts: 1, wedged });
         }
         let count = parts.len();
-        let mut wedged = 0;
+        let mut wedged = Vec::new();
         let mut merged = nothing_to_solve(self.solver.name());
         let mut largest = 0;
         for part in parts {
@@ -71,11 +70,8 @@ impl PartSolver<'_> {
             if parts_freely(&own) {
                 g.fill(0.0);
             } else {
-                let curvature = self.settings.curvature.filter(|_| part.contacts.len() >= MANY);
-                let settings = SolveSettings { curvature, ..self.settings.clone() };
-                let (mut report, own_wedged) = self.solve_one(&own, &mut g, &settings)?;
-                report.curvature = report.curvature.filter(|_| part.contacts.len() >= MANY);
-                wedged += own_wedged;
+                let (report, own_wedged) = self.solve_one(&own, &mut g)?;
+                wedged.extend(own_wedged.iter().map(|&k| part.contacts[k] as usize));
                 merge(&mut merged, report, part.contacts.len() > largest);
                 largest = largest.max(part.contacts.len());
             }
@@ -87,35 +83,49 @@ impl PartSolver<'_> {
         Ok(Solved { report: merged, parts: count, wedged })
     }
 
-    /// Solves a part; the report, and how many of its contacts are wedged. Where the solver does not arrive soon, wedges are looked for
-    /// before it goes on.
-    fn solve_one(
+    /// Solves a part; the report, and which of its contacts are wedged.
+    fn solve_one(&mut self, problem: &Ccp, g: &mut [f64]) -> Result<(SolveReport, Vec<usize>), CcpError> {
+        let is_bed = problem.num_contacts() >= MANY;
+        let curvature = self.settings.curvature.filter(|_| is_bed);
+        let settings = SolveSettings { curvature, ..self.settings.clone() };
+        let (mut report, wedged) = self.solve_with_wedges(problem, g, &settings)?;
+        report.curvature = report.curvature.filter(|_| is_bed);
+        Ok((report, wedged))
+    }
+
+    /// Where the solver does not arrive soon, wedges are looked for before it goes on.
+    fn solve_with_wedges(
         &mut self,
         problem: &Ccp,
         g: &mut [f64],
         settings: &SolveSettings,
-    ) -> Result<(SolveReport, usize), CcpError> {
-        let soon = settings.max_iterations.map_or(wedge::PATIENCE, |most| most.min(wedge::PATIENCE));
+    ) -> Result<(SolveReport, Vec<usize>), CcpError> {
+        let patience = wedge::PATIENCE.min(self.solver.iteration_limit());
+        let soon = settings.max_iterations.map_or(patience, |most| most.min(patience));
         let takes_wedges =
             settings.friction == FrictionModel::Relaxed && problem.turning.is_empty() && !self.whole;
         if !takes_wedges {
-            return Ok((solve_without_gain(self.solver, problem, g, settings)?, 0));
+            return Ok((solve_without_gain(self.solver, problem, g, settings)?, Vec::new()));
         }
         let first = SolveSettings { max_iterations: Some(soon), ..settings.clone() };
         let first = solve_without_gain(self.solver, problem, g, &first)?;
         if matches!(first.status, Status::Converged | Status::Stopped) {
-            return Ok((first, 0));
+            return Ok((first, Vec::new()));
+        }
+        // Who wants few iterations wants no search either.
+        if soon < patience && first.status != Status::Infeasible {
+            return Ok((first, Vec::new()));
         }
         let mut wedges = Wedges { solver: self.solver, settings, under: (self.gravity, self.step) };
         if let Some((report, wedged)) = wedges.solve(problem, g)? {
             return Ok((report.after(&first), wedged));
         }
         if settings.max_iterations.is_some_and(|most| most <= soon) {
-            return Ok((first, 0));
+            return Ok((first, Vec::new()));
         }
         let left = settings.max_iterations.map(|most| most.saturating_sub(first.iterations).max(1));
         let rest = SolveSettings { max_iterations: left, ..settings.clone() };
-        Ok((solve_without_gain(self.solver, problem, g, &rest)?.after(&first), 0))
+        Ok((solve_without_gain(self.solver, problem, g, &rest)?.after(&first), Vec::new()))
     }
 }
 
@@ -125,8 +135,8 @@ pub(crate) struct Solved {
     pub report: SolveReport,
     /// Connected parts with a problem to solve.
     pub parts: usize,
-    /// Contacts taken with exact friction, because their relaxation has no solution.
-    pub wedged: usize,
+    /// Contacts taken with exact friction, because their relaxation has no solution, as places in the problem.
+    pub wedged: Vec<usize>,
 }
 
 /// The same problem with N as a matrix, where joints couple bodies or contacts are compliant: every solver takes that.

@@ -46,7 +46,7 @@ const NONE: u32 = u32::MAX;
 /// Arms shorter than this fraction of their length across the normal turn nothing.
 const THROUGH_CENTRE: f64 = 1e-12;
 
-/// A contact that has stayed far open in two sweeps is passed over in so many.
+/// A contact that a sweep finds far open is passed over in so many.
 const REST: u32 = 7;
 
 /// Far open is more than so many times the tolerance: more than corrections move bodies.
@@ -184,7 +184,8 @@ pub(crate) fn project<'a>(
         if largest <= tolerance && all {
             break;
         }
-        all = largest <= tolerance;
+        // The last two look at all, too, one each way.
+        all = largest <= tolerance || sweep + 3 >= sweeps;
     }
     let found = projection.bodies.iter().zip(&projection.turns);
     for (q, (body, turn)) in displacement.chunks_exact_mut(6).zip(found) {

@@ -29,20 +29,21 @@ pub struct Opening {
 
 impl Opening {
     /// That of impulses of a relaxed problem of these contacts, with the sizes of their smaller bodies (m) and the velocities of all
-    /// bodies after the step (six numbers each); contacts with a normal impulse above `threshold` (N s) count.
+    /// bodies after the step (six numbers each); contacts with a normal impulse above `threshold` (N s) count, but for
+    /// `wedged` ones, whose friction is exact.
     pub(crate) fn of(
         contacts: &[Contact],
         size: &[f64],
         (problem, impulse, threshold): (&Ccp, &[f64], f64),
         (velocity, cell): (&[f64], Option<&Cell>),
-        step: f64,
+        (step, wedged): (f64, &[usize]),
     ) -> Self {
         let mut opening = Self::default();
         let Delassus::Rigid(rigid) = &*problem.delassus else { return opening };
         let mut u = relative_velocities(cell, contacts, rigid.contacts(), velocity);
         u.extend(turning_velocities(contacts, rigid.contacts(), rigid.turning(), velocity));
         for k in 0..contacts.len() {
-            if impulse[3 * k] > threshold {
+            if impulse[3 * k] > threshold && !wedged.contains(&k) {
                 let parted = step * problem.de_saxce(&u, k) / size[k];
                 opening.largest_over_size = opening.largest_over_size.max(parted);
                 opening.opened += usize::from(parted > OPENED);

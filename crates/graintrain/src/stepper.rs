@@ -179,8 +179,8 @@ struct Attempt {
     velocity: Vec<f64>,
     solve: SolveReport,
     parts: usize,
-    /// Contacts with exact friction, because their relaxation has no solution.
-    wedged: usize,
+    /// Contacts with exact friction, because their relaxation has no solution, as places in the problem.
+    wedged: Vec<usize>,
     assembled: Instant,
 }
 
@@ -599,7 +599,7 @@ impl Stepper {
         let opening = match self.settings.friction {
             FrictionModel::Relaxed => {
                 let moves = (velocity.as_slice(), cell.as_ref());
-                Opening::of(&chosen, &chosen_size, (&problem, &impulse, threshold), moves, step)
+                Opening::of(&chosen, &chosen_size, (&problem, &impulse, threshold), moves, (step, &wedged))
             }
             FrictionModel::Coulomb => Opening::default(),
         };
@@ -632,7 +632,7 @@ impl Stepper {
             contacts: world.contacts.contacts.len(),
             contacts_with_force: with_force.iter().filter(|&&force| force).count(),
             parts,
-            contacts_wedged: wedged,
+            contacts_wedged: wedged.len(),
             solve,
             penetration_max: deepest,
             penetration_max_over_size: over_size,

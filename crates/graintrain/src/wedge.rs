@@ -28,10 +28,6 @@ use std::sync::Arc;
 /// Iterations after which a solve that has not arrived is looked at. Settled packings need hundreds.
 pub(crate) const PATIENCE: usize = 4000;
 
-/// A relaxed solution would have to change some body's velocity by this many times the largest velocity at a contact. Whether it exists
-/// is then no matter: a grain pressed at 0.1 m/s would leave at 10 m/s.
-const LOCKED: f64 = 100.0;
-
 /// Layers of neighbours around the worst contact that are looked at.
 const LAYERS: usize = 3;
 
@@ -121,7 +117,7 @@ impl Excerpt {
 
 /// Said where a wedge is locked with exact friction, too.
 const LOCKED_TOO: &str = "bodies are wedged in: relaxed friction has no solution, which was proved, and exact friction at their contacts did \
-                          not reach the tolerance either. The impulses are the best that were found; a gap, less friction or another \
+                          not take the step to its tolerance either. The impulses are the best that were found; a gap, less friction or another \
                           motion lets them go";
 
 /// The best impulses so far.
@@ -129,15 +125,7 @@ const LOCKED_TOO: &str = "bodies are wedged in: relaxed friction has no solution
 struct BestMixture {
     judged: f64,
     residual: Residual,
-    coulomb: Residual,
     impulse: Vec<f64>,
-}
-
-/// Contacts that lock.
-struct Wedge {
-    contacts: Vec<WedgedContact>,
-    /// V of the proof, see [`infeasible`].
-    needed_velocity: f64,
 }
 
 /// A contact of a wedge in the exact solution among the bodies around.
@@ -158,9 +146,8 @@ pub(crate) struct Wedges<'a> {
 
 impl Wedges<'_> {
     /// Solves the mixture from impulses `g` that a relaxed solve ended with; the report, whose residuals are those of the mixture, and the
-    /// number of contacts with exact friction. Where the mixture was not solved either, the best impulses come back with
-    /// [`Status::Infeasible`] if it is proved that the relaxed problem has no solution. `None`, and `g` as it was, where no wedge was found or it
-    /// proves nothing.
+    /// contacts with exact friction. Where the mixture was not solved either, the best impulses come back with
+    /// [`Status::Infeasible`]: that the relaxed problem has none is proved. `None`, and `g` as it was, where no wedge was found.
     ///
     /// # Errors
     /// Those of the solver.
@@ -168,7 +155,7 @@ impl Wedges<'_> {
         &mut self,
         problem: &Ccp,
         g: &mut [f64],
-    ) -> Result<Option<(SolveReport, usize)>, CcpError> {
+    ) -> Result<Option<(SolveReport, Vec<usize>)>, CcpError> {
         let Delassus::Rigid(rigid) = &*problem.delassus else { return Ok(None) };
         let scale = ResidualScale::new(problem);
         let mut velocity = vec![0.0; g.len()];
@@ -180,7 +167,6 @@ impl Wedges<'_> {
         let mut mixture = problem.clone();
         let mut impulse = g.to_vec();
         let mut exact: Vec<usize> = Vec::new();
-        let mut proved = false;
         let mut told: Option<SolveReport> = None;
         let contacts = problem.num_contacts() as f64;
         // The root mean square, too, has to leave room for it.
@@ -191,7 +177,7 @@ impl Wedges<'_> {
         };
         let (mut least, mut since) = (f64::INFINITY, STUCK);
         let mut best = BestMixture { judged: f64::INFINITY, ..BestMixture::default() };
-        for _ in 0..ROUNDS {
+        for round in 0..=ROUNDS {
             let margin = margin(&exact);
             product(&impulse, &mut velocity);
             let mut shifted = velocity.clone();
@@ -205,8 +191,7 @@ impl Wedges<'_> {
             let found = scale.residual(&mixture, &impulse, &shifted, FrictionModel::Relaxed);
             let judged = found.judged(self.settings.judge);
             if told.is_some() && judged < best.judged {
-                let coulomb = scale.residual(problem, &impulse, &velocity, FrictionModel::Coulomb);
-                best = BestMixture { judged, residual: found, coulomb, impulse: impulse.clone() };
+                best = BestMixture { judged, residual: found, impulse: impulse.clone() };
                 if judged <= self.settings.tolerance {
                     break;
                 }
@@ -220,8 +205,7 @@ impl Wedges<'_> {
                 worst.sort_by(|a, b| b.1.total_cmp(&a.1));
                 let wedge = self.find(&exact, worst.iter().map(|&(i, _)| i), &mixture, rigid)?;
                 let Some(wedge) = wedge else { break };
-                proved |= wedge.needed_velocity >= infeasible::PROBABLE;
-                for WedgedContact { contact: i, impulse: own, opening } in wedge.contacts {
+                for WedgedContact { contact: i, impulse: own, opening } in wedge {
                     impulse[3 * i..3 * i + 3].copy_from_slice(&own);
                     if !exact.contains(&i) {
                         mixture.r[3 * i] += opening + margin;
@@ -229,6 +213,9 @@ impl Wedges<'_> {
                     }
                 }
                 (least, since) = (f64::INFINITY, 0);
+            }
+            if round == ROUNDS {
+                break;
             }
             // What s changes after the solve comes on top of what the solve leaves.
             let settings = SolveSettings {
@@ -238,7 +225,7 @@ impl Wedges<'_> {
             };
             let report = solve_without_gain(self.solver, &mixture, &mut impulse, &settings)?;
             if report.status == Status::Stopped {
-                return Ok(Some((report, exact.len())));
+                return Ok(Some((report, exact)));
             }
             told = Some(match &told {
                 Some(earlier) => report.after(earlier),
@@ -246,19 +233,21 @@ impl Wedges<'_> {
             });
         }
         let converged = best.judged <= self.settings.tolerance;
-        if told.is_none() || !(converged || proved) {
-            return Ok(None);
-        }
+        let Some(told) = told else { return Ok(None) };
         g.copy_from_slice(&best.impulse);
-        let told = told.map(|report| SolveReport {
+        product(g, &mut velocity);
+        let found = scale.evaluate(problem, g, &velocity);
+        let report = SolveReport {
             status: if converged { Status::Converged } else { Status::Infeasible },
             residual: best.residual,
-            residual_relaxed: best.residual,
-            residual_coulomb: best.coulomb,
+            residual_relaxed: found.relaxed,
+            residual_coulomb: found.coulomb,
+            residual_paper: found.paper_relaxed,
+            objective: problem.objective(g, &velocity),
             remark: (!converged).then(|| LOCKED_TOO.to_string()),
-            ..report
-        });
-        Ok(told.map(|report| (report, exact.len())))
+            ..told
+        };
+        Ok(Some((report, exact)))
     }
 
     /// The wedge around the first of these contacts that has one, but for those whose contacts are `known`.
@@ -268,7 +257,7 @@ impl Wedges<'_> {
         contacts: impl Iterator<Item = usize>,
         problem: &Ccp,
         rigid: &RigidDelassus,
-    ) -> Result<Option<Wedge>, CcpError> {
+    ) -> Result<Option<Vec<WedgedContact>>, CcpError> {
         let mut seen: Vec<u32> = Vec::new();
         let mut places = 0;
         for contact in contacts {
@@ -280,9 +269,9 @@ impl Wedges<'_> {
                 if excerpt.problem.num_contacts() > CONTACTS {
                     break;
                 }
-                let proof = infeasible::certificate(&excerpt.problem)?;
+                let proof = infeasible::certificate_within(&excerpt.problem, self.settings)?;
                 seen.extend(&excerpt.part.contacts);
-                if proof.needed_velocity >= LOCKED {
+                if proof.needed_velocity >= infeasible::PROBABLE {
                     let is_new = |k: usize| !known.contains(&(excerpt.part.contacts[k] as usize));
                     if taking_part(&proof).any(is_new) {
                         return self.wedge(&excerpt, &proof);
@@ -299,7 +288,11 @@ impl Wedges<'_> {
     }
 
     /// The contacts of the proof, with the exact solution among the bodies around; `None` where there is none without friction either.
-    fn wedge(&mut self, excerpt: &Excerpt, proof: &Certificate) -> Result<Option<Wedge>, CcpError> {
+    fn wedge(
+        &mut self,
+        excerpt: &Excerpt,
+        proof: &Certificate,
+    ) -> Result<Option<Vec<WedgedContact>>, CcpError> {
         let own = &excerpt.problem;
         let mut impulse = vec![0.0; own.r.len()];
         let settings = SolveSettings {
@@ -321,8 +314,7 @@ impl Wedges<'_> {
             impulse: [impulse[3 * k], impulse[3 * k + 1], impulse[3 * k + 2]],
             opening: opening(own, &velocity, k),
         };
-        let contacts = taking_part(proof).map(of).collect();
-        Ok(Some(Wedge { contacts, needed_velocity: proof.needed_velocity }))
+        Ok(Some(taking_part(proof).map(of).collect()))
     }
 }
 

@@ -378,6 +378,7 @@ impl World {
         }
         self.keep_joints(&new_index);
         let set = std::mem::take(&mut self.contacts);
+        self.contacts.curvature = set.curvature;
         let friction = set.friction.into_iter().map(Some).chain(std::iter::repeat(None));
         let moment = set.moment.into_iter().map(Some).chain(std::iter::repeat(None));
         let impulses = set.impulse.into_iter().zip(moment);

@@ -224,7 +224,8 @@ fn better_of(
         return report;
     }
     let of_start = limits.report(&report.solver, problem, start, report.status, report.iterations, 0);
-    if limits.judged(of_start.residual) < limits.judged(report.residual) {
+    let (before, after) = (limits.judged(of_start.residual), limits.judged(report.residual));
+    if before < after || after.is_nan() {
         impulse.copy_from_slice(start);
         return of_start;
     }

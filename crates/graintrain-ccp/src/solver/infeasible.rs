@@ -55,6 +55,14 @@ use certificate::Evaluator;
 /// # Errors
 /// [`CcpError`] where the problem is not valid.
 pub fn certificate(problem: &Ccp) -> Result<Certificate, CcpError> {
+    certificate_within(problem, &SolveSettings::default())
+}
+
+/// [`certificate`] with the time and the stop flag of these settings: what was found until then.
+///
+/// # Errors
+/// As [`certificate`].
+pub fn certificate_within(problem: &Ccp, settings: &SolveSettings) -> Result<Certificate, CcpError> {
     problem.validate()?;
     problem.require_sliding_alone("the search for a certificate")?;
     if problem.num_contacts() == 0 {
@@ -63,8 +71,8 @@ pub fn certificate(problem: &Ccp) -> Result<Certificate, CcpError> {
     let scaled = Scaled::new(problem, &ResidualScale::new(problem), &mut None);
     let mut newton = NewtonDriver::new(Box::new(Direct::default()));
     newton.begin(&scaled.problem);
-    let settings = SolveSettings::default();
-    let limits = Limits::start(&settings, usize::MAX);
+    let unlimited = SolveSettings { max_iterations: None, tolerance: 0.0, ..settings.clone() };
+    let limits = Limits::start(&unlimited, usize::MAX);
     Ok(search(&mut newton, problem, &scaled, &limits, &mut 0))
 }
 

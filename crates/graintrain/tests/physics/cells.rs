@@ -160,7 +160,7 @@ fn a_gas_is_deformed() {
         let rate = [-0.3, -0.3, -0.3, 0.8, 0.0, 0.0];
         world.set_cell(Some(Cell { drive: rates(rate), ..held(1.0) })).unwrap();
         let mut stepper = stepper(1e-3, 0.01, 1e-10, Relaxed);
-        for _ in 0..1200 {
+        for _ in 0..400 {
             let report = solved_step(&mut stepper, &mut world);
             let ledger = report.ledger;
             assert!(

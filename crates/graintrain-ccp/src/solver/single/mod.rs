@@ -57,7 +57,7 @@ pub(super) fn suits(problem: &Ccp, settings: &SolveSettings) -> bool {
         Judge::Mixed => LEAST_TOLERANCE,
         Judge::Maximum => LEAST_MAXIMUM,
     };
-    rigid.coupled().is_empty()
+    rigid.is_plain()
         && problem.turning.is_empty()
         && problem.num_contacts() >= FEWEST
         && settings.tolerance >= least
