@@ -283,9 +283,10 @@ impl Stepper {
             let rates = cell.validate_step(world.time, self.settings.step);
             rates.and_then(|()| world.fits_cell()).map_err(|error| cell_error(world, error))?;
         }
+        let kinetic_energy = world.cell().map(|_| world.kinetic_energy());
         let undriven = cell::drive(world, self.settings.step);
         let loaded = load::apply(world, self.settings.step);
-        let report = self.step_under(world);
+        let mut report = self.step_under(world);
         match (&report, loaded) {
             (Ok(_), Some(before)) => load::remove(world, before),
             (Err(_), Some(before)) => load::undo(world, before),
@@ -293,6 +294,10 @@ impl Stepper {
         }
         if let (Err(_), Some(before)) = (&report, undriven) {
             cell::undo(world, before);
+        }
+        if let (Ok(report), Some(before)) = (&mut report, kinetic_energy) {
+            // Velocities relative to the deformation change with it, before and after the step under forces.
+            report.ledger.drives += report.kinetic_energy - before - report.ledger.change();
         }
         report
     }

@@ -8,6 +8,7 @@ use graintrain::handle::MaterialId;
 use graintrain::load::Region;
 use graintrain::math::Vec3;
 use graintrain::measure::contacts::coordination;
+use graintrain::measure::energy::Ledger;
 use graintrain::measure::space::{own_space, porosity, selected};
 use graintrain::measure::stress::{pressure, stress};
 use graintrain::motion::{Motion, Profile};
@@ -463,4 +464,40 @@ fn rates_that_are_too_fast_are_refused() {
         world.set_cell(Some(Cell { drive: rates(fast), ..held(1.0) })).unwrap();
         assert_eq!(refusal(&mut world, 1), None);
     }
+}
+
+/// Balls that never meet in a cell that is compressed: velocities relative to it grow as exp(-L t), and the ledger has what they gain; with contacts,
+/// across steps, it has what is lost, too.
+#[test]
+fn the_ledger_has_the_work_of_the_deformation() {
+    let mut world = empty(0.3, 0.0);
+    let ball = add_sphere(&mut world, 0.1, Vec3::splat(0.3));
+    world.bodies.velocity[ball] = Vec3::new(3.0, 0.5, 0.0);
+    let drive = rates([-1.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+    world.set_cell(Some(Cell { drive, ..held(1.0) })).unwrap();
+    let half_mass = 0.5 * world.bodies.mass[ball];
+    let closes = |world: &mut World, steps: usize| {
+        let mut stepper = stepper(1e-3, 0.01, 1e-10, Relaxed);
+        let (mut kinetic, mut all) = (world.kinetic_energy(), Ledger::default());
+        let start = kinetic;
+        for _ in 0..steps {
+            let report = solved_step(&mut stepper, world);
+            let rounding = 1e-12 * (report.ledger.throughput() + kinetic);
+            assert_close(report.ledger.change(), report.kinetic_energy - kinetic, rounding, "a step");
+            assert!(report.ledger.rest.abs() < rounding, "{:?}", report.ledger);
+            kinetic = report.kinetic_energy;
+            all.add(&report.ledger);
+        }
+        assert_close(all.change(), kinetic - start, 1e-10 * (kinetic + start), "all steps");
+        all
+    };
+    let all = closes(&mut world, 250);
+    let expected = half_mass * (9.0 * 0.5_f64.exp() + 0.25);
+    assert_close(world.kinetic_energy(), expected, 2e-3 * expected, "kinetic energy");
+    assert_close(all.drives, expected - half_mass * 9.25, 2e-3 * expected, "work");
+    let mut world = gas(60, 2.0, 5);
+    let drive = rates([-0.5, 0.2, -0.3, 0.8, -0.4, 0.3]);
+    world.set_cell(Some(Cell { drive, ..held(1.0) })).unwrap();
+    let all = closes(&mut world, 300);
+    assert!(all.normal + all.friction > 0.0 && all.drives != 0.0, "{all:?}");
 }
