@@ -145,9 +145,9 @@ fn stages_that_the_cell_cannot_follow_are_refused() {
         with_stone.replace(place, &format!("{place}\nbody = {{ stone = {{ motion = \"fixed\" }} }}"))
     };
     let text = fixes("time = \"0.1 s\"");
-    refused(&text, "stone is fixed or driven", line(&text, "\"gather\""));
+    refused(&text, "'stone' (index 0) is fixed or driven", line(&text, "\"gather\""));
     let text = fixes("time = \"0.2 s\"");
-    refused(&text, "stone is fixed or driven", line(&text, "\"press\""));
+    refused(&text, "'stone' (index 0) is fixed or driven", line(&text, "\"press\""));
 }
 
 /// A body may be fixed once the cell is held, and every checkpoint before and after is sound.
