@@ -274,10 +274,10 @@ fn defect(checkpoint: &Checkpoint) -> Option<String> {
     if let Some(stage) = settings.stages.iter().find(grows) {
         return Some(format!("growth in stage {} fits no run of it", stage.name));
     }
-    // What is still to come has to make worlds, too.
+    // What is still to come has to make worlds, too, one stage after the other.
     let coming = settings.stages.get(totals.stages.len()..).unwrap_or_default();
+    let mut then = world.clone();
     coming.iter().find_map(|stage| {
-        let mut then = world.clone();
         let begun = stage.begin(&mut then, &totals.traffic.roster);
         begun.and_then(|()| then.validate()).err().map(|error| format!("stage {}: {error}", stage.name))
     })

@@ -72,7 +72,7 @@ impl Growth {
     /// for. Returned is the mass and kinetic energy that this adds.
     ///
     /// # Errors
-    /// [`ModelError`] where a body becomes larger than numbers are.
+    /// [`ModelError`] where a body becomes larger than numbers are, or half an edge of a periodic cell; bodies have not grown then.
     pub fn grow(
         &self,
         world: &mut World,
@@ -93,8 +93,14 @@ impl Growth {
         let members = roster.members(&self.members);
         let geometries: std::collections::BTreeSet<usize> =
             members.iter().map(|body| world.bodies.geometry[body.index()].index()).collect();
+        let mut former = Vec::new();
         for geometry in geometries {
-            world.geometries[geometry] = world.geometries[geometry].scaled(factor)?;
+            let larger = world.geometries[geometry].scaled(factor)?;
+            former.push((geometry, std::mem::replace(&mut world.geometries[geometry], larger)));
+        }
+        if let Err(error) = world.fits_cell() {
+            former.into_iter().for_each(|(place, geometry)| world.geometries[place] = geometry);
+            return Err(error);
         }
         let before = world.kinetic_energy();
         for body in members.iter().map(|body| body.index()) {

@@ -52,6 +52,17 @@ pub struct CellDrive {
     pub fastest: f64,
 }
 
+impl CellDrive {
+    /// A cell so driven, with times from `now` (s).
+    pub(crate) fn of(&self, cell: Cell, now: f64) -> Cell {
+        let drive = self.drive.clone().map(|drive| match drive {
+            Drive::Rate(profile) => Drive::Rate(from_now(&profile, now)),
+            Drive::Stress(profile) => Drive::Stress(from_now(&profile, now)),
+        });
+        Cell { drive, fastest: self.fastest, ..cell }
+    }
+}
+
 /// When a measured quantity counts as steady: over the latest records, the mean of the first half and that of the second differ by no
 /// more than is allowed.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -186,12 +197,15 @@ impl Stage {
             }
             world.bodies.motion[index] = id;
         }
-        if let (Some(driven), Some(cell)) = (&self.cell, world.cell().cloned()) {
-            let drive = driven.drive.clone().map(|drive| match drive {
-                Drive::Rate(profile) => Drive::Rate(from_now(&profile, now)),
-                Drive::Stress(profile) => Drive::Stress(from_now(&profile, now)),
-            });
-            world.set_cell(Some(Cell { drive, fastest: driven.fastest, ..cell }))?;
+        if let Some(cell) = world.cell().cloned() {
+            let cell = match &self.cell {
+                Some(driven) => driven.of(cell, now),
+                None => cell,
+            };
+            // Motions have to fit a cell that goes on as it was, too.
+            if self.cell.is_some() || !self.motions.is_empty() {
+                world.set_cell(Some(cell))?;
+            }
         }
         match &self.loads {
             Some(loads) => {

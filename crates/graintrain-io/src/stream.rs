@@ -201,7 +201,10 @@ impl Stream {
             let radius = newcomer.bounding_radius();
             let mut random =
                 Random::new(mix(mix(self.seed ^ PLACES).wrapping_add(number)).wrapping_add(world.step));
-            let found = (0..TRIES).map_while(|_| random.place(&self.region, radius)).find(|&place| {
+            // A cell that was compressed has no place for bodies that it had one for.
+            let has_room = world.cell().is_none_or(|cell| 4.0 * radius < cell.smallest_edge());
+            let tries = if has_room { TRIES } else { 0 };
+            let found = (0..tries).map_while(|_| random.place(&self.region, radius)).find(|&place| {
                 let free = |places: &Places<'_>| {
                     places.is_free(world, &newcomer, (place, orientation), 0.0, &entered)
                 };

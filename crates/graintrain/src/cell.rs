@@ -185,9 +185,9 @@ impl Cell {
         self.drive.iter().any(|drive| matches!(drive, Drive::Stress(_)))
     }
 
-    /// Whether it deforms, or may.
-    pub fn deforms(&self) -> bool {
-        self.rate != [0.0; 6] || self.drive.iter().any(|drive| *drive != Drive::HELD)
+    /// Whether something drives it: it deforms, or may. A cell that is held may have a rate still, that of the last step: the next one ends it.
+    pub fn is_driven(&self) -> bool {
+        self.drive.iter().any(|drive| *drive != Drive::HELD)
     }
 
     /// The centre, m, which stays where it is.
@@ -280,22 +280,12 @@ impl Cell {
     }
 
     /// Rates (as the step takes them, so that H is exact after it) that are imposed on the step from `time`, `None` for stresses.
-    fn imposed_rates(&self, time: f64, step: f64) -> [Option<f64>; 6] {
+    pub(crate) fn imposed_rates(&self, time: f64, step: f64) -> [Option<f64>; 6] {
         std::array::from_fn(|k| match &self.drive[k] {
             Drive::Rate(Profile::Constant(0.0)) => Some(0.0),
             Drive::Rate(profile) if k < 3 => Some((profile.mean(time, step) * step).exp_m1() / step),
             Drive::Rate(profile) => Some(profile.mean(time, step)),
             Drive::Stress(_) => None,
-        })
-    }
-
-    /// The components whose stress has brought them beyond the largest rate in the step from `time`, with that rate.
-    pub(crate) fn beyond(&self, time: f64, step: f64) -> [Option<f64>; 6] {
-        std::array::from_fn(|k| {
-            let Drive::Stress(profile) = &self.drive[k] else { return None };
-            let stress = profile.mean(time, step);
-            let along = -stress.signum() * self.rate[k];
-            (stress != 0.0 && along > self.fastest * (1.0 + 1e-12)).then_some(-stress.signum() * self.fastest)
         })
     }
 
@@ -458,20 +448,12 @@ impl World {
                 "joints in a periodic cell are not there: leave out `joint` or the cell".to_string(),
             );
         }
-        let half = 0.5 * cell.smallest_edge();
+        self.fits_cell()?;
         for body in 0..self.bodies.len() {
             let geometry = &self.geometries[self.bodies.geometry[body].index()];
-            let radius = geometry.bounding_radius();
             let label = self.bodies.label(body);
-            if radius.is_finite() {
-                if 2.0 * radius >= half {
-                    return fail(format!(
-                        "body {label} fits into a ball of {:.4} m across, which has to be less than half of the smallest edge, {half:.4} m: \
-                         enlarge the cell, or make walls of planes",
-                        2.0 * radius
-                    ));
-                }
-                if self.is_prescribed(body) && cell.deforms() {
+            if geometry.bounding_radius().is_finite() {
+                if self.is_prescribed(body) && cell.is_driven() {
                     return fail(format!(
                         "body {label} is fixed or driven, but a cell that deforms has no fixed places: free it, or hold the cell"
                     ));

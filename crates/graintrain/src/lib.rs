@@ -30,6 +30,7 @@ struct Readme;
 
 pub mod assemble;
 pub mod cell;
+mod cell_limits;
 mod cell_problem;
 pub mod collide;
 pub mod contact;

@@ -111,6 +111,16 @@ pub enum StepError {
         /// Name or index of the other.
         second: String,
     },
+    /// The periodic cell cannot be what the step makes of it. The world is left as it was before the step.
+    #[error("step {step} (time {time} s): {error}")]
+    Cell {
+        /// Which component, or which body and edge, and the remedy.
+        error: ModelError,
+        /// Number of the step, from 0.
+        step: u64,
+        /// Time at its start, s.
+        time: f64,
+    },
     /// The stop flag was set during the solve. The world is left as it was before the step, since a solve cut short
     /// depends on when that was.
     #[error("stopped before the end of a step")]
@@ -267,11 +277,16 @@ impl Stepper {
     /// A solve that misses its tolerance is no error: see [`StepReport::solve`].
     ///
     /// # Errors
-    /// [`StepError::NotFinite`], [`StepError::Solver`] or [`StepError::Stopped`]; the world is left unchanged.
+    /// [`StepError::NotFinite`], [`StepError::Cell`], [`StepError::Solver`] or [`StepError::Stopped`]; the world is left unchanged.
     pub fn step(&mut self, world: &mut World) -> Result<StepReport, StepError> {
+        if let Some(cell) = world.cell() {
+            let rates = cell.validate_step(world.time, self.settings.step);
+            rates.and_then(|()| world.fits_cell()).map_err(|error| cell_error(world, error))?;
+        }
+        let kinetic_energy = world.cell().map(|_| world.kinetic_energy());
         let undriven = cell::drive(world, self.settings.step);
         let loaded = load::apply(world, self.settings.step);
-        let report = self.step_under(world);
+        let mut report = self.step_under(world);
         match (&report, loaded) {
             (Ok(_), Some(before)) => load::remove(world, before),
             (Err(_), Some(before)) => load::undo(world, before),
@@ -279,6 +294,10 @@ impl Stepper {
         }
         if let (Err(_), Some(before)) = (&report, undriven) {
             cell::undo(world, before);
+        }
+        if let (Ok(report), Some(before)) = (&mut report, kinetic_energy) {
+            // Velocities relative to the deformation change with it, before and after the step under forces.
+            report.ledger.drives += report.kinetic_energy - before - report.ledger.change();
         }
         report
     }
@@ -364,6 +383,10 @@ impl Stepper {
             }
             phases.collide += begin.elapsed().as_secs_f64();
             if new.is_empty() && bent.is_empty() {
+                if let Err(error) = world.fits_cell() {
+                    start.exchange(world);
+                    return Err(cell_error(world, error));
+                }
                 let pair = |c: &Contact| [c.body_a.min(c.body_b), c.body_a.max(c.body_b)];
                 let mut pairs = HashSet::new();
                 if !missed.is_empty() {
@@ -696,7 +719,8 @@ impl Stepper {
             }
             rows.shift(&held, &mut problem.r);
             rows.hold(|k| beyond[k].is_some());
-            free = std::array::from_fn(|k| free[k] + held[k]);
+            // Not the sum with what is held back: that of a very large rate rounds.
+            free = std::array::from_fn(|k| beyond[k].unwrap_or(free[k]));
             last = Some(solved.report);
         }
     }
@@ -843,6 +867,10 @@ fn velocity_after(problem: &Ccp, impulse: &[f64], free: Vec<f64>) -> Vec<f64> {
 fn not_finite(world: &World, body: usize, what: &'static str, value: f64) -> StepError {
     let (step, time) = (world.step, world.time);
     StepError::NotFinite { body: world.bodies.label(body), what, value, step, time }
+}
+
+fn cell_error(world: &World, error: ModelError) -> StepError {
+    StepError::Cell { error, step: world.step, time: world.time }
 }
 
 fn check_state(world: &World) -> Result<(), StepError> {

@@ -91,7 +91,7 @@ impl Scene {
             builder.add_joint(name, joint, &self.joints)?;
         }
         if let Some(periodic) = &self.periodic {
-            builder.periodic(periodic)?;
+            builder.periodic(periodic, self.time.step)?;
         }
         let traffic = builder.traffic(self)?;
         let measures: Vec<Measure> = self

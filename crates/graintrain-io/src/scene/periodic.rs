@@ -63,6 +63,9 @@ pub(super) fn read(reader: &Reader) -> Result<PeriodicSpec, SceneError> {
     if let Some(unknown) = axes.iter().find(|axis| !["x", "y", "z"].contains(&axis.as_str())) {
         return Err(reader.unknown_name("axes", "axis", unknown, ["x", "y", "z"].into_iter()));
     }
+    if let Some((_, twice)) = axes.iter().enumerate().find(|(k, axis)| axes[..*k].contains(axis)) {
+        return Err(reader.out_of_range("axes", "every axis once", format!("`{twice}` twice")));
+    }
     if axes.is_empty() {
         return Err(reader.out_of_range("axes", "at least one axis", "none"));
     }
@@ -87,5 +90,9 @@ pub(super) fn drive(reader: &Reader) -> Result<DriveSpec, SceneError> {
         return Err(SceneError::at(SceneErrorKind::Contradiction(problem), reader.location()));
     }
     let fastest = reader.quantity("fastest", Range::Positive)?;
+    if fastest.is_some() && stress.is_empty() {
+        let problem = "`fastest` limits what a stress does to the cell, but none is imposed: add `stress` or `pressure`, or leave it out";
+        return Err(SceneError::at(SceneErrorKind::Contradiction(problem.to_string()), reader.location()));
+    }
     Ok(DriveSpec { rate, stress, fastest })
 }

@@ -100,6 +100,15 @@ fn what_makes_no_sense_is_refused() {
     refused("max = [1, 1, 1]", "max = [1, 1, 0.35]", "less than half");
     refused("rate = { xx = \"-0.5/s\"", "rate = { xx = \"3 m\"", "rate");
     refused("fastest = \"1/s\"", "fastest = 0", "positive");
+    refused("max = [1, 1, 1]", "max = [1, 1, 1]\nfastest = 1", "none is imposed");
+    refused("max = [1, 1, 1]", "max = [1, 1, 1]\naxes = [\"x\", \"y\", \"z\", \"x\"]", "every axis once");
+    refused("xx = \"-0.5/s\"", "xx = \"-1000/s\"", "rate xx");
+    refused("xy = \"0.4/s\"", "xy = \"3000/s\"", "rate xy");
+    refused(
+        "[measure",
+        "[stream.rain]\nradius = 0.3\nregion = { box = { min = [0, 0, 0], max = [1, 1, 1] } }\nrate = 10\n[measure",
+        "stream `rain`",
+    );
     refused("[measure", "[body.floor]\nshape = { plane = {} }\nmotion = \"fixed\"\n[measure", "across z");
     let no_cell: String = SCENE
         .lines()
@@ -112,4 +121,65 @@ fn what_makes_no_sense_is_refused() {
         .map(|line| format!("{line}\n"))
         .collect();
     assert!(scene(&no_cell).unwrap_err().contains("add `[periodic]`"));
+}
+
+/// What a stage drives, or fixes, is held against the cell when the scene is built, at the place where it is written.
+#[test]
+fn stages_that_the_cell_cannot_follow_are_refused() {
+    let refused = |text: &str, part: &str, line: usize| {
+        let error = scene(text).unwrap().build().map(|_| ()).unwrap_err().to_string();
+        assert!(error.contains(part) && error.contains(&format!("cell.toml:{line}")), "{error}");
+    };
+    let line = |text: &str, name: &str| text.lines().position(|own| own.contains(name)).unwrap_or_default();
+    let layer = SCENE.replace(
+        "max = [1, 1, 1]\nrate = { xx = \"-0.5/s\", yy = \"-0.5/s\", zz = \"-0.5/s\" }",
+        "max = [1, 1, 1]\naxes = [\"x\", \"y\"]",
+    );
+    let pressed = layer.replace("rate = { xy = \"0.4/s\" }, ", "");
+    refused(&pressed, "a stress can be imposed only where it repeats", line(&pressed, "\"press\""));
+    let stone =
+        "[body.stone]\nshape = { sphere = { radius = 0.05 } }\nposition = [0.5, 0.5, 0.5]\n[packing.grains]";
+    let with_stone = SCENE.replace("[packing.grains]", stone).replace("radius = 0.09", "radius = 0.05");
+    scene(&with_stone).unwrap().build().unwrap();
+    let fixes = |place: &str| {
+        with_stone.replace(place, &format!("{place}\nbody = {{ stone = {{ motion = \"fixed\" }} }}"))
+    };
+    let text = fixes("time = \"0.1 s\"");
+    refused(&text, "'stone' (index 0) is fixed or driven", line(&text, "\"gather\""));
+    let text = fixes("time = \"0.2 s\"");
+    refused(&text, "'stone' (index 0) is fixed or driven", line(&text, "\"press\""));
+}
+
+/// A body may be fixed once the cell is held, and every checkpoint before and after is sound.
+#[test]
+fn bodies_are_fixed_in_a_cell_that_is_held_again() {
+    let stages = "periodic = {}\n[[stage]]\nname = \"fix\"\ntime = \"0.1 s\"\nbody = { stone = { motion = \"fixed\" } }\n";
+    let (head, rest) = SCENE.split_once("periodic = { stress").unwrap();
+    let tail = rest.split_once('\n').unwrap().1;
+    let text = format!("{head}{stages}{tail}").replace(
+        "[packing.grains]",
+        "[body.stone]\nshape = { sphere = { radius = 0.02 } }\nposition = [0.5, 0.5, 0.5]\n[packing.grains]",
+    );
+    for end in [50, 100, 101, 250, 300, 301, 350] {
+        let part = finished(&scene(&text.replace("0.3 s", &format!("{end} ms"))).unwrap());
+        assert_eq!(part.world.step, end);
+        let bytes = checkpoint::to_bytes(&part.settings, &part.totals, &part.world).unwrap();
+        checkpoint::from_bytes(&bytes, "cell").unwrap();
+    }
+}
+
+/// Bodies that grow end the run where the cell has no more room for them, in a state that a run can go on from.
+#[test]
+fn growth_ends_at_half_an_edge() {
+    let text = "gravity = [0, 0, 0]\n[time]\nstep = \"1 ms\"\nend = \"1 s\"\n[periodic]\nmin = [0, 0, 0]\nmax = [1, 1, 1]\n\
+                [packing.grains]\nradius = 0.1\nlattice = { counts = [1, 1, 1], pitch = 0.25 }\n\
+                [[stage]]\nname = \"grow\"\ntime = \"1 s\"\ngrowth = { rate = 5, porosity = 0.3, region = { box = { min = [0, 0, 0], max = [1, 1, 1] } } }\n";
+    let simulation = scene(text).unwrap().build().unwrap();
+    let settings = RunSettings::new(&simulation, None);
+    let stop = Arc::new(AtomicBool::new(false));
+    let mut run = Run::new(simulation.world, settings, RunTotals::default(), stop).unwrap();
+    let error = run.advance(&mut []).unwrap_err().to_string();
+    assert!(error.contains("less than half") && run.world.step > 100, "{error}");
+    let bytes = checkpoint::to_bytes(&run.settings, &run.totals, &run.world).unwrap();
+    checkpoint::from_bytes(&bytes, "cell").unwrap();
 }

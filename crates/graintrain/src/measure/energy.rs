@@ -40,7 +40,8 @@ pub fn energies(world: &World, selected: &[bool]) -> Energies {
 /// With the impulses g of a step, v = (v- + v+) / 2 for dynamic degrees of freedom and the prescribed velocity for others, the terms are dt m g . v, dt f . v,
 /// -(D g + J^T lambda) . v over the prescribed degrees, (J^T lambda) . v of joints over all, and -g_t . (D^T v)_t and -g_n (D^T v)_n over all contacts, impacts included. For balls this is an
 /// identity: the rest is rounding. For other bodies it is what their turning in the step adds (the gyroscopic term), and for bodies that are
-/// driven in some degrees what their own inertia takes. Overlap is removed by displacements, which change no velocity: the energy
+/// driven in some degrees what their own inertia takes. In a periodic cell that deforms K is that of velocities relative to the deformation, and what the
+/// deformation gives them, with and without contacts, counts as work of drives. Overlap is removed by displacements, which change no velocity: the energy
 /// that this gives to bodies against gravity is counted apart.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Ledger {
@@ -70,6 +71,12 @@ impl Ledger {
         self.friction += other.friction;
         self.normal += other.normal;
         self.rest += other.rest;
+    }
+
+    /// K+ - K-, J: what all of it comes to.
+    pub fn change(&self) -> f64 {
+        let Self { gravity, loads, drives, joints, friction, normal, rest } = *self;
+        gravity + loads + drives + joints - friction - normal + rest
     }
 
     /// Sum of the magnitudes, J: what the rest is to be compared with.
@@ -144,7 +151,6 @@ pub(crate) fn ledger(
             }
         }
     }
-    let Ledger { gravity, loads, drives, joints, friction, normal, .. } = ledger;
-    ledger.rest = change - (gravity + loads + drives + joints - friction - normal);
+    ledger.rest = change - ledger.change();
     ledger
 }

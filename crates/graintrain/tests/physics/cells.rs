@@ -8,6 +8,7 @@ use graintrain::handle::MaterialId;
 use graintrain::load::Region;
 use graintrain::math::Vec3;
 use graintrain::measure::contacts::coordination;
+use graintrain::measure::energy::Ledger;
 use graintrain::measure::space::{own_space, porosity, selected};
 use graintrain::measure::stress::{pressure, stress};
 use graintrain::motion::{Motion, Profile};
@@ -395,4 +396,108 @@ fn spheres_without_friction_jam_with_six_neighbours() {
     assert_close(found, 1000.0, 20.0, "pressure");
     assert_close(around.mean_without_rattlers, 6.0, 0.3, "neighbours");
     assert_close(solid, 0.639, 0.01, "density");
+}
+
+/// Steps until one is refused: what is said, with the world as it was before that step.
+fn refusal(world: &mut World, steps: usize) -> Option<String> {
+    let mut stepper = stepper(1e-3, 0.01, 1e-6, Relaxed);
+    for _ in 0..steps {
+        let before = world.clone();
+        match stepper.step(world) {
+            Ok(_) => {}
+            Err(error) => {
+                assert!(*world == before);
+                assert_eq!(world.validate(), Ok(()));
+                return Some(error.to_string());
+            }
+        }
+    }
+    None
+}
+
+/// A cell that becomes thinner than two bodies ends the run at the step that would make it so, not with bodies that overlap unseen.
+#[test]
+fn a_cell_that_becomes_too_thin_is_refused() {
+    let mut world = empty(0.3, 0.0);
+    for k in 0..64_u32 {
+        let place = [k % 4, k / 4 % 4, k / 16].map(|n| 0.25 * f64::from(n) + 0.1);
+        add_sphere(&mut world, 0.1, place.into());
+    }
+    let drive = rates([-1.5, 1.5, 0.0, 0.0, 0.0, 0.0]);
+    world.set_cell(Some(Cell { drive, ..held(1.0) })).unwrap();
+    let said = refusal(&mut world, 1000).unwrap();
+    assert!(said.contains("along x") && said.contains("body ") && said.contains("larger cell"), "{said}");
+    let edge = world.cell().unwrap().size.x;
+    assert!((0.4..0.401).contains(&edge), "{edge}");
+}
+
+/// Nothing bears the stress: the cell closes by half in a step at most, and the step that would leave no room is refused.
+#[test]
+fn a_stress_that_nothing_bears_is_refused() {
+    for (drive, part) in [(pressed(1e6), "along x"), (pressed(1e9), "along x"), (pressed(-1e6), "")] {
+        let mut world = empty(0.3, 0.0);
+        add_sphere(&mut world, 0.1, Vec3::splat(0.3));
+        world.set_cell(Some(Cell { drive, ..held(1.0) })).unwrap();
+        let said = refusal(&mut world, 20);
+        assert_eq!(said.is_some(), !part.is_empty(), "{said:?}");
+        assert!(said.unwrap_or_default().contains(part));
+        let cell = world.cell().unwrap();
+        assert!(cell.strain.iter().all(|strain| strain.is_finite()) && cell.volume() > 0.0, "{cell:?}");
+    }
+}
+
+/// Rates that no step can follow are refused with their component, when they are met.
+#[test]
+fn rates_that_are_too_fast_are_refused() {
+    for (component, rate, good) in
+        [(0, -1e6, -600.0), (1, 1e6, 400.0), (3, 3000.0, 200.0), (5, -300.0, -240.0), (2, f64::MAX, 1.0)]
+    {
+        let mut world = empty(0.3, 0.0);
+        add_sphere(&mut world, 0.01, Vec3::splat(0.3));
+        let mut fast = [0.0; 6];
+        fast[component] = rate;
+        world.set_cell(Some(Cell { drive: rates(fast), ..held(1.0) })).unwrap();
+        let said = refusal(&mut world, 1).unwrap();
+        let name = graintrain::cell::NAMES[component];
+        assert!(said.contains(&format!("rate {name}")) && said.contains("step 0"), "{said}");
+        fast[component] = good;
+        world.set_cell(Some(Cell { drive: rates(fast), ..held(1.0) })).unwrap();
+        assert_eq!(refusal(&mut world, 1), None);
+    }
+}
+
+/// Balls that never meet in a cell that is compressed: velocities relative to it grow as exp(-L t), and the ledger has what they gain; with contacts,
+/// across steps, it has what is lost, too.
+#[test]
+fn the_ledger_has_the_work_of_the_deformation() {
+    let mut world = empty(0.3, 0.0);
+    let ball = add_sphere(&mut world, 0.1, Vec3::splat(0.3));
+    world.bodies.velocity[ball] = Vec3::new(3.0, 0.5, 0.0);
+    let drive = rates([-1.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+    world.set_cell(Some(Cell { drive, ..held(1.0) })).unwrap();
+    let half_mass = 0.5 * world.bodies.mass[ball];
+    let closes = |world: &mut World, steps: usize| {
+        let mut stepper = stepper(1e-3, 0.01, 1e-10, Relaxed);
+        let (mut kinetic, mut all) = (world.kinetic_energy(), Ledger::default());
+        let start = kinetic;
+        for _ in 0..steps {
+            let report = solved_step(&mut stepper, world);
+            let rounding = 1e-12 * (report.ledger.throughput() + kinetic);
+            assert_close(report.ledger.change(), report.kinetic_energy - kinetic, rounding, "a step");
+            assert!(report.ledger.rest.abs() < rounding, "{:?}", report.ledger);
+            kinetic = report.kinetic_energy;
+            all.add(&report.ledger);
+        }
+        assert_close(all.change(), kinetic - start, 1e-10 * (kinetic + start), "all steps");
+        all
+    };
+    let all = closes(&mut world, 250);
+    let expected = half_mass * (9.0 * 0.5_f64.exp() + 0.25);
+    assert_close(world.kinetic_energy(), expected, 2e-3 * expected, "kinetic energy");
+    assert_close(all.drives, expected - half_mass * 9.25, 2e-3 * expected, "work");
+    let mut world = gas(60, 2.0, 5);
+    let drive = rates([-0.5, 0.2, -0.3, 0.8, -0.4, 0.3]);
+    world.set_cell(Some(Cell { drive, ..held(1.0) })).unwrap();
+    let all = closes(&mut world, 300);
+    assert!(all.normal + all.friction > 0.0 && all.drives != 0.0, "{all:?}");
 }

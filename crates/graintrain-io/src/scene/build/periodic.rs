@@ -6,13 +6,14 @@ use crate::stage::CellDrive;
 use graintrain::cell::{Cell, Drive, NAMES};
 
 impl Builder {
-    /// Makes space repeat, after all bodies are there.
-    pub(super) fn periodic(&mut self, spec: &PeriodicSpec) -> Result<(), SceneError> {
+    /// Makes space repeat, after all bodies are there, in a run of steps of this length (s).
+    pub(super) fn periodic(&mut self, spec: &PeriodicSpec, step: f64) -> Result<(), SceneError> {
         let at = |error| model_error(error, &spec.location);
         let repeats = |axis: &str| spec.axes.iter().any(|own| own == axis);
         let mut cell = Cell::new(spec.min, spec.max, ["x", "y", "z"].map(repeats)).map_err(at)?;
         let CellDrive { drive, fastest } = cell_drive(&spec.drive)?;
         (cell.drive, cell.fastest) = (drive, fastest);
+        cell.validate_step(0.0, step).map_err(at)?;
         self.world.set_cell(Some(cell)).map_err(at)
     }
 }

@@ -5,7 +5,11 @@ use super::{Builder, Scene, SceneError, SceneErrorKind, function, materials, mod
 use crate::growth::Growth;
 use crate::measure::{Measure, Quantity};
 use crate::scene::SteadySpec;
-use crate::stage::{Stage, Steady};
+use crate::stage::{CellDrive, Stage, Steady};
+use graintrain::error::ModelError;
+use graintrain::handle::BodyId;
+use graintrain::motion::Motion;
+use graintrain::world::{FREE, World};
 use std::collections::HashMap;
 
 impl Builder {
@@ -14,6 +18,8 @@ impl Builder {
         let whole_steps = |time: f64| (time / scene.time.step).round() as u64;
         let mut list = scene.materials.clone();
         let mut stages = Vec::new();
+        // Motions and drives stay until a stage changes them.
+        let mut driven = self.world.clone();
         for spec in &scene.stages {
             let fail =
                 |problem: String| SceneError::at(SceneErrorKind::Contradiction(problem), &spec.location);
@@ -40,6 +46,9 @@ impl Builder {
                 }
                 motions.push((id, motion));
             }
+            let cell = spec.periodic.as_ref().map(cell_drive).transpose()?;
+            fit(&mut driven, &motions, cell.as_ref(), scene.time.step)
+                .map_err(|error| model_error(error, &spec.location))?;
             let loads = match &spec.loads {
                 None => None,
                 Some(names) => {
@@ -77,7 +86,7 @@ impl Builder {
                 gravity,
                 materials: if spec.materials.is_empty() { None } else { Some(materials(scene, &list)?.0) },
                 motions,
-                cell: spec.periodic.as_ref().map(cell_drive).transpose()?,
+                cell,
                 loads,
             });
         }
@@ -101,6 +110,28 @@ impl Builder {
             streams: self.streams.clone(),
         }
     }
+}
+
+/// Gives a world the motions of a stage and what drives its cell, so that what does not go together is seen before the run gets there.
+fn fit(
+    world: &mut World,
+    motions: &[(BodyId, Option<Motion>)],
+    drive: Option<&CellDrive>,
+    step: f64,
+) -> Result<(), ModelError> {
+    let Some(cell) = world.cell().cloned() else { return Ok(()) };
+    for (body, motion) in motions {
+        world.bodies.motion[body.index()] = match motion {
+            Some(motion) => world.add_motion(motion.clone())?,
+            None => FREE,
+        };
+    }
+    let cell = match drive {
+        Some(drive) => drive.of(cell, 0.0),
+        None => cell,
+    };
+    cell.validate_step(0.0, step)?;
+    world.set_cell(Some(cell))
 }
 
 /// What is to be steady, found among the measurements; otherwise what is wrong.

@@ -54,6 +54,15 @@ impl Builder {
             );
             return Err(SceneError::at(SceneErrorKind::Contradiction(problem), &spec.location));
         }
+        let half = self.world.cell().map_or(f64::INFINITY, |cell| 0.5 * cell.smallest_edge());
+        if 2.0 * reach >= half {
+            let problem = format!(
+                "bodies of stream `{name}` fit into balls of up to {:.4} m across, which has to be less than half of the smallest edge of the \
+                 periodic cell, {half:.4} m: enlarge the cell, or make them smaller",
+                2.0 * reach
+            );
+            return Err(SceneError::at(SceneErrorKind::Contradiction(problem), &spec.location));
+        }
         self.smallest_radius = self.smallest_radius.min(size);
         let motion = if spec.lock_rotation {
             self.locked_rotation().map_err(|error| model_error(error, &spec.location))?

@@ -56,7 +56,7 @@ const FASTEST: Key = key(
     Quantity(D::RATE),
     "no limit",
     "\"1/s\"",
-    "Largest rate at which imposed stresses deform the cell: what is loose else closes ever faster",
+    "Largest rate at which imposed stresses deform the cell, only with `stress` or `pressure`: what is loose else closes ever faster",
 );
 
 macro_rules! components {

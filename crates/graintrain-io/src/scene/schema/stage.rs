@@ -38,7 +38,7 @@ pub(super) static STAGE: Table = Table {
             Quantity(D::NONE),
             "none",
             "0.01",
-            "The stage ends when the mean net force on bodies is below this share of the mean contact force",
+            "The stage ends when the mean net force on bodies is below this share of the mean contact force. A gas in which few bodies touch meets it at once: give `at_least`",
         ),
         key(
             "filled",
