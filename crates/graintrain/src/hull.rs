@@ -71,7 +71,7 @@ impl Hull {
         if points.len() < 4 || low == high {
             return Err(flat());
         }
-        if !(extent >= EXTENTS[0] && extent <= EXTENTS[1]) {
+        if !(EXTENTS[0]..=EXTENTS[1]).contains(&extent) {
             let [smallest, largest] = EXTENTS;
             return Err(ModelError::HullExtent { extent: (high - low).max_element(), smallest, largest });
         }
