@@ -33,18 +33,13 @@ fn compliance(law: Elasticity, step: f64) -> f64 {
     if law.is_rigid() { 0.0 } else { (1.0 / (step * (law.stiffness * step + law.damping))).min(SOFTEST) }
 }
 
-/// The materials of both bodies of a contact.
-fn materials(world: &World, contact: &Contact) -> [usize; 2] {
-    [contact.body_a, contact.body_b].map(|body| world.bodies.material[body as usize].index())
-}
-
 /// Compliance of every contact, 1/kg; empty where all are rigid.
 pub(crate) fn compliances(world: &World, contacts: &[Contact], step: f64) -> Vec<f64> {
     if !world.materials.has_elastic_pairs() {
         return Vec::new();
     }
     let of = |contact: &Contact| {
-        let [a, b] = materials(world, contact);
+        let [a, b] = world.materials_of(contact);
         compliance(world.materials.pair_elasticity(a, b), step)
     };
     contacts.iter().map(of).collect()
@@ -52,7 +47,7 @@ pub(crate) fn compliances(world: &World, contacts: &[Contact], step: f64) -> Vec
 
 /// b_n of a contact that overlaps and is elastic, m/s; `None` of others, whose b_n is that of rigid ones.
 pub(crate) fn bias(world: &World, contact: &Contact, step: f64) -> Option<f64> {
-    let [a, b] = materials(world, contact);
+    let [a, b] = world.materials_of(contact);
     let Elasticity { stiffness, damping } = world.materials.pair_elasticity(a, b);
     let presses = stiffness > 0.0 && contact.gap < 0.0;
     let bias = contact.gap * stiffness / (stiffness * step + damping);
@@ -77,7 +72,7 @@ pub(crate) fn pulls(
         *count.entry(pair(contact)).or_insert(0_u32) += 1;
     }
     let of = |(contact, touches): (&Contact, bool)| {
-        let [a, b] = materials(world, contact);
+        let [a, b] = world.materials_of(contact);
         let force = world.materials.pair_cohesion(a, b);
         if touches { step * force / f64::from(count[&pair(contact)]) } else { 0.0 }
     };

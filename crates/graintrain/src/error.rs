@@ -99,6 +99,27 @@ pub enum ModelError {
         /// How many points.
         points: usize,
     },
+    /// Points whose hull is too large or too small for its inertia to be a number.
+    #[error(
+        "the points of a convex hull span {extent:e} m; {smallest:e} m to {largest:e} m are possible: is the scale that of the file?"
+    )]
+    HullExtent {
+        /// Largest of its three sizes, m.
+        extent: f64,
+        /// The smallest possible, m.
+        smallest: f64,
+        /// The largest possible, m.
+        largest: f64,
+    },
+    /// Points whose hull has faces too narrow for rounded numbers.
+    #[error(
+        "the convex hull of {points} points could not be built: faces are too narrow for their normals; leave out points that nearly \
+         coincide, or are nearly in line"
+    )]
+    HullFailed {
+        /// How many points.
+        points: usize,
+    },
     /// A hull that is finer than contacts are made for.
     #[error(
         "the convex hull has {corners} corners; at most {most} are possible: give fewer points, or a coarser mesh"

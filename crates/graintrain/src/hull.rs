@@ -2,16 +2,23 @@
 //! quickhull algorithm for convex hulls", ACM Transactions on Mathematical Software 22(4):469-483, 1996), with coplanar triangles joined
 //! to polygons.
 
+mod join;
+mod triangulate;
+
 use crate::collide::union::Moments;
 use crate::error::ModelError;
 use crate::math::{Mat3, Vec3};
 use crate::solid_mesh::{check_closed, moments};
 use serde::{Deserialize, Serialize};
-use std::collections::HashMap;
 
-/// Points that stand out by less than this fraction of the extent are left out, faces that differ by less are one: somewhat more than
-/// the rounding of files in single precision.
+/// Faces that differ by less than this fraction of the extent are one: somewhat more than the rounding of files in single precision.
 const TOLERANCE: f64 = 1e-6;
+
+/// Where that makes no plane polygons, it grows by steps up to this: the rounding of files with three digits.
+const MOST_TOLERANCE: f64 = 1.1e-3;
+
+/// Extents of hulls, m: their fifth powers, in the inertia, are numbers.
+const EXTENTS: [f64; 2] = [1e-50, 1e50];
 
 /// Corners of a hull at most: the work of a contact grows with the product of the edges.
 pub const MOST_CORNERS: usize = 256;
@@ -46,30 +53,44 @@ pub struct HullEdge {
 
 impl Hull {
     /// The hull of points (m, in any frame and order), moved so that its centre of volume is the origin, and that centre in the frame of
-    /// the points. Corners keep the order of the points; what stands out by less than 1e-6 of the extent is left out. Cost: points times
-    /// faces.
+    /// the points. Corners keep the order of the points. Faces that differ by less than 1e-6 of the extent are joined, and points that
+    /// stand out of them by that are left out; where points are rounded more coarsely, so that this makes no plane polygons, that
+    /// fraction is multiplied by four, up to 1e-3, and at last no triangles are joined. Cost: points times corners.
     ///
     /// # Errors
-    /// [`ModelError`] for a coordinate that is not finite, points in a plane, and more than [`MOST_CORNERS`] corners.
+    /// [`ModelError`] for a coordinate that is not finite, an extent outside of 1e-50 m to 1e50 m, points in a plane, more than
+    /// [`MOST_CORNERS`] corners, and faces too narrow for their normals.
     pub fn new(points: &[Vec3]) -> Result<(Self, Vec3), ModelError> {
         for point in points {
             crate::error::finite("a coordinate of a point of a hull", &point.to_array())?;
         }
+        let flat = || ModelError::HullFlat { points: points.len() };
         let low = points.iter().fold(Vec3::INFINITY, |low, p| low.min(*p));
         let high = points.iter().fold(Vec3::NEG_INFINITY, |high, p| high.max(*p));
         let extent = (high - low).length();
-        if points.len() < 4 || !(extent.is_finite() && extent > 0.0) {
-            return Err(ModelError::HullFlat { points: points.len() });
+        if points.len() < 4 || low == high {
+            return Err(flat());
+        }
+        if !(EXTENTS[0]..=EXTENTS[1]).contains(&extent) {
+            let [smallest, largest] = EXTENTS;
+            return Err(ModelError::HullExtent { extent: (high - low).max_element(), smallest, largest });
         }
         // About the middle, so that points far from their origin lose no digits.
         let middle = 0.5 * (low + high);
         let own: Vec<Vec3> = points.iter().map(|point| *point - middle).collect();
-        let tolerance = TOLERANCE * extent;
-        let triangles = triangulated(&own, tolerance).ok_or(ModelError::HullFlat { points: points.len() })?;
-        let (mut hull, centre) = joined(&own, &triangles, tolerance)?;
+        let triangles = triangulate::triangulate(&own, TOLERANCE * extent).ok_or_else(flat)?;
+        let fractions = std::iter::successors(Some(TOLERANCE), |last| Some(4.0 * last))
+            .take_while(|fraction| *fraction <= MOST_TOLERANCE);
+        let mut hull = fractions
+            .map(|fraction| fraction * extent)
+            .find_map(|tolerance| join::join(&own, &triangles, tolerance, join::PLAY * tolerance))
+            .or_else(|| join::join(&own, &triangles, 0.0, join::PLAY * TOLERANCE * extent))
+            .ok_or(ModelError::HullFailed { points: points.len() })?;
         if hull.corners.len() > MOST_CORNERS {
             return Err(ModelError::HullCorners { corners: hull.corners.len(), most: MOST_CORNERS });
         }
+        let (moments, about) = moments(&hull.corners, &hull.triangles());
+        let centre = about + moments.first / moments.volume;
         for corner in &mut hull.corners {
             *corner -= centre;
         }
@@ -149,6 +170,11 @@ impl Hull {
 
     /// Checks a hull that comes from a file: that its numbers fit together, that it closes, and that every corner lies behind every face.
     pub(crate) fn validate(&self) -> Result<(), ModelError> {
+        self.validate_within(join::PLAY * MOST_TOLERANCE * self.bounding_radius())
+    }
+
+    /// [`Hull::validate`] with the height above a face that a corner may have, m.
+    fn validate_within(&self, play: f64) -> Result<(), ModelError> {
         let wrong = |what: &str| Err(ModelError::Table { what: format!("a convex hull {what}") });
         let extent = self.bounding_radius();
         if !(extent.is_finite() && extent > 0.0) {
@@ -164,214 +190,13 @@ impl Hull {
         check_closed(&self.corners, &self.triangles())?;
         let outside = |face: &HullFace| {
             let height = |corner: &Vec3| face.normal.dot(*corner) - face.offset;
-            !self.corners.iter().all(|corner| height(corner) <= 20.0 * TOLERANCE * extent)
+            !self.corners.iter().all(|corner| height(corner) <= play)
         };
         if self.faces.iter().any(outside) {
             return wrong("has a corner outside of a face");
         }
         Ok(())
     }
-}
-
-/// A triangle while the hull is made, with the points that lie outside of it.
-struct Triangle {
-    corners: [usize; 3],
-    normal: Vec3,
-    outside: Vec<usize>,
-    alive: bool,
-}
-
-impl Triangle {
-    fn new(points: &[Vec3], corners: [usize; 3]) -> Self {
-        let [a, b, c] = corners.map(|k| points[k]);
-        let normal = (b - a).cross(c - a).normalize_or_zero();
-        Self { corners, normal, outside: Vec::new(), alive: true }
-    }
-
-    fn height(&self, points: &[Vec3], p: usize) -> f64 {
-        self.normal.dot(points[p] - points[self.corners[0]])
-    }
-
-    fn edges(&self) -> [[usize; 2]; 3] {
-        let [a, b, c] = self.corners;
-        [[a, b], [b, c], [c, a]]
-    }
-}
-
-/// The triangles of the hull, counter-clockwise seen from outside; `None` if the points lie in a plane within the tolerance.
-fn triangulated(points: &[Vec3], tolerance: f64) -> Option<Vec<[usize; 3]>> {
-    let mut triangles = first_tetrahedron(points, tolerance)?;
-    let give = |triangles: &mut [Triangle], from: usize, all: Vec<usize>| {
-        for p in all {
-            let heights = triangles[from..].iter().map(|triangle| triangle.height(points, p));
-            let (best, height) = heights
-                .enumerate()
-                .fold((0, f64::NEG_INFINITY), |best, next| if next.1 > best.1 { next } else { best });
-            if height > tolerance {
-                triangles[from + best].outside.push(p);
-            }
-        }
-    };
-    give(&mut triangles, 0, (0..points.len()).collect());
-    let mut at = 0;
-    while at < triangles.len() {
-        if !triangles[at].alive || triangles[at].outside.is_empty() {
-            at += 1;
-            continue;
-        }
-        let of = &triangles[at];
-        let mut far = of.outside[0];
-        for &p in &of.outside {
-            if of.height(points, p) > of.height(points, far) {
-                far = p;
-            }
-        }
-        // Triangles whose plane holds the point go as well: a new one on their border could have no area.
-        let seen: Vec<usize> = (0..triangles.len())
-            .filter(|&k| triangles[k].alive && triangles[k].height(points, far) >= -tolerance)
-            .collect();
-        let mut border: HashMap<[usize; 2], usize> = HashMap::new();
-        let mut sides = Vec::new();
-        for &k in &seen {
-            for edge in triangles[k].edges() {
-                border.insert(edge, k);
-                sides.push(edge);
-            }
-        }
-        let mut left = Vec::new();
-        for &k in &seen {
-            triangles[k].alive = false;
-            left.append(&mut triangles[k].outside);
-        }
-        left.retain(|&p| p != far);
-        left.sort_unstable();
-        let first = triangles.len();
-        for [a, b] in sides {
-            if !border.contains_key(&[b, a]) {
-                triangles.push(Triangle::new(points, [a, b, far]));
-            }
-        }
-        if triangles.len() == first {
-            return None;
-        }
-        give(&mut triangles, first, left);
-    }
-    Some(triangles.into_iter().filter(|t| t.alive).map(|t| t.corners).collect())
-}
-
-/// Four points far apart; `None` if the points lie in a plane.
-fn first_tetrahedron(points: &[Vec3], tolerance: f64) -> Option<Vec<Triangle>> {
-    let farthest = |measure: &dyn Fn(Vec3) -> f64| {
-        let mut best = 0;
-        for k in 1..points.len() {
-            if measure(points[k]) > measure(points[best]) {
-                best = k;
-            }
-        }
-        best
-    };
-    let a = farthest(&|p| -p.x);
-    let b = farthest(&|p| (p - points[a]).length_squared());
-    let along = (points[b] - points[a]).normalize_or_zero();
-    let c = farthest(&|p| (p - points[a]).cross(along).length_squared());
-    if (points[c] - points[a]).cross(along).length() <= tolerance {
-        return None;
-    }
-    let normal = along.cross(points[c] - points[a]).normalize_or_zero();
-    let d = farthest(&|p| normal.dot(p - points[a]).abs());
-    let height = normal.dot(points[d] - points[a]);
-    if height.abs() <= tolerance {
-        return None;
-    }
-    let (b, c) = if height > 0.0 { (c, b) } else { (b, c) };
-    let corners = [[a, b, c], [a, d, b], [b, d, c], [c, d, a]];
-    Some(corners.into_iter().map(|corners| Triangle::new(points, corners)).collect())
-}
-
-/// The hull with triangles of one plane joined, about the origin of the points, and its centre of volume.
-fn joined(points: &[Vec3], triangles: &[[usize; 3]], tolerance: f64) -> Result<(Hull, Vec3), ModelError> {
-    let failed = || ModelError::HullFlat { points: points.len() };
-    let mut owner: HashMap<[usize; 2], usize> = HashMap::new();
-    for (k, &[a, b, c]) in triangles.iter().enumerate() {
-        for edge in [[a, b], [b, c], [c, a]] {
-            if owner.insert(edge, k).is_some() {
-                return Err(failed());
-            }
-        }
-    }
-    // Twice the area along the normal.
-    let area = |k: usize| {
-        let [a, b, c] = triangles[k].map(|p| points[p]);
-        (b - a).cross(c - a)
-    };
-    let mut group: Vec<usize> = (0..triangles.len()).collect();
-    for (k, &[a, b, c]) in triangles.iter().enumerate() {
-        for [from, to] in [[a, b], [b, c], [c, a]] {
-            let other = *owner.get(&[to, from]).ok_or_else(failed)?;
-            let (large, small) =
-                if area(k).length() >= area(other).length() { (k, other) } else { (other, k) };
-            let normal = area(large).normalize_or_zero();
-            let height = |p: usize| normal.dot(points[p] - points[triangles[large][0]]).abs();
-            if triangles[small].iter().all(|&p| height(p) <= 4.0 * tolerance) {
-                let (keep, drop) = (group[k].min(group[other]), group[k].max(group[other]));
-                group.iter_mut().filter(|entry| **entry == drop).for_each(|entry| *entry = keep);
-            }
-        }
-    }
-    let mut faces: Vec<(Vec3, Vec<usize>)> = Vec::new();
-    for plane in (0..triangles.len()).filter(|&k| group[k] == k) {
-        let members = || (0..triangles.len()).filter(|&k| group[k] == plane);
-        let normal = members().map(area).sum::<Vec3>().normalize_or_zero();
-        let inner = |edge: [usize; 2]| owner.get(&[edge[1], edge[0]]).is_some_and(|&k| group[k] == plane);
-        let border =
-            members().flat_map(|k| Triangle::new(points, triangles[k]).edges()).filter(|&edge| !inner(edge));
-        let next: HashMap<usize, usize> = border.map(|[a, b]| (a, b)).collect();
-        let first = *next.keys().min().ok_or_else(failed)?;
-        let mut around = vec![first];
-        let mut at = next[&first];
-        while at != first && around.len() <= next.len() {
-            around.push(at);
-            at = *next.get(&at).ok_or_else(failed)?;
-        }
-        if around.len() != next.len() {
-            return Err(failed());
-        }
-        faces.push((normal, around));
-    }
-    // A point on the border of two faces only lies in the middle of an edge.
-    let mut meeting = vec![0_usize; points.len()];
-    faces.iter().flat_map(|(_, around)| around).for_each(|&p| meeting[p] += 1);
-    let kept: Vec<usize> = (0..points.len()).filter(|&p| meeting[p] >= 3).collect();
-    let mut number = vec![u32::MAX; points.len()];
-    for (&p, k) in kept.iter().zip(0..) {
-        number[p] = k;
-    }
-    let corners: Vec<Vec3> = kept.iter().map(|&p| points[p]).collect();
-    let mut hull = Hull { corners, faces: Vec::new(), edges: Vec::new() };
-    for (normal, around) in faces {
-        let own: Vec<u32> = around.iter().map(|&p| number[p]).filter(|&k| k != u32::MAX).collect();
-        if own.len() < 3 {
-            return Err(failed());
-        }
-        let height = |&k: &u32| normal.dot(hull.corners[k as usize]);
-        let offset = own.iter().map(height).fold(f64::NEG_INFINITY, f64::max);
-        hull.faces.push(HullFace { normal, offset, corners: own });
-    }
-    let mut sides: HashMap<[u32; 2], u32> = HashMap::new();
-    for (face, k) in hull.faces.iter().zip(0..) {
-        for (&a, &b) in face.corners.iter().zip(face.corners.iter().cycle().skip(1)) {
-            if let Some(&other) = sides.get(&[b, a]) {
-                hull.edges.push(HullEdge { corners: [b, a], faces: [other, k] });
-            }
-            sides.insert([a, b], k);
-        }
-    }
-    if 2 * hull.edges.len() != sides.len() || hull.corners.len() + hull.faces.len() != hull.edges.len() + 2 {
-        return Err(failed());
-    }
-    hull.validate()?;
-    let (moments, middle) = moments(&hull.corners, &hull.triangles());
-    Ok((hull, middle + moments.first / moments.volume))
 }
 
 #[cfg(test)]
@@ -427,6 +252,92 @@ mod tests {
         };
         let many: Vec<Vec3> = (0..400).map(ball).collect();
         assert!(matches!(Hull::new(&many), Err(ModelError::HullCorners { corners: 400, .. })));
+    }
+
+    /// Every point lies in the hull within the tolerance, Euler's formula holds, and the volume is that of another sum: over pyramids
+    /// from the centre to the faces, with the areas of the polygons.
+    fn check(points: &[Vec3], tolerance: f64) -> Hull {
+        let (hull, centre) = Hull::new(points).unwrap();
+        assert_eq!(hull.corners.len() + hull.faces.len(), hull.edges.len() + 2);
+        for face in hull.faces() {
+            let height = |p: &Vec3| face.normal.dot(*p - centre) - face.offset;
+            assert!(points.iter().all(|p| height(p) <= tolerance), "{face:?}");
+            assert!(face.corners.iter().all(|&k| height(&(hull.corners[k as usize] + centre)) > -tolerance));
+        }
+        let pyramid = |face: &HullFace| {
+            let at = |k: usize| hull.corners[face.corners[k % face.corners.len()] as usize];
+            let around = (0..face.corners.len()).map(|k| at(k).cross(at(k + 1))).sum::<Vec3>();
+            face.offset * 0.5 * around.dot(face.normal) / 3.0
+        };
+        let volume: f64 = hull.faces.iter().map(pyramid).sum();
+        assert!((volume - hull.volume()).abs() < tolerance * hull.bounding_radius().powi(2) * 20.0);
+        hull
+    }
+
+    /// Points of cylinders and boxes, turned and rounded as in files with few digits.
+    #[test]
+    fn rounded_points_make_hulls() {
+        let ring = |k: u32| {
+            let angle = f64::from(k % 24) * std::f64::consts::TAU / 24.0;
+            Vec3::new(0.4 * angle.cos(), 0.4 * angle.sin(), if k < 24 { -0.5 } else { 0.5 })
+        };
+        let cylinder: Vec<Vec3> = (0..48).map(ring).collect();
+        let prism = 12.0 * 0.16 * (std::f64::consts::TAU / 24.0).sin();
+        let half = Vec3::new(0.3, 0.5, 0.7);
+        let mut random = rand_pcg::Pcg64Mcg::new(3);
+        for _ in 0..15 {
+            let number = |random: &mut rand_pcg::Pcg64Mcg| rand::RngExt::random_range(random, -1.0..1.0);
+            let turn = Quat::from_xyzw(
+                number(&mut random),
+                number(&mut random),
+                number(&mut random),
+                number(&mut random),
+            )
+            .normalize();
+            for digits in [12, 9, 7, 6, 5, 4, 3] {
+                let unit = 10_f64.powi(-digits);
+                let rounded = |p: &Vec3| (turn * *p).map(|x| (x / unit).round() * unit);
+                for (points, exact) in [(cylinder.clone(), prism), (grid(half, 5), 8.0 * 0.3 * 0.5 * 0.7)] {
+                    let points: Vec<Vec3> = points.iter().map(rounded).collect();
+                    let hull = check(&points, (150.0 * unit).max(1e-4));
+                    assert!((hull.volume() / exact - 1.0).abs() < (20.0 * unit).max(1e-4), "{digits}");
+                }
+            }
+        }
+    }
+
+    /// On a sphere all points are corners. The volume of the hull of n random ones is below that of the ball by some 9.5 / n.
+    #[test]
+    fn random_points_on_a_sphere_are_all_corners() {
+        let mut random = rand_pcg::Pcg64Mcg::new(7);
+        let mut on_sphere = |_| {
+            let z: f64 = rand::RngExt::random_range(&mut random, -1.0..1.0);
+            let angle = rand::RngExt::random_range(&mut random, 0.0..std::f64::consts::TAU);
+            let across = (1.0 - z * z).sqrt();
+            Vec3::new(across * angle.cos(), across * angle.sin(), z)
+        };
+        let points: Vec<Vec3> = (0..200).map(&mut on_sphere).collect();
+        let hull = check(&points, 1e-4);
+        assert!(hull.corners.len() > 195);
+        let share = hull.volume() / (4.0 / 3.0 * std::f64::consts::PI);
+        assert!(share > 0.93 && share < 0.97, "{share}");
+        let many: Vec<Vec3> = (0..10_000).map(&mut on_sphere).collect();
+        let error = Hull::new(&many).unwrap_err();
+        assert!(matches!(error, ModelError::HullCorners { .. }), "{error}");
+    }
+
+    #[test]
+    fn huge_and_tiny_hulls_are_hulls_or_told() {
+        let exact = Hull::new(&grid(Vec3::ONE, 3)).unwrap().0;
+        for size in [1e-49, 1e-20, 1e20, 1e49] {
+            let (hull, _) = Hull::new(&grid(Vec3::splat(size), 3)).unwrap();
+            assert_eq!(hull.corners.len(), exact.corners.len());
+            assert!((hull.volume() / (8.0 * size * size * size) - 1.0).abs() < 1e-12, "{size}");
+        }
+        for size in [1e-200, 1e-120, 1e100, 1e308] {
+            let error = Hull::new(&grid(Vec3::splat(size), 3)).unwrap_err();
+            assert!(matches!(error, ModelError::HullExtent { .. }), "{error}");
+        }
     }
 
     proptest! {

@@ -62,7 +62,11 @@ impl Elasticity {
     /// # Errors
     /// [`ModelError::Value`] unless both are finite and not negative, and there is a stiffness where there is damping.
     pub fn validate(&self, of: &str) -> Result<(), ModelError> {
-        if self.stiffness != 0.0 || self.damping != 0.0 {
+        if self.stiffness == 0.0 && self.damping > 0.0 {
+            let (what, value) = (format!("the damping {of}, without a stiffness,"), self.damping);
+            return Err(ModelError::Value { what, value, expected: "0" });
+        }
+        if self.stiffness != 0.0 {
             positive(format!("the stiffness {of}"), self.stiffness)?;
         }
         if !(self.damping.is_finite() && self.damping >= 0.0) {
@@ -72,6 +76,9 @@ impl Elasticity {
         Ok(())
     }
 }
+
+/// Largest cohesion, N: speeds that it gives to the lightest bodies, and their squares, are numbers.
+pub const MOST_COHESION: f64 = 1e30;
 
 /// Materials by index, with symmetric tables of pair properties.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -253,12 +260,12 @@ impl Materials {
     /// Sets the force, N, with which bodies of materials i and j (which may be the same) pull each other while they touch.
     ///
     /// # Errors
-    /// [`ModelError::Index`], or [`ModelError::Value`] unless it is finite and not negative.
+    /// [`ModelError::Index`], or [`ModelError::Value`] unless it is not negative and at most [`MOST_COHESION`].
     pub fn set_pair_cohesion(&mut self, i: MaterialId, j: MaterialId, force: f64) -> Result<(), ModelError> {
         let [i, j] = self.pair_index(i, j)?;
-        if !(force.is_finite() && force >= 0.0) {
+        if !(0.0..=MOST_COHESION).contains(&force) {
             let what = format!("the cohesion {}", self.pair_name(i, j));
-            return Err(ModelError::Value { what, value: force, expected: "finite and not negative" });
+            return Err(ModelError::Value { what, value: force, expected: "between 0 and 1e30 N" });
         }
         if !(force == 0.0 && self.cohesion.is_empty()) {
             let len = self.len();
@@ -396,12 +403,18 @@ mod tests {
         let wrong = |stiffness: f64, damping: f64| Elasticity { stiffness, damping };
         for (bad, word) in [
             (wrong(-1.0, 0.0), "stiffness"),
-            (wrong(0.0, 1.0), "stiffness"),
+            (
+                wrong(0.0, 1.0),
+                "the damping between materials 'steel' and 'steel', without a stiffness, is 1; it must be 0",
+            ),
             (wrong(1.0, f64::NAN), "damping"),
         ] {
             assert!(text(materials.set_pair_elasticity(steel, steel, bad)).contains(word));
         }
-        assert!(text(materials.set_pair_cohesion(steel, glass, -1.0)).contains("cohesion"));
+        for bad in [-1.0, f64::NAN, f64::INFINITY, 1e308] {
+            assert!(text(materials.set_pair_cohesion(steel, glass, bad)).contains("cohesion"));
+        }
+        materials.set_pair_cohesion(steel, glass, MOST_COHESION).unwrap();
     }
 
     #[test]

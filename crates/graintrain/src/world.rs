@@ -2,7 +2,7 @@
 
 use crate::cell::Cell;
 use crate::collide::identity::renamed;
-use crate::contact::ContactSet;
+use crate::contact::{Contact, ContactSet};
 use crate::error::{ModelError, finite, positive};
 use crate::handle::{BodyId, GeometryId, MaterialId, MotionId};
 use crate::joint::PlacedJoint;
@@ -420,6 +420,11 @@ impl World {
     /// Whether all six degrees of freedom of the body are dynamic.
     pub fn is_free(&self, body: usize) -> bool {
         self.bodies.motion[body] == FREE
+    }
+
+    /// Indices of the materials of both bodies of a contact.
+    pub(crate) fn materials_of(&self, contact: &Contact) -> [usize; 2] {
+        [contact.body_a, contact.body_b].map(|body| self.bodies.material[body as usize].index())
     }
 
     /// Whether no degree of freedom of the body is dynamic.

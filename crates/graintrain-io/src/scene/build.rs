@@ -305,7 +305,7 @@ impl Builder {
     fn new(scene: &Scene) -> Result<Self, SceneError> {
         let unplaced =
             |error: ModelError| SceneError::new(SceneErrorKind::Contradiction(error.to_string()), None);
-        let (materials, index) = materials(scene, &scene.materials)?;
+        let (materials, index) = materials(scene, &scene.materials, None)?;
         let [x, y, z] = &scene.gravity;
         let gravity = [function(x)?, function(y)?, function(z)?];
         let initial = Vec3::from_array(gravity.each_ref().map(|profile| profile.mean(0.0, scene.time.step)));

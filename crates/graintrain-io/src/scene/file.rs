@@ -15,7 +15,7 @@ use super::tree::{Node, Value};
 use crate::settings::Precision;
 use graintrain::assemble::OverlapCorrection;
 use graintrain::load::Region;
-use graintrain::material::TurningResistance;
+use graintrain::material::{MOST_COHESION, TurningResistance};
 use graintrain::math::{Quat, Vec3};
 use graintrain::motion::Axes;
 use graintrain_ccp::{CcpError, FrictionModel, SolverSpec};
@@ -263,10 +263,22 @@ fn material(reader: Option<&Reader>) -> Result<MaterialSpec, SceneError> {
         spec.spinning_friction = reader.resistance("spinning_friction")?.unwrap_or(spec.spinning_friction);
         spec.stiffness = reader.quantity("stiffness", Range::NotNegative)?.unwrap_or(spec.stiffness);
         spec.damping = reader.quantity("damping", Range::NotNegative)?.unwrap_or(spec.damping);
-        spec.cohesion = reader.quantity("cohesion", Range::NotNegative)?.unwrap_or(spec.cohesion);
+        spec.cohesion = cohesion(reader)?.unwrap_or(spec.cohesion);
         check_elasticity(reader, spec.stiffness, spec.damping, spec.restitution)?;
     }
     Ok(spec)
+}
+
+/// A pull, if given.
+fn cohesion(reader: &Reader) -> Result<Option<f64>, SceneError> {
+    match reader.quantity("cohesion", Range::NotNegative)? {
+        Some(force) if force > MOST_COHESION => Err(reader.out_of_range(
+            "cohesion",
+            &format!("at most {MOST_COHESION:e} N"),
+            format!("{force:e}"),
+        )),
+        force => Ok(force),
+    }
 }
 
 /// Damping needs a stiffness, and a stiffness rebounds by itself.
@@ -314,7 +326,8 @@ fn pairs(scene: &Reader, materials: &[&str]) -> Result<Vec<PairSpec>, SceneError
             spinning_friction: reader.resistance("spinning_friction")?,
             stiffness: reader.quantity("stiffness", Range::NotNegative)?,
             damping: reader.quantity("damping", Range::NotNegative)?,
-            cohesion: reader.quantity("cohesion", Range::NotNegative)?,
+            cohesion: cohesion(&reader)?,
+            location: reader.location().clone(),
         };
         if let Some(stiffness) = pair.stiffness {
             let [damping, restitution] = [pair.damping, pair.restitution].map(Option::unwrap_or_default);

@@ -203,6 +203,9 @@ pub struct PairSpec {
     /// Pull on each other, N; `None` is the smaller of both.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub cohesion: Option<f64>,
+    /// Where it is written.
+    #[serde(skip)]
+    pub location: Location,
 }
 
 /// A single body.

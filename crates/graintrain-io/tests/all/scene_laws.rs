@@ -70,6 +70,11 @@ fn wrong_laws_are_told_where_they_stand() {
     for (from, to, expected) in [
         ("stiffness = \"7 kN/m\"", "stiffness = \"7 kN\"", "stiffness"),
         ("cohesion = \"3 mN\"", "cohesion = -1", "cohesion"),
+        (
+            "cohesion = \"1 mN\"",
+            "cohesion = 1e308",
+            "laws.toml:16:12: `pair.0.cohesion` must be at most 1e30 N, got 1e308",
+        ),
         ("[material.steel]", "[material.steel]\ndamping = 3", "without a `stiffness`"),
         ("[material.rubber]", "[material.rubber]\nrestitution = 0.5", "give it `damping`"),
         ("stiffness = \"7 kN/m\"", "stiffness = 0", "without a `stiffness`"),
@@ -77,6 +82,34 @@ fn wrong_laws_are_told_where_they_stand() {
         let error = build(&SCENE.replace(from, to)).err().unwrap_or_else(|| panic!("{to} was accepted"));
         assert!(error.contains(expected), "{to}: {error}");
     }
+    // What a pair and its materials give together is placed at the pair, or at the stage that changes a material.
+    let rigid = SCENE.replace("stiffness = \"20 kN/m\"", "").replace("damping = \"4 N s/m\"", "");
+    let error = build(&rigid.replace("stiffness = \"7 kN/m\"", "")).err().unwrap();
+    assert!(error.starts_with("laws.toml:12:"), "{error}");
+    assert!(
+        error.contains("the damping between materials 'rubber' and 'steel', without a stiffness, is 1"),
+        "{error}"
+    );
+    let stage = "[[stage]]\nname = \"hard\"\ntime = \"3 ms\"\n[stage.material.rubber]\nrestitution = 0.5\n";
+    let text = format!("{SCENE}{stage}");
+    let line = text.lines().position(|line| line == "[[stage]]").unwrap() + 1;
+    let error = build(&text).err().unwrap();
+    assert!(error.starts_with(&format!("laws.toml:{line}:")), "{error}");
+    assert!(error.contains("give it damping"), "{error}");
+}
+
+/// Elastic contacts may overlap at the start by more than rigid ones.
+#[test]
+fn a_resting_elastic_overlap_is_no_mistake() {
+    let scene = "[time]\nstep = \"1 ms\"\nsteps = 5\n[contact]\nrelax = true\n[material.soft]\nSTIFFNESS\n[body.floor]\nshape = { plane = {} }
+[body.ball]\nshape = { sphere = { radius = 0.1 } }\nposition = [0, 0, 0.08]\n";
+    let soft = scene.replace("STIFFNESS", "stiffness = 1e4");
+    let simulation = build(&soft).unwrap();
+    assert_eq!(simulation.world.bodies.position[1].z, 0.08);
+    let rigid = scene.replace("STIFFNESS", "");
+    assert!(build(&rigid).unwrap().world.bodies.position[1].z > 0.098);
+    let error = build(&rigid.replace("relax = true", "")).err().unwrap();
+    assert!(error.contains("overlap at the start"), "{error}");
 }
 
 /// Elastic, cohesive and hull-shaped bodies go on from a checkpoint with the same bits.

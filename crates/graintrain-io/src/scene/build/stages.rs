@@ -84,7 +84,11 @@ impl Builder {
                     region: growth.region.clone(),
                 }),
                 gravity,
-                materials: if spec.materials.is_empty() { None } else { Some(materials(scene, &list)?.0) },
+                materials: if spec.materials.is_empty() {
+                    None
+                } else {
+                    Some(materials(scene, &list, Some(&spec.location))?.0)
+                },
                 motions,
                 cell,
                 loads,

@@ -314,7 +314,7 @@ static CONTACT: Table = Table {
             Quantity(D::LENGTH),
             "0.01 x the smallest radius",
             "\"0.1 mm\"",
-            "Overlap accepted at the start",
+            "Overlap of rigid contacts accepted at the start",
         ),
         key(
             "relax",
