@@ -276,7 +276,7 @@ fn a_step_that_fails_keeps_the_state_before_it() {
 #[test]
 fn what_a_solver_remembers_is_in_the_checkpoint() {
     for friction in [FrictionModel::Relaxed, FrictionModel::Coulomb] {
-        let simulation = Scene::load("sedimentation", &[setting("n=3").unwrap()]).unwrap().build().unwrap();
+        let simulation = Scene::load("sedimentation", &[setting("n=4").unwrap()]).unwrap().build().unwrap();
         let settings = |steps| {
             let mut all = RunSettings { steps, ..RunSettings::new(&simulation, None) };
             all.stepping.friction = friction;
