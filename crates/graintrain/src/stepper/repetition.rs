@@ -9,7 +9,9 @@
 //! | a contact ends far deeper than foreseen (`bent`) | it is linearised anew where it ends ([`carried_back`]) |
 //! | bodies were held apart that would pass without overlap (`phantoms`) | their contacts are left out |
 
-use super::{Attempt, Placement, Stepper};
+use super::Stepper;
+use super::attempt::Attempt;
+use super::placement::Placement;
 use crate::assemble::{contact_rows, relative_velocities};
 use crate::cell;
 use crate::contact::Contact;

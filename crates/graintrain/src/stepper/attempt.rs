@@ -1,0 +1,278 @@
+//! The solve of a step: impacts, the contact problem with joints and periodic cell, velocities; nothing is moved.
+
+use super::error::check_velocity;
+use super::{StepError, Stepper};
+use crate::assemble::{assemble, contact_rows, warm_start};
+use crate::cell::{Cell, moved_mass};
+use crate::cell_problem::CellRows;
+use crate::contact::Contact;
+use crate::elasticity;
+use crate::impact::{ImpactSolver, Impacts, Rows};
+use crate::integrate::{free_velocity, inverse_mass};
+use crate::joint::mechanism::{JointReactions, Mechanisms};
+use crate::part_solver::{PartSolver, Solved};
+use crate::world::World;
+use graintrain_ccp::{
+    Ccp, CcpError, Delassus, FrictionModel, RigidContact, SolveReport, SolveSettings, Status,
+};
+use std::collections::{HashMap, HashSet};
+use std::time::Instant;
+
+/// Solves of the contacts for joints whose motors, stops or paths turned out otherwise than foreseen; what is left then is reported.
+const JOINT_ROUNDS: usize = 12;
+
+/// A solved contact problem with what a periodic cell does.
+struct WithCell {
+    solved: Solved,
+    /// The problem as it was solved, where the cell takes part.
+    posed: Option<Ccp>,
+    /// The cell of the start with the rates after the step.
+    cell: Option<Cell>,
+}
+
+/// A solved step before it is made.
+pub(super) struct Attempt {
+    pub(super) problem: Ccp,
+    /// The problem as it was solved, where a periodic cell takes part.
+    pub(super) posed: Option<Ccp>,
+    /// The periodic cell at the start of the step with the rates after it.
+    pub(super) cell: Option<Cell>,
+    /// Impulses of the contact problem, contact frames.
+    pub(super) impulse: Vec<f64>,
+    /// Contacts of the problem as indices into those of the step.
+    pub(super) active: Vec<u32>,
+    /// Impulses with which the contacts of the step pull, N s; empty where none do.
+    pub(super) pulls: Vec<f64>,
+    pub(super) joints: JointReactions,
+    pub(super) impacts: Impacts,
+    pub(super) impact_seconds: f64,
+    pub(super) velocity: Vec<f64>,
+    pub(super) solve: SolveReport,
+    pub(super) parts: usize,
+    /// Contacts with exact friction, because their relaxation has no solution, as places in the problem.
+    pub(super) wedged: Vec<usize>,
+    pub(super) assembled: Instant,
+}
+
+impl Stepper {
+    /// Solves the step from the state of the world without moving anything.
+    pub(super) fn attempt(
+        &mut self,
+        world: &World,
+        contacts: &[Contact],
+        last: Option<Attempt>,
+        driven: &HashSet<u64>,
+    ) -> Result<Attempt, StepError> {
+        let step = self.settings.step;
+        let rows = contact_rows(world, contacts);
+        let masses = inverse_mass(world);
+        let mut impacts = ImpactSolver {
+            solver: self.impacts.as_mut(),
+            friction: self.settings.friction,
+            stop: self.stop.clone(),
+        };
+        let of = Rows { contacts, rows: &rows, inverse_mass: &masses };
+        let begin = Instant::now();
+        let Some(impacts) = impacts.resolve(world, of, step)? else { return Err(StepError::Stopped) };
+        let impact_seconds = begin.elapsed().as_secs_f64();
+        let pulls = elasticity::pulls(world, contacts, |c| self.collider.contact_size(world, c), step);
+        let mut free = free_velocity(world, &impacts.velocity, step);
+        elasticity::apply_pulls(&rows, &pulls, &masses, &mut free);
+        let waits = |i: &u32| {
+            self.settings.friction == FrictionModel::Relaxed
+                && impacts.under_way.binary_search(i).is_ok()
+                && !driven.contains(&contacts[*i as usize].identity)
+        };
+        let active: Vec<u32> = (0..contacts.len() as u32).filter(|i| !waits(i)).collect();
+        let pick = |i: &u32| contacts[*i as usize];
+        let chosen: Vec<Contact> = active.iter().map(pick).collect();
+        let rows: Vec<RigidContact> = active.iter().map(|&i| rows[i as usize]).collect();
+        let mut mechanisms = Mechanisms::new(world, &impacts.velocity, free, step);
+        mechanisms.predict(&[]);
+        // With joints the problem may have to be posed again.
+        let spare = (!mechanisms.is_empty()).then(|| (rows.clone(), masses.clone()));
+        let overlap = self.settings.overlap;
+        let pose = |mechanisms: &Mechanisms<'_>, (rows, masses): (Vec<RigidContact>, _)| {
+            let mut free = mechanisms.free().to_vec();
+            mechanisms.velocities(&[], &mut free);
+            let masses = (masses, mechanisms.coupled());
+            (assemble(world, &chosen, rows, masses, &free, step, overlap), free)
+        };
+        let (mut problem, mut free) = pose(&mechanisms, (rows, masses));
+        let own: Vec<f64> = active.iter().filter_map(|&i| pulls.get(i as usize).copied()).collect();
+        let mut impulse = warm_start(&problem, &chosen, &own, &world.contacts, world.bodies.len());
+        if let Some(last) = last {
+            start_from(&last, &problem, &mut impulse);
+        }
+        if let Some(spare) = spare.clone().filter(|_| !chosen.is_empty()) {
+            mechanisms.predict(&body_impulses(&problem, &impulse));
+            (problem, free) = pose(&mechanisms, spare);
+        }
+        let assembled = Instant::now();
+        let settings = self.solve_settings();
+        let WithCell { solved, posed, cell } =
+            self.solve_with_cell(world, (&chosen, &active), &impacts, &mut problem, &mut impulse)?;
+        let Solved { report: mut solve, mut parts, mut wedged } = solved;
+        let (mut on_bodies, mut agrees) = (Vec::new(), true);
+        if let Some(spare) = spare {
+            on_bodies = body_impulses(&problem, &impulse);
+            agrees = false;
+            for _ in 0..JOINT_ROUNDS {
+                agrees = mechanisms.agree(&on_bodies, settings.tolerance);
+                if solve.status == Status::Stopped || agrees {
+                    break;
+                }
+                mechanisms.predict(&on_bodies);
+                (problem, free) = pose(&mechanisms, spare.clone());
+                let again = self.solve(world, &problem, &mut impulse)?;
+                (solve, parts, wedged) = (again.report.after(&solve), again.parts, again.wedged);
+                on_bodies = body_impulses(&problem, &impulse);
+            }
+        }
+        if solve.status == Status::Stopped {
+            return Err(StepError::Stopped);
+        }
+        let mut velocity = velocity_after(&problem, &impulse, free);
+        mechanisms.velocities(&on_bodies, &mut velocity);
+        check_velocity(world, &velocity)?;
+        let joints = mechanisms.reactions(&on_bodies);
+        judge_joints(world, &joints, &settings, &mut solve);
+        if !agrees && solve.status == Status::Converged {
+            solve.status = Status::IterationLimit;
+            solve.remark = Some(format!("motors, stops and contacts did not agree in {JOINT_ROUNDS} rounds"));
+        }
+        Ok(Attempt {
+            problem,
+            posed,
+            cell,
+            impulse,
+            active,
+            pulls,
+            joints,
+            impacts,
+            impact_seconds,
+            velocity,
+            solve,
+            parts,
+            wedged,
+            assembled,
+        })
+    }
+
+    /// Solves the problem of these contacts (`active`: their places among those of the step) together with the rates of a periodic cell whose stress is
+    /// imposed. Components that come beyond the largest rate are held there and the others found again. r follows the rates.
+    fn solve_with_cell(
+        &mut self,
+        world: &World,
+        (chosen, active): (&[Contact], &[u32]),
+        impacts: &Impacts,
+        problem: &mut Ccp,
+        impulse: &mut [f64],
+    ) -> Result<WithCell, CcpError> {
+        let mut cell = world.cell().cloned();
+        let rows = match (&cell, &*problem.delassus) {
+            (Some(cell), Delassus::Rigid(rigid)) if cell.has_stress() => {
+                Some(CellRows::new(cell, chosen, rigid.contacts(), moved_mass(world)))
+            }
+            _ => None,
+        };
+        let (Some(mut rows), Some(cell_now)) = (rows, &mut cell) else {
+            let solved = self.solve(world, problem, impulse)?;
+            return Ok(WithCell { solved, posed: None, cell });
+        };
+        let (time, step) = (world.time, self.settings.step);
+        let of_impacts = rows.impact_change(active, &impacts.impulse);
+        let mut free: [f64; 6] = std::array::from_fn(|k| cell_now.rate[k] + of_impacts[k]);
+        rows.shift(&of_impacts, &mut problem.r);
+        let mut last: Option<SolveReport> = None;
+        loop {
+            let posed = (!rows.is_empty()).then(|| rows.posed(problem));
+            let mut solved = self.solve(world, posed.as_ref().unwrap_or(problem), impulse)?;
+            if let Some(last) = &last {
+                solved.report = solved.report.after(last);
+            }
+            let change = rows.rate_change(impulse);
+            cell_now.rate = std::array::from_fn(|k| free[k] + change[k]);
+            let beyond = cell_now.beyond(time, step);
+            let held: [f64; 6] = std::array::from_fn(|k| beyond[k].map_or(0.0, |limit| limit - free[k]));
+            if held == [0.0; 6] || solved.report.status == Status::Stopped {
+                return Ok(WithCell { solved, posed, cell });
+            }
+            rows.shift(&held, &mut problem.r);
+            rows.hold(|k| beyond[k].is_some());
+            // Not the sum with what is held back: that of a very large rate rounds.
+            free = std::array::from_fn(|k| beyond[k].unwrap_or(free[k]));
+            last = Some(solved.report);
+        }
+    }
+
+    /// Solves the problem part by part.
+    fn solve(&mut self, world: &World, problem: &Ccp, impulse: &mut [f64]) -> Result<Solved, CcpError> {
+        let settings = SolveSettings { curvature: world.contacts.curvature, ..self.solve_settings() };
+        // A method that keeps something from step to step has to see the same problem again.
+        let whole = self.settings.solver.keeps_between_steps();
+        let (gravity, step) = (world.gravity.length(), self.settings.step);
+        PartSolver { solver: self.solver.as_mut(), settings, whole, gravity, step }.solve(problem, impulse)
+    }
+}
+
+/// Impulses of an earlier attempt at the contacts that it had in its problem.
+fn start_from(last: &Attempt, problem: &Ccp, impulse: &mut [f64]) {
+    let places: HashMap<u64, usize> =
+        last.problem.identity.iter().enumerate().map(|(k, &identity)| (identity, k)).collect();
+    for (identity, g) in problem.identity.iter().zip(impulse.chunks_exact_mut(3)) {
+        if let Some(k) = places.get(identity) {
+            g.copy_from_slice(&last.impulse[3 * k..3 * k + 3]);
+        }
+    }
+    for (k, own) in problem.turning.iter().enumerate() {
+        let place = places.get(&problem.identity[own.contact as usize]);
+        if let Some(known) = place.and_then(|&place| last.problem.turning_of(place)) {
+            let [from, to] = [(&last.problem, known), (problem, k)].map(|(p, k)| 3 * (p.num_contacts() + k));
+            impulse[to..to + 3].copy_from_slice(&last.impulse[from..from + 3]);
+        }
+    }
+}
+
+/// Impulses of contacts on every body and their moments about its centre, six numbers each.
+fn body_impulses(problem: &Ccp, impulse: &[f64]) -> Vec<f64> {
+    let Delassus::Rigid(rigid) = &*problem.delassus else { return Vec::new() };
+    let mut world_impulse = vec![0.0; impulse.len()];
+    rigid.world_impulse(impulse, &mut world_impulse);
+    (0..rigid.num_bodies()).flat_map(|body| rigid.body_impulse(&world_impulse, body)).collect()
+}
+
+/// Joints that open count in the residual, and a solve that leaves them open has not converged.
+fn judge_joints(world: &World, joints: &JointReactions, settings: &SolveSettings, solve: &mut SolveReport) {
+    if joints.states.is_empty() {
+        return;
+    }
+    for residual in [&mut solve.residual, &mut solve.residual_relaxed, &mut solve.residual_coulomb] {
+        *residual = residual.worse(joints.residual);
+    }
+    let judged = joints.residual.judged(settings.judge);
+    if (judged.is_nan() || judged > settings.tolerance) && solve.status == Status::Converged {
+        solve.status = Status::IterationLimit;
+        let name = world.joint_label(joints.worst);
+        solve.remark = Some(format!(
+            "{name} opens at {:.1e} m/s: joints, stops or driven bodies may contradict each other",
+            joints.opening
+        ));
+    }
+}
+
+/// v+ = free + M^-1 D g, six numbers per body.
+fn velocity_after(problem: &Ccp, impulse: &[f64], free: Vec<f64>) -> Vec<f64> {
+    let mut velocity = free;
+    if let Delassus::Rigid(rigid) = &*problem.delassus {
+        // Impulses, and after them the moments of contacts that resist turning.
+        let mut world_impulse = vec![0.0; impulse.len()];
+        rigid.world_impulse(impulse, &mut world_impulse);
+        let mut change = vec![0.0; velocity.len()];
+        rigid.velocity_change(&world_impulse, &mut change);
+        for (v, dv) in velocity.iter_mut().zip(&change) {
+            *v += dv;
+        }
+    }
+    velocity
+}

@@ -1,0 +1,100 @@
+//! Why a step could not be made, and the checks of the state before and after a solve.
+
+use crate::error::{ModelError, finite};
+use crate::world::World;
+use graintrain_ccp::CcpError;
+
+/// Why a step could not be made.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum StepError {
+    /// A setting out of its range.
+    #[error(transparent)]
+    Settings(#[from] ModelError),
+    /// The solver cannot treat the problem, or is not known.
+    #[error(transparent)]
+    Solver(#[from] CcpError),
+    /// A body's state is NaN or infinite. The world is left as it was before the step.
+    #[error(
+        "step {step} (time {time} s): the {what} of body {body} is {value}; the state before this step was kept. \
+         A shorter time step or a deeper look at initial overlaps may help"
+    )]
+    NotFinite {
+        /// Name or index of the body.
+        body: String,
+        /// Which part of its state.
+        what: &'static str,
+        /// The offending number.
+        value: f64,
+        /// Number of the step, from 0.
+        step: u64,
+        /// Time at its start, s.
+        time: f64,
+    },
+    /// Two meshes came near each other. The world is left as it was before the step.
+    #[error(
+        "bodies {first} and {second} are meshes and came near each other, but contacts between two meshes are not computed; make one of \
+         them of other shapes"
+    )]
+    Meshes {
+        /// Name or index of a body.
+        first: String,
+        /// Name or index of the other.
+        second: String,
+    },
+    /// The periodic cell cannot be what the step makes of it. The world is left as it was before the step.
+    #[error("step {step} (time {time} s): {error}")]
+    Cell {
+        /// Which component, or which body and edge, and the remedy.
+        error: ModelError,
+        /// Number of the step, from 0.
+        step: u64,
+        /// Time at its start, s.
+        time: f64,
+    },
+    /// The stop flag was set during the solve. The world is left as it was before the step, since a solve cut short
+    /// depends on when that was.
+    #[error("stopped before the end of a step")]
+    Stopped,
+}
+
+fn not_finite(world: &World, body: usize, what: &'static str, value: f64) -> StepError {
+    let (step, time) = (world.step, world.time);
+    StepError::NotFinite { body: world.bodies.label(body), what, value, step, time }
+}
+
+pub(super) fn cell_error(world: &World, error: ModelError) -> StepError {
+    StepError::Cell { error, step: world.step, time: world.time }
+}
+
+pub(super) fn check_state(world: &World) -> Result<(), StepError> {
+    let bodies = &world.bodies;
+    let lists = [
+        ("position", &bodies.position),
+        ("velocity", &bodies.velocity),
+        ("angular velocity", &bodies.angular_velocity),
+        ("external force", &bodies.force),
+        ("external torque", &bodies.torque),
+    ];
+    finite("a component of gravity", &world.gravity.to_array())?;
+    for (what, list) in lists {
+        if let Some(body) = list.iter().position(|v| !v.is_finite()) {
+            let value = list[body].to_array().into_iter().find(|x| !x.is_finite()).unwrap_or(f64::NAN);
+            return Err(not_finite(world, body, what, value));
+        }
+    }
+    match bodies.orientation.iter().position(|q| !q.is_finite()) {
+        Some(body) => Err(not_finite(world, body, "orientation", f64::NAN)),
+        None => Ok(()),
+    }
+}
+
+pub(super) fn check_velocity(world: &World, velocity: &[f64]) -> Result<(), StepError> {
+    match velocity.iter().position(|v| !v.is_finite()) {
+        Some(k) => {
+            let what = if k % 6 < 3 { "velocity" } else { "angular velocity" };
+            Err(not_finite(world, k / 6, what, velocity[k]))
+        }
+        None => Ok(()),
+    }
+}

@@ -1,0 +1,191 @@
+//! What is left of a step once it is solved: the overlap removed, the report made, what the next step starts from kept.
+
+use super::attempt::Attempt;
+use super::placement::{Placement, taken_along};
+use super::{Last, Stepper};
+use crate::assemble::{OverlapCorrection, pair_property, relative_velocities};
+use crate::cell;
+use crate::contact::{Contact, ContactSet};
+use crate::impact;
+use crate::math::Vec3;
+use crate::measure::energy;
+use crate::overlap::{Correction, Gaps};
+use crate::relaxation::Opening;
+use crate::step_report::{PhaseSeconds, PhysicalErrors, StepReport, wrenches};
+use crate::turning::world_moment;
+use crate::world::World;
+use graintrain_ccp::{Delassus, FrictionModel, RigidContact, Status};
+use std::time::Instant;
+
+impl Stepper {
+    /// Displacements that remove overlap at the end of the step.
+    pub(super) fn correct(
+        &self,
+        world: &World,
+        contacts: &[Contact],
+        attempt: &Attempt,
+        size: &[f64],
+    ) -> Correction {
+        if self.settings.overlap == OverlapCorrection::Velocity {
+            return Correction::default();
+        }
+        let Delassus::Rigid(rigid) = &*attempt.problem.delassus else { return Correction::default() };
+        let step = self.settings.step;
+        // What an elastic contact overlaps is its own affair.
+        let compliance = rigid.compliance();
+        let is_rigid = |k: &usize| compliance.get(*k).is_none_or(|&c| c == 0.0);
+        let kept: Vec<usize> = (0..attempt.active.len()).filter(is_rigid).collect();
+        let active: Vec<u32> = kept.iter().map(|&k| attempt.active[k]).collect();
+        let rows: Vec<RigidContact> = kept.iter().map(|&k| rigid.contacts()[k]).collect();
+        let chosen: Vec<Contact> = active.iter().map(|&i| contacts[i as usize]).collect();
+        let u = relative_velocities(attempt.cell.as_ref(), &chosen, &rows, &attempt.velocity);
+        let gap: Vec<f64> = chosen.iter().zip(u.chunks_exact(3)).map(|(c, u)| c.gap + step * u[0]).collect();
+        let size: Vec<f64> = active.iter().map(|&i| size[i as usize]).collect();
+        let bend = |body: usize, point: Vec3| {
+            let spin = Vec3::from_slice(&attempt.velocity[6 * body + 3..6 * body + 6]);
+            0.5 * step * step * spin.length_squared() * (point - world.bodies.position[body]).length()
+        };
+        let both = |contact: &Contact| {
+            let [(a, on_a), (b, on_b)] = cell::ends(world.cell(), &Contact { lead: Vec3::ZERO, ..*contact });
+            bend(a, on_a) + bend(b, on_b)
+        };
+        let turn: Vec<f64> = chosen.iter().map(both).collect();
+        let gaps = Gaps {
+            rows: &rows,
+            inverse_mass: rigid.inverse_mass(),
+            gap: &gap,
+            size: &size,
+            fall: world.gravity.length() * step * step,
+            turn: &turn,
+            tolerance: self.settings.tolerance,
+        };
+        let correction = gaps.correct();
+        let finite = correction.displacement.iter().flatten().all(|x| x.is_finite());
+        if finite { correction } else { Correction { displacement: None, ..correction } }
+    }
+
+    /// What is left to do once the world is where the step takes it.
+    pub(super) fn finish(
+        &mut self,
+        world: &mut World,
+        start: &Placement,
+        contacts: Vec<Contact>,
+        attempt: Attempt,
+        size: &[f64],
+        correction: &Correction,
+        ahead: Vec<Contact>,
+        mut phases: PhaseSeconds,
+    ) -> StepReport {
+        let begin = Instant::now();
+        let step = self.settings.step;
+        let Attempt {
+            problem,
+            posed,
+            cell,
+            impulse,
+            active,
+            pulls,
+            joints,
+            impacts,
+            velocity,
+            mut solve,
+            parts,
+            wedged,
+            ..
+        } = attempt;
+        let left = impacts.residual.judged(self.settings.judge);
+        if left > self.settings.tolerance.max(impact::TOLERANCE) && solve.status == Status::Converged {
+            solve.status = Status::IterationLimit;
+            solve.remark = Some(format!("impacts were left at residual {left:.1e}"));
+        }
+        let normal_sum: f64 = impulse[..3 * active.len()].iter().step_by(3).sum();
+        let threshold = 1e-6 * normal_sum / active.len().max(1) as f64;
+        let mut with_force: Vec<bool> = impacts.impulse.iter().map(|g| *g != Vec3::ZERO).collect();
+        with_force.resize(contacts.len(), false);
+        let mut world_impulse = impacts.impulse;
+        world_impulse.resize(contacts.len(), Vec3::ZERO);
+        let resists = world.materials.resist_turning();
+        let mut moment = if resists { vec![Vec3::ZERO; contacts.len()] } else { Vec::new() };
+        if let Delassus::Rigid(rigid) = &*problem.delassus {
+            for ((&i, row), g) in active.iter().zip(rigid.contacts()).zip(impulse.chunks_exact(3)) {
+                let [n, t1, t2] = row.frame.map(Vec3::from_array);
+                world_impulse[i as usize] += g[0] * n + g[1] * t1 + g[2] * t2;
+                with_force[i as usize] |= g[0] > threshold;
+            }
+            for (rows, h) in rigid.turning().iter().zip(impulse[3 * active.len()..].chunks_exact(3)) {
+                let row = &rigid.contacts()[rows.contact as usize];
+                moment[active[rows.contact as usize] as usize] = world_moment(row, rows.length, h);
+            }
+        }
+        for ((impulse, contact), pull) in world_impulse.iter_mut().zip(&contacts).zip(&pulls) {
+            *impulse -= *pull * contact.normal;
+        }
+        let friction = pair_property(world, &contacts, |a, b| world.materials.pair_friction(a, b));
+        let chosen: Vec<Contact> = active.iter().map(|&i| contacts[i as usize]).collect();
+        let chosen_size: Vec<f64> = active.iter().map(|&i| size[i as usize]).collect();
+        let errors = PhysicalErrors::of(
+            &chosen,
+            &chosen_size,
+            (&problem, &impulse),
+            (&velocity, cell.as_ref()),
+            (step, self.settings.tolerance),
+        );
+        let opening = match self.settings.friction {
+            FrictionModel::Relaxed => {
+                let moves = (velocity.as_slice(), cell.as_ref());
+                Opening::of(&chosen, &chosen_size, (&problem, &impulse, threshold), moves, (step, &wedged))
+            }
+            FrictionModel::Coulomb => Opening::default(),
+        };
+        let curvature = solve.curvature.or(world.contacts.curvature);
+        let set = ContactSet { contacts, impulse: world_impulse, friction, moment, curvature };
+        let wrenches = wrenches(&start.position, cell.as_ref(), world, &set, step);
+        let (before, kinetic_energy) = (start.velocities(), world.kinetic_energy());
+        let change = kinetic_energy + taken_along(world, &velocity) - start.kinetic_energy;
+        let forces = (&set, joints.impulses.as_slice());
+        let places = (start.position.as_slice(), cell.as_ref());
+        let ledger = energy::ledger(world, forces, places, [&before, &velocity], step, change);
+        let (mut deepest, mut over_size) = (0.0_f64, 0.0_f64);
+        for contact in ahead.iter().filter(|contact| contact.gap < 0.0) {
+            deepest = deepest.max(-contact.gap);
+            over_size = over_size.max(-contact.gap / self.collider.contact_size(world, contact));
+        }
+        let work = correction.displacement.as_ref().map_or(0.0, |displacement| {
+            let against = |(b, d): (usize, &[f64])| {
+                -world.bodies.mass[b] * world.gravity.dot(Vec3::from_slice(&d[..3]))
+            };
+            displacement.chunks_exact(6).enumerate().map(against).sum()
+        });
+        world.record_joints(&joints.states, step);
+        world.contacts = set;
+        world.time += step;
+        world.step += 1;
+        self.ahead = Some((world.fingerprint(), ahead));
+        phases.integrate += begin.elapsed().as_secs_f64();
+        let report = StepReport {
+            contacts: world.contacts.contacts.len(),
+            contacts_with_force: with_force.iter().filter(|&&force| force).count(),
+            parts,
+            contacts_wedged: wedged.len(),
+            solve,
+            penetration_max: deepest,
+            penetration_max_over_size: over_size,
+            kinetic_energy,
+            ledger,
+            errors,
+            opening,
+            impacts: impacts.count,
+            impact_residual: impacts.residual,
+            restitution_lowered: impacts.lowered,
+            contacts_added: 0,
+            contacts_missed: 0,
+            overlap_corrected_max: correction.overlap_max,
+            correction_energy: work,
+            phases,
+            wrenches,
+        };
+        let gap = active.iter().map(|&i| world.contacts.contacts[i as usize].gap).collect();
+        self.last = Some(Last { problem: posed.unwrap_or(problem), impulse, gap });
+        report
+    }
+}

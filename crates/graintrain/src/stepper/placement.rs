@@ -1,0 +1,62 @@
+//! Where bodies are and how they move: what a step changes of them and puts back when it is made again.
+
+use crate::cell::Cell;
+use crate::integrate::velocities;
+use crate::math::{Quat, Vec3};
+use crate::world::World;
+
+/// Where bodies are and how they move: what a step changes of them.
+pub(super) struct Placement {
+    pub(super) position: Vec<Vec3>,
+    pub(super) orientation: Vec<Quat>,
+    pub(super) velocity: Vec<Vec3>,
+    pub(super) angular_velocity: Vec<Vec3>,
+    pub(super) cell: Option<Cell>,
+    /// In the frame of the world, J.
+    pub(super) kinetic_energy: f64,
+}
+
+impl Placement {
+    pub(super) fn of(world: &World) -> Self {
+        let bodies = &world.bodies;
+        Self {
+            position: bodies.position.clone(),
+            orientation: bodies.orientation.clone(),
+            velocity: bodies.velocity.clone(),
+            angular_velocity: bodies.angular_velocity.clone(),
+            cell: world.cell().cloned(),
+            kinetic_energy: world.kinetic_energy() + taken_along(world, &velocities(world)),
+        }
+    }
+
+    /// The velocities, six numbers per body.
+    pub(super) fn velocities(&self) -> Vec<f64> {
+        let pairs = self.velocity.iter().zip(&self.angular_velocity);
+        pairs.flat_map(|(u, w)| [u.x, u.y, u.z, w.x, w.y, w.z]).collect()
+    }
+
+    /// Puts the bodies of the world here and returns where they were.
+    pub(super) fn exchange(&self, world: &mut World) -> Self {
+        let before = Self::of(world);
+        let bodies = &mut world.bodies;
+        bodies.position.copy_from_slice(&self.position);
+        bodies.orientation.copy_from_slice(&self.orientation);
+        bodies.velocity.copy_from_slice(&self.velocity);
+        bodies.angular_velocity.copy_from_slice(&self.angular_velocity);
+        world.cell.clone_from(&self.cell);
+        before
+    }
+}
+
+/// Kinetic energy of these velocities (six numbers per body) beyond that of the world, in which a periodic cell takes bodies along, J.
+pub(super) fn taken_along(world: &World, velocity: &[f64]) -> f64 {
+    if world.cell().is_none() {
+        return 0.0;
+    }
+    let beyond = |(body, v): (usize, &[f64])| {
+        let speeds = Vec3::from_slice(&v[..3]).length_squared() - world.fluctuation(body).length_squared();
+        0.5 * world.bodies.mass[body] * speeds
+    };
+    let moving = velocity.chunks_exact(6).enumerate().filter(|(body, _)| !world.is_prescribed(*body));
+    moving.map(beyond).sum()
+}
