@@ -141,6 +141,9 @@ impl StepGradient {
         if report.contacts_added > 0 {
             return unsupported("contacts were found in the midst of it; a shorter time step may do");
         }
+        if report.contacts_wedged > 0 {
+            return unsupported("bodies are wedged in and their contacts were taken with exact friction");
+        }
         if after.contacts.contacts.iter().any(|contact| contact.lead != Vec3::ZERO) {
             return unsupported(
                 "bodies move so fast that they meet elsewhere than they are nearest; a shorter time step may do",

@@ -136,6 +136,84 @@ struct WedgedContact {
     opening: f64,
 }
 
+/// A problem of which some contacts have exact friction.
+struct Mixture<'a> {
+    problem: &'a Ccp,
+    scale: ResidualScale,
+    /// The contacts with exact friction.
+    exact: Vec<usize>,
+    /// The relaxed problem whose r contains the s with which it is solved.
+    posed: Ccp,
+    /// Relative velocities of the impulses looked at, m/s.
+    velocity: Vec<f64>,
+    /// The same with their own s.
+    shifted: Vec<f64>,
+}
+
+impl<'a> Mixture<'a> {
+    fn new(problem: &'a Ccp) -> Self {
+        let velocity = vec![0.0; problem.r.len()];
+        let (posed, shifted) = (problem.clone(), velocity.clone());
+        Self { problem, scale: ResidualScale::new(problem), exact: Vec::new(), posed, velocity, shifted }
+    }
+
+    /// Takes the velocities of these impulses; their residual.
+    fn look_at(&mut self, g: &[f64]) -> Residual {
+        self.problem.delassus.multiply(g, &mut self.velocity, &mut self.problem.delassus.work());
+        self.velocity.iter_mut().zip(&self.problem.r).for_each(|(u, r)| *u += r);
+        self.shifted.copy_from_slice(&self.velocity);
+        for &i in &self.exact {
+            self.shifted[3 * i] += opening(self.problem, &self.velocity, i);
+        }
+        self.scale.residual(self.problem, g, &self.shifted, FrictionModel::Relaxed)
+    }
+
+    /// The contacts from the one with the largest residual down, for the impulses looked at.
+    fn worst_first(&self, g: &[f64]) -> Vec<usize> {
+        let measured =
+            |i: usize| self.scale.of_contact(self.problem, g, &self.shifted, FrictionModel::Relaxed, i);
+        let mut worst: Vec<(usize, f64)> =
+            (0..self.problem.num_contacts()).map(|i| (i, measured(i))).collect();
+        worst.sort_by(|a, b| b.1.total_cmp(&a.1));
+        worst.into_iter().map(|(i, _)| i).collect()
+    }
+
+    /// By how much s is taken larger than it is, m/s. The root mean square, too, has to leave room for it.
+    fn margin(&self, settings: &SolveSettings) -> f64 {
+        let SolveSettings { tolerance, judge, .. } = settings;
+        let share = (self.problem.num_contacts() as f64 / self.exact.len().max(1) as f64).sqrt();
+        MARGIN * self.scale.velocity * judge.maximum(*tolerance).min(share * tolerance)
+    }
+
+    /// Poses the problem anew with the s of the impulses looked at.
+    fn follow(&mut self, margin: f64) {
+        for &i in &self.exact {
+            let wanted = opening(self.problem, &self.velocity, i) + margin;
+            let given = self.posed.r[3 * i] - self.problem.r[3 * i];
+            let taken = if wanted < given { 0.5 * (wanted + given) } else { wanted };
+            self.posed.r[3 * i] = self.problem.r[3 * i] + taken;
+        }
+    }
+
+    /// Contacts of a wedge join.
+    fn join(&mut self, wedge: Vec<WedgedContact>, impulse: &mut [f64], margin: f64) {
+        for WedgedContact { contact: i, impulse: own, opening } in wedge {
+            impulse[3 * i..3 * i + 3].copy_from_slice(&own);
+            if !self.exact.contains(&i) {
+                self.posed.r[3 * i] += opening + margin;
+                self.exact.push(i);
+            }
+        }
+    }
+
+    /// Whether a contact touches none of the bodies that are wedged in.
+    fn is_beside(&self, rigid: &RigidDelassus, contact: usize) -> bool {
+        let ends = |i: usize| [rigid.contacts()[i].body_a, rigid.contacts()[i].body_b];
+        let wedged = |body: u32| body != FIXED && self.exact.iter().any(|&i| ends(i).contains(&body));
+        !ends(contact).into_iter().any(wedged)
+    }
+}
+
 /// A problem whose relaxed solve did not arrive, on the way to its mixture.
 pub(crate) struct Wedges<'a> {
     pub solver: &'a mut dyn CcpSolver,
@@ -146,7 +224,7 @@ pub(crate) struct Wedges<'a> {
 
 impl Wedges<'_> {
     /// Solves the mixture from impulses `g` that a relaxed solve ended with; the report, whose residuals are those of the mixture, and the
-    /// contacts with exact friction. Where the mixture was not solved either, the best impulses come back with
+    /// contacts with exact friction. Where a wedge was not solved either, the best impulses come back with
     /// [`Status::Infeasible`]: that the relaxed problem has none is proved. `None`, and `g` as it was, where no wedge was found.
     ///
     /// # Errors
@@ -157,38 +235,15 @@ impl Wedges<'_> {
         g: &mut [f64],
     ) -> Result<Option<(SolveReport, Vec<usize>)>, CcpError> {
         let Delassus::Rigid(rigid) = &*problem.delassus else { return Ok(None) };
-        let scale = ResidualScale::new(problem);
-        let mut velocity = vec![0.0; g.len()];
-        let mut work = problem.delassus.work();
-        let mut product = |g: &[f64], u: &mut [f64]| {
-            problem.delassus.multiply(g, u, &mut work);
-            u.iter_mut().zip(&problem.r).for_each(|(u, r)| *u += r);
-        };
-        let mut mixture = problem.clone();
+        let mut mixture = Mixture::new(problem);
         let mut impulse = g.to_vec();
-        let mut exact: Vec<usize> = Vec::new();
         let mut told: Option<SolveReport> = None;
-        let contacts = problem.num_contacts() as f64;
-        // The root mean square, too, has to leave room for it.
-        let margin = |exact: &[usize]| {
-            let Self { settings: SolveSettings { tolerance, judge, .. }, .. } = self;
-            let share = (contacts / exact.len().max(1) as f64).sqrt();
-            MARGIN * scale.velocity * judge.maximum(*tolerance).min(share * tolerance)
-        };
         let (mut least, mut since) = (f64::INFINITY, STUCK);
         let mut best = BestMixture { judged: f64::INFINITY, ..BestMixture::default() };
         for round in 0..=ROUNDS {
-            let margin = margin(&exact);
-            product(&impulse, &mut velocity);
-            let mut shifted = velocity.clone();
-            for &i in &exact {
-                let s = opening(problem, &velocity, i);
-                let (wanted, given) = (s + margin, mixture.r[3 * i] - problem.r[3 * i]);
-                mixture.r[3 * i] =
-                    problem.r[3 * i] + if wanted < given { 0.5 * (wanted + given) } else { wanted };
-                shifted[3 * i] += s;
-            }
-            let found = scale.residual(&mixture, &impulse, &shifted, FrictionModel::Relaxed);
+            let margin = mixture.margin(self.settings);
+            let found = mixture.look_at(&impulse);
+            mixture.follow(margin);
             let judged = found.judged(self.settings.judge);
             if told.is_some() && judged < best.judged {
                 best = BestMixture { judged, residual: found, impulse: impulse.clone() };
@@ -197,21 +252,9 @@ impl Wedges<'_> {
                 }
             }
             (least, since) = if judged < 0.9 * least { (judged, 0) } else { (least, since + 1) };
-            if exact.is_empty() || since >= STUCK {
-                let measured =
-                    |i: usize| scale.of_contact(&mixture, &impulse, &shifted, FrictionModel::Relaxed, i);
-                let mut worst: Vec<(usize, f64)> =
-                    (0..problem.num_contacts()).map(|i| (i, measured(i))).collect();
-                worst.sort_by(|a, b| b.1.total_cmp(&a.1));
-                let wedge = self.find(&exact, worst.iter().map(|&(i, _)| i), &mixture, rigid)?;
-                let Some(wedge) = wedge else { break };
-                for WedgedContact { contact: i, impulse: own, opening } in wedge {
-                    impulse[3 * i..3 * i + 3].copy_from_slice(&own);
-                    if !exact.contains(&i) {
-                        mixture.r[3 * i] += opening + margin;
-                        exact.push(i);
-                    }
-                }
+            if mixture.exact.is_empty() || since >= STUCK {
+                let Some(wedge) = self.find(&mixture, &impulse, rigid)? else { break };
+                mixture.join(wedge, &mut impulse, margin);
                 (least, since) = (f64::INFINITY, 0);
             }
             if round == ROUNDS {
@@ -223,56 +266,91 @@ impl Wedges<'_> {
                 max_iterations: Some(BURST),
                 ..self.settings.clone()
             };
-            let report = solve_without_gain(self.solver, &mixture, &mut impulse, &settings)?;
+            let report = solve_without_gain(self.solver, &mixture.posed, &mut impulse, &settings)?;
             if report.status == Status::Stopped {
-                return Ok(Some((report, exact)));
+                return Ok(Some((report, mixture.exact)));
             }
             told = Some(match &told {
                 Some(earlier) => report.after(earlier),
                 None => report,
             });
         }
-        let converged = best.judged <= self.settings.tolerance;
-        let Some(told) = told else { return Ok(None) };
+        let Some(mut told) = told else { return Ok(None) };
+        (told.status, told.remark) = (Status::Infeasible, Some(LOCKED_TOO.to_string()));
+        if best.judged > self.settings.tolerance {
+            told = self.beside(&mut mixture, rigid, &mut best, told)?;
+            if told.status == Status::Stopped {
+                return Ok(Some((told, mixture.exact)));
+            }
+        }
+        if best.judged <= self.settings.tolerance {
+            (told.status, told.remark) = (Status::Converged, None);
+        }
         g.copy_from_slice(&best.impulse);
-        product(g, &mut velocity);
-        let found = scale.evaluate(problem, g, &velocity);
+        mixture.look_at(g);
+        let found = mixture.scale.evaluate(problem, g, &mixture.velocity);
         let report = SolveReport {
-            status: if converged { Status::Converged } else { Status::Infeasible },
             residual: best.residual,
             residual_relaxed: found.relaxed,
             residual_coulomb: found.coulomb,
             residual_paper: found.paper_relaxed,
-            objective: problem.objective(g, &velocity),
-            remark: (!converged).then(|| LOCKED_TOO.to_string()),
+            objective: problem.objective(g, &mixture.velocity),
             ..told
         };
-        Ok(Some((report, exact)))
+        Ok(Some((report, mixture.exact)))
     }
 
-    /// The wedge around the first of these contacts that has one, but for those whose contacts are `known`.
+    /// Where what is left lies in the bed beside the wedges, which had bursts of iterations only, the bed is solved as long as the settings
+    /// allow, with the s of the best impulses. The report after that, which is `told` where nothing was to be done or the wedges were left behind by it.
+    fn beside(
+        &mut self,
+        mixture: &mut Mixture<'_>,
+        rigid: &RigidDelassus,
+        best: &mut BestMixture,
+        told: SolveReport,
+    ) -> Result<SolveReport, CcpError> {
+        mixture.look_at(&best.impulse);
+        let worst = mixture.worst_first(&best.impulse);
+        if !worst.first().is_some_and(|&worst| mixture.is_beside(rigid, worst)) {
+            return Ok(told);
+        }
+        mixture.follow(mixture.margin(self.settings));
+        let mut impulse = best.impulse.clone();
+        let report = solve_without_gain(self.solver, &mixture.posed, &mut impulse, self.settings)?;
+        let (status, remark) = match report.status {
+            Status::Converged => (told.status, told.remark.clone()),
+            status => (status, report.remark.clone()),
+        };
+        let residual = mixture.look_at(&impulse);
+        let judged = residual.judged(self.settings.judge);
+        if judged < best.judged {
+            *best = BestMixture { judged, residual, impulse };
+        }
+        Ok(SolveReport { status, remark, ..report.after(&told) })
+    }
+
+    /// The wedge around the worst of the contacts that have one, for the impulses looked at, but for those whose contacts are known.
     fn find(
         &mut self,
-        known: &[usize],
-        contacts: impl Iterator<Item = usize>,
-        problem: &Ccp,
+        mixture: &Mixture<'_>,
+        impulse: &[f64],
         rigid: &RigidDelassus,
     ) -> Result<Option<Vec<WedgedContact>>, CcpError> {
         let mut seen: Vec<u32> = Vec::new();
         let mut places = 0;
-        for contact in contacts {
+        for contact in mixture.worst_first(impulse) {
             if seen.contains(&(contact as u32)) {
                 continue;
             }
             for layers in 1..=LAYERS {
-                let excerpt = Excerpt::around(contact, layers, problem, rigid, self.under);
+                let excerpt = Excerpt::around(contact, layers, &mixture.posed, rigid, self.under);
                 if excerpt.problem.num_contacts() > CONTACTS {
                     break;
                 }
                 let proof = infeasible::certificate_within(&excerpt.problem, self.settings)?;
                 seen.extend(&excerpt.part.contacts);
                 if proof.needed_velocity >= infeasible::PROBABLE {
-                    let is_new = |k: usize| !known.contains(&(excerpt.part.contacts[k] as usize));
+                    let is_new = |k: usize| !mixture.exact.contains(&(excerpt.part.contacts[k] as usize));
                     if taking_part(&proof).any(is_new) {
                         return self.wedge(&excerpt, &proof);
                     }

@@ -1,7 +1,6 @@
 //! Eight contacts at a time in single precision: the arithmetic of `solver/single`.
 
-use super::lanes::{Batch, Numbers, TaskWork, Vector};
-use std::ops::{Add, AddAssign, Mul, Neg, Sub};
+use super::lanes::{Batch, Numbers, TaskWork, Vector, lane_operators};
 
 /// Numbers in an octet.
 pub const EIGHT: usize = 8;
@@ -149,44 +148,7 @@ impl SingleVector for Octet {
     fn prefetch<T>(_: &T) {}
 }
 
-impl Add for Octet {
-    type Output = Self;
-    #[inline(always)]
-    fn add(self, other: Self) -> Self {
-        self.zip(other, |a, b| a + b)
-    }
-}
-
-impl AddAssign for Octet {
-    #[inline(always)]
-    fn add_assign(&mut self, other: Self) {
-        *self = *self + other;
-    }
-}
-
-impl Sub for Octet {
-    type Output = Self;
-    #[inline(always)]
-    fn sub(self, other: Self) -> Self {
-        self.zip(other, |a, b| a - b)
-    }
-}
-
-impl Mul for Octet {
-    type Output = Self;
-    #[inline(always)]
-    fn mul(self, other: Self) -> Self {
-        self.zip(other, |a, b| a * b)
-    }
-}
-
-impl Neg for Octet {
-    type Output = Self;
-    #[inline(always)]
-    fn neg(self) -> Self {
-        Self(self.0.map(|x| -x))
-    }
-}
+lane_operators!(Octet);
 
 #[cfg(test)]
 mod tests {

@@ -3,8 +3,8 @@
 mod exchange;
 mod measures;
 mod output;
-#[cfg(feature = "fclib")]
 mod periodic;
+#[cfg(feature = "fclib")]
 mod problem_files;
 mod run;
 mod scene_builtin;

@@ -2,6 +2,7 @@
 
 use crate::support::*;
 use graintrain::ccp::FrictionModel;
+use graintrain::gradient::StepGradient;
 use graintrain::handle::MaterialId;
 use graintrain::math::Vec3;
 use graintrain::motion::{Motion, Profile};
@@ -55,4 +56,13 @@ fn a_block_that_slides_between_two_plates_is_not_locked() {
         let [relaxed, exact] = speeds;
         assert!((exact - 0.1).abs() < 1e-3 && (relaxed - exact).abs() < 5e-3, "{balls} balls: {speeds:?}");
     }
+}
+
+/// Derivatives of a mixture of both friction laws would be those of neither.
+#[test]
+fn a_step_with_wedged_contacts_has_no_derivative() {
+    let (world, _) = press(0);
+    let settings = StepSettings { step: 5e-3, ..StepSettings::default() };
+    let refused = StepGradient::new(&world, &settings).map(|_| ()).unwrap_err();
+    assert!(refused.to_string().contains("wedged"), "{refused}");
 }
