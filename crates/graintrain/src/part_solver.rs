@@ -47,8 +47,6 @@ impl PartSolver<'_> {
         let contacts = problem.num_contacts();
         let parts = parts(rigid.contacts(), 0..contacts as u32, rigid.num_bodies(), rigid.coupled());
         if parts.len() == 1 || (contacts > 0 && self.whole) {
-            let matrix = as_matrix_unless_plain(problem);
-            let problem = matrix.as_ref().unwrap_or(problem);
             let (report, wedged) = self.solve_one(problem, impulse)?;
             return Ok(Solved { report, parts: 1, wedged });
         }
@@ -64,7 +62,6 @@ impl PartSolver<'_> {
             };
             let Excerpt { part, problem: own } =
                 Excerpt::new(part, problem, rigid, (self.gravity, self.step));
-            let own = as_matrix_unless_plain(&own).unwrap_or(own);
             let mut g = part.gather::<3, f64>(impulse);
             g.extend(turning_of(impulse));
             if parts_freely(&own) {
@@ -102,13 +99,15 @@ impl PartSolver<'_> {
     ) -> Result<(SolveReport, Vec<usize>), CcpError> {
         let patience = wedge::PATIENCE.min(self.solver.iteration_limit());
         let soon = settings.max_iterations.map_or(patience, |most| most.min(patience));
+        let matrix = as_matrix_unless_plain(problem);
+        let posed = matrix.as_ref().unwrap_or(problem);
         let takes_wedges =
             settings.friction == FrictionModel::Relaxed && problem.turning.is_empty() && !self.whole;
         if !takes_wedges {
-            return Ok((solve_without_gain(self.solver, problem, g, settings)?, Vec::new()));
+            return Ok((solve_without_gain(self.solver, posed, g, settings)?, Vec::new()));
         }
         let first = SolveSettings { max_iterations: Some(soon), ..settings.clone() };
-        let first = solve_without_gain(self.solver, problem, g, &first)?;
+        let first = solve_without_gain(self.solver, posed, g, &first)?;
         if matches!(first.status, Status::Converged | Status::Stopped) {
             return Ok((first, Vec::new()));
         }
@@ -117,7 +116,7 @@ impl PartSolver<'_> {
             return Ok((first, Vec::new()));
         }
         let mut wedges = Wedges { solver: self.solver, settings, under: (self.gravity, self.step) };
-        if let Some((report, wedged)) = wedges.solve(problem, g)? {
+        if let Some((report, wedged)) = wedges.solve(problem, posed, g)? {
             return Ok((report.after(&first), wedged));
         }
         if settings.max_iterations.is_some_and(|most| most <= soon) {
@@ -125,7 +124,7 @@ impl PartSolver<'_> {
         }
         let left = settings.max_iterations.map(|most| most.saturating_sub(first.iterations).max(1));
         let rest = SolveSettings { max_iterations: left, ..settings.clone() };
-        Ok((solve_without_gain(self.solver, problem, g, &rest)?.after(&first), Vec::new()))
+        Ok((solve_without_gain(self.solver, posed, g, &rest)?.after(&first), Vec::new()))
     }
 }
 

@@ -5,7 +5,8 @@
 //! solution, though with exact friction, which opens nothing, the grain just slides or rolls. One such grain among thousands keeps every
 //! solver from its tolerance.
 //!
-//! **Found** by the lemma of Farkas ([`graintrain_ccp::solver::infeasible`]): impulses g in the cones with D g = 0 and r . g < 0. They live on a few contacts, and a
+//! **Found** by the lemma of Farkas ([`graintrain_ccp::solver::infeasible`]): impulses g in the cones with D g = 0 and r . g < 0; or with so
+//! small a D g that a solution would throw bodies about. They live on a few contacts, and a
 //! proof for the contacts among a few bodies holds for the whole. So where a solve does not arrive, the bodies around its worst contact
 //! are looked at by themselves, a layer of neighbours at a time.
 //!
@@ -15,21 +16,28 @@
 //! Grenoble 2009.
 
 use crate::assemble::scale_under;
-use crate::part_solver::solve_without_gain;
+use crate::part_solver::{as_matrix_unless_plain, solve_without_gain};
 use crate::parts::Part;
 use graintrain_ccp::residual::ResidualScale;
 use graintrain_ccp::solver::infeasible::{self, Certificate};
 use graintrain_ccp::{
-    Ccp, CcpError, CcpSolver, Delassus, FIXED, FrictionModel, Residual, RigidDelassus, SolveReport,
-    SolveSettings, Status,
+    Ccp, CcpError, CcpSolver, CoupledBodies, Delassus, FIXED, FrictionModel, Residual, RigidDelassus,
+    SolveReport, SolveSettings, Status,
 };
 use std::sync::Arc;
 
 /// Iterations after which a solve that has not arrived is looked at. Settled packings need hundreds.
 pub(crate) const PATIENCE: usize = 4000;
 
+/// From this V on (see [`infeasible`]) contacts are taken for wedged: a relaxed solution, if there is one, throws some body away with this
+/// many times the velocity at which they meet, and exact friction needs nothing of the kind.
+const THROWN: f64 = 30.0;
+
+/// Iterations of exact friction at all contacts, where a mixture was not solved.
+const EVERYWHERE: usize = 30_000;
+
 /// Layers of neighbours around the worst contact that are looked at.
-const LAYERS: usize = 3;
+const LAYERS: [usize; 4] = [1, 2, 3, 6];
 
 /// Of the worst contacts so many are looked around.
 const PLACES: usize = 4;
@@ -84,7 +92,7 @@ impl Excerpt {
         Self { part, problem: Ccp { velocity_scale, ..own } }
     }
 
-    /// Of the bodies of a contact and `layers` of their neighbours.
+    /// Of the bodies of a contact and `layers` of their neighbours, one at least.
     fn around(
         contact: usize,
         layers: usize,
@@ -104,8 +112,19 @@ impl Excerpt {
             more.sort_unstable();
             more.dedup();
             bodies = more;
+            // Bodies that joints couple move together.
+            let with_some =
+                |group: &&CoupledBodies| group.bodies.iter().any(|b| bodies.binary_search(b).is_ok());
+            let joined: Vec<u32> = rigid
+                .coupled()
+                .iter()
+                .filter(with_some)
+                .flat_map(|group| group.bodies.iter().copied())
+                .collect();
+            bodies.extend(joined);
+            bodies.sort_unstable();
+            bodies.dedup();
         }
-        bodies.sort_unstable();
         let sides = bodies.iter().flat_map(|&body| rigid.sides(body as usize)).map(|side| side.contact);
         let mut contacts: Vec<u32> =
             sides.filter(|&i| ends(i as usize).all(|body| bodies.binary_search(&body).is_ok())).collect();
@@ -142,7 +161,7 @@ struct Mixture<'a> {
     scale: ResidualScale,
     /// The contacts with exact friction.
     exact: Vec<usize>,
-    /// The relaxed problem whose r contains the s with which it is solved.
+    /// The relaxed problem as solvers take it, whose r contains the s with which it is solved.
     posed: Ccp,
     /// Relative velocities of the impulses looked at, m/s.
     velocity: Vec<f64>,
@@ -151,10 +170,11 @@ struct Mixture<'a> {
 }
 
 impl<'a> Mixture<'a> {
-    fn new(problem: &'a Ccp) -> Self {
+    fn new(problem: &'a Ccp, posed: &Ccp) -> Self {
         let velocity = vec![0.0; problem.r.len()];
-        let (posed, shifted) = (problem.clone(), velocity.clone());
-        Self { problem, scale: ResidualScale::new(problem), exact: Vec::new(), posed, velocity, shifted }
+        let shifted = velocity.clone();
+        let scale = ResidualScale::new(problem);
+        Self { problem, scale, exact: Vec::new(), posed: posed.clone(), velocity, shifted }
     }
 
     /// Takes the velocities of these impulses; their residual.
@@ -223,19 +243,22 @@ pub(crate) struct Wedges<'a> {
 }
 
 impl Wedges<'_> {
-    /// Solves the mixture from impulses `g` that a relaxed solve ended with; the report, whose residuals are those of the mixture, and the
-    /// contacts with exact friction. Where a wedge was not solved either, the best impulses come back with
-    /// [`Status::Infeasible`]: that the relaxed problem has none is proved. `None`, and `g` as it was, where no wedge was found.
+    /// Solves the mixture from impulses `g` that a relaxed solve ended with (`posed`: the problem as solvers take it); the report, whose
+    /// residuals are those of the mixture, and the contacts with exact friction. Where a wedge was not solved either, the best impulses come
+    /// back with [`Status::Infeasible`], if that the relaxed problem has none is proved. `None`, and `g` as it was, where that is not, or no
+    /// wedge was found.
     ///
     /// # Errors
     /// Those of the solver.
     pub(crate) fn solve(
         &mut self,
         problem: &Ccp,
+        posed: &Ccp,
         g: &mut [f64],
     ) -> Result<Option<(SolveReport, Vec<usize>)>, CcpError> {
         let Delassus::Rigid(rigid) = &*problem.delassus else { return Ok(None) };
-        let mut mixture = Mixture::new(problem);
+        let mut mixture = Mixture::new(problem, posed);
+        let mut proved = 0.0_f64;
         let mut impulse = g.to_vec();
         let mut told: Option<SolveReport> = None;
         let (mut least, mut since) = (f64::INFINITY, STUCK);
@@ -253,7 +276,8 @@ impl Wedges<'_> {
             }
             (least, since) = if judged < 0.9 * least { (judged, 0) } else { (least, since + 1) };
             if mixture.exact.is_empty() || since >= STUCK {
-                let Some(wedge) = self.find(&mixture, &impulse, rigid)? else { break };
+                let Some((wedge, needed_velocity)) = self.find(&mixture, &impulse, rigid)? else { break };
+                proved = proved.max(needed_velocity);
                 mixture.join(wedge, &mut impulse, margin);
                 (least, since) = (f64::INFINITY, 0);
             }
@@ -279,12 +303,17 @@ impl Wedges<'_> {
         (told.status, told.remark) = (Status::Infeasible, Some(LOCKED_TOO.to_string()));
         if best.judged > self.settings.tolerance {
             told = self.beside(&mut mixture, rigid, &mut best, told)?;
-            if told.status == Status::Stopped {
-                return Ok(Some((told, mixture.exact)));
-            }
+        }
+        if best.judged > self.settings.tolerance && told.status != Status::Stopped {
+            told = self.everywhere(&mut mixture, &mut best, told)?;
+        }
+        if told.status == Status::Stopped {
+            return Ok(Some((told, mixture.exact)));
         }
         if best.judged <= self.settings.tolerance {
             (told.status, told.remark) = (Status::Converged, None);
+        } else if proved < infeasible::PROBABLE {
+            return Ok(None);
         }
         g.copy_from_slice(&best.impulse);
         mixture.look_at(g);
@@ -329,30 +358,62 @@ impl Wedges<'_> {
         Ok(SolveReport { status, remark, ..report.after(&told) })
     }
 
-    /// The wedge around the worst of the contacts that have one, for the impulses looked at, but for those whose contacts are known.
+    /// The last resort: exact friction at all contacts, which fares better than the mixture where a wedge is a good part of the whole.
+    fn everywhere(
+        &mut self,
+        mixture: &mut Mixture<'_>,
+        best: &mut BestMixture,
+        told: SolveReport,
+    ) -> Result<SolveReport, CcpError> {
+        let settings = SolveSettings {
+            friction: FrictionModel::Coulomb,
+            max_iterations: Some(self.settings.max_iterations.unwrap_or(EVERYWHERE).min(EVERYWHERE)),
+            curvature: None,
+            ..self.settings.clone()
+        };
+        let mut impulse = best.impulse.clone();
+        // De Saxce's term is the solver's affair here.
+        let posed = Ccp { r: mixture.problem.r.clone(), ..mixture.posed.clone() };
+        let report = solve_without_gain(self.solver, &posed, &mut impulse, &settings)?;
+        let status = if report.status == Status::Stopped { report.status } else { told.status };
+        if report.converged() {
+            mixture.exact = (0..mixture.problem.num_contacts()).collect();
+            let residual = mixture.look_at(&impulse);
+            *best = BestMixture { judged: residual.judged(self.settings.judge), residual, impulse };
+        }
+        let remark = told.remark.clone();
+        Ok(SolveReport { status, remark, ..report.after(&told) })
+    }
+
+    /// The wedge around the worst of the contacts that have one, for the impulses looked at, but for those whose contacts are known; and the
+    /// velocity that its proof asks for.
     fn find(
         &mut self,
         mixture: &Mixture<'_>,
         impulse: &[f64],
         rigid: &RigidDelassus,
-    ) -> Result<Option<Vec<WedgedContact>>, CcpError> {
+    ) -> Result<Option<(Vec<WedgedContact>, f64)>, CcpError> {
         let mut seen: Vec<u32> = Vec::new();
         let mut places = 0;
         for contact in mixture.worst_first(impulse) {
             if seen.contains(&(contact as u32)) {
                 continue;
             }
-            for layers in 1..=LAYERS {
-                let excerpt = Excerpt::around(contact, layers, &mixture.posed, rigid, self.under);
+            for layers in LAYERS {
+                let mut excerpt = Excerpt::around(contact, layers, &mixture.posed, rigid, self.under);
                 if excerpt.problem.num_contacts() > CONTACTS {
                     break;
                 }
+                if let Some(matrix) = as_matrix_unless_plain(&excerpt.problem) {
+                    excerpt.problem = matrix;
+                }
                 let proof = infeasible::certificate_within(&excerpt.problem, self.settings)?;
                 seen.extend(&excerpt.part.contacts);
-                if proof.needed_velocity >= infeasible::PROBABLE {
+                if proof.needed_velocity >= THROWN {
                     let is_new = |k: usize| !mixture.exact.contains(&(excerpt.part.contacts[k] as usize));
                     if taking_part(&proof).any(is_new) {
-                        return self.wedge(&excerpt, &proof);
+                        let wedge = self.wedge(&excerpt, &proof)?;
+                        return Ok(wedge.map(|wedge| (wedge, proof.needed_velocity)));
                     }
                     break;
                 }

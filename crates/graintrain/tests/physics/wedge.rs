@@ -3,7 +3,8 @@
 use crate::support::*;
 use graintrain::ccp::FrictionModel;
 use graintrain::gradient::StepGradient;
-use graintrain::handle::MaterialId;
+use graintrain::handle::{BodyId, MaterialId};
+use graintrain::joint::Joint;
 use graintrain::math::Vec3;
 use graintrain::motion::{Motion, Profile};
 use graintrain::shape::Geometry;
@@ -11,7 +12,7 @@ use graintrain::stepper::{StepSettings, Stepper};
 use graintrain::world::{Body, World};
 
 /// A block of 0.2 m without play between a floor, which is driven at 0.1 m/s, and a fixed lid; 300 balls in contact lie on the floor beside it.
-fn press(balls: usize) -> (World, usize) {
+fn press(balls: usize) -> (World, BodyId) {
     let mut world = world(0.5, 0.0);
     let fixed = world.add_motion(Motion::fixed()).unwrap();
     let driven = world.add_motion(Motion::translating(Vec3::X, Profile::Constant(0.1))).unwrap();
@@ -21,14 +22,14 @@ fn press(balls: usize) -> (World, usize) {
         world.add_body(Body { motion, ..Body::new(plate, MaterialId::default(), place) }).unwrap();
     }
     let block = world.add_geometry(Geometry::cuboid(Vec3::splat(0.1)).unwrap());
-    world.add_body(Body::new(block, MaterialId::default(), Vec3::new(0.0, 0.0, 0.1))).unwrap();
+    let block = world.add_body(Body::new(block, MaterialId::default(), Vec3::new(0.0, 0.0, 0.1))).unwrap();
     let ball = world.add_geometry(Geometry::sphere(0.05).unwrap());
     let side = (balls as f64).sqrt().ceil() as usize;
     for k in 0..balls {
         let place = Vec3::new(0.15 + 0.1 * (k % side) as f64, 0.1 * (k / side) as f64 - 0.5, 0.05);
         world.add_body(Body::new(ball, MaterialId::default(), place)).unwrap();
     }
-    (world, 2)
+    (world, block)
 }
 
 /// Relaxed friction would have to lift the block off one of the plates by mu times its slip, for which there is no room: the step's problem
@@ -48,10 +49,10 @@ fn a_block_that_slides_between_two_plates_is_not_locked() {
                     FrictionModel::Relaxed => assert!((1..=8).contains(&wedged), "step {n}: {wedged}"),
                     FrictionModel::Coulomb => assert_eq!(wedged, 0),
                 }
-                let z = world.bodies.position[block].z;
+                let z = world.bodies.position[block.index()].z;
                 assert!((z - 0.1).abs() < 1e-4, "{friction:?}, step {n}: {z}");
             }
-            world.bodies.velocity[block].x
+            world.bodies.velocity[block.index()].x
         });
         let [relaxed, exact] = speeds;
         assert!((exact - 0.1).abs() < 1e-3 && (relaxed - exact).abs() < 5e-3, "{balls} balls: {speeds:?}");
@@ -65,4 +66,22 @@ fn a_step_with_wedged_contacts_has_no_derivative() {
     let settings = StepSettings { step: 5e-3, ..StepSettings::default() };
     let refused = StepGradient::new(&world, &settings).map(|_| ()).unwrap_err();
     assert!(refused.to_string().contains("wedged"), "{refused}");
+}
+
+/// The block of the press drags a ball on a joint behind it: wedges are found among bodies that joints couple.
+#[test]
+fn a_jointed_block_between_two_plates_is_not_locked() {
+    let (mut world, block) = press(0);
+    let ball = world.add_geometry(Geometry::sphere(0.02).unwrap());
+    let ball = Body::new(ball, MaterialId::default(), Vec3::new(0.2, 0.0, 0.1));
+    let ball = world.add_body(ball).unwrap();
+    world.add_joint(Joint::spherical(Some(block), ball, Vec3::new(0.1, 0.0, 0.1))).unwrap();
+    let mut stepper = Stepper::new(StepSettings { step: 5e-3, ..StepSettings::default() }).unwrap();
+    for n in 0..20 {
+        let report = stepper.step(&mut world).unwrap();
+        assert!(report.solve.converged() && report.contacts_wedged > 0, "step {n}: {:?}", report.solve);
+        let z = world.bodies.position[block.index()].z;
+        assert!((z - 0.1).abs() < 1e-4, "step {n}: {z}");
+    }
+    assert!(world.bodies.velocity[block.index()].x > 0.05, "{}", world.bodies.velocity[block.index()]);
 }
