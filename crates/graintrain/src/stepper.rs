@@ -4,10 +4,11 @@ mod repetition;
 
 use self::repetition::{Bends, carried_back};
 use crate::assemble::{
-    OverlapCorrection, assemble, contact_rows, pair_property, relative_velocities, warm_start,
+    OverlapCorrection, assemble, contact_rows, of_each, pair_property, relative_velocities, warm_start,
 };
 use crate::cell::{self, Cell, moved_mass};
 use crate::cell_problem::CellRows;
+use crate::clock::{Clock, Lap, Laps};
 use crate::collide::{Collider, meshes_that_meet};
 use crate::contact::{Contact, ContactSet};
 use crate::elasticity;
@@ -23,17 +24,19 @@ use crate::overlap::{Correction, Gaps};
 use crate::part_solver::{PartSolver, Solved};
 use crate::relaxation::{self, Difference, Opening};
 use crate::step_report::wrenches;
-pub use crate::step_report::{PhaseSeconds, PhysicalErrors, StepReport, Wrench};
-use crate::turning::world_moment;
+pub use crate::step_report::{PhaseSeconds, PhysicalErrors, ProcessorSeconds, StepReport, Wrench};
+use crate::turning::{turning_velocities, world_moment};
 use crate::world::World;
 use graintrain_ccp::{
     Ccp, CcpError, CcpSolver, Delassus, FrictionModel, Judge, RigidContact, SolveReport, SolveSettings,
     SolverSpec, Status,
 };
+use graintrain_linalg::parallel::axpy;
+use rayon::prelude::*;
+use std::borrow::Cow;
 use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
-use std::time::Instant;
 
 /// How steps are made. Its fields in their order are part of the format of checkpoints.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -185,13 +188,13 @@ struct Attempt {
     pulls: Vec<f64>,
     joints: JointReactions,
     impacts: Impacts,
-    impact_seconds: f64,
+    impact_lap: Lap,
     velocity: Vec<f64>,
     solve: SolveReport,
     parts: usize,
     /// Contacts with exact friction, because their relaxation has no solution, as places in the problem.
     wedged: Vec<usize>,
-    assembled: Instant,
+    assembled: Clock,
 }
 
 impl Stepper {
@@ -304,7 +307,7 @@ impl Stepper {
 
     /// The step under the forces that bodies now have.
     fn step_under(&mut self, world: &mut World) -> Result<StepReport, StepError> {
-        let begin = Instant::now();
+        let begin = Clock::now();
         check_state(world)?;
         if let Some([first, second]) = meshes_that_meet(world) {
             let [first, second] = [first, second].map(|body| world.bodies.label(body));
@@ -317,7 +320,8 @@ impl Stepper {
             Some((_, contacts)) => contacts,
             None => self.collider.contacts(world, envelope, step),
         };
-        let mut phases = PhaseSeconds { collide: begin.elapsed().as_secs_f64(), ..PhaseSeconds::default() };
+        let mut laps = Laps::default();
+        laps.add(|phases| &mut phases.collide, begin.lap());
         let start = Placement::of(world);
         let mut guess = None;
         // Contacts under way that bodies are driven into all the same, and phantoms that were none, by identity.
@@ -326,11 +330,12 @@ impl Stepper {
         let (mut added, mut iterations) = (0, 0);
         for round in 0.. {
             lead_to_surfaces(world, &mut contacts);
-            let begin = Instant::now();
+            let begin = Clock::now();
             let attempt = self.attempt(world, &contacts, guess.take(), &driven)?;
-            let impacts = attempt.impact_seconds;
-            phases.assemble += (attempt.assembled - begin).as_secs_f64() - impacts;
-            phases.solve += attempt.assembled.elapsed().as_secs_f64() + impacts;
+            laps.add(|phases| &mut phases.assemble, attempt.assembled - begin);
+            laps.subtract(|phases| &mut phases.assemble, attempt.impact_lap);
+            laps.add(|phases| &mut phases.solve, attempt.impact_lap);
+            laps.add(|phases| &mut phases.solve, attempt.assembled.lap());
             iterations += attempt.solve.iterations;
             let met = self.met(world, &contacts, &attempt);
             if !met.is_empty() && round < ROUNDS {
@@ -356,16 +361,17 @@ impl Stepper {
                     continue;
                 }
             }
-            let begin = Instant::now();
-            let size: Vec<f64> = contacts.iter().map(|c| self.collider.contact_size(world, c)).collect();
+            let begin = Clock::now();
+            let collider = &self.collider;
+            let size = of_each(&contacts, |c| collider.contact_size(world, c));
             let mut correction = self.correct(world, &contacts, &attempt, &size);
             advance(world, &attempt.velocity, correction.displacement.as_deref(), step);
             correction.add(drift::close(world, &attempt.joints.states, step));
             if let Some(cell) = &attempt.cell {
                 cell::advance(world, cell.rate, step);
             }
-            phases.integrate += begin.elapsed().as_secs_f64();
-            let begin = Instant::now();
+            laps.add(|phases| &mut phases.integrate, begin.lap());
+            let begin = Clock::now();
             let ahead = self.collider.contacts(world, envelope, step);
             let missed = self.missed(world, &contacts, &ahead);
             let (mut new, mut bent) = (Vec::new(), Vec::new());
@@ -381,7 +387,7 @@ impl Stepper {
                     end.exchange(world);
                 }
             }
-            phases.collide += begin.elapsed().as_secs_f64();
+            laps.add(|phases| &mut phases.collide, begin.lap());
             if new.is_empty() && bent.is_empty() {
                 if let Err(error) = world.fits_cell() {
                     start.exchange(world);
@@ -395,7 +401,7 @@ impl Stepper {
                 let apart = |c: &&Contact| !pairs.contains(&pair(c));
                 let missed = met.len() + missed.iter().filter(apart).map(pair).collect::<HashSet<_>>().len();
                 let mut report =
-                    self.finish(world, &start, contacts, attempt, &size, &correction, ahead, phases);
+                    self.finish(world, &start, contacts, attempt, &size, &correction, ahead, laps);
                 (report.contacts_added, report.contacts_missed) = (added, missed);
                 report.solve.iterations = iterations;
                 return Ok(report);
@@ -426,9 +432,9 @@ impl Stepper {
             stop: self.stop.clone(),
         };
         let of = Rows { contacts, rows: &rows, inverse_mass: &masses };
-        let begin = Instant::now();
+        let begin = Clock::now();
         let Some(impacts) = impacts.resolve(world, of, step)? else { return Err(StepError::Stopped) };
-        let impact_seconds = begin.elapsed().as_secs_f64();
+        let impact_lap = begin.lap();
         let pulls = elasticity::pulls(world, contacts, |c| self.collider.contact_size(world, c), step);
         let mut free = free_velocity(world, &impacts.velocity, step);
         elasticity::apply_pulls(&rows, &pulls, &masses, &mut free);
@@ -438,9 +444,8 @@ impl Stepper {
                 && !driven.contains(&contacts[*i as usize].identity)
         };
         let active: Vec<u32> = (0..contacts.len() as u32).filter(|i| !waits(i)).collect();
-        let pick = |i: &u32| contacts[*i as usize];
-        let chosen: Vec<Contact> = active.iter().map(pick).collect();
-        let rows: Vec<RigidContact> = active.iter().map(|&i| rows[i as usize]).collect();
+        let chosen = chosen_of(contacts, &active);
+        let rows = if active.len() == rows.len() { rows } else { of_each(&active, |&i| rows[i as usize]) };
         let mut mechanisms = Mechanisms::new(world, &impacts.velocity, free, step);
         mechanisms.predict(&[]);
         // With joints the problem may have to be posed again.
@@ -462,7 +467,7 @@ impl Stepper {
             mechanisms.predict(&body_impulses(&problem, &impulse));
             (problem, free) = pose(&mechanisms, spare);
         }
-        let assembled = Instant::now();
+        let assembled = Clock::now();
         let settings = self.solve_settings();
         let WithCell { solved, posed, cell } =
             self.solve_with_cell(world, (&chosen, &active), &impacts, &mut problem, &mut impulse)?;
@@ -504,7 +509,7 @@ impl Stepper {
             pulls,
             joints,
             impacts,
-            impact_seconds,
+            impact_lap,
             velocity,
             solve,
             parts,
@@ -525,9 +530,15 @@ impl Stepper {
         let is_rigid = |k: &usize| compliance.get(*k).is_none_or(|&c| c == 0.0);
         let kept: Vec<usize> = (0..attempt.active.len()).filter(is_rigid).collect();
         let active: Vec<u32> = kept.iter().map(|&k| attempt.active[k]).collect();
-        let rows: Vec<RigidContact> = kept.iter().map(|&k| rigid.contacts()[k]).collect();
-        let chosen: Vec<Contact> = active.iter().map(|&i| contacts[i as usize]).collect();
-        let u = relative_velocities(attempt.cell.as_ref(), &chosen, &rows, &attempt.velocity);
+        let all: Vec<RigidContact>;
+        let rows = if kept.len() == rigid.num_contacts() {
+            rigid.contacts()
+        } else {
+            all = of_each(&kept, |&k| rigid.contacts()[k]);
+            &all
+        };
+        let chosen = chosen_of(contacts, &active);
+        let u = relative_velocities(attempt.cell.as_ref(), &chosen, rows, &attempt.velocity);
         let gap: Vec<f64> = chosen.iter().zip(u.chunks_exact(3)).map(|(c, u)| c.gap + step * u[0]).collect();
         let size: Vec<f64> = active.iter().map(|&i| size[i as usize]).collect();
         let bend = |body: usize, point: Vec3| {
@@ -538,9 +549,9 @@ impl Stepper {
             let [(a, on_a), (b, on_b)] = cell::ends(world.cell(), &Contact { lead: Vec3::ZERO, ..*contact });
             bend(a, on_a) + bend(b, on_b)
         };
-        let turn: Vec<f64> = chosen.iter().map(both).collect();
+        let turn = of_each(&chosen, both);
         let gaps = Gaps {
-            rows: &rows,
+            rows,
             inverse_mass: rigid.inverse_mass(),
             gap: &gap,
             size: &size,
@@ -563,9 +574,9 @@ impl Stepper {
         size: &[f64],
         correction: &Correction,
         ahead: Vec<Contact>,
-        mut phases: PhaseSeconds,
+        mut laps: Laps,
     ) -> StepReport {
-        let begin = Instant::now();
+        let begin = Clock::now();
         let step = self.settings.step;
         let Attempt {
             problem,
@@ -610,22 +621,22 @@ impl Stepper {
             *impulse -= *pull * contact.normal;
         }
         let friction = pair_property(world, &contacts, |a, b| world.materials.pair_friction(a, b));
-        let chosen: Vec<Contact> = active.iter().map(|&i| contacts[i as usize]).collect();
+        let chosen = chosen_of(&contacts, &active);
         let chosen_size: Vec<f64> = active.iter().map(|&i| size[i as usize]).collect();
-        let errors = PhysicalErrors::of(
-            &chosen,
-            &chosen_size,
-            (&problem, &impulse),
-            (&velocity, cell.as_ref()),
-            (step, self.settings.tolerance),
-        );
+        let mut u = Vec::new();
+        if let Delassus::Rigid(rigid) = &*problem.delassus {
+            u = relative_velocities(cell.as_ref(), &chosen, rigid.contacts(), &velocity);
+            u.extend(turning_velocities(&chosen, rigid.contacts(), rigid.turning(), &velocity));
+        }
+        let accuracy = (step, self.settings.tolerance);
+        let errors = PhysicalErrors::of(&chosen, &chosen_size, (&problem, &impulse), &u, accuracy);
         let opening = match self.settings.friction {
             FrictionModel::Relaxed => {
-                let moves = (velocity.as_slice(), cell.as_ref());
-                Opening::of(&chosen, &chosen_size, (&problem, &impulse, threshold), moves, (step, &wedged))
+                Opening::of(&chosen_size, (&problem, &impulse, threshold), &u, (step, &wedged))
             }
             FrictionModel::Coulomb => Opening::default(),
         };
+        drop(chosen);
         let curvature = solve.curvature.or(world.contacts.curvature);
         let set = ContactSet { contacts, impulse: world_impulse, friction, moment, curvature };
         let wrenches = wrenches(&start.position, cell.as_ref(), world, &set, step);
@@ -634,11 +645,13 @@ impl Stepper {
         let forces = (&set, joints.impulses.as_slice());
         let places = (start.position.as_slice(), cell.as_ref());
         let ledger = energy::ledger(world, forces, places, [&before, &velocity], step, change);
-        let (mut deepest, mut over_size) = (0.0_f64, 0.0_f64);
-        for contact in ahead.iter().filter(|contact| contact.gap < 0.0) {
-            deepest = deepest.max(-contact.gap);
-            over_size = over_size.max(-contact.gap / self.collider.contact_size(world, contact));
-        }
+        let collider = &self.collider;
+        let overlap = |contact: &Contact| {
+            let depth = (-contact.gap).max(0.0);
+            [depth, if depth > 0.0 { depth / collider.contact_size(world, contact) } else { 0.0 }]
+        };
+        let deeper = |a: [f64; 2], b: [f64; 2]| [a[0].max(b[0]), a[1].max(b[1])];
+        let [deepest, over_size] = ahead.par_iter().map(overlap).reduce(|| [0.0; 2], deeper);
         let work = correction.displacement.as_ref().map_or(0.0, |displacement| {
             let against = |(b, d): (usize, &[f64])| {
                 -world.bodies.mass[b] * world.gravity.dot(Vec3::from_slice(&d[..3]))
@@ -650,7 +663,8 @@ impl Stepper {
         world.time += step;
         world.step += 1;
         self.ahead = Some((world.fingerprint(), ahead));
-        phases.integrate += begin.elapsed().as_secs_f64();
+        laps.add(|phases| &mut phases.integrate, begin.lap());
+        let (phases, processor) = laps.seconds();
         let report = StepReport {
             contacts: world.contacts.contacts.len(),
             contacts_with_force: with_force.iter().filter(|&&force| force).count(),
@@ -671,6 +685,7 @@ impl Stepper {
             overlap_corrected_max: correction.overlap_max,
             correction_energy: work,
             phases,
+            processor,
             wrenches,
         };
         let gap = active.iter().map(|&i| world.contacts.contacts[i as usize].gap).collect();
@@ -790,6 +805,14 @@ impl Placement {
     }
 }
 
+/// The contacts at these places, ascending: all of them as they are, in most steps.
+fn chosen_of<'a>(contacts: &'a [Contact], active: &[u32]) -> Cow<'a, [Contact]> {
+    if active.len() == contacts.len() {
+        return contacts.into();
+    }
+    of_each(active, |&i| contacts[i as usize]).into()
+}
+
 /// Kinetic energy of these velocities (six numbers per body) beyond that of the world, in which a periodic cell takes bodies along, J.
 fn taken_along(world: &World, velocity: &[f64]) -> f64 {
     if world.cell().is_none() {
@@ -857,9 +880,7 @@ fn velocity_after(problem: &Ccp, impulse: &[f64], free: Vec<f64>) -> Vec<f64> {
         rigid.world_impulse(impulse, &mut world_impulse);
         let mut change = vec![0.0; velocity.len()];
         rigid.velocity_change(&world_impulse, &mut change);
-        for (v, dv) in velocity.iter_mut().zip(&change) {
-            *v += dv;
-        }
+        axpy(1.0, &change, &mut velocity);
     }
     velocity
 }

@@ -14,6 +14,7 @@ mod loads;
 mod meshes;
 mod packings;
 mod repetition;
+mod rest;
 mod rotation;
 mod statics;
 mod support;
