@@ -1,13 +1,12 @@
 //! What a tolerance means: six small scenes, both friction models, one step and twenty at tolerances from 1e-1 to 1e-5, beside solves
-//! at least 1e4 times tighter. docs/tolerance.md tells what the columns are.
+//! at least 1e4 times tighter. The columns are named by the functions that fill them.
 //!
 //! `cargo run --release -p graintrain-lab --example tolerance_study -- OUT.csv OUT.md`
 
 use graintrain::ccp::{Ccp, Delassus, FrictionModel, Judge, SolveSettings, SolverSpec, Status};
 use graintrain::contact::ContactSet;
 use graintrain::handle::MaterialId;
-use graintrain::math::{Mat3, Quat, Vec3};
-use graintrain::measure::stress::stress;
+use graintrain::math::{Quat, Vec3};
 use graintrain::motion::Motion;
 use graintrain::shape::Geometry;
 use graintrain::stepper::{StepSettings, Stepper};
@@ -226,19 +225,6 @@ fn force_on(set: &ContactSet, impulse: &[Vec3], body: usize) -> Vec3 {
     sum / STEP
 }
 
-/// Mean stress of all that moves times its volume, J, by contacts with these impulses (world axes).
-fn stress_of(world: &World, impulse: &[Vec3]) -> Mat3 {
-    let mut world = world.clone();
-    world.contacts.impulse = impulse.to_vec();
-    let moves: Vec<bool> = (0..world.bodies.len()).map(|body| !world.is_prescribed(body)).collect();
-    stress(&world, STEP, &moves, 1.0).contact
-}
-
-/// Frobenius norm of the difference over that of `right`.
-fn stress_error(found: Mat3, right: Mat3) -> f64 {
-    norm(&(found - right).to_cols_array()) / norm(&right.to_cols_array())
-}
-
 /// Vertical force on all that is fixed, N.
 fn carried(world: &World, impulse: &[Vec3]) -> f64 {
     let fixed = (0..world.bodies.len()).filter(|&body| world.is_prescribed(body));
@@ -277,8 +263,6 @@ struct Row {
     press: Option<f64>,
     /// Vertical force on everything that is fixed.
     carried: f64,
-    /// Relative error of the mean stress of all bodies.
-    stress: f64,
     forces: [f64; 2],
     /// Forces and velocities of the tight solve from here against those of a tight solve by `auto` from zero.
     other_forces: f64,
@@ -437,7 +421,6 @@ fn study(scene: &mut Scene, friction: FrictionModel, model: &'static str) -> Res
                 let [a, b] = [&found, &right].map(|g| carried(&world, g));
                 (a / b - 1.0).abs()
             },
-            stress: stress_error(stress_of(&world, &found), stress_of(&world, &right)),
             forces: force_errors(&found, &right),
             ..Row::default()
         });
@@ -470,7 +453,7 @@ fn study(scene: &mut Scene, friction: FrictionModel, model: &'static str) -> Res
 fn csv(rows: &[(usize, Row)]) -> String {
     let mut text = String::from(
         "scene,friction,tolerance,bodies,contacts,status,residual_rms,residual_max,reference_residual,iterations,velocity_rms,\
-         velocity_max,overlap_per_step_over_size,floor_force,carried_force,press_force,stress,contact_forces_rms,contact_forces_median,\
+         velocity_max,overlap_per_step_over_size,floor_force,carried_force,press_force,contact_forces_rms,contact_forces_median,\
          other_solution_forces,other_solution_floor,other_solution_velocity,run_iterations_per_step,run_unsolved,run_velocity_rms,run_velocity_max,\
          run_overlap_per_step_over_size,run_floor_force,run_carried_force,run_press_force,run_contact_forces_rms,run_moved_over_smallest\n",
     );
@@ -494,7 +477,6 @@ fn csv(rows: &[(usize, Row)]) -> String {
             number(row.floor),
             number(row.carried),
             optional(row.press),
-            number(row.stress),
             number(row.forces[0]),
             number(row.forces[1]),
             number(row.other_forces),
@@ -518,9 +500,9 @@ fn csv(rows: &[(usize, Row)]) -> String {
 
 fn markdown(rows: &[(usize, Row)]) -> String {
     let mut text = String::from(
-        "| scene | friction | tolerance | residual rms | reference | velocity rms | velocity max | overlap / R | carried | floor | press | stress | contacts rms | \
+        "| scene | friction | tolerance | residual rms | reference | velocity rms | velocity max | overlap / R | carried | floor | press | contacts rms | \
          contacts median | another solution: floor | contacts rms | iterations | run: carried | run: velocity rms | run: overlap / R | run: iterations |\n\
-         |---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|\n",
+         |---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|\n",
     );
     for (_, row) in rows {
         let mark = if row.status == "converged" { "" } else { " (missed)" };
@@ -529,7 +511,7 @@ fn markdown(rows: &[(usize, Row)]) -> String {
             if row.run_unsolved > 0 { format!(" ({} missed)", row.run_unsolved) } else { String::new() };
         let _ = writeln!(
             text,
-            "| {} | {} | {:.0e} | {:.0e}{mark} | {:.0e} | {:.0e} | {:.0e} | {:.0e} | {:.0e} | {:.0e} | {press} | {:.0e} | {:.0e} | {:.0e} | {:.0e} | {:.0e} | {} | {:.0e} | \
+            "| {} | {} | {:.0e} | {:.0e}{mark} | {:.0e} | {:.0e} | {:.0e} | {:.0e} | {:.0e} | {:.0e} | {press} | {:.0e} | {:.0e} | {:.0e} | {:.0e} | {} | {:.0e} | \
              {:.0e} | {:.0e} | {:.0}{unsolved} |",
             row.scene,
             row.model,
@@ -541,7 +523,6 @@ fn markdown(rows: &[(usize, Row)]) -> String {
             row.overlap,
             row.carried,
             row.floor,
-            row.stress,
             row.forces[0],
             row.forces[1],
             row.other_floor,

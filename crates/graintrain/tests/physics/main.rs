@@ -14,7 +14,6 @@ mod loads;
 mod meshes;
 mod packings;
 mod repetition;
-mod rest;
 mod rotation;
 mod statics;
 mod support;
