@@ -41,10 +41,13 @@ fn serial_fraction(all: f64, leading: f64, threads: usize) -> f64 {
     ((leading / all - share) / (1.0 - share)).clamp(0.0, 1.0)
 }
 
+/// The seconds of a phase.
+type Seconds = fn(&PhaseSeconds) -> f64;
+
 impl Timings {
     /// The table.
     pub fn table(&self, threads: usize) -> String {
-        let phases: [(&str, fn(&PhaseSeconds) -> f64); 5] = [
+        let phases: [(&str, Seconds); 5] = [
             ("collide", |phases| phases.collide),
             ("assemble", |phases| phases.assemble),
             ("solve", |phases| phases.solve),
