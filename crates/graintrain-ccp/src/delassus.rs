@@ -2,6 +2,7 @@
 
 use graintrain_linalg::block3::{Block, BlockMatrix3};
 use rayon::prelude::*;
+use std::borrow::Cow;
 use std::sync::{Arc, OnceLock, Weak};
 
 mod compliance;
@@ -148,18 +149,22 @@ impl RigidDelassus {
             side_start[b + 1] += side_start[b];
         }
         let mut next = side_start.clone();
-        let unset = Side { contact: 0, sign: 0.0, arm: [0.0; 3] };
-        let mut sides = vec![unset; *side_start.last().unwrap_or(&0) as usize];
-        for (i, contact) in contacts.iter().enumerate() {
-            for (body, sign, arm) in
-                [(contact.body_a, 1.0, contact.arm_a), (contact.body_b, -1.0, contact.arm_b)]
-            {
+        // Contact and side of every entry first: the entries themselves are ten times as long, and threads share the work on them.
+        let mut entries = vec![[0_u32; 2]; *side_start.last().unwrap_or(&0) as usize];
+        for (i, contact) in (0..).zip(&contacts) {
+            for (side, body) in [contact.body_a, contact.body_b].into_iter().enumerate() {
                 if body != FIXED {
-                    sides[next[body as usize] as usize] = Side { contact: i as u32, sign, arm };
+                    entries[next[body as usize] as usize] = [i, side as u32];
                     next[body as usize] += 1;
                 }
             }
         }
+        let side = |&[i, side]: &[u32; 2]| {
+            let contact = &contacts[i as usize];
+            let (sign, arm) = if side == 0 { (1.0, contact.arm_a) } else { (-1.0, contact.arm_b) };
+            Side { contact: i, sign, arm }
+        };
+        let sides = entries.par_iter().with_min_len(TASK).map(side).collect();
         Self {
             contacts,
             inverse_mass,
@@ -229,18 +234,19 @@ impl RigidDelassus {
         dv.par_chunks_mut(6 * TASK).enumerate().for_each(|(task, dv)| {
             let first = task * TASK;
             for (offset, dv) in dv.chunks_exact_mut(6).enumerate() {
-                let body = first + offset;
-                let [x, y, z, mx, my, mz] = self.body_impulse(world_impulse, body);
-                let (impulse, moment) = ([x, y, z], [mx, my, mz]);
-                let inverse = &self.inverse_mass[body];
-                let w = times3(&inverse.angular, moment);
-                for axis in 0..3 {
-                    dv[axis] = inverse.linear[axis] * impulse[axis];
-                    dv[3 + axis] = w[axis];
-                }
+                dv.copy_from_slice(&self.body_velocity_change(world_impulse, first + offset));
             }
         });
         self.change_coupled(world_impulse, dv);
+    }
+
+    /// M^-1 D g of one body that is not coupled with others, from world impulses, m/s and rad/s.
+    #[inline]
+    pub(crate) fn body_velocity_change(&self, world_impulse: &[f64], body: usize) -> [f64; 6] {
+        let [x, y, z, mx, my, mz] = self.body_impulse(world_impulse, body);
+        let BodyInverseMass { linear, angular } = &self.inverse_mass[body];
+        let w = times3(angular, [mx, my, mz]);
+        [linear[0] * x, linear[1] * y, linear[2] * z, w[0], w[1], w[2]]
     }
 
     /// Sum of the world impulses on one body and of their moments about its centre, N s and N m s.
@@ -476,6 +482,14 @@ impl Delassus {
         match self {
             Self::Rigid(rigid) => rigid.block(i, i),
             Self::Sparse(matrix) => matrix.get(i, i),
+        }
+    }
+
+    /// Diagonals (nn, 11, 22) of all blocks N_ii, 1/kg.
+    pub fn diagonals(&self) -> Cow<'_, [[f64; 3]]> {
+        match self {
+            Self::Rigid(rigid) => rigid.diagonal().into(),
+            Self::Sparse(_) => (0..self.num_blocks()).map(|i| self.diagonal(i)).collect(),
         }
     }
 

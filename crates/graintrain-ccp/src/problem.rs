@@ -3,7 +3,11 @@
 use crate::cone::{FrictionCone, TurningCone, tangential_length};
 use crate::delassus::Delassus;
 use graintrain_linalg::block3::PatternError;
+use rayon::prelude::*;
 use std::sync::Arc;
+
+/// Contacts per parallel task.
+const TASK: usize = 4096;
 
 /// A cone complementarity problem: find g with Y_i contains g_i perpendicular to (N g + r)_i in the dual cone Y_i^*.
 #[derive(Clone, Debug)]
@@ -298,6 +302,10 @@ impl Ccp {
     pub fn project(&self, g: &mut [f64]) {
         let contacts = self.num_contacts();
         let (g, h) = g.split_at_mut(3 * contacts);
+        if self.turning.is_empty() {
+            let own = g.par_chunks_exact_mut(3).enumerate().with_min_len(TASK);
+            return own.for_each(|(i, g)| g.copy_from_slice(&self.cone(i).project([g[0], g[1], g[2]])));
+        }
         let mut next = 0;
         for (i, g) in g.chunks_exact_mut(3).enumerate() {
             let own = [g[0], g[1], g[2]];
@@ -335,12 +343,10 @@ impl Ccp {
     /// eta_i = trace(N_ii) / 3 of every contact, 1/kg; contacts between immovable bodies get the smallest positive
     /// eta of the problem (1 if there is none), so that dividing by it is safe.
     pub fn diagonal_scale(&self) -> Vec<f64> {
-        let mut eta: Vec<f64> = (0..self.num_contacts())
-            .map(|i| {
-                let [nn, t1, t2] = self.delassus.diagonal(i);
-                (nn + t1 + t2) / 3.0
-            })
-            .collect();
+        let diagonals = self.delassus.diagonals();
+        let of = |[nn, t1, t2]: &[f64; 3]| (nn + t1 + t2) / 3.0;
+        let mut eta: Vec<f64> =
+            diagonals[..self.num_contacts()].par_iter().with_min_len(TASK).map(of).collect();
         let smallest = eta.iter().copied().filter(|&e| e > 0.0).fold(f64::INFINITY, f64::min);
         let replacement = if smallest.is_finite() { smallest } else { 1.0 };
         for e in &mut eta {

@@ -112,6 +112,27 @@ fn units_do_not_matter() {
     }
 }
 
+/// Where nothing has moved nothing is packed and no product is made: the impulses stay as they were, bit by bit.
+#[test]
+fn a_start_that_solves_the_problem_is_handed_back() {
+    let problem = lattice_packing(8, 6, 0.3, 6);
+    for judge in [Judge::Mixed, Judge::Maximum] {
+        let tolerance = if judge == Judge::Maximum { LEAST.max(1e-3) } else { LEAST };
+        let settings = SolveSettings { tolerance, judge, ..SolveSettings::default() };
+        let (g, cold) = solve(&problem, &vec![0.0; problem.r.len()], &settings);
+        assert!(cold.converged() && cold.iterations > 20, "{judge:?}: {cold:?}");
+        let settings = SolveSettings { curvature: cold.curvature, ..settings };
+        let (again, report) = solve(&problem, &g, &settings);
+        assert!(report.converged(), "{report:?}");
+        assert_eq!((report.iterations, report.products, report.history.len()), (0, 0, 1));
+        assert_eq!(report.curvature, cold.curvature);
+        assert!(g.iter().zip(&again).all(|(g, again)| g.to_bits() == again.to_bits()));
+        // A start that is a little off is none.
+        let off: Vec<f64> = g.iter().map(|g| 0.9 * g).collect();
+        assert!(solve(&problem, &off, &settings).1.iterations > 0);
+    }
+}
+
 #[test]
 fn threads_do_not_change_a_bit() {
     let problem = lattice_packing(12, 8, 0.3, 5);

@@ -18,6 +18,7 @@ mod studying;
 mod sweeping;
 mod terminal;
 mod threads;
+mod timings;
 
 use clap::{CommandFactory, Parser};
 use std::ffi::OsString;

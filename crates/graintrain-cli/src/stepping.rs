@@ -5,6 +5,7 @@ use crate::progress::{Progress, passed};
 use crate::signal::Stop;
 use crate::terminal::{say, tell};
 use crate::threads::with_threads;
+use crate::timings::Timings;
 use graintrain_ccp::FrictionModel;
 use graintrain_ccp::residual::MIXED_MAXIMUM;
 use graintrain_io::files::OutputError;
@@ -37,6 +38,10 @@ pub struct SteppingOptions {
     /// resume DIR` goes on
     #[arg(long, value_name = "SECONDS", value_parser = scene::seconds)]
     pub max_seconds: Option<f64>,
+    /// Tell at the end what the phases of the steps took: wall clock, processor time and, with several threads, how much of it one of them
+    /// spent alone
+    #[arg(long)]
+    pub timings: bool,
 }
 
 /// Makes the remaining steps, writes the last checkpoint and the summary, and tells how it went.
@@ -49,12 +54,16 @@ pub fn make_steps(
     run.strict = options.strict;
     recorder.checkpoint_wanted = Arc::clone(&stop.checkpoint_wanted);
     let mut first_step = FirstStep::default();
+    let mut timings = Timings::default();
+    let mut threads = 1;
     if let Some(limit) = options.max_seconds {
         stop_after(limit, &first_step.is_made, &stop.requested);
     }
     let (ending, summary) = with_threads(options.threads, || {
         let mut progress = Progress::new(run.world.step, run.settings.steps, options.quiet);
-        let mut observers: Vec<&mut dyn Observer> = vec![&mut recorder, &mut progress, &mut first_step];
+        let mut observers: Vec<&mut dyn Observer> =
+            vec![&mut recorder, &mut progress, &mut first_step, &mut timings];
+        threads = rayon::current_num_threads();
         let ending = run.advance(&mut observers);
         drop(progress);
         let summary = conclude(&run, &mut recorder, &ending);
@@ -77,6 +86,9 @@ pub fn make_steps(
             }
             if !options.quiet {
                 say!("{}", describe(&summary, folder));
+            }
+            if options.timings {
+                say!("{}", timings.table(threads));
             }
             match summary.status {
                 RunStatus::Stopped => Ok(stop.exit_code().unwrap_or(ExitCode::SUCCESS)),

@@ -176,12 +176,7 @@ impl RunTotals {
         self.unconverged_steps += u64::from(!report.solve.converged());
         self.penetration_max_over_size = self.penetration_max_over_size.max(report.penetration_max_over_size);
         self.penetration_final_over_size = report.penetration_max_over_size;
-        let (worst, errors) = (&mut self.errors, &report.errors);
-        worst.approach_max = worst.approach_max.max(errors.approach_max);
-        worst.overlap_per_step_max_over_size =
-            worst.overlap_per_step_max_over_size.max(errors.overlap_per_step_max_over_size);
-        worst.cone_excess_max = worst.cone_excess_max.max(errors.cone_excess_max);
-        worst.slip_angle_max = worst.slip_angle_max.max(errors.slip_angle_max);
+        self.errors = self.errors.worse(&report.errors);
         let opening = &report.opening;
         self.opening.largest_over_size = self.opening.largest_over_size.max(opening.largest_over_size);
         self.opening.opened += opening.opened;

@@ -1,5 +1,5 @@
 //! What a tolerance means: six small scenes, both friction models, one step and twenty at tolerances from 1e-1 to 1e-5, beside solves
-//! at least 1e4 times tighter. docs/tolerance.md tells what the columns are.
+//! at least 1e4 times tighter. The columns are named by the functions that fill them.
 //!
 //! `cargo run --release -p graintrain-lab --example tolerance_study -- OUT.csv OUT.md`
 

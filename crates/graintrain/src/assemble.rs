@@ -8,6 +8,7 @@ use crate::math::{Vec3, tangents};
 use crate::turning::{frame_moment, turning, turning_velocities};
 use crate::world::World;
 use graintrain_ccp::{BodyInverseMass, Ccp, CoupledBodies, Delassus, FIXED, RigidContact, RigidDelassus};
+use graintrain_linalg::parallel::fold_chunks;
 use rayon::prelude::*;
 use std::sync::Arc;
 
@@ -89,12 +90,12 @@ pub fn assemble(
     overlap: OverlapCorrection,
 ) -> Ccp {
     let mut r = relative_velocities(world.cell(), contacts, &rows, free);
-    for (u, contact) in r.chunks_exact_mut(3).zip(contacts) {
+    r.par_chunks_exact_mut(3).zip(contacts).with_min_len(TASK).for_each(|(u, contact)| {
         u[0] += bias(world, contact, step).unwrap_or_else(|| match overlap {
             OverlapCorrection::Velocity => contact.gap / step,
             OverlapCorrection::Position => contact.gap.max(0.0) / step,
         });
-    }
+    });
     let friction = pair_property(world, contacts, |a, b| world.materials.pair_friction(a, b));
     let velocity_scale = scale_under(world.gravity.length(), step, &r, &friction);
     let (turning_rows, turning) = turning(world, contacts);
@@ -108,8 +109,8 @@ pub fn assemble(
         friction,
         turning,
         impulse_scale: impulse_scale(world, step),
-        points: contacts.iter().map(|contact| contact.point.to_array()).collect(),
-        identity: contacts.iter().map(|contact| contact.identity).collect(),
+        points: of_each(contacts, |contact| contact.point.to_array()),
+        identity: of_each(contacts, |contact| contact.identity),
     }
 }
 
@@ -117,10 +118,15 @@ pub fn assemble(
 pub(crate) fn pair_property(
     world: &World,
     contacts: &[Contact],
-    property: impl Fn(usize, usize) -> f64,
+    property: impl Fn(usize, usize) -> f64 + Sync,
 ) -> Vec<f64> {
     let material = |body: u32| world.bodies.material[body as usize].index();
-    contacts.iter().map(|contact| property(material(contact.body_a), material(contact.body_b))).collect()
+    of_each(contacts, |contact| property(material(contact.body_a), material(contact.body_b)))
+}
+
+/// A number, or what else there is, of every item of a list; threads share long lists.
+pub(crate) fn of_each<T: Sync, U: Send>(items: &[T], of: impl Fn(&T) -> U + Sync) -> Vec<U> {
+    items.par_iter().with_min_len(TASK).map(&of).collect()
 }
 
 fn velocity_of(velocities: &[f64], body: usize) -> [Vec3; 2] {
@@ -141,17 +147,21 @@ fn to_frame(rigid: &RigidContact, v: Vec3) -> [f64; 3] {
     rigid.frame.map(|axis| Vec3::from_array(axis).dot(v))
 }
 
-/// |gravity| dt, m/s: what every body would gain in a step without contact.
 /// V of contacts where gravity sets none, m/s: the root mean square of |r_i| over those that do not part by themselves,
 /// r_n < mu |r_t|. In those that do, r holds Phi / dt, which grows without limit as steps get shorter. `None` where all part.
 pub(crate) fn velocity_scale(r: &[f64], friction: &[f64]) -> Option<f64> {
-    let (mut sum, mut count) = (0.0, 0.0);
-    for (r, mu) in r.chunks_exact(3).zip(friction) {
-        if r[0] < mu * r[1].hypot(r[2]) {
-            sum += r[0] * r[0] + r[1] * r[1] + r[2] * r[2];
-            count += 1.0;
+    let of_chunk = |range: std::ops::Range<usize>| {
+        let (mut sum, mut count) = (0.0, 0.0);
+        for (r, mu) in r[3 * range.start..3 * range.end].chunks_exact(3).zip(&friction[range]) {
+            if r[0] < mu * r[1].hypot(r[2]) {
+                sum += r[0] * r[0] + r[1] * r[1] + r[2] * r[2];
+                count += 1.0;
+            }
         }
-    }
+        (sum, count)
+    };
+    let both = |all: (f64, f64), chunk: (f64, f64)| (all.0 + chunk.0, all.1 + chunk.1);
+    let (sum, count) = fold_chunks(friction.len(), (0.0, 0.0), of_chunk, both);
     (sum > 0.0).then(|| (sum / count).sqrt())
 }
 

@@ -32,6 +32,7 @@ pub mod assemble;
 pub mod cell;
 mod cell_limits;
 mod cell_problem;
+mod clock;
 pub mod collide;
 pub mod contact;
 pub mod elasticity;

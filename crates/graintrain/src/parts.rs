@@ -3,6 +3,7 @@
 //! Contacts that share no chain of movable bodies do not know of each other: N is block diagonal over the parts. Solved apart, no
 //! part's convergence, scale or rounding reaches another one.
 
+use crate::assemble::of_each;
 use graintrain_ccp::{
     BodyInverseMass, CoupledBodies, FIXED, RigidContact, RigidDelassus, TurningFriction, TurningRows,
 };
@@ -96,14 +97,10 @@ impl Part {
             }
             self.bodies.binary_search(&body).map_or(FIXED, |index| index as u32)
         };
-        let contacts = self
-            .contacts
-            .iter()
-            .map(|&i| {
-                let row = rows[i as usize];
-                RigidContact { body_a: local(row.body_a), body_b: local(row.body_b), ..row }
-            })
-            .collect();
+        let contacts = of_each(&self.contacts, |&i| {
+            let row = rows[i as usize];
+            RigidContact { body_a: local(row.body_a), body_b: local(row.body_b), ..row }
+        });
         // A group is in one part as a whole.
         let own = coupled.iter().filter(|group| group.bodies.iter().any(|&body| local(body) != FIXED));
         let own = own.map(|group| CoupledBodies {
@@ -111,7 +108,7 @@ impl Part {
             ..group.clone()
         });
         let own = own.collect();
-        let inverse_mass = self.bodies.iter().map(|&b| inverse_mass[b as usize]).collect();
+        let inverse_mass = of_each(&self.bodies, |&b| inverse_mass[b as usize]);
         RigidDelassus::new(contacts, inverse_mass).with_coupled(own)
     }
 
@@ -137,11 +134,9 @@ impl Part {
     }
 
     /// The entries of a list with `N` numbers per contact that belong to the part.
-    pub(crate) fn gather<const N: usize, T: Copy>(&self, all: &[T]) -> Vec<T> {
-        self.contacts
-            .iter()
-            .flat_map(|&i| all[N * i as usize..N * (i as usize + 1)].iter().copied())
-            .collect()
+    pub(crate) fn gather<const N: usize, T: Copy + Send + Sync>(&self, all: &[T]) -> Vec<T> {
+        let (all, _) = all.as_chunks::<N>();
+        of_each(&self.contacts, |&i| all[i as usize]).into_flattened()
     }
 
     /// Writes three numbers per contact of the part to their places.

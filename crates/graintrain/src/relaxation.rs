@@ -7,13 +7,11 @@
 //! H. Mazhar, D. Melanz, M. Ferris, D. Negrut, "An analysis of several methods for handling hard-sphere frictional contact in rigid
 //! multibody dynamics", University of Wisconsin-Madison, TR-2014-11, 2014.
 
-use crate::assemble::relative_velocities;
-use crate::cell::Cell;
-use crate::contact::Contact;
-use crate::turning::turning_velocities;
 use graintrain_ccp::residual::velocity_scale;
 use graintrain_ccp::{Ccp, CcpError, Delassus, FrictionModel, SolveSettings, SolverSpec, Status};
+use graintrain_linalg::parallel::fold_chunks;
 use serde::{Deserialize, Serialize};
+use std::ops::Range;
 
 /// Contacts are counted as opened where the relaxation parts them by more than this fraction of the smaller body's size in a step.
 pub const OPENED: f64 = 1e-3;
@@ -28,28 +26,29 @@ pub struct Opening {
 }
 
 impl Opening {
-    /// That of impulses of a relaxed problem of these contacts, with the sizes of their smaller bodies (m) and the velocities of all
-    /// bodies after the step (six numbers each); contacts with a normal impulse above `threshold` (N s) count, but for
-    /// `wedged` ones, whose friction is exact.
+    /// That of impulses of a relaxed problem, with the sizes of the smaller bodies of its contacts (m) and the velocities u at them after
+    /// the step (length of r); contacts with a normal impulse above `threshold` (N s) count, but for `wedged` ones, whose friction is exact.
     pub(crate) fn of(
-        contacts: &[Contact],
         size: &[f64],
         (problem, impulse, threshold): (&Ccp, &[f64], f64),
-        (velocity, cell): (&[f64], Option<&Cell>),
+        u: &[f64],
         (step, wedged): (f64, &[usize]),
     ) -> Self {
-        let mut opening = Self::default();
-        let Delassus::Rigid(rigid) = &*problem.delassus else { return opening };
-        let mut u = relative_velocities(cell, contacts, rigid.contacts(), velocity);
-        u.extend(turning_velocities(contacts, rigid.contacts(), rigid.turning(), velocity));
-        for k in 0..contacts.len() {
-            if impulse[3 * k] > threshold && !wedged.contains(&k) {
-                let parted = step * problem.de_saxce(&u, k) / size[k];
-                opening.largest_over_size = opening.largest_over_size.max(parted);
-                opening.opened += usize::from(parted > OPENED);
+        let of_chunk = |range: Range<usize>| {
+            let mut opening = Self::default();
+            for k in range {
+                if impulse[3 * k] > threshold && !wedged.contains(&k) {
+                    let parted = step * problem.de_saxce(u, k) / size[k];
+                    opening.largest_over_size = opening.largest_over_size.max(parted);
+                    opening.opened += usize::from(parted > OPENED);
+                }
             }
-        }
-        opening
+            opening
+        };
+        fold_chunks(size.len(), Self::default(), of_chunk, |all, chunk| Self {
+            largest_over_size: all.largest_over_size.max(chunk.largest_over_size),
+            opened: all.opened + chunk.opened,
+        })
     }
 }
 

@@ -1,19 +1,19 @@
 //! What a step reports.
 
-use crate::assemble::relative_velocities;
 use crate::cell::{Cell, ends};
 use crate::contact::{Contact, ContactSet};
 use crate::handle::BodyId;
 use crate::math::Vec3;
 use crate::measure::energy::Ledger;
 use crate::relaxation::Opening;
-use crate::turning::turning_velocities;
 use crate::world::World;
 use graintrain_ccp::residual::{MIXED_MAXIMUM, velocity_scale};
 use graintrain_ccp::{Ccp, Delassus, Residual, SolveReport};
+use graintrain_linalg::parallel::fold_chunks;
 use serde::{Deserialize, Serialize};
+use std::ops::Range;
 
-/// Wall-clock seconds of the phases of a step.
+/// Seconds of the phases of a step.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct PhaseSeconds {
     /// Broad and narrow phase.
@@ -24,6 +24,15 @@ pub struct PhaseSeconds {
     pub solve: f64,
     /// Velocities, positions, rotations.
     pub integrate: f64,
+}
+
+/// Processor seconds of the phases of a step.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ProcessorSeconds {
+    /// Of all threads of the process.
+    pub all: PhaseSeconds,
+    /// Of the thread that makes the step. What it does beyond its share is serial.
+    pub leading: PhaseSeconds,
 }
 
 /// Force and torque that contacts exert on a body that is not free, averaged over the step.
@@ -78,8 +87,10 @@ pub struct StepReport {
     pub correction_energy: f64,
     /// What changed the kinetic energy, work of loads included.
     pub ledger: Ledger,
-    /// Seconds per phase.
+    /// Wall-clock seconds per phase.
     pub phases: PhaseSeconds,
+    /// Processor seconds per phase; `None` where the system does not tell.
+    pub processor: Option<ProcessorSeconds>,
     /// One entry per body that is not free.
     pub wrenches: Vec<Wrench>,
 }
@@ -100,20 +111,19 @@ pub struct PhysicalErrors {
 }
 
 impl PhysicalErrors {
-    /// Those of impulses of a problem of these contacts, with the sizes of their smaller bodies (m), the velocities of all bodies
-    /// after the step (six numbers each), the step (s) and the tolerance of the solve.
+    /// Those of impulses of a problem of these contacts, with the sizes of their smaller bodies (m), the velocities u at them
+    /// after the step (length of r), the step (s) and the tolerance of the solve.
     pub(crate) fn of(
         contacts: &[Contact],
         size: &[f64],
         (problem, impulse): (&Ccp, &[f64]),
-        (velocity, cell): (&[f64], Option<&Cell>),
+        u: &[f64],
         (step, tolerance): (f64, f64),
     ) -> Self {
         let Delassus::Rigid(rigid) = &*problem.delassus else { return PhysicalErrors::default() };
         let mut errors = PhysicalErrors::default();
-        let u = relative_velocities(cell, contacts, rigid.contacts(), velocity);
         let resolved = MIXED_MAXIMUM * tolerance * velocity_scale(problem);
-        let spin = turning_velocities(contacts, rigid.contacts(), rigid.turning(), velocity);
+        let (u, spin) = u.split_at(3 * contacts.len());
         let moments = impulse[3 * contacts.len()..].chunks_exact(3).zip(spin.chunks_exact(3));
         for (own, (h, w)) in problem.turning.iter().zip(moments) {
             let g = &impulse[3 * own.contact as usize..3 * own.contact as usize + 3];
@@ -129,26 +139,45 @@ impl PhysicalErrors {
             }
         }
         // An angle per contact would cost as much as all the rest.
-        let mut least_cosine = 1.0_f64;
-        for (k, contact) in contacts.iter().enumerate() {
-            let (u, g) = (&u[3 * k..3 * k + 3], &impulse[3 * k..3 * k + 3]);
-            let gives_way = rigid.compliance().get(k).is_some_and(|&c| c > 0.0);
-            let approach = if gives_way { 0.0 } else { -(u[0] + contact.gap.max(0.0) / step) };
-            errors.approach_max = errors.approach_max.max(approach);
-            errors.overlap_per_step_max_over_size =
-                errors.overlap_per_step_max_over_size.max(step * approach / size[k]);
-            let (limit, friction) = (problem.friction[k] * g[0], (g[1] * g[1] + g[2] * g[2]).sqrt());
-            let force = (g[0] * g[0] + friction * friction).sqrt();
-            if force > 0.0 {
-                errors.cone_excess_max = errors.cone_excess_max.max((friction - limit) / force);
+        let of_chunk = |range: Range<usize>| {
+            let (mut errors, mut least_cosine) = (PhysicalErrors::default(), 1.0_f64);
+            for k in range {
+                let (contact, u, g) = (&contacts[k], &u[3 * k..3 * k + 3], &impulse[3 * k..3 * k + 3]);
+                let gives_way = rigid.compliance().get(k).is_some_and(|&c| c > 0.0);
+                let approach = if gives_way { 0.0 } else { -(u[0] + contact.gap.max(0.0) / step) };
+                errors.approach_max = errors.approach_max.max(approach);
+                errors.overlap_per_step_max_over_size =
+                    errors.overlap_per_step_max_over_size.max(step * approach / size[k]);
+                let (limit, friction) = (problem.friction[k] * g[0], (g[1] * g[1] + g[2] * g[2]).sqrt());
+                let force = (g[0] * g[0] + friction * friction).sqrt();
+                if force > 0.0 {
+                    errors.cone_excess_max = errors.cone_excess_max.max((friction - limit) / force);
+                }
+                let slip = (u[1] * u[1] + u[2] * u[2]).sqrt();
+                if slip > resolved && friction > 0.0 {
+                    least_cosine = least_cosine.min(-(u[1] * g[1] + u[2] * g[2]) / (slip * friction));
+                }
             }
-            let slip = (u[1] * u[1] + u[2] * u[2]).sqrt();
-            if slip > resolved && friction > 0.0 {
-                least_cosine = least_cosine.min(-(u[1] * g[1] + u[2] * g[2]) / (slip * friction));
-            }
+            (errors, least_cosine)
+        };
+        let worst = |all: (PhysicalErrors, f64), chunk: (PhysicalErrors, f64)| {
+            (all.0.worse(&chunk.0), all.1.min(chunk.1))
+        };
+        let (errors, least_cosine) = fold_chunks(contacts.len(), (errors, 1.0), of_chunk, worst);
+        let slip_angle_max = errors.slip_angle_max.max(least_cosine.clamp(-1.0, 1.0).acos());
+        Self { slip_angle_max, ..errors }
+    }
+
+    /// The larger of each number.
+    pub fn worse(&self, other: &Self) -> Self {
+        Self {
+            approach_max: self.approach_max.max(other.approach_max),
+            overlap_per_step_max_over_size: self
+                .overlap_per_step_max_over_size
+                .max(other.overlap_per_step_max_over_size),
+            cone_excess_max: self.cone_excess_max.max(other.cone_excess_max),
+            slip_angle_max: self.slip_angle_max.max(other.slip_angle_max),
         }
-        errors.slip_angle_max = errors.slip_angle_max.max(least_cosine.clamp(-1.0, 1.0).acos());
-        errors
     }
 }
 
@@ -175,7 +204,9 @@ pub(crate) fn wrenches(
             }
         }
     }
-    for (contact, &impulse) in set.contacts.iter().zip(&set.impulse) {
+    let presses =
+        |contact: &Contact| [contact.body_a, contact.body_b].iter().any(|&b| slot[b as usize] != usize::MAX);
+    for (contact, &impulse) in set.contacts.iter().zip(&set.impulse).filter(|(contact, _)| presses(contact)) {
         let [(body_a, on_a), (body_b, on_b)] = ends(cell, contact);
         for (body, sign, point) in [(body_a, 1.0, on_a), (body_b, -1.0, on_b)] {
             if let Some(wrench) = wrenches.get_mut(slot[body]) {

@@ -11,12 +11,14 @@ mod settings;
 
 pub use self::error::StepError;
 pub use self::settings::StepSettings;
-pub use crate::step_report::{PhaseSeconds, PhysicalErrors, StepReport, Wrench};
+pub use crate::step_report::{PhaseSeconds, PhysicalErrors, ProcessorSeconds, StepReport, Wrench};
 
 use self::error::{cell_error, check_state};
 use self::placement::Placement;
 use self::repetition::{Bends, carried_back};
+use crate::assemble::of_each;
 use crate::cell;
+use crate::clock::{Clock, Laps};
 use crate::collide::{Collider, meshes_that_meet};
 use crate::contact::Contact;
 use crate::error::{ModelError, positive};
@@ -30,7 +32,6 @@ use graintrain_ccp::{Ccp, CcpSolver, FrictionModel, SolveSettings, SolverSpec};
 use std::collections::HashSet;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
-use std::time::Instant;
 
 /// Makes time steps; owns the solvers and everything that is kept between steps apart from the state.
 pub struct Stepper {
@@ -173,7 +174,7 @@ impl Stepper {
 
     /// The step under the forces that bodies now have.
     fn step_under(&mut self, world: &mut World) -> Result<StepReport, StepError> {
-        let begin = Instant::now();
+        let begin = Clock::now();
         check_state(world)?;
         if let Some([first, second]) = meshes_that_meet(world) {
             let [first, second] = [first, second].map(|body| world.bodies.label(body));
@@ -186,7 +187,8 @@ impl Stepper {
             Some((_, contacts)) => contacts,
             None => self.collider.contacts(world, envelope, step),
         };
-        let mut phases = PhaseSeconds { collide: begin.elapsed().as_secs_f64(), ..PhaseSeconds::default() };
+        let mut laps = Laps::default();
+        laps.add(|phases| &mut phases.collide, begin.lap());
         let start = Placement::of(world);
         let mut guess = None;
         // Contacts under way that bodies are driven into all the same, and phantoms that were none, by identity.
@@ -195,11 +197,12 @@ impl Stepper {
         let (mut added, mut iterations) = (0, 0);
         for round in 0.. {
             lead_to_surfaces(world, &mut contacts);
-            let begin = Instant::now();
+            let begin = Clock::now();
             let attempt = self.attempt(world, &contacts, guess.take(), &driven)?;
-            let impacts = attempt.impact_seconds;
-            phases.assemble += (attempt.assembled - begin).as_secs_f64() - impacts;
-            phases.solve += attempt.assembled.elapsed().as_secs_f64() + impacts;
+            laps.add(|phases| &mut phases.assemble, attempt.assembled - begin);
+            laps.subtract(|phases| &mut phases.assemble, attempt.impact_lap);
+            laps.add(|phases| &mut phases.solve, attempt.impact_lap);
+            laps.add(|phases| &mut phases.solve, attempt.assembled.lap());
             iterations += attempt.solve.iterations;
             let met = self.met(world, &contacts, &attempt);
             if !met.is_empty() && round < ROUNDS {
@@ -225,16 +228,17 @@ impl Stepper {
                     continue;
                 }
             }
-            let begin = Instant::now();
-            let size: Vec<f64> = contacts.iter().map(|c| self.collider.contact_size(world, c)).collect();
+            let begin = Clock::now();
+            let collider = &self.collider;
+            let size = of_each(&contacts, |c| collider.contact_size(world, c));
             let mut correction = self.correct(world, &contacts, &attempt, &size);
             advance(world, &attempt.velocity, correction.displacement.as_deref(), step);
             correction.add(drift::close(world, &attempt.joints.states, step));
             if let Some(cell) = &attempt.cell {
                 cell::advance(world, cell.rate, step);
             }
-            phases.integrate += begin.elapsed().as_secs_f64();
-            let begin = Instant::now();
+            laps.add(|phases| &mut phases.integrate, begin.lap());
+            let begin = Clock::now();
             let ahead = self.collider.contacts(world, envelope, step);
             let missed = self.missed(world, &contacts, &ahead);
             let (mut new, mut bent) = (Vec::new(), Vec::new());
@@ -250,7 +254,7 @@ impl Stepper {
                     end.exchange(world);
                 }
             }
-            phases.collide += begin.elapsed().as_secs_f64();
+            laps.add(|phases| &mut phases.collide, begin.lap());
             if new.is_empty() && bent.is_empty() {
                 if let Err(error) = world.fits_cell() {
                     start.exchange(world);
@@ -264,7 +268,7 @@ impl Stepper {
                 let apart = |c: &&Contact| !pairs.contains(&pair(c));
                 let missed = met.len() + missed.iter().filter(apart).map(pair).collect::<HashSet<_>>().len();
                 let mut report =
-                    self.finish(world, &start, contacts, attempt, &size, &correction, ahead, phases);
+                    self.finish(world, &start, contacts, attempt, &size, &correction, ahead, laps);
                 (report.contacts_added, report.contacts_missed) = (added, missed);
                 report.solve.iterations = iterations;
                 return Ok(report);

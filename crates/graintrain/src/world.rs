@@ -11,6 +11,7 @@ use crate::material::Materials;
 use crate::math::{Mat3, Quat, Vec3};
 use crate::motion::{Motion, Profile};
 use crate::shape::{Geometry, unit_quaternion};
+use graintrain_linalg::parallel::fold_chunks;
 use serde::{Deserialize, Serialize};
 
 /// All bodies, one entry per body in every list. Positions are centres of mass in the world frame.
@@ -459,26 +460,33 @@ impl World {
 
     /// A number made of everything that the contacts of a step depend on: whoever changes a body between two steps changes it.
     pub(crate) fn fingerprint(&self) -> u64 {
-        let mut hash = 0xcbf2_9ce4_8422_2325_u64;
-        let mut add = |word: u64| hash = (hash ^ word).wrapping_mul(0x0000_0100_0000_01b3).rotate_left(23);
+        let start = 0xcbf2_9ce4_8422_2325_u64;
+        let with = |hash: u64, word: u64| (hash ^ word).wrapping_mul(0x0000_0100_0000_01b3).rotate_left(23);
         let bodies = &self.bodies;
+        // Of torques contacts do not depend.
+        let of_bodies = |range: std::ops::Range<usize>| {
+            let mut hash = start;
+            let mut add = |word: u64| hash = with(hash, word);
+            for body in range {
+                let vectors = [&bodies.position, &bodies.velocity, &bodies.angular_velocity, &bodies.force];
+                vectors.iter().flat_map(|list| list[body].to_array()).for_each(|x| add(x.to_bits()));
+                bodies.orientation[body].to_array().iter().for_each(|x| add(x.to_bits()));
+                add(bodies.mass[body].to_bits());
+                add(bodies.geometry[body].index() as u64);
+                add(bodies.motion[body].index() as u64);
+            }
+            hash
+        };
+        let mut hash = fold_chunks(bodies.len(), start, of_bodies, with);
+        let mut add = |word: u64| hash = with(hash, word);
         add(bodies.len() as u64);
         add(self.geometries.len() as u64);
-        for list in [&bodies.position, &bodies.velocity, &bodies.angular_velocity] {
-            list.iter().flat_map(|v| v.to_array()).for_each(|x| add(x.to_bits()));
-        }
-        bodies.orientation.iter().flat_map(|q| q.to_array()).for_each(|x| add(x.to_bits()));
-        bodies.mass.iter().for_each(|mass| add(mass.to_bits()));
-        bodies.geometry.iter().for_each(|geometry| add(geometry.index() as u64));
-        bodies.motion.iter().for_each(|motion| add(motion.index() as u64));
         for motion in &self.motions {
             motion.free.iter().for_each(|&free| add(u64::from(free)));
         }
         self.joined_pairs().into_iter().flatten().for_each(|body| add(u64::from(body)));
         self.gravity.to_array().iter().for_each(|x| add(x.to_bits()));
         self.cell_words().for_each(&mut add);
-        // Of torques contacts do not depend.
-        bodies.force.iter().flat_map(|v| v.to_array()).for_each(|x| add(x.to_bits()));
         crate::math::mix(hash)
     }
 

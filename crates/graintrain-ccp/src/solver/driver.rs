@@ -6,6 +6,7 @@ use crate::newton::NewtonError;
 use crate::newton::driver::NewtonDriver;
 use crate::problem::{Ccp, CcpError};
 use crate::residual::{Judge, Residual, ResidualScale};
+use graintrain_linalg::parallel::axpy;
 use graintrain_linalg::patience::Patience;
 use std::time::Instant;
 
@@ -112,9 +113,7 @@ impl<'a> Limits<'a> {
         let scale = ResidualScale::new(problem);
         let mut velocity = vec![0.0; impulse.len()];
         problem.delassus.multiply(impulse, &mut velocity, &mut problem.delassus.work());
-        for (u, r) in velocity.iter_mut().zip(&problem.r) {
-            *u += r;
-        }
+        axpy(1.0, &problem.r, &mut velocity);
         let model = self.settings.friction;
         let evaluation = scale.evaluate(problem, impulse, &velocity);
         let residual = evaluation.residual(model);

@@ -43,6 +43,7 @@ pub mod scaling;
 pub mod settings;
 mod single;
 mod slots;
+mod start;
 pub mod tasks;
 
 pub use apgd::Apgd;

@@ -4,6 +4,7 @@ use super::body_operator::TOGETHER;
 use super::lanes::LANES;
 use super::tasks::CHUNK;
 use crate::delassus::{FIXED, RigidDelassus};
+use rayon::prelude::*;
 
 /// In which order contacts and bodies lie in memory.
 pub(super) struct Packing {
@@ -62,6 +63,9 @@ struct Pair {
     contact: u32,
 }
 
+/// Bodies whose contacts a parallel task sorts.
+const BODIES: usize = 2048;
+
 /// The contacts sorted by their lower, then their higher body, then their index; `number` is the place of each body.
 fn sorted_by_bodies(rigid: &RigidDelassus, number: &[u32]) -> Vec<Pair> {
     let place = |body: u32| if body == FIXED { FIXED } else { number[body as usize] };
@@ -85,10 +89,18 @@ fn sorted_by_bodies(rigid: &RigidDelassus, number: &[u32]) -> Vec<Pair> {
         sorted[*place as usize] = pair;
         *place += 1;
     }
-    for bounds in start.windows(2) {
-        let own = &mut sorted[bounds[0] as usize..bounds[1] as usize];
-        own.sort_unstable_by_key(|pair| (pair.higher, pair.contact));
+    let mut rest = &mut sorted[..];
+    let mut tasks = Vec::with_capacity(number.len() / BODIES + 1);
+    for first in (0..start.len() - 1).step_by(BODIES) {
+        let end = start[(first + BODIES).min(start.len() - 1)];
+        let (own, later) = rest.split_at_mut((end - start[first]) as usize);
+        tasks.push(own);
+        rest = later;
     }
+    tasks.into_par_iter().for_each(|own| {
+        own.chunk_by_mut(|a, b| bucket(a) == bucket(b))
+            .for_each(|own| own.sort_unstable_by_key(|pair| (pair.higher, pair.contact)));
+    });
     sorted
 }
 
@@ -123,12 +135,28 @@ pub(super) fn pack(rigid: &RigidDelassus) -> Packing {
         }
     }
     let mut contacts = sorted_by_bodies(rigid, &number);
-    // The last group that each body was dealt to.
-    let mut group_of = vec![u32::MAX; bodies];
-    let mut group = 0;
-    let mut dealt: Vec<Pair> = Vec::with_capacity(CHUNK * LANES);
-    let mut pool: Vec<Pair> = Vec::with_capacity(POOL);
-    for chunk in contacts.chunks_mut(CHUNK * LANES) {
+    contacts.par_chunks_mut(CHUNK * LANES).for_each_init(|| Dealer::new(bodies), Dealer::deal);
+    let contacts = contacts.into_iter().map(|pair| pair.contact).collect();
+    Packing { contacts, bodies: number }
+}
+
+/// Deals the contacts of a chunk out to groups.
+struct Dealer {
+    /// The last group that each body was dealt to; groups of other chunks do not count.
+    group_of: Vec<u32>,
+    group: u32,
+    dealt: Vec<Pair>,
+    pool: Vec<Pair>,
+}
+
+impl Dealer {
+    fn new(bodies: usize) -> Self {
+        let dealt = Vec::with_capacity(CHUNK * LANES);
+        Self { group_of: vec![u32::MAX; bodies], group: 0, dealt, pool: Vec::with_capacity(POOL) }
+    }
+
+    fn deal(&mut self, chunk: &mut [Pair]) {
+        let Self { group_of, group, dealt, pool } = self;
         let mut rest = chunk.iter().copied();
         dealt.clear();
         while dealt.len() < chunk.len() {
@@ -138,11 +166,11 @@ pub(super) fn pack(rigid: &RigidDelassus) -> Packing {
             while seen < pool.len() && dealt.len() - first < TOGETHER * LANES {
                 let pair = pool[seen];
                 seen += 1;
-                let free = |body: u32| body == FIXED || group_of[body as usize] != group;
+                let free = |body: u32| body == FIXED || group_of[body as usize] != *group;
                 if free(pair.lower) && free(pair.higher) {
                     for body in [pair.lower, pair.higher] {
                         if body != FIXED {
-                            group_of[body as usize] = group;
+                            group_of[body as usize] = *group;
                         }
                     }
                     dealt.push(pair);
@@ -152,7 +180,7 @@ pub(super) fn pack(rigid: &RigidDelassus) -> Packing {
                 }
             }
             pool.drain(kept..seen);
-            group += 1;
+            *group += 1;
             let found = dealt.len() - first;
             if found >= LANES {
                 // What does not fill a batch waits for the next group.
@@ -163,8 +191,6 @@ pub(super) fn pack(rigid: &RigidDelassus) -> Packing {
                 dealt.extend(pool.drain(..missing));
             }
         }
-        chunk.copy_from_slice(&dealt);
+        chunk.copy_from_slice(dealt);
     }
-    let contacts = contacts.into_iter().map(|pair| pair.contact).collect();
-    Packing { contacts, bodies: number }
 }

@@ -32,12 +32,16 @@ use contacts::ContactArrays;
 use graintrain_linalg::block3::Block;
 use kernel::{Identity, NaturalMap, NaturalMapGiven, PowerStep, Store};
 use passes::{BodyPass, BodySweep, RowPass};
+use rayon::prelude::*;
 
 pub use contacts::{ContactBatch, Metric, TurningBatch};
 pub use kernel::{Kernel, KernelInput, Relaxation};
 
 /// Power iterations for the first step size. With fewer, problems over large ratios of masses are solved less often.
 pub(super) const POWER_ITERATIONS: usize = 12;
+
+/// Blocks per parallel task of what is made once per problem.
+const BLOCKS: usize = 4096;
 
 /// N' in one of its two forms.
 #[derive(Clone, Debug)]
@@ -108,13 +112,12 @@ fn owner(problem: &Ccp, block: usize) -> usize {
 
 /// 1 / sqrt(e_n) and 1 / sqrt(e_t) of each block row of N.
 pub(super) fn block_scaling(problem: &Ccp, residual: &ResidualScale) -> Vec<[f64; 2]> {
-    let of_block = |block: usize| {
-        let [nn, t1, t2] = problem.delassus.diagonal(block);
+    let of_block = |(block, &[nn, t1, t2]): (usize, &[f64; 3])| {
         // A degree of freedom that impulses do not move gets a little of eta.
         let factor = |mobility: f64| 1.0 / mobility.max(0.05 * residual.eta[owner(problem, block)]).sqrt();
         [factor(nn), factor(0.5 * (t1 + t2))]
     };
-    (0..problem.delassus.num_blocks()).map(of_block).collect()
+    problem.delassus.diagonals().par_iter().enumerate().with_min_len(BLOCKS).map(of_block).collect()
 }
 
 /// Where the power iteration starts at a place: any vector without symmetry will do.

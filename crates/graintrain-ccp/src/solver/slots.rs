@@ -2,6 +2,7 @@
 
 use super::packing::{EMPTY, Packing};
 use crate::delassus::RigidDelassus;
+use rayon::prelude::*;
 use std::ops::Range;
 
 /// Slots: a chunk of contacts sums the forces on its bodies in slots of its own, then every body adds its slots in a fixed order. No two
@@ -23,29 +24,34 @@ impl SlotTable {
         let bodies = rigid.num_bodies();
         let fixed = bodies as u32;
         let mut places = vec![[0; 2]; packing.contacts.len()];
-        let mut chunk_start = vec![0];
-        let mut owner = Vec::new();
-        let mut slot_of = vec![(u32::MAX, 0_u32); bodies];
-        let chunks = packing.contacts.chunks(chunk_len).zip(places.chunks_mut(chunk_len));
-        for (chunk, (contacts, places)) in (0..).zip(chunks) {
-            let first = owner.len();
-            owner.push(fixed);
-            for (&i, place) in contacts.iter().zip(places).filter(|(i, _)| **i != EMPTY) {
-                let turning = (i as usize).checked_sub(rigid.num_contacts());
-                let contact = turning.map_or(i, |k| rigid.turning()[k].contact);
-                let contact = &rigid.contacts()[contact as usize];
-                for (slot, body) in place.iter_mut().zip([contact.body_a, contact.body_b]) {
-                    let body = packing.place_of(body);
-                    let Some(known) = slot_of.get_mut(body as usize) else { continue };
-                    if known.0 != chunk {
-                        *known = (chunk, (owner.len() - first) as u32);
-                        owner.push(body);
+        let chunks = packing.contacts.par_chunks(chunk_len).zip(places.par_chunks_mut(chunk_len));
+        // The last chunk that each body was met in, and its slot there.
+        let none_met = || vec![(usize::MAX, 0_u32); bodies];
+        let owners_of =
+            |met: &mut Vec<(usize, u32)>, (chunk, (contacts, places)): (usize, (&[u32], &mut [[u32; 2]]))| {
+                let mut owners = vec![fixed];
+                for (&i, place) in contacts.iter().zip(places).filter(|(i, _)| **i != EMPTY) {
+                    let turning = (i as usize).checked_sub(rigid.num_contacts());
+                    let contact = turning.map_or(i, |k| rigid.turning()[k].contact);
+                    let contact = &rigid.contacts()[contact as usize];
+                    for (slot, body) in place.iter_mut().zip([contact.body_a, contact.body_b]) {
+                        let body = packing.place_of(body);
+                        let Some(known) = met.get_mut(body as usize) else { continue };
+                        if known.0 != chunk {
+                            *known = (chunk, owners.len() as u32);
+                            owners.push(body);
+                        }
+                        *slot = known.1;
                     }
-                    *slot = known.1;
                 }
-            }
-            chunk_start.push(owner.len());
+                owners
+            };
+        let owners: Vec<Vec<u32>> = chunks.enumerate().map_init(none_met, owners_of).collect();
+        let mut chunk_start = vec![0];
+        for own in &owners {
+            chunk_start.push(chunk_start[chunk_start.len() - 1] + own.len());
         }
+        let owner = owners.concat();
         let mut slot_start = vec![0_u32; bodies + 1];
         for &body in owner.iter().filter(|&&body| body != fixed) {
             slot_start[body as usize + 1] += 1;

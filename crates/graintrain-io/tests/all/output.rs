@@ -131,6 +131,7 @@ fn advance(world: &mut World, settings: &RunSettings) -> StepReport {
         ledger: Ledger { loads: 8e-5, ..Ledger::default() },
         kinetic_energy: world.kinetic_energy(),
         phases: PhaseSeconds { collide: 0.1, assemble: 0.2, solve: 0.3, integrate: 0.4 },
+        processor: None,
         wrenches: vec![
             Wrench {
                 body: BodyId::from_index(5),

@@ -15,7 +15,7 @@ use parry3d_f64::partitioning::{Bvh, BvhBuildStrategy};
 use rayon::prelude::*;
 
 /// Bodies per parallel task. Fixed, so that tasks and their order do not depend on threads.
-const TASK: usize = 1024;
+const TASK: usize = 256;
 
 /// Bodies up to this multiple of the median bounding radius go into the cell list.
 const SIMILAR: f64 = 2.5;
@@ -322,7 +322,7 @@ impl Collider {
                 relative: step * ((velocity - mean).length() + spin),
             }
         };
-        (0..bodies.len()).map(of).collect()
+        (0..bodies.len()).into_par_iter().with_min_len(TASK).map(of).collect()
     }
 
     fn sort(&self, world: &World, envelope: f64, step: f64) -> Sorted {

@@ -2,6 +2,7 @@
 
 use crate::contact::{Contact, ContactSet};
 use crate::math::{Vec3, mix, unmix};
+use rayon::prelude::*;
 
 /// Identity of the contact between two bodies at a feature of the pair: a scrambled 64-bit number, the same whichever
 /// body is called A. Two of n contacts clash with probability about n^2 / 2^65 (3e-8 for a million contacts).
@@ -30,7 +31,7 @@ impl<'a> PreviousContacts<'a> {
     /// Arranges the contacts of a set over `bodies` bodies. Cost: linear.
     pub(crate) fn new(set: &'a ContactSet, bodies: usize) -> Self {
         let usable = set.impulse.len() == set.contacts.len()
-            && set.contacts.iter().all(|c| (c.body_a as usize) < bodies && (c.body_b as usize) < bodies);
+            && set.contacts.par_iter().all(|c| (c.body_a as usize) < bodies && (c.body_b as usize) < bodies);
         let contacts: &[Contact] = if usable { &set.contacts } else { &[] };
         let mut start = vec![0_u32; bodies + 1];
         for contact in contacts {

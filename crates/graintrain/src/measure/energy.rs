@@ -5,6 +5,8 @@ use crate::contact::ContactSet;
 use crate::load;
 use crate::math::Vec3;
 use crate::world::World;
+use graintrain_linalg::parallel::{CHUNK, fold_chunks, sum_chunks};
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 /// Energies of the bodies that can move, J.
@@ -98,55 +100,74 @@ pub(crate) fn ledger(
     change: f64,
 ) -> Ledger {
     let mut ledger = Ledger { loads: load::work(world, before, after, step), ..Ledger::default() };
+    let of_body = |body: usize| {
+        let free = world.free_degrees(body);
+        let mean: [f64; 6] = std::array::from_fn(|k| {
+            let i = 6 * body + k;
+            if free[k] { 0.5 * (before[i] + after[i]) } else { after[i] }
+        });
+        (free, mean)
+    };
     let count = world.bodies.len();
-    let free: Vec<[bool; 6]> = (0..count).map(|body| world.free_degrees(body)).collect();
-    let mean: Vec<[f64; 6]> = (0..count)
-        .map(|body| {
-            std::array::from_fn(|k| {
-                let i = 6 * body + k;
-                if free[body][k] { 0.5 * (before[i] + after[i]) } else { after[i] }
-            })
-        })
-        .collect();
-    for body in 0..count {
-        for (k, g) in world.gravity.to_array().into_iter().enumerate() {
-            if free[body][k] {
-                ledger.gravity += step * world.bodies.mass[body] * g * mean[body][k];
+    let bodies: Vec<([bool; 6], [f64; 6])> =
+        (0..count).into_par_iter().with_min_len(CHUNK).map(of_body).collect();
+    let gravity = world.gravity.to_array();
+    ledger.gravity = sum_chunks(count, |range| {
+        let mut work = 0.0;
+        for body in range {
+            let (free, mean) = &bodies[body];
+            for (k, g) in gravity.into_iter().enumerate().filter(|(k, _)| free[*k]) {
+                work += step * world.bodies.mass[body] * g * mean[k];
             }
         }
-    }
-    for (i, (contact, &impulse)) in set.contacts.iter().zip(&set.impulse).enumerate() {
-        let moment = set.moment.get(i).copied().unwrap_or_default();
-        let (mut relative, mut turning) = (Vec3::ZERO, Vec3::ZERO);
-        let jump = cell::image_velocity(cell, contact);
-        let sides = cell::ends(cell, contact).into_iter().zip([impulse, -impulse]);
-        for ((body, point), impulse) in sides {
-            let arm = point - position[body];
-            let (u, w) = (Vec3::from_slice(&mean[body][..3]), Vec3::from_slice(&mean[body][3..]));
-            let sign = if body == contact.body_a as usize { 1.0 } else { -1.0 };
-            relative += sign * (u + w.cross(arm));
-            turning += sign * w;
-            let torque = arm.cross(impulse) + sign * moment;
-            let generalised = impulse.to_array().into_iter().chain(torque.to_array());
-            for (k, g) in generalised.enumerate() {
-                if !free[body][k] {
-                    ledger.drives -= g * mean[body][k];
+        work
+    });
+    let of_contacts = |range: std::ops::Range<usize>| {
+        let mut ledger = Ledger::default();
+        for i in range {
+            let (contact, impulse) = (&set.contacts[i], set.impulse[i]);
+            let moment = set.moment.get(i).copied().unwrap_or_default();
+            let (mut relative, mut turning) = (Vec3::ZERO, Vec3::ZERO);
+            let jump = cell::image_velocity(cell, contact);
+            let sides = cell::ends(cell, contact).into_iter().zip([impulse, -impulse]);
+            for ((body, point), impulse) in sides {
+                let (free, mean) = &bodies[body];
+                let arm = point - position[body];
+                let (u, w) = (Vec3::from_slice(&mean[..3]), Vec3::from_slice(&mean[3..]));
+                let sign = if body == contact.body_a as usize { 1.0 } else { -1.0 };
+                relative += sign * (u + w.cross(arm));
+                turning += sign * w;
+                if free == &[true; 6] {
+                    continue;
+                }
+                let torque = arm.cross(impulse) + sign * moment;
+                let generalised = impulse.to_array().into_iter().chain(torque.to_array());
+                for (k, g) in generalised.enumerate() {
+                    if !free[k] {
+                        ledger.drives -= g * mean[k];
+                    }
                 }
             }
+            if contact.image != [0; 3] {
+                relative -= jump;
+                ledger.drives += impulse.dot(jump);
+            }
+            let normal = contact.normal.dot(impulse) * contact.normal.dot(relative);
+            ledger.normal -= normal;
+            ledger.friction -= impulse.dot(relative) - normal + moment.dot(turning);
         }
-        if contact.image != [0; 3] {
-            relative -= jump;
-            ledger.drives += impulse.dot(jump);
-        }
-        let normal = contact.normal.dot(impulse) * contact.normal.dot(relative);
-        ledger.normal -= normal;
-        ledger.friction -= impulse.dot(relative) - normal + moment.dot(turning);
-    }
+        ledger
+    };
+    ledger = fold_chunks(set.contacts.len(), ledger, of_contacts, |mut all, chunk| {
+        all.add(&chunk);
+        all
+    });
     for (body, [force, moment]) in joints {
         for (k, g) in force.to_array().into_iter().chain(moment.to_array()).enumerate() {
-            let work = g * mean[*body][k];
+            let (free, mean) = &bodies[*body];
+            let work = g * mean[k];
             ledger.joints += work;
-            if !free[*body][k] {
+            if !free[k] {
                 ledger.drives -= work;
             }
         }

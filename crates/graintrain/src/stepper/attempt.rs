@@ -2,9 +2,10 @@
 
 use super::error::check_velocity;
 use super::{StepError, Stepper};
-use crate::assemble::{assemble, contact_rows, warm_start};
+use crate::assemble::{assemble, contact_rows, of_each, warm_start};
 use crate::cell::{Cell, moved_mass};
 use crate::cell_problem::CellRows;
+use crate::clock::{Clock, Lap};
 use crate::contact::Contact;
 use crate::elasticity;
 use crate::impact::{ImpactSolver, Impacts, Rows};
@@ -15,8 +16,9 @@ use crate::world::World;
 use graintrain_ccp::{
     Ccp, CcpError, Delassus, FrictionModel, RigidContact, SolveReport, SolveSettings, Status,
 };
+use graintrain_linalg::parallel::axpy;
+use std::borrow::Cow;
 use std::collections::{HashMap, HashSet};
-use std::time::Instant;
 
 /// Solves of the contacts for joints whose motors, stops or paths turned out otherwise than foreseen; what is left then is reported.
 const JOINT_ROUNDS: usize = 12;
@@ -45,13 +47,13 @@ pub(super) struct Attempt {
     pub(super) pulls: Vec<f64>,
     pub(super) joints: JointReactions,
     pub(super) impacts: Impacts,
-    pub(super) impact_seconds: f64,
+    pub(super) impact_lap: Lap,
     pub(super) velocity: Vec<f64>,
     pub(super) solve: SolveReport,
     pub(super) parts: usize,
     /// Contacts with exact friction, because their relaxation has no solution, as places in the problem.
     pub(super) wedged: Vec<usize>,
-    pub(super) assembled: Instant,
+    pub(super) assembled: Clock,
 }
 
 impl Stepper {
@@ -72,9 +74,9 @@ impl Stepper {
             stop: self.stop.clone(),
         };
         let of = Rows { contacts, rows: &rows, inverse_mass: &masses };
-        let begin = Instant::now();
+        let begin = Clock::now();
         let Some(impacts) = impacts.resolve(world, of, step)? else { return Err(StepError::Stopped) };
-        let impact_seconds = begin.elapsed().as_secs_f64();
+        let impact_lap = begin.lap();
         let pulls = elasticity::pulls(world, contacts, |c| self.collider.contact_size(world, c), step);
         let mut free = free_velocity(world, &impacts.velocity, step);
         elasticity::apply_pulls(&rows, &pulls, &masses, &mut free);
@@ -84,9 +86,8 @@ impl Stepper {
                 && !driven.contains(&contacts[*i as usize].identity)
         };
         let active: Vec<u32> = (0..contacts.len() as u32).filter(|i| !waits(i)).collect();
-        let pick = |i: &u32| contacts[*i as usize];
-        let chosen: Vec<Contact> = active.iter().map(pick).collect();
-        let rows: Vec<RigidContact> = active.iter().map(|&i| rows[i as usize]).collect();
+        let chosen = chosen_of(contacts, &active);
+        let rows = if active.len() == rows.len() { rows } else { of_each(&active, |&i| rows[i as usize]) };
         let mut mechanisms = Mechanisms::new(world, &impacts.velocity, free, step);
         mechanisms.predict(&[]);
         // With joints the problem may have to be posed again.
@@ -108,7 +109,7 @@ impl Stepper {
             mechanisms.predict(&body_impulses(&problem, &impulse));
             (problem, free) = pose(&mechanisms, spare);
         }
-        let assembled = Instant::now();
+        let assembled = Clock::now();
         let settings = self.solve_settings();
         let WithCell { solved, posed, cell } =
             self.solve_with_cell(world, (&chosen, &active), &impacts, &mut problem, &mut impulse)?;
@@ -150,7 +151,7 @@ impl Stepper {
             pulls,
             joints,
             impacts,
-            impact_seconds,
+            impact_lap,
             velocity,
             solve,
             parts,
@@ -216,6 +217,14 @@ impl Stepper {
     }
 }
 
+/// The contacts at these places, ascending: all of them as they are, in most steps.
+pub(super) fn chosen_of<'a>(contacts: &'a [Contact], active: &[u32]) -> Cow<'a, [Contact]> {
+    if active.len() == contacts.len() {
+        return contacts.into();
+    }
+    of_each(active, |&i| contacts[i as usize]).into()
+}
+
 /// Impulses of an earlier attempt at the contacts that it had in its problem.
 fn start_from(last: &Attempt, problem: &Ccp, impulse: &mut [f64]) {
     let places: HashMap<u64, usize> =
@@ -270,9 +279,7 @@ fn velocity_after(problem: &Ccp, impulse: &[f64], free: Vec<f64>) -> Vec<f64> {
         rigid.world_impulse(impulse, &mut world_impulse);
         let mut change = vec![0.0; velocity.len()];
         rigid.velocity_change(&world_impulse, &mut change);
-        for (v, dv) in velocity.iter_mut().zip(&change) {
-            *v += dv;
-        }
+        axpy(1.0, &change, &mut velocity);
     }
     velocity
 }

@@ -1,21 +1,22 @@
 //! What is left of a step once it is solved: the overlap removed, the report made, what the next step starts from kept.
 
-use super::attempt::Attempt;
+use super::attempt::{Attempt, chosen_of};
 use super::placement::{Placement, taken_along};
 use super::{Last, Stepper};
-use crate::assemble::{OverlapCorrection, pair_property, relative_velocities};
+use crate::assemble::{OverlapCorrection, of_each, pair_property, relative_velocities};
 use crate::cell;
+use crate::clock::{Clock, Laps};
 use crate::contact::{Contact, ContactSet};
 use crate::impact;
 use crate::math::Vec3;
 use crate::measure::energy;
 use crate::overlap::{Correction, Gaps};
 use crate::relaxation::Opening;
-use crate::step_report::{PhaseSeconds, PhysicalErrors, StepReport, wrenches};
-use crate::turning::world_moment;
+use crate::step_report::{PhysicalErrors, StepReport, wrenches};
+use crate::turning::{turning_velocities, world_moment};
 use crate::world::World;
 use graintrain_ccp::{Delassus, FrictionModel, RigidContact, Status};
-use std::time::Instant;
+use rayon::prelude::*;
 
 impl Stepper {
     /// Displacements that remove overlap at the end of the step.
@@ -36,9 +37,15 @@ impl Stepper {
         let is_rigid = |k: &usize| compliance.get(*k).is_none_or(|&c| c == 0.0);
         let kept: Vec<usize> = (0..attempt.active.len()).filter(is_rigid).collect();
         let active: Vec<u32> = kept.iter().map(|&k| attempt.active[k]).collect();
-        let rows: Vec<RigidContact> = kept.iter().map(|&k| rigid.contacts()[k]).collect();
-        let chosen: Vec<Contact> = active.iter().map(|&i| contacts[i as usize]).collect();
-        let u = relative_velocities(attempt.cell.as_ref(), &chosen, &rows, &attempt.velocity);
+        let all: Vec<RigidContact>;
+        let rows = if kept.len() == rigid.num_contacts() {
+            rigid.contacts()
+        } else {
+            all = of_each(&kept, |&k| rigid.contacts()[k]);
+            &all
+        };
+        let chosen = chosen_of(contacts, &active);
+        let u = relative_velocities(attempt.cell.as_ref(), &chosen, rows, &attempt.velocity);
         let gap: Vec<f64> = chosen.iter().zip(u.chunks_exact(3)).map(|(c, u)| c.gap + step * u[0]).collect();
         let size: Vec<f64> = active.iter().map(|&i| size[i as usize]).collect();
         let bend = |body: usize, point: Vec3| {
@@ -49,9 +56,9 @@ impl Stepper {
             let [(a, on_a), (b, on_b)] = cell::ends(world.cell(), &Contact { lead: Vec3::ZERO, ..*contact });
             bend(a, on_a) + bend(b, on_b)
         };
-        let turn: Vec<f64> = chosen.iter().map(both).collect();
+        let turn = of_each(&chosen, both);
         let gaps = Gaps {
-            rows: &rows,
+            rows,
             inverse_mass: rigid.inverse_mass(),
             gap: &gap,
             size: &size,
@@ -74,9 +81,9 @@ impl Stepper {
         size: &[f64],
         correction: &Correction,
         ahead: Vec<Contact>,
-        mut phases: PhaseSeconds,
+        mut laps: Laps,
     ) -> StepReport {
-        let begin = Instant::now();
+        let begin = Clock::now();
         let step = self.settings.step;
         let Attempt {
             problem,
@@ -121,22 +128,22 @@ impl Stepper {
             *impulse -= *pull * contact.normal;
         }
         let friction = pair_property(world, &contacts, |a, b| world.materials.pair_friction(a, b));
-        let chosen: Vec<Contact> = active.iter().map(|&i| contacts[i as usize]).collect();
+        let chosen = chosen_of(&contacts, &active);
         let chosen_size: Vec<f64> = active.iter().map(|&i| size[i as usize]).collect();
-        let errors = PhysicalErrors::of(
-            &chosen,
-            &chosen_size,
-            (&problem, &impulse),
-            (&velocity, cell.as_ref()),
-            (step, self.settings.tolerance),
-        );
+        let mut u = Vec::new();
+        if let Delassus::Rigid(rigid) = &*problem.delassus {
+            u = relative_velocities(cell.as_ref(), &chosen, rigid.contacts(), &velocity);
+            u.extend(turning_velocities(&chosen, rigid.contacts(), rigid.turning(), &velocity));
+        }
+        let accuracy = (step, self.settings.tolerance);
+        let errors = PhysicalErrors::of(&chosen, &chosen_size, (&problem, &impulse), &u, accuracy);
         let opening = match self.settings.friction {
             FrictionModel::Relaxed => {
-                let moves = (velocity.as_slice(), cell.as_ref());
-                Opening::of(&chosen, &chosen_size, (&problem, &impulse, threshold), moves, (step, &wedged))
+                Opening::of(&chosen_size, (&problem, &impulse, threshold), &u, (step, &wedged))
             }
             FrictionModel::Coulomb => Opening::default(),
         };
+        drop(chosen);
         let curvature = solve.curvature.or(world.contacts.curvature);
         let set = ContactSet { contacts, impulse: world_impulse, friction, moment, curvature };
         let wrenches = wrenches(&start.position, cell.as_ref(), world, &set, step);
@@ -145,11 +152,13 @@ impl Stepper {
         let forces = (&set, joints.impulses.as_slice());
         let places = (start.position.as_slice(), cell.as_ref());
         let ledger = energy::ledger(world, forces, places, [&before, &velocity], step, change);
-        let (mut deepest, mut over_size) = (0.0_f64, 0.0_f64);
-        for contact in ahead.iter().filter(|contact| contact.gap < 0.0) {
-            deepest = deepest.max(-contact.gap);
-            over_size = over_size.max(-contact.gap / self.collider.contact_size(world, contact));
-        }
+        let collider = &self.collider;
+        let overlap = |contact: &Contact| {
+            let depth = (-contact.gap).max(0.0);
+            [depth, if depth > 0.0 { depth / collider.contact_size(world, contact) } else { 0.0 }]
+        };
+        let deeper = |a: [f64; 2], b: [f64; 2]| [a[0].max(b[0]), a[1].max(b[1])];
+        let [deepest, over_size] = ahead.par_iter().map(overlap).reduce(|| [0.0; 2], deeper);
         let work = correction.displacement.as_ref().map_or(0.0, |displacement| {
             let against = |(b, d): (usize, &[f64])| {
                 -world.bodies.mass[b] * world.gravity.dot(Vec3::from_slice(&d[..3]))
@@ -161,7 +170,8 @@ impl Stepper {
         world.time += step;
         world.step += 1;
         self.ahead = Some((world.fingerprint(), ahead));
-        phases.integrate += begin.elapsed().as_secs_f64();
+        laps.add(|phases| &mut phases.integrate, begin.lap());
+        let (phases, processor) = laps.seconds();
         let report = StepReport {
             contacts: world.contacts.contacts.len(),
             contacts_with_force: with_force.iter().filter(|&&force| force).count(),
@@ -182,6 +192,7 @@ impl Stepper {
             overlap_corrected_max: correction.overlap_max,
             correction_energy: work,
             phases,
+            processor,
             wrenches,
         };
         let gap = active.iter().map(|&i| world.contacts.contacts[i as usize].gap).collect();

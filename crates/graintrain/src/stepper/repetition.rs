@@ -18,6 +18,7 @@ use crate::contact::Contact;
 use crate::math::{Vec3, mix};
 use crate::world::World;
 use graintrain_ccp::Delassus;
+use rayon::prelude::*;
 use std::collections::{HashMap, HashSet};
 
 /// Bodies that end inside each other by more than this fraction of the smaller one's size without having been in contact make a
@@ -132,8 +133,9 @@ impl Stepper {
 
     /// Pairs that overlap at the end of the step and were no contacts in it.
     pub(super) fn missed(&self, world: &World, contacts: &[Contact], ahead: &[Contact]) -> Vec<Contact> {
-        let deep = |c: &&Contact| -c.gap > MISSED * self.collider.contact_size(world, c);
-        let deep: Vec<Contact> = ahead.iter().filter(deep).copied().collect();
+        let collider = &self.collider;
+        let deep = |c: &&Contact| -c.gap > MISSED * collider.contact_size(world, c);
+        let deep: Vec<Contact> = ahead.par_iter().filter(deep).copied().collect();
         if deep.is_empty() {
             return deep;
         }
@@ -154,9 +156,9 @@ impl Stepper {
         ahead: &[Contact],
         bends: &Bends,
     ) -> Vec<Contact> {
-        let step = self.settings.step;
-        let size = |c: &Contact| self.collider.contact_size(world, c);
-        let deep: Vec<&Contact> = ahead.iter().filter(|c| -c.gap > BENT * size(c)).collect();
+        let (step, collider) = (self.settings.step, &self.collider);
+        let size = |c: &Contact| collider.contact_size(world, c);
+        let deep: Vec<&Contact> = ahead.par_iter().filter(|c| -c.gap > BENT * size(c)).collect();
         if deep.is_empty() {
             return Vec::new();
         }
@@ -243,16 +245,15 @@ impl Stepper {
         kept: &HashSet<u64>,
     ) -> Vec<usize> {
         let Delassus::Rigid(rigid) = &*attempt.problem.delassus else { return Vec::new() };
-        let step = self.settings.step;
+        let (step, collider) = (self.settings.step, &self.collider);
         let rows = rigid.contacts();
         let contact = |k: usize| &contacts[attempt.active[k] as usize];
         let pair = |k: usize| {
             let contact = contact(k);
             [contact.body_a.min(contact.body_b), contact.body_a.max(contact.body_b)]
         };
-        let with_seams =
-            |k: &usize| pair(*k).iter().any(|&body| !self.collider.is_ball(world, body as usize));
-        let mut order: Vec<usize> = (0..rows.len()).filter(with_seams).collect();
+        let with_seams = |k: &usize| pair(*k).iter().any(|&body| !collider.is_ball(world, body as usize));
+        let mut order: Vec<usize> = (0..rows.len()).into_par_iter().filter(with_seams).collect();
         order.sort_by_key(|&k| (pair(k), k));
         let mut found = Vec::new();
         for group in order.chunk_by(|&k, &l| pair(k) == pair(l)) {

@@ -22,6 +22,7 @@ use crate::problem::Ccp;
 use crate::residual::{FrictionModel, Judge, ResidualScale};
 use geometry::{Bodies, General, Radial};
 use operator::{Arrangement, CHUNK, ContactNumbers, InverseMasses, SingleOperator};
+use rayon::prelude::*;
 
 pub use iterate::SingleIterate;
 
@@ -132,46 +133,56 @@ impl SingleProblem {
         let batches = packing.contacts.len().div_ceil(EIGHT);
         let fixed = rigid.num_bodies() as u32;
         let bodies = Bodies { place: [[fixed; EIGHT]; 2], slot: [[0; EIGHT]; 2] };
-        let mut rows = vec![[[Octet::default(); 3]; 3]; batches];
-        let mut own_bodies = vec![bodies; batches];
-        for (place, &i) in packing.contacts.iter().enumerate() {
-            let (batch, lane, contact) = (place / EIGHT, place % EIGHT, &rigid.contacts()[i as usize]);
-            for (row, own) in rows[batch].iter_mut().enumerate() {
-                for axis in 0..3 {
-                    own[axis].0[lane] =
-                        (scale * scaling[i as usize][row.min(1)] * contact.frame[row][axis]) as f32;
-                }
-            }
-            let sides = [contact.body_a, contact.body_b].map(|body| packing.place_of(body));
-            for (side, (body, slot)) in sides.into_iter().zip(slots.of_place(place)).enumerate() {
-                own_bodies[batch].place[side][lane] = body;
-                own_bodies[batch].slot[side][lane] = slot as u16;
-            }
-        }
-        let pairs = rows.into_iter().zip(own_bodies);
-        let radial: Option<Vec<[f64; 2]>> = rigid.contacts().iter().map(radial_arms).collect();
-        let arrangement = if let Some(arms) = radial {
-            let empty = [Octet::default(); 2];
-            let mut all: Vec<_> = pairs.map(|(rows, bodies)| Radial { rows, arms: empty, bodies }).collect();
-            for (place, &i) in packing.contacts.iter().enumerate() {
-                for (arm, own) in all[place / EIGHT].arms.iter_mut().zip(arms[i as usize]) {
-                    arm.0[place % EIGHT] = (own / length) as f32;
-                }
-            }
-            Arrangement::Radial(all)
-        } else {
-            let empty = [[Octet::default(); 3]; 2];
-            let mut all: Vec<_> = pairs.map(|(rows, bodies)| General { rows, arms: empty, bodies }).collect();
-            for (place, &i) in packing.contacts.iter().enumerate() {
-                let contact = &rigid.contacts()[i as usize];
-                let arms = all[place / EIGHT].arms.iter_mut();
-                for (arm, own) in arms.zip([contact.arm_a, contact.arm_b]) {
+        let contact_at = |i: u32| (&rigid.contacts()[i as usize], &scaling[i as usize]);
+        // Rows and bodies of the contacts of a batch.
+        let batch_of = |(batch, order): (usize, &[u32])| {
+            let (mut rows, mut own_bodies) = ([[Octet::default(); 3]; 3], bodies);
+            for (lane, &i) in order.iter().enumerate() {
+                let (contact, factors) = contact_at(i);
+                for (row, own) in rows.iter_mut().enumerate() {
                     for axis in 0..3 {
-                        arm[axis].0[place % EIGHT] = (own[axis] / length) as f32;
+                        own[axis].0[lane] = (scale * factors[row.min(1)] * contact.frame[row][axis]) as f32;
                     }
                 }
+                let sides = [contact.body_a, contact.body_b].map(|body| packing.place_of(body));
+                let own_slots = slots.of_place(EIGHT * batch + lane);
+                for (side, (body, slot)) in sides.into_iter().zip(own_slots).enumerate() {
+                    own_bodies.place[side][lane] = body;
+                    own_bodies.slot[side][lane] = slot as u16;
+                }
             }
-            Arrangement::General(all)
+            (rows, own_bodies)
+        };
+        let all_batches = packing.contacts.par_chunks(EIGHT).enumerate().with_min_len(CHUNK);
+        let radial: Option<Vec<[f64; 2]>> =
+            rigid.contacts().par_iter().with_min_len(CHUNK * EIGHT).map(radial_arms).collect();
+        let arrangement = if let Some(radial) = radial {
+            let of = |(batch, order): (usize, &[u32])| {
+                let (rows, bodies) = batch_of((batch, order));
+                let mut arms = [Octet::default(); 2];
+                for (lane, &i) in order.iter().enumerate() {
+                    for (arm, own) in arms.iter_mut().zip(radial[i as usize]) {
+                        arm.0[lane] = (own / length) as f32;
+                    }
+                }
+                Radial { rows, arms, bodies }
+            };
+            Arrangement::Radial(all_batches.map(of).collect())
+        } else {
+            let of = |(batch, order): (usize, &[u32])| {
+                let (rows, bodies) = batch_of((batch, order));
+                let mut arms = [[Octet::default(); 3]; 2];
+                for (lane, &i) in order.iter().enumerate() {
+                    let (contact, _) = contact_at(i);
+                    for (arm, own) in arms.iter_mut().zip([contact.arm_a, contact.arm_b]) {
+                        for axis in 0..3 {
+                            arm[axis].0[lane] = (own[axis] / length) as f32;
+                        }
+                    }
+                }
+                General { rows, arms, bodies }
+            };
+            Arrangement::General(all_batches.map(of).collect())
         };
         let size = residual.size();
         let masses = inverse_masses(&packing, rigid.inverse_mass(), [mobility, length]);
@@ -184,19 +195,23 @@ impl SingleProblem {
         let mut single = Self {
             operator,
             order: packing.contacts,
-            unit: scaling.iter().map(|s| s.map(|s| size * s)).collect(),
+            unit: scaling.par_iter().with_min_len(CHUNK * EIGHT).map(|s| s.map(|s| size * s)).collect(),
             size,
             metric: vec![Metric::default(); batches],
             friction_model: FrictionModel::Relaxed,
         };
-        for (place, &i) in single.order.iter().enumerate() {
-            let (batch, lane, i) = (place / EIGHT, place % EIGHT, i as usize);
-            let (eta, mu) = (residual.eta[i], problem.friction[i]);
-            let [normal, tangential] = single.unit[i];
-            single.operator.contacts[batch].mu.0[lane] = (mu * normal / tangential) as f32;
-            let own = Metric::of(size, [normal, tangential], eta, residual.velocity, mu);
-            single.metric[batch].set(lane, &own);
-        }
+        let Self { operator, order, unit, metric, .. } = &mut single;
+        let own =
+            operator.contacts.par_iter_mut().zip(metric).zip(order.par_chunks(EIGHT)).with_min_len(CHUNK);
+        own.for_each(|((numbers, metric), order)| {
+            for (lane, &i) in order.iter().enumerate() {
+                let i = i as usize;
+                let (eta, mu) = (residual.eta[i], problem.friction[i]);
+                let [normal, tangential] = unit[i];
+                numbers.mu.0[lane] = (mu * normal / tangential) as f32;
+                metric.set(lane, &Metric::of(size, [normal, tangential], eta, residual.velocity, mu));
+            }
+        });
         single.set_free_velocity(&problem.r);
         single.is_finite().then_some(single)
     }
@@ -205,25 +220,29 @@ impl SingleProblem {
     fn is_finite(&self) -> bool {
         let finite = |octet: &Octet| octet.0.iter().all(|x| x.is_finite());
         let rows = match &self.operator.arrangement {
-            Arrangement::Radial(all) => all.iter().all(|g| g.rows.as_flattened().iter().all(finite)),
-            Arrangement::General(all) => all.iter().all(|g| g.rows.as_flattened().iter().all(finite)),
+            Arrangement::Radial(all) => all.par_iter().all(|g| g.rows.as_flattened().iter().all(finite)),
+            Arrangement::General(all) => all.par_iter().all(|g| g.rows.as_flattened().iter().all(finite)),
         };
         let metric = |m: &Metric<Octet>| [m.normal, m.tangential, m.along, m.across].iter().all(finite);
-        rows && self.operator.contacts.iter().all(|c| c.r.iter().chain([&c.mu]).all(finite))
-            && self.metric.iter().all(metric)
+        rows && self.operator.contacts.par_iter().all(|c| c.r.iter().chain([&c.mu]).all(finite))
+            && self.metric.par_iter().all(metric)
             && self.operator.masses.diagonal.iter().all(finite)
             && self.operator.masses.others.as_flattened().iter().all(finite)
     }
 
     /// Replaces r, for another problem with the same N and mu.
     pub(super) fn set_free_velocity(&mut self, r: &[f64]) {
-        for (place, &i) in self.order.iter().enumerate() {
-            let i = i as usize;
-            for k in 0..3 {
-                let factor = self.unit[i][k.min(1)] / (self.size * self.size);
-                self.operator.contacts[place / EIGHT].r[k].0[place % EIGHT] = (factor * r[3 * i + k]) as f32;
+        let Self { operator, order, unit, size, .. } = self;
+        let own = operator.contacts.par_iter_mut().zip(order.par_chunks(EIGHT)).with_min_len(CHUNK);
+        own.for_each(|(numbers, order)| {
+            for (lane, &i) in order.iter().enumerate() {
+                let i = i as usize;
+                for k in 0..3 {
+                    let factor = unit[i][k.min(1)] / (*size * *size);
+                    numbers.r[k].0[lane] = (factor * r[3 * i + k]) as f32;
+                }
             }
-        }
+        });
     }
 
     /// The problem that the residual and the steps are of; relaxed at first.
@@ -243,15 +262,16 @@ impl SingleProblem {
 
     /// x of impulses g, projected on the cones.
     fn pack(&self, g: &[f64], x: &mut [Batch<Octet>]) {
-        for (place, &i) in self.order.iter().enumerate() {
-            let i = i as usize;
-            for k in 0..3 {
-                x[place / EIGHT][k].0[place % EIGHT] = (g[3 * i + k] / self.unit[i][k.min(1)]) as f32;
+        let batches = self.operator.contacts.par_iter().zip(self.order.par_chunks(EIGHT)).with_min_len(CHUNK);
+        x.par_iter_mut().zip(batches).for_each(|(x, (contact, order))| {
+            for (lane, &i) in order.iter().enumerate() {
+                let i = i as usize;
+                for k in 0..3 {
+                    x[k].0[lane] = (g[3 * i + k] / self.unit[i][k.min(1)]) as f32;
+                }
             }
-        }
-        for (x, contact) in x.iter_mut().zip(&self.operator.contacts) {
             *x = super::lanes::project(contact.mu, x);
-        }
+        });
     }
 
     /// Impulses g of x.
