@@ -225,7 +225,7 @@ impl Answer {
         }
         html += "</table>";
         let _ = write!(html, "<h2>Parameters</h2>{}", figure(&self.parameter_charts(), 2));
-        let _ = write!(html, "<h2>What was to be reached</h2>{}</html>\n", figure(&self.target_charts(), 2));
+        let _ = writeln!(html, "<h2>What was to be reached</h2>{}</html>", figure(&self.target_charts(), 2));
         html
     }
 
