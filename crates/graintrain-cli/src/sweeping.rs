@@ -1,4 +1,4 @@
-//! What `sweep` and the studies share: options, progress, failures, the end.
+//! What `sweep`, the studies and `calibrate` share: options, progress, failures, the end.
 
 use crate::error::Failure;
 use crate::scene_failure::scene_failure;
@@ -16,9 +16,9 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Duration;
 
-/// Options of all sweeps.
+/// Options of all that make many runs.
 #[derive(clap::Args)]
-pub struct SweepOptions {
+pub struct RunsOptions {
     /// A scene file (TOML) or the name of a built-in scene
     pub scene: String,
     /// Set a parameter of the scene or any of its keys in all runs; may be repeated
@@ -33,14 +33,10 @@ pub struct SweepOptions {
     /// Threads of each run
     #[arg(long, value_name = "N", default_value_t = NonZeroUsize::MIN)]
     threads: NonZeroUsize,
-    /// An observable of the page and the printed table: MEASURE.COLUMN (its mean in time), with :max, :min or :last, or a figure of
-    /// summary.json; may be repeated. All of them are in sweep.csv
-    #[arg(long = "observe", value_name = "NAME")]
-    observe: Vec<String>,
     /// Means in time begin here, in seconds or with a unit; by default where a series becomes steady
     #[arg(long, value_name = "SECONDS", value_parser = scene::seconds)]
-    from: Option<f64>,
-    /// Folder of the results; by default out/sweep-NAME
+    pub from: Option<f64>,
+    /// Folder of the results; by default out/COMMAND-NAME
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Let the runs write frames, for `view` and `render`
@@ -48,7 +44,47 @@ pub struct SweepOptions {
     frames: bool,
     /// Print nothing but warnings and errors
     #[arg(long)]
-    quiet: bool,
+    pub quiet: bool,
+}
+
+/// Options of all sweeps.
+#[derive(clap::Args)]
+pub struct SweepOptions {
+    #[command(flatten)]
+    runs: RunsOptions,
+    /// An observable of the page and the printed table: MEASURE.COLUMN (its mean in time), with :max, :min or :last, or a figure of
+    /// summary.json; may be repeated. All of them are in sweep.csv
+    #[arg(long = "observe", value_name = "NAME")]
+    observe: Vec<String>,
+}
+
+/// The bar of many runs, with warnings above it.
+pub struct RunsBar(ProgressBar);
+
+impl RunsBar {
+    /// A run ended: so many are done now. Tables of it that were damaged lie at `set_aside`.
+    pub fn show(&self, done: usize, last: &str, set_aside: &[PathBuf]) {
+        self.0.set_position(done as u64);
+        self.0.set_message(last.to_string());
+        for path in set_aside {
+            self.0.suspend(|| {
+                tell!(
+                    "warning: {last}: an interruption had damaged a table; it is kept as {}, and the run's table begins anew",
+                    path.display()
+                );
+            });
+        }
+    }
+
+    /// How many runs there will be.
+    pub fn set_length(&self, runs: usize) {
+        self.0.set_length(runs as u64);
+    }
+
+    /// The end of it.
+    pub fn clear(&self) {
+        self.0.finish_and_clear();
+    }
 }
 
 /// A sweep that has been made.
@@ -63,13 +99,51 @@ pub struct Made {
     quiet: bool,
 }
 
-impl SweepOptions {
+impl RunsOptions {
     /// The plan without points.
     pub fn plan(&self) -> Result<Plan, Failure> {
         let settings = self.settings.iter().map(|text| scene::setting(text).map_err(scene_failure));
         let settings = settings.collect::<Result<_, _>>()?;
         let (scene, seeds, frames) = (self.scene.clone(), self.seeds, self.frames);
         Ok(Plan { scene, settings, points: vec![Vec::new()], seeds, frames })
+    }
+
+    /// Where results go and how many runs are made at a time. `kind` is a word for the folder.
+    pub fn execution(&self, kind: &str) -> Execution {
+        let name = Path::new(&self.scene).file_stem().map_or("scene".into(), |stem| stem.to_string_lossy());
+        let folder = self.out.clone().unwrap_or_else(|| Path::new("out").join(format!("{kind}-{name}")));
+        let processors = std::thread::available_parallelism().map_or(1, NonZeroUsize::get);
+        let jobs = self.jobs.map_or((processors / self.threads.get()).max(1), NonZeroUsize::get);
+        Execution { folder, jobs, threads: self.threads.get() }
+    }
+
+    /// A bar of so many runs, hidden where nothing is to be printed.
+    pub fn bar(&self, runs: usize) -> RunsBar {
+        let bar = if self.quiet { ProgressBar::hidden() } else { ProgressBar::new(runs as u64) };
+        let style = ProgressStyle::with_template(
+            "[{bar:30}] {pos}/{len} | {elapsed} so far, {eta} to go | {wide_msg}",
+        );
+        bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
+        bar.enable_steady_tick(Duration::from_millis(500));
+        RunsBar(bar)
+    }
+}
+
+/// What ends a command whose runs ended in an error: the exit code of the signal where somebody asked to stop.
+pub fn ended(error: SweepError, stop: &Stop) -> Result<ExitCode, Failure> {
+    match error {
+        SweepError::Stopped => {
+            tell!("stopped; the same command goes on from here");
+            Ok(stop.exit_code().unwrap_or(ExitCode::FAILURE))
+        }
+        error => Err(sweep_failure(error)),
+    }
+}
+
+impl SweepOptions {
+    /// The plan without points.
+    pub fn plan(&self) -> Result<Plan, Failure> {
+        self.runs.plan()
     }
 
     /// Makes all runs of the plan, with a bar, and collects what they measured. `kind` is a word for the folder.
@@ -79,52 +153,25 @@ impl SweepOptions {
     pub fn make(&self, plan: Plan, kind: &str) -> Result<Made, Result<ExitCode, Failure>> {
         let stop = Stop::listen().map_err(Err)?;
         let cells = plan.cells().map_err(|error| Err(sweep_failure(error)))?;
-        let name = Path::new(&self.scene).file_stem().map_or("scene".into(), |stem| stem.to_string_lossy());
-        let folder = self.out.clone().unwrap_or_else(|| Path::new("out").join(format!("{kind}-{name}")));
-        let processors = std::thread::available_parallelism().map_or(1, NonZeroUsize::get);
-        let jobs = self.jobs.map_or((processors / self.threads.get()).max(1), NonZeroUsize::get);
-        let how =
-            Execution { folder: folder.clone(), jobs: jobs.min(cells.len()), threads: self.threads.get() };
-        if !self.quiet {
+        let how = self.runs.execution(kind);
+        let how = Execution { jobs: how.jobs.min(cells.len()), ..how };
+        if !self.runs.quiet {
             let (points, seeds) = (plan.points.len(), plan.seeds);
             say!(
                 "{} runs ({points} points, {seeds} seeds), {} at a time -> {}\n",
                 cells.len(),
                 how.jobs,
-                folder.display()
+                how.folder.display()
             );
         }
         // Before the first run, not after the last one.
-        let known = check(&plan, &cells, self.from).map_err(|error| Err(sweep_failure(error)))?;
+        let known = check(&plan, &cells, self.runs.from).map_err(|error| Err(sweep_failure(error)))?;
         check_names(&self.observe, &known).map_err(|error| Err(sweep_failure(error)))?;
-        let bar = if self.quiet { ProgressBar::hidden() } else { ProgressBar::new(cells.len() as u64) };
-        let style = ProgressStyle::with_template(
-            "[{bar:30}] {pos}/{len} | {elapsed} so far, {eta} to go | {wide_msg}",
-        );
-        bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
-        bar.enable_steady_tick(Duration::from_millis(500));
-        let progress = |progress: Progress<'_>| {
-            bar.set_position(progress.done as u64);
-            bar.set_message(progress.last.to_string());
-            for path in progress.set_aside {
-                bar.suspend(|| {
-                    tell!(
-                        "warning: {}: an interruption had damaged a table; it is kept as {}, and the run's table begins anew",
-                        progress.last,
-                        path.display()
-                    );
-                });
-            }
-        };
+        let bar = self.runs.bar(cells.len());
+        let progress = |progress: Progress<'_>| bar.show(progress.done, progress.last, progress.set_aside);
         let outcomes = execute(&plan, &cells, &how, &stop.requested, &progress);
-        bar.finish_and_clear();
-        let outcomes = outcomes.map_err(|error| match error {
-            SweepError::Stopped => {
-                tell!("stopped; the same command goes on from here");
-                Ok(stop.exit_code().unwrap_or(ExitCode::FAILURE))
-            }
-            error => Err(sweep_failure(error)),
-        })?;
+        bar.clear();
+        let outcomes = outcomes.map_err(|error| ended(error, &stop))?;
         let mut failed = 0;
         for (cell, outcome) in cells.iter().zip(&outcomes) {
             if let Outcome::Failed(why) = outcome {
@@ -133,10 +180,11 @@ impl SweepOptions {
             }
         }
         let failure = |error| Err(sweep_failure(error));
-        let collected = collect(&folder, &cells, self.from).map_err(failure)?;
+        let folder = how.folder;
+        let collected = collect(&folder, &cells, self.runs.from).map_err(failure)?;
         collected.write(&folder, &plan, &cells).map_err(failure)?;
         let names = shown(&collected, &self.observe).map_err(failure)?;
-        Ok(Made { folder, plan, cells, collected, names, failed, quiet: self.quiet })
+        Ok(Made { folder, plan, cells, collected, names, failed, quiet: self.runs.quiet })
     }
 }
 

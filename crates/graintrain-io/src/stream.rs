@@ -9,10 +9,10 @@ use crate::roster::Roster;
 use graintrain::collide::Collider;
 use graintrain::collide::places::{Newcomer, Places};
 use graintrain::error::ModelError;
-use graintrain::handle::{BodyId, MaterialId, MotionId};
+use graintrain::handle::{BodyId, GeometryId, MaterialId, MotionId};
 use graintrain::load::Region;
 use graintrain::math::{Quat, Vec3, mix};
-use graintrain::shape::Geometry;
+use graintrain::shape::{Geometry, Shape};
 use graintrain::world::{Body, World};
 use serde::{Deserialize, Serialize};
 
@@ -233,16 +233,23 @@ impl Stream {
         entered: &[(Vec3, f64)],
     ) -> Result<(), ModelError> {
         let first = state.given.bodies - entered.len() as u64;
+        // Equal forms are shared; balls of sizes of their own take the places of those that nobody has any more, or memory would grow for as long as
+        // bodies come and leave.
+        let is_common =
+            matches!(self.grain, Grain::Form(_) | Grain::Sphere(RadiusDistribution::Choice { .. }));
+        let mut unused = if is_common || entered.is_empty() { Vec::new() } else { unused_balls(world) };
         for (number, &(position, _)) in (first..).zip(entered) {
             let (geometry, orientation) = self.grain(number)?;
-            // Equal ones are shared; the last ones are the likeliest.
-            let is_common =
-                matches!(self.grain, Grain::Form(_) | Grain::Sphere(RadiusDistribution::Choice { .. }));
+            // The last ones are the likeliest to be equal.
             let same = |known: &Geometry| is_common && *known == geometry;
             let known = world.geometries.iter().rposition(same);
-            let geometry = match known {
-                Some(known) => graintrain::handle::GeometryId::from_index(known),
-                None => world.add_geometry(geometry),
+            let geometry = match (known, unused.pop()) {
+                (Some(known), _) => GeometryId::from_index(known),
+                (None, Some(place)) => {
+                    world.geometries[place] = geometry;
+                    GeometryId::from_index(place)
+                }
+                (None, None) => world.add_geometry(geometry),
             };
             let body = Body {
                 motion: self.motion,
@@ -355,4 +362,15 @@ pub fn take_out(world: &mut World, outlets: &[Outlet], gone: &mut [Amount]) -> O
         }
     }
     taken.iter().any(Option::is_some).then(|| world.remove_bodies(|body| taken[body].is_some()))
+}
+
+/// Places of single balls among the forms of a world that no body has, descending.
+fn unused_balls(world: &World) -> Vec<usize> {
+    let mut used = vec![false; world.geometries.len()];
+    world.bodies.geometry.iter().for_each(|geometry| used[geometry.index()] = true);
+    let is_ball = |geometry: &Geometry| match geometry.parts.as_slice() {
+        [part] => matches!(part.shape, Shape::Sphere { .. }) && part.position == Vec3::ZERO,
+        _ => false,
+    };
+    (0..used.len()).rev().filter(|&form| !used[form] && is_ball(&world.geometries[form])).collect()
 }

@@ -1,5 +1,6 @@
 //! The commands, one file each. A new command is a module, a variant and a line in [`Command::execute`].
 
+mod calibrate;
 mod check;
 mod compare;
 mod completions;
@@ -36,6 +37,7 @@ pub enum Command {
     Plot(plot::Arguments),
     Render(render::Arguments),
     Sweep(sweep::Arguments),
+    Calibrate(calibrate::Arguments),
     DtStudy(dt_study::Arguments),
     ToleranceStudy(tolerance_study::Arguments),
     Reproduce(reproduce::Arguments),
@@ -61,6 +63,7 @@ impl Command {
             Self::Plot(arguments) => plot::execute(&arguments),
             Self::Render(arguments) => render::execute(&arguments),
             Self::Sweep(arguments) => sweep::execute(&arguments),
+            Self::Calibrate(arguments) => calibrate::execute(&arguments),
             Self::DtStudy(arguments) => dt_study::execute(&arguments),
             Self::ToleranceStudy(arguments) => tolerance_study::execute(&arguments),
             Self::Reproduce(arguments) => reproduce::execute(&arguments),

@@ -1,6 +1,7 @@
 //! The program as a user and a script meet it.
 
 mod book;
+mod calibrations;
 mod oracle;
 mod runs;
 mod solve_compare;

@@ -6,6 +6,7 @@
 //! | extended XYZ | github.com/libAtoms/extxyz, with the names of properties that OVITO knows |
 //! | YADE's text | `yade.export.text`: x, y, z, radius |
 
+use graintrain::cell::Cell;
 use graintrain::math::Vec3;
 use std::io::{self, Write};
 
@@ -20,6 +21,29 @@ pub struct Snapshot {
     pub position: Vec<Vec3>,
     /// Arrays over the points.
     pub arrays: Vec<Array>,
+    /// The periodic cell, where there is one.
+    pub cell: Option<PeriodicBox>,
+}
+
+/// A periodic cell as other programs know it: a corner and three edges.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PeriodicBox {
+    /// Lower corner, m.
+    pub origin: Vec3,
+    /// Edges, m: the first along x, the second in the plane of x and y; zero along axes that do not repeat.
+    pub vectors: [Vec3; 3],
+    /// Along which axes space repeats.
+    pub periodic: [bool; 3],
+}
+
+impl PeriodicBox {
+    /// That of a world.
+    pub fn of(cell: &Cell) -> Self {
+        let (size, [xy, xz, yz]) = (cell.size, cell.tilt);
+        let edges = [Vec3::new(size.x, 0.0, 0.0), Vec3::new(xy, size.y, 0.0), Vec3::new(xz, yz, size.z)];
+        let repeats = |axis: usize| if cell.periodic[axis] { edges[axis] } else { Vec3::ZERO };
+        Self { origin: cell.lower, vectors: [0, 1, 2].map(repeats), periodic: cell.periodic }
+    }
 }
 
 /// A named array over points.
@@ -110,6 +134,25 @@ impl Snapshot {
         if self.position.is_empty() { [Vec3::ZERO, Vec3::ONE] } else { around }
     }
 
+    /// The box that the frame is in: the periodic cell, closed around the points along axes that do not repeat.
+    fn closed_box(&self) -> PeriodicBox {
+        let [low, high] = self.bounds();
+        let edge = high - low;
+        let mut closed = PeriodicBox {
+            origin: low,
+            vectors: [Vec3::X * edge.x, Vec3::Y * edge.y, Vec3::Z * edge.z],
+            periodic: [false; 3],
+        };
+        if let Some(cell) = &self.cell {
+            for axis in (0..3).filter(|axis| cell.periodic[*axis]) {
+                closed.origin[axis] = cell.origin[axis];
+                closed.vectors[axis] = cell.vectors[axis];
+                closed.periodic[axis] = true;
+            }
+        }
+        closed
+    }
+
     fn whole(&self, name: &str, k: usize) -> i64 {
         self.array(name).map_or(k as i64, |array| array.values[k] as i64)
     }
@@ -122,10 +165,24 @@ impl Snapshot {
         let columns: Vec<(&TextColumn, &Array)> =
             LAMMPS.iter().filter_map(|column| Some((column, self.array(column.1)?))).collect();
         writeln!(out, "ITEM: TIME\n{:?}\nITEM: TIMESTEP\n{}", self.time, self.step)?;
-        writeln!(out, "ITEM: NUMBER OF ATOMS\n{}\nITEM: BOX BOUNDS ff ff ff", self.position.len())?;
-        let [low, high] = self.bounds();
-        for axis in 0..3 {
-            writeln!(out, "{:?} {:?}", low[axis], high[axis])?;
+        writeln!(out, "ITEM: NUMBER OF ATOMS\n{}", self.position.len())?;
+        let PeriodicBox { origin, vectors: [a, b, c], periodic } = self.closed_box();
+        let (low, high, [xy, xz, yz]) = (origin, origin + Vec3::new(a.x, b.y, c.z), [b.x, c.x, c.y]);
+        let tags = periodic.map(|repeats| if repeats { "pp" } else { "ff" }).join(" ");
+        if [xy, xz, yz] == [0.0; 3] {
+            writeln!(out, "ITEM: BOX BOUNDS {tags}")?;
+            for axis in 0..3 {
+                writeln!(out, "{:?} {:?}", low[axis], high[axis])?;
+            }
+        } else {
+            // A tilted box is told by the extents of all its corners.
+            writeln!(out, "ITEM: BOX BOUNDS xy xz yz {tags}")?;
+            let along_x = [0.0, xy, xz, xy + xz];
+            let least = along_x.into_iter().fold(0.0, f64::min);
+            let most = along_x.into_iter().fold(0.0, f64::max);
+            writeln!(out, "{:?} {:?} {xy:?}", low.x + least, high.x + most)?;
+            writeln!(out, "{:?} {:?} {xz:?}", low.y + yz.min(0.0), high.y + yz.max(0.0))?;
+            writeln!(out, "{:?} {:?} {yz:?}", low.z, high.z)?;
         }
         write!(out, "ITEM: ATOMS id type x y z")?;
         for ((name, ..), _) in &columns {
@@ -158,19 +215,18 @@ impl Snapshot {
     pub fn write_xyz(&self, out: &mut impl Write) -> io::Result<()> {
         let arrays: Vec<(&str, &Array)> =
             XYZ.iter().filter_map(|(name, array)| Some((*name, self.array(array)?))).collect();
-        let [low, high] = self.bounds();
-        let edge = high - low;
+        let PeriodicBox { origin, vectors, periodic } = self.closed_box();
+        let numbers = |list: &[Vec3]| -> String {
+            let all: Vec<String> = list.iter().flat_map(|v| v.to_array()).map(|x| format!("{x:?}")).collect();
+            all.join(" ")
+        };
         write!(
             out,
-            "{}\nLattice=\"{:?} 0 0 0 {:?} 0 0 0 {:?}\" Origin=\"{:?} {:?} {:?}\" pbc=\"F F F\" Time={:?} Step={} \
-             Properties=id:I:1:species:S:1:pos:R:3",
+            "{}\nLattice=\"{}\" Origin=\"{}\" pbc=\"{}\" Time={:?} Step={} Properties=id:I:1:species:S:1:pos:R:3",
             self.position.len(),
-            edge.x,
-            edge.y,
-            edge.z,
-            low.x,
-            low.y,
-            low.z,
+            numbers(&vectors),
+            numbers(&[origin]),
+            periodic.map(|repeats| if repeats { "T" } else { "F" }).join(" "),
             self.time,
             self.step
         )?;
@@ -214,5 +270,50 @@ impl Snapshot {
             writeln!(out, "{:?}\t{:?}\t{:?}\t{radius:?}", p.x, p.y, p.z)?;
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn tilted() -> Snapshot {
+        let vectors = [Vec3::new(2.0, 0.0, 0.0), Vec3::new(-0.5, 1.0, 0.0), Vec3::new(0.25, 0.125, 4.0)];
+        let cell = PeriodicBox { origin: Vec3::new(-1.0, 0.0, 0.5), vectors, periodic: [true; 3] };
+        Snapshot { position: vec![Vec3::new(0.5, 0.5, 0.5)], cell: Some(cell), ..Snapshot::default() }
+    }
+
+    fn text(write: impl Fn(&mut Vec<u8>) -> io::Result<()>) -> String {
+        let mut out = Vec::new();
+        write(&mut out).unwrap();
+        String::from_utf8(out).unwrap()
+    }
+
+    /// The extents of the eight corners, as LAMMPS defines them, and the lattice row by row.
+    #[test]
+    fn periodic_cells_are_written() {
+        let dump = text(|out| tilted().write_lammps(out));
+        let begin = dump.find("ITEM: BOX").unwrap();
+        let lines: Vec<&str> = dump[begin..].lines().take(4).collect();
+        assert_eq!(lines[0], "ITEM: BOX BOUNDS xy xz yz pp pp pp");
+        assert_eq!(lines[1..], ["-1.5 1.25 -0.5", "0.0 1.125 0.25", "0.5 4.5 0.125"]);
+        let xyz = text(|out| tilted().write_xyz(out));
+        assert!(
+            xyz.contains(
+                "Lattice=\"2.0 0.0 0.0 -0.5 1.0 0.0 0.25 0.125 4.0\" Origin=\"-1.0 0.0 0.5\" pbc=\"T T T\""
+            ),
+            "{xyz}"
+        );
+    }
+
+    /// Periodic along x alone: the other edges go around the points.
+    #[test]
+    fn cells_are_closed_around_the_points() {
+        let mut snapshot = tilted();
+        let cell = snapshot.cell.as_mut().unwrap();
+        (cell.periodic, cell.vectors[1], cell.vectors[2]) = ([true, false, false], Vec3::ZERO, Vec3::ZERO);
+        snapshot.position.push(Vec3::new(0.0, 3.0, 1.0));
+        let dump = text(|out| snapshot.write_lammps(out));
+        assert!(dump.contains("BOX BOUNDS pp ff ff\n-1.0 1.0\n0.5 3.0\n0.5 1.0\n"), "{dump}");
     }
 }

@@ -2,6 +2,7 @@
 
 use super::bodies::particles;
 use super::contacts::lines;
+use super::exchange::PeriodicBox;
 use super::folder::RunFolder;
 use super::pvd::FrameList;
 use super::summary::{RunStatus, Summary};
@@ -143,10 +144,11 @@ impl Recorder {
         make_folder(&frames)?;
         let in_folder =
             |names: &[String]| names.iter().map(|name| format!("frames/{name}")).collect::<Vec<_>>();
+        let cell = world.cell().map(PeriodicBox::of);
         let write = |name: String, data: &PolyData| -> Result<String, OutputError> {
             let path = frames.join(&name);
             let mut bytes = Vec::new();
-            data.write(&mut bytes, world.time, output.precision)
+            data.write(&mut bytes, world.time, cell.as_ref(), output.precision)
                 .map_err(|error| OutputError::new("write", &path, error))?;
             write_atomically(&path, &bytes)?;
             Ok(name)

@@ -3,6 +3,7 @@
 //! OVITO's reader is the stricter one and sets the rules: arrays inline (ASCII or base64, never appended, never
 //! compressed), as many vertex cells as points in particle files, and `FieldData` after the `Piece`.
 
+use super::exchange::PeriodicBox;
 pub use crate::settings::Precision;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD as BASE64;
@@ -124,11 +125,18 @@ pub struct PolyData {
 }
 
 impl PolyData {
-    /// Writes the frame, with its time (s) as the field `TimeValue`.
+    /// Writes the frame, with its time (s) as the field `TimeValue`, and a periodic cell as the fields `cell_origin` (m), `cell_vectors` (m, the edges
+    /// one after the other; zero along axes that do not repeat) and `cell_periodic` (which axes repeat).
     ///
     /// # Errors
     /// Those of the writer.
-    pub fn write(&self, out: &mut impl Write, time: f64, precision: Precision) -> io::Result<()> {
+    pub fn write(
+        &self,
+        out: &mut impl Write,
+        time: f64,
+        cell: Option<&PeriodicBox>,
+        precision: Precision,
+    ) -> io::Result<()> {
         let count = |kind| if self.cells.kind == kind { self.cells.len() } else { 0 };
         writeln!(out, r#"<?xml version="1.0"?>"#)?;
         writeln!(
@@ -157,10 +165,25 @@ impl PolyData {
         write_array(out, "connectivity", 1, "Int64", &encode(&self.cells.connectivity, i64::to_le_bytes))?;
         write_array(out, "offsets", 1, "Int64", &encode(&self.cells.ends, i64::to_le_bytes))?;
         writeln!(out, "</{tag}>\n</Piece>")?;
-        writeln!(
+        write!(
             out,
-            r#"<FieldData><DataArray type="Float64" Name="TimeValue" NumberOfTuples="1" format="ascii">{time:?}</DataArray></FieldData>"#
+            r#"<FieldData><DataArray type="Float64" Name="TimeValue" NumberOfTuples="1" format="ascii">{time:?}</DataArray>"#
         )?;
+        if let Some(PeriodicBox { origin, vectors, periodic }) = cell {
+            let mut field = |kind: &str, name: &str, numbers: Vec<String>| {
+                writeln!(
+                    out,
+                    "\n<DataArray type=\"{kind}\" Name=\"{name}\" NumberOfComponents=\"3\" NumberOfTuples=\"{}\" format=\"ascii\">{}</DataArray>",
+                    numbers.len() / 3,
+                    numbers.join(" ")
+                )
+            };
+            let text = |v: &Vec3| v.to_array().map(|x| format!("{x:?}"));
+            field("Float64", "cell_origin", text(origin).to_vec())?;
+            field("Float64", "cell_vectors", vectors.iter().flat_map(text).collect())?;
+            field("Int32", "cell_periodic", periodic.iter().map(|p| u8::from(*p).to_string()).collect())?;
+        }
+        writeln!(out, "</FieldData>")?;
         writeln!(out, "</PolyData>\n</VTKFile>")
     }
 }
@@ -240,7 +263,7 @@ mod tests {
 
     fn text(precision: Precision) -> String {
         let mut out = Vec::new();
-        particles().write(&mut out, 0.025, precision).unwrap();
+        particles().write(&mut out, 0.025, None, precision).unwrap();
         String::from_utf8(out).unwrap()
     }
 
@@ -259,6 +282,24 @@ mod tests {
         assert_eq!(decode(&text, "sliding"), ("Int32".to_string(), vec![1, 0, 0, 0, 0, 0, 0, 0]));
         let (kind, bytes) = decode(&self::text(Precision::Single), "radius");
         assert_eq!((kind.as_str(), bytes[..4].to_vec()), ("Float32", 0.1_f32.to_le_bytes().to_vec()));
+    }
+
+    #[test]
+    fn cells_are_fields() {
+        let mut out = Vec::new();
+        let vectors = [Vec3::new(2.0, 0.0, 0.0), Vec3::new(-0.5, 1.0, 0.0), Vec3::ZERO];
+        let cell = PeriodicBox { origin: Vec3::new(-1.0, 0.0, 0.5), vectors, periodic: [true, true, false] };
+        particles().write(&mut out, 0.0, Some(&cell), Precision::Single).unwrap();
+        let text = String::from_utf8(out).unwrap();
+        let document = roxmltree::Document::parse(&text).unwrap();
+        let field = |name: &str| {
+            let node = document.descendants().find(|node| node.attribute("Name") == Some(name)).unwrap();
+            assert_eq!(node.parent().unwrap().tag_name().name(), "FieldData");
+            node.text().unwrap().to_string()
+        };
+        assert_eq!(field("cell_origin"), "-1.0 0.0 0.5");
+        assert_eq!(field("cell_vectors"), "2.0 0.0 0.0 -0.5 1.0 0.0 0.0 0.0 0.0");
+        assert_eq!(field("cell_periodic"), "1 1 0");
     }
 
     #[test]

@@ -267,7 +267,7 @@ impl fmt::Display for SceneError {
 impl std::error::Error for SceneError {}
 
 /// The candidate most similar to `word`, if it is similar enough to be a likely slip of the fingers.
-pub(crate) fn closest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<String> {
+pub fn closest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<String> {
     let longest_edit = (word.chars().count() / 3).max(1) + usize::from(word.chars().count() > 3);
     candidates
         .into_iter()

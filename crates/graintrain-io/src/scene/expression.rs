@@ -53,6 +53,10 @@ pub(crate) trait Names {
     fn value(&self, name: &str) -> Option<Result<Quantity, String>>;
     /// All parameters, for suggestions.
     fn names(&self) -> Vec<&str>;
+    /// What a name stands for, in messages.
+    fn kind(&self) -> &'static str {
+        "a parameter"
+    }
 }
 
 /// No parameters: only units have names.
@@ -449,14 +453,15 @@ impl Parser<'_> {
         let stem = word.trim_end_matches(|c: char| c.is_ascii_digit());
         let known: Vec<&str> =
             [self.names.names(), unit_symbols().collect::<Vec<&str>>(), FUNCTIONS.to_vec()].concat();
+        let kind = self.names.kind();
         match (unit(stem), closest(word, known)) {
             (Some(_), _) if stem != word => {
                 format!("`{word}` is no unit; write the power as `{stem}^{}`", &word[stem.len()..])
             }
             (_, Some(closest)) => {
-                format!("`{word}` is neither a unit nor a parameter; did you mean `{closest}`?")
+                format!("`{word}` is neither a unit nor {kind}; did you mean `{closest}`?")
             }
-            _ => format!("`{word}` is neither a unit nor a parameter"),
+            _ => format!("`{word}` is neither a unit nor {kind}"),
         }
     }
 

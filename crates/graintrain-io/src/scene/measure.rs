@@ -266,6 +266,14 @@ pub(super) fn read(reader: &Reader, step: f64, names: &Names<'_>) -> Result<Meas
         );
         return Err(SceneError::at(SceneErrorKind::Contradiction(problem), reader.location()));
     }
+    let chooses =
+        ["bodies", "packings", "streams", "region"].into_iter().find(|key| reader.get(key).is_some());
+    if let (true, Some(key)) = (found.contains(&"exchange"), chooses) {
+        let problem = format!(
+            "`exchange` counts all that comes and goes, whatever `{key}` chooses: give it a measure of its own, without `{key}`"
+        );
+        return Err(SceneError::at(SceneErrorKind::Contradiction(problem), reader.location()));
+    }
     let flag = |key: &str| Ok::<bool, SceneError>(reader.flag(key)?.unwrap_or(false));
     let spec = MeasureSpec {
         bodies: names_of(reader, "bodies", "body", bodies)?,

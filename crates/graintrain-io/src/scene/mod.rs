@@ -39,7 +39,7 @@ mod stream;
 mod tree;
 
 pub use build::Simulation;
-pub use error::{Location, SceneError, SceneErrorKind, Source};
+pub use error::{Location, SceneError, SceneErrorKind, Source, closest};
 pub use measure::{
     AlongSpec, ForceSpec, HistogramSpec, MeasureSpec, MixingSpec, PlaneSpec, ProfileSpec, ReposeSpec,
     ShearBoxSpec,
@@ -205,6 +205,10 @@ pub fn value(text: &str, names: &[(&str, f64)]) -> Result<f64, String> {
 
         fn names(&self) -> Vec<&str> {
             self.0.iter().map(|(name, _)| *name).collect()
+        }
+
+        fn kind(&self) -> &'static str {
+            if self.0.is_empty() { "a number" } else { "one of the names that have a value here" }
         }
     }
     if let Some((name, _)) = names.iter().find(|(name, _)| expression::is_reserved(name)) {

@@ -31,6 +31,7 @@ fn snapshot(count: usize, time: f64) -> Snapshot {
             array("quat", 4, false),
             array("f", 3, false),
         ],
+        cell: None,
     }
 }
 

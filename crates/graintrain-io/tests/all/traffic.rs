@@ -326,3 +326,31 @@ fn wrong_streams_are_refused_with_their_place() {
     let folder = tempfile::tempdir().unwrap();
     assert_eq!(run(&empty, folder.path(), &[]).world.bodies.len(), 10);
 }
+
+/// Balls of sizes of their own that pass through leave no forms behind: as many as there are at a time.
+#[test]
+fn forms_of_those_who_left_are_used_again() {
+    let text = r#"
+[time]
+step = "5 ms"
+end = "2 s"
+[stream.rain]
+radius = { uniform = { min = 0.01, max = 0.03 } }
+rate = "200/s"
+velocity = [0, 0, "-2 m/s"]
+region = { box = { min = [-0.4, -0.4, 0], max = [0.4, 0.4, 0.2] } }
+[outlet.below]
+behind = { point = [0, 0, -0.5] }
+"#;
+    let folder = tempfile::tempdir().unwrap();
+    let run = run(text, folder.path(), &[]);
+    let given = run.totals.traffic.streams[0].given.bodies;
+    let (forms, present) = (run.world.geometries.len(), run.world.bodies.len());
+    assert!(given > 300 && present < 100 && forms < 100, "{given} {present} {forms}");
+    // Every body has a form of its own, of its own mass.
+    for body in 0..present {
+        let volume = run.world.geometries[run.world.bodies.geometry[body].index()].volume;
+        let mass = run.world.materials.density[run.world.bodies.material[body].index()] * volume;
+        assert!((run.world.bodies.mass[body] / mass - 1.0).abs() < 1e-12, "{body}");
+    }
+}

@@ -220,6 +220,6 @@ fn is_finished(folder: &Path) -> bool {
 }
 
 /// Writes a file of the sweep whole.
-pub(super) fn write(path: &Path, text: &str) -> Result<(), OutputError> {
+pub(crate) fn write(path: &Path, text: &str) -> Result<(), OutputError> {
     graintrain_io::files::write_atomically(path, text.as_bytes())
 }

@@ -66,8 +66,10 @@ pub fn points(path: &Path, x: &str, y: &str) -> Result<Vec<Point>, SweepError> {
     }
     let column = |name: &str| {
         table.texts(name).ok_or_else(|| {
+            let meant = scene::closest(name, table.names().iter().map(String::as_str));
+            let meant = meant.map_or(String::new(), |meant| format!("; did you mean `{meant}`?"));
             let known = table.names().join(", ");
-            wrong(format!("{} has no column `{name}`; it has {known}", path.display()))
+            wrong(format!("{} has no column `{name}`{meant} It has {known}", path.display()))
         })
     };
     let number =
@@ -91,7 +93,8 @@ pub fn points(path: &Path, x: &str, y: &str) -> Result<Vec<Point>, SweepError> {
 fn evaluate(model: &str, names: &[&str], constants: &[f64], x: f64) -> Result<f64, SweepError> {
     let values: Vec<(&str, f64)> =
         names.iter().copied().zip(constants.iter().copied()).chain([("x", x)]).collect();
-    scene::value(model, &values).map_err(|problem| wrong(format!("the model `{model}`: {problem}")))
+    scene::value(model, &values)
+        .map_err(|problem| wrong(format!("the model `{model}` at x = {x}: {problem}")))
 }
 
 /// Fits the constants (with the values to start from) by the method of Levenberg and Marquardt: points weigh by their errors where all
@@ -105,8 +108,28 @@ fn evaluate(model: &str, names: &[&str], constants: &[f64], x: f64) -> Result<f6
 pub fn fit(model: &str, start: &[(String, f64)], points: &[Point]) -> Result<Fit, SweepError> {
     let names: Vec<&str> = start.iter().map(|(name, _)| name.as_str()).collect();
     let count = names.len();
-    if points.len() < count || count == 0 {
-        return Err(wrong(format!("{} points cannot determine {count} constants", points.len())));
+    if let Some(k) = (0..count).find(|k| names[..*k].contains(&names[*k])) {
+        return Err(wrong(format!("the constant `{}` is given twice", names[k])));
+    }
+    if count == 0 {
+        return Err(wrong("a model needs a constant with a value to start from"));
+    }
+    if points.len() < count {
+        let have = points.len();
+        return Err(wrong(format!(
+            "{have} points with a result cannot determine {count} constants: make more runs, or fix constants in the model"
+        )));
+    }
+    if let Some(point) = points.iter().find(|point| !(point.x.is_finite() && point.y.is_finite())) {
+        return Err(wrong(format!("the point x = {}, y = {} is not finite", point.x, point.y)));
+    }
+    let first: Vec<f64> = start.iter().map(|(_, value)| *value).collect();
+    for point in points {
+        if !evaluate(model, &names, &first, point.x)?.is_finite() {
+            let place =
+                format!("the model is not finite at x = {} with the constants to start from", point.x);
+            return Err(wrong(format!("{place}: choose others")));
+        }
     }
     let weighted = points.iter().all(|point| point.error > 0.0 && point.error.is_finite());
     let weight = |point: &Point| if weighted { 1.0 / point.error } else { 1.0 };
@@ -116,7 +139,7 @@ pub fn fit(model: &str, start: &[(String, f64)], points: &[Point]) -> Result<Fit
         points.iter().map(one).collect()
     };
     let square = |list: &[f64]| list.iter().map(|x| x * x).sum::<f64>();
-    let mut constants: Vec<f64> = start.iter().map(|(_, value)| *value).collect();
+    let mut constants = first;
     let mut now = residuals(&constants)?;
     let slopes = |constants: &[f64]| -> Result<Vec<Vec<f64>>, SweepError> {
         (0..count)
@@ -169,6 +192,12 @@ pub fn fit(model: &str, start: &[(String, f64)], points: &[Point]) -> Result<Fit
         }
     }
     let slopes = slopes(&constants)?;
+    if let Some(k) = (0..count).find(|k| slopes[*k].iter().all(|slope| *slope == 0.0)) {
+        let name = names[k];
+        return Err(wrong(format!(
+            "the model does not depend on the constant `{name}` at these points: leave it out, or start elsewhere"
+        )));
+    }
     let free = (points.len() - count) as f64;
     let scatter = if free > 0.0 { square(&now) / free } else { f64::NAN };
     let factor = if weighted { scatter.max(1.0) } else { scatter };
@@ -176,7 +205,7 @@ pub fn fit(model: &str, start: &[(String, f64)], points: &[Point]) -> Result<Fit
     for (k, name) in names.iter().enumerate() {
         let unit = (0..count).map(|j| f64::from(u8::from(j == k))).collect();
         let column = solve(normal(&slopes, 0.0), unit).ok_or_else(|| {
-            wrong(format!("the points do not determine the constant `{name}`: fix it in the model"))
+            wrong(format!("the points do not tell the constants apart (`{name}` among them): fix one in the model, or take points that differ more"))
         })?;
         fitted.push(Constant {
             name: name.to_string(),
@@ -313,6 +342,19 @@ mod tests {
         assert!(chart(model, &found, &points, ["x (m)", "y (N)"]).unwrap().contains("<svg"));
         assert!(fit("a1 + b1 + x", &start(&[("a1", 1.0), ("b1", 1.0)]), &points).is_err());
         assert!(fit(model, &start(&[("most", 1.0), ("scale", 1.0)]), &points[..1]).is_err());
-        assert!(fit("most * y", &start(&[("most", 1.0)]), &points).is_err());
+        let told =
+            |model: &str, list: &[(&str, f64)]| fit(model, &start(list), &points).unwrap_err().to_string();
+        for (model, list, expected) in [
+            ("most * y", [("most", 1.0)].as_slice(), "neither a unit nor one of the names"),
+            ("mots * x", &[("most", 1.0)], "did you mean `most`"),
+            ("a1 + b1 + x", &[("a1", 1.0), ("b1", 1.0)], "apart"),
+            ("a1 * x", &[("a1", 1.0), ("a1", 2.0)], "given twice"),
+            ("a1 * x", &[("a1", 1.0), ("b1", 2.0)], "does not depend on the constant `b1`"),
+            ("a1 / (x - 0.5)", &[("a1", 1.0)], "at x = 0.5: division by zero"),
+            ("a1", &[], "needs a constant"),
+        ] {
+            let error = told(model, list);
+            assert!(error.contains(expected), "{model}: {error}");
+        }
     }
 }

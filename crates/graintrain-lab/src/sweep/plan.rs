@@ -2,6 +2,7 @@
 
 use super::SweepError;
 use graintrain_io::scene::{Scene, SceneError};
+use serde::{Deserialize, Serialize};
 
 /// From seed to seed: packing number k of a scene uses the seed + k, so that neighbours would share them.
 const SEED_STRIDE: u64 = 1000;
@@ -13,7 +14,7 @@ const MOST_RUNS: usize = 1_000_000;
 pub type Setting = (String, String);
 
 /// A sweep.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Plan {
     /// Scene file, or name of a built-in scene.
     pub scene: String,
@@ -205,25 +206,29 @@ impl Plan {
         if self.points.len().saturating_mul(self.seeds as usize) > MOST_RUNS {
             return Err(SweepError::Plan(format!("there would be more than {MOST_RUNS} runs")));
         }
-        let mut bases = Vec::new();
-        for point in &self.points {
-            bases.push(self.load(point, &[])?.seed);
+        let mut cells = Vec::new();
+        for seed in 0..self.seeds {
+            for point in 0..self.points.len() {
+                cells.push(self.cell(point, seed)?);
+            }
         }
-        let cell = |seed: u64, point: usize| {
-            let mut settings = [self.settings.clone(), self.points[point].clone()].concat();
-            if seed > 0 {
-                settings.push(("seed".into(), (bases[point] + SEED_STRIDE * seed).to_string()));
-            }
-            if !self.frames {
-                settings.extend(["output.bodies", "output.contacts"].map(|key| (key.into(), "false".into())));
-            }
-            Cell { point, seed, name: folder_name(&self.points[point], seed), settings }
-        };
-        let seeds = 0..self.seeds;
-        Ok(seeds
-            .flat_map(|seed| (0..self.points.len()).map(move |point| (seed, point)))
-            .map(|(s, p)| cell(s, p))
-            .collect())
+        Ok(cells)
+    }
+
+    /// The run of a point with its seed of this number, from 0.
+    ///
+    /// # Errors
+    /// [`SweepError::Scene`] where the scene itself cannot be read.
+    pub fn cell(&self, point: usize, seed: u64) -> Result<Cell, SweepError> {
+        let mut settings = [self.settings.clone(), self.points[point].clone()].concat();
+        let base = self.load(&self.points[point], &[])?.seed;
+        if seed > 0 {
+            settings.push(("seed".into(), base.wrapping_add(SEED_STRIDE * seed).to_string()));
+        }
+        if !self.frames {
+            settings.extend(["output.bodies", "output.contacts"].map(|key| (key.into(), "false".into())));
+        }
+        Ok(Cell { point, seed, name: folder_name(&self.points[point], seed), settings })
     }
 
     /// The scene of a point with more settings.

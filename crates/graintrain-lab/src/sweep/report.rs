@@ -17,7 +17,7 @@ const CURVES: usize = 12;
 /// Most points of a curve.
 const POINTS: usize = 600;
 
-const STYLE: &str = "body{font:15px/1.45 system-ui,sans-serif;margin:2em auto;max-width:1330px;padding:0 1em;color:#222;background:#fff}\
+pub(crate) const STYLE: &str = "body{font:15px/1.45 system-ui,sans-serif;margin:2em auto;max-width:1330px;padding:0 1em;color:#222;background:#fff}\
     table{border-collapse:collapse;margin:1em 0}td,th{padding:.25em .7em;border-bottom:1px solid #ddd;text-align:right}\
     th{border-bottom:2px solid #888}h1{font-size:1.5em}h2{font-size:1.15em;margin-top:2em}small{color:#666}svg{max-width:100%;height:auto}";
 

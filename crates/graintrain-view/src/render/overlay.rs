@@ -2,6 +2,7 @@
 
 use super::RenderSettings;
 use super::color::{Rgb, viridis};
+use super::font::width as text_width;
 use super::image::{Align, Image};
 use super::subject::Legend;
 use crate::plot::Axis;
@@ -28,15 +29,18 @@ pub fn draw(image: &mut Image, legend: Option<&Legend>, time: f64, grains: usize
     let stamp = format!("t = {time:.3} s    {grains}");
     image.text(2.5 * unit, height - 2.0 * unit, &stamp, size, Align::Left, INK);
     let Some(legend) = legend else { return };
-    let (bar_left, bar_width) = (width - 10.5 * unit, 2.2 * unit);
+    let axis = Axis::linear("").between(legend.range[0], legend.range[1]);
+    let ticks = axis.ticks(legend.range);
+    // Long numbers push the bar to the left, so that none is cut at the picture's edge.
+    let longest = ticks.iter().map(|tick| size * text_width(&tick.text)).fold(0.0, f64::max);
+    let (bar_left, bar_width) = (width - 10.5 * unit - (longest - 6.4 * unit).max(0.0), 2.2 * unit);
     let (top, length) = (0.22 * height, 0.56 * height);
     for row in 0..length as usize {
         let fraction = 1.0 - (row as f64 + 0.5) / length;
         image.fill(bar_left, top + row as f64, bar_width, 1.0, viridis(fraction));
     }
-    let axis = Axis::linear("").between(legend.range[0], legend.range[1]);
     let [low, high] = legend.range;
-    for tick in axis.ticks(legend.range) {
+    for tick in ticks {
         let y = top + length * (1.0 - (tick.value - low) / (high - low));
         let from = bar_left + bar_width;
         image.strokes(&[[[from, y], [from + 0.6 * unit, y]]], (0.12 * unit).max(1.0), INK);

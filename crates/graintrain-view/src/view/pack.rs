@@ -2,7 +2,7 @@
 //!
 //! The layout, little-endian, frame after frame: positions of all bodies as three planes (all x, all y, all z) of
 //! `u16` fractions of the box, minus those of the frame before modulo 2^16; quaternions x y z w of the oriented bodies
-//! as `i16` / 32767; speed and largest contact force of all bodies as `u16` fractions of their maxima; then, for each of
+//! as `i16` / 32767; speed and largest contact force of all bodies, and where bodies grow their sizes, as `u16` fractions of their maxima; then, for each of
 //! the frame's contacts, planes of body A (`u32`), body B (`u32`), point (`u16` x 3, interleaved), normal force (`u16`).
 //! The whole is gzip-compressed and written in base64.
 
@@ -25,6 +25,8 @@ pub struct Frame {
     pub speed: Vec<f32>,
     /// Largest normal force at the contacts of each body, N.
     pub force: Vec<f32>,
+    /// Sizes of all bodies relative to the first frame; empty where nobody ever changes.
+    pub size: Vec<f32>,
     /// Loaded contacts: bodies A and B, point (m), normal force (N).
     pub contacts: Vec<(u32, u32, [f32; 3], f32)>,
 }
@@ -40,13 +42,15 @@ pub struct Ranges {
     pub speed: f32,
     /// Largest force, N.
     pub force: f32,
+    /// Largest size relative to the first frame; 0 where nobody ever changes.
+    pub size: f32,
 }
 
 impl Ranges {
     /// The ranges of some frames; nowhere empty.
     pub fn of(frames: &[Frame]) -> Self {
         let mut ranges =
-            Self { low: [f32::INFINITY; 3], high: [f32::NEG_INFINITY; 3], speed: 0.0, force: 0.0 };
+            Self { low: [f32::INFINITY; 3], high: [f32::NEG_INFINITY; 3], speed: 0.0, force: 0.0, size: 0.0 };
         for frame in frames {
             let points = frame.position.iter().chain(frame.contacts.iter().map(|contact| &contact.2));
             for point in points {
@@ -57,6 +61,7 @@ impl Ranges {
             }
             ranges.speed = frame.speed.iter().copied().fold(ranges.speed, f32::max);
             ranges.force = frame.force.iter().copied().fold(ranges.force, f32::max);
+            ranges.size = frame.size.iter().copied().fold(ranges.size, f32::max);
         }
         for k in 0..3 {
             if ranges.low[k] >= ranges.high[k] {
@@ -99,6 +104,7 @@ pub fn pack(frames: &[Frame], ranges: &Ranges) -> io::Result<String> {
         words(&mut out, turns)?;
         words(&mut out, frame.speed.iter().map(|speed| fraction(speed / ranges.speed)))?;
         words(&mut out, frame.force.iter().map(|force| fraction(force / ranges.force)))?;
+        words(&mut out, frame.size.iter().map(|size| fraction(size / ranges.size)))?;
         for body in frame.contacts.iter().map(|contact| contact.0).chain(frame.contacts.iter().map(|c| c.1)) {
             out.write_all(&body.to_le_bytes())?;
         }

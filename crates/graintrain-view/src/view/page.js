@@ -42,11 +42,13 @@ async function unpack() {
     const turn = Float32Array.from(take(Int16Array, 4 * oriented.length), (q) => q / 32767);
     const speed = Float32Array.from(take(Uint16Array, bodies), (v) => (v / 65535) * header.speed_max);
     const force = Float32Array.from(take(Uint16Array, bodies), (v) => (v / 65535) * header.force_max);
+    // Sizes relative to the first frame, where bodies grow.
+    const size = header.size_max > 0 ? Float32Array.from(take(Uint16Array, bodies), (v) => (v / 65535) * header.size_max) : new Float32Array(bodies).fill(1);
     const a = take(Uint32Array, contacts), b = take(Uint32Array, contacts);
     const spot = take(Uint16Array, 3 * contacts);
     const load = Float32Array.from(take(Uint16Array, contacts), (v) => (v / 65535) * header.force_max);
     const point = Float32Array.from(spot, (v, i) => low[i % 3] + scale[i % 3] * v);
-    return { time, position, turn, speed, force, contacts: { a, b, point, load } };
+    return { time, position, turn, speed, force, size, contacts: { a, b, point, load } };
   });
 }
 
@@ -124,11 +126,11 @@ void main() {
 }`],
   // Triangles of one geometry, placed by every body that has it.
   mesh: [`#version 300 es
-in vec3 vertex, normal, place; in vec4 turn; in float value;
+in vec3 vertex, normal, place; in vec4 turn; in float value, grown;
 uniform mat4 view, project; out vec3 at, facing; flat out float shade;
 vec3 rotate(vec4 q, vec3 v) { return v + 2.0 * cross(q.xyz, cross(q.xyz, v) + q.w * v); }
 void main() {
-  at = (view * vec4(place + rotate(turn, vertex), 1.0)).xyz;
+  at = (view * vec4(place + rotate(turn, grown * vertex), 1.0)).xyz;
   facing = mat3(view) * rotate(turn, normal); shade = value;
   gl_Position = project * vec4(at, 1.0);
 }`, `#version 300 es
@@ -241,7 +243,7 @@ function setUp() {
       const n = unit(cross(sub(b, a), sub(c, a)));
       for (let k = 0; k < 9; k++) normals[i + k] = n[k % 3];
     }
-    const batch = new Batch(programs.mesh, gl.TRIANGLES, { vertex: [3, corners], normal: [3, normals] }, { place: 3, turn: 4, value: 1 });
+    const batch = new Batch(programs.mesh, gl.TRIANGLES, { vertex: [3, corners], normal: [3, normals] }, { place: 3, turn: 4, value: 1, grown: 1 });
     return { ...group, batch, slots: group.bodies.map((body) => slot.get(body)) };
   });
   gl.enable(gl.DEPTH_TEST);
@@ -255,7 +257,7 @@ function shades(frame) {
   if (state.color === "radius") {
     const radii = header.balls.radius, low = Math.min(...radii.slice(0, 1e5)), high = header.radius_max;
     const all = new Float32Array(header.bodies);
-    header.balls.body.forEach((body, i) => { all[body] = high > low ? (radii[i] - low) / (high - low) : 0.5; });
+    header.balls.body.forEach((body, i) => { all[body] = high > low ? (radii[i] * frame.size[body] - low) / (high - low) : 0.5; });
     return [all, low, high, "radius (m)"];
   }
   const [values, high, label] = state.color === "speed"
@@ -272,14 +274,14 @@ function load() {
   const { body, radius } = header.balls;
   const center = new Float32Array(3 * body.length), value = new Float32Array(body.length);
   body.forEach((b, i) => { center.set(frame.position.subarray(3 * b, 3 * b + 3), 3 * i); value[i] = shade[b]; });
-  balls.fill(body.length, { center, radius: new Float32Array(radius), value });
+  balls.fill(body.length, { center, radius: Float32Array.from(body, (b, i) => radius[i] * frame.size[b]), value });
   for (const { batch, bodies, slots } of groups) {
     const place = new Float32Array(3 * bodies.length), turn = new Float32Array(4 * bodies.length);
     bodies.forEach((b, i) => {
       place.set(frame.position.subarray(3 * b, 3 * b + 3), 3 * i);
       turn.set(frame.turn.subarray(4 * slots[i], 4 * slots[i] + 4), 4 * i);
     });
-    batch.fill(bodies.length, { place, turn, value: Float32Array.from(bodies, (b) => shade[b]) });
+    batch.fill(bodies.length, { place, turn, value: Float32Array.from(bodies, (b) => shade[b]), grown: Float32Array.from(bodies, (b) => frame.size[b]) });
   }
   let count = 0;
   const { a, b, point, load } = frame.contacts, thick = header.grain_radius * 0.45;

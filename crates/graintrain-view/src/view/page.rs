@@ -47,6 +47,7 @@ struct Header {
     force_max: f32,
     force_shown: f32,
     chain_shown: f32,
+    size_max: f32,
     radius_max: f64,
     grain_radius: f64,
     up: [f64; 3],
@@ -124,6 +125,9 @@ pub fn page(run: &RunFolder, settings: &ViewSettings) -> Result<String, ViewErro
     for frame in &mut frames {
         frame.contacts.retain(|contact| f64::from(contact.3) >= WEAKEST_CHAIN * f64::from(chain_shown));
     }
+    if frames.iter().all(|frame| frame.size.iter().all(|size| (size - 1.0).abs() < 1e-5)) {
+        frames.iter_mut().for_each(|frame| frame.size.clear());
+    }
     let ranges = Ranges::of(&frames);
     let data = pack(&frames, &ranges)?;
     let grain_values = |of: fn(&Frame) -> &Vec<f32>| {
@@ -142,7 +146,8 @@ pub fn page(run: &RunFolder, settings: &ViewSettings) -> Result<String, ViewErro
         force_max: ranges.force,
         force_shown: grain_values(|frame| &frame.force),
         chain_shown,
-        radius_max: model.balls.radius.iter().copied().fold(0.0, f64::max),
+        size_max: ranges.size,
+        radius_max: frames.iter().map(|frame| model.largest_ball(frame)).fold(0.0, f64::max),
         grain_radius: model.grain_radius,
         up: (-first.gravity).normalize_or(Vec3::Z).to_array(),
         center: scene.center().to_array(),
@@ -186,6 +191,8 @@ struct Model {
     balls: Balls,
     groups: Vec<Group>,
     bounds: Bounds,
+    /// Radius of the smallest ball around each body, m.
+    reach: Vec<f64>,
 }
 
 impl Model {
@@ -237,13 +244,28 @@ impl Model {
         let mut oriented: Vec<usize> = groups.iter().flat_map(|group| group.bodies.iter().copied()).collect();
         oriented.sort_unstable();
         oriented.dedup();
-        let smallest = grains.iter().map(|&body| {
-            let geometry = &world.geometries[world.bodies.geometry[body].index()];
-            geometry.bounding_radius()
-        });
+        let smallest = grains.iter().map(|&body| reach(world, body));
         let grain_radius = smallest.fold(f64::INFINITY, f64::min);
         let grain_radius = if grain_radius.is_finite() { grain_radius } else { 1.0 };
-        Self { count, grains, is_grain, grain_radius, oriented, balls, groups, bounds }
+        let reach = (0..count).map(|body| reach(world, body)).collect();
+        Self { count, grains, is_grain, grain_radius, oriented, balls, groups, bounds, reach }
+    }
+
+    /// Radius of the largest ball of a frame, m.
+    fn largest_ball(&self, frame: &Frame) -> f64 {
+        let size = |body: usize| frame.size.get(body).map_or(1.0, |size| f64::from(*size));
+        self.balls
+            .body
+            .iter()
+            .zip(&self.balls.radius)
+            .map(|(body, radius)| radius * size(*body))
+            .fold(0.0, f64::max)
+    }
+
+    /// Size of a body relative to the first frame.
+    fn size(&self, world: &World, body: usize) -> f32 {
+        let size = reach(world, body) / self.reach[body];
+        if size.is_finite() { size as f32 } else { 1.0 }
     }
 
     fn frame(&self, world: &World, step: f64, chains: bool) -> Frame {
@@ -259,6 +281,7 @@ impl Model {
                 .map(|&body| bodies.orientation[body].to_array().map(|q| q as f32))
                 .collect(),
             speed: bodies.velocity.iter().map(|velocity| velocity.length() as f32).collect(),
+            size: (0..self.count).map(|body| self.size(world, body)).collect(),
             force: contact_force(world, step).into_iter().map(|force| force as f32).collect(),
             contacts: contacts
                 .map(|(contact, impulse)| {
@@ -269,6 +292,11 @@ impl Model {
                 .collect(),
         }
     }
+}
+
+/// Radius of the smallest ball about a body's centre that holds it, m.
+fn reach(world: &World, body: usize) -> f64 {
+    world.geometries[world.bodies.geometry[body].index()].bounding_radius()
 }
 
 /// Corners of a part's triangles in its body's frame. A plane is cut at the scene's bounds; without a scene it has none.

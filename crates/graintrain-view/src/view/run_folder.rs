@@ -9,6 +9,7 @@ use graintrain::shape::{Geometry, Shape};
 use graintrain::world::{Body, World};
 use graintrain_io::checkpoint;
 use graintrain_io::output::exchange::{ARRAYS, Array, Snapshot};
+use graintrain_io::output::size::inscribed_radius;
 use graintrain_io::output::surfaces::surface;
 use graintrain_io::roster::Roster;
 use std::collections::HashMap;
@@ -80,8 +81,13 @@ impl RunFolder {
         let mut numbered: HashMap<usize, usize> =
             (0..self.last.bodies.len()).map(|body| (roster.number(body) as usize, body)).collect();
         for frame in &self.frames {
-            let file = VtpFile::read(&self.folder.join(&frame.bodies))?;
+            // A damaged frame is told where it is asked for; the others can be drawn.
+            let Ok(file) = VtpFile::read(&self.folder.join(&frame.bodies)) else { continue };
             let numbers = file.indices("body", MOST_NUMBERS)?;
+            // Before the first body comes, frames name no forms.
+            if numbers.is_empty() {
+                continue;
+            }
             let geometries = file.indices("geometry", MOST_NUMBERS)?;
             let materials = file.indices("type", self.last.materials.names.len())?;
             let points = file.vectors("Points")?;
@@ -168,6 +174,7 @@ impl RunFolder {
             step: digits.parse().unwrap_or(0),
             arrays: arrays.collect::<Result<_, ViewError>>()?,
             position,
+            cell: file.cell()?,
         })
     }
 
@@ -187,16 +194,35 @@ impl RunFolder {
         let count = world.bodies.len();
         let bodies = self.bodies(world, file, "body")?;
         let (points, velocity, omega) = (file.vectors("Points")?, file.vectors("v")?, file.vectors("omega")?);
-        let turns = file.numbers("quat")?;
-        if [points.len(), velocity.len(), omega.len(), turns.len() / 4].iter().any(|&n| n != bodies.len()) {
+        let (turns, radii) = (file.numbers("quat")?, file.numbers("radius")?);
+        let lengths = [points.len(), velocity.len(), omega.len(), turns.len() / 4, radii.len()];
+        if lengths.iter().any(|&n| n != bodies.len()) {
             return Err(file.malformed("its arrays differ in length".into()));
         }
         let mut placed = vec![false; count];
+        let mut sized: HashMap<(usize, u64), GeometryId> = HashMap::new();
         for (k, body) in bodies.iter().enumerate() {
             let Some(body) = *body else { continue };
             // Only the first point of a body: the others are further parts.
             if std::mem::replace(&mut placed[body], true) {
                 continue;
+            }
+            let form = world.bodies.geometry[body];
+            let factor = radii[k] / radius_of_body(&world.geometries[form.index()]);
+            if (factor - 1.0).abs() > SAME_SIZE && factor.is_finite() && factor > 0.0 {
+                // It has grown since.
+                let key = (form.index(), radii[k].to_bits());
+                let resized = match sized.get(&key) {
+                    Some(resized) => *resized,
+                    None => {
+                        let smaller = world.geometries[form.index()].scaled(factor);
+                        let smaller = smaller.map_err(|error| file.malformed(error.to_string()))?;
+                        *sized.entry(key).or_insert(world.add_geometry(smaller))
+                    }
+                };
+                world.bodies.geometry[body] = resized;
+                world.bodies.mass[body] *= factor.powi(3);
+                world.bodies.inertia[body] *= factor.powi(5);
             }
             let geometry = &world.geometries[world.bodies.geometry[body].index()];
             let turn = Quat::from_slice(&turns[4 * k..4 * k + 4]).normalize();
@@ -293,6 +319,18 @@ const MOST_NUMBERS: usize = u32::MAX as usize;
 fn point_of_body(geometry: &Geometry) -> Vec3 {
     let sphere = geometry.parts.iter().find(|part| matches!(part.shape, Shape::Sphere { .. }));
     sphere.map_or(Vec3::ZERO, |part| part.position)
+}
+
+/// Relative difference of sizes that the single precision of frames makes.
+const SAME_SIZE: f64 = 1e-6;
+
+/// The radius that frames give the first point of a body: of its first sphere, else of the largest ball inside all parts.
+fn radius_of_body(geometry: &Geometry) -> f64 {
+    let spheres = geometry.parts.iter().filter(|part| matches!(part.shape, Shape::Sphere { .. }));
+    let first = spheres.map(|part| inscribed_radius(&part.shape)).next();
+    let smallest =
+        || geometry.parts.iter().map(|part| inscribed_radius(&part.shape)).fold(f64::INFINITY, f64::min);
+    first.unwrap_or_else(smallest)
 }
 
 /// Orthonormal axes along a triangle's first edge, in its plane, and normal to it.

@@ -177,7 +177,7 @@ fn unpack(text: &str, bodies: usize, oriented: usize, contacts: &[usize], ranges
                 (body(i), body(count + i), point, f32::from(loads[i]) / 65535.0 * ranges.force)
             })
             .collect();
-        frames.push(Frame { time: 0.0, position, orientation, speed, force, contacts });
+        frames.push(Frame { time: 0.0, position, orientation, speed, force, size: Vec::new(), contacts });
     }
     assert!(rest.is_empty(), "{} bytes are left over", rest.len());
     frames
@@ -206,6 +206,7 @@ fn the_page_holds_the_frames() {
         high: corner("high"),
         speed: number("speed_max"),
         force: number("force_max"),
+        size: number("size_max"),
     };
     let frames = header["frames"].as_array().unwrap();
     let shown: Vec<usize> = [2, 5, 8, 11, 14, 17, 20].to_vec();
@@ -266,4 +267,101 @@ fn damaged_runs_are_errors() {
     std::fs::remove_file(run_folder.join("bodies.pvd")).unwrap();
     let run = RunFolder::open(&run_folder).unwrap();
     assert!(matches!(page(&run, &ViewSettings::default()), Err(ViewError::NoFrames { .. })));
+}
+
+/// Runs a scene into a folder.
+fn run_scene(text: &str, folder: &std::path::Path) -> World {
+    let path = folder.join("scene.toml");
+    std::fs::write(&path, text).unwrap();
+    let scene = graintrain_io::scene::Scene::load(&path.to_string_lossy(), &[]).unwrap();
+    let simulation = scene.build().unwrap();
+    let settings = RunSettings::new(&simulation, None);
+    let taken = folder::RunFolder::create(&folder.join("run"), false).unwrap();
+    let mut recorder = Recorder::begin(taken, &settings, &simulation.world, "").unwrap();
+    let mut run = Run::new(simulation.world, settings, RunTotals::default(), Arc::default()).unwrap();
+    run.advance(&mut [&mut recorder]).unwrap();
+    recorder.checkpoint(&run.world, &run.totals, RunStatus::Finished).unwrap();
+    run.world
+}
+
+/// Two forms that grow, and one that comes from a stream meanwhile: every frame has the sizes of its time, in pictures and in the page.
+#[test]
+fn growing_bodies_have_the_size_of_the_frame() {
+    let text = r#"
+gravity = [0, 0, 0]
+[time]
+step = "10 ms"
+end = "0.2 s"
+[output]
+every = "0.1 s"
+precision = "single"
+[packing.balls]
+radius = 0.02
+lattice = { counts = [2, 1, 1], pitch = 0.2, origin = [-0.2, 0, 0] }
+[packing.boxes]
+shape = { box = { size = [0.02, 0.03, 0.04] } }
+lattice = { counts = [1, 2, 1], pitch = 0.2, origin = [0.2, -0.2, 0] }
+[stream.late]
+radius = 0.01
+count = 2
+start = "0.05 s"
+region = { box = { min = [-0.4, -0.4, 0.3], max = [0.4, 0.4, 0.4] } }
+[[stage]]
+name = "grow"
+growth = { rate = "3/s", porosity = 0.3, region = { box = { min = [-0.5, -0.5, -0.5], max = [0.5, 0.5, 0.5] } } }
+"#;
+    let folder = tempfile::tempdir().unwrap();
+    let last = run_scene(text, folder.path());
+    let radius =
+        |world: &World, body: usize| world.geometries[world.bodies.geometry[body].index()].bounding_radius();
+    assert!(radius(&last, 0) > 0.024, "{}", radius(&last, 0));
+    let run = RunFolder::open(&folder.path().join("run")).unwrap();
+    let first = run.world(0).unwrap();
+    assert!((radius(&first, 0) - 0.02).abs() < 1e-8, "{}", radius(&first, 0));
+    let half = Vec3::new(0.01, 0.015, 0.02).length();
+    assert!((radius(&first, 2) / half - 1.0).abs() < 1e-6, "{}", radius(&first, 2));
+    assert!(
+        (first.bodies.mass[0] / last.bodies.mass[0] / (0.02 / radius(&last, 0)).powi(3) - 1.0).abs() < 1e-5
+    );
+    let end = run.times().len() - 1;
+    let shown = run.world(end).unwrap();
+    for body in 0..last.bodies.len() {
+        assert!((radius(&shown, body) / radius(&last, body) - 1.0).abs() < 1e-6, "{body}");
+    }
+    let html = page(&run, &ViewSettings::default()).unwrap();
+    let grown = radius(&last, 0) / 0.02;
+    let begin = html.find("\"size_max\":").unwrap() + 11;
+    let found: f64 = html[begin..].split(',').next().unwrap().parse().unwrap();
+    assert!((found / grown - 1.0).abs() < 1e-5, "{found} {grown}");
+}
+
+/// A damaged frame of a run whose bodies come and go is told where it is asked for; the others are drawn.
+#[test]
+fn one_damaged_frame_spares_the_others() {
+    let text = "[time]\nstep = \"10 ms\"\nend = \"0.2 s\"\n[output]\nevery = \"50 ms\"\n[stream.rain]\nradius = 0.05\ncount = 3\n\
+                region = { box = { min = [0, 0, 1], max = [1, 1, 2] } }\n";
+    let folder = tempfile::tempdir().unwrap();
+    run_scene(text, folder.path());
+    let path = folder.path().join("run");
+    let bytes = std::fs::read(path.join("frames/bodies_00000005.vtp")).unwrap();
+    std::fs::write(path.join("frames/bodies_00000005.vtp"), &bytes[..bytes.len() / 2]).unwrap();
+    let run = RunFolder::open(&path).unwrap();
+    assert!(run.world(1).is_err());
+    assert_eq!(run.world(2).unwrap().bodies.len(), 3);
+}
+
+/// The cell of a periodic run comes back from its frames.
+#[test]
+fn frames_hold_the_periodic_cell() {
+    let text = "gravity = [0, 0, 0]\n[time]\nstep = \"10 ms\"\nsteps = 10\n[output]\nevery = \"50 ms\"\n[periodic]\nmin = [0, 0, -1]\nmax = [1, 2, 1]\n\
+                rate = { xy = 0.5, zz = -0.2 }\n[packing.a]\nradius = 0.05\nlattice = { counts = [1, 1, 1], pitch = 1, origin = [0.5, 0.5, 0] }\n";
+    let folder = tempfile::tempdir().unwrap();
+    let last = run_scene(text, folder.path());
+    let run = RunFolder::open(&folder.path().join("run")).unwrap();
+    let [first, end] = [0, 2].map(|index| run.snapshot(index).unwrap().cell.unwrap());
+    assert_eq!(first.vectors, [Vec3::X, 2.0 * Vec3::Y, 2.0 * Vec3::Z]);
+    assert_eq!((first.origin, first.periodic), (Vec3::new(0.0, 0.0, -1.0), [true; 3]));
+    let cell = last.cell().unwrap();
+    assert_eq!(end.vectors[1], Vec3::new(cell.tilt[0], cell.size.y, 0.0));
+    assert!(end.vectors[1].x > 0.05 && end.vectors[2].z < 1.99, "{end:?}");
 }

@@ -4,6 +4,7 @@ use super::ViewError;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD as BASE64;
 use graintrain::math::Vec3;
+use graintrain_io::output::exchange::PeriodicBox;
 use roxmltree::Document;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -34,6 +35,13 @@ impl VtpFile {
                 .filter(|(length, rest)| u64::from_le_bytes(**length) == rest.len() as u64)
                 .and_then(|(_, rest)| decode(node.attribute("type").unwrap_or_default(), rest))
                 .ok_or_else(|| malformed(format!("array {name} is damaged or of an unknown type")))?;
+            arrays.insert(name.to_string(), values);
+        }
+        for node in document.descendants().filter(|node| node.attribute("format") == Some("ascii")) {
+            let name = node.attribute("Name").unwrap_or_default();
+            let words = node.text().unwrap_or_default().split_whitespace();
+            let values = words.map(str::parse).collect::<Result<Vec<f64>, _>>();
+            let values = values.map_err(|error| malformed(format!("array {name}: {error}")))?;
             arrays.insert(name.to_string(), values);
         }
         Ok(Self { path: path.to_path_buf(), arrays })
@@ -70,6 +78,25 @@ impl VtpFile {
     /// [`ViewError::Malformed`] where there is none of this name.
     pub fn vectors(&self, name: &str) -> Result<Vec<Vec3>, ViewError> {
         Ok(self.numbers(name)?.chunks_exact(3).map(Vec3::from_slice).collect())
+    }
+
+    /// The periodic cell of the frame; `None` where it has none.
+    ///
+    /// # Errors
+    /// [`ViewError::Malformed`] where parts of it are missing.
+    pub fn cell(&self) -> Result<Option<PeriodicBox>, ViewError> {
+        if !self.arrays.contains_key("cell_vectors") {
+            return Ok(None);
+        }
+        let (origin, vectors) = (self.vectors("cell_origin")?, self.vectors("cell_vectors")?);
+        match (origin.as_slice(), vectors.as_slice(), self.numbers("cell_periodic")?) {
+            (&[origin], &[a, b, c], &[x, y, z]) => Ok(Some(PeriodicBox {
+                origin,
+                vectors: [a, b, c],
+                periodic: [x, y, z].map(|flag| flag != 0.0),
+            })),
+            _ => Err(self.malformed("its periodic cell is incomplete".into())),
+        }
     }
 
     /// An error about this file.

@@ -2,14 +2,14 @@
 //!
 //! Source: docs.lammps.org/dump.html; the columns are named in the line `ITEM: ATOMS`.
 
-use super::text::{Columns, count, number, row, text, vector};
+use super::text::{Columns, count, ended_text, number, row, vector};
 use super::{FileContent, FileProblem};
 use graintrain::math::Vec3;
 
 /// Reads a frame, counted from 0; the last one where it is `None`. Every frame is looked through, so that a file that was cut short is
 /// told wherever that was.
 pub(super) fn read(bytes: &[u8], frame: Option<u64>) -> Result<FileContent, FileProblem> {
-    let mut lines = (1..).zip(text(bytes)?.lines());
+    let mut lines = (1..).zip(ended_text(bytes)?.lines());
     let mut found = None;
     let (mut frames, mut atoms) = (0_u64, None);
     // Corner and edges of the box, where it is a plain one.
@@ -140,11 +140,15 @@ mod tests {
             (error.line, error.problem)
         };
         assert!(problem(DUMP, Some(2)).1.contains("no frame 2"));
-        assert_eq!(problem(&DUMP[..DUMP.len() - 25], None).0, Some(24));
+        let short = format!("{}\n", &DUMP[..DUMP.len() - 25]);
+        assert_eq!(problem(&short, None).0, Some(24));
         assert_eq!(
             problem(&DUMP.replace("0.2 0.3", "0.2 z"), Some(0)),
             (Some(10), "`z` is not a number".into())
         );
+        // Cut within the last number, which is a number still.
+        let cut = problem(&DUMP.replace("0 0.2\n", "0 0.2345\n")[..DUMP.len() + 1], None);
+        assert!(cut.0 == Some(25) && cut.1.contains("cut short"), "{cut:?}");
         assert!(problem("x y z\n1 2 3\n", None).1.contains("ITEM:"));
         assert!(
             problem(&DUMP.replace("\n2\nITEM", "\n99999999999\nITEM"), None).1.contains("2 of 99999999999")

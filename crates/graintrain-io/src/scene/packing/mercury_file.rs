@@ -4,12 +4,12 @@
 //! Source: MercuryDPM's documentation of its output files; data files have 14 columns (x y z vx vy vz radius, three angles, three angular
 //! velocities, a number) under 8 in the header.
 
-use super::text::{count, number, row, text, vector};
+use super::text::{count, ended_text, number, row, vector};
 use super::{FileContent, FileProblem};
 
 /// Reads a frame of a data file, counted from 0, the last one where it is `None`; or all particles of a restart file.
 pub(super) fn read(bytes: &[u8], frame: Option<u64>) -> Result<FileContent, FileProblem> {
-    let text = text(bytes)?;
+    let text = ended_text(bytes)?;
     let is_restart = text.lines().any(|line| line.trim_start().starts_with("Particles "));
     if is_restart { restart(text) } else { data(text, frame) }
 }

@@ -10,6 +10,16 @@ pub(super) fn text(bytes: &[u8]) -> Result<&str, FileProblem> {
     Ok(text.trim_start_matches('\u{feff}'))
 }
 
+/// The text of a file that programs write, which end its last line, too: without that the last number may have lost digits.
+pub(super) fn ended_text(bytes: &[u8]) -> Result<&str, FileProblem> {
+    let text = text(bytes)?;
+    if text.is_empty() || text.ends_with('\n') {
+        return Ok(text);
+    }
+    let problem = "the file ends within this line, so that its last number may be cut short: fetch it again, or end the line if it is whole";
+    Err(FileProblem::at(text.lines().count(), problem))
+}
+
 /// A number at a line, counted from 1.
 pub(super) fn number(word: &str, line: usize) -> Result<f64, FileProblem> {
     word.parse().map_err(|_| FileProblem::at(line, format!("`{}` is not a number", shorten(word))))

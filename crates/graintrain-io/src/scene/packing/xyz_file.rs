@@ -2,12 +2,12 @@
 //!
 //! Source: libatoms' specification of extended XYZ (github.com/libAtoms/extxyz). Names of properties as OVITO writes them.
 
-use super::text::{Columns, count, number, row, text, vector};
+use super::text::{Columns, count, ended_text, number, row, vector};
 use super::{FileContent, FileProblem};
 
 /// Reads a frame, counted from 0; the last one where it is `None`.
 pub(super) fn read(bytes: &[u8], frame: Option<u64>) -> Result<FileContent, FileProblem> {
-    let mut lines = (1..).zip(text(bytes)?.lines()).peekable();
+    let mut lines = (1..).zip(ended_text(bytes)?.lines()).peekable();
     let mut found = None;
     let mut frames = 0_u64;
     while let Some((line, first)) = lines.next() {
@@ -109,7 +109,8 @@ mod tests {
             let error = read(text.as_bytes(), None).unwrap_err();
             (error.line, error.problem)
         };
-        assert_eq!(problem(&text[..text.len() - 12]).0, Some(7));
+        assert_eq!(problem(&format!("{}\n", &text[..text.len() - 12])).0, Some(7));
+        assert!(problem(&text[..text.len() - 1]).1.contains("cut short"));
         assert_eq!(problem(&text.replace("velo:R:3", "velo:R")).0, Some(5));
         assert_eq!(problem(&text.replace("pos:R:3", "pot:R:3")).0, Some(5));
         assert_eq!(problem("many\n\n").0, Some(1));
