@@ -334,7 +334,7 @@ mod tests {
             noise.push(process.noise());
             for k in 0..9 {
                 let at = vec![0.1 + 0.4 * f64::from(k % 3), 0.1 + 0.4 * f64::from(k / 3)];
-                let found = process.predict(&[at.clone()])[0];
+                let found = process.predict(std::slice::from_ref(&at))[0];
                 inside += usize::from((found.value - truth(&at)).abs() < 2.0 * found.error);
                 all += 1;
             }
