@@ -5,6 +5,7 @@ mod measures;
 mod output;
 #[cfg(feature = "fclib")]
 mod periodic;
+mod pour;
 mod problem_files;
 mod run;
 mod scene_builtin;
