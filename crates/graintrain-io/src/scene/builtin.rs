@@ -54,9 +54,19 @@ pub const SCENES: &[Builtin] = &[
         text: include_str!("../../scenes/excavator.toml"),
     },
     Builtin {
+        name: "wheel",
+        about: "a wheel from a CAD file rolls through 5 000 grains with slip: pull, sinkage, torque; --set path=FILE",
+        text: include_str!("../../scenes/wheel.toml"),
+    },
+    Builtin {
         name: "hopper",
         about: "grains rain into a funnel, settle, and run out when its gate drops; streams, outlets, stages",
         text: include_str!("../../scenes/hopper.toml"),
+    },
+    Builtin {
+        name: "repose",
+        about: "spheres poured on a flat floor: the angle of repose; for `sweep` over rolling friction",
+        text: include_str!("../../scenes/repose.toml"),
     },
     Builtin {
         name: "silo",

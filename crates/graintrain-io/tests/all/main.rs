@@ -4,6 +4,7 @@ mod exchange;
 mod measures;
 mod output;
 mod periodic;
+mod pour;
 #[cfg(feature = "fclib")]
 mod problem_files;
 mod run;

@@ -132,6 +132,7 @@ fn small_scenes_build_without_overlap_and_survive_resolving() {
         ("shear-box", 19 * 19 * 14 + 3),
         ("hopper", 4),
         ("silo", 2),
+        ("repose", 1),
     ] {
         let simulation = build(name, &[]);
         assert_eq!(simulation.world.bodies.len(), bodies, "{name}");

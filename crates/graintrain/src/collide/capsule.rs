@@ -11,7 +11,7 @@
 //! between are held off by the two. Beside a face the nearest ball holds the segment off the edge, up to terms of second
 //! order in the motion (turn times displacement).
 
-use super::distance::Distance;
+use super::distance::{Distance, FaceSet};
 use super::reduce::Touch;
 use crate::hull::{Hull, HullFace};
 use crate::math::Vec3;
@@ -50,6 +50,9 @@ pub(crate) fn capsule_contacts(
     touches: &mut Vec<Touch>,
 ) {
     let at = |t: f64| distance(centre + t * half_axis);
+    if least_between(&at(-1.0), &at(1.0), half_axis) > (radius + envelope) * (1.0 + 1e-9) {
+        return;
+    }
     let nearest = minimise(|t| at(t).normal.dot(half_axis));
     let least = at(nearest);
     if least.value - radius > envelope {
@@ -123,12 +126,18 @@ fn hull_crossings(hull: &Hull, centre: Vec3, half_axis: Vec3) -> Vec<f64> {
         let is_over = t.abs() < 1.0 && (0.0..=1.0).contains(&along) && face.normal.dot(p) >= face.offset;
         if is_over { t } else { f64::INFINITY }
     };
-    let of = |face: &HullFace| {
+    let above = FaceSet::above(hull, [centre - half_axis, centre + half_axis]);
+    let mut found = Vec::with_capacity(2 * hull.edges().len());
+    for (number, face) in hull.faces().iter().enumerate() {
         let corners = &face.corners;
-        let sides = corners.iter().zip(corners.iter().cycle().skip(1));
-        sides.map(|(&a, &b)| crossing(face, a, b)).collect::<Vec<_>>()
-    };
-    hull.faces().iter().flat_map(of).collect()
+        if above.holds(number) {
+            let sides = corners.iter().zip(corners.iter().cycle().skip(1));
+            found.extend(sides.map(|(&a, &b)| crossing(face, a, b)));
+        } else {
+            found.extend(corners.iter().map(|_| f64::INFINITY));
+        }
+    }
+    found
 }
 
 /// Both t at which the line is `radius` away from the z axis.
@@ -152,6 +161,21 @@ pub(crate) fn triangle_crossings(corners: [Vec3; 3], face: Vec3, centre: Vec3, h
             if t.is_finite() { t } else { f64::INFINITY }
         })
         .collect()
+}
+
+/// A bound from below of a convex distance along the segment `centre + t * half`, t in [-1, 1], from its values and gradients at both
+/// ends: where the tangents cross, m.
+pub(crate) fn least_between(at_p: &Distance, at_q: &Distance, half: Vec3) -> f64 {
+    let (down, up) = (2.0 * at_p.normal.dot(half), 2.0 * at_q.normal.dot(half));
+    if down >= 0.0 {
+        return at_p.value;
+    }
+    if up <= 0.0 {
+        return at_q.value;
+    }
+    // value_p + s down = value_q - (1 - s) up.
+    let s = (at_q.value - up - at_p.value) / (down - up);
+    at_p.value + s.clamp(0.0, 1.0) * down
 }
 
 /// Zero of an ascending function on [-1, 1], or the end nearest to it.

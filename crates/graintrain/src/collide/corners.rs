@@ -18,8 +18,10 @@
 //! and in every case only if its distance is more than [`CLEAR`] of the smaller size. Of what touches, only corners on a
 //! face are added, along the library's normal: of faces whose edges coincide but for round-off it loses some.
 
-use super::capsule::{crossings, minimise};
-use super::distance::{Distance, TriangleFeature, highest_face, nearest_on_triangle, signed_distance};
+use super::capsule::{crossings, least_between, minimise};
+use super::distance::{
+    Distance, FaceSet, TriangleFeature, highest_face, nearest_on_triangle, signed_distance,
+};
 use super::manifold::Solid;
 use super::reduce::{SAME_PATCH, Touch};
 use crate::hull::{Hull, HullFace};
@@ -34,6 +36,9 @@ const MARGIN: f64 = 1e-2;
 
 /// Points of ours within this fraction of the smaller size of a point of the library's are that point.
 const SAME_POINT: f64 = 1e-3;
+
+/// By this fraction of the smaller size rounding may make a point too high.
+const ROUNDING: f64 = 1e-9;
 
 /// First feature of B's points; A's begin at 1. Corners, edges and their crossings of the largest hulls fit between.
 const OF_B: u64 = 1 << 28;
@@ -55,6 +60,37 @@ struct Candidate {
     feature: u64,
 }
 
+/// A plane in front of a solid: no point is nearer to the solid than it is high above the plane.
+struct Front {
+    outward: Vec3,
+    offset: f64,
+}
+
+impl Front {
+    /// The plane that touches the solid where it reaches farthest along a direction.
+    fn of(solid: Solid<'_>, direction: Vec3) -> Self {
+        let outward = direction.normalize_or_zero();
+        Self { outward, offset: solid.reach(outward) }
+    }
+
+    fn height(&self, p: Vec3) -> f64 {
+        self.outward.dot(p) - self.offset
+    }
+}
+
+/// One of both solids with its corners, and the other in front of which they are.
+struct Side<'a> {
+    corners: Corners,
+    other: Solid<'a>,
+    front: Front,
+    /// From the other solid to this one.
+    outward: Vec3,
+    /// Sign of the normals: 1 where this one is A.
+    sign: f64,
+    /// Its first feature.
+    first: u64,
+}
+
 /// Adds the points that are missing in `touches`, which hold what the library found for this pair. `unit` is the size
 /// of the smaller solid; normals point from B to A.
 pub(crate) fn add_corners(a: Solid<'_>, b: Solid<'_>, unit: f64, envelope: f64, touches: &mut Vec<Touch>) {
@@ -63,10 +99,19 @@ pub(crate) fn add_corners(a: Solid<'_>, b: Solid<'_>, unit: f64, envelope: f64, 
     }
     let library = touches.iter().min_by(|x, y| x.gap.total_cmp(&y.gap)).copied();
     let toward = library.map_or(b.centre() - a.centre(), |touch| -touch.normal);
+    let side = |own: Solid<'_>, other, toward: Vec3, sign, first| Side {
+        corners: own.corners(toward),
+        other,
+        front: Front::of(other, -toward),
+        outward: -toward,
+        sign,
+        first,
+    };
+    let sides = [side(a, b, toward, 1.0, 1), side(b, a, -toward, -1.0, OF_B)];
     let mut candidates = Vec::new();
-    // A's corners; then B's, whose normals turn round.
-    of_one(&a.corners(toward), b, envelope, 1, 1.0, &mut candidates);
-    of_one(&b.corners(-toward), a, envelope, OF_B, -1.0, &mut candidates);
+    for side in &sides {
+        of_one(side, envelope, unit, &mut candidates);
+    }
     let nearest = candidates
         .iter()
         .min_by(|x, y| x.distance.value.total_cmp(&y.distance.value).then(x.feature.cmp(&y.feature)));
@@ -81,14 +126,16 @@ pub(crate) fn add_corners(a: Solid<'_>, b: Solid<'_>, unit: f64, envelope: f64, 
     };
     if library.is_some() {
         let normal = -toward;
-        for (corners, other, outward, first) in
-            [(a.corners(toward), b, normal, 1), (b.corners(-toward), a, -normal, OF_B)]
-        {
-            for (feature, &p) in (first..).zip(&corners.points) {
-                if let Some(gap) = other.height_on_face(p, outward, unit)
+        for Side { corners, other, front, outward, first, .. } in &sides {
+            for (feature, &p) in (*first..).zip(&corners.points) {
+                // What is higher than this touches nothing.
+                if front.height(p) > MARGIN * unit {
+                    continue;
+                }
+                if let Some(gap) = other.height_on_face(p, *outward, unit)
                     && gap <= envelope
                 {
-                    let point = p - 0.5 * gap * outward;
+                    let point = p - 0.5 * gap * *outward;
                     if !same(&touches[..known], point, normal) {
                         touches.push(Touch { point, normal, gap, feature });
                     }
@@ -120,39 +167,39 @@ pub(crate) fn add_corners(a: Solid<'_>, b: Solid<'_>, unit: f64, envelope: f64, 
     }
 }
 
-/// Corners, edge crossings and nearest points of edges of one solid against the other. Features count up from `feature`,
-/// and stay below 2^32: the library's own numbers are larger, or zero.
-fn of_one(
-    corners: &Corners,
-    other: Solid<'_>,
-    envelope: f64,
-    feature: u64,
-    sign: f64,
-    candidates: &mut Vec<Candidate>,
-) {
+/// Corners, edge crossings and nearest points of edges of one solid against the other. Features count up from the first of the side,
+/// and stay below 2^32: the library's own numbers are larger, or zero. Of most corners and edges it is enough to know that they are
+/// high in front of the other solid.
+fn of_one(side: &Side<'_>, envelope: f64, unit: f64, candidates: &mut Vec<Candidate>) {
+    let Side { corners, other, front, sign, first, .. } = side;
     let mut add = |p: Vec3, is_corner: bool, feature: u64| {
         if let Some((distance, inside)) = other.distance(p)
             && distance.value <= envelope
         {
             let Distance { value, normal } = distance;
             let point = p - 0.5 * value * normal;
-            let distance = Distance { value, normal: sign * normal };
+            let distance = Distance { value, normal: *sign * normal };
             candidates.push(Candidate { point, distance, inside, is_corner, feature });
         }
     };
-    let Solid::Placed { shape, position, orientation } = other else {
-        for (number, &p) in corners.points.iter().enumerate() {
-            add(p, true, feature + number as u64);
+    let highest = envelope + ROUNDING * unit;
+    let is_near: Vec<bool> = corners.points.iter().map(|&p| front.height(p) <= highest).collect();
+    let near = corners.points.iter().enumerate().filter(|(number, _)| is_near[*number]);
+    let &Solid::Placed { shape, position, orientation } = other else {
+        for (number, &p) in near {
+            add(p, true, first + number as u64);
         }
         return;
     };
     let inverse = orientation.conjugate();
     let own = |p: Vec3| inverse * (p - position);
-    let distances: Vec<Distance> = corners.points.iter().map(|&p| signed_distance(shape, own(p))).collect();
-    for (number, (&p, distance)) in corners.points.iter().zip(&distances).enumerate() {
+    let mut distances: Vec<Option<Distance>> = vec![None; corners.points.len()];
+    for (number, &p) in near {
+        let distance = signed_distance(shape, own(p));
         if distance.value <= envelope {
-            add(p, true, feature + number as u64);
+            add(p, true, first + number as u64);
         }
+        distances[number] = Some(distance);
     }
     let numbers = (corners.points.len() as u64).max(64);
     let per_edge = match shape {
@@ -160,13 +207,17 @@ fn of_one(
         _ => 16,
     };
     for (number, edge) in corners.edges.iter().enumerate() {
+        if edge.iter().all(|&end| !is_near[end]) {
+            continue;
+        }
         let [p, q] = edge.map(|end| own(corners.points[end]));
         let (centre, half) = (0.5 * (p + q), 0.5 * (q - p));
-        let [at_p, at_q] = edge.map(|end| distances[end]);
+        let [at_p, at_q] = [(edge[0], p), (edge[1], q)]
+            .map(|(end, p)| *distances[end].get_or_insert_with(|| signed_distance(shape, p)));
         if least_between(&at_p, &at_q, half) > envelope * (1.0 + 1e-9) {
             continue;
         }
-        let feature = feature + numbers + per_edge * number as u64;
+        let feature = first + numbers + per_edge * number as u64;
         let world = |t: f64| position + orientation * (centre + t * half);
         let nearest = match shape {
             Shape::Hull(hull) => nearest_to_edges(hull, centre, half),
@@ -189,7 +240,8 @@ fn nearest_to_edges(hull: &Hull, centre: Vec3, half: Vec3) -> f64 {
     let square = half.length_squared();
     let along_segment = |p: Vec3| (half.dot(p - centre) / square).clamp(-1.0, 1.0);
     let mut best = (f64::INFINITY, 0.0);
-    for edge in hull.edges() {
+    let above = FaceSet::above(hull, [centre - half, centre + half]);
+    for edge in hull.edges().iter().filter(|edge| above.holds_one_of(edge.faces)) {
         let [a, b] = edge.corners.map(|k| hull.corners()[k as usize]);
         let along = b - a;
         let on_edge = |p: Vec3| a + (along.dot(p - a) / along.length_squared()).clamp(0.0, 1.0) * along;
@@ -209,26 +261,33 @@ fn nearest_to_edges(hull: &Hull, centre: Vec3, half: Vec3) -> f64 {
     best.1
 }
 
-/// A bound from below of a convex distance along the segment `centre + t * half`, t in [-1, 1], from its values and gradients at both
-/// ends: where the tangents cross, m.
-fn least_between(at_p: &Distance, at_q: &Distance, half: Vec3) -> f64 {
-    let (down, up) = (2.0 * at_p.normal.dot(half), 2.0 * at_q.normal.dot(half));
-    if down >= 0.0 {
-        return at_p.value;
-    }
-    if up <= 0.0 {
-        return at_q.value;
-    }
-    // value_p + s down = value_q - (1 - s) up.
-    let s = (at_q.value - up - at_p.value) / (down - up);
-    at_p.value + s.clamp(0.0, 1.0) * down
-}
-
 impl Solid<'_> {
     fn centre(self) -> Vec3 {
         match self {
             Self::Placed { position, .. } => position,
             Self::Triangle([a, b, c]) => (a + b + c) / 3.0,
+        }
+    }
+
+    /// How far it reaches along a direction, from the origin of the world, m.
+    pub(super) fn reach(self, direction: Vec3) -> f64 {
+        let farthest = |points: &[Vec3], along: Vec3| {
+            points.iter().map(|p| along.dot(*p)).fold(f64::NEG_INFINITY, f64::max)
+        };
+        match self {
+            Self::Triangle(corners) => farthest(&corners, direction),
+            Self::Placed { shape, position, orientation } => {
+                let own = orientation.conjugate() * direction;
+                let beyond = match *shape {
+                    Shape::Box { half } => half.dot(own.abs()),
+                    Shape::Cylinder { half_length, radius } => {
+                        radius * own.x.hypot(own.y) + half_length * own.z.abs()
+                    }
+                    Shape::Hull(ref hull) => farthest(hull.corners(), own),
+                    ref other => other.bounding_radius() * direction.length(),
+                };
+                direction.dot(position) + beyond
+            }
         }
     }
 

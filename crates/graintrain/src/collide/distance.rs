@@ -3,9 +3,12 @@
 //! A ball of radius r about c touches a shape where the signed distance s(c) equals r, along the gradient of s. The
 //! signed distance of a convex shape is a convex function, which makes capsules (balls along a segment) easy too.
 
-use crate::hull::Hull;
+use crate::hull::{Hull, HullFace, MOST_CORNERS};
 use crate::math::Vec3;
 use crate::shape::Shape;
+
+/// Faces of the largest hull: those of a triangulation of its corners.
+const MOST_FACES: usize = 2 * MOST_CORNERS;
 
 /// Signed distance from a point to a surface and the direction in which it grows fastest.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -84,7 +87,8 @@ pub(crate) fn highest_face(c: Vec3, hull: &Hull) -> (usize, f64) {
     heights.enumerate().fold((0, f64::NEG_INFINITY), |best, next| if next.1 > best.1 { next } else { best })
 }
 
-/// A nearest point in the inside of a face lies on the face of largest height; otherwise it lies on an edge.
+/// A nearest point in the inside of a face lies on the face of largest height; otherwise it lies on an edge of a face that the point is
+/// above: the way from there is a sum of the normals of both faces of the edge, and positive along one of them.
 fn to_hull(c: Vec3, hull: &Hull) -> Distance {
     let (highest, height) = highest_face(c, hull);
     let face = &hull.faces()[highest];
@@ -98,7 +102,8 @@ fn to_hull(c: Vec3, hull: &Hull) -> Distance {
     if height <= 0.0 || over() {
         return Distance { value: height, normal: face.normal };
     }
-    let feet = hull.edges().iter().map(|edge| {
+    let above = FaceSet::above(hull, [c]);
+    let feet = hull.edges().iter().filter(|edge| above.holds_one_of(edge.faces)).map(|edge| {
         let [a, b] = edge.corners.map(|k| hull.corners()[k as usize]);
         let (along, from) = (b - a, c - a);
         from - (from.dot(along) / along.length_squared()).clamp(0.0, 1.0) * along
@@ -115,6 +120,38 @@ fn to_hull(c: Vec3, hull: &Hull) -> Distance {
         Distance { value, normal: away / value }
     } else {
         Distance { value, normal: face.normal }
+    }
+}
+
+/// Some faces of a hull.
+pub(crate) struct FaceSet([u64; MOST_FACES.div_ceil(64)]);
+
+impl FaceSet {
+    /// The faces above whose planes one of the points lies.
+    pub(crate) fn above<const N: usize>(hull: &Hull, points: [Vec3; N]) -> Self {
+        let is_above = |face: &HullFace| points.iter().any(|p| face.normal.dot(*p) > face.offset);
+        Self::of(hull.faces().iter().map(is_above))
+    }
+
+    /// From whether each face belongs to it.
+    pub(crate) fn of(faces: impl Iterator<Item = bool>) -> Self {
+        let mut set = [0_u64; MOST_FACES.div_ceil(64)];
+        for (number, is_in) in faces.enumerate() {
+            set[number / 64] |= u64::from(is_in) << (number % 64);
+        }
+        Self(set)
+    }
+
+    pub(crate) fn holds(&self, face: usize) -> bool {
+        self.0[face / 64] >> (face % 64) & 1 == 1
+    }
+
+    pub(crate) fn holds_one_of(&self, faces: [u32; 2]) -> bool {
+        faces.iter().any(|&face| self.holds(face as usize))
+    }
+
+    pub(crate) fn has_common(&self, other: &Self) -> bool {
+        self.0.iter().zip(&other.0).any(|(one, other)| one & other != 0)
     }
 }
 
@@ -205,6 +242,17 @@ mod tests {
             prop_assert!((slope - distance.normal).length() < 1e-5, "{:?} {slope}", distance);
             let foot = p - distance.value * distance.normal;
             prop_assert!(signed_distance(shape, foot).value.abs() < 1e-12);
+        }
+
+        /// Outside of a hull the distance is that to the nearest of the triangles of its surface.
+        #[test]
+        fn the_distance_to_a_hull_is_that_to_its_surface(p in prop::array::uniform3(-2.0..2.0_f64)) {
+            let (hull, p) = (Hull::new(&stone()).unwrap().0, Vec3::from_array(p));
+            let corners = |triangle: &[u32; 3]| triangle.map(|k| hull.corners()[k as usize]);
+            let feet = hull.triangles().iter().map(|t| nearest_on_triangle(p, corners(t)).0).collect::<Vec<_>>();
+            let least = feet.iter().map(|foot| (p - foot).length()).fold(f64::INFINITY, f64::min);
+            let distance = signed_distance(&Shape::Hull(hull), p);
+            prop_assert!((distance.value.abs() - least).abs() < 1e-12 || distance.value < 0.0);
         }
 
         /// No point of a fine sampling of the triangle is nearer.

@@ -7,8 +7,10 @@
 //! corners; so is the pair of features that gave n. Polyhedra that are nearest with a corner or across other edges have those points from
 //! [`super::corners`].
 
+use super::distance::FaceSet;
 use super::manifold::Solid;
 use super::reduce::Touch;
+use crate::hull::HullEdge;
 use crate::math::{Quat, Vec3, tangents};
 use crate::shape::Shape;
 
@@ -24,6 +26,9 @@ const PARALLEL: f64 = 1e-6;
 /// Cosine of the angle between the normal and a face from which on the face is seen edge-on.
 const STEEP: f64 = 0.1;
 
+/// Directions along which polyhedra are looked at before their faces and edges are.
+const LOOKS: usize = 6;
+
 /// Features of contacts: a corner of A, a corner of B, two edges, the features that gave the normal. Above those of the corners.
 const CORNER_OF_A: u64 = 1 << 40;
 const CORNER_OF_B: u64 = 2 << 40;
@@ -36,16 +41,11 @@ struct Face<'a> {
     corners: &'a [u32],
 }
 
-struct Edge {
-    corners: [u32; 2],
-    faces: [u32; 2],
-}
-
 /// A polyhedron in the frame of the contact.
 pub(crate) struct Polyhedron<'a> {
     corners: Vec<Vec3>,
     faces: Vec<Face<'a>>,
-    edges: Vec<Edge>,
+    edges: &'a [HullEdge],
     /// Without volume: a triangle, whose two faces look away from each other.
     is_flat: bool,
 }
@@ -54,8 +54,31 @@ pub(crate) struct Polyhedron<'a> {
 static BOX_FACES: [[u32; 4]; 6] =
     [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
 
+/// Its edges along x, y and z, each with the faces of the other two axes on whose sides it lies.
+static BOX_EDGES: [HullEdge; 12] = {
+    let mut edges = [HullEdge { corners: [0, 0], faces: [0, 0] }; 12];
+    let mut number = 0;
+    while number < 12 {
+        let (axis, turn) = (number as u32 / 4, number as u32 % 4);
+        let (second, third) = ((axis + 1) % 3, (axis + 2) % 3);
+        let (side, other) = (turn % 2, turn / 2);
+        let corner = side << second | other << third;
+        let faces = [2 * second + side, 2 * third + other];
+        edges[number] = HullEdge { corners: [corner, corner | 1 << axis], faces };
+        number += 1;
+    }
+    edges
+};
+
 /// Both sides of a triangle.
 static TRIANGLE_FACES: [[u32; 3]; 2] = [[0, 1, 2], [0, 2, 1]];
+
+/// Its sides.
+static TRIANGLE_EDGES: [HullEdge; 3] = [
+    HullEdge { corners: [0, 1], faces: [0, 1] },
+    HullEdge { corners: [1, 2], faces: [0, 1] },
+    HullEdge { corners: [2, 0], faces: [0, 1] },
+];
 
 impl<'a> Polyhedron<'a> {
     /// The solid relative to `origin`; `None` for solids with curved faces.
@@ -68,11 +91,10 @@ impl<'a> Polyhedron<'a> {
                     let offset = face.offset + normal.dot(position - origin);
                     Face { normal, offset, corners: &face.corners }
                 });
-                let edges = hull.edges().iter().map(|e| Edge { corners: e.corners, faces: e.faces });
                 Some(Self {
                     corners: hull.corners().iter().map(place).collect(),
                     faces: faces.collect(),
-                    edges: edges.collect(),
+                    edges: hull.edges(),
                     is_flat: false,
                 })
             }
@@ -85,8 +107,7 @@ impl<'a> Polyhedron<'a> {
                 let sides = TRIANGLE_FACES.iter().zip([normal, -normal]);
                 let faces =
                     sides.map(|(own, normal)| Face { normal, offset: normal.dot(corners[0]), corners: own });
-                let edges = (0..3).map(|k| Edge { corners: [k, (k + 1) % 3], faces: [0, 1] });
-                Some(Self { faces: faces.collect(), edges: edges.collect(), corners, is_flat: true })
+                Some(Self { faces: faces.collect(), edges: &TRIANGLE_EDGES, corners, is_flat: true })
             }
             Solid::Placed { .. } => None,
         }
@@ -103,21 +124,15 @@ impl<'a> Polyhedron<'a> {
             let normal = orientation * normal;
             Face { normal, offset: half[k / 2] + normal.dot(position), corners: own.as_slice() }
         };
-        let along = |axis: u32| (0..8_u32).filter(move |k| k >> axis & 1 == 0).map(move |k| (axis, k));
-        let edge = |(axis, k): (u32, u32)| {
-            // The faces of the other two axes on whose sides it lies.
-            let side = |axis: u32| 2 * axis + (k >> axis & 1);
-            Edge { corners: [k, k | 1 << axis], faces: [side((axis + 1) % 3), side((axis + 2) % 3)] }
-        };
         Self {
             corners: (0..8).map(corner).collect(),
             faces: BOX_FACES.iter().enumerate().map(face).collect(),
-            edges: (0..3).flat_map(along).map(edge).collect(),
+            edges: &BOX_EDGES,
             is_flat: false,
         }
     }
 
-    fn ends(&self, edge: &Edge) -> [Vec3; 2] {
+    fn ends(&self, edge: &HullEdge) -> [Vec3; 2] {
         edge.corners.map(|k| self.corners[k as usize])
     }
 
@@ -125,6 +140,28 @@ impl<'a> Polyhedron<'a> {
     fn lowest(&self, direction: Vec3) -> (usize, f64) {
         let heights = self.corners.iter().map(|corner| direction.dot(*corner));
         heights.enumerate().fold((0, f64::INFINITY), |best, next| if next.1 < best.1 { next } else { best })
+    }
+
+    /// The corner farthest along a direction.
+    fn farthest(&self, direction: Vec3) -> Vec3 {
+        let heights = self.corners.iter().map(|corner| (direction.dot(*corner), *corner));
+        heights
+            .fold((f64::NEG_INFINITY, Vec3::ZERO), |best, next| if next.0 > best.0 { next } else { best })
+            .1
+    }
+
+    /// The edges that may come within `reach` of another polyhedron: those with no end, or one, higher than that above the plane of
+    /// every face of it.
+    fn edges_near<'b>(&'b self, other: &Polyhedron<'_>, reach: f64) -> Vec<&'b HullEdge> {
+        let above = |corner: &Vec3| {
+            FaceSet::of(other.faces.iter().map(|face| face.normal.dot(*corner) - face.offset > reach))
+        };
+        let above: Vec<FaceSet> = self.corners.iter().map(above).collect();
+        let is_near = |edge: &&HullEdge| {
+            let [from, to] = edge.corners.map(|k| &above[k as usize]);
+            !from.has_common(to)
+        };
+        self.edges.iter().filter(is_near).collect()
     }
 
     fn middle(&self) -> Vec3 {
@@ -173,8 +210,37 @@ pub(crate) fn polyhedron_contacts(
     true
 }
 
-/// The normal along which the polyhedra are farthest apart; `None` if that is more than the envelope.
+/// A bound of the distance of two polyhedra from above, m; `None` if they are seen to be farther apart than the envelope. Of the differences
+/// v = q - p of their points one is as long as they are apart, and with w the farthest of them against v they are apart by at least
+/// v . w / |v|: from the middles on, v goes toward w as far as that makes it shorter (M. Frank, P. Wolfe, "An algorithm for quadratic
+/// programming", Naval Research Logistics Quarterly 3:95-110, 1956).
+fn distance_bound(a: &Polyhedron<'_>, b: &Polyhedron<'_>, envelope: f64) -> Option<f64> {
+    let mut v = b.middle() - a.middle();
+    for _ in 0..LOOKS {
+        let length = v.length();
+        if length <= envelope {
+            break;
+        }
+        let w = b.corners[b.lowest(v).0] - a.farthest(v);
+        if v.dot(w) > envelope * length {
+            return None;
+        }
+        let way = w - v;
+        let fraction = -v.dot(way) / way.length_squared();
+        // Along v itself nothing is nearer.
+        if fraction.is_nan() || fraction <= 0.0 {
+            break;
+        }
+        v += fraction.min(1.0) * way;
+    }
+    Some(v.length())
+}
+
+/// The normal along which the polyhedra are farthest apart; `None` if that is more than the envelope. Of edges those
+/// come first that may be nearest to each other: polyhedra are apart by no more than the bound, and where they overlap, the edges across
+/// which they do so least cross each other at a distance of that depth.
 fn separation(a: &Polyhedron<'_>, b: &Polyhedron<'_>, unit: f64, envelope: f64) -> Option<Separation> {
+    let bound = distance_bound(a, b, envelope)?;
     let mut best: Option<Separation> = None;
     // Faces of A look along the normal, those of B against it.
     for (one, other, sign) in [(a, b, 1.0), (b, a, -1.0)] {
@@ -193,14 +259,37 @@ fn separation(a: &Polyhedron<'_>, b: &Polyhedron<'_>, unit: f64, envelope: f64) 
             }
         }
     }
-    let mut best = best?;
+    let best = best?;
+    if best.gap > 0.0 && best.are_nearest {
+        return Some(best);
+    }
+    let reach = if best.gap > 0.0 { bound } else { -best.gap } + BESIDE * unit;
+    let near = [a.edges_near(b, reach), b.edges_near(a, reach)];
+    let best = across_edges([a, b], &near, unit, envelope, best)?;
+    if best.are_nearest {
+        return Some(best);
+    }
+    // Nearest with a corner: the normal that all edges give is nearer to the way from it.
+    let all = [a.edges.iter().collect(), b.edges.iter().collect()];
+    across_edges([a, b], &all, unit, envelope, best)
+}
+
+/// The best separation known, or that across an edge of each polyhedron, of those given; `None` if they are farther apart than the
+/// envelope.
+fn across_edges(
+    [a, b]: [&Polyhedron<'_>; 2],
+    [edges_a, edges_b]: &[Vec<&HullEdge>; 2],
+    unit: f64,
+    envelope: f64,
+    mut best: Separation,
+) -> Option<Separation> {
     let toward = b.middle() - a.middle();
     let any = a.is_flat || b.is_flat;
-    for edge_a in &a.edges {
+    for edge_a in edges_a {
         let [p0, p1] = a.ends(edge_a);
         let along_a = p1 - p0;
         let of_a = edge_a.faces.map(|k| a.faces[k as usize].normal);
-        for edge_b in &b.edges {
+        for edge_b in edges_b {
             if !any && !arcs_cross(of_a, edge_b.faces.map(|k| -b.faces[k as usize].normal)) {
                 continue;
             }
@@ -309,6 +398,74 @@ fn clipped(
                 let on_b = from_b + left / (left - right) * (to_b - from_b);
                 let feature = EDGES + (u64::from(p0) << 20) + u64::from(q0);
                 add(0.5 * (on_a + on_b), normal.dot(on_b - on_a), feature);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::hull::Hull;
+    use crate::math::rotation_exponential;
+    use proptest::prelude::*;
+
+    fn stone() -> Shape {
+        let point = |k: u32| {
+            let (a, b) = (1.7 * f64::from(k), 2.9 * f64::from(k));
+            Vec3::new(0.5 * a.sin(), 0.4 * b.cos(), 0.3 * (a + b).sin())
+        };
+        Shape::Hull(Hull::new(&(0..20).map(point).collect::<Vec<_>>()).unwrap().0)
+    }
+
+    /// The largest gap along the normals of all faces and of all pairs of edges, each measured by the corners of both: no pair is left out
+    /// for its place or its arcs.
+    fn largest_gap(a: &Polyhedron<'_>, b: &Polyhedron<'_>) -> f64 {
+        let gap = |normal: Vec3| b.lowest(normal).1 - normal.dot(a.farthest(normal));
+        let faces = a.faces.iter().map(|face| face.normal).chain(b.faces.iter().map(|face| -face.normal));
+        let across = |edge_a: &HullEdge| {
+            let [p0, p1] = a.ends(edge_a);
+            let normals = b.edges.iter().flat_map(move |edge_b| {
+                let [q0, q1] = b.ends(edge_b);
+                let normal = (p1 - p0).cross(q1 - q0).normalize_or_zero();
+                [normal, -normal]
+            });
+            normals.filter(|normal| *normal != Vec3::ZERO).map(gap).fold(f64::NEG_INFINITY, f64::max)
+        };
+        let edges = a.edges.iter().map(across).fold(f64::NEG_INFINITY, f64::max);
+        faces.map(gap).fold(edges, f64::max)
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(2000))]
+
+        /// The separation is the largest of all that faces and edges give, and pairs are given up only where it is beyond the envelope.
+        #[test]
+        fn no_axis_separates_farther(
+            place in prop::array::uniform3(-1.0..1.0_f64),
+            turns in prop::array::uniform2(prop::array::uniform3(-3.0..3.0_f64)),
+            distance in 0.3..1.6_f64,
+            is_box in any::<bool>(),
+        ) {
+            let (stone, block) = (stone(), Shape::Box { half: Vec3::new(0.5, 0.3, 0.05) });
+            let position = distance * Vec3::from_array(place).normalize_or(Vec3::X);
+            let turns = turns.map(|turn| rotation_exponential(Vec3::from_array(turn)));
+            let other = if is_box { &block } else { &stone };
+            let one = Solid::Placed { shape: &stone, position: Vec3::ZERO, orientation: turns[0] };
+            let other = Solid::Placed { shape: other, position, orientation: turns[1] };
+            let [a, b] = [one, other].map(|solid| Polyhedron::new(solid, 0.5 * position).unwrap());
+            let exact = largest_gap(&a, &b);
+            let found = separation(&a, &b, 0.5, f64::INFINITY).unwrap();
+            // Apart and nearest with a corner, they are farther apart along other normals than those of faces and crossing edges.
+            prop_assert!(found.gap <= exact + 1e-8, "{} {exact}", found.gap);
+            if exact < 0.0 || found.are_nearest {
+                prop_assert!((found.gap - exact).abs() < 1e-8, "{} {exact}", found.gap);
+                prop_assert!(separation(&a, &b, 0.5, exact + 1e-8).is_some());
+            }
+            if exact > 0.0 && found.are_nearest {
+                prop_assert!(separation(&a, &b, 0.5, exact - 1e-8).is_none());
+                let [p, q] = found.points;
+                prop_assert!(((q - p).length() - exact).abs() < 1e-9);
             }
         }
     }
