@@ -294,33 +294,35 @@ mod tests {
     /// bits.
     #[test]
     fn many_contacts_are_opened_alike_by_any_number_of_threads() {
-        let (rows, masses, room) = bed(16, 24);
-        let of = |threads: usize| {
+        let (rows, masses, room) = bed(12, 16);
+        let contacts: Vec<_> = rows.iter().zip(room.iter().copied()).collect();
+        let none = vec![0.0; 6 * masses.len()];
+        let slabs = Projection::new(&contacts, &masses, &none, 0.0).division.phases[0].len();
+        assert!(slabs > 2, "{slabs}");
+        let of = |threads: usize, sweeps: usize| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             pool.install(|| {
-                let mut found = vec![0.0; 6 * masses.len()];
-                let contacts: Vec<_> = rows.iter().zip(room.iter().copied()).collect();
-                let slabs = Projection::new(&contacts, &masses, &found, 0.0).division.phases[0].len();
-                assert!(slabs > 2, "{slabs}");
-                project(contacts.into_iter(), &masses, &mut found, (1e-12, 100_000));
+                let mut found = none.clone();
+                project(contacts.iter().copied(), &masses, &mut found, (1e-11, sweeps));
                 found
             })
         };
-        let found = of(1);
-        assert!(found == of(2) && found == of(3));
+        let few = of(1, 50);
+        assert!(few == of(2, 50) && few == of(3, 50));
+        let found = of(2, 100_000);
         let mut opened = 0;
         for (row, room) in rows.iter().zip(&room) {
             let way = |body: u32, k: usize| if body == FIXED { 0.0 } else { found[6 * body as usize + k] };
             let along: f64 =
                 (0..3).map(|k| row.frame[0][k] * (way(row.body_a, k) - way(row.body_b, k))).sum();
-            assert!(room + along > -1e-10, "{room} {along}");
+            assert!(room + along > -1e-9, "{room} {along}");
             opened += usize::from(along > 1e-6);
         }
         assert!(opened > rows.len() / 4);
         // Complementarity: least energy, so that those of another order of the rows are the same.
         let (mut other, back) = (vec![0.0; found.len()], rows.iter().zip(room.iter().copied()).rev());
-        project(back, &masses, &mut other, (1e-12, 100_000));
-        assert!(found.iter().zip(&other).all(|(a, b)| (a - b).abs() < 1e-9));
+        project(back, &masses, &mut other, (1e-11, 100_000));
+        assert!(found.iter().zip(&other).all(|(a, b)| (a - b).abs() < 1e-7));
     }
 
     #[test]
