@@ -288,7 +288,7 @@ fn describe(summary: &Summary, folder: &Path) -> String {
         line(
             "wedged",
             format!(
-                "{contacts} in {steps} taken with exact friction, since bodies wedged in have no relaxed solution"
+                "{contacts} in {steps} taken with exact friction: bodies are wedged in, and the relaxation has no solution or throws them away"
             ),
         );
     }

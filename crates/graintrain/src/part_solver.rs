@@ -1,7 +1,7 @@
 //! The contact problem of a step, solved part by part with impulses that make no energy.
 
 use crate::parts::parts;
-use crate::wedge::{self, Excerpt, Wedges};
+use crate::wedge::{self, Excerpt, Search, Wedges};
 use graintrain_ccp::residual::ResidualScale;
 use graintrain_ccp::{
     Ccp, CcpError, CcpSolver, Delassus, FrictionModel, Residual, SolveReport, SolveSettings, Status,
@@ -106,8 +106,9 @@ impl PartSolver<'_> {
         if !takes_wedges {
             return Ok((solve_without_gain(self.solver, posed, g, settings)?, Vec::new()));
         }
+        let start = g.to_vec();
         let first = SolveSettings { max_iterations: Some(soon), ..settings.clone() };
-        let first = solve_without_gain(self.solver, posed, g, &first)?;
+        let mut first = solve_without_gain(self.solver, posed, g, &first)?;
         if matches!(first.status, Status::Converged | Status::Stopped) {
             return Ok((first, Vec::new()));
         }
@@ -115,14 +116,18 @@ impl PartSolver<'_> {
         if soon < patience && first.status != Status::Infeasible {
             return Ok((first, Vec::new()));
         }
-        let mut wedges = Wedges { solver: self.solver, settings, under: (self.gravity, self.step) };
-        if let Some((report, wedged)) = wedges.solve(problem, posed, g)? {
-            return Ok((report.after(&first), wedged));
+        let under = (self.gravity, self.step);
+        let mut wedges = Wedges { solver: self.solver, settings, under, spent: first.iterations };
+        match wedges.solve(problem, posed, &start, g)? {
+            Search::Ended(report, wedged) => return Ok((report.after(&first), wedged)),
+            // The impulses are those of the first solve, and so is its report but for the work.
+            Search::Unsolved(tried) => first = first.clone().after(&tried),
+            Search::Nothing => {}
         }
-        if settings.max_iterations.is_some_and(|most| most <= soon) {
+        let left = settings.max_iterations.map(|most| most.saturating_sub(first.iterations));
+        if left == Some(0) {
             return Ok((first, Vec::new()));
         }
-        let left = settings.max_iterations.map(|most| most.saturating_sub(first.iterations).max(1));
         let rest = SolveSettings { max_iterations: left, ..settings.clone() };
         Ok((solve_without_gain(self.solver, posed, g, &rest)?.after(&first), Vec::new()))
     }
@@ -134,7 +139,7 @@ pub(crate) struct Solved {
     pub report: SolveReport,
     /// Connected parts with a problem to solve.
     pub parts: usize,
-    /// Contacts taken with exact friction, because their relaxation has no solution, as places in the problem.
+    /// Contacts taken with exact friction, because their relaxation has no solution or throws bodies away, as places in the problem.
     pub wedged: Vec<usize>,
 }
 

@@ -55,7 +55,8 @@ pub struct StepReport {
     pub contacts_with_force: usize,
     /// Connected parts of the contact graph with a problem to solve.
     pub parts: usize,
-    /// Contacts of wedged bodies, whose relaxation has no solution: these alone were taken with exact friction.
+    /// Contacts taken with exact friction in a relaxed step, because bodies are wedged in and the relaxation has no solution for them or throws them away:
+    /// those of the wedges, or all of their connected part. 0 where the step was not solved.
     pub contacts_wedged: usize,
     /// The solver's own report; over several parts the worst residuals and status, the most iterations, and the sums of the rest.
     pub solve: SolveReport,

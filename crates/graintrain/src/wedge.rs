@@ -33,8 +33,8 @@ pub(crate) const PATIENCE: usize = 4000;
 /// many times the velocity at which they meet, and exact friction needs nothing of the kind.
 const THROWN: f64 = 30.0;
 
-/// Iterations of exact friction at all contacts, where a mixture was not solved.
-const EVERYWHERE: usize = 30_000;
+/// Iterations of exact friction at all contacts, where a mixture was not solved, from each start.
+const EVERYWHERE: usize = 5_000;
 
 /// Layers of neighbours around the worst contact that are looked at.
 const LAYERS: [usize; 4] = [1, 2, 3, 6];
@@ -136,8 +136,8 @@ impl Excerpt {
 
 /// Said where a wedge is locked with exact friction, too.
 const LOCKED_TOO: &str = "bodies are wedged in: relaxed friction has no solution, which was proved, and exact friction at their contacts did \
-                          not take the step to its tolerance either. The impulses are the best that were found; a gap, less friction or another \
-                          motion lets them go";
+                          not take the step to its tolerance either. The impulses are the best that were found; `--friction coulomb`, a gap, \
+                          less friction or another motion may let them go";
 
 /// The best impulses so far.
 #[derive(Default)]
@@ -240,13 +240,24 @@ pub(crate) struct Wedges<'a> {
     pub settings: &'a SolveSettings,
     /// |gravity|, m/s^2, and dt, s.
     pub under: (f64, f64),
+    /// Iterations that the relaxed solve took; they count against the limit of the settings.
+    pub spent: usize,
+}
+
+/// What came of looking for wedges.
+pub(crate) enum Search {
+    /// None were found.
+    Nothing,
+    /// Some were, but neither was their mixture solved nor is it proved that the relaxed problem has no solution. What that took.
+    Unsolved(SolveReport),
+    /// The report, and the contacts with exact friction as places in the problem; none where the mixture was not solved.
+    Ended(SolveReport, Vec<usize>),
 }
 
 impl Wedges<'_> {
-    /// Solves the mixture from impulses `g` that a relaxed solve ended with (`posed`: the problem as solvers take it); the report, whose
-    /// residuals are those of the mixture, and the contacts with exact friction. Where a wedge was not solved either, the best impulses come
-    /// back with [`Status::Infeasible`], if that the relaxed problem has none is proved. `None`, and `g` as it was, where that is not, or no
-    /// wedge was found.
+    /// Solves the mixture from impulses `g` that a relaxed solve from `start` ended with (`posed`: the problem as solvers take it). Residuals
+    /// of the report are those of the mixture. Where a wedge was not solved either, the best impulses come back with
+    /// [`Status::Infeasible`], if that the relaxed problem has no solution is proved; `g` is as it was where it is not.
     ///
     /// # Errors
     /// Those of the solver.
@@ -254,9 +265,10 @@ impl Wedges<'_> {
         &mut self,
         problem: &Ccp,
         posed: &Ccp,
+        start: &[f64],
         g: &mut [f64],
-    ) -> Result<Option<(SolveReport, Vec<usize>)>, CcpError> {
-        let Delassus::Rigid(rigid) = &*problem.delassus else { return Ok(None) };
+    ) -> Result<Search, CcpError> {
+        let Delassus::Rigid(rigid) = &*problem.delassus else { return Ok(Search::Nothing) };
         let mut mixture = Mixture::new(problem, posed);
         let mut proved = 0.0_f64;
         let mut impulse = g.to_vec();
@@ -281,39 +293,44 @@ impl Wedges<'_> {
                 mixture.join(wedge, &mut impulse, margin);
                 (least, since) = (f64::INFINITY, 0);
             }
-            if round == ROUNDS {
+            let left = self.iterations_left(told.as_ref());
+            if round == ROUNDS || left == 0 {
                 break;
             }
             // What s changes after the solve comes on top of what the solve leaves.
             let settings = SolveSettings {
                 tolerance: 0.5 * self.settings.tolerance,
-                max_iterations: Some(BURST),
+                max_iterations: Some(BURST.min(left)),
                 ..self.settings.clone()
             };
             let report = solve_without_gain(self.solver, &mixture.posed, &mut impulse, &settings)?;
             if report.status == Status::Stopped {
-                return Ok(Some((report, mixture.exact)));
+                return Ok(Search::Ended(report, Vec::new()));
             }
             told = Some(match &told {
                 Some(earlier) => report.after(earlier),
                 None => report,
             });
         }
-        let Some(mut told) = told else { return Ok(None) };
+        let Some(mut told) = told else { return Ok(Search::Nothing) };
         (told.status, told.remark) = (Status::Infeasible, Some(LOCKED_TOO.to_string()));
         if best.judged > self.settings.tolerance {
-            told = self.beside(&mut mixture, rigid, &mut best, told)?;
+            told = self.everywhere(&mut mixture, start, &mut best, told)?;
+        }
+        // No number is larger than the tolerance, and none smaller, where all of them were NaN.
+        if best.impulse.is_empty() {
+            return Ok(Search::Unsolved(told));
         }
         if best.judged > self.settings.tolerance && told.status != Status::Stopped {
-            told = self.everywhere(&mut mixture, &mut best, told)?;
+            told = self.beside(&mut mixture, rigid, &mut best, told)?;
         }
         if told.status == Status::Stopped {
-            return Ok(Some((told, mixture.exact)));
+            return Ok(Search::Ended(told, Vec::new()));
         }
         if best.judged <= self.settings.tolerance {
             (told.status, told.remark) = (Status::Converged, None);
         } else if proved < infeasible::PROBABLE {
-            return Ok(None);
+            return Ok(Search::Unsolved(told));
         }
         g.copy_from_slice(&best.impulse);
         mixture.look_at(g);
@@ -326,7 +343,14 @@ impl Wedges<'_> {
             objective: problem.objective(g, &mixture.velocity),
             ..told
         };
-        Ok(Some((report, mixture.exact)))
+        let wedged = if report.converged() { mixture.exact } else { Vec::new() };
+        Ok(Search::Ended(report, wedged))
+    }
+
+    /// Iterations that the settings leave after the relaxed solve and these.
+    fn iterations_left(&self, told: Option<&SolveReport>) -> usize {
+        let spent = self.spent + told.map_or(0, |told| told.iterations);
+        self.settings.max_iterations.map_or(usize::MAX, |most| most.saturating_sub(spent))
     }
 
     /// Where what is left lies in the bed beside the wedges, which had bursts of iterations only, the bed is solved as long as the settings
@@ -340,14 +364,18 @@ impl Wedges<'_> {
     ) -> Result<SolveReport, CcpError> {
         mixture.look_at(&best.impulse);
         let worst = mixture.worst_first(&best.impulse);
-        if !worst.first().is_some_and(|&worst| mixture.is_beside(rigid, worst)) {
+        let left = self.iterations_left(Some(&told));
+        if left == 0 || !worst.first().is_some_and(|&worst| mixture.is_beside(rigid, worst)) {
             return Ok(told);
         }
         mixture.follow(mixture.margin(self.settings));
         let mut impulse = best.impulse.clone();
-        let report = solve_without_gain(self.solver, &mixture.posed, &mut impulse, self.settings)?;
+        let max_iterations = self.settings.max_iterations.map(|_| left);
+        let settings = SolveSettings { max_iterations, ..self.settings.clone() };
+        let report = solve_without_gain(self.solver, &mixture.posed, &mut impulse, &settings)?;
         let (status, remark) = match report.status {
-            Status::Converged => (told.status, told.remark.clone()),
+            // What it proves holds for the s that was taken alone.
+            Status::Converged | Status::Infeasible => (told.status, told.remark.clone()),
             status => (status, report.remark.clone()),
         };
         let residual = mixture.look_at(&impulse);
@@ -358,31 +386,48 @@ impl Wedges<'_> {
         Ok(SolveReport { status, remark, ..report.after(&told) })
     }
 
-    /// The last resort: exact friction at all contacts, which fares better than the mixture where a wedge is a good part of the whole.
+    /// Exact friction at all contacts, which fares better than the mixture where a wedge is a good part of the whole: from the impulses
+    /// that the step began with, then from none. Those of a mixture that was not solved are of bodies that press each other without end.
     fn everywhere(
         &mut self,
         mixture: &mut Mixture<'_>,
+        start: &[f64],
         best: &mut BestMixture,
-        told: SolveReport,
+        mut told: SolveReport,
     ) -> Result<SolveReport, CcpError> {
-        let settings = SolveSettings {
-            friction: FrictionModel::Coulomb,
-            max_iterations: Some(self.settings.max_iterations.unwrap_or(EVERYWHERE).min(EVERYWHERE)),
-            curvature: None,
-            ..self.settings.clone()
-        };
-        let mut impulse = best.impulse.clone();
         // De Saxce's term is the solver's affair here.
         let posed = Ccp { r: mixture.problem.r.clone(), ..mixture.posed.clone() };
-        let report = solve_without_gain(self.solver, &posed, &mut impulse, &settings)?;
-        let status = if report.status == Status::Stopped { report.status } else { told.status };
-        if report.converged() {
-            mixture.exact = (0..mixture.problem.num_contacts()).collect();
+        let wedges = std::mem::replace(&mut mixture.exact, (0..mixture.problem.num_contacts()).collect());
+        let nothing = vec![0.0; start.len()];
+        let is_warm = start.iter().any(|&g| g != 0.0);
+        for start in [start, &nothing].into_iter().take(1 + usize::from(is_warm)) {
+            let left = self.iterations_left(Some(&told));
+            let settings = SolveSettings {
+                friction: FrictionModel::Coulomb,
+                max_iterations: Some(EVERYWHERE.min(left)),
+                curvature: None,
+                ..self.settings.clone()
+            };
+            let mut impulse = start.to_vec();
+            if left == 0 {
+                break;
+            }
+            let report = solve_without_gain(self.solver, &posed, &mut impulse, &settings)?;
+            let status = if report.status == Status::Stopped { report.status } else { told.status };
+            let (solved, remark) = (report.converged(), told.remark.clone());
+            told = SolveReport { status, remark, ..report.after(&told) };
+            if status == Status::Stopped {
+                break;
+            }
             let residual = mixture.look_at(&impulse);
-            *best = BestMixture { judged: residual.judged(self.settings.judge), residual, impulse };
+            let judged = residual.judged(self.settings.judge);
+            if solved && judged <= self.settings.tolerance {
+                *best = BestMixture { judged, residual, impulse };
+                return Ok(told);
+            }
         }
-        let remark = told.remark.clone();
-        Ok(SolveReport { status, remark, ..report.after(&told) })
+        mixture.exact = wedges;
+        Ok(told)
     }
 
     /// The wedge around the worst of the contacts that have one, for the impulses looked at, but for those whose contacts are known; and the

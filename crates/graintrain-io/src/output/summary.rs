@@ -119,7 +119,7 @@ pub struct Summary {
     pub impact_residual_max: f64,
     /// Connected parts in which restitution was lowered, because it would have made energy.
     pub restitution_lowered: u64,
-    /// Contacts of wedged bodies, whose relaxation has no solution, taken with exact friction in a relaxed step.
+    /// Contacts taken with exact friction in relaxed steps, because bodies were wedged in.
     pub contacts_wedged: u64,
     /// Steps with such contacts.
     pub wedged_steps: u64,

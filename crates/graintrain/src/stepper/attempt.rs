@@ -51,7 +51,7 @@ pub(super) struct Attempt {
     pub(super) velocity: Vec<f64>,
     pub(super) solve: SolveReport,
     pub(super) parts: usize,
-    /// Contacts with exact friction, because their relaxation has no solution, as places in the problem.
+    /// Contacts with exact friction, because their relaxation has no solution or throws bodies away, as places in the problem.
     pub(super) wedged: Vec<usize>,
     pub(super) assembled: Clock,
 }

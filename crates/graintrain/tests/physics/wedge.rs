@@ -85,3 +85,27 @@ fn a_jointed_block_between_two_plates_is_not_locked() {
     }
     assert!(world.bodies.velocity[block.index()].x > 0.05, "{}", world.bodies.velocity[block.index()]);
 }
+
+/// A layer of balls between a fixed lid and a floor that is driven: all of it is wedged, and exact friction has it roll.
+#[test]
+fn a_layer_of_balls_between_two_plates_rolls() {
+    let mut world = world(0.9, 0.0);
+    let fixed = world.add_motion(Motion::fixed()).unwrap();
+    let driven = world.add_motion(Motion::translating(Vec3::X, Profile::Constant(0.05))).unwrap();
+    let plate = world.add_geometry(Geometry::cuboid(Vec3::new(15.0, 15.0, 0.5)).unwrap());
+    for (motion, z) in [(driven, -0.5), (fixed, 0.6)] {
+        let place = Vec3::new(0.0, 0.0, z);
+        world.add_body(Body { motion, ..Body::new(plate, MaterialId::default(), place) }).unwrap();
+    }
+    let ball = world.add_geometry(Geometry::sphere(0.05).unwrap());
+    for k in 0..144 {
+        let place = Vec3::new(0.1 * f64::from(k % 12) - 0.55, 0.1 * f64::from(k / 12) - 0.55, 0.05);
+        world.add_body(Body::new(ball, MaterialId::default(), place)).unwrap();
+    }
+    let mut stepper = Stepper::new(StepSettings { step: 5e-3, ..StepSettings::default() }).unwrap();
+    for n in 0..5 {
+        let report = stepper.step(&mut world).unwrap();
+        assert!(report.solve.converged(), "step {n}: {:?}", report.solve);
+        assert!(report.penetration_max_over_size < 0.01, "step {n}: {}", report.penetration_max_over_size);
+    }
+}
