@@ -235,8 +235,10 @@ impl Stream {
         let first = state.given.bodies - entered.len() as u64;
         // Equal forms are shared; balls of sizes of their own take the places of those that nobody has any more, or memory would grow for as long as
         // bodies come and leave.
-        let is_common =
-            matches!(self.grain, Grain::Form(_) | Grain::Sphere(RadiusDistribution::Choice { .. }));
+        let is_common = match &self.grain {
+            Grain::Form(_) => true,
+            Grain::Sphere(radii) => radii.is_discrete(),
+        };
         let mut unused = if is_common || entered.is_empty() { Vec::new() } else { unused_balls(world) };
         for (number, &(position, _)) in (first..).zip(entered) {
             let (geometry, orientation) = self.grain(number)?;
@@ -273,12 +275,7 @@ impl Stream {
         };
         let (low, high) = bounds(&self.region);
         let sizes = match &self.grain {
-            Grain::Sphere(RadiusDistribution::Choice { radii, weights }) => {
-                radii.len() == weights.len()
-                    && !radii.is_empty()
-                    && radii.iter().all(|r| r.is_finite() && *r > 0.0)
-            }
-            Grain::Sphere(radii) => radii.range().iter().all(|r| r.is_finite() && *r > 0.0),
+            Grain::Sphere(radii) => radii.is_sound(),
             Grain::Form(geometry) => geometry.volume > 0.0 && geometry.scaled(1.0).is_ok(),
         };
         let motion = self.motion == graintrain::world::FREE || self.motion.index() < world.motions.len();

@@ -7,6 +7,7 @@ use super::measure;
 use super::model::*;
 use super::parameters::Parameters;
 use super::periodic;
+use super::radius::radius;
 use super::reader::{Context, Range, Reader};
 use super::schema;
 use super::stage::{self, StageSpec};
@@ -667,62 +668,6 @@ fn packing(reader: &Reader, materials: &[&str], default_seed: u64) -> Result<Pac
         seed: reader.count("seed")?.unwrap_or(default_seed),
         location: reader.location().clone(),
     })
-}
-
-pub(super) fn radius(packing: &Reader) -> Result<Option<RadiusSpec>, SceneError> {
-    match packing.get("radius") {
-        None => return Ok(None),
-        Some(Node { value: Value::Table(_), .. }) => {}
-        Some(_) => {
-            return packing.quantity("radius", Range::Positive).map(|radius| radius.map(RadiusSpec::Single));
-        }
-    }
-    let reader = packing.required_child("radius")?;
-    let form = reader.one_of(&["uniform", "normal", "lognormal", "choice"])?;
-    let inner = reader.required_child(form)?;
-    if form == "choice" {
-        let radii = inner.list("radii", Range::Positive)?.ok_or_else(|| inner.missing("radii"))?;
-        let weights = inner.list("weights", Range::NotNegative)?.unwrap_or_else(|| vec![1.0; radii.len()]);
-        if weights.len() != radii.len() || radii.is_empty() {
-            let requirement = format!("as many as the radii ({}), at least one", radii.len());
-            return Err(inner.out_of_range("weights", &requirement, weights.len()));
-        }
-        if weights.iter().sum::<f64>() <= 0.0 {
-            return Err(inner.out_of_range("weights", "positive in sum", format!("{weights:?}")));
-        }
-        return Ok(Some(RadiusSpec::Distribution(RadiusDistribution::Choice { radii, weights })));
-    }
-    let min = inner.required("min", Range::Positive)?;
-    let max = inner.required("max", Range::Positive)?;
-    if max < min {
-        return Err(inner.out_of_range("max", &format!("at least min ({min} m)"), format!("{max} m")));
-    }
-    // The cut must leave a fair part of the distribution: radii are drawn until one falls inside.
-    let inside = |key: &str, centre: f64| {
-        if (min..=max).contains(&centre) {
-            return Ok(());
-        }
-        Err(inner.out_of_range(
-            key,
-            &format!("between min and max ({min} m to {max} m)"),
-            format!("{centre} m"),
-        ))
-    };
-    Ok(Some(RadiusSpec::Distribution(match form {
-        "uniform" => RadiusDistribution::Uniform { min, max },
-        "normal" => {
-            let mean = inner.required("mean", Range::Positive)?;
-            inside("mean", mean)?;
-            let deviation = inner.required("deviation", Range::NotNegative)?;
-            RadiusDistribution::Normal { mean, deviation, min, max }
-        }
-        _ => {
-            let median = inner.required("median", Range::Positive)?;
-            inside("median", median)?;
-            let deviation = inner.required("deviation", Range::NotNegative)?;
-            RadiusDistribution::Lognormal { median, deviation, min, max }
-        }
-    })))
 }
 
 fn lattice(reader: &Reader) -> Result<LatticeSpec, SceneError> {

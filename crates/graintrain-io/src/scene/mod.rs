@@ -32,6 +32,7 @@ mod packing;
 mod parameters;
 mod periodic;
 pub mod quantity;
+mod radius;
 mod reader;
 pub mod schema;
 mod stage;

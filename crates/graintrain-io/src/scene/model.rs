@@ -701,7 +701,27 @@ pub enum RadiusSpec {
     /// The same for all.
     Single(f64),
     /// A distribution.
+    #[serde(serialize_with = "radius_table")]
     Distribution(RadiusDistribution),
+}
+
+/// The table that a scene has for a distribution, with what its shares count beside it.
+fn radius_table<S: serde::Serializer>(
+    distribution: &RadiusDistribution,
+    serializer: S,
+) -> Result<S::Ok, S::Error> {
+    #[derive(Serialize)]
+    struct RadiusTable<'a> {
+        #[serde(flatten)]
+        distribution: &'a RadiusDistribution,
+        #[serde(skip_serializing_if = "Option::is_none")]
+        by: Option<&'static str>,
+    }
+    let table = match distribution {
+        RadiusDistribution::ByMass(inner) => RadiusTable { distribution: inner, by: Some("mass") },
+        by_number => RadiusTable { distribution: by_number, by: None },
+    };
+    table.serialize(serializer)
 }
 
 impl ShapeSpec {

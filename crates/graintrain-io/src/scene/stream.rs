@@ -1,9 +1,10 @@
 //! Streams and outlets as a scene asks for them.
 
 use super::error::{Location, SceneError, SceneErrorKind};
-use super::file::{material_name, part, radius, region, shape};
+use super::file::{material_name, part, region, shape};
 use super::measure::PlaneSpec;
 use super::model::{PartSpec, RadiusSpec, ShapeSpec};
+use super::radius::radius;
 use super::reader::{Range, Reader};
 use graintrain::load::Region;
 use graintrain::math::Vec3;

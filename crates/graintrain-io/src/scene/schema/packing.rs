@@ -79,7 +79,7 @@ pub(super) static PACKING: Table = Table {
 
 pub(super) static RADIUS: Table = Table {
     heading: "`packing.NAME.radius`",
-    alternatives: &[&["uniform", "normal", "lognormal", "choice"]],
+    alternatives: &[&["uniform", "normal", "lognormal", "choice", "rosin_rammler", "sieves"]],
     keys: &[
         key(
             "uniform",
@@ -108,6 +108,27 @@ pub(super) static RADIUS: Table = Table {
             "one of",
             "{ radii = [\"4 mm\", \"8 mm\"], weights = [0.9, 0.1] }",
             "One of several radii",
+        ),
+        key(
+            "rosin_rammler",
+            Kind::Table(&ROSIN_RAMMLER),
+            "one of",
+            "{ size = \"5 mm\", spread = 3, min = \"2 mm\", max = \"8 mm\" }",
+            "Rosin and Rammler, cut off at two radii: up to radius r there is the share 1 - exp(-(r/size)^spread) of the mass",
+        ),
+        key(
+            "sieves",
+            Kind::Table(&SIEVES),
+            "one of",
+            "{ openings = [\"2 mm\", \"4 mm\", \"8 mm\"], passing = [0, 0.3, 1] }",
+            "A grading curve by mass, straight over the logarithm of the opening between sieves",
+        ),
+        key(
+            "by",
+            Text,
+            "\"number\"; of rosin_rammler and sieves \"mass\"",
+            "\"mass\"",
+            "What shares, weights, medians and means count: number of spheres, or mass",
         ),
     ],
 };
@@ -152,6 +173,44 @@ static CHOICE: Table = Table {
     keys: &[
         key("radii", List(D::LENGTH), "required", "[\"4 mm\", \"8 mm\"]", "The radii"),
         key("weights", List(D::NONE), "equal", "[0.9, 0.1]", "How often each is drawn; any sum"),
+    ],
+};
+
+static ROSIN_RAMMLER: Table = Table {
+    heading: "`radius.rosin_rammler`",
+    alternatives: &[],
+    keys: &[
+        key(
+            "size",
+            Quantity(D::LENGTH),
+            "required",
+            "\"5 mm\"",
+            "Radius up to which there are 63.2 % of the mass before the cut",
+        ),
+        key("spread", Quantity(D::NONE), "required", "3", "Exponent, at most 100: the larger, the narrower"),
+        MIN_RADIUS,
+        MAX_RADIUS,
+    ],
+};
+
+static SIEVES: Table = Table {
+    heading: "`radius.sieves`",
+    alternatives: &[],
+    keys: &[
+        key(
+            "openings",
+            List(D::LENGTH),
+            "required",
+            "[\"2 mm\", \"4 mm\", \"8 mm\"]",
+            "Openings, ascending: the largest *diameters* that pass",
+        ),
+        key(
+            "passing",
+            List(D::NONE),
+            "required",
+            "[0, 0.3, 1]",
+            "Share of the mass that passes each, from 0 to 1",
+        ),
     ],
 };
 

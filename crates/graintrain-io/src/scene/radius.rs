@@ -1,0 +1,112 @@
+//! Sizes of spheres as scenes have them: one radius, or a distribution by number or by mass.
+
+use super::error::SceneError;
+use super::model::{RadiusDistribution, RadiusSpec};
+use super::reader::{Range, Reader};
+use super::tree::{Node, Value};
+
+/// The distributions, of which one is given.
+const FORMS: &[&str] = &["uniform", "normal", "lognormal", "choice", "rosin_rammler", "sieves"];
+
+/// Largest exponent of Rosin and Rammler: all sizes are equal to a percent.
+const MOST_SPREAD: f64 = 100.0;
+
+/// The `radius` of a packing or stream, if given.
+pub(super) fn radius(packing: &Reader) -> Result<Option<RadiusSpec>, SceneError> {
+    match packing.get("radius") {
+        None => return Ok(None),
+        Some(Node { value: Value::Table(_), .. }) => {}
+        Some(_) => {
+            return packing.quantity("radius", Range::Positive).map(|radius| radius.map(RadiusSpec::Single));
+        }
+    }
+    let reader = packing.required_child("radius")?;
+    let form = reader.one_of(FORMS)?;
+    let by_mass = reader.choice("by", &[("number", false), ("mass", true)])?;
+    let inner = reader.required_child(form)?;
+    let distribution = distribution(form, &inner)?;
+    Ok(Some(RadiusSpec::Distribution(match (form, by_mass) {
+        ("rosin_rammler" | "sieves", Some(false)) => {
+            return Err(reader.out_of_range("by", &format!("\"mass\" of `{form}`"), "number"));
+        }
+        ("rosin_rammler" | "sieves", _) | (_, None | Some(false)) => distribution,
+        _ => RadiusDistribution::ByMass(Box::new(distribution)),
+    })))
+}
+
+fn distribution(form: &str, inner: &Reader) -> Result<RadiusDistribution, SceneError> {
+    if form == "sieves" {
+        return sieves(inner);
+    }
+    if form == "choice" {
+        let radii = inner.list("radii", Range::Positive)?.ok_or_else(|| inner.missing("radii"))?;
+        let weights = inner.list("weights", Range::NotNegative)?.unwrap_or_else(|| vec![1.0; radii.len()]);
+        if weights.len() != radii.len() || radii.is_empty() {
+            let requirement = format!("as many as the radii ({}), at least one", radii.len());
+            return Err(inner.out_of_range("weights", &requirement, weights.len()));
+        }
+        if weights.iter().sum::<f64>() <= 0.0 {
+            return Err(inner.out_of_range("weights", "positive in sum", format!("{weights:?}")));
+        }
+        return Ok(RadiusDistribution::Choice { radii, weights });
+    }
+    let min = inner.required("min", Range::Positive)?;
+    let max = inner.required("max", Range::Positive)?;
+    if max < min {
+        return Err(inner.out_of_range("max", &format!("at least min ({min} m)"), format!("{max} m")));
+    }
+    // The cut must leave a fair part of the distribution: radii are drawn until one falls inside.
+    let inside = |key: &str, centre: f64| {
+        if (min..=max).contains(&centre) {
+            return Ok(());
+        }
+        Err(inner.out_of_range(
+            key,
+            &format!("between min and max ({min} m to {max} m)"),
+            format!("{centre} m"),
+        ))
+    };
+    Ok(match form {
+        "uniform" => RadiusDistribution::Uniform { min, max },
+        "normal" => {
+            let mean = inner.required("mean", Range::Positive)?;
+            inside("mean", mean)?;
+            let deviation = inner.required("deviation", Range::NotNegative)?;
+            RadiusDistribution::Normal { mean, deviation, min, max }
+        }
+        "rosin_rammler" => {
+            let size = inner.required("size", Range::Positive)?;
+            inside("size", size)?;
+            let spread = inner.required("spread", Range::Positive)?;
+            if spread > MOST_SPREAD {
+                return Err(inner.out_of_range("spread", &format!("at most {MOST_SPREAD}"), spread));
+            }
+            RadiusDistribution::RosinRammler { size, spread, min, max }
+        }
+        _ => {
+            let median = inner.required("median", Range::Positive)?;
+            inside("median", median)?;
+            let deviation = inner.required("deviation", Range::NotNegative)?;
+            RadiusDistribution::Lognormal { median, deviation, min, max }
+        }
+    })
+}
+
+/// A grading curve: openings are diameters, as sieves are named.
+fn sieves(inner: &Reader) -> Result<RadiusDistribution, SceneError> {
+    let openings = inner.list("openings", Range::Positive)?.ok_or_else(|| inner.missing("openings"))?;
+    let passing = inner.list("passing", Range::ZeroToOne)?.ok_or_else(|| inner.missing("passing"))?;
+    if openings.len() < 2 || !openings.is_sorted_by(|a, b| a < b) {
+        let requirement = "two or more, each larger than the one before";
+        return Err(inner.out_of_range("openings", requirement, format!("{openings:?} m")));
+    }
+    if passing.len() != openings.len() {
+        let requirement = format!("as many as the openings ({})", openings.len());
+        return Err(inner.out_of_range("passing", &requirement, passing.len()));
+    }
+    if passing[0] != 0.0 || passing[passing.len() - 1] != 1.0 || !passing.is_sorted() {
+        let requirement = "shares that begin with 0, never fall, and end with 1: the smallest and the largest size are needed";
+        return Err(inner.out_of_range("passing", requirement, format!("{passing:?}")));
+    }
+    Ok(RadiusDistribution::Sieves { openings, passing })
+}
