@@ -236,6 +236,10 @@ pub fn sweep_failure(error: SweepError) -> Failure {
         error @ (SweepError::Plan(_) | SweepError::Differs { .. } | SweepError::Observable { .. }) => {
             Failure::input_error(error, "")
         }
+        // The file is in the way of the same command, too; the error says what to do where something can be done.
+        error @ (SweepError::Read { .. } | SweepError::Unusable { .. }) => {
+            Failure::work_error(error, "finished runs are kept")
+        }
         error => Failure::work_error(error, "finished runs are kept: the same command goes on"),
     }
 }

@@ -26,7 +26,7 @@ use std::process::ExitCode;
     graintrain calibrate press.toml --fit stiffness=log:1e4..1e7 --to cell.porosity=0.39+-1%\n\n\
     measured.csv has a header of two or three names: a column of the same measurement (as displacement) or a key of the scene, the ordinate, its\n\
     standard error; names may have units in brackets. --to box.tau=measured.csv+-5% gives all points an error.\n\n\
-    Exit codes: 0 done; 1 no values in the ranges reach what was measured, or a run failed (the others are made); 2 bad input; 130 and 143 stopped by Ctrl-C and SIGTERM."
+    Exit codes: 0 done; 1 no values in the ranges reach what was measured, no run has a number near the answer, or a run failed (the others are made); 2 bad input; 130 and 143 stopped by Ctrl-C and SIGTERM."
 )]
 pub struct Arguments {
     #[command(flatten)]
@@ -95,7 +95,7 @@ pub fn execute(arguments: &Arguments) -> Result<ExitCode, Failure> {
             how.folder.display()
         );
     }
-    let is_answered = answer.failed.is_empty() && !answer.is_missed();
+    let is_answered = answer.failed.is_empty() && !answer.is_missed() && answer.silent_aim().is_none();
     Ok(if is_answered { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 
@@ -125,13 +125,25 @@ fn print(answer: &Answer) {
             text(reached.value, reached.error)
         );
     }
-    let settings: Vec<String> = answer
-        .question
-        .settings(&answer.distribution.likeliest)
+    let plan = &answer.question.plan;
+    let fitted = answer.question.settings(&answer.distribution.likeliest);
+    let settings: Vec<String> = plan
+        .settings
         .iter()
-        .map(|(key, value)| format!("--set {key}={value}"))
+        .chain(&fitted)
+        .map(|(key, value)| format!("--set {}", quoted(&format!("{key}={value}"))))
         .collect();
-    say!("\n  likeliest: graintrain run {} {}\n", answer.question.plan.scene, settings.join(" "));
+    say!("\n  likeliest: graintrain run {} {}\n", quoted(&plan.scene), settings.join(" "));
+}
+
+/// A word as a shell takes it: in quotes where it would split or change it.
+fn quoted(word: &str) -> String {
+    let is_plain = |c: char| c.is_alphanumeric() || "=.,-+_/:@%".contains(c);
+    if !word.is_empty() && word.chars().all(is_plain) {
+        word.to_string()
+    } else {
+        format!("'{}'", word.replace('\'', r"'\''"))
+    }
 }
 
 /// A number to so many digits, with an exponent where it is large or small.

@@ -102,6 +102,48 @@ fn parameters_from_curves() {
     assert!(found["correlation"][0][1].as_f64().unwrap() > 0.5, "{found}");
 }
 
+/// Runs with much friction never come as far as the abscissa: where they have no number is no answer.
+#[test]
+fn no_answer_stands_on_no_run() {
+    let folder = folder();
+    std::fs::write(folder.path().join("x.csv"), "centre_x,v\n0.25,-0.4\n").unwrap();
+    let to = "block.velocity_x=x.csv+-0.02";
+    let (_, err) = ended(folder.path(), &["--fit", "mu=0.1..0.8", "--to", to, "--out", "x"], 1);
+    assert!(err.contains("no run has a number for `block.velocity_x at centre_x = 0.25`"), "{err}");
+    assert!(!err.contains("more runs would narrow"), "{err}");
+    // A point of a curve at which no run has a record: where the records are is told, and what the runs said is there.
+    std::fs::write(folder.path().join("t.csv"), "time,x\n0.1,0.08\n2.5,0.17\n").unwrap();
+    let late = ["--fit", "mu=0.1..0.8", "--to", "block.centre_x=t.csv+-0.001", "--out", "t"];
+    let (_, err) = ended(folder.path(), &late, 2);
+    assert!(err.contains("at time = 2.5") && err.contains("to 0.8"), "{err}");
+    assert!(folder.path().join("t/observed.csv").exists());
+}
+
+/// What was set is in the command that it prints, in quotes where a shell would split it.
+#[test]
+fn the_printed_command_has_all_settings() {
+    let folder = folder();
+    let way = "block.centre_x:last=0.17+-0.01";
+    let arguments =
+        ["--set", "speed=0.9 m/s", "--fit", "mu=0.1..0.8", "--to", way, "--points", "6", "--out", "s"];
+    let (out, _) = ended(folder.path(), &arguments, 0);
+    assert!(out.contains("graintrain run slide.toml --set 'speed=0.9 m/s' --set mu=0."), "{out}");
+}
+
+/// Points at which the scene cannot be built are failed runs; where all are, it says why.
+#[test]
+fn scenes_that_cannot_be_built() {
+    let folder = folder();
+    let whole = SLIDE.replace("mu = 0.5", "mu = 0.5\nn = 3").replace(
+        "[measure.block]",
+        "[packing.p]\nradius = 0.01\nlattice = { counts = [\"n\", 1, 1], pitch = 0.03, origin = [2, 0, 0.01] }\n[measure.block]\nbodies = [\"block\"]",
+    );
+    std::fs::write(folder.path().join("slide.toml"), whole).unwrap();
+    let to = "block.centre_x:last=0.17+-0.01";
+    let (_, err) = ended(folder.path(), &["--fit", "n=2..9", "--to", to, "--out", "n"], 2);
+    assert!(err.contains("whole number") && err.contains("varies keys continuously"), "{err}");
+}
+
 /// Killed and gone on with: the same answer, to the last bit.
 #[test]
 fn a_killed_calibration_goes_on() {
@@ -152,6 +194,7 @@ fn what_cannot_be_reached_is_said() {
 fn mistakes_are_told_before_the_first_run() {
     let folder = folder();
     std::fs::write(folder.path().join("bad.csv"), "time,x\n1\n").unwrap();
+    std::fs::write(folder.path().join("mus.csv"), "mu,x\n0.2,0.25\n0.3,0.17\n").unwrap();
     let way = "block.centre_x:last=0.17+-0.01";
     for (arguments, expected) in [
         (vec!["--fit", "mu", "--to", way], "KEY=LOW..HIGH"),
@@ -164,6 +207,9 @@ fn mistakes_are_told_before_the_first_run() {
         (vec!["--fit", "mu=0.1..0.5", "--to", "block.centre_x=none.csv"], "none.csv"),
         (vec!["--fit", "mu=0.1..0.5", "--to", "block.centre_x=bad.csv"], "bad.csv"),
         (vec!["--fit", "mu=0.1..0.5", "--to", way, "--points", "3"], "too few"),
+        (vec!["--fit", "mu=0.1..0.5", "--to", way, "--set", "parameters.mu=0.2"], "both fitted and set"),
+        (vec!["--fit", "mu=0.1..0.5", "--to", "block.centre_x:last=mus.csv"], "nothing would be varied"),
+        (vec!["--fit", "mu=0.1..0.5", "--to", "block.centre_x:last=0+-5%"], "share of zero"),
     ] {
         let all = [arguments.as_slice(), &["--out", "bad"]].concat();
         let (_, err) = ended(folder.path(), &all, 2);

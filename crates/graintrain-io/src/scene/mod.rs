@@ -218,6 +218,14 @@ pub fn value(text: &str, names: &[(&str, f64)]) -> Result<f64, String> {
     expression::evaluate(text, &Given(names)).map(|quantity| quantity.value).map_err(|error| error.problem)
 }
 
+/// A quantity from a text as scenes accept it: an expression with units.
+///
+/// # Errors
+/// What is wrong with the text, in words.
+pub fn quantity(text: &str) -> Result<quantity::Quantity, String> {
+    expression::evaluate(text, &expression::NoNames).map_err(|error| error.problem)
+}
+
 /// A time in seconds from what scenes accept as one: a number of seconds, or an expression with units ("20 ms").
 ///
 /// # Errors

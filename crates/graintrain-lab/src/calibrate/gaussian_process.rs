@@ -247,11 +247,16 @@ impl GaussianProcess {
             .collect()
     }
 
-    /// Share of the scatter of the values that the others predict, from -infinity to 1.
+    /// Share of the scatter of the values that the others predict, from -infinity to 1; 0 where they are all the same.
     pub fn predicted_share(&self) -> f64 {
-        let missed: f64 = self.leave_one_out().iter().map(|(distance, _)| distance * distance).sum();
-        let all: f64 = self.values.iter().map(|y| (self.scale * y).powi(2)).sum();
-        1.0 - missed / all.max(f64::MIN_POSITIVE)
+        let all: f64 = self.values.iter().map(|y| y * y).sum();
+        // The scale is the scatter, unless that is rounding: there is nothing to predict then.
+        if all < 0.5 * self.values.len() as f64 {
+            return 0.0;
+        }
+        let missed: f64 =
+            self.leave_one_out().iter().map(|(distance, _)| (distance / self.scale).powi(2)).sum();
+        1.0 - missed / all
     }
 }
 
@@ -351,8 +356,14 @@ mod tests {
         let constant = GaussianProcess::new(points.clone(), &[5.0; 8]).unwrap();
         let found = constant.predict(&[vec![0.3]])[0];
         assert!((found.value - 5.0).abs() < 1e-6 && found.error < 1e-6, "{found:?}");
+        for value in [5.0, 0.0, 0.1, 1e9 / 3.0] {
+            let constant = GaussianProcess::new(points.clone(), &[value; 8]).unwrap();
+            assert_eq!(constant.predicted_share(), 0.0, "{value}");
+        }
         let line: Vec<f64> = points.iter().map(|p| 1e9 * (2.0 - p[0])).collect();
-        let found = GaussianProcess::new(points.clone(), &line).unwrap().predict(&[vec![0.55]])[0];
+        let line = GaussianProcess::new(points.clone(), &line).unwrap();
+        assert!(line.predicted_share() > 0.99);
+        let found = line.predict(&[vec![0.55]])[0];
         assert!((found.value / 1.45e9 - 1.0).abs() < 1e-6, "{found:?}");
         assert!(GaussianProcess::new(points.clone(), &[f64::NAN; 8]).is_none());
         assert!(GaussianProcess::new(points[..3].to_vec(), &[1.0, 2.0, 3.0]).is_none());

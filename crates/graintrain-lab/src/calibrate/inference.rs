@@ -16,6 +16,8 @@ const COUNTING: f64 = 400.0;
 const NEGLIGIBLE: f64 = 14.0;
 /// Share of a correlation that is not believed: there are few runs to know it from.
 const UNBELIEVED: f64 = 0.1;
+/// Sum of squares per aim from which on the aims are said to be missed.
+pub(super) const MISSED: f64 = 9.0;
 /// Runs go where the likelihood to this power times what the surrogate does not know is largest: to the flanks, too, not the top alone.
 const TEMPER: f64 = 0.5;
 
@@ -60,6 +62,15 @@ pub struct Distribution {
     pub chi_square: f64,
     /// Errors were multiplied by this, because there is no point with misses as small as they say.
     pub widened: f64,
+    /// Whether no point reaches the aims: these are then the points nearest to them.
+    pub is_missed: bool,
+}
+
+/// Points at which no run has a number for an aim.
+fn silent_points(observations: &[Observation], aim: usize) -> Vec<Vec<f64>> {
+    let speaks =
+        |point: &[f64]| observations.iter().any(|run| run.point == point && run.values[aim].is_finite());
+    observations.iter().filter(|run| !speaks(&run.point)).map(|run| run.point.clone()).collect()
 }
 
 impl Surrogates {
@@ -91,12 +102,13 @@ impl Surrogates {
         self.processes.iter().map(|process| process.predict(at)).collect()
     }
 
-    /// -2 ln of the likelihood of the aims at each point, and the sum of squares in it; variances of the aims times `widening`.
-    fn deviances(&self, at: &[Vec<f64>], widening: f64) -> Vec<(f64, f64)> {
+    /// -2 ln of the likelihood of the aims at each point, and the sum of squares in it; variances of the aims times `widening`. The error of each
+    /// surrogate is its own at the point, or one for all points where `common` has them.
+    fn deviances(&self, at: &[Vec<f64>], widening: f64, common: Option<&[f64]>) -> Vec<(f64, f64)> {
         let predicted = self.predict(at);
         let m = self.aims.len();
         let covariance = |j: usize, i: usize, k: usize| {
-            let error = |a: usize| predicted[a][j].error;
+            let error = |a: usize| common.map_or(predicted[a][j].error, |errors| errors[a]);
             let own = if i == k { self.aims[i].error.powi(2) + 1e-4 * error(i).powi(2) } else { 0.0 };
             widening * (own + self.correlation[(i, k)] * error(i) * error(k))
         };
@@ -117,18 +129,74 @@ impl Surrogates {
 
     /// The distribution of the parameters, alike likely beforehand in the whole cube. Where there are more aims than parameters, and no point reaches them
     /// within their errors, all errors are widened until the best does (as in least squares with errors that are too small).
+    ///
+    /// Where the aims are out of reach, misses over the surrogates' own errors are smallest where the surrogates know least, which is no answer: the points
+    /// are then those of the smallest misses over errors that are the same everywhere.
     pub fn distribution(&self) -> Distribution {
-        let found = self.look(1.0);
+        let found = self.look(1.0, None);
+        let limit = MISSED * self.aims.len() as f64;
+        if found.chi_square <= limit {
+            return self.widened(found, None);
+        }
+        let errors = self.typical_errors();
+        let nearest = self.widened(self.look(1.0, Some(&errors)), Some(&errors));
+        let chi_square = self.chi_square(&nearest.likeliest);
+        if chi_square <= limit {
+            // The surrogates do not know enough there to rule it out.
+            return self.widened(found, None);
+        }
+        Distribution { chi_square, is_missed: true, ..nearest }
+    }
+
+    /// Sum of squares of the misses over their errors at a point.
+    pub fn chi_square(&self, point: &[f64]) -> f64 {
+        self.deviances(&[point.to_vec()], 1.0, None)[0].1
+    }
+
+    /// What `found` becomes with errors as wide as its misses ask for.
+    fn widened(&self, found: Distribution, common: Option<&[f64]>) -> Distribution {
         let free = self.aims.len() as f64 - self.dimension as f64;
         let widening = if free > 0.0 { found.chi_square / free } else { 1.0 };
         if widening <= 1.0 || !widening.is_finite() {
             return found;
         }
-        Distribution { chi_square: found.chi_square, widened: widening.sqrt(), ..self.look(widening) }
+        let wider = self.look(widening, common);
+        Distribution { chi_square: found.chi_square, widened: widening.sqrt(), ..wider }
+    }
+
+    /// Root mean square over the cube of the error of each surrogate.
+    fn typical_errors(&self) -> Vec<f64> {
+        let cube: Vec<Vec<f64>> = (0..POINTS as u64 / 4).map(|k| halton(k, self.dimension)).collect();
+        let mean_square = |list: &Vec<Prediction>| {
+            list.iter().map(|predicted| predicted.error.powi(2)).sum::<f64>() / cube.len() as f64
+        };
+        self.predict(&cube).iter().map(|list| mean_square(list).sqrt()).collect()
+    }
+
+    /// Share of the distribution whose nearest run has no number for an aim, and the aim for which it is largest: there the surrogate only continues what
+    /// it knows from elsewhere.
+    pub fn silent_share(&self, distribution: &Distribution, observations: &[Observation]) -> (f64, usize) {
+        let square = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum::<f64>();
+        let nearest = |point: &[f64], of: &[Vec<f64>]| {
+            of.iter().map(|other| square(point, other)).fold(f64::INFINITY, f64::min)
+        };
+        let share = |aim: usize| {
+            let silent = silent_points(observations, aim);
+            let speaking: Vec<Vec<f64>> = observations
+                .iter()
+                .filter(|run| run.values[aim].is_finite())
+                .map(|run| run.point.clone())
+                .collect();
+            distribution.mean(|u| f64::from(u8::from(nearest(u, &silent) < nearest(u, &speaking))))
+        };
+        (0..self.aims.len())
+            .map(|aim| (share(aim), aim))
+            .max_by(|a, b| a.0.total_cmp(&b.0))
+            .unwrap_or((0.0, 0))
     }
 
     /// Looks at the whole cube, then again and again at the box around what is likely, until enough points of a look count.
-    fn look(&self, widening: f64) -> Distribution {
+    fn look(&self, widening: f64, common: Option<&[f64]>) -> Distribution {
         let d = self.dimension;
         let (mut low, mut high, mut count) = (vec![0.0; d], vec![1.0; d], POINTS);
         let mut best: Option<Distribution> = None;
@@ -137,7 +205,7 @@ impl Surrogates {
                 halton(k, d).iter().enumerate().map(|(i, x)| low[i] + x * (high[i] - low[i])).collect()
             };
             let points: Vec<Vec<f64>> = (0..count as u64).map(place).collect();
-            let deviances = self.deviances(&points, widening);
+            let deviances = self.deviances(&points, widening, common);
             let least = deviances.iter().map(|found| found.0).fold(f64::INFINITY, f64::min);
             let top = deviances.iter().position(|found| found.0 == least).unwrap_or(0);
             let raw: Vec<f64> =
@@ -159,7 +227,8 @@ impl Surrogates {
                     }
                 }
             }
-            best = Some(Distribution { points, weights, likeliest, chi_square, widened: 1.0 });
+            best =
+                Some(Distribution { points, weights, likeliest, chi_square, widened: 1.0, is_missed: false });
             if counting >= COUNTING || !least.is_finite() {
                 break;
             }
@@ -181,22 +250,35 @@ impl Surrogates {
     }
 
     /// Mean over the distribution of the share of the surrogate in the variance of each aim; the largest of these. 1 for an aim without an error.
+    /// Where the aims are missed, the miss counts as variance, too: what is certain to be out of reach does not come nearer by more runs.
     pub fn unknown_share(&self, distribution: &Distribution) -> f64 {
         let predicted = self.predict(&distribution.points);
         let share = |(aim, predicted): (&Aim, &Vec<Prediction>)| {
             let squares = predicted.iter().zip(&distribution.weights).map(|(p, w)| w * p.error.powi(2));
             let square: f64 = squares.sum();
-            square / (square + aim.error.powi(2)).max(f64::MIN_POSITIVE)
+            let misses =
+                predicted.iter().zip(&distribution.weights).map(|(p, w)| w * (p.value - aim.value).powi(2));
+            let miss: f64 = if distribution.is_missed { misses.sum() } else { 0.0 };
+            square / (square + aim.error.powi(2) + miss).max(f64::MIN_POSITIVE)
         };
         self.aims.iter().zip(&predicted).map(share).fold(0.0, f64::max)
     }
 
     /// Where the next runs say most: one after the other where what the surrogates do not know, times how likely the point is, is largest, each taken as
-    /// made for those after it. `pending` are places of runs that had no result: there is nothing to be learned there. The last one goes where
+    /// made for those after it. Where runs had no number for an aim, there is nothing to be learned of it. The last one goes where
     /// the surrogates know least in the whole cube, in case they are wrong about what is likely.
-    pub fn next(&self, distribution: &Distribution, pending: &[Vec<f64>], count: usize) -> Vec<Vec<f64>> {
+    pub fn next(
+        &self,
+        distribution: &Distribution,
+        observations: &[Observation],
+        count: usize,
+    ) -> Vec<Vec<f64>> {
         let mut known = self.clone();
-        known.learn(pending);
+        for (aim, process) in known.processes.iter_mut().enumerate() {
+            for point in silent_points(observations, aim) {
+                *process = process.with_point(&point);
+            }
+        }
         let typical: Vec<f64> = known
             .predict(&distribution.points)
             .iter()
@@ -325,7 +407,7 @@ mod tests {
             if seen.len() >= runs {
                 return found;
             }
-            for point in surrogates.next(&found, &[], 4) {
+            for point in surrogates.next(&found, &seen, 4) {
                 seen.push(observe(point, random));
             }
         }
@@ -407,6 +489,48 @@ mod tests {
         let aims = [Aim { value: 3.0, error: 0.1 }, Aim { value: 0.5, error: 0.1 }];
         let found = calibrate(&line, 1e-3, &aims, 1, 12, &mut Pcg64::new(2, 1));
         assert!(found.chi_square > 100.0 && found.widened > 5.0, "{} {}", found.chi_square, found.widened);
+    }
+
+    /// Beyond the end of a range, with runs that leave a gap: the nearest point is the end, not the gap, where the surrogate knows least.
+    #[test]
+    fn the_nearest_to_what_is_out_of_reach() {
+        let seen: Vec<Observation> = [0.0, 0.05, 0.1, 0.2, 0.3, 0.8, 0.9, 0.95, 1.0]
+            .map(|u: f64| Observation { point: vec![u], values: vec![1.0 / (0.2 + u)] })
+            .to_vec();
+        for error in [0.0, 0.1] {
+            let surrogates = Surrogates::new(&[Aim { value: 7.0, error }], &seen, 1).unwrap();
+            let found = surrogates.distribution();
+            assert!(found.is_missed && found.likeliest[0] < 0.01, "{:?}", found.likeliest);
+            // It is certain: no more runs are asked for.
+            assert!(surrogates.unknown_share(&found) < 0.05);
+        }
+        let reached = Surrogates::new(&[Aim { value: 3.0, error: 0.1 }], &seen, 1).unwrap().distribution();
+        assert!(!reached.is_missed && (reached.likeliest[0] - (1.0 / 3.0 - 0.2)).abs() < 0.02);
+    }
+
+    /// Runs with numbers in the lower half only: an answer in the upper half is a continuation, and new runs do not go to where runs were silent.
+    #[test]
+    fn where_no_run_has_a_number() {
+        let run = |k: u32| {
+            let u = f64::from(k) / 10.0;
+            let first = if u < 0.45 { u } else { f64::NAN };
+            Observation { point: vec![u], values: vec![first, 0.5 * u] }
+        };
+        let seen: Vec<Observation> = (0..=10).map(run).collect();
+        let share = |value: f64| {
+            let aims = [Aim { value, error: 0.01 }, Aim { value: 0.5 * value, error: 0.01 }];
+            let surrogates = Surrogates::new(&aims, &seen, 1).unwrap();
+            let found = surrogates.distribution();
+            surrogates.silent_share(&found, &seen)
+        };
+        let (silent, aim) = share(0.8);
+        assert!(silent > 0.9 && aim == 0, "{silent} {aim}");
+        assert!(share(0.2).0 < 0.1);
+        // A second run of a point speaks for it.
+        let again = Observation { point: vec![1.0], values: vec![1.0, 0.5] };
+        let points = silent_points(&[seen.as_slice(), &[again]].concat(), 0);
+        assert_eq!(points.len(), 5);
+        assert!(silent_points(&seen, 1).is_empty());
     }
 
     /// Numbers that err together do not tell more than one of them.

@@ -44,7 +44,10 @@ impl Ledger {
             return Ok(ledger);
         }
         let text = std::fs::read_to_string(&asked).map_err(|error| unreadable(&asked, error))?;
-        let before: Question = serde_json::from_str(&text).map_err(|error| unreadable(&asked, error))?;
+        let before: Question = serde_json::from_str(&text).map_err(|error| {
+            let remedy = "remove it and ledger.csv to begin anew; runs that are there are kept";
+            unreadable(&asked, format!("it is damaged ({error}): {remedy}"))
+        })?;
         // More points may be asked for.
         if (Question { most_points: question.most_points, ..before }) != *question {
             return Err(SweepError::Plan(format!(
@@ -162,6 +165,11 @@ mod tests {
         assert_eq!((again.points, again.rounds), (ledger.points.clone(), vec![0, 0, 0, 1, 1]));
         let other = Question { batch: 5, ..question.clone() };
         assert!(Ledger::open(folder.path(), &other).unwrap_err().to_string().contains("other parameters"));
+        let asked = folder.path().join(QUESTION);
+        let whole = std::fs::read_to_string(&asked).unwrap();
+        std::fs::write(&asked, &whole[..whole.len() / 2]).unwrap();
+        assert!(Ledger::open(folder.path(), &question).unwrap_err().to_string().contains("remove it and"));
+        std::fs::write(&asked, &whole).unwrap();
         std::fs::write(folder.path().join(LEDGER), "point,round,mu\n0,0,x\n").unwrap();
         assert!(Ledger::open(folder.path(), &question).unwrap_err().to_string().contains("damaged"));
     }

@@ -94,6 +94,29 @@ fn cells(plan: &Plan, aims: &Aims, from: usize) -> Result<Vec<Cell>, SweepError>
     Ok(cells)
 }
 
+/// The error for an aim for which too few runs have a number; its abscissa is `covered` by the runs from here to there.
+fn too_few(aims: &Aims, aim: usize, covered: Option<[f64; 2]>, failed: &[(String, String)]) -> SweepError {
+    let mut problem =
+        format!("fewer than four runs have a number for `{}` (see observed.csv): ", aims.elements[aim].label);
+    let beyond = |[low, high]: [f64; 2]| !aims.elements[aim].x.is_some_and(|x| (low..=high).contains(&x));
+    problem += &match covered {
+        Some(ends) if beyond(ends) => {
+            let [low, high] = ends;
+            format!(
+                "the records of the runs go from {low} to {high}, so leave out the points of the curve beyond"
+            )
+        }
+        _ => "look at the range of the parameters, at the failed runs, or at --from".into(),
+    };
+    if let Some((run, why)) = failed.first() {
+        problem += &format!(
+            "; {} runs failed, the first was {run}: {why} (calibrate varies keys continuously; `sweep` takes lists of whole numbers)",
+            failed.len()
+        );
+    }
+    SweepError::Plan(problem)
+}
+
 /// Calibrates: makes runs round by round, writes the ledger before each. What is in the folder of the same question is kept.
 ///
 /// # Errors
@@ -133,15 +156,18 @@ pub fn calibrate(
         made = ledger.points.len();
         let all = cells(&plan, &aims, 0)?;
         let observations = aims.observe(&how.folder, &all, &ledger.points, question)?;
-        let surrogates = Surrogates::new(&aims.values(), &observations, dimension).map_err(|aim| {
-            SweepError::Plan(format!(
-                "fewer than four runs have a number for `{}`: look at the range of the parameters, at the failed runs, or at --from",
-                aims.elements[aim].label
-            ))
-        })?;
+        let surrogates = match Surrogates::new(&aims.values(), &observations, dimension) {
+            Ok(surrogates) => surrogates,
+            Err(aim) => {
+                ledger.conclude(question, &aims, &observations)?;
+                return Err(too_few(&aims, aim, aims.covered(&how.folder, &all, question, aim)?, &failed));
+            }
+        };
         let distribution = surrogates.distribution();
         let unknown_share = surrogates.unknown_share(&distribution);
-        if made >= question.most_points || unknown_share < KNOWN {
+        // Even points alone may have missed where the aims are reached.
+        let is_known = unknown_share < KNOWN && (!distribution.is_missed || made > first);
+        if made >= question.most_points || is_known {
             ledger.conclude(question, &aims, &observations)?;
             return Ok(Answer {
                 question: question.clone(),
@@ -154,13 +180,8 @@ pub fn calibrate(
                 failed,
             });
         }
-        // Points whose runs said nothing would be chosen again and again.
-        let silent = |point: &&Vec<f64>| {
-            !observations.iter().any(|run| run.point == **point && run.values.iter().any(|x| x.is_finite()))
-        };
-        let silent: Vec<Vec<f64>> = ledger.points.iter().filter(silent).cloned().collect();
         let count = question.batch.min(question.most_points - made);
-        let next = surrogates.next(&distribution, &silent, count);
+        let next = surrogates.next(&distribution, &observations, count);
         ledger.add(next.iter().map(|point| question.rounded(point)).collect())?;
     }
 }

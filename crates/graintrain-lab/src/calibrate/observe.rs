@@ -1,7 +1,7 @@
 //! What the runs say of the aims: numbers of tables, and curves read off at the abscissae of measured ones.
 
 use super::inference::{Aim, Observation};
-use super::question::{Question, Target, thinned};
+use super::question::{Question, Target, is_same_key, thinned};
 use crate::sweep::SweepError;
 use crate::sweep::collect::{check_names, collect};
 use crate::sweep::execute::{check, run_folder};
@@ -72,7 +72,7 @@ impl Aims {
         })?;
         let mut aims = Self { elements: Vec::new(), conditions: Vec::new() };
         for (target, wanted) in question.targets.iter().enumerate() {
-            aims.add(target, wanted, &scene.measures)?;
+            aims.add(target, wanted, &scene.measures, question)?;
         }
         let settings = |end: &Vec<Setting>| -> Vec<Vec<Setting>> {
             aims.conditions.iter().map(|condition| [end.clone(), condition.clone()].concat()).collect()
@@ -96,7 +96,13 @@ impl Aims {
         })
     }
 
-    fn add(&mut self, target: usize, wanted: &Target, measures: &[Measure]) -> Result<(), SweepError> {
+    fn add(
+        &mut self,
+        target: usize,
+        wanted: &Target,
+        measures: &[Measure],
+        question: &Question,
+    ) -> Result<(), SweepError> {
         match wanted {
             Target::Value { observable, value, error } => {
                 let condition = self.condition(Vec::new());
@@ -129,6 +135,11 @@ impl Aims {
                         }
                         // A key of the scene: a run for each of its values.
                         None => {
+                            if question.parameters.iter().any(|fitted| is_same_key(&fitted.key, abscissa)) {
+                                return Err(SweepError::Plan(format!(
+                                    "`{abscissa}` is the abscissa of the curve of `{observable}` and fitted, too: it has the curve's values in all runs, so that nothing would be varied"
+                                )));
+                            }
                             let setting = (abscissa.clone(), format!("{:?}", point.x));
                             (self.condition(vec![setting]), From::Observable(observable.clone()))
                         }
@@ -169,19 +180,13 @@ impl Aims {
         for (index, (cell, sample)) in cells.iter().zip(&collected.samples).enumerate() {
             let Some(sample) = sample else { continue };
             let (point, condition, seed) = (cell.point / conditions, cell.point % conditions, index % seeds);
-            let mut tables: BTreeMap<&str, Table> = BTreeMap::new();
+            let mut tables = BTreeMap::new();
             for (k, element) in self.elements.iter().enumerate().filter(|(_, e)| e.condition == condition) {
                 let value = match &element.from {
                     From::Observable(name) => sample.found.get(name).map_or(f64::NAN, |found| found.value),
                     From::Column { measure, column, abscissa, x, bins } => {
                         if !tables.contains_key(measure.as_str()) {
-                            let path =
-                                run_folder(folder, cell).join("measures").join(format!("{measure}.csv"));
-                            let table = Table::read(&path).map_err(|error| SweepError::Read {
-                                path: path.clone(),
-                                reason: error.to_string(),
-                            })?;
-                            tables.insert(measure, table);
+                            tables.insert(measure.as_str(), table(folder, cell, measure)?);
                         }
                         let table = &tables[measure.as_str()];
                         let of = |name: &str| table.numbers(name).unwrap_or_default();
@@ -195,6 +200,35 @@ impl Aims {
         }
         Ok(observations)
     }
+
+    /// From where to where the abscissa of an aim goes in the records of the finished runs; `None` for aims that are no points of a curve over a column.
+    ///
+    /// # Errors
+    /// [`SweepError::Read`] for tables of finished runs that cannot be read.
+    pub fn covered(
+        &self,
+        folder: &Path,
+        cells: &[Cell],
+        question: &Question,
+        aim: usize,
+    ) -> Result<Option<[f64; 2]>, SweepError> {
+        let From::Column { measure, abscissa, .. } = &self.elements[aim].from else { return Ok(None) };
+        let collected = collect(folder, cells, question.from)?;
+        let mut ends: Option<[f64; 2]> = None;
+        for (cell, _) in cells.iter().zip(&collected.samples).filter(|(_, sample)| sample.is_some()) {
+            let xs = table(folder, cell, measure)?.numbers(abscissa).unwrap_or_default();
+            for x in xs.into_iter().filter(|x| x.is_finite()) {
+                ends = ends.map_or(Some([x, x]), |[low, high]| Some([low.min(x), high.max(x)]));
+            }
+        }
+        Ok(ends)
+    }
+}
+
+/// The table of a measurement of a finished run.
+fn table(folder: &Path, cell: &Cell, measure: &str) -> Result<Table, SweepError> {
+    let path = run_folder(folder, cell).join("measures").join(format!("{measure}.csv"));
+    Table::read(&path).map_err(|error| SweepError::Read { path: path.clone(), reason: error.to_string() })
 }
 
 /// Every bin averaged over the records from `from` (s) on, or over the second half of the time.

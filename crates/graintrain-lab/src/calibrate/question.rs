@@ -4,6 +4,7 @@ use super::quasi_random::MOST_DIMENSIONS;
 use crate::sweep::SweepError;
 use crate::sweep::plan::{Plan, Setting};
 use graintrain_io::scene;
+use graintrain_io::scene::quantity::{Dimension, Quantity};
 use graintrain_view::view::tables::Table;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -81,9 +82,19 @@ fn wrong(problem: impl Into<String>) -> SweepError {
     SweepError::Plan(problem.into())
 }
 
+fn quantity(text: &str) -> Result<Quantity, String> {
+    let found = scene::quantity(text.trim())?;
+    if found.value.is_finite() { Ok(found) } else { Err("not a finite number".into()) }
+}
+
 fn number(text: &str) -> Result<f64, String> {
-    let value = scene::value(text.trim(), &[])?;
-    if value.is_finite() { Ok(value) } else { Err("not a finite number".into()) }
+    quantity(text).map(|found| found.value)
+}
+
+/// Whether two keys are the same parameter of the scene: `mu` is `parameters.mu`.
+pub(super) fn is_same_key(one: &str, other: &str) -> bool {
+    let plain = |key: &str| key.strip_prefix("parameters.").unwrap_or(key).to_string();
+    plain(one) == plain(other)
 }
 
 impl Parameter {
@@ -152,12 +163,33 @@ impl Parameter {
 fn with_error(text: &str) -> Result<(f64, f64), String> {
     let parts = text.rsplit_once("+-").or_else(|| text.rsplit_once('±'));
     let Some((value, error)) = parts else { return Ok((number(text)?, 0.0)) };
-    let value = number(value)?;
-    let error = match error.trim().strip_suffix('%') {
-        Some(share) => number(share)? / 100.0 * value.abs(),
-        None => number(error)?,
+    let value = quantity(value)?;
+    Ok((value.value, error_of(value, error)?))
+}
+
+/// The error of a value: of its dimension, or a share in percent.
+fn error_of(value: Quantity, text: &str) -> Result<f64, String> {
+    let error = match text.trim().strip_suffix('%') {
+        Some(share) => {
+            let share = number(share)?;
+            if share > 0.0 && value.value == 0.0 {
+                return Err("a share of zero would make it exact: give the error as a number".into());
+            }
+            share / 100.0 * value.value.abs()
+        }
+        None => {
+            let error = quantity(text)?;
+            let is_zero = error.value == 0.0 && error.dimension == Dimension::NONE;
+            if error.dimension != value.dimension && !is_zero {
+                return Err(format!(
+                    "the value is {}, its error {}: give both with their units",
+                    value.dimension, error.dimension
+                ));
+            }
+            error.value
+        }
     };
-    if error < 0.0 { Err("the error is negative".into()) } else { Ok((value, error)) }
+    if error < 0.0 { Err("the error is negative".into()) } else { Ok(error) }
 }
 
 impl Target {
@@ -200,15 +232,15 @@ impl Target {
     }
 }
 
-/// A heading like `displacement (mm)`: the name, and what a number below it has to be multiplied by.
-fn heading(text: &str) -> Result<(String, f64), String> {
+/// A heading like `displacement (mm)`: the name, and the unit of the numbers below it.
+fn heading(text: &str) -> Result<(String, Quantity), String> {
     let text = text.trim();
     let found = [('(', ')'), ('[', ']')]
         .into_iter()
         .find_map(|(open, close)| text.strip_suffix(close)?.split_once(open));
     match found {
-        Some((name, unit)) => Ok((name.trim().to_string(), number(&format!("1 {unit}"))?)),
-        None => Ok((text.to_string(), 1.0)),
+        Some((name, unit)) => Ok((name.trim().to_string(), quantity(&format!("1 {unit}"))?)),
+        None => Ok((text.to_string(), Quantity::number(1.0))),
     }
 }
 
@@ -227,26 +259,38 @@ fn read_curve(path: &Path, common: Option<&str>) -> Result<(String, Vec<CurvePoi
     if rest.len() > 1 {
         return Err(unreadable("it has more than three columns: abscissa, ordinate, error".into()));
     }
-    let column = |name: &String| -> Result<(String, Vec<f64>), SweepError> {
+    let column = |name: &String| -> Result<(String, Dimension, Vec<f64>), SweepError> {
         let (plain, unit) = heading(name).map_err(|why| unreadable(format!("heading `{name}`: {why}")))?;
         let texts = table.texts(name).unwrap_or_default();
         let values = texts.iter().enumerate().map(|(k, text)| {
             number(text)
-                .map(|x| x * unit)
+                .map(|x| x * unit.value)
                 .map_err(|why| unreadable(format!("line {}, `{text}`: {why}", k + 2)))
         });
-        Ok((plain, values.collect::<Result<_, _>>()?))
+        Ok((plain, unit.dimension, values.collect::<Result<_, _>>()?))
     };
-    let (abscissa, xs) = column(x)?;
-    let (_, ys) = column(y)?;
+    let (abscissa, _, xs) = column(x)?;
+    let (_, dimension, ys) = column(y)?;
     let errors = match (rest.first(), common) {
         (Some(_), Some(_)) => {
             return Err(unreadable("it has a column of errors, and `+-` gives another".into()));
         }
-        (Some(name), None) => column(name)?.1,
+        (Some(name), None) => {
+            let (_, own, errors) = column(name)?;
+            if own != dimension {
+                return Err(unreadable(format!(
+                    "`{y}` is {dimension}, its error `{name}` {own}: give both with their units"
+                )));
+            }
+            errors
+        }
         (None, Some(text)) => {
-            let of = |y: &f64| with_error(&format!("{y:e}+-{text}")).map(|(_, error)| error);
-            ys.iter().map(of).collect::<Result<_, _>>().map_err(|why| wrong(format!("`{text}`: {why}")))?
+            let of = |(x, y): (&f64, &f64)| {
+                error_of(Quantity { value: *y, dimension }, text).map_err(|why| {
+                    wrong(format!("{}, `+-{text}` at {abscissa} = {x}: {why}", path.display()))
+                })
+            };
+            xs.iter().zip(&ys).map(of).collect::<Result<_, _>>()?
         }
         (None, None) => vec![0.0; ys.len()],
     };
@@ -284,7 +328,7 @@ impl Question {
     /// Looks at what does not need the scene.
     ///
     /// # Errors
-    /// [`SweepError::Plan`] without parameters or targets, with too many parameters, one that is given twice, or too few points.
+    /// [`SweepError::Plan`] without parameters or targets, with too many parameters, one that is given twice or set, or too few points.
     pub fn validate(&self) -> Result<(), SweepError> {
         if self.parameters.is_empty() || self.targets.is_empty() {
             return Err(wrong("a calibration needs a parameter (--fit) and something to reach (--to)"));
@@ -293,8 +337,13 @@ impl Question {
             return Err(wrong(format!("at most {MOST_DIMENSIONS} parameters can be fitted at a time")));
         }
         for (k, parameter) in self.parameters.iter().enumerate() {
-            if self.parameters[..k].iter().any(|other| other.key == parameter.key) {
+            if self.parameters[..k].iter().any(|other| is_same_key(&other.key, &parameter.key)) {
                 return Err(wrong(format!("the parameter {} stands twice", parameter.key)));
+            }
+            if self.plan.settings.iter().any(|(key, _)| is_same_key(key, &parameter.key)) {
+                let problem =
+                    format!("{0} is both fitted and set: leave out --set {0} or --fit {0}", parameter.key);
+                return Err(wrong(problem));
             }
         }
         if self.most_points < self.first_points() {
@@ -365,6 +414,17 @@ mod tests {
         let (angle, error) = value("a.b=20.3 deg+-0.5 deg");
         assert!((angle.to_degrees() - 20.3).abs() < 1e-12 && (error.to_degrees() - 0.5).abs() < 1e-12);
         assert_eq!(value("a.b=7"), (7.0, 0.0));
+        assert_eq!(value("a.b=0+-0.1"), (0.0, 0.1));
+        assert_eq!(value("a.b=7 kg+-0"), (7.0, 0.0));
+        for (text, expected) in [
+            ("a.b=0.17 kg+-0.003 s", "a mass (kg), its error a time (s)"),
+            ("a.b=20.3+-0.5 deg", "a number without unit, its error an angle"),
+            ("a.b=20.3 deg+-0.5", "an angle"),
+            ("a.b=0+-5%", "a share of zero"),
+        ] {
+            let error = Target::parse(text).unwrap_err().to_string();
+            assert!(error.contains(expected), "{text}: {error}");
+        }
         for bad in ["a.b", "a.b=", "=1", "a.b=1+-", "a.b=1+--2", "a.b=none.csv", "a.b=x.csv7"] {
             assert!(Target::parse(bad).is_err(), "{bad}");
         }
@@ -391,10 +451,20 @@ mod tests {
             ("x,y\n1,2\n1,3\n", "twice"),
             ("x (qq),y\n1,2\n", "heading"),
             ("x,y\n", "no point"),
+            ("x,y (mm),e (s)\n1,2,3\n", "a time"),
+            ("x,y (mm),e\n1,2,3\n", "without unit"),
         ] {
             let error = curve(text, "").unwrap_err();
             assert!(error.contains(expected), "{text}: {error}");
         }
+        for (more, expected) in
+            [("+-5%", "at x = 0: a share of zero"), ("+-0.5 deg", "an angle"), ("+--1", "negative")]
+        {
+            let error = curve("x,y\n0,0\n1,2\n", more).unwrap_err();
+            assert!(error.contains(expected), "{more}: {error}");
+        }
+        let (_, points) = curve("x,y (cm)\n1,2\n", "+-1 mm").unwrap();
+        assert!((points[0].error - 1e-3).abs() < 1e-15);
         let many: Vec<CurvePoint> =
             (0..100).map(|k| CurvePoint { x: f64::from(k), y: 2.0 * f64::from(k), error: 0.5 }).collect();
         let few = thinned(&many);

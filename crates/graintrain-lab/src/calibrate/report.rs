@@ -2,6 +2,7 @@
 
 use super::Answer;
 use super::gaussian_process::Prediction;
+use super::inference::MISSED;
 use super::question::Target;
 use crate::sweep::SweepError;
 use crate::sweep::collect::Estimate;
@@ -18,8 +19,10 @@ use std::path::Path;
 const CUT: f64 = 0.02;
 /// Width of the part of a range that counts as its end.
 const END: f64 = 0.01;
-/// Sum of squares per aim from which on the aims are said to be missed.
-const MISSED: f64 = 9.0;
+/// Standard deviation over that of the whole range from which on a parameter is said not to be determined.
+const WIDE: f64 = 0.8;
+/// Share of a distribution beside runs without a number from which on it is no answer.
+const SILENT: f64 = 0.5;
 /// Bars of a histogram, points of a drawn surrogate.
 const BARS: usize = 40;
 /// Most charts of single aims.
@@ -42,6 +45,8 @@ pub struct Fitted {
     pub likeliest: f64,
     /// Whether the distribution is cut off by an end of the range.
     pub is_cut: bool,
+    /// Standard deviation over that of the whole range, in which all values are alike likely (magnitudes, for logarithmic ranges).
+    pub width: f64,
 }
 
 /// An aim at the likeliest point.
@@ -71,6 +76,7 @@ impl Answer {
         let of = |(k, parameter): (usize, &super::question::Parameter)| {
             let value = |point: &[f64]| parameter.value(point[k]);
             let mean = found.mean(value);
+            let middle = found.mean(|u| u[k]);
             let share =
                 |low: f64, high: f64| found.mean(|u| f64::from(u8::from((low..=high).contains(&u[k]))));
             Fitted {
@@ -80,6 +86,7 @@ impl Answer {
                 low: found.quantile(0.025, value),
                 high: found.quantile(0.975, value),
                 likeliest: likeliest[k],
+                width: 12_f64.sqrt() * found.mean(|u| (u[k] - middle).powi(2)).sqrt(),
                 is_cut: share(0.0, END).max(share(1.0 - END, 1.0)) > CUT,
             }
         };
@@ -116,7 +123,29 @@ impl Answer {
 
     /// Whether no values in the ranges reach what was measured.
     pub fn is_missed(&self) -> bool {
-        self.distribution.chi_square > MISSED * self.aims.elements.len() as f64
+        self.distribution.is_missed
+    }
+
+    /// The aim for which most of the distribution lies where no run has a number, if there is one: such an answer stands on no run.
+    pub fn silent_aim(&self) -> Option<&str> {
+        let (share, aim) = self.surrogates.silent_share(&self.distribution, &self.observations);
+        (share > SILENT).then(|| self.aims.elements[aim].label.as_str())
+    }
+
+    /// Whether the mean of the parameters misses what their likeliest values reach: several solutions, or a bent valley of them.
+    fn is_mean_elsewhere(&self) -> bool {
+        let mean: Vec<f64> = self
+            .question
+            .parameters
+            .iter()
+            .zip(self.fitted())
+            .map(|(parameter, fitted)| parameter.coordinate(fitted.value))
+            .collect();
+        let widening = self.distribution.widened.powi(2);
+        let misses = |point: &[f64]| {
+            self.surrogates.chi_square(point) / widening > MISSED * self.aims.elements.len() as f64
+        };
+        misses(&mean) && !misses(&self.distribution.likeliest)
     }
 
     /// What has to be known beside the numbers, in sentences; empty where all is well.
@@ -129,22 +158,42 @@ impl Answer {
                 (self.distribution.chi_square / aims as f64).sqrt()
             ));
         }
-        if self.distribution.widened > 1.0 {
+        if let Some(aim) = self.silent_aim() {
+            doubts.push(format!(
+                "most of the answer lies where no run has a number for `{aim}` (see observed.csv): it continues what is known from elsewhere; choose ranges in which the runs have one"
+            ));
+        }
+        if self.is_mean_elsewhere() {
+            doubts.push("the mean values do not reach what was measured, the likeliest ones do: there are several solutions, or they lie along a curve (see calibration.html); narrow the ranges to one, or measure something else, too".into());
+        }
+        if self.distribution.widened > 1.0 && !self.is_missed() {
             doubts.push(format!(
                 "all errors are widened by {:.2}, so that the best values fit",
                 self.distribution.widened
             ));
         }
-        for fitted in self.fitted().iter().filter(|fitted| fitted.is_cut) {
-            doubts.push(format!(
-                "{} reaches an end of its range: widen it, or it is not determined",
-                fitted.key
-            ));
+        for fitted in &self.fitted() {
+            if fitted.width > WIDE {
+                doubts.push(format!(
+                    "{} is not determined: its standard deviation is {:.0} % of that of its whole range",
+                    fitted.key,
+                    100.0 * fitted.width
+                ));
+            } else if fitted.is_cut {
+                doubts.push(format!(
+                    "{} reaches an end of its range: widen it, or it is not determined",
+                    fitted.key
+                ));
+            }
         }
         if self.reached().iter().all(|reached| reached.predicted_share < 0.2) {
             doubts.push("what was measured hardly depends on these parameters, as far as the scatter of the runs lets see".into());
         }
-        if self.unknown_share > 0.5 && self.aims.elements.iter().all(|element| element.aim.error > 0.0) {
+        let would_narrow = !self.is_missed() && self.silent_aim().is_none();
+        if would_narrow
+            && self.unknown_share > 0.5
+            && self.aims.elements.iter().all(|element| element.aim.error > 0.0)
+        {
             doubts.push(format!(
                 "more runs would narrow the answer: up to {:.0} % of the variance is what is not known of the runs (--points)",
                 100.0 * self.unknown_share

@@ -84,12 +84,11 @@ pub fn check(plan: &Plan, cells: &[Cell], from: Option<f64>) -> Result<Vec<Strin
     Ok(names)
 }
 
-/// Makes all runs that are not finished yet, `jobs` at a time, in the order of the cells; what becomes of each. A run that fails does not
-/// keep others from being made. The folder belongs to this process meanwhile.
+/// Makes all runs that are not finished yet, `jobs` at a time, in the order of the cells; what becomes of each. A run that fails, or
+/// whose scene cannot be built (see [`check`]), does not keep others from being made. The folder belongs to this process meanwhile.
 ///
 /// # Errors
-/// [`SweepError::Scene`] where the scene of a run is wrong (see [`check`]); [`SweepError::Differs`], [`SweepError::Output`] and
-/// [`SweepError::Threads`] as they come; [`SweepError::Stopped`] after `stop` was set.
+/// [`SweepError::Differs`], [`SweepError::Output`] and [`SweepError::Threads`] as they come; [`SweepError::Stopped`] after `stop` was set.
 pub fn execute(
     plan: &Plan,
     cells: &[Cell],
@@ -116,7 +115,12 @@ pub fn execute(
         loop {
             let index = next.fetch_add(1, Ordering::Relaxed);
             let Some(cell) = cells.get(index).filter(|_| !stop.load(Ordering::Relaxed)) else { return };
-            match pool.install(|| make(plan, cell, &how.folder, stop)) {
+            let made = match pool.install(|| make(plan, cell, &how.folder, stop)) {
+                // As a run that fails: the others are made all the same.
+                Err(SweepError::Scene { error, .. }) => Ok((Outcome::Failed(error.to_string()), Vec::new())),
+                made => made,
+            };
+            match made {
                 Err(error) => return fail(error),
                 Ok((outcome, set_aside)) => {
                     let mut list = outcomes.lock().unwrap_or_else(std::sync::PoisonError::into_inner);

@@ -67,7 +67,7 @@ pub fn points(path: &Path, x: &str, y: &str) -> Result<Vec<Point>, SweepError> {
     let column = |name: &str| {
         table.texts(name).ok_or_else(|| {
             let meant = scene::closest(name, table.names().iter().map(String::as_str));
-            let meant = meant.map_or(String::new(), |meant| format!("; did you mean `{meant}`?"));
+            let meant = meant.map_or(".".to_string(), |meant| format!("; did you mean `{meant}`?"));
             let known = table.names().join(", ");
             wrong(format!("{} has no column `{name}`{meant} It has {known}", path.display()))
         })
