@@ -21,10 +21,15 @@ pub(super) fn sampled_residual(
     // Zeros that nobody touches cost nothing.
     let (mut force, mut velocity) = (vec![0.0; 3 * contacts], vec![0.0; 6 * rigid.num_bodies()]);
     let mut u = vec![0.0; 3 * contacts];
+    // A plate that touches all of them is looked at once.
+    let mut known = vec![false; rigid.num_bodies()];
     let (mut sum, mut count, mut max) = (0.0, 0.0, 0.0_f64);
     for i in (0..contacts).step_by(contacts.div_ceil(SAMPLE).max(1)) {
         let contact = &rigid.contacts()[i];
         for body in [contact.body_a, contact.body_b].into_iter().filter(|&body| body != FIXED) {
+            if std::mem::replace(&mut known[body as usize], true) {
+                continue;
+            }
             for side in rigid.sides(body as usize) {
                 let k = side.contact as usize;
                 let [n, t1, t2] = &rigid.contacts()[k].frame;

@@ -3,6 +3,7 @@
 //! Bodies are layered by their distance in the contact graph from a first one, and consecutive layers make a slab, so that a contact joins
 //! bodies of one slab or of two neighbours. A sweep goes over the contacts within all slabs, then over those between slabs 0 and 1, 2 and 3,
 //! and so on, then over those between 1 and 2, 3 and 4: within each of these three phases no two regions share a body.
+//! All that touches one large movable body is one layer away from it: under a free plate there is little to share.
 
 use graintrain_ccp::FIXED;
 use std::ops::Range;
