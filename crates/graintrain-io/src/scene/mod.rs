@@ -7,7 +7,7 @@
 //! | module | holds |
 //! |---|---|
 //! | [`schema`] | every key, its kind, default and meaning |
-//! | [`quantity`] | units and dimensions |
+//! | [`mod@quantity`] | units and dimensions |
 //! | `expression`, `parameters` | arithmetic with units and named values |
 //! | `tree`, `reader`, `file` | from text to [`Scene`] |
 //! | [`model`] | the parts of a [`Scene`] |
