@@ -101,8 +101,13 @@ impl PartSolver<'_> {
         let soon = settings.max_iterations.map_or(patience, |most| most.min(patience));
         let matrix = as_matrix_unless_plain(problem);
         let posed = matrix.as_ref().unwrap_or(problem);
-        let takes_wedges =
-            settings.friction == FrictionModel::Relaxed && problem.turning.is_empty() && !self.whole;
+        // Elastic contacts give way, so that there is no question of a solution.
+        let is_elastic =
+            matches!(&*problem.delassus, Delassus::Rigid(rigid) if !rigid.compliance().is_empty());
+        let takes_wedges = settings.friction == FrictionModel::Relaxed
+            && problem.turning.is_empty()
+            && !is_elastic
+            && !self.whole;
         if !takes_wedges {
             return Ok((solve_without_gain(self.solver, posed, g, settings)?, Vec::new()));
         }

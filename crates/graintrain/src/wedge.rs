@@ -431,7 +431,7 @@ impl Wedges<'_> {
     }
 
     /// The wedge around the worst of the contacts that have one, for the impulses looked at, but for those whose contacts are known; and the
-    /// velocity that its proof asks for.
+    /// velocity that its proof asks for, 0 where joints couple bodies.
     fn find(
         &mut self,
         mixture: &Mixture<'_>,
@@ -449,16 +449,17 @@ impl Wedges<'_> {
                 if excerpt.problem.num_contacts() > CONTACTS {
                     break;
                 }
-                if let Some(matrix) = as_matrix_unless_plain(&excerpt.problem) {
-                    excerpt.problem = matrix;
-                }
+                // The proof for a matrix asks for impulses instead of velocities: a heavy body on a light one asks for large ones, too.
+                let matrix = as_matrix_unless_plain(&excerpt.problem);
+                let is_plain = matrix.is_none();
+                excerpt.problem = matrix.unwrap_or(excerpt.problem);
                 let proof = infeasible::certificate_within(&excerpt.problem, self.settings)?;
                 seen.extend(&excerpt.part.contacts);
                 if proof.needed_velocity >= THROWN {
                     let is_new = |k: usize| !mixture.exact.contains(&(excerpt.part.contacts[k] as usize));
                     if taking_part(&proof).any(is_new) {
-                        let wedge = self.wedge(&excerpt, &proof)?;
-                        return Ok(wedge.map(|wedge| (wedge, proof.needed_velocity)));
+                        let proved = if is_plain { proof.needed_velocity } else { 0.0 };
+                        return Ok(self.wedge(&excerpt, &proof)?.map(|wedge| (wedge, proved)));
                     }
                     break;
                 }
