@@ -27,7 +27,7 @@ use crate::residual::{FrictionModel, ResidualScale};
 ///
 /// A solver that treats exact friction in iterations of its own ([`CcpSolver::solve_exact`]) is tried first. Where its first round ends
 /// without a solution and it has a [path to fall back on](CcpSolver::path_following), that is followed from the best impulses; then come
-/// more rounds, from where the first one ended and from zero. All that is decided by counts of operations and by residuals, never by
+/// more rounds, from where the first one ended and from zero, and the whole path from large tau. All that is decided by counts of operations and by residuals, never by
 /// the clock. The fixed point goes on from the best iterate where nothing of that converged. Relaxed solves pass straight through, and
 /// so do problems without friction.
 ///
@@ -49,6 +49,8 @@ pub struct Parameters {
     pub round: usize,
     /// The path that the solver falls back on may take as much work as so many iterations.
     pub path_work: f64,
+    /// And so many where it is followed from zero, after the rounds have come to nothing: they have taken some 2e5 iterations by then.
+    pub last_path_work: f64,
     /// Rounds go on while one of the last ones has lowered the least residual to this fraction.
     pub round_gain: f64,
     /// Rounds that may go by without that.
@@ -71,6 +73,7 @@ impl Default for Parameters {
             outer_limit: 1000,
             round: 30_000,
             path_work: 30_000.0,
+            last_path_work: 1e6,
             round_gain: 0.5,
             round_patience: 2,
             nested_limit: 10,
@@ -135,32 +138,48 @@ impl CoulombIteration {
         let mut impulse = last.to_vec();
         let length = self.parameters.round;
         let ended = self.round(problem, &mut impulse, last, settings, length, limits, found)?;
-        let follows = ended.is_none() && problem.turning.is_empty();
-        let Some(path) = self.relaxed.path_following().filter(|_| follows) else {
+        if ended.is_some() {
             return Ok(ended);
+        }
+        found.best.restore(&mut impulse);
+        self.follow(problem, &mut impulse, self.parameters.path_work, settings, limits, found)
+    }
+
+    /// The path from these impulses, for solvers that fall back on it, with as many factorisations as cost so much. The status where it ends
+    /// the solve.
+    fn follow(
+        &mut self,
+        problem: &Ccp,
+        impulse: &mut [f64],
+        work: f64,
+        settings: &SolveSettings,
+        limits: &Limits<'_>,
+        found: &mut Found,
+    ) -> Result<Option<Status>, CcpError> {
+        let Some(path) = self.relaxed.path_following().filter(|_| problem.turning.is_empty()) else {
+            return Ok(None);
         };
-        let systems = (self.parameters.path_work / path.iterations_per_system(problem)) as usize;
+        let systems = (work / path.iterations_per_system(problem)) as usize;
         let left = settings.max_iterations.map_or(usize::MAX, |limit| limit.saturating_sub(found.steps));
         if left.min(systems) == 0 {
             return Ok(None);
         }
-        found.best.restore(&mut impulse);
         let path_settings = SolveSettings {
             max_iterations: Some(left.min(systems)),
             max_time: limits.time_left(),
             ..settings.clone()
         };
         let begun = limits.seconds();
-        let report = path.solve(problem, &mut impulse, &path_settings)?;
+        let report = path.solve(problem, impulse, &path_settings)?;
         found.history.append(&report.history, found.steps, begun);
         found.steps += report.iterations;
-        found.best.offer(&impulse, limits.judged(report.residual));
+        found.best.offer(impulse, limits.judged(report.residual));
         found.remark.clone_from(&report.remark);
         if report.converged() {
             let before = found.solver.take().unwrap_or_default();
             found.solver = Some(format!("{before}, {}", report.solver));
         }
-        found.newton = report.newton;
+        found.newton.extend(report.newton);
         let over = matches!(report.status, Status::Converged | Status::Stopped);
         Ok(over.then_some(report.status))
     }
@@ -283,6 +302,12 @@ impl CoulombIteration {
             // These iterations are chaotic: a start that leads nowhere need not be nearer to a solution than none.
             last.fill(0.0);
             ended = self.rounds(problem, &mut last, settings, &limits, &mut found)?;
+        }
+        if ended.is_none() {
+            // The start that nothing was found from is left behind: all the way from large tau.
+            last.fill(0.0);
+            let work = self.parameters.last_path_work;
+            ended = self.follow(problem, &mut last, work, settings, &limits, &mut found)?;
         }
         found.best.restore(impulse);
         if let Some(status) = ended {
