@@ -92,13 +92,7 @@ fn gradients(cell: &Cell) -> [Mat3; 2] {
 /// x_m, so that a stress which deforms the cell does not set it drifting.
 fn take_along(world: &mut World, [imposed, pressed]: [Mat3; 2]) {
     let Some(centre) = world.cell().map(Cell::centre) else { return };
-    let mut uniform = Vec3::ZERO;
-    if pressed != Mat3::ZERO {
-        let moving = |body: &usize| !world.is_prescribed(*body);
-        let moment = |body| world.bodies.mass[body] * (world.bodies.position[body] - centre);
-        let sum: Vec3 = (0..world.bodies.len()).filter(moving).map(moment).sum();
-        uniform = pressed * sum / moved_mass(world).max(f64::MIN_POSITIVE);
-    }
+    let uniform = if pressed == Mat3::ZERO { Vec3::ZERO } else { pressed * (mean_motion(world)[0] - centre) };
     if imposed == Mat3::ZERO && uniform == Vec3::ZERO {
         return;
     }
@@ -106,6 +100,32 @@ fn take_along(world: &mut World, [imposed, pressed]: [Mat3; 2]) {
         if !world.is_prescribed(body) {
             let velocity = imposed * (world.bodies.position[body] - centre) + uniform;
             world.bodies.velocity[body] += velocity;
+        }
+    }
+}
+
+/// Centre of mass, m, and mean velocity, m/s, of the bodies that can move; zero where there are none.
+fn mean_motion(world: &World) -> [Vec3; 2] {
+    let bodies = &world.bodies;
+    let [mut moment, mut momentum] = [Vec3::ZERO; 2];
+    for body in (0..bodies.len()).filter(|&body| !world.is_prescribed(body)) {
+        moment += bodies.mass[body] * bodies.position[body];
+        momentum += bodies.mass[body] * bodies.velocity[body];
+    }
+    let mass = moved_mass(world).max(f64::MIN_POSITIVE);
+    [moment / mass, momentum / mass]
+}
+
+/// What contacts have changed of the gradient in a solve takes all bodies along from where they stood then, with their way of the step: with the place
+/// that they have come to, a sample under stress that drifts would be driven on by its own way, more with every step.
+fn follow_contacts(world: &mut World, change: Mat3, step: f64) {
+    let Some(centre) = world.cell().map(Cell::centre).filter(|_| change != Mat3::ZERO) else { return };
+    let [place, velocity] = mean_motion(world);
+    let uniform = change * (place - step * velocity - centre);
+    for body in 0..world.bodies.len() {
+        if !world.is_prescribed(body) {
+            world.bodies.velocity[body] += uniform;
+            world.bodies.position[body] += step * uniform;
         }
     }
 }
@@ -397,11 +417,14 @@ pub(crate) fn advance(world: &mut World, rate: [f64; 6], step: f64) {
     let Some(cell) = &mut world.cell else { return };
     let [_, before] = gradients(cell);
     cell.rate = rate;
+    let change = gradients(cell)[1] - before;
+    follow_contacts(world, change, step);
+    let Some(cell) = &mut world.cell else { return };
     cell.deform(step);
     // L of edges that go on with the velocities of this step is L (I + dt L)^-1; the rate that goes on is L.
     let [imposed, pressed] = gradients(cell);
     let kept = (Mat3::IDENTITY + (imposed + pressed) * step).inverse();
-    take_along(world, [imposed - imposed * kept, pressed - pressed * kept + (pressed - before)]);
+    take_along(world, [imposed - imposed * kept, pressed - pressed * kept]);
     wrap(world);
 }
 

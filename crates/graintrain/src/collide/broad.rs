@@ -8,7 +8,7 @@ use super::reduce::Touch;
 use super::sweep::{advanced, arrivals, time_of_impact};
 use crate::contact::Contact;
 use crate::math::{Mat3, Vec3};
-use crate::shape::{Geometry, Shape};
+use crate::shape::{Geometry, Part, Shape};
 use crate::world::World;
 use parry3d_f64::bounding_volume::Aabb;
 use parry3d_f64::partitioning::{Bvh, BvhBuildStrategy};
@@ -16,6 +16,9 @@ use rayon::prelude::*;
 
 /// Bodies per parallel task. Fixed, so that tasks and their order do not depend on threads.
 const TASK: usize = 256;
+
+/// Contacts per body for which room is made at once.
+const USUAL: usize = 5;
 
 /// Bodies up to this multiple of the median bounding radius go into the cell list.
 const SIMILAR: f64 = 2.5;
@@ -86,8 +89,12 @@ pub fn meshes_that_meet(world: &World) -> Option<[usize; 2]> {
 /// Bodies by how their neighbours are found.
 struct Sorted {
     grid: Grid,
+    /// Edge of its cells, m: centres of bodies that may touch are no further apart.
+    reach: f64,
     /// How far the surface of each body may travel within the step, m: at rest, and in the frame that moves with the mean velocity.
     travel: Vec<Travel>,
+    /// Whether the world is a periodic cell, whose deformation moves distant bodies relative to each other.
+    deforms: bool,
     /// Which bodies are in the grid.
     in_grid: Vec<bool>,
     /// Bounding radius of the largest body in the grid, m: how far the travel of a body is looked ahead in case that the other one
@@ -115,19 +122,41 @@ impl Sorted {
         let (a, b) = (self.travel[a], self.travel[b]);
         (a.relative + b.relative).max(a.own.max(b.own).min(self.largest))
     }
+
+    /// Whether the two bodies may move by more than `far`, m, relative to each other within the step: `false` where bounds that are
+    /// at hand say so, for most pairs.
+    fn may_travel(&self, pair: [u32; 2], far: f64) -> bool {
+        let [a, b] = pair.map(|body| self.travel[body as usize].relative);
+        // The bounds round, and know of the deformation of a cell only along the radii.
+        self.deforms || a + b > (1.0 - 1e-9) * far
+    }
 }
 
 /// A body with a plane.
 struct Unbounded {
     body: u32,
-    /// Outward normal and a point, where the body is nothing but a half-space: most bodies are seen to be far from it
+    /// Its origin, m.
+    origin: Vec3,
+    /// Its parts, where it is nothing but half-spaces (a floor, a box of walls): most bodies are seen to be far from all of them
     /// without looking at their shapes.
-    half_space: Option<(Vec3, Vec3)>,
+    half_spaces: Option<Vec<HalfSpace>>,
+}
+
+/// What lies behind a plane.
+struct HalfSpace {
+    /// Outward unit normal.
+    normal: Vec3,
+    /// A point of the plane, m.
+    point: Vec3,
+    /// How much nearer it comes to a point within the step by turning, per distance of the point from the body's origin.
+    turn: f64,
 }
 
 impl Unbounded {
     fn may_touch(&self, centre: Vec3, reach: f64) -> bool {
-        self.half_space.is_none_or(|(normal, point)| normal.dot(centre - point) <= reach)
+        let arm = (centre - self.origin).length() + reach;
+        let near = |half: &HalfSpace| half.normal.dot(centre - half.point) <= reach + half.turn * arm;
+        self.half_spaces.as_ref().is_none_or(|all| all.iter().any(near))
     }
 }
 
@@ -149,8 +178,9 @@ impl Collider {
         let tasks: Vec<Vec<Contact>> = (0..bodies.div_ceil(TASK))
             .into_par_iter()
             .map(|task| {
-                let mut found = Found::default();
-                for body in task * TASK..((task + 1) * TASK).min(bodies) {
+                let own = task * TASK..((task + 1) * TASK).min(bodies);
+                let mut found = Found { contacts: Vec::with_capacity(USUAL * own.len()), ..Found::default() };
+                for body in own {
                     self.contacts_of(world, &sorted, body, look, &mut found);
                 }
                 found.contacts
@@ -351,7 +381,7 @@ impl Collider {
             } else if radius.is_finite() {
                 large.push(body as u32);
             } else {
-                unbounded.push(self.unbounded(world, body));
+                unbounded.push(self.unbounded(world, body, step));
             }
         }
         // Slightly larger than needed, so that rounding in the cell coordinates cannot lose a pair.
@@ -383,9 +413,12 @@ impl Collider {
                 }
             }
         }
+        let reach = if size > 0.0 { size } else { 1.0 };
         Sorted {
             travel,
-            grid: Grid::new(&balls, if size > 0.0 { size } else { 1.0 }),
+            deforms: world.cell().is_some(),
+            grid: Grid::new(&balls, reach),
+            reach,
             in_grid,
             largest,
             large,
@@ -394,16 +427,16 @@ impl Collider {
         }
     }
 
-    fn unbounded(&self, world: &World, body: usize) -> Unbounded {
+    fn unbounded(&self, world: &World, body: usize, step: f64) -> Unbounded {
         let Placed { form, position, orientation } = self.placed(world, body);
-        let half_space = match form.geometry.parts.as_slice() {
-            [part] if part.shape == Shape::Plane => {
-                let normal = orientation * (part.orientation * Vec3::Z);
-                Some((normal, position + orientation * part.position))
-            }
-            _ => None,
+        let half_space = |part: &Part| {
+            let normal = orientation * (part.orientation * Vec3::Z);
+            let turn = step * world.bodies.angular_velocity[body].cross(normal).length();
+            let point = position + orientation * part.position;
+            (part.shape == Shape::Plane).then_some(HalfSpace { normal, point, turn })
         };
-        Unbounded { body: body as u32, half_space }
+        let half_spaces = form.geometry.parts.iter().map(half_space).collect();
+        Unbounded { body: body as u32, origin: position, half_spaces }
     }
 
     /// Box in world axes that holds a body without planes.
@@ -450,16 +483,17 @@ impl Collider {
         balls.clear();
         others.clear();
         if similar {
-            let grid = &sorted.grid;
+            let (grid, farthest) = (&sorted.grid, sorted.reach * sorted.reach);
             grid.around(me.position, |range| {
                 for slot in range {
+                    // Most are further than any pair may be: of those nothing else is read.
+                    let apart = (me.position - grid.centre[slot]).length_squared();
                     let other = grid.body[slot];
-                    if other as usize <= body {
+                    if apart > farthest || other as usize <= body {
                         continue;
                     }
                     let reach = radius + grid.radius[slot] + margin + sorted.approach(body, other as usize);
-                    let apart = me.position - grid.centre[slot];
-                    if apart.length_squared() <= reach * reach {
+                    if apart <= reach * reach {
                         balls.push(other);
                     }
                 }
@@ -512,7 +546,8 @@ impl Collider {
                 _ => body_contacts(me, them, ahead, touches),
             }
             let first = contacts.len();
-            if self.relative_travel(world, pair, look.step) > FAST * me.form.size.min(them.form.size) {
+            let far = FAST * me.form.size.min(them.form.size);
+            if sorted.may_travel(pair, far) && self.relative_travel(world, pair, look.step) > far {
                 self.arrivals(world, pair, sorted.largest, look, touches, contacts);
             } else {
                 let closes = |touch: &&Touch| look.closes(world, pair, sorted.largest, touch);
@@ -556,8 +591,10 @@ impl Collider {
         }
         let met = contacts.len() - first;
         for touch in touches {
-            let near = touch.gap <= look.envelope
-                || look.closes_at_rest(world, pair, look.fall_of(world, pair), largest, touch);
+            let near = touch.gap <= look.envelope || {
+                let (fall, away) = (look.fall_of(world, pair), surface_speeds(world, pair, touch));
+                look.closes_at_rest(world, pair, fall, largest, touch, away)
+            };
             let new = contact(pair, touch);
             if near && contacts[first..first + met].iter().all(|c| c.identity != new.identity) {
                 contacts.push(new);
@@ -592,10 +629,10 @@ impl Look {
         if touch.gap <= self.envelope {
             return true;
         }
-        let [away_a, away_b] = surface_speeds(world, pair, touch);
-        let approach = self.step * (away_b - away_a);
+        let away = surface_speeds(world, pair, touch);
+        let approach = self.step * (away[1] - away[0]);
         let fall = self.fall_of(world, pair);
-        self.reaches(touch, fall, approach) || self.closes_at_rest(world, pair, fall, largest, touch)
+        self.reaches(touch, fall, approach) || self.closes_at_rest(world, pair, fall, largest, touch, away)
     }
 
     /// Largest acceleration of either body times step^2, m.
@@ -604,9 +641,16 @@ impl Look {
         a.max(b) * self.step * self.step
     }
 
-    /// Whether a touch may close within the step if one of both bodies came to rest, unless it is held.
-    fn closes_at_rest(&self, world: &World, pair: [u32; 2], fall: f64, largest: f64, touch: &Touch) -> bool {
-        let [away_a, away_b] = surface_speeds(world, pair, touch);
+    /// Whether a touch may close within the step if one of both bodies came to rest, unless it is held; `away` as [`surface_speeds`].
+    fn closes_at_rest(
+        &self,
+        world: &World,
+        pair: [u32; 2],
+        fall: f64,
+        largest: f64,
+        touch: &Touch,
+        [away_a, away_b]: [f64; 2],
+    ) -> bool {
         let [held_a, held_b] = pair.map(|body| world.is_prescribed(body as usize));
         let stops = |parting: f64, held: bool| if held { parting } else { 0.0 };
         let rest = (-away_a + stops(away_b, held_b)).max(away_b - stops(away_a, held_a));

@@ -398,6 +398,56 @@ fn spheres_without_friction_jam_with_six_neighbours() {
     assert_close(solid, 0.639, 0.01, "density");
 }
 
+/// Momentum of what moves relative to the deformation, N s.
+fn momentum(world: &World) -> Vec3 {
+    (0..world.bodies.len()).map(|body| world.bodies.mass[body] * world.fluctuation(body)).sum()
+}
+
+/// A sample that is held under stress stays where it is: contacts across the boundary push both of their bodies, and a drift that it has does not
+/// grow, whatever wraps around. It did, by a tenth per step.
+#[test]
+fn a_stress_makes_no_momentum() {
+    for (model, pressure, drift) in [
+        (Relaxed, 1e4, 0.0),
+        (Coulomb, 1e4, 0.0),
+        (Relaxed, 1e4, 0.5),
+        (Relaxed, 1e6, 0.0),
+        (Relaxed, 1e10, 0.0),
+    ] {
+        let mut world = empty(0.5, 0.0);
+        let mut next = random(3);
+        for k in 0..27_u32 {
+            let place = 0.01 * Vec3::from([k % 3, k / 3 % 3, k / 9].map(|n| f64::from(n) + 0.5));
+            let jitter = 6e-4 * (Vec3::new(next(), next(), next()) - 0.5);
+            let ball = add_sphere(&mut world, 0.004 + 0.0008 * next(), place + jitter);
+            world.bodies.velocity[ball] = Vec3::new(drift, 0.3 * drift, -drift);
+        }
+        world.set_cell(Some(Cell { drive: pressed(pressure), ..held(0.03) })).unwrap();
+        let mass: f64 = world.bodies.mass.iter().sum();
+        let start = momentum(&world);
+        let mut stepper = stepper(1e-3, 1e-4, 1e-4, model);
+        for step in 0..150 {
+            if let Err(error) = stepper.step(&mut world) {
+                // What closes the cell before its grains can bear it is refused, not followed.
+                assert!(
+                    pressure > 1e5 && error.to_string().contains("edge"),
+                    "{model} {pressure} step {step}: {error}"
+                );
+                break;
+            }
+            // A drift goes on as images do: H^-1 times it stays.
+            let expected = start.length() * (0.03 / world.cell().unwrap().smallest_edge());
+            let found = momentum(&world).length();
+            let allowed = 1.2 * expected + 1e-9 * mass;
+            assert!(found <= allowed, "{model} {pressure} {drift} step {step}: {found} beyond {allowed}");
+        }
+        let own: f64 =
+            (0..27).map(|ball| world.bodies.mass[ball] * world.fluctuation(ball).length_squared()).sum();
+        let drifting = mass * start.length_squared() / (mass * mass);
+        assert!(own <= 3.0 * drifting + 1e-3, "{model} {pressure} {drift}: {own} J");
+    }
+}
+
 /// Steps until one is refused: what is said, with the world as it was before that step.
 fn refusal(world: &mut World, steps: usize) -> Option<String> {
     let mut stepper = stepper(1e-3, 0.01, 1e-6, Relaxed);
