@@ -5,10 +5,11 @@
 //! between columns and may be transposed, so a reshape or a block of a core is never copied.
 
 use faer::dyn_stack::{MemBuffer, MemStack, StackReq};
-use faer::linalg::{cholesky, evd, householder, lu, matmul, qr, svd, triangular_solve};
+use faer::linalg::{cholesky, evd, householder, lu, matmul, qr, svd, triangular_inverse, triangular_solve};
 use faer::prelude::ReborrowMut;
 use faer::{Accum, Conj, MatMut, MatRef, Par};
 use std::cell::RefCell;
+use std::ops::Range;
 
 /// What a dense factorization can meet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -77,6 +78,24 @@ impl<'a> View<'a> {
     #[inline]
     pub fn columns(&self) -> usize {
         if self.transposed { self.rows } else { self.columns }
+    }
+
+    /// Rows and columns of these ranges.
+    ///
+    /// # Panics
+    /// If a range is not within the matrix.
+    #[inline]
+    pub fn block(self, rows: Range<usize>, columns: Range<usize>) -> Self {
+        assert!(rows.end <= self.rows() && columns.end <= self.columns(), "block within the matrix");
+        let (inner, outer) = if self.transposed { (&columns, &rows) } else { (&rows, &columns) };
+        let first =
+            if inner.is_empty() || outer.is_empty() { 0 } else { inner.start + self.stride * outer.start };
+        Self { data: &self.data[first..], rows: inner.len(), columns: outer.len(), ..self }
+    }
+
+    /// Whether all entries above the diagonal are zero. O(1) for most others, n^2 / 2 for a triangle.
+    pub fn is_lower_triangular(&self) -> bool {
+        (1..self.columns()).rev().all(|j| (0..j.min(self.rows())).all(|i| self.get(i, j) == 0.0))
     }
 
     /// Entry (i, j).
@@ -318,22 +337,72 @@ pub fn product(a: View<'_>, b: View<'_>) -> Matrix {
     c
 }
 
-/// A^T A, both triangles, with an exactly symmetric result.
+/// Which entries of a square matrix may differ from zero.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Triangle {
+    /// On and below the diagonal.
+    Lower,
+    /// On and above the diagonal.
+    Upper,
+}
+
+/// Columns of a block of a triangle: narrow, since products with 8 columns run nearly at the full rate.
+const NARROWEST_BLOCK: usize = 8;
+const BLOCKS: usize = 8;
+
+/// The columns 0..n in blocks.
+fn column_blocks(n: usize) -> impl Iterator<Item = Range<usize>> {
+    let width = n.div_ceil(BLOCKS).max(NARROWEST_BLOCK);
+    (0..n).step_by(width).map(move |first| first..(first + width).min(n))
+}
+
+/// C <- alpha A T for a triangle T, whose other entries have to be there and zero: m n^2 (1 + 1 / blocks) flops for an m x n matrix A, little more than
+/// half of a product (of 400 x 100 with 100 x 100: 90 instead of 143 microseconds).
+///
+/// # Panics
+/// If the shapes do not fit.
+pub fn multiply_triangle(alpha: f64, a: View<'_>, t: View<'_>, triangle: Triangle, c: ViewMut<'_>) {
+    let (m, n) = (a.rows(), t.columns());
+    assert!(t.rows() == n && c.rows == m && c.columns == n, "A T into a matrix of its shape");
+    let stride = c.stride;
+    for columns in column_blocks(n) {
+        let inner = match triangle {
+            Triangle::Lower => columns.start..n,
+            Triangle::Upper => 0..columns.end,
+        };
+        let to = ViewMut::with_stride(&mut c.data[stride * columns.start..], m, columns.len(), stride);
+        multiply(alpha, a.block(0..m, inner.clone()), t.block(inner, columns), to);
+    }
+}
+
+/// Gram matrices from this size on are left to faer, which halves them again and again; below, one row of blocks after the other is faster (50 x 200:
+/// 13 instead of 21 microseconds).
+const LARGE_GRAM: usize = 128;
+
+/// A^T A, both triangles, with an exactly symmetric result. m n^2 flops and somewhat more.
 pub fn gram(a: View<'_>) -> Matrix {
-    let n = a.columns();
+    let (m, n) = (a.rows(), a.columns());
     let mut g = Matrix::zeros(n, n);
-    matmul::triangular::matmul(
-        g.view_mut().faer(),
-        matmul::triangular::BlockStructure::TriangularLower,
-        Accum::Replace,
-        a.t().faer(),
-        matmul::triangular::BlockStructure::Rectangular,
-        a.faer(),
-        matmul::triangular::BlockStructure::Rectangular,
-        1.0,
-        Par::Seq,
-    );
-    clear_wide_registers();
+    if n < LARGE_GRAM {
+        for columns in column_blocks(n) {
+            let first = columns.start;
+            let below = ViewMut::with_stride(&mut g.data[first + n * first..], n - first, columns.len(), n);
+            multiply(1.0, a.block(0..m, first..n).t(), a.block(0..m, columns), below);
+        }
+    } else {
+        matmul::triangular::matmul(
+            g.view_mut().faer(),
+            matmul::triangular::BlockStructure::TriangularLower,
+            Accum::Replace,
+            a.t().faer(),
+            matmul::triangular::BlockStructure::Rectangular,
+            a.faer(),
+            matmul::triangular::BlockStructure::Rectangular,
+            1.0,
+            Par::Seq,
+        );
+        clear_wide_registers();
+    }
     for j in 0..n {
         for i in 0..j {
             g[(i, j)] = g[(j, i)];
@@ -535,6 +604,18 @@ impl Cholesky {
     pub fn lower(&self) -> &Matrix {
         &self.lower
     }
+
+    /// L^-1, with zeros above the diagonal. n^3 / 3 flops.
+    pub fn inverse_of_lower(&self) -> Matrix {
+        let mut inverse = Matrix::zeros(self.lower.rows, self.lower.rows);
+        triangular_inverse::invert_lower_triangular(
+            inverse.view_mut().faer(),
+            self.lower.view().faer(),
+            Par::Seq,
+        );
+        clear_wide_registers();
+        inverse
+    }
 }
 
 /// LU factorization with row pivoting, P A = L U.
@@ -653,10 +734,52 @@ mod tests {
 
     #[test]
     fn gram_is_the_product_with_the_transpose_and_symmetric() {
-        let a = sample(30, 11, 5);
-        let g = gram(a.view());
-        assert!(largest_difference(&g, &product(a.t(), a.view())) < 1e-13);
-        assert_eq!(g, g.transposed());
+        for (m, n) in [(30, 11), (0, 3), (5, 40), (200, 127), (200, 130)] {
+            let a = sample(m, n, 5);
+            let turned = a.transposed();
+            for view in [a.view(), turned.t()] {
+                let g = gram(view);
+                assert!(largest_difference(&g, &naive(&turned, &a)) < 1e-14 * (m + 1) as f64);
+                assert_eq!(g, g.transposed());
+            }
+        }
+    }
+
+    #[test]
+    fn products_with_triangles_equal_the_triple_loop() {
+        for (m, n) in [(1, 1), (3, 2), (5, 9), (9, 33), (40, 100), (2, 150)] {
+            let (a, square) = (sample(m, n, 1), sample(n, n, 2));
+            for triangle in [Triangle::Lower, Triangle::Upper] {
+                let inside = |i: usize, j: usize| if triangle == Triangle::Lower { i >= j } else { i <= j };
+                let t = Matrix::from_fn(n, n, |i, j| if inside(i, j) { square[(i, j)] } else { 0.0 });
+                assert_eq!(t.view().is_lower_triangular(), triangle == Triangle::Lower || n == 1);
+                assert_eq!(t.t().is_lower_triangular(), triangle == Triangle::Upper || n == 1);
+                let expected = naive(&a, &t);
+                for (a, t, turned) in [(a.view(), &t, false), (a.transposed().t(), &t.transposed(), true)] {
+                    // Into rows of a larger matrix, of which the others stay.
+                    let mut c = Matrix::from_vec(m + 2, n, vec![7.0; (m + 2) * n]);
+                    let to = ViewMut::with_stride(&mut c.data[1..], m, n, m + 2);
+                    multiply_triangle(2.0, a, if turned { t.t() } else { t.view() }, triangle, to);
+                    let product = Matrix::from_fn(m, n, |i, j| 0.5 * c[(i + 1, j)]);
+                    assert!(largest_difference(&product, &expected) < 1e-13 * n as f64);
+                    assert!((0..n).all(|j| c[(0, j)] == 7.0 && c[(m + 1, j)] == 7.0));
+                }
+            }
+        }
+        assert!(!sample(4, 4, 3).view().is_lower_triangular());
+        assert!(Matrix::zeros(0, 0).view().is_lower_triangular());
+    }
+
+    #[test]
+    fn the_inverse_of_a_factor_is_its_inverse() {
+        for n in [1, 2, 17, 60] {
+            let half = sample(2 * n, n, 12);
+            let factor = Cholesky::new(gram(half.view())).unwrap();
+            let lower = Matrix::from_fn(n, n, |i, j| if i >= j { factor.lower()[(i, j)] } else { 0.0 });
+            let inverse = factor.inverse_of_lower();
+            assert!(inverse.view().is_lower_triangular());
+            assert!(largest_difference(&naive(&lower, &inverse), &Matrix::identity(n)) < 1e-11);
+        }
     }
 
     #[test]

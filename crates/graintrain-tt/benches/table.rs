@@ -1,7 +1,7 @@
 //! One table: dot, norm, rounding, products of trains and with full vectors, TT-SVD at ranks 5 to 200, each beside what the machine could do at best in the same
 //! minute: the flops that the operation cannot do without over the rate of a large dense product, or its traffic over the speed of a copy.
 //!
-//! `cargo bench -p graintrain-tt --bench table`; RAYON_NUM_THREADS chooses the threads (times are processor times on one thread, else wall times).
+//! `cargo bench -p graintrain-tt --bench table`, with ranks behind `--` for these alone; RAYON_NUM_THREADS chooses the threads (times are processor times on one thread, else wall times).
 
 use graintrain_linalg::dense::{Matrix, multiply};
 use graintrain_tt::apply::{ApplyWork, FullOperator};
@@ -68,13 +68,14 @@ fn main() -> Result<(), graintrain_tt::TtError> {
     );
     println!("| operation | rank | ranks of the result | ms | bound, ms | share of the bound |");
     println!("|---|---|---|---|---|---|");
-    for rank in [5, 20, 50, 100, 200] {
+    let asked: Vec<usize> = std::env::args().skip(1).filter_map(|x| x.parse().ok()).collect();
+    for rank in [5, 20, 50, 100, 200].into_iter().filter(|rank| asked.is_empty() || asked.contains(rank)) {
         let rate = dense_rate();
         let (x, y) = (TtVector::random(&MODES, rank, 1)?, TtVector::random(&MODES, rank, 2)?);
         // P <- sum_i X(i)^T P Y(i): two products per core.
         let least = flops(&x, |l, n, r| 2.0 * n * (l * l * r + l * r * r)) / rate;
         line("dot 4^20", rank, "1".into(), seconds(|| x.dot(&y)), least);
-        // A product with the factor of what lies right and half a Gram matrix per core. (That the factor is a triangle could halve the first.)
+        // A product with the factor of what lies right and half a Gram matrix per core. (The first at its full price, although the factor is a triangle.)
         let least = flops(&x, |l, n, r| n * (2.0 * l * r * r + l * l * r)) / rate;
         line("norm 4^20", rank, "1".into(), seconds(|| x.norm()), least);
         // x + x, of rank 2 r, back to rank r: the same for the sum, then projections from the left.

@@ -2,7 +2,7 @@
 //! zero blocks and products their factors.
 
 use crate::TtVector;
-use crate::scale::{binary_exponent, largest_finite};
+use crate::scale::{binary_exponent, factor_within_product, largest_finite};
 use crate::vector::Core;
 use graintrain_linalg::dense::{DenseError, Matrix, View};
 
@@ -33,7 +33,21 @@ pub(crate) trait Cores: Sync {
 
 /// Sum l_alpha G(alpha, i, beta) r_beta.
 pub(crate) fn weighted_sum(core: &Core, left: &[f64], right: &[f64]) -> f64 {
-    let fibre = |fibre: &[f64]| fibre.iter().zip(left).map(|(x, l)| x * l).sum::<f64>();
+    weighted_sum_of(core, left, right, |x| x)
+}
+
+/// Sum l_alpha f(G(alpha, i, beta)) r_beta.
+fn weighted_sum_of(core: &Core, left: &[f64], right: &[f64], f: impl Fn(f64) -> f64) -> f64 {
+    const LANES: usize = 8;
+    let fibre = |fibre: &[f64]| {
+        let mut lanes = [0.0; LANES];
+        let (parts, weights) = (fibre.chunks_exact(LANES), left.chunks_exact(LANES));
+        let rest = parts.remainder().iter().zip(weights.remainder()).map(|(x, l)| f(*x) * l).sum::<f64>();
+        for (part, weights) in parts.zip(weights) {
+            (0..LANES).for_each(|k| lanes[k] += f(part[k]) * weights[k]);
+        }
+        lanes.iter().sum::<f64>() + rest
+    };
     let column = |(block, r): (&[f64], &f64)| r * block.chunks_exact(core.left).map(fibre).sum::<f64>();
     core.data.chunks_exact(core.left * core.mode).zip(right).map(column).sum()
 }
@@ -65,7 +79,11 @@ impl Cores for TtVector {
     }
 
     fn weighted_square(&self, k: usize, left: &[f64], right: &[f64], power: i32) -> f64 {
-        weighted_sum(&squared(&self.cores[k], power), left, right)
+        let core = &self.cores[k];
+        let Some(factor) = factor_within_product(power) else {
+            return weighted_sum(&squared(core, power), left, right);
+        };
+        weighted_sum_of(core, left, right, |x| (factor * x).powi(2))
     }
 
     fn multiply_left(&self, k: usize, m: View<'_>, power: i32) -> Core {

@@ -8,10 +8,10 @@
 //! Householder reflections. (Al Daas, Ballard, Manning, Parallel tensor train rounding using Gram SVD, 2022, take Gram
 //! matrices throughout and lose half the digits where trains cancel.)
 
-use crate::round::Budget;
+use crate::round::{Budget, sum_of_squares};
 use graintrain_linalg::dense::{
-    Cholesky, DenseError, Matrix, View, gram, left_svd, multiply_add, product, qr_triangle,
-    solve_upper_on_the_right, symmetric_eigen,
+    Cholesky, DenseError, Matrix, Triangle, View, gram, left_svd, multiply_add, multiply_triangle, product,
+    qr_triangle, symmetric_eigen,
 };
 
 /// Largest ||D R^-1||_F^2 / n at which a Gram matrix stands for its columns: at most two digits above rounding level.
@@ -28,6 +28,8 @@ const RESOLVED_SHARE: f64 = 1e-11;
 /// R with A^T A = R^T R for well-conditioned columns of A.
 pub(crate) struct SafeCholesky {
     factor: Cholesky,
+    /// R^-T, with zeros above the diagonal.
+    inverse: Matrix,
     /// ||R^-1||_F^2, so that no singular value of A is below 1 / sqrt of it.
     inverse_squared: f64,
 }
@@ -41,17 +43,14 @@ impl SafeCholesky {
             return None;
         }
         let factor = Cholesky::new(gram.clone()).ok()?;
-        let mut scaled = Matrix::zeros(n, n);
-        (0..n).for_each(|i| scaled[(i, i)] = squares[i].sqrt());
-        solve_upper_on_the_right(scaled.view_mut(), factor.lower().t());
+        let inverse = factor.inverse_of_lower();
         let (mut size, mut inverse_squared) = (0.0, 0.0);
-        for column in scaled.data().chunks_exact(n) {
-            for (x, square) in column.iter().zip(&squares) {
-                size += x * x;
-                inverse_squared += x * x / square;
-            }
+        for (j, square) in squares.iter().enumerate() {
+            let row = sum_of_squares(&inverse.column(j)[j..]);
+            size += square * row;
+            inverse_squared += row;
         }
-        (size <= CONDITION * n as f64).then_some(Self { factor, inverse_squared })
+        (size <= CONDITION * n as f64).then_some(Self { factor, inverse, inverse_squared })
     }
 
     /// L = R^T, with zeros above the diagonal.
@@ -61,9 +60,10 @@ impl SafeCholesky {
     }
 
     /// A R^-1: orthonormal columns if A is the matrix of the factor.
-    fn orthonormal(&self, mut a: Matrix) -> Matrix {
-        solve_upper_on_the_right(a.view_mut(), self.factor.lower().t());
-        a
+    fn orthonormal(&self, a: View<'_>) -> Matrix {
+        let mut result = Matrix::zeros(a.rows(), a.columns());
+        multiply_triangle(1.0, a, self.inverse.t(), Triangle::Upper, result.view_mut());
+        result
     }
 }
 
@@ -75,6 +75,17 @@ pub(crate) fn triangle(a: Matrix) -> Matrix {
     match SafeCholesky::new(&gram(a.view())) {
         Some(factor) => factor.lower().transposed(),
         None => qr_triangle(a),
+    }
+}
+
+/// L with A A^T = L L^T and at most as many columns as A, for a matrix of any shape.
+pub(crate) fn lower_triangle(a: Matrix) -> Matrix {
+    if a.columns() <= a.rows() {
+        return a;
+    }
+    match SafeCholesky::new(&gram(a.t())) {
+        Some(factor) => factor.lower(),
+        None => qr_triangle(a.transposed()).transposed(),
     }
 }
 
@@ -104,17 +115,21 @@ fn dependent_rows(a: View<'_>, squares: &Matrix) -> Option<Matrix> {
     }
     let kept = Matrix::from_fn(pivots.len(), pivots.len(), |i, j| squares[(pivots[i], pivots[j])]);
     let factor = SafeCholesky::new(&kept)?;
-    let lower = factor.orthonormal(Matrix::from_fn(m, pivots.len(), |i, j| squares[(i, pivots[j])]));
+    let lower = factor.orthonormal(Matrix::from_fn(m, pivots.len(), |i, j| squares[(i, pivots[j])]).view());
     // Q^T = A_S^T L_S^-T
-    let turned = factor.orthonormal(Matrix::from_fn(a.columns(), pivots.len(), |i, j| a.get(pivots[j], i)));
-    let mut rest = Matrix::from_fn(m, a.columns(), |i, j| a.get(i, j));
-    multiply_add(-1.0, lower.view(), turned.t(), rest.view_mut());
-    let mut left_over = vec![0.0; m];
-    for column in rest.data().chunks_exact(m) {
+    let kept_rows = Matrix::from_fn(pivots.len(), a.columns(), |i, j| a.get(pivots[i], j));
+    let turned = factor.orthonormal(kept_rows.t());
+    // (Rows S are L_S Q but for the rounding of their factor.)
+    let others: Vec<usize> = (0..m).filter(|i| !pivots.contains(i)).collect();
+    let mut rest = Matrix::from_fn(others.len(), a.columns(), |i, j| a.get(others[i], j));
+    let others_lower = Matrix::from_fn(others.len(), pivots.len(), |i, j| lower[(others[i], j)]);
+    multiply_add(-1.0, others_lower.view(), turned.t(), rest.view_mut());
+    let mut left_over = vec![0.0; others.len()];
+    for column in rest.data().chunks_exact(others.len()) {
         left_over.iter_mut().zip(column).for_each(|(sum, x)| *sum += x * x);
     }
-    let negligible = |(square, length): (&f64, &f64)| square.sqrt() <= DEPENDENT * length;
-    left_over.iter().zip(&lengths).all(negligible).then_some(lower)
+    let negligible = |(square, &i): (&f64, &usize)| square.sqrt() <= DEPENDENT * lengths[i];
+    left_over.iter().zip(&others).all(negligible).then_some(lower)
 }
 
 /// Rows S of A and C with A = C A_S, where every row keeps 16 eps of its own length; C is the identity on S. None if no row can be left
@@ -167,13 +182,17 @@ pub(crate) fn interpolative_rows(a: &Matrix) -> Option<(Vec<usize>, Matrix)> {
     Some((kept, back))
 }
 
+/// Pivots that are taken before the rest of the Gram matrix is brought up to date, at the rate of a product.
+const PIVOTS_TOGETHER: usize = 32;
+
 /// Pivots of the Cholesky factorization of the Gram matrix of rows brought to length one, until what is left of every row
-/// is [`UNRESOLVED`] or `most` are found.
+/// is [`UNRESOLVED`] or `most` are found. O(m^2 most).
 fn independent_rows(squares: &Matrix, lengths: &[f64], most: usize) -> Vec<usize> {
     let m = lengths.len();
     let inverse: Vec<f64> = lengths.iter().map(|x| if *x > 0.0 { 1.0 / x } else { 0.0 }).collect();
     let mut left: Vec<f64> = lengths.iter().map(|x| f64::from(*x > 0.0)).collect();
-    let (mut factor, mut pivots): (Vec<f64>, Vec<usize>) = (Vec::new(), Vec::new());
+    let mut rest = Matrix::from_fn(m, m, |i, j| squares[(i, j)] * inverse[i] * inverse[j]);
+    let (mut columns, mut pivots): (Vec<f64>, Vec<usize>) = (Vec::new(), Vec::new());
     while pivots.len() < most {
         let (mut pivot, mut largest) = (0, UNRESOLVED);
         for (i, x) in left.iter().enumerate() {
@@ -184,9 +203,13 @@ fn independent_rows(squares: &Matrix, lengths: &[f64], most: usize) -> Vec<usize
         if largest == UNRESOLVED {
             break;
         }
-        let mut column: Vec<f64> =
-            squares.column(pivot).iter().zip(&inverse).map(|(x, scale)| x * scale * inverse[pivot]).collect();
-        for earlier in factor.chunks_exact(m) {
+        if columns.len() == m * PIVOTS_TOGETHER {
+            let factor = View::new(&columns, m, PIVOTS_TOGETHER);
+            multiply_add(-1.0, factor, factor.t(), rest.view_mut());
+            columns.clear();
+        }
+        let mut column = rest.column(pivot).to_vec();
+        for earlier in columns.chunks_exact(m) {
             let weight = earlier[pivot];
             column.iter_mut().zip(earlier).for_each(|(x, y)| *x -= weight * y);
         }
@@ -196,7 +219,7 @@ fn independent_rows(squares: &Matrix, lengths: &[f64], most: usize) -> Vec<usize
             *left -= *x * *x;
         });
         left[pivot] = 0.0;
-        factor.extend(column);
+        columns.extend(column);
         pivots.push(pivot);
     }
     pivots
@@ -212,7 +235,7 @@ pub(crate) fn all_columns(a: &Matrix, share: f64) -> Option<Matrix> {
         return None;
     }
     let factor = SafeCholesky::new(&gram(a.view()))?;
-    (1.0 > 1.01 * share * factor.inverse_squared).then(|| factor.orthonormal(a.clone()))
+    (1.0 > 1.01 * share * factor.inverse_squared).then(|| factor.orthonormal(a.view()))
 }
 
 /// Orthonormal columns that hold A (its leading left singular vectors, or any basis of all its columns where none can be
@@ -250,7 +273,7 @@ fn columns_by_eigenvalues(a: &Matrix, budget: &Budget) -> Result<Option<(Matrix,
     if tall {
         let image = product(a.view(), basis.view());
         let Some(factor) = SafeCholesky::new(&gram(image.view())) else { return Ok(None) };
-        basis = factor.orthonormal(image);
+        basis = factor.orthonormal(image.view());
     }
     // What is left out, as it is and not as the eigenvalues have it.
     let mut rest = a.clone();

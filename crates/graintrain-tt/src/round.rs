@@ -6,7 +6,7 @@
 
 use crate::cores::{Cores, Sum};
 use crate::error::at_core;
-use crate::factor::{leading_columns, row_factor, triangle};
+use crate::factor::{leading_columns, lower_triangle, row_factor, triangle};
 use crate::scale::{binary_exponent, factor_out, largest_finite, share_power};
 use crate::vector::Core;
 use crate::{TtError, TtMatrix, TtVector};
@@ -327,7 +327,7 @@ impl TtVector {
         self.cores[k - 1] = self.cores[k - 1].multiply_right(r.t());
     }
 
-    /// Frobenius norm by a QR sweep: relative accuracy near rounding level also for small differences of large trains,
+    /// Frobenius norm by a sweep of triangles: relative accuracy near rounding level also for small differences of large trains,
     /// where `dot(x, x)` loses half the digits. O(d n r^3).
     pub fn norm(&self) -> f64 {
         let (mantissa, exponent) = self.norm_scaled();
@@ -340,22 +340,23 @@ impl TtVector {
         mantissa.ln() + exponent * std::f64::consts::LN_2
     }
 
-    /// The norm as mantissa * 2^exponent.
+    /// The norm as mantissa * 2^exponent: by the factors of the parts on the right, whose triangles are half as dear on that side.
     fn norm_scaled(&self) -> (f64, f64) {
-        let mut r = Matrix::identity(1);
+        let mut lower = Matrix::identity(1);
         let mut exponent = 0.0;
-        for core in &self.cores {
+        for core in self.cores.iter().rev() {
             // The core alone first: its product with the triangle might overflow.
             let size = largest_finite(&core.data).unwrap_or(f64::NAN);
             if size.is_nan() || size == 0.0 {
                 return (size, 0.0);
             }
             let power = binary_exponent(size);
-            r = triangle(core.multiply_left_scaled(r.view(), -power).into_left_unfolding());
-            let Some(second) = factor_out(r.data_mut()) else { return not_scalable(r.data()) };
+            let part = core.multiply_right_scaled(lower.view(), -power);
+            lower = lower_triangle(Matrix::from_vec(part.left, part.mode * part.right, part.data));
+            let Some(second) = factor_out(lower.data_mut()) else { return not_scalable(lower.data()) };
             exponent += f64::from(power + second);
         }
-        (r.data().iter().map(|x| x * x).sum::<f64>().sqrt(), exponent)
+        (sum_of_squares(lower.data()).sqrt(), exponent)
     }
 
     /// The relative error that rounding of its own cores makes in a train, and so in everything computed from it:

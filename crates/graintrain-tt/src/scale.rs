@@ -64,9 +64,9 @@ pub(crate) fn scale_by_power(data: &mut [f64], power: i32) {
 }
 
 /// 2^power where it may be applied within a product of matrices of moderate size; none where the numbers are so large or
-/// small that they have to be scaled first.
+/// small that they have to be scaled first: a product may apply it to either factor, of which small numbers must not vanish.
 pub(crate) fn factor_within_product(power: i32) -> Option<f64> {
-    (power.abs() <= 900).then(|| f64::from(power).exp2())
+    (power.abs() <= 300).then(|| f64::from(power).exp2())
 }
 
 /// Scales the largest absolute value into [1, 2) and returns the exponent taken out; none (and nothing changed) if it

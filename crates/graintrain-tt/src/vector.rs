@@ -2,14 +2,17 @@
 
 use crate::TtError;
 use crate::scale::{factor_within_product, scale_by_power};
-use graintrain_linalg::dense::{Matrix, View, ViewMut, multiply};
+use graintrain_linalg::dense::{Matrix, Triangle, View, ViewMut, multiply, multiply_triangle};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
+use std::ops::Range;
 
 /// Largest full tensor that will be formed: 2^31 entries (16 GiB).
 const LARGEST_FULL: f64 = 2147483648.0;
 /// Most numbers of one core, or of a matrix on the way to one, that an operation makes unasked: 2^28 (2 GiB).
 pub(crate) const LARGEST_CORE: usize = 1 << 28;
+/// Right ranks that a block of a block-diagonal core has at least where blocks are multiplied one by one.
+const SMALLEST_BLOCK: usize = 8;
 /// Points per task of the evaluation of many entries.
 const POINTS_PER_TASK: usize = 2048;
 
@@ -24,6 +27,12 @@ pub struct Core {
     pub(crate) mode: usize,
     pub(crate) right: usize,
     pub(crate) data: Vec<f64>,
+}
+
+/// A block of a core: G(alpha, i, beta) is zero for these right ranks beta and all other left ranks alpha.
+struct DiagonalBlock {
+    left: Range<usize>,
+    right: Range<usize>,
 }
 
 /// What serde sees; checked on the way in.
@@ -156,26 +165,86 @@ impl Core {
         self.multiply_right_scaled(m, 0)
     }
 
-    /// 2^power M G, without overflow on the way where 2^power G has none.
+    /// 2^power M G, without overflow on the way where 2^power G has none. Only the blocks of block-diagonal cores are multiplied.
     pub(crate) fn multiply_left_scaled(&self, m: View<'_>, power: i32) -> Self {
         let Some(factor) = factor_within_product(power) else { return self.scaled(power).multiply_left(m) };
-        let mut data = vec![0.0; m.rows() * self.mode * self.right];
-        multiply(
-            factor,
-            m,
-            self.right_unfolding(),
-            ViewMut::new(&mut data, m.rows(), self.mode * self.right),
-        );
-        Self { left: m.rows(), data, ..*self }
+        let (rows, fibres) = (m.rows(), self.mode * self.right);
+        let mut data = vec![0.0; rows * fibres];
+        match self.diagonal_blocks() {
+            Some(blocks) => {
+                for DiagonalBlock { left, right } in blocks {
+                    let fibres = self.mode * right.start..self.mode * right.end;
+                    let to = &mut data[rows * fibres.start..rows * fibres.end];
+                    let to = ViewMut::new(to, rows, fibres.len());
+                    let block = self.right_unfolding().block(left.clone(), fibres);
+                    multiply(factor, m.block(0..rows, left), block, to);
+                }
+            }
+            None => multiply(factor, m, self.right_unfolding(), ViewMut::new(&mut data, rows, fibres)),
+        }
+        Self { left: rows, data, ..*self }
     }
 
-    /// 2^power G M, without overflow on the way where 2^power G has none.
+    /// 2^power G M, without overflow on the way where 2^power G has none. Blocks of zeros of block-diagonal cores and above the diagonal of M are not
+    /// multiplied.
     pub(crate) fn multiply_right_scaled(&self, m: View<'_>, power: i32) -> Self {
         let Some(factor) = factor_within_product(power) else { return self.scaled(power).multiply_right(m) };
-        let mut data = vec![0.0; self.left * self.mode * m.columns()];
-        let rows = self.left * self.mode;
-        multiply(factor, self.left_unfolding(), m, ViewMut::new(&mut data, rows, m.columns()));
-        Self { right: m.columns(), data, ..*self }
+        let (rows, columns) = (self.left * self.mode, m.columns());
+        let mut data = vec![0.0; rows * columns];
+        if let Some(blocks) = self.diagonal_blocks() {
+            for DiagonalBlock { left, right } in blocks {
+                let m = m.block(right.clone(), 0..columns);
+                for i in 0..self.mode {
+                    let to = &mut data[self.left * i + left.start..];
+                    let to = ViewMut::with_stride(to, left.len(), columns, rows);
+                    multiply(factor, self.slice(i).block(left.clone(), right.clone()), m, to);
+                }
+            }
+        } else if m.rows() == columns && m.is_lower_triangular() {
+            let to = ViewMut::new(&mut data, rows, columns);
+            multiply_triangle(factor, self.left_unfolding(), m, Triangle::Lower, to);
+        } else {
+            multiply(factor, self.left_unfolding(), m, ViewMut::new(&mut data, rows, columns));
+        }
+        Self { right: columns, data, ..*self }
+    }
+
+    /// The blocks of a core that is zero outside of them, as the cores of a sum are, each of [`SMALLEST_BLOCK`] right ranks at least; none for other
+    /// cores. O(1) for a core without zeros in its corners, else O(left mode right).
+    fn diagonal_blocks(&self) -> Option<Vec<DiagonalBlock>> {
+        if self.left.min(self.right) < 2 * SMALLEST_BLOCK {
+            return None;
+        }
+        let corners =
+            |i: usize| self.get(self.left - 1, i, 0) == 0.0 && self.get(0, i, self.right - 1) == 0.0;
+        if !(0..self.mode).all(corners) {
+            return None;
+        }
+        // Of every column the rows between its first and its last number that is not zero.
+        let support = |column: &[f64]| {
+            let (mut first, mut end) = (self.left, 0);
+            for fibre in column.chunks_exact(self.left) {
+                let before = fibre[..first].iter().position(|x| *x != 0.0);
+                first = before.unwrap_or(first);
+                end = end.max(fibre.iter().rposition(|x| *x != 0.0).map_or(0, |last| last + 1));
+            }
+            (first, end)
+        };
+        let supports: Vec<(usize, usize)> =
+            self.data.chunks_exact(self.left * self.mode).map(support).collect();
+        // The smallest first row of the columns from here on.
+        let mut firsts: Vec<usize> = supports.iter().map(|s| s.0).collect();
+        (0..self.right - 1).rev().for_each(|beta| firsts[beta] = firsts[beta].min(firsts[beta + 1]));
+        let (mut blocks, mut row, mut column, mut end) = (Vec::new(), 0, 0, 0);
+        for beta in 0..self.right {
+            end = end.max(supports[beta].1);
+            let last = beta + 1 == self.right;
+            if last || (beta + 1 - column >= SMALLEST_BLOCK && end <= firsts[beta + 1]) {
+                blocks.push(DiagonalBlock { left: row..end.max(row), right: column..beta + 1 });
+                (row, column) = (end.max(row), beta + 1);
+            }
+        }
+        (blocks.len() > 1).then_some(blocks)
     }
 
     /// 2^power G.
@@ -499,5 +568,59 @@ pub(crate) fn check_index(modes: &[usize], index: &[usize]) -> Result<(), TtErro
     match (0..modes.len()).find(|&k| index[k] >= modes[k]) {
         Some(mode) => Err(TtError::Index { mode, index: index[mode], size: modes[mode] }),
         None => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::Random;
+    use graintrain_linalg::dense::product;
+
+    /// Cores with blocks of zeros, of every shape of blocks, against products that know nothing of blocks.
+    #[test]
+    fn products_of_block_diagonal_cores_equal_those_of_full_ones() {
+        let mut random = Random::new(1);
+        for blocks in [
+            vec![(20, 20), (20, 20)],
+            vec![(9, 30), (30, 9)],
+            vec![(16, 3), (4, 17), (2, 2), (9, 9)],
+            vec![(1, 12), (40, 8), (0, 5)],
+            vec![(33, 40)],
+        ] {
+            let (left, right): (Vec<usize>, Vec<usize>) = blocks.iter().copied().unzip();
+            let block_of = |sizes: &[usize], at: usize| {
+                sizes
+                    .iter()
+                    .scan(0, |sum, n| {
+                        *sum += n;
+                        Some(*sum)
+                    })
+                    .position(|end| at < end)
+            };
+            let (rows, columns): (usize, usize) = (left.iter().sum(), right.iter().sum());
+            let core = Core::from_fn(rows, 3, columns, |alpha, _, beta| {
+                if block_of(&left, alpha) == block_of(&right, beta) { random.symmetric() } else { 0.0 }
+            });
+            assert_eq!(core.diagonal_blocks().is_some(), blocks.len() > 1, "{blocks:?}");
+            let mut sample = |m, n| Matrix::from_fn(m, n, |_, _| random.symmetric());
+            let (before, after) = (sample(7, rows), sample(columns, 5));
+            // A factor that is a triangle, too.
+            let square = sample(columns, columns);
+            let lower = Matrix::from_fn(columns, columns, |i, j| if i >= j { square[(i, j)] } else { 0.0 });
+            let close = |x: &[f64], y: &Matrix| {
+                x.len() == y.data().len() && x.iter().zip(y.data()).all(|(x, y)| (4.0 * x - y).abs() < 1e-13)
+            };
+            assert!(close(
+                &core.multiply_left_scaled(before.view(), -2).data,
+                &product(before.view(), core.right_unfolding())
+            ));
+            for factor in [after, lower, square] {
+                assert!(close(
+                    &core.multiply_right_scaled(factor.view(), -2).data,
+                    &product(core.left_unfolding(), factor.view())
+                ));
+            }
+        }
     }
 }

@@ -205,3 +205,22 @@ proptest! {
         prop_assert!((truth - report.error).abs() <= 1e-6 * tolerance + rounding, "{truth} reported as {}", report.error);
     }
 }
+
+/// A core with 1e200 beside 1, whose partner has 1e-201 beside 1: no term vanishes on the way.
+#[test]
+fn units_that_differ_within_a_core_lose_no_term() {
+    let core = |left, right, data: &[f64]| Core::new(left, 1, right, data.to_vec()).unwrap();
+    for (large, small) in [(1e200, 1e-201), (1e-200, 1e199), (1e80, 1e-81)] {
+        let train =
+            TtVector::from_cores(vec![core(1, 2, &[large, 1.0]), core(2, 1, &[small, 0.25])]).unwrap();
+        assert!((train.norm() / 0.35 - 1.0).abs() < 1e-14, "{large:e}: {}", train.norm());
+        let (rounded, report) = train.round(&Truncation::to(1e-12)).unwrap();
+        assert!(
+            (rounded.entry(&[0, 0]).unwrap() / 0.35 - 1.0).abs() < 1e-13
+                && (report.norm / 0.35 - 1.0).abs() < 1e-13
+        );
+        let other =
+            TtVector::from_cores(vec![core(1, 2, &[large, 1.0]), core(2, 1, &[small, -0.1])]).unwrap();
+        assert!(other.norm() < 1e-15, "{large:e}: {}", other.norm());
+    }
+}
