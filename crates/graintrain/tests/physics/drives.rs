@@ -2,13 +2,15 @@
 
 use crate::support::*;
 use graintrain::ccp::FrictionModel;
+use graintrain::collide::Collider;
 use graintrain::handle::{BodyId, MaterialId};
 use graintrain::load::{Action, Load};
 use graintrain::math::{Quat, Vec3};
 use graintrain::motion::{Axes, Motion, Profile};
-use graintrain::shape::Geometry;
+use graintrain::shape::{Geometry, Part, Shape};
 use graintrain::stepper::{StepSettings, Stepper};
 use graintrain::world::{Body, World};
+use std::collections::BTreeSet;
 use std::f64::consts::FRAC_PI_2;
 
 const BOTH: [FrictionModel; 2] = [FrictionModel::Relaxed, FrictionModel::Coulomb];
@@ -139,5 +141,56 @@ fn a_loaded_piston_accelerates_and_presses() {
         let expected = 2.0 * mass * G + load;
         assert!((carried / expected - 1.0).abs() < 1e-4, "{model:?}: {carried} N, not {expected} N");
         assert!(world.bodies.velocity[piston.index()].length() < 1e-6);
+    }
+}
+
+/// A body of planes alone is seen to be far from most others without the exact tests. It meets the balls that it meets with them: here beside two
+/// balls far away, which keep the short cut out, at rest and turning fast.
+#[test]
+fn a_turning_box_of_planes_misses_no_contact() {
+    let contacts_of = |rate: f64, behind: bool| {
+        let mut world = world(0.3, 0.0);
+        let wall = |place: Vec3, normal: Vec3| Part {
+            shape: Shape::Plane,
+            position: place,
+            orientation: Quat::from_rotation_arc(Vec3::Z, normal),
+        };
+        let mut parts = vec![
+            wall(Vec3::ZERO, Vec3::Z),
+            wall(-2.0 * Vec3::X, Vec3::X),
+            wall(2.0 * Vec3::X, -Vec3::X),
+            wall(-2.0 * Vec3::Y, Vec3::Y),
+        ];
+        if behind {
+            let ball = Shape::Sphere { radius: 0.2 };
+            // Two of them, so that the centre of mass stays.
+            for height in [-50.0, 50.0] {
+                parts.push(Part {
+                    shape: ball.clone(),
+                    position: height * Vec3::Z,
+                    orientation: Quat::IDENTITY,
+                });
+            }
+        }
+        let walls = world.add_geometry(Geometry::compound(parts).unwrap().0);
+        let motion =
+            world.add_motion(Motion::spinning(Vec3::new(0.6, 0.8, 0.0), Profile::Constant(rate))).unwrap();
+        let place = Vec3::new(0.3, -0.2, 0.1);
+        world.add_body(Body { motion, ..Body::new(walls, MaterialId::default(), place) }).unwrap();
+        world.bodies.angular_velocity[0] = rate * Vec3::new(0.6, 0.8, 0.0);
+        for k in 0..512 {
+            let at = [k % 8, k / 8 % 8, k / 64].map(|i| 0.5 * f64::from(i));
+            let ball = add_sphere(&mut world, 0.1, Vec3::from(at) + Vec3::new(-1.5, -1.8, 0.25));
+            world.bodies.velocity[ball] = Vec3::new(0.0, 1.0, -2.0);
+        }
+        let found = Collider::default().contacts(&world, 0.01, 0.02);
+        let with_walls = found.iter().filter(|c| c.body_a.min(c.body_b) == 0);
+        // (Fast pairs of bodies of different size are told at different times of the step: balls, not gaps.)
+        with_walls.map(|c| c.body_a.max(c.body_b)).collect::<BTreeSet<_>>()
+    };
+    for (rate, least) in [(0.0, 20), (15.0, 30)] {
+        let found = contacts_of(rate, false);
+        assert!(found.len() >= least, "{} at {rate} rad/s", found.len());
+        assert_eq!(found, contacts_of(rate, true), "{rate} rad/s");
     }
 }
