@@ -364,6 +364,9 @@ fn column_blocks(n: usize) -> impl Iterator<Item = Range<usize>> {
 pub fn multiply_triangle(alpha: f64, a: View<'_>, t: View<'_>, triangle: Triangle, c: ViewMut<'_>) {
     let (m, n) = (a.rows(), t.columns());
     assert!(t.rows() == n && c.rows == m && c.columns == n, "A T into a matrix of its shape");
+    if m == 0 {
+        return;
+    }
     let stride = c.stride;
     for columns in column_blocks(n) {
         let inner = match triangle {

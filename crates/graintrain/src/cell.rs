@@ -99,9 +99,16 @@ fn take_along(world: &mut World, [imposed, pressed]: [Mat3; 2]) {
     for body in 0..world.bodies.len() {
         if !world.is_prescribed(body) {
             let velocity = imposed * (world.bodies.position[body] - centre) + uniform;
-            world.bodies.velocity[body] += velocity;
+            let own = along_free_axes(world, body, velocity);
+            world.bodies.velocity[body] += own;
         }
     }
+}
+
+/// The part of a velocity along the axes along which a body can move.
+fn along_free_axes(world: &World, body: usize, velocity: Vec3) -> Vec3 {
+    let free = world.free_degrees(body);
+    Vec3::from_array(std::array::from_fn(|axis| if free[axis] { velocity[axis] } else { 0.0 }))
 }
 
 /// Centre of mass, m, and mean velocity, m/s, of the bodies that can move; zero where there are none.
@@ -124,8 +131,9 @@ fn follow_contacts(world: &mut World, change: Mat3, step: f64) {
     let uniform = change * (place - step * velocity - centre);
     for body in 0..world.bodies.len() {
         if !world.is_prescribed(body) {
-            world.bodies.velocity[body] += uniform;
-            world.bodies.position[body] += step * uniform;
+            let own = along_free_axes(world, body, uniform);
+            world.bodies.velocity[body] += own;
+            world.bodies.position[body] += step * own;
         }
     }
 }

@@ -174,8 +174,11 @@ impl CoulombIteration {
         found.history.append(&report.history, found.steps, begun);
         found.steps += report.iterations;
         found.best.offer(impulse, limits.judged(report.residual));
-        found.remark.clone_from(&report.remark);
-        if report.converged() {
+        found.path_ended |= report.status == Status::Stalled;
+        if report.remark.is_some() {
+            found.remark = report.remark;
+        }
+        if report.status == Status::Converged {
             let before = found.solver.take().unwrap_or_default();
             found.solver = Some(format!("{before}, {}", report.solver));
         }
@@ -303,7 +306,15 @@ impl CoulombIteration {
             last.fill(0.0);
             ended = self.rounds(problem, &mut last, settings, &limits, &mut found)?;
         }
-        if ended.is_none() {
+        let mut asked_without_friction = false;
+        // (A path that came to its own end would come to it again.)
+        if ended.is_none() && self.relaxed.path_following().is_some() && !found.path_ended {
+            asked_without_friction = true;
+            let report = self.without_friction(problem, settings, &limits, found.steps)?;
+            found.steps += report.iterations;
+            ended = matches!(report.status, Status::Infeasible | Status::Stopped).then_some(report.status);
+        }
+        if ended.is_none() && asked_without_friction {
             // The start that nothing was found from is left behind: all the way from large tau.
             last.fill(0.0);
             let work = self.parameters.last_path_work;
@@ -319,7 +330,6 @@ impl CoulombIteration {
         }
         let Found { mut best, steps, mut products, mut history, newton, remark, .. } = found;
         let (mut iterations, mut linear_iterations, mut since_best) = (0, 0, 0);
-        let mut asked_without_friction = false;
         let mut fraction = self.parameters.inner_fraction[0];
         let mut best_residual = f64::INFINITY;
         let mut last_inner = None;
@@ -407,6 +417,8 @@ struct Found {
     newton: Vec<NewtonRecord>,
     /// What the path had to say.
     remark: Option<String>,
+    /// Whether the path came to its own end, not to that of its work.
+    path_ended: bool,
     /// Who made the last round; `None` where there was none.
     solver: Option<String>,
 }
