@@ -124,7 +124,8 @@ fn mean_motion(world: &World) -> [Vec3; 2] {
 }
 
 /// What contacts have changed of the gradient in a solve takes all bodies along from where they stood then, with their way of the step: with the place
-/// that they have come to, a sample under stress that drifts would be driven on by its own way, more with every step.
+/// that they have come to, a sample under stress that drifts would be driven on by its own way, more with every step. So a step takes the momentum
+/// relative to the deformation, p = sum m (u - L (x - centre)), to (I + dt L)^-1 p, as free flight does. `change` in 1/s, `step` in s.
 fn follow_contacts(world: &mut World, change: Mat3, step: f64) {
     let Some(centre) = world.cell().map(Cell::centre).filter(|_| change != Mat3::ZERO) else { return };
     let [place, velocity] = mean_motion(world);

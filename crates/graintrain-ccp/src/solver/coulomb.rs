@@ -27,8 +27,9 @@ use crate::residual::{FrictionModel, ResidualScale};
 ///
 /// A solver that treats exact friction in iterations of its own ([`CcpSolver::solve_exact`]) is tried first. Where its first round ends
 /// without a solution and it has a [path to fall back on](CcpSolver::path_following), that is followed from the best impulses; then come
-/// more rounds, from where the first one ended and from zero, and the whole path from large tau. All that is decided by counts of operations and by residuals, never by
-/// the clock. The fixed point goes on from the best iterate where nothing of that converged. Relaxed solves pass straight through, and
+/// more rounds, from where the first one ended and from zero; then, unless that path came to its own end, the problem without friction
+/// (where it has no solution, this one has none) and the whole path from large tau. All that is decided by counts of operations and by
+/// residuals, never by the clock. The fixed point goes on from the best iterate where nothing of that converged. Relaxed solves pass straight through, and
 /// so do problems without friction.
 ///
 /// A limit of iterations holds for these two stages one by one, because they need not count the same: in the first one `ipm`
@@ -308,7 +309,8 @@ impl CoulombIteration {
         }
         let mut asked_without_friction = false;
         // (A path that came to its own end would come to it again.)
-        if ended.is_none() && self.relaxed.path_following().is_some() && !found.path_ended {
+        let follows = self.relaxed.path_following().is_some() && problem.turning.is_empty();
+        if ended.is_none() && follows && !found.path_ended {
             asked_without_friction = true;
             let report = self.without_friction(problem, settings, &limits, found.steps)?;
             found.steps += report.iterations;
