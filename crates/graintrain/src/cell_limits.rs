@@ -2,7 +2,7 @@
 //!
 //! A body in a cell has at most one image near each other body, which takes edges of more than twice its size. In a step an edge may change by half, and images
 //! may move by a quarter edge: contacts are looked for where a step begins and where it ends, and faster ones would pass through each other. Imposed rates beyond
-//! are refused; imposed stresses are held there, as by a press with a largest speed.
+//! are refused; imposed stresses are held there, as by a press with a largest speed. A step gives them a tenth of that at most, by the inertia of the cell.
 
 use crate::cell::{COMPONENTS, Cell, Drive, NAMES};
 use crate::error::ModelError;
@@ -14,11 +14,27 @@ const STRETCH: f64 = 0.5;
 /// Largest way that an image moves sideways in a step, over the edge in that direction.
 const SHEAR: f64 = 0.25;
 
+/// What the largest imposed stress may give a component from rest in a step, over the largest rate of that component: with a tolerance of 1e-3, contacts are then
+/// left to approach by 5e-5 edges in a step at most.
+const PUSH: f64 = 0.1;
+
 impl Cell {
     /// Largest magnitude of a component of L in a step of this length (s), 1/s.
     fn largest_rate(&self, component: usize, step: f64) -> f64 {
         let (i, j) = COMPONENTS[component];
         if i == j { STRETCH / step } else { SHEAR * self.size[i] / self.size[j] / step }
+    }
+
+    /// Inertia of a component whose stress is imposed, kg m^2, in the step from `time`: W = M H^2 / 12 with the mass M (kg) of all bodies, or what keeps
+    /// V sigma dt / W of the largest stress within [`PUSH`] of the largest rate.
+    pub(crate) fn inertia(&self, component: usize, mass: f64, time: f64, step: f64) -> f64 {
+        let edge = self.size[COMPONENTS[component].1];
+        let stress = |drive: &Drive| match drive {
+            Drive::Stress(profile) => profile.mean(time, step).abs(),
+            Drive::Rate(_) => 0.0,
+        };
+        let push = self.drive.iter().map(stress).fold(0.0, f64::max) * self.volume() * step;
+        (mass * edge * edge / 12.0).max(push / (PUSH * self.largest_rate(component, step)))
     }
 
     /// Checks that the rates which are imposed on the step of this length (s) that begins at `time` (s) are none that a step cannot follow.
@@ -59,6 +75,17 @@ impl Cell {
             (rate.abs() > limit * (1.0 + 1e-12)).then_some(rate.signum() * limit)
         })
     }
+
+    /// The first component that moves against its stress at the largest rate which the step from `time` can follow. Contacts bear a stress, they do not return
+    /// it: a cell that they throw open was not solved.
+    pub(crate) fn thrown_open(&self, time: f64, step: f64) -> Option<&'static str> {
+        let thrown = |&k: &usize| {
+            let Drive::Stress(profile) = &self.drive[k] else { return false };
+            let pull = profile.mean(time, step) * self.rate[k];
+            pull > 0.0 && self.rate[k].abs() >= self.largest_rate(k, step) * (1.0 - 1e-9)
+        };
+        (0..6).find(thrown).map(|k| NAMES[k])
+    }
 }
 
 impl World {
@@ -87,5 +114,40 @@ impl World {
             }
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::Vec3;
+    use crate::motion::Profile;
+
+    fn pressed(stress: f64, rate: f64) -> Cell {
+        let mut cell = Cell::new(Vec3::ZERO, Vec3::new(1.0, 2.0, 3.0), [true; 3]).unwrap();
+        cell.drive[1] = Drive::Stress(Profile::Constant(stress));
+        cell.rate[1] = rate;
+        cell
+    }
+
+    #[test]
+    fn only_what_opens_against_its_stress_is_thrown_open() {
+        assert_eq!(pressed(1.0, 500.0).thrown_open(0.0, 1e-3), Some("yy"));
+        assert_eq!(pressed(1.0, 499.0).thrown_open(0.0, 1e-3), None);
+        assert_eq!(pressed(1.0, -500.0).thrown_open(0.0, 1e-3), None);
+        assert_eq!(pressed(-1.0, 500.0).thrown_open(0.0, 1e-3), None);
+    }
+
+    /// From rest a stress changes its edge by a twentieth in a step at most, and small ones act on the mass of the bodies.
+    #[test]
+    fn a_stress_gives_no_more_than_its_share() {
+        let step = 1e-3;
+        for stress in [1e-3, 1e12] {
+            let cell = pressed(stress, 0.0);
+            let inertia = cell.inertia(1, 3.0, 0.0, step);
+            let push = stress * cell.volume() * step / inertia;
+            assert!(push * step <= 0.05 * (1.0 + 1e-12), "{push}");
+            assert_eq!(inertia == 3.0 * 4.0 / 12.0, stress < 1.0);
+        }
     }
 }

@@ -27,10 +27,15 @@ pub(crate) struct CellRows {
 }
 
 impl CellRows {
-    /// Those of the contacts of a problem. `mass` is that of all bodies, kg.
-    pub(crate) fn new(cell: &Cell, contacts: &[Contact], rows: &[RigidContact], mass: f64) -> Self {
+    /// Those of the contacts of a problem, with the inertias of the components, kg m^2.
+    pub(crate) fn new(
+        cell: &Cell,
+        contacts: &[Contact],
+        rows: &[RigidContact],
+        inertia: impl Fn(usize) -> f64,
+    ) -> Self {
         let mobility = std::array::from_fn(|k| match cell.drive[k] {
-            Drive::Stress(_) if mass > 0.0 => 1.0 / cell.inertia(k, mass),
+            Drive::Stress(_) if inertia(k) > 0.0 => 1.0 / inertia(k),
             _ => 0.0,
         });
         let across = |(i, (contact, row)): (usize, (&Contact, &RigidContact))| {
@@ -184,7 +189,7 @@ mod tests {
                 RigidContact { body_a: c.body_a, body_b: c.body_b, frame, arm_a, arm_b }
             })
             .collect();
-        let across = CellRows::new(&cell, &contacts, &rows, 7.0);
+        let across = CellRows::new(&cell, &contacts, &rows, |k| cell.inertia(k, 7.0, 0.0, 1e-3));
         let mass = |b: u32| BodyInverseMass {
             linear: [1.0 + f64::from(b); 3],
             angular: [2.0, 0.0, 0.0, 0.0, 2.0, 0.0, 0.0, 0.0, 2.0],

@@ -171,9 +171,11 @@ impl Stepper {
         impulse: &mut [f64],
     ) -> Result<WithCell, CcpError> {
         let mut cell = world.cell().cloned();
+        let (time, step) = (world.time, self.settings.step);
+        let mass = moved_mass(world);
         let rows = match (&cell, &*problem.delassus) {
             (Some(cell), Delassus::Rigid(rigid)) if cell.has_stress() => {
-                Some(CellRows::new(cell, chosen, rigid.contacts(), moved_mass(world)))
+                Some(CellRows::new(cell, chosen, rigid.contacts(), |k| cell.inertia(k, mass, time, step)))
             }
             _ => None,
         };
@@ -181,7 +183,6 @@ impl Stepper {
             let solved = self.solve(world, problem, impulse)?;
             return Ok(WithCell { solved, posed: None, cell });
         };
-        let (time, step) = (world.time, self.settings.step);
         let of_impacts = rows.impact_change(active, &impacts.impulse);
         let mut free: [f64; 6] = std::array::from_fn(|k| cell_now.rate[k] + of_impacts[k]);
         rows.shift(&of_impacts, &mut problem.r);
@@ -197,6 +198,7 @@ impl Stepper {
             let beyond = cell_now.beyond(time, step);
             let held: [f64; 6] = std::array::from_fn(|k| beyond[k].map_or(0.0, |limit| limit - free[k]));
             if held == [0.0; 6] || solved.report.status == Status::Stopped {
+                judge_cell(cell_now, time, step, &mut solved.report);
                 return Ok(WithCell { solved, posed, cell });
             }
             rows.shift(&held, &mut problem.r);
@@ -266,6 +268,18 @@ fn judge_joints(world: &World, joints: &JointReactions, settings: &SolveSettings
         solve.remark = Some(format!(
             "{name} opens at {:.1e} m/s: joints, stops or driven bodies may contradict each other",
             joints.opening
+        ));
+    }
+}
+
+/// A cell that opens against its stress as fast as a step can follow has not found the rates that its contacts bear.
+fn judge_cell(cell: &Cell, time: f64, step: f64, solve: &mut SolveReport) {
+    if let Some(name) = cell.thrown_open(time, step)
+        && solve.status == Status::Converged
+    {
+        solve.status = Status::IterationLimit;
+        solve.remark = Some(format!(
+            "the periodic cell opens along {name} against its stress as fast as a step can follow: the stress is too large for a step of {step} s"
         ));
     }
 }
