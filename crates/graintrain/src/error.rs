@@ -149,7 +149,9 @@ pub enum ModelError {
         what: String,
     },
     /// An inertia that no body has.
-    #[error("the inertia of body {body} is not symmetric and positive definite")]
+    #[error(
+        "the inertia of body {body} is that of no body: it has to be symmetric and positive definite, with no principal moment above the sum of the others"
+    )]
     Inertia {
         /// Name or index of the body.
         body: String,

@@ -132,6 +132,9 @@ const HALVINGS: u32 = 30;
 /// Intervals of one integral: what swings faster than they resolve is not integrated any better.
 const INTERVALS: u32 = 2000;
 
+/// What the shortest intervals still change, over the sum of the magnitudes of all: beyond this the integral does not exist. (That of 1 / sqrt(t) does.)
+const DIVERGENT: f64 = 1e-3;
+
 /// Gauss-Legendre points and weights on [-1, 1], five points, the positive half.
 const GAUSS: [[f64; 2]; 3] = [
     [0.0, 128.0 / 225.0],
@@ -200,11 +203,11 @@ impl Formula {
 
     /// Integral over [start, start + step] by Gauss-Legendre quadrature on intervals that are halved until they agree to 1e-12
     /// with their halves. Where the formula is not a number on more than single moments (sin(t) / t at 0 is one), neither is the
-    /// integral.
+    /// integral, nor where it goes to infinity too fast to have one (1 / t at 0).
     pub fn integral(&self, start: f64, step: f64) -> f64 {
         // Zero where that is not a number.
         let slack = (ACCURACY * step.abs() * self.value(start + 0.5 * step).abs()).max(0.0);
-        let (mut sum, mut count) = (0.0, 0);
+        let (mut sum, mut magnitude, mut unresolved, mut count) = (0.0, 0.0, 0.0, 0);
         let mut open = vec![(start, step, self.gauss(start, step), slack, 0)];
         while let Some((start, step, whole, slack, depth)) = open.pop() {
             let half = 0.5 * step;
@@ -214,12 +217,14 @@ impl Formula {
             let close = (refined - whole).abs() <= ACCURACY * (parts[0].abs() + parts[1].abs()) + slack;
             if close || depth >= HALVINGS || count >= INTERVALS || !refined.is_finite() {
                 sum += refined;
+                magnitude += refined.abs();
+                unresolved += if !close && depth >= HALVINGS { (refined - whole).abs() } else { 0.0 };
             } else {
                 open.push((start + half, half, parts[1], 0.5 * slack, depth + 1));
                 open.push((start, half, parts[0], 0.5 * slack, depth + 1));
             }
         }
-        sum
+        if unresolved > DIVERGENT * magnitude { f64::NAN } else { sum }
     }
 
     fn gauss(&self, start: f64, step: f64) -> f64 {
@@ -284,6 +289,19 @@ mod tests {
         assert!((found - 0.2).abs() < 1e-9, "{found}");
         let root = vec![Time, Number(-1.0), O(Operator::Multiply), F(Function::Sqrt)];
         assert!(Formula::new(root).unwrap().integral(1.0, 0.1).is_nan());
+        for (power, exists) in [(0.5, true), (1.0, false), (2.0, false)] {
+            let operations = vec![
+                Number(1.0),
+                Time,
+                F(Function::Abs),
+                Number(power),
+                O(Operator::Power),
+                O(Operator::Divide),
+            ];
+            let formula = Formula::new(operations).unwrap();
+            assert_eq!(formula.integral(-1e-3, 2e-3).is_finite(), exists, "|t|^-{power}");
+            assert_eq!(formula.integral(0.3e-3 - 1e-3, 1e-3).is_finite(), exists, "|t|^-{power}");
+        }
     }
 
     #[test]

@@ -5,6 +5,7 @@
 mod attempt;
 mod error;
 mod finish;
+mod mobility;
 mod placement;
 mod repetition;
 mod settings;

@@ -125,6 +125,9 @@ impl Body {
     }
 }
 
+/// By which share of the trace a principal moment may exceed the sum of the others: given numbers are rounded.
+const ROUNDED: f64 = 1e-6;
+
 impl MassProperties {
     fn validate(&self, label: &str) -> Result<(), ModelError> {
         positive(format!("the mass of body {label}"), self.mass)?;
@@ -138,6 +141,16 @@ impl MassProperties {
         }
         for leading in [columns[0], minor, self.inertia.determinant()] {
             if leading <= 0.0 {
+                return Err(ModelError::Inertia { body: label.to_string() });
+            }
+        }
+        // No principal moment of a distribution of mass exceeds the sum of the others: its second moments, tr(I) / 2 - I, are not negative.
+        let trace = columns[0] + columns[4] + columns[8];
+        let moments =
+            (Mat3::from_diagonal(Vec3::splat((0.5 + ROUNDED) * trace)) - self.inertia).to_cols_array_2d();
+        let minor = moments[0][0] * moments[1][1] - moments[0][1] * moments[1][0];
+        for leading in [moments[0][0], minor, Mat3::from_cols_array_2d(&moments).determinant()] {
+            if leading < 0.0 {
                 return Err(ModelError::Inertia { body: label.to_string() });
             }
         }
@@ -552,6 +565,25 @@ mod tests {
     fn world() -> World {
         let materials = Materials::single("glass", 2500.0, 0.3, 0.0).unwrap();
         World::new(Vec3::new(0.0, 0.0, -9.81), materials).unwrap()
+    }
+
+    /// A rod has one moment of zero and a plate one that is the sum of the others; no body has one above that.
+    #[test]
+    fn moments_of_inertia_are_those_of_a_body() {
+        let turned = |moments: [f64; 3]| {
+            let turn = Mat3::from_quat(Quat::from_rotation_x(0.7) * Quat::from_rotation_y(1.1));
+            let inertia = turn * Mat3::from_diagonal(moments.into()) * turn.transpose();
+            MassProperties { mass: 1.0, inertia: 0.5 * (inertia + inertia.transpose()) }.validate("stone")
+        };
+        assert!(
+            turned([1.0, 1.0, 2.0]).is_ok()
+                && turned([1.0, 1.0, 1e-9]).is_ok()
+                && turned([2.0, 3.0, 4.0]).is_ok()
+        );
+        for moments in [[1.0, 1.0, 5.0], [1.0, 2.1, 1.0], [3.0, 1.0, 1.9], [1.0, -1.0, 1.0]] {
+            let said = turned(moments).unwrap_err().to_string();
+            assert!(said.contains("stone") && said.contains("sum of the others"), "{said}");
+        }
     }
 
     #[test]

@@ -609,7 +609,7 @@ impl Collider {
 const FAST: f64 = 0.5;
 
 /// Poses of a pair looked at to see whether it passes.
-const POSES: f64 = 128.0;
+const POSES: f64 = 512.0;
 
 /// Turn of a body within a step, rad, up to which a fixed normal does.
 const TURN: f64 = 0.3;

@@ -3,6 +3,7 @@
 //! library leaves out (`corners`).
 
 use super::corners::add_corners;
+use super::polish::polish;
 use super::polyhedra::{Polyhedron, polyhedron_contacts};
 use super::reduce::Touch;
 use crate::hull::Hull;
@@ -18,7 +19,7 @@ use parry3d_f64::shape::{
 
 /// A box, a cylinder or a triangle in the library's form, scaled by 1 / `unit`: the library's tolerances are absolute
 /// and made for objects of size about 1.
-enum Convex<'a> {
+pub(super) enum Convex<'a> {
     Box(Cuboid),
     Cylinder(Cylinder),
     Triangle(Triangle),
@@ -26,8 +27,8 @@ enum Convex<'a> {
 }
 
 /// A hull with its lengths in units of `unit`.
-struct ScaledHull<'a> {
-    hull: &'a Hull,
+pub(super) struct ScaledHull<'a> {
+    pub(super) hull: &'a Hull,
     unit: f64,
 }
 
@@ -100,7 +101,16 @@ impl<'a> Solid<'a> {
 }
 
 impl Convex<'_> {
-    fn feature_map(&self) -> &dyn PolygonalFeatureMap {
+    pub(super) fn support_map(&self) -> &dyn SupportMap {
+        match self {
+            Self::Box(cuboid) => cuboid,
+            Self::Cylinder(cylinder) => cylinder,
+            Self::Triangle(triangle) => triangle,
+            Self::Hull(hull) => hull,
+        }
+    }
+
+    pub(super) fn feature_map(&self) -> &dyn PolygonalFeatureMap {
         match self {
             Self::Box(cuboid) => cuboid,
             Self::Cylinder(cylinder) => cylinder,
@@ -142,8 +152,12 @@ pub(crate) fn manifold_contacts(
         // a little more they are clipped well; along the faces that moves no gap.
         let aside = manifold.local_n1.any_orthonormal_vector();
         let further = manifold.local_n1.cross(aside);
-        pose.translation += ASIDE * (aside + 0.7 * further);
+        let moved = ASIDE * (aside + 0.7 * further);
+        pose.translation += moved;
         manifold = library_manifold(&shape_a, &shape_b, &pose, prediction);
+        // Not along the faces, where the first normal was another one.
+        let along = moved.dot(manifold.local_n1);
+        manifold.points.iter_mut().for_each(|point| point.dist -= along);
     }
     let first = touches.len();
     // The library's normal points from A to B.
@@ -212,6 +226,7 @@ fn library_manifold(
             &mut manifold,
         ),
     }
+    polish(shape_a, shape_b, pose, &mut manifold);
     manifold
 }
 

@@ -9,6 +9,7 @@
 //! | `mesh` | triangle meshes, without contacts that only the cut into triangles makes |
 //! | `polyhedra` | convex hulls with hulls, boxes and triangles, in closed form |
 //! | `manifold`, `corners` | boxes and cylinders, and hulls with cylinders, through the collision library; corners and edges that it leaves out |
+//! | `polish` | the exact normal of a contact of a cylinder, from the library's nearly exact one |
 //! | `reduce` | the contacts that a patch needs: four, up to eight where four do not hold the others |
 //! | `sweep` | when fast bodies meet within a step, and the contact that lets them arrive |
 //! | `union` | what overlapping parts of a compound have in common |
@@ -26,6 +27,7 @@ mod mesh;
 mod narrow;
 pub mod places;
 mod plane;
+mod polish;
 mod polyhedra;
 mod reduce;
 #[cfg(test)]

@@ -99,6 +99,9 @@ struct Solution {
     held: Vec<f64>,
 }
 
+/// Share of the velocities themselves below which changes of them are none to measure by.
+const FAINT: f64 = 1e-9;
+
 /// All joints of a step.
 pub(crate) struct Mechanisms<'a> {
     world: &'a World,
@@ -143,7 +146,10 @@ impl<'a> Mechanisms<'a> {
             }
         }
         let fall = world.gravity.length() * step;
-        own.scale = [fall, speed].into_iter().find(|&v| v > 0.0).unwrap_or(1.0);
+        // What turns steadily about its axis changes by rounding alone.
+        let motion = own.before.iter().fold(0.0_f64, |most, v| most.max(v.abs()));
+        let scale = [fall, speed].into_iter().find(|&v| v > 0.0).unwrap_or(motion).max(FAINT * motion);
+        own.scale = if scale > 0.0 { scale } else { 1.0 };
         for (bodies, joints) in connected(world) {
             let roots = bodies.iter().map(|&body| Root::of(&masses[body as usize])).collect();
             let (rows, pushed) = (Vec::new(), Vec::new());

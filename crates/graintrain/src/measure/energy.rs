@@ -41,8 +41,8 @@ pub fn energies(world: &World, selected: &[bool]) -> Energies {
 ///
 /// With the impulses g of a step, v = (v- + v+) / 2 for dynamic degrees of freedom and the prescribed velocity for others, the terms are dt m g . v, dt f . v,
 /// -(D g + J^T lambda) . v over the prescribed degrees, (J^T lambda) . v of joints over all, and -g_t . (D^T v)_t and -g_n (D^T v)_n over all contacts, impacts included. For balls this is an
-/// identity: the rest is rounding. For other bodies it is what their turning in the step adds (the gyroscopic term), and for bodies that are
-/// driven in some degrees what their own inertia takes. In a periodic cell that deforms K is that of velocities relative to the deformation, and what the
+/// identity: the rest is rounding. For other bodies it is what their turning in the step adds (the gyroscopic term). What the inertia of a body that is driven in
+/// some degrees takes, (v- + v+) / 2 . M (v+ - v-) over these, is work of the drive. In a periodic cell that deforms K is that of velocities relative to the deformation, and what the
 /// deformation gives them, with and without contacts, counts as work of drives. Overlap is removed by displacements, which change no velocity: the energy
 /// that this gives to bodies against gravity is counted apart.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -118,6 +118,21 @@ pub(crate) fn ledger(
             let (free, mean) = &bodies[body];
             for (k, g) in gravity.into_iter().enumerate().filter(|(k, _)| free[*k]) {
                 work += step * world.bodies.mass[body] * g * mean[k];
+            }
+        }
+        work
+    });
+    ledger.drives += sum_chunks(count, |range| {
+        let mut work = 0.0;
+        for body in range.filter(|&body| !world.is_free(body) && !world.is_prescribed(body)) {
+            let (v0, v1) = (&before[6 * body..6 * body + 6], &after[6 * body..6 * body + 6]);
+            let change = |first: usize| Vec3::from_slice(&v1[first..]) - Vec3::from_slice(&v0[first..]);
+            let turn = world.bodies.orientation[body];
+            let spin = turn * (world.bodies.inertia[body] * (turn.inverse() * change(3)));
+            let momentum =
+                (world.bodies.mass[body] * change(0)).to_array().into_iter().chain(spin.to_array());
+            for (k, p) in momentum.enumerate().filter(|(k, _)| !bodies[body].0[*k]) {
+                work += 0.5 * (v0[k] + v1[k]) * p;
             }
         }
         work

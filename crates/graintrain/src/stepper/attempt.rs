@@ -1,8 +1,9 @@
 //! The solve of a step: impacts, the contact problem with joints and periodic cell, velocities; nothing is moved.
 
 use super::error::check_velocity;
+use super::mobility;
 use super::{StepError, Stepper};
-use crate::assemble::{assemble, contact_rows, of_each, warm_start};
+use crate::assemble::{assemble, contact_rows, of_each, relative_velocities, warm_start};
 use crate::cell::{Cell, moved_mass};
 use crate::cell_problem::CellRows;
 use crate::clock::{Clock, Lap};
@@ -77,7 +78,20 @@ impl Stepper {
         let begin = Clock::now();
         let Some(impacts) = impacts.resolve(world, of, step)? else { return Err(StepError::Stopped) };
         let impact_lap = begin.lap();
-        let pulls = elasticity::pulls(world, contacts, |c| self.collider.contact_size(world, c), step);
+        let slip = match self.settings.friction {
+            FrictionModel::Relaxed if world.materials.has_cohesive_pairs() => {
+                relative_velocities(world.cell(), contacts, &rows, &impacts.velocity)
+            }
+            _ => Vec::new(),
+        };
+        let reach = |i: usize| {
+            let [a, b] = world.materials_of(&contacts[i]);
+            let opened = slip
+                .get(3 * i + 1..3 * i + 3)
+                .map_or(0.0, |u| step * world.materials.pair_friction(a, b) * u[0].hypot(u[1]));
+            elasticity::TOUCHING * self.collider.contact_size(world, &contacts[i]) + opened
+        };
+        let pulls = elasticity::pulls(world, contacts, reach, step);
         let mut free = free_velocity(world, &impacts.velocity, step);
         elasticity::apply_pulls(&rows, &pulls, &masses, &mut free);
         let waits = |i: &u32| {
@@ -85,21 +99,37 @@ impl Stepper {
                 && impacts.under_way.binary_search(i).is_ok()
                 && !driven.contains(&contacts[*i as usize].identity)
         };
-        let active: Vec<u32> = (0..contacts.len() as u32).filter(|i| !waits(i)).collect();
-        let chosen = chosen_of(contacts, &active);
+        let mut active: Vec<u32> = (0..contacts.len() as u32).filter(|i| !waits(i)).collect();
+        let mut chosen = chosen_of(contacts, &active);
         let rows = if active.len() == rows.len() { rows } else { of_each(&active, |&i| rows[i as usize]) };
         let mut mechanisms = Mechanisms::new(world, &impacts.velocity, free, step);
         mechanisms.predict(&[]);
-        // With joints the problem may have to be posed again.
-        let spare = (!mechanisms.is_empty()).then(|| (rows.clone(), masses.clone()));
         let overlap = self.settings.overlap;
-        let pose = |mechanisms: &Mechanisms<'_>, (rows, masses): (Vec<RigidContact>, _)| {
-            let mut free = mechanisms.free().to_vec();
-            mechanisms.velocities(&[], &mut free);
-            let masses = (masses, mechanisms.coupled());
-            (assemble(world, &chosen, rows, masses, &free, step, overlap), free)
+        let pose =
+            |mechanisms: &Mechanisms<'_>, chosen: &[Contact], (rows, masses): (Vec<RigidContact>, _)| {
+                let mut free = mechanisms.free().to_vec();
+                mechanisms.velocities(&[], &mut free);
+                let masses = (masses, mechanisms.coupled());
+                (assemble(world, chosen, rows, masses, &free, step, overlap), free)
+            };
+        let (mut problem, mut free) = pose(&mechanisms, &chosen, (rows, masses));
+        let immobile = mobility::immobile(world, &problem, step);
+        if let (Delassus::Rigid(rigid), false) = (&*problem.delassus, immobile.is_empty()) {
+            let stays: Vec<usize> =
+                (0..active.len()).filter(|k| immobile.binary_search(k).is_err()).collect();
+            let rows = of_each(&stays, |&k| rigid.contacts()[k]);
+            let masses = rigid.inverse_mass().to_vec();
+            active = of_each(&stays, |&k| active[k]);
+            chosen = chosen_of(contacts, &active);
+            (problem, free) = pose(&mechanisms, &chosen, (rows, masses));
+        }
+        // With joints the problem may have to be posed again.
+        let spare = match &*problem.delassus {
+            Delassus::Rigid(rigid) if !mechanisms.is_empty() => {
+                Some((rigid.contacts().to_vec(), rigid.inverse_mass().to_vec()))
+            }
+            _ => None,
         };
-        let (mut problem, mut free) = pose(&mechanisms, (rows, masses));
         let own: Vec<f64> = active.iter().filter_map(|&i| pulls.get(i as usize).copied()).collect();
         let mut impulse = warm_start(&problem, &chosen, &own, &world.contacts, world.bodies.len());
         if let Some(last) = last {
@@ -107,7 +137,7 @@ impl Stepper {
         }
         if let Some(spare) = spare.clone().filter(|_| !chosen.is_empty()) {
             mechanisms.predict(&body_impulses(&problem, &impulse));
-            (problem, free) = pose(&mechanisms, spare);
+            (problem, free) = pose(&mechanisms, &chosen, spare);
         }
         let assembled = Clock::now();
         let settings = self.solve_settings();
@@ -124,7 +154,7 @@ impl Stepper {
                     break;
                 }
                 mechanisms.predict(&on_bodies);
-                (problem, free) = pose(&mechanisms, spare.clone());
+                (problem, free) = pose(&mechanisms, &chosen, spare.clone());
                 let again = self.solve(world, &problem, &mut impulse)?;
                 (solve, parts, wedged) = (again.report.after(&solve), again.parts, again.wedged);
                 on_bodies = body_impulses(&problem, &impulse);

@@ -90,7 +90,8 @@ pub(super) fn check_state(world: &World) -> Result<(), StepError> {
 }
 
 pub(super) fn check_velocity(world: &World, velocity: &[f64]) -> Result<(), StepError> {
-    match velocity.iter().position(|v| !v.is_finite()) {
+    // Nor are those whose energy is no number.
+    match velocity.iter().position(|v| !(v.abs() < f64::MAX.sqrt() * 1e-9)) {
         Some(k) => {
             let what = if k % 6 < 3 { "velocity" } else { "angular velocity" };
             Err(not_finite(world, k / 6, what, velocity[k]))

@@ -32,7 +32,7 @@ const BENT: f64 = 5e-3;
 /// A contact is a phantom if the bodies, without it, overlap on their way by no more than this fraction of what it foresees.
 const GHOSTLY: f64 = 0.2;
 
-/// Where bodies fall by more than this fraction of the smaller one's size in a step, what they do without a contact says nothing of it.
+/// Where bodies fall by more than this fraction of the smaller one's size in a step, what they do without each other says nothing of their contacts.
 const FALLEN: f64 = 0.1;
 
 /// Contacts that were linearised anew in a step. The first time the new plane takes the place of the old one; where a turning body bends away
@@ -235,7 +235,8 @@ impl Stepper {
     ///
     /// They are found by taking the impulses of a pair away: where Phi + dt u_n says that the bodies would then be inside each other by
     /// more than 5e-4 of the smaller one's size, and on the way they nowhere are by a fifth of that, there is nothing to hold apart. What a body
-    /// falls in the step is allowed for: the contact may have carried its weight in another one's place. Those in `kept` stay, and those of two balls: they
+    /// falls in the step is allowed for: the contact may have carried its weight in another one's place. Where they fall too far for that, what they do that go on as
+    /// the step found them tells instead. Those in `kept` stay, and those of two balls: they
     /// have no seams, and grains that fly past each other are many.
     pub(super) fn phantoms(
         &self,
@@ -280,10 +281,7 @@ impl Stepper {
                 }
             }
             let size = self.collider.contact_size(world, contact(group[0]));
-            let fall = bodies.map(|body| world.acceleration(body as usize)).into_iter().fold(0.0, f64::max)
-                * step
-                * step;
-            if !pushed || fall > FALLEN * size || group.iter().any(|&k| kept.contains(&contact(k).identity)) {
+            if !pushed || group.iter().any(|&k| kept.contains(&contact(k).identity)) {
                 continue;
             }
             let response = rigid.response(impulses);
@@ -294,10 +292,17 @@ impl Stepper {
                     Vec3::from_slice(&v[first..first + 3]) - Vec3::from_slice(&change[first..first + 3])
                 })
             });
+            let start = bodies.map(|body| {
+                [world.bodies.velocity[body as usize], world.bodies.angular_velocity[body as usize]]
+            });
+            let fall = bodies.map(|body| world.acceleration(body as usize)).into_iter().fold(0.0, f64::max)
+                * step
+                * step;
+            let (velocities, fall) = if fall <= FALLEN * size { (without, fall) } else { (start, 0.0) };
             let foreseen = |k: usize| {
                 let (row, own) = (&rows[k], contact(k));
                 let speed = |body: u32, arm: [f64; 3]| {
-                    let [u, w] = without[usize::from(body == bodies[1])];
+                    let [u, w] = velocities[usize::from(body == bodies[1])];
                     u + w.cross(Vec3::from_array(arm))
                 };
                 let mut relative = speed(own.body_a, row.arm_a) - speed(own.body_b, row.arm_b);
@@ -310,7 +315,8 @@ impl Stepper {
                 group.iter().copied().filter(|&k| foreseen(k) + fall < -MISSED * size).collect();
             let least = barred.iter().map(|&k| -foreseen(k) - fall).fold(f64::INFINITY, f64::min);
             let allowed = (GHOSTLY * least).min(MISSED * size);
-            if !barred.is_empty() && self.collider.pass_freely(world, bodies, without, step, allowed, fall) {
+            if !barred.is_empty() && self.collider.pass_freely(world, bodies, velocities, step, allowed, fall)
+            {
                 found.extend(barred.iter().map(|&k| attempt.active[k] as usize));
             }
         }

@@ -147,3 +147,27 @@ fn the_ledger_of_balls_closes_in_every_step() {
         assert!(gravity > 0.0 && loads != 0.0 && drives > 0.0 && friction > 0.0 && normal > 0.0, "{sum:?}");
     }
 }
+
+/// A ball that is driven along x and about y, and free otherwise, with and without a floor: the work of the drive has what its own inertia takes.
+#[test]
+fn the_ledger_closes_where_bodies_are_driven_in_some_degrees() {
+    for floor in [false, true] {
+        let mut world = world(0.3, 0.0);
+        if floor {
+            add_ground(&mut world, 0.0);
+        }
+        let ball = add_sphere(&mut world, 0.05, Vec3::new(0.0, 0.0, 0.06));
+        let growing = Profile::Table { times: vec![0.0, 1.0], values: vec![0.0, 2.0] };
+        let motion = Motion::translating(Vec3::X, growing).with_free([false, true, true, true, true, true]);
+        world.bodies.motion[ball] = world.add_motion(motion).unwrap();
+        let mut stepper = Stepper::new(StepSettings { step: 1e-3, ..StepSettings::default() }).unwrap();
+        let (mut work, mass) = (0.0, world.bodies.mass[ball]);
+        for _ in 0..1000 {
+            let ledger = solved_step(&mut stepper, &mut world).ledger;
+            work += ledger.drives;
+            assert!(ledger.rest.abs() < 1e-11 * mass, "{ledger:?}");
+        }
+        let own = 0.5 * mass * world.bodies.velocity[ball].x.powi(2);
+        assert!(if floor { work > own } else { (work - own).abs() < 1e-9 * own }, "{floor} {work} {own}");
+    }
+}

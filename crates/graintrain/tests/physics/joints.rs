@@ -608,3 +608,41 @@ fn a_spring_as_soft_as_can_be_is_none() {
         assert!((world.bodies.velocity[ball.index()] - Vec3::X).length() < 1e-12);
     }
 }
+
+/// A wheel that just touches a wall where its hinge holds it turns on: the wall has no lever, though rounding gives its normal one. (It stopped within a step,
+/// by a force of 6e9 N.) With friction and no preload neither; a wall that is driven into a wheel is a contradiction, and said to be one.
+#[test]
+fn a_wall_does_not_stop_a_hinged_wheel() {
+    let wheels = [Geometry::cylinder(0.1, 0.1).unwrap(), Geometry::sphere(0.1).unwrap()];
+    for (wheel, friction, model, dt) in wheels
+        .iter()
+        .flat_map(|w| [0.0, 0.3].map(|mu| (w, mu)))
+        .flat_map(|(w, mu)| BOTH.into_iter().flat_map(move |model| [1e-3, 2e-2].map(|dt| (w, mu, model, dt))))
+    {
+        let materials = Materials::single("stuff", 1000.0, friction, 0.0).unwrap();
+        let mut world = World::new(Vec3::ZERO, materials).unwrap();
+        let wheel = world.add_geometry(wheel.clone());
+        let wheel = world
+            .add_body(Body {
+                angular_velocity: 10.0 * Vec3::Z,
+                ..Body::new(wheel, MaterialId::default(), Vec3::ZERO)
+            })
+            .unwrap();
+        world.add_joint(Joint::revolute(None, wheel, Vec3::ZERO, Vec3::Z)).unwrap();
+        let wall = world.add_geometry(Geometry::cuboid(Vec3::new(0.1, 0.5, 0.5)).unwrap());
+        let motion = world.add_motion(Motion::fixed()).unwrap();
+        let wall =
+            world.add_body(Body { motion, ..Body::new(wall, MaterialId::default(), 0.2 * Vec3::X) }).unwrap();
+        let mut stepper = stepper(dt, model);
+        for _ in 0..50 {
+            let report = stepper.step(&mut world).unwrap();
+            assert_eq!(report.solve.status, Status::Converged);
+        }
+        let rate = world.bodies.angular_velocity[wheel.index()].z;
+        assert!((rate - 10.0).abs() < 1e-6, "{friction} {model} {dt}: {rate}");
+        let motion = world.add_motion(Motion::translating(-Vec3::X, Profile::Constant(0.1))).unwrap();
+        world.bodies.motion[wall.index()] = motion;
+        let report = stepper.step(&mut world).unwrap();
+        assert_ne!(report.solve.status, Status::Converged, "{friction} {model} {dt}");
+    }
+}

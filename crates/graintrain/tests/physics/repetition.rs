@@ -5,7 +5,7 @@ use graintrain::ccp::FrictionModel;
 use graintrain::handle::MaterialId;
 use graintrain::math::{Quat, Vec3, rotation_exponential};
 use graintrain::motion::Motion;
-use graintrain::shape::Geometry;
+use graintrain::shape::{Geometry, Part};
 use graintrain::stepper::{StepSettings, Stepper};
 use graintrain::world::Body;
 
@@ -102,4 +102,40 @@ fn an_elastic_gas_of_boxes_and_capsules_does_not_overlap() {
         assert!(overlap < 0.01, "step {step}: {overlap}");
     }
     assert_close(world.kinetic_energy() / before, 1.0, 5e-3, "energy");
+}
+
+/// A thin plate slides over a flat mesh and over flush boxes of one body in steps in which it would fall by a tenth of its thickness and more, and goes on.
+/// (The edge of the next triangle or box stopped it within a step: what it would fall in the step hid that it passes freely.)
+#[test]
+fn seams_do_not_stop_a_thin_plate_in_long_steps() {
+    let lattice = |k: u32| f64::from(k) * 0.5 - 1.5;
+    let vertices = (0..49).map(|k: u32| Vec3::new(lattice(k % 7), lattice(k / 7), 0.0)).collect();
+    let cell = |k: u32| 7 * (k / 6) + k % 6;
+    let triangles = (0..36).map(cell).flat_map(|v| [[v, v + 1, v + 8], [v, v + 8, v + 7]]).collect();
+    let boxes = (0..6).map(|k| Part {
+        shape: Geometry::cuboid(Vec3::new(0.25, 1.5, 0.2)).unwrap().parts[0].shape.clone(),
+        position: Vec3::new(0.5 * f64::from(k) - 0.25, 0.0, -0.2),
+        orientation: Quat::IDENTITY,
+    });
+    let (row, centre) = Geometry::compound(boxes.collect()).unwrap();
+    let mesh = Geometry::mesh(vertices, triangles).unwrap();
+    for (floor, place, speed, step) in [
+        (&mesh, Vec3::ZERO, 1.0, 1e-2),
+        (&mesh, Vec3::ZERO, 1.0, 2e-2),
+        (&row, centre, 5.0, 1e-2),
+        (&row, centre, 5.0, 2e-2),
+    ] {
+        let mut world = world(0.0, 0.0);
+        let fixed = world.add_motion(Motion::fixed()).unwrap();
+        let floor = world.add_geometry(floor.clone());
+        world.add_body(Body { motion: fixed, ..Body::new(floor, MaterialId::default(), place) }).unwrap();
+        let plate = world.add_geometry(Geometry::cuboid(Vec3::new(0.15, 0.15, 0.005)).unwrap());
+        let velocity = speed * Vec3::X;
+        let start = Vec3::new(-0.2, 0.03, 0.005);
+        world.add_body(Body { velocity, ..Body::new(plate, MaterialId::default(), start) }).unwrap();
+        let mut stepper = default_stepper(step, FrictionModel::Relaxed);
+        run(&mut stepper, &mut world, (0.3 / step) as usize);
+        let moved = (world.bodies.velocity[1] - velocity).length();
+        assert!(moved < 1e-6 * speed, "{step} s: {:?}", world.bodies.velocity[1]);
+    }
 }
