@@ -205,8 +205,8 @@ impl Formula {
     /// with their halves. Where the formula is not a number on more than single moments (sin(t) / t at 0 is one), neither is the
     /// integral, nor where it goes to infinity too fast to have one (1 / t at 0).
     pub fn integral(&self, start: f64, step: f64) -> f64 {
-        // Zero where that is not a number.
-        let slack = (ACCURACY * step.abs() * self.value(start + 0.5 * step).abs()).max(0.0);
+        let slack = ACCURACY * step.abs() * self.value(start + 0.5 * step).abs();
+        let slack = if slack.is_finite() { slack } else { 0.0 };
         let (mut sum, mut magnitude, mut unresolved, mut count) = (0.0, 0.0, 0.0, 0);
         let mut open = vec![(start, step, self.gauss(start, step), slack, 0)];
         while let Some((start, step, whole, slack, depth)) = open.pop() {
