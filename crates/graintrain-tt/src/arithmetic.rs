@@ -2,6 +2,7 @@
 //!
 //! Ranks add in a sum and multiply in a product; round afterwards.
 
+use crate::scale::levelled;
 use crate::vector::Core;
 use crate::{TtError, TtMatrix, TtVector};
 use graintrain_linalg::dense::{Matrix, View, ViewMut, multiply};
@@ -36,7 +37,7 @@ impl TtVector {
         train
     }
 
-    /// self + other: block-diagonal cores, ranks add.
+    /// self + other: block-diagonal cores, ranks add. (Powers of two of extreme cores are shared among all of them first.)
     ///
     /// # Errors
     /// [`TtError::Shape`] if the modes differ.
@@ -44,7 +45,8 @@ impl TtVector {
         self.check_same_modes(other)?;
         let d = self.num_cores();
         let mut cores = Vec::with_capacity(d);
-        for (k, (x, y)) in self.cores.iter().zip(&other.cores).enumerate() {
+        let (first, second) = (levelled(self), levelled(other));
+        for (k, (x, y)) in first.cores.iter().zip(&second.cores).enumerate() {
             cores.push(x.direct_sum(y, k == 0, k + 1 == d));
         }
         Ok(Self { cores })

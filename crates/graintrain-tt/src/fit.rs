@@ -10,6 +10,7 @@ use crate::vector::{Core, check_index};
 use crate::{Truncation, TtError, TtVector};
 use graintrain_linalg::dense::{Cholesky, Matrix, ViewMut, gram};
 use serde::{Deserialize, Serialize};
+use std::collections::{HashMap, HashSet};
 
 /// Weight of the core as it was, relative to the mean diagonal of the Gram matrix: what keeps digits with few points in place.
 const PROXIMITY: f64 = 1e-8;
@@ -17,6 +18,8 @@ const PROXIMITY: f64 = 1e-8;
 const NEW_DIRECTION: f64 = 1e-2;
 /// Sweeps that gain less than this part of the error end a rank.
 const LEAST_GAIN: f64 = 1e-2;
+/// Fewer different points are not divided into three sets.
+const LEAST_POINTS: usize = 10;
 /// Ranks without a better validation error before the growth ends.
 const PATIENCE: usize = 2;
 
@@ -55,7 +58,7 @@ pub struct FitReport {
     pub training_error: f64,
     /// On the points that chose the rank: the best of several, so a little too good.
     pub validation_error: f64,
-    /// On points that decided nothing.
+    /// On points that decided nothing, at indices of their own (several values at one index are kept together).
     pub test_error: f64,
     /// Points of the three sets.
     pub points: [usize; 3],
@@ -90,7 +93,7 @@ impl Points {
 /// report's `test_error` is what the fit is worth, at points drawn like the others.
 ///
 /// # Errors
-/// [`TtError::Shape`] or [`TtError::Index`] for points that do not fit, fewer than 10 of them or an empty mode; [`TtError::Setting`] for a bad setting;
+/// [`TtError::Shape`] or [`TtError::Index`] for points that do not fit, fewer than 10 different ones or an empty mode; [`TtError::Setting`] for a bad setting;
 /// [`TtError::Dense`] for values that are not finite.
 ///
 /// ```
@@ -117,11 +120,23 @@ pub fn fit(
         return Err(TtError::Setting { what: "held_out", need: "in (0, 0.4]", got: settings.held_out });
     }
     let d = modes.len();
-    if d == 0 || values.len() < 10 || values.len().checked_mul(d) != Some(indices.len()) {
+    if d == 0 || values.len() < LEAST_POINTS || values.len().checked_mul(d) != Some(indices.len()) {
         let got = vec![indices.len(), values.len()];
-        return Err(TtError::Shape { what: "indices and at least 10 values", expected: vec![d, 10], got });
+        return Err(TtError::Shape {
+            what: "indices and at least 10 values",
+            expected: vec![d, LEAST_POINTS],
+            got,
+        });
     }
     indices.chunks_exact(d).try_for_each(|index| check_index(modes, index))?;
+    let different = indices.chunks_exact(d).collect::<HashSet<_>>().len();
+    if different < LEAST_POINTS {
+        return Err(TtError::Shape {
+            what: "different indices",
+            expected: vec![LEAST_POINTS],
+            got: vec![different],
+        });
+    }
     let exponent = crate::scale::largest_finite(values).map_err(at_core(0))?;
     let mut x = TtVector::constant(modes, 0.0)?;
     let unit = if exponent > 0.0 { exponent } else { 1.0 };
@@ -164,17 +179,24 @@ pub fn fit(
     Ok((x.scale(unit), report))
 }
 
-/// The points for the fit, the validation and the test, values divided by `unit`.
+/// The points for the fit, the validation and the test, values divided by `unit`; all values at one index go to the same set, or the test would know its answers.
 fn partition(d: usize, indices: &[usize], values: &[f64], unit: f64, settings: &FitSettings) -> [Points; 3] {
     let count = values.len();
     let mut order: Vec<usize> = (0..count).collect();
     let mut random = Random::new(settings.seed ^ 0xF17);
     (1..count).rev().for_each(|i| order.swap(i, random.below(i + 1)));
-    let held = ((settings.held_out * count as f64) as usize).max(1);
+    let index = |p: usize| &indices[p * d..(p + 1) * d];
+    let mut places = HashMap::new();
+    for &p in &order {
+        let next = places.len();
+        places.entry(index(p)).or_insert(next);
+    }
+    let held = ((settings.held_out * places.len() as f64) as usize).max(1);
     let mut sets = [Points::default(), Points::default(), Points::default()];
-    for (place, &p) in order.iter().enumerate() {
+    for &p in &order {
+        let place = places[index(p)];
         let set = &mut sets[if place < held { 1 } else { 2 * usize::from(place < 2 * held) }];
-        set.indices.extend_from_slice(&indices[p * d..(p + 1) * d]);
+        set.indices.extend_from_slice(index(p));
         set.values.push(values[p] / unit);
     }
     sets

@@ -7,7 +7,7 @@
 use crate::cores::{Cores, Sum};
 use crate::error::at_core;
 use crate::factor::{leading_columns, lower_triangle, row_factor, triangle};
-use crate::scale::{binary_exponent, factor_out, largest_finite, share_power};
+use crate::scale::{binary_exponent, factor_out, largest_finite, levelled, share_power};
 use crate::vector::Core;
 use crate::{TtError, TtMatrix, TtVector};
 use graintrain_linalg::dense::{Matrix, left_svd, product, thin_qr};
@@ -472,7 +472,8 @@ impl TtVector {
     /// ```
     pub fn measured_distance(&self, other: &Self) -> Result<Measured, TtError> {
         self.check_same_modes(other)?;
-        measured(&Sum { terms: vec![(1.0, self), (-1.0, other)] }, other)
+        let (first, second) = (levelled(self), levelled(other));
+        measured(&Sum { terms: vec![(1.0, first.as_ref()), (-1.0, second.as_ref())] }, other)
     }
 
     /// sum_i w_i x_i within the truncation, without its block-diagonal cores: the ranks and the error promise of rounding the sum, at
@@ -496,7 +497,8 @@ impl TtVector {
             return Err(TtError::Shape { what: "terms of a sum", expected: vec![1], got: vec![0] });
         };
         terms.iter().try_for_each(|(_, term)| first.check_same_modes(term))?;
-        let terms = terms.iter().map(|&(weight, term)| (weight, term as &dyn Cores)).collect();
+        let levelled: Vec<_> = terms.iter().map(|&(weight, term)| (weight, levelled(term))).collect();
+        let terms = levelled.iter().map(|(weight, term)| (*weight, term.as_ref() as &dyn Cores)).collect();
         round_cores(&Sum { terms }, truncation)
     }
 }

@@ -1,8 +1,10 @@
 //! Powers of two taken out of and put back into numbers: exact, so that sums of squares neither overflow nor vanish.
 
+use crate::TtVector;
 use crate::vector::Core;
 use graintrain_linalg::dense::DenseError;
 use graintrain_linalg::vectorised::{Work, run_wide};
+use std::borrow::Cow;
 
 /// The largest absolute value.
 ///
@@ -93,6 +95,36 @@ pub(crate) fn power_shares(power: i64, d: usize) -> Vec<i32> {
         shares[d - 1] = power as i32;
         return shares;
     }
+    equal_shares(power, d)
+}
+
+/// A power of two in equal shares for d cores.
+fn equal_shares(power: i64, d: usize) -> Vec<i32> {
     let (each, extra) = (power.div_euclid(d as i64), power.rem_euclid(d as i64));
     (0..d as i64).map(|k| (each + i64::from(k < extra)).clamp(-2044, 2044) as i32).collect()
+}
+
+/// Beyond this binary exponent of a core its train is levelled before it is added to another one.
+const EXTREME: i32 = 64;
+
+/// The same train with the powers of two of its cores in equal shares, where a core is of extreme size. Two trains of 1e-300 may keep it in different cores: side by
+/// side in one core these are blocks whose squares have no common range. O(size of the train).
+pub(crate) fn levelled(train: &TtVector) -> Cow<'_, TtVector> {
+    let mut powers = Vec::with_capacity(train.cores.len());
+    for core in &train.cores {
+        // (A zero train, or one that is not finite, stays what it is.)
+        match largest_finite(&core.data) {
+            Ok(largest) if largest > 0.0 => powers.push(binary_exponent(largest)),
+            _ => return Cow::Borrowed(train),
+        }
+    }
+    if powers.iter().all(|power| power.abs() <= EXTREME) {
+        return Cow::Borrowed(train);
+    }
+    let shares = equal_shares(powers.iter().map(|&power| i64::from(power)).sum(), powers.len());
+    let mut train = train.clone();
+    for ((core, share), power) in train.cores.iter_mut().zip(shares).zip(powers) {
+        scale_by_power(&mut core.data, share - power);
+    }
+    Cow::Owned(train)
 }

@@ -3,7 +3,7 @@
 mod dense;
 
 use dense::dense;
-use graintrain_linalg::dense::symmetric_eigen;
+use graintrain_linalg::dense::{Matrix, symmetric_eigen};
 use graintrain_tt::solve::{EvolutionSettings, Sites, evolve};
 use graintrain_tt::{TtError, TtMatrix, TtVector, qtt};
 
@@ -69,9 +69,8 @@ fn errors_stay_below_the_reported_sum() {
         let exact = function(&decay, &x.to_full().unwrap(), f64::exp);
         let truth = distance(&y.to_full().unwrap(), &exact);
         println!("{sites:?} rank {rank} cap {max_rank}: true {truth:e} of {:e}, {report:?}", report.error());
-        // (The splitting is estimated from the first step.)
-        assert!(truth <= 1.5 * report.error() + 1e-9, "{truth:e} {report:?}");
-        assert!(report.error() < 200.0 * truth + 1e-6, "{truth:e} {report:?}");
+        assert!(truth <= report.error(), "{truth:e} {report:?}");
+        assert!(report.error() < 300.0 * truth + 1e-10, "{truth:e} {report:?}");
         assert!(sites == Sites::Two || y.max_rank() <= rank.max(1));
         assert!(report.capped || report.truncation <= tolerance.max(1e-14), "{report:?}");
     }
@@ -100,7 +99,7 @@ fn quantum_motion_keeps_the_norm() {
             let (y, report) = evolve(&motion, &x, 2.0, &settings).unwrap();
             let truth = distance(&y.to_full().unwrap(), &exact);
             println!("{steps} from rank {}: {truth:e} of {:e}", x.max_rank(), report.error());
-            assert!(truth <= 1.5 * report.error(), "{truth:e} {report:?}");
+            assert!(truth <= report.error(), "{truth:e} {report:?}");
             assert!((y.norm() - 1.0).abs() < 1e-9 && (x.max_rank() == 1 || truth < 1e-9));
         }
     }
@@ -123,7 +122,7 @@ fn matrices_that_are_not_symmetric_are_followed() {
     let (y, report) = evolve(&a, &x, 3.0, &settings).unwrap();
     let truth = distance(&y.to_full().unwrap(), &exact);
     println!("{truth:e} {report:?}");
-    assert!(truth <= 1.5 * report.error() && truth < 1e-3, "{truth:e} {report:?}");
+    assert!(truth <= report.error() && truth < 1e-3, "{truth:e} {report:?}");
     assert_eq!(evolve(&a, &x, 3.0, &settings).unwrap().0, y);
 }
 
@@ -166,7 +165,7 @@ fn stiff_steps_are_refused_or_their_error_is_seen() {
                         let truth = distance(&y.to_full().unwrap(), &exact);
                         println!("{time} {steps} {sites:?}: {truth:e} {:e}", report.error());
                         assert!(
-                            truth <= 1.5 * report.error() + 1e-9,
+                            truth <= report.error() && report.error() <= 200.0 * truth + 1e-9,
                             "{time} {steps} {sites:?}: {truth:e} {report:?}"
                         );
                     }
@@ -189,10 +188,90 @@ fn units_do_not_matter() {
         let (y, report) = evolve(&h.scale(scale), &x.scale(scale), 0.5 / scale, &settings).unwrap();
         assert!(y.scale(1.0 / scale).relative_distance(&plain).unwrap() < 1e-10, "{scale:e}");
         assert!(
-            (report.error() / scale - first.error()).abs() <= 0.1 * first.error() + 1e-6,
+            (report.error() / scale - first.error()).abs() <= 0.1 * first.error() + 1e-9,
             "{report:?} {first:?}"
         );
     }
     // No matrix: nothing moves.
     assert_eq!(evolve(&h.scale(0.0), &x, 1.0, &settings).unwrap().0, x);
+}
+
+/// The estimate against the truth over eight matrices: decaying, growing, turning, not symmetric, coupled over all distances, from all ranks, few steps and many.
+#[test]
+fn the_estimate_is_never_below_the_error_and_half_are_near_it() {
+    let d = 6;
+    let modes = [2; 6];
+    let eye = TtMatrix::identity(&modes).unwrap();
+    let (sx, sz) = (vec![0.0, 1.0, 1.0, 0.0], vec![1.0, 0.0, 0.0, -1.0]);
+    let mut long = eye.scale(-12.0);
+    for k in 0..d {
+        let mut field = vec![vec![1.0, 0.0, 0.0, 1.0]; d];
+        field[k].clone_from(&sx);
+        long = long.add(&TtMatrix::rank_one(&field, &modes, &modes).unwrap()).unwrap();
+        for l in k + 1..d {
+            let mut pair = vec![vec![1.0, 0.0, 0.0, 1.0]; d];
+            pair[k] = sz.iter().map(|x| x / (l - k) as f64).collect();
+            pair[l].clone_from(&sz);
+            long = long.add(&TtMatrix::rank_one(&pair, &modes, &modes).unwrap()).unwrap();
+        }
+    }
+    let line = qtt::laplacian(d).unwrap().scale(-1.0);
+    let wind = qtt::shift(d).unwrap();
+    let wind = line.add(&wind.subtract(&wind.transpose()).unwrap().scale(0.3)).unwrap();
+    let cases = [
+        ("line", line.clone(), 0.3),
+        ("line", line, 3.0),
+        ("long", long.scale(0.5), 0.05),
+        ("long", long.scale(0.5), 3.0),
+        ("growing", long.scale(-0.5), 0.1),
+        ("wind", wind, 2.0),
+        ("chain", chain(d, 0.7), 0.5),
+        ("chain back", chain(d, 0.7), -0.5),
+    ];
+    let mut ratios = Vec::new();
+    for (name, a, time) in cases {
+        let a = a.without_dependent_ranks();
+        for rank in [1, 2, 8] {
+            let x = TtVector::random(&modes, rank, 5).unwrap();
+            let x = x.scale(1.0 / x.norm());
+            let exact = exponential_times(&dense(&a), time, &x.to_full().unwrap());
+            for sites in [Sites::One, Sites::Two] {
+                for (steps, tolerance) in [(1, 1e-8), (4, 1e-8), (5, 1e-8), (20, 1e-8), (20, 1e-4)] {
+                    let settings = EvolutionSettings { sites, steps, tolerance, ..Default::default() };
+                    let (y, report) = evolve(&a, &x, time, &settings).unwrap();
+                    let truth = distance(&y.to_full().unwrap(), &exact);
+                    let told = report.error();
+                    assert!(truth <= told, "{name} {time} {rank} {sites:?} {steps}: {truth:e} {report:?}");
+                    if truth > 1e-10 {
+                        ratios.push(told / truth);
+                    }
+                }
+            }
+        }
+    }
+    ratios.sort_by(f64::total_cmp);
+    let (half, most) = (ratios[ratios.len() / 2], ratios[ratios.len() - 1]);
+    println!("{} ratios: half of them below {half:.1}, all below {most:.1}", ratios.len());
+    assert!(half < 8.0 && most < 1000.0, "{half} {most}");
+}
+
+/// exp(t A) v by its series, in steps of norm below 1.
+fn exponential_times(a: &Matrix, time: f64, v: &[f64]) -> Vec<f64> {
+    let n = v.len();
+    let size = a.data().iter().map(|x| x * x).sum::<f64>().sqrt() * time.abs();
+    let parts = size.ceil().max(1.0) as usize;
+    let mut result = v.to_vec();
+    for _ in 0..parts {
+        let mut term = result.clone();
+        for k in 1..=25 {
+            let mut next = vec![0.0; n];
+            for (j, x) in term.iter().enumerate() {
+                let factor = x * time / (parts * k) as f64;
+                next.iter_mut().zip(a.column(j)).for_each(|(y, a)| *y += factor * a);
+            }
+            result.iter_mut().zip(&next).for_each(|(x, y)| *x += y);
+            term = next;
+        }
+    }
+    result
 }

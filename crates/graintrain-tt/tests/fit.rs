@@ -92,3 +92,16 @@ fn what_does_not_fit_is_an_error() {
         assert!(fit(&[4, 4], &indices, &values, &bad).is_err());
     }
 }
+
+/// What is known at an index of the fit is no test: fifty values at one index once "converged".
+#[test]
+fn repeated_points_are_not_their_own_test() {
+    let settings = FitSettings::default();
+    assert!(fit(&[5; 3], &[1; 150], &[0.5; 50], &settings).is_err());
+    // Forty random numbers, each twenty times: a train that knows the fitted ones is worth nothing at the others.
+    let points: Vec<usize> = (0..800).map(|p| p % 40).collect();
+    let indices: Vec<usize> = points.iter().flat_map(|p| [p * 3 % 8, p / 5, p * 5 % 7]).collect();
+    let values: Vec<f64> = points.iter().map(|p| (1000.0 * (*p as f64).sqrt()).sin()).collect();
+    let (_, report) = fit(&[8; 3], &indices, &values, &settings).unwrap();
+    assert!(!report.converged && report.test_error > 0.1, "{report:?}");
+}

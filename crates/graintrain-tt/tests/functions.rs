@@ -245,3 +245,19 @@ fn units_do_not_matter() {
     let (large, ..) = fourier(&wave.scale(1e200), None, Direction::Forward, &Truncation::to(1e-10)).unwrap();
     assert!(large.scale(1e-200).relative_distance(&real).unwrap() < 1e-9);
 }
+
+/// 64 numbers of 1e-300: the smallest was "proven" to be another one, since the shifted tensor lost it in its rounding.
+#[test]
+fn extremes_of_tiny_tensors_are_the_extremes() {
+    for seed in 1..20 {
+        let x = TtVector::random(&[2; 6], 8, seed).unwrap();
+        let full = x.to_full().unwrap();
+        let (low, high) = full.iter().fold((f64::MAX, f64::MIN), |(l, h), x| (l.min(*x), h.max(*x)));
+        for size in [1e-300, 1e-160, 1e290] {
+            let found = x.scale(size).extremes(100_000).unwrap();
+            assert!(found.largest.proven && found.smallest.proven);
+            assert!((found.largest.value / size - high).abs() < 1e-10 * high, "{seed} {size:e} {found:?}");
+            assert!((found.smallest.value / size - low).abs() < -1e-10 * low, "{seed} {size:e} {found:?}");
+        }
+    }
+}

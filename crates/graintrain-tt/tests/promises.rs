@@ -224,3 +224,33 @@ fn units_that_differ_within_a_core_lose_no_term() {
         assert!(other.norm() < 1e-15, "{large:e}: {}", other.norm());
     }
 }
+
+/// Tiny and huge trains that keep their size in different cores: side by side in a sum their squares have no common range.
+#[test]
+fn sums_do_not_care_where_the_terms_keep_their_size() {
+    let modes = [2, 3, 2, 4];
+    for size in [1e-300, 1e-200, 1e200, 1e300] {
+        let (a, b) = (TtVector::random(&modes, 3, 1).unwrap(), TtVector::random(&modes, 2, 2).unwrap());
+        let moved = |x: &TtVector, k: usize| {
+            let mut cores = x.clone().into_cores();
+            let core = &cores[k];
+            cores[k] =
+                Core::from_fn(core.left(), core.mode(), core.right(), |l, i, r| size * core.get(l, i, r));
+            TtVector::from_cores(cores).unwrap()
+        };
+        let expected = a.add(&b).unwrap().to_full().unwrap();
+        for (i, j) in [(0, 3), (3, 0), (1, 2), (2, 2)] {
+            let (first, second) = (moved(&a, i), moved(&b, j));
+            let rounded = first.add(&second).unwrap().round(&Truncation::to(1e-10)).unwrap().0;
+            let at_once =
+                TtVector::sum_rounded(&[(1.0, &first), (1.0, &second)], &Truncation::to(1e-10)).unwrap().0;
+            for sum in [rounded, at_once] {
+                for (x, y) in sum.to_full().unwrap().iter().zip(&expected) {
+                    assert!((x / size - y).abs() < 1e-8, "{size:e} {i} {j}: {x:e} {y:e}");
+                }
+            }
+            let distance = first.measured_distance(&moved(&a, j)).unwrap();
+            assert!(distance.value <= distance.floor.max(1e-14), "{size:e} {i} {j} {distance:?}");
+        }
+    }
+}

@@ -4,17 +4,23 @@
 //! With the other cores orthogonal, a core (or two neighbours) follows exp(h B), B the projection of A; what is carried to the next core goes back
 //! by exp(-h K), because both sides counted it. One site keeps the ranks of the start, two sites let them follow the truncation.
 //!
-//! Three errors are made and all are reported, as absolute norms. Projection: x' follows P A x, and ||(I - P) A x|| is measured at every step, since
-//! P is a sum of projections whose images are at hand. Truncation: what the SVDs of two sites leave out. Splitting: the first step against two of half
-//! the length. Where A does not make anything grow (x^T A x <= 0) their sum bounds the error as far as the estimates of projection and splitting hold for
-//! the times between.
+//! Three errors are made and all are reported, as absolute norms at the end of the run. Projection: x' follows P A x, and ||(I - P) A x|| is measured at
+//! every step. Truncation: what the SVDs of two sites leave out. Both are carried to the end by e^(mu (T - t)), mu the largest eigenvalue of (A + A^T) / 2
+//! (the logarithmic norm), which no error outgrows. Splitting: from the distance of the result from that of half as many steps (one site: and of a
+//! quarter), so what becomes of it on the way is in it. That is half (three quarters) of the price of a run.
+//!
+//! (I - P) A x is made of orthogonal parts: A x in the coordinates of the frames leaves the space of the left frames first at site k and that of the right
+//! frames last at site l, and P misses k < l (one site) or k + 1 < l (two). Each part is found by subtracting a projection, twice, where it arises, so that
+//! a projection that misses nothing is known to be one to 1e-15; a difference of squares would end at 1e-8.
 
+use super::eigen::{EigenSettings, lowest_eigenpairs};
 use super::interface::{BlockCore, Interface, LocalOperator, OperatorCore};
 use crate::error::at_core;
 use crate::scale::share_power;
+use crate::symmetric::SymmetricTrain;
 use crate::vector::Core;
 use crate::{Truncation, TtError, TtMatrix, TtVector};
-use graintrain_linalg::dense::{DenseError, Matrix, View, product, thin_qr, thin_svd};
+use graintrain_linalg::dense::{DenseError, Matrix, View, multiply_add, product, thin_qr, thin_svd};
 use serde::{Deserialize, Serialize};
 
 /// Local problems up to this size are exponentiated as matrices.
@@ -26,6 +32,19 @@ const LOCAL: f64 = 1e-13;
 /// Halvings of a local time step, and growth of a local vector, beyond which the step is too long.
 const HALVINGS: u32 = 12;
 const GROWTH: f64 = 1e4;
+
+/// Residual of the logarithmic norm relative to A, and the largest rank of its vector: what they leave open is added to it.
+const GROWTH_TOLERANCE: f64 = 1e-4;
+const GROWTH_RANK: usize = 30;
+/// What is laid upon the splitting found: orders are not settled in few steps.
+const SAFETY: f64 = 2.0;
+/// Orders of the splitting in the length of the steps that are believed, and the one where it is not known.
+const ORDERS: (f64, f64) = (0.3, 2.0);
+const UNKNOWN_ORDER: f64 = 0.5;
+/// A run of fewer steps says nothing of orders.
+const ENOUGH_STEPS: usize = 4;
+/// Units of rounding in ||(I - P) A x||, relative to ||A x||.
+const EPSILONS: f64 = 20.0;
 
 /// Neighbouring cores that move at a time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -64,14 +83,18 @@ impl Default for EvolutionSettings {
 /// What [`evolve`] did; all errors are Frobenius norms, to be held against that of the result.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct EvolutionReport {
-    /// Sum over the steps of h ||(I - P) A x|| at their ends (trapezoidal rule): what the directions that the cores cannot take would have done.
+    /// The integral of e^(mu (T - t)) ||(I - P) A x||, what the directions that the cores cannot take would have done: by the trapezoidal rule for one site, from the
+    /// ends of the steps for two.
     pub projection: f64,
-    /// Below this `projection` says nothing: it is the root of a difference of squares.
-    pub projection_floor: f64,
-    /// Sum of what the truncations left out.
+    /// Sum of what the truncations left out, each carried to the end by e^(mu (T - t)).
     pub truncation: f64,
-    /// Splitting error of all steps, from the first one: 4/3 of its distance from two steps of half the length, times their number.
+    /// Twice what steps of finite length leave, by the distance of the result from that of half as many steps (one site: and of a quarter).
     pub splitting: f64,
+    /// Rounding and the tolerance of the local exponentials: no error is known below this.
+    pub floor: f64,
+    /// mu times the time: no error grows or shrinks by more than e to this. Largest eigenvalue of (A + A^T) / 2 found, with its residual; a larger one that was
+    /// missed is not excluded.
+    pub growth: f64,
     /// Whether the cap on the ranks made a truncation leave out more than the tolerance allows.
     pub capped: bool,
     /// Largest rank after every step.
@@ -83,17 +106,18 @@ impl EvolutionReport {
     fn still(steps: usize) -> Self {
         Self {
             projection: 0.0,
-            projection_floor: 0.0,
             truncation: 0.0,
             splitting: 0.0,
+            floor: 0.0,
+            growth: 0.0,
             capped: false,
             ranks: vec![1; steps],
         }
     }
 
-    /// The sum of the three errors: what ||x - exact|| is expected not to exceed where x^T A x <= 0 for all x.
+    /// The sum of the three errors and the floor: what ||x - exact|| is expected not to exceed.
     pub fn error(&self) -> f64 {
-        self.projection + self.truncation + self.splitting
+        self.projection + self.truncation + self.splitting + self.floor
     }
 }
 
@@ -150,35 +174,107 @@ pub fn evolve(
     let norm = start.norm();
     let bonds = 2 * settings.steps * a.num_cores().saturating_sub(1).max(1);
     let share = settings.tolerance * norm / bonds as f64;
+    let mu = logarithmic_norm(a, time.signum())?;
+    let with_steps = |steps: usize| -> Result<TtVector, TtError> {
+        let mut other = Evolution::new(a, &start, settings, share);
+        for _ in 0..steps {
+            other.step(time / steps as f64)?;
+        }
+        Ok(other.vector())
+    };
     let mut state = Evolution::new(a, &start, settings, share);
     let h = time / settings.steps as f64;
     let mut report = EvolutionReport::still(0);
-    let mut half = Evolution::new(a, &start, settings, share);
-    half.step(0.5 * h)?;
-    half.step(0.5 * h)?;
+    report.growth = mu * time.abs();
     let mut before = state.outside(a)?;
     for step in 0..settings.steps {
+        let truncated = state.left_out;
         state.step(h)?;
-        if step == 0 {
-            let distance = state.vector().subtract(&half.vector())?.norm();
-            report.splitting = 4.0 / 3.0 * distance * settings.steps as f64;
-        }
         let after = state.outside(a)?;
-        report.projection += 0.5 * h.abs() * (before.0 + after.0);
-        report.projection_floor += 0.5 * h.abs() * (before.1 + after.1);
+        // What is made in this step is carried over it and all that follow (what is made at its end over those alone).
+        let remaining = |end: usize| report.growth * (settings.steps - end) as f64 / settings.steps as f64;
+        let (begin, end) = (remaining(step).exp(), remaining(step + 1).exp());
+        let carry = begin.max(end);
+        // (Two sites take up directions within a step: what is outside at its beginning and no longer at its end shows as splitting.)
+        let first = if settings.sites == Sites::Two { end * after.outside } else { begin * before.outside };
+        report.projection += 0.5 * h.abs() * (first + end * after.outside);
+        report.truncation += carry * (state.left_out - truncated);
+        let made = 2.0 * EPSILONS * f64::EPSILON * h.abs() * before.all.max(after.all)
+            + 4.0 * a.num_cores() as f64 * LOCAL * before.size.max(after.size);
+        report.floor += carry * made;
         before = after;
         report.ranks.push(state.x.iter().map(|core| core.right).max().unwrap_or(1));
     }
-    (report.truncation, report.capped) = (state.left_out, state.capped);
+    report.splitting = splitting(&state.vector(), settings.steps, settings.sites, with_steps)?;
+    report.capped = state.capped;
     let unit = (exponent as f64).exp2();
-    for error in
-        [&mut report.projection, &mut report.projection_floor, &mut report.truncation, &mut report.splitting]
-    {
+    for error in [&mut report.projection, &mut report.floor, &mut report.truncation, &mut report.splitting] {
         *error *= unit;
     }
     let mut result = state.vector();
     share_power(&mut result.cores, exponent);
     Ok((result, report))
+}
+
+/// The error that is left by steps of finite length, from the distance to a run of half the steps. For one site a run of a quarter of them says how it shrinks with the
+/// steps, like h^p; two sites take up new directions in their first steps at an order that no later one shows, so for them p is taken to be 1/2. (Where half as many are
+/// too few: twice as many.)
+fn splitting(
+    x: &TtVector,
+    steps: usize,
+    sites: Sites,
+    with_steps: impl Fn(usize) -> Result<TtVector, TtError>,
+) -> Result<f64, TtError> {
+    let half = steps / 2;
+    let coarser = if half > 0 { with_steps(half).ok() } else { None };
+    let Some(coarser) = coarser else {
+        let finer = with_steps(2 * steps)?;
+        return Ok(SAFETY * x.subtract(&finer)?.norm() / (1.0 - (-UNKNOWN_ORDER).exp2()));
+    };
+    let distance = x.subtract(&coarser)?.norm();
+    let ratio = |other: usize| steps as f64 / other as f64;
+    let quarter = steps / 4;
+    let mut order = UNKNOWN_ORDER;
+    if sites == Sites::One
+        && quarter >= ENOUGH_STEPS
+        && let Ok(coarsest) = with_steps(quarter)
+    {
+        let further = x.subtract(&coarsest)?.norm();
+        // (r_4^p - 1) / (r_2^p - 1) grows with p.
+        let (mut low, mut high) = ORDERS;
+        for _ in 0..30 {
+            order = 0.5 * (low + high);
+            let grows =
+                (ratio(quarter).powf(order) - 1.0) * distance > (ratio(half).powf(order) - 1.0) * further;
+            (low, high) = if grows { (low, order) } else { (order, high) };
+        }
+    }
+    Ok(SAFETY * distance / (ratio(half).powf(order) - 1.0))
+}
+
+/// The largest eigenvalue of sign (A + A^T) / 2, plus its residual: exp(t A) lets nothing grow faster (G. Dahlquist 1958).
+fn logarithmic_norm(a: &TtMatrix, sign: f64) -> Result<f64, TtError> {
+    let symmetric = SymmetricTrain::symmetric_part(a)?.to_matrix();
+    // (A skew matrix leaves rounding; powers of two have been taken out of A.)
+    if symmetric.norm() <= 1e-14 * a.norm() {
+        return Ok(0.0);
+    }
+    let (symmetric, report) = symmetric.round(&Truncation::to(1e-14))?;
+    let symmetric = SymmetricTrain::symmetric_part(&symmetric)?.to_matrix();
+    let settings = EigenSettings { tolerance: GROWTH_TOLERANCE, max_rank: GROWTH_RANK, ..Default::default() };
+    let lowest = lowest_eigenpairs(&symmetric.scale(-sign), 1, &settings)?;
+    let rounded = (report.error + report.floor) * report.norm;
+    Ok(lowest.first().map_or(0.0, |pair| pair.residual + rounded - pair.value))
+}
+
+/// (I - P) A x and the numbers beside it.
+struct Outside {
+    /// ||(I - P) A x||.
+    outside: f64,
+    /// ||A x||.
+    all: f64,
+    /// ||x||.
+    size: f64,
 }
 
 /// The trains, always swept from the first core (where the centre is) to the last.
@@ -309,49 +405,68 @@ impl<'a> Evolution<'a> {
         self.right = left.into_iter().rev().collect();
     }
 
-    /// ||(I - P) A x|| and what rounding leaves uncertain about it: P A x is a sum over sites (pairs of sites) less one over the bonds (sites) between, of
-    /// orthogonal parts, so ||P A x||^2 is the same sum of squares. The trains are in their own order here.
-    fn outside(&self, a: &TtMatrix) -> Result<(f64, f64), TtError> {
+    /// ||(I - P) A x||. The trains are in their own order here, the centre in the first core. O(d n (R r)^3).
+    fn outside(&self, a: &TtMatrix) -> Result<Outside, TtError> {
         let d = self.x.len();
-        let image = |operator: &LocalOperator<'_>, u: &[f64]| -> f64 {
-            let mut result = vec![0.0; operator.result_size()];
-            operator.apply(u, &mut result);
-            result.iter().map(|x| x * x).sum()
-        };
+        let image = a.times_vector(&self.vector())?;
         let pairs = self.settings.sites == Sites::Two && d > 1;
-        let (mut inside, mut left) = (0.0, Interface::one());
+        // From the right: `inside`, the coordinates in the right frame, and `leaving`, a triangle of what lies outside it, of the part of A x right of a bond.
+        let mut leaving = vec![Matrix::zeros(1, 0); d];
+        let mut later = vec![Matrix::zeros(1, 0); d];
+        let mut inside = Matrix::identity(1);
+        for k in (1..d).rev() {
+            let (core, frame) = (&image.cores[k], &self.x[k]);
+            let wide = core.multiply_right(inside.view());
+            let frame = Matrix::from_vec(frame.left, frame.n * frame.right, frame.data.clone());
+            let (coordinates, rest) =
+                apart(&Matrix::from_vec(wide.left, wide.mode * wide.right, wide.data), &frame);
+            let carried = core.multiply_right(leaving[k].view());
+            later[k - 1] =
+                triangle_of(Matrix::from_vec(carried.left, carried.mode * carried.right, carried.data));
+            leaving[k - 1] = triangle_of(beside(&later[k - 1], &rest));
+            inside = coordinates;
+        }
+        // From the left: what leaves the left frames at site k, times what leaves the right ones later.
+        let (mut squares, mut coordinates) = (0.0_f64, Matrix::identity(1));
         let mut centre = self.x[0].clone();
-        for k in 0..d {
-            if pairs && k + 1 < d {
-                let (core, pair) = (self.a[k].merge(&self.a[k + 1]), centre.merge(&self.x[k + 1]));
-                inside +=
-                    image(&LocalOperator { left: &left, core: &core, right: &self.right[k + 1] }, &pair.data);
-            }
-            if !pairs || (k > 0 && k + 1 < d) {
-                let site = image(
-                    &LocalOperator { left: &left, core: &self.a[k], right: &self.right[k] },
-                    &centre.data,
-                );
-                inside += if pairs { -site } else { site };
-            }
-            if k + 1 == d {
-                break;
-            }
+        for k in 0..d - 1 {
             let (q, r) = thin_qr(Matrix::from_vec(centre.left * centre.n, centre.right, centre.data));
-            let frame =
-                BlockCore { left: centre.left, n: centre.n, s: 1, right: q.columns(), data: q.into_vec() };
-            left = left.push(&frame, &self.a[k], &frame);
-            if !pairs {
-                let bond = identity_core(self.a[k].right);
-                inside -= image(&LocalOperator { left: &left, core: &bond, right: &self.right[k] }, r.data());
+            let here = image.cores[k].multiply_left(coordinates.view());
+            let here = Matrix::from_vec(here.left * here.mode, here.right, here.data);
+            let (transposed, rest) = apart(&here.transposed(), &q.transposed());
+            let missed = if pairs { &later[k] } else { &leaving[k] };
+            if missed.columns() > 0 {
+                let part = product(rest.transposed().view(), missed.view());
+                squares += part.data().iter().map(|x| x * x).sum::<f64>();
             }
+            coordinates = transposed.transposed();
             centre = self.x[k + 1].multiply_left(r.view());
         }
-        let all = a.times_vector(&self.vector())?.norm().powi(2);
-        // (Squares right to some 1e-15 per core.)
-        let floor = (1e-15 * d as f64 * all).sqrt();
-        Ok(((all - inside).max(0.0).sqrt(), floor))
+        Ok(Outside { outside: squares.sqrt(), all: image.norm(), size: norm(&centre.data) })
     }
+}
+
+/// M = C F + rest for orthonormal rows of F: C and the rest, projected twice.
+fn apart(m: &Matrix, frame: &Matrix) -> (Matrix, Matrix) {
+    let coordinates = product(m.view(), frame.t());
+    let mut rest = m.clone();
+    let mut subtract = |c: &Matrix| {
+        multiply_add(-1.0, c.view(), frame.view(), rest.view_mut());
+        product(rest.view(), frame.t())
+    };
+    let again = subtract(&coordinates);
+    subtract(&again);
+    (coordinates, rest)
+}
+
+/// L with L L^T = M M^T, no wider than high.
+fn triangle_of(m: Matrix) -> Matrix {
+    if m.columns() <= m.rows() { m } else { thin_qr(m.transposed()).1.transposed() }
+}
+
+/// [A B].
+fn beside(a: &Matrix, b: &Matrix) -> Matrix {
+    Matrix::from_vec(a.rows(), a.columns() + b.columns(), [a.data(), b.data()].concat())
 }
 
 fn too_long() -> TtError {
