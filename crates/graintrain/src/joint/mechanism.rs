@@ -100,7 +100,7 @@ struct Solution {
 }
 
 /// Share of the velocities themselves below which changes of them are none to measure by.
-const FAINT: f64 = 1e-9;
+const FAINT: f64 = 1e-11;
 
 /// All joints of a step.
 pub(crate) struct Mechanisms<'a> {

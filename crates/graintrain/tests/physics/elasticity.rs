@@ -232,7 +232,8 @@ fn what_sticks_and_slides_goes_on_sticking() {
         let pull = 30.0 * world.bodies.mass[block];
         world.materials.set_pair_cohesion(stuff, stuff, pull).unwrap();
         let mut stepper =
-            Stepper::new(StepSettings { step, friction: model, ..StepSettings::default() }).unwrap();
+            Stepper::new(StepSettings { step, envelope: 5e-3, friction: model, ..StepSettings::default() })
+                .unwrap();
         run(&mut stepper, &mut world, (0.5 / step) as usize);
         let expected = -0.5 * (G - mu * 30.0) * world.time * world.time;
         assert_close(
