@@ -54,7 +54,7 @@ pub fn make_steps(
     run.strict = options.strict;
     recorder.checkpoint_wanted = Arc::clone(&stop.checkpoint_wanted);
     let mut first_step = FirstStep::default();
-    let mut timings = Timings::default();
+    let (mut timings, output_before) = (Timings::default(), run.totals.output_seconds);
     let mut threads = 1;
     if let Some(limit) = options.max_seconds {
         stop_after(limit, &first_step.is_made, &stop.requested);
@@ -88,7 +88,7 @@ pub fn make_steps(
                 say!("{}", describe(&summary, folder));
             }
             if options.timings {
-                say!("{}", timings.table(threads));
+                say!("{}", timings.table(threads, run.totals.output_seconds - output_before));
             }
             match summary.status {
                 RunStatus::Stopped => Ok(stop.exit_code().unwrap_or(ExitCode::SUCCESS)),

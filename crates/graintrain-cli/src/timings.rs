@@ -45,8 +45,8 @@ fn serial_fraction(all: f64, leading: f64, threads: usize) -> f64 {
 type Seconds = fn(&PhaseSeconds) -> f64;
 
 impl Timings {
-    /// The table.
-    pub fn table(&self, threads: usize) -> String {
+    /// The table; `output_seconds` is what observers took between the steps.
+    pub fn table(&self, threads: usize, output_seconds: f64) -> String {
         let phases: [(&str, Seconds); 5] = [
             ("collide", |phases| phases.collide),
             ("assemble", |phases| phases.assemble),
@@ -72,7 +72,7 @@ impl Timings {
                 let _ = write!(text, " {:>6.1} % {:>20.2} times", 100.0 * serial, faster);
             }
         }
-        text.push('\n');
+        let _ = writeln!(text, "\n  {:<12} {output_seconds:>10.3}", "output");
         text
     }
 }
@@ -95,11 +95,11 @@ mod tests {
     fn the_table_names_every_phase_and_tells_serial_parts_of_several_threads_alone() {
         let seconds = PhaseSeconds { collide: 1.0, assemble: 0.5, solve: 4.0, integrate: 2.0 };
         let timings = Timings { wall: seconds, all: seconds, leading: seconds, is_told: true };
-        let (one, two) = (timings.table(1), timings.table(2));
-        for phase in ["collide", "assemble", "solve", "integrate", "steps"] {
+        let (one, two) = (timings.table(1, 0.25), timings.table(2, 0.25));
+        for phase in ["collide", "assemble", "solve", "integrate", "steps", "output"] {
             assert!(one.contains(phase) && two.contains(phase), "{one}{two}");
         }
         assert!(!one.contains("serial") && two.contains("100.0 %") && two.contains("1.00 times"), "{two}");
-        assert!(Timings { is_told: false, ..timings }.table(2).contains("not told"));
+        assert!(Timings { is_told: false, ..timings }.table(2, 0.25).contains("not told"));
     }
 }

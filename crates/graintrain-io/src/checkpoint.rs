@@ -9,21 +9,20 @@
 //! | 4 | CRC-32 of the payload |
 //! | 8 | length of the payload |
 //! | 8 | length of the payload when expanded |
-//! | rest | payload: run settings, totals and world in postcard form, compressed by zlib |
+//! | rest | payload: run settings, totals and world in postcard form, packed in blocks by LZ4 |
 
 use crate::files::{OutputError, make_folder, write_durably};
+use crate::packed::{pack, unpack};
 use crate::run::{RunSettings, RunTotals};
-use flate2::read::ZlibDecoder;
-use flate2::write::ZlibEncoder;
-use flate2::{Compression, Crc};
+use flate2::Crc;
 use graintrain::world::World;
 use serde::Deserialize;
-use std::io::{self, Read};
+use std::io;
 use std::path::{Path, PathBuf};
 
 const MAGIC: &[u8; 8] = b"GRAINCKP";
 /// Raised whenever the layout of what is stored changes.
-const VERSION: u32 = 8;
+const VERSION: u32 = 9;
 const HEADER: usize = 32;
 /// Bytes that a payload may expand to: so many, and so many per byte of its own. Worlds at rest shrink to a twentieth.
 const MOST_EXPANDED: (u64, u64) = (1 << 26, 64);
@@ -196,17 +195,20 @@ fn crc(bytes: &[u8]) -> u32 {
 pub fn to_bytes(settings: &RunSettings, totals: &RunTotals, world: &World) -> io::Result<Vec<u8>> {
     // A tuple has the layout of the struct that is read back.
     let plain = postcard::to_stdvec(&(settings, totals, world)).map_err(io::Error::other)?;
-    let mut encoder = ZlibEncoder::new(Vec::new(), Compression::fast());
-    io::Write::write_all(&mut encoder, &plain)?;
-    let payload = encoder.finish()?;
+    Ok(file(&plain, plain.len() as u64))
+}
+
+/// The bytes of a file whose payload is to expand to `expanded` bytes.
+fn file(plain: &[u8], expanded: u64) -> Vec<u8> {
+    let payload = pack(plain);
     let mut bytes = Vec::with_capacity(HEADER + payload.len());
     bytes.extend(MAGIC);
     bytes.extend(VERSION.to_le_bytes());
     bytes.extend(crc(&payload).to_le_bytes());
     bytes.extend((payload.len() as u64).to_le_bytes());
-    bytes.extend((plain.len() as u64).to_le_bytes());
+    bytes.extend(expanded.to_le_bytes());
     bytes.extend(payload);
-    Ok(bytes)
+    bytes
 }
 
 fn decode(bytes: &[u8], path: &Path) -> Result<Checkpoint, CheckpointError> {
@@ -239,10 +241,10 @@ fn decode(bytes: &[u8], path: &Path) -> Result<Checkpoint, CheckpointError> {
         let what = format!("it claims to expand from {} to {expanded} bytes", payload.len());
         return Err(CheckpointError::Damaged { path, what });
     }
-    let mut plain = Vec::new();
-    if let Err(error) = ZlibDecoder::new(payload).take(expanded).read_to_end(&mut plain) {
-        return Err(CheckpointError::Damaged { path, what: error.to_string() });
-    }
+    let plain = match unpack(payload, expanded as usize) {
+        Ok(plain) => plain,
+        Err(what) => return Err(CheckpointError::Damaged { path, what }),
+    };
     // The check sum holds: these bytes are what some build of this format wrote.
     let checkpoint: Checkpoint = postcard::from_bytes(&plain)
         .map_err(|error| CheckpointError::Foreign { path: path.clone(), what: error.to_string() })?;
@@ -305,25 +307,12 @@ mod tests {
         (settings, world)
     }
 
-    fn packed(plain: &[u8], expanded: u64) -> Vec<u8> {
-        let mut encoder = ZlibEncoder::new(Vec::new(), Compression::fast());
-        io::Write::write_all(&mut encoder, plain).unwrap();
-        let payload = encoder.finish().unwrap();
-        let mut bytes = MAGIC.to_vec();
-        bytes.extend(VERSION.to_le_bytes());
-        bytes.extend(crc(&payload).to_le_bytes());
-        bytes.extend((payload.len() as u64).to_le_bytes());
-        bytes.extend(expanded.to_le_bytes());
-        bytes.extend(payload);
-        bytes
-    }
-
     /// Altered payloads with the right check sum: refused, or a world that a step can be asked of; never a panic.
     #[test]
     fn altered_payloads_make_no_panic() {
         let (settings, world) = saved();
         let plain = postcard::to_stdvec(&(&settings, &RunTotals::default(), &world)).unwrap();
-        assert!(decode(&packed(&plain, plain.len() as u64), Path::new("a")).is_ok());
+        assert!(decode(&file(&plain, plain.len() as u64), Path::new("a")).is_ok());
         let mut state = 9_u64;
         let mut draw = |below: usize| {
             state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
@@ -342,7 +331,7 @@ mod tests {
                     }
                 }
             }
-            let Ok(checkpoint) = decode(&packed(&altered, altered.len() as u64), Path::new("a")) else {
+            let Ok(checkpoint) = decode(&file(&altered, altered.len() as u64), Path::new("a")) else {
                 continue;
             };
             accepted += 1;
@@ -362,7 +351,7 @@ mod tests {
 
     #[test]
     fn a_small_file_that_claims_to_be_huge_is_refused() {
-        let bomb = packed(&vec![0; 1 << 20], 1 << 33);
+        let bomb = file(&vec![0; 1 << 20], 1 << 33);
         let error = decode(&bomb, Path::new("a")).unwrap_err();
         assert!(error.to_string().contains("expand"), "{error}");
     }

@@ -29,6 +29,7 @@ pub mod files;
 pub mod growth;
 pub mod measure;
 pub mod output;
+mod packed;
 pub mod problem_file;
 pub mod process;
 pub mod radii;

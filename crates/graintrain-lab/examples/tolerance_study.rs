@@ -1,16 +1,17 @@
-//! What a tolerance means: six small scenes, both friction models, one step and twenty at tolerances from 1e-1 to 1e-5, beside solves
-//! at least 1e4 times tighter. The columns are named by the functions that fill them.
+//! What a tolerance means: seven small scenes, one step and twenty at tolerances from 1e-1 to 1e-5, beside solves
+//! at least 1e4 times tighter. The columns of OUT.csv are named by the functions that fill them; OUT.md has those that a user asks for.
 //!
-//! `cargo run --release -p graintrain-lab --example tolerance_study -- OUT.csv OUT.md`
+//! `cargo run --release -p graintrain-lab --example tolerance_study -- OUT.csv OUT.md [relaxed|exact]`, both friction models unless one is named.
 
 use graintrain::ccp::{Ccp, Delassus, FrictionModel, Judge, SolveSettings, SolverSpec, Status};
-use graintrain::contact::ContactSet;
+use graintrain::contact::{Contact, ContactSet};
 use graintrain::handle::MaterialId;
 use graintrain::math::{Quat, Vec3};
 use graintrain::motion::Motion;
 use graintrain::shape::Geometry;
 use graintrain::stepper::{StepSettings, Stepper};
 use graintrain::world::{Body, World};
+use graintrain_io::scene::Scene as SceneFile;
 use graintrain_lab::verify::bench::{G, add_ground, add_sphere, add_walls, random, world};
 use std::error::Error;
 use std::fmt::Write as _;
@@ -80,6 +81,13 @@ fn equal() -> Result<Scene, Failure> {
         Ok(())
     })?;
     Ok(Scene { name: "equal spheres", world, press: None, smallest: radius, steps: 400 })
+}
+
+/// The common drop, its mixer at rest.
+fn drop() -> Result<Scene, Failure> {
+    let set = [("n", "4"), ("tip_speed", "0 m/s")].map(|(key, value)| (key.to_string(), value.to_string()));
+    let world = SceneFile::load("sedimentation", &set)?.build()?.world;
+    Ok(Scene { name: "settled drop", world, press: None, smallest: 0.1, steps: 300 })
 }
 
 fn masses() -> Result<Scene, Failure> {
@@ -231,6 +239,26 @@ fn carried(world: &World, impulse: &[Vec3]) -> f64 {
     fixed.map(|body| force_on(&world.contacts, impulse, body).z).sum()
 }
 
+/// Distance of the sums of force times branch over all contacts, relative to the right one: the error of the mean stress of the sample. Branches go from
+/// centre to centre, or to the contact on what is fixed.
+fn stress_error(world: &World, contacts: &[Contact], found: &[Vec3], right: &[Vec3]) -> f64 {
+    let stress = |impulse: &[Vec3]| {
+        let mut sum = [Vec3::ZERO; 3];
+        for (contact, &g) in contacts.iter().zip(impulse) {
+            let [a, b] = [contact.body_a, contact.body_b].map(|body| match body as usize {
+                body if world.is_prescribed(body) => contact.point,
+                body => world.bodies.position[body],
+            });
+            let branch = (b - a).to_array();
+            sum.iter_mut().zip(branch).for_each(|(row, x)| *row += x * g);
+        }
+        sum.map(|row| row.to_array()).concat()
+    };
+    let (found, right) = (stress(found), stress(right));
+    let difference: Vec<f64> = found.iter().zip(&right).map(|(a, b)| a - b).collect();
+    norm(&difference) / norm(&right)
+}
+
 /// Relative differences of the forces of contacts with more than a thousandth of the mean force: root of the sum of squares over that of `right`, and the median of
 /// the differences over the contact's own force.
 fn force_errors(found: &[Vec3], right: &[Vec3]) -> [f64; 2] {
@@ -263,6 +291,8 @@ struct Row {
     press: Option<f64>,
     /// Vertical force on everything that is fixed.
     carried: f64,
+    /// Relative error of the mean stress.
+    stress: f64,
     forces: [f64; 2],
     /// Forces and velocities of the tight solve from here against those of a tight solve by `auto` from zero.
     other_forces: f64,
@@ -272,6 +302,7 @@ struct Row {
     run_unsolved: usize,
     run_velocity: [f64; 2],
     run_overlap: f64,
+    run_deepest: f64,
     run_floor: f64,
     run_carried: f64,
     run_press: Option<f64>,
@@ -285,6 +316,8 @@ struct Moment {
     carried: f64,
     press: f64,
     overlap: f64,
+    /// Deepest overlap over the smaller body's size.
+    deepest: f64,
     iterations: usize,
     solved: bool,
 }
@@ -303,6 +336,7 @@ fn run(scene: &Scene, tolerance: f64, friction: FrictionModel) -> Result<(World,
             carried: carried(&world, &world.contacts.impulse),
             press: scene.press.map_or(0.0, on),
             overlap: report.errors.overlap_per_step_max_over_size,
+            deepest: report.penetration_max_over_size,
             iterations: report.solve.iterations,
             solved: report.solve.residual.judged(Judge::Mixed) <= 1.1 * tolerance,
         });
@@ -323,6 +357,7 @@ fn compare_runs(
     row.run_iterations = moments.iter().map(|m| m.iterations).sum::<usize>() as f64 / RUN as f64;
     row.run_unsolved = moments.iter().filter(|m| !m.solved).count();
     row.run_overlap = largest(&|a, _| a.overlap);
+    row.run_deepest = largest(&|a, _| a.deepest);
     row.run_floor = largest(&|a, b| (a.floor / b.floor - 1.0).abs());
     row.run_carried = largest(&|a, b| (a.carried / b.carried - 1.0).abs());
     row.run_press = scene.press.map(|_| largest(&|a, b| (a.press / b.press - 1.0).abs()));
@@ -421,6 +456,7 @@ fn study(scene: &mut Scene, friction: FrictionModel, model: &'static str) -> Res
                 let [a, b] = [&found, &right].map(|g| carried(&world, g));
                 (a / b - 1.0).abs()
             },
+            stress: stress_error(&scene.world, &world.contacts.contacts, &found, &right),
             forces: force_errors(&found, &right),
             ..Row::default()
         });
@@ -453,9 +489,9 @@ fn study(scene: &mut Scene, friction: FrictionModel, model: &'static str) -> Res
 fn csv(rows: &[(usize, Row)]) -> String {
     let mut text = String::from(
         "scene,friction,tolerance,bodies,contacts,status,residual_rms,residual_max,reference_residual,iterations,velocity_rms,\
-         velocity_max,overlap_per_step_over_size,floor_force,carried_force,press_force,contact_forces_rms,contact_forces_median,\
+         velocity_max,overlap_per_step_over_size,floor_force,carried_force,press_force,stress,contact_forces_rms,contact_forces_median,\
          other_solution_forces,other_solution_floor,other_solution_velocity,run_iterations_per_step,run_unsolved,run_velocity_rms,run_velocity_max,\
-         run_overlap_per_step_over_size,run_floor_force,run_carried_force,run_press_force,run_contact_forces_rms,run_moved_over_smallest\n",
+         run_overlap_per_step_over_size,run_deepest_over_size,run_floor_force,run_carried_force,run_press_force,run_contact_forces_rms,run_moved_over_smallest\n",
     );
     for (_, row) in rows {
         let _ = write!(
@@ -477,6 +513,7 @@ fn csv(rows: &[(usize, Row)]) -> String {
             number(row.floor),
             number(row.carried),
             optional(row.press),
+            number(row.stress),
             number(row.forces[0]),
             number(row.forces[1]),
             number(row.other_forces),
@@ -487,6 +524,7 @@ fn csv(rows: &[(usize, Row)]) -> String {
             number(row.run_velocity[0]),
             number(row.run_velocity[1]),
             number(row.run_overlap.max(0.0)),
+            number(row.run_deepest),
             number(row.run_floor),
             number(row.run_carried),
             optional(row.run_press),
@@ -500,38 +538,33 @@ fn csv(rows: &[(usize, Row)]) -> String {
 
 fn markdown(rows: &[(usize, Row)]) -> String {
     let mut text = String::from(
-        "| scene | friction | tolerance | residual rms | reference | velocity rms | velocity max | overlap / R | carried | floor | press | contacts rms | \
-         contacts median | another solution: floor | contacts rms | iterations | run: carried | run: velocity rms | run: overlap / R | run: iterations |\n\
-         |---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|\n",
+        "| scene | friction | tolerance | overlap / R | kinetic noise | weight carried | floor | press | mean stress | contact forces | two solutions: floor | contact forces | iterations |\n\
+         |---|---|---|---|---|---|---|---|---|---|---|---|---|\n",
     );
+    let share = |x: f64| match 100.0 * x {
+        x if x < 1e-3 => "< 0.001 %".to_string(),
+        x if x < 0.1 => format!("{x:.3} %"),
+        x if x < 10.0 => format!("{x:.2} %"),
+        x => format!("{x:.0} %"),
+    };
     for (_, row) in rows {
         let mark = if row.status == "converged" { "" } else { " (missed)" };
-        let press = row.press.map_or("-".to_string(), |x| format!("{x:.0e}"));
-        let unsolved =
-            if row.run_unsolved > 0 { format!(" ({} missed)", row.run_unsolved) } else { String::new() };
         let _ = writeln!(
             text,
-            "| {} | {} | {:.0e} | {:.0e}{mark} | {:.0e} | {:.0e} | {:.0e} | {:.0e} | {:.0e} | {:.0e} | {press} | {:.0e} | {:.0e} | {:.0e} | {:.0e} | {} | {:.0e} | \
-             {:.0e} | {:.0e} | {:.0}{unsolved} |",
+            "| {} | {} | {:.0e}{mark} | {} | {} | {} | {} | {} | {} | {} | {} | {} | {} |",
             row.scene,
             row.model,
             row.tolerance,
-            row.residual[0],
-            row.reference,
-            row.velocity[0],
-            row.velocity[1],
-            row.overlap,
-            row.carried,
-            row.floor,
-            row.forces[0],
-            row.forces[1],
-            row.other_floor,
-            row.other_forces,
+            share(row.run_deepest),
+            share(row.velocity[0]),
+            share(row.carried),
+            share(row.floor),
+            row.press.map_or("-".to_string(), share),
+            share(row.stress),
+            share(row.forces[0]),
+            share(row.other_floor),
+            share(row.other_forces),
             row.iterations,
-            row.run_carried,
-            row.run_velocity[0],
-            row.run_overlap.max(0.0),
-            row.run_iterations,
         );
     }
     text
@@ -539,11 +572,16 @@ fn markdown(rows: &[(usize, Row)]) -> String {
 
 fn main() -> Result<(), Failure> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let [table, page] = arguments.as_slice() else {
-        return Err("usage: tolerance_study OUT.csv OUT.md".into());
+    let models = [(FrictionModel::Relaxed, "relaxed"), (FrictionModel::Coulomb, "exact")];
+    let (table, page, only) = match arguments.as_slice() {
+        [table, page] => (table, page, None),
+        [table, page, only] if models.iter().any(|(_, name)| name == only) => {
+            (table, page, Some(only.as_str()))
+        }
+        _ => return Err("usage: tolerance_study OUT.csv OUT.md [relaxed|exact]".into()),
     };
     let done = Mutex::new(Vec::new());
-    let scenes = [equal, masses, sizes, column, pressed, shapes];
+    let scenes = [drop, equal, masses, sizes, column, pressed, shapes];
     std::thread::scope(|scope| -> Result<(), Failure> {
         let done = &done;
         let write = move |order: usize, rows: Vec<Row>| -> Result<(), Failure> {
@@ -559,9 +597,13 @@ fn main() -> Result<(), Failure> {
                     let mut scene = make()?;
                     settle(&mut scene)?;
                     let settled = scene.world.clone();
-                    write(2 * k, study(&mut scene, FrictionModel::Relaxed, "relaxed")?)?;
-                    scene.world = settled;
-                    write(2 * k + 1, study(&mut scene, FrictionModel::Coulomb, "exact")?)
+                    for (j, (friction, name)) in models.into_iter().enumerate() {
+                        if only.is_none_or(|only| only == name) {
+                            scene.world = settled.clone();
+                            write(2 * k + j, study(&mut scene, friction, name)?)?;
+                        }
+                    }
+                    Ok(())
                 })
             })
             .collect();

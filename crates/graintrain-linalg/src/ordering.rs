@@ -43,6 +43,30 @@ impl Graph {
         Self { start, neighbour }
     }
 
+    /// Graph of a symmetric matrix in compressed row form of which each pair of mirrored entries needs only the lower one (column < row);
+    /// upper ones are not looked at.
+    ///
+    /// # Panics
+    /// If the row starts do not fit the columns.
+    pub fn of_lower(row_start: &[usize], column: &[u32]) -> Self {
+        let rows = row_start.len() - 1;
+        let mut neighbours: Vec<Vec<u32>> = vec![Vec::new(); rows];
+        for i in 0..rows {
+            for &j in &column[row_start[i]..row_start[i + 1]] {
+                if (j as usize) < i {
+                    neighbours[i].push(j);
+                    neighbours[j as usize].push(i as u32);
+                }
+            }
+        }
+        let mut start = vec![0];
+        for list in &mut neighbours {
+            list.sort_unstable();
+            start.push(start[start.len() - 1] + list.len());
+        }
+        Self::from_rows(&start, &neighbours.concat())
+    }
+
     /// Number of vertices.
     pub fn len(&self) -> usize {
         self.start.len() - 1

@@ -205,14 +205,22 @@ impl Stepper {
             laps.add(|phases| &mut phases.solve, attempt.impact_lap);
             laps.add(|phases| &mut phases.solve, attempt.assembled.lap());
             iterations += attempt.solve.iterations;
+            let begin = Clock::now();
+            let (mut passing, mut phantoms) = (Vec::new(), Vec::new());
             let met = self.met(world, &contacts, &attempt);
+            if met.is_empty() && round < ROUNDS {
+                passing = self.passing(world, &contacts, &attempt);
+            }
+            if met.is_empty() && passing.is_empty() && round < PHANTOM_ROUNDS {
+                phantoms = self.phantoms(world, &contacts, &attempt, &kept);
+            }
+            laps.add(|phases| &mut phases.collide, begin.lap());
             if !met.is_empty() && round < ROUNDS {
                 added += met.len();
                 driven.extend(met);
                 guess = Some(attempt);
                 continue;
             }
-            let passing = if round < ROUNDS { self.passing(world, &contacts, &attempt) } else { Vec::new() };
             if !passing.is_empty() {
                 added += passing.len();
                 kept.extend(passing.iter().map(|c| c.identity));
@@ -220,14 +228,11 @@ impl Stepper {
                 guess = Some(attempt);
                 continue;
             }
-            if round < PHANTOM_ROUNDS {
-                let phantoms = self.phantoms(world, &contacts, &attempt, &kept);
-                if !phantoms.is_empty() {
-                    let mut index = 0..;
-                    contacts.retain(|_| phantoms.binary_search(&index.next().unwrap_or_default()).is_err());
-                    guess = Some(attempt);
-                    continue;
-                }
+            if !phantoms.is_empty() {
+                let mut index = 0..;
+                contacts.retain(|_| phantoms.binary_search(&index.next().unwrap_or_default()).is_err());
+                guess = Some(attempt);
+                continue;
             }
             let begin = Clock::now();
             let collider = &self.collider;

@@ -10,6 +10,7 @@
 //! cargo run --release -p graintrain-lab --example newton_solvers -- growth SECONDS ITERATIONS GUIDE LINEAR PROBLEM...
 //! cargo run --release -p graintrain-lab --example newton_solvers -- map SECONDS TABLE.md FILE.svg
 //! cargo run --release -p graintrain-lab --example newton_solvers -- orders ITERATION,... PROBLEM
+//! cargo run --release -p graintrain-lab --example newton_solvers -- factors ITERATION,... PROBLEM...
 //! ```
 //!
 //! PROBLEM is a file (`graintrain run --dump-problem`) or ASSEMBLY:BODIES[:DISORDER[:SEED]], ASSEMBLY one of `cubic`,
@@ -25,6 +26,7 @@
 //! solve's ratio of the two, so that other programs on the machine do not matter.
 
 mod assemblies;
+mod factors;
 mod follow;
 mod map;
 mod orders;
@@ -67,6 +69,10 @@ fn main() -> Result<(), Failure> {
             let (iterations, solve_every) = (iterations.parse()?, solve_every.parse()?);
             let sampling = Sampling { every: 1, solve_every, iterations, patience: f64::INFINITY };
             reuse::reuse(linear, sampling, steps.parse()?, run.as_ref(), seconds.parse()?)
+        }
+        ["factors", iterations, problems @ ..] if !problems.is_empty() => {
+            let iterations = iterations.split(',').map(str::parse).collect::<Result<Vec<usize>, _>>()?;
+            factors::factors(&iterations, problems)
         }
         ["orders", iterations, problem] => {
             let iterations = iterations.split(',').map(str::parse).collect::<Result<Vec<usize>, _>>()?;

@@ -119,16 +119,20 @@ impl Stepper {
             world.bodies.velocity[body] = Vec3::from_slice(&v[..3]);
             world.bodies.angular_velocity[body] = Vec3::from_slice(&v[3..]);
         }
-        let ahead = self.collider.contacts(world, 0.0, step);
+        let ahead = self.collider.meetings(world, step);
         before.exchange(world);
-        let known: HashSet<u64> = contacts.iter().map(|c| c.identity).collect();
         let rows = contact_rows(world, &ahead);
         let u = relative_velocities(attempt.cell.as_ref(), &ahead, &rows, &attempt.velocity);
         let meets = |(c, u): (Contact, &[f64])| {
             let size = self.collider.contact_size(world, &c);
-            (!known.contains(&c.identity) && c.gap.max(0.0) + step * u[0] < -MISSED * size).then_some(c)
+            (c.gap.max(0.0) + step * u[0] < -MISSED * size).then_some(c)
         };
-        ahead.into_iter().zip(u.chunks_exact(3)).filter_map(meets).collect()
+        let mut met: Vec<Contact> = ahead.into_iter().zip(u.chunks_exact(3)).filter_map(meets).collect();
+        if !met.is_empty() {
+            let known: HashSet<u64> = contacts.iter().map(|c| c.identity).collect();
+            met.retain(|c| !known.contains(&c.identity));
+        }
+        met
     }
 
     /// Pairs that overlap at the end of the step and were no contacts in it.
