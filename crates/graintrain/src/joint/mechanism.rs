@@ -100,7 +100,7 @@ struct Solution {
 }
 
 /// Share of the velocities themselves below which changes of them are none to measure by.
-const FAINT: f64 = 1e-11;
+const FAINT: f64 = 1e-6;
 
 /// All joints of a step.
 pub(crate) struct Mechanisms<'a> {
@@ -110,8 +110,10 @@ pub(crate) struct Mechanisms<'a> {
     free: Vec<f64>,
     /// Velocities before the step, six per body.
     before: Vec<f64>,
-    /// m/s
+    /// Velocities that corrections of rates are measured by, m/s.
     scale: f64,
+    /// Velocities that openings of joints are judged by, m/s.
+    yardstick: f64,
     states: Vec<JointState>,
     /// Length by which rates of angles of a joint become velocities, m.
     lengths: Vec<f64>,
@@ -127,6 +129,7 @@ impl<'a> Mechanisms<'a> {
             free,
             before: before.to_vec(),
             scale: 0.0,
+            yardstick: 0.0,
             states: world.joints.iter().map(|placed| placed.state).collect(),
             lengths: Vec::new(),
             mechanisms: Vec::new(),
@@ -146,10 +149,10 @@ impl<'a> Mechanisms<'a> {
             }
         }
         let fall = world.gravity.length() * step;
+        own.scale = [fall, speed].into_iter().find(|&v| v > 0.0).unwrap_or(1.0);
         // What turns steadily about its axis changes by rounding alone.
-        let motion = own.before.iter().fold(0.0_f64, |most, v| most.max(v.abs()));
-        let scale = [fall, speed].into_iter().find(|&v| v > 0.0).unwrap_or(motion).max(FAINT * motion);
-        own.scale = if scale > 0.0 { scale } else { 1.0 };
+        let motion = own.before.iter().chain(&own.free).fold(0.0_f64, |most, v| most.max(v.abs()));
+        own.yardstick = own.scale.max(FAINT * motion);
         for (bodies, joints) in connected(world) {
             let roots = bodies.iter().map(|&body| Root::of(&masses[body as usize])).collect();
             let (rows, pushed) = (Vec::new(), Vec::new());

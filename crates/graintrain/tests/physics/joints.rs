@@ -166,7 +166,7 @@ fn a_slider_crank_has_its_positions_and_torque() {
             run(&mut world, &mut stepper, 1);
             let angle = f64::from(n) * step * rate;
             let x = world.bodies.position[slider.index()];
-            assert!((x - Vec3::new(position(angle), 0.0, 0.0)).length() < 2e-12, "{n}: {x}");
+            assert!((x - Vec3::new(position(angle), 0.0, 0.0)).length() < 1e-12, "{n}: {x}");
             if n > 1 {
                 // The torque of a step holds at its start.
                 let before = angle - step * rate;
@@ -644,5 +644,29 @@ fn a_wall_does_not_stop_a_hinged_wheel() {
         world.bodies.motion[wall.index()] = motion;
         let report = stepper.step(&mut world).unwrap();
         assert_ne!(report.solve.status, Status::Converged, "{friction} {model} {dt}");
+    }
+}
+
+/// Two wheels on a gear turn steadily without gravity, and a door on a hinge stands after a ball has hit it: nothing opens but by rounding, which is no failure.
+/// (Half of the steps were said to miss the tolerance, with "opens at 8.4e-19 m/s".)
+#[test]
+fn steady_turning_without_gravity_is_solved() {
+    for model in BOTH {
+        let mut world = weightless();
+        let wheels = [0.0, 0.505].map(|x| lump(&mut world, x * Vec3::X, 2.0, Vec3::splat(0.1)));
+        let hinges = wheels.map(|wheel| {
+            let place = world.bodies.position[wheel.index()];
+            world.add_joint(Joint::revolute(None, wheel, place, Vec3::Z)).unwrap()
+        });
+        world.add_joint(Joint::gear(hinges, -0.25)).unwrap();
+        world.bodies.angular_velocity[wheels[0].index()] = 8.0 * Vec3::Z;
+        world.bodies.angular_velocity[wheels[1].index()] = -2.0 * Vec3::Z;
+        let door = lump(&mut world, Vec3::new(0.5, 3.0, 0.0), 3.0, Vec3::splat(0.25));
+        world.add_joint(Joint::revolute(None, door, Vec3::new(0.0, 3.0, 0.0), Vec3::Z)).unwrap();
+        world.bodies.velocity[door.index()] = 0.3 * Vec3::Y;
+        world.bodies.angular_velocity[door.index()] = 0.6 * Vec3::Z;
+        let mut stepper = stepper(1e-3, model);
+        run(&mut world, &mut stepper, 500);
+        assert!((world.bodies.angular_velocity[wheels[0].index()].z - 8.0).abs() < 1e-9);
     }
 }

@@ -74,12 +74,12 @@ impl Mechanisms<'_> {
                 if opening.is_nan() || opening > found.opening {
                     (found.opening, found.worst) = (opening, row.joint);
                 }
-                squares += (opening / self.scale).powi(2);
+                squares += (opening / self.yardstick).powi(2);
                 count += 1;
             }
         }
         let rms = (squares / f64::from(count.max(1))).sqrt();
-        found.residual = Residual { max: found.opening / self.scale, rms };
+        found.residual = Residual { max: found.opening / self.yardstick, rms };
         found
     }
 }
