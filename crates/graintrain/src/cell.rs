@@ -24,7 +24,7 @@
 //! (f: force on body A, whose neighbour is the image n of body B; compression positive) solved together with the contacts of the step. Where bodies
 //! are in equilibrium this sum over the boundary is the mean stress of the cell (Love and Weber). As with a wall that presses, what the boundary
 //! does reaches the inner bodies through contacts. In equilibrium the inertia does not matter. Where the largest imposed stress would change an edge by more
-//! than a twentieth within a step from rest, inertias are raised to where it does not ([`crate::cell_limits`]): else what a solve leaves over, which is a share
+//! than a twentieth within a step from rest, inertias are raised to where it does not (`cell_limits`): else what a solve leaves over, which is a share
 //! of what the stress does in a step, would be larger than grains. F. Radjai, C. Voivret, "Periodic boundary conditions", in "Discrete-element Modeling of
 //! Granular Materials", Wiley, 2011, have cells with inertia in contact dynamics.
 

@@ -126,7 +126,7 @@ impl Body {
 }
 
 /// By which share of the trace a principal moment may exceed the sum of the others: given numbers are rounded.
-const ROUNDED: f64 = 1e-6;
+const ROUNDED: f64 = 1e-3;
 
 impl MassProperties {
     fn validate(&self, label: &str) -> Result<(), ModelError> {

@@ -29,7 +29,7 @@ pub(super) enum Convex<'a> {
 /// A hull with its lengths in units of `unit`.
 pub(super) struct ScaledHull<'a> {
     pub(super) hull: &'a Hull,
-    unit: f64,
+    pub(super) unit: f64,
 }
 
 impl SupportMap for ScaledHull<'_> {

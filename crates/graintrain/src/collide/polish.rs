@@ -14,10 +14,13 @@ use super::manifold::Convex;
 use crate::hull::HullEdge;
 use crate::math::{Pose, Vec3};
 use parry3d_f64::query::{ContactManifold, TrackedContact};
-use parry3d_f64::shape::{PackedFeatureId, PolygonalFeature};
+use parry3d_f64::shape::{PackedFeatureId, PolygonalFeature, SupportMap};
 
 /// By how much less the gap along a candidate may be, in sizes of the smaller solid: the library's tolerance.
 const AS_FAR: f64 = 1e-9;
+
+/// Edges of a hull are looked at whose ends are within this distance of its foremost corner, in sizes of the smaller solid.
+const FOREMOST: f64 = 0.1;
 
 /// A normal this much or more across the axis of a cylinder belongs to its mantle (the library's own bound).
 const MANTLE: f64 = 0.5;
@@ -71,8 +74,8 @@ fn candidates(a: &Convex<'_>, b: &Convex<'_>, pose: &Pose, found: Vec3) -> Vec<V
     let turn = |v: Vec3| pose.rotation * v;
     let back = pose.rotation.inverse() * found;
     let mut all = a.face_normals(found);
-    all.extend(b.face_normals(back).into_iter().map(turn));
-    let (own, other) = (a.edges(), b.edges().into_iter().map(turn).collect::<Vec<_>>());
+    all.extend(b.face_normals(-back).into_iter().map(turn));
+    let (own, other) = (a.edges(found), b.edges(-back).into_iter().map(turn).collect::<Vec<_>>());
     if a.is_cylinder() {
         all.extend(other.iter().map(|edge| Vec3::Y.cross(*edge)));
         // Of the axis and the corner of B that is nearest; parallel axes.
@@ -112,8 +115,8 @@ impl Convex<'_> {
         }
     }
 
-    /// Directions of straight edges; of a cylinder that of its axis.
-    fn edges(&self) -> Vec<Vec3> {
+    /// Directions of straight edges; of a cylinder that of its axis, of a hull of those that are foremost along a direction.
+    fn edges(&self, along: Vec3) -> Vec<Vec3> {
         match self {
             Self::Box(_) => vec![Vec3::X, Vec3::Y, Vec3::Z],
             Self::Cylinder(_) => vec![Vec3::Y],
@@ -123,11 +126,11 @@ impl Convex<'_> {
             }
             Self::Hull(scaled) => {
                 let corners = scaled.hull.corners();
-                let along = |edge: &HullEdge| {
-                    let [from, to] = edge.corners.map(|k| corners[k as usize]);
-                    to - from
-                };
-                scaled.hull.edges().iter().map(along).collect()
+                let front = along.dot(scaled.local_support_point(along)) * scaled.unit;
+                let is_foremost = |k: u32| along.dot(corners[k as usize]) > front - FOREMOST * scaled.unit;
+                let edges = scaled.hull.edges().iter().map(|edge: &HullEdge| edge.corners);
+                let edges = edges.filter(|ends| ends.iter().all(|&k| is_foremost(k)));
+                edges.map(|[from, to]| corners[to as usize] - corners[from as usize]).collect()
             }
         }
     }

@@ -44,6 +44,8 @@ pub(super) struct Attempt {
     pub(super) impulse: Vec<f64>,
     /// Contacts of the problem as indices into those of the step.
     pub(super) active: Vec<u32>,
+    /// Contacts of the step that are none of the problem because nothing can move along their normals.
+    pub(super) immobile: Vec<u32>,
     /// Impulses with which the contacts of the step pull, N s; empty where none do.
     pub(super) pulls: Vec<f64>,
     pub(super) joints: JointReactions,
@@ -113,7 +115,9 @@ impl Stepper {
                 (assemble(world, chosen, rows, masses, &free, step, overlap), free)
             };
         let (mut problem, mut free) = pose(&mechanisms, &chosen, (rows, masses));
-        let immobile = mobility::immobile(world, &problem, step);
+        let mut immobile = mobility::immobile(world, &problem, step);
+        immobile.retain(|&k| !driven.contains(&chosen[k].identity));
+        let held: Vec<u32> = of_each(&immobile, |&k| active[k]);
         if let (Delassus::Rigid(rigid), false) = (&*problem.delassus, immobile.is_empty()) {
             let stays: Vec<usize> =
                 (0..active.len()).filter(|k| immobile.binary_search(k).is_err()).collect();
@@ -178,6 +182,7 @@ impl Stepper {
             cell,
             impulse,
             active,
+            immobile: held,
             pulls,
             joints,
             impacts,

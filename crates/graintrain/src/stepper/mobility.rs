@@ -2,11 +2,12 @@
 //!
 //! A wheel on a hinge that just touches a wall turns freely: the wall meets it where joints hold it. To rounding, though, the normal n does not go through the
 //! axis but passes it at a distance of some 1e-8 of the radius, and an exact solution of the contact stops the wheel with a force that no bearing stands. What
-//! has no mobility to rounding neither approaches nor can be pushed away, so that its force is undetermined: it is taken to be zero.
+//! has no mobility to rounding neither approaches nor can be pushed away, so that its force is undetermined: it is taken to be zero. What holds the bodies may let
+//! go within the step, as stops and motors do that can do no more: contacts at which they then approach return to the problem ([`super::Stepper::met`]).
 
 use crate::math::Vec3;
 use crate::world::World;
-use graintrain_ccp::{Ccp, Delassus};
+use graintrain_ccp::{Ccp, Delassus, RigidContact};
 
 /// Normals that pass the axis of a lever by less than about this share of its length have no lever: forces at them would be the inverse times those along it.
 const LEVER: f64 = 1e-6;
@@ -27,15 +28,18 @@ pub(super) fn immobile(world: &World, problem: &Ccp, step: f64) -> Vec<usize> {
     }
     // Prescribed bodies are none to the rows of contacts.
     let alone = |body: u32| world.bodies.mass.get(body as usize).map_or(0.0, |mass| 1.0 / mass);
-    let holds = |(k, own): (usize, &graintrain_ccp::RigidContact)| {
+    let holds = |(k, own): (usize, &RigidContact)| {
         let mobility = rigid.diagonal()[k][0];
         if mobility > LEVER * LEVER * (alone(own.body_a) + alone(own.body_b)) {
             return None;
         }
-        let r = &problem.r[3 * k..3 * k + 3];
-        let arm = Vec3::from_array(own.arm_a).length().max(Vec3::from_array(own.arm_b).length());
-        let rounding = ROUNDING * r[1].hypot(r[2]) + TOUCH * arm / step;
-        (r[0] >= -rounding).then_some(k)
+        (!approaches(own, &problem.r[3 * k..3 * k + 3], step)).then_some(k)
     };
     rigid.contacts().iter().enumerate().filter_map(holds).collect()
+}
+
+/// Whether bodies approach at a contact by more than rounding, with Phi / dt + u_n and u_t.
+pub(super) fn approaches(row: &RigidContact, r: &[f64], step: f64) -> bool {
+    let arm = Vec3::from_array(row.arm_a).length().max(Vec3::from_array(row.arm_b).length());
+    r[0] < -(ROUNDING * r[1].hypot(r[2]) + TOUCH * arm / step)
 }

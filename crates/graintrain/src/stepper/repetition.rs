@@ -11,6 +11,7 @@
 
 use super::Stepper;
 use super::attempt::Attempt;
+use super::mobility;
 use super::placement::Placement;
 use crate::assemble::{contact_rows, relative_velocities};
 use crate::cell;
@@ -83,7 +84,12 @@ impl Stepper {
         let u = relative_velocities(attempt.cell.as_ref(), contacts, &rows, &attempt.velocity);
         let closes = |i: &u32| {
             let contact = &contacts[*i as usize];
-            let end = contact.gap.max(0.0) + self.settings.step * u[3 * *i as usize];
+            let step = self.settings.step;
+            let [n, t1, t2] = [0, 1, 2].map(|k| u[3 * *i as usize + k]);
+            let end = contact.gap.max(0.0) + step * n;
+            if attempt.immobile.binary_search(i).is_ok() {
+                return mobility::approaches(&rows[*i as usize], &[end / step, t1, t2], step);
+            }
             end < -MISSED * self.collider.contact_size(world, contact)
         };
         (0..contacts.len() as u32)
@@ -240,7 +246,7 @@ impl Stepper {
     /// They are found by taking the impulses of a pair away: where Phi + dt u_n says that the bodies would then be inside each other by
     /// more than 5e-4 of the smaller one's size, and on the way they nowhere are by a fifth of that, there is nothing to hold apart. What a body
     /// falls in the step is allowed for: the contact may have carried its weight in another one's place. Where they fall too far for that, what they do that go on as
-    /// the step found them tells instead. Those in `kept` stay, and those of two balls: they
+    /// the step found them, and no higher, tells instead. Those in `kept` stay, and those of two balls: they
     /// have no seams, and grains that fly past each other are many.
     pub(super) fn phantoms(
         &self,
@@ -296,8 +302,11 @@ impl Stepper {
                     Vec3::from_slice(&v[first..first + 3]) - Vec3::from_slice(&change[first..first + 3])
                 })
             });
+            // What was thrown up comes down within the step, and may meet what it would pass above.
             let start = bodies.map(|body| {
-                [world.bodies.velocity[body as usize], world.bodies.angular_velocity[body as usize]]
+                let up = -world.gravity.normalize_or_zero();
+                let velocity = world.bodies.velocity[body as usize];
+                [velocity - velocity.dot(up).max(0.0) * up, world.bodies.angular_velocity[body as usize]]
             });
             let fall = bodies.map(|body| world.acceleration(body as usize)).into_iter().fold(0.0, f64::max)
                 * step

@@ -3,8 +3,10 @@
 use graintrain::ccp::{FrictionModel, Status};
 use graintrain::handle::{BodyId, JointId, MaterialId};
 use graintrain::joint::{Joint, Motor, Spring};
+use graintrain::load::{Action, Load};
 use graintrain::material::Materials;
 use graintrain::math::{Mat3, Vec3};
+use graintrain::motion::Axes;
 use graintrain::motion::{Motion, Profile};
 use graintrain::shape::Geometry;
 use graintrain::stepper::{StepSettings, Stepper};
@@ -668,5 +670,36 @@ fn steady_turning_without_gravity_is_solved() {
         let mut stepper = stepper(1e-3, model);
         run(&mut world, &mut stepper, 500);
         assert!((world.bodies.angular_velocity[wheels[0].index()].z - 8.0).abs() < 1e-9);
+    }
+}
+
+/// An arm that rests on the stop of its hinge, with a block just above it, is pushed up by a piston from below: the block holds it. (While the arm was on its
+/// stop nothing could move at the block, whose contact was left out for the step.)
+#[test]
+fn what_a_stop_lets_go_meets_what_is_there() {
+    for model in BOTH {
+        let mut world = earth();
+        let fixed = world.add_motion(Motion::fixed()).unwrap();
+        let mut solid = |half: [f64; 3], position: [f64; 3]| {
+            let form = world.add_geometry(Geometry::cuboid(half.into()).unwrap());
+            world.add_body(Body::new(form, MaterialId::default(), position.into())).unwrap()
+        };
+        let arm = solid([0.5, 0.1, 0.05], [0.5, 0.0, 0.0]);
+        let block = solid([0.1, 0.2, 0.1], [0.9, 0.0, 0.15]);
+        let piston = solid([0.05, 0.05, 0.05], [0.5, 0.0, -0.1]);
+        world.bodies.motion[block.index()] = fixed;
+        let upward = Motion::fixed().with_free([false, false, true, false, false, false]);
+        world.bodies.motion[piston.index()] = world.add_motion(upward).unwrap();
+        let hinge = Joint::revolute(None, arm, Vec3::ZERO, -Vec3::Y);
+        world.add_joint(hinge.with_limits(Some(0.0), None)).unwrap();
+        let terms = vec![(Vec3::Z, Profile::Constant(2000.0))];
+        let push = Action::Force { terms, axes: Axes::World, point: Vec3::ZERO };
+        world.add_load(Load::on(piston, push)).unwrap();
+        let mut stepper = stepper(2e-3, model);
+        for _ in 0..200 {
+            stepper.step(&mut world).unwrap();
+        }
+        let height = world.bodies.position[piston.index()].z;
+        assert!((height + 0.1).abs() < 1e-4, "{model}: {height}");
     }
 }

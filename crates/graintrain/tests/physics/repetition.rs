@@ -139,3 +139,31 @@ fn seams_do_not_stop_a_thin_plate_in_long_steps() {
         assert!(moved < 1e-6 * speed, "{step} s: {:?}", world.bodies.velocity[1]);
     }
 }
+
+/// A kerb of half its thickness stops a plate in steps in which it would fall by nearly all of it. (Relaxed friction would carry it over: dt mu |u_t| is more
+/// than the height of the kerb.)
+#[test]
+fn a_kerb_stops_a_thin_plate_in_long_steps() {
+    for (model, friction, step) in BOTH
+        .into_iter()
+        .zip([0.0, 0.05])
+        .flat_map(|(model, mu)| [1e-3, 1e-2, 3e-2].map(|step| (model, mu, step)))
+    {
+        let mut world = world(friction, 0.0);
+        let fixed = world.add_motion(Motion::fixed()).unwrap();
+        for (half, place) in [([2.0, 1.0, 0.1], [0.0, 0.0, -0.1]), ([0.5, 1.0, 0.1], [1.5, 0.0, -0.095])] {
+            let form = world.add_geometry(Geometry::cuboid(half.into()).unwrap());
+            let body = Body::new(form, MaterialId::default(), place.into());
+            world.add_body(Body { motion: fixed, ..body }).unwrap();
+        }
+        let plate = world.add_geometry(Geometry::cuboid(Vec3::new(0.2, 0.2, 0.005)).unwrap());
+        let start = Vec3::new(0.0, 0.0, 0.005);
+        let body = Body::new(plate, MaterialId::default(), start);
+        world.add_body(Body { velocity: 5.0 * Vec3::X, ..body }).unwrap();
+        let settings = StepSettings { step, envelope: 0.02, friction: model, ..StepSettings::default() };
+        let mut stepper = Stepper::new(settings).unwrap();
+        run(&mut stepper, &mut world, (0.6 / step) as usize);
+        let place = world.bodies.position[2];
+        assert!(place.x < 0.801, "{model} {step} s: {place}");
+    }
+}
