@@ -12,6 +12,7 @@ use crate::elasticity;
 use crate::impact::{ImpactSolver, Impacts, Rows};
 use crate::integrate::{free_velocity, inverse_mass};
 use crate::joint::mechanism::{JointReactions, Mechanisms};
+use crate::math::Vec3;
 use crate::part_solver::{PartSolver, Solved};
 use crate::world::World;
 use graintrain_ccp::{
@@ -86,11 +87,17 @@ impl Stepper {
             }
             _ => Vec::new(),
         };
+        let pushed = world.contacts.contacts.iter().zip(&world.contacts.impulse);
+        let pushed: HashSet<u64> = match slip.is_empty() {
+            true => HashSet::new(),
+            false => pushed.filter(|(_, impulse)| **impulse != Vec3::ZERO).map(|(c, _)| c.identity).collect(),
+        };
+        // Only what touched is held apart by sliding: what flies past is not pulled.
         let reach = |i: usize| {
             let [a, b] = world.materials_of(&contacts[i]);
-            let opened = slip
-                .get(3 * i + 1..3 * i + 3)
-                .map_or(0.0, |u| step * world.materials.pair_friction(a, b) * u[0].hypot(u[1]));
+            let slides = pushed.contains(&contacts[i].identity);
+            let slip = slip.get(3 * i + 1..3 * i + 3).filter(|_| slides);
+            let opened = slip.map_or(0.0, |u| step * world.materials.pair_friction(a, b) * u[0].hypot(u[1]));
             elasticity::TOUCHING * self.collider.contact_size(world, &contacts[i]) + opened
         };
         let pulls = elasticity::pulls(world, contacts, reach, step);

@@ -244,3 +244,21 @@ fn what_sticks_and_slides_goes_on_sticking() {
         );
     }
 }
+
+/// What flies past a surface without having touched it is not pulled to it, however fast.
+#[test]
+fn cohesion_does_not_reach_what_flies_past() {
+    let mut world = world(0.5, 0.0);
+    world.gravity = Vec3::ZERO;
+    add_ground(&mut world, 0.0);
+    let ball = add_sphere(&mut world, 0.02, Vec3::new(0.0, 0.0, 0.025));
+    world.bodies.velocity[ball] = 5.0 * Vec3::X;
+    let stuff = MaterialId::default();
+    world.materials.set_pair_cohesion(stuff, stuff, 50.0).unwrap();
+    let settings = StepSettings { step: 5e-3, envelope: 0.02, ..StepSettings::default() };
+    let mut stepper = Stepper::new(settings).unwrap();
+    for _ in 0..60 {
+        solved_step(&mut stepper, &mut world);
+        assert!(world.bodies.velocity[ball].z >= 0.0, "{}", world.bodies.velocity[ball]);
+    }
+}
