@@ -102,6 +102,9 @@ struct Solution {
 /// Share of the velocities themselves below which changes of them are none to measure by.
 const FAINT: f64 = 1e-6;
 
+/// What is slower rests, m/s: numbers near the smallest there are measure nothing.
+const SLOWEST: f64 = 1e-100;
+
 /// All joints of a step.
 pub(crate) struct Mechanisms<'a> {
     world: &'a World,
@@ -149,7 +152,7 @@ impl<'a> Mechanisms<'a> {
             }
         }
         let fall = world.gravity.length() * step;
-        own.scale = [fall, speed].into_iter().find(|&v| v > 0.0).unwrap_or(1.0);
+        own.scale = [fall, speed].into_iter().find(|&v| v > SLOWEST).unwrap_or(1.0);
         // What turns steadily about its axis changes by rounding alone.
         let motion = own.before.iter().chain(&own.free).fold(0.0_f64, |most, v| most.max(v.abs()));
         own.yardstick = own.scale.max(FAINT * motion);
