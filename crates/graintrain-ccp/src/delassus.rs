@@ -5,12 +5,17 @@ use rayon::prelude::*;
 use std::borrow::Cow;
 use std::sync::{Arc, OnceLock, Weak};
 
+mod cell;
 mod compliance;
 mod coupled;
 mod turning;
 
+pub use cell::{CELL_COMPONENTS, CellModes};
 pub use coupled::CoupledBodies;
 pub use turning::TurningRows;
+
+#[cfg(test)]
+pub(crate) use cell::tests as cell_tests;
 
 /// Body index of a contact side whose velocity the impulses cannot change: fixed or fully prescribed.
 pub const FIXED: u32 = u32::MAX;
@@ -67,6 +72,8 @@ pub struct RigidDelassus {
     group_of: Vec<(u32, u32)>,
     /// Compliances of the normal rows, 1/kg; empty where all contacts are rigid.
     compliance: Vec<f64>,
+    /// A periodic cell that gives way.
+    cell: Option<CellModes>,
     /// Diagonals of the blocks N_ii, made when first asked for.
     diagonal: OnceLock<Vec<[f64; 3]>>,
 }
@@ -176,6 +183,7 @@ impl RigidDelassus {
             coupled: Vec::new(),
             group_of: Vec::new(),
             compliance: Vec::new(),
+            cell: None,
             diagonal: OnceLock::new(),
         }
     }
@@ -315,6 +323,9 @@ impl RigidDelassus {
         if i == j {
             block[0] += self.compliance_of(i);
         }
+        if let Some(of_cell) = self.block_of_cell(i, j) {
+            block.iter_mut().zip(of_cell).for_each(|(block, of_cell)| *block += of_cell);
+        }
         if i.max(j) >= self.num_contacts() {
             let turning = self.block_of_turning(i, j);
             block.iter_mut().zip(turning).for_each(|(block, turning)| *block += turning);
@@ -354,6 +365,9 @@ impl RigidDelassus {
                 if coupled || self.compliance_of(i) > 0.0 { of_block(i) } else { self.diagonal_of(contact) }
             };
             let mut diagonal: Vec<[f64; 3]> = contacts.map(of_contact).collect();
+            for &(contact, _) in self.cell.iter().flat_map(|cell| &cell.ways) {
+                diagonal[contact as usize] = of_block(contact as usize);
+            }
             diagonal.extend((self.num_contacts()..self.num_blocks()).map(of_block));
             diagonal
         })
@@ -386,8 +400,8 @@ impl RigidDelassus {
         let contacts = self.num_contacts();
         let rows: Vec<Vec<u32>> = (0..self.num_blocks())
             .into_par_iter()
-            .map(|i| {
-                let contact = i.checked_sub(contacts).map_or(i, |k| self.turning[k].contact as usize);
+            .map(|row| {
+                let contact = row.checked_sub(contacts).map_or(row, |k| self.turning[k].contact as usize);
                 let contact = &self.contacts[contact];
                 let turning = |body: u32| {
                     self.turning_sides(body as usize).iter().map(move |(k, _)| contacts as u32 + k)
@@ -399,8 +413,9 @@ impl RigidDelassus {
                     .flat_map(|body| {
                         self.sides(body as usize).iter().map(|side| side.contact).chain(turning(body))
                     })
-                    .chain([i as u32])
+                    .chain([row as u32])
                     .collect();
+                columns.extend(self.coupled_by_cell(row));
                 columns.sort_unstable();
                 columns.dedup();
                 columns
@@ -472,6 +487,7 @@ impl Delassus {
                 rigid.velocity_change(&work.force, &mut work.velocity);
                 rigid.relative_velocity(&work.velocity, u);
                 rigid.add_compliance(g, u);
+                rigid.add_cell(&work.force, u);
             }
             Self::Sparse(matrix) => matrix.multiply(g, u),
         }

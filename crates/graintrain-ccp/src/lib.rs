@@ -42,7 +42,8 @@ pub mod solver;
 
 pub use cone::{FrictionCone, TurningCone};
 pub use delassus::{
-    BodyInverseMass, CoupledBodies, Delassus, FIXED, RigidContact, RigidDelassus, TurningRows,
+    BodyInverseMass, CELL_COMPONENTS, CellModes, CoupledBodies, Delassus, FIXED, RigidContact, RigidDelassus,
+    TurningRows,
 };
 pub use problem::{Ccp, CcpError, TurningFriction};
 pub use registry::SolverSpec;

@@ -322,7 +322,7 @@ impl Ccp {
     }
 
     /// # Errors
-    /// [`CcpError::Unsupported`] where contacts resist turning or are compliant, or where bodies are coupled: for solvers that have no cone for the one or
+    /// [`CcpError::Unsupported`] where contacts resist turning or are compliant, where bodies are coupled or a cell gives way: for solvers that have no cone for the one or
     /// take bodies one by one.
     pub(crate) fn require_sliding_alone(&self, solver: &str) -> Result<(), CcpError> {
         let reason = match &*self.delassus {
@@ -335,9 +335,23 @@ impl Ccp {
             Delassus::Rigid(rigid) if !rigid.compliance().is_empty() => {
                 "contacts are compliant; it takes the problem with N as a matrix"
             }
+            Delassus::Rigid(rigid) if rigid.cell().is_some() => {
+                "the periodic cell gives way; it takes the problem with N as a matrix"
+            }
             _ => return Ok(()),
         };
         Err(CcpError::Unsupported { solver: solver.to_string(), reason: reason.to_string() })
+    }
+
+    /// The same problem with N as a matrix, where a cell gives way; `None` where none does.
+    pub fn with_cell_as_matrix(&self) -> Option<Self> {
+        match &*self.delassus {
+            Delassus::Rigid(rigid) if rigid.cell().is_some() => {
+                let delassus = Arc::new(Delassus::Sparse(rigid.assemble()));
+                Some(Self { delassus, ..self.clone() })
+            }
+            _ => None,
+        }
     }
 
     /// eta_i = trace(N_ii) / 3 of every contact, 1/kg; contacts between immovable bodies get the smallest positive

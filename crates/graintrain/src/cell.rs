@@ -39,7 +39,7 @@ use serde::{Deserialize, Serialize};
 
 /// The components of L in the order in which lists have them: row i (direction of the velocity), column j (direction along which it
 /// varies).
-pub const COMPONENTS: [(usize, usize); 6] = [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)];
+pub const COMPONENTS: [(usize, usize); 6] = graintrain_ccp::CELL_COMPONENTS;
 
 /// Names of the components, as scenes and tables write them.
 pub const NAMES: [&str; 6] = ["xx", "yy", "zz", "xy", "xz", "yz"];

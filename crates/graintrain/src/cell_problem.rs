@@ -7,15 +7,13 @@
 //! N = D^T M^-1 D + sum over components c of   beta_c beta_c^T / W_c,     beta_c,i = -F_i e_row(c) (b_i)_column(c)
 //! ```
 //!
-//! which couples every contact across the boundary with every other one: N is given to solvers as a matrix. Its size grows with the square of the number of
-//! such contacts, about 2 N^(2/3) for N grains.
+//! which couples every contact across the boundary with every other one. Solvers whose products go through bodies take the cell as one more body
+//! ([`CellModes`]); others need N as a matrix, whose size grows with the square of the number of such contacts, about 2 N^(2/3) for N grains.
 
 use crate::cell::{COMPONENTS, Cell, Drive};
 use crate::contact::Contact;
 use crate::math::Vec3;
-use graintrain_ccp::{Ccp, Delassus, RigidContact};
-use graintrain_linalg::block3::{Block, BlockMatrix3};
-use rayon::prelude::*;
+use graintrain_ccp::{Ccp, CellModes, Delassus, RigidContact};
 use std::sync::Arc;
 
 /// The free components of L as contacts see them.
@@ -60,53 +58,12 @@ impl CellRows {
         (0..6).filter(|&k| component(k)).for_each(|k| self.mobility[k] = 0.0);
     }
 
-    /// What the cell adds to block (k, l) of N, of two of its rows.
-    fn block(&self, k: usize, l: usize) -> Block {
-        let (beta, other) = (&self.rows[k].1, &self.rows[l].1);
-        std::array::from_fn(|entry| {
-            let (row, column) = (entry / 3, entry % 3);
-            (0..6).map(|c| self.mobility[c] * beta[c][row] * other[c][column]).sum()
-        })
-    }
-
-    /// The problem with N as a matrix that holds the cell.
+    /// The problem with the cell in N.
     pub(crate) fn posed(&self, problem: &Ccp) -> Ccp {
-        let bodies = problem.delassus.assemble();
-        let place: Vec<Option<usize>> = {
-            let mut place = vec![None; bodies.num_rows()];
-            self.rows.iter().enumerate().for_each(|(k, (contact, ..))| place[*contact as usize] = Some(k));
-            place
-        };
-        let rows: Vec<(Vec<u32>, Vec<Block>)> = (0..bodies.num_rows())
-            .into_par_iter()
-            .map(|i| {
-                let (columns, blocks) = bodies.row(i);
-                let Some(own) = place[i] else { return (columns.to_vec(), blocks.to_vec()) };
-                let mut all: Vec<u32> =
-                    columns.iter().copied().chain(self.rows.iter().map(|(c, ..)| *c)).collect();
-                all.sort_unstable();
-                all.dedup();
-                let entry = |column: &u32| {
-                    let mut block = columns.binary_search(column).map_or([0.0; 9], |k| blocks[k]);
-                    if let Some(other) = place[*column as usize] {
-                        block.iter_mut().zip(self.block(own, other)).for_each(|(sum, more)| *sum += more);
-                    }
-                    block
-                };
-                let blocks = all.iter().map(entry).collect();
-                (all, blocks)
-            })
-            .collect();
-        let mut row_start = Vec::with_capacity(rows.len() + 1);
-        row_start.push(0);
-        let mut total = 0;
-        for (columns, _) in &rows {
-            total += columns.len();
-            row_start.push(total);
-        }
-        let (columns, blocks): (Vec<_>, Vec<_>) = rows.into_iter().unzip();
-        let matrix = BlockMatrix3::from_rows(row_start, columns.concat(), blocks.concat());
-        Ccp { delassus: Arc::new(Delassus::Sparse(matrix)), ..problem.clone() }
+        let Delassus::Rigid(rigid) = &*problem.delassus else { return problem.clone() };
+        let ways = self.rows.iter().map(|(contact, _, way)| (*contact, way.to_array())).collect();
+        let modes = CellModes { ways, mobility: self.mobility };
+        Ccp { delassus: Arc::new(Delassus::Rigid(rigid.clone().with_cell(modes))), ..problem.clone() }
     }
 
     /// Adds to r what a change of L (1/s) does to relative velocities.

@@ -44,6 +44,12 @@ impl PartSolver<'_> {
             let report = self.solver.solve(problem, impulse, &self.settings)?;
             return Ok(Solved { report, parts: 1, wedged: Vec::new() });
         };
+        if rigid.cell().is_some() {
+            // A cell that gives way is one part.
+            let matrix = if self.solver.takes_cells() { None } else { problem.with_cell_as_matrix() };
+            let report = self.solver.solve(matrix.as_ref().unwrap_or(problem), impulse, &self.settings)?;
+            return Ok(Solved { report, parts: 1, wedged: Vec::new() });
+        }
         let contacts = problem.num_contacts();
         let parts = parts(rigid.contacts(), 0..contacts as u32, rigid.num_bodies(), rigid.coupled());
         if parts.len() == 1 || (contacts > 0 && self.whole) {

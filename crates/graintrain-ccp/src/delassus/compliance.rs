@@ -36,8 +36,13 @@ impl RigidDelassus {
         &self.compliance
     }
 
-    /// Whether N = D^T M^-1 D with bodies that move one by one: neither coupled bodies nor compliant contacts.
+    /// Whether N = D^T M^-1 D with bodies that move one by one: neither coupled bodies nor compliant contacts nor a cell that gives way.
     pub fn is_plain(&self) -> bool {
+        self.is_plain_but_for_cell() && self.cell.is_none()
+    }
+
+    /// Whether bodies move one by one but for the images of a cell that gives way: neither coupled bodies nor compliant contacts.
+    pub(crate) fn is_plain_but_for_cell(&self) -> bool {
         self.coupled.is_empty() && self.compliance.is_empty()
     }
 

@@ -70,6 +70,10 @@ impl CcpSolver for Auto {
         2 * self.parameters.first_order_limit
     }
 
+    fn takes_cells(&self) -> bool {
+        true
+    }
+
     fn solve(
         &mut self,
         problem: &Ccp,
@@ -97,7 +101,8 @@ impl CcpSolver for Auto {
                 ..settings.clone()
             };
             let begun = limits.seconds();
-            let report = match solver.solve(problem, impulse, &mine) {
+            let matrix = if solver.takes_cells() { None } else { problem.with_cell_as_matrix() };
+            let report = match solver.solve(matrix.as_ref().unwrap_or(problem), impulse, &mine) {
                 Ok(report) => report,
                 // Another member may be able to treat it.
                 Err(error) if position == last => return Err(error),

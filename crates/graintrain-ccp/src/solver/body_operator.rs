@@ -1,6 +1,7 @@
 //! N over rigid bodies, packed for the first-order methods: contacts in batches of four, each pass over the contacts
 //! both reads the velocities of the last impulses and adds up the forces of the new ones.
 
+use super::cell_images::PackedCell;
 use super::combination::Combination;
 use super::dispatch::vectorised;
 use super::lanes::{
@@ -22,7 +23,7 @@ pub(super) struct Geometry {
     frame: [Batch; 3],
     arm_a: Batch,
     arm_b: Batch,
-    /// Bodies A and B; `num_bodies` stands for a fixed one, whose velocity is zero.
+    /// Places of bodies A and B; the last one stands for a fixed one, whose velocity is zero.
     body_a: [u32; LANES],
     body_b: [u32; LANES],
     /// Where the forces on A and B go: slot in the chunk's own sums; slot 0 is for fixed bodies.
@@ -181,7 +182,11 @@ pub(super) struct BodyOperator {
     /// In the order of the packing, like everything per body; that of the fixed body, zero, comes last.
     inverse_mass: Vec<InverseMass>,
     num_bodies: usize,
+    /// Number of places of bodies and of images; that after the last one is the fixed body's.
+    num_places: usize,
     slots: SlotTable,
+    /// A periodic cell that gives way.
+    cell: Option<PackedCell>,
 }
 
 /// Batches whose contacts share no body if that can be arranged: a sweep of Gauss-Seidel computes them together.
@@ -228,8 +233,8 @@ impl BodyOperator {
     /// Packs N; `scaling` has the factors of the normal and of the tangents per contact.
     pub(super) fn new(rigid: &RigidDelassus, packing: &Packing, scaling: &[[f64; 2]]) -> Self {
         let order = &packing.contacts;
-        let bodies = rigid.num_bodies();
-        let fixed = bodies as u32;
+        let (bodies, num_places) = (rigid.num_bodies(), packing.num_places());
+        let fixed = num_places as u32;
         let batches = order.len().div_ceil(LANES);
         let empty = Geometry {
             frame: [ZERO; 3],
@@ -244,7 +249,8 @@ impl BodyOperator {
         let slots = SlotTable::new(rigid, packing, CHUNK * LANES);
         for (place, &i) in order.iter().enumerate().filter(|&(_, &i)| i != EMPTY) {
             let turning = (i as usize).checked_sub(rigid.num_contacts()).map(|k| &rigid.turning()[k]);
-            let contact = &rigid.contacts()[turning.map_or(i, |rows| rows.contact) as usize];
+            let index = turning.map_or(i, |rows| rows.contact);
+            let contact = &rigid.contacts()[index as usize];
             let length = turning.map_or(1.0, |rows| rows.length);
             let g = &mut geometry[place / LANES];
             let lane = place % LANES;
@@ -258,22 +264,30 @@ impl BodyOperator {
                 g.arm_a[axis].0[lane] = contact.arm_a[axis];
                 g.arm_b[axis].0[lane] = contact.arm_b[axis];
             }
-            [g.body_a[lane], g.body_b[lane]] =
-                [contact.body_a, contact.body_b].map(|body| packing.place_of(body));
+            [g.body_a[lane], g.body_b[lane]] = packing.places_of(rigid, index);
             [g.slot_a[lane], g.slot_b[lane]] = slots.of_place(place);
         }
-        let mut inverse_mass = vec![InverseMass::default(); bodies + 1];
+        let mut inverse_mass = vec![InverseMass::default(); num_places + 1];
         for (&place, inverse) in packing.bodies.iter().zip(rigid.inverse_mass()) {
             inverse_mass[place as usize] = InverseMass::new(inverse);
         }
         let runs = runs(&geometry, fixed);
         let turning = turning_batches(order, rigid.num_contacts());
-        Self { geometry, turning, runs, inverse_mass, num_bodies: bodies, slots: slots.without_places() }
+        Self {
+            geometry,
+            turning,
+            runs,
+            inverse_mass,
+            num_bodies: bodies,
+            num_places,
+            slots: slots.without_places(),
+            cell: PackedCell::new(rigid, &packing.images, [1.0; 2]),
+        }
     }
 
-    /// Vectors in an image: the [`BodyPair`] of every body and of the fixed one.
+    /// Vectors in an image: the [`BodyPair`] of every body, of the images, of the fixed one, and of a cell's L.
     pub(super) fn image_len(&self) -> usize {
-        2 * (self.num_bodies + 1)
+        2 * (self.num_places + 1 + usize::from(self.cell.is_some()))
     }
 
     /// Number of slots of all chunks.
@@ -308,15 +322,19 @@ impl BodyOperator {
         combination: &impl Combination<K>,
     ) -> f64 {
         let tasks = self.num_body_tasks();
-        let images = images.map(|image| &mut image[..2 * self.num_bodies]);
+        let mut images = images;
+        let bodies = images.each_mut().map(|image| &mut image[..2 * self.num_bodies]);
         let tallies = &mut tallies[..tasks];
         let no_extra = &mut [] as &mut [()];
-        for_each_task(0..tasks, 2 * BODIES, images, no_extra, &|_| 0, tallies, &|task, images, _, tally| {
+        for_each_task(0..tasks, 2 * BODIES, bodies, no_extra, &|_| 0, tallies, &|task, images, _, tally| {
             let images = images.map(|image| image.as_chunks_mut::<2>().0);
             let first = task * BODIES;
             vectorised(BodyTask { operator: self, first, slots, images, tally, combination });
         });
-        Totals::of(tallies).sum[0]
+        let of_bodies = Totals::of(tallies).sum[0];
+        let Some(cell) = &self.cell else { return of_bodies };
+        let images = images.map(|image| image.as_chunks_mut::<2>().0);
+        of_bodies + cell.follow((slots, &self.slots), images, combination)
     }
 
     /// As [`Self::sweep`] where contacts resist turning: a batch and its turning rows together, batches that share no body within
@@ -331,7 +349,7 @@ impl BodyOperator {
                 moves.0[lane] = 1.0;
             }
             let all = [Lanes::splat(1.0)];
-            let apart = geometry.is_apart(self.num_bodies as u32);
+            let apart = geometry.is_apart(self.num_places as u32);
             let moves = if apart { &all[..] } else { &one_by_one[..] };
             for moves in moves {
                 let u = geometry.relative_velocity(image);
@@ -358,9 +376,10 @@ impl BodyOperator {
 
     /// Gauss-Seidel over all contacts: `contacts` get the velocities D^T v of a batch and change its impulses; the velocities of
     /// the bodies follow at once. Batches of a [`Run`] that share no body are computed side by side, others contact by contact:
-    /// the result is that of one contact after the other in the order of the packing.
+    /// the result is that of one contact after the other in the order of the packing. Not for a cell that gives way, which one contact would move for all.
     #[inline(always)]
     pub(super) fn sweep<V: Vector>(&self, image: &mut [Lanes], contacts: &mut impl Update<V>) {
+        debug_assert!(self.cell.is_none(), "sweeps over a cell go through the rows of N");
         let image = image.as_chunks_mut::<2>().0;
         if !self.turning.is_empty() {
             return self.sweep_with_turning(image, contacts);

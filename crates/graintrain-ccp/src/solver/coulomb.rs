@@ -102,6 +102,10 @@ impl CcpSolver for CoulombIteration {
         self.relaxed.iteration_limit()
     }
 
+    fn takes_cells(&self) -> bool {
+        self.relaxed.takes_cells()
+    }
+
     fn solve(
         &mut self,
         problem: &Ccp,
@@ -160,6 +164,8 @@ impl CoulombIteration {
         let Some(path) = self.relaxed.path_following().filter(|_| problem.turning.is_empty()) else {
             return Ok(None);
         };
+        let matrix = problem.with_cell_as_matrix();
+        let problem = matrix.as_ref().unwrap_or(problem);
         let systems = (work / path.iterations_per_system(problem)) as usize;
         let left = settings.max_iterations.map_or(usize::MAX, |limit| limit.saturating_sub(found.steps));
         if left.min(systems) == 0 {

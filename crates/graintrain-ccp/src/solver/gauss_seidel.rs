@@ -79,6 +79,7 @@ impl FirstOrderMethod for GaussSeidel {
     const NAME: &'static str = "pgs";
     const EXACT: bool = true;
     const TURNING: bool = true;
+    const SWEEPS: bool = true;
 
     fn run(&mut self, scaled: &ScaledProblem, it: &mut Iterate<'_>) {
         let mut step = vec![Lanes::default(); scaled.num_batches()];

@@ -19,6 +19,12 @@ pub trait CcpSolver: Send {
         ITERATION_LIMIT
     }
 
+    /// Whether the solver takes bodies in a periodic cell that gives way ([`CellModes`](crate::CellModes)). Others return an error: they are to be given
+    /// N as a matrix.
+    fn takes_cells(&self) -> bool {
+        false
+    }
+
     /// Improves `impulse` (length 3 N_c, N s; the start on entry, e.g. last step's impulses or zero; the best iterate
     /// on exit, also where the solver did not converge).
     ///

@@ -23,6 +23,7 @@ mod avx2;
 #[cfg(target_arch = "x86_64")]
 mod avx2_single;
 mod body_operator;
+mod cell_images;
 pub mod combination;
 pub mod coulomb;
 pub mod dispatch;

@@ -1,6 +1,7 @@
 //! In which order contacts and bodies lie in memory.
 
 use super::body_operator::TOGETHER;
+use super::cell_images::Images;
 use super::lanes::LANES;
 use super::tasks::CHUNK;
 use crate::delassus::{FIXED, RigidDelassus};
@@ -12,12 +13,24 @@ pub(super) struct Packing {
     pub contacts: Vec<u32>,
     /// Place of each body.
     pub bodies: Vec<u32>,
+    /// Images of bodies across the boundary of a cell that gives way; their places come after those of bodies.
+    pub images: Images,
 }
 
 impl Packing {
-    /// Place of a body; that after the last one stands for [`FIXED`].
-    pub fn place_of(&self, body: u32) -> u32 {
-        if body == FIXED { self.bodies.len() as u32 } else { self.bodies[body as usize] }
+    /// Number of places of bodies and images; that after the last one stands for [`FIXED`].
+    pub fn num_places(&self) -> usize {
+        self.bodies.len() + self.images.all.len()
+    }
+
+    /// Places of the bodies A and B of a contact, or of the image of B that it reaches.
+    pub fn places_of(&self, rigid: &RigidDelassus, contact: u32) -> [u32; 2] {
+        let row = &rigid.contacts()[contact as usize];
+        let place = |body: u32| {
+            if body == FIXED { self.num_places() as u32 } else { self.bodies[body as usize] }
+        };
+        let image = self.images.of_contact(contact);
+        [place(row.body_a), image.map_or_else(|| place(row.body_b), |image| self.bodies.len() as u32 + image)]
     }
 }
 
@@ -137,7 +150,9 @@ pub(super) fn pack(rigid: &RigidDelassus) -> Packing {
     let mut contacts = sorted_by_bodies(rigid, &number);
     contacts.par_chunks_mut(CHUNK * LANES).for_each_init(|| Dealer::new(bodies), Dealer::deal);
     let contacts = contacts.into_iter().map(|pair| pair.contact).collect();
-    Packing { contacts, bodies: number }
+    let mut packing = Packing { contacts, bodies: number, images: Images::default() };
+    packing.images = Images::new(rigid, |body| packing.bodies.get(body as usize).copied());
+    packing
 }
 
 /// Deals the contacts of a chunk out to groups.

@@ -129,6 +129,15 @@ pub(super) fn start_of_power(place: usize) -> [f64; 3] {
 impl ScaledProblem {
     /// Scales and packs a problem. Costs a few products with N.
     pub fn new(problem: &Ccp, residual: &ResidualScale) -> Self {
+        Self::packed(problem, residual, false)
+    }
+
+    /// The same for a method that makes [sweeps](Self::sweep): in a cell that gives way one contact moves bodies everywhere, and sweeps go through the rows of N.
+    pub fn for_sweeps(problem: &Ccp, residual: &ResidualScale) -> Self {
+        Self::packed(problem, residual, true)
+    }
+
+    fn packed(problem: &Ccp, residual: &ResidualScale, sweeps: bool) -> Self {
         let contacts = problem.num_contacts();
         let owner = |block: usize| owner(problem, block);
         let c = residual.size();
@@ -139,12 +148,12 @@ impl ScaledProblem {
             }
         };
         let (operator, order) = match &*problem.delassus {
-            Delassus::Rigid(rigid) if rigid.is_plain() => {
+            Delassus::Rigid(rigid) if rigid.is_plain() || (rigid.is_plain_but_for_cell() && !sweeps) => {
                 let mut packing = pack(rigid);
                 add_turning(&mut packing.contacts);
                 (Operator::Bodies(BodyOperator::new(rigid, &packing, &scaling)), packing.contacts)
             }
-            // Over bodies that move together, and with compliant contacts, a product goes through the rows of N.
+            // Over bodies that move together, with compliant contacts, and for sweeps in a cell that gives way, a product goes through the rows of N.
             matrix => {
                 let mut order: Vec<u32> = (0..contacts as u32).collect();
                 add_turning(&mut order);

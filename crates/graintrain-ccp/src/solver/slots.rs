@@ -6,7 +6,8 @@ use rayon::prelude::*;
 use std::ops::Range;
 
 /// Slots: a chunk of contacts sums the forces on its bodies in slots of its own, then every body adds its slots in a fixed order. No two
-/// threads write to one place, and the bits do not depend on their number. Slot 0 of a chunk takes what acts on fixed bodies.
+/// threads write to one place, and the bits do not depend on their number. Slot 0 of a chunk takes what acts on fixed bodies. Images of bodies
+/// ([`super::cell_images`]) have slots like bodies, which their bodies add, too.
 #[derive(Clone, Debug)]
 pub(super) struct SlotTable {
     /// Slots of bodies A and B at every place, counted from the first slot of the chunk.
@@ -21,7 +22,7 @@ pub(super) struct SlotTable {
 impl SlotTable {
     /// For chunks of so many places.
     pub(super) fn new(rigid: &RigidDelassus, packing: &Packing, chunk_len: usize) -> Self {
-        let bodies = rigid.num_bodies();
+        let bodies = packing.num_places();
         let fixed = bodies as u32;
         let mut places = vec![[0; 2]; packing.contacts.len()];
         let chunks = packing.contacts.par_chunks(chunk_len).zip(places.par_chunks_mut(chunk_len));
@@ -33,9 +34,7 @@ impl SlotTable {
                 for (&i, place) in contacts.iter().zip(places).filter(|(i, _)| **i != EMPTY) {
                     let turning = (i as usize).checked_sub(rigid.num_contacts());
                     let contact = turning.map_or(i, |k| rigid.turning()[k].contact);
-                    let contact = &rigid.contacts()[contact as usize];
-                    for (slot, body) in place.iter_mut().zip([contact.body_a, contact.body_b]) {
-                        let body = packing.place_of(body);
+                    for (slot, body) in place.iter_mut().zip(packing.places_of(rigid, contact)) {
                         let Some(known) = met.get_mut(body as usize) else { continue };
                         if known.0 != chunk {
                             *known = (chunk, owners.len() as u32);
@@ -52,8 +51,14 @@ impl SlotTable {
             chunk_start.push(chunk_start[chunk_start.len() - 1] + own.len());
         }
         let owner = owners.concat();
+        // What acts on an image acts on its body, too.
+        let first_image = rigid.num_bodies();
+        let bodies_of = |owner: u32| {
+            let image = (owner as usize).checked_sub(first_image).and_then(|k| packing.images.all.get(k));
+            [(owner != fixed).then_some(owner), image.and_then(|image| image.of)].into_iter().flatten()
+        };
         let mut slot_start = vec![0_u32; bodies + 1];
-        for &body in owner.iter().filter(|&&body| body != fixed) {
+        for body in owner.iter().flat_map(|&owner| bodies_of(owner)) {
             slot_start[body as usize + 1] += 1;
         }
         for b in 0..bodies {
@@ -61,9 +66,11 @@ impl SlotTable {
         }
         let mut next = slot_start.clone();
         let mut slots = vec![0; slot_start[bodies] as usize];
-        for (slot, &body) in owner.iter().enumerate().filter(|&(_, &body)| body != fixed) {
-            slots[next[body as usize] as usize] = slot as u32;
-            next[body as usize] += 1;
+        for (slot, &owner) in owner.iter().enumerate() {
+            for body in bodies_of(owner) {
+                slots[next[body as usize] as usize] = slot as u32;
+                next[body as usize] += 1;
+            }
         }
         Self { places, chunk_start, slot_start, slots }
     }

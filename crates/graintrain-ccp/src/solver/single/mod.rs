@@ -11,6 +11,7 @@ mod iterate;
 mod kernel;
 mod operator;
 
+use super::cell_images::PackedCell;
 use super::lanes::Batch;
 use super::octet::{EIGHT, Octet};
 use super::packing::{Packing, pack};
@@ -58,7 +59,7 @@ pub(super) fn suits(problem: &Ccp, settings: &SolveSettings) -> bool {
         Judge::Mixed => LEAST_TOLERANCE,
         Judge::Maximum => LEAST_MAXIMUM,
     };
-    rigid.is_plain()
+    rigid.is_plain_but_for_cell()
         && problem.turning.is_empty()
         && problem.num_contacts() >= FEWEST
         && settings.tolerance >= least
@@ -131,7 +132,7 @@ impl SingleProblem {
         let [mobility, length] = units(rigid);
         let scale = mobility.sqrt();
         let batches = packing.contacts.len().div_ceil(EIGHT);
-        let fixed = rigid.num_bodies() as u32;
+        let fixed = packing.num_places() as u32;
         let bodies = Bodies { place: [[fixed; EIGHT]; 2], slot: [[0; EIGHT]; 2] };
         let contact_at = |i: u32| (&rigid.contacts()[i as usize], &scaling[i as usize]);
         // Rows and bodies of the contacts of a batch.
@@ -144,7 +145,7 @@ impl SingleProblem {
                         own[axis].0[lane] = (scale * factors[row.min(1)] * contact.frame[row][axis]) as f32;
                     }
                 }
-                let sides = [contact.body_a, contact.body_b].map(|body| packing.place_of(body));
+                let sides = packing.places_of(rigid, i);
                 let own_slots = slots.of_place(EIGHT * batch + lane);
                 for (side, (body, slot)) in sides.into_iter().zip(own_slots).enumerate() {
                     own_bodies.place[side][lane] = body;
@@ -191,6 +192,8 @@ impl SingleProblem {
             contacts: vec![ContactNumbers::default(); batches],
             masses,
             slots: slots.without_places(),
+            num_places: packing.num_places(),
+            cell: PackedCell::new(rigid, &packing.images, [mobility, length]),
         };
         let mut single = Self {
             operator,

@@ -1,5 +1,6 @@
 //! N' over rigid bodies in single precision: one pass over contacts, one over bodies.
 
+use super::super::cell_images::PackedCell;
 use super::super::combination::Combination;
 use super::super::dispatch::vectorised;
 use super::super::lanes::{Batch, add, tangential_length, zero};
@@ -53,12 +54,16 @@ pub(super) struct SingleOperator {
     pub(super) contacts: Vec<ContactNumbers>,
     pub(super) masses: InverseMasses,
     pub(super) slots: SlotTable,
+    /// Number of places of bodies and of images; that after the last one is the fixed body's.
+    pub(super) num_places: usize,
+    /// A periodic cell that gives way.
+    pub(super) cell: Option<PackedCell>,
 }
 
 impl SingleOperator {
-    /// Vectors of an image: one per body and a zero for the fixed one.
+    /// Vectors of an image: one per body and image, a zero for the fixed body, and a cell's L.
     pub(super) fn image_len(&self) -> usize {
-        self.masses.diagonal.len() + 1
+        self.num_places + 1 + usize::from(self.cell.is_some())
     }
 
     pub(super) fn scratch(&self) -> SingleScratch {
@@ -132,15 +137,18 @@ impl SingleOperator {
     ) -> f64 {
         let tasks = self.num_body_tasks();
         let bodies = self.masses.diagonal.len();
-        let images = images.map(|image| &mut image[..bodies]);
+        let mut images = images;
+        let of_bodies = images.each_mut().map(|image| &mut image[..bodies]);
         let tallies = &mut scratch.tallies[..tasks];
         let slots = &scratch.slots[..];
         let no_extra = &mut [] as &mut [()];
-        for_each_task(0..tasks, BODIES, images, no_extra, &|_| 0, tallies, &|task, images, _, tally| {
+        for_each_task(0..tasks, BODIES, of_bodies, no_extra, &|_| 0, tallies, &|task, images, _, tally| {
             let first = task * BODIES;
             vectorised(InSingle(BodyPass { operator: self, first, slots, images, tally, combination }));
         });
-        Totals::of(tallies).sum[0]
+        let of_bodies = Totals::of(tallies).sum[0];
+        let Some(cell) = &self.cell else { return of_bodies };
+        of_bodies + cell.follow((slots, &self.slots), images, combination)
     }
 }
 
