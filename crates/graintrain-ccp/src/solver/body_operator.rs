@@ -7,10 +7,13 @@ use super::lanes::{
     Batch, LANES, Lanes, Numbers, TaskWork, Vector, ZERO, add, cross, dot, load, scale, sub, zero,
 };
 use super::packing::{EMPTY, Packing, turning_batches};
+use super::ranks::Ranks;
+use super::share::{Messages, Share, part_of, share_among};
 use super::slots::SlotTable;
 use super::tasks::{CHUNK, Tally, Totals, for_each_task};
 use crate::delassus::{BodyInverseMass, RigidDelassus};
 use graintrain_linalg::block3::Block;
+use std::sync::Arc;
 
 /// Bodies per parallel task.
 const BODIES: usize = 1024;
@@ -182,6 +185,8 @@ pub(super) struct BodyOperator {
     inverse_mass: Vec<InverseMass>,
     num_bodies: usize,
     slots: SlotTable,
+    /// What this rank does of a pass, where there are several.
+    share: Option<Share>,
 }
 
 /// Batches whose contacts share no body if that can be arranged: a sweep of Gauss-Seidel computes them together.
@@ -268,7 +273,18 @@ impl BodyOperator {
         }
         let runs = runs(&geometry, fixed);
         let turning = turning_batches(order, rigid.num_contacts());
-        Self { geometry, turning, runs, inverse_mass, num_bodies: bodies, slots: slots.without_places() }
+        let slots = slots.without_places();
+        Self { geometry, turning, runs, inverse_mass, num_bodies: bodies, slots, share: None }
+    }
+
+    /// The ranks that do the passes together; `None` does all of them here.
+    pub(super) fn share_among(&mut self, ranks: Option<&Arc<Ranks>>) {
+        share_among(&mut self.share, &self.slots, ranks, BODIES);
+    }
+
+    /// What this rank does of a pass, where there are several.
+    pub(super) fn share(&self) -> Option<&Share> {
+        self.share.as_ref()
     }
 
     /// Vectors in an image: the [`BodyPair`] of every body and of the fixed one.
@@ -305,18 +321,29 @@ impl BodyOperator {
         slots: &[BodyPair],
         images: [&mut [Lanes]; K],
         tallies: &mut [Tally],
+        messages: &mut Messages,
         combination: &impl Combination<K>,
     ) -> f64 {
         let tasks = self.num_body_tasks();
-        let images = images.map(|image| &mut image[..2 * self.num_bodies]);
+        let mut images = images.map(|image| &mut image[..2 * self.num_bodies]);
         let tallies = &mut tallies[..tasks];
-        let no_extra = &mut [] as &mut [()];
-        for_each_task(0..tasks, 2 * BODIES, images, no_extra, &|_| 0, tallies, &|task, images, _, tally| {
+        let work = |first: usize, images: [&mut [Lanes]; K], tally: &mut Tally| {
             let images = images.map(|image| image.as_chunks_mut::<2>().0);
-            let first = task * BODIES;
             vectorised(BodyTask { operator: self, first, slots, images, tally, combination });
+        };
+        let own = self.share().map_or(0..tasks, Share::tasks);
+        let parts = part_of(images.each_mut().map(|image| &mut **image), &own, 2 * BODIES);
+        let no_extra = &mut [] as &mut [()];
+        let own_tallies = &mut tallies[own.clone()];
+        for_each_task(own, 2 * BODIES, parts, no_extra, &|_| 0, own_tallies, &|task, images, _, tally| {
+            work(task * BODIES, images, tally);
         });
-        Totals::of(tallies).sum[0]
+        let Some(share) = self.share() else { return Totals::of(tallies).sum[0] };
+        for run in share.beyond() {
+            let images = images.each_mut().map(|image| &mut image[2 * run.start..2 * run.end]);
+            work(run.start, images, &mut Tally::default());
+        }
+        share.total_of_tasks(tallies, messages)
     }
 
     /// As [`Self::sweep`] where contacts resist turning: a batch and its turning rows together, batches that share no body within

@@ -26,6 +26,9 @@ pub trait FirstOrderMethod: Send {
     /// Whether the method can begin in single precision.
     const SINGLE: bool = false;
 
+    /// Whether the method does nothing but passes, of which each of several ranks can do a part.
+    const SHARED: bool = false;
+
     /// Improves the iterate until it says to stop.
     fn run(&mut self, scaled: &ScaledProblem, it: &mut Iterate<'_>);
 
@@ -163,6 +166,7 @@ impl<M: FirstOrderMethod> FirstOrder<M> {
         let mut prepared = prepared.expect("every problem can be packed in double precision");
         let scaled = &mut prepared.packed;
         scaled.set_friction_model(model);
+        scaled.share_among(limits.ranks().filter(|_| M::SHARED));
         let mut it = Iterate::new(scaled, limits, last.as_deref().unwrap_or(impulse));
         (it.iterations, it.history) = (begun.iterations, begun.history);
         if model == FrictionModel::Relaxed {
@@ -170,11 +174,13 @@ impl<M: FirstOrderMethod> FirstOrder<M> {
         }
         self.method.run(scaled, &mut it);
         if let Some(last) = last {
+            scaled.complete(&mut it.x);
             scaled.unpack(&it.x, last);
         }
         let (status, iterations) = (it.status, it.iterations);
         let products = begun.products + it.work.products();
         it.best.restore(&mut it.x);
+        scaled.complete(&mut it.x);
         scaled.unpack(&it.x, impulse);
         // Steps along the boundary leave the cones by more than rounding (kucera: 1e-9 of an impulse).
         problem.project(impulse);
@@ -198,6 +204,7 @@ impl<M: FirstOrderMethod> FirstOrder<M> {
     ) -> Option<SolveReport> {
         let mut prepared = Prepared::<SingleProblem>::of(problem, self.single.take())?;
         prepared.packed.set_friction_model(model);
+        prepared.packed.share_among(limits.ranks().filter(|_| M::SHARED));
         let start = impulse.to_vec();
         let mut it = SingleIterate::new(&prepared.packed, limits, last.as_deref().unwrap_or(impulse));
         self.method.run_single(&mut it);

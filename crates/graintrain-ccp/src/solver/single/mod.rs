@@ -14,6 +14,7 @@ mod operator;
 use super::lanes::Batch;
 use super::octet::{EIGHT, Octet};
 use super::packing::{Packing, pack};
+use super::ranks::Ranks;
 use super::scaling::{Metric, block_scaling};
 use super::settings::SolveSettings;
 use super::slots::SlotTable;
@@ -23,6 +24,7 @@ use crate::residual::{FrictionModel, Judge, ResidualScale};
 use geometry::{Bodies, General, Radial};
 use operator::{Arrangement, CHUNK, ContactNumbers, InverseMasses, SingleOperator};
 use rayon::prelude::*;
+use std::sync::Arc;
 
 pub use iterate::SingleIterate;
 
@@ -191,6 +193,7 @@ impl SingleProblem {
             contacts: vec![ContactNumbers::default(); batches],
             masses,
             slots: slots.without_places(),
+            share: None,
         };
         let mut single = Self {
             operator,
@@ -248,6 +251,18 @@ impl SingleProblem {
     /// The problem that the residual and the steps are of; relaxed at first.
     pub(super) fn set_friction_model(&mut self, model: FrictionModel) {
         self.friction_model = model;
+    }
+
+    /// The ranks that do the passes together; `None` does all of them here.
+    pub(super) fn share_among(&mut self, ranks: Option<&Arc<Ranks>>) {
+        self.operator.share_among(ranks);
+    }
+
+    /// A vector of which each rank has its part, complete on all ranks.
+    fn complete(&self, x: &mut [Batch<Octet>]) {
+        if let Some(share) = &self.operator.share {
+            share.complete(x, CHUNK);
+        }
     }
 
     /// Number of contacts.

@@ -3,11 +3,14 @@
 use super::super::combination::Combination;
 use super::super::dispatch::vectorised;
 use super::super::lanes::{Batch, add, tangential_length, zero};
-use super::super::octet::{InSingle, Octet, SingleVector, SingleWork};
+use super::super::octet::{EIGHT, InSingle, Octet, SingleVector, SingleWork};
+use super::super::ranks::Ranks;
+use super::super::share::{Messages, Share, part_of, share_among};
 use super::super::slots::SlotTable;
 use super::super::tasks::{Tally, Totals, for_each_task};
 use super::geometry::{General, Geometry, Radial, load};
 use super::kernel::{Seen, SingleKernel, SingleTally};
+use std::sync::Arc;
 
 /// Batches per chunk of contacts: as many contacts as a chunk in double precision.
 pub(super) const CHUNK: usize = 128;
@@ -44,6 +47,7 @@ pub(super) struct InverseMasses {
 pub struct SingleScratch {
     slots: Vec<Octet>,
     tallies: Vec<Tally>,
+    messages: Messages,
 }
 
 /// N' and r'.
@@ -53,6 +57,8 @@ pub(super) struct SingleOperator {
     pub(super) contacts: Vec<ContactNumbers>,
     pub(super) masses: InverseMasses,
     pub(super) slots: SlotTable,
+    /// What this rank does of a pass, where there are several.
+    pub(super) share: Option<Share>,
 }
 
 impl SingleOperator {
@@ -66,6 +72,7 @@ impl SingleOperator {
         SingleScratch {
             slots: vec![Octet::default(); self.slots.len()],
             tallies: vec![Tally::default(); tasks],
+            messages: Messages::default(),
         }
     }
 
@@ -102,10 +109,14 @@ impl SingleOperator {
         kernel: &impl SingleKernel<M>,
     ) -> Totals {
         let chunks = geometry.len().div_ceil(CHUNK);
-        let tallies = &mut scratch.tallies[..chunks];
+        let SingleScratch { slots, tallies, messages } = scratch;
+        let tallies = &mut tallies[..chunks];
         let len = |chunks| self.slots.of_chunks(chunks).len();
-        let slots = &mut scratch.slots[..];
-        for_each_task(0..chunks, CHUNK, vectors, slots, &len, tallies, &|chunk, vectors, slots, tally| {
+        let own = self.share.as_ref().map_or(0..chunks, Share::chunks);
+        let vectors = part_of(vectors, &own, CHUNK);
+        let own_slots = &mut slots[self.slots.of_chunks(own.clone())];
+        let own_tallies = &mut tallies[own.clone()];
+        for_each_task(own, CHUNK, vectors, own_slots, &len, own_tallies, &|chunk, vectors, slots, tally| {
             let first = chunk * CHUNK;
             let contacts = &self.contacts[first..];
             let geometry = &geometry[first..];
@@ -120,7 +131,15 @@ impl SingleOperator {
                 kernel,
             }));
         });
-        Totals::of(tallies)
+        let Some(share) = &self.share else { return Totals::of(tallies) };
+        let own = share.chunks();
+        share.passed(
+            EIGHT * ((own.end * CHUNK).min(geometry.len()) - (own.start * CHUNK).min(geometry.len())),
+        );
+        if SCATTER {
+            share.exchange(slots, messages);
+        }
+        share.totals_of_chunks(tallies, messages)
     }
 
     /// Combines the image of what the contacts left in the slots with images; the quadratic form, force dot velocity.
@@ -132,15 +151,30 @@ impl SingleOperator {
     ) -> f64 {
         let tasks = self.num_body_tasks();
         let bodies = self.masses.diagonal.len();
-        let images = images.map(|image| &mut image[..bodies]);
-        let tallies = &mut scratch.tallies[..tasks];
-        let slots = &scratch.slots[..];
-        let no_extra = &mut [] as &mut [()];
-        for_each_task(0..tasks, BODIES, images, no_extra, &|_| 0, tallies, &|task, images, _, tally| {
-            let first = task * BODIES;
+        let mut images = images.map(|image| &mut image[..bodies]);
+        let SingleScratch { slots, tallies, messages } = scratch;
+        let (slots, tallies) = (&slots[..], &mut tallies[..tasks]);
+        let work = |first: usize, images: [&mut [Octet]; K], tally: &mut Tally| {
             vectorised(InSingle(BodyPass { operator: self, first, slots, images, tally, combination }));
+        };
+        let own = self.share.as_ref().map_or(0..tasks, Share::tasks);
+        let parts = part_of(images.each_mut().map(|image| &mut **image), &own, BODIES);
+        let no_extra = &mut [] as &mut [()];
+        let own_tallies = &mut tallies[own.clone()];
+        for_each_task(own, BODIES, parts, no_extra, &|_| 0, own_tallies, &|task, images, _, tally| {
+            work(task * BODIES, images, tally);
         });
-        Totals::of(tallies).sum[0]
+        let Some(share) = &self.share else { return Totals::of(tallies).sum[0] };
+        for run in share.beyond() {
+            let images = images.each_mut().map(|image| &mut image[run.clone()]);
+            work(run.start, images, &mut Tally::default());
+        }
+        share.total_of_tasks(tallies, messages)
+    }
+
+    /// The ranks that do the passes together; `None` does all of them here.
+    pub(super) fn share_among(&mut self, ranks: Option<&Arc<Ranks>>) {
+        share_among(&mut self.share, &self.slots, ranks, BODIES);
     }
 }
 
