@@ -36,7 +36,12 @@ struct Arguments {
 
 /// What several processes can do together.
 #[derive(Parser)]
-#[command(name = "graintrain-mpi", version, about, long_about = None, max_term_width = 110)]
+#[command(
+    name = "graintrain-mpi",
+    version,
+    about = "graintrain run and resume by several processes: mpirun -n 4 graintrain-mpi run SCENE",
+    max_term_width = 110
+)]
 struct RankArguments {
     #[command(subcommand)]
     command: command::RankCommand,

@@ -1,7 +1,7 @@
 //! Words from rank to rank by MPI. The only place that knows the binding.
 
 use ferrompi::{Communicator, Request};
-use graintrain_ccp::solver::ranks::Transport;
+use graintrain_ccp::solver::ranks::{Messages, Transport};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// Tag of messages of an exchange.
@@ -53,7 +53,8 @@ impl Transport for MpiTransport {
         self.world.size() as usize
     }
 
-    fn exchange(&self, send: &[u64], send_counts: &[usize], receive: &mut [u64], receive_counts: &[usize]) {
+    fn exchange(&self, messages: Messages<'_>, shared: &mut [u64], shared_counts: &[usize]) {
+        let Messages { send, send_counts, receive, receive_counts } = messages;
         let world = &self.world;
         let (send, receive) = (parts(send, send_counts), parts_mut(receive, receive_counts));
         let exchanged = ferrompi::scope(|scope| {
@@ -64,6 +65,8 @@ impl Transport for MpiTransport {
             for (rank, words) in (0..).zip(send).filter(|(_, words)| !words.is_empty()) {
                 requests.push(world.isend(scope, words, rank, EXCHANGE)?);
             }
+            // Meanwhile the messages are under way.
+            self.gather(shared, shared_counts);
             Request::wait_all(&mut requests)
         });
         exchanged.expect("MPI exchanges messages");

@@ -8,7 +8,7 @@ use super::lanes::{
 };
 use super::packing::{EMPTY, Packing, turning_batches};
 use super::ranks::Ranks;
-use super::share::{Messages, Share, part_of, share_among};
+use super::share::{Buffers, Share, part_of, share_among};
 use super::slots::SlotTable;
 use super::tasks::{CHUNK, Tally, Totals, for_each_task};
 use crate::delassus::{BodyInverseMass, RigidDelassus};
@@ -186,7 +186,7 @@ pub(super) struct BodyOperator {
     num_bodies: usize,
     slots: SlotTable,
     /// What this rank does of a pass, where there are several.
-    share: Option<Share>,
+    share: Option<Box<Share>>,
 }
 
 /// Batches whose contacts share no body if that can be arranged: a sweep of Gauss-Seidel computes them together.
@@ -284,7 +284,7 @@ impl BodyOperator {
 
     /// What this rank does of a pass, where there are several.
     pub(super) fn share(&self) -> Option<&Share> {
-        self.share.as_ref()
+        self.share.as_deref()
     }
 
     /// Vectors in an image: the [`BodyPair`] of every body and of the fixed one.
@@ -321,7 +321,7 @@ impl BodyOperator {
         slots: &[BodyPair],
         images: [&mut [Lanes]; K],
         tallies: &mut [Tally],
-        messages: &mut Messages,
+        buffers: &mut Buffers,
         combination: &impl Combination<K>,
     ) -> f64 {
         let tasks = self.num_body_tasks();
@@ -343,7 +343,7 @@ impl BodyOperator {
             let images = images.each_mut().map(|image| &mut image[2 * run.start..2 * run.end]);
             work(run.start, images, &mut Tally::default());
         }
-        share.total_of_tasks(tallies, messages)
+        share.total_of_tasks(tallies, buffers)
     }
 
     /// As [`Self::sweep`] where contacts resist turning: a batch and its turning rows together, batches that share no body within

@@ -21,9 +21,9 @@ pub trait Transport: std::fmt::Debug + Send + Sync {
     /// Number of ranks.
     fn count(&self) -> usize;
 
-    /// One message to every rank and one from every rank. `send` holds those for rank 0, 1 and so on behind one another, with so many
-    /// words each, `receive` takes those of rank 0, 1 and so on. A message without words is not sent.
-    fn exchange(&self, send: &[u64], send_counts: &[usize], receive: &mut [u64], receive_counts: &[usize]);
+    /// A message to every rank and one from every rank, and [`Self::gather`] of `shared` at the same time. A message without words is not
+    /// sent.
+    fn exchange(&self, messages: Messages<'_>, shared: &mut [u64], shared_counts: &[usize]);
 
     /// Everybody's words to everybody: `words` holds those of rank 0, 1 and so on behind one another, with so many each. On entry every
     /// rank has filled in its own.
@@ -31,6 +31,19 @@ pub trait Transport: std::fmt::Debug + Send + Sync {
 
     /// Ends the program on all ranks at once, wherever they are.
     fn abort(&self, code: i32) -> !;
+}
+
+/// Messages of one rank to the others and of the others to it.
+#[derive(Debug)]
+pub struct Messages<'a> {
+    /// Those to rank 0, 1 and so on behind one another.
+    pub send: &'a [u64],
+    /// Words of each.
+    pub send_counts: &'a [usize],
+    /// Takes those of rank 0, 1 and so on.
+    pub receive: &'a mut [u64],
+    /// Words of each.
+    pub receive_counts: &'a [usize],
 }
 
 /// The ranks that work together, as one of them sees them.
@@ -114,16 +127,11 @@ impl Ranks {
     }
 
     /// [`Transport::exchange`].
-    pub fn exchange(
-        &self,
-        send: &[u64],
-        send_counts: &[usize],
-        receive: &mut [u64],
-        receive_counts: &[usize],
-    ) {
+    pub fn exchange(&self, messages: Messages<'_>, shared: &mut [u64], shared_counts: &[usize]) {
         let start = Instant::now();
-        self.transport.exchange(send, send_counts, receive, receive_counts);
-        self.note(send.len(), start);
+        let words = messages.send.len() + shared_counts[self.rank()];
+        self.transport.exchange(messages, shared, shared_counts);
+        self.note(words, start);
     }
 
     /// [`Transport::abort`].

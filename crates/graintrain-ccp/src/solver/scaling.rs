@@ -25,7 +25,7 @@ use super::lanes::{Batch, LANES, Lanes, ZERO, project};
 use super::packing::{EMPTY, pack, turning_batches, with_turning};
 use super::ranks::Ranks;
 use super::row_operator::RowOperator;
-use super::share::{Messages, Share, part_of};
+use super::share::{Buffers, Share, part_of};
 use super::tasks::{CHUNK, Tally, Totals, for_each_task};
 use crate::delassus::Delassus;
 use crate::problem::Ccp;
@@ -86,7 +86,7 @@ pub struct PassWork {
     slots: Vec<BodyPair>,
     scattered: Vec<Batch>,
     tallies: Vec<Tally>,
-    messages: Messages,
+    buffers: Buffers,
     products: usize,
 }
 
@@ -270,14 +270,14 @@ impl ScaledProblem {
                 slots: vec![BodyPair::default(); bodies.num_slots()],
                 scattered: Vec::new(),
                 tallies: vec![Tally::default(); chunks.max(bodies.num_body_tasks())],
-                messages: Messages::default(),
+                buffers: Buffers::default(),
                 products: 0,
             },
             Operator::Rows(_) => PassWork {
                 slots: Vec::new(),
                 scattered: self.zeros(),
                 tallies: vec![Tally::default(); chunks],
-                messages: Messages::default(),
+                buffers: Buffers::default(),
                 products: 0,
             },
         }
@@ -360,8 +360,8 @@ impl ScaledProblem {
     ) -> f64 {
         match &self.operator {
             Operator::Bodies(bodies) => {
-                let PassWork { slots, tallies, messages, .. } = work;
-                bodies.velocities(slots, images, tallies, messages, combination)
+                let PassWork { slots, tallies, buffers, .. } = work;
+                bodies.velocities(slots, images, tallies, buffers, combination)
             }
             Operator::Rows(rows) => rows.multiply(&work.scattered, images, &mut work.tallies, combination),
         }
@@ -389,7 +389,7 @@ impl ScaledProblem {
         let batches = self.num_batches();
         let chunks = batches.div_ceil(CHUNK);
         let range = |chunk: usize| chunk * CHUNK..((chunk + 1) * CHUNK).min(batches);
-        let PassWork { slots, scattered, tallies, messages, .. } = work;
+        let PassWork { slots, scattered, tallies, buffers, .. } = work;
         let tallies = &mut tallies[..chunks];
         match &self.operator {
             Operator::Bodies(bodies) => {
@@ -419,10 +419,7 @@ impl ScaledProblem {
                 );
                 if let Some(share) = bodies.share() {
                     share.passed(LANES * part_len(&share.chunks(), batches));
-                    if SCATTER {
-                        share.exchange(slots, messages);
-                    }
-                    return share.totals_of_chunks(tallies, messages);
+                    return share.end_pass(SCATTER.then_some(&mut slots[..]), tallies, buffers);
                 }
             }
             Operator::Rows(_) => {

@@ -5,7 +5,7 @@
 //! touch, in the order in which one process adds them. Sums are gathered chunk by chunk and task by task and added in their order. So all
 //! bits are those of one process, and what a rank does not own it never looks at.
 
-use super::ranks::{Ranks, Words};
+use super::ranks::{Messages, Ranks, Words};
 use super::slots::SlotTable;
 use super::tasks::{SUMS, Tally, Totals};
 use std::ops::Range;
@@ -31,9 +31,23 @@ pub(super) struct Share {
 
 /// Buffers of messages, kept from pass to pass.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Messages {
+pub(super) struct Buffers {
     send: Vec<u64>,
     receive: Vec<u64>,
+    shared: Vec<u64>,
+}
+
+/// Adds the first `N` sums and maxima in their order.
+fn read_totals<const N: usize>(words: &[u64]) -> Totals {
+    let mut totals = Totals::default();
+    for words in words.chunks_exact(N + 1) {
+        let mut next = Totals { max: f64::from_bits(words[N]), ..Totals::default() };
+        for (sum, word) in next.sum.iter_mut().zip(&words[..N]) {
+            *sum = f64::from_bits(*word);
+        }
+        totals.add(&next);
+    }
+    totals
 }
 
 /// Bounds of equal parts of so many things.
@@ -140,54 +154,58 @@ impl Share {
         self.ranks.passed(contacts);
     }
 
-    /// Sends and gets the slots that bodies of several ranks need.
-    pub(super) fn exchange<S: Words>(&self, slots: &mut [S], messages: &mut Messages) {
-        let Messages { send, receive } = messages;
+    /// Ends a pass over the contacts: what the tallies of all chunks add up to, of which each rank has its own on entry. Where there are `slots`, those
+    /// that bodies of several ranks need are sent and got.
+    pub(super) fn end_pass<S: Words>(
+        &self,
+        slots: Option<&mut [S]>,
+        tallies: &[Tally],
+        buffers: &mut Buffers,
+    ) -> Totals {
+        let Buffers { send, receive, shared } = buffers;
+        let counts = self.write_totals::<SUMS>(tallies, &self.chunks, shared);
+        let Some(slots) = slots else {
+            self.ranks.gather(shared, &counts);
+            return read_totals::<SUMS>(shared);
+        };
         send.resize(S::COUNT * self.send.len(), 0);
         receive.resize(S::COUNT * self.receive.len(), 0);
         for (&slot, words) in self.send.iter().zip(send.chunks_exact_mut(S::COUNT)) {
             slots[slot as usize].write(words);
         }
         let words = |counts: &[usize]| counts.iter().map(|count| S::COUNT * count).collect::<Vec<_>>();
-        self.ranks.exchange(send, &words(&self.send_counts), receive, &words(&self.receive_counts));
+        let (send_counts, receive_counts) = (&words(&self.send_counts), &words(&self.receive_counts));
+        self.ranks.exchange(Messages { send, send_counts, receive, receive_counts }, shared, &counts);
         for (&slot, words) in self.receive.iter().zip(receive.chunks_exact(S::COUNT)) {
             slots[slot as usize] = S::read(words);
         }
+        read_totals::<SUMS>(shared)
     }
 
-    /// What the tallies of all chunks add up to; on entry each rank has those of its own.
-    pub(super) fn totals_of_chunks(&self, tallies: &[Tally], messages: &mut Messages) -> Totals {
-        self.totals::<SUMS>(tallies, &self.chunks, messages)
+    /// What the first sums of the tasks of bodies add up to, of which each rank has its own on entry.
+    pub(super) fn total_of_tasks(&self, tallies: &[Tally], buffers: &mut Buffers) -> f64 {
+        let counts = self.write_totals::<1>(tallies, &self.tasks, &mut buffers.shared);
+        self.ranks.gather(&mut buffers.shared, &counts);
+        read_totals::<1>(&buffers.shared).sum[0]
     }
 
-    /// The same of the first sums of the tasks of bodies.
-    pub(super) fn total_of_tasks(&self, tallies: &[Tally], messages: &mut Messages) -> f64 {
-        self.totals::<1>(tallies, &self.tasks, messages).sum[0]
-    }
-
-    fn totals<const N: usize>(&self, tallies: &[Tally], bounds: &[usize], messages: &mut Messages) -> Totals {
-        let me = self.ranks.rank();
-        let words = &mut messages.receive;
+    /// Writes the first `N` sums and the maximum of the own tallies among those of all ranks; the words of each rank.
+    fn write_totals<const N: usize>(
+        &self,
+        tallies: &[Tally],
+        bounds: &[usize],
+        words: &mut Vec<u64>,
+    ) -> Vec<usize> {
+        let own = bounds[self.ranks.rank()]..bounds[self.ranks.rank() + 1];
         words.resize((N + 1) * bounds[bounds.len() - 1], 0);
-        for (words, tally) in
-            words.chunks_exact_mut(N + 1).zip(tallies).skip(bounds[me]).take(bounds[me + 1] - bounds[me])
-        {
+        let place = (N + 1) * own.start..(N + 1) * own.end;
+        for (tally, words) in tallies[own].iter().zip(words[place].chunks_exact_mut(N + 1)) {
             let own = tally.totals();
             for (word, sum) in words.iter_mut().zip(own.sum[..N].iter().chain([&own.max])) {
                 *word = sum.to_bits();
             }
         }
-        let counts: Vec<usize> = bounds.windows(2).map(|w| (N + 1) * (w[1] - w[0])).collect();
-        self.ranks.gather(words, &counts);
-        let mut totals = Totals::default();
-        for words in words.chunks_exact(N + 1) {
-            let mut of_chunk = Totals { max: f64::from_bits(words[N]), ..Totals::default() };
-            for (sum, word) in of_chunk.sum.iter_mut().zip(&words[..N]) {
-                *sum = f64::from_bits(*word);
-            }
-            totals.add(&of_chunk);
-        }
-        totals
+        bounds.windows(2).map(|w| (N + 1) * (w[1] - w[0])).collect()
     }
 
     /// A vector of batches, of which each rank has those of its chunks, complete on all ranks.
@@ -211,7 +229,7 @@ impl Share {
 
 /// Replaces the share in passes over these slots and over tasks of so many bodies; it stays where the ranks do.
 pub(super) fn share_among(
-    share: &mut Option<Share>,
+    share: &mut Option<Box<Share>>,
     slots: &SlotTable,
     ranks: Option<&Arc<Ranks>>,
     task_len: usize,
@@ -222,7 +240,7 @@ pub(super) fn share_among(
         _ => false,
     };
     if !stays {
-        *share = ranks.and_then(|ranks| slots.share(ranks, task_len));
+        *share = ranks.and_then(|ranks| slots.share(ranks, task_len)).map(Box::new);
     }
 }
 

@@ -1,6 +1,6 @@
 //! Ranks as threads of one process: what runs on ranks, tried without MPI.
 
-use super::{Ranks, Transport};
+use super::{Messages, Ranks, Transport};
 use std::sync::{Arc, Barrier, Mutex, PoisonError};
 
 /// What a rank has left for the others: words, and how many of them are for rank 0, 1 and so on.
@@ -37,7 +37,8 @@ impl Transport for ThreadTransport {
         self.letters.len()
     }
 
-    fn exchange(&self, send: &[u64], send_counts: &[usize], receive: &mut [u64], receive_counts: &[usize]) {
+    fn exchange(&self, messages: Messages<'_>, shared: &mut [u64], shared_counts: &[usize]) {
+        let Messages { send, send_counts, receive, receive_counts } = messages;
         let mut place = 0;
         self.post((send.to_vec(), send_counts.to_vec()), |rank, (words, counts)| {
             let first = counts[..self.rank].iter().sum::<usize>();
@@ -46,6 +47,7 @@ impl Transport for ThreadTransport {
                 .copy_from_slice(&words[first..first + counts[self.rank]]);
             place += receive_counts[rank];
         });
+        self.gather(shared, shared_counts);
     }
 
     fn gather(&self, words: &mut [u64], counts: &[usize]) {

@@ -5,7 +5,7 @@ use super::super::dispatch::vectorised;
 use super::super::lanes::{Batch, add, tangential_length, zero};
 use super::super::octet::{EIGHT, InSingle, Octet, SingleVector, SingleWork};
 use super::super::ranks::Ranks;
-use super::super::share::{Messages, Share, part_of, share_among};
+use super::super::share::{Buffers, Share, part_of, share_among};
 use super::super::slots::SlotTable;
 use super::super::tasks::{Tally, Totals, for_each_task};
 use super::geometry::{General, Geometry, Radial, load};
@@ -47,7 +47,7 @@ pub(super) struct InverseMasses {
 pub struct SingleScratch {
     slots: Vec<Octet>,
     tallies: Vec<Tally>,
-    messages: Messages,
+    buffers: Buffers,
 }
 
 /// N' and r'.
@@ -58,7 +58,7 @@ pub(super) struct SingleOperator {
     pub(super) masses: InverseMasses,
     pub(super) slots: SlotTable,
     /// What this rank does of a pass, where there are several.
-    pub(super) share: Option<Share>,
+    pub(super) share: Option<Box<Share>>,
 }
 
 impl SingleOperator {
@@ -72,7 +72,7 @@ impl SingleOperator {
         SingleScratch {
             slots: vec![Octet::default(); self.slots.len()],
             tallies: vec![Tally::default(); tasks],
-            messages: Messages::default(),
+            buffers: Buffers::default(),
         }
     }
 
@@ -109,10 +109,10 @@ impl SingleOperator {
         kernel: &impl SingleKernel<M>,
     ) -> Totals {
         let chunks = geometry.len().div_ceil(CHUNK);
-        let SingleScratch { slots, tallies, messages } = scratch;
+        let SingleScratch { slots, tallies, buffers } = scratch;
         let tallies = &mut tallies[..chunks];
         let len = |chunks| self.slots.of_chunks(chunks).len();
-        let own = self.share.as_ref().map_or(0..chunks, Share::chunks);
+        let own = self.share.as_deref().map_or(0..chunks, Share::chunks);
         let vectors = part_of(vectors, &own, CHUNK);
         let own_slots = &mut slots[self.slots.of_chunks(own.clone())];
         let own_tallies = &mut tallies[own.clone()];
@@ -136,10 +136,7 @@ impl SingleOperator {
         share.passed(
             EIGHT * ((own.end * CHUNK).min(geometry.len()) - (own.start * CHUNK).min(geometry.len())),
         );
-        if SCATTER {
-            share.exchange(slots, messages);
-        }
-        share.totals_of_chunks(tallies, messages)
+        share.end_pass(SCATTER.then_some(&mut slots[..]), tallies, buffers)
     }
 
     /// Combines the image of what the contacts left in the slots with images; the quadratic form, force dot velocity.
@@ -152,12 +149,12 @@ impl SingleOperator {
         let tasks = self.num_body_tasks();
         let bodies = self.masses.diagonal.len();
         let mut images = images.map(|image| &mut image[..bodies]);
-        let SingleScratch { slots, tallies, messages } = scratch;
+        let SingleScratch { slots, tallies, buffers } = scratch;
         let (slots, tallies) = (&slots[..], &mut tallies[..tasks]);
         let work = |first: usize, images: [&mut [Octet]; K], tally: &mut Tally| {
             vectorised(InSingle(BodyPass { operator: self, first, slots, images, tally, combination }));
         };
-        let own = self.share.as_ref().map_or(0..tasks, Share::tasks);
+        let own = self.share.as_deref().map_or(0..tasks, Share::tasks);
         let parts = part_of(images.each_mut().map(|image| &mut **image), &own, BODIES);
         let no_extra = &mut [] as &mut [()];
         let own_tallies = &mut tallies[own.clone()];
@@ -169,7 +166,7 @@ impl SingleOperator {
             let images = images.each_mut().map(|image| &mut image[run.clone()]);
             work(run.start, images, &mut Tally::default());
         }
-        share.total_of_tasks(tallies, messages)
+        share.total_of_tasks(tallies, buffers)
     }
 
     /// The ranks that do the passes together; `None` does all of them here.
