@@ -6,11 +6,7 @@ mod common;
 use clarabel::algebra::CscMatrix;
 use clarabel::solver::{DefaultSettingsBuilder, DefaultSolver, IPSolver, SupportedConeT};
 use common::{lattice_packing, random_problem, sparse_form, with_turning};
-use graintrain_ccp::{
-    Ccp, CcpError, Delassus, FrictionModel, SolveReport, SolveSettings, SolverSpec, TurningFriction,
-    TurningRows,
-};
-use std::sync::Arc;
+use graintrain_ccp::{Ccp, CcpError, FrictionModel, SolveReport, SolveSettings, SolverSpec};
 
 fn solve(problem: &Ccp, name: &str, friction: FrictionModel, tolerance: f64) -> (Vec<f64>, SolveReport) {
     let mut g = vec![0.0; problem.r.len()];

@@ -101,6 +101,7 @@ impl Stepper {
     /// the work is shared, and the world of each is that of one process alone.
     pub fn share_among(&mut self, ranks: Arc<Ranks>) {
         self.stop = Some(ranks.stop());
+        self.collider.share_among(Arc::clone(&ranks));
         self.ranks = Some(ranks);
     }
 

@@ -8,7 +8,7 @@ use super::lanes::{
 };
 use super::packing::{EMPTY, Packing, turning_batches};
 use super::ranks::Ranks;
-use super::share::{Buffers, Share, part_of, share_among};
+use super::share::{Buffers, Share, part_of};
 use super::slots::SlotTable;
 use super::tasks::{CHUNK, Tally, Totals, for_each_task};
 use crate::delassus::{BodyInverseMass, RigidDelassus};
@@ -279,7 +279,7 @@ impl BodyOperator {
 
     /// The ranks that do the passes together; `None` does all of them here.
     pub(super) fn share_among(&mut self, ranks: Option<&Arc<Ranks>>) {
-        share_among(&mut self.share, &self.slots, ranks, BODIES);
+        self.share = self.slots.share(ranks, BODIES);
     }
 
     /// What this rank does of a pass, where there are several.

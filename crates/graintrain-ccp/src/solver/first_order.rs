@@ -4,6 +4,7 @@ use super::driver::{Best, Limits, Progress, check_start};
 use super::history::History;
 use super::interface::{CcpSolver, ITERATION_LIMIT};
 use super::lanes::{Batch, Lanes, Numbers};
+use super::ranks::Ranks;
 use super::report::{SolveReport, Status};
 use super::scaling::{Image, PassWork, ScaledProblem};
 use super::settings::SolveSettings;
@@ -13,6 +14,7 @@ use crate::delassus::{Delassus, DelassusIdentity};
 use crate::problem::{Ccp, CcpError, TurningFriction};
 use crate::residual::{FrictionModel, Residual, ResidualScale, velocity_scale};
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// A method that works on the scaled problem with passes.
 pub trait FirstOrderMethod: Send {
@@ -48,16 +50,18 @@ pub struct FirstOrder<M> {
 
 /// A problem scaled and packed, in double or in single precision.
 trait Packed: Sized {
-    /// Of this problem, where that is possible.
-    fn of(problem: &Ccp, residual: &ResidualScale) -> Option<Self>;
+    /// Of this problem, where that is possible; of several ranks, each does its share of the passes.
+    fn of(problem: &Ccp, residual: &ResidualScale, ranks: Option<&Arc<Ranks>>) -> Option<Self>;
 
     /// Replaces r.
     fn replace_free_velocity(&mut self, r: &[f64]);
 }
 
 impl Packed for ScaledProblem {
-    fn of(problem: &Ccp, residual: &ResidualScale) -> Option<Self> {
-        Some(Self::new(problem, residual))
+    fn of(problem: &Ccp, residual: &ResidualScale, ranks: Option<&Arc<Ranks>>) -> Option<Self> {
+        let mut scaled = Self::new(problem, residual);
+        scaled.share_among(ranks);
+        Some(scaled)
     }
 
     fn replace_free_velocity(&mut self, r: &[f64]) {
@@ -66,8 +70,8 @@ impl Packed for ScaledProblem {
 }
 
 impl Packed for SingleProblem {
-    fn of(problem: &Ccp, residual: &ResidualScale) -> Option<Self> {
-        Self::new(problem, residual)
+    fn of(problem: &Ccp, residual: &ResidualScale, ranks: Option<&Arc<Ranks>>) -> Option<Self> {
+        Self::new(problem, residual, ranks)
     }
 
     fn replace_free_velocity(&mut self, r: &[f64]) {
@@ -81,15 +85,17 @@ struct Prepared<P> {
     friction: Vec<f64>,
     turning: Vec<TurningFriction>,
     velocity: f64,
+    ranks: Option<Arc<Ranks>>,
     packed: P,
 }
 
 impl<P: Packed> Prepared<P> {
     /// The last one with another r, where nothing else differs, or a new one.
-    fn of(problem: &Ccp, last: Option<Self>) -> Option<Self> {
+    fn of(problem: &Ccp, ranks: Option<&Arc<Ranks>>, last: Option<Self>) -> Option<Self> {
         if let Some(mut last) = last {
             let fits = last.delassus.is(&problem.delassus)
                 && last.velocity == velocity_scale(problem)
+                && last.ranks.as_ref().map(Arc::as_ptr) == ranks.map(Arc::as_ptr)
                 && last.friction == problem.friction
                 && last.turning == problem.turning;
             if fits {
@@ -103,7 +109,8 @@ impl<P: Packed> Prepared<P> {
             friction: problem.friction.clone(),
             turning: problem.turning.clone(),
             velocity: residual.velocity,
-            packed: P::of(problem, &residual)?,
+            ranks: ranks.map(Arc::clone),
+            packed: P::of(problem, &residual, ranks)?,
         })
     }
 }
@@ -162,11 +169,11 @@ impl<M: FirstOrderMethod> FirstOrder<M> {
             }
         }
         let start = impulse.to_vec();
-        let prepared = Prepared::<ScaledProblem>::of(problem, self.prepared.take());
+        let ranks = limits.ranks().filter(|_| M::SHARED);
+        let prepared = Prepared::<ScaledProblem>::of(problem, ranks, self.prepared.take());
         let mut prepared = prepared.expect("every problem can be packed in double precision");
         let scaled = &mut prepared.packed;
         scaled.set_friction_model(model);
-        scaled.share_among(limits.ranks().filter(|_| M::SHARED));
         let mut it = Iterate::new(scaled, limits, last.as_deref().unwrap_or(impulse));
         (it.iterations, it.history) = (begun.iterations, begun.history);
         if model == FrictionModel::Relaxed {
@@ -202,9 +209,9 @@ impl<M: FirstOrderMethod> FirstOrder<M> {
         model: FrictionModel,
         begun: &mut Begun,
     ) -> Option<SolveReport> {
-        let mut prepared = Prepared::<SingleProblem>::of(problem, self.single.take())?;
+        let ranks = limits.ranks().filter(|_| M::SHARED);
+        let mut prepared = Prepared::<SingleProblem>::of(problem, ranks, self.single.take())?;
         prepared.packed.set_friction_model(model);
-        prepared.packed.share_among(limits.ranks().filter(|_| M::SHARED));
         let start = impulse.to_vec();
         let mut it = SingleIterate::new(&prepared.packed, limits, last.as_deref().unwrap_or(impulse));
         self.method.run_single(&mut it);

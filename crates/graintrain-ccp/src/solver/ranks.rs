@@ -7,6 +7,7 @@
 
 pub mod threads;
 
+use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Instant;
@@ -124,6 +125,23 @@ impl Ranks {
         let start = Instant::now();
         self.transport.gather(words, counts);
         self.note(counts[self.rank()], start);
+    }
+
+    /// The words of all ranks behind one another; each gives as many as it has.
+    pub fn join(&self, mine: &[u64]) -> Vec<u64> {
+        let counts: Vec<usize> =
+            self.numbers(mine.len() as u64).into_iter().map(|count| count as usize).collect();
+        let first: usize = counts[..self.rank()].iter().sum();
+        let mut words = vec![0; counts.iter().sum()];
+        words[first..first + mine.len()].copy_from_slice(mine);
+        self.gather(&mut words, &counts);
+        words
+    }
+
+    /// The part of this rank of so many things, all parts about alike.
+    pub fn part_of(&self, things: usize) -> Range<usize> {
+        let bound = |rank: usize| things * rank / self.count();
+        bound(self.rank())..bound(self.rank() + 1)
     }
 
     /// [`Transport::exchange`].

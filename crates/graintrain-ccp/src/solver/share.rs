@@ -6,7 +6,6 @@
 //! bits are those of one process, and what a rank does not own it never looks at.
 
 use super::ranks::{Messages, Ranks, Words};
-use super::slots::SlotTable;
 use super::tasks::{SUMS, Tally, Totals};
 use std::ops::Range;
 use std::sync::Arc;
@@ -224,23 +223,6 @@ impl Share {
         for (batch, words) in batches.iter_mut().zip(words.chunks_exact(B::COUNT)) {
             *batch = B::read(words);
         }
-    }
-}
-
-/// Replaces the share in passes over these slots and over tasks of so many bodies; it stays where the ranks do.
-pub(super) fn share_among(
-    share: &mut Option<Box<Share>>,
-    slots: &SlotTable,
-    ranks: Option<&Arc<Ranks>>,
-    task_len: usize,
-) {
-    let stays = match (&share, ranks) {
-        (Some(share), Some(ranks)) => Arc::ptr_eq(&share.ranks, ranks),
-        (None, None) => true,
-        _ => false,
-    };
-    if !stays {
-        *share = ranks.and_then(|ranks| slots.share(ranks, task_len)).map(Box::new);
     }
 }
 

@@ -91,10 +91,11 @@ impl SlotTable {
         self.chunk_start[chunks.start]..self.chunk_start[chunks.end]
     }
 
-    /// The share of this rank in passes over these chunks and over tasks of so many bodies.
-    pub(super) fn share(&self, ranks: &Arc<Ranks>, task_len: usize) -> Option<Share> {
+    /// The share of a rank in passes over these chunks and over tasks of so many bodies.
+    pub(super) fn share(&self, ranks: Option<&Arc<Ranks>>, task_len: usize) -> Option<Box<Share>> {
         let bodies = self.slot_start.len() - 1;
-        Share::new(ranks, &self.chunk_start, bodies, task_len, |body| self.of_body(body))
+        let share = Share::new(ranks?, &self.chunk_start, bodies, task_len, |body| self.of_body(body));
+        share.map(Box::new)
     }
 
     /// Slots of the body at a place.

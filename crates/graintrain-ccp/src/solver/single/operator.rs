@@ -4,18 +4,17 @@ use super::super::combination::Combination;
 use super::super::dispatch::vectorised;
 use super::super::lanes::{Batch, add, tangential_length, zero};
 use super::super::octet::{EIGHT, InSingle, Octet, SingleVector, SingleWork};
-use super::super::ranks::Ranks;
-use super::super::share::{Buffers, Share, part_of, share_among};
+use super::super::share::{Buffers, Share, part_of};
 use super::super::slots::SlotTable;
 use super::super::tasks::{Tally, Totals, for_each_task};
 use super::geometry::{General, Geometry, Radial, load};
 use super::kernel::{Seen, SingleKernel, SingleTally};
-use std::sync::Arc;
+use std::ops::Range;
 
 /// Batches per chunk of contacts: as many contacts as a chunk in double precision.
 pub(super) const CHUNK: usize = 128;
 /// Bodies per parallel task.
-const BODIES: usize = 1024;
+pub(super) const BODIES: usize = 1024;
 /// So many batches ahead a pass asks for geometry.
 const PREFETCH: usize = 6;
 
@@ -61,6 +60,12 @@ pub(super) struct SingleOperator {
     pub(super) share: Option<Box<Share>>,
 }
 
+/// Batches, of so many, of the chunks that a share has; all of them where there is none.
+pub(super) fn own_batches(share: Option<&Share>, batches: usize) -> Range<usize> {
+    let bound = |chunk: usize| (chunk * CHUNK).min(batches);
+    share.map_or(0..batches, |share| bound(share.chunks().start)..bound(share.chunks().end))
+}
+
 impl SingleOperator {
     /// Vectors of an image: one per body and a zero for the fixed one.
     pub(super) fn image_len(&self) -> usize {
@@ -74,6 +79,11 @@ impl SingleOperator {
             tallies: vec![Tally::default(); tasks],
             buffers: Buffers::default(),
         }
+    }
+
+    /// Batches of the chunks of this rank.
+    pub(super) fn own_batches(&self) -> Range<usize> {
+        own_batches(self.share.as_deref(), self.contacts.len())
     }
 
     fn num_body_tasks(&self) -> usize {
@@ -132,10 +142,7 @@ impl SingleOperator {
             }));
         });
         let Some(share) = &self.share else { return Totals::of(tallies) };
-        let own = share.chunks();
-        share.passed(
-            EIGHT * ((own.end * CHUNK).min(geometry.len()) - (own.start * CHUNK).min(geometry.len())),
-        );
+        share.passed(EIGHT * self.own_batches().len());
         share.end_pass(SCATTER.then_some(&mut slots[..]), tallies, buffers)
     }
 
@@ -167,11 +174,6 @@ impl SingleOperator {
             work(run.start, images, &mut Tally::default());
         }
         share.total_of_tasks(tallies, buffers)
-    }
-
-    /// The ranks that do the passes together; `None` does all of them here.
-    pub(super) fn share_among(&mut self, ranks: Option<&Arc<Ranks>>) {
-        share_among(&mut self.share, &self.slots, ranks, BODIES);
     }
 }
 
