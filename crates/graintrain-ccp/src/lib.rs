@@ -48,4 +48,4 @@ pub use delassus::{
 pub use problem::{Ccp, CcpError, TurningFriction};
 pub use registry::SolverSpec;
 pub use residual::{FrictionModel, Judge, Residual};
-pub use solver::{CcpSolver, ResidualSample, SolveReport, SolveSettings, Status};
+pub use solver::{CcpSolver, Ranks, ResidualSample, SolveReport, SolveSettings, Status};

@@ -5,36 +5,8 @@ mod common;
 
 use clarabel::algebra::CscMatrix;
 use clarabel::solver::{DefaultSettingsBuilder, DefaultSolver, IPSolver, SupportedConeT};
-use common::{Random, lattice_packing, random_problem, sparse_form};
-use graintrain_ccp::{
-    Ccp, CcpError, Delassus, FrictionModel, SolveReport, SolveSettings, SolverSpec, TurningFriction,
-    TurningRows,
-};
-use std::sync::Arc;
-
-/// The problem where two contacts in three resist turning, with other turning velocities than bodies have by themselves; coefficients
-/// are zero now and then.
-fn with_turning(problem: &Ccp, seed: u64) -> Ccp {
-    let mut random = Random::new(seed);
-    let Delassus::Rigid(rigid) = &*problem.delassus else { panic!("a problem over bodies") };
-    let chosen: Vec<u32> = (0..problem.num_contacts() as u32).filter(|_| random.below(3) > 0).collect();
-    let rows = chosen.iter().map(|&contact| TurningRows { contact, length: 0.3 + random.unit() }).collect();
-    let mut coefficient = || if random.below(5) == 0 { 0.0 } else { 0.5 * random.unit() };
-    let turning: Vec<TurningFriction> = chosen
-        .iter()
-        .map(|&contact| TurningFriction { contact, rolling: coefficient(), spinning: coefficient() })
-        .collect();
-    let rigid = rigid.clone().with_turning(rows);
-    let v: Vec<f64> = (0..6 * rigid.num_bodies()).map(|_| random.signed()).collect();
-    let mut u = vec![0.0; 3 * rigid.num_blocks()];
-    // r = D^T v + (gap rate >= 0): the change of velocity -v keeps all contacts, so that nothing is jammed.
-    rigid.relative_velocity(&v, &mut u);
-    for i in 0..problem.num_contacts() {
-        u[3 * i] += if random.below(2) == 0 { 0.5 * random.unit() } else { 0.0 };
-    }
-    let delassus = Arc::new(Delassus::Rigid(rigid));
-    Ccp { r: u, turning, delassus, ..problem.clone() }
-}
+use common::{lattice_packing, random_problem, sparse_form, with_turning};
+use graintrain_ccp::{Ccp, CcpError, FrictionModel, SolveReport, SolveSettings, SolverSpec};
 
 fn solve(problem: &Ccp, name: &str, friction: FrictionModel, tolerance: f64) -> (Vec<f64>, SolveReport) {
     let mut g = vec![0.0; problem.r.len()];

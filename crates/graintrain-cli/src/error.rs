@@ -10,6 +10,8 @@ pub enum Failure {
     Input(miette::Report),
     /// The input is fine, but the work failed: exit code 1.
     Work(miette::Report),
+    /// Another process has failed and told why, with this exit code.
+    Told(u8),
 }
 
 impl Failure {
@@ -31,12 +33,20 @@ impl Failure {
 
     /// Prints the failure on stderr and gives the exit code.
     pub fn report(&self) -> ExitCode {
-        let (report, code) = match self {
-            Self::Input(report) => (report, 2),
-            Self::Work(report) => (report, 1),
-        };
-        tell!("{report:?}");
-        ExitCode::from(code)
+        match self {
+            Self::Input(report) | Self::Work(report) => tell!("{report:?}"),
+            Self::Told(_) => {}
+        }
+        ExitCode::from(self.code())
+    }
+
+    /// The exit code.
+    pub fn code(&self) -> u8 {
+        match self {
+            Self::Input(_) => 2,
+            Self::Work(_) => 1,
+            Self::Told(code) => *code,
+        }
     }
 }
 

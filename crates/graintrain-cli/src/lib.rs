@@ -6,6 +6,7 @@
 #![warn(clippy::print_stdout, clippy::print_stderr)]
 
 mod command;
+mod crew;
 mod error;
 pub mod evaluation;
 mod profile;
@@ -21,6 +22,7 @@ mod threads;
 mod timings;
 
 use clap::{CommandFactory, Parser};
+use graintrain_ccp::solver::ranks::Transport;
 use std::ffi::OsString;
 use std::process::ExitCode;
 
@@ -30,6 +32,38 @@ use std::process::ExitCode;
 struct Arguments {
     #[command(subcommand)]
     command: command::Command,
+}
+
+/// What several processes can do together.
+#[derive(Parser)]
+#[command(
+    name = "graintrain-mpi",
+    version,
+    about = "graintrain run and resume by several processes: mpirun -n 4 graintrain-mpi run SCENE",
+    max_term_width = 110
+)]
+struct RankArguments {
+    #[command(subcommand)]
+    command: command::RankCommand,
+}
+
+/// As [`run`] for one of several processes that were started with the same words: they make the steps of a run together.
+pub fn run_on_ranks(words: impl IntoIterator<Item = OsString>, transport: Box<dyn Transport>) -> ExitCode {
+    let writes = transport.rank() == 0;
+    let command = match RankArguments::try_parse_from(words) {
+        Ok(arguments) => arguments.command,
+        Err(answer) => {
+            if writes {
+                // Nobody is left to tell that it could not be printed.
+                let _ = answer.print();
+            }
+            return ExitCode::from(answer.exit_code() as u8);
+        }
+    };
+    match crew::Crew::of_ranks(transport).and_then(|crew| command.execute(&crew)) {
+        Ok(code) => code,
+        Err(failure) => failure.report(),
+    }
 }
 
 /// Parses a command line, of which the first word is the name of the program, carries the command out and tells failures on stderr.

@@ -1,8 +1,8 @@
 //! What `run` and `resume` share: making the steps, leaving things in order, telling how it went.
 
+use crate::crew::Crew;
 use crate::error::Failure;
 use crate::progress::{Progress, passed};
-use crate::signal::Stop;
 use crate::terminal::{say, tell};
 use crate::threads::with_threads;
 use crate::timings::Timings;
@@ -10,7 +10,7 @@ use graintrain_ccp::FrictionModel;
 use graintrain_ccp::residual::MIXED_MAXIMUM;
 use graintrain_io::files::OutputError;
 use graintrain_io::output::recorder::Recorder;
-use graintrain_io::output::summary::{RunStatus, Summary};
+use graintrain_io::output::summary::{RankSummary, RunStatus, Summary};
 use graintrain_io::run::{Ending, Observer, Run, RunError, StepView};
 use graintrain_io::scene;
 use std::fmt::Write as _;
@@ -25,7 +25,7 @@ use std::time::Duration;
 /// Options of `run` and `resume` alike.
 #[derive(clap::Args)]
 pub struct SteppingOptions {
-    /// Number of threads; all processors where it is not given. The results do not depend on it
+    /// Number of threads; all processors where it is not given (one for each of several ranks). The results do not depend on it
     #[arg(long, value_name = "N")]
     pub threads: Option<NonZeroUsize>,
     /// Print nothing but warnings and errors
@@ -44,57 +44,74 @@ pub struct SteppingOptions {
     pub timings: bool,
 }
 
+/// A run that is ready to go on.
+pub struct Begun {
+    pub run: Run,
+    /// Writes it down; `None` on ranks that do not.
+    pub recorder: Option<Recorder>,
+}
+
 /// Makes the remaining steps, writes the last checkpoint and the summary, and tells how it went.
 pub fn make_steps(
-    mut run: Run,
-    mut recorder: Recorder,
+    Begun { mut run, mut recorder }: Begun,
     options: &SteppingOptions,
-    stop: &Stop,
+    crew: &Crew,
 ) -> Result<ExitCode, Failure> {
+    let stop = &crew.stop;
     run.strict = options.strict;
-    recorder.checkpoint_wanted = Arc::clone(&stop.checkpoint_wanted);
+    if let Some(ranks) = crew.ranks() {
+        run.share_among(Arc::clone(ranks));
+    }
+    if let Some(recorder) = &mut recorder {
+        recorder.checkpoint_wanted = Arc::clone(&stop.checkpoint_wanted);
+    }
     let mut first_step = FirstStep::default();
     let (mut timings, output_before) = (Timings::default(), run.totals.output_seconds);
     let mut threads = 1;
     if let Some(limit) = options.max_seconds {
         stop_after(limit, &first_step.is_made, &stop.requested);
     }
-    let (ending, summary) = with_threads(options.threads, || {
-        let mut progress = Progress::new(run.world.step, run.settings.steps, options.quiet);
-        let mut observers: Vec<&mut dyn Observer> =
-            vec![&mut recorder, &mut progress, &mut first_step, &mut timings];
+    let quiet = options.quiet || !crew.writes();
+    let (ending, summary) = with_threads(crew.threads(options.threads), || {
+        let mut progress = Progress::new(run.world.step, run.settings.steps, quiet);
+        let mut observers: Vec<&mut dyn Observer> = Vec::new();
+        observers.extend(recorder.as_mut().map(|recorder| recorder as &mut dyn Observer));
+        observers.extend([&mut progress as &mut dyn Observer, &mut first_step, &mut timings]);
         threads = rayon::current_num_threads();
         let ending = run.advance(&mut observers);
         drop(progress);
-        let summary = conclude(&run, &mut recorder, &ending);
+        let shared = !matches!(ending, Err(RunError::Output(_)));
+        let ranks = crew.ranks().filter(|_| shared).map(|ranks| RankSummary::of(ranks));
+        let summary = recorder.as_mut().map(|recorder| {
+            recorder.ranks = ranks;
+            conclude(&run, recorder, &ending)
+        });
         (ending, summary)
     })?;
-    let folder = recorder.folder();
-    match ending {
-        Err(error) => {
-            // The error that ended the run is told even where its checkpoint could not be written either.
+    let outcome = match (ending, recorder.as_ref().map(Recorder::folder).zip(summary)) {
+        // The other ranks make the next step.
+        (Err(RunError::Output(error)), _) => return Err(crew.abandon(output_failure(error))),
+        // The error that ended the run is told even where its checkpoint could not be written either.
+        (Err(error), Some((folder, summary))) => {
             let remedy = remedy(&error, folder, summary.is_ok());
             Err(Failure::work_error(error, remedy))
         }
-        Ok(_) => {
-            let summary = summary.map_err(output_failure)?;
-            warn_of_missed_tolerance(&summary);
-            warn_of_missed_contacts(&summary);
-            if summary.status == RunStatus::Finished {
-                let stages: Vec<&str> = run.settings.stages.iter().map(|stage| stage.name.as_str()).collect();
-                warn_of_what_is_missing(&summary, &stages);
-            }
+        (Err(error), None) => Err(Failure::work_error(error, "")),
+        (Ok(ending), Some((folder, summary))) => summary.map_err(output_failure).map(|summary| {
+            warn(&run, &summary);
             if !options.quiet {
                 say!("{}", describe(&summary, folder));
             }
             if options.timings {
                 say!("{}", timings.table(threads, run.totals.output_seconds - output_before));
             }
-            match summary.status {
-                RunStatus::Stopped => Ok(stop.exit_code().unwrap_or(ExitCode::SUCCESS)),
-                _ => Ok(ExitCode::SUCCESS),
-            }
-        }
+            ending
+        }),
+        (Ok(ending), None) => Ok(ending),
+    };
+    match crew.agree(outcome)? {
+        Ending::Stopped => Ok(stop.exit_code().unwrap_or(ExitCode::SUCCESS)),
+        Ending::Finished => Ok(ExitCode::SUCCESS),
     }
 }
 
@@ -142,6 +159,7 @@ fn remedy(error: &RunError, folder: &Path, is_saved: bool) -> String {
     let shown = folder.display();
     match error {
         RunError::Output(error) => error.remedy().to_string(),
+        RunError::RanksDisagree { .. } => "give every rank the same program and the same files".to_string(),
         _ if !is_saved => format!("the state could not be written to {shown} either"),
         RunError::ToleranceMissed { .. } => format!(
             "try another --solver or a larger --tolerance; the state is saved in {shown}, \
@@ -157,6 +175,16 @@ fn remedy(error: &RunError, folder: &Path, is_saved: bool) -> String {
 pub fn output_failure(error: OutputError) -> Failure {
     let remedy = error.remedy();
     Failure::work_error(error, remedy)
+}
+
+/// Warns of what was not as it was asked for.
+fn warn(run: &Run, summary: &Summary) {
+    warn_of_missed_tolerance(summary);
+    warn_of_missed_contacts(summary);
+    if summary.status == RunStatus::Finished {
+        let stages: Vec<&str> = run.settings.stages.iter().map(|stage| stage.name.as_str()).collect();
+        warn_of_what_is_missing(summary, &stages);
+    }
 }
 
 fn warn_of_missed_tolerance(summary: &Summary) {

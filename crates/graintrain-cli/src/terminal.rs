@@ -5,6 +5,15 @@
 use crate::error::Failure;
 use std::fmt::Arguments;
 use std::io::{self, Write};
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Whether this process says nothing, because another one speaks for it.
+static SILENT: AtomicBool = AtomicBool::new(false);
+
+/// Lets this process say nothing from now on, or speak again.
+pub fn keep_silent(silent: bool) {
+    SILENT.store(silent, Ordering::Relaxed);
+}
 
 /// As `print!`, to whoever listens.
 macro_rules! say {
@@ -24,12 +33,18 @@ pub(crate) use {say, tell};
 
 /// Prints on stdout; what cannot be written is dropped.
 pub fn write_out(text: Arguments<'_>) {
+    if SILENT.load(Ordering::Relaxed) {
+        return;
+    }
     let mut out = io::stdout().lock();
     let _ = out.write_fmt(text).and_then(|()| out.flush());
 }
 
 /// Prints a line on stderr; what cannot be written is dropped.
 pub fn write_line_to_err(text: Arguments<'_>) {
+    if SILENT.load(Ordering::Relaxed) {
+        return;
+    }
     // In one piece, so that lines of several threads do not mix.
     let _ = io::stderr().lock().write_all(format!("{text}\n").as_bytes());
 }

@@ -14,7 +14,7 @@ use graintrain::measure::energy::Ledger;
 use graintrain::relaxation::{Difference, Opening};
 use graintrain::stepper::{PhaseSeconds, PhysicalErrors, StepError, StepReport, StepSettings, Stepper};
 use graintrain::world::World;
-use graintrain_ccp::{Ccp, Judge};
+use graintrain_ccp::{Ccp, Judge, Ranks};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -260,6 +260,14 @@ pub enum RunError {
     /// An output could not be written.
     #[error(transparent)]
     Output(#[from] OutputError),
+    /// Processes that make the same steps have not the same state: they read different files, or run different programs.
+    #[error("after step {step} rank {rank} has another state than rank 0")]
+    RanksDisagree {
+        /// Number of the last step made.
+        step: u64,
+        /// The first rank whose state is not that of rank 0.
+        rank: usize,
+    },
 }
 
 /// What a tolerance is of, in words.
@@ -284,6 +292,7 @@ pub struct Run {
     /// Looks for free places.
     collider: Collider,
     stop: Arc<AtomicBool>,
+    ranks: Option<Arc<Ranks>>,
 }
 
 impl Run {
@@ -299,7 +308,16 @@ impl Run {
     ) -> Result<Self, StepError> {
         let mut stepper = Stepper::new(settings.stepping.clone())?;
         stepper.stop_on(Arc::clone(&stop));
-        Ok(Self { world, settings, totals, strict: false, stepper, collider: Collider::default(), stop })
+        let collider = Collider::default();
+        Ok(Self { world, settings, totals, strict: false, stepper, collider, stop, ranks: None })
+    }
+
+    /// Makes the steps together with other processes, each of which runs the same from the same state. All of them end where
+    /// one is asked to stop.
+    pub fn share_among(&mut self, ranks: Arc<Ranks>) {
+        self.stop = ranks.stop();
+        self.stepper.share_among(Arc::clone(&ranks));
+        self.ranks = Some(ranks);
     }
 
     /// The contact problem of the last step and the impulses found (length 3 N_c, contact frames, N s).
@@ -320,6 +338,7 @@ impl Run {
 
     fn steps(&mut self, observers: &mut [&mut dyn Observer], clocks: &Clocks) -> Result<Ending, RunError> {
         while self.world.step < self.settings.steps {
+            self.meet_ranks()?;
             if self.stop.load(Ordering::Relaxed) {
                 return Ok(Ending::Stopped);
             }
@@ -366,7 +385,19 @@ impl Run {
                 });
             }
         }
+        self.meet_ranks()?;
         Ok(Ending::Finished)
+    }
+
+    /// Agrees with the other ranks on whether to stop, and makes sure that they are where this one is.
+    fn meet_ranks(&self) -> Result<(), RunError> {
+        let Some(ranks) = &self.ranks else { return Ok(()) };
+        ranks.agree_to_stop();
+        let hashes = ranks.numbers(self.world.state_hash());
+        match hashes.iter().position(|hash| *hash != hashes[0]) {
+            Some(rank) => Err(RunError::RanksDisagree { step: self.world.step, rank }),
+            None => Ok(()),
+        }
     }
 }
 

@@ -29,7 +29,7 @@ use crate::joint::drift;
 use crate::load;
 use crate::relaxation::{self, Difference};
 use crate::world::World;
-use graintrain_ccp::{Ccp, CcpSolver, FrictionModel, SolveSettings, SolverSpec};
+use graintrain_ccp::{Ccp, CcpSolver, FrictionModel, Ranks, SolveSettings, SolverSpec};
 use std::collections::HashSet;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -45,6 +45,7 @@ pub struct Stepper {
     /// Contacts found at the end of the last step, and the fingerprint of the state that they belong to.
     ahead: Option<(u64, Vec<Contact>)>,
     stop: Option<Arc<AtomicBool>>,
+    ranks: Option<Arc<Ranks>>,
 }
 
 /// Rounds of solving a step again with contacts that were missed; what still overlaps then is reported.
@@ -83,7 +84,7 @@ impl Stepper {
         let named = |name: &str| name.parse::<SolverSpec>()?.build();
         let impacts = named("auto")?;
         let collider = Collider::default();
-        Ok(Self { settings, solver, impacts, collider, last: None, ahead: None, stop: None })
+        Ok(Self { settings, solver, impacts, collider, last: None, ahead: None, stop: None, ranks: None })
     }
 
     /// The settings.
@@ -94,6 +95,14 @@ impl Stepper {
     /// Stops a step whose solve is under way as soon as the flag is set: it then ends with [`StepError::Stopped`].
     pub fn stop_on(&mut self, stop: Arc<AtomicBool>) {
         self.stop = Some(stop);
+    }
+
+    /// Makes the steps together with other processes, each of which has the same world and makes the same steps: what can be shared of
+    /// the work is shared, and the world of each is that of one process alone.
+    pub fn share_among(&mut self, ranks: Arc<Ranks>) {
+        self.stop = Some(ranks.stop());
+        self.collider.share_among(Arc::clone(&ranks));
+        self.ranks = Some(ranks);
     }
 
     /// The contact problem of the last step and the impulses found (length of r, contact frames, N s).
@@ -296,6 +305,7 @@ impl Stepper {
             max_iterations: self.settings.max_iterations,
             friction: self.settings.friction,
             stop: self.stop.clone(),
+            ranks: self.ranks.clone(),
             ..SolveSettings::default()
         }
     }

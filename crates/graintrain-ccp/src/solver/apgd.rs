@@ -254,6 +254,7 @@ impl FirstOrderMethod for Apgd {
     const EXACT: bool = true;
     const TURNING: bool = true;
     const SINGLE: bool = true;
+    const SHARED: bool = true;
 
     fn run(&mut self, scaled: &ScaledProblem, it: &mut Iterate<'_>) {
         let (previous, image_y) = (it.x.clone(), it.image.clone());

@@ -8,10 +8,13 @@ use super::lanes::{
     Batch, LANES, Lanes, Numbers, TaskWork, Vector, ZERO, add, cross, dot, load, scale, sub, zero,
 };
 use super::packing::{EMPTY, Packing, turning_batches};
+use super::ranks::Ranks;
+use super::share::{Buffers, Share, part_of};
 use super::slots::SlotTable;
 use super::tasks::{CHUNK, Tally, Totals, for_each_task};
 use crate::delassus::{BodyInverseMass, RigidDelassus};
 use graintrain_linalg::block3::Block;
+use std::sync::Arc;
 
 /// Bodies per parallel task.
 const BODIES: usize = 1024;
@@ -187,6 +190,8 @@ pub(super) struct BodyOperator {
     slots: SlotTable,
     /// A periodic cell that gives way.
     cell: Option<PackedCell>,
+    /// What this rank does of a pass, where there are several.
+    share: Option<Box<Share>>,
 }
 
 /// Batches whose contacts share no body if that can be arranged: a sweep of Gauss-Seidel computes them together.
@@ -282,7 +287,18 @@ impl BodyOperator {
             num_places,
             slots: slots.without_places(),
             cell: PackedCell::new(rigid, &packing.images, [1.0; 2]),
+            share: None,
         }
+    }
+
+    /// The ranks that do the passes together; `None` does all of them here. Not where a cell gives way.
+    pub(super) fn share_among(&mut self, ranks: Option<&Arc<Ranks>>) {
+        self.share = self.slots.share(ranks.filter(|_| self.cell.is_none()), BODIES);
+    }
+
+    /// What this rank does of a pass, where there are several.
+    pub(super) fn share(&self) -> Option<&Share> {
+        self.share.as_deref()
     }
 
     /// Vectors in an image: the [`BodyPair`] of every body, of the images, of the fixed one, and of a cell's L.
@@ -319,22 +335,34 @@ impl BodyOperator {
         slots: &[BodyPair],
         images: [&mut [Lanes]; K],
         tallies: &mut [Tally],
+        buffers: &mut Buffers,
         combination: &impl Combination<K>,
     ) -> f64 {
         let tasks = self.num_body_tasks();
-        let mut images = images;
-        let bodies = images.each_mut().map(|image| &mut image[..2 * self.num_bodies]);
+        let mut all = images;
+        let mut images = all.each_mut().map(|image| &mut image[..2 * self.num_bodies]);
         let tallies = &mut tallies[..tasks];
-        let no_extra = &mut [] as &mut [()];
-        for_each_task(0..tasks, 2 * BODIES, bodies, no_extra, &|_| 0, tallies, &|task, images, _, tally| {
+        let work = |first: usize, images: [&mut [Lanes]; K], tally: &mut Tally| {
             let images = images.map(|image| image.as_chunks_mut::<2>().0);
-            let first = task * BODIES;
             vectorised(BodyTask { operator: self, first, slots, images, tally, combination });
+        };
+        let own = self.share().map_or(0..tasks, Share::tasks);
+        let parts = part_of(images.each_mut().map(|image| &mut **image), &own, 2 * BODIES);
+        let no_extra = &mut [] as &mut [()];
+        let own_tallies = &mut tallies[own.clone()];
+        for_each_task(own, 2 * BODIES, parts, no_extra, &|_| 0, own_tallies, &|task, images, _, tally| {
+            work(task * BODIES, images, tally);
         });
-        let of_bodies = Totals::of(tallies).sum[0];
-        let Some(cell) = &self.cell else { return of_bodies };
-        let images = images.map(|image| image.as_chunks_mut::<2>().0);
-        of_bodies + cell.follow((slots, &self.slots), images, combination)
+        if let Some(cell) = &self.cell {
+            let images = all.map(|image| image.as_chunks_mut::<2>().0);
+            return Totals::of(tallies).sum[0] + cell.follow((slots, &self.slots), images, combination);
+        }
+        let Some(share) = self.share() else { return Totals::of(tallies).sum[0] };
+        for run in share.beyond() {
+            let images = images.each_mut().map(|image| &mut image[2 * run.start..2 * run.end]);
+            work(run.start, images, &mut Tally::default());
+        }
+        share.total_of_tasks(tallies, buffers)
     }
 
     /// As [`Self::sweep`] where contacts resist turning: a batch and its turning rows together, batches that share no body within

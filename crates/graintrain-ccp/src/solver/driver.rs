@@ -1,5 +1,6 @@
 //! What every solver needs around its iteration: when to stop, the best iterate, the report.
 
+use super::ranks::Ranks;
 use super::report::{SolveReport, Status};
 use super::settings::SolveSettings;
 use crate::newton::NewtonError;
@@ -8,6 +9,7 @@ use crate::problem::{Ccp, CcpError};
 use crate::residual::{Judge, Residual, ResidualScale};
 use graintrain_linalg::parallel::axpy;
 use graintrain_linalg::patience::Patience;
+use std::sync::Arc;
 use std::time::Instant;
 
 /// Said beside [`Status::Infeasible`].
@@ -63,13 +65,26 @@ impl<'a> Limits<'a> {
             Some(Status::Converged)
         } else if !residual.is_finite() {
             Some(Status::Stalled)
-        } else if self.settings.out_of_time(self.start) {
+        } else if self.is_over() {
             Some(Status::Stopped)
         } else if iterations >= self.max_iterations {
             Some(Status::IterationLimit)
         } else {
             None
         }
+    }
+
+    /// Whether time is up, or somebody asked to stop: on all ranks alike.
+    fn is_over(&self) -> bool {
+        if let Some(ranks) = &self.settings.ranks {
+            ranks.agree_to_stop();
+        }
+        self.settings.out_of_time(self.start)
+    }
+
+    /// The ranks that solve the problem together.
+    pub fn ranks(&self) -> Option<&Arc<Ranks>> {
+        self.settings.ranks.as_ref()
     }
 
     /// Iterations still allowed.

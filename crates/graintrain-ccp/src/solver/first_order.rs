@@ -4,6 +4,7 @@ use super::driver::{Best, Limits, Progress, check_start};
 use super::history::History;
 use super::interface::{CcpSolver, ITERATION_LIMIT};
 use super::lanes::{Batch, Lanes, Numbers};
+use super::ranks::Ranks;
 use super::report::{SolveReport, Status};
 use super::scaling::{Image, PassWork, ScaledProblem};
 use super::settings::SolveSettings;
@@ -13,6 +14,7 @@ use crate::delassus::{Delassus, DelassusIdentity};
 use crate::problem::{Ccp, CcpError, TurningFriction};
 use crate::residual::{FrictionModel, Residual, ResidualScale, velocity_scale};
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// A method that works on the scaled problem with passes.
 pub trait FirstOrderMethod: Send {
@@ -28,6 +30,8 @@ pub trait FirstOrderMethod: Send {
 
     /// Whether the method makes [sweeps](ScaledProblem::sweep).
     const SWEEPS: bool = false;
+    /// Whether the method does nothing but passes, of which each of several ranks can do a part.
+    const SHARED: bool = false;
 
     /// Improves the iterate until it says to stop.
     fn run(&mut self, scaled: &ScaledProblem, it: &mut Iterate<'_>);
@@ -48,17 +52,19 @@ pub struct FirstOrder<M> {
 
 /// A problem scaled and packed, in double or in single precision.
 trait Packed: Sized {
-    /// Of this problem, where that is possible; for sweeps or not.
-    fn of(problem: &Ccp, residual: &ResidualScale, sweeps: bool) -> Option<Self>;
+    /// Of this problem, where that is possible, for sweeps or not; of several ranks, each does its share of the passes.
+    fn of(problem: &Ccp, residual: &ResidualScale, sweeps: bool, ranks: Option<&Arc<Ranks>>) -> Option<Self>;
 
     /// Replaces r.
     fn replace_free_velocity(&mut self, r: &[f64]);
 }
 
 impl Packed for ScaledProblem {
-    fn of(problem: &Ccp, residual: &ResidualScale, sweeps: bool) -> Option<Self> {
+    fn of(problem: &Ccp, residual: &ResidualScale, sweeps: bool, ranks: Option<&Arc<Ranks>>) -> Option<Self> {
         let make = if sweeps { Self::for_sweeps } else { Self::new };
-        Some(make(problem, residual))
+        let mut scaled = make(problem, residual);
+        scaled.share_among(ranks);
+        Some(scaled)
     }
 
     fn replace_free_velocity(&mut self, r: &[f64]) {
@@ -67,8 +73,8 @@ impl Packed for ScaledProblem {
 }
 
 impl Packed for SingleProblem {
-    fn of(problem: &Ccp, residual: &ResidualScale, _: bool) -> Option<Self> {
-        Self::new(problem, residual)
+    fn of(problem: &Ccp, residual: &ResidualScale, _: bool, ranks: Option<&Arc<Ranks>>) -> Option<Self> {
+        Self::new(problem, residual, ranks)
     }
 
     fn replace_free_velocity(&mut self, r: &[f64]) {
@@ -82,15 +88,17 @@ struct Prepared<P> {
     friction: Vec<f64>,
     turning: Vec<TurningFriction>,
     velocity: f64,
+    ranks: Option<Arc<Ranks>>,
     packed: P,
 }
 
 impl<P: Packed> Prepared<P> {
     /// The last one with another r, where nothing else differs, or a new one.
-    fn of(problem: &Ccp, last: Option<Self>, sweeps: bool) -> Option<Self> {
+    fn of(problem: &Ccp, ranks: Option<&Arc<Ranks>>, last: Option<Self>, sweeps: bool) -> Option<Self> {
         if let Some(mut last) = last {
             let fits = last.delassus.is(&problem.delassus)
                 && last.velocity == velocity_scale(problem)
+                && last.ranks.as_ref().map(Arc::as_ptr) == ranks.map(Arc::as_ptr)
                 && last.friction == problem.friction
                 && last.turning == problem.turning;
             if fits {
@@ -104,7 +112,8 @@ impl<P: Packed> Prepared<P> {
             friction: problem.friction.clone(),
             turning: problem.turning.clone(),
             velocity: residual.velocity,
-            packed: P::of(problem, &residual, sweeps)?,
+            ranks: ranks.map(Arc::clone),
+            packed: P::of(problem, &residual, sweeps, ranks)?,
         })
     }
 }
@@ -163,7 +172,8 @@ impl<M: FirstOrderMethod> FirstOrder<M> {
             }
         }
         let start = impulse.to_vec();
-        let prepared = Prepared::<ScaledProblem>::of(problem, self.prepared.take(), M::SWEEPS);
+        let ranks = limits.ranks().filter(|_| M::SHARED);
+        let prepared = Prepared::<ScaledProblem>::of(problem, ranks, self.prepared.take(), M::SWEEPS);
         let mut prepared = prepared.expect("every problem can be packed in double precision");
         let scaled = &mut prepared.packed;
         scaled.set_friction_model(model);
@@ -174,11 +184,13 @@ impl<M: FirstOrderMethod> FirstOrder<M> {
         }
         self.method.run(scaled, &mut it);
         if let Some(last) = last {
+            scaled.complete(&mut it.x);
             scaled.unpack(&it.x, last);
         }
         let (status, iterations) = (it.status, it.iterations);
         let products = begun.products + it.work.products();
         it.best.restore(&mut it.x);
+        scaled.complete(&mut it.x);
         scaled.unpack(&it.x, impulse);
         // Steps along the boundary leave the cones by more than rounding (kucera: 1e-9 of an impulse).
         problem.project(impulse);
@@ -200,7 +212,8 @@ impl<M: FirstOrderMethod> FirstOrder<M> {
         model: FrictionModel,
         begun: &mut Begun,
     ) -> Option<SolveReport> {
-        let mut prepared = Prepared::<SingleProblem>::of(problem, self.single.take(), false)?;
+        let ranks = limits.ranks().filter(|_| M::SHARED);
+        let mut prepared = Prepared::<SingleProblem>::of(problem, ranks, self.single.take(), false)?;
         prepared.packed.set_friction_model(model);
         let start = impulse.to_vec();
         let mut it = SingleIterate::new(&prepared.packed, limits, last.as_deref().unwrap_or(impulse));

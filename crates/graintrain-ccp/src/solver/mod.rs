@@ -8,6 +8,7 @@
 //! | [`lanes`], [`tasks`], [`dispatch`] | vector registers and parallel loops |
 //! | [`scaling`], [`combination`] | the scaled problem and its passes |
 //! | [`octet`], `single`, `slots` | the same in single precision; where passes leave forces |
+//! | [`ranks`], `share` | processes that work on one problem, and the part of each |
 //! | [`first_order`] | what the first-order methods share |
 //! | [`auto`], [`coulomb`] | the choice among solvers, and exact friction by any of them |
 //! | [`path_following`] | exact friction where gradients do not get on |
@@ -38,10 +39,12 @@ pub mod lanes;
 pub mod octet;
 mod packing;
 pub mod path_following;
+pub mod ranks;
 pub mod report;
 mod row_operator;
 pub mod scaling;
 pub mod settings;
+mod share;
 mod single;
 mod slots;
 mod start;
@@ -54,5 +57,6 @@ pub use gauss_seidel::GaussSeidel;
 pub use history::ResidualSample;
 pub use interface::CcpSolver;
 pub use path_following::PathFollowing;
+pub use ranks::Ranks;
 pub use report::{SolveReport, Status};
 pub use settings::SolveSettings;

@@ -23,7 +23,9 @@ use super::combination::{Combination, Replace};
 use super::dispatch::vectorised;
 use super::lanes::{Batch, LANES, Lanes, ZERO, project};
 use super::packing::{EMPTY, pack, turning_batches, with_turning};
+use super::ranks::Ranks;
 use super::row_operator::RowOperator;
+use super::share::{Buffers, Share, part_of};
 use super::tasks::{CHUNK, Tally, Totals, for_each_task};
 use crate::delassus::Delassus;
 use crate::problem::Ccp;
@@ -33,6 +35,7 @@ use graintrain_linalg::block3::Block;
 use kernel::{Identity, NaturalMap, NaturalMapGiven, PowerStep, Store};
 use passes::{BodyPass, BodySweep, RowPass};
 use rayon::prelude::*;
+use std::sync::Arc;
 
 pub use contacts::{ContactBatch, Metric, TurningBatch};
 pub use kernel::{Kernel, KernelInput, Relaxation};
@@ -83,6 +86,7 @@ pub struct PassWork {
     slots: Vec<BodyPair>,
     scattered: Vec<Batch>,
     tallies: Vec<Tally>,
+    buffers: Buffers,
     products: usize,
 }
 
@@ -102,6 +106,11 @@ impl PassWork {
     pub fn count_product(&mut self) {
         self.products += 1;
     }
+}
+
+/// Batches, of so many, in some chunks.
+fn part_len(chunks: &std::ops::Range<usize>, batches: usize) -> usize {
+    (chunks.end * CHUNK).min(batches) - (chunks.start * CHUNK).min(batches)
 }
 
 /// The contact that a block row of N belongs to.
@@ -228,6 +237,22 @@ impl ScaledProblem {
         self.friction_model
     }
 
+    /// The ranks that do the passes together; `None` does all of them here. Over rows of N each does all of them.
+    pub fn share_among(&mut self, ranks: Option<&Arc<Ranks>>) {
+        if let Operator::Bodies(bodies) = &mut self.operator {
+            bodies.share_among(ranks);
+        }
+    }
+
+    /// A vector of which each rank has its part, complete on all ranks.
+    pub fn complete(&self, x: &mut [Batch]) {
+        if let Operator::Bodies(bodies) = &self.operator
+            && let Some(share) = bodies.share()
+        {
+            share.complete(x, CHUNK);
+        }
+    }
+
     /// Number of batches of every vector.
     pub fn num_batches(&self) -> usize {
         self.r.len()
@@ -254,12 +279,14 @@ impl ScaledProblem {
                 slots: vec![BodyPair::default(); bodies.num_slots()],
                 scattered: Vec::new(),
                 tallies: vec![Tally::default(); chunks.max(bodies.num_body_tasks())],
+                buffers: Buffers::default(),
                 products: 0,
             },
             Operator::Rows(_) => PassWork {
                 slots: Vec::new(),
                 scattered: self.zeros(),
                 tallies: vec![Tally::default(); chunks],
+                buffers: Buffers::default(),
                 products: 0,
             },
         }
@@ -342,7 +369,8 @@ impl ScaledProblem {
     ) -> f64 {
         match &self.operator {
             Operator::Bodies(bodies) => {
-                bodies.velocities(&work.slots, images, &mut work.tallies, combination)
+                let PassWork { slots, tallies, buffers, .. } = work;
+                bodies.velocities(slots, images, tallies, buffers, combination)
             }
             Operator::Rows(rows) => rows.multiply(&work.scattered, images, &mut work.tallies, combination),
         }
@@ -370,19 +398,20 @@ impl ScaledProblem {
         let batches = self.num_batches();
         let chunks = batches.div_ceil(CHUNK);
         let range = |chunk: usize| chunk * CHUNK..((chunk + 1) * CHUNK).min(batches);
-        let tallies = &mut work.tallies[..chunks];
+        let PassWork { slots, scattered, tallies, buffers, .. } = work;
+        let tallies = &mut tallies[..chunks];
         match &self.operator {
             Operator::Bodies(bodies) => {
                 let velocity = image.as_chunks::<2>().0;
                 let len = |chunks| bodies.slot_range(chunks).len();
-                let slots = &mut work.slots[..];
+                let own = bodies.share().map_or(0..chunks, Share::chunks);
                 for_each_task(
-                    0..chunks,
+                    own.clone(),
                     CHUNK,
-                    vectors,
-                    slots,
+                    part_of(vectors, &own, CHUNK),
+                    &mut slots[bodies.slot_range(own.clone())],
                     &len,
-                    tallies,
+                    &mut tallies[own],
                     &|chunk, vectors, slots, tally| {
                         let batches = range(chunk);
                         vectorised(BodyPass::<M, GATHER, SCATTER, _> {
@@ -397,13 +426,14 @@ impl ScaledProblem {
                         });
                     },
                 );
+                if let Some(share) = bodies.share() {
+                    share.passed(LANES * part_len(&share.chunks(), batches));
+                    return share.end_pass(SCATTER.then_some(&mut slots[..]), tallies, buffers);
+                }
             }
             Operator::Rows(_) => {
                 let product = image.as_chunks::<3>().0;
-                let len = |chunks: std::ops::Range<usize>| {
-                    (chunks.end * CHUNK).min(batches) - (chunks.start * CHUNK).min(batches)
-                };
-                let scattered = &mut work.scattered[..];
+                let len = |chunks: std::ops::Range<usize>| part_len(&chunks, batches);
                 for_each_task(
                     0..chunks,
                     CHUNK,

@@ -1,5 +1,6 @@
 //! When a solver stops, and which problem it solves.
 
+use super::ranks::Ranks;
 use crate::residual::{FrictionModel, Judge};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -23,6 +24,9 @@ pub struct SolveSettings {
     pub curvature: Option<f64>,
     /// Stop as soon as this is set (Ctrl-C), with the best iterate.
     pub stop: Option<Arc<AtomicBool>>,
+    /// The ranks that solve this problem together, each with the same problem and start. Methods that cannot share their work do it on
+    /// all ranks alike. `stop` has to be [theirs](Ranks::stop), and `max_time` `None`: clocks differ.
+    pub ranks: Option<Arc<Ranks>>,
 }
 
 impl Default for SolveSettings {
@@ -35,6 +39,7 @@ impl Default for SolveSettings {
             friction: FrictionModel::Relaxed,
             curvature: None,
             stop: None,
+            ranks: None,
         }
     }
 }

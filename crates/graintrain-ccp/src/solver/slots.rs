@@ -1,9 +1,12 @@
 //! Where a pass over the contacts leaves the forces on bodies.
 
 use super::packing::{EMPTY, Packing};
+use super::ranks::Ranks;
+use super::share::Share;
 use crate::delassus::RigidDelassus;
 use rayon::prelude::*;
 use std::ops::Range;
+use std::sync::Arc;
 
 /// Slots: a chunk of contacts sums the forces on its bodies in slots of its own, then every body adds its slots in a fixed order. No two
 /// threads write to one place, and the bits do not depend on their number. Slot 0 of a chunk takes what acts on fixed bodies. Images of bodies
@@ -93,6 +96,13 @@ impl SlotTable {
     /// Slots of a range of chunks.
     pub(super) fn of_chunks(&self, chunks: Range<usize>) -> Range<usize> {
         self.chunk_start[chunks.start]..self.chunk_start[chunks.end]
+    }
+
+    /// The share of a rank in passes over these chunks and over tasks of so many bodies.
+    pub(super) fn share(&self, ranks: Option<&Arc<Ranks>>, task_len: usize) -> Option<Box<Share>> {
+        let bodies = self.slot_start.len() - 1;
+        let share = Share::new(ranks?, &self.chunk_start, bodies, task_len, |body| self.of_body(body));
+        share.map(Box::new)
     }
 
     /// Slots of the body at a place.

@@ -26,6 +26,13 @@ impl<V: Vector> Tally<V> {
     }
 }
 
+impl Tally {
+    /// What the lanes of one chunk add up to.
+    pub(super) fn totals(&self) -> Totals {
+        Totals { sum: self.sum.map(|sum| sum.sum()), max: self.max.largest() }
+    }
+}
+
 /// The sums and the maximum over all contacts.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Totals {
@@ -39,16 +46,18 @@ impl Totals {
     /// Adds the chunks in their order.
     pub fn of(tallies: &[Tally]) -> Self {
         let mut totals = Self::default();
-        for tally in tallies {
-            for (total, sum) in totals.sum.iter_mut().zip(&tally.sum) {
-                *total += sum.sum();
-            }
-            let largest = tally.max.largest();
-            if largest.is_nan() || largest > totals.max {
-                totals.max = largest;
-            }
-        }
+        tallies.iter().for_each(|tally| totals.add(&tally.totals()));
         totals
+    }
+
+    /// Adds the next chunk.
+    pub(super) fn add(&mut self, chunk: &Self) {
+        for (total, sum) in self.sum.iter_mut().zip(chunk.sum) {
+            *total += sum;
+        }
+        if chunk.max.is_nan() || chunk.max > self.max {
+            self.max = chunk.max;
+        }
     }
 }
 

@@ -21,6 +21,7 @@ mod tolerance_study;
 mod verify;
 mod view;
 
+use crate::crew::Crew;
 use crate::error::Failure;
 use std::process::ExitCode;
 
@@ -49,12 +50,29 @@ pub enum Command {
     Man(man::Arguments),
 }
 
+/// What several processes can do together.
+#[derive(clap::Subcommand)]
+pub enum RankCommand {
+    Run(run::Arguments),
+    Resume(resume::Arguments),
+}
+
+impl RankCommand {
+    /// Carries the command out.
+    pub fn execute(self, crew: &Crew) -> Result<ExitCode, Failure> {
+        match self {
+            Self::Run(arguments) => run::execute(&arguments, crew),
+            Self::Resume(arguments) => resume::execute(&arguments, crew),
+        }
+    }
+}
+
 impl Command {
     /// Carries the command out; `program` is the whole command line, for those that describe it.
     pub fn execute(self, program: fn() -> clap::Command) -> Result<ExitCode, Failure> {
         match self {
-            Self::Run(arguments) => run::execute(&arguments),
-            Self::Resume(arguments) => resume::execute(&arguments),
+            Self::Run(arguments) => run::execute(&arguments, &Crew::alone()?),
+            Self::Resume(arguments) => resume::execute(&arguments, &Crew::alone()?),
             Self::Check(arguments) => check::execute(&arguments),
             Self::Scenes(arguments) => scenes::execute(&arguments),
             Self::View(arguments) => view::execute(&arguments),

@@ -1,9 +1,9 @@
 //! `graintrain resume`: go on with a run that was stopped or killed.
 
+use crate::crew::Crew;
 use crate::error::Failure;
-use crate::signal::Stop;
 use crate::solving;
-use crate::stepping::{SteppingOptions, make_steps, output_failure};
+use crate::stepping::{Begun, SteppingOptions, make_steps, output_failure};
 use crate::terminal::{say, tell};
 use graintrain::ccp::Judge;
 use graintrain_io::checkpoint::{self, CheckpointError};
@@ -13,7 +13,6 @@ use graintrain_io::run::Run;
 use graintrain_io::scene;
 use std::path::PathBuf;
 use std::process::ExitCode;
-use std::sync::Arc;
 
 /// Continue a run that was stopped or killed, to the bits of an uninterrupted one
 #[derive(clap::Args)]
@@ -42,16 +41,23 @@ pub struct Arguments {
     stepping: SteppingOptions,
 }
 
-pub fn execute(arguments: &Arguments) -> Result<ExitCode, Failure> {
-    let stop = Stop::listen()?;
+pub fn execute(arguments: &Arguments, crew: &Crew) -> Result<ExitCode, Failure> {
+    match crew.agree(begin(arguments, crew))? {
+        Some(begun) => make_steps(begun, &arguments.stepping, crew),
+        None => Ok(ExitCode::SUCCESS),
+    }
+}
+
+/// The run where it was, and what writes it down where this process does; `None` where all of it is done.
+fn begin(arguments: &Arguments, crew: &Crew) -> Result<Option<Begun>, Failure> {
     let folder = &arguments.folder;
     let checkpoints = folder.join("checkpoints");
     if !checkpoint::is_in(&checkpoints) {
         let remedy = "resume takes the folder that `graintrain run` wrote";
         return Err(Failure::input_error(CheckpointError::None { folder: checkpoints }, remedy));
     }
-    // Before the checkpoint is read: no other process may write a later one in between.
-    let taken = RunFolder::open(folder).map_err(output_failure)?;
+    // Before the checkpoint is read: no other program may write a later one in between.
+    let taken = if crew.writes() { Some(RunFolder::open(folder).map_err(output_failure)?) } else { None };
     let (checkpoint, defects) = checkpoint::latest(&checkpoints).map_err(|error| {
         let anew = format!("begin anew: graintrain run {0}/scene.toml --out {0} --force", folder.display());
         Failure::input_error(error, anew)
@@ -79,7 +85,7 @@ pub fn execute(arguments: &Arguments) -> Result<ExitCode, Failure> {
             world.step,
             settings.steps
         );
-        return Ok(ExitCode::SUCCESS);
+        return Ok(None);
     }
     if !arguments.stepping.quiet {
         say!(
@@ -91,8 +97,9 @@ pub fn execute(arguments: &Arguments) -> Result<ExitCode, Failure> {
             folder.display()
         );
     }
-    let run = Run::new(world, settings, checkpoint.totals, Arc::clone(&stop.requested))
+    let run = Run::new(world, settings, checkpoint.totals, crew.stop_flag())
         .map_err(|error| Failure::input_error(error, "`graintrain solvers` lists the solvers"))?;
+    let Some(taken) = taken else { return Ok(Some(Begun { run, recorder: None })) };
     let recorder = Recorder::resume(taken, &run.settings, &run.world).map_err(output_failure)?;
     for bad in recorder.set_aside() {
         tell!(
@@ -100,5 +107,5 @@ pub fn execute(arguments: &Arguments) -> Result<ExitCode, Failure> {
             bad.display()
         );
     }
-    make_steps(run, recorder, &arguments.stepping, &stop)
+    Ok(Some(Begun { run, recorder: Some(recorder) }))
 }

@@ -1,18 +1,18 @@
 //! `graintrain run`: simulate a scene.
 
+use crate::crew::Crew;
 use crate::error::Failure;
 use crate::scene_failure::scene_failure;
-use crate::signal::Stop;
-use crate::stepping::{SteppingOptions, make_steps, output_failure};
+use crate::stepping::{Begun, SteppingOptions, make_steps, output_failure};
 use crate::terminal::say;
 use graintrain::material::Materials;
+use graintrain::world::World;
 use graintrain_io::output::folder::{PrepareError, RunFolder};
 use graintrain_io::output::recorder::Recorder;
 use graintrain_io::run::{Run, RunSettings, RunTotals};
 use graintrain_io::scene::{self, Scene};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use std::sync::Arc;
 
 /// Simulate a scene
 #[derive(clap::Args)]
@@ -92,8 +92,13 @@ impl Arguments {
     }
 }
 
-pub fn execute(arguments: &Arguments) -> Result<ExitCode, Failure> {
-    let stop = Stop::listen()?;
+pub fn execute(arguments: &Arguments, crew: &Crew) -> Result<ExitCode, Failure> {
+    let begun = crew.agree(begin(arguments, crew))?;
+    make_steps(begun, &arguments.stepping, crew)
+}
+
+/// The run, and what writes it down where this process does.
+fn begin(arguments: &Arguments, crew: &Crew) -> Result<Begun, Failure> {
     let scene = Scene::load(&arguments.scene, &arguments.scene_settings()?).map_err(scene_failure)?;
     let simulation = scene.build().map_err(scene_failure)?;
     let spins = |materials: &Materials| materials.spinning.iter().any(|resistance| !resistance.is_none());
@@ -110,7 +115,24 @@ pub fn execute(arguments: &Arguments) -> Result<ExitCode, Failure> {
     }
     let settings = RunSettings::new(&simulation, arguments.dump_problem);
     let resolved = simulation.resolved.to_toml().map_err(scene_failure)?;
+    let recorder = if crew.writes() {
+        Some(record(arguments, &scene, &settings, &simulation.world, &resolved)?)
+    } else {
+        None
+    };
+    let run = Run::new(simulation.world, settings, RunTotals::default(), crew.stop_flag())
+        .map_err(|error| Failure::input_error(error, ""))?;
+    Ok(Begun { run, recorder })
+}
 
+/// Takes the folder for the results and begins them.
+fn record(
+    arguments: &Arguments,
+    scene: &Scene,
+    settings: &RunSettings,
+    world: &World,
+    resolved: &str,
+) -> Result<Recorder, Failure> {
     let folder = match &arguments.out {
         Some(folder) => folder.clone(),
         None => default_folder(&scene.name, arguments.force),
@@ -126,7 +148,7 @@ pub fn execute(arguments: &Arguments) -> Result<ExitCode, Failure> {
         say!(
             "{}: {} bodies, {} steps of {} s, {} to residual {:.0e} -> {}\n",
             settings.scene,
-            simulation.world.bodies.len(),
+            world.bodies.len(),
             settings.steps,
             settings.stepping.step,
             settings.stepping.solver,
@@ -134,10 +156,7 @@ pub fn execute(arguments: &Arguments) -> Result<ExitCode, Failure> {
             folder.display()
         );
     }
-    let recorder = Recorder::begin(taken, &settings, &simulation.world, &resolved).map_err(output_failure)?;
-    let run = Run::new(simulation.world, settings, RunTotals::default(), Arc::clone(&stop.requested))
-        .map_err(|error| Failure::input_error(error, ""))?;
-    make_steps(run, recorder, &arguments.stepping, &stop)
+    Recorder::begin(taken, settings, world, resolved).map_err(output_failure)
 }
 
 /// `out/NAME`; where something is there, `out/NAME-2` and so on, unless it is to be replaced.

@@ -5,7 +5,7 @@ use super::contacts::lines;
 use super::exchange::PeriodicBox;
 use super::folder::RunFolder;
 use super::pvd::FrameList;
-use super::summary::{RunStatus, Summary};
+use super::summary::{RankSummary, RunStatus, Summary};
 use super::surfaces::{Show, surfaces};
 use super::tables::Tables;
 use super::vtm::Blocks;
@@ -38,6 +38,8 @@ pub struct Recorder {
     last_checkpoint: Instant,
     /// Set from outside to ask for a checkpoint after the step under way.
     pub checkpoint_wanted: Arc<AtomicBool>,
+    /// What is told of the processes of this session, where there are several.
+    pub ranks: Option<RankSummary>,
 }
 
 impl Recorder {
@@ -63,6 +65,7 @@ impl Recorder {
             contacts: FrameList::new(path.join("contacts.pvd")),
             last_checkpoint: Instant::now(),
             checkpoint_wanted: Arc::default(),
+            ranks: None,
             folder,
         };
         recorder.frame(world, &Roster::default())?;
@@ -86,6 +89,7 @@ impl Recorder {
             contacts: list("contacts.pvd")?,
             last_checkpoint: Instant::now(),
             checkpoint_wanted: Arc::default(),
+            ranks: None,
             folder,
         })
     }
@@ -120,7 +124,7 @@ impl Recorder {
         self.tables.sync()?;
         checkpoint::write(&self.folder.path().join("checkpoints"), &self.settings, totals, world)?;
         self.last_checkpoint = Instant::now();
-        let summary = Summary::new(world, &self.settings, totals, status);
+        let summary = Summary { ranks: self.ranks, ..Summary::new(world, &self.settings, totals, status) };
         summary.write(self.folder.path())?;
         Ok(summary)
     }

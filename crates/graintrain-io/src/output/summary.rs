@@ -7,6 +7,8 @@ use crate::run::{RunSettings, RunTotals};
 use crate::stage::StageRecord;
 use crate::stream::{Amount, StreamState};
 use graintrain::world::World;
+use graintrain_ccp::Ranks;
+use graintrain_ccp::solver::ranks::Spent;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -156,6 +158,42 @@ pub struct Summary {
     pub peak_memory_bytes: Option<u64>,
     /// Hash of the final state's bits, hexadecimal.
     pub state_hash: String,
+    /// The processes of the last session, where it had several.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub ranks: Option<RankSummary>,
+}
+
+/// What several processes shared, and what that cost; of the last session, up to its end.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct RankSummary {
+    /// Number of processes.
+    pub ranks: usize,
+    /// Contacts that the busiest of them passed over in shared solves, over the mean; 1 where they shared none.
+    pub imbalance: f64,
+    /// Bytes that all of them sent.
+    pub communication_bytes: u64,
+    /// Seconds in communication, with waiting for those that come later; mean over the processes.
+    pub communication_seconds: f64,
+    /// The same of the process that spent most.
+    pub communication_seconds_max: f64,
+}
+
+impl RankSummary {
+    /// What the ranks have spent so far. Every rank has to ask at the same time.
+    pub fn of(ranks: &Ranks) -> Self {
+        let Spent { bytes, seconds, contacts } = ranks.spent();
+        let [bytes, contacts] = [bytes, contacts].map(|mine| ranks.numbers(mine));
+        let seconds: Vec<f64> = ranks.numbers(seconds.to_bits()).into_iter().map(f64::from_bits).collect();
+        let (count, sum) = (ranks.count() as f64, contacts.iter().sum::<u64>());
+        let busiest = contacts.into_iter().max().unwrap_or_default();
+        Self {
+            ranks: ranks.count(),
+            imbalance: if sum == 0 { 1.0 } else { busiest as f64 * count / sum as f64 },
+            communication_bytes: bytes.iter().sum(),
+            communication_seconds: seconds.iter().sum::<f64>() / count,
+            communication_seconds_max: seconds.iter().copied().fold(0.0, f64::max),
+        }
+    }
 }
 
 /// A stream.
@@ -284,6 +322,7 @@ impl Summary {
             kinetic_energy: world.kinetic_energy(),
             peak_memory_bytes: peak_memory_bytes(),
             state_hash: format!("{:016x}", world.state_hash()),
+            ranks: None,
         }
     }
 

@@ -6,13 +6,16 @@ use super::mesh::turned_bounds;
 use super::narrow::{Collidable, Placed, body_contacts};
 use super::reduce::Touch;
 use super::sweep::{advanced, arrivals, time_of_impact};
+use super::words::{contacts_from, words_of};
 use crate::contact::Contact;
 use crate::math::{Mat3, Vec3};
 use crate::shape::{Geometry, Part, Shape};
 use crate::world::World;
+use graintrain_ccp::Ranks;
 use parry3d_f64::bounding_volume::Aabb;
 use parry3d_f64::partitioning::{Bvh, BvhBuildStrategy};
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// Bodies per parallel task. Fixed, so that tasks and their order do not depend on threads.
 const TASK: usize = 256;
@@ -27,6 +30,7 @@ const SIMILAR: f64 = 2.5;
 #[derive(Default)]
 pub struct Collider {
     forms: Vec<Collidable>,
+    ranks: Option<Arc<Ranks>>,
 }
 
 /// Two bodies that overlap.
@@ -161,6 +165,12 @@ impl Unbounded {
 }
 
 impl Collider {
+    /// Looks for contacts together with other processes, each of which has the same world and asks for the same: each looks around the
+    /// bodies of its part, and all get all contacts.
+    pub fn share_among(&mut self, ranks: Arc<Ranks>) {
+        self.ranks = Some(ranks);
+    }
+
     /// All contacts with gap up to the envelope, m, and those further apart that would close within `step` seconds at
     /// the present velocities and under gravity, or if one of both came to rest (else fast bodies would be found deep inside each
     /// other: of two grains that fall together, the lower lands first); except between bodies that are both fully prescribed, and
@@ -188,7 +198,9 @@ impl Collider {
         self.update_forms(world);
         let sorted = self.sort(world, look.envelope, look.step);
         let bodies = world.bodies.len();
-        let tasks: Vec<Vec<Contact>> = (0..bodies.div_ceil(TASK))
+        let all_tasks = bodies.div_ceil(TASK);
+        let own_tasks = self.ranks.as_ref().map_or(0..all_tasks, |ranks| ranks.part_of(all_tasks));
+        let tasks: Vec<Vec<Contact>> = own_tasks
             .into_par_iter()
             .map(|task| {
                 let own = task * TASK..((task + 1) * TASK).min(bodies);
@@ -200,6 +212,9 @@ impl Collider {
             })
             .collect();
         let mut contacts = tasks.concat();
+        if let Some(ranks) = &self.ranks {
+            contacts = contacts_from(&ranks.join(&words_of(&contacts)));
+        }
         let joined = world.joined_pairs();
         if !joined.is_empty() {
             let pair = |c: &Contact| [c.body_a.min(c.body_b), c.body_a.max(c.body_b)];

@@ -14,6 +14,7 @@
 //! | `sweep` | when fast bodies meet within a step, and the contact that lets them arrive |
 //! | `union` | what overlapping parts of a compound have in common |
 //! | [`places`] | whether there is room for another body |
+//! | `words` | contacts as they travel between processes |
 //! | `identity` | the same number for the same contact from step to step |
 
 mod broad;
@@ -34,5 +35,6 @@ mod reduce;
 mod sampled_motions;
 pub(crate) mod sweep;
 pub(crate) mod union;
+mod words;
 
 pub use broad::{Collider, Overlap, deepest_overlap, meshes_that_meet};

@@ -4,7 +4,7 @@ use super::super::lanes::{Batch, add, cross, dot, scale, sub};
 use super::super::octet::{EIGHT, Octet, SingleVector};
 
 /// Bodies A and B of eight contacts: places in an image and in the slots of the chunk.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Bodies {
     pub(super) place: [[u32; EIGHT]; 2],
     pub(super) slot: [[u16; EIGHT]; 2],
@@ -55,7 +55,7 @@ pub(super) fn load<V: SingleVector>(a: &Batch<Octet>) -> Batch<V> {
 /// ```text
 /// D^T v = (n . v, t1 . v + t2 . W, t2 . v - t1 . W),   v = u_A - u_B;     n x p = x_1 t2 - x_2 t1
 /// ```
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Radial {
     /// Scaled rows n, t1, t2.
     pub(super) rows: [Batch<Octet>; 3],
@@ -86,7 +86,7 @@ impl Geometry for Radial {
 }
 
 /// Contacts with any arms.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub(super) struct General {
     /// Scaled rows n, t1, t2.
     pub(super) rows: [Batch<Octet>; 3],

@@ -89,9 +89,11 @@ impl<'a> SingleIterate<'a> {
     /// The impulses to hand over: the best ones and, into `last`, the last ones.
     pub fn unpack(&mut self, impulse: &mut [f64], last: Option<&mut [f64]>) {
         if let Some(last) = last {
+            self.problem.complete(&mut self.x);
             self.problem.unpack(&self.x, last);
         }
         self.best.restore(&mut self.x);
+        self.problem.complete(&mut self.x);
         self.problem.unpack(&self.x, impulse);
     }
 

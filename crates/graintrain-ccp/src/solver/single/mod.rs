@@ -15,6 +15,7 @@ use super::cell_images::PackedCell;
 use super::lanes::Batch;
 use super::octet::{EIGHT, Octet};
 use super::packing::{Packing, pack};
+use super::ranks::Ranks;
 use super::scaling::{Metric, block_scaling};
 use super::settings::SolveSettings;
 use super::slots::SlotTable;
@@ -22,8 +23,9 @@ use crate::delassus::{BodyInverseMass, Delassus, FIXED, RigidContact, RigidDelas
 use crate::problem::Ccp;
 use crate::residual::{FrictionModel, Judge, ResidualScale};
 use geometry::{Bodies, General, Radial};
-use operator::{Arrangement, CHUNK, ContactNumbers, InverseMasses, SingleOperator};
+use operator::{Arrangement, BODIES, CHUNK, ContactNumbers, InverseMasses, SingleOperator, own_batches};
 use rayon::prelude::*;
+use std::sync::Arc;
 
 pub use iterate::SingleIterate;
 
@@ -123,15 +125,18 @@ fn inverse_masses(packing: &Packing, all: &[BodyInverseMass], [mobility, length]
 }
 
 impl SingleProblem {
-    /// Scales and packs a problem that [`suits`]. `None` where a number leaves the range of single precision.
-    pub(super) fn new(problem: &Ccp, residual: &ResidualScale) -> Option<Self> {
+    /// Scales and packs a problem that [`suits`], for `ranks` that do the passes together what this one needs. `None` where a number
+    /// leaves the range of single precision.
+    pub(super) fn new(problem: &Ccp, residual: &ResidualScale, ranks: Option<&Arc<Ranks>>) -> Option<Self> {
         let Delassus::Rigid(rigid) = &*problem.delassus else { return None };
         let packing = pack(rigid);
         let slots = SlotTable::new(rigid, &packing, CHUNK * EIGHT);
+        let share = slots.share(ranks.filter(|_| rigid.cell().is_none()), BODIES);
         let scaling = block_scaling(problem, residual);
         let [mobility, length] = units(rigid);
         let scale = mobility.sqrt();
         let batches = packing.contacts.len().div_ceil(EIGHT);
+        let own = own_batches(share.as_deref(), batches);
         let fixed = packing.num_places() as u32;
         let bodies = Bodies { place: [[fixed; EIGHT]; 2], slot: [[0; EIGHT]; 2] };
         let contact_at = |i: u32| (&rigid.contacts()[i as usize], &scaling[i as usize]);
@@ -159,6 +164,9 @@ impl SingleProblem {
             rigid.contacts().par_iter().with_min_len(CHUNK * EIGHT).map(radial_arms).collect();
         let arrangement = if let Some(radial) = radial {
             let of = |(batch, order): (usize, &[u32])| {
+                if !own.contains(&batch) {
+                    return Radial::default();
+                }
                 let (rows, bodies) = batch_of((batch, order));
                 let mut arms = [Octet::default(); 2];
                 for (lane, &i) in order.iter().enumerate() {
@@ -171,6 +179,9 @@ impl SingleProblem {
             Arrangement::Radial(all_batches.map(of).collect())
         } else {
             let of = |(batch, order): (usize, &[u32])| {
+                if !own.contains(&batch) {
+                    return General::default();
+                }
                 let (rows, bodies) = batch_of((batch, order));
                 let mut arms = [[Octet::default(); 3]; 2];
                 for (lane, &i) in order.iter().enumerate() {
@@ -194,6 +205,7 @@ impl SingleProblem {
             slots: slots.without_places(),
             num_places: packing.num_places(),
             cell: PackedCell::new(rigid, &packing.images, [mobility, length]),
+            share,
         };
         let mut single = Self {
             operator,
@@ -204,9 +216,9 @@ impl SingleProblem {
             friction_model: FrictionModel::Relaxed,
         };
         let Self { operator, order, unit, metric, .. } = &mut single;
-        let own =
-            operator.contacts.par_iter_mut().zip(metric).zip(order.par_chunks(EIGHT)).with_min_len(CHUNK);
-        own.for_each(|((numbers, metric), order)| {
+        let numbers = operator.contacts[own.clone()].par_iter_mut().zip(&mut metric[own.clone()]);
+        let own = numbers.zip(order.par_chunks(EIGHT).skip(own.start).take(own.len()));
+        own.with_min_len(CHUNK).for_each(|((numbers, metric), order)| {
             for (lane, &i) in order.iter().enumerate() {
                 let i = i as usize;
                 let (eta, mu) = (residual.eta[i], problem.friction[i]);
@@ -216,7 +228,12 @@ impl SingleProblem {
             }
         });
         single.set_free_velocity(&problem.r);
-        single.is_finite().then_some(single)
+        let finite = single.is_finite();
+        let all_finite = match ranks {
+            Some(ranks) => ranks.numbers(u64::from(finite)).iter().all(|&finite| finite != 0),
+            None => finite,
+        };
+        all_finite.then_some(single)
     }
 
     /// Whether no number has left the range of single precision.
@@ -236,8 +253,9 @@ impl SingleProblem {
     /// Replaces r, for another problem with the same N and mu.
     pub(super) fn set_free_velocity(&mut self, r: &[f64]) {
         let Self { operator, order, unit, size, .. } = self;
-        let own = operator.contacts.par_iter_mut().zip(order.par_chunks(EIGHT)).with_min_len(CHUNK);
-        own.for_each(|(numbers, order)| {
+        let own = operator.own_batches();
+        let order = order.par_chunks(EIGHT).skip(own.start).take(own.len());
+        operator.contacts[own].par_iter_mut().zip(order).with_min_len(CHUNK).for_each(|(numbers, order)| {
             for (lane, &i) in order.iter().enumerate() {
                 let i = i as usize;
                 for k in 0..3 {
@@ -251,6 +269,13 @@ impl SingleProblem {
     /// The problem that the residual and the steps are of; relaxed at first.
     pub(super) fn set_friction_model(&mut self, model: FrictionModel) {
         self.friction_model = model;
+    }
+
+    /// A vector of which each rank has its part, complete on all ranks.
+    fn complete(&self, x: &mut [Batch<Octet>]) {
+        if let Some(share) = &self.operator.share {
+            share.complete(x, CHUNK);
+        }
     }
 
     /// Number of contacts.

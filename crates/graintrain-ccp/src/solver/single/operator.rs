@@ -4,16 +4,18 @@ use super::super::cell_images::PackedCell;
 use super::super::combination::Combination;
 use super::super::dispatch::vectorised;
 use super::super::lanes::{Batch, add, tangential_length, zero};
-use super::super::octet::{InSingle, Octet, SingleVector, SingleWork};
+use super::super::octet::{EIGHT, InSingle, Octet, SingleVector, SingleWork};
+use super::super::share::{Buffers, Share, part_of};
 use super::super::slots::SlotTable;
 use super::super::tasks::{Tally, Totals, for_each_task};
 use super::geometry::{General, Geometry, Radial, load};
 use super::kernel::{Seen, SingleKernel, SingleTally};
+use std::ops::Range;
 
 /// Batches per chunk of contacts: as many contacts as a chunk in double precision.
 pub(super) const CHUNK: usize = 128;
 /// Bodies per parallel task.
-const BODIES: usize = 1024;
+pub(super) const BODIES: usize = 1024;
 /// So many batches ahead a pass asks for geometry.
 const PREFETCH: usize = 6;
 
@@ -45,6 +47,7 @@ pub(super) struct InverseMasses {
 pub struct SingleScratch {
     slots: Vec<Octet>,
     tallies: Vec<Tally>,
+    buffers: Buffers,
 }
 
 /// N' and r'.
@@ -58,6 +61,14 @@ pub(super) struct SingleOperator {
     pub(super) num_places: usize,
     /// A periodic cell that gives way.
     pub(super) cell: Option<PackedCell>,
+    /// What this rank does of a pass, where there are several.
+    pub(super) share: Option<Box<Share>>,
+}
+
+/// Batches, of so many, of the chunks that a share has; all of them where there is none.
+pub(super) fn own_batches(share: Option<&Share>, batches: usize) -> Range<usize> {
+    let bound = |chunk: usize| (chunk * CHUNK).min(batches);
+    share.map_or(0..batches, |share| bound(share.chunks().start)..bound(share.chunks().end))
 }
 
 impl SingleOperator {
@@ -71,7 +82,13 @@ impl SingleOperator {
         SingleScratch {
             slots: vec![Octet::default(); self.slots.len()],
             tallies: vec![Tally::default(); tasks],
+            buffers: Buffers::default(),
         }
+    }
+
+    /// Batches of the chunks of this rank.
+    pub(super) fn own_batches(&self) -> Range<usize> {
+        own_batches(self.share.as_deref(), self.contacts.len())
     }
 
     fn num_body_tasks(&self) -> usize {
@@ -107,10 +124,14 @@ impl SingleOperator {
         kernel: &impl SingleKernel<M>,
     ) -> Totals {
         let chunks = geometry.len().div_ceil(CHUNK);
-        let tallies = &mut scratch.tallies[..chunks];
+        let SingleScratch { slots, tallies, buffers } = scratch;
+        let tallies = &mut tallies[..chunks];
         let len = |chunks| self.slots.of_chunks(chunks).len();
-        let slots = &mut scratch.slots[..];
-        for_each_task(0..chunks, CHUNK, vectors, slots, &len, tallies, &|chunk, vectors, slots, tally| {
+        let own = self.share.as_deref().map_or(0..chunks, Share::chunks);
+        let vectors = part_of(vectors, &own, CHUNK);
+        let own_slots = &mut slots[self.slots.of_chunks(own.clone())];
+        let own_tallies = &mut tallies[own.clone()];
+        for_each_task(own, CHUNK, vectors, own_slots, &len, own_tallies, &|chunk, vectors, slots, tally| {
             let first = chunk * CHUNK;
             let contacts = &self.contacts[first..];
             let geometry = &geometry[first..];
@@ -125,7 +146,9 @@ impl SingleOperator {
                 kernel,
             }));
         });
-        Totals::of(tallies)
+        let Some(share) = &self.share else { return Totals::of(tallies) };
+        share.passed(EIGHT * self.own_batches().len());
+        share.end_pass(SCATTER.then_some(&mut slots[..]), tallies, buffers)
     }
 
     /// Combines the image of what the contacts left in the slots with images; the quadratic form, force dot velocity.
@@ -137,18 +160,29 @@ impl SingleOperator {
     ) -> f64 {
         let tasks = self.num_body_tasks();
         let bodies = self.masses.diagonal.len();
-        let mut images = images;
-        let of_bodies = images.each_mut().map(|image| &mut image[..bodies]);
-        let tallies = &mut scratch.tallies[..tasks];
-        let slots = &scratch.slots[..];
-        let no_extra = &mut [] as &mut [()];
-        for_each_task(0..tasks, BODIES, of_bodies, no_extra, &|_| 0, tallies, &|task, images, _, tally| {
-            let first = task * BODIES;
+        let mut all = images;
+        let mut images = all.each_mut().map(|image| &mut image[..bodies]);
+        let SingleScratch { slots, tallies, buffers } = scratch;
+        let (slots, tallies) = (&slots[..], &mut tallies[..tasks]);
+        let work = |first: usize, images: [&mut [Octet]; K], tally: &mut Tally| {
             vectorised(InSingle(BodyPass { operator: self, first, slots, images, tally, combination }));
+        };
+        let own = self.share.as_deref().map_or(0..tasks, Share::tasks);
+        let parts = part_of(images.each_mut().map(|image| &mut **image), &own, BODIES);
+        let no_extra = &mut [] as &mut [()];
+        let own_tallies = &mut tallies[own.clone()];
+        for_each_task(own, BODIES, parts, no_extra, &|_| 0, own_tallies, &|task, images, _, tally| {
+            work(task * BODIES, images, tally);
         });
-        let of_bodies = Totals::of(tallies).sum[0];
-        let Some(cell) = &self.cell else { return of_bodies };
-        of_bodies + cell.follow((slots, &self.slots), images, combination)
+        if let Some(cell) = &self.cell {
+            return Totals::of(tallies).sum[0] + cell.follow((slots, &self.slots), all, combination);
+        }
+        let Some(share) = &self.share else { return Totals::of(tallies).sum[0] };
+        for run in share.beyond() {
+            let images = images.each_mut().map(|image| &mut image[run.clone()]);
+            work(run.start, images, &mut Tally::default());
+        }
+        share.total_of_tasks(tallies, buffers)
     }
 }
 
