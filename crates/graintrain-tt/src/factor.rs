@@ -8,10 +8,10 @@
 //! Householder reflections. (Al Daas, Ballard, Manning, Parallel tensor train rounding using Gram SVD, 2022, take Gram
 //! matrices throughout and lose half the digits where trains cancel.)
 
+use crate::blocks::{Triangle, gram, lower_gram, multiply_triangle};
 use crate::round::{Budget, sum_of_squares};
 use graintrain_linalg::dense::{
-    Cholesky, DenseError, Matrix, Triangle, View, gram, left_svd, multiply_add, multiply_triangle, product,
-    qr_triangle, symmetric_eigen,
+    Cholesky, DenseError, Matrix, View, left_svd, multiply_add, product, qr_triangle, symmetric_eigen,
 };
 
 /// Largest ||D R^-1||_F^2 / n at which a Gram matrix stands for its columns: at most two digits above rounding level.
@@ -28,14 +28,14 @@ const RESOLVED_SHARE: f64 = 1e-11;
 /// R with A^T A = R^T R for well-conditioned columns of A.
 pub(crate) struct SafeCholesky {
     factor: Cholesky,
-    /// R^-T, with zeros above the diagonal.
+    /// R^-T; zeros above the diagonal.
     inverse: Matrix,
     /// ||R^-1||_F^2, so that no singular value of A is below 1 / sqrt of it.
     inverse_squared: f64,
 }
 
 impl SafeCholesky {
-    /// From A^T A; none where the columns of A are too dependent (see the module), or where there are none.
+    /// From the lower triangle of A^T A; none where the columns of A are too dependent (see the module), or where there are none.
     pub(crate) fn new(gram: &Matrix) -> Option<Self> {
         let n = gram.rows();
         let squares: Vec<f64> = (0..n).map(|i| gram[(i, i)]).collect();
@@ -55,14 +55,16 @@ impl SafeCholesky {
 
     /// L = R^T, with zeros above the diagonal.
     pub(crate) fn lower(&self) -> Matrix {
-        let lower = self.factor.lower();
-        Matrix::from_fn(lower.rows(), lower.rows(), |i, j| if i >= j { lower[(i, j)] } else { 0.0 })
+        let mut lower = self.factor.lower().clone();
+        let n = lower.rows();
+        lower.data_mut().chunks_exact_mut(n).enumerate().for_each(|(j, column)| column[..j].fill(0.0));
+        lower
     }
 
     /// A R^-1: orthonormal columns if A is the matrix of the factor.
     fn orthonormal(&self, a: View<'_>) -> Matrix {
         let mut result = Matrix::zeros(a.rows(), a.columns());
-        multiply_triangle(1.0, a, self.inverse.t(), Triangle::Upper, result.view_mut());
+        multiply_triangle(1.0, a, self.inverse.t(), Triangle::Upper, result.data_mut());
         result
     }
 }
@@ -72,10 +74,18 @@ pub(crate) fn triangle(a: Matrix) -> Matrix {
     if a.rows() <= a.columns() {
         return a;
     }
-    match SafeCholesky::new(&gram(a.view())) {
+    match SafeCholesky::new(&lower_gram(a.view())) {
         Some(factor) => factor.lower().transposed(),
         None => qr_triangle(a),
     }
+}
+
+/// L with A A^T = L L^T for a wide matrix A with well-conditioned rows of moderate size; none for others.
+pub(crate) fn safe_lower_triangle(a: View<'_>) -> Option<Matrix> {
+    if a.columns() <= a.rows() {
+        return None;
+    }
+    Some(SafeCholesky::new(&lower_gram(a.t()))?.lower())
 }
 
 /// L with A A^T = L L^T and at most as many columns as A, for a matrix of any shape.
@@ -83,10 +93,7 @@ pub(crate) fn lower_triangle(a: Matrix) -> Matrix {
     if a.columns() <= a.rows() {
         return a;
     }
-    match SafeCholesky::new(&gram(a.t())) {
-        Some(factor) => factor.lower(),
-        None => qr_triangle(a.transposed()).transposed(),
-    }
+    safe_lower_triangle(a.view()).unwrap_or_else(|| qr_triangle(a.transposed()).transposed())
 }
 
 /// L with A = L Q for some orthonormal rows of Q, with as few columns as the rows of A have independent ones at rounding
@@ -234,7 +241,7 @@ pub(crate) fn all_columns(a: &Matrix, share: f64) -> Option<Matrix> {
     if a.rows() < a.columns() {
         return None;
     }
-    let factor = SafeCholesky::new(&gram(a.view()))?;
+    let factor = SafeCholesky::new(&lower_gram(a.view()))?;
     (1.0 > 1.01 * share * factor.inverse_squared).then(|| factor.orthonormal(a.view()))
 }
 
@@ -272,7 +279,7 @@ fn columns_by_eigenvalues(a: &Matrix, budget: &Budget) -> Result<Option<(Matrix,
     let mut basis = Matrix::from_vec(values.len(), rank, leading);
     if tall {
         let image = product(a.view(), basis.view());
-        let Some(factor) = SafeCholesky::new(&gram(image.view())) else { return Ok(None) };
+        let Some(factor) = SafeCholesky::new(&lower_gram(image.view())) else { return Ok(None) };
         basis = factor.orthonormal(image.view());
     }
     // What is left out, as it is and not as the eigenvalues have it.

@@ -6,7 +6,7 @@
 
 use crate::cores::{Cores, Sum};
 use crate::error::at_core;
-use crate::factor::{leading_columns, lower_triangle, row_factor, triangle};
+use crate::factor::{leading_columns, lower_triangle, row_factor, safe_lower_triangle, triangle};
 use crate::scale::{binary_exponent, factor_out, largest_finite, levelled, share_power};
 use crate::vector::Core;
 use crate::{TtError, TtMatrix, TtVector};
@@ -343,8 +343,19 @@ impl TtVector {
     /// The norm as mantissa * 2^exponent: by the factors of the parts on the right, whose triangles are half as dear on that side.
     fn norm_scaled(&self) -> (f64, f64) {
         let mut lower = Matrix::identity(1);
-        let mut exponent = 0.0;
+        let (mut exponent, mut memory) = (0.0, Vec::new());
         for core in self.cores.iter().rev() {
+            // Where the Gram matrix of the product is safe, its rows are of moderate size: nothing overflowed, and the core need not be looked at.
+            let part = core.multiply_right_in(lower.view(), 0, memory);
+            let safe = safe_lower_triangle(part.right_unfolding());
+            memory = part.data;
+            if let Some(mut triangle) = safe
+                && let Some(power) = factor_out(triangle.data_mut())
+            {
+                exponent += f64::from(power);
+                lower = triangle;
+                continue;
+            }
             // The core alone first: its product with the triangle might overflow.
             let size = largest_finite(&core.data).unwrap_or(f64::NAN);
             if size.is_nan() || size == 0.0 {

@@ -1,8 +1,9 @@
 //! The tensor train of a vector (or of any tensor): the type, its entries and its full form.
 
 use crate::TtError;
+use crate::blocks::{Triangle, multiply_triangle};
 use crate::scale::{factor_within_product, scale_by_power};
-use graintrain_linalg::dense::{Matrix, Triangle, View, ViewMut, multiply, multiply_triangle};
+use graintrain_linalg::dense::{Matrix, View, ViewMut, multiply};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
@@ -167,9 +168,16 @@ impl Core {
 
     /// 2^power M G, without overflow on the way where 2^power G has none. Only the blocks of block-diagonal cores are multiplied.
     pub(crate) fn multiply_left_scaled(&self, m: View<'_>, power: i32) -> Self {
-        let Some(factor) = factor_within_product(power) else { return self.scaled(power).multiply_left(m) };
+        self.multiply_left_in(m, power, Vec::new())
+    }
+
+    /// [`Core::multiply_left_scaled`] in the given memory: new memory costs a page fault per 512 numbers, up to a tenth of such a product.
+    pub(crate) fn multiply_left_in(&self, m: View<'_>, power: i32, memory: Vec<f64>) -> Self {
+        let Some(factor) = factor_within_product(power) else {
+            return self.scaled(power).multiply_left_in(m, 0, memory);
+        };
         let (rows, fibres) = (m.rows(), self.mode * self.right);
-        let mut data = vec![0.0; rows * fibres];
+        let mut data = with_length(memory, rows * fibres);
         match self.diagonal_blocks() {
             Some(blocks) => {
                 for DiagonalBlock { left, right } in blocks {
@@ -188,10 +196,19 @@ impl Core {
     /// 2^power G M, without overflow on the way where 2^power G has none. Blocks of zeros of block-diagonal cores and above the diagonal of M are not
     /// multiplied.
     pub(crate) fn multiply_right_scaled(&self, m: View<'_>, power: i32) -> Self {
-        let Some(factor) = factor_within_product(power) else { return self.scaled(power).multiply_right(m) };
+        self.multiply_right_in(m, power, Vec::new())
+    }
+
+    /// [`Core::multiply_right_scaled`] in the given memory.
+    pub(crate) fn multiply_right_in(&self, m: View<'_>, power: i32, memory: Vec<f64>) -> Self {
+        let Some(factor) = factor_within_product(power) else {
+            return self.scaled(power).multiply_right_in(m, 0, memory);
+        };
         let (rows, columns) = (self.left * self.mode, m.columns());
-        let mut data = vec![0.0; rows * columns];
+        let mut data = with_length(memory, rows * columns);
         if let Some(blocks) = self.diagonal_blocks() {
+            // (Rows below the last block belong to none.)
+            data.fill(0.0);
             for DiagonalBlock { left, right } in blocks {
                 let m = m.block(right.clone(), 0..columns);
                 for i in 0..self.mode {
@@ -201,8 +218,7 @@ impl Core {
                 }
             }
         } else if m.rows() == columns && m.is_lower_triangular() {
-            let to = ViewMut::new(&mut data, rows, columns);
-            multiply_triangle(factor, self.left_unfolding(), m, Triangle::Lower, to);
+            multiply_triangle(factor, self.left_unfolding(), m, Triangle::Lower, &mut data);
         } else {
             multiply(factor, self.left_unfolding(), m, ViewMut::new(&mut data, rows, columns));
         }
@@ -257,6 +273,15 @@ impl Core {
         scale_by_power(&mut self.data, power);
         self
     }
+}
+
+/// Memory for this many numbers, whatever they are.
+pub(crate) fn with_length(mut memory: Vec<f64>, length: usize) -> Vec<f64> {
+    if memory.capacity() < length {
+        return vec![0.0; length];
+    }
+    memory.resize(length, 0.0);
+    memory
 }
 
 /// A tensor train: A(i_1, ..., i_d) = G_1(i_1) G_2(i_2) ... G_d(i_d).
