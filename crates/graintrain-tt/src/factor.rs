@@ -62,7 +62,7 @@ impl SafeCholesky {
     }
 
     /// A R^-1: orthonormal columns if A is the matrix of the factor.
-    fn orthonormal(&self, a: View<'_>) -> Matrix {
+    pub(crate) fn orthonormal(&self, a: View<'_>) -> Matrix {
         let mut result = Matrix::zeros(a.rows(), a.columns());
         multiply_triangle(1.0, a, self.inverse.t(), Triangle::Upper, result.data_mut());
         result
