@@ -8,7 +8,7 @@
 //! Householder reflections. (Al Daas, Ballard, Manning, Parallel tensor train rounding using Gram SVD, 2022, take Gram
 //! matrices throughout and lose half the digits where trains cancel.)
 
-use crate::blocks::{Triangle, gram, lower_gram, multiply_triangle};
+use crate::blocks::{Triangle, gram, lower_gram, multiply_triangle, subtract_lower_square};
 use crate::round::{Budget, sum_of_squares};
 use graintrain_linalg::dense::{
     Cholesky, DenseError, Matrix, View, left_svd, multiply_add, product, qr_triangle, symmetric_eigen,
@@ -69,14 +69,19 @@ impl SafeCholesky {
     }
 }
 
+/// The numbers of a view as a matrix of its own.
+fn owned(a: View<'_>) -> Matrix {
+    Matrix::from_fn(a.rows(), a.columns(), |i, j| a.get(i, j))
+}
+
 /// R with A^T A = R^T R and at most as many rows as A, for a matrix of any shape.
-pub(crate) fn triangle(a: Matrix) -> Matrix {
+pub(crate) fn triangle(a: View<'_>) -> Matrix {
     if a.rows() <= a.columns() {
-        return a;
+        return owned(a);
     }
-    match SafeCholesky::new(&lower_gram(a.view())) {
+    match SafeCholesky::new(&lower_gram(a)) {
         Some(factor) => factor.lower().transposed(),
-        None => qr_triangle(a),
+        None => qr_triangle(owned(a)),
     }
 }
 
@@ -89,26 +94,31 @@ pub(crate) fn safe_lower_triangle(a: View<'_>) -> Option<Matrix> {
 }
 
 /// L with A A^T = L L^T and at most as many columns as A, for a matrix of any shape.
-pub(crate) fn lower_triangle(a: Matrix) -> Matrix {
+pub(crate) fn lower_triangle(a: View<'_>) -> Matrix {
     if a.columns() <= a.rows() {
-        return a;
+        return owned(a);
     }
-    safe_lower_triangle(a.view()).unwrap_or_else(|| qr_triangle(a.transposed()).transposed())
+    safe_lower_triangle(a).unwrap_or_else(|| qr_triangle(owned(a.t())).transposed())
 }
 
 /// L with A = L Q for some orthonormal rows of Q, with as few columns as the rows of A have independent ones at rounding
 /// level (where the Gram matrix tells; never more than rows or columns of A).
-pub(crate) fn row_factor(a: Matrix) -> Matrix {
+pub(crate) fn row_factor(a: View<'_>) -> Matrix {
     let squares = gram(a.t());
     let wide = a.columns() > a.rows();
     if wide && let Some(factor) = SafeCholesky::new(&squares) {
         return factor.lower();
     }
-    match dependent_rows(a.view(), &squares) {
+    match dependent_rows(a, &squares) {
         Some(lower) => lower,
-        None if wide => qr_triangle(a.transposed()).transposed(),
-        None => a,
+        None if wide => qr_triangle(owned(a.t())).transposed(),
+        None => owned(a),
     }
+}
+
+/// These rows of A.
+fn some_rows(a: View<'_>, rows: &[usize]) -> Matrix {
+    Matrix::from_fn(rows.len(), a.columns(), |i, j| a.get(rows[i], j))
 }
 
 /// [`row_factor`] of rows that depend on few well-conditioned ones A_S: L = A A_S^T L_S^-T with A_S A_S^T = L_S L_S^T. What
@@ -124,12 +134,11 @@ fn dependent_rows(a: View<'_>, squares: &Matrix) -> Option<Matrix> {
     let factor = SafeCholesky::new(&kept)?;
     let lower = factor.orthonormal(Matrix::from_fn(m, pivots.len(), |i, j| squares[(i, pivots[j])]).view());
     // Q^T = A_S^T L_S^-T
-    let kept_rows = Matrix::from_fn(pivots.len(), a.columns(), |i, j| a.get(pivots[i], j));
-    let turned = factor.orthonormal(kept_rows.t());
+    let turned = factor.orthonormal(some_rows(a, &pivots).t());
     // (Rows S are L_S Q but for the rounding of their factor.)
     let others: Vec<usize> = (0..m).filter(|i| !pivots.contains(i)).collect();
-    let mut rest = Matrix::from_fn(others.len(), a.columns(), |i, j| a.get(others[i], j));
-    let others_lower = Matrix::from_fn(others.len(), pivots.len(), |i, j| lower[(others[i], j)]);
+    let mut rest = some_rows(a, &others);
+    let others_lower = some_rows(lower.view(), &others);
     multiply_add(-1.0, others_lower.view(), turned.t(), rest.view_mut());
     let mut left_over = vec![0.0; others.len()];
     for column in rest.data().chunks_exact(others.len()) {
@@ -211,11 +220,12 @@ fn independent_rows(squares: &Matrix, lengths: &[f64], most: usize) -> Vec<usize
             break;
         }
         if columns.len() == m * PIVOTS_TOGETHER {
-            let factor = View::new(&columns, m, PIVOTS_TOGETHER);
-            multiply_add(-1.0, factor, factor.t(), rest.view_mut());
+            subtract_lower_square(View::new(&columns, m, PIVOTS_TOGETHER), &mut rest);
             columns.clear();
         }
-        let mut column = rest.column(pivot).to_vec();
+        // (The lower triangle alone is kept up to date.)
+        let mut column: Vec<f64> = (0..pivot).map(|i| rest[(pivot, i)]).collect();
+        column.extend_from_slice(&rest.column(pivot)[pivot..]);
         for earlier in columns.chunks_exact(m) {
             let weight = earlier[pivot];
             column.iter_mut().zip(earlier).for_each(|(x, y)| *x -= weight * y);
@@ -331,14 +341,14 @@ mod tests {
             m in 1usize..30, n in 1usize..60, rank in 1usize..30, spread in 0.0..20.0f64, near in 0.0..18.0f64, seed in any::<u64>(),
         ) {
             let a = rows(m, n, rank, spread, near, &mut Random::new(seed));
-            let lower = row_factor(a.clone());
+            let lower = row_factor(a.view());
             prop_assert!(lower.columns() <= m.min(n));
             prop_assert!(distance_of_rows(&a, &lower) < 1e-13);
             if m > 1 && n > m && rank < m && near > 17.0 && spread < 1.0 {
                 // (Rank many rows of a random matrix may be too ill conditioned for their Gram matrix.)
                 prop_assert!(lower.columns() == rank || lower.columns() == m, "{} of {rank}", lower.columns());
             }
-            let upper = triangle(a.transposed());
+            let upper = triangle(a.t());
             prop_assert!(upper.rows() <= m.max(n) && distance_of_rows(&a, &upper.transposed()) < 1e-13);
         }
 
@@ -379,9 +389,9 @@ mod tests {
             let b = sample(8, 60, &mut random);
             let twice =
                 Matrix::from_fn(16, 60, |i, j| a[(i % 8, j)] + if i < 8 { 0.0 } else { gap * b[(i - 8, j)] });
-            assert_eq!(row_factor(twice).columns(), expected, "{gap:e}");
+            assert_eq!(row_factor(twice.view()).columns(), expected, "{gap:e}");
         }
-        assert_eq!(row_factor(Matrix::zeros(3, 7)), Matrix::zeros(3, 3));
-        assert_eq!(row_factor(Matrix::zeros(0, 7)).rows(), 0);
+        assert_eq!(row_factor(Matrix::zeros(3, 7).view()), Matrix::zeros(3, 3));
+        assert_eq!(row_factor(Matrix::zeros(0, 7).view()).rows(), 0);
     }
 }
