@@ -9,6 +9,8 @@ use std::ops::Range;
 
 /// Columns of a block.
 const BLOCK: usize = 8;
+/// Rows of a block: those of the kernels of dense products.
+const ROWS: usize = 48;
 /// Numbers of a block of the mirror image.
 const TILE: usize = 16;
 
@@ -38,6 +40,20 @@ pub(crate) fn multiply_triangle(alpha: f64, a: View<'_>, t: View<'_>, triangle: 
         let to = &mut c[m * columns.start..m * columns.end];
         let to = ViewMut::new(to, m, columns.len());
         multiply(alpha, a.block(0..m, inner.clone()), t.block(inner, columns), to);
+    }
+}
+
+/// C <- T B for a lower triangle T (n x n, zeros above) and B (n x k); k n^2 flops. By blocks of rows.
+pub(crate) fn lower_times(t: View<'_>, b: View<'_>, c: &mut Matrix) {
+    let (n, k) = (t.rows(), b.columns());
+    assert!(b.rows() == n && (c.rows(), c.columns()) == (n, k), "T B into a matrix of its shape");
+    if k == 0 {
+        return;
+    }
+    for first in (0..n).step_by(ROWS) {
+        let end = (first + ROWS).min(n);
+        let to = ViewMut::with_stride(&mut c.data_mut()[first..], end - first, k, n);
+        multiply(1.0, t.block(first..end, 0..end), b.block(0..end, 0..k), to);
     }
 }
 
@@ -108,6 +124,12 @@ mod tests {
                 let inside = |i: usize, j: usize| if triangle == Triangle::Lower { i >= j } else { i <= j };
                 let t = Matrix::from_fn(n, n, |i, j| if inside(i, j) { square[(i, j)] } else { 0.0 });
                 let expected = naive(&a, &t);
+                if triangle == Triangle::Upper {
+                    // The same, transposed.
+                    let mut c = Matrix::from_vec(n, m, vec![7.0; m * n]);
+                    lower_times(t.t(), a.t(), &mut c);
+                    assert!(largest_difference(&c, &expected.transposed()) <= 1e-13 * n as f64);
+                }
                 for (a, t, turned) in [(a.view(), &t, false), (a.transposed().t(), &t.transposed(), true)] {
                     let mut c = vec![7.0; m * n];
                     multiply_triangle(2.0, a, if turned { t.t() } else { t.view() }, triangle, &mut c);

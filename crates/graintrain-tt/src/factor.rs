@@ -8,10 +8,11 @@
 //! Householder reflections. (Al Daas, Ballard, Manning, Parallel tensor train rounding using Gram SVD, 2022, take Gram
 //! matrices throughout and lose half the digits where trains cancel.)
 
-use crate::blocks::{Triangle, gram, lower_gram, multiply_triangle, subtract_lower_square};
+use crate::blocks::{Triangle, gram, lower_gram, lower_times, multiply_triangle, subtract_lower_square};
 use crate::round::{Budget, sum_of_squares};
 use graintrain_linalg::dense::{
-    Cholesky, DenseError, Matrix, View, left_svd, multiply_add, product, qr_triangle, symmetric_eigen,
+    Cholesky, DenseError, Matrix, View, left_svd, multiply_add, product, qr_triangle, solve_upper_on_the_right,
+    symmetric_eigen, thin_qr,
 };
 
 /// Largest ||D R^-1||_F^2 / n at which a Gram matrix stands for its columns: at most two digits above rounding level.
@@ -67,6 +68,13 @@ impl SafeCholesky {
         multiply_triangle(1.0, a, self.inverse.t(), Triangle::Upper, result.data_mut());
         result
     }
+
+    /// R^-T A^T, given A^T: orthonormal rows if A is the matrix of the factor.
+    fn orthonormal_rows(&self, transposed: View<'_>) -> Matrix {
+        let mut result = Matrix::zeros(transposed.rows(), transposed.columns());
+        lower_times(self.inverse.view(), transposed, &mut result);
+        result
+    }
 }
 
 /// The numbers of a view as a matrix of its own.
@@ -104,12 +112,22 @@ pub(crate) fn lower_triangle(a: View<'_>) -> Matrix {
 /// L with A = L Q for some orthonormal rows of Q, with as few columns as the rows of A have independent ones at rounding
 /// level (where the Gram matrix tells; never more than rows or columns of A).
 pub(crate) fn row_factor(a: View<'_>) -> Matrix {
+    row_factor_by(a, &gram(a.t()))
+}
+
+/// [`row_factor`] of rows of moderate size; none for others.
+pub(crate) fn moderate_row_factor(a: View<'_>) -> Option<Matrix> {
     let squares = gram(a.t());
+    (0..a.rows()).all(|i| SQUARES.contains(&squares[(i, i)])).then(|| row_factor_by(a, &squares))
+}
+
+/// [`row_factor`] with A A^T.
+fn row_factor_by(a: View<'_>, squares: &Matrix) -> Matrix {
     let wide = a.columns() > a.rows();
-    if wide && let Some(factor) = SafeCholesky::new(&squares) {
+    if wide && let Some(factor) = SafeCholesky::new(squares) {
         return factor.lower();
     }
-    match dependent_rows(a, &squares) {
+    match dependent_rows(a, squares) {
         Some(lower) => lower,
         None if wide => qr_triangle(owned(a.t())).transposed(),
         None => owned(a),
@@ -133,13 +151,12 @@ fn dependent_rows(a: View<'_>, squares: &Matrix) -> Option<Matrix> {
     let kept = Matrix::from_fn(pivots.len(), pivots.len(), |i, j| squares[(pivots[i], pivots[j])]);
     let factor = SafeCholesky::new(&kept)?;
     let lower = factor.orthonormal(Matrix::from_fn(m, pivots.len(), |i, j| squares[(i, pivots[j])]).view());
-    // Q^T = A_S^T L_S^-T
-    let turned = factor.orthonormal(some_rows(a, &pivots).t());
+    let turned = factor.orthonormal_rows(some_rows(a, &pivots).view());
     // (Rows S are L_S Q but for the rounding of their factor.)
     let others: Vec<usize> = (0..m).filter(|i| !pivots.contains(i)).collect();
     let mut rest = some_rows(a, &others);
     let others_lower = some_rows(lower.view(), &others);
-    multiply_add(-1.0, others_lower.view(), turned.t(), rest.view_mut());
+    multiply_add(-1.0, others_lower.view(), turned.view(), rest.view_mut());
     let mut left_over = vec![0.0; others.len()];
     for column in rest.data().chunks_exact(others.len()) {
         left_over.iter_mut().zip(column).for_each(|(sum, x)| *sum += x * x);
@@ -268,9 +285,28 @@ pub(crate) fn leading_columns(a: &Matrix, budget: &mut Budget) -> Result<Matrix,
         budget.charge(left_out);
         return Ok(basis);
     }
-    let (mut u, s) = left_svd(a.view())?;
-    u.truncate_columns(budget.rank(&s.iter().map(|s| s * s).collect::<Vec<_>>()));
-    Ok(u)
+    if a.rows() < a.columns() {
+        let (mut u, s) = left_svd(a.view())?;
+        u.truncate_columns(budget.rank(&s.iter().map(|s| s * s).collect::<Vec<_>>()));
+        return Ok(u);
+    }
+    // Whether a rank can be saved is known before any singular value: at the ends of a train, where unfoldings are square and too ill conditioned for their
+    // Gram matrices, none can.
+    let (q, r) = thin_qr(a.clone());
+    if a.columns() <= budget.max_rank() && 1.0 > 1.01 * budget.share() * inverse_squared(&r) {
+        budget.charge(0.0);
+        return Ok(q);
+    }
+    let (u, s) = left_svd(r.view())?;
+    let rank = budget.rank(&s.iter().map(|s| s * s).collect::<Vec<_>>());
+    Ok(product(q.view(), u.first_columns(rank)))
+}
+
+/// ||R^-1||_F^2 of a triangle; not finite where a pivot is zero.
+fn inverse_squared(r: &Matrix) -> f64 {
+    let mut inverse = Matrix::identity(r.rows());
+    solve_upper_on_the_right(inverse.view_mut(), r.view());
+    inverse.data().iter().map(|x| x * x).sum()
 }
 
 /// Leading left singular vectors from the eigenvectors of a Gram matrix, and the squared norm of what they leave out; none

@@ -6,7 +6,9 @@
 
 use crate::cores::{Cores, Sum};
 use crate::error::at_core;
-use crate::factor::{leading_columns, lower_triangle, row_factor, safe_lower_triangle, triangle};
+use crate::factor::{
+    leading_columns, lower_triangle, moderate_row_factor, row_factor, safe_lower_triangle, triangle,
+};
 use crate::scale::{binary_exponent, factor_out, largest_finite, levelled, share_power};
 use crate::vector::{Core, with_length};
 use crate::{TtError, TtMatrix, TtVector};
@@ -75,10 +77,20 @@ impl RightFactors {
         let (mut powers, mut right) = (vec![0; d], vec![Matrix::identity(1); d]);
         let mut memory = Vec::new();
         for k in (0..d).rev() {
-            let Some(power) = train.exponent(k).map_err(at_core(k))? else { return Ok(None) };
-            let part = train.multiply_right(k, right[k].view(), -power, memory);
-            let mut factor = row_factor(part.right_unfolding());
+            // Where the product has rows of moderate size nothing overflowed or vanished in it, and the core need not be looked at.
+            let part = train.multiply_right(k, right[k].view(), 0, memory);
+            let moderate = moderate_row_factor(part.right_unfolding());
             memory = part.data;
+            let (mut factor, power) = match moderate {
+                Some(factor) => (factor, 0),
+                None => {
+                    let Some(power) = train.exponent(k).map_err(at_core(k))? else { return Ok(None) };
+                    let part = train.multiply_right(k, right[k].view(), -power, memory);
+                    let factor = row_factor(part.right_unfolding());
+                    memory = part.data;
+                    (factor, power)
+                }
+            };
             let Some(second) = factor_out(factor.data_mut()) else { return Ok(None) };
             powers[k] = power + second;
             if k > 0 {

@@ -236,13 +236,18 @@ impl Core {
         if !(0..self.mode).all(corners) {
             return None;
         }
+        // (All bits but the sign: without a branch, four numbers a cycle.)
+        let any = |part: &[f64]| part.iter().fold(0, |bits, x| bits | (x.to_bits() << 1)) != 0;
         // Of every column the rows between its first and its last number that is not zero.
         let support = |column: &[f64]| {
             let (mut first, mut end) = (self.left, 0);
             for fibre in column.chunks_exact(self.left) {
-                let before = fibre[..first].iter().position(|x| *x != 0.0);
-                first = before.unwrap_or(first);
-                end = end.max(fibre.iter().rposition(|x| *x != 0.0).map_or(0, |last| last + 1));
+                if any(&fibre[..first]) {
+                    first = fibre.iter().position(|x| *x != 0.0).unwrap_or(first);
+                }
+                if any(&fibre[end..]) {
+                    end = fibre.iter().rposition(|x| *x != 0.0).map_or(end, |last| last + 1);
+                }
             }
             (first, end)
         };
