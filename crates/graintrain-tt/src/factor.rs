@@ -139,8 +139,9 @@ fn some_rows(a: View<'_>, rows: &[usize]) -> Matrix {
     Matrix::from_fn(rows.len(), a.columns(), |i, j| a.get(rows[i], j))
 }
 
-/// [`row_factor`] of rows that depend on few well-conditioned ones A_S: L = A A_S^T L_S^-T with A_S A_S^T = L_S L_S^T. What
-/// this leaves of every row is formed and measured; none unless all of it is rounding.
+/// [`row_factor`] of rows that depend on few of them A_S: L = A Q^T for an orthonormal basis Q of these, Q = L_S^-1 A_S with
+/// A_S A_S^T = L_S L_S^T where they are well conditioned, else by reflections. What this leaves of every row is formed and measured; none unless all of it is
+/// rounding.
 fn dependent_rows(a: View<'_>, squares: &Matrix) -> Option<Matrix> {
     let (m, most) = (a.rows(), a.rows().min(a.columns()));
     let lengths: Vec<f64> = (0..m).map(|i| squares[(i, i)].sqrt()).collect();
@@ -149,9 +150,17 @@ fn dependent_rows(a: View<'_>, squares: &Matrix) -> Option<Matrix> {
         return None;
     }
     let kept = Matrix::from_fn(pivots.len(), pivots.len(), |i, j| squares[(pivots[i], pivots[j])]);
-    let factor = SafeCholesky::new(&kept)?;
-    let lower = factor.orthonormal(Matrix::from_fn(m, pivots.len(), |i, j| squares[(i, pivots[j])]).view());
-    let turned = factor.orthonormal_rows(some_rows(a, &pivots).view());
+    let kept_rows = some_rows(a, &pivots);
+    let (lower, turned) = match SafeCholesky::new(&kept) {
+        Some(factor) => {
+            let products = Matrix::from_fn(m, pivots.len(), |i, j| squares[(i, pivots[j])]);
+            (factor.orthonormal(products.view()), factor.orthonormal_rows(kept_rows.view()))
+        }
+        None => {
+            let q = thin_qr(kept_rows.transposed()).0;
+            (product(a, q.view()), q.transposed())
+        }
+    };
     // (Rows S are L_S Q but for the rounding of their factor.)
     let others: Vec<usize> = (0..m).filter(|i| !pivots.contains(i)).collect();
     let mut rest = some_rows(a, &others);
