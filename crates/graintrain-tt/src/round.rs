@@ -81,6 +81,7 @@ impl RightFactors {
     /// From the right to the left; none for the zero tensor. O(d n r^3).
     fn new(train: &impl Cores) -> Result<Option<Self>, TtError> {
         let d = train.modes().len();
+        keep_memory(train);
         let (mut powers, mut right) = (vec![0; d], vec![Matrix::identity(1); d]);
         let mut memory = Vec::new();
         for k in (0..d).rev() {
@@ -230,8 +231,8 @@ fn not_scalable(data: &[f64]) -> (f64, f64) {
 }
 
 /// Asks for the memory of a sweep in one piece and gives it back untouched: allocators keep what they were once asked for at hand, in place of returning
-/// every matrix of a core to the system and having it zeroed again page by page (a tenth of the time of rounding at ranks 50 to 200).
-fn keep_memory(train: &impl Cores) {
+/// every matrix of a core to the system and having it zeroed again page by page (a tenth of the time at ranks 50 to 200).
+pub(crate) fn keep_memory(train: &impl Cores) {
     let modes = train.modes();
     let numbers = |k: usize| train.ranks(k).0.saturating_mul(modes[k]).saturating_mul(train.ranks(k).1);
     let largest = (0..modes.len()).map(numbers).max().unwrap_or(0);
@@ -248,7 +249,6 @@ pub(crate) fn round_cores(
 ) -> Result<(TtVector, TruncationReport), TtError> {
     truncation.check()?;
     let modes = train.modes();
-    keep_memory(train);
     let Some(factors) = RightFactors::new(train)? else {
         return Ok((TtVector::constant(&modes, 0.0)?, TruncationReport::zero()));
     };
@@ -381,6 +381,7 @@ impl TtVector {
 
     /// The norm as mantissa * 2^exponent: by the factors of the parts on the right, whose triangles are half as dear on that side.
     fn norm_scaled(&self) -> (f64, f64) {
+        keep_memory(self);
         let mut lower = Matrix::identity(1);
         let (mut exponent, mut memory) = (0.0, Vec::new());
         for core in self.cores.iter().rev() {
