@@ -2,8 +2,8 @@
 //!
 //! Ranks add in a sum and multiply in a product; round afterwards.
 
-use crate::scale::levelled;
 use crate::round::keep_memory;
+use crate::scale::levelled;
 use crate::vector::Core;
 use crate::{TtError, TtMatrix, TtVector};
 use graintrain_linalg::dense::{Matrix, View, ViewMut, multiply, product};

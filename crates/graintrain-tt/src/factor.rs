@@ -11,8 +11,8 @@
 use crate::blocks::{Triangle, gram, lower_gram, lower_times, multiply_triangle, subtract_lower_square};
 use crate::round::{Budget, sum_of_squares};
 use graintrain_linalg::dense::{
-    Cholesky, DenseError, Matrix, View, left_svd, multiply_add, product, qr_triangle, solve_upper_on_the_right,
-    symmetric_eigen, thin_qr,
+    Cholesky, DenseError, Matrix, View, left_svd, multiply_add, product, qr_triangle,
+    solve_upper_on_the_right, symmetric_eigen, thin_qr,
 };
 
 /// Largest ||D R^-1||_F^2 / n at which a Gram matrix stands for its columns: at most two digits above rounding level.

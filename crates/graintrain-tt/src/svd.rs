@@ -17,9 +17,7 @@ use crate::round::{Budget, ROUNDING, sum_of_squares};
 use crate::scale::{binary_exponent, largest_finite, scale_by_power, share_power};
 use crate::vector::Core;
 use crate::{FullMatrix, Truncation, TruncationReport, TtError, TtMatrix, TtVector};
-use graintrain_linalg::dense::{
-    Matrix, View, ViewMut, multiply, product, qr_triangle, symmetric_eigen,
-};
+use graintrain_linalg::dense::{Matrix, View, ViewMut, multiply, product, qr_triangle, symmetric_eigen};
 use rayon::prelude::*;
 
 /// Unfoldings of more rows than this are not made by joining modes: the QR of a pass costs 2 rows flops per entry.

@@ -2,8 +2,10 @@
 
 use crate::TtError;
 use crate::blocks::{Triangle, multiply_triangle};
-use crate::scale::{factor_within_product, scale_by_power};
-use graintrain_linalg::dense::{Matrix, View, ViewMut, multiply};
+use crate::scale::{
+    binary_exponent, factor_within_product, largest_finite, scale_by_power, scale_within_floats,
+};
+use graintrain_linalg::dense::{Matrix, View, ViewMut, multiply, product};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
@@ -521,7 +523,7 @@ impl TtVector {
         order.iter().zip(&state).for_each(|(&p, &value)| values[p] = value);
     }
 
-    /// The full vector, first index fastest.
+    /// The full vector, first index fastest. An entry that exceeds the largest float by rounding only (1e-13 of it) is that float; larger ones are infinite.
     ///
     /// # Errors
     /// [`TtError::TooLarge`] above 2^31 entries.
@@ -530,19 +532,18 @@ impl TtVector {
         if entries > LARGEST_FULL {
             return Err(TtError::TooLarge { entries });
         }
-        let mut full = Matrix::from_vec(1, 1, vec![1.0]);
-        for core in &self.cores {
-            let rows = full.rows();
-            let mut next = vec![0.0; rows * core.mode * core.right];
-            multiply(
-                1.0,
-                full.view(),
-                core.right_unfolding(),
-                ViewMut::new(&mut next, rows, core.mode * core.right),
-            );
-            full = Matrix::from_vec(rows * core.mode, core.right, next);
+        // No entry of a product of cores exceeds the product of their Frobenius norms: nothing overflows on the way.
+        let size = |core: &Core| largest_finite(&core.data).unwrap_or(0.0);
+        let bits = |core: &Core| (size(core).log2() + 0.5 * (core.data.len() as f64).log2()).max(0.0);
+        if self.cores.iter().map(bits).sum::<f64>() < f64::from(f64::MAX_EXP - 1) {
+            return Ok(full_vector(&self.cores));
         }
-        Ok(full.into_vec())
+        let powers: Vec<i32> = self.cores.iter().map(|core| binary_exponent(size(core))).collect();
+        let scaled: Vec<Core> =
+            self.cores.iter().zip(&powers).map(|(core, power)| core.scaled(-power)).collect();
+        let mut full = full_vector(&scaled);
+        scale_within_floats(&mut full, powers.iter().map(|&power| i64::from(power)).sum());
+        Ok(full)
     }
 
     /// Sum of all entries; O(d n r^2).
@@ -563,6 +564,17 @@ impl TtVector {
         let (expected, got) = (self.modes(), other.modes());
         if expected == got { Ok(()) } else { Err(TtError::Shape { what: "mode sizes", expected, got }) }
     }
+}
+
+/// The tensor of cores, first index fastest.
+fn full_vector(cores: &[Core]) -> Vec<f64> {
+    let mut full = Matrix::from_vec(1, 1, vec![1.0]);
+    for core in cores {
+        let rows = full.rows();
+        let next = product(full.view(), core.right_unfolding()).into_vec();
+        full = Matrix::from_vec(rows * core.mode, core.right, next);
+    }
+    full.into_vec()
 }
 
 /// Ranks `rank`, but never above the number of rows or columns of an unfolding.
