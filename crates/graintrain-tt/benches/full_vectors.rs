@@ -49,7 +49,9 @@ fn copy_and_read(full: &[f64], pools: &[ThreadPool], runs: usize) -> [Vec<f64>; 
             copy.copy_from_slice(full);
         } else {
             let parts = full.len().div_ceil(rayon::current_num_threads());
-            copy.par_chunks_mut(parts).zip(full.par_chunks(parts)).for_each(|(to, from)| to.copy_from_slice(from));
+            copy.par_chunks_mut(parts)
+                .zip(full.par_chunks(parts))
+                .for_each(|(to, from)| to.copy_from_slice(from));
         }
     });
     let sum = |part: &[f64]| {
@@ -73,7 +75,10 @@ fn main() {
         multiply(1.0, x.view(), x.view(), y.view_mut());
         y
     });
-    println!("dgemm {:.1} GF/s on one thread; \"by {threads}\": times as fast on {threads}", 2.0 * 1.073741824 / dense[0]);
+    println!(
+        "dgemm {:.1} GF/s on one thread; \"by {threads}\": times as fast on {threads}",
+        2.0 * 1.073741824 / dense[0]
+    );
     println!(
         "{:>4} {:>5} {:>9} {:>9} {:>9} {:>7} {:>6} {:>5} {:>9} {:>5} {:>5}",
         "2^d", "rank", "tolerance", "copy, ms", "time, ms", "share", "by", "ranks", "error", "copy", "read"

@@ -168,7 +168,12 @@ impl Turned {
         let (rank, m) = (self.transposed.rows(), self.transposed.columns());
         let columns = View::with_stride(self.transposed.data(), kept, m, rank).t();
         match SafeCholesky::new(&lower_gram(columns)) {
-            Some(factor) => factor.orthonormal(columns),
+            Some(factor) => {
+                // Twice: what a basis leaves out is a difference of norms, which no other rounding of the basis may enter.
+                let basis = factor.orthonormal(columns);
+                let again = SafeCholesky::new(&lower_gram(basis.view()));
+                again.map_or_else(|| basis.clone(), |factor| factor.orthonormal(basis.view()))
+            }
             None => thin_qr(Matrix::from_fn(m, kept, |i, j| columns.get(i, j))).0,
         }
     }
