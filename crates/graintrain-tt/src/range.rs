@@ -10,6 +10,7 @@
 
 use crate::blocks::{gram, lower_gram};
 use crate::factor::SafeCholesky;
+use crate::round::sum_of_squares;
 use graintrain_linalg::dense::{
     Matrix, View, ViewMut, multiply, multiply_add, product, symmetric_eigen, thin_qr,
 };
@@ -80,7 +81,8 @@ fn project(basis: Matrix, data: &[f64], norm_squared: f64, allowed: f64) -> Rang
         let width = from.len() / m;
         multiply(1.0, basis.t(), View::new(from, m, width), ViewMut::new(to, columns, width));
         if !explicit {
-            return to.iter().map(|x| x * x).sum();
+            // (Sums of sums: one long sum would lose the digits that the difference needs.)
+            return to.chunks_exact(columns).map(sum_of_squares).sum();
         }
         let mut rest = from.to_vec();
         multiply_add(-1.0, basis.view(), View::new(to, columns, width), ViewMut::new(&mut rest, m, width));
