@@ -2,10 +2,11 @@
 //!
 //! Ranks add in a sum and multiply in a product; round afterwards.
 
+use crate::round::keep_memory;
 use crate::scale::levelled;
 use crate::vector::Core;
 use crate::{TtError, TtMatrix, TtVector};
-use graintrain_linalg::dense::{Matrix, View, ViewMut, multiply};
+use graintrain_linalg::dense::{Matrix, View, ViewMut, multiply, product};
 
 /// Modes of at least this size are contracted by matrix products.
 const GEMM_MODE: usize = 8;
@@ -101,9 +102,10 @@ impl TtVector {
     /// [`TtError::Shape`] if the modes differ.
     pub fn dot(&self, other: &Self) -> Result<f64, TtError> {
         self.check_same_modes(other)?;
-        let mut interface = Matrix::identity(1);
+        keep_memory(other);
+        let (mut interface, mut memory) = (Matrix::identity(1), Vec::new());
         for (x, y) in self.cores.iter().zip(&other.cores) {
-            interface = push_dot(&interface, x, y);
+            (interface, memory) = push_dot_in(&interface, x, y, memory);
         }
         Ok(interface[(0, 0)])
     }
@@ -111,10 +113,14 @@ impl TtVector {
 
 /// The interface P' = sum_i X(i)^T P Y(i) of two trains, one core further to the right.
 pub(crate) fn push_dot(interface: &Matrix, x: &Core, y: &Core) -> Matrix {
-    let carried = y.multiply_left(interface.view());
-    let mut next = Matrix::zeros(x.right, y.right);
-    multiply(1.0, x.left_unfolding().t(), carried.left_unfolding(), next.view_mut());
-    next
+    push_dot_in(interface, x, y, Vec::new()).0
+}
+
+/// [`push_dot`] in the given memory for P Y, which comes back.
+fn push_dot_in(interface: &Matrix, x: &Core, y: &Core, memory: Vec<f64>) -> (Matrix, Vec<f64>) {
+    let carried = y.multiply_left_in(interface.view(), 0, memory);
+    let next = product(x.left_unfolding().t(), carried.left_unfolding());
+    (next, carried.data)
 }
 
 impl TtMatrix {

@@ -24,11 +24,11 @@ pub(crate) trait Cores: Sync {
     /// squared lengths of the columns and rows of the parts left and right of it. (Whatever the units of alpha and beta.)
     fn weighted_square(&self, k: usize, left: &[f64], right: &[f64], power: i32) -> f64;
 
-    /// 2^power M G_k.
-    fn multiply_left(&self, k: usize, m: View<'_>, power: i32) -> Core;
+    /// 2^power M G_k, in the given memory where that saves asking for new one.
+    fn multiply_left(&self, k: usize, m: View<'_>, power: i32, memory: Vec<f64>) -> Core;
 
-    /// 2^power G_k M.
-    fn multiply_right(&self, k: usize, m: View<'_>, power: i32) -> Core;
+    /// 2^power G_k M, likewise.
+    fn multiply_right(&self, k: usize, m: View<'_>, power: i32, memory: Vec<f64>) -> Core;
 }
 
 /// Sum l_alpha G(alpha, i, beta) r_beta.
@@ -86,12 +86,12 @@ impl Cores for TtVector {
         weighted_sum_of(core, left, right, |x| (factor * x).powi(2))
     }
 
-    fn multiply_left(&self, k: usize, m: View<'_>, power: i32) -> Core {
-        self.cores[k].multiply_left_scaled(m, power)
+    fn multiply_left(&self, k: usize, m: View<'_>, power: i32, memory: Vec<f64>) -> Core {
+        self.cores[k].multiply_left_in(m, power, memory)
     }
 
-    fn multiply_right(&self, k: usize, m: View<'_>, power: i32) -> Core {
-        self.cores[k].multiply_right_scaled(m, power)
+    fn multiply_right(&self, k: usize, m: View<'_>, power: i32, memory: Vec<f64>) -> Core {
+        self.cores[k].multiply_right_in(m, power, memory)
     }
 }
 
@@ -152,16 +152,16 @@ impl Cores for Sum<'_> {
         self.terms.iter().enumerate().map(part).sum()
     }
 
-    fn multiply_left(&self, k: usize, m: View<'_>, power: i32) -> Core {
+    fn multiply_left(&self, k: usize, m: View<'_>, power: i32, _memory: Vec<f64>) -> Core {
         let offsets = self.offsets(|term| term.ranks(k).0);
         let (last, mode) = (k == self.last(), self.modes()[k]);
         let mut joined = Core { left: m.rows(), mode, right: 0, data: Vec::new() };
         for ((weight, term), first) in self.terms.iter().zip(&offsets) {
             let mut part = if k == 0 {
-                term.multiply_left(k, m, power)
+                term.multiply_left(k, m, power, Vec::new())
             } else {
                 let columns = Matrix::from_fn(m.rows(), term.ranks(k).0, |i, j| m.get(i, first + j));
-                term.multiply_left(k, columns.view(), power)
+                term.multiply_left(k, columns.view(), power, Vec::new())
             };
             if k == 0 {
                 part.data.iter_mut().for_each(|x| *x *= weight);
@@ -177,15 +177,15 @@ impl Cores for Sum<'_> {
         joined
     }
 
-    fn multiply_right(&self, k: usize, m: View<'_>, power: i32) -> Core {
+    fn multiply_right(&self, k: usize, m: View<'_>, power: i32, _memory: Vec<f64>) -> Core {
         let offsets = self.offsets(|term| term.ranks(k).1);
         let (last, mode) = (k == self.last(), self.modes()[k]);
         let parts = self.terms.iter().zip(&offsets).map(|((weight, term), first)| {
             let mut part = if last {
-                term.multiply_right(k, m, power)
+                term.multiply_right(k, m, power, Vec::new())
             } else {
                 let rows = Matrix::from_fn(term.ranks(k).1, m.columns(), |i, j| m.get(first + i, j));
-                term.multiply_right(k, rows.view(), power)
+                term.multiply_right(k, rows.view(), power, Vec::new())
             };
             if k == 0 {
                 part.data.iter_mut().for_each(|x| *x *= weight);

@@ -54,12 +54,12 @@ impl Cores for Product<'_> {
         total * n as f64 * f64::from(2 * power).exp2()
     }
 
-    fn multiply_left(&self, k: usize, matrix: View<'_>, power: i32) -> Core {
+    fn multiply_left(&self, k: usize, matrix: View<'_>, power: i32, _memory: Vec<f64>) -> Core {
         let (a, x, power) = self.scaled(k, power);
         times_product(matrix, &a, &x, self.a.columns[k], self.spectators[k]).into_scaled(power)
     }
 
-    fn multiply_right(&self, k: usize, matrix: View<'_>, power: i32) -> Core {
+    fn multiply_right(&self, k: usize, matrix: View<'_>, power: i32, _memory: Vec<f64>) -> Core {
         let (a, x, power) = self.scaled(k, power);
         let (m, n, s, t) = (self.a.rows[k], self.a.columns[k], self.spectators[k], matrix.columns());
         // A((a, i, j), a') M(a', (alpha', t)) = Z(a, i, j, alpha', t)

@@ -8,7 +8,12 @@
 //!
 //! What is left out is measured in the second read, so nothing rests on the luck of the sketch: a basis that leaves out too much is discarded.
 
-use graintrain_linalg::dense::{Matrix, View, ViewMut, multiply, multiply_add, product, thin_qr, thin_svd};
+use crate::blocks::{gram, lower_gram};
+use crate::factor::SafeCholesky;
+use crate::round::sum_of_squares;
+use graintrain_linalg::dense::{
+    Matrix, View, ViewMut, multiply, multiply_add, product, symmetric_eigen, thin_qr,
+};
 use graintrain_linalg::vectorised::{Work, run_wide};
 use rayon::prelude::*;
 
@@ -32,6 +37,8 @@ const FOUR: usize = 4;
 const LANES: usize = 8;
 /// Columns of A per task of the second read.
 const TASK: usize = 256;
+/// Rows of the sketch per task.
+const ROWS: usize = 256;
 
 /// A = Q B within `left_out`.
 pub(crate) struct Range {
@@ -54,7 +61,7 @@ pub(crate) fn column_range(data: &[f64], m: usize, allowed: f64, seed: u64) -> (
     let mut first = Some(first);
     for rank in RANKS.into_iter().filter(|rank| m.min(n) >= 4 * (rank + TESTS)) {
         let spanned = first.take().unwrap_or_else(|| sketch(data, m, rank + TESTS, seed).0);
-        if let Some(basis) = promising_basis(spanned, norm_squared, allowed) {
+        if let Some(basis) = promising_basis(&spanned, norm_squared, allowed) {
             let range = project(basis, data, norm_squared, allowed);
             if range.left_out <= allowed * norm_squared {
                 return (norm_squared, Some(range));
@@ -74,7 +81,8 @@ fn project(basis: Matrix, data: &[f64], norm_squared: f64, allowed: f64) -> Rang
         let width = from.len() / m;
         multiply(1.0, basis.t(), View::new(from, m, width), ViewMut::new(to, columns, width));
         if !explicit {
-            return to.iter().map(|x| x * x).sum();
+            // (Sums of sums: one long sum would lose the digits that the difference needs.)
+            return to.chunks_exact(columns).map(sum_of_squares).sum();
         }
         let mut rest = from.to_vec();
         multiply_add(-1.0, basis.view(), View::new(to, columns, width), ViewMut::new(&mut rest, m, width));
@@ -90,19 +98,13 @@ fn project(basis: Matrix, data: &[f64], norm_squared: f64, allowed: f64) -> Rang
 /// An orthonormal basis of the sketch that seems to leave out at most `allowed` of the squared norm: it does so of columns of the sketch that were
 /// set aside, E |(I - P) A omega|^2 = ||(I - P) A||^2. (Columns of A that met in a bucket did so in all columns of the sketch, so this proves
 /// nothing: it saves reads that would be in vain.)
-fn promising_basis(mut spanned: Matrix, norm_squared: f64, allowed: f64) -> Option<Matrix> {
-    let (m, rank) = (spanned.rows(), spanned.columns() - TESTS);
-    let tests = Matrix::from_vec(m, TESTS, spanned.data()[m * rank..].to_vec());
-    spanned.truncate_columns(rank);
-    let (found, triangle) = thin_qr(spanned);
-    // As few columns as seem to do, by the singular values of the sketch; all of them if the tests say that they do not.
-    let svd = thin_svd(triangle.view()).ok()?;
-    let few = svd.s.iter().take_while(|s| s.powi(2) > FEW * allowed * norm_squared).count();
-    for kept in [few, rank] {
-        let mut basis = found.clone();
-        if kept < rank {
-            basis = product(found.view(), svd.u.first_columns(kept));
-        }
+fn promising_basis(spanned: &Spanned, norm_squared: f64, allowed: f64) -> Option<Matrix> {
+    let tests = spanned.tests();
+    let turned = spanned.turned()?;
+    // As few columns as seem to do, by the sizes of the turned columns; all of them if the tests say that they do not.
+    let few = turned.squares.iter().take_while(|square| **square > FEW * allowed * norm_squared).count();
+    for kept in [few, turned.squares.len()] {
+        let basis = turned.basis(kept);
         // What the basis leaves of the tests. Twice: the first projection leaves rounding of the size of what it takes away.
         let mut rest = tests.clone();
         for _ in 0..2 {
@@ -118,14 +120,75 @@ fn promising_basis(mut spanned: Matrix, norm_squared: f64, allowed: f64) -> Opti
     None
 }
 
+/// Y^T for the sketch Y = A Omega, so that rows of Y are tasks.
+struct Spanned {
+    /// rank + [`TESTS`] rows.
+    transposed: Matrix,
+}
+
+/// Y V for the eigenvectors V of Y^T Y, largest first: columns that are orthogonal but for rounding, of all sizes.
+struct Turned {
+    /// (Y V)^T.
+    transposed: Matrix,
+    /// Squared lengths of the columns.
+    squares: Vec<f64>,
+}
+
+impl Spanned {
+    /// The columns that are set aside.
+    fn tests(&self) -> Matrix {
+        let rank = self.transposed.rows() - TESTS;
+        Matrix::from_fn(self.transposed.columns(), TESTS, |i, j| self.transposed[(rank + j, i)])
+    }
+
+    /// The other columns, turned; none where a number is not finite.
+    fn turned(&self) -> Option<Turned> {
+        let (all, m) = (self.transposed.rows(), self.transposed.columns());
+        let rank = all - TESTS;
+        let rows = View::with_stride(self.transposed.data(), rank, m, all);
+        let (_, vectors) = symmetric_eigen(gram(rows.t()).view()).ok()?;
+        let descending = Matrix::from_fn(rank, rank, |i, j| vectors[(i, rank - 1 - j)]);
+        let mut transposed = Matrix::zeros(rank, m);
+        let tasks = transposed.data_mut().par_chunks_mut(rank * ROWS);
+        tasks.zip(self.transposed.data().par_chunks(all * ROWS)).for_each(|(to, from)| {
+            let count = from.len() / all;
+            let from = View::with_stride(from, rank, count, all);
+            multiply(1.0, descending.t(), from, ViewMut::new(to, rank, count));
+        });
+        let mut squares = vec![0.0; rank];
+        for row in transposed.data().chunks_exact(rank) {
+            squares.iter_mut().zip(row).for_each(|(sum, x)| *sum += x * x);
+        }
+        Some(Turned { transposed, squares })
+    }
+}
+
+impl Turned {
+    /// An orthonormal basis of the first columns: by their Gram matrix (whose condition is that of columns brought to length one, see
+    /// [`crate::factor`]) at the rate of products, else by reflections.
+    fn basis(&self, kept: usize) -> Matrix {
+        let (rank, m) = (self.transposed.rows(), self.transposed.columns());
+        let columns = View::with_stride(self.transposed.data(), kept, m, rank).t();
+        match SafeCholesky::new(&lower_gram(columns)) {
+            Some(factor) => {
+                // Twice: what a basis leaves out is a difference of norms, which no other rounding of the basis may enter.
+                let basis = factor.orthonormal(columns);
+                let again = SafeCholesky::new(&lower_gram(basis.view()));
+                again.map_or_else(|| basis.clone(), |factor| factor.orthonormal(basis.view()))
+            }
+            None => thin_qr(Matrix::from_fn(m, kept, |i, j| columns.get(i, j))).0,
+        }
+    }
+}
+
 /// `columns` signed sums of the columns of A, each by way of the buckets, and the sum of the squares of all numbers. A bucket is one task; only
 /// [`TOGETHER`] buckets live at a time.
-fn sketch(data: &[f64], m: usize, columns: usize, seed: u64) -> (Matrix, f64) {
+fn sketch(data: &[f64], m: usize, columns: usize, seed: u64) -> (Spanned, f64) {
     let mut members: Vec<Vec<usize>> = vec![Vec::new(); BUCKETS];
     for j in 0..data.len() / m {
         members[(mixed(seed, j as u64) >> 40) as usize % BUCKETS].push(j);
     }
-    let (mut spanned, mut squares) = (Matrix::zeros(m, columns), 0.0);
+    let (mut transposed, mut squares) = (Matrix::zeros(columns, m), 0.0);
     let mut sums = Matrix::zeros(m, TOGETHER);
     for (group, members) in members.chunks(TOGETHER).enumerate() {
         sums.data_mut().fill(0.0);
@@ -146,10 +209,15 @@ fn sketch(data: &[f64], m: usize, columns: usize, seed: u64) -> (Matrix, f64) {
         squares += parts.iter().sum::<f64>();
         let first = TOGETHER * group;
         let signs =
-            Matrix::from_fn(TOGETHER, columns, |i, j| sign(seed ^ 0xA5A5, (first + i + BUCKETS * j) as u64));
-        multiply_add(1.0, sums.view(), signs.view(), spanned.view_mut());
+            Matrix::from_fn(columns, TOGETHER, |j, i| sign(seed ^ 0xA5A5, (first + i + BUCKETS * j) as u64));
+        let tasks = transposed.data_mut().par_chunks_mut(columns * ROWS).enumerate();
+        tasks.for_each(|(task, to)| {
+            let rows = ROWS * task..ROWS * task + to.len() / columns;
+            let to = ViewMut::new(to, columns, rows.len());
+            multiply_add(1.0, signs.view(), sums.view().block(rows, 0..TOGETHER).t(), to);
+        });
     }
-    (spanned, squares)
+    (Spanned { transposed }, squares)
 }
 
 /// sum += sum over columns of sign column; lanes += squares of all columns. Columns that are missing (empty) come last.

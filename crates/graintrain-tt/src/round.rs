@@ -6,16 +6,25 @@
 
 use crate::cores::{Cores, Sum};
 use crate::error::at_core;
-use crate::factor::{leading_columns, lower_triangle, row_factor, triangle};
+use crate::factor::{
+    leading_columns, lower_triangle, moderate_row_factor, row_factor, safe_lower_triangle, triangle,
+};
 use crate::scale::{binary_exponent, factor_out, largest_finite, levelled, share_power};
-use crate::vector::Core;
+use crate::vector::{Core, with_length};
 use crate::{TtError, TtMatrix, TtVector};
-use graintrain_linalg::dense::{Matrix, left_svd, product, thin_qr};
+use graintrain_linalg::dense::{Matrix, left_svd, multiply, product, thin_qr};
 use serde::{Deserialize, Serialize};
 
 /// Backward error of the products, factors and sums at one core, relative to its size, Gram matrices included: by measurement on 1500
 /// cancelling sums.
 pub(crate) const ROUNDING: f64 = 64.0 * f64::EPSILON;
+
+/// Cores of fewer numbers live in memory that no allocator returns.
+const SMALL_CORE: usize = 1 << 12;
+/// Matrices as large as a core that live at the same time in a sweep.
+const CORES_AT_ONCE: usize = 8;
+/// Most numbers that an allocator is asked to keep (31 MiB).
+const MOST_KEPT: usize = 31 << 17;
 
 /// How far a train may be shortened: relative Frobenius error and a cap on the ranks.
 ///
@@ -72,11 +81,24 @@ impl RightFactors {
     /// From the right to the left; none for the zero tensor. O(d n r^3).
     fn new(train: &impl Cores) -> Result<Option<Self>, TtError> {
         let d = train.modes().len();
+        keep_memory(train);
         let (mut powers, mut right) = (vec![0; d], vec![Matrix::identity(1); d]);
+        let mut memory = Vec::new();
         for k in (0..d).rev() {
-            let Some(power) = train.exponent(k).map_err(at_core(k))? else { return Ok(None) };
-            let part = train.multiply_right(k, right[k].view(), -power);
-            let mut factor = row_factor(Matrix::from_vec(part.left, part.mode * part.right, part.data));
+            // Where the product has rows of moderate size nothing overflowed or vanished in it, and the core need not be looked at.
+            let part = train.multiply_right(k, right[k].view(), 0, memory);
+            let moderate = moderate_row_factor(part.right_unfolding());
+            memory = part.data;
+            let (mut factor, power) = match moderate {
+                Some(factor) => (factor, 0),
+                None => {
+                    let Some(power) = train.exponent(k).map_err(at_core(k))? else { return Ok(None) };
+                    let part = train.multiply_right(k, right[k].view(), -power, memory);
+                    let factor = row_factor(part.right_unfolding());
+                    memory = part.data;
+                    (factor, power)
+                }
+            };
             let Some(second) = factor_out(factor.data_mut()) else { return Ok(None) };
             powers[k] = power + second;
             if k > 0 {
@@ -208,6 +230,18 @@ fn not_scalable(data: &[f64]) -> (f64, f64) {
     (if data.iter().all(|x| *x == 0.0) { 0.0 } else { f64::NAN }, 0.0)
 }
 
+/// Asks for the memory of a sweep in one piece and gives it back untouched: allocators keep what they were once asked for at hand, in place of returning
+/// every matrix of a core to the system and having it zeroed again page by page (a tenth of the time at ranks 50 to 200).
+pub(crate) fn keep_memory(train: &impl Cores) {
+    let modes = train.modes();
+    let numbers = |k: usize| train.ranks(k).0.saturating_mul(modes[k]).saturating_mul(train.ranks(k).1);
+    let largest = (0..modes.len()).map(numbers).max().unwrap_or(0);
+    if largest >= SMALL_CORE {
+        let whole = Vec::<f64>::with_capacity(largest.saturating_mul(CORES_AT_ONCE).min(MOST_KEPT));
+        drop(std::hint::black_box(whole));
+    }
+}
+
 /// The shortest train within the truncation of one that is given by what its cores do: see [`TtVector::round`].
 pub(crate) fn round_cores(
     train: &impl Cores,
@@ -219,7 +253,7 @@ pub(crate) fn round_cores(
         return Ok((TtVector::constant(&modes, 0.0)?, TruncationReport::zero()));
     };
     let mut cores = Vec::with_capacity(modes.len());
-    let mut core = train.multiply_left(0, Matrix::identity(1).view(), -factors.powers[0]);
+    let mut core = train.multiply_left(0, Matrix::identity(1).view(), -factors.powers[0], Vec::new());
     let mut unfolding = product(core.left_unfolding(), factors.right[0].view());
     let norm_squared = sum_of_squares(unfolding.data());
     let mut rounding = factors.rounding_of(train, 0, &[1.0]);
@@ -229,9 +263,12 @@ pub(crate) fn round_cores(
         let carry = product(u.t(), core.left_unfolding());
         cores.push(Core::from_left_unfolding(core.left, core.mode, u));
         rounding += factors.rounding_of(train, k, &squares_of_columns(&carry));
-        core = train.multiply_left(k, carry.view(), -factors.powers[k]);
-        unfolding = product(core.left_unfolding(), factors.right[k].view());
+        core = train.multiply_left(k, carry.view(), -factors.powers[k], core.data);
+        let (rows, columns) = (core.left * core.mode, factors.right[k].columns());
+        unfolding = Matrix::from_vec(rows, columns, with_length(unfolding.into_vec(), rows * columns));
+        multiply(1.0, core.left_unfolding(), factors.right[k].view(), unfolding.view_mut());
     }
+    core.data.shrink_to_fit();
     cores.push(core);
     share_power(&mut cores, factors.exponent());
     let report = budget.report(norm_squared, ROUNDING * (rounding / norm_squared).sqrt());
@@ -245,13 +282,15 @@ pub(crate) fn norm_and_rounding(train: &impl Cores) -> Result<(f64, f64, i64), T
     let Some(factors) = RightFactors::new(train)? else { return Ok((0.0, 0.0, 0)) };
     let (mut left, mut rounding, mut taken_out) = (Matrix::identity(1), 0.0, 0.0_f64);
     let mut norm = 0.0;
+    let mut memory = Vec::new();
     for k in 0..factors.powers.len() {
         rounding += factors.rounding_of(train, k, &squares_of_columns(&left)) * (2.0 * taken_out).exp2();
-        let core = train.multiply_left(k, left.view(), -factors.powers[k]);
+        let core = train.multiply_left(k, left.view(), -factors.powers[k], memory);
         if k == 0 {
             norm = sum_of_squares(product(core.left_unfolding(), factors.right[0].view()).data()).sqrt();
         }
-        left = triangle(core.into_left_unfolding());
+        left = triangle(core.left_unfolding());
+        memory = core.data;
         taken_out += f64::from(factor_out(left.data_mut()).unwrap_or(0));
     }
     Ok((norm, ROUNDING * rounding.sqrt(), factors.exponent()))
@@ -267,7 +306,7 @@ pub(crate) fn relative_norm(difference: &impl Cores, reference: &impl Cores) -> 
 /// The norm over a power of two, and the power; none for zero.
 fn norm_by_factors(train: &impl Cores) -> Result<Option<(f64, i64)>, TtError> {
     let Some(factors) = RightFactors::new(train)? else { return Ok(None) };
-    let first = train.multiply_right(0, factors.right[0].view(), -factors.powers[0]);
+    let first = train.multiply_right(0, factors.right[0].view(), -factors.powers[0], Vec::new());
     Ok(Some((sum_of_squares(&first.data).sqrt(), factors.exponent())))
 }
 
@@ -342,9 +381,21 @@ impl TtVector {
 
     /// The norm as mantissa * 2^exponent: by the factors of the parts on the right, whose triangles are half as dear on that side.
     fn norm_scaled(&self) -> (f64, f64) {
+        keep_memory(self);
         let mut lower = Matrix::identity(1);
-        let mut exponent = 0.0;
+        let (mut exponent, mut memory) = (0.0, Vec::new());
         for core in self.cores.iter().rev() {
+            // Where the Gram matrix of the product is safe, its rows are of moderate size: nothing overflowed, and the core need not be looked at.
+            let part = core.multiply_right_in(lower.view(), 0, memory);
+            let safe = safe_lower_triangle(part.right_unfolding());
+            memory = part.data;
+            if let Some(mut triangle) = safe
+                && let Some(power) = factor_out(triangle.data_mut())
+            {
+                exponent += f64::from(power);
+                lower = triangle;
+                continue;
+            }
             // The core alone first: its product with the triangle might overflow.
             let size = largest_finite(&core.data).unwrap_or(f64::NAN);
             if size.is_nan() || size == 0.0 {
@@ -352,7 +403,7 @@ impl TtVector {
             }
             let power = binary_exponent(size);
             let part = core.multiply_right_scaled(lower.view(), -power);
-            lower = lower_triangle(Matrix::from_vec(part.left, part.mode * part.right, part.data));
+            lower = lower_triangle(part.right_unfolding());
             let Some(second) = factor_out(lower.data_mut()) else { return not_scalable(lower.data()) };
             exponent += f64::from(power + second);
         }
@@ -437,7 +488,7 @@ impl TtVector {
         let (mut left, mut taken_out) = (Matrix::identity(1), factors.exponent());
         for k in 0..d - 1 {
             let core = self.cores[k].multiply_left_scaled(left.view(), -factors.powers[k]);
-            left = triangle(core.into_left_unfolding());
+            left = triangle(core.left_unfolding());
             taken_out += i64::from(factor_out(left.data_mut()).unwrap_or(0));
             let (_, mut s) =
                 left_svd(product(left.view(), factors.right[k].view()).view()).map_err(at_core(k))?;

@@ -65,6 +65,25 @@ pub(crate) fn scale_by_power(data: &mut [f64], power: i32) {
     data.iter_mut().for_each(|x| *x = *x * half * rest);
 }
 
+/// By what part a number may exceed the largest float and still be it.
+const ROUNDED: f64 = 1e-13;
+
+/// Multiplies by 2^power. Numbers that exceed the largest float by rounding only become it.
+pub(crate) fn scale_within_floats(data: &mut [f64], mut power: i64) {
+    while power != 0 {
+        let step = power.clamp(-1000, 1000) as i32;
+        power -= i64::from(step);
+        let factor = f64::from(step).exp2();
+        // What the factor makes the largest float (infinite for factors below one).
+        let limit = if power == 0 { f64::MAX * f64::from(-step).exp2() } else { f64::INFINITY };
+        let scaled = |x: f64| {
+            let beyond = x.abs() > limit && x.abs() <= limit * (1.0 + ROUNDED);
+            if beyond { f64::MAX.copysign(x) } else { x * factor }
+        };
+        data.iter_mut().for_each(|x| *x = scaled(*x));
+    }
+}
+
 /// 2^power where it may be applied within a product of matrices of moderate size; none where the numbers are so large or
 /// small that they have to be scaled first: a product may apply it to either factor, of which small numbers must not vanish.
 pub(crate) fn factor_within_product(power: i32) -> Option<f64> {

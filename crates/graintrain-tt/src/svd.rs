@@ -8,6 +8,7 @@
 //! modes are taken at once, as many as keep the unfolding at `GROUP_ROWS` rows: A = L Q of this unfolding with orthonormal
 //! rows of Q, and the TT-SVD of the small tensor L gives the same cores as that of A.
 
+use crate::blocks::gram;
 use crate::error::at_core;
 use crate::factor::{SQUARES, SafeCholesky, leading_columns};
 use crate::matrix::checked_product;
@@ -16,9 +17,7 @@ use crate::round::{Budget, ROUNDING, sum_of_squares};
 use crate::scale::{binary_exponent, largest_finite, scale_by_power, share_power};
 use crate::vector::Core;
 use crate::{FullMatrix, Truncation, TruncationReport, TtError, TtMatrix, TtVector};
-use graintrain_linalg::dense::{
-    Matrix, View, ViewMut, gram, multiply, product, qr_triangle, symmetric_eigen,
-};
+use graintrain_linalg::dense::{Matrix, View, ViewMut, multiply, product, qr_triangle, symmetric_eigen};
 use rayon::prelude::*;
 
 /// Unfoldings of more rows than this are not made by joining modes: the QR of a pass costs 2 rows flops per entry.
@@ -29,6 +28,11 @@ const LARGE: usize = 1 << 18;
 const RANGE_SHARE: f64 = 0.05;
 /// A Gram matrix stands for its rows where the squared error that may be made is more than this part of its trace.
 const GRAM_SHARE: f64 = 1e-11;
+/// Eigenvectors of a Gram matrix are singular vectors where the squared error that may be made is more than this part of its trace: their own errors are
+/// some units of rounding.
+const EIGENVECTOR_SHARE: f64 = 64.0 * f64::EPSILON;
+/// Larger tensors are not turned onto eigenvectors in whole.
+const LARGEST_TURNED: usize = 1 << 20;
 /// Numbers per task of a read.
 const TASK_NUMBERS: usize = 1 << 16;
 /// Seed of the sketches: the same tensor gives the same train.
@@ -147,8 +151,8 @@ fn split_off(
     let (mut rest, mut done) = (numbers, 0);
     while done < first.len() {
         let group = group_of_modes(left, &first[done..]);
-        let basis = group_basis(cores, left, group, rest.numbers(), budget)?;
-        rest = Source::Owned(project(&basis, rest.numbers()));
+        let (basis, projected) = pass(cores, left, group, rest.numbers(), budget)?;
+        rest = Source::Owned(projected);
         left = basis.columns();
         done += group.len();
     }
@@ -179,8 +183,8 @@ fn from_range(
     let (mut left, mut done, mut first) = (1, 0, width);
     while done < bond {
         let group = group_of_modes(left, &modes[done..bond]);
-        let basis = group_basis(cores, left, group, &both[..first], budget)?;
-        let (kept, carried) = (project(&basis, &both[..first]), project(&basis, &both[first..]));
+        let (basis, kept) = pass(cores, left, group, &both[..first], budget)?;
+        let carried = project(&basis, &both[first..]);
         first = kept.len();
         both = [kept, carried].concat();
         left = basis.columns();
@@ -234,24 +238,36 @@ fn group_of_modes(left: usize, modes: &[usize]) -> &[usize] {
     &modes[..fits.count().max(1)]
 }
 
-/// Appends the left-orthogonal cores of the group and returns their product, rows x rank.
-fn group_basis(
+/// Appends the left-orthogonal cores of the group; returns their product U, rows x rank, and U^T A.
+fn pass(
     cores: &mut Vec<Core>,
     left: usize,
     group: &[usize],
     rest: &[f64],
     budget: &mut Budget,
-) -> Result<Matrix, TtError> {
+) -> Result<(Matrix, Vec<f64>), TtError> {
+    if let &[mode] = group
+        && let Some((basis, projected)) = leading_by_eigenvectors(rest, left * mode, budget)
+    {
+        cores.push(Core::from_left_unfolding(left, mode, basis.clone()));
+        return Ok((basis, projected));
+    }
     let rows = left * group.iter().product::<usize>();
-    let mut small = lower_factor(rest, rows, budget.share());
+    let mut numbers = lower_factor(rest, rows, budget.share()).into_vec();
     let mut basis = Matrix::identity(left);
     for &mode in group {
-        let left = basis.columns();
-        let numbers = small.into_vec();
-        let tensor = View::new(&numbers, left * mode, numbers.len() / (left * mode));
-        let u = leading_columns(&lower_factor(&numbers, left * mode, 0.0), budget)
-            .map_err(at_core(cores.len()))?;
-        small = product(u.t(), tensor);
+        let (left, rows) = (basis.columns(), basis.columns() * mode);
+        let (u, projected) = match leading_by_eigenvectors(&numbers, rows, budget) {
+            Some(found) => found,
+            None => {
+                let u = leading_columns(&lower_factor(&numbers, rows, 0.0), budget)
+                    .map_err(at_core(cores.len()))?;
+                let tensor = View::new(&numbers, rows, numbers.len() / rows);
+                let projected = product(u.t(), tensor).into_vec();
+                (u, projected)
+            }
+        };
+        numbers = projected;
         let core = Core::from_left_unfolding(left, mode, u);
         basis = Matrix::from_vec(
             basis.rows() * mode,
@@ -260,7 +276,33 @@ fn group_basis(
         );
         cores.push(core);
     }
-    Ok(basis)
+    let projected = project(&basis, rest);
+    Ok((basis, projected))
+}
+
+/// The leading left singular vectors U of a matrix A of m rows and U^T A: eigenvectors V of A A^T, and the rank by the squares of the rows of V^T A, which are
+/// formed, so that what is left out is what it is however V was found. None where the share of the budget is near what a Gram matrix resolves
+/// (a rank might be too large then), and for large tensors, of which this would make a copy.
+fn leading_by_eigenvectors(numbers: &[f64], m: usize, budget: &mut Budget) -> Option<(Matrix, Vec<f64>)> {
+    if numbers.len() > LARGEST_TURNED {
+        return None;
+    }
+    let squares = sum_of_grams(numbers, m, None);
+    let trace: f64 = (0..m).map(|i| squares[(i, i)]).sum();
+    if !SQUARES.contains(&trace) || budget.share() < EIGENVECTOR_SHARE * trace {
+        return None;
+    }
+    let (_, vectors) = symmetric_eigen(squares.view()).ok()?;
+    let mut basis = Matrix::from_fn(m, m, |i, j| vectors[(i, m - 1 - j)]);
+    let turned = project(&basis, numbers);
+    let mut squares = vec![0.0; m];
+    for column in turned.chunks_exact(m) {
+        squares.iter_mut().zip(column).for_each(|(sum, x)| *sum += x * x);
+    }
+    let rank = budget.rank(&squares);
+    basis.truncate_columns(rank);
+    let kept = turned.chunks_exact(m).flat_map(|column| &column[..rank]).copied().collect();
+    Some((basis, kept))
 }
 
 /// U^T A by blocks of columns, each a task.

@@ -19,7 +19,7 @@ use crate::round::{Budget, ROUNDING, sum_of_squares};
 use crate::scale::{binary_exponent, largest_finite, power_shares, scale_by_power};
 use crate::vector::Core;
 use crate::{Truncation, TruncationReport, TtError, TtMatrix, TtVector};
-use graintrain_linalg::dense::{DenseError, Matrix, left_svd, product};
+use graintrain_linalg::dense::{DenseError, Matrix, View, left_svd, product};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::FRAC_1_SQRT_2;
 
@@ -201,8 +201,8 @@ impl SymmetricTrain {
             let mut triangles = PARITIES.map(|p| {
                 let after = PARITIES.map(|q| cores[k].blocks[p][q].multiply_right(right[k][q].view()));
                 let columns = after.iter().map(|block| block.mode * block.right).sum();
-                let unfolding = after.into_iter().flat_map(|block| block.data).collect();
-                row_factor(Matrix::from_vec(cores[k].blocks[p][p].left, columns, unfolding))
+                let unfolding: Vec<f64> = after.into_iter().flat_map(|block| block.data).collect();
+                row_factor(View::new(&unfolding, cores[k].blocks[p][p].left, columns))
             });
             let second = joint_exponent(triangles.iter().map(Matrix::data)).map_err(at_core(k))?;
             let Some(second) = second else { return Ok(self.zero_like()) };

@@ -1,8 +1,11 @@
 //! The tensor train of a vector (or of any tensor): the type, its entries and its full form.
 
 use crate::TtError;
-use crate::scale::{factor_within_product, scale_by_power};
-use graintrain_linalg::dense::{Matrix, Triangle, View, ViewMut, multiply, multiply_triangle};
+use crate::blocks::{Triangle, multiply_triangle};
+use crate::scale::{
+    binary_exponent, factor_within_product, largest_finite, scale_by_power, scale_within_floats,
+};
+use graintrain_linalg::dense::{Matrix, View, ViewMut, multiply, product};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
@@ -167,9 +170,16 @@ impl Core {
 
     /// 2^power M G, without overflow on the way where 2^power G has none. Only the blocks of block-diagonal cores are multiplied.
     pub(crate) fn multiply_left_scaled(&self, m: View<'_>, power: i32) -> Self {
-        let Some(factor) = factor_within_product(power) else { return self.scaled(power).multiply_left(m) };
+        self.multiply_left_in(m, power, Vec::new())
+    }
+
+    /// [`Core::multiply_left_scaled`] in the given memory: new memory costs a page fault per 512 numbers, up to a tenth of such a product.
+    pub(crate) fn multiply_left_in(&self, m: View<'_>, power: i32, memory: Vec<f64>) -> Self {
+        let Some(factor) = factor_within_product(power) else {
+            return self.scaled(power).multiply_left_in(m, 0, memory);
+        };
         let (rows, fibres) = (m.rows(), self.mode * self.right);
-        let mut data = vec![0.0; rows * fibres];
+        let mut data = with_length(memory, rows * fibres);
         match self.diagonal_blocks() {
             Some(blocks) => {
                 for DiagonalBlock { left, right } in blocks {
@@ -188,10 +198,19 @@ impl Core {
     /// 2^power G M, without overflow on the way where 2^power G has none. Blocks of zeros of block-diagonal cores and above the diagonal of M are not
     /// multiplied.
     pub(crate) fn multiply_right_scaled(&self, m: View<'_>, power: i32) -> Self {
-        let Some(factor) = factor_within_product(power) else { return self.scaled(power).multiply_right(m) };
+        self.multiply_right_in(m, power, Vec::new())
+    }
+
+    /// [`Core::multiply_right_scaled`] in the given memory.
+    pub(crate) fn multiply_right_in(&self, m: View<'_>, power: i32, memory: Vec<f64>) -> Self {
+        let Some(factor) = factor_within_product(power) else {
+            return self.scaled(power).multiply_right_in(m, 0, memory);
+        };
         let (rows, columns) = (self.left * self.mode, m.columns());
-        let mut data = vec![0.0; rows * columns];
+        let mut data = with_length(memory, rows * columns);
         if let Some(blocks) = self.diagonal_blocks() {
+            // (Rows below the last block belong to none.)
+            data.fill(0.0);
             for DiagonalBlock { left, right } in blocks {
                 let m = m.block(right.clone(), 0..columns);
                 for i in 0..self.mode {
@@ -201,8 +220,7 @@ impl Core {
                 }
             }
         } else if m.rows() == columns && m.is_lower_triangular() {
-            let to = ViewMut::new(&mut data, rows, columns);
-            multiply_triangle(factor, self.left_unfolding(), m, Triangle::Lower, to);
+            multiply_triangle(factor, self.left_unfolding(), m, Triangle::Lower, &mut data);
         } else {
             multiply(factor, self.left_unfolding(), m, ViewMut::new(&mut data, rows, columns));
         }
@@ -220,13 +238,18 @@ impl Core {
         if !(0..self.mode).all(corners) {
             return None;
         }
+        // (All bits but the sign: without a branch, four numbers a cycle.)
+        let any = |part: &[f64]| part.iter().fold(0, |bits, x| bits | (x.to_bits() << 1)) != 0;
         // Of every column the rows between its first and its last number that is not zero.
         let support = |column: &[f64]| {
             let (mut first, mut end) = (self.left, 0);
             for fibre in column.chunks_exact(self.left) {
-                let before = fibre[..first].iter().position(|x| *x != 0.0);
-                first = before.unwrap_or(first);
-                end = end.max(fibre.iter().rposition(|x| *x != 0.0).map_or(0, |last| last + 1));
+                if any(&fibre[..first]) {
+                    first = fibre.iter().position(|x| *x != 0.0).unwrap_or(first);
+                }
+                if any(&fibre[end..]) {
+                    end = fibre.iter().rposition(|x| *x != 0.0).map_or(end, |last| last + 1);
+                }
             }
             (first, end)
         };
@@ -257,6 +280,15 @@ impl Core {
         scale_by_power(&mut self.data, power);
         self
     }
+}
+
+/// Memory for this many numbers, whatever they are.
+pub(crate) fn with_length(mut memory: Vec<f64>, length: usize) -> Vec<f64> {
+    if memory.capacity() < length {
+        return vec![0.0; length];
+    }
+    memory.resize(length, 0.0);
+    memory
 }
 
 /// A tensor train: A(i_1, ..., i_d) = G_1(i_1) G_2(i_2) ... G_d(i_d).
@@ -491,7 +523,7 @@ impl TtVector {
         order.iter().zip(&state).for_each(|(&p, &value)| values[p] = value);
     }
 
-    /// The full vector, first index fastest.
+    /// The full vector, first index fastest. An entry that exceeds the largest float by rounding only (1e-13 of it) is that float; larger ones are infinite.
     ///
     /// # Errors
     /// [`TtError::TooLarge`] above 2^31 entries.
@@ -500,19 +532,18 @@ impl TtVector {
         if entries > LARGEST_FULL {
             return Err(TtError::TooLarge { entries });
         }
-        let mut full = Matrix::from_vec(1, 1, vec![1.0]);
-        for core in &self.cores {
-            let rows = full.rows();
-            let mut next = vec![0.0; rows * core.mode * core.right];
-            multiply(
-                1.0,
-                full.view(),
-                core.right_unfolding(),
-                ViewMut::new(&mut next, rows, core.mode * core.right),
-            );
-            full = Matrix::from_vec(rows * core.mode, core.right, next);
+        // No entry of a product of cores exceeds the product of their Frobenius norms: nothing overflows on the way.
+        let size = |core: &Core| largest_finite(&core.data).unwrap_or(0.0);
+        let bits = |core: &Core| (size(core).log2() + 0.5 * (core.data.len() as f64).log2()).max(0.0);
+        if self.cores.iter().map(bits).sum::<f64>() < f64::from(f64::MAX_EXP - 1) {
+            return Ok(full_vector(&self.cores));
         }
-        Ok(full.into_vec())
+        let powers: Vec<i32> = self.cores.iter().map(|core| binary_exponent(size(core))).collect();
+        let scaled: Vec<Core> =
+            self.cores.iter().zip(&powers).map(|(core, power)| core.scaled(-power)).collect();
+        let mut full = full_vector(&scaled);
+        scale_within_floats(&mut full, powers.iter().map(|&power| i64::from(power)).sum());
+        Ok(full)
     }
 
     /// Sum of all entries; O(d n r^2).
@@ -533,6 +564,17 @@ impl TtVector {
         let (expected, got) = (self.modes(), other.modes());
         if expected == got { Ok(()) } else { Err(TtError::Shape { what: "mode sizes", expected, got }) }
     }
+}
+
+/// The tensor of cores, first index fastest.
+fn full_vector(cores: &[Core]) -> Vec<f64> {
+    let mut full = Matrix::from_vec(1, 1, vec![1.0]);
+    for core in cores {
+        let rows = full.rows();
+        let next = product(full.view(), core.right_unfolding()).into_vec();
+        full = Matrix::from_vec(rows * core.mode, core.right, next);
+    }
+    full.into_vec()
 }
 
 /// Ranks `rank`, but never above the number of rows or columns of an unfolding.

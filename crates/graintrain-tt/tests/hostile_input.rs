@@ -100,6 +100,38 @@ fn numbers_that_are_not_finite_are_errors() {
 }
 
 #[test]
+fn the_largest_floats_come_back() {
+    for (modes, tolerance) in [(&[2; 3][..], 0.0), (&[2; 12], 1e-12), (&[3, 5, 4, 2], 1e-6), (&[7], 0.0)] {
+        let entries: usize = modes.iter().product();
+        let patterns: [fn(usize) -> f64; 4] = [
+            |_| 1.0,
+            |i| if i % 2 == 0 { 1.0 } else { -1.0 },
+            |i| f64::from(i % 3 == 1),
+            |i| {
+                if i == 1 { 1.0 } else { 1e-300 * i as f64 }
+            },
+        ];
+        for pattern in patterns {
+            let full: Vec<f64> = (0..entries).map(|i| f64::MAX * pattern(i)).collect();
+            let (train, _) = TtVector::from_full(&full, modes, &Truncation::to(tolerance)).unwrap();
+            for (x, y) in train.to_full().unwrap().iter().zip(&full) {
+                assert!((x - y).abs() <= (1e-11 + 10.0 * tolerance) * f64::MAX, "{modes:?} {x:e} {y:e}");
+            }
+        }
+    }
+    // Sums on the way exceed the largest float, the entries do not; and what does exceed it is infinite.
+    let ends = |right: f64| {
+        let first = Core::new(1, 2, 2, vec![1.5e308, 1.0, -1.5e308, 1.0]).unwrap();
+        let last = Core::new(2, 2, 1, vec![right, right - 0.25, 1.0, 1.0]).unwrap();
+        TtVector::from_cores(vec![first, last]).unwrap().to_full().unwrap()
+    };
+    let full = ends(4.0);
+    assert!((full[0] / 0.375e308 - 1.0).abs() < 1e-13 && full[2] == 0.0, "{full:?}");
+    let beyond = TtVector::rank_one(&[vec![1e308, -1e308, 1.0], vec![1.0, 1e10]]).unwrap().to_full().unwrap();
+    assert_eq!(beyond, [1e308, -1e308, 1.0, f64::INFINITY, f64::NEG_INFINITY, 1e10]);
+}
+
+#[test]
 fn zero_systems_and_singular_operators_are_answered() {
     let a = qtt::laplacian(5).unwrap();
     let zero = TtVector::constant(&[2; 5], 0.0).unwrap();
