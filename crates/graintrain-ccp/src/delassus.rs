@@ -73,7 +73,7 @@ pub struct RigidDelassus {
     /// Compliances of the normal rows, 1/kg; empty where all contacts are rigid.
     compliance: Vec<f64>,
     /// A periodic cell that gives way.
-    cell: Option<CellModes>,
+    cell: Option<Box<CellModes>>,
     /// Diagonals of the blocks N_ii, made when first asked for.
     diagonal: OnceLock<Vec<[f64; 3]>>,
 }

@@ -337,83 +337,6 @@ pub fn product(a: View<'_>, b: View<'_>) -> Matrix {
     c
 }
 
-/// Which entries of a square matrix may differ from zero.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Triangle {
-    /// On and below the diagonal.
-    Lower,
-    /// On and above the diagonal.
-    Upper,
-}
-
-/// Columns of a block of a triangle: narrow, since products with 8 columns run nearly at the full rate.
-const NARROWEST_BLOCK: usize = 8;
-const BLOCKS: usize = 8;
-
-/// The columns 0..n in blocks.
-fn column_blocks(n: usize) -> impl Iterator<Item = Range<usize>> {
-    let width = n.div_ceil(BLOCKS).max(NARROWEST_BLOCK);
-    (0..n).step_by(width).map(move |first| first..(first + width).min(n))
-}
-
-/// C <- alpha A T for a triangle T, whose other entries have to be there and zero: m n^2 (1 + 1 / blocks) flops for an m x n matrix A, little more than
-/// half of a product (of 400 x 100 with 100 x 100: 90 instead of 143 microseconds).
-///
-/// # Panics
-/// If the shapes do not fit.
-pub fn multiply_triangle(alpha: f64, a: View<'_>, t: View<'_>, triangle: Triangle, c: ViewMut<'_>) {
-    let (m, n) = (a.rows(), t.columns());
-    assert!(t.rows() == n && c.rows == m && c.columns == n, "A T into a matrix of its shape");
-    if m == 0 {
-        return;
-    }
-    let stride = c.stride;
-    for columns in column_blocks(n) {
-        let inner = match triangle {
-            Triangle::Lower => columns.start..n,
-            Triangle::Upper => 0..columns.end,
-        };
-        let to = ViewMut::with_stride(&mut c.data[stride * columns.start..], m, columns.len(), stride);
-        multiply(alpha, a.block(0..m, inner.clone()), t.block(inner, columns), to);
-    }
-}
-
-/// Gram matrices from this size on are left to faer, which halves them again and again; below, one row of blocks after the other is faster (50 x 200:
-/// 13 instead of 21 microseconds).
-const LARGE_GRAM: usize = 128;
-
-/// A^T A, both triangles, with an exactly symmetric result. m n^2 flops and somewhat more.
-pub fn gram(a: View<'_>) -> Matrix {
-    let (m, n) = (a.rows(), a.columns());
-    let mut g = Matrix::zeros(n, n);
-    if n < LARGE_GRAM {
-        for columns in column_blocks(n) {
-            let first = columns.start;
-            let below = ViewMut::with_stride(&mut g.data[first + n * first..], n - first, columns.len(), n);
-            multiply(1.0, a.block(0..m, first..n).t(), a.block(0..m, columns), below);
-        }
-    } else {
-        matmul::triangular::matmul(
-            g.view_mut().faer(),
-            matmul::triangular::BlockStructure::TriangularLower,
-            Accum::Replace,
-            a.t().faer(),
-            matmul::triangular::BlockStructure::Rectangular,
-            a.faer(),
-            matmul::triangular::BlockStructure::Rectangular,
-            1.0,
-            Par::Seq,
-        );
-        clear_wide_registers();
-    }
-    for j in 0..n {
-        for i in 0..j {
-            g[(i, j)] = g[(j, i)];
-        }
-    }
-    g
-}
-
 /// Thin QR, A = Q R: Q is m x min(m, n) with orthonormal columns, R is min(m, n) x n upper triangular (trapezoidal).
 ///
 /// A matrix without full rank still gets orthonormal columns. Cost 4 m n^2 flops for m >= n.
@@ -693,6 +616,7 @@ pub fn solve_upper_on_the_right(x: ViewMut<'_>, u: View<'_>) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::triangles::gram;
 
     /// Entries in [-1, 1] from a fixed sequence.
     fn sample(rows: usize, columns: usize, seed: u64) -> Matrix {
@@ -736,38 +660,12 @@ mod tests {
     }
 
     #[test]
-    fn gram_is_the_product_with_the_transpose_and_symmetric() {
-        for (m, n) in [(30, 11), (0, 3), (5, 40), (200, 127), (200, 130)] {
-            let a = sample(m, n, 5);
-            let turned = a.transposed();
-            for view in [a.view(), turned.t()] {
-                let g = gram(view);
-                assert!(largest_difference(&g, &naive(&turned, &a)) < 1e-14 * (m + 1) as f64);
-                assert_eq!(g, g.transposed());
-            }
-        }
-    }
-
-    #[test]
-    fn products_with_triangles_equal_the_triple_loop() {
-        for (m, n) in [(1, 1), (3, 2), (5, 9), (9, 33), (40, 100), (2, 150)] {
-            let (a, square) = (sample(m, n, 1), sample(n, n, 2));
-            for triangle in [Triangle::Lower, Triangle::Upper] {
-                let inside = |i: usize, j: usize| if triangle == Triangle::Lower { i >= j } else { i <= j };
-                let t = Matrix::from_fn(n, n, |i, j| if inside(i, j) { square[(i, j)] } else { 0.0 });
-                assert_eq!(t.view().is_lower_triangular(), triangle == Triangle::Lower || n == 1);
-                assert_eq!(t.t().is_lower_triangular(), triangle == Triangle::Upper || n == 1);
-                let expected = naive(&a, &t);
-                for (a, t, turned) in [(a.view(), &t, false), (a.transposed().t(), &t.transposed(), true)] {
-                    // Into rows of a larger matrix, of which the others stay.
-                    let mut c = Matrix::from_vec(m + 2, n, vec![7.0; (m + 2) * n]);
-                    let to = ViewMut::with_stride(&mut c.data[1..], m, n, m + 2);
-                    multiply_triangle(2.0, a, if turned { t.t() } else { t.view() }, triangle, to);
-                    let product = Matrix::from_fn(m, n, |i, j| 0.5 * c[(i + 1, j)]);
-                    assert!(largest_difference(&product, &expected) < 1e-13 * n as f64);
-                    assert!((0..n).all(|j| c[(0, j)] == 7.0 && c[(m + 1, j)] == 7.0));
-                }
-            }
+    fn triangles_are_told_from_squares() {
+        for n in [1, 2, 9] {
+            let square = sample(n, n, 2);
+            let t = Matrix::from_fn(n, n, |i, j| if i >= j { square[(i, j)] } else { 0.0 });
+            assert!(t.view().is_lower_triangular());
+            assert_eq!(t.t().is_lower_triangular(), n == 1);
         }
         assert!(!sample(4, 4, 3).view().is_lower_triangular());
         assert!(Matrix::zeros(0, 0).view().is_lower_triangular());

@@ -12,6 +12,7 @@
 //! | [`block3`] | [`BlockMatrix3`](block3::BlockMatrix3): sparse matrices of 3x3 blocks, one block row per contact |
 //! | [`patience`] | how long a computation may go on |
 //! | [`vectorised`] | loops compiled for the vector instructions of the processor |
+//! | [`triangles`] | products of which half is known: with triangles, and of a matrix with itself |
 //! | [`dense`] | dense column-major kernels for small and medium matrices: products, QR, SVD, Cholesky, LU |
 //!
 //! This is the only crate that names `faer`.
@@ -28,4 +29,5 @@ pub mod parallel;
 pub mod patience;
 pub mod precond;
 mod supernodes;
+pub mod triangles;
 pub mod vectorised;

@@ -8,11 +8,13 @@
 //! Householder reflections. (Al Daas, Ballard, Manning, Parallel tensor train rounding using Gram SVD, 2022, take Gram
 //! matrices throughout and lose half the digits where trains cancel.)
 
-use crate::blocks::{Triangle, gram, lower_gram, lower_times, multiply_triangle, subtract_lower_square};
 use crate::round::{Budget, sum_of_squares};
 use graintrain_linalg::dense::{
     Cholesky, DenseError, Matrix, View, left_svd, multiply_add, product, qr_triangle,
     solve_upper_on_the_right, symmetric_eigen, thin_qr,
+};
+use graintrain_linalg::triangles::{
+    Triangle, gram, lower_gram, lower_times, multiply_triangle, subtract_lower_square,
 };
 
 /// Largest ||D R^-1||_F^2 / n at which a Gram matrix stands for its columns: at most two digits above rounding level.

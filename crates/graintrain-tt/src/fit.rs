@@ -8,7 +8,8 @@ use crate::error::at_core;
 use crate::random::Random;
 use crate::vector::{Core, check_index};
 use crate::{Truncation, TtError, TtVector};
-use graintrain_linalg::dense::{Cholesky, Matrix, ViewMut, gram};
+use graintrain_linalg::dense::{Cholesky, Matrix, ViewMut};
+use graintrain_linalg::triangles::gram;
 use serde::{Deserialize, Serialize};
 use std::collections::{HashMap, HashSet};
 

@@ -48,7 +48,6 @@ pub mod apply;
 pub mod arithmetic;
 #[cfg(feature = "ndarray")]
 mod arrays;
-mod blocks;
 pub mod complex;
 mod cores;
 pub mod cross;

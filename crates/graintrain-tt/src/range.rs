@@ -8,12 +8,12 @@
 //!
 //! What is left out is measured in the second read, so nothing rests on the luck of the sketch: a basis that leaves out too much is discarded.
 
-use crate::blocks::{gram, lower_gram};
 use crate::factor::SafeCholesky;
 use crate::round::sum_of_squares;
 use graintrain_linalg::dense::{
     Matrix, View, ViewMut, multiply, multiply_add, product, symmetric_eigen, thin_qr,
 };
+use graintrain_linalg::triangles::{gram, lower_gram};
 use graintrain_linalg::vectorised::{Work, run_wide};
 use rayon::prelude::*;
 

@@ -19,8 +19,9 @@ use crate::scale::{binary_exponent, largest_finite, share_power};
 use crate::vector::{Core, LARGEST_CORE};
 use crate::{Truncation, TtError, TtMatrix, TtVector};
 use graintrain_linalg::dense::{
-    DenseError, Matrix, View, ViewMut, gram, left_svd, multiply, qr_triangle, symmetric_eigen,
+    DenseError, Matrix, View, ViewMut, left_svd, multiply, qr_triangle, symmetric_eigen,
 };
+use graintrain_linalg::triangles::gram;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 

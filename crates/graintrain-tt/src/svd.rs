@@ -8,7 +8,6 @@
 //! modes are taken at once, as many as keep the unfolding at `GROUP_ROWS` rows: A = L Q of this unfolding with orthonormal
 //! rows of Q, and the TT-SVD of the small tensor L gives the same cores as that of A.
 
-use crate::blocks::gram;
 use crate::error::at_core;
 use crate::factor::{SQUARES, SafeCholesky, leading_columns};
 use crate::matrix::checked_product;
@@ -18,6 +17,7 @@ use crate::scale::{binary_exponent, largest_finite, scale_by_power, share_power}
 use crate::vector::Core;
 use crate::{FullMatrix, Truncation, TruncationReport, TtError, TtMatrix, TtVector};
 use graintrain_linalg::dense::{Matrix, View, ViewMut, multiply, product, qr_triangle, symmetric_eigen};
+use graintrain_linalg::triangles::gram;
 use rayon::prelude::*;
 
 /// Unfoldings of more rows than this are not made by joining modes: the QR of a pass costs 2 rows flops per entry.

@@ -1,11 +1,11 @@
 //! The tensor train of a vector (or of any tensor): the type, its entries and its full form.
 
 use crate::TtError;
-use crate::blocks::{Triangle, multiply_triangle};
 use crate::scale::{
     binary_exponent, factor_within_product, largest_finite, scale_by_power, scale_within_floats,
 };
 use graintrain_linalg::dense::{Matrix, View, ViewMut, multiply, product};
+use graintrain_linalg::triangles::{Triangle, multiply_triangle};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::ops::Range;

@@ -189,7 +189,7 @@ pub(super) struct BodyOperator {
     num_places: usize,
     slots: SlotTable,
     /// A periodic cell that gives way.
-    cell: Option<PackedCell>,
+    cell: Option<Box<PackedCell>>,
     /// What this rank does of a pass, where there are several.
     share: Option<Box<Share>>,
 }
@@ -286,7 +286,7 @@ impl BodyOperator {
             num_bodies: bodies,
             num_places,
             slots: slots.without_places(),
-            cell: PackedCell::new(rigid, &packing.images, [1.0; 2]),
+            cell: PackedCell::new(rigid, &packing.images, [1.0; 2]).map(Box::new),
             share: None,
         }
     }

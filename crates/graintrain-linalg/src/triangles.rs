@@ -4,7 +4,7 @@
 //! Blocks of eight columns lose least: they waste four flops per number, and the kernels of dense products take columns in fours. (Measured at 100 and 200
 //! columns on one thread: 93 to 102 % of the rate of a large product, with blocks of 13 and 25, eight in all, 75 to 84 %.)
 
-use graintrain_linalg::dense::{Matrix, View, ViewMut, multiply, multiply_add};
+use crate::dense::{Matrix, View, ViewMut, multiply, multiply_add};
 use std::ops::Range;
 
 /// Columns of a block.
@@ -14,10 +14,12 @@ const ROWS: usize = 48;
 /// Numbers of a block of the mirror image.
 const TILE: usize = 16;
 
-/// Which half of a square matrix is not zero.
+/// Which entries of a square matrix may differ from zero.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Triangle {
+pub enum Triangle {
+    /// On and below the diagonal.
     Lower,
+    /// On and above the diagonal.
     Upper,
 }
 
@@ -26,7 +28,10 @@ fn blocks(n: usize) -> impl Iterator<Item = Range<usize>> {
 }
 
 /// C <- alpha A T for a triangle T (n x n, zeros in the other half), C (m x n) column-major; m n^2 flops.
-pub(crate) fn multiply_triangle(alpha: f64, a: View<'_>, t: View<'_>, triangle: Triangle, c: &mut [f64]) {
+///
+/// # Panics
+/// If the shapes do not fit.
+pub fn multiply_triangle(alpha: f64, a: View<'_>, t: View<'_>, triangle: Triangle, c: &mut [f64]) {
     let (m, n) = (a.rows(), t.columns());
     assert!(t.rows() == n && c.len() == m * n, "A T into a matrix of its shape");
     if m == 0 {
@@ -44,7 +49,10 @@ pub(crate) fn multiply_triangle(alpha: f64, a: View<'_>, t: View<'_>, triangle: 
 }
 
 /// C <- T B for a lower triangle T (n x n, zeros above) and B (n x k); k n^2 flops. By blocks of rows.
-pub(crate) fn lower_times(t: View<'_>, b: View<'_>, c: &mut Matrix) {
+///
+/// # Panics
+/// If the shapes do not fit.
+pub fn lower_times(t: View<'_>, b: View<'_>, c: &mut Matrix) {
     let (n, k) = (t.rows(), b.columns());
     assert!(b.rows() == n && (c.rows(), c.columns()) == (n, k), "T B into a matrix of its shape");
     if k == 0 {
@@ -58,7 +66,7 @@ pub(crate) fn lower_times(t: View<'_>, b: View<'_>, c: &mut Matrix) {
 }
 
 /// A^T A for A (m x n), symmetric to the bit; m n^2 flops.
-pub(crate) fn gram(a: View<'_>) -> Matrix {
+pub fn gram(a: View<'_>) -> Matrix {
     let mut g = lower_gram(a);
     let n = g.rows();
     // Tile by tile: either side of the diagonal is strided.
@@ -73,7 +81,7 @@ pub(crate) fn gram(a: View<'_>) -> Matrix {
 }
 
 /// The lower triangle of A^T A, with zeros or numbers of it above the diagonal.
-pub(crate) fn lower_gram(a: View<'_>) -> Matrix {
+pub fn lower_gram(a: View<'_>) -> Matrix {
     let (m, n) = (a.rows(), a.columns());
     let mut g = Matrix::zeros(n, n);
     for columns in blocks(n) {
@@ -86,7 +94,10 @@ pub(crate) fn lower_gram(a: View<'_>) -> Matrix {
 }
 
 /// C <- C - F F^T in the lower triangle of C (n x n), F (n x k); k n^2 flops.
-pub(crate) fn subtract_lower_square(f: View<'_>, c: &mut Matrix) {
+///
+/// # Panics
+/// If the shapes do not fit.
+pub fn subtract_lower_square(f: View<'_>, c: &mut Matrix) {
     let (n, k) = (f.rows(), f.columns());
     for columns in blocks(n) {
         let first = columns.start;
@@ -99,11 +110,13 @@ pub(crate) fn subtract_lower_square(f: View<'_>, c: &mut Matrix) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::random::Random;
-
+    /// Entries in [-1, 1] from a fixed sequence.
     fn sample(rows: usize, columns: usize, seed: u64) -> Matrix {
-        let mut random = Random::new(seed);
-        Matrix::from_fn(rows, columns, |_, _| random.symmetric())
+        let mut state = seed;
+        Matrix::from_fn(rows, columns, |_, _| {
+            state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+            (state >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+        })
     }
 
     fn naive(a: &Matrix, b: &Matrix) -> Matrix {
