@@ -73,7 +73,7 @@ pub struct RigidDelassus {
     /// Compliances of the normal rows, 1/kg; empty where all contacts are rigid.
     compliance: Vec<f64>,
     /// A periodic cell that gives way.
-    cell: Option<Box<CellModes>>,
+    cell: Option<CellModes>,
     /// Diagonals of the blocks N_ii, made when first asked for.
     diagonal: OnceLock<Vec<[f64; 3]>>,
 }
@@ -91,6 +91,7 @@ pub struct Side {
 
 /// The Delassus matrix in one of its two forms.
 #[derive(Clone, Debug)]
+#[expect(clippy::large_enum_variant, reason = "there is one per problem, behind an Arc")]
 pub enum Delassus {
     /// Matrix-free over rigid bodies.
     Rigid(RigidDelassus),

@@ -74,14 +74,14 @@ impl RigidDelassus {
             cell.mobility.iter().all(|m| m.is_finite() && *m >= 0.0),
             "mobilities are finite and not negative"
         );
-        self.cell = (!cell.ways.is_empty()).then(|| Box::new(cell));
+        self.cell = (!cell.ways.is_empty()).then_some(cell);
         self.diagonal = OnceLock::new();
         self
     }
 
     /// The cell that gives way, where there is one that contacts reach across.
     pub fn cell(&self) -> Option<&CellModes> {
-        self.cell.as_deref()
+        self.cell.as_ref()
     }
 
     /// u <- u - F L b at the contacts across the boundary, L being what the world impulses change of it.

@@ -168,12 +168,12 @@ mod tests {
     fn problem(rigid: RigidDelassus) -> Ccp {
         let contacts = rigid.num_contacts();
         let delassus = Delassus::Rigid(rigid);
-        let component = |k: usize| if k % 3 == 0 { 1.0 } else { 0.2 * (1.7 * k as f64).sin() };
+        let component = |k: usize| if k.is_multiple_of(3) { 1.0 } else { 0.2 * (1.7 * k as f64).sin() };
         let g: Vec<f64> = (0..3 * contacts).map(component).collect();
         let mut r = vec![0.0; g.len()];
         delassus.multiply(&g, &mut r, &mut delassus.work());
         for (k, r) in r.iter_mut().enumerate() {
-            *r = if k % 3 == 0 { 0.5 - *r } else { -*r };
+            *r = if k.is_multiple_of(3) { 0.5 - *r } else { -*r };
         }
         Ccp::new(delassus, r, vec![0.3; contacts]).unwrap()
     }
