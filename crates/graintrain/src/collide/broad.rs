@@ -168,7 +168,7 @@ impl Collider {
     /// Looks for contacts together with other processes, each of which has the same world and asks for the same: each looks around the
     /// bodies of its part, and all get all contacts.
     pub fn share_among(&mut self, ranks: Arc<Ranks>) {
-        self.ranks = Some(ranks);
+        self.ranks = Some(ranks).filter(|ranks| ranks.count() > 1);
     }
 
     /// All contacts with gap up to the envelope, m, and those further apart that would close within `step` seconds at
