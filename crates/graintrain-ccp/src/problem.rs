@@ -343,6 +343,14 @@ impl Ccp {
         Err(CcpError::Unsupported { solver: solver.to_string(), reason: reason.to_string() })
     }
 
+    /// Contacts across the boundary of a cell that gives way: N as a matrix has a block for each two of them.
+    pub(crate) fn contacts_across(&self) -> usize {
+        match &*self.delassus {
+            Delassus::Rigid(rigid) => rigid.cell().map_or(0, |cell| cell.ways.len()),
+            Delassus::Sparse(_) => 0,
+        }
+    }
+
     /// The same problem with N as a matrix, where a cell gives way; `None` where none does.
     pub fn with_cell_as_matrix(&self) -> Option<Self> {
         match &*self.delassus {

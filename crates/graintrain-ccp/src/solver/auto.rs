@@ -23,20 +23,24 @@ pub struct Parameters {
     /// Checks (one in ten iterations) that the first-order method may go without taking a tenth off its least residual while another
     /// method is left to try. Settled packings creep for hundreds of iterations, jammed ones for ever.
     pub first_order_patience: usize,
+    /// With more contacts across the boundary of a cell that gives way, `ipm` is left out: N as a matrix has a block for each two of them.
+    pub cell_contacts: usize,
 }
 
 impl Default for Parameters {
     fn default() -> Self {
-        Self { tight: 1e-6, first_order_limit: 30_000, first_order_patience: 500 }
+        Self { tight: 1e-6, first_order_limit: 30_000, first_order_patience: 500, cell_contacts: 200 }
     }
 }
 
 /// Tries `apgd` and `ipm` in the order that suits the tolerance: an iteration of `apgd` costs nanoseconds per contact and it
 /// profits from a warm start, so it goes first down to 1e-6; `ipm` needs factorisations but few iterations whatever the
 /// tolerance. Each next method starts from the best impulses so far, and the best impulses are returned.
-/// Contacts that resist turning are for `apgd` alone.
+/// Contacts that resist turning are for `apgd` alone, and so are large periodic cells that give way, where it goes on as long as it gains anything.
 pub struct Auto {
     members: Vec<(&'static str, Box<dyn CcpSolver>)>,
+    /// In the place of `ipm` where that would need too large a matrix.
+    patient: FirstOrder<Apgd>,
     exact: Alternating,
     path: PathFollowing,
     /// The tuned constants.
@@ -56,7 +60,8 @@ impl Auto {
         let apgd = FirstOrder::with_patience(Apgd::default(), parameters.first_order_patience);
         let members: Vec<(_, Box<dyn CcpSolver>)> =
             vec![("apgd", Box::new(apgd)), ("ipm", Box::new(Ipm::new()))];
-        Self { members, exact: Alternating::new(), path: PathFollowing::default(), parameters }
+        let patient = FirstOrder::new(Apgd::default());
+        Self { members, patient, exact: Alternating::new(), path: PathFollowing::default(), parameters }
     }
 }
 
@@ -89,11 +94,18 @@ impl CcpSolver for Auto {
         let mut status = Status::Stalled;
         let mut name = "auto".to_string();
         let (mut history, mut remark) = (History::default(), None);
-        let takes = |member: &str| member != "ipm" || problem.turning.is_empty();
-        let last = self.members.iter().filter(|(member, _)| takes(member)).count() - 1;
-        let members = self.members.iter_mut().filter(|(member, _)| takes(member));
-        for (position, (member, solver)) in members.enumerate() {
-            let is_first = position < last && *member == "apgd";
+        let is_wide = problem.contacts_across() > self.parameters.cell_contacts;
+        let takes = |member: &str| member != "ipm" || (problem.turning.is_empty() && !is_wide);
+        let mut members: Vec<(&str, &mut dyn CcpSolver)> = Vec::new();
+        for (member, solver) in self.members.iter_mut().filter(|(member, _)| takes(member)) {
+            members.push((member, solver.as_mut()));
+        }
+        if is_wide && problem.turning.is_empty() {
+            members.push(("apgd", &mut self.patient));
+        }
+        let last = members.len() - 1;
+        for (position, (member, solver)) in members.into_iter().enumerate() {
+            let is_first = position < last && member == "apgd";
             let allowed = if is_first { self.parameters.first_order_limit } else { solver.iteration_limit() };
             let mine = SolveSettings {
                 max_iterations: Some(limits.iterations_left(iterations).min(allowed)),

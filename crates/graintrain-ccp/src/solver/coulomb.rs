@@ -52,6 +52,8 @@ pub struct Parameters {
     pub path_work: f64,
     /// And so many where it is followed from zero, after the rounds have come to nothing: they have taken some 2e5 iterations by then.
     pub last_path_work: f64,
+    /// With more contacts across the boundary of a cell that gives way the path is not followed: its systems have a block for each two of them.
+    pub cell_contacts: usize,
     /// Rounds go on while one of the last ones has lowered the least residual to this fraction.
     pub round_gain: f64,
     /// Rounds that may go by without that.
@@ -75,6 +77,7 @@ impl Default for Parameters {
             round: 30_000,
             path_work: 30_000.0,
             last_path_work: 1e6,
+            cell_contacts: 200,
             round_gain: 0.5,
             round_patience: 2,
             nested_limit: 10,
@@ -161,7 +164,9 @@ impl CoulombIteration {
         limits: &Limits<'_>,
         found: &mut Found,
     ) -> Result<Option<Status>, CcpError> {
-        let Some(path) = self.relaxed.path_following().filter(|_| problem.turning.is_empty()) else {
+        let is_wide = problem.contacts_across() > self.parameters.cell_contacts;
+        let takes_path = problem.turning.is_empty() && !is_wide;
+        let Some(path) = self.relaxed.path_following().filter(|_| takes_path) else {
             return Ok(None);
         };
         let matrix = problem.with_cell_as_matrix();

@@ -162,10 +162,15 @@ impl Bench {
         (0..count).try_for_each(|_| self.step(world).map(drop))
     }
 
-    /// Counts the steps of another bench of the same settings as this one's.
-    pub fn and(mut self, other: &Self) -> Self {
+    /// Counts the steps of another bench as this one's.
+    pub fn count(&mut self, other: &Self) {
         self.steps += other.steps;
         self.unsolved += other.unsolved;
+    }
+
+    /// With the steps of another bench of the same settings.
+    pub fn and(mut self, other: &Self) -> Self {
+        self.count(other);
         self
     }
 

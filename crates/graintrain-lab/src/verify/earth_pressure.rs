@@ -40,7 +40,7 @@ const KNOWN: [Known; 2] = [
 /// The cases.
 pub const CASES: &[Definition] = &[
     Definition {
-        id: "B5",
+        id: "C9a",
         title: "Passive earth pressure without friction",
         setup: "A smooth wall is pushed into a bed of 2 816 spheres without friction, four perturbed lattices.",
         sources: &[

@@ -11,7 +11,7 @@ use graintrain_ccp::{FrictionModel, Judge, SolverSpec};
 /// The cases.
 pub const CASES: &[Definition] = &[
     Definition {
-        id: "B0",
+        id: "P2",
         title: "Drafting",
         setup: "A blade drafts through a settled bed: the scene as it is, with half the time step, and with a tenth of the tolerance, \
                 four perturbed lattices each.",
@@ -21,7 +21,7 @@ pub const CASES: &[Definition] = &[
         measure: Measure::Sample(|sampling| checks(Experiment::Drafting, sampling)),
     },
     Definition {
-        id: "B6",
+        id: "P3",
         title: "Direct shear",
         setup: "A sample is sheared under a press: the scene as it is, with half the time step, and with a tenth of the tolerance, \
                 four perturbed lattices each.",

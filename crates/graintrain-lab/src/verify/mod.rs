@@ -13,7 +13,7 @@
 //! | [`source`] | where expected values come from |
 //! | [`mod@bench`] | small worlds, and stepping them |
 //! | [`flight`], [`impact`], [`arrival`], [`sliding`], [`rest`], [`painleve`], [`shapes`], [`heaps`], [`gas`], [`problems`], [`turning`], [`joints`] | tier A |
-//! | [`compression`], [`granular`], [`earth_pressure`], [`samples`] | tier B |
+//! | [`mod@periodic_sample`], [`compression`], [`mod@shear`], [`granular`], [`earth_pressure`], [`samples`] | tier B |
 //! | [`report`] | table, Markdown, HTML |
 
 pub mod arrival;
@@ -29,11 +29,13 @@ pub mod impact;
 pub mod joints;
 pub mod laws;
 pub mod painleve;
+pub mod periodic_sample;
 pub mod problems;
 pub mod report;
 pub mod rest;
 pub mod samples;
 pub mod shapes;
+pub mod shear;
 pub mod sliding;
 pub mod source;
 pub mod turning;
@@ -233,7 +235,9 @@ pub fn tier_a() -> impl Iterator<Item = &'static Definition> {
 
 /// The cases of tier B, the short ones first.
 pub fn tier_b() -> impl Iterator<Item = &'static Definition> {
-    [compression::CASES, samples::CASES, earth_pressure::CASES, granular::CASES].into_iter().flatten()
+    [compression::CASES, shear::CASES, samples::CASES, earth_pressure::CASES, granular::CASES]
+        .into_iter()
+        .flatten()
 }
 
 /// Measures cases one after another, tells each before it begins, and hands over all so far after each. Ends early once the stop is
