@@ -168,6 +168,7 @@ impl Problem {
             friction,
             curvature: None,
             stop: Some(Arc::clone(&stop)),
+            ranks: None,
         };
         let mut solver = solver.parse::<SolverSpec>().and_then(|spec| spec.build()).or_raise()?;
         let report =

@@ -19,7 +19,8 @@ const FINER: f64 = 1e-3;
 /// Iterations spent on that: where a heavy body stands on a light one, it may be out of reach.
 const FINER_ITERATIONS: usize = 300;
 
-/// Parts of fewer contacts than this neither remember the curvature of a solve nor are begun with one: it is that of a bed.
+/// Parts of fewer contacts than this neither remember the curvature of a solve nor are begun with one: it is that of a bed. Nor do
+/// ranks share them.
 const MANY: usize = 1000;
 
 /// Solves the connected parts of a problem apart.
@@ -90,7 +91,9 @@ impl PartSolver<'_> {
     fn solve_one(&mut self, problem: &Ccp, g: &mut [f64]) -> Result<(SolveReport, Vec<usize>), CcpError> {
         let is_bed = problem.num_contacts() >= MANY;
         let curvature = self.settings.curvature.filter(|_| is_bed);
-        let settings = SolveSettings { curvature, ..self.settings.clone() };
+        // Of a few contacts there is nothing to share: ranks would only wait for each other.
+        let ranks = self.settings.ranks.clone().filter(|_| is_bed);
+        let settings = SolveSettings { curvature, ranks, ..self.settings.clone() };
         let (mut report, wedged) = self.solve_with_wedges(problem, g, &settings)?;
         report.curvature = report.curvature.filter(|_| is_bed);
         Ok((report, wedged))

@@ -3,7 +3,7 @@
 //! What they do together is of three kinds: forces on bodies that contacts of several ranks touch are [exchanged](Transport::exchange),
 //! sums per chunk of contacts are [gathered](Transport::gather) and added by everybody in the order of the chunks, and whoever was asked to
 //! stop [tells](Ranks::agree_to_stop) the others. How words travel is the business of a [`Transport`]: MPI's in a crate of its own,
-//! [threads](threads) for tests.
+//! [threads] for tests.
 
 pub mod threads;
 
