@@ -116,7 +116,12 @@ for kill in $(seq "$kills"); do
     rm -rf "$out"
     "${mpirun[@]}" -n 2 "$target/graintrain-mpi" run "${scene[@]}" --quiet --out "$out" > "$folder/killed.log" 2>&1 &
     started=$!
-    sleep "$(awk -v seed="$RANDOM" 'BEGIN { srand(seed); printf "%.2f", 0.6 + 2.5 * rand() }')"
+    # After the first checkpoint, at the latest after half a minute.
+    for _ in $(seq 300); do
+        [ -n "$(ls "$out/checkpoints" 2> /dev/null)" ] && break
+        sleep 0.1
+    done
+    sleep "$(awk -v seed="$RANDOM" 'BEGIN { srand(seed); printf "%.2f", 0.5 * rand() }')"
     mapfile -t ranks < <(pgrep -P "$started" -x graintrain-mpi)
     # Before there is a rank it is mpirun's turn.
     [ ${#ranks[@]} -gt 0 ] || ranks=("$started")

@@ -3,8 +3,12 @@
 use crate::error::Failure;
 use crate::signal::Stop;
 use crate::terminal;
+use graintrain::world::World;
 use graintrain_ccp::Ranks;
 use graintrain_ccp::solver::ranks::Transport;
+use graintrain_io::checkpoint;
+use graintrain_io::run::{RunSettings, RunTotals};
+use std::hash::{DefaultHasher, Hash, Hasher};
 use std::num::NonZeroUsize;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -76,6 +80,25 @@ impl Crew {
             }
             _ => Err(Failure::Told(codes[first] as u8)),
         }
+    }
+
+    /// That all ranks are to make the same steps from the same state: else they would wait for each other in different places.
+    ///
+    /// # Errors
+    /// Where one is not.
+    pub fn agree_on(&self, settings: &RunSettings, world: &World) -> Result<(), Failure> {
+        let Some(ranks) = &self.ranks else { return Ok(()) };
+        let described = checkpoint::to_bytes(settings, &RunTotals::default(), world);
+        let bytes = self.agree(described.map_err(|error| Failure::work_error(error, "")))?;
+        let mut hasher = DefaultHasher::new();
+        (env!("CARGO_PKG_VERSION"), bytes).hash(&mut hasher);
+        let all = ranks.numbers(hasher.finish());
+        let other = all.iter().position(|hash| *hash != all[0]);
+        self.agree(other.map_or(Ok(()), |rank| {
+            let what = format!("rank {rank} of {} was asked for another run than rank 0", ranks.count());
+            let remedy = "give every rank the same program, the same files and the same options";
+            Err(Failure::input_error(std::io::Error::other(what), remedy))
+        }))
     }
 
     /// A failure that other ranks do not know of, since they are in the middle of a step: it is told, and all of them end.

@@ -4,7 +4,7 @@ use crate::crew::Crew;
 use crate::error::Failure;
 use crate::progress::{Progress, passed};
 use crate::terminal::{say, tell};
-use crate::threads::with_threads;
+use crate::threads::pool;
 use crate::timings::Timings;
 use graintrain_ccp::FrictionModel;
 use graintrain_ccp::residual::MIXED_MAXIMUM;
@@ -59,6 +59,7 @@ pub fn make_steps(
 ) -> Result<ExitCode, Failure> {
     let stop = &crew.stop;
     run.strict = options.strict;
+    let threads_of_run = crew.agree(pool(crew.threads(options.threads)))?;
     if let Some(ranks) = crew.ranks() {
         run.share_among(Arc::clone(ranks));
     }
@@ -72,7 +73,7 @@ pub fn make_steps(
         stop_after(limit, &first_step.is_made, &stop.requested);
     }
     let quiet = options.quiet || !crew.writes();
-    let (ending, summary) = with_threads(crew.threads(options.threads), || {
+    let (ending, summary) = threads_of_run.install(|| {
         let mut progress = Progress::new(run.world.step, run.settings.steps, quiet);
         let mut observers: Vec<&mut dyn Observer> = Vec::new();
         observers.extend(recorder.as_mut().map(|recorder| recorder as &mut dyn Observer));
@@ -87,7 +88,7 @@ pub fn make_steps(
             conclude(&run, recorder, &ending)
         });
         (ending, summary)
-    })?;
+    });
     let outcome = match (ending, recorder.as_ref().map(Recorder::folder).zip(summary)) {
         // The other ranks make the next step.
         (Err(RunError::Output(error)), _) => return Err(crew.abandon(output_failure(error))),

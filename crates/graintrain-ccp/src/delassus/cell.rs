@@ -74,12 +74,13 @@ impl RigidDelassus {
             cell.mobility.iter().all(|m| m.is_finite() && *m >= 0.0),
             "mobilities are finite and not negative"
         );
-        self.cell = (!cell.ways.is_empty()).then_some(cell);
+        let gives_way = !cell.ways.is_empty() && cell.mobility.iter().any(|m| *m > 0.0);
+        self.cell = gives_way.then_some(cell);
         self.diagonal = OnceLock::new();
         self
     }
 
-    /// The cell that gives way, where there is one that contacts reach across.
+    /// The cell, where there is one that gives way and that contacts reach across.
     pub fn cell(&self) -> Option<&CellModes> {
         self.cell.as_ref()
     }
@@ -183,9 +184,11 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn a_cell_that_no_contact_reaches_across_is_none() {
+    fn a_cell_that_no_contact_reaches_across_or_that_is_held_is_none() {
         let plain = random_rigid(4, 6, 1).with_cell(CellModes { ways: Vec::new(), mobility: [1.0; 6] });
         assert!(plain.cell().is_none() && plain.is_plain());
+        let held = CellModes { ways: vec![(2, [1.0, 0.0, 0.0])], mobility: [0.0; 6] };
+        assert!(random_rigid(4, 6, 1).with_cell(held).is_plain());
         assert!(!random_cell(4, 6, 1).is_plain());
     }
 }

@@ -5,7 +5,7 @@ use super::driver::{Best, Limits};
 use super::first_order::FirstOrder;
 use super::gauss_seidel::GaussSeidel;
 use super::history::History;
-use super::interface::CcpSolver;
+use super::interface::{CELL_CONTACTS, CcpSolver};
 use super::report::{SolveReport, Status};
 use super::settings::SolveSettings;
 use crate::problem::{Ccp, CcpError};
@@ -13,6 +13,8 @@ use crate::problem::{Ccp, CcpError};
 /// What [`Alternating`] is tuned by.
 #[derive(Clone, Debug)]
 pub(super) struct Parameters {
+    /// With more contacts across the boundary of a cell that gives way there are no sweeps, which go through N as a matrix.
+    pub cell_contacts: usize,
     /// Over-relaxation of the sweeps.
     pub relaxation: f64,
     /// Factor by which the memory of the bold gradients grows and shrinks.
@@ -21,7 +23,7 @@ pub(super) struct Parameters {
 
 impl Default for Parameters {
     fn default() -> Self {
-        Self { relaxation: 1.3, bold: 4.0 }
+        Self { cell_contacts: CELL_CONTACTS, relaxation: 1.3, bold: 4.0 }
     }
 }
 
@@ -32,15 +34,18 @@ impl Default for Parameters {
 /// momenta or sweeps, which creep in settled boxes and in stacks of bricks, where the impulses have a long way to go at
 /// residuals of 1e-5 and long momenta carry them.
 pub(super) struct Alternating {
+    cell_contacts: usize,
+    /// The sweeps last.
     members: [Box<dyn CcpSolver>; 3],
 }
 
 impl Alternating {
     pub fn new() -> Self {
-        let Parameters { relaxation, bold } = Parameters::default();
+        let Parameters { cell_contacts, relaxation, bold } = Parameters::default();
         let bold = Apgd { longer: bold, shorter: bold, ..Apgd::default() };
         let sweeps = GaussSeidel { relaxation };
         Self {
+            cell_contacts,
             members: [
                 Box::new(FirstOrder::new(Apgd::default())),
                 Box::new(FirstOrder::new(bold)),
@@ -58,12 +63,14 @@ impl Alternating {
         settings: &SolveSettings,
     ) -> Result<SolveReport, CcpError> {
         let limits = Limits::start(settings, usize::MAX);
-        let share = limits.iterations_left(0).div_ceil(self.members.len());
+        let is_wide = problem.contacts_across() > self.cell_contacts;
+        let count = self.members.len() - usize::from(is_wide);
+        let share = limits.iterations_left(0).div_ceil(count);
         let mut best = Best::default();
         let (mut iterations, mut products, mut status) = (0, 0, Status::IterationLimit);
         let mut names: Vec<String> = Vec::new();
         let mut history = History::default();
-        for solver in &mut self.members {
+        for solver in &mut self.members[..count] {
             let turn = SolveSettings {
                 max_iterations: Some(share.min(limits.iterations_left(iterations))),
                 max_time: limits.time_left(),

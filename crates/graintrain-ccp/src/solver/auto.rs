@@ -5,7 +5,7 @@ use super::apgd::Apgd;
 use super::driver::{Best, Limits, check_start};
 use super::first_order::FirstOrder;
 use super::history::History;
-use super::interface::CcpSolver;
+use super::interface::{CELL_CONTACTS, CcpSolver};
 use super::ipm::Ipm;
 use super::path_following::PathFollowing;
 use super::report::{SolveReport, Status};
@@ -29,7 +29,12 @@ pub struct Parameters {
 
 impl Default for Parameters {
     fn default() -> Self {
-        Self { tight: 1e-6, first_order_limit: 30_000, first_order_patience: 500, cell_contacts: 200 }
+        Self {
+            tight: 1e-6,
+            first_order_limit: 30_000,
+            first_order_patience: 500,
+            cell_contacts: CELL_CONTACTS,
+        }
     }
 }
 

@@ -407,7 +407,7 @@ impl BodyOperator {
     /// the result is that of one contact after the other in the order of the packing. Not for a cell that gives way, which one contact would move for all.
     #[inline(always)]
     pub(super) fn sweep<V: Vector>(&self, image: &mut [Lanes], contacts: &mut impl Update<V>) {
-        debug_assert!(self.cell.is_none(), "sweeps over a cell go through the rows of N");
+        assert!(self.cell.is_none(), "sweeps over a cell go through the rows of N");
         let image = image.as_chunks_mut::<2>().0;
         if !self.turning.is_empty() {
             return self.sweep_with_turning(image, contacts);

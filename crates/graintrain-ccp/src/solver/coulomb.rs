@@ -6,7 +6,7 @@
 
 use super::driver::{Best, Limits, check_start};
 use super::history::History;
-use super::interface::CcpSolver;
+use super::interface::{CELL_CONTACTS, CcpSolver};
 use super::report::{SolveReport, Status};
 use super::settings::SolveSettings;
 use crate::newton::NewtonRecord;
@@ -77,7 +77,7 @@ impl Default for Parameters {
             round: 30_000,
             path_work: 30_000.0,
             last_path_work: 1e6,
-            cell_contacts: 200,
+            cell_contacts: CELL_CONTACTS,
             round_gain: 0.5,
             round_patience: 2,
             nested_limit: 10,

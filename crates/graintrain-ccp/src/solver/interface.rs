@@ -8,6 +8,9 @@ use crate::problem::{Ccp, CcpError};
 /// Iterations that a first-order method is allowed where the settings name no limit.
 pub(crate) const ITERATION_LIMIT: usize = 100_000;
 
+/// Contacts across the boundary of a cell that gives way up to which methods that need N as a matrix, with a block for each two of them, are tried.
+pub(crate) const CELL_CONTACTS: usize = 200;
+
 /// A method for the CCP. A solver may keep work memory and what it learned between solves: whatever depends on N alone is
 /// used again for a problem that shares N with the last one (see [`Ccp::delassus`]).
 pub trait CcpSolver: Send {

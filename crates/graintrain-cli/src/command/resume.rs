@@ -42,14 +42,32 @@ pub struct Arguments {
 }
 
 pub fn execute(arguments: &Arguments, crew: &Crew) -> Result<ExitCode, Failure> {
-    match crew.agree(begin(arguments, crew))? {
-        Some(begun) => make_steps(begun, &arguments.stepping, crew),
-        None => Ok(ExitCode::SUCCESS),
+    let (taken, run) = crew.agree(begin(arguments, crew))?;
+    crew.agree_on(&run.settings, &run.world)?;
+    if run.world.step >= run.settings.steps {
+        say!(
+            "nothing to do: the run has made {} of {} steps; --steps or --until take it further\n",
+            run.world.step,
+            run.settings.steps
+        );
+        return Ok(ExitCode::SUCCESS);
     }
+    if !arguments.stepping.quiet {
+        say!(
+            "{}: {} bodies, going on after step {} of {} in {}\n",
+            run.settings.scene,
+            run.world.bodies.len(),
+            run.world.step,
+            run.settings.steps,
+            arguments.folder.display()
+        );
+    }
+    let recorder = crew.agree(taken.map(|taken| record(taken, &run)).transpose())?;
+    make_steps(Begun { run, recorder }, &arguments.stepping, crew)
 }
 
-/// The run where it was, and what writes it down where this process does; `None` where all of it is done.
-fn begin(arguments: &Arguments, crew: &Crew) -> Result<Option<Begun>, Failure> {
+/// The run where it was, and where this process is to write it down.
+fn begin(arguments: &Arguments, crew: &Crew) -> Result<(Option<RunFolder>, Run), Failure> {
     let folder = &arguments.folder;
     let checkpoints = folder.join("checkpoints");
     if !checkpoint::is_in(&checkpoints) {
@@ -79,27 +97,13 @@ fn begin(arguments: &Arguments, crew: &Crew) -> Result<Option<Begun>, Failure> {
     if arguments.strict_max {
         settings.stepping.judge = Judge::Maximum;
     }
-    if world.step >= settings.steps {
-        say!(
-            "nothing to do: the run has made {} of {} steps; --steps or --until take it further\n",
-            world.step,
-            settings.steps
-        );
-        return Ok(None);
-    }
-    if !arguments.stepping.quiet {
-        say!(
-            "{}: {} bodies, going on after step {} of {} in {}\n",
-            settings.scene,
-            world.bodies.len(),
-            world.step,
-            settings.steps,
-            folder.display()
-        );
-    }
     let run = Run::new(world, settings, checkpoint.totals, crew.stop_flag())
         .map_err(|error| Failure::input_error(error, "`graintrain solvers` lists the solvers"))?;
-    let Some(taken) = taken else { return Ok(Some(Begun { run, recorder: None })) };
+    Ok((taken, run))
+}
+
+/// Goes on with the tables of the run.
+fn record(taken: RunFolder, run: &Run) -> Result<Recorder, Failure> {
     let recorder = Recorder::resume(taken, &run.settings, &run.world).map_err(output_failure)?;
     for bad in recorder.set_aside() {
         tell!(
@@ -107,5 +111,5 @@ fn begin(arguments: &Arguments, crew: &Crew) -> Result<Option<Begun>, Failure> {
             bad.display()
         );
     }
-    Ok(Some(Begun { run, recorder: Some(recorder) }))
+    Ok(recorder)
 }

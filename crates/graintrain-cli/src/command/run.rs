@@ -93,12 +93,28 @@ impl Arguments {
 }
 
 pub fn execute(arguments: &Arguments, crew: &Crew) -> Result<ExitCode, Failure> {
-    let begun = crew.agree(begin(arguments, crew))?;
-    make_steps(begun, &arguments.stepping, crew)
+    let Prepared { scene, run, resolved } = crew.agree(prepare(arguments, crew))?;
+    crew.agree_on(&run.settings, &run.world)?;
+    // Nothing is written, or replaced, before every process has read what it needs.
+    let recorder = if crew.writes() {
+        record(arguments, &scene, &run.settings, &run.world, &resolved).map(Some)
+    } else {
+        Ok(None)
+    };
+    let recorder = crew.agree(recorder)?;
+    make_steps(Begun { run, recorder }, &arguments.stepping, crew)
 }
 
-/// The run, and what writes it down where this process does.
-fn begin(arguments: &Arguments, crew: &Crew) -> Result<Begun, Failure> {
+/// A run before anything is written.
+struct Prepared {
+    scene: Scene,
+    run: Run,
+    /// The resolved scene.
+    resolved: String,
+}
+
+/// Reads the scene and builds the run.
+fn prepare(arguments: &Arguments, crew: &Crew) -> Result<Prepared, Failure> {
     let scene = Scene::load(&arguments.scene, &arguments.scene_settings()?).map_err(scene_failure)?;
     let simulation = scene.build().map_err(scene_failure)?;
     let spins = |materials: &Materials| materials.spinning.iter().any(|resistance| !resistance.is_none());
@@ -115,14 +131,9 @@ fn begin(arguments: &Arguments, crew: &Crew) -> Result<Begun, Failure> {
     }
     let settings = RunSettings::new(&simulation, arguments.dump_problem);
     let resolved = simulation.resolved.to_toml().map_err(scene_failure)?;
-    let recorder = if crew.writes() {
-        Some(record(arguments, &scene, &settings, &simulation.world, &resolved)?)
-    } else {
-        None
-    };
     let run = Run::new(simulation.world, settings, RunTotals::default(), crew.stop_flag())
         .map_err(|error| Failure::input_error(error, ""))?;
-    Ok(Begun { run, recorder })
+    Ok(Prepared { scene, run, resolved })
 }
 
 /// Takes the folder for the results and begins them.
