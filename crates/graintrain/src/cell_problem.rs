@@ -10,7 +10,7 @@
 //! which couples every contact across the boundary with every other one. Solvers whose products go through bodies take the cell as one more body
 //! ([`CellModes`]); others need N as a matrix, whose size grows with the square of the number of such contacts, about 2 N^(2/3) for N grains.
 
-use crate::cell::{COMPONENTS, Cell, Drive};
+use crate::cell::{Cell, Drive};
 use crate::contact::Contact;
 use crate::math::Vec3;
 use graintrain_ccp::{Ccp, CellModes, Delassus, RigidContact};
@@ -18,10 +18,9 @@ use std::sync::Arc;
 
 /// The free components of L as contacts see them.
 pub(crate) struct CellRows {
-    /// Contacts across the boundary, ascending, with beta of each component and the way to the image, m.
-    rows: Vec<(u32, [[f64; 3]; 6], Vec3)>,
-    /// 1 / W of every component; zero where the rate is imposed.
-    mobility: [f64; 6],
+    modes: CellModes,
+    /// Frames of the contacts across the boundary.
+    frames: Vec<[[f64; 3]; 3]>,
 }
 
 impl CellRows {
@@ -36,42 +35,36 @@ impl CellRows {
             Drive::Stress(_) if inertia(k) > 0.0 => 1.0 / inertia(k),
             _ => 0.0,
         });
-        let across = |(i, (contact, row)): (usize, (&Contact, &RigidContact))| {
-            if contact.image == [0; 3] {
-                return None;
-            }
-            let way = cell.shift(contact.image);
-            let beta = COMPONENTS.map(|(i, j)| row.frame.map(|axis| -axis[i] * way[j]));
-            Some((i as u32, beta, way))
-        };
-        let rows: Vec<_> = contacts.iter().zip(rows).enumerate().filter_map(across).collect();
-        Self { rows, mobility }
+        let numbered = (0..).zip(contacts.iter().zip(rows));
+        let across = numbered.filter(|(_, (contact, _))| contact.image != [0; 3]);
+        let way = |contact: &Contact| cell.shift(contact.image).to_array();
+        let (ways, frames) = across.map(|(i, (contact, row))| ((i, way(contact)), row.frame)).unzip();
+        Self { modes: CellModes { ways, mobility }, frames }
     }
 
     /// Whether no contact reaches across the boundary.
     pub(crate) fn is_empty(&self) -> bool {
-        self.rows.is_empty()
+        self.frames.is_empty()
     }
 
     /// Holds components as they are, whatever impulses do.
     pub(crate) fn hold(&mut self, component: impl Fn(usize) -> bool) {
-        (0..6).filter(|&k| component(k)).for_each(|k| self.mobility[k] = 0.0);
+        (0..6).filter(|&k| component(k)).for_each(|k| self.modes.mobility[k] = 0.0);
     }
 
     /// The problem with the cell in N.
     pub(crate) fn posed(&self, problem: &Ccp) -> Ccp {
         let Delassus::Rigid(rigid) = &*problem.delassus else { return problem.clone() };
-        let ways = self.rows.iter().map(|(contact, _, way)| (*contact, way.to_array())).collect();
-        let modes = CellModes { ways, mobility: self.mobility };
-        Ccp { delassus: Arc::new(Delassus::Rigid(rigid.clone().with_cell(modes))), ..problem.clone() }
+        let rigid = rigid.clone().with_cell(self.modes.clone());
+        Ccp { delassus: Arc::new(Delassus::Rigid(rigid)), ..problem.clone() }
     }
 
     /// Adds to r what a change of L (1/s) does to relative velocities.
     pub(crate) fn shift(&self, change: &[f64; 6], r: &mut [f64]) {
-        for (contact, beta, _) in &self.rows {
-            let r = &mut r[3 * *contact as usize..3 * *contact as usize + 3];
-            for (beta, change) in beta.iter().zip(change) {
-                r.iter_mut().zip(beta).for_each(|(r, beta)| *r += beta * change);
+        for (&(contact, way), frame) in self.modes.ways.iter().zip(&self.frames) {
+            let velocity = CellModes::image_velocity(change, way);
+            for (r, axis) in r[3 * contact as usize..].iter_mut().zip(frame) {
+                *r -= axis.iter().zip(velocity).map(|(axis, v)| axis * v).sum::<f64>();
             }
         }
     }
@@ -79,26 +72,19 @@ impl CellRows {
     /// What impulses of impacts (on body A of every contact of the step, world axes, N s; none: empty) change of L, 1/s; `active` are the contacts of
     /// the problem among those of the step.
     pub(crate) fn impact_change(&self, active: &[u32], impulse: &[Vec3]) -> [f64; 6] {
-        let mut change = [0.0; 6];
-        for (contact, _, way) in self.rows.iter().filter(|_| !impulse.is_empty()) {
-            let g = impulse[active[*contact as usize] as usize];
-            for (sum, (i, j)) in change.iter_mut().zip(COMPONENTS) {
-                *sum -= g[i] * way[j];
-            }
+        if impulse.is_empty() {
+            return [0.0; 6];
         }
-        std::array::from_fn(|c| self.mobility[c] * change[c])
+        self.modes.rate_change(|_, contact| impulse[active[contact] as usize].to_array())
     }
 
     /// What impulses (contact frames, N s) change of L, 1/s.
     pub(crate) fn rate_change(&self, impulse: &[f64]) -> [f64; 6] {
-        let mut change = [0.0; 6];
-        for (contact, beta, _) in &self.rows {
-            let g = &impulse[3 * *contact as usize..3 * *contact as usize + 3];
-            for (sum, beta) in change.iter_mut().zip(beta) {
-                *sum += beta.iter().zip(g).map(|(beta, g)| beta * g).sum::<f64>();
-            }
-        }
-        std::array::from_fn(|c| self.mobility[c] * change[c])
+        self.modes.rate_change(|k, contact| {
+            let g = &impulse[3 * contact..3 * contact + 3];
+            let frame = &self.frames[k];
+            std::array::from_fn(|axis| (0..3).map(|row| frame[row][axis] * g[row]).sum())
+        })
     }
 }
 

@@ -38,12 +38,11 @@ impl CellModes {
         CELL_COMPONENTS.map(|(row, column)| force[row] * way[column])
     }
 
-    /// What impulses on bodies A (world axes, three numbers per contact, N s) change of L, 1/s.
-    pub fn rate_change(&self, world_impulse: &[f64]) -> [f64; 6] {
+    /// What impulses on bodies A (world axes, N s) change of L, 1/s; they are asked for by the place of a contact among those across the boundary, and by its index.
+    pub fn rate_change(&self, on_a: impl Fn(usize, usize) -> [f64; 3]) -> [f64; 6] {
         let mut sum = [0.0; 6];
-        for &(contact, way) in &self.ways {
-            let k = 3 * contact as usize;
-            let on_image = [-world_impulse[k], -world_impulse[k + 1], -world_impulse[k + 2]];
+        for (k, &(contact, way)) in self.ways.iter().enumerate() {
+            let on_image = on_a(k, contact as usize).map(|p| -p);
             sum.iter_mut().zip(Self::push(on_image, way)).for_each(|(sum, push)| *sum += push);
         }
         std::array::from_fn(|c| self.mobility[c] * sum[c])
@@ -88,7 +87,8 @@ impl RigidDelassus {
     /// u <- u - F L b at the contacts across the boundary, L being what the world impulses change of it.
     pub(super) fn add_cell(&self, world_impulse: &[f64], u: &mut [f64]) {
         let Some(cell) = &self.cell else { return };
-        let rate = cell.rate_change(world_impulse);
+        let of = |_, contact: usize| std::array::from_fn(|axis| world_impulse[3 * contact + axis]);
+        let rate = cell.rate_change(of);
         for &(contact, way) in &cell.ways {
             let velocity = CellModes::image_velocity(&rate, way);
             let frame = &self.contacts()[contact as usize].frame;
