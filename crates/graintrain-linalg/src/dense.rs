@@ -614,12 +614,12 @@ pub fn solve_upper_on_the_right(x: ViewMut<'_>, u: View<'_>) {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
     use crate::triangles::gram;
 
     /// Entries in [-1, 1] from a fixed sequence.
-    fn sample(rows: usize, columns: usize, seed: u64) -> Matrix {
+    pub(crate) fn sample(rows: usize, columns: usize, seed: u64) -> Matrix {
         let mut state = seed;
         Matrix::from_fn(rows, columns, |_, _| {
             state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
@@ -627,12 +627,12 @@ mod tests {
         })
     }
 
-    fn largest_difference(a: &Matrix, b: &Matrix) -> f64 {
+    pub(crate) fn largest_difference(a: &Matrix, b: &Matrix) -> f64 {
         assert_eq!((a.rows, a.columns), (b.rows, b.columns));
         a.data.iter().zip(&b.data).map(|(x, y)| (x - y).abs()).fold(0.0, f64::max)
     }
 
-    fn naive(a: &Matrix, b: &Matrix) -> Matrix {
+    pub(crate) fn naive(a: &Matrix, b: &Matrix) -> Matrix {
         Matrix::from_fn(a.rows, b.columns, |i, j| (0..a.columns).map(|k| a[(i, k)] * b[(k, j)]).sum())
     }
 

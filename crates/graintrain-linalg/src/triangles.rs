@@ -110,25 +110,7 @@ pub fn subtract_lower_square(f: View<'_>, c: &mut Matrix) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    /// Entries in [-1, 1] from a fixed sequence.
-    fn sample(rows: usize, columns: usize, seed: u64) -> Matrix {
-        let mut state = seed;
-        Matrix::from_fn(rows, columns, |_, _| {
-            state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
-            (state >> 11) as f64 / (1u64 << 52) as f64 - 1.0
-        })
-    }
-
-    fn naive(a: &Matrix, b: &Matrix) -> Matrix {
-        let sum = |i, j| (0..a.columns()).map(|k| a[(i, k)] * b[(k, j)]).sum();
-        Matrix::from_fn(a.rows(), b.columns(), sum)
-    }
-
-    fn largest_difference(a: &Matrix, b: &Matrix) -> f64 {
-        assert_eq!((a.rows(), a.columns()), (b.rows(), b.columns()));
-        a.data().iter().zip(b.data()).map(|(x, y)| (x - y).abs()).fold(0.0, f64::max)
-    }
-
+    use crate::dense::tests::{largest_difference, naive, sample};
     #[test]
     fn products_with_triangles_equal_the_triple_loop() {
         for (m, n) in [(1, 1), (0, 3), (3, 2), (5, 9), (9, 33), (40, 100), (2, 150)] {
