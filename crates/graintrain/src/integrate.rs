@@ -55,16 +55,26 @@ fn body_free_velocity(world: &World, before: &[f64], body: usize, step: f64) -> 
     let [u, w] = [0, 3].map(|part| Vec3::from_slice(&before[6 * body + part..6 * body + part + 3]));
     let orientation = bodies.orientation[body];
     let (force, torque) = (bodies.force[body], bodies.torque[body]);
+    let drag = world.drag.get(body).copied().unwrap_or_default();
     let mut falling = u + step * world.gravity;
     if force != Vec3::ZERO {
         falling += step / bodies.mass[body] * force;
     }
+    if drag.linear > 0.0 {
+        let mass = bodies.mass[body];
+        falling = (mass * falling + step * drag.pull) / (mass + step * drag.linear);
+    }
     let spinning = || {
         let spin = free_spin(bodies.inertia[body], orientation, w, step);
+        let inertia = || world_inertia(bodies.inertia[body], orientation);
+        if drag.angular > 0.0 {
+            let inertia = inertia();
+            return (inertia + on_axes(step * drag.angular)).inverse() * (inertia * spin + step * torque);
+        }
         if torque == Vec3::ZERO {
             return spin;
         }
-        spin + step * (world_inertia(bodies.inertia[body], orientation).inverse() * torque)
+        spin + step * (inertia().inverse() * torque)
     };
     if bodies.motion[body] == FREE {
         return (falling, spinning());
@@ -80,7 +90,8 @@ fn body_free_velocity(world: &World, before: &[f64], body: usize, step: f64) -> 
         _ => {
             let inertia = world_inertia(bodies.inertia[body], orientation);
             let change = select(free, Vec3::ZERO, driven_spin - w);
-            let impulse = step * (torque - w.cross(inertia * w)) - inertia * change;
+            let impulse = step * (torque - drag.angular * w - w.cross(inertia * w)) - inertia * change;
+            let inertia = inertia + on_axes(step * drag.angular);
             select(free, w + masked_inverse(inertia, free) * impulse, driven_spin)
         }
     };
@@ -203,17 +214,35 @@ fn masked_inverse(inertia: Mat3, free: [bool; 3]) -> Mat3 {
     inverse
 }
 
+/// The same moment about all axes.
+fn on_axes(moment: f64) -> Mat3 {
+    Mat3::from_diagonal(Vec3::splat(moment))
+}
+
 /// Inverse mass matrices in world axes; prescribed degrees of freedom have zero rows and columns.
 pub fn inverse_mass(world: &World) -> Vec<BodyInverseMass> {
+    inverse_mass_with(world, |_| [0.0; 2])
+}
+
+/// As [`inverse_mass`] with what drag adds in a step: of m + dt linear and I + dt angular ([`crate::load::Drag`]).
+pub(crate) fn inverse_mass_in_step(world: &World, step: f64) -> Vec<BodyInverseMass> {
+    let added =
+        |body: usize| world.drag.get(body).map_or([0.0; 2], |drag| [step * drag.linear, step * drag.angular]);
+    inverse_mass_with(world, added)
+}
+
+/// With a mass (kg) and an inertia (kg m^2) added to those of every body.
+fn inverse_mass_with(world: &World, added: impl Fn(usize) -> [f64; 2] + Sync) -> Vec<BodyInverseMass> {
     (0..world.bodies.len())
         .into_par_iter()
         .with_min_len(TASK)
         .map(|body| {
             let [x, y, z, rx, ry, rz] = world.free_degrees(body);
-            let inverse_mass = 1.0 / world.bodies.mass[body];
+            let [mass, moment] = added(body);
+            let inverse_mass = 1.0 / (world.bodies.mass[body] + mass);
             let linear = [x, y, z].map(|free| if free { inverse_mass } else { 0.0 });
             let rotations = [rx, ry, rz];
-            let inertia = world.bodies.inertia[body];
+            let inertia = world.bodies.inertia[body] + on_axes(moment);
             if rotations == [false; 3] {
                 return BodyInverseMass { linear, angular: [0.0; 9] };
             }

@@ -2,12 +2,13 @@
 //!
 //! In every step loads are summed into [`Bodies::force`](crate::world::Bodies::force) and `torque`, on top of what a program has set
 //! there, before contacts are looked for; after the step the program's own values are back. Functions of time enter with their mean over
-//! the step, so that the impulse of a load is exact; what depends on position, orientation or velocity is taken at the start of the step.
+//! the step, so that the impulse of a load is exact; what depends on position or orientation is taken at the start of the step. Drag acts
+//! on the velocity after the step, contacts and all ([`Drag`]).
 //! Where forces change from step to step, contacts are looked for twice per step: those found at its end do not hold for the next.
 
 use crate::error::{ModelError, finite, positive};
 use crate::handle::BodyId;
-use crate::math::{Mat3, Vec3};
+use crate::math::Vec3;
 use crate::motion::{Axes, Profile};
 use crate::world::World;
 use serde::{Deserialize, Serialize};
@@ -89,9 +90,9 @@ pub enum Action {
     /// F = -(linear + quadratic |u|) u,   T = -angular w
     /// ```
     ///
-    /// by an implicit step, m (u1 - u) = -dt (linear + quadratic |u1|) u1, which no step length makes unstable: bodies never turn back
-    /// relative to the medium. Each drag starts from the velocity that those before it leave. What falls reaches the velocity s at which
-    /// drag carries it up to a relative error of dt (linear + quadratic s) / m. The torque likewise, with the least moment of inertia.
+    /// by an implicit step, m (u+ - u) = dt (F - (linear + quadratic |u|) u+) + contact impulses, which no step length makes unstable:
+    /// drag never turns a body back relative to the medium, what falls reaches the velocity at which drag carries it, and what a wall holds
+    /// feels the whole wind. The torque likewise.
     Drag {
         /// N s/m
         linear: f64,
@@ -207,11 +208,11 @@ pub(crate) fn apply(world: &mut World, step: f64) -> Option<Unloaded> {
         world.gravity = Vec3::from_array(gravity.each_ref().map(|profile| profile.mean(time, step)));
     }
     let loads = std::mem::take(&mut world.loads);
-    let has_drag = loads.iter().any(|load| matches!(load.action, Action::Drag { .. }));
-    let pairs = world.bodies.velocity.iter().zip(&world.bodies.angular_velocity);
-    let mut braked = if has_drag { pairs.map(|(u, w)| [*u, *w]).collect() } else { Vec::new() };
+    if loads.iter().any(|load| matches!(load.action, Action::Drag { .. })) {
+        world.drag = vec![Drag::default(); world.bodies.len()];
+    }
     for load in &loads {
-        load.apply(world, step, &mut braked);
+        load.apply(world, step);
     }
     world.loads = loads;
     Some(before)
@@ -222,6 +223,7 @@ pub(crate) fn apply(world: &mut World, step: f64) -> Option<Unloaded> {
 pub(crate) fn remove(world: &mut World, before: Unloaded) {
     world.bodies.force.copy_from_slice(&before.force);
     world.bodies.torque.copy_from_slice(&before.torque);
+    world.drag = Vec::new();
 }
 
 /// As [`remove`], with the gravity that was there: the step was not made.
@@ -231,9 +233,8 @@ pub(crate) fn undo(world: &mut World, before: Unloaded) {
 }
 
 impl Load {
-    /// Adds the load to the bodies' forces and torques. `braked` has the velocities (u, w) that the drags so far leave, where there are
-    /// any.
-    fn apply(&self, world: &mut World, step: f64, braked: &mut [[Vec3; 2]]) {
+    /// Adds the load to the bodies' forces and torques, or to their drag.
+    fn apply(&self, world: &mut World, step: f64) {
         let time = world.time;
         // Functions of time are the same for all bodies.
         let mean = match &self.action {
@@ -245,26 +246,23 @@ impl Load {
         };
         match &self.bodies {
             Some(bodies) => {
-                bodies.iter().for_each(|body| self.apply_to(world, body.index(), mean, step, braked));
+                bodies.iter().for_each(|body| self.apply_to(world, body.index(), mean));
             }
-            None => (0..world.bodies.len()).for_each(|body| self.apply_to(world, body, mean, step, braked)),
+            None => (0..world.bodies.len()).for_each(|body| self.apply_to(world, body, mean)),
         }
     }
 
-    fn apply_to(&self, world: &mut World, body: usize, mean: Vec3, step: f64, braked: &mut [[Vec3; 2]]) {
+    fn apply_to(&self, world: &mut World, body: usize, mean: Vec3) {
         let inside = self.region.as_ref().is_none_or(|region| region.contains(world.bodies.position[body]));
         if inside && !world.is_prescribed(body) {
             let (force, torque) = match &self.action {
                 Action::Drag { linear, quadratic, angular, medium } => {
-                    let bodies = &world.bodies;
-                    let (mass, inertia) = (bodies.mass[body], least_inertia(bodies.inertia[body]));
-                    let [u, w] = &mut braked[body];
-                    let relative = *u - *medium;
-                    let force = -braking(mass, *linear, *quadratic, relative.length(), step) * relative;
-                    let torque = -braking(inertia, *angular, 0.0, 0.0, step) * *w;
-                    *u += step / mass * force;
-                    *w += step / inertia * torque;
-                    (force, torque)
+                    let coefficient = linear + quadratic * (world.bodies.velocity[body] - *medium).length();
+                    let drag = &mut world.drag[body];
+                    drag.linear += coefficient;
+                    drag.pull += coefficient * *medium;
+                    drag.angular += angular;
+                    return;
                 }
                 action => action.on(world, body, mean),
             };
@@ -303,24 +301,26 @@ impl Action {
     }
 }
 
-/// A lower bound of the principal moments of inertia, exact for a diagonal matrix.
-fn least_inertia(inertia: Mat3) -> f64 {
-    let diagonal = Vec3::new(inertia.x_axis.x, inertia.y_axis.y, inertia.z_axis.z);
-    if inertia == Mat3::from_diagonal(diagonal) {
-        return diagonal.min_element();
-    }
-    let inverse = inertia.inverse();
-    1.0 / (inverse.x_axis.x + inverse.y_axis.y + inverse.z_axis.z)
+/// Drag on a body in a step: the force `pull - linear u+` and the torque `-angular w+` with the velocities after the step. So the body moves
+/// as one of mass m + dt linear and inertia I + dt angular.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Drag {
+    /// N s/m
+    pub linear: f64,
+    /// N m s
+    pub angular: f64,
+    /// The coefficient times the velocity of the medium, N.
+    pub pull: Vec3,
 }
 
-/// The c of a braking force -c u that takes an inertia m from the speed |u| to the s of m (s - |u|) = -dt (linear + quadratic s) s:
-/// c = (linear + quadratic s) / (1 + dt (linear + quadratic s) / m).
-fn braking(inertia: f64, linear: f64, quadratic: f64, speed: f64, step: f64) -> f64 {
-    let (a, b) = (step * quadratic, inertia + step * linear);
-    // The positive root of a s^2 + b s = m |u|, without cancellation.
-    let s = 2.0 * inertia * speed / (b + (b * b + 4.0 * a * inertia * speed).sqrt());
-    let coefficient = linear + quadratic * s;
-    coefficient / (1.0 + step * coefficient / inertia)
+/// Adds what drag was with these velocities after the step (six numbers per body) to the forces and torques.
+pub(crate) fn add_drag(world: &mut World, after: &[f64]) {
+    let bodies = &mut world.bodies;
+    for (body, drag) in world.drag.iter().enumerate() {
+        let [u, w] = [0, 3].map(|part| Vec3::from_slice(&after[6 * body + part..6 * body + part + 3]));
+        bodies.force[body] += drag.pull - drag.linear * u;
+        bodies.torque[body] -= drag.angular * w;
+    }
 }
 
 /// Work of the external forces and torques over a step from the velocities `before` it to those `after` it (six numbers per body), J:

@@ -6,7 +6,7 @@ use crate::contact::{Contact, ContactSet};
 use crate::error::{ModelError, finite, positive};
 use crate::handle::{BodyId, GeometryId, MaterialId, MotionId};
 use crate::joint::PlacedJoint;
-use crate::load::Load;
+use crate::load::{Drag, Load};
 use crate::material::Materials;
 use crate::math::{Mat3, Quat, Vec3};
 use crate::motion::{Motion, Profile};
@@ -74,6 +74,9 @@ pub struct World {
     pub bodies: Bodies,
     /// Contacts of the last step with their impulses (warm start, output).
     pub contacts: ContactSet,
+    /// Drag in the step that is being made, per body; empty where there is none, and between steps.
+    #[serde(skip)]
+    pub(crate) drag: Vec<Drag>,
 }
 
 /// A body to be added to a world; mass and inertia follow from geometry and density.
@@ -174,6 +177,7 @@ impl Default for World {
             step: 0,
             gravity: Vec3::new(0.0, 0.0, -9.81),
             gravity_of_time: None,
+            drag: Vec::new(),
             loads: Vec::new(),
             joints: Vec::new(),
             cell: None,
@@ -419,7 +423,11 @@ impl World {
     /// Largest acceleration, m/s^2, that gravity alone or with its external force gives a body: how far it may fall beyond its
     /// velocity within a step.
     pub(crate) fn acceleration(&self, body: usize) -> f64 {
-        let (force, gravity) = (self.bodies.force[body], self.gravity.length());
+        let gravity = self.gravity.length();
+        let mut force = self.bodies.force[body];
+        if let Some(drag) = self.drag.get(body) {
+            force += drag.pull - drag.linear * self.bodies.velocity[body];
+        }
         if force == Vec3::ZERO || self.is_prescribed(body) {
             return gravity;
         }
@@ -494,6 +502,9 @@ impl World {
         let mut add = |word: u64| hash = with(hash, word);
         add(bodies.len() as u64);
         add(self.geometries.len() as u64);
+        for drag in &self.drag {
+            [drag.pull.x, drag.pull.y, drag.pull.z, drag.linear].iter().for_each(|x| add(x.to_bits()));
+        }
         for motion in &self.motions {
             motion.free.iter().for_each(|&free| add(u64::from(free)));
         }

@@ -2,7 +2,8 @@
 //!
 //! Every triangle near the body gives contacts of its own; then contacts that exist only because the mesh is cut into
 //! triangles are removed. A contact on an edge or corner is real only if it is a local minimum of the distance to the
-//! whole surface, that is if every triangle that shares the edge or corner gives the same nearest point.
+//! whole surface, that is if every triangle that shares the edge or corner gives the same nearest point. For the flat
+//! faces of boxes, cylinders and hulls: if the surface does not rise along the normal beyond the edge over which it tilts.
 
 use super::capsule::{capsule_contacts, triangle_crossings};
 use super::distance::{Distance, TriangleFeature, nearest_on_triangle};
@@ -38,6 +39,12 @@ struct Candidate {
     feature: TriangleFeature,
 }
 
+/// Sine of an angle that is none.
+const LEVEL: f64 = 1e-6;
+
+/// Cosine of an angle up to which a normal may be that of a face, 6 degrees.
+const NEARLY: f64 = 0.995;
+
 impl TriangleTree {
     pub(crate) fn new(vertices: &[Vec3], triangles: &[[u32; 3]]) -> Self {
         let mut numbers: HashMap<[u64; 3], u32> = HashMap::new();
@@ -68,6 +75,9 @@ impl TriangleTree {
         let mut candidates: Vec<Candidate> = Vec::new();
         for &triangle in &near {
             self.triangle_contacts(triangle, visitor, envelope, &mut candidates);
+        }
+        if !matches!(visitor.shape, Shape::Sphere { .. }) {
+            self.leave_surface(&mut candidates, &near);
         }
         let real = candidates.iter().filter(|c| self.is_real(c, &candidates, &near, visitor));
         touches.extend(real.map(|c| c.touch));
@@ -122,8 +132,53 @@ impl TriangleTree {
         }
     }
 
+    /// Whether the normal tilts from the face of the triangle over an edge beyond which the surface rises along it: then the points beyond
+    /// are nearer to the body, and the edge bears nothing.
+    fn rises_along(&self, normal: Vec3, triangle: u32, near: &[u32]) -> bool {
+        let (corners, shared) = (self.corners[triangle as usize], self.shared[triangle as usize]);
+        (0..3).any(|k| {
+            let ends = [k, (k + 1) % 3];
+            let along = corners[ends[1]] - corners[ends[0]];
+            let into = (corners[(k + 2) % 3] - corners[k]).reject_from(along).normalize_or_zero();
+            if normal.dot(into) >= -LEVEL {
+                return false;
+            }
+            let shares = |other: &&u32| {
+                let numbers = self.shared[**other as usize];
+                **other != triangle && ends.iter().all(|&end| numbers.contains(&shared[end]))
+            };
+            near.iter().filter(shares).any(|&other| {
+                let other_corners = self.corners[other as usize];
+                let numbers = self.shared[other as usize];
+                let apex = (0..3).find(|&i| numbers[i] != shared[ends[0]] && numbers[i] != shared[ends[1]]);
+                let beyond = apex.map_or(Vec3::ZERO, |i| other_corners[i] - corners[k]).reject_from(along);
+                normal.dot(beyond.normalize_or_zero()) > LEVEL
+            })
+        })
+    }
+
+    /// Takes away the contacts of flat bodies and capsules with edges that bear nothing. Where the normal is nearly that of the
+    /// triangle's face (the library's is one of the body's own faces, or rough where bodies barely touch), it becomes that.
+    fn leave_surface(&self, candidates: &mut Vec<Candidate>, near: &[u32]) {
+        candidates.retain_mut(|candidate| {
+            let (touch, triangle) = (&mut candidate.touch, candidate.triangle);
+            let corners = self.corners[triangle as usize];
+            let face = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize();
+            let cosine = face.dot(touch.normal);
+            if cosine.abs() > 1.0 - 0.5 * LEVEL * LEVEL || !self.rises_along(touch.normal, triangle, near) {
+                return true;
+            }
+            let on_body = touch.point + 0.5 * touch.gap * touch.normal;
+            touch.normal = cosine.signum() * face;
+            touch.gap = touch.normal.dot(on_body - corners[0]);
+            touch.point = on_body - 0.5 * touch.gap * touch.normal;
+            cosine.abs() > NEARLY
+        });
+    }
+
     /// Whether a candidate would be there if the surface were whole. `near` are the triangles around the visitor.
     fn is_real(&self, candidate: &Candidate, all: &[Candidate], near: &[u32], visitor: &Visitor<'_>) -> bool {
+        let small = 1e-9 * visitor.shape.bounding_radius();
         let touching: Vec<u32> = {
             let corners = self.shared[candidate.triangle as usize];
             match candidate.feature {
@@ -132,7 +187,6 @@ impl TriangleTree {
                 TriangleFeature::Vertex(k) => vec![corners[k]],
             }
         };
-        let small = 1e-9 * visitor.shape.bounding_radius();
         let shares = |triangle: u32| touching.iter().all(|v| self.shared[triangle as usize].contains(v));
         if let Shape::Capsule { radius, .. } = *visitor.shape {
             // As for a sphere, with the ball of the capsule that touches.

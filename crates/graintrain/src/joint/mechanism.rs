@@ -37,7 +37,7 @@ use crate::integrate::{inverse_mass, world_inertia};
 use crate::math::{Mat3, Vec3, rotation_exponential};
 use crate::motion::Profile;
 use crate::world::World;
-use graintrain_ccp::CoupledBodies;
+use graintrain_ccp::{BodyInverseMass, CoupledBodies};
 
 /// Roundings in the difference of two positions.
 const ROUNDING: f64 = 16.0;
@@ -125,7 +125,14 @@ pub(crate) struct Mechanisms<'a> {
 
 impl<'a> Mechanisms<'a> {
     /// The joints of a step from the velocities `before` it, with those that bodies would have without joints and contacts (six per body).
-    pub(crate) fn new(world: &'a World, before: &[f64], free: Vec<f64>, step: f64) -> Self {
+    /// `masses` are those of the bodies by themselves, with drag.
+    pub(crate) fn new(
+        world: &'a World,
+        masses: &[BodyInverseMass],
+        before: &[f64],
+        free: Vec<f64>,
+        step: f64,
+    ) -> Self {
         let mut own = Self {
             world,
             step,
@@ -141,7 +148,6 @@ impl<'a> Mechanisms<'a> {
             return own;
         }
         let poses = |body: usize| world.pose(body);
-        let masses = inverse_mass(world);
         let mut speed = 0.0_f64;
         for index in 0..world.joints.len() {
             let length = length_of(world, index);
@@ -278,22 +284,23 @@ impl<'a> Mechanisms<'a> {
         Stiffening::new(motions, &turns, &stiffness, self.step)
     }
 
-    /// M times these velocities (six) of a body.
+    /// M times these velocities (six) of a body, M with drag.
     fn momentum(&self, body: usize, v: [Vec3; 2]) -> [Vec3; 2] {
         let bodies = &self.world.bodies;
         let inertia = world_inertia(bodies.inertia[body], bodies.orientation[body]);
-        [bodies.mass[body] * v[0], inertia * v[1]]
+        let drag = self.world.drag.get(body).copied().unwrap_or_default();
+        let mass = bodies.mass[body] + self.step * drag.linear;
+        [mass * v[0], inertia * v[1] + self.step * drag.angular * v[1]]
     }
 
-    /// Y^T M (v* - v-), one number per free motion.
-    fn change_before(&self, mechanism: &Mechanism, stiffening: &Stiffening) -> Vec<f64> {
-        let parts = |v: &[f64]| [Vec3::from_slice(&v[..3]), Vec3::from_slice(&v[3..6])];
+    /// Y^T M v of the velocities (six per body of the world), one number per free motion.
+    fn in_free_motions(&self, mechanism: &Mechanism, stiffening: &Stiffening, velocity: &[f64]) -> Vec<f64> {
         let mut all = vec![0.0; 6 * mechanism.bodies.len()];
         for (k, &body) in mechanism.bodies.iter().enumerate() {
             let body = body as usize;
-            let (after, before) = (parts(&self.free[6 * body..]), parts(&self.before[6 * body..]));
-            let change = self.momentum(body, [after[0] - before[0], after[1] - before[1]]);
-            let [z, w] = mechanism.roots[k].transposed_times(change);
+            let v = &velocity[6 * body..6 * body + 6];
+            let momentum = self.momentum(body, [Vec3::from_slice(&v[..3]), Vec3::from_slice(&v[3..])]);
+            let [z, w] = mechanism.roots[k].transposed_times(momentum);
             all[6 * k..6 * k + 3].copy_from_slice(&z.to_array());
             all[6 * k + 3..6 * k + 6].copy_from_slice(&w.to_array());
         }
@@ -324,7 +331,10 @@ impl<'a> Mechanisms<'a> {
         let mut held = Vec::new();
         if let Some(stiffening) = &mechanism.stiffening {
             held = z.clone();
-            stiffening.hold(&self.change_before(mechanism, stiffening), &mut z);
+            let change: Vec<f64> = self.free.iter().zip(&self.before).map(|(free, v)| free - v).collect();
+            let [before, change] =
+                [&self.before, &change].map(|v| self.in_free_motions(mechanism, stiffening, v));
+            stiffening.hold(&before, &change, &mut z);
             held.iter_mut().zip(&z).for_each(|(held, z)| *held = z - *held);
         }
         let way: Vec<f64> = z.iter().zip(&start).map(|(z, start)| z - start).collect();
@@ -455,7 +465,7 @@ impl Mechanism {
 
 /// The common inverse masses in an impact: forces that are finite have no time to act, joints and motors without limit hold.
 pub(crate) fn coupled_in_impacts(world: &World, velocity: &[f64], step: f64) -> Vec<CoupledBodies> {
-    let mut all = Mechanisms::new(world, velocity, velocity.to_vec(), step);
+    let mut all = Mechanisms::new(world, &inverse_mass(world), velocity, velocity.to_vec(), step);
     for mechanism in &mut all.mechanisms {
         mechanism.stiffening = None;
         mechanism.factorise(|row| match row.role {

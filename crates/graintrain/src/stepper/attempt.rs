@@ -10,7 +10,7 @@ use crate::clock::{Clock, Lap};
 use crate::contact::Contact;
 use crate::elasticity;
 use crate::impact::{ImpactSolver, Impacts, Rows};
-use crate::integrate::{free_velocity, inverse_mass};
+use crate::integrate::{free_velocity, inverse_mass, inverse_mass_in_step};
 use crate::joint::mechanism::{JointReactions, Mechanisms};
 use crate::math::Vec3;
 use crate::part_solver::{PartSolver, Solved};
@@ -81,6 +81,8 @@ impl Stepper {
         let begin = Clock::now();
         let Some(impacts) = impacts.resolve(world, of, step)? else { return Err(StepError::Stopped) };
         let impact_lap = begin.lap();
+        // In impacts drag has no time to act.
+        let masses = if world.drag.is_empty() { masses } else { inverse_mass_in_step(world, step) };
         let slip = match self.settings.friction {
             FrictionModel::Relaxed if world.materials.has_cohesive_pairs() => {
                 relative_velocities(world.cell(), contacts, &rows, &impacts.velocity)
@@ -111,7 +113,7 @@ impl Stepper {
         let mut active: Vec<u32> = (0..contacts.len() as u32).filter(|i| !waits(i)).collect();
         let mut chosen = chosen_of(contacts, &active);
         let rows = if active.len() == rows.len() { rows } else { of_each(&active, |&i| rows[i as usize]) };
-        let mut mechanisms = Mechanisms::new(world, &impacts.velocity, free, step);
+        let mut mechanisms = Mechanisms::new(world, &masses, &impacts.velocity, free, step);
         mechanisms.predict(&[]);
         let overlap = self.settings.overlap;
         let pose =
@@ -203,7 +205,7 @@ impl Stepper {
     }
 
     /// Solves the problem of these contacts (`active`: their places among those of the step) together with the rates of a periodic cell whose stress is
-    /// imposed. Components that come beyond the largest rate are held there and the others found again. r follows the rates.
+    /// imposed. Components that come beyond the largest rate are brought back to it and all is found again. r follows the rates.
     fn solve_with_cell(
         &mut self,
         world: &World,
@@ -235,17 +237,18 @@ impl Stepper {
             if let Some(last) = &last {
                 solved.report = solved.report.after(last);
             }
-            let change = rows.rate_change(impulse);
-            cell_now.rate = std::array::from_fn(|k| free[k] + change[k]);
+            let by_contacts = rows.rate_change(impulse);
+            cell_now.rate = std::array::from_fn(|k| free[k] + by_contacts[k]);
             let beyond = cell_now.beyond(time, step);
-            let held: [f64; 6] = std::array::from_fn(|k| beyond[k].map_or(0.0, |limit| limit - free[k]));
-            if held == [0.0; 6] || solved.report.status == Status::Stopped {
+            let change: [f64; 6] = std::array::from_fn(|k| beyond[k].map_or(0.0, |limit| limit - free[k]));
+            if beyond == [None; 6] || solved.report.status == Status::Stopped {
                 judge_cell(cell_now, time, step, &mut solved.report);
                 return Ok(WithCell { solved, posed, cell });
             }
-            rows.shift(&held, &mut problem.r);
-            rows.hold(|k| beyond[k].is_some());
-            // Not the sum with what is held back: that of a very large rate rounds.
+            rows.shift(&change, &mut problem.r);
+            // What its stress drives too fast presses less in this step, and contacts still stop it. What they throw is held.
+            rows.hold(|k| beyond[k].is_some_and(|limit| limit * free[k] <= limit * limit));
+            // Not the sum with the change: that of a very large rate rounds.
             free = std::array::from_fn(|k| beyond[k].unwrap_or(free[k]));
             last = Some(solved.report);
         }

@@ -8,6 +8,7 @@ use crate::cell;
 use crate::clock::{Clock, Laps};
 use crate::contact::{Contact, ContactSet};
 use crate::impact;
+use crate::load;
 use crate::math::Vec3;
 use crate::measure::energy;
 use crate::overlap::{Correction, Gaps};
@@ -151,6 +152,7 @@ impl Stepper {
         let change = kinetic_energy + taken_along(world, &velocity) - start.kinetic_energy;
         let forces = (&set, joints.impulses.as_slice());
         let places = (start.position.as_slice(), cell.as_ref());
+        load::add_drag(world, &velocity);
         let ledger = energy::ledger(world, forces, places, [&before, &velocity], step, change);
         let collider = &self.collider;
         let overlap = |contact: &Contact| {

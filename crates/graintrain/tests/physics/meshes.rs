@@ -4,10 +4,11 @@ use crate::support::*;
 use graintrain::ccp::FrictionModel;
 use graintrain::handle::MaterialId;
 use graintrain::math::{Mat3, Quat, Vec3};
-use graintrain::motion::Motion;
+use graintrain::motion::{Motion, Profile};
 use graintrain::shape::Geometry;
 use graintrain::stepper::{StepError, StepSettings, Stepper};
 use graintrain::world::{Body, MassProperties, World};
+use std::f64::consts::{PI, TAU};
 
 const BOTH: [FrictionModel; 2] = [FrictionModel::Relaxed, FrictionModel::Coulomb];
 
@@ -166,4 +167,101 @@ fn meshes_that_would_pass_through_each_other_stop_the_run() {
         "{stopped:?}"
     );
     assert!(world.bodies.position[1].z > 0.3);
+}
+
+/// A fixed or turning mesh body.
+fn add_surface(world: &mut World, vertices: Vec<Vec3>, triangles: Vec<[u32; 3]>, motion: Motion) -> usize {
+    let geometry = world.add_geometry(Geometry::mesh(vertices, triangles).unwrap());
+    let motion = world.add_motion(motion).unwrap();
+    let body = Body { motion, ..Body::new(geometry, MaterialId::default(), Vec3::ZERO) };
+    world.add_body(body).unwrap().index()
+}
+
+/// Without friction a drum of facets turns under what lies in it: no contact with the facets further up carries it along.
+#[test]
+fn a_turning_drum_without_friction_carries_nothing_up() {
+    let flat = Vec3::new(0.05, 0.05, 0.02);
+    let shapes = [
+        Geometry::cuboid(flat).unwrap(),
+        Geometry::cuboid(Vec3::splat(0.01)).unwrap(),
+        Geometry::cylinder(0.02, 0.05).unwrap(),
+    ];
+    for (shape, half_height) in shapes.into_iter().zip([0.02, 0.01, 0.02]) {
+        for (facets, step) in [(96_u32, 2e-2), (384, 2e-2), (384, 5e-3)] {
+            let (mut vertices, mut triangles) = (Vec::new(), Vec::new());
+            for k in 0..facets {
+                let angle = TAU * f64::from(k) / f64::from(facets);
+                vertices.extend([-0.2, 0.2].map(|y| 0.5 * Vec3::new(angle.cos(), 2.0 * y, angle.sin())));
+                let [a, b, c, d] = [0, 1, 2, 3].map(|i| (2 * k + i) % (2 * facets));
+                triangles.extend([[a, b, c], [b, d, c]]);
+            }
+            let mut world = world(0.0, 0.0);
+            let turning = Motion::rotating(Vec3::ZERO, Vec3::Y, Profile::Constant(-0.5));
+            add_surface(&mut world, vertices, triangles, turning);
+            let geometry = world.add_geometry(shape.clone());
+            let place = Vec3::new(0.0, 0.0, half_height - 0.496);
+            let body = world.add_body(Body::new(geometry, MaterialId::default(), place)).unwrap().index();
+            let mut stepper = stepper(step, FrictionModel::Relaxed);
+            for _ in 0..(0.6 / step) as usize {
+                stepper.step(&mut world).unwrap();
+            }
+            // A flat body tips from facet to facet, which moves its centre a little.
+            let angle = world.bodies.position[body].x.atan2(-world.bodies.position[body].z);
+            assert!(angle.abs() < 0.05, "{half_height} {facets} {step}: {angle}");
+        }
+    }
+}
+
+/// Over tiles without friction bodies slide as over a plane, whatever the shape, the speed and the step.
+#[test]
+fn tiles_do_not_brake_what_slides_over_them() {
+    let lying = Quat::from_rotation_y(0.5 * PI);
+    let hull: Vec<Vec3> = (0..8)
+        .map(|k| {
+            0.03 * Vec3::new(f64::from(k & 1) - 0.5, f64::from(k >> 1 & 1) - 0.5, f64::from(k >> 2) - 0.5)
+        })
+        .collect();
+    let shapes = [
+        ("capsule", Geometry::capsule(0.03, 0.01).unwrap(), lying, 0.01),
+        ("cylinder", Geometry::cylinder(0.03, 0.01).unwrap(), lying, 0.01),
+        ("coin", Geometry::cylinder(0.005, 0.03).unwrap(), Quat::IDENTITY, 0.005),
+        ("box", Geometry::cuboid(Vec3::new(0.03, 0.02, 0.01)).unwrap(), Quat::IDENTITY, 0.01),
+        ("hull", Geometry::hull(&hull).unwrap().0, Quat::IDENTITY, 0.015),
+        ("ball", Geometry::sphere(0.01).unwrap(), Quat::IDENTITY, 0.01),
+    ];
+    let (mut vertices, mut triangles) = (Vec::new(), Vec::new());
+    let tiles = (150, 20);
+    for i in 0..=tiles.0 {
+        for j in 0..=tiles.1 {
+            vertices.push(0.02 * Vec3::new(f64::from(i) - 5.0, f64::from(j) - 10.0, 0.0));
+            if i < tiles.0 && j < tiles.1 {
+                let first = (i * (tiles.1 + 1) + j) as u32;
+                let [a, b, c, d] = [first, first + 1, first + tiles.1 as u32 + 1, first + tiles.1 as u32 + 2];
+                triangles.extend([[a, c, b], [b, c, d]]);
+            }
+        }
+    }
+    for (name, shape, orientation, height) in shapes {
+        for (speed, step) in [(1.0, 5e-3), (3.0, 5e-3), (3.0, 2e-2)] {
+            for turn in [0.0, 0.3] {
+                let mut world = world(0.0, 0.0);
+                add_surface(&mut world, vertices.clone(), triangles.clone(), Motion::fixed());
+                let geometry = world.add_geometry(shape.clone());
+                let orientation = Quat::from_rotation_z(turn) * orientation;
+                let body =
+                    Body { orientation, ..Body::new(geometry, MaterialId::default(), Vec3::Z * height) };
+                let body = world.add_body(body).unwrap().index();
+                world.bodies.velocity[body] = Vec3::X * speed;
+                let mut stepper = stepper(step, FrictionModel::Relaxed);
+                let steps = (0.8 / step) as usize;
+                for k in 0..steps {
+                    stepper.step(&mut world).unwrap();
+                    let (v, place) = (world.bodies.velocity[body], world.bodies.position[body]);
+                    let at = format!("{name} {speed} {step} {turn} {k}: {v} {place}");
+                    assert!((v.x - speed).hypot(v.y) < 1e-6, "{at}");
+                    assert!(v.z.abs() < 1e-4 && (place.z - height).abs() < 1e-6, "{at}");
+                }
+            }
+        }
+    }
 }
