@@ -11,7 +11,7 @@ mod repetition;
 mod settings;
 
 pub use self::error::StepError;
-pub use self::settings::StepSettings;
+pub use self::settings::{SolverChoice, StepSettings};
 pub use crate::step_report::{PhaseSeconds, PhysicalErrors, ProcessorSeconds, StepReport, Wrench};
 
 use self::error::{cell_error, check_state};
@@ -74,13 +74,13 @@ impl Stepper {
     /// [`StepError::Solver`] for an unknown solver.
     pub fn new(settings: StepSettings) -> Result<Self, StepError> {
         positive("the time step", settings.step)?;
-        positive("the solver's tolerance", settings.tolerance)?;
+        positive("the solver's tolerance", settings.solver.tolerance)?;
         if !(settings.envelope.is_finite() && settings.envelope >= 0.0) {
             let what = "the contact envelope".to_string();
             let expected = "finite and not negative";
             return Err(ModelError::Value { what, value: settings.envelope, expected }.into());
         }
-        let solver = settings.solver.build()?;
+        let solver = settings.solver.name.build()?;
         let named = |name: &str| name.parse::<SolverSpec>()?.build();
         let impacts = named("auto")?;
         let collider = Collider::default();
@@ -122,8 +122,8 @@ impl Stepper {
         iterations: usize,
     ) -> Result<Option<Difference>, StepError> {
         let Some(Last { problem, impulse, gap }) = &self.last else { return Ok(None) };
-        let StepSettings { step, friction, .. } = self.settings;
-        if friction == FrictionModel::Coulomb || !problem.has_friction() {
+        let step = self.settings.step;
+        if self.settings.solver.friction == FrictionModel::Coulomb || !problem.has_friction() {
             return Ok(None);
         }
         let settings = SolveSettings {
@@ -300,13 +300,9 @@ impl Stepper {
     /// What the settings ask of a solve.
     fn solve_settings(&self) -> SolveSettings {
         SolveSettings {
-            tolerance: self.settings.tolerance,
-            judge: self.settings.judge,
-            max_iterations: self.settings.max_iterations,
-            friction: self.settings.friction,
             stop: self.stop.clone(),
             ranks: self.ranks.clone(),
-            ..SolveSettings::default()
+            ..self.settings.solver.solve_settings()
         }
     }
 }

@@ -10,7 +10,6 @@ use graintrain::load::Region;
 use graintrain::material::TurningResistance;
 use graintrain::math::{Quat, Vec3};
 use graintrain::motion::{Axes, Profile};
-use graintrain_ccp::{FrictionModel, SolverSpec};
 use serde::{Serialize, Serializer};
 use std::path::PathBuf;
 
@@ -94,22 +93,6 @@ impl PairRule {
             _ => None,
         }
     }
-}
-
-/// The contact solver.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct SolverChoice {
-    /// Name, with its linear solver after a `+`.
-    pub name: SolverSpec,
-    /// Residual at which it stops.
-    pub tolerance: f64,
-    /// Whether the tolerance is of the worst contact, rather than of the root mean square with a bound for the worst.
-    pub strict_max: bool,
-    /// Iteration limit; `None` is the solver's own.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub max_iterations: Option<usize>,
-    /// Friction law.
-    pub friction: FrictionModel,
 }
 
 /// What a run writes, and when.

@@ -72,10 +72,13 @@ fn rows_are_made_as_a_scene_that_asks_for_nothing_would() {
     std::fs::write(&path, text).unwrap();
     let scene = graintrain_io::scene::Scene::load(path.to_str().unwrap(), &[]).unwrap();
     let settings = scene.build().unwrap().settings;
-    assert_eq!(Accuracy::SCENES, Accuracy { tolerance: settings.tolerance, judge: settings.judge });
+    assert_eq!(
+        Accuracy::SCENES,
+        Accuracy { tolerance: settings.solver.tolerance, judge: settings.solver.judge }
+    );
     let row = Bench::new(1e-3, 0.0, Accuracy::SCENES, Relaxed).unwrap().row("nothing", 0.0, 0.0, 0.0);
-    assert_eq!(row.solver, settings.solver.to_string());
-    assert_eq!(Some(settings.friction), row.friction);
+    assert_eq!(row.solver, settings.solver.name.to_string());
+    assert_eq!(Some(settings.solver.friction), row.friction);
 }
 
 const INVENTED: Definition = Definition {

@@ -74,14 +74,14 @@ impl Stepper {
         let masses = inverse_mass(world);
         let mut impacts = ImpactSolver {
             solver: self.impacts.as_mut(),
-            friction: self.settings.friction,
+            friction: self.settings.solver.friction,
             stop: self.stop.clone(),
         };
         let of = Rows { contacts, rows: &rows, inverse_mass: &masses };
         let begin = Clock::now();
         let Some(impacts) = impacts.resolve(world, of, step)? else { return Err(StepError::Stopped) };
         let impact_lap = begin.lap();
-        let slip = match self.settings.friction {
+        let slip = match self.settings.solver.friction {
             FrictionModel::Relaxed if world.materials.has_cohesive_pairs() => {
                 relative_velocities(world.cell(), contacts, &rows, &impacts.velocity)
             }
@@ -104,7 +104,7 @@ impl Stepper {
         let mut free = free_velocity(world, &impacts.velocity, step);
         elasticity::apply_pulls(&rows, &pulls, &masses, &mut free);
         let waits = |i: &u32| {
-            self.settings.friction == FrictionModel::Relaxed
+            self.settings.solver.friction == FrictionModel::Relaxed
                 && impacts.under_way.binary_search(i).is_ok()
                 && !driven.contains(&contacts[*i as usize].identity)
         };
@@ -255,7 +255,7 @@ impl Stepper {
     fn solve(&mut self, world: &World, problem: &Ccp, impulse: &mut [f64]) -> Result<Solved, CcpError> {
         let settings = SolveSettings { curvature: world.contacts.curvature, ..self.solve_settings() };
         // A method that keeps something from step to step has to see the same problem again.
-        let whole = self.settings.solver.keeps_between_steps();
+        let whole = self.settings.solver.name.keeps_between_steps();
         let (gravity, step) = (world.gravity.length(), self.settings.step);
         PartSolver { solver: self.solver.as_mut(), settings, whole, gravity, step }.solve(problem, impulse)
     }

@@ -64,7 +64,7 @@ impl Stepper {
             size: &size,
             fall: world.gravity.length() * step * step,
             turn: &turn,
-            tolerance: self.settings.tolerance,
+            tolerance: self.settings.solver.tolerance,
         };
         let correction = gaps.correct();
         let finite = correction.displacement.iter().flatten().all(|x| x.is_finite());
@@ -100,8 +100,8 @@ impl Stepper {
             wedged,
             ..
         } = attempt;
-        let left = impacts.residual.judged(self.settings.judge);
-        if left > self.settings.tolerance.max(impact::TOLERANCE) && solve.status == Status::Converged {
+        let left = impacts.residual.judged(self.settings.solver.judge);
+        if left > self.settings.solver.tolerance.max(impact::TOLERANCE) && solve.status == Status::Converged {
             solve.status = Status::IterationLimit;
             solve.remark = Some(format!("impacts were left at residual {left:.1e}"));
         }
@@ -135,9 +135,9 @@ impl Stepper {
             u = relative_velocities(cell.as_ref(), &chosen, rigid.contacts(), &velocity);
             u.extend(turning_velocities(&chosen, rigid.contacts(), rigid.turning(), &velocity));
         }
-        let accuracy = (step, self.settings.tolerance);
+        let accuracy = (step, self.settings.solver.tolerance);
         let errors = PhysicalErrors::of(&chosen, &chosen_size, (&problem, &impulse), &u, accuracy);
-        let opening = match self.settings.friction {
+        let opening = match self.settings.solver.friction {
             FrictionModel::Relaxed => {
                 Opening::of(&chosen_size, (&problem, &impulse, threshold), &u, (step, &wedged))
             }

@@ -13,7 +13,7 @@ use graintrain::measure::space::{own_space, porosity, selected};
 use graintrain::measure::stress::{pressure, stress};
 use graintrain::motion::{Motion, Profile};
 use graintrain::shape::{Geometry, Shape};
-use graintrain::stepper::{StepSettings, Stepper};
+use graintrain::stepper::{SolverChoice, StepSettings, Stepper};
 use graintrain::world::{Body, World};
 
 /// Numbers in [0, 1) from a fixed linear congruence.
@@ -357,7 +357,7 @@ fn jammed(edge: i32, pressure: f64) -> (World, f64) {
     let mut stepper = graintrain::stepper::Stepper::new(graintrain::stepper::StepSettings {
         step,
         envelope: 0.02 * radius,
-        tolerance: 1e-3,
+        solver: SolverChoice { tolerance: 1e-3, ..SolverChoice::default() },
         ..graintrain::stepper::StepSettings::default()
     })
     .unwrap();
@@ -484,7 +484,12 @@ fn a_packing_stands_under_any_stress() {
             add_sphere(&mut world, 0.004, place);
         }
         world.set_cell(Some(Cell { drive: pressed(pressure), ..held(0.03) })).unwrap();
-        let settings = StepSettings { step, envelope: 1e-4, friction: model, ..StepSettings::default() };
+        let settings = StepSettings {
+            step,
+            envelope: 1e-4,
+            solver: SolverChoice { friction: model, ..SolverChoice::default() },
+            ..StepSettings::default()
+        };
         let mut stepper = Stepper::new(settings).unwrap();
         for k in 0..60 {
             let report = solved_step(&mut stepper, &mut world);

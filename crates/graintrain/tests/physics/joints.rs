@@ -9,7 +9,7 @@ use graintrain::math::{Mat3, Vec3};
 use graintrain::motion::Axes;
 use graintrain::motion::{Motion, Profile};
 use graintrain::shape::Geometry;
-use graintrain::stepper::{StepSettings, Stepper};
+use graintrain::stepper::{SolverChoice, StepSettings, Stepper};
 use graintrain::world::{Body, MassProperties, World};
 use std::f64::consts::TAU;
 
@@ -17,7 +17,12 @@ const GRAVITY: f64 = 9.81;
 const BOTH: [FrictionModel; 2] = [FrictionModel::Relaxed, FrictionModel::Coulomb];
 
 fn stepper(step: f64, friction: FrictionModel) -> Stepper {
-    Stepper::new(StepSettings { step, friction, ..StepSettings::default() }).unwrap()
+    Stepper::new(StepSettings {
+        step,
+        solver: SolverChoice { friction, ..SolverChoice::default() },
+        ..StepSettings::default()
+    })
+    .unwrap()
 }
 
 fn earth() -> World {

@@ -6,14 +6,19 @@ use graintrain::handle::MaterialId;
 use graintrain::math::{Mat3, Quat, Vec3};
 use graintrain::motion::Motion;
 use graintrain::shape::Geometry;
-use graintrain::stepper::{StepError, StepSettings, Stepper};
+use graintrain::stepper::{SolverChoice, StepError, StepSettings, Stepper};
 use graintrain::world::{Body, MassProperties, World};
 
 const BOTH: [FrictionModel; 2] = [FrictionModel::Relaxed, FrictionModel::Coulomb];
 
 fn stepper(step: f64, friction: FrictionModel) -> Stepper {
-    Stepper::new(StepSettings { step, envelope: 2e-3, tolerance: 1e-8, friction, ..StepSettings::default() })
-        .unwrap()
+    Stepper::new(StepSettings {
+        step,
+        envelope: 2e-3,
+        solver: SolverChoice { tolerance: 1e-8, friction, ..SolverChoice::default() },
+        ..StepSettings::default()
+    })
+    .unwrap()
 }
 
 /// A box of half edges h as triangles, each face cut into `cuts`^2 squares.
