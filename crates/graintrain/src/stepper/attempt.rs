@@ -22,9 +22,6 @@ use graintrain_linalg::parallel::axpy;
 use std::borrow::Cow;
 use std::collections::{HashMap, HashSet};
 
-/// Solves of the contacts for joints whose motors, stops or paths turned out otherwise than foreseen; what is left then is reported.
-const JOINT_ROUNDS: usize = 12;
-
 /// A solved contact problem with what a periodic cell does.
 struct WithCell {
     solved: Solved,
@@ -74,6 +71,7 @@ impl Stepper {
         let masses = inverse_mass(world);
         let mut impacts = ImpactSolver {
             solver: self.impacts.as_mut(),
+            parameters: &self.parameters.impacts,
             friction: self.settings.solver.friction,
             stop: self.stop.clone(),
         };
@@ -155,11 +153,12 @@ impl Stepper {
         let WithCell { solved, posed, cell } =
             self.solve_with_cell(world, (&chosen, &active), &impacts, &mut problem, &mut impulse)?;
         let Solved { report: mut solve, mut parts, mut wedged } = solved;
+        let rounds = self.parameters.repetition.joint_rounds;
         let (mut on_bodies, mut agrees) = (Vec::new(), true);
         if let Some(spare) = spare {
             on_bodies = body_impulses(&problem, &impulse);
             agrees = false;
-            for _ in 0..JOINT_ROUNDS {
+            for _ in 0..rounds {
                 agrees = mechanisms.agree(&on_bodies, settings.tolerance);
                 if solve.status == Status::Stopped || agrees {
                     break;
@@ -181,7 +180,7 @@ impl Stepper {
         judge_joints(world, &joints, &settings, &mut solve);
         if !agrees && solve.status == Status::Converged {
             solve.status = Status::IterationLimit;
-            solve.remark = Some(format!("motors, stops and contacts did not agree in {JOINT_ROUNDS} rounds"));
+            solve.remark = Some(format!("motors, stops and contacts did not agree in {rounds} rounds"));
         }
         Ok(Attempt {
             problem,
@@ -257,7 +256,9 @@ impl Stepper {
         // A method that keeps something from step to step has to see the same problem again.
         let whole = self.settings.solver.name.keeps_between_steps();
         let (gravity, step) = (world.gravity.length(), self.settings.step);
-        PartSolver { solver: self.solver.as_mut(), settings, whole, gravity, step }.solve(problem, impulse)
+        let parameters = &self.parameters.parts;
+        PartSolver { solver: self.solver.as_mut(), settings, parameters, whole, gravity, step }
+            .solve(problem, impulse)
     }
 }
 

@@ -7,7 +7,6 @@ use crate::assemble::{OverlapCorrection, of_each, pair_property, relative_veloci
 use crate::cell;
 use crate::clock::{Clock, Laps};
 use crate::contact::{Contact, ContactSet};
-use crate::impact;
 use crate::math::Vec3;
 use crate::measure::energy;
 use crate::overlap::{Correction, Gaps};
@@ -65,6 +64,7 @@ impl Stepper {
             fall: world.gravity.length() * step * step,
             turn: &turn,
             tolerance: self.settings.solver.tolerance,
+            parameters: &self.parameters.overlap,
         };
         let correction = gaps.correct();
         let finite = correction.displacement.iter().flatten().all(|x| x.is_finite());
@@ -101,7 +101,9 @@ impl Stepper {
             ..
         } = attempt;
         let left = impacts.residual.judged(self.settings.solver.judge);
-        if left > self.settings.solver.tolerance.max(impact::TOLERANCE) && solve.status == Status::Converged {
+        if left > self.settings.solver.tolerance.max(self.parameters.impacts.tolerance)
+            && solve.status == Status::Converged
+        {
             solve.status = Status::IterationLimit;
             solve.remark = Some(format!("impacts were left at residual {left:.1e}"));
         }
