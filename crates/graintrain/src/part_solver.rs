@@ -301,10 +301,7 @@ fn solve_finely_if_few(
 fn evaluate(problem: &Ccp, g: &[f64], friction: FrictionModel, report: &mut SolveReport) {
     let scale = ResidualScale::new(problem);
     let mut u = vec![0.0; g.len()];
-    problem.delassus.multiply(g, &mut u, &mut problem.delassus.work());
-    for (u, r) in u.iter_mut().zip(&problem.r) {
-        *u += r;
-    }
+    problem.velocity(g, &mut u, &mut problem.delassus.work());
     let evaluation = scale.evaluate(problem, g, &u);
     (report.residual_relaxed, report.residual_coulomb) = (evaluation.relaxed, evaluation.coulomb);
     report.residual = evaluation.residual(friction);

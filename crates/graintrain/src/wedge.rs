@@ -192,8 +192,7 @@ impl<'a> Mixture<'a> {
 
     /// Takes the velocities of these impulses; their residual.
     fn look_at(&mut self, g: &[f64]) -> Residual {
-        self.problem.delassus.multiply(g, &mut self.velocity, &mut self.problem.delassus.work());
-        self.velocity.iter_mut().zip(&self.problem.r).for_each(|(u, r)| *u += r);
+        self.problem.velocity(g, &mut self.velocity, &mut self.problem.delassus.work());
         self.shifted.copy_from_slice(&self.velocity);
         for &i in &self.exact {
             self.shifted[3 * i] += opening(self.problem, &self.velocity, i);
@@ -516,8 +515,7 @@ impl Wedges<'_> {
             return Ok(None);
         }
         let mut velocity = vec![0.0; own.r.len()];
-        own.delassus.multiply(&impulse, &mut velocity, &mut own.delassus.work());
-        velocity.iter_mut().zip(&own.r).for_each(|(u, r)| *u += r);
+        own.velocity(&impulse, &mut velocity, &mut own.delassus.work());
         let of = |k: usize| WedgedContact {
             contact: excerpt.part.contacts[k] as usize,
             impulse: [impulse[3 * k], impulse[3 * k + 1], impulse[3 * k + 2]],

@@ -12,6 +12,7 @@ mod kernel;
 mod operator;
 mod parameters;
 
+use super::body_pass::BODIES;
 use super::cell_images::PackedCell;
 use super::lanes::Batch;
 use super::octet::{EIGHT, Octet};
@@ -24,7 +25,7 @@ use crate::delassus::{BodyInverseMass, Delassus, FIXED, RigidContact, RigidDelas
 use crate::problem::Ccp;
 use crate::residual::{FrictionModel, Judge, ResidualScale};
 use geometry::{Bodies, General, Radial};
-use operator::{Arrangement, BODIES, CHUNK, ContactNumbers, InverseMasses, SingleOperator, own_batches};
+use operator::{Arrangement, CHUNK, ContactNumbers, InverseMasses, SingleOperator, own_batches};
 use rayon::prelude::*;
 use std::sync::Arc;
 
