@@ -1,5 +1,5 @@
 use super::bench::{Accuracy, Bench};
-use super::report::{Head, html, markdown, table};
+use super::report::{Head, csv, html, markdown, table};
 use super::source::Source;
 use super::*;
 use graintrain_ccp::FrictionModel::Relaxed;
@@ -150,6 +150,26 @@ fn the_report_renders() {
     assert!(!page.contains("http") && !page.contains("src="), "the page needs nothing else");
     roxmltree::Document::parse(page.trim_start_matches("<!DOCTYPE html>")).unwrap();
     assert!(markdown(&head, &cases).contains("a \\| number"));
+    let rows = csv(&cases);
+    let rows: Vec<Vec<&str>> = rows.lines().map(|line| line.split(',').collect()).collect();
+    assert!(rows.iter().all(|row| row.len() == rows[0].len()), "{rows:?}");
+    let verdicts: Vec<&str> = rows.iter().map(|row| row[row.len() - 1]).collect();
+    assert_eq!(verdicts, ["verdict", "passed", "FAILED", "FAILED", "left out: invented"]);
+}
+
+/// `docs/verification.csv` has the columns and the cases of this program, all passed. (Packed crates have no `docs`.)
+#[test]
+fn the_table_of_the_notebook_is_that_of_tier_a() {
+    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/verification.csv");
+    let Ok(text) = std::fs::read_to_string(path) else { return };
+    assert_eq!(text.lines().next(), csv(&[]).lines().next());
+    let mut ids: Vec<&str> = text.lines().skip(1).filter_map(|line| line.split(',').next()).collect();
+    let mut expected: Vec<&str> = tier_a().map(|case| case.id).collect();
+    // Cases of one number follow each other.
+    ids.dedup();
+    expected.dedup();
+    assert_eq!(ids, expected);
+    assert!(text.lines().skip(1).all(|line| line.ends_with(",passed")));
 }
 
 #[test]
