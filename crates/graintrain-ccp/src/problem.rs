@@ -1,8 +1,9 @@
 //! The cone complementarity problem: N, r, mu.
 
 use crate::cone::{FrictionCone, TurningCone, tangential_length};
-use crate::delassus::Delassus;
+use crate::delassus::{Delassus, DelassusWork};
 use graintrain_linalg::block3::PatternError;
+use graintrain_linalg::parallel::axpy;
 use rayon::prelude::*;
 use std::sync::Arc;
 
@@ -377,6 +378,12 @@ impl Ccp {
             }
         }
         eta
+    }
+
+    /// u <- N g + r: the relative velocities (m/s, contact frames) that impulses g (N s) leave.
+    pub fn velocity(&self, g: &[f64], u: &mut [f64], work: &mut DelassusWork) {
+        self.delassus.multiply(g, u, work);
+        axpy(1.0, &self.r, u);
     }
 
     /// Objective 1/2 g^T N g + r^T g, given u = N g + r.

@@ -213,8 +213,7 @@ impl Sensitivity {
             return Err(SensitivityError::NoBodies);
         }
         let mut u = vec![0.0; impulse.len()];
-        problem.delassus.multiply(impulse, &mut u, &mut problem.delassus.work());
-        u.iter_mut().zip(&problem.r).for_each(|(u, r)| *u += r);
+        problem.velocity(impulse, &mut u, &mut problem.delassus.work());
         let eta = problem.diagonal_scale();
         let three = |x: &[f64], i: usize| [x[3 * i], x[3 * i + 1], x[3 * i + 2]];
         let parts = (0..problem.num_contacts())

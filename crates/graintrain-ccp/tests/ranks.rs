@@ -88,6 +88,7 @@ fn methods_that_are_not_shared_compute_the_same_bits() {
         ("auto", FrictionModel::Relaxed),
         ("auto", FrictionModel::Coulomb),
         ("pgs", FrictionModel::Relaxed),
+        #[cfg(feature = "paper")]
         ("bb", FrictionModel::Relaxed),
         ("ipm", FrictionModel::Relaxed),
     ];

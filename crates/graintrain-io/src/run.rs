@@ -380,8 +380,8 @@ impl Run {
                     solver: report.solve.solver,
                     residual: residual.max,
                     residual_rms: residual.rms,
-                    tolerance: self.settings.stepping.tolerance,
-                    judge: self.settings.stepping.judge,
+                    tolerance: self.settings.stepping.solver.tolerance,
+                    judge: self.settings.stepping.solver.judge,
                 });
             }
         }

@@ -9,7 +9,7 @@ use graintrain::handle::MaterialId;
 use graintrain::math::{Quat, Vec3};
 use graintrain::motion::Motion;
 use graintrain::shape::Geometry;
-use graintrain::stepper::{StepSettings, Stepper};
+use graintrain::stepper::{SolverChoice, StepSettings, Stepper};
 use graintrain::world::{Body, World};
 use graintrain_io::scene::Scene as SceneFile;
 use graintrain_lab::verify::bench::{G, add_ground, add_sphere, add_walls, random, world};
@@ -181,10 +181,13 @@ fn stepper(scene: &Scene, tolerance: f64, friction: FrictionModel) -> Result<Ste
     Ok(Stepper::new(StepSettings {
         step: STEP,
         envelope: 0.3 * scene.smallest,
-        tolerance,
-        judge: Judge::Mixed,
-        friction,
-        max_iterations: (friction == FrictionModel::Coulomb).then_some(LIMIT),
+        solver: SolverChoice {
+            tolerance,
+            judge: Judge::Mixed,
+            friction,
+            max_iterations: (friction == FrictionModel::Coulomb).then_some(LIMIT),
+            ..SolverChoice::default()
+        },
         ..StepSettings::default()
     })?)
 }

@@ -7,7 +7,7 @@ use crate::plain::plain;
 use crate::report::StepReport;
 use graintrain::assemble::OverlapCorrection;
 use graintrain::handle::GeometryId;
-use graintrain::stepper::{self, StepSettings};
+use graintrain::stepper::{self, SolverChoice, StepSettings};
 use graintrain_ccp::{FrictionModel, Judge, SolverSpec};
 use graintrain_io::checkpoint;
 use graintrain_io::files::OutputError;
@@ -254,16 +254,17 @@ fn changed(settings: &mut StepSettings, changes: &Bound<'_, PyDict>) -> PyResult
     const KNOWN: &str = "step, envelope, solver, tolerance, strict_max, max_iterations, friction, overlap";
     for (key, value) in changes.iter() {
         let key: String = key.extract()?;
+        let solver = &mut settings.solver;
         match key.as_str() {
             "step" => settings.step = value.extract()?,
             "envelope" => settings.envelope = value.extract()?,
-            "solver" => settings.solver = value.extract::<String>()?.parse::<SolverSpec>().or_raise()?,
-            "tolerance" => settings.tolerance = value.extract()?,
+            "solver" => solver.name = value.extract::<String>()?.parse::<SolverSpec>().or_raise()?,
+            "tolerance" => solver.tolerance = value.extract()?,
             "strict_max" => {
-                settings.judge = if value.extract()? { Judge::Maximum } else { Judge::Mixed };
+                solver.judge = if value.extract()? { Judge::Maximum } else { Judge::Mixed };
             }
-            "max_iterations" => settings.max_iterations = value.extract()?,
-            "friction" => settings.friction = friction_model(&value.extract::<String>()?)?,
+            "max_iterations" => solver.max_iterations = value.extract()?,
+            "friction" => solver.friction = friction_model(&value.extract::<String>()?)?,
             "overlap" => {
                 settings.overlap = match value.extract::<String>()?.as_str() {
                     "position" => OverlapCorrection::Position,
@@ -520,11 +521,18 @@ impl World {
 
     /// How steps are made, as a dict.
     #[getter]
-    fn settings<'py>(&mut self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        let stepping = self.run().settings.stepping.clone();
-        let dict = plain(py, &stepping)?;
-        dict.del_item("judge")?;
-        dict.set_item("strict_max", stepping.judge == Judge::Maximum)?;
+    fn settings<'py>(&mut self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let StepSettings { step, envelope, solver, overlap } = self.run().settings.stepping.clone();
+        let SolverChoice { name, tolerance, judge, max_iterations, friction } = solver;
+        let dict = PyDict::new(py);
+        dict.set_item("step", step)?;
+        dict.set_item("envelope", envelope)?;
+        dict.set_item("solver", name.to_string())?;
+        dict.set_item("tolerance", tolerance)?;
+        dict.set_item("strict_max", judge == Judge::Maximum)?;
+        dict.set_item("max_iterations", max_iterations)?;
+        dict.set_item("friction", plain(py, &friction)?)?;
+        dict.set_item("overlap", plain(py, &overlap)?)?;
         Ok(dict)
     }
 

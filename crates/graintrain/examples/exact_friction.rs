@@ -8,7 +8,7 @@ use graintrain::material::Materials;
 use graintrain::math::Vec3;
 use graintrain::motion::Motion;
 use graintrain::shape::Geometry;
-use graintrain::stepper::{StepSettings, Stepper};
+use graintrain::stepper::{SolverChoice, StepSettings, Stepper};
 use graintrain::world::{Body, World};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -25,7 +25,11 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             ..Body::new(block, MaterialId::default(), 0.05 * Vec3::Z)
         };
         let block = world.add_body(thrown)?.index();
-        let settings = StepSettings { envelope: 0.01, tolerance: 1e-6, friction, ..Default::default() };
+        let settings = StepSettings {
+            envelope: 0.01,
+            solver: SolverChoice { tolerance: 1e-6, friction, ..SolverChoice::default() },
+            ..Default::default()
+        };
         let mut stepper = Stepper::new(settings)?;
         let mut highest: f64 = 0.0;
         for _ in 0..1500 {

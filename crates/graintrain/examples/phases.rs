@@ -7,7 +7,7 @@ use graintrain::material::Materials;
 use graintrain::math::{Quat, Vec3};
 use graintrain::motion::{Motion, Profile};
 use graintrain::shape::Geometry;
-use graintrain::stepper::{StepSettings, Stepper};
+use graintrain::stepper::{SolverChoice, StepSettings, Stepper};
 use graintrain::world::{Body, World};
 use std::error::Error;
 
@@ -47,11 +47,13 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut stepper = Stepper::new(StepSettings {
         step: 0.025,
         envelope: 0.03,
-        solver: "apgd".parse()?,
-        tolerance: 1e-2,
-        judge: graintrain::ccp::Judge::Mixed,
-        max_iterations: Some(200),
-        friction: graintrain::ccp::FrictionModel::Relaxed,
+        solver: SolverChoice {
+            name: "apgd".parse()?,
+            tolerance: 1e-2,
+            judge: graintrain::ccp::Judge::Mixed,
+            max_iterations: Some(200),
+            friction: graintrain::ccp::FrictionModel::Relaxed,
+        },
         ..StepSettings::default()
     })?;
     for k in 0..steps {

@@ -20,7 +20,7 @@ use crate::handle::MaterialId;
 use crate::integrate::free_velocity_derivative;
 use crate::load::Action;
 use crate::math::Vec3;
-use crate::stepper::{StepError, StepSettings, Stepper};
+use crate::stepper::{SolverChoice, StepError, StepSettings, Stepper};
 use crate::world::World;
 use graintrain_ccp::registry::Method;
 use graintrain_ccp::sensitivity::{Adjoint, ContactState, Sensitivity, SensitivityError};
@@ -105,7 +105,7 @@ impl StepGradient {
     /// [`GradientError`] where the step cannot be made, or has no derivative.
     pub fn new(world: &World, settings: &StepSettings) -> Result<Self, GradientError> {
         let unsupported = |what: &str| Err(GradientError::Unsupported { what: what.to_string() });
-        if settings.friction == FrictionModel::Coulomb {
+        if settings.solver.friction == FrictionModel::Coulomb {
             return unsupported("friction is exact; the derivative is that of relaxed friction");
         }
         if world.cell().is_some() {
@@ -117,15 +117,10 @@ impl StepGradient {
         if world.loads().iter().any(|load| matches!(load.action, Action::Drag { .. })) {
             return unsupported("there is drag, which depends on velocities by decisions of its own");
         }
-        let solver = SolverSpec::from(Method::Ipm);
+        let name = SolverSpec::from(Method::Ipm);
         let (tolerance, accepted) = TOLERANCE;
-        let strict = StepSettings {
-            solver,
-            tolerance,
-            judge: Judge::Maximum,
-            max_iterations: None,
-            ..settings.clone()
-        };
+        let solver = SolverChoice { name, tolerance, judge: Judge::Maximum, ..SolverChoice::default() };
+        let strict = StepSettings { solver, ..settings.clone() };
         if world.materials.has_elastic_pairs() || world.materials.has_cohesive_pairs() {
             return unsupported("a pair of materials has a stiffness or cohesion");
         }

@@ -36,23 +36,29 @@ use graintrain_ccp::{
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-/// Passes of one step; what closes after the last is left to the contact problem, as a plastic impact, and counted as lowered.
-const PASSES: usize = 30;
+/// What the passes over impacts are tuned by. Values: docs/mechanics.md, "Restitution"; held by `tests/physics/energy.rs` and the impacts
+/// of `graintrain verify` (A7 to A9, A20, A25).
+#[derive(Clone, Debug)]
+pub struct Parameters {
+    /// Passes of one step; what closes after the last is left to the contact problem, as a plastic impact, and counted as lowered.
+    pub passes: usize,
+    /// An approach slower than this fraction of a dt, with the larger acceleration a of both bodies under gravity and external forces,
+    /// is no impact: a resting body arrives with what the last step's solve left over.
+    pub resting: f64,
+    /// Residual to which a pass is solved, in the velocities of its own contacts.
+    pub tolerance: f64,
+    /// Iterations of a pass.
+    pub iterations: usize,
+    /// Energy that an impact makes, relative to the magnitude of its terms, above which restitution is lowered; less is the error of
+    /// its solve.
+    pub lowered: f64,
+}
 
-/// An approach slower than this fraction of a dt, with the larger acceleration a of both bodies under gravity and external forces, is
-/// no impact: a resting body arrives with what the last step's solve left
-/// over.
-const RESTING: f64 = 0.1;
-
-/// Residual to which a pass is solved, in the velocities of its own contacts.
-pub(crate) const TOLERANCE: f64 = 1e-9;
-
-/// Iterations of a pass.
-const ITERATIONS: usize = 3000;
-
-/// Energy that an impact makes, relative to the magnitude of its terms, above which restitution is lowered; less is the error of its
-/// solve.
-const LOWERED: f64 = 1e-6;
+impl Default for Parameters {
+    fn default() -> Self {
+        Self { passes: 30, resting: 0.1, tolerance: 1e-9, iterations: 3000, lowered: 1e-6 }
+    }
+}
 
 /// What the impacts of a step did.
 #[derive(Clone, Debug, Default)]
@@ -83,6 +89,7 @@ pub(crate) struct Rows<'a> {
 /// Solves the small problems of impacts.
 pub(crate) struct ImpactSolver<'a> {
     pub solver: &'a mut dyn CcpSolver,
+    pub parameters: &'a Parameters,
     pub friction: FrictionModel,
     pub stop: Option<Arc<AtomicBool>>,
 }
@@ -108,14 +115,14 @@ impl ImpactSolver<'_> {
             .contacts
             .iter()
             .map(|c| [c.body_a, c.body_b].map(|body| world.acceleration(body as usize)))
-            .map(|[a, b]| RESTING * a.max(b) * step)
+            .map(|[a, b]| self.parameters.resting * a.max(b) * step)
             .collect();
         let mut free = free_velocity(world, &found.velocity, step);
         let mut driven = with_driven(world, &found.velocity, &free);
         let mut now = relative_velocities(world.cell(), of.contacts, of.rows, &driven);
         let mut later = relative_velocities(world.cell(), of.contacts, of.rows, &free);
         let coupled = coupled_in_impacts(world, &found.velocity, step);
-        for pass in 0..=PASSES {
+        for pass in 0..=self.parameters.passes {
             let approaches =
                 |i: &u32| restitution[*i as usize] > 0.0 && now[3 * *i as usize] < -slow[*i as usize];
             let closes = |i: &u32| {
@@ -124,7 +131,7 @@ impl ImpactSolver<'_> {
             };
             let approaching = (0..of.contacts.len() as u32).filter(approaches);
             let closing: Vec<u32> = approaching.clone().filter(closes).collect();
-            if pass == PASSES {
+            if pass == self.parameters.passes {
                 // What goes on closing may drive bodies into contacts that wait: none waits.
                 found.lowered += closing.len();
                 break;
@@ -198,7 +205,7 @@ impl ImpactSolver<'_> {
         let mut change = vec![0.0; g.len()];
         plastic.delassus.multiply(&g, &mut change, &mut work);
         let (gain, scale) = energy(&g, &u, &change);
-        if gain > LOWERED * scale {
+        if gain > self.parameters.lowered * scale {
             found.lowered += 1;
             let Some(start) = self.impulses(&plastic, found)? else { return Ok(None) };
             lower(&plastic.delassus, &u, &start, &mut g, &change);
@@ -228,8 +235,8 @@ impl ImpactSolver<'_> {
     fn impulses(&mut self, problem: &Ccp, found: &mut Impacts) -> Result<Option<Vec<f64>>, CcpError> {
         let mut g = vec![0.0; problem.r.len()];
         let settings = SolveSettings {
-            tolerance: TOLERANCE,
-            max_iterations: Some(ITERATIONS),
+            tolerance: self.parameters.tolerance,
+            max_iterations: Some(self.parameters.iterations),
             friction: self.friction,
             stop: self.stop.clone(),
             ..SolveSettings::default()

@@ -19,35 +19,51 @@ use crate::parts::{Part, parts};
 use crate::projection::project;
 use graintrain_ccp::{BodyInverseMass, FIXED, RigidContact};
 
-/// An overlap above this fraction of the smaller body's size starts a correction of its part.
-const TRIGGER: f64 = 5e-4;
+/// What corrections are tuned by. Values: docs/mechanics.md, "Overlap"; held by `tests/physics/trust.rs`.
+#[derive(Clone, Debug)]
+pub struct Parameters {
+    /// An overlap above this fraction of the smaller body's size starts a correction of its part.
+    pub trigger: f64,
+    /// The same per tolerance of the solve, where that is more: whoever asks for 1e-2 lets every step add overlap, and a correction of
+    /// all contacts in every step costs as much as the solve (a tenth of the common drop at 1e-2).
+    pub trigger_per_tolerance: f64,
+    /// A correction leaves this overlap, as a fraction of the size: contacts that just touch would part and meet again with every
+    /// rounding.
+    pub kept: f64,
+    /// At most this fraction of |gravity| dt^2 of overlap is removed per step and contact, so that contacts that carry weight do not
+    /// open by more than the step closes again.
+    pub per_step: f64,
+    /// Overlap beyond this fraction of the size is an accident.
+    pub accident: f64,
+    /// This fraction of an accident is removed per step, however short that is.
+    pub accident_share: f64,
+    /// A correction moves the bodies of the contacts that need it and those up to so many contacts away; the others hold still.
+    pub rings: usize,
+    /// Sweeps of a correction at least; what is left is for the next step.
+    pub sweeps: usize,
+    /// Sweeps carry a correction from contact to contact, and one cut short pushes overlap from here to there: a tall column of few
+    /// contacts gets as many as so many visits to contacts allow.
+    pub visits: usize,
+    /// Accuracy of a correction, relative to the largest displacement that its contacts ask for.
+    pub tolerance: f64,
+}
 
-/// The same per tolerance of the solve, where that is more: whoever asks for 1e-2 lets every step add overlap, and a correction of all
-/// contacts in every step costs as much as the solve.
-const TRIGGER_PER_TOLERANCE: f64 = 0.2;
-
-/// A correction leaves this overlap, as a fraction of the size: contacts that just touch would part and meet again with every
-/// rounding.
-const KEPT: f64 = 1e-4;
-
-/// At most this fraction of |gravity| dt^2 of overlap is removed per step and contact, so that contacts that carry weight do not
-/// open by more than the step closes again.
-const PER_STEP: f64 = 0.2;
-
-/// Overlap beyond this fraction of the size is an accident. A fraction of it is removed per step, however short that is.
-const ACCIDENT: f64 = 1e-2;
-const ACCIDENT_SHARE: f64 = 0.2;
-
-/// A correction moves the bodies of the contacts that need it and those up to so many contacts away; the others hold still.
-const RINGS: usize = 2;
-
-/// Sweeps of a correction; what is left is for the next step. Sweeps carry a correction from contact to contact, and one cut short
-/// pushes overlap from here to there: a tall column of few contacts gets as many as so many visits to contacts allow.
-const SWEEPS: usize = 40;
-const VISITS: usize = 100_000;
-
-/// Accuracy of a correction, relative to the largest displacement that its contacts ask for.
-const TOLERANCE: f64 = 0.1;
+impl Default for Parameters {
+    fn default() -> Self {
+        Self {
+            trigger: 5e-4,
+            trigger_per_tolerance: 0.2,
+            kept: 1e-4,
+            per_step: 0.2,
+            accident: 1e-2,
+            accident_share: 0.2,
+            rings: 2,
+            sweeps: 40,
+            visits: 100_000,
+            tolerance: 0.1,
+        }
+    }
+}
 
 /// What the correction of a step did.
 #[derive(Clone, Debug, Default)]
@@ -85,12 +101,14 @@ pub(crate) struct Gaps<'a> {
     pub turn: &'a [f64],
     /// Tolerance of the step's solve.
     pub tolerance: f64,
+    pub parameters: &'a Parameters,
 }
 
 impl Gaps<'_> {
     /// The overlap over size that starts a correction.
     fn trigger(&self) -> f64 {
-        TRIGGER.max(TRIGGER_PER_TOLERANCE * self.tolerance).min(ACCIDENT)
+        let p = self.parameters;
+        p.trigger.max(p.trigger_per_tolerance * self.tolerance).min(p.accident)
     }
 
     fn overlap_over_size(&self, i: u32) -> f64 {
@@ -100,12 +118,13 @@ impl Gaps<'_> {
     /// How far contact i may close, negative: how far it has to open, m.
     fn room(&self, i: u32) -> f64 {
         let (gap, size) = (self.gap[i as usize], self.size[i as usize]);
-        let room = gap + KEPT * size;
+        let p = self.parameters;
+        let room = gap + p.kept * size;
         if room >= 0.0 {
             return room;
         }
-        let accident = ACCIDENT_SHARE * (-gap - ACCIDENT * size).max(0.0);
-        let limit = if self.fall > 0.0 { PER_STEP * self.fall } else { ACCIDENT_SHARE * -room };
+        let accident = p.accident_share * (-gap - p.accident * size).max(0.0);
+        let limit = if self.fall > 0.0 { p.per_step * self.fall } else { p.accident_share * -room };
         -(-room).min((limit + 2.0 * self.turn[i as usize]).max(accident))
     }
 
@@ -142,7 +161,7 @@ impl Gaps<'_> {
     /// Which bodies a correction may move.
     fn neighbourhood(&self) -> Vec<bool> {
         let mut moving = vec![false; self.inverse_mass.len()];
-        for ring in 0..=RINGS {
+        for ring in 0..=self.parameters.rings {
             let before = moving.clone();
             let reached = |body: u32| body != FIXED && before[body as usize];
             for (i, row) in self.rows.iter().enumerate() {
@@ -160,7 +179,8 @@ impl Gaps<'_> {
     fn correct_part(&self, part: &Part, rows: &[RigidContact], displacement: &mut [f64]) {
         let largest = part.contacts.iter().map(|&i| -self.room(i)).fold(0.0, f64::max);
         let contacts = part.contacts.iter().map(|&i| (&rows[i as usize], self.room(i)));
-        let sweeps = SWEEPS.max(VISITS / part.contacts.len().max(1));
-        project(contacts, self.inverse_mass, displacement, (TOLERANCE * largest, sweeps));
+        let &Parameters { sweeps, visits, tolerance, .. } = self.parameters;
+        let sweeps = sweeps.max(visits / part.contacts.len().max(1));
+        project(contacts, self.inverse_mass, displacement, (tolerance * largest, sweeps));
     }
 }

@@ -8,25 +8,48 @@ use graintrain_ccp::{
 };
 use std::sync::Arc;
 
-/// Parts of up to this many contacts are solved to [`FINER`] times the tolerance. Few contacts cost next to nothing, and what a solve
-/// leaves over is the same in every step of a body at rest, which starts from the impulses of the last: a block on a slope would creep
-/// by it for ever.
-const FEW: usize = 32;
+/// What the solution part by part is tuned by.
+#[derive(Clone, Debug)]
+pub struct Parameters {
+    /// Of parts of few contacts.
+    pub few: FewParameters,
+    /// Parts of fewer contacts than this neither remember the curvature of a solve nor are begun with one: it is that of a bed. Nor do
+    /// ranks share them.
+    pub bed: usize,
+    /// Of the search for wedged bodies.
+    pub wedges: wedge::Parameters,
+}
 
-/// See [`FEW`].
-const FINER: f64 = 1e-3;
+impl Default for Parameters {
+    fn default() -> Self {
+        Self { few: FewParameters::default(), bed: 1000, wedges: wedge::Parameters::default() }
+    }
+}
 
-/// Iterations spent on that: where a heavy body stands on a light one, it may be out of reach.
-const FINER_ITERATIONS: usize = 300;
+/// How much finer than asked for small parts are solved. Few contacts cost next to nothing, and what a solve leaves over is the same in
+/// every step of a body at rest, which starts from the impulses of the last: a block on a slope would creep by it for ever
+/// (docs/mechanics.md, "Validation": A2, A10).
+#[derive(Clone, Debug)]
+pub struct FewParameters {
+    /// Contacts of a small part at most.
+    pub contacts: usize,
+    /// Its tolerance over that of the settings.
+    pub tolerance: f64,
+    /// Iterations spent on that: where a heavy body stands on a light one, it may be out of reach.
+    pub iterations: usize,
+}
 
-/// Parts of fewer contacts than this neither remember the curvature of a solve nor are begun with one: it is that of a bed. Nor do
-/// ranks share them.
-const MANY: usize = 1000;
+impl Default for FewParameters {
+    fn default() -> Self {
+        Self { contacts: 32, tolerance: 1e-3, iterations: 300 }
+    }
+}
 
 /// Solves the connected parts of a problem apart.
 pub(crate) struct PartSolver<'a> {
     pub solver: &'a mut dyn CcpSolver,
     pub settings: SolveSettings,
+    pub parameters: &'a Parameters,
     /// Whether the solver has to see the whole problem.
     pub whole: bool,
     /// |gravity|, m/s^2.
@@ -89,7 +112,7 @@ impl PartSolver<'_> {
 
     /// Solves a part; the report, and which of its contacts are wedged.
     fn solve_one(&mut self, problem: &Ccp, g: &mut [f64]) -> Result<(SolveReport, Vec<usize>), CcpError> {
-        let is_bed = problem.num_contacts() >= MANY;
+        let is_bed = problem.num_contacts() >= self.parameters.bed;
         let curvature = self.settings.curvature.filter(|_| is_bed);
         // Of a few contacts there is nothing to share: ranks would only wait for each other.
         let ranks = self.settings.ranks.clone().filter(|_| is_bed);
@@ -106,7 +129,7 @@ impl PartSolver<'_> {
         g: &mut [f64],
         settings: &SolveSettings,
     ) -> Result<(SolveReport, Vec<usize>), CcpError> {
-        let patience = wedge::PATIENCE.min(self.solver.iteration_limit());
+        let patience = self.parameters.wedges.patience.min(self.solver.iteration_limit());
         let soon = settings.max_iterations.map_or(patience, |most| most.min(patience));
         let matrix = as_matrix_unless_plain(problem);
         let posed = matrix.as_ref().unwrap_or(problem);
@@ -118,11 +141,14 @@ impl PartSolver<'_> {
             && !is_elastic
             && !self.whole;
         if !takes_wedges {
-            return Ok((solve_without_gain(self.solver, posed, g, settings)?, Vec::new()));
+            return Ok((
+                solve_without_gain(self.solver, &self.parameters.few, posed, g, settings)?,
+                Vec::new(),
+            ));
         }
         let start = g.to_vec();
         let first = SolveSettings { max_iterations: Some(soon), ..settings.clone() };
-        let mut first = solve_without_gain(self.solver, posed, g, &first)?;
+        let mut first = solve_without_gain(self.solver, &self.parameters.few, posed, g, &first)?;
         if matches!(first.status, Status::Converged | Status::Stopped) {
             return Ok((first, Vec::new()));
         }
@@ -131,7 +157,13 @@ impl PartSolver<'_> {
             return Ok((first, Vec::new()));
         }
         let under = (self.gravity, self.step);
-        let mut wedges = Wedges { solver: self.solver, settings, under, spent: first.iterations };
+        let mut wedges = Wedges {
+            solver: self.solver,
+            settings,
+            parameters: self.parameters,
+            under,
+            spent: first.iterations,
+        };
         match wedges.solve(problem, posed, &start, g)? {
             Search::Ended(report, wedged) => return Ok((report.after(&first), wedged)),
             // The impulses are those of the first solve, and so is its report but for the work.
@@ -143,7 +175,10 @@ impl PartSolver<'_> {
             return Ok((first, Vec::new()));
         }
         let rest = SolveSettings { max_iterations: left, ..settings.clone() };
-        Ok((solve_without_gain(self.solver, posed, g, &rest)?.after(&first), Vec::new()))
+        Ok((
+            solve_without_gain(self.solver, &self.parameters.few, posed, g, &rest)?.after(&first),
+            Vec::new(),
+        ))
     }
 }
 
@@ -174,11 +209,12 @@ pub(crate) fn as_matrix_unless_plain(problem: &Ccp) -> Option<Ccp> {
 /// tolerance, the solver goes on from there to a tighter one; where that does not help either, the impulses stay as they were found.
 pub(crate) fn solve_without_gain(
     solver: &mut dyn CcpSolver,
+    few: &FewParameters,
     problem: &Ccp,
     g: &mut [f64],
     settings: &SolveSettings,
 ) -> Result<SolveReport, CcpError> {
-    let mut first = solve_finely_if_few(solver, problem, g, settings)?;
+    let mut first = solve_finely_if_few(solver, few, problem, g, settings)?;
     let judged = first.residual.judged(settings.judge);
     if first.status == Status::Stalled && judged <= 2.0 * settings.tolerance {
         // With a heavy body on a light one the iteration and the report differ by rounding: it has to aim a little lower.
@@ -232,19 +268,20 @@ pub(crate) fn solve_without_gain(
     })
 }
 
-/// Solves to the tolerance, and small problems beyond it: see [`FEW`].
+/// Solves to the tolerance, and small problems beyond it: see [`FewParameters`].
 fn solve_finely_if_few(
     solver: &mut dyn CcpSolver,
+    few: &FewParameters,
     problem: &Ccp,
     g: &mut [f64],
     settings: &SolveSettings,
 ) -> Result<SolveReport, CcpError> {
-    if problem.num_contacts() > FEW {
+    if problem.num_contacts() > few.contacts {
         return solver.solve(problem, g, settings);
     }
-    let limit = settings.max_iterations.unwrap_or(FINER_ITERATIONS).min(FINER_ITERATIONS);
+    let limit = settings.max_iterations.unwrap_or(few.iterations).min(few.iterations);
     let finer = SolveSettings {
-        tolerance: FINER * settings.tolerance,
+        tolerance: few.tolerance * settings.tolerance,
         max_iterations: Some(limit),
         ..settings.clone()
     };
@@ -264,10 +301,7 @@ fn solve_finely_if_few(
 fn evaluate(problem: &Ccp, g: &[f64], friction: FrictionModel, report: &mut SolveReport) {
     let scale = ResidualScale::new(problem);
     let mut u = vec![0.0; g.len()];
-    problem.delassus.multiply(g, &mut u, &mut problem.delassus.work());
-    for (u, r) in u.iter_mut().zip(&problem.r) {
-        *u += r;
-    }
+    problem.velocity(g, &mut u, &mut problem.delassus.work());
     let evaluation = scale.evaluate(problem, g, &u);
     (report.residual_relaxed, report.residual_coulomb) = (evaluation.relaxed, evaluation.coulomb);
     report.residual = evaluation.residual(friction);
@@ -368,7 +402,8 @@ mod tests {
         let problem = Ccp::from_triplets(&entries, vec![-1.0, 0.0, 0.0], vec![0.3]).unwrap();
         let settings = SolveSettings { tolerance: 1e-4, ..SolveSettings::default() };
         let mut g = vec![0.0; 3];
-        let report = solve_without_gain(&mut Stopped, &problem, &mut g, &settings).unwrap();
+        let report =
+            solve_without_gain(&mut Stopped, &FewParameters::default(), &problem, &mut g, &settings).unwrap();
         assert!(report.residual.max < 1e-4, "{:?}", report.residual);
         assert_eq!(report.status, Status::Stopped);
     }

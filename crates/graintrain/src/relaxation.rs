@@ -71,8 +71,7 @@ pub struct Difference {
 /// ```
 fn without_standing_gaps(problem: &Ccp, relaxed: &[f64], gap: &[f64], step: f64) -> Ccp {
     let mut u = vec![0.0; relaxed.len()];
-    problem.delassus.multiply(relaxed, &mut u, &mut problem.delassus.work());
-    u.iter_mut().zip(&problem.r).for_each(|(u, r)| *u += r);
+    problem.velocity(relaxed, &mut u, &mut problem.delassus.work());
     let mut r = problem.r.clone();
     for (k, gap) in gap.iter().enumerate() {
         let opening = problem.de_saxce(&u, k);

@@ -6,12 +6,17 @@ mod attempt;
 mod error;
 mod finish;
 mod mobility;
+mod parameters;
 mod placement;
 mod repetition;
 mod settings;
 
 pub use self::error::StepError;
-pub use self::settings::StepSettings;
+pub use self::parameters::{
+    FewParameters, ImpactParameters, OverlapParameters, Parameters, PartParameters, RepetitionParameters,
+    WedgeParameters,
+};
+pub use self::settings::{SolverChoice, StepSettings};
 pub use crate::step_report::{PhaseSeconds, PhysicalErrors, ProcessorSeconds, StepReport, Wrench};
 
 use self::error::{cell_error, check_state};
@@ -36,6 +41,8 @@ use std::sync::atomic::AtomicBool;
 
 /// Makes time steps; owns the solvers and everything that is kept between steps apart from the state.
 pub struct Stepper {
+    /// What the methods of a step are tuned by.
+    pub parameters: Parameters,
     settings: StepSettings,
     solver: Box<dyn CcpSolver>,
     /// Solves impacts.
@@ -47,15 +54,6 @@ pub struct Stepper {
     stop: Option<Arc<AtomicBool>>,
     ranks: Option<Arc<Ranks>>,
 }
-
-/// Rounds of solving a step again with contacts that were missed; what still overlaps then is reported.
-const ROUNDS: usize = 8;
-
-/// Rounds in which contacts may be left out.
-const PHANTOM_ROUNDS: usize = 3;
-
-/// Iterations that a comparison with exact friction is given, in multiples of those of the relaxed solve, and at least so many.
-const COMPARISON: (usize, usize) = (5, 100);
 
 /// The contact problem of a step that was made.
 struct Last {
@@ -74,17 +72,27 @@ impl Stepper {
     /// [`StepError::Solver`] for an unknown solver.
     pub fn new(settings: StepSettings) -> Result<Self, StepError> {
         positive("the time step", settings.step)?;
-        positive("the solver's tolerance", settings.tolerance)?;
+        positive("the solver's tolerance", settings.solver.tolerance)?;
         if !(settings.envelope.is_finite() && settings.envelope >= 0.0) {
             let what = "the contact envelope".to_string();
             let expected = "finite and not negative";
             return Err(ModelError::Value { what, value: settings.envelope, expected }.into());
         }
-        let solver = settings.solver.build()?;
+        let solver = settings.solver.name.build()?;
         let named = |name: &str| name.parse::<SolverSpec>()?.build();
         let impacts = named("auto")?;
         let collider = Collider::default();
-        Ok(Self { settings, solver, impacts, collider, last: None, ahead: None, stop: None, ranks: None })
+        Ok(Self {
+            parameters: Parameters::default(),
+            settings,
+            solver,
+            impacts,
+            collider,
+            last: None,
+            ahead: None,
+            stop: None,
+            ranks: None,
+        })
     }
 
     /// The settings.
@@ -122,14 +130,13 @@ impl Stepper {
         iterations: usize,
     ) -> Result<Option<Difference>, StepError> {
         let Some(Last { problem, impulse, gap }) = &self.last else { return Ok(None) };
-        let StepSettings { step, friction, .. } = self.settings;
-        if friction == FrictionModel::Coulomb || !problem.has_friction() {
+        let (times, least) = self.parameters.comparison;
+        let step = self.settings.step;
+        if self.settings.solver.friction == FrictionModel::Coulomb || !problem.has_friction() {
             return Ok(None);
         }
-        let settings = SolveSettings {
-            max_iterations: Some((COMPARISON.0 * iterations).max(COMPARISON.1)),
-            ..self.solve_settings()
-        };
+        let settings =
+            SolveSettings { max_iterations: Some((times * iterations).max(least)), ..self.solve_settings() };
         let masses = inverse_mass(world);
         let movable = world.bodies.velocity.iter().zip(&masses).filter(|(_, mass)| mass.linear != [0.0; 3]);
         let (sum, count) =
@@ -191,6 +198,7 @@ impl Stepper {
             return Err(StepError::Meshes { first, second });
         }
         let (step, envelope) = (self.settings.step, self.settings.envelope);
+        let &RepetitionParameters { rounds, phantom_rounds, .. } = &self.parameters.repetition;
         let same_forms = !self.collider.update_forms(world);
         let found = self.ahead.take().filter(|(state, _)| same_forms && *state == world.fingerprint());
         let mut contacts = match found {
@@ -217,14 +225,14 @@ impl Stepper {
             let begin = Clock::now();
             let (mut passing, mut phantoms) = (Vec::new(), Vec::new());
             let met = self.met(world, &contacts, &attempt);
-            if met.is_empty() && round < ROUNDS {
+            if met.is_empty() && round < rounds {
                 passing = self.passing(world, &contacts, &attempt);
             }
-            if met.is_empty() && passing.is_empty() && round < PHANTOM_ROUNDS {
+            if met.is_empty() && passing.is_empty() && round < phantom_rounds {
                 phantoms = self.phantoms(world, &contacts, &attempt, &kept);
             }
             laps.add(|phases| &mut phases.collide, begin.lap());
-            if !met.is_empty() && round < ROUNDS {
+            if !met.is_empty() && round < rounds {
                 added += met.len();
                 driven.extend(met);
                 guess = Some(attempt);
@@ -257,10 +265,10 @@ impl Stepper {
             let ahead = self.collider.contacts(world, envelope, step);
             let missed = self.missed(world, &contacts, &ahead);
             let (mut new, mut bent) = (Vec::new(), Vec::new());
-            if round < ROUNDS {
+            if round < rounds {
                 bent = self.bent(world, &start, &contacts, &attempt, &ahead, &bends);
             }
-            if !missed.is_empty() && round < ROUNDS || !bent.is_empty() {
+            if !missed.is_empty() && round < rounds || !bent.is_empty() {
                 let carry = |c: &Contact| carried_back(c, world, &start, &attempt, step);
                 let ends: Vec<Contact> = missed.iter().map(carry).collect();
                 let end = start.exchange(world);
@@ -300,13 +308,9 @@ impl Stepper {
     /// What the settings ask of a solve.
     fn solve_settings(&self) -> SolveSettings {
         SolveSettings {
-            tolerance: self.settings.tolerance,
-            judge: self.settings.judge,
-            max_iterations: self.settings.max_iterations,
-            friction: self.settings.friction,
             stop: self.stop.clone(),
             ranks: self.ranks.clone(),
-            ..SolveSettings::default()
+            ..self.settings.solver.solve_settings()
         }
     }
 }

@@ -16,7 +16,7 @@
 //! Grenoble 2009.
 
 use crate::assemble::scale_under;
-use crate::part_solver::{as_matrix_unless_plain, solve_without_gain};
+use crate::part_solver::{self, as_matrix_unless_plain, solve_without_gain};
 use crate::parts::Part;
 use graintrain_ccp::residual::ResidualScale;
 use graintrain_ccp::solver::infeasible::{self, Certificate};
@@ -26,40 +26,53 @@ use graintrain_ccp::{
 };
 use std::sync::Arc;
 
-/// Iterations after which a solve that has not arrived is looked at. Settled packings need hundreds.
-pub(crate) const PATIENCE: usize = 4000;
+/// What the search for wedges and the solution of their mixture are tuned by. Values: docs/mechanics.md, "When a run stops being physics"
+/// (`sedimentation --set friction=1.0`, `direct-shear` with n = 1 and 4, `excavator`), held by `tests/physics/wedge.rs`.
+#[derive(Clone, Debug)]
+pub struct Parameters {
+    /// Iterations after which a solve that has not arrived is looked at. Settled packings need hundreds.
+    pub patience: usize,
+    /// From this V on (see [`infeasible`]) contacts are taken for wedged: a relaxed solution, if there is one, throws some body away with
+    /// this many times the velocity at which they meet, and exact friction needs nothing of the kind.
+    pub thrown: f64,
+    /// Iterations of exact friction at all contacts, where a mixture was not solved, from each start.
+    pub everywhere: usize,
+    /// Layers of neighbours around the worst contact that are looked at, one after the other.
+    pub layers: Vec<usize>,
+    /// Of the worst contacts so many are looked around.
+    pub places: usize,
+    /// Contacts among the bodies around one at most: the search factorises some dozen matrices of this size.
+    pub contacts: usize,
+    /// Contacts with more than this part of the proof's largest impulse take part in it.
+    pub share: f64,
+    /// Rounds of the fixed point over all wedges.
+    pub rounds: usize,
+    /// Iterations of a round. An s that is a little too small locks the contact again, and a solve to the end would follow that; for the
+    /// same reason s falls by half of the way only.
+    pub burst: usize,
+    /// s is taken larger by this part of what the worst contact may be off by, so that the contacts stay unlocked.
+    pub margin: f64,
+    /// Rounds without taking a tenth off the residual after which another wedge is looked for.
+    pub stuck: usize,
+}
 
-/// From this V on (see [`infeasible`]) contacts are taken for wedged: a relaxed solution, if there is one, throws some body away with this
-/// many times the velocity at which they meet, and exact friction needs nothing of the kind.
-const THROWN: f64 = 30.0;
-
-/// Iterations of exact friction at all contacts, where a mixture was not solved, from each start.
-const EVERYWHERE: usize = 5_000;
-
-/// Layers of neighbours around the worst contact that are looked at.
-const LAYERS: [usize; 4] = [1, 2, 3, 6];
-
-/// Of the worst contacts so many are looked around.
-const PLACES: usize = 4;
-
-/// Contacts among the bodies around one at most: the search factorises some dozen matrices of this size.
-const CONTACTS: usize = 2000;
-
-/// Contacts with more than this part of the proof's largest impulse take part in it.
-const SHARE: f64 = 1e-3;
-
-/// Rounds of the fixed point over all wedges.
-const ROUNDS: usize = 60;
-
-/// Iterations of a round. An s that is a little too small locks the contact again, and a solve to the end would follow that; for the same
-/// reason s falls by half of the way only.
-const BURST: usize = 200;
-
-/// s is taken larger by this part of what the worst contact may be off by, so that the contacts stay unlocked.
-const MARGIN: f64 = 0.3;
-
-/// Rounds without taking a tenth off the residual after which another wedge is looked for.
-const STUCK: usize = 6;
+impl Default for Parameters {
+    fn default() -> Self {
+        Self {
+            patience: 4000,
+            thrown: 30.0,
+            everywhere: 5000,
+            layers: vec![1, 2, 3, 6],
+            places: 4,
+            contacts: 2000,
+            share: 1e-3,
+            rounds: 60,
+            burst: 200,
+            margin: 0.3,
+            stuck: 6,
+        }
+    }
+}
 
 /// The problem among a few bodies of a larger one.
 #[derive(Debug)]
@@ -179,8 +192,7 @@ impl<'a> Mixture<'a> {
 
     /// Takes the velocities of these impulses; their residual.
     fn look_at(&mut self, g: &[f64]) -> Residual {
-        self.problem.delassus.multiply(g, &mut self.velocity, &mut self.problem.delassus.work());
-        self.velocity.iter_mut().zip(&self.problem.r).for_each(|(u, r)| *u += r);
+        self.problem.velocity(g, &mut self.velocity, &mut self.problem.delassus.work());
         self.shifted.copy_from_slice(&self.velocity);
         for &i in &self.exact {
             self.shifted[3 * i] += opening(self.problem, &self.velocity, i);
@@ -198,11 +210,11 @@ impl<'a> Mixture<'a> {
         worst.into_iter().map(|(i, _)| i).collect()
     }
 
-    /// By how much s is taken larger than it is, m/s. The root mean square, too, has to leave room for it.
-    fn margin(&self, settings: &SolveSettings) -> f64 {
+    /// By how much s is taken larger than it is, m/s: `part` is [`Parameters::margin`]. The root mean square, too, has to leave room for it.
+    fn margin(&self, settings: &SolveSettings, part: f64) -> f64 {
         let SolveSettings { tolerance, judge, .. } = settings;
         let share = (self.problem.num_contacts() as f64 / self.exact.len().max(1) as f64).sqrt();
-        MARGIN * self.scale.velocity * judge.maximum(*tolerance).min(share * tolerance)
+        part * self.scale.velocity * judge.maximum(*tolerance).min(share * tolerance)
     }
 
     /// Poses the problem anew with the s of the impulses looked at.
@@ -238,6 +250,7 @@ impl<'a> Mixture<'a> {
 pub(crate) struct Wedges<'a> {
     pub solver: &'a mut dyn CcpSolver,
     pub settings: &'a SolveSettings,
+    pub parameters: &'a part_solver::Parameters,
     /// |gravity|, m/s^2, and dt, s.
     pub under: (f64, f64),
     /// Iterations that the relaxed solve took; they count against the limit of the settings.
@@ -269,14 +282,15 @@ impl Wedges<'_> {
         g: &mut [f64],
     ) -> Result<Search, CcpError> {
         let Delassus::Rigid(rigid) = &*problem.delassus else { return Ok(Search::Nothing) };
+        let &Parameters { rounds, burst, stuck, .. } = &self.parameters.wedges;
         let mut mixture = Mixture::new(problem, posed);
         let mut proved = 0.0_f64;
         let mut impulse = g.to_vec();
         let mut told: Option<SolveReport> = None;
-        let (mut least, mut since) = (f64::INFINITY, STUCK);
+        let (mut least, mut since) = (f64::INFINITY, stuck);
         let mut best = BestMixture { judged: f64::INFINITY, ..BestMixture::default() };
-        for round in 0..=ROUNDS {
-            let margin = mixture.margin(self.settings);
+        for round in 0..=rounds {
+            let margin = mixture.margin(self.settings, self.parameters.wedges.margin);
             let found = mixture.look_at(&impulse);
             mixture.follow(margin);
             let judged = found.judged(self.settings.judge);
@@ -287,23 +301,29 @@ impl Wedges<'_> {
                 }
             }
             (least, since) = if judged < 0.9 * least { (judged, 0) } else { (least, since + 1) };
-            if mixture.exact.is_empty() || since >= STUCK {
+            if mixture.exact.is_empty() || since >= stuck {
                 let Some((wedge, needed_velocity)) = self.find(&mixture, &impulse, rigid)? else { break };
                 proved = proved.max(needed_velocity);
                 mixture.join(wedge, &mut impulse, margin);
                 (least, since) = (f64::INFINITY, 0);
             }
             let left = self.iterations_left(told.as_ref());
-            if round == ROUNDS || left == 0 {
+            if round == rounds || left == 0 {
                 break;
             }
             // What s changes after the solve comes on top of what the solve leaves.
             let settings = SolveSettings {
                 tolerance: 0.5 * self.settings.tolerance,
-                max_iterations: Some(BURST.min(left)),
+                max_iterations: Some(burst.min(left)),
                 ..self.settings.clone()
             };
-            let report = solve_without_gain(self.solver, &mixture.posed, &mut impulse, &settings)?;
+            let report = solve_without_gain(
+                self.solver,
+                &self.parameters.few,
+                &mixture.posed,
+                &mut impulse,
+                &settings,
+            )?;
             if report.status == Status::Stopped {
                 return Ok(Search::Ended(report, Vec::new()));
             }
@@ -368,11 +388,12 @@ impl Wedges<'_> {
         if left == 0 || !worst.first().is_some_and(|&worst| mixture.is_beside(rigid, worst)) {
             return Ok(told);
         }
-        mixture.follow(mixture.margin(self.settings));
+        mixture.follow(mixture.margin(self.settings, self.parameters.wedges.margin));
         let mut impulse = best.impulse.clone();
         let max_iterations = self.settings.max_iterations.map(|_| left);
         let settings = SolveSettings { max_iterations, ..self.settings.clone() };
-        let report = solve_without_gain(self.solver, &mixture.posed, &mut impulse, &settings)?;
+        let report =
+            solve_without_gain(self.solver, &self.parameters.few, &mixture.posed, &mut impulse, &settings)?;
         let (status, remark) = match report.status {
             // What it proves holds for the s that was taken alone.
             Status::Converged | Status::Infeasible => (told.status, told.remark.clone()),
@@ -404,7 +425,7 @@ impl Wedges<'_> {
             let left = self.iterations_left(Some(&told));
             let settings = SolveSettings {
                 friction: FrictionModel::Coulomb,
-                max_iterations: Some(EVERYWHERE.min(left)),
+                max_iterations: Some(self.parameters.wedges.everywhere.min(left)),
                 curvature: None,
                 ..self.settings.clone()
             };
@@ -412,7 +433,8 @@ impl Wedges<'_> {
             if left == 0 {
                 break;
             }
-            let report = solve_without_gain(self.solver, &posed, &mut impulse, &settings)?;
+            let report =
+                solve_without_gain(self.solver, &self.parameters.few, &posed, &mut impulse, &settings)?;
             let status = if report.status == Status::Stopped { report.status } else { told.status };
             let (solved, remark) = (report.converged(), told.remark.clone());
             told = SolveReport { status, remark, ..report.after(&told) };
@@ -438,15 +460,16 @@ impl Wedges<'_> {
         impulse: &[f64],
         rigid: &RigidDelassus,
     ) -> Result<Option<(Vec<WedgedContact>, f64)>, CcpError> {
+        let parameters = &self.parameters.wedges;
         let mut seen: Vec<u32> = Vec::new();
         let mut places = 0;
         for contact in mixture.worst_first(impulse) {
             if seen.contains(&(contact as u32)) {
                 continue;
             }
-            for layers in LAYERS {
+            for &layers in &parameters.layers {
                 let mut excerpt = Excerpt::around(contact, layers, &mixture.posed, rigid, self.under);
-                if excerpt.problem.num_contacts() > CONTACTS {
+                if excerpt.problem.num_contacts() > parameters.contacts {
                     break;
                 }
                 // The proof for a matrix asks for impulses instead of velocities: a heavy body on a light one asks for large ones, too.
@@ -455,9 +478,9 @@ impl Wedges<'_> {
                 excerpt.problem = matrix.unwrap_or(excerpt.problem);
                 let proof = infeasible::certificate_within(&excerpt.problem, self.settings)?;
                 seen.extend(&excerpt.part.contacts);
-                if proof.needed_velocity >= THROWN {
+                if proof.needed_velocity >= parameters.thrown {
                     let is_new = |k: usize| !mixture.exact.contains(&(excerpt.part.contacts[k] as usize));
-                    if taking_part(&proof).any(is_new) {
+                    if taking_part(&proof, parameters.share).any(is_new) {
                         let proved = if is_plain { proof.needed_velocity } else { 0.0 };
                         return Ok(self.wedge(&excerpt, &proof)?.map(|wedge| (wedge, proved)));
                     }
@@ -465,7 +488,7 @@ impl Wedges<'_> {
                 }
             }
             places += 1;
-            if places == PLACES {
+            if places == parameters.places {
                 break;
             }
         }
@@ -482,7 +505,7 @@ impl Wedges<'_> {
         let mut impulse = vec![0.0; own.r.len()];
         let settings = SolveSettings {
             friction: FrictionModel::Coulomb,
-            max_iterations: Some(PATIENCE),
+            max_iterations: Some(self.parameters.wedges.patience),
             curvature: None,
             ..self.settings.clone()
         };
@@ -492,21 +515,20 @@ impl Wedges<'_> {
             return Ok(None);
         }
         let mut velocity = vec![0.0; own.r.len()];
-        own.delassus.multiply(&impulse, &mut velocity, &mut own.delassus.work());
-        velocity.iter_mut().zip(&own.r).for_each(|(u, r)| *u += r);
+        own.velocity(&impulse, &mut velocity, &mut own.delassus.work());
         let of = |k: usize| WedgedContact {
             contact: excerpt.part.contacts[k] as usize,
             impulse: [impulse[3 * k], impulse[3 * k + 1], impulse[3 * k + 2]],
             opening: opening(own, &velocity, k),
         };
-        Ok(Some(taking_part(proof).map(of).collect()))
+        Ok(Some(taking_part(proof, self.parameters.wedges.share).map(of).collect()))
     }
 }
 
-/// The contacts on which a proof lives.
-fn taking_part(proof: &Certificate) -> impl Iterator<Item = usize> {
+/// The contacts on which a proof lives: those with more than this share of its largest impulse.
+fn taking_part(proof: &Certificate, share: f64) -> impl Iterator<Item = usize> {
     let largest = proof.ray.iter().step_by(3).fold(0.0_f64, |m, &g| m.max(g));
-    (0..proof.ray.len() / 3).filter(move |k| proof.ray[3 * k] > SHARE * largest)
+    (0..proof.ray.len() / 3).filter(move |k| proof.ray[3 * k] > share * largest)
 }
 
 /// s = mu |u_t| of a contact, m/s.

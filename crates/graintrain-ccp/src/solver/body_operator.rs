@@ -1,6 +1,7 @@
 //! N over rigid bodies, packed for the first-order methods: contacts in batches of four, each pass over the contacts
 //! both reads the velocities of the last impulses and adds up the forces of the new ones.
 
+use super::body_pass::{BODIES, num_body_tasks, over_bodies};
 use super::cell_images::PackedCell;
 use super::combination::Combination;
 use super::dispatch::vectorised;
@@ -9,15 +10,12 @@ use super::lanes::{
 };
 use super::packing::{EMPTY, Packing, turning_batches};
 use super::ranks::Ranks;
-use super::share::{Buffers, Share, part_of};
+use super::share::{Buffers, Share};
 use super::slots::SlotTable;
-use super::tasks::{CHUNK, Tally, Totals, for_each_task};
+use super::tasks::{CHUNK, Tally};
 use crate::delassus::{BodyInverseMass, RigidDelassus};
 use graintrain_linalg::block3::Block;
 use std::sync::Arc;
-
-/// Bodies per parallel task.
-const BODIES: usize = 1024;
 
 /// Geometry of four contacts. The rows of the frame are scaled, the normal one and the tangential ones each by their factor.
 #[derive(Clone, Copy, Debug)]
@@ -338,31 +336,16 @@ impl BodyOperator {
         buffers: &mut Buffers,
         combination: &impl Combination<K>,
     ) -> f64 {
-        let tasks = self.num_body_tasks();
-        let mut all = images;
-        let mut images = all.each_mut().map(|image| &mut image[..2 * self.num_bodies]);
-        let tallies = &mut tallies[..tasks];
-        let work = |first: usize, images: [&mut [Lanes]; K], tally: &mut Tally| {
-            let images = images.map(|image| image.as_chunks_mut::<2>().0);
+        let mut all = images.map(|image| image.as_chunks_mut::<2>().0);
+        let images = all.each_mut().map(|image| &mut image[..self.num_bodies]);
+        let work = |first: usize, images: [&mut [BodyPair]; K], tally: &mut Tally| {
             vectorised(BodyTask { operator: self, first, slots, images, tally, combination });
         };
-        let own = self.share().map_or(0..tasks, Share::tasks);
-        let parts = part_of(images.each_mut().map(|image| &mut **image), &own, 2 * BODIES);
-        let no_extra = &mut [] as &mut [()];
-        let own_tallies = &mut tallies[own.clone()];
-        for_each_task(own, 2 * BODIES, parts, no_extra, &|_| 0, own_tallies, &|task, images, _, tally| {
-            work(task * BODIES, images, tally);
-        });
-        if let Some(cell) = &self.cell {
-            let images = all.map(|image| image.as_chunks_mut::<2>().0);
-            return Totals::of(tallies).sum[0] + cell.follow((slots, &self.slots), images, combination);
+        let sum = over_bodies(self.share(), images, tallies, buffers, &work);
+        match &self.cell {
+            Some(cell) => sum + cell.follow((slots, &self.slots), all, combination),
+            None => sum,
         }
-        let Some(share) = self.share() else { return Totals::of(tallies).sum[0] };
-        for run in share.beyond() {
-            let images = images.each_mut().map(|image| &mut image[2 * run.start..2 * run.end]);
-            work(run.start, images, &mut Tally::default());
-        }
-        share.total_of_tasks(tallies, buffers)
     }
 
     /// As [`Self::sweep`] where contacts resist turning: a batch and its turning rows together, batches that share no body within
@@ -488,7 +471,7 @@ impl BodyOperator {
 
     /// Number of parallel tasks of [`Self::velocities`].
     pub(super) fn num_body_tasks(&self) -> usize {
-        self.num_bodies.div_ceil(BODIES)
+        num_body_tasks(self.num_bodies)
     }
 }
 

@@ -348,10 +348,7 @@ impl CoulombIteration {
         let mut last_inner = None;
         let mut status = Status::IterationLimit;
         for outer in 0..=self.parameters.outer_limit {
-            problem.delassus.multiply(impulse, &mut u, &mut work);
-            for (u, r) in u.iter_mut().zip(&problem.r) {
-                *u += r;
-            }
+            problem.velocity(impulse, &mut u, &mut work);
             let exact = scale.residual(problem, impulse, &u, FrictionModel::Coulomb);
             history.record(steps + iterations, limits.seconds(), exact);
             let residual = limits.judged(exact);

@@ -7,7 +7,6 @@ use crate::newton::NewtonError;
 use crate::newton::driver::NewtonDriver;
 use crate::problem::{Ccp, CcpError};
 use crate::residual::{Judge, Residual, ResidualScale};
-use graintrain_linalg::parallel::axpy;
 use graintrain_linalg::patience::Patience;
 use std::sync::Arc;
 use std::time::Instant;
@@ -127,8 +126,7 @@ impl<'a> Limits<'a> {
     ) -> SolveReport {
         let scale = ResidualScale::new(problem);
         let mut velocity = vec![0.0; impulse.len()];
-        problem.delassus.multiply(impulse, &mut velocity, &mut problem.delassus.work());
-        axpy(1.0, &problem.r, &mut velocity);
+        problem.velocity(impulse, &mut velocity, &mut problem.delassus.work());
         let model = self.settings.friction;
         let evaluation = scale.evaluate(problem, impulse, &velocity);
         let residual = evaluation.residual(model);

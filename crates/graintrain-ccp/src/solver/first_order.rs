@@ -9,6 +9,9 @@ use super::report::{SolveReport, Status};
 use super::scaling::{Image, PassWork, ScaledProblem};
 use super::settings::SolveSettings;
 use super::single::{self, SingleIterate, SingleProblem};
+
+pub use super::single::Parameters as SingleParameters;
+
 use super::start::sampled_residual;
 use crate::delassus::{Delassus, DelassusIdentity};
 use crate::problem::{Ccp, CcpError, TurningFriction};
@@ -40,12 +43,33 @@ pub trait FirstOrderMethod: Send {
     fn run_single(&mut self, _it: &mut SingleIterate<'_>) {}
 }
 
+/// What all first-order methods are tuned by.
+#[derive(Clone, Debug)]
+pub struct Parameters {
+    /// Iterations between two evaluations of the residual, each of which costs about as much as an iteration.
+    pub check: usize,
+    /// Iterations between two evaluations of the image of x from x itself, a multiple of `check`: two per cent of the work.
+    pub refresh: usize,
+    /// A start may miss the tolerance by this factor on a few contacts and still be looked at on all (docs/solvers.md, "Nothing has moved").
+    pub near: f64,
+    /// Checks of the residual that a relaxed solve may go without a tenth off the least one before it ends as [`Status::Stalled`].
+    pub patience: usize,
+    /// Of the iterations in single precision.
+    pub single: SingleParameters,
+}
+
+impl Default for Parameters {
+    fn default() -> Self {
+        Self { check: 10, refresh: 100, near: 1.5, patience: usize::MAX, single: SingleParameters::default() }
+    }
+}
+
 /// Makes a [`CcpSolver`] of a first-order method. The scaled problem is kept between solves and used again while N, mu and V
 /// stay. Methods that can begin large problems in single precision.
 pub struct FirstOrder<M> {
     method: M,
-    /// Checks that a relaxed solve may go without a tenth off its least residual.
-    patience: usize,
+    /// What it is tuned by, beside the method's own parameters.
+    pub parameters: Parameters,
     prepared: Option<Prepared<ScaledProblem>>,
     single: Option<Prepared<SingleProblem>>,
 }
@@ -130,13 +154,12 @@ struct Begun {
 impl<M> FirstOrder<M> {
     /// The solver with this method's parameters.
     pub fn new(method: M) -> Self {
-        Self { method, patience: usize::MAX, prepared: None, single: None }
+        Self { method, parameters: Parameters::default(), prepared: None, single: None }
     }
 
-    /// The same, ending a relaxed solve ([`Status::Stalled`]) after so many checks of the residual, one in ten iterations, without a tenth
-    /// off the least one.
+    /// The same with this [`Parameters::patience`].
     pub fn with_patience(method: M, patience: usize) -> Self {
-        Self { patience, ..Self::new(method) }
+        Self { parameters: Parameters { patience, ..Parameters::default() }, ..Self::new(method) }
     }
 }
 
@@ -159,10 +182,10 @@ impl<M: FirstOrderMethod> FirstOrder<M> {
             check_start(problem, last)?;
         }
         let mut begun = Begun::default();
-        if M::SINGLE && single::suits(problem, settings) {
+        if M::SINGLE && single::suits(problem, settings, &self.parameters.single) {
             if last.is_none()
                 && model == settings.friction
-                && let Some(report) = good_enough::<M>(problem, impulse, &limits, model)
+                && let Some(report) = good_enough::<M>(problem, impulse, &limits, self.parameters.near, model)
             {
                 return Ok(report);
             }
@@ -177,10 +200,15 @@ impl<M: FirstOrderMethod> FirstOrder<M> {
         let mut prepared = prepared.expect("every problem can be packed in double precision");
         let scaled = &mut prepared.packed;
         scaled.set_friction_model(model);
-        let mut it = Iterate::new(scaled, limits, last.as_deref().unwrap_or(impulse));
+        let mut it = Iterate::new(
+            scaled,
+            limits,
+            (self.parameters.check, self.parameters.refresh),
+            last.as_deref().unwrap_or(impulse),
+        );
         (it.iterations, it.history) = (begun.iterations, begun.history);
         if model == FrictionModel::Relaxed {
-            it.progress = Progress::new(self.patience);
+            it.progress = Progress::new(self.parameters.patience);
         }
         self.method.run(scaled, &mut it);
         if let Some(last) = last {
@@ -216,7 +244,12 @@ impl<M: FirstOrderMethod> FirstOrder<M> {
         let mut prepared = Prepared::<SingleProblem>::of(problem, ranks, self.single.take(), false)?;
         prepared.packed.set_friction_model(model);
         let start = impulse.to_vec();
-        let mut it = SingleIterate::new(&prepared.packed, limits, last.as_deref().unwrap_or(impulse));
+        let mut it = SingleIterate::new(
+            &prepared.packed,
+            limits,
+            &self.parameters.single,
+            last.as_deref().unwrap_or(impulse),
+        );
         self.method.run_single(&mut it);
         it.unpack(impulse, last);
         problem.project(impulse);
@@ -235,14 +268,12 @@ impl<M: FirstOrderMethod> FirstOrder<M> {
     }
 }
 
-/// A start may miss the tolerance by so much on a few contacts and still be looked at on all.
-const NEAR: f64 = 1.5;
-
 /// The report on impulses that solve the problem as they are.
 fn good_enough<M: FirstOrderMethod>(
     problem: &Ccp,
     impulse: &[f64],
     limits: &Limits<'_>,
+    near: f64,
     model: FrictionModel,
 ) -> Option<SolveReport> {
     let Delassus::Rigid(rigid) = &*problem.delassus else { return None };
@@ -250,7 +281,7 @@ fn good_enough<M: FirstOrderMethod>(
     if rigid.cell().is_none() {
         let scale = ResidualScale::new(problem);
         let few = limits.judged(sampled_residual(problem, rigid, &scale, impulse, model));
-        if few.is_nan() || few > NEAR * limits.tolerance() {
+        if few.is_nan() || few > near * limits.tolerance() {
             return None;
         }
     }
@@ -316,11 +347,6 @@ impl<M: FirstOrderMethod> CcpSolver for FirstOrder<M> {
     }
 }
 
-/// Iterations between two evaluations of the residual.
-const CHECK: usize = 10;
-/// Iterations between two evaluations of the image of x from x itself: two per cent of the work.
-const REFRESH: usize = 10 * CHECK;
-
 /// Entries of an image per parallel task of a linear combination.
 pub(super) const IMAGE_CHUNK: usize = 1024;
 
@@ -335,6 +361,9 @@ pub struct Iterate<'a> {
     /// Scratch of passes.
     pub work: PassWork,
     limits: Limits<'a>,
+    /// [`Parameters::check`], [`Parameters::refresh`].
+    check: usize,
+    refresh: usize,
     iterations: usize,
     history: History,
     best: Best<Batch>,
@@ -346,13 +375,20 @@ pub struct Iterate<'a> {
 }
 
 impl<'a> Iterate<'a> {
-    fn new(scaled: &ScaledProblem, limits: Limits<'a>, impulse: &[f64]) -> Self {
+    fn new(
+        scaled: &ScaledProblem,
+        limits: Limits<'a>,
+        (check, refresh): (usize, usize),
+        impulse: &[f64],
+    ) -> Self {
         let mut it = Self {
             x: scaled.zeros(),
             image: scaled.zero_image(),
             gradient: Vec::new(),
             work: scaled.work(),
             limits,
+            check,
+            refresh,
             iterations: 0,
             history: History::default(),
             best: Best::default(),
@@ -404,7 +440,7 @@ impl<'a> Iterate<'a> {
 
     /// Whether the next [`Self::proceed`] evaluates the residual.
     pub fn checks_next(&self) -> bool {
-        self.iterations.is_multiple_of(CHECK) || self.limits.iterations_left(self.iterations) == 0
+        self.iterations.is_multiple_of(self.check) || self.limits.iterations_left(self.iterations) == 0
     }
 
     /// Counts an iteration without a look at the residual; false where none is left.
@@ -416,7 +452,7 @@ impl<'a> Iterate<'a> {
 
     /// Evaluates the residual of x now, keeps x if it is the best, and says whether to go on.
     pub fn check(&mut self, scaled: &ScaledProblem) -> bool {
-        if self.iterations.is_multiple_of(REFRESH) {
+        if self.iterations.is_multiple_of(self.refresh) {
             self.refresh(scaled);
         }
         let mut found = self.residual(scaled);

@@ -6,7 +6,7 @@
 //! | [`history`] | the residual over iterations and seconds |
 //! | [`driver`] | limits, best iterate, progress |
 //! | [`lanes`], [`tasks`], [`dispatch`] | vector registers and parallel loops |
-//! | [`scaling`], [`combination`] | the scaled problem and its passes |
+//! | [`scaling`], [`combination`], `body_pass` | the scaled problem and its passes |
 //! | [`octet`], `single`, `slots` | the same in single precision; where passes leave forces |
 //! | [`ranks`], `share` | processes that work on one problem, and the part of each |
 //! | [`first_order`] | what the first-order methods share |
@@ -24,6 +24,7 @@ mod avx2;
 #[cfg(target_arch = "x86_64")]
 mod avx2_single;
 mod body_operator;
+mod body_pass;
 mod cell_images;
 pub mod combination;
 pub mod coulomb;

@@ -70,8 +70,7 @@ mod tests {
         problem.project(&mut g);
         let scale = ResidualScale::new(&problem);
         let mut u = vec![0.0; g.len()];
-        problem.delassus.multiply(&g, &mut u, &mut problem.delassus.work());
-        u.iter_mut().zip(&problem.r).for_each(|(u, r)| *u += r);
+        problem.velocity(&g, &mut u, &mut problem.delassus.work());
         for model in [FrictionModel::Relaxed, FrictionModel::Coulomb] {
             let (found, expected) = (
                 sampled_residual(&problem, &rigid, &scale, &g, model),

@@ -95,14 +95,14 @@ fn summary(scene: &Scene, simulation: &Simulation) -> String {
         OverlapCorrection::Velocity => "velocities (-gap / step, as in the paper)",
     };
     line("contacts", format!("envelope {:.4e} m, overlap is removed by {overlap}", settings.envelope));
-    let limit =
-        settings.max_iterations.map_or(String::new(), |limit| format!(", at most {limit} iterations"));
-    let law = match settings.friction {
+    let solver = &settings.solver;
+    let limit = solver.max_iterations.map_or(String::new(), |limit| format!(", at most {limit} iterations"));
+    let law = match solver.friction {
         graintrain_ccp::FrictionModel::Relaxed => "relaxed",
         graintrain_ccp::FrictionModel::Coulomb => "Coulomb",
     };
-    let rule = graintrain_io::run::tolerance_rule(settings.judge);
-    line("solver", format!("{} to {:e} {rule}, {law} friction{limit}", settings.solver, settings.tolerance));
+    let rule = graintrain_io::run::tolerance_rule(solver.judge);
+    line("solver", format!("{} to {:e} {rule}, {law} friction{limit}", solver.name, solver.tolerance));
     let frames = steps / simulation.output.every;
     line("output", format!("{frames} frames, one in {} steps", simulation.output.every));
     for doubt in doubts(simulation) {
@@ -149,7 +149,7 @@ fn doubts(simulation: &Simulation) -> Vec<String> {
     let materials = 0..world.materials.len();
     let rough = materials.clone().flat_map(|i| materials.clone().map(move |j| (i, j)));
     let friction = rough.map(|(i, j)| world.materials.pair_friction(i, j)).fold(0.0, f64::max);
-    if friction > 1.0 && settings.friction == graintrain_ccp::FrictionModel::Relaxed {
+    if friction > 1.0 && settings.solver.friction == graintrain_ccp::FrictionModel::Relaxed {
         doubts.push(format!(
             "friction {friction} with the relaxed model, which opens sliding contacts by step * friction * speed: \
              solver.friction = \"coulomb\" does not"
@@ -167,8 +167,8 @@ fn doubts(simulation: &Simulation) -> Vec<String> {
         ));
     }
     doubts.extend(elastic_doubts(simulation));
-    if settings.tolerance < 1e-12 {
-        doubts.push(format!("a tolerance of {:e} is below what rounding allows", settings.tolerance));
+    if settings.solver.tolerance < 1e-12 {
+        doubts.push(format!("a tolerance of {:e} is below what rounding allows", settings.solver.tolerance));
     }
     doubts
 }

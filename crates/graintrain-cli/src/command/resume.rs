@@ -91,11 +91,11 @@ fn begin(arguments: &Arguments, crew: &Crew) -> Result<(Option<RunFolder>, Run),
         (None, None) => settings.steps,
     };
     if let Some(solver) = &arguments.solver {
-        settings.stepping.solver = solving::solver_spec(solver)?;
+        settings.stepping.solver.name = solving::solver_spec(solver)?;
     }
-    settings.stepping.tolerance = arguments.tolerance.unwrap_or(settings.stepping.tolerance);
+    settings.stepping.solver.tolerance = arguments.tolerance.unwrap_or(settings.stepping.solver.tolerance);
     if arguments.strict_max {
-        settings.stepping.judge = Judge::Maximum;
+        settings.stepping.solver.judge = Judge::Maximum;
     }
     let run = Run::new(world, settings, checkpoint.totals, crew.stop_flag())
         .map_err(|error| Failure::input_error(error, "`graintrain solvers` lists the solvers"))?;

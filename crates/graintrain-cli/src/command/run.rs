@@ -162,8 +162,8 @@ fn record(
             world.bodies.len(),
             settings.steps,
             settings.stepping.step,
-            settings.stepping.solver,
-            settings.stepping.tolerance,
+            settings.stepping.solver.name,
+            settings.stepping.solver.tolerance,
             folder.display()
         );
     }

@@ -5,7 +5,7 @@ use crate::signal::Stop;
 use crate::terminal::{say, tell};
 use graintrain::ccp::FrictionModel;
 use graintrain_io::files::{OutputError, make_folder, write_atomically};
-use graintrain_lab::verify::report::{Head, html, markdown, table};
+use graintrain_lab::verify::report::{Head, csv, html, markdown, table};
 use graintrain_lab::verify::{Case, Definition, Sampling, held, measure, tier_a, tier_b};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -32,7 +32,7 @@ pub struct Arguments {
     /// Friction models of the samples of tier b that have friction (tier a has rows of both where both differ)
     #[arg(long, value_parser = ["relaxed", "coulomb", "both"], default_value = "both")]
     friction: String,
-    /// Folder for the report (verify.html, verify.md), written anew after every case
+    /// Folder for the report (verify.html, verify.md, verify.csv), written anew after every case
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
 }
@@ -77,6 +77,7 @@ pub fn execute(arguments: &Arguments) -> Result<ExitCode, Failure> {
     let write = |cases: &[Case]| -> Result<(), OutputError> {
         let Some(folder) = &arguments.out else { return Ok(()) };
         write_atomically(&folder.join("verify.md"), markdown(&head, cases).as_bytes())?;
+        write_atomically(&folder.join("verify.csv"), csv(cases).as_bytes())?;
         write_atomically(&folder.join("verify.html"), html(&head, cases).as_bytes())
     };
     let mut told = |name: &str| tell!("{name} ...");

@@ -32,6 +32,37 @@ fn a_report_is_written_and_progress_told() {
     }
 }
 
+/// The CSV has a row for each number of the table, all of one width, and the same numbers as the same command makes again.
+#[test]
+fn rows_are_written_for_programs() {
+    let folder = tempfile::tempdir().unwrap();
+    let written = |name: &str| {
+        let out = folder.path().join(name);
+        let (code, table, _) = graintrain(&["verify", "--only", "A8", "--out", out.to_str().unwrap()]);
+        assert_eq!(code, Some(0), "{table}");
+        (std::fs::read_to_string(out.join("verify.csv")).unwrap(), table)
+    };
+    let (csv, table) = written("first");
+    let mut lines = csv.lines();
+    let header: Vec<&str> = lines.next().unwrap().split(',').collect();
+    let place = |name: &str| header.iter().position(|column| *column == name).unwrap();
+    let mut rows = 0;
+    for line in lines {
+        let cells: Vec<&str> = line.split(',').collect();
+        let number = |name: &str| cells[place(name)].parse::<f64>().unwrap();
+        // Texts of this case have no commas.
+        assert_eq!(
+            (cells.len(), cells[0], cells[place("verdict")]),
+            (header.len(), "A8", "passed"),
+            "{line}"
+        );
+        assert!((number("got") - number("expected")).abs() <= number("allowed"), "{line}");
+        rows += 1;
+    }
+    assert_eq!(rows, table.lines().filter(|line| line.starts_with("| A8")).count());
+    assert_eq!(written("second").0, csv);
+}
+
 #[test]
 fn unknown_cases_are_bad_input() {
     let (code, _, message) = graintrain(&["verify", "--only", "A99"]);

@@ -33,7 +33,6 @@ use graintrain::motion::{Axes, Motion, Profile, Rotation};
 use graintrain::shape::{Geometry, Part, Shape};
 use graintrain::stepper::StepSettings;
 use graintrain::world::{Body, FREE, MassProperties, World};
-use graintrain_ccp::Judge;
 use materials::materials;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -127,11 +126,7 @@ impl Scene {
         let settings = StepSettings {
             step: self.time.step,
             envelope,
-            solver: self.solver.name,
-            tolerance: self.solver.tolerance,
-            judge: if self.solver.strict_max { Judge::Maximum } else { Judge::Mixed },
-            max_iterations: self.solver.max_iterations,
-            friction: self.solver.friction,
+            solver: self.solver.clone(),
             overlap: self.contact.overlap,
         };
         let whole_steps = |time: f64| ((time / self.time.step).round() as u64).max(1);

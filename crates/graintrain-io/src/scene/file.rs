@@ -10,6 +10,7 @@ use super::periodic;
 use super::radius::radius;
 use super::reader::{Context, Range, Reader};
 use super::schema;
+use super::solver;
 use super::stage::{self, StageSpec};
 use super::stream;
 use super::tree::{Node, Value};
@@ -19,7 +20,6 @@ use graintrain::load::Region;
 use graintrain::material::{MOST_COHESION, TurningResistance};
 use graintrain::math::{Quat, Vec3};
 use graintrain::motion::Axes;
-use graintrain_ccp::{CcpError, FrictionModel, SolverSpec};
 use std::path::PathBuf;
 
 /// Name of the material of scenes that declare none.
@@ -137,7 +137,7 @@ pub(crate) fn read(name: &str, root: &Node, folder: PathBuf) -> Result<Scene, Sc
         parameters: context.parameters.listing(),
         contact: contact(scene.child("contact")?)?,
         periodic,
-        solver: solver(scene.child("solver")?)?,
+        solver: solver::read(scene.child("solver")?)?,
         output: output(scene.child("output")?, &time)?,
         time,
         materials,
@@ -190,38 +190,6 @@ fn contact(reader: Option<Reader>) -> Result<ContactSpec, SceneError> {
             reader.choice("restitution_rule", PairRule::NAMES)?.unwrap_or(spec.restitution_rule);
     }
     Ok(spec)
-}
-
-fn solver(reader: Option<Reader>) -> Result<SolverChoice, SceneError> {
-    let mut spec = SolverChoice {
-        name: SolverSpec::default(),
-        tolerance: 1e-4,
-        strict_max: false,
-        max_iterations: None,
-        friction: FrictionModel::Relaxed,
-    };
-    if let Some(reader) = reader {
-        if let Some(name) = reader.text("name")? {
-            spec.name = name.parse().map_err(|error| unknown_solver(&reader, &name, error))?;
-        }
-        spec.tolerance = reader.quantity("tolerance", Range::Positive)?.unwrap_or(spec.tolerance);
-        spec.strict_max = reader.flag("strict_max")?.unwrap_or(spec.strict_max);
-        spec.max_iterations = match reader.count("max_iterations")? {
-            Some(0) => return Err(reader.out_of_range("max_iterations", "at least 1", 0)),
-            count => count.map(|count| count as usize),
-        };
-        spec.friction = reader.choice("friction", FrictionModel::NAMES)?.unwrap_or(spec.friction);
-    }
-    Ok(spec)
-}
-
-fn unknown_solver(reader: &Reader, name: &str, error: CcpError) -> SceneError {
-    match error {
-        CcpError::UnknownSolver { known, .. } => {
-            reader.unknown_name("name", "solver", name, known.split(", "))
-        }
-        other => reader.out_of_range("name", "a solver", other),
-    }
 }
 
 fn output(reader: Option<Reader>, time: &TimeSpec) -> Result<OutputSpec, SceneError> {

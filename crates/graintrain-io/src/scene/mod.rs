@@ -35,6 +35,7 @@ pub mod quantity;
 mod radius;
 mod reader;
 pub mod schema;
+mod solver;
 mod stage;
 mod stream;
 mod tree;
@@ -52,9 +53,9 @@ pub use stage::{GrowthSpec, StageBody, StageMaterial, StageSpec, SteadySpec};
 pub use stream::{ExitSpec, OutletSpec, StreamSpec};
 
 use graintrain::material::TurningResistance;
+use graintrain::stepper::SolverChoice;
 use model::{
-    BodySpec, ContactSpec, FunctionSpec, LoadSpec, MaterialSpec, OutputSpec, PackingSpec, PairSpec,
-    SolverChoice, TimeSpec,
+    BodySpec, ContactSpec, FunctionSpec, LoadSpec, MaterialSpec, OutputSpec, PackingSpec, PairSpec, TimeSpec,
 };
 use quantity::Dimension;
 use serde::Serialize;
@@ -85,6 +86,7 @@ pub struct Scene {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub periodic: Option<PeriodicSpec>,
     /// Contact solver.
+    #[serde(serialize_with = "solver::as_written")]
     pub solver: SolverChoice,
     /// What is written.
     pub output: OutputSpec,

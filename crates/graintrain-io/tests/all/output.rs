@@ -11,7 +11,7 @@ use graintrain::measure::energy::Ledger;
 use graintrain::motion::{Motion, Profile};
 use graintrain::relaxation::Opening;
 use graintrain::shape::{Geometry, Part, Shape};
-use graintrain::stepper::{PhaseSeconds, PhysicalErrors, StepReport, StepSettings, Wrench};
+use graintrain::stepper::{PhaseSeconds, PhysicalErrors, SolverChoice, StepReport, StepSettings, Wrench};
 use graintrain::world::{Body, World};
 use graintrain_io::checkpoint::{self, CheckpointError};
 use graintrain_io::output::OutputSettings;
@@ -150,12 +150,14 @@ fn settings() -> RunSettings {
         stepping: StepSettings {
             step: 0.025,
             envelope: 0.01,
-            solver: "apgd".parse().unwrap(),
-            tolerance: 1e-4,
-            judge: graintrain::ccp::Judge::Mixed,
-            max_iterations: None,
-            friction: FrictionModel::Relaxed,
             overlap: OverlapCorrection::Position,
+            solver: SolverChoice {
+                name: "apgd".parse().unwrap(),
+                tolerance: 1e-4,
+                judge: graintrain::ccp::Judge::Mixed,
+                max_iterations: None,
+                friction: FrictionModel::Relaxed,
+            },
         },
         steps: 5,
         output: OutputSettings {

@@ -9,7 +9,7 @@ use graintrain::material::{Materials, TurningResistance};
 use graintrain::math::Vec3;
 use graintrain::motion::{Motion, Profile};
 use graintrain::shape::{Geometry, Shape};
-use graintrain::stepper::StepSettings;
+use graintrain::stepper::{SolverChoice, StepSettings};
 use graintrain::world::{Body, World};
 use graintrain_io::checkpoint;
 use graintrain_io::files::OutputError;
@@ -79,12 +79,14 @@ fn settings(steps: u64) -> RunSettings {
         stepping: StepSettings {
             step: 0.01,
             envelope: 0.02,
-            solver: "apgd".parse().unwrap(),
-            tolerance: 1e-5,
-            judge: Judge::Maximum,
-            max_iterations: None,
-            friction: FrictionModel::Relaxed,
             overlap: OverlapCorrection::Position,
+            solver: SolverChoice {
+                name: "apgd".parse().unwrap(),
+                tolerance: 1e-5,
+                judge: Judge::Maximum,
+                max_iterations: None,
+                friction: FrictionModel::Relaxed,
+            },
         },
         steps,
         output: OutputSettings {
@@ -104,8 +106,8 @@ fn settings(steps: u64) -> RunSettings {
 /// With a tolerance and an iteration limit.
 fn with_limits(tolerance: f64, max_iterations: usize, steps: u64) -> RunSettings {
     let mut settings = settings(steps);
-    settings.stepping.tolerance = tolerance;
-    settings.stepping.max_iterations = Some(max_iterations);
+    settings.stepping.solver.tolerance = tolerance;
+    settings.stepping.solver.max_iterations = Some(max_iterations);
     settings
 }
 
@@ -279,8 +281,8 @@ fn what_a_solver_remembers_is_in_the_checkpoint() {
         let simulation = Scene::load("sedimentation", &[setting("n=4").unwrap()]).unwrap().build().unwrap();
         let settings = |steps| {
             let mut all = RunSettings { steps, ..RunSettings::new(&simulation, None) };
-            all.stepping.friction = friction;
-            all.stepping.tolerance = 1e-2;
+            all.stepping.solver.friction = friction;
+            all.stepping.solver.tolerance = 1e-2;
             all
         };
         let on = |threads: usize, world: World, steps: u64| {

@@ -117,11 +117,10 @@ impl Problems {
     /// [`ReproduceError`] for a damaged state or a stop request.
     pub fn open(folder: &Path, stop: &Arc<AtomicBool>) -> Result<Self, ReproduceError> {
         let (checkpoint, _) = checkpoint::latest(folder)?;
-        let mut stepper = Stepper::new(StepSettings {
-            friction: FrictionModel::Relaxed,
-            overlap: OverlapCorrection::Velocity,
-            ..checkpoint.settings.stepping
-        })?;
+        let mut settings =
+            StepSettings { overlap: OverlapCorrection::Velocity, ..checkpoint.settings.stepping };
+        settings.solver.friction = FrictionModel::Relaxed;
+        let mut stepper = Stepper::new(settings)?;
         stepper.stop_on(Arc::clone(stop));
         Ok(Self { world: checkpoint.world, stepper })
     }

@@ -6,7 +6,7 @@ use graintrain::material::Materials;
 use graintrain::math::{Quat, Vec3};
 use graintrain::motion::Motion;
 use graintrain::shape::Geometry;
-use graintrain::stepper::{StepReport, StepSettings, Stepper};
+use graintrain::stepper::{SolverChoice, StepReport, StepSettings, Stepper};
 use graintrain::world::{Body, World};
 use graintrain_ccp::{FrictionModel, Judge, SolverSpec};
 
@@ -131,8 +131,12 @@ impl Bench {
     ) -> Result<Self, VerifyError> {
         let Accuracy { tolerance, judge } = accuracy;
         let solver = SolverSpec::default();
-        let settings =
-            StepSettings { step, envelope, solver, tolerance, judge, friction, ..StepSettings::default() };
+        let settings = StepSettings {
+            step,
+            envelope,
+            solver: SolverChoice { name: solver, tolerance, judge, friction, ..SolverChoice::default() },
+            ..StepSettings::default()
+        };
         Ok(Self { stepper: Stepper::new(settings)?, accuracy, friction, steps: 0, unsolved: 0 })
     }
 
@@ -179,7 +183,7 @@ impl Bench {
         Row {
             what: what.into(),
             friction: Some(self.friction),
-            solver: self.stepper.settings().solver.to_string(),
+            solver: self.stepper.settings().solver.name.to_string(),
             step: self.stepper.settings().step,
             accuracy: self.accuracy,
             measured,

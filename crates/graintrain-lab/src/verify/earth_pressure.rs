@@ -81,10 +81,10 @@ fn checks(known: &Known, sampling: &mut Sampling<'_>, model: FrictionModel) -> R
     let angle = ((steady.mean - 1.0) / (steady.mean + 1.0)).asin().to_degrees();
     Ok(vec![Row {
         what: format!("K (1; that is {angle:.2} degrees)"),
-        friction: Some(settings.friction),
-        solver: settings.solver.to_string(),
+        friction: Some(settings.solver.friction),
+        solver: settings.solver.name.to_string(),
         step: settings.step,
-        accuracy: Accuracy { tolerance: settings.tolerance, judge: settings.judge },
+        accuracy: Accuracy { tolerance: settings.solver.tolerance, judge: settings.solver.judge },
         measured: steady.mean,
         expected,
         allowed: known.tolerance * expected,

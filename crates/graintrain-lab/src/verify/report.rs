@@ -1,7 +1,7 @@
-//! The report: a table for terminals, Markdown, and one self-contained HTML page.
+//! The report: a table for terminals, Markdown, CSV, and one self-contained HTML page.
 
 use super::bench::Accuracy;
-use super::{Case, Measure, Outcome, Row, named};
+use super::{Case, Definition, Measure, Outcome, Row, named};
 use graintrain_ccp::{Judge, SolverSpec};
 use graintrain_view::plot::axis::number;
 use graintrain_view::plot::svg::escape;
@@ -205,7 +205,11 @@ fn whole(case: &Case) -> Option<String> {
 
 /// The word for how a case ended.
 fn ended(case: &Case) -> &'static str {
-    match case.outcome() {
+    outcome_word(case.outcome())
+}
+
+fn outcome_word(outcome: Outcome) -> &'static str {
+    match outcome {
         Outcome::Passed => "passed",
         Outcome::LeftOut => "left out",
         Outcome::Undecided => "undecided",
@@ -244,6 +248,48 @@ pub fn markdown(head: &Head, cases: &[Case]) -> String {
         }
         if let Some(what) = whole(case) {
             let _ = writeln!(text, "{what}");
+        }
+    }
+    text
+}
+
+/// A text as one field of CSV.
+fn quoted(text: &str) -> String {
+    if text.contains([',', '"', '\n']) { format!("\"{}\"", text.replace('"', "\"\"")) } else { text.into() }
+}
+
+/// All rows as CSV, for programs: numbers in full, nothing that differs from run to run. A case without rows has one that says why.
+pub fn csv(cases: &[Case]) -> String {
+    let mut text = String::from(
+        "id,case,measured,friction,solver,step,tolerance,judge,expected,got,allowed,error,steps,unsolved,verdict\n",
+    );
+    for case in cases {
+        let Definition { id, title, .. } = case.definition;
+        let title = quoted(title);
+        for row in &case.rows {
+            let judge = match row.accuracy.judge {
+                Judge::Mixed => "mixed",
+                Judge::Maximum => "maximum",
+            };
+            let _ = writeln!(
+                text,
+                "{id},{title},{},{},{},{},{:e},{judge},{:e},{:e},{:e},{:e},{},{},{}",
+                quoted(&row.what),
+                row.friction.map_or("none", named),
+                row.solver,
+                row.step,
+                row.accuracy.tolerance,
+                row.expected,
+                row.measured,
+                row.allowed,
+                row.error,
+                row.steps,
+                row.unsolved,
+                outcome_word(row.outcome()),
+            );
+        }
+        if let Some(what) = whole(case) {
+            let _ = writeln!(text, "{id},{title}{}{}", ",".repeat(13), quoted(&what));
         }
     }
     text

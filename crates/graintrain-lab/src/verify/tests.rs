@@ -1,5 +1,5 @@
 use super::bench::{Accuracy, Bench};
-use super::report::{Head, html, markdown, table};
+use super::report::{Head, csv, html, markdown, table};
 use super::source::Source;
 use super::*;
 use graintrain_ccp::FrictionModel::Relaxed;
@@ -72,10 +72,13 @@ fn rows_are_made_as_a_scene_that_asks_for_nothing_would() {
     std::fs::write(&path, text).unwrap();
     let scene = graintrain_io::scene::Scene::load(path.to_str().unwrap(), &[]).unwrap();
     let settings = scene.build().unwrap().settings;
-    assert_eq!(Accuracy::SCENES, Accuracy { tolerance: settings.tolerance, judge: settings.judge });
+    assert_eq!(
+        Accuracy::SCENES,
+        Accuracy { tolerance: settings.solver.tolerance, judge: settings.solver.judge }
+    );
     let row = Bench::new(1e-3, 0.0, Accuracy::SCENES, Relaxed).unwrap().row("nothing", 0.0, 0.0, 0.0);
-    assert_eq!(row.solver, settings.solver.to_string());
-    assert_eq!(Some(settings.friction), row.friction);
+    assert_eq!(row.solver, settings.solver.name.to_string());
+    assert_eq!(Some(settings.solver.friction), row.friction);
 }
 
 const INVENTED: Definition = Definition {
@@ -147,6 +150,26 @@ fn the_report_renders() {
     assert!(!page.contains("http") && !page.contains("src="), "the page needs nothing else");
     roxmltree::Document::parse(page.trim_start_matches("<!DOCTYPE html>")).unwrap();
     assert!(markdown(&head, &cases).contains("a \\| number"));
+    let rows = csv(&cases);
+    let rows: Vec<Vec<&str>> = rows.lines().map(|line| line.split(',').collect()).collect();
+    assert!(rows.iter().all(|row| row.len() == rows[0].len()), "{rows:?}");
+    let verdicts: Vec<&str> = rows.iter().map(|row| row[row.len() - 1]).collect();
+    assert_eq!(verdicts, ["verdict", "passed", "FAILED", "FAILED", "left out: invented"]);
+}
+
+/// `docs/verification.csv` has the columns and the cases of this program, all passed. (Packed crates have no `docs`.)
+#[test]
+fn the_table_of_the_notebook_is_that_of_tier_a() {
+    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/verification.csv");
+    let Ok(text) = std::fs::read_to_string(path) else { return };
+    assert_eq!(text.lines().next(), csv(&[]).lines().next());
+    let mut ids: Vec<&str> = text.lines().skip(1).filter_map(|line| line.split(',').next()).collect();
+    let mut expected: Vec<&str> = tier_a().map(|case| case.id).collect();
+    // Cases of one number follow each other.
+    ids.dedup();
+    expected.dedup();
+    assert_eq!(ids, expected);
+    assert!(text.lines().skip(1).all(|line| line.ends_with(",passed")));
 }
 
 #[test]

@@ -7,7 +7,7 @@ use graintrain::material::Materials;
 use graintrain::math::{Quat, Vec3};
 use graintrain::motion::{Motion, Profile};
 use graintrain::shape::{Geometry, Part, Shape};
-use graintrain::stepper::StepSettings;
+use graintrain::stepper::{SolverChoice, StepSettings};
 use graintrain::world::{Body, World};
 use graintrain_ccp::FrictionModel;
 use graintrain_io::output::OutputSettings;
@@ -71,12 +71,14 @@ fn run_into(folder: &std::path::Path, steps: u64) -> Vec<World> {
         stepping: StepSettings {
             step: 0.01,
             envelope: 0.02,
-            solver: "apgd".parse().unwrap(),
-            tolerance: 1e-6,
-            judge: graintrain_ccp::Judge::Mixed,
-            max_iterations: None,
-            friction: FrictionModel::Relaxed,
             overlap: OverlapCorrection::Position,
+            solver: SolverChoice {
+                name: "apgd".parse().unwrap(),
+                tolerance: 1e-6,
+                judge: graintrain_ccp::Judge::Mixed,
+                max_iterations: None,
+                friction: FrictionModel::Relaxed,
+            },
         },
         steps,
         stages: Vec::new(),

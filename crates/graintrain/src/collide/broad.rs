@@ -1,167 +1,31 @@
-//! Broad phase, and the loop over bodies that makes the contact list.
+//! The loop over bodies that makes the contact list of candidate pairs.
 
-use super::grid::Grid;
+use super::candidates::Sorted;
 use super::identity::identity;
-use super::mesh::turned_bounds;
+use super::look::{Look, surface_speeds};
 use super::narrow::{Collidable, Placed, body_contacts};
 use super::reduce::Touch;
 use super::sweep::{advanced, arrivals, time_of_impact};
 use super::words::{contacts_from, words_of};
 use crate::contact::Contact;
-use crate::math::{Mat3, Vec3};
-use crate::shape::{Geometry, Part, Shape};
+use crate::math::Vec3;
 use crate::world::World;
 use graintrain_ccp::Ranks;
 use parry3d_f64::bounding_volume::Aabb;
-use parry3d_f64::partitioning::{Bvh, BvhBuildStrategy};
 use rayon::prelude::*;
 use std::sync::Arc;
 
 /// Bodies per parallel task. Fixed, so that tasks and their order do not depend on threads.
-const TASK: usize = 256;
+pub(super) const TASK: usize = 256;
 
 /// Contacts per body for which room is made at once.
 const USUAL: usize = 5;
-
-/// Bodies up to this multiple of the median bounding radius go into the cell list.
-const SIMILAR: f64 = 2.5;
 
 /// Finds contacts; keeps what it derives from geometries between steps.
 #[derive(Default)]
 pub struct Collider {
     forms: Vec<Collidable>,
     ranks: Option<Arc<Ranks>>,
-}
-
-/// Two bodies that overlap.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Overlap {
-    /// Index of one body.
-    pub body_a: u32,
-    /// Index of the other body.
-    pub body_b: u32,
-    /// Depth, m, positive.
-    pub depth: f64,
-    /// Where, m.
-    pub point: Vec3,
-}
-
-/// The deepest overlap of a world, if any two bodies overlap: what an initial state should be checked for. Pairs of
-/// bodies that are both fully prescribed are not looked at, nor those whose contacts are elastic: they overlap at rest.
-pub fn deepest_overlap(world: &World) -> Option<Overlap> {
-    let contacts = Collider::default().contacts(world, 0.0, 0.0);
-    let is_rigid = |contact: &&Contact| {
-        let [a, b] = world.materials_of(contact);
-        world.materials.pair_elasticity(a, b).is_rigid()
-    };
-    let deepest = contacts.iter().filter(is_rigid).min_by(|a, b| a.gap.total_cmp(&b.gap))?;
-    (deepest.gap < 0.0).then_some(Overlap {
-        body_a: deepest.body_a,
-        body_b: deepest.body_b,
-        depth: -deepest.gap,
-        point: deepest.point,
-    })
-}
-
-/// Two bodies with meshes, one of which can move, whose bounding balls overlap: contacts between two meshes are not computed.
-pub fn meshes_that_meet(world: &World) -> Option<[usize; 2]> {
-    let is_mesh =
-        |geometry: &Geometry| geometry.parts.iter().any(|part| matches!(part.shape, Shape::Mesh { .. }));
-    let meshes: Vec<bool> = world.geometries.iter().map(is_mesh).collect();
-    let with_mesh = (0..world.bodies.len()).filter(|&body| meshes[world.bodies.geometry[body].index()]);
-    let with_mesh: Vec<usize> = with_mesh.collect();
-    let joined = world.joined_pairs();
-    if with_mesh.len() < 2 || with_mesh.iter().all(|&body| world.is_prescribed(body)) {
-        return None;
-    }
-    let radius = |body: usize| world.geometries[world.bodies.geometry[body].index()].bounding_radius();
-    let balls: Vec<(usize, Vec3, f64)> =
-        with_mesh.iter().map(|&body| (body, world.bodies.position[body], radius(body))).collect();
-    for (k, &(a, place_a, radius_a)) in balls.iter().enumerate() {
-        for &(b, place_b, radius_b) in &balls[k + 1..] {
-            let both_driven = world.is_prescribed(a) && world.is_prescribed(b);
-            let apart = joined.binary_search(&[a.min(b) as u32, a.max(b) as u32]).is_ok();
-            let way = world.cell().map_or(place_a - place_b, |cell| cell.nearest(place_a - place_b).1);
-            if !both_driven && !apart && way.length() < radius_a + radius_b {
-                return Some([a, b]);
-            }
-        }
-    }
-    None
-}
-
-/// Bodies by how their neighbours are found.
-struct Sorted {
-    grid: Grid,
-    /// Edge of its cells, m: centres of bodies that may touch are no further apart.
-    reach: f64,
-    /// How far the surface of each body may travel within the step, m: at rest, and in the frame that moves with the mean velocity.
-    travel: Vec<Travel>,
-    /// Whether the world is a periodic cell, whose deformation moves distant bodies relative to each other.
-    deforms: bool,
-    /// Which bodies are in the grid.
-    in_grid: Vec<bool>,
-    /// Bounding radius of the largest body in the grid, m: how far the travel of a body is looked ahead in case that the other one
-    /// comes to rest.
-    largest: f64,
-    /// Finite bodies too large or too fast for the grid, ascending, with the tree over their bounds.
-    large: Vec<u32>,
-    tree: Bvh,
-    /// Bodies with a plane, ascending.
-    unbounded: Vec<Unbounded>,
-}
-
-/// How far the surface of a body may travel within the step, m.
-#[derive(Clone, Copy, Debug, Default)]
-struct Travel {
-    /// step (|u| + |w| R).
-    own: f64,
-    /// step (|u - mean u| + |w| R): two bodies come nearer to each other by at most the sum of theirs.
-    relative: f64,
-}
-
-impl Sorted {
-    /// How much nearer the two bodies may come within the step, m.
-    fn approach(&self, a: usize, b: usize) -> f64 {
-        let (a, b) = (self.travel[a], self.travel[b]);
-        (a.relative + b.relative).max(a.own.max(b.own).min(self.largest))
-    }
-
-    /// Whether the two bodies may move by more than `far`, m, relative to each other within the step: `false` where bounds that are
-    /// at hand say so, for most pairs.
-    fn may_travel(&self, pair: [u32; 2], far: f64) -> bool {
-        let [a, b] = pair.map(|body| self.travel[body as usize].relative);
-        // The bounds round, and know of the deformation of a cell only along the radii.
-        self.deforms || a + b > (1.0 - 1e-9) * far
-    }
-}
-
-/// A body with a plane.
-struct Unbounded {
-    body: u32,
-    /// Its origin, m.
-    origin: Vec3,
-    /// Its parts, where it is nothing but half-spaces (a floor, a box of walls): most bodies are seen to be far from all of them
-    /// without looking at their shapes.
-    half_spaces: Option<Vec<HalfSpace>>,
-}
-
-/// What lies behind a plane.
-struct HalfSpace {
-    /// Outward unit normal.
-    normal: Vec3,
-    /// A point of the plane, m.
-    point: Vec3,
-    /// How much nearer it comes to a point within the step by turning, per distance of the point from the body's origin.
-    turn: f64,
-}
-
-impl Unbounded {
-    fn may_touch(&self, centre: Vec3, reach: f64) -> bool {
-        let arm = (centre - self.origin).length() + reach;
-        let near = |half: &HalfSpace| half.normal.dot(centre - half.point) <= reach + half.turn * arm;
-        self.half_spaces.as_ref().is_none_or(|all| all.iter().any(near))
-    }
 }
 
 impl Collider {
@@ -336,7 +200,7 @@ impl Collider {
         changed
     }
 
-    fn form(&self, world: &World, body: usize) -> &Collidable {
+    pub(super) fn form(&self, world: &World, body: usize) -> &Collidable {
         &self.forms[world.bodies.geometry[body].index()]
     }
 
@@ -356,148 +220,6 @@ impl Collider {
             b.position += cell.shift(image);
         }
         ([a, b], image)
-    }
-
-    /// Bounds of how far the surfaces of bodies travel; of bodies without bounds only their centre.
-    fn travel(&self, world: &World, step: f64) -> Vec<Travel> {
-        let bodies = &world.bodies;
-        let moving = (0..bodies.len()).filter(|&body| !world.is_prescribed(body));
-        let count = moving.clone().count().max(1) as f64;
-        let mean: Vec3 = moving.map(|body| world.fluctuation(body)).sum::<Vec3>() / count;
-        // What the deformation of a periodic cell makes of the distance of two centres, at most twice the radii.
-        let strain =
-            world.cell().map_or(0.0, |cell| 2.0 * cell.rate.iter().map(|rate| rate.abs()).sum::<f64>());
-        let of = |body: usize| {
-            let radius = self.form(world, body).bounding_radius;
-            let spin = if radius.is_finite() {
-                (bodies.angular_velocity[body].length() + strain) * radius
-            } else {
-                0.0
-            };
-            let velocity = world.fluctuation(body);
-            Travel {
-                own: step * (velocity.length() + spin),
-                relative: step * ((velocity - mean).length() + spin),
-            }
-        };
-        (0..bodies.len()).into_par_iter().with_min_len(TASK).map(of).collect()
-    }
-
-    fn sort(&self, world: &World, envelope: f64, step: f64) -> Sorted {
-        let bodies = world.bodies.len();
-        let radius = |body: usize| self.form(world, body).bounding_radius;
-        let mut finite: Vec<f64> = (0..bodies).map(radius).filter(|r| r.is_finite()).collect();
-        let limit = if finite.is_empty() {
-            0.0
-        } else {
-            let middle = finite.len() / 2;
-            SIMILAR * *finite.select_nth_unstable_by(middle, f64::total_cmp).1
-        };
-        let travel = self.travel(world, step);
-        let largest = (0..bodies).map(radius).filter(|&r| r <= limit).fold(0.0, f64::max);
-        // A single fast grain must not make the cells of all others huge.
-        let in_grid: Vec<bool> =
-            (0..bodies).map(|body| radius(body) <= limit && travel[body].relative <= largest).collect();
-        let (mut balls, mut large, mut unbounded) = (Vec::with_capacity(bodies), Vec::new(), Vec::new());
-        let (mut farthest, mut fastest) = (0.0_f64, 0.0_f64);
-        for body in 0..bodies {
-            let radius = radius(body);
-            fastest = fastest.max(travel[body].own);
-            if in_grid[body] {
-                balls.push((body as u32, world.bodies.position[body], radius));
-                farthest = farthest.max(travel[body].relative);
-            } else if radius.is_finite() {
-                large.push(body as u32);
-            } else {
-                unbounded.push(self.unbounded(world, body, step));
-            }
-        }
-        // Slightly larger than needed, so that rounding in the cell coordinates cannot lose a pair.
-        let fall = world.largest_acceleration() * step * step;
-        let ahead = (2.0 * farthest).max(fastest.min(largest)) + envelope.max(fall);
-        let size = (2.0 * largest + ahead) * (1.0 + 1e-9);
-        if let Some(cell) = world.cell() {
-            let own = balls.len();
-            for k in 0..own {
-                let (body, centre, radius) = balls[k];
-                balls.extend(cell.images(centre, size).map(|(_, image)| (body, image, radius)));
-            }
-        }
-        let wider = |body: &u32| {
-            let bounds = self.bounds(world, *body as usize);
-            let by = travel[*body as usize].relative;
-            Aabb::new(bounds.mins - by, bounds.maxs + by)
-        };
-        let mut bounds: Vec<Aabb> = large.iter().map(wider).collect();
-        if let Some(cell) = world.cell() {
-            let own = large.len();
-            for k in 0..own {
-                let bounds_of = bounds[k];
-                let (centre, reach) = (bounds_of.center(), bounds_of.half_extents().length());
-                for (_, image) in cell.images(centre, reach + size) {
-                    let way = image - centre;
-                    large.push(large[k]);
-                    bounds.push(Aabb::new(bounds_of.mins + way, bounds_of.maxs + way));
-                }
-            }
-        }
-        let reach = if size > 0.0 { size } else { 1.0 };
-        Sorted {
-            travel,
-            deforms: world.cell().is_some(),
-            grid: Grid::new(&balls, reach),
-            reach,
-            in_grid,
-            largest,
-            large,
-            tree: Bvh::from_leaves(BvhBuildStrategy::default(), &bounds),
-            unbounded,
-        }
-    }
-
-    fn unbounded(&self, world: &World, body: usize, step: f64) -> Unbounded {
-        let Placed { form, position, orientation } = self.placed(world, body);
-        let half_space = |part: &Part| {
-            let normal = orientation * (part.orientation * Vec3::Z);
-            let turn = step * world.bodies.angular_velocity[body].cross(normal).length();
-            let point = position + orientation * part.position;
-            (part.shape == Shape::Plane).then_some(HalfSpace { normal, point, turn })
-        };
-        let half_spaces = form.geometry.parts.iter().map(half_space).collect();
-        Unbounded { body: body as u32, origin: position, half_spaces }
-    }
-
-    /// Box in world axes that holds a body without planes.
-    pub(super) fn bounds(&self, world: &World, body: usize) -> Aabb {
-        let Placed { form, position, orientation } = self.placed(world, body);
-        let boxes = form.geometry.parts.iter().zip(&form.trees).map(|(part, tree)| {
-            let own = match (&part.shape, tree) {
-                (_, Some(tree)) => tree.bounds(),
-                (Shape::Box { half }, _) => Aabb::new(-*half, *half),
-                (Shape::Cylinder { half_length, radius }, _) => {
-                    let half = Vec3::new(*radius, *radius, *half_length);
-                    Aabb::new(-half, half)
-                }
-                (Shape::Capsule { half_length, radius }, _) => {
-                    let half = Vec3::new(*radius, *radius, half_length + radius);
-                    Aabb::new(-half, half)
-                }
-                (Shape::Hull(hull), _) => {
-                    let low = hull.corners().iter().fold(Vec3::INFINITY, |low, c| low.min(*c));
-                    let high = hull.corners().iter().fold(Vec3::NEG_INFINITY, |high, c| high.max(*c));
-                    Aabb::new(low, high)
-                }
-                (shape, _) => {
-                    let half = Vec3::splat(shape.bounding_radius());
-                    Aabb::new(-half, half)
-                }
-            };
-            let rotation = Mat3::from_quat(orientation * part.orientation);
-            turned_bounds(&own, position + orientation * part.position, rotation)
-        });
-        boxes
-            .reduce(|a, b| Aabb::new(a.mins.min(b.mins), a.maxs.max(b.maxs)))
-            .unwrap_or(Aabb::new(position, position))
     }
 
     /// Contacts of which `body` is A.
@@ -649,65 +371,6 @@ const POSES: f64 = 512.0;
 /// Turn of a body within a step, rad, up to which a fixed normal does.
 const TURN: f64 = 0.3;
 
-/// How far contacts are looked for.
-#[derive(Clone, Copy)]
-struct Look {
-    envelope: f64,
-    step: f64,
-    /// The largest acceleration of any body times step^2, m: pairs further apart are not looked at.
-    fall: f64,
-    /// Balls that do not meet within the step are left out.
-    meeting: bool,
-}
-
-impl Look {
-    /// Whether a touch lies within the envelope or may close within the step.
-    fn closes(&self, world: &World, pair: [u32; 2], largest: f64, touch: &Touch) -> bool {
-        if touch.gap <= self.envelope {
-            return true;
-        }
-        let away = surface_speeds(world, pair, touch);
-        let approach = self.step * (away[1] - away[0]);
-        let fall = self.fall_of(world, pair);
-        self.reaches(touch, fall, approach) || self.closes_at_rest(world, pair, fall, largest, touch, away)
-    }
-
-    /// Largest acceleration of either body times step^2, m.
-    fn fall_of(&self, world: &World, pair: [u32; 2]) -> f64 {
-        let [a, b] = pair.map(|body| world.acceleration(body as usize));
-        a.max(b) * self.step * self.step
-    }
-
-    /// Whether a touch may close within the step if one of both bodies came to rest, unless it is held; `away` as [`surface_speeds`].
-    fn closes_at_rest(
-        &self,
-        world: &World,
-        pair: [u32; 2],
-        fall: f64,
-        largest: f64,
-        touch: &Touch,
-        [away_a, away_b]: [f64; 2],
-    ) -> bool {
-        let [held_a, held_b] = pair.map(|body| world.is_prescribed(body as usize));
-        let stops = |parting: f64, held: bool| if held { parting } else { 0.0 };
-        let rest = (-away_a + stops(away_b, held_b)).max(away_b - stops(away_a, held_a));
-        self.reaches(touch, fall, (self.step * rest).min(largest))
-    }
-
-    fn reaches(&self, touch: &Touch, fall: f64, approach: f64) -> bool {
-        touch.gap <= self.envelope + approach || touch.gap <= fall + approach
-    }
-}
-
-/// Velocities of the bodies A and B at a touch along its normal, m/s.
-fn surface_speeds(world: &World, pair: [u32; 2], touch: &Touch) -> [f64; 2] {
-    let [a, b] = world.pair_velocities(pair);
-    [(pair[0], a), (pair[1], b)].map(|(body, [velocity, spin])| {
-        let arm = world.way_to(body as usize, touch.point);
-        touch.normal.dot(velocity + spin.cross(arm))
-    })
-}
-
 fn contact([body_a, body_b]: [u32; 2], touch: &Touch) -> Contact {
     Contact {
         body_a,
@@ -842,21 +505,5 @@ mod tests {
             found.sort_unstable();
             prop_assert_eq!(found, brute_force(&world, envelope));
         }
-    }
-
-    #[test]
-    fn the_deepest_overlap_is_named() {
-        let materials = Materials::single("stuff", 1.0, 0.0, 0.0).unwrap();
-        let mut world = World::new(Vec3::ZERO, materials).unwrap();
-        let ball = world.add_geometry(Geometry::sphere(0.1).unwrap());
-        for x in [0.0, 0.3, 0.45, 0.64] {
-            world.add_body(Body::new(ball, MaterialId::default(), Vec3::new(x, 0.0, 0.0))).unwrap();
-        }
-        let overlap = deepest_overlap(&world).unwrap();
-        assert_eq!((overlap.body_a, overlap.body_b), (1, 2));
-        assert!((overlap.depth - 0.05).abs() < 1e-15 && (overlap.point.x - 0.375).abs() < 1e-15);
-        world.bodies.position[2].x = 0.52;
-        world.bodies.position[3].x = 0.73;
-        assert_eq!(deepest_overlap(&world), None);
     }
 }

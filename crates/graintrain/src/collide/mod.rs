@@ -3,7 +3,9 @@
 //! | module | holds |
 //! |---|---|
 //! | `grid` | cell list for the many bodies of similar size |
-//! | `broad` | candidate pairs: the cell list, a tree over large bodies, planes |
+//! | `candidates` | candidate pairs: the cell list, a tree over large bodies, planes |
+//! | `broad`, `look` | the loop over bodies that makes the list of contacts; which touches count |
+//! | `overlaps` | what an initial state should be checked for |
 //! | `narrow` | contacts of two bodies, shape by shape |
 //! | `distance`, `plane`, `capsule` | closed-form kernels |
 //! | `mesh` | triangle meshes, without contacts that only the cut into triangles makes |
@@ -18,14 +20,17 @@
 //! | `identity` | the same number for the same contact from step to step |
 
 mod broad;
+mod candidates;
 mod capsule;
 mod corners;
 pub(crate) mod distance;
 mod grid;
 pub(crate) mod identity;
+mod look;
 mod manifold;
 mod mesh;
 mod narrow;
+mod overlaps;
 pub mod places;
 mod plane;
 mod polish;
@@ -37,4 +42,5 @@ pub(crate) mod sweep;
 pub(crate) mod union;
 mod words;
 
-pub use broad::{Collider, Overlap, deepest_overlap, meshes_that_meet};
+pub use broad::Collider;
+pub use overlaps::{Overlap, deepest_overlap, meshes_that_meet};

@@ -5,7 +5,7 @@ use crate::handle::MaterialId;
 use crate::math::{Quat, Vec3};
 use crate::motion::Motion;
 use crate::shape::Geometry;
-use crate::stepper::{StepSettings, Stepper};
+use crate::stepper::{SolverChoice, StepSettings, Stepper};
 use crate::world::{Body, World};
 
 /// A chain of balls of radius 0.5 m along x between two plates, with the force (N) along it in every contact, and the step.
@@ -68,9 +68,13 @@ pub(crate) fn row_of_columns(columns: usize, high: usize) -> (World, f64) {
         world.add_body(Body::new(ball, MaterialId::default(), place)).unwrap();
     }
     world.add_body(Body { motion: fixed, ..Body::new(plane, MaterialId::default(), Vec3::ZERO) }).unwrap();
-    let mut stepper =
-        Stepper::new(StepSettings { step, envelope: 0.01, tolerance: 1e-8, ..StepSettings::default() })
-            .unwrap();
+    let mut stepper = Stepper::new(StepSettings {
+        step,
+        envelope: 0.01,
+        solver: SolverChoice { tolerance: 1e-8, ..SolverChoice::default() },
+        ..StepSettings::default()
+    })
+    .unwrap();
     for _ in 0..3 {
         stepper.step(&mut world).unwrap();
     }

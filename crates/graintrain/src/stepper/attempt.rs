@@ -22,9 +22,6 @@ use graintrain_linalg::parallel::axpy;
 use std::borrow::Cow;
 use std::collections::{HashMap, HashSet};
 
-/// Solves of the contacts for joints whose motors, stops or paths turned out otherwise than foreseen; what is left then is reported.
-const JOINT_ROUNDS: usize = 12;
-
 /// A solved contact problem with what a periodic cell does.
 struct WithCell {
     solved: Solved,
@@ -74,7 +71,8 @@ impl Stepper {
         let masses = inverse_mass(world);
         let mut impacts = ImpactSolver {
             solver: self.impacts.as_mut(),
-            friction: self.settings.friction,
+            parameters: &self.parameters.impacts,
+            friction: self.settings.solver.friction,
             stop: self.stop.clone(),
         };
         let of = Rows { contacts, rows: &rows, inverse_mass: &masses };
@@ -83,7 +81,7 @@ impl Stepper {
         let impact_lap = begin.lap();
         // In impacts drag has no time to act.
         let masses = if world.drag.is_empty() { masses } else { inverse_mass_in_step(world, step) };
-        let slip = match self.settings.friction {
+        let slip = match self.settings.solver.friction {
             FrictionModel::Relaxed if world.materials.has_cohesive_pairs() => {
                 relative_velocities(world.cell(), contacts, &rows, &impacts.velocity)
             }
@@ -106,7 +104,7 @@ impl Stepper {
         let mut free = free_velocity(world, &impacts.velocity, step);
         elasticity::apply_pulls(&rows, &pulls, &masses, &mut free);
         let waits = |i: &u32| {
-            self.settings.friction == FrictionModel::Relaxed
+            self.settings.solver.friction == FrictionModel::Relaxed
                 && impacts.under_way.binary_search(i).is_ok()
                 && !driven.contains(&contacts[*i as usize].identity)
         };
@@ -157,11 +155,12 @@ impl Stepper {
         let WithCell { solved, posed, cell } =
             self.solve_with_cell(world, (&chosen, &active), &impacts, &mut problem, &mut impulse)?;
         let Solved { report: mut solve, mut parts, mut wedged } = solved;
+        let rounds = self.parameters.repetition.joint_rounds;
         let (mut on_bodies, mut agrees) = (Vec::new(), true);
         if let Some(spare) = spare {
             on_bodies = body_impulses(&problem, &impulse);
             agrees = false;
-            for _ in 0..JOINT_ROUNDS {
+            for _ in 0..rounds {
                 agrees = mechanisms.agree(&on_bodies, settings.tolerance);
                 if solve.status == Status::Stopped || agrees {
                     break;
@@ -183,7 +182,7 @@ impl Stepper {
         judge_joints(world, &joints, &settings, &mut solve);
         if !agrees && solve.status == Status::Converged {
             solve.status = Status::IterationLimit;
-            solve.remark = Some(format!("motors, stops and contacts did not agree in {JOINT_ROUNDS} rounds"));
+            solve.remark = Some(format!("motors, stops and contacts did not agree in {rounds} rounds"));
         }
         Ok(Attempt {
             problem,
@@ -258,9 +257,11 @@ impl Stepper {
     fn solve(&mut self, world: &World, problem: &Ccp, impulse: &mut [f64]) -> Result<Solved, CcpError> {
         let settings = SolveSettings { curvature: world.contacts.curvature, ..self.solve_settings() };
         // A method that keeps something from step to step has to see the same problem again.
-        let whole = self.settings.solver.keeps_between_steps();
+        let whole = self.settings.solver.name.keeps_between_steps();
         let (gravity, step) = (world.gravity.length(), self.settings.step);
-        PartSolver { solver: self.solver.as_mut(), settings, whole, gravity, step }.solve(problem, impulse)
+        let parameters = &self.parameters.parts;
+        PartSolver { solver: self.solver.as_mut(), settings, parameters, whole, gravity, step }
+            .solve(problem, impulse)
     }
 }
 

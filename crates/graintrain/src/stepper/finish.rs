@@ -7,7 +7,6 @@ use crate::assemble::{OverlapCorrection, of_each, pair_property, relative_veloci
 use crate::cell;
 use crate::clock::{Clock, Laps};
 use crate::contact::{Contact, ContactSet};
-use crate::impact;
 use crate::load;
 use crate::math::Vec3;
 use crate::measure::energy;
@@ -65,7 +64,8 @@ impl Stepper {
             size: &size,
             fall: world.gravity.length() * step * step,
             turn: &turn,
-            tolerance: self.settings.tolerance,
+            tolerance: self.settings.solver.tolerance,
+            parameters: &self.parameters.overlap,
         };
         let correction = gaps.correct();
         let finite = correction.displacement.iter().flatten().all(|x| x.is_finite());
@@ -101,8 +101,10 @@ impl Stepper {
             wedged,
             ..
         } = attempt;
-        let left = impacts.residual.judged(self.settings.judge);
-        if left > self.settings.tolerance.max(impact::TOLERANCE) && solve.status == Status::Converged {
+        let left = impacts.residual.judged(self.settings.solver.judge);
+        if left > self.settings.solver.tolerance.max(self.parameters.impacts.tolerance)
+            && solve.status == Status::Converged
+        {
             solve.status = Status::IterationLimit;
             solve.remark = Some(format!("impacts were left at residual {left:.1e}"));
         }
@@ -136,9 +138,9 @@ impl Stepper {
             u = relative_velocities(cell.as_ref(), &chosen, rigid.contacts(), &velocity);
             u.extend(turning_velocities(&chosen, rigid.contacts(), rigid.turning(), &velocity));
         }
-        let accuracy = (step, self.settings.tolerance);
+        let accuracy = (step, self.settings.solver.tolerance);
         let errors = PhysicalErrors::of(&chosen, &chosen_size, (&problem, &impulse), &u, accuracy);
-        let opening = match self.settings.friction {
+        let opening = match self.settings.solver.friction {
             FrictionModel::Relaxed => {
                 Opening::of(&chosen_size, (&problem, &impulse, threshold), &u, (step, &wedged))
             }

@@ -22,19 +22,41 @@ use graintrain_ccp::Delassus;
 use rayon::prelude::*;
 use std::collections::{HashMap, HashSet};
 
-/// Bodies that end inside each other by more than this fraction of the smaller one's size without having been in contact make a
-/// new round.
-pub(super) const MISSED: f64 = 5e-4;
+/// What makes a step be made again, and how often. Values: docs/mechanics.md, "The step"; held by `tests/physics/repetition.rs`.
+#[derive(Clone, Debug)]
+pub struct Parameters {
+    /// Bodies that end inside each other by more than this fraction of the smaller one's size without having been in contact make a
+    /// new round.
+    pub missed: f64,
+    /// A contact that ends in overlap by more than this fraction of the smaller body's size, and by so much more than foreseen, makes
+    /// a new round too.
+    pub bent: f64,
+    /// A contact is a phantom if the bodies, without it, overlap on their way by no more than this fraction of what it foresees.
+    pub ghostly: f64,
+    /// Where bodies fall by more than this fraction of the smaller one's size in a step, what they do without each other says nothing
+    /// of their contacts.
+    pub fallen: f64,
+    /// Rounds of solving a step again with contacts that were missed; what still overlaps then is reported.
+    pub rounds: usize,
+    /// Rounds in which contacts may be left out.
+    pub phantom_rounds: usize,
+    /// Solves of the contacts for joints whose motors, stops or paths turned out otherwise than foreseen; what is left then is reported.
+    pub joint_rounds: usize,
+}
 
-/// A contact that ends in overlap by more than this fraction of the smaller body's size, and by so much more than foreseen, makes
-/// a new round too.
-const BENT: f64 = 5e-3;
-
-/// A contact is a phantom if the bodies, without it, overlap on their way by no more than this fraction of what it foresees.
-const GHOSTLY: f64 = 0.2;
-
-/// Where bodies fall by more than this fraction of the smaller one's size in a step, what they do without each other says nothing of their contacts.
-const FALLEN: f64 = 0.1;
+impl Default for Parameters {
+    fn default() -> Self {
+        Self {
+            missed: 5e-4,
+            bent: 5e-3,
+            ghostly: 0.2,
+            fallen: 0.1,
+            rounds: 8,
+            phantom_rounds: 3,
+            joint_rounds: 12,
+        }
+    }
+}
 
 /// Contacts that were linearised anew in a step. The first time the new plane takes the place of the old one; where a turning body bends away
 /// from that, too, planes gather, or two of them would take turns for ever.
@@ -90,7 +112,7 @@ impl Stepper {
             if attempt.immobile.binary_search(i).is_ok() {
                 return mobility::approaches(&rows[*i as usize], &[end / step, t1, t2], step);
             }
-            end < -MISSED * self.collider.contact_size(world, contact)
+            end < -self.parameters.repetition.missed * self.collider.contact_size(world, contact)
         };
         (0..contacts.len() as u32)
             .filter(|i| attempt.active.binary_search(i).is_err())
@@ -131,7 +153,7 @@ impl Stepper {
         let u = relative_velocities(attempt.cell.as_ref(), &ahead, &rows, &attempt.velocity);
         let meets = |(c, u): (Contact, &[f64])| {
             let size = self.collider.contact_size(world, &c);
-            (c.gap.max(0.0) + step * u[0] < -MISSED * size).then_some(c)
+            (c.gap.max(0.0) + step * u[0] < -self.parameters.repetition.missed * size).then_some(c)
         };
         let mut met: Vec<Contact> = ahead.into_iter().zip(u.chunks_exact(3)).filter_map(meets).collect();
         if !met.is_empty() {
@@ -144,7 +166,8 @@ impl Stepper {
     /// Pairs that overlap at the end of the step and were no contacts in it.
     pub(super) fn missed(&self, world: &World, contacts: &[Contact], ahead: &[Contact]) -> Vec<Contact> {
         let collider = &self.collider;
-        let deep = |c: &&Contact| -c.gap > MISSED * collider.contact_size(world, c);
+        let missed = self.parameters.repetition.missed;
+        let deep = |c: &&Contact| -c.gap > missed * collider.contact_size(world, c);
         let deep: Vec<Contact> = ahead.par_iter().filter(deep).copied().collect();
         if deep.is_empty() {
             return deep;
@@ -168,7 +191,8 @@ impl Stepper {
     ) -> Vec<Contact> {
         let (step, collider) = (self.settings.step, &self.collider);
         let size = |c: &Contact| collider.contact_size(world, c);
-        let deep: Vec<&Contact> = ahead.par_iter().filter(|c| -c.gap > BENT * size(c)).collect();
+        let bent = self.parameters.repetition.bent;
+        let deep: Vec<&Contact> = ahead.par_iter().filter(|c| -c.gap > bent * size(c)).collect();
         if deep.is_empty() {
             return Vec::new();
         }
@@ -195,7 +219,7 @@ impl Stepper {
         let mended = |end: &Contact| {
             let (gap, contact) = foreseen.get(&end.identity)?;
             let error = gap - end.gap;
-            (error > BENT * size(end)).then(|| {
+            (error > bent * size(end)).then(|| {
                 let thickness =
                     [end.body_a, end.body_b].map(|body| 2.0 * self.collider.body_size(world, body as usize));
                 let thickness: f64 = thickness.into_iter().sum();
@@ -311,7 +335,8 @@ impl Stepper {
             let fall = bodies.map(|body| world.acceleration(body as usize)).into_iter().fold(0.0, f64::max)
                 * step
                 * step;
-            let (velocities, fall) = if fall <= FALLEN * size { (without, fall) } else { (start, 0.0) };
+            let (velocities, fall) =
+                if fall <= self.parameters.repetition.fallen * size { (without, fall) } else { (start, 0.0) };
             let foreseen = |k: usize| {
                 let (row, own) = (&rows[k], contact(k));
                 let speed = |body: u32, arm: [f64; 3]| {
@@ -324,10 +349,14 @@ impl Stepper {
                 }
                 own.gap.max(0.0) + step * Vec3::from_array(row.frame[0]).dot(relative)
             };
-            let barred: Vec<usize> =
-                group.iter().copied().filter(|&k| foreseen(k) + fall < -MISSED * size).collect();
+            let barred: Vec<usize> = group
+                .iter()
+                .copied()
+                .filter(|&k| foreseen(k) + fall < -self.parameters.repetition.missed * size)
+                .collect();
             let least = barred.iter().map(|&k| -foreseen(k) - fall).fold(f64::INFINITY, f64::min);
-            let allowed = (GHOSTLY * least).min(MISSED * size);
+            let allowed =
+                (self.parameters.repetition.ghostly * least).min(self.parameters.repetition.missed * size);
             if !barred.is_empty() && self.collider.pass_freely(world, bodies, velocities, step, allowed, fall)
             {
                 found.extend(barred.iter().map(|&k| attempt.active[k] as usize));

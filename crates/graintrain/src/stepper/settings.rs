@@ -1,7 +1,7 @@
 //! How steps are made.
 
 use crate::assemble::OverlapCorrection;
-use graintrain_ccp::{FrictionModel, Judge, SolverSpec};
+use graintrain_ccp::{FrictionModel, Judge, SolveSettings, SolverSpec};
 
 /// How steps are made. Its fields in their order are part of the format of checkpoints.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -11,16 +11,8 @@ pub struct StepSettings {
     /// Contact envelope delta, m: pairs with a gap up to this become contacts, and so do pairs that would close within
     /// the step.
     pub envelope: f64,
-    /// Solver of the contact problem.
-    pub solver: SolverSpec,
-    /// Residual at which it stops, as `judge` takes it.
-    pub tolerance: f64,
-    /// Which number of the residual is held against the tolerance; [`Judge::Mixed`] in runs unless asked otherwise.
-    pub judge: Judge,
-    /// Iteration limit; `None` is the solver's own.
-    pub max_iterations: Option<usize>,
-    /// Relaxed cone complementarity or exact Coulomb friction.
-    pub friction: FrictionModel,
+    /// Solver of the contact problem, and what is asked of it.
+    pub solver: SolverChoice,
     /// What becomes of overlap.
     pub overlap: OverlapCorrection,
 }
@@ -31,12 +23,53 @@ impl Default for StepSettings {
         Self {
             step: 1e-3,
             envelope: 0.0,
-            solver: SolverSpec::default(),
+            solver: SolverChoice::default(),
+            overlap: OverlapCorrection::Position,
+        }
+    }
+}
+
+/// The solver of the contact problems of a simulation and what is asked of it: the table `[solver]` of scenes. Its fields in their
+/// order are part of the format of checkpoints.
+///
+/// ```
+/// use graintrain::ccp::FrictionModel;
+/// use graintrain::stepper::{SolverChoice, StepSettings};
+/// let solver = SolverChoice { tolerance: 1e-6, friction: FrictionModel::Coulomb, ..SolverChoice::default() };
+/// let settings = StepSettings { step: 5e-4, solver, ..StepSettings::default() };
+/// # assert_eq!(settings.solver.name.to_string(), "auto");
+/// ```
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct SolverChoice {
+    /// The solver, with its linear solver.
+    pub name: SolverSpec,
+    /// Residual at which it stops, as `judge` takes it.
+    pub tolerance: f64,
+    /// Which number of the residual is held against the tolerance; [`Judge::Mixed`] in runs unless asked otherwise.
+    pub judge: Judge,
+    /// Iteration limit; `None` is the solver's own.
+    pub max_iterations: Option<usize>,
+    /// Relaxed cone complementarity or exact Coulomb friction.
+    pub friction: FrictionModel,
+}
+
+impl Default for SolverChoice {
+    /// Solver `auto` to 1e-4, judged by the root mean square with a bound for the worst contact; relaxed friction.
+    fn default() -> Self {
+        Self {
+            name: SolverSpec::default(),
             tolerance: 1e-4,
             judge: Judge::Mixed,
             max_iterations: None,
             friction: FrictionModel::Relaxed,
-            overlap: OverlapCorrection::Position,
         }
+    }
+}
+
+impl SolverChoice {
+    /// What it asks of a solve.
+    pub fn solve_settings(&self) -> SolveSettings {
+        let Self { name: _, tolerance, judge, max_iterations, friction } = *self;
+        SolveSettings { tolerance, judge, max_iterations, friction, ..SolveSettings::default() }
     }
 }

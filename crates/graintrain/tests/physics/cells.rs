@@ -13,7 +13,7 @@ use graintrain::measure::space::{own_space, porosity, selected};
 use graintrain::measure::stress::{pressure, stress};
 use graintrain::motion::{Motion, Profile};
 use graintrain::shape::{Geometry, Shape};
-use graintrain::stepper::{StepSettings, Stepper};
+use graintrain::stepper::{SolverChoice, StepSettings, Stepper};
 use graintrain::world::{Body, World};
 
 /// Numbers in [0, 1) from a fixed linear congruence.
@@ -357,7 +357,7 @@ fn jammed(edge: i32, pressure: f64) -> (World, f64) {
     let mut stepper = graintrain::stepper::Stepper::new(graintrain::stepper::StepSettings {
         step,
         envelope: 0.02 * radius,
-        tolerance: 1e-3,
+        solver: SolverChoice { tolerance: 1e-3, ..SolverChoice::default() },
         ..graintrain::stepper::StepSettings::default()
     })
     .unwrap();
@@ -484,7 +484,12 @@ fn a_packing_stands_under_any_stress() {
             add_sphere(&mut world, 0.004, place);
         }
         world.set_cell(Some(Cell { drive: pressed(pressure), ..held(0.03) })).unwrap();
-        let settings = StepSettings { step, envelope: 1e-4, friction: model, ..StepSettings::default() };
+        let settings = StepSettings {
+            step,
+            envelope: 1e-4,
+            solver: SolverChoice { friction: model, ..SolverChoice::default() },
+            ..StepSettings::default()
+        };
         let mut stepper = Stepper::new(settings).unwrap();
         for k in 0..60 {
             let report = solved_step(&mut stepper, &mut world);
@@ -502,6 +507,33 @@ fn a_packing_stands_under_any_stress() {
                 "{pressure} {model} step {k}: {}",
                 report.penetration_max_over_size
             );
+        }
+    }
+}
+
+/// A loose sample that its stress drives beyond its largest rate closes no faster than that, and its contacts stop it where it jams: no step is without
+/// a solution, and it comes to rest.
+#[test]
+fn a_cell_that_closes_at_its_largest_rate_is_stopped_by_contacts() {
+    for model in [Relaxed, Coulomb] {
+        let mut world = empty(0.5, 0.0);
+        for k in 0..27_u32 {
+            let place = 0.01 * Vec3::from([k % 3, k / 3 % 3, k / 9].map(|n| f64::from(n) + 0.5));
+            add_sphere(&mut world, 0.0045, place);
+        }
+        world.set_cell(Some(Cell { drive: pressed(1e9), fastest: 20.0, ..held(0.03) })).unwrap();
+        let settings = StepSettings {
+            step: 2e-3,
+            envelope: 1e-4,
+            solver: SolverChoice { friction: model, ..SolverChoice::default() },
+            ..StepSettings::default()
+        };
+        let mut stepper = Stepper::new(settings).unwrap();
+        for k in 0..40 {
+            solved_step(&mut stepper, &mut world);
+            let rate = world.cell().unwrap().rate;
+            assert!(rate[..3].iter().all(|rate| *rate > -20.0 * (1.0 + 1e-9)), "{model} {k}: {rate:?}");
+            assert!(k < 20 || rate.iter().all(|rate| rate.abs() < 0.1), "{model} {k}: {rate:?}");
         }
     }
 }

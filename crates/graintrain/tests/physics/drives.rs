@@ -8,7 +8,7 @@ use graintrain::load::{Action, Load};
 use graintrain::math::{Quat, Vec3};
 use graintrain::motion::{Axes, Motion, Profile};
 use graintrain::shape::{Geometry, Part, Shape};
-use graintrain::stepper::{StepSettings, Stepper};
+use graintrain::stepper::{SolverChoice, StepSettings, Stepper};
 use graintrain::world::{Body, World};
 use std::collections::BTreeSet;
 use std::f64::consts::FRAC_PI_2;
@@ -16,8 +16,13 @@ use std::f64::consts::FRAC_PI_2;
 const BOTH: [FrictionModel; 2] = [FrictionModel::Relaxed, FrictionModel::Coulomb];
 
 fn stepper(step: f64, friction: FrictionModel) -> Stepper {
-    Stepper::new(StepSettings { step, envelope: 0.01, tolerance: 1e-10, friction, ..StepSettings::default() })
-        .unwrap()
+    Stepper::new(StepSettings {
+        step,
+        envelope: 0.01,
+        solver: SolverChoice { tolerance: 1e-10, friction, ..SolverChoice::default() },
+        ..StepSettings::default()
+    })
+    .unwrap()
 }
 
 fn constant_force(direction: Vec3, size: f64) -> Action {

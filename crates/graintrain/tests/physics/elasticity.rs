@@ -6,7 +6,7 @@ use graintrain::material::Elasticity;
 use graintrain::math::{Quat, Vec3};
 use graintrain::motion::{Motion, Profile};
 use graintrain::shape::Geometry;
-use graintrain::stepper::{StepSettings, Stepper};
+use graintrain::stepper::{SolverChoice, StepSettings, Stepper};
 use graintrain::world::{Body, World};
 use std::f64::consts::PI;
 
@@ -41,9 +41,12 @@ fn weight_over_stiffness_is_the_compression() {
             let settings = StepSettings {
                 step: 1e-3,
                 envelope: 0.02,
-                solver: solver.parse().unwrap(),
-                tolerance: 1e-9,
-                friction: model,
+                solver: SolverChoice {
+                    name: solver.parse().unwrap(),
+                    tolerance: 1e-9,
+                    friction: model,
+                    ..SolverChoice::default()
+                },
                 ..StepSettings::default()
             };
             run(&mut Stepper::new(settings).unwrap(), &mut world, 1000);
@@ -231,9 +234,13 @@ fn what_sticks_and_slides_goes_on_sticking() {
         let stuff = MaterialId::default();
         let pull = 30.0 * world.bodies.mass[block];
         world.materials.set_pair_cohesion(stuff, stuff, pull).unwrap();
-        let mut stepper =
-            Stepper::new(StepSettings { step, envelope: 5e-3, friction: model, ..StepSettings::default() })
-                .unwrap();
+        let mut stepper = Stepper::new(StepSettings {
+            step,
+            envelope: 5e-3,
+            solver: SolverChoice { friction: model, ..SolverChoice::default() },
+            ..StepSettings::default()
+        })
+        .unwrap();
         run(&mut stepper, &mut world, (0.5 / step) as usize);
         let expected = -0.5 * (G - mu * 30.0) * world.time * world.time;
         assert_close(

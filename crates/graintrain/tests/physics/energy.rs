@@ -10,7 +10,7 @@ use graintrain::math::{Vec3, rotation_exponential};
 use graintrain::measure::energy::Ledger;
 use graintrain::motion::{Motion, Profile};
 use graintrain::shape::Geometry;
-use graintrain::stepper::{StepSettings, Stepper};
+use graintrain::stepper::{SolverChoice, StepSettings, Stepper};
 use graintrain::world::{Body, World};
 
 fn random(seed: u64) -> impl FnMut() -> f64 {
@@ -68,7 +68,12 @@ fn energy(world: &World) -> f64 {
 
 fn worst_rise(seed: u64, restitution: f64, friction: f64, model: FrictionModel, steps: usize) -> f64 {
     let mut world = scene(seed, restitution, friction);
-    let settings = StepSettings { step: 5e-3, envelope: 2e-3, friction: model, ..StepSettings::default() };
+    let settings = StepSettings {
+        step: 5e-3,
+        envelope: 2e-3,
+        solver: SolverChoice { friction: model, ..SolverChoice::default() },
+        ..StepSettings::default()
+    };
     let mut stepper = Stepper::new(settings).unwrap();
     let mut worst: f64 = 0.0;
     for step in 0..steps {
@@ -130,8 +135,12 @@ fn the_ledger_of_balls_closes_in_every_step() {
             acceleration: [Profile::Constant(0.0), Profile::Constant(0.3), Profile::Constant(0.0)],
         };
         world.add_load(Load::on_all(wind)).unwrap();
-        let settings =
-            StepSettings { step: 2e-3, envelope: 2e-3, friction: model, ..StepSettings::default() };
+        let settings = StepSettings {
+            step: 2e-3,
+            envelope: 2e-3,
+            solver: SolverChoice { friction: model, ..SolverChoice::default() },
+            ..StepSettings::default()
+        };
         let mut stepper = Stepper::new(settings).unwrap();
         let (begin, mut sum) = (world.kinetic_energy(), Ledger::default());
         for _ in 0..400 {

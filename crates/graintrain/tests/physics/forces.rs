@@ -5,13 +5,18 @@ use graintrain::handle::{BodyId, MaterialId};
 use graintrain::math::{Quat, Vec3};
 use graintrain::motion::{Motion, Profile};
 use graintrain::shape::Geometry;
-use graintrain::stepper::{StepSettings, Stepper};
+use graintrain::stepper::{SolverChoice, StepSettings, Stepper};
 use graintrain::world::{Body, World};
 use graintrain_ccp::FrictionModel;
 
 fn stepper(step: f64, friction: FrictionModel) -> Stepper {
-    Stepper::new(StepSettings { step, envelope: 1e-4, tolerance: 1e-8, friction, ..StepSettings::default() })
-        .unwrap()
+    Stepper::new(StepSettings {
+        step,
+        envelope: 1e-4,
+        solver: SolverChoice { tolerance: 1e-8, friction, ..SolverChoice::default() },
+        ..StepSettings::default()
+    })
+    .unwrap()
 }
 
 fn block(world: &mut World, half: f64, position: Vec3) -> BodyId {
@@ -204,7 +209,11 @@ fn impacts_do_not_miss_a_tolerance_below_their_own() {
             add_sphere(&mut world, 0.1, Vec3::new(0.19 * f64::from(k % 2), 0.19 * f64::from(k / 2), 0.12));
         world.bodies.velocity[ball] = Vec3::new(1.0 - f64::from(k), 0.3, -2.0);
     }
-    let settings = StepSettings { step: 1e-2, tolerance: 1e-11, ..StepSettings::default() };
+    let settings = StepSettings {
+        step: 1e-2,
+        solver: SolverChoice { tolerance: 1e-11, ..SolverChoice::default() },
+        ..StepSettings::default()
+    };
     let mut stepper = Stepper::new(settings).unwrap();
     let report = stepper.step(&mut world).unwrap();
     assert!(report.impacts > 0 && report.impact_residual.max <= 1e-9, "{:?}", report.impact_residual);

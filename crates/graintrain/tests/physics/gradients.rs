@@ -9,7 +9,7 @@ use graintrain::material::Materials;
 use graintrain::math::{Quat, Vec3};
 use graintrain::motion::{Motion, Profile};
 use graintrain::shape::{Geometry, Part, Shape};
-use graintrain::stepper::{StepSettings, Stepper};
+use graintrain::stepper::{SolverChoice, StepSettings, Stepper};
 use graintrain::world::{Body, World};
 
 const DT: f64 = 1e-2;
@@ -132,12 +132,13 @@ fn step_settings() -> StepSettings {
 /// The velocities after a step, from a tight solve.
 fn after(world: &World) -> Vec<f64> {
     let mut world = world.clone();
-    let settings = StepSettings {
-        solver: "ipm".parse().unwrap(),
+    let solver = SolverChoice {
+        name: "ipm".parse().unwrap(),
         tolerance: 1e-11,
         judge: graintrain::ccp::Judge::Maximum,
-        ..step_settings()
+        ..SolverChoice::default()
     };
+    let settings = StepSettings { solver, ..step_settings() };
     Stepper::new(settings).unwrap().step(&mut world).unwrap();
     graintrain::integrate::velocities(&world)
 }
@@ -237,7 +238,8 @@ fn kinks_and_what_has_no_derivative_are_told() {
     world.bodies.force[1] = Vec3::new(0.0, 0.0, weight);
     refused(&world, &step_settings(), "touches without pressing");
 
-    let coulomb = StepSettings { friction: FrictionModel::Coulomb, ..step_settings() };
+    let solver = SolverChoice { friction: FrictionModel::Coulomb, ..SolverChoice::default() };
+    let coulomb = StepSettings { solver, ..step_settings() };
     refused(&world, &coulomb, "exact");
     let drag = Action::Drag { linear: 1.0, quadratic: 0.0, angular: 0.0, medium: Vec3::ZERO };
     world.add_load(Load::on_all(drag)).unwrap();

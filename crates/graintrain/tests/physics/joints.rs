@@ -9,7 +9,7 @@ use graintrain::math::{Mat3, Vec3};
 use graintrain::motion::Axes;
 use graintrain::motion::{Motion, Profile};
 use graintrain::shape::Geometry;
-use graintrain::stepper::{StepSettings, Stepper};
+use graintrain::stepper::{SolverChoice, StepSettings, Stepper};
 use graintrain::world::{Body, MassProperties, World};
 use std::f64::consts::TAU;
 
@@ -17,7 +17,12 @@ const GRAVITY: f64 = 9.81;
 const BOTH: [FrictionModel; 2] = [FrictionModel::Relaxed, FrictionModel::Coulomb];
 
 fn stepper(step: f64, friction: FrictionModel) -> Stepper {
-    Stepper::new(StepSettings { step, friction, ..StepSettings::default() }).unwrap()
+    Stepper::new(StepSettings {
+        step,
+        solver: SolverChoice { friction, ..SolverChoice::default() },
+        ..StepSettings::default()
+    })
+    .unwrap()
 }
 
 fn earth() -> World {
@@ -403,6 +408,36 @@ fn light_and_heavy_bodies_share_a_joint() {
         let exact = 0.5 * Vec3::new(angle.cos(), 0.0, -angle.sin());
         let off = (world.bodies.position[ball.index()] - exact).length();
         assert!(off < 5e-6, "{off}");
+    }
+}
+
+/// Light links between the world and a slider that is pulled hard, across gravity: they sag by next to nothing and come to rest, at steps
+/// far beyond their swings.
+#[test]
+fn a_taut_light_chain_comes_to_rest() {
+    for (step, pull) in [(2e-2, 1e2), (2e-2, 1e5), (5e-3, 1e5), (5e-3, 1e7), (1e-3, 1e7)] {
+        let mut world = earth();
+        let place = |k: f64| Vec3::new(0.1 * k, 0.0, 0.0);
+        let links = [0.0, 1.0].map(|k| rod(&mut world, [place(k), place(k + 1.0)], 0.1));
+        let slider = lump(&mut world, place(2.0), 5.0, Vec3::splat(1e-2));
+        world.add_joint(Joint::spherical(None, links[0], place(0.0))).unwrap();
+        world.add_joint(Joint::spherical(Some(links[0]), links[1], place(1.0))).unwrap();
+        world.add_joint(Joint::spherical(Some(links[1]), slider, place(2.0))).unwrap();
+        world.add_joint(Joint::prismatic(None, slider, place(2.0), Vec3::X)).unwrap();
+        world.bodies.force[slider.index()] = pull * Vec3::X;
+        let mut stepper = stepper(step, FrictionModel::Relaxed);
+        let mut most = 0.0_f64;
+        for _ in 0..(0.5 / step) as usize {
+            stepper.step(&mut world).unwrap();
+            most = most.max(world.kinetic_energy());
+        }
+        // What a step falls freely, at the most, before the pull is known.
+        let free = 0.5 * 0.2 * (GRAVITY * step).powi(2);
+        assert!(most < 20.0 * free, "{step} {pull}: {most} J of {free}");
+        assert!(world.kinetic_energy() < 0.1 * free, "{step} {pull}: {} J", world.kinetic_energy());
+        // Their own weights over the pull times half a link, and what is left to come to rest.
+        let sag = -world.bodies.position[links[0].index()].z;
+        assert!((sag - 0.05 * 0.1 * GRAVITY / pull).abs() < 1e-3, "{step} {pull}: {sag}");
     }
 }
 

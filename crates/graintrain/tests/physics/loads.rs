@@ -10,13 +10,18 @@ use graintrain::material::Materials;
 use graintrain::math::{Quat, Vec3};
 use graintrain::motion::{Axes, Motion, Profile};
 use graintrain::shape::Geometry;
-use graintrain::stepper::{StepSettings, Stepper};
+use graintrain::stepper::{SolverChoice, StepSettings, Stepper};
 use graintrain::world::{Body, World};
 use std::f64::consts::TAU;
 
 fn stepper(step: f64, friction: FrictionModel) -> Stepper {
-    Stepper::new(StepSettings { step, envelope: 1e-4, tolerance: 1e-9, friction, ..StepSettings::default() })
-        .unwrap()
+    Stepper::new(StepSettings {
+        step,
+        envelope: 1e-4,
+        solver: SolverChoice { tolerance: 1e-9, friction, ..SolverChoice::default() },
+        ..StepSettings::default()
+    })
+    .unwrap()
 }
 
 fn weightless() -> World {

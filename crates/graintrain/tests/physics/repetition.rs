@@ -6,11 +6,16 @@ use graintrain::handle::MaterialId;
 use graintrain::math::{Quat, Vec3, rotation_exponential};
 use graintrain::motion::Motion;
 use graintrain::shape::{Geometry, Part};
-use graintrain::stepper::{StepSettings, Stepper};
+use graintrain::stepper::{SolverChoice, StepSettings, Stepper};
 use graintrain::world::Body;
 
 fn default_stepper(step: f64, friction: FrictionModel) -> Stepper {
-    Stepper::new(StepSettings { step, friction, ..StepSettings::default() }).unwrap()
+    Stepper::new(StepSettings {
+        step,
+        solver: SolverChoice { friction, ..SolverChoice::default() },
+        ..StepSettings::default()
+    })
+    .unwrap()
 }
 
 /// A number in [-1, 1] of a sequence without order (the golden ratio's multiples).
@@ -160,7 +165,12 @@ fn a_kerb_stops_a_thin_plate_in_long_steps() {
         let start = Vec3::new(0.0, 0.0, 0.005);
         let body = Body::new(plate, MaterialId::default(), start);
         world.add_body(Body { velocity: 5.0 * Vec3::X, ..body }).unwrap();
-        let settings = StepSettings { step, envelope: 0.02, friction: model, ..StepSettings::default() };
+        let settings = StepSettings {
+            step,
+            envelope: 0.02,
+            solver: SolverChoice { friction: model, ..SolverChoice::default() },
+            ..StepSettings::default()
+        };
         let mut stepper = Stepper::new(settings).unwrap();
         run(&mut stepper, &mut world, (0.6 / step) as usize);
         let place = world.bodies.position[2];

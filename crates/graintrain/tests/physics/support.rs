@@ -6,7 +6,7 @@ use graintrain::material::Materials;
 use graintrain::math::{Quat, Vec3};
 use graintrain::motion::Motion;
 use graintrain::shape::Geometry;
-use graintrain::stepper::{StepReport, StepSettings, Stepper};
+use graintrain::stepper::{SolverChoice, StepReport, StepSettings, Stepper};
 use graintrain::world::{Body, World};
 
 pub const G: f64 = 9.81;
@@ -36,11 +36,13 @@ pub fn stepper(step: f64, envelope: f64, tolerance: f64, friction: FrictionModel
     Stepper::new(StepSettings {
         step,
         envelope,
-        solver: "apgd".parse().unwrap(),
-        tolerance,
-        judge: Judge::Maximum,
-        max_iterations: Some(200_000),
-        friction,
+        solver: SolverChoice {
+            name: "apgd".parse().unwrap(),
+            tolerance,
+            judge: Judge::Maximum,
+            max_iterations: Some(200_000),
+            friction,
+        },
         ..StepSettings::default()
     })
     .unwrap()

@@ -7,12 +7,18 @@ use graintrain::handle::MaterialId;
 use graintrain::math::{Quat, Vec3, rotation_exponential};
 use graintrain::motion::Motion;
 use graintrain::shape::Geometry;
-use graintrain::stepper::{StepReport, StepSettings, Stepper};
+use graintrain::stepper::{SolverChoice, StepReport, StepSettings, Stepper};
 use graintrain::world::{Body, World};
 
 fn default_stepper(step: f64, friction: FrictionModel) -> Stepper {
     let envelope = 2e-4;
-    Stepper::new(StepSettings { step, envelope, friction, ..StepSettings::default() }).unwrap()
+    Stepper::new(StepSettings {
+        step,
+        envelope,
+        solver: SolverChoice { friction, ..SolverChoice::default() },
+        ..StepSettings::default()
+    })
+    .unwrap()
 }
 
 fn add_box(world: &mut World, half: Vec3, position: Vec3, mass: f64) -> usize {

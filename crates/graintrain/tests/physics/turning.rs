@@ -7,7 +7,7 @@ use graintrain::material::TurningResistance::{self, Length, Ratio};
 use graintrain::math::{Quat, Vec3};
 use graintrain::motion::Motion;
 use graintrain::shape::Geometry;
-use graintrain::stepper::{StepSettings, Stepper};
+use graintrain::stepper::{SolverChoice, StepSettings, Stepper};
 use graintrain::world::{Body, World};
 
 const RADIUS: f64 = 0.1;
@@ -161,9 +161,13 @@ fn rollers_under_a_heavy_slab() {
             .index();
         assert!(world.bodies.mass[slab] > 9e5 * world.bodies.mass[1]);
         let step = 1e-3;
-        let mut stepper =
-            Stepper::new(StepSettings { step, envelope: 0.01, friction: model, ..StepSettings::default() })
-                .unwrap();
+        let mut stepper = Stepper::new(StepSettings {
+            step,
+            envelope: 0.01,
+            solver: SolverChoice { friction: model, ..SolverChoice::default() },
+            ..StepSettings::default()
+        })
+        .unwrap();
         for _ in 0..400 {
             solved_step(&mut stepper, &mut world);
         }
@@ -189,7 +193,11 @@ fn turning_resistance_makes_no_energy() {
             let ball = add_sphere(&mut world, radius, place);
             world.bodies.angular_velocity[ball] = Vec3::new(5.0, -3.0, 8.0);
         }
-        let settings = StepSettings { step: 2e-3, friction: model, ..StepSettings::default() };
+        let settings = StepSettings {
+            step: 2e-3,
+            solver: SolverChoice { friction: model, ..SolverChoice::default() },
+            ..StepSettings::default()
+        };
         let mut stepper = Stepper::new(settings).unwrap();
         let energy = |world: &World| {
             let height = |b: usize| G * world.bodies.mass[b] * world.bodies.position[b].z;
@@ -245,7 +253,11 @@ fn angle_of_repose(rolling: f64, side: usize, layers: usize, seconds: f64, model
         let position = Vec3::new(x - shift + jitter(), y - shift + jitter(), z + 1.1 * radius + jitter());
         world.add_body(Body::new(ball, stuff, position)).unwrap();
     }
-    let settings = StepSettings { step, friction: model, ..StepSettings::default() };
+    let settings = StepSettings {
+        step,
+        solver: SolverChoice { friction: model, ..SolverChoice::default() },
+        ..StepSettings::default()
+    };
     let mut stepper = Stepper::new(settings).unwrap();
     for _ in 0..(seconds / step) as usize {
         solved_step(&mut stepper, &mut world);

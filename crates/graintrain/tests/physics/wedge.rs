@@ -8,7 +8,7 @@ use graintrain::joint::Joint;
 use graintrain::math::Vec3;
 use graintrain::motion::{Motion, Profile};
 use graintrain::shape::Geometry;
-use graintrain::stepper::{StepSettings, Stepper};
+use graintrain::stepper::{SolverChoice, StepSettings, Stepper};
 use graintrain::world::{Body, World};
 
 /// A block of 0.2 m without play between a floor, which is driven at 0.1 m/s, and a fixed lid; 300 balls in contact lie on the floor beside it.
@@ -39,8 +39,12 @@ fn a_block_that_slides_between_two_plates_is_not_locked() {
     for balls in [0, 100] {
         let speeds = [FrictionModel::Relaxed, FrictionModel::Coulomb].map(|friction| {
             let (mut world, block) = press(balls);
-            let mut stepper =
-                Stepper::new(StepSettings { step: 5e-3, friction, ..StepSettings::default() }).unwrap();
+            let mut stepper = Stepper::new(StepSettings {
+                step: 5e-3,
+                solver: SolverChoice { friction, ..SolverChoice::default() },
+                ..StepSettings::default()
+            })
+            .unwrap();
             for n in 0..40 {
                 let report = stepper.step(&mut world).unwrap();
                 assert!(report.solve.converged(), "{friction:?}, step {n}: {:?}", report.solve);

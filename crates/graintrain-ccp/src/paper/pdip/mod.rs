@@ -194,10 +194,7 @@ fn offer_starts(
         g[3 * i..3 * i + 3].copy_from_slice(&problem.cone(i).project(given));
     }
     let mut u = vec![0.0; g.len()];
-    problem.delassus.multiply(&g, &mut u, &mut problem.delassus.work());
-    for (u, r) in u.iter_mut().zip(&problem.r) {
-        *u += r;
-    }
+    problem.velocity(&g, &mut u, &mut problem.delassus.work());
     let residual = limits.judged(scale.residual(problem, &g, &u, friction));
     best.offer(&g, residual);
     least.min(residual)

@@ -209,10 +209,7 @@ impl<'a> Follower<'a> {
 
     /// u = N g + r.
     fn update_velocity(&mut self) {
-        self.problem.delassus.multiply(&self.impulse, &mut self.velocity, &mut self.work);
-        for (u, r) in self.velocity.iter_mut().zip(&self.problem.r) {
-            *u += r;
-        }
+        self.problem.velocity(&self.impulse, &mut self.velocity, &mut self.work);
     }
 
     /// Why the solve ends with the impulses at the place reached, if it does; the best ones are kept.

@@ -8,21 +8,10 @@ use super::super::lanes::Batch;
 use super::super::octet::{EIGHT, Octet, SingleVector};
 use super::super::report::Status;
 use super::super::scaling::{POWER_ITERATIONS, start_of_power};
-use super::SingleProblem;
 use super::kernel::{Identity, NaturalMap, PowerStep, Seen, SingleKernel, SingleTally};
 use super::operator::SingleScratch;
+use super::{Parameters, SingleProblem};
 use crate::residual::{FrictionModel, Judge, Residual};
-
-/// Iterations between two evaluations of the residual: at least and at most. In between the length of the steps tells when it is time.
-const CHECKS: [usize; 2] = [3, 25];
-/// Iterations between two evaluations of images from their vectors.
-const REFRESH: usize = 100;
-/// Double precision goes on after so many iterations without a tenth off the least residual.
-const PATIENCE: usize = 1000;
-/// Double precision goes on where this multiple of what rounding may do to the residual reaches the tolerance.
-const ROUNDING: f64 = 8.0;
-/// Rounding does so many times as much to the worst contact as to the root mean square.
-const WORST: f64 = 4.0;
 
 /// The current iterate of [`Apgd`](super::super::Apgd) with what it needs from step to step.
 pub struct SingleIterate<'a> {
@@ -35,6 +24,7 @@ pub struct SingleIterate<'a> {
     image_y: Vec<Octet>,
     scratch: SingleScratch,
     limits: &'a Limits<'a>,
+    parameters: &'a Parameters,
     /// Length of the last step over the step size, rms.
     slope: f64,
     /// Residual over slope at the last check.
@@ -55,7 +45,12 @@ pub struct SingleIterate<'a> {
 }
 
 impl<'a> SingleIterate<'a> {
-    pub fn new(problem: &'a SingleProblem, limits: &'a Limits<'a>, impulse: &[f64]) -> Self {
+    pub fn new(
+        problem: &'a SingleProblem,
+        limits: &'a Limits<'a>,
+        parameters: &'a Parameters,
+        impulse: &[f64],
+    ) -> Self {
         let mut x = problem.zeros();
         problem.pack(impulse, &mut x);
         let image = vec![Octet::default(); problem.operator.image_len()];
@@ -67,6 +62,7 @@ impl<'a> SingleIterate<'a> {
             image,
             scratch: problem.operator.scratch(),
             limits,
+            parameters,
             slope: f64::INFINITY,
             ratio: 0.0,
             last_check: 0,
@@ -120,7 +116,7 @@ impl<'a> SingleIterate<'a> {
         // A lane may lose a NaN in its maximum, never in its sum.
         let square = if totals.sum[0].is_nan() { f64::NAN } else { totals.max };
         let residual = Residual { max: square.sqrt(), rms: (totals.sum[0] / count).sqrt() };
-        let worst = if self.limits.judge() == Judge::Mixed { 1.0 } else { WORST };
+        let worst = if self.limits.judge() == Judge::Mixed { 1.0 } else { self.parameters.worst };
         (residual, worst * f64::from(f32::EPSILON) * (totals.sum[1] / count).sqrt())
     }
 
@@ -145,16 +141,18 @@ impl<'a> SingleIterate<'a> {
             self.status = (status != Status::Stalled).then_some(status);
             return false;
         }
-        ROUNDING * slack < self.limits.tolerance() && self.since_better <= PATIENCE
+        let Parameters { rounding, patience, .. } = self.parameters;
+        rounding * slack < self.limits.tolerance() && self.since_better <= *patience
     }
 
     /// Whether it is time for a check.
     fn checks_now(&self) -> bool {
         let since = self.iterations - self.last_check;
+        let [least, most] = self.parameters.checks;
         self.iterations == 0
             || self.limits.iterations_left(self.iterations) == 0
-            || since >= CHECKS[1]
-            || since >= CHECKS[0] && self.slope * self.ratio <= self.limits.tolerance()
+            || since >= most
+            || since >= least && self.slope * self.ratio <= self.limits.tolerance()
     }
 }
 
@@ -196,7 +194,7 @@ impl Space for SingleIterate<'_> {
         if self.checks_now() && !self.check() {
             return false;
         }
-        if self.iterations > 0 && self.iterations.is_multiple_of(REFRESH) {
+        if self.iterations > 0 && self.iterations.is_multiple_of(self.parameters.refresh) {
             self.refresh();
         }
         if std::mem::take(&mut self.refreshed) {

@@ -10,7 +10,9 @@ mod geometry;
 mod iterate;
 mod kernel;
 mod operator;
+mod parameters;
 
+use super::body_pass::BODIES;
 use super::cell_images::PackedCell;
 use super::lanes::Batch;
 use super::octet::{EIGHT, Octet};
@@ -23,18 +25,12 @@ use crate::delassus::{BodyInverseMass, Delassus, FIXED, RigidContact, RigidDelas
 use crate::problem::Ccp;
 use crate::residual::{FrictionModel, Judge, ResidualScale};
 use geometry::{Bodies, General, Radial};
-use operator::{Arrangement, BODIES, CHUNK, ContactNumbers, InverseMasses, SingleOperator, own_batches};
+use operator::{Arrangement, CHUNK, ContactNumbers, InverseMasses, SingleOperator, own_batches};
 use rayon::prelude::*;
 use std::sync::Arc;
 
 pub use iterate::SingleIterate;
-
-/// Fewer contacts are not worth the trouble.
-const FEWEST: usize = 256;
-
-/// Least tolerance, of the root mean square and of the maximum, that single precision is asked for.
-const LEAST_TOLERANCE: f64 = 2e-5;
-const LEAST_MAXIMUM: f64 = 1e-3;
+pub use parameters::Parameters;
 
 /// Arms that are off the normal by more than this fraction of their length are taken as they are.
 const ALONG_NORMAL: f64 = 1e-9;
@@ -55,15 +51,15 @@ pub struct SingleProblem {
 
 /// Whether the solve may begin in single precision: over rigid bodies that no joint couples and no contact keeps from turning, not too
 /// few contacts, not too tight a tolerance.
-pub(super) fn suits(problem: &Ccp, settings: &SolveSettings) -> bool {
+pub(super) fn suits(problem: &Ccp, settings: &SolveSettings, parameters: &Parameters) -> bool {
     let Delassus::Rigid(rigid) = &*problem.delassus else { return false };
     let least = match settings.judge {
-        Judge::Mixed => LEAST_TOLERANCE,
-        Judge::Maximum => LEAST_MAXIMUM,
+        Judge::Mixed => parameters.least_tolerance,
+        Judge::Maximum => parameters.least_maximum,
     };
     rigid.is_plain_but_for_cell()
         && problem.turning.is_empty()
-        && problem.num_contacts() >= FEWEST
+        && problem.num_contacts() >= parameters.fewest_contacts
         && settings.tolerance >= least
 }
 

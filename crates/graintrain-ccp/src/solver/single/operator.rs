@@ -1,5 +1,6 @@
 //! N' over rigid bodies in single precision: one pass over contacts, one over bodies.
 
+use super::super::body_pass::{num_body_tasks, over_bodies};
 use super::super::cell_images::PackedCell;
 use super::super::combination::Combination;
 use super::super::dispatch::vectorised;
@@ -14,8 +15,6 @@ use std::ops::Range;
 
 /// Batches per chunk of contacts: as many contacts as a chunk in double precision.
 pub(super) const CHUNK: usize = 128;
-/// Bodies per parallel task.
-pub(super) const BODIES: usize = 1024;
 /// So many batches ahead a pass asks for geometry.
 const PREFETCH: usize = 6;
 
@@ -78,7 +77,7 @@ impl SingleOperator {
     }
 
     pub(super) fn scratch(&self) -> SingleScratch {
-        let tasks = self.contacts.len().div_ceil(CHUNK).max(self.num_body_tasks());
+        let tasks = self.contacts.len().div_ceil(CHUNK).max(num_body_tasks(self.masses.diagonal.len()));
         SingleScratch {
             slots: vec![Octet::default(); self.slots.len()],
             tallies: vec![Tally::default(); tasks],
@@ -89,10 +88,6 @@ impl SingleOperator {
     /// Batches of the chunks of this rank.
     pub(super) fn own_batches(&self) -> Range<usize> {
         own_batches(self.share.as_deref(), self.contacts.len())
-    }
-
-    fn num_body_tasks(&self) -> usize {
-        self.masses.diagonal.len().div_ceil(BODIES)
     }
 
     /// One pass over the contacts: the kernel sees u = N' y + r' with the image of y where GATHER, else with zeros; what it
@@ -158,31 +153,19 @@ impl SingleOperator {
         scratch: &mut SingleScratch,
         combination: &impl Combination<K>,
     ) -> f64 {
-        let tasks = self.num_body_tasks();
         let bodies = self.masses.diagonal.len();
         let mut all = images;
-        let mut images = all.each_mut().map(|image| &mut image[..bodies]);
+        let images = all.each_mut().map(|image| &mut image[..bodies]);
         let SingleScratch { slots, tallies, buffers } = scratch;
-        let (slots, tallies) = (&slots[..], &mut tallies[..tasks]);
+        let slots = &slots[..];
         let work = |first: usize, images: [&mut [Octet]; K], tally: &mut Tally| {
             vectorised(InSingle(BodyPass { operator: self, first, slots, images, tally, combination }));
         };
-        let own = self.share.as_deref().map_or(0..tasks, Share::tasks);
-        let parts = part_of(images.each_mut().map(|image| &mut **image), &own, BODIES);
-        let no_extra = &mut [] as &mut [()];
-        let own_tallies = &mut tallies[own.clone()];
-        for_each_task(own, BODIES, parts, no_extra, &|_| 0, own_tallies, &|task, images, _, tally| {
-            work(task * BODIES, images, tally);
-        });
-        if let Some(cell) = &self.cell {
-            return Totals::of(tallies).sum[0] + cell.follow((slots, &self.slots), all, combination);
+        let sum = over_bodies(self.share.as_deref(), images, tallies, buffers, &work);
+        match &self.cell {
+            Some(cell) => sum + cell.follow((slots, &self.slots), all, combination),
+            None => sum,
         }
-        let Some(share) = &self.share else { return Totals::of(tallies).sum[0] };
-        for run in share.beyond() {
-            let images = images.each_mut().map(|image| &mut image[run.clone()]);
-            work(run.start, images, &mut Tally::default());
-        }
-        share.total_of_tasks(tallies, buffers)
     }
 }
 

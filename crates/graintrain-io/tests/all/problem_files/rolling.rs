@@ -161,7 +161,7 @@ fn rolling_step(spinning: f64) -> graintrain::stepper::Stepper {
     use graintrain::math::Vec3;
     use graintrain::motion::Motion;
     use graintrain::shape::Geometry;
-    use graintrain::stepper::{StepSettings, Stepper};
+    use graintrain::stepper::{SolverChoice, StepSettings, Stepper};
     use graintrain::world::{Body, World};
     let stuff = MaterialId::default();
     let mut materials = Materials::single("stuff", 1000.0, 0.5, 0.0).unwrap();
@@ -179,7 +179,10 @@ fn rolling_step(spinning: f64) -> graintrain::stepper::Stepper {
         };
         world.add_body(body).unwrap();
     }
-    let settings = StepSettings { tolerance: 1e-9, ..StepSettings::default() };
+    let settings = StepSettings {
+        solver: SolverChoice { tolerance: 1e-9, ..SolverChoice::default() },
+        ..StepSettings::default()
+    };
     let mut stepper = Stepper::new(settings).unwrap();
     stepper.step(&mut world).unwrap();
     stepper

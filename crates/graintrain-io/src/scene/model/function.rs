@@ -1,0 +1,72 @@
+//! Functions of time.
+
+use super::super::error::Location;
+use super::super::expression::formula_text;
+use super::super::quantity::Dimension;
+use graintrain::motion::Profile;
+use serde::{Serialize, Serializer};
+use std::path::PathBuf;
+
+/// A function of time.
+#[derive(Clone, Debug, PartialEq)]
+pub enum FunctionSpec {
+    /// As it is.
+    Profile(Profile),
+    /// From a file.
+    File {
+        /// The file.
+        file: FunctionFile,
+    },
+}
+
+/// A file with times and values.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct FunctionFile {
+    /// The file.
+    pub path: PathBuf,
+    /// Column of the times.
+    pub time: String,
+    /// Column of the values.
+    pub value: String,
+    /// Dimension of the values.
+    #[serde(skip)]
+    pub dimension: Dimension,
+    /// Where the path is written.
+    #[serde(skip)]
+    pub location: Location,
+}
+
+impl FunctionSpec {
+    /// The same at all times.
+    pub fn constant(value: f64) -> Self {
+        Self::Profile(Profile::Constant(value))
+    }
+}
+
+impl Serialize for FunctionSpec {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        #[derive(Serialize)]
+        #[serde(rename_all = "snake_case")]
+        enum Form<'a> {
+            Sinusoidal { amplitude: f64, period: f64, phase: f64 },
+            Table { times: &'a [f64], values: &'a [f64] },
+            File(&'a FunctionFile),
+        }
+        match self {
+            Self::File { file } => Form::File(file).serialize(serializer),
+            Self::Profile(Profile::Constant(value)) => serializer.serialize_f64(*value),
+            Self::Profile(Profile::Formula(formula)) => serializer.serialize_str(&formula_text(formula)),
+            Self::Profile(Profile::Sinusoidal { amplitude, period, phase }) => {
+                Form::Sinusoidal { amplitude: *amplitude, period: *period, phase: *phase }
+                    .serialize(serializer)
+            }
+            Self::Profile(Profile::Table { times, values }) => {
+                Form::Table { times, values }.serialize(serializer)
+            }
+            // The scene delays whole motions, not functions: see `MotionSpec::start`.
+            Self::Profile(Profile::Delayed { profile, .. }) => {
+                Self::Profile((**profile).clone()).serialize(serializer)
+            }
+        }
+    }
+}

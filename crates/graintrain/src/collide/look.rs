@@ -1,0 +1,63 @@
+//! Which touches of two bodies count: those within the envelope, and those that may close within the step.
+
+use super::reduce::Touch;
+use crate::world::World;
+
+/// How far contacts are looked for.
+#[derive(Clone, Copy)]
+pub(super) struct Look {
+    pub(super) envelope: f64,
+    pub(super) step: f64,
+    /// The largest acceleration of any body times step^2, m: pairs further apart are not looked at.
+    pub(super) fall: f64,
+    /// Balls that do not meet within the step are left out.
+    pub(super) meeting: bool,
+}
+
+impl Look {
+    /// Whether a touch lies within the envelope or may close within the step.
+    pub(super) fn closes(&self, world: &World, pair: [u32; 2], largest: f64, touch: &Touch) -> bool {
+        if touch.gap <= self.envelope {
+            return true;
+        }
+        let away = surface_speeds(world, pair, touch);
+        let approach = self.step * (away[1] - away[0]);
+        let fall = self.fall_of(world, pair);
+        self.reaches(touch, fall, approach) || self.closes_at_rest(world, pair, fall, largest, touch, away)
+    }
+
+    /// Largest acceleration of either body times step^2, m.
+    pub(super) fn fall_of(&self, world: &World, pair: [u32; 2]) -> f64 {
+        let [a, b] = pair.map(|body| world.acceleration(body as usize));
+        a.max(b) * self.step * self.step
+    }
+
+    /// Whether a touch may close within the step if one of both bodies came to rest, unless it is held; `away` as [`surface_speeds`].
+    pub(super) fn closes_at_rest(
+        &self,
+        world: &World,
+        pair: [u32; 2],
+        fall: f64,
+        largest: f64,
+        touch: &Touch,
+        [away_a, away_b]: [f64; 2],
+    ) -> bool {
+        let [held_a, held_b] = pair.map(|body| world.is_prescribed(body as usize));
+        let stops = |parting: f64, held: bool| if held { parting } else { 0.0 };
+        let rest = (-away_a + stops(away_b, held_b)).max(away_b - stops(away_a, held_a));
+        self.reaches(touch, fall, (self.step * rest).min(largest))
+    }
+
+    fn reaches(&self, touch: &Touch, fall: f64, approach: f64) -> bool {
+        touch.gap <= self.envelope + approach || touch.gap <= fall + approach
+    }
+}
+
+/// Velocities of the bodies A and B at a touch along its normal, m/s.
+pub(super) fn surface_speeds(world: &World, pair: [u32; 2], touch: &Touch) -> [f64; 2] {
+    let [a, b] = world.pair_velocities(pair);
+    [(pair[0], a), (pair[1], b)].map(|(body, [velocity, spin])| {
+        let arm = world.way_to(body as usize, touch.point);
+        touch.normal.dot(velocity + spin.cross(arm))
+    })
+}
