@@ -18,9 +18,6 @@ use std::sync::atomic::Ordering;
 /// Largest radius, m; the smallest is nine tenths of it.
 const RADIUS: f64 = 0.01;
 
-/// Mean of what is between them, m.
-const MEAN_DIAMETER: f64 = 2.0 * 0.95 * RADIUS;
-
 /// kg/m^3.
 const DENSITY: f64 = 1000.0;
 
@@ -45,7 +42,7 @@ const PRESSED: f64 = 1.4;
 /// Steps made to this tolerance at the end: contacts that carry nothing have what a solve leaves over, and are counted at the tolerance of scenes.
 const FINE: (usize, Accuracy) = (20, Accuracy { tolerance: 1e-6, judge: Judge::Mixed });
 
-/// Of shear, 1/s. Its slowness is that of the inertial number, by way of the pressure.
+/// Of shear, 1/s: the inertial number is 1e-3.
 const SHEAR_RATE: f64 = 0.5;
 
 /// Shear strain before anything is averaged, and over which it is.
@@ -129,21 +126,13 @@ impl PeriodicSample {
         coordination(&self.world, &all, if self.friction == 0.0 { 4 } else { 2 }).mean_without_rattlers
     }
 
-    /// Shears the sample at a constant rate, along x in planes across y, under normal stresses that make the inertial number I = rate d sqrt(density / pressure).
+    /// Shears the sample at a constant rate under the same normal stresses, along x in planes across y.
     ///
     /// # Errors
     /// As [`Self::compressed`].
-    pub fn sheared(
-        &mut self,
-        inertial_number: f64,
-        sampling: &mut Sampling<'_>,
-    ) -> Result<Sheared, VerifyError> {
+    pub fn sheared(&mut self, sampling: &mut Sampling<'_>) -> Result<Sheared, VerifyError> {
         (sampling.progress)(&format!("shear, friction {}", self.friction));
-        let pressure_of = DENSITY * (SHEAR_RATE * MEAN_DIAMETER / inertial_number).powi(2);
-        self.drive(|drive| {
-            drive[..3].fill(Drive::Stress(Profile::Constant(pressure_of)));
-            drive[3] = Drive::Rate(Profile::Constant(SHEAR_RATE));
-        })?;
+        self.drive(|drive| drive[3] = Drive::Rate(Profile::Constant(SHEAR_RATE)))?;
         let all = vec![true; self.world.bodies.len()];
         let begin = self.world.time;
         let (mut ratios, mut densities) = (Vec::new(), Vec::new());
