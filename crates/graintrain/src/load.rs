@@ -3,7 +3,7 @@
 //! In every step loads are summed into [`Bodies::force`](crate::world::Bodies::force) and `torque`, on top of what a program has set
 //! there, before contacts are looked for; after the step the program's own values are back. Functions of time enter with their mean over
 //! the step, so that the impulse of a load is exact; what depends on position or orientation is taken at the start of the step. Drag acts
-//! on the velocity after the step, contacts and all ([`Drag`]).
+//! on the velocity after the step, contacts and all ([`Action::Drag`]).
 //! Where forces change from step to step, contacts are looked for twice per step: those found at its end do not hold for the next.
 
 use crate::error::{ModelError, finite, positive};
@@ -215,6 +215,10 @@ pub(crate) fn apply(world: &mut World, step: f64) -> Option<Unloaded> {
         load.apply(world, step);
     }
     world.loads = loads;
+    let bodies = &world.bodies;
+    for ((drag, mass), u) in world.drag.iter_mut().zip(&bodies.mass).zip(&bodies.velocity) {
+        drag.alone = (drag.pull - drag.linear * *u) / (1.0 + step * drag.linear / mass);
+    }
     Some(before)
 }
 
@@ -311,6 +315,8 @@ pub(crate) struct Drag {
     pub angular: f64,
     /// The coefficient times the velocity of the medium, N.
     pub pull: Vec3,
+    /// What it would be in the step without other forces, N.
+    pub alone: Vec3,
 }
 
 /// Adds what drag was with these velocities after the step (six numbers per body) to the forces and torques.

@@ -427,7 +427,7 @@ impl World {
         let gravity = self.gravity.length();
         let mut force = self.bodies.force[body];
         if let Some(drag) = self.drag.get(body) {
-            force += drag.pull - drag.linear * self.bodies.velocity[body];
+            force += drag.alone;
         }
         if force == Vec3::ZERO || self.is_prescribed(body) {
             return gravity;

@@ -77,7 +77,7 @@ impl TriangleTree {
             self.triangle_contacts(triangle, visitor, envelope, &mut candidates);
         }
         if !matches!(visitor.shape, Shape::Sphere { .. }) {
-            self.leave_surface(&mut candidates, &near);
+            self.leave_surface(&mut candidates, &near, visitor);
         }
         let real = candidates.iter().filter(|c| self.is_real(c, &candidates, &near, visitor));
         touches.extend(real.map(|c| c.touch));
@@ -157,9 +157,10 @@ impl TriangleTree {
         })
     }
 
-    /// Takes away the contacts of flat bodies and capsules with edges that bear nothing. Where the normal is nearly that of the
-    /// triangle's face (the library's is one of the body's own faces, or rough where bodies barely touch), it becomes that.
-    fn leave_surface(&self, candidates: &mut Vec<Candidate>, near: &[u32]) {
+    /// Takes away the contacts of flat bodies and capsules with edges that bear nothing, where there is a gap. Where the normal is nearly that of
+    /// the triangle's face (the library's is one of the body's own faces, or rough where bodies barely touch), it becomes that; and so where the
+    /// body overlaps the triangle: the least way out of one triangle may lead along the surface, out of the surface it does not.
+    fn leave_surface(&self, candidates: &mut Vec<Candidate>, near: &[u32], visitor: &Visitor<'_>) {
         candidates.retain_mut(|candidate| {
             let (touch, triangle) = (&mut candidate.touch, candidate.triangle);
             let corners = self.corners[triangle as usize];
@@ -168,11 +169,12 @@ impl TriangleTree {
             if cosine.abs() > 1.0 - 0.5 * LEVEL * LEVEL || !self.rises_along(touch.normal, triangle, near) {
                 return true;
             }
+            let overlaps = touch.gap < 0.0;
             let on_body = touch.point + 0.5 * touch.gap * touch.normal;
-            touch.normal = cosine.signum() * face;
+            touch.normal = if face.dot(visitor.position - corners[0]) < 0.0 { -face } else { face };
             touch.gap = touch.normal.dot(on_body - corners[0]);
             touch.point = on_body - 0.5 * touch.gap * touch.normal;
-            cosine.abs() > NEARLY
+            overlaps || cosine.abs() > NEARLY
         });
     }
 

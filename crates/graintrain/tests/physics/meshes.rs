@@ -270,3 +270,83 @@ fn tiles_do_not_brake_what_slides_over_them() {
         }
     }
 }
+
+/// Boxes that stand on an edge or a corner just where tiles, slopes of a valley or four corners meet are held there, and random ones fall through
+/// nothing.
+#[test]
+fn what_stands_on_the_borders_of_triangles_does_not_fall_through() {
+    let grid = |size: f64, height: &dyn Fn(f64, f64) -> f64| {
+        let (mut vertices, mut triangles) = (Vec::new(), Vec::new());
+        let count = (1.0 / size).round() as u32;
+        for i in 0..=count {
+            for j in 0..=count {
+                let [x, y] = [i, j].map(|k| size * f64::from(k) - 0.5);
+                vertices.push(Vec3::new(x, y, height(x, y)));
+                if i < count && j < count {
+                    let a = i * (count + 1) + j;
+                    let [b, c, d] = [a + 1, a + count + 1, a + count + 2];
+                    triangles.extend([[a, c, b], [b, c, d]]);
+                }
+            }
+        }
+        (vertices, triangles)
+    };
+    let on_edge = Quat::from_rotation_y(0.25 * PI);
+    let on_corner = Quat::from_rotation_arc(Vec3::ONE.normalize(), Vec3::Z);
+    type Surface = fn(f64, f64) -> f64;
+    let flat: Surface = |_, _| 0.0;
+    let valley: Surface = |x, _| 0.3 * x.abs();
+    let bumps: Surface = |x, y| 0.02 * (20.0 * x).sin() * (17.0 * y).cos();
+    let slope: Surface = |x, _| 0.5 * x;
+    for (surface, tile, orientation, fall) in [
+        (flat, 0.1, on_edge, 0.0),
+        (flat, 0.1, on_edge, 0.2),
+        (valley, 0.1, on_edge, 0.0),
+        (valley, 0.1, on_edge, 0.1),
+        (flat, 0.1, on_corner, 0.0),
+        (slope, 0.005, on_edge, 0.02),
+    ] {
+        for model in BOTH {
+            let mut world = world(0.5, 0.0);
+            let (vertices, triangles) = grid(tile, &surface);
+            add_surface(&mut world, vertices, triangles, Motion::fixed());
+            let geometry = world.add_geometry(Geometry::cuboid(Vec3::splat(0.05)).unwrap());
+            let lowest = if orientation == on_edge { 0.05 * 2.0_f64.sqrt() } else { 0.05 * 3.0_f64.sqrt() };
+            let place = Vec3::Z * (lowest + fall);
+            let body = Body { orientation, ..Body::new(geometry, MaterialId::default(), place) };
+            let body = world.add_body(body).unwrap().index();
+            if tile < 0.01 {
+                world.bodies.velocity[body] = -5.0 * Vec3::Z;
+            }
+            let mut stepper = stepper(5e-3, model);
+            for k in 0..60 {
+                stepper.step(&mut world).unwrap();
+                let p = world.bodies.position[body];
+                assert!(p.z > surface(p.x, p.y) + 0.045, "{tile} {fall} {model} {k}: {p}");
+            }
+        }
+    }
+    for (surface, tile) in [(flat, 0.1), (bumps, 0.025)] {
+        let mut world = world(0.5, 0.0);
+        let (vertices, triangles) = grid(tile, &surface);
+        add_surface(&mut world, vertices, triangles, Motion::fixed());
+        let geometry = world.add_geometry(Geometry::cuboid(Vec3::splat(0.04)).unwrap());
+        for k in 0..16_u32 {
+            let [i, j] = [k % 4, k / 4].map(|n| 0.2 * f64::from(n) - 0.3);
+            let turn = f64::from(k);
+            let orientation = Quat::from_rotation_x(1.3 * turn) * Quat::from_rotation_y(2.1 * turn);
+            let place = Vec3::new(i, j, 0.2);
+            world
+                .add_body(Body { orientation, ..Body::new(geometry, MaterialId::default(), place) })
+                .unwrap();
+        }
+        let mut stepper = stepper(5e-3, FrictionModel::Relaxed);
+        for k in 0..120 {
+            stepper.step(&mut world).unwrap();
+            for p in &world.bodies.position[1..] {
+                let beside = p.x.abs() > 0.45 || p.y.abs() > 0.45;
+                assert!(beside || p.z > surface(p.x, p.y), "{tile} {k}: {p}");
+            }
+        }
+    }
+}
