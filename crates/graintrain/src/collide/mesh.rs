@@ -20,7 +20,48 @@ pub(crate) struct TriangleTree {
     corners: Vec<[Vec3; 3]>,
     /// Vertex numbers in which vertices at the same place have one number, so that triangles that share an edge know.
     shared: Vec<[u32; 3]>,
+    /// Triangles around every vertex.
+    around: TrianglesAround,
     tree: Bvh,
+}
+
+/// The triangles around every vertex number, ascending.
+struct TrianglesAround {
+    /// Vertex number n has those from `first[n]` to before `first[n + 1]`.
+    first: Vec<u32>,
+    triangles: Vec<u32>,
+}
+
+impl TrianglesAround {
+    fn new(shared: &[[u32; 3]], vertices: usize) -> Self {
+        let mut first = vec![0; vertices + 1];
+        let corners = || {
+            shared.iter().enumerate().flat_map(|(t, numbers)| once_each(numbers).map(move |n| (t as u32, n)))
+        };
+        for (_, number) in corners() {
+            first[number as usize + 1] += 1;
+        }
+        for n in 0..vertices {
+            first[n + 1] += first[n];
+        }
+        let (mut next, mut triangles) = (first.clone(), vec![0; first[vertices] as usize]);
+        for (triangle, number) in corners() {
+            triangles[next[number as usize] as usize] = triangle;
+            next[number as usize] += 1;
+        }
+        Self { first, triangles }
+    }
+
+    fn of(&self, number: u32) -> &[u32] {
+        let [from, to] = [number as usize, number as usize + 1].map(|n| self.first[n] as usize);
+        &self.triangles[from..to]
+    }
+}
+
+/// The corners of a triangle, those of one without area not twice.
+fn once_each(numbers: &[u32; 3]) -> impl Iterator<Item = u32> {
+    let [a, b, c] = *numbers;
+    [Some(a), (b != a).then_some(b), (c != a && c != b).then_some(c)].into_iter().flatten()
 }
 
 /// A shape near the mesh, in the mesh's frame.
@@ -55,10 +96,11 @@ impl TriangleTree {
             *numbers.entry(key).or_insert(next)
         };
         let corners: Vec<[Vec3; 3]> = triangles.iter().map(|t| t.map(|v| vertices[v as usize])).collect();
-        let shared = corners.iter().map(|t| t.map(&mut shared_number)).collect();
+        let shared: Vec<[u32; 3]> = corners.iter().map(|t| t.map(&mut shared_number)).collect();
+        let around = TrianglesAround::new(&shared, numbers.len());
         let boxes: Vec<Aabb> =
             corners.iter().map(|t| Aabb::new(t[0].min(t[1]).min(t[2]), t[0].max(t[1]).max(t[2]))).collect();
-        Self { corners, shared, tree: Bvh::from_leaves(BvhBuildStrategy::default(), &boxes) }
+        Self { corners, shared, around, tree: Bvh::from_leaves(BvhBuildStrategy::default(), &boxes) }
     }
 
     /// Box that holds the mesh.
@@ -77,9 +119,9 @@ impl TriangleTree {
             self.triangle_contacts(triangle, visitor, envelope, &mut candidates);
         }
         if !matches!(visitor.shape, Shape::Sphere { .. }) {
-            self.leave_surface(&mut candidates, &near, visitor);
+            self.leave_surface(&mut candidates, visitor);
         }
-        let real = candidates.iter().filter(|c| self.is_real(c, &candidates, &near, visitor));
+        let real = candidates.iter().filter(|c| self.is_real(c, &candidates, visitor));
         touches.extend(real.map(|c| c.touch));
     }
 
@@ -132,9 +174,16 @@ impl TriangleTree {
         }
     }
 
+    /// The other triangles that have these corners of a triangle.
+    fn sharing<'a>(&'a self, triangle: u32, corners: &'a [u32]) -> impl Iterator<Item = u32> + 'a {
+        let (first, rest) = corners.split_first().expect("an edge or a corner");
+        let has_all = |other: u32| rest.iter().all(|v| self.shared[other as usize].contains(v));
+        self.around.of(*first).iter().copied().filter(move |&other| other != triangle && has_all(other))
+    }
+
     /// Whether the normal tilts from the face of the triangle over an edge beyond which the surface rises along it: then the points beyond
     /// are nearer to the body, and the edge bears nothing.
-    fn rises_along(&self, normal: Vec3, triangle: u32, near: &[u32]) -> bool {
+    fn rises_along(&self, normal: Vec3, triangle: u32) -> bool {
         let (corners, shared) = (self.corners[triangle as usize], self.shared[triangle as usize]);
         (0..3).any(|k| {
             let ends = [k, (k + 1) % 3];
@@ -143,11 +192,7 @@ impl TriangleTree {
             if normal.dot(into) >= -LEVEL {
                 return false;
             }
-            let shares = |other: &&u32| {
-                let numbers = self.shared[**other as usize];
-                **other != triangle && ends.iter().all(|&end| numbers.contains(&shared[end]))
-            };
-            near.iter().filter(shares).any(|&other| {
+            self.sharing(triangle, &ends.map(|end| shared[end])).any(|other| {
                 let other_corners = self.corners[other as usize];
                 let numbers = self.shared[other as usize];
                 let apex = (0..3).find(|&i| numbers[i] != shared[ends[0]] && numbers[i] != shared[ends[1]]);
@@ -160,13 +205,13 @@ impl TriangleTree {
     /// Takes away the contacts of flat bodies and capsules with edges that bear nothing, where there is a gap. Where the normal is nearly that of
     /// the triangle's face (the library's is one of the body's own faces, or rough where bodies barely touch), it becomes that; and so where the
     /// body overlaps the triangle: the least way out of one triangle may lead along the surface, out of the surface it does not.
-    fn leave_surface(&self, candidates: &mut Vec<Candidate>, near: &[u32], visitor: &Visitor<'_>) {
+    fn leave_surface(&self, candidates: &mut Vec<Candidate>, visitor: &Visitor<'_>) {
         candidates.retain_mut(|candidate| {
             let (touch, triangle) = (&mut candidate.touch, candidate.triangle);
             let corners = self.corners[triangle as usize];
             let face = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize();
             let cosine = face.dot(touch.normal);
-            if cosine.abs() > 1.0 - 0.5 * LEVEL * LEVEL || !self.rises_along(touch.normal, triangle, near) {
+            if cosine.abs() > 1.0 - 0.5 * LEVEL * LEVEL || !self.rises_along(touch.normal, triangle) {
                 return true;
             }
             let overlaps = touch.gap < 0.0;
@@ -178,52 +223,50 @@ impl TriangleTree {
         });
     }
 
-    /// Whether a candidate would be there if the surface were whole. `near` are the triangles around the visitor.
-    fn is_real(&self, candidate: &Candidate, all: &[Candidate], near: &[u32], visitor: &Visitor<'_>) -> bool {
+    /// Whether a candidate would be there if the surface were whole. `all` are in the order of their triangles.
+    fn is_real(&self, candidate: &Candidate, all: &[Candidate], visitor: &Visitor<'_>) -> bool {
         let small = 1e-9 * visitor.shape.bounding_radius();
-        let touching: Vec<u32> = {
-            let corners = self.shared[candidate.triangle as usize];
-            match candidate.feature {
-                TriangleFeature::Face => return true,
-                TriangleFeature::Edge(k) => vec![corners[k], corners[(k + 1) % 3]],
-                TriangleFeature::Vertex(k) => vec![corners[k]],
-            }
+        let corners = self.shared[candidate.triangle as usize];
+        let (touching, count) = match candidate.feature {
+            TriangleFeature::Face => return true,
+            TriangleFeature::Edge(k) => ([corners[k], corners[(k + 1) % 3]], 2),
+            TriangleFeature::Vertex(k) => ([corners[k]; 2], 1),
         };
-        let shares = |triangle: u32| touching.iter().all(|v| self.shared[triangle as usize].contains(v));
+        let mut sharing = self.sharing(candidate.triangle, &touching[..count]);
         if let Shape::Capsule { radius, .. } = *visitor.shape {
             // As for a sphere, with the ball of the capsule that touches.
             let touch = &candidate.touch;
             let centre = touch.point + (radius + 0.5 * touch.gap) * touch.normal;
             let distance = (centre - candidate.foot).length();
-            return near.iter().filter(|&&other| other != candidate.triangle && shares(other)).all(
-                |&other| {
-                    let (foot, _) = nearest_on_triangle(centre, self.corners[other as usize]);
-                    (centre - foot).length() >= distance - small
-                },
-            );
+            return sharing.all(|other| {
+                let (foot, _) = nearest_on_triangle(centre, self.corners[other as usize]);
+                (centre - foot).length() >= distance - small
+            });
         }
-        all.iter().filter(|other| other.triangle != candidate.triangle && shares(other.triangle)).all(
-            |other| {
-                let apart = (other.foot - candidate.foot).length();
-                match visitor.shape {
-                    Shape::Sphere { .. } => {
-                        // The same point seen from two triangles counts once, from the first.
-                        let same = apart <= small;
-                        if same {
-                            candidate.triangle < other.triangle
-                        } else {
-                            other.touch.gap >= candidate.touch.gap
-                        }
-                    }
-                    // A face contact nearby already holds the body off along the true normal.
-                    _ => {
-                        other.feature != TriangleFeature::Face
-                            || apart > 1e-2 * visitor.shape.bounding_radius()
-                            || other.touch.normal.dot(candidate.touch.normal) > 1.0 - 1e-12
+        let of_triangle = |triangle: u32| {
+            let from = all.partition_point(|c| c.triangle < triangle);
+            all[from..].iter().take_while(move |c| c.triangle == triangle)
+        };
+        sharing.flat_map(of_triangle).all(|other| {
+            let apart = (other.foot - candidate.foot).length();
+            match visitor.shape {
+                Shape::Sphere { .. } => {
+                    // The same point seen from two triangles counts once, from the first.
+                    let same = apart <= small;
+                    if same {
+                        candidate.triangle < other.triangle
+                    } else {
+                        other.touch.gap >= candidate.touch.gap
                     }
                 }
-            },
-        )
+                // A face contact nearby already holds the body off along the true normal.
+                _ => {
+                    other.feature != TriangleFeature::Face
+                        || apart > 1e-2 * visitor.shape.bounding_radius()
+                        || other.touch.normal.dot(candidate.touch.normal) > 1.0 - 1e-12
+                }
+            }
+        })
     }
 }
 
@@ -247,4 +290,30 @@ pub(crate) fn turned_bounds(bounds: &Aabb, position: Vec3, rotation: Mat3) -> Aa
 /// Feature of a contact with a triangle, from the triangle and the feature within it.
 pub(crate) fn triangle_feature(triangle: u32, feature: u64) -> u64 {
     mix(u64::from(triangle) << 32).wrapping_add(feature)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn triangles_that_share_an_edge_or_corner_are_those_that_a_search_of_all_finds() {
+        // Few places for many corners: edges of many triangles, triangles without area, the same triangle twice.
+        let vertices: Vec<Vec3> =
+            (0..14).map(|k| Vec3::new(f64::from(k % 7), f64::from(k % 3), 0.0)).collect();
+        let pick = |k: u32| (f64::from(k * k) * 0.618_034).fract();
+        let triangles: Vec<[u32; 3]> =
+            (0..60).map(|k| [0, 1, 2].map(|i| (14.0 * pick(3 * k + i)) as u32)).collect();
+        let mesh = TriangleTree::new(&vertices, &triangles);
+        for triangle in 0..triangles.len() as u32 {
+            let [a, b, c] = mesh.shared[triangle as usize];
+            for corners in [&[a][..], &[b], &[c], &[a, b], &[b, c], &[c, a]] {
+                let shares = |&other: &u32| {
+                    other != triangle && corners.iter().all(|v| mesh.shared[other as usize].contains(v))
+                };
+                let expected: Vec<u32> = (0..triangles.len() as u32).filter(shares).collect();
+                assert_eq!(mesh.sharing(triangle, corners).collect::<Vec<_>>(), expected);
+            }
+        }
+    }
 }

@@ -1,6 +1,7 @@
 //! Contact reduction: the points that a patch of contact needs.
 
 use crate::math::{Vec3, tangents};
+use std::collections::HashMap;
 
 /// Where two shapes touch, as found by a kernel.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -20,6 +21,9 @@ pub(crate) const SAME_PATCH: f64 = 0.95;
 
 /// Points nearer to each other than this fraction of the patch's extent are one point.
 const SAME_POINT: f64 = 1e-3;
+
+/// Points among which each is held against each to find those that coincide.
+const FEW: usize = 64;
 
 /// Contacts with which a patch begins: enough to fix the position and tilt of a face that lies on another.
 const KEPT: usize = 4;
@@ -66,13 +70,41 @@ pub(crate) fn reduce(touches: &mut Vec<Touch>) {
 /// Of points that coincide keeps the first, which is the deepest.
 fn remove_duplicates(patch: &mut Vec<Touch>) {
     let extent = patch.iter().map(|t| (t.point - patch[0].point).length()).fold(0.0, f64::max);
-    let mut kept: Vec<Touch> = Vec::with_capacity(patch.len());
-    for touch in patch.iter() {
-        if kept.iter().all(|k| (k.point - touch.point).length() > SAME_POINT * extent) {
-            kept.push(*touch);
-        }
+    let apart = SAME_POINT * extent;
+    if patch.len() > FEW && apart > 0.0 {
+        remove_duplicates_among_many(patch, apart);
+        return;
     }
-    *patch = kept;
+    let mut kept: Vec<Vec3> = Vec::with_capacity(patch.len());
+    patch.retain(|touch| {
+        let is_new = kept.iter().all(|k| (*k - touch.point).length() > apart);
+        if is_new {
+            kept.push(touch.point);
+        }
+        is_new
+    });
+}
+
+/// The same for the thousands of points of a large body on a fine mesh: each is held against those kept in its own cube of a grid and in
+/// the cubes around it.
+fn remove_duplicates_among_many(patch: &mut Vec<Touch>, apart: f64) {
+    let first = patch[0].point;
+    // Slightly larger than `apart`: rounding must not carry points that coincide two cubes apart.
+    let cube = |point: Vec3| ((point - first) / (1.01 * apart)).to_array().map(|x| x.floor() as i32);
+    let mut kept_in: HashMap<[i32; 3], Vec<Vec3>> = HashMap::new();
+    patch.retain(|touch| {
+        let [x, y, z] = cube(touch.point);
+        let around = (x - 1..=x + 1)
+            .flat_map(|x| (y - 1..=y + 1).flat_map(move |y| (z - 1..=z + 1).map(move |z| [x, y, z])));
+        let is_new = around
+            .filter_map(|cube| kept_in.get(&cube))
+            .flatten()
+            .all(|kept| (*kept - touch.point).length() > apart);
+        if is_new {
+            kept_in.entry([x, y, z]).or_default().push(touch.point);
+        }
+        is_new
+    });
 }
 
 fn keep_four(patch: &mut Vec<Touch>) {
@@ -222,6 +254,33 @@ mod tests {
             touches.iter().any(|t| t.feature == 9)
         };
         assert!(square(0.5) && !square(0.6));
+    }
+
+    #[test]
+    fn of_many_points_the_same_are_kept_as_by_comparing_all() {
+        // Clusters a little wider than the distance within which points coincide, over a patch of extent about 1.
+        let wave = |k: f64| (k * k * 1.234_567).sin();
+        let mut touches: Vec<Touch> = (0_u32..2000)
+            .map(|k| {
+                let (cluster, k) = (f64::from(k / 20), f64::from(k));
+                touch(
+                    wave(cluster) + 1.5e-3 * wave(3.0 * k),
+                    wave(cluster + 0.5) + 1.5e-3 * wave(k + 7.0),
+                    0.0,
+                    0,
+                )
+            })
+            .collect();
+        let extent = touches.iter().map(|t| (t.point - touches[0].point).length()).fold(0.0, f64::max);
+        let mut expected: Vec<Touch> = Vec::new();
+        for touch in &touches {
+            if expected.iter().all(|k| (k.point - touch.point).length() > SAME_POINT * extent) {
+                expected.push(*touch);
+            }
+        }
+        assert!((200..1800).contains(&expected.len()), "{} of the points are kept", expected.len());
+        remove_duplicates(&mut touches);
+        assert_eq!(touches, expected);
     }
 
     #[test]
