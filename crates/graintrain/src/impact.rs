@@ -22,6 +22,7 @@
 //! ACM Transactions on Graphics 31(4):106, 2012.
 
 use crate::assemble::{pair_property, relative_velocities};
+use crate::collide::Collider;
 use crate::contact::Contact;
 use crate::integrate::{free_velocity, free_velocity_of, velocities};
 use crate::joint::mechanism::coupled_in_impacts;
@@ -249,13 +250,17 @@ impl ImpactSolver<'_> {
 }
 
 /// Gives contacts of pairs with restitution the arms that they have when the bodies touch, where they still have a gap to close: from
-/// each centre to the own surface. With half a gap more the spin that friction gives would depend on the phase of arrival.
-pub(crate) fn lead_to_surfaces(world: &World, contacts: &mut [Contact]) {
+/// each centre to the own surface. With half a gap more the spin that friction gives would depend on the phase of arrival. Balls that
+/// touch within the step as they move now get the normal of that moment, too: that of the start of the step is off by the way sideways.
+pub(crate) fn lead_to_surfaces(world: &World, collider: &Collider, step: f64, contacts: &mut [Contact]) {
     let materials = &world.bodies.material;
     for contact in contacts.iter_mut().filter(|contact| contact.gap > 0.0 && contact.lead == Vec3::ZERO) {
         let [a, b] = [contact.body_a, contact.body_b].map(|body| materials[body as usize].index());
         if world.materials.pair_restitution(a, b) > 0.0 {
-            contact.lead = 0.5 * contact.gap * contact.normal;
+            match collider.arrival_of_balls(world, contact, step) {
+                Some(arrival) => *contact = arrival,
+                None => contact.lead = 0.5 * contact.gap * contact.normal,
+            }
         }
     }
 }

@@ -214,7 +214,7 @@ impl Stepper {
         let mut bends = Bends::default();
         let (mut added, mut iterations) = (0, 0);
         for round in 0.. {
-            lead_to_surfaces(world, &mut contacts);
+            lead_to_surfaces(world, &self.collider, step, &mut contacts);
             let begin = Clock::now();
             let attempt = self.attempt(world, &contacts, guess.take(), &driven)?;
             laps.add(|phases| &mut phases.assemble, attempt.assembled - begin);

@@ -164,6 +164,22 @@ impl Collider {
         self.form(world, body).ball.is_some()
     }
 
+    /// The contact of two balls that are apart and touch within the step as they move now: with the normal and the arms of that moment.
+    /// `None` for other bodies, and for balls that do not touch in it.
+    pub(crate) fn arrival_of_balls(&self, world: &World, apart: &Contact, step: f64) -> Option<Contact> {
+        let pair = [apart.body_a, apart.body_b];
+        if !pair.iter().all(|&body| self.is_ball(world, body as usize)) {
+            return None;
+        }
+        let ([a, b], image) = self.placed_pair(world, pair);
+        let [v_a, v_b] = world.pair_velocities(pair);
+        let impact =
+            time_of_impact(a, b, v_a, v_b, step, 0.0).filter(|i| i.time > 0.0 && image == apart.image)?;
+        let arrival = *arrivals(&impact, a, b, v_a, v_b).first()?;
+        let lead = 0.5 * (arrival.on_a - arrival.on_b);
+        Some(Contact { lead, image, identity: apart.identity, ..contact(pair, &arrival.touch) })
+    }
+
     /// Size of the smaller body of a contact, m.
     pub(crate) fn contact_size(&self, world: &World, contact: &Contact) -> f64 {
         let [a, b] = [contact.body_a, contact.body_b].map(|body| self.body_size(world, body as usize));
