@@ -36,7 +36,8 @@ pub struct Parameters {
     /// Where bodies fall by more than this fraction of the smaller one's size in a step, what they do without each other says nothing
     /// of their contacts.
     pub fallen: f64,
-    /// Rounds of solving a step again with contacts that were missed; what still overlaps then is reported.
+    /// Rounds of solving a step again with contacts that were missed; what still overlaps then is reported. Two or three do, but where bodies
+    /// cross the scene in a step each round may send them on to others.
     pub rounds: usize,
     /// Rounds in which contacts may be left out.
     pub phantom_rounds: usize,
@@ -51,7 +52,7 @@ impl Default for Parameters {
             bent: 5e-3,
             ghostly: 0.2,
             fallen: 0.1,
-            rounds: 8,
+            rounds: 30,
             phantom_rounds: 3,
             joint_rounds: 12,
         }
