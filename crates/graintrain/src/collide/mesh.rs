@@ -71,6 +71,26 @@ pub(crate) struct Visitor<'a> {
     pub orientation: Quat,
 }
 
+impl Visitor<'_> {
+    /// Where the round of a capsule or cylinder that has this point of its surface comes nearest to a plane with this normal. The point
+    /// itself comes down only as the body rolls on: linearised, as far in half the way, and what rolls would be lifted. Points of other
+    /// bodies, and of a cylinder whose cap lies on the plane, are kept.
+    fn foremost_around(&self, point: Vec3, normal: Vec3) -> Vec3 {
+        let axis = self.orientation * Vec3::Z;
+        let from_centre = point - self.position;
+        match *self.shape {
+            Shape::Capsule { half_length, radius } => {
+                let along = axis.dot(from_centre).clamp(-half_length, half_length);
+                self.position + along * axis - radius * normal
+            }
+            Shape::Cylinder { radius, .. } if axis.dot(normal).abs() < NEARLY => {
+                self.position + from_centre.project_onto(axis) - radius * normal.reject_from(axis).normalize()
+            }
+            _ => point,
+        }
+    }
+}
+
 /// Contact with one triangle, with what is needed to tell real from apparent edges.
 struct Candidate {
     touch: Touch,
@@ -217,6 +237,7 @@ impl TriangleTree {
             let overlaps = touch.gap < 0.0;
             let on_body = touch.point + 0.5 * touch.gap * touch.normal;
             touch.normal = if face.dot(visitor.position - corners[0]) < 0.0 { -face } else { face };
+            let on_body = visitor.foremost_around(on_body, touch.normal);
             touch.gap = touch.normal.dot(on_body - corners[0]);
             touch.point = on_body - 0.5 * touch.gap * touch.normal;
             overlaps || cosine.abs() > NEARLY
