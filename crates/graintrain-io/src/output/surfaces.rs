@@ -5,6 +5,7 @@ use crate::roster::Roster;
 use graintrain::math::{Quat, Vec3};
 use graintrain::shape::Shape;
 use graintrain::world::{FREE, World};
+use graintrain_linalg::real;
 use std::f64::consts::{FRAC_PI_2, TAU};
 
 /// Segments of a full circle in cylinders and capsules.
@@ -47,7 +48,7 @@ impl Triangles {
         surface.vertices.push(Vec3::new(0.0, 0.0, profile[0].1));
         for &(distance, height) in rings {
             surface.vertices.extend((0..SEGMENTS).map(|k| {
-                let (sin, cos) = (TAU * f64::from(k) / f64::from(SEGMENTS)).sin_cos();
+                let (sin, cos) = real::sin_cos(TAU * f64::from(k) / f64::from(SEGMENTS));
                 Vec3::new(distance * cos, distance * sin, height)
             }));
         }
@@ -72,7 +73,7 @@ impl Triangles {
 
     fn capsule(half_length: f64, radius: f64) -> Self {
         let cap = |k: u32| {
-            let (sin, cos) = (FRAC_PI_2 * f64::from(k) / f64::from(CAP_SEGMENTS)).sin_cos();
+            let (sin, cos) = real::sin_cos(FRAC_PI_2 * f64::from(k) / f64::from(CAP_SEGMENTS));
             (radius * sin, half_length + radius * cos)
         };
         let mut profile: Vec<(f64, f64)> =
