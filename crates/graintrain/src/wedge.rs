@@ -24,6 +24,7 @@ use graintrain_ccp::{
     Ccp, CcpError, CcpSolver, CoupledBodies, Delassus, FIXED, FrictionModel, Residual, RigidDelassus,
     SolveReport, SolveSettings, Status,
 };
+use graintrain_linalg::real;
 use std::sync::Arc;
 
 /// What the search for wedges and the solution of their mixture are tuned by. Values: docs/mechanics.md, "When a run stops being physics"
@@ -533,5 +534,5 @@ fn taking_part(proof: &Certificate, share: f64) -> impl Iterator<Item = usize> {
 
 /// s = mu |u_t| of a contact, m/s.
 fn opening(problem: &Ccp, velocity: &[f64], i: usize) -> f64 {
-    problem.friction[i] * velocity[3 * i + 1].hypot(velocity[3 * i + 2])
+    problem.friction[i] * real::hypot(velocity[3 * i + 1], velocity[3 * i + 2])
 }

@@ -19,6 +19,7 @@ use graintrain_ccp::{
     Ccp, CcpError, Delassus, FrictionModel, RigidContact, SolveReport, SolveSettings, Status,
 };
 use graintrain_linalg::parallel::axpy;
+use graintrain_linalg::real;
 use std::borrow::Cow;
 use std::collections::{HashMap, HashSet};
 
@@ -97,7 +98,8 @@ impl Stepper {
             let [a, b] = world.materials_of(&contacts[i]);
             let slides = pushed.contains(&contacts[i].identity);
             let slip = slip.get(3 * i + 1..3 * i + 3).filter(|_| slides);
-            let opened = slip.map_or(0.0, |u| step * world.materials.pair_friction(a, b) * u[0].hypot(u[1]));
+            let opened =
+                slip.map_or(0.0, |u| step * world.materials.pair_friction(a, b) * real::hypot(u[0], u[1]));
             elasticity::TOUCHING * self.collider.contact_size(world, &contacts[i]) + opened
         };
         let pulls = elasticity::pulls(world, contacts, reach, step);
