@@ -308,19 +308,6 @@ fn describe(summary: &Summary, folder: &Path) -> String {
             summary.slip_angle_max
         ),
     );
-    if let Some(told) = relaxation(summary) {
-        line("relaxation", told);
-    }
-    if summary.wedged_steps > 0 {
-        let contacts = counted(summary.contacts_wedged, "contact", "contacts");
-        let steps = counted(summary.wedged_steps, "step", "steps");
-        line(
-            "wedged",
-            format!(
-                "{contacts} in {steps} taken with exact friction: bodies are wedged in, and the relaxation has no solution or throws them away"
-            ),
-        );
-    }
     for stage in &summary.stages {
         let last = stage.last_step.map_or("the end".to_string(), |last| last.to_string());
         line("stage", format!("`{}`: steps {} to {last}", stage.name, stage.first_step + 1));
@@ -363,38 +350,6 @@ fn describe(summary: &Summary, folder: &Path) -> String {
     };
     let _ = writeln!(text, "  next: {next}");
     text
-}
-
-/// Above this relative difference of the velocities exact friction is worth its price.
-const WORTH_EXACT_FRICTION: f64 = 0.01;
-
-/// What relaxed friction did to the run, and whether exact friction is advised.
-fn relaxation(summary: &Summary) -> Option<String> {
-    if summary.friction != FrictionModel::Relaxed {
-        return None;
-    }
-    let opened = format!(
-        "sliding contacts open by {:.1e} % of the smaller body's radius per step at most, {:.2} % of the contacts with force by more than 0.1 %",
-        100.0 * summary.relaxation_opening_max_over_radius,
-        100.0 * summary.relaxation_opened_share
-    );
-    if summary.relaxation_steps_compared == summary.relaxation_steps_undecided {
-        return Some(opened);
-    }
-    let (steps, relative) = (summary.relaxation_steps_compared, summary.relaxation_relative_difference_max);
-    let undecided = match summary.relaxation_steps_undecided {
-        0 => String::new(),
-        steps => format!(" ({steps} of them undecided)"),
-    };
-    let advice = if relative > WORTH_EXACT_FRICTION {
-        "exact friction is worth it here: --friction coulomb"
-    } else {
-        "relaxed friction is good enough here"
-    };
-    Some(format!(
-        "{opened}; in {steps} steps compared{undecided} exact friction gives velocities that differ by {:.2} % of their rms: {advice}",
-        100.0 * relative
-    ))
 }
 
 /// Seconds for people: 12.3 ms, 4.56 s, 3 min 20 s, 2 h 5 min.
