@@ -5,6 +5,7 @@
 
 #![warn(clippy::print_stdout, clippy::print_stderr)]
 
+mod closing;
 mod command;
 mod crew;
 mod error;

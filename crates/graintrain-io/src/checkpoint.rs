@@ -97,11 +97,19 @@ pub enum CheckpointError {
         what: String,
     },
     /// No checkpoint in the folder.
-    #[error("there is no checkpoint in {}", folder.display())]
+    #[error("{}", what_lacks(folder))]
     None {
         /// The folder.
         folder: PathBuf,
     },
+}
+
+/// Why there are no checkpoints in the folder: a name that is mistyped, or a folder that no run has made.
+fn what_lacks(folder: &Path) -> String {
+    match folder.parent().filter(|run| !run.as_os_str().is_empty()) {
+        Some(run) if !run.exists() => format!("there is no {}", run.display()),
+        _ => format!("there is no checkpoint in {}", folder.display()),
+    }
 }
 
 /// Writes a checkpoint into the folder, named after the step, and removes all but the last two. The file appears whole

@@ -19,6 +19,9 @@
 //!
 //! Feature `fclib`: problem files in HDF5, which dumps are as well.
 
+// The C library has other bits on other machines: `graintrain_linalg::real`.
+#![cfg_attr(not(test), warn(clippy::disallowed_methods))]
+
 #[doc = include_str!("../README.md")]
 #[cfg(doctest)]
 struct Readme;

@@ -17,6 +17,7 @@ use graintrain::measure::repose::slope;
 use graintrain::measure::space::{own_space, porosity, selected, volume};
 use graintrain::measure::stress::{deviator, pressure, stress};
 use graintrain::world::World;
+use graintrain_linalg::real;
 use serde::{Deserialize, Serialize};
 
 /// A measurement: some quantities of some bodies, from some step on, every so many steps.
@@ -500,7 +501,7 @@ impl ShearBox {
             tau,
             sigma,
             ratio,
-            ratio.atan(),
+            real::atan(ratio),
             plane_tau,
             plane_sigma,
             plane_ratio,

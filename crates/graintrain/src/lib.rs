@@ -23,6 +23,9 @@
 //!
 //! Scenes, outputs and runs are in `graintrain-io`, pictures in `graintrain-view`.
 
+// The C library has other bits on other machines: `graintrain_linalg::real`.
+#![cfg_attr(not(test), warn(clippy::disallowed_methods))]
+
 #[doc = include_str!("../README.md")]
 #[cfg(doctest)]
 struct Readme;

@@ -5,6 +5,7 @@ use graintrain_ccp::residual::ResidualScale;
 use graintrain_ccp::{
     Ccp, CcpError, CcpSolver, Delassus, FrictionModel, Residual, SolveReport, SolveSettings, Status,
 };
+use graintrain_linalg::real;
 use std::sync::Arc;
 
 /// What the solution part by part is tuned by.
@@ -283,10 +284,10 @@ fn parts_freely(problem: &Ccp) -> bool {
     let turning = |i: usize| {
         let Some(k) = problem.turning_of(i) else { return 0.0 };
         let (own, w) = (problem.turning[k], &problem.r[3 * (problem.num_contacts() + k)..]);
-        own.rolling * w[1].hypot(w[2]) + own.spinning * w[0].abs()
+        own.rolling * real::hypot(w[1], w[2]) + own.spinning * w[0].abs()
     };
     let mut contacts = problem.r.chunks_exact(3).zip(friction).enumerate();
-    contacts.all(|(i, (r, mu))| r[0] >= mu * r[1].hypot(r[2]) + turning(i))
+    contacts.all(|(i, (r, mu))| r[0] >= mu * real::hypot(r[1], r[2]) + turning(i))
 }
 
 /// The report of a step without contacts.

@@ -5,6 +5,7 @@ use crate::error::{ModelError, finite, positive};
 use crate::hull::Hull;
 use crate::math::{Mat3, Quat, Vec3};
 use crate::solid_mesh::{check_closed, moments};
+use graintrain_linalg::real;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 
@@ -145,7 +146,7 @@ impl Shape {
             Self::Box { half } => half.length(),
             Self::Plane => f64::INFINITY,
             Self::Capsule { half_length, radius } => half_length + radius,
-            Self::Cylinder { half_length, radius } => half_length.hypot(*radius),
+            Self::Cylinder { half_length, radius } => real::hypot(*half_length, *radius),
             Self::Hull(hull) => hull.bounding_radius(),
             Self::Mesh { vertices, .. } => vertices.iter().map(|v| v.length()).fold(0.0, f64::max),
         }

@@ -9,6 +9,7 @@ use crate::world::World;
 use graintrain_ccp::residual::{MIXED_MAXIMUM, velocity_scale};
 use graintrain_ccp::{Ccp, Delassus, Residual, SolveReport};
 use graintrain_linalg::parallel::fold_chunks;
+use graintrain_linalg::real;
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
 
@@ -122,7 +123,7 @@ impl PhysicalErrors {
         let moments = impulse[3 * contacts.len()..].chunks_exact(3).zip(spin.chunks_exact(3));
         for (own, (h, w)) in problem.turning.iter().zip(moments) {
             let g = &impulse[3 * own.contact as usize..3 * own.contact as usize + 3];
-            let (rolling, slip) = (h[1].hypot(h[2]), w[1].hypot(w[2]));
+            let (rolling, slip) = (real::hypot(h[1], h[2]), real::hypot(w[1], w[2]));
             let force = (g[0] * g[0] + g[1] * g[1] + g[2] * g[2]).sqrt();
             if force > 0.0 {
                 let excess = (rolling - own.rolling * g[0]).max(h[0].abs() - own.spinning * g[0]);
@@ -130,7 +131,7 @@ impl PhysicalErrors {
             }
             if slip > resolved && rolling > 0.0 {
                 let cosine = -(w[1] * h[1] + w[2] * h[2]) / (slip * rolling);
-                errors.slip_angle_max = errors.slip_angle_max.max(cosine.clamp(-1.0, 1.0).acos());
+                errors.slip_angle_max = errors.slip_angle_max.max(real::acos(cosine.clamp(-1.0, 1.0)));
             }
         }
         // An angle per contact would cost as much as all the rest.
@@ -159,7 +160,7 @@ impl PhysicalErrors {
             (all.0.worse(&chunk.0), all.1.min(chunk.1))
         };
         let (errors, least_cosine) = fold_chunks(contacts.len(), (errors, 1.0), of_chunk, worst);
-        let slip_angle_max = errors.slip_angle_max.max(least_cosine.clamp(-1.0, 1.0).acos());
+        let slip_angle_max = errors.slip_angle_max.max(real::acos(least_cosine.clamp(-1.0, 1.0)));
         Self { slip_angle_max, ..errors }
     }
 

@@ -116,13 +116,18 @@ fn exact_members() -> [Box<dyn CcpSolver>; 4] {
 /// Exact friction with the members of [`exact_members`] from number `first` on, and relaxed ones for the fixed point.
 fn exact_table(first: usize, relaxed: &[usize]) -> Vec<Stage> {
     let path = first + 3;
+    // Where its systems are small, the path soon leads on.
+    let early = Stage::new(path, Task::Solve, Start::Best, 10_000);
+    let again = |mut turns: [Stage; 3]| {
+        turns[2].again = turns.len();
+        turns
+    };
     let mut table = turns(first, Start::Last).to_vec();
-    table.push(Stage::new(path, Task::Solve, Start::Best, 30_000));
-    table.extend(turns(first, Start::Last));
-    table[6].again = 3;
+    table.insert(1, early);
+    table.push(Stage { most: 30_000, ..early });
+    table.extend(again(turns(first, Start::Last)));
     table.extend(turns(first, Start::Zero));
-    table.extend(turns(first, Start::Last));
-    table[12].again = 3;
+    table.extend(again(turns(first, Start::Last)));
     table.push(Stage::new(relaxed[0], Task::Frictionless, Start::Zero, 60_000));
     table.push(Stage::new(path, Task::Solve, Start::Zero, 1_000_000));
     let most = 600_000 / relaxed.len();

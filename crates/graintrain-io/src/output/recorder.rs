@@ -166,14 +166,14 @@ impl Recorder {
             let file = write(format!("bodies_{number}.vtp"), &particles(world, roster, step))?;
             self.bodies.push(world.time, &in_folder(std::slice::from_ref(&file)))?;
             blocks.particles = Some(file);
-            let fixed = surfaces(world, roster, Show::Fixed);
+            let fixed = surfaces(world, roster, &self.settings.stages, Show::Fixed);
             if !fixed.cells.is_empty() {
                 // Written once: what never moves is the same in every frame.
                 let name = "surfaces_fixed.vtp".to_string();
                 let is_first = self.surfaces.is_empty();
                 blocks.meshes.push(("fixed", if is_first { write(name, &fixed)? } else { name }));
             }
-            let moving = surfaces(world, roster, Show::Moving);
+            let moving = surfaces(world, roster, &self.settings.stages, Show::Moving);
             if !moving.cells.is_empty() {
                 blocks.meshes.push(("moving", write(format!("surfaces_{number}.vtp"), &moving)?));
             }

@@ -141,9 +141,10 @@ impl RunFolder {
         let mut world = self.last.clone();
         world.time = frame.time;
         world.contacts = ContactSet::default();
-        let placed = self.place_particles(&mut world, &VtpFile::read(&self.folder.join(&frame.bodies))?)?;
+        let mut placed =
+            self.place_particles(&mut world, &VtpFile::read(&self.folder.join(&frame.bodies))?)?;
         for file in &frame.surfaces {
-            self.place_surfaces(&mut world, &VtpFile::read(&self.folder.join(file))?)?;
+            self.place_surfaces(&mut world, &VtpFile::read(&self.folder.join(file))?, &mut placed)?;
         }
         if let Some(file) = &frame.contacts {
             world.contacts = self.contacts(&world, &VtpFile::read(&self.folder.join(file))?)?;
@@ -253,8 +254,8 @@ impl RunFolder {
                 first = ends[k];
                 continue;
             };
-            // The contact point follows the centre of body A, which is left out where it cannot move.
-            let corner = first + usize::from(world.free_degrees(body_a).contains(&true));
+            // A line leads from body A over the contact point to body B.
+            let corner = first + 1;
             if corner >= ends[k] {
                 return Err(file.malformed(format!("line {k} has too few points")));
             }
@@ -275,18 +276,22 @@ impl RunFolder {
         Ok(set)
     }
 
-    /// Poses of the bodies that have no point of their own, from the first triangle of each.
-    fn place_surfaces(&self, world: &mut World, file: &VtpFile) -> Result<(), ViewError> {
+    /// Poses of the bodies that have no point of their own in this frame, from the first triangle of each.
+    fn place_surfaces(
+        &self,
+        world: &mut World,
+        file: &VtpFile,
+        placed: &mut [bool],
+    ) -> Result<(), ViewError> {
         let owners = self.bodies(world, file, "body_id")?;
         let points = file.vectors("Points")?;
         let corners = file.indices("connectivity", points.len())?;
         if corners.len() != 3 * owners.len() {
             return Err(file.malformed("its cells are not triangles".into()));
         }
-        let mut placed = vec![false; world.bodies.len()];
         for (triangle, body) in corners.chunks_exact(3).zip(&owners) {
             let Some(body) = *body else { continue };
-            if std::mem::replace(&mut placed[body], true) || world.free_degrees(body).contains(&true) {
+            if std::mem::replace(&mut placed[body], true) {
                 continue;
             }
             let geometry = &world.geometries[world.bodies.geometry[body].index()];
