@@ -1,8 +1,8 @@
 //! Linear solvers of the Newton layer against the matrix they claim to invert, and the interior points against Clarabel.
 
-mod common;
-
-use common::{Random, clarabel, clarabel_over_velocities, lattice_packing, random_problem, sparse_form};
+use crate::common::{
+    Random, clarabel, clarabel_over_velocities, lattice_packing, random_problem, sparse_form,
+};
 use graintrain_ccp::newton::{
     LinearReport, NewtonError, NewtonSolver, NewtonSystem, ScaledBlocks, driver::NewtonDriver,
 };

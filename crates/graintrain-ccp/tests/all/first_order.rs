@@ -1,8 +1,6 @@
 //! Every first-order method against hand-made problems and against Clarabel.
 
-mod common;
-
-use common::{clarabel, lattice_packing, random_problem, sparse_form};
+use crate::common::{clarabel, lattice_packing, random_problem, sparse_form};
 use graintrain_ccp::residual::{FrictionModel, ResidualScale};
 use graintrain_ccp::{Ccp, Delassus, FIXED, RigidContact, RigidDelassus};
 use graintrain_ccp::{SolveReport, SolveSettings, SolverSpec};

@@ -1,8 +1,6 @@
 //! The symmetric cone interior point against Clarabel, against the other interior point, and on jammed bodies.
 
-mod common;
-
-use common::{clarabel, lattice_packing, random_problem, sparse_form};
+use crate::common::{clarabel, lattice_packing, random_problem, sparse_form};
 use graintrain_ccp::residual::ResidualScale;
 use graintrain_ccp::{Ccp, Delassus, FIXED, RigidContact, RigidDelassus};
 use graintrain_ccp::{SolveReport, SolveSettings, SolverSpec, Status};

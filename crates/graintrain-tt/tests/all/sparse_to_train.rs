@@ -1,8 +1,6 @@
 //! The bottom-up pass over nonzero blocks against the TT-SVD of the full matrix.
 
-mod dense;
-
-use dense::dense;
+use crate::dense::dense;
 use graintrain_linalg::block3::BlockMatrix3;
 use graintrain_linalg::dense::Matrix;
 use graintrain_tt::apply::FullOperator;
