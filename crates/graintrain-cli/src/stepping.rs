@@ -5,20 +5,17 @@ use crate::crew::Crew;
 use crate::error::Failure;
 use crate::progress::{Progress, passed};
 use crate::terminal::{say, tell};
-use crate::threads::pool;
 use crate::timings::Timings;
 use graintrain_io::files::OutputError;
 use graintrain_io::output::recorder::Recorder;
 use graintrain_io::output::summary::{RankSummary, RunStatus, Summary};
-use graintrain_io::run::{Ending, Observer, Run, RunError, StepView};
+use graintrain_io::run::{Ending, Observer, Run, RunError};
 use graintrain_io::scene;
+use rayon::ThreadPool;
 use std::num::NonZeroUsize;
 use std::path::Path;
 use std::process::ExitCode;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::thread;
-use std::time::Duration;
 
 /// Options of `run` and `resume` alike.
 #[derive(clap::Args)]
@@ -32,8 +29,8 @@ pub struct SteppingOptions {
     /// End with exit code 1 at the first step whose solve misses its tolerance
     #[arg(long)]
     pub strict: bool,
-    /// Stop in good order after so many seconds of wall clock, but not before a step is made: a checkpoint is written, `graintrain
-    /// resume DIR` goes on
+    /// Stop in good order after so many seconds of wall clock, with exit code 3: the step under way is dropped, a checkpoint is written,
+    /// `graintrain resume DIR` goes on
     #[arg(long, value_name = "SECONDS", value_parser = scene::seconds)]
     pub max_seconds: Option<f64>,
     /// Tell at the end all figures of the run that `summary.json` has for people: residuals, errors, stages, streams, phases
@@ -50,36 +47,34 @@ pub struct Begun {
     pub run: Run,
     /// Writes it down; `None` on ranks that do not.
     pub recorder: Option<Recorder>,
+    pub threads: ThreadPool,
 }
 
 /// Makes the remaining steps, writes the last checkpoint and the summary, and tells how it went.
 pub fn make_steps(
-    Begun { mut run, mut recorder }: Begun,
+    Begun { mut run, mut recorder, threads }: Begun,
     options: &SteppingOptions,
     crew: &Crew,
 ) -> Result<ExitCode, Failure> {
     let stop = &crew.stop;
     run.strict = options.strict;
-    let threads_of_run = crew.agree(pool(crew.threads(options.threads)))?;
     if let Some(ranks) = crew.ranks() {
         run.share_among(Arc::clone(ranks));
     }
     if let Some(recorder) = &mut recorder {
         recorder.checkpoint_wanted = Arc::clone(&stop.checkpoint_wanted);
     }
-    let mut first_step = FirstStep::default();
     let (mut timings, output_before) = (Timings::default(), run.totals.output_seconds);
-    let mut threads = 1;
+    let first_step = run.world.step;
     if let Some(limit) = options.max_seconds {
-        stop_after(limit, &first_step.is_made, &stop.requested);
+        stop.after(limit);
     }
     let quiet = options.quiet || !crew.writes();
-    let (ending, summary) = threads_of_run.install(|| {
+    let (ending, summary) = threads.install(|| {
         let mut progress = Progress::new(run.world.step, run.settings.steps, quiet);
         let mut observers: Vec<&mut dyn Observer> = Vec::new();
         observers.extend(recorder.as_mut().map(|recorder| recorder as &mut dyn Observer));
-        observers.extend([&mut progress as &mut dyn Observer, &mut first_step, &mut timings]);
-        threads = rayon::current_num_threads();
+        observers.extend([&mut progress as &mut dyn Observer, &mut timings]);
         let ending = run.advance(&mut observers);
         drop(progress);
         let shared = !matches!(ending, Err(RunError::Output(_)));
@@ -101,6 +96,9 @@ pub fn make_steps(
         (Err(error), None) => Err(Failure::work_error(error, "")),
         (Ok(ending), Some((folder, summary))) => summary.map_err(output_failure).map(|summary| {
             warn(&run, &summary);
+            if ending == Ending::Stopped && run.world.step == first_step && options.max_seconds.is_some() {
+                tell!("warning: no step was finished in the time given by --max-seconds: a longer one");
+            }
             if !options.quiet {
                 say!("{}", closing::lines(&summary, folder));
             }
@@ -108,43 +106,19 @@ pub fn make_steps(
                 say!("{}", closing::details(&summary));
             }
             if options.timings {
-                say!("{}", timings.table(threads, run.totals.output_seconds - output_before));
+                say!(
+                    "{}",
+                    timings.table(threads.current_num_threads(), run.totals.output_seconds - output_before)
+                );
             }
             ending
         }),
         (Ok(ending), None) => Ok(ending),
     };
     match crew.agree(outcome)? {
-        Ending::Stopped => Ok(stop.exit_code().unwrap_or(ExitCode::SUCCESS)),
+        Ending::Stopped => Ok(crew.stopped()),
         Ending::Finished => Ok(ExitCode::SUCCESS),
     }
-}
-
-/// Tells whether this process has made a step.
-#[derive(Default)]
-struct FirstStep {
-    is_made: Arc<AtomicBool>,
-}
-
-impl Observer for FirstStep {
-    fn observe(&mut self, _: StepView<'_>) -> Result<(), OutputError> {
-        self.is_made.store(true, Ordering::Relaxed);
-        Ok(())
-    }
-}
-
-/// Asks to stop after so many seconds, but not before a step is made: a run resumed again and again for less than a step would never get on.
-/// The thread ends with the process.
-fn stop_after(seconds: f64, step_is_made: &Arc<AtomicBool>, requested: &Arc<AtomicBool>) {
-    let duration = Duration::try_from_secs_f64(seconds).unwrap_or(Duration::MAX);
-    let (step_is_made, requested) = (Arc::clone(step_is_made), Arc::clone(requested));
-    thread::spawn(move || {
-        thread::sleep(duration);
-        while !step_is_made.load(Ordering::Relaxed) {
-            thread::sleep(Duration::from_millis(20));
-        }
-        requested.store(true, Ordering::Relaxed);
-    });
 }
 
 fn conclude(

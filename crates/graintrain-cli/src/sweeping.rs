@@ -5,6 +5,7 @@ use crate::progress::LINE_EVERY;
 use crate::scene_failure::scene_failure;
 use crate::signal::Stop;
 use crate::terminal::{say, tell};
+use graintrain_io::mark::Loss;
 use graintrain_io::scene;
 use graintrain_lab::sweep::SweepError;
 use graintrain_lab::sweep::collect::{Collected, check_names, collect};
@@ -89,17 +90,12 @@ fn log_line(done: u64, runs: u64, elapsed: Duration) -> String {
 }
 
 impl RunsBar {
-    /// A run ended: so many are done now. Tables of it that were damaged lie at `set_aside`.
-    pub fn show(&self, done: usize, last: &str, set_aside: &[PathBuf]) {
+    /// A run ended: so many are done now. `losses` is what an interruption had left damaged of it.
+    pub fn show(&self, done: usize, last: &str, losses: &[Loss]) {
         self.bar.set_position(done as u64);
         self.bar.set_message(last.to_string());
-        for path in set_aside {
-            self.bar.suspend(|| {
-                tell!(
-                    "warning: {last}: an interruption had damaged a table; it is kept as {}, and the run's table begins anew",
-                    path.display()
-                );
-            });
+        for loss in losses {
+            self.bar.suspend(|| tell!("warning: {last}: {loss}"));
         }
     }
 
@@ -196,7 +192,7 @@ impl SweepOptions {
         let known = check(&plan, &cells, self.runs.from).map_err(|error| Err(sweep_failure(error)))?;
         check_names(&self.observe, &known).map_err(|error| Err(sweep_failure(error)))?;
         let bar = self.runs.bar(cells.len());
-        let progress = |progress: Progress<'_>| bar.show(progress.done, progress.last, progress.set_aside);
+        let progress = |progress: Progress<'_>| bar.show(progress.done, progress.last, progress.losses);
         let outcomes = execute(&plan, &cells, &how, &stop.requested, &progress);
         bar.clear();
         let outcomes = outcomes.map_err(|error| ended(error, &stop))?;

@@ -9,9 +9,10 @@
 //! | 4 | CRC-32 of the payload |
 //! | 8 | length of the payload |
 //! | 8 | length of the payload when expanded |
-//! | rest | payload: run settings, totals and world in postcard form, packed in blocks by LZ4 |
+//! | rest | payload: run settings, totals, world and marks of the run's files in postcard form, packed in blocks by LZ4 |
 
-use crate::files::{OutputError, make_folder, write_durably};
+use crate::files::{OutputError, is_file_name, make_folder, write_durably};
+use crate::mark::Marks;
 use crate::packed::{pack, unpack};
 use crate::run::{RunSettings, RunTotals};
 use flate2::Crc;
@@ -22,7 +23,7 @@ use std::path::{Path, PathBuf};
 
 const MAGIC: &[u8; 8] = b"GRAINCKP";
 /// Raised whenever the layout of what is stored changes.
-const VERSION: u32 = 9;
+const VERSION: u32 = 10;
 const HEADER: usize = 32;
 /// Bytes that a payload may expand to: so many, and so many per byte of its own. Worlds at rest shrink to a twentieth.
 const MOST_EXPANDED: (u64, u64) = (1 << 26, 64);
@@ -38,6 +39,8 @@ pub struct Checkpoint {
     pub totals: RunTotals,
     /// The state.
     pub world: World,
+    /// What the run's tables and lists of frames held.
+    pub marks: Marks,
 }
 
 /// A file that is not a usable checkpoint.
@@ -112,8 +115,8 @@ fn what_lacks(folder: &Path) -> String {
     }
 }
 
-/// Writes a checkpoint into the folder, named after the step, and removes all but the last two. The file appears whole
-/// or not at all.
+/// Writes a checkpoint of a run without other files into the folder, named after the step, and removes all but the last two. The file
+/// appears whole or not at all.
 ///
 /// # Errors
 /// Where the file cannot be written; older checkpoints then remain.
@@ -123,9 +126,21 @@ pub fn write(
     totals: &RunTotals,
     world: &World,
 ) -> Result<PathBuf, OutputError> {
+    write_marked(folder, settings, totals, world, &Marks::new())
+}
+
+/// As [`write`] for a run with files, which have to be on the disk by now.
+pub(crate) fn write_marked(
+    folder: &Path,
+    settings: &RunSettings,
+    totals: &RunTotals,
+    world: &World,
+    marks: &Marks,
+) -> Result<PathBuf, OutputError> {
     make_folder(folder)?;
     let path = folder.join(format!("step_{:08}.ckpt", world.step));
-    let bytes = to_bytes(settings, totals, world).map_err(|error| OutputError::new("write", &path, error))?;
+    let bytes =
+        encode(settings, totals, world, marks).map_err(|error| OutputError::new("write", &path, error))?;
     write_durably(&path, &bytes)?;
     for old in list(folder).into_iter().skip(KEPT) {
         // One checkpoint too many harms nobody.
@@ -196,13 +211,17 @@ fn crc(bytes: &[u8]) -> u32 {
     crc.sum()
 }
 
-/// A checkpoint as the bytes of its file.
+/// A checkpoint of a run without files as the bytes of its file.
 ///
 /// # Errors
 /// Where they do not fit into memory.
 pub fn to_bytes(settings: &RunSettings, totals: &RunTotals, world: &World) -> io::Result<Vec<u8>> {
+    encode(settings, totals, world, &Marks::new())
+}
+
+fn encode(settings: &RunSettings, totals: &RunTotals, world: &World, marks: &Marks) -> io::Result<Vec<u8>> {
     // A tuple has the layout of the struct that is read back.
-    let plain = postcard::to_stdvec(&(settings, totals, world)).map_err(io::Error::other)?;
+    let plain = postcard::to_stdvec(&(settings, totals, world, marks)).map_err(io::Error::other)?;
     Ok(file(&plain, plain.len() as u64))
 }
 
@@ -264,7 +283,7 @@ fn decode(bytes: &[u8], path: &Path) -> Result<Checkpoint, CheckpointError> {
 
 /// What makes a checkpoint one that no run can go on from.
 fn defect(checkpoint: &Checkpoint) -> Option<String> {
-    let Checkpoint { settings, totals, world } = checkpoint;
+    let Checkpoint { settings, totals, world, .. } = checkpoint;
     if let Err(error) = world.validate() {
         return Some(error.to_string());
     }
@@ -273,6 +292,9 @@ fn defect(checkpoint: &Checkpoint) -> Option<String> {
     }
     let given = totals.traffic.roster.given(world.bodies.len());
     let streams = settings.traffic.streams.len();
+    if let Some(measure) = settings.measures.iter().find(|measure| !is_file_name(&measure.name)) {
+        return Some(format!("measure {:?} has a name that is none of a file", measure.name));
+    }
     if let Some(measure) = settings.measures.iter().find(|measure| !measure.fits(given, streams)) {
         return Some(format!("measure {} fits no run of it", measure.name));
     }
@@ -319,7 +341,7 @@ mod tests {
     #[test]
     fn altered_payloads_make_no_panic() {
         let (settings, world) = saved();
-        let plain = postcard::to_stdvec(&(&settings, &RunTotals::default(), &world)).unwrap();
+        let plain = postcard::to_stdvec(&(&settings, &RunTotals::default(), &world, &Marks::new())).unwrap();
         assert!(decode(&file(&plain, plain.len() as u64), Path::new("a")).is_ok());
         let mut state = 9_u64;
         let mut draw = |below: usize| {
@@ -343,7 +365,7 @@ mod tests {
                 continue;
             };
             accepted += 1;
-            let Checkpoint { settings, totals, mut world } = checkpoint;
+            let Checkpoint { settings, totals, mut world, .. } = checkpoint;
             // What may be asked of it: nothing panics, whatever comes of it.
             world.state_hash();
             if world.bodies.len() < 10 {

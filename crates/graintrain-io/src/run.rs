@@ -220,6 +220,15 @@ pub trait Observer {
     /// # Errors
     /// An output that cannot be written ends the run.
     fn observe(&mut self, step: StepView<'_>) -> Result<(), OutputError>;
+
+    /// Called once everybody has seen the step and all that belongs to it is counted: the state is now one to go on from.
+    ///
+    /// # Errors
+    /// A state that cannot be kept ends the run.
+    fn keep(&mut self, world: &World, totals: &RunTotals) -> Result<(), OutputError> {
+        let _ = (world, totals);
+        Ok(())
+    }
 }
 
 /// How [`Run::advance`] ended without an error.
@@ -372,6 +381,9 @@ impl Run {
             self.compare_with_exact_friction(&report);
             self.totals.last_output_seconds = begin.elapsed().as_secs_f64();
             self.totals.output_seconds += self.totals.last_output_seconds;
+            for observer in &mut *observers {
+                observer.keep(&self.world, &self.totals)?;
+            }
             if self.strict && !report.solve.converged() {
                 // Contacts within the tolerance: then it was the impacts.
                 let residual = report.solve.residual.worse(report.impact_residual);

@@ -37,7 +37,7 @@ use crate::world::World;
 use graintrain_ccp::{Ccp, CcpSolver, FrictionModel, Ranks, SolveSettings, SolverSpec};
 use std::collections::HashSet;
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Makes time steps; owns the solvers and everything that is kept between steps apart from the state.
 pub struct Stepper {
@@ -100,15 +100,21 @@ impl Stepper {
         &self.settings
     }
 
-    /// Stops a step whose solve is under way as soon as the flag is set: it then ends with [`StepError::Stopped`].
+    /// Stops a step under way as soon as the flag is set, in the search for contacts or in a solve: it then ends with
+    /// [`StepError::Stopped`].
     pub fn stop_on(&mut self, stop: Arc<AtomicBool>) {
+        self.collider.stop_on(Arc::clone(&stop));
         self.stop = Some(stop);
+    }
+
+    fn is_stopped(&self) -> bool {
+        self.stop.as_ref().is_some_and(|stop| stop.load(Ordering::Relaxed))
     }
 
     /// Makes the steps together with other processes, each of which has the same world and makes the same steps: what can be shared of
     /// the work is shared, and the world of each is that of one process alone.
     pub fn share_among(&mut self, ranks: Arc<Ranks>) {
-        self.stop = Some(ranks.stop());
+        self.stop_on(ranks.stop());
         self.collider.share_among(Arc::clone(&ranks));
         self.ranks = Some(ranks);
     }
@@ -214,6 +220,9 @@ impl Stepper {
         let mut bends = Bends::default();
         let (mut added, mut iterations) = (0, 0);
         for round in 0.. {
+            if self.is_stopped() {
+                return Err(StepError::Stopped);
+            }
             lead_to_surfaces(world, &self.collider, step, &mut contacts);
             let begin = Clock::now();
             let attempt = self.attempt(world, &contacts, guess.take(), &driven)?;
@@ -230,6 +239,9 @@ impl Stepper {
             }
             if met.is_empty() && passing.is_empty() && round < phantom_rounds {
                 phantoms = self.phantoms(world, &contacts, &attempt, &kept);
+            }
+            if self.is_stopped() {
+                return Err(StepError::Stopped);
             }
             laps.add(|phases| &mut phases.collide, begin.lap());
             if !met.is_empty() && round < rounds {
@@ -279,6 +291,10 @@ impl Stepper {
             }
             laps.add(|phases| &mut phases.collide, begin.lap());
             if new.is_empty() && bent.is_empty() {
+                if self.is_stopped() {
+                    start.exchange(world);
+                    return Err(StepError::Stopped);
+                }
                 if let Err(error) = world.fits_cell() {
                     start.exchange(world);
                     return Err(cell_error(world, error));

@@ -14,6 +14,7 @@ use super::solver;
 use super::stage::{self, StageSpec};
 use super::stream;
 use super::tree::{Node, Value};
+use crate::files::is_file_name;
 use crate::settings::Precision;
 use graintrain::assemble::OverlapCorrection;
 use graintrain::load::Region;
@@ -117,10 +118,7 @@ pub(crate) fn read(name: &str, root: &Node, folder: PathBuf) -> Result<Scene, Sc
         .iter()
         .map(|(name, reader)| {
             // The name is that of a file.
-            if name.is_empty()
-                || !name.chars().all(|c| c.is_alphanumeric() || "-_.".contains(c))
-                || name.starts_with('.')
-            {
+            if !is_file_name(name) {
                 let requirement = "a name of letters, digits, `-`, `_` and `.`, which is that of a file";
                 return Err(scene.out_of_range("measure", requirement, format!("`{name}`")));
             }

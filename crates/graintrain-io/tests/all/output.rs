@@ -325,7 +325,8 @@ fn outputs_resumed_from_a_checkpoint_are_those_of_an_uninterrupted_run() {
     assert!(defects.is_empty());
     assert_eq!((resumed.world.step, &resumed.settings), (3, &settings));
     let mut world = resumed.world;
-    let mut recorder = Recorder::resume(RunFolder::open(cut.path()).unwrap(), &settings, &world).unwrap();
+    let mut recorder =
+        Recorder::resume(RunFolder::open(cut.path()).unwrap(), &settings, &world, &resumed.marks).unwrap();
     for _ in 4..=5 {
         let report = advance(&mut world, &settings);
         recorder.observe(view(&world, &report, &totals)).unwrap();

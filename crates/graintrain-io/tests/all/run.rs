@@ -139,7 +139,8 @@ fn resume(folder: &Path) -> Run {
     let taken = RunFolder::open(folder).unwrap();
     let (checkpoint, defects) = checkpoint::latest(&folder.join("checkpoints")).unwrap();
     assert!(defects.is_empty());
-    let mut recorder = Recorder::resume(taken, &checkpoint.settings, &checkpoint.world).unwrap();
+    let mut recorder =
+        Recorder::resume(taken, &checkpoint.settings, &checkpoint.world, &checkpoint.marks).unwrap();
     let mut run = Run::new(checkpoint.world, checkpoint.settings, checkpoint.totals, never()).unwrap();
     assert_eq!(run.advance(&mut [&mut recorder]).unwrap(), Ending::Finished);
     recorder.checkpoint(&run.world, &run.totals, RunStatus::Finished).unwrap();

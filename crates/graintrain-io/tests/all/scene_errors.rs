@@ -134,7 +134,7 @@ fn missing_and_contradicting_keys() {
         ("[packing.p]\nlattice = { counts = [1, 1, 1], pitch = 1 }\n", "`packing.p` lacks `radius`"),
         ("[packing.p]\nradius = 1\nlattice = { counts = [1, 0, 1], pitch = 1 }\n", "must be at least 1 each"),
         (
-            "[packing.p]\nradius = 1\nlattice = { counts = [1e6, 1e6, 1e6], pitch = 1 }\n",
+            "[packing.p]\nradius = 1\nlattice = { counts = [1e6, 1e6, 1e6], pitch = 3 }\n",
             "packing `p` asks for more than 100000000 bodies",
         ),
     ];

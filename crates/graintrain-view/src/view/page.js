@@ -404,12 +404,12 @@ class Plot {
     const c = canvas.getContext("2d");
     c.scale(ratio, ratio);
     c.font = "12px Helvetica, Arial, sans-serif";
-    const on = (y) => (this.log ? Math.log10(y) : y), usable = (y) => Number.isFinite(y) && (!this.log || y > 0);
+    const on = (y) => (this.log ? Math.log10(y) : y), usable = (y) => Math.abs(y) <= 1e250 && (!this.log || y >= 1e-250);
     let low = Infinity, high = -Infinity;
     for (const { y } of this.series) for (const v of y) if (usable(v)) { low = Math.min(low, on(v)); high = Math.max(high, on(v)); }
     if (low > high) [low, high] = [0, 1];
     if (!this.log && low > 0 && low < 0.5 * high) low = 0;
-    const pad = 0.05 * (high - low) || 0.5 * Math.abs(high) || 1;
+    const pad = high - low > 1e-250 ? 0.05 * (high - low) : Math.abs(high) > 1e-250 ? 0.5 * Math.abs(high) : 1;
     [low, high] = [low === 0 ? 0 : low - pad, high + pad];
     this.range = [this.x[0] ?? 0, this.x[this.x.length - 1] ?? 1];
     const [x0, x1] = this.range;
@@ -418,14 +418,16 @@ class Plot {
     c.textAlign = "center";
     c.fillText(this.title, 0.5 * width, 14);
     c.fillText("time (s)", 62 + 0.5 * (width - 74), height - 4);
+    // Multiples of d from low to high. No more than fit: sums of a tiny d would stand still.
+    const multiples = (d, low, high) => Array.from({ length: 12 }, (_, k) => (Math.ceil(low / d - 1e-9) + k) * d).filter((v) => v <= high + 1e-9 * d);
     const step = (span) => { const p = 10 ** Math.floor(Math.log10(span / 4)); return [1, 2, 5, 10].map((d) => d * p).find((s) => s >= span / 4); };
     c.strokeStyle = "#e2e2e2";
-    for (let d = step(x1 - x0 || 1), x = Math.ceil(x0 / d) * d; x <= x1 + 1e-9; x += d) {
+    for (const x of multiples(step(x1 - x0 || 1), x0, x1)) {
       c.beginPath(); c.moveTo(px(x), 28); c.lineTo(px(x), height - 34); c.stroke();
       c.fillText(digits(Math.abs(x) < 1e-12 ? 0 : x), px(x), height - 20);
     }
     c.textAlign = "right";
-    for (let d = this.log ? Math.max(1, Math.ceil((high - low) / 5)) : step(high - low), y = Math.ceil(low / d - 1e-9) * d; y <= high + 1e-9; y += d) {
+    for (const y of multiples(this.log ? Math.max(1, Math.ceil((high - low) / 5)) : step(high - low), low, high)) {
       const v = this.log ? 10 ** y : y, at = py(v);
       c.beginPath(); c.moveTo(62, at); c.lineTo(width - 12, at); c.stroke();
       c.fillText(digits(Math.abs(v) < 1e-12 * high ? 0 : v), 58, at + 4);

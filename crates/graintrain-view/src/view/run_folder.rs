@@ -8,6 +8,7 @@ use graintrain::math::{Mat3, Quat, Vec3};
 use graintrain::shape::{Geometry, Shape};
 use graintrain::world::{Body, World};
 use graintrain_io::checkpoint;
+use graintrain_io::files::within;
 use graintrain_io::output::exchange::{ARRAYS, Array, Snapshot};
 use graintrain_io::output::size::inscribed_radius;
 use graintrain_io::output::surfaces::surface;
@@ -355,9 +356,15 @@ fn list(folder: &Path, name: &str) -> Result<Vec<(f64, String)>, ViewError> {
     let document = roxmltree::Document::parse(&text)
         .map_err(|error| ViewError::Malformed { path: path.clone(), what: error.to_string() })?;
     let entries = document.descendants().filter(|node| node.has_tag_name("DataSet"));
-    Ok(entries
-        .filter_map(|node| {
-            Some((node.attribute("timestep")?.parse().ok()?, node.attribute("file")?.to_string()))
-        })
-        .collect())
+    let entries = entries.filter_map(|node| {
+        Some((node.attribute("timestep")?.parse().ok()?, node.attribute("file")?.to_string()))
+    });
+    let entries: Vec<(f64, String)> = entries.collect();
+    match entries.iter().find(|(_, file)| within(folder, file).is_none()) {
+        Some((_, file)) => {
+            let what = format!("it names {file:?}, which is no file of the run");
+            Err(ViewError::Malformed { path, what })
+        }
+        None => Ok(entries),
+    }
 }

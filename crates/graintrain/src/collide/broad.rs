@@ -14,6 +14,7 @@ use graintrain_ccp::Ranks;
 use parry3d_f64::bounding_volume::Aabb;
 use rayon::prelude::*;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Bodies per parallel task. Fixed, so that tasks and their order do not depend on threads.
 pub(super) const TASK: usize = 256;
@@ -26,6 +27,7 @@ const USUAL: usize = 5;
 pub struct Collider {
     forms: Vec<Collidable>,
     ranks: Option<Arc<Ranks>>,
+    stop: Option<Arc<AtomicBool>>,
 }
 
 impl Collider {
@@ -33,6 +35,11 @@ impl Collider {
     /// bodies of its part, and all get all contacts.
     pub fn share_among(&mut self, ranks: Arc<Ranks>) {
         self.ranks = Some(ranks).filter(|ranks| ranks.count() > 1);
+    }
+
+    /// Ends a search under way as soon as the flag is set: what was found is then incomplete, and whoever set the flag has no use for it.
+    pub(crate) fn stop_on(&mut self, stop: Arc<AtomicBool>) {
+        self.stop = Some(stop);
     }
 
     /// All contacts with gap up to the envelope, m, and those further apart that would close within `step` seconds at
@@ -70,6 +77,9 @@ impl Collider {
                 let own = task * TASK..((task + 1) * TASK).min(bodies);
                 let mut found = Found { contacts: Vec::with_capacity(USUAL * own.len()), ..Found::default() };
                 for body in own {
+                    if self.stop.as_ref().is_some_and(|stop| stop.load(Ordering::Relaxed)) {
+                        break;
+                    }
                     self.contacts_of(world, &sorted, body, look, &mut found);
                 }
                 found.contacts
@@ -85,6 +95,33 @@ impl Collider {
             contacts.retain(|contact| joined.binary_search(&pair(contact)).is_err());
         }
         contacts
+    }
+
+    /// The contact with the least gap among those with none or overlap that `counts`; no others are kept: where all bodies overlap, every pair
+    /// would be one.
+    pub(super) fn deepest(
+        &mut self,
+        world: &World,
+        counts: impl Fn(&Contact) -> bool + Sync,
+    ) -> Option<Contact> {
+        self.update_forms(world);
+        let look = Look { envelope: 0.0, step: 0.0, fall: 0.0, meeting: false };
+        let (sorted, joined) = (self.sort(world, look.envelope, look.step), world.joined_pairs());
+        let pair = |c: &Contact| [c.body_a.min(c.body_b), c.body_a.max(c.body_b)];
+        let counts = |c: &Contact| counts(c) && joined.binary_search(&pair(c)).is_err();
+        let deeper = |a: &Contact, b: &Contact| a.gap.total_cmp(&b.gap);
+        let bodies = world.bodies.len();
+        let of_task = |task: usize| {
+            let mut found = Found::default();
+            let of_body = |body: usize| {
+                found.contacts.clear();
+                self.contacts_of(world, &sorted, body, look, &mut found);
+                found.contacts.iter().filter(|c| counts(c)).copied().min_by(deeper)
+            };
+            (task * TASK..((task + 1) * TASK).min(bodies)).filter_map(of_body).min_by(deeper)
+        };
+        let of_tasks: Vec<_> = (0..bodies.div_ceil(TASK)).into_par_iter().map(of_task).collect();
+        of_tasks.into_iter().flatten().min_by(deeper)
     }
 
     /// Every contact of two bodies that could close within the step if they moved with these velocities (six numbers per body), or

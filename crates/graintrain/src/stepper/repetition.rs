@@ -293,6 +293,9 @@ impl Stepper {
         order.sort_by_key(|&k| (pair(k), k));
         let mut found = Vec::new();
         for group in order.chunk_by(|&k, &l| pair(k) == pair(l)) {
+            if self.is_stopped() {
+                break;
+            }
             let bodies = pair(group[0]);
             let mut impulses = bodies.map(|body| (body, [0.0; 6]));
             let mut pushed = false;
