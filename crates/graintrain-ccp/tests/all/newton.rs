@@ -1,8 +1,8 @@
 //! Linear solvers of the Newton layer against the matrix they claim to invert, and the interior points against Clarabel.
 
-mod common;
-
-use common::{Random, clarabel, clarabel_over_velocities, lattice_packing, random_problem, sparse_form};
+use crate::common::{
+    Random, clarabel, clarabel_over_velocities, lattice_packing, random_problem, sparse_form,
+};
 use graintrain_ccp::newton::{
     LinearReport, NewtonError, NewtonSolver, NewtonSystem, ScaledBlocks, driver::NewtonDriver,
 };
@@ -159,7 +159,7 @@ fn pdip_takes_a_linear_solver_of_ones_own() {
     let problem = lattice_packing(3, 2, 0.4, 5);
     let settings = SolveSettings::default();
     let solves = Arc::new(AtomicUsize::new(0));
-    let own = Counting { inner: common::linear_solver("ic"), solves: solves.clone() };
+    let own = Counting { inner: crate::common::linear_solver("ic"), solves: solves.clone() };
     let mut impulses = [vec![0.0; 3 * problem.num_contacts()], vec![0.0; 3 * problem.num_contacts()]];
     let report =
         Pdip::with_solver(Rule::Central, Box::new(own)).solve(&problem, &mut impulses[0], &settings).unwrap();
@@ -303,12 +303,12 @@ fn ipm_reports_jammed_bodies_as_infeasible_and_answers_with_finite_impulses() {
     let wall = |n: [f64; 3]| RigidContact {
         body_a: 0,
         body_b: FIXED,
-        frame: common::frame(n),
+        frame: crate::common::frame(n),
         arm_a: n.map(|x| -x),
         arm_b: [0.0; 3],
     };
     let contacts = vec![wall([1.0, 0.0, 0.0]), wall([-1.0, 0.0, 0.0])];
-    let rigid = RigidDelassus::new(contacts, vec![common::ball(1.0, 1.0)]);
+    let rigid = RigidDelassus::new(contacts, vec![crate::common::ball(1.0, 1.0)]);
     let r = vec![-0.5, 0.0, 0.0, -0.5, 0.0, 0.0];
     let problem = Ccp::new(Delassus::Rigid(rigid), r, vec![0.3; 2]).unwrap();
     let mut impulse = vec![0.0; 6];
@@ -348,7 +348,7 @@ fn solve_spreads(
 /// in body space, and what contact space knew of the last N is forgotten: the bits are those of a new solver.
 #[test]
 fn incomplete_cholesky_goes_over_to_contact_space_as_weights_spread() {
-    let new = || NewtonDriver::new(common::linear_solver("ic"));
+    let new = || NewtonDriver::new(crate::common::linear_solver("ic"));
     let mut used = new();
     let packings =
         [lattice_packing(4, 4, 0.4, 3), lattice_packing(4, 4, 0.4, 4), lattice_packing(3, 5, 0.4, 5)];
@@ -372,7 +372,7 @@ fn the_end_of_one_solve_does_not_decide_the_race_of_the_next() {
     let [added, factor, factor_inverse] = random_blocks(&problem, 1.0, 17);
     let blocks = ScaledBlocks { added: &added, factor: &factor, factor_inverse: &factor_inverse };
     let figures = |stopped_before: bool| {
-        let mut driver = NewtonDriver::new(common::linear_solver("tt"));
+        let mut driver = NewtonDriver::new(crate::common::linear_solver("tt"));
         let mut z = vec![0.0; 3 * problem.num_contacts()];
         if stopped_before {
             let first = lattice_packing(3, 3, 0.4, 9);
@@ -452,7 +452,7 @@ fn linear_solvers_stop_when_they_are_told() {
     for name in
         ["none", "ilu", "ic", "schur-ic", "block-jacobi", "body-cg", "body-ic", "tt-schur", "tt-cross"]
     {
-        let mut driver = NewtonDriver::new(common::linear_solver(name));
+        let mut driver = NewtonDriver::new(crate::common::linear_solver(name));
         driver.set_patience(Patience::new(None, Some(Arc::new(AtomicBool::new(true)))));
         driver.begin(&problem);
         if name.starts_with("tt") {
@@ -486,12 +486,12 @@ fn column(balls: u32, offset: f64) -> Ccp {
         .map(|ball| RigidContact {
             body_a: ball,
             body_b: if ball == 0 { FIXED } else { ball - 1 },
-            frame: common::frame([0.0, 0.0, 1.0]),
+            frame: crate::common::frame([0.0, 0.0, 1.0]),
             arm_a: [offset, 0.0, -1.0],
             arm_b: [offset, 0.0, 1.0],
         })
         .collect();
-    let rigid = RigidDelassus::new(contacts, vec![common::ball(1.0, 1.0); balls as usize]);
+    let rigid = RigidDelassus::new(contacts, vec![crate::common::ball(1.0, 1.0); balls as usize]);
     let count = balls as usize;
     let mut problem =
         Ccp::new(Delassus::Rigid(rigid), [-1.0, 0.0, 0.0].repeat(count), vec![0.3; count]).unwrap();
@@ -544,7 +544,7 @@ fn a_train_on_a_column_starts_hot_in_the_next_step_and_comes_into_use() {
 /// `tt` predicts what a train costs before it makes one, and after a loss it waits.
 #[test]
 fn a_train_that_cannot_pay_is_not_made_and_not_asked_for_again_soon() {
-    let mut driver = NewtonDriver::new(common::linear_solver("tt"));
+    let mut driver = NewtonDriver::new(crate::common::linear_solver("tt"));
     let mut tries = 0;
     for step in 0..5 {
         let problem = lattice_packing(3, 3, 0.4, 3 + step);

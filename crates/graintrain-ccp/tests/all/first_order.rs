@@ -1,8 +1,6 @@
 //! Every first-order method against hand-made problems and against Clarabel.
 
-mod common;
-
-use common::{clarabel, lattice_packing, random_problem, sparse_form};
+use crate::common::{clarabel, lattice_packing, random_problem, sparse_form};
 use graintrain_ccp::residual::{FrictionModel, ResidualScale};
 use graintrain_ccp::{Ccp, Delassus, FIXED, RigidContact, RigidDelassus};
 use graintrain_ccp::{SolveReport, SolveSettings, SolverSpec};
@@ -22,11 +20,11 @@ fn sliding_point(mass: f64, mu: f64, tangential: f64, normal: f64) -> Ccp {
     let contact = RigidContact {
         body_a: 0,
         body_b: FIXED,
-        frame: common::frame([0.0, 0.0, 1.0]),
+        frame: crate::common::frame([0.0, 0.0, 1.0]),
         arm_a: [0.0; 3],
         arm_b: [0.0; 3],
     };
-    let rigid = RigidDelassus::new(vec![contact], vec![common::ball(mass, 1.0)]);
+    let rigid = RigidDelassus::new(vec![contact], vec![crate::common::ball(mass, 1.0)]);
     Ccp::new(Delassus::Rigid(rigid), vec![-normal, tangential, 0.0], vec![mu]).unwrap()
 }
 
@@ -99,7 +97,7 @@ fn check_against_oracle(
     name: &str,
     seed: u64,
     problem: &Ccp,
-    oracle: &common::Oracle,
+    oracle: &crate::common::Oracle,
     tolerance: f64,
 ) -> bool {
     let (g, report) = solve(name, problem, None, tolerance);

@@ -1,8 +1,6 @@
 //! Exact ranks and closed forms from the literature and from singular values of every unfolding.
 
-mod dense;
-
-use dense::{dense, full};
+use crate::dense::{dense, full};
 use graintrain_linalg::dense::{Lu, Matrix, product};
 use graintrain_tt::qtt::{self, Boundary, DigitOrder};
 use graintrain_tt::{Core, Truncation, TtMatrix, TtVector};

@@ -1,8 +1,6 @@
 //! Problems without a solution: the certificate by itself, against Clarabel, and in the solvers that look for it.
 
-mod common;
-
-use common::{Random, ball, frame, random_problem, sparse_form};
+use crate::common::{Random, ball, frame, random_problem, sparse_form};
 use graintrain_ccp::solver::infeasible::{CERTAIN, PROBABLE, certificate, needed_velocity};
 use graintrain_ccp::{Ccp, Delassus, FIXED, RigidContact, RigidDelassus};
 use graintrain_ccp::{SolveReport, SolveSettings, SolverSpec, Status};

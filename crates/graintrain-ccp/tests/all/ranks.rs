@@ -1,8 +1,6 @@
 //! Several ranks compute the bits of one process, whatever each of them does of the work.
 
-mod common;
-
-use common::{lattice_packing, with_turning};
+use crate::common::{lattice_packing, with_turning};
 use graintrain_ccp::solver::ranks::threads::on_ranks;
 use graintrain_ccp::{
     BodyInverseMass, Ccp, Delassus, FIXED, FrictionModel, Judge, Ranks, RigidContact, RigidDelassus,

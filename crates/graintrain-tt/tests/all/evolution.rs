@@ -1,8 +1,6 @@
 //! x' = A x against exponentials of full matrices by their eigenvectors.
 
-mod dense;
-
-use dense::dense;
+use crate::dense::dense;
 use graintrain_linalg::dense::{Matrix, symmetric_eigen};
 use graintrain_tt::solve::{EvolutionSettings, Sites, evolve};
 use graintrain_tt::{TtError, TtMatrix, TtVector, qtt};

@@ -1,8 +1,6 @@
 //! GMRES and the sweeps on systems that are not symmetric, against full matrices.
 
-mod dense;
-
-use dense::dense;
+use crate::dense::dense;
 use graintrain_linalg::dense::{Lu, Matrix};
 use graintrain_tt::solve::{GmresSettings, Method, SolveSettings, SolveStatus, gmres, solve};
 use graintrain_tt::{TtMatrix, TtVector, qtt};

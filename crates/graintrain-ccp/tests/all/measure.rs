@@ -1,8 +1,6 @@
 //! The accuracy measure: every contact by its own effective mass, the same inside a solver as in its report.
 
-mod common;
-
-use common::{Random, lattice_packing, random_problem, sparse_form};
+use crate::common::{Random, lattice_packing, random_problem, sparse_form};
 use graintrain_ccp::registry::Method;
 use graintrain_ccp::residual::{MIXED_MAXIMUM, ResidualScale};
 use graintrain_ccp::solver::scaling::ScaledProblem;

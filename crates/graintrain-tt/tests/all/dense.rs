@@ -1,7 +1,5 @@
 //! Full matrices of the crate as dense matrices of the linear algebra that the tests compute with, and back.
 
-#![allow(dead_code)]
-
 use graintrain_linalg::dense::Matrix;
 use graintrain_tt::{FullMatrix, TtMatrix};
 

@@ -1,8 +1,6 @@
 //! `ipm` on variations of problems: other units, masses of all sizes, every contact three times, two problems as one.
 
-mod common;
-
-use common::{Random, lattice_packing, random_problem, sparse_form};
+use crate::common::{Random, lattice_packing, random_problem, sparse_form};
 use graintrain_ccp::{BodyInverseMass, Ccp, Delassus, FIXED, RigidContact, RigidDelassus};
 use graintrain_ccp::{SolveReport, SolveSettings, SolverSpec, Status};
 use std::sync::Arc;

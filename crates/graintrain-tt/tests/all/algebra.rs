@@ -1,8 +1,6 @@
 //! Every operation against dense brute force, and the promise of error control, on random trains (property tests).
 
-mod dense;
-
-use dense::{dense, full};
+use crate::dense::{dense, full};
 use graintrain_linalg::dense::{Matrix, View, product};
 use graintrain_tt::apply::{ApplyWork, FullOperator};
 use graintrain_tt::{Truncation, TtMatrix, TtVector};

@@ -1,8 +1,6 @@
 //! Linear systems and inverses against exact answers.
 
-mod dense;
-
-use dense::dense;
+use crate::dense::dense;
 use graintrain_linalg::dense::{Matrix, product};
 use graintrain_tt::inverse::{InverseForm, inverse, inverse_residual, newton_schulz};
 use graintrain_tt::qtt::{self, DigitOrder};

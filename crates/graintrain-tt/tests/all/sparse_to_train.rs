@@ -1,8 +1,6 @@
 //! The bottom-up pass over nonzero blocks against the TT-SVD of the full matrix.
 
-mod dense;
-
-use dense::dense;
+use crate::dense::dense;
 use graintrain_linalg::block3::BlockMatrix3;
 use graintrain_linalg::dense::Matrix;
 use graintrain_tt::apply::FullOperator;
@@ -111,7 +109,7 @@ proptest! {
             // The same absolute budget for the dense algorithm gives the same ranks.
             let share = tolerance * quadtree.norm() / quadtree.augmented_norm();
             let modes = quadtree.modes();
-            let (by_svd, _) = TtMatrix::from_full(&dense::full(&full), &modes, &modes, &Truncation::to(share)).unwrap();
+            let (by_svd, _) = TtMatrix::from_full(&crate::dense::full(&full), &modes, &modes, &Truncation::to(share)).unwrap();
             let (a, b) = (train.as_vector().num_parameters() as f64, by_svd.as_vector().num_parameters() as f64);
             prop_assert!((a / b - 1.0).abs() < 0.05, "{:?} and {:?}", train.ranks(), by_svd.ranks());
         }

@@ -1,18 +1,14 @@
 //! The test set on which the reported errors of solves and inverses are compared with the truth (docs/tensor-trains.md, "What
 //! is promised"): the residual from dense matrices must be within a factor 3 of the report's, however the sweeps ended.
 
-mod dense;
-
-use dense::dense;
+use crate::dense::dense;
+use crate::support::settled_packing;
 use graintrain_linalg::dense::{Matrix, product};
 use graintrain_tt::apply::FullOperator;
 use graintrain_tt::inverse::{InverseForm, inverse, newton_schulz};
 use graintrain_tt::qtt::{self, DigitOrder};
 use graintrain_tt::solve::{Method, SolveReport, SolveSettings, SolveStatus, solve};
 use graintrain_tt::{Truncation, TtMatrix, TtVector};
-use support::settled_packing;
-
-mod support;
 
 /// Residuals below this are rounding of the dense oracle.
 const RESOLVED: f64 = 1e-11;

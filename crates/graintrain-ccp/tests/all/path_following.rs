@@ -1,8 +1,6 @@
 //! `path` and the fallback on it: against brute force over all states of the contacts, on random problems, on real ones.
 
-mod common;
-
-use common::{Random, random_problem, sparse_form};
+use crate::common::{Random, random_problem, sparse_form};
 use graintrain_ccp::registry::Method;
 use graintrain_ccp::{
     Ccp, CcpSolver, Delassus, FrictionModel, SolveReport, SolveSettings, SolverSpec, Status,
@@ -217,7 +215,7 @@ fn random_problems_are_solved_over_bodies_and_over_contacts() {
     }
 }
 
-/// `cargo test --release -p graintrain-ccp --features paper --test path_following thousand -- --ignored --nocapture`
+/// `cargo test --release -p graintrain-ccp --features paper --test all path_following::a_thousand -- --ignored --nocapture`
 #[test]
 #[ignore = "a minute: a thousand problems by two methods"]
 fn a_thousand_random_problems() {

@@ -1,11 +1,9 @@
 //! Contacts that resist turning: rolling and spinning friction, against the laws themselves, against Clarabel and against the problem
 //! without them.
 
-mod common;
-
+use crate::common::{lattice_packing, random_problem, sparse_form, with_turning};
 use clarabel::algebra::CscMatrix;
 use clarabel::solver::{DefaultSettingsBuilder, DefaultSolver, IPSolver, SupportedConeT};
-use common::{lattice_packing, random_problem, sparse_form, with_turning};
 use graintrain_ccp::{Ccp, CcpError, FrictionModel, SolveReport, SolveSettings, SolverSpec};
 
 fn solve(problem: &Ccp, name: &str, friction: FrictionModel, tolerance: f64) -> (Vec<f64>, SolveReport) {

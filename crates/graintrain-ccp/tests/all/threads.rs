@@ -1,9 +1,7 @@
 //! Same input, any number of threads: the same bits, also of the second-order methods and with exact friction.
-//! (First-order methods: `tests/first_order.rs`.)
+//! (First-order methods: `tests/all/first_order.rs`.)
 
-mod common;
-
-use common::lattice_packing;
+use crate::common::lattice_packing;
 use graintrain_ccp::{Ccp, FrictionModel, SolveSettings, SolverSpec};
 
 /// Impulses and iterations of a solve on so many threads.

@@ -1,8 +1,6 @@
 //! The symmetric cone interior point against Clarabel, against the other interior point, and on jammed bodies.
 
-mod common;
-
-use common::{clarabel, lattice_packing, random_problem, sparse_form};
+use crate::common::{clarabel, lattice_packing, random_problem, sparse_form};
 use graintrain_ccp::residual::ResidualScale;
 use graintrain_ccp::{Ccp, Delassus, FIXED, RigidContact, RigidDelassus};
 use graintrain_ccp::{SolveReport, SolveSettings, SolverSpec, Status};
@@ -103,12 +101,12 @@ fn jammed_bodies_are_infeasible() {
     let wall = |n: [f64; 3]| RigidContact {
         body_a: 0,
         body_b: FIXED,
-        frame: common::frame(n),
+        frame: crate::common::frame(n),
         arm_a: n.map(|x| -x),
         arm_b: [0.0; 3],
     };
     let contacts = vec![wall([1.0, 0.0, 0.0]), wall([-1.0, 0.0, 0.0])];
-    let rigid = RigidDelassus::new(contacts, vec![common::ball(1.0, 1.0)]);
+    let rigid = RigidDelassus::new(contacts, vec![crate::common::ball(1.0, 1.0)]);
     let r = vec![-0.5, 0.0, 0.0, -0.5, 0.0, 0.0];
     let problem = Ccp::new(Delassus::Rigid(rigid), r, vec![0.3; 2]).unwrap();
     let (g, report) = solve("scip", &problem, None, 1e-6);

@@ -1,8 +1,6 @@
 //! Lowest eigenpairs against closed forms and dense eigenvalues.
 
-mod dense;
-
-use dense::dense;
+use crate::dense::dense;
 use graintrain_linalg::dense::symmetric_eigen;
 use graintrain_tt::solve::{EigenMethod, EigenSettings, lowest_eigenpairs};
 use graintrain_tt::{TtError, TtMatrix, TtVector, qtt};

@@ -1,8 +1,6 @@
 //! Large problems are begun in single precision: what comes out must be what double precision finds.
 
-mod common;
-
-use common::{Random, lattice_packing};
+use crate::common::{Random, lattice_packing};
 use graintrain_ccp::residual::{FrictionModel, Judge, ResidualScale};
 use graintrain_ccp::{Ccp, Delassus, RigidDelassus, SolveReport, SolveSettings, SolverSpec};
 use std::sync::Arc;

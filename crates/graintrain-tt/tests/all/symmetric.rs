@@ -1,8 +1,6 @@
 //! Parity-graded trains against ungraded ones.
 
-mod dense;
-
-use dense::{dense, full};
+use crate::dense::{dense, full};
 use graintrain_linalg::dense::Matrix;
 use graintrain_tt::qtt::{self, Boundary, DigitOrder};
 use graintrain_tt::symmetric::SymmetricTrain;

@@ -1,8 +1,6 @@
 //! Errors that a report must not hide: regressions of a review.
 
-mod dense;
-
-use dense::full;
+use crate::dense::full;
 use graintrain_linalg::block3::BlockMatrix3;
 use graintrain_linalg::dense::Matrix;
 use graintrain_tt::cross::{CrossSettings, CrossStatus, Function, cross, cross_sparse};
