@@ -163,31 +163,15 @@ fn errors(summary: &Summary) -> Vec<(&'static str, String)> {
     if summary.friction == FrictionModel::Relaxed {
         told.push((
             "relaxation",
-            format!(
-                "sliding contacts open by {} of the smaller body's radius per step at most, {} of the contacts with force by more than \
-                 0.1 %",
-                percent(summary.relaxation_opening_max_over_radius),
-                percent(summary.relaxation_opened_share)
-            ),
+            "the paper's model: what slides is lifted by mu times its slip; `--friction coulomb` does not".to_string(),
         ));
     }
     told
 }
 
-/// What happened: wedged bodies, stages, streams, outlets.
+/// What happened: stages, streams, outlets.
 fn events(summary: &Summary) -> Vec<(&'static str, String)> {
     let mut told = Vec::new();
-    if summary.wedged_steps > 0 {
-        let contacts = counted(summary.contacts_wedged, "contact", "contacts");
-        let steps = counted(summary.wedged_steps, "step", "steps");
-        told.push((
-            "wedged",
-            format!(
-                "{contacts} in {steps} taken with exact friction: bodies are wedged in, and the relaxation has no solution or throws \
-                 them away"
-            ),
-        ));
-    }
     for stage in &summary.stages {
         let last = stage.last_step.map_or("the end".to_string(), |last| last.to_string());
         told.push(("stage", format!("`{}`: steps {} to {last}", stage.name, stage.first_step + 1)));

@@ -119,7 +119,9 @@ impl StepGradient {
         }
         let name = SolverSpec::from(Method::Ipm);
         let (tolerance, accepted) = TOLERANCE;
-        let solver = SolverChoice { name, tolerance, judge: Judge::Maximum, ..SolverChoice::default() };
+        let friction = FrictionModel::Relaxed;
+        let solver =
+            SolverChoice { name, tolerance, judge: Judge::Maximum, friction, ..SolverChoice::default() };
         let strict = StepSettings { solver, ..settings.clone() };
         if world.materials.has_elastic_pairs() || world.materials.has_cohesive_pairs() {
             return unsupported("a pair of materials has a stiffness or cohesion");
@@ -135,9 +137,6 @@ impl StepGradient {
         }
         if report.contacts_added > 0 {
             return unsupported("contacts were found in the midst of it; a shorter time step may do");
-        }
-        if report.contacts_wedged > 0 {
-            return unsupported("bodies are wedged in and their contacts were taken with exact friction");
         }
         if after.contacts.contacts.iter().any(|contact| contact.lead != Vec3::ZERO) {
             return unsupported(

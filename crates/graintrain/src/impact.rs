@@ -74,9 +74,6 @@ pub(crate) struct Impacts {
     pub lowered: usize,
     /// The worst residual that a solve was left with, in the velocities of its own contacts.
     pub residual: Residual,
-    /// Contacts that still approach, but not far enough to close within the step: in the contact problem the relaxed cone would
-    /// brake them before they arrive. Indices, ascending.
-    pub under_way: Vec<u32>,
 }
 
 /// Contacts of a step, row by row of D.
@@ -131,14 +128,12 @@ impl ImpactSolver<'_> {
                 gap <= 0.0 || gap + step * later[3 * *i as usize] <= 0.0
             };
             let approaching = (0..of.contacts.len() as u32).filter(approaches);
-            let closing: Vec<u32> = approaching.clone().filter(closes).collect();
+            let closing: Vec<u32> = approaching.filter(closes).collect();
             if pass == self.parameters.passes {
-                // What goes on closing may drive bodies into contacts that wait: none waits.
                 found.lowered += closing.len();
                 break;
             }
             if closing.is_empty() {
-                found.under_way = approaching.collect();
                 break;
             }
             if found.impulse.is_empty() {

@@ -5,7 +5,6 @@ use crate::contact::{Contact, ContactSet};
 use crate::handle::BodyId;
 use crate::math::Vec3;
 use crate::measure::energy::Ledger;
-use crate::relaxation::Opening;
 use crate::world::World;
 use graintrain_ccp::residual::{MIXED_MAXIMUM, velocity_scale};
 use graintrain_ccp::{Ccp, Delassus, Residual, SolveReport};
@@ -56,9 +55,6 @@ pub struct StepReport {
     pub contacts_with_force: usize,
     /// Connected parts of the contact graph with a problem to solve.
     pub parts: usize,
-    /// Contacts taken with exact friction in a relaxed step, because bodies are wedged in and the relaxation has no solution for them or throws them away:
-    /// those of the wedges, or all of their connected part. 0 where the step was not solved.
-    pub contacts_wedged: usize,
     /// The solver's own report; over several parts the worst residuals and status, the most iterations, and the sums of the rest.
     pub solve: SolveReport,
     /// Deepest overlap at the end of the step, m; zero if nothing overlaps.
@@ -69,8 +65,6 @@ pub struct StepReport {
     pub kinetic_energy: f64,
     /// What is left of the contact problem, in physical units.
     pub errors: PhysicalErrors,
-    /// What the relaxation of friction opened: nothing where friction is exact.
-    pub opening: Opening,
     /// Contacts that arrived with restitution, over all passes of [`crate::impact`].
     pub impacts: usize,
     /// The worst residual that a solve of theirs was left with. Above the tolerance, the step counts as one that missed it.

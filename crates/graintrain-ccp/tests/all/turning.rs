@@ -133,7 +133,7 @@ fn every_method_that_takes_turning_finds_the_same_motion() {
                 continue;
             }
             for name in ["apgd", "pgs", "pgs@1.3", "pj"] {
-                assert!(name.parse::<SolverSpec>().unwrap().takes_turning());
+                assert!(name.parse::<SolverSpec>().unwrap().build().unwrap().capabilities().turning);
                 let (g, other) = solve(&problem, name, friction, 1e-7);
                 if !other.converged() {
                     continue;
@@ -220,7 +220,7 @@ fn solvers_without_the_cone_refuse_and_name_those_that_have_it() {
         for friction in BOTH {
             let mut g = vec![0.0; problem.r.len()];
             let spec = name.parse::<SolverSpec>().unwrap();
-            assert!(!spec.takes_turning());
+            assert!(!spec.build().unwrap().capabilities().turning);
             let mut solver = spec.build().unwrap();
             let settings = SolveSettings { friction, ..SolveSettings::default() };
             match solver.solve(&problem, &mut g, &settings) {

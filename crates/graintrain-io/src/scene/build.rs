@@ -111,7 +111,7 @@ impl Scene {
         let allowed = *resolved.contact.allowed_overlap.get_or_insert(ALLOWED_OVERLAP * smallest_radius);
         let resist = |stage: &Stage| stage.materials.as_ref().is_some_and(Materials::resist_turning);
         let resist = world.materials.resist_turning() || stages.iter().any(resist);
-        if resist && !self.solver.name.takes_turning() {
+        if resist && self.solver.name.build().is_ok_and(|solver| !solver.capabilities().turning) {
             let problem = format!(
                 "solver {} cannot treat the rolling or spinning friction of these materials; solver.name = \"auto\", \"apgd\", \"pgs\" and \
                  \"pj\" can",

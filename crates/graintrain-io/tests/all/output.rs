@@ -9,7 +9,6 @@ use graintrain::material::Materials;
 use graintrain::math::{Quat, Vec3};
 use graintrain::measure::energy::Ledger;
 use graintrain::motion::{Motion, Profile};
-use graintrain::relaxation::Opening;
 use graintrain::shape::{Geometry, Part, Shape};
 use graintrain::stepper::{PhaseSeconds, PhysicalErrors, SolverChoice, StepReport, StepSettings, Wrench};
 use graintrain::world::{Body, World};
@@ -109,6 +108,7 @@ fn advance(world: &mut World, settings: &RunSettings) -> StepReport {
             seconds: 0.01,
             newton: Vec::new(),
             history: Vec::new(),
+            stages: Vec::new(),
             remark: None,
         },
         penetration_max: 1e-5,
@@ -119,11 +119,9 @@ fn advance(world: &mut World, settings: &RunSettings) -> StepReport {
             cone_excess_max: 4e-3,
             slip_angle_max: 5e-2,
         },
-        opening: Opening { largest_over_size: 2e-3, opened: 1 },
         impacts: 3,
         impact_residual: Default::default(),
         restitution_lowered: 1,
-        contacts_wedged: 5,
         contacts_added: 2,
         contacts_missed: 1,
         overlap_corrected_max: 6e-6,

@@ -1,6 +1,7 @@
 //! Physics against exact answers: the tests A1 to A20 of docs/mechanics.md.
 
 mod cells;
+mod confined;
 mod drives;
 mod elasticity;
 mod energy;
@@ -19,4 +20,3 @@ mod statics;
 mod support;
 mod trust;
 mod turning;
-mod wedge;

@@ -1,8 +1,7 @@
-//! Bodies that the relaxation of friction locks. Default solver and tolerance.
+//! Bodies between surfaces that slide past each other and cannot give way. Default solver and tolerance.
 
 use crate::support::*;
 use graintrain::ccp::FrictionModel;
-use graintrain::gradient::StepGradient;
 use graintrain::handle::{BodyId, MaterialId};
 use graintrain::joint::Joint;
 use graintrain::math::Vec3;
@@ -32,47 +31,29 @@ fn press(balls: usize) -> (World, BodyId) {
     (world, block)
 }
 
-/// Relaxed friction would have to lift the block off one of the plates by mu times its slip, for which there is no room: the step's problem
-/// has no solution. The block rides on the floor and slides under the lid, as with exact friction; its neighbours do not feel it.
+/// The block rides on the floor and slides under the lid; its neighbours do not feel it. Relaxed friction would have to lift it off one of the
+/// plates by mu times its slip, for which there is no room: that problem has no solution, and the step says so.
 #[test]
 fn a_block_that_slides_between_two_plates_is_not_locked() {
     for balls in [0, 100] {
-        let speeds = [FrictionModel::Relaxed, FrictionModel::Coulomb].map(|friction| {
-            let (mut world, block) = press(balls);
-            let mut stepper = Stepper::new(StepSettings {
-                step: 5e-3,
-                solver: SolverChoice { friction, ..SolverChoice::default() },
-                ..StepSettings::default()
-            })
-            .unwrap();
-            for n in 0..40 {
-                let report = stepper.step(&mut world).unwrap();
-                assert!(report.solve.converged(), "{friction:?}, step {n}: {:?}", report.solve);
-                let wedged = report.contacts_wedged;
-                match friction {
-                    FrictionModel::Relaxed => assert!((1..=8).contains(&wedged), "step {n}: {wedged}"),
-                    FrictionModel::Coulomb => assert_eq!(wedged, 0),
-                }
-                let z = world.bodies.position[block.index()].z;
-                assert!((z - 0.1).abs() < 1e-4, "{friction:?}, step {n}: {z}");
-            }
-            world.bodies.velocity[block.index()].x
-        });
-        let [relaxed, exact] = speeds;
-        assert!((exact - 0.1).abs() < 1e-3 && (relaxed - exact).abs() < 5e-3, "{balls} balls: {speeds:?}");
+        let (mut world, block) = press(balls);
+        let mut stepper = Stepper::new(StepSettings { step: 5e-3, ..StepSettings::default() }).unwrap();
+        for n in 0..40 {
+            let report = stepper.step(&mut world).unwrap();
+            assert!(report.solve.converged(), "step {n}: {:?}", report.solve);
+            let z = world.bodies.position[block.index()].z;
+            assert!((z - 0.1).abs() < 1e-4, "step {n}: {z}");
+        }
+        assert_close(world.bodies.velocity[block.index()].x, 0.1, 1e-3, "speed of the block");
     }
+    let (mut world, _) = press(0);
+    let solver = SolverChoice { friction: FrictionModel::Relaxed, ..SolverChoice::default() };
+    let mut stepper = Stepper::new(StepSettings { step: 5e-3, solver, ..StepSettings::default() }).unwrap();
+    let report = stepper.step(&mut world).unwrap();
+    assert!(!report.solve.converged(), "{:?}", report.solve);
 }
 
-/// Derivatives of a mixture of both friction laws would be those of neither.
-#[test]
-fn a_step_with_wedged_contacts_has_no_derivative() {
-    let (world, _) = press(0);
-    let settings = StepSettings { step: 5e-3, ..StepSettings::default() };
-    let refused = StepGradient::new(&world, &settings).map(|_| ()).unwrap_err();
-    assert!(refused.to_string().contains("wedged"), "{refused}");
-}
-
-/// The block of the press drags a ball on a joint behind it: wedges are found among bodies that joints couple.
+/// The block of the press drags a ball on a joint behind it.
 #[test]
 fn a_jointed_block_between_two_plates_is_not_locked() {
     let (mut world, block) = press(0);
@@ -83,14 +64,14 @@ fn a_jointed_block_between_two_plates_is_not_locked() {
     let mut stepper = Stepper::new(StepSettings { step: 5e-3, ..StepSettings::default() }).unwrap();
     for n in 0..20 {
         let report = stepper.step(&mut world).unwrap();
-        assert!(report.solve.converged() && report.contacts_wedged > 0, "step {n}: {:?}", report.solve);
+        assert!(report.solve.converged(), "step {n}: {:?}", report.solve);
         let z = world.bodies.position[block.index()].z;
         assert!((z - 0.1).abs() < 1e-4, "step {n}: {z}");
     }
     assert!(world.bodies.velocity[block.index()].x > 0.05, "{}", world.bodies.velocity[block.index()]);
 }
 
-/// A layer of balls between a fixed lid and a floor that is driven: all of it is wedged, and exact friction has it roll.
+/// A layer of balls between a fixed lid and a floor that is driven: it rolls.
 #[test]
 fn a_layer_of_balls_between_two_plates_rolls() {
     let mut world = world(0.9, 0.0);
