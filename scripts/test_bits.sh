@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# The same bits on every machine: runs short scenes on this processor, without the fused multiply-add of its C library, on an emulated
+# The same bits on other machines: runs short scenes on this processor, without the fused multiply-add of its C library, on an emulated
 # processor without AVX and FMA (Nehalem, 2008), and on an emulated arm64 machine, and compares their state_hash.
 #
 #     scripts/test_bits.sh
@@ -21,9 +21,9 @@ scenes=(
     "sedimentation --set n=2 --steps 20"
     "sedimentation --set n=5 --steps 12"
     "direct-shear --set n=2 --steps 20"
-    "direct-shear --set n=2 --steps 20 --friction coulomb"
+    "direct-shear --set n=2 --steps 20 --friction relaxed"
     "excavator --steps 4"
-    "excavator --steps 4 --friction coulomb"
+    "excavator --steps 4 --friction relaxed"
     "shear-box --steps 10"
     "hopper --steps 20"
     "repose --steps 10"

@@ -8,7 +8,7 @@ use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 /// Streams, outlets and stages that end by what is measured.
-const HOPPER: &str = include_str!("../failing/compared_step_lost.toml");
+const HOPPER: &str = include_str!("../failing/killed_hopper.toml");
 
 /// A periodic cell that is gathered, pressed and sheared, with measurements, one of which remembers.
 const CELL: &str = r#"

@@ -441,7 +441,7 @@ fn what_is_seldom_meant_is_told() {
     let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
     write(
         "rough.toml",
-        "[time]\nstep = 0.2\nend = 1\n[solver]\ntolerance = 1e-13\n[material.m]\nfriction = 1.5\n[body.b]\nshape = { sphere = { radius = 0.1 } }\n",
+        "[time]\nstep = 0.2\nend = 1\n[solver]\ntolerance = 1e-13\nfriction = \"relaxed\"\n[material.m]\nfriction = 1.5\n[body.b]\nshape = { sphere = { radius = 0.1 } }\n",
     );
     let (told, _) = ended(graintrain(folder.path(), &["check", "rough.toml"]), 0);
     for doubt in ["friction 1.5 with the relaxed model", "a shorter time.step", "below what rounding allows"]
@@ -454,7 +454,7 @@ fn what_is_seldom_meant_is_told() {
          [stream.rain]\nradius = 0.05\ncount = 5\nregion = { box = { min = [-0.2, -0.2, -0.2], max = [0.2, 0.2, 0.2] } }\n\
          [[stage]]\nname = \"fill\"\nfilled = true\n[[stage]]\nname = \"rest\"\n",
     );
-    let (told, warned) = ended(graintrain(folder.path(), &["run", "full.toml", "--out", "full"]), 0);
+    let (told, warned) = ended(graintrain(folder.path(), &["run", "full.toml", "--out", "full", "--details"]), 0);
     assert!(
         warned.contains("stage `fill` had not ended") && warned.contains("`rest` never began"),
         "{warned}"
