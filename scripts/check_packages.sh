@@ -26,7 +26,7 @@ for name in "${crates[@]}"; do
     for file in README.md LICENSE-MIT LICENSE-APACHE Cargo.toml; do
         [ -s "$unpacked/$file" ] || { echo "$name: $file is missing from the packed crate" >&2; exit 1; }
     done
-    for key in description keywords categories license repository readme; do
+    for key in description keywords categories license readme; do
         grep -q "^$key = " "$unpacked/Cargo.toml" || { echo "$name: no $key" >&2; exit 1; }
     done
     echo "$name.path = \"$(basename "$unpacked")\"" >> "$folder/Cargo.toml"
