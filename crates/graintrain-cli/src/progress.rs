@@ -254,6 +254,7 @@ mod tests {
             seconds: 0.0,
             newton: Vec::new(),
             history: Vec::new(),
+            stages: Vec::new(),
             remark: None,
         }
     }

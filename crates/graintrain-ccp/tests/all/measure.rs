@@ -203,7 +203,9 @@ fn every_solver_measures_inside_as_its_report_does() {
     const HAIR: f64 = 1e-6;
     let linear = ["ipm+cholesky", "scip+block-jacobi", "pdip+ilu"];
     for (k, problem) in uneven_problems().iter().enumerate() {
-        for name in Method::available().map(Method::name).chain(linear) {
+        // `auto` begins with another member where it is asked for less.
+        let alone = Method::available().map(Method::name).filter(|name| *name != "auto");
+        for name in alone.chain(linear) {
             for judge in [Judge::Maximum, Judge::Mixed] {
                 let is_newton = ["ipm", "scip", "pdip"].iter().any(|newton| name.starts_with(newton));
                 let iterations = if is_newton { 4 } else { 40 };

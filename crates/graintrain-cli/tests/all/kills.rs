@@ -179,7 +179,7 @@ impl Draw {
 /// Starts a command, lets it go on for a while and ends it: by a kill, which leaves things as they are, or by a signal that lets it put them
 /// in order.
 fn interrupted(mut command: Command, after: Duration, by: &str) {
-    let mut child = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
+    let child = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
     std::thread::sleep(after);
     // It may be over by now.
     let pid = child.id().to_string();

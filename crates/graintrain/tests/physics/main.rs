@@ -1,5 +1,6 @@
 //! Physics against exact answers: the tests A1 to A20 of docs/mechanics.md.
 
+mod by_default;
 mod cells;
 mod confined;
 mod drives;
