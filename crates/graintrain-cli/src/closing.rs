@@ -163,7 +163,8 @@ fn errors(summary: &Summary) -> Vec<(&'static str, String)> {
     if summary.friction == FrictionModel::Relaxed {
         told.push((
             "relaxation",
-            "the paper's model: what slides is lifted by mu times its slip; `--friction coulomb` does not".to_string(),
+            "the paper's model: what slides is lifted by mu times its slip; `--friction coulomb` does not"
+                .to_string(),
         ));
     }
     told

@@ -222,7 +222,7 @@ pub fn to_bytes(settings: &RunSettings, totals: &RunTotals, world: &World) -> io
 fn encode(settings: &RunSettings, totals: &RunTotals, world: &World, marks: &Marks) -> io::Result<Vec<u8>> {
     // A tuple has the layout of the struct that is read back.
     let plain = postcard::to_stdvec(&(settings, totals, world, marks)).map_err(io::Error::other)?;
-    Ok(file(&plain, plain.len() as u64))
+    Ok(with_payload(&plain))
 }
 
 /// The bytes of a file whose payload is to expand to `expanded` bytes.
@@ -238,7 +238,20 @@ fn file(plain: &[u8], expanded: u64) -> Vec<u8> {
     bytes
 }
 
-fn decode(bytes: &[u8], path: &Path) -> Result<Checkpoint, CheckpointError> {
+/// The expanded payload of a file, for tests that alter it: its form is that of this version of the program.
+///
+/// # Errors
+/// As [`read`], but for what stands in the payload.
+pub fn payload(bytes: &[u8], name: &str) -> Result<Vec<u8>, CheckpointError> {
+    expand(bytes, Path::new(name))
+}
+
+/// The bytes of a file with this payload, whatever that says: lengths and check sum fit.
+pub fn with_payload(plain: &[u8]) -> Vec<u8> {
+    file(plain, plain.len() as u64)
+}
+
+fn expand(bytes: &[u8], path: &Path) -> Result<Vec<u8>, CheckpointError> {
     let path = path.to_path_buf();
     if !bytes.starts_with(&MAGIC[..bytes.len().min(MAGIC.len())]) {
         return Err(CheckpointError::NotACheckpoint { path });
@@ -268,10 +281,12 @@ fn decode(bytes: &[u8], path: &Path) -> Result<Checkpoint, CheckpointError> {
         let what = format!("it claims to expand from {} to {expanded} bytes", payload.len());
         return Err(CheckpointError::Damaged { path, what });
     }
-    let plain = match unpack(payload, expanded as usize) {
-        Ok(plain) => plain,
-        Err(what) => return Err(CheckpointError::Damaged { path, what }),
-    };
+    unpack(payload, expanded as usize).map_err(|what| CheckpointError::Damaged { path, what })
+}
+
+fn decode(bytes: &[u8], path: &Path) -> Result<Checkpoint, CheckpointError> {
+    let plain = expand(bytes, path)?;
+    let path = path.to_path_buf();
     // The check sum holds: these bytes are what some build of this format wrote.
     let checkpoint: Checkpoint = postcard::from_bytes(&plain)
         .map_err(|error| CheckpointError::Foreign { path: path.clone(), what: error.to_string() })?;
@@ -342,7 +357,9 @@ mod tests {
     fn altered_payloads_make_no_panic() {
         let (settings, world) = saved();
         let plain = postcard::to_stdvec(&(&settings, &RunTotals::default(), &world, &Marks::new())).unwrap();
-        assert!(decode(&file(&plain, plain.len() as u64), Path::new("a")).is_ok());
+        let whole = with_payload(&plain);
+        assert!(decode(&whole, Path::new("a")).is_ok());
+        assert_eq!(payload(&whole, "a").unwrap(), plain);
         let mut state = 9_u64;
         let mut draw = |below: usize| {
             state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
@@ -361,7 +378,7 @@ mod tests {
                     }
                 }
             }
-            let Ok(checkpoint) = decode(&file(&altered, altered.len() as u64), Path::new("a")) else {
+            let Ok(checkpoint) = decode(&with_payload(&altered), Path::new("a")) else {
                 continue;
             };
             accepted += 1;

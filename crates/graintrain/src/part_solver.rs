@@ -16,7 +16,7 @@ pub struct Parameters {
     /// Parts of fewer contacts than this neither remember the curvature of a solve nor are begun with one: it is that of a bed. Nor do
     /// ranks share them.
     pub bed: usize,
-    /// Iterations of projected gradients that a part of many contacts may cost in a step, where the settings name no limit.
+    /// Iterations of projected gradients that a part of many contacts may cost in a step with exact friction, where the settings name no limit.
     pub iterations: usize,
     /// And that one of few may cost: iterations times contacts are what they are for `many` contacts, with `most_iterations` at the most.
     pub many: usize,
@@ -26,7 +26,13 @@ pub struct Parameters {
 
 impl Default for Parameters {
     fn default() -> Self {
-        Self { few: FewParameters::default(), bed: 1000, iterations: 3000, many: 256, most_iterations: 30_000 }
+        Self {
+            few: FewParameters::default(),
+            bed: 1000,
+            iterations: 6000,
+            many: 1024,
+            most_iterations: 30_000,
+        }
     }
 }
 
@@ -117,9 +123,10 @@ impl PartSolver<'_> {
     /// What is asked of the solve of a part.
     fn bounded(&self, problem: &Ccp) -> SolveSettings {
         let max_iterations = self.settings.max_iterations.or_else(|| {
-            // Other methods count, and bound, iterations of their own.
-            let counts_gradients = self.solver.capabilities().exact;
-            counts_gradients.then(|| self.parameters.iterations(problem.num_contacts()))
+            // Relaxed solves, and methods that count iterations of their own, have their limits.
+            let is_exact = self.settings.friction == FrictionModel::Coulomb;
+            (is_exact && self.solver.capabilities().exact)
+                .then(|| self.parameters.iterations(problem.num_contacts()))
         });
         SolveSettings { max_iterations, ..self.settings.clone() }
     }
@@ -169,12 +176,7 @@ struct Budget<'a> {
 
 impl Budget<'_> {
     /// Goes on from g to this tolerance, with no more iterations than `most`. Converged is what meets the tolerance of the settings.
-    fn solve(
-        &mut self,
-        g: &mut [f64],
-        tolerance: f64,
-        most: Option<usize>,
-    ) -> Result<SolveReport, CcpError> {
+    fn solve(&mut self, g: &mut [f64], tolerance: f64, most: Option<usize>) -> Result<SolveReport, CcpError> {
         let max_iterations = self.left.into_iter().chain(most).min();
         let settings = SolveSettings { tolerance, max_iterations, ..self.settings.clone() };
         let mut report = self.solver.solve(self.problem, g, &settings)?;

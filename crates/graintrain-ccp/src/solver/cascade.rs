@@ -450,7 +450,8 @@ impl Cascade {
         match names.as_slice() {
             [] => self.name.clone(),
             [only] if *only == self.name => self.name.clone(),
-            _ => format!("{} ({})", self.name, names.join(", ")),
+            // No commas: it is a field of tables.
+            _ => format!("{} ({})", self.name, names.join(" > ")),
         }
     }
 }

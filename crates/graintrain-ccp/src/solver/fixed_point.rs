@@ -74,7 +74,7 @@ pub fn solve(
     let mut shift = Shift::new(contacts, parameters.factor_range);
     let (mut best, mut history) = (Best::default(), History::default());
     let mut progress = Progress { fraction: parameters.inner_fraction[0], least: f64::INFINITY, since: 0 };
-    let (mut sums, mut last_inner) = ([0; 3], None);
+    let (mut sums, mut newton, mut last_inner) = ([0; 3], Vec::new(), None);
     let mut status = Status::IterationLimit;
     for outer in 0..=parameters.outer_limit {
         problem.velocity(impulse, &mut u, &mut work);
@@ -89,7 +89,11 @@ pub fn solve(
         }
         if progress.since > parameters.patience {
             // The relaxed solver's own verdict tells more than "stalled" where it has one.
-            status = if last_inner == Some(Status::IterationLimit) { Status::IterationLimit } else { Status::Stalled };
+            status = if last_inner == Some(Status::IterationLimit) {
+                Status::IterationLimit
+            } else {
+                Status::Stalled
+            };
             break;
         }
         if outer > 0 || impulse.iter().any(|&g| g != 0.0) {
@@ -116,6 +120,7 @@ pub fn solve(
         }
         let of_solve = [report.iterations, report.linear_iterations, report.products];
         sums.iter_mut().zip(of_solve).for_each(|(sum, own)| *sum += own);
+        newton.append(&mut report.newton);
         last_inner = Some(report.status);
         if status == Status::Infeasible {
             break;
@@ -123,7 +128,7 @@ pub fn solve(
     }
     best.restore(impulse);
     let report = limits.report(&relaxed.name(), problem, impulse, status, sums[0], sums[1]);
-    Ok(SolveReport { products: sums[2], history: history.into_samples(), ..report })
+    Ok(SolveReport { products: sums[2], newton, history: history.into_samples(), ..report })
 }
 
 /// The problem without friction: where not even that has a solution, the exact one has none. Impulses that keep the bodies

@@ -2,11 +2,17 @@
 //! an answer soon and in little memory.
 #![cfg(unix)]
 
-use crate::runs::{ended, folder, graintrain, read};
+use crate::runs::{folder, graintrain, read};
 use std::os::unix::fs::symlink;
 use std::path::Path;
 use std::process::Command;
 use std::time::{Duration, Instant};
+
+/// As [`crate::runs::ended`], with messages as they are before they are broken into lines.
+fn ended(command: Command, code: i32) -> (String, String) {
+    let (out, err) = crate::runs::ended(command, code);
+    (out, err.split_whitespace().filter(|word| *word != "│").collect::<Vec<_>>().join(" "))
+}
 
 /// A short run of a scene that has a measurement.
 fn made(folder: &Path) {

@@ -454,7 +454,8 @@ fn what_is_seldom_meant_is_told() {
          [stream.rain]\nradius = 0.05\ncount = 5\nregion = { box = { min = [-0.2, -0.2, -0.2], max = [0.2, 0.2, 0.2] } }\n\
          [[stage]]\nname = \"fill\"\nfilled = true\n[[stage]]\nname = \"rest\"\n",
     );
-    let (told, warned) = ended(graintrain(folder.path(), &["run", "full.toml", "--out", "full", "--details"]), 0);
+    let (told, warned) =
+        ended(graintrain(folder.path(), &["run", "full.toml", "--out", "full", "--details"]), 0);
     assert!(
         warned.contains("stage `fill` had not ended") && warned.contains("`rest` never began"),
         "{warned}"

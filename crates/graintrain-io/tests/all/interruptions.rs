@@ -95,7 +95,7 @@ fn every_missing_or_damaged_table_and_list_is_told_and_kept() {
         let whole = std::fs::read(&path).unwrap();
         std::fs::remove_file(&path).unwrap();
         assert_eq!(losses(folder), [Loss::Missing(path.clone())]);
-        for (ending, length) in [(".bad", whole.len() / 2), (".bad2", whole.len() - 1), (".bad3", 0)] {
+        for (ending, length) in [(".bad", whole.len() / 2), (".bad2", whole.len() - 2), (".bad3", 0)] {
             std::fs::write(&path, &whole[..length]).unwrap();
             let bad = folder.join(format!("{name}{ending}"));
             assert_eq!(losses(folder), [Loss::Damaged(bad.clone())], "{length} bytes");

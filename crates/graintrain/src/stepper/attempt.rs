@@ -14,9 +14,7 @@ use crate::integrate::{free_velocity, inverse_mass, inverse_mass_in_step};
 use crate::joint::mechanism::{JointReactions, Mechanisms};
 use crate::part_solver::{PartSolver, Solved};
 use crate::world::World;
-use graintrain_ccp::{
-    Ccp, CcpError, Delassus, RigidContact, SolveReport, SolveSettings, Status,
-};
+use graintrain_ccp::{Ccp, CcpError, Delassus, RigidContact, SolveReport, SolveSettings, Status};
 use graintrain_linalg::parallel::axpy;
 use std::borrow::Cow;
 use std::collections::{HashMap, HashSet};

@@ -1,8 +1,8 @@
 //! What is left of a step once it is solved: the overlap removed, the report made, what the next step starts from kept.
 
+use super::Stepper;
 use super::attempt::{Attempt, chosen_of};
 use super::placement::{Placement, taken_along};
-use super::Stepper;
 use crate::assemble::{OverlapCorrection, of_each, pair_property, relative_velocities};
 use crate::cell;
 use crate::clock::{Clock, Laps};

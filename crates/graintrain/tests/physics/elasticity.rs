@@ -233,20 +233,11 @@ fn what_sticks_and_slides_goes_on_sticking() {
         let stuff = MaterialId::default();
         let pull = 30.0 * world.bodies.mass[block];
         world.materials.set_pair_cohesion(stuff, stuff, pull).unwrap();
-        let mut stepper = Stepper::new(StepSettings {
-            step,
-            envelope: 5e-3,
-            ..StepSettings::default()
-        })
-        .unwrap();
+        let mut stepper =
+            Stepper::new(StepSettings { step, envelope: 5e-3, ..StepSettings::default() }).unwrap();
         run(&mut stepper, &mut world, (0.5 / step) as usize);
         let expected = -0.5 * (G - mu * 30.0) * world.time * world.time;
-        assert_close(
-            world.bodies.position[block].z,
-            expected,
-            0.03 * expected.abs(),
-            &format!("{step} s"),
-        );
+        assert_close(world.bodies.position[block].z, expected, 0.03 * expected.abs(), &format!("{step} s"));
     }
 }
 

@@ -83,12 +83,7 @@ impl Ipm {
     /// The interior point with a linear solver of one's own, without a start: `ipm+LINEAR`.
     pub fn with_solver(linear: Box<dyn NewtonSolver>) -> Self {
         let newton = NewtonDriver::new(linear);
-        Self {
-            newton,
-            start: None,
-            scaled: None,
-            parameters: Parameters::default(),
-        }
+        Self { newton, start: None, scaled: None, parameters: Parameters::default() }
     }
 
     /// The phases after the start, whose impulses are `started`; `given` are those handed over by the caller.

@@ -235,7 +235,11 @@ impl CcpSolver for PathFollowing {
     }
 
     fn cost(&mut self, problem: &Ccp) -> Cost {
-        Cost { start: 0.0, iteration: self.iterations_per_system(problem), least: self.parameters.least_systems }
+        Cost {
+            start: 0.0,
+            iteration: self.iterations_per_system(problem),
+            least: self.parameters.least_systems,
+        }
     }
 
     fn solve(

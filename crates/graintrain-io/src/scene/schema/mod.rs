@@ -361,11 +361,11 @@ static SOLVER: Table = Table {
         key(
             "max_iterations",
             Count,
-            "3000, more for few contacts",
+            "6000, more for few contacts",
             "2000",
-            "Iterations that a connected part of the contacts may cost in a step, in those of projected gradients (of few contacts: up to ten \
-             times as many). A step that they do not suffice for is made with the best impulses found, and counts as one that missed its \
-             tolerance. Methods that count something else have limits of their own",
+            "Iterations that a connected part of the contacts may cost in a step, in those of projected gradients (below 1 024 contacts: up to \
+             five times as many). A step that they do not suffice for is made with the best impulses found, and counts as one that missed its \
+             tolerance. Relaxed solves, and methods that count something else, have limits of their own",
         ),
         key(
             "friction",
