@@ -5,7 +5,7 @@ use super::identity::identity;
 use super::look::{Look, surface_speeds};
 use super::narrow::{Collidable, Placed, body_contacts};
 use super::reduce::Touch;
-use super::sweep::{advanced, arrivals, time_of_impact};
+use super::sweep::{advanced, arrivals, first_touch_of_balls, time_of_impact};
 use super::words::{contacts_from, words_of};
 use crate::contact::Contact;
 use crate::math::Vec3;
@@ -149,7 +149,7 @@ impl Collider {
     }
 
     /// Whether two bodies of the world that move with these velocities (u, w), as a step moves them, nowhere overlap by more than `allowed` and what they
-    /// fell till then, `fall` by the end of the step, m. Looked at in so many poses that a face no more curved than the smaller body's size is not missed; `false` where that would take
+    /// fell till then, `fall` by the end of the step, m. Of balls the nearest way is known; others are looked at in so many poses that a face no more curved than the smaller body's size is not missed; `false` where that would take
     /// more than [`POSES`].
     pub(crate) fn pass_freely(
         &self,
@@ -163,6 +163,12 @@ impl Collider {
         let ([a, b], image) = self.placed_pair(world, pair);
         if let Some(cell) = world.cell().filter(|_| image != [0; 3]) {
             velocities[1][0] += cell.image_velocity(image);
+        }
+        if let (Some(r_a), Some(r_b)) = (a.form.ball, b.form.ball) {
+            let (start, approach) = (a.position - b.position, velocities[0][0] - velocities[1][0]);
+            let nearest = (-start.dot(approach) / approach.length_squared()).clamp(0.0, step);
+            let nearest = if nearest.is_nan() { 0.0 } else { nearest };
+            return (start + nearest * approach).length() - r_a - r_b >= -allowed - fall * nearest / step;
         }
         let turn = |k: usize, form: &Collidable| {
             let spin = velocities[k][1].length();
@@ -201,20 +207,31 @@ impl Collider {
         self.form(world, body).ball.is_some()
     }
 
-    /// The contact of two balls that are apart and touch within the step as they move now: with the normal and the arms of that moment.
-    /// `None` for other bodies, and for balls that do not touch in it.
-    pub(crate) fn arrival_of_balls(&self, world: &World, apart: &Contact, step: f64) -> Option<Contact> {
+    /// The contact of two balls that are apart and come nearer, with the normal n and the arms of the moment within the step at which they
+    /// touch, or pass each other at the least distance, as they move now; `None` for other bodies and for balls that move apart.
+    ///
+    /// n . (x_A - x_B) >= r_A + r_B keeps balls apart whatever unit vector n is, since n . x <= |x|. But the line of centres of the start
+    /// bars the way of balls that pass each other, and one that is off by an angle a holds those that meet R a^2 / 2 apart.
+    pub(crate) fn aimed(&self, world: &World, apart: &Contact, step: f64) -> Option<Contact> {
         let pair = [apart.body_a, apart.body_b];
-        if !pair.iter().all(|&body| self.is_ball(world, body as usize)) {
+        let ([a, b], image) = self.placed_pair(world, pair);
+        let (Some(r_a), Some(r_b)) = (a.form.ball, b.form.ball) else { return None };
+        if image != apart.image {
             return None;
         }
-        let ([a, b], image) = self.placed_pair(world, pair);
-        let [v_a, v_b] = world.pair_velocities(pair);
-        let impact =
-            time_of_impact(a, b, v_a, v_b, step, 0.0).filter(|i| i.time > 0.0 && image == apart.image)?;
-        let arrival = *arrivals(&impact, a, b, v_a, v_b).first()?;
-        let lead = 0.5 * (arrival.on_a - arrival.on_b);
-        Some(Contact { lead, image, identity: apart.identity, ..contact(pair, &arrival.touch) })
+        let [[v_a, _], [v_b, _]] = world.pair_velocities(pair);
+        let (start, approach) = (a.position - b.position, v_a - v_b);
+        let closing = -start.dot(approach);
+        if closing <= 0.0 {
+            return None;
+        }
+        let moment = first_touch_of_balls(start, approach, r_a + r_b)
+            .unwrap_or_else(|| closing / approach.length_squared())
+            .min(step);
+        let normal = (start + moment * approach).try_normalize()?;
+        let (on_a, on_b) = (a.position - r_a * normal, b.position + r_b * normal);
+        let (point, lead) = (0.5 * (on_a + on_b), 0.5 * (on_a - on_b));
+        Some(Contact { point, normal, gap: normal.dot(start) - r_a - r_b, lead, ..*apart })
     }
 
     /// Size of the smaller body of a contact, m.

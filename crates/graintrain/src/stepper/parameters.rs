@@ -6,7 +6,7 @@ pub use crate::overlap::Parameters as OverlapParameters;
 pub use crate::part_solver::{FewParameters, Parameters as PartParameters};
 
 /// The tuned numbers of a step. They are no part of checkpoints: a run that goes on has the defaults.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Parameters {
     /// When a step is made again.
     pub repetition: RepetitionParameters,
@@ -16,15 +16,4 @@ pub struct Parameters {
     pub parts: PartParameters,
     /// Of the displacements that remove overlap.
     pub overlap: OverlapParameters,
-}
-
-impl Default for Parameters {
-    fn default() -> Self {
-        Self {
-            repetition: RepetitionParameters::default(),
-            impacts: ImpactParameters::default(),
-            parts: PartParameters::default(),
-            overlap: OverlapParameters::default(),
-        }
-    }
 }

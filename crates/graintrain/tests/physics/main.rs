@@ -14,6 +14,7 @@ mod invariants;
 mod joints;
 mod loads;
 mod meshes;
+mod met;
 mod packings;
 mod repetition;
 mod rotation;
