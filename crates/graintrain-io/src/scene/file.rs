@@ -725,7 +725,7 @@ mod tests {
         let region = "region = { box = { min = [0, 0, 9], max = [1, 1, 10] } }";
         let text = format!(
             "seed = 9223372036854775807\n[time]\nstep = 1\nsteps = 1\n[packing.a]\nradius = 0.1\nlattice = {{ counts = [1, 1, 1], pitch = 1 \
-             }}\n[packing.b]\nradius = 0.1\nlattice = {{ counts = [1, 1, 1], pitch = 1 }}\n[stream.c]\nradius = 0.1\n{region}\n"
+             }}\n[packing.b]\nradius = 0.1\nlattice = {{ counts = [1, 1, 1], pitch = 1 }}\n[stream.c]\nradius = 0.1\ncount = 1\n{region}\n"
         );
         let parse = |text: &str| Scene::parse("a", "a.toml", text, Path::new(""), &[]).unwrap();
         let scene = parse(&text);

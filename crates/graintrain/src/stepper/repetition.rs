@@ -289,8 +289,12 @@ impl Stepper {
         };
         let missed = self.parameters.repetition.missed;
         // Balls have no seams: they bar each other's way only while they are apart.
+        let pushes = |k: usize| {
+            let of_impact = attempt.impacts.impulse.get(attempt.active[k] as usize);
+            attempt.impulse[3 * k] != 0.0 || of_impact.is_some_and(|impulse| *impulse != Vec3::ZERO)
+        };
         let may_bar = |k: &usize| {
-            contact(*k).gap > missed * collider.contact_size(world, contact(*k))
+            pushes(*k) && contact(*k).gap > missed * collider.contact_size(world, contact(*k))
                 || pair(*k).iter().any(|&body| !collider.is_ball(world, body as usize))
         };
         let mut order: Vec<usize> = (0..rows.len()).into_par_iter().filter(may_bar).collect();
