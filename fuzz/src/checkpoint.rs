@@ -2,7 +2,9 @@
 //! as `graintrain resume` would.
 
 use crate::scene;
+use graintrain::world::World;
 use graintrain_io::checkpoint::{self, Checkpoint};
+use graintrain_io::mark::Marks;
 use graintrain_io::output::folder::RunFolder;
 use graintrain_io::output::recorder::Recorder;
 use graintrain_io::run::{Run, RunSettings, RunTotals};
@@ -25,17 +27,21 @@ pub fn run(payload: &[u8]) -> bool {
     };
     let Checkpoint { settings, totals, world, marks } = checkpoint;
     world.state_hash();
+    step(world, settings, totals, &marks);
+    true
+}
+
+/// Makes one step as a run would, written down in a folder; whatever comes of it, an error is told.
+pub(crate) fn step(world: World, settings: RunSettings, totals: RunTotals, marks: &Marks) {
     let settings = RunSettings { steps: world.step.saturating_add(1), ..settings };
     let stop = Arc::new(AtomicBool::new(false));
-    let Ok(mut run) = Run::new(world, settings, totals, Arc::clone(&stop)) else { return true };
+    let Ok(mut run) = Run::new(world, settings, totals, Arc::clone(&stop)) else { return };
     let folder = tempfile::tempdir().expect("temporary folders can be made");
     let taken = RunFolder::open(folder.path()).expect("temporary folders can be taken");
-    let Ok(mut recorder) = Recorder::resume(taken, &run.settings, &run.world, &marks) else { return true };
+    let Ok(mut recorder) = Recorder::resume(taken, &run.settings, &run.world, marks) else { return };
     let patience = set_later(stop);
-    // Whatever comes of it: an error is told.
     let _ = run.advance(&mut [&mut recorder]);
     drop(patience);
-    true
 }
 
 /// Sets a flag once the patience is over; not where what is returned is dropped before.

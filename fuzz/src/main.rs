@@ -102,7 +102,9 @@ fn supervised(target: &Target, arguments: &Arguments) -> std::io::Result<bool> {
     }
     let status = command.status()?;
     if !status.success() {
-        println!("{}: {status} at the input in {}", target.name, folder(target).join("last").display());
+        let (folder, name) = (folder(target), target.name);
+        let number = std::fs::read_to_string(folder.join("number"))?;
+        println!("{name}: {status} at input {number}, which is in {}", folder.join("last").display());
     }
     Ok(status.success())
 }
@@ -110,37 +112,34 @@ fn supervised(target: &Target, arguments: &Arguments) -> std::io::Result<bool> {
 /// Ends the process where an input takes too long; a panic ends it, whoever would catch it.
 struct Watch {
     begin: Instant,
-    /// Milliseconds since then at which the input was begun, and its number.
-    input: Arc<[AtomicU64; 2]>,
+    /// Milliseconds since then at which the input was begun.
+    since: Arc<AtomicU64>,
 }
 
 impl Watch {
-    fn begin(file: PathBuf) -> Self {
-        let begin = Instant::now();
-        let input: Arc<[AtomicU64; 2]> = Arc::default();
+    fn begin() -> Self {
+        let (begin, since) = (Instant::now(), Arc::new(AtomicU64::new(0)));
         let told = std::panic::take_hook();
-        let (watched, panicked, name) = (Arc::clone(&input), Arc::clone(&input), file.clone());
         std::panic::set_hook(Box::new(move |info| {
             told(info);
-            eprintln!("a panic at input {}: {}", panicked[1].load(Ordering::Relaxed), name.display());
             abort();
         }));
+        let watched = Arc::clone(&since);
         std::thread::spawn(move || {
             loop {
                 std::thread::sleep(Duration::from_millis(50));
-                let [since, number] = watched.each_ref().map(|value| value.load(Ordering::Relaxed));
-                if begin.elapsed().saturating_sub(Duration::from_millis(since)) > MOST_TIME {
-                    eprintln!("over {MOST_TIME:?} at input {number}: {}", file.display());
+                let since = Duration::from_millis(watched.load(Ordering::Relaxed));
+                if begin.elapsed().saturating_sub(since) > MOST_TIME {
+                    eprintln!("an input takes over {MOST_TIME:?}");
                     abort();
                 }
             }
         });
-        Self { begin, input }
+        Self { begin, since }
     }
 
-    fn next(&self, number: u64) {
-        self.input[0].store(self.begin.elapsed().as_millis() as u64, Ordering::Relaxed);
-        self.input[1].store(number, Ordering::Relaxed);
+    fn next(&self) {
+        self.since.store(self.begin.elapsed().as_millis() as u64, Ordering::Relaxed);
     }
 }
 
@@ -148,7 +147,7 @@ fn try_file(target: &Target, path: &Path) -> std::io::Result<()> {
     let input = std::fs::read(path)?;
     // What a target makes once is none of the input's time.
     (target.seeds)();
-    Watch::begin(path.to_path_buf()).next(0);
+    Watch::begin();
     let start = Instant::now();
     let accepted = (target.run)(&input);
     println!("{} in {:.3} s", if accepted { "accepted" } else { "refused" }, start.elapsed().as_secs_f64());
@@ -159,7 +158,7 @@ fn try_inputs(target: &Target, arguments: &Arguments) -> std::io::Result<()> {
     let folder = folder(target);
     std::fs::create_dir_all(&folder)?;
     let (seeds, words, last) = ((target.seeds)(), (target.words)(), folder.join("last"));
-    let watch = Watch::begin(last.clone());
+    let watch = Watch::begin();
     let (mut accepted, mut number) = (0_u64, arguments.first);
     let (start, mut slowest, mut peak) = (Instant::now(), Duration::ZERO, MEMORY.max_allocated());
     while start.elapsed().as_secs_f64() < arguments.seconds {
@@ -169,7 +168,8 @@ fn try_inputs(target: &Target, arguments: &Arguments) -> std::io::Result<()> {
             None => altered(&seeds, &words, &mut Draw::new(arguments.seed, number)),
         };
         std::fs::write(&last, &input)?;
-        watch.next(number);
+        std::fs::write(folder.join("number"), number.to_string())?;
+        watch.next();
         let begin = Instant::now();
         accepted += u64::from((target.run)(&input));
         if begin.elapsed() > slowest {

@@ -1,15 +1,20 @@
-//! Scenes: the text is read, written out resolved, read again, and what is small is built.
+//! Scenes: the text is read, written out resolved, read again; what is small is built, and what is smaller makes a step.
 
+use crate::checkpoint::step;
 use graintrain::measure::space::volume;
+use graintrain_io::mark::Marks;
+use graintrain_io::run::{RunSettings, RunTotals};
 use graintrain_io::scene::model::PackingSource;
 use graintrain_io::scene::schema::SCENE;
 use graintrain_io::scene::{Scene, SceneError, builtin};
 use std::path::Path;
 
 /// Scenes with more bodies are not built.
-const MOST_BODIES: f64 = 2000.0;
+const MOST_BUILT: f64 = 2000.0;
+/// Worlds with more bodies make no step.
+const MOST_STEPPED: usize = 60;
 
-/// Reads a scene and, where it is small, builds it.
+/// Reads a scene and, where it is small, builds it and makes a step.
 pub fn run(input: &[u8]) -> bool {
     let Ok(text) = std::str::from_utf8(input) else { return false };
     let folder = tempfile::tempdir().expect("temporary folders can be made");
@@ -19,11 +24,15 @@ pub fn run(input: &[u8]) -> bool {
     let parse = |text: &str| Scene::parse("a", "a.toml", text, folder.path(), &[]);
     let Ok(scene) = parse(text).inspect_err(explain) else { return false };
     written(&scene, parse);
-    if bodies(&scene) <= MOST_BODIES
+    if bodies(&scene) <= MOST_BUILT
         && let Ok(simulation) = scene.build().inspect_err(explain)
     {
         simulation.world.state_hash();
         written(&simulation.resolved, parse);
+        let settings = RunSettings::new(&simulation, None);
+        if simulation.world.bodies.len() <= MOST_STEPPED {
+            step(simulation.world, settings, RunTotals::default(), &Marks::new());
+        }
     }
     true
 }
