@@ -1,6 +1,6 @@
 //! The cascade: which methods a solver by name tries, one after the other, within one budget.
 //!
-//! A [`Cascade`] is a list of members and, for relaxed and for exact friction, a table of [`Stage`]s. The driver alone owns the budget,
+//! A [`Cascade`] is a list of members and, for relaxed and for exact friction, a table of stages. The driver alone owns the budget,
 //! the best impulses with their residual, the history and the status; a stage says who works, from what, and how much it may cost. All
 //! is decided by counts of operations and by residuals, never by the clock.
 //!
