@@ -93,8 +93,8 @@ pub struct ShearBox {
     pub plane: Option<Vec3>,
 }
 
-/// More bins than this are no measurement.
-const MOST_BINS: usize = 1_000_000;
+/// Bins beyond this many are a slip of the keyboard, whose records would take hundreds of megabytes.
+pub(crate) const MOST_BINS: usize = 100_000;
 
 impl Measure {
     /// Whether it names bodies and streams of a run that gave so many numbers, and bins that fit into memory: scenes give no other, a

@@ -106,7 +106,9 @@ impl StepGradient {
     pub fn new(world: &World, settings: &StepSettings) -> Result<Self, GradientError> {
         let unsupported = |what: &str| Err(GradientError::Unsupported { what: what.to_string() });
         if settings.solver.friction == FrictionModel::Coulomb {
-            return unsupported("friction is exact; the derivative is that of relaxed friction");
+            return unsupported(
+                "friction is exact, and the derivative is that of relaxed friction: ask for friction = \"relaxed\"",
+            );
         }
         if world.cell().is_some() {
             return unsupported("space repeats in a periodic cell, for which derivatives are not computed");

@@ -47,8 +47,8 @@ pub struct SolverChoice {
     pub tolerance: f64,
     /// Which number of the residual is held against the tolerance; [`Judge::Mixed`] in runs unless asked otherwise.
     pub judge: Judge,
-    /// Iterations that a connected part of the contacts may cost in a step, where friction is exact or not; `None` is 3 000 of projected gradients, up to ten times as
-    /// many for fewer than 256 contacts ([`PartParameters`](super::PartParameters)), and the own limit of methods that count something else. A step that
+    /// Iterations that a connected part of the contacts may cost in a step, with exact friction; `None` is 6 000 of projected gradients, up to five times as
+    /// many for fewer than 1 024 contacts ([`PartParameters`](super::PartParameters)), and the own limit of methods that count something else. A step that
     /// ends so has not converged: it is made with the best impulses found, and their residual is told.
     pub max_iterations: Option<usize>,
     /// Relaxed cone complementarity or exact Coulomb friction.
