@@ -23,15 +23,12 @@ if ! command -v mpicc > /dev/null || ! command -v mpirun > /dev/null; then
     exit 0
 fi
 
-# A workspace of its own, which shares what is compiled.
 CARGO_TARGET_DIR=$(realpath -m "${CARGO_TARGET_DIR:-target}")
-export CARGO_TARGET_DIR
-mpi=(--manifest-path crates/graintrain-mpi/Cargo.toml)
-cargo fmt "${mpi[@]}" --check
-cargo clippy "${mpi[@]}" --locked --all-targets -- -D warnings
-cargo build --release --locked
-cargo build --release --locked "${mpi[@]}"
-target=$CARGO_TARGET_DIR/release
+# With the features of tests, so that it takes what was compiled for them.
+mpi=(--workspace --bin graintrain-mpi --features graintrain-mpi/mpi,graintrain-testdata/as-tested --locked)
+cargo clippy "${mpi[@]}" -- -D warnings
+cargo build "${mpi[@]}" --bin graintrain
+target=$CARGO_TARGET_DIR/debug
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT
 

@@ -12,7 +12,8 @@ trap 'rm -rf "$folder"' EXIT
 python3 -m venv "$folder/venv"
 pip=("$folder/venv/bin/python" -m pip --quiet --disable-pip-version-check)
 "${pip[@]}" install "maturin>=1.7,<2"
-"$folder/venv/bin/maturin" build --release --locked --quiet --interpreter "$folder/venv/bin/python" --out "$folder/wheel"
+# In the profile and with the features of the tests, so that it takes what was compiled for them.
+"$folder/venv/bin/maturin" build --features as-tested --locked --quiet --interpreter "$folder/venv/bin/python" --out "$folder/wheel"
 "${pip[@]}" install "$(echo "$folder"/wheel/graintrain-*.whl)[test]"
 
 mkdir "$folder/away"

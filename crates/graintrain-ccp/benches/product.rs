@@ -5,7 +5,7 @@
 //! (N over bodies or as a sparse matrix, default both), `one` or `two` (threads, default both). Each figure is the least of several interleaved
 //! rounds, because other programs disturb every one of them.
 
-#[path = "../tests/common/mod.rs"]
+#[path = "../tests/all/common.rs"]
 mod common;
 
 use graintrain_ccp::residual::ResidualScale;

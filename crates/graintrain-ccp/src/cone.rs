@@ -1,5 +1,7 @@
 //! The friction cone Y = { (g_n, g_1, g_2) : |(g_1, g_2)| <= mu g_n }, and the one of contacts that resist turning.
 
+use graintrain_linalg::real;
+
 /// Coulomb friction cone with coefficient mu >= 0; components are (normal, tangent 1, tangent 2).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FrictionCone {
@@ -10,9 +12,7 @@ pub struct FrictionCone {
 /// |x_t| of a contact's vector (normal, tangent 1, tangent 2).
 #[inline]
 pub fn tangential_length(x: [f64; 3]) -> f64 {
-    let square = x[1] * x[1] + x[2] * x[2];
-    // hypot is slow, and needed only where the square leaves the range of the floats.
-    if (1e-290..1e290).contains(&square) { square.sqrt() } else { x[1].hypot(x[2]) }
+    real::hypot(x[1], x[2])
 }
 
 impl FrictionCone {
@@ -66,7 +66,7 @@ impl TurningCone {
     /// Then every part is shortened to m_k s where it is longer.
     pub fn project(self, g: [f64; 3], h: [f64; 3]) -> [[f64; 3]; 2] {
         let coefficient = [self.mu, self.rolling, self.spinning];
-        let length = [g[1].hypot(g[2]), h[1].hypot(h[2]), h[0].abs()];
+        let length = [real::hypot(g[1], g[2]), real::hypot(h[1], h[2]), h[0].abs()];
         if g[0].is_nan() {
             return [[f64::NAN; 3]; 2];
         }

@@ -28,6 +28,9 @@
 //! Each uses only what stands above it. Without the feature `paper` no tensor train is compiled: names of solvers that need
 //! it give [`CcpError::NotCompiled`].
 
+// The C library has other bits on other machines: `graintrain_linalg::real`.
+#![cfg_attr(not(test), warn(clippy::disallowed_methods))]
+
 mod arrays;
 pub mod cone;
 pub mod delassus;

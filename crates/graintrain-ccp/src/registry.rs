@@ -16,7 +16,7 @@ use crate::paper::{
 use crate::problem::CcpError;
 use crate::solver::first_order::FirstOrder;
 use crate::solver::ipm::Ipm;
-use crate::solver::{Apgd, Auto, CcpSolver, CoulombIteration, GaussSeidel, PathFollowing};
+use crate::solver::{Apgd, Cascade, CcpSolver, GaussSeidel, PathFollowing};
 use std::fmt;
 use std::str::FromStr;
 
@@ -370,30 +370,25 @@ impl SolverSpec {
         self.linear.is_some() || matches!(self.method, Method::Pdip | Method::PdipLiteral | Method::Scip)
     }
 
-    /// Whether it takes contacts that resist turning ([`Ccp::turning`](crate::Ccp::turning)); others refuse them.
-    pub fn takes_turning(&self) -> bool {
-        matches!(self.method, Method::Auto | Method::Apgd | Method::GaussSeidel | Method::Jacobi)
-    }
-
     /// Makes the solver, for relaxed and for exact friction.
     ///
     /// # Errors
     /// [`CcpError::NotCompiled`] where the feature `paper` is off and it is needed.
     pub fn build(&self) -> Result<Box<dyn CcpSolver>, CcpError> {
         let relaxed: Box<dyn CcpSolver> = match (self.method, self.linear) {
-            (Method::Auto, _) => Box::new(Auto::new()),
+            (Method::Auto, _) => return Ok(Box::new(Cascade::auto())),
             (Method::GaussSeidel, _) => {
                 let relaxation = self.relaxation.unwrap_or(GaussSeidel::default().relaxation);
                 Box::new(FirstOrder::new(GaussSeidel { relaxation }))
             }
             (Method::Apgd, _) => Box::new(FirstOrder::new(Apgd::default())),
-            (Method::Ipm, None) => Box::new(Ipm::new()),
+            (Method::Ipm, None) => return Ok(Box::new(Cascade::interior_point())),
             // It treats exact friction itself, and what it cannot solve no sequence of relaxed problems solved by it can.
             (Method::PathFollowing, _) => return Ok(Box::new(PathFollowing::default())),
             (Method::Ipm, Some(linear)) => Box::new(Ipm::with_solver(linear.build()?)),
             (method, linear) => of_paper(method, linear.unwrap_or(LinearMethod::Cholesky))?,
         };
-        Ok(Box::new(CoulombIteration::new(relaxed)))
+        Ok(Box::new(Cascade::of(relaxed)))
     }
 }
 

@@ -3,6 +3,7 @@
 use crate::cone::tangential_length;
 use crate::problem::Ccp;
 use graintrain_linalg::parallel::{fold_chunks, sum_chunks};
+use graintrain_linalg::real;
 
 /// Which problem an impulse is held against.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
@@ -162,8 +163,8 @@ impl ResidualScale {
         let of = |all: &[f64], first: usize| [all[first], all[first + 1], all[first + 2]];
         let [mut velocity, spin] = places.map(|first| of(u, first));
         if model == FrictionModel::Coulomb {
-            velocity[0] += cone.mu * velocity[1].hypot(velocity[2])
-                + cone.rolling * spin[1].hypot(spin[2])
+            velocity[0] += cone.mu * real::hypot(velocity[1], velocity[2])
+                + cone.rolling * real::hypot(spin[1], spin[2])
                 + cone.spinning * spin[0].abs();
         }
         let step = 1.0 / self.eta[i];
@@ -347,7 +348,7 @@ pub fn objective_gap(problem: &Ccp, g: &[f64], u: &[f64]) -> f64 {
                 let (hi, wi) = (of(g, block), of(u, block));
                 let outside = problem.turning_cone(i, k).project(ui.map(|x| -x), wi.map(|x| -x));
                 let power = (0..3).map(|k| gi[k] * ui[k] + hi[k] * wi[k]).sum::<f64>();
-                let both = |[a, b]: [[f64; 3]; 2]| norm(a).hypot(norm(b));
+                let both = |[a, b]: [[f64; 3]; 2]| real::hypot(norm(a), norm(b));
                 return power.abs() + both([gi, hi]) * both(outside);
             }
             // Moreau: what lies outside the dual cone is the projection of -u on the cone itself.

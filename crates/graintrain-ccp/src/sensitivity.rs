@@ -33,6 +33,7 @@ use graintrain_linalg::cholesky::SparseCholesky;
 use graintrain_linalg::krylov::{KrylovSettings, KrylovWork, conjugate_gradient};
 use graintrain_linalg::ordering::Ordering;
 use graintrain_linalg::parallel::norm;
+use graintrain_linalg::real;
 
 /// The state that a contact is strictly in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -137,7 +138,7 @@ impl Part {
         let (mu, scale) = (problem.friction[contact], velocity_scale(problem));
         let kink = |what| Err(SensitivityError::Kink { contact, what, margin: MARGIN });
         let small = |velocity: f64| velocity <= MARGIN * scale;
-        let (friction, slip) = (g[1].hypot(g[2]), u[1].hypot(u[2]));
+        let (friction, slip) = (real::hypot(g[1], g[2]), real::hypot(u[1], u[2]));
         let nothing = Self {
             state: ContactState::Apart,
             columns: [[0.0; 3]; 3],
@@ -146,13 +147,13 @@ impl Part {
             by_friction: [0.0; 3],
             slip: 0.0,
         };
-        let parting = (u[0] - mu * slip) / mu.hypot(1.0);
-        if small(eta * g[0].hypot(friction)) {
+        let parting = (u[0] - mu * slip) / real::hypot(mu, 1.0);
+        if small(eta * real::hypot(g[0], friction)) {
             return if small(parting) { kink("it touches without pressing") } else { Ok(nothing) };
         }
-        let inside = (mu * g[0] - friction) / mu.hypot(1.0);
+        let inside = (mu * g[0] - friction) / real::hypot(mu, 1.0);
         if mu > 0.0 && !small(eta * inside) {
-            if !small(u[0].hypot(slip)) {
+            if !small(real::hypot(u[0], slip)) {
                 return Err(SensitivityError::Unsolved { contact });
             }
             let columns = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];

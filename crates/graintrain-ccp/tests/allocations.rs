@@ -2,6 +2,7 @@
 //! as often. What the linear solvers of interior points allocate, and the records they leave, are counted by themselves.
 #![allow(unsafe_code)] // A global allocator cannot be written without; this one only counts.
 
+#[path = "all/common.rs"]
 mod common;
 
 use common::{lattice_packing, sparse_form};

@@ -10,6 +10,7 @@ use graintrain_io::checkpoint;
 use graintrain_io::run::{RunSettings, RunTotals};
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::num::NonZeroUsize;
+use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
@@ -99,6 +100,13 @@ impl Crew {
             let remedy = "give every rank the same program, the same files and the same options";
             Err(Failure::input_error(std::io::Error::other(what), remedy))
         }))
+    }
+
+    /// Exit code of a run that was stopped: where one rank was asked to, all tell.
+    pub fn stopped(&self) -> ExitCode {
+        let own = self.stop.code();
+        let all = self.ranks.as_ref().map(|ranks| ranks.numbers(u64::from(own)));
+        ExitCode::from(all.into_iter().flatten().max().map_or(own, |code| code as u8))
     }
 
     /// A failure that other ranks do not know of, since they are in the middle of a step: it is told, and all of them end.

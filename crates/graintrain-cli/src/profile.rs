@@ -16,8 +16,10 @@ const MARGIN: f64 = 1.03;
 pub struct Summary {
     /// Solver.
     pub solver: String,
-    /// Problems it was given.
+    /// Problems that it can treat, of those it was given.
     pub problems: usize,
+    /// Problems that it cannot treat.
+    pub refused: usize,
     /// Problems on which it converged.
     pub converged: usize,
     /// Problems on which it was the fastest.
@@ -36,6 +38,7 @@ pub fn summary(records: &[Record]) -> Vec<Summary> {
             lines.push(Summary {
                 solver: record.solver.clone(),
                 problems: 0,
+                refused: 0,
                 converged: 0,
                 fastest: 0,
                 mean_ratio: None,
@@ -44,6 +47,10 @@ pub fn summary(records: &[Record]) -> Vec<Summary> {
             lines.len() - 1
         });
         let line = &mut lines[index];
+        if record.status.is_none() {
+            line.refused += 1;
+            continue;
+        }
         line.problems += 1;
         if !record.converged {
             continue;
@@ -71,7 +78,7 @@ pub fn summary(records: &[Record]) -> Vec<Summary> {
 pub fn svg(records: &[Record]) -> String {
     let lines = summary(records);
     let largest = lines.iter().flat_map(|line| line.ratios.last()).fold(2.0_f64, |m, &ratio| m.max(ratio));
-    let problems = lines.iter().map(|line| line.problems).max().unwrap_or(0);
+    let problems = lines.iter().map(|line| line.problems + line.refused).max().unwrap_or(0);
     let title = match records.first() {
         Some(record) => {
             let friction = match record.friction {
@@ -89,7 +96,7 @@ pub fn svg(records: &[Record]) -> String {
     let x = Axis::log("time over that of the fastest solver, tau (1)").between(1.0 / MARGIN, largest * 1.1);
     let y = Axis::linear("fraction of problems solved within tau (1)").between(1.0 - MARGIN, MARGIN);
     let mut chart = Chart::new(title, x, y).sized(760.0, 480.0);
-    for (index, line) in lines.into_iter().enumerate() {
+    for (index, line) in lines.into_iter().filter(|line| line.problems > 0).enumerate() {
         let fraction = |count: usize| count as f64 / line.problems as f64;
         // From rho(1): a line that came up from zero there would hide behind the axis.
         let mut points = vec![[1.0, fraction(line.fastest)]];
@@ -98,7 +105,7 @@ pub fn svg(records: &[Record]) -> String {
         }
         points.push([largest * 1.1, fraction(line.ratios.len())]);
         let label = match line.converged {
-            all if all == line.problems => line.solver,
+            all if all == problems => line.solver,
             some => format!("{} ({some} of {})", line.solver, line.problems),
         };
         let series = Series::line(label, points);
@@ -119,13 +126,14 @@ mod tests {
             solver: solver.to_string(),
             friction: graintrain_ccp::FrictionModel::Relaxed,
             tolerance: 1e-4,
-            status: None,
+            status: Some(graintrain_ccp::Status::Stalled),
             interrupted: false,
             iterations: 0,
             linear_iterations: 0,
             seconds,
             cpu_seconds: None,
             threads: None,
+            limited: false,
             residual: 0.0,
             residual_rms: 0.0,
             residual_relaxed: 0.0,

@@ -13,7 +13,7 @@ use std::time::{Duration, Instant};
 /// What takes less time than this shows no bar.
 const PATIENCE: Duration = Duration::from_secs(2);
 /// From line to line in a log.
-const LINE_EVERY: Duration = Duration::from_secs(60);
+pub const LINE_EVERY: Duration = Duration::from_secs(60);
 
 /// Shows how far a run is.
 pub struct Progress {
@@ -254,6 +254,7 @@ mod tests {
             seconds: 0.0,
             newton: Vec::new(),
             history: Vec::new(),
+            stages: Vec::new(),
             remark: None,
         }
     }

@@ -1,5 +1,5 @@
-//! Stopping in good order: the first Ctrl-C (or SIGTERM, SIGHUP) asks, the second ends the process at once; SIGUSR1 asks for a
-//! checkpoint.
+//! Stopping in good order: the first Ctrl-C (or SIGTERM, SIGHUP) asks, or the end of the time that was given; the second signal ends the
+//! process at once; SIGUSR1 asks for a checkpoint.
 
 use crate::error::Failure;
 #[cfg(unix)]
@@ -8,15 +8,20 @@ use signal_hook::consts::{SIGINT, SIGTERM};
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::time::Duration;
+
+/// Exit code of a run whose time was up: with a checkpoint, to be resumed. None of a shell's own, nor of `timeout`.
+const TIME_IS_UP: u8 = 3;
 
 /// Whether the user asked to stop.
 #[derive(Clone, Debug)]
 pub struct Stop {
-    /// Set by the first signal; hand it to whatever can stop early.
+    /// Set by the first signal and when the time is up; hand it to whatever can stop early.
     pub requested: Arc<AtomicBool>,
     /// Set by SIGUSR1, where there is such a signal: a checkpoint is wanted.
     pub checkpoint_wanted: Arc<AtomicBool>,
     signal: Arc<AtomicUsize>,
+    time_is_up: Arc<AtomicBool>,
 }
 
 /// Whether this process was started with the signal ignored, as `nohup` does, so that it has to stay so. Linux tells; elsewhere
@@ -35,8 +40,12 @@ impl Stop {
     /// # Errors
     /// Where the operating system refuses to install the handlers.
     pub fn listen() -> Result<Self, Failure> {
-        let stop =
-            Self { requested: Arc::default(), checkpoint_wanted: Arc::default(), signal: Arc::default() };
+        let stop = Self {
+            requested: Arc::default(),
+            checkpoint_wanted: Arc::default(),
+            signal: Arc::default(),
+            time_is_up: Arc::default(),
+        };
         // Set by signals alone: after `--max-seconds` the first signal still asks.
         let asked: Arc<AtomicBool> = Arc::default();
         let install = |signal: i32| {
@@ -61,11 +70,28 @@ impl Stop {
         Ok(stop)
     }
 
-    /// Exit code of a process that was stopped: 130, 143 or 129; `None` where nobody asked.
-    pub fn exit_code(&self) -> Option<ExitCode> {
+    /// Asks to stop after so many seconds from now on, wherever the work is then. The thread ends with the process.
+    pub fn after(&self, seconds: f64) {
+        let duration = Duration::try_from_secs_f64(seconds).unwrap_or(Duration::MAX);
+        let (requested, time_is_up) = (Arc::clone(&self.requested), Arc::clone(&self.time_is_up));
+        std::thread::spawn(move || {
+            std::thread::sleep(duration);
+            time_is_up.store(true, Ordering::Relaxed);
+            requested.store(true, Ordering::Relaxed);
+        });
+    }
+
+    /// Exit code of a process that was stopped: 130, 143 or 129 by a signal, 3 when its time was up, 0 where nobody asked.
+    pub fn code(&self) -> u8 {
         match self.signal.load(Ordering::Relaxed) {
-            0 => None,
-            signal => Some(ExitCode::from(128 + signal as u8)),
+            0 if self.time_is_up.load(Ordering::Relaxed) => TIME_IS_UP,
+            0 => 0,
+            signal => 128 + signal as u8,
         }
+    }
+
+    /// The same; `None` where nobody asked.
+    pub fn exit_code(&self) -> Option<ExitCode> {
+        Some(self.code()).filter(|code| *code != 0).map(ExitCode::from)
     }
 }

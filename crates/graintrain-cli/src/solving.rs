@@ -17,7 +17,7 @@ pub struct Options {
     /// Stop when the residual of the worst contact is at most this
     #[arg(long, value_name = "X", default_value_t = 1e-4, value_parser = positive, allow_negative_numbers = true)]
     pub tolerance: f64,
-    /// Stop each solve after this time
+    /// Stop each solve after this time, by the wall clock
     #[arg(long, value_name = "S", value_parser = positive, allow_negative_numbers = true)]
     pub max_seconds: Option<f64>,
     /// The convex relaxation, or exact Coulomb friction
@@ -146,6 +146,9 @@ pub struct Record {
     pub cpu_seconds: Option<f64>,
     /// Number of threads, where it was asked for.
     pub threads: Option<usize>,
+    /// Whether the solve had a limit of wall-clock time.
+    #[serde(skip)]
+    pub limited: bool,
     /// Residual in the friction model asked for.
     pub residual: f64,
     /// Its root mean square over the contacts.
@@ -178,10 +181,15 @@ impl Record {
         }
     }
 
-    /// The time that comparisons go by: processor time on one thread, which other work on the machine does not
-    /// lengthen, else wall-clock time.
+    /// Whether comparisons go by processor time, which other work on the machine does not lengthen: on one thread, unless there is a
+    /// limit, which is of wall-clock time.
+    pub fn by_processor(&self) -> bool {
+        self.threads == Some(1) && !self.limited && self.cpu_seconds.is_some()
+    }
+
+    /// The time that comparisons go by ([`Self::by_processor`]), else wall-clock time, s.
     pub fn cost(&self) -> f64 {
-        if self.threads == Some(1) { self.cpu_seconds.unwrap_or(self.seconds) } else { self.seconds }
+        self.cpu_seconds.filter(|_| self.by_processor()).unwrap_or(self.seconds)
     }
 }
 
@@ -241,6 +249,7 @@ pub fn run(
         seconds,
         cpu_seconds,
         threads: options.threads.map(std::num::NonZeroUsize::get),
+        limited: options.max_seconds.is_some(),
         residual: residual.max,
         residual_rms: residual.rms,
         residual_relaxed: evaluation.relaxed.max,
@@ -291,6 +300,7 @@ pub fn refused(
         seconds: 0.0,
         cpu_seconds: None,
         threads: None,
+        limited: options.max_seconds.is_some(),
         residual: f64::NAN,
         residual_rms: f64::NAN,
         residual_relaxed: f64::NAN,

@@ -1,9 +1,11 @@
 //! What `sweep`, the studies and `calibrate` share: options, progress, failures, the end.
 
 use crate::error::Failure;
+use crate::progress::LINE_EVERY;
 use crate::scene_failure::scene_failure;
 use crate::signal::Stop;
 use crate::terminal::{say, tell};
+use graintrain_io::mark::Loss;
 use graintrain_io::scene;
 use graintrain_lab::sweep::SweepError;
 use graintrain_lab::sweep::collect::{Collected, check_names, collect};
@@ -11,9 +13,11 @@ use graintrain_lab::sweep::execute::{Execution, Outcome, Progress, check, execut
 use graintrain_lab::sweep::plan::{Cell, Plan};
 use graintrain_lab::sweep::report::{shown, with_error};
 use indicatif::{ProgressBar, ProgressStyle};
+use std::io::IsTerminal;
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
 use std::time::Duration;
 
 /// Options of all that make many runs.
@@ -58,32 +62,51 @@ pub struct SweepOptions {
     observe: Vec<String>,
 }
 
-/// The bar of many runs, with warnings above it.
-pub struct RunsBar(ProgressBar);
+/// The bar of many runs, with warnings above it; where stderr is no terminal a line a minute.
+pub struct RunsBar {
+    bar: ProgressBar,
+    /// Ends the lines when it is dropped.
+    _log: Option<Sender<()>>,
+}
+
+/// Writes a line a minute until the sender that it gives is dropped: runs may take longer than the patience of who reads the log.
+fn log_lines(bar: ProgressBar) -> Sender<()> {
+    let (sender, ended) = channel();
+    std::thread::spawn(move || {
+        while ended.recv_timeout(LINE_EVERY) == Err(RecvTimeoutError::Timeout) {
+            tell!("{}", log_line(bar.position(), bar.length().unwrap_or(0), bar.elapsed()));
+        }
+    });
+    sender
+}
+
+fn log_line(done: u64, runs: u64, elapsed: Duration) -> String {
+    let seconds = elapsed.as_secs_f64();
+    let to_go = match done {
+        0 => String::new(),
+        done => format!(", about {:.0} s to go", seconds * runs.saturating_sub(done) as f64 / done as f64),
+    };
+    format!("{done} of {runs} runs done, {seconds:.0} s so far{to_go}")
+}
 
 impl RunsBar {
-    /// A run ended: so many are done now. Tables of it that were damaged lie at `set_aside`.
-    pub fn show(&self, done: usize, last: &str, set_aside: &[PathBuf]) {
-        self.0.set_position(done as u64);
-        self.0.set_message(last.to_string());
-        for path in set_aside {
-            self.0.suspend(|| {
-                tell!(
-                    "warning: {last}: an interruption had damaged a table; it is kept as {}, and the run's table begins anew",
-                    path.display()
-                );
-            });
+    /// A run ended: so many are done now. `losses` is what an interruption had left damaged of it.
+    pub fn show(&self, done: usize, last: &str, losses: &[Loss]) {
+        self.bar.set_position(done as u64);
+        self.bar.set_message(last.to_string());
+        for loss in losses {
+            self.bar.suspend(|| tell!("warning: {last}: {loss}"));
         }
     }
 
     /// How many runs there will be.
     pub fn set_length(&self, runs: usize) {
-        self.0.set_length(runs as u64);
+        self.bar.set_length(runs as u64);
     }
 
     /// The end of it.
     pub fn clear(&self) {
-        self.0.finish_and_clear();
+        self.bar.finish_and_clear();
     }
 }
 
@@ -125,7 +148,8 @@ impl RunsOptions {
         );
         bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
         bar.enable_steady_tick(Duration::from_millis(500));
-        RunsBar(bar)
+        let is_log = !self.quiet && !std::io::stderr().is_terminal();
+        RunsBar { _log: is_log.then(|| log_lines(bar.clone())), bar }
     }
 }
 
@@ -168,7 +192,7 @@ impl SweepOptions {
         let known = check(&plan, &cells, self.runs.from).map_err(|error| Err(sweep_failure(error)))?;
         check_names(&self.observe, &known).map_err(|error| Err(sweep_failure(error)))?;
         let bar = self.runs.bar(cells.len());
-        let progress = |progress: Progress<'_>| bar.show(progress.done, progress.last, progress.set_aside);
+        let progress = |progress: Progress<'_>| bar.show(progress.done, progress.last, progress.losses);
         let outcomes = execute(&plan, &cells, &how, &stop.requested, &progress);
         bar.clear();
         let outcomes = outcomes.map_err(|error| ended(error, &stop))?;
@@ -241,5 +265,17 @@ pub fn sweep_failure(error: SweepError) -> Failure {
             Failure::work_error(error, "finished runs are kept")
         }
         error => Failure::work_error(error, "finished runs are kept: the same command goes on"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_log_is_told_how_far_the_runs_are() {
+        assert_eq!(log_line(0, 12, Duration::from_secs(60)), "0 of 12 runs done, 60 s so far");
+        let told = log_line(3, 12, Duration::from_secs(60));
+        assert_eq!(told, "3 of 12 runs done, 60 s so far, about 180 s to go");
     }
 }

@@ -9,9 +9,10 @@
 //! | 4 | CRC-32 of the payload |
 //! | 8 | length of the payload |
 //! | 8 | length of the payload when expanded |
-//! | rest | payload: run settings, totals and world in postcard form, packed in blocks by LZ4 |
+//! | rest | payload: run settings, totals, world and marks of the run's files in postcard form, packed in blocks by LZ4 |
 
-use crate::files::{OutputError, make_folder, write_durably};
+use crate::files::{OutputError, is_file_name, make_folder, write_durably};
+use crate::mark::Marks;
 use crate::packed::{pack, unpack};
 use crate::run::{RunSettings, RunTotals};
 use flate2::Crc;
@@ -22,7 +23,7 @@ use std::path::{Path, PathBuf};
 
 const MAGIC: &[u8; 8] = b"GRAINCKP";
 /// Raised whenever the layout of what is stored changes.
-const VERSION: u32 = 9;
+const VERSION: u32 = 10;
 const HEADER: usize = 32;
 /// Bytes that a payload may expand to: so many, and so many per byte of its own. Worlds at rest shrink to a twentieth.
 const MOST_EXPANDED: (u64, u64) = (1 << 26, 64);
@@ -38,6 +39,8 @@ pub struct Checkpoint {
     pub totals: RunTotals,
     /// The state.
     pub world: World,
+    /// What the run's tables and lists of frames held.
+    pub marks: Marks,
 }
 
 /// A file that is not a usable checkpoint.
@@ -97,15 +100,23 @@ pub enum CheckpointError {
         what: String,
     },
     /// No checkpoint in the folder.
-    #[error("there is no checkpoint in {}", folder.display())]
+    #[error("{}", what_lacks(folder))]
     None {
         /// The folder.
         folder: PathBuf,
     },
 }
 
-/// Writes a checkpoint into the folder, named after the step, and removes all but the last two. The file appears whole
-/// or not at all.
+/// Why there are no checkpoints in the folder: a name that is mistyped, or a folder that no run has made.
+fn what_lacks(folder: &Path) -> String {
+    match folder.parent().filter(|run| !run.as_os_str().is_empty()) {
+        Some(run) if !run.exists() => format!("there is no {}", run.display()),
+        _ => format!("there is no checkpoint in {}", folder.display()),
+    }
+}
+
+/// Writes a checkpoint of a run without other files into the folder, named after the step, and removes all but the last two. The file
+/// appears whole or not at all.
 ///
 /// # Errors
 /// Where the file cannot be written; older checkpoints then remain.
@@ -115,9 +126,21 @@ pub fn write(
     totals: &RunTotals,
     world: &World,
 ) -> Result<PathBuf, OutputError> {
+    write_marked(folder, settings, totals, world, &Marks::new())
+}
+
+/// As [`write`] for a run with files, which have to be on the disk by now.
+pub(crate) fn write_marked(
+    folder: &Path,
+    settings: &RunSettings,
+    totals: &RunTotals,
+    world: &World,
+    marks: &Marks,
+) -> Result<PathBuf, OutputError> {
     make_folder(folder)?;
     let path = folder.join(format!("step_{:08}.ckpt", world.step));
-    let bytes = to_bytes(settings, totals, world).map_err(|error| OutputError::new("write", &path, error))?;
+    let bytes =
+        encode(settings, totals, world, marks).map_err(|error| OutputError::new("write", &path, error))?;
     write_durably(&path, &bytes)?;
     for old in list(folder).into_iter().skip(KEPT) {
         // One checkpoint too many harms nobody.
@@ -188,14 +211,18 @@ fn crc(bytes: &[u8]) -> u32 {
     crc.sum()
 }
 
-/// A checkpoint as the bytes of its file.
+/// A checkpoint of a run without files as the bytes of its file.
 ///
 /// # Errors
 /// Where they do not fit into memory.
 pub fn to_bytes(settings: &RunSettings, totals: &RunTotals, world: &World) -> io::Result<Vec<u8>> {
+    encode(settings, totals, world, &Marks::new())
+}
+
+fn encode(settings: &RunSettings, totals: &RunTotals, world: &World, marks: &Marks) -> io::Result<Vec<u8>> {
     // A tuple has the layout of the struct that is read back.
-    let plain = postcard::to_stdvec(&(settings, totals, world)).map_err(io::Error::other)?;
-    Ok(file(&plain, plain.len() as u64))
+    let plain = postcard::to_stdvec(&(settings, totals, world, marks)).map_err(io::Error::other)?;
+    Ok(with_payload(&plain))
 }
 
 /// The bytes of a file whose payload is to expand to `expanded` bytes.
@@ -211,7 +238,20 @@ fn file(plain: &[u8], expanded: u64) -> Vec<u8> {
     bytes
 }
 
-fn decode(bytes: &[u8], path: &Path) -> Result<Checkpoint, CheckpointError> {
+/// The expanded payload of a file, for tests that alter it: its form is that of this version of the program.
+///
+/// # Errors
+/// As [`read`], but for what stands in the payload.
+pub fn payload(bytes: &[u8], name: &str) -> Result<Vec<u8>, CheckpointError> {
+    expand(bytes, Path::new(name))
+}
+
+/// The bytes of a file with this payload, whatever that says: lengths and check sum fit.
+pub fn with_payload(plain: &[u8]) -> Vec<u8> {
+    file(plain, plain.len() as u64)
+}
+
+fn expand(bytes: &[u8], path: &Path) -> Result<Vec<u8>, CheckpointError> {
     let path = path.to_path_buf();
     if !bytes.starts_with(&MAGIC[..bytes.len().min(MAGIC.len())]) {
         return Err(CheckpointError::NotACheckpoint { path });
@@ -241,10 +281,12 @@ fn decode(bytes: &[u8], path: &Path) -> Result<Checkpoint, CheckpointError> {
         let what = format!("it claims to expand from {} to {expanded} bytes", payload.len());
         return Err(CheckpointError::Damaged { path, what });
     }
-    let plain = match unpack(payload, expanded as usize) {
-        Ok(plain) => plain,
-        Err(what) => return Err(CheckpointError::Damaged { path, what }),
-    };
+    unpack(payload, expanded as usize).map_err(|what| CheckpointError::Damaged { path, what })
+}
+
+fn decode(bytes: &[u8], path: &Path) -> Result<Checkpoint, CheckpointError> {
+    let plain = expand(bytes, path)?;
+    let path = path.to_path_buf();
     // The check sum holds: these bytes are what some build of this format wrote.
     let checkpoint: Checkpoint = postcard::from_bytes(&plain)
         .map_err(|error| CheckpointError::Foreign { path: path.clone(), what: error.to_string() })?;
@@ -256,7 +298,7 @@ fn decode(bytes: &[u8], path: &Path) -> Result<Checkpoint, CheckpointError> {
 
 /// What makes a checkpoint one that no run can go on from.
 fn defect(checkpoint: &Checkpoint) -> Option<String> {
-    let Checkpoint { settings, totals, world } = checkpoint;
+    let Checkpoint { settings, totals, world, .. } = checkpoint;
     if let Err(error) = world.validate() {
         return Some(error.to_string());
     }
@@ -265,6 +307,9 @@ fn defect(checkpoint: &Checkpoint) -> Option<String> {
     }
     let given = totals.traffic.roster.given(world.bodies.len());
     let streams = settings.traffic.streams.len();
+    if let Some(measure) = settings.measures.iter().find(|measure| !is_file_name(&measure.name)) {
+        return Some(format!("measure {:?} has a name that is none of a file", measure.name));
+    }
     if let Some(measure) = settings.measures.iter().find(|measure| !measure.fits(given, streams)) {
         return Some(format!("measure {} fits no run of it", measure.name));
     }
@@ -311,8 +356,10 @@ mod tests {
     #[test]
     fn altered_payloads_make_no_panic() {
         let (settings, world) = saved();
-        let plain = postcard::to_stdvec(&(&settings, &RunTotals::default(), &world)).unwrap();
-        assert!(decode(&file(&plain, plain.len() as u64), Path::new("a")).is_ok());
+        let plain = postcard::to_stdvec(&(&settings, &RunTotals::default(), &world, &Marks::new())).unwrap();
+        let whole = with_payload(&plain);
+        assert!(decode(&whole, Path::new("a")).is_ok());
+        assert_eq!(payload(&whole, "a").unwrap(), plain);
         let mut state = 9_u64;
         let mut draw = |below: usize| {
             state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
@@ -331,11 +378,11 @@ mod tests {
                     }
                 }
             }
-            let Ok(checkpoint) = decode(&file(&altered, altered.len() as u64), Path::new("a")) else {
+            let Ok(checkpoint) = decode(&with_payload(&altered), Path::new("a")) else {
                 continue;
             };
             accepted += 1;
-            let Checkpoint { settings, totals, mut world } = checkpoint;
+            let Checkpoint { settings, totals, mut world, .. } = checkpoint;
             // What may be asked of it: nothing panics, whatever comes of it.
             world.state_hash();
             if world.bodies.len() < 10 {

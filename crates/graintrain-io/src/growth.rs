@@ -11,6 +11,7 @@ use graintrain::handle::GeometryId;
 use graintrain::load::Region;
 use graintrain::measure::space::porosity;
 use graintrain::world::World;
+use graintrain_linalg::real;
 use serde::{Deserialize, Serialize};
 use std::collections::{HashMap, HashSet};
 
@@ -88,7 +89,7 @@ impl Growth {
         // Bodies that entered since may share a geometry with those that do not grow.
         self.begin(world, roster)?;
         let full = 1.0 + (self.rate * step).min(WAITS);
-        let needed = ((1.0 - self.porosity) / solid).cbrt();
+        let needed = real::cbrt((1.0 - self.porosity) / solid);
         let factor = if needed.is_finite() { full.min(needed) } else { full };
         let members = roster.members(&self.members);
         let geometries: std::collections::BTreeSet<usize> =

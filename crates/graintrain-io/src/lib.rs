@@ -12,12 +12,15 @@
 //! | [`checkpoint`] | going on later |
 //! | [`output`] | frames, tables, summary |
 //! | [`problem_file`] | contact problems in files: FCLIB, Siconos, the program's own dumps |
-//! | [`files`], [`process`] | writing so that what was computed stays readable; what the process has used |
+//! | [`files`], [`mark`], [`process`] | writing so that what was computed stays readable; whether it still is; what the process has used |
 //!
-//! Each may use those above it (and `files` and `process`), never one below: `output` watches a run, writes
+//! Each may use those above it (and `files`, `mark` and `process`), never one below: `output` watches a run, writes
 //! checkpoints and dumps problems, and nothing here knows `output`.
 //!
 //! Feature `fclib`: problem files in HDF5, which dumps are as well.
+
+// The C library has other bits on other machines: `graintrain_linalg::real`.
+#![cfg_attr(not(test), warn(clippy::disallowed_methods))]
 
 #[doc = include_str!("../README.md")]
 #[cfg(doctest)]
@@ -27,6 +30,7 @@ pub mod checkpoint;
 pub mod column;
 pub mod files;
 pub mod growth;
+pub mod mark;
 pub mod measure;
 pub mod output;
 mod packed;

@@ -17,6 +17,7 @@ use graintrain::measure::repose::slope;
 use graintrain::measure::space::{own_space, porosity, selected, volume};
 use graintrain::measure::stress::{deviator, pressure, stress};
 use graintrain::world::World;
+use graintrain_linalg::real;
 use serde::{Deserialize, Serialize};
 
 /// A measurement: some quantities of some bodies, from some step on, every so many steps.
@@ -92,8 +93,8 @@ pub struct ShearBox {
     pub plane: Option<Vec3>,
 }
 
-/// More bins than this are no measurement.
-const MOST_BINS: usize = 1_000_000;
+/// Bins beyond this many are a slip of the keyboard, whose records would take hundreds of megabytes.
+pub(crate) const MOST_BINS: usize = 100_000;
 
 impl Measure {
     /// Whether it names bodies and streams of a run that gave so many numbers, and bins that fit into memory: scenes give no other, a
@@ -500,7 +501,7 @@ impl ShearBox {
             tau,
             sigma,
             ratio,
-            ratio.atan(),
+            real::atan(ratio),
             plane_tau,
             plane_sigma,
             plane_ratio,

@@ -1,6 +1,7 @@
 //! Distributions of radii.
 
 use crate::random::Random;
+use graintrain_linalg::real;
 use serde::{Deserialize, Serialize};
 
 /// Distribution of radii, m.
@@ -151,20 +152,20 @@ fn sampler(distribution: &RadiusDistribution) -> Sampler<'_> {
             Box::new(move |random| within(*min, *max, || mean + deviation * random.normal()))
         }
         RadiusDistribution::Lognormal { median, deviation, min, max } => {
-            Box::new(move |random| within(*min, *max, || median * (deviation * random.normal()).exp()))
+            Box::new(move |random| within(*min, *max, || median * real::exp(deviation * random.normal())))
         }
         RadiusDistribution::Choice { radii, weights } => {
             Box::new(move |random| radii[chosen(weights, random)])
         }
         RadiusDistribution::ByMass(inner) => by_mass(inner),
-        RadiusDistribution::RosinRammler { size, spread, min, max } => {
-            tabulated([*min, *max], |r| (r / size).powf(spread - 1.0) * (-(r / size).powf(*spread)).exp())
-        }
+        RadiusDistribution::RosinRammler { size, spread, min, max } => tabulated([*min, *max], |r| {
+            real::powf(r / size, spread - 1.0) * real::exp(-real::powf(r / size, *spread))
+        }),
         RadiusDistribution::Sieves { openings, passing } => {
             // Within a class mass goes with d(log r), and number with r^-4 dr.
             let class = |k: usize| {
                 let (low, high) = (openings[k] / openings[0], openings[k + 1] / openings[0]);
-                let mean = (low.powi(-3) - high.powi(-3)) / (3.0 * (high / low).ln());
+                let mean = (low.powi(-3) - high.powi(-3)) / (3.0 * real::ln(high / low));
                 (passing[k + 1] - passing[k]) * mean
             };
             let numbers: Vec<f64> = (0..openings.len() - 1).map(class).collect();
@@ -204,10 +205,10 @@ fn by_mass(distribution: &RadiusDistribution) -> Sampler<'_> {
     match distribution {
         RadiusDistribution::Uniform { min, max } => Box::new(move |random| power(-3.0, [*min, *max], random)),
         RadiusDistribution::Normal { mean, deviation, min, max } if *deviation > 0.0 => {
-            tabulated([*min, *max], |r| (-0.5 * ((r - mean) / deviation).powi(2)).exp())
+            tabulated([*min, *max], |r| real::exp(-0.5 * ((r - mean) / deviation).powi(2)))
         }
         RadiusDistribution::Lognormal { median, deviation, min, max } if *deviation > 0.0 => {
-            tabulated([*min, *max], |r| (-0.5 * ((r / median).ln() / deviation).powi(2)).exp() / r)
+            tabulated([*min, *max], |r| real::exp(-0.5 * (real::ln(r / median) / deviation).powi(2)) / r)
         }
         RadiusDistribution::Choice { radii, weights } => {
             let smallest = distribution.range()[0];
@@ -222,17 +223,17 @@ fn by_mass(distribution: &RadiusDistribution) -> Sampler<'_> {
 /// A radius whose density by number goes with r^exponent (less than -1) between two.
 fn power(exponent: f64, [min, max]: [f64; 2], random: &mut Random) -> f64 {
     let k = exponent + 1.0;
-    let relative = 1.0 - random.uniform() * (1.0 - (max / min).powf(k));
-    (min * relative.powf(1.0 / k)).clamp(min, max)
+    let relative = 1.0 - random.uniform() * (1.0 - real::powf(max / min, k));
+    (min * real::powf(relative, 1.0 / k)).clamp(min, max)
 }
 
 /// Radii whose density by mass (per radius, times anything) is given: number goes with that over r^3. The cumulative number is summed by Simpson's rule over
 /// intervals of the logarithm and inverted by straight lines.
 fn tabulated<'a>([min, max]: [f64; 2], mass: impl Fn(f64) -> f64) -> Sampler<'a> {
-    let width = (max / min).ln() / INTERVALS as f64;
+    let width = real::ln(max / min) / INTERVALS as f64;
     // d(number) / d(log r)
     let density = |place: f64| {
-        let radius = min * (place * width).exp();
+        let radius = min * real::exp(place * width);
         mass(radius) * (min / radius).powi(2)
     };
     let mut sums = vec![0.0];
@@ -245,7 +246,7 @@ fn tabulated<'a>([min, max]: [f64; 2], mass: impl Fn(f64) -> f64) -> Sampler<'a>
         let share = random.uniform() * sums[INTERVALS];
         let k = sums[1..INTERVALS].partition_point(|&sum| sum <= share);
         let inside = (share - sums[k]) / (sums[k + 1] - sums[k]).max(f64::MIN_POSITIVE);
-        (min * ((k as f64 + inside) * width).exp()).clamp(min, max)
+        (min * real::exp((k as f64 + inside) * width)).clamp(min, max)
     })
 }
 

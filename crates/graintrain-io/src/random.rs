@@ -2,6 +2,7 @@
 
 use graintrain::load::Region;
 use graintrain::math::{Quat, Vec3, mix};
+use graintrain_linalg::real;
 use rand::Rng;
 use rand_pcg::Pcg64;
 use std::f64::consts::TAU;
@@ -38,7 +39,8 @@ impl Random {
         let share = self.uniform();
         let [a, b] = [self.between(0.0, TAU), self.between(0.0, TAU)];
         let (low, high) = ((1.0 - share).sqrt(), share.sqrt());
-        Quat::from_xyzw(low * a.sin(), low * a.cos(), high * b.sin(), high * b.cos()).normalize()
+        Quat::from_xyzw(low * real::sin(a), low * real::cos(a), high * real::sin(b), high * real::cos(b))
+            .normalize()
     }
 
     /// A uniformly random centre of a ball wholly inside a region; `None` if the ball is too large for it.
@@ -58,7 +60,7 @@ impl Random {
                 let distance = reach * self.uniform().sqrt();
                 let angle = self.between(0.0, TAU);
                 let z = self.between(radius, height - radius);
-                Some(base + Vec3::new(distance * angle.cos(), distance * angle.sin(), z))
+                Some(base + Vec3::new(distance * real::cos(angle), distance * real::sin(angle), z))
             }
         }
     }
@@ -69,7 +71,7 @@ impl Random {
             let (x, y) = (self.between(-1.0, 1.0), self.between(-1.0, 1.0));
             let square = x * x + y * y;
             if square > 0.0 && square < 1.0 {
-                return x * (-2.0 * square.ln() / square).sqrt();
+                return x * (-2.0 * real::ln(square) / square).sqrt();
             }
         }
     }

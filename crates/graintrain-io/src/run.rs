@@ -11,7 +11,6 @@ use crate::traffic::{Traffic, TrafficState};
 use graintrain::collide::Collider;
 use graintrain::math::Vec3;
 use graintrain::measure::energy::Ledger;
-use graintrain::relaxation::{Difference, Opening};
 use graintrain::stepper::{PhaseSeconds, PhysicalErrors, StepError, StepReport, StepSettings, Stepper};
 use graintrain::world::World;
 use graintrain_ccp::{Ccp, Judge, Ranks};
@@ -92,12 +91,8 @@ pub struct RunTotals {
     pub penetration_final_over_size: f64,
     /// The worst of each over the steps.
     pub errors: PhysicalErrors,
-    /// The largest opening of a relaxed step, and contacts opened, summed.
-    pub opening: Opening,
     /// Contacts with force, summed.
     pub contacts_with_force_sum: u64,
-    /// Relaxed steps that were compared with exact friction.
-    pub comparison: Comparison,
     /// Largest number of connected parts.
     pub parts_max: usize,
     /// Contacts that arrived with restitution, summed.
@@ -106,10 +101,6 @@ pub struct RunTotals {
     pub impact_residual_max: f64,
     /// Connected parts in which restitution was lowered, summed.
     pub restitution_lowered: u64,
-    /// Contacts of wedged bodies, taken with exact friction in a relaxed step, summed.
-    pub contacts_wedged: u64,
-    /// Steps with such contacts.
-    pub wedged_steps: u64,
     /// Contacts that joined a problem after its solve, summed.
     pub contacts_added: u64,
     /// Pairs of bodies that passed into or through each other, summed.
@@ -132,32 +123,6 @@ pub struct RunTotals {
     pub traffic: TrafficState,
 }
 
-/// Relaxed steps, one in a hundred, of which the contact problem was solved with exact friction, too.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Comparison {
-    /// Steps compared.
-    pub steps: u64,
-    /// Those of which the exact answer missed its tolerance in the iterations that it was given.
-    pub undecided: u64,
-    /// Largest difference of the bodies' velocities, root mean square, m/s; of the decided steps.
-    pub velocity_rms_max: f64,
-    /// Largest difference relative to the root mean square of these velocities, or to |g| dt where that is more.
-    pub velocity_relative_max: f64,
-}
-
-impl Comparison {
-    fn add(&mut self, found: &Difference) {
-        self.steps += 1;
-        if !found.is_decided {
-            // From the relaxed answer it may hardly have moved: that says nothing.
-            self.undecided += 1;
-            return;
-        }
-        self.velocity_rms_max = self.velocity_rms_max.max(found.velocity_rms);
-        self.velocity_relative_max = self.velocity_relative_max.max(found.velocity_relative);
-    }
-}
-
 impl RunTotals {
     /// Adds a step, which had this number.
     fn add(&mut self, step: u64, report: &StepReport) {
@@ -177,16 +142,11 @@ impl RunTotals {
         self.penetration_max_over_size = self.penetration_max_over_size.max(report.penetration_max_over_size);
         self.penetration_final_over_size = report.penetration_max_over_size;
         self.errors = self.errors.worse(&report.errors);
-        let opening = &report.opening;
-        self.opening.largest_over_size = self.opening.largest_over_size.max(opening.largest_over_size);
-        self.opening.opened += opening.opened;
         self.contacts_with_force_sum += report.contacts_with_force as u64;
         self.parts_max = self.parts_max.max(report.parts);
         self.impacts += report.impacts as u64;
         self.impact_residual_max = self.impact_residual_max.max(report.impact_residual.max);
         self.restitution_lowered += report.restitution_lowered as u64;
-        self.contacts_wedged += report.contacts_wedged as u64;
-        self.wedged_steps += u64::from(report.contacts_wedged > 0);
         self.contacts_added += report.contacts_added as u64;
         self.contacts_missed += report.contacts_missed as u64;
         if report.contacts_missed > 0 {
@@ -220,6 +180,15 @@ pub trait Observer {
     /// # Errors
     /// An output that cannot be written ends the run.
     fn observe(&mut self, step: StepView<'_>) -> Result<(), OutputError>;
+
+    /// Called once everybody has seen the step and all that belongs to it is counted: the state is now one to go on from.
+    ///
+    /// # Errors
+    /// A state that cannot be kept ends the run.
+    fn keep(&mut self, world: &World, totals: &RunTotals) -> Result<(), OutputError> {
+        let _ = (world, totals);
+        Ok(())
+    }
 }
 
 /// How [`Run::advance`] ended without an error.
@@ -369,9 +338,11 @@ impl Run {
                     problem: self.stepper.last_problem(),
                 })?;
             }
-            self.compare_with_exact_friction(&report);
             self.totals.last_output_seconds = begin.elapsed().as_secs_f64();
             self.totals.output_seconds += self.totals.last_output_seconds;
+            for observer in &mut *observers {
+                observer.keep(&self.world, &self.totals)?;
+            }
             if self.strict && !report.solve.converged() {
                 // Contacts within the tolerance: then it was the impacts.
                 let residual = report.solve.residual.worse(report.impact_residual);
@@ -401,24 +372,6 @@ impl Run {
     }
 }
 
-/// Of relaxed steps, those with this remainder are compared with exact friction: one in a hundred, from the fiftieth on.
-const COMPARED: [u64; 2] = [50, 100];
-
-impl Run {
-    /// Solves the last step's problem with exact friction, too, where it is its turn; the state stays as it is.
-    fn compare_with_exact_friction(&mut self, report: &StepReport) {
-        if self.world.step % COMPARED[1] == COMPARED[0] && report.solve.converged() {
-            match self.stepper.compare_with_exact(&self.world, report.solve.iterations) {
-                Ok(Some(found)) => self.totals.comparison.add(&found),
-                Ok(None) => {}
-                // A look aside ends no run.
-                Err(_) => self.totals.comparison.add(&Difference::default()),
-            }
-        }
-    }
-}
-
-/// The part of [`Run`] that leads through the stages. What has begun and ended is in the totals, so that a run goes on where it was.
 impl Run {
     /// The stage under way, with its record.
     fn stage(&self) -> Option<(&Stage, &StageRecord)> {

@@ -181,12 +181,6 @@ impl StepReport {
         self.report.impacts
     }
 
-    /// Contacts of wedged bodies, taken with exact friction in a relaxed step.
-    #[getter]
-    fn contacts_wedged(&self) -> usize {
-        self.report.contacts_wedged
-    }
-
     /// Pairs of bodies found inside each other that had no contact.
     #[getter]
     fn contacts_missed(&self) -> usize {
@@ -203,12 +197,6 @@ impl StepReport {
     #[getter]
     fn ledger<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         plain(py, &self.report.ledger)
-    }
-
-    /// Largest gap that relaxed friction opened in the step, over the size of the smaller body; 0 with exact friction.
-    #[getter]
-    fn relaxation_opening(&self) -> f64 {
-        self.report.opening.largest_over_size
     }
 
     /// What is left of the contact problem in physical units, as a dict: approach_max (m/s), overlap_per_step_max_over_size,

@@ -12,11 +12,12 @@ from graintrain import Shape
 
 def scenes() -> dict[str, graintrain.World]:
     pile = ball_pile(2)
+    pile.configure(friction="relaxed")
     pile.run(0.1)
-    slide = graintrain.World(step=1e-2, envelope=1e-3)
+    slide = graintrain.World(step=1e-2, envelope=1e-3, friction="relaxed")
     slide.add_plane()
     slide.add_body(Shape.box((0.1, 0.08, 0.05)), (0, 0, 0.05), velocity=(1.0, 0.3, 0), angular_velocity=(0, 0, 0.5))
-    rest = graintrain.World(gravity=(1.0, 0.5, -9.0), step=1e-2, envelope=1e-3)
+    rest = graintrain.World(gravity=(1.0, 0.5, -9.0), step=1e-2, envelope=1e-3, friction="relaxed")
     rest.add_plane()
     rest.add_body(Shape.box((0.1, 0.08, 0.05)), (0, 0, 0.05))
     rest.add_body(Shape.sphere(0.1), (1, 0, 0.1), velocity=(0, 0, 1.0))
@@ -69,7 +70,7 @@ def test_products_are_those_of_central_differences(name):
 
 
 def test_a_slide_by_hand():
-    world = graintrain.World(step=1e-2, envelope=1e-3)
+    world = graintrain.World(step=1e-2, envelope=1e-3, friction="relaxed")
     world.add_plane()
     body = world.add_body(Shape.sphere(0.1), (0, 0, 0.1), velocity=(3.0, 0, 0))
     along_x = np.zeros((2, 3))
@@ -82,7 +83,7 @@ def test_a_slide_by_hand():
 
 
 def test_kinks_are_told():
-    world = graintrain.World(step=1e-2, envelope=1e-3)
+    world = graintrain.World(step=1e-2, envelope=1e-3, friction="relaxed")
     world.add_plane()
     body = world.add_body(Shape.sphere(0.1), (0, 0, 0.1), name="ball")
     world.forces[body, 2] = 9.81 * world.masses[body]

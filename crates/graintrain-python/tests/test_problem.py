@@ -113,7 +113,7 @@ def test_files_and_the_problem_of_a_step(tmp_path):
         world.problem
     world.run(0.3)
     problem, impulse = world.problem
-    assert impulse.shape == (len(problem), 3) and problem.residual(impulse)[1] <= 1e-4
+    assert impulse.shape == (len(problem), 3) and problem.residual(impulse, "coulomb")[1] <= 1e-4
     file = tmp_path / "step.hdf5"
     problem.dump(file, "a pile")
     read = Problem.from_file(file)

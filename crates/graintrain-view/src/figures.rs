@@ -3,6 +3,7 @@
 use crate::plot::{Axis, Chart, Series, figure};
 use crate::view::ViewError;
 use crate::view::tables::Table;
+use graintrain_io::files::within;
 use std::path::Path;
 
 /// Most points of a curve; longer ones are thinned evenly.
@@ -108,7 +109,10 @@ pub fn figures(folder: &Path) -> Result<Vec<(String, String)>, ViewError> {
         let Some(name) = file.strip_prefix("measures/").and_then(|name| name.strip_suffix(".csv")) else {
             continue;
         };
-        let path = folder.join(&file);
+        let Some(path) = within(folder, &file) else {
+            let what = format!("it names {file:?}, which is no file of the run");
+            return Err(ViewError::Malformed { path: folder.join("columns.json"), what });
+        };
         if !path.exists() {
             continue;
         }

@@ -9,6 +9,7 @@ use crate::turning::{frame_moment, turning, turning_velocities};
 use crate::world::World;
 use graintrain_ccp::{BodyInverseMass, Ccp, CoupledBodies, Delassus, FIXED, RigidContact, RigidDelassus};
 use graintrain_linalg::parallel::fold_chunks;
+use graintrain_linalg::real;
 use rayon::prelude::*;
 use std::sync::Arc;
 
@@ -153,7 +154,7 @@ pub(crate) fn velocity_scale(r: &[f64], friction: &[f64]) -> Option<f64> {
     let of_chunk = |range: std::ops::Range<usize>| {
         let (mut sum, mut count) = (0.0, 0.0);
         for (r, mu) in r[3 * range.start..3 * range.end].chunks_exact(3).zip(&friction[range]) {
-            if r[0] < mu * r[1].hypot(r[2]) {
+            if r[0] < mu * real::hypot(r[1], r[2]) {
                 sum += r[0] * r[0] + r[1] * r[1] + r[2] * r[2];
                 count += 1.0;
             }

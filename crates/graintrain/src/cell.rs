@@ -35,6 +35,7 @@ use crate::math::{Mat3, Vec3};
 use crate::motion::Profile;
 use crate::shape::Shape;
 use crate::world::World;
+use graintrain_linalg::real;
 use serde::{Deserialize, Serialize};
 
 /// The components of L in the order in which lists have them: row i (direction of the velocity), column j (direction along which it
@@ -314,7 +315,7 @@ impl Cell {
     pub(crate) fn imposed_rates(&self, time: f64, step: f64) -> [Option<f64>; 6] {
         std::array::from_fn(|k| match &self.drive[k] {
             Drive::Rate(Profile::Constant(0.0)) => Some(0.0),
-            Drive::Rate(profile) if k < 3 => Some((profile.mean(time, step) * step).exp_m1() / step),
+            Drive::Rate(profile) if k < 3 => Some(real::exp_m1(profile.mean(time, step) * step) / step),
             Drive::Rate(profile) => Some(profile.mean(time, step)),
             Drive::Stress(_) => None,
         })
@@ -336,7 +337,7 @@ impl Cell {
         }
         self.lower = centre - 0.5 * self.size;
         for (k, rate) in self.rate.iter().enumerate() {
-            self.strain[k] += if k < 3 { (step * rate).ln_1p() } else { step * rate };
+            self.strain[k] += if k < 3 { real::ln_1p(step * rate) } else { step * rate };
         }
         // Offsets by whole edges are the same lattice: c less b, then b and c less a.
         let turns = (self.tilt[2] / self.size.y).round();

@@ -22,9 +22,9 @@ use crate::world::World;
 use graintrain_ccp::{BodyInverseMass, RigidContact};
 use std::collections::HashMap;
 
-/// Bodies touch where their gap is below this fraction of the smaller one's size, m/m: somewhat more than what corrections of overlap leave. Relaxed friction
-/// keeps those that slide at u_t apart by dt mu |u_t|, and they touch there.
-pub(crate) const TOUCHING: f64 = 1e-3;
+/// Bodies touch where their gap is below this fraction of the smaller one's size, m/m: somewhat more than what
+/// corrections of overlap leave.
+const TOUCHING: f64 = 1e-3;
 
 /// Largest compliance, 1/kg: softer springs do nothing, and their products with impulses have to stay finite.
 const SOFTEST: f64 = 1e100;
@@ -56,19 +56,19 @@ pub(crate) fn bias(world: &World, contact: &Contact, step: f64) -> Option<f64> {
     presses.then_some(if bias.is_finite() { bias } else { 0.0 })
 }
 
-/// Impulse dt F with which every contact pulls, N s; empty where nothing does. Contacts of the same two bodies share the force. `reach` is the gap, m,
-/// up to which the bodies of a contact touch ([`TOUCHING`]).
+/// Impulse dt F with which every contact pulls, N s; empty where nothing does. Contacts of the same two bodies share the force. `size` is that of
+/// the smaller body, m.
 pub(crate) fn pulls(
     world: &World,
     contacts: &[Contact],
-    reach: impl Fn(usize) -> f64,
+    size: impl Fn(&Contact) -> f64,
     step: f64,
 ) -> Vec<f64> {
     if !world.materials.has_cohesive_pairs() {
         return Vec::new();
     }
     let pair = |c: &Contact| [c.body_a.min(c.body_b), c.body_a.max(c.body_b)];
-    let touches: Vec<bool> = contacts.iter().enumerate().map(|(i, c)| c.gap <= reach(i)).collect();
+    let touches: Vec<bool> = contacts.iter().map(|c| c.gap <= TOUCHING * size(c)).collect();
     let mut count = HashMap::new();
     for (contact, _) in contacts.iter().zip(&touches).filter(|(_, touches)| **touches) {
         *count.entry(pair(contact)).or_insert(0_u32) += 1;

@@ -188,6 +188,29 @@ pub(crate) fn positive(what: impl Into<String>, value: f64) -> Result<(), ModelE
     Err(ModelError::Value { what: what.into(), value, expected: "finite and positive" })
 }
 
+/// Longest and shortest length, m, whose powers in volumes and inertias are numbers.
+const LENGTHS: std::ops::RangeInclusive<f64> = 1e-50..=1e50;
+
+/// `Err` unless the length, m, is positive and neither so long nor so short that collision and inertia overflow.
+pub(crate) fn length(what: &str, value: f64) -> Result<(), ModelError> {
+    positive(what, value)?;
+    if LENGTHS.contains(&value) {
+        return Ok(());
+    }
+    Err(ModelError::Value { what: what.to_string(), value, expected: "between 1e-50 and 1e50 m" })
+}
+
+/// `Err` unless all components, m, are finite and none so far off that collision overflows.
+pub(crate) fn place(what: &str, values: &[f64]) -> Result<(), ModelError> {
+    finite(what, values)?;
+    match values.iter().find(|value| value.abs() > *LENGTHS.end()) {
+        None => Ok(()),
+        Some(&value) => {
+            Err(ModelError::Value { what: what.to_string(), value, expected: "between -1e50 and 1e50 m" })
+        }
+    }
+}
+
 /// `Err` unless all components are finite.
 pub(crate) fn finite(what: &str, values: &[f64]) -> Result<(), ModelError> {
     match values.iter().find(|value| !value.is_finite()) {

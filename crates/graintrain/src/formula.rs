@@ -1,6 +1,7 @@
 //! Formulas: scalar functions of time that a scene writes as text, compiled once and evaluated in every step.
 
 use crate::error::ModelError;
+use graintrain_linalg::real;
 use serde::{Deserialize, Serialize};
 
 /// A function of one number.
@@ -60,14 +61,14 @@ impl Function {
             Self::Floor => x.floor(),
             Self::Ceil => x.ceil(),
             Self::Round => x.round(),
-            Self::Sin => x.sin(),
-            Self::Cos => x.cos(),
-            Self::Tan => x.tan(),
-            Self::Asin => x.asin(),
-            Self::Acos => x.acos(),
-            Self::Atan => x.atan(),
-            Self::Exp => x.exp(),
-            Self::Ln => x.ln(),
+            Self::Sin => real::sin(x),
+            Self::Cos => real::cos(x),
+            Self::Tan => real::tan(x),
+            Self::Asin => real::asin(x),
+            Self::Acos => real::acos(x),
+            Self::Atan => real::atan(x),
+            Self::Exp => real::exp(x),
+            Self::Ln => real::ln(x),
         }
     }
 }
@@ -99,7 +100,7 @@ impl Operator {
             Self::Subtract => a - b,
             Self::Multiply => a * b,
             Self::Divide => a / b,
-            Self::Power => a.powf(b),
+            Self::Power => real::powf(a, b),
             Self::Minimum => a.min(b),
             Self::Maximum => a.max(b),
         }

@@ -106,7 +106,9 @@ impl StepGradient {
     pub fn new(world: &World, settings: &StepSettings) -> Result<Self, GradientError> {
         let unsupported = |what: &str| Err(GradientError::Unsupported { what: what.to_string() });
         if settings.solver.friction == FrictionModel::Coulomb {
-            return unsupported("friction is exact; the derivative is that of relaxed friction");
+            return unsupported(
+                "friction is exact, and the derivative is that of relaxed friction: ask for friction = \"relaxed\"",
+            );
         }
         if world.cell().is_some() {
             return unsupported("space repeats in a periodic cell, for which derivatives are not computed");
@@ -119,7 +121,9 @@ impl StepGradient {
         }
         let name = SolverSpec::from(Method::Ipm);
         let (tolerance, accepted) = TOLERANCE;
-        let solver = SolverChoice { name, tolerance, judge: Judge::Maximum, ..SolverChoice::default() };
+        let friction = FrictionModel::Relaxed;
+        let solver =
+            SolverChoice { name, tolerance, judge: Judge::Maximum, friction, ..SolverChoice::default() };
         let strict = StepSettings { solver, ..settings.clone() };
         if world.materials.has_elastic_pairs() || world.materials.has_cohesive_pairs() {
             return unsupported("a pair of materials has a stiffness or cohesion");
@@ -135,9 +139,6 @@ impl StepGradient {
         }
         if report.contacts_added > 0 {
             return unsupported("contacts were found in the midst of it; a shorter time step may do");
-        }
-        if report.contacts_wedged > 0 {
-            return unsupported("bodies are wedged in and their contacts were taken with exact friction");
         }
         if after.contacts.contacts.iter().any(|contact| contact.lead != Vec3::ZERO) {
             return unsupported(

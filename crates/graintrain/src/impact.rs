@@ -34,6 +34,7 @@ use graintrain_ccp::{
     BodyInverseMass, Ccp, CcpError, CcpSolver, CoupledBodies, Delassus, FrictionModel, Residual,
     RigidContact, SolveSettings, Status,
 };
+use rayon::prelude::*;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
@@ -74,9 +75,6 @@ pub(crate) struct Impacts {
     pub lowered: usize,
     /// The worst residual that a solve was left with, in the velocities of its own contacts.
     pub residual: Residual,
-    /// Contacts that still approach, but not far enough to close within the step: in the contact problem the relaxed cone would
-    /// brake them before they arrive. Indices, ascending.
-    pub under_way: Vec<u32>,
 }
 
 /// Contacts of a step, row by row of D.
@@ -131,14 +129,12 @@ impl ImpactSolver<'_> {
                 gap <= 0.0 || gap + step * later[3 * *i as usize] <= 0.0
             };
             let approaching = (0..of.contacts.len() as u32).filter(approaches);
-            let closing: Vec<u32> = approaching.clone().filter(closes).collect();
+            let closing: Vec<u32> = approaching.filter(closes).collect();
             if pass == self.parameters.passes {
-                // What goes on closing may drive bodies into contacts that wait: none waits.
                 found.lowered += closing.len();
                 break;
             }
             if closing.is_empty() {
-                found.under_way = approaching.collect();
                 break;
             }
             if found.impulse.is_empty() {
@@ -249,20 +245,22 @@ impl ImpactSolver<'_> {
     }
 }
 
-/// Gives contacts of pairs with restitution the arms that they have when the bodies touch, where they still have a gap to close: from
-/// each centre to the own surface. With half a gap more the spin that friction gives would depend on the phase of arrival. Balls that
-/// touch within the step as they move now get the normal of that moment, too: that of the start of the step is off by the way sideways.
+/// Gives contacts that still have a gap to close the normals and arms with which the bodies touch: those of two balls as they move now
+/// ([`Collider::aimed`]); others with restitution reach from each centre to the own surface. With half a gap more the spin that
+/// friction gives would depend on the phase of arrival.
 pub(crate) fn lead_to_surfaces(world: &World, collider: &Collider, step: f64, contacts: &mut [Contact]) {
     let materials = &world.bodies.material;
-    for contact in contacts.iter_mut().filter(|contact| contact.gap > 0.0 && contact.lead == Vec3::ZERO) {
+    let apart = |contact: &&mut Contact| contact.gap > 0.0 && contact.lead == Vec3::ZERO;
+    contacts.par_iter_mut().filter(apart).for_each(|contact| {
+        if let Some(aimed) = collider.aimed(world, contact, step) {
+            *contact = aimed;
+            return;
+        }
         let [a, b] = [contact.body_a, contact.body_b].map(|body| materials[body as usize].index());
         if world.materials.pair_restitution(a, b) > 0.0 {
-            match collider.arrival_of_balls(world, contact, step) {
-                Some(arrival) => *contact = arrival,
-                None => contact.lead = 0.5 * contact.gap * contact.normal,
-            }
+            contact.lead = 0.5 * contact.gap * contact.normal;
         }
-    }
+    });
 }
 
 /// Velocities with those of prescribed degrees of freedom taken from `free`: the ones that hold during this step.

@@ -15,7 +15,6 @@
 //! | [`integrate`] | velocities without contact, positions, rotations |
 //! | [`turning`] | rolling and spinning friction |
 //! | [`impact`], [`overlap`], [`parts`] | restitution, overlap without energy, parts that do not touch |
-//! | [`relaxation`] | what relaxed friction opens, and how far it is from exact friction |
 //! | [`stepper`], [`step_report`] | the time step, what it reports |
 //! | [`gradient`] | derivatives of a step |
 //! | [`measure`] | stress, coordination, profiles, flow, energies and other measurements |
@@ -23,6 +22,9 @@
 //! | [`ccp`] | contact problems and their solvers |
 //!
 //! Scenes, outputs and runs are in `graintrain-io`, pictures in `graintrain-view`.
+
+// The C library has other bits on other machines: `graintrain_linalg::real`.
+#![cfg_attr(not(test), warn(clippy::disallowed_methods))]
 
 #[doc = include_str!("../README.md")]
 #[cfg(doctest)]
@@ -53,14 +55,12 @@ pub mod overlap;
 mod part_solver;
 pub mod parts;
 mod projection;
-pub mod relaxation;
 pub mod shape;
 mod solid_mesh;
 pub mod step_report;
 pub mod stepper;
 pub mod turning;
 mod validate;
-mod wedge;
 pub mod world;
 
 pub use graintrain_ccp as ccp;

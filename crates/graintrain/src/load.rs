@@ -11,6 +11,7 @@ use crate::handle::BodyId;
 use crate::math::Vec3;
 use crate::motion::{Axes, Profile};
 use crate::world::World;
+use graintrain_linalg::real;
 use serde::{Deserialize, Serialize};
 
 /// A region of space, m.
@@ -42,7 +43,7 @@ impl Region {
             Self::Box { min, max } => point.cmpge(min).all() && point.cmple(max).all(),
             Self::Cylinder { base, radius, height } => {
                 let d = point - base;
-                d.x.hypot(d.y) <= radius && (0.0..=height).contains(&d.z)
+                real::hypot(d.x, d.y) <= radius && (0.0..=height).contains(&d.z)
             }
         }
     }
@@ -298,7 +299,7 @@ impl Action {
                 if r == 0.0 {
                     return (Vec3::ZERO, Vec3::ZERO);
                 }
-                (mass * strength * (r / distance).powf(*power) / r * toward, Vec3::ZERO)
+                (mass * strength * real::powf(r / distance, *power) / r * toward, Vec3::ZERO)
             }
             Self::Drag { .. } => (Vec3::ZERO, Vec3::ZERO),
         }

@@ -1,6 +1,7 @@
 //! Vectors, quaternions and 3x3 matrices in f64, from one place (they come with the collision library), and the few
 //! operations on them that are missing there.
 
+use graintrain_linalg::real;
 pub use parry3d_f64::glamx::{DMat3 as Mat3, DQuat as Quat, DVec3 as Vec3};
 pub use parry3d_f64::math::Pose;
 
@@ -20,9 +21,9 @@ pub fn rotation_exponential(turn: Vec3) -> Quat {
     let angle = turn.length();
     let half = 0.5 * angle;
     // sin(x) / x by its series where the quotient would lose digits or divide by zero.
-    let sinc = if half < 1e-4 { 1.0 - half * half / 6.0 } else { half.sin() / half };
+    let sinc = if half < 1e-4 { 1.0 - half * half / 6.0 } else { real::sin(half) / half };
     let v = 0.5 * sinc * turn;
-    Quat::from_xyzw(v.x, v.y, v.z, half.cos())
+    Quat::from_xyzw(v.x, v.y, v.z, real::cos(half))
 }
 
 /// Scrambles a 64-bit number; a bijection (the finaliser of splitmix64).

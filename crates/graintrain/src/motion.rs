@@ -3,6 +3,7 @@
 use crate::error::{ModelError, finite, positive};
 use crate::formula::Formula;
 use crate::math::{Quat, Vec3};
+use graintrain_linalg::real;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
 
@@ -81,7 +82,9 @@ impl Profile {
         match self {
             Self::Constant(value) => *value,
             Self::Formula(formula) => formula.value(time),
-            Self::Sinusoidal { amplitude, period, phase } => amplitude * (TAU * time / period + phase).sin(),
+            Self::Sinusoidal { amplitude, period, phase } => {
+                amplitude * real::sin(TAU * time / period + phase)
+            }
             Self::Delayed { start, .. } if time < *start => 0.0,
             Self::Delayed { start, profile } => profile.value(time - start),
             Self::Table { times, values } => {
@@ -108,7 +111,7 @@ impl Profile {
                 // cos a - cos b as a product, which keeps all digits for short steps.
                 let rate = TAU / period;
                 let middle = rate * (start + 0.5 * step) + phase;
-                2.0 * amplitude / rate * middle.sin() * (0.5 * rate * step).sin()
+                2.0 * amplitude / rate * real::sin(middle) * real::sin(0.5 * rate * step)
             }
             Self::Delayed { start: rest, profile } => {
                 let begin = start.max(*rest);
@@ -241,8 +244,8 @@ impl Motion {
                 Axes::Body => -(orientation * *point),
             };
             let across = axis.cross(from_axis);
-            let half = (0.5 * angle).sin();
-            displacement += angle.sin() * across + 2.0 * half * half * axis.cross(across);
+            let half = real::sin(0.5 * angle);
+            displacement += real::sin(angle) * across + 2.0 * half * half * axis.cross(across);
             turn = angle * *axis;
         }
         (displacement / step, turn / step)

@@ -1,11 +1,11 @@
 //! The contact problem of a step, solved part by part with impulses that make no energy.
 
 use crate::parts::parts;
-use crate::wedge::{self, Excerpt, Search, Wedges};
 use graintrain_ccp::residual::ResidualScale;
 use graintrain_ccp::{
     Ccp, CcpError, CcpSolver, Delassus, FrictionModel, Residual, SolveReport, SolveSettings, Status,
 };
+use graintrain_linalg::real;
 use std::sync::Arc;
 
 /// What the solution part by part is tuned by.
@@ -16,13 +16,30 @@ pub struct Parameters {
     /// Parts of fewer contacts than this neither remember the curvature of a solve nor are begun with one: it is that of a bed. Nor do
     /// ranks share them.
     pub bed: usize,
-    /// Of the search for wedged bodies.
-    pub wedges: wedge::Parameters,
+    /// Iterations of projected gradients that a part of many contacts may cost in a step with exact friction, where the settings name no limit.
+    pub iterations: usize,
+    /// And that one of few may cost: iterations times contacts are what they are for `many` contacts, with `most_iterations` at the most.
+    pub many: usize,
+    /// See `many`.
+    pub most_iterations: usize,
 }
 
 impl Default for Parameters {
     fn default() -> Self {
-        Self { few: FewParameters::default(), bed: 1000, wedges: wedge::Parameters::default() }
+        Self {
+            few: FewParameters::default(),
+            bed: 1000,
+            iterations: 6000,
+            many: 1024,
+            most_iterations: 30_000,
+        }
+    }
+}
+
+impl Parameters {
+    /// Iterations that a part of so many contacts may cost.
+    fn iterations(&self, contacts: usize) -> usize {
+        (self.iterations * self.many / contacts.max(1)).clamp(self.iterations, self.most_iterations)
     }
 }
 
@@ -66,39 +83,32 @@ impl PartSolver<'_> {
     pub(crate) fn solve(&mut self, problem: &Ccp, impulse: &mut [f64]) -> Result<Solved, CcpError> {
         let Delassus::Rigid(rigid) = &*problem.delassus else {
             let report = self.solver.solve(problem, impulse, &self.settings)?;
-            return Ok(Solved { report, parts: 1, wedged: Vec::new() });
+            return Ok(Solved { report, parts: 1 });
         };
         if rigid.cell().is_some() {
             // A cell that gives way is one part.
-            let matrix = if self.solver.takes_cells() { None } else { problem.with_cell_as_matrix() };
-            let report = self.solver.solve(matrix.as_ref().unwrap_or(problem), impulse, &self.settings)?;
-            return Ok(Solved { report, parts: 1, wedged: Vec::new() });
+            let settings = self.bounded(problem);
+            let report = self.solver.solve(problem, impulse, &settings)?;
+            return Ok(Solved { report, parts: 1 });
         }
         let contacts = problem.num_contacts();
         let parts = parts(rigid.contacts(), 0..contacts as u32, rigid.num_bodies(), rigid.coupled());
         if parts.len() == 1 || (contacts > 0 && self.whole) {
-            let (report, wedged) = self.solve_one(problem, impulse)?;
-            return Ok(Solved { report, parts: 1, wedged });
+            let report = self.solve_one(problem, impulse)?;
+            return Ok(Solved { report, parts: 1 });
         }
         let count = parts.len();
-        let mut wedged = Vec::new();
         let mut merged = nothing_to_solve(self.solver.name());
         let mut largest = 0;
         for part in parts {
-            let (_, _, places) = part.turning(rigid.turning(), &problem.turning);
-            let turning_of = |all: &[f64]| {
-                let h = &all[3 * contacts..];
-                places.iter().flat_map(|k| [h[3 * k], h[3 * k + 1], h[3 * k + 2]]).collect::<Vec<f64>>()
-            };
-            let Excerpt { part, problem: own } =
-                Excerpt::new(part, problem, rigid, (self.gravity, self.step));
+            let (own, places) = part.problem(problem, rigid, (self.gravity, self.step));
             let mut g = part.gather::<3, f64>(impulse);
-            g.extend(turning_of(impulse));
+            let moments = &impulse[3 * contacts..];
+            g.extend(places.iter().flat_map(|k| &moments[3 * k..3 * k + 3]));
             if parts_freely(&own) {
                 g.fill(0.0);
             } else {
-                let (report, own_wedged) = self.solve_one(&own, &mut g)?;
-                wedged.extend(own_wedged.iter().map(|&k| part.contacts[k] as usize));
+                let report = self.solve_one(&own, &mut g)?;
                 merge(&mut merged, report, part.contacts.len() > largest);
                 largest = largest.max(part.contacts.len());
             }
@@ -107,78 +117,32 @@ impl PartSolver<'_> {
                 impulse[3 * (contacts + k)..3 * (contacts + k) + 3].copy_from_slice(h);
             }
         }
-        Ok(Solved { report: merged, parts: count, wedged })
+        Ok(Solved { report: merged, parts: count })
     }
 
-    /// Solves a part; the report, and which of its contacts are wedged.
-    fn solve_one(&mut self, problem: &Ccp, g: &mut [f64]) -> Result<(SolveReport, Vec<usize>), CcpError> {
+    /// What is asked of the solve of a part.
+    fn bounded(&self, problem: &Ccp) -> SolveSettings {
+        let max_iterations = self.settings.max_iterations.or_else(|| {
+            // Relaxed solves, and methods that count iterations of their own, have their limits.
+            let is_exact = self.settings.friction == FrictionModel::Coulomb;
+            (is_exact && self.solver.capabilities().exact)
+                .then(|| self.parameters.iterations(problem.num_contacts()))
+        });
+        SolveSettings { max_iterations, ..self.settings.clone() }
+    }
+
+    /// Solves a part.
+    fn solve_one(&mut self, problem: &Ccp, g: &mut [f64]) -> Result<SolveReport, CcpError> {
         let is_bed = problem.num_contacts() >= self.parameters.bed;
         let curvature = self.settings.curvature.filter(|_| is_bed);
         // Of a few contacts there is nothing to share: ranks would only wait for each other.
         let ranks = self.settings.ranks.clone().filter(|_| is_bed);
-        let settings = SolveSettings { curvature, ranks, ..self.settings.clone() };
-        let (mut report, wedged) = self.solve_with_wedges(problem, g, &settings)?;
-        report.curvature = report.curvature.filter(|_| is_bed);
-        Ok((report, wedged))
-    }
-
-    /// Where the solver does not arrive soon, wedges are looked for before it goes on.
-    fn solve_with_wedges(
-        &mut self,
-        problem: &Ccp,
-        g: &mut [f64],
-        settings: &SolveSettings,
-    ) -> Result<(SolveReport, Vec<usize>), CcpError> {
-        let patience = self.parameters.wedges.patience.min(self.solver.iteration_limit());
-        let soon = settings.max_iterations.map_or(patience, |most| most.min(patience));
+        let settings = SolveSettings { curvature, ranks, ..self.bounded(problem) };
         let matrix = as_matrix_unless_plain(problem);
         let posed = matrix.as_ref().unwrap_or(problem);
-        // Elastic contacts give way, so that there is no question of a solution.
-        let is_elastic =
-            matches!(&*problem.delassus, Delassus::Rigid(rigid) if !rigid.compliance().is_empty());
-        let takes_wedges = settings.friction == FrictionModel::Relaxed
-            && problem.turning.is_empty()
-            && !is_elastic
-            && !self.whole;
-        if !takes_wedges {
-            return Ok((
-                solve_without_gain(self.solver, &self.parameters.few, posed, g, settings)?,
-                Vec::new(),
-            ));
-        }
-        let start = g.to_vec();
-        let first = SolveSettings { max_iterations: Some(soon), ..settings.clone() };
-        let mut first = solve_without_gain(self.solver, &self.parameters.few, posed, g, &first)?;
-        if matches!(first.status, Status::Converged | Status::Stopped) {
-            return Ok((first, Vec::new()));
-        }
-        // Who wants few iterations wants no search either.
-        if soon < patience && first.status != Status::Infeasible {
-            return Ok((first, Vec::new()));
-        }
-        let under = (self.gravity, self.step);
-        let mut wedges = Wedges {
-            solver: self.solver,
-            settings,
-            parameters: self.parameters,
-            under,
-            spent: first.iterations,
-        };
-        match wedges.solve(problem, posed, &start, g)? {
-            Search::Ended(report, wedged) => return Ok((report.after(&first), wedged)),
-            // The impulses are those of the first solve, and so is its report but for the work.
-            Search::Unsolved(tried) => first = first.clone().after(&tried),
-            Search::Nothing => {}
-        }
-        let left = settings.max_iterations.map(|most| most.saturating_sub(first.iterations));
-        if left == Some(0) {
-            return Ok((first, Vec::new()));
-        }
-        let rest = SolveSettings { max_iterations: left, ..settings.clone() };
-        Ok((
-            solve_without_gain(self.solver, &self.parameters.few, posed, g, &rest)?.after(&first),
-            Vec::new(),
-        ))
+        let mut report = solve_without_gain(self.solver, &self.parameters.few, posed, g, &settings)?;
+        report.curvature = report.curvature.filter(|_| is_bed);
+        Ok(report)
     }
 }
 
@@ -188,8 +152,6 @@ pub(crate) struct Solved {
     pub report: SolveReport,
     /// Connected parts with a problem to solve.
     pub parts: usize,
-    /// Contacts taken with exact friction, because their relaxation has no solution or throws bodies away, as places in the problem.
-    pub wedged: Vec<usize>,
 }
 
 /// The same problem with N as a matrix, where joints couple bodies or contacts are compliant: every solver takes that.
@@ -200,6 +162,40 @@ pub(crate) fn as_matrix_unless_plain(problem: &Ccp) -> Option<Ccp> {
             Some(Ccp { delassus, ..problem.clone() })
         }
         _ => None,
+    }
+}
+
+/// A solver and what is left of its iterations.
+struct Budget<'a> {
+    solver: &'a mut dyn CcpSolver,
+    problem: &'a Ccp,
+    settings: &'a SolveSettings,
+    /// Iterations left, where they are bounded.
+    left: Option<usize>,
+}
+
+impl Budget<'_> {
+    /// Goes on from g to this tolerance, with no more iterations than `most`. Converged is what meets the tolerance of the settings.
+    fn solve(&mut self, g: &mut [f64], tolerance: f64, most: Option<usize>) -> Result<SolveReport, CcpError> {
+        let max_iterations = self.left.into_iter().chain(most).min();
+        let settings = SolveSettings { tolerance, max_iterations, ..self.settings.clone() };
+        let mut report = self.solver.solve(self.problem, g, &settings)?;
+        self.left = self.left.map(|left| left.saturating_sub(report.iterations));
+        if report.status != Status::Stopped && self.is_good(&report) {
+            (report.status, report.remark) = (Status::Converged, None);
+        } else if report.status == Status::Converged {
+            report.status = Status::Stalled;
+        }
+        Ok(report)
+    }
+
+    fn is_good(&self, report: &SolveReport) -> bool {
+        report.residual.judged(self.settings.judge) <= self.settings.tolerance
+    }
+
+    /// Whether there is something left to do and to do it with.
+    fn goes_on(&self, report: &SolveReport) -> bool {
+        matches!(report.status, Status::Stalled | Status::IterationLimit) && self.left != Some(0)
     }
 }
 
@@ -214,18 +210,12 @@ pub(crate) fn solve_without_gain(
     g: &mut [f64],
     settings: &SolveSettings,
 ) -> Result<SolveReport, CcpError> {
-    let mut first = solve_finely_if_few(solver, few, problem, g, settings)?;
+    let mut budget = Budget { solver, problem, settings, left: settings.max_iterations };
+    let mut first = solve_finely_if_few(&mut budget, few, g)?;
     let judged = first.residual.judged(settings.judge);
-    if first.status == Status::Stalled && judged <= 2.0 * settings.tolerance {
+    if first.status == Status::Stalled && judged <= 2.0 * settings.tolerance && budget.goes_on(&first) {
         // With a heavy body on a light one the iteration and the report differ by rounding: it has to aim a little lower.
-        let lower = SolveSettings { tolerance: 0.5 * settings.tolerance, ..settings.clone() };
-        let again = solver.solve(problem, g, &lower)?;
-        if again.status == Status::Stopped {
-            return Ok(again);
-        }
-        let converged = again.residual.judged(settings.judge) <= settings.tolerance;
-        let status = if converged { Status::Converged } else { again.status };
-        first = SolveReport { status, ..again.after(&first) };
+        first = budget.solve(g, 0.5 * settings.tolerance, None)?.after(&first);
     }
     let mut report = first.clone();
     let mut kept = Vec::new();
@@ -233,7 +223,7 @@ pub(crate) fn solve_without_gain(
         let along: f64 = g.iter().zip(&problem.r).map(|(g, r)| g * r).sum();
         // The objective is 1/2 g . N g + g . r.
         let (gain, square) = (2.0 * report.objective - along, 2.0 * (report.objective - along));
-        if gain.is_nan() || gain <= 0.0 {
+        if gain.is_nan() || gain <= 0.0 || report.status == Status::Stopped {
             return Ok(report);
         }
         if kept.is_empty() {
@@ -243,58 +233,40 @@ pub(crate) fn solve_without_gain(
         let scale = if square > gain { 1.0 - gain / square } else { 0.0 };
         g.iter_mut().for_each(|g| *g *= scale);
         evaluate(problem, g, settings.friction, &mut report);
-        let good = |report: &SolveReport| report.residual.judged(settings.judge) <= settings.tolerance;
-        if report.status != Status::Converged || good(&report) {
+        if report.status != Status::Converged || budget.is_good(&report) {
             return Ok(report);
         }
-        let settings = SolveSettings { tolerance: tighter * settings.tolerance, ..settings.clone() };
-        let next = solver.solve(problem, g, &settings)?;
-        if next.status == Status::Stopped {
-            return Ok(next);
+        if budget.left == Some(0) {
+            break;
         }
-        let status = if good(&next) { Status::Converged } else { next.status };
-        report = SolveReport { status, ..next.after(&report) };
-        if status != Status::Converged {
+        report = budget.solve(g, tighter * settings.tolerance, None)?.after(&report);
+        if !report.converged() && report.status != Status::Stopped {
             break;
         }
     }
+    if report.status == Status::Stopped {
+        return Ok(report);
+    }
     g.copy_from_slice(&kept);
-    Ok(SolveReport {
-        iterations: report.iterations,
-        linear_iterations: report.linear_iterations,
-        products: report.products,
-        seconds: report.seconds,
-        ..first
-    })
+    let SolveReport { iterations, linear_iterations, products, seconds, stages, .. } = report;
+    Ok(SolveReport { iterations, linear_iterations, products, seconds, stages, ..first })
 }
 
 /// Solves to the tolerance, and small problems beyond it: see [`FewParameters`].
 fn solve_finely_if_few(
-    solver: &mut dyn CcpSolver,
+    budget: &mut Budget<'_>,
     few: &FewParameters,
-    problem: &Ccp,
     g: &mut [f64],
-    settings: &SolveSettings,
 ) -> Result<SolveReport, CcpError> {
-    if problem.num_contacts() > few.contacts {
-        return solver.solve(problem, g, settings);
+    let tolerance = budget.settings.tolerance;
+    if budget.problem.num_contacts() > few.contacts {
+        return budget.solve(g, tolerance, None);
     }
-    let limit = settings.max_iterations.unwrap_or(few.iterations).min(few.iterations);
-    let finer = SolveSettings {
-        tolerance: few.tolerance * settings.tolerance,
-        max_iterations: Some(limit),
-        ..settings.clone()
-    };
-    let report = solver.solve(problem, g, &finer)?;
-    let missed = matches!(report.status, Status::Stalled | Status::IterationLimit);
-    if missed && report.residual.judged(settings.judge) <= settings.tolerance {
-        return Ok(SolveReport { status: Status::Converged, remark: None, ..report });
+    let finer = budget.solve(g, few.tolerance * tolerance, Some(few.iterations))?;
+    if !budget.goes_on(&finer) {
+        return Ok(finer);
     }
-    if !missed || settings.max_iterations.is_some_and(|most| most <= limit) {
-        return Ok(report);
-    }
-    let full = solver.solve(problem, g, settings)?;
-    Ok(full.after(&report))
+    Ok(budget.solve(g, tolerance, None)?.after(&finer))
 }
 
 /// Residuals and objective of these impulses.
@@ -314,10 +286,10 @@ fn parts_freely(problem: &Ccp) -> bool {
     let turning = |i: usize| {
         let Some(k) = problem.turning_of(i) else { return 0.0 };
         let (own, w) = (problem.turning[k], &problem.r[3 * (problem.num_contacts() + k)..]);
-        own.rolling * w[1].hypot(w[2]) + own.spinning * w[0].abs()
+        own.rolling * real::hypot(w[1], w[2]) + own.spinning * w[0].abs()
     };
     let mut contacts = problem.r.chunks_exact(3).zip(friction).enumerate();
-    contacts.all(|(i, (r, mu))| r[0] >= mu * r[1].hypot(r[2]) + turning(i))
+    contacts.all(|(i, (r, mu))| r[0] >= mu * real::hypot(r[1], r[2]) + turning(i))
 }
 
 /// The report of a step without contacts.
@@ -337,6 +309,7 @@ fn nothing_to_solve(solver: String) -> SolveReport {
         seconds: 0.0,
         newton: Vec::new(),
         history: Vec::new(),
+        stages: Vec::new(),
         remark: None,
     }
 }

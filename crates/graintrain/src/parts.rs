@@ -3,10 +3,12 @@
 //! Contacts that share no chain of movable bodies do not know of each other: N is block diagonal over the parts. Solved apart, no
 //! part's convergence, scale or rounding reaches another one.
 
-use crate::assemble::of_each;
+use crate::assemble::{of_each, scale_under};
 use graintrain_ccp::{
-    BodyInverseMass, CoupledBodies, FIXED, RigidContact, RigidDelassus, TurningFriction, TurningRows,
+    BodyInverseMass, Ccp, CoupledBodies, Delassus, FIXED, RigidContact, RigidDelassus, TurningFriction,
+    TurningRows,
 };
+use std::sync::Arc;
 
 /// Contacts and movable bodies that hang together.
 #[derive(Clone, Debug, PartialEq)]
@@ -131,6 +133,35 @@ impl Part {
             }
         }
         found
+    }
+
+    /// The contacts of the part, posed as a problem of their own under this gravity (m/s^2) for this step (s); and the places of those
+    /// that resist turning among those of the whole.
+    pub(crate) fn problem(
+        &self,
+        whole: &Ccp,
+        rigid: &RigidDelassus,
+        (gravity, step): (f64, f64),
+    ) -> (Ccp, Vec<usize>) {
+        let (rows, turning, places) = self.turning(rigid.turning(), &whole.turning);
+        let matrix = self.delassus(rigid.contacts(), rigid.inverse_mass(), rigid.coupled());
+        let compliance = rigid.compliance();
+        let compliance = if compliance.is_empty() { Vec::new() } else { self.gather::<1, f64>(compliance) };
+        let mut r = self.gather::<3, f64>(&whole.r);
+        let first = 3 * whole.num_contacts();
+        r.extend(places.iter().flat_map(|k| whole.r[first + 3 * k..first + 3 * k + 3].iter()));
+        let friction = self.gather::<1, f64>(&whole.friction);
+        let own = Ccp {
+            velocity_scale: scale_under(gravity, step, &r, &friction),
+            delassus: Arc::new(Delassus::Rigid(matrix.with_turning(rows).with_compliance(compliance))),
+            r,
+            friction,
+            turning,
+            impulse_scale: whole.impulse_scale,
+            points: self.gather::<1, [f64; 3]>(&whole.points),
+            identity: self.gather::<1, u64>(&whole.identity),
+        };
+        (own, places)
     }
 
     /// The entries of a list with `N` numbers per contact that belong to the part.

@@ -1,10 +1,11 @@
 //! Shapes, and geometries made of one or more shapes, with volume and inertia.
 
 use crate::collide::union::{Moments, counted_twice};
-use crate::error::{ModelError, finite, positive};
+use crate::error::{ModelError, length, place};
 use crate::hull::Hull;
 use crate::math::{Mat3, Quat, Vec3};
 use crate::solid_mesh::{check_closed, moments};
+use graintrain_linalg::real;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 
@@ -145,7 +146,7 @@ impl Shape {
             Self::Box { half } => half.length(),
             Self::Plane => f64::INFINITY,
             Self::Capsule { half_length, radius } => half_length + radius,
-            Self::Cylinder { half_length, radius } => half_length.hypot(*radius),
+            Self::Cylinder { half_length, radius } => real::hypot(*half_length, *radius),
             Self::Hull(hull) => hull.bounding_radius(),
             Self::Mesh { vertices, .. } => vertices.iter().map(|v| v.length()).fold(0.0, f64::max),
         }
@@ -157,18 +158,18 @@ impl Shape {
     /// [`ModelError`] for the first defect.
     pub fn validate(&self) -> Result<(), ModelError> {
         match self {
-            Self::Sphere { radius } => positive("the radius of a sphere", *radius),
+            Self::Sphere { radius } => length("the radius of a sphere", *radius),
             Self::Box { half } => {
-                half.to_array().iter().try_for_each(|&h| positive("a half edge length of a box", h))
+                half.to_array().iter().try_for_each(|&h| length("a half edge length of a box", h))
             }
             Self::Plane => Ok(()),
             Self::Capsule { half_length, radius } => {
-                positive("the half length of a capsule", *half_length)?;
-                positive("the radius of a capsule", *radius)
+                length("the half length of a capsule", *half_length)?;
+                length("the radius of a capsule", *radius)
             }
             Self::Cylinder { half_length, radius } => {
-                positive("the half length of a cylinder", *half_length)?;
-                positive("the radius of a cylinder", *radius)
+                length("the half length of a cylinder", *half_length)?;
+                length("the radius of a cylinder", *radius)
             }
             Self::Hull(hull) => hull.validate(),
             Self::Mesh { vertices, triangles, solid } => {
@@ -176,7 +177,7 @@ impl Shape {
                     return Err(ModelError::Empty { what: "the mesh" });
                 }
                 for vertex in vertices {
-                    finite("a coordinate of a mesh vertex", &vertex.to_array())?;
+                    place("a coordinate of a mesh vertex", &vertex.to_array())?;
                 }
                 for (triangle, corners) in triangles.iter().enumerate() {
                     if let Some(&vertex) = corners.iter().find(|&&v| v as usize >= vertices.len()) {
@@ -349,7 +350,7 @@ impl Geometry {
         }
         for part in &parts {
             part.shape.validate()?;
-            finite("a coordinate of a part's position", &part.position.to_array())?;
+            place("a coordinate of a part's position", &part.position.to_array())?;
             unit_quaternion("the orientation of a part", part.orientation)?;
         }
         if let Some(index) =

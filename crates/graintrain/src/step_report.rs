@@ -5,11 +5,11 @@ use crate::contact::{Contact, ContactSet};
 use crate::handle::BodyId;
 use crate::math::Vec3;
 use crate::measure::energy::Ledger;
-use crate::relaxation::Opening;
 use crate::world::World;
 use graintrain_ccp::residual::{MIXED_MAXIMUM, velocity_scale};
 use graintrain_ccp::{Ccp, Delassus, Residual, SolveReport};
 use graintrain_linalg::parallel::fold_chunks;
+use graintrain_linalg::real;
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
 
@@ -55,9 +55,6 @@ pub struct StepReport {
     pub contacts_with_force: usize,
     /// Connected parts of the contact graph with a problem to solve.
     pub parts: usize,
-    /// Contacts taken with exact friction in a relaxed step, because bodies are wedged in and the relaxation has no solution for them or throws them away:
-    /// those of the wedges, or all of their connected part. 0 where the step was not solved.
-    pub contacts_wedged: usize,
     /// The solver's own report; over several parts the worst residuals and status, the most iterations, and the sums of the rest.
     pub solve: SolveReport,
     /// Deepest overlap at the end of the step, m; zero if nothing overlaps.
@@ -68,8 +65,6 @@ pub struct StepReport {
     pub kinetic_energy: f64,
     /// What is left of the contact problem, in physical units.
     pub errors: PhysicalErrors,
-    /// What the relaxation of friction opened: nothing where friction is exact.
-    pub opening: Opening,
     /// Contacts that arrived with restitution, over all passes of [`crate::impact`].
     pub impacts: usize,
     /// The worst residual that a solve of theirs was left with. Above the tolerance, the step counts as one that missed it.
@@ -128,7 +123,7 @@ impl PhysicalErrors {
         let moments = impulse[3 * contacts.len()..].chunks_exact(3).zip(spin.chunks_exact(3));
         for (own, (h, w)) in problem.turning.iter().zip(moments) {
             let g = &impulse[3 * own.contact as usize..3 * own.contact as usize + 3];
-            let (rolling, slip) = (h[1].hypot(h[2]), w[1].hypot(w[2]));
+            let (rolling, slip) = (real::hypot(h[1], h[2]), real::hypot(w[1], w[2]));
             let force = (g[0] * g[0] + g[1] * g[1] + g[2] * g[2]).sqrt();
             if force > 0.0 {
                 let excess = (rolling - own.rolling * g[0]).max(h[0].abs() - own.spinning * g[0]);
@@ -136,7 +131,7 @@ impl PhysicalErrors {
             }
             if slip > resolved && rolling > 0.0 {
                 let cosine = -(w[1] * h[1] + w[2] * h[2]) / (slip * rolling);
-                errors.slip_angle_max = errors.slip_angle_max.max(cosine.clamp(-1.0, 1.0).acos());
+                errors.slip_angle_max = errors.slip_angle_max.max(real::acos(cosine.clamp(-1.0, 1.0)));
             }
         }
         // An angle per contact would cost as much as all the rest.
@@ -165,7 +160,7 @@ impl PhysicalErrors {
             (all.0.worse(&chunk.0), all.1.min(chunk.1))
         };
         let (errors, least_cosine) = fold_chunks(contacts.len(), (errors, 1.0), of_chunk, worst);
-        let slip_angle_max = errors.slip_angle_max.max(least_cosine.clamp(-1.0, 1.0).acos());
+        let slip_angle_max = errors.slip_angle_max.max(real::acos(least_cosine.clamp(-1.0, 1.0)));
         Self { slip_angle_max, ..errors }
     }
 

@@ -14,7 +14,6 @@ mod settings;
 pub use self::error::StepError;
 pub use self::parameters::{
     FewParameters, ImpactParameters, OverlapParameters, Parameters, PartParameters, RepetitionParameters,
-    WedgeParameters,
 };
 pub use self::settings::{SolverChoice, StepSettings};
 pub use crate::step_report::{PhaseSeconds, PhysicalErrors, ProcessorSeconds, StepReport, Wrench};
@@ -29,15 +28,14 @@ use crate::collide::{Collider, meshes_that_meet};
 use crate::contact::Contact;
 use crate::error::{ModelError, positive};
 use crate::impact::lead_to_surfaces;
-use crate::integrate::{advance, inverse_mass};
+use crate::integrate::advance;
 use crate::joint::drift;
 use crate::load;
-use crate::relaxation::{self, Difference};
 use crate::world::World;
-use graintrain_ccp::{Ccp, CcpSolver, FrictionModel, Ranks, SolveSettings, SolverSpec};
+use graintrain_ccp::{Ccp, CcpSolver, Ranks, SolveSettings, SolverSpec};
 use std::collections::HashSet;
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Makes time steps; owns the solvers and everything that is kept between steps apart from the state.
 pub struct Stepper {
@@ -48,20 +46,12 @@ pub struct Stepper {
     /// Solves impacts.
     impacts: Box<dyn CcpSolver>,
     collider: Collider,
-    last: Option<Last>,
+    /// The contact problem of the last step, and the impulses found.
+    last: Option<(Ccp, Vec<f64>)>,
     /// Contacts found at the end of the last step, and the fingerprint of the state that they belong to.
     ahead: Option<(u64, Vec<Contact>)>,
     stop: Option<Arc<AtomicBool>>,
     ranks: Option<Arc<Ranks>>,
-}
-
-/// The contact problem of a step that was made.
-struct Last {
-    problem: Ccp,
-    /// Impulses, contact frames.
-    impulse: Vec<f64>,
-    /// Gaps of its contacts at the start of the step, m.
-    gap: Vec<f64>,
 }
 
 impl Stepper {
@@ -100,49 +90,28 @@ impl Stepper {
         &self.settings
     }
 
-    /// Stops a step whose solve is under way as soon as the flag is set: it then ends with [`StepError::Stopped`].
+    /// Stops a step under way as soon as the flag is set, in the search for contacts or in a solve: it then ends with
+    /// [`StepError::Stopped`].
     pub fn stop_on(&mut self, stop: Arc<AtomicBool>) {
+        self.collider.stop_on(Arc::clone(&stop));
         self.stop = Some(stop);
+    }
+
+    fn is_stopped(&self) -> bool {
+        self.stop.as_ref().is_some_and(|stop| stop.load(Ordering::Relaxed))
     }
 
     /// Makes the steps together with other processes, each of which has the same world and makes the same steps: what can be shared of
     /// the work is shared, and the world of each is that of one process alone.
     pub fn share_among(&mut self, ranks: Arc<Ranks>) {
-        self.stop = Some(ranks.stop());
+        self.stop_on(ranks.stop());
         self.collider.share_among(Arc::clone(&ranks));
         self.ranks = Some(ranks);
     }
 
     /// The contact problem of the last step and the impulses found (length of r, contact frames, N s).
     pub fn last_problem(&self) -> Option<(&Ccp, &[f64])> {
-        self.last.as_ref().map(|last| (&last.problem, last.impulse.as_slice()))
-    }
-
-    /// How far the last step, made with relaxed friction and in so many iterations, is from exact friction (see [`crate::relaxation`]);
-    /// `world` as that step left it. Nothing is changed. Costs at most five times the iterations of the step's solve, or 100. `None` where friction is exact or
-    /// absent, or where the stop flag was set meanwhile.
-    ///
-    /// # Errors
-    /// As the solver's.
-    pub fn compare_with_exact(
-        &self,
-        world: &World,
-        iterations: usize,
-    ) -> Result<Option<Difference>, StepError> {
-        let Some(Last { problem, impulse, gap }) = &self.last else { return Ok(None) };
-        let (times, least) = self.parameters.comparison;
-        let step = self.settings.step;
-        if self.settings.solver.friction == FrictionModel::Coulomb || !problem.has_friction() {
-            return Ok(None);
-        }
-        let settings =
-            SolveSettings { max_iterations: Some((times * iterations).max(least)), ..self.solve_settings() };
-        let masses = inverse_mass(world);
-        let movable = world.bodies.velocity.iter().zip(&masses).filter(|(_, mass)| mass.linear != [0.0; 3]);
-        let (sum, count) =
-            movable.fold((0.0, 0), |(sum, count), (v, _)| (sum + v.length_squared(), count + 1));
-        let speed = (sum / f64::from(count.max(1))).sqrt();
-        Ok(relaxation::difference(problem, impulse, gap, (step, speed), settings)?)
+        self.last.as_ref().map(|(problem, impulse)| (problem, impulse.as_slice()))
     }
 
     /// One step of semi-implicit Euler with contact:
@@ -214,6 +183,9 @@ impl Stepper {
         let mut bends = Bends::default();
         let (mut added, mut iterations) = (0, 0);
         for round in 0.. {
+            if self.is_stopped() {
+                return Err(StepError::Stopped);
+            }
             lead_to_surfaces(world, &self.collider, step, &mut contacts);
             let begin = Clock::now();
             let attempt = self.attempt(world, &contacts, guess.take(), &driven)?;
@@ -230,6 +202,9 @@ impl Stepper {
             }
             if met.is_empty() && passing.is_empty() && round < phantom_rounds {
                 phantoms = self.phantoms(world, &contacts, &attempt, &kept);
+            }
+            if self.is_stopped() {
+                return Err(StepError::Stopped);
             }
             laps.add(|phases| &mut phases.collide, begin.lap());
             if !met.is_empty() && round < rounds {
@@ -279,6 +254,10 @@ impl Stepper {
             }
             laps.add(|phases| &mut phases.collide, begin.lap());
             if new.is_empty() && bent.is_empty() {
+                if self.is_stopped() {
+                    start.exchange(world);
+                    return Err(StepError::Stopped);
+                }
                 if let Err(error) = world.fits_cell() {
                     start.exchange(world);
                     return Err(cell_error(world, error));

@@ -21,6 +21,7 @@ use crate::math::Vec3;
 use crate::shape::Shape;
 use crate::world::World;
 use graintrain_ccp::{RigidContact, TurningFriction, TurningRows};
+use graintrain_linalg::real;
 use std::f64::consts::PI;
 
 /// Rows and coefficients of the contacts that resist turning, in the order of the contacts. The length of the rows is the effective
@@ -66,7 +67,7 @@ fn radius(world: &World, body: usize) -> f64 {
         }
         _ if world.is_prescribed(body) => f64::INFINITY,
         _ if geometry.volume <= 0.0 => geometry.bounding_radius(),
-        _ => (0.75 / PI * geometry.volume).cbrt(),
+        _ => real::cbrt(0.75 / PI * geometry.volume),
     }
 }
 

@@ -3,6 +3,7 @@
 
 use super::body_matrix::BodyMatrix;
 use graintrain_linalg::krylov::{KrylovSettings, KrylovWork, flexible_conjugate_gradient};
+use graintrain_linalg::real;
 
 /// Unknowns per body.
 const BODY: usize = 6;
@@ -30,13 +31,13 @@ pub struct ConvergenceRate {
 impl ConvergenceRate {
     /// From what some iterations did to the residual, 1 at first.
     pub fn new(iterations: usize, residual: f64, flops: f64) -> Self {
-        let fallen = if residual.is_finite() { -residual.max(f64::MIN_POSITIVE).ln() } else { 0.0 };
+        let fallen = if residual.is_finite() { -real::ln(residual.max(f64::MIN_POSITIVE)) } else { 0.0 };
         Self { decay: fallen / iterations.max(1) as f64, flops }
     }
 
     /// Operations of a solve.
     pub fn solve_flops(&self) -> f64 {
-        if self.decay > 0.0 { (-ASKED.ln() / self.decay).max(1.0) * self.flops } else { f64::INFINITY }
+        if self.decay > 0.0 { (-real::ln(ASKED) / self.decay).max(1.0) * self.flops } else { f64::INFINITY }
     }
 }
 

@@ -11,6 +11,7 @@ use super::krylov::{self, SchurKrylov};
 use super::schur::SchurComplement;
 use super::system::{Form, LinearReport, NewtonError, NewtonSolver, NewtonSystem};
 use crate::delassus::Delassus;
+use graintrain_linalg::real;
 use std::collections::BTreeMap;
 
 /// When [`IncompleteCholeskyCg`] leaves body space.
@@ -128,7 +129,7 @@ impl IncompleteCholeskyCg {
 
 /// How many factors of e the residual is to be reduced by, at least one.
 fn factors_asked(relative_tolerance: f64) -> f64 {
-    (-relative_tolerance.ln()).max(1.0)
+    (-real::ln(relative_tolerance)).max(1.0)
 }
 
 impl NewtonSolver for IncompleteCholeskyCg {

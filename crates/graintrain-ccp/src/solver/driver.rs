@@ -153,6 +153,7 @@ impl<'a> Limits<'a> {
             seconds: self.seconds(),
             newton: Vec::new(),
             history: Vec::new(),
+            stages: Vec::new(),
             remark: (status == Status::Infeasible).then(|| INFEASIBLE.to_string()),
         }
     }

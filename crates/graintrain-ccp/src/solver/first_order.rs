@@ -2,7 +2,7 @@
 
 use super::driver::{Best, Limits, Progress, check_start};
 use super::history::History;
-use super::interface::{CcpSolver, ITERATION_LIMIT};
+use super::interface::{Capabilities, CcpSolver, Cost, ITERATION_LIMIT};
 use super::lanes::{Batch, Lanes, Numbers};
 use super::ranks::Ranks;
 use super::report::{SolveReport, Status};
@@ -52,6 +52,8 @@ pub struct Parameters {
     pub refresh: usize,
     /// A start may miss the tolerance by this factor on a few contacts and still be looked at on all (docs/solvers.md, "Nothing has moved").
     pub near: f64,
+    /// Iterations without which a further stage is not worth the packing.
+    pub least_iterations: usize,
     /// Checks of the residual that a relaxed solve may go without a tenth off the least one before it ends as [`Status::Stalled`].
     pub patience: usize,
     /// Of the iterations in single precision.
@@ -60,7 +62,14 @@ pub struct Parameters {
 
 impl Default for Parameters {
     fn default() -> Self {
-        Self { check: 10, refresh: 100, near: 1.5, patience: usize::MAX, single: SingleParameters::default() }
+        Self {
+            check: 10,
+            refresh: 100,
+            near: 1.5,
+            least_iterations: 100,
+            patience: usize::MAX,
+            single: SingleParameters::default(),
+        }
     }
 }
 
@@ -319,8 +328,12 @@ impl<M: FirstOrderMethod> CcpSolver for FirstOrder<M> {
         M::NAME.to_string()
     }
 
-    fn takes_cells(&self) -> bool {
-        M::TURNING
+    fn capabilities(&self) -> Capabilities {
+        Capabilities { turning: M::TURNING, cell: M::TURNING && !M::SWEEPS, exact: M::EXACT }
+    }
+
+    fn cost(&mut self, _: &Ccp) -> Cost {
+        Cost { least: self.parameters.least_iterations, ..Cost::default() }
     }
 
     fn solve(

@@ -9,6 +9,7 @@ use super::first_order::{FirstOrderMethod, Iterate};
 use super::lanes::{Batch, LANES, Lanes, Vector, sub, tangential_length};
 use super::scaling::{ContactBatch, Relaxation, ScaledProblem, TurningBatch};
 use graintrain_linalg::block3::Block;
+use graintrain_linalg::real;
 
 /// Projected Gauss-Seidel on the scaled problem: contacts one after the other,
 ///
@@ -116,7 +117,7 @@ fn largest_eigenvalue(a: &Block) -> f64 {
     }
     let determinant = x * (y * z - yz * yz) - xy * (xy * z - yz * xz) + xz * (xy * yz - y * xz);
     let half = (determinant / (2.0 * p * p * p)).clamp(-1.0, 1.0);
-    mean + 2.0 * p * (half.acos() / 3.0).cos()
+    mean + 2.0 * p * real::cos(real::acos(half) / 3.0)
 }
 
 #[cfg(test)]

@@ -1,6 +1,5 @@
 //! What every solver of the CCP offers.
 
-use super::path_following::PathFollowing;
 use super::report::SolveReport;
 use super::settings::SolveSettings;
 use crate::problem::{Ccp, CcpError};
@@ -9,7 +8,46 @@ use crate::problem::{Ccp, CcpError};
 pub(crate) const ITERATION_LIMIT: usize = 100_000;
 
 /// Contacts across the boundary of a cell that gives way up to which methods that need N as a matrix, with a block for each two of them, are tried.
-pub(crate) const CELL_CONTACTS: usize = 200;
+const CELL_CONTACTS: usize = 200;
+
+/// Which problems a method takes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Capabilities {
+    /// Contacts that resist turning ([`Ccp::turning`]).
+    pub turning: bool,
+    /// Bodies in a periodic cell that gives way ([`CellModes`](crate::CellModes)); others are given N as a matrix.
+    pub cell: bool,
+    /// Exact friction in its own iterations ([`CcpSolver::solve_exact`]).
+    pub exact: bool,
+}
+
+impl Capabilities {
+    /// Sliding friction over bodies that no cell moves, by relaxed solves alone.
+    pub const PLAIN: Self = Self { turning: false, cell: false, exact: false };
+
+    /// Whether a problem is among them.
+    pub fn fit(self, problem: &Ccp) -> bool {
+        let takes_cell = self.cell || problem.contacts_across() <= CELL_CONTACTS;
+        takes_cell && (self.turning || problem.turning.is_empty())
+    }
+}
+
+/// What a method's work costs, in iterations of projected gradients ([`Apgd`](super::Apgd)).
+#[derive(Clone, Copy, Debug)]
+pub struct Cost {
+    /// Before its first iteration.
+    pub start: f64,
+    /// Per iteration.
+    pub iteration: f64,
+    /// Iterations without which it comes to nothing.
+    pub least: usize,
+}
+
+impl Default for Cost {
+    fn default() -> Self {
+        Self { start: 0.0, iteration: 1.0, least: 1 }
+    }
+}
 
 /// A method for the CCP. A solver may keep work memory and what it learned between solves: whatever depends on N alone is
 /// used again for a problem that shares N with the last one (see [`Ccp::delassus`]).
@@ -22,10 +60,14 @@ pub trait CcpSolver: Send {
         ITERATION_LIMIT
     }
 
-    /// Whether the solver takes bodies in a periodic cell that gives way ([`CellModes`](crate::CellModes)). Others return an error: they are to be given
-    /// N as a matrix.
-    fn takes_cells(&self) -> bool {
-        false
+    /// Which problems it takes; of others it returns an error.
+    fn capabilities(&self) -> Capabilities {
+        Capabilities::PLAIN
+    }
+
+    /// What its work on this problem costs.
+    fn cost(&mut self, _problem: &Ccp) -> Cost {
+        Cost::default()
     }
 
     /// Improves `impulse` (length 3 N_c, N s; the start on entry, e.g. last step's impulses or zero; the best iterate
@@ -40,7 +82,7 @@ pub trait CcpSolver: Send {
         settings: &SolveSettings,
     ) -> Result<SolveReport, CcpError>;
 
-    /// Exact Coulomb friction without the outer iteration of [`CoulombIteration`](super::CoulombIteration), where the method can; `None` where it
+    /// Exact Coulomb friction without the outer iteration of the [fixed point](super::fixed_point), where the method can; `None` where it
     /// cannot. `settings.friction` is [`FrictionModel::Coulomb`](crate::FrictionModel::Coulomb).
     ///
     /// The iterates begin at `last` (length 3 N_c); on exit it is where they ended, and `impulse` the best of them. The next call
@@ -58,10 +100,5 @@ pub trait CcpSolver: Send {
     ) -> Result<Option<SolveReport>, CcpError> {
         let _ = (problem, impulse, last, settings);
         Ok(None)
-    }
-
-    /// The solver that exact friction goes to where [`Self::solve_exact`] does not get on; `None` for methods that stay by themselves.
-    fn path_following(&mut self) -> Option<&mut PathFollowing> {
-        None
     }
 }

@@ -10,27 +10,26 @@
 //! | [`octet`], `single`, `slots` | the same in single precision; where passes leave forces |
 //! | [`ranks`], `share` | processes that work on one problem, and the part of each |
 //! | [`first_order`] | what the first-order methods share |
-//! | [`auto`], [`coulomb`] | the choice among solvers, and exact friction by any of them |
+//! | [`cascade`], [`fixed_point`] | who solves one after the other within one budget; exact friction by relaxed problems |
 //! | [`path_following`] | exact friction where gradients do not get on |
 //! | [`ipm`], [`infeasible`] | the interior point, and the search for a proof that there is no solution |
 //!
 //! Solvers by name are in [`crate::registry`].
 
-mod alternating;
 mod apgd;
-pub mod auto;
 #[cfg(target_arch = "x86_64")]
 mod avx2;
 #[cfg(target_arch = "x86_64")]
 mod avx2_single;
 mod body_operator;
 mod body_pass;
+pub mod cascade;
 mod cell_images;
 pub mod combination;
-pub mod coulomb;
 pub mod dispatch;
 pub mod driver;
 pub mod first_order;
+pub mod fixed_point;
 mod gauss_seidel;
 pub mod history;
 pub mod infeasible;
@@ -52,12 +51,11 @@ mod start;
 pub mod tasks;
 
 pub use apgd::Apgd;
-pub use auto::Auto;
-pub use coulomb::CoulombIteration;
+pub use cascade::Cascade;
 pub use gauss_seidel::GaussSeidel;
 pub use history::ResidualSample;
-pub use interface::CcpSolver;
+pub use interface::{Capabilities, CcpSolver, Cost};
 pub use path_following::PathFollowing;
 pub use ranks::Ranks;
-pub use report::{SolveReport, Status};
+pub use report::{SolveReport, StageRecord, Status};
 pub use settings::SolveSettings;

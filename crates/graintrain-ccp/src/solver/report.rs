@@ -20,6 +20,21 @@ pub enum Status {
     Infeasible,
 }
 
+/// What a stage of a [cascade](super::cascade) did.
+#[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
+pub struct StageRecord {
+    /// The method.
+    pub solver: String,
+    /// What it started from: `best`, `last` or `zero`.
+    pub start: String,
+    /// Its iterations.
+    pub iterations: usize,
+    /// Residual of what it returned.
+    pub residual: Residual,
+    /// Why it ended.
+    pub status: Status,
+}
+
 /// What a solve did. The impulses returned are the best iterate found, converged or not.
 #[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
 pub struct SolveReport {
@@ -70,6 +85,9 @@ pub struct SolveReport {
     /// ```
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub history: Vec<ResidualSample>,
+    /// Who worked, in this order.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub stages: Vec<StageRecord>,
     /// What is to be said beside the status: why a linear solver gave up, where that ended the solve, or which other method than the
     /// one named ended it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -91,6 +109,7 @@ impl SolveReport {
         self.seconds += earlier.seconds;
         let own = std::mem::replace(&mut self.newton, earlier.newton.clone());
         self.newton.extend(own);
+        self.stages.splice(0..0, earlier.stages.iter().cloned());
         self
     }
 

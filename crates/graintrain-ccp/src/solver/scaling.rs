@@ -32,6 +32,7 @@ use crate::problem::Ccp;
 use crate::residual::{FrictionModel, Residual, ResidualScale};
 use contacts::ContactArrays;
 use graintrain_linalg::block3::Block;
+use graintrain_linalg::real;
 use kernel::{Identity, NaturalMap, NaturalMapGiven, PowerStep, Store};
 use passes::{BodyPass, BodySweep, RowPass};
 use rayon::prelude::*;
@@ -131,7 +132,7 @@ pub(super) fn block_scaling(problem: &Ccp, residual: &ResidualScale) -> Vec<[f64
 
 /// Where the power iteration starts at a place: any vector without symmetry will do.
 pub(super) fn start_of_power(place: usize) -> [f64; 3] {
-    let s = 1.0 + 0.7 * (1.7 * place as f64).sin();
+    let s = 1.0 + 0.7 * real::sin(1.7 * place as f64);
     [s, s - 0.9, 0.8 - s]
 }
 

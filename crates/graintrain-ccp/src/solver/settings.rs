@@ -13,7 +13,8 @@ pub struct SolveSettings {
     pub tolerance: f64,
     /// Which number of the residual counts. Default [`Judge::Maximum`].
     pub judge: Judge,
-    /// Stop after this many iterations; `None` is the solver's own limit. For exact friction see [`CoulombIteration`](super::CoulombIteration).
+    /// Stop after this many iterations; `None` is the solver's own limit. Where several methods take part, they are those of projected gradients: see the
+    /// [cascade](super::cascade).
     pub max_iterations: Option<usize>,
     /// Stop after this time.
     pub max_time: Option<Duration>,

@@ -74,7 +74,7 @@ pub fn execute(arguments: &Arguments) -> Result<ExitCode, Failure> {
     let bar = arguments.runs.bar(0);
     let progress = |stage: Stage<'_>| {
         bar.set_length(stage.total);
-        bar.show(stage.done, stage.last, stage.set_aside);
+        bar.show(stage.done, stage.last, stage.losses);
     };
     let answer = calibrate(&question, &how, &stop.requested, &progress);
     bar.clear();

@@ -23,8 +23,9 @@ const SHORT: Duration = Duration::from_millis(200);
 /// Compare solvers on contact problems
 ///
 /// Every solver starts from zero impulses on every problem. Its answer is evaluated by code that no solver shares; a
-/// solver counts as converged only where that evaluation agrees. With `--threads 1` times are processor times. Solves
-/// of milliseconds are repeated and the fastest counts. Files that hold no problem which is solved here are reported and
+/// solver counts as converged only where that evaluation agrees. With `--threads 1` times are processor times, unless
+/// `--max-seconds` limits them: then they are of the wall clock, as the limit is. Solves of milliseconds are repeated and the fastest
+/// counts. Files that hold no problem which is solved here are reported and
 /// left out (exit code 2 after the others). Ctrl-C ends the comparison with what is done.
 #[derive(clap::Args)]
 #[command(after_help = "Examples, on problems of a run:\n  \
@@ -272,7 +273,7 @@ fn print_problem(name: &str, file: &ProblemFile, records: &[Record]) {
         "status",
         "iterations",
         "linear",
-        "time",
+        if records.iter().any(Record::by_processor) { "cpu time" } else { "wall time" },
         "relaxed",
         "Coulomb",
         "objective, J"
@@ -299,6 +300,11 @@ fn print_problem(name: &str, file: &ProblemFile, records: &[Record]) {
             record.objective,
         );
     }
+    if records.iter().any(|record| record.converged && record.iterations == 0) {
+        say!(
+            "  0 iterations: the solver's start (`ipm`: projected gradients) met the tolerance before its first iteration\n"
+        );
+    }
     say!("\n");
 }
 
@@ -310,8 +316,12 @@ fn print_summary(records: &[Record]) {
     say!("{:<width$}  {:>9}  {:>7}  (geometric mean where converged)\n", "", "", "");
     for line in summary {
         let ratio = line.mean_ratio.map_or("-".to_string(), |ratio| format!("{ratio:.2}"));
+        let refused = match line.refused {
+            0 => String::new(),
+            problems => format!("  (cannot treat {problems} more)"),
+        };
         say!(
-            "{:<width$}  {:>9}  {:>7}  {ratio}\n",
+            "{:<width$}  {:>9}  {:>7}  {ratio}{refused}\n",
             line.solver,
             format!("{}/{}", line.converged, line.problems),
             line.fastest

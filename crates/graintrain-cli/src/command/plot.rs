@@ -2,7 +2,7 @@
 
 use crate::error::Failure;
 use crate::terminal::say;
-use graintrain_io::files::{OutputError, make_folder, write_atomically};
+use graintrain_io::files::{OutputError, make_folder, refuse_link, write_atomically};
 use graintrain_view::figures::figures;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -28,10 +28,17 @@ pub fn execute(arguments: &Arguments) -> Result<ExitCode, Failure> {
         let what = std::io::Error::other(format!("{} holds no tables", arguments.run.display()));
         return Err(Failure::input_error(what, remedy));
     }
-    let folder = arguments.out.clone().unwrap_or_else(|| arguments.run.join("plots"));
     let failed = |error: OutputError| {
         let remedy = error.remedy();
         Failure::work_error(error, remedy)
+    };
+    let folder = match &arguments.out {
+        Some(folder) => folder.clone(),
+        None => {
+            let own = arguments.run.join("plots");
+            refuse_link(&own).map_err(failed)?;
+            own
+        }
     };
     make_folder(&folder).map_err(failed)?;
     for (name, svg) in figures {

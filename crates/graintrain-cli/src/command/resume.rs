@@ -5,12 +5,15 @@ use crate::error::Failure;
 use crate::solving;
 use crate::stepping::{Begun, SteppingOptions, make_steps, output_failure};
 use crate::terminal::{say, tell};
+use crate::threads::pool;
 use graintrain::ccp::Judge;
 use graintrain_io::checkpoint::{self, CheckpointError};
+use graintrain_io::mark::Marks;
 use graintrain_io::output::folder::RunFolder;
 use graintrain_io::output::recorder::Recorder;
 use graintrain_io::run::Run;
 use graintrain_io::scene;
+use rayon::ThreadPool;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -18,7 +21,8 @@ use std::process::ExitCode;
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  graintrain resume out/sedimentation\n  \
     graintrain resume out/sedimentation --steps 800     go further than planned\n  \
-    graintrain resume out/sedimentation --until '0.2 s'")]
+    graintrain resume out/sedimentation --until '0.2 s'\n\n\
+    Exit codes as of `graintrain run`: 3 where the time of --max-seconds was up")]
 pub struct Arguments {
     /// Folder of the run
     folder: PathBuf,
@@ -42,7 +46,7 @@ pub struct Arguments {
 }
 
 pub fn execute(arguments: &Arguments, crew: &Crew) -> Result<ExitCode, Failure> {
-    let (taken, run) = crew.agree(begin(arguments, crew))?;
+    let (taken, run, threads) = crew.agree(begin(arguments, crew))?;
     crew.agree_on(&run.settings, &run.world)?;
     if run.world.step >= run.settings.steps {
         say!(
@@ -62,16 +66,25 @@ pub fn execute(arguments: &Arguments, crew: &Crew) -> Result<ExitCode, Failure> 
             arguments.folder.display()
         );
     }
-    let recorder = crew.agree(taken.map(|taken| record(taken, &run)).transpose())?;
-    make_steps(Begun { run, recorder }, &arguments.stepping, crew)
+    let recorder = crew.agree(taken.map(|(taken, marks)| record(taken, &run, &marks)).transpose())?;
+    make_steps(Begun { run, recorder, threads }, &arguments.stepping, crew)
 }
 
-/// The run where it was, and where this process is to write it down.
-fn begin(arguments: &Arguments, crew: &Crew) -> Result<(Option<RunFolder>, Run), Failure> {
+/// Where a run is written down, and what its files held.
+type Written = (RunFolder, Marks);
+
+/// The run where it was with its threads, and where this process is to write it down.
+fn begin(arguments: &Arguments, crew: &Crew) -> Result<(Option<Written>, Run, ThreadPool), Failure> {
     let folder = &arguments.folder;
     let checkpoints = folder.join("checkpoints");
     if !checkpoint::is_in(&checkpoints) {
-        let remedy = "resume takes the folder that `graintrain run` wrote";
+        let scene = folder.join("scene.toml");
+        let remedy = match scene.exists() {
+            true => {
+                format!("it had not begun: graintrain run {} --out {}", scene.display(), folder.display())
+            }
+            false => "resume takes the folder that `graintrain run` wrote".to_string(),
+        };
         return Err(Failure::input_error(CheckpointError::None { folder: checkpoints }, remedy));
     }
     // Before the checkpoint is read: no other program may write a later one in between.
@@ -99,17 +112,15 @@ fn begin(arguments: &Arguments, crew: &Crew) -> Result<(Option<RunFolder>, Run),
     }
     let run = Run::new(world, settings, checkpoint.totals, crew.stop_flag())
         .map_err(|error| Failure::input_error(error, "`graintrain solvers` lists the solvers"))?;
-    Ok((taken, run))
+    let threads = pool(crew.threads(arguments.stepping.threads))?;
+    Ok((taken.map(|taken| (taken, checkpoint.marks)), run, threads))
 }
 
 /// Goes on with the tables of the run.
-fn record(taken: RunFolder, run: &Run) -> Result<Recorder, Failure> {
-    let recorder = Recorder::resume(taken, &run.settings, &run.world).map_err(output_failure)?;
-    for bad in recorder.set_aside() {
-        tell!(
-            "warning: a damaged table or list was kept as {}; its readable beginning goes on",
-            bad.display()
-        );
+fn record(taken: RunFolder, run: &Run, marks: &Marks) -> Result<Recorder, Failure> {
+    let recorder = Recorder::resume(taken, &run.settings, &run.world, marks).map_err(output_failure)?;
+    for loss in recorder.losses() {
+        tell!("warning: {loss}");
     }
     Ok(recorder)
 }

@@ -5,12 +5,14 @@ use crate::error::Failure;
 use crate::scene_failure::scene_failure;
 use crate::stepping::{Begun, SteppingOptions, make_steps, output_failure};
 use crate::terminal::say;
+use crate::threads::pool;
 use graintrain::material::Materials;
 use graintrain::world::World;
 use graintrain_io::output::folder::{PrepareError, RunFolder};
 use graintrain_io::output::recorder::Recorder;
 use graintrain_io::run::{Run, RunSettings, RunTotals};
 use graintrain_io::scene::{self, Scene};
+use rayon::ThreadPool;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -18,8 +20,8 @@ use std::process::ExitCode;
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  graintrain run sedimentation --set n=4 --steps 120\n  \
     graintrain run mine.toml --out results/mine --solver apgd --tolerance 1e-5\n\n\
-    Exit codes: 0 done; 1 the run failed, or a solve missed its tolerance under --strict; 2 bad input; \
-    130/143/129 stopped by Ctrl-C, SIGTERM, SIGHUP (a checkpoint is written: `graintrain resume DIR` goes on; SIGUSR1 writes one and \
+    Exit codes: 0 done; 1 the run failed, or a solve missed its tolerance under --strict; 2 bad input; 3 the time of --max-seconds \
+    was up (as after a signal); 130/143/129 stopped by Ctrl-C, SIGTERM, SIGHUP (a checkpoint is written: `graintrain resume DIR` goes on; SIGUSR1 writes one and \
     goes on by itself)")]
 pub struct Arguments {
     /// A scene file (TOML) or the name of a built-in scene (`graintrain scenes` lists them)
@@ -93,7 +95,7 @@ impl Arguments {
 }
 
 pub fn execute(arguments: &Arguments, crew: &Crew) -> Result<ExitCode, Failure> {
-    let Prepared { scene, run, resolved } = crew.agree(prepare(arguments, crew))?;
+    let Prepared { scene, run, resolved, threads } = crew.agree(prepare(arguments, crew))?;
     crew.agree_on(&run.settings, &run.world)?;
     // Nothing is written, or replaced, before every process has read what it needs.
     let recorder = if crew.writes() {
@@ -102,7 +104,7 @@ pub fn execute(arguments: &Arguments, crew: &Crew) -> Result<ExitCode, Failure> 
         Ok(None)
     };
     let recorder = crew.agree(recorder)?;
-    make_steps(Begun { run, recorder }, &arguments.stepping, crew)
+    make_steps(Begun { run, recorder, threads }, &arguments.stepping, crew)
 }
 
 /// A run before anything is written.
@@ -111,6 +113,7 @@ struct Prepared {
     run: Run,
     /// The resolved scene.
     resolved: String,
+    threads: ThreadPool,
 }
 
 /// Reads the scene and builds the run.
@@ -133,7 +136,8 @@ fn prepare(arguments: &Arguments, crew: &Crew) -> Result<Prepared, Failure> {
     let resolved = simulation.resolved.to_toml().map_err(scene_failure)?;
     let run = Run::new(simulation.world, settings, RunTotals::default(), crew.stop_flag())
         .map_err(|error| Failure::input_error(error, ""))?;
-    Ok(Prepared { scene, run, resolved })
+    let threads = pool(crew.threads(arguments.stepping.threads))?;
+    Ok(Prepared { scene, run, resolved, threads })
 }
 
 /// Takes the folder for the results and begins them.

@@ -2,6 +2,9 @@
 
 mod book;
 mod calibrations;
+mod hostile_files;
+mod interruptions;
+mod kills;
 mod oracle;
 mod runs;
 mod solve_compare;

@@ -23,23 +23,23 @@ radius = "5 cm"
 lattice = { counts = [4, 4, 4], pitch = "11 cm", jitter = "4 mm", origin = [0, 0, "2 cm"] }
 "#;
 
-fn graintrain(folder: &Path, arguments: &[&str]) -> Command {
+pub fn graintrain(folder: &Path, arguments: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_graintrain"));
     command.current_dir(folder).args(arguments);
     command
 }
 
-fn folder() -> tempfile::TempDir {
+pub fn folder() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("balls.toml"), SCENE).unwrap();
     folder
 }
 
-fn ended(mut command: Command, code: i32) -> (String, String) {
+pub fn ended(mut command: Command, code: i32) -> (String, String) {
     told(command.output().unwrap(), code)
 }
 
-fn told(output: Output, code: i32) -> (String, String) {
+pub fn told(output: Output, code: i32) -> (String, String) {
     let text = |bytes| String::from_utf8(bytes).unwrap();
     let (out, err) = (text(output.stdout), text(output.stderr));
     assert_eq!(output.status.code(), Some(code), "stdout: {out}\nstderr: {err}");
@@ -47,11 +47,11 @@ fn told(output: Output, code: i32) -> (String, String) {
     (out, err)
 }
 
-fn read(path: &Path) -> String {
+pub fn read(path: &Path) -> String {
     std::fs::read_to_string(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
 }
 
-fn hash(folder: &Path) -> String {
+pub fn hash(folder: &Path) -> String {
     let summary: serde_json::Value = serde_json::from_str(&read(&folder.join("summary.json"))).unwrap();
     summary["state_hash"].as_str().unwrap().to_string()
 }
@@ -73,7 +73,7 @@ fn long_run(folder: &Path) -> Child {
     child
 }
 
-fn signal(child: &Child, name: &str) {
+pub fn signal(child: &Child, name: &str) {
     let sent = Command::new("kill").args([&format!("-{name}"), &child.id().to_string()]).status().unwrap();
     assert!(sent.success());
 }
@@ -203,7 +203,7 @@ fn a_folder_belongs_to_one_run_at_a_time() {
     child.kill().unwrap();
     let _ = child.wait_with_output().unwrap();
     let limited = ["resume", "cut", "--steps", "100000000", "--max-seconds", "0.3"];
-    let (out, _) = ended(graintrain(folder.path(), &limited), 0);
+    let (out, _) = ended(graintrain(folder.path(), &limited), 3);
     assert!(out.contains("was stopped") && out.contains("graintrain resume cut"), "{out}");
 }
 
@@ -295,6 +295,7 @@ fn bad_input_is_told_in_one_message() {
         assert!(err.contains(part), "{arguments:?}: {err}");
     }
     assert!(folder.path().join("mine/thesis.txt").exists());
+    assert!(!folder.path().join("b").exists(), "refused before anything was written");
 }
 
 #[test]
@@ -440,7 +441,7 @@ fn what_is_seldom_meant_is_told() {
     let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
     write(
         "rough.toml",
-        "[time]\nstep = 0.2\nend = 1\n[solver]\ntolerance = 1e-13\n[material.m]\nfriction = 1.5\n[body.b]\nshape = { sphere = { radius = 0.1 } }\n",
+        "[time]\nstep = 0.2\nend = 1\n[solver]\ntolerance = 1e-13\nfriction = \"relaxed\"\n[material.m]\nfriction = 1.5\n[body.b]\nshape = { sphere = { radius = 0.1 } }\n",
     );
     let (told, _) = ended(graintrain(folder.path(), &["check", "rough.toml"]), 0);
     for doubt in ["friction 1.5 with the relaxed model", "a shorter time.step", "below what rounding allows"]
@@ -453,7 +454,8 @@ fn what_is_seldom_meant_is_told() {
          [stream.rain]\nradius = 0.05\ncount = 5\nregion = { box = { min = [-0.2, -0.2, -0.2], max = [0.2, 0.2, 0.2] } }\n\
          [[stage]]\nname = \"fill\"\nfilled = true\n[[stage]]\nname = \"rest\"\n",
     );
-    let (told, warned) = ended(graintrain(folder.path(), &["run", "full.toml", "--out", "full"]), 0);
+    let (told, warned) =
+        ended(graintrain(folder.path(), &["run", "full.toml", "--out", "full", "--details"]), 0);
     assert!(
         warned.contains("stage `fill` had not ended") && warned.contains("`rest` never began"),
         "{warned}"

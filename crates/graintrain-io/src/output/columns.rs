@@ -37,11 +37,6 @@ pub const STEPS: &[Column] = &[
         "largest excess of friction over mu times the normal force, relative to that contact's force",
     ),
     column("slip_angle", "rad", "largest angle between friction and the direction against the slip"),
-    column(
-        "relaxation_opening",
-        "1",
-        "largest gap that relaxed friction opens in the step, dt mu |slip|, over the size of the smaller body",
-    ),
     column("impacts", "1", "contacts that arrived with restitution"),
     column("impact_residual", "1", "the worst that a solve of theirs was left with"),
     column(
@@ -49,7 +44,6 @@ pub const STEPS: &[Column] = &[
         "1",
         "connected parts whose restitution was lowered, because it would have made energy",
     ),
-    column("contacts_wedged", "1", "contacts of wedged bodies, taken with exact friction in a relaxed step"),
     column("contacts_added", "1", "contacts that joined the problem after a solve"),
     column("contacts_missed", "1", "pairs of bodies that passed into or through each other in the step"),
     column("penetration_max", "m", "deepest overlap at the end of the step"),

@@ -1,7 +1,9 @@
 //! The folder of a run, held by one process at a time.
 
-use crate::files::{OutputError, make_folder};
+use crate::checkpoint;
+use crate::files::{OutputError, make_folder, refuse_link};
 use std::fs::{File, TryLockError};
+use std::io::{BufRead, BufReader, ErrorKind};
 use std::path::{Path, PathBuf};
 
 /// A folder that holds something else, where a run should go.
@@ -54,6 +56,7 @@ const LOCK: &str = ".lock";
 fn lock(folder: &Path) -> Result<Option<File>, OutputError> {
     let path = folder.join(LOCK);
     let refuse = |error| OutputError::new("take the folder", folder, error);
+    refuse_link(&path)?;
     let file = File::options().create(true).append(true).open(&path).map_err(refuse)?;
     match file.try_lock() {
         Ok(()) => Ok(Some(file)),
@@ -74,36 +77,34 @@ pub struct RunFolder {
 }
 
 impl RunFolder {
-    /// Makes the folder of a new run. With `force`, the files of an earlier run are removed from it, and nothing else.
+    /// Makes the folder of a new run, or takes one in which a run was ended before it made a step. With `force`, the files of an earlier
+    /// run are removed from it, and nothing else.
     ///
     /// # Errors
-    /// [`PrepareError::Occupied`] where the folder is not empty and `force` is not set; [`PrepareError::Output`] where another process
-    /// writes into it.
+    /// [`PrepareError::Occupied`] where the folder holds something and `force` is not set; [`PrepareError::Output`] where another process
+    /// writes into it, or a folder in it is a link.
     pub fn create(path: &Path, force: bool) -> Result<Self, PrepareError> {
         make_folder(path)?;
-        let occupied = || -> Result<bool, OutputError> {
-            Ok(!entries(path)?.flatten().all(|entry| entry.file_name() == LOCK))
+        let refuse = || match !force && is_occupied(path)? {
+            true => Err(PrepareError::from(Occupied { folder: path.to_path_buf() })),
+            false => Ok(()),
         };
-        let refusal = || Occupied { folder: path.to_path_buf() };
         // Nothing is written into a folder that is refused; whoever held it may have filled it meanwhile.
-        if !force && occupied()? {
-            return Err(refusal().into());
-        }
+        refuse()?;
         let folder = Self::open(path)?;
-        if occupied()? {
-            if !force {
-                return Err(refusal().into());
-            }
-            clear(path)?;
-        }
+        refuse()?;
+        clear(path)?;
         Ok(folder)
     }
 
     /// Takes the folder of an earlier run.
     ///
     /// # Errors
-    /// Where it is not there, or another process writes into it.
+    /// Where it is not there, another process writes into it, or a folder in it is a link.
     pub fn open(path: &Path) -> Result<Self, OutputError> {
+        for (inner, _) in FOLDERS {
+            refuse_link(&path.join(inner))?;
+        }
         Ok(Self { _lock: lock(path)?, path: path.to_path_buf() })
     }
 
@@ -115,6 +116,22 @@ impl RunFolder {
 
 fn entries(folder: &Path) -> Result<std::fs::ReadDir, OutputError> {
     std::fs::read_dir(folder).map_err(|error| OutputError::new("read the folder", folder, error))
+}
+
+/// Whether a folder holds anything but the beginning of a run that had not written its first checkpoint, which it does before its first
+/// step.
+fn is_occupied(folder: &Path) -> Result<bool, OutputError> {
+    let of_begun = |name: &str| FILES.contains(&name) || FOLDERS.iter().any(|(inner, _)| *inner == name);
+    let is_known = |name: &str| name == LOCK || of_begun(name.strip_suffix(".part").unwrap_or(name));
+    let has_others =
+        entries(folder)?.flatten().any(|entry| !entry.file_name().to_str().is_some_and(is_known));
+    // Somebody may have removed the checkpoints and kept the rest.
+    let has_step = match File::open(folder.join("steps.csv")) {
+        Ok(file) => BufReader::new(file).lines().nth(1).is_some(),
+        Err(error) => error.kind() != ErrorKind::NotFound,
+    };
+    let is_kept = folder.join("summary.json").exists() || checkpoint::is_in(&folder.join("checkpoints"));
+    Ok(has_others || has_step || is_kept)
 }
 
 /// Removes the files of an earlier run.

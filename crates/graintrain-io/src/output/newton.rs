@@ -1,9 +1,13 @@
 //! What the linear solver of a Newton method did: one record per iteration in `newton.csv`, means per step in `steps.csv`.
 
-use super::columns::{NEWTON, header, newton_figures};
+use super::columns::{self, header, newton_figures};
 use crate::files::{OutputError, Table};
+use crate::mark::Mark;
 use graintrain_ccp::newton::NewtonRecord;
 use std::path::{Path, PathBuf};
+
+/// Name of the table.
+pub(super) const NEWTON: &str = "newton.csv";
 
 /// The table `newton.csv`, which appears with the first record.
 #[derive(Debug)]
@@ -20,32 +24,25 @@ fn cell(value: Option<f64>) -> String {
 impl NewtonTable {
     /// Nothing is written before the first record.
     pub fn create(folder: &Path) -> Self {
-        Self { path: folder.join("newton.csv"), table: None }
+        Self { path: folder.join(NEWTON), table: None }
     }
 
-    /// Goes on with the table in the folder, if there is one, after step `last_step`.
+    /// Goes on with the table in the folder after step `last_step`, when it held `mark`; without a mark it had not begun by then.
     ///
     /// # Errors
     /// Where it cannot be read or written.
-    pub fn reopen(folder: &Path, last_step: u64) -> Result<Self, OutputError> {
-        let mut table = Self::create(folder);
-        if table.path.exists() {
-            table.table = Some(Table::reopen(table.path.clone(), &header(NEWTON), last_step)?);
+    pub fn reopen(folder: &Path, last_step: u64, mark: Option<Mark>) -> Result<Self, OutputError> {
+        let mut newton = Self::create(folder);
+        if mark.is_some() || newton.path.exists() {
+            newton.table =
+                Some(Table::reopen(newton.path.clone(), &header(columns::NEWTON), last_step, mark)?);
         }
-        Ok(table)
+        Ok(newton)
     }
 
-    /// Where a damaged table of the same name went when this one was reopened.
-    pub fn set_aside(&self) -> Option<&Path> {
-        self.table.as_ref().and_then(Table::set_aside)
-    }
-
-    /// Hands the table to the disk.
-    ///
-    /// # Errors
-    /// Where the system refuses.
-    pub fn sync(&self) -> Result<(), OutputError> {
-        self.table.as_ref().map_or(Ok(()), Table::sync)
+    /// The table, where it has begun.
+    pub(super) fn table(&self) -> Option<&Table> {
+        self.table.as_ref()
     }
 
     /// Appends the iterations of a step.
@@ -73,7 +70,7 @@ impl NewtonTable {
             );
             let table = match &mut self.table {
                 Some(table) => table,
-                none => none.insert(Table::create(self.path.clone(), &header(NEWTON))?),
+                none => none.insert(Table::create(self.path.clone(), &header(columns::NEWTON))?),
             };
             table.append(&line)?;
         }
@@ -105,6 +102,7 @@ pub fn step_cells(records: &[NewtonRecord]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::mark::Loss;
 
     #[test]
     fn records_and_means_have_as_many_cells_as_columns() {
@@ -122,15 +120,20 @@ mod tests {
         let path = folder.path().join("newton.csv");
         assert!(!path.exists());
         table.append(2, &records).unwrap();
+        let mark = table.table().map(Table::mark);
         table.append(3, &records).unwrap();
         drop(table);
         // A run that goes on from step 2 writes step 3 again.
-        NewtonTable::reopen(folder.path(), 2).unwrap().append(3, &records[..1]).unwrap();
-        let text = std::fs::read_to_string(path).unwrap();
+        NewtonTable::reopen(folder.path(), 2, mark).unwrap().append(3, &records[..1]).unwrap();
+        let text = std::fs::read_to_string(&path).unwrap();
         let lines: Vec<&str> = text.lines().collect();
         assert_eq!(lines.len(), 4);
         let columns = lines[0].split(',').count();
         assert!(lines.iter().all(|line| line.split(',').count() == columns));
         assert_eq!(lines[3].split(',').next(), Some("3"));
+        // What it held is missed like any other table.
+        std::fs::remove_file(&path).unwrap();
+        let table = NewtonTable::reopen(folder.path(), 2, mark).unwrap();
+        assert_eq!(table.table().unwrap().loss(), Some(&Loss::Missing(path)));
     }
 }

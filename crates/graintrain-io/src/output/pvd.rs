@@ -1,6 +1,7 @@
 //! ParaView's list of frames over time (`.pvd`).
 
-use crate::files::{OutputError, set_aside, write_atomically};
+use crate::files::{OutputError, is_file_name, keep_damaged, write_atomically};
+use crate::mark::{Loss, Mark, mark_of};
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
@@ -9,8 +10,8 @@ use std::path::{Path, PathBuf};
 pub struct FrameList {
     path: PathBuf,
     entries: Vec<Entry>,
-    /// Where a damaged list of the same name went.
-    set_aside: Option<PathBuf>,
+    /// What an earlier run had written and is not there any more.
+    loss: Option<Loss>,
 }
 
 /// One frame: time in s, and its files relative to the list's folder.
@@ -23,35 +24,47 @@ struct Entry {
 impl FrameList {
     /// An empty list, not yet written.
     pub fn new(path: PathBuf) -> Self {
-        Self { path, entries: Vec::new(), set_aside: None }
+        Self { path, entries: Vec::new(), loss: None }
     }
 
-    /// The list in the file, up to and including `until` (s); empty where there is no such file or it is damaged
-    /// (the frames written from now on are then listed, and the damaged list is kept: see [`Self::set_aside`]).
+    /// Goes on with a list that held `mark` at the time `until` (s): frames after it are dropped. One that does not hold that any more is
+    /// kept beside what is readable of it, and a missing one begins anew: see [`Self::loss`]. So does, without a mark, one that had not begun
+    /// by then.
     ///
     /// # Errors
     /// Where the file exists and cannot be read.
-    pub fn reopen(path: PathBuf, until: f64) -> Result<Self, OutputError> {
+    pub fn reopen(path: PathBuf, until: f64, mark: Option<Mark>) -> Result<Self, OutputError> {
         let mut list = Self::new(path);
+        let Some(mark) = mark else { return Ok(list) };
         let bytes = match std::fs::read(&list.path) {
             Ok(bytes) => bytes,
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(list),
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
+                list.loss = Some(Loss::Missing(list.path.clone()));
+                return Ok(list);
+            }
             Err(error) => return Err(OutputError::new("read", &list.path, error)),
         };
         let text = String::from_utf8(bytes).unwrap_or_default();
-        let Ok(document) = roxmltree::Document::parse(&text) else {
-            list.set_aside = Some(set_aside(&list.path)?);
-            return Ok(list);
-        };
-        for node in document.descendants().filter(|node| node.has_tag_name("DataSet")) {
-            let time = node.attribute("timestep").and_then(|time| time.parse::<f64>().ok());
-            if let (Some(time), Some(file)) = (time, node.attribute("file"))
-                && time <= until
-            {
-                list.insert(time, file.to_string());
+        if let Ok(document) = roxmltree::Document::parse(&text) {
+            for node in document.descendants().filter(|node| node.has_tag_name("DataSet")) {
+                let time = node.attribute("timestep").and_then(|time| time.parse::<f64>().ok());
+                if let (Some(time), Some(file)) = (time, node.attribute("file"))
+                    && time <= until
+                    && file.split('/').all(is_file_name)
+                {
+                    list.insert(time, file.to_string());
+                }
             }
         }
+        if list.mark() != Some(mark) {
+            list.loss = Some(keep_damaged(&list.path)?);
+        }
         Ok(list)
+    }
+
+    /// What the file holds now; `None` where there is none yet.
+    pub fn mark(&self) -> Option<Mark> {
+        (!self.is_empty()).then(|| mark_of(&self.text()))
     }
 
     fn insert(&mut self, time: f64, file: String) {
@@ -86,9 +99,9 @@ impl FrameList {
         text
     }
 
-    /// Where a damaged list of the same name went when this one was reopened.
-    pub fn set_aside(&self) -> Option<&Path> {
-        self.set_aside.as_deref()
+    /// What was there of the list and is not any more, found when it was reopened.
+    pub fn loss(&self) -> Option<&Loss> {
+        self.loss.as_ref()
     }
 
     /// Where the file is.
@@ -116,24 +129,45 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("bodies.pvd");
         let mut list = FrameList::new(path.clone());
+        let mut marks = Vec::new();
         for k in 0..4 {
             let time = 0.1 * f64::from(k);
             list.push(time, &[format!("frames/a_{k}.vtp"), format!("frames/b_{k}.vtp")]).unwrap();
+            marks.push(list.mark());
         }
         let whole = std::fs::read_to_string(&path).unwrap();
-        let mut again = FrameList::reopen(path.clone(), 0.2).unwrap();
-        assert_eq!(again.len(), 3);
+        let mut again = FrameList::reopen(path.clone(), 0.2, marks[2]).unwrap();
+        assert_eq!((again.len(), again.loss()), (3, None));
         assert_eq!(again.entries, list.entries[..3]);
         again.push(0.1 * 3.0, &["frames/a_3.vtp".to_string(), "frames/b_3.vtp".to_string()]).unwrap();
         assert_eq!(std::fs::read_to_string(&path).unwrap(), whole);
     }
 
     #[test]
-    fn a_damaged_or_missing_list_starts_anew() {
+    fn damaged_and_missing_lists_are_told() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("bodies.pvd");
-        assert!(FrameList::reopen(path.clone(), 1.0).unwrap().is_empty());
-        std::fs::write(&path, "<VTKFile><Coll").unwrap();
-        assert!(FrameList::reopen(path, 1.0).unwrap().is_empty());
+        let mut list = FrameList::new(path.clone());
+        list.push(0.0, &["frames/a_0.vtp".to_string()]).unwrap();
+        list.push(1.0, &["frames/a_1.vtp".to_string()]).unwrap();
+        let (mark, whole) = (list.mark(), std::fs::read_to_string(&path).unwrap());
+        let reopen = || FrameList::reopen(path.clone(), 1.0, mark).unwrap();
+        std::fs::remove_file(&path).unwrap();
+        assert_eq!(reopen().loss(), Some(&Loss::Missing(path.clone())));
+        assert!(FrameList::reopen(path.clone(), 1.0, None).unwrap().loss().is_none());
+        // Cut, without a frame, with one that lies elsewhere: how many frames are left.
+        let line = whole.lines().nth(4).unwrap();
+        let damaged = [
+            ("<VTKFile><Coll".to_string(), 0, ".bad"),
+            (whole.replace(line, ""), 1, ".bad2"),
+            (whole.replace("frames/a_1.vtp", "../a_1.vtp"), 1, ".bad3"),
+        ];
+        for (text, left, ending) in damaged {
+            std::fs::write(&path, &text).unwrap();
+            let list = reopen();
+            let kept = PathBuf::from(format!("{}{ending}", path.display()));
+            assert_eq!((list.len(), list.loss()), (left, Some(&Loss::Damaged(kept.clone()))));
+            assert_eq!(std::fs::read_to_string(kept).unwrap(), text);
+        }
     }
 }

@@ -12,12 +12,13 @@ use super::vtm::Blocks;
 use super::vtp::PolyData;
 use crate::checkpoint;
 use crate::files::{OutputError, make_folder, write_atomically};
+use crate::mark::{Loss, Marks};
 use crate::problem_file::{self, ProblemFileError};
 use crate::roster::Roster;
 use crate::run::{Observer, RunSettings, RunTotals, StepView};
 use graintrain::world::World;
 use graintrain_ccp::Ccp;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -73,16 +74,22 @@ impl Recorder {
         Ok(recorder)
     }
 
-    /// Goes on with the outputs in a folder from the state of a checkpoint: whatever was written after it is dropped.
+    /// Goes on with the outputs in a folder from the state of a checkpoint, when they held what `marks` say: whatever was written after it
+    /// is dropped.
     ///
     /// # Errors
     /// Where a file cannot be read or written.
-    pub fn resume(folder: RunFolder, settings: &RunSettings, world: &World) -> Result<Self, OutputError> {
+    pub fn resume(
+        folder: RunFolder,
+        settings: &RunSettings,
+        world: &World,
+        marks: &Marks,
+    ) -> Result<Self, OutputError> {
         let path = folder.path();
-        let list = |name: &str| FrameList::reopen(path.join(name), world.time);
+        let list = |name: &str| FrameList::reopen(path.join(name), world.time, marks.get(name).copied());
         Ok(Self {
             settings: settings.clone(),
-            tables: Tables::reopen(path, &settings.measures, world.step)?,
+            tables: Tables::reopen(path, &settings.measures, world.step, marks)?,
             all: list("all.pvd")?,
             bodies: list("bodies.pvd")?,
             surfaces: list("surfaces.pvd")?,
@@ -99,11 +106,19 @@ impl Recorder {
         self.folder.path()
     }
 
-    /// Where damaged tables and lists of frames went when this run was resumed: nothing of them is erased.
-    pub fn set_aside(&self) -> Vec<PathBuf> {
-        let lists = [&self.all, &self.bodies, &self.surfaces, &self.contacts];
-        let lists = lists.into_iter().filter_map(FrameList::set_aside);
-        self.tables.set_aside().chain(lists).map(Path::to_path_buf).collect()
+    /// Tables and lists of frames that were missing or damaged when this run was resumed: nothing of them is erased.
+    pub fn losses(&self) -> Vec<Loss> {
+        let lists = self.lists().into_iter().filter_map(|(_, list)| list.loss());
+        self.tables.losses().chain(lists).cloned().collect()
+    }
+
+    fn lists(&self) -> [(&'static str, &FrameList); 4] {
+        [
+            ("all.pvd", &self.all),
+            ("bodies.pvd", &self.bodies),
+            ("surfaces.pvd", &self.surfaces),
+            ("contacts.pvd", &self.contacts),
+        ]
     }
 
     /// Writes a checkpoint and the summary so far; tables are on the disk before it is.
@@ -122,7 +137,16 @@ impl Recorder {
             self.frame(world, &totals.traffic.roster)?;
         }
         self.tables.sync()?;
-        checkpoint::write(&self.folder.path().join("checkpoints"), &self.settings, totals, world)?;
+        let mut marks = self.tables.marks();
+        let lists = self.lists();
+        marks.extend(lists.iter().filter_map(|(name, list)| Some((name.to_string(), list.mark()?))));
+        checkpoint::write_marked(
+            &self.folder.path().join("checkpoints"),
+            &self.settings,
+            totals,
+            world,
+            &marks,
+        )?;
         self.last_checkpoint = Instant::now();
         let summary = Summary { ranks: self.ranks, ..Summary::new(world, &self.settings, totals, status) };
         summary.write(self.folder.path())?;
@@ -166,14 +190,14 @@ impl Recorder {
             let file = write(format!("bodies_{number}.vtp"), &particles(world, roster, step))?;
             self.bodies.push(world.time, &in_folder(std::slice::from_ref(&file)))?;
             blocks.particles = Some(file);
-            let fixed = surfaces(world, roster, Show::Fixed);
+            let fixed = surfaces(world, roster, &self.settings.stages, Show::Fixed);
             if !fixed.cells.is_empty() {
                 // Written once: what never moves is the same in every frame.
                 let name = "surfaces_fixed.vtp".to_string();
                 let is_first = self.surfaces.is_empty();
                 blocks.meshes.push(("fixed", if is_first { write(name, &fixed)? } else { name }));
             }
-            let moving = surfaces(world, roster, Show::Moving);
+            let moving = surfaces(world, roster, &self.settings.stages, Show::Moving);
             if !moving.cells.is_empty() {
                 blocks.meshes.push(("moving", write(format!("surfaces_{number}.vtp"), &moving)?));
             }
@@ -216,10 +240,8 @@ impl Observer for Recorder {
         let StepView { world, report, totals, measured, problem } = step;
         self.tables.append(world, report, totals.last_output_seconds)?;
         self.tables.append_measured(measured)?;
-        let output = &self.settings.output;
-        let (every, checkpoint_every) = (output.every.max(1), output.checkpoint_every.max(1));
         let is_last = world.step == self.settings.steps;
-        if world.step.is_multiple_of(every) || is_last {
+        if world.step.is_multiple_of(self.settings.output.every.max(1)) || is_last {
             self.frame(world, &totals.traffic.roster)?;
         }
         let dump_every = self.settings.dump_problem_every.filter(|&every| every > 0);
@@ -228,11 +250,16 @@ impl Observer for Recorder {
         {
             self.dump(world, problem)?;
         }
+        Ok(())
+    }
+
+    fn keep(&mut self, world: &World, totals: &RunTotals) -> Result<(), OutputError> {
+        let checkpoint_every = self.settings.output.checkpoint_every.max(1);
         let is_due = world.step.is_multiple_of(checkpoint_every)
             || self.last_checkpoint.elapsed() >= LONGEST_WITHOUT_CHECKPOINT
             || self.checkpoint_wanted.swap(false, Ordering::Relaxed);
         // The last one is written by whoever ends the run, since it knows how the run ended.
-        if is_due && !is_last {
+        if is_due && world.step != self.settings.steps {
             self.checkpoint(world, totals, RunStatus::Running)?;
         }
         Ok(())

@@ -102,29 +102,12 @@ pub struct Summary {
     pub friction_error_max: f64,
     /// Largest angle between friction and the direction against the slip, rad.
     pub slip_angle_max: f64,
-    /// Largest gap that the relaxation of friction opened at a contact in a step, dt mu |slip|, over the size of the smaller body; 0 with
-    /// exact friction.
-    pub relaxation_opening_max_over_radius: f64,
-    /// Share of the contacts with force that it opened by more than a thousandth of that size in a step.
-    pub relaxation_opened_share: f64,
-    /// Relaxed steps (one in a hundred) of which the contact problem was solved with exact friction, too.
-    pub relaxation_steps_compared: u64,
-    /// Those of which the exact answer missed its tolerance in five times the iterations.
-    pub relaxation_steps_undecided: u64,
-    /// Largest difference of the bodies' velocities in these steps, root mean square, m/s.
-    pub relaxation_velocity_difference_max: f64,
-    /// Largest difference relative to the root mean square of these velocities, or to |gravity| dt where that is more.
-    pub relaxation_relative_difference_max: f64,
     /// Contacts that arrived with restitution.
     pub impacts: u64,
     /// The worst residual that a solve of impacts was left with.
     pub impact_residual_max: f64,
     /// Connected parts in which restitution was lowered, because it would have made energy.
     pub restitution_lowered: u64,
-    /// Contacts taken with exact friction in relaxed steps, because bodies were wedged in.
-    pub contacts_wedged: u64,
-    /// Steps with such contacts.
-    pub wedged_steps: u64,
     /// Contacts that joined a step's problem after its solve, because their bodies would have met all the same.
     pub contacts_added_after_solve: u64,
     /// Pairs of bodies that passed into or through each other, since no contact kept them apart.
@@ -295,18 +278,9 @@ impl Summary {
             overlap_per_step_max_over_radius: totals.errors.overlap_per_step_max_over_size,
             friction_error_max: totals.errors.cone_excess_max,
             slip_angle_max: totals.errors.slip_angle_max,
-            relaxation_opening_max_over_radius: totals.opening.largest_over_size,
-            relaxation_opened_share: totals.opening.opened as f64
-                / totals.contacts_with_force_sum.max(1) as f64,
-            relaxation_steps_compared: totals.comparison.steps,
-            relaxation_steps_undecided: totals.comparison.undecided,
-            relaxation_velocity_difference_max: totals.comparison.velocity_rms_max,
-            relaxation_relative_difference_max: totals.comparison.velocity_relative_max,
             impacts: totals.impacts,
             impact_residual_max: totals.impact_residual_max,
             restitution_lowered: totals.restitution_lowered,
-            contacts_wedged: totals.contacts_wedged,
-            wedged_steps: totals.wedged_steps,
             contacts_added_after_solve: totals.contacts_added,
             contacts_missed: totals.contacts_missed,
             contacts_missed_first_step: totals.first_missed_step,

@@ -2,9 +2,11 @@
 
 use super::vtp::{CellKind, Cells, DataArray, PolyData};
 use crate::roster::Roster;
+use crate::stage::Stage;
 use graintrain::math::{Quat, Vec3};
 use graintrain::shape::Shape;
 use graintrain::world::{FREE, World};
+use graintrain_linalg::real;
 use std::f64::consts::{FRAC_PI_2, TAU};
 
 /// Segments of a full circle in cylinders and capsules.
@@ -47,7 +49,7 @@ impl Triangles {
         surface.vertices.push(Vec3::new(0.0, 0.0, profile[0].1));
         for &(distance, height) in rings {
             surface.vertices.extend((0..SEGMENTS).map(|k| {
-                let (sin, cos) = (TAU * f64::from(k) / f64::from(SEGMENTS)).sin_cos();
+                let (sin, cos) = real::sin_cos(TAU * f64::from(k) / f64::from(SEGMENTS));
                 Vec3::new(distance * cos, distance * sin, height)
             }));
         }
@@ -72,7 +74,7 @@ impl Triangles {
 
     fn capsule(half_length: f64, radius: f64) -> Self {
         let cap = |k: u32| {
-            let (sin, cos) = (FRAC_PI_2 * f64::from(k) / f64::from(CAP_SEGMENTS)).sin_cos();
+            let (sin, cos) = real::sin_cos(FRAC_PI_2 * f64::from(k) / f64::from(CAP_SEGMENTS));
             (radius * sin, half_length + radius * cos)
         };
         let mut profile: Vec<(f64, f64)> =
@@ -110,10 +112,23 @@ pub fn surface(shape: &Shape) -> Option<Triangles> {
 /// Which bodies a frame shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Show {
-    /// Bodies that never move; planes are not among them, since the patch that stands for one follows the scene.
+    /// Bodies that never move in the whole run ([`never_moves`]); planes are not among them, since the patch that stands for one
+    /// follows the scene.
     Fixed,
     /// All others.
     Moving,
+}
+
+/// Which bodies never move: their motion is rest, and no stage gives them another one. The answer is the same in every step of a run.
+pub fn never_moves(world: &World, stages: &[Stage]) -> Vec<bool> {
+    let mut never: Vec<bool> =
+        (0..world.bodies.len()).map(|body| world.is_prescribed(body) && is_at_rest(world, body)).collect();
+    for (body, _) in stages.iter().flat_map(|stage| &stage.motions) {
+        if let Some(never) = never.get_mut(body.index()) {
+            *never = false;
+        }
+    }
+    never
 }
 
 /// Collects the triangles of a frame.
@@ -160,7 +175,7 @@ impl Builder<'_> {
 /// The frame: the surfaces of all shapes but spheres. A plane is drawn as a square patch that reaches below all bodies.
 ///
 /// Cell arrays: `body_id` (number, as in the frames of bodies), `type` (material). Point array: `v` (m/s).
-pub fn surfaces(world: &World, roster: &Roster, show: Show) -> PolyData {
+pub fn surfaces(world: &World, roster: &Roster, stages: &[Stage], show: Show) -> PolyData {
     let mut builder =
         Builder { world, points: Vec::new(), cells: Cells::new(CellKind::Polys), body: Vec::new() };
     let templates: Vec<Vec<Option<Triangles>>> = world
@@ -168,16 +183,16 @@ pub fn surfaces(world: &World, roster: &Roster, show: Show) -> PolyData {
         .iter()
         .map(|geometry| geometry.parts.iter().map(|part| surface(&part.shape)).collect())
         .collect();
+    let is_fixed = never_moves(world, stages);
     let bounds = bounds(world, &templates).unwrap_or((-Vec3::ONE, Vec3::ONE));
     for body in 0..world.bodies.len() {
         let geometry = world.bodies.geometry[body].index();
         let (position, orientation) = (world.bodies.position[body], world.bodies.orientation[body]);
-        let is_fixed = world.is_prescribed(body) && is_at_rest(world, body);
         for (part, template) in world.geometries[geometry].parts.iter().zip(&templates[geometry]) {
             let place = position + orientation * part.position;
             let turn = orientation * part.orientation;
             match template {
-                Some(surface) if (show == Show::Fixed) == is_fixed => {
+                Some(surface) if (show == Show::Fixed) == is_fixed[body] => {
                     builder.add(body, place, turn, surface);
                 }
                 None if part.shape == Shape::Plane && show == Show::Moving => {

@@ -3,13 +3,14 @@
 //! `newton.csv`, one record per Newton iteration, and `measures/NAME.csv`. [`columns`] names their columns.
 
 use super::columns::{self, Column, JOINTS, STEPS, WRENCH, header};
-use super::newton::{NewtonTable, step_cells};
+use super::newton::{NEWTON, NewtonTable, step_cells};
 use crate::files::{OutputError, Table, make_folder};
+use crate::mark::{Loss, Marks};
 use crate::measure::Measure;
 use graintrain::joint::JointState;
 use graintrain::stepper::StepReport;
 use graintrain::world::World;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// The tables.
 #[derive(Debug)]
@@ -18,8 +19,8 @@ pub struct Tables {
     wrench: Table,
     joints: Table,
     newton: NewtonTable,
-    /// One per measurement.
-    measures: Vec<Table>,
+    /// One per measurement, with their names.
+    measures: Vec<(String, Table)>,
 }
 
 /// Names (relative to the folder) and columns of the tables of measurements.
@@ -33,22 +34,31 @@ impl Tables {
     /// # Errors
     /// Where they cannot be written.
     pub fn create(folder: &Path, measures: &[Measure]) -> Result<Self, OutputError> {
-        Self::open(folder, measures, Table::create, NewtonTable::create(folder))
+        let create = |name: &str, header: &str| Table::create(folder.join(name), header);
+        Self::open(folder, measures, create, NewtonTable::create(folder))
     }
 
-    /// Goes on with the tables in the folder after step `last_step`.
+    /// Goes on with the tables in the folder after step `last_step`, when they held what `marks` say.
     ///
     /// # Errors
     /// Where they cannot be read or written.
-    pub fn reopen(folder: &Path, measures: &[Measure], last_step: u64) -> Result<Self, OutputError> {
-        let newton = NewtonTable::reopen(folder, last_step)?;
-        Self::open(folder, measures, |path, header| Table::reopen(path, header, last_step), newton)
+    pub fn reopen(
+        folder: &Path,
+        measures: &[Measure],
+        last_step: u64,
+        marks: &Marks,
+    ) -> Result<Self, OutputError> {
+        let reopen = |name: &str, header: &str| {
+            Table::reopen(folder.join(name), header, last_step, marks.get(name).copied())
+        };
+        let newton = NewtonTable::reopen(folder, last_step, marks.get(NEWTON).copied())?;
+        Self::open(folder, measures, reopen, newton)
     }
 
     fn open(
         folder: &Path,
         measures: &[Measure],
-        table: impl Fn(PathBuf, &str) -> Result<Table, OutputError>,
+        table: impl Fn(&str, &str) -> Result<Table, OutputError>,
         newton: NewtonTable,
     ) -> Result<Self, OutputError> {
         let measured = measured(measures);
@@ -57,15 +67,24 @@ impl Tables {
             make_folder(&folder.join("measures"))?;
         }
         Ok(Self {
-            steps: table(folder.join("steps.csv"), &header(STEPS))?,
-            wrench: table(folder.join("wrench.csv"), &header(WRENCH))?,
-            joints: table(folder.join("joints.csv"), &header(JOINTS))?,
+            steps: table("steps.csv", &header(STEPS))?,
+            wrench: table("wrench.csv", &header(WRENCH))?,
+            joints: table("joints.csv", &header(JOINTS))?,
             newton,
             measures: measured
-                .iter()
-                .map(|(name, columns)| table(folder.join(name), &header(columns)))
+                .into_iter()
+                .map(|(name, columns)| table(&name, &header(&columns)).map(|table| (name, table)))
                 .collect::<Result<_, _>>()?,
         })
+    }
+
+    /// Those that have begun, with their names.
+    fn all(&self) -> impl Iterator<Item = (&str, &Table)> {
+        let measures = self.measures.iter().map(|(name, table)| (name.as_str(), table));
+        [("steps.csv", &self.steps), ("wrench.csv", &self.wrench), ("joints.csv", &self.joints)]
+            .into_iter()
+            .chain(self.newton.table().map(|table| (NEWTON, table)))
+            .chain(measures)
     }
 
     /// Appends records of measurements: their numbers and rows. What is not a number becomes an empty cell.
@@ -83,18 +102,19 @@ impl Tables {
             let record = |row: &Vec<f64>| row.iter().map(cell).collect::<Vec<_>>().join(",");
             // All bins at once: a record that is cut short loses them together.
             let lines = rows.iter().map(record).collect::<Vec<_>>().join("\n");
-            self.measures[*number].append(&lines)?;
+            self.measures[*number].1.append(&lines)?;
         }
         Ok(())
     }
 
-    /// Where damaged tables of the same names went when these were reopened.
-    pub fn set_aside(&self) -> impl Iterator<Item = &Path> {
-        let measures = self.measures.iter().map(Table::set_aside);
-        [self.steps.set_aside(), self.wrench.set_aside(), self.joints.set_aside(), self.newton.set_aside()]
-            .into_iter()
-            .chain(measures)
-            .flatten()
+    /// What was not there any more when these were reopened.
+    pub fn losses(&self) -> impl Iterator<Item = &Loss> {
+        self.all().filter_map(|(_, table)| table.loss())
+    }
+
+    /// What the tables hold now.
+    pub fn marks(&self) -> Marks {
+        self.all().map(|(name, table)| (name.to_string(), table.mark())).collect()
     }
 
     /// Hands the tables to the disk.
@@ -102,11 +122,7 @@ impl Tables {
     /// # Errors
     /// Where the system refuses.
     pub fn sync(&self) -> Result<(), OutputError> {
-        self.steps.sync()?;
-        self.wrench.sync()?;
-        self.joints.sync()?;
-        self.measures.iter().try_for_each(Table::sync)?;
-        self.newton.sync()
+        self.all().try_for_each(|(_, table)| table.sync())
     }
 
     /// Appends the records of a step; `output_seconds` is what the outputs of the step before took.
@@ -185,11 +201,9 @@ fn step_record(world: &World, report: &StepReport, output_seconds: f64) -> Strin
         real(errors.overlap_per_step_max_over_size),
         real(errors.cone_excess_max),
         real(errors.slip_angle_max),
-        real(report.opening.largest_over_size),
         report.impacts.to_string(),
         real(report.impact_residual.max),
         report.restitution_lowered.to_string(),
-        report.contacts_wedged.to_string(),
         report.contacts_added.to_string(),
         report.contacts_missed.to_string(),
         real(report.penetration_max),

@@ -29,6 +29,7 @@ use super::matrix::{Entry, Matrix};
 use super::raw::{Extras, GlobalForm, RawProblem};
 use super::rigid::invert;
 use super::rolling;
+use crate::files::write_atomically;
 use graintrain_ccp::{BodyInverseMass, Ccp, Delassus, FIXED, RigidContact, RigidDelassus};
 use hdf5_pure::{File, FileBuilder, FormatError};
 use std::path::Path;
@@ -44,11 +45,8 @@ const VERSION: i32 = 1;
 /// [`ProblemFileError::Io`], or [`ProblemFileError::Unsupported`] for more than 2^31 entries.
 pub fn write(path: &Path, problem: &Ccp, title: &str) -> Result<(), ProblemFileError> {
     let bytes = encode(problem, title).map_err(|defect| defect.in_file(path))?;
-    let io = |source| ProblemFileError::Io { path: path.to_path_buf(), source };
-    let mut partial = path.as_os_str().to_owned();
-    partial.push(".partial");
-    std::fs::write(&partial, bytes).map_err(io)?;
-    std::fs::rename(&partial, path).map_err(io)
+    write_atomically(path, &bytes)
+        .map_err(|error| ProblemFileError::Io { path: path.to_path_buf(), source: error.into_source() })
 }
 
 fn encode(problem: &Ccp, title: &str) -> Result<Vec<u8>, Defect> {

@@ -6,7 +6,7 @@
 use super::error::{Defect, WRITE_AGAIN};
 use super::matrix::{Entry, Matrix};
 use super::raw::{GlobalForm, LocalForm, RawProblem};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// Whether these are the bytes of such a file.
 pub(super) fn is_matrix_market(bytes: &[u8]) -> bool {
@@ -27,38 +27,52 @@ pub(super) fn parse(path: &Path) -> Result<RawProblem, Defect> {
         ));
     };
     let file = |part: &str| path.with_file_name(format!("{before}{part}.mtx"));
-    let matrix = |part: &str| read(&file(part));
-    let vector = |part: &str| -> Result<Vec<f64>, Defect> {
-        let matrix = matrix(part)?;
-        let mut values = vec![0.0; matrix.rows.max(matrix.columns)];
-        matrix.entries.iter().for_each(|entry| values[entry.row.max(entry.column)] = entry.value);
-        Ok(values)
-    };
-    let friction = vector("mu")?;
+    let whole = |part: &str| whole(&file(part));
+    let vector = |part: &str, length: usize| vector(&file(part), length);
     Ok(match letter {
-        "W" => RawProblem::Local(LocalForm {
-            w: matrix("W")?,
-            q: vector("q")?,
-            friction,
-            rolling: None,
-            equalities: None,
-        }),
-        _ => RawProblem::Global(GlobalForm {
-            m: matrix("M")?,
-            h: matrix("H")?,
-            f: vector("f")?,
-            w: vector("w")?,
-            friction,
-            rolling: None,
-            equalities: None,
-        }),
+        "W" => {
+            let w = whole("W")?;
+            let (q, friction) = (vector("q", w.columns)?, vector("mu", w.columns / 3)?);
+            RawProblem::Local(LocalForm { w, q, friction, rolling: None, equalities: None })
+        }
+        _ => {
+            let (m, h) = (whole("M")?, whole("H")?);
+            let (f, w) = (vector("f", m.columns)?, vector("w", h.columns)?);
+            let friction = vector("mu", h.columns / 3)?;
+            RawProblem::Global(GlobalForm { m, h, f, w, friction, rolling: None, equalities: None })
+        }
     })
 }
 
-fn read(path: &PathBuf) -> Result<Matrix, Defect> {
+/// A matrix that has something in each of its columns, so that its file bounds their number.
+fn whole(path: &Path) -> Result<Matrix, Defect> {
+    let (name, text) = read(path)?;
+    let matrix = matrix(&name, &text)?;
+    if matrix.columns > text.len() {
+        let what = format!("{} columns do not fit into {} bytes", matrix.columns, text.len());
+        return Err(Defect::damaged(name, what, WRITE_AGAIN));
+    }
+    Ok(matrix)
+}
+
+/// A matrix of one column or row that has to have so many numbers.
+fn vector(path: &Path, length: usize) -> Result<Vec<f64>, Defect> {
+    let (name, text) = read(path)?;
+    let matrix = matrix(&name, &text)?;
+    let found = matrix.rows.max(matrix.columns);
+    if found != length {
+        return Err(Defect::damaged(name, format!("{found} numbers, expected {length}"), WRITE_AGAIN));
+    }
+    let mut values = vec![0.0; length];
+    matrix.entries.iter().for_each(|entry| values[entry.row.max(entry.column)] = entry.value);
+    Ok(values)
+}
+
+/// Name and bytes of a file.
+fn read(path: &Path) -> Result<(String, Vec<u8>), Defect> {
     let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
     let text = std::fs::read(path).map_err(|error| Defect::damaged(&name, error.to_string(), WRITE_AGAIN))?;
-    matrix(&name, &text)
+    Ok((name, text))
 }
 
 /// Most rows, columns and entries; a header may claim any number.
@@ -97,7 +111,9 @@ fn matrix(name: &str, bytes: &[u8]) -> Result<Matrix, Defect> {
     let sizes: Option<Vec<usize>> = sizes.split_whitespace().map(|word| word.parse().ok()).collect();
     let (m, n, count) = match (sizes.as_deref(), is_array) {
         (Some(&[m, n]), true) if !is_symmetric => (m, n, m.checked_mul(n)),
-        (Some(&[m, n]), true) if m == n => (m, n, m.checked_mul(m + 1).map(|twice| twice / 2)),
+        (Some(&[m, n]), true) if m == n => {
+            (m, n, m.checked_add(1).and_then(|next| m.checked_mul(next)).map(|twice| twice / 2))
+        }
         (Some(&[m, n, count]), false) => (m, n, Some(count)),
         _ => return Err(at(line, "its sizes do not fit its first line".into())),
     };
@@ -135,4 +151,33 @@ fn matrix(name: &str, bytes: &[u8]) -> Result<Matrix, Defect> {
         }
     }
     Matrix::new(name, m, n, entries)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn claims_of_any_size_are_refused_before_memory_is_taken() {
+        let folder = tempfile::tempdir().unwrap();
+        let all = "18446744073709551615";
+        let cases = [
+            (format!("array real symmetric\n{all} {all}\n"), "too large"),
+            (format!("coordinate real general\n{all} {all} 0\n"), "too large"),
+            (
+                "coordinate real general\n67108864 67108864 0\n".to_string(),
+                "67108864 columns do not fit into",
+            ),
+        ];
+        for (text, expected) in cases {
+            let path = folder.path().join("W.mtx");
+            std::fs::write(&path, format!("%%MatrixMarket matrix {text}")).unwrap();
+            let error = parse(&path).unwrap_err().in_file(&path).to_string();
+            assert!(error.contains(expected), "{error}");
+        }
+        let path = folder.path().join("q.mtx");
+        std::fs::write(&path, "%%MatrixMarket matrix coordinate real general\n67108864 1 0\n").unwrap();
+        let error = vector(&path, 3).unwrap_err().in_file(&path).to_string();
+        assert!(error.contains("67108864 numbers, expected 3"), "{error}");
+    }
 }

@@ -15,6 +15,7 @@ use super::error::{COPY_AGAIN, Defect};
 use super::matrix::{Entry, Matrix};
 use super::raw::{GlobalForm, LocalForm, RawProblem, check_dimension};
 use super::rolling::ROWS;
+use std::ops::Range;
 
 /// Reads a problem from the text of a file.
 pub(super) fn parse(text: &[u8]) -> Result<RawProblem, Defect> {
@@ -112,13 +113,27 @@ fn dense(words: &mut Words<'_>, rows: usize, columns: usize, name: &str) -> Resu
         let what = format!("{name} is {rows} x {columns} and then {} x {}", again.0, again.1);
         return Err(words.defect(what, COPY_AGAIN));
     }
-    let mut entries = Vec::new();
-    for column in 0..columns {
-        for row in 0..rows {
-            entries.push(Entry { row, column, value: words.number(name)? });
-        }
-    }
-    Ok(entries)
+    block(words, 0..rows, 0..columns, name)
+}
+
+/// The entries of some rows and columns, column by column.
+fn block(
+    words: &mut Words<'_>,
+    rows: Range<usize>,
+    columns: Range<usize>,
+    name: &str,
+) -> Result<Vec<Entry>, Defect> {
+    // Counted first: where there is no row, any number of columns hold nothing.
+    let count = rows.len().checked_mul(columns.len()).filter(|&count| count <= words.text.len());
+    let count =
+        count.ok_or_else(|| words.defect(format!("{name} does not fit into this file"), COPY_AGAIN))?;
+    let place = |k: usize| (rows.start + k % rows.len(), columns.start + k / rows.len());
+    (0..count)
+        .map(|k| {
+            let (row, column) = place(k);
+            Ok(Entry { row, column, value: words.number(name)? })
+        })
+        .collect()
 }
 
 fn sparse_blocks(words: &mut Words<'_>, name: &str) -> Result<Vec<Entry>, Defect> {
@@ -146,17 +161,13 @@ fn sparse_blocks(words: &mut Words<'_>, name: &str) -> Result<Vec<Entry>, Defect
     let range = |ends: &[usize], k: usize| if k == 0 { 0..ends[0] } else { ends[k - 1]..ends[k] };
     let mut entries = Vec::new();
     for i in 0..block_rows {
-        for block in row_start[i]..row_start[i + 1] {
+        for k in row_start[i]..row_start[i + 1] {
             let number = words.size("the number of the block")?;
-            if number != block {
-                let what = format!("{name} has block {number} where block {block} belongs");
+            if number != k {
+                let what = format!("{name} has block {number} where block {k} belongs");
                 return Err(words.defect(what, COPY_AGAIN));
             }
-            for column in range(&column_ends, column[block]) {
-                for row in range(&row_ends, i) {
-                    entries.push(Entry { row, column, value: words.number(name)? });
-                }
-            }
+            entries.extend(block(words, range(&row_ends, i), range(&column_ends, column[k]), name)?);
         }
     }
     Ok(entries)
@@ -340,5 +351,19 @@ impl<'a> Words<'a> {
     fn remaining(&self) -> usize {
         let rest = &self.text[self.position.min(self.text.len())..];
         rest.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty()).count()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    /// Sizes that a file claims cost no time where nothing stands behind them.
+    #[test]
+    fn matrices_without_rows_may_claim_any_columns() {
+        let dense = "3\n0\n0\n0\n99999999999999\n0 99999999999999\n";
+        let blocks = "3\n1\n1\n3\n3\n1\n1\n1\n0\n99999999999999\n2\n1\n0 1\n0\n0\n";
+        let endless = "3\n1\n0\n3\n9999999999999999999\n3 9999999999999999999\n1 2\n";
+        for text in [dense, blocks, endless] {
+            assert!(crate::problem_file::parse(text.as_bytes().to_vec()).is_err(), "{text}");
+        }
     }
 }

@@ -5,6 +5,7 @@ mod materials;
 mod measures;
 mod periodic;
 mod relax;
+mod room;
 mod stages;
 mod traffic;
 
@@ -13,7 +14,7 @@ use super::error::{Location, SceneError, SceneErrorKind};
 use super::mesh_file;
 use super::model::{
     BodySpec, CentralSpec, DragSpec, FunctionFile, FunctionSpec, HullSpec, LoadSpec, MeshSpec, MotionSpec,
-    PackingSource, PackingSpec, PartSpec, PressureSpec, ShapeSpec,
+    PackingSource, PackingSpec, PartSpec, PressureSpec, RadiusSpec, ShapeSpec,
 };
 use super::packing::{self, FileProblem, read_file, table_file};
 use super::periodic::{DriveSpec, PeriodicSpec};
@@ -81,7 +82,7 @@ impl Scene {
             builder.add_body(name, body)?;
         }
         for (name, packing) in &self.packings {
-            builder.add_packing(name, packing)?;
+            builder.add_packing(name, packing, self)?;
         }
         for (name, load) in &self.loads {
             builder.add_load(name, load)?;
@@ -110,7 +111,7 @@ impl Scene {
         let allowed = *resolved.contact.allowed_overlap.get_or_insert(ALLOWED_OVERLAP * smallest_radius);
         let resist = |stage: &Stage| stage.materials.as_ref().is_some_and(Materials::resist_turning);
         let resist = world.materials.resist_turning() || stages.iter().any(resist);
-        if resist && !self.solver.name.takes_turning() {
+        if resist && self.solver.name.build().is_ok_and(|solver| !solver.capabilities().turning) {
             let problem = format!(
                 "solver {} cannot treat the rolling or spinning friction of these materials; solver.name = \"auto\", \"apgd\", \"pgs\" and \
                  \"pj\" can",
@@ -387,12 +388,20 @@ impl Builder {
         }
     }
 
-    fn add_packing(&mut self, name: &str, spec: &PackingSpec) -> Result<(), SceneError> {
+    fn add_packing(&mut self, name: &str, spec: &PackingSpec, scene: &Scene) -> Result<(), SceneError> {
         self.note_origin(name, true, &spec.location);
         let at = |error: ModelError| model_error(error, &spec.location);
         let material = self.material(&spec.material);
         let geometry = form(spec.shape.as_ref(), &spec.parts, &spec.location)?;
         let size = geometry.as_ref().map(half_thickness);
+        if let Some(least) = size.or(spec.radius.as_ref().map(RadiusSpec::least)) {
+            let allowed = scene.contact.allowed_overlap.unwrap_or(ALLOWED_OVERLAP * least);
+            let own = material.index();
+            // Elastic bodies may overlap, and nobody asks by how much.
+            if self.world.materials.pair_elasticity(own, own).is_rigid() {
+                room::check(name, spec, (least - 0.5 * allowed).max(0.0), scene.periodic.as_ref())?;
+            }
+        }
         let placed = packing::place(name, spec, geometry.as_ref().map(Geometry::bounding_radius))?;
         let shared = geometry.map(|geometry| self.world.add_geometry(geometry));
         let motion = if spec.lock_rotation { self.locked_rotation().map_err(at)? } else { FREE };

@@ -130,6 +130,8 @@ pub enum SceneErrorKind {
         key: String,
         /// Expected dimension and SI unit.
         expected: String,
+        /// The SI unit; empty where none is expected.
+        unit: String,
         /// Found dimension and SI unit.
         found: String,
     },
@@ -235,9 +237,12 @@ impl SceneError {
                 None => format!("known: {known}"),
             }),
             SceneErrorKind::MissingKey { key, expected, .. } => Some(format!("add `{key} = ...`: {expected}")),
-            SceneErrorKind::WrongUnit { .. } => Some(
-                "write the unit after the number, \"3 mm\"; plain numbers are SI: m, kg, s, rad".to_string(),
-            ),
+            SceneErrorKind::WrongUnit { unit, .. } if unit.is_empty() => {
+                Some("write a plain number".to_string())
+            }
+            SceneErrorKind::WrongUnit { unit, .. } => Some(format!(
+                "write such a unit after the number, \"3 {unit}\"; plain numbers are SI: m, kg, s, rad"
+            )),
             SceneErrorKind::NoRoom { .. } => {
                 Some("enlarge the region, or ask for fewer or smaller bodies (random placement fills about a third)".to_string())
             }

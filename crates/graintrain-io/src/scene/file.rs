@@ -14,6 +14,7 @@ use super::solver;
 use super::stage::{self, StageSpec};
 use super::stream;
 use super::tree::{Node, Value};
+use crate::files::is_file_name;
 use crate::settings::Precision;
 use graintrain::assemble::OverlapCorrection;
 use graintrain::load::Region;
@@ -30,6 +31,11 @@ const STREAM_SEEDS: u64 = 1000;
 
 /// Largest number of steps of a run.
 const MOST_STEPS: f64 = 1e12;
+
+/// The seed so far behind that of the scene: after the largest whole number of TOML comes 0, so that every seed can be written out.
+fn seed_behind(seed: u64, places: u64) -> u64 {
+    seed.wrapping_add(places) & i64::MAX as u64
+}
 
 /// Reads a scene from its tree. Relative paths start at `folder`.
 pub(crate) fn read(name: &str, root: &Node, folder: PathBuf) -> Result<Scene, SceneError> {
@@ -56,7 +62,7 @@ pub(crate) fn read(name: &str, root: &Node, folder: PathBuf) -> Result<Scene, Sc
         .named("packing")?
         .into_iter()
         .enumerate()
-        .map(|(index, (name, reader))| Ok((name, packing(&reader, &names, seed + index as u64)?)))
+        .map(|(index, (name, reader))| Ok((name, packing(&reader, &names, seed_behind(seed, index as u64))?)))
         .collect::<Result<Vec<_>, SceneError>>()?;
     let body_names: Vec<&str> = bodies.iter().map(|(name, _): &(String, BodySpec)| name.as_str()).collect();
     let packing_names: Vec<&str> =
@@ -98,7 +104,7 @@ pub(crate) fn read(name: &str, root: &Node, folder: PathBuf) -> Result<Scene, Sc
         .iter()
         .enumerate()
         .map(|(index, (name, reader))| {
-            let seed = seed + STREAM_SEEDS + index as u64;
+            let seed = seed_behind(seed, STREAM_SEEDS + index as u64);
             Ok((name.clone(), stream::read(reader, &material_names, &stage_names, seed)?))
         })
         .collect::<Result<Vec<_>, SceneError>>()?;
@@ -117,10 +123,7 @@ pub(crate) fn read(name: &str, root: &Node, folder: PathBuf) -> Result<Scene, Sc
         .iter()
         .map(|(name, reader)| {
             // The name is that of a file.
-            if name.is_empty()
-                || !name.chars().all(|c| c.is_alphanumeric() || "-_.".contains(c))
-                || name.starts_with('.')
-            {
+            if !is_file_name(name) {
                 let requirement = "a name of letters, digits, `-`, `_` and `.`, which is that of a file";
                 return Err(scene.out_of_range("measure", requirement, format!("`{name}`")));
             }
@@ -710,4 +713,24 @@ fn file(reader: &Reader) -> Result<FileSpec, SceneError> {
         radius_max: reader.quantity("radius_max", Range::Positive)?,
         location: reader.get("path").map_or(reader.location(), |node| &node.location).clone(),
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::path::Path;
+
+    #[test]
+    fn a_scene_with_the_largest_seed_is_read_again_as_written_out() {
+        let region = "region = { box = { min = [0, 0, 9], max = [1, 1, 10] } }";
+        let text = format!(
+            "seed = 9223372036854775807\n[time]\nstep = 1\nsteps = 1\n[packing.a]\nradius = 0.1\nlattice = {{ counts = [1, 1, 1], pitch = 1 \
+             }}\n[packing.b]\nradius = 0.1\nlattice = {{ counts = [1, 1, 1], pitch = 1 }}\n[stream.c]\nradius = 0.1\ncount = 1\n{region}\n"
+        );
+        let parse = |text: &str| Scene::parse("a", "a.toml", text, Path::new(""), &[]).unwrap();
+        let scene = parse(&text);
+        let again = parse(&scene.to_toml().unwrap());
+        let seeds = |scene: &Scene| (scene.packings[1].1.seed, scene.streams[0].1.seed);
+        assert_eq!((seeds(&again), seeds(&scene)), ((0, 999), (0, 999)));
+    }
 }

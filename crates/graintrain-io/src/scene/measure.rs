@@ -3,13 +3,11 @@
 use super::error::{Location, SceneError, SceneErrorKind};
 use super::file::{names_of, region};
 use super::reader::{Range, Reader};
+use crate::measure::MOST_BINS;
 use graintrain::load::Region;
 use graintrain::math::Vec3;
 use graintrain::measure::profile::Along;
 use serde::Serialize;
-
-/// Bins beyond this many are a slip of the keyboard.
-const MOST_BINS: u64 = 1_000_000;
 
 fn no(flag: &bool) -> bool {
     !*flag
@@ -384,7 +382,24 @@ fn profile(reader: &Reader) -> Result<ProfileSpec, SceneError> {
 fn bins(reader: &Reader, default: Option<u64>) -> Result<u64, SceneError> {
     match reader.count("bins")?.or(default) {
         None => Err(reader.missing("bins")),
-        Some(count) if (1..=MOST_BINS).contains(&count) => Ok(count),
+        Some(count) if (1..=MOST_BINS as u64).contains(&count) => Ok(count),
         Some(count) => Err(reader.out_of_range("bins", &format!("from 1 to {MOST_BINS}"), count)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::Scene;
+    use std::path::Path;
+
+    #[test]
+    fn a_record_of_bins_fits_into_memory() {
+        let read = |bins: usize| {
+            let text = format!("[time]\nstep = 1\nsteps = 1\n[measure.m]\nhistogram = {{ bins = {bins} }}\n");
+            Scene::parse("a", "a.toml", &text, Path::new(""), &[]).map_err(|error| error.to_string())
+        };
+        assert!(read(MOST_BINS).is_ok());
+        assert!(read(MOST_BINS + 1).unwrap_err().contains("from 1 to 100000"));
     }
 }

@@ -1,5 +1,6 @@
 //! Physical quantities: a value in SI units with its dimension, and the units that a scene may use.
 
+use graintrain_linalg::real;
 use std::fmt;
 
 /// Exponents of length, mass, time and angle. Angles are told from plain numbers, so that degrees where a length
@@ -152,7 +153,7 @@ impl Quantity {
             return Err(format!("an exponent must be a number without unit, got {}", exponent.dimension));
         }
         if self.dimension == Dimension::NONE {
-            return Ok(Self::number(self.value.powf(exponent.value)));
+            return Ok(Self::number(real::powf(self.value, exponent.value)));
         }
         if exponent.value.fract() != 0.0 || exponent.value.abs() > 9.0 {
             return Err(format!("the exponent of {} must be a whole number up to 9", self.dimension));

@@ -210,6 +210,7 @@ impl<'a> Reader<'a> {
         let kind = SceneErrorKind::WrongUnit {
             key: path.into(),
             expected: expected.to_string(),
+            unit: expected.unit(),
             found: found.to_string(),
         };
         Err(SceneError::at(kind, &node.location))

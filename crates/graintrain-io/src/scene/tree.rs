@@ -158,7 +158,7 @@ pub(crate) fn set(root: &mut Node, key: &str, value: &str) -> Result<(), SceneEr
                 SceneErrorKind::UnknownKey {
                     key: only.clone(),
                     table: "the scene and its parameters".into(),
-                    closest: closest(only, known.clone()),
+                    closest: path_to(root, only).or_else(|| closest(only, known.clone())),
                     known: known.collect::<Vec<_>>().join(", "),
                 },
                 &location(span.clone()),
@@ -182,6 +182,16 @@ pub(crate) fn set(root: &mut Node, key: &str, value: &str) -> Result<(), SceneEr
     }
     let value = value_node(&source, key.len() + 1)?;
     insert(root, &path, &source, value).map_err(|(problem, span)| fail(problem, span))
+}
+
+/// The dotted path of the first table in the scene that has the key, where no list has to be entered for it.
+fn path_to(node: &Node, key: &str) -> Option<String> {
+    node.entries()?.iter().find_map(|entry| {
+        if entry.key == key {
+            return Some(key.to_string());
+        }
+        path_to(&entry.node, key).map(|rest| format!("{}.{rest}", entry.key))
+    })
 }
 
 /// The dotted key's parts with their spans.

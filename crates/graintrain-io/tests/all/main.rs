@@ -1,6 +1,7 @@
 //! Everything that reads and writes, in one program: linking it once is most of the cost.
 
 mod exchange;
+mod interruptions;
 mod measures;
 mod output;
 mod periodic;

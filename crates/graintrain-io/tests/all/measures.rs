@@ -35,8 +35,8 @@ fn run(folder: &Path, pause: u64) {
         let (mut saved, _) = checkpoint::latest(&folder.join("checkpoints")).unwrap();
         saved.settings.steps = steps;
         let taken = RunFolder::open(folder).unwrap();
-        let mut recorder = Recorder::resume(taken, &saved.settings, &saved.world).unwrap();
-        assert!(recorder.set_aside().is_empty());
+        let mut recorder = Recorder::resume(taken, &saved.settings, &saved.world, &saved.marks).unwrap();
+        assert!(recorder.losses().is_empty());
         let mut run = Run::new(saved.world, saved.settings, saved.totals, Default::default()).unwrap();
         run.advance(&mut [&mut recorder]).unwrap();
         recorder.checkpoint(&run.world, &run.totals, RunStatus::Finished).unwrap();

@@ -9,7 +9,6 @@ use graintrain::material::Materials;
 use graintrain::math::{Quat, Vec3};
 use graintrain::measure::energy::Ledger;
 use graintrain::motion::{Motion, Profile};
-use graintrain::relaxation::Opening;
 use graintrain::shape::{Geometry, Part, Shape};
 use graintrain::stepper::{PhaseSeconds, PhysicalErrors, SolverChoice, StepReport, StepSettings, Wrench};
 use graintrain::world::{Body, World};
@@ -109,6 +108,7 @@ fn advance(world: &mut World, settings: &RunSettings) -> StepReport {
             seconds: 0.01,
             newton: Vec::new(),
             history: Vec::new(),
+            stages: Vec::new(),
             remark: None,
         },
         penetration_max: 1e-5,
@@ -119,11 +119,9 @@ fn advance(world: &mut World, settings: &RunSettings) -> StepReport {
             cone_excess_max: 4e-3,
             slip_angle_max: 5e-2,
         },
-        opening: Opening { largest_over_size: 2e-3, opened: 1 },
         impacts: 3,
         impact_residual: Default::default(),
         restitution_lowered: 1,
-        contacts_wedged: 5,
         contacts_added: 2,
         contacts_missed: 1,
         overlap_corrected_max: 6e-6,
@@ -325,7 +323,8 @@ fn outputs_resumed_from_a_checkpoint_are_those_of_an_uninterrupted_run() {
     assert!(defects.is_empty());
     assert_eq!((resumed.world.step, &resumed.settings), (3, &settings));
     let mut world = resumed.world;
-    let mut recorder = Recorder::resume(RunFolder::open(cut.path()).unwrap(), &settings, &world).unwrap();
+    let mut recorder =
+        Recorder::resume(RunFolder::open(cut.path()).unwrap(), &settings, &world, &resumed.marks).unwrap();
     for _ in 4..=5 {
         let report = advance(&mut world, &settings);
         recorder.observe(view(&world, &report, &totals)).unwrap();

@@ -139,7 +139,8 @@ fn resume(folder: &Path) -> Run {
     let taken = RunFolder::open(folder).unwrap();
     let (checkpoint, defects) = checkpoint::latest(&folder.join("checkpoints")).unwrap();
     assert!(defects.is_empty());
-    let mut recorder = Recorder::resume(taken, &checkpoint.settings, &checkpoint.world).unwrap();
+    let mut recorder =
+        Recorder::resume(taken, &checkpoint.settings, &checkpoint.world, &checkpoint.marks).unwrap();
     let mut run = Run::new(checkpoint.world, checkpoint.settings, checkpoint.totals, never()).unwrap();
     assert_eq!(run.advance(&mut [&mut recorder]).unwrap(), Ending::Finished);
     recorder.checkpoint(&run.world, &run.totals, RunStatus::Finished).unwrap();
@@ -294,9 +295,7 @@ fn what_a_solver_remembers_is_in_the_checkpoint() {
             })
         };
         let whole = on(1, simulation.world.clone(), 48);
-        // Exact friction finds its own length and remembers none.
-        let remembers = friction == FrictionModel::Relaxed;
-        assert_eq!(whole.contacts.curvature.is_some(), remembers);
+        assert!(whole.contacts.curvature.is_some());
         let half = on(2, simulation.world.clone(), 36);
         let bytes = checkpoint::to_bytes(&settings(36), &RunTotals::default(), &half).unwrap();
         let kept = checkpoint::from_bytes(&bytes, "half").unwrap().world;

@@ -46,6 +46,10 @@ fn typos_name_place_and_closest_key() {
     let (message, help) = fails(&format!("parameters = {{ radius = 1 }}\n{BALL}"), &["raduis=3"]);
     assert_eq!(message, "--set:1:1: unknown key `raduis` in the scene and its parameters");
     assert!(help.starts_with("did you mean `radius`?"), "{help}");
+    // A key of a table that is somewhere in the scene.
+    let (message, help) = fails("[material.glass]\ndensity = 2000\n", &["density=2500"]);
+    assert_eq!(message, "--set:1:1: unknown key `density` in the scene and its parameters");
+    assert!(help.starts_with("did you mean `material.glass.density`?"), "{help}");
     assert_eq!(fails(BALL, &["banana"]).0, "--set:1:1: `banana` is not of the form KEY=VALUE");
     assert_eq!(fails(BALL, &["time.step.x=1"]).0, "--set:1:11: `time.step` holds a value, not a table");
 }
@@ -56,9 +60,11 @@ fn wrong_units_say_what_was_expected() {
         fails("[time]\nstep = \"1 mm\"\nend = 1\n", &[]),
         (
             "a.toml:2:8: `time.step` must be a time (s), got a length (m)".into(),
-            "write the unit after the number, \"3 mm\"; plain numbers are SI: m, kg, s, rad".into()
+            "write such a unit after the number, \"3 s\"; plain numbers are SI: m, kg, s, rad".into()
         )
     );
+    let help = fails(BALL, &["body.ball.density=2500 kg"]).1;
+    assert!(help.contains("\"3 kg/m^3\""), "{help}");
     let cases = [
         ("body.ball.shape.sphere.radius=30 deg", "must be a length (m), got an angle (rad)"),
         (
@@ -128,7 +134,7 @@ fn missing_and_contradicting_keys() {
         ("[packing.p]\nlattice = { counts = [1, 1, 1], pitch = 1 }\n", "`packing.p` lacks `radius`"),
         ("[packing.p]\nradius = 1\nlattice = { counts = [1, 0, 1], pitch = 1 }\n", "must be at least 1 each"),
         (
-            "[packing.p]\nradius = 1\nlattice = { counts = [1e6, 1e6, 1e6], pitch = 1 }\n",
+            "[packing.p]\nradius = 1\nlattice = { counts = [1e6, 1e6, 1e6], pitch = 3 }\n",
             "packing `p` asks for more than 100000000 bodies",
         ),
     ];

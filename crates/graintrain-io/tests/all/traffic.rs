@@ -95,7 +95,9 @@ fn run(text: &str, folder: &Path, pauses: &[u64]) -> Run {
         recorder.checkpoint(&run.world, &run.totals, RunStatus::Stopped).unwrap();
         drop(recorder);
         let (saved, _) = checkpoint::latest(&folder.join("checkpoints")).unwrap();
-        recorder = Recorder::resume(RunFolder::open(folder).unwrap(), &saved.settings, &saved.world).unwrap();
+        recorder =
+            Recorder::resume(RunFolder::open(folder).unwrap(), &saved.settings, &saved.world, &saved.marks)
+                .unwrap();
         run = Run::new(saved.world, saved.settings, saved.totals, Default::default()).unwrap();
     }
     assert_eq!(run.advance(&mut [&mut recorder]).unwrap(), Ending::Finished);

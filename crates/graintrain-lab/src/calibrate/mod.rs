@@ -27,12 +27,12 @@ pub mod report;
 use crate::sweep::SweepError;
 use crate::sweep::execute::{Execution, Outcome, Progress, execute};
 use crate::sweep::plan::{Cell, Plan};
+use graintrain_io::mark::Loss;
 use inference::{Distribution, Observation, Surrogates};
 use ledger::Ledger;
 use observe::Aims;
 use quasi_random::halton;
 use question::Question;
-use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
@@ -48,8 +48,8 @@ pub struct Stage<'a> {
     pub total: usize,
     /// The one that ended last.
     pub last: &'a str,
-    /// Where damaged tables of it went.
-    pub set_aside: &'a [PathBuf],
+    /// What of its tables was missing or damaged.
+    pub losses: &'a [Loss],
 }
 
 /// What a calibration came to.
@@ -144,8 +144,8 @@ pub fn calibrate(
         let new = cells(&plan, &aims, made)?;
         let before = made * runs_per_point;
         let report = |progress_of_round: Progress<'_>| {
-            let Progress { done, last, set_aside, .. } = progress_of_round;
-            progress(Stage { done: before + done, total, last, set_aside });
+            let Progress { done, last, losses, .. } = progress_of_round;
+            progress(Stage { done: before + done, total, last, losses });
         };
         let how = Execution { jobs: how.jobs.min(new.len()), ..how.clone() };
         for (cell, outcome) in new.iter().zip(execute(&plan, &new, &how, stop, &report)?) {

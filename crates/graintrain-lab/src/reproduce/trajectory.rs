@@ -226,16 +226,17 @@ impl Simulate {
     /// The scene with what differs from the paper.
     fn scene(&self) -> Result<Scene, ReproduceError> {
         let set = |key: &str, value: &str| (key.to_string(), value.to_string());
-        // Overlap is removed as in the paper, whatever the default has become.
+        // Overlap is removed and friction relaxed as in the paper, whatever the defaults have become.
+        let friction = if self.variant == Variant::Coulomb { "coulomb" } else { "relaxed" };
         let mut settings = vec![
             set("n", &self.n.to_string()),
             set("seed", &self.seed.to_string()),
             set("contact.overlap", "velocity"),
+            set("solver.friction", friction),
         ];
         let name = self.experiment.scene();
         match self.variant {
-            Variant::Paper => {}
-            Variant::Coulomb => settings.push(set("solver.friction", "coulomb")),
+            Variant::Paper | Variant::Coulomb => {}
             Variant::HalfStep => {
                 let own = Scene::load(name, &settings)?.build()?.settings.step;
                 settings.push(set("time.step", &format!("{} s", own / 2.0)));

@@ -4,6 +4,7 @@ use super::SweepError;
 use super::execute::{run_folder, write};
 use super::plan::{Cell, Plan};
 use graintrain::measure::statistics::{mean, steady_from};
+use graintrain_io::files::within;
 use graintrain_io::measure::{Measure, Quantity};
 use graintrain_view::view::tables::Table;
 use serde::Serialize;
@@ -168,7 +169,8 @@ pub fn collect(folder: &Path, cells: &[Cell], from: Option<f64>) -> Result<Colle
             if columns.iter().any(|[name, ..]| name == "bin") {
                 continue;
             }
-            let path = run.join(file);
+            let path = within(&run, file)
+                .ok_or_else(|| unreadable(&run.join("columns.json"), format!("it names {file:?}")))?;
             let table = Table::read(&path).map_err(|error| unreadable(&path, error))?;
             if table.odd_lines > 0 || columns.iter().any(|[name, ..]| table.column(name).is_none()) {
                 let what = format!(

@@ -5,6 +5,7 @@ use super::collect::observables_of;
 use super::plan::{Cell, Plan, label};
 use graintrain_io::checkpoint::{self, CheckpointError};
 use graintrain_io::files::{OutputError, make_folder};
+use graintrain_io::mark::Loss;
 use graintrain_io::output::folder::{PrepareError, RunFolder};
 use graintrain_io::output::recorder::Recorder;
 use graintrain_io::output::summary::RunStatus;
@@ -45,8 +46,8 @@ pub struct Progress<'a> {
     pub total: usize,
     /// The one that ended last.
     pub last: &'a str,
-    /// Where damaged tables of it went, that an interruption had left: nothing of them is erased.
-    pub set_aside: &'a [PathBuf],
+    /// What of its tables was missing or damaged after an interruption: nothing of them is erased.
+    pub losses: &'a [Loss],
 }
 
 /// Folder of a run.
@@ -122,12 +123,12 @@ pub fn execute(
             };
             match made {
                 Err(error) => return fail(error),
-                Ok((outcome, set_aside)) => {
+                Ok((outcome, losses)) => {
                     let mut list = outcomes.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
                     list[index] = outcome;
                     drop(list);
                     let done = done.fetch_add(1, Ordering::Relaxed) + 1;
-                    progress(Progress { done, total: cells.len(), last: &cell.name, set_aside: &set_aside });
+                    progress(Progress { done, total: cells.len(), last: &cell.name, losses: &losses });
                 }
             }
         }
@@ -159,7 +160,7 @@ fn make(
     cell: &Cell,
     folder: &Path,
     stop: &Arc<AtomicBool>,
-) -> Result<(Outcome, Vec<PathBuf>), SweepError> {
+) -> Result<(Outcome, Vec<Loss>), SweepError> {
     let folder = run_folder(folder, cell);
     let simulation = plan.load(&[], &cell.settings)?.build().map_err(|error| wrong(plan, cell, error))?;
     let resolved = simulation.resolved.to_toml().map_err(|error| wrong(plan, cell, error))?;
@@ -183,7 +184,7 @@ fn make(
     };
     let (run, mut recorder) = match saved.zip(taken) {
         Some((saved, taken)) => {
-            let recorder = Recorder::resume(taken, &saved.settings, &saved.world)?;
+            let recorder = Recorder::resume(taken, &saved.settings, &saved.world, &saved.marks)?;
             (Run::new(saved.world, saved.settings, saved.totals, Arc::clone(stop)), recorder)
         }
         // Nothing there: from the beginning.
@@ -198,7 +199,7 @@ fn make(
         }
     };
     let mut run = run.map_err(|error| SweepError::Plan(format!("{}: {error}", cell.name)))?;
-    let set_aside = recorder.set_aside();
+    let losses = recorder.losses();
     let outcome = match run.advance(&mut [&mut recorder]) {
         Ok(Ending::Finished) => {
             recorder.checkpoint(&run.world, &run.totals, RunStatus::Finished)?;
@@ -214,7 +215,7 @@ fn make(
             Outcome::Failed(error.to_string())
         }
     };
-    Ok((outcome, set_aside))
+    Ok((outcome, losses))
 }
 
 /// Whether the summary of a run says that it is done.

@@ -2,7 +2,7 @@ use super::bench::{Accuracy, Bench};
 use super::report::{Head, csv, html, markdown, table};
 use super::source::Source;
 use super::*;
-use graintrain_ccp::FrictionModel::Relaxed;
+use graintrain_ccp::FrictionModel::{Coulomb, Relaxed};
 use graintrain_ccp::Judge;
 
 fn sampled(ids: &[&str]) -> Vec<Case> {
@@ -76,7 +76,7 @@ fn rows_are_made_as_a_scene_that_asks_for_nothing_would() {
         Accuracy::SCENES,
         Accuracy { tolerance: settings.solver.tolerance, judge: settings.solver.judge }
     );
-    let row = Bench::new(1e-3, 0.0, Accuracy::SCENES, Relaxed).unwrap().row("nothing", 0.0, 0.0, 0.0);
+    let row = Bench::new(1e-3, 0.0, Accuracy::SCENES, Coulomb).unwrap().row("nothing", 0.0, 0.0, 0.0);
     assert_eq!(row.solver, settings.solver.name.to_string());
     assert_eq!(Some(settings.solver.friction), row.friction);
 }

@@ -20,6 +20,9 @@ pub struct Axis {
     pub range: Option<[f64; 2]>,
 }
 
+/// Values beyond it, or on a logarithmic axis below its inverse, are not drawn: margins and steps of axes stay numbers of full precision.
+const LARGEST: f64 = 1e250;
+
 /// A tick mark: where, and its text (empty for a minor tick).
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Tick {
@@ -46,7 +49,7 @@ impl Axis {
 
     /// Whether a value can be drawn on this axis.
     pub(super) fn shows(&self, value: f64) -> bool {
-        value.is_finite() && (self.scale == Scale::Linear || value > 0.0)
+        value.abs() <= LARGEST && (self.scale == Scale::Linear || value >= 1.0 / LARGEST)
     }
 
     /// The value on the scale: itself, or its decimal logarithm.
@@ -73,7 +76,7 @@ impl Axis {
         }
         match self.scale {
             Scale::Linear => {
-                let spread = if high > low { high - low } else { low.abs().max(1.0) };
+                let spread = if high - low >= 1.0 / LARGEST { high - low } else { low.abs().max(1.0) };
                 let step = nice_step(spread / 5.0);
                 // Ends on a tick unless that would waste much of the axis; zero is kept as an end.
                 let down = ((low / step).floor() * step).max(low - 0.3 * spread);

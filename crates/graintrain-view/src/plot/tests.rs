@@ -102,6 +102,28 @@ fn ticks_are_round_and_inside() {
     assert!(labels(1e-12, 1e12).len() <= 9);
 }
 
+/// A steps.csv may hold any number: axes of the smallest and largest ones have as many ticks as others, and no infinite end.
+#[test]
+fn axes_of_extreme_values_stay_small() {
+    let values = [1e-320, 5e-324, 1e-308, -1e-320, 1e-12, 1.0, 1.0 + 2e-16, 1e249, -1.7e308, 1.7e308, 0.0];
+    for axis in [Axis::linear("x"), Axis::log("x")] {
+        for low in values {
+            for high in values {
+                let Some(limits) = axis.limits([low, high].into_iter()) else { continue };
+                assert!(limits[0] < limits[1] && limits.iter().all(|end| end.is_finite()), "{limits:?}");
+                assert!(axis.scale == Scale::Linear || limits[0] > 0.0);
+                let ticks = axis.ticks(limits);
+                assert!(ticks.len() < 600, "{low:e} {high:e}: {} ticks", ticks.len());
+                assert!(ticks.iter().filter(|tick| !tick.text.is_empty()).count() <= 12);
+                let svg = Chart::new("", axis.clone(), axis.clone())
+                    .with(Series::line("", vec![[low, high], [high, low]]))
+                    .to_svg();
+                assert!(!svg.contains("NaN") && !svg.contains("inf"));
+            }
+        }
+    }
+}
+
 #[test]
 fn numbers_read_well() {
     for (value, text) in [

@@ -55,7 +55,7 @@ pub fn draw(image: &mut Image, legend: Option<&Legend>, time: f64, grains: usize
     ];
     image.strokes(&outline, (0.12 * unit).max(1.0), INK);
     if legend.exceeded {
-        image.text(width - 1.5 * unit, top - 1.4 * unit, "and more", 0.8 * size, Align::Right, INK);
+        image.text(width - 1.5 * unit, top - 2.3 * unit, "and more", 0.8 * size, Align::Right, INK);
     }
     // A long label takes two lines, so that it stays beside the picture.
     let words = legend.label.split(' ').count();
@@ -63,6 +63,6 @@ pub fn draw(image: &mut Image, legend: Option<&Legend>, time: f64, grains: usize
         Some((at, _)) if words > 2 => (&legend.label[..at], &legend.label[at + 1..]),
         _ => ("", legend.label.as_str()),
     };
-    image.text(width - 1.5 * unit, top - 7.0 * unit, first, size, Align::Right, INK);
-    image.text(width - 1.5 * unit, top - 4.0 * unit, second, size, Align::Right, INK);
+    image.text(width - 1.5 * unit, top - 7.8 * unit, first, size, Align::Right, INK);
+    image.text(width - 1.5 * unit, top - 4.8 * unit, second, size, Align::Right, INK);
 }

@@ -32,7 +32,10 @@ pub fn grains(world: &World) -> Vec<usize> {
     (0..world.bodies.len()).filter(|&body| world.free_degrees(body)[..3] == [true; 3]).collect()
 }
 
-/// The box that holds the grains and everything else of a like size. Half-spaces do not count.
+/// Farther than this part of the diagonal of the grains' box, what is no grain does not belong to the picture: a gate that has dropped.
+const FAR: f64 = 0.3;
+
+/// The box that holds the grains and everything else of a like size beside them. Half-spaces do not count.
 pub fn bounds(world: &World, grains: &[usize]) -> Bounds {
     let ball = |bounds: Bounds, body: usize, part: &Part| {
         let center = part_center(world, body, part);
@@ -44,6 +47,11 @@ pub fn bounds(world: &World, grains: &[usize]) -> Bounds {
         bounds = parts_of(body).iter().fold(bounds, |bounds, part| ball(bounds, body, part));
     }
     let diagonal = if bounds.is_empty() { f64::INFINITY } else { (bounds.high - bounds.low).length() };
+    let around = bounds;
+    let beside = |reach: &Bounds| {
+        let apart = (reach.low - around.high).max(around.low - reach.high);
+        around.is_empty() || apart.max_element() < FAR * diagonal
+    };
     let mut is_grain = vec![false; world.bodies.len()];
     grains.iter().for_each(|&body| is_grain[body] = true);
     let mut planes = Vec::new();
@@ -57,7 +65,7 @@ pub fn bounds(world: &World, grains: &[usize]) -> Bounds {
             }
             let points = part_points(world, body, part);
             let reach = points.iter().fold(Bounds::EMPTY, |bounds, &point| bounds.with(point, 0.0));
-            if !reach.is_empty() && (reach.high - reach.low).length() < 3.0 * diagonal {
+            if !reach.is_empty() && (reach.high - reach.low).length() < 3.0 * diagonal && beside(&reach) {
                 bounds = Bounds { low: bounds.low.min(reach.low), high: bounds.high.max(reach.high) };
             }
         }
@@ -66,7 +74,7 @@ pub fn bounds(world: &World, grains: &[usize]) -> Bounds {
     for (point, normal) in planes {
         let axis = normal.abs().max_position();
         let beyond = (bounds.low[axis] - point[axis]).max(point[axis] - bounds.high[axis]);
-        if normal[axis].abs() > 0.999 && beyond < 0.3 * diagonal {
+        if normal[axis].abs() > 0.999 && beyond < FAR * diagonal {
             bounds.low[axis] = bounds.low[axis].min(point[axis]);
             bounds.high[axis] = bounds.high[axis].max(point[axis]);
         }
@@ -167,9 +175,10 @@ pub fn primitives(
     }
     let centers: Vec<Vec3> = grains.iter().map(|&body| world.bodies.position[body]).collect();
     for body in (0..world.bodies.len()).filter(|&body| !is_grain[body]) {
+        let may_be_wall = stands_around(world, body, &centers);
         for part in &world.geometries[world.bodies.geometry[body].index()].parts {
             for form in forms(world, body, part, bounds) {
-                let (color, look) = match wall_hides(&form, &centers, camera) {
+                let (color, look) = match wall_hides(&form, &centers, camera).filter(|_| may_be_wall) {
                     Some(true) => (PANE, Look::Glass),
                     Some(false) => (WALL, Look::Solid),
                     None => (TOOL, Look::Solid),
@@ -255,10 +264,29 @@ fn wall_hides(form: &Form, grains: &[Vec3], camera: &Camera) -> Option<bool> {
     wall(form, grains).map(|(point, normal)| normal.dot(camera.eye - point) < 0.0)
 }
 
-/// Whether a part of a body is a wall around the grains: most of its surface has nearly all of them on one side.
-pub fn part_is_wall(world: &World, body: usize, part: &Part, grains: &[Vec3]) -> bool {
-    let forms: Vec<Form> = forms(world, body, part, &Bounds::EMPTY).collect();
-    2 * forms.iter().filter(|form| wall(form, grains).is_some()).count() > forms.len()
+/// Whether a body may be a wall: seen along some axis most grains lie within its box, as before a plate, in a trough or on a floor. What is
+/// smaller is a tool, like a wheel over a bed, however many grains are on one side of it.
+pub fn stands_around(world: &World, body: usize, grains: &[Vec3]) -> bool {
+    let parts = &world.geometries[world.bodies.geometry[body].index()].parts;
+    if parts.iter().any(|part| part.shape == Shape::Plane) {
+        return true;
+    }
+    let points = parts.iter().flat_map(|part| part_points(world, body, part));
+    let reach = points.fold(Bounds::EMPTY, |bounds, point| bounds.with(point, 0.0));
+    let within =
+        |grain: &Vec3, axis: usize| grain[axis] >= reach.low[axis] && grain[axis] <= reach.high[axis];
+    (0..3).any(|along| {
+        let others = [(along + 1) % 3, (along + 2) % 3];
+        let count = grains.iter().filter(|grain| others.iter().all(|&axis| within(grain, axis))).count();
+        2 * count > grains.len()
+    })
+}
+
+/// A triangle of a wall with its front towards the grains; `None` where they are on both sides.
+pub fn towards_grains(corners: [Vec3; 3], grains: &[Vec3]) -> Option<[Vec3; 3]> {
+    let [a, b, c] = corners;
+    let (_, normal) = wall(&Form::Triangle { corners }, grains)?;
+    Some(if normal.dot((b - a).cross(c - a)) >= 0.0 { corners } else { [a, c, b] })
 }
 
 /// Adds a tube per loaded contact, from centre to contact point to centre, whose thickness and colour grow with the

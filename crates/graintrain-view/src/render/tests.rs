@@ -323,3 +323,43 @@ fn unusable_settings_are_errors() {
     assert!(matches!(with(|s| s.view[0] = f64::INFINITY), Err(RenderError::Value { .. })));
     assert!("colour".parse::<ColorBy>().is_err());
 }
+
+/// A tool over the bed stays solid although all grains are on one side of its faces, a plate before them is glass, and a gate that has dropped
+/// away does not set the frame.
+#[test]
+fn tools_are_no_walls_and_what_is_far_sets_no_frame() {
+    let mut world = small_world();
+    let stone = world.bodies.material[0];
+    let fixed = world.bodies.motion[0];
+    let mut add = |half: Vec3, position: Vec3| {
+        let geometry = world.add_geometry(Geometry::cuboid(half).unwrap());
+        world.add_body(Body { motion: fixed, ..Body::new(geometry, stone, position) }).unwrap().index()
+    };
+    let tool = add(Vec3::new(0.01, 0.01, 0.04), Vec3::new(-0.02, 0.05, 0.3));
+    let plate = add(Vec3::new(0.3, 0.01, 0.2), Vec3::new(0.1, -0.2, 0.2));
+    let gate = add(Vec3::new(0.3, 0.3, 0.01), Vec3::new(0.1, 0.0, -1.0));
+    let grains = subject::grains(&world);
+    let bounds = subject::bounds(&world, &grains);
+    assert!(bounds.low.z > -0.1, "the gate is out of the picture: {bounds:?}");
+    let centers: Vec<Vec3> = grains.iter().map(|&body| world.bodies.position[body]).collect();
+    let are_walls = [tool, plate, gate].map(|body| subject::stands_around(&world, body, &centers));
+    assert_eq!(are_walls, [false, true, true]);
+    let eye = Vec3::new(0.1, -2.0, 0.3);
+    let camera =
+        Camera { eye, right: Vec3::X, up: Vec3::Z, forward: Vec3::Y, focal: 300.0, center: [100.0; 2] };
+    let (primitives, _) = subject::primitives(&world, &grains, &bounds, &camera, &RenderSettings::default());
+    let glass: Vec<&Form> = primitives.iter().filter(|p| p.look == Look::Glass).map(|p| &p.form).collect();
+    assert!(
+        matches!(glass[..], [Form::Box { center, .. }] if *center == world.bodies.position[plate]),
+        "{glass:?}"
+    );
+}
+
+/// The point of "1.100 s" is as black as its digits at the size that pictures have.
+#[test]
+fn a_decimal_point_is_seen() {
+    let mut image = Image { width: 40, height: 30, pixels: vec![[1.0; 3]; 1200] };
+    image.text(10.0, 20.0, ".", 11.0, image::Align::Left, [0.0; 3]);
+    let ink: f64 = image.pixels.iter().map(|pixel| 1.0 - pixel[0]).sum();
+    assert!(ink > 4.0, "{ink} pixels of ink");
+}

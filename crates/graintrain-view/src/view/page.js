@@ -3,7 +3,7 @@
 
 const header = JSON.parse(document.getElementById("header").textContent);
 const element = (id) => document.getElementById(id);
-const state = { frame: 0, playing: false, chains: false, walls: true, color: "speed", clock: 0 };
+const state = { frame: 0, playing: false, chains: false, walls: true, color: "speed", range: "0.95" };
 const VIRIDIS = [[68,1,84],[72,24,106],[71,45,123],[66,64,134],[59,82,139],[51,99,141],[44,114,142],[38,130,142],
   [33,145,140],[31,160,136],[40,174,128],[63,188,115],[94,201,98],[132,212,75],[173,220,48],[216,226,25],[253,231,37]];
 
@@ -61,8 +61,24 @@ const unit = (a) => { const l = Math.hypot(...a) || 1; return a.map((x) => x / l
 
 const up = header.up;
 const side = (() => { const x = sub([1, 0, 0], up.map((u) => u * up[0])); return unit(Math.hypot(...x) > 1e-3 ? x : cross(up, [0, 1, 0])); })();
-const home = () => ({ around: -Math.PI / 3, above: 0.42, distance: header.radius * 4, target: header.center.slice() });
-let camera = home();
+let camera;
+
+/** The view that the box of the grains and tools just fills. */
+function home() {
+  camera = { around: -Math.PI / 3, above: 0.42, distance: 0, target: header.center.slice() };
+  const { towards, right, top } = viewAxes(), [width, height] = lens();
+  for (let k = 0; k < 8; k++) {
+    const corner = header.half.map((h, axis) => ((k >> axis) & 1 ? h : -h));
+    const wide = Math.max(Math.abs(dot(right, corner)) * width, Math.abs(dot(top, corner)) * height);
+    camera.distance = Math.max(camera.distance, dot(towards, corner) + wide / 0.85);
+  }
+}
+
+/** Scales of the projection: half widths at unit distance, inverted. */
+function lens() {
+  const canvas = element("scene"), aspect = canvas.clientWidth / canvas.clientHeight || 1, f = 1 / Math.tan((15 * Math.PI) / 180);
+  return aspect < 1 ? [f, f * aspect] : [f / aspect, f];
+}
 
 function viewAxes() {
   const other = cross(up, side), { around, above } = camera;
@@ -79,9 +95,8 @@ function viewMatrix() {
     -dot(right, eye), -dot(top, eye), -dot(towards, eye), 1]);
 }
 
-function projection(aspect) {
-  const f = 1 / Math.tan((15 * Math.PI) / 180), near = camera.distance * 0.02, far = camera.distance + header.radius * 12;
-  const width = aspect < 1 ? f : f / aspect, height = aspect < 1 ? f * aspect : f;
+function projection() {
+  const near = camera.distance * 0.02, far = camera.distance + header.radius * 12, [width, height] = lens();
   return new Float32Array([width, 0, 0, 0, 0, height, 0, 0, 0, 0, (far + near) / (near - far), -1, 0, 0, (2 * far * near) / (near - far), 0]);
 }
 
@@ -228,6 +243,7 @@ class Batch {
 const SQUARE = [2, new Float32Array([-1, -1, 1, -1, -1, 1, 1, 1])];
 const RAMP = new Float32Array(VIRIDIS.flat().map((c) => c / 255));
 let frames = [], balls, tubes, groups = [];
+const grainBodies = header.grain.flatMap((grain, body) => (grain ? [body] : []));
 
 function setUp() {
   gl = element("scene").getContext("webgl2", { antialias: true, preserveDrawingBuffer: true });
@@ -252,17 +268,44 @@ function setUp() {
   gl.clearColor(1, 1, 1, 1);
 }
 
-/** Values of the chosen quantity as fractions of the colour range, by body. */
-function shades(frame) {
-  if (state.color === "radius") {
-    const radii = header.balls.radius, low = Math.min(...radii.slice(0, 1e5)), high = header.radius_max;
-    const all = new Float32Array(header.bodies);
-    header.balls.body.forEach((body, i) => { all[body] = high > low ? (radii[i] * frame.size[body] - low) / (high - low) : 0.5; });
-    return [all, low, high, "radius (m)"];
+/** Values of the chosen quantity by body. */
+function values(frame) {
+  if (state.color !== "radius") return frame[state.color];
+  const all = new Float32Array(header.bodies);
+  header.balls.body.forEach((body, i) => { all[body] = header.balls.radius[i] * frame.size[body]; });
+  return all;
+}
+
+const ranges = new Map();
+
+/** Ends of the colours: percentiles of the grains' values, in all frames or in the one that is shown; most are looked at, not all. */
+function range(frame) {
+  const now = state.range === "now", share = now ? 0.99 : Number(state.range), key = `${state.color} ${state.range}`;
+  if (!now && ranges.has(key)) return ranges.get(key);
+  const grains = state.color === "radius" ? header.balls.body : grainBodies, sample = [];
+  const shown = now ? [frame] : frames, stride = Math.max(1, Math.ceil((shown.length * grains.length) / 200000));
+  let k = 0;
+  for (const one of shown) {
+    const all = values(one);
+    for (; k < grains.length; k += stride) sample.push(all[grains[k]]);
+    k -= grains.length;
   }
-  const [values, high, label] = state.color === "speed"
-    ? [frame.speed, header.speed_shown, "speed (m/s)"] : [frame.force, header.force_shown, "largest contact force (N)"];
-  return [values.map((v) => v / high), 0, high, label];
+  sample.sort((a, b) => a - b);
+  const at = (part) => sample[Math.min(sample.length - 1, Math.round(part * (sample.length - 1)))] ?? 0;
+  let [low, high] = state.color === "radius" ? [at(1 - share), at(share)] : [0, at(share)];
+  // Where nearly all are at rest, what moves still has a colour.
+  if (!(high > low)) high = at(1) > low ? at(1) : low + (Math.abs(low) || 1);
+  const found = [low, high, at(1) > high * (1 + 1e-6)];
+  if (!now) ranges.set(key, found);
+  return found;
+}
+
+const LABELS = { speed: "speed (m/s)", force: "largest contact force (N)", radius: "radius (m)" };
+
+/** Values of the chosen quantity as fractions of the colour range, by body; the range, whether some are beyond it, the label. */
+function shades(frame) {
+  const [low, high, beyond] = range(frame);
+  return [values(frame).map((v) => (v - low) / (high - low)), low, high, beyond, LABELS[state.color]];
 }
 
 const digits = (x) => (x === 0 ? "0" : Math.abs(x) >= 1e5 || Math.abs(x) < 1e-3 ? x.toExponential(1) : String(Number(x.toPrecision(3))));
@@ -270,7 +313,7 @@ const digits = (x) => (x === 0 ? "0" : Math.abs(x) >= 1e5 || Math.abs(x) < 1e-3 
 /** Moves the data of the current frame to the graphics memory. */
 function load() {
   const frame = frames[state.frame];
-  const [shade, low, high, label] = shades(frame);
+  const [shade, low, high, beyond, label] = shades(frame);
   const { body, radius } = header.balls;
   const center = new Float32Array(3 * body.length), value = new Float32Array(body.length);
   body.forEach((b, i) => { center.set(frame.position.subarray(3 * b, 3 * b + 3), 3 * i); value[i] = shade[b]; });
@@ -304,7 +347,7 @@ function load() {
   const [name, first, last] = state.chains ? ["normal contact force (N)", 0, header.chain_shown] : [label, low, high];
   element("quantity").textContent = name;
   element("ends").children[0].textContent = digits(first);
-  element("ends").children[1].textContent = digits(last);
+  element("ends").children[1].textContent = (beyond && !state.chains ? "\u2265 " : "") + digits(last);
   element("clock").textContent = `t = ${frame.time.toFixed(3)} s`;
   element("time").value = state.frame;
   draw();
@@ -318,12 +361,13 @@ function draw() {
   gl.viewport(0, 0, width, height);
   gl.depthMask(true);
   gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
-  const common = { view: viewMatrix(), project: projection(width / height), ramp: RAMP, opacity: state.chains ? 0.5 : 1 };
-  const tints = { grain: [0, 0, 0, 0], tool: [0.42, 0.48, 0.56, 1], floor: [1.0, 1.01, 1.03, 1], wall: [0.35, 0.45, 0.55, 0.12] };
+  const common = { view: viewMatrix(), project: projection(), ramp: RAMP, opacity: state.chains ? 0.5 : 1 };
+  const tints = { grain: [0, 0, 0, 0], tool: [0.42, 0.48, 0.56, 1], wall: [1.25, 1.26, 1.28, 1] };
   const render = (kind) => groups.filter((group) => group.kind === kind).forEach((group) => group.batch.draw({ ...common, tint: tints[kind] }));
   if (!state.chains) { balls.draw(common); render("grain"); }
   render("tool");
-  if (state.walls) { gl.enable(gl.CULL_FACE); render("floor"); gl.disable(gl.CULL_FACE); }
+  // Walls between the eye and the grains show their backs, which are not drawn.
+  if (state.walls) { gl.enable(gl.CULL_FACE); render("wall"); gl.disable(gl.CULL_FACE); }
   tubes.draw(common);
   gl.enable(gl.BLEND);
   if (state.chains) {
@@ -333,8 +377,6 @@ function draw() {
     gl.colorMask(true, true, true, true);
     balls.draw(common);
   }
-  gl.depthMask(false);
-  if (state.walls) render("wall");
   gl.disable(gl.BLEND);
 }
 
@@ -362,12 +404,12 @@ class Plot {
     const c = canvas.getContext("2d");
     c.scale(ratio, ratio);
     c.font = "12px Helvetica, Arial, sans-serif";
-    const on = (y) => (this.log ? Math.log10(y) : y), usable = (y) => Number.isFinite(y) && (!this.log || y > 0);
+    const on = (y) => (this.log ? Math.log10(y) : y), usable = (y) => Math.abs(y) <= 1e250 && (!this.log || y >= 1e-250);
     let low = Infinity, high = -Infinity;
     for (const { y } of this.series) for (const v of y) if (usable(v)) { low = Math.min(low, on(v)); high = Math.max(high, on(v)); }
     if (low > high) [low, high] = [0, 1];
     if (!this.log && low > 0 && low < 0.5 * high) low = 0;
-    const pad = 0.05 * (high - low) || 0.5 * Math.abs(high) || 1;
+    const pad = high - low > 1e-250 ? 0.05 * (high - low) : Math.abs(high) > 1e-250 ? 0.5 * Math.abs(high) : 1;
     [low, high] = [low === 0 ? 0 : low - pad, high + pad];
     this.range = [this.x[0] ?? 0, this.x[this.x.length - 1] ?? 1];
     const [x0, x1] = this.range;
@@ -376,14 +418,16 @@ class Plot {
     c.textAlign = "center";
     c.fillText(this.title, 0.5 * width, 14);
     c.fillText("time (s)", 62 + 0.5 * (width - 74), height - 4);
+    // Multiples of d from low to high. No more than fit: sums of a tiny d would stand still.
+    const multiples = (d, low, high) => Array.from({ length: 12 }, (_, k) => (Math.ceil(low / d - 1e-9) + k) * d).filter((v) => v <= high + 1e-9 * d);
     const step = (span) => { const p = 10 ** Math.floor(Math.log10(span / 4)); return [1, 2, 5, 10].map((d) => d * p).find((s) => s >= span / 4); };
     c.strokeStyle = "#e2e2e2";
-    for (let d = step(x1 - x0 || 1), x = Math.ceil(x0 / d) * d; x <= x1 + 1e-9; x += d) {
+    for (const x of multiples(step(x1 - x0 || 1), x0, x1)) {
       c.beginPath(); c.moveTo(px(x), 28); c.lineTo(px(x), height - 34); c.stroke();
       c.fillText(digits(Math.abs(x) < 1e-12 ? 0 : x), px(x), height - 20);
     }
     c.textAlign = "right";
-    for (let d = this.log ? Math.max(1, Math.ceil((high - low) / 5)) : step(high - low), y = Math.ceil(low / d - 1e-9) * d; y <= high + 1e-9; y += d) {
+    for (const y of multiples(this.log ? Math.max(1, Math.ceil((high - low) / 5)) : step(high - low), low, high)) {
       const v = this.log ? 10 ** y : y, at = py(v);
       c.beginPath(); c.moveTo(62, at); c.lineTo(width - 12, at); c.stroke();
       c.fillText(digits(Math.abs(v) < 1e-12 * high ? 0 : v), 58, at + 4);
@@ -407,7 +451,7 @@ class Plot {
     c.beginPath(); c.moveTo(now, 28); c.lineTo(now, height - 34); c.stroke();
   }
 }
-let plots = [];
+let plots = [], autoplay = false;
 
 // ---- interaction ---------------------------------------------------------------------------------------------------
 
@@ -443,9 +487,10 @@ function listen() {
   element("time").max = frames.length - 1;
   element("time").addEventListener("input", (e) => { state.frame = Number(e.target.value); load(); });
   element("color").addEventListener("change", (e) => { state.color = e.target.value; load(); });
+  element("range").addEventListener("change", (e) => { state.range = e.target.value; load(); });
   element("chains").addEventListener("change", (e) => { state.chains = e.target.checked; load(); });
   element("walls").addEventListener("change", (e) => { state.walls = e.target.checked; draw(); });
-  element("home").addEventListener("click", () => { camera = home(); draw(); });
+  element("home").addEventListener("click", () => { home(); draw(); });
   const play = () => {
     state.playing = !state.playing;
     element("play").textContent = state.playing ? "Pause" : "Play";
@@ -466,6 +511,9 @@ function listen() {
     requestAnimationFrame(tick);
   };
   element("play").addEventListener("click", play);
+  // The last moment as a poster, then all of it from the start; not where the address names a moment or the reader wants no motion.
+  if (autoplay && !matchMedia("(prefers-reduced-motion: reduce)").matches) setTimeout(() => { if (!state.playing && autoplay) play(); }, 1500);
+  for (const name of ["pointerdown", "keydown"]) window.addEventListener(name, () => { autoplay = false; }, { capture: true, once: true });
   window.addEventListener("keydown", (e) => {
     const move = { ArrowRight: 1, ArrowLeft: -1 }[e.key];
     if (e.key === " " && e.target === document.body) { e.preventDefault(); play(); }
@@ -478,12 +526,14 @@ function listen() {
     element("ramp").style.background = `linear-gradient(to right, ${VIRIDIS.map((c) => `rgb(${c})`).join(",")})`;
     element("facts").textContent = header.facts;
     frames = await unpack();
-    // #frame=K&chains&color=NAME in the address choose what is shown first.
+    // #frame=K&chains&color=NAME&range=SHARE in the address choose what is shown first.
     const wanted = new URLSearchParams(location.hash.slice(1));
-    state.frame = Math.max(0, Math.min(frames.length - 1, Number(wanted.get("frame") ?? 0)));
+    autoplay = !wanted.has("frame");
+    state.frame = Math.max(0, Math.min(frames.length - 1, Number(wanted.get("frame") ?? frames.length - 1)));
     state.chains = element("chains").checked = wanted.has("chains");
-    if (wanted.get("color")) state.color = element("color").value = wanted.get("color");
+    for (const name of ["color", "range"]) if (wanted.get(name)) state[name] = element(name).value = wanted.get(name);
     setUp();
+    home();
     plots = header.plots.map((spec) => new Plot(spec));
     listen();
     load();

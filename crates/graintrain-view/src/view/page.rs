@@ -5,7 +5,7 @@ use super::tables::{Plot, plots};
 use super::{RunFolder, ViewError};
 use crate::plot::svg::escape;
 use crate::render::camera::Bounds;
-use crate::render::subject::{bounds, contact_force, grains, part_is_wall};
+use crate::render::subject::{bounds, contact_force, grains, stands_around, towards_grains};
 use graintrain::math::Vec3;
 use graintrain::shape::{Part, Shape};
 use graintrain::world::World;
@@ -18,6 +18,9 @@ const SCRIPT: &str = include_str!("page.js");
 
 /// Contacts below this part of the largest usual force are not embedded: their tubes would be thinner than a line.
 const WEAKEST_CHAIN: f64 = 0.027;
+
+/// Of so many positions of grains the camera takes its view; of more it takes every second, third, ...
+const MOST_FITTED: usize = 200_000;
 
 /// How a replay is made.
 #[derive(Clone, Debug, PartialEq)]
@@ -43,15 +46,14 @@ struct Header {
     low: [f32; 3],
     high: [f32; 3],
     speed_max: f32,
-    speed_shown: f32,
     force_max: f32,
-    force_shown: f32,
     chain_shown: f32,
     size_max: f32,
     radius_max: f64,
     grain_radius: f64,
     up: [f64; 3],
     center: [f64; 3],
+    half: [f64; 3],
     radius: f64,
     grain: Vec<u8>,
     balls: Balls,
@@ -70,7 +72,7 @@ struct Balls {
 /// Bodies that share a surface.
 #[derive(Serialize)]
 struct Group {
-    /// `grain`, `tool`, `floor` (seen from one side) or `wall` (translucent).
+    /// `grain`, `tool`, or `wall` (seen from the side of the grains only).
     kind: &'static str,
     /// Corners of the triangles in the bodies' frame, nine numbers each.
     triangles: Vec<f32>,
@@ -130,11 +132,7 @@ pub fn page(run: &RunFolder, settings: &ViewSettings) -> Result<String, ViewErro
     }
     let ranges = Ranges::of(&frames);
     let data = pack(&frames, &ranges)?;
-    let grain_values = |of: fn(&Frame) -> &Vec<f32>| {
-        let grains = &model.grains;
-        usual_largest(frames.iter().flat_map(move |frame| grains.iter().map(move |&body| of(frame)[body])))
-    };
-    let scene = model.bounds;
+    let scene = model.fitted(&frames, &absent);
     let duration = times[times.len() - 1];
     let header = Header {
         facts: format!("{} bodies, {} frames, {duration:.3} s", model.count, frames.len()),
@@ -142,15 +140,14 @@ pub fn page(run: &RunFolder, settings: &ViewSettings) -> Result<String, ViewErro
         low: ranges.low,
         high: ranges.high,
         speed_max: ranges.speed,
-        speed_shown: grain_values(|frame| &frame.speed),
         force_max: ranges.force,
-        force_shown: grain_values(|frame| &frame.force),
         chain_shown,
         size_max: ranges.size,
         radius_max: frames.iter().map(|frame| model.largest_ball(frame)).fold(0.0, f64::max),
         grain_radius: model.grain_radius,
         up: (-first.gravity).normalize_or(Vec3::Z).to_array(),
         center: scene.center().to_array(),
+        half: (0.5 * (scene.high - scene.low)).to_array(),
         radius: 0.5 * (scene.high - scene.low).length(),
         frames: frames
             .iter()
@@ -191,6 +188,8 @@ struct Model {
     balls: Balls,
     groups: Vec<Group>,
     bounds: Bounds,
+    /// Around all that is neither grain nor wall, where it is no larger than the scene.
+    tools: Bounds,
     /// Radius of the smallest ball around each body, m.
     reach: Vec<f64>,
 }
@@ -203,6 +202,7 @@ impl Model {
         grains.iter().for_each(|&body| is_grain[body] = true);
         let bounds = bounds(world, &grains);
         let centers: Vec<Vec3> = grains.iter().map(|&body| world.bodies.position[body]).collect();
+        let mut tools = Bounds::EMPTY;
         let mut balls = Balls::default();
         let mut groups: Vec<Group> = Vec::new();
         // Group of each geometry that grains share, once there is one.
@@ -226,16 +226,25 @@ impl Model {
                     }
                 },
                 _ => {
+                    let may_be_wall = stands_around(world, body, &centers);
+                    let (at, radius) = (world.bodies.position[body], reach(world, body));
+                    if !may_be_wall && 2.0 * radius < (bounds.high - bounds.low).length() {
+                        tools = tools.with(at, radius);
+                    }
                     for part in parts {
-                        let kind = match part.shape {
-                            Shape::Plane => "floor",
-                            _ if part_is_wall(world, body, part, &centers) => "wall",
-                            _ => "tool",
+                        let triangles = corners(part, Some((world, body, &bounds)));
+                        let [walls, tools] = match part.shape {
+                            Shape::Plane => [triangles, Vec::new()],
+                            _ if may_be_wall => sides(world, body, &triangles, &centers),
+                            _ => [Vec::new(), triangles],
                         };
-                        let triangles: Vec<f32> = corners(part, Some((world, body, &bounds)));
-                        match groups.iter_mut().find(|group| group.kind == kind && group.bodies == [body]) {
-                            Some(group) => group.triangles.extend(triangles),
-                            None => groups.push(Group { kind, triangles, bodies: vec![body] }),
+                        for (kind, triangles) in [("wall", walls), ("tool", tools)] {
+                            match groups.iter_mut().find(|group| group.kind == kind && group.bodies == [body])
+                            {
+                                _ if triangles.is_empty() => {}
+                                Some(group) => group.triangles.extend(triangles),
+                                None => groups.push(Group { kind, triangles, bodies: vec![body] }),
+                            }
                         }
                     }
                 }
@@ -248,7 +257,27 @@ impl Model {
         let grain_radius = smallest.fold(f64::INFINITY, f64::min);
         let grain_radius = if grain_radius.is_finite() { grain_radius } else { 1.0 };
         let reach = (0..count).map(|body| reach(world, body)).collect();
-        Self { count, grains, is_grain, grain_radius, oriented, balls, groups, bounds, reach }
+        Self { count, grains, is_grain, grain_radius, oriented, balls, groups, bounds, tools, reach }
+    }
+
+    /// The box that the camera looks at: around the grains of all frames, but for a hundredth of them on each side, and the tools. Walls
+    /// may reach far beyond.
+    fn fitted(&self, frames: &[Frame], absent: &[Vec<[usize; 2]>]) -> Bounds {
+        let stride = (frames.len() * self.grains.len()).div_ceil(MOST_FITTED).max(1);
+        let all = frames.iter().zip(absent).flat_map(|(frame, absent)| {
+            let is_there = |body: &usize| !absent.iter().any(|[first, end]| (*first..*end).contains(body));
+            self.grains.iter().copied().filter(is_there).map(|body| frame.position[body])
+        });
+        let points: Vec<[f32; 3]> = all.step_by(stride).collect();
+        let Some(outliers) = points.len().checked_sub(1).map(|last| last / 100) else { return self.bounds };
+        let ends = [0, 1, 2].map(|axis| {
+            let mut along: Vec<f32> = points.iter().map(|point| point[axis]).collect();
+            along.sort_unstable_by(f32::total_cmp);
+            [along[outliers], along[along.len() - 1 - outliers]].map(f64::from)
+        });
+        let [low, high] = [0, 1].map(|end| Vec3::from_array(ends.map(|ends| ends[end])));
+        let grains = Bounds::EMPTY.with(low, self.grain_radius).with(high, self.grain_radius);
+        Bounds { low: grains.low.min(self.tools.low), high: grains.high.max(self.tools.high) }
     }
 
     /// Radius of the largest ball of a frame, m.
@@ -292,6 +321,23 @@ impl Model {
                 .collect(),
         }
     }
+}
+
+/// Triangles of a body (nine numbers each, in its frame): those with the grains on one side, with their fronts towards them, and the others.
+fn sides(world: &World, body: usize, triangles: &[f32], grains: &[Vec3]) -> [Vec<f32>; 2] {
+    let (position, turn) = (world.bodies.position[body], world.bodies.orientation[body]);
+    let mut sorted = [Vec::new(), Vec::new()];
+    for own in triangles.as_chunks::<9>().0 {
+        let corner = |k: usize| Vec3::new(own[3 * k].into(), own[3 * k + 1].into(), own[3 * k + 2].into());
+        let placed = [0, 1, 2].map(|k| position + turn * corner(k));
+        match towards_grains(placed, grains) {
+            Some(seen) => sorted[0].extend(
+                seen.map(|at| (turn.conjugate() * (at - position)).as_vec3().to_array()).as_flattened(),
+            ),
+            None => sorted[1].extend(own),
+        }
+    }
+    sorted
 }
 
 /// Radius of the smallest ball about a body's centre that holds it, m.

@@ -8,6 +8,7 @@ use graintrain::math::{Mat3, Quat, Vec3};
 use graintrain::shape::{Geometry, Shape};
 use graintrain::world::{Body, World};
 use graintrain_io::checkpoint;
+use graintrain_io::files::within;
 use graintrain_io::output::exchange::{ARRAYS, Array, Snapshot};
 use graintrain_io::output::size::inscribed_radius;
 use graintrain_io::output::surfaces::surface;
@@ -141,9 +142,10 @@ impl RunFolder {
         let mut world = self.last.clone();
         world.time = frame.time;
         world.contacts = ContactSet::default();
-        let placed = self.place_particles(&mut world, &VtpFile::read(&self.folder.join(&frame.bodies))?)?;
+        let mut placed =
+            self.place_particles(&mut world, &VtpFile::read(&self.folder.join(&frame.bodies))?)?;
         for file in &frame.surfaces {
-            self.place_surfaces(&mut world, &VtpFile::read(&self.folder.join(file))?)?;
+            self.place_surfaces(&mut world, &VtpFile::read(&self.folder.join(file))?, &mut placed)?;
         }
         if let Some(file) = &frame.contacts {
             world.contacts = self.contacts(&world, &VtpFile::read(&self.folder.join(file))?)?;
@@ -253,8 +255,8 @@ impl RunFolder {
                 first = ends[k];
                 continue;
             };
-            // The contact point follows the centre of body A, which is left out where it cannot move.
-            let corner = first + usize::from(world.free_degrees(body_a).contains(&true));
+            // A line leads from body A over the contact point to body B.
+            let corner = first + 1;
             if corner >= ends[k] {
                 return Err(file.malformed(format!("line {k} has too few points")));
             }
@@ -275,18 +277,22 @@ impl RunFolder {
         Ok(set)
     }
 
-    /// Poses of the bodies that have no point of their own, from the first triangle of each.
-    fn place_surfaces(&self, world: &mut World, file: &VtpFile) -> Result<(), ViewError> {
+    /// Poses of the bodies that have no point of their own in this frame, from the first triangle of each.
+    fn place_surfaces(
+        &self,
+        world: &mut World,
+        file: &VtpFile,
+        placed: &mut [bool],
+    ) -> Result<(), ViewError> {
         let owners = self.bodies(world, file, "body_id")?;
         let points = file.vectors("Points")?;
         let corners = file.indices("connectivity", points.len())?;
         if corners.len() != 3 * owners.len() {
             return Err(file.malformed("its cells are not triangles".into()));
         }
-        let mut placed = vec![false; world.bodies.len()];
         for (triangle, body) in corners.chunks_exact(3).zip(&owners) {
             let Some(body) = *body else { continue };
-            if std::mem::replace(&mut placed[body], true) || world.free_degrees(body).contains(&true) {
+            if std::mem::replace(&mut placed[body], true) {
                 continue;
             }
             let geometry = &world.geometries[world.bodies.geometry[body].index()];
@@ -350,9 +356,15 @@ fn list(folder: &Path, name: &str) -> Result<Vec<(f64, String)>, ViewError> {
     let document = roxmltree::Document::parse(&text)
         .map_err(|error| ViewError::Malformed { path: path.clone(), what: error.to_string() })?;
     let entries = document.descendants().filter(|node| node.has_tag_name("DataSet"));
-    Ok(entries
-        .filter_map(|node| {
-            Some((node.attribute("timestep")?.parse().ok()?, node.attribute("file")?.to_string()))
-        })
-        .collect())
+    let entries = entries.filter_map(|node| {
+        Some((node.attribute("timestep")?.parse().ok()?, node.attribute("file")?.to_string()))
+    });
+    let entries: Vec<(f64, String)> = entries.collect();
+    match entries.iter().find(|(_, file)| within(folder, file).is_none()) {
+        Some((_, file)) => {
+            let what = format!("it names {file:?}, which is no file of the run");
+            Err(ViewError::Malformed { path, what })
+        }
+        None => Ok(entries),
+    }
 }

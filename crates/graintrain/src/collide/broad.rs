@@ -5,7 +5,7 @@ use super::identity::identity;
 use super::look::{Look, surface_speeds};
 use super::narrow::{Collidable, Placed, body_contacts};
 use super::reduce::Touch;
-use super::sweep::{advanced, arrivals, time_of_impact};
+use super::sweep::{advanced, arrivals, first_touch_of_balls, time_of_impact};
 use super::words::{contacts_from, words_of};
 use crate::contact::Contact;
 use crate::math::Vec3;
@@ -14,6 +14,7 @@ use graintrain_ccp::Ranks;
 use parry3d_f64::bounding_volume::Aabb;
 use rayon::prelude::*;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Bodies per parallel task. Fixed, so that tasks and their order do not depend on threads.
 pub(super) const TASK: usize = 256;
@@ -26,6 +27,7 @@ const USUAL: usize = 5;
 pub struct Collider {
     forms: Vec<Collidable>,
     ranks: Option<Arc<Ranks>>,
+    stop: Option<Arc<AtomicBool>>,
 }
 
 impl Collider {
@@ -33,6 +35,11 @@ impl Collider {
     /// bodies of its part, and all get all contacts.
     pub fn share_among(&mut self, ranks: Arc<Ranks>) {
         self.ranks = Some(ranks).filter(|ranks| ranks.count() > 1);
+    }
+
+    /// Ends a search under way as soon as the flag is set: what was found is then incomplete, and whoever set the flag has no use for it.
+    pub(crate) fn stop_on(&mut self, stop: Arc<AtomicBool>) {
+        self.stop = Some(stop);
     }
 
     /// All contacts with gap up to the envelope, m, and those further apart that would close within `step` seconds at
@@ -70,6 +77,9 @@ impl Collider {
                 let own = task * TASK..((task + 1) * TASK).min(bodies);
                 let mut found = Found { contacts: Vec::with_capacity(USUAL * own.len()), ..Found::default() };
                 for body in own {
+                    if self.stop.as_ref().is_some_and(|stop| stop.load(Ordering::Relaxed)) {
+                        break;
+                    }
                     self.contacts_of(world, &sorted, body, look, &mut found);
                 }
                 found.contacts
@@ -85,6 +95,33 @@ impl Collider {
             contacts.retain(|contact| joined.binary_search(&pair(contact)).is_err());
         }
         contacts
+    }
+
+    /// The contact with the least gap among those with none or overlap that `counts`; no others are kept: where all bodies overlap, every pair
+    /// would be one.
+    pub(super) fn deepest(
+        &mut self,
+        world: &World,
+        counts: impl Fn(&Contact) -> bool + Sync,
+    ) -> Option<Contact> {
+        self.update_forms(world);
+        let look = Look { envelope: 0.0, step: 0.0, fall: 0.0, meeting: false };
+        let (sorted, joined) = (self.sort(world, look.envelope, look.step), world.joined_pairs());
+        let pair = |c: &Contact| [c.body_a.min(c.body_b), c.body_a.max(c.body_b)];
+        let counts = |c: &Contact| counts(c) && joined.binary_search(&pair(c)).is_err();
+        let deeper = |a: &Contact, b: &Contact| a.gap.total_cmp(&b.gap);
+        let bodies = world.bodies.len();
+        let of_task = |task: usize| {
+            let mut found = Found::default();
+            let of_body = |body: usize| {
+                found.contacts.clear();
+                self.contacts_of(world, &sorted, body, look, &mut found);
+                found.contacts.iter().filter(|c| counts(c)).copied().min_by(deeper)
+            };
+            (task * TASK..((task + 1) * TASK).min(bodies)).filter_map(of_body).min_by(deeper)
+        };
+        let of_tasks: Vec<_> = (0..bodies.div_ceil(TASK)).into_par_iter().map(of_task).collect();
+        of_tasks.into_iter().flatten().min_by(deeper)
     }
 
     /// Every contact of two bodies that could close within the step if they moved with these velocities (six numbers per body), or
@@ -112,7 +149,7 @@ impl Collider {
     }
 
     /// Whether two bodies of the world that move with these velocities (u, w), as a step moves them, nowhere overlap by more than `allowed` and what they
-    /// fell till then, `fall` by the end of the step, m. Looked at in so many poses that a face no more curved than the smaller body's size is not missed; `false` where that would take
+    /// fell till then, `fall` by the end of the step, m. Of balls the nearest way is known; others are looked at in so many poses that a face no more curved than the smaller body's size is not missed; `false` where that would take
     /// more than [`POSES`].
     pub(crate) fn pass_freely(
         &self,
@@ -126,6 +163,12 @@ impl Collider {
         let ([a, b], image) = self.placed_pair(world, pair);
         if let Some(cell) = world.cell().filter(|_| image != [0; 3]) {
             velocities[1][0] += cell.image_velocity(image);
+        }
+        if let (Some(r_a), Some(r_b)) = (a.form.ball, b.form.ball) {
+            let (start, approach) = (a.position - b.position, velocities[0][0] - velocities[1][0]);
+            let nearest = (-start.dot(approach) / approach.length_squared()).clamp(0.0, step);
+            let nearest = if nearest.is_nan() { 0.0 } else { nearest };
+            return (start + nearest * approach).length() - r_a - r_b >= -allowed - fall * nearest / step;
         }
         let turn = |k: usize, form: &Collidable| {
             let spin = velocities[k][1].length();
@@ -164,20 +207,31 @@ impl Collider {
         self.form(world, body).ball.is_some()
     }
 
-    /// The contact of two balls that are apart and touch within the step as they move now: with the normal and the arms of that moment.
-    /// `None` for other bodies, and for balls that do not touch in it.
-    pub(crate) fn arrival_of_balls(&self, world: &World, apart: &Contact, step: f64) -> Option<Contact> {
+    /// The contact of two balls that are apart and come nearer, with the normal n and the arms of the moment within the step at which they
+    /// touch, or pass each other at the least distance, as they move now; `None` for other bodies and for balls that move apart.
+    ///
+    /// n . (x_A - x_B) >= r_A + r_B keeps balls apart whatever unit vector n is, since n . x <= |x|. But the line of centres of the start
+    /// bars the way of balls that pass each other, and one that is off by an angle a holds those that meet R a^2 / 2 apart.
+    pub(crate) fn aimed(&self, world: &World, apart: &Contact, step: f64) -> Option<Contact> {
         let pair = [apart.body_a, apart.body_b];
-        if !pair.iter().all(|&body| self.is_ball(world, body as usize)) {
+        let ([a, b], image) = self.placed_pair(world, pair);
+        let (Some(r_a), Some(r_b)) = (a.form.ball, b.form.ball) else { return None };
+        if image != apart.image {
             return None;
         }
-        let ([a, b], image) = self.placed_pair(world, pair);
-        let [v_a, v_b] = world.pair_velocities(pair);
-        let impact =
-            time_of_impact(a, b, v_a, v_b, step, 0.0).filter(|i| i.time > 0.0 && image == apart.image)?;
-        let arrival = *arrivals(&impact, a, b, v_a, v_b).first()?;
-        let lead = 0.5 * (arrival.on_a - arrival.on_b);
-        Some(Contact { lead, image, identity: apart.identity, ..contact(pair, &arrival.touch) })
+        let [[v_a, _], [v_b, _]] = world.pair_velocities(pair);
+        let (start, approach) = (a.position - b.position, v_a - v_b);
+        let closing = -start.dot(approach);
+        if closing <= 0.0 {
+            return None;
+        }
+        let moment = first_touch_of_balls(start, approach, r_a + r_b)
+            .unwrap_or_else(|| closing / approach.length_squared())
+            .min(step);
+        let normal = (start + moment * approach).try_normalize()?;
+        let (on_a, on_b) = (a.position - r_a * normal, b.position + r_b * normal);
+        let (point, lead) = (0.5 * (on_a + on_b), 0.5 * (on_a - on_b));
+        Some(Contact { point, normal, gap: normal.dot(start) - r_a - r_b, lead, ..*apart })
     }
 
     /// Size of the smaller body of a contact, m.

@@ -27,6 +27,7 @@ use super::reduce::{SAME_PATCH, Touch};
 use crate::hull::{Hull, HullFace};
 use crate::math::Vec3;
 use crate::shape::Shape;
+use graintrain_linalg::real;
 
 /// Points nearer than this fraction of the smaller size are left to the library.
 const CLEAR: f64 = 1e-6;
@@ -281,7 +282,7 @@ impl Solid<'_> {
                 let beyond = match *shape {
                     Shape::Box { half } => half.dot(own.abs()),
                     Shape::Cylinder { half_length, radius } => {
-                        radius * own.x.hypot(own.y) + half_length * own.z.abs()
+                        radius * real::hypot(own.x, own.y) + half_length * own.z.abs()
                     }
                     Shape::Hull(ref hull) => farthest(hull.corners(), own),
                     ref other => other.bounding_radius() * direction.length(),
@@ -390,7 +391,7 @@ fn inside_face(shape: &Shape, p: Vec3) -> f64 {
             (0..3).filter(|&k| k != largest).map(|k| -beyond[k]).fold(f64::INFINITY, f64::min)
         }
         Shape::Cylinder { half_length, radius } => {
-            let (across, along) = (p.x.hypot(p.y) - radius, p.z.abs() - half_length);
+            let (across, along) = (real::hypot(p.x, p.y) - radius, p.z.abs() - half_length);
             -across.min(along)
         }
         Shape::Hull(ref hull) => {

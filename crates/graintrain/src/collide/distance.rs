@@ -6,6 +6,7 @@
 use crate::hull::{Hull, HullFace, MOST_CORNERS};
 use crate::math::Vec3;
 use crate::shape::Shape;
+use graintrain_linalg::real;
 
 /// Faces of the largest hull: those of a triangulation of its corners.
 const MOST_FACES: usize = 2 * MOST_CORNERS;
@@ -66,12 +67,12 @@ fn to_box(c: Vec3, half: Vec3) -> Distance {
 }
 
 fn to_cylinder(c: Vec3, half_length: f64, radius: f64) -> Distance {
-    let rho = c.x.hypot(c.y);
+    let rho = real::hypot(c.x, c.y);
     let radial = if rho > 0.0 { Vec3::new(c.x / rho, c.y / rho, 0.0) } else { Vec3::X };
     let axial = Vec3::new(0.0, 0.0, 1.0_f64.copysign(c.z));
     let (across, along) = (rho - radius, c.z.abs() - half_length);
     if across > 0.0 && along > 0.0 {
-        let value = across.hypot(along);
+        let value = real::hypot(across, along);
         return Distance { value, normal: (across * radial + along * axial) / value };
     }
     if across > along {

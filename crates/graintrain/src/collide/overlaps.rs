@@ -22,12 +22,11 @@ pub struct Overlap {
 /// The deepest overlap of a world, if any two bodies overlap: what an initial state should be checked for. Pairs of
 /// bodies that are both fully prescribed are not looked at, nor those whose contacts are elastic: they overlap at rest.
 pub fn deepest_overlap(world: &World) -> Option<Overlap> {
-    let contacts = Collider::default().contacts(world, 0.0, 0.0);
-    let is_rigid = |contact: &&Contact| {
+    let is_rigid = |contact: &Contact| {
         let [a, b] = world.materials_of(contact);
         world.materials.pair_elasticity(a, b).is_rigid()
     };
-    let deepest = contacts.iter().filter(is_rigid).min_by(|a, b| a.gap.total_cmp(&b.gap))?;
+    let deepest = Collider::default().deepest(world, is_rigid)?;
     (deepest.gap < 0.0).then_some(Overlap {
         body_a: deepest.body_a,
         body_b: deepest.body_b,

@@ -13,6 +13,7 @@ use super::reduce::Touch;
 use crate::hull::HullEdge;
 use crate::math::{Quat, Vec3, tangents};
 use crate::shape::Shape;
+use graintrain_linalg::real;
 
 /// By this fraction of the smaller size edges have to be farther apart than faces to be preferred.
 const FACES_FIRST: f64 = 1e-9;
@@ -376,7 +377,7 @@ fn clipped(
             let p = own.corners[corner as usize];
             let over = sides(other_face.corners).all(|(c, d)| {
                 let [c, d] = [c, d].map(|k| flat(other.corners[k as usize]));
-                turn * cross(c, d, flat(p)) >= -BESIDE * unit * (d[0] - c[0]).hypot(d[1] - c[1])
+                turn * cross(c, d, flat(p)) >= -BESIDE * unit * real::hypot(d[0] - c[0], d[1] - c[1])
             });
             if over {
                 // From the corner along the normal to the other face's plane.

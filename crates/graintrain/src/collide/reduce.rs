@@ -1,6 +1,7 @@
 //! Contact reduction: the points that a patch of contact needs.
 
 use crate::math::{Vec3, tangents};
+use graintrain_linalg::real;
 use std::collections::HashMap;
 
 /// Where two shapes touch, as found by a kernel.
@@ -121,7 +122,7 @@ fn keep_four(patch: &mut Vec<Touch>) {
             if v > best.1 { (i, v) } else { best }
         })
     };
-    let (far, _) = largest(&|i| flat[i][0].hypot(flat[i][1]));
+    let (far, _) = largest(&|i| real::hypot(flat[i][0], flat[i][1]));
     let side = |i: usize| flat[far][0] * flat[i][1] - flat[far][1] * flat[i][0];
     let (left, left_area) = largest(&side);
     let (right, right_area) = largest(&|i| -side(i));
@@ -137,7 +138,7 @@ fn keep_four(patch: &mut Vec<Touch>) {
             .extend([(left, left_area), (right, right_area)].iter().filter(|(_, a)| *a > 0.0).map(|p| p.0));
         indices
     };
-    let extent = flat[far][0].hypot(flat[far][1]);
+    let extent = real::hypot(flat[far][0], flat[far][1]);
     let place = |i: usize| [flat[i][0] / extent, flat[i][1] / extent, patch[i].gap / extent];
     let mut places: Vec<[f64; 3]> = kept_first.iter().map(|&i| place(i)).collect();
     for i in 0..patch.len() {
@@ -154,7 +155,7 @@ fn keep_four(patch: &mut Vec<Touch>) {
 fn is_held(p: [f64; 3], kept: &[[f64; 3]]) -> bool {
     let cross =
         |a: [f64; 3], b: [f64; 3], c: [f64; 3]| (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
-    let apart = |a: [f64; 3], b: [f64; 3]| (a[0] - b[0]).hypot(a[1] - b[1]);
+    let apart = |a: [f64; 3], b: [f64; 3]| real::hypot(a[0] - b[0], a[1] - b[1]);
     for (i, &a) in kept.iter().enumerate() {
         for (j, &b) in kept.iter().enumerate().skip(i + 1) {
             let length = apart(a, b);

@@ -130,23 +130,24 @@ fn closed_form(
     let approach = velocity_a[0] - velocity_b[0];
     let apart = a.position - b.position;
     match (a.form.ball, b.form.ball) {
-        (Some(r_a), Some(r_b)) => {
-            // |apart + t approach| = r_a + r_b, the earlier root, without cancellation.
-            let radius = r_a + r_b;
-            let constant = apart.length_squared() - radius * radius;
-            let linear = apart.dot(approach);
-            let discriminant = linear * linear - approach.length_squared() * constant;
-            Some(if constant <= 0.0 {
-                Some(0.0)
-            } else if linear >= 0.0 || discriminant < 0.0 {
-                None
-            } else {
-                Some(constant / (discriminant.sqrt() - linear))
-            })
-        }
+        (Some(r_a), Some(r_b)) => Some(first_touch_of_balls(apart, approach, r_a + r_b)),
         (Some(radius), None) => ball_and_plane(radius, apart, approach, b, velocity_b[1]),
         (None, Some(radius)) => ball_and_plane(radius, -apart, -approach, a, velocity_a[1]),
         (None, None) => None,
+    }
+}
+
+/// When |apart + t approach| is first the sum of the radii, t >= 0: the earlier root, without cancellation.
+pub(super) fn first_touch_of_balls(apart: Vec3, approach: Vec3, radii: f64) -> Option<f64> {
+    let constant = apart.length_squared() - radii * radii;
+    let linear = apart.dot(approach);
+    let discriminant = linear * linear - approach.length_squared() * constant;
+    if constant <= 0.0 {
+        Some(0.0)
+    } else if linear >= 0.0 || discriminant < 0.0 {
+        None
+    } else {
+        Some(constant / (discriminant.sqrt() - linear))
     }
 }
 

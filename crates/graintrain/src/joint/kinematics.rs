@@ -14,6 +14,7 @@
 
 use super::{Coordinate, JointKind, PlacedJoint};
 use crate::math::{Quat, Vec3};
+use graintrain_linalg::real;
 use std::f64::consts::TAU;
 
 /// Where the body of this index is.
@@ -135,7 +136,7 @@ impl Placed {
 
     fn angle(&self, near: f64) -> Row {
         let [[t1, t2, axis], [b, ..]] = self.frames;
-        let principal = b.dot(t2).atan2(b.dot(t1));
+        let principal = real::atan2(b.dot(t2), b.dot(t1));
         let value = principal + TAU * ((near - principal) / TAU).round();
         self.turn(value, axis)
     }

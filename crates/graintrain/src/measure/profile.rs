@@ -5,6 +5,7 @@ use crate::load::Region;
 use crate::math::Vec3;
 use crate::shape::Shape;
 use crate::world::World;
+use graintrain_linalg::real;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 
@@ -104,7 +105,7 @@ pub fn profile(world: &World, selected: &[bool], bins: &Bins, region: Option<&Re
 fn coordinate(along: Along, point: Vec3) -> f64 {
     match along {
         Along::Axis(axis) => point[axis],
-        Along::Radius(centre) => (point.x - centre.x).hypot(point.y - centre.y),
+        Along::Radius(centre) => real::hypot(point.x - centre.x, point.y - centre.y),
     }
 }
 

@@ -3,6 +3,7 @@
 use super::profile::Along;
 use super::space::bounds;
 use crate::world::World;
+use graintrain_linalg::real;
 
 /// Heights between these shares of the way from foot to top make the slope: neither the rounded top nor the run-out at the foot.
 const MIDDLE: [f64; 2] = [0.15, 0.85];
@@ -25,7 +26,7 @@ pub fn slope(world: &World, selected: &[bool], along: Along, width: f64) -> Slop
     for (body, place) in world.bodies.position.iter().enumerate().filter(|(body, _)| selected[*body]) {
         let x = match along {
             Along::Axis(axis) => place[axis],
-            Along::Radius(centre) => (place.x - centre.x).hypot(place.y - centre.y),
+            Along::Radius(centre) => real::hypot(place.x - centre.x, place.y - centre.y),
         };
         let top = tops.entry((x / width).floor() as i64).or_insert(f64::NEG_INFINITY);
         *top = top.max(bounds(world, body)[1].z);
@@ -40,7 +41,7 @@ pub fn slope(world: &World, selected: &[bool], along: Along, width: f64) -> Slop
         .map(|(column, top)| [(*column as f64 + 0.5) * width, *top])
         .collect();
     let (slope, roughness) = line(&points);
-    let angle = if points.len() >= 3 { -slope.atan() } else { f64::NAN };
+    let angle = if points.len() >= 3 { -real::atan(slope) } else { f64::NAN };
     Slope { angle, roughness, columns: points.len() }
 }
 

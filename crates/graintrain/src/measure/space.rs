@@ -6,6 +6,7 @@ use crate::load::Region;
 use crate::math::{Quat, Vec3};
 use crate::shape::{Geometry, Shape};
 use crate::world::World;
+use graintrain_linalg::real;
 use std::collections::HashMap;
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -99,7 +100,7 @@ pub fn volume(region: &Region) -> f64 {
 fn disc_and_triangle(radius: f64, a: [f64; 2], b: [f64; 2]) -> f64 {
     let cross = |u: [f64; 2], v: [f64; 2]| u[0] * v[1] - u[1] * v[0];
     let dot = |u: [f64; 2], v: [f64; 2]| u[0] * v[0] + u[1] * v[1];
-    let sector = |u: [f64; 2], v: [f64; 2]| 0.5 * radius * radius * cross(u, v).atan2(dot(u, v));
+    let sector = |u: [f64; 2], v: [f64; 2]| 0.5 * radius * radius * real::atan2(cross(u, v), dot(u, v));
     let d = [b[0] - a[0], b[1] - a[1]];
     let (quadratic, linear, constant) = (dot(d, d), dot(a, d), dot(a, a) - radius * radius);
     let root = (linear * linear - quadratic * constant).max(0.0).sqrt();
@@ -133,20 +134,22 @@ pub(crate) fn disc_and_disc(a: f64, b: f64, distance: f64) -> f64 {
         return PI * small * small;
     }
     let angle = |near: f64, far: f64| {
-        ((distance * distance + near * near - far * far) / (2.0 * distance * near)).clamp(-1.0, 1.0).acos()
+        real::acos(
+            ((distance * distance + near * near - far * far) / (2.0 * distance * near)).clamp(-1.0, 1.0),
+        )
     };
     let (x, y) = (angle(a, b), angle(b, a));
-    a * a * (x - 0.5 * (2.0 * x).sin()) + b * b * (y - 0.5 * (2.0 * y).sin())
+    a * a * (x - 0.5 * real::sin(2.0 * x)) + b * b * (y - 0.5 * real::sin(2.0 * y))
 }
 
 /// Volume of the part between the heights `low` and `high` (above the centre) of a body of revolution inside a ball: the integral of
 /// the area that `area` gives for the disc of each radius.
 fn slices(radius: f64, low: f64, high: f64, area: impl Fn(f64) -> f64) -> f64 {
     // With z = R sin t the integrand is smooth at the poles.
-    let [from, to] = [low, high].map(|z| (z / radius).clamp(-1.0, 1.0).asin());
+    let [from, to] = [low, high].map(|z| real::asin((z / radius).clamp(-1.0, 1.0)));
     let width = (to - from) / SLICES as f64;
     let at = |k: usize| from + (k as f64 + 0.5) * width;
-    (0..SLICES).map(|k| radius * at(k).cos() * width * area(radius * at(k).cos())).sum()
+    (0..SLICES).map(|k| radius * real::cos(at(k)) * width * area(radius * real::cos(at(k)))).sum()
 }
 
 /// Volume that a ball has in common with a region, m^3; exact where the region holds or misses it, otherwise to about 1e-4 of the ball.
@@ -165,7 +168,7 @@ pub fn ball_in_region(centre: Vec3, radius: f64, region: &Region) -> f64 {
         }
         Region::Cylinder { base, radius: outer, height } => {
             let d = centre - base;
-            let distance = d.x.hypot(d.y);
+            let distance = real::hypot(d.x, d.y);
             if distance + radius <= outer && d.z >= radius && d.z + radius <= height {
                 return whole;
             }
@@ -271,7 +274,7 @@ pub(crate) fn disc_in_region(region: &Region, centre: Vec3, radius: f64) -> f64 
             disc_and_rectangle(radius, corner(min), corner(max))
         }
         Region::Cylinder { base, radius: own, .. } => {
-            disc_and_disc(own, radius, (base.x - centre.x).hypot(base.y - centre.y))
+            disc_and_disc(own, radius, real::hypot(base.x - centre.x, base.y - centre.y))
         }
     }
 }

@@ -3,7 +3,7 @@
 use super::error::check_velocity;
 use super::mobility;
 use super::{StepError, Stepper};
-use crate::assemble::{assemble, contact_rows, of_each, relative_velocities, warm_start};
+use crate::assemble::{assemble, contact_rows, of_each, warm_start};
 use crate::cell::{Cell, moved_mass};
 use crate::cell_problem::CellRows;
 use crate::clock::{Clock, Lap};
@@ -12,12 +12,9 @@ use crate::elasticity;
 use crate::impact::{ImpactSolver, Impacts, Rows};
 use crate::integrate::{free_velocity, inverse_mass, inverse_mass_in_step};
 use crate::joint::mechanism::{JointReactions, Mechanisms};
-use crate::math::Vec3;
 use crate::part_solver::{PartSolver, Solved};
 use crate::world::World;
-use graintrain_ccp::{
-    Ccp, CcpError, Delassus, FrictionModel, RigidContact, SolveReport, SolveSettings, Status,
-};
+use graintrain_ccp::{Ccp, CcpError, Delassus, RigidContact, SolveReport, SolveSettings, Status};
 use graintrain_linalg::parallel::axpy;
 use std::borrow::Cow;
 use std::collections::{HashMap, HashSet};
@@ -52,8 +49,6 @@ pub(super) struct Attempt {
     pub(super) velocity: Vec<f64>,
     pub(super) solve: SolveReport,
     pub(super) parts: usize,
-    /// Contacts with exact friction, because their relaxation has no solution or throws bodies away, as places in the problem.
-    pub(super) wedged: Vec<usize>,
     pub(super) assembled: Clock,
 }
 
@@ -81,36 +76,11 @@ impl Stepper {
         let impact_lap = begin.lap();
         // In impacts drag has no time to act.
         let masses = if world.drag.is_empty() { masses } else { inverse_mass_in_step(world, step) };
-        let slip = match self.settings.solver.friction {
-            FrictionModel::Relaxed if world.materials.has_cohesive_pairs() => {
-                relative_velocities(world.cell(), contacts, &rows, &impacts.velocity)
-            }
-            _ => Vec::new(),
-        };
-        let pushed = world.contacts.contacts.iter().zip(&world.contacts.impulse);
-        let pushed: HashSet<u64> = match slip.is_empty() {
-            true => HashSet::new(),
-            false => pushed.filter(|(_, impulse)| **impulse != Vec3::ZERO).map(|(c, _)| c.identity).collect(),
-        };
-        // Only what touched is held apart by sliding: what flies past is not pulled.
-        let reach = |i: usize| {
-            let [a, b] = world.materials_of(&contacts[i]);
-            let slides = pushed.contains(&contacts[i].identity);
-            let slip = slip.get(3 * i + 1..3 * i + 3).filter(|_| slides);
-            let opened = slip.map_or(0.0, |u| step * world.materials.pair_friction(a, b) * u[0].hypot(u[1]));
-            elasticity::TOUCHING * self.collider.contact_size(world, &contacts[i]) + opened
-        };
-        let pulls = elasticity::pulls(world, contacts, reach, step);
+        let pulls = elasticity::pulls(world, contacts, |c| self.collider.contact_size(world, c), step);
         let mut free = free_velocity(world, &impacts.velocity, step);
         elasticity::apply_pulls(&rows, &pulls, &masses, &mut free);
-        let waits = |i: &u32| {
-            self.settings.solver.friction == FrictionModel::Relaxed
-                && impacts.under_way.binary_search(i).is_ok()
-                && !driven.contains(&contacts[*i as usize].identity)
-        };
-        let mut active: Vec<u32> = (0..contacts.len() as u32).filter(|i| !waits(i)).collect();
-        let mut chosen = chosen_of(contacts, &active);
-        let rows = if active.len() == rows.len() { rows } else { of_each(&active, |&i| rows[i as usize]) };
+        let mut active: Vec<u32> = (0..contacts.len() as u32).collect();
+        let mut chosen = Cow::from(contacts);
         let mut mechanisms = Mechanisms::new(world, &masses, &impacts.velocity, free, step);
         mechanisms.predict(&[]);
         let overlap = self.settings.overlap;
@@ -154,7 +124,7 @@ impl Stepper {
         let settings = self.solve_settings();
         let WithCell { solved, posed, cell } =
             self.solve_with_cell(world, (&chosen, &active), &impacts, &mut problem, &mut impulse)?;
-        let Solved { report: mut solve, mut parts, mut wedged } = solved;
+        let Solved { report: mut solve, mut parts } = solved;
         let rounds = self.parameters.repetition.joint_rounds;
         let (mut on_bodies, mut agrees) = (Vec::new(), true);
         if let Some(spare) = spare {
@@ -168,7 +138,7 @@ impl Stepper {
                 mechanisms.predict(&on_bodies);
                 (problem, free) = pose(&mechanisms, &chosen, spare.clone());
                 let again = self.solve(world, &problem, &mut impulse)?;
-                (solve, parts, wedged) = (again.report.after(&solve), again.parts, again.wedged);
+                (solve, parts) = (again.report.after(&solve), again.parts);
                 on_bodies = body_impulses(&problem, &impulse);
             }
         }
@@ -198,7 +168,6 @@ impl Stepper {
             velocity,
             solve,
             parts,
-            wedged,
             assembled,
         })
     }

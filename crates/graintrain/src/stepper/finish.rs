@@ -1,8 +1,8 @@
 //! What is left of a step once it is solved: the overlap removed, the report made, what the next step starts from kept.
 
+use super::Stepper;
 use super::attempt::{Attempt, chosen_of};
 use super::placement::{Placement, taken_along};
-use super::{Last, Stepper};
 use crate::assemble::{OverlapCorrection, of_each, pair_property, relative_velocities};
 use crate::cell;
 use crate::clock::{Clock, Laps};
@@ -11,11 +11,10 @@ use crate::load;
 use crate::math::Vec3;
 use crate::measure::energy;
 use crate::overlap::{Correction, Gaps};
-use crate::relaxation::Opening;
 use crate::step_report::{PhysicalErrors, StepReport, wrenches};
 use crate::turning::{turning_velocities, world_moment};
 use crate::world::World;
-use graintrain_ccp::{Delassus, FrictionModel, RigidContact, Status};
+use graintrain_ccp::{Delassus, RigidContact, Status};
 use rayon::prelude::*;
 
 impl Stepper {
@@ -98,7 +97,6 @@ impl Stepper {
             velocity,
             mut solve,
             parts,
-            wedged,
             ..
         } = attempt;
         let left = impacts.residual.judged(self.settings.solver.judge);
@@ -140,12 +138,6 @@ impl Stepper {
         }
         let accuracy = (step, self.settings.solver.tolerance);
         let errors = PhysicalErrors::of(&chosen, &chosen_size, (&problem, &impulse), &u, accuracy);
-        let opening = match self.settings.solver.friction {
-            FrictionModel::Relaxed => {
-                Opening::of(&chosen_size, (&problem, &impulse, threshold), &u, (step, &wedged))
-            }
-            FrictionModel::Coulomb => Opening::default(),
-        };
         drop(chosen);
         let curvature = solve.curvature.or(world.contacts.curvature);
         let set = ContactSet { contacts, impulse: world_impulse, friction, moment, curvature };
@@ -180,14 +172,12 @@ impl Stepper {
             contacts: world.contacts.contacts.len(),
             contacts_with_force: with_force.iter().filter(|&&force| force).count(),
             parts,
-            contacts_wedged: wedged.len(),
             solve,
             penetration_max: deepest,
             penetration_max_over_size: over_size,
             kinetic_energy,
             ledger,
             errors,
-            opening,
             impacts: impacts.count,
             impact_residual: impacts.residual,
             restitution_lowered: impacts.lowered,
@@ -199,8 +189,7 @@ impl Stepper {
             processor,
             wrenches,
         };
-        let gap = active.iter().map(|&i| world.contacts.contacts[i as usize].gap).collect();
-        self.last = Some(Last { problem: posed.unwrap_or(problem), impulse, gap });
+        self.last = Some((posed.unwrap_or(problem), impulse));
         report
     }
 }

@@ -8,6 +8,7 @@
 use crate::math::Vec3;
 use crate::world::World;
 use graintrain_ccp::{Ccp, Delassus, RigidContact};
+use graintrain_linalg::real;
 
 /// Normals that pass the axis of a lever by less than about this share of its length have no lever: forces at them would be the inverse times those along it.
 const LEVER: f64 = 1e-6;
@@ -41,5 +42,5 @@ pub(super) fn immobile(world: &World, problem: &Ccp, step: f64) -> Vec<usize> {
 /// Whether bodies approach at a contact by more than rounding, with Phi / dt + u_n and u_t.
 pub(super) fn approaches(row: &RigidContact, r: &[f64], step: f64) -> bool {
     let arm = Vec3::from_array(row.arm_a).length().max(Vec3::from_array(row.arm_b).length());
-    r[0] < -(ROUNDING * r[1].hypot(r[2]) + TOUCH * arm / step)
+    r[0] < -(ROUNDING * real::hypot(r[1], r[2]) + TOUCH * arm / step)
 }

@@ -271,8 +271,7 @@ impl Stepper {
     /// They are found by taking the impulses of a pair away: where Phi + dt u_n says that the bodies would then be inside each other by
     /// more than 5e-4 of the smaller one's size, and on the way they nowhere are by a fifth of that, there is nothing to hold apart. What a body
     /// falls in the step is allowed for: the contact may have carried its weight in another one's place. Where they fall too far for that, what they do that go on as
-    /// the step found them, and no higher, tells instead. Those in `kept` stay, and those of two balls: they
-    /// have no seams, and grains that fly past each other are many.
+    /// the step found them, and no higher, tells instead. Those in `kept` stay, and those of two balls that touch: they have no seams.
     pub(super) fn phantoms(
         &self,
         world: &World,
@@ -288,11 +287,23 @@ impl Stepper {
             let contact = contact(k);
             [contact.body_a.min(contact.body_b), contact.body_a.max(contact.body_b)]
         };
-        let with_seams = |k: &usize| pair(*k).iter().any(|&body| !collider.is_ball(world, body as usize));
-        let mut order: Vec<usize> = (0..rows.len()).into_par_iter().filter(with_seams).collect();
+        let missed = self.parameters.repetition.missed;
+        // Balls have no seams: they bar each other's way only while they are apart.
+        let pushes = |k: usize| {
+            let of_impact = attempt.impacts.impulse.get(attempt.active[k] as usize);
+            attempt.impulse[3 * k] != 0.0 || of_impact.is_some_and(|impulse| *impulse != Vec3::ZERO)
+        };
+        let may_bar = |k: &usize| {
+            pushes(*k) && contact(*k).gap > missed * collider.contact_size(world, contact(*k))
+                || pair(*k).iter().any(|&body| !collider.is_ball(world, body as usize))
+        };
+        let mut order: Vec<usize> = (0..rows.len()).into_par_iter().filter(may_bar).collect();
         order.sort_by_key(|&k| (pair(k), k));
         let mut found = Vec::new();
         for group in order.chunk_by(|&k, &l| pair(k) == pair(l)) {
+            if self.is_stopped() {
+                break;
+            }
             let bodies = pair(group[0]);
             let mut impulses = bodies.map(|body| (body, [0.0; 6]));
             let mut pushed = false;

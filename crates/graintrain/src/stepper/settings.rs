@@ -18,7 +18,7 @@ pub struct StepSettings {
 }
 
 impl Default for StepSettings {
-    /// Steps of 1 ms, no envelope beyond what closes within the step, solver `auto` to 1e-4, relaxed friction, positions corrected.
+    /// Steps of 1 ms, no envelope beyond what closes within the step, solver `auto` to 1e-4, exact friction, positions corrected.
     fn default() -> Self {
         Self {
             step: 1e-3,
@@ -35,7 +35,7 @@ impl Default for StepSettings {
 /// ```
 /// use graintrain::ccp::FrictionModel;
 /// use graintrain::stepper::{SolverChoice, StepSettings};
-/// let solver = SolverChoice { tolerance: 1e-6, friction: FrictionModel::Coulomb, ..SolverChoice::default() };
+/// let solver = SolverChoice { tolerance: 1e-6, friction: FrictionModel::Relaxed, ..SolverChoice::default() };
 /// let settings = StepSettings { step: 5e-4, solver, ..StepSettings::default() };
 /// # assert_eq!(settings.solver.name.to_string(), "auto");
 /// ```
@@ -47,21 +47,23 @@ pub struct SolverChoice {
     pub tolerance: f64,
     /// Which number of the residual is held against the tolerance; [`Judge::Mixed`] in runs unless asked otherwise.
     pub judge: Judge,
-    /// Iteration limit; `None` is the solver's own.
+    /// Iterations that a connected part of the contacts may cost in a step, with exact friction; `None` is 6 000 of projected gradients, up to five times as
+    /// many for fewer than 1 024 contacts ([`PartParameters`](super::PartParameters)), and the own limit of methods that count something else. A step that
+    /// ends so has not converged: it is made with the best impulses found, and their residual is told.
     pub max_iterations: Option<usize>,
     /// Relaxed cone complementarity or exact Coulomb friction.
     pub friction: FrictionModel,
 }
 
 impl Default for SolverChoice {
-    /// Solver `auto` to 1e-4, judged by the root mean square with a bound for the worst contact; relaxed friction.
+    /// Solver `auto` to 1e-4, judged by the root mean square with a bound for the worst contact; exact friction.
     fn default() -> Self {
         Self {
             name: SolverSpec::default(),
             tolerance: 1e-4,
             judge: Judge::Mixed,
             max_iterations: None,
-            friction: FrictionModel::Relaxed,
+            friction: FrictionModel::Coulomb,
         }
     }
 }

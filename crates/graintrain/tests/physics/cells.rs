@@ -559,8 +559,9 @@ fn refusal(world: &mut World, steps: usize) -> Option<String> {
 #[test]
 fn a_cell_that_becomes_too_thin_is_refused() {
     let mut world = empty(0.3, 0.0);
-    for k in 0..64_u32 {
-        let place = [k % 4, k / 4 % 4, k / 16].map(|n| 0.25 * f64::from(n) + 0.1);
+    // Few enough to find room: where they jam, what is shown is the patience of the solver.
+    for k in 0..16_u32 {
+        let place = [k % 4, k / 4, 0].map(|n| 0.25 * f64::from(n) + 0.1);
         add_sphere(&mut world, 0.1, place.into());
     }
     let drive = rates([-1.5, 1.5, 0.0, 0.0, 0.0, 0.0]);

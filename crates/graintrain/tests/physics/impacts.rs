@@ -80,42 +80,38 @@ fn a07_oblique_impact_closed_form() {
 }
 
 /// Two balls that meet off their centres part along the normal of the moment at which they touch, whenever in a step that is; with
-/// friction they leave with the same velocities and spins at all phases.
+/// friction they leave with the same velocities and spins at all phases. (Relaxed friction lifts what slides: when is part of its answer.)
 #[test]
 fn balls_that_meet_obliquely_part_the_same_at_any_phase() {
     let (radius, offset, restitution) = (0.05, 0.07, 0.8);
     // The line of centres at touch: (-sqrt(4 R^2 - offset^2), offset) / 2 R, from the second ball to the first.
     let normal = Vec3::new(-f64::sqrt(4.0 * radius * radius - offset * offset), offset, 0.0) / (2.0 * radius);
-    for friction in [0.0, 0.3] {
-        for model in BOTH {
-            let mut first: Option<[Vec3; 2]> = None;
-            for step in [1e-3, 5e-3, 20e-3] {
-                for phase in 0..8 {
-                    let mut world = world(friction, restitution);
-                    world.gravity = Vec3::ZERO;
-                    let way = (1.0 + (f64::from(phase) + 0.5) / 8.0) * step;
-                    let a =
-                        add_sphere(&mut world, radius, Vec3::new(2.0 * radius * normal.x - way, offset, 0.0));
-                    let b = add_sphere(&mut world, radius, Vec3::ZERO);
-                    world.bodies.velocity[a] = Vec3::X;
-                    let mut stepper = stepper(step, 1e-3 * radius, 1e-13, model);
-                    for _ in 0..4 {
-                        solved_step(&mut stepper, &mut world);
-                    }
-                    if friction == 0.0 {
-                        let impulse = -0.5 * (1.0 + restitution) * normal.x * normal;
-                        let error = (world.bodies.velocity[a] - Vec3::X - impulse).length();
-                        assert!(error < 1e-9, "{model:?}, {step} s, phase {phase}: off by {error:e} m/s");
-                        assert!((world.bodies.velocity[b] + impulse).length() < 1e-9);
-                    }
-                    let now = [world.bodies.velocity[a], world.bodies.angular_velocity[a] * radius];
-                    let then = *first.get_or_insert(now);
-                    let error = (now[0] - then[0]).length() + (now[1] - then[1]).length();
-                    assert!(
-                        error < 1e-8,
-                        "{friction}, {model:?}, {step} s, phase {phase}: differs by {error:e} m/s"
-                    );
+    for (friction, model) in [(0.0, Relaxed), (0.0, Coulomb), (0.3, Coulomb)] {
+        let mut first: Option<[Vec3; 2]> = None;
+        for step in [1e-3, 5e-3, 20e-3] {
+            for phase in 0..8 {
+                let mut world = world(friction, restitution);
+                world.gravity = Vec3::ZERO;
+                let way = (1.0 + (f64::from(phase) + 0.5) / 8.0) * step;
+                let start = Vec3::new(2.0 * radius * normal.x - way, offset, 0.0);
+                let a = add_sphere(&mut world, radius, start);
+                let b = add_sphere(&mut world, radius, Vec3::ZERO);
+                world.bodies.velocity[a] = Vec3::X;
+                let mut stepper = stepper(step, 1e-3 * radius, 1e-13, model);
+                for _ in 0..4 {
+                    solved_step(&mut stepper, &mut world);
                 }
+                let what = format!("{friction}, {model:?}, {step} s, phase {phase}");
+                if friction == 0.0 {
+                    let impulse = -0.5 * (1.0 + restitution) * normal.x * normal;
+                    let error = (world.bodies.velocity[a] - Vec3::X - impulse).length();
+                    assert!(error < 1e-9, "{what}: off by {error:e} m/s");
+                    assert!((world.bodies.velocity[b] + impulse).length() < 1e-9, "{what}");
+                }
+                let now = [world.bodies.velocity[a], world.bodies.angular_velocity[a] * radius];
+                let then = *first.get_or_insert(now);
+                let error = (now[0] - then[0]).length() + (now[1] - then[1]).length();
+                assert!(error < 1e-8, "{what}: differs by {error:e} m/s");
             }
         }
     }

@@ -1,6 +1,8 @@
 //! Physics against exact answers: the tests A1 to A20 of docs/mechanics.md.
 
+mod by_default;
 mod cells;
+mod confined;
 mod drives;
 mod elasticity;
 mod energy;
@@ -12,6 +14,7 @@ mod invariants;
 mod joints;
 mod loads;
 mod meshes;
+mod met;
 mod packings;
 mod repetition;
 mod rotation;
@@ -19,4 +22,3 @@ mod statics;
 mod support;
 mod trust;
 mod turning;
-mod wedge;

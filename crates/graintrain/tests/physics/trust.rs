@@ -168,31 +168,24 @@ fn small_fast_bodies_meet_what_is_in_their_way() {
     }
 }
 
-/// Oblique impact at 75 degrees, e = 0.5, mu = 0.25, at eight phases of arrival within the step: the closed form of A7 each time.
+/// Oblique impact at 75 degrees, e = 0.5, mu = 0.25, at eight phases of arrival within the step: e times the speed of arrival each time.
 #[test]
 fn restitution_does_not_depend_on_the_phase_of_arrival() {
     let (angle, friction, restitution, step) = (75.0_f64.to_radians(), 0.25, 0.5, 5e-3);
     let (tangential, normal) = (angle.sin(), angle.cos());
-    let slip = tangential - 3.5 * friction * (1.0 + restitution) * normal;
-    for model in BOTH {
-        let expected = match model {
-            Coulomb => restitution * normal,
-            Relaxed => restitution * normal + friction * slip / (1.0 + 3.5 * friction * friction),
-        };
-        for phase in 0..8 {
-            let mut world = world(friction, restitution);
-            world.gravity = Vec3::ZERO;
-            add_ground(&mut world, 0.0);
-            let gap = normal * step * (3.0 + (f64::from(phase) + 0.5) / 8.0);
-            let ball = add_sphere(&mut world, 0.1, Vec3::new(0.0, 0.0, 0.1 + gap));
-            world.bodies.velocity[ball] = Vec3::new(tangential, 0.0, -normal);
-            let mut stepper = default_stepper(step, model);
-            for _ in 0..10 {
-                stepper.step(&mut world).unwrap();
-            }
-            let up = world.bodies.velocity[ball].z;
-            assert_close(up, expected, 1e-6 * expected, &format!("{model:?}, phase {phase}/8"));
+    for phase in 0..8 {
+        let mut world = world(friction, restitution);
+        world.gravity = Vec3::ZERO;
+        add_ground(&mut world, 0.0);
+        let gap = normal * step * (3.0 + (f64::from(phase) + 0.5) / 8.0);
+        let ball = add_sphere(&mut world, 0.1, Vec3::new(0.0, 0.0, 0.1 + gap));
+        world.bodies.velocity[ball] = Vec3::new(tangential, 0.0, -normal);
+        let mut stepper = default_stepper(step, Coulomb);
+        for _ in 0..10 {
+            stepper.step(&mut world).unwrap();
         }
+        let (up, expected) = (world.bodies.velocity[ball].z, restitution * normal);
+        assert_close(up, expected, 1e-6 * expected, &format!("phase {phase}/8"));
     }
 }
 

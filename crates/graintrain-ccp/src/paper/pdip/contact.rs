@@ -1,6 +1,7 @@
 //! The constraints of one contact and what they add to Newton's matrix.
 
 use graintrain_linalg::block3::Block;
+use graintrain_linalg::real;
 
 /// One contact at scaled impulse g: constraints and what Newton's matrix needs of them.
 pub(super) struct Constraints {
@@ -15,7 +16,7 @@ impl Constraints {
     pub(super) fn new(mu: f64, g: &[f64]) -> Self {
         let m = mu * mu;
         // (|g_t| - mu g_n) (|g_t| + mu g_n) / 2 loses no digits near the boundary.
-        let tangential = g[1].hypot(g[2]);
+        let tangential = real::hypot(g[1], g[2]);
         let cone = 0.5 * (tangential - mu * g[0]) * (tangential + mu * g[0]);
         Self { f: [cone, -g[0]], cone_gradient: [-m * g[0], g[1], g[2]] }
     }
@@ -35,7 +36,7 @@ impl Constraints {
     #[inline]
     pub(super) fn newton_blocks(&self, mu: f64, g: &[f64], lambda: &[f64], proximal: f64) -> NewtonBlocks {
         let m = mu * mu;
-        let rho = g[1].hypot(g[2]);
+        let rho = real::hypot(g[1], g[2]);
         let along = if rho > 0.0 { [g[1] / rho, g[2] / rho] } else { [1.0, 0.0] };
         let gap = -self.f[0];
         let c = ((m * g[0] * g[0] + rho * rho) / (2.0 * gap)).max(1.0);

@@ -10,6 +10,7 @@ use crate::residual::ResidualScale;
 use crate::solver::infeasible;
 use graintrain_linalg::block3::Block;
 use graintrain_linalg::parallel::dot;
+use graintrain_linalg::real;
 
 /// Smallest mu used: with mu = 0 the cone has no interior. The error is a tangential impulse of this size.
 const SMALLEST_FRICTION: f64 = 1e-7;
@@ -100,7 +101,7 @@ impl<'a> Iterate<'a> {
         }
         it.move_anchor();
         it.refresh_velocity();
-        let speed = |i: usize| it.u[3 * i].hypot(it.u[3 * i + 1]).hypot(it.u[3 * i + 2]);
+        let speed = |i: usize| real::hypot(real::hypot(it.u[3 * i], it.u[3 * i + 1]), it.u[3 * i + 2]);
         let mean = (0..contacts).map(|i| it.g[3 * i] * speed(i)).sum::<f64>() / contacts.max(1) as f64;
         let barrier = barrier(mean);
         for i in 0..contacts {

@@ -2,6 +2,7 @@
 
 use super::contact::Constraints;
 use super::iterate::{Direction, Iterate};
+use graintrain_linalg::real;
 
 /// Steps to the boundary are not looked for beyond this one; none is longer than 1.
 const FARTHEST: f64 = 10.0;
@@ -57,7 +58,7 @@ fn to_boundary(it: &Iterate<'_>, direction: &Direction) -> f64 {
 /// As [`to_boundary`] for one contact. With 2 f_1(a) = c_0 + 2 c_1 a + c_2 a^2, c_0 < 0, the root that is wanted is
 /// -c_0 / (c_1 + sqrt(c_1^2 - c_0 c_2)) in every case where there is one; the sum is formed without cancellation.
 fn contact_to_boundary(mu: f64, g: &[f64], d: &[f64]) -> f64 {
-    let along = d[1].hypot(d[2]);
+    let along = real::hypot(d[1], d[2]);
     let c0 = 2.0 * Constraints::new(mu, g).f[0];
     let c1 = g[1] * d[1] + g[2] * d[2] - mu * mu * g[0] * d[0];
     let c2 = (along - mu * d[0].abs()) * (along + mu * d[0].abs());
@@ -121,7 +122,7 @@ fn barrier_change(it: &Iterate<'_>, step: f64, direction: &Direction, barrier: f
         let trial: [f64; 3] = std::array::from_fn(|k| it.g[3 * i + k] + step * direction.g[3 * i + k]);
         let (before, after) = (it.constraints(i), Constraints::new(mu, &trial));
         for k in 0..2 {
-            logarithms += (after.f[k] / before.f[k]).ln();
+            logarithms += real::ln(after.f[k] / before.f[k]);
         }
         for k in 3 * i..3 * i + 3 {
             smooth += step * direction.g[k] * (it.u[k] + 0.5 * step * direction.u[k]);

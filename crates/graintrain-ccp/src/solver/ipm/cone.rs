@@ -4,6 +4,8 @@
 //! digits, the gap keeps its own: det x = gap (gap + 2 |x_t|) is exact to rounding, and so are the scaling and the
 //! scaled variable, whatever the distance from the boundary.
 
+use graintrain_linalg::real;
+
 /// A point of the interior of { |x_t| <= x_0 }.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Point {
@@ -131,7 +133,7 @@ impl Scaling {
     /// f(W^-2) for a function of its eigenvalues (w_0 + |w_t|)^2, 1 and (w_0 + |w_t|)^-2 (times eta^-2), whose
     /// eigenvectors are (1, -e), (0, e') and (1, e) with e = w_t / |w_t| and e' across: no differences.
     pub fn function(&self, f: impl Fn(f64) -> f64) -> [f64; 9] {
-        let length = self.w[1].hypot(self.w[2]);
+        let length = real::hypot(self.w[1], self.w[2]);
         let e = if length > 0.0 { [self.w[1] / length, self.w[2] / length] } else { [1.0, 0.0] };
         let spread = (self.w[0] + length).powi(2);
         let scale = 1.0 / (self.eta * self.eta);

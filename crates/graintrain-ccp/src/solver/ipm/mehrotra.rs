@@ -3,6 +3,7 @@
 use super::cone::product;
 use super::iterate::Work;
 use crate::newton::system::ScaledBlocks;
+use graintrain_linalg::real;
 
 /// Gondzio's correctors.
 #[derive(Clone, Copy, Debug)]
@@ -86,7 +87,7 @@ fn outlying(lambda: [f64; 3], aim: f64, dx: [f64; 3], ds: [f64; 3], [low, high]:
     let x: [f64; 3] = std::array::from_fn(|k| lambda[k] + aim * dx[k]);
     let s: [f64; 3] = std::array::from_fn(|k| lambda[k] + aim * ds[k]);
     let v = product(x, s);
-    let length = v[1].hypot(v[2]);
+    let length = real::hypot(v[1], v[2]);
     let excess = |l: f64| (l - l.clamp(low, high)).min(high);
     let (a, b) = (excess(v[0] - length), excess(v[0] + length));
     let (mean, half) = (0.5 * (a + b), 0.5 * (b - a));

@@ -46,12 +46,10 @@ mod path;
 mod proximal;
 pub(crate) mod scaled;
 
-use super::alternating::Alternating;
 use super::apgd::Apgd;
 use super::driver::{Limits, check_start};
 use super::first_order::FirstOrder;
-use super::interface::CcpSolver;
-use super::path_following::PathFollowing;
+use super::interface::{CcpSolver, Cost};
 use super::report::{SolveReport, Status};
 use super::settings::SolveSettings;
 use crate::newton::direct::Direct;
@@ -71,8 +69,6 @@ pub struct Ipm {
     start: Option<Box<dyn CcpSolver>>,
     /// The scaled N of the last problem.
     scaled: Option<ScaledMatrix>,
-    exact: Alternating,
-    path: PathFollowing,
     /// The tuned constants.
     pub parameters: Parameters,
 }
@@ -87,14 +83,7 @@ impl Ipm {
     /// The interior point with a linear solver of one's own, without a start: `ipm+LINEAR`.
     pub fn with_solver(linear: Box<dyn NewtonSolver>) -> Self {
         let newton = NewtonDriver::new(linear);
-        Self {
-            newton,
-            start: None,
-            scaled: None,
-            exact: Alternating::new(),
-            path: PathFollowing::default(),
-            parameters: Parameters::default(),
-        }
+        Self { newton, start: None, scaled: None, parameters: Parameters::default() }
     }
 
     /// The phases after the start, whose impulses are `started`; `given` are those handed over by the caller.
@@ -149,6 +138,13 @@ impl CcpSolver for Ipm {
         self.parameters.iterations
     }
 
+    fn cost(&mut self, problem: &Ccp) -> Cost {
+        let contacts = problem.num_contacts();
+        let start = self.parameters.start_iterations + contacts;
+        let iteration = 1.0 + self.parameters.system_iterations * contacts as f64;
+        Cost { start: start as f64, iteration, least: self.parameters.least_iterations }
+    }
+
     fn solve(
         &mut self,
         problem: &Ccp,
@@ -198,26 +194,5 @@ impl CcpSolver for Ipm {
             ));
         }
         Ok(SolveReport { history, ..report })
-    }
-
-    /// By projected gradients and Gauss-Seidel sweeps in turn: near a solution of the exact problem
-    /// Newton's method on the projection was six times slower than they are, and away from one it circles like them.
-    fn solve_exact(
-        &mut self,
-        problem: &Ccp,
-        impulse: &mut [f64],
-        last: &mut [f64],
-        settings: &SolveSettings,
-    ) -> Result<Option<SolveReport>, CcpError> {
-        problem.require_sliding_alone(&self.name())?;
-        if self.start.is_none() {
-            return Ok(None);
-        }
-        let report = self.exact.solve(problem, impulse, last, settings)?;
-        Ok(Some(SolveReport { solver: self.name(), ..report }))
-    }
-
-    fn path_following(&mut self) -> Option<&mut PathFollowing> {
-        self.start.is_some().then_some(&mut self.path)
     }
 }

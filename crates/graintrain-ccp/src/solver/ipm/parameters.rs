@@ -11,9 +11,12 @@ pub struct Parameters {
     pub compliance: f64,
     /// Residual that the start is asked for.
     pub start_tolerance: f64,
-    /// Iterations of the start beside one per contact. One Cholesky factorisation of a settled packing takes as long as
-    /// 0.07 iterations per contact.
+    /// Iterations of the start beside one per contact.
     pub start_iterations: usize,
+    /// One Cholesky factorisation of a settled packing takes as long as so many of these per contact.
+    pub system_iterations: f64,
+    /// Newton systems without which it is not worth a start.
+    pub least_iterations: usize,
     /// Iterations without a better residual before giving up.
     pub path_patience: usize,
     /// Barrier of a cold start: impulses in force chains are a few times larger than those of single contacts.
@@ -55,6 +58,8 @@ impl Default for Parameters {
             compliance: 1e-6,
             start_tolerance: 1e-6,
             start_iterations: 500,
+            system_iterations: 0.07,
+            least_iterations: 10,
             path_patience: 15,
             cold_barrier: 1e3,
             warm_barrier: [1e-4, 1.0],

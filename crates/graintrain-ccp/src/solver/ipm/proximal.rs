@@ -39,10 +39,11 @@ use crate::newton::system::ScaledBlocks;
 use crate::newton::system::{apply_blocks, apply_blocks_in_place};
 use crate::problem::Ccp;
 use graintrain_linalg::block3::Block;
+use graintrain_linalg::real;
 
 /// V^(1/2) of the projection on the cone at z, times `root`; zero outside.
 fn projection_root(mu: f64, z: [f64; 3], root: f64) -> Block {
-    let length = z[1].hypot(z[2]);
+    let length = real::hypot(z[1], z[2]);
     if length <= mu * z[0] && mu > super::pair::FRICTIONLESS {
         return [root, 0.0, 0.0, 0.0, root, 0.0, 0.0, 0.0, root];
     }

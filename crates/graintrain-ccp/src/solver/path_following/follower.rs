@@ -10,6 +10,7 @@ use crate::residual::{FrictionModel, ResidualScale};
 use crate::solver::driver::{Best, Limits};
 use crate::solver::history::History;
 use crate::solver::report::Status;
+use graintrain_linalg::real;
 
 /// How a part of the walk ended.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -183,7 +184,7 @@ impl<'a> Follower<'a> {
         self.update_velocity();
         self.smoothed.rounding = walk.rounding;
         self.smoothed.point_of(g, &self.velocity, &mut self.place.w);
-        self.place.log_tau = tau.ln();
+        self.place.log_tau = real::ln(tau);
         self.anchors.clear();
         self.first_sign = None;
         self.walk = walk;
@@ -223,7 +224,7 @@ impl<'a> Follower<'a> {
         if let Some(record) = self.story.records.last_mut() {
             record.residual = residual;
         }
-        self.story.least_tau = self.story.least_tau.min(self.place.log_tau.exp());
+        self.story.least_tau = self.story.least_tau.min(real::exp(self.place.log_tau));
         match self.limits.status(self.story.systems, residual) {
             // Impulses that are not finite end a leg, not the solve.
             Some(Status::Stalled) | None => None,
@@ -234,7 +235,7 @@ impl<'a> Follower<'a> {
     /// G at a place.
     fn evaluate(&mut self, place: &Place) -> f64 {
         let mut point = std::mem::take(&mut self.point);
-        self.smoothed.evaluate(&place.w, place.log_tau.exp(), &mut point);
+        self.smoothed.evaluate(&place.w, real::exp(place.log_tau), &mut point);
         let size = self.smoothed.size_of(&point.defect);
         self.point = point;
         size
@@ -242,7 +243,7 @@ impl<'a> Follower<'a> {
 
     /// Factorises at the place whose [`Point`] was evaluated last. `None` where that fails.
     fn directions(&mut self, place: &Place) -> Option<Directions> {
-        let tau = place.log_tau.exp();
+        let tau = real::exp(place.log_tau);
         let begun = self.limits.seconds();
         let (smoothed, point) = (&self.smoothed, &self.point);
         let factorised = self.jacobian.refresh(|blocks| smoothed.blocks(&place.w, tau, point, blocks));
@@ -299,7 +300,7 @@ impl<'a> Follower<'a> {
                 return Leg::Over(status);
             }
             let place = self.place.clone();
-            let tau = place.log_tau.exp();
+            let tau = real::exp(place.log_tau);
             let Some(directions) = self.directions(&place) else { return Leg::Blocked };
             self.first_sign.get_or_insert(directions.sign);
             if size <= self.walk.near * tau {
@@ -312,10 +313,10 @@ impl<'a> Follower<'a> {
             let factors: &[f64] = if near { &[1.0, 0.5, 0.25] } else { &[] };
             let mut taken = None;
             for factor in factors {
-                let change = factor * reduction.ln();
+                let change = factor * real::ln(reduction);
                 let next = self.moved(&directions, 1.0, change);
                 let next_size = self.evaluate(&next);
-                if next_size <= self.walk.near * next.log_tau.exp() {
+                if next_size <= self.walk.near * real::exp(next.log_tau) {
                     taken = Some((next, next_size, *factor, 1.0));
                     break;
                 }
@@ -350,15 +351,15 @@ impl<'a> Follower<'a> {
             let eased = factor >= 0.5 || (factor == 0.0 && !near && length > 0.3);
             hard = if eased { 0 } else { hard + 1 };
             if factor == 1.0 {
-                reduction = reduction.powf(1.7).max(least_reduction);
+                reduction = real::powf(reduction, 1.7).max(least_reduction);
             } else if factor != 0.0 || near {
-                reduction = reduction.powf(0.6).min(0.9);
+                reduction = real::powf(reduction, 0.6).min(0.9);
             }
             since_better += 1;
             if self.best.residual() < 0.9 * least {
                 (least, since_better) = (self.best.residual(), 0);
             }
-            let tau = self.place.log_tau.exp();
+            let tau = real::exp(self.place.log_tau);
             if hard >= p.hard {
                 return if tau < p.least_tau * self.limits.tolerance() { Leg::Stuck } else { Leg::Blocked };
             }
@@ -371,7 +372,7 @@ impl<'a> Follower<'a> {
     /// Newton's method at fixed tau.
     fn correct(&mut self, place: &mut Place) -> bool {
         for _ in 0..self.parameters.corrections {
-            let tau = place.log_tau.exp();
+            let tau = real::exp(place.log_tau);
             let size = self.evaluate(place);
             if size <= self.parameters.centred * tau {
                 return true;
@@ -477,7 +478,7 @@ impl<'a> Follower<'a> {
         let mut last = f64::INFINITY;
         for correction in 0..p.corrections {
             let size = self.evaluate(place);
-            if size <= p.centred * place.log_tau.exp() {
+            if size <= p.centred * real::exp(place.log_tau) {
                 return Some(correction);
             }
             if size.is_nan() || size > p.growth * last || self.story.systems >= self.last_system {

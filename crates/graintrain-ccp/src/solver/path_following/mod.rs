@@ -37,7 +37,7 @@ mod jacobian;
 mod smoothing;
 
 use super::driver::{Limits, check_start};
-use super::interface::CcpSolver;
+use super::interface::{CcpSolver, Cost};
 use super::report::{SolveReport, Status};
 use super::settings::SolveSettings;
 use crate::delassus::{Delassus, DelassusIdentity};
@@ -71,6 +71,8 @@ pub struct Parameters {
     pub warm_residual: f64,
     /// Rounds of warm walks go on while the residual falls to this fraction.
     pub warm_gain: f64,
+    /// Factorisations without which a walk is not worth a start.
+    pub least_systems: usize,
     /// tau of the start, in units of V / eta_i.
     pub first_tau: f64,
     /// Least eigenvalue of I - A in the Jacobian.
@@ -115,6 +117,7 @@ impl Default for Parameters {
             warm_tau: 3.0,
             warm_residual: 1e-2,
             warm_gain: 0.5,
+            least_systems: 10,
             first_tau: 1e3,
             least_complement: 1e-10,
             reduction: [0.3, 1e-4],
@@ -163,7 +166,7 @@ impl PathFollowing {
     }
 
     /// How many iterations of a first-order method cost as much as one factorisation for this problem: at least 1.
-    pub(super) fn iterations_per_system(&mut self, problem: &Ccp) -> f64 {
+    fn iterations_per_system(&mut self, problem: &Ccp) -> f64 {
         let scale = ResidualScale::new(problem);
         let model = FrictionModel::Coulomb;
         let smoothed = SmoothedProblem::new(problem, &scale, model, self.parameters.least_complement);
@@ -229,6 +232,14 @@ impl CcpSolver for PathFollowing {
 
     fn iteration_limit(&self) -> usize {
         self.parameters.systems()
+    }
+
+    fn cost(&mut self, problem: &Ccp) -> Cost {
+        Cost {
+            start: 0.0,
+            iteration: self.iterations_per_system(problem),
+            least: self.parameters.least_systems,
+        }
     }
 
     fn solve(

@@ -5,6 +5,7 @@ use crate::problem::Ccp;
 use crate::residual::{FrictionModel, ResidualScale};
 use graintrain_linalg::block_ops::multiply3;
 use graintrain_linalg::block3::Block;
+use graintrain_linalg::real;
 
 /// phi(l) = (l + sqrt(l^2 + 4 tau^2)) / 2 with its derivatives.
 #[derive(Clone, Copy, Debug, Default)]
@@ -22,7 +23,7 @@ struct Smoothed {
 
 /// Without cancellation for either sign of l.
 fn smoothed(l: f64, tau: f64) -> Smoothed {
-    let root = l.hypot(2.0 * tau);
+    let root = real::hypot(l, 2.0 * tau);
     if root == 0.0 {
         return Smoothed { slope: 0.5, complement: 0.5, rate: 1.0, ..Smoothed::default() };
     }
@@ -106,7 +107,7 @@ impl<'a> SmoothedProblem<'a> {
                 let block = problem.delassus.diagonal_block(i);
                 let normal = block[0] * normal_unit[i] * normal_unit[i];
                 let mean = if problem.friction[i] > 0.0 {
-                    (normal.max(0.0) * block[4].max(0.0) * block[8].max(0.0)).cbrt()
+                    real::cbrt(normal.max(0.0) * block[4].max(0.0) * block[8].max(0.0))
                 } else {
                     normal
                 };
@@ -181,7 +182,7 @@ impl<'a> SmoothedProblem<'a> {
             point.x[k..k + 3].copy_from_slice(&x);
             point.y[k..k + 3].copy_from_slice(&y);
             point.x_rate[k..k + 3].copy_from_slice(&rate);
-            point.speed[i] = y[1].hypot(y[2]).hypot(self.rounding * self.eta[i] * own);
+            point.speed[i] = real::hypot(real::hypot(y[1], y[2]), self.rounding * self.eta[i] * own);
         }
         let mut defect = std::mem::take(&mut point.defect);
         self.multiply(&point.x, &mut defect);
@@ -224,7 +225,7 @@ impl<'a> SmoothedProblem<'a> {
     /// Direction of w_t, phi on both eigenvalues of w, and |w_t|.
     fn spectrum(&self, w: &[f64], i: usize, tau: f64) -> ([f64; 2], [Smoothed; 2], f64) {
         let k = 3 * i;
-        let length = w[k + 1].hypot(w[k + 2]);
+        let length = real::hypot(w[k + 1], w[k + 2]);
         let d = if length > 0.0 { [w[k + 1] / length, w[k + 2] / length] } else { [1.0, 0.0] };
         (d, [smoothed(w[k] + length, tau), smoothed(w[k] - length, tau)], length)
     }
@@ -284,7 +285,7 @@ impl<'a> SmoothedProblem<'a> {
     pub fn point_of(&self, g: &[f64], u: &[f64], w: &mut [f64]) {
         for i in 0..self.num_contacts() {
             let k = 3 * i;
-            let slip = self.theta(i) * u[k + 1].hypot(u[k + 2]);
+            let slip = self.theta(i) * real::hypot(u[k + 1], u[k + 2]);
             w[k] = g[k] / self.normal_unit[i] - (self.normal_unit[i] * u[k] + slip) / self.eta[i];
             for c in 1..3 {
                 w[k + c] = g[k + c] - u[k + c] / self.eta[i];

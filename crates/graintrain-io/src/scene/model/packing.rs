@@ -161,6 +161,16 @@ pub enum RadiusSpec {
     Distribution(RadiusDistribution),
 }
 
+impl RadiusSpec {
+    /// The smallest radius, m.
+    pub fn least(&self) -> f64 {
+        match self {
+            Self::Single(radius) => *radius,
+            Self::Distribution(distribution) => distribution.range()[0],
+        }
+    }
+}
+
 /// The table that a scene has for a distribution, with what its shares count beside it.
 fn radius_table<S: Serializer>(distribution: &RadiusDistribution, serializer: S) -> Result<S::Ok, S::Error> {
     #[derive(Serialize)]

@@ -3,6 +3,7 @@
 use crate::random::Random;
 use graintrain::load::Region;
 use graintrain::math::Vec3;
+use graintrain_linalg::real;
 use std::collections::HashMap;
 
 /// Places tried around a sample before it is given up.
@@ -38,7 +39,7 @@ pub(crate) fn positions(region: &Region, distance: f64, reach: f64, random: &mut
         let found = (0..TRIES)
             .map(|_| {
                 // Uniform in the shell: the volume within a radius grows with its cube.
-                let radius = distance * random.between(1.0, 8.0).cbrt();
+                let radius = distance * real::cbrt(random.between(1.0, 8.0));
                 from + radius * (random.rotation() * Vec3::Z)
             })
             .find(|&place| holds(region, place, reach) && is_apart(place, &cells));
@@ -62,7 +63,7 @@ fn holds(region: &Region, centre: Vec3, radius: f64) -> bool {
         Region::Box { min, max } => centre.cmpge(min + radius).all() && centre.cmple(max - radius).all(),
         Region::Cylinder { base, radius: outer, height } => {
             let d = centre - base;
-            d.x.hypot(d.y) <= outer - radius && (radius..=height - radius).contains(&d.z)
+            real::hypot(d.x, d.y) <= outer - radius && (radius..=height - radius).contains(&d.z)
         }
     }
 }

@@ -358,13 +358,21 @@ static SOLVER: Table = Table {
              over at contacts are, in the root mean square, 1e-4 of gravity times step",
         ),
         key("strict_max", Flag, "false", "true", "Whether the worst contact has to reach the tolerance"),
-        key("max_iterations", Count, "the solver's own", "2000", "Iteration limit"),
+        key(
+            "max_iterations",
+            Count,
+            "6000, more for few contacts",
+            "2000",
+            "Iterations that a connected part of the contacts may cost in a step, in those of projected gradients (below 1 024 contacts: up to \
+             five times as many). A step that they do not suffice for is made with the best impulses found, and counts as one that missed its \
+             tolerance. Relaxed solves, and methods that count something else, have limits of their own",
+        ),
         key(
             "friction",
             Text,
-            "\"relaxed\"",
             "\"coulomb\"",
-            "relaxed (cone complementarity) or coulomb (exact)",
+            "\"relaxed\"",
+            "coulomb (exact) or relaxed (cone complementarity, the paper's model: what slides is lifted by mu times its slip)",
         ),
     ],
 };

@@ -1,0 +1,457 @@
+//! The cascade: which methods a solver by name tries, one after the other, within one budget.
+//!
+//! A [`Cascade`] is a list of members and, for relaxed and for exact friction, a table of stages. The driver alone owns the budget,
+//! the best impulses with their residual, the history and the status; a stage says who works, from what, and how much it may cost. All
+//! is decided by counts of operations and by residuals, never by the clock.
+//!
+//! **Budget.** [`SolveSettings::max_iterations`] bounds the whole. It counts iterations of projected gradients; other methods say what theirs cost
+//! in these ([`Cost`]). A stage gets half of what is left at most, the last one all of it; one that could not do anything with its share is left out.
+//! So a solve with a limit ends with a method that makes a small residual a little smaller rather than in the midst of one that swings.
+//!
+//! **Exact friction.** `apgd` and `pgs` treat it in their iterations ([`CcpSolver::solve_exact`]). The problem has no objective, and any of
+//! them may circle where another gets on: sheared packings want short momenta or sweeps, which creep in settled boxes and in stacks of
+//! bricks, where long momenta carry the impulses a long way at residuals of 1e-5. So they take turns, each from where the one before ended;
+//! then come the [path](super::path_following), more turns, from zero too (these iterations are chaotic: a start that leads nowhere need not be nearer to a
+//! solution than none), the problem without friction (where it has no solution, this one has none), the whole path from large tau, and
+//! last the [fixed point](super::fixed_point) on the convex problem with the shift held.
+
+use super::apgd::Apgd;
+use super::driver::{Best, Limits, check_start};
+use super::first_order::FirstOrder;
+use super::fixed_point;
+use super::gauss_seidel::GaussSeidel;
+use super::history::History;
+use super::interface::{Capabilities, CcpSolver, Cost};
+use super::ipm::Ipm;
+use super::path_following::PathFollowing;
+use super::report::{SolveReport, StageRecord, Status};
+use super::settings::SolveSettings;
+use crate::newton::NewtonRecord;
+use crate::problem::{Ccp, CcpError};
+use crate::residual::FrictionModel;
+
+/// Below this tolerance the interior point goes first where friction is relaxed: an iteration of `apgd` costs nanoseconds per contact and
+/// it profits from a warm start, `ipm` needs factorisations but few iterations whatever the tolerance.
+const TIGHT: f64 = 1e-6;
+
+/// Checks (one in ten iterations) that the first relaxed stage of `auto` may go without taking a tenth off its least residual.
+/// Settled packings creep for hundreds of iterations, jammed ones for ever.
+const PATIENCE: usize = 500;
+
+/// The turns are taken again as long as they lower the residual to this fraction.
+const GAIN: f64 = 0.5;
+
+/// What a member does in a stage.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Task {
+    /// Solves the problem as it is: [`CcpSolver::solve`].
+    Solve,
+    /// Treats exact friction in its own iterations: [`CcpSolver::solve_exact`].
+    Exact,
+    /// Solves the problem without friction, for the proof that there is no solution.
+    Frictionless,
+    /// Solves relaxed problems with De Saxce's shift held: [`fixed_point`].
+    FixedPoint,
+}
+
+/// The impulses that a stage starts from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Start {
+    /// The best so far.
+    Best,
+    /// Where the last [`Task::Exact`] ended: on the way to a solution residuals have to rise now and then.
+    Last,
+    /// None.
+    Zero,
+}
+
+/// Who works, how, from what, and for how much.
+#[derive(Clone, Copy, Debug)]
+struct Stage {
+    member: usize,
+    task: Task,
+    start: Start,
+    /// What it may cost, in iterations of projected gradients.
+    most: usize,
+    /// Stages, this one included, that are made again where they have lowered the residual by [`GAIN`].
+    again: usize,
+}
+
+impl Stage {
+    const fn new(member: usize, task: Task, start: Start, most: usize) -> Self {
+        Self { member, task, start, most, again: 0 }
+    }
+}
+
+/// A solver by name, for relaxed and exact friction: see the [module](self).
+pub struct Cascade {
+    name: String,
+    members: Vec<Box<dyn CcpSolver>>,
+    /// Tables for loose and tight tolerances where friction is relaxed, and for exact friction.
+    relaxed: [Vec<Stage>; 2],
+    exact: Vec<Stage>,
+    /// Of the fixed point.
+    pub fixed_point: fixed_point::Parameters,
+}
+
+/// A turn of each method that treats exact friction: gradients, the same with a momentum that grows and shrinks boldly, and
+/// over-relaxed sweeps. `first` is the number of the first of the three members.
+fn turns(first: usize, start: Start) -> [Stage; 3] {
+    const MOST: usize = 10_000;
+    let turn = |member, start| Stage::new(member, Task::Exact, start, MOST);
+    [turn(first, start), turn(first + 1, Start::Last), turn(first + 2, Start::Last)]
+}
+
+/// The members that [`turns`] name, and the path.
+fn exact_members() -> [Box<dyn CcpSolver>; 4] {
+    let bold = Apgd { longer: 4.0, shorter: 4.0, ..Apgd::default() };
+    [
+        Box::new(FirstOrder::new(Apgd::default())),
+        Box::new(FirstOrder::new(bold)),
+        Box::new(FirstOrder::new(GaussSeidel { relaxation: 1.3 })),
+        Box::new(PathFollowing::default()),
+    ]
+}
+
+/// Exact friction with the members of [`exact_members`] from number `first` on, and relaxed ones for the fixed point.
+fn exact_table(first: usize, relaxed: &[usize]) -> Vec<Stage> {
+    let path = first + 3;
+    // Where its systems are small, the path soon leads on.
+    let early = Stage::new(path, Task::Solve, Start::Best, 10_000);
+    let again = |mut turns: [Stage; 3]| {
+        turns[2].again = turns.len();
+        turns
+    };
+    let mut table = turns(first, Start::Last).to_vec();
+    table.insert(1, early);
+    table.push(Stage { most: 30_000, ..early });
+    table.extend(again(turns(first, Start::Last)));
+    table.extend(turns(first, Start::Zero));
+    table.extend(again(turns(first, Start::Last)));
+    table.push(Stage::new(relaxed[0], Task::Frictionless, Start::Zero, 60_000));
+    table.push(Stage::new(path, Task::Solve, Start::Zero, 1_000_000));
+    let most = 600_000 / relaxed.len();
+    table.extend(relaxed.iter().map(|&member| Stage::new(member, Task::FixedPoint, Start::Best, most)));
+    table
+}
+
+impl Cascade {
+    /// `auto`: the solver that is likely to reach the tolerance first, and others where it does not.
+    pub fn auto() -> Self {
+        let [first, ipm, patient, exact] = [0, 1, 2, 3];
+        let mut members: Vec<Box<dyn CcpSolver>> = vec![
+            Box::new(FirstOrder::with_patience(Apgd::default(), PATIENCE)),
+            Box::new(Ipm::new()),
+            Box::new(FirstOrder::new(Apgd::default())),
+        ];
+        members.extend(exact_members());
+        let solve = |member, most| Stage::new(member, Task::Solve, Start::Best, most);
+        Self {
+            name: "auto".to_string(),
+            members,
+            // About ten times what a settled packing needs for 1e-4 from a cold start.
+            relaxed: [
+                vec![solve(first, 30_000), solve(ipm, usize::MAX), solve(patient, 30_000)],
+                vec![solve(ipm, usize::MAX), solve(patient, 100_000)],
+            ],
+            exact: exact_table(exact, &[ipm, first]),
+            fixed_point: fixed_point::Parameters::default(),
+        }
+    }
+
+    /// `ipm`, with the exact stages of [`Self::auto`]: near a solution of the exact problem Newton's method on the projection was six times slower
+    /// than gradients and sweeps are, and away from one it circles like them.
+    pub fn interior_point() -> Self {
+        let mut cascade = Self::of(Box::new(Ipm::new()));
+        cascade.members.extend(exact_members());
+        cascade.exact = exact_table(1, &[0]);
+        cascade
+    }
+
+    /// A method alone: its relaxed solve; for exact friction its own iterations, where it has any, and the fixed point.
+    pub fn of(member: Box<dyn CcpSolver>) -> Self {
+        let limit = member.iteration_limit();
+        let alone = vec![Stage::new(0, Task::Solve, Start::Best, usize::MAX)];
+        let mut exact = Vec::new();
+        if member.capabilities().exact {
+            let own = |start| Stage::new(0, Task::Exact, start, 90_000);
+            exact = vec![own(Start::Last), own(Start::Zero)];
+        }
+        exact.push(Stage::new(0, Task::FixedPoint, Start::Best, limit.saturating_mul(10)));
+        Self {
+            name: member.name(),
+            members: vec![member],
+            relaxed: [alone.clone(), alone],
+            exact,
+            fixed_point: fixed_point::Parameters::default(),
+        }
+    }
+
+    fn table(&self, settings: &SolveSettings) -> &[Stage] {
+        match settings.friction {
+            FrictionModel::Coulomb => &self.exact,
+            FrictionModel::Relaxed => &self.relaxed[usize::from(settings.tolerance < TIGHT)],
+        }
+    }
+}
+
+impl CcpSolver for Cascade {
+    fn name(&self) -> String {
+        self.name.clone()
+    }
+
+    /// Those of its first member; a cell is made a matrix for who needs it.
+    fn capabilities(&self) -> Capabilities {
+        Capabilities { cell: true, ..self.members[0].capabilities() }
+    }
+
+    fn iteration_limit(&self) -> usize {
+        self.members[0].iteration_limit()
+    }
+
+    fn solve(
+        &mut self,
+        problem: &Ccp,
+        impulse: &mut [f64],
+        settings: &SolveSettings,
+    ) -> Result<SolveReport, CcpError> {
+        // Without friction anywhere s = mu |u_t| = 0, and the exact problem is the relaxed one.
+        let friction = if problem.has_friction() { settings.friction } else { FrictionModel::Relaxed };
+        let settings = &SolveSettings { friction, ..settings.clone() };
+        if !problem.turning.is_empty() && !self.capabilities().turning {
+            return self.members[0].solve(problem, impulse, settings);
+        }
+        let fits = |stage: &&Stage| self.members[stage.member].capabilities().fit(problem);
+        let mut table: Vec<Stage> = self.table(settings).iter().filter(fits).copied().collect();
+        if table.is_empty() {
+            // What was asked for is done, whatever a matrix costs.
+            table = self.table(settings)[..1].to_vec();
+        }
+        check_start(problem, impulse)?;
+        let limits = Limits::start(settings, usize::MAX);
+        let mut course = Course::new(impulse, table.len());
+        let mut place = 0;
+        while let Some(stage) = table.get(place) {
+            let is_last = place + 1 == table.len();
+            course.began[place] = course.best.residual();
+            let share = if is_last { course.left(&limits) } else { course.left(&limits).div_ceil(2) };
+            let ended = self.make(stage, share.min(stage.most), problem, settings, &limits, &mut course)?;
+            if ended || (table.len() > 1 && course.left(&limits) == 0) {
+                break;
+            }
+            let first = (place + 1).saturating_sub(stage.again);
+            place = if stage.again > 0 && course.has_gained_since(first) { first } else { place + 1 };
+        }
+        course.best.restore(impulse);
+        Ok(course.report(self, problem, impulse, &limits))
+    }
+}
+
+impl Cascade {
+    /// Makes a stage that may cost so much; whether it ends the solve.
+    fn make(
+        &mut self,
+        stage: &Stage,
+        share: usize,
+        problem: &Ccp,
+        settings: &SolveSettings,
+        limits: &Limits<'_>,
+        course: &mut Course,
+    ) -> Result<bool, CcpError> {
+        let is_only = self.members.len() == 1 && stage.task == Task::Solve;
+        let member = self.members[stage.member].as_mut();
+        let matrix = if member.capabilities().cell { None } else { problem.with_cell_as_matrix() };
+        let problem = matrix.as_ref().unwrap_or(problem);
+        // A single method counts in its own iterations.
+        let cost = if is_only { Cost::default() } else { member.cost(problem) };
+        let allowed = ((share as f64 - cost.start).max(0.0) / cost.iteration) as usize;
+        let is_limited = limits.iterations_left(0) != usize::MAX;
+        if allowed < cost.least && is_limited && !course.stages.is_empty() {
+            return Ok(false);
+        }
+        let bounded = is_limited || stage.most != usize::MAX;
+        let settings = SolveSettings {
+            max_iterations: bounded.then_some(allowed),
+            max_time: limits.time_left(),
+            ..settings.clone()
+        };
+        let begun = limits.seconds();
+        let mut g = course.start(stage.start);
+        let report = match stage.task {
+            Task::Solve => member.solve(problem, &mut g, &settings),
+            Task::Exact => {
+                if stage.start == Start::Zero {
+                    course.last.fill(0.0);
+                }
+                let exact = member.solve_exact(problem, &mut g, &mut course.last, &settings);
+                exact.map(|report| report.expect("the member is capable of exact friction"))
+            }
+            Task::Frictionless => {
+                let report = fixed_point::frictionless(member, problem, &settings);
+                return report.map(|report| course.proved(report, stage.start, cost));
+            }
+            Task::FixedPoint => fixed_point::solve(member, problem, &mut g, &settings, &self.fixed_point),
+        };
+        match report {
+            Ok(report) => Ok(course.add(report, &g, stage.start, cost, begun, limits)),
+            // Another member may be able to treat it.
+            Err(_) if course.began.len() > 1 => Ok(false),
+            Err(error) => Err(error),
+        }
+    }
+}
+
+/// What the stages have come to.
+struct Course {
+    best: Best<f64>,
+    last: Vec<f64>,
+    given: Vec<f64>,
+    /// What was spent, in iterations of projected gradients.
+    spent: f64,
+    status: Status,
+    /// Report of the stage that ended the solve, on the best impulses.
+    ended: Option<SolveReport>,
+    sums: [usize; 3],
+    curvature: Option<f64>,
+    newton: Vec<NewtonRecord>,
+    history: History,
+    remark: Option<String>,
+    stages: Vec<StageRecord>,
+    /// Least residual when each stage of the table last began.
+    began: Vec<f64>,
+}
+
+impl Course {
+    fn new(impulse: &[f64], stages: usize) -> Self {
+        Self {
+            best: Best::default(),
+            last: impulse.to_vec(),
+            given: impulse.to_vec(),
+            spent: 0.0,
+            status: Status::Stalled,
+            ended: None,
+            sums: [0; 3],
+            curvature: None,
+            newton: Vec::new(),
+            history: History::default(),
+            remark: None,
+            stages: Vec::new(),
+            began: vec![f64::INFINITY; stages],
+        }
+    }
+
+    fn left(&self, limits: &Limits<'_>) -> usize {
+        limits.iterations_left(self.spent as usize)
+    }
+
+    fn start(&self, start: Start) -> Vec<f64> {
+        match start {
+            Start::Zero => vec![0.0; self.given.len()],
+            Start::Last if self.stages.is_empty() => self.given.clone(),
+            Start::Best | Start::Last => {
+                let mut g = self.given.clone();
+                self.best.restore(&mut g);
+                g
+            }
+        }
+    }
+
+    /// Whether the least residual has fallen by [`GAIN`] since the stage at this place last began.
+    fn has_gained_since(&self, place: usize) -> bool {
+        let before = self.began[place];
+        before.is_finite() && self.best.residual() <= GAIN * before
+    }
+
+    fn count(&mut self, report: &SolveReport, start: Start, cost: Cost) {
+        self.spent += cost.start + cost.iteration * report.iterations as f64;
+        let of_stage = [report.iterations, report.linear_iterations, report.products];
+        self.sums.iter_mut().zip(of_stage).for_each(|(sum, own)| *sum += own);
+        self.stages.push(StageRecord {
+            solver: report.solver.clone(),
+            start: format!("{start:?}").to_lowercase(),
+            iterations: report.iterations,
+            residual: report.residual,
+            status: report.status,
+        });
+    }
+
+    /// Takes what a stage came to; whether it ends the solve.
+    fn add(
+        &mut self,
+        mut report: SolveReport,
+        g: &[f64],
+        start: Start,
+        cost: Cost,
+        begun: f64,
+        limits: &Limits<'_>,
+    ) -> bool {
+        self.history.append(&report.history, self.sums[0], begun);
+        self.count(&report, start, cost);
+        self.newton.append(&mut report.newton);
+        self.curvature = report.curvature.or(self.curvature);
+        self.status = report.status;
+        if report.remark.is_some() {
+            self.remark.clone_from(&report.remark);
+        }
+        self.best.offer(g, limits.judged(report.residual));
+        let ends = matches!(report.status, Status::Converged | Status::Stopped | Status::Infeasible);
+        if ends && report.converged() {
+            self.ended = Some(report);
+        }
+        ends
+    }
+
+    /// Takes the answer to the problem without friction: where that has no solution, the exact one has none. (That a relaxed problem with
+    /// friction has none proves nothing about the exact one.)
+    fn proved(&mut self, report: SolveReport, start: Start, cost: Cost) -> bool {
+        self.count(&report, start, cost);
+        let ends = matches!(report.status, Status::Infeasible | Status::Stopped);
+        if ends {
+            self.status = report.status;
+        }
+        ends
+    }
+
+    /// The report on the best impulses.
+    fn report(self, cascade: &Cascade, problem: &Ccp, impulse: &[f64], limits: &Limits<'_>) -> SolveReport {
+        let [iterations, linear_iterations, products] = self.sums;
+        let Self { status, curvature, newton, stages, remark, .. } = self;
+        let solver = cascade.told(&stages);
+        let report = match self.ended {
+            Some(report) => report,
+            None => {
+                let report = limits.report(&solver, problem, impulse, status, iterations, linear_iterations);
+                let remark = report.remark.clone().or(remark);
+                SolveReport { remark, ..report }
+            }
+        };
+        let (seconds, history) = (limits.seconds(), self.history.into_samples());
+        SolveReport {
+            solver,
+            iterations,
+            linear_iterations,
+            products,
+            curvature,
+            seconds,
+            newton,
+            history,
+            stages,
+            ..report
+        }
+    }
+}
+
+impl Cascade {
+    /// The name with those of the members that worked.
+    fn told(&self, stages: &[StageRecord]) -> String {
+        let mut names: Vec<&str> = stages.iter().map(|stage| stage.solver.as_str()).collect();
+        names.dedup();
+        names.truncate(4);
+        match names.as_slice() {
+            [] => self.name.clone(),
+            [only] if *only == self.name => self.name.clone(),
+            // No commas: it is a field of tables.
+            _ => format!("{} ({})", self.name, names.join(" > ")),
+        }
+    }
+}

@@ -1,0 +1,214 @@
+//! Exact Coulomb friction by a sequence of relaxed problems, with any solver of these.
+//!
+//! Source: G. De Saxce, Z.-Q. Feng, "The bipotential method", Mathematical and Computer Modelling 28:225-245, 1998;
+//! V. Acary, F. Cadoux, C. Lemarechal, J. Malick, "A formulation of the linear discrete Coulomb friction problem via
+//! convex optimization", ZAMM 91(2):155-175, 2011.
+
+use super::driver::{Best, Limits, check_start};
+use super::history::History;
+use super::interface::CcpSolver;
+use super::report::{SolveReport, Status};
+use super::settings::SolveSettings;
+use crate::problem::{Ccp, CcpError};
+use crate::residual::{FrictionModel, ResidualScale};
+
+/// What [`solve`] is tuned by.
+#[derive(Clone, Debug)]
+pub struct Parameters {
+    /// Outer iterations allowed; the sequence needs 5 to 30 where it converges easily, some hundreds in settled packings.
+    pub outer_limit: usize,
+    /// A relaxed solve is asked for this fraction of the exact residual: at first, and at the least.
+    pub inner_fraction: [f64; 2],
+    /// Outer iterations without a better residual before the fraction is lowered to a third.
+    pub slow: usize,
+    /// Outer iterations without a better residual before giving up.
+    pub patience: usize,
+    /// Least and largest factor of the extrapolation; the largest is 1 as soon as the residual was slow to fall.
+    pub factor_range: [f64; 2],
+}
+
+impl Default for Parameters {
+    fn default() -> Self {
+        Self {
+            outer_limit: 1000,
+            inner_fraction: [0.3, 0.03],
+            slow: 15,
+            patience: 100,
+            factor_range: [0.3, 2.0],
+        }
+    }
+}
+
+/// Relaxed problems whose normal velocities are shifted by what exact friction adds, s_i = mu_i |(u_t)_i| (with what rolling and spinning add where
+/// contacts resist turning, [`FrictionModel::Coulomb`]):
+///
+/// ```text
+/// solve the CCP with r_n + s for g;   s <- mu |u_t(g)|
+/// ```
+///
+/// until the residual of the exact problem is small. With s held each problem is convex; its impulses take energy, and contacts part or close by
+/// |s - mu |u_t|| at the most. N and mu stay, and the solver keeps what it prepared for them; every solve starts from the last impulses and is asked
+/// for a fraction of the exact residual still there. Where the sequence converges slowly or swings, s is extrapolated from its last two changes
+/// (Irons and Tuck 1969, vector Aitken), kept at or above zero. Where the residual does not fall, the fraction is lowered and s
+/// no longer extrapolated, only damped: in settled packings the map has slow modes (factors of 0.98) beside modes that swing (-1.1), and
+/// errors of the solves hide the first. In dense shear it does not contract at all.
+///
+/// The best impulses are returned. `settings.max_iterations` bounds the relaxed iterations together.
+///
+/// # Errors
+/// Those of the solver.
+pub fn solve(
+    relaxed: &mut dyn CcpSolver,
+    problem: &Ccp,
+    impulse: &mut [f64],
+    settings: &SolveSettings,
+    parameters: &Parameters,
+) -> Result<SolveReport, CcpError> {
+    let limits = Limits::start(settings, usize::MAX);
+    check_start(problem, impulse)?;
+    let contacts = problem.num_contacts();
+    let scale = ResidualScale::new(problem);
+    // The relaxed solver must measure with the V of this problem, not of the shifted one. Both share N.
+    let mut shifted = Ccp { velocity_scale: Some(scale.velocity), ..problem.clone() };
+    let (mut work, mut u) = (problem.delassus.work(), vec![0.0; problem.r.len()]);
+    let mut shift = Shift::new(contacts, parameters.factor_range);
+    let (mut best, mut history) = (Best::default(), History::default());
+    let mut progress = Progress { fraction: parameters.inner_fraction[0], least: f64::INFINITY, since: 0 };
+    let (mut sums, mut newton, mut last_inner) = ([0; 3], Vec::new(), None);
+    let mut status = Status::IterationLimit;
+    for outer in 0..=parameters.outer_limit {
+        problem.velocity(impulse, &mut u, &mut work);
+        let exact = scale.residual(problem, impulse, &u, FrictionModel::Coulomb);
+        history.record(sums[0], limits.seconds(), exact);
+        let residual = limits.judged(exact);
+        best.offer(impulse, residual);
+        progress.count(residual, parameters, &mut shift);
+        if let Some(stop) = limits.status(sums[0], residual) {
+            status = stop;
+            break;
+        }
+        if progress.since > parameters.patience {
+            // The relaxed solver's own verdict tells more than "stalled" where it has one.
+            status = if last_inner == Some(Status::IterationLimit) {
+                Status::IterationLimit
+            } else {
+                Status::Stalled
+            };
+            break;
+        }
+        if outer > 0 || impulse.iter().any(|&g| g != 0.0) {
+            shift.update((0..contacts).map(|i| problem.de_saxce(&u, i)));
+        }
+        for i in 0..contacts {
+            shifted.r[3 * i] = problem.r[3 * i] + shift.value[i];
+        }
+        let inner = SolveSettings {
+            tolerance: (progress.fraction * residual).min(0.1).max(progress.fraction * settings.tolerance),
+            max_iterations: Some(limits.iterations_left(sums[0]).min(relaxed.iteration_limit())),
+            max_time: limits.time_left(),
+            friction: FrictionModel::Relaxed,
+            ..settings.clone()
+        };
+        let mut report = relaxed.solve(&shifted, impulse, &inner)?;
+        if report.status == Status::Infeasible && last_inner != Some(Status::Infeasible) {
+            let without = SolveSettings { max_time: limits.time_left(), ..inner };
+            let asked = frictionless(relaxed, problem, &without)?;
+            report = SolveReport { status: report.status, ..report.after(&asked) };
+            if asked.status == Status::Infeasible {
+                status = Status::Infeasible;
+            }
+        }
+        let of_solve = [report.iterations, report.linear_iterations, report.products];
+        sums.iter_mut().zip(of_solve).for_each(|(sum, own)| *sum += own);
+        newton.append(&mut report.newton);
+        last_inner = Some(report.status);
+        if status == Status::Infeasible {
+            break;
+        }
+    }
+    best.restore(impulse);
+    let report = limits.report(&relaxed.name(), problem, impulse, status, sums[0], sums[1]);
+    Ok(SolveReport { products: sums[2], newton, history: history.into_samples(), ..report })
+}
+
+/// The problem without friction: where not even that has a solution, the exact one has none. Impulses that keep the bodies
+/// apart exist there, or nowhere.
+///
+/// # Errors
+/// Those of the solver.
+pub fn frictionless(
+    relaxed: &mut dyn CcpSolver,
+    problem: &Ccp,
+    settings: &SolveSettings,
+) -> Result<SolveReport, CcpError> {
+    let mut frictionless = Ccp { friction: vec![0.0; problem.num_contacts()], ..problem.clone() };
+    for turning in &mut frictionless.turning {
+        (turning.rolling, turning.spinning) = (0.0, 0.0);
+    }
+    let settings = SolveSettings { friction: FrictionModel::Relaxed, ..settings.clone() };
+    relaxed.solve(&frictionless, &mut vec![0.0; problem.r.len()], &settings)
+}
+
+/// How the residual falls, and what is asked of the next solve.
+struct Progress {
+    fraction: f64,
+    least: f64,
+    /// Outer iterations since the least residual fell by a tenth.
+    since: usize,
+}
+
+impl Progress {
+    fn count(&mut self, residual: f64, parameters: &Parameters, shift: &mut Shift) {
+        self.since += 1;
+        if residual < 0.9 * self.least {
+            self.since = 0;
+        }
+        self.least = residual.min(self.least);
+        if self.since > 0 && self.since.is_multiple_of(parameters.slow) {
+            self.fraction = (self.fraction / 3.0).max(parameters.inner_fraction[1]);
+            shift.factor_range[1] = 1.0;
+        }
+    }
+}
+
+/// The shift s of r_n and its fixed-point acceleration.
+struct Shift {
+    value: Vec<f64>,
+    /// The last two changes that were asked for, the newer one first.
+    changes: [Vec<f64>; 2],
+    updates: usize,
+    factor: f64,
+    factor_range: [f64; 2],
+}
+
+impl Shift {
+    fn new(contacts: usize, factor_range: [f64; 2]) -> Self {
+        let zeros = || vec![0.0; contacts];
+        let changes = [zeros(), zeros()];
+        Self { value: zeros(), changes, updates: 0, factor: 1.0, factor_range }
+    }
+
+    /// s <- max(0, s + factor (image - s)), the factor after Aitken from the last two changes, within its bounds.
+    fn update(&mut self, image: impl Iterator<Item = f64>) {
+        self.changes.swap(0, 1);
+        let [change, last] = &mut self.changes;
+        for ((change, value), image) in change.iter_mut().zip(&self.value).zip(image) {
+            *change = image - value;
+        }
+        if self.updates > 0 {
+            let (mut across, mut square) = (0.0, 0.0);
+            for (new, old) in change.iter().zip(&*last) {
+                across += old * (new - old);
+                square += (new - old) * (new - old);
+            }
+            if square > 0.0 {
+                self.factor =
+                    (-self.factor * across / square).clamp(self.factor_range[0], self.factor_range[1]);
+            }
+        }
+        for (value, change) in self.value.iter_mut().zip(&*change) {
+            *value = (*value + self.factor * change).max(0.0);
+        }
+        self.updates += 1;
+    }
+}

@@ -1,0 +1,88 @@
+//! What is met is hit, what is not met is not: pairs of balls that fly past each other, and pairs that meet off their centres, at any moment
+//! of a step, with default settings.
+
+use crate::support::*;
+use graintrain::math::Vec3;
+use graintrain::stepper::{StepSettings, Stepper};
+use graintrain::world::World;
+
+/// A number in [0, 1) of a sequence without order.
+fn scattered(k: u32, salt: f64) -> f64 {
+    (0.618_033_988_749_894_9 * f64::from(k) + salt).fract()
+}
+
+/// A pair of balls: the first flies along x, past or onto the second, which rests.
+struct Pair {
+    bodies: [usize; 2],
+    velocity: Vec3,
+    /// Distance of the way from the second ball's centre over the sum of the radii.
+    offset: f64,
+}
+
+/// Pairs far from each other, with offsets from these, with speeds of 1 to 20 m/s, that touch or come nearest at about the 30th step.
+fn pairs(world: &mut World, count: u32, [least, most]: [f64; 2], step: f64) -> Vec<Pair> {
+    world.gravity = Vec3::ZERO;
+    (0..count)
+        .map(|k| {
+            let radii = [0.05, 0.02 + 0.08 * scattered(k, 0.1)];
+            let speed = 1.0 + 19.0 * scattered(k, 0.37);
+            let offset = least + (most - least) * scattered(k, 0.73);
+            let place = Vec3::new(0.0, 0.0, 10.0 * f64::from(k));
+            let (before, reach) = (speed * step * (29.0 + 2.0 * scattered(k, 0.53)), radii[0] + radii[1]);
+            let at_touch = reach * (1.0 - offset * offset).max(0.0).sqrt();
+            let start = place + Vec3::new(-before - at_touch, offset * reach, 0.0);
+            let bodies = [add_sphere(world, radii[0], start), add_sphere(world, radii[1], place)];
+            let velocity = speed * Vec3::X;
+            world.bodies.velocity[bodies[0]] = velocity;
+            Pair { bodies, velocity, offset }
+        })
+        .collect()
+}
+
+fn stepped(world: &mut World, step: f64) {
+    let settings = StepSettings { step, envelope: 2e-3, ..StepSettings::default() };
+    let mut stepper = Stepper::new(settings).unwrap();
+    run(&mut stepper, world, 60);
+}
+
+#[test]
+fn balls_that_miss_each_other_do_not_touch() {
+    for (friction, restitution) in [(0.0, 1.0), (0.3, 0.0), (0.3, 0.9)] {
+        for step in [1e-3, 2e-3, 5e-3, 10e-3] {
+            let mut world = world(friction, restitution);
+            let pairs = pairs(&mut world, 150, [1.0005, 1.15], step);
+            stepped(&mut world, step);
+            for pair in &pairs {
+                let [a, b] = pair.bodies.map(|body| world.bodies.velocity[body]);
+                let change = (a - pair.velocity).length() + b.length();
+                assert!(
+                    change < 1e-9,
+                    "{friction} {restitution} {step} s, offset {}: {change} m/s",
+                    pair.offset
+                );
+            }
+        }
+    }
+}
+
+/// Without friction two balls of masses m_A, m_B that touch with the unit vector n from B to A between their centres part with e of the speed at
+/// which they met along it: momentum e + 1 times the reduced mass times that speed goes over.
+#[test]
+fn balls_that_meet_off_their_centres_part_along_the_line_of_centres() {
+    for (restitution, step) in [(1.0, 1e-3), (0.9, 2e-3), (0.9, 10e-3)] {
+        let mut world = world(0.0, restitution);
+        let pairs = pairs(&mut world, 200, [0.0, 0.9995], step);
+        stepped(&mut world, step);
+        for pair in &pairs {
+            let [a, b] = pair.bodies;
+            let normal = Vec3::new(-(1.0 - pair.offset * pair.offset).sqrt(), pair.offset, 0.0);
+            let [m_a, m_b] = [a, b].map(|body| world.bodies.mass[body]);
+            let impulse = -(1.0 + restitution) * pair.velocity.dot(normal) * m_a * m_b / (m_a + m_b);
+            let expected = [pair.velocity + impulse / m_a * normal, -impulse / m_b * normal];
+            let error: f64 =
+                (0..2).map(|k| (world.bodies.velocity[pair.bodies[k]] - expected[k]).length()).sum();
+            let offset = pair.offset;
+            assert!(error < 1e-9, "e = {restitution}, {step} s, offset {offset}: off by {error} m/s");
+        }
+    }
+}
