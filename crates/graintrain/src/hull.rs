@@ -62,7 +62,7 @@ impl Hull {
     /// [`MOST_CORNERS`] corners, and faces too narrow for their normals.
     pub fn new(points: &[Vec3]) -> Result<(Self, Vec3), ModelError> {
         for point in points {
-            crate::error::place("a coordinate of a point of a hull", &point.to_array())?;
+            crate::error::finite("a coordinate of a point of a hull", &point.to_array())?;
         }
         let flat = || ModelError::HullFlat { points: points.len() };
         let low = points.iter().fold(Vec3::INFINITY, |low, p| low.min(*p));

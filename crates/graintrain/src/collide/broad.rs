@@ -208,11 +208,12 @@ impl Collider {
     }
 
     /// The contact of two balls that are apart and come nearer, with the normal n and the arms of the moment within the step at which they
-    /// touch, or pass each other at the least distance, as they move now; `None` for other bodies and for balls that move apart.
+    /// touch, or pass each other at the least distance, as they move now; `None` for other bodies, for balls that move apart, and where their
+    /// way sideways within the step is less than `least` times the sum of their radii.
     ///
     /// n . (x_A - x_B) >= r_A + r_B keeps balls apart whatever unit vector n is, since n . x <= |x|. But the line of centres of the start
     /// bars the way of balls that pass each other, and one that is off by an angle a holds those that meet R a^2 / 2 apart.
-    pub(crate) fn aimed(&self, world: &World, apart: &Contact, step: f64) -> Option<Contact> {
+    pub(crate) fn aimed(&self, world: &World, apart: &Contact, step: f64, least: f64) -> Option<Contact> {
         let pair = [apart.body_a, apart.body_b];
         let ([a, b], image) = self.placed_pair(world, pair);
         let (Some(r_a), Some(r_b)) = (a.form.ball, b.form.ball) else { return None };
@@ -222,7 +223,8 @@ impl Collider {
         let [[v_a, _], [v_b, _]] = world.pair_velocities(pair);
         let (start, approach) = (a.position - b.position, v_a - v_b);
         let closing = -start.dot(approach);
-        if closing <= 0.0 {
+        let sideways = step * approach.cross(start).length() / start.length();
+        if closing <= 0.0 || sideways < least * (r_a + r_b) {
             return None;
         }
         let moment = first_touch_of_balls(start, approach, r_a + r_b)
