@@ -306,10 +306,7 @@ def main():
                     theirs = float(row[column]) if row[column] else math.nan
                     if math.isnan(theirs) and math.isnan(value):
                         continue
-                    # Balls that meet within the step have arms of that moment, which frames do not hold.
-                    is_stress = column.startswith(("stress", "pressure"))
-                    tolerance = max(arguments.tolerance, 1e-3 if is_stress else 0.0)
-                    if not abs(theirs - value) <= tolerance * max(scale[column.rsplit("_", 1)[0]], 1e-12):
+                    if not abs(theirs - value) <= arguments.tolerance * max(scale[column.rsplit("_", 1)[0]], 1e-12):
                         print(f"{name}, step {step}: {column} is {theirs!r} in the table, {value!r} from the frame")
                         wrong += 1
     print(f"{compared} numbers compared, {wrong} differ")

@@ -13,7 +13,7 @@ from graintrain import Shape
 def scenes() -> dict[str, graintrain.World]:
     pile = ball_pile(2)
     pile.configure(friction="relaxed")
-    pile.run(0.4)
+    pile.run(0.1)
     slide = graintrain.World(step=1e-2, envelope=1e-3, friction="relaxed")
     slide.add_plane()
     slide.add_body(Shape.box((0.1, 0.08, 0.05)), (0, 0, 0.05), velocity=(1.0, 0.3, 0), angular_velocity=(0, 0, 0.5))

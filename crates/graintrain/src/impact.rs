@@ -34,7 +34,6 @@ use graintrain_ccp::{
     BodyInverseMass, Ccp, CcpError, CcpSolver, CoupledBodies, Delassus, FrictionModel, Residual,
     RigidContact, SolveSettings, Status,
 };
-use rayon::prelude::*;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
@@ -245,26 +244,20 @@ impl ImpactSolver<'_> {
     }
 }
 
-/// Way sideways in a step over the sum of two balls' radii below which the line of centres of the start is theirs: it errs by 5e-9 of that sum, and what
-/// rests keeps a normal that does not depend on velocities.
-const SIDEWAYS: f64 = 1e-4;
-
-/// Gives contacts that still have a gap to close the normals and arms with which the bodies touch: those of two balls as they move now
-/// ([`Collider::aimed`]); others with restitution reach from each centre to the own surface. With half a gap more the spin that
-/// friction gives would depend on the phase of arrival.
+/// Gives contacts of pairs with restitution the arms that they have when the bodies touch, where they still have a gap to close: from
+/// each centre to the own surface. With half a gap more the spin that friction gives would depend on the phase of arrival. Balls that
+/// touch within the step as they move now get the normal of that moment, too: that of the start of the step is off by the way sideways.
 pub(crate) fn lead_to_surfaces(world: &World, collider: &Collider, step: f64, contacts: &mut [Contact]) {
     let materials = &world.bodies.material;
-    let apart = |contact: &&mut Contact| contact.gap > 0.0 && contact.lead == Vec3::ZERO;
-    contacts.par_iter_mut().filter(apart).for_each(|contact| {
+    for contact in contacts.iter_mut().filter(|contact| contact.gap > 0.0 && contact.lead == Vec3::ZERO) {
         let [a, b] = [contact.body_a, contact.body_b].map(|body| materials[body as usize].index());
-        let bounces = world.materials.pair_restitution(a, b) > 0.0;
-        let least = if bounces { 0.0 } else { SIDEWAYS };
-        if let Some(aimed) = collider.aimed(world, contact, step, least) {
-            *contact = aimed;
-        } else if bounces {
-            contact.lead = 0.5 * contact.gap * contact.normal;
+        if world.materials.pair_restitution(a, b) > 0.0 {
+            match collider.arrival_of_balls(world, contact, step) {
+                Some(arrival) => *contact = arrival,
+                None => contact.lead = 0.5 * contact.gap * contact.normal,
+            }
         }
-    });
+    }
 }
 
 /// Velocities with those of prescribed degrees of freedom taken from `free`: the ones that hold during this step.

@@ -174,6 +174,9 @@ impl Stepper {
             Some((_, contacts)) => contacts,
             None => self.collider.contacts(world, envelope, step),
         };
+        // What flies past meets nothing; if it is deflected into another body after all, it joins in a later round.
+        let collider = &self.collider;
+        contacts.retain(|contact| !collider.fly_past(world, contact, step));
         let mut laps = Laps::default();
         laps.add(|phases| &mut phases.collide, begin.lap());
         let start = Placement::of(world);

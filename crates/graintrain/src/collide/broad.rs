@@ -149,7 +149,7 @@ impl Collider {
     }
 
     /// Whether two bodies of the world that move with these velocities (u, w), as a step moves them, nowhere overlap by more than `allowed` and what they
-    /// fell till then, `fall` by the end of the step, m. Of balls the nearest way is known; others are looked at in so many poses that a face no more curved than the smaller body's size is not missed; `false` where that would take
+    /// fell till then, `fall` by the end of the step, m. Looked at in so many poses that a face no more curved than the smaller body's size is not missed; `false` where that would take
     /// more than [`POSES`].
     pub(crate) fn pass_freely(
         &self,
@@ -163,12 +163,6 @@ impl Collider {
         let ([a, b], image) = self.placed_pair(world, pair);
         if let Some(cell) = world.cell().filter(|_| image != [0; 3]) {
             velocities[1][0] += cell.image_velocity(image);
-        }
-        if let (Some(r_a), Some(r_b)) = (a.form.ball, b.form.ball) {
-            let (start, approach) = (a.position - b.position, velocities[0][0] - velocities[1][0]);
-            let nearest = (-start.dot(approach) / approach.length_squared()).clamp(0.0, step);
-            let nearest = if nearest.is_nan() { 0.0 } else { nearest };
-            return (start + nearest * approach).length() - r_a - r_b >= -allowed - fall * nearest / step;
         }
         let turn = |k: usize, form: &Collidable| {
             let spin = velocities[k][1].length();
@@ -207,33 +201,38 @@ impl Collider {
         self.form(world, body).ball.is_some()
     }
 
-    /// The contact of two balls that are apart and come nearer, with the normal n and the arms of the moment within the step at which they
-    /// touch, or pass each other at the least distance, as they move now; `None` for other bodies, for balls that move apart, and where their
-    /// way sideways within the step is less than `least` times the sum of their radii.
-    ///
-    /// n . (x_A - x_B) >= r_A + r_B keeps balls apart whatever unit vector n is, since n . x <= |x|. But the line of centres of the start
-    /// bars the way of balls that pass each other, and one that is off by an angle a holds those that meet R a^2 / 2 apart.
-    pub(crate) fn aimed(&self, world: &World, apart: &Contact, step: f64, least: f64) -> Option<Contact> {
+    /// The contact of two balls that are apart and touch within the step as they move now: with the normal and the arms of that moment.
+    /// `None` for other bodies, and for balls that do not touch in it.
+    pub(crate) fn arrival_of_balls(&self, world: &World, apart: &Contact, step: f64) -> Option<Contact> {
         let pair = [apart.body_a, apart.body_b];
+        if !pair.iter().all(|&body| self.is_ball(world, body as usize)) {
+            return None;
+        }
         let ([a, b], image) = self.placed_pair(world, pair);
-        let (Some(r_a), Some(r_b)) = (a.form.ball, b.form.ball) else { return None };
-        if image != apart.image {
-            return None;
+        let [v_a, v_b] = world.pair_velocities(pair);
+        let impact =
+            time_of_impact(a, b, v_a, v_b, step, 0.0).filter(|i| i.time > 0.0 && image == apart.image)?;
+        let arrival = *arrivals(&impact, a, b, v_a, v_b).first()?;
+        let lead = 0.5 * (arrival.on_a - arrival.on_b);
+        Some(Contact { lead, image, identity: apart.identity, ..contact(pair, &arrival.touch) })
+    }
+
+    /// Whether two balls, as they move now, pass each other though the plane of their contact has them overlap at the end of the step:
+    ///
+    /// ```text
+    /// Phi + dt n . u < 0   but   |x + t u| > r_A + r_B   for 0 <= t <= dt      (x, u: place and velocity of A relative to B)
+    /// ```
+    pub(crate) fn fly_past(&self, world: &World, contact: &Contact, step: f64) -> bool {
+        let pair = [contact.body_a, contact.body_b];
+        if contact.gap <= 0.0 || !pair.iter().all(|&body| self.is_ball(world, body as usize)) {
+            return false;
         }
+        let ([a, b], _) = self.placed_pair(world, pair);
         let [[v_a, _], [v_b, _]] = world.pair_velocities(pair);
-        let (start, approach) = (a.position - b.position, v_a - v_b);
-        let closing = -start.dot(approach);
-        let sideways = step * approach.cross(start).length() / start.length();
-        if closing <= 0.0 || sideways < least * (r_a + r_b) {
-            return None;
-        }
-        let moment = first_touch_of_balls(start, approach, r_a + r_b)
-            .unwrap_or_else(|| closing / approach.length_squared())
-            .min(step);
-        let normal = (start + moment * approach).try_normalize()?;
-        let (on_a, on_b) = (a.position - r_a * normal, b.position + r_b * normal);
-        let (point, lead) = (0.5 * (on_a + on_b), 0.5 * (on_a - on_b));
-        Some(Contact { point, normal, gap: normal.dot(start) - r_a - r_b, lead, ..*apart })
+        let (apart, approach) = (a.position - b.position, v_a - v_b);
+        let radii = a.form.bounding_radius + b.form.bounding_radius;
+        contact.gap + step * contact.normal.dot(approach) < 0.0
+            && first_touch_of_balls(apart, approach, radii).is_none_or(|time| time > step)
     }
 
     /// Size of the smaller body of a contact, m.

@@ -148,7 +148,8 @@ impl Stepper {
             world.bodies.velocity[body] = Vec3::from_slice(&v[..3]);
             world.bodies.angular_velocity[body] = Vec3::from_slice(&v[3..]);
         }
-        let ahead = self.collider.meetings(world, step);
+        let mut ahead = self.collider.meetings(world, step);
+        ahead.retain(|contact| !self.collider.fly_past(world, contact, step));
         before.exchange(world);
         let rows = contact_rows(world, &ahead);
         let u = relative_velocities(attempt.cell.as_ref(), &ahead, &rows, &attempt.velocity);
@@ -271,7 +272,8 @@ impl Stepper {
     /// They are found by taking the impulses of a pair away: where Phi + dt u_n says that the bodies would then be inside each other by
     /// more than 5e-4 of the smaller one's size, and on the way they nowhere are by a fifth of that, there is nothing to hold apart. What a body
     /// falls in the step is allowed for: the contact may have carried its weight in another one's place. Where they fall too far for that, what they do that go on as
-    /// the step found them, and no higher, tells instead. Those in `kept` stay, and those of two balls that touch: they have no seams.
+    /// the step found them, and no higher, tells instead. Those in `kept` stay, and those of two balls: they
+    /// have no seams, and grains that fly past each other are many.
     pub(super) fn phantoms(
         &self,
         world: &World,
@@ -287,17 +289,8 @@ impl Stepper {
             let contact = contact(k);
             [contact.body_a.min(contact.body_b), contact.body_a.max(contact.body_b)]
         };
-        let missed = self.parameters.repetition.missed;
-        // Balls have no seams: they bar each other's way only while they are apart.
-        let pushes = |k: usize| {
-            let of_impact = attempt.impacts.impulse.get(attempt.active[k] as usize);
-            attempt.impulse[3 * k] != 0.0 || of_impact.is_some_and(|impulse| *impulse != Vec3::ZERO)
-        };
-        let may_bar = |k: &usize| {
-            pushes(*k) && contact(*k).gap > missed * collider.contact_size(world, contact(*k))
-                || pair(*k).iter().any(|&body| !collider.is_ball(world, body as usize))
-        };
-        let mut order: Vec<usize> = (0..rows.len()).into_par_iter().filter(may_bar).collect();
+        let with_seams = |k: &usize| pair(*k).iter().any(|&body| !collider.is_ball(world, body as usize));
+        let mut order: Vec<usize> = (0..rows.len()).into_par_iter().filter(with_seams).collect();
         order.sort_by_key(|&k| (pair(k), k));
         let mut found = Vec::new();
         for group in order.chunk_by(|&k, &l| pair(k) == pair(l)) {

@@ -86,3 +86,30 @@ fn balls_that_meet_off_their_centres_part_along_the_line_of_centres() {
         }
     }
 }
+
+/// A ball that would fly past another, but is thrown onto it by a third within the step, hits it: it gets a push, nothing overlaps, and momentum stays.
+#[test]
+fn what_is_deflected_onto_a_body_hits_it() {
+    for step in [2e-3, 10e-3] {
+        let mut world = world(0.0, 1.0);
+        world.gravity = Vec3::ZERO;
+        let flying = add_sphere(&mut world, 0.05, Vec3::ZERO);
+        add_sphere(&mut world, 0.05, Vec3::new(0.08, -0.07, 0.0));
+        let passed = add_sphere(&mut world, 0.05, Vec3::new(0.15, 0.11, 0.0));
+        world.bodies.velocity[flying] = 20.0 * Vec3::X;
+        let settings = StepSettings { step, envelope: 2e-3, ..StepSettings::default() };
+        let mut stepper = Stepper::new(settings).unwrap();
+        for _ in 0..20 {
+            let report = solved_step(&mut stepper, &mut world);
+            assert_eq!(report.contacts_missed, 0, "{step} s");
+            assert!(
+                report.penetration_max_over_size < 1e-3,
+                "{step} s: {}",
+                report.penetration_max_over_size
+            );
+        }
+        let momentum: Vec3 = world.bodies.velocity.iter().sum();
+        assert!(world.bodies.velocity[passed].length() > 5.0, "{step} s: {}", world.bodies.velocity[passed]);
+        assert!((momentum - 20.0 * Vec3::X).length() < 1e-9, "{step} s: {momentum}");
+    }
+}
