@@ -48,7 +48,7 @@ pub struct Arguments {
     /// Ask the tolerance of the worst contact
     #[arg(long)]
     strict_max: bool,
-    /// Friction law
+    /// Friction law; coulomb unless the scene says otherwise
     #[arg(long, value_name = "MODEL", value_parser = ["relaxed", "coulomb"])]
     friction: Option<String>,
     /// Write the contact problem of every K-th step into DIR/problems
