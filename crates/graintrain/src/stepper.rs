@@ -174,9 +174,10 @@ impl Stepper {
             Some((_, contacts)) => contacts,
             None => self.collider.contacts(world, envelope, step),
         };
-        // What flies past meets nothing; if it is deflected into another body after all, it joins in a later round.
+        // What flies past meets nothing.
         let collider = &self.collider;
-        contacts.retain(|contact| !collider.fly_past(world, contact, step));
+        let flown_past = |contact| collider.flown_past(world, contact, step);
+        contacts = contacts.into_iter().filter_map(flown_past).collect();
         let mut laps = Laps::default();
         laps.add(|phases| &mut phases.collide, begin.lap());
         let start = Placement::of(world);

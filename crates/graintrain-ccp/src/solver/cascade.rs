@@ -28,7 +28,7 @@ use super::report::{SolveReport, StageRecord, Status};
 use super::settings::SolveSettings;
 use crate::newton::NewtonRecord;
 use crate::problem::{Ccp, CcpError};
-use crate::residual::FrictionModel;
+use crate::residual::{FrictionModel, Residual};
 
 /// Below this tolerance the interior point goes first where friction is relaxed: an iteration of `apgd` costs nanoseconds per contact and
 /// it profits from a warm start, `ipm` needs factorisations but few iterations whatever the tolerance.
@@ -38,8 +38,22 @@ const TIGHT: f64 = 1e-6;
 /// Settled packings creep for hundreds of iterations, jammed ones for ever.
 const PATIENCE: usize = 500;
 
-/// The turns are taken again as long as they lower the residual to this fraction.
-const GAIN: f64 = 0.5;
+/// What a race is tuned by.
+#[derive(Clone, Debug)]
+pub struct RaceParameters {
+    /// Iterations of a turn over those that there are for the race, and the least and the most of them.
+    pub turn: (f64, [usize; 2]),
+    /// First turn of the first runner in such turns: most problems are solved in it.
+    pub first: usize,
+    /// A turn that came to nothing makes the next one of its runner twice as long, up to so many iterations.
+    pub longest: usize,
+}
+
+impl Default for RaceParameters {
+    fn default() -> Self {
+        Self { turn: (1.0 / 12.0, [500, 2500]), first: 4, longest: 10_000 }
+    }
+}
 
 /// What a member does in a stage.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -48,6 +62,8 @@ enum Task {
     Solve,
     /// Treats exact friction in its own iterations: [`CcpSolver::solve_exact`].
     Exact,
+    /// The same by this and the next two members, in turns.
+    Race,
     /// Solves the problem without friction, for the proof that there is no solution.
     Frictionless,
     /// Solves relaxed problems with De Saxce's shift held: [`fixed_point`].
@@ -73,13 +89,11 @@ struct Stage {
     start: Start,
     /// What it may cost, in iterations of projected gradients.
     most: usize,
-    /// Stages, this one included, that are made again where they have lowered the residual by [`GAIN`].
-    again: usize,
 }
 
 impl Stage {
     const fn new(member: usize, task: Task, start: Start, most: usize) -> Self {
-        Self { member, task, start, most, again: 0 }
+        Self { member, task, start, most }
     }
 }
 
@@ -92,44 +106,46 @@ pub struct Cascade {
     exact: Vec<Stage>,
     /// Of the fixed point.
     pub fixed_point: fixed_point::Parameters,
+    /// Of races.
+    pub race: RaceParameters,
 }
 
-/// A turn of each method that treats exact friction: gradients, the same with a momentum that grows and shrinks boldly, and
-/// over-relaxed sweeps. `first` is the number of the first of the three members.
-fn turns(first: usize, start: Start) -> [Stage; 3] {
-    const MOST: usize = 10_000;
-    let turn = |member, start| Stage::new(member, Task::Exact, start, MOST);
-    [turn(first, start), turn(first + 1, Start::Last), turn(first + 2, Start::Last)]
-}
-
-/// The members that [`turns`] name, and the path.
+/// The runners of a race, gradients, over-relaxed sweeps, and gradients with a momentum that grows and shrinks boldly, and the path.
 fn exact_members() -> [Box<dyn CcpSolver>; 4] {
     let bold = Apgd { longer: 4.0, shorter: 4.0, ..Apgd::default() };
     [
         Box::new(FirstOrder::new(Apgd::default())),
-        Box::new(FirstOrder::new(bold)),
         Box::new(FirstOrder::new(GaussSeidel { relaxation: 1.3 })),
+        Box::new(FirstOrder::new(bold)),
         Box::new(PathFollowing::default()),
     ]
 }
 
+/// A method that takes part in a race.
+struct Runner {
+    member: usize,
+    /// Iterations of its next turn.
+    length: usize,
+    /// ln(residual before / after) of its last turn per iteration; none before its first.
+    rate: Option<f64>,
+}
+
+/// Iterations of a race before the path is tried.
+const RACE: usize = 30_000;
+
 /// Exact friction with the members of [`exact_members`] from number `first` on, and relaxed ones for the fixed point.
 fn exact_table(first: usize, relaxed: &[usize]) -> Vec<Stage> {
     let path = first + 3;
-    // Where its systems are small, the path soon leads on.
-    let early = Stage::new(path, Task::Solve, Start::Best, 10_000);
-    let again = |mut turns: [Stage; 3]| {
-        turns[2].again = turns.len();
-        turns
-    };
-    let mut table = turns(first, Start::Last).to_vec();
-    table.insert(1, early);
-    table.push(Stage { most: 30_000, ..early });
-    table.extend(again(turns(first, Start::Last)));
-    table.extend(turns(first, Start::Zero));
-    table.extend(again(turns(first, Start::Last)));
-    table.push(Stage::new(relaxed[0], Task::Frictionless, Start::Zero, 60_000));
-    table.push(Stage::new(path, Task::Solve, Start::Zero, 1_000_000));
+    let race = |start, most| Stage::new(first, Task::Race, start, most);
+    let mut table = vec![
+        race(Start::Last, RACE),
+        // Where its systems are small, the path soon leads on.
+        Stage::new(path, Task::Solve, Start::Best, 30_000),
+        race(Start::Last, usize::MAX),
+        race(Start::Zero, usize::MAX),
+        Stage::new(relaxed[0], Task::Frictionless, Start::Zero, 60_000),
+        Stage::new(path, Task::Solve, Start::Zero, 1_000_000),
+    ];
     let most = 600_000 / relaxed.len();
     table.extend(relaxed.iter().map(|&member| Stage::new(member, Task::FixedPoint, Start::Best, most)));
     table
@@ -156,6 +172,7 @@ impl Cascade {
             ],
             exact: exact_table(exact, &[ipm, first]),
             fixed_point: fixed_point::Parameters::default(),
+            race: RaceParameters::default(),
         }
     }
 
@@ -184,6 +201,7 @@ impl Cascade {
             relaxed: [alone.clone(), alone],
             exact,
             fixed_point: fixed_point::Parameters::default(),
+            race: RaceParameters::default(),
         }
     }
 
@@ -230,17 +248,17 @@ impl CcpSolver for Cascade {
         check_start(problem, impulse)?;
         let limits = Limits::start(settings, usize::MAX);
         let mut course = Course::new(impulse, table.len());
-        let mut place = 0;
-        while let Some(stage) = table.get(place) {
-            let is_last = place + 1 == table.len();
-            course.began[place] = course.best.residual();
+        for (place, stage) in table.iter().enumerate() {
+            let is_last = place + 1 == table.len() || stage.most == usize::MAX;
             let share = if is_last { course.left(&limits) } else { course.left(&limits).div_ceil(2) };
-            let ended = self.make(stage, share.min(stage.most), problem, settings, &limits, &mut course)?;
+            let share = share.min(stage.most);
+            let ended = match stage.task {
+                Task::Race => self.race(stage, share, problem, settings, &limits, &mut course)?,
+                _ => self.make(stage, share, problem, settings, &limits, &mut course)?,
+            };
             if ended || (table.len() > 1 && course.left(&limits) == 0) {
                 break;
             }
-            let first = (place + 1).saturating_sub(stage.again);
-            place = if stage.again > 0 && course.has_gained_since(first) { first } else { place + 1 };
         }
         course.best.restore(impulse);
         Ok(course.report(self, problem, impulse, &limits))
@@ -248,6 +266,55 @@ impl CcpSolver for Cascade {
 }
 
 impl Cascade {
+    /// Three members take turns, each from where the one before ended; after a first turn of each it is that of the one whose last turn gained most
+    /// per iteration. Ends where nobody gains; whether it ends the solve.
+    fn race(
+        &mut self,
+        stage: &Stage,
+        share: usize,
+        problem: &Ccp,
+        settings: &SolveSettings,
+        limits: &Limits<'_>,
+        course: &mut Course,
+    ) -> Result<bool, CcpError> {
+        let RaceParameters { turn: (part, [least, most]), first, longest } = self.race;
+        let turn = ((share as f64 * part) as usize).clamp(least, most);
+        let runner = |k: usize| {
+            let length = if k == 0 { first * turn } else { turn };
+            Runner { member: stage.member + k, length, rate: None }
+        };
+        let mut runners: Vec<Runner> = (0..3).map(runner).collect();
+        let (begun, mut start) = (course.spent, stage.start);
+        loop {
+            let left = share - ((course.spent - begun) as usize).min(share);
+            let rate = |runner: &&mut Runner| runner.rate.unwrap_or(f64::INFINITY);
+            // The first of those that gain most; of those that gain nothing, the one with the shortest turn.
+            let next = runners.iter_mut().reduce(|a, b| {
+                let (of_a, of_b) = (rate(&a), rate(&b));
+                if of_b > of_a || of_b == of_a && of_b <= 0.0 && b.length < a.length { b } else { a }
+            });
+            let Some(next) = next else { return Ok(false) };
+            if left == 0 || (next.rate == Some(0.0) && next.length > longest) {
+                return Ok(false);
+            }
+            let before = course.best.residual();
+            let spent = course.spent;
+            let own = Stage { member: next.member, task: Task::Exact, start, ..*stage };
+            if self.make(&own, next.length.min(left), problem, settings, limits, course)? {
+                return Ok(true);
+            }
+            let cost = course.spent - spent;
+            if cost == 0.0 {
+                return Ok(false);
+            }
+            start = Start::Last;
+            let gain = before.min(course.first) / course.best.residual();
+            let rate = if gain > 1.0 { gain.ln() / cost } else { 0.0 };
+            next.rate = Some(rate);
+            next.length = if rate > 0.0 { turn } else { 2 * next.length };
+        }
+    }
+
     /// Makes a stage that may cost so much; whether it ends the solve.
     fn make(
         &mut self,
@@ -279,7 +346,7 @@ impl Cascade {
         let mut g = course.start(stage.start);
         let report = match stage.task {
             Task::Solve => member.solve(problem, &mut g, &settings),
-            Task::Exact => {
+            Task::Exact | Task::Race => {
                 if stage.start == Start::Zero {
                     course.last.fill(0.0);
                 }
@@ -295,7 +362,7 @@ impl Cascade {
         match report {
             Ok(report) => Ok(course.add(report, &g, stage.start, cost, begun, limits)),
             // Another member may be able to treat it.
-            Err(_) if course.began.len() > 1 => Ok(false),
+            Err(_) if course.has_others => Ok(false),
             Err(error) => Err(error),
         }
     }
@@ -317,8 +384,10 @@ struct Course {
     history: History,
     remark: Option<String>,
     stages: Vec<StageRecord>,
-    /// Least residual when each stage of the table last began.
-    began: Vec<f64>,
+    /// First residual known.
+    first: f64,
+    /// Whether others may be able to do what one cannot.
+    has_others: bool,
 }
 
 impl Course {
@@ -336,7 +405,8 @@ impl Course {
             history: History::default(),
             remark: None,
             stages: Vec::new(),
-            began: vec![f64::INFINITY; stages],
+            first: f64::INFINITY,
+            has_others: stages > 1,
         }
     }
 
@@ -354,12 +424,6 @@ impl Course {
                 g
             }
         }
-    }
-
-    /// Whether the least residual has fallen by [`GAIN`] since the stage at this place last began.
-    fn has_gained_since(&self, place: usize) -> bool {
-        let before = self.began[place];
-        before.is_finite() && self.best.residual() <= GAIN * before
     }
 
     fn count(&mut self, report: &SolveReport, start: Start, cost: Cost) {
@@ -385,6 +449,9 @@ impl Course {
         begun: f64,
         limits: &Limits<'_>,
     ) -> bool {
+        if let (None, Some(sample)) = (self.stages.first(), report.history.first()) {
+            self.first = limits.judged(Residual { max: sample.max, rms: sample.rms });
+        }
         self.history.append(&report.history, self.sums[0], begun);
         self.count(&report, start, cost);
         self.newton.append(&mut report.newton);

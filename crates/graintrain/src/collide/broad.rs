@@ -217,22 +217,37 @@ impl Collider {
         Some(Contact { lead, image, identity: apart.identity, ..contact(pair, &arrival.touch) })
     }
 
-    /// Whether two balls, as they move now, pass each other though the plane of their contact has them overlap at the end of the step:
+    /// What becomes of the contact of two balls that pass each other, as they move now, though its plane has them overlap at the end of the step:
     ///
     /// ```text
     /// Phi + dt n . u < 0   but   |x + t u| > r_A + r_B   for 0 <= t <= dt      (x, u: place and velocity of A relative to B)
     /// ```
-    pub(crate) fn fly_past(&self, world: &World, contact: &Contact, step: f64) -> bool {
+    ///
+    /// Balls that move by half of the smaller one or more have none: if they are deflected onto each other, they meet elsewhere. Others get the
+    /// plane that both ends of their way are in front of, with the normal n of the moment at which they are nearest and Phi = n . x - r_A - r_B:
+    /// it is reached by no motion without overlap that ends beside that one, and pushes only what is deflected across it.
+    pub(crate) fn flown_past(&self, world: &World, contact: Contact, step: f64) -> Option<Contact> {
         let pair = [contact.body_a, contact.body_b];
         if contact.gap <= 0.0 || !pair.iter().all(|&body| self.is_ball(world, body as usize)) {
-            return false;
+            return Some(contact);
         }
         let ([a, b], _) = self.placed_pair(world, pair);
         let [[v_a, _], [v_b, _]] = world.pair_velocities(pair);
         let (apart, approach) = (a.position - b.position, v_a - v_b);
-        let radii = a.form.bounding_radius + b.form.bounding_radius;
-        contact.gap + step * contact.normal.dot(approach) < 0.0
-            && first_touch_of_balls(apart, approach, radii).is_none_or(|time| time > step)
+        let radii = [a, b].map(|ball| ball.form.bounding_radius);
+        let reach = radii[0] + radii[1];
+        let touches = || first_touch_of_balls(apart, approach, reach).is_some_and(|time| time <= step);
+        if contact.gap + step * contact.normal.dot(approach) >= 0.0 || touches() {
+            return Some(contact);
+        }
+        if step * approach.length() >= 0.5 * radii[0].min(radii[1]) {
+            return None;
+        }
+        let time = (-apart.dot(approach) / approach.length_squared()).min(step);
+        let normal = (apart + time * approach).normalize();
+        let (on_a, on_b) = (a.position - radii[0] * normal, b.position + radii[1] * normal);
+        let (point, lead) = (0.5 * (on_a + on_b), 0.5 * (on_a - on_b));
+        Some(Contact { point, normal, gap: normal.dot(apart) - reach, lead, ..contact })
     }
 
     /// Size of the smaller body of a contact, m.

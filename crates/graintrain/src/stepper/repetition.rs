@@ -149,7 +149,7 @@ impl Stepper {
             world.bodies.angular_velocity[body] = Vec3::from_slice(&v[3..]);
         }
         let mut ahead = self.collider.meetings(world, step);
-        ahead.retain(|contact| !self.collider.fly_past(world, contact, step));
+        ahead.retain(|&contact| self.collider.flown_past(world, contact, step) == Some(contact));
         before.exchange(world);
         let rows = contact_rows(world, &ahead);
         let u = relative_velocities(attempt.cell.as_ref(), &ahead, &rows, &attempt.velocity);
