@@ -10,7 +10,7 @@ use graintrain_ccp::newton::{Form, LinearReport, NewtonError, NewtonSolver, Newt
 use graintrain_ccp::paper::scip::Scip;
 use graintrain_ccp::solver::first_order::FirstOrder;
 use graintrain_ccp::solver::ipm::Ipm;
-use graintrain_ccp::solver::{Apgd, CcpSolver, GaussSeidel};
+use graintrain_ccp::solver::{Apgd, CcpSolver, ExactState, GaussSeidel};
 use graintrain_ccp::{Ccp, SolveSettings, SolverSpec};
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::collections::BTreeMap;
@@ -45,7 +45,7 @@ fn allocations(solver: &mut dyn CcpSolver, problem: &Ccp, exact: bool, iteration
     let settings =
         SolveSettings { tolerance: 0.0, max_iterations: Some(iterations), ..SolveSettings::default() };
     let mut g = vec![0.0; 3 * problem.num_contacts()];
-    let mut last = g.clone();
+    let mut last = ExactState { last: g.clone(), memory: None };
     let before = ALLOCATIONS.load(Ordering::Relaxed);
     let report = if exact {
         solver.solve_exact(problem, &mut g, &mut last, &settings).unwrap().expect("treats exact friction")

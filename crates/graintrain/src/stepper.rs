@@ -241,7 +241,7 @@ impl Stepper {
             }
             laps.add(|phases| &mut phases.integrate, begin.lap());
             let begin = Clock::now();
-            let ahead = self.collider.contacts(world, envelope, step);
+            let mut ahead = self.collider.contacts(world, envelope, step);
             let missed = self.missed(world, &contacts, &ahead);
             let (mut new, mut bent) = (Vec::new(), Vec::new());
             if round < rounds {
@@ -266,6 +266,8 @@ impl Stepper {
                     start.exchange(world);
                     return Err(cell_error(world, error));
                 }
+                let made = (&start, contacts.as_slice(), &attempt, &bends);
+                self.remove_unforeseen(world, made, &mut correction, &mut ahead);
                 let pair = |c: &Contact| [c.body_a.min(c.body_b), c.body_a.max(c.body_b)];
                 let mut pairs = HashSet::new();
                 if !missed.is_empty() {

@@ -53,6 +53,8 @@ pub struct Apgd {
     pub memory_range: [f64; 2],
     /// A momentum whose theta is below this says nothing about the limit.
     pub young: f64,
+    /// The limit that the last iterations with exact friction ended with.
+    pub found: Option<f64>,
 }
 
 impl Default for Apgd {
@@ -66,6 +68,7 @@ impl Default for Apgd {
             shorter: 2.0,
             memory_range: [10.0, 3000.0],
             young: 5.0,
+            found: None,
         }
     }
 }
@@ -256,6 +259,14 @@ impl FirstOrderMethod for Apgd {
     const SINGLE: bool = true;
     const SHARED: bool = true;
 
+    fn remember(&mut self, memory: Option<f64>) {
+        self.found = memory;
+    }
+
+    fn memory(&self) -> Option<f64> {
+        self.found
+    }
+
     fn run(&mut self, scaled: &ScaledProblem, it: &mut Iterate<'_>) {
         let (previous, image_y) = (it.x.clone(), it.image.clone());
         let mut space = Double { scaled, it, previous, image_y };
@@ -271,7 +282,7 @@ impl FirstOrderMethod for Apgd {
 
 impl Apgd {
     /// The iterations; the largest curvature met along a step, zero where none was made.
-    fn iterate_in(&self, space: &mut impl Space) -> f64 {
+    fn iterate_in(&mut self, space: &mut impl Space) -> f64 {
         match space.friction_model() {
             FrictionModel::Relaxed => self.iterate::<false>(space),
             FrictionModel::Coulomb => self.iterate::<true>(space),
@@ -279,11 +290,11 @@ impl Apgd {
     }
 
     /// The same, with exact friction or not.
-    fn iterate<const EXACT: bool>(&self, space: &mut impl Space) -> f64 {
+    fn iterate<const EXACT: bool>(&mut self, space: &mut impl Space) -> f64 {
         // Found when it is needed: a start that is good enough needs none.
         let mut step = 0.0;
         let (mut theta, mut beta) = (1.0_f64, 0.0);
-        let mut memory = if EXACT { self.memory } else { f64::INFINITY };
+        let mut memory = if EXACT { self.found.unwrap_or(self.memory) } else { f64::INFINITY };
         let mut last_step = f64::INFINITY;
         let (mut iteration, mut steepest) = (0.0, 0.0_f64);
         while space.proceed(beta) {
@@ -316,6 +327,9 @@ impl Apgd {
             } else {
                 step *= self.growth;
             }
+        }
+        if EXACT {
+            self.found = Some(memory);
         }
         steepest
     }

@@ -21,7 +21,7 @@ use super::first_order::FirstOrder;
 use super::fixed_point;
 use super::gauss_seidel::GaussSeidel;
 use super::history::History;
-use super::interface::{Capabilities, CcpSolver, Cost};
+use super::interface::{Capabilities, CcpSolver, Cost, ExactState};
 use super::ipm::Ipm;
 use super::path_following::PathFollowing;
 use super::report::{SolveReport, StageRecord, Status};
@@ -29,6 +29,7 @@ use super::settings::SolveSettings;
 use crate::newton::NewtonRecord;
 use crate::problem::{Ccp, CcpError};
 use crate::residual::{FrictionModel, Residual};
+use graintrain_linalg::real;
 
 /// Below this tolerance the interior point goes first where friction is relaxed: an iteration of `apgd` costs nanoseconds per contact and
 /// it profits from a warm start, `ipm` needs factorisations but few iterations whatever the tolerance.
@@ -45,7 +46,7 @@ pub struct RaceParameters {
     pub turn: (f64, [usize; 2]),
     /// First turn of the first runner in such turns: most problems are solved in it.
     pub first: usize,
-    /// A turn that came to nothing makes the next one of its runner twice as long, up to so many iterations.
+    /// The next turn of a runner is twice as long. One that gained nothing in a turn of so many has given up.
     pub longest: usize,
 }
 
@@ -62,7 +63,9 @@ enum Task {
     Solve,
     /// Treats exact friction in its own iterations: [`CcpSolver::solve_exact`].
     Exact,
-    /// The same by this and the next two members, in turns.
+    /// The same by this and the next two members, a turn of each.
+    Round,
+    /// The same in turns, until nobody gains.
     Race,
     /// Solves the problem without friction, for the proof that there is no solution.
     Frictionless,
@@ -130,15 +133,12 @@ struct Runner {
     rate: Option<f64>,
 }
 
-/// Iterations of a race before the path is tried.
-const RACE: usize = 30_000;
-
 /// Exact friction with the members of [`exact_members`] from number `first` on, and relaxed ones for the fixed point.
 fn exact_table(first: usize, relaxed: &[usize]) -> Vec<Stage> {
     let path = first + 3;
     let race = |start, most| Stage::new(first, Task::Race, start, most);
     let mut table = vec![
-        race(Start::Last, RACE),
+        Stage { task: Task::Round, ..race(Start::Last, 30_000) },
         // Where its systems are small, the path soon leads on.
         Stage::new(path, Task::Solve, Start::Best, 30_000),
         race(Start::Last, usize::MAX),
@@ -247,13 +247,15 @@ impl CcpSolver for Cascade {
         }
         check_start(problem, impulse)?;
         let limits = Limits::start(settings, usize::MAX);
-        let mut course = Course::new(impulse, table.len());
+        let mut course = Course::new(impulse, self.members.len(), table.len());
         for (place, stage) in table.iter().enumerate() {
             let is_last = place + 1 == table.len() || stage.most == usize::MAX;
             let share = if is_last { course.left(&limits) } else { course.left(&limits).div_ceil(2) };
             let share = share.min(stage.most);
             let ended = match stage.task {
-                Task::Race => self.race(stage, share, problem, settings, &limits, &mut course)?,
+                Task::Round | Task::Race => {
+                    self.race(stage, share, problem, settings, &limits, &mut course)?
+                }
                 _ => self.make(stage, share, problem, settings, &limits, &mut course)?,
             };
             if ended || (table.len() > 1 && course.left(&limits) == 0) {
@@ -279,8 +281,9 @@ impl Cascade {
     ) -> Result<bool, CcpError> {
         let RaceParameters { turn: (part, [least, most]), first, longest } = self.race;
         let turn = ((share as f64 * part) as usize).clamp(least, most);
+        let is_round = stage.task == Task::Round;
         let runner = |k: usize| {
-            let length = if k == 0 { first * turn } else { turn };
+            let length = if k == 0 && is_round { first * turn } else { turn };
             Runner { member: stage.member + k, length, rate: None }
         };
         let mut runners: Vec<Runner> = (0..3).map(runner).collect();
@@ -294,7 +297,10 @@ impl Cascade {
                 if of_b > of_a || of_b == of_a && of_b <= 0.0 && b.length < a.length { b } else { a }
             });
             let Some(next) = next else { return Ok(false) };
-            if left == 0 || (next.rate == Some(0.0) && next.length > longest) {
+            if left == 0
+                || (next.rate == Some(0.0) && next.length > longest)
+                || (is_round && next.rate.is_some())
+            {
                 return Ok(false);
             }
             let before = course.best.residual();
@@ -309,9 +315,9 @@ impl Cascade {
             }
             start = Start::Last;
             let gain = before.min(course.first) / course.best.residual();
-            let rate = if gain > 1.0 { gain.ln() / cost } else { 0.0 };
+            let rate = if gain > 1.0 { real::ln(gain) / cost } else { 0.0 };
             next.rate = Some(rate);
-            next.length = if rate > 0.0 { turn } else { 2 * next.length };
+            next.length *= 2;
         }
     }
 
@@ -340,17 +346,24 @@ impl Cascade {
         let settings = SolveSettings {
             max_iterations: bounded.then_some(allowed),
             max_time: limits.time_left(),
+            curvature: settings.curvature.or(course.curvature),
             ..settings.clone()
         };
         let begun = limits.seconds();
         let mut g = course.start(stage.start);
         let report = match stage.task {
             Task::Solve => member.solve(problem, &mut g, &settings),
-            Task::Exact | Task::Race => {
+            Task::Exact | Task::Round | Task::Race => {
+                let mut state = ExactState {
+                    last: std::mem::take(&mut course.last),
+                    memory: course.memory[stage.member],
+                };
                 if stage.start == Start::Zero {
-                    course.last.fill(0.0);
+                    state.last.fill(0.0);
+                    state.memory = None;
                 }
-                let exact = member.solve_exact(problem, &mut g, &mut course.last, &settings);
+                let exact = member.solve_exact(problem, &mut g, &mut state, &settings);
+                (course.last, course.memory[stage.member]) = (state.last, state.memory);
                 exact.map(|report| report.expect("the member is capable of exact friction"))
             }
             Task::Frictionless => {
@@ -372,6 +385,8 @@ impl Cascade {
 struct Course {
     best: Best<f64>,
     last: Vec<f64>,
+    /// [`ExactState::memory`] of every member.
+    memory: Vec<Option<f64>>,
     given: Vec<f64>,
     /// What was spent, in iterations of projected gradients.
     spent: f64,
@@ -391,10 +406,11 @@ struct Course {
 }
 
 impl Course {
-    fn new(impulse: &[f64], stages: usize) -> Self {
+    fn new(impulse: &[f64], members: usize, stages: usize) -> Self {
         Self {
             best: Best::default(),
             last: impulse.to_vec(),
+            memory: vec![None; members],
             given: impulse.to_vec(),
             spent: 0.0,
             status: Status::Stalled,

@@ -2,7 +2,7 @@
 
 use super::driver::{Best, Limits, Progress, check_start};
 use super::history::History;
-use super::interface::{Capabilities, CcpSolver, Cost, ITERATION_LIMIT};
+use super::interface::{Capabilities, CcpSolver, Cost, ExactState, ITERATION_LIMIT};
 use super::lanes::{Batch, Lanes, Numbers};
 use super::ranks::Ranks;
 use super::report::{SolveReport, Status};
@@ -35,6 +35,14 @@ pub trait FirstOrderMethod: Send {
     const SWEEPS: bool = false;
     /// Whether the method does nothing but passes, of which each of several ranks can do a part.
     const SHARED: bool = false;
+
+    /// Takes up how long its momentum was last allowed to be ([`ExactState::memory`]).
+    fn remember(&mut self, _memory: Option<f64>) {}
+
+    /// How long that is now.
+    fn memory(&self) -> Option<f64> {
+        None
+    }
 
     /// Improves the iterate until it says to stop.
     fn run(&mut self, scaled: &ScaledProblem, it: &mut Iterate<'_>);
@@ -349,14 +357,17 @@ impl<M: FirstOrderMethod> CcpSolver for FirstOrder<M> {
         &mut self,
         problem: &Ccp,
         impulse: &mut [f64],
-        last: &mut [f64],
+        state: &mut ExactState,
         settings: &SolveSettings,
     ) -> Result<Option<SolveReport>, CcpError> {
-        if M::EXACT {
-            self.improve(problem, impulse, Some(last), settings, FrictionModel::Coulomb).map(Some)
-        } else {
-            Ok(None)
+        if !M::EXACT {
+            return Ok(None);
         }
+        self.method.remember(state.memory);
+        let last = Some(&mut state.last[..]);
+        let report = self.improve(problem, impulse, last, settings, FrictionModel::Coulomb)?;
+        state.memory = self.method.memory();
+        Ok(Some(report))
     }
 }
 

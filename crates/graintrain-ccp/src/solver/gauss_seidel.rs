@@ -124,7 +124,7 @@ fn largest_eigenvalue(a: &Block) -> f64 {
 mod tests {
     use super::super::body_operator::TOGETHER;
     use super::super::first_order::FirstOrder;
-    use super::super::interface::CcpSolver;
+    use super::super::interface::{CcpSolver, ExactState};
     use super::super::packing::pack;
     use super::super::settings::SolveSettings;
     use super::*;
@@ -191,7 +191,7 @@ mod tests {
                 };
                 let run = |problem: &Ccp| {
                     let mut g = vec![0.0; problem.r.len()];
-                    let mut last = g.clone();
+                    let mut last = ExactState { last: g.clone(), memory: None };
                     let mut solver = FirstOrder::new(GaussSeidel { relaxation: 1.2 });
                     if friction == FrictionModel::Coulomb {
                         solver.solve_exact(problem, &mut g, &mut last, &settings).unwrap().unwrap();

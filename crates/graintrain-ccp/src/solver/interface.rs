@@ -49,6 +49,15 @@ impl Default for Cost {
     }
 }
 
+/// What goes from one turn of exact friction to the next.
+#[derive(Clone, Debug, Default)]
+pub struct ExactState {
+    /// Where the iterates are (length 3 N_c).
+    pub last: Vec<f64>,
+    /// How long the momentum may last, of a method that has one and has found out.
+    pub memory: Option<f64>,
+}
+
 /// A method for the CCP. A solver may keep work memory and what it learned between solves: whatever depends on N alone is
 /// used again for a problem that shares N with the last one (see [`Ccp::delassus`]).
 pub trait CcpSolver: Send {
@@ -85,7 +94,7 @@ pub trait CcpSolver: Send {
     /// Exact Coulomb friction without the outer iteration of the [fixed point](super::fixed_point), where the method can; `None` where it
     /// cannot. `settings.friction` is [`FrictionModel::Coulomb`](crate::FrictionModel::Coulomb).
     ///
-    /// The iterates begin at `last` (length 3 N_c); on exit it is where they ended, and `impulse` the best of them. The next call
+    /// The iterates begin at `state.last`; on exit it is where they ended, and `impulse` the best of them. The next call
     /// goes on from there: on their way to a solution of the exact problem residuals have to rise now and then, and from the best
     /// iterate the way between would be gone again and again.
     ///
@@ -95,10 +104,10 @@ pub trait CcpSolver: Send {
         &mut self,
         problem: &Ccp,
         impulse: &mut [f64],
-        last: &mut [f64],
+        state: &mut ExactState,
         settings: &SolveSettings,
     ) -> Result<Option<SolveReport>, CcpError> {
-        let _ = (problem, impulse, last, settings);
+        let _ = (problem, impulse, state, settings);
         Ok(None)
     }
 }

@@ -54,7 +54,7 @@ pub use apgd::Apgd;
 pub use cascade::Cascade;
 pub use gauss_seidel::GaussSeidel;
 pub use history::ResidualSample;
-pub use interface::{Capabilities, CcpSolver, Cost};
+pub use interface::{Capabilities, CcpSolver, Cost, ExactState};
 pub use path_following::PathFollowing;
 pub use ranks::Ranks;
 pub use report::{SolveReport, StageRecord, Status};

@@ -5,7 +5,7 @@ use super::identity::identity;
 use super::look::{Look, surface_speeds};
 use super::narrow::{Collidable, Placed, body_contacts};
 use super::reduce::Touch;
-use super::sweep::{advanced, arrivals, first_touch_of_balls, time_of_impact};
+use super::sweep::{advanced, arrivals, time_of_impact};
 use super::words::{contacts_from, words_of};
 use crate::contact::Contact;
 use crate::math::Vec3;
@@ -223,9 +223,9 @@ impl Collider {
     /// Phi + dt n . u < 0   but   |x + t u| > r_A + r_B   for 0 <= t <= dt      (x, u: place and velocity of A relative to B)
     /// ```
     ///
-    /// Balls that move by half of the smaller one or more have none: if they are deflected onto each other, they meet elsewhere. Others get the
-    /// plane that both ends of their way are in front of, with the normal n of the moment at which they are nearest and Phi = n . x - r_A - r_B:
-    /// it is reached by no motion without overlap that ends beside that one, and pushes only what is deflected across it.
+    /// Balls that move by half of the smaller one or more have none: if they are deflected onto each other, they meet elsewhere. For others
+    /// the plane is further off, so that Phi + dt n . u is how near they come, min |x + t u| - r_A - r_B: it pushes only what is deflected across it, along
+    /// the line of centres, so that angular momentum stays.
     pub(crate) fn flown_past(&self, world: &World, contact: Contact, step: f64) -> Option<Contact> {
         let pair = [contact.body_a, contact.body_b];
         if contact.gap <= 0.0 || !pair.iter().all(|&body| self.is_ball(world, body as usize)) {
@@ -235,19 +235,17 @@ impl Collider {
         let [[v_a, _], [v_b, _]] = world.pair_velocities(pair);
         let (apart, approach) = (a.position - b.position, v_a - v_b);
         let radii = [a, b].map(|ball| ball.form.bounding_radius);
-        let reach = radii[0] + radii[1];
-        let touches = || first_touch_of_balls(apart, approach, reach).is_some_and(|time| time <= step);
-        if contact.gap + step * contact.normal.dot(approach) >= 0.0 || touches() {
+        let closed = -step * contact.normal.dot(approach);
+        if contact.gap >= closed {
             return Some(contact);
         }
-        if step * approach.length() >= 0.5 * radii[0].min(radii[1]) {
-            return None;
-        }
         let time = (-apart.dot(approach) / approach.length_squared()).min(step);
-        let normal = (apart + time * approach).normalize();
-        let (on_a, on_b) = (a.position - radii[0] * normal, b.position + radii[1] * normal);
-        let (point, lead) = (0.5 * (on_a + on_b), 0.5 * (on_a - on_b));
-        Some(Contact { point, normal, gap: normal.dot(apart) - reach, lead, ..contact })
+        let nearest = (apart + time * approach).length() - radii[0] - radii[1];
+        if nearest <= 0.0 {
+            return Some(contact);
+        }
+        let is_slow = step * approach.length() < 0.5 * radii[0].min(radii[1]);
+        is_slow.then_some(Contact { gap: closed + nearest, ..contact })
     }
 
     /// Size of the smaller body of a contact, m.

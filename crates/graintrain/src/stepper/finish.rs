@@ -3,19 +3,29 @@
 use super::Stepper;
 use super::attempt::{Attempt, chosen_of};
 use super::placement::{Placement, taken_along};
-use crate::assemble::{OverlapCorrection, of_each, pair_property, relative_velocities};
-use crate::cell;
+use super::repetition::Bends;
+use crate::assemble::{OverlapCorrection, contact_rows, of_each, pair_property, relative_velocities};
 use crate::clock::{Clock, Laps};
 use crate::contact::{Contact, ContactSet};
+use crate::elasticity;
+use crate::integrate::{displace, inverse_mass};
+use crate::joint::drift;
 use crate::load;
 use crate::math::Vec3;
 use crate::measure::energy;
-use crate::overlap::{Correction, Gaps};
+use crate::overlap::{Correction, Gaps, Share};
 use crate::step_report::{PhysicalErrors, StepReport, wrenches};
 use crate::turning::{turning_velocities, world_moment};
 use crate::world::World;
 use graintrain_ccp::{Delassus, RigidContact, Status};
 use rayon::prelude::*;
+use std::collections::{HashMap, HashSet};
+
+/// A correction without displacements that are no numbers.
+fn finite(correction: Correction) -> Correction {
+    let finite = correction.displacement.iter().flatten().all(|x| x.is_finite());
+    if finite { correction } else { Correction { displacement: None, ..correction } }
+}
 
 impl Stepper {
     /// Displacements that remove overlap at the end of the step.
@@ -47,28 +57,103 @@ impl Stepper {
         let u = relative_velocities(attempt.cell.as_ref(), &chosen, rows, &attempt.velocity);
         let gap: Vec<f64> = chosen.iter().zip(u.chunks_exact(3)).map(|(c, u)| c.gap + step * u[0]).collect();
         let size: Vec<f64> = active.iter().map(|&i| size[i as usize]).collect();
-        let bend = |body: usize, point: Vec3| {
-            let spin = Vec3::from_slice(&attempt.velocity[6 * body + 3..6 * body + 6]);
-            0.5 * step * step * spin.length_squared() * (point - world.bodies.position[body]).length()
-        };
-        let both = |contact: &Contact| {
-            let [(a, on_a), (b, on_b)] = cell::ends(world.cell(), &Contact { lead: Vec3::ZERO, ..*contact });
-            bend(a, on_a) + bend(b, on_b)
-        };
-        let turn = of_each(&chosen, both);
         let gaps = Gaps {
             rows,
             inverse_mass: rigid.inverse_mass(),
             gap: &gap,
             size: &size,
-            fall: world.gravity.length() * step * step,
-            turn: &turn,
+            share: Share::Slow(world.gravity.length() * step * step),
             tolerance: self.settings.solver.tolerance,
             parameters: &self.parameters.overlap,
         };
-        let correction = gaps.correct();
-        let finite = correction.displacement.iter().flatten().all(|x| x.is_finite());
-        if finite { correction } else { Correction { displacement: None, ..correction } }
+        finite(gaps.correct())
+    }
+
+    /// Removes, where bodies are at the end of the step, the overlap that no contact of the step foresaw because they turned. `ahead` are the contacts of
+    /// the end, and become those after it.
+    pub(super) fn remove_unforeseen(
+        &mut self,
+        world: &mut World,
+        (start, contacts, attempt, bends): (&Placement, &[Contact], &Attempt, &Bends),
+        correction: &mut Correction,
+        ahead: &mut Vec<Contact>,
+    ) {
+        if self.settings.overlap == OverlapCorrection::Velocity {
+            return;
+        }
+        let step = self.settings.step;
+        let trigger = self.parameters.overlap.trigger(self.settings.solver.tolerance);
+        for _ in 0..self.parameters.overlap.rounds {
+            let collider = &self.collider;
+            let is_deep = |c: &&Contact| -c.gap > trigger * collider.contact_size(world, c);
+            let deep: Vec<&Contact> = ahead.par_iter().filter(is_deep).collect();
+            if deep.is_empty() {
+                return;
+            }
+            let mut foreseen = self.foreseen(start, contacts, attempt, &deep, bends);
+            for (identity, (gap, _)) in &mut foreseen {
+                // A plane linearised anew foresees what it was made for.
+                *gap = bends.allowed(*identity).unwrap_or(*gap);
+            }
+            let deep: HashSet<u64> = deep.iter().map(|c| c.identity).collect();
+            let Some(displacement) = self.unforeseen(world, ahead, (&deep, &foreseen), correction) else {
+                return;
+            };
+            displace(world, &displacement);
+            correction.add(Some(displacement));
+            correction.add(drift::close(world, &attempt.joints.states, step));
+            *ahead = self.collider.contacts(world, self.settings.envelope, step);
+        }
+    }
+
+    /// The displacements of [`Self::remove_unforeseen`], if there is something to remove. `foreseen` are the gaps that the `deep` contacts among those `ahead` were to have,
+    /// without the displacements before; what is not among them no contact foresaw.
+    fn unforeseen(
+        &self,
+        world: &World,
+        ahead: &[Contact],
+        (deep, foreseen): (&HashSet<u64>, &HashMap<u64, (f64, Contact)>),
+        correction: &mut Correction,
+    ) -> Option<Vec<f64>> {
+        let (collider, parameters) = (&self.collider, &self.parameters.overlap);
+        let rows = contact_rows(world, ahead);
+        let compliance = elasticity::compliances(world, ahead, self.settings.step);
+        let moved = match &correction.displacement {
+            Some(displacement) => relative_velocities(None, ahead, &rows, displacement),
+            None => Vec::new(),
+        };
+        let error = |(i, contact): (usize, &Contact)| {
+            // What an elastic contact overlaps is its own affair.
+            let is_elastic = compliance.get(i).is_some_and(|&c| c != 0.0);
+            if is_elastic || !deep.contains(&contact.identity) {
+                return 0.0;
+            }
+            let known = foreseen.get(&contact.identity);
+            known.map_or(0.0, |(gap, _)| gap + moved.get(3 * i).unwrap_or(&0.0)) - contact.gap
+        };
+        let error: Vec<f64> = ahead.iter().enumerate().map(error).collect();
+        let size = of_each(ahead, |c| collider.contact_size(world, c));
+        if error.iter().zip(&size).all(|(error, size)| *error <= parameters.kept * size) {
+            return None;
+        }
+        // Overlap that was foreseen is left to the correction before.
+        let of_end = |(contact, &error): (&Contact, &f64)| {
+            contact.gap.max(if error > 0.0 { contact.gap } else { 0.0 })
+        };
+        let gap: Vec<f64> = ahead.iter().zip(&error).map(of_end).collect();
+        let gaps = Gaps {
+            rows: &rows,
+            inverse_mass: &inverse_mass(world),
+            gap: &gap,
+            size: &size,
+            share: Share::Unforeseen(&error),
+            tolerance: self.settings.solver.tolerance,
+            parameters,
+        };
+        let more = finite(gaps.correct());
+        correction.overlap_max = correction.overlap_max.max(more.overlap_max);
+        correction.overlap_max_over_size = correction.overlap_max_over_size.max(more.overlap_max_over_size);
+        more.displacement
     }
 
     /// What is left to do once the world is where the step takes it.

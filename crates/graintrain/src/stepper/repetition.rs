@@ -67,11 +67,18 @@ pub(super) struct Bends {
     count: HashMap<u64, u64>,
     /// Identities of further planes, and the contact that they belong to.
     further: HashMap<u64, u64>,
+    /// Gaps that they had at the start of the step, by identity, m.
+    gap: HashMap<u64, f64>,
 }
 
 impl Bends {
     fn of(&self, contact: &Contact) -> u64 {
         self.further.get(&contact.identity).copied().unwrap_or(contact.identity)
+    }
+
+    /// The gap that a contact linearised anew is to have at the end, m: no overlap beyond that of the start.
+    pub(super) fn allowed(&self, identity: u64) -> Option<f64> {
+        self.gap.get(&identity).map(|gap| gap.min(0.0))
     }
 
     /// Puts `anew`, as [`Stepper::bent`] found them, among the contacts. Returned are the identities that they have there.
@@ -83,6 +90,7 @@ impl Bends {
             if *count == 1
                 && let Some(old) = contacts.iter_mut().find(|c| c.identity == contact.identity)
             {
+                self.gap.insert(contact.identity, old.gap);
                 *old = contact;
                 identities.push(contact.identity);
                 continue;
@@ -178,6 +186,38 @@ impl Stepper {
         deep.into_iter().filter(|c| !known.contains(&c.identity)).collect()
     }
 
+    /// The nearest that any of the planes of a contact lets the bodies of these contacts (`ends`) come, Phi + dt u_n, and which, by identity.
+    pub(super) fn foreseen(
+        &self,
+        start: &Placement,
+        contacts: &[Contact],
+        attempt: &Attempt,
+        ends: &[&Contact],
+        bends: &Bends,
+    ) -> HashMap<u64, (f64, Contact)> {
+        let step = self.settings.step;
+        let wanted: HashSet<u64> = ends.iter().map(|c| c.identity).collect();
+        let speed = |body: u32, point: Vec3| {
+            let body = body as usize;
+            let v = &attempt.velocity[6 * body..6 * body + 6];
+            Vec3::from_slice(&v[..3]) + Vec3::from_slice(&v[3..]).cross(point - start.position[body])
+        };
+        let mut foreseen: HashMap<u64, (f64, Contact)> = HashMap::new();
+        for contact in contacts.iter().filter(|c| wanted.contains(&bends.of(c))) {
+            let [(_, on_a), (_, on_b)] = cell::ends(start.cell.as_ref(), contact);
+            let mut closing = speed(contact.body_a, on_a) - speed(contact.body_b, on_b);
+            if contact.image != [0; 3] {
+                closing -= cell::image_velocity(attempt.cell.as_ref(), contact);
+            }
+            let end = contact.gap + step * contact.normal.dot(closing);
+            let known = foreseen.entry(bends.of(contact)).or_insert((end, *contact));
+            if end < known.0 {
+                *known = (end, *contact);
+            }
+        }
+        foreseen
+    }
+
     /// Contacts that end deep in overlap where Phi + dt u_n foresaw less, as they are to be instead: a turning face, or an edge that a fast
     /// body meets elsewhere than it was to, is not where the tangent plane at the contact says. What takes their place is the contact of
     /// the end, carried back; where that points the other way, since a thin body is passed by more than half, the one of its near side.
@@ -198,26 +238,7 @@ impl Stepper {
         if deep.is_empty() {
             return Vec::new();
         }
-        let wanted: HashSet<u64> = deep.iter().map(|c| c.identity).collect();
-        let speed = |body: u32, point: Vec3| {
-            let body = body as usize;
-            let v = &attempt.velocity[6 * body..6 * body + 6];
-            Vec3::from_slice(&v[..3]) + Vec3::from_slice(&v[3..]).cross(point - start.position[body])
-        };
-        // The nearest that any of the planes of a contact lets the bodies come, and which.
-        let mut foreseen: HashMap<u64, (f64, Contact)> = HashMap::new();
-        for contact in contacts.iter().filter(|c| wanted.contains(&bends.of(c))) {
-            let [(_, on_a), (_, on_b)] = cell::ends(start.cell.as_ref(), contact);
-            let mut closing = speed(contact.body_a, on_a) - speed(contact.body_b, on_b);
-            if contact.image != [0; 3] {
-                closing -= cell::image_velocity(attempt.cell.as_ref(), contact);
-            }
-            let end = contact.gap + step * contact.normal.dot(closing);
-            let known = foreseen.entry(bends.of(contact)).or_insert((end, *contact));
-            if end < known.0 {
-                *known = (end, *contact);
-            }
-        }
+        let foreseen = self.foreseen(start, contacts, attempt, &deep, bends);
         let mended = |end: &Contact| {
             let (gap, contact) = foreseen.get(&end.identity)?;
             let error = gap - end.gap;
