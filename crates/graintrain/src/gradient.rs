@@ -13,7 +13,8 @@
 //!
 //! There is a derivative where every contact is strictly apart, sticking or sliding. Contacts that only velocities make contacts, and
 //! what else a step does by decisions, have none, and [`GradientError`] says so: impacts with restitution, contacts found in the midst of
-//! the step, drag. The turn of bodies that mends overlap, which takes their angular velocity with it, is left out.
+//! the step, drag. Turns that take the angular velocity with them, those that mend overlap and those that keep the angular momentum of what flies, are
+//! left out.
 
 use crate::contact::Contact;
 use crate::handle::MaterialId;

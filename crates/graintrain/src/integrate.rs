@@ -3,6 +3,7 @@
 use crate::math::{Mat3, Quat, Vec3, rotation_exponential};
 use crate::world::{FREE, World};
 use graintrain_ccp::BodyInverseMass;
+use graintrain_linalg::real;
 use rayon::prelude::*;
 
 /// Bodies per parallel task.
@@ -259,43 +260,98 @@ fn inverse_mass_with(world: &World, added: impl Fn(usize) -> [f64; 2] + Sync) ->
         .collect()
 }
 
-/// Sets the velocities of all bodies (six numbers each) and moves them: `x + dt u`, `exp(dt w / 2) Q` renormalised; then by a
+/// Bodies that nothing touches in a step, and the velocities from which they fly (six numbers per body, after impacts).
+pub(crate) struct Flight<'a> {
+    pub flies: &'a [bool],
+    pub before: &'a [f64],
+}
+
+/// Sets the velocities of all bodies (six numbers each) and moves them: `x + dt u`, `exp(dt w) Q` renormalised; then by a
 /// displacement (translation and turn, six numbers per body) that leaves no velocity, if there is one. A turn takes the angular
 /// velocity with it, so that the kinetic energy stays.
-pub(crate) fn advance(world: &mut World, velocity: &[f64], displacement: Option<&[f64]>, step: f64) {
-    move_bodies(world, velocity, step, true);
+///
+/// Contacts are linearised with the velocities after the step. What nothing touches moves by the mean velocity, x + dt (u0 + u) / 2, which under gravity
+/// is the exact parabola and keeps the energy, and turns as [`fly`] says.
+pub(crate) fn advance(
+    world: &mut World,
+    velocity: &[f64],
+    displacement: Option<&[f64]>,
+    flight: &Flight<'_>,
+    step: f64,
+) {
+    let bodies = &mut world.bodies;
+    let places = bodies.position.par_iter_mut().zip(&mut bodies.orientation);
+    let moving = bodies.velocity.par_iter_mut().zip(&mut bodies.angular_velocity);
+    let flying = flight.flies.par_iter().zip(flight.before.par_chunks_exact(6));
+    places
+        .zip(moving)
+        .zip(flying.zip(&bodies.inertia))
+        .zip(velocity.par_chunks_exact(6))
+        .with_min_len(TASK)
+        .for_each(|((((position, orientation), (linear, angular)), ((&flies, before), &inertia)), v)| {
+            let [u, w] = [0, 3].map(|part| Vec3::from_slice(&v[part..part + 3]));
+            (*linear, *angular) = (u, w);
+            if flies {
+                *position += 0.5 * step * (Vec3::from_slice(&before[..3]) + u);
+                (*orientation, *angular) =
+                    fly(inertia, *orientation, [Vec3::from_slice(&before[3..]), w], step);
+            } else {
+                *position += step * u;
+                turn(orientation, step * w);
+            }
+        });
     if let Some(displacement) = displacement {
         displace(world, displacement);
     }
 }
 
-/// Moves all bodies by a displacement (translation and turn, six numbers per body) that leaves no velocity.
-pub(crate) fn displace(world: &mut World, displacement: &[f64]) {
-    move_bodies(world, displacement, 1.0, false);
+/// Orientation and angular velocity after a flight in which the spin goes from w0 to w1, in world axes. Without torque these are those of [`free_spin`], which keeps
+/// the energy and the length of the angular momentum L: the body turns about the mean spin of every sub-step, and then by the least that brings L back to where it
+/// was, `Q1 I Q1^T w1' = Q0 I Q0^T w0`. Where the spin is another one it turns about w1.
+fn fly(inertia: Mat3, start: Quat, [w0, w1]: [Vec3; 2], step: f64) -> (Quat, Vec3) {
+    let (first, last) = (start.conjugate() * w0, start.conjugate() * w1);
+    let (mut end, mut spin) = (start, first);
+    if !is_isotropic(inertia) {
+        let (substeps, h) = spin_substeps(w0, step);
+        for _ in 0..substeps {
+            let next = midpoint_spin(inertia, spin, h);
+            end = end * rotation_exponential(0.5 * h * (spin + next));
+            spin = next;
+        }
+        let momentum = inertia * first;
+        if momentum != Vec3::ZERO && (spin - last).length() <= 1e-12 * last.length() {
+            let [is, wanted] = [end * (inertia * spin), start * momentum].map(Vec3::normalize);
+            let across = is.cross(wanted);
+            if across != Vec3::ZERO {
+                let angle = real::atan2(across.length(), is.dot(wanted));
+                turn(&mut end, angle * across.normalize());
+            }
+            return (end, end * spin);
+        }
+        end = start;
+    }
+    turn(&mut end, step * w1);
+    (end, w1)
 }
 
-fn move_bodies(world: &mut World, velocity: &[f64], step: f64, keeps: bool) {
+/// exp(rotation) Q, renormalised.
+fn turn(orientation: &mut Quat, rotation: Vec3) {
+    if rotation != Vec3::ZERO {
+        *orientation = (rotation_exponential(rotation) * *orientation).normalize();
+    }
+}
+
+/// Moves all bodies by a displacement (translation and turn, six numbers per body) that leaves no velocity.
+pub(crate) fn displace(world: &mut World, displacement: &[f64]) {
     let bodies = &mut world.bodies;
-    bodies
-        .position
-        .par_iter_mut()
-        .zip(&mut bodies.orientation)
-        .zip(bodies.velocity.par_iter_mut().zip(&mut bodies.angular_velocity))
-        .zip(velocity.par_chunks_exact(6))
-        .with_min_len(TASK)
-        .for_each(|(((position, orientation), (linear, angular)), v)| {
-            let (u, w) = (Vec3::from_slice(&v[..3]), Vec3::from_slice(&v[3..]));
-            *position += step * u;
-            let turn = rotation_exponential(step * w);
-            if keeps {
-                (*linear, *angular) = (u, w);
-            } else {
-                *angular = turn * *angular;
-            }
-            if w != Vec3::ZERO {
-                *orientation = (turn * *orientation).normalize();
-            }
-        });
+    let places = bodies.position.par_iter_mut().zip(&mut bodies.orientation);
+    let all = places.zip(&mut bodies.angular_velocity).zip(displacement.par_chunks_exact(6));
+    all.with_min_len(TASK).for_each(|(((position, orientation), angular), v)| {
+        let [way, rotation] = [0, 3].map(|part| Vec3::from_slice(&v[part..part + 3]));
+        *position += way;
+        *angular = rotation_exponential(rotation) * *angular;
+        turn(orientation, rotation);
+    });
 }
 
 #[cfg(test)]

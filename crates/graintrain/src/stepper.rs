@@ -5,6 +5,7 @@
 mod attempt;
 mod error;
 mod finish;
+mod flight;
 mod mobility;
 mod parameters;
 mod placement;
@@ -19,6 +20,7 @@ pub use self::settings::{SolverChoice, StepSettings};
 pub use crate::step_report::{PhaseSeconds, PhysicalErrors, ProcessorSeconds, StepReport, Wrench};
 
 use self::error::{cell_error, check_state};
+use self::flight::flying;
 use self::placement::Placement;
 use self::repetition::{Bends, carried_back};
 use crate::assemble::of_each;
@@ -28,7 +30,7 @@ use crate::collide::{Collider, meshes_that_meet};
 use crate::contact::Contact;
 use crate::error::{ModelError, positive};
 use crate::impact::lead_to_surfaces;
-use crate::integrate::advance;
+use crate::integrate::{Flight, advance};
 use crate::joint::drift;
 use crate::load;
 use crate::world::World;
@@ -122,6 +124,8 @@ impl Stepper {
     /// v* = v' + M^-1 (dt f + G); solve the CCP of N = D^T M^-1 D, r = b + D^T v*;  v+ = v* + M^-1 D g;
     /// x+ = x + dt u+ + dx;   Q+ = exp(dw / 2) exp(dt w+ / 2) Q   with the displacements that remove overlap (crate::overlap)
     /// ```
+    ///
+    /// What nothing touches flies: x+ = x + dt (u' + u+) / 2, and its angular momentum stays.
     ///
     /// Then all pairs are looked at where they are now. Where bodies overlap that were no contacts, or far more than their contact
     /// foresaw, the step is taken back and made again with what was seen, until there are none: see [`StepReport::contacts_added`] and [`StepReport::contacts_missed`].
@@ -234,7 +238,9 @@ impl Stepper {
             let collider = &self.collider;
             let size = of_each(&contacts, |c| collider.contact_size(world, c));
             let mut correction = self.correct(world, &contacts, &attempt, &size);
-            advance(world, &attempt.velocity, correction.displacement.as_deref(), step);
+            let flies = flying(world, &contacts, &attempt);
+            let flight = Flight { flies: &flies, before: &attempt.impacts.velocity };
+            advance(world, &attempt.velocity, correction.displacement.as_deref(), &flight, step);
             correction.add(drift::close(world, &attempt.joints.states, step));
             if let Some(cell) = &attempt.cell {
                 cell::advance(world, cell.rate, step);

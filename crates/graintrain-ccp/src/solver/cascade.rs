@@ -9,10 +9,10 @@
 //! So a solve with a limit ends with a method that makes a small residual a little smaller rather than in the midst of one that swings.
 //!
 //! **Exact friction.** `apgd` and `pgs` treat it in their iterations ([`CcpSolver::solve_exact`]). The problem has no objective, and any of
-//! them may circle where another gets on: sheared packings want short momenta or sweeps, which creep in settled boxes and in stacks of
-//! bricks, where long momenta carry the impulses a long way at residuals of 1e-5. So they take turns, each from where the one before ended,
-//! after the first with a piece of the [path](super::path_following), which soon ends where its systems are small; then come more of it, more turns, from zero too (these iterations are chaotic: a start that leads nowhere need not be nearer to a
-//! solution than none), the problem without friction (where it has no solution, this one has none), the whole path from large tau, and
+//! them may circle where another gets on: sheared packings want long momenta, columns that settle want sweeps. So they hold a race: a turn of each, from where the one before
+//! ended, then it is the turn of the one that gained most per iteration in its last. Where their systems are small, a piece of the [path](super::path_following) comes between. Where nobody gains any more they begin
+//! from zero (these iterations are chaotic: a start that leads nowhere need not be nearer to a
+//! solution than none); then come the problem without friction (where it has no solution, this one has none), the whole path from large tau, and
 //! last the [fixed point](super::fixed_point) on the convex problem with the shift held.
 
 use super::apgd::Apgd;

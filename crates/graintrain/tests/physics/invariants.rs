@@ -35,7 +35,7 @@ fn random_rotation(next: &mut impl FnMut() -> f64) -> Quat {
     rotation_exponential(3.0 * random_unit(next) * next())
 }
 
-/// A1: semi-implicit Euler: v_n = v_0 + n h g, x_n = x_0 + n h v_0 + h^2 g n (n + 1) / 2.
+/// A1: what nothing touches flies by its parabola, whatever the step.
 #[test]
 fn a01_free_flight() {
     let mut world = world(0.0, 0.0);
@@ -45,17 +45,10 @@ fn a01_free_flight() {
     run(&mut stepper(step, 0.01, 1e-6, Relaxed), &mut world, steps);
     let n = steps as f64;
     let gravity = world.gravity;
-    let discrete = start + n * step * velocity + step * step * 0.5 * n * (n + 1.0) * gravity;
-    assert!((world.bodies.position[ball] - discrete).length() < 1e-12);
     assert!((world.bodies.velocity[ball] - velocity - n * step * gravity).length() < 1e-12);
     let time = n * step;
     let analytic = start + time * velocity + 0.5 * time * time * gravity;
-    assert_close(
-        (world.bodies.position[ball] - analytic).length(),
-        G * step * time / 2.0,
-        1e-11,
-        "first order",
-    );
+    assert!((world.bodies.position[ball] - analytic).length() < 1e-12);
 }
 
 /// A heap of every shape dropped into a box of planes, with a driven blade and a press that may only sink.
@@ -186,13 +179,16 @@ fn a17_momentum_balance_and_energy_ledger() {
             let inertia = |w: Vec3| turn * (before.bodies.inertia[body] * (turn.conjugate() * w));
             let (u0, w0) = (before.bodies.velocity[body], before.bodies.angular_velocity[body]);
             let gyroscopic = inertia(Vec3::from_slice(&free[6 * body + 3..]) - w0);
-            // A turn that removes overlap takes the angular velocity with it: then only its length can be held against this.
+            // A turn that removes overlap, or that keeps the angular momentum of what flies, takes the angular velocity with it: then only its
+            // length can be held against this.
             let balanced = w0
                 + turn
                     * (before.bodies.inertia[body].inverse()
                         * (turn.conjugate() * (gyroscopic + moment[body])));
-            let turned = report.overlap_corrected_max > 0.0 && (w - balanced).length() > 1e-12 * w.length();
-            turns += usize::from(turned);
+            let flies = impulse[body] == Vec3::ZERO;
+            let may_turn = flies || report.overlap_corrected_max > 0.0;
+            let turned = may_turn && (w - balanced).length() > 1e-12 * w.length();
+            turns += usize::from(turned && !flies);
             balances += 1;
             worst_momentum = worst_momentum.max((w.length() - balanced.length()).abs() / (1e-3 + w.length()));
             let w = if turned { balanced } else { w };

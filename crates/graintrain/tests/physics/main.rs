@@ -6,6 +6,7 @@ mod confined;
 mod drives;
 mod elasticity;
 mod energy;
+mod flight;
 mod forces;
 mod friction;
 mod gradients;

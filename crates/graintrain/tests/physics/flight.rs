@@ -1,0 +1,92 @@
+//! What nothing touches: parabolas, bounces and tumbling keep what they have to keep, at any step.
+
+use crate::support::*;
+use graintrain::handle::MaterialId;
+use graintrain::math::{Mat3, Vec3};
+use graintrain::shape::Geometry;
+use graintrain::stepper::{StepSettings, Stepper};
+use graintrain::world::Body;
+
+fn default_stepper(step: f64) -> Stepper {
+    Stepper::new(StepSettings { step, envelope: 1e-3, ..StepSettings::default() }).unwrap()
+}
+
+#[test]
+fn a_throw_is_its_parabola() {
+    for step in [1e-3, 0.02] {
+        let mut world = world(0.3, 0.0);
+        let start = Vec3::new(0.0, 0.0, 20.0);
+        let ball = add_sphere(&mut world, 0.05, start);
+        let velocity = Vec3::new(3.0, -1.0, 5.0);
+        world.bodies.velocity[ball] = velocity;
+        run(&mut default_stepper(step), &mut world, (1.0 / step).round() as usize);
+        let exact = start + velocity - 0.5 * G * Vec3::Z;
+        assert!((world.bodies.position[ball] - exact).length() < 1e-11, "{}", world.bodies.position[ball]);
+    }
+}
+
+/// A ball with e = 1 comes back to the height that it fell from.
+#[test]
+fn a_ball_bounces_to_its_height_twenty_times() {
+    for step in [1e-3, 8e-3] {
+        let mut world = world(0.3, 1.0);
+        add_ground(&mut world, 0.0);
+        let ball = add_sphere(&mut world, 0.05, Vec3::new(0.0, 0.0, 0.55));
+        let mut stepper = default_stepper(step);
+        let (mut bounces, mut first) = (0, f64::INFINITY);
+        while bounces < 20 {
+            bounces += solved_step(&mut stepper, &mut world).impacts;
+            let height = world.bodies.position[ball].z + world.bodies.velocity[ball].z.powi(2) / (2.0 * G);
+            first = if first.is_finite() { first } else { height };
+            assert!((height - first).abs() < 1e-10, "{step} s, bounce {bounces}: {height} for {first}");
+        }
+    }
+}
+
+/// Free bodies that tumble, one of them about its middle axis, keep angular momentum and energy.
+#[test]
+fn what_tumbles_keeps_its_angular_momentum() {
+    for step in [1e-3, 5e-3] {
+        let mut world = world(0.3, 0.0);
+        let form = world.add_geometry(Geometry::cuboid(Vec3::new(0.1, 0.06, 0.02)).unwrap());
+        for (k, spin) in
+            [Vec3::new(1e-3, 5.0, 1e-3), Vec3::new(4.0, -3.0, 2.0), 60.0 * Vec3::ONE].into_iter().enumerate()
+        {
+            let place = Vec3::new(0.0, k as f64, 0.0);
+            let body = world.add_body(Body::new(form, MaterialId::default(), place)).unwrap().index();
+            world.bodies.angular_velocity[body] = spin;
+        }
+        let state = |world: &graintrain::world::World, body: usize| {
+            let rotation = Mat3::from_quat(world.bodies.orientation[body]);
+            let w = world.bodies.angular_velocity[body];
+            let momentum = rotation * world.bodies.inertia[body] * rotation.transpose() * w;
+            (momentum, 0.5 * w.dot(momentum))
+        };
+        let before: Vec<_> = (0..3).map(|body| state(&world, body)).collect();
+        run(&mut default_stepper(step), &mut world, (20.0 / step) as usize);
+        for (body, (momentum, energy)) in before.into_iter().enumerate() {
+            let (l, e) = state(&world, body);
+            assert!(
+                (l - momentum).length() < 1e-9 * momentum.length(),
+                "{step} s, body {body}: {l} for {momentum}"
+            );
+            assert!((e / energy - 1.0).abs() < 1e-9, "{step} s, body {body}: {e} J for {energy} J");
+        }
+    }
+}
+
+/// The phase of the tumbling is of second order: a tenth of the step, a hundredth of the error.
+#[test]
+fn the_way_of_tumbling_is_of_second_order() {
+    let end = |step: f64| {
+        let mut world = world(0.3, 0.0);
+        let form = world.add_geometry(Geometry::cuboid(Vec3::new(0.1, 0.06, 0.02)).unwrap());
+        let body = world.add_body(Body::new(form, MaterialId::default(), Vec3::ZERO)).unwrap().index();
+        world.bodies.angular_velocity[body] = Vec3::new(4.0, -3.0, 2.0);
+        run(&mut default_stepper(step), &mut world, (1.0 / step).round() as usize);
+        world.bodies.orientation[body]
+    };
+    let exact = end(1e-4);
+    let [coarse, fine] = [1e-2, 1e-3].map(|step| (end(step) - exact).length());
+    assert!(coarse < 2e-3 && (60.0..140.0).contains(&(coarse / fine)), "{coarse} {fine}");
+}
