@@ -422,9 +422,11 @@ impl Collider {
         let ([a, b], _) = self.placed_pair(world, pair);
         let [v_a, v_b] = world.pair_velocities(pair);
         let first = contacts.len();
-        if let Some(impact) =
-            time_of_impact(a, b, v_a, v_b, look.step, look.envelope).filter(|i| i.time > 0.0)
-        {
+        // The end that meets first stops, and the other one swings down in the rest of the step.
+        let across = 2.0 * a.form.bounding_radius.min(b.form.bounding_radius);
+        let around = if a.form.ball.is_some() && b.form.ball.is_some() { 0.0 } else { across };
+        let envelope = look.envelope.max(around);
+        if let Some(impact) = time_of_impact(a, b, v_a, v_b, look.step, envelope).filter(|i| i.time > 0.0) {
             for arrival in arrivals(&impact, a, b, v_a, v_b) {
                 let lead = 0.5 * (arrival.on_a - arrival.on_b);
                 contacts.push(Contact { lead, ..contact(pair, &arrival.touch) });
