@@ -315,7 +315,7 @@ fn fly(inertia: Mat3, start: Quat, [w0, w1]: [Vec3; 2], step: f64) -> (Quat, Vec
         let (substeps, h) = spin_substeps(w0, step);
         for _ in 0..substeps {
             let next = midpoint_spin(inertia, spin, h);
-            end = end * rotation_exponential(0.5 * h * (spin + next));
+            end *= rotation_exponential(0.5 * h * (spin + next));
             spin = next;
         }
         let momentum = inertia * first;

@@ -203,23 +203,35 @@ fn by_cells(parts: &[&Part], boxes: impl Iterator<Item = Aabb>) -> Moments {
     let (centre, half) = (around.center(), around.half_extents());
     // About the centre of the box, so that far parts do not cost digits.
     let mut sum = Moments::ZERO;
-    add_cell(&members, centre, Vec3::ZERO, half, DEPTH, &mut sum);
+    let all: Vec<&Member<'_>> = members.iter().collect();
+    add_cell(&all, 0, centre, Vec3::ZERO, half, DEPTH, &mut sum);
     sum.moved(centre)
 }
 
-/// Adds the integrals over the cell about `origin + at`, moments about `origin`.
-fn add_cell(members: &[Member<'_>], origin: Vec3, at: Vec3, half: Vec3, depth: usize, sum: &mut Moments) {
+/// Adds the integrals over the cell about `origin + at`, moments about `origin`. `inside` parts hold all of it, `members` may have their
+/// surface in it: a cell asks those alone that its parent could not decide.
+fn add_cell(
+    members: &[&Member<'_>],
+    mut inside: usize,
+    origin: Vec3,
+    at: Vec3,
+    half: Vec3,
+    depth: usize,
+    sum: &mut Moments,
+) {
     let reach = half.length();
-    let mut holding = 0_usize;
-    let mut undecided = false;
-    for member in members {
+    let mut near = Vec::with_capacity(members.len());
+    for &member in members {
         let distance = member.distance(origin + at);
-        holding += usize::from(distance < 0.0);
-        undecided |= distance.abs() < reach;
+        if distance.abs() < reach {
+            near.push(member);
+        } else {
+            inside += usize::from(distance < 0.0);
+        }
     }
-    if !undecided {
-        if holding > 1 {
-            let volume = (holding - 1) as f64 * 8.0 * half.x * half.y * half.z;
+    if near.is_empty() {
+        if inside > 1 {
+            let volume = (inside - 1) as f64 * 8.0 * half.x * half.y * half.z;
             let own = Moments {
                 volume,
                 first: Vec3::ZERO,
@@ -232,7 +244,7 @@ fn add_cell(members: &[Member<'_>], origin: Vec3, at: Vec3, half: Vec3, depth: u
         for corner in 0..8 {
             let side = |axis: usize| if corner >> axis & 1 == 1 { half[axis] } else { -half[axis] };
             let shift = Vec3::new(side(0), side(1), side(2));
-            add_cell(members, origin, at + shift, half, depth - 1, sum);
+            add_cell(&near, inside, origin, at + shift, half, depth - 1, sum);
         }
     } else {
         let small = half / SAMPLES as f64;
@@ -241,7 +253,7 @@ fn add_cell(members: &[Member<'_>], origin: Vec3, at: Vec3, half: Vec3, depth: u
             let number = [index % SAMPLES, index / SAMPLES % SAMPLES, index / (SAMPLES * SAMPLES)];
             let place = number.map(|k| (2 * k + 1) as f64);
             let p = at - half + small * Vec3::from_array(place);
-            let holding = members.iter().filter(|member| member.distance(origin + p) < 0.0).count();
+            let holding = inside + near.iter().filter(|member| member.distance(origin + p) < 0.0).count();
             if holding > 1 {
                 let volume = (holding - 1) as f64 * cell;
                 sum.add(&Moments { volume, first: volume * p, second: volume * outer(p, p) });
