@@ -246,7 +246,7 @@ def test_a_callback_may_steer(drop):
 
     height = drop.positions[1, 2]
     drop.run(steps=3, callback=hold)
-    assert drop.positions[1, 2] == pytest.approx(height - 3 * 9.81 * 2e-3**2, rel=1e-9)
+    assert drop.positions[1, 2] == pytest.approx(height - 3 * 0.5 * 9.81 * 2e-3**2, rel=1e-9)
 
 
 def test_the_interpreter_runs_meanwhile():
