@@ -273,7 +273,9 @@ impl Stepper {
                     return Err(cell_error(world, error));
                 }
                 let made = (&start, contacts.as_slice(), &attempt, &bends);
+                let begin = Clock::now();
                 self.remove_unforeseen(world, made, &mut correction, &mut ahead);
+                laps.add(|phases| &mut phases.collide, begin.lap());
                 let pair = |c: &Contact| [c.body_a.min(c.body_b), c.body_a.max(c.body_b)];
                 let mut pairs = HashSet::new();
                 if !missed.is_empty() {
