@@ -19,7 +19,7 @@ use crate::turning::{turning_velocities, world_moment};
 use crate::world::World;
 use graintrain_ccp::{Delassus, RigidContact, Status};
 use rayon::prelude::*;
-use std::collections::{HashMap, HashSet};
+use std::collections::HashMap;
 
 /// A correction without displacements that are no numbers.
 fn finite(correction: Correction) -> Correction {
@@ -86,19 +86,18 @@ impl Stepper {
         for _ in 0..self.parameters.overlap.rounds {
             let collider = &self.collider;
             let is_deep = |c: &&Contact| -c.gap > trigger * collider.contact_size(world, c);
-            let deep: Vec<&Contact> = ahead.par_iter().filter(is_deep).collect();
+            let deep: Vec<Contact> = ahead.par_iter().filter(is_deep).copied().collect();
             if deep.is_empty() {
                 return;
             }
-            let mut foreseen = self.foreseen(start, contacts, attempt, &deep, bends);
+            let mut foreseen =
+                self.foreseen(start, contacts, attempt, &deep.iter().collect::<Vec<_>>(), bends);
             for (identity, (gap, _)) in &mut foreseen {
                 // A plane linearised anew foresees what it was made for.
                 *gap = bends.allowed(*identity).unwrap_or(*gap);
             }
-            let deep: HashSet<u64> = deep.iter().map(|c| c.identity).collect();
-            let Some(displacement) = self.unforeseen(world, ahead, (&deep, &foreseen), correction) else {
-                return;
-            };
+            let errors = self.unforeseen(world, &deep, &foreseen, correction);
+            let Some(displacement) = self.without(world, ahead, &errors, correction) else { return };
             displace(world, &displacement);
             correction.add(Some(displacement));
             correction.add(drift::close(world, &attempt.joints.states, step));
@@ -106,36 +105,48 @@ impl Stepper {
         }
     }
 
-    /// The displacements of [`Self::remove_unforeseen`], if there is something to remove. `foreseen` are the gaps that the `deep` contacts among those `ahead` were to have,
-    /// without the displacements before; what is not among them no contact foresaw.
+    /// The overlap, m, that was not foreseen at those of the `deep` contacts where it counts, by identity. `foreseen` are the gaps that they were to have without the
+    /// displacements before; what is not among them no contact foresaw.
     fn unforeseen(
         &self,
         world: &World,
-        ahead: &[Contact],
-        (deep, foreseen): (&HashSet<u64>, &HashMap<u64, (f64, Contact)>),
-        correction: &mut Correction,
-    ) -> Option<Vec<f64>> {
-        let (collider, parameters) = (&self.collider, &self.parameters.overlap);
-        let rows = contact_rows(world, ahead);
-        let compliance = elasticity::compliances(world, ahead, self.settings.step);
+        deep: &[Contact],
+        foreseen: &HashMap<u64, (f64, Contact)>,
+        correction: &Correction,
+    ) -> HashMap<u64, f64> {
+        let (collider, kept) = (&self.collider, self.parameters.overlap.kept);
+        // What an elastic contact overlaps is its own affair.
+        let compliance = elasticity::compliances(world, deep, self.settings.step);
         let moved = match &correction.displacement {
-            Some(displacement) => relative_velocities(None, ahead, &rows, displacement),
+            Some(displacement) => relative_velocities(None, deep, &contact_rows(world, deep), displacement),
             None => Vec::new(),
         };
         let error = |(i, contact): (usize, &Contact)| {
-            // What an elastic contact overlaps is its own affair.
-            let is_elastic = compliance.get(i).is_some_and(|&c| c != 0.0);
-            if is_elastic || !deep.contains(&contact.identity) {
-                return 0.0;
-            }
             let known = foreseen.get(&contact.identity);
-            known.map_or(0.0, |(gap, _)| gap + moved.get(3 * i).unwrap_or(&0.0)) - contact.gap
+            let end = known.map_or(0.0, |(gap, _)| gap + moved.get(3 * i).unwrap_or(&0.0));
+            let error = end - contact.gap;
+            let is_rigid = compliance.get(i).is_none_or(|&c| c == 0.0);
+            (is_rigid && error > kept * collider.contact_size(world, contact))
+                .then_some((contact.identity, error))
         };
-        let error: Vec<f64> = ahead.iter().enumerate().map(error).collect();
-        let size = of_each(ahead, |c| collider.contact_size(world, c));
-        if error.iter().zip(&size).all(|(error, size)| *error <= parameters.kept * size) {
+        deep.iter().enumerate().filter_map(error).collect()
+    }
+
+    /// The displacements that remove this overlap from the contacts `ahead`, if there is any.
+    fn without(
+        &self,
+        world: &World,
+        ahead: &[Contact],
+        errors: &HashMap<u64, f64>,
+        correction: &mut Correction,
+    ) -> Option<Vec<f64>> {
+        if errors.is_empty() {
             return None;
         }
+        let (collider, parameters) = (&self.collider, &self.parameters.overlap);
+        let rows = contact_rows(world, ahead);
+        let error = of_each(ahead, |c| errors.get(&c.identity).copied().unwrap_or(0.0));
+        let size = of_each(ahead, |c| collider.contact_size(world, c));
         // Overlap that was foreseen is left to the correction before.
         let of_end = |(contact, &error): (&Contact, &f64)| {
             contact.gap.max(if error > 0.0 { contact.gap } else { 0.0 })
