@@ -124,7 +124,7 @@ impl World {
     }
 
     /// What the joints did in the last step, one dictionary each: name, coordinate (m or rad, angles count whole turns), rate, force and
-    /// torque on the body (N, N m, world axes), drive (force of motor, spring and stops along the coordinate).
+    /// torque on the body (N, N m, world axes), drive (force of motor, spring and stops along the coordinate), opening (m, how far it is open).
     #[getter]
     fn joints<'py>(&mut self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyDict>>> {
         let describe = |placed: &graintrain::joint::PlacedJoint| {
@@ -135,6 +135,7 @@ impl World {
             about.set_item("force", state.force.to_array())?;
             about.set_item("torque", state.torque.to_array())?;
             about.set_item("drive", state.drive)?;
+            about.set_item("opening", state.opening)?;
             Ok(about)
         };
         self.state().joints().iter().map(describe).collect()

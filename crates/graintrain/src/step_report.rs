@@ -104,6 +104,8 @@ pub struct PhysicalErrors {
     /// Largest angle between friction and the direction against the slip, rad, at contacts that slide (or roll, where they resist that)
     /// faster than the tolerance resolves.
     pub slip_angle_max: f64,
+    /// How far the joint that is open most is so at the end of the step, m ([`crate::joint::JointState::opening`]).
+    pub joint_opening_max: f64,
 }
 
 impl PhysicalErrors {
@@ -173,6 +175,7 @@ impl PhysicalErrors {
                 .max(other.overlap_per_step_max_over_size),
             cone_excess_max: self.cone_excess_max.max(other.cone_excess_max),
             slip_angle_max: self.slip_angle_max.max(other.slip_angle_max),
+            joint_opening_max: self.joint_opening_max.max(other.joint_opening_max),
         }
     }
 }

@@ -102,6 +102,9 @@ pub struct Summary {
     pub friction_error_max: f64,
     /// Largest angle between friction and the direction against the slip, rad.
     pub slip_angle_max: f64,
+    /// How far a joint was open at the end of a step, m.
+    #[serde(default)]
+    pub joint_opening_max: f64,
     /// Contacts that arrived with restitution.
     pub impacts: u64,
     /// The worst residual that a solve of impacts was left with.
@@ -278,6 +281,7 @@ impl Summary {
             overlap_per_step_max_over_radius: totals.errors.overlap_per_step_max_over_size,
             friction_error_max: totals.errors.cone_excess_max,
             slip_angle_max: totals.errors.slip_angle_max,
+            joint_opening_max: totals.errors.joint_opening_max,
             impacts: totals.impacts,
             impact_residual_max: totals.impact_residual_max,
             restitution_lowered: totals.restitution_lowered,

@@ -155,9 +155,10 @@ impl Tables {
             }
         }
         for (number, placed) in world.joints().iter().enumerate() {
-            let JointState { coordinate, rate, drive, force, torque, .. } = placed.state;
+            let JointState { coordinate, rate, drive, force, torque, opening, .. } = placed.state;
             let vectors = force.to_array().into_iter().chain(torque.to_array());
-            let numbers = [coordinate, rate, drive].into_iter().chain(vectors).map(|x| format!("{x:?}"));
+            let numbers =
+                [coordinate, rate, drive, opening].into_iter().chain(vectors).map(|x| format!("{x:?}"));
             self.joints.append(&format!(
                 "{},{:?},{number},{},{}",
                 world.step,
@@ -209,6 +210,7 @@ fn step_record(world: &World, report: &StepReport, output_seconds: f64) -> Strin
         real(report.penetration_max),
         real(report.penetration_max_over_size),
         real(report.overlap_corrected_max),
+        real(errors.joint_opening_max),
         real(report.correction_energy),
         real(report.ledger.loads),
         real(report.ledger.joints),

@@ -118,6 +118,7 @@ fn advance(world: &mut World, settings: &RunSettings) -> StepReport {
             overlap_per_step_max_over_size: 3e-7,
             cone_excess_max: 4e-3,
             slip_angle_max: 5e-2,
+            joint_opening_max: 8e-9,
         },
         impacts: 3,
         impact_residual: Default::default(),

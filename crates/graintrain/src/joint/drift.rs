@@ -52,6 +52,24 @@ fn open_rows(world: &World, joint: usize, near: &Near) -> (Vec<Row>, bool) {
     (rows, open)
 }
 
+/// How far a joint is open, m ([`JointState::opening`]).
+pub(super) fn opening(world: &World, joint: usize, near: &Near) -> f64 {
+    let length = length_of(world, joint);
+    let (rows, _) = open_rows(world, joint, near);
+    rows.iter().map(|row| row.value.abs() * if row.angular { length } else { 1.0 }).fold(0.0, f64::max)
+}
+
+/// A joint that is open by more than this share of its length does not hold.
+const OPEN: f64 = 1e-3;
+
+/// The joint that is open most, with how far (m), and whether one does not hold.
+pub(crate) fn widest(world: &World) -> Option<(usize, f64, bool)> {
+    let openings = world.joints.iter().map(|placed| placed.state.opening).enumerate();
+    let (joint, opening) = openings.max_by(|a, b| a.1.total_cmp(&b.1))?;
+    let is_open = |joint: usize| world.joints[joint].state.opening > OPEN * length_of(world, joint);
+    Some((joint, opening, (0..world.joints.len()).any(is_open)))
+}
+
 /// Closes the joints of a world after a step in which they did this; returned is the displacement (translation in m and turn in rad, six numbers per body), if there was one.
 pub(crate) fn close(world: &mut World, states: &[JointState], step: f64) -> Option<Vec<f64>> {
     let mut total: Option<Vec<f64>> = None;

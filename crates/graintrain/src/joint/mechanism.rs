@@ -76,11 +76,16 @@ struct ActiveRow {
 }
 
 /// Bodies that hang together by joints.
+#[derive(Default)]
 struct Mechanism {
     /// Those that can move, ascending.
     bodies: Vec<u32>,
     roots: Vec<Root>,
+    /// kappa of each, kg m^2 (see [`super::stiffening`]).
+    swings: Vec<Mat3>,
     joints: Vec<usize>,
+    /// The forces of the joints, N, that K is of.
+    forces: Vec<Vec3>,
     rows: Vec<ActiveRow>,
     /// Known impulses of motors: joint, row of the coordinate, impulse.
     pushed: Vec<(usize, Row, f64)>,
@@ -95,7 +100,7 @@ struct Solution {
     velocity: Vec<f64>,
     /// N s (N m s for angles), per row.
     impulse: Vec<f64>,
-    /// What the swings that the step does not resolve took, six per body, in the coordinates of the elimination.
+    /// What the damping of swings took, six per body, in the coordinates of the elimination.
     held: Vec<f64>,
 }
 
@@ -109,8 +114,11 @@ const SLOWEST: f64 = 1e-100;
 pub(crate) struct Mechanisms<'a> {
     world: &'a World,
     step: f64,
-    /// v*, six per body.
+    /// v*, six per body; of bodies that swing with what their stiffness makes of it.
     free: Vec<f64>,
+    /// v* without.
+    plain: Vec<f64>,
+    masses: Vec<BodyInverseMass>,
     /// Velocities before the step, six per body.
     before: Vec<f64>,
     /// Velocities that corrections of rates are measured by, m/s.
@@ -128,7 +136,7 @@ impl<'a> Mechanisms<'a> {
     /// `masses` are those of the bodies by themselves, with drag.
     pub(crate) fn new(
         world: &'a World,
-        masses: &[BodyInverseMass],
+        masses: Vec<BodyInverseMass>,
         before: &[f64],
         free: Vec<f64>,
         step: f64,
@@ -136,7 +144,9 @@ impl<'a> Mechanisms<'a> {
         let mut own = Self {
             world,
             step,
+            plain: free.clone(),
             free,
+            masses,
             before: before.to_vec(),
             scale: 0.0,
             yardstick: 0.0,
@@ -163,11 +173,9 @@ impl<'a> Mechanisms<'a> {
         let motion = own.before.iter().chain(&own.free).fold(0.0_f64, |most, v| most.max(v.abs()));
         own.yardstick = own.scale.max(FAINT * motion);
         for (bodies, joints) in connected(world) {
-            let roots = bodies.iter().map(|&body| Root::of(&masses[body as usize])).collect();
-            let (rows, pushed) = (Vec::new(), Vec::new());
-            let elimination = Elimination::default();
-            let mut mechanism =
-                Mechanism { bodies, roots, joints, rows, pushed, elimination, springs: 0, stiffening: None };
+            let forces = joints.iter().map(|&joint| own.states[joint].force).collect();
+            let mut mechanism = Mechanism { bodies, joints, forces, ..Mechanism::default() };
+            own.stiffen(&mut mechanism);
             own.arrange(&mut mechanism);
             own.mechanisms.push(mechanism);
         }
@@ -200,11 +208,16 @@ impl<'a> Mechanisms<'a> {
     fn arrange(&self, mechanism: &mut Mechanism) {
         let (world, step) = (self.world, self.step);
         let poses = |body: usize| world.pose(body);
-        (mechanism.rows, mechanism.pushed) = (Vec::new(), Vec::new());
+        let known = std::mem::take(&mut mechanism.rows);
+        let bent = |joint: usize, role: Role| {
+            let same = known.iter().find(|row| row.joint == joint && row.role == role);
+            same.map_or(0.0, |row| row.target - row.wanted)
+        };
+        mechanism.pushed = Vec::new();
         for &joint in &mechanism.joints {
             let mut add = |role: Role, row: Row, wanted: f64, compliance: f64| {
                 let free_rate = row.rate(&self.free);
-                let (target, noise) = (wanted, self.noise(joint, &row));
+                let (target, noise) = (wanted + bent(joint, role), self.noise(joint, &row));
                 let row =
                     ActiveRow { joint, role, row, wanted, target, compliance, norm: 1.0, free_rate, noise };
                 mechanism.rows.push(row);
@@ -252,36 +265,57 @@ impl<'a> Mechanisms<'a> {
             }
         }
         mechanism.factorise(|_| true);
-        mechanism.stiffening = self.stiffening(mechanism);
+        mechanism.stiffening = mechanism.stiffening();
     }
 
-    /// What the forces of the last step make of swings that the step does not resolve.
-    fn stiffening(&self, mechanism: &Mechanism) -> Option<Stiffening> {
+    /// Takes the stiffness of the bodies of a mechanism from the forces of its joints.
+    fn stiffen(&mut self, mechanism: &mut Mechanism) {
         let poses = |body: usize| self.world.pose(body);
-        let mut stiffness = vec![Mat3::ZERO; mechanism.bodies.len()];
-        for &joint in &mechanism.joints {
-            let own = &self.world.joints[joint];
-            if own.state.force == Vec3::ZERO {
+        let own_roots = mechanism.bodies.iter().map(|&body| Root::of(&self.masses[body as usize]));
+        mechanism.roots = own_roots.collect();
+        let mut swings = vec![Mat3::ZERO; mechanism.bodies.len()];
+        for (&joint, &force) in mechanism.joints.iter().zip(&mechanism.forces) {
+            if force == Vec3::ZERO {
                 continue;
             }
-            for (body, arm, force) in Placed::of(own, &poses).forces(own.state.force) {
+            for (body, arm, force) in Placed::of(&self.world.joints[joint], &poses).forces(force) {
                 if let Ok(k) = mechanism.bodies.binary_search(&(body as u32)) {
-                    stiffness[k] += restoring(arm, force);
+                    swings[k] += 0.25 * self.step * self.step * restoring(arm, force);
                 }
             }
         }
         // The fastest that one body alone could swing: mostly that decides.
-        let bodies = stiffness.iter().zip(&mechanism.roots);
-        let fastest: f64 = bodies.map(|(k, root)| root.turned(*k)).sum();
-        if self.step * self.step * fastest <= RESOLVED {
-            return None;
+        let fastest: f64 = swings.iter().zip(&mechanism.roots).map(|(k, root)| root.turned(*k)).sum();
+        if 4.0 * fastest <= RESOLVED {
+            swings.iter_mut().for_each(|k| *k = Mat3::ZERO);
         }
-        let motions = mechanism.elimination.free_motions();
-        let turn = |motion: &Vec<f64>| -> Vec<Vec3> {
-            mechanism.roots.iter().enumerate().map(|(k, root)| root.times(&motion[6 * k..])[1]).collect()
-        };
-        let turns: Vec<Vec<Vec3>> = motions.iter().map(turn).collect();
-        Stiffening::new(motions, &turns, &stiffness, self.step)
+        for ((&body, &swing), root) in mechanism.bodies.iter().zip(&swings).zip(&mut mechanism.roots) {
+            let angular = 6 * body as usize + 3..6 * body as usize + 6;
+            let mut turn = Vec3::from_slice(&self.plain[angular.clone()]);
+            if swing != Mat3::ZERO {
+                *root = root.with(swing);
+                turn -= root.turned_by(swing * (turn - Vec3::from_slice(&self.before[angular.clone()])));
+            }
+            self.free[angular].copy_from_slice(&turn.to_array());
+        }
+        mechanism.swings = swings;
+    }
+
+    /// Forces of the joints of a mechanism on B under these multipliers, N.
+    fn forces(&self, mechanism: &Mechanism, impulse: &[f64]) -> Vec<Vec3> {
+        let poses = |body: usize| self.world.pose(body);
+        let mut forces = vec![Vec3::ZERO; mechanism.joints.len()];
+        let held = mechanism.rows.iter().zip(impulse).map(|(row, &impulse)| (row.joint, &row.row, impulse));
+        let pushed = mechanism.pushed.iter().map(|(joint, row, impulse)| (*joint, row, *impulse));
+        for (joint, row, impulse) in held.chain(pushed) {
+            let own = &self.world.joints[joint];
+            if !matches!(own.joint.kind, JointKind::Gear { .. })
+                && let Ok(k) = mechanism.joints.binary_search(&joint)
+            {
+                forces[k] += impulse / self.step * Placed::of(own, &poses).wrench(row)[0];
+            }
+        }
+        forces
     }
 
     /// M times these velocities (six) of a body, M with drag.
@@ -293,19 +327,16 @@ impl<'a> Mechanisms<'a> {
         [mass * v[0], inertia * v[1] + self.step * drag.angular * v[1]]
     }
 
-    /// Y^T M v of the velocities (six per body of the world), one number per free motion.
-    fn in_free_motions(&self, mechanism: &Mechanism, stiffening: &Stiffening, velocity: &[f64]) -> Vec<f64> {
-        let mut all = vec![0.0; 6 * mechanism.bodies.len()];
-        for (k, &body) in mechanism.bodies.iter().enumerate() {
-            let body = body as usize;
-            let v = &velocity[6 * body..6 * body + 6];
-            let momentum = self.momentum(body, [Vec3::from_slice(&v[..3]), Vec3::from_slice(&v[3..])]);
-            let [z, w] = mechanism.roots[k].transposed_times(momentum);
-            all[6 * k..6 * k + 3].copy_from_slice(&z.to_array());
-            all[6 * k + 3..6 * k + 6].copy_from_slice(&w.to_array());
-        }
-        let product = |motion: &Vec<f64>| motion.iter().zip(&all).map(|(m, x)| m * x).sum();
-        stiffening.motions.iter().map(product).collect()
+    /// Y^T kappa (3 v + v-), v the velocities that z makes of v*.
+    fn spins(&self, mechanism: &Mechanism, stiffening: &Stiffening, z: &[f64]) -> Vec<f64> {
+        let moment = |(k, &body): (usize, &u32)| {
+            let turn = |v: &[f64]| Vec3::from_slice(&v[6 * body as usize + 3..6 * body as usize + 6]);
+            let after = turn(&self.free) + mechanism.roots[k].times(&z[6 * k..])[1];
+            mechanism.swings[k] * (3.0 * after + turn(&self.before))
+        };
+        let moments: Vec<Vec3> = mechanism.bodies.iter().enumerate().map(moment).collect();
+        let along = |turns: &Vec<Vec3>| turns.iter().zip(&moments).map(|(turn, m)| turn.dot(*m)).sum();
+        stiffening.turns.iter().map(along).collect()
     }
 
     /// Velocities and multipliers of a mechanism under these impulses on all bodies (six per body).
@@ -330,12 +361,12 @@ impl<'a> Mechanisms<'a> {
         mechanism.elimination.project(&mut z, &right);
         let mut held = Vec::new();
         if let Some(stiffening) = &mechanism.stiffening {
-            held = z.clone();
-            let change: Vec<f64> = self.free.iter().zip(&self.before).map(|(free, v)| free - v).collect();
-            let [before, change] =
-                [&self.before, &change].map(|v| self.in_free_motions(mechanism, stiffening, v));
-            stiffening.hold(&before, &change, &mut z);
-            held.iter_mut().zip(&z).for_each(|(held, z)| *held = z - *held);
+            let spins = self.spins(mechanism, stiffening, &z);
+            held = vec![0.0; z.len()];
+            for (change, motion) in stiffening.damped(&spins).iter().zip(&stiffening.motions) {
+                held.iter_mut().zip(motion).for_each(|(held, m)| *held += change * m);
+            }
+            z.iter_mut().zip(&held).for_each(|(z, held)| *z += held);
         }
         let way: Vec<f64> = z.iter().zip(&start).map(|(z, start)| z - start).collect();
         let mut impulses = mechanism.elimination.multipliers(&way);
@@ -417,10 +448,22 @@ impl<'a> Mechanisms<'a> {
 }
 
 impl Mechanism {
-    fn empty() -> Self {
-        let (bodies, roots, joints) = (Vec::new(), Vec::new(), Vec::new());
-        let (rows, pushed, elimination) = (Vec::new(), Vec::new(), Elimination::default());
-        Self { bodies, roots, joints, rows, pushed, elimination, springs: 0, stiffening: None }
+    /// Whether the step does not resolve the swings of its bodies.
+    fn is_stiff(&self) -> bool {
+        self.swings.iter().any(|swing| *swing != Mat3::ZERO)
+    }
+
+    /// What damps the swings that the step does not resolve.
+    fn stiffening(&self) -> Option<Stiffening> {
+        if !self.is_stiff() {
+            return None;
+        }
+        let motions = self.elimination.free_motions();
+        let turn = |motion: &Vec<f64>| -> Vec<Vec3> {
+            self.roots.iter().enumerate().map(|(k, root)| root.times(&motion[6 * k..])[1]).collect()
+        };
+        let turns: Vec<Vec<Vec3>> = motions.iter().map(turn).collect();
+        Stiffening::new(motions, turns, &self.swings)
     }
 
     /// Eliminates the rows that are chosen.
@@ -465,9 +508,11 @@ impl Mechanism {
 
 /// The common inverse masses in an impact: forces that are finite have no time to act, joints and motors without limit hold.
 pub(crate) fn coupled_in_impacts(world: &World, velocity: &[f64], step: f64) -> Vec<CoupledBodies> {
-    let mut all = Mechanisms::new(world, &inverse_mass(world), velocity, velocity.to_vec(), step);
+    let masses = inverse_mass(world);
+    let mut all = Mechanisms::new(world, masses.clone(), velocity, velocity.to_vec(), step);
     for mechanism in &mut all.mechanisms {
         mechanism.stiffening = None;
+        mechanism.roots = mechanism.bodies.iter().map(|&body| Root::of(&masses[body as usize])).collect();
         mechanism.factorise(|row| match row.role {
             Role::Held(_) => true,
             Role::Motor => {

@@ -346,6 +346,9 @@ pub struct JointState {
     pub torque: Vec3,
     /// Force of motor, spring and limits along the coordinate, N or N m; of a gear that on the second joint.
     pub drive: f64,
+    /// How far it is open at the end of the step, m: the largest value of the rows that it holds and the way beyond its limits, angles times the joint's
+    /// length (the longer of its arms and its bodies' radii of gyration).
+    pub opening: f64,
     /// Whether the motor was at its limit: sign of the force.
     pub(crate) saturated: i8,
     /// Which limit held: -1 the lower, 1 the upper.
@@ -471,8 +474,9 @@ impl World {
         for (index, state) in states.iter().enumerate() {
             let along = kinematics::coordinate(&self.joints, index, &|body| self.pose(body), &near);
             let before = self.joints[index].state.coordinate;
+            let opening = drift::opening(self, index, &near);
             self.joints[index].state =
-                JointState { coordinate: along.map_or(before, |along| along.value), ..*state };
+                JointState { coordinate: along.map_or(before, |along| along.value), opening, ..*state };
         }
     }
 

@@ -35,6 +35,19 @@ impl Root {
         Self { linear: Vec3::from_array(inverse.linear.map(f64::sqrt)), angular }
     }
 
+    /// The root of (M + kappa)^-1 with a stiffness kappa (positive semidefinite) of rotations: S L^-T with L L^T = 1 + S^T kappa S.
+    pub(super) fn with(&self, stiffness: Mat3) -> Self {
+        let stiffened = Mat3::IDENTITY + self.angular.transpose() * stiffness * self.angular;
+        let inverse = stiffened.inverse().to_cols_array();
+        let own = Self::of(&BodyInverseMass { linear: [0.0; 3], angular: inverse });
+        Self { angular: self.angular * own.angular, ..*self }
+    }
+
+    /// S S^T m.
+    pub(super) fn turned_by(&self, moment: Vec3) -> Vec3 {
+        self.angular * (self.angular.transpose() * moment)
+    }
+
     /// S^T (f, m).
     pub(super) fn transposed_times(&self, [f, m]: [Vec3; 2]) -> [Vec3; 2] {
         [self.linear * f, self.angular.transpose() * m]

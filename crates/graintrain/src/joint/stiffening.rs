@@ -1,32 +1,32 @@
 //! Bodies that hang in joints under load swing about them: a heavy weight on a light chain makes it stiff across, as a taut string is.
 //!
-//! The force F of a joint on a body, r from its centre, turns against a rotation theta with the torque -K theta,
+//! The force F of a joint on a body, r from its centre, turns against a rotation theta across r with the torque -K theta,
 //!
 //! ```text
-//! K = (r . F) 1 - (r F^T + F r^T) / 2
+//! K = max(r . F, 0) (1 - r r^T / |r|^2)
 //! ```
 //!
-//! (geometric stiffness). Joints act in the places where bodies are when a step begins; the swing about them is stable as long as dt times its
-//! rate is below 2. A chain of links of 0.1 kg with a weight of 100 t swings ten times as fast. So the part of K that restores (its
-//! eigenvalues above zero) takes the mean over three steps in the motions that joints leave free, as springs do ([`super::Spring`]): with the
-//! basis Y of these motions, `Y^T M Y = 1`,
+//! (geometric stiffness; what drives away is left out, and so is what F has across r, which has no part in a rotation about r: the twist of a link stays
+//! free). Joints act in the places where bodies are when a step begins; the swing about them is stable as long as dt times its rate is below 2. A chain of
+//! links of 0.1 kg with a weight of 100 t swings ten times as fast. So swings take the mean of the torque over three steps, as springs do
+//! ([`super::Spring`]): with kappa = dt^2 K / 4 of every body, and v* without,
 //!
 //! ```text
-//! (1 + dt^2 / 4 Y^T K Y) Y^T M (v+ - v-) = Y^T M (v - v-)
+//! (M + kappa) (v+ - v-) = M (v* - v-) + J^T lambda + D g
 //! ```
 //!
-//! where v would be the velocities without. It keeps energy and is stable for any load and step; mechanisms whose swings the step resolves
-//! are left alone. Forces are those of the step before.
+//! which is a mechanism of bodies with more inertia: what the joints, motors and contacts of a step see. It keeps energy and is stable for any load and step.
+//! Mechanisms whose swings the step resolves are left alone. The forces are those of the same step, found with it (`Mechanisms::restiffen`).
 //!
 //! Swings far beyond the step would keep for ever what the first step under a new load gave them, and their least change of direction works
-//! against the whole load. With `C = 1 + dt^2 / 4 Y^T K Y` they are damped by
+//! against the whole load. In the motions Y that joints leave free, `Y^T (M + kappa) Y = 1` and `S = Y^T kappa Y` (between 0, resolved, and 1), they are damped by
 //!
 //! ```text
-//! D = (C - 1) (1 - C^-1)^4,      (C + D) Y^T M (v+ - v-) = Y^T M (v - v-) - D Y^T M v-
+//! Y^T (M + kappa) (v+ - v) = -S^4 Y^T kappa (3 v+ + v-)
 //! ```
 //!
-//! D is a function of the stiffness: a swing, or a bob whirled on a joint, with dt times its rate of 0.5 loses 4e-7 of itself in a step, one
-//! of 1 2e-4, one of 2 3 %, and the fastest ones 30 %.
+//! with v from the equation before: where S is 1 this is implicit Euler, and the swing is over in one step. A swing, or a bob whirled on a joint, with dt
+//! times its rate of 0.5 loses 1e-6 of itself in a step, one of 1 6e-4, one of 2 6 %.
 //!
 //! Source: M. Tournier, M. Nesme, B. Gilles, F. Faure, "Stable constrained dynamics", ACM Transactions on Graphics 34(4):132, 2015, there
 //! with an implicit step, which damps; the mean: N. M. Newmark, "A method of computation for structural dynamics", Journal of the
@@ -37,32 +37,24 @@ use crate::math::{Mat3, Vec3};
 /// Swings with (dt rate)^2 below this are left alone.
 pub(super) const RESOLVED: f64 = 0.1;
 
-/// The restoring part of the stiffness of a force at an arm, N m/rad.
+/// The restoring stiffness of a force at an arm, N m/rad.
 pub(super) fn restoring(arm: Vec3, force: Vec3) -> Mat3 {
-    let (r, f) = (arm.length(), force.length());
-    if r <= 0.0 || f <= 0.0 {
-        return Mat3::ZERO;
-    }
-    let (unit, along) = (arm / r, force / f);
-    let (dot, size) = (arm.dot(force), r * f);
-    let outer = |e: Vec3| Mat3::from_cols(e.x * e, e.y * e, e.z * e);
-    let across = unit.cross(along);
-    if across.length() < 1e-9 {
-        return if dot > 0.0 { dot * (Mat3::IDENTITY - outer(unit)) } else { Mat3::ZERO };
-    }
-    // Eigenvectors: the normal of the plane of both, and their difference; that of their sum drives away.
-    let difference = (unit - along).normalize();
-    dot.max(0.0) * outer(across.normalize()) + 0.5 * (dot + size) * outer(difference)
+    let length = arm.length();
+    let unit = if length > 0.0 { arm / length } else { Vec3::ZERO };
+    let outer = Mat3::from_cols(unit.x * unit, unit.y * unit, unit.z * unit);
+    arm.dot(force).max(0.0) * (Mat3::IDENTITY - outer)
 }
 
-/// C + D, where swings are not resolved.
+/// The damping of swings that are not resolved.
 #[derive(Clone, Debug)]
 pub(super) struct Stiffening {
     /// Basis of the free motions in the coordinates of the elimination.
     pub motions: Vec<Vec<f64>>,
-    /// D, by rows.
+    /// Turns of every body in each of them.
+    pub turns: Vec<Vec<Vec3>>,
+    /// S^4, by rows.
     damping: Vec<f64>,
-    /// Cholesky factor of C + D.
+    /// Cholesky factor of 1 + 3 S^5.
     factor: Lower,
 }
 
@@ -105,17 +97,6 @@ impl Lower {
             row[..i].iter().zip(&mut *x).for_each(|(l, x)| *x -= l * known);
         }
     }
-
-    /// (L L^T)^-1, all entries.
-    fn inverse(&self) -> Vec<f64> {
-        let mut inverse = vec![0.0; self.degrees * self.degrees];
-        for (k, column) in inverse.chunks_exact_mut(self.degrees.max(1)).enumerate() {
-            column[k] = 1.0;
-            self.forward(column);
-            self.backward(column);
-        }
-        inverse
-    }
 }
 
 /// Of symmetric matrices that commute.
@@ -126,135 +107,117 @@ fn product(a: &[f64], b: &[f64], degrees: usize) -> Vec<f64> {
 }
 
 impl Stiffening {
-    /// With the free motions, their turns (rad/s per unit, one per body) and the stiffness of every body. `None` where the step resolves all
-    /// swings. Cost: a few products of square matrices of as many rows as there are motions.
-    pub(super) fn new(
-        motions: Vec<Vec<f64>>,
-        turns: &[Vec<Vec3>],
-        stiffness: &[Mat3],
-        step: f64,
-    ) -> Option<Self> {
+    /// With the free motions, their turns (rad/s per unit, one per body) and kappa of every body. `None` where the step resolves all swings. Cost: a few
+    /// products of square matrices of as many rows as there are motions.
+    pub(super) fn new(motions: Vec<Vec<f64>>, turns: Vec<Vec<Vec3>>, swings: &[Mat3]) -> Option<Self> {
         let degrees = motions.len();
-        let mut matrix = vec![0.0; degrees * degrees];
-        let mut square = 0.0;
+        let mut share = vec![0.0; degrees * degrees];
         for i in 0..degrees {
             for j in 0..=i {
-                let bodies = stiffness.iter().zip(turns[i].iter().zip(&turns[j]));
+                let bodies = swings.iter().zip(turns[i].iter().zip(&turns[j]));
                 let entry: f64 = bodies.map(|(k, (a, b))| a.dot(*k * *b)).sum();
-                square += if i == j { 1.0 } else { 2.0 } * entry * entry;
-                matrix[i * degrees + j] = 0.25 * step * step * entry + f64::from(u8::from(i == j));
+                (share[i * degrees + j], share[j * degrees + i]) = (entry, entry);
             }
         }
-        if step * step * square.sqrt() <= RESOLVED {
+        let size = share.iter().map(|x| x * x).sum::<f64>().sqrt();
+        if 4.0 * size <= RESOLVED {
             return None;
         }
-        let unit = |at: usize| f64::from(u8::from(at / degrees == at % degrees));
-        let whole =
-            |at: usize| matrix[(at / degrees).max(at % degrees) * degrees + (at / degrees).min(at % degrees)];
-        let excess: Vec<f64> = (0..matrix.len()).map(|at| whole(at) - unit(at)).collect();
-        let inverse = Lower::of(&matrix, degrees).inverse();
-        let share: Vec<f64> = inverse.iter().enumerate().map(|(at, x)| unit(at) - x).collect();
         let square = product(&share, &share, degrees);
-        let damping = product(&excess, &product(&square, &square, degrees), degrees);
-        matrix.iter_mut().zip(&damping).for_each(|(c, d)| *c += d);
-        Some(Self { motions, damping, factor: Lower::of(&matrix, degrees) })
+        let damping = product(&square, &square, degrees);
+        let fifth = product(&share, &damping, degrees);
+        let unit = |at: usize| f64::from(u8::from(at / degrees == at % degrees));
+        let whole: Vec<f64> = fifth.iter().enumerate().map(|(at, d)| unit(at) + 3.0 * d).collect();
+        Some(Self { motions, turns, damping, factor: Lower::of(&whole, degrees) })
     }
 
-    /// x <- L^-1 x with L L^T = C + D.
+    /// x <- L^-1 x with L L^T = 1 + 3 S^5.
     pub(super) fn forward(&self, x: &mut [f64]) {
         self.factor.forward(x);
     }
 
-    /// Adds to z what the stiffness makes of the motions `before` = Y^T M v-, which forces changed by `change` + Q^T z.
-    pub(super) fn hold(&self, before: &[f64], change: &[f64], z: &mut [f64]) {
-        let degrees = before.len();
-        let project = |motion: &Vec<f64>| motion.iter().zip(&*z).map(|(m, z)| m * z).sum::<f64>();
-        let change: Vec<f64> =
-            change.iter().zip(&self.motions).map(|(c, motion)| c + project(motion)).collect();
-        let damped = |row: &[f64]| row.iter().zip(before).map(|(d, y)| d * y).sum::<f64>();
-        let rows = self.damping.chunks_exact(degrees.max(1));
-        let mut held: Vec<f64> = change.iter().zip(rows).map(|(c, row)| c - damped(row)).collect();
-        self.factor.forward(&mut held);
-        self.factor.backward(&mut held);
-        for ((held, change), motion) in held.iter().zip(&change).zip(&self.motions) {
-            z.iter_mut().zip(motion).for_each(|(z, m)| *z += (held - change) * m);
-        }
+    /// Y^T (M + kappa) (v+ - v), where `spins` are Y^T kappa (3 v + v-).
+    pub(super) fn damped(&self, spins: &[f64]) -> Vec<f64> {
+        let row = |row: &[f64]| -row.iter().zip(spins).map(|(d, y)| d * y).sum::<f64>();
+        let mut change: Vec<f64> = self.damping.chunks_exact(spins.len().max(1)).map(row).collect();
+        self.factor.forward(&mut change);
+        self.factor.backward(&mut change);
+        change
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::math::rotation_exponential;
 
-    /// The restoring part and the symmetric stiffness differ by what drives away: one negative eigenvalue, or all where force and arm are
-    /// opposed.
+    /// Against the torque of a force on a body that is turned: all of it for a force along the arm, none for one that pushes, and none about the arm.
     #[test]
-    fn the_restoring_part_is_the_positive_one() {
-        let pairs = [
-            (Vec3::new(0.0, 0.0, 0.5), Vec3::new(0.0, 0.0, 8.0)),
-            (Vec3::new(0.3, 0.1, 0.5), Vec3::new(-0.2, 2.0, 8.0)),
-            (Vec3::new(0.3, 0.1, 0.5), Vec3::new(-0.2, -2.0, -8.0)),
-            (Vec3::new(0.0, 0.0, -0.5), Vec3::new(0.0, 0.0, 8.0)),
-        ];
-        for (arm, force) in pairs {
-            let outer = |a: Vec3, b: Vec3| Mat3::from_cols(b.x * a, b.y * a, b.z * a);
-            let whole = arm.dot(force) * Mat3::IDENTITY - 0.5 * (outer(arm, force) + outer(force, arm));
-            let positive = restoring(arm, force);
-            let negative = positive - whole;
-            let size = arm.length() * force.length();
-            for direction in [Vec3::X, Vec3::Y, Vec3::Z, Vec3::ONE, Vec3::new(1.0, -2.0, 0.3)] {
-                assert!(direction.dot(positive * direction) > -1e-14 * size);
-                assert!(direction.dot(negative * direction) > -1e-14 * size);
+    fn the_stiffness_is_what_a_small_turn_shows() {
+        let arm = Vec3::new(0.3, 0.1, 0.5);
+        for force in [16.0 * arm, Vec3::ZERO] {
+            let stiffness = restoring(arm, force);
+            for turn in [Vec3::X, Vec3::Y, Vec3::Z, arm.normalize()].map(|axis| 1e-6 * axis) {
+                let torque = (rotation_exponential(turn) * arm).cross(force);
+                assert!((torque + stiffness * turn).length() <= 1e-10 * force.length(), "{torque}");
             }
-            let product = positive * negative;
-            assert!(product.to_cols_array().iter().all(|x| x.abs() < 1e-13 * size * size), "{product}");
         }
+        assert_eq!(restoring(arm, -arm), Mat3::ZERO);
+        let oblique = restoring(arm, Vec3::new(-0.2, 2.0, 8.0));
+        assert!((oblique * arm).length() < 1e-15 * oblique.x_axis.length());
     }
 
-    /// D of one motion is (C - 1)^5 / C^4, and what is held is the answer of the scalar equation.
+    /// One swing of this rate (dt = 1) without damping: the velocity after a step from place q and velocity v, and its motion with unit inertia.
+    fn swing(rate: f64, q: f64, v: f64) -> (f64, f64) {
+        let swings = 0.25 * rate * rate;
+        (v - rate * rate * q / (1.0 + swings), 1.0 / (1.0 + swings).sqrt())
+    }
+
+    /// What a step makes of one swing keeps its energy where the step resolves it, and ends it where it does not.
     #[test]
     fn fast_swings_are_damped_and_slow_ones_are_not() {
-        for (rate, loss) in [(0.4, 1e-7), (2.0, 0.032), (1e6, 1.0)] {
-            let stiffness = Mat3::from_diagonal(Vec3::new(rate * rate, 0.0, 0.0));
-            let held = Stiffening::new(vec![vec![1.0]], &[vec![Vec3::X]], &[stiffness], 1.0).unwrap();
-            let c = 1.0 + 0.25 * rate * rate;
-            let d = (c - 1.0).powi(5) / c.powi(4);
-            assert!((held.damping[0] - d).abs() < 1e-14 * c, "{} {d}", held.damping[0]);
-            assert!(d <= 1.01 * loss * c, "{rate}: {}", d / c);
-            let mut z = [0.7];
-            held.hold(&[2.0], &[0.3], &mut z);
-            assert!((z[0] + 0.3 - (1.0 - 2.0 * d) / (c + d)).abs() < 1e-13, "{z:?}");
+        for (rate, loss) in [(0.5_f64, 2e-6_f64), (1.0, 1e-3), (2.0, 0.1), (1e3, 1.0)] {
+            let swings = 0.25 * rate * rate;
+            let after = |q: f64, v: f64| {
+                let (free, motion) = swing(rate, q, v);
+                let turns = vec![vec![motion * Vec3::X]];
+                let kappa = Mat3::from_diagonal(Vec3::new(swings, 0.0, 0.0));
+                let change = Stiffening::new(vec![vec![motion]], turns, &[kappa])
+                    .map_or(0.0, |own| own.damped(&[motion * swings * (3.0 * free + v)])[0]);
+                let v = free + motion * change;
+                [q + v, v]
+            };
+            let [a, b] = [after(1.0, 0.0), after(0.0, 1.0)];
+            let determinant: f64 = a[0] * b[1] - b[0] * a[1];
+            assert!(determinant > (1.0 - loss).powi(2) - 1e-15 && determinant < 1.0, "{rate} {determinant}");
+            if rate > 100.0 {
+                assert!(a.iter().chain(&b).all(|x| x.abs() < 1e-4 || (x + 1.0).abs() < 1e-4), "{a:?} {b:?}");
+                assert!(a[0].abs() < 1e-4 && b[0].abs() < 1e-4, "{a:?} {b:?}");
+            }
         }
     }
 
-    /// Two motions at once: (C + D) times what came of it is what went in, with D from C by its eigenvectors.
+    /// Two motions at once: the change obeys its equation, with S from its eigenvectors.
     #[test]
     fn the_damping_of_coupled_swings_is_that_of_their_eigenvectors() {
-        let (angle, rates) = (0.6_f64, [0.9_f64, 7.0]);
+        let (angle, shares) = (0.6_f64, [0.3_f64, 0.9]);
         let axes = [[angle.cos(), angle.sin()], [-angle.sin(), angle.cos()]];
-        let function = |f: &dyn Fn(f64) -> f64, i: usize, j: usize| -> f64 {
-            (0..2).map(|k| axes[k][i] * axes[k][j] * f(1.0 + 0.25 * rates[k] * rates[k])).sum()
+        let entry = |power: i32, i: usize, j: usize| -> f64 {
+            (0..2).map(|k| axes[k][i] * axes[k][j] * shares[k].powi(power)).sum()
         };
-        let entry = |i, j| 4.0 * function(&|c| c - 1.0, i, j);
         let stiffness = Mat3::from_cols(
-            Vec3::new(entry(0, 0), entry(1, 0), 0.0),
-            Vec3::new(entry(0, 1), entry(1, 1), 0.0),
+            Vec3::new(entry(1, 0, 0), entry(1, 1, 0), 0.0),
+            Vec3::new(entry(1, 0, 1), entry(1, 1, 1), 0.0),
             Vec3::ZERO,
         );
         let motions = vec![vec![1.0, 0.0], vec![0.0, 1.0]];
-        let turns = [vec![Vec3::X], vec![Vec3::Y]];
-        let held = Stiffening::new(motions, &turns, &[stiffness], 1.0).unwrap();
-        for (i, j) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
-            let damping = function(&|c| (c - 1.0).powi(5) / c.powi(4), i, j);
-            assert!((held.damping[2 * i + j] - damping).abs() < 1e-13, "{i} {j}");
-        }
-        let (before, change, mut z) = ([0.4, -1.1], [0.2, 0.5], [0.0, 0.0]);
-        held.hold(&before, &change, &mut z);
+        let own = Stiffening::new(motions, vec![vec![Vec3::X], vec![Vec3::Y]], &[stiffness]).unwrap();
+        let spins = [0.4, -1.1];
+        let change = own.damped(&spins);
         for i in 0..2 {
-            let whole = |j| function(&|c| c + (c - 1.0).powi(5) / c.powi(4), i, j);
-            let damped = |j: usize| held.damping[2 * i + j] * before[j];
-            let left = (0..2).map(|j| whole(j) * (z[j] + change[j]) + damped(j)).sum::<f64>();
-            assert!((left - change[i]).abs() < 1e-12, "{left}");
+            let left: f64 = (0..2).map(|j| 3.0 * entry(5, i, j) * change[j]).sum::<f64>() + change[i];
+            let right: f64 = -(0..2).map(|j| entry(4, i, j) * spins[j]).sum::<f64>();
+            assert!((left - right).abs() < 1e-13, "{left} {right}");
         }
     }
 }

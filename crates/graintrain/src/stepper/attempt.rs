@@ -81,7 +81,7 @@ impl Stepper {
         elasticity::apply_pulls(&rows, &pulls, &masses, &mut free);
         let mut active: Vec<u32> = (0..contacts.len() as u32).collect();
         let mut chosen = Cow::from(contacts);
-        let mut mechanisms = Mechanisms::new(world, &masses, &impacts.velocity, free, step);
+        let mut mechanisms = Mechanisms::new(world, masses.clone(), &impacts.velocity, free, step);
         mechanisms.predict(&[]);
         let overlap = self.settings.overlap;
         let pose =
@@ -281,7 +281,7 @@ fn judge_joints(world: &World, joints: &JointReactions, settings: &SolveSettings
         solve.status = Status::IterationLimit;
         let name = world.joint_label(joints.worst);
         solve.remark = Some(format!(
-            "{name} opens at {:.1e} m/s: joints, stops or driven bodies may contradict each other",
+            "{name} opens at {:.1e} m/s: joints, stops or driven bodies contradict each other, or bodies turn too far in a step",
             joints.opening
         ));
     }

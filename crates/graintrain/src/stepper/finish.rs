@@ -233,7 +233,7 @@ impl Stepper {
             u.extend(turning_velocities(&chosen, rigid.contacts(), rigid.turning(), &velocity));
         }
         let accuracy = (step, self.settings.solver.tolerance);
-        let errors = PhysicalErrors::of(&chosen, &chosen_size, (&problem, &impulse), &u, accuracy);
+        let mut errors = PhysicalErrors::of(&chosen, &chosen_size, (&problem, &impulse), &u, accuracy);
         drop(chosen);
         let curvature = solve.curvature.or(world.contacts.curvature);
         let set = ContactSet { contacts, impulse: world_impulse, friction, moment, curvature };
@@ -258,6 +258,13 @@ impl Stepper {
             displacement.chunks_exact(6).enumerate().map(against).sum()
         });
         world.record_joints(&joints.states, step);
+        if let Some((joint, opening, is_open)) = drift::widest(world) {
+            errors.joint_opening_max = opening;
+            if is_open && solve.status == Status::Converged {
+                solve.status = Status::IterationLimit;
+                solve.remark = Some(format!("{} is open by {opening:.1e} m", world.joint_label(joint)));
+            }
+        }
         world.contacts = set;
         world.time += step;
         world.step += 1;

@@ -441,6 +441,64 @@ fn a_taut_light_chain_comes_to_rest() {
     }
 }
 
+/// A rigid body (mass, its centre `arm` from the pin, moment about the centre) on a rod without mass of this length, angles from the vertical.
+fn hanging_body([a, b, u, v]: [f64; 4], length: f64, arm: f64, gyration: f64) -> [f64; 4] {
+    let (sin, cos) = (a - b).sin_cos();
+    let coupling = length * arm * cos;
+    let [m, n] = [length * length, arm * arm + gyration * gyration];
+    let right = [
+        -length * arm * sin * v * v - GRAVITY * length * a.sin(),
+        length * arm * sin * u * u - GRAVITY * arm * b.sin(),
+    ];
+    let determinant = m * n - coupling * coupling;
+    let accelerations = [
+        (n * right[0] - coupling * right[1]) / determinant,
+        (m * right[1] - coupling * right[0]) / determinant,
+    ];
+    [u, v, accelerations[0], accelerations[1]]
+}
+
+/// A ball of 100 kg swings on three links of 10 g and 0.1 g, at steps far beyond what these swing by: it goes where it would on a rod without
+/// mass, joints stay closed and energy is kept, whether it swings a little, far out, or over the top.
+#[test]
+fn a_heavy_weight_swings_on_a_light_chain() {
+    let (length, arm, radius) = (0.3, 0.2, 0.2);
+    for (light, step, speed) in
+        [(1e-2, 1e-3, 0.5), (1e-2, 5e-3, 0.5), (1e-4, 5e-3, 0.5), (1e-2, 5e-3, 3.0), (1e-2, 5e-3, 6.0)]
+    {
+        let mut world = earth();
+        let heavy = 100.0;
+        let pin = |k: usize| Vec3::new(0.0, 0.0, -0.1 * k as f64);
+        let links: Vec<BodyId> = (0..3).map(|k| rod(&mut world, [pin(k), pin(k + 1)], light)).collect();
+        let ball = pin(3) - Vec3::new(0.0, 0.0, arm);
+        let ball = lump(&mut world, ball, heavy, Vec3::splat(0.4 * heavy * radius * radius));
+        world.bodies.velocity[ball.index()].x = speed;
+        let hangs = [None, Some(links[0]), Some(links[1]), Some(links[2])];
+        for (k, (above, below)) in hangs.into_iter().zip([links[0], links[1], links[2], ball]).enumerate() {
+            world.add_joint(Joint::spherical(above, below, pin(k))).unwrap();
+        }
+        let mut stepper = stepper(step, FrictionModel::Coulomb);
+        let start = 0.5 * heavy * speed * speed + heavy * GRAVITY * world.bodies.position[ball.index()].z;
+        for _ in 0..(1.0 / step).round() as usize {
+            let before = world.bodies.position[ball.index()].z;
+            let report = stepper.step(&mut world).unwrap();
+            assert_eq!(report.solve.status, Status::Converged, "{step} {light}: {:?}", report.solve.remark);
+            assert!(report.errors.joint_opening_max < 1e-10, "{}", report.errors.joint_opening_max);
+            let height = 0.5 * (before + world.bodies.position[ball.index()].z);
+            let energy = report.kinetic_energy + heavy * GRAVITY * height;
+            let (swing, size) = (heavy * GRAVITY * 0.5, 0.5 * heavy * speed * speed);
+            assert!((energy - start).abs() < 0.004 * size.max(swing), "{step} {speed}: {energy} of {start}");
+        }
+        let gyration = (0.4_f64).sqrt() * radius;
+        // Places are those of the middle of a velocity's step.
+        let [a, b, ..] =
+            runge_kutta([0.0, 0.0, speed / length, 0.0], 1.0, |y| hanging_body(y, length, arm, gyration));
+        let exact = Vec3::new(length * a.sin() + arm * b.sin(), 0.0, -length * a.cos() - arm * b.cos());
+        let off = (world.bodies.position[ball.index()] - exact).length();
+        assert!(off < 4e-4 * speed * speed, "{light} {step} {speed}: {off}");
+    }
+}
+
 #[test]
 fn stops_hold_and_let_go() {
     for friction in BOTH {

@@ -1,6 +1,6 @@
 //! What joints exert.
 
-use super::{Mechanisms, Role};
+use super::{Mechanism, Mechanisms, Role, Solution};
 use crate::joint::kinematics::{Placed, coordinate, last};
 use crate::joint::{JointKind, JointState};
 use crate::math::Vec3;
@@ -65,10 +65,7 @@ impl Mechanisms<'_> {
                     state.torque += impulse / self.step * torque;
                 }
             }
-            for (k, &body) in mechanism.bodies.iter().enumerate().filter(|_| !solution.held.is_empty()) {
-                let change = mechanism.roots[k].times(&solution.held[6 * k..]);
-                found.impulses.push((body as usize, self.momentum(body as usize, change)));
-            }
+            found.impulses.extend(self.of_swings(mechanism, &solution));
             for (row, &rate) in mechanism.rows.iter().zip(&rates) {
                 let opening = self.opening(row, rate);
                 if opening.is_nan() || opening > found.opening {
@@ -81,5 +78,24 @@ impl Mechanisms<'_> {
         let rms = (squares / f64::from(count.max(1))).sqrt();
         found.residual = Residual { max: found.opening / self.yardstick, rms };
         found
+    }
+
+    /// The impulses of stiffened swings on bodies: M (v+ - v*) less those of joints and contacts.
+    fn of_swings(&self, mechanism: &Mechanism, solution: &Solution) -> Vec<(usize, [Vec3; 2])> {
+        if !mechanism.is_stiff() {
+            return Vec::new();
+        }
+        let angular = |v: &[f64], body: usize| Vec3::from_slice(&v[6 * body + 3..6 * body + 6]);
+        let impulse = |(k, &body): (usize, &u32)| {
+            let body = body as usize;
+            let damped = match solution.held.get(6 * k..) {
+                Some(held) if !held.is_empty() => mechanism.roots[k].times(held),
+                _ => [Vec3::ZERO; 2],
+            };
+            let turned = damped[1] - angular(&solution.velocity, k) + angular(&self.before, body);
+            let [linear, moment] = self.momentum(body, damped);
+            (body, [linear, moment + mechanism.swings[k] * turned])
+        };
+        mechanism.bodies.iter().enumerate().map(impulse).collect()
     }
 }

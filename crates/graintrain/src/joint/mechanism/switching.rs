@@ -3,6 +3,7 @@
 use super::{ActiveRow, Mechanism, Mechanisms, Role, Solution};
 use crate::joint::Motor;
 use crate::joint::kinematics::{coordinate, last};
+use crate::math::Vec3;
 
 /// Corrections of the right-hand side, and changes of motors and stops, between two solves of the contacts.
 const CORRECTIONS: usize = 40;
@@ -15,6 +16,9 @@ const FINE: f64 = 1e-11;
 
 /// Joints that open faster than this, over the velocity scale, after all corrections are stuck.
 const STUCK: f64 = 1e-3;
+
+/// Forces that differ by less than this share stiffen swings alike.
+const SAME_FORCES: f64 = 0.1;
 
 /// A motor that misses this fraction of its speed while a stop is active works against the stop.
 const DRIVEN: f64 = 0.1;
@@ -102,13 +106,37 @@ impl Mechanisms<'_> {
         changed
     }
 
+    /// Takes the stiffness of swings anew where the forces of joints differ from those that it was made of: whether it did.
+    fn restiffen(&mut self, index: usize, solution: &Solution) -> bool {
+        let mechanism = &self.mechanisms[index];
+        let forces = self.forces(mechanism, &solution.impulse);
+        let largest = |of: &mut dyn Iterator<Item = Vec3>| of.map(Vec3::length).fold(0.0, f64::max);
+        let change = largest(&mut forces.iter().zip(&mechanism.forces).map(|(new, old)| *new - *old));
+        if change <= SAME_FORCES * largest(&mut forces.iter().chain(&mechanism.forces).copied()) {
+            return false;
+        }
+        let mut mechanism = std::mem::take(&mut self.mechanisms[index]);
+        let was_stiff = mechanism.is_stiff();
+        mechanism.forces = forces;
+        self.stiffen(&mut mechanism);
+        let changes = was_stiff || mechanism.is_stiff();
+        if changes {
+            self.arrange(&mut mechanism);
+        }
+        self.mechanisms[index] = mechanism;
+        changes
+    }
+
     /// One round of a mechanism: whether anything changed under these contact impulses, to this accuracy of rates (m/s).
     fn round(&mut self, index: usize, impulse: &[f64], accuracy: f64, one: bool) -> Change {
         let solution = self.solve(&self.mechanisms[index], impulse);
         if self.switch(index, &solution, one) {
-            let mut mechanism = std::mem::replace(&mut self.mechanisms[index], Mechanism::empty());
+            let mut mechanism = std::mem::replace(&mut self.mechanisms[index], Mechanism::default());
             self.arrange(&mut mechanism);
             self.mechanisms[index] = mechanism;
+            return Change::Rows;
+        }
+        if self.restiffen(index, &solution) {
             return Change::Rows;
         }
         let mechanism = &self.mechanisms[index];
