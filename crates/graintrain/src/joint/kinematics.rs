@@ -13,7 +13,7 @@
 //! Forces of a translation row act on both bodies in one point, x_B: they make no torque of their own.
 
 use super::{Coordinate, JointKind, PlacedJoint};
-use crate::math::{Quat, Vec3};
+use crate::math::{Quat, Vec3, tangents};
 use graintrain_linalg::real;
 use std::f64::consts::TAU;
 
@@ -66,7 +66,7 @@ pub(crate) struct Placed {
     bodies: [Option<usize>; 2],
     /// x_A and x_B, m.
     points: [Vec3; 2],
-    /// From the centres of both bodies to x_B, m.
+    /// From the centres of both bodies to where forces act on them, m: x_B, but on the A of a distance x_A.
     arms: [Vec3; 2],
     /// Columns t1, t2, a of A and of B.
     frames: [[Vec3; 3]; 2],
@@ -86,10 +86,12 @@ impl Placed {
             }
         };
         let [a, b] = [world(0), world(1)];
+        // A rod draws at its own end; all else is one point on both.
+        let at = if matches!(placed.joint.kind, JointKind::Distance { .. }) { a.0 } else { b.0 };
         Self {
             bodies,
             points: [a.0, b.0],
-            arms: [b.0 - a.2, b.0 - b.2],
+            arms: [at - a.2, b.0 - b.2],
             frames: [a.1, b.1].map(|frame| [frame * Vec3::X, frame * Vec3::Y, frame * Vec3::Z]),
         }
     }
@@ -132,6 +134,19 @@ impl Placed {
         let length = d.length();
         let along = if length > 0.0 { d / length } else { Vec3::X };
         Row { value: length, ..self.translation(along) }
+    }
+
+    /// By how much this force on B draws it to A, N.
+    pub(crate) fn tension(&self, force: Vec3) -> f64 {
+        -force.dot((self.points[1] - self.points[0]).normalize_or_zero())
+    }
+
+    /// The distance and the two rows across it: how fast one end passes the other.
+    pub(crate) fn across(&self) -> (f64, [Row; 2]) {
+        let d = self.points[1] - self.points[0];
+        let length = d.length();
+        let directions = if length > 0.0 { tangents(d / length) } else { (Vec3::Y, Vec3::Z) };
+        (length, [self.translation(directions.0), self.translation(directions.1)])
     }
 
     fn angle(&self, near: f64) -> Row {

@@ -53,6 +53,8 @@ enum Role {
     Motor,
     Stop,
     Spring,
+    /// Across a taut rod, of this number: its ends are held by its tension as by a spring ([`super::stiffening`]).
+    Taut(usize),
 }
 
 /// A row of a joint in a step.
@@ -84,6 +86,8 @@ struct Mechanism {
     /// kappa of each, kg m^2 (see [`super::stiffening`]).
     swings: Vec<Mat3>,
     joints: Vec<usize>,
+    /// kappa of the rods that are taut, kg, by joint.
+    taut: Vec<(usize, f64)>,
     /// The forces of the joints, N, that K is of.
     forces: Vec<Vec3>,
     rows: Vec<ActiveRow>,
@@ -225,6 +229,13 @@ impl<'a> Mechanisms<'a> {
             for (k, row) in held(&world.joints, joint, &poses, &last(&world.joints)).into_iter().enumerate() {
                 add(Role::Held(k), row, 0.0, 0.0);
             }
+            if let Some((_, kappa)) = mechanism.taut.iter().find(|(taut, _)| *taut == joint) {
+                let (_, rows) = Placed::of(&world.joints[joint], &poses).across();
+                for (k, row) in rows.into_iter().enumerate() {
+                    let before = row.rate(&self.before);
+                    add(Role::Taut(k), row, before, 1.0 / kappa);
+                }
+            }
             let own = &world.joints[joint].joint;
             if own.motor.is_none() && own.spring.is_none() && own.limits.is_none() {
                 continue;
@@ -274,20 +285,37 @@ impl<'a> Mechanisms<'a> {
         let own_roots = mechanism.bodies.iter().map(|&body| Root::of(&self.masses[body as usize]));
         mechanism.roots = own_roots.collect();
         let mut swings = vec![Mat3::ZERO; mechanism.bodies.len()];
+        mechanism.taut.clear();
+        let mut fastest = 0.0;
         for (&joint, &force) in mechanism.joints.iter().zip(&mechanism.forces) {
             if force == Vec3::ZERO {
                 continue;
             }
-            for (body, arm, force) in Placed::of(&self.world.joints[joint], &poses).forces(force) {
+            let placed = Placed::of(&self.world.joints[joint], &poses);
+            if let JointKind::Distance { .. } = self.world.joints[joint].joint.kind {
+                let (length, rows) = placed.across();
+                let kappa = 0.25 * self.step * self.step * placed.tension(force) / length;
+                if kappa > 0.0 {
+                    mechanism.taut.push((joint, kappa));
+                    let mobility = |row: &Row| {
+                        let row =
+                            row_over(row, &mechanism.bodies, &mechanism.roots, 6 * mechanism.bodies.len());
+                        row.iter().map(|x| x * x).sum::<f64>()
+                    };
+                    fastest += kappa * rows.iter().map(mobility).sum::<f64>();
+                }
+            }
+            for (body, arm, force) in placed.forces(force) {
                 if let Ok(k) = mechanism.bodies.binary_search(&(body as u32)) {
                     swings[k] += 0.25 * self.step * self.step * restoring(arm, force);
                 }
             }
         }
         // The fastest that one body alone could swing: mostly that decides.
-        let fastest: f64 = swings.iter().zip(&mechanism.roots).map(|(k, root)| root.turned(*k)).sum();
+        fastest += swings.iter().zip(&mechanism.roots).map(|(k, root)| root.turned(*k)).sum::<f64>();
         if 4.0 * fastest <= RESOLVED {
             swings.iter_mut().for_each(|k| *k = Mat3::ZERO);
+            mechanism.taut.clear();
         }
         for ((&body, &swing), root) in mechanism.bodies.iter().zip(&swings).zip(&mut mechanism.roots) {
             let angular = 6 * body as usize + 3..6 * body as usize + 6;
@@ -329,14 +357,31 @@ impl<'a> Mechanisms<'a> {
 
     /// Y^T kappa (3 v + v-), v the velocities that z makes of v*.
     fn spins(&self, mechanism: &Mechanism, stiffening: &Stiffening, z: &[f64]) -> Vec<f64> {
-        let moment = |(k, &body): (usize, &u32)| {
-            let turn = |v: &[f64]| Vec3::from_slice(&v[6 * body as usize + 3..6 * body as usize + 6]);
-            let after = turn(&self.free) + mechanism.roots[k].times(&z[6 * k..])[1];
-            mechanism.swings[k] * (3.0 * after + turn(&self.before))
+        let mut velocity = self.before.clone();
+        for (k, &body) in mechanism.bodies.iter().enumerate() {
+            let changes = mechanism.roots[k].times(&z[6 * k..]).map(|part| part.to_array());
+            for (axis, change) in changes.into_iter().flatten().enumerate() {
+                let v = &mut velocity[6 * body as usize + axis];
+                *v += 3.0 * (self.free[6 * body as usize + axis] + change);
+            }
+        }
+        let turn = |body: u32| Vec3::from_slice(&velocity[6 * body as usize + 3..6 * body as usize + 6]);
+        let moments: Vec<Vec3> = mechanism
+            .bodies
+            .iter()
+            .zip(&mechanism.swings)
+            .map(|(&body, swing)| *swing * turn(body))
+            .collect();
+        let rods: Vec<(usize, f64)> = mechanism
+            .springs()
+            .filter(|(_, row)| matches!(row.role, Role::Taut(_)))
+            .map(|(place, row)| (place, -row.row.rate(&velocity) / row.compliance.sqrt()))
+            .collect();
+        let along = |(turns, motion): (&Vec<Vec3>, &Vec<f64>)| {
+            let spins: f64 = turns.iter().zip(&moments).map(|(turn, m)| turn.dot(*m)).sum();
+            spins + rods.iter().map(|(place, rate)| motion[*place] * rate).sum::<f64>()
         };
-        let moments: Vec<Vec3> = mechanism.bodies.iter().enumerate().map(moment).collect();
-        let along = |turns: &Vec<Vec3>| turns.iter().zip(&moments).map(|(turn, m)| turn.dot(*m)).sum();
-        stiffening.turns.iter().map(along).collect()
+        stiffening.turns.iter().zip(&stiffening.motions).map(along).collect()
     }
 
     /// Velocities and multipliers of a mechanism under these impulses on all bodies (six per body).
@@ -413,7 +458,7 @@ impl<'a> Mechanisms<'a> {
                     known.as_ref().map(|(_, rows)| rows[k].value)
                 }
                 Role::Motor | Role::Stop => coordinate(joints, row.joint, &moved, &near).map(|row| row.value),
-                Role::Spring => None,
+                Role::Spring | Role::Taut(_) => None,
             };
             after.map_or(row.wanted, |after| (after - row.row.value) / self.step)
         };
@@ -450,7 +495,7 @@ impl<'a> Mechanisms<'a> {
 impl Mechanism {
     /// Whether the step does not resolve the swings of its bodies.
     fn is_stiff(&self) -> bool {
-        self.swings.iter().any(|swing| *swing != Mat3::ZERO)
+        !self.taut.is_empty() || self.swings.iter().any(|swing| *swing != Mat3::ZERO)
     }
 
     /// What damps the swings that the step does not resolve.
@@ -463,7 +508,17 @@ impl Mechanism {
             self.roots.iter().enumerate().map(|(k, root)| root.times(&motion[6 * k..])[1]).collect()
         };
         let turns: Vec<Vec<Vec3>> = motions.iter().map(turn).collect();
-        Stiffening::new(motions, turns, &self.swings)
+        let rods: Vec<usize> = self
+            .springs()
+            .filter(|(_, row)| matches!(row.role, Role::Taut(_)))
+            .map(|(place, _)| place)
+            .collect();
+        Stiffening::new(motions, turns, &self.swings, &rods)
+    }
+
+    /// Rows with a compliance, with the places of their coordinates in the elimination.
+    fn springs(&self) -> impl Iterator<Item = (usize, &ActiveRow)> {
+        (6 * self.bodies.len()..).zip(self.rows.iter().filter(|row| row.compliance > 0.0))
     }
 
     /// Eliminates the rows that are chosen.
@@ -519,7 +574,7 @@ pub(crate) fn coupled_in_impacts(world: &World, velocity: &[f64], step: f64) -> 
                 let motor = &world.joints[row.joint].joint.motor;
                 matches!(motor, Some(Motor::Speed { limit: None, .. }))
             }
-            Role::Stop | Role::Spring => false,
+            Role::Stop | Role::Spring | Role::Taut(_) => false,
         });
     }
     all.coupled()

@@ -16,6 +16,7 @@
 //! ```
 //!
 //! which is a mechanism of bodies with more inertia: what the joints, motors and contacts of a step see. It keeps energy and is stable for any load and step.
+//! The ends of a rod of length l that bears the tension T are held across it by T / l in the same way, as by a spring between them.
 //! Mechanisms whose swings the step resolves are left alone. The forces are those of the same step, found with it (`Mechanisms::restiffen`).
 //!
 //! Swings far beyond the step would keep for ever what the first step under a new load gave them, and their least change of direction works
@@ -107,15 +108,21 @@ fn product(a: &[f64], b: &[f64], degrees: usize) -> Vec<f64> {
 }
 
 impl Stiffening {
-    /// With the free motions, their turns (rad/s per unit, one per body) and kappa of every body. `None` where the step resolves all swings. Cost: a few
+    /// With the free motions, their turns (rad/s per unit, one per body), kappa of every body and the coordinates of taut rods. `None` where the step resolves all swings. Cost: a few
     /// products of square matrices of as many rows as there are motions.
-    pub(super) fn new(motions: Vec<Vec<f64>>, turns: Vec<Vec<Vec3>>, swings: &[Mat3]) -> Option<Self> {
+    pub(super) fn new(
+        motions: Vec<Vec<f64>>,
+        turns: Vec<Vec<Vec3>>,
+        swings: &[Mat3],
+        rods: &[usize],
+    ) -> Option<Self> {
         let degrees = motions.len();
         let mut share = vec![0.0; degrees * degrees];
         for i in 0..degrees {
             for j in 0..=i {
                 let bodies = swings.iter().zip(turns[i].iter().zip(&turns[j]));
-                let entry: f64 = bodies.map(|(k, (a, b))| a.dot(*k * *b)).sum();
+                let of_rods: f64 = rods.iter().map(|&place| motions[i][place] * motions[j][place]).sum();
+                let entry = bodies.map(|(k, (a, b))| a.dot(*k * *b)).sum::<f64>() + of_rods;
                 (share[i * degrees + j], share[j * degrees + i]) = (entry, entry);
             }
         }
@@ -182,7 +189,7 @@ mod tests {
                 let (free, motion) = swing(rate, q, v);
                 let turns = vec![vec![motion * Vec3::X]];
                 let kappa = Mat3::from_diagonal(Vec3::new(swings, 0.0, 0.0));
-                let change = Stiffening::new(vec![vec![motion]], turns, &[kappa])
+                let change = Stiffening::new(vec![vec![motion]], turns, &[kappa], &[])
                     .map_or(0.0, |own| own.damped(&[motion * swings * (3.0 * free + v)])[0]);
                 let v = free + motion * change;
                 [q + v, v]
@@ -211,7 +218,7 @@ mod tests {
             Vec3::ZERO,
         );
         let motions = vec![vec![1.0, 0.0], vec![0.0, 1.0]];
-        let own = Stiffening::new(motions, vec![vec![Vec3::X], vec![Vec3::Y]], &[stiffness]).unwrap();
+        let own = Stiffening::new(motions, vec![vec![Vec3::X], vec![Vec3::Y]], &[stiffness], &[]).unwrap();
         let spins = [0.4, -1.1];
         let change = own.damped(&spins);
         for i in 0..2 {

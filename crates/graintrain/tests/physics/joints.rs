@@ -5,7 +5,7 @@ use graintrain::handle::{BodyId, JointId, MaterialId};
 use graintrain::joint::{Joint, Motor, Spring};
 use graintrain::load::{Action, Load};
 use graintrain::material::Materials;
-use graintrain::math::{Mat3, Vec3};
+use graintrain::math::{Mat3, Quat, Vec3};
 use graintrain::motion::Axes;
 use graintrain::motion::{Motion, Profile};
 use graintrain::shape::Geometry;
@@ -497,6 +497,51 @@ fn a_heavy_weight_swings_on_a_light_chain() {
         let off = (world.bodies.position[ball.index()] - exact).length();
         assert!(off < 4e-4 * speed * speed, "{light} {step} {speed}: {off}");
     }
+}
+
+/// Beads of 0.1 g on rods without mass over a drum, with weights of 1.5 kg and 1 kg: they roll, so that the weights fall as over a pulley.
+#[test]
+fn light_beads_roll_over_a_drum_under_heavy_weights() {
+    let mut world = earth();
+    let drum = world.add_geometry(Geometry::cylinder(0.2, 0.5).unwrap());
+    let motion = world.add_motion(Motion::fixed()).unwrap();
+    let orientation = Quat::from_axis_angle(Vec3::X, 0.25 * TAU);
+    world
+        .add_body(Body { motion, orientation, ..Body::new(drum, MaterialId::default(), Vec3::ZERO) })
+        .unwrap();
+    let bead = world.add_geometry(Geometry::sphere(0.01).unwrap());
+    let over = (0..25).map(|k| (0.5 * TAU * f64::from(k) / 24.0).sin_cos());
+    let mut places = vec![Vec3::new(0.51, 0.0, -0.1)];
+    places.extend(over.map(|(sin, cos)| Vec3::new(0.51 * cos, 0.0, 0.51 * sin)));
+    places.push(Vec3::new(-0.51, 0.0, -0.1));
+    let weights = [1.5, 1.0];
+    let masses = std::iter::once(weights[0]).chain([1e-4; 25]).chain([weights[1]]);
+    let bodies: Vec<BodyId> = places
+        .iter()
+        .zip(masses)
+        .map(|(&place, mass)| {
+            let mass = Some(MassProperties { mass, inertia: Mat3::from_diagonal(Vec3::splat(4e-5 * mass)) });
+            world.add_body(Body { mass, ..Body::new(bead, MaterialId::default(), place) }).unwrap()
+        })
+        .collect();
+    for (pair, ends) in bodies.windows(2).zip(places.windows(2)) {
+        world.add_joint(Joint::distance(Some(pair[0]), pair[1], [ends[0], ends[1]])).unwrap();
+    }
+    let step = 1e-3;
+    let mut stepper = stepper(step, FrictionModel::Coulomb);
+    for _ in 0..200 {
+        let report = stepper.step(&mut world).unwrap();
+        assert_eq!(report.solve.status, Status::Converged, "{:?}", report.solve.remark);
+        assert!(report.solve.iterations < 10_000, "{}", report.solve.iterations);
+        assert!(report.errors.joint_opening_max < 1e-12);
+    }
+    let [fast, slow] = weights;
+    let fall = (fast - slow) / (fast + slow) * GRAVITY * 0.2;
+    let found = -world.bodies.velocity[bodies[0].index()].z;
+    assert!((found - fall).abs() < 0.01 * fall, "{found} {fall}");
+    let tension = 2.0 * fast * slow / (fast + slow) * GRAVITY;
+    let found = world.joints()[0].state.force.length();
+    assert!((found - tension).abs() < 0.01 * tension, "{found} {tension}");
 }
 
 #[test]

@@ -46,8 +46,9 @@ impl Mechanisms<'_> {
             }
             let rates = self.rates(mechanism, &solution.velocity);
             let held = mechanism.rows.iter().zip(&solution.impulse);
-            let all =
-                held.map(|(row, &impulse)| (row.joint, &row.row, impulse, matches!(row.role, Role::Held(_))));
+            let all = held.map(|(row, &impulse)| {
+                (row.joint, &row.row, impulse, matches!(row.role, Role::Held(_) | Role::Taut(_)))
+            });
             let pushed = mechanism.pushed.iter().map(|(joint, row, impulse)| (*joint, row, *impulse, false));
             for (joint, row, impulse, holds) in all.chain(pushed) {
                 found
