@@ -1,14 +1,15 @@
-//! Joints, motors and springs: A33 to A41.
+//! Joints, motors and springs: A33 to A41, A45, A46.
 
 use super::bench::{Accuracy, Bench, G, add_ground, world};
 use super::source::{RELAXED, Source};
 use super::{Definition, MODELS, Measure, Row, VerifyError};
 use graintrain::handle::{BodyId, JointId, MaterialId};
 use graintrain::joint::{Joint, Motor};
-use graintrain::math::{Mat3, Vec3};
-use graintrain::motion::Profile;
+use graintrain::math::{Mat3, Quat, Vec3};
+use graintrain::motion::{Motion, Profile};
 use graintrain::shape::Geometry;
 use graintrain::world::{Body, MassProperties, World};
+use std::f64::consts::TAU;
 
 const REDUCED: Source = Source::Algebra(
     "Lagrange's equations in reduced coordinates, by Runge and Kutta; the scheme's velocities belong to the middle of steps, so that a \
@@ -83,6 +84,23 @@ pub const CASES: &[Definition] = &[
         setup: "20 links of 0.1 kg hang from one another; then the last has 100 t.",
         sources: &[Source::Algebra("they rest, and every joint carries what hangs below")],
         measure: Measure::Small(chain),
+    },
+    Definition {
+        id: "A45",
+        title: "Heavy weight on a light chain",
+        setup: "A ball of 100 kg swings for 1 s on three links of 10 g and of 0.1 g, at 0.5 m/s and 3 m/s, steps of 5 ms: far beyond what the \
+                links swing by.",
+        sources: &[REDUCED],
+        measure: Measure::Small(light_chain),
+    },
+    Definition {
+        id: "A46",
+        title: "Light beads over a drum",
+        setup: "25 beads of 0.1 g on rods without mass roll over a fixed drum under 1.5 kg and 1 kg, 0.2 s in steps of 1 ms.",
+        sources: &[Source::Algebra(
+            "Atwood's machine: (m_1 - m_2) / (m_1 + m_2) g, tension 2 m_1 m_2 / (m_1 + m_2) g",
+        )],
+        measure: Measure::Small(drum),
     },
 ];
 
@@ -396,6 +414,90 @@ fn chain() -> Result<Vec<Row>, VerifyError> {
                 1e-9,
             ));
         }
+    }
+    Ok(rows)
+}
+
+/// A rigid body (its centre `arm` from the pin, this radius of gyration) on a rod without mass, angles from the vertical.
+fn hanging_body([a, b, u, v]: [f64; 4], length: f64, arm: f64, gyration: f64) -> [f64; 4] {
+    let (sin, cos) = (a - b).sin_cos();
+    let coupling = length * arm * cos;
+    let [m, n] = [length * length, arm * arm + gyration * gyration];
+    let f = -length * arm * sin * v * v - G * length * a.sin();
+    let h = length * arm * sin * u * u - G * arm * b.sin();
+    let determinant = m * n - coupling * coupling;
+    [u, v, (n * f - coupling * h) / determinant, (m * h - coupling * f) / determinant]
+}
+
+fn light_chain() -> Result<Vec<Row>, VerifyError> {
+    let (step, heavy, length, arm, radius) = (5e-3, 100.0, 0.3, 0.2, 0.2);
+    let mut rows = Vec::new();
+    for (light, speed) in [(1e-2, 0.5), (1e-4, 0.5), (1e-2, 3.0)] {
+        let [a, b, ..] = runge_kutta([0.0, 0.0, speed / length, 0.0], 1.0, |y| {
+            hanging_body(y, length, arm, 0.4_f64.sqrt() * radius)
+        });
+        let exact = Vec3::new(length * a.sin() + arm * b.sin(), 0.0, -length * a.cos() - arm * b.cos());
+        for mut bench in benches(step)? {
+            let mut world = world(0.5, 0.0)?;
+            let pin = |k: usize| Vec3::new(0.0, 0.0, -0.1 * k as f64);
+            let ball = lump(&mut world, pin(3) - arm * Vec3::Z, heavy, 0.4 * heavy * radius * radius)?;
+            world.bodies.velocity[ball.index()].x = speed;
+            let mut above = None;
+            for k in 0..3 {
+                let link = rod(&mut world, [pin(k), pin(k + 1)], light)?;
+                world.add_joint(Joint::spherical(above, link, pin(k)))?;
+                above = Some(link);
+            }
+            world.add_joint(Joint::spherical(above, ball, pin(3)))?;
+            let mut opening = 0.0_f64;
+            for _ in 0..(1.0 / step).round() as usize {
+                opening = opening.max(bench.step(&mut world)?.errors.joint_opening_max);
+            }
+            let off = (world.bodies.position[ball.index()] - exact).length();
+            let what = format!("links of {light} kg, {speed} m/s");
+            rows.push(bench.row(
+                format!("place of the ball off (m), {what}"),
+                off,
+                0.0,
+                4e-4 * speed * speed,
+            ));
+            rows.push(bench.row(format!("joints open by (m), {what}"), opening, 0.0, 1e-10));
+        }
+    }
+    Ok(rows)
+}
+
+fn drum() -> Result<Vec<Row>, VerifyError> {
+    let ([fast, slow], step, time) = ([1.5, 1.0], 1e-3, 0.2);
+    let mut rows = Vec::new();
+    for mut bench in benches(step)? {
+        let mut world = world(0.5, 0.0)?;
+        let drum = world.add_geometry(Geometry::cylinder(0.2, 0.5)?);
+        let motion = world.add_motion(Motion::fixed())?;
+        let orientation = Quat::from_rotation_x(0.25 * TAU);
+        world.add_body(Body { motion, orientation, ..Body::new(drum, MaterialId::default(), Vec3::ZERO) })?;
+        let over = (0..25).map(|k| (0.5 * TAU * f64::from(k) / 24.0).sin_cos());
+        let over = over.map(|(sin, cos)| (Vec3::new(0.51 * cos, 0.0, 0.51 * sin), 1e-4));
+        let [first, last] = [(0.51, fast), (-0.51, slow)].map(|(x, mass)| (Vec3::new(x, 0.0, -0.1), mass));
+        let bead = world.add_geometry(Geometry::sphere(0.01)?);
+        let mut before: Option<(BodyId, Vec3)> = None;
+        let mut weight = None;
+        for (place, mass) in std::iter::once(first).chain(over).chain([last]) {
+            let inertia = Mat3::from_diagonal(Vec3::splat(4e-5 * mass));
+            let mass = Some(MassProperties { mass, inertia });
+            let body = world.add_body(Body { mass, ..Body::new(bead, MaterialId::default(), place) })?;
+            weight.get_or_insert(body);
+            if let Some((other, end)) = before.replace((body, place)) {
+                world.add_joint(Joint::distance(Some(other), body, [end, place]))?;
+            }
+        }
+        bench.steps(&mut world, (time / step).round() as usize)?;
+        let fall = weight.map_or(f64::NAN, |weight| -world.bodies.velocity[weight.index()].z);
+        let exact = (fast - slow) / (fast + slow) * G * time;
+        rows.push(bench.row("speed after 0.2 s (m/s)", fall, exact, 0.01 * exact));
+        let tension = 2.0 * fast * slow / (fast + slow) * G;
+        let found = world.joints()[0].state.force.length();
+        rows.push(bench.row("tension (N)", found, tension, 0.01 * tension));
     }
     Ok(rows)
 }

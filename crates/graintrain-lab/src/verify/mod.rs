@@ -12,7 +12,7 @@
 //! |---|---|
 //! | [`source`] | where expected values come from |
 //! | [`mod@bench`] | small worlds, and stepping them |
-//! | [`flight`], [`impact`], [`arrival`], [`sliding`], [`rest`], [`painleve`], [`shapes`], [`heaps`], [`gas`], [`problems`], [`turning`], [`joints`] | tier A |
+//! | [`flight`], [`impact`], [`arrival`], [`sliding`], [`rest`], [`painleve`], [`shapes`], [`heaps`], [`gas`], [`problems`], [`turning`], [`joints`], [`met`] | tier A |
 //! | [`mod@periodic_sample`], [`compression`], [`mod@shear`], [`granular`], [`earth_pressure`], [`samples`] | tier B |
 //! | [`report`] | table, Markdown, HTML |
 
@@ -28,6 +28,7 @@ pub mod hulls;
 pub mod impact;
 pub mod joints;
 pub mod laws;
+pub mod met;
 pub mod painleve;
 pub mod periodic_sample;
 pub mod problems;
@@ -223,6 +224,7 @@ pub fn tier_a() -> impl Iterator<Item = &'static Definition> {
         heaps::CASES,
         turning::CASES,
         joints::CASES,
+        met::CASES,
         hulls::CASES,
         laws::CASES,
     ]
