@@ -143,11 +143,10 @@ fn exact_table(first: usize, relaxed: &[usize]) -> Vec<Stage> {
         Stage::new(path, Task::Solve, Start::Best, 30_000),
         race(Start::Last, usize::MAX),
         race(Start::Zero, usize::MAX),
-        Stage::new(relaxed[0], Task::Frictionless, Start::Zero, 60_000),
+        Stage::new(first, Task::Frictionless, Start::Zero, 60_000),
         Stage::new(path, Task::Solve, Start::Zero, 1_000_000),
     ];
-    let most = 600_000 / relaxed.len();
-    table.extend(relaxed.iter().map(|&member| Stage::new(member, Task::FixedPoint, Start::Best, most)));
+    table.extend(relaxed.iter().map(|&member| Stage::new(member, Task::FixedPoint, Start::Best, 300_000)));
     table
 }
 
@@ -170,7 +169,7 @@ impl Cascade {
                 vec![solve(first, 30_000), solve(ipm, usize::MAX), solve(patient, 30_000)],
                 vec![solve(ipm, usize::MAX), solve(patient, 100_000)],
             ],
-            exact: exact_table(exact, &[ipm, first]),
+            exact: exact_table(exact, &[exact + 1, exact, ipm]),
             fixed_point: fixed_point::Parameters::default(),
             race: RaceParameters::default(),
         }
