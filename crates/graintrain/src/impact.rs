@@ -116,10 +116,16 @@ impl ImpactSolver<'_> {
             .map(|[a, b]| self.parameters.resting * a.max(b) * step)
             .collect();
         let mut free = free_velocity(world, &found.velocity, step);
+        let mut now = with_driven(world, &found.velocity, &free);
+        let coupled = coupled_in_impacts(world, &mut now, step);
+        for body in coupled.iter().flat_map(|mechanism| &mechanism.bodies) {
+            let six = 6 * *body as usize..6 * *body as usize + 6;
+            found.velocity[six.clone()].copy_from_slice(&now[six.clone()]);
+            free[six].copy_from_slice(&free_velocity_of(world, &found.velocity, *body as usize, step));
+        }
         let mut driven = with_driven(world, &found.velocity, &free);
         let mut now = relative_velocities(world.cell(), of.contacts, of.rows, &driven);
         let mut later = relative_velocities(world.cell(), of.contacts, of.rows, &free);
-        let coupled = coupled_in_impacts(world, &found.velocity, step);
         for pass in 0..=self.parameters.passes {
             let approaches =
                 |i: &u32| restitution[*i as usize] > 0.0 && now[3 * *i as usize] < -slow[*i as usize];

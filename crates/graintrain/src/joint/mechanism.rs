@@ -561,12 +561,14 @@ impl Mechanism {
     }
 }
 
-/// The common inverse masses in an impact: forces that are finite have no time to act, joints and motors without limit hold.
-pub(crate) fn coupled_in_impacts(world: &World, velocity: &[f64], step: f64) -> Vec<CoupledBodies> {
+/// The common inverse masses in an impact: forces that are finite have no time to act, joints and motors without limit hold. `velocity` becomes what
+/// these let the bodies have: that of the middle of the last step does not lie along them where they are now.
+pub(crate) fn coupled_in_impacts(world: &World, velocity: &mut [f64], step: f64) -> Vec<CoupledBodies> {
     let masses = inverse_mass(world);
-    let mut all = Mechanisms::new(world, masses.clone(), velocity, velocity.to_vec(), step);
+    let mut all = Mechanisms::new(world, masses.clone(), &*velocity, velocity.to_vec(), step);
     for mechanism in &mut all.mechanisms {
         mechanism.stiffening = None;
+        mechanism.pushed.clear();
         mechanism.roots = mechanism.bodies.iter().map(|&body| Root::of(&masses[body as usize])).collect();
         mechanism.factorise(|row| match row.role {
             Role::Held(_) => true,
@@ -577,5 +579,6 @@ pub(crate) fn coupled_in_impacts(world: &World, velocity: &[f64], step: f64) -> 
             Role::Stop | Role::Spring | Role::Taut(_) => false,
         });
     }
+    all.velocities(&[], velocity);
     all.coupled()
 }
