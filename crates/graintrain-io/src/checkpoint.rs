@@ -23,7 +23,7 @@ use std::path::{Path, PathBuf};
 
 const MAGIC: &[u8; 8] = b"GRAINCKP";
 /// Raised whenever the layout of what is stored changes.
-const VERSION: u32 = 10;
+const VERSION: u32 = 11;
 const HEADER: usize = 32;
 /// Bytes that a payload may expand to: so many, and so many per byte of its own. Worlds at rest shrink to a twentieth.
 const MOST_EXPANDED: (u64, u64) = (1 << 26, 64);
@@ -115,8 +115,8 @@ fn what_lacks(folder: &Path) -> String {
     }
 }
 
-/// Writes a checkpoint of a run without other files into the folder, named after the step, and removes all but the last two. The file
-/// appears whole or not at all.
+/// Writes a checkpoint of a run without other files into the folder, named after the step, and removes all
+/// but the last two. The file appears whole or not at all.
 ///
 /// # Errors
 /// Where the file cannot be written; older checkpoints then remain.
