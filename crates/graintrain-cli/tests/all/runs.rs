@@ -394,6 +394,7 @@ fn a_closed_pipe_ends_no_run() {
         (&["resume", "a"], 0),
         (&["check", "balls.toml"], 0),
         (&["scenes"], 0),
+        (&["schema"], 0),
         (&["solvers"], 0),
         (&["man"], 0),
         (&["completions", "bash"], 0),
