@@ -10,7 +10,7 @@ if ! command -v mdbook > /dev/null; then
 fi
 mdbook build docs/book
 # The pages of the notebook are included from docs/, their pictures lie beside them there.
-cp docs/*.svg target/book/notebook/
+cp docs/*.svg docs/*.toml target/book/notebook/
 # Pages link to sources from where they lie in docs/book/src. In the built book these links lead to the repository around it, or to
 # BOOK_SOURCES=https://host/graintrain/blob/main where it is shown elsewhere.
 sources=${BOOK_SOURCES:-../..}

@@ -26,9 +26,6 @@ pub struct Ccp {
     /// Velocity V, m/s, that makes residuals dimensionless: |gravity| x step in a simulation. `None` for a bare problem, whose V is
     /// sqrt(mean_i |r_i|^2). See [`crate::residual::Residual`].
     pub velocity_scale: Option<f64>,
-    /// Impulse J, N s, of the measure used until November 2026: mean mass of the free bodies x |gravity| x step. No solver looks at
-    /// it, only [`crate::residual::ResidualScale::paper`]. `None` for a bare problem.
-    pub impulse_scale: Option<f64>,
     /// Contact points in space, m, for geometric orderings; empty where they are not known.
     pub points: Vec<[f64; 3]>,
     /// A number per contact that stays the same from step to step while the contact persists; empty where not known.
@@ -139,7 +136,6 @@ impl Ccp {
             friction,
             turning: Vec::new(),
             velocity_scale: None,
-            impulse_scale: None,
             points: Vec::new(),
             identity: Vec::new(),
         };
@@ -163,7 +159,6 @@ impl Ccp {
             friction,
             turning,
             velocity_scale: None,
-            impulse_scale: None,
             points: Vec::new(),
             identity: Vec::new(),
         };
@@ -198,13 +193,9 @@ impl Ccp {
                 return Err(CcpError::Value { what: "r", contact: k / 3, value, expected });
             }
         }
-        for (what, scale) in
-            [("the velocity scale", self.velocity_scale), ("the impulse scale", self.impulse_scale)]
-        {
-            if let Some(value) = scale.filter(|scale| !(scale.is_finite() && *scale >= 0.0)) {
-                let expected = "it must be finite and not negative";
-                return Err(CcpError::Value { what, contact: 0, value, expected });
-            }
+        if let Some(value) = self.velocity_scale.filter(|scale| !(scale.is_finite() && *scale >= 0.0)) {
+            let (what, expected) = ("the velocity scale", "it must be finite and not negative");
+            return Err(CcpError::Value { what, contact: 0, value, expected });
         }
         for (contact, &value) in self.friction.iter().enumerate() {
             if !(value.is_finite() && value >= 0.0) {

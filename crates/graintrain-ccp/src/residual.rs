@@ -51,7 +51,7 @@ impl std::fmt::Display for FrictionModel {
 /// u_n + mu |u_t| + rolling |(w_1, w_2)| + spinning |w_n| (Acary, Bourrier 2021).
 ///
 /// Each contact is measured by its own effective mass, so that neither a heavy body elsewhere nor a change of the unit of mass
-/// changes what is asked of it. (Until November 2026: max_i |d_i| / J with one impulse J, see [`ResidualScale::paper`].)
+/// changes what is asked of it.
 /// Source of the natural map: Facchinei, Pang, "Finite-Dimensional Variational Inequalities and Complementarity Problems", 2003,
 /// section 1.5; the factor eta_i is the preconditioner of projected Jacobi (Tasora, Anitescu 2011).
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -120,20 +120,20 @@ fn or_one(scale: f64) -> f64 {
     if scale > 0.0 && scale.is_finite() { scale } else { 1.0 }
 }
 
-/// sqrt(mean_i |x_i|^2) over contacts of the vector with these components.
-fn mean_length(contacts: usize, component: impl Fn(usize) -> f64 + Sync) -> f64 {
+/// sqrt(mean_i |x_i|^2) over contacts of a vector of three components each.
+fn mean_length(x: &[f64]) -> f64 {
+    let contacts = x.len() / 3;
     // In units of the largest, so that no square overflows.
-    let largest = (0..3 * contacts).map(|k| component(k).abs()).fold(0.0, f64::max);
-    let unit = or_one(largest);
+    let unit = or_one(x.iter().fold(0.0, |largest, x| f64::max(largest, x.abs())));
     let sum = sum_chunks(contacts, |range| {
-        (3 * range.start..3 * range.end).map(|k| (component(k) / unit).powi(2)).sum()
+        x[3 * range.start..3 * range.end].iter().map(|x| (x / unit).powi(2)).sum()
     });
     unit * (sum / contacts.max(1) as f64).sqrt()
 }
 
 /// V of a problem, m/s: `problem.velocity_scale`, or sqrt(mean_i |r_i|^2) for a bare problem; 1 where that is zero or not finite.
 pub fn velocity_scale(problem: &Ccp) -> f64 {
-    or_one(problem.velocity_scale.unwrap_or_else(|| mean_length(problem.num_contacts(), |k| problem.r[k])))
+    or_one(problem.velocity_scale.unwrap_or_else(|| mean_length(&problem.r[..3 * problem.num_contacts()])))
 }
 
 impl ResidualScale {
@@ -185,37 +185,34 @@ impl ResidualScale {
         std::array::from_fn(|k| g[3 * i + k] - image[k])
     }
 
-    /// Sum and maximum over the contacts of (eta_i |d_i| / V)^2, and the maximum of (|d_i| / J)^2, of each friction model asked for.
+    /// Sum and maximum over the contacts of (eta_i |d_i| / V)^2, of each friction model asked for.
     fn squares<const M: usize>(
         &self,
         problem: &Ccp,
         g: &[f64],
         u: &[f64],
         models: [FrictionModel; M],
-        impulse_unit: f64,
     ) -> [Squares; M] {
         let of_contact = |i: usize, model: FrictionModel| {
             // In units of V / eta_i, so that no square overflows.
             let measured = |impulse: f64| self.eta[i] * impulse / self.velocity;
             let square_of = |d: [f64; 3]| d.iter().map(|&d| measured(d).powi(2)).sum::<f64>();
-            let paper_of = |d: [f64; 3]| d.iter().map(|d| (d / impulse_unit).powi(2)).sum::<f64>();
             // Below the rounding of its impulse nothing is known: where impulses grow without limit (bodies that
             // cannot be kept apart) g - u / eta is g in the end, whatever u is.
             let rounding_of = |block: usize| {
                 (0..3).map(|k| (f64::EPSILON * measured(g[3 * block + k])).powi(2)).sum::<f64>()
             };
-            let (defect, rounding, paper);
+            let (defect, rounding);
             if let Some(k) = problem.turning_of(i) {
                 let [d, turning] = self.turning_map(problem, g, u, model, (i, k));
                 defect = square_of(d) + square_of(turning);
                 rounding = rounding_of(i) + rounding_of(problem.num_contacts() + k);
-                paper = paper_of(d) + paper_of(turning);
             } else {
                 let d = self.natural_map(problem, g, u, model, i);
-                (defect, rounding, paper) = (square_of(d), rounding_of(i), paper_of(d));
+                (defect, rounding) = (square_of(d), rounding_of(i));
             }
             let square = if defect < rounding { rounding } else { defect };
-            Squares { sum: square, max: square, paper_max: paper }
+            Squares { sum: square, max: square }
         };
         let none = [Squares::default(); M];
         let of_chunk = |range: std::ops::Range<usize>| {
@@ -234,38 +231,16 @@ impl ResidualScale {
 
     /// Residual of impulses g whose relative velocities are u = N g + r.
     pub fn residual(&self, problem: &Ccp, g: &[f64], u: &[f64], model: FrictionModel) -> Residual {
-        let [squares] = self.squares(problem, g, u, [model], 1.0);
+        let [squares] = self.squares(problem, g, u, [model]);
         squares.residual(problem.num_contacts())
     }
 
     /// All that is told of impulses g whose relative velocities are u = N g + r.
     pub fn evaluate(&self, problem: &Ccp, g: &[f64], u: &[f64]) -> Evaluation {
         let contacts = problem.num_contacts();
-        let unit = self.paper_unit(problem);
         let models = [FrictionModel::Relaxed, FrictionModel::Coulomb];
-        let [relaxed, coulomb] = self.squares(problem, g, u, models, unit);
-        Evaluation {
-            relaxed: relaxed.residual(contacts),
-            coulomb: coulomb.residual(contacts),
-            paper_relaxed: relaxed.paper_max.sqrt(),
-            paper_coulomb: coulomb.paper_max.sqrt(),
-        }
-    }
-
-    /// J, N s, or 1 where that tells nothing.
-    fn paper_unit(&self, problem: &Ccp) -> f64 {
-        or_one(
-            problem
-                .impulse_scale
-                .unwrap_or_else(|| mean_length(problem.num_contacts(), |k| problem.r[k] / self.eta[k / 3])),
-        )
-    }
-
-    /// The measure used until November 2026: max_i |d_i| / J with one impulse J (N s) for all contacts, `problem.impulse_scale` or
-    /// sqrt(mean_i (|r_i| / eta_i)^2). A heavy body anywhere loosens it for all others: only for comparison with older figures.
-    pub fn paper(&self, problem: &Ccp, g: &[f64], u: &[f64], model: FrictionModel) -> f64 {
-        let [squares] = self.squares(problem, g, u, [model], self.paper_unit(problem));
-        squares.paper_max.sqrt()
+        let [relaxed, coulomb] = self.squares(problem, g, u, models);
+        Evaluation { relaxed: relaxed.residual(contacts), coulomb: coulomb.residual(contacts) }
     }
 }
 
@@ -276,10 +251,6 @@ pub struct Evaluation {
     pub relaxed: Residual,
     /// As exact Coulomb friction.
     pub coulomb: Residual,
-    /// [`ResidualScale::paper`] as a relaxed CCP.
-    pub paper_relaxed: f64,
-    /// [`ResidualScale::paper`] as exact Coulomb friction.
-    pub paper_coulomb: f64,
 }
 
 impl Evaluation {
@@ -290,14 +261,6 @@ impl Evaluation {
             FrictionModel::Coulomb => self.coulomb,
         }
     }
-
-    /// The older measure in this friction model.
-    pub fn paper(&self, model: FrictionModel) -> f64 {
-        match model {
-            FrictionModel::Relaxed => self.paper_relaxed,
-            FrictionModel::Coulomb => self.paper_coulomb,
-        }
-    }
 }
 
 /// What contacts add up to on the way to a residual.
@@ -305,16 +268,11 @@ impl Evaluation {
 struct Squares {
     sum: f64,
     max: f64,
-    paper_max: f64,
 }
 
 impl Squares {
     fn and(self, other: Self) -> Self {
-        Self {
-            sum: self.sum + other.sum,
-            max: larger(self.max, other.max),
-            paper_max: larger(self.paper_max, other.paper_max),
-        }
+        Self { sum: self.sum + other.sum, max: larger(self.max, other.max) }
     }
 
     fn residual(self, contacts: usize) -> Residual {

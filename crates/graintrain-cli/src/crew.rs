@@ -83,7 +83,8 @@ impl Crew {
         }
     }
 
-    /// That all ranks are to make the same steps from the same state: else they would wait for each other in different places.
+    /// That all ranks are to make the same steps from the same state: else they would wait for each other in
+    /// different places.
     ///
     /// # Errors
     /// Where one is not.
@@ -109,7 +110,8 @@ impl Crew {
         ExitCode::from(all.into_iter().flatten().max().map_or(own, |code| code as u8))
     }
 
-    /// A failure that other ranks do not know of, since they are in the middle of a step: it is told, and all of them end.
+    /// A failure that other ranks do not know of, since they are in the middle of a step: it is told, and all
+    /// of them end.
     pub fn abandon(&self, failure: Failure) -> Failure {
         let Some(ranks) = &self.ranks else { return failure };
         terminal::keep_silent(false);

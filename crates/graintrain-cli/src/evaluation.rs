@@ -16,8 +16,6 @@ pub struct Yardstick<'a> {
     eta: Vec<f64>,
     /// V, m/s.
     velocity_scale: f64,
-    /// J of the former measure, N s.
-    impulse_scale: f64,
 }
 
 /// What an answer is worth.
@@ -29,8 +27,6 @@ pub struct Evaluation {
     pub relaxed: Residual,
     /// Residual as exact Coulomb friction.
     pub coulomb: Residual,
-    /// The measure used until November 2026, max_i |d_i| / J: relaxed and with exact Coulomb friction.
-    pub paper: [f64; 2],
     /// 1/2 g^T N g + r^T g, J.
     pub objective: f64,
     /// How far the objective may lie above the optimum of the relaxed problem, relative to itself.
@@ -51,11 +47,6 @@ impl Evaluation {
             FrictionModel::Coulomb => self.coulomb,
         }
     }
-
-    /// The measure used until November 2026 in one friction model.
-    pub fn paper(&self, model: FrictionModel) -> f64 {
-        self.paper[usize::from(model == FrictionModel::Coulomb)]
-    }
 }
 
 impl<'a> Yardstick<'a> {
@@ -75,19 +66,14 @@ impl<'a> Yardstick<'a> {
                 *eta = smallest;
             }
         }
-        let mean_length = |components: Vec<f64>| {
+        let velocity = problem.velocity_scale.unwrap_or_else(|| {
+            let components = &problem.r[..3 * contacts];
             let largest = components.iter().fold(f64::MIN_POSITIVE, |largest, x| x.abs().max(largest));
             let squares = components.iter().map(|x| (x / largest).powi(2)).sum::<f64>();
-            largest * (squares / eta.len().max(1) as f64).sqrt()
-        };
-        let usable = |scale: f64| if scale > 0.0 && scale.is_finite() { scale } else { 1.0 };
-        let velocity =
-            problem.velocity_scale.unwrap_or_else(|| mean_length(problem.r[..3 * contacts].to_vec()));
-        let impulse = problem.impulse_scale.unwrap_or_else(|| {
-            mean_length(problem.r[..3 * contacts].iter().enumerate().map(|(k, r)| r / eta[k / 3]).collect())
+            largest * (squares / contacts.max(1) as f64).sqrt()
         });
-        let (velocity_scale, impulse_scale) = (usable(velocity), usable(impulse));
-        Self { problem, matrix, eta, velocity_scale, impulse_scale }
+        let velocity_scale = if velocity > 0.0 && velocity.is_finite() { velocity } else { 1.0 };
+        Self { problem, matrix, eta, velocity_scale }
     }
 
     /// Evaluates impulses `g`, N s, length of r.
@@ -98,7 +84,6 @@ impl<'a> Yardstick<'a> {
             velocity: Vec::new(),
             relaxed: Residual::default(),
             coulomb: Residual::default(),
-            paper: [0.0; 2],
             objective: 0.0,
             gap: 0.0,
             apart: 0,
@@ -133,9 +118,7 @@ impl<'a> Yardstick<'a> {
             // f64::max would lose a NaN.
             let raise = |max: &mut f64, x: f64| *max = if x.is_nan() || x > *max { x } else { *max };
             let sums = [&mut evaluation.relaxed, &mut evaluation.coulomb];
-            for ((sum, normal), paper) in
-                sums.into_iter().zip([u[0], u[0] + drive]).zip(&mut evaluation.paper)
-            {
+            for (sum, normal) in sums.into_iter().zip([u[0], u[0] + drive]) {
                 let error = match turning {
                     None => natural_map(impulse, [normal, u[1], u[2]], mu, eta),
                     Some(_) => turned.natural_map(impulse, [normal, u[1], u[2]], mu, eta),
@@ -145,7 +128,6 @@ impl<'a> Yardstick<'a> {
                 let square = (eta * error / self.velocity_scale).powi(2);
                 raise(&mut sum.max, square);
                 sum.rms += square;
-                raise(paper, error / self.impulse_scale);
             }
             let tangential = impulse[1].hypot(impulse[2]);
             let noise = 1e-9 * self.velocity_scale / eta;
@@ -202,8 +184,8 @@ impl Turned {
         self.coefficients[0] * w1.hypot(w2) + self.coefficients[1] * spin.abs()
     }
 
-    /// |(g, h) - P((g, h) - (u, w) / eta)|, N s. The normal component of the projection is a zero of a growing function of pieces of
-    /// lines, which is looked for from piece to piece.
+    /// |(g, h) - P((g, h) - (u, w) / eta)|, N s. The normal component of the projection is a zero of a
+    /// growing function of pieces of lines, which is looked for from piece to piece.
     fn natural_map(&self, g: [f64; 3], u: [f64; 3], mu: f64, eta: f64) -> f64 {
         let moved = |g: [f64; 3], u: [f64; 3]| [g[0] - u[0] / eta, g[1] - u[1] / eta, g[2] - u[2] / eta];
         let (x, y) = (moved(g, u), moved(self.impulse, self.velocity));

@@ -48,7 +48,8 @@ struct RankArguments {
     command: command::RankCommand,
 }
 
-/// As [`run`] for one of several processes that were started with the same words: they make the steps of a run together.
+/// As [`run`] for one of several processes that were started with the same words: they make the steps of a
+/// run together.
 pub fn run_on_ranks(words: impl IntoIterator<Item = OsString>, transport: Box<dyn Transport>) -> ExitCode {
     let writes = transport.rank() == 0;
     let command = match RankArguments::try_parse_from(words) {
@@ -67,8 +68,9 @@ pub fn run_on_ranks(words: impl IntoIterator<Item = OsString>, transport: Box<dy
     }
 }
 
-/// Parses a command line, of which the first word is the name of the program, carries the command out and tells failures on stderr.
-/// Where the words are no command, or ask for help, they are answered and the process ends, as clap does it.
+/// Parses a command line, of which the first word is the name of the program, carries the command out and
+/// tells failures on stderr. Where the words are no command, or ask for help, they are answered and the
+/// process ends, as clap does it.
 pub fn run(words: impl IntoIterator<Item = OsString>) -> ExitCode {
     match Arguments::parse_from(words).command.execute(Arguments::command) {
         Ok(code) => code,

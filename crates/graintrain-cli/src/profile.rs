@@ -1,5 +1,5 @@
-//! Performance profiles (E. Dolan, J. More, Benchmarking optimization software with performance profiles, Math. Program.
-//! 91, 2002).
+//! Performance profiles (E. Dolan, J. More, Benchmarking optimization software with performance profiles,
+//! Math. Program. 91, 2002).
 //!
 //! With t(p, s) the time of solver s on problem p (infinite where it did not converge), the performance ratio is
 //! t(p, s) / min_s t(p, s), and rho_s(tau) is the fraction of problems on which the ratio of s is at most tau.
@@ -9,7 +9,8 @@ use graintrain_view::plot::{Axis, Chart, Series};
 
 /// Colours of a chart; solvers beyond them repeat the colours with dashed lines.
 const COLORS: usize = 8;
-/// Room around a profile, so that solvers that solve all or nothing, or are always the fastest, do not lie on the frame.
+/// Room around a profile, so that solvers that solve all or nothing, or are always the fastest, do not lie on
+/// the frame.
 const MARGIN: f64 = 1.03;
 
 /// How a solver did over all problems.
@@ -138,7 +139,6 @@ mod tests {
             residual_rms: 0.0,
             residual_relaxed: 0.0,
             residual_coulomb: 0.0,
-            residual_paper: 0.0,
             objective: 0.0,
             gap: None,
             converged,

@@ -1,5 +1,5 @@
-//! A progress bar on stderr for whatever takes longer than two seconds where stderr is a terminal, a line a minute where
-//! it is not; and warnings at the step where a run stops being what was asked for.
+//! A progress bar on stderr for whatever takes longer than two seconds where stderr is a terminal, a line a
+//! minute where it is not; and warnings at the step where a run stops being what was asked for.
 
 use crate::solving::status_word;
 use crate::terminal::tell;
@@ -112,8 +112,8 @@ impl Log {
     }
 }
 
-/// Tells, each once, of the first step whose solve missed its tolerance, of the first bodies that passed into each other and of the
-/// first deep overlap.
+/// Tells, each once, of the first step whose solve missed its tolerance, of the first bodies that passed into
+/// each other and of the first deep overlap.
 #[derive(Default)]
 pub struct Warnings {
     /// The first step whose solve missed its tolerance.
@@ -126,8 +126,8 @@ pub struct Warnings {
 /// An overlap deeper than this part of the smaller body's size is no resting contact.
 const DEEP: f64 = 0.1;
 
-/// Where the velocities left over at a contact make more overlap than this in a step, relative to the smaller body's size, they are a
-/// cause of deep overlap.
+/// Where the velocities left over at a contact make more overlap than this in a step, relative to the smaller
+/// body's size, they are a cause of deep overlap.
 const CLOSING: f64 = 0.01;
 
 impl Warnings {
@@ -249,7 +249,6 @@ mod tests {
             residual,
             residual_relaxed: residual,
             residual_coulomb: residual,
-            residual_paper: 0.0,
             objective: 0.0,
             seconds: 0.0,
             newton: Vec::new(),

@@ -32,7 +32,8 @@ pub fn scene_failure(error: SceneError) -> Failure {
     Failure::Input(miette::Report::new(Excerpt { message: error.kind.to_string(), text, error }))
 }
 
-/// The text with every long line cut down to its beginning, the one with the place to what is around it; and the place therein.
+/// The text with every long line cut down to its beginning, the one with the place to what is around it; and
+/// the place therein.
 fn with_short_lines(text: &str, place: Range<usize>) -> (String, Range<usize>) {
     let mut short = String::with_capacity(text.len().min(1 << 20));
     let mut found = 0..0;

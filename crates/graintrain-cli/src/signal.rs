@@ -1,5 +1,5 @@
-//! Stopping in good order: the first Ctrl-C (or SIGTERM, SIGHUP) asks, or the end of the time that was given; the second signal ends the
-//! process at once; SIGUSR1 asks for a checkpoint.
+//! Stopping in good order: the first Ctrl-C (or SIGTERM, SIGHUP) asks, or the end of the time that was given;
+//! the second signal ends the process at once; SIGUSR1 asks for a checkpoint.
 
 use crate::error::Failure;
 #[cfg(unix)]
@@ -24,8 +24,8 @@ pub struct Stop {
     time_is_up: Arc<AtomicBool>,
 }
 
-/// Whether this process was started with the signal ignored, as `nohup` does, so that it has to stay so. Linux tells; elsewhere
-/// it is taken for ignored.
+/// Whether this process was started with the signal ignored, as `nohup` does, so that it has to stay so.
+/// Linux tells; elsewhere it is taken for ignored.
 #[cfg(unix)]
 fn is_ignored(signal: i32) -> bool {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
@@ -81,7 +81,8 @@ impl Stop {
         });
     }
 
-    /// Exit code of a process that was stopped: 130, 143 or 129 by a signal, 3 when its time was up, 0 where nobody asked.
+    /// Exit code of a process that was stopped: 130, 143 or 129 by a signal, 3 when its time was up, 0 where
+    /// nobody asked.
     pub fn code(&self) -> u8 {
         match self.signal.load(Ordering::Relaxed) {
             0 if self.time_is_up.load(Ordering::Relaxed) => TIME_IS_UP,

@@ -157,11 +157,10 @@ pub struct Record {
     pub residual_relaxed: f64,
     /// Residual as exact Coulomb friction.
     pub residual_coulomb: f64,
-    /// Residual in the friction model asked for by the measure used until November 2026.
-    pub residual_paper: f64,
     /// 1/2 g^T N g + r^T g, J.
     pub objective: f64,
-    /// How far the objective may lie above the optimum, relative to itself; `None` with exact friction, which minimises nothing.
+    /// How far the objective may lie above the optimum, relative to itself; `None` with exact friction, which
+    /// minimises nothing.
     pub gap: Option<f64>,
     /// Whether the residual is at most the tolerance: claimed by the solver and confirmed by the evaluation.
     pub converged: bool,
@@ -181,8 +180,8 @@ impl Record {
         }
     }
 
-    /// Whether comparisons go by processor time, which other work on the machine does not lengthen: on one thread, unless there is a
-    /// limit, which is of wall-clock time.
+    /// Whether comparisons go by processor time, which other work on the machine does not lengthen: on one
+    /// thread, unless there is a limit, which is of wall-clock time.
     pub fn by_processor(&self) -> bool {
         self.threads == Some(1) && !self.limited && self.cpu_seconds.is_some()
     }
@@ -254,7 +253,6 @@ pub fn run(
         residual_rms: residual.rms,
         residual_relaxed: evaluation.relaxed.max,
         residual_coulomb: evaluation.coulomb.max,
-        residual_paper: evaluation.paper(settings.friction),
         objective: evaluation.objective,
         gap: (settings.friction == FrictionModel::Relaxed).then_some(evaluation.gap),
         converged: report.converged() && confirmed,
@@ -264,8 +262,8 @@ pub fn run(
     Ok(Outcome { impulse, evaluation, record })
 }
 
-/// What the user should know about the file, and, where the relaxation took the symmetric part of its matrix, what the answer is worth for
-/// the matrix itself.
+/// What the user should know about the file, and, where the relaxation took the symmetric part of its matrix,
+/// what the answer is worth for the matrix itself.
 fn notes(file: &ProblemFile, model: FrictionModel, impulse: &[f64]) -> Vec<String> {
     let mut notes = file.notes();
     if let (Some(as_filed), FrictionModel::Relaxed) = (&file.as_filed, model) {
@@ -305,7 +303,6 @@ pub fn refused(
         residual_rms: f64::NAN,
         residual_relaxed: f64::NAN,
         residual_coulomb: f64::NAN,
-        residual_paper: f64::NAN,
         objective: f64::NAN,
         gap: None,
         converged: false,

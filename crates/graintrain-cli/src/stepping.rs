@@ -20,7 +20,8 @@ use std::sync::Arc;
 /// Options of `run` and `resume` alike.
 #[derive(clap::Args)]
 pub struct SteppingOptions {
-    /// Number of threads; all processors where it is not given (one for each of several ranks). The results do not depend on it
+    /// Number of threads; all processors where it is not given (one for each of several ranks). The results
+    /// do not depend on it
     #[arg(long, value_name = "N")]
     pub threads: Option<NonZeroUsize>,
     /// Print nothing but warnings and errors
@@ -29,15 +30,16 @@ pub struct SteppingOptions {
     /// End with exit code 1 at the first step whose solve misses its tolerance
     #[arg(long)]
     pub strict: bool,
-    /// Stop in good order after so many seconds of wall clock, with exit code 3: the step under way is dropped, a checkpoint is written,
-    /// `graintrain resume DIR` goes on
+    /// Stop in good order after so many seconds of wall clock, with exit code 3: the step under way is
+    /// dropped, a checkpoint is written, `graintrain resume DIR` goes on
     #[arg(long, value_name = "SECONDS", value_parser = scene::seconds)]
     pub max_seconds: Option<f64>,
-    /// Tell at the end all figures of the run that `summary.json` has for people: residuals, errors, stages, streams, phases
+    /// Tell at the end all figures of the run that `summary.json` has for people: residuals, errors, stages,
+    /// streams, phases
     #[arg(long)]
     pub details: bool,
-    /// Tell at the end what the phases of the steps took: wall clock, processor time and, with several threads, how much of it one of them
-    /// spent alone
+    /// Tell at the end what the phases of the steps took: wall clock, processor time and, with several
+    /// threads, how much of it one of them spent alone
     #[arg(long)]
     pub timings: bool,
 }

@@ -56,8 +56,8 @@ pub struct RunsOptions {
 pub struct SweepOptions {
     #[command(flatten)]
     runs: RunsOptions,
-    /// An observable of the page and the printed table: MEASURE.COLUMN (its mean in time), with :max, :min or :last, or a figure of
-    /// summary.json; may be repeated. All of them are in sweep.csv
+    /// An observable of the page and the printed table: MEASURE.COLUMN (its mean in time), with :max, :min or
+    /// :last, or a figure of summary.json; may be repeated. All of them are in sweep.csv
     #[arg(long = "observe", value_name = "NAME")]
     observe: Vec<String>,
 }
@@ -69,7 +69,8 @@ pub struct RunsBar {
     _log: Option<Sender<()>>,
 }
 
-/// Writes a line a minute until the sender that it gives is dropped: runs may take longer than the patience of who reads the log.
+/// Writes a line a minute until the sender that it gives is dropped: runs may take longer than the patience
+/// of who reads the log.
 fn log_lines(bar: ProgressBar) -> Sender<()> {
     let (sender, ended) = channel();
     std::thread::spawn(move || {

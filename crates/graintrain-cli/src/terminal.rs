@@ -1,6 +1,6 @@
-//! Everything that the program prints. A reader that goes away (`| head`, a terminal that was closed) ends no run and makes no
-//! panic, which `println!` would: what is said in passing is dropped, and what was asked for fails only where it could have been
-//! kept (a full disk).
+//! Everything that the program prints. A reader that goes away (`| head`, a terminal that was closed) ends no
+//! run and makes no panic, which `println!` would: what is said in passing is dropped, and what was asked for
+//! fails only where it could have been kept (a full disk).
 
 use crate::error::Failure;
 use std::fmt::Arguments;

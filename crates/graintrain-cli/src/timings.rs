@@ -34,8 +34,8 @@ impl Observer for Timings {
     }
 }
 
-/// The fraction s of the work of `all` threads that the `leading` one does alone: `leading = s all + (1 - s) all / threads`, all in
-/// processor seconds. Waiting for a processor that others use does not count.
+/// The fraction s of the work of `all` threads that the `leading` one does alone: `leading = s all + (1 - s)
+/// all / threads`, all in processor seconds. Waiting for a processor that others use does not count.
 fn serial_fraction(all: f64, leading: f64, threads: usize) -> f64 {
     let share = 1.0 / threads as f64;
     ((leading / all - share) / (1.0 - share)).clamp(0.0, 1.0)

@@ -1,4 +1,5 @@
-//! Checkpoint and resume: a run is stopped half way, written, read again and finished, to the bits of an uninterrupted one.
+//! Checkpoint and resume: a run is stopped half way, written, read again and finished, to the bits of an
+//! uninterrupted one.
 //!
 //! `cargo run --release -p graintrain-io --example checkpoint_resume`
 

@@ -115,8 +115,8 @@ fn what_lacks(folder: &Path) -> String {
     }
 }
 
-/// Writes a checkpoint of a run without other files into the folder, named after the step, and removes all but the last two. The file
-/// appears whole or not at all.
+/// Writes a checkpoint of a run without other files into the folder, named after the step, and removes all
+/// but the last two. The file appears whole or not at all.
 ///
 /// # Errors
 /// Where the file cannot be written; older checkpoints then remain.

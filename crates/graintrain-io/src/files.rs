@@ -1,5 +1,5 @@
-//! Writing files so that whatever happens, what was computed stays readable, and nothing outside of the folder is touched: links are never
-//! written through.
+//! Writing files so that whatever happens, what was computed stays readable, and nothing outside of the
+//! folder is touched: links are never written through.
 
 use crate::mark::{Loss, Mark, Marking};
 use std::fs::{self, File, OpenOptions};
@@ -61,14 +61,16 @@ impl OutputError {
 /// Bytes of a name: file systems take 255, and `NAME.csv.part` and `NAME.csv.bad12` have to fit, too.
 const LONGEST_NAME: usize = 200;
 
-/// Whether a text can be the name of a file in a run's folder: letters, digits, `-`, `_` and `.` (not first). Whatever names a file and
-/// comes from a scene, a checkpoint or a list has to be such a name, or several with `/` between them ([`within`]).
+/// Whether a text can be the name of a file in a run's folder: letters, digits, `-`, `_` and `.` (not first).
+/// Whatever names a file and comes from a scene, a checkpoint or a list has to be such a name, or several
+/// with `/` between them ([`within`]).
 pub fn is_file_name(text: &str) -> bool {
     let fits = |c: char| c.is_alphanumeric() || "-_.".contains(c);
     !text.is_empty() && text.len() <= LONGEST_NAME && !text.starts_with('.') && text.chars().all(fits)
 }
 
-/// The file in a folder that a list names by its relative path; `None` for one that is outside or no such path ([`is_file_name`]).
+/// The file in a folder that a list names by its relative path; `None` for one that is outside or no such
+/// path ([`is_file_name`]).
 pub fn within(folder: &Path, relative: &str) -> Option<PathBuf> {
     relative.split('/').all(is_file_name).then(|| folder.join(relative))
 }
@@ -134,7 +136,8 @@ fn replace(path: &Path, write: impl FnOnce(&mut File) -> io::Result<()>) -> Resu
     })
 }
 
-/// Keeps a damaged file, whole, beside what goes on of it: as `NAME.bad`, or `NAME.bad2` and so on where there is one already.
+/// Keeps a damaged file, whole, beside what goes on of it: as `NAME.bad`, or `NAME.bad2` and so on where
+/// there is one already.
 ///
 /// # Errors
 /// Where the system refuses.
@@ -178,9 +181,9 @@ impl Table {
         Ok(table)
     }
 
-    /// Goes on with a table that held `mark` after step `last_step`: what was written after that is dropped. One that does not hold it any
-    /// more is kept beside what is readable of it, and a missing one begins anew: see [`Self::loss`]. Without a mark the table had not begun
-    /// by then, and begins now.
+    /// Goes on with a table that held `mark` after step `last_step`: what was written after that is dropped.
+    /// One that does not hold it any more is kept beside what is readable of it, and a missing one begins
+    /// anew: see [`Self::loss`]. Without a mark the table had not begun by then, and begins now.
     ///
     /// # Errors
     /// Where the file cannot be read or written.

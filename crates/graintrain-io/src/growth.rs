@@ -1,8 +1,10 @@
-//! Bodies that grow until a sample has the porosity that is asked for: without friction it becomes dense, with friction loose.
+//! Bodies that grow until a sample has the porosity that is asked for: without friction it becomes dense,
+//! with friction loose.
 //!
-//! All lengths of the bodies are multiplied by the same factor from step to step; centres and velocities stay. What then overlaps is
-//! displaced by the step (gravity is better off meanwhile). A sample that cannot become denser would only overlap more and more: growth
-//! waits while a body overlaps another by more than a hundredth of its size, and no step brings more than that.
+//! All lengths of the bodies are multiplied by the same factor from step to step; centres and velocities
+//! stay. What then overlaps is displaced by the step (gravity is better off meanwhile). A sample that cannot
+//! become denser would only overlap more and more: growth waits while a body overlaps another by more than a
+//! hundredth of its size, and no step brings more than that.
 
 use crate::roster::{Members, Roster};
 use crate::stream::Amount;
@@ -69,11 +71,12 @@ impl Growth {
         porosity(world, &self.region) <= self.porosity * (1.0 + 1e-9)
     }
 
-    /// Lets bodies grow by what a step of this length (s) brings, unless the last step left a deeper overlap over size than growth waits
-    /// for. Returned is the mass and kinetic energy that this adds.
+    /// Lets bodies grow by what a step of this length (s) brings, unless the last step left a deeper overlap
+    /// over size than growth waits for. Returned is the mass and kinetic energy that this adds.
     ///
     /// # Errors
-    /// [`ModelError`] where a body becomes larger than numbers are, or half an edge of a periodic cell; bodies have not grown then.
+    /// [`ModelError`] where a body becomes larger than numbers are, or half an edge of a periodic cell;
+    /// bodies have not grown then.
     pub fn grow(
         &self,
         world: &mut World,

@@ -1,4 +1,5 @@
-//! What the files of a run held when a checkpoint was written, so that whoever goes on from it sees whether they still do.
+//! What the files of a run held when a checkpoint was written, so that whoever goes on from it sees whether
+//! they still do.
 
 use flate2::Crc;
 use serde::{Deserialize, Serialize};

@@ -97,8 +97,8 @@ pub struct ShearBox {
 pub(crate) const MOST_BINS: usize = 100_000;
 
 impl Measure {
-    /// Whether it names bodies and streams of a run that gave so many numbers, and bins that fit into memory: scenes give no other, a
-    /// damaged file may.
+    /// Whether it names bodies and streams of a run that gave so many numbers, and bins that fit into memory:
+    /// scenes give no other, a damaged file may.
     pub(crate) fn fits(&self, given: u64, streams: usize) -> bool {
         let known = |list: &[BodyId]| list.iter().all(|body| (body.index() as u64) < given);
         let members = |members: &Members| {
@@ -545,7 +545,8 @@ impl Measure {
         }
     }
 
-    /// The rows of its columns (step and time among them) after the step that was just made; `None` where there is no record due.
+    /// The rows of its columns (step and time among them) after the step that was just made; `None` where
+    /// there is no record due.
     pub fn record(&self, now: Measured<'_>, state: &mut MeasureState) -> Option<Vec<Vec<f64>>> {
         let number = now.world.step;
         if self.stage.is_some_and(|only| only != now.stage) {

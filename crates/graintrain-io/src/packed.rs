@@ -1,10 +1,12 @@
 //! Bytes packed by LZ4 in blocks, which several threads pack at once.
 //!
-//! One block after the other: its packed length (4 bytes, little endian), then an LZ4 block that expands to [`BLOCK`] bytes, the last one to what is left.
-//! Where blocks begin depends on the bytes alone, so that files are the same for any number of threads.
+//! One block after the other: its packed length (4 bytes, little endian), then an LZ4 block that expands to
+//! [`BLOCK`] bytes, the last one to what is left. Where blocks begin depends on the bytes alone, so that
+//! files are the same for any number of threads.
 //!
-//! Why LZ4: states are mostly mantissas, of which no method saves much. On a state of 27.5 MB (35 939 bodies, 145 866 contacts) it leaves 0.61 in 50 to 95 ms,
-//! deflate at its fastest 0.58 in 300 ms, at level 3 0.57 in 1.6 s.
+//! Why LZ4: states are mostly mantissas, of which no method saves much. On a state of 27.5 MB (35 939 bodies,
+//! 145 866 contacts) it leaves 0.61 in 50 to 95 ms, deflate at its fastest 0.58 in 300 ms, at level 3 0.57 in
+//! 1.6 s.
 //!
 //! Source: the LZ4 block format, <https://github.com/lz4/lz4/blob/dev/doc/lz4_Block_format.md>.
 

@@ -44,7 +44,8 @@ pub enum RadiusDistribution {
         /// How often each is drawn.
         weights: Vec<f64>,
     },
-    /// One of the first four with its shares meant by mass: of spheres of one density, so many of which weigh as much as go with the cube of the radius less.
+    /// One of the first four with its shares meant by mass: of spheres of one density, so many of which weigh
+    /// as much as go with the cube of the radius less.
     ByMass(Box<RadiusDistribution>),
     /// Rosin and Rammler, cut off: up to radius r there is the share 1 - exp(-(r / size)^spread) of the mass.
     RosinRammler {
@@ -57,7 +58,8 @@ pub enum RadiusDistribution {
         /// Largest.
         max: f64,
     },
-    /// A grading curve: shares of the mass that pass sieves, straight lines over the logarithm of the opening between them.
+    /// A grading curve: shares of the mass that pass sieves, straight lines over the logarithm of the opening
+    /// between them.
     Sieves {
         /// Openings, m, ascending: the largest diameters that pass.
         openings: Vec<f64>,
@@ -227,8 +229,9 @@ fn power(exponent: f64, [min, max]: [f64; 2], random: &mut Random) -> f64 {
     (min * real::powf(relative, 1.0 / k)).clamp(min, max)
 }
 
-/// Radii whose density by mass (per radius, times anything) is given: number goes with that over r^3. The cumulative number is summed by Simpson's rule over
-/// intervals of the logarithm and inverted by straight lines.
+/// Radii whose density by mass (per radius, times anything) is given: number goes with that over r^3. The
+/// cumulative number is summed by Simpson's rule over intervals of the logarithm and inverted by straight
+/// lines.
 fn tabulated<'a>([min, max]: [f64; 2], mass: impl Fn(f64) -> f64) -> Sampler<'a> {
     let width = real::ln(max / min) / INTERVALS as f64;
     // d(number) / d(log r)

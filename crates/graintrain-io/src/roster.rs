@@ -1,7 +1,8 @@
 //! Who the bodies of a run are, while some enter and others leave.
 //!
-//! Indices of bodies move up when one of them leaves; numbers stay. The bodies of a scene have their index as number, those that enter
-//! later the next ones. Whoever names bodies for longer than a step (measurements, stages, frames) names numbers.
+//! Indices of bodies move up when one of them leaves; numbers stay. The bodies of a scene have their index as
+//! number, those that enter later the next ones. Whoever names bodies for longer than a step (measurements,
+//! stages, frames) names numbers.
 
 use graintrain::handle::BodyId;
 use serde::{Deserialize, Serialize};

@@ -79,8 +79,6 @@ pub struct RunTotals {
     pub residual_max: f64,
     /// Worst root mean square over the contacts of a step.
     pub residual_rms_max: f64,
-    /// Worst residual by the measure used until November 2026.
-    pub residual_paper_max: f64,
     /// Residual of the last step.
     pub residual_final: f64,
     /// Steps whose solve missed the tolerance.
@@ -136,7 +134,6 @@ impl RunTotals {
         self.contacts_final = report.contacts;
         self.residual_max = self.residual_max.max(report.solve.residual.max);
         self.residual_rms_max = self.residual_rms_max.max(report.solve.residual.rms);
-        self.residual_paper_max = self.residual_paper_max.max(report.solve.residual_paper);
         self.residual_final = report.solve.residual.max;
         self.unconverged_steps += u64::from(!report.solve.converged());
         self.penetration_max_over_size = self.penetration_max_over_size.max(report.penetration_max_over_size);
@@ -181,7 +178,8 @@ pub trait Observer {
     /// An output that cannot be written ends the run.
     fn observe(&mut self, step: StepView<'_>) -> Result<(), OutputError>;
 
-    /// Called once everybody has seen the step and all that belongs to it is counted: the state is now one to go on from.
+    /// Called once everybody has seen the step and all that belongs to it is counted: the state is now one to
+    /// go on from.
     ///
     /// # Errors
     /// A state that cannot be kept ends the run.
@@ -229,7 +227,8 @@ pub enum RunError {
     /// An output could not be written.
     #[error(transparent)]
     Output(#[from] OutputError),
-    /// Processes that make the same steps have not the same state: they read different files, or run different programs.
+    /// Processes that make the same steps have not the same state: they read different files, or run
+    /// different programs.
     #[error("after step {step} rank {rank} has another state than rank 0")]
     RanksDisagree {
         /// Number of the last step made.
@@ -281,8 +280,8 @@ impl Run {
         Ok(Self { world, settings, totals, strict: false, stepper, collider, stop, ranks: None })
     }
 
-    /// Makes the steps together with other processes, each of which runs the same from the same state. All of them end where
-    /// one is asked to stop.
+    /// Makes the steps together with other processes, each of which runs the same from the same state. All of
+    /// them end where one is asked to stop.
     pub fn share_among(&mut self, ranks: Arc<Ranks>) {
         self.stop = ranks.stop();
         self.stepper.share_among(Arc::clone(&ranks));

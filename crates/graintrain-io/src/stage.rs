@@ -63,8 +63,8 @@ impl CellDrive {
     }
 }
 
-/// When a measured quantity counts as steady: over the latest records, the mean of the first half and that of the second differ by no
-/// more than is allowed.
+/// When a measured quantity counts as steady: over the latest records, the mean of the first half and that of
+/// the second differ by no more than is allowed.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Steady {
     /// Number of the measurement.
@@ -246,8 +246,8 @@ impl Stage {
     }
 }
 
-/// Mean net force (mass times change of velocity over the step; relative to the deformation of a periodic cell) on the bodies that are free, over
-/// the mean contact force; infinite without contact forces.
+/// Mean net force (mass times change of velocity over the step; relative to the deformation of a periodic
+/// cell) on the bodies that are free, over the mean contact force; infinite without contact forces.
 fn unbalanced(world: &World, step: f64, before: &[Vec3]) -> f64 {
     let free: Vec<usize> = (0..world.bodies.len()).filter(|&body| world.is_free(body)).collect();
     let net = |&body: &usize| world.bodies.mass[body] * (world.fluctuation(body) - before[body]).length();

@@ -1,7 +1,8 @@
 //! Streams of bodies into a world, and outlets out of it.
 //!
-//! Everything random about the k-th body of a stream follows from the seed and k, and the places that are tried for it in a step from
-//! those and the number of the step: a run that was stopped goes on with the same bits.
+//! Everything random about the k-th body of a stream follows from the seed and k, and the places that are
+//! tried for it in a step from those and the number of the step: a run that was stopped goes on with the same
+//! bits.
 
 use crate::radii::{self, RadiusDistribution};
 use crate::random::Random;
@@ -143,7 +144,8 @@ impl Stream {
         Ok((geometry, turn))
     }
 
-    /// Whether another body of this mass (kg) is due by the end of a step, so long (s) after the beginning of the stream.
+    /// Whether another body of this mass (kg) is due by the end of a step, so long (s) after the beginning of
+    /// the stream.
     fn is_due(&self, given: &Amount, mass: f64, elapsed: f64) -> bool {
         let elapsed = elapsed * (1.0 + ROUND_OFF);
         match self.rate {
@@ -233,8 +235,8 @@ impl Stream {
         entered: &[(Vec3, f64)],
     ) -> Result<(), ModelError> {
         let first = state.given.bodies - entered.len() as u64;
-        // Equal forms are shared; balls of sizes of their own take the places of those that nobody has any more, or memory would grow for as long as
-        // bodies come and leave.
+        // Equal forms are shared; balls of sizes of their own take the places of those that nobody has any
+        // more, or memory would grow for as long as bodies come and leave.
         let is_common = match &self.grain {
             Grain::Form(_) => true,
             Grain::Sphere(radii) => radii.is_discrete(),
@@ -344,8 +346,8 @@ impl Outlet {
     }
 }
 
-/// Takes bodies out through the outlets, each through the first that takes it. Returned is the new index of every former body; `None`
-/// where nobody leaves.
+/// Takes bodies out through the outlets, each through the first that takes it. Returned is the new index of
+/// every former body; `None` where nobody leaves.
 pub fn take_out(world: &mut World, outlets: &[Outlet], gone: &mut [Amount]) -> Option<Vec<Option<BodyId>>> {
     if outlets.is_empty() {
         return None;

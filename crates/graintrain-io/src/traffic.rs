@@ -28,7 +28,8 @@ pub struct TrafficState {
     pub outlets: Vec<Amount>,
     /// Mass and kinetic energy by growth.
     pub grown: Amount,
-    /// Number of the last step that bodies have entered and left for: a step that was stopped and is made again takes no others.
+    /// Number of the last step that bodies have entered and left for: a step that was stopped and is made
+    /// again takes no others.
     prepared: u64,
 }
 
@@ -67,7 +68,8 @@ impl Traffic {
             && done.all(|(stream, state)| !here(stream) || state.is_done)
     }
 
-    /// Lets bodies leave, enter and grow before the next step, once. `overlap` is the deepest one over size that the last step left.
+    /// Lets bodies leave, enter and grow before the next step, once. `overlap` is the deepest one over size
+    /// that the last step left.
     ///
     /// # Errors
     /// [`ModelError`] for bodies that the world does not take.

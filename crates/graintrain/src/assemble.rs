@@ -80,7 +80,7 @@ pub fn relative_velocities(
 /// prescribed bodies enters r. Restitution is not here but in [`crate::impact`].
 ///
 /// V, which makes residuals dimensionless, is |gravity| dt; without gravity the root mean square of |r_i| over contacts that do
-/// not part by themselves. J of the former measure is the mean mass of the bodies that have a dynamic degree of freedom, times V.
+/// not part by themselves.
 pub fn assemble(
     world: &World,
     contacts: &[Contact],
@@ -109,7 +109,6 @@ pub fn assemble(
         r,
         friction,
         turning,
-        impulse_scale: impulse_scale(world, step),
         points: of_each(contacts, |contact| contact.point.to_array()),
         identity: of_each(contacts, |contact| contact.identity),
     }
@@ -176,17 +175,6 @@ pub(crate) fn scale_under(gravity: f64, step: f64, r: &[f64], friction: &[f64]) 
         Some(own) if fall <= FAINT * own => Some(own),
         _ => Some(fall).filter(|&fall| fall > 0.0),
     }
-}
-
-fn impulse_scale(world: &World, step: f64) -> Option<f64> {
-    let mut mass = 0.0;
-    let mut count = 0.0;
-    for body in (0..world.bodies.len()).filter(|&body| !world.is_prescribed(body)) {
-        mass += world.bodies.mass[body];
-        count += 1.0;
-    }
-    let scale = mass / f64::max(count, 1.0) * world.gravity.length() * step;
-    (scale > 0.0).then_some(scale)
 }
 
 /// Impulses to start the solver from: those of the last step at the contacts that persist, turned with the contact's

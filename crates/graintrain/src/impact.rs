@@ -194,7 +194,6 @@ impl ImpactSolver<'_> {
             friction: part.gather::<1, f64>(friction),
             turning: Vec::new(),
             velocity_scale: None,
-            impulse_scale: None,
             points: Vec::new(),
             identity: Vec::new(),
         };

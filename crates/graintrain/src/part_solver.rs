@@ -304,7 +304,6 @@ fn nothing_to_solve(solver: String) -> SolveReport {
         residual: Residual::default(),
         residual_relaxed: Residual::default(),
         residual_coulomb: Residual::default(),
-        residual_paper: 0.0,
         objective: 0.0,
         seconds: 0.0,
         newton: Vec::new(),
@@ -336,7 +335,6 @@ fn merge(all: &mut SolveReport, part: SolveReport, names: bool) {
     all.residual = all.residual.worse(part.residual);
     all.residual_relaxed = all.residual_relaxed.worse(part.residual_relaxed);
     all.residual_coulomb = all.residual_coulomb.worse(part.residual_coulomb);
-    all.residual_paper = all.residual_paper.max(part.residual_paper);
     all.objective += part.objective;
     all.seconds += part.seconds;
     all.newton.extend(part.newton);

@@ -157,7 +157,6 @@ impl Part {
             r,
             friction,
             turning,
-            impulse_scale: whole.impulse_scale,
             points: self.gather::<1, [f64; 3]>(&whole.points),
             identity: self.gather::<1, u64>(&whole.identity),
         };

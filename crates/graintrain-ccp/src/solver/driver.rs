@@ -148,7 +148,6 @@ impl<'a> Limits<'a> {
             residual,
             residual_relaxed: evaluation.relaxed,
             residual_coulomb: evaluation.coulomb,
-            residual_paper: evaluation.paper(model),
             objective: problem.objective(impulse, &velocity),
             seconds: self.seconds(),
             newton: Vec::new(),

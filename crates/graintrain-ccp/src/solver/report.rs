@@ -58,9 +58,6 @@ pub struct SolveReport {
     pub residual_relaxed: Residual,
     /// Residual of the returned impulses as exact Coulomb friction.
     pub residual_coulomb: Residual,
-    /// The measure used until November 2026 in the friction model asked for; see [`crate::residual::ResidualScale::paper`].
-    #[serde(default)]
-    pub residual_paper: f64,
     /// 1/2 g^T N g + r^T g, J.
     pub objective: f64,
     /// Wall-clock seconds.

@@ -74,8 +74,7 @@ fn a_residual_that_is_not_finite_ends_the_solve() {
 fn a_scale_without_meaning_is_refused() {
     for scale in [f64::NAN, f64::INFINITY, -1.0] {
         let problem = diagonal(&[[1.0; 3]], &[-1.0, 0.0, 0.0], &[0.3]);
-        assert!(Ccp { velocity_scale: Some(scale), ..problem.clone() }.validate().is_err());
-        assert!(Ccp { impulse_scale: Some(scale), ..problem }.validate().is_err());
+        assert!(Ccp { velocity_scale: Some(scale), ..problem }.validate().is_err());
     }
 }
 

@@ -132,7 +132,7 @@ fn no_ray_asks_for_more_than_the_solution_gives() {
 #[test]
 fn the_homogeneous_form_solves_problems_as_well() {
     use graintrain_ccp::residual::{FrictionModel, ResidualScale};
-    let (mut solved, mut solved_by_former_measure) = (0, 0);
+    let mut solved = 0;
     for seed in 0..100 {
         let problem = random_problem(seed);
         let g = certificate(&problem).unwrap().solution.expect("it is solvable");
@@ -144,13 +144,9 @@ fn the_homogeneous_form_solves_problems_as_well() {
         let scale = ResidualScale::new(&problem);
         let residual = scale.residual(&problem, &g, &u, FrictionModel::Relaxed).max;
         solved += u32::from(residual < 1e-6);
-        let former = scale.paper(&problem, &g, &u, FrictionModel::Relaxed);
-        solved_by_former_measure += u32::from(former < 1e-6);
     }
-    println!(
-        "{solved} of 100 to 1e-6, {solved_by_former_measure} by the measure that lets light contacts be off"
-    );
-    assert!(solved >= 75 && solved_by_former_measure >= 80, "{solved}, {solved_by_former_measure}");
+    println!("{solved} of 100 to 1e-6");
+    assert!(solved >= 75, "{solved}");
 }
 
 fn no_claims_on_solvable_problems(seeds: std::ops::Range<u64>) {

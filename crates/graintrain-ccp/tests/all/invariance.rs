@@ -34,15 +34,8 @@ fn in_units(problem: &Ccp, mass: f64, length: f64, time: f64) -> Ccp {
         angular: m.angular.map(|x| x / (mass * length * length)),
     });
     let r = problem.r.iter().map(|r| r * length / time).collect();
-    let impulse_scale = problem.impulse_scale.map(|j| j * mass * length / time);
     let velocity_scale = problem.velocity_scale.map(|v| v * length / time);
-    Ccp {
-        r,
-        velocity_scale,
-        impulse_scale,
-        points: vec![],
-        ..with_bodies(problem, contacts.collect(), masses.collect())
-    }
+    Ccp { r, velocity_scale, points: vec![], ..with_bodies(problem, contacts.collect(), masses.collect()) }
 }
 
 fn assert_close(found: f64, expected: f64, tolerance: f64, what: &str) {

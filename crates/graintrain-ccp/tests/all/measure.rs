@@ -166,7 +166,7 @@ fn uneven_problems() -> Vec<Ccp> {
         let mut random = Random::new(seed);
         let factors: Vec<f64> = (0..200).map(|_| 10.0_f64.powf(3.0 * random.signed())).collect();
         let packing = with_masses(&lattice_packing(4, 3, 0.3, seed), |b| factors[b % 200]);
-        let bare = Ccp { velocity_scale: None, impulse_scale: None, ..packing.clone() };
+        let bare = Ccp { velocity_scale: None, ..packing.clone() };
         all.extend([sparse_form(&packing), bare, packing]);
     }
     all

@@ -14,11 +14,12 @@ use std::process::ExitCode;
 
 /// Find the parameters with which a scene reaches what was measured
 ///
-/// Runs the scene at points of the given ranges, draws a smooth surrogate (a Gaussian process) through what the runs say, and goes on where that tells
-/// most about the answer, until what is not known of the runs no longer matters or --points are made. The answer has an error and a 95 % interval,
-/// in which the errors of the measured numbers, the scatter of the runs and the surrogate's own ignorance are counted. Writes calibration.json,
-/// calibration.html, observed.csv and the ledger of points. A calibration that was stopped or killed goes on with the same command to the same answer; a larger
-/// --points adds to it.
+/// Runs the scene at points of the given ranges, draws a smooth surrogate (a Gaussian process) through what
+/// the runs say, and goes on where that tells most about the answer, until what is not known of the runs no
+/// longer matters or --points are made. The answer has an error and a 95 % interval, in which the errors of
+/// the measured numbers, the scatter of the runs and the surrogate's own ignorance are counted. Writes
+/// calibration.json, calibration.html, observed.csv and the ledger of points. A calibration that was stopped
+/// or killed goes on with the same command to the same answer; a larger --points adds to it.
 #[derive(clap::Args)]
 #[command(
     after_help = "Examples:\n  graintrain calibrate heap.toml --fit mu=0.1..0.8 --to 'heap.repose_angle:last=20.3 deg+-0.5 deg'\n  \
@@ -31,10 +32,12 @@ use std::process::ExitCode;
 pub struct Arguments {
     #[command(flatten)]
     runs: RunsOptions,
-    /// A parameter or key of the scene and the range in which it is looked for; log: where magnitudes are; may be repeated
+    /// A parameter or key of the scene and the range in which it is looked for; log: where magnitudes are;
+    /// may be repeated
     #[arg(long = "fit", value_name = "KEY=LOW..HIGH", required = true)]
     fit: Vec<String>,
-    /// What is to be reached, with its standard error: an observable as in sweep and a number or the file of a curve; may be repeated
+    /// What is to be reached, with its standard error: an observable as in sweep and a number or the file of
+    /// a curve; may be repeated
     #[arg(long = "to", value_name = "OBSERVABLE=VALUE+-ERROR|FILE.csv", required = true)]
     to: Vec<String>,
     /// Most points; by default 22 for one parameter and 12 more for each other

@@ -22,11 +22,12 @@ const SHORT: Duration = Duration::from_millis(200);
 
 /// Compare solvers on contact problems
 ///
-/// Every solver starts from zero impulses on every problem. Its answer is evaluated by code that no solver shares; a
-/// solver counts as converged only where that evaluation agrees. With `--threads 1` times are processor times, unless
-/// `--max-seconds` limits them: then they are of the wall clock, as the limit is. Solves of milliseconds are repeated and the fastest
-/// counts. Files that hold no problem which is solved here are reported and
-/// left out (exit code 2 after the others). Ctrl-C ends the comparison with what is done.
+/// Every solver starts from zero impulses on every problem. Its answer is evaluated by code that no solver
+/// shares; a solver counts as converged only where that evaluation agrees. With `--threads 1` times are
+/// processor times, unless `--max-seconds` limits them: then they are of the wall clock, as the limit is.
+/// Solves of milliseconds are repeated and the fastest counts. Files that hold no problem which is solved
+/// here are reported and left out (exit code 2 after the others). Ctrl-C ends the comparison with what is
+/// done.
 #[derive(clap::Args)]
 #[command(after_help = "Examples, on problems of a run:\n  \
     graintrain run stack --steps 30 --dump-problem every=10 --out demo\n  \
@@ -94,8 +95,8 @@ pub fn execute(arguments: &Arguments) -> Result<ExitCode, Failure> {
     Ok(if missed { ExitCode::from(1) } else { ExitCode::SUCCESS })
 }
 
-/// Reads all problems before the first solve, each with its name in tables. What cannot be read is reported on stderr at
-/// once; also gives the number of those files.
+/// Reads all problems before the first solve, each with its name in tables. What cannot be read is reported
+/// on stderr at once; also gives the number of those files.
 fn read_all(paths: &[PathBuf]) -> Result<(Vec<(String, ProblemFile)>, usize), Failure> {
     let paths = expanded(paths)?;
     let mut files = Vec::new();

@@ -8,7 +8,8 @@ use std::process::ExitCode;
 
 /// Tell which time step of a scene is short enough
 ///
-/// Runs it with its time step, half of it, a quarter and so on. Writes what `sweep` writes, and study.csv: the deviation of every observable from that at the shortest step, with its error.
+/// Runs it with its time step, half of it, a quarter and so on. Writes what `sweep` writes, and study.csv:
+/// the deviation of every observable from that at the shortest step, with its error.
 #[derive(clap::Args)]
 #[command(
     after_help = "Examples:\n  graintrain dt-study shear.toml --observe box.tau_over_sigma --seeds 4\n  \

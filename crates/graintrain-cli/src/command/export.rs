@@ -12,8 +12,8 @@ use std::process::ExitCode;
 
 /// Write the frames of a run for other programs
 ///
-/// Spheres, and centres of other bodies, with radius, mass, velocities, forces and orientation, to the precision of the frames
-/// (`output.precision`).
+/// Spheres, and centres of other bodies, with radius, mass, velocities, forces and orientation, to the
+/// precision of the frames (`output.precision`).
 #[derive(clap::Args)]
 #[command(
     after_help = "Examples:\n  graintrain export out/pile --to lammps\n  graintrain export out/pile --to yade --frame last --out pile.txt"

@@ -11,8 +11,9 @@ use std::process::ExitCode;
 
 /// Fit the constants of a model to two columns of a table
 ///
-/// Least squares through the points of sweep.csv (or any table with a header), weighed by their standard errors where they have some.
-/// Prints the constants with their errors and draws points and model as a figure.
+/// Least squares through the points of sweep.csv (or any table with a header), weighed by their standard
+/// errors where they have some. Prints the constants with their errors and draws points and model as a
+/// figure.
 #[derive(clap::Args)]
 #[command(
     after_help = "Examples:\n  graintrain fit out/sweep-silo/sweep.csv --x silo.mass:last --y bottom.force_z:last \\\n    \

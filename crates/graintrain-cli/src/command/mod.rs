@@ -14,6 +14,7 @@ mod reproduce;
 mod resume;
 mod run;
 mod scenes;
+mod schema;
 mod solve;
 mod solvers;
 mod sweep;
@@ -32,6 +33,7 @@ pub enum Command {
     Resume(resume::Arguments),
     Check(check::Arguments),
     Scenes(scenes::Arguments),
+    Schema(schema::Arguments),
     View(view::Arguments),
     Export(export::Arguments),
     Fit(fit::Arguments),
@@ -75,6 +77,7 @@ impl Command {
             Self::Resume(arguments) => resume::execute(&arguments, &Crew::alone()?),
             Self::Check(arguments) => check::execute(&arguments),
             Self::Scenes(arguments) => scenes::execute(&arguments),
+            Self::Schema(arguments) => schema::execute(&arguments),
             Self::View(arguments) => view::execute(&arguments),
             Self::Export(arguments) => export::execute(&arguments),
             Self::Fit(arguments) => fit::execute(&arguments),

@@ -9,7 +9,8 @@ use std::process::ExitCode;
 
 /// Draw the tables of a run as SVG files
 ///
-/// Energies, contacts, residual, iterations, overlap and seconds over time, forces on walls and tools, and every measurement.
+/// Energies, contacts, residual, iterations, overlap and seconds over time, forces on walls and tools, and
+/// every measurement.
 #[derive(clap::Args)]
 #[command(after_help = "Example:\n  graintrain plot out/shear-box")]
 pub struct Arguments {

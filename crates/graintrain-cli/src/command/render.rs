@@ -101,7 +101,8 @@ pub fn execute(arguments: &Arguments) -> Result<ExitCode, Failure> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// The state of the frame nearest to a time (the last one by default), the time step, and the longest time between frames.
+/// The state of the frame nearest to a time (the last one by default), the time step, and the longest time
+/// between frames.
 fn moment(path: &Path, time: Option<f64>) -> Result<(World, f64, f64), ViewError> {
     if path.is_file() {
         let checkpoint = checkpoint::read(path)?;

@@ -41,8 +41,9 @@ pub struct Arguments {
     /// Contact solver (`graintrain solvers` lists them)
     #[arg(long, value_name = "NAME")]
     solver: Option<String>,
-    /// Residual at which the solver stops: its root mean square over the contacts, with 20 times that for the worst one. 1e-4: the
-    /// velocities left over at contacts are, in the root mean square, 1e-4 of |gravity| times the time step
+    /// Residual at which the solver stops: its root mean square over the contacts, with 20 times that for the
+    /// worst one. 1e-4: the velocities left over at contacts are, in the root mean square, 1e-4 of |gravity|
+    /// times the time step
     #[arg(long, value_name = "X")]
     tolerance: Option<String>,
     /// Ask the tolerance of the worst contact

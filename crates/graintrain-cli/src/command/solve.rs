@@ -121,8 +121,8 @@ fn table(file: &ProblemFile, outcome: &Outcome) -> String {
     format!("{}\n{text}", record.problem)
 }
 
-/// Writes impulses and velocities as CSV, and where contacts have rolling friction the moments and turning velocities in the units of the
-/// file; numbers round-trip.
+/// Writes impulses and velocities as CSV, and where contacts have rolling friction the moments and turning
+/// velocities in the units of the file; numbers round-trip.
 fn write_solution(path: &Path, file: &ProblemFile, outcome: &Outcome) -> std::io::Result<()> {
     let mut text = String::from("contact,impulse_n,impulse_t1,impulse_t2,velocity_n,velocity_t1,velocity_t2");
     let contacts = file.problem.num_contacts();

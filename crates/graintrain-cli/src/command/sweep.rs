@@ -9,8 +9,9 @@ use std::process::ExitCode;
 
 /// Run a scene at many values of its parameters, with several seeds
 ///
-/// Writes sweep.csv (a record per point: means and standard errors over the seeds), runs.csv and one HTML page with plots. A sweep that was stopped or
-/// killed goes on with the same command; more values or seeds add to it.
+/// Writes sweep.csv (a record per point: means and standard errors over the seeds), runs.csv and one HTML
+/// page with plots. A sweep that was stopped or killed goes on with the same command; more values or seeds
+/// add to it.
 #[derive(clap::Args)]
 #[command(
     after_help = "Examples:\n  graintrain sweep heap.toml --over mu=0.1,0.3,0.5 --over n=4,8 --seeds 4\n  \

@@ -8,7 +8,8 @@ use std::process::ExitCode;
 
 /// Tell which tolerance of a scene is fine enough, and what it costs
 ///
-/// Runs it with several of them. Writes what `sweep` writes, and study.csv: the deviation of every observable from that at the finest tolerance, with its error.
+/// Runs it with several of them. Writes what `sweep` writes, and study.csv: the deviation of every observable
+/// from that at the finest tolerance, with its error.
 #[derive(clap::Args)]
 #[command(
     after_help = "Example:\n  graintrain tolerance-study shear.toml --tolerances 1e-2,1e-3,1e-4,1e-5 --observe box.tau_over_sigma --seeds 4"

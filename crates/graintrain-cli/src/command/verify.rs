@@ -12,9 +12,10 @@ use std::process::ExitCode;
 
 /// Hold this program against exact answers and print measured and expected numbers
 ///
-/// Tier a: flight, impacts, sliding, rolling, rest, shapes and small assemblies against closed forms (two minutes). Tier b: granular samples
-/// against published figures, and what must not depend on time step and tolerance (two hours; small samples first). Rows
-/// are made with the solver and tolerance of scenes, in both friction models. Exit code 1 if a case fails.
+/// Tier a: flight, impacts, sliding, rolling, rest, shapes and small assemblies against closed forms (two
+/// minutes). Tier b: granular samples against published figures, and what must not depend on time step and
+/// tolerance (two hours; small samples first). Rows are made with the solver and tolerance of scenes, in both
+/// friction models. Exit code 1 if a case fails.
 #[derive(clap::Args)]
 #[command(
     after_help = "Examples:\n  graintrain verify --out verification\n  graintrain verify --only A7,A25\n  graintrain verify --tier b --out verification"

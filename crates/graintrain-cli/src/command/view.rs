@@ -9,8 +9,8 @@ use std::process::ExitCode;
 
 /// Make one self-contained HTML replay of a run
 ///
-/// The page works without network: time slider, orbit camera, colours by speed, force or radius, force chains, and plots
-/// of the run's tables.
+/// The page works without network: time slider, orbit camera, colours by speed, force or radius, force
+/// chains, and plots of the run's tables.
 #[derive(clap::Args)]
 #[command(
     after_help = "Examples:\n  graintrain view out/sedimentation\n  graintrain view out/run --out replay.html --frames 60"

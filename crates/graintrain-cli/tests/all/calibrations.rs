@@ -1,32 +1,10 @@
 //! `calibrate` as a user meets it: known answers, curves, kills, mistakes.
 #![cfg(unix)]
 
+use crate::slide::SLIDE;
 use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
-
-/// A block slides to rest: the way is v^2 / (2 mu g), on it x(t) = v t - mu g t^2 / 2.
-const SLIDE: &str = r#"
-[parameters]
-mu = 0.5
-speed = "1 m/s"
-[time]
-step = "2 ms"
-end = "0.8 s"
-[solver]
-friction = "coulomb"
-tolerance = 1e-8
-[material.a]
-friction = "mu"
-[body.floor]
-shape = { plane = {} }
-[body.block]
-shape = { box = { size = [0.4, 0.4, 0.1] } }
-position = [0, 0, 0.05]
-velocity = ["speed", 0, 0]
-[measure.block]
-motion = true
-"#;
 
 fn graintrain(folder: &Path, arguments: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_graintrain"));
@@ -75,7 +53,8 @@ fn friction_from_a_way() {
     assert!(ledger.starts_with("point,round,mu\n0,0,0.45\n"), "{ledger}");
 }
 
-/// Both parameters from the way at two speeds (a run each), and from the path in time, whose ordinate is in centimetres.
+/// Both parameters from the way at two speeds (a run each), and from the path in time, whose ordinate is in
+/// centimetres.
 #[test]
 fn parameters_from_curves() {
     let folder = folder();
@@ -134,7 +113,7 @@ fn the_printed_command_has_all_settings() {
 #[test]
 fn scenes_that_cannot_be_built() {
     let folder = folder();
-    let whole = SLIDE.replace("mu = 0.5", "mu = 0.5\nn = 3").replace(
+    let whole = SLIDE.replace("mu = 0.3", "mu = 0.3\nn = 3").replace(
         "[measure.block]",
         "[packing.p]\nradius = 0.01\nlattice = { counts = [\"n\", 1, 1], pitch = 0.03, origin = [2, 0, 0.01] }\n[measure.block]\nbodies = [\"block\"]",
     );
@@ -219,7 +198,8 @@ fn mistakes_are_told_before_the_first_run() {
     }
 }
 
-/// mu = 0.35 from six angles of repose, each the mean of 16 runs with seeds of their own: within the 95 % interval in five of six.
+/// mu = 0.35 from six angles of repose, each the mean of 16 runs with seeds of their own: within the 95 %
+/// interval in five of six.
 #[test]
 #[ignore = "228 runs of 220 grains: two minutes"]
 fn friction_from_an_angle_of_repose() {

@@ -1,5 +1,5 @@
-//! Files that somebody else made, as commands meet them: nothing outside of the folder is read or written, and whatever is in them, there is
-//! an answer soon and in little memory.
+//! Files that somebody else made, as commands meet them: nothing outside of the folder is read or written,
+//! and whatever is in them, there is an answer soon and in little memory.
 #![cfg(unix)]
 
 use crate::runs::{folder, graintrain, read};

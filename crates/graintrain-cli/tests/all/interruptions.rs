@@ -9,7 +9,8 @@ fn summary(folder: &Path) -> serde_json::Value {
     serde_json::from_str(&read(&folder.join("summary.json"))).unwrap()
 }
 
-/// The end of the time is told by a code of its own, and what was computed goes on to the bits of a run without a limit.
+/// The end of the time is told by a code of its own, and what was computed goes on to the bits of a run
+/// without a limit.
 #[test]
 fn a_run_whose_time_is_up_tells_it_by_its_exit_code() {
     let folder = folder();
@@ -26,7 +27,8 @@ fn a_run_whose_time_is_up_tells_it_by_its_exit_code() {
     assert_eq!(hash(&folder.path().join("cut")), hash(&folder.path().join("whole")));
 }
 
-/// A step may take longer than the time that is left: it is dropped. Nothing reaches a residual of 1e-300 but the iterations end at 1e9.
+/// A step may take longer than the time that is left: it is dropped. Nothing reaches a residual of 1e-300 but
+/// the iterations end at 1e9.
 #[test]
 fn the_time_ends_a_step_under_way() {
     let folder = folder();
@@ -48,7 +50,8 @@ fn the_time_ends_a_step_under_way() {
     assert_eq!(hash(&folder.path().join("cut")), before);
 }
 
-/// A folder in which a run was killed before its first checkpoint has no results: it can be taken without --force, and `resume` says how.
+/// A folder in which a run was killed before its first checkpoint has no results: it can be taken without
+/// --force, and `resume` says how.
 #[test]
 fn a_run_that_had_not_begun_stands_in_nobodys_way() {
     let folder = folder();

@@ -1,4 +1,5 @@
-//! Runs that are killed at random moments and taken up again: all that they leave is that of a run that was never killed.
+//! Runs that are killed at random moments and taken up again: all that they leave is that of a run that was
+//! never killed.
 #![cfg(unix)]
 
 use crate::runs::{ended, graintrain, read};
@@ -54,7 +55,8 @@ start = "0.15 s"
 every = "25 ms"
 "#;
 
-/// Joints with a motor, a spring and stops, an interior point with its table, exact friction, growth and frames of double precision.
+/// Joints with a motor, a spring and stops, an interior point with its table, exact friction, growth and
+/// frames of double precision.
 const JOINTS: &str = r#"
 seed = 5
 [time]
@@ -176,8 +178,8 @@ impl Draw {
     }
 }
 
-/// Starts a command, lets it go on for a while and ends it: by a kill, which leaves things as they are, or by a signal that lets it put them
-/// in order.
+/// Starts a command, lets it go on for a while and ends it: by a kill, which leaves things as they are, or by
+/// a signal that lets it put them in order.
 fn interrupted(mut command: Command, after: Duration, by: &str) {
     let child = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
     std::thread::sleep(after);
@@ -214,7 +216,8 @@ fn killed_runs_leave_what_unbroken_ones_do() {
             } else {
                 run("killed")
             };
-            // One while things are begun, the others within a part of the run; checkpoints and frames are written in between.
+            // One while things are begun, the others within a part of the run; checkpoints and frames are
+            // written in between.
             let after = time.mul_f64(if number == 0 { 0.02 } else { 0.3 } * draw.next());
             let by = ["KILL", "KILL", "TERM"][number % 3];
             interrupted(command, after, by);

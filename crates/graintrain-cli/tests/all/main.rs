@@ -7,6 +7,9 @@ mod interruptions;
 mod kills;
 mod oracle;
 mod runs;
+mod schema;
+#[cfg(unix)]
+mod slide;
 mod solve_compare;
 mod sweeps;
 mod verify;

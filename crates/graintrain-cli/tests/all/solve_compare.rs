@@ -49,7 +49,6 @@ fn solve_prints_the_keys_that_scripts_rely_on() {
         "seconds",
         "residual",
         "residual_rms",
-        "residual_paper",
         "objective",
     ] {
         assert!(record[key].is_number(), "{key}: {record}");

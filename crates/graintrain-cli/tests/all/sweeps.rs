@@ -1,33 +1,10 @@
 //! `sweep`, `dt-study` and `tolerance-study` as a user meets them: tables, errors, kills, extensions.
 #![cfg(unix)]
 
+use crate::slide::SLIDE;
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
-
-/// A ball that slides on the floor to rest: the way is v^2 / (2 mu g).
-const SLIDE: &str = r#"
-[parameters]
-mu = 0.3
-speed = "1 m/s"
-[time]
-step = "2 ms"
-end = "0.8 s"
-[solver]
-friction = "coulomb"
-tolerance = 1e-8
-[material.a]
-friction = "mu"
-[body.floor]
-shape = { plane = {} }
-[body.block]
-shape = { box = { size = [0.4, 0.4, 0.1] } }
-position = [0, 0, 0.05]
-velocity = ["speed", 0, 0]
-[measure.block]
-motion = true
-energy = true
-"#;
 
 /// Balls that fall at random places.
 const RAIN: &str = r#"

@@ -32,7 +32,8 @@ fn a_report_is_written_and_progress_told() {
     }
 }
 
-/// The CSV has a row for each number of the table, all of one width, and the same numbers as the same command makes again.
+/// The CSV has a row for each number of the table, all of one width, and the same numbers as the same command
+/// makes again.
 #[test]
 fn rows_are_written_for_programs() {
     let folder = tempfile::tempdir().unwrap();

@@ -133,15 +133,17 @@ fn points_of(geometry: &Geometry, free: bool) -> Vec<Template> {
 /// The frame: one point per sphere, plus one per other body with a degree of freedom. Walls, blades and mixers without
 /// a sphere are left to the surfaces.
 ///
-/// Arrays: `id` (the body's number for its first point, then numbers from the count of numbers on), `body` (number: the index in the
-/// scene, for bodies that entered later the next ones; see [`Roster`]), `geometry` (index of its form, only while bodies enter and leave),
-/// `type` (material), `shapetype`, `radius` (m), `mass` (kg, of the body), `v` (m/s, of the point), `omega` (rad/s),
-/// `quat` (x y z w), `f` (N) and `tq` (N m), the net contact force and torque on the body averaged over the step of
-/// length `step`, and `contacts`, its number of loaded contacts.
+/// Arrays: `id` (the body's number for its first point, then numbers from the count of numbers on), `body`
+/// (number: the index in the scene, for bodies that entered later the next ones; see [`Roster`]), `geometry`
+/// (index of its form, only while bodies enter and leave), `type` (material), `shapetype`, `radius` (m),
+/// `mass` (kg, of the body), `v` (m/s, of the point), `omega` (rad/s), `quat` (x y z w), `f` (N) and `tq` (N
+/// m), the net contact force and torque on the body averaged over the step of length `step`, and `contacts`,
+/// its number of loaded contacts.
 ///
-/// Where a free body is no sphere there are also `tensor` (rotation matrix from the axes of the shape to those of the world, column by
-/// column) and `shapex`, `shapey`, `shapez` (m, half-axes of an ellipsoid inside the shape): these are what OVITO's reader makes
-/// orientations and shapes of. It then sets its own radii to zero, which is why samples of spheres between plates go without.
+/// Where a free body is no sphere there are also `tensor` (rotation matrix from the axes of the shape to
+/// those of the world, column by column) and `shapex`, `shapey`, `shapez` (m, half-axes of an ellipsoid
+/// inside the shape): these are what OVITO's reader makes orientations and shapes of. It then sets its own
+/// radii to zero, which is why samples of spheres between plates go without.
 pub fn particles(world: &World, roster: &Roster, step: f64) -> PolyData {
     let bodies = &world.bodies;
     let templates = |free: bool| -> Vec<Vec<Template>> {

@@ -77,7 +77,6 @@ pub const STEPS: &[Column] = &[
     column("rank_matrix", "1", "mean rank of the trains of the matrix, mean over the step"),
     column("rank_inverse", "1", "mean rank of the trains of its inverse, mean over the step"),
     column("compression_error", "1", "relative error of the train of the matrix, mean over the step"),
-    column("residual_paper", "1", "residual by the measure used until November 2026"),
 ];
 
 /// Columns of `wrench.csv`.
@@ -187,8 +186,8 @@ pub fn header(columns: &[Column]) -> String {
     columns.iter().map(|column| column.name).collect::<Vec<_>>().join(",")
 }
 
-/// Writes `columns.json` into the folder: per table the list of its columns in order, each with `name`, `unit` and `meaning`; `measures` are the names and columns of
-/// the measurements.
+/// Writes `columns.json` into the folder: per table the list of its columns in order, each with `name`,
+/// `unit` and `meaning`; `measures` are the names and columns of the measurements.
 ///
 /// # Errors
 /// Where the file cannot be written.

@@ -6,14 +6,15 @@ use graintrain::math::Vec3;
 use graintrain::measure::contacts::{is_sliding, normal_and_tangential};
 use graintrain::world::World;
 
-/// The frame: one line of three points per contact, from the centre of body A through the contact point to the centre of
-/// body B. Where a body has no degree of freedom (a wall), the contact point stands for its centre. (OVITO drops lines
-/// of differing numbers of points.)
+/// The frame: one line of three points per contact, from the centre of body A through the contact point to
+/// the centre of body B. Where a body has no degree of freedom (a wall), the contact point stands for its
+/// centre. (OVITO drops lines of differing numbers of points.)
 ///
-/// Cell arrays: `id1`, `id2` (numbers of bodies A and B, as in the frames of bodies), `force` (N, on A, world axes, averaged over the step of length
-/// `step`), `fn` and `ft` (its normal part and the magnitude of its tangential part, N), `gap` (m, before the step),
-/// `n` (unit normal from B to A), `mu`, `sliding` (1 where the friction is used up). Where a pair of materials resists rolling or
-/// spinning also `moment` (N m, on A, world axes, averaged over the step).
+/// Cell arrays: `id1`, `id2` (numbers of bodies A and B, as in the frames of bodies), `force` (N, on A, world
+/// axes, averaged over the step of length `step`), `fn` and `ft` (its normal part and the magnitude of its
+/// tangential part, N), `gap` (m, before the step), `n` (unit normal from B to A), `mu`, `sliding` (1 where
+/// the friction is used up). Where a pair of materials resists rolling or spinning also `moment` (N m, on A,
+/// world axes, averaged over the step).
 pub fn lines(world: &World, roster: &Roster, step: f64) -> PolyData {
     let set = &world.contacts;
     let mut points = Vec::with_capacity(3 * set.contacts.len());

@@ -69,7 +69,8 @@ fn lock(folder: &Path) -> Result<Option<File>, OutputError> {
     }
 }
 
-/// The folder of a run, taken for this process until it is dropped: two runs in one folder would write into each other's tables.
+/// The folder of a run, taken for this process until it is dropped: two runs in one folder would write into
+/// each other's tables.
 #[derive(Debug)]
 pub struct RunFolder {
     path: PathBuf,
@@ -77,12 +78,12 @@ pub struct RunFolder {
 }
 
 impl RunFolder {
-    /// Makes the folder of a new run, or takes one in which a run was ended before it made a step. With `force`, the files of an earlier
-    /// run are removed from it, and nothing else.
+    /// Makes the folder of a new run, or takes one in which a run was ended before it made a step. With
+    /// `force`, the files of an earlier run are removed from it, and nothing else.
     ///
     /// # Errors
-    /// [`PrepareError::Occupied`] where the folder holds something and `force` is not set; [`PrepareError::Output`] where another process
-    /// writes into it, or a folder in it is a link.
+    /// [`PrepareError::Occupied`] where the folder holds something and `force` is not set;
+    /// [`PrepareError::Output`] where another process writes into it, or a folder in it is a link.
     pub fn create(path: &Path, force: bool) -> Result<Self, PrepareError> {
         make_folder(path)?;
         let refuse = || match !force && is_occupied(path)? {
@@ -118,8 +119,8 @@ fn entries(folder: &Path) -> Result<std::fs::ReadDir, OutputError> {
     std::fs::read_dir(folder).map_err(|error| OutputError::new("read the folder", folder, error))
 }
 
-/// Whether a folder holds anything but the beginning of a run that had not written its first checkpoint, which it does before its first
-/// step.
+/// Whether a folder holds anything but the beginning of a run that had not written its first checkpoint,
+/// which it does before its first step.
 fn is_occupied(folder: &Path) -> Result<bool, OutputError> {
     let of_begun = |name: &str| FILES.contains(&name) || FOLDERS.iter().any(|(inner, _)| *inner == name);
     let is_known = |name: &str| name == LOCK || of_begun(name.strip_suffix(".part").unwrap_or(name));

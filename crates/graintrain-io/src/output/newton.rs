@@ -1,4 +1,5 @@
-//! What the linear solver of a Newton method did: one record per iteration in `newton.csv`, means per step in `steps.csv`.
+//! What the linear solver of a Newton method did: one record per iteration in `newton.csv`, means per step in
+//! `steps.csv`.
 
 use super::columns::{self, header, newton_figures};
 use crate::files::{OutputError, Table};
@@ -27,7 +28,8 @@ impl NewtonTable {
         Self { path: folder.join(NEWTON), table: None }
     }
 
-    /// Goes on with the table in the folder after step `last_step`, when it held `mark`; without a mark it had not begun by then.
+    /// Goes on with the table in the folder after step `last_step`, when it held `mark`; without a mark it
+    /// had not begun by then.
     ///
     /// # Errors
     /// Where it cannot be read or written.
@@ -78,8 +80,9 @@ impl NewtonTable {
     }
 }
 
-/// The six cells that `steps.csv` has for Newton methods, from `newton_precompute_seconds` on: sums over the iterations of a step,
-/// the largest condition estimate, and means of figures; all empty where no Newton method was at work.
+/// The six cells that `steps.csv` has for Newton methods, from `newton_precompute_seconds` on: sums over the
+/// iterations of a step, the largest condition estimate, and means of figures; all empty where no Newton
+/// method was at work.
 pub fn step_cells(records: &[NewtonRecord]) -> String {
     let some = |value: f64| (!records.is_empty()).then_some(value);
     let mean = |name: &str| {

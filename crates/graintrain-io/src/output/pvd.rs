@@ -27,9 +27,9 @@ impl FrameList {
         Self { path, entries: Vec::new(), loss: None }
     }
 
-    /// Goes on with a list that held `mark` at the time `until` (s): frames after it are dropped. One that does not hold that any more is
-    /// kept beside what is readable of it, and a missing one begins anew: see [`Self::loss`]. So does, without a mark, one that had not begun
-    /// by then.
+    /// Goes on with a list that held `mark` at the time `until` (s): frames after it are dropped. One that
+    /// does not hold that any more is kept beside what is readable of it, and a missing one begins anew: see
+    /// [`Self::loss`]. So does, without a mark, one that had not begun by then.
     ///
     /// # Errors
     /// Where the file exists and cannot be read.

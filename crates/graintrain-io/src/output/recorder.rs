@@ -74,8 +74,8 @@ impl Recorder {
         Ok(recorder)
     }
 
-    /// Goes on with the outputs in a folder from the state of a checkpoint, when they held what `marks` say: whatever was written after it
-    /// is dropped.
+    /// Goes on with the outputs in a folder from the state of a checkpoint, when they held what `marks` say:
+    /// whatever was written after it is dropped.
     ///
     /// # Errors
     /// Where a file cannot be read or written.

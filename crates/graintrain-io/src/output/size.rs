@@ -3,8 +3,8 @@
 use graintrain::shape::Shape;
 use graintrain::world::World;
 
-/// Radius of the largest ball about the shape's origin inside it, m; of a solid mesh half its smallest extent; 0 for surfaces and
-/// half-spaces.
+/// Radius of the largest ball about the shape's origin inside it, m; of a solid mesh half its smallest
+/// extent; 0 for surfaces and half-spaces.
 pub fn inscribed_radius(shape: &Shape) -> f64 {
     match *shape {
         Shape::Sphere { radius } | Shape::Capsule { radius, .. } => radius,

@@ -54,7 +54,8 @@ pub struct Summary {
     pub solver: String,
     /// Residual asked for.
     pub tolerance: f64,
-    /// Whether it was asked of the worst contact of a step, rather than of the root mean square with a bound for the worst.
+    /// Whether it was asked of the worst contact of a step, rather than of the root mean square with a bound
+    /// for the worst.
     pub strict_max: bool,
     /// Friction model.
     pub friction: graintrain_ccp::FrictionModel,
@@ -86,8 +87,6 @@ pub struct Summary {
     pub residual_max: f64,
     /// Worst root mean square of the residual over the contacts of a step.
     pub residual_rms_max: f64,
-    /// Worst residual by the measure used until November 2026.
-    pub residual_paper_max: f64,
     /// Residual of the last step.
     pub residual_final: f64,
     /// Steps whose solve missed the tolerance.
@@ -273,7 +272,6 @@ impl Summary {
             contacts_final: totals.contacts_final,
             residual_max: totals.residual_max,
             residual_rms_max: totals.residual_rms_max,
-            residual_paper_max: totals.residual_paper_max,
             residual_final: totals.residual_final,
             unconverged_steps: totals.unconverged_steps,
             parts_max: totals.parts_max,

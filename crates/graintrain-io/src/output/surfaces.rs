@@ -112,14 +112,15 @@ pub fn surface(shape: &Shape) -> Option<Triangles> {
 /// Which bodies a frame shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Show {
-    /// Bodies that never move in the whole run ([`never_moves`]); planes are not among them, since the patch that stands for one
-    /// follows the scene.
+    /// Bodies that never move in the whole run ([`never_moves`]); planes are not among them, since the patch
+    /// that stands for one follows the scene.
     Fixed,
     /// All others.
     Moving,
 }
 
-/// Which bodies never move: their motion is rest, and no stage gives them another one. The answer is the same in every step of a run.
+/// Which bodies never move: their motion is rest, and no stage gives them another one. The answer is the same
+/// in every step of a run.
 pub fn never_moves(world: &World, stages: &[Stage]) -> Vec<bool> {
     let mut never: Vec<bool> =
         (0..world.bodies.len()).map(|body| world.is_prescribed(body) && is_at_rest(world, body)).collect();

@@ -1,6 +1,6 @@
-//! The tables of a run: `steps.csv`, one record per step, `wrench.csv`, one record per step and driven or held body, `joints.csv`, one
-//! record per step and joint (where there are joints),
-//! `newton.csv`, one record per Newton iteration, and `measures/NAME.csv`. [`columns`] names their columns.
+//! The tables of a run: `steps.csv`, one record per step, `wrench.csv`, one record per step and driven or
+//! held body, `joints.csv`, one record per step and joint (where there are joints), `newton.csv`, one record
+//! per Newton iteration, and `measures/NAME.csv`. [`columns`] names their columns.
 
 use super::columns::{self, Column, JOINTS, STEPS, WRENCH, header};
 use super::newton::{NEWTON, NewtonTable, step_cells};
@@ -221,7 +221,6 @@ fn step_record(world: &World, report: &StepReport, output_seconds: f64) -> Strin
         real(phases.integrate),
         real(output_seconds),
         step_cells(&solve.newton),
-        real(solve.residual_paper),
     ]
     .join(",")
 }

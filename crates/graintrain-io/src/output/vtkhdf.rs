@@ -1,6 +1,7 @@
 //! Frames as one temporal VTKHDF file, which ParaView reads.
 //!
-//! The four groups of cells have to be there, empty ones too, or VTK reads no points. `/ONDEM` has the names of the draft of ON-DEM.
+//! The four groups of cells have to be there, empty ones too, or VTK reads no points. `/ONDEM` has the names
+//! of the draft of ON-DEM.
 //!
 //! Source: docs.vtk.org, VTKHDF file format 2.1, temporal PolyData.
 

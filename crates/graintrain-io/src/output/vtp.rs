@@ -126,8 +126,9 @@ pub struct PolyData {
 }
 
 impl PolyData {
-    /// Writes the frame, with its time (s) as the field `TimeValue`, and a periodic cell as the fields `cell_origin` (m), `cell_vectors` (m, the edges
-    /// one after the other; zero along axes that do not repeat) and `cell_periodic` (which axes repeat).
+    /// Writes the frame, with its time (s) as the field `TimeValue`, and a periodic cell as the fields
+    /// `cell_origin` (m), `cell_vectors` (m, the edges one after the other; zero along axes that do not
+    /// repeat) and `cell_periodic` (which axes repeat).
     ///
     /// # Errors
     /// Those of the writer.

@@ -1,18 +1,17 @@
 //! Writes contact problems as FCLIB files that other programs read, and reads back exactly what FCLIB cannot say.
 //!
-//! A problem over rigid bodies becomes the global form: M block diagonal, H = D, f = 0 and w = r, so that
-//! W = H^T M^-1 H = N and q = w + H^T M^-1 f = r. A prescribed degree of freedom has no finite mass: its row of H is
-//! set to zero and its mass to 1, which leaves N what it is. Any other problem becomes the local form, W = N, q = r (joints are eliminated in it);
-//! with rolling
-//! friction the local form of five rows per contact, `fclib_local_rolling`.
+//! A problem over rigid bodies becomes the global form: M block diagonal, H = D, f = 0 and w = r, so that W =
+//! H^T M^-1 H = N and q = w + H^T M^-1 f = r. A prescribed degree of freedom has no finite mass: its row of H
+//! is set to zero and its mass to 1, which leaves N what it is. Any other problem becomes the local form, W =
+//! N, q = r (joints are eliminated in it); with rolling friction the local form of five rows per contact,
+//! `fclib_local_rolling`.
 //!
 //! Beside the FCLIB group stands the group `graintrain`, which FCLIB readers ignore:
 //!
 //! | data set | holds |
 //! |---|---|
 //! | `version` | 1 |
-//! | `velocity_scale` | V of the residual, m/s (absent where not known, and in files from before December 2026) |
-//! | `impulse_scale` | J of the former measure, N s (absent where not known) |
+//! | `velocity_scale` | V of the residual, m/s (absent where not known) |
 //! | `points` | contact points, 3 per contact, m (absent where not known) |
 //! | `identity` | a number per contact that persists from step to step (absent where not known) |
 //! | `body_a`, `body_b` | body of each side, -1 for an immovable one |
@@ -97,11 +96,8 @@ fn encode(problem: &Ccp, title: &str) -> Result<Vec<u8>, Defect> {
 
     let mut own = builder.create_group(GROUP);
     own.create_dataset("version").with_i32_data(&[VERSION]);
-    let scales = [("velocity_scale", problem.velocity_scale), ("impulse_scale", problem.impulse_scale)];
-    for (name, scale) in scales {
-        if let Some(scale) = scale {
-            own.create_dataset(name).with_f64_data(&[scale]);
-        }
+    if let Some(scale) = problem.velocity_scale {
+        own.create_dataset("velocity_scale").with_f64_data(&[scale]);
     }
     if !problem.points.is_empty() {
         own.create_dataset("points").with_f64_data(problem.points.as_flattened());
@@ -256,8 +252,7 @@ pub(super) fn read_extras(file: &File, problem: &RawProblem) -> Result<Extras, D
     };
     let points = triples(&numbers("points")?);
     let velocity_scale = numbers("velocity_scale")?.first().copied();
-    let impulse_scale = numbers("impulse_scale")?.first().copied();
-    if points.iter().flatten().chain(&velocity_scale).chain(&impulse_scale).any(|x| !x.is_finite()) {
+    if points.iter().flatten().chain(&velocity_scale).any(|x| !x.is_finite()) {
         return Err(Defect::damaged("graintrain", "holds numbers that are not finite", COPY_AGAIN));
     }
     let contacts = match problem {
@@ -274,11 +269,11 @@ pub(super) fn read_extras(file: &File, problem: &RawProblem) -> Result<Extras, D
         let remark = format!(
             "the group {GROUP} tells of {count} contacts, the problem has {contacts}: taken as edited, without that group"
         );
-        return Ok(Extras { velocity_scale, impulse_scale, remark: Some(remark), ..Extras::default() });
+        return Ok(Extras { velocity_scale, remark: Some(remark), ..Extras::default() });
     }
     let remark = (has_bodies && bodies.is_none())
         .then(|| format!("the bodies of the group {GROUP} do not reproduce the problem: taken as edited"));
-    Ok(Extras { velocity_scale, impulse_scale, points, identity, bodies, remark })
+    Ok(Extras { velocity_scale, points, identity, bodies, remark })
 }
 
 /// The bodies, where they reproduce the FCLIB part.

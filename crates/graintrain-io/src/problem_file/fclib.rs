@@ -1,5 +1,6 @@
-//! Reads FCLIB problems (HDF5): `fclib_local` and `fclib_global`, and those with rolling friction, `fclib_local_rolling` and
-//! `fclib_global_rolling`, whose contacts have five rows and a second coefficient, `mu_r`.
+//! Reads FCLIB problems (HDF5): `fclib_local` and `fclib_global`, and those with rolling friction,
+//! `fclib_local_rolling` and `fclib_global_rolling`, whose contacts have five rows and a second coefficient,
+//! `mu_r`.
 //!
 //! Meanings after the FCLIB report (Acary, Bremond, Huber: FCLIB: a collection of discrete 3D frictional contact
 //! problems, Inria RT-444) and `fclib.h`:
@@ -201,9 +202,9 @@ impl Group<'_> {
         integers.map(convert).collect()
     }
 
-    /// Coefficients of friction, and of rolling friction where contacts have five rows, of a problem with `size` unknowns; a single one
-    /// holds for every contact. Refuses problems that are not three-dimensional; where `spacedim` is missing there has to be a
-    /// coefficient per three unknowns.
+    /// Coefficients of friction, and of rolling friction where contacts have five rows, of a problem with
+    /// `size` unknowns; a single one holds for every contact. Refuses problems that are not
+    /// three-dimensional; where `spacedim` is missing there has to be a coefficient per three unknowns.
     fn friction(&self, size: usize) -> Result<(Vec<f64>, Option<Vec<f64>>), Defect> {
         let mut each = 3;
         let friction = self.numbers("vectors/mu")?;

@@ -17,8 +17,8 @@ pub(super) struct Reduced {
     pub(super) asymmetry: f64,
 }
 
-/// The CCP of a local problem. W is made symmetric, N = (W + W^T) / 2: the relaxed problem is a minimisation only then. Exact friction
-/// needs no symmetry.
+/// The CCP of a local problem. W is made symmetric, N = (W + W^T) / 2: the relaxed problem is a minimisation
+/// only then. Exact friction needs no symmetry.
 pub(super) fn reduce(local: LocalForm) -> Result<Reduced, Defect> {
     let asymmetry = local.w.asymmetry();
     let (w, r) = match &local.equalities {

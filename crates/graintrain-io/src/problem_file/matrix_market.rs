@@ -1,5 +1,6 @@
-//! Problems as MatrixMarket files side by side: `W.mtx`, `q.mtx` and `mu.mtx` (u = W r + q), or `M.mtx`, `H.mtx`, `f.mtx`, `w.mtx` and
-//! `mu.mtx` (M v = H r + f, u = H^T v + w), each with the same text around the letter: `pile_W.mtx`, `pile_q.mtx`.
+//! Problems as MatrixMarket files side by side: `W.mtx`, `q.mtx` and `mu.mtx` (u = W r + q), or `M.mtx`,
+//! `H.mtx`, `f.mtx`, `w.mtx` and `mu.mtx` (M v = H r + f, u = H^T v + w), each with the same text around the
+//! letter: `pile_W.mtx`, `pile_q.mtx`.
 //!
 //! Source: math.nist.gov/MatrixMarket/formats.html.
 

@@ -1,5 +1,5 @@
-//! Files that hold one contact problem: FCLIB (HDF5), the text problems of Siconos, NumPy archives, MatrixMarket files, and the program's own dumps,
-//! which are FCLIB files.
+//! Files that hold one contact problem: FCLIB (HDF5), the text problems of Siconos, NumPy archives,
+//! MatrixMarket files, and the program's own dumps, which are FCLIB files.
 //!
 //! | module | holds |
 //! |---|---|
@@ -66,10 +66,12 @@ pub struct ProblemFile {
     pub title: String,
     /// Number of bodies (independent blocks of M); 0 where the file does not know them.
     pub bodies: usize,
-    /// The problem with the matrix W as it is in the file, where that is noticeably asymmetric. `problem` has its symmetric part.
+    /// The problem with the matrix W as it is in the file, where that is noticeably asymmetric. `problem` has
+    /// its symmetric part.
     pub as_filed: Option<Ccp>,
-    /// Where contacts have rolling friction, the length of each one's turning rows, m: the impulses of these rows in `problem` are the
-    /// file's moments over it, the velocities the file's times it. Empty without rolling friction.
+    /// Where contacts have rolling friction, the length of each one's turning rows, m: the impulses of these
+    /// rows in `problem` are the file's moments over it, the velocities the file's times it. Empty without
+    /// rolling friction.
     pub turning_length: Vec<f64>,
     /// max |A - A^T| / max |A| of the matrix in the file (W or M) that has to be symmetric.
     pub asymmetry: f64,
@@ -81,8 +83,8 @@ pub struct ProblemFile {
 const NOTICEABLE_ASYMMETRY: f64 = 1e-9;
 
 impl ProblemFile {
-    /// The problem that a friction model poses: exact friction holds for the matrix as it is in the file; the relaxation is a minimisation,
-    /// and takes its symmetric part.
+    /// The problem that a friction model poses: exact friction holds for the matrix as it is in the file; the
+    /// relaxation is a minimisation, and takes its symmetric part.
     pub fn posed(&self, model: FrictionModel) -> &Ccp {
         match (model, &self.as_filed) {
             (FrictionModel::Coulomb, Some(as_filed)) => as_filed,
@@ -235,7 +237,6 @@ fn build(stated: Stated) -> Result<ProblemFile, Defect> {
     }
     let mut problem = Ccp::with_turning(delassus, r, friction, turning).map_err(invalid)?;
     problem.velocity_scale = extras.velocity_scale;
-    problem.impulse_scale = extras.impulse_scale;
     problem.identity = extras.identity;
     problem.points = if extras.points.is_empty() { points } else { extras.points };
     problem.validate().map_err(invalid)?;

@@ -6,8 +6,8 @@
 //! | `M`, `H`, `f`, `w`, `mu` | M v = H r + f, u = H^T v + w |
 //! | `D`, `Minv`, `p` (or `r`), `mu` | the same with M = diag(Minv)^-1, H = D, f = 0, w = p |
 //!
-//! A matrix is a two-dimensional array, or compressed columns as SciPy has them: `W_data`, `W_indices`, `W_indptr`, `W_shape`, and
-//! `W_format` = `csr` for compressed rows.
+//! A matrix is a two-dimensional array, or compressed columns as SciPy has them: `W_data`, `W_indices`,
+//! `W_indptr`, `W_shape`, and `W_format` = `csr` for compressed rows.
 //!
 //! Source: numpy.org, module `numpy.lib.format`; PKWARE's APPNOTE.TXT for the archive.
 

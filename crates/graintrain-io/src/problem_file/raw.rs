@@ -26,7 +26,6 @@ pub(super) enum RawProblem {
 #[derive(Default)]
 pub(super) struct Extras {
     pub(super) velocity_scale: Option<f64>,
-    pub(super) impulse_scale: Option<f64>,
     pub(super) points: Vec<[f64; 3]>,
     pub(super) identity: Vec<u64>,
     pub(super) bodies: Option<RigidDelassus>,
@@ -141,7 +140,8 @@ impl RawProblem {
         if rolling.is_some() { rolling::ROWS } else { 3 }
     }
 
-    /// Turns five rows per contact into block rows of three; gives the coefficients of rolling friction where there are any.
+    /// Turns five rows per contact into block rows of three; gives the coefficients of rolling friction where
+    /// there are any.
     pub(super) fn spread_rolling(&mut self) -> Result<Option<Vec<f64>>, Defect> {
         match self {
             Self::Local(local) => {

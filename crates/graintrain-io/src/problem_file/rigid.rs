@@ -1,11 +1,12 @@
 //! Recognises rigid bodies in the matrices M and H of a global problem.
 //!
-//! A rigid body has six degrees of freedom (velocity u, angular velocity w), mass m I_3 and inertia J. A contact
-//! with frame F (rows n, t1, t2) and arm r touches it with the rows `s [F, F [r]x^T R]` of H^T, s = +1 for body A, -1
-//! for body B: row k is `s (F_k, R^T (r x F_k))`. Programs differ in the axes of the angular velocity: R = I where it is
-//! given in world axes, R = the attitude of the body where it is given in body axes (Siconos). F follows from the first
-//! three columns, `K = R^T [r]x` from the others; R = I fits where all K of a body are skew, else R follows from the K
-//! with the largest arm. What is recovered is multiplied out again and must agree with the file to 1e-12.
+//! A rigid body has six degrees of freedom (velocity u, angular velocity w), mass m I_3 and inertia J. A
+//! contact with frame F (rows n, t1, t2) and arm r touches it with the rows `s [F, F [r]x^T R]` of H^T, s =
+//! +1 for body A, -1 for body B: row k is `s (F_k, R^T (r x F_k))`. Programs differ in the axes of the
+//! angular velocity: R = I where it is given in world axes, R = the attitude of the body where it is given in
+//! body axes (Siconos). F follows from the first three columns, `K = R^T [r]x` from the others; R = I fits
+//! where all K of a body are skew, else R follows from the K with the largest arm. What is recovered is
+//! multiplied out again and must agree with the file to 1e-12.
 
 use super::dense;
 use super::error::{Defect, WRITE_AGAIN};
@@ -252,9 +253,9 @@ fn agrees(rigid: &[RigidContact], framed: &[Framed], attitudes: &[Matrix3]) -> b
     })
 }
 
-/// Contact points in a common space: bodies are placed along the contacts between them, x_B = x_A + r_A - r_B (the
-/// gaps, small beside the arms, are not known); groups of bodies without contact to each other lie side by side along x.
-/// Empty where a contact has no body.
+/// Contact points in a common space: bodies are placed along the contacts between them, x_B = x_A + r_A - r_B
+/// (the gaps, small beside the arms, are not known); groups of bodies without contact to each other lie side
+/// by side along x. Empty where a contact has no body.
 pub(super) fn relative_points(delassus: &RigidDelassus) -> Vec<[f64; 3]> {
     let contacts = delassus.contacts();
     let mut position: Vec<Option<[f64; 3]>> = vec![None; delassus.num_bodies()];

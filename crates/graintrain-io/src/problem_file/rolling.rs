@@ -1,9 +1,9 @@
 //! Problems with rolling friction: from five rows per contact to the block rows of a [`Ccp`](graintrain_ccp::Ccp).
 //!
-//! FCLIB (`fclib_local_rolling`, `fclib_global_rolling`) and Siconos give a contact the rows (normal, tangent 1, tangent 2, turning 1,
-//! turning 2): two turning velocities in rad/s with moments in N m s, |moment| <= mu_r g_n with mu_r a length, and no spinning friction.
-//! Here turning rows are block rows of their own, of three rows (spinning, turning 1, turning 2) of which the first is empty, and
-//! velocities times a length.
+//! FCLIB (`fclib_local_rolling`, `fclib_global_rolling`) and Siconos give a contact the rows (normal, tangent
+//! 1, tangent 2, turning 1, turning 2): two turning velocities in rad/s with moments in N m s, |moment| <=
+//! mu_r g_n with mu_r a length, and no spinning friction. Here turning rows are block rows of their own, of
+//! three rows (spinning, turning 1, turning 2) of which the first is empty, and velocities times a length.
 
 use super::error::{Defect, WRITE_AGAIN};
 #[cfg(feature = "fclib")]
@@ -56,8 +56,9 @@ pub(super) fn spread_matrix(matrix: Matrix, rows: bool, columns: bool) -> Result
     Matrix::new("a matrix with rolling friction", rows, columns, entries)
 }
 
-/// Turning rows times lengths that make them as mobile as the tangents of their contacts, and the coefficients over these lengths: the
-/// natural length of a ball is its radius, whatever the file's units are.
+/// Turning rows times lengths that make them as mobile as the tangents of their contacts, and the
+/// coefficients over these lengths: the natural length of a ball is its radius, whatever the file's units
+/// are.
 pub(super) struct Scaled {
     pub(super) delassus: Delassus,
     pub(super) as_filed: Option<Delassus>,
@@ -123,7 +124,8 @@ pub(super) struct Gathered {
     pub(super) mu_r: Vec<f64>,
 }
 
-/// From block rows to five rows per contact: turning rows in rad/s and N m s, empty ones for contacts that do not resist turning.
+/// From block rows to five rows per contact: turning rows in rad/s and N m s, empty ones for contacts that do
+/// not resist turning.
 #[cfg(feature = "fclib")]
 pub(super) fn gather(problem: &Ccp) -> Result<Gathered, Defect> {
     let contacts = problem.num_contacts();

@@ -1,7 +1,8 @@
 //! Reads the text problems of Siconos (`.dat`): dense, sparse-block and sparse matrices, local and global form.
 //!
 //! Local:  dimension, contacts, W, q, mu.  Global:  dimension, contacts, M, H, q, b, mu  with  M v = H r + q,
-//! u = H^T v + b. With dimension 5 contacts have two rows of rolling friction more, and mu_r follows mu. A matrix is a storage number, rows, columns, and
+//! u = H^T v + b. With dimension 5 contacts have two rows of rolling friction more, and mu_r follows mu. A
+//! matrix is a storage number, rows, columns, and
 //!
 //! | storage | then |
 //! |---|---|
@@ -33,8 +34,8 @@ pub(super) fn parse(text: &[u8]) -> Result<RawProblem, Defect> {
         .filter(|&size| size <= text.len())
         .ok_or_else(|| words.defect(format!("{contacts} contacts do not fit into this file"), COPY_AGAIN))?;
     let first = matrix(&mut words, "the first matrix")?;
-    // A local problem goes on with q and its coefficients alone (some writers add a flag); a global one has a second matrix and more
-    // numbers per contact.
+    // A local problem goes on with q and its coefficients alone (some writers add a flag); a global one has a
+    // second matrix and more numbers per contact.
     let rest = words.remaining();
     let rolling = |words: &mut Words<'_>| (each == ROWS).then(|| words.vector(contacts, "mu_r")).transpose();
     let problem = if first.rows == size && rest <= (each + coefficients) * contacts + 1 {
@@ -67,8 +68,8 @@ pub(super) fn parse(text: &[u8]) -> Result<RawProblem, Defect> {
     Ok(problem)
 }
 
-/// A file that begins with a 2 is a two-dimensional contact problem only if its matrix has two rows per contact: other problems of Siconos
-/// (second-order cone complementarity, SOCLCP) begin with any number.
+/// A file that begins with a 2 is a two-dimensional contact problem only if its matrix has two rows per
+/// contact: other problems of Siconos (second-order cone complementarity, SOCLCP) begin with any number.
 fn check_two_dimensional(words: &mut Words<'_>) -> Result<(), Defect> {
     let (contacts, storage) = (words.integer("the number of contacts")?, words.integer("a storage")?);
     let rows = words.integer("the number of rows")?;

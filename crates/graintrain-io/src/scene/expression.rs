@@ -72,8 +72,8 @@ impl Names for NoNames {
     }
 }
 
-/// A value with its dimension, as the operations that make it from the time. Operations on numbers alone are made at once, so that what
-/// does not depend on time is one number.
+/// A value with its dimension, as the operations that make it from the time. Operations on numbers alone are
+/// made at once, so that what does not depend on time is one number.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Term {
     pub dimension: Dimension,

@@ -8,7 +8,7 @@ use super::model::*;
 use super::parameters::Parameters;
 use super::periodic;
 use super::radius::radius;
-use super::reader::{Context, Range, Reader};
+use super::reader::{Context, Reader};
 use super::schema;
 use super::solver;
 use super::stage::{self, StageSpec};
@@ -23,6 +23,20 @@ use graintrain::math::{Quat, Vec3};
 use graintrain::motion::Axes;
 use std::path::PathBuf;
 
+/// How overlap is removed.
+pub(super) const OVERLAP: &[(&str, OverlapCorrection)] =
+    &[("position", OverlapCorrection::Position), ("velocity", OverlapCorrection::Velocity)];
+
+/// Numbers of frames.
+pub(super) const PRECISIONS: &[(&str, Precision)] =
+    &[("single", Precision::Single), ("double", Precision::Double)];
+
+/// Motions without a table, and whether the body is fixed.
+pub(super) const MOTIONS: &[(&str, bool)] = &[("free", false), ("fixed", true)];
+
+/// Axes of forces and torques.
+pub(super) const AXES: &[(&str, Axes)] = &[("world", Axes::World), ("body", Axes::Body)];
+
 /// Name of the material of scenes that declare none.
 const DEFAULT_MATERIAL: &str = "default";
 
@@ -32,7 +46,8 @@ const STREAM_SEEDS: u64 = 1000;
 /// Largest number of steps of a run.
 const MOST_STEPS: f64 = 1e12;
 
-/// The seed so far behind that of the scene: after the largest whole number of TOML comes 0, so that every seed can be written out.
+/// The seed so far behind that of the scene: after the largest whole number of TOML comes 0, so that every
+/// seed can be written out.
 fn seed_behind(seed: u64, places: u64) -> u64 {
     seed.wrapping_add(places) & i64::MAX as u64
 }
@@ -157,11 +172,11 @@ pub(crate) fn read(name: &str, root: &Node, folder: PathBuf) -> Result<Scene, Sc
 }
 
 fn time(reader: &Reader) -> Result<TimeSpec, SceneError> {
-    let step = reader.required("step", Range::Positive)?;
+    let step = reader.required("step")?;
     let steps = match reader.one_of(&["end", "steps"])? {
         "steps" => reader.required_count("steps")?,
         _ => {
-            let end = reader.required("end", Range::Positive)?;
+            let end = reader.required("end")?;
             let ratio = end / step;
             if ratio > MOST_STEPS {
                 return Err(reader.out_of_range("end", "at most 1e12 steps", format!("{ratio:.3e} steps")));
@@ -183,11 +198,10 @@ fn contact(reader: Option<Reader>) -> Result<ContactSpec, SceneError> {
         restitution_rule: PairRule::Minimum,
     };
     if let Some(reader) = reader {
-        spec.envelope = reader.quantity("envelope", Range::Positive)?;
-        spec.allowed_overlap = reader.quantity("allowed_overlap", Range::NotNegative)?;
+        spec.envelope = reader.quantity("envelope")?;
+        spec.allowed_overlap = reader.quantity("allowed_overlap")?;
         spec.relax = reader.flag("relax")?.unwrap_or(false);
-        let schemes = &[("position", OverlapCorrection::Position), ("velocity", OverlapCorrection::Velocity)];
-        spec.overlap = reader.choice("overlap", schemes)?.unwrap_or(spec.overlap);
+        spec.overlap = reader.choice("overlap", OVERLAP)?.unwrap_or(spec.overlap);
         spec.friction_rule = reader.choice("friction_rule", PairRule::NAMES)?.unwrap_or(spec.friction_rule);
         spec.restitution_rule =
             reader.choice("restitution_rule", PairRule::NAMES)?.unwrap_or(spec.restitution_rule);
@@ -205,13 +219,11 @@ fn output(reader: Option<Reader>, time: &TimeSpec) -> Result<OutputSpec, SceneEr
         checkpoint_every: whole(10),
     };
     if let Some(reader) = reader {
-        spec.every = reader.quantity("every", Range::Positive)?.unwrap_or(spec.every);
+        spec.every = reader.quantity("every")?.unwrap_or(spec.every);
         spec.bodies = reader.flag("bodies")?.unwrap_or(spec.bodies);
         spec.contacts = reader.flag("contacts")?.unwrap_or(spec.contacts);
-        let precisions = &[("single", Precision::Single), ("double", Precision::Double)];
-        spec.precision = reader.choice("precision", precisions)?.unwrap_or(spec.precision);
-        spec.checkpoint_every =
-            reader.quantity("checkpoint_every", Range::Positive)?.unwrap_or(spec.checkpoint_every);
+        spec.precision = reader.choice("precision", PRECISIONS)?.unwrap_or(spec.precision);
+        spec.checkpoint_every = reader.quantity("checkpoint_every")?.unwrap_or(spec.checkpoint_every);
     }
     Ok(spec)
 }
@@ -228,13 +240,13 @@ fn material(reader: Option<&Reader>) -> Result<MaterialSpec, SceneError> {
         cohesion: 0.0,
     };
     if let Some(reader) = reader {
-        spec.density = reader.quantity("density", Range::Positive)?.unwrap_or(spec.density);
-        spec.friction = reader.quantity("friction", Range::NotNegative)?.unwrap_or(spec.friction);
-        spec.restitution = reader.quantity("restitution", Range::ZeroToOne)?.unwrap_or(spec.restitution);
+        spec.density = reader.quantity("density")?.unwrap_or(spec.density);
+        spec.friction = reader.quantity("friction")?.unwrap_or(spec.friction);
+        spec.restitution = reader.quantity("restitution")?.unwrap_or(spec.restitution);
         spec.rolling_friction = reader.resistance("rolling_friction")?.unwrap_or(spec.rolling_friction);
         spec.spinning_friction = reader.resistance("spinning_friction")?.unwrap_or(spec.spinning_friction);
-        spec.stiffness = reader.quantity("stiffness", Range::NotNegative)?.unwrap_or(spec.stiffness);
-        spec.damping = reader.quantity("damping", Range::NotNegative)?.unwrap_or(spec.damping);
+        spec.stiffness = reader.quantity("stiffness")?.unwrap_or(spec.stiffness);
+        spec.damping = reader.quantity("damping")?.unwrap_or(spec.damping);
         spec.cohesion = cohesion(reader)?.unwrap_or(spec.cohesion);
         check_elasticity(reader, spec.stiffness, spec.damping, spec.restitution)?;
     }
@@ -243,7 +255,7 @@ fn material(reader: Option<&Reader>) -> Result<MaterialSpec, SceneError> {
 
 /// A pull, if given.
 fn cohesion(reader: &Reader) -> Result<Option<f64>, SceneError> {
-    match reader.quantity("cohesion", Range::NotNegative)? {
+    match reader.quantity("cohesion")? {
         Some(force) if force > MOST_COHESION => Err(reader.out_of_range(
             "cohesion",
             &format!("at most {MOST_COHESION:e} N"),
@@ -292,12 +304,12 @@ fn pairs(scene: &Reader, materials: &[&str]) -> Result<Vec<PairSpec>, SceneError
         }
         let pair = PairSpec {
             materials: names,
-            friction: reader.quantity("friction", Range::NotNegative)?,
-            restitution: reader.quantity("restitution", Range::ZeroToOne)?,
+            friction: reader.quantity("friction")?,
+            restitution: reader.quantity("restitution")?,
             rolling_friction: reader.resistance("rolling_friction")?,
             spinning_friction: reader.resistance("spinning_friction")?,
-            stiffness: reader.quantity("stiffness", Range::NotNegative)?,
-            damping: reader.quantity("damping", Range::NotNegative)?,
+            stiffness: reader.quantity("stiffness")?,
+            damping: reader.quantity("damping")?,
             cohesion: cohesion(&reader)?,
             location: reader.location().clone(),
         };
@@ -336,10 +348,10 @@ fn body(reader: &Reader, materials: &[&str]) -> Result<BodySpec, SceneError> {
         }
     };
     reader.at_most_one_of(&["mass", "density"])?;
-    let position = reader.vector("position", Range::Any)?.unwrap_or(Vec3::ZERO);
+    let position = reader.vector("position")?.unwrap_or(Vec3::ZERO);
     let boundary = parts.iter().any(|part| part.shape.is_boundary());
     let motion = motion(reader, boundary)?;
-    let inertia = reader.vector("inertia", Range::Positive)?;
+    let inertia = reader.vector("inertia")?;
     if inertia.is_some() && reader.get("mass").is_none() {
         return Err(reader.missing("mass"));
     }
@@ -355,11 +367,11 @@ fn body(reader: &Reader, materials: &[&str]) -> Result<BodySpec, SceneError> {
         material: material_name(reader, materials)?,
         position,
         rotation: rotation(reader)?,
-        velocity: reader.vector("velocity", Range::Any)?.unwrap_or(Vec3::ZERO),
-        angular_velocity: reader.vector("angular_velocity", Range::Any)?.unwrap_or(Vec3::ZERO),
-        mass: reader.quantity("mass", Range::Positive)?,
+        velocity: reader.vector("velocity")?.unwrap_or(Vec3::ZERO),
+        angular_velocity: reader.vector("angular_velocity")?.unwrap_or(Vec3::ZERO),
+        mass: reader.quantity("mass")?,
         inertia,
-        density: reader.quantity("density", Range::Positive)?,
+        density: reader.quantity("density")?,
         motion,
         location: reader.location().clone(),
     })
@@ -368,7 +380,7 @@ fn body(reader: &Reader, materials: &[&str]) -> Result<BodySpec, SceneError> {
 pub(super) fn part(reader: &Reader) -> Result<PartSpec, SceneError> {
     Ok(PartSpec {
         shape: shape(&reader.required_child("shape")?)?,
-        position: reader.vector("position", Range::Any)?.unwrap_or(Vec3::ZERO),
+        position: reader.vector("position")?.unwrap_or(Vec3::ZERO),
         rotation: rotation(reader)?,
     })
 }
@@ -377,9 +389,9 @@ fn rotation(parent: &Reader) -> Result<RotationSpec, SceneError> {
     let Some(reader) = parent.child("rotation")? else { return Ok(RotationSpec(Quat::IDENTITY)) };
     reader.at_most_one_of(&["angle", "quaternion"])?;
     reader.at_most_one_of(&["axis", "quaternion"])?;
-    let Some(quaternion) = reader.list("quaternion", Range::Any)? else {
+    let Some(quaternion) = reader.list("quaternion")? else {
         let axis = reader.direction("axis")?.unwrap_or(Vec3::Z);
-        let angle = reader.quantity("angle", Range::Any)?.unwrap_or(0.0);
+        let angle = reader.quantity("angle")?.unwrap_or(0.0);
         return Ok(RotationSpec(Quat::from_axis_angle(axis, angle)));
     };
     let &[x, y, z, w] = quaternion.as_slice() else {
@@ -399,19 +411,15 @@ pub(super) fn shape(reader: &Reader) -> Result<ShapeSpec, SceneError> {
     let form = reader.one_of(&["sphere", "box", "plane", "capsule", "cylinder", "hull", "mesh"])?;
     let inner = reader.required_child(form)?;
     Ok(match form {
-        "sphere" => ShapeSpec::Sphere { radius: inner.required("radius", Range::Positive)? },
-        "box" => ShapeSpec::Box {
-            size: inner.vector("size", Range::Positive)?.ok_or_else(|| inner.missing("size"))?,
-        },
+        "sphere" => ShapeSpec::Sphere { radius: inner.required("radius")? },
+        "box" => ShapeSpec::Box { size: inner.vector("size")?.ok_or_else(|| inner.missing("size"))? },
         "plane" => ShapeSpec::Plane { normal: inner.direction("normal")?.unwrap_or(Vec3::Z) },
-        "capsule" => ShapeSpec::Capsule {
-            length: inner.required("length", Range::Positive)?,
-            radius: inner.required("radius", Range::Positive)?,
-        },
-        "cylinder" => ShapeSpec::Cylinder {
-            length: inner.required("length", Range::Positive)?,
-            radius: inner.required("radius", Range::Positive)?,
-        },
+        "capsule" => {
+            ShapeSpec::Capsule { length: inner.required("length")?, radius: inner.required("radius")? }
+        }
+        "cylinder" => {
+            ShapeSpec::Cylinder { length: inner.required("length")?, radius: inner.required("radius")? }
+        }
         "hull" => ShapeSpec::Hull(hull(&inner)?),
         _ => ShapeSpec::Mesh(mesh(&inner)?),
     })
@@ -423,7 +431,7 @@ fn hull(reader: &Reader) -> Result<HullSpec, SceneError> {
     Ok(HullSpec {
         file: reader.path("file")?,
         points: points.into_iter().map(Vec3::from_array).collect(),
-        scale: reader.quantity("scale", Range::Positive)?.unwrap_or(1.0),
+        scale: reader.quantity("scale")?.unwrap_or(1.0),
         location: reader
             .get("file")
             .or(reader.get("points"))
@@ -439,7 +447,7 @@ fn mesh(reader: &Reader) -> Result<MeshSpec, SceneError> {
         file: reader.path("file")?,
         vertices: Vec::new(),
         triangles: Vec::new(),
-        scale: reader.quantity("scale", Range::Positive)?.unwrap_or(1.0),
+        scale: reader.quantity("scale")?.unwrap_or(1.0),
         solid: reader.flag("solid")?.unwrap_or(false),
         location: reader.get("file").map_or(reader.location(), |node| &node.location).clone(),
     };
@@ -467,14 +475,13 @@ fn mesh(reader: &Reader) -> Result<MeshSpec, SceneError> {
 
 /// The `motion` of a body, or what it is without one: free, or fixed where it is a boundary.
 pub(super) fn motion(body: &Reader, boundary: bool) -> Result<MotionSpec, SceneError> {
-    let words = &[("free", false), ("fixed", true)];
     let fixed = match body.get("motion") {
         None => boundary,
         Some(Node { value: Value::Table(_), .. }) => {
             let reader = body.required_child("motion")?;
             return prescribed_motion(&reader);
         }
-        Some(_) => body.choice("motion", words)?.unwrap_or(false),
+        Some(_) => body.choice("motion", MOTIONS)?.unwrap_or(false),
     };
     Ok(if fixed { MotionSpec::FIXED } else { MotionSpec::FREE })
 }
@@ -501,12 +508,12 @@ fn prescribed_motion(reader: &Reader) -> Result<MotionSpec, SceneError> {
     let rotation = match reader.child("rotation")? {
         None => None,
         Some(spin) => Some(SpinSpec {
-            point: spin.vector("point", Range::Any)?,
+            point: spin.vector("point")?,
             axis: spin.direction("axis")?.unwrap_or(Vec3::Z),
             speed: speed(&spin)?,
         }),
     };
-    let start = reader.quantity("start", Range::NotNegative)?.unwrap_or(0.0);
+    let start = reader.quantity("start")?.unwrap_or(0.0);
     Ok(MotionSpec { free, start, translation, rotation })
 }
 
@@ -545,7 +552,7 @@ fn load(reader: &Reader, bodies: &[&str], packings: &[&str]) -> Result<LoadSpec,
         };
         return Err(SceneError::at(kind, reader.location()));
     }
-    let point = reader.vector("point", Range::Any)?;
+    let point = reader.vector("point")?;
     let force = reader.functions("force")?;
     if point.is_some() && force.is_none() {
         return Err(reader.missing("force"));
@@ -557,7 +564,7 @@ fn load(reader: &Reader, bodies: &[&str], packings: &[&str]) -> Result<LoadSpec,
         force,
         point,
         torque: reader.functions("torque")?,
-        axes: reader.choice("axes", &[("world", Axes::World), ("body", Axes::Body)])?.unwrap_or_default(),
+        axes: reader.choice("axes", AXES)?.unwrap_or_default(),
         pressure: reader.child("pressure")?.as_ref().map(pressure).transpose()?,
         acceleration: reader.functions("acceleration")?,
         central: reader.child("central")?.as_ref().map(central).transpose()?,
@@ -569,27 +576,27 @@ fn load(reader: &Reader, bodies: &[&str], packings: &[&str]) -> Result<LoadSpec,
 fn pressure(reader: &Reader) -> Result<PressureSpec, SceneError> {
     Ok(PressureSpec {
         stress: reader.function("stress")?.ok_or_else(|| reader.missing("stress"))?,
-        area: reader.required("area", Range::Positive)?,
+        area: reader.required("area")?,
         direction: reader.direction("direction")?.ok_or_else(|| reader.missing("direction"))?,
     })
 }
 
 fn central(reader: &Reader) -> Result<CentralSpec, SceneError> {
     Ok(CentralSpec {
-        point: reader.vector("point", Range::Any)?.unwrap_or(Vec3::ZERO),
-        strength: reader.required("strength", Range::Any)?,
-        distance: reader.quantity("distance", Range::Positive)?.unwrap_or(1.0),
-        power: reader.quantity("power", Range::Any)?.unwrap_or(-2.0),
+        point: reader.vector("point")?.unwrap_or(Vec3::ZERO),
+        strength: reader.required("strength")?,
+        distance: reader.quantity("distance")?.unwrap_or(1.0),
+        power: reader.quantity("power")?.unwrap_or(-2.0),
     })
 }
 
 fn drag(reader: &Reader) -> Result<DragSpec, SceneError> {
-    let coefficient = |key: &str| Ok(reader.quantity(key, Range::NotNegative)?.unwrap_or(0.0));
+    let coefficient = |key: &str| Ok(reader.quantity(key)?.unwrap_or(0.0));
     Ok(DragSpec {
         linear: coefficient("linear")?,
         quadratic: coefficient("quadratic")?,
         angular: coefficient("angular")?,
-        medium: reader.vector("medium", Range::Any)?.unwrap_or(Vec3::ZERO),
+        medium: reader.vector("medium")?.unwrap_or(Vec3::ZERO),
     })
 }
 
@@ -600,7 +607,7 @@ fn packing(reader: &Reader, materials: &[&str], default_seed: u64) -> Result<Pac
         "lattice" => PackingSource::Lattice(lattice(&inner)?),
         "drop" => PackingSource::Drop(drop_spec(&inner)?),
         "poisson" => PackingSource::Poisson(PoissonSpec {
-            distance: inner.required("distance", Range::Positive)?,
+            distance: inner.required("distance")?,
             region: region(&inner)?,
         }),
         _ => PackingSource::File(file(&inner)?),
@@ -634,7 +641,7 @@ fn packing(reader: &Reader, materials: &[&str], default_seed: u64) -> Result<Pac
         parts,
         random_rotation: reader.flag("random_rotation")?.unwrap_or(false),
         material: material_name(reader, materials)?,
-        velocity: reader.vector("velocity", Range::Any)?.unwrap_or(Vec3::ZERO),
+        velocity: reader.vector("velocity")?.unwrap_or(Vec3::ZERO),
         lock_rotation: reader.flag("lock_rotation")?.unwrap_or(false),
         seed: reader.count("seed")?.unwrap_or(default_seed),
         location: reader.location().clone(),
@@ -642,15 +649,11 @@ fn packing(reader: &Reader, materials: &[&str], default_seed: u64) -> Result<Pac
 }
 
 fn lattice(reader: &Reader) -> Result<LatticeSpec, SceneError> {
-    let pitch = match reader.get("pitch") {
-        Some(Node { value: Value::Array(_), .. }) => reader.vector("pitch", Range::Positive)?,
-        _ => reader.quantity("pitch", Range::Positive)?.map(Vec3::splat),
-    };
     Ok(LatticeSpec {
         counts: reader.counts("counts")?,
-        pitch: pitch.ok_or_else(|| reader.missing("pitch"))?,
-        origin: reader.vector("origin", Range::Any)?.unwrap_or(Vec3::ZERO),
-        jitter: reader.quantity("jitter", Range::NotNegative)?.unwrap_or(0.0),
+        pitch: reader.vector_or_quantity("pitch")?.ok_or_else(|| reader.missing("pitch"))?,
+        origin: reader.vector("origin")?.unwrap_or(Vec3::ZERO),
+        jitter: reader.quantity("jitter")?.unwrap_or(0.0),
     })
 }
 
@@ -658,7 +661,7 @@ fn lattice(reader: &Reader) -> Result<LatticeSpec, SceneError> {
 pub(super) fn region(reader: &Reader) -> Result<Region, SceneError> {
     let form = reader.one_of(&["box", "cylinder"])?;
     let inner = reader.required_child(form)?;
-    let corner = |key: &str| inner.vector(key, Range::Any)?.ok_or_else(|| inner.missing(key));
+    let corner = |key: &str| inner.vector(key)?.ok_or_else(|| inner.missing(key));
     Ok(if form == "box" {
         let (min, max) = (corner("min")?, corner("max")?);
         if !min.cmplt(max).all() {
@@ -667,9 +670,9 @@ pub(super) fn region(reader: &Reader) -> Result<Region, SceneError> {
         Region::Box { min, max }
     } else {
         Region::Cylinder {
-            base: inner.vector("base", Range::Any)?.unwrap_or(Vec3::ZERO),
-            radius: inner.required("radius", Range::Positive)?,
-            height: inner.required("height", Range::Positive)?,
+            base: inner.vector("base")?.unwrap_or(Vec3::ZERO),
+            radius: inner.required("radius")?,
+            height: inner.required("height")?,
         }
     })
 }
@@ -705,12 +708,12 @@ fn file(reader: &Reader) -> Result<FileSpec, SceneError> {
         format,
         frame,
         skip_last: reader.count("skip_last")?.unwrap_or(0) as usize,
-        scale: reader.quantity("scale", Range::Positive)?.unwrap_or(1.0),
-        offset: reader.vector("offset", Range::Any)?.unwrap_or(Vec3::ZERO),
-        keep_min: reader.vector("keep_min", Range::Any)?,
-        keep_max: reader.vector("keep_max", Range::Any)?,
-        radius_min: reader.quantity("radius_min", Range::NotNegative)?.unwrap_or(0.0),
-        radius_max: reader.quantity("radius_max", Range::Positive)?,
+        scale: reader.quantity("scale")?.unwrap_or(1.0),
+        offset: reader.vector("offset")?.unwrap_or(Vec3::ZERO),
+        keep_min: reader.vector("keep_min")?,
+        keep_max: reader.vector("keep_max")?,
+        radius_min: reader.quantity("radius_min")?.unwrap_or(0.0),
+        radius_max: reader.quantity("radius_max")?,
         location: reader.get("path").map_or(reader.location(), |node| &node.location).clone(),
     })
 }

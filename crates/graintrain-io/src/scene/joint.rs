@@ -3,7 +3,7 @@
 use super::error::{Location, SceneError, SceneErrorKind};
 use super::file::names_of;
 use super::model::FunctionSpec;
-use super::reader::{Range, Reader};
+use super::reader::Reader;
 use graintrain::joint::Coordinate;
 use graintrain::math::Vec3;
 use serde::Serialize;
@@ -142,7 +142,11 @@ impl JointSpec {
     }
 }
 
-const KINDS: &[(&str, &str)] = &[
+/// Coordinates of a cylindrical joint.
+pub(super) const ALONG: &[(&str, Coordinate)] = &[("turn", Coordinate::Turn), ("slide", Coordinate::Slide)];
+
+/// Kinds of joints.
+pub(super) const KINDS: &[(&str, &str)] = &[
     ("fixed", "fixed"),
     ("revolute", "revolute"),
     ("prismatic", "prismatic"),
@@ -186,7 +190,6 @@ pub(super) fn read(
         ));
     }
     let names: Vec<&str> = known.iter().map(|(name, _)| name.as_str()).collect();
-    let along = [("turn", Coordinate::Turn), ("slide", Coordinate::Slide)];
     let pair =
         |rows: Vec<[f64; 3]>| <[[f64; 3]; 2]>::try_from(rows).ok().map(|ends| ends.map(Vec3::from_array));
     let ends = match reader.rows("ends")? {
@@ -199,12 +202,12 @@ pub(super) fn read(
     let spec = JointSpec {
         kind,
         bodies: names_of(reader, "bodies", "body", bodies)?,
-        point: reader.vector("point", Range::Any)?,
+        point: reader.vector("point")?,
         axis: reader.direction("axis")?,
         ends,
         joints: names_of(reader, "joints", "joint above this one", &names)?,
-        ratio: reader.quantity("ratio", Range::Any)?,
-        along: reader.choice("along", &along)?,
+        ratio: reader.quantity("ratio")?,
+        along: reader.choice("along", ALONG)?,
         motor: reader.child("motor")?.as_ref().map(motor).transpose()?,
         actuator: reader.child("actuator")?.as_ref().map(actuator).transpose()?,
         torsion_spring: reader.child("torsion_spring")?.as_ref().map(spring).transpose()?,
@@ -247,7 +250,7 @@ fn actuator(reader: &Reader) -> Result<ActuatorSpec, SceneError> {
 }
 
 fn spring(reader: &Reader) -> Result<SpringSpec, SceneError> {
-    let coefficient = |key: &str| Ok(reader.quantity(key, Range::NotNegative)?.unwrap_or(0.0));
+    let coefficient = |key: &str| Ok(reader.quantity(key)?.unwrap_or(0.0));
     let spec = SpringSpec {
         stiffness: coefficient("stiffness")?,
         damping: coefficient("damping")?,
@@ -257,9 +260,6 @@ fn spring(reader: &Reader) -> Result<SpringSpec, SceneError> {
 }
 
 fn stops(reader: &Reader) -> Result<StopsSpec, SceneError> {
-    let spec = StopsSpec {
-        lower: reader.quantity("lower", Range::Any)?,
-        upper: reader.quantity("upper", Range::Any)?,
-    };
+    let spec = StopsSpec { lower: reader.quantity("lower")?, upper: reader.quantity("upper")? };
     if spec.lower.is_none() && spec.upper.is_none() { Err(reader.missing("lower")) } else { Ok(spec) }
 }

@@ -2,7 +2,7 @@
 
 use super::error::{Location, SceneError, SceneErrorKind};
 use super::file::{names_of, region};
-use super::reader::{Range, Reader};
+use super::reader::Reader;
 use crate::measure::MOST_BINS;
 use graintrain::load::Region;
 use graintrain::math::Vec3;
@@ -189,7 +189,7 @@ pub enum AlongSpec {
 }
 
 impl AlongSpec {
-    const NAMES: &[(&str, Self)] =
+    pub(super) const NAMES: &[(&str, Self)] =
         &[("x", Self::X), ("y", Self::Y), ("z", Self::Z), ("radius", Self::Radius)];
 
     /// With the point that a radius counts from.
@@ -284,8 +284,8 @@ pub(super) fn read(reader: &Reader, step: f64, names: &Names<'_>) -> Result<Meas
             }
             stage => stage,
         },
-        start: reader.quantity("start", Range::NotNegative)?.unwrap_or(0.0),
-        every: reader.quantity("every", Range::Positive)?.unwrap_or(step),
+        start: reader.quantity("start")?.unwrap_or(0.0),
+        every: reader.quantity("every")?.unwrap_or(step),
         stress: flag("stress")?,
         coordination: flag("coordination")?,
         rattlers_below: reader.count("rattlers_below")?.unwrap_or(2),
@@ -300,13 +300,13 @@ pub(super) fn read(reader: &Reader, step: f64, names: &Names<'_>) -> Result<Meas
             None => None,
             Some(inner) => Some(ForceSpec {
                 bodies: required_names(&inner, "bodies", "body", bodies)?,
-                point: inner.vector("point", Range::Any)?.unwrap_or(Vec3::ZERO),
+                point: inner.vector("point")?.unwrap_or(Vec3::ZERO),
             }),
         },
         plane: match reader.child("plane")? {
             None => None,
             Some(inner) => Some(PlaneSpec {
-                point: inner.vector("point", Range::Any)?.unwrap_or(Vec3::ZERO),
+                point: inner.vector("point")?.unwrap_or(Vec3::ZERO),
                 normal: inner.direction("normal")?.unwrap_or(Vec3::Z),
             }),
         },
@@ -318,7 +318,7 @@ pub(super) fn read(reader: &Reader, step: f64, names: &Names<'_>) -> Result<Meas
             Some(inner) => Some(MixingSpec {
                 packings: names_of(&inner, "packings", "packing", packings)?,
                 streams: names_of(&inner, "streams", "stream", streams)?,
-                cell: inner.required("cell", Range::Positive)?,
+                cell: inner.required("cell")?,
             }),
         },
         shear_box: reader.child("shear_box")?.map(|inner| shear_box(&inner, bodies)).transpose()?,
@@ -326,8 +326,8 @@ pub(super) fn read(reader: &Reader, step: f64, names: &Names<'_>) -> Result<Meas
             None => None,
             Some(inner) => Some(ReposeSpec {
                 along: inner.choice("along", AlongSpec::NAMES)?.unwrap_or(AlongSpec::Radius),
-                centre: inner.vector("centre", Range::Any)?.unwrap_or(Vec3::ZERO),
-                width: inner.required("width", Range::Positive)?,
+                centre: inner.vector("centre")?.unwrap_or(Vec3::ZERO),
+                width: inner.required("width")?,
             }),
         },
         profile: reader.child("profile")?.map(|inner| profile(&inner)).transpose()?,
@@ -335,7 +335,7 @@ pub(super) fn read(reader: &Reader, step: f64, names: &Names<'_>) -> Result<Meas
             None => None,
             Some(inner) => Some(HistogramSpec {
                 bins: bins(&inner, Some(20))?,
-                most: inner.quantity("most", Range::Positive)?.unwrap_or(5.0),
+                most: inner.quantity("most")?.unwrap_or(5.0),
             }),
         },
         location: reader.location().clone(),
@@ -361,13 +361,13 @@ fn shear_box(reader: &Reader, bodies: &[&str]) -> Result<ShearBoxSpec, SceneErro
         pressing: body("pressing")?,
         direction: reader.direction("direction")?.unwrap_or(Vec3::X),
         normal: reader.direction("normal")?.unwrap_or(Vec3::Z),
-        area: reader.required("area", Range::Positive)?,
-        plane: reader.vector("plane", Range::Any)?,
+        area: reader.required("area")?,
+        plane: reader.vector("plane")?,
     })
 }
 
 fn profile(reader: &Reader) -> Result<ProfileSpec, SceneError> {
-    let (from, to) = (reader.required("from", Range::Any)?, reader.required("to", Range::Any)?);
+    let (from, to) = (reader.required("from")?, reader.required("to")?);
     if to <= from {
         return Err(reader.out_of_range("to", &format!("above from ({from} m)"), format!("{to} m")));
     }
@@ -375,7 +375,7 @@ fn profile(reader: &Reader) -> Result<ProfileSpec, SceneError> {
     if along == AlongSpec::Radius && from < 0.0 {
         return Err(reader.out_of_range("from", "zero or positive along a radius", format!("{from} m")));
     }
-    let centre = reader.vector("centre", Range::Any)?.unwrap_or(Vec3::ZERO);
+    let centre = reader.vector("centre")?.unwrap_or(Vec3::ZERO);
     Ok(ProfileSpec { along, centre, from, to, bins: bins(reader, None)? })
 }
 

@@ -1,4 +1,5 @@
-//! Scenes: what to simulate, in a TOML file with units, turned into a [`World`](graintrain::world::World) and the settings of a run.
+//! Scenes: what to simulate, in a TOML file with units, turned into a [`World`](graintrain::world::World) and
+//! the settings of a run.
 //!
 //! ```text
 //! text --tree--> keys and values with their places --file--> Scene (SI units) --build--> Simulation
@@ -6,7 +7,8 @@
 //!
 //! | module | holds |
 //! |---|---|
-//! | [`schema`] | every key, its kind, default and meaning |
+//! | [`schema`] | every key, its kind, range, choices, default and meaning |
+//! | `json_schema` | the same for editors |
 //! | [`mod@quantity`] | units and dimensions |
 //! | `expression`, `parameters` | arithmetic with units and named values |
 //! | `tree`, `reader`, `file` | from text to [`Scene`] |
@@ -25,6 +27,7 @@ pub mod error;
 mod expression;
 mod file;
 mod joint;
+mod json_schema;
 mod measure;
 mod mesh_file;
 pub mod model;
@@ -42,6 +45,7 @@ mod tree;
 
 pub use build::Simulation;
 pub use error::{Location, SceneError, SceneErrorKind, Source, closest};
+pub use json_schema::json_schema;
 pub use measure::{
     AlongSpec, ForceSpec, HistogramSpec, MeasureSpec, MixingSpec, PlaneSpec, ProfileSpec, ReposeSpec,
     ShearBoxSpec,
@@ -194,7 +198,8 @@ impl Scene {
     }
 }
 
-/// The number in SI units that an expression of a scene is, where these names are numbers; not a number where the expression is none.
+/// The number in SI units that an expression of a scene is, where these names are numbers; not a number where
+/// the expression is none.
 ///
 /// # Errors
 /// What is wrong with the text, in words.

@@ -1,5 +1,5 @@
-//! A scene with every value resolved to SI units: what the reader makes, the builder uses and `to_toml` writes. Each table that has a place
-//! of its own in a scene file has a module.
+//! A scene with every value resolved to SI units: what the reader makes, the builder uses and `to_toml`
+//! writes. Each table that has a place of its own in a scene file has a module.
 
 mod function;
 mod load;

@@ -2,7 +2,7 @@
 
 use super::error::{Location, SceneError, SceneErrorKind};
 use super::model::FunctionSpec;
-use super::reader::{Range, Reader};
+use super::reader::Reader;
 use graintrain::cell::NAMES;
 use graintrain::math::Vec3;
 use serde::Serialize;
@@ -52,16 +52,19 @@ impl DriveSpec {
     }
 }
 
+/// Axes along which a cell may repeat.
+pub(super) const DIRECTIONS: [&str; 3] = ["x", "y", "z"];
+
 /// Reads the cell of a scene.
 pub(super) fn read(reader: &Reader) -> Result<PeriodicSpec, SceneError> {
-    let corner = |key: &str| reader.vector(key, Range::Any)?.ok_or_else(|| reader.missing(key));
+    let corner = |key: &str| reader.vector(key)?.ok_or_else(|| reader.missing(key));
     let (min, max) = (corner("min")?, corner("max")?);
     if !min.cmplt(max).all() {
         return Err(reader.out_of_range("max", "above `min` along every axis", max));
     }
-    let axes = reader.texts("axes")?.unwrap_or_else(|| ["x", "y", "z"].map(String::from).to_vec());
-    if let Some(unknown) = axes.iter().find(|axis| !["x", "y", "z"].contains(&axis.as_str())) {
-        return Err(reader.unknown_name("axes", "axis", unknown, ["x", "y", "z"].into_iter()));
+    let axes = reader.texts("axes")?.unwrap_or_else(|| DIRECTIONS.map(String::from).to_vec());
+    if let Some(unknown) = axes.iter().find(|axis| !DIRECTIONS.contains(&axis.as_str())) {
+        return Err(reader.unknown_name("axes", "axis", unknown, DIRECTIONS.into_iter()));
     }
     if let Some((_, twice)) = axes.iter().enumerate().find(|(k, axis)| axes[..*k].contains(axis)) {
         return Err(reader.out_of_range("axes", "every axis once", format!("`{twice}` twice")));
@@ -89,7 +92,7 @@ pub(super) fn drive(reader: &Reader) -> Result<DriveSpec, SceneError> {
         let problem = format!("the component {name} of the cell has a rate and a stress: impose one of them");
         return Err(SceneError::at(SceneErrorKind::Contradiction(problem), reader.location()));
     }
-    let fastest = reader.quantity("fastest", Range::Positive)?;
+    let fastest = reader.quantity("fastest")?;
     if fastest.is_some() && stress.is_empty() {
         let problem = "`fastest` limits what a stress does to the cell, but none is imposed: add `stress` or `pressure`, or leave it out";
         return Err(SceneError::at(SceneErrorKind::Contradiction(problem.to_string()), reader.location()));

@@ -2,11 +2,14 @@
 
 use super::error::SceneError;
 use super::model::{RadiusDistribution, RadiusSpec};
-use super::reader::{Range, Reader};
+use super::reader::Reader;
 use super::tree::{Node, Value};
 
 /// The distributions, of which one is given.
 const FORMS: &[&str] = &["uniform", "normal", "lognormal", "choice", "rosin_rammler", "sieves"];
+
+/// What distributions count, and whether that is mass.
+pub(super) const BY: &[(&str, bool)] = &[("number", false), ("mass", true)];
 
 /// Largest exponent of Rosin and Rammler: all sizes are equal to a percent.
 const MOST_SPREAD: f64 = 100.0;
@@ -17,12 +20,12 @@ pub(super) fn radius(packing: &Reader) -> Result<Option<RadiusSpec>, SceneError>
         None => return Ok(None),
         Some(Node { value: Value::Table(_), .. }) => {}
         Some(_) => {
-            return packing.quantity("radius", Range::Positive).map(|radius| radius.map(RadiusSpec::Single));
+            return packing.quantity("radius").map(|radius| radius.map(RadiusSpec::Single));
         }
     }
     let reader = packing.required_child("radius")?;
     let form = reader.one_of(FORMS)?;
-    let by_mass = reader.choice("by", &[("number", false), ("mass", true)])?;
+    let by_mass = reader.choice("by", BY)?;
     let inner = reader.required_child(form)?;
     let distribution = distribution(form, &inner)?;
     Ok(Some(RadiusSpec::Distribution(match (form, by_mass) {
@@ -39,8 +42,8 @@ fn distribution(form: &str, inner: &Reader) -> Result<RadiusDistribution, SceneE
         return sieves(inner);
     }
     if form == "choice" {
-        let radii = inner.list("radii", Range::Positive)?.ok_or_else(|| inner.missing("radii"))?;
-        let weights = inner.list("weights", Range::NotNegative)?.unwrap_or_else(|| vec![1.0; radii.len()]);
+        let radii = inner.list("radii")?.ok_or_else(|| inner.missing("radii"))?;
+        let weights = inner.list("weights")?.unwrap_or_else(|| vec![1.0; radii.len()]);
         if weights.len() != radii.len() || radii.is_empty() {
             let requirement = format!("as many as the radii ({}), at least one", radii.len());
             return Err(inner.out_of_range("weights", &requirement, weights.len()));
@@ -50,8 +53,8 @@ fn distribution(form: &str, inner: &Reader) -> Result<RadiusDistribution, SceneE
         }
         return Ok(RadiusDistribution::Choice { radii, weights });
     }
-    let min = inner.required("min", Range::Positive)?;
-    let max = inner.required("max", Range::Positive)?;
+    let min = inner.required("min")?;
+    let max = inner.required("max")?;
     if max < min {
         return Err(inner.out_of_range("max", &format!("at least min ({min} m)"), format!("{max} m")));
     }
@@ -69,24 +72,24 @@ fn distribution(form: &str, inner: &Reader) -> Result<RadiusDistribution, SceneE
     Ok(match form {
         "uniform" => RadiusDistribution::Uniform { min, max },
         "normal" => {
-            let mean = inner.required("mean", Range::Positive)?;
+            let mean = inner.required("mean")?;
             inside("mean", mean)?;
-            let deviation = inner.required("deviation", Range::NotNegative)?;
+            let deviation = inner.required("deviation")?;
             RadiusDistribution::Normal { mean, deviation, min, max }
         }
         "rosin_rammler" => {
-            let size = inner.required("size", Range::Positive)?;
+            let size = inner.required("size")?;
             inside("size", size)?;
-            let spread = inner.required("spread", Range::Positive)?;
+            let spread = inner.required("spread")?;
             if spread > MOST_SPREAD {
                 return Err(inner.out_of_range("spread", &format!("at most {MOST_SPREAD}"), spread));
             }
             RadiusDistribution::RosinRammler { size, spread, min, max }
         }
         _ => {
-            let median = inner.required("median", Range::Positive)?;
+            let median = inner.required("median")?;
             inside("median", median)?;
-            let deviation = inner.required("deviation", Range::NotNegative)?;
+            let deviation = inner.required("deviation")?;
             RadiusDistribution::Lognormal { median, deviation, min, max }
         }
     })
@@ -94,8 +97,8 @@ fn distribution(form: &str, inner: &Reader) -> Result<RadiusDistribution, SceneE
 
 /// A grading curve: openings are diameters, as sieves are named.
 fn sieves(inner: &Reader) -> Result<RadiusDistribution, SceneError> {
-    let openings = inner.list("openings", Range::Positive)?.ok_or_else(|| inner.missing("openings"))?;
-    let passing = inner.list("passing", Range::ZeroToOne)?.ok_or_else(|| inner.missing("passing"))?;
+    let openings = inner.list("openings")?.ok_or_else(|| inner.missing("openings"))?;
+    let passing = inner.list("passing")?.ok_or_else(|| inner.missing("passing"))?;
     if openings.len() < 2 || !openings.is_sorted_by(|a, b| a < b) {
         let requirement = "two or more, each larger than the one before";
         return Err(inner.out_of_range("openings", requirement, format!("{openings:?} m")));

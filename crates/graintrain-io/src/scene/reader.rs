@@ -4,42 +4,13 @@ use super::error::{Location, SceneError, SceneErrorKind, closest};
 use super::model::{FunctionFile, FunctionSpec};
 use super::parameters::Parameters;
 use super::quantity::Dimension;
-use super::schema::{Key, Kind, Table};
+use super::schema::{Key, Kind, Range, Table};
 use super::tree::{Node, Value};
 use graintrain::formula::Formula;
 use graintrain::material::TurningResistance;
 use graintrain::math::Vec3;
 use graintrain::motion::Profile;
 use std::path::{Path, PathBuf};
-
-/// What a number must satisfy.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Range {
-    Any,
-    Positive,
-    NotNegative,
-    ZeroToOne,
-}
-
-impl Range {
-    fn contains(self, value: f64) -> bool {
-        match self {
-            Self::Any => true,
-            Self::Positive => value > 0.0,
-            Self::NotNegative => value >= 0.0,
-            Self::ZeroToOne => (0.0..=1.0).contains(&value),
-        }
-    }
-
-    fn requirement(self) -> &'static str {
-        match self {
-            Self::Any => "finite",
-            Self::Positive => "positive",
-            Self::NotNegative => "zero or positive",
-            Self::ZeroToOne => "between 0 and 1",
-        }
-    }
-}
 
 /// Largest count accepted: whatever is counted, more could not be held in memory.
 const LARGEST_COUNT: f64 = 1e12;
@@ -130,6 +101,7 @@ impl<'a> Reader<'a> {
             Kind::Quantity(dimension) | Kind::QuantityOr(dimension, _) => dimension.to_string(),
             Kind::Vector(Dimension::NONE) => "three numbers".into(),
             Kind::Vector(dimension) => format!("three times {dimension}"),
+            Kind::VectorOrQuantity(dimension) => format!("{dimension}, or three times {dimension}"),
             Kind::List(Dimension::NONE) => "a list of numbers".into(),
             Kind::List(dimension) => format!("a list, each {dimension}"),
             Kind::RatioOrLength => "a number (of effective radii) or a length".into(),
@@ -241,15 +213,9 @@ impl<'a> Reader<'a> {
         ))
     }
 
-    fn ranged(
-        &self,
-        path: &str,
-        node: &Node,
-        key: &str,
-        dimension: Dimension,
-        range: Range,
-    ) -> Result<f64, SceneError> {
+    fn ranged(&self, path: &str, node: &Node, key: &str, dimension: Dimension) -> Result<f64, SceneError> {
         let value = self.number(path, node, key, dimension)?;
+        let range = self.key(key).range;
         if range.contains(value) {
             return Ok(value);
         }
@@ -268,6 +234,7 @@ impl<'a> Reader<'a> {
             Kind::Quantity(dimension)
             | Kind::QuantityOr(dimension, _)
             | Kind::Vector(dimension)
+            | Kind::VectorOrQuantity(dimension)
             | Kind::Function(dimension, _)
             | Kind::Functions(dimension, _)
             | Kind::List(dimension) => dimension,
@@ -276,9 +243,9 @@ impl<'a> Reader<'a> {
     }
 
     /// A quantity in SI units, if given.
-    pub fn quantity(&self, key: &str, range: Range) -> Result<Option<f64>, SceneError> {
+    pub fn quantity(&self, key: &str) -> Result<Option<f64>, SceneError> {
         let Some(node) = self.get(key) else { return Ok(None) };
-        self.ranged(&self.full(key), node, key, self.dimension(key), range).map(Some)
+        self.ranged(&self.full(key), node, key, self.dimension(key)).map(Some)
     }
 
     /// A resistance to turning, if given: a number of effective radii, or a length.
@@ -292,13 +259,13 @@ impl<'a> Reader<'a> {
             _ => false,
         };
         let dimension = if is_length { Dimension::LENGTH } else { Dimension::NONE };
-        let value = self.ranged(&self.full(key), node, key, dimension, Range::NotNegative)?;
+        let value = self.ranged(&self.full(key), node, key, dimension)?;
         Ok(Some(if is_length { TurningResistance::Length(value) } else { TurningResistance::Ratio(value) }))
     }
 
     /// A quantity in SI units that must be given.
-    pub fn required(&self, key: &str, range: Range) -> Result<f64, SceneError> {
-        self.quantity(key, range)?.ok_or_else(|| self.missing(key))
+    pub fn required(&self, key: &str) -> Result<f64, SceneError> {
+        self.quantity(key)?.ok_or_else(|| self.missing(key))
     }
 
     /// The items of a list, if the key is given.
@@ -311,18 +278,19 @@ impl<'a> Reader<'a> {
     }
 
     /// A list of quantities, if given.
-    pub fn list(&self, key: &str, range: Range) -> Result<Option<Vec<f64>>, SceneError> {
+    pub fn list(&self, key: &str) -> Result<Option<Vec<f64>>, SceneError> {
         let Some(items) = self.items(key)? else { return Ok(None) };
         let dimension = self.dimension(key);
-        let numbers = items.iter().enumerate().map(|(index, item)| {
-            self.ranged(&format!("{}.{index}", self.full(key)), item, key, dimension, range)
-        });
+        let numbers = items
+            .iter()
+            .enumerate()
+            .map(|(index, item)| self.ranged(&format!("{}.{index}", self.full(key)), item, key, dimension));
         numbers.collect::<Result<_, _>>().map(Some)
     }
 
     /// Three quantities, if given.
-    pub fn vector(&self, key: &str, range: Range) -> Result<Option<Vec3>, SceneError> {
-        match self.list(key, range)?.as_deref() {
+    pub fn vector(&self, key: &str) -> Result<Option<Vec3>, SceneError> {
+        match self.list(key)?.as_deref() {
             None => Ok(None),
             Some(&[x, y, z]) => Ok(Some(Vec3::new(x, y, z))),
             Some(_) => Err(self.wrong_type(
@@ -333,9 +301,17 @@ impl<'a> Reader<'a> {
         }
     }
 
+    /// Three quantities, or one that stands for all three, if given.
+    pub fn vector_or_quantity(&self, key: &str) -> Result<Option<Vec3>, SceneError> {
+        match self.get(key) {
+            Some(Node { value: Value::Array(_), .. }) => self.vector(key),
+            _ => self.quantity(key).map(|length| length.map(Vec3::splat)),
+        }
+    }
+
     /// A direction of length one, if given.
     pub fn direction(&self, key: &str) -> Result<Option<Vec3>, SceneError> {
-        let Some(vector) = self.vector(key, Range::Any)? else { return Ok(None) };
+        let Some(vector) = self.vector(key)? else { return Ok(None) };
         let largest = vector.abs().max_element();
         match (vector / largest).try_normalize() {
             Some(unit) if largest > 0.0 => Ok(Some(unit)),
@@ -388,13 +364,13 @@ impl<'a> Reader<'a> {
         let inner = self.required_child(form)?;
         match form {
             "sinusoidal" => Ok(FunctionSpec::Profile(Profile::Sinusoidal {
-                amplitude: inner.required("amplitude", Range::Any)?,
-                period: inner.required("period", Range::Positive)?,
-                phase: inner.quantity("phase", Range::Any)?.unwrap_or(0.0),
+                amplitude: inner.required("amplitude")?,
+                period: inner.required("period")?,
+                phase: inner.quantity("phase")?.unwrap_or(0.0),
             })),
             "table" => {
-                let times = inner.list("times", Range::Any)?.ok_or_else(|| inner.missing("times"))?;
-                let values = inner.list("values", Range::Any)?.ok_or_else(|| inner.missing("values"))?;
+                let times = inner.list("times")?.ok_or_else(|| inner.missing("times"))?;
+                let values = inner.list("values")?.ok_or_else(|| inner.missing("values"))?;
                 if times.is_empty() || times.windows(2).any(|pair| pair[1] <= pair[0]) {
                     return Err(inner.out_of_range(
                         "times",
@@ -458,16 +434,16 @@ impl<'a> Reader<'a> {
 
     /// A whole number, if given.
     pub fn count(&self, key: &str) -> Result<Option<u64>, SceneError> {
-        self.get(key).map(|node| self.whole(&self.full(key), node, key)).transpose()
+        let Some(node) = self.get(key) else { return Ok(None) };
+        match self.whole(&self.full(key), node, key)? {
+            0 if self.key(key).range == Range::Positive => Err(self.out_of_range(key, "at least 1", 0)),
+            count => Ok(Some(count)),
+        }
     }
 
-    /// A whole number from 1 that must be given.
+    /// A whole number that must be given.
     pub fn required_count(&self, key: &str) -> Result<u64, SceneError> {
-        match self.count(key)? {
-            None => Err(self.missing(key)),
-            Some(0) => Err(self.out_of_range(key, "at least 1", 0)),
-            Some(count) => Ok(count),
-        }
+        self.count(key)?.ok_or_else(|| self.missing(key))
     }
 
     /// Three whole numbers from 1 that must be given.
@@ -524,8 +500,12 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// One of a few words, if given.
+    /// One of a few words, those that the schema names, if given.
     pub fn choice<T: Copy>(&self, key: &str, choices: &[(&str, T)]) -> Result<Option<T>, SceneError> {
+        debug_assert!(
+            choices.iter().map(|(name, _)| *name).eq((self.key(key).choices)()),
+            "choices of {key}"
+        );
         let Some(word) = self.text(key)? else { return Ok(None) };
         match choices.iter().find(|(name, _)| *name == word) {
             Some((_, value)) => Ok(Some(*value)),

@@ -1,7 +1,7 @@
 //! The table `[solver]`: how scenes write the choice of a solver.
 
 use super::error::SceneError;
-use super::reader::{Range, Reader};
+use super::reader::Reader;
 use graintrain::stepper::SolverChoice;
 use graintrain_ccp::{CcpError, FrictionModel, Judge, SolverSpec};
 use serde::{Serialize, Serializer};
@@ -13,16 +13,13 @@ pub(super) fn read(reader: Option<Reader>) -> Result<SolverChoice, SceneError> {
         if let Some(name) = reader.text("name")? {
             choice.name = name.parse().map_err(|error| unknown(&reader, &name, error))?;
         }
-        choice.tolerance = reader.quantity("tolerance", Range::Positive)?.unwrap_or(choice.tolerance);
+        choice.tolerance = reader.quantity("tolerance")?.unwrap_or(choice.tolerance);
         choice.judge = match reader.flag("strict_max")? {
             Some(true) => Judge::Maximum,
             Some(false) => Judge::Mixed,
             None => choice.judge,
         };
-        choice.max_iterations = match reader.count("max_iterations")? {
-            Some(0) => return Err(reader.out_of_range("max_iterations", "at least 1", 0)),
-            count => count.map(|count| count as usize),
-        };
+        choice.max_iterations = reader.count("max_iterations")?.map(|count| count as usize);
         choice.friction = reader.choice("friction", FrictionModel::NAMES)?.unwrap_or(choice.friction);
     }
     Ok(choice)

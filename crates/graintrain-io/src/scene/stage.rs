@@ -5,7 +5,7 @@ use super::file::{motion, names_of, region};
 use super::measure::MeasureSpec;
 use super::model::{FunctionSpec, MotionSpec};
 use super::periodic::{self, DriveSpec};
-use super::reader::{Range, Reader};
+use super::reader::Reader;
 use super::stream::StreamSpec;
 use graintrain::load::Region;
 use serde::Serialize;
@@ -203,21 +203,21 @@ fn steady(reader: &Reader, names: &Names<'_>) -> Result<SteadySpec, SceneError> 
     Ok(SteadySpec {
         measure,
         column: reader.text("column")?.ok_or_else(|| reader.missing("column"))?,
-        over: reader.required("over", Range::Positive)?,
-        change: reader.quantity("change", Range::NotNegative)?.unwrap_or(0.01),
-        within: reader.quantity("within", Range::NotNegative)?.unwrap_or(0.0),
+        over: reader.required("over")?,
+        change: reader.quantity("change")?.unwrap_or(0.01),
+        within: reader.quantity("within")?.unwrap_or(0.0),
     })
 }
 
 fn growth(reader: &Reader, names: &Names<'_>) -> Result<GrowthSpec, SceneError> {
-    let porosity = reader.required("porosity", Range::Positive)?;
+    let porosity = reader.required("porosity")?;
     if porosity >= 1.0 {
         return Err(reader.out_of_range("porosity", "between 0 and 1", porosity));
     }
     Ok(GrowthSpec {
         packings: names_of(reader, "packings", "packing", names.packings)?,
         streams: names_of(reader, "streams", "stream", names.streams)?,
-        rate: reader.required("rate", Range::Positive)?,
+        rate: reader.required("rate")?,
         porosity,
         region: region(&reader.required_child("region")?)?,
     })
@@ -230,8 +230,8 @@ fn one(reader: &Reader, names: &Names<'_>) -> Result<StageSpec, SceneError> {
     };
     let materials = reader.named("material")?.into_iter().map(|(name, inner)| {
         known("material", "material", &name, names.materials)?;
-        let friction = inner.quantity("friction", Range::NotNegative)?;
-        let restitution = inner.quantity("restitution", Range::ZeroToOne)?;
+        let friction = inner.quantity("friction")?;
+        let restitution = inner.quantity("restitution")?;
         Ok((name, StageMaterial { friction, restitution }))
     });
     let bodies = reader.named("body")?.into_iter().map(|(name, inner)| {
@@ -247,10 +247,10 @@ fn one(reader: &Reader, names: &Names<'_>) -> Result<StageSpec, SceneError> {
     }
     Ok(StageSpec {
         name: reader.text("name")?.ok_or_else(|| reader.missing("name"))?,
-        time: reader.quantity("time", Range::Positive)?,
-        at_least: reader.quantity("at_least", Range::NotNegative)?.unwrap_or(0.0),
-        kinetic_energy: reader.quantity("kinetic_energy", Range::Positive)?,
-        unbalanced_force: reader.quantity("unbalanced_force", Range::Positive)?,
+        time: reader.quantity("time")?,
+        at_least: reader.quantity("at_least")?.unwrap_or(0.0),
+        kinetic_energy: reader.quantity("kinetic_energy")?,
+        unbalanced_force: reader.quantity("unbalanced_force")?,
         filled: reader.flag("filled")?.unwrap_or(false),
         steady: reader.child("steady")?.map(|inner| steady(&inner, names)).transpose()?,
         growth: reader.child("growth")?.map(|inner| growth(&inner, names)).transpose()?,

@@ -5,7 +5,7 @@ use super::file::{material_name, part, region, shape};
 use super::measure::PlaneSpec;
 use super::model::{PartSpec, RadiusSpec, ShapeSpec};
 use super::radius::radius;
-use super::reader::{Range, Reader};
+use super::reader::Reader;
 use graintrain::load::Region;
 use graintrain::math::Vec3;
 use serde::Serialize;
@@ -116,14 +116,14 @@ pub(super) fn read(
         parts,
         random_rotation: reader.flag("random_rotation")?.unwrap_or(false),
         material: material_name(reader, materials)?,
-        velocity: reader.vector("velocity", Range::Any)?.unwrap_or(Vec3::ZERO),
+        velocity: reader.vector("velocity")?.unwrap_or(Vec3::ZERO),
         lock_rotation: reader.flag("lock_rotation")?.unwrap_or(false),
-        rate: reader.quantity("rate", Range::Positive)?,
-        mass_rate: reader.quantity("mass_rate", Range::Positive)?,
+        rate: reader.quantity("rate")?,
+        mass_rate: reader.quantity("mass_rate")?,
         count: reader.count("count")?,
-        mass: reader.quantity("mass", Range::Positive)?,
-        start: reader.quantity("start", Range::NotNegative)?.unwrap_or(0.0),
-        end: reader.quantity("end", Range::Positive)?,
+        mass: reader.quantity("mass")?,
+        start: reader.quantity("start")?.unwrap_or(0.0),
+        end: reader.quantity("end")?,
         stage,
         seed: reader.count("seed")?.unwrap_or(default_seed),
         location: reader.location().clone(),
@@ -155,7 +155,7 @@ pub(super) fn read_outlet(reader: &Reader) -> Result<OutletSpec, SceneError> {
     let inner = reader.required_child(form)?;
     let exit = match form {
         "behind" => ExitSpec::Behind(PlaneSpec {
-            point: inner.vector("point", Range::Any)?.unwrap_or(Vec3::ZERO),
+            point: inner.vector("point")?.unwrap_or(Vec3::ZERO),
             normal: inner.direction("normal")?.unwrap_or(Vec3::NEG_Z),
         }),
         "outside" => ExitSpec::Outside(region(&inner)?),

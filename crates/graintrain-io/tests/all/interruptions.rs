@@ -139,7 +139,8 @@ impl Observer for Order {
     }
 }
 
-/// A run may be killed after any checkpoint: it has all that belongs to its step, whatever is done about a step beside making it.
+/// A run may be killed after any checkpoint: it has all that belongs to its step, whatever is done about a
+/// step beside making it.
 #[test]
 fn checkpoints_have_all_that_belongs_to_their_step() {
     for steps in [1, 49, 50, 51] {
@@ -243,7 +244,8 @@ fn a_run_that_had_not_begun_leaves_its_folder_free() {
     run(folder, 1, &mut []);
 }
 
-/// A step under way is dropped when the time is up, wherever it is: here in the search for contacts of many bodies in one place.
+/// A step under way is dropped when the time is up, wherever it is: here in the search for contacts of many
+/// bodies in one place.
 #[test]
 fn a_step_is_stopped_in_the_search_for_contacts() {
     let text = "[time]\nstep = 1e-3\nsteps = 1\n[contact]\nenvelope = 10\n[packing.a]\nradius = 0.1\n\

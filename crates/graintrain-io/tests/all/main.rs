@@ -4,6 +4,7 @@ mod exchange;
 mod interruptions;
 mod measures;
 mod output;
+mod pauses;
 mod periodic;
 mod pour;
 #[cfg(feature = "fclib")]

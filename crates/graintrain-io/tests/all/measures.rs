@@ -1,5 +1,5 @@
-//! Measurements as a scene asks for them: tables, resumption, errors, and the same numbers from the frames by a script that knows nothing of
-//! this program.
+//! Measurements as a scene asks for them: tables, resumption, errors, and the same numbers from the frames by
+//! a script that knows nothing of this program.
 
 use graintrain_io::checkpoint;
 use graintrain_io::output::folder::RunFolder;
@@ -83,7 +83,8 @@ fn tables_hold_what_the_scene_asks_for() {
     let force = column(&floor, "force_z");
     let mean = force[150..].iter().sum::<f64>() / 50.0;
     assert!((mean / (-9.81 * mass) - 1.0).abs() < 0.2, "{mean} {}", -9.81 * mass);
-    // Through the gate passed what was above and is now below: counted from the frames' places by the script, here by sign.
+    // Through the gate passed what was above and is now below: counted from the frames' places by the script,
+    // here by sign.
     let gate = table(whole.path(), "gate");
     let passed = column(&gate, "passed_bodies");
     assert!(passed[0] == 0.0 && *passed.last().unwrap() > 20.0 && passed.iter().all(|n| n.fract() == 0.0));

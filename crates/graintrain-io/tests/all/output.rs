@@ -103,7 +103,6 @@ fn advance(world: &mut World, settings: &RunSettings) -> StepReport {
             residual,
             residual_relaxed: residual,
             residual_coulomb: Residual { max: 0.01, rms: 0.001 },
-            residual_paper: 5e-6,
             objective: -1.0,
             seconds: 0.01,
             newton: Vec::new(),

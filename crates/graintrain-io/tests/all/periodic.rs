@@ -53,7 +53,8 @@ fn finished(scene: &Scene) -> Run {
     run
 }
 
-/// Rates, then stresses with a rate: the cell closes as the rate says, then under the pressure, and shears; the records hold what the cell is.
+/// Rates, then stresses with a rate: the cell closes as the rate says, then under the pressure, and shears;
+/// the records hold what the cell is.
 #[test]
 fn stages_drive_the_cell() {
     let scene = scene(SCENE).unwrap();

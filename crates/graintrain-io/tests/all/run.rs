@@ -1,5 +1,6 @@
 //! Runs that stop, are killed, fail and go on.
 
+use crate::pauses::StopAfter;
 use graintrain::assemble::OverlapCorrection;
 use graintrain::ccp::{FrictionModel, Judge};
 use graintrain::formula::{Formula, Function, Operation};
@@ -12,13 +13,12 @@ use graintrain::shape::{Geometry, Shape};
 use graintrain::stepper::{SolverChoice, StepSettings};
 use graintrain::world::{Body, World};
 use graintrain_io::checkpoint;
-use graintrain_io::files::OutputError;
 use graintrain_io::output::OutputSettings;
 use graintrain_io::output::folder::RunFolder;
 use graintrain_io::output::recorder::Recorder;
 use graintrain_io::output::summary::{RunStatus, Summary};
 use graintrain_io::output::vtp::Precision;
-use graintrain_io::run::{Ending, Observer, Run, RunError, RunSettings, RunTotals, StepView};
+use graintrain_io::run::{Ending, Run, RunError, RunSettings, RunTotals};
 use graintrain_io::scene::{Scene, setting};
 use std::path::Path;
 use std::sync::Arc;
@@ -113,16 +113,6 @@ fn with_limits(tolerance: f64, max_iterations: usize, steps: u64) -> RunSettings
 
 fn never() -> Arc<AtomicBool> {
     Arc::new(AtomicBool::new(false))
-}
-
-/// Sets the stop flag after a step.
-struct StopAfter(u64, Arc<AtomicBool>);
-
-impl Observer for StopAfter {
-    fn observe(&mut self, step: StepView<'_>) -> Result<(), OutputError> {
-        self.1.store(step.world.step >= self.0, Ordering::Relaxed);
-        Ok(())
-    }
 }
 
 /// Runs `steps` steps into the folder without an interruption.
@@ -274,8 +264,9 @@ fn a_step_that_fails_keeps_the_state_before_it() {
     assert_eq!(run.world.state_hash(), before);
 }
 
-/// A packing that is large enough to be begun in single precision, with a curvature remembered from step to step: a run that goes on from
-/// a checkpoint, with any number of threads, has the bits of an uninterrupted one.
+/// A packing that is large enough to be begun in single precision, with a curvature remembered from step to
+/// step: a run that goes on from a checkpoint, with any number of threads, has the bits of an uninterrupted
+/// one.
 #[test]
 fn what_a_solver_remembers_is_in_the_checkpoint() {
     for friction in [FrictionModel::Relaxed, FrictionModel::Coulomb] {

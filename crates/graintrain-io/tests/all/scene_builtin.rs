@@ -71,8 +71,9 @@ fn the_papers_scenes_have_its_numbers_of_bodies_and_no_overlap() {
     }
 }
 
-/// A third of this sample is wedged between the halves of the box: relaxed friction throws grains at hundreds of times the speed at which they
-/// meet (23 413 J). With exact friction a step that its budget ends is as sound as the others.
+/// A third of this sample is wedged between the halves of the box: relaxed friction throws grains at hundreds
+/// of times the speed at which they meet (23 413 J). With exact friction a step that its budget ends is as
+/// sound as the others.
 #[test]
 fn the_smallest_shear_box_throws_nothing() {
     let Simulation { mut world, settings, steps, .. } = build("direct-shear", &[("n", "1")]);

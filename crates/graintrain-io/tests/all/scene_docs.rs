@@ -1,6 +1,6 @@
 //! `docs/scenes.md` documents every key of the schema and no other, and its examples are accepted.
 
-use graintrain_io::scene::schema::{Kind, SCENE, Table};
+use graintrain_io::scene::schema::{Key, Kind, Range, SCENE, Table};
 use std::fmt::Write;
 
 const BEGIN: &str = "<!-- reference: written by the test scene_docs with GRAINTRAIN_WRITE_DOCS=1 -->\n";
@@ -10,6 +10,10 @@ fn kind(kind: Kind) -> String {
     match kind {
         Kind::Quantity(dimension) => unit(dimension.unit()),
         Kind::Vector(dimension) => format!("3 x {}", unit(dimension.unit())),
+        Kind::VectorOrQuantity(dimension) => {
+            let unit = unit(dimension.unit());
+            format!("{unit}, or 3 x {unit}")
+        }
         Kind::List(dimension) => format!("list of {}", unit(dimension.unit())),
         Kind::RatioOrLength => "number or m".into(),
         Kind::Count => "whole number".into(),
@@ -29,18 +33,45 @@ fn kind(kind: Kind) -> String {
     }
 }
 
+/// What the key holds, with the range of its numbers.
+fn holds(key: &Key) -> String {
+    let range = match (key.range, key.kind) {
+        (Range::Any, _) => "",
+        (Range::Positive, Kind::Count | Kind::Counts) => ", >= 1",
+        (Range::Positive, _) => ", > 0",
+        (Range::NotNegative, _) => ", >= 0",
+        (Range::ZeroToOne, _) => ", 0 to 1",
+    };
+    kind(key.kind) + range
+}
+
+/// Whether both tables have the same keys with the same meanings, for other units.
+fn are_alike(first: &Table, second: &Table) -> bool {
+    let said = |table: &Table| table.keys.iter().map(|key| (key.name, key.about)).collect::<Vec<_>>();
+    said(first) == said(second)
+}
+
 fn reference() -> String {
     let mut text = String::from(BEGIN);
-    for table in SCENE.all() {
+    let tables = SCENE.all();
+    for (k, table) in tables.iter().enumerate() {
+        if tables[..k].iter().any(|other| are_alike(other, table)) {
+            continue;
+        }
         let Table { heading, keys, alternatives } = table;
-        write!(
-            text,
-            "\n### {heading}\n\n| key | holds | default | example | meaning |\n|---|---|---|---|---|\n"
-        )
-        .unwrap();
+        write!(text, "\n### {heading}\n\n").unwrap();
+        let alike: Vec<&str> = tables[k + 1..]
+            .iter()
+            .filter(|other| are_alike(other, table))
+            .map(|other| other.heading)
+            .collect();
+        if !alike.is_empty() {
+            write!(text, "The same keys, with other units: {}.\n\n", alike.join(", ")).unwrap();
+        }
+        text.push_str("| key | holds | default | example | meaning |\n|---|---|---|---|---|\n");
         for key in *keys {
             let (name, default, example, about) = (key.name, key.default, key.example, key.about);
-            writeln!(text, "| `{name}` | {} | {default} | `{example}` | {about} |", kind(key.kind)).unwrap();
+            writeln!(text, "| `{name}` | {} | {default} | `{example}` | {about} |", holds(key)).unwrap();
         }
         for group in *alternatives {
             writeln!(text, "\nAt most one of: {}.", group.join(", ")).unwrap();

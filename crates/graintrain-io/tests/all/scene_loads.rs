@@ -130,8 +130,8 @@ fn mistakes_in_loads_are_told() {
     std::fs::remove_dir_all(folder).unwrap();
 }
 
-/// The axis of a prescribed rotation goes where the body goes, unless a point of the world is given; the frame's origin counts, not
-/// the centre of mass.
+/// The axis of a prescribed rotation goes where the body goes, unless a point of the world is given; the
+/// frame's origin counts, not the centre of mass.
 #[test]
 fn an_axis_moves_with_its_body_unless_a_point_is_given() {
     let scene = |point: &str| {

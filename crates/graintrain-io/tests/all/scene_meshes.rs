@@ -1,5 +1,5 @@
-//! Solid meshes in scenes: mass from the file, what is refused, and a wheel from a binary STL file in millimetres that rolls through
-//! grains. Packings of clumps.
+//! Solid meshes in scenes: mass from the file, what is refused, and a wheel from a binary STL file in
+//! millimetres that rolls through grains. Packings of clumps.
 
 use graintrain::collide::deepest_overlap;
 use graintrain::math::Vec3;
@@ -130,8 +130,8 @@ fn meshes_that_bound_no_solid_are_told() {
 /// The step whose bits are compared: the wheel stands in the grains and begins to roll.
 const EARLY: u64 = 120;
 
-/// What is measured at the wheel in every step (pull, load carried, torque about the axis, height of the axle), the hash of the state after
-/// the step [`EARLY`], and the world at the end.
+/// What is measured at the wheel in every step (pull, load carried, torque about the axis, height of the
+/// axle), the hash of the state after the step [`EARLY`], and the world at the end.
 fn run(simulation: Simulation, steps: u64) -> (Vec<[f64; 4]>, u64, World) {
     let mut world = simulation.world;
     let wheel = wheel_of(&world);
@@ -153,7 +153,8 @@ fn run(simulation: Simulation, steps: u64) -> (Vec<[f64; 4]>, u64, World) {
     (series, early, world)
 }
 
-/// Mean pull, load carried, torque and height, and the standard error of each from the means of ten parts of the series.
+/// Mean pull, load carried, torque and height, and the standard error of each from the means of ten parts of
+/// the series.
 fn means(series: &[[f64; 4]]) -> [[f64; 2]; 4] {
     std::array::from_fn(|k| {
         let mean = |rows: &[[f64; 4]]| rows.iter().map(|row| row[k]).sum::<f64>() / rows.len() as f64;
@@ -243,8 +244,8 @@ random_rotation = true
 lattice = { counts = [4, 4, 3], pitch = "7 cm" }
 "#;
 
-/// Two balls of radius R at the distance R: the union has the volume of both less the lens 5/12 pi R^3; their centre comes to the place on
-/// the lattice, every body is turned another way, and they come to rest.
+/// Two balls of radius R at the distance R: the union has the volume of both less the lens 5/12 pi R^3; their
+/// centre comes to the place on the lattice, every body is turned another way, and they come to rest.
 #[test]
 fn packings_of_clumps_weigh_their_union_and_rest() {
     let simulation = build(CLUMPS, Path::new("")).unwrap();
@@ -255,7 +256,8 @@ fn packings_of_clumps_weigh_their_union_and_rest() {
     assert_eq!(world.bodies.len(), 49);
     assert!((world.bodies.mass[1] / (1000.0 * volume) - 1.0).abs() < 1e-12);
     assert!((world.bodies.position[1] - Vec3::splat(0.035)).length() < 1e-15);
-    // Uniform rotations take an axis to any place of the sphere: its mean square along each direction is 1/3 +- 0.04 (48 of them).
+    // Uniform rotations take an axis to any place of the sphere: its mean square along each direction is 1/3
+    // +- 0.04 (48 of them).
     let axes: Vec<Vec3> = world.bodies.orientation[1..].iter().map(|turn| *turn * Vec3::X).collect();
     for k in 0..3 {
         let square = axes.iter().map(|axis| axis[k] * axis[k]).sum::<f64>() / 48.0;
@@ -280,7 +282,8 @@ fn packings_of_clumps_weigh_their_union_and_rest() {
     }
 }
 
-/// The hull of the wheel's points has no grooves; its frame is the file's. Inside, or in a plane, points are told what they are.
+/// The hull of the wheel's points has no grooves; its frame is the file's. Inside, or in a plane, points are
+/// told what they are.
 #[test]
 fn a_hull_from_a_file_stands_where_the_file_says() {
     let folder = folder("hull", &triangles());

@@ -294,7 +294,6 @@ impl Plan {
             turning: Vec::new(),
             r,
             velocity_scale: Some(GRAVITY * STEP),
-            impulse_scale: Some(self.mass * GRAVITY * STEP),
             identity: (0..self.touches.len() as u64).collect(),
             points,
         }

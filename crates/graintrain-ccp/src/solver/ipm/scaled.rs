@@ -66,7 +66,6 @@ impl Scaled {
             friction: problem.friction.clone(),
             turning: Vec::new(),
             velocity_scale: None,
-            impulse_scale: None,
             points: problem.points.clone(),
             identity: problem.identity.clone(),
         };

@@ -28,7 +28,8 @@ pub struct Verdict {
     pub objective: f64,
     /// max |u - u of the answer| / max |u|.
     pub velocity_error: f64,
-    /// Of the residuals, by round-off: where a heavy body stands on a light one, velocities are small differences of large impulses.
+    /// Of the residuals, by round-off: where a heavy body stands on a light one, velocities are small
+    /// differences of large impulses.
     pub rounding: f64,
 }
 
@@ -41,8 +42,8 @@ impl Problem {
         }
     }
 
-    /// u and the diagonal of N (columns of unit impulses would be too slow for the large ones); of a matrix that is not symmetric `own`
-    /// says whether it is taken as it is.
+    /// u and the diagonal of N (columns of unit impulses would be too slow for the large ones); of a matrix
+    /// that is not symmetric `own` says whether it is taken as it is.
     fn velocity(&self, g: &[f64], own: bool) -> Vec<f64> {
         match &self.form {
             Form::Local { w, q } => {
@@ -90,7 +91,8 @@ impl Problem {
         diagonal
     }
 
-    /// Judges a solution file. Exact friction is a matter of W as the file has it, the relaxation (a minimum) of its symmetric part.
+    /// Judges a solution file. Exact friction is a matter of W as the file has it, the relaxation (a minimum)
+    /// of its symmetric part.
     pub fn judge(&self, solution: &Path, exact: bool) -> Verdict {
         let text = std::fs::read_to_string(solution).unwrap();
         let mut lines = text.lines();

@@ -1,4 +1,5 @@
-//! The solvers on contact problems of this project and of others, through the command line, judged from the files alone.
+//! The solvers on contact problems of this project and of others, through the command line, judged from the
+//! files alone.
 
 mod evaluator;
 

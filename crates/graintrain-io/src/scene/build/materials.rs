@@ -8,8 +8,8 @@ use graintrain::handle::MaterialId;
 use graintrain::material::{Elasticity, Materials, TurningResistance};
 use std::collections::HashMap;
 
-/// Materials with the values of this list, and the pairs and rules of the scene. Errors are placed at the location (of the stage whose
-/// values they are), otherwise at the pair that they concern.
+/// Materials with the values of this list, and the pairs and rules of the scene. Errors are placed at the
+/// location (of the stage whose values they are), otherwise at the pair that they concern.
 pub(super) fn materials(
     scene: &Scene,
     list: &[(String, MaterialSpec)],
@@ -82,9 +82,10 @@ pub(super) fn materials(
     Ok((materials, index))
 }
 
-/// Stiffness and damping of a pair: those that it gives itself, otherwise both materials in series. A contact of a material with itself
-/// (k, d) is two halves of (2k, 2d) each, and a rigid material has no part in it; halves (K_1, D_1) and (K_2, D_2) in series are
-/// `1/K = 1/K_1 + 1/K_2` and, for oscillations slower than K/D, `D/K^2 = D_1/K_1^2 + D_2/K_2^2`.
+/// Stiffness and damping of a pair: those that it gives itself, otherwise both materials in series. A contact
+/// of a material with itself (k, d) is two halves of (2k, 2d) each, and a rigid material has no part in it;
+/// halves (K_1, D_1) and (K_2, D_2) in series are `1/K = 1/K_1 + 1/K_2` and, for oscillations slower than
+/// K/D, `D/K^2 = D_1/K_1^2 + D_2/K_2^2`.
 fn elasticity_of(own: [Elasticity; 2], is_same: bool, pair: Option<&PairSpec>) -> Elasticity {
     let series = if is_same { own[0] } else { in_series(own) };
     let Some(pair) = pair else { return series };

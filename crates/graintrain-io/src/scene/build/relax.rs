@@ -10,9 +10,9 @@ use graintrain::world::World;
 /// Steps after which bodies that still overlap are left to the check that follows.
 const STEPS: usize = 2_000;
 
-/// Moves bodies apart until none overlaps another by more than `allowed` (m), by steps without forces and velocities: what is left of
-/// those is the removal of overlap, which displaces each body by as little as mends it. Prescribed bodies stay. Velocities stay as they
-/// were.
+/// Moves bodies apart until none overlaps another by more than `allowed` (m), by steps without forces and
+/// velocities: what is left of those is the removal of overlap, which displaces each body by as little as
+/// mends it. Prescribed bodies stay. Velocities stay as they were.
 pub(super) fn relax(world: &mut World, envelope: f64, allowed: f64) {
     let is_relaxed = |world: &World| deepest_overlap(world).is_none_or(|overlap| overlap.depth <= allowed);
     if is_relaxed(world) {

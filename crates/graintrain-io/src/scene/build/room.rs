@@ -1,5 +1,5 @@
-//! Lattices that cannot fit into their space, told before their bodies are made: there may be millions of them, each in contact with all
-//! others.
+//! Lattices that cannot fit into their space, told before their bodies are made: there may be millions of
+//! them, each in contact with all others.
 
 use crate::scene::error::{SceneError, SceneErrorKind};
 use crate::scene::model::{PackingSource, PackingSpec};
@@ -8,8 +8,9 @@ use std::f64::consts::PI;
 
 const AXES: [&str; 3] = ["x", "y", "z"];
 
-/// An error where balls of this radius, m, one in every body of the lattice, have more volume than the space that holds them: some of them
-/// overlap then, wherever they are. Bodies at random places are only put where they fit.
+/// An error where balls of this radius, m, one in every body of the lattice, have more volume than the space
+/// that holds them: some of them overlap then, wherever they are. Bodies at random places are only put where
+/// they fit.
 pub(super) fn check(
     name: &str,
     spec: &PackingSpec,

@@ -116,7 +116,8 @@ impl Builder {
     }
 }
 
-/// Gives a world the motions of a stage and what drives its cell, so that what does not go together is seen before the run gets there.
+/// Gives a world the motions of a stage and what drives its cell, so that what does not go together is seen
+/// before the run gets there.
 fn fit(
     world: &mut World,
     motions: &[(BodyId, Option<Motion>)],

@@ -36,7 +36,8 @@ impl PairRule {
         }
     }
 
-    /// The pair's resistance to turning. `None` where one is a ratio and the other a length: neither says what the pair's is.
+    /// The pair's resistance to turning. `None` where one is a ratio and the other a length: neither says
+    /// what the pair's is.
     pub fn combine_turning(
         self,
         first: TurningResistance,

@@ -46,7 +46,8 @@ pub struct TranslationSpec {
 /// A prescribed rotation.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct SpinSpec {
-    /// A point of the axis in the world, m; `None`: the axis goes through the origin of the body's frame and moves with it.
+    /// A point of the axis in the world, m; `None`: the axis goes through the origin of the body's frame and
+    /// moves with it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub point: Option<Vec3>,
     /// Unit direction.

@@ -1,8 +1,8 @@
-//! Spheres of MercuryDPM: `.data` files (a header line with the number of particles, time and box, then a line per particle, frame after
-//! frame) and restart files (a line per particle with named values).
+//! Spheres of MercuryDPM: `.data` files (a header line with the number of particles, time and box, then a
+//! line per particle, frame after frame) and restart files (a line per particle with named values).
 //!
-//! Source: MercuryDPM's documentation of its output files; data files have 14 columns (x y z vx vy vz radius, three angles, three angular
-//! velocities, a number) under 8 in the header.
+//! Source: MercuryDPM's documentation of its output files; data files have 14 columns (x y z vx vy vz radius,
+//! three angles, three angular velocities, a number) under 8 in the header.
 
 use super::text::{count, ended_text, number, row, vector};
 use super::{FileContent, FileProblem};

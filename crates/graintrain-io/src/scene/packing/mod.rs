@@ -142,7 +142,8 @@ pub(crate) fn place(
     Ok(placed)
 }
 
-/// The orientations of a packing's bodies, one after the other; none where they are not turned, from a stream of their own: places stay what they are.
+/// The orientations of a packing's bodies, one after the other; none where they are not turned, from a stream
+/// of their own: places stay what they are.
 pub(crate) fn orientations(spec: &PackingSpec) -> impl Iterator<Item = Quat> + use<> {
     let mut random = Random::new(spec.seed ^ TURNS);
     std::iter::repeat_with(move || random.rotation()).take(if spec.random_rotation { usize::MAX } else { 0 })

@@ -12,8 +12,9 @@ const TRIES: usize = 30;
 /// Places tried for the first sample.
 const FIRST: usize = 1_000;
 
-/// Centres at least `distance` (m) from each other, of balls of the radius `reach` (m) wholly inside the region: from each sample places
-/// between one and two distances away are tried, until none takes another. Expected cost proportional to their number.
+/// Centres at least `distance` (m) from each other, of balls of the radius `reach` (m) wholly inside the
+/// region: from each sample places between one and two distances away are tried, until none takes another.
+/// Expected cost proportional to their number.
 ///
 /// Source: R. Bridson, "Fast Poisson disk sampling in arbitrary dimensions", SIGGRAPH sketches, 2007.
 pub(crate) fn positions(region: &Region, distance: f64, reach: f64, random: &mut Random) -> Vec<Vec3> {
@@ -72,7 +73,8 @@ fn holds(region: &Region, centre: Vec3, radius: f64) -> bool {
 mod tests {
     use super::*;
 
-    /// Every pair is far enough apart, and no place of a fine grid is left that would take another sample with room to spare.
+    /// Every pair is far enough apart, and no place of a fine grid is left that would take another sample
+    /// with room to spare.
     #[test]
     fn samples_keep_their_distance_and_leave_no_hole() {
         for region in [

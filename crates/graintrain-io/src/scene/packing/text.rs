@@ -10,7 +10,8 @@ pub(super) fn text(bytes: &[u8]) -> Result<&str, FileProblem> {
     Ok(text.trim_start_matches('\u{feff}'))
 }
 
-/// The text of a file that programs write, which end its last line, too: without that the last number may have lost digits.
+/// The text of a file that programs write, which end its last line, too: without that the last number may
+/// have lost digits.
 pub(super) fn ended_text(bytes: &[u8]) -> Result<&str, FileProblem> {
     let text = text(bytes)?;
     if text.is_empty() || text.ends_with('\n') {

@@ -1,6 +1,8 @@
-//! Extended XYZ: a count, a comment line with `Properties=name:type:columns:...`, and a line per particle, frame after frame.
+//! Extended XYZ: a count, a comment line with `Properties=name:type:columns:...`, and a line per particle,
+//! frame after frame.
 //!
-//! Source: libatoms' specification of extended XYZ (github.com/libAtoms/extxyz). Names of properties as OVITO writes them.
+//! Source: libatoms' specification of extended XYZ (github.com/libAtoms/extxyz). Names of properties as OVITO
+//! writes them.
 
 use super::text::{Columns, count, ended_text, number, row, vector};
 use super::{FileContent, FileProblem};

@@ -1,5 +1,5 @@
-//! Spheres as YADE's `export.text`, `export.textExt` write them: blanks between x, y, z, radius and more, a line `#format` that names
-//! the columns.
+//! Spheres as YADE's `export.text`, `export.textExt` write them: blanks between x, y, z, radius and more, a
+//! line `#format` that names the columns.
 //!
 //! Source: yade-dem.org, module `yade.export`.
 

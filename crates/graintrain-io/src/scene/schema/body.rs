@@ -2,7 +2,9 @@
 
 use super::Kind::{self, Flag, Function, List, Quantity, Rows, Tables, Text, TextOr, Texts, Vector};
 use super::function::{ANGULAR_SPEED, SPEED};
-use super::{D, Table, key};
+use super::{D, Range, Table, key, names};
+use crate::scene::file::MOTIONS;
+use crate::scene::model::DEGREES;
 
 pub(super) static BODY: Table = Table {
     heading: "`[body.NAME]`",
@@ -51,22 +53,22 @@ pub(super) static BODY: Table = Table {
             "[0, 0, \"12 rpm\"]",
             "Initial angular velocity",
         ),
-        key("mass", Quantity(D::MASS), "density x volume", "\"3 kg\"", "Mass"),
+        key("mass", Quantity(D::MASS), "density x volume", "\"3 kg\"", "Mass").within(Range::Positive),
         key(
             "inertia",
             Vector(D::new(2, 1, 0, 0)),
             "from mass and shape",
             "[0.2, 0.3, \"0.2 kg m^2\"]",
             "Moments of inertia about the axes of the body's frame through its centre of mass (of a surface: its origin); with mass",
-        ),
-        key("density", Quantity(D::DENSITY), "the material's", "\"7800 kg/m^3\"", "Density of this body"),
+        ).within(Range::Positive),
+        key("density", Quantity(D::DENSITY), "the material's", "\"7800 kg/m^3\"", "Density of this body").within(Range::Positive),
         key(
             "motion",
             TextOr(&MOTION),
             "free; fixed for planes and surfaces",
             "\"fixed\"",
             "free, fixed, or a table that prescribes it",
-        ),
+        ).one_of(|| names(MOTIONS)),
     ],
 };
 
@@ -137,13 +139,14 @@ pub(super) static SHAPE: Table = Table {
 static SPHERE: Table = Table {
     heading: "`shape.sphere`",
     alternatives: &[],
-    keys: &[key("radius", Quantity(D::LENGTH), "required", "\"1 cm\"", "Radius")],
+    keys: &[key("radius", Quantity(D::LENGTH), "required", "\"1 cm\"", "Radius").within(Range::Positive)],
 };
 
 static BOX: Table = Table {
     heading: "`shape.box`",
     alternatives: &[],
-    keys: &[key("size", Vector(D::LENGTH), "required", "[\"1 m\", \"2 m\", \"3 m\"]", "Edge lengths")],
+    keys: &[key("size", Vector(D::LENGTH), "required", "[\"1 m\", \"2 m\", \"3 m\"]", "Edge lengths")
+        .within(Range::Positive)],
 };
 
 static PLANE: Table = Table {
@@ -162,8 +165,9 @@ static CAPSULE: Table = Table {
             "required",
             "\"4 cm\"",
             "Distance between the centres of the half balls",
-        ),
-        key("radius", Quantity(D::LENGTH), "required", "\"1 cm\"", "Radius"),
+        )
+        .within(Range::Positive),
+        key("radius", Quantity(D::LENGTH), "required", "\"1 cm\"", "Radius").within(Range::Positive),
     ],
 };
 
@@ -171,8 +175,8 @@ static CYLINDER: Table = Table {
     heading: "`shape.cylinder`",
     alternatives: &[],
     keys: &[
-        key("length", Quantity(D::LENGTH), "required", "\"4 cm\"", "Height"),
-        key("radius", Quantity(D::LENGTH), "required", "\"1 cm\"", "Radius"),
+        key("length", Quantity(D::LENGTH), "required", "\"4 cm\"", "Height").within(Range::Positive),
+        key("radius", Quantity(D::LENGTH), "required", "\"1 cm\"", "Radius").within(Range::Positive),
     ],
 };
 
@@ -194,7 +198,8 @@ static HULL: Table = Table {
             "[[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]",
             "Points that enclose a volume; those inside, or outside by less than 1e-6 of the extent, are no corners. At most 256 corners",
         ),
-        key("scale", Quantity(D::NONE), "1", "0.001", "Factor on all coordinates, e.g. for a file in mm"),
+        key("scale", Quantity(D::NONE), "1", "0.001", "Factor on all coordinates, e.g. for a file in mm")
+            .within(Range::Positive),
     ],
 };
 
@@ -217,7 +222,8 @@ static MESH: Table = Table {
             "[[0, 1, 2]]",
             "Three vertex numbers (from 0) per triangle, counter-clockwise seen from outside",
         ),
-        key("scale", Quantity(D::NONE), "1", "0.001", "Factor on all coordinates, e.g. for a file in mm"),
+        key("scale", Quantity(D::NONE), "1", "0.001", "Factor on all coordinates, e.g. for a file in mm")
+            .within(Range::Positive),
         key(
             "solid",
             Flag,
@@ -238,14 +244,14 @@ pub(super) static MOTION: Table = Table {
             "[]",
             "[\"z\"]",
             "Degrees of freedom that stay dynamic: x, y, z, rx, ry, rz; all others follow the prescribed velocity, zero by default",
-        ),
+        ).one_of(|| DEGREES.to_vec()),
         key(
             "start",
             Quantity(D::TIME),
             "0",
             "\"0.5 s\"",
             "At rest until then; speeds that depend on time count it from there",
-        ),
+        ).within(Range::NotNegative),
         key(
             "translation",
             Tables(&TRANSLATION),

@@ -1,7 +1,7 @@
 //! Keys of functions of time.
 
 use super::Kind::{self, List, Quantity, Text};
-use super::{D, Key, Table, key};
+use super::{D, Key, Range, Table, key};
 
 /// The tables of a function of time whose values have one dimension.
 macro_rules! function_of_time {
@@ -61,7 +61,7 @@ macro_rules! function_of_time {
     };
 }
 
-const PERIOD: Key = key("period", Quantity(D::TIME), "required", "\"4 s\"", "Period");
+const PERIOD: Key = key("period", Quantity(D::TIME), "required", "\"4 s\"", "Period").within(Range::Positive);
 const PHASE: Key = key("phase", Quantity(D::ANGLE), "0", "\"90 deg\"", "Phase");
 const TIMES: Key = key("times", List(D::TIME), "required", "[0, \"0.5 s\", \"1 s\"]", "Ascending times");
 

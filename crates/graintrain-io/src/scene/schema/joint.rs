@@ -2,7 +2,8 @@
 
 use super::Kind::{self, Flag, Function, Quantity, Rows, Text, Texts, Vector};
 use super::function::{ANGLE, ANGULAR_SPEED, FORCE, LENGTH, SPEED, TORQUE};
-use super::{D, Table, key};
+use super::{D, Range, Table, key, names};
+use crate::scene::joint::{ALONG, KINDS};
 
 /// N m/rad
 const TORSION: D = D::new(2, 1, -2, -1);
@@ -17,7 +18,7 @@ pub(super) static JOINT: Table = Table {
             "required",
             "\"revolute\"",
             "fixed, revolute, prismatic, cylindrical, spherical, distance or gear",
-        ),
+        ).one_of(|| names(KINDS)),
         key(
             "bodies",
             Texts,
@@ -66,7 +67,7 @@ pub(super) static JOINT: Table = Table {
             "\"turn\"",
             "\"slide\"",
             "Of a cylindrical joint: whether `motor`, `torsion_spring` and `angles` (turn) or `actuator`, `spring` and `travel` (slide) are given",
-        ),
+        ).one_of(|| names(ALONG)),
         key(
             "motor",
             Kind::Table(&MOTOR),
@@ -159,8 +160,10 @@ static TORSION_SPRING: Table = Table {
     heading: "`torsion_spring`",
     alternatives: &[],
     keys: &[
-        key("stiffness", Quantity(TORSION), "0", "\"30 N m/rad\"", "Torque per angle"),
-        key("damping", Quantity(D::new(2, 1, -1, -1)), "0", "\"2 N m s/rad\"", "Torque per angular speed"),
+        key("stiffness", Quantity(TORSION), "0", "\"30 N m/rad\"", "Torque per angle")
+            .within(Range::NotNegative),
+        key("damping", Quantity(D::new(2, 1, -1, -1)), "0", "\"2 N m s/rad\"", "Torque per angular speed")
+            .within(Range::NotNegative),
         key(
             "rest",
             Function(D::ANGLE, &ANGLE),
@@ -175,8 +178,10 @@ static SPRING: Table = Table {
     heading: "`spring`",
     alternatives: &[],
     keys: &[
-        key("stiffness", Quantity(D::new(0, 1, -2, 0)), "0", "\"10 kN/m\"", "Force per length"),
-        key("damping", Quantity(D::new(0, 1, -1, 0)), "0", "\"200 N s/m\"", "Force per speed"),
+        key("stiffness", Quantity(D::new(0, 1, -2, 0)), "0", "\"10 kN/m\"", "Force per length")
+            .within(Range::NotNegative),
+        key("damping", Quantity(D::new(0, 1, -1, 0)), "0", "\"200 N s/m\"", "Force per speed")
+            .within(Range::NotNegative),
         key(
             "rest",
             Function(D::LENGTH, &LENGTH),

@@ -3,7 +3,8 @@
 use super::Kind::{self, Function, Functions, Quantity, Text, Texts, Vector};
 use super::function::{ACCELERATION, FORCE, PRESSURE, TORQUE};
 use super::packing::{BOX_REGION, CYLINDER_REGION};
-use super::{D, Table, key};
+use super::{D, Range, Table, key, names};
+use crate::scene::file::AXES;
 
 pub(super) static LOAD: Table = Table {
     heading: "`[load.NAME]`",
@@ -45,7 +46,8 @@ pub(super) static LOAD: Table = Table {
             "\"world\"",
             "\"body\"",
             "Axes of force and torque: world, or body (they turn with it)",
-        ),
+        )
+        .one_of(|| names(AXES)),
         key(
             "pressure",
             Kind::Table(&STRESS),
@@ -109,7 +111,8 @@ static STRESS: Table = Table {
             "\"10 kPa\"",
             "Stress, a function of time",
         ),
-        key("area", Quantity(D::AREA), "required", "\"400 cm^2\"", "Area on which it acts"),
+        key("area", Quantity(D::AREA), "required", "\"400 cm^2\"", "Area on which it acts")
+            .within(Range::Positive),
         key(
             "direction",
             Vector(D::NONE),
@@ -132,7 +135,8 @@ static CENTRAL: Table = Table {
             "9.81",
             "Acceleration toward the centre at the distance; negative: away from it",
         ),
-        key("distance", Quantity(D::LENGTH), "1", "\"6371 km\"", "Distance at which it is the strength"),
+        key("distance", Quantity(D::LENGTH), "1", "\"6371 km\"", "Distance at which it is the strength")
+            .within(Range::Positive),
         key("power", Quantity(D::NONE), "-2", "1", "It goes with this power of the distance"),
     ],
 };
@@ -141,15 +145,18 @@ static DRAG: Table = Table {
     heading: "`drag`",
     alternatives: &[],
     keys: &[
-        key("linear", Quantity(D::new(0, 1, -1, 0)), "0", "\"0.2 N s/m\"", "Force over velocity"),
+        key("linear", Quantity(D::new(0, 1, -1, 0)), "0", "\"0.2 N s/m\"", "Force over velocity")
+            .within(Range::NotNegative),
         key(
             "quadratic",
             Quantity(D::new(-1, 1, 0, 0)),
             "0",
             "\"0.5 * 1.2 kg/m^3 * 0.47 * 12 cm^2\"",
             "Force over velocity squared: 1/2 density c_d area",
-        ),
-        key("angular", Quantity(D::new(2, 1, -1, 0)), "0", "\"0.01 N m s\"", "Torque over angular velocity"),
+        )
+        .within(Range::NotNegative),
+        key("angular", Quantity(D::new(2, 1, -1, 0)), "0", "\"0.01 N m s\"", "Torque over angular velocity")
+            .within(Range::NotNegative),
         key("medium", Vector(D::SPEED), "[0, 0, 0]", "[\"5 m/s\", 0, 0]", "Velocity of the medium"),
     ],
 };

@@ -2,7 +2,8 @@
 
 use super::Kind::{self, Count, Flag, Quantity, Text, Texts, Vector};
 use super::load::REGION;
-use super::{D, Table, key};
+use super::{D, Range, Table, key, names};
+use crate::scene::measure::AlongSpec;
 
 pub(super) static MEASURE: Table = Table {
     heading: "`[measure.NAME]`",
@@ -30,7 +31,8 @@ pub(super) static MEASURE: Table = Table {
             "{ box = { min = [0, 0, 0], max = [1, 1, 1] } }",
             "Only bodies whose centre of mass is inside; the volume of stress, porosity and profiles (otherwise the box around the bodies)",
         ),
-        key("start", Quantity(D::TIME), "0", "\"2 s\"", "No record before; planes count from here"),
+        key("start", Quantity(D::TIME), "0", "\"2 s\"", "No record before; planes count from here")
+            .within(Range::NotNegative),
         key("stage", Text, "all stages", "\"shear\"", "Records only in the stage of this name"),
         key(
             "every",
@@ -38,7 +40,8 @@ pub(super) static MEASURE: Table = Table {
             "the time step",
             "\"10 ms\"",
             "Time between records; rounded to whole steps",
-        ),
+        )
+        .within(Range::Positive),
         key(
             "stress",
             Flag,
@@ -173,7 +176,8 @@ static MIXING: Table = Table {
             "Packings of the first kind; all other bodies that are meant are the second",
         ),
         key("streams", Texts, "one of packings, streams", "[\"rain\"]", "Streams of the first kind"),
-        key("cell", Quantity(D::LENGTH), "required", "\"3 cm\"", "Edge of the cells: a few bodies wide"),
+        key("cell", Quantity(D::LENGTH), "required", "\"3 cm\"", "Edge of the cells: a few bodies wide")
+            .within(Range::Positive),
     ],
 };
 
@@ -191,7 +195,8 @@ static SHEAR_BOX: Table = Table {
             "In which the first is moved; any length",
         ),
         key("normal", Vector(D::NONE), "[0, 0, 1]", "[0, 0, 1]", "From the sample to the second; any length"),
-        key("area", Quantity(D::AREA), "required", "\"0.12 m * 0.12 m\"", "Area of the sample"),
+        key("area", Quantity(D::AREA), "required", "\"0.12 m * 0.12 m\"", "Area of the sample")
+            .within(Range::Positive),
         key(
             "plane",
             Vector(D::LENGTH),
@@ -206,7 +211,8 @@ static REPOSE: Table = Table {
     heading: "`measure.repose`",
     alternatives: &[],
     keys: &[
-        key("along", Text, "\"radius\"", "\"x\"", "Where the surface falls to: x, y, z or radius"),
+        key("along", Text, "\"radius\"", "\"x\"", "Where the surface falls to: x, y, z or radius")
+            .one_of(|| names(AlongSpec::NAMES)),
         key(
             "centre",
             Vector(D::LENGTH),
@@ -220,7 +226,8 @@ static REPOSE: Table = Table {
             "required",
             "\"1 cm\"",
             "Width of the columns whose tops make the surface: a diameter or two",
-        ),
+        )
+        .within(Range::Positive),
     ],
 };
 
@@ -228,7 +235,8 @@ static PROFILE: Table = Table {
     heading: "`measure.profile`",
     alternatives: &[],
     keys: &[
-        key("along", Text, "\"z\"", "\"radius\"", "Bins lie along x, y, z or the radius"),
+        key("along", Text, "\"z\"", "\"radius\"", "Bins lie along x, y, z or the radius")
+            .one_of(|| names(AlongSpec::NAMES)),
         key(
             "centre",
             Vector(D::LENGTH),
@@ -247,6 +255,7 @@ static HISTOGRAM: Table = Table {
     alternatives: &[],
     keys: &[
         key("bins", Count, "20", "40", "Number of bins"),
-        key("most", Quantity(D::NONE), "5", "8", "Largest ratio of a normal force to the mean"),
+        key("most", Quantity(D::NONE), "5", "8", "Largest ratio of a normal force to the mean")
+            .within(Range::Positive),
     ],
 };

@@ -1,5 +1,6 @@
-//! Every key of a scene: its kind, default and meaning. The reader checks keys against these tables, `--set` finds
-//! alternatives in them, and a test holds `docs/scenes.md` against them.
+//! Every key of a scene: its kind, range, choices, default and meaning. The reader checks keys and values
+//! against these tables, `--set` finds alternatives in them, `graintrain schema` prints them as a JSON
+//! Schema, and a test holds `docs/scenes.md` against them.
 
 mod body;
 mod function;
@@ -11,9 +12,12 @@ mod periodic;
 mod stage;
 mod stream;
 
+use super::file::{OVERLAP, PRECISIONS};
+use super::model::PairRule;
 use super::quantity::Dimension;
 use body::BODY;
 use function::ACCELERATION;
+use graintrain_ccp::FrictionModel;
 use joint::JOINT;
 use load::LOAD;
 use measure::MEASURE;
@@ -31,6 +35,8 @@ pub enum Kind {
     RatioOrLength,
     /// Three of them.
     Vector(Dimension),
+    /// Three of them, or one for all three.
+    VectorOrQuantity(Dimension),
     /// Any number of them.
     List(Dimension),
     /// A whole number that is not negative, or a text that evaluates to one.
@@ -64,6 +70,20 @@ pub enum Kind {
 }
 
 impl Kind {
+    /// The SI unit of its numbers; empty for pure numbers and for what holds none.
+    pub fn unit(self) -> String {
+        match self {
+            Self::Quantity(dimension)
+            | Self::Vector(dimension)
+            | Self::VectorOrQuantity(dimension)
+            | Self::List(dimension)
+            | Self::QuantityOr(dimension, _)
+            | Self::Function(dimension, _)
+            | Self::Functions(dimension, _) => dimension.unit(),
+            _ => String::new(),
+        }
+    }
+
     /// The table that the key leads into.
     fn table(self) -> Option<&'static Table> {
         match self {
@@ -79,6 +99,39 @@ impl Kind {
     }
 }
 
+/// What a number must satisfy.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Range {
+    /// Finite.
+    Any,
+    /// Above zero; of whole numbers from 1.
+    Positive,
+    /// Zero or above.
+    NotNegative,
+    /// From 0 to 1.
+    ZeroToOne,
+}
+
+impl Range {
+    pub(crate) fn contains(self, value: f64) -> bool {
+        match self {
+            Self::Any => true,
+            Self::Positive => value > 0.0,
+            Self::NotNegative => value >= 0.0,
+            Self::ZeroToOne => (0.0..=1.0).contains(&value),
+        }
+    }
+
+    pub(crate) fn requirement(self) -> &'static str {
+        match self {
+            Self::Any => "finite",
+            Self::Positive => "positive",
+            Self::NotNegative => "zero or positive",
+            Self::ZeroToOne => "between 0 and 1",
+        }
+    }
+}
+
 /// A key of a table.
 #[derive(Clone, Copy, Debug)]
 pub struct Key {
@@ -86,12 +139,33 @@ pub struct Key {
     pub name: &'static str,
     /// What it holds.
     pub kind: Kind,
+    /// What its numbers must satisfy.
+    pub range: Range,
+    /// The texts that it may hold; empty where any will do.
+    pub choices: fn() -> Vec<&'static str>,
     /// Default, for people; `required` or `one of` where there is none.
     pub default: &'static str,
     /// An example, as written in a scene.
     pub example: &'static str,
     /// What it means.
     pub about: &'static str,
+}
+
+impl Key {
+    /// The same key whose numbers lie in this range.
+    const fn within(self, range: Range) -> Self {
+        Self { range, ..self }
+    }
+
+    /// The same key whose text is one of these.
+    const fn one_of(self, choices: fn() -> Vec<&'static str>) -> Self {
+        Self { choices, ..self }
+    }
+}
+
+/// The first of each pair: the names among which [`Reader::choice`](super::reader::Reader::choice) chooses a value.
+fn names<T>(choices: &[(&'static str, T)]) -> Vec<&'static str> {
+    choices.iter().map(|(name, _)| *name).collect()
 }
 
 /// The keys of one kind of table.
@@ -159,7 +233,7 @@ const fn key(
     example: &'static str,
     about: &'static str,
 ) -> Key {
-    Key { name, kind, default, example, about }
+    Key { name, kind, range: Range::Any, choices: Vec::new, default, example, about }
 }
 
 use Kind::{Count, Flag, Free, Named, Quantity, RatioOrLength, Tables, Text, Texts};
@@ -286,15 +360,16 @@ static TIME: Table = Table {
     heading: "`[time]`",
     alternatives: &[&["end", "steps"]],
     keys: &[
-        key("step", Quantity(D::TIME), "required", "\"25 ms\"", "Time step"),
+        key("step", Quantity(D::TIME), "required", "\"25 ms\"", "Time step").within(Range::Positive),
         key(
             "end",
             Quantity(D::TIME),
             "one of end, steps",
             "\"2 s\"",
             "Simulated time; rounded up to whole steps",
-        ),
-        key("steps", Count, "one of end, steps", "120", "Number of steps"),
+        )
+        .within(Range::Positive),
+        key("steps", Count, "one of end, steps", "120", "Number of steps").within(Range::Positive),
     ],
 };
 
@@ -308,14 +383,14 @@ static CONTACT: Table = Table {
             "0.3 x the smallest radius",
             "\"3 cm\"",
             "Pairs closer than this become contacts",
-        ),
+        ).within(Range::Positive),
         key(
             "allowed_overlap",
             Quantity(D::LENGTH),
             "0.01 x the smallest radius",
             "\"0.1 mm\"",
             "Overlap of rigid contacts accepted at the start",
-        ),
+        ).within(Range::NotNegative),
         key(
             "relax",
             Flag,
@@ -331,7 +406,7 @@ static CONTACT: Table = Table {
             "\"velocity\"",
             "How overlap is removed: position (bodies are displaced, which makes no kinetic energy) or velocity (they part with \
              -gap / step and keep it: the paper's scheme)",
-        ),
+        ).one_of(|| names(OVERLAP)),
         key(
             "friction_rule",
             Text,
@@ -339,8 +414,8 @@ static CONTACT: Table = Table {
             "\"geometric-mean\"",
             "Friction (sliding, rolling, spinning) of a pair that `pair` does not name, from both materials: minimum, maximum, mean, \
              geometric-mean",
-        ),
-        key("restitution_rule", Text, "\"minimum\"", "\"mean\"", "Restitution of such a pair"),
+        ).one_of(|| names(PairRule::NAMES)),
+        key("restitution_rule", Text, "\"minimum\"", "\"mean\"", "Restitution of such a pair").one_of(|| names(PairRule::NAMES)),
     ],
 };
 
@@ -356,7 +431,7 @@ static SOLVER: Table = Table {
             "1e-5",
             "Residual at which it stops: its root mean square, with 20 times that for the worst contact. 1e-4: the velocities left \
              over at contacts are, in the root mean square, 1e-4 of gravity times step",
-        ),
+        ).within(Range::Positive),
         key("strict_max", Flag, "false", "true", "Whether the worst contact has to reach the tolerance"),
         key(
             "max_iterations",
@@ -366,14 +441,14 @@ static SOLVER: Table = Table {
             "Iterations that a connected part of the contacts may cost in a step, in those of projected gradients (below 1 024 contacts: up to \
              five times as many). A step that they do not suffice for is made with the best impulses found, and counts as one that missed its \
              tolerance. Relaxed solves, and methods that count something else, have limits of their own",
-        ),
+        ).within(Range::Positive),
         key(
             "friction",
             Text,
             "\"coulomb\"",
             "\"relaxed\"",
             "coulomb (exact) or relaxed (cone complementarity, the paper's model: what slides is lifted by mu times its slip)",
-        ),
+        ).one_of(|| names(FrictionModel::NAMES)),
     ],
 };
 
@@ -387,7 +462,8 @@ static OUTPUT: Table = Table {
             "end / 100, at least a step",
             "\"0.1 s\"",
             "Simulated time between frames; rounded to whole steps",
-        ),
+        )
+        .within(Range::Positive),
         key("bodies", Flag, "true", "false", "Write the bodies of each frame"),
         key("contacts", Flag, "true", "false", "Write the contacts of each frame"),
         key(
@@ -396,14 +472,16 @@ static OUTPUT: Table = Table {
             "\"single\"",
             "\"double\"",
             "Floating-point numbers of the frames: single (for pictures) or double",
-        ),
+        )
+        .one_of(|| names(PRECISIONS)),
         key(
             "checkpoint_every",
             Quantity(D::TIME),
             "end / 10, at least a step",
             "\"1 s\"",
             "Simulated time between checkpoints",
-        ),
+        )
+        .within(Range::Positive),
     ],
 };
 
@@ -415,15 +493,15 @@ static MATERIAL: Table = Table {
     heading: "`[material.NAME]`",
     alternatives: &[],
     keys: &[
-        key("density", Quantity(D::DENSITY), "1000", "\"2500 kg/m^3\"", "Density"),
-        key("friction", Quantity(D::NONE), "0.25", "0.5", "Coefficient of friction with itself"),
+        key("density", Quantity(D::DENSITY), "1000", "\"2500 kg/m^3\"", "Density").within(Range::Positive),
+        key("friction", Quantity(D::NONE), "0.25", "0.5", "Coefficient of friction with itself").within(Range::NotNegative),
         key(
             "restitution",
             Quantity(D::NONE),
             "0",
             "0.6",
             "Newton's coefficient of restitution with itself, 0 to 1",
-        ),
+        ).within(Range::ZeroToOne),
         key(
             "rolling_friction",
             RatioOrLength,
@@ -431,35 +509,35 @@ static MATERIAL: Table = Table {
             "0.1",
             "Rolling friction with itself: the largest moment across the normal over the normal force, a length; a number counts in \
              effective radii R_A R_B / (R_A + R_B)",
-        ),
+        ).within(Range::NotNegative),
         key(
             "spinning_friction",
             RatioOrLength,
             "0",
             "\"0.2 mm\"",
             "Spinning friction with itself: the same for the moment about the normal",
-        ),
+        ).within(Range::NotNegative),
         key(
             "stiffness",
             Quantity(STIFFNESS),
             "0: rigid",
             "\"100 kN/m\"",
             "Normal stiffness of every contact with itself; not with restitution",
-        ),
+        ).within(Range::NotNegative),
         key(
             "damping",
             Quantity(DAMPING),
             "0",
             "\"20 N s/m\"",
             "Normal damping of every contact with itself; with a stiffness",
-        ),
+        ).within(Range::NotNegative),
         key(
             "cohesion",
             Quantity(D::FORCE),
             "0",
             "\"2 mN\"",
             "Force with which two bodies of it pull each other while they touch",
-        ),
+        ).within(Range::NotNegative),
     ],
 };
 
@@ -474,48 +552,55 @@ static PAIR: Table = Table {
             "contact.friction_rule",
             "0.2",
             "Coefficient of friction between them",
-        ),
+        )
+        .within(Range::NotNegative),
         key(
             "restitution",
             Quantity(D::NONE),
             "contact.restitution_rule",
             "0.4",
             "Coefficient of restitution between them",
-        ),
+        )
+        .within(Range::ZeroToOne),
         key(
             "rolling_friction",
             RatioOrLength,
             "contact.friction_rule",
             "0.05",
             "Rolling friction between them, a number of effective radii or a length",
-        ),
+        )
+        .within(Range::NotNegative),
         key(
             "spinning_friction",
             RatioOrLength,
             "contact.friction_rule",
             "0.02",
             "Spinning friction between them, a number of effective radii or a length",
-        ),
+        )
+        .within(Range::NotNegative),
         key(
             "stiffness",
             Quantity(STIFFNESS),
             "both in series",
             "\"50 kN/m\"",
             "Normal stiffness of every contact between them; 0: rigid",
-        ),
+        )
+        .within(Range::NotNegative),
         key(
             "damping",
             Quantity(DAMPING),
             "both in series",
             "\"10 N s/m\"",
             "Normal damping of every contact between them",
-        ),
+        )
+        .within(Range::NotNegative),
         key(
             "cohesion",
             Quantity(D::FORCE),
             "the smaller of both",
             "\"1 mN\"",
             "Force with which they pull each other while they touch",
-        ),
+        )
+        .within(Range::NotNegative),
     ],
 };

@@ -2,7 +2,9 @@
 
 use super::Kind::{self, Count, Counts, Flag, List, Quantity, QuantityOr, Tables, Text, Vector};
 use super::body::{PART, SHAPE};
-use super::{D, Key, Table, key};
+use super::{D, Key, Range, Table, key, names};
+use crate::scene::model::PackingFormat;
+use crate::scene::radius::BY;
 
 pub(super) static PACKING: Table = Table {
     heading: "`[packing.NAME]`",
@@ -42,7 +44,8 @@ pub(super) static PACKING: Table = Table {
             "one of radius, shape, parts; the file's",
             "\"5 mm\"",
             "Radius of the spheres: one value, or a distribution",
-        ),
+        )
+        .within(Range::Positive),
         key(
             "shape",
             Kind::Table(&SHAPE),
@@ -129,12 +132,15 @@ pub(super) static RADIUS: Table = Table {
             "\"number\"; of rosin_rammler and sieves \"mass\"",
             "\"mass\"",
             "What shares, weights, medians and means count: number of spheres, or mass",
-        ),
+        )
+        .one_of(|| names(BY)),
     ],
 };
 
-const MIN_RADIUS: Key = key("min", Quantity(D::LENGTH), "required", "\"4 mm\"", "Smallest radius");
-const MAX_RADIUS: Key = key("max", Quantity(D::LENGTH), "required", "\"6 mm\"", "Largest radius");
+const MIN_RADIUS: Key =
+    key("min", Quantity(D::LENGTH), "required", "\"4 mm\"", "Smallest radius").within(Range::Positive);
+const MAX_RADIUS: Key =
+    key("max", Quantity(D::LENGTH), "required", "\"6 mm\"", "Largest radius").within(Range::Positive);
 
 static UNIFORM: Table =
     Table { heading: "`radius.uniform`", alternatives: &[], keys: &[MIN_RADIUS, MAX_RADIUS] };
@@ -143,8 +149,10 @@ static NORMAL: Table = Table {
     heading: "`radius.normal`",
     alternatives: &[],
     keys: &[
-        key("mean", Quantity(D::LENGTH), "required", "\"5 mm\"", "Mean before the cut"),
-        key("deviation", Quantity(D::LENGTH), "required", "\"0.5 mm\"", "Standard deviation before the cut"),
+        key("mean", Quantity(D::LENGTH), "required", "\"5 mm\"", "Mean before the cut")
+            .within(Range::Positive),
+        key("deviation", Quantity(D::LENGTH), "required", "\"0.5 mm\"", "Standard deviation before the cut")
+            .within(Range::NotNegative),
         MIN_RADIUS,
         MAX_RADIUS,
     ],
@@ -154,14 +162,16 @@ static LOGNORMAL: Table = Table {
     heading: "`radius.lognormal`",
     alternatives: &[],
     keys: &[
-        key("median", Quantity(D::LENGTH), "required", "\"5 mm\"", "Median before the cut"),
+        key("median", Quantity(D::LENGTH), "required", "\"5 mm\"", "Median before the cut")
+            .within(Range::Positive),
         key(
             "deviation",
             Quantity(D::NONE),
             "required",
             "0.2",
             "Standard deviation of the logarithm before the cut",
-        ),
+        )
+        .within(Range::NotNegative),
         MIN_RADIUS,
         MAX_RADIUS,
     ],
@@ -171,8 +181,10 @@ static CHOICE: Table = Table {
     heading: "`radius.choice`",
     alternatives: &[],
     keys: &[
-        key("radii", List(D::LENGTH), "required", "[\"4 mm\", \"8 mm\"]", "The radii"),
-        key("weights", List(D::NONE), "equal", "[0.9, 0.1]", "How often each is drawn; any sum"),
+        key("radii", List(D::LENGTH), "required", "[\"4 mm\", \"8 mm\"]", "The radii")
+            .within(Range::Positive),
+        key("weights", List(D::NONE), "equal", "[0.9, 0.1]", "How often each is drawn; any sum")
+            .within(Range::NotNegative),
     ],
 };
 
@@ -186,8 +198,10 @@ static ROSIN_RAMMLER: Table = Table {
             "required",
             "\"5 mm\"",
             "Radius up to which there are 63.2 % of the mass before the cut",
-        ),
-        key("spread", Quantity(D::NONE), "required", "3", "Exponent, at most 100: the larger, the narrower"),
+        )
+        .within(Range::Positive),
+        key("spread", Quantity(D::NONE), "required", "3", "Exponent, at most 100: the larger, the narrower")
+            .within(Range::Positive),
         MIN_RADIUS,
         MAX_RADIUS,
     ],
@@ -203,14 +217,16 @@ static SIEVES: Table = Table {
             "required",
             "[\"2 mm\", \"4 mm\", \"8 mm\"]",
             "Openings, ascending: the largest *diameters* that pass",
-        ),
+        )
+        .within(Range::Positive),
         key(
             "passing",
             List(D::NONE),
             "required",
             "[0, 0.3, 1]",
             "Share of the mass that passes each, from 0 to 1",
-        ),
+        )
+        .within(Range::ZeroToOne),
     ],
 };
 
@@ -218,14 +234,10 @@ static LATTICE: Table = Table {
     heading: "`packing.NAME.lattice`",
     alternatives: &[],
     keys: &[
-        key("counts", Counts, "required", "[\"2*n+1\", \"2*n+1\", \"2*n+1\"]", "Bodies along x, y, z"),
-        key(
-            "pitch",
-            Vector(D::LENGTH),
-            "required",
-            "\"0.23 m\"",
-            "Distance of neighbours: one for all axes, or three",
-        ),
+        key("counts", Counts, "required", "[\"2*n+1\", \"2*n+1\", \"2*n+1\"]", "Bodies along x, y, z")
+            .within(Range::Positive),
+        key("pitch", Kind::VectorOrQuantity(D::LENGTH), "required", "\"0.23 m\"", "Distance of neighbours")
+            .within(Range::Positive),
         key(
             "origin",
             Vector(D::LENGTH),
@@ -239,7 +251,8 @@ static LATTICE: Table = Table {
             "0",
             "\"12 mm\"",
             "Each coordinate is moved by a uniform random length of at most this",
-        ),
+        )
+        .within(Range::NotNegative),
     ],
 };
 
@@ -247,7 +260,7 @@ static DROP: Table = Table {
     heading: "`packing.NAME.drop`",
     alternatives: &[&["box", "cylinder"]],
     keys: &[
-        key("count", Count, "required", "500", "Number of bodies"),
+        key("count", Count, "required", "500", "Number of bodies").within(Range::Positive),
         key(
             "box",
             Kind::Table(&BOX_REGION),
@@ -269,7 +282,8 @@ static POISSON: Table = Table {
     heading: "`packing.NAME.poisson`",
     alternatives: &[&["box", "cylinder"]],
     keys: &[
-        key("distance", Quantity(D::LENGTH), "required", "\"12 mm\"", "Least distance of two centres"),
+        key("distance", Quantity(D::LENGTH), "required", "\"12 mm\"", "Least distance of two centres")
+            .within(Range::Positive),
         key(
             "box",
             Kind::Table(&BOX_REGION),
@@ -313,8 +327,10 @@ pub(super) static CYLINDER_REGION: Table = Table {
             "required",
             "\"10 cm\"",
             "Radius; dropped bodies lie wholly inside",
-        ),
-        key("height", Quantity(D::LENGTH), "required", "\"30 cm\"", "Height, along z"),
+        )
+        .within(Range::Positive),
+        key("height", Quantity(D::LENGTH), "required", "\"30 cm\"", "Height, along z")
+            .within(Range::Positive),
     ],
 };
 
@@ -336,7 +352,8 @@ static FILE: Table = Table {
             "by the file's ending",
             "\"lammps\"",
             "vtk, csv, table, lammps, xyz, yade or mercury",
-        ),
+        )
+        .one_of(|| names(PackingFormat::NAMES)),
         key(
             "frame",
             Count,
@@ -351,7 +368,8 @@ static FILE: Table = Table {
             "1",
             "0.001",
             "Factor on all lengths, after the units that the file names",
-        ),
+        )
+        .within(Range::Positive),
         key("offset", Vector(D::LENGTH), "[0, 0, 0]", "[0, 0, \"1 cm\"]", "Added to all positions"),
         key(
             "keep_min",
@@ -361,13 +379,15 @@ static FILE: Table = Table {
             "Keep only centres above this corner, in final coordinates",
         ),
         key("keep_max", Vector(D::LENGTH), "everything", "[1, 1, 2]", "Keep only centres below this corner"),
-        key("radius_min", Quantity(D::LENGTH), "0", "\"1 mm\"", "Keep only spheres of at least this radius"),
+        key("radius_min", Quantity(D::LENGTH), "0", "\"1 mm\"", "Keep only spheres of at least this radius")
+            .within(Range::NotNegative),
         key(
             "radius_max",
             Quantity(D::LENGTH),
             "everything",
             "\"1 cm\"",
             "Keep only spheres of at most this radius",
-        ),
+        )
+        .within(Range::Positive),
     ],
 };

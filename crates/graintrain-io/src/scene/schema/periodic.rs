@@ -2,7 +2,8 @@
 
 use super::Kind::{self, Function, Quantity, Texts, Vector};
 use super::function::{PRESSURE, RATE};
-use super::{D, Key, Table, key};
+use super::{D, Key, Range, Table, key};
+use crate::scene::periodic::DIRECTIONS;
 
 pub(super) static PERIODIC: Table = Table {
     heading: "`[periodic]`",
@@ -16,7 +17,8 @@ pub(super) static PERIODIC: Table = Table {
             "[\"10 cm\", \"10 cm\", \"20 cm\"]",
             "Upper corner of the cell",
         ),
-        key("axes", Texts, "[\"x\", \"y\", \"z\"]", "[\"x\", \"y\"]", "Along which axes space repeats"),
+        key("axes", Texts, "[\"x\", \"y\", \"z\"]", "[\"x\", \"y\"]", "Along which axes space repeats")
+            .one_of(|| DIRECTIONS.to_vec()),
         RATES,
         STRESSES,
         ISOTROPIC,
@@ -57,7 +59,7 @@ const FASTEST: Key = key(
     "no limit",
     "\"1/s\"",
     "Largest rate at which imposed stresses deform the cell, only with `stress` or `pressure`: what is loose else closes ever faster",
-);
+).within(Range::Positive);
 
 macro_rules! components {
     ($name:ident, $heading:literal, $dimension:expr, $table:ident, $example:literal) => {

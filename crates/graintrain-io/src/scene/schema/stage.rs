@@ -5,7 +5,8 @@ use super::body::MOTION;
 use super::function::ACCELERATION;
 use super::load::REGION;
 use super::periodic::STAGE_PERIODIC;
-use super::{D, Table, key};
+use super::{D, Range, Table, key, names};
+use crate::scene::file::MOTIONS;
 
 pub(super) static STAGE: Table = Table {
     heading: "`[[stage]]`",
@@ -18,28 +19,28 @@ pub(super) static STAGE: Table = Table {
             "until `[time]` ends the run",
             "\"2 s\"",
             "Longest duration of the stage",
-        ),
+        ).within(Range::Positive),
         key(
             "at_least",
             Quantity(D::TIME),
             "0",
             "\"50 ms\"",
             "Duration before which the conditions below end nothing",
-        ),
+        ).within(Range::NotNegative),
         key(
             "kinetic_energy",
             Quantity(D::ENERGY),
             "none",
             "\"1e-9 J\"",
             "The stage ends when the kinetic energy per body that can move is below this",
-        ),
+        ).within(Range::Positive),
         key(
             "unbalanced_force",
             Quantity(D::NONE),
             "none",
             "0.01",
             "The stage ends when the mean net force on bodies is below this share of the mean contact force. A gas in which few bodies touch meets it at once: give `at_least`",
-        ),
+        ).within(Range::Positive),
         key(
             "filled",
             Flag,
@@ -111,15 +112,18 @@ static STEADY: Table = Table {
             "required",
             "\"0.5 s\"",
             "The latest records of so long are looked at, in two halves: at least four records",
-        ),
+        )
+        .within(Range::Positive),
         key(
             "change",
             Quantity(D::NONE),
             "0.01",
             "0.02",
             "The means of both halves differ by at most this share of the mean",
-        ),
-        key("within", Quantity(D::NONE), "0", "1e-3", "Or by at most this, in the unit of the column (SI)"),
+        )
+        .within(Range::NotNegative),
+        key("within", Quantity(D::NONE), "0", "1e-3", "Or by at most this, in the unit of the column (SI)")
+            .within(Range::NotNegative),
     ],
 };
 
@@ -135,8 +139,10 @@ static GROWTH: Table = Table {
             "required",
             "\"0.2/s\"",
             "Relative growth of all lengths; it waits while bodies overlap by more than 1 % of their size",
-        ),
-        key("porosity", Quantity(D::NONE), "required", "0.4", "Porosity at which growth and the stage end"),
+        )
+        .within(Range::Positive),
+        key("porosity", Quantity(D::NONE), "required", "0.4", "Porosity at which growth and the stage end")
+            .within(Range::Positive),
         key(
             "region",
             Kind::Table(&REGION),
@@ -151,14 +157,16 @@ static STAGE_MATERIAL: Table = Table {
     heading: "`stage.material.NAME`",
     alternatives: &[],
     keys: &[
-        key("friction", Quantity(D::NONE), "unchanged", "0.5", "Coefficient of friction with itself"),
+        key("friction", Quantity(D::NONE), "unchanged", "0.5", "Coefficient of friction with itself")
+            .within(Range::NotNegative),
         key(
             "restitution",
             Quantity(D::NONE),
             "unchanged",
             "0",
             "Coefficient of restitution with itself, 0 to 1",
-        ),
+        )
+        .within(Range::ZeroToOne),
     ],
 };
 
@@ -171,5 +179,6 @@ static STAGE_BODY: Table = Table {
         "required",
         "{ translation = [{ direction = [1, 0, 0], speed = 0.1 }] }",
         "free, fixed, or a table as of bodies; its times count from the beginning of the stage",
-    )],
+    )
+    .one_of(|| names(MOTIONS))],
 };

@@ -4,7 +4,7 @@ use super::Kind::{self, Count, Flag, Quantity, QuantityOr, Tables, Text, Vector}
 use super::body::{PART, SHAPE};
 use super::load::REGION;
 use super::packing::RADIUS;
-use super::{D, Table, key};
+use super::{D, Range, Table, key};
 
 pub(super) static STREAM: Table = Table {
     heading: "`[stream.NAME]`",
@@ -23,7 +23,8 @@ pub(super) static STREAM: Table = Table {
             "one of radius, shape, parts",
             "\"5 mm\"",
             "Radius of spheres: one value, or a distribution",
-        ),
+        )
+        .within(Range::Positive),
         key(
             "shape",
             Kind::Table(&SHAPE),
@@ -54,24 +55,29 @@ pub(super) static STREAM: Table = Table {
             "as many as find a place",
             "\"200/s\"",
             "Bodies per second; those that had to wait come later",
-        ),
+        )
+        .within(Range::Positive),
         key(
             "mass_rate",
             Quantity(D::MASS_RATE),
             "as many as find a place",
             "\"0.5 kg/s\"",
             "Mass per second, in the place of `rate`",
-        ),
+        )
+        .within(Range::Positive),
         key("count", Count, "no limit", "500", "The stream ends after so many bodies"),
-        key("mass", Quantity(D::MASS), "no limit", "\"2 kg\"", "It ends before it has given more than this"),
+        key("mass", Quantity(D::MASS), "no limit", "\"2 kg\"", "It ends before it has given more than this")
+            .within(Range::Positive),
         key(
             "start",
             Quantity(D::TIME),
             "0",
             "\"0.1 s\"",
             "When it begins; from the beginning of `stage`, where one is named",
-        ),
-        key("end", Quantity(D::TIME), "no limit", "\"2 s\"", "When it ends, likewise"),
+        )
+        .within(Range::NotNegative),
+        key("end", Quantity(D::TIME), "no limit", "\"2 s\"", "When it ends, likewise")
+            .within(Range::Positive),
         key("stage", Text, "all stages", "\"fill\"", "It flows only in the stage of this name"),
         key("seed", Count, "seed of the scene + number of the stream + 1000", "7", "Seed of this stream"),
     ],

@@ -4,7 +4,8 @@ use super::data;
 use graintrain_ccp::{Ccp, FrictionModel, SolveReport, SolveSettings, SolverSpec, Status};
 use graintrain_io::problem_file;
 
-/// max_i eta_i |g_i - P(g_i - (u_i + mu |u_t| e_n) / eta_i)| / V with V = sqrt(mean |r_i|^2) where the file has none; u by rows of N.
+/// max_i eta_i |g_i - P(g_i - (u_i + mu |u_t| e_n) / eta_i)| / V with V = sqrt(mean |r_i|^2) where the file
+/// has none; u by rows of N.
 fn exact_residual(problem: &Ccp, g: &[f64]) -> f64 {
     let n = problem.delassus.assemble();
     let contacts = problem.num_contacts();
@@ -46,7 +47,8 @@ fn solve(problem: &Ccp, solver: &str, tolerance: f64, friction: FrictionModel) -
     (report, g)
 }
 
-/// Contact problems of Siconos's tests, two settled steps, and two problems on which gradients and sweeps had stalled at 3e-5 and 3e-6.
+/// Contact problems of Siconos's tests, two settled steps, and two problems on which gradients and sweeps had
+/// stalled at 3e-5 and 3e-6.
 #[test]
 fn the_path_reaches_1e_9_on_every_public_problem_but_one() {
     let Some(data) = data() else { return };
@@ -77,7 +79,8 @@ fn the_path_reaches_1e_9_on_every_public_problem_but_one() {
     assert!(solved >= 15);
 }
 
-/// W of the capsules is not symmetric: exact friction answers for W, the relaxation for its symmetric part, and both say so.
+/// W of the capsules is not symmetric: exact friction answers for W, the relaxation for its symmetric part,
+/// and both say so.
 #[test]
 fn exact_friction_takes_an_asymmetric_matrix_as_it_is() {
     let Some(data) = data() else { return };

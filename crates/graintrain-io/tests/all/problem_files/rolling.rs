@@ -34,8 +34,8 @@ impl AsFiled {
         Self { velocity, mu, mu_r, velocity_scale, inverse_mass }
     }
 
-    /// How far impulses and moments are from the laws, relative to the scales: in their discs, contacts part, and both leave nothing over:
-    /// r . u + (mu |u_t| + mu_r |w|) r_n = 0 where friction is exact.
+    /// How far impulses and moments are from the laws, relative to the scales: in their discs, contacts part,
+    /// and both leave nothing over: r . u + (mu |u_t| + mu_r |w|) r_n = 0 where friction is exact.
     fn violation(&self, r: &[f64], friction: FrictionModel) -> f64 {
         let u = (self.velocity)(r);
         let mut worst = 0.0_f64;
@@ -91,7 +91,8 @@ fn read_hdf5(path: &Path) -> AsFiled {
         matrix
     };
     let (filed, h) = (dense("M"), dense("H"));
-    // M of the chute is symmetric to 1e-6 of its largest entry only, which is 0.2 % of W: its symmetric part is the problem.
+    // M of the chute is symmetric to 1e-6 of its largest entry only, which is 0.2 % of W: its symmetric part
+    // is the problem.
     let mean = |i: usize, j: usize| 0.5 * (filed[i][j] + filed[j][i]);
     let m = (0..filed.len()).map(|i| (0..filed.len()).map(|j| mean(i, j)).collect()).collect();
     let [f, w, mu, mu_r] = ["f", "w", "mu", "mu_r"].map(|name| read(&format!("vectors/{name}")));

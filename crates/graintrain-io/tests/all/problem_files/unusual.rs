@@ -193,16 +193,14 @@ fn an_edited_dump_is_read_without_what_no_longer_fits() {
     builder.add_group(group.finish());
     let mut own = builder.create_group("graintrain");
     own.create_dataset("version").with_i32_data(&[1]);
-    own.create_dataset("impulse_scale").with_f64_data(&[0.25]);
+    own.create_dataset("velocity_scale").with_f64_data(&[0.25]);
     own.create_dataset("points").with_f64_data(&[0.0; 9]);
     builder.add_group(own.finish());
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("edited.hdf5");
     builder.write(&path).unwrap();
     let file = problem_file::read(&path).unwrap();
-    assert_eq!((file.problem.num_contacts(), file.problem.impulse_scale), (2, Some(0.25)));
-    // From before there was a V.
-    assert_eq!(file.problem.velocity_scale, None);
+    assert_eq!((file.problem.num_contacts(), file.problem.velocity_scale), (2, Some(0.25)));
     assert!(file.problem.points.is_empty());
     assert!(file.notes()[0].contains("tells of 3 contacts, the problem has 2"), "{:?}", file.notes());
 }
