@@ -44,7 +44,7 @@ pub use build::Simulation;
 pub use error::{Location, SceneError, SceneErrorKind, Source, closest};
 pub use measure::{
     AlongSpec, ForceSpec, HistogramSpec, MeasureSpec, MixingSpec, PlaneSpec, ProfileSpec, ReposeSpec,
-    ShearBoxSpec,
+    ShearBoxSpec, WheelSpec,
 };
 
 pub use joint::{ActuatorSpec, JointSpec, MotorSpec, SpringSpec, StopsSpec};

@@ -10,9 +10,13 @@
 //! | [`run_folder`] | a run's folder as a sequence of worlds |
 //! | [`vtp_file`] | the reader of the run's own frame files |
 //! | [`pack`] | frames as bytes, and back |
-//! | [`tables`] | curves from `steps.csv` and `wrench.csv` |
+//! | [`tables`] | tables of a run |
+//! | [`live`] | the same page of a run under way |
+//! | [`model`] | what is seen of a world |
 //! | `page` | the HTML |
 
+pub mod live;
+pub mod model;
 pub mod pack;
 pub mod page;
 pub mod run_folder;
@@ -54,7 +58,7 @@ pub enum ViewError {
         folder: PathBuf,
     },
     /// The frames do not fit into memory or a page.
-    #[error("the replay cannot be packed: {0}")]
+    #[error("the page cannot be made: {0}")]
     Pack(#[from] std::io::Error),
 }
 

@@ -208,8 +208,8 @@ fn unpack(text: &str, bodies: usize, oriented: usize, contacts: &[usize], ranges
         let turns = words(4 * oriented);
         let orientation =
             turns.chunks_exact(4).map(|q| [0, 1, 2, 3].map(|k| f32::from(q[k] as i16) / 32767.0)).collect();
-        let speed = words(bodies).iter().map(|&w| f32::from(w) / 65535.0 * ranges.speed).collect();
-        let force = words(bodies).iter().map(|&w| f32::from(w) / 65535.0 * ranges.force).collect();
+        let mut field = |most: f32| words(bodies).iter().map(|&w| f32::from(w) / 65535.0 * most).collect();
+        let fields = ranges.fields.iter().map(|&most| field(most)).collect();
         let pairs = words(4 * count);
         let body = |k: usize| u32::from(pairs[2 * k]) | u32::from(pairs[2 * k + 1]) << 16;
         let spots = words(3 * count);
@@ -220,7 +220,7 @@ fn unpack(text: &str, bodies: usize, oriented: usize, contacts: &[usize], ranges
                 (body(i), body(count + i), point, f32::from(loads[i]) / 65535.0 * ranges.force)
             })
             .collect();
-        frames.push(Frame { time: 0.0, position, orientation, speed, force, size: Vec::new(), contacts });
+        frames.push(Frame { time: 0.0, position, orientation, fields, size: Vec::new(), contacts });
     }
     assert!(rest.is_empty(), "{} bytes are left over", rest.len());
     frames
@@ -239,24 +239,24 @@ fn the_page_holds_the_frames() {
     let header: serde_json::Value =
         serde_json::from_str(between(&page, "<script id=\"header\" type=\"application/json\">", "</script>"))
             .unwrap();
-    let numbers = |name: &str| -> Vec<f64> {
-        header[name].as_array().unwrap().iter().map(|x| x.as_f64().unwrap()).collect()
+    let packed = &header["chunk"]["ranges"];
+    let numbers = |name: &str| -> Vec<f32> {
+        packed[name].as_array().unwrap().iter().map(|x| x.as_f64().unwrap() as f32).collect()
     };
-    let number = |name: &str| header[name].as_f64().unwrap() as f32;
-    let corner = |name: &str| -> [f32; 3] { std::array::from_fn(|k| numbers(name)[k] as f32) };
+    let corner = |name: &str| -> [f32; 3] { std::array::from_fn(|k| numbers(name)[k]) };
     let ranges = Ranges {
         low: corner("low"),
         high: corner("high"),
-        speed: number("speed_max"),
-        force: number("force_max"),
-        size: number("size_max"),
+        fields: numbers("fields"),
+        force: packed["force"].as_f64().unwrap() as f32,
+        size: packed["size"].as_f64().unwrap() as f32,
     };
-    let frames = header["frames"].as_array().unwrap();
+    let frames = header["chunk"]["frames"].as_array().unwrap();
     let shown: Vec<usize> = [2, 5, 8, 11, 14, 17, 20].to_vec();
     assert_eq!(frames.len(), shown.len());
     let contacts: Vec<usize> = frames.iter().map(|f| f["contacts"].as_u64().unwrap() as usize).collect();
-    let oriented = numbers("oriented");
-    assert_eq!(oriented, [0.0, 1.0, 3.0, 4.0], "all but the balls");
+    let oriented = the_page_holds_the_model(&page, &header, &truth[0]);
+    assert_eq!(oriented, [0, 1, 3, 4], "all but the balls");
     let data = between(&page, "<script id=\"data\" type=\"text/plain\">", "</script>");
     let decoded = unpack(data, truth[0].bodies.len(), oriented.len(), &contacts, &ranges);
     let resolution = (0..3).map(|k| ranges.high[k] - ranges.low[k]).fold(0.0, f32::max) / 65535.0;
@@ -269,8 +269,14 @@ fn the_page_holds_the_frames() {
             }
             let speed = truth[k].bodies.velocity[body].length() as f32;
             assert!(
-                (frame.speed[body] - speed).abs() <= ranges.speed / 60000.0 || truth[k].is_prescribed(body)
+                (frame.fields[0][body] - speed).abs() <= ranges.fields[0] / 60000.0
+                    || truth[k].is_prescribed(body)
             );
+            let touching = |c: &&graintrain::contact::Contact| [c.body_a, c.body_b].contains(&(body as u32));
+            let loaded = truth[k].contacts.contacts.iter().zip(&truth[k].contacts.impulse);
+            let loaded = loaded.filter(|(c, p)| p.dot(c.normal) > 0.0).map(|(c, _)| c);
+            let expected = loaded.filter(touching).count() as f32;
+            assert!((frame.fields[3][body] - expected).abs() < 1e-3, "step {k}, body {body}");
         }
         for contact in &frame.contacts {
             let near = |other: &graintrain::contact::Contact| {
@@ -284,10 +290,57 @@ fn the_page_holds_the_frames() {
             assert!((f64::from(contact.3) - exact).abs() < 1e-4 * f64::from(ranges.force));
         }
     }
-    let plots = header["plots"].as_array().unwrap();
-    let titles: Vec<&str> = plots.iter().map(|plot| plot["title"].as_str().unwrap()).collect();
-    assert!(titles.contains(&"residual (1)") && titles.contains(&"force on blade <1> (N)"), "{titles:?}");
-    assert_eq!(plots[0]["x"].as_array().unwrap().len(), 20);
+    let charts = header["charts"].as_array().unwrap();
+    let titles: Vec<&str> = charts.iter().map(|chart| chart["title"].as_str().unwrap()).collect();
+    assert!(titles.contains(&"Kinetic energy") && titles.contains(&"force on blade <1>"), "{titles:?}");
+    for chart in charts {
+        let lengths = [&chart["points"], &chart["series"][0]["x"], &chart["series"][0]["y"]];
+        assert_eq!(lengths.map(|list| list.as_array().unwrap().len()), [20; 3]);
+    }
+}
+
+/// Checks the block of what does not change, by the layout that [`pack`] states; returned is which bodies are oriented.
+fn the_page_holds_the_model(page: &str, header: &serde_json::Value, world: &World) -> Vec<u32> {
+    let text = between(page, "<script id=\"model\" type=\"text/plain\">", "</script>");
+    let packed = base64::engine::general_purpose::STANDARD.decode(text).unwrap();
+    let mut bytes = Vec::new();
+    GzDecoder::new(packed.as_slice()).read_to_end(&mut bytes).unwrap();
+    let mut rest = bytes.as_slice();
+    let mut take = |count: u64| {
+        let (now, later) = rest.split_at(count as usize);
+        rest = later;
+        now.to_vec()
+    };
+    let index = |bytes: Vec<u8>| -> Vec<u32> {
+        bytes.as_chunks::<4>().0.iter().map(|word| u32::from_le_bytes(*word)).collect()
+    };
+    let count = |value: &serde_json::Value| value.as_u64().unwrap();
+    let bodies = count(&header["bodies"]);
+    assert_eq!(bodies, world.bodies.len() as u64);
+    assert_eq!(take(bodies), [0, 0, 1, 1, 1, 1], "grains");
+    assert_eq!(take(2 * bodies), [0; 12], "materials");
+    assert_eq!(index(take(4 * count(&header["balls"]))), [2, 5]);
+    let radii = index(take(8));
+    assert_eq!(radii.into_iter().map(f32::from_bits).collect::<Vec<f32>>(), [0.1, 0.1]);
+    let oriented = index(take(4 * count(&header["oriented"])));
+    for group in header["groups"].as_array().unwrap() {
+        let (bodies, triangles) =
+            (index(take(4 * count(&group["bodies"]))), take(36 * count(&group["triangles"])));
+        assert_eq!((bodies.len(), triangles.is_empty()), (1, false));
+        let far = index(triangles)
+            .as_chunks::<3>()
+            .0
+            .iter()
+            .map(|corner| Vec3::from_array(corner.map(|word| f64::from(f32::from_bits(word)))).length())
+            .fold(0.0, f64::max);
+        let body = bodies[0] as usize;
+        let geometry = &world.geometries[world.bodies.geometry[body].index()];
+        if body > 0 {
+            assert!((far / geometry.bounding_radius() - 1.0).abs() < 0.02, "body {body}: {far}");
+        }
+    }
+    assert!(rest.is_empty(), "{} bytes are left over", rest.len());
+    oriented
 }
 
 #[test]
@@ -373,8 +426,8 @@ growth = { rate = "3/s", porosity = 0.3, region = { box = { min = [-0.5, -0.5, -
     }
     let html = page(&run, &ViewSettings::default()).unwrap();
     let grown = radius(&last, 0) / 0.02;
-    let begin = html.find("\"size_max\":").unwrap() + 11;
-    let found: f64 = html[begin..].split(',').next().unwrap().parse().unwrap();
+    let begin = html.find("\"size\":").unwrap() + 7;
+    let found: f64 = html[begin..].split('}').next().unwrap().parse().unwrap();
     assert!((found / grown - 1.0).abs() < 1e-5, "{found} {grown}");
 }
 
