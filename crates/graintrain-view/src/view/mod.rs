@@ -2,8 +2,7 @@
 //!
 //! The page needs no network and no library: it holds the frames (16-bit positions relative to the box around the
 //! motion, differences from frame to frame, gzip, base64) and a WebGL 2 program that draws spheres as exact balls,
-//! other shapes as meshes and contact forces as tubes, with a time slider, an orbit camera, colours by speed, force or
-//! radius, and plots of `steps.csv` and `wrench.csv`.
+//! other shapes as meshes and contact forces as tubes, with light and shadow, cuts, picking, and the figures of the run.
 //!
 //! | module | holds |
 //! |---|---|

@@ -461,3 +461,72 @@ fn frames_hold_the_periodic_cell() {
     assert_eq!(end.vectors[1], Vec3::new(cell.tilt[0], cell.size.y, 0.0));
     assert!(end.vectors[1].x > 0.05 && end.vectors[2].z < 1.99, "{end:?}");
 }
+
+/// What the server of a run answers to a request, until it says no more or `enough` of it has come.
+fn ask(url: &str, request: &str, enough: &str) -> String {
+    use std::io::Write;
+    let address = url.trim_start_matches("http://").trim_end_matches('/');
+    let mut stream = std::net::TcpStream::connect(address).unwrap();
+    stream.set_read_timeout(Some(std::time::Duration::from_secs(10))).unwrap();
+    stream.write_all(request.replace("HOST", address).as_bytes()).unwrap();
+    let (mut answer, mut bytes) = (Vec::new(), [0; 4096]);
+    while let Ok(count @ 1..) = stream.read(&mut bytes) {
+        answer.extend(&bytes[..count]);
+        if !enough.is_empty() && String::from_utf8_lossy(&answer).contains(enough) {
+            break;
+        }
+    }
+    String::from_utf8_lossy(&answer).into_owned()
+}
+
+/// The page, its frames and its buttons; nothing for pages of other sites.
+#[test]
+fn a_run_under_way_is_shown_and_stopped_to_its_own_page_alone() {
+    use std::sync::atomic::Ordering;
+    let stopped = Arc::new(AtomicBool::new(false));
+    let flag = Arc::clone(&stopped);
+    let stop = move || flag.store(true, Ordering::Relaxed);
+    let live = live::Live::serve(&world(), "under way", 0.01, 10, None, 0, stop).unwrap();
+    let url = live.url();
+    let page = ask(&url, "GET / HTTP/1.1\r\nHost: HOST\r\n\r\n", "");
+    assert!(page.starts_with("HTTP/1.1 200 OK") && page.contains("<title>under way</title>"));
+    assert!(page.contains("\"live\":1") && !page.contains("{{"));
+    let events = ask(&url, "GET /events?generation=1 HTTP/1.1\r\nHost: HOST\r\n\r\n", "event: state");
+    assert!(events.contains("event: frame") && !events.contains("event: bodies"), "{events}");
+    let events = ask(&url, "GET /events?generation=0 HTTP/1.1\r\nHost: HOST\r\n\r\n", "event: frame");
+    assert!(events.contains("event: bodies"), "a page that knows other bodies is told of these");
+    for request in [
+        "GET / HTTP/1.1\r\nHost: example.org\r\n\r\n",
+        "GET / HTTP/1.1\r\n\r\n",
+        "POST /stop HTTP/1.1\r\nHost: HOST\r\nOrigin: http://example.org\r\n\r\n",
+    ] {
+        assert!(ask(&url, request, "").starts_with("HTTP/1.1 403"), "{request}");
+    }
+    assert!(!stopped.load(Ordering::Relaxed));
+    assert!(ask(&url, "GET /stop HTTP/1.1\r\nHost: HOST\r\n\r\n", "").starts_with("HTTP/1.1 404"));
+    let own = "POST /stop HTTP/1.1\r\nHost: HOST\r\nOrigin: http://HOST\r\n\r\n";
+    assert!(ask(&url, own, "").starts_with("HTTP/1.1 204"));
+    assert!(stopped.load(Ordering::Relaxed));
+    live.end("over");
+}
+
+/// A film of 0.12 s in 13 frames at half the speed has 50 pictures a second, all seen by one camera; faster than screens it has fewer.
+#[test]
+fn films_have_the_frames_of_the_run_at_their_speed() {
+    use crate::film::{Film, FilmError};
+    use crate::render::RenderSettings;
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path().join("run");
+    run_into(&folder, 12);
+    let settings = RenderSettings { width: 96, height: 72, ..RenderSettings::default() };
+    let film = |speed: f64| Film::new(RunFolder::open(&folder).unwrap(), &settings, speed);
+    let slow = film(0.5).unwrap();
+    assert_eq!(slow.pictures(), 13);
+    assert!((slow.rate - 50.0).abs() < 1e-6 && (slow.speed - 0.5).abs() < 1e-9, "{}", slow.rate);
+    let (first, last) = (slow.picture(0).unwrap(), slow.picture(12).unwrap());
+    assert!(first.pixels != last.pixels);
+    let fast = film(2.0).unwrap();
+    assert_eq!(fast.pictures(), 4);
+    assert!((fast.rate - 50.0).abs() < 1e-6 && (fast.speed - 2.0).abs() < 1e-9, "{}", fast.rate);
+    assert!(matches!(film(0.0), Err(FilmError::Speed(_))));
+}

@@ -206,21 +206,30 @@ function listen() {
 
 /** Frames sent by a run under way, and its buttons. */
 function listenToRun() {
-  const source = new EventSource("events"), send = (what) => fetch(what, { method: "POST" });
+  const source = new EventSource(`events?generation=${header.live}`), send = (what) => fetch(what, { method: "POST" });
   element("live").hidden = false;
   element("pause").addEventListener("click", () => send(element("pause").dataset.paused ? "go" : "pause"));
   element("one").addEventListener("click", () => send("step"));
   element("stop").addEventListener("click", () => send("stop"));
   source.addEventListener("frame", async (event) => {
-    const { chunk, data } = JSON.parse(event.data), follows = state.at >= frames.length - 1;
-    frames.push(...readFrames(await inflate(data), chunk));
+    const { chunk, data } = JSON.parse(event.data), buffer = await inflate(data), follows = state.at >= frames.length - 1;
+    try { frames.push(...readFrames(buffer, chunk)); } catch { return; } // Of other bodies.
     frames.sort((p, q) => p.time - q.time);
     if (follows) state.at = frames.length - 1;
     writeRange();
     show(state.at);
   });
   // Bodies have come or gone: what was sent about them holds no more.
-  source.addEventListener("bodies", () => location.reload());
+  source.addEventListener("bodies", async (event) => {
+    const sent = JSON.parse(event.data), { charts: _, ...rest } = sent.header;
+    Object.assign(header, rest);
+    [frames, state.at, state.picked] = [[], 0, -1];
+    element("facts").textContent = header.facts;
+    model = readModel(await inflate(sent.model));
+    ranges.clear();
+    loaded.key = "";
+    setUpModel();
+  });
   source.addEventListener("charts", (event) => setUpCharts(JSON.parse(event.data)));
   source.addEventListener("state", (event) => {
     const { text, paused, ended } = JSON.parse(event.data);
