@@ -10,6 +10,7 @@ mod command;
 mod crew;
 mod error;
 pub mod evaluation;
+mod filming;
 mod profile;
 mod progress;
 mod scene_failure;

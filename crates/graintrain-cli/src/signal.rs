@@ -81,8 +81,16 @@ impl Stop {
         });
     }
 
-    /// Exit code of a process that was stopped: 130, 143 or 129 by a signal, 3 when its time was up, 0 where
-    /// nobody asked.
+    /// Something that asks to stop as Ctrl-C does, from another thread.
+    pub fn asker(&self) -> impl Fn() + Send + Sync + 'static {
+        let (requested, signal) = (Arc::clone(&self.requested), Arc::clone(&self.signal));
+        move || {
+            signal.store(SIGINT as usize, Ordering::Relaxed);
+            requested.store(true, Ordering::Relaxed);
+        }
+    }
+
+    /// Exit code of a process that was stopped: 130, 143 or 129 by a signal, 3 when its time was up, 0 where nobody asked.
     pub fn code(&self) -> u8 {
         match self.signal.load(Ordering::Relaxed) {
             0 if self.time_is_up.load(Ordering::Relaxed) => TIME_IS_UP,

@@ -11,6 +11,7 @@ use graintrain_io::output::recorder::Recorder;
 use graintrain_io::output::summary::{RankSummary, RunStatus, Summary};
 use graintrain_io::run::{Ending, Observer, Run, RunError};
 use graintrain_io::scene;
+use graintrain_view::view::live::Live;
 use rayon::ThreadPool;
 use std::num::NonZeroUsize;
 use std::path::Path;
@@ -34,8 +35,11 @@ pub struct SteppingOptions {
     /// dropped, a checkpoint is written, `graintrain resume DIR` goes on
     #[arg(long, value_name = "SECONDS", value_parser = scene::seconds)]
     pub max_seconds: Option<f64>,
-    /// Tell at the end all figures of the run that `summary.json` has for people: residuals, errors, stages,
-    /// streams, phases
+    /// Show the run in a browser while it computes: serves its page, with pause, step and stop, at http://127.0.0.1:PORT/ (any free port where
+    /// none is given), for this machine alone
+    #[arg(long, value_name = "PORT", num_args = 0..=1, default_missing_value = "0")]
+    pub live: Option<u16>,
+    /// Tell at the end all figures of the run that `summary.json` has for people: residuals, errors, stages, streams, phases
     #[arg(long)]
     pub details: bool,
     /// Tell at the end what the phases of the steps took: wall clock, processor time and, with several
@@ -72,10 +76,14 @@ pub fn make_steps(
         stop.after(limit);
     }
     let quiet = options.quiet || !crew.writes();
+    let live = options.live.filter(|_| crew.writes());
+    let live = live.map(|port| serve(&run, recorder.as_ref(), port, crew)).transpose();
+    let mut live = crew.agree(live)?;
     let (ending, summary) = threads.install(|| {
         let mut progress = Progress::new(run.world.step, run.settings.steps, quiet);
         let mut observers: Vec<&mut dyn Observer> = Vec::new();
         observers.extend(recorder.as_mut().map(|recorder| recorder as &mut dyn Observer));
+        observers.extend(live.as_mut().map(|live| live as &mut dyn Observer));
         observers.extend([&mut progress as &mut dyn Observer, &mut timings]);
         let ending = run.advance(&mut observers);
         drop(progress);
@@ -87,6 +95,13 @@ pub fn make_steps(
         });
         (ending, summary)
     });
+    if let Some(live) = &live {
+        live.end(match &ending {
+            Ok(Ending::Finished) => "The run is done.",
+            Ok(Ending::Stopped) => "The run was stopped.",
+            Err(_) => "The run has failed.",
+        });
+    }
     let outcome = match (ending, recorder.as_ref().map(Recorder::folder).zip(summary)) {
         // The other ranks make the next step.
         (Err(RunError::Output(error)), _) => return Err(crew.abandon(output_failure(error))),
@@ -121,6 +136,19 @@ pub fn make_steps(
         Ending::Stopped => Ok(crew.stopped()),
         Ending::Finished => Ok(ExitCode::SUCCESS),
     }
+}
+
+/// The page of the run, and where it is.
+fn serve(run: &Run, recorder: Option<&Recorder>, port: u16, crew: &Crew) -> Result<Live, Failure> {
+    let (settings, folder) = (&run.settings, recorder.map(|recorder| recorder.folder().to_path_buf()));
+    let step = settings.stepping.step;
+    let live =
+        Live::serve(&run.world, &settings.scene, step, settings.steps, folder, port, crew.stop.asker());
+    let live = live.map_err(|error| {
+        Failure::input_error(error, "choose another port for --live, or none for any that is free")
+    })?;
+    say!("  {} shows the run\n", live.url());
+    Ok(live)
 }
 
 fn conclude(

@@ -16,6 +16,7 @@ use graintrain::measure::profile::{Along, Bins, profile};
 use graintrain::measure::repose::slope;
 use graintrain::measure::space::{own_space, porosity, selected, volume};
 use graintrain::measure::stress::{deviator, pressure, stress};
+use graintrain::measure::wheel::{Rolling, wheel};
 use graintrain::world::World;
 use graintrain_linalg::real;
 use serde::{Deserialize, Serialize};
@@ -74,6 +75,8 @@ pub enum Quantity {
     Histogram(usize, f64),
     /// Bodies that came through streams and left through outlets.
     Exchange,
+    /// Slip, sinkage, pull, load and torque of a wheel on the bodies that are meant.
+    Wheel(Wheel),
 }
 
 /// A shear box: the part that moves, and the one that presses.
@@ -93,6 +96,17 @@ pub struct ShearBox {
     pub plane: Option<Vec3>,
 }
 
+/// A wheel.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Wheel {
+    /// The body.
+    pub body: BodyId,
+    /// With which slip and sinkage count, m.
+    pub radius: f64,
+    /// Unit vector along its axis.
+    pub axis: Vec3,
+}
+
 /// Bins beyond this many are a slip of the keyboard, whose records would take hundreds of megabytes.
 pub(crate) const MOST_BINS: usize = 100_000;
 
@@ -107,6 +121,7 @@ impl Measure {
         let quantity = |quantity: &Quantity| match quantity {
             Quantity::ForceOn(list, _) => known(list),
             Quantity::Mixing(first, _) => members(first),
+            Quantity::Wheel(wheel) => known(&[wheel.body]),
             Quantity::ShearBox(shear) => known(&[shear.sheared, shear.pressing]),
             Quantity::Profile(bins) => (1..=MOST_BINS).contains(&bins.count),
             Quantity::Histogram(count, _) => (1..=MOST_BINS).contains(count),
@@ -274,14 +289,25 @@ const SHEAR_BOX: &[Column] = &[
     column("sigma", "Pa", "normal stress on the pressing part"),
     column("tau_over_sigma", "1", "their ratio"),
     column("friction_angle", "rad", "its arc tangent"),
+    column("friction_angle_degrees", "deg", "the same in degrees"),
     column(
         "plane_tau",
         "Pa",
         "shear stress that the sample carries through the plane between the halves, by contacts of grains alone",
     ),
     column("plane_sigma", "Pa", "normal stress likewise"),
-    column("plane_tau_over_sigma", "1", "their ratio"),
+    column("plane_tau_over_sigma", "1", "their ratio: the strength of the grains, without walls"),
+    column("plane_friction_angle_degrees", "deg", "its arc tangent in degrees"),
     column("dilation", "m", "way of the pressing part away from the sample since the first record"),
+];
+const WHEEL: &[Column] = &[
+    column("slip", "1", "1 - v / (w R); empty where the wheel does not turn"),
+    column("sinkage", "m", "of the circle of radius R below the median of the tops of the bed's columns"),
+    column("drawbar_pull", "N", "force by contacts forward"),
+    column("wheel_load", "N", "force by contacts upward"),
+    column("drive_torque", "N m", "on the axis, against its contacts"),
+    column("pull_over_load", "1", "drawbar pull over load"),
+    column("tractive_efficiency", "1", "drawbar pull times speed over torque times rate"),
 ];
 const REPOSE: &[Column] = &[
     column("repose_angle", "rad", "of the line through the tops of columns, positive where it falls outward"),
@@ -332,6 +358,7 @@ impl Quantity {
             Self::Plane(_) => PLANE,
             Self::Mixing(..) => MIXING,
             Self::ShearBox(_) => SHEAR_BOX,
+            Self::Wheel(_) => WHEEL,
             Self::Repose(..) => REPOSE,
             Self::Profile(_) => PROFILE,
             Self::Histogram(..) => HISTOGRAM,
@@ -435,6 +462,7 @@ impl Quantity {
                 vec![found.index, found.share, found.cells as f64, found.bodies_per_cell]
             }
             Self::ShearBox(shear) => shear.row(now, state),
+            Self::Wheel(wheel) => wheel.row(now, meant),
             Self::Repose(along, width) => {
                 let found = slope(world, meant, *along, *width);
                 vec![found.angle, found.roughness, found.columns as f64]
@@ -478,6 +506,15 @@ fn motion(world: &World, meant: &[bool]) -> Vec<f64> {
     [[bodies().count() as f64, mass].as_slice(), &vectors].concat()
 }
 
+impl Wheel {
+    fn row(&self, now: Measured<'_>, meant: &[bool]) -> Vec<f64> {
+        let rolling = Rolling { body: self.body, radius: self.radius, axis: self.axis };
+        let found = wheel(now.world, now.step, &rolling, meant);
+        let ratio = if found.load > 0.0 { found.pull / found.load } else { f64::NAN };
+        vec![found.slip, found.sinkage, found.pull, found.load, found.torque, ratio, found.efficiency]
+    }
+}
+
 impl ShearBox {
     fn row(&self, now: Measured<'_>, state: &mut MeasureState) -> Vec<f64> {
         let world = now.world;
@@ -502,9 +539,11 @@ impl ShearBox {
             sigma,
             ratio,
             real::atan(ratio),
+            real::atan(ratio).to_degrees(),
             plane_tau,
             plane_sigma,
             plane_ratio,
+            real::atan(plane_ratio).to_degrees(),
             dilation,
         ]
     }

@@ -48,9 +48,8 @@ impl Picture {
 
     /// The pixels, (height, width, 3), uint8: for matplotlib's imshow.
     fn to_numpy<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        let (width, height) = (self.image.width, self.image.height);
-        let rows = (0..height).flat_map(|y| (0..width).flat_map(move |x| self.image.bytes_at(x, y)));
-        Ok(owned(py, rows.collect(), &[height, width, 3])?.into_any())
+        let shape = [self.image.height, self.image.width, 3];
+        Ok(owned(py, self.image.bytes(), &shape)?.into_any())
     }
 
     fn __repr__(&self) -> String {
@@ -98,6 +97,7 @@ impl World {
             force_chains,
             view: [view.0, view.1],
             step: self.run().settings.stepping.step,
+            bounds: None,
         };
         let state = &*self.state();
         Ok(Picture { image: py.detach(|| render(state, &settings)).or_raise()? })

@@ -1,12 +1,12 @@
-//! The standard figures of a run: what its tables hold, as SVG files.
+//! The standard figures of a run: what its tables hold, as charts of a replay and as SVG files.
 
-use crate::plot::{Axis, Chart, Series, figure};
+use crate::plot::{Axis, Chart, Series};
 use crate::view::ViewError;
 use crate::view::tables::Table;
 use graintrain_io::files::within;
 use std::path::Path;
 
-/// Most points of a curve; longer ones are thinned evenly.
+/// Most points of a curve in a figure; longer ones are thinned evenly.
 const POINTS: usize = 2000;
 /// Most profiles of a table of bins: the first, the last, and evenly between.
 const PROFILES: usize = 6;
@@ -69,12 +69,50 @@ const STEPS: &[Standard] = &[
     ),
 ];
 
-/// The standard figures of the run in this folder: names of files (without ending) and SVG texts. Those whose tables or columns are missing are left
-/// out.
+/// Which moments a chart shows.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Moments {
+    /// One per point of each series, s.
+    OfPoints(Vec<f64>),
+    /// One per series, s.
+    OfSeries(Vec<f64>),
+}
+
+/// A chart of a run.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RunChart {
+    /// What is drawn.
+    pub chart: Chart,
+    /// When it was so.
+    pub moments: Moments,
+}
+
+/// Charts that belong together.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Figure {
+    /// Name of its file, without ending.
+    pub name: String,
+    /// Its charts, one at least.
+    pub charts: Vec<RunChart>,
+}
+
+/// The standard figures of the run in this folder as names of files (without ending) and SVG texts.
+///
+/// # Errors
+/// As [`charts`].
+pub fn figures(folder: &Path) -> Result<Vec<(String, String)>, ViewError> {
+    let drawn = |figure: Figure| {
+        let charts: Vec<Chart> = figure.charts.into_iter().map(|chart| chart.chart).collect();
+        (figure.name, crate::plot::figure(&charts, COLUMNS))
+    };
+    Ok(charts(folder, POINTS)?.into_iter().map(drawn).collect())
+}
+
+/// The standard figures of the run in this folder, with at most so many points per curve. Those whose tables or columns are missing are left out.
 ///
 /// # Errors
 /// [`ViewError::Read`] where a table exists and cannot be read, [`ViewError::Malformed`] for a `columns.json` that is none.
-pub fn figures(folder: &Path) -> Result<Vec<(String, String)>, ViewError> {
+pub fn charts(folder: &Path, points: usize) -> Result<Vec<Figure>, ViewError> {
     let mut figures = Vec::new();
     let path = folder.join("steps.csv");
     if path.exists() {
@@ -83,8 +121,8 @@ pub fn figures(folder: &Path) -> Result<Vec<(String, String)>, ViewError> {
             let curves: Vec<(String, String)> =
                 curves.iter().map(|(column, label)| (column.to_string(), label.to_string())).collect();
             let y = if *log { Axis::log(*y) } else { Axis::linear(*y) };
-            if let Some(chart) = over_time(&table, "time", title, y, &curves) {
-                figures.push((name.to_string(), chart.to_svg()));
+            if let Some(chart) = over_time(&table, "time", title, y, &curves, points) {
+                figures.push(Figure { name: name.to_string(), charts: vec![chart] });
             }
         }
     }
@@ -98,11 +136,11 @@ pub fn figures(folder: &Path) -> Result<Vec<(String, String)>, ViewError> {
                 let curves: Vec<(String, String)> =
                     ["x", "y", "z"].iter().map(|axis| (format!("{what}_{axis}"), axis.to_string())).collect();
                 let y = Axis::linear(format!("{what} ({unit})"));
-                charts.extend(over_time(&rows, "time", &format!("{what} on {body}"), y, &curves));
+                charts.extend(over_time(&rows, "time", &format!("{what} on {body}"), y, &curves, points));
             }
         }
         if !charts.is_empty() {
-            figures.push(("forces".into(), figure(&charts, COLUMNS)));
+            figures.push(Figure { name: "forces".into(), charts });
         }
     }
     for (file, columns) in columns(folder)? {
@@ -116,9 +154,9 @@ pub fn figures(folder: &Path) -> Result<Vec<(String, String)>, ViewError> {
         if !path.exists() {
             continue;
         }
-        let charts = measured(&Table::read(&path)?, name, &columns);
+        let charts = measured(&Table::read(&path)?, name, &columns, points);
         if !charts.is_empty() {
-            figures.push((format!("measure_{name}"), figure(&charts, COLUMNS)));
+            figures.push(Figure { name: format!("measure_{name}"), charts });
         }
     }
     Ok(figures)
@@ -140,9 +178,16 @@ fn columns(folder: &Path) -> Result<Vec<(String, Columns)>, ViewError> {
 }
 
 /// Columns over an abscissa, thinned; `None` where there is nothing to draw.
-fn over_time(table: &Table, x: &str, title: &str, y: Axis, curves: &[(String, String)]) -> Option<Chart> {
-    let abscissa = table.numbers(x)?;
-    let stride = abscissa.len().div_ceil(POINTS).max(1);
+fn over_time(
+    table: &Table,
+    x: &str,
+    title: &str,
+    y: Axis,
+    curves: &[(String, String)],
+    points: usize,
+) -> Option<RunChart> {
+    let (abscissa, time) = (table.numbers(x)?, table.numbers("time")?);
+    let stride = abscissa.len().div_ceil(points).max(1);
     let label = if x == "displacement" { "displacement (m)" } else { "time (s)" };
     let mut chart = Chart::new(title, Axis::linear(label), y);
     for (column, name) in curves {
@@ -153,11 +198,12 @@ fn over_time(table: &Table, x: &str, title: &str, y: Axis, curves: &[(String, St
             chart = chart.with(Series::line(name, points));
         }
     }
-    (!chart.series.is_empty()).then_some(chart)
+    let moments = Moments::OfPoints(time.into_iter().step_by(stride).collect());
+    (!chart.series.is_empty()).then_some(RunChart { chart, moments })
 }
 
 /// The charts of a measurement: components of a tensor or vector together, other columns alone; of bins one chart per column.
-fn measured(table: &Table, name: &str, columns: &[[String; 2]]) -> Vec<Chart> {
+fn measured(table: &Table, name: &str, columns: &[[String; 2]], points: usize) -> Vec<RunChart> {
     let rest = columns.get(2..).unwrap_or_default();
     if rest.first().is_some_and(|[column, _]| column == "bin") {
         return bins(table, name, rest);
@@ -187,7 +233,7 @@ fn measured(table: &Table, name: &str, columns: &[[String; 2]]) -> Vec<Chart> {
             None => (column, vec![(column.clone(), String::new())]),
         };
         let y = Axis::linear(format!("{title} ({unit})"));
-        charts.extend(over_time(table, x, &format!("{name}: {title}"), y, &curves));
+        charts.extend(over_time(table, x, &format!("{name}: {title}"), y, &curves, points));
     }
     charts
 }
@@ -200,31 +246,32 @@ fn component(column: &str) -> Option<(&str, &str)> {
 }
 
 /// Profiles at some times, the later the farther along in the palette.
-fn bins(table: &Table, name: &str, columns: &[[String; 2]]) -> Vec<Chart> {
+fn bins(table: &Table, name: &str, columns: &[[String; 2]]) -> Vec<RunChart> {
     let Some([middle, unit]) = columns.get(1) else { return Vec::new() };
     let times = table.distinct("time");
     let last = times.len().saturating_sub(1);
     let mut chosen: Vec<usize> = (0..PROFILES).map(|k| k * last / (PROFILES - 1)).collect();
     chosen.dedup();
-    let rows: Vec<(String, Table)> = chosen
+    let rows: Vec<(f64, Table)> = chosen
         .iter()
         .filter_map(|&k| times.get(k))
-        .map(|time| {
-            let shown = time.parse::<f64>().map_or(time.clone(), |time| format!("{time:.4}"));
-            (format!("{} s", shown.trim_end_matches('0').trim_end_matches('.')), table.with("time", time))
-        })
+        .map(|time| (time.parse().unwrap_or(f64::NAN), table.with("time", time)))
         .collect();
     let chart = |[column, of]: &[String; 2]| {
         let x = Axis::linear(format!("{middle} ({unit})"));
         let mut chart = Chart::new(format!("{name}: {column}"), x, Axis::linear(format!("{column} ({of})")));
-        for (label, rows) in &rows {
+        let mut moments = Vec::new();
+        for (time, rows) in &rows {
             let (Some(x), Some(y)) = (rows.numbers(middle), rows.numbers(column)) else { continue };
             let points: Vec<[f64; 2]> = x.into_iter().zip(y).map(|(x, y)| [x, y]).collect();
             if points.iter().any(|[_, y]| y.is_finite()) {
+                let shown = format!("{time:.4}");
+                let label = format!("{} s", shown.trim_end_matches('0').trim_end_matches('.'));
                 chart = chart.with(Series::line(label, points).with_markers());
+                moments.push(*time);
             }
         }
-        (!chart.series.is_empty()).then_some(chart)
+        (!chart.series.is_empty()).then_some(RunChart { chart, moments: Moments::OfSeries(moments) })
     };
     columns.iter().skip(2).filter_map(chart).collect()
 }

@@ -5,9 +5,11 @@
 //! | [`plot`] | charts in SVG |
 //! | [`figures`] | the standard figures of a run |
 //! | [`render`] | pictures of a world |
+//! | [`film`] | the pictures of a run, from one camera |
 //! | [`view`] | a run's folder read back; replays in one HTML page |
 
 pub mod figures;
+pub mod film;
 pub mod plot;
 pub mod render;
 pub mod view;

@@ -1,6 +1,7 @@
-//! `graintrain render`: a picture of a moment of a run.
+//! `graintrain render`: a picture of a moment of a run, or a film of all.
 
 use crate::error::Failure;
+use crate::filming::{film, film_path};
 use crate::terminal::{say, tell};
 use graintrain::world::World;
 use graintrain_io::checkpoint;
@@ -10,13 +11,14 @@ use graintrain_view::view::{RunFolder, ViewError};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-/// Make a picture (PNG) of a moment of a run, without a display
+/// Make a picture (PNG) of a moment of a run, or a film of all of it, without a display
 ///
 /// RUN is the folder of a run or one of its checkpoints. Walls between the camera and the grains become glass.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  \
     graintrain render out/sedimentation                  writes out/sedimentation/picture.png\n  \
     graintrain render out/shear --time 1.5 --force-chains --view=-30,15 --out chains.png\n  \
+    graintrain render out/hopper --film hopper.mp4 --speed 0.5\n  \
     graintrain render out/run/checkpoints/step_00000400.ckpt --color force --out forces.png")]
 pub struct Arguments {
     /// Folder of a run, or a checkpoint
@@ -42,6 +44,12 @@ pub struct Arguments {
     /// File to write [default: RUN/picture.png, or a checkpoint's name with .png]
     #[arg(long, value_name = "FILE.png", value_parser = png)]
     out: Option<PathBuf>,
+    /// Make a film of all frames: .mp4, .webm, .mkv, .mov or .gif through ffmpeg, .png as an animated picture
+    #[arg(long, value_name = "FILE", value_parser = film_path, conflicts_with_all = ["time", "out"])]
+    film: Option<PathBuf>,
+    /// How many times as fast as things went the film plays
+    #[arg(long, value_name = "X", default_value_t = 1.0, requires = "film")]
+    speed: f64,
 }
 
 fn finite(text: &str) -> Result<f64, String> {
@@ -68,11 +76,8 @@ fn size(text: &str) -> Result<[usize; 2], String> {
     Ok([parse(a)?, parse(b)?])
 }
 
-/// Writes the picture.
-pub fn execute(arguments: &Arguments) -> Result<ExitCode, Failure> {
-    let (world, step, farthest) = moment(&arguments.run, arguments.time)
-        .map_err(|error| Failure::input_error(error, "give the folder of a run or a checkpoint"))?;
-    let settings = RenderSettings {
+fn settings(arguments: &Arguments, step: f64) -> RenderSettings {
+    RenderSettings {
         width: arguments.size[0],
         height: arguments.size[1],
         color: arguments.color,
@@ -80,7 +85,18 @@ pub fn execute(arguments: &Arguments) -> Result<ExitCode, Failure> {
         force_chains: arguments.force_chains,
         view: arguments.view,
         step,
-    };
+        bounds: None,
+    }
+}
+
+/// Writes the picture, or the film.
+pub fn execute(arguments: &Arguments) -> Result<ExitCode, Failure> {
+    if let Some(out) = &arguments.film {
+        return film(&arguments.run, &settings(arguments, 1.0), arguments.speed, out);
+    }
+    let (world, step, farthest) = moment(&arguments.run, arguments.time)
+        .map_err(|error| Failure::input_error(error, "give the folder of a run or a checkpoint"))?;
+    let settings = settings(arguments, step);
     let image = render(&world, &settings).map_err(|error: RenderError| Failure::input_error(error, ""))?;
     let mut bytes = Vec::new();
     image.write_png(&mut bytes).map_err(|error| Failure::work_error(error, ""))?;

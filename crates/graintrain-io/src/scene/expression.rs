@@ -7,8 +7,10 @@
 //! measured = power { unit [ "^" exponent ] }        a unit written after a value binds tighter than * and /
 //! power    = atom [ "^" exponent ]
 //! exponent = { "+" | "-" } atom [ "^" exponent ]
-//! atom     = number | parameter | unit | "pi" | function "(" sum { "," sum } ")" | "(" sum ")"
+//! atom     = number | parameter | unit | "pi" | function "(" sum { "," sum } ")" | extent "(" parameter ")" | "(" sum ")"
 //! ```
+//! An extent (`mesh_min_x` to `mesh_max_z`) is the least or greatest coordinate in the file of triangles that a parameter names, a number in the
+//! unit of the file.
 //! In a function of time the atom `t` is the time (elsewhere it is the unit, a tonne): `"2 kN * sin(2*pi*t/4 s)"`.
 //!
 //! So `10 cm/s` is a speed, `9.81 m/s^2` an acceleration and `1 m / 2 s` is 0.5 m/s.
@@ -16,6 +18,7 @@
 use super::error::closest;
 use super::quantity::{Dimension, Quantity, unit, unit_symbols};
 use graintrain::formula::{Formula, Function, Operation, Operator};
+use graintrain::math::Vec3;
 use std::ops::Range;
 
 /// Nesting deeper than this is refused (it would exhaust the stack).
@@ -25,6 +28,15 @@ const FUNCTIONS: &[&str] = &[
     "abs", "acos", "asin", "atan", "ceil", "cos", "exp", "floor", "ln", "max", "min", "round", "sin", "sqrt",
     "tan",
 ];
+
+/// Least and greatest coordinates in a file of triangles, by axis.
+const EXTENTS: [[&str; 2]; 3] =
+    [["mesh_min_x", "mesh_max_x"], ["mesh_min_y", "mesh_max_y"], ["mesh_min_z", "mesh_max_z"]];
+
+/// Whether it is the least (0) or greatest (1) coordinate, and along which axis.
+fn extent(word: &str) -> Option<(usize, usize)> {
+    (0..3).find_map(|axis| Some((axis, EXTENTS[axis].iter().position(|name| *name == word)?)))
+}
 
 /// The name of the time in functions of it.
 const TIME: &str = "t";
@@ -38,7 +50,7 @@ pub(crate) struct ExpressionError {
 
 /// Whether a parameter may not have this name because it already means something.
 pub(crate) fn is_reserved(name: &str) -> bool {
-    name == "pi" || unit(name).is_some() || FUNCTIONS.contains(&name)
+    name == "pi" || unit(name).is_some() || FUNCTIONS.contains(&name) || extent(name).is_some()
 }
 
 /// Whether a word can be the name of a parameter: a letter or underscore, then letters, digits and underscores.
@@ -53,6 +65,10 @@ pub(crate) trait Names {
     fn value(&self, name: &str) -> Option<Result<Quantity, String>>;
     /// All parameters, for suggestions.
     fn names(&self) -> Vec<&str>;
+    /// Least and greatest coordinates in the file of triangles that the parameter of this name names; `None` if there is no such parameter.
+    fn corners(&self, _name: &str) -> Option<Result<[Vec3; 2], String>> {
+        None
+    }
     /// What a name stands for, in messages.
     fn kind(&self) -> &'static str {
         "a parameter"
@@ -433,6 +449,7 @@ impl Parser<'_> {
             }
             Kind::Symbol(symbol) => self.fail(format!("unexpected `{symbol}`"), span),
             Kind::Word(word) if FUNCTIONS.contains(&word.as_str()) => self.call(&word, span),
+            Kind::Word(word) if extent(&word).is_some() => self.extent(&word, span),
             Kind::Word(word) => {
                 if let Some(value) = self.names.value(&word) {
                     value.map(Term::from).or_else(|problem| self.fail(problem, span))
@@ -452,7 +469,7 @@ impl Parser<'_> {
     fn unknown_word(&self, word: &str) -> String {
         let stem = word.trim_end_matches(|c: char| c.is_ascii_digit());
         let known: Vec<&str> =
-            [self.names.names(), unit_symbols().collect::<Vec<&str>>(), FUNCTIONS.to_vec()].concat();
+            [self.names.names(), unit_symbols().collect(), FUNCTIONS.to_vec(), EXTENTS.concat()].concat();
         let kind = self.names.kind();
         match (unit(stem), closest(word, known)) {
             (Some(_), _) if stem != word => {
@@ -462,6 +479,26 @@ impl Parser<'_> {
                 format!("`{word}` is neither a unit nor {kind}; did you mean `{closest}`?")
             }
             _ => format!("`{word}` is neither a unit nor {kind}"),
+        }
+    }
+
+    /// The extent of a file: `mesh_max_x(path)`.
+    fn extent(&mut self, function: &str, span: Range<usize>) -> Result<Term, ExpressionError> {
+        let named = match (self.take('('), self.peek().map(|token| token.kind.clone())) {
+            (Some(_), Some(Kind::Word(name))) => {
+                self.next += 1;
+                self.take(')').map(|_| name)
+            }
+            _ => None,
+        };
+        let (Some(name), Some((axis, end))) = (named, extent(function)) else {
+            let problem = format!("`{function}` takes the parameter that names a file: `{function}(path)`");
+            return self.fail(problem, span);
+        };
+        match self.names.corners(&name) {
+            Some(Ok(corners)) => Ok(Quantity::number(corners[end][axis]).into()),
+            Some(Err(problem)) => self.fail(problem, span),
+            None => self.fail(format!("`{name}` is no parameter that names a file of triangles"), span),
         }
     }
 

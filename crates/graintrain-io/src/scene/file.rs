@@ -54,7 +54,7 @@ fn seed_behind(seed: u64, places: u64) -> u64 {
 
 /// Reads a scene from its tree. Relative paths start at `folder`.
 pub(crate) fn read(name: &str, root: &Node, folder: PathBuf) -> Result<Scene, SceneError> {
-    let context = Context { parameters: Parameters::new(root.get("parameters"))?, folder };
+    let context = Context { parameters: Parameters::new(root.get("parameters"), &folder)?, folder };
     let scene = Reader::new(&context, root, String::new(), &schema::SCENE)?;
     let time = time(&scene.required_child("time")?)?;
     let seed = scene.count("seed")?.unwrap_or(1);

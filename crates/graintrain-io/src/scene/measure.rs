@@ -76,6 +76,9 @@ pub struct MeasureSpec {
     /// A shear box.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub shear_box: Option<ShearBoxSpec>,
+    /// A wheel.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub wheel: Option<WheelSpec>,
     /// The angle of a slope.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub repose: Option<ReposeSpec>,
@@ -137,6 +140,17 @@ pub struct ShearBoxSpec {
     /// m
     #[serde(skip_serializing_if = "Option::is_none")]
     pub plane: Option<Vec3>,
+}
+
+/// A wheel.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct WheelSpec {
+    /// The body.
+    pub body: String,
+    /// m
+    pub radius: f64,
+    /// Unit vector along its axis.
+    pub axis: Vec3,
 }
 
 /// The angle of a slope.
@@ -220,6 +234,7 @@ const QUANTITIES: &[&str] = &[
     "plane",
     "mixing",
     "shear_box",
+    "wheel",
     "repose",
 ];
 
@@ -322,6 +337,14 @@ pub(super) fn read(reader: &Reader, step: f64, names: &Names<'_>) -> Result<Meas
             }),
         },
         shear_box: reader.child("shear_box")?.map(|inner| shear_box(&inner, bodies)).transpose()?,
+        wheel: match reader.child("wheel")? {
+            None => None,
+            Some(inner) => Some(WheelSpec {
+                body: body_of(&inner, "body", bodies)?,
+                radius: inner.required("radius", Range::Positive)?,
+                axis: inner.direction("axis")?.unwrap_or(Vec3::Y),
+            }),
+        },
         repose: match reader.child("repose")? {
             None => None,
             Some(inner) => Some(ReposeSpec {
@@ -348,17 +371,19 @@ fn required_names(reader: &Reader, key: &str, what: &str, known: &[&str]) -> Res
     if names.is_empty() { Err(reader.missing(key)) } else { Ok(names) }
 }
 
+/// The name of a body.
+fn body_of(reader: &Reader, key: &str, bodies: &[&str]) -> Result<String, SceneError> {
+    let name = reader.text(key)?.ok_or_else(|| reader.missing(key))?;
+    match bodies.contains(&name.as_str()) {
+        true => Ok(name),
+        false => Err(reader.unknown_name(key, "body", &name, bodies.iter().copied())),
+    }
+}
+
 fn shear_box(reader: &Reader, bodies: &[&str]) -> Result<ShearBoxSpec, SceneError> {
-    let body = |key: &str| {
-        let name = reader.text(key)?.ok_or_else(|| reader.missing(key))?;
-        match bodies.contains(&name.as_str()) {
-            true => Ok(name),
-            false => Err(reader.unknown_name(key, "body", &name, bodies.iter().copied())),
-        }
-    };
     Ok(ShearBoxSpec {
-        sheared: body("sheared")?,
-        pressing: body("pressing")?,
+        sheared: body_of(reader, "sheared", bodies)?,
+        pressing: body_of(reader, "pressing", bodies)?,
         direction: reader.direction("direction")?.unwrap_or(Vec3::X),
         normal: reader.direction("normal")?.unwrap_or(Vec3::Z),
         area: reader.required("area")?,

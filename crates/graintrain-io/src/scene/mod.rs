@@ -48,7 +48,7 @@ pub use error::{Location, SceneError, SceneErrorKind, Source, closest};
 pub use json_schema::json_schema;
 pub use measure::{
     AlongSpec, ForceSpec, HistogramSpec, MeasureSpec, MixingSpec, PlaneSpec, ProfileSpec, ReposeSpec,
-    ShearBoxSpec,
+    ShearBoxSpec, WheelSpec,
 };
 
 pub use joint::{ActuatorSpec, JointSpec, MotorSpec, SpringSpec, StopsSpec};

@@ -2,9 +2,12 @@
 
 use super::error::{Location, SceneError, SceneErrorKind, closest};
 use super::expression::{ExpressionError, Names, Term, compile, evaluate, is_name, is_reserved};
+use super::mesh_file;
 use super::quantity::Quantity;
 use super::tree::{Entry, Node, Value};
+use graintrain::math::Vec3;
 use std::cell::RefCell;
+use std::path::{Path, PathBuf};
 
 /// Parameters that refer to each other in longer chains than this are refused.
 const LONGEST_CHAIN: usize = 32;
@@ -15,6 +18,8 @@ pub(crate) const COMMAND_LINE: &str = "--set";
 /// All parameters of a scene, evaluated.
 pub(crate) struct Parameters {
     entries: Vec<Entry>,
+    /// Where relative paths start.
+    folder: PathBuf,
     /// One per entry; an error for texts that are no expression, reported only where an expression uses them.
     values: Vec<Result<Quantity, SceneError>>,
 }
@@ -27,8 +32,9 @@ pub(crate) struct Interpolated {
 }
 
 impl Parameters {
-    /// Evaluates the table of parameters (absent: there are none).
-    pub fn new(table: Option<&Node>) -> Result<Self, SceneError> {
+    /// Evaluates the table of parameters (absent: there are none). Relative paths start at `folder`, those of the command line where the program
+    /// runs.
+    pub fn new(table: Option<&Node>, folder: &Path) -> Result<Self, SceneError> {
         let entries = match table {
             None => Vec::new(),
             Some(node) => node.entries().map(<[Entry]>::to_vec).ok_or_else(|| {
@@ -57,11 +63,12 @@ impl Parameters {
         }
         let evaluation = Evaluation {
             entries: &entries,
+            folder,
             state: RefCell::new(vec![State::Untouched; entries.len()]),
             depth: RefCell::new(0),
         };
         let values = (0..entries.len()).map(|index| evaluation.resolve(index)).collect();
-        Ok(Self { entries, values })
+        Ok(Self { entries, folder: folder.to_path_buf(), values })
     }
 
     /// Names and values as written, for people.
@@ -117,6 +124,26 @@ impl Parameters {
     }
 }
 
+/// Least and greatest coordinates in the file of triangles that a parameter names.
+fn corners(entries: &[Entry], folder: &Path, name: &str) -> Option<Result<[Vec3; 2], String>> {
+    let node = &entries.iter().find(|entry| entry.key == name)?.node;
+    let Value::Text(text) = &node.value else { return Some(Err(format!("`{name}` names no file"))) };
+    let path = match node.location.source.name == COMMAND_LINE {
+        true => PathBuf::from(text),
+        false => folder.join(text),
+    };
+    let problem = |problem: String| {
+        format!("{}: {problem}; name another file of triangles with --set {name}=FILE", path.display())
+    };
+    let read = std::fs::read(&path).map_err(|error| problem(error.to_string()));
+    let read = read.and_then(|bytes| mesh_file::read(&path, &bytes).map_err(|error| problem(error.problem)));
+    Some(read.map(|mesh| {
+        mesh.vertices.iter().fold([Vec3::INFINITY, Vec3::NEG_INFINITY], |[low, high], &corner| {
+            [low.min(corner), high.max(corner)]
+        })
+    }))
+}
+
 fn as_text(node: &Node) -> String {
     match &node.value {
         Value::Text(text) => text.clone(),
@@ -155,6 +182,10 @@ impl Names for Lookup<'_> {
         }))
     }
 
+    fn corners(&self, name: &str) -> Option<Result<[Vec3; 2], String>> {
+        corners(&self.parameters.entries, &self.parameters.folder, name)
+    }
+
     fn names(&self) -> Vec<&str> {
         self.parameters.entries.iter().map(|entry| entry.key.as_str()).collect()
     }
@@ -171,6 +202,7 @@ enum State {
 /// Evaluation of parameters in terms of each other, in any order.
 struct Evaluation<'a> {
     entries: &'a [Entry],
+    folder: &'a Path,
     state: RefCell<Vec<State>>,
     depth: RefCell<usize>,
 }
@@ -211,6 +243,10 @@ impl Names for Evaluation<'_> {
     fn value(&self, name: &str) -> Option<Result<Quantity, String>> {
         let index = self.entries.iter().position(|entry| entry.key == name)?;
         Some(self.resolve(index).map_err(|error| error.kind.to_string()))
+    }
+
+    fn corners(&self, name: &str) -> Option<Result<[Vec3; 2], String>> {
+        corners(self.entries, self.folder, name)
     }
 
     fn names(&self) -> Vec<&str> {

@@ -147,6 +147,8 @@ fn what_cannot_be_measured_is_said() {
         ("[measure.x]\nforce = {}", "bodies"),
         ("[measure.x]\nmixing = { packings = [\"b\"], cell = 1 }", "packing"),
         ("[measure.x]\nshear_box = { sheared = \"floor\", pressing = \"a\", area = 1 }", "body"),
+        ("[measure.x]\nwheel = { body = \"tyre\", radius = 1 }", "tyre"),
+        ("[measure.x]\nwheel = { body = \"floor\" }", "radius"),
         ("[measure.x]\nstress = true\nevery = \"5 kg\"", "kg"),
         ("[measure.\"a/b\"]\nstress = true", "file"),
         ("[measure.x]\nplane = { normal = [0, 0, 0] }", "normal"),

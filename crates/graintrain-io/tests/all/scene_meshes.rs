@@ -199,13 +199,56 @@ fn built_in_wheel(folder: &Path) -> Simulation {
 fn the_built_in_wheel_is_short_and_stands_over_five_thousand_grains() {
     let text = builtin::find("wheel").unwrap().text;
     let lines = text.lines().filter(|line| !line.starts_with('#') && !line.is_empty());
-    assert!(lines.count() < 40);
+    assert!(lines.count() < 50);
     let folder = folder("built-in", &triangles());
     let world = built_in_wheel(&folder).world;
     assert_eq!(world.bodies.len(), 5000 + 4);
-    assert_eq!(world.bodies.mass[wheel_of(&world)], 3.0);
+    assert!((world.bodies.mass[wheel_of(&world)] / 3.0 - 1.0).abs() < 0.01);
     assert_eq!(deepest_overlap(&world), None);
     std::fs::remove_dir_all(folder).unwrap();
+}
+
+/// A wheel seven times as large, in metres, and twice as wide, its frame far from it: the bed, the grains, the start and the step follow.
+#[test]
+fn the_built_in_wheel_takes_any_wheel() {
+    let large = |[x, y, z]: [f64; 3]| [7e-3 * x + 11.0, 14e-3 * y, 7e-3 * z - 3.0];
+    let triangles: Vec<[[f64; 3]; 3]> = triangles().iter().map(|corners| corners.map(large)).collect();
+    let folder = folder("any", &triangles);
+    let path = folder.join("wheel.stl").to_string_lossy().into_owned();
+    let settings = [("path".to_string(), path), ("scale".to_string(), "1 m".to_string())];
+    let simulation = Scene::load("wheel", &settings).unwrap().build().unwrap();
+    let world = &simulation.world;
+    assert_eq!(deepest_overlap(world), None);
+    // 0.7 m wide: 2.8 of that are 17 rows of grains of 10.5 cm.
+    let grains = world.bodies.len() - 4;
+    assert_eq!(grains, 50 * 17 * 10);
+    assert!((simulation.settings.step / (4e-3 * 7.0_f64.sqrt()) - 1.0).abs() < 1e-6);
+    // Above the bed, its middle between the sides, two radii behind the middle.
+    let place = world.bodies.position[wheel_of(world)];
+    let highest = world.bodies.position[4..].iter().map(|x| x.z).fold(0.0, f64::max);
+    assert!((place - Vec3::new(-1.4, 0.0, place.z)).length() < 0.02, "{place}");
+    assert!((0.7..1.0).contains(&(place.z - highest)), "{place} over {highest}");
+    std::fs::remove_dir_all(folder).unwrap();
+}
+
+/// A file that is not there, or no parameter: named with the place in the scene and what to do.
+#[test]
+fn extents_of_files_that_cannot_be_read() {
+    let missing = [("path".to_string(), "/nowhere/wheel.stl".to_string())];
+    let error = Scene::load("wheel", &missing).unwrap_err().to_string();
+    assert!(error.contains("/nowhere/wheel.stl") && error.contains("--set path=FILE"), "{error}");
+    let base = "[parameters]\nn = 3\nword = \"mesh_max_x\"\n[time]\nstep = 1\nsteps = 1\n[body.a]\nshape = { sphere = { radius = \"X\" } }\n";
+    for (text, expected) in [
+        ("mesh_max_x(other)", "`other` is no parameter"),
+        ("mesh_max_x(n)", "`n` names no file"),
+        ("mesh_max_x(3)", "takes the parameter that names a file"),
+        ("mesh_max_x", "takes the parameter that names a file"),
+        ("mesh_max_x(n", "takes the parameter that names a file"),
+    ] {
+        let error = build(&base.replace('X', text).replace("word = \"mesh_max_x\"\n", ""), Path::new(""));
+        let error = error.err().unwrap_or_else(|| panic!("{text} is accepted"));
+        assert!(error.contains(expected), "{text}: {error}");
+    }
 }
 
 /// Pull, load and torque of the second half do not drift: both of its halves agree within what they scatter.

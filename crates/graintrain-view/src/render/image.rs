@@ -90,6 +90,11 @@ impl Image {
         self.pixels[y * self.width + x].map(|channel| (channel.clamp(0.0, 1.0) * 255.0).round() as u8)
     }
 
+    /// Rows from the top, three bytes per pixel.
+    pub fn bytes(&self) -> Vec<u8> {
+        (0..self.height).flat_map(|y| (0..self.width).flat_map(move |x| self.bytes_at(x, y))).collect()
+    }
+
     /// Writes the picture as PNG, 8 bits per channel, sRGB.
     ///
     /// # Errors
@@ -99,10 +104,8 @@ impl Image {
         encoder.set_color(png::ColorType::Rgb);
         encoder.set_depth(png::BitDepth::Eight);
         encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
-        let bytes: Vec<u8> =
-            (0..self.height).flat_map(|y| (0..self.width).flat_map(move |x| self.bytes_at(x, y))).collect();
         let mut writer = encoder.write_header()?;
-        writer.write_image_data(&bytes)?;
+        writer.write_image_data(&self.bytes())?;
         writer.finish()
     }
 }

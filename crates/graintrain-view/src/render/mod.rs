@@ -22,7 +22,7 @@ pub mod primitive;
 pub mod raster;
 pub mod subject;
 
-use camera::Camera;
+use camera::{Bounds, Camera};
 use graintrain::math::Vec3;
 use graintrain::world::World;
 pub use image::Image;
@@ -72,6 +72,8 @@ pub struct RenderSettings {
     pub view: [f64; 2],
     /// Time step that turns impulses into forces, s.
     pub step: f64,
+    /// What the picture holds, and where half-spaces end; `None` for the grains and what is beside them.
+    pub bounds: Option<Bounds>,
 }
 
 impl Default for RenderSettings {
@@ -84,6 +86,7 @@ impl Default for RenderSettings {
             force_chains: false,
             view: [-60.0, 24.0],
             step: 1.0,
+            bounds: None,
         }
     }
 }
@@ -127,7 +130,7 @@ pub fn render(world: &World, settings: &RenderSettings) -> Result<Image, RenderE
     check(settings)?;
     let (width, height) = (settings.width, settings.height);
     let grains = subject::grains(world);
-    let bounds = subject::bounds(world, &grains);
+    let bounds = settings.bounds.unwrap_or_else(|| subject::bounds(world, &grains));
     let [left, top, right, bottom] = overlay::margins(settings);
     let region = [left, top, width as f64 - right, height as f64 - bottom];
     let (forward, up) = directions(world, settings.view);

@@ -4,6 +4,7 @@ use super::camera::{Bounds, Camera};
 use super::color::{Rgb, categorical, viridis};
 use super::primitive::{Form, Look, Primitive};
 use super::{ColorBy, RenderSettings};
+use graintrain::contact::Contact;
 use graintrain::math::Vec3;
 use graintrain::shape::{Part, Shape};
 use graintrain::world::World;
@@ -114,10 +115,14 @@ pub fn contact_force(world: &World, step: f64) -> Vec<f64> {
     force
 }
 
-/// Colours of the grains, and the legend where colours stand for numbers.
-fn grain_colors(world: &World, grains: &[usize], settings: &RenderSettings) -> (Vec<Rgb>, Option<Legend>) {
-    let (label, values): (&str, Vec<f64>) = match settings.color {
-        ColorBy::Identity => return (grains.iter().map(|&body| categorical(body)).collect(), None),
+/// Label and values of the grains; none where colours stand for no numbers.
+fn grain_values(
+    world: &World,
+    grains: &[usize],
+    settings: &RenderSettings,
+) -> Option<(&'static str, Vec<f64>)> {
+    Some(match settings.color {
+        ColorBy::Identity => return None,
         ColorBy::Speed => {
             ("speed (m/s)", grains.iter().map(|&body| world.bodies.velocity[body].length()).collect())
         }
@@ -132,6 +137,28 @@ fn grain_colors(world: &World, grains: &[usize], settings: &RenderSettings) -> (
             };
             ("radius (m)", grains.iter().map(radius).collect())
         }
+    })
+}
+
+/// Normal forces of the contacts that carry any, N.
+fn chain_values(world: &World, settings: &RenderSettings) -> Vec<f64> {
+    let set = &world.contacts;
+    let normal = |(contact, impulse): (&Contact, &Vec3)| impulse.dot(contact.normal) / settings.step;
+    set.contacts.iter().zip(&set.impulse).map(normal).filter(|&force| force > 0.0).collect()
+}
+
+/// What the colours of a picture stand for: of grains, or of contacts where these are shown.
+pub fn shown_values(world: &World, settings: &RenderSettings) -> Vec<f64> {
+    if settings.force_chains {
+        return chain_values(world, settings);
+    }
+    grain_values(world, &grains(world), settings).map(|(_, values)| values).unwrap_or_default()
+}
+
+/// Colours of the grains, and the legend where colours stand for numbers.
+fn grain_colors(world: &World, grains: &[usize], settings: &RenderSettings) -> (Vec<Rgb>, Option<Legend>) {
+    let Some((label, values)) = grain_values(world, grains, settings) else {
+        return (grains.iter().map(|&body| categorical(body)).collect(), None);
     };
     let legend = legend(label, &values, settings.range, settings.color == ColorBy::Radius);
     let [low, high] = legend.range;
@@ -300,7 +327,7 @@ fn force_chains(
     let set = &world.contacts;
     let normal = |i: usize| set.impulse[i].dot(set.contacts[i].normal) / settings.step;
     let count = set.contacts.len().min(set.impulse.len());
-    let loaded: Vec<f64> = (0..count).map(normal).filter(|&force| force > 0.0).collect();
+    let loaded = chain_values(world, settings);
     let legend = legend("normal contact force (N)", &loaded, settings.range, false);
     let strongest = legend.range[1];
     for i in 0..count {

@@ -2,17 +2,20 @@
 //!
 //! The page needs no network and no library: it holds the frames (16-bit positions relative to the box around the
 //! motion, differences from frame to frame, gzip, base64) and a WebGL 2 program that draws spheres as exact balls,
-//! other shapes as meshes and contact forces as tubes, with a time slider, an orbit camera, colours by speed, force or
-//! radius, and plots of `steps.csv` and `wrench.csv`.
+//! other shapes as meshes and contact forces as tubes, with light and shadow, cuts, picking, and the figures of the run.
 //!
 //! | module | holds |
 //! |---|---|
 //! | [`run_folder`] | a run's folder as a sequence of worlds |
 //! | [`vtp_file`] | the reader of the run's own frame files |
 //! | [`pack`] | frames as bytes, and back |
-//! | [`tables`] | curves from `steps.csv` and `wrench.csv` |
+//! | [`tables`] | tables of a run |
+//! | [`live`] | the same page of a run under way |
+//! | [`model`] | what is seen of a world |
 //! | `page` | the HTML |
 
+pub mod live;
+pub mod model;
 pub mod pack;
 pub mod page;
 pub mod run_folder;
@@ -54,7 +57,7 @@ pub enum ViewError {
         folder: PathBuf,
     },
     /// The frames do not fit into memory or a page.
-    #[error("the replay cannot be packed: {0}")]
+    #[error("the page cannot be made: {0}")]
     Pack(#[from] std::io::Error),
 }
 

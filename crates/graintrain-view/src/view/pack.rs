@@ -2,14 +2,20 @@
 //!
 //! The layout, little-endian, frame after frame: positions of all bodies as three planes (all x, all y, all z) of
 //! `u16` fractions of the box, minus those of the frame before modulo 2^16; quaternions x y z w of the oriented bodies
-//! as `i16` / 32767; speed and largest contact force of all bodies, and where bodies grow their sizes, as `u16` fractions of their maxima; then, for each of
+//! as `i16` / 32767; each field of all bodies, and where bodies grow their sizes, as `u16` fractions of their maxima; then, for each of
 //! the frame's contacts, planes of body A (`u32`), body B (`u32`), point (`u16` x 3, interleaved), normal force (`u16`).
-//! The whole is gzip-compressed and written in base64.
+//!
+//! What does not change from frame to frame comes as a block of its own: a byte per body (1: a grain); materials of all bodies (`u16`); the
+//! bodies that are balls (`u32`) and their radii (`f32`, m); the bodies whose orientation is in the frames (`u32`); then group by group its bodies
+//! (`u32`) and its triangles (`f32` x 9, m).
+//! Each block is gzip-compressed and written in base64.
 
+use super::model::Model;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD as BASE64;
 use flate2::Compression;
 use flate2::write::GzEncoder;
+use serde::Serialize;
 use std::io::{self, Write};
 
 /// A frame of a replay.
@@ -21,10 +27,8 @@ pub struct Frame {
     pub position: Vec<[f32; 3]>,
     /// x y z w of the oriented bodies.
     pub orientation: Vec<[f32; 4]>,
-    /// Of all bodies, m/s.
-    pub speed: Vec<f32>,
-    /// Largest normal force at the contacts of each body, N.
-    pub force: Vec<f32>,
+    /// Numbers of all bodies, not negative, by field.
+    pub fields: Vec<Vec<f32>>,
     /// Sizes of all bodies relative to the first frame; empty where nobody ever changes.
     pub size: Vec<f32>,
     /// Loaded contacts: bodies A and B, point (m), normal force (N).
@@ -32,15 +36,15 @@ pub struct Frame {
 }
 
 /// Ranges that the packed fractions refer to.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Ranges {
     /// Smallest coordinates of bodies and contact points, m.
     pub low: [f32; 3],
     /// Largest coordinates.
     pub high: [f32; 3],
-    /// Largest speed, m/s.
-    pub speed: f32,
-    /// Largest force, N.
+    /// Largest value of each field; 1 where all are zero.
+    pub fields: Vec<f32>,
+    /// Largest normal force at a contact, N; 1 where there is none.
     pub force: f32,
     /// Largest size relative to the first frame; 0 where nobody ever changes.
     pub size: f32,
@@ -49,8 +53,13 @@ pub struct Ranges {
 impl Ranges {
     /// The ranges of some frames; nowhere empty.
     pub fn of(frames: &[Frame]) -> Self {
-        let mut ranges =
-            Self { low: [f32::INFINITY; 3], high: [f32::NEG_INFINITY; 3], speed: 0.0, force: 0.0, size: 0.0 };
+        let mut ranges = Self {
+            low: [f32::INFINITY; 3],
+            high: [f32::NEG_INFINITY; 3],
+            fields: vec![0.0; frames.first().map_or(0, |frame| frame.fields.len())],
+            force: 0.0,
+            size: 0.0,
+        };
         for frame in frames {
             let points = frame.position.iter().chain(frame.contacts.iter().map(|contact| &contact.2));
             for point in points {
@@ -59,8 +68,10 @@ impl Ranges {
                     ranges.high[k] = ranges.high[k].max(point[k]);
                 }
             }
-            ranges.speed = frame.speed.iter().copied().fold(ranges.speed, f32::max);
-            ranges.force = frame.force.iter().copied().fold(ranges.force, f32::max);
+            for (largest, values) in ranges.fields.iter_mut().zip(&frame.fields) {
+                *largest = values.iter().copied().fold(*largest, f32::max);
+            }
+            ranges.force = frame.contacts.iter().map(|contact| contact.3).fold(ranges.force, f32::max);
             ranges.size = frame.size.iter().copied().fold(ranges.size, f32::max);
         }
         for k in 0..3 {
@@ -70,7 +81,8 @@ impl Ranges {
             }
         }
         let positive = |value: f32| if value > 0.0 { value } else { 1.0 };
-        (ranges.speed, ranges.force) = (positive(ranges.speed), positive(ranges.force));
+        ranges.force = positive(ranges.force);
+        ranges.fields.iter_mut().for_each(|largest| *largest = positive(*largest));
         ranges
     }
 
@@ -82,6 +94,25 @@ impl Ranges {
 /// A number in [0, 1] as 16 bits.
 fn fraction(value: f32) -> u16 {
     (value.clamp(0.0, 1.0) * 65535.0).round() as u16
+}
+
+/// Packs what does not change; see the module for the order.
+///
+/// # Errors
+/// None in practice: writing to memory.
+pub fn pack_model(model: &Model) -> io::Result<String> {
+    let mut out = GzEncoder::new(Vec::new(), Compression::new(7));
+    let grains: Vec<u8> = model.is_grain.iter().map(|&grain| u8::from(grain)).collect();
+    out.write_all(&grains)?;
+    words(&mut out, model.material.iter().copied())?;
+    indices(&mut out, &model.balls.body)?;
+    singles(&mut out, model.balls.radius.iter().map(|&radius| radius as f32))?;
+    indices(&mut out, &model.oriented)?;
+    for group in &model.groups {
+        indices(&mut out, &group.bodies)?;
+        singles(&mut out, group.triangles.iter().copied())?;
+    }
+    Ok(BASE64.encode(out.finish()?))
 }
 
 /// Packs frames that all have the same bodies into base64 text.
@@ -102,8 +133,9 @@ pub fn pack(frames: &[Frame], ranges: &Ranges) -> io::Result<String> {
         let turns =
             frame.orientation.iter().flatten().map(|q| (q.clamp(-1.0, 1.0) * 32767.0).round() as i16 as u16);
         words(&mut out, turns)?;
-        words(&mut out, frame.speed.iter().map(|speed| fraction(speed / ranges.speed)))?;
-        words(&mut out, frame.force.iter().map(|force| fraction(force / ranges.force)))?;
+        for (values, largest) in frame.fields.iter().zip(&ranges.fields) {
+            words(&mut out, values.iter().map(|value| fraction(value / largest)))?;
+        }
         words(&mut out, frame.size.iter().map(|size| fraction(size / ranges.size)))?;
         for body in frame.contacts.iter().map(|contact| contact.0).chain(frame.contacts.iter().map(|c| c.1)) {
             out.write_all(&body.to_le_bytes())?;
@@ -118,5 +150,15 @@ pub fn pack(frames: &[Frame], ranges: &Ranges) -> io::Result<String> {
 
 fn words(out: &mut impl Write, values: impl Iterator<Item = u16>) -> io::Result<()> {
     let bytes: Vec<u8> = values.flat_map(u16::to_le_bytes).collect();
+    out.write_all(&bytes)
+}
+
+fn indices(out: &mut impl Write, bodies: &[usize]) -> io::Result<()> {
+    let bytes: Vec<u8> = bodies.iter().flat_map(|&body| (body as u32).to_le_bytes()).collect();
+    out.write_all(&bytes)
+}
+
+fn singles(out: &mut impl Write, values: impl Iterator<Item = f32>) -> io::Result<()> {
+    let bytes: Vec<u8> = values.flat_map(f32::to_le_bytes).collect();
     out.write_all(&bytes)
 }

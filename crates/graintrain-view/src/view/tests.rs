@@ -208,8 +208,8 @@ fn unpack(text: &str, bodies: usize, oriented: usize, contacts: &[usize], ranges
         let turns = words(4 * oriented);
         let orientation =
             turns.chunks_exact(4).map(|q| [0, 1, 2, 3].map(|k| f32::from(q[k] as i16) / 32767.0)).collect();
-        let speed = words(bodies).iter().map(|&w| f32::from(w) / 65535.0 * ranges.speed).collect();
-        let force = words(bodies).iter().map(|&w| f32::from(w) / 65535.0 * ranges.force).collect();
+        let mut field = |most: f32| words(bodies).iter().map(|&w| f32::from(w) / 65535.0 * most).collect();
+        let fields = ranges.fields.iter().map(|&most| field(most)).collect();
         let pairs = words(4 * count);
         let body = |k: usize| u32::from(pairs[2 * k]) | u32::from(pairs[2 * k + 1]) << 16;
         let spots = words(3 * count);
@@ -220,7 +220,7 @@ fn unpack(text: &str, bodies: usize, oriented: usize, contacts: &[usize], ranges
                 (body(i), body(count + i), point, f32::from(loads[i]) / 65535.0 * ranges.force)
             })
             .collect();
-        frames.push(Frame { time: 0.0, position, orientation, speed, force, size: Vec::new(), contacts });
+        frames.push(Frame { time: 0.0, position, orientation, fields, size: Vec::new(), contacts });
     }
     assert!(rest.is_empty(), "{} bytes are left over", rest.len());
     frames
@@ -239,24 +239,24 @@ fn the_page_holds_the_frames() {
     let header: serde_json::Value =
         serde_json::from_str(between(&page, "<script id=\"header\" type=\"application/json\">", "</script>"))
             .unwrap();
-    let numbers = |name: &str| -> Vec<f64> {
-        header[name].as_array().unwrap().iter().map(|x| x.as_f64().unwrap()).collect()
+    let packed = &header["chunk"]["ranges"];
+    let numbers = |name: &str| -> Vec<f32> {
+        packed[name].as_array().unwrap().iter().map(|x| x.as_f64().unwrap() as f32).collect()
     };
-    let number = |name: &str| header[name].as_f64().unwrap() as f32;
-    let corner = |name: &str| -> [f32; 3] { std::array::from_fn(|k| numbers(name)[k] as f32) };
+    let corner = |name: &str| -> [f32; 3] { std::array::from_fn(|k| numbers(name)[k]) };
     let ranges = Ranges {
         low: corner("low"),
         high: corner("high"),
-        speed: number("speed_max"),
-        force: number("force_max"),
-        size: number("size_max"),
+        fields: numbers("fields"),
+        force: packed["force"].as_f64().unwrap() as f32,
+        size: packed["size"].as_f64().unwrap() as f32,
     };
-    let frames = header["frames"].as_array().unwrap();
+    let frames = header["chunk"]["frames"].as_array().unwrap();
     let shown: Vec<usize> = [2, 5, 8, 11, 14, 17, 20].to_vec();
     assert_eq!(frames.len(), shown.len());
     let contacts: Vec<usize> = frames.iter().map(|f| f["contacts"].as_u64().unwrap() as usize).collect();
-    let oriented = numbers("oriented");
-    assert_eq!(oriented, [0.0, 1.0, 3.0, 4.0], "all but the balls");
+    let oriented = the_page_holds_the_model(&page, &header, &truth[0]);
+    assert_eq!(oriented, [0, 1, 3, 4], "all but the balls");
     let data = between(&page, "<script id=\"data\" type=\"text/plain\">", "</script>");
     let decoded = unpack(data, truth[0].bodies.len(), oriented.len(), &contacts, &ranges);
     let resolution = (0..3).map(|k| ranges.high[k] - ranges.low[k]).fold(0.0, f32::max) / 65535.0;
@@ -269,8 +269,14 @@ fn the_page_holds_the_frames() {
             }
             let speed = truth[k].bodies.velocity[body].length() as f32;
             assert!(
-                (frame.speed[body] - speed).abs() <= ranges.speed / 60000.0 || truth[k].is_prescribed(body)
+                (frame.fields[0][body] - speed).abs() <= ranges.fields[0] / 60000.0
+                    || truth[k].is_prescribed(body)
             );
+            let touching = |c: &&graintrain::contact::Contact| [c.body_a, c.body_b].contains(&(body as u32));
+            let loaded = truth[k].contacts.contacts.iter().zip(&truth[k].contacts.impulse);
+            let loaded = loaded.filter(|(c, p)| p.dot(c.normal) > 0.0).map(|(c, _)| c);
+            let expected = loaded.filter(touching).count() as f32;
+            assert!((frame.fields[3][body] - expected).abs() < 1e-3, "step {k}, body {body}");
         }
         for contact in &frame.contacts {
             let near = |other: &graintrain::contact::Contact| {
@@ -284,10 +290,57 @@ fn the_page_holds_the_frames() {
             assert!((f64::from(contact.3) - exact).abs() < 1e-4 * f64::from(ranges.force));
         }
     }
-    let plots = header["plots"].as_array().unwrap();
-    let titles: Vec<&str> = plots.iter().map(|plot| plot["title"].as_str().unwrap()).collect();
-    assert!(titles.contains(&"residual (1)") && titles.contains(&"force on blade <1> (N)"), "{titles:?}");
-    assert_eq!(plots[0]["x"].as_array().unwrap().len(), 20);
+    let charts = header["charts"].as_array().unwrap();
+    let titles: Vec<&str> = charts.iter().map(|chart| chart["title"].as_str().unwrap()).collect();
+    assert!(titles.contains(&"Kinetic energy") && titles.contains(&"force on blade <1>"), "{titles:?}");
+    for chart in charts {
+        let lengths = [&chart["points"], &chart["series"][0]["x"], &chart["series"][0]["y"]];
+        assert_eq!(lengths.map(|list| list.as_array().unwrap().len()), [20; 3]);
+    }
+}
+
+/// Checks the block of what does not change, by the layout that [`pack`] states; returned is which bodies are oriented.
+fn the_page_holds_the_model(page: &str, header: &serde_json::Value, world: &World) -> Vec<u32> {
+    let text = between(page, "<script id=\"model\" type=\"text/plain\">", "</script>");
+    let packed = base64::engine::general_purpose::STANDARD.decode(text).unwrap();
+    let mut bytes = Vec::new();
+    GzDecoder::new(packed.as_slice()).read_to_end(&mut bytes).unwrap();
+    let mut rest = bytes.as_slice();
+    let mut take = |count: u64| {
+        let (now, later) = rest.split_at(count as usize);
+        rest = later;
+        now.to_vec()
+    };
+    let index = |bytes: Vec<u8>| -> Vec<u32> {
+        bytes.as_chunks::<4>().0.iter().map(|word| u32::from_le_bytes(*word)).collect()
+    };
+    let count = |value: &serde_json::Value| value.as_u64().unwrap();
+    let bodies = count(&header["bodies"]);
+    assert_eq!(bodies, world.bodies.len() as u64);
+    assert_eq!(take(bodies), [0, 0, 1, 1, 1, 1], "grains");
+    assert_eq!(take(2 * bodies), [0; 12], "materials");
+    assert_eq!(index(take(4 * count(&header["balls"]))), [2, 5]);
+    let radii = index(take(8));
+    assert_eq!(radii.into_iter().map(f32::from_bits).collect::<Vec<f32>>(), [0.1, 0.1]);
+    let oriented = index(take(4 * count(&header["oriented"])));
+    for group in header["groups"].as_array().unwrap() {
+        let (bodies, triangles) =
+            (index(take(4 * count(&group["bodies"]))), take(36 * count(&group["triangles"])));
+        assert_eq!((bodies.len(), triangles.is_empty()), (1, false));
+        let far = index(triangles)
+            .as_chunks::<3>()
+            .0
+            .iter()
+            .map(|corner| Vec3::from_array(corner.map(|word| f64::from(f32::from_bits(word)))).length())
+            .fold(0.0, f64::max);
+        let body = bodies[0] as usize;
+        let geometry = &world.geometries[world.bodies.geometry[body].index()];
+        if body > 0 {
+            assert!((far / geometry.bounding_radius() - 1.0).abs() < 0.02, "body {body}: {far}");
+        }
+    }
+    assert!(rest.is_empty(), "{} bytes are left over", rest.len());
+    oriented
 }
 
 #[test]
@@ -373,8 +426,8 @@ growth = { rate = "3/s", porosity = 0.3, region = { box = { min = [-0.5, -0.5, -
     }
     let html = page(&run, &ViewSettings::default()).unwrap();
     let grown = radius(&last, 0) / 0.02;
-    let begin = html.find("\"size_max\":").unwrap() + 11;
-    let found: f64 = html[begin..].split(',').next().unwrap().parse().unwrap();
+    let begin = html.find("\"size\":").unwrap() + 7;
+    let found: f64 = html[begin..].split('}').next().unwrap().parse().unwrap();
     assert!((found / grown - 1.0).abs() < 1e-5, "{found} {grown}");
 }
 
@@ -407,4 +460,73 @@ fn frames_hold_the_periodic_cell() {
     let cell = last.cell().unwrap();
     assert_eq!(end.vectors[1], Vec3::new(cell.tilt[0], cell.size.y, 0.0));
     assert!(end.vectors[1].x > 0.05 && end.vectors[2].z < 1.99, "{end:?}");
+}
+
+/// What the server of a run answers to a request, until it says no more or `enough` of it has come.
+fn ask(url: &str, request: &str, enough: &str) -> String {
+    use std::io::Write;
+    let address = url.trim_start_matches("http://").trim_end_matches('/');
+    let mut stream = std::net::TcpStream::connect(address).unwrap();
+    stream.set_read_timeout(Some(std::time::Duration::from_secs(10))).unwrap();
+    stream.write_all(request.replace("HOST", address).as_bytes()).unwrap();
+    let (mut answer, mut bytes) = (Vec::new(), [0; 4096]);
+    while let Ok(count @ 1..) = stream.read(&mut bytes) {
+        answer.extend(&bytes[..count]);
+        if !enough.is_empty() && String::from_utf8_lossy(&answer).contains(enough) {
+            break;
+        }
+    }
+    String::from_utf8_lossy(&answer).into_owned()
+}
+
+/// The page, its frames and its buttons; nothing for pages of other sites.
+#[test]
+fn a_run_under_way_is_shown_and_stopped_to_its_own_page_alone() {
+    use std::sync::atomic::Ordering;
+    let stopped = Arc::new(AtomicBool::new(false));
+    let flag = Arc::clone(&stopped);
+    let stop = move || flag.store(true, Ordering::Relaxed);
+    let live = live::Live::serve(&world(), "under way", 0.01, 10, None, 0, stop).unwrap();
+    let url = live.url();
+    let page = ask(&url, "GET / HTTP/1.1\r\nHost: HOST\r\n\r\n", "");
+    assert!(page.starts_with("HTTP/1.1 200 OK") && page.contains("<title>under way</title>"));
+    assert!(page.contains("\"live\":1") && !page.contains("{{"));
+    let events = ask(&url, "GET /events?generation=1 HTTP/1.1\r\nHost: HOST\r\n\r\n", "event: state");
+    assert!(events.contains("event: frame") && !events.contains("event: bodies"), "{events}");
+    let events = ask(&url, "GET /events?generation=0 HTTP/1.1\r\nHost: HOST\r\n\r\n", "event: frame");
+    assert!(events.contains("event: bodies"), "a page that knows other bodies is told of these");
+    for request in [
+        "GET / HTTP/1.1\r\nHost: example.org\r\n\r\n",
+        "GET / HTTP/1.1\r\n\r\n",
+        "POST /stop HTTP/1.1\r\nHost: HOST\r\nOrigin: http://example.org\r\n\r\n",
+    ] {
+        assert!(ask(&url, request, "").starts_with("HTTP/1.1 403"), "{request}");
+    }
+    assert!(!stopped.load(Ordering::Relaxed));
+    assert!(ask(&url, "GET /stop HTTP/1.1\r\nHost: HOST\r\n\r\n", "").starts_with("HTTP/1.1 404"));
+    let own = "POST /stop HTTP/1.1\r\nHost: HOST\r\nOrigin: http://HOST\r\n\r\n";
+    assert!(ask(&url, own, "").starts_with("HTTP/1.1 204"));
+    assert!(stopped.load(Ordering::Relaxed));
+    live.end("over");
+}
+
+/// A film of 0.12 s in 13 frames at half the speed has 50 pictures a second, all seen by one camera; faster than screens it has fewer.
+#[test]
+fn films_have_the_frames_of_the_run_at_their_speed() {
+    use crate::film::{Film, FilmError};
+    use crate::render::RenderSettings;
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path().join("run");
+    run_into(&folder, 12);
+    let settings = RenderSettings { width: 96, height: 72, ..RenderSettings::default() };
+    let film = |speed: f64| Film::new(RunFolder::open(&folder).unwrap(), &settings, speed);
+    let slow = film(0.5).unwrap();
+    assert_eq!(slow.pictures(), 13);
+    assert!((slow.rate - 50.0).abs() < 1e-6 && (slow.speed - 0.5).abs() < 1e-9, "{}", slow.rate);
+    let (first, last) = (slow.picture(0).unwrap(), slow.picture(12).unwrap());
+    assert!(first.pixels != last.pixels);
+    let fast = film(2.0).unwrap();
+    assert_eq!(fast.pictures(), 4);
+    assert!((fast.rate - 50.0).abs() < 1e-6 && (fast.speed - 2.0).abs() < 1e-9, "{}", fast.rate);
+    assert!(matches!(film(0.0), Err(FilmError::Speed(_))));
 }

@@ -9,6 +9,7 @@
 //! | [`flow`] | mass through a plane, force through a plane, force on bodies |
 //! | [`mixing`] | Lacey's index |
 //! | [`repose`] | the angle of a slope |
+//! | [`wheel`] | slip, sinkage, pull, load and torque of a wheel |
 //! | [`energy`] | energies, and the ledger of a step |
 //! | [`statistics`] | means of correlated series with their errors, where a series becomes steady |
 //!
@@ -24,6 +25,7 @@ pub mod repose;
 pub mod space;
 pub mod statistics;
 pub mod stress;
+pub mod wheel;
 
 #[cfg(test)]
 mod samples;

@@ -1,7 +1,7 @@
 //! Measurements of a scene with the bodies that they name.
 
 use super::{Builder, Scene, SceneError, SceneErrorKind};
-use crate::measure::{Measure, Quantity, ShearBox};
+use crate::measure::{Measure, Quantity, ShearBox, Wheel};
 use crate::scene::measure::{MeasureSpec, PlaneSpec, ProfileSpec, ShearBoxSpec};
 use graintrain::load::Region;
 use graintrain::measure::flow::Plane;
@@ -69,6 +69,9 @@ impl Builder {
                 Quantity::Mixing(first, mixing.cell)
             }),
             spec.shear_box.as_ref().map(shear_box),
+            spec.wheel.as_ref().map(|wheel| {
+                Quantity::Wheel(Wheel { body: one(&wheel.body), radius: wheel.radius, axis: wheel.axis })
+            }),
             spec.repose
                 .as_ref()
                 .map(|repose| Quantity::Repose(repose.along.from(repose.centre), repose.width)),

@@ -111,6 +111,13 @@ pub(super) static MEASURE: Table = Table {
             "Shear and normal stress, their ratio, displacement and dilation of a shear box",
         ),
         key(
+            "wheel",
+            Kind::Table(&WHEEL),
+            "none",
+            "{ body = \"wheel\", radius = \"10 cm\" }",
+            "Slip, sinkage, drawbar pull, load and torque of a wheel; the bodies that are meant are its bed",
+        ),
+        key(
             "repose",
             Kind::Table(&REPOSE),
             "none",
@@ -203,6 +210,22 @@ static SHEAR_BOX: Table = Table {
             "none",
             "[0, 0, \"3 cm\"]",
             "A point of the plane between the halves: stresses there by contacts of grains alone, without walls, and with the weight above",
+        ),
+    ],
+};
+
+static WHEEL: Table = Table {
+    heading: "`measure.wheel`",
+    alternatives: &[],
+    keys: &[
+        key("body", Text, "required", "\"wheel\"", "The wheel; its centre of mass is on its axis"),
+        key("radius", Quantity(D::LENGTH), "required", "\"10 cm\"", "With which slip and sinkage count"),
+        key(
+            "axis",
+            Vector(D::NONE),
+            "[0, 1, 0]",
+            "[0, 1, 0]",
+            "Turning about it is rolling forward, towards axis x up; any length",
         ),
     ],
 };
