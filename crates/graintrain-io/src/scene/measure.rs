@@ -341,7 +341,7 @@ pub(super) fn read(reader: &Reader, step: f64, names: &Names<'_>) -> Result<Meas
             None => None,
             Some(inner) => Some(WheelSpec {
                 body: body_of(&inner, "body", bodies)?,
-                radius: inner.required("radius", Range::Positive)?,
+                radius: inner.required("radius")?,
                 axis: inner.direction("axis")?.unwrap_or(Vec3::Y),
             }),
         },

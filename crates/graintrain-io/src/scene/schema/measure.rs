@@ -219,7 +219,8 @@ static WHEEL: Table = Table {
     alternatives: &[],
     keys: &[
         key("body", Text, "required", "\"wheel\"", "The wheel; its centre of mass is on its axis"),
-        key("radius", Quantity(D::LENGTH), "required", "\"10 cm\"", "With which slip and sinkage count"),
+        key("radius", Quantity(D::LENGTH), "required", "\"10 cm\"", "With which slip and sinkage count")
+            .within(Range::Positive),
         key(
             "axis",
             Vector(D::NONE),

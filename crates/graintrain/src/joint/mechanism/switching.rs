@@ -1,6 +1,6 @@
 //! What motors with a limit and stops do, and the corrections that keep bodies on the paths of their joints: round by round, until all agree.
 
-use super::{ActiveRow, Mechanism, Mechanisms, Role, Solution};
+use super::{ActiveRow, Mechanisms, Role, Solution};
 use crate::joint::Motor;
 use crate::joint::kinematics::{coordinate, last};
 use crate::math::Vec3;
@@ -131,7 +131,7 @@ impl Mechanisms<'_> {
     fn round(&mut self, index: usize, impulse: &[f64], accuracy: f64, one: bool) -> Change {
         let solution = self.solve(&self.mechanisms[index], impulse);
         if self.switch(index, &solution, one) {
-            let mut mechanism = std::mem::replace(&mut self.mechanisms[index], Mechanism::default());
+            let mut mechanism = std::mem::take(&mut self.mechanisms[index]);
             self.arrange(&mut mechanism);
             self.mechanisms[index] = mechanism;
             return Change::Rows;
