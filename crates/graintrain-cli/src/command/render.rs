@@ -11,7 +11,7 @@ use graintrain_view::view::{RunFolder, ViewError};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-/// Make a picture (PNG) of a moment of a run, or a film of all of it, without a display
+/// Make a picture (PNG) or a film of a run, without a display
 ///
 /// RUN is the folder of a run or one of its checkpoints. Walls between the camera and the grains become glass.
 #[derive(clap::Args)]
