@@ -128,6 +128,9 @@ impl<'a> Input<'a> {
                 return Err(self.fault(&place, &format!("shape {shape:?} around sizes {expected:?}")));
             }
             let data = dataset.read_f64().map_err(fault)?;
+            if let Some(x) = data.iter().find(|x| !x.is_finite()) {
+                return Err(self.fault(&place, &format!("holds {x}, expected finite numbers")));
+            }
             let mode = inner(k).iter().fold(1usize, |product, &n| product.saturating_mul(n));
             let rank = |n: u64| usize::try_from(n).unwrap_or(usize::MAX);
             cores.push(Core::new(rank(shape[shape.len() - 1]), mode, rank(shape[0]), data)?);
@@ -157,6 +160,11 @@ mod tests {
         assert_eq!(second.read_f64().unwrap()[1 + 3 * (1 + 2 * 2)], x.cores()[1].get(1, 1, 2));
         a.save_hdf5(&file).unwrap();
         assert_eq!(TtMatrix::load_hdf5(&file).unwrap(), a);
+        let mut cores = x.cores().to_vec();
+        cores[1] = Core::new(4, 2, 4, vec![f64::NAN; 32]).unwrap();
+        TtVector::from_cores(cores).unwrap().save_hdf5(&file).unwrap();
+        assert!(TtVector::load_hdf5(&file).unwrap_err().to_string().contains("core_2: holds NaN"));
+        a.save_hdf5(&file).unwrap();
         let bytes = std::fs::read(&file).unwrap();
         for length in [0, 8, 100, bytes.len() / 2, bytes.len() - 8] {
             std::fs::write(&file, &bytes[..length]).unwrap();

@@ -2,7 +2,7 @@
 //!
 //! Little-endian: the 8 bytes `GTTRAIN1`; the number of index groups g (u64: 1 for a vector, 2 for a matrix) and of
 //! cores d (u64); g lists of d sizes (u64); d + 1 ranks (u64); the numbers of the cores (f64), core by core, first
-//! index fastest. Any serde format works too: the types implement `Serialize` and `Deserialize`.
+//! index fastest; nothing after them. Numbers that are not finite are refused. Any serde format works too: the types implement `Serialize` and `Deserialize`.
 
 use crate::vector::Core;
 use crate::{TtError, TtMatrix, TtVector};
@@ -88,6 +88,15 @@ impl Input<'_> {
         }
     }
 
+    /// Nothing may follow.
+    fn end(&mut self) -> Result<(), TtError> {
+        match self.reader.read(&mut [0]) {
+            Ok(0) => Ok(()),
+            Ok(_) => Err(self.fault("there is more after the last core; the file is damaged".to_owned())),
+            Err(source) => Err(TtError::File { file: self.file.display().to_string(), source }),
+        }
+    }
+
     fn fault(&self, what: String) -> TtError {
         TtError::Format { file: self.file.display().to_string(), offset: self.offset, what }
     }
@@ -127,9 +136,14 @@ fn read(file: &Path, groups: usize) -> Result<(Vec<Vec<usize>>, TtVector), TtErr
         // Grows with what is really in the file: a damaged size cannot ask for all memory.
         let mut data = Vec::new();
         for _ in 0..numbers {
-            data.push(f64::from_le_bytes(input.take("a core")?));
+            let number = f64::from_le_bytes(input.take("a core")?);
+            if !number.is_finite() {
+                return Err(input.fault(format!("core {} holds {number}, expected finite numbers", k + 1)));
+            }
+            data.push(number);
         }
         cores.push(Core::new(ranks[k], mode, ranks[k + 1], data)?);
     }
+    input.end()?;
     Ok((sizes, TtVector::from_cores(cores)?))
 }

@@ -49,6 +49,7 @@ pub mod arithmetic;
 #[cfg(feature = "ndarray")]
 mod arrays;
 pub mod complex;
+mod confidence;
 mod cores;
 pub mod cross;
 pub mod definite;

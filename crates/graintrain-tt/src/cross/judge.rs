@@ -1,6 +1,6 @@
 //! Who decides: fresh points after every sweep, and more of them before anything is claimed.
 
-use super::sample::{Sample, Tally};
+use super::sample::{SLACK, Sample, Tally};
 use super::{CrossSettings, EntrySource};
 use crate::random::Random;
 use crate::scale::binary_exponent;
@@ -19,6 +19,12 @@ const COMPLETE: f64 = 1.0;
 const SCARCE: usize = 20;
 /// Most doublings of a confirmation.
 const MOST_DOUBLINGS: usize = 6;
+/// All that confirmations read beyond `samples` each is at most this part of what the sweeps read.
+const ALLOWANCE: f64 = 0.4;
+/// With fewer random entries that are not zero nothing is known of the error.
+const FEWEST_NONZEROS: usize = 10;
+/// More points than the bound asks for, since the next sample may be less lucky.
+const MARGIN: f64 = 1.2;
 /// Most points of one confirmation, for the sake of memory.
 const MOST_POINTS: usize = 1 << 21;
 /// The bounds of all confirmations of a run fail together with this probability.
@@ -40,6 +46,8 @@ pub(super) struct Judge<'a> {
     /// Whether the error after some sweep sat on few points.
     uneven: bool,
     confirmations: usize,
+    /// Entries that confirmations read.
+    confirmed: usize,
     tolerance: f64,
     /// Entries are taken times 2^-exponent.
     pub(super) exponent: i32,
@@ -71,6 +79,13 @@ impl Verdict {
     /// The larger of the errors that are known.
     pub(super) fn error(&self) -> Option<f64> {
         [self.sampled, self.probed].into_iter().flatten().reduce(f64::max)
+    }
+
+    /// Whether what was measured proves next to nothing: the bound does not exclude an error of everything, or hardly any entry that
+    /// was read is not zero.
+    pub(super) fn proves_little(&self) -> bool {
+        let loose = self.bound.is_none_or(|bound| bound >= 1.0);
+        !self.complete && (loose || self.nonzeros < FEWEST_NONZEROS)
     }
 
     /// Whether no measured error exceeds the tolerance (so also if there is none).
@@ -107,6 +122,7 @@ impl<'a> Judge<'a> {
             tally,
             uneven: false,
             confirmations: 0,
+            confirmed: 0,
             tolerance: settings.tolerance,
             exponent,
         })
@@ -143,6 +159,7 @@ impl<'a> Judge<'a> {
     /// them from the pivots.
     pub(super) fn fresh(&mut self, read: usize, near: impl FnOnce(usize) -> Vec<usize>) -> Evidence {
         self.confirmations += 1;
+        let most = self.allowance(read).max(self.samples);
         let read = (read + self.evaluations) as f64;
         let factor = if self.tally.nonzeros * SCARCE < self.tally.points { 2.0 } else { 1.0 };
         let part =
@@ -158,20 +175,51 @@ impl<'a> Judge<'a> {
         }
         // What a confirmation found and the sweeps then learned has companions: the next one takes twice the points.
         let doubled = self.samples << (self.confirmations - 1).min(MOST_DOUBLINGS);
-        let count =
-            if self.samples == 0 { 0 } else { doubled.max(part(CONFIRMATION) as usize).min(MOST_POINTS) };
-        let sample = Sample::random(self.source, count, &mut self.random);
-        let random = Arc::new(self.take(sample));
+        let count = if self.samples == 0 { 0 } else { doubled.max(part(CONFIRMATION) as usize).min(most) };
+        let random = self.confirmation(count);
         let mut near = Sample::at(self.source, near(count / NEAR));
         near.scale(-self.exponent);
         self.evaluations += near.values.len();
+        self.confirmed += near.values.len();
         Evidence { random, near: Some(near) }
+    }
+
+    /// `count` fresh points.
+    fn confirmation(&mut self, count: usize) -> Arc<Sample> {
+        let sample = Sample::random(self.source, count, &mut self.random);
+        self.confirmed += count;
+        Arc::new(self.take(sample))
+    }
+
+    /// Entries that confirmations may still read after the sweeps read `read`.
+    fn allowance(&self, read: usize) -> usize {
+        ((ALLOWANCE * read as f64) as usize).saturating_sub(self.confirmed).min(MOST_POINTS)
+    }
+
+    /// As many fresh points as bring the bound of a verdict that proves little below one; none where that is more than the sweeps, which read
+    /// `read` entries, allow.
+    pub(super) fn more(&mut self, evidence: Evidence, verdict: &Verdict, read: usize) -> (Evidence, bool) {
+        let scarce = (FEWEST_NONZEROS as f64 / verdict.nonzeros.max(1) as f64).max(1.0);
+        let factor = verdict.bound.map_or(f64::INFINITY, |bound| bound.powi(2).max(scarce));
+        let needed = MARGIN * factor * verdict.points as f64;
+        let allowed = self.allowance(read);
+        let everything = (0.5 * (read + self.evaluations) as f64).max(allowed as f64);
+        if self.samples > 0 && self.entries <= needed.min(everything) {
+            return self.all_entries(usize::MAX).map_or((evidence, false), |all| (all, true));
+        }
+        if needed > allowed as f64 {
+            return (evidence, false);
+        }
+        self.confirmations += 1;
+        (Evidence { random: self.confirmation(needed as usize), near: evidence.near }, true)
     }
 
     /// All entries, where the sweeps and all samples have read as many already.
     pub(super) fn all_entries(&mut self, read: usize) -> Option<Evidence> {
         if self.everything.is_none() {
-            if self.samples == 0 || self.entries > (read + self.evaluations).min(MOST_POINTS) as f64 {
+            if self.samples == 0
+                || self.entries > read.saturating_add(self.evaluations).min(MOST_POINTS) as f64
+            {
                 return None;
             }
             let sample = Sample::all(self.source, self.entries as usize);
@@ -181,18 +229,19 @@ impl<'a> Judge<'a> {
         Some(Evidence { random: Arc::clone(everything), near: None })
     }
 
-    /// The train on the points of a confirmation; `largest` is the largest entry the sweeps read.
+    /// The train on the points of a confirmation; `heaviest` is the largest squared entry times its weight that the sweeps read.
     pub(super) fn verdict(
         &mut self,
         train: &TtVector,
         evidence: &Evidence,
-        largest: f64,
+        heaviest: f64,
     ) -> Result<Verdict, TtError> {
-        let mut most = largest.max(evidence.random.largest()?);
-        if let Some(near) = &evidence.near {
-            most = most.max(near.largest()?);
+        let samples = [Some(&*evidence.random), evidence.near.as_ref(), Some(&self.probe)];
+        for sample in samples.into_iter().flatten() {
+            sample.largest()?;
         }
-        self.measure(train, &evidence.random, evidence.near.as_ref(), 4 * self.pivots, Some(most))
+        let most = samples.into_iter().flatten().fold(heaviest, |most, sample| sample.heaviest(most));
+        self.measure(train, &evidence.random, evidence.near.as_ref(), 4 * self.pivots, Some(SLACK * most))
     }
 
     fn measure(
@@ -201,7 +250,7 @@ impl<'a> Judge<'a> {
         sample: &Sample,
         near: Option<&Sample>,
         worst: usize,
-        largest: Option<f64>,
+        most: Option<f64>,
     ) -> Result<Verdict, TtError> {
         let (check, probed) = (sample.check(train, worst)?, self.probe.check(train, worst)?);
         let points = sample.values.len();
@@ -220,12 +269,12 @@ impl<'a> Judge<'a> {
         }
         self.uneven |= check.uneven && sampled.is_some_and(|error| error > self.tolerance);
         let nth = self.confirmations.max(1) as f64;
-        let bound = match largest {
+        let bound = match most {
             None => None,
             Some(_) if complete => sampled,
             // The risks of all confirmations together: sum of 1 / (n (n + 1)) = 1.
-            Some(largest) => {
-                self.tally.bound(check.mean, points, largest, check.largest, RISK / (nth * (nth + 1.0)))
+            Some(most) => {
+                self.tally.bound(check.mean, points, most, check.heaviest, RISK / (nth * (nth + 1.0)))
             }
         };
         Ok(Verdict {

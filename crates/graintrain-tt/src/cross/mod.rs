@@ -15,7 +15,8 @@
 //!
 //! `Converged` means that the error measured on fresh points, and on the probes, is at most the tolerance. The report's
 //! `upper_bound` says what this excludes with 95 % confidence, which is much less: a needle that no point hits is not seen by any
-//! sampling method. Where the sweeps fail and have read as many entries as there are, the train is the TT-SVD of all of them.
+//! sampling method. Where it does not even exclude an error of one (few large entries, few nonzeros), more points are drawn as long as
+//! they are few beside what the sweeps read, and what then still proves nothing is `Unverified`. Where the sweeps fail and have read as many entries as there are, the train is the TT-SVD of all of them.
 //! For sparse matrices prefer [`crate::sparse`]: it sees every entry.
 
 mod judge;
@@ -29,7 +30,7 @@ use crate::scale::share_power;
 use crate::sparse::QuadtreeMatrix;
 use crate::vector::check_index;
 use crate::{Stop, Truncation, TtError, TtMatrix, TtVector};
-use judge::Judge;
+use judge::{Judge, Verdict};
 pub use points::{ends_of_modes, sub_grid};
 use serde::{Deserialize, Serialize};
 pub use source::{EntrySource, Function};
@@ -71,10 +72,10 @@ const MOST_SAMPLES: usize = 1 << 24;
 /// Why the sweeps ended. Only the first says that the measured error is below the tolerance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum CrossStatus {
-    /// All errors measured on fresh points and on the probes are at most the tolerance.
+    /// All errors measured on fresh points and on the probes are at most the tolerance, and the bound is below one.
     Converged,
-    /// The increments are below the tolerance, but all entries of the independent sample are zero, so nothing is known
-    /// about the error: give probes.
+    /// No error above the tolerance was seen, but the points prove next to nothing: `upper_bound` is one or more (or absent), or fewer than ten
+    /// random entries are not zero. More `samples` tell more.
     Unverified,
     /// The cap on the ranks keeps the error above the tolerance.
     RankCapped,
@@ -94,9 +95,10 @@ pub struct CrossReport {
     /// ||A - train|| / ||A|| from random entries drawn after the last sweep but one that enriched; none if A vanishes on all
     /// random entries. An estimate: half of such estimates lie below the truth.
     pub sampled_error: Option<f64>,
-    /// What ||A - train|| / ||A|| does not exceed with 95 % confidence, given that no entry of A is larger than the largest one read and no
-    /// entry of the train larger than on the points. With n points and no error on any of them it still is about sqrt(10 / n)
-    /// times the largest entry over the root mean square one: a sample knows nothing about fewer than n / 3 parts of a tensor.
+    /// What ||A - train|| / ||A|| does not exceed with 95 % confidence, given that no entry of A is larger than those read and no
+    /// entry of the train larger than on the points (sizes times the square root of the weight that the samples give to a point, so that large
+    /// entries at ends of modes, where points are dense, cost little). With n points and no error on any of them it still is about
+    /// sqrt(10 / n) times the largest entry over the root mean square one: a sample knows nothing about fewer than n / 3 parts of a tensor.
     /// None where even the norm is not known.
     pub upper_bound: Option<f64>,
     /// Random entries behind `sampled_error` and `upper_bound`.
@@ -204,16 +206,30 @@ fn cross_within(
         let outcome = state.sweep(settings, enrich, stop)?;
         history.push(outcome.change);
         capped = outcome.capped;
-        if state.largest == 0.0 && judge.has_seen_zeros_only() {
-            status = CrossStatus::ZeroSampled;
-            break;
-        }
         let train = state.train();
+        if state.heaviest == 0.0 && judge.has_seen_zeros_only() {
+            // More points before giving up; what is not zero there becomes a pivot.
+            let sample = judge.fresh(state.evaluations, |_| Vec::new());
+            let verdict = judge.verdict(&train, &sample, state.heaviest)?;
+            if verdict.nonzeros == 0 || !enrich {
+                status = CrossStatus::ZeroSampled;
+                break;
+            }
+            state.add_pivots(&verdict.worst);
+            continue;
+        }
         let mut verdict = judge.guide(&train)?;
         if outcome.change <= settings.tolerance && verdict.meets(settings.tolerance) {
             // Quiet on the guide: fresh points decide.
-            let sample = judge.fresh(state.evaluations, |count| state.near_pivots(count));
-            verdict = judge.verdict(&train, &sample, state.largest)?;
+            let mut sample = judge.fresh(state.evaluations, |count| state.near_pivots(count));
+            verdict = judge.verdict(&train, &sample, state.heaviest)?;
+            if verdict.meets(settings.tolerance) && verdict.proves_little() {
+                let enlarged;
+                (sample, enlarged) = judge.more(sample, &verdict, state.evaluations);
+                if enlarged {
+                    verdict = judge.verdict(&train, &sample, state.heaviest)?;
+                }
+            }
             if verdict.meets(settings.tolerance) {
                 status = CrossStatus::Converged;
                 confirmed = Some((train, verdict, sample));
@@ -234,7 +250,7 @@ fn cross_within(
     let mut train = state.train();
     let verdict = match confirmed {
         Some((longer, before, sample)) => {
-            let after = judge.verdict(&train, &sample, state.largest)?;
+            let after = judge.verdict(&train, &sample, state.heaviest)?;
             if !after.meets(settings.tolerance) && longer.max_rank() <= settings.max_rank {
                 // Shortening cost more than the tolerance: keep the longer train.
                 train = longer;
@@ -245,7 +261,7 @@ fn cross_within(
         }
         None => {
             let sample = judge.fresh(state.evaluations, |count| state.near_pivots(count));
-            judge.verdict(&train, &sample, state.largest)?
+            judge.verdict(&train, &sample, state.heaviest)?
         }
     };
     let missed = verdict.error().is_none_or(|error| error > settings.tolerance);
@@ -254,26 +270,13 @@ fn cross_within(
             // As many entries as there are have been read and the sweeps did not get there: all of them, then, and their TT-SVD.
             let truncation = Truncation::capped(0.9 * settings.tolerance, settings.max_rank);
             let (whole, _) = TtVector::from_full(&all.random.values, &modes, &truncation)?;
-            let better = judge.verdict(&whole, &all, state.largest)?;
+            let better = judge.verdict(&whole, &all, state.heaviest)?;
             let is_better = better.error().is_some_and(|b| verdict.error().is_none_or(|error| b < error));
             if is_better { (whole, better) } else { (train, verdict) }
         }
         None => (train, verdict),
     };
-    // The claim is what fresh points say about the train that is returned, however the sweeps ended.
-    let status = if status == CrossStatus::ZeroSampled && !(verdict.complete && verdict.nonzeros > 0) {
-        status
-    } else if verdict.error().is_some() && verdict.meets(settings.tolerance) {
-        CrossStatus::Converged
-    } else if status == CrossStatus::Converged && verdict.error().is_none() {
-        CrossStatus::Unverified
-    } else if capped {
-        CrossStatus::RankCapped
-    } else if status == CrossStatus::Converged {
-        CrossStatus::Stagnated
-    } else {
-        status
-    };
+    let status = claim(status, &verdict, capped, settings.tolerance);
     let floor = train.rounding_floor()?;
     share_power(&mut train.cores, i64::from(judge.exponent));
     let report = CrossReport {
@@ -292,6 +295,20 @@ fn cross_within(
         ranks: train.ranks(),
     };
     Ok((train, report))
+}
+
+/// What may be said: the claim is what fresh points say about the train that is returned, however the sweeps ended.
+fn claim(ended: CrossStatus, verdict: &Verdict, capped: bool, tolerance: f64) -> CrossStatus {
+    let measured = verdict.error().is_some();
+    match ended {
+        CrossStatus::ZeroSampled if verdict.nonzeros == 0 => ended,
+        _ if measured && verdict.meets(tolerance) && !verdict.proves_little() => CrossStatus::Converged,
+        _ if measured && verdict.meets(tolerance) => CrossStatus::Unverified,
+        CrossStatus::Converged if !measured => CrossStatus::Unverified,
+        _ if capped => CrossStatus::RankCapped,
+        CrossStatus::Converged | CrossStatus::ZeroSampled => CrossStatus::Stagnated,
+        _ => ended,
+    }
 }
 
 /// Whether the errors of the last three sweeps together are hardly below those of the three before: one fresh sample may be
@@ -349,8 +366,13 @@ pub fn cross_sparse_within(
     // Random points of a sparse matrix hit its zeros, and what a train puts there is very uneven: a few thousand of them
     // tell its norm only within a factor of some units. The nonzeros and the norm of the train tell it exactly.
     report.exact_error = Some(matrix.relative_error(&train)?).filter(|&error| error >= RESOLVED_ERROR);
-    if report.status == CrossStatus::Converged && report.exact_error.is_some_and(|e| e > settings.tolerance) {
-        report.status = CrossStatus::Stagnated;
-    }
+    let claimed = matches!(report.status, CrossStatus::Converged | CrossStatus::Unverified);
+    report.status = match report.exact_error {
+        Some(error) if claimed && error > settings.tolerance => CrossStatus::Stagnated,
+        Some(_) if claimed => CrossStatus::Converged,
+        // Nothing above what can be resolved.
+        None if claimed && settings.tolerance >= RESOLVED_ERROR => CrossStatus::Converged,
+        _ => report.status,
+    };
     Ok((train, report))
 }

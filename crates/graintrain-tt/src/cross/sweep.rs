@@ -1,5 +1,6 @@
 //! One sweep of AMEn-cross: fibres, their leading vectors, rows of maximal volume, enrichment by the sampled residual.
 
+use super::sample::heaviest;
 use super::{CrossSettings, EntrySource};
 use crate::error::at_core;
 use crate::maxvol::dominant_rows;
@@ -26,6 +27,8 @@ pub(super) struct SweepOutcome {
 /// `right[k]` holds the fragments (i_{k+1}, ..., i_d) of J_k, each in the order of the current direction.
 pub(super) struct State<'a> {
     source: &'a dyn EntrySource,
+    /// Mode sizes in the order of the source, and in that of the current direction.
+    sizes: Vec<usize>,
     modes: Vec<usize>,
     reversed: bool,
     /// Core 1 in any form, cores 2..d interpolating on the right: the identity on the pivots.
@@ -38,8 +41,8 @@ pub(super) struct State<'a> {
     /// Entries are taken times 2^-exponent.
     exponent: i32,
     pub(super) evaluations: usize,
-    /// Largest entry seen.
-    pub(super) largest: f64,
+    /// Largest squared entry seen times the weight that its point has for the samples (see [`heaviest`]).
+    pub(super) heaviest: f64,
     pub(super) enriched: bool,
 }
 
@@ -79,6 +82,7 @@ impl<'a> State<'a> {
         cores[0].data.fill(0.0);
         Ok(Self {
             source,
+            sizes: modes.clone(),
             modes,
             reversed: false,
             cores,
@@ -88,7 +92,7 @@ impl<'a> State<'a> {
             random,
             exponent,
             evaluations: 0,
-            largest: 0.0,
+            heaviest: 0.0,
             enriched: false,
         })
     }
@@ -123,17 +127,20 @@ impl<'a> State<'a> {
         answers.next().into_iter().for_each(|answer| self.source.entries(&asked, answer));
         scale_by_power(&mut values, -self.exponent);
         self.evaluations += values.len();
-        let largest = largest_finite(&values).map_err(|_| {
-            let p = values.iter().position(|x| !x.is_finite()).unwrap_or(0);
+        let point = |p: usize| {
             let (head, rest) = (p % left.len(), p / left.len());
             let mut index = vec![0; d];
             left[head].iter().enumerate().for_each(|(digit, &i)| index[place(digit)] = i);
             index[place(k)] = rest % n;
             let tail = right[rest / n].iter().enumerate();
             tail.for_each(|(digit, &i)| index[place(k + 1 + digit)] = i);
-            TtError::Entry { index, value: values[p] }
+            index
+        };
+        largest_finite(&values).map_err(|_| {
+            let p = values.iter().position(|x| !x.is_finite()).unwrap_or(0);
+            TtError::Entry { index: point(p), value: values[p] }
         })?;
-        self.largest = self.largest.max(largest);
+        self.heaviest = heaviest(&self.sizes, &values, self.heaviest, point);
         Ok(Matrix::from_vec(left.len() * n, right.len(), values))
     }
 

@@ -28,7 +28,10 @@ proptest! {
         let exact = TtVector::random(&modes, rank, seed).unwrap();
         let settings = CrossSettings { tolerance: 1e-9, samples: 500, ..Default::default() };
         let (train, report) = cross(&Train(exact.clone()), None, &[], &settings).unwrap();
-        prop_assert_eq!(report.status, CrossStatus::Converged, "{:?}", report);
+        // (500 points of few large entries prove little.)
+        let loose = report.upper_bound.is_none_or(|bound| bound >= 1.0);
+        let expected = if loose { CrossStatus::Unverified } else { CrossStatus::Converged };
+        prop_assert_eq!(report.status, expected, "{:?}", report);
         prop_assert!(train.relative_distance(&exact).unwrap() < 1e-7);
         prop_assert!(train.max_rank() <= rank);
     }
@@ -153,14 +156,14 @@ fn a_delta_is_not_found_and_not_claimed() {
         cross(&source, start, probes, &settings).unwrap()
     };
     assert_eq!(run(None, &[]).1.status, CrossStatus::ZeroSampled);
-    // Told where to look it is exact, and with a probe also verified.
+    // Told where to look it is exact; that there is nothing else no sample can say.
     let start = TtVector::unit(&[2; 20], &at).unwrap();
     let (train, report) = run(Some(&start), &[]);
     assert_eq!(report.status, CrossStatus::Unverified);
     assert!((train.entry(&at).unwrap() - 1.0).abs() < 1e-12);
     for start in [None, Some(&start)] {
         let (train, report) = run(start, &at);
-        assert_eq!(report.status, CrossStatus::Converged, "{report:?}");
+        assert_eq!((report.status, report.upper_bound), (CrossStatus::Unverified, None), "{report:?}");
         assert!((train.norm() - 1.0).abs() < 1e-9);
     }
 }

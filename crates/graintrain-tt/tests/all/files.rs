@@ -41,6 +41,16 @@ fn damaged_files_are_errors_that_say_where() {
         assert!(TtVector::load(&file).is_err(), "byte {place}");
     }
     assert!(matches!(TtVector::load(&folder.path().join("absent")), Err(TtError::File { .. })));
+    // Something behind the train, and a number that is none: both were once read without a word.
+    std::fs::write(&file, [&bytes[..], &[0]].concat()).unwrap();
+    let error = TtVector::load(&file).unwrap_err().to_string();
+    assert!(error.contains("after the last core") && error.contains("train.tt"), "{error}");
+    for number in [f64::NAN, f64::INFINITY] {
+        let end = bytes.len() - 8;
+        std::fs::write(&file, [&bytes[..end], &number.to_le_bytes()].concat()).unwrap();
+        let error = TtVector::load(&file).unwrap_err().to_string();
+        assert!(error.contains("core 4 holds") && error.contains("train.tt"), "{error}");
+    }
 }
 
 /// The bytes of an SDV file put together by hand from the layout in tt-fort's `ttio.f90`.
