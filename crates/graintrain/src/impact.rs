@@ -116,13 +116,16 @@ impl ImpactSolver<'_> {
             .map(|[a, b]| self.parameters.resting * a.max(b) * step)
             .collect();
         let mut free = free_velocity(world, &found.velocity, step);
-        let mut now = with_driven(world, &found.velocity, &free);
+        let before = found.velocity.clone();
+        let mut now = with_driven(world, &before, &free);
         let coupled = coupled_in_impacts(world, &mut now, step);
         for body in coupled.iter().flat_map(|mechanism| &mechanism.bodies) {
             let six = 6 * *body as usize..6 * *body as usize + 6;
             found.velocity[six.clone()].copy_from_slice(&now[six.clone()]);
             free[six].copy_from_slice(&free_velocity_of(world, &found.velocity, *body as usize, step));
         }
+        // What joints take away here they take in the step itself, which tells their forces: impacts only add to the velocities.
+        let along = found.velocity.clone();
         let mut driven = with_driven(world, &found.velocity, &free);
         let mut now = relative_velocities(world.cell(), of.contacts, of.rows, &driven);
         let mut later = relative_velocities(world.cell(), of.contacts, of.rows, &free);
@@ -173,6 +176,14 @@ impl ImpactSolver<'_> {
                     }
                 }
             }
+        }
+        for body in coupled.iter().flat_map(|mechanism| &mechanism.bodies) {
+            let six = 6 * *body as usize..6 * *body as usize + 6;
+            let known = before[six.clone()].iter().zip(&along[six.clone()]);
+            found.velocity[six]
+                .iter_mut()
+                .zip(known)
+                .for_each(|(v, (before, along))| *v = before + (*v - along));
         }
         Ok(Some(found))
     }

@@ -62,12 +62,19 @@ pub(super) fn opening(world: &World, joint: usize, near: &Near) -> f64 {
 /// A joint that is open by more than this share of its length does not hold.
 const OPEN: f64 = 1e-3;
 
-/// The joint that is open most, with how far (m), and whether one does not hold.
-pub(crate) fn widest(world: &World) -> Option<(usize, f64, bool)> {
-    let openings = world.joints.iter().map(|placed| placed.state.opening).enumerate();
-    let (joint, opening) = openings.max_by(|a, b| a.1.total_cmp(&b.1))?;
-    let is_open = |joint: usize| world.joints[joint].state.opening > OPEN * length_of(world, joint);
-    Some((joint, opening, (0..world.joints.len()).any(is_open)))
+/// How far joints between bodies that can move are open at the most, m, and the joint that does not hold, if there is one: that with the largest opening over
+/// its length.
+pub(crate) fn openings(world: &World) -> (f64, Option<usize>) {
+    let (mut most, mut worst) = (0.0_f64, (OPEN, None));
+    for joint in connected(world).into_iter().flat_map(|(_, joints)| joints) {
+        let opening = world.joints[joint].state.opening;
+        most = most.max(opening);
+        let share = opening / length_of(world, joint);
+        if share > worst.0 {
+            worst = (share, Some(joint));
+        }
+    }
+    (most, worst.1)
 }
 
 /// Closes the joints of a world after a step in which they did this; returned is the displacement (translation in m and turn in rad, six numbers per body), if there was one.

@@ -10,7 +10,7 @@
 //! angle:                             atan2(t1_B . t2_A, t1_B . t1_A) + whole turns
 //! ```
 //!
-//! Forces of a translation row act on both bodies in one point, x_B: they make no torque of their own.
+//! Forces of a translation row act on both bodies in one point, x_B: they make no torque of their own. Those of a distance act at its ends.
 
 use super::{Coordinate, JointKind, PlacedJoint};
 use crate::math::{Quat, Vec3, tangents};

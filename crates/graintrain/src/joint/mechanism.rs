@@ -233,7 +233,7 @@ impl<'a> Mechanisms<'a> {
                 let (_, rows) = Placed::of(&world.joints[joint], &poses).across();
                 for (k, row) in rows.into_iter().enumerate() {
                     let before = row.rate(&self.before);
-                    add(Role::Taut(k), row, before, 1.0 / kappa);
+                    add(Role::Taut(k), row, before, (1.0 / kappa).min(SOFTEST));
                 }
             }
             let own = &world.joints[joint].joint;
@@ -295,7 +295,7 @@ impl<'a> Mechanisms<'a> {
             if let JointKind::Distance { .. } = self.world.joints[joint].joint.kind {
                 let (length, rows) = placed.across();
                 let kappa = 0.25 * self.step * self.step * placed.tension(force) / length;
-                if kappa > 0.0 {
+                if kappa > 0.0 && kappa.is_finite() {
                     mechanism.taut.push((joint, kappa));
                     let mobility = |row: &Row| {
                         let row =
@@ -357,12 +357,12 @@ impl<'a> Mechanisms<'a> {
 
     /// Y^T kappa (3 v + v-), v the velocities that z makes of v*.
     fn spins(&self, mechanism: &Mechanism, stiffening: &Stiffening, z: &[f64]) -> Vec<f64> {
-        let mut velocity = self.before.clone();
+        let mut velocity: Vec<f64> =
+            self.before.iter().zip(&self.free).map(|(v, free)| v + 3.0 * free).collect();
         for (k, &body) in mechanism.bodies.iter().enumerate() {
             let changes = mechanism.roots[k].times(&z[6 * k..]).map(|part| part.to_array());
             for (axis, change) in changes.into_iter().flatten().enumerate() {
-                let v = &mut velocity[6 * body as usize + axis];
-                *v += 3.0 * (self.free[6 * body as usize + axis] + change);
+                velocity[6 * body as usize + axis] += 3.0 * change;
             }
         }
         let turn = |body: u32| Vec3::from_slice(&velocity[6 * body as usize + 3..6 * body as usize + 6]);
@@ -540,7 +540,7 @@ impl Mechanism {
         self.elimination = Elimination::new(length, rows);
     }
 
-    /// W = Y Y^T with Y = S (motions that the rows leave free), and what stiffens swings.
+    /// W = Y Y^T with Y = S (motions that the rows leave free), and what damps swings.
     fn coupled(&self) -> CoupledBodies {
         let motions: Vec<Vec<f64>> = self.elimination.free_motions();
         let degrees = motions.len();

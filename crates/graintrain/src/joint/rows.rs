@@ -38,9 +38,9 @@ impl Root {
     /// The root of (M + kappa)^-1 with a stiffness kappa (positive semidefinite) of rotations: S L^-T with L L^T = 1 + S^T kappa S.
     pub(super) fn with(&self, stiffness: Mat3) -> Self {
         let stiffened = Mat3::IDENTITY + self.angular.transpose() * stiffness * self.angular;
-        let inverse = stiffened.inverse().to_cols_array();
-        let own = Self::of(&BodyInverseMass { linear: [0.0; 3], angular: inverse });
-        Self { angular: self.angular * own.angular, ..*self }
+        let lower =
+            Self::of(&BodyInverseMass { linear: [0.0; 3], angular: stiffened.to_cols_array() }).angular;
+        Self { angular: self.angular * lower.inverse().transpose(), ..*self }
     }
 
     /// S S^T m.

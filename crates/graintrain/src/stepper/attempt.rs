@@ -152,7 +152,8 @@ impl Stepper {
         judge_joints(world, &joints, &settings, &mut solve);
         if !agrees && solve.status == Status::Converged {
             solve.status = Status::IterationLimit;
-            solve.remark = Some(format!("motors, stops and contacts did not agree in {rounds} rounds"));
+            solve.remark =
+                Some(format!("motors, stops, swings and contacts did not agree in {rounds} rounds"));
         }
         Ok(Attempt {
             problem,

@@ -258,12 +258,12 @@ impl Stepper {
             displacement.chunks_exact(6).enumerate().map(against).sum()
         });
         world.record_joints(&joints.states, step);
-        if let Some((joint, opening, is_open)) = drift::widest(world) {
-            errors.joint_opening_max = opening;
-            if is_open && solve.status == Status::Converged {
-                solve.status = Status::IterationLimit;
-                solve.remark = Some(format!("{} is open by {opening:.1e} m", world.joint_label(joint)));
-            }
+        let (opening, open) = drift::openings(world);
+        errors.joint_opening_max = opening;
+        if let Some(joint) = open.filter(|_| solve.status == Status::Converged) {
+            solve.status = Status::IterationLimit;
+            let opening = world.joints()[joint].state.opening;
+            solve.remark = Some(format!("{} is open by {opening:.1e} m", world.joint_label(joint)));
         }
         world.contacts = set;
         world.time += step;

@@ -544,6 +544,24 @@ fn light_beads_roll_over_a_drum_under_heavy_weights() {
     assert!((found - tension).abs() < 0.01 * tension, "{found} {tension}");
 }
 
+/// A load on a rod so short that a step is five of its swings travels with what carries it: its swing is damped beside the carrier, not beside the ground.
+#[test]
+fn a_load_on_a_taut_rod_travels_with_its_carrier() {
+    let mut world = earth();
+    let speed = Vec3::new(2.0, -1.0, 0.0);
+    let form = world.add_geometry(Geometry::sphere(1e-4).unwrap());
+    let motion = world.add_motion(Motion::translating(speed, Profile::Constant(1.0))).unwrap();
+    let carrier = Body { motion, velocity: speed, ..Body::new(form, MaterialId::default(), Vec3::ZERO) };
+    let carrier = world.add_body(carrier).unwrap();
+    let place = Vec3::new(0.0, 0.0, -1e-3);
+    let load = lump(&mut world, place, 10.0, Vec3::splat(1e-3));
+    world.bodies.velocity[load.index()] = speed;
+    world.add_joint(Joint::distance(Some(carrier), load, [Vec3::ZERO, place])).unwrap();
+    run(&mut world, &mut stepper(0.05, FrictionModel::Coulomb), 40);
+    let off = world.bodies.velocity[load.index()] - speed;
+    assert!(off.length() < 1e-9, "{off}");
+}
+
 #[test]
 fn stops_hold_and_let_go() {
     for friction in BOTH {

@@ -73,7 +73,8 @@ impl Mechanisms<'_> {
                     (found.opening, found.worst) = (opening, row.joint);
                 }
                 squares += (opening / self.yardstick).powi(2);
-                count += 1;
+                // Springs never open.
+                count += i32::from(row.compliance <= 0.0);
             }
         }
         let rms = (squares / f64::from(count.max(1))).sqrt();
