@@ -69,7 +69,7 @@ impl Default for FitSettings {
 /// What [`fit`] found; errors are sqrt(sum (x(i_p) - y_p)^2 / sum y_p^2) over their points.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FitReport {
-    /// Whether `upper_bound` is at most the tolerance.
+    /// Whether `error_estimate` is at most the tolerance.
     pub converged: bool,
     /// On the points that were fitted.
     pub training_error: f64,
@@ -80,7 +80,7 @@ pub struct FitReport {
     /// The larger of two estimates from above of the error over all entries. One is what the test points exclude with 95 % confidence, given that
     /// they are drawn evenly from all entries and that no entry is farther off than on the worst point. The other, made where the first meets the
     /// tolerance, is twice the largest distance over all entries to fits from shaken cores. Neither knows of a peak that no point hits.
-    pub upper_bound: f64,
+    pub error_estimate: f64,
     /// Points of the three sets.
     pub points: [usize; 3],
     /// Validation error of every rank that was tried, all beginnings one after the other.
@@ -122,7 +122,7 @@ fn largest_square(x: &[f64]) -> f64 {
 /// The train of these modes through values at indices (d digits per value, one point after the other). O(sweeps d points r^4).
 ///
 /// How many points a tensor needs nobody knows beforehand: at least as many as the train has numbers, several times as many if they are random. The
-/// report's `test_error` is what the fit is worth, at points drawn like the others; `upper_bound` is what this says of all entries.
+/// report's `test_error` is what the fit is worth, at points drawn like the others; `error_estimate` is what this says of all entries.
 ///
 /// # Errors
 /// [`TtError::Shape`] or [`TtError::Index`] for points that do not fit, fewer than 10 different ones or an empty mode; [`TtError::Setting`] for a bad setting;
@@ -194,9 +194,9 @@ pub fn fit(
     }
     growth.shorten()?;
     let (validation_error, x) = growth.best.clone();
-    let mut upper_bound = upper_bound(&x, &sets)?;
-    if upper_bound <= settings.tolerance {
-        upper_bound = upper_bound.max(2.0 * growth.spread(&sets)?);
+    let mut error_estimate = error_estimate(&x, &sets)?;
+    if error_estimate <= settings.tolerance {
+        error_estimate = error_estimate.max(2.0 * growth.spread(&sets)?);
     }
     let history = growth.history;
     let report = FitReport {
@@ -204,13 +204,13 @@ pub fn fit(
         training_error: sets[0].error(&x)?,
         validation_error,
         test_error: sets[2].error(&x)?,
-        upper_bound,
+        error_estimate,
         points: [0, 1, 2].map(|set: usize| sets[set].values.len()),
         history,
         restarts,
         ranks: x.ranks(),
     };
-    let converged = upper_bound <= settings.tolerance;
+    let converged = error_estimate <= settings.tolerance;
     Ok((x.scale(unit), FitReport { converged, ..report }))
 }
 
@@ -295,8 +295,8 @@ impl Growth<'_> {
     }
 }
 
-/// See [`FitReport::upper_bound`].
-fn upper_bound(x: &TtVector, sets: &[Points; 3]) -> Result<f64, TtError> {
+/// See [`FitReport::error_estimate`].
+fn error_estimate(x: &TtVector, sets: &[Points; 3]) -> Result<f64, TtError> {
     let (mut most, mut most_value, mut sum, mut count) = (0.0_f64, 0.0_f64, 0.0, 0);
     for set in sets {
         most = most.max(largest_square(&set.residual(x)?));

@@ -115,26 +115,14 @@ impl ImpactSolver<'_> {
             .map(|c| [c.body_a, c.body_b].map(|body| world.acceleration(body as usize)))
             .map(|[a, b]| self.parameters.resting * a.max(b) * step)
             .collect();
-        let mut free = free_velocity(world, &found.velocity, step);
-        let before = found.velocity.clone();
-        let mut now = with_driven(world, &before, &free);
-        let coupled = coupled_in_impacts(world, &mut now, step);
-        for body in coupled.iter().flat_map(|mechanism| &mechanism.bodies) {
-            let six = 6 * *body as usize..6 * *body as usize + 6;
-            found.velocity[six.clone()].copy_from_slice(&now[six.clone()]);
-            free[six].copy_from_slice(&free_velocity_of(world, &found.velocity, *body as usize, step));
-        }
-        // What joints take away here they take in the step itself, which tells their forces: impacts only add to the velocities.
-        let along = found.velocity.clone();
-        let mut driven = with_driven(world, &found.velocity, &free);
-        let mut now = relative_velocities(world.cell(), of.contacts, of.rows, &driven);
-        let mut later = relative_velocities(world.cell(), of.contacts, of.rows, &free);
+        let (coupled, projected) = along_joints(world, &mut found.velocity, step);
+        let mut motion = Motion::of(world, of, &found.velocity, step);
         for pass in 0..=self.parameters.passes {
             let approaches =
-                |i: &u32| restitution[*i as usize] > 0.0 && now[3 * *i as usize] < -slow[*i as usize];
+                |i: &u32| restitution[*i as usize] > 0.0 && motion.now[3 * *i as usize] < -slow[*i as usize];
             let closes = |i: &u32| {
                 let gap = of.contacts[*i as usize].gap;
-                gap <= 0.0 || gap + step * later[3 * *i as usize] <= 0.0
+                gap <= 0.0 || gap + step * motion.later[3 * *i as usize] <= 0.0
             };
             let approaching = (0..of.contacts.len() as u32).filter(approaches);
             let closing: Vec<u32> = approaching.filter(closes).collect();
@@ -151,39 +139,18 @@ impl ImpactSolver<'_> {
             let mut moved = vec![false; world.bodies.len()];
             for part in parts(of.rows, closing.iter().copied(), world.bodies.len(), &coupled) {
                 let Some(()) =
-                    self.solve(&part, (of, &coupled), [&restitution, &friction], &now, &mut found)?
+                    self.solve(&part, (of, &coupled), [&restitution, &friction], &motion.now, &mut found)?
                 else {
                     return Ok(None);
                 };
                 part.bodies.iter().for_each(|&body| moved[body as usize] = true);
             }
-            // Only what these bodies touch has changed.
-            for body in (0..moved.len()).filter(|&body| moved[body]) {
-                let six = 6 * body..6 * body + 6;
-                free[six.clone()].copy_from_slice(&free_velocity_of(world, &found.velocity, body, step));
-                for (k, dynamic) in world.free_degrees(body).into_iter().enumerate() {
-                    driven[6 * body + k] =
-                        if dynamic { found.velocity[6 * body + k] } else { free[6 * body + k] };
-                }
-            }
-            for (i, contact) in of.contacts.iter().enumerate() {
-                if moved[contact.body_a as usize] || moved[contact.body_b as usize] {
-                    let one = i..i + 1;
-                    for (u, velocity) in [(&mut now, &driven), (&mut later, &free)] {
-                        let (contacts, rows) = (&of.contacts[one.clone()], &of.rows[one.clone()]);
-                        let new = relative_velocities(world.cell(), contacts, rows, velocity);
-                        u[3 * i..3 * i + 3].copy_from_slice(&new);
-                    }
-                }
-            }
+            motion.update(world, of, &found.velocity, step, &moved);
         }
-        for body in coupled.iter().flat_map(|mechanism| &mechanism.bodies) {
-            let six = 6 * *body as usize..6 * *body as usize + 6;
-            let known = before[six.clone()].iter().zip(&along[six.clone()]);
-            found.velocity[six]
-                .iter_mut()
-                .zip(known)
-                .for_each(|(v, (before, along))| *v = before + (*v - along));
+        for Projected { body, before, along } in projected {
+            let known = before.iter().zip(&along);
+            let velocity = found.velocity[6 * body..6 * body + 6].iter_mut();
+            velocity.zip(known).for_each(|(v, (before, along))| *v = before + (*v - along));
         }
         Ok(Some(found))
     }
@@ -271,6 +238,82 @@ pub(crate) fn lead_to_surfaces(world: &World, collider: &Collider, step: f64, co
             match collider.arrival_of_balls(world, contact, step) {
                 Some(arrival) => *contact = arrival,
                 None => contact.lead = 0.5 * contact.gap * contact.normal,
+            }
+        }
+    }
+}
+
+/// The velocities of a body in joints, and those along the joints where they are now.
+struct Projected {
+    body: usize,
+    before: [f64; 6],
+    along: [f64; 6],
+}
+
+/// Makes velocities those that joints let bodies have. That of the middle of the last step is off them by half the turn of a step, and so are the
+/// approaches that impacts would start from. What joints take away here they take in the step itself, too, which tells their forces: afterwards only
+/// what impacts add stays.
+fn along_joints(world: &World, velocity: &mut [f64], step: f64) -> (Vec<CoupledBodies>, Vec<Projected>) {
+    if world.joints().is_empty() {
+        return Default::default();
+    }
+    let mut along = with_driven(world, velocity, &free_velocity(world, velocity, step));
+    let coupled = coupled_in_impacts(world, &mut along, step);
+    let bodies = coupled.iter().flat_map(|mechanism| &mechanism.bodies);
+    let projected = bodies
+        .map(|&body| {
+            let body = body as usize;
+            let six = |v: &[f64]| std::array::from_fn(|k| v[6 * body + k]);
+            let own = Projected { body, before: six(velocity), along: six(&along) };
+            velocity[6 * body..6 * body + 6].copy_from_slice(&own.along);
+            own
+        })
+        .collect();
+    (coupled, projected)
+}
+
+/// How contacts close, m/s, three numbers each.
+struct Motion {
+    /// Velocities of the bodies after the step if no contact acted, six numbers each.
+    free: Vec<f64>,
+    /// Velocities now, those of prescribed degrees of freedom as in the step.
+    driven: Vec<f64>,
+    /// Relative velocities of the contacts with `driven` and with `free`.
+    now: Vec<f64>,
+    later: Vec<f64>,
+}
+
+impl Motion {
+    fn of(world: &World, of: Rows<'_>, velocity: &[f64], step: f64) -> Self {
+        let free = free_velocity(world, velocity, step);
+        let driven = with_driven(world, velocity, &free);
+        let [now, later] =
+            [&driven, &free].map(|v| relative_velocities(world.cell(), of.contacts, of.rows, v));
+        Self { free, driven, now, later }
+    }
+
+    /// After these bodies got other velocities: only what they touch has changed.
+    fn update(&mut self, world: &World, of: Rows<'_>, velocity: &[f64], step: f64, moved: &[bool]) {
+        for body in (0..moved.len()).filter(|&body| moved[body]) {
+            let six = 6 * body..6 * body + 6;
+            self.free[six].copy_from_slice(&free_velocity_of(world, velocity, body, step));
+            for (k, dynamic) in world.free_degrees(body).into_iter().enumerate() {
+                let of = if dynamic { velocity } else { &self.free };
+                self.driven[6 * body + k] = of[6 * body + k];
+            }
+        }
+        for (i, contact) in of.contacts.iter().enumerate() {
+            if moved[contact.body_a as usize] || moved[contact.body_b as usize] {
+                let one = i..i + 1;
+                for (u, v) in [(&mut self.now, &self.driven), (&mut self.later, &self.free)] {
+                    let (contacts, rows) = (&of.contacts[one.clone()], &of.rows[one.clone()]);
+                    u[3 * i..3 * i + 3].copy_from_slice(&relative_velocities(
+                        world.cell(),
+                        contacts,
+                        rows,
+                        v,
+                    ));
+                }
             }
         }
     }

@@ -238,9 +238,12 @@ fn pdip_converges_from_cold_and_warm_starts() {
     assert!(unconverged.len() <= 12, "{unconverged:?}");
 }
 
+/// Seeds of random problems whose bodies hardly come apart.
+const NEARLY_JAMMED: [u64; 3] = [493, 966, 967];
+
 /// Objective of `ipm` against two formulations of Clarabel, which err on either side: it agrees with one of them to
-/// 1e-8 or lies between them, unless it says that it did not converge, which three in a thousand may. Returns the seeds where
-/// it disagrees.
+/// 1e-8 or lies between them, unless it says that it did not converge, which one in a thousand may, besides three that are nearly jammed and are
+/// known to stall between 1e-9 and 2e-7 (gradients from there do not help). Returns the seeds where it disagrees.
 fn disagreements_with_clarabel(seeds: std::ops::Range<u64>) -> Vec<u64> {
     let mut disagreements = Vec::new();
     let mut unconverged = Vec::new();
@@ -267,7 +270,9 @@ fn disagreements_with_clarabel(seeds: std::ops::Range<u64>) -> Vec<u64> {
         let nearest = errors[0].abs().min(errors[1].abs());
         if !report.converged() {
             println!("{seed}: {:?} at {:.1e}", report.status, report.residual.max);
-            unconverged.push(seed);
+            if !NEARLY_JAMMED.contains(&seed) || report.residual.max > 2e-7 {
+                unconverged.push(seed);
+            }
         }
         if nearest > 1e-8 {
             let contacts = problem.num_contacts();
@@ -280,7 +285,7 @@ fn disagreements_with_clarabel(seeds: std::ops::Range<u64>) -> Vec<u64> {
             }
         }
     }
-    assert!(unconverged.len() <= 3, "did not reach 1e-9: {unconverged:?}");
+    assert!(unconverged.len() <= 1, "did not reach 1e-9: {unconverged:?}");
     disagreements
 }
 

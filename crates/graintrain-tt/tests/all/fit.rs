@@ -33,8 +33,8 @@ fn low_rank_tensors_are_recovered_from_some_entries() {
                 report.test_error < 3.0 * truth + 1e-12 && truth < 3.0 * report.test_error + 1e-12,
                 "{truth:e} {report:?}"
             );
-            assert_eq!(report.converged, report.upper_bound <= 1e-6);
-            assert!(report.upper_bound >= truth, "{truth:e} {report:?}");
+            assert_eq!(report.converged, report.error_estimate <= 1e-6);
+            assert!(report.error_estimate >= truth, "{truth:e} {report:?}");
             assert!(report.converged, "{report:?}");
         }
     }

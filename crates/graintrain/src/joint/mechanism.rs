@@ -83,6 +83,8 @@ struct Mechanism {
     /// Those that can move, ascending.
     bodies: Vec<u32>,
     roots: Vec<Root>,
+    /// Roots and angular velocities of v* without kappa.
+    bare: Vec<(Root, Vec3)>,
     /// kappa of each, kg m^2 (see [`super::stiffening`]).
     swings: Vec<Mat3>,
     joints: Vec<usize>,
@@ -120,9 +122,6 @@ pub(crate) struct Mechanisms<'a> {
     step: f64,
     /// v*, six per body; of bodies that swing with what their stiffness makes of it.
     free: Vec<f64>,
-    /// v* without.
-    plain: Vec<f64>,
-    masses: Vec<BodyInverseMass>,
     /// Velocities before the step, six per body.
     before: Vec<f64>,
     /// Velocities that corrections of rates are measured by, m/s.
@@ -140,17 +139,26 @@ impl<'a> Mechanisms<'a> {
     /// `masses` are those of the bodies by themselves, with drag.
     pub(crate) fn new(
         world: &'a World,
-        masses: Vec<BodyInverseMass>,
+        masses: &[BodyInverseMass],
         before: &[f64],
         free: Vec<f64>,
         step: f64,
     ) -> Self {
+        Self::build(world, masses, (before, free), step, |joint| world.joints[joint].state.force)
+    }
+
+    /// The same with swings as these forces of the joints (N, on B) stiffen them.
+    fn build(
+        world: &'a World,
+        masses: &[BodyInverseMass],
+        (before, free): (&[f64], Vec<f64>),
+        step: f64,
+        force: impl Fn(usize) -> Vec3,
+    ) -> Self {
         let mut own = Self {
             world,
             step,
-            plain: free.clone(),
             free,
-            masses,
             before: before.to_vec(),
             scale: 0.0,
             yardstick: 0.0,
@@ -177,8 +185,11 @@ impl<'a> Mechanisms<'a> {
         let motion = own.before.iter().chain(&own.free).fold(0.0_f64, |most, v| most.max(v.abs()));
         own.yardstick = own.scale.max(FAINT * motion);
         for (bodies, joints) in connected(world) {
-            let forces = joints.iter().map(|&joint| own.states[joint].force).collect();
-            let mut mechanism = Mechanism { bodies, joints, forces, ..Mechanism::default() };
+            let forces = joints.iter().map(|&joint| force(joint)).collect();
+            let turn = |body: usize| Vec3::from_slice(&own.free[6 * body + 3..6 * body + 6]);
+            let bare = |&body: &u32| (Root::of(&masses[body as usize]), turn(body as usize));
+            let bare = bodies.iter().map(bare).collect();
+            let mut mechanism = Mechanism { bodies, bare, joints, forces, ..Mechanism::default() };
             own.stiffen(&mut mechanism);
             own.arrange(&mut mechanism);
             own.mechanisms.push(mechanism);
@@ -282,8 +293,7 @@ impl<'a> Mechanisms<'a> {
     /// Takes the stiffness of the bodies of a mechanism from the forces of its joints.
     fn stiffen(&mut self, mechanism: &mut Mechanism) {
         let poses = |body: usize| self.world.pose(body);
-        let own_roots = mechanism.bodies.iter().map(|&body| Root::of(&self.masses[body as usize]));
-        mechanism.roots = own_roots.collect();
+        mechanism.roots = mechanism.bare.iter().map(|(root, _)| *root).collect();
         let mut swings = vec![Mat3::ZERO; mechanism.bodies.len()];
         mechanism.taut.clear();
         let mut fastest = 0.0;
@@ -317,9 +327,9 @@ impl<'a> Mechanisms<'a> {
             swings.iter_mut().for_each(|k| *k = Mat3::ZERO);
             mechanism.taut.clear();
         }
-        for ((&body, &swing), root) in mechanism.bodies.iter().zip(&swings).zip(&mut mechanism.roots) {
+        let bodies = mechanism.bodies.iter().zip(&mechanism.bare).zip(&swings);
+        for (((&body, &(_, mut turn)), &swing), root) in bodies.zip(&mut mechanism.roots) {
             let angular = 6 * body as usize + 3..6 * body as usize + 6;
-            let mut turn = Vec3::from_slice(&self.plain[angular.clone()]);
             if swing != Mat3::ZERO {
                 *root = root.with(swing);
                 turn -= root.turned_by(swing * (turn - Vec3::from_slice(&self.before[angular.clone()])));
@@ -333,9 +343,7 @@ impl<'a> Mechanisms<'a> {
     fn forces(&self, mechanism: &Mechanism, impulse: &[f64]) -> Vec<Vec3> {
         let poses = |body: usize| self.world.pose(body);
         let mut forces = vec![Vec3::ZERO; mechanism.joints.len()];
-        let held = mechanism.rows.iter().zip(impulse).map(|(row, &impulse)| (row.joint, &row.row, impulse));
-        let pushed = mechanism.pushed.iter().map(|(joint, row, impulse)| (*joint, row, *impulse));
-        for (joint, row, impulse) in held.chain(pushed) {
+        for (joint, row, impulse, _) in mechanism.exerted(impulse) {
             let own = &self.world.joints[joint];
             if !matches!(own.joint.kind, JointKind::Gear { .. })
                 && let Ok(k) = mechanism.joints.binary_search(&joint)
@@ -516,6 +524,14 @@ impl Mechanism {
         Stiffening::new(motions, turns, &self.swings, &rods)
     }
 
+    /// What acts under these multipliers: joint, row, impulse, and whether the joint holds by it; known impulses of motors after the rows.
+    fn exerted(&self, impulse: &[f64]) -> impl Iterator<Item = (usize, &Row, f64, bool)> {
+        let holds = |role: Role| matches!(role, Role::Held(_) | Role::Taut(_));
+        let rows = self.rows.iter().zip(impulse);
+        let rows = rows.map(move |(row, &impulse)| (row.joint, &row.row, impulse, holds(row.role)));
+        rows.chain(self.pushed.iter().map(|(joint, row, impulse)| (*joint, row, *impulse, false)))
+    }
+
     /// Rows with a compliance, with the places of their coordinates in the elimination.
     fn springs(&self) -> impl Iterator<Item = (usize, &ActiveRow)> {
         (6 * self.bodies.len()..).zip(self.rows.iter().filter(|row| row.compliance > 0.0))
@@ -565,11 +581,9 @@ impl Mechanism {
 /// these let the bodies have: that of the middle of the last step does not lie along them where they are now.
 pub(crate) fn coupled_in_impacts(world: &World, velocity: &mut [f64], step: f64) -> Vec<CoupledBodies> {
     let masses = inverse_mass(world);
-    let mut all = Mechanisms::new(world, masses.clone(), &*velocity, velocity.to_vec(), step);
+    let mut all = Mechanisms::build(world, &masses, (&*velocity, velocity.to_vec()), step, |_| Vec3::ZERO);
     for mechanism in &mut all.mechanisms {
-        mechanism.stiffening = None;
         mechanism.pushed.clear();
-        mechanism.roots = mechanism.bodies.iter().map(|&body| Root::of(&masses[body as usize])).collect();
         mechanism.factorise(|row| match row.role {
             Role::Held(_) => true,
             Role::Motor => {

@@ -81,7 +81,7 @@ impl Stepper {
         elasticity::apply_pulls(&rows, &pulls, &masses, &mut free);
         let mut active: Vec<u32> = (0..contacts.len() as u32).collect();
         let mut chosen = Cow::from(contacts);
-        let mut mechanisms = Mechanisms::new(world, masses.clone(), &impacts.velocity, free, step);
+        let mut mechanisms = Mechanisms::new(world, &masses, &impacts.velocity, free, step);
         mechanisms.predict(&[]);
         let overlap = self.settings.overlap;
         let pose =

@@ -67,15 +67,15 @@ fn energy(world: &World) -> f64 {
     world.kinetic_energy() + height
 }
 
+/// Steps of 5 ms with default solver and tolerance.
+fn stepper_of(friction: FrictionModel) -> Stepper {
+    let solver = SolverChoice { friction, ..SolverChoice::default() };
+    Stepper::new(StepSettings { step: 5e-3, envelope: 2e-3, solver, ..StepSettings::default() }).unwrap()
+}
+
 fn worst_rise(seed: u64, restitution: f64, friction: f64, model: FrictionModel, steps: usize) -> f64 {
     let mut world = scene(seed, restitution, friction);
-    let settings = StepSettings {
-        step: 5e-3,
-        envelope: 2e-3,
-        solver: SolverChoice { friction: model, ..SolverChoice::default() },
-        ..StepSettings::default()
-    };
-    let mut stepper = Stepper::new(settings).unwrap();
+    let mut stepper = stepper_of(model);
     let mut worst: f64 = 0.0;
     for step in 0..steps {
         let before = energy(&world);
@@ -211,13 +211,7 @@ fn energy_never_rises_with_joints() {
         let model = BOTH[seed as usize % 2];
         let restitution = [0.0, 0.5, 0.9][seed as usize % 3];
         let mut world = jointed(seed, restitution, 0.3);
-        let settings = StepSettings {
-            step: 5e-3,
-            envelope: 2e-3,
-            solver: SolverChoice { friction: model, ..SolverChoice::default() },
-            ..StepSettings::default()
-        };
-        let mut stepper = Stepper::new(settings).unwrap();
+        let mut stepper = stepper_of(model);
         let (mut first, mut least, mut rise, mut open, mut missed) =
             (f64::NAN, f64::INFINITY, 0.0_f64, 0.0_f64, 0);
         let mut corrected = 0.0;

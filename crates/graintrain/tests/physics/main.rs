@@ -2,6 +2,7 @@
 
 mod by_default;
 mod cells;
+mod chains;
 mod confined;
 mod drives;
 mod elasticity;

@@ -1,6 +1,6 @@
 //! What joints exert.
 
-use super::{Mechanism, Mechanisms, Role, Solution};
+use super::{Mechanism, Mechanisms, Solution};
 use crate::joint::kinematics::{Placed, coordinate, last};
 use crate::joint::{JointKind, JointState};
 use crate::math::Vec3;
@@ -45,12 +45,7 @@ impl Mechanisms<'_> {
                 }
             }
             let rates = self.rates(mechanism, &solution.velocity);
-            let held = mechanism.rows.iter().zip(&solution.impulse);
-            let all = held.map(|(row, &impulse)| {
-                (row.joint, &row.row, impulse, matches!(row.role, Role::Held(_) | Role::Taut(_)))
-            });
-            let pushed = mechanism.pushed.iter().map(|(joint, row, impulse)| (*joint, row, *impulse, false));
-            for (joint, row, impulse, holds) in all.chain(pushed) {
+            for (joint, row, impulse, holds) in mechanism.exerted(&solution.impulse) {
                 found
                     .impulses
                     .extend(row.ends.iter().map(|(body, parts)| (*body, parts.map(|part| impulse * part))));
