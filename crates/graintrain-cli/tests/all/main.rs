@@ -2,6 +2,7 @@
 
 mod book;
 mod calibrations;
+mod films;
 mod hostile_files;
 mod interruptions;
 mod kills;
