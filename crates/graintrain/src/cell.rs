@@ -375,19 +375,11 @@ pub(crate) fn ends(cell: Option<&Cell>, contact: &Contact) -> [(usize, Vec3); 2]
     [(contact.body_a as usize, on_a), (contact.body_b as usize, on_b)]
 }
 
-/// What the beginning of a step changes of a world with a cell.
-pub(crate) struct Undriven {
-    cell: Cell,
-    velocity: Vec<Vec3>,
-}
-
-/// Gives the cell the rates of the step that begins now, and bodies the velocities that go with the change. Returned is what was there; `None`
-/// where there is no cell.
-pub(crate) fn drive(world: &mut World, step: f64) -> Option<Undriven> {
+/// Gives the cell the rates of the step that begins now, and bodies the velocities that go with the change.
+pub(crate) fn drive(world: &mut World, step: f64) {
     let time = world.time;
     let mass = moved_mass(world);
-    let cell = world.cell.as_mut()?;
-    let before = Undriven { cell: cell.clone(), velocity: world.bodies.velocity.clone() };
+    let Some(cell) = world.cell.as_mut() else { return };
     let last = gradients(cell);
     for (k, imposed) in cell.imposed_rates(time, step).into_iter().enumerate() {
         match (imposed, &cell.drive[k]) {
@@ -402,13 +394,6 @@ pub(crate) fn drive(world: &mut World, step: f64) -> Option<Undriven> {
     }
     let now = gradients(cell);
     take_along(world, [now[0] - last[0], now[1] - last[1]]);
-    Some(before)
-}
-
-/// Takes [`drive`] back: the step was not made.
-pub(crate) fn undo(world: &mut World, before: Undriven) {
-    world.cell = Some(before.cell);
-    world.bodies.velocity.copy_from_slice(&before.velocity);
 }
 
 /// Mass of the bodies that can move, kg.

@@ -223,18 +223,15 @@ pub(crate) fn apply(world: &mut World, step: f64) -> Option<Unloaded> {
     Some(before)
 }
 
-/// Takes the loads away again: what a program had set is left. The lists stay where they are in memory, since a program may look at
-/// them in place.
-pub(crate) fn remove(world: &mut World, before: Unloaded) {
+/// Takes the loads away again: what a program had set is left, and where the step was not made, the gravity of before. The lists stay where they are
+/// in memory, since a program may look at them in place.
+pub(crate) fn remove(world: &mut World, before: Unloaded, was_made: bool) {
     world.bodies.force.copy_from_slice(&before.force);
     world.bodies.torque.copy_from_slice(&before.torque);
     world.drag = Vec::new();
-}
-
-/// As [`remove`], with the gravity that was there: the step was not made.
-pub(crate) fn undo(world: &mut World, before: Unloaded) {
-    world.gravity = before.gravity;
-    remove(world, before);
+    if !was_made {
+        world.gravity = before.gravity;
+    }
 }
 
 impl Load {

@@ -18,6 +18,7 @@
 //! "Projected event-capturing time-stepping schemes for nonsmooth mechanical systems with unilateral contact and Coulomb's
 //! friction", Comput. Methods Appl. Mech. Engrg. 256:224-250, 2013.
 
+use crate::math::Vec3;
 use crate::parts::{Part, parts};
 use crate::projection::project;
 use graintrain_ccp::{BodyInverseMass, FIXED, RigidContact};
@@ -90,6 +91,12 @@ pub(crate) struct Correction {
 }
 
 impl Correction {
+    /// What the displacements do against gravity, J, with the masses of the bodies.
+    pub(crate) fn work(&self, mass: &[f64], gravity: Vec3) -> f64 {
+        let of_body = |(d, mass): (&[f64], &f64)| -mass * gravity.dot(Vec3::from_slice(&d[..3]));
+        self.displacement.iter().flat_map(|all| all.chunks_exact(6).zip(mass)).map(of_body).sum()
+    }
+
     /// Counts a displacement (six numbers per body) that came after it.
     pub(crate) fn add(&mut self, displacement: Option<Vec<f64>>) {
         match (&mut self.displacement, displacement) {

@@ -77,6 +77,11 @@ pub struct StepReport {
     pub contacts_added: usize,
     /// Pairs of bodies found inside each other after the step that had no contact in it.
     pub contacts_missed: usize,
+    /// Contacts that exerted more than the solve resolves though their bodies were, at no time of the step, nearer to each other than a twentieth of the smaller
+    /// one's size.
+    pub contacts_apart: usize,
+    /// The largest impulse of those, N s.
+    pub impulse_apart_max: f64,
     /// Largest overlap that displacements worked on in this step (see [`crate::overlap`]), m; zero where there was none to mend.
     pub overlap_corrected_max: f64,
     /// Energy that those displacements gave to bodies against gravity, J.

@@ -2,6 +2,7 @@
 //! left once it is solved (`finish`), where bodies were (`placement`), why it could not be made ([`StepError`]). What a step reports is in
 //! [`crate::step_report`].
 
+mod apart;
 mod attempt;
 mod error;
 mod finish;
@@ -19,25 +20,37 @@ pub use self::parameters::{
 pub use self::settings::{SolverChoice, StepSettings};
 pub use crate::step_report::{PhaseSeconds, PhysicalErrors, ProcessorSeconds, StepReport, Wrench};
 
+use self::attempt::Attempt;
 use self::error::{cell_error, check_state};
 use self::flight::flying;
 use self::placement::Placement;
-use self::repetition::{Bends, carried_back};
+use self::repetition::Rounds;
 use crate::assemble::of_each;
 use crate::cell;
-use crate::clock::{Clock, Laps};
-use crate::collide::{Collider, meshes_that_meet};
+use crate::clock::Clock;
+use crate::collide::Collider;
 use crate::contact::Contact;
 use crate::error::{ModelError, positive};
 use crate::impact::lead_to_surfaces;
 use crate::integrate::{Flight, advance};
 use crate::joint::drift;
 use crate::load;
+use crate::overlap::Correction;
 use crate::world::World;
 use graintrain_ccp::{Ccp, CcpSolver, Ranks, SolveSettings, SolverSpec};
-use std::collections::HashSet;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+
+/// A step as it is made: the bodies are where it leaves them.
+struct Made {
+    attempt: Attempt,
+    /// Sizes of the smaller bodies of its contacts, m.
+    size: Vec<f64>,
+    /// The displacements that removed overlap and closed joints.
+    correction: Correction,
+    /// The contacts of the end.
+    ahead: Vec<Contact>,
+}
 
 /// Makes time steps; owns the solvers and everything that is kept between steps apart from the state.
 pub struct Stepper {
@@ -99,10 +112,6 @@ impl Stepper {
         self.stop = Some(stop);
     }
 
-    fn is_stopped(&self) -> bool {
-        self.stop.as_ref().is_some_and(|stop| stop.load(Ordering::Relaxed))
-    }
-
     /// Makes the steps together with other processes, each of which has the same world and makes the same steps: what can be shared of
     /// the work is shared, and the world of each is that of one process alone.
     pub fn share_among(&mut self, ranks: Arc<Ranks>) {
@@ -144,16 +153,15 @@ impl Stepper {
             rates.and_then(|()| world.fits_cell()).map_err(|error| cell_error(world, error))?;
         }
         let kinetic_energy = world.cell().map(|_| world.kinetic_energy());
-        let undriven = cell::drive(world, self.settings.step);
-        let loaded = load::apply(world, self.settings.step);
+        let undriven = kinetic_energy.map(|_| Placement::of(world));
+        cell::drive(world, self.settings.step);
+        let unloaded = load::apply(world, self.settings.step);
         let mut report = self.step_under(world);
-        match (&report, loaded) {
-            (Ok(_), Some(before)) => load::remove(world, before),
-            (Err(_), Some(before)) => load::undo(world, before),
-            (_, None) => {}
+        if let Some(before) = unloaded {
+            load::remove(world, before, report.is_ok());
         }
         if let (Err(_), Some(before)) = (&report, undriven) {
-            cell::undo(world, before);
+            before.exchange(world);
         }
         if let (Ok(report), Some(before)) = (&mut report, kinetic_energy) {
             // Velocities relative to the deformation change with it, before and after the step under forces.
@@ -162,140 +170,79 @@ impl Stepper {
         report
     }
 
-    /// The step under the forces that bodies now have.
+    /// The step under the forces that bodies now have, line by line as ARCHITECTURE.md has it.
     fn step_under(&mut self, world: &mut World) -> Result<StepReport, StepError> {
-        let begin = Clock::now();
         check_state(world)?;
-        if let Some([first, second]) = meshes_that_meet(world) {
-            let [first, second] = [first, second].map(|body| world.bodies.label(body));
-            return Err(StepError::Meshes { first, second });
+        let step = self.settings.step;
+        let mut rounds = self.first_round(world);
+        let start = Placement::of(world);
+        let mut last = None;
+        loop {
+            lead_to_surfaces(world, &self.collider, step, &mut rounds.contacts);
+            let attempt = self.attempt(world, &mut rounds, last.take())?;
+            if self.look_on_the_way(world, &mut rounds, &attempt)? {
+                last = Some(attempt);
+                continue;
+            }
+            let mut made = self.make(world, &mut rounds, attempt);
+            if self.look_at_the_end(world, &mut rounds, &start, &made) {
+                last = Some(made.attempt);
+                continue;
+            }
+            if let Err(error) =
+                self.go_on().and_then(|()| world.fits_cell().map_err(|e| cell_error(world, e)))
+            {
+                start.exchange(world);
+                return Err(error);
+            }
+            self.remove_unforeseen(world, &mut rounds, &start, &mut made);
+            return Ok(self.finish(world, rounds, &start, made));
         }
+    }
+
+    /// The contacts of the state that a step starts from.
+    fn first_round(&mut self, world: &World) -> Rounds {
+        let begin = Clock::now();
         let (step, envelope) = (self.settings.step, self.settings.envelope);
-        let &RepetitionParameters { rounds, phantom_rounds, .. } = &self.parameters.repetition;
         let same_forms = !self.collider.update_forms(world);
         let found = self.ahead.take().filter(|(state, _)| same_forms && *state == world.fingerprint());
-        let mut contacts = match found {
+        let contacts = match found {
             Some((_, contacts)) => contacts,
             None => self.collider.contacts(world, envelope, step),
         };
         // What flies past meets nothing.
-        let collider = &self.collider;
-        let flown_past = |contact| collider.flown_past(world, contact, step);
-        contacts = contacts.into_iter().filter_map(flown_past).collect();
-        let mut laps = Laps::default();
-        laps.add(|phases| &mut phases.collide, begin.lap());
-        let start = Placement::of(world);
-        let mut guess = None;
-        // Contacts under way that bodies are driven into all the same, and phantoms that were none, by identity.
-        let (mut driven, mut kept) = (HashSet::new(), HashSet::new());
-        let mut bends = Bends::default();
-        let (mut added, mut iterations) = (0, 0);
-        for round in 0.. {
-            if self.is_stopped() {
-                return Err(StepError::Stopped);
-            }
-            lead_to_surfaces(world, &self.collider, step, &mut contacts);
-            let begin = Clock::now();
-            let attempt = self.attempt(world, &contacts, guess.take(), &driven)?;
-            laps.add(|phases| &mut phases.assemble, attempt.assembled - begin);
-            laps.subtract(|phases| &mut phases.assemble, attempt.impact_lap);
-            laps.add(|phases| &mut phases.solve, attempt.impact_lap);
-            laps.add(|phases| &mut phases.solve, attempt.assembled.lap());
-            iterations += attempt.solve.iterations;
-            let begin = Clock::now();
-            let (mut passing, mut phantoms) = (Vec::new(), Vec::new());
-            let met = self.met(world, &contacts, &attempt);
-            if met.is_empty() && round < rounds {
-                passing = self.passing(world, &contacts, &attempt);
-            }
-            if met.is_empty() && passing.is_empty() && round < phantom_rounds {
-                phantoms = self.phantoms(world, &contacts, &attempt, &kept);
-            }
-            if self.is_stopped() {
-                return Err(StepError::Stopped);
-            }
-            laps.add(|phases| &mut phases.collide, begin.lap());
-            if !met.is_empty() && round < rounds {
-                added += met.len();
-                driven.extend(met);
-                guess = Some(attempt);
-                continue;
-            }
-            if !passing.is_empty() {
-                added += passing.len();
-                kept.extend(passing.iter().map(|c| c.identity));
-                contacts.extend(passing);
-                guess = Some(attempt);
-                continue;
-            }
-            if !phantoms.is_empty() {
-                let mut index = 0..;
-                contacts.retain(|_| phantoms.binary_search(&index.next().unwrap_or_default()).is_err());
-                guess = Some(attempt);
-                continue;
-            }
-            let begin = Clock::now();
-            let collider = &self.collider;
-            let size = of_each(&contacts, |c| collider.contact_size(world, c));
-            let mut correction = self.correct(world, &contacts, &attempt, &size);
-            let flies = flying(world, &contacts, &attempt);
-            let flight = Flight { flies: &flies, before: &attempt.impacts.velocity };
-            advance(world, &attempt.velocity, correction.displacement.as_deref(), &flight, step);
-            correction.add(drift::close(world, &attempt.joints.states, step));
-            if let Some(cell) = &attempt.cell {
-                cell::advance(world, cell.rate, step);
-            }
-            laps.add(|phases| &mut phases.integrate, begin.lap());
-            let begin = Clock::now();
-            let mut ahead = self.collider.contacts(world, envelope, step);
-            let missed = self.missed(world, &contacts, &ahead);
-            let (mut new, mut bent) = (Vec::new(), Vec::new());
-            if round < rounds {
-                bent = self.bent(world, &start, &contacts, &attempt, &ahead, &bends);
-            }
-            if !missed.is_empty() && round < rounds || !bent.is_empty() {
-                let carry = |c: &Contact| carried_back(c, world, &start, &attempt, step);
-                let ends: Vec<Contact> = missed.iter().map(carry).collect();
-                let end = start.exchange(world);
-                new = self.new_contacts(world, &contacts, &ends, &attempt.velocity);
-                if new.is_empty() && bent.is_empty() {
-                    end.exchange(world);
-                }
-            }
-            laps.add(|phases| &mut phases.collide, begin.lap());
-            if new.is_empty() && bent.is_empty() {
-                if self.is_stopped() {
-                    start.exchange(world);
-                    return Err(StepError::Stopped);
-                }
-                if let Err(error) = world.fits_cell() {
-                    start.exchange(world);
-                    return Err(cell_error(world, error));
-                }
-                let made = (&start, contacts.as_slice(), &attempt, &bends);
-                let begin = Clock::now();
-                self.remove_unforeseen(world, made, &mut correction, &mut ahead);
-                laps.add(|phases| &mut phases.collide, begin.lap());
-                let pair = |c: &Contact| [c.body_a.min(c.body_b), c.body_a.max(c.body_b)];
-                let mut pairs = HashSet::new();
-                if !missed.is_empty() {
-                    pairs.extend(contacts.iter().map(pair));
-                }
-                let apart = |c: &&Contact| !pairs.contains(&pair(c));
-                let missed = met.len() + missed.iter().filter(apart).map(pair).collect::<HashSet<_>>().len();
-                let mut report =
-                    self.finish(world, &start, contacts, attempt, &size, &correction, ahead, laps);
-                (report.contacts_added, report.contacts_missed) = (added, missed);
-                report.solve.iterations = iterations;
-                return Ok(report);
-            }
-            added += new.len() + bent.len();
-            kept.extend(bends.put(bent, &mut contacts));
-            kept.extend(new.iter().map(|c| c.identity));
-            contacts.extend(new);
-            guess = Some(attempt);
+        let flown_past = |contact| self.collider.flown_past(world, contact, step);
+        let mut rounds = Rounds::of(contacts.into_iter().filter_map(flown_past).collect());
+        rounds.laps.add(|phases| &mut phases.collide, begin.lap());
+        rounds
+    }
+
+    /// Moves the bodies as the solve says, removes overlap that it foresaw, closes joints, and finds the contacts of the end.
+    fn make(&mut self, world: &mut World, rounds: &mut Rounds, attempt: Attempt) -> Made {
+        let step = self.settings.step;
+        let begin = Clock::now();
+        let contacts = &rounds.contacts;
+        let size = of_each(contacts, |c| self.collider.contact_size(world, c));
+        let mut correction = self.correct(world, contacts, &attempt, &size);
+        let flies = flying(world, contacts, &attempt);
+        let flight = Flight { flies: &flies, before: &attempt.impacts.velocity };
+        advance(world, &attempt.velocity, correction.displacement.as_deref(), &flight, step);
+        correction.add(drift::close(world, &attempt.joints.states, step));
+        if let Some(cell) = &attempt.cell {
+            cell::advance(world, cell.rate, step);
         }
-        unreachable!("the last round finishes")
+        rounds.laps.add(|phases| &mut phases.integrate, begin.lap());
+        let begin = Clock::now();
+        let ahead = self.collider.contacts(world, self.settings.envelope, step);
+        rounds.laps.add(|phases| &mut phases.collide, begin.lap());
+        Made { attempt, size, correction, ahead }
+    }
+
+    /// # Errors
+    /// [`StepError::Stopped`] where a stop was asked for.
+    fn go_on(&self) -> Result<(), StepError> {
+        let stopped = self.stop.as_ref().is_some_and(|stop| stop.load(Ordering::Relaxed));
+        if stopped { Err(StepError::Stopped) } else { Ok(()) }
     }
 
     /// What the settings ask of a solve.

@@ -288,7 +288,8 @@ impl Collider {
         &self.forms[world.bodies.geometry[body].index()]
     }
 
-    pub(super) fn placed(&self, world: &World, body: usize) -> Placed<'_> {
+    /// A body where it is. Forms are those of the last call of [`Self::contacts`].
+    pub(crate) fn placed(&self, world: &World, body: usize) -> Placed<'_> {
         Placed {
             form: self.form(world, body),
             position: world.bodies.position[body],

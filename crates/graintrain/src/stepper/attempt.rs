@@ -2,11 +2,12 @@
 
 use super::error::check_velocity;
 use super::mobility;
+use super::repetition::Rounds;
 use super::{StepError, Stepper};
-use crate::assemble::{assemble, contact_rows, of_each, warm_start};
+use crate::assemble::{OverlapCorrection, assemble, contact_rows, of_each, warm_start};
 use crate::cell::{Cell, moved_mass};
 use crate::cell_problem::CellRows;
-use crate::clock::{Clock, Lap};
+use crate::clock::Clock;
 use crate::contact::Contact;
 use crate::elasticity;
 use crate::impact::{ImpactSolver, Impacts, Rows};
@@ -14,7 +15,9 @@ use crate::integrate::{free_velocity, inverse_mass, inverse_mass_in_step};
 use crate::joint::mechanism::{JointReactions, Mechanisms};
 use crate::part_solver::{PartSolver, Solved};
 use crate::world::World;
-use graintrain_ccp::{Ccp, CcpError, Delassus, RigidContact, SolveReport, SolveSettings, Status};
+use graintrain_ccp::{
+    BodyInverseMass, Ccp, CcpError, Delassus, RigidContact, SolveReport, SolveSettings, Status,
+};
 use graintrain_linalg::parallel::axpy;
 use std::borrow::Cow;
 use std::collections::{HashMap, HashSet};
@@ -45,11 +48,95 @@ pub(super) struct Attempt {
     pub(super) pulls: Vec<f64>,
     pub(super) joints: JointReactions,
     pub(super) impacts: Impacts,
-    pub(super) impact_lap: Lap,
     pub(super) velocity: Vec<f64>,
     pub(super) solve: SolveReport,
     pub(super) parts: usize,
-    pub(super) assembled: Clock,
+}
+
+/// The contact problem of a step, posed again where joints have to be other than foreseen.
+struct Posing<'a> {
+    world: &'a World,
+    /// dt, s, and what becomes of overlap.
+    how: (f64, OverlapCorrection),
+    mechanisms: Mechanisms<'a>,
+    /// Contacts of the problem, and their places among those of the step.
+    chosen: Cow<'a, [Contact]>,
+    active: Vec<u32>,
+    problem: Ccp,
+    /// Velocities without contacts: with joints that nothing else pulls at.
+    free: Vec<f64>,
+}
+
+impl<'a> Posing<'a> {
+    fn new(
+        world: &'a World,
+        how: (f64, OverlapCorrection),
+        contacts: &'a [Contact],
+        (rows, masses): (Vec<RigidContact>, Vec<BodyInverseMass>),
+        mut mechanisms: Mechanisms<'a>,
+    ) -> Self {
+        mechanisms.predict(&[]);
+        let (problem, free) = pose(world, how, &mechanisms, contacts, (rows, masses));
+        let active = (0..contacts.len() as u32).collect();
+        Self { world, how, mechanisms, chosen: contacts.into(), active, problem, free }
+    }
+
+    /// Poses the problem anew, as the joints now are.
+    fn again(&mut self) {
+        let stays: Vec<usize> = (0..self.active.len()).collect();
+        self.keep(&stays);
+    }
+
+    /// Poses the problem anew with these of its contacts.
+    fn keep(&mut self, stays: &[usize]) {
+        let Delassus::Rigid(rigid) = &*self.problem.delassus else { return };
+        let rows = of_each(stays, |&k| rigid.contacts()[k]);
+        let masses = rigid.inverse_mass().to_vec();
+        if stays.len() < self.active.len() {
+            self.active = of_each(stays, |&k| self.active[k]);
+            self.chosen = of_each(stays, |&k| self.chosen[k]).into();
+        }
+        (self.problem, self.free) =
+            pose(self.world, self.how, &self.mechanisms, &self.chosen, (rows, masses));
+    }
+
+    /// Leaves out the contacts along whose normals nothing can move, but for those that bodies are driven into; returned are their places among those of the step.
+    fn leave_immobile_out(&mut self, driven: &HashSet<u64>) -> Vec<u32> {
+        let mut immobile = mobility::immobile(self.world, &self.problem, self.how.0);
+        immobile.retain(|&k| !driven.contains(&self.chosen[k].identity));
+        let left_out = of_each(&immobile, |&k| self.active[k]);
+        if !immobile.is_empty() {
+            let stays: Vec<usize> =
+                (0..self.active.len()).filter(|k| immobile.binary_search(k).is_err()).collect();
+            self.keep(&stays);
+        }
+        left_out
+    }
+
+    /// The impulses to start from: those of the last attempt or of the last step. `pulls` are those of the contacts of the step.
+    fn start(&self, pulls: &[f64], last: Option<&Attempt>) -> Vec<f64> {
+        let world = self.world;
+        let own: Vec<f64> = self.active.iter().filter_map(|&i| pulls.get(i as usize).copied()).collect();
+        let mut impulse = warm_start(&self.problem, &self.chosen, &own, &world.contacts, world.bodies.len());
+        if let Some(last) = last {
+            start_from(last, &self.problem, &mut impulse);
+        }
+        impulse
+    }
+}
+
+/// The problem of these contacts with joints that nothing else pulls at, and the velocities without contacts.
+fn pose(
+    world: &World,
+    (step, overlap): (f64, OverlapCorrection),
+    mechanisms: &Mechanisms<'_>,
+    contacts: &[Contact],
+    (rows, masses): (Vec<RigidContact>, Vec<BodyInverseMass>),
+) -> (Ccp, Vec<f64>) {
+    let mut free = mechanisms.free().to_vec();
+    mechanisms.velocities(&[], &mut free);
+    let masses = (masses, mechanisms.coupled());
+    (assemble(world, contacts, rows, masses, &free, step, overlap), free)
 }
 
 impl Stepper {
@@ -57,132 +144,117 @@ impl Stepper {
     pub(super) fn attempt(
         &mut self,
         world: &World,
-        contacts: &[Contact],
+        rounds: &mut Rounds,
         last: Option<Attempt>,
-        driven: &HashSet<u64>,
     ) -> Result<Attempt, StepError> {
-        let step = self.settings.step;
+        self.go_on()?;
+        let begin = Clock::now();
+        let (step, contacts) = (self.settings.step, &rounds.contacts);
         let rows = contact_rows(world, contacts);
         let masses = inverse_mass(world);
-        let mut impacts = ImpactSolver {
-            solver: self.impacts.as_mut(),
-            parameters: &self.parameters.impacts,
-            friction: self.settings.solver.friction,
-            stop: self.stop.clone(),
-        };
-        let of = Rows { contacts, rows: &rows, inverse_mass: &masses };
-        let begin = Clock::now();
-        let Some(impacts) = impacts.resolve(world, of, step)? else { return Err(StepError::Stopped) };
-        let impact_lap = begin.lap();
+        let impacting = Clock::now();
+        let impacts = self.resolve_impacts(world, Rows { contacts, rows: &rows, inverse_mass: &masses })?;
+        let impact_lap = impacting.lap();
         // In impacts drag has no time to act.
         let masses = if world.drag.is_empty() { masses } else { inverse_mass_in_step(world, step) };
         let pulls = elasticity::pulls(world, contacts, |c| self.collider.contact_size(world, c), step);
         let mut free = free_velocity(world, &impacts.velocity, step);
         elasticity::apply_pulls(&rows, &pulls, &masses, &mut free);
-        let mut active: Vec<u32> = (0..contacts.len() as u32).collect();
-        let mut chosen = Cow::from(contacts);
-        let mut mechanisms = Mechanisms::new(world, &masses, &impacts.velocity, free, step);
-        mechanisms.predict(&[]);
-        let overlap = self.settings.overlap;
-        let pose =
-            |mechanisms: &Mechanisms<'_>, chosen: &[Contact], (rows, masses): (Vec<RigidContact>, _)| {
-                let mut free = mechanisms.free().to_vec();
-                mechanisms.velocities(&[], &mut free);
-                let masses = (masses, mechanisms.coupled());
-                (assemble(world, chosen, rows, masses, &free, step, overlap), free)
-            };
-        let (mut problem, mut free) = pose(&mechanisms, &chosen, (rows, masses));
-        let mut immobile = mobility::immobile(world, &problem, step);
-        immobile.retain(|&k| !driven.contains(&chosen[k].identity));
-        let held: Vec<u32> = of_each(&immobile, |&k| active[k]);
-        if let (Delassus::Rigid(rigid), false) = (&*problem.delassus, immobile.is_empty()) {
-            let stays: Vec<usize> =
-                (0..active.len()).filter(|k| immobile.binary_search(k).is_err()).collect();
-            let rows = of_each(&stays, |&k| rigid.contacts()[k]);
-            let masses = rigid.inverse_mass().to_vec();
-            active = of_each(&stays, |&k| active[k]);
-            chosen = chosen_of(contacts, &active);
-            (problem, free) = pose(&mechanisms, &chosen, (rows, masses));
+        let mechanisms = Mechanisms::new(world, &masses, &impacts.velocity, free, step);
+        let how = (step, self.settings.overlap);
+        let mut posing = Posing::new(world, how, contacts, (rows, masses), mechanisms);
+        let immobile = posing.leave_immobile_out(&rounds.driven);
+        let mut impulse = posing.start(&pulls, last.as_ref());
+        if !posing.mechanisms.is_empty() && !posing.chosen.is_empty() {
+            posing.mechanisms.predict(&body_impulses(&posing.problem, &impulse));
+            posing.again();
         }
-        // With joints the problem may have to be posed again.
-        let spare = match &*problem.delassus {
-            Delassus::Rigid(rigid) if !mechanisms.is_empty() => {
-                Some((rigid.contacts().to_vec(), rigid.inverse_mass().to_vec()))
-            }
-            _ => None,
-        };
-        let own: Vec<f64> = active.iter().filter_map(|&i| pulls.get(i as usize).copied()).collect();
-        let mut impulse = warm_start(&problem, &chosen, &own, &world.contacts, world.bodies.len());
-        if let Some(last) = last {
-            start_from(&last, &problem, &mut impulse);
-        }
-        if let Some(spare) = spare.clone().filter(|_| !chosen.is_empty()) {
-            mechanisms.predict(&body_impulses(&problem, &impulse));
-            (problem, free) = pose(&mechanisms, &chosen, spare);
-        }
-        let assembled = Clock::now();
-        let settings = self.solve_settings();
-        let WithCell { solved, posed, cell } =
-            self.solve_with_cell(world, (&chosen, &active), &impacts, &mut problem, &mut impulse)?;
-        let Solved { report: mut solve, mut parts } = solved;
-        let rounds = self.parameters.repetition.joint_rounds;
-        let (mut on_bodies, mut agrees) = (Vec::new(), true);
-        if let Some(spare) = spare {
-            on_bodies = body_impulses(&problem, &impulse);
-            agrees = false;
-            for _ in 0..rounds {
-                agrees = mechanisms.agree(&on_bodies, settings.tolerance);
-                if solve.status == Status::Stopped || agrees {
-                    break;
-                }
-                mechanisms.predict(&on_bodies);
-                (problem, free) = pose(&mechanisms, &chosen, spare.clone());
-                let again = self.solve(world, &problem, &mut impulse)?;
-                (solve, parts) = (again.report.after(&solve), again.parts);
-                on_bodies = body_impulses(&problem, &impulse);
-            }
-        }
-        if solve.status == Status::Stopped {
-            return Err(StepError::Stopped);
-        }
+        let solving = Clock::now();
+        let WithCell { mut solved, posed, cell } =
+            self.solve_with_cell(&mut posing, &impacts, &mut impulse)?;
+        let (on_bodies, agrees) = self.agree(&mut posing, &mut impulse, &mut solved)?;
+        let Posing { mechanisms, active, problem, free, .. } = posing;
+        let Solved { report: mut solve, parts } = solved;
         let mut velocity = velocity_after(&problem, &impulse, free);
         mechanisms.velocities(&on_bodies, &mut velocity);
         check_velocity(world, &velocity)?;
         let joints = mechanisms.reactions(&on_bodies);
-        judge_joints(world, &joints, &settings, &mut solve);
+        judge_joints(world, &joints, &self.solve_settings(), &mut solve);
         if !agrees && solve.status == Status::Converged {
             solve.status = Status::IterationLimit;
-            solve.remark =
-                Some(format!("motors, stops, swings and contacts did not agree in {rounds} rounds"));
+            solve.remark = Some("motors, stops, swings and contacts did not agree".into());
         }
+        rounds.iterations += solve.iterations;
+        rounds.laps.add(|phases| &mut phases.assemble, solving - begin);
+        rounds.laps.subtract(|phases| &mut phases.assemble, impact_lap);
+        rounds.laps.add(|phases| &mut phases.solve, impact_lap);
+        rounds.laps.add(|phases| &mut phases.solve, solving.lap());
         Ok(Attempt {
             problem,
             posed,
             cell,
             impulse,
             active,
-            immobile: held,
+            immobile,
             pulls,
             joints,
             impacts,
-            impact_lap,
             velocity,
             solve,
             parts,
-            assembled,
         })
     }
 
-    /// Solves the problem of these contacts (`active`: their places among those of the step) together with the rates of a periodic cell whose stress is
-    /// imposed. Components that come beyond the largest rate are brought back to it and all is found again. r follows the rates.
+    /// The impacts before the step.
+    fn resolve_impacts(&mut self, world: &World, of: Rows<'_>) -> Result<Impacts, StepError> {
+        let mut impacts = ImpactSolver {
+            solver: self.impacts.as_mut(),
+            parameters: &self.parameters.impacts,
+            friction: self.settings.solver.friction,
+            stop: self.stop.clone(),
+        };
+        impacts.resolve(world, of, self.settings.step)?.ok_or(StepError::Stopped)
+    }
+
+    /// Solves again until motors, stops and swings are what the contacts were solved for, and tells whether they are. Returned with that are the impulses of
+    /// contacts on every body, six numbers each; none without joints.
+    fn agree(
+        &mut self,
+        posing: &mut Posing<'_>,
+        impulse: &mut [f64],
+        solved: &mut Solved,
+    ) -> Result<(Vec<f64>, bool), StepError> {
+        let tolerance = self.settings.solver.tolerance;
+        let (mut on_bodies, mut agrees) = (Vec::new(), posing.mechanisms.is_empty());
+        if !agrees {
+            on_bodies = body_impulses(&posing.problem, impulse);
+        }
+        for _ in 0..self.parameters.repetition.joint_rounds {
+            agrees = agrees || posing.mechanisms.agree(&on_bodies, tolerance);
+            if agrees || solved.report.status == Status::Stopped {
+                break;
+            }
+            posing.mechanisms.predict(&on_bodies);
+            posing.again();
+            let again = self.solve(posing.world, &posing.problem, impulse)?;
+            *solved = Solved { report: again.report.after(&solved.report), ..again };
+            on_bodies = body_impulses(&posing.problem, impulse);
+        }
+        if solved.report.status == Status::Stopped {
+            Err(StepError::Stopped)
+        } else {
+            Ok((on_bodies, agrees))
+        }
+    }
+
+    /// Solves the problem together with the rates of a periodic cell whose stress is imposed. Components that come beyond the largest rate are brought back to it and all is found again. r follows the rates.
     fn solve_with_cell(
         &mut self,
-        world: &World,
-        (chosen, active): (&[Contact], &[u32]),
+        posing: &mut Posing<'_>,
         impacts: &Impacts,
-        problem: &mut Ccp,
         impulse: &mut [f64],
     ) -> Result<WithCell, CcpError> {
+        let Posing { world, chosen, active, problem, .. } = posing;
         let mut cell = world.cell().cloned();
         let (time, step) = (world.time, self.settings.step);
         let mass = moved_mass(world);

@@ -1,5 +1,6 @@
 //! Why a step could not be made, and the checks of the state before and after a solve.
 
+use crate::collide::meshes_that_meet;
 use crate::error::{ModelError, finite};
 use crate::world::World;
 use graintrain_ccp::CcpError;
@@ -67,6 +68,7 @@ pub(super) fn cell_error(world: &World, error: ModelError) -> StepError {
     StepError::Cell { error, step: world.step, time: world.time }
 }
 
+/// Every number is one, and no two meshes meet: they have no contacts with each other.
 pub(super) fn check_state(world: &World) -> Result<(), StepError> {
     let bodies = &world.bodies;
     let lists = [
@@ -83,8 +85,14 @@ pub(super) fn check_state(world: &World) -> Result<(), StepError> {
             return Err(not_finite(world, body, what, value));
         }
     }
-    match bodies.orientation.iter().position(|q| !q.is_finite()) {
-        Some(body) => Err(not_finite(world, body, "orientation", f64::NAN)),
+    if let Some(body) = bodies.orientation.iter().position(|q| !q.is_finite()) {
+        return Err(not_finite(world, body, "orientation", f64::NAN));
+    }
+    match meshes_that_meet(world) {
+        Some(meshes) => {
+            let [first, second] = meshes.map(|body| world.bodies.label(body));
+            Err(StepError::Meshes { first, second })
+        }
         None => Ok(()),
     }
 }

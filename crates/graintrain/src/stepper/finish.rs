@@ -1,13 +1,14 @@
 //! What is left of a step once it is solved: the overlap removed, the report made, what the next step starts from kept.
 
-use super::Stepper;
 use super::attempt::{Attempt, chosen_of};
 use super::placement::{Placement, taken_along};
-use super::repetition::Bends;
+use super::repetition::Rounds;
+use super::{Made, Stepper};
 use crate::assemble::{OverlapCorrection, contact_rows, of_each, pair_property, relative_velocities};
-use crate::clock::{Clock, Laps};
+use crate::clock::Clock;
 use crate::contact::{Contact, ContactSet};
 use crate::elasticity;
+use crate::impact::Impacts;
 use crate::integrate::{displace, inverse_mass};
 use crate::joint::drift;
 use crate::load;
@@ -17,7 +18,7 @@ use crate::overlap::{Correction, Gaps, Share};
 use crate::step_report::{PhysicalErrors, StepReport, wrenches};
 use crate::turning::{turning_velocities, world_moment};
 use crate::world::World;
-use graintrain_ccp::{Delassus, RigidContact, Status};
+use graintrain_ccp::{Delassus, RigidContact, SolveReport, Status};
 use rayon::prelude::*;
 use std::collections::HashMap;
 
@@ -69,40 +70,41 @@ impl Stepper {
         finite(gaps.correct())
     }
 
-    /// Removes, where bodies are at the end of the step, the overlap that no contact of the step foresaw because they turned. `ahead` are the contacts of
-    /// the end, and become those after it.
+    /// Removes, where bodies are at the end of the step, the overlap that no contact of the step foresaw because they turned.
     pub(super) fn remove_unforeseen(
         &mut self,
         world: &mut World,
-        (start, contacts, attempt, bends): (&Placement, &[Contact], &Attempt, &Bends),
-        correction: &mut Correction,
-        ahead: &mut Vec<Contact>,
+        rounds: &mut Rounds,
+        start: &Placement,
+        made: &mut Made,
     ) {
         if self.settings.overlap == OverlapCorrection::Velocity {
             return;
         }
+        let begin = Clock::now();
         let step = self.settings.step;
         let trigger = self.parameters.overlap.trigger(self.settings.solver.tolerance);
         for _ in 0..self.parameters.overlap.rounds {
+            let Made { attempt, correction, ahead, .. } = made;
             let collider = &self.collider;
             let is_deep = |c: &&Contact| -c.gap > trigger * collider.contact_size(world, c);
             let deep: Vec<Contact> = ahead.par_iter().filter(is_deep).copied().collect();
             if deep.is_empty() {
-                return;
+                break;
             }
-            let mut foreseen =
-                self.foreseen(start, contacts, attempt, &deep.iter().collect::<Vec<_>>(), bends);
+            let mut foreseen = self.foreseen(start, rounds, attempt, &deep.iter().collect::<Vec<_>>());
             for (identity, (gap, _)) in &mut foreseen {
                 // A plane linearised anew foresees what it was made for.
-                *gap = bends.allowed(*identity).unwrap_or(*gap);
+                *gap = rounds.bends.allowed(*identity).unwrap_or(*gap);
             }
             let errors = self.unforeseen(world, &deep, &foreseen, correction);
-            let Some(displacement) = self.without(world, ahead, &errors, correction) else { return };
+            let Some(displacement) = self.without(world, ahead, &errors, correction) else { break };
             displace(world, &displacement);
             correction.add(Some(displacement));
             correction.add(drift::close(world, &attempt.joints.states, step));
             *ahead = self.collider.contacts(world, self.settings.envelope, step);
         }
+        rounds.laps.add(|phases| &mut phases.collide, begin.lap());
     }
 
     /// The overlap, m, that was not foreseen at those of the `deep` contacts where it counts, by identity. `foreseen` are the gaps that they were to have without the
@@ -171,128 +173,131 @@ impl Stepper {
     pub(super) fn finish(
         &mut self,
         world: &mut World,
+        rounds: Rounds,
         start: &Placement,
-        contacts: Vec<Contact>,
-        attempt: Attempt,
-        size: &[f64],
-        correction: &Correction,
-        ahead: Vec<Contact>,
-        mut laps: Laps,
+        made: Made,
     ) -> StepReport {
         let begin = Clock::now();
-        let step = self.settings.step;
-        let Attempt {
-            problem,
-            posed,
-            cell,
-            impulse,
-            active,
-            pulls,
-            joints,
-            impacts,
-            velocity,
-            mut solve,
-            parts,
-            ..
-        } = attempt;
-        let left = impacts.residual.judged(self.settings.solver.judge);
-        if left > self.settings.solver.tolerance.max(self.parameters.impacts.tolerance)
-            && solve.status == Status::Converged
-        {
-            solve.status = Status::IterationLimit;
-            solve.remark = Some(format!("impacts were left at residual {left:.1e}"));
-        }
-        let normal_sum: f64 = impulse[..3 * active.len()].iter().step_by(3).sum();
-        let threshold = 1e-6 * normal_sum / active.len().max(1) as f64;
-        let mut with_force: Vec<bool> = impacts.impulse.iter().map(|g| *g != Vec3::ZERO).collect();
-        with_force.resize(contacts.len(), false);
-        let mut world_impulse = impacts.impulse;
-        world_impulse.resize(contacts.len(), Vec3::ZERO);
-        let resists = world.materials.resist_turning();
-        let mut moment = if resists { vec![Vec3::ZERO; contacts.len()] } else { Vec::new() };
-        if let Delassus::Rigid(rigid) = &*problem.delassus {
-            for ((&i, row), g) in active.iter().zip(rigid.contacts()).zip(impulse.chunks_exact(3)) {
-                let [n, t1, t2] = row.frame.map(Vec3::from_array);
-                world_impulse[i as usize] += g[0] * n + g[1] * t1 + g[2] * t2;
-                with_force[i as usize] |= g[0] > threshold;
-            }
-            for (rows, h) in rigid.turning().iter().zip(impulse[3 * active.len()..].chunks_exact(3)) {
-                let row = &rigid.contacts()[rows.contact as usize];
-                moment[active[rows.contact as usize] as usize] = world_moment(row, rows.length, h);
-            }
-        }
-        for ((impulse, contact), pull) in world_impulse.iter_mut().zip(&contacts).zip(&pulls) {
-            *impulse -= *pull * contact.normal;
-        }
-        let friction = pair_property(world, &contacts, |a, b| world.materials.pair_friction(a, b));
-        let chosen = chosen_of(&contacts, &active);
-        let chosen_size: Vec<f64> = active.iter().map(|&i| size[i as usize]).collect();
-        let mut u = Vec::new();
-        if let Delassus::Rigid(rigid) = &*problem.delassus {
-            u = relative_velocities(cell.as_ref(), &chosen, rigid.contacts(), &velocity);
-            u.extend(turning_velocities(&chosen, rigid.contacts(), rigid.turning(), &velocity));
-        }
-        let accuracy = (step, self.settings.solver.tolerance);
-        let mut errors = PhysicalErrors::of(&chosen, &chosen_size, (&problem, &impulse), &u, accuracy);
-        drop(chosen);
-        let curvature = solve.curvature.or(world.contacts.curvature);
-        let set = ContactSet { contacts, impulse: world_impulse, friction, moment, curvature };
+        let Made { attempt, size, correction, ahead } = made;
+        let Rounds { contacts, added, missed, iterations, mut laps, .. } = rounds;
+        let (step, apart) = (self.settings.step, self.apart(world, start, &contacts, &attempt, &ahead));
+        let errors = self.left_over(&contacts, &attempt, &size);
+        let (set, with_force) = exerted(world, contacts, &attempt);
+        let Attempt { problem, posed, cell, impulse, joints, impacts, velocity, mut solve, parts, .. } =
+            attempt;
         let wrenches = wrenches(&start.position, cell.as_ref(), world, &set, step);
-        let (before, kinetic_energy) = (start.velocities(), world.kinetic_energy());
+        let kinetic_energy = world.kinetic_energy();
         let change = kinetic_energy + taken_along(world, &velocity) - start.kinetic_energy;
         let forces = (&set, joints.impulses.as_slice());
         let places = (start.position.as_slice(), cell.as_ref());
         load::add_drag(world, &velocity);
-        let ledger = energy::ledger(world, forces, places, [&before, &velocity], step, change);
-        let collider = &self.collider;
-        let overlap = |contact: &Contact| {
-            let depth = (-contact.gap).max(0.0);
-            [depth, if depth > 0.0 { depth / collider.contact_size(world, contact) } else { 0.0 }]
-        };
-        let deeper = |a: [f64; 2], b: [f64; 2]| [a[0].max(b[0]), a[1].max(b[1])];
-        let [deepest, over_size] = ahead.par_iter().map(overlap).reduce(|| [0.0; 2], deeper);
-        let work = correction.displacement.as_ref().map_or(0.0, |displacement| {
-            let against = |(b, d): (usize, &[f64])| {
-                -world.bodies.mass[b] * world.gravity.dot(Vec3::from_slice(&d[..3]))
-            };
-            displacement.chunks_exact(6).enumerate().map(against).sum()
-        });
+        let ledger = energy::ledger(world, forces, places, [&start.velocities(), &velocity], step, change);
+        let [penetration_max, penetration_max_over_size] = self.deepest(world, &ahead);
+        let correction_energy = correction.work(&world.bodies.mass, world.gravity);
         world.record_joints(&joints.states, step);
-        let (opening, open) = drift::openings(world);
-        errors.joint_opening_max = opening;
-        if let Some(joint) = open.filter(|_| solve.status == Status::Converged) {
-            solve.status = Status::IterationLimit;
-            let opening = world.joints()[joint].state.opening;
-            solve.remark = Some(format!("{} is open by {opening:.1e} m", world.joint_label(joint)));
-        }
+        let joint_opening_max = self.judge(world, &impacts, &mut solve);
+        solve.iterations = iterations;
         world.contacts = set;
         world.time += step;
         world.step += 1;
         self.ahead = Some((world.fingerprint(), ahead));
         laps.add(|phases| &mut phases.integrate, begin.lap());
         let (phases, processor) = laps.seconds();
-        let report = StepReport {
+        self.last = Some((posed.unwrap_or(problem), impulse));
+        StepReport {
             contacts: world.contacts.contacts.len(),
-            contacts_with_force: with_force.iter().filter(|&&force| force).count(),
+            contacts_with_force: with_force,
             parts,
             solve,
-            penetration_max: deepest,
-            penetration_max_over_size: over_size,
+            penetration_max,
+            penetration_max_over_size,
             kinetic_energy,
             ledger,
-            errors,
+            errors: PhysicalErrors { joint_opening_max, ..errors },
             impacts: impacts.count,
             impact_residual: impacts.residual,
             restitution_lowered: impacts.lowered,
-            contacts_added: 0,
-            contacts_missed: 0,
+            contacts_added: added,
+            contacts_missed: missed,
+            contacts_apart: apart.count,
+            impulse_apart_max: apart.impulse_max,
             overlap_corrected_max: correction.overlap_max,
-            correction_energy: work,
+            correction_energy,
             phases,
             processor,
             wrenches,
-        };
-        self.last = Some((posed.unwrap_or(problem), impulse));
-        report
+        }
     }
+
+    /// What the solve left of the contact problem.
+    fn left_over(&self, contacts: &[Contact], attempt: &Attempt, size: &[f64]) -> PhysicalErrors {
+        let Attempt { problem, cell, impulse, active, velocity, .. } = attempt;
+        let Delassus::Rigid(rigid) = &*problem.delassus else { return PhysicalErrors::default() };
+        let chosen = chosen_of(contacts, active);
+        let size: Vec<f64> = active.iter().map(|&i| size[i as usize]).collect();
+        let mut u = relative_velocities(cell.as_ref(), &chosen, rigid.contacts(), velocity);
+        u.extend(turning_velocities(&chosen, rigid.contacts(), rigid.turning(), velocity));
+        let accuracy = (self.settings.step, self.settings.solver.tolerance);
+        PhysicalErrors::of(&chosen, &size, (problem, impulse), &u, accuracy)
+    }
+
+    /// The deepest overlap of these contacts, m, and the deepest over the size of the smaller body.
+    fn deepest(&self, world: &World, contacts: &[Contact]) -> [f64; 2] {
+        let collider = &self.collider;
+        let overlap = |contact: &Contact| {
+            let depth = (-contact.gap).max(0.0);
+            [depth, if depth > 0.0 { depth / collider.contact_size(world, contact) } else { 0.0 }]
+        };
+        let deeper = |a: [f64; 2], b: [f64; 2]| [a[0].max(b[0]), a[1].max(b[1])];
+        contacts.par_iter().map(overlap).reduce(|| [0.0; 2], deeper)
+    }
+
+    /// A step whose impacts were not solved or whose joints are open has not converged. Returned is the largest opening of a joint, m.
+    fn judge(&self, world: &World, impacts: &Impacts, solve: &mut SolveReport) -> f64 {
+        let (opening_max, open) = drift::openings(world);
+        let left = impacts.residual.judged(self.settings.solver.judge);
+        let remark = if left > self.settings.solver.tolerance.max(self.parameters.impacts.tolerance) {
+            Some(format!("impacts were left at residual {left:.1e}"))
+        } else {
+            open.map(|joint| {
+                let opening = world.joints()[joint].state.opening;
+                format!("{} is open by {opening:.1e} m", world.joint_label(joint))
+            })
+        };
+        if remark.is_some() && solve.status == Status::Converged {
+            (solve.status, solve.remark) = (Status::IterationLimit, remark);
+        }
+        opening_max
+    }
+}
+
+/// What the contacts of a step exerted, impacts included, and how many of them did noticeably.
+fn exerted(world: &World, contacts: Vec<Contact>, attempt: &Attempt) -> (ContactSet, usize) {
+    let Attempt { problem, impulse: solved, active, pulls, impacts, solve, .. } = attempt;
+    let normal_sum: f64 = solved[..3 * active.len()].iter().step_by(3).sum();
+    let threshold = 1e-6 * normal_sum / active.len().max(1) as f64;
+    let mut with_force: Vec<bool> = impacts.impulse.iter().map(|g| *g != Vec3::ZERO).collect();
+    with_force.resize(contacts.len(), false);
+    let mut impulse = impacts.impulse.clone();
+    impulse.resize(contacts.len(), Vec3::ZERO);
+    let resists = world.materials.resist_turning();
+    let mut moment = if resists { vec![Vec3::ZERO; contacts.len()] } else { Vec::new() };
+    if let Delassus::Rigid(rigid) = &*problem.delassus {
+        for ((&i, row), g) in active.iter().zip(rigid.contacts()).zip(solved.chunks_exact(3)) {
+            let [n, t1, t2] = row.frame.map(Vec3::from_array);
+            impulse[i as usize] += g[0] * n + g[1] * t1 + g[2] * t2;
+            with_force[i as usize] |= g[0] > threshold;
+        }
+        for (rows, h) in rigid.turning().iter().zip(solved[3 * active.len()..].chunks_exact(3)) {
+            let row = &rigid.contacts()[rows.contact as usize];
+            moment[active[rows.contact as usize] as usize] = world_moment(row, rows.length, h);
+        }
+    }
+    for ((impulse, contact), pull) in impulse.iter_mut().zip(&contacts).zip(pulls) {
+        *impulse -= *pull * contact.normal;
+    }
+    let friction = pair_property(world, &contacts, |a, b| world.materials.pair_friction(a, b));
+    let curvature = solve.curvature.or(world.contacts.curvature);
+    let count = with_force.into_iter().filter(|&force| force).count();
+    (ContactSet { contacts, impulse, friction, moment, curvature }, count)
 }

@@ -9,12 +9,13 @@
 //! | a contact ends far deeper than foreseen (`bent`) | it is linearised anew where it ends ([`carried_back`]) |
 //! | bodies were held apart that would pass without overlap (`phantoms`) | their contacts are left out |
 
-use super::Stepper;
 use super::attempt::Attempt;
 use super::mobility;
 use super::placement::Placement;
+use super::{Made, StepError, Stepper};
 use crate::assemble::{contact_rows, relative_velocities};
 use crate::cell;
+use crate::clock::{Clock, Laps};
 use crate::contact::Contact;
 use crate::math::{Vec3, mix};
 use crate::world::World;
@@ -105,9 +106,114 @@ impl Bends {
     }
 }
 
+/// The contacts of a step through its rounds.
+#[derive(Default)]
+pub(super) struct Rounds {
+    pub(super) contacts: Vec<Contact>,
+    /// Those that were linearised anew.
+    pub(super) bends: Bends,
+    /// Contacts under way that bodies are driven into all the same, by identity.
+    pub(super) driven: HashSet<u64>,
+    /// Contacts that are no phantoms, by identity.
+    kept: HashSet<u64>,
+    /// Rounds made so far.
+    round: usize,
+    /// Contacts that joined after a solve.
+    pub(super) added: usize,
+    /// Pairs that met all the same when there were no rounds left.
+    pub(super) missed: usize,
+    /// Iterations of all rounds.
+    pub(super) iterations: usize,
+    pub(super) laps: Laps,
+}
+
+impl Rounds {
+    pub(super) fn of(contacts: Vec<Contact>) -> Self {
+        Self { contacts, ..Self::default() }
+    }
+}
+
 impl Stepper {
+    /// What the velocities found show before anything is moved; whether there are other contacts now, with which the step is solved again.
+    ///
+    /// # Errors
+    /// [`StepError::Stopped`].
+    pub(super) fn look_on_the_way(
+        &mut self,
+        world: &mut World,
+        rounds: &mut Rounds,
+        attempt: &Attempt,
+    ) -> Result<bool, StepError> {
+        let begin = Clock::now();
+        let is_last = rounds.round >= self.parameters.repetition.rounds;
+        let met = self.met(world, &rounds.contacts, attempt);
+        let (mut passing, mut phantoms) = (Vec::new(), Vec::new());
+        if met.is_empty() && !is_last {
+            passing = self.passing(world, &rounds.contacts, attempt);
+        }
+        if met.is_empty() && passing.is_empty() && rounds.round < self.parameters.repetition.phantom_rounds {
+            phantoms = self.phantoms(world, rounds, attempt);
+        }
+        self.go_on()?;
+        rounds.laps.add(|phases| &mut phases.collide, begin.lap());
+        rounds.missed = if is_last { met.len() } else { 0 };
+        let again = !(is_last || met.is_empty()) || !passing.is_empty() || !phantoms.is_empty();
+        if !is_last {
+            rounds.added += met.len() + passing.len();
+            rounds.driven.extend(met);
+        }
+        rounds.kept.extend(passing.iter().map(|c| c.identity));
+        rounds.contacts.extend(passing);
+        let mut index = 0..;
+        rounds.contacts.retain(|_| phantoms.binary_search(&index.next().unwrap_or_default()).is_err());
+        rounds.round += usize::from(again);
+        Ok(again)
+    }
+
+    /// What the bodies show where the step leaves them; whether there are other contacts now, with which it is solved again from `start`: there the bodies
+    /// are then put back.
+    pub(super) fn look_at_the_end(
+        &mut self,
+        world: &mut World,
+        rounds: &mut Rounds,
+        start: &Placement,
+        made: &Made,
+    ) -> bool {
+        let begin = Clock::now();
+        let is_last = rounds.round >= self.parameters.repetition.rounds;
+        let Made { attempt, ahead, .. } = made;
+        let missed = self.missed(world, &rounds.contacts, ahead);
+        let bent = if is_last { Vec::new() } else { self.bent(world, start, rounds, attempt, ahead) };
+        let mut new = Vec::new();
+        if !(missed.is_empty() || is_last) || !bent.is_empty() {
+            let carry = |c: &Contact| carried_back(c, world, start, attempt, self.settings.step);
+            let ends: Vec<Contact> = missed.iter().map(carry).collect();
+            let end = start.exchange(world);
+            new = self.new_contacts(world, &rounds.contacts, &ends, &attempt.velocity);
+            if new.is_empty() && bent.is_empty() {
+                end.exchange(world);
+            }
+        }
+        let again = !(new.is_empty() && bent.is_empty());
+        if again {
+            rounds.added += new.len() + bent.len();
+            rounds.kept.extend(rounds.bends.put(bent, &mut rounds.contacts));
+            rounds.kept.extend(new.iter().map(|c| c.identity));
+            rounds.contacts.extend(new);
+            rounds.round += 1;
+        } else if !missed.is_empty() {
+            let pair = |c: &Contact| [c.body_a.min(c.body_b), c.body_a.max(c.body_b)];
+            let known: HashSet<[u32; 2]> = rounds.contacts.iter().map(pair).collect();
+            let unknown: HashSet<[u32; 2]> =
+                missed.iter().map(pair).filter(|pair| !known.contains(pair)).collect();
+            rounds.missed += unknown.len();
+        }
+        rounds.laps.add(|phases| &mut phases.collide, begin.lap());
+        again
+    }
+
     /// Contacts that were left out of the problem and close with the velocities found, by identity.
-    pub(super) fn met(&self, world: &World, contacts: &[Contact], attempt: &Attempt) -> Vec<u64> {
+    fn met(&self, world: &World, contacts: &[Contact], attempt: &Attempt) -> Vec<u64> {
         if attempt.active.len() == contacts.len() {
             return Vec::new();
         }
@@ -132,12 +238,7 @@ impl Stepper {
 
     /// Contacts that bodies would meet on their way with the velocities found, where those make a body faster than the collision
     /// phase knew: at the end of the step it may have passed another one.
-    pub(super) fn passing(
-        &mut self,
-        world: &mut World,
-        contacts: &[Contact],
-        attempt: &Attempt,
-    ) -> Vec<Contact> {
+    fn passing(&mut self, world: &mut World, contacts: &[Contact], attempt: &Attempt) -> Vec<Contact> {
         let step = self.settings.step;
         let deflected = (0..world.bodies.len()).filter(|&body| !world.is_prescribed(body)).any(|body| {
             let v = &attempt.velocity[6 * body..6 * body + 6];
@@ -174,7 +275,7 @@ impl Stepper {
     }
 
     /// Pairs that overlap at the end of the step and were no contacts in it.
-    pub(super) fn missed(&self, world: &World, contacts: &[Contact], ahead: &[Contact]) -> Vec<Contact> {
+    fn missed(&self, world: &World, contacts: &[Contact], ahead: &[Contact]) -> Vec<Contact> {
         let collider = &self.collider;
         let missed = self.parameters.repetition.missed;
         let deep = |c: &&Contact| -c.gap > missed * collider.contact_size(world, c);
@@ -190,12 +291,11 @@ impl Stepper {
     pub(super) fn foreseen(
         &self,
         start: &Placement,
-        contacts: &[Contact],
+        rounds: &Rounds,
         attempt: &Attempt,
         ends: &[&Contact],
-        bends: &Bends,
     ) -> HashMap<u64, (f64, Contact)> {
-        let step = self.settings.step;
+        let (step, bends) = (self.settings.step, &rounds.bends);
         let wanted: HashSet<u64> = ends.iter().map(|c| c.identity).collect();
         let speed = |body: u32, point: Vec3| {
             let body = body as usize;
@@ -203,7 +303,7 @@ impl Stepper {
             Vec3::from_slice(&v[..3]) + Vec3::from_slice(&v[3..]).cross(point - start.position[body])
         };
         let mut foreseen: HashMap<u64, (f64, Contact)> = HashMap::new();
-        for contact in contacts.iter().filter(|c| wanted.contains(&bends.of(c))) {
+        for contact in rounds.contacts.iter().filter(|c| wanted.contains(&bends.of(c))) {
             let [(_, on_a), (_, on_b)] = cell::ends(start.cell.as_ref(), contact);
             let mut closing = speed(contact.body_a, on_a) - speed(contact.body_b, on_b);
             if contact.image != [0; 3] {
@@ -222,14 +322,13 @@ impl Stepper {
     /// body meets elsewhere than it was to, is not where the tangent plane at the contact says. What takes their place is the contact of
     /// the end, carried back; where that points the other way, since a thin body is passed by more than half, the one of its near side.
     /// `world` as the step leaves it, `ahead` its contacts.
-    pub(super) fn bent(
+    fn bent(
         &self,
         world: &World,
         start: &Placement,
-        contacts: &[Contact],
+        rounds: &Rounds,
         attempt: &Attempt,
         ahead: &[Contact],
-        bends: &Bends,
     ) -> Vec<Contact> {
         let (step, collider) = (self.settings.step, &self.collider);
         let size = |c: &Contact| collider.contact_size(world, c);
@@ -238,7 +337,7 @@ impl Stepper {
         if deep.is_empty() {
             return Vec::new();
         }
-        let foreseen = self.foreseen(start, contacts, attempt, &deep, bends);
+        let foreseen = self.foreseen(start, rounds, attempt, &deep);
         let mended = |end: &Contact| {
             let (gap, contact) = foreseen.get(&end.identity)?;
             let error = gap - end.gap;
@@ -263,7 +362,7 @@ impl Stepper {
 
     /// Contacts at the start of the step of pairs that would overlap at its end (`missed`, with `ends` the same contacts carried back);
     /// `world` as it was before the step.
-    pub(super) fn new_contacts(
+    fn new_contacts(
         &self,
         world: &World,
         contacts: &[Contact],
@@ -293,19 +392,13 @@ impl Stepper {
     /// They are found by taking the impulses of a pair away: where Phi + dt u_n says that the bodies would then be inside each other by
     /// more than 5e-4 of the smaller one's size, and on the way they nowhere are by a fifth of that, there is nothing to hold apart. What a body
     /// falls in the step is allowed for: the contact may have carried its weight in another one's place. Where they fall too far for that, what they do that go on as
-    /// the step found them, and no higher, tells instead. Those in `kept` stay, and those of two balls: they
+    /// the step found them, and no higher, tells instead. Those that were added stay, and those of two balls: they
     /// have no seams, and grains that fly past each other are many.
-    pub(super) fn phantoms(
-        &self,
-        world: &World,
-        contacts: &[Contact],
-        attempt: &Attempt,
-        kept: &HashSet<u64>,
-    ) -> Vec<usize> {
+    fn phantoms(&self, world: &World, rounds: &Rounds, attempt: &Attempt) -> Vec<usize> {
         let Delassus::Rigid(rigid) = &*attempt.problem.delassus else { return Vec::new() };
         let (step, collider) = (self.settings.step, &self.collider);
         let rows = rigid.contacts();
-        let contact = |k: usize| &contacts[attempt.active[k] as usize];
+        let contact = |k: usize| &rounds.contacts[attempt.active[k] as usize];
         let pair = |k: usize| {
             let contact = contact(k);
             [contact.body_a.min(contact.body_b), contact.body_a.max(contact.body_b)]
@@ -315,7 +408,7 @@ impl Stepper {
         order.sort_by_key(|&k| (pair(k), k));
         let mut found = Vec::new();
         for group in order.chunk_by(|&k, &l| pair(k) == pair(l)) {
-            if self.is_stopped() {
+            if self.go_on().is_err() {
                 break;
             }
             let bodies = pair(group[0]);
@@ -341,7 +434,7 @@ impl Stepper {
                 }
             }
             let size = self.collider.contact_size(world, contact(group[0]));
-            if !pushed || group.iter().any(|&k| kept.contains(&contact(k).identity)) {
+            if !pushed || group.iter().any(|&k| rounds.kept.contains(&contact(k).identity)) {
                 continue;
             }
             let response = rigid.response(impulses);
@@ -401,13 +494,7 @@ impl Stepper {
 /// ```
 ///
 /// so that Phi' + dt u_n+ is the gap at the end to first order in the change of velocity: Newton's method on the gap of the end.
-pub(super) fn carried_back(
-    end: &Contact,
-    world: &World,
-    start: &Placement,
-    attempt: &Attempt,
-    step: f64,
-) -> Contact {
+fn carried_back(end: &Contact, world: &World, start: &Placement, attempt: &Attempt, step: f64) -> Contact {
     let half = 0.5 * end.gap * end.normal;
     let side = |body: u32, at_end: Vec3| {
         let body = body as usize;
