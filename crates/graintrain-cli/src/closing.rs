@@ -54,6 +54,9 @@ fn at_the_end(summary: &Summary) -> String {
     text
 }
 
+/// A larger share of contacts that pressed though their bodies were apart is told.
+const APART: f64 = 1e-3;
+
 /// Whether the answers are what was asked for, and how far from exact geometry they are.
 fn trust(summary: &Summary) -> String {
     let asked = number(summary.tolerance);
@@ -73,7 +76,13 @@ fn trust(summary: &Summary) -> String {
         0.0 => "none overlap".to_string(),
         share => format!("overlaps were at most {} of a radius", percent(share)),
     };
-    format!("{solved}, {met}, {overlap}")
+    let apart = match summary.contacts_apart_share {
+        share if share > APART => {
+            format!(", {} of the contacts with force pressed before their bodies touched", percent(share))
+        }
+        _ => String::new(),
+    };
+    format!("{solved}, {met}, {overlap}{apart}")
 }
 
 /// The figures of the run, a name and a value per line.

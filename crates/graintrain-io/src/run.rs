@@ -105,6 +105,10 @@ pub struct RunTotals {
     pub contacts_missed: u64,
     /// The first step with such a pair.
     pub first_missed_step: Option<u64>,
+    /// Contacts that pressed though their bodies were apart in the whole step, summed.
+    pub contacts_apart: u64,
+    /// The largest impulse of those, N s.
+    pub impulse_apart_max: f64,
     /// Largest overlap that displacements worked on, m.
     pub overlap_corrected_max: f64,
     /// Energy that they gave to bodies against gravity, summed, J.
@@ -149,6 +153,8 @@ impl RunTotals {
         if report.contacts_missed > 0 {
             self.first_missed_step.get_or_insert(step);
         }
+        self.contacts_apart += report.contacts_apart as u64;
+        self.impulse_apart_max = self.impulse_apart_max.max(report.impulse_apart_max);
         self.overlap_corrected_max = self.overlap_corrected_max.max(report.overlap_corrected_max);
         self.correction_energy += report.correction_energy;
         self.ledger.add(&report.ledger);

@@ -187,6 +187,18 @@ impl StepReport {
         self.report.contacts_missed
     }
 
+    /// Contacts that pressed though their bodies were apart in the whole step.
+    #[getter]
+    fn contacts_apart(&self) -> usize {
+        self.report.contacts_apart
+    }
+
+    /// The largest impulse of those, N s.
+    #[getter]
+    fn impulse_apart(&self) -> f64 {
+        self.report.impulse_apart_max
+    }
+
     /// Work of external forces and torques in the step, J.
     #[getter]
     fn load_work(&self) -> f64 {

@@ -46,6 +46,8 @@ pub const STEPS: &[Column] = &[
     ),
     column("contacts_added", "1", "contacts that joined the problem after a solve"),
     column("contacts_missed", "1", "pairs of bodies that passed into or through each other in the step"),
+    column("contacts_apart", "1", "contacts that pressed though their bodies were apart in the whole step"),
+    column("impulse_apart", "N s", "the largest impulse of those"),
     column("penetration_max", "m", "deepest overlap at the end of the step"),
     column(
         "penetration_over_size",

@@ -116,6 +116,15 @@ pub struct Summary {
     pub contacts_missed: u64,
     /// The first step with such a pair.
     pub contacts_missed_first_step: Option<u64>,
+    /// Contacts that pressed though their bodies were, in the whole step, further apart than a twentieth of the smaller one's size, summed over steps.
+    #[serde(default)]
+    pub contacts_apart: u64,
+    /// Their share of the contacts with force.
+    #[serde(default)]
+    pub contacts_apart_share: f64,
+    /// The largest impulse of those, N s.
+    #[serde(default)]
+    pub impulse_apart_max: f64,
     /// Deepest overlap at the end of a step over the size of the smaller of both bodies.
     pub penetration_max_over_radius: f64,
     /// The same for the last step alone.
@@ -286,6 +295,9 @@ impl Summary {
             contacts_added_after_solve: totals.contacts_added,
             contacts_missed: totals.contacts_missed,
             contacts_missed_first_step: totals.first_missed_step,
+            contacts_apart: totals.contacts_apart,
+            contacts_apart_share: totals.contacts_apart as f64 / totals.contacts_with_force_sum.max(1) as f64,
+            impulse_apart_max: totals.impulse_apart_max,
             penetration_max_over_radius: totals.penetration_max_over_size,
             penetration_final_over_radius: totals.penetration_final_over_size,
             overlap_corrected_max_over_radius: totals.overlap_corrected_max / radius,

@@ -207,6 +207,8 @@ fn step_record(world: &World, report: &StepReport, output_seconds: f64) -> Strin
         report.restitution_lowered.to_string(),
         report.contacts_added.to_string(),
         report.contacts_missed.to_string(),
+        report.contacts_apart.to_string(),
+        real(report.impulse_apart_max),
         real(report.penetration_max),
         real(report.penetration_max_over_size),
         real(report.overlap_corrected_max),

@@ -124,6 +124,8 @@ fn advance(world: &mut World, settings: &RunSettings) -> StepReport {
         restitution_lowered: 1,
         contacts_added: 2,
         contacts_missed: 1,
+        contacts_apart: 2,
+        impulse_apart_max: 9e-6,
         overlap_corrected_max: 6e-6,
         correction_energy: 7e-5,
         ledger: Ledger { loads: 8e-5, ..Ledger::default() },

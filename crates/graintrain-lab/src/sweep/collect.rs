@@ -22,6 +22,11 @@ const SUMMARY: &[(&str, &str, &str)] = &[
     ("unconverged_steps", "1", "steps whose solve missed its tolerance"),
     ("residual_rms_max", "1", "residual of the worst step"),
     ("contacts_missed", "1", "pairs of bodies that passed through each other"),
+    (
+        "contacts_apart_share",
+        "1",
+        "share of the contacts with force whose bodies were apart in the whole step",
+    ),
     ("penetration_max_over_radius", "1", "deepest overlap over the smaller body's size"),
     ("kinetic_energy", "J", "at the end"),
 ];

@@ -446,6 +446,19 @@ mod tests {
                 let time = until * f64::from(k) / 1000.0;
                 prop_assert!(least(time) >= -1e-5, "{:?} {} {}", impact, time, least(time));
             }
+            let reach = 0.03;
+            let nearest = |time: f64| {
+                let mut touches = Vec::new();
+                body_contacts(advanced(a, velocity_a, time), advanced(b, velocity_b, time), 2.0 * reach, &mut touches);
+                touches.iter().map(|t| t.gap).fold(f64::INFINITY, f64::min)
+            };
+            let nearest = (0..=1000).map(|k| nearest(step * f64::from(k) / 1000.0)).fold(f64::INFINITY, f64::min);
+            if comes_within([a, b], [velocity_a, velocity_b], step, reach) {
+                // Between two samples points move by less.
+                prop_assert!(nearest <= reach + 0.01, "{nearest}");
+            } else {
+                prop_assert!(nearest >= reach - 1e-5, "{nearest}");
+            }
             if let Some(impact) = impact {
                 prop_assert!(least(impact.time) <= 1e-6, "{:?} {}", impact, least(impact.time));
             }

@@ -46,11 +46,6 @@ impl Stepper {
                 impulse.push((i, g[0]));
             }
         }
-        for (i, g) in attempt.impacts.impulse.iter().enumerate() {
-            if contacts[i].gap > 0.0 && *g != Vec3::ZERO {
-                impulse.push((i as u32, g.length()));
-            }
-        }
         let reach = |contact: &Contact| TOGETHER * self.collider.contact_size(world, contact);
         impulse.retain(|&(i, _)| contacts[i as usize].gap > reach(&contacts[i as usize]));
         if impulse.is_empty() {

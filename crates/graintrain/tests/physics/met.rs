@@ -91,6 +91,31 @@ fn balls_that_meet_off_their_centres_part_along_the_line_of_centres() {
 }
 
 /// A ball that would fly past another, but is thrown onto it by a third within the step, hits it: it gets a push, nothing overlaps, and momentum stays.
+/// A ball that crosses another one at a gap of 6 % of their radius while a force presses them together: the plane of the contact at the start of the step
+/// stops it above where it then is. A radius per step sideways leaves them 6 % apart at the least; half
+/// of it brings them within the twentieth that counts as together.
+#[test]
+fn what_presses_though_bodies_are_apart_is_counted() {
+    for (per_step, expected) in [(1.0, 1), (0.5, 0)] {
+        let mut world = world(0.0, 0.0);
+        world.gravity = Vec3::ZERO;
+        let (radius, step) = (0.1, 1e-3);
+        let a = add_sphere(&mut world, radius, Vec3::new(0.0, 0.0, 2.06 * radius));
+        let b = add_sphere(&mut world, radius, Vec3::ZERO);
+        world.bodies.velocity[a] = per_step * radius / step * Vec3::X;
+        // Each comes 10 % of the radius nearer in the step.
+        let press = world.bodies.mass[a] * 0.1 * radius / (step * step) * Vec3::Z;
+        (world.bodies.force[a], world.bodies.force[b]) = (-press, press);
+        let settings = StepSettings { step, ..StepSettings::default() };
+        let report = Stepper::new(settings).unwrap().step(&mut world).unwrap();
+        assert_eq!(report.contacts_apart, expected, "{per_step}: {report:?}");
+        let change = world.bodies.velocity[b].z * world.bodies.mass[b];
+        let pushed = (step * press.z - change).abs();
+        let told = if expected == 1 { pushed } else { 0.0 };
+        assert!((report.impulse_apart_max - told).abs() < 1e-6 * pushed, "{report:?}");
+    }
+}
+
 #[test]
 fn what_is_deflected_onto_a_body_hits_it() {
     for step in [2e-3, 10e-3] {
