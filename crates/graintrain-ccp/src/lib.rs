@@ -29,6 +29,7 @@
 //! it give [`CcpError::NotCompiled`].
 
 // The C library has other bits on other machines: `graintrain_linalg::real`.
+#![warn(clippy::too_many_lines)]
 #![cfg_attr(not(test), warn(clippy::disallowed_methods))]
 
 mod arrays;

@@ -24,6 +24,7 @@
 //! Scenes, outputs and runs are in `graintrain-io`, pictures in `graintrain-view`.
 
 // The C library has other bits on other machines: `graintrain_linalg::real`.
+#![warn(clippy::too_many_lines)]
 #![cfg_attr(not(test), warn(clippy::disallowed_methods))]
 
 #[doc = include_str!("../README.md")]

@@ -404,11 +404,7 @@ impl NewtonSolver for BodyCg {
                 correction.as_mut().filter(|correction| correction.is_active() && !inner.converged());
             let was_corrected = failed.map(|correction| correction.give_up()).is_some();
             best.copy_from_slice(z);
-            for (z, r) in z.iter_mut().zip(residual.iter()) {
-                *z += r;
-            }
-            matrix.scatter(-1.0, velocity, z);
-            true_residual(matrix, b, z, residual, velocity);
+            add_solution(matrix, b, z, residual, velocity);
             let before = std::mem::replace(&mut report.residual, norm(residual) / size);
             if report.residual.is_nan() || report.residual >= before {
                 // No better than nothing.
@@ -435,6 +431,15 @@ impl NewtonSolver for BodyCg {
             correction.figures(figures);
         }
     }
+}
+
+/// z <- z + residual - A^T velocity, and the residual of that.
+fn add_solution(matrix: &BodyMatrix, b: &[f64], z: &mut [f64], residual: &mut [f64], velocity: &mut [f64]) {
+    for (z, r) in z.iter_mut().zip(residual.iter()) {
+        *z += r;
+    }
+    matrix.scatter(-1.0, velocity, z);
+    true_residual(matrix, b, z, residual, velocity);
 }
 
 /// residual <- b - S~ z; `velocity` is work memory.

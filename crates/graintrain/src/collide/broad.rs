@@ -307,14 +307,13 @@ impl Collider {
         ([a, b], image)
     }
 
-    /// Contacts of which `body` is A.
-    fn contacts_of(&self, world: &World, sorted: &Sorted, body: usize, look: Look, found: &mut Found) {
+    /// Bodies that may touch `body` as A: those of the grid, then all others.
+    fn partners_of(&self, world: &World, sorted: &Sorted, body: usize, look: Look, found: &mut Found) {
         let me = self.placed(world, body);
         let margin = look.envelope.max(look.fall);
         let radius = me.form.bounding_radius;
         let similar = sorted.in_grid[body];
-        let prescribed = world.is_prescribed(body);
-        let Found { balls, others, touches, contacts } = found;
+        let Found { balls, others, .. } = found;
         balls.clear();
         others.clear();
         if similar {
@@ -366,6 +365,15 @@ impl Collider {
         if world.cell().is_some() {
             others.dedup();
         }
+    }
+
+    /// Contacts of which `body` is A.
+    fn contacts_of(&self, world: &World, sorted: &Sorted, body: usize, look: Look, found: &mut Found) {
+        self.partners_of(world, sorted, body, look, found);
+        let me = self.placed(world, body);
+        let margin = look.envelope.max(look.fall);
+        let prescribed = world.is_prescribed(body);
+        let Found { balls, others, touches, contacts } = found;
         for &other in balls.iter().chain(others.iter()) {
             if prescribed && world.is_prescribed(other as usize) {
                 continue;

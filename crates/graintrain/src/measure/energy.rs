@@ -88,6 +88,80 @@ impl Ledger {
     }
 }
 
+/// How a body moves in the mean over a step.
+struct MeanMotion {
+    /// Which degrees of freedom are dynamic.
+    free: [bool; 6],
+    /// (v- + v+) / 2 of these, the prescribed velocity of the others.
+    mean: [f64; 6],
+}
+
+impl MeanMotion {
+    fn of(world: &World, body: usize, [before, after]: [&[f64]; 2]) -> Self {
+        let free = world.free_degrees(body);
+        let mean = std::array::from_fn(|k| {
+            let i = 6 * body + k;
+            if free[k] { 0.5 * (before[i] + after[i]) } else { after[i] }
+        });
+        Self { free, mean }
+    }
+
+    /// `work` and what the inertia of a body takes over its prescribed degrees of freedom, (v- + v+) / 2 . M (v+ - v-), J.
+    fn of_inertia(&self, world: &World, body: usize, [before, after]: [&[f64]; 2], mut work: f64) -> f64 {
+        let (v0, v1) = (&before[6 * body..6 * body + 6], &after[6 * body..6 * body + 6]);
+        let change = |first: usize| Vec3::from_slice(&v1[first..]) - Vec3::from_slice(&v0[first..]);
+        let turn = world.bodies.orientation[body];
+        let spin = turn * (world.bodies.inertia[body] * (turn.inverse() * change(3)));
+        let momentum = (world.bodies.mass[body] * change(0)).to_array().into_iter().chain(spin.to_array());
+        for (k, p) in momentum.enumerate().filter(|(k, _)| !self.free[*k]) {
+            work += 0.5 * (v0[k] + v1[k]) * p;
+        }
+        work
+    }
+}
+
+impl Ledger {
+    /// Adds the work of contact i.
+    fn add_contact(
+        &mut self,
+        set: &ContactSet,
+        i: usize,
+        (position, cell): (&[Vec3], Option<&Cell>),
+        bodies: &[MeanMotion],
+    ) {
+        let (contact, impulse) = (&set.contacts[i], set.impulse[i]);
+        let moment = set.moment.get(i).copied().unwrap_or_default();
+        let (mut relative, mut turning) = (Vec3::ZERO, Vec3::ZERO);
+        let jump = cell::image_velocity(cell, contact);
+        let sides = cell::ends(cell, contact).into_iter().zip([impulse, -impulse]);
+        for ((body, point), impulse) in sides {
+            let MeanMotion { free, mean } = &bodies[body];
+            let arm = point - position[body];
+            let (u, w) = (Vec3::from_slice(&mean[..3]), Vec3::from_slice(&mean[3..]));
+            let sign = if body == contact.body_a as usize { 1.0 } else { -1.0 };
+            relative += sign * (u + w.cross(arm));
+            turning += sign * w;
+            if free == &[true; 6] {
+                continue;
+            }
+            let torque = arm.cross(impulse) + sign * moment;
+            let generalised = impulse.to_array().into_iter().chain(torque.to_array());
+            for (k, g) in generalised.enumerate() {
+                if !free[k] {
+                    self.drives -= g * mean[k];
+                }
+            }
+        }
+        if contact.image != [0; 3] {
+            relative -= jump;
+            self.drives += impulse.dot(jump);
+        }
+        let normal = contact.normal.dot(impulse) * contact.normal.dot(relative);
+        self.normal -= normal;
+        self.friction -= impulse.dot(relative) - normal + moment.dot(turning);
+    }
+}
+
 /// The ledger of a step of this length with the contacts and impulses of `set`, the impulses of joints on bodies (and their moments about the centres), the centres `position` and
 /// the periodic cell at its start (m; with the rates after it, whose work counts as that of drives), the velocities
 /// before and after it (six numbers per body; after it with the mean prescribed ones), and the change of kinetic energy.
@@ -100,22 +174,17 @@ pub(crate) fn ledger(
     change: f64,
 ) -> Ledger {
     let mut ledger = Ledger { loads: load::work(world, before, after, step), ..Ledger::default() };
-    let of_body = |body: usize| {
-        let free = world.free_degrees(body);
-        let mean: [f64; 6] = std::array::from_fn(|k| {
-            let i = 6 * body + k;
-            if free[k] { 0.5 * (before[i] + after[i]) } else { after[i] }
-        });
-        (free, mean)
-    };
     let count = world.bodies.len();
-    let bodies: Vec<([bool; 6], [f64; 6])> =
-        (0..count).into_par_iter().with_min_len(CHUNK).map(of_body).collect();
+    let bodies: Vec<MeanMotion> = (0..count)
+        .into_par_iter()
+        .with_min_len(CHUNK)
+        .map(|body| MeanMotion::of(world, body, [before, after]))
+        .collect();
     let gravity = world.gravity.to_array();
     ledger.gravity = sum_chunks(count, |range| {
         let mut work = 0.0;
         for body in range {
-            let (free, mean) = &bodies[body];
+            let MeanMotion { free, mean } = &bodies[body];
             for (k, g) in gravity.into_iter().enumerate().filter(|(k, _)| free[*k]) {
                 work += step * world.bodies.mass[body] * g * mean[k];
             }
@@ -123,54 +192,12 @@ pub(crate) fn ledger(
         work
     });
     ledger.drives += sum_chunks(count, |range| {
-        let mut work = 0.0;
-        for body in range.filter(|&body| !world.is_free(body) && !world.is_prescribed(body)) {
-            let (v0, v1) = (&before[6 * body..6 * body + 6], &after[6 * body..6 * body + 6]);
-            let change = |first: usize| Vec3::from_slice(&v1[first..]) - Vec3::from_slice(&v0[first..]);
-            let turn = world.bodies.orientation[body];
-            let spin = turn * (world.bodies.inertia[body] * (turn.inverse() * change(3)));
-            let momentum =
-                (world.bodies.mass[body] * change(0)).to_array().into_iter().chain(spin.to_array());
-            for (k, p) in momentum.enumerate().filter(|(k, _)| !bodies[body].0[*k]) {
-                work += 0.5 * (v0[k] + v1[k]) * p;
-            }
-        }
-        work
+        let partly_driven = range.filter(|&body| !world.is_free(body) && !world.is_prescribed(body));
+        partly_driven.fold(0.0, |work, body| bodies[body].of_inertia(world, body, [before, after], work))
     });
     let of_contacts = |range: std::ops::Range<usize>| {
         let mut ledger = Ledger::default();
-        for i in range {
-            let (contact, impulse) = (&set.contacts[i], set.impulse[i]);
-            let moment = set.moment.get(i).copied().unwrap_or_default();
-            let (mut relative, mut turning) = (Vec3::ZERO, Vec3::ZERO);
-            let jump = cell::image_velocity(cell, contact);
-            let sides = cell::ends(cell, contact).into_iter().zip([impulse, -impulse]);
-            for ((body, point), impulse) in sides {
-                let (free, mean) = &bodies[body];
-                let arm = point - position[body];
-                let (u, w) = (Vec3::from_slice(&mean[..3]), Vec3::from_slice(&mean[3..]));
-                let sign = if body == contact.body_a as usize { 1.0 } else { -1.0 };
-                relative += sign * (u + w.cross(arm));
-                turning += sign * w;
-                if free == &[true; 6] {
-                    continue;
-                }
-                let torque = arm.cross(impulse) + sign * moment;
-                let generalised = impulse.to_array().into_iter().chain(torque.to_array());
-                for (k, g) in generalised.enumerate() {
-                    if !free[k] {
-                        ledger.drives -= g * mean[k];
-                    }
-                }
-            }
-            if contact.image != [0; 3] {
-                relative -= jump;
-                ledger.drives += impulse.dot(jump);
-            }
-            let normal = contact.normal.dot(impulse) * contact.normal.dot(relative);
-            ledger.normal -= normal;
-            ledger.friction -= impulse.dot(relative) - normal + moment.dot(turning);
-        }
+        range.for_each(|i| ledger.add_contact(set, i, (position, cell), &bodies));
         ledger
     };
     ledger = fold_chunks(set.contacts.len(), ledger, of_contacts, |mut all, chunk| {
@@ -179,7 +206,7 @@ pub(crate) fn ledger(
     });
     for (body, [force, moment]) in joints {
         for (k, g) in force.to_array().into_iter().chain(moment.to_array()).enumerate() {
-            let (free, mean) = &bodies[*body];
+            let MeanMotion { free, mean } = &bodies[*body];
             let work = g * mean[k];
             ledger.joints += work;
             if !free[k] {

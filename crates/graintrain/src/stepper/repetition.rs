@@ -19,7 +19,7 @@ use crate::clock::{Clock, Laps};
 use crate::contact::Contact;
 use crate::math::{Vec3, mix};
 use crate::world::World;
-use graintrain_ccp::Delassus;
+use graintrain_ccp::{Delassus, RigidContact};
 use rayon::prelude::*;
 use std::collections::{HashMap, HashSet};
 
@@ -412,27 +412,7 @@ impl Stepper {
                 break;
             }
             let bodies = pair(group[0]);
-            let mut impulses = bodies.map(|body| (body, [0.0; 6]));
-            let mut pushed = false;
-            for &k in group {
-                let row = &rows[k];
-                let [n, t1, t2] = row.frame.map(Vec3::from_array);
-                let g = &attempt.impulse[3 * k..3 * k + 3];
-                let mut impulse = g[0] * n + g[1] * t1 + g[2] * t2;
-                if let Some(of_impact) = attempt.impacts.impulse.get(attempt.active[k] as usize) {
-                    impulse += *of_impact;
-                }
-                pushed |= impulse != Vec3::ZERO;
-                for (body, arm, on_it) in
-                    [(row.body_a, row.arm_a, impulse), (row.body_b, row.arm_b, -impulse)]
-                {
-                    if let Some((_, sum)) = impulses.iter_mut().find(|(own, _)| *own == body) {
-                        let moment = Vec3::from_array(arm).cross(on_it);
-                        let both = on_it.to_array().into_iter().chain(moment.to_array());
-                        sum.iter_mut().zip(both).for_each(|(sum, part)| *sum += part);
-                    }
-                }
-            }
+            let (impulses, pushed) = pushes(attempt, rows, group, bodies);
             let size = self.collider.contact_size(world, contact(group[0]));
             if !pushed || group.iter().any(|&k| rounds.kept.contains(&contact(k).identity)) {
                 continue;
@@ -445,12 +425,7 @@ impl Stepper {
                     Vec3::from_slice(&v[first..first + 3]) - Vec3::from_slice(&change[first..first + 3])
                 })
             });
-            // What was thrown up comes down within the step, and may meet what it would pass above.
-            let start = bodies.map(|body| {
-                let up = -world.gravity.normalize_or_zero();
-                let velocity = world.bodies.velocity[body as usize];
-                [velocity - velocity.dot(up).max(0.0) * up, world.bodies.angular_velocity[body as usize]]
-            });
+            let start = bodies.map(|body| without_rise(world, body as usize));
             let fall = bodies.map(|body| world.acceleration(body as usize)).into_iter().fold(0.0, f64::max)
                 * step
                 * step;
@@ -484,6 +459,42 @@ impl Stepper {
         found.sort_unstable();
         found
     }
+}
+
+/// The velocities of a body, without what leads it up: what was thrown up comes down within the step, and may meet what it would pass above.
+fn without_rise(world: &World, body: usize) -> [Vec3; 2] {
+    let up = -world.gravity.normalize_or_zero();
+    let velocity = world.bodies.velocity[body];
+    [velocity - velocity.dot(up).max(0.0) * up, world.bodies.angular_velocity[body]]
+}
+
+/// Impulses and moments of these contacts of two bodies on each of them, and whether there are any.
+fn pushes(
+    attempt: &Attempt,
+    rows: &[RigidContact],
+    group: &[usize],
+    bodies: [u32; 2],
+) -> ([(u32, [f64; 6]); 2], bool) {
+    let mut impulses = bodies.map(|body| (body, [0.0; 6]));
+    let mut pushed = false;
+    for &k in group {
+        let row = &rows[k];
+        let [n, t1, t2] = row.frame.map(Vec3::from_array);
+        let g = &attempt.impulse[3 * k..3 * k + 3];
+        let mut impulse = g[0] * n + g[1] * t1 + g[2] * t2;
+        if let Some(of_impact) = attempt.impacts.impulse.get(attempt.active[k] as usize) {
+            impulse += *of_impact;
+        }
+        pushed |= impulse != Vec3::ZERO;
+        for (body, arm, on_it) in [(row.body_a, row.arm_a, impulse), (row.body_b, row.arm_b, -impulse)] {
+            if let Some((_, sum)) = impulses.iter_mut().find(|(own, _)| *own == body) {
+                let moment = Vec3::from_array(arm).cross(on_it);
+                let both = on_it.to_array().into_iter().chain(moment.to_array());
+                sum.iter_mut().zip(both).for_each(|(sum, part)| *sum += part);
+            }
+        }
+    }
+    (impulses, pushed)
 }
 
 /// The contact found at the end of a step, linearised there, for the problem of its beginning: normal n and arms are those of the end,

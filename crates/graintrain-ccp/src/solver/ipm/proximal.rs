@@ -173,6 +173,31 @@ impl Vectors {
         sum
     }
 
+    /// The direction of Newton's method at h; `false` where its system cannot be solved.
+    fn newton_direction(
+        &mut self,
+        newton: &mut NewtonDriver,
+        context: &SolveContext<'_>,
+        residual: f64,
+        parameters: &Parameters,
+        work: &mut DelassusWork,
+    ) -> bool {
+        let inner = &context.scaled.problem;
+        let blocks = ScaledBlocks { added: &[], factor: &self.factor, factor_inverse: &[] };
+        if newton.refresh(inner, blocks, context.iterations, residual).is_err() {
+            return false;
+        }
+        self.rhs.copy_from_slice(&self.ngap);
+        apply_blocks_in_place(&self.factor, &mut self.rhs, true);
+        newton.solve(inner, blocks, &self.rhs, &mut self.z, parameters.linear_tolerance);
+        apply_blocks(&self.factor, &self.z, &mut self.direction, false);
+        for (direction, gap) in self.direction.iter_mut().zip(&self.gap) {
+            *direction -= gap;
+        }
+        inner.delassus.multiply(&self.direction, &mut self.ndirection, work);
+        true
+    }
+
     /// Step along the direction: 1 where the slope there is not steeply upwards, else near the minimum.
     fn step(&self, problem: &Ccp, sigma: f64, parameters: &Parameters) -> f64 {
         let start = self.slope(problem, sigma, 0.0);
@@ -276,18 +301,9 @@ pub(super) fn run(
             systems = 0;
             continue;
         }
-        let blocks = ScaledBlocks { added: &[], factor: &v.factor, factor_inverse: &[] };
-        if newton.refresh(inner, blocks, context.iterations, residual).is_err() {
+        if !v.newton_direction(newton, context, residual, parameters, &mut work) {
             return Status::Stalled;
         }
-        v.rhs.copy_from_slice(&v.ngap);
-        apply_blocks_in_place(&v.factor, &mut v.rhs, true);
-        newton.solve(inner, blocks, &v.rhs, &mut v.z, parameters.linear_tolerance);
-        apply_blocks(&v.factor, &v.z, &mut v.direction, false);
-        for (direction, gap) in v.direction.iter_mut().zip(&v.gap) {
-            *direction -= gap;
-        }
-        inner.delassus.multiply(&v.direction, &mut v.ndirection, &mut work);
         let alpha = v.step(inner, sigma, parameters);
         newton.end_iteration(alpha);
         context.iterations += 1;

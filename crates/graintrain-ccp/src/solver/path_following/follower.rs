@@ -310,36 +310,7 @@ impl<'a> Follower<'a> {
                 }
             }
             let near = size <= self.walk.near * tau;
-            let factors: &[f64] = if near { &[1.0, 0.5, 0.25] } else { &[] };
-            let mut taken = None;
-            for factor in factors {
-                let change = factor * real::ln(reduction);
-                let next = self.moved(&directions, 1.0, change);
-                let next_size = self.evaluate(&next);
-                if next_size <= self.walk.near * real::exp(next.log_tau) {
-                    taken = Some((next, next_size, *factor, 1.0));
-                    break;
-                }
-            }
-            let mut length = 1.0;
-            while taken.is_none() && length > 1e-4 {
-                let next = self.moved(&directions, length, 0.0);
-                let next_size = self.evaluate(&next);
-                if next_size <= (1.0 - 0.01 * length) * size {
-                    taken = Some((next, next_size, 0.0, length));
-                    break;
-                }
-                length *= 0.5;
-            }
-            let (next, next_size, factor, length) = match taken {
-                Some(taken) => taken,
-                None => {
-                    // Back up along the path.
-                    let next = self.place.along(&directions.tangent, 1.0, std::f64::consts::LN_2);
-                    let next_size = self.evaluate(&next);
-                    (next, next_size, -1.0, 0.0)
-                }
-            };
+            let (next, next_size, factor, length) = self.next(&directions, size, near, reduction);
             if !next_size.is_finite() {
                 return Leg::Blocked;
             }
@@ -367,6 +338,37 @@ impl<'a> Follower<'a> {
                 return Leg::Stuck;
             }
         }
+    }
+
+    /// The next place: along the path with tau reduced as far as the nearness to it allows, else Newton's step at this tau, else back up along the path. With it the
+    /// defect there, the part of the reduction that was made (-1 for back) and the length of Newton's step.
+    fn next(
+        &mut self,
+        directions: &Directions,
+        size: f64,
+        near: bool,
+        reduction: f64,
+    ) -> (Place, f64, f64, f64) {
+        let factors: &[f64] = if near { &[1.0, 0.5, 0.25] } else { &[] };
+        for factor in factors {
+            let next = self.moved(directions, 1.0, factor * real::ln(reduction));
+            let next_size = self.evaluate(&next);
+            if next_size <= self.walk.near * real::exp(next.log_tau) {
+                return (next, next_size, *factor, 1.0);
+            }
+        }
+        let mut length = 1.0;
+        while length > 1e-4 {
+            let next = self.moved(directions, length, 0.0);
+            let next_size = self.evaluate(&next);
+            if next_size <= (1.0 - 0.01 * length) * size {
+                return (next, next_size, 0.0, length);
+            }
+            length *= 0.5;
+        }
+        let next = self.place.along(&directions.tangent, 1.0, std::f64::consts::LN_2);
+        let next_size = self.evaluate(&next);
+        (next, next_size, -1.0, 0.0)
     }
 
     /// Newton's method at fixed tau.

@@ -27,6 +27,7 @@ use crate::residual::{FrictionModel, Judge, ResidualScale};
 use geometry::{Bodies, General, Radial};
 use operator::{Arrangement, CHUNK, ContactNumbers, InverseMasses, SingleOperator, own_batches};
 use rayon::prelude::*;
+use std::ops::Range;
 use std::sync::Arc;
 
 pub use iterate::SingleIterate;
@@ -120,6 +121,52 @@ fn inverse_masses(packing: &Packing, all: &[BodyInverseMass], [mobility, length]
     masses
 }
 
+/// Contacts in batches in this order, arms in units of this length; `batch_of` makes the rows and the bodies of a batch. Only the `own` batches are filled.
+fn arrangement(
+    rigid: &RigidDelassus,
+    order: &[u32],
+    own: &Range<usize>,
+    length: f64,
+    batch_of: impl Fn(usize, &[u32]) -> ([[Octet; 3]; 3], Bodies) + Sync,
+) -> Arrangement {
+    let all_batches = order.par_chunks(EIGHT).enumerate().with_min_len(CHUNK);
+    let radial: Option<Vec<[f64; 2]>> =
+        rigid.contacts().par_iter().with_min_len(CHUNK * EIGHT).map(radial_arms).collect();
+    if let Some(radial) = radial {
+        let of = |(batch, order): (usize, &[u32])| {
+            if !own.contains(&batch) {
+                return Radial::default();
+            }
+            let (rows, bodies) = batch_of(batch, order);
+            let mut arms = [Octet::default(); 2];
+            for (lane, &i) in order.iter().enumerate() {
+                for (arm, own) in arms.iter_mut().zip(radial[i as usize]) {
+                    arm.0[lane] = (own / length) as f32;
+                }
+            }
+            Radial { rows, arms, bodies }
+        };
+        return Arrangement::Radial(all_batches.map(of).collect());
+    }
+    let of = |(batch, order): (usize, &[u32])| {
+        if !own.contains(&batch) {
+            return General::default();
+        }
+        let (rows, bodies) = batch_of(batch, order);
+        let mut arms = [[Octet::default(); 3]; 2];
+        for (lane, &i) in order.iter().enumerate() {
+            let contact = &rigid.contacts()[i as usize];
+            for (arm, own) in arms.iter_mut().zip([contact.arm_a, contact.arm_b]) {
+                for axis in 0..3 {
+                    arm[axis].0[lane] = (own[axis] / length) as f32;
+                }
+            }
+        }
+        General { rows, arms, bodies }
+    };
+    Arrangement::General(all_batches.map(of).collect())
+}
+
 impl SingleProblem {
     /// Scales and packs a problem that [`suits`], for `ranks` that do the passes together what this one needs. `None` where a number
     /// leaves the range of single precision.
@@ -135,12 +182,10 @@ impl SingleProblem {
         let own = own_batches(share.as_deref(), batches);
         let fixed = packing.num_places() as u32;
         let bodies = Bodies { place: [[fixed; EIGHT]; 2], slot: [[0; EIGHT]; 2] };
-        let contact_at = |i: u32| (&rigid.contacts()[i as usize], &scaling[i as usize]);
-        // Rows and bodies of the contacts of a batch.
-        let batch_of = |(batch, order): (usize, &[u32])| {
+        let batch_of = |batch: usize, order: &[u32]| {
             let (mut rows, mut own_bodies) = ([[Octet::default(); 3]; 3], bodies);
             for (lane, &i) in order.iter().enumerate() {
-                let (contact, factors) = contact_at(i);
+                let (contact, factors) = (&rigid.contacts()[i as usize], &scaling[i as usize]);
                 for (row, own) in rows.iter_mut().enumerate() {
                     for axis in 0..3 {
                         own[axis].0[lane] = (scale * factors[row.min(1)] * contact.frame[row][axis]) as f32;
@@ -155,43 +200,7 @@ impl SingleProblem {
             }
             (rows, own_bodies)
         };
-        let all_batches = packing.contacts.par_chunks(EIGHT).enumerate().with_min_len(CHUNK);
-        let radial: Option<Vec<[f64; 2]>> =
-            rigid.contacts().par_iter().with_min_len(CHUNK * EIGHT).map(radial_arms).collect();
-        let arrangement = if let Some(radial) = radial {
-            let of = |(batch, order): (usize, &[u32])| {
-                if !own.contains(&batch) {
-                    return Radial::default();
-                }
-                let (rows, bodies) = batch_of((batch, order));
-                let mut arms = [Octet::default(); 2];
-                for (lane, &i) in order.iter().enumerate() {
-                    for (arm, own) in arms.iter_mut().zip(radial[i as usize]) {
-                        arm.0[lane] = (own / length) as f32;
-                    }
-                }
-                Radial { rows, arms, bodies }
-            };
-            Arrangement::Radial(all_batches.map(of).collect())
-        } else {
-            let of = |(batch, order): (usize, &[u32])| {
-                if !own.contains(&batch) {
-                    return General::default();
-                }
-                let (rows, bodies) = batch_of((batch, order));
-                let mut arms = [[Octet::default(); 3]; 2];
-                for (lane, &i) in order.iter().enumerate() {
-                    let (contact, _) = contact_at(i);
-                    for (arm, own) in arms.iter_mut().zip([contact.arm_a, contact.arm_b]) {
-                        for axis in 0..3 {
-                            arm[axis].0[lane] = (own[axis] / length) as f32;
-                        }
-                    }
-                }
-                General { rows, arms, bodies }
-            };
-            Arrangement::General(all_batches.map(of).collect())
-        };
+        let arrangement = arrangement(rigid, &packing.contacts, &own, length, batch_of);
         let size = residual.size();
         let masses = inverse_masses(&packing, rigid.inverse_mass(), [mobility, length]);
         let operator = SingleOperator {
