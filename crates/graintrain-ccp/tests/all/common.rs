@@ -419,3 +419,18 @@ pub fn clarabel_over_velocities(problem: &Ccp) -> f64 {
 pub fn linear_solver(name: &str) -> Box<dyn NewtonSolver> {
     LinearMethod::of(Method::Ipm, name).and_then(LinearMethod::build).unwrap()
 }
+
+/// A ball wedged between two walls that close on it: no impulse stops prescribed walls.
+pub fn jammed() -> Ccp {
+    let wall = |n: [f64; 3]| RigidContact {
+        body_a: 0,
+        body_b: FIXED,
+        frame: frame(n),
+        arm_a: n.map(|x| -x),
+        arm_b: [0.0; 3],
+    };
+    let contacts = vec![wall([1.0, 0.0, 0.0]), wall([-1.0, 0.0, 0.0])];
+    let rigid = RigidDelassus::new(contacts, vec![ball(1.0, 1.0)]);
+    let r = vec![-0.5, 0.0, 0.0, -0.5, 0.0, 0.0];
+    Ccp::new(Delassus::Rigid(rigid), r, vec![0.3; 2]).unwrap()
+}

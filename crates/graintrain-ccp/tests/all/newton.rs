@@ -303,18 +303,8 @@ fn ipm_agrees_with_clarabel_on_a_thousand_random_problems() {
 /// A ball wedged between two walls that close on it: no impulse stops prescribed walls.
 #[test]
 fn ipm_reports_jammed_bodies_as_infeasible_and_answers_with_finite_impulses() {
-    use graintrain_ccp::{Delassus, FIXED, RigidContact, RigidDelassus, Status};
-    let wall = |n: [f64; 3]| RigidContact {
-        body_a: 0,
-        body_b: FIXED,
-        frame: crate::common::frame(n),
-        arm_a: n.map(|x| -x),
-        arm_b: [0.0; 3],
-    };
-    let contacts = vec![wall([1.0, 0.0, 0.0]), wall([-1.0, 0.0, 0.0])];
-    let rigid = RigidDelassus::new(contacts, vec![crate::common::ball(1.0, 1.0)]);
-    let r = vec![-0.5, 0.0, 0.0, -0.5, 0.0, 0.0];
-    let problem = Ccp::new(Delassus::Rigid(rigid), r, vec![0.3; 2]).unwrap();
+    use graintrain_ccp::Status;
+    let problem = crate::common::jammed();
     let mut impulse = vec![0.0; 6];
     let mut solver = "ipm".parse::<SolverSpec>().unwrap().build().unwrap();
     let report = solver.solve(&problem, &mut impulse, &SolveSettings::default()).unwrap();

@@ -2,7 +2,7 @@
 
 use crate::common::{clarabel, lattice_packing, random_problem, sparse_form};
 use graintrain_ccp::residual::ResidualScale;
-use graintrain_ccp::{Ccp, Delassus, FIXED, RigidContact, RigidDelassus};
+use graintrain_ccp::{Ccp, Delassus, RigidDelassus};
 use graintrain_ccp::{SolveReport, SolveSettings, SolverSpec, Status};
 
 fn solve(name: &str, problem: &Ccp, start: Option<&[f64]>, tolerance: f64) -> (Vec<f64>, SolveReport) {
@@ -98,17 +98,7 @@ fn every_linear_solver_leads_to_the_same_objective() {
 /// A ball wedged between two walls that close on it: no impulse stops prescribed walls.
 #[test]
 fn jammed_bodies_are_infeasible() {
-    let wall = |n: [f64; 3]| RigidContact {
-        body_a: 0,
-        body_b: FIXED,
-        frame: crate::common::frame(n),
-        arm_a: n.map(|x| -x),
-        arm_b: [0.0; 3],
-    };
-    let contacts = vec![wall([1.0, 0.0, 0.0]), wall([-1.0, 0.0, 0.0])];
-    let rigid = RigidDelassus::new(contacts, vec![crate::common::ball(1.0, 1.0)]);
-    let r = vec![-0.5, 0.0, 0.0, -0.5, 0.0, 0.0];
-    let problem = Ccp::new(Delassus::Rigid(rigid), r, vec![0.3; 2]).unwrap();
+    let problem = crate::common::jammed();
     let (g, report) = solve("scip", &problem, None, 1e-6);
     assert_eq!(report.status, Status::Infeasible);
     assert!(g.iter().all(|g| g.is_finite()));

@@ -13,8 +13,8 @@ use super::Scene;
 use super::error::{Location, SceneError, SceneErrorKind};
 use super::mesh_file;
 use super::model::{
-    BodySpec, CentralSpec, DragSpec, FunctionFile, FunctionSpec, HullSpec, LoadSpec, MeshSpec, MotionSpec,
-    PackingSource, PackingSpec, PartSpec, PressureSpec, RadiusSpec, ShapeSpec,
+    BodySpec, CentralSpec, DragSpec, FunctionFile, FunctionSpec, GrainSpec, HullSpec, LoadSpec, MeshSpec,
+    MotionSpec, PackingSource, PackingSpec, PartSpec, PressureSpec, RadiusSpec, ShapeSpec,
 };
 use super::packing::{self, FileProblem, read_file, table_file};
 use super::periodic::{DriveSpec, PeriodicSpec};
@@ -180,11 +180,11 @@ impl Scene {
     /// The shapes of all bodies, packings and streams.
     fn shapes(&mut self) -> impl Iterator<Item = &mut ShapeSpec> {
         let bodies = self.bodies.iter_mut().flat_map(|(_, body)| &mut body.parts);
-        let packings = self.packings.iter_mut().map(|(_, packing)| (&mut packing.shape, &mut packing.parts));
-        let streams = self.streams.iter_mut().map(|(_, stream)| (&mut stream.shape, &mut stream.parts));
-        let grains = packings
-            .chain(streams)
-            .flat_map(|(shape, parts)| shape.iter_mut().chain(parts.iter_mut().map(|part| &mut part.shape)));
+        let packings = self.packings.iter_mut().map(|(_, packing)| &mut packing.grains);
+        let grains = packings.chain(self.streams.iter_mut().map(|(_, stream)| &mut stream.grains));
+        let grains = grains.flat_map(|GrainSpec { shape, parts, .. }| {
+            shape.iter_mut().chain(parts.iter_mut().map(|part| &mut part.shape))
+        });
         bodies.map(|part| &mut part.shape).chain(grains)
     }
 
@@ -391,10 +391,10 @@ impl Builder {
     fn add_packing(&mut self, name: &str, spec: &PackingSpec, scene: &Scene) -> Result<(), SceneError> {
         self.note_origin(name, true, &spec.location);
         let at = |error: ModelError| model_error(error, &spec.location);
-        let material = self.material(&spec.material);
-        let geometry = form(spec.shape.as_ref(), &spec.parts, &spec.location)?;
+        let material = self.material(&spec.grains.material);
+        let geometry = form(spec.grains.shape.as_ref(), &spec.grains.parts, &spec.location)?;
         let size = geometry.as_ref().map(half_thickness);
-        if let Some(least) = size.or(spec.radius.as_ref().map(RadiusSpec::least)) {
+        if let Some(least) = size.or(spec.grains.radius.as_ref().map(RadiusSpec::least)) {
             let allowed = scene.contact.allowed_overlap.unwrap_or(ALLOWED_OVERLAP * least);
             let own = material.index();
             // Elastic bodies may overlap, and nobody asks by how much.
@@ -404,7 +404,7 @@ impl Builder {
         }
         let placed = packing::place(name, spec, geometry.as_ref().map(Geometry::bounding_radius))?;
         let shared = geometry.map(|geometry| self.world.add_geometry(geometry));
-        let motion = if spec.lock_rotation { self.locked_rotation().map_err(at)? } else { FREE };
+        let motion = if spec.grains.lock_rotation { self.locked_rotation().map_err(at)? } else { FREE };
         let mut orientations = packing::orientations(spec);
         for ((position, radius), velocity) in placed.position.iter().zip(&placed.radius).zip(&placed.velocity)
         {

@@ -612,15 +612,30 @@ fn packing(reader: &Reader, materials: &[&str], default_seed: u64) -> Result<Pac
         }),
         _ => PackingSource::File(file(&inner)?),
     };
-    let size = reader.at_most_one_of(&["radius", "shape", "parts"])?;
-    match (form, size) {
-        ("file", Some(form @ ("shape" | "parts"))) => {
-            let problem = format!("a packing from a file holds spheres: it takes no `{form}`");
-            return Err(SceneError::at(SceneErrorKind::Contradiction(problem), reader.location()));
-        }
-        ("file", _) | (_, Some(_)) => {}
-        (_, None) => return Err(reader.missing("radius")),
+    let form = reader.at_most_one_of(&["shape", "parts"])?;
+    if let (PackingSource::File(_), Some(form)) = (&source, form) {
+        let problem = format!("a packing from a file holds spheres: it takes no `{form}`");
+        return Err(SceneError::at(SceneErrorKind::Contradiction(problem), reader.location()));
     }
+    let grains = match source {
+        PackingSource::File(_) => grains_of(reader, materials)?,
+        _ => grains(reader, materials)?,
+    };
+    let seed = reader.count("seed")?.unwrap_or(default_seed);
+    Ok(PackingSpec { source, grains, seed, location: reader.location().clone() })
+}
+
+/// The bodies of a packing or a stream, whose size the scene has to name.
+pub(super) fn grains(reader: &Reader, materials: &[&str]) -> Result<GrainSpec, SceneError> {
+    match reader.at_most_one_of(&["radius", "shape", "parts"])? {
+        Some(_) => grains_of(reader, materials),
+        None => Err(reader.missing("radius")),
+    }
+}
+
+/// The same where a file may have the sizes.
+fn grains_of(reader: &Reader, materials: &[&str]) -> Result<GrainSpec, SceneError> {
+    let size = reader.at_most_one_of(&["radius", "shape", "parts"])?;
     let shape = reader.child("shape")?.as_ref().map(shape).transpose()?;
     let parts = reader.tables("parts")?.iter().map(part).collect::<Result<Vec<_>, _>>()?;
     for (key, shape) in
@@ -634,8 +649,7 @@ fn packing(reader: &Reader, materials: &[&str], default_seed: u64) -> Result<Pac
     if size == Some("parts") && parts.is_empty() {
         return Err(reader.out_of_range("parts", "at least one part", "none"));
     }
-    Ok(PackingSpec {
-        source,
+    Ok(GrainSpec {
         radius: radius(reader)?,
         shape,
         parts,
@@ -643,8 +657,6 @@ fn packing(reader: &Reader, materials: &[&str], default_seed: u64) -> Result<Pac
         material: material_name(reader, materials)?,
         velocity: reader.vector("velocity")?.unwrap_or(Vec3::ZERO),
         lock_rotation: reader.flag("lock_rotation")?.unwrap_or(false),
-        seed: reader.count("seed")?.unwrap_or(default_seed),
-        location: reader.location().clone(),
     })
 }
 

@@ -14,7 +14,7 @@ pub use material::{MaterialSpec, PairRule, PairSpec};
 pub(crate) use motion::DEGREES;
 pub use motion::{MotionSpec, SpinSpec, TranslationSpec};
 pub use packing::{
-    DropSpec, FileSpec, LatticeSpec, PackingFormat, PackingSource, PackingSpec, PoissonSpec,
+    DropSpec, FileSpec, GrainSpec, LatticeSpec, PackingFormat, PackingSource, PackingSpec, PoissonSpec,
     RadiusDistribution, RadiusSpec,
 };
 pub use shape::{HullSpec, MeshSpec, ShapeSpec};

@@ -1,10 +1,9 @@
 //! Streams and outlets as a scene asks for them.
 
 use super::error::{Location, SceneError, SceneErrorKind};
-use super::file::{material_name, part, region, shape};
+use super::file::{grains, region};
 use super::measure::PlaneSpec;
-use super::model::{PartSpec, RadiusSpec, ShapeSpec};
-use super::radius::radius;
+use super::model::GrainSpec;
 use super::reader::Reader;
 use graintrain::load::Region;
 use graintrain::math::Vec3;
@@ -15,24 +14,9 @@ use serde::Serialize;
 pub struct StreamSpec {
     /// Where bodies enter.
     pub region: Region,
-    /// Radius of the spheres.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub radius: Option<RadiusSpec>,
-    /// Shape, if not spheres.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub shape: Option<ShapeSpec>,
-    /// Several shapes in each body.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub parts: Vec<PartSpec>,
-    /// Whether bodies are turned at random.
-    #[serde(skip_serializing_if = "std::ops::Not::not")]
-    pub random_rotation: bool,
-    /// Name of their material.
-    pub material: String,
-    /// m/s
-    pub velocity: Vec3,
-    /// Whether they keep their orientation.
-    pub lock_rotation: bool,
+    /// The bodies.
+    #[serde(flatten)]
+    pub grains: GrainSpec,
     /// Bodies per second.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub rate: Option<f64>,
@@ -90,18 +74,6 @@ pub(super) fn read(
     stages: &[&str],
     default_seed: u64,
 ) -> Result<StreamSpec, SceneError> {
-    if reader.at_most_one_of(&["radius", "shape", "parts"])?.is_none() {
-        return Err(reader.missing("radius"));
-    }
-    let shape = reader.child("shape")?.as_ref().map(shape).transpose()?;
-    let parts = reader.tables("parts")?.iter().map(part).collect::<Result<Vec<_>, _>>()?;
-    for (key, shape) in
-        shape.iter().map(|shape| ("shape", shape)).chain(parts.iter().map(|part| ("parts", &part.shape)))
-    {
-        if matches!(shape, ShapeSpec::Plane { .. } | ShapeSpec::Mesh(_)) {
-            return Err(reader.out_of_range(key, "a shape with volume", "a plane or mesh"));
-        }
-    }
     let stage = match reader.text("stage")? {
         Some(name) if !stages.contains(&name.as_str()) => {
             return Err(reader.unknown_name("stage", "stage", &name, stages.iter().copied()));
@@ -111,13 +83,7 @@ pub(super) fn read(
     reader.at_most_one_of(&["rate", "mass_rate"])?;
     let spec = StreamSpec {
         region: region(&reader.required_child("region")?)?,
-        radius: radius(reader)?,
-        shape,
-        parts,
-        random_rotation: reader.flag("random_rotation")?.unwrap_or(false),
-        material: material_name(reader, materials)?,
-        velocity: reader.vector("velocity")?.unwrap_or(Vec3::ZERO),
-        lock_rotation: reader.flag("lock_rotation")?.unwrap_or(false),
+        grains: grains(reader, materials)?,
         rate: reader.quantity("rate")?,
         mass_rate: reader.quantity("mass_rate")?,
         count: reader.count("count")?,

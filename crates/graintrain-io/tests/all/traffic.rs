@@ -270,6 +270,7 @@ fn wrong_streams_are_refused_with_their_place() {
     let region = "region = { box = { min = [0, 0, 0], max = [1, 1, 1] } }";
     let cases = [
         (format!("[stream.a]\nradius = 0.1\n{region}"), "nothing ends"),
+        (format!("[stream.a]\nparts = []\nrate = 1\n{region}"), "at least one part"),
         (format!("[stream.a]\nradius = 0.1\nrate = 1\nmass_rate = 1\n{region}"), "mass_rate"),
         (format!("[stream.a]\nradius = 0.6\nrate = 1\n{region}"), "none would ever enter"),
         (format!("[stream.a]\nrate = 1\n{region}"), "radius"),

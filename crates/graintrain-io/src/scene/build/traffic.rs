@@ -28,8 +28,8 @@ impl Builder {
     }
 
     fn stream(&mut self, name: &str, spec: &StreamSpec, scene: &Scene) -> Result<Stream, SceneError> {
-        let geometry = form(spec.shape.as_ref(), &spec.parts, &spec.location)?;
-        let (grain, size, reach) = match (geometry, &spec.radius) {
+        let geometry = form(spec.grains.shape.as_ref(), &spec.grains.parts, &spec.location)?;
+        let (grain, size, reach) = match (geometry, &spec.grains.radius) {
             (Some(geometry), _) => {
                 let (size, reach) = (half_thickness(&geometry), geometry.bounding_radius());
                 (Grain::Form(geometry), size, reach)
@@ -64,7 +64,7 @@ impl Builder {
             return Err(SceneError::at(SceneErrorKind::Contradiction(problem), &spec.location));
         }
         self.smallest_radius = self.smallest_radius.min(size);
-        let motion = if spec.lock_rotation {
+        let motion = if spec.grains.lock_rotation {
             self.locked_rotation().map_err(|error| model_error(error, &spec.location))?
         } else {
             FREE
@@ -78,10 +78,10 @@ impl Builder {
             name: name.to_string(),
             region: spec.region.clone(),
             grain,
-            random_rotation: spec.random_rotation,
-            material: self.material(&spec.material),
+            random_rotation: spec.grains.random_rotation,
+            material: self.material(&spec.grains.material),
             motion,
-            velocity: spec.velocity,
+            velocity: spec.grains.velocity,
             rate,
             start: spec.start,
             end: spec.end,

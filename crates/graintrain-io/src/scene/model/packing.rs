@@ -14,6 +14,19 @@ pub struct PackingSpec {
     /// Where they come from.
     #[serde(flatten)]
     pub source: PackingSource,
+    /// The bodies.
+    #[serde(flatten)]
+    pub grains: GrainSpec,
+    /// Seed.
+    pub seed: u64,
+    /// Where it is written.
+    #[serde(skip)]
+    pub location: Location,
+}
+
+/// The bodies of a packing or a stream.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct GrainSpec {
     /// Radius of the spheres; for a file, `None` is the file's.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub radius: Option<RadiusSpec>,
@@ -32,11 +45,6 @@ pub struct PackingSpec {
     pub velocity: Vec3,
     /// Whether they keep their orientation.
     pub lock_rotation: bool,
-    /// Seed.
-    pub seed: u64,
-    /// Where it is written.
-    #[serde(skip)]
-    pub location: Location,
 }
 
 /// Where the bodies of a packing come from.

@@ -90,7 +90,7 @@ pub(crate) fn place(
     bounding_radius: Option<f64>,
 ) -> Result<Placed, SceneError> {
     let mut random = Random::new(spec.seed);
-    let mut draw_radii = |count: usize| match (&spec.radius, bounding_radius) {
+    let mut draw_radii = |count: usize| match (&spec.grains.radius, bounding_radius) {
         (_, Some(radius)) => vec![radius; count],
         (Some(RadiusSpec::Single(radius)), _) => vec![*radius; count],
         (Some(RadiusSpec::Distribution(distribution)), _) => radii::draw(distribution, count, &mut random),
@@ -117,7 +117,7 @@ pub(crate) fn place(
         PackingSource::Poisson(sampling) => {
             let most = volume(&sampling.region) / sampling.distance.powi(3);
             limited(name, spec, Some(most as u64))?;
-            let reach = match (&spec.radius, bounding_radius) {
+            let reach = match (&spec.grains.radius, bounding_radius) {
                 (_, Some(radius)) => radius,
                 (Some(RadiusSpec::Single(radius)), _) => *radius,
                 (Some(RadiusSpec::Distribution(distribution)), _) => distribution.range()[1],
@@ -138,7 +138,7 @@ pub(crate) fn place(
         }
     };
     placed.velocity.resize(placed.position.len(), Vec3::ZERO);
-    placed.velocity.iter_mut().for_each(|velocity| *velocity += spec.velocity);
+    placed.velocity.iter_mut().for_each(|velocity| *velocity += spec.grains.velocity);
     Ok(placed)
 }
 
@@ -146,7 +146,11 @@ pub(crate) fn place(
 /// of their own: places stay what they are.
 pub(crate) fn orientations(spec: &PackingSpec) -> impl Iterator<Item = Quat> + use<> {
     let mut random = Random::new(spec.seed ^ TURNS);
-    std::iter::repeat_with(move || random.rotation()).take(if spec.random_rotation { usize::MAX } else { 0 })
+    std::iter::repeat_with(move || random.rotation()).take(if spec.grains.random_rotation {
+        usize::MAX
+    } else {
+        0
+    })
 }
 
 fn limited(name: &str, spec: &PackingSpec, count: Option<u64>) -> Result<usize, SceneError> {
