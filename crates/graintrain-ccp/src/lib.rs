@@ -29,8 +29,8 @@
 //! it give [`CcpError::NotCompiled`].
 
 // The C library has other bits on other machines: `graintrain_linalg::real`.
-#![warn(clippy::too_many_lines)]
 #![cfg_attr(not(test), warn(clippy::disallowed_methods))]
+#![warn(clippy::too_many_lines)]
 
 mod arrays;
 pub mod cone;

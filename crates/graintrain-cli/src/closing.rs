@@ -78,7 +78,7 @@ fn trust(summary: &Summary) -> String {
     };
     let apart = match summary.contacts_apart_share {
         share if share > APART => {
-            format!(", {} of the contacts with force pressed before their bodies touched", percent(share))
+            format!(", {} of the contacts with force pressed though their bodies were apart", percent(share))
         }
         _ => String::new(),
     };

@@ -24,8 +24,8 @@
 //! Scenes, outputs and runs are in `graintrain-io`, pictures in `graintrain-view`.
 
 // The C library has other bits on other machines: `graintrain_linalg::real`.
-#![warn(clippy::too_many_lines)]
 #![cfg_attr(not(test), warn(clippy::disallowed_methods))]
+#![warn(clippy::too_many_lines)]
 
 #[doc = include_str!("../README.md")]
 #[cfg(doctest)]

@@ -94,7 +94,7 @@ impl Correction {
     /// What the displacements do against gravity, J, with the masses of the bodies.
     pub(crate) fn work(&self, mass: &[f64], gravity: Vec3) -> f64 {
         let of_body = |(d, mass): (&[f64], &f64)| -mass * gravity.dot(Vec3::from_slice(&d[..3]));
-        self.displacement.iter().flat_map(|all| all.chunks_exact(6).zip(mass)).map(of_body).sum()
+        self.displacement.as_ref().map_or(0.0, |all| all.chunks_exact(6).zip(mass).map(of_body).sum())
     }
 
     /// Counts a displacement (six numbers per body) that came after it.

@@ -44,7 +44,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 /// A step as it is made: the bodies are where it leaves them.
 struct Made {
     attempt: Attempt,
-    /// Sizes of the smaller bodies of its contacts, m.
+    /// The smaller body's size for each contact of the step, m.
     size: Vec<f64>,
     /// The displacements that removed overlap and closed joints.
     correction: Correction,
@@ -146,14 +146,14 @@ impl Stepper {
     /// A solve that misses its tolerance is no error: see [`StepReport::solve`].
     ///
     /// # Errors
-    /// [`StepError::NotFinite`], [`StepError::Cell`], [`StepError::Solver`] or [`StepError::Stopped`]; the world is left unchanged.
+    /// [`StepError::NotFinite`], [`StepError::Meshes`], [`StepError::Cell`], [`StepError::Solver`] or [`StepError::Stopped`]; the world is left unchanged.
     pub fn step(&mut self, world: &mut World) -> Result<StepReport, StepError> {
         if let Some(cell) = world.cell() {
             let rates = cell.validate_step(world.time, self.settings.step);
             rates.and_then(|()| world.fits_cell()).map_err(|error| cell_error(world, error))?;
         }
         let kinetic_energy = world.cell().map(|_| world.kinetic_energy());
-        let undriven = kinetic_energy.map(|_| Placement::of(world));
+        let undriven = world.cell().is_some().then(|| Placement::of(world));
         cell::drive(world, self.settings.step);
         let unloaded = load::apply(world, self.settings.step);
         let mut report = self.step_under(world);
@@ -172,9 +172,8 @@ impl Stepper {
 
     /// The step under the forces that bodies now have, line by line as ARCHITECTURE.md has it.
     fn step_under(&mut self, world: &mut World) -> Result<StepReport, StepError> {
-        check_state(world)?;
         let step = self.settings.step;
-        let mut rounds = self.first_round(world);
+        let mut rounds = self.first_round(world)?;
         let start = Placement::of(world);
         let mut last = None;
         loop {
@@ -201,8 +200,9 @@ impl Stepper {
     }
 
     /// The contacts of the state that a step starts from.
-    fn first_round(&mut self, world: &World) -> Rounds {
+    fn first_round(&mut self, world: &World) -> Result<Rounds, StepError> {
         let begin = Clock::now();
+        check_state(world)?;
         let (step, envelope) = (self.settings.step, self.settings.envelope);
         let same_forms = !self.collider.update_forms(world);
         let found = self.ahead.take().filter(|(state, _)| same_forms && *state == world.fingerprint());
@@ -214,7 +214,7 @@ impl Stepper {
         let flown_past = |contact| self.collider.flown_past(world, contact, step);
         let mut rounds = Rounds::of(contacts.into_iter().filter_map(flown_past).collect());
         rounds.laps.add(|phases| &mut phases.collide, begin.lap());
-        rounds
+        Ok(rounds)
     }
 
     /// Moves the bodies as the solve says, removes overlap that it foresaw, closes joints, and finds the contacts of the end.

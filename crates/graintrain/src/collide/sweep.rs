@@ -214,7 +214,8 @@ impl Pair<'_> {
             return None;
         }
         let has_mesh = (0..2).any(|k| self.bodies[k].form.trees[self.parts[k]].is_some());
-        let tolerance = self.reach.unwrap_or(TOUCHING * size);
+        let target = self.reach.unwrap_or(0.0);
+        let tolerance = target + TOUCHING * size;
         let (mut time, mut before) = (0.0, 0.0);
         let mut touches = Vec::new();
         for _ in 0..POSES {
@@ -251,7 +252,7 @@ impl Pair<'_> {
             }
             let along = if has_mesh { None } else { Some(nearest.normal) };
             let rate = self.rate(along, &reach, &poses, step - time);
-            let wait = nearest.gap / rate;
+            let wait = (nearest.gap - target) / rate;
             if rate <= 0.0 || time + wait > step {
                 return None;
             }
@@ -339,6 +340,23 @@ mod tests {
         let impact = time_of_impact(a, inside, velocities[0], velocities[1], 0.02, 0.0).unwrap();
         let touch = arrivals(&impact, a, inside, velocities[0], velocities[1])[0].touch;
         assert!(impact.time == 0.0 && (touch.gap + 1e-3).abs() < 1e-15);
+    }
+
+    /// What ends within the reach without a touch, and what passes within it between two poses far from it.
+    #[test]
+    fn bodies_come_within_a_reach_that_is_no_touch() {
+        let (ball, capsule) =
+            (form(Geometry::sphere(0.2).unwrap()), form(Geometry::capsule(0.4, 0.2).unwrap()));
+        let rest = [Vec3::ZERO; 2];
+        let above = placed(&ball, Vec3::new(0.5, 0.0, 0.0));
+        let near = |from: Placed<'_>, u: Vec3, step: f64, reach: f64| {
+            comes_within([from, placed(&capsule, Vec3::ZERO)], [[u, Vec3::ZERO], rest], step, reach)
+        };
+        assert!(near(above, -Vec3::X, 0.07, 0.05));
+        assert!(!near(above, -Vec3::X, 0.04, 0.05));
+        let beside = placed(&ball, Vec3::new(1.5, 0.428, 0.0));
+        assert!(near(beside, -Vec3::X, 3.0, 0.03));
+        assert!(!near(beside, -Vec3::X, 3.0, 0.027));
     }
 
     #[test]

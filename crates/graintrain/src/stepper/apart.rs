@@ -7,13 +7,15 @@
 use super::Stepper;
 use super::attempt::Attempt;
 use super::placement::Placement;
+use crate::cell::Cell;
+use crate::collide::narrow::Placed;
 use crate::collide::sweep::comes_within;
 use crate::contact::Contact;
 use crate::math::Vec3;
 use crate::world::World;
 use graintrain_ccp::Delassus;
 use graintrain_ccp::residual::{MIXED_MAXIMUM, velocity_scale};
-use std::collections::HashMap;
+use std::collections::HashSet;
 
 /// Bodies nearer than this fraction of the smaller one's size count as together.
 const TOGETHER: f64 = 0.05;
@@ -28,8 +30,9 @@ pub(super) struct Apart {
 }
 
 impl Stepper {
-    /// Contacts whose impulse changes velocities by more than the solve resolves and whose bodies were nowhere on their way nearer to each other than [`TOGETHER`].
-    /// `world` is at the end of the step, `ahead` are its contacts there. Cost: nothing but a pass over the contacts where all that press touch at the start or at the end.
+    /// Contacts whose impulse in the contact problem changes velocities by more than the solve resolves and whose bodies were nowhere on their way nearer to each
+    /// other than [`TOGETHER`]. Impacts are not looked at: they act at the moment at which bodies meet. `world` is at the end of the step, `ahead` are its contacts
+    /// there. Cost: a pass over the contacts; a pass over `ahead` if any of them had a gap and force; a sweep along three motions for each that has a gap at the end, too.
     pub(super) fn apart(
         &self,
         world: &World,
@@ -40,59 +43,65 @@ impl Stepper {
     ) -> Apart {
         let Delassus::Rigid(rigid) = &*attempt.problem.delassus else { return Apart::default() };
         let resolved = MIXED_MAXIMUM * self.settings.solver.tolerance * velocity_scale(&attempt.problem);
-        let mut impulse: Vec<(u32, f64)> = Vec::new();
+        let reach = |contact: &Contact| TOGETHER * self.collider.contact_size(world, contact);
+        let mut pressing: Vec<(&Contact, f64)> = Vec::new();
         for (k, (&i, g)) in attempt.active.iter().zip(attempt.impulse.chunks_exact(3)).enumerate() {
-            if contacts[i as usize].gap > 0.0 && g[0] * rigid.diagonal()[k][0] > resolved {
-                impulse.push((i, g[0]));
+            let contact = &contacts[i as usize];
+            let has_gap = contact.gap > 0.0 && contact.gap > reach(contact);
+            if has_gap && g[0] * rigid.diagonal()[k][0] > resolved {
+                pressing.push((contact, g[0]));
             }
         }
-        let reach = |contact: &Contact| TOGETHER * self.collider.contact_size(world, contact);
-        impulse.retain(|&(i, _)| contacts[i as usize].gap > reach(&contacts[i as usize]));
-        if impulse.is_empty() {
+        if pressing.is_empty() {
             return Apart::default();
         }
-        let at_end: HashMap<u64, f64> = ahead.iter().map(|c| (c.identity, c.gap)).collect();
+        let wanted: HashSet<u64> = pressing.iter().map(|(contact, _)| contact.identity).collect();
+        let together: HashSet<u64> = ahead
+            .iter()
+            .filter(|c| wanted.contains(&c.identity) && c.gap <= reach(c))
+            .map(|c| c.identity)
+            .collect();
         let before = start.velocities();
+        let motions = [
+            (before.as_slice(), start.cell.as_ref()),
+            (&attempt.impacts.velocity, start.cell.as_ref()),
+            (&attempt.velocity, attempt.cell.as_ref()),
+        ];
         let mut found = Apart::default();
-        for (i, impulse) in impulse {
-            let contact = &contacts[i as usize];
-            let reach = reach(contact);
-            let touches_at_end = at_end.get(&contact.identity).is_some_and(|&gap| gap <= reach);
-            let mut motions = [&before, &attempt.impacts.velocity, &attempt.velocity].into_iter();
-            if touches_at_end
-                || motions.any(|velocity| self.come_near(world, start, contact, velocity, reach))
-            {
-                continue;
+        for (contact, impulse) in pressing.into_iter().filter(|(c, _)| !together.contains(&c.identity)) {
+            let near = |motion| self.come_near(world, start, contact, motion, reach(contact));
+            if !motions.into_iter().any(near) {
+                found.count += 1;
+                found.impulse_max = found.impulse_max.max(impulse);
             }
-            found.count += 1;
-            found.impulse_max = found.impulse_max.max(impulse);
         }
         found
     }
 
-    /// Whether the bodies of a contact come nearer than `reach`, m, from where they were at the start of the step with these velocities (six numbers per body).
+    /// Whether the bodies of a contact come nearer than `reach`, m, from where they were at the start of the step with these velocities (six numbers per body), and
+    /// a cell of these rates. Of `world` only the forms of the bodies are asked.
     fn come_near(
         &self,
         world: &World,
         start: &Placement,
         contact: &Contact,
-        velocity: &[f64],
+        (velocity, cell): (&[f64], Option<&Cell>),
         reach: f64,
     ) -> bool {
-        let own = |body: u32| {
-            let v = &velocity[6 * body as usize..6 * body as usize + 6];
+        let pair = [contact.body_a, contact.body_b].map(|body| body as usize);
+        let mut velocities = pair.map(|body| {
+            let v = &velocity[6 * body..6 * body + 6];
             [Vec3::from_slice(&v[..3]), Vec3::from_slice(&v[3..])]
-        };
-        let [a, mut b] = [contact.body_a, contact.body_b].map(|body| {
-            let mut placed = self.collider.placed(world, body as usize);
-            placed.position = start.position[body as usize];
-            placed.orientation = start.orientation[body as usize];
-            (placed, own(body))
         });
-        if let Some(cell) = start.cell.as_ref().filter(|_| contact.image != [0; 3]) {
-            b.0.position += cell.shift(contact.image);
-            b.1[0] += cell.image_velocity(contact.image);
+        let mut placed = pair.map(|body| Placed {
+            position: start.position[body],
+            orientation: start.orientation[body],
+            ..self.collider.placed(world, body)
+        });
+        if let Some(cell) = cell.filter(|_| contact.image != [0; 3]) {
+            placed[1].position += cell.shift(contact.image);
+            velocities[1][0] += cell.image_velocity(contact.image);
         }
-        comes_within([a.0, b.0], [a.1, b.1], self.settings.step, reach)
+        comes_within(placed, velocities, self.settings.step, reach)
     }
 }

@@ -182,7 +182,9 @@ impl Stepper {
         judge_joints(world, &joints, &self.solve_settings(), &mut solve);
         if !agrees && solve.status == Status::Converged {
             solve.status = Status::IterationLimit;
-            solve.remark = Some("motors, stops, swings and contacts did not agree".into());
+            let rounds = self.parameters.repetition.joint_rounds;
+            solve.remark =
+                Some(format!("motors, stops, swings and contacts did not agree in {rounds} rounds"));
         }
         rounds.iterations += solve.iterations;
         rounds.laps.add(|phases| &mut phases.assemble, solving - begin);

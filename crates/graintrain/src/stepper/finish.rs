@@ -180,7 +180,10 @@ impl Stepper {
         let begin = Clock::now();
         let Made { attempt, size, correction, ahead } = made;
         let Rounds { contacts, added, missed, iterations, mut laps, .. } = rounds;
-        let (step, apart) = (self.settings.step, self.apart(world, start, &contacts, &attempt, &ahead));
+        let step = self.settings.step;
+        let apart = self.apart(world, start, &contacts, &attempt, &ahead);
+        laps.add(|phases| &mut phases.collide, begin.lap());
+        let begin = Clock::now();
         let errors = self.left_over(&contacts, &attempt, &size);
         let (set, with_force) = exerted(world, contacts, &attempt);
         let Attempt { problem, posed, cell, impulse, joints, impacts, velocity, mut solve, parts, .. } =
@@ -200,7 +203,8 @@ impl Stepper {
         world.contacts = set;
         world.time += step;
         world.step += 1;
-        self.ahead = Some((world.fingerprint(), ahead));
+        // A search that was stopped has found a part of them.
+        self.ahead = self.go_on().is_ok().then(|| (world.fingerprint(), ahead));
         laps.add(|phases| &mut phases.integrate, begin.lap());
         let (phases, processor) = laps.seconds();
         self.last = Some((posed.unwrap_or(problem), impulse));

@@ -83,7 +83,7 @@ impl Bends {
     }
 
     /// Puts `anew`, as [`Stepper::bent`] found them, among the contacts. Returned are the identities that they have there.
-    pub(super) fn put(&mut self, anew: Vec<Contact>, contacts: &mut Vec<Contact>) -> Vec<u64> {
+    fn put(&mut self, anew: Vec<Contact>, contacts: &mut Vec<Contact>) -> Vec<u64> {
         let mut identities = Vec::with_capacity(anew.len());
         for mut contact in anew {
             let count = self.count.entry(contact.identity).or_default();
@@ -120,7 +120,7 @@ pub(super) struct Rounds {
     round: usize,
     /// Contacts that joined after a solve.
     pub(super) added: usize,
-    /// Pairs that met all the same when there were no rounds left.
+    /// Pairs that met all the same when there were no rounds left, or overlap at the end without a contact.
     pub(super) missed: usize,
     /// Iterations of all rounds.
     pub(super) iterations: usize,
@@ -164,8 +164,10 @@ impl Stepper {
         }
         rounds.kept.extend(passing.iter().map(|c| c.identity));
         rounds.contacts.extend(passing);
-        let mut index = 0..;
-        rounds.contacts.retain(|_| phantoms.binary_search(&index.next().unwrap_or_default()).is_err());
+        if !phantoms.is_empty() {
+            let mut index = 0..;
+            rounds.contacts.retain(|_| phantoms.binary_search(&index.next().unwrap_or_default()).is_err());
+        }
         rounds.round += usize::from(again);
         Ok(again)
     }

@@ -90,7 +90,6 @@ fn balls_that_meet_off_their_centres_part_along_the_line_of_centres() {
     }
 }
 
-/// A ball that would fly past another, but is thrown onto it by a third within the step, hits it: it gets a push, nothing overlaps, and momentum stays.
 /// A ball that crosses another one at a gap of 6 % of their radius while a force presses them together: the plane of the contact at the start of the step
 /// stops it above where it then is. A radius per step sideways leaves them 6 % apart at the least; half
 /// of it brings them within the twentieth that counts as together.
@@ -116,6 +115,7 @@ fn what_presses_though_bodies_are_apart_is_counted() {
     }
 }
 
+/// A ball that would fly past another, but is thrown onto it by a third within the step, hits it: it gets a push, nothing overlaps, and momentum stays.
 #[test]
 fn what_is_deflected_onto_a_body_hits_it() {
     for step in [2e-3, 10e-3] {
