@@ -276,8 +276,8 @@ impl System {
         };
         [
             ("block-jacobi", with(Box::new(BlockJacobi::new(3)))),
-            ("ilu", with(Box::new(IncompleteLu::default()))),
-            ("ic", with(Box::new(IncompleteCholesky::<3, 9>::default()))),
+            ("ilu", with(Box::<IncompleteLu>::default())),
+            ("ic", with(Box::<IncompleteCholesky<3, 9>>::default())),
         ]
     }
 
