@@ -138,14 +138,7 @@ impl NewtonSolver for TrainSchur {
                     return Err(self.breakdown(&error));
                 }
                 let scaled = self.scaled.get_or_insert_with(|| schur.clone());
-                let (starts, columns) = (schur.row_starts(), schur.columns());
-                for i in 0..schur.num_rows() {
-                    for k in starts[i]..starts[i + 1] {
-                        let block = &mut scaled.blocks_mut()[k];
-                        *block = schur.blocks()[k];
-                        scaling.scale(i, columns[k] as usize, block);
-                    }
-                }
+                scaling.scale_matrix(schur, scaled);
                 scaled
             }
         };

@@ -67,6 +67,11 @@ impl Ledger {
         self.cells.get(key).and_then(|value| T::deserialize(value).ok())
     }
 
+    /// All results of one kind, in no order.
+    pub fn all<T: DeserializeOwned>(&self) -> impl Iterator<Item = T> + '_ {
+        self.cells.values().filter_map(|value| T::deserialize(value).ok())
+    }
+
     /// Adds a result.
     ///
     /// # Errors

@@ -14,10 +14,12 @@
 //! | [`ledger`] | finished cells on disk |
 //! | [`physics`] | steady forces, friction angle, dilation, sensitivity |
 //! | [`claims`] | the paper's claims judged by the figures measured here |
+//! | [`compressibility`] | what low rank means for the Newton matrices of a drop, an experiment of its own |
 //! | [`charts`], [`report`] | plots, CSV, the HTML report |
 
 pub mod charts;
 pub mod claims;
+pub mod compressibility;
 pub mod ledger;
 pub mod physics;
 pub mod published;
@@ -30,6 +32,7 @@ use graintrain_ccp::CcpError;
 use graintrain_io::checkpoint::CheckpointError;
 use graintrain_io::files::{OutputError, make_folder};
 use graintrain_io::scene::SceneError;
+use graintrain_tt::TtError;
 use graintrain_view::render::RenderError;
 use ledger::Ledger;
 use solves::{Problems, ReuseRow, Solve};
@@ -167,6 +170,12 @@ pub enum ReproduceError {
         /// The ledger.
         path: PathBuf,
     },
+    /// A matrix cannot be factored.
+    #[error("a Newton matrix cannot be factored: {0}")]
+    Linear(String),
+    /// A tensor train cannot be made.
+    #[error(transparent)]
+    Train(#[from] TtError),
     /// No threads can be started.
     #[error("no threads for the measurements: {0}")]
     Threads(#[from] rayon::ThreadPoolBuildError),

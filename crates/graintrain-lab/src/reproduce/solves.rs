@@ -5,7 +5,7 @@ use graintrain::assemble::OverlapCorrection;
 use graintrain::stepper::{StepSettings, Stepper};
 use graintrain::world::World;
 use graintrain_ccp::{Ccp, CcpSolver, FrictionModel, SolveReport, SolveSettings, SolverSpec, Status};
-use graintrain_io::checkpoint;
+use graintrain_io::checkpoint::{self, Checkpoint};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -116,9 +116,29 @@ impl Problems {
     /// # Errors
     /// [`ReproduceError`] for a damaged state or a stop request.
     pub fn open(folder: &Path, stop: &Arc<AtomicBool>) -> Result<Self, ReproduceError> {
-        let (checkpoint, _) = checkpoint::latest(folder)?;
-        let mut settings =
-            StepSettings { overlap: OverlapCorrection::Velocity, ..checkpoint.settings.stepping };
+        Self::begin(checkpoint::latest(folder)?.0, None, stop)
+    }
+
+    /// As [`Self::open`] with another contact envelope, m.
+    ///
+    /// # Errors
+    /// As [`Self::open`].
+    pub fn open_with_envelope(
+        folder: &Path,
+        envelope: f64,
+        stop: &Arc<AtomicBool>,
+    ) -> Result<Self, ReproduceError> {
+        Self::begin(checkpoint::latest(folder)?.0, Some(envelope), stop)
+    }
+
+    fn begin(
+        checkpoint: Checkpoint,
+        envelope: Option<f64>,
+        stop: &Arc<AtomicBool>,
+    ) -> Result<Self, ReproduceError> {
+        let stepping = checkpoint.settings.stepping;
+        let envelope = envelope.unwrap_or(stepping.envelope);
+        let mut settings = StepSettings { overlap: OverlapCorrection::Velocity, envelope, ..stepping };
         settings.solver.friction = FrictionModel::Relaxed;
         let mut stepper = Stepper::new(settings)?;
         stepper.stop_on(Arc::clone(stop));

@@ -70,6 +70,23 @@ impl BlockJacobi {
             }
         }
     }
+
+    /// L^-1 A L^-T by blocks of 3 into a matrix of the same pattern, for the diagonal blocks of the last refresh. O(blocks).
+    ///
+    /// # Panics
+    /// If the patterns differ.
+    pub fn scale_matrix(&self, matrix: &BlockMatrix3, scaled: &mut BlockMatrix3) {
+        assert!(
+            matrix.row_starts() == scaled.row_starts() && matrix.columns() == scaled.columns(),
+            "the scaled matrix has the pattern of the matrix"
+        );
+        scaled.blocks_mut().copy_from_slice(matrix.blocks());
+        for i in 0..matrix.num_rows() {
+            for k in matrix.row_starts()[i]..matrix.row_starts()[i + 1] {
+                self.scale(i, matrix.columns()[k] as usize, &mut scaled.blocks_mut()[k]);
+            }
+        }
+    }
 }
 
 impl Preconditioner for BlockJacobi {

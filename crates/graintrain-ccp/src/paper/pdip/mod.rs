@@ -83,6 +83,8 @@ pub struct Parameters {
     pub stall_iterations: usize,
     /// Smallest normal impulse of the paper's start from known impulses, c / sqrt(eta_i).
     pub paper_floor: f64,
+    /// lambda_k (-f_k) of the paper's start, c^2. With 1 / c^2 and known impulses of 1 N s it is lambda = -1/f in units of newtons, metres and seconds.
+    pub paper_barrier: f64,
     /// Lengths of steps.
     pub step: StepParameters,
 }
@@ -101,6 +103,7 @@ impl Default for Parameters {
             near_centre: 4.0,
             stall_iterations: 50,
             paper_floor: 1e-2,
+            paper_barrier: 1.0,
             step: StepParameters::default(),
         }
     }
@@ -150,7 +153,7 @@ impl Rule {
         let mut barrier = 0.0;
         let it = Iterate::new(problem, scale, proximal, normal, |mean| {
             barrier = match self {
-                Self::Paper => 1.0,
+                Self::Paper => parameters.paper_barrier,
                 Self::Central => parameters.central_barrier[usize::from(known)] * mean / 3.0,
             };
             barrier

@@ -1,8 +1,8 @@
 //! Compression and inversion of a sparse matrix in tensor-train form, with hot starts from the last matrix.
 //! (Corona et al. 2019, Algorithm 2 and the re-use of section 3.3.)
 
+use super::padded::PaddedOperator;
 use graintrain_linalg::patience::Patience;
-use graintrain_tt::apply::{ApplyWork, FullOperator};
 use graintrain_tt::cross::{CrossSettings, cross_sparse_within};
 use graintrain_tt::inverse::{InverseForm, inverse_residual, inverse_within};
 use graintrain_tt::solve::{SolveReport, SolveSettings};
@@ -39,10 +39,7 @@ pub struct TrainInverse {
     patience: Patience,
     matrix: Option<TtMatrix>,
     inverse: Option<TtMatrix>,
-    operator: Option<FullOperator>,
-    work: ApplyWork,
-    padded: Vec<f64>,
-    image: Vec<f64>,
+    operator: Option<PaddedOperator>,
     figures: BTreeMap<String, f64>,
 }
 
@@ -55,7 +52,8 @@ const DIVERGED: f64 = 1.0;
 /// Nonzeros that are held against the cross's train to measure its error: about this many.
 const PROBES: usize = 20_000;
 
-fn mean_rank(matrix: &TtMatrix) -> f64 {
+/// Mean of the inner ranks r_1, ..., r_{d-1}: the figure of the paper's table 3.
+pub fn mean_rank(matrix: &TtMatrix) -> f64 {
     let ranks = matrix.ranks();
     let inner = &ranks[1..ranks.len() - 1];
     inner.iter().sum::<usize>() as f64 / inner.len().max(1) as f64
@@ -70,9 +68,6 @@ impl TrainInverse {
             matrix: None,
             inverse: None,
             operator: None,
-            work: ApplyWork::default(),
-            padded: Vec::new(),
-            image: Vec::new(),
             figures: BTreeMap::new(),
         }
     }
@@ -150,10 +145,7 @@ impl TrainInverse {
         self.figures.insert("inversion_sweeps".to_string(), report.sweeps as f64);
         self.figures.insert("rank_inverse".to_string(), mean_rank(&x));
 
-        let operator = FullOperator::new(&x)?;
-        self.padded.resize(operator.num_columns(), 0.0);
-        self.image.resize(operator.num_rows(), 0.0);
-        self.operator = Some(operator);
+        self.operator = Some(PaddedOperator::new(&x)?);
         self.matrix = Some(train);
         self.inverse = (!diverged).then_some(x);
         Ok(())
@@ -185,22 +177,13 @@ impl TrainInverse {
 
     /// Floating-point operations of one application.
     pub fn flops(&self) -> f64 {
-        self.operator.as_ref().map_or(0.0, FullOperator::flops)
+        self.operator.as_ref().map_or(0.0, PaddedOperator::flops)
     }
 
-    /// z <- P^T X P r, where P puts the `block` unknowns of unit u at `block * place[u]` of the padded vector. Leaves z
-    /// as it is where nothing was compressed yet.
+    /// z <- P^T X P r; see [`PaddedOperator::apply`]. Leaves z as it is where nothing was compressed yet.
     pub fn apply(&mut self, block: usize, place: &[usize], r: &[f64], z: &mut [f64]) {
-        let Some(operator) = &self.operator else { return };
-        self.padded.fill(0.0);
-        for (r, &p) in r.chunks_exact(block).zip(place) {
-            self.padded[block * p..block * (p + 1)].copy_from_slice(r);
-        }
-        // The sizes were fixed in `refresh`, so the product cannot fail.
-        if operator.apply(&self.padded, &mut self.image, &mut self.work).is_ok() {
-            for (z, &p) in z.chunks_exact_mut(block).zip(place) {
-                z.copy_from_slice(&self.image[block * p..block * (p + 1)]);
-            }
+        if let Some(operator) = &mut self.operator {
+            operator.apply(block, place, r, z);
         }
     }
 }
