@@ -43,7 +43,7 @@ mod step;
 
 use self::iterate::{Direction, Iterate};
 pub use self::step::StepParameters;
-use self::step::{by_barrier, by_residual};
+use self::step::{Step, by_barrier, by_residual};
 use crate::newton::NewtonSolver;
 use crate::newton::driver::NewtonDriver;
 use crate::problem::{Ccp, CcpError};
@@ -55,6 +55,7 @@ use crate::solver::interface::CcpSolver;
 use crate::solver::ipm::scaled::Scaled;
 use crate::solver::report::{SolveReport, Status};
 use crate::solver::settings::SolveSettings;
+use graintrain_linalg::patience::Patience;
 
 /// What [`Pdip`] is tuned by; lengths of steps are in [`StepParameters`].
 #[derive(Clone, Debug)]
@@ -203,6 +204,33 @@ fn offer_starts(
     least.min(residual)
 }
 
+impl Pdip {
+    /// A direction and the step along it, from linear solves that are made finer until there is one.
+    fn step(
+        &mut self,
+        it: &mut Iterate,
+        direction: &mut Direction,
+        barrier: f64,
+        linear_tolerance: &mut f64,
+        patience: &Patience,
+    ) -> Step {
+        let parameters = &self.parameters;
+        loop {
+            it.direction(&mut self.newton, barrier, *linear_tolerance, direction);
+            let step = match self.rule {
+                Rule::Paper => by_residual(it, direction, barrier, &parameters.step),
+                Rule::Central => by_barrier(it, direction, barrier, &parameters.step),
+            };
+            let is_finest = *linear_tolerance <= parameters.linear_finest;
+            if step.taken > 0.0 || is_finest || patience.is_over() {
+                return step;
+            }
+            *linear_tolerance =
+                (*linear_tolerance * parameters.linear_tightening).max(parameters.linear_finest);
+        }
+    }
+}
+
 impl CcpSolver for Pdip {
     fn name(&self) -> String {
         format!("{}+{}", self.rule.name(), self.newton.linear_name())
@@ -265,19 +293,7 @@ impl CcpSolver for Pdip {
             if it.refresh(&mut self.newton, barrier, iterations, residual).is_err() {
                 break Status::Stalled;
             }
-            let step = loop {
-                it.direction(&mut self.newton, barrier, linear_tolerance, &mut direction);
-                let step = match self.rule {
-                    Rule::Paper => by_residual(&it, &direction, barrier, &self.parameters.step),
-                    Rule::Central => by_barrier(&it, &direction, barrier, &self.parameters.step),
-                };
-                if step.taken > 0.0 || linear_tolerance <= self.parameters.linear_finest || patience.is_over()
-                {
-                    break step;
-                }
-                linear_tolerance =
-                    (linear_tolerance * self.parameters.linear_tightening).max(self.parameters.linear_finest);
-            };
+            let step = self.step(&mut it, &mut direction, barrier, &mut linear_tolerance, &patience);
             let decrement = direction.decrease / (barrier * it.num_contacts() as f64);
             self.newton.end_iteration_with(
                 step.taken,
