@@ -7,7 +7,7 @@
 
 use super::{Best, SolveStatus, measured_residual};
 use crate::scale::share_power;
-use crate::{Measured, Truncation, TtError, TtMatrix, TtVector};
+use crate::{Measured, Stop, Truncation, TtError, TtMatrix, TtVector};
 use graintrain_linalg::dense::Matrix;
 use serde::{Deserialize, Serialize};
 
@@ -93,6 +93,21 @@ pub fn gmres(
     preconditioner: Option<&TtMatrix>,
     settings: &GmresSettings,
 ) -> Result<(TtVector, GmresReport), TtError> {
+    gmres_within(a, y, start, preconditioner, settings, &|| false)
+}
+
+/// As [`gmres`], as long as `stop` is false: it is asked before every product with A.
+///
+/// # Errors
+/// As for [`gmres`], and [`TtError::Stopped`].
+pub fn gmres_within(
+    a: &TtMatrix,
+    y: &TtVector,
+    start: Option<&TtVector>,
+    preconditioner: Option<&TtMatrix>,
+    settings: &GmresSettings,
+    stop: Stop<'_>,
+) -> Result<(TtVector, GmresReport), TtError> {
     a.check_square()?;
     Truncation::capped(settings.tolerance, settings.max_rank).check()?;
     for (what, value) in [("restart", settings.restart), ("max_iterations", settings.max_iterations)] {
@@ -122,7 +137,8 @@ pub fn gmres(
     best.offer(x.clone())?;
     best.offer_zero();
     x.clone_from(&best.x);
-    let mut state = Krylov { a, preconditioner, settings, iterations: 0, largest_rank: 1, capped: false };
+    let mut state =
+        Krylov { a, preconditioner, settings, stop, iterations: 0, largest_rank: 1, capped: false };
     let mut history = vec![best.residual];
     let mut status = SolveStatus::SweepLimit;
     let size = y.norm();
@@ -193,6 +209,7 @@ struct Krylov<'a> {
     a: &'a TtMatrix,
     preconditioner: Option<&'a TtMatrix>,
     settings: &'a GmresSettings,
+    stop: Stop<'a>,
     iterations: usize,
     largest_rank: usize,
     capped: bool,
@@ -216,6 +233,7 @@ impl Krylov<'_> {
         let mut directions = Vec::with_capacity(steps);
         let mut small = SmallProblem::new(steps);
         for k in 0..steps {
+            crate::go_on(self.stop)?;
             let relaxed = (STEP_SHARE * goal / small.residual()).min(COARSEST);
             let truncation = Truncation::capped(relaxed, self.settings.max_rank);
             let direction = match self.preconditioner {
