@@ -156,7 +156,7 @@ def test_matrices_are_made_and_read(tmp_path):
     a.save(tmp_path / "a.tt")
     a.save_hdf5(tmp_path / "a.h5")
     for other in (TrainMatrix.load(tmp_path / "a.tt"), TrainMatrix.load_hdf5(tmp_path / "a.h5")):
-        assert other.relative_distance(a) == 0.0
+        np.testing.assert_array_equal(dense(other), dense(a))
     b = TrainMatrix.random([2] * 4, [2] * 4, 3)
     full = dense(b)
     np.testing.assert_allclose(flat(b.diagonal()), np.diag(full))
@@ -551,7 +551,7 @@ def test_other_threads_run_meanwhile():
     done = threading.Event()
     thread = threading.Thread(target=count)
     thread.start()
-    tt.lowest_eigenpairs(qtt.kronecker_sum([qtt.laplacian(7)] * 3, "Morton"), 2, max_sweeps=8)
+    tt.lowest_eigenpairs(qtt.kronecker_sum([qtt.laplacian(5)] * 2), 3)
     done.set()
     thread.join()
     assert ticks > 10

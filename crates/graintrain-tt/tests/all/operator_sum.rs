@@ -87,15 +87,14 @@ fn chains_of_known_energy() {
 #[test]
 fn sums_over_all_pairs_have_the_smallest_ranks() {
     let (z, number) = (named(LocalOperator::Sz, 2), named(LocalOperator::Number, 2));
-    let sites = 10;
+    let sites = 8;
     let pairs = || (0..sites).flat_map(|i| (0..i).map(move |j| (j, i)));
     // Exponential couplings need one state more than a field, any couplings as many as the shorter side has sites.
     let exponential = |i: usize, j: usize| 0.7f64.powi((j - i) as i32);
     let any = |i: usize, j: usize| ((17 * i * i * j + 31 * j * j) as f64).sin();
-    for (coupling, expected) in [
-        (&exponential as &dyn Fn(usize, usize) -> f64, [2, 3, 3, 3, 3, 3, 3, 3, 2]),
-        (&any, [2, 4, 5, 6, 7, 6, 5, 4, 2]),
-    ] {
+    for (coupling, expected) in
+        [(&exponential as &dyn Fn(usize, usize) -> f64, [2, 3, 3, 3, 3, 3, 2]), (&any, [2, 4, 5, 6, 5, 4, 2])]
+    {
         let mut sum = OperatorSum::new(&vec![2; sites]).unwrap();
         let mut full = Matrix::zeros(1 << sites, 1 << sites);
         for (i, j) in pairs() {
