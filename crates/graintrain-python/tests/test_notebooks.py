@@ -8,7 +8,7 @@ import time
 from pathlib import Path
 
 import pytest
-from notebook import printed, stored
+from run_notebook import printed, stored
 
 EXAMPLES = Path(os.environ.get("GRAINTRAIN_EXAMPLES", Path(__file__).parent.parent / "examples"))
 NOTEBOOKS = sorted(EXAMPLES.glob("*.ipynb"))

@@ -298,7 +298,8 @@ def test_complex_trains():
     assert report["status"] == "Converged"
     np.testing.assert_allclose(solution.to_numpy().ravel(order="F"), np.linalg.solve(numbers, np.ones(16)), rtol=1e-6)
     np.testing.assert_allclose((matrix @ x).to_numpy().ravel(order="F"), numbers @ full.ravel(order="F"), atol=1e-11)
-    product = (matrix.adjoint() @ matrix).times_vector(x).to_numpy().ravel(order="F")
+    assert (matrix @ matrix).as_parts().relative_distance(matrix.times_matrix(matrix).as_parts()) < 1e-12
+    product = matrix.adjoint().times_matrix(matrix).times_vector(x).to_numpy().ravel(order="F")
     np.testing.assert_allclose(product, numbers.conj().T @ numbers @ full.ravel(order="F"), atol=1e-10)
     assert matrix.as_parts().num_rows == 32
 
@@ -481,7 +482,10 @@ def test_integrals_of_functions_of_three_variables():
         (lambda: qtt.laplacian(4).solve(qtt.ramp(5)), ValueError, "modes of a right-hand side"),
         (lambda: tt.inverse(qtt.laplacian(4), "Best"), ValueError, "form: unknown variant"),
         (lambda: tt.inverse(qtt.laplacian(4) * 0.0), ValueError, "norm of a matrix to invert"),
-        (lambda: tt.gmres(qtt.laplacian(4), qtt.ramp(4), restart=0), ValueError, "restart must be at least 1"),
+        (lambda: tt.gmres(qtt.laplacian(4), qtt.ramp(4), restart=0), ValueError, "restart must be in"),
+        (lambda: tt.gmres(qtt.laplacian(4), qtt.ramp(4), restart=10**15), ValueError, "restart must be in"),
+        (lambda: tt.lowest_eigenpairs(qtt.laplacian(30), 10**12), ValueError, "number of eigenpairs"),
+        (lambda: tt.evolve(qtt.laplacian(4), qtt.ramp(4) * 0.0, 1.0, steps=10**15), ValueError, "steps must be in"),
         (lambda: tt.lowest_eigenpairs(qtt.shift(4)), ValueError, "at most 1e-10"),
         (lambda: tt.evolve(qtt.laplacian(4), qtt.ramp(4), np.inf), ValueError, "time must be finite"),
         (lambda: tt.evolve(qtt.laplacian(4), qtt.ramp(4), 1.0, steps=0), ValueError, "steps"),

@@ -23,6 +23,8 @@ use crate::{Stop, Truncation, TtError, TtMatrix, TtVector};
 use graintrain_linalg::dense::{Matrix, Svd, View, product, symmetric_eigen, thin_qr, thin_svd};
 use serde::{Deserialize, Serialize};
 
+/// Vectors at most: a block carries all of them in one core.
+const MOST_VECTORS: usize = 4096;
 /// Directions per bond that a sweep adds: random ones in the first sweeps of DMRG, residuals in all but the last of AMEn.
 const KICK: usize = 4;
 /// Sweeps of DMRG that get random directions (even).
@@ -122,6 +124,13 @@ pub fn lowest_eigenpairs_within(
     let count = if size < count as f64 { size as usize } else { count };
     if count == 0 {
         return Ok(Vec::new());
+    }
+    if count > MOST_VECTORS {
+        return Err(TtError::Setting {
+            what: "number of eigenpairs",
+            need: "at most 4096",
+            got: count as f64,
+        });
     }
     if a.as_vector().balanced()?.is_none() {
         return of_zero(a, count, settings);

@@ -38,6 +38,8 @@ const GROWTH_TOLERANCE: f64 = 1e-4;
 const GROWTH_RANK: usize = 30;
 /// What is laid upon the splitting found: orders are not settled in few steps.
 const SAFETY: f64 = 2.0;
+/// Steps at most: the report has a rank for each.
+const MOST_STEPS: usize = 1 << 24;
 /// Orders of the splitting in the length of the steps that are believed, and the one where it is not known.
 const ORDERS: (f64, f64) = (0.3, 2.0);
 const UNKNOWN_ORDER: f64 = 0.5;
@@ -162,8 +164,9 @@ pub fn evolve_within(
     a.check_square()?;
     a.check_columns(x)?;
     Truncation::capped(settings.tolerance, settings.max_rank).check()?;
-    if settings.steps == 0 {
-        return Err(TtError::Setting { what: "steps", need: "at least 1", got: 0.0 });
+    if !(1..=MOST_STEPS).contains(&settings.steps) {
+        let got = settings.steps as f64;
+        return Err(TtError::Setting { what: "steps", need: "in 1..=2^24", got });
     }
     if !time.is_finite() {
         return Err(TtError::Setting { what: "time", need: "finite", got: time });

@@ -11,6 +11,8 @@ use crate::{Measured, Stop, Truncation, TtError, TtMatrix, TtVector};
 use graintrain_linalg::dense::Matrix;
 use serde::{Deserialize, Serialize};
 
+/// Vectors of a cycle at most: their small least-squares problem is a full matrix.
+const LONGEST_CYCLE: usize = 4096;
 /// Part of the tolerance that the roundings of one step may make.
 const STEP_SHARE: f64 = 0.1;
 /// No vector is rounded more coarsely than this.
@@ -110,10 +112,12 @@ pub fn gmres_within(
 ) -> Result<(TtVector, GmresReport), TtError> {
     a.check_square()?;
     Truncation::capped(settings.tolerance, settings.max_rank).check()?;
-    for (what, value) in [("restart", settings.restart), ("max_iterations", settings.max_iterations)] {
-        if value == 0 {
-            return Err(TtError::Setting { what, need: "at least 1", got: 0.0 });
-        }
+    if !(1..=LONGEST_CYCLE).contains(&settings.restart) {
+        let got = settings.restart as f64;
+        return Err(TtError::Setting { what: "restart", need: "in 1..=4096", got });
+    }
+    if settings.max_iterations == 0 {
+        return Err(TtError::Setting { what: "max_iterations", need: "at least 1", got: 0.0 });
     }
     a.check_columns(y)?;
     if let Some(preconditioner) = preconditioner {

@@ -1,6 +1,6 @@
 """Notebooks without Jupyter: the code cells of a file, run in order in one namespace.
 
-    python notebook.py NOTEBOOK...     runs them and stores what they print
+    python run_notebook.py NOTEBOOK...     runs them and stores what they print
 """
 
 from __future__ import annotations
