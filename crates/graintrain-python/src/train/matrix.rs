@@ -1,8 +1,8 @@
 //! Matrices as trains.
 
 use super::{
-    TrainVector, array, column_major, core_array, cores_of, detached, maybe_with_report, ranges, truncation,
-    with_report,
+    Cores, TrainVector, array, column_major, core_array, cores_of, detached, maybe_with_report, ranges,
+    truncation, with_report,
 };
 use crate::arrays::{indices, numbers, owned, shaped};
 use crate::error::OrRaise;
@@ -249,11 +249,10 @@ impl TrainMatrix {
     }
 
     /// Pickles by the cores.
-    #[allow(clippy::type_complexity)]
     fn __reduce__<'py>(
         &self,
         py: Python<'py>,
-    ) -> PyResult<(Bound<'py, PyAny>, (Vec<Bound<'py, PyAny>>, Vec<usize>, Vec<usize>))> {
+    ) -> PyResult<(Bound<'py, PyAny>, (Cores<'py>, Vec<usize>, Vec<usize>))> {
         Ok((py.get_type::<Self>().getattr("from_cores")?, (self.cores(py)?, self.rows(), self.columns())))
     }
 

@@ -80,6 +80,9 @@ fn index_rows<'py>(py: Python<'py>, indices: &[usize], width: usize) -> PyResult
     Ok(owned(py, rows, &shape)?.into_any())
 }
 
+/// Cores as arrays.
+type Cores<'py> = Vec<Bound<'py, PyAny>>;
+
 /// The core as an array (left rank, mode, right rank).
 fn core_array<'py>(py: Python<'py>, core: &Core) -> PyResult<Bound<'py, PyAny>> {
     array(py, core.data().to_vec(), &[core.left(), core.mode(), core.right()])

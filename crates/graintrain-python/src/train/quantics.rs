@@ -147,8 +147,8 @@ impl Grid {
     }
 
     /// From all values on the grid, an array with one dimension per axis, within a relative error, and a report.
-    #[pyo3(signature = (array, tolerance=1e-10, *, max_rank=None))]
-    fn from_numpy<'py>(
+    #[pyo3(name = "from_numpy", signature = (array, tolerance=1e-10, *, max_rank=None))]
+    fn compressed<'py>(
         &self,
         array: &Bound<'py, PyAny>,
         tolerance: f64,

@@ -1,8 +1,8 @@
 //! Tensors as trains.
 
 use super::{
-    array, column_major, core_array, cores_of, detached, index_rows, maybe_with_report, settings, stoppable,
-    truncation, value_and_floor, with_report,
+    Cores, array, column_major, core_array, cores_of, detached, index_rows, maybe_with_report, settings,
+    stoppable, truncation, value_and_floor, with_report,
 };
 use crate::arrays::{indices, numbers, owned, shaped};
 use crate::error::OrRaise;
@@ -173,7 +173,7 @@ impl TrainVector {
     }
 
     /// Pickles by the cores.
-    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, (Vec<Bound<'py, PyAny>>,))> {
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, (Cores<'py>,))> {
         Ok((py.get_type::<Self>().getattr("from_cores")?, (self.cores(py)?,)))
     }
 
