@@ -25,6 +25,9 @@ impl From<TtMatrix> for TrainMatrix {
     }
 }
 
+/// Cores, row digits, column digits.
+type Parts<'py> = (Cores<'py>, Vec<usize>, Vec<usize>);
+
 /// Binary digits of a size.
 fn binary(what: &str, size: usize) -> PyResult<Vec<usize>> {
     if size.is_power_of_two() && size > 1 {
@@ -249,10 +252,7 @@ impl TrainMatrix {
     }
 
     /// Pickles by the cores.
-    fn __reduce__<'py>(
-        &self,
-        py: Python<'py>,
-    ) -> PyResult<(Bound<'py, PyAny>, (Cores<'py>, Vec<usize>, Vec<usize>))> {
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Parts<'py>)> {
         Ok((py.get_type::<Self>().getattr("from_cores")?, (self.cores(py)?, self.rows(), self.columns())))
     }
 
