@@ -13,7 +13,7 @@
 
 use graintrain::math::{Mat3, Quat, Vec3};
 use numpy::ndarray::{ArrayView, IxDyn, ShapeBuilder, StrideShape};
-use numpy::{Element, PyArray, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn};
+use numpy::{Complex64, Element, PyArray, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn};
 use pyo3::exceptions::{PyBufferError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use std::sync::Arc;
@@ -146,15 +146,24 @@ pub fn owned<'py, T: Element>(
 
 /// Numbers of an array-like of any shape, in C order, with the shape. `what` names them in messages.
 pub fn numbers(what: &str, object: &Bound<'_, PyAny>) -> PyResult<(Vec<f64>, Vec<usize>)> {
+    numbers_of(what, object, "float64")
+}
+
+/// Numbers of the type that NumPy calls `dtype`.
+fn numbers_of<T: Element + Copy>(
+    what: &str,
+    object: &Bound<'_, PyAny>,
+    dtype: &str,
+) -> PyResult<(Vec<T>, Vec<usize>)> {
     let py = object.py();
     let numpy = py.import("numpy")?;
     let wrong = |error: PyErr| {
-        PyTypeError::new_err(format!("{what}: expected numbers (float64), {}", error.value(py)))
+        PyTypeError::new_err(format!("{what}: expected numbers ({dtype}), {}", error.value(py)))
     };
-    let array = numpy.call_method1("ascontiguousarray", (object, "float64")).map_err(wrong)?;
+    let array = numpy.call_method1("ascontiguousarray", (object, dtype)).map_err(wrong)?;
     // A scalar becomes an array of one number there; its shape is to be that of the scalar.
     let shape: Vec<usize> = numpy.call_method1("shape", (object,))?.extract()?;
-    let array: PyReadonlyArrayDyn<'_, f64> = array.extract()?;
+    let array: PyReadonlyArrayDyn<'_, T> = array.extract()?;
     Ok((array.as_slice().map_err(|error| PyValueError::new_err(error.to_string()))?.to_vec(), shape))
 }
 
@@ -169,10 +178,7 @@ pub fn shaped(what: &str, object: &Bound<'_, PyAny>, shape: &[Option<usize>]) ->
     let side = |wanted: &Option<usize>| wanted.map_or("n".to_string(), |n| n.to_string());
     let comma = if shape.len() == 1 { "," } else { "" };
     let wanted = shape.iter().map(side).collect::<Vec<_>>().join(", ");
-    let found = match found.as_slice() {
-        [only] => format!("({only},)"),
-        found => format!("({})", found.iter().map(usize::to_string).collect::<Vec<_>>().join(", ")),
-    };
+    let found = tuple(&found);
     Err(PyValueError::new_err(format!("{what} has the shape {found}, expected ({wanted}{comma})")))
 }
 
@@ -204,4 +210,45 @@ pub fn no_rotation(what: &str, q: Quat) -> PyErr {
 pub fn vectors(what: &str, object: &Bound<'_, PyAny>) -> PyResult<Vec<Vec3>> {
     let numbers = shaped(what, object, &[None, Some(3)])?;
     Ok(numbers.chunks_exact(3).map(Vec3::from_slice).collect())
+}
+
+/// Complex numbers of an array-like of any shape, in C order, with the shape.
+pub fn complex_numbers(what: &str, object: &Bound<'_, PyAny>) -> PyResult<(Vec<Complex64>, Vec<usize>)> {
+    numbers_of(what, object, "complex128")
+}
+
+/// Rows of `width` numbers of an array-like of integers that are not negative, one row after the other.
+pub fn indices(what: &str, object: &Bound<'_, PyAny>, width: usize) -> PyResult<Vec<usize>> {
+    let numpy = object.py().import("numpy")?;
+    let array = numpy.call_method1("asarray", (object,))?;
+    let kind: String = array.getattr("dtype")?.getattr("kind")?.extract()?;
+    let shape: Vec<usize> = array.getattr("shape")?.extract()?;
+    let empty = shape.contains(&0);
+    if !(kind == "i" || kind == "u" || empty) {
+        return Err(PyTypeError::new_err(format!(
+            "{what}: expected integers, got an array of kind '{kind}'"
+        )));
+    }
+    if shape.len() != 2 || shape[1] != width {
+        return Err(PyValueError::new_err(format!(
+            "{what} has the shape {}, expected (n, {width})",
+            tuple(&shape)
+        )));
+    }
+    let array = numpy.call_method1("ascontiguousarray", (array, "int64"))?;
+    let array: PyReadonlyArrayDyn<'_, i64> = array.extract()?;
+    let numbers = array.as_slice().map_err(|error| PyValueError::new_err(error.to_string()))?;
+    let digit = |&number: &i64| {
+        usize::try_from(number)
+            .map_err(|_| PyValueError::new_err(format!("{what} has the index {number}, expected at least 0")))
+    };
+    numbers.iter().map(digit).collect()
+}
+
+/// A shape as Python writes it.
+fn tuple(shape: &[usize]) -> String {
+    match shape {
+        [only] => format!("({only},)"),
+        shape => format!("({})", shape.iter().map(usize::to_string).collect::<Vec<_>>().join(", ")),
+    }
 }

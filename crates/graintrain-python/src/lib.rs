@@ -68,12 +68,74 @@ fn _graintrain(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<gradient::StepGradient>()?;
     module.add_class::<picture::Picture>()?;
     module.add_class::<problem::Problem>()?;
-    module.add_class::<train::TrainVector>()?;
-    module.add_class::<train::TrainMatrix>()?;
     module.add_function(wrap_pyfunction!(picture::replay, module)?)?;
     module.add_function(wrap_pyfunction!(problem::solvers, module)?)?;
-    module.add_function(wrap_pyfunction!(train::cross, module)?)?;
+    add_trains(module)?;
     module.add_class::<report::StepReport>()?;
     module.add_class::<report::SolveReport>()?;
+    Ok(())
+}
+
+/// Tensor trains.
+fn add_trains(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add_class::<train::TrainVector>()?;
+    module.add_class::<train::TrainMatrix>()?;
+    module.add_class::<train::ComplexVector>()?;
+    module.add_class::<train::ComplexMatrix>()?;
+    module.add_class::<train::sparse::QuadtreeMatrix>()?;
+    module.add_class::<train::sparse::SymmetricTrain>()?;
+    module.add_class::<train::sparse::Sketch>()?;
+    module.add_class::<train::sparse::FullOperator>()?;
+    module.add_class::<train::quantics::Grid>()?;
+    module.add_class::<train::quantics::GridFunction>()?;
+    module.add_class::<train::operator_sum::OperatorSum>()?;
+    module.add_function(wrap_pyfunction!(train::cross::cross, module)?)?;
+    module.add_function(wrap_pyfunction!(train::cross::cross_sparse, module)?)?;
+    module.add_function(wrap_pyfunction!(train::cross::sub_grid, module)?)?;
+    module.add_function(wrap_pyfunction!(train::cross::ends_of_modes, module)?)?;
+    module.add_function(wrap_pyfunction!(train::cross::map, module)?)?;
+    module.add_function(wrap_pyfunction!(train::cross::fit, module)?)?;
+    module.add_function(wrap_pyfunction!(train::solve::solve_matrix, module)?)?;
+    module.add_function(wrap_pyfunction!(train::solve::gmres, module)?)?;
+    module.add_function(wrap_pyfunction!(train::solve::measured_residual, module)?)?;
+    module.add_function(wrap_pyfunction!(train::solve::inverse, module)?)?;
+    module.add_function(wrap_pyfunction!(train::solve::inverse_residual, module)?)?;
+    module.add_function(wrap_pyfunction!(train::solve::newton_schulz, module)?)?;
+    module.add_function(wrap_pyfunction!(train::solve::lowest_eigenpairs, module)?)?;
+    module.add_function(wrap_pyfunction!(train::solve::evolve, module)?)?;
+    module.add_function(wrap_pyfunction!(train::fourier::fourier, module)?)?;
+    module.add_function(wrap_pyfunction!(train::fourier::convolution, module)?)?;
+    module.add_function(wrap_pyfunction!(train::fourier::maxvol, module)?)?;
+    module.add_function(wrap_pyfunction!(train::fourier::read_sdv, module)?)?;
+    module.add_function(wrap_pyfunction!(train::fourier::write_sdv, module)?)?;
+    module.add_function(wrap_pyfunction!(train::fourier::read_mat, module)?)?;
+    module.add_function(wrap_pyfunction!(train::operator_sum::local_operator, module)?)?;
+    add_quantized(module)
+}
+
+/// Quantized trains with known ranks.
+fn add_quantized(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    use train::qtt;
+    module.add_function(wrap_pyfunction!(qtt::tridiagonal, module)?)?;
+    module.add_function(wrap_pyfunction!(qtt::laplacian, module)?)?;
+    module.add_function(wrap_pyfunction!(qtt::laplacian_with, module)?)?;
+    module.add_function(wrap_pyfunction!(qtt::shift, module)?)?;
+    module.add_function(wrap_pyfunction!(qtt::periodic_shift, module)?)?;
+    module.add_function(wrap_pyfunction!(qtt::cumulative_sum, module)?)?;
+    module.add_function(wrap_pyfunction!(qtt::hilbert_matrix, module)?)?;
+    module.add_function(wrap_pyfunction!(qtt::circulant, module)?)?;
+    module.add_function(wrap_pyfunction!(qtt::toeplitz, module)?)?;
+    module.add_function(wrap_pyfunction!(qtt::interleave, module)?)?;
+    module.add_function(wrap_pyfunction!(qtt::kronecker_sum, module)?)?;
+    module.add_function(wrap_pyfunction!(qtt::exponential, module)?)?;
+    module.add_function(wrap_pyfunction!(qtt::sine, module)?)?;
+    module.add_function(wrap_pyfunction!(qtt::polynomial, module)?)?;
+    module.add_function(wrap_pyfunction!(qtt::ramp, module)?)?;
+    module.add_function(wrap_pyfunction!(qtt::step, module)?)?;
+    module.add_function(wrap_pyfunction!(qtt::hilbert, module)?)?;
+    module.add_function(wrap_pyfunction!(qtt::digits, module)?)?;
+    module.add_function(wrap_pyfunction!(qtt::index, module)?)?;
+    module.add_function(wrap_pyfunction!(qtt::morton, module)?)?;
+    module.add_function(wrap_pyfunction!(qtt::morton_coordinates, module)?)?;
     Ok(())
 }

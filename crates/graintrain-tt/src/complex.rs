@@ -5,9 +5,9 @@
 //! complex numbers is here: products, conjugates, inner products, matrices ([Re A, -Im A; Im A, Re A]), the Fourier transform.
 
 use crate::fourier::{Direction, fourier};
-use crate::solve::{SolveReport, SolveSettings, solve};
+use crate::solve::{SolveReport, SolveSettings, solve_within};
 use crate::vector::Core;
-use crate::{Truncation, TruncationReport, TtError, TtMatrix, TtVector};
+use crate::{Stop, Truncation, TruncationReport, TtError, TtMatrix, TtVector};
 use num_complex::Complex64;
 use serde::{Deserialize, Serialize};
 
@@ -316,16 +316,29 @@ impl ComplexMatrix {
         Self { matrix: self.matrix.transpose() }
     }
 
-    /// Solves A x = y; see [`solve`]. (The real matrix of a Hermitian one is symmetric.)
+    /// Solves A x = y; see [`solve`](crate::solve::solve). (The real matrix of a Hermitian one is symmetric.)
     ///
     /// # Errors
-    /// As for [`solve`].
+    /// As for [`solve`](crate::solve::solve).
     pub fn solve(
         &self,
         y: &ComplexVector,
         settings: &SolveSettings,
     ) -> Result<(ComplexVector, SolveReport), TtError> {
-        let (train, report) = solve(&self.matrix, &y.train, None, settings)?;
+        self.solve_within(y, settings, &|| false)
+    }
+
+    /// As [`ComplexMatrix::solve`], as long as `stop` is false: it is asked at every site.
+    ///
+    /// # Errors
+    /// As for [`ComplexMatrix::solve`], and [`TtError::Stopped`].
+    pub fn solve_within(
+        &self,
+        y: &ComplexVector,
+        settings: &SolveSettings,
+        stop: Stop<'_>,
+    ) -> Result<(ComplexVector, SolveReport), TtError> {
+        let (train, report) = solve_within(&self.matrix, &y.train, None, settings, stop)?;
         Ok((ComplexVector { train }, report))
     }
 }

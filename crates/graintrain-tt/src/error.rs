@@ -46,6 +46,14 @@ pub enum TtError {
         /// What the source gave.
         value: f64,
     },
+    /// An axis of a grid has no meaning, or there is none of that name.
+    #[error("axis {name:?}: {what}")]
+    Axis {
+        /// The name.
+        name: String,
+        /// What is wrong and what was expected.
+        what: String,
+    },
     /// A full tensor would not fit in memory or in an index.
     #[error("a full tensor with {entries:.3e} entries does not fit; keep it as a train")]
     TooLarge {

@@ -13,7 +13,7 @@ use crate::confidence::farthest_mean;
 use crate::error::at_core;
 use crate::random::Random;
 use crate::vector::{Core, check_index};
-use crate::{Truncation, TtError, TtVector};
+use crate::{Stop, Truncation, TtError, TtVector};
 use graintrain_linalg::dense::{Cholesky, Matrix, ViewMut};
 use graintrain_linalg::triangles::gram;
 use serde::{Deserialize, Serialize};
@@ -147,6 +147,20 @@ pub fn fit(
     values: &[f64],
     settings: &FitSettings,
 ) -> Result<(TtVector, FitReport), TtError> {
+    fit_within(modes, indices, values, settings, &|| false)
+}
+
+/// As [`fit`], as long as `stop` is false: it is asked before every sweep.
+///
+/// # Errors
+/// As for [`fit`], and [`TtError::Stopped`].
+pub fn fit_within(
+    modes: &[usize],
+    indices: &[usize],
+    values: &[f64],
+    settings: &FitSettings,
+    stop: Stop<'_>,
+) -> Result<(TtVector, FitReport), TtError> {
     Truncation::capped(settings.tolerance, settings.max_rank).check()?;
     if !(settings.held_out > 0.0 && settings.held_out <= 0.4) {
         return Err(TtError::Setting { what: "held_out", need: "in (0, 0.4]", got: settings.held_out });
@@ -176,6 +190,7 @@ pub fn fit(
         training: &sets[0],
         validation: &sets[1],
         settings,
+        stop,
         random: Random::new(settings.seed),
         best: (f64::INFINITY, TtVector::constant(modes, 0.0)?),
         history: Vec::new(),
@@ -219,6 +234,7 @@ struct Growth<'a> {
     training: &'a Points,
     validation: &'a Points,
     settings: &'a FitSettings,
+    stop: Stop<'a>,
     random: Random,
     best: (f64, TtVector),
     history: Vec<f64>,
@@ -227,14 +243,14 @@ struct Growth<'a> {
 impl Growth<'_> {
     /// Sweeps x, then lets its ranks grow, until the validation points are met or are met no better.
     fn from(&mut self, mut x: TtVector, first: usize) -> Result<(), TtError> {
-        let Self { training, validation, settings, .. } = *self;
+        let Self { training, validation, settings, stop, .. } = *self;
         let (mut least, mut since) = (f64::INFINITY, 0);
         for rank in first..=settings.max_rank {
             if rank > first {
                 let longer = x.add(&self.direction(&x)?)?;
                 x = longer.round(&Truncation::to(1e-12))?.0;
             }
-            x = swept(x, training, settings)?;
+            x = swept(x, training, settings, stop)?;
             let error = validation.error(&x)?;
             self.history.push(error);
             if error < self.best.0 {
@@ -253,7 +269,7 @@ impl Growth<'_> {
     fn shorten(&mut self) -> Result<(), TtError> {
         while self.best.1.max_rank() > 1 {
             let truncation = Truncation::capped(0.0, self.best.1.max_rank() - 1);
-            let x = swept(self.best.1.round(&truncation)?.0, self.training, self.settings)?;
+            let x = swept(self.best.1.round(&truncation)?.0, self.training, self.settings, self.stop)?;
             let error = self.validation.error(&x)?;
             if error > self.best.0.max(TARGET * self.settings.tolerance) {
                 break;
@@ -276,7 +292,7 @@ impl Growth<'_> {
                 let size = SHAKES.1 * (squares(&core.data) / core.data.len() as f64).sqrt();
                 core.data.iter_mut().for_each(|entry| *entry += size * self.random.normal());
             }
-            largest = largest.max(swept(shaken, &all, self.settings)?.relative_distance(&x)?);
+            largest = largest.max(swept(shaken, &all, self.settings, self.stop)?.relative_distance(&x)?);
         }
         Ok(largest)
     }
@@ -339,9 +355,15 @@ fn partition(d: usize, indices: &[usize], values: &[f64], unit: f64, settings: &
 }
 
 /// Sweeps until they gain little.
-fn swept(mut x: TtVector, points: &Points, settings: &FitSettings) -> Result<TtVector, TtError> {
+fn swept(
+    mut x: TtVector,
+    points: &Points,
+    settings: &FitSettings,
+    stop: Stop<'_>,
+) -> Result<TtVector, TtError> {
     let mut errors = Vec::new();
     for _ in 0..settings.max_sweeps {
+        crate::go_on(stop)?;
         x = sweep(&x, points);
         let error = points.error(&x)?;
         let before = errors.len().checked_sub(WINDOW).map_or(f64::INFINITY, |k| errors[k]);

@@ -4,9 +4,9 @@
 //! What cross reports is an error at points. A reciprocal and a root can do better: x y = 1 and y y = x are equations between trains, so their residual is
 //! a norm over ALL entries, from triangles, with its rounding floor.
 
-use crate::cross::{CrossReport, CrossSettings, EntrySource, cross};
-use crate::solve::{SolveReport, SolveSettings, SolveStatus, solve};
-use crate::{Measured, Truncation, TtError, TtMatrix, TtVector};
+use crate::cross::{CrossReport, CrossSettings, EntrySource, cross_within};
+use crate::solve::{SolveReport, SolveSettings, SolveStatus, solve_within};
+use crate::{Measured, Stop, Truncation, TtError, TtMatrix, TtVector};
 use serde::{Deserialize, Serialize};
 
 /// Newton steps of a root at most: each squares the error.
@@ -74,11 +74,24 @@ impl TtVector {
         function: impl Fn(&[f64]) -> f64 + Sync,
         settings: &CrossSettings,
     ) -> Result<(Self, CrossReport), TtError> {
+        Self::map_within(trains, function, settings, &|| false)
+    }
+
+    /// As [`TtVector::map`], as long as `stop` is false: it is asked at every site.
+    ///
+    /// # Errors
+    /// As for [`TtVector::map`], and [`TtError::Stopped`].
+    pub fn map_within(
+        trains: &[&Self],
+        function: impl Fn(&[f64]) -> f64 + Sync,
+        settings: &CrossSettings,
+        stop: Stop<'_>,
+    ) -> Result<(Self, CrossReport), TtError> {
         let Some(first) = trains.first() else {
             return Err(TtError::Shape { what: "trains of a function", expected: vec![1], got: vec![0] });
         };
         trains.iter().try_for_each(|train| first.check_same_modes(train))?;
-        cross(&Composed { trains, function }, None, &[], settings)
+        cross_within(&Composed { trains, function }, None, &[], settings, stop)
     }
 
     /// y with x y = 1 entry by entry, by AMEn on diag(x) y = 1. The report's residual is ||x y - 1|| / ||1|| over all entries, from the trains, so
@@ -96,8 +109,20 @@ impl TtVector {
     /// # Ok::<(), graintrain_tt::TtError>(())
     /// ```
     pub fn reciprocal(&self, settings: &SolveSettings) -> Result<(Self, SolveReport), TtError> {
+        self.reciprocal_within(settings, &|| false)
+    }
+
+    /// As [`TtVector::reciprocal`], as long as `stop` is false: it is asked at every site.
+    ///
+    /// # Errors
+    /// As for [`TtVector::reciprocal`], and [`TtError::Stopped`].
+    pub fn reciprocal_within(
+        &self,
+        settings: &SolveSettings,
+        stop: Stop<'_>,
+    ) -> Result<(Self, SolveReport), TtError> {
         let one = Self::constant(&self.modes(), 1.0)?;
-        solve(&TtMatrix::from_diagonal(self), &one, None, settings)
+        solve_within(&TtMatrix::from_diagonal(self), &one, None, settings, stop)
     }
 
     /// y >= 0 with y y = x entry by entry, for x >= 0: by cross, then by Newton's iteration diag(2 y) h = x - y y until the residual over ALL entries meets
@@ -116,7 +141,19 @@ impl TtVector {
     /// # Ok::<(), graintrain_tt::TtError>(())
     /// ```
     pub fn square_root(&self, settings: &CrossSettings) -> Result<(Self, RootReport), TtError> {
-        let (mut y, cross) = Self::map(&[self], |x| x[0].sqrt(), settings)?;
+        self.square_root_within(settings, &|| false)
+    }
+
+    /// As [`TtVector::square_root`], as long as `stop` is false: it is asked at every site.
+    ///
+    /// # Errors
+    /// As for [`TtVector::square_root`], and [`TtError::Stopped`].
+    pub fn square_root_within(
+        &self,
+        settings: &CrossSettings,
+        stop: Stop<'_>,
+    ) -> Result<(Self, RootReport), TtError> {
+        let (mut y, cross) = Self::map_within(&[self], |x| x[0].sqrt(), settings, stop)?;
         let mut measured = self.square_residual(&y)?;
         let mut newton_steps = 0;
         while measured.value > settings.tolerance && newton_steps < NEWTON_STEPS {
@@ -125,7 +162,8 @@ impl TtVector {
             let (rest, _) = Self::sum_rounded(&[(1.0, self), (-1.0, &square)], &Truncation::to(1e-2))?;
             let inner =
                 SolveSettings { tolerance: 1e-2, max_rank: settings.max_rank, ..SolveSettings::default() };
-            let (step, report) = solve(&TtMatrix::from_diagonal(&y.scale(2.0)), &rest, None, &inner)?;
+            let (step, report) =
+                solve_within(&TtMatrix::from_diagonal(&y.scale(2.0)), &rest, None, &inner, stop)?;
             if report.status != SolveStatus::Converged {
                 break;
             }

@@ -16,7 +16,8 @@
 //! [`newton_schulz`] is a second opinion: X <- 2 X - X A X with rounding.
 
 use crate::solve::{
-    MOST_TIGHTENING, SolveReport, SolveSettings, SolveStatus, measured_residual, solve, solve_matrix_within,
+    MOST_TIGHTENING, SolveReport, SolveSettings, SolveStatus, measured_residual, solve_matrix_within,
+    solve_within,
 };
 use crate::{Stop, Truncation, TtError, TtMatrix};
 use serde::{Deserialize, Serialize};
@@ -63,8 +64,7 @@ pub fn inverse(
     inverse_within(a, form, start, settings, &|| false)
 }
 
-/// As [`inverse`], as long as `stop` is false: it is asked at every site and for every right-hand side that is iterated
-/// (not within [`InverseForm::Symmetric`]).
+/// As [`inverse`], as long as `stop` is false: it is asked at every site and for every right-hand side that is iterated.
 ///
 /// # Errors
 /// As [`inverse`], and [`TtError::Stopped`].
@@ -127,7 +127,7 @@ pub fn inverse_within(
         InverseForm::Symmetric => {
             let operator = sylvester(a)?;
             let twice = identity.train.scale(2.0);
-            let (x, report) = solve(&operator, &twice, Some(&start.train), settings)?;
+            let (x, report) = solve_within(&operator, &twice, Some(&start.train), settings, stop)?;
             (start.map(|_| x), report)
         }
     };
@@ -200,6 +200,21 @@ pub fn newton_schulz(
     stop: f64,
     max_steps: usize,
 ) -> Result<(TtMatrix, NewtonReport), TtError> {
+    newton_schulz_within(a, start, truncation, stop, max_steps, &|| false)
+}
+
+/// As [`newton_schulz`], as long as `interrupt` is false: it is asked before every step.
+///
+/// # Errors
+/// As for [`newton_schulz`], and [`TtError::Stopped`].
+pub fn newton_schulz_within(
+    a: &TtMatrix,
+    start: &TtMatrix,
+    truncation: &Truncation,
+    stop: f64,
+    max_steps: usize,
+    interrupt: Stop<'_>,
+) -> Result<(TtMatrix, NewtonReport), TtError> {
     a.check_square()?;
     a.check_same_sizes(start)?;
     let identity = TtMatrix::identity(&a.rows)?;
@@ -208,6 +223,7 @@ pub fn newton_schulz(
     let (mut best, mut floor) = ((f64::INFINITY, x.clone()), 0.0);
     let mut history = Vec::new();
     for step in 0..=max_steps {
+        crate::go_on(interrupt)?;
         // Of the product itself: a rounded one would hide what the rounding of X has cost.
         let residual = measured_residual(a, &x.train, &identity.train, &a.columns)?;
         let size = residual.value * norm;

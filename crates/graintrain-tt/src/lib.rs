@@ -29,6 +29,8 @@
 //! | [`solve`] | linear systems by AMEn, ALS and DMRG; lowest eigenpairs |
 //! | [`inverse`] | the inverse of a TT-matrix, Newton-Schulz |
 //! | [`qtt`] | quantized trains with known ranks |
+//! | [`quantics`] | functions of several variables on named grids: evaluation, integrals, interpolation |
+//! | [`operator_sum`] | sums of products of local operators (Hamiltonians of chains) with the smallest ranks |
 //! | [`sparse`] | sparse matrix to TT by one exact bottom-up pass over its nonzero blocks |
 //! | [`definite`] | keeping a truncated positive definite matrix positive definite |
 //! | [`extremes`] | largest and smallest entry with bounds; samples from a train as a density |
@@ -68,9 +70,11 @@ mod io;
 pub mod matrix;
 pub mod maxvol;
 mod modes;
+pub mod operator_sum;
 mod operators;
 pub mod product;
 pub mod qtt;
+pub mod quantics;
 mod random;
 mod range;
 pub mod round;
@@ -101,3 +105,8 @@ pub use vector::{Core, TtVector};
 /// # Ok::<(), TtError>(())
 /// ```
 pub type Stop<'a> = &'a (dyn Fn() -> bool + Sync);
+
+/// Fails where the caller's [`Stop`] says so.
+pub(crate) fn go_on(stop: Stop<'_>) -> Result<(), TtError> {
+    if stop() { Err(TtError::Stopped) } else { Ok(()) }
+}

@@ -7,6 +7,7 @@
 
 use crate::vector::Core;
 use crate::{Truncation, TtError, TtMatrix, TtVector};
+use serde::{Deserialize, Serialize};
 
 /// A 2x2 block, column-major.
 type Block = [f64; 4];
@@ -133,7 +134,7 @@ pub fn laplacian(d: usize) -> Result<TtMatrix, TtError> {
 }
 
 /// What holds beyond one end of a line.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Boundary {
     /// The value is zero: diagonal entry 2.
     Dirichlet,
@@ -229,7 +230,7 @@ pub fn interleave(axes: &[TtMatrix]) -> Result<TtMatrix, TtError> {
 }
 
 /// How the digits of several axes are arranged.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum DigitOrder {
     /// All digits of the first axis, then all of the second, ...
     Separated,

@@ -16,7 +16,7 @@ use crate::arithmetic::push_dot;
 use crate::error::at_core;
 use crate::random::Random;
 use crate::sparse::QuadtreeMatrix;
-use crate::vector::{Core, admissible_ranks, check_index};
+use crate::vector::{Core, admissible_ranks, check_cores, check_index};
 use crate::{Truncation, TruncationReport, TtError, TtVector};
 use graintrain_linalg::dense::{Matrix, Svd, View, ViewMut, multiply_add, product, thin_svd};
 
@@ -57,7 +57,7 @@ impl Sketch {
     /// Sketches can be added if they have the same modes, rank and seed.
     ///
     /// # Errors
-    /// [`TtError::Shape`] if there is no mode or a mode is empty.
+    /// [`TtError::Shape`] if there is no mode or a mode is empty, [`TtError::TooLarge`] for a core of more than 2^31 numbers.
     pub fn new(modes: &[usize], rank: usize, seed: u64) -> Result<Self, TtError> {
         let mut random = Random::new(seed);
         let mut gaussian = |ranks: &[usize]| {
@@ -71,6 +71,7 @@ impl Sketch {
         let columns = rank.saturating_add(OVERSAMPLING);
         let right_ranks = admissible_ranks(modes, columns);
         let left_ranks = admissible_ranks(modes, columns.saturating_mul(2).saturating_add(OVERSAMPLING));
+        check_cores(modes, &left_ranks)?;
         let (left, right) = (gaussian(&left_ranks)?, gaussian(&right_ranks)?);
         let d = modes.len();
         let omega = (1..d).map(|k| Matrix::zeros(left_ranks[k], right_ranks[k])).collect();

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use std::ops::Range;
 
 /// Largest full tensor that will be formed: 2^31 entries (16 GiB).
-const LARGEST_FULL: f64 = 2147483648.0;
+pub(crate) const LARGEST_FULL: f64 = 2147483648.0;
 /// Most numbers of one core, or of a matrix on the way to one, that an operation makes unasked: 2^28 (2 GiB).
 pub(crate) const LARGEST_CORE: usize = 1 << 28;
 /// Right ranks that a block of a block-diagonal core has at least where blocks are multiplied one by one.
@@ -393,12 +393,7 @@ impl TtVector {
     pub fn random(modes: &[usize], rank: usize, seed: u64) -> Result<Self, TtError> {
         let mut random = crate::random::Random::new(seed);
         let ranks = admissible_ranks(modes, rank);
-        for (k, &n) in modes.iter().enumerate() {
-            let entries = ranks[k] as f64 * n as f64 * ranks[k + 1] as f64;
-            if entries > LARGEST_FULL {
-                return Err(TtError::TooLarge { entries });
-            }
-        }
+        check_cores(modes, &ranks)?;
         let core = |k: usize, random: &mut crate::random::Random| {
             Core::from_fn(ranks[k], modes[k], ranks[k + 1], |_, _, _| random.symmetric())
         };
@@ -590,6 +585,13 @@ pub(crate) fn admissible_ranks(modes: &[usize], rank: usize) -> Vec<usize> {
         ranks[k] = ranks[k].min(ranks[k + 1].saturating_mul(modes[k]));
     }
     ranks
+}
+
+/// Fails if a core of these ranks does not fit.
+pub(crate) fn check_cores(modes: &[usize], ranks: &[usize]) -> Result<(), TtError> {
+    let sizes = modes.iter().zip(ranks.windows(2)).map(|(&n, r)| n as f64 * r[0] as f64 * r[1] as f64);
+    let largest = sizes.fold(0.0, f64::max);
+    if largest > LARGEST_FULL { Err(TtError::TooLarge { entries: largest }) } else { Ok(()) }
 }
 
 /// Fails if a vector of the length of a mode does not fit.

@@ -7,6 +7,7 @@
 (343, 3)
 """
 
+from graintrain import tt
 from graintrain._graintrain import (
     Batch,
     CheckpointError,
@@ -65,4 +66,5 @@ __all__ = [
     "solvers",
     "stress",
     "sweep",
+    "tt",
 ]

@@ -161,7 +161,10 @@ pub fn cross(
 }
 
 /// As [`cross`], as long as `stop` is false: it is asked at every site.
-fn cross_within(
+///
+/// # Errors
+/// As for [`cross`], and [`TtError::Stopped`].
+pub fn cross_within(
     source: &dyn EntrySource,
     start: Option<&TtVector>,
     probes: &[usize],

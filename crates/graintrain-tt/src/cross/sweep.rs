@@ -175,9 +175,7 @@ impl<'a> State<'a> {
         let mut left_values = Matrix::identity(1);
         self.enriched = enrich && settings.kick_rank > 0;
         for k in 0..d {
-            if stop() {
-                return Err(TtError::Stopped);
-            }
+            crate::go_on(stop)?;
             let right = self.right[k].clone();
             let block = self.block(&left[k], k, &right)?;
             let size = norm(block.data());

@@ -317,9 +317,7 @@ fn improve(
     settings: &LocalSettings<'_>,
     outcome: &mut SweepOutcome,
 ) -> Result<Solved, TtError> {
-    if (settings.stop)() {
-        return Err(TtError::Stopped);
-    }
+    crate::go_on(settings.stop)?;
     let start = current.spectator_last();
     let before = relative_residual(operator, b, &start);
     outcome.residual = outcome.residual.max(before);

@@ -5,7 +5,7 @@
 //! price of the squared condition and ranks R^2. Whatever leaves the smallest residual of A x = y is returned.
 
 use super::{Method, SolveReport, SolveSettings, SolveStatus, measured_residual, solve_block};
-use crate::{TtError, TtMatrix, TtVector};
+use crate::{Stop, TtError, TtMatrix, TtVector};
 
 /// A residual above this after all sweeps is a breakdown and not a lack of patience.
 const BREAKDOWN: f64 = 0.1;
@@ -18,6 +18,7 @@ pub(super) fn mended(
     y: &TtVector,
     first: (TtVector, SolveReport),
     settings: &SolveSettings,
+    stop: Stop<'_>,
 ) -> Result<(TtVector, SolveReport), TtError> {
     let broken = |report: &SolveReport| {
         report.residual > settings.tolerance.max(BREAKDOWN) && report.status != SolveStatus::RankCapped
@@ -33,12 +34,12 @@ pub(super) fn mended(
         (x, SolveReport { sweeps, ..report })
     };
     let start = TtVector::random(&a.rows, 3, settings.seed ^ 0xB4EA)?;
-    let mut best = better(first, solve_block(a, y, &spectators, &start, settings, &|| false)?);
+    let mut best = better(first, solve_block(a, y, &spectators, &start, settings, stop)?);
     if broken(&best.1) && a.max_rank() <= NORMAL_RANK {
         let transposed = a.transpose();
         let squared = transposed.times_matrix(a)?;
         let (x, mut report) =
-            solve_block(&squared, &transposed.times_vector(y)?, &spectators, &best.0, settings, &|| false)?;
+            solve_block(&squared, &transposed.times_vector(y)?, &spectators, &best.0, settings, stop)?;
         let residual = measured_residual(a, &x, y, &spectators)?;
         (report.residual, report.floor) = (residual.value, residual.floor);
         report.status = match report.status {

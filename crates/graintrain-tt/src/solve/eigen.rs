@@ -19,10 +19,12 @@ use crate::product::Product;
 use crate::random::Random;
 use crate::round::{norm_and_rounding, scaled_rows};
 use crate::vector::Core;
-use crate::{Truncation, TtError, TtMatrix, TtVector};
+use crate::{Stop, Truncation, TtError, TtMatrix, TtVector};
 use graintrain_linalg::dense::{Matrix, Svd, View, product, symmetric_eigen, thin_qr, thin_svd};
 use serde::{Deserialize, Serialize};
 
+/// Vectors at most: a block carries all of them in one core.
+const MOST_VECTORS: usize = 4096;
 /// Directions per bond that a sweep adds: random ones in the first sweeps of DMRG, residuals in all but the last of AMEn.
 const KICK: usize = 4;
 /// Sweeps of DMRG that get random directions (even).
@@ -103,12 +105,32 @@ pub fn lowest_eigenpairs(
     count: usize,
     settings: &EigenSettings,
 ) -> Result<Vec<Eigenpair>, TtError> {
+    lowest_eigenpairs_within(a, count, settings, &|| false)
+}
+
+/// As [`lowest_eigenpairs`], as long as `stop` is false: it is asked at every site.
+///
+/// # Errors
+/// As for [`lowest_eigenpairs`], and [`TtError::Stopped`].
+pub fn lowest_eigenpairs_within(
+    a: &TtMatrix,
+    count: usize,
+    settings: &EigenSettings,
+    stop: Stop<'_>,
+) -> Result<Vec<Eigenpair>, TtError> {
     a.check_square()?;
     Truncation::capped(settings.tolerance, settings.max_rank).check()?;
     let size: f64 = a.rows.iter().map(|&n| n as f64).product();
     let count = if size < count as f64 { size as usize } else { count };
     if count == 0 {
         return Ok(Vec::new());
+    }
+    if count > MOST_VECTORS {
+        return Err(TtError::Setting {
+            what: "number of eigenpairs",
+            need: "at most 4096",
+            got: count as f64,
+        });
     }
     if a.as_vector().balanced()?.is_none() {
         return of_zero(a, count, settings);
@@ -118,13 +140,18 @@ pub fn lowest_eigenpairs(
         return Err(TtError::Setting { what: "||A - A^T|| / ||A||", need: "at most 1e-10", got: asymmetry });
     }
     let mut found =
-        if a.num_cores() == 1 { single_core(a, count, settings)? } else { block(a, count, settings)? };
+        if a.num_cores() == 1 { single_core(a, count, settings)? } else { block(a, count, settings, stop)? };
     found.sort_by(|x, y| x.value.total_cmp(&y.value));
     Ok(found)
 }
 
 /// Sweeps until all vectors have converged, or no longer come nearer; the best block of all sweeps.
-fn block(a: &TtMatrix, count: usize, settings: &EigenSettings) -> Result<Vec<Eigenpair>, TtError> {
+fn block(
+    a: &TtMatrix,
+    count: usize,
+    settings: &EigenSettings,
+    stop: Stop<'_>,
+) -> Result<Vec<Eigenpair>, TtError> {
     let mut sweeps = Sweeps::new(a, count, settings)?;
     let (mut made, mut best): (usize, Option<Vec<Eigenpair>>) = (0, None);
     let (mut last, mut worse) = (f64::INFINITY, 0);
@@ -134,7 +161,7 @@ fn block(a: &TtMatrix, count: usize, settings: &EigenSettings) -> Result<Vec<Eig
         // Vectors are measured after sweeps without enrichment, in their own order: every second one once the values stand still.
         let measured = made % 2 == 1 && made > KICKS;
         let still = made + 2 >= most || settings.method == EigenMethod::Dmrg;
-        let values = sweeps.sweep(!(measured && still), settings)?;
+        let values = sweeps.sweep(!(measured && still), settings, stop)?;
         made += 1;
         let moved = (values - last).abs();
         last = values;
@@ -239,12 +266,13 @@ impl Sweeps {
     }
 
     /// One sweep; the sum of the lowest local eigenvalues of its last site. `enrich` adds directions.
-    fn sweep(&mut self, enrich: bool, settings: &EigenSettings) -> Result<f64, TtError> {
+    fn sweep(&mut self, enrich: bool, settings: &EigenSettings, stop: Stop<'_>) -> Result<f64, TtError> {
         let d = self.x.len();
         let mut left = vec![Sides::one()];
         let mut sum = 0.0;
         let sites = if settings.method == EigenMethod::Dmrg { d - 1 } else { d };
         for k in 0..sites {
+            crate::go_on(stop)?;
             sum = match settings.method {
                 EigenMethod::Dmrg => self.pair(k, &left[k], enrich && self.made < KICKS, settings),
                 EigenMethod::Amen => self.site(k, &left[k], enrich, settings),

@@ -13,13 +13,13 @@
 //! frames last at site l, and P misses k < l (one site) or k + 1 < l (two). Each part is found by subtracting a projection, twice, where it arises, so that
 //! a projection that misses nothing is known to be one to 1e-15; a difference of squares would end at 1e-8.
 
-use super::eigen::{EigenSettings, lowest_eigenpairs};
+use super::eigen::{EigenSettings, lowest_eigenpairs_within};
 use super::interface::{BlockCore, Interface, LocalOperator, OperatorCore};
 use crate::error::at_core;
 use crate::scale::share_power;
 use crate::symmetric::SymmetricTrain;
 use crate::vector::Core;
-use crate::{Truncation, TtError, TtMatrix, TtVector};
+use crate::{Stop, Truncation, TtError, TtMatrix, TtVector};
 use graintrain_linalg::dense::{DenseError, Matrix, View, multiply_add, product, thin_qr, thin_svd};
 use serde::{Deserialize, Serialize};
 
@@ -38,6 +38,8 @@ const GROWTH_TOLERANCE: f64 = 1e-4;
 const GROWTH_RANK: usize = 30;
 /// What is laid upon the splitting found: orders are not settled in few steps.
 const SAFETY: f64 = 2.0;
+/// Steps at most: the report has a rank for each.
+const MOST_STEPS: usize = 1 << 24;
 /// Orders of the splitting in the length of the steps that are believed, and the one where it is not known.
 const ORDERS: (f64, f64) = (0.3, 2.0);
 const UNKNOWN_ORDER: f64 = 0.5;
@@ -145,11 +147,26 @@ pub fn evolve(
     time: f64,
     settings: &EvolutionSettings,
 ) -> Result<(TtVector, EvolutionReport), TtError> {
+    evolve_within(a, x, time, settings, &|| false)
+}
+
+/// As [`evolve`], as long as `stop` is false: it is asked at every site.
+///
+/// # Errors
+/// As for [`evolve`], and [`TtError::Stopped`].
+pub fn evolve_within(
+    a: &TtMatrix,
+    x: &TtVector,
+    time: f64,
+    settings: &EvolutionSettings,
+    stop: Stop<'_>,
+) -> Result<(TtVector, EvolutionReport), TtError> {
     a.check_square()?;
     a.check_columns(x)?;
     Truncation::capped(settings.tolerance, settings.max_rank).check()?;
-    if settings.steps == 0 {
-        return Err(TtError::Setting { what: "steps", need: "at least 1", got: 0.0 });
+    if !(1..=MOST_STEPS).contains(&settings.steps) {
+        let got = settings.steps as f64;
+        return Err(TtError::Setting { what: "steps", need: "in 1..=2^24", got });
     }
     if !time.is_finite() {
         return Err(TtError::Setting { what: "time", need: "finite", got: time });
@@ -174,15 +191,15 @@ pub fn evolve(
     let norm = start.norm();
     let bonds = 2 * settings.steps * a.num_cores().saturating_sub(1).max(1);
     let share = settings.tolerance * norm / bonds as f64;
-    let mu = logarithmic_norm(a, time.signum())?;
+    let mu = logarithmic_norm(a, time.signum(), stop)?;
     let with_steps = |steps: usize| -> Result<TtVector, TtError> {
-        let mut other = Evolution::new(a, &start, settings, share);
+        let mut other = Evolution::new(a, &start, settings, share, stop);
         for _ in 0..steps {
             other.step(time / steps as f64)?;
         }
         Ok(other.vector())
     };
-    let mut state = Evolution::new(a, &start, settings, share);
+    let mut state = Evolution::new(a, &start, settings, share, stop);
     let h = time / settings.steps as f64;
     let mut report = EvolutionReport::still(0);
     report.growth = mu * time.abs();
@@ -253,7 +270,7 @@ fn splitting(
 }
 
 /// The largest eigenvalue of sign (A + A^T) / 2, plus its residual: exp(t A) lets nothing grow faster (G. Dahlquist 1958).
-fn logarithmic_norm(a: &TtMatrix, sign: f64) -> Result<f64, TtError> {
+fn logarithmic_norm(a: &TtMatrix, sign: f64, stop: Stop<'_>) -> Result<f64, TtError> {
     let symmetric = SymmetricTrain::symmetric_part(a)?.to_matrix();
     // (A skew matrix leaves rounding; powers of two have been taken out of A.)
     if symmetric.norm() <= 1e-14 * a.norm() {
@@ -262,7 +279,7 @@ fn logarithmic_norm(a: &TtMatrix, sign: f64) -> Result<f64, TtError> {
     let (symmetric, report) = symmetric.round(&Truncation::to(1e-14))?;
     let symmetric = SymmetricTrain::symmetric_part(&symmetric)?.to_matrix();
     let settings = EigenSettings { tolerance: GROWTH_TOLERANCE, max_rank: GROWTH_RANK, ..Default::default() };
-    let lowest = lowest_eigenpairs(&symmetric.scale(-sign), 1, &settings)?;
+    let lowest = lowest_eigenpairs_within(&symmetric.scale(-sign), 1, &settings, stop)?;
     let rounded = (report.error + report.floor) * report.norm;
     Ok(lowest.first().map_or(0.0, |pair| pair.residual + rounded - pair.value))
 }
@@ -284,6 +301,7 @@ struct Evolution<'a> {
     x: Vec<BlockCore>,
     right: Vec<Interface>,
     settings: &'a EvolutionSettings,
+    stop: Stop<'a>,
     /// What one truncation may leave out.
     share: f64,
     left_out: f64,
@@ -291,7 +309,7 @@ struct Evolution<'a> {
 }
 
 impl<'a> Evolution<'a> {
-    fn new(a: &TtMatrix, x: &TtVector, settings: &'a EvolutionSettings, share: f64) -> Self {
+    fn new(a: &TtMatrix, x: &TtVector, settings: &'a EvolutionSettings, share: f64, stop: Stop<'a>) -> Self {
         let d = a.num_cores();
         let core = |k: usize| {
             OperatorCore::new(a.cores()[k].left, a.rows[k], a.cores()[k].right, &a.cores()[k].data)
@@ -313,7 +331,7 @@ impl<'a> Evolution<'a> {
             let turned = x[k].reversed();
             right[k - 1] = right[k].push(&turned, &turned_a[d - 1 - k], &turned);
         }
-        Self { a: operators, turned_a, x, right, settings, share, left_out: 0.0, capped: false }
+        Self { a: operators, turned_a, x, right, settings, stop, share, left_out: 0.0, capped: false }
     }
 
     fn vector(&self) -> TtVector {
@@ -332,6 +350,7 @@ impl<'a> Evolution<'a> {
         let mut left = vec![Interface::one()];
         if self.settings.sites == Sites::Two && d > 1 {
             for k in 0..d - 1 {
+                crate::go_on(self.stop)?;
                 let core = self.a[k].merge(&self.a[k + 1]);
                 let pair = self.x[k].merge(&self.x[k + 1]);
                 let operator = LocalOperator { left: &left[k], core: &core, right: &self.right[k + 1] };
@@ -348,6 +367,7 @@ impl<'a> Evolution<'a> {
             }
         } else {
             for k in 0..d {
+                crate::go_on(self.stop)?;
                 let operator = LocalOperator { left: &left[k], core: &self.a[k], right: &self.right[k] };
                 self.x[k].data = exponential(&operator, h, &self.x[k].data).ok_or_else(too_long)?;
                 if k + 1 == d {

@@ -7,10 +7,12 @@
 
 use super::{Best, SolveStatus, measured_residual};
 use crate::scale::share_power;
-use crate::{Measured, Truncation, TtError, TtMatrix, TtVector};
+use crate::{Measured, Stop, Truncation, TtError, TtMatrix, TtVector};
 use graintrain_linalg::dense::Matrix;
 use serde::{Deserialize, Serialize};
 
+/// Vectors of a cycle at most: their small least-squares problem is a full matrix.
+const LONGEST_CYCLE: usize = 4096;
 /// Part of the tolerance that the roundings of one step may make.
 const STEP_SHARE: f64 = 0.1;
 /// No vector is rounded more coarsely than this.
@@ -93,12 +95,29 @@ pub fn gmres(
     preconditioner: Option<&TtMatrix>,
     settings: &GmresSettings,
 ) -> Result<(TtVector, GmresReport), TtError> {
+    gmres_within(a, y, start, preconditioner, settings, &|| false)
+}
+
+/// As [`gmres`], as long as `stop` is false: it is asked before every product with A.
+///
+/// # Errors
+/// As for [`gmres`], and [`TtError::Stopped`].
+pub fn gmres_within(
+    a: &TtMatrix,
+    y: &TtVector,
+    start: Option<&TtVector>,
+    preconditioner: Option<&TtMatrix>,
+    settings: &GmresSettings,
+    stop: Stop<'_>,
+) -> Result<(TtVector, GmresReport), TtError> {
     a.check_square()?;
     Truncation::capped(settings.tolerance, settings.max_rank).check()?;
-    for (what, value) in [("restart", settings.restart), ("max_iterations", settings.max_iterations)] {
-        if value == 0 {
-            return Err(TtError::Setting { what, need: "at least 1", got: 0.0 });
-        }
+    if !(1..=LONGEST_CYCLE).contains(&settings.restart) {
+        let got = settings.restart as f64;
+        return Err(TtError::Setting { what: "restart", need: "in 1..=4096", got });
+    }
+    if settings.max_iterations == 0 {
+        return Err(TtError::Setting { what: "max_iterations", need: "at least 1", got: 0.0 });
     }
     a.check_columns(y)?;
     if let Some(preconditioner) = preconditioner {
@@ -122,7 +141,8 @@ pub fn gmres(
     best.offer(x.clone())?;
     best.offer_zero();
     x.clone_from(&best.x);
-    let mut state = Krylov { a, preconditioner, settings, iterations: 0, largest_rank: 1, capped: false };
+    let mut state =
+        Krylov { a, preconditioner, settings, stop, iterations: 0, largest_rank: 1, capped: false };
     let mut history = vec![best.residual];
     let mut status = SolveStatus::SweepLimit;
     let size = y.norm();
@@ -193,6 +213,7 @@ struct Krylov<'a> {
     a: &'a TtMatrix,
     preconditioner: Option<&'a TtMatrix>,
     settings: &'a GmresSettings,
+    stop: Stop<'a>,
     iterations: usize,
     largest_rank: usize,
     capped: bool,
@@ -216,6 +237,7 @@ impl Krylov<'_> {
         let mut directions = Vec::with_capacity(steps);
         let mut small = SmallProblem::new(steps);
         for k in 0..steps {
+            crate::go_on(self.stop)?;
             let relaxed = (STEP_SHARE * goal / small.residual()).min(COARSEST);
             let truncation = Truncation::capped(relaxed, self.settings.max_rank);
             let direction = match self.preconditioner {

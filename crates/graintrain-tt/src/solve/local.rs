@@ -58,9 +58,7 @@ pub(crate) fn solve(
     }
     let preconditioner = BlockJacobi::new(operator);
     for (u, b) in u.chunks_exact_mut(size).zip(b.chunks_exact(size)) {
-        if (settings.stop)() {
-            return Err(TtError::Stopped);
-        }
+        crate::go_on(settings.stop)?;
         // A symmetric operator need not be definite: conjugate gradients notice and hand over.
         if !settings.symmetric || !conjugate_gradients(operator, &preconditioner, b, u, settings) {
             gmres(operator, &preconditioner, b, u, settings);

@@ -33,9 +33,9 @@ use crate::round::{measured, relative_norm};
 use crate::scale::{largest_finite, scale_by_power, share_power};
 use crate::{Measured, Stop, Truncation, TtError, TtMatrix, TtVector};
 pub(crate) use amen::Sweeper;
-pub use eigen::{EigenMethod, EigenSettings, Eigenpair, lowest_eigenpairs};
-pub use evolution::{EvolutionReport, EvolutionSettings, Sites, evolve};
-pub use gmres::{GmresReport, GmresSettings, gmres};
+pub use eigen::{EigenMethod, EigenSettings, Eigenpair, lowest_eigenpairs, lowest_eigenpairs_within};
+pub use evolution::{EvolutionReport, EvolutionSettings, Sites, evolve, evolve_within};
+pub use gmres::{GmresReport, GmresSettings, gmres, gmres_within};
 pub(crate) use interface::{BlockCore, OperatorCore};
 use serde::{Deserialize, Serialize};
 
@@ -165,10 +165,24 @@ pub fn solve(
     start: Option<&TtVector>,
     settings: &SolveSettings,
 ) -> Result<(TtVector, SolveReport), TtError> {
+    solve_within(a, y, start, settings, &|| false)
+}
+
+/// As [`solve`], as long as `stop` is false: it is asked at every site.
+///
+/// # Errors
+/// As for [`solve`], and [`TtError::Stopped`].
+pub fn solve_within(
+    a: &TtMatrix,
+    y: &TtVector,
+    start: Option<&TtVector>,
+    settings: &SolveSettings,
+    stop: Stop<'_>,
+) -> Result<(TtVector, SolveReport), TtError> {
     a.check_square()?;
     let spectators = vec![1; a.num_cores()];
-    let swept = solve_block(a, y, &spectators, start.unwrap_or(y), settings, &|| false)?;
-    breakdown::mended(a, y, swept, settings)
+    let swept = solve_block(a, y, &spectators, start.unwrap_or(y), settings, stop)?;
+    breakdown::mended(a, y, swept, settings, stop)
 }
 
 /// Solves A X = Y for a matrix X; `start` defaults to Y.
@@ -184,8 +198,11 @@ pub fn solve_matrix(
     solve_matrix_within(a, y, start, settings, &|| false)
 }
 
-/// As [`solve_matrix`], as long as `stop` is false.
-pub(crate) fn solve_matrix_within(
+/// As [`solve_matrix`], as long as `stop` is false: it is asked at every site and for every right-hand side that is iterated.
+///
+/// # Errors
+/// As for [`solve`], and [`TtError::Stopped`].
+pub fn solve_matrix_within(
     a: &TtMatrix,
     y: &TtMatrix,
     start: Option<&TtMatrix>,

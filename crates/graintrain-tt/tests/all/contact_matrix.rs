@@ -50,7 +50,7 @@ fn the_reported_error_is_that_of_all_entries_one_by_one() {
 #[test]
 fn a_settled_packing_has_no_low_rank_and_cross_says_that_it_failed() {
     let Some(matrix) = settled_packing("sed125.dat") else { return };
-    assert!(cross_admits_failure(&matrix, &[(10, 1), (40, 1), (10, 7)]) > 0.3);
+    assert!(cross_admits_failure(&matrix, &[(10, 1), (20, 7)]) > 0.3);
     let full = matrix.to_train(&Truncation::to(1e-2)).unwrap();
     println!("ranks at 1e-2: {:?}", full.0.ranks());
     assert!(full.0.max_rank() > 100 && full.1.error <= 1e-2);

@@ -182,33 +182,47 @@ impl std::fmt::Display for Run {
 }
 
 /// Every case with these tolerances and seeds.
-fn survey(tolerances: &[f64], seeds: &[u64]) -> Vec<Run> {
+fn survey(settings: &[(f64, u64)]) -> Vec<Run> {
     let mut runs = Vec::new();
     for case in cases() {
         let exact = all_entries(&case);
-        for &tolerance in tolerances {
-            for &seed in seeds {
-                let source = Function::new(&case.modes, case.entry);
-                let settings = CrossSettings { tolerance, seed, ..Default::default() };
-                let (train, report) = cross(&source, None, &[], &settings).unwrap();
-                let truth = distance(&train.to_full().unwrap(), &exact);
-                let Case { name, invisible, .. } = case;
-                let run = Run { name, tolerance, seed, invisible, truth, report };
-                println!("{run}");
-                runs.push(run);
-            }
+        for &(tolerance, seed) in settings {
+            let source = Function::new(&case.modes, case.entry);
+            let settings = CrossSettings { tolerance, seed, ..Default::default() };
+            let (train, report) = cross(&source, None, &[], &settings).unwrap();
+            let truth = distance(&train.to_full().unwrap(), &exact);
+            let Case { name, invisible, .. } = case;
+            let run = Run { name, tolerance, seed, invisible, truth, report };
+            println!("{run}");
+            runs.push(run);
         }
     }
     runs
 }
 
+fn all_pairs(tolerances: &[f64], seeds: &[u64]) -> Vec<(f64, u64)> {
+    tolerances.iter().flat_map(|&tolerance| seeds.iter().map(move |&seed| (tolerance, seed))).collect()
+}
+
+/// Every tolerance with a seed of its own: a third of all pairs, which take the time of all other tests of the crate together.
 #[test]
 fn nothing_visible_is_claimed_that_is_not_so() {
-    let runs = survey(&[1e-3, 1e-6, 1e-9], &[1, 2, 3]);
+    hold(&survey(&[(1e-3, 1), (1e-6, 2), (1e-9, 3)]));
+}
+
+#[test]
+#[ignore = "a minute: the same cases with all seeds"]
+fn nor_with_every_seed() {
+    hold(&survey(&all_pairs(&[1e-3, 1e-6, 1e-9], &[1, 2, 3])));
+}
+
+/// No visible error is claimed away, words are what the numbers say, and bounds hold, at no more than so many evaluations.
+fn hold(runs: &[Run]) {
+    let count = runs.len() as f64;
     let visible = || runs.iter().filter(|run| !run.invisible);
     let false_claims: Vec<String> = visible().filter(|run| run.is_false()).map(Run::to_string).collect();
     assert!(false_claims.is_empty(), "{false_claims:#?}");
-    for run in &runs {
+    for run in runs {
         // The status is what the measured error and its bound say, both ways.
         let report = &run.report;
         let met = report.error().is_some_and(|error| error <= run.tolerance);
@@ -228,14 +242,14 @@ fn nothing_visible_is_claimed_that_is_not_so() {
         })
         .count();
     println!("bound held in {held} of {bounded}");
-    assert!(bounded > 380 && held as f64 >= 0.98 * bounded as f64, "{held} of {bounded}");
+    assert!(bounded as f64 > 0.88 * count && held as f64 >= 0.98 * bounded as f64, "{held} of {bounded}");
     let claimed = runs.iter().filter(|run| run.report.status == CrossStatus::Converged).count();
     let invisible = runs.iter().filter(|run| run.is_false()).count();
     let evaluations: usize = runs.iter().map(|run| run.report.evaluations).sum();
     println!("{claimed} of {} converged, {invisible} false (needles), {evaluations} evaluations", runs.len());
-    assert!(claimed >= 370, "{claimed}");
-    // Sample and guide drawn once for all sweeps read 30 578 074 entries (and claimed 31 visible errors away).
-    assert!(evaluations < 30_578_074 / 2 * 3, "{evaluations}");
+    assert!(claimed as f64 >= 0.85 * count, "{claimed}");
+    // Sample and guide drawn once for all sweeps read 30 578 074 entries in 432 runs (and claimed 31 visible errors away).
+    assert!((evaluations as f64) < 1.5 * 30_578_074.0 / 432.0 * count, "{evaluations}");
 }
 
 /// A bound that does not exclude an error of everything, or hardly a nonzero among the points, is no convergence: the first of these once was
@@ -272,7 +286,7 @@ fn a_bound_of_one_or_more_is_no_convergence() {
 #[test]
 #[ignore = "half a minute: other seeds"]
 fn nor_with_other_seeds() {
-    let runs = survey(&[1e-2, 1e-4, 1e-7], &[11, 12, 13, 14, 15, 16]);
+    let runs = survey(&all_pairs(&[1e-2, 1e-4, 1e-7], &[11, 12, 13, 14, 15, 16]));
     let false_claims: Vec<String> =
         runs.iter().filter(|run| run.is_false() && !run.invisible).map(Run::to_string).collect();
     println!("{} of {} false", false_claims.len(), runs.len());

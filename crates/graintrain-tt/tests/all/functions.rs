@@ -179,14 +179,14 @@ fn functions_of_entries_with_residuals_over_all_of_them() {
         let squares: Vec<f64> = root.to_full().unwrap().iter().map(|y| y * y).collect();
         let truth = distance(&squares, &full);
         assert!((truth / report.residual - 1.0).abs() < 1e-3, "{truth} {report:?}");
-        // Two arguments: the larger of two waves has an edge, and the report says how well it is met.
-        let y = qtt::sine(14, 0.017, 0.1).unwrap();
-        let settings = CrossSettings { tolerance, max_rank: 60, ..Default::default() };
-        let (larger, report) = TtVector::map(&[&x, &y], |v| v[0].max(v[1]), &settings).unwrap();
-        let exact: Vec<f64> = full.iter().zip(y.to_full().unwrap()).map(|(x, y)| x.max(y)).collect();
-        let truth = distance(&larger.to_full().unwrap(), &exact);
-        assert!(report.status != CrossStatus::Converged || truth <= 3.0 * tolerance, "{truth} {report:?}");
     }
+    // Two arguments: the larger of two waves has an edge, and the report says how well it is met.
+    let (y, tolerance) = (qtt::sine(14, 0.017, 0.1).unwrap(), 1e-4);
+    let settings = CrossSettings { tolerance, max_rank: 30, ..Default::default() };
+    let (larger, report) = TtVector::map(&[&x, &y], |v| v[0].max(v[1]), &settings).unwrap();
+    let exact: Vec<f64> = full.iter().zip(y.to_full().unwrap()).map(|(x, y)| x.max(y)).collect();
+    let truth = distance(&larger.to_full().unwrap(), &exact);
+    assert!(report.status != CrossStatus::Converged || truth <= 3.0 * tolerance, "{truth} {report:?}");
     // A poor cross (rank 2) is repaired by Newton's steps as far as the cap allows, and what is missed is said.
     let settings = CrossSettings { tolerance: 1e-8, max_rank: 2, ..Default::default() };
     let (root, report) = x.square_root(&settings).unwrap();

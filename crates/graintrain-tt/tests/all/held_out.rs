@@ -59,7 +59,7 @@ fn wind_and_waves() {
 #[test]
 fn conditions_beyond_the_numbers_end_soon() {
     // 4^d: from d = 24 on no solver can reach 1e-6. Until this was tried the ranks grew for minutes.
-    for d in [24, 28, 40, 100, 200] {
+    for d in [24, 40, 200] {
         let start = Instant::now();
         let y = TtVector::constant(&vec![2; d], 1.0).unwrap();
         let (_, report) = solve(&qtt::laplacian(d).unwrap(), &y, None, &SolveSettings::default()).unwrap();
