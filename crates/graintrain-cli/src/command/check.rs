@@ -61,7 +61,7 @@ fn summary(scene: &Scene, simulation: &Simulation) -> String {
         ),
     );
     for (name, packing) in &scene.packings {
-        line("packing", format!("{name}: {} of {}", packing.kind(), packing.material));
+        line("packing", format!("{name}: {} of {}", packing.kind(), packing.grains.material));
     }
     for (name, load) in &scene.loads {
         line("load", format!("{name}: {}", load.about()));
