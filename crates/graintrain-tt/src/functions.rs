@@ -53,11 +53,11 @@ pub struct RootReport {
 impl TtVector {
     /// The train with entries f(x_1(i), x_2(i), ...) for trains x_1, x_2, ... of the same modes, by cross interpolation from the rows of the first one.
     ///
-    /// The report is that of [`cross`]: errors at points that the method did not choose, and an upper bound with 95 % confidence.
+    /// The report is that of [`cross`](crate::cross::cross): errors at points that the method did not choose, and an upper bound with 95 % confidence.
     /// O(evaluations d r^2), O(sweeps d n r^2) evaluations.
     ///
     /// # Errors
-    /// [`TtError::Shape`] if there is no train or their modes differ, else as for [`cross`]; [`TtError::Entry`] where f is not finite.
+    /// [`TtError::Shape`] if there is no train or their modes differ, else as for [`cross`](crate::cross::cross); [`TtError::Entry`] where f is not finite.
     ///
     /// ```
     /// use graintrain_tt::{TtVector, cross::{CrossSettings, CrossStatus}, qtt};
@@ -98,7 +98,7 @@ impl TtVector {
     /// ||y - 1/x|| is at most it times ||1|| / min |x|.
     ///
     /// # Errors
-    /// As for [`solve`]; a zero among the entries shows as a residual that does not fall.
+    /// As for [`solve`](crate::solve::solve); a zero among the entries shows as a residual that does not fall.
     ///
     /// ```
     /// use graintrain_tt::{qtt, solve::{SolveSettings, SolveStatus}};

@@ -42,7 +42,7 @@ pub enum InverseForm {
 ///
 /// # Errors
 /// [`TtError::Shape`] if A is not square or the start has other sizes; [`TtError::Setting`] and [`TtError::Dense`] as
-/// for [`solve`].
+/// for [`solve`](crate::solve::solve).
 ///
 /// ```
 /// use graintrain_tt::{inverse::{InverseForm, inverse}, qtt, solve::{SolveSettings, SolveStatus}};

@@ -17,7 +17,7 @@ pub use self::error::StepError;
 pub use self::parameters::{
     FewParameters, ImpactParameters, OverlapParameters, Parameters, PartParameters, RepetitionParameters,
 };
-pub use self::settings::{SolverChoice, StepSettings};
+pub use self::settings::{LOOSEST, SolverChoice, StepSettings};
 pub use crate::step_report::{PhaseSeconds, PhysicalErrors, ProcessorSeconds, StepReport, Wrench};
 
 use self::attempt::Attempt;
@@ -75,7 +75,7 @@ impl Stepper {
     /// # Errors
     /// [`StepError::Settings`] unless step and tolerance are positive and the envelope is not negative;
     /// [`StepError::Solver`] for an unknown solver.
-    pub fn new(settings: StepSettings) -> Result<Self, StepError> {
+    pub fn new(mut settings: StepSettings) -> Result<Self, StepError> {
         positive("the time step", settings.step)?;
         positive("the solver's tolerance", settings.solver.tolerance)?;
         if !(settings.envelope.is_finite() && settings.envelope >= 0.0) {
@@ -83,6 +83,7 @@ impl Stepper {
             let expected = "finite and not negative";
             return Err(ModelError::Value { what, value: settings.envelope, expected }.into());
         }
+        settings.solver.tolerance = settings.solver.tolerance.min(LOOSEST);
         let solver = settings.solver.name.build()?;
         let named = |name: &str| name.parse::<SolverSpec>()?.build();
         let impacts = named("auto")?;
@@ -100,7 +101,7 @@ impl Stepper {
         })
     }
 
-    /// The settings.
+    /// The settings, with the tolerance that steps are solved to.
     pub fn settings(&self) -> &StepSettings {
         &self.settings
     }

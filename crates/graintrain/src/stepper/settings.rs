@@ -29,6 +29,10 @@ impl Default for StepSettings {
     }
 }
 
+/// No step is solved to less: looser tolerances save iterations, but bodies that are led into each other have to be led again, which costs more than it saves
+/// (docs/mechanics.md, "The step").
+pub const LOOSEST: f64 = 1e-2;
+
 /// The solver of the contact problems of a simulation and what is asked of it: the table `[solver]` of scenes. Its fields in their
 /// order are part of the format of checkpoints.
 ///
@@ -43,7 +47,7 @@ impl Default for StepSettings {
 pub struct SolverChoice {
     /// The solver, with its linear solver.
     pub name: SolverSpec,
-    /// Residual at which it stops, as `judge` takes it.
+    /// Residual at which it stops, as `judge` takes it; steps are solved to [`LOOSEST`] at least.
     pub tolerance: f64,
     /// Which number of the residual is held against the tolerance; [`Judge::Mixed`] in runs unless asked otherwise.
     pub judge: Judge,

@@ -7,7 +7,7 @@ use graintrain::handle::MaterialId;
 use graintrain::math::{Quat, Vec3, rotation_exponential};
 use graintrain::motion::Motion;
 use graintrain::shape::Geometry;
-use graintrain::stepper::{SolverChoice, StepReport, StepSettings, Stepper};
+use graintrain::stepper::{LOOSEST, SolverChoice, StepReport, StepSettings, Stepper};
 use graintrain::world::{Body, World};
 
 fn default_stepper(step: f64, friction: FrictionModel) -> Stepper {
@@ -342,4 +342,24 @@ fn a_heavy_press_on_light_grains_is_carried() {
     }
     println!("press: worst force {worst:.1e} off, deepest overlap {deepest:.1e} R");
     assert!(worst < 0.01 && deepest < 0.01, "force off by {worst}, overlap {deepest} R");
+}
+
+/// Whoever asks for a tenth gets a hundredth: what is looser costs more than it saves, and bodies sink into each other.
+#[test]
+fn a_loose_tolerance_is_no_licence_to_overlap() {
+    let poured = |tolerance: f64| {
+        let mut world = world(0.3, 0.0);
+        add_ground(&mut world, 0.0);
+        for k in 0..150_u32 {
+            let [x, y, z] = [k % 5, k / 5 % 5, k / 25].map(f64::from);
+            let shift = 0.01 * Vec3::new((1.7 * f64::from(k)).sin(), (2.9 * f64::from(k)).sin(), 0.0);
+            add_sphere(&mut world, 0.05, Vec3::new(0.11 * x, 0.11 * y, 0.06 + 0.12 * z) + shift);
+        }
+        let mut stepper = stepper(5e-3, 5e-3, tolerance, Coulomb);
+        let steps = (0..120).map(|_| stepper.step(&mut world).unwrap().penetration_max_over_size);
+        (steps.fold(0.0, f64::max), world.bodies.position.clone())
+    };
+    let (overlap, places) = poured(0.1);
+    assert!(overlap < 0.01, "{overlap}");
+    assert_eq!(places, poured(LOOSEST).1);
 }

@@ -430,7 +430,7 @@ static SOLVER: Table = Table {
             "1e-4",
             "1e-5",
             "Residual at which it stops: its root mean square, with 20 times that for the worst contact. 1e-4: the velocities left \
-             over at contacts are, in the root mean square, 1e-4 of gravity times step",
+             over at contacts are, in the root mean square, 1e-4 of gravity times step. Steps are solved to 1e-2 at least: what is looser costs more",
         ).within(Range::Positive),
         key("strict_max", Flag, "false", "true", "Whether the worst contact has to reach the tolerance"),
         key(

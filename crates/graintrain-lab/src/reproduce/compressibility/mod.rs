@@ -7,7 +7,7 @@
 //!
 //! | module | holds |
 //! |---|---|
-//! | [`drop`] | states and problems |
+//! | `drop` | states and problems |
 //! | [`record`] | the Newton systems of a whole solve |
 //! | [`system`] | one of them: errors, solves |
 //! | [`inverse`] | approximate inverses as trains |
