@@ -352,7 +352,7 @@ fn a_loose_tolerance_is_no_licence_to_overlap() {
         add_ground(&mut world, 0.0);
         for k in 0..150_u32 {
             let [x, y, z] = [k % 5, k / 5 % 5, k / 25].map(f64::from);
-            let shift = 0.01 * Vec3::new((1.7 * f64::from(k)).sin(), (2.9 * f64::from(k)).sin(), 0.0);
+            let shift = 0.004 * Vec3::new((1.7 * f64::from(k)).sin(), (2.9 * f64::from(k)).sin(), 0.0);
             add_sphere(&mut world, 0.05, Vec3::new(0.11 * x, 0.11 * y, 0.06 + 0.12 * z) + shift);
         }
         let mut stepper = stepper(5e-3, 5e-3, tolerance, Coulomb);
