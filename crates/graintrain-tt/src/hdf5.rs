@@ -161,7 +161,7 @@ mod tests {
         a.save_hdf5(&file).unwrap();
         assert_eq!(TtMatrix::load_hdf5(&file).unwrap(), a);
         let mut cores = x.cores().to_vec();
-        cores[1] = Core::new(4, 2, 3, vec![f64::NAN; 24]).unwrap();
+        cores[1] = Core::new(3, 2, 4, vec![f64::NAN; 24]).unwrap();
         TtVector::from_cores(cores).unwrap().save_hdf5(&file).unwrap();
         assert!(TtVector::load_hdf5(&file).unwrap_err().to_string().contains("core_2: holds NaN"));
         a.save_hdf5(&file).unwrap();
