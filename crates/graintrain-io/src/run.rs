@@ -356,7 +356,7 @@ impl Run {
                     solver: report.solve.solver,
                     residual: residual.max,
                     residual_rms: residual.rms,
-                    tolerance: self.settings.stepping.solver.tolerance,
+                    tolerance: self.settings.stepping.solver.step_tolerance(),
                     judge: self.settings.stepping.solver.judge,
                 });
             }

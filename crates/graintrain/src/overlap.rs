@@ -75,7 +75,7 @@ impl Default for Parameters {
 impl Parameters {
     /// The overlap over size that starts a correction.
     pub(crate) fn trigger(&self, tolerance: f64) -> f64 {
-        self.trigger.max(self.trigger_per_tolerance * tolerance).min(self.accident)
+        self.trigger.max(self.trigger_per_tolerance * tolerance)
     }
 }
 

@@ -83,7 +83,7 @@ impl Stepper {
             let expected = "finite and not negative";
             return Err(ModelError::Value { what, value: settings.envelope, expected }.into());
         }
-        settings.solver.tolerance = settings.solver.tolerance.min(LOOSEST);
+        settings.solver.tolerance = settings.solver.step_tolerance();
         let solver = settings.solver.name.build()?;
         let named = |name: &str| name.parse::<SolverSpec>()?.build();
         let impacts = named("auto")?;

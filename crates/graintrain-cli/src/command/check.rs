@@ -102,7 +102,7 @@ fn summary(scene: &Scene, simulation: &Simulation) -> String {
         graintrain_ccp::FrictionModel::Coulomb => "Coulomb",
     };
     let rule = graintrain_io::run::tolerance_rule(solver.judge);
-    line("solver", format!("{} to {:e} {rule}, {law} friction{limit}", solver.name, solver.tolerance));
+    line("solver", format!("{} to {:e} {rule}, {law} friction{limit}", solver.name, solver.step_tolerance()));
     let frames = steps / simulation.output.every;
     line("output", format!("{frames} frames, one in {} steps", simulation.output.every));
     for doubt in doubts(simulation) {
@@ -167,6 +167,13 @@ fn doubts(simulation: &Simulation) -> Vec<String> {
         ));
     }
     doubts.extend(elastic_doubts(simulation));
+    if settings.solver.tolerance > settings.solver.step_tolerance() {
+        doubts.push(format!(
+            "a tolerance of {:e} saves nothing: steps are solved to {:e}",
+            settings.solver.tolerance,
+            settings.solver.step_tolerance()
+        ));
+    }
     if settings.solver.tolerance < 1e-12 {
         doubts.push(format!("a tolerance of {:e} is below what rounding allows", settings.solver.tolerance));
     }

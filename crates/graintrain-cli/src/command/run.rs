@@ -168,7 +168,7 @@ fn record(
             settings.steps,
             settings.stepping.step,
             settings.stepping.solver.name,
-            settings.stepping.solver.tolerance,
+            settings.stepping.solver.step_tolerance(),
             folder.display()
         );
     }

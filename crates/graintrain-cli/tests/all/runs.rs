@@ -446,6 +446,15 @@ fn what_is_seldom_meant_is_told() {
     {
         assert!(told.contains(doubt), "{doubt}: {told}");
     }
+    // Steps are solved to 1e-2 whatever is asked, and the summary says to what.
+    let loose = ["--set", "solver.tolerance=0.1", "--set", "n=1"];
+    let (told, _) = ended(graintrain(folder.path(), &[&["check", "sedimentation"], &loose[..]].concat()), 0);
+    assert!(told.contains("auto to 1e-2") && told.contains("1e-1 saves nothing"), "{told}");
+    let run = ["run", "sedimentation", "--steps", "2", "--out", "loose", "--quiet"];
+    ended(graintrain(folder.path(), &[&run, &loose[..]].concat()), 0);
+    let summary: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(folder.path().join("loose/summary.json")).unwrap()).unwrap();
+    assert_eq!(summary["tolerance"], 0.01);
     write(
         "full.toml",
         "[time]\nstep = 0.001\nend = 0.01\n[material.m]\n[body.block]\nshape = { box = { size = [1, 1, 1] } }\nmotion = \"fixed\"\n\

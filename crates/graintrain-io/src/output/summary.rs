@@ -258,7 +258,7 @@ impl Summary {
             scene: settings.scene.clone(),
             status,
             solver: settings.stepping.solver.name.to_string(),
-            tolerance: settings.stepping.solver.tolerance,
+            tolerance: settings.stepping.solver.step_tolerance(),
             strict_max: settings.stepping.solver.judge == graintrain_ccp::Judge::Maximum,
             friction: settings.stepping.solver.friction,
             overlap: settings.stepping.overlap,

@@ -73,6 +73,11 @@ impl Default for SolverChoice {
 }
 
 impl SolverChoice {
+    /// The tolerance that steps are solved to: that asked for, or [`LOOSEST`].
+    pub fn step_tolerance(&self) -> f64 {
+        self.tolerance.min(LOOSEST)
+    }
+
     /// What it asks of a solve.
     pub fn solve_settings(&self) -> SolveSettings {
         let Self { name: _, tolerance, judge, max_iterations, friction } = *self;
