@@ -74,7 +74,7 @@ fn trust(summary: &Summary) -> String {
     };
     let overlap = match summary.penetration_max_over_radius {
         0.0 => "none overlap".to_string(),
-        share => format!("overlaps were at most {} of a radius", percent(share)),
+        share => format!("the deepest overlap was {} of a radius", percent(share)),
     };
     let apart = match summary.contacts_apart_share {
         share if share > APART => {
