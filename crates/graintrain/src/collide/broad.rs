@@ -5,10 +5,10 @@ use super::identity::identity;
 use super::look::{Look, surface_speeds};
 use super::narrow::{Collidable, Placed, body_contacts};
 use super::reduce::Touch;
-use super::sweep::{advanced, arrivals, time_of_impact};
+use super::sweep::{advanced, arrivals, comes_within, time_of_impact};
 use super::words::{contacts_from, words_of};
 use crate::contact::Contact;
-use crate::math::Vec3;
+use crate::math::{Quat, Vec3};
 use crate::world::World;
 use graintrain_ccp::Ranks;
 use parry3d_f64::bounding_volume::Aabb;
@@ -190,6 +190,24 @@ impl Collider {
         })
     }
 
+    /// Whether two bodies that start at these places (m; orientations) and move with these velocities (m/s, rad/s) come as near to each other as `reach`, m, within
+    /// `step` seconds. Forms are those of the last call of [`Self::contacts`]. Cost: that of [`time_of_impact`].
+    pub(crate) fn come_within(
+        &self,
+        world: &World,
+        pair: [u32; 2],
+        places: [(Vec3, Quat); 2],
+        velocities: [[Vec3; 2]; 2],
+        step: f64,
+        reach: f64,
+    ) -> bool {
+        let placed = [0, 1].map(|k| {
+            let (position, orientation) = places[k];
+            Placed { form: self.form(world, pair[k] as usize), position, orientation }
+        });
+        comes_within(placed, velocities, step, reach)
+    }
+
     /// Size of a body, m: the radius of spheres, capsules and cylinders, half the thickness of boxes. A body
     /// without a size of its own (planes, meshes) has an infinite one. Forms are those of the last call of [`Self::contacts`].
     pub(crate) fn body_size(&self, world: &World, body: usize) -> f64 {
@@ -288,8 +306,7 @@ impl Collider {
         &self.forms[world.bodies.geometry[body].index()]
     }
 
-    /// A body where it is. Forms are those of the last call of [`Self::contacts`].
-    pub(crate) fn placed(&self, world: &World, body: usize) -> Placed<'_> {
+    pub(super) fn placed(&self, world: &World, body: usize) -> Placed<'_> {
         Placed {
             form: self.form(world, body),
             position: world.bodies.position[body],

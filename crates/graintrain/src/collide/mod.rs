@@ -29,7 +29,7 @@ pub(crate) mod identity;
 mod look;
 mod manifold;
 mod mesh;
-pub(crate) mod narrow;
+mod narrow;
 mod overlaps;
 pub mod places;
 mod plane;

@@ -66,7 +66,7 @@ pub(crate) fn time_of_impact(
 }
 
 /// Whether bodies A and B with constant velocities (u, w) come as near as `reach`, m, within `step` seconds. Cost as that of [`time_of_impact`].
-pub(crate) fn comes_within(
+pub(super) fn comes_within(
     bodies: [Placed<'_>; 2],
     velocities: [[Vec3; 2]; 2],
     step: f64,

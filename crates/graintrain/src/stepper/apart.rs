@@ -8,8 +8,6 @@ use super::Stepper;
 use super::attempt::Attempt;
 use super::placement::Placement;
 use crate::cell::Cell;
-use crate::collide::narrow::Placed;
-use crate::collide::sweep::comes_within;
 use crate::contact::Contact;
 use crate::math::Vec3;
 use crate::world::World;
@@ -88,20 +86,16 @@ impl Stepper {
         (velocity, cell): (&[f64], Option<&Cell>),
         reach: f64,
     ) -> bool {
-        let pair = [contact.body_a, contact.body_b].map(|body| body as usize);
+        let pair = [contact.body_a, contact.body_b];
         let mut velocities = pair.map(|body| {
-            let v = &velocity[6 * body..6 * body + 6];
+            let v = &velocity[6 * body as usize..6 * body as usize + 6];
             [Vec3::from_slice(&v[..3]), Vec3::from_slice(&v[3..])]
         });
-        let mut placed = pair.map(|body| Placed {
-            position: start.position[body],
-            orientation: start.orientation[body],
-            ..self.collider.placed(world, body)
-        });
+        let mut places = pair.map(|body| (start.position[body as usize], start.orientation[body as usize]));
         if let Some(cell) = cell.filter(|_| contact.image != [0; 3]) {
-            placed[1].position += cell.shift(contact.image);
+            places[1].0 += cell.shift(contact.image);
             velocities[1][0] += cell.image_velocity(contact.image);
         }
-        comes_within(placed, velocities, self.settings.step, reach)
+        self.collider.come_within(world, pair, places, velocities, self.settings.step, reach)
     }
 }
