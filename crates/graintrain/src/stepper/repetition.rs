@@ -6,9 +6,10 @@
 //! | a contact under way to an impact is closed all the same (`met`) | it joins the problem |
 //! | a deflected body meets another on its way (`passing`) | the contact where they meet joins |
 //! | bodies overlap at the end that had no contact (`missed`) | their contacts join |
-//! | a contact ends far deeper than foreseen (`bent`) | it is linearised anew where it ends ([`carried_back`]) |
+//! | a contact ends far deeper than foreseen (`bent`), or has force though its bodies stay apart (`open`) | it is linearised anew where it ends ([`carried_back`]) |
 //! | bodies were held apart that would pass without overlap (`phantoms`) | their contacts are left out |
 
+use super::apart::TOGETHER;
 use super::attempt::Attempt;
 use super::mobility;
 use super::placement::Placement;
@@ -68,13 +69,18 @@ pub(super) struct Bends {
     count: HashMap<u64, u64>,
     /// Identities of further planes, and the contact that they belong to.
     further: HashMap<u64, u64>,
-    /// Gaps that they had at the start of the step, by identity, m.
+    /// Gaps that contacts linearised anew had at the start of the step, by identity, m.
     gap: HashMap<u64, f64>,
 }
 
 impl Bends {
     fn of(&self, contact: &Contact) -> u64 {
         self.further.get(&contact.identity).copied().unwrap_or(contact.identity)
+    }
+
+    /// Whether a contact, `Phi` included, is that of the start of the step no more.
+    pub(super) fn has(&self, contact: &Contact) -> bool {
+        self.gap.contains_key(&self.of(contact))
     }
 
     /// The gap that a contact linearised anew is to have at the end, m: no overlap beyond that of the start.
@@ -91,7 +97,7 @@ impl Bends {
             if *count == 1
                 && let Some(old) = contacts.iter_mut().find(|c| c.identity == contact.identity)
             {
-                self.gap.insert(contact.identity, old.gap);
+                self.gap.entry(contact.identity).or_insert(old.gap);
                 *old = contact;
                 identities.push(contact.identity);
                 continue;
@@ -122,6 +128,10 @@ pub(super) struct Rounds {
     pub(super) added: usize,
     /// Pairs that met all the same when there were no rounds left, or overlap at the end without a contact.
     pub(super) missed: usize,
+    /// Impulses of contacts that were not met, N s.
+    pub(super) apart: Vec<f64>,
+    /// How many of them, for all that their planes foresaw, were to be met.
+    pub(super) open: usize,
     /// Iterations of all rounds.
     pub(super) iterations: usize,
     pub(super) laps: Laps,
@@ -186,19 +196,31 @@ impl Stepper {
         let Made { attempt, ahead, .. } = made;
         let missed = self.missed(world, &rounds.contacts, ahead);
         let bent = if is_last { Vec::new() } else { self.bent(world, start, rounds, attempt, ahead) };
+        let apart = self.apart(world, start, rounds, attempt, ahead);
+        let mut open = self.open(world, start, rounds, attempt, &apart);
+        rounds.apart = apart.into_iter().map(|(_, impulse)| impulse).collect();
+        rounds.open = open.len();
+        if is_last {
+            open.clear();
+        }
         let mut new = Vec::new();
-        if !(missed.is_empty() || is_last) || !bent.is_empty() {
+        let mut again = !(bent.is_empty() && open.is_empty());
+        if !(missed.is_empty() || is_last) || again {
             let carry = |c: &Contact| carried_back(c, world, start, attempt, self.settings.step);
             let ends: Vec<Contact> = missed.iter().map(carry).collect();
             let end = start.exchange(world);
             new = self.new_contacts(world, &rounds.contacts, &ends, &attempt.velocity);
-            if new.is_empty() && bent.is_empty() {
+            again |= !new.is_empty();
+            if !again {
                 end.exchange(world);
             }
         }
-        let again = !(new.is_empty() && bent.is_empty());
         if again {
             rounds.added += new.len() + bent.len();
+            for (place, anew) in open {
+                let old = std::mem::replace(&mut rounds.contacts[place], anew);
+                rounds.bends.gap.entry(rounds.bends.of(&anew)).or_insert(old.gap);
+            }
             rounds.kept.extend(rounds.bends.put(bent, &mut rounds.contacts));
             rounds.kept.extend(new.iter().map(|c| c.identity));
             rounds.contacts.extend(new);
@@ -360,6 +382,35 @@ impl Stepper {
             })
         };
         deep.into_iter().filter_map(mended).collect()
+    }
+
+    /// Of the contacts that press though their bodies stay `apart`, those of which Phi + dt u_n foresaw less, as they are to be instead, and their places: linearised where they
+    /// end. What friction of the relaxed model opens is foreseen. `world` as the step leaves it.
+    fn open(
+        &self,
+        world: &World,
+        start: &Placement,
+        rounds: &Rounds,
+        attempt: &Attempt,
+        apart: &[(usize, f64)],
+    ) -> Vec<(usize, Contact)> {
+        let (step, collider) = (self.settings.step, &self.collider);
+        let at_the_end = |&(place, _): &(usize, f64)| {
+            let old = &rounds.contacts[place];
+            let pair = [old.body_a, old.body_b];
+            let of_pair = collider.contacts_of_pair(world, pair, &attempt.velocity, step);
+            of_pair.into_iter().find(|end| end.identity == rounds.bends.of(old)).map(|end| (place, end))
+        };
+        let ends: Vec<(usize, Contact)> = apart.iter().filter_map(at_the_end).collect();
+        let foreseen =
+            self.foreseen(start, rounds, attempt, &ends.iter().map(|(_, end)| end).collect::<Vec<_>>());
+        let anew = |(place, end): (usize, Contact)| {
+            let (gap, _) = foreseen.get(&end.identity)?;
+            let identity = rounds.contacts[place].identity;
+            let is_open = end.gap - gap > 0.5 * TOGETHER * collider.contact_size(world, &end);
+            is_open.then(|| (place, Contact { identity, ..carried_back(&end, world, start, attempt, step) }))
+        };
+        ends.into_iter().filter_map(anew).collect()
     }
 
     /// Contacts at the start of the step of pairs that would overlap at its end (`missed`, with `ends` the same contacts carried back);
