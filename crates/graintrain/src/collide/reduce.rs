@@ -40,9 +40,9 @@ const NEARER: f64 = 1e-4;
 
 /// Splits the touches of one pair of parts into patches of like normals. Of each it keeps the deepest point, the one
 /// farthest from it, the one farthest from the line through both, and the one farthest on the line's other side; and,
-/// up to eight, those that these four do not hold off: with one normal n, the constraint of a point is linear in its
+/// up to eight, those that the kept ones do not hold off, the worst first: with one normal n, the constraint of a point is linear in its
 /// place in the patch and its gap, so a point is held off if it lies above the lower hull of the kept ones over the
-/// patch. Ordered by feature; features are made unique.
+/// patch (quickhull). Ordered by feature; features are made unique.
 pub(crate) fn reduce(touches: &mut Vec<Touch>) {
     if touches.len() > 1 {
         // Total order: the result must not depend on the order in which a kernel reports.
@@ -126,36 +126,30 @@ fn keep_four(patch: &mut Vec<Touch>) {
     let side = |i: usize| flat[far][0] * flat[i][1] - flat[far][1] * flat[i][0];
     let (left, left_area) = largest(&side);
     let (right, right_area) = largest(&|i| -side(i));
-    let mut kept = vec![patch[0], patch[far]];
-    for (index, area) in [(left, left_area), (right, right_area)] {
-        if area > 0.0 {
-            kept.push(patch[index]);
-        }
-    }
-    let kept_first: Vec<usize> = {
-        let mut indices = vec![0, far];
-        indices
-            .extend([(left, left_area), (right, right_area)].iter().filter(|(_, a)| *a > 0.0).map(|p| p.0));
-        indices
-    };
+    let mut kept = vec![0, far];
+    kept.extend([(left, left_area), (right, right_area)].iter().filter(|(_, area)| *area > 0.0).map(|p| p.0));
     let extent = real::hypot(flat[far][0], flat[far][1]);
     let place = |i: usize| [flat[i][0] / extent, flat[i][1] / extent, patch[i].gap / extent];
-    let mut places: Vec<[f64; 3]> = kept_first.iter().map(|&i| place(i)).collect();
-    for i in 0..patch.len() {
-        if places.len() < MOST && !kept_first.contains(&i) && extent > 0.0 && !is_held(place(i), &places) {
-            places.push(place(i));
-            kept.push(patch[i]);
+    let mut places: Vec<[f64; 3]> = kept.iter().map(|&i| place(i)).collect();
+    while places.len() < MOST && extent > 0.0 {
+        let depths = (0..patch.len()).map(|i| (i, depth_below(place(i), &places)));
+        let (lowest, depth) = depths.fold((0, 0.0), |best, next| if next.1 > best.1 { next } else { best });
+        if depth <= NEARER {
+            break;
         }
+        places.push(place(lowest));
+        kept.push(lowest);
     }
-    *patch = kept;
+    *patch = kept.into_iter().map(|i| patch[i]).collect();
 }
 
-/// Whether the point (two coordinates in the patch, gap) is held off by kept ones: whether it lies above a triangle or
-/// a line of theirs, give or take [`BEYOND`] and [`NEARER`]. Lengths in units of the patch's extent.
-fn is_held(p: [f64; 3], kept: &[[f64; 3]]) -> bool {
+/// How far a point (two coordinates in the patch, gap) lies below the lower hull of the kept ones: below the lowest of their triangles and lines over or under which it lies, give or
+/// take [`BEYOND`]; infinite where there is none. Lengths in units of the patch's extent.
+fn depth_below(p: [f64; 3], kept: &[[f64; 3]]) -> f64 {
     let cross =
         |a: [f64; 3], b: [f64; 3], c: [f64; 3]| (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
     let apart = |a: [f64; 3], b: [f64; 3]| real::hypot(a[0] - b[0], a[1] - b[1]);
+    let mut hull = f64::INFINITY;
     for (i, &a) in kept.iter().enumerate() {
         for (j, &b) in kept.iter().enumerate().skip(i + 1) {
             let length = apart(a, b);
@@ -163,9 +157,8 @@ fn is_held(p: [f64; 3], kept: &[[f64; 3]]) -> bool {
                 let along =
                     ((p[0] - a[0]) * (b[0] - a[0]) + (p[1] - a[1]) * (b[1] - a[1])) / (length * length);
                 let inside = along * length >= -BEYOND && (along - 1.0) * length <= BEYOND;
-                let near = cross(a, b, p).abs() / length <= BEYOND;
-                if inside && near && p[2] >= a[2] + along * (b[2] - a[2]) - NEARER {
-                    return true;
+                if inside && cross(a, b, p).abs() / length <= BEYOND {
+                    hull = hull.min(a[2] + along * (b[2] - a[2]));
                 }
             }
             for &c in &kept[j + 1..] {
@@ -177,15 +170,13 @@ fn is_held(p: [f64; 3], kept: &[[f64; 3]]) -> bool {
                 let weights = [cross(p, b, c) / area, cross(a, p, c) / area, cross(a, b, p) / area];
                 // A weight times the height over the opposite side is the distance from that side.
                 let sides = [apart(b, c), apart(c, a), length];
-                let inside = (0..3).all(|k| weights[k] * area.abs() / sides[k] >= -BEYOND);
-                let gap = weights[0] * a[2] + weights[1] * b[2] + weights[2] * c[2];
-                if inside && p[2] >= gap - NEARER {
-                    return true;
+                if (0..3).all(|k| weights[k] * area.abs() / sides[k] >= -BEYOND) {
+                    hull = hull.min(weights[0] * a[2] + weights[1] * b[2] + weights[2] * c[2]);
                 }
             }
         }
     }
-    false
+    hull - p[2]
 }
 
 #[cfg(test)]
@@ -226,6 +217,21 @@ mod tests {
         reduce(&mut reversed);
         assert_eq!(touches, reversed);
         assert!(touches.len() <= MOST);
+    }
+
+    /// A roller on tiles: points of a line that touch, and above its ends those of the far side of the roller. The ends of the line stay, whatever else does.
+    #[test]
+    fn a_point_far_above_does_not_stand_for_one_that_touches() {
+        let mut touches: Vec<Touch> =
+            (0..=12).map(|i| touch(f64::from(i) / 12.0, 0.0, -1e-15 * f64::from(i), i as u64)).collect();
+        touches.extend([
+            touch(-1e-9, 0.0, 0.7, 20),
+            touch(1.0 + 1e-9, 0.0, 0.7, 21),
+            touch(0.5, 0.3, 0.4, 22),
+        ]);
+        reduce(&mut touches);
+        let features: Vec<u64> = touches.iter().map(|t| t.feature).collect();
+        assert!(features.contains(&0) && features.contains(&12) && touches.len() <= MOST, "{features:?}");
     }
 
     #[test]
