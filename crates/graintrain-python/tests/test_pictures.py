@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import html
+
 import numpy as np
 import pytest
 
@@ -41,6 +43,24 @@ def test_a_recorded_run_becomes_a_replay(drop, tmp_path):
     assert drop.time == pytest.approx(0.14) and (tmp_path / "y.html").stat().st_size > 10_000
     with pytest.raises(OSError, match="nowhere"):
         graintrain.replay(tmp_path / "nowhere", tmp_path / "z.html")
+
+
+def test_worlds_and_folders_are_shown_in_notebooks(drop, tmp_path):
+    still = graintrain.show(drop)
+    assert drop.time == 0 and still.page.startswith("<!doctype html>") and "<script" in still.page
+    shown = graintrain.show(drop, 0.1, every=10, height=400)
+    assert drop.time == pytest.approx(0.1)
+    frame = shown._repr_html_()
+    assert frame.startswith("<iframe") and "height:400px" in frame
+    assert html.unescape(frame.split('srcdoc="')[1].split('"')[0]) == shown.page
+    shown.save(tmp_path / "x.html")
+    assert (tmp_path / "x.html").read_text(encoding="utf-8") == shown.page
+    drop.record(tmp_path / "run", 0.12)
+    assert "<script" in graintrain.show(tmp_path / "run").page
+    with pytest.raises(ValueError, match="belong to a world"):
+        graintrain.show(tmp_path / "run", 0.2)
+    with pytest.raises(OSError, match="nowhere"):
+        graintrain.show(tmp_path / "nowhere")
 
 
 def test_plots(drop):

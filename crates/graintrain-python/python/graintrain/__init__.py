@@ -36,6 +36,7 @@ from graintrain._graintrain import (
     solvers,
 )
 from graintrain._measure import stress
+from graintrain._show import Replay, show
 from graintrain._sweep import sweep
 
 __all__ = [
@@ -49,6 +50,7 @@ __all__ = [
     "Picture",
     "Problem",
     "ProblemError",
+    "Replay",
     "SceneError",
     "Shape",
     "SolveReport",
@@ -63,6 +65,7 @@ __all__ = [
     "__version__",
     "cross",
     "replay",
+    "show",
     "solvers",
     "stress",
     "sweep",
