@@ -6,7 +6,8 @@
 //! | a contact under way to an impact is closed all the same (`met`) | it joins the problem |
 //! | a deflected body meets another on its way (`passing`) | the contact where they meet joins |
 //! | bodies overlap at the end that had no contact (`missed`) | their contacts join |
-//! | a contact ends far deeper than foreseen (`bent`), or has force though its bodies stay apart (`open`) | it is linearised anew where it ends ([`carried_back`]) |
+//! | a contact ends far deeper than foreseen (`bent`) | it is linearised anew where it ends ([`carried_back`]) |
+//! | a contact has force though its bodies did not meet (`open`) | the same, or it is left out where its features face each other no more |
 //! | bodies were held apart that would pass without overlap (`phantoms`) | their contacts are left out |
 
 use super::apart::TOGETHER;
@@ -43,6 +44,8 @@ pub struct Parameters {
     pub rounds: usize,
     /// Rounds in which contacts may be left out.
     pub phantom_rounds: usize,
+    /// How often a contact that presses though its bodies do not meet is linearised anew.
+    pub openings: usize,
     /// Solves of the contacts for joints whose motors, stops or paths turned out otherwise than foreseen; what is left then is reported.
     pub joint_rounds: usize,
 }
@@ -56,6 +59,7 @@ impl Default for Parameters {
             fallen: 0.1,
             rounds: 30,
             phantom_rounds: 3,
+            openings: 4,
             joint_rounds: 12,
         }
     }
@@ -69,6 +73,8 @@ pub(super) struct Bends {
     count: HashMap<u64, u64>,
     /// Identities of further planes, and the contact that they belong to.
     further: HashMap<u64, u64>,
+    /// How often a plane was linearised anew since it held apart what did not meet, by identity.
+    opened: HashMap<u64, usize>,
     /// Gaps that contacts linearised anew had at the start of the step, by identity, m.
     gap: HashMap<u64, f64>,
 }
@@ -86,6 +92,26 @@ impl Bends {
     /// The gap that a contact linearised anew is to have at the end, m: no overlap beyond that of the start.
     pub(super) fn allowed(&self, identity: u64) -> Option<f64> {
         self.gap.get(&identity).map(|gap| gap.min(0.0))
+    }
+
+    /// How often this contact was put elsewhere since it held apart what did not meet.
+    fn openings(&self, contact: &Contact) -> usize {
+        self.opened.get(&contact.identity).copied().unwrap_or(0)
+    }
+
+    /// Puts what [`Stepper::opened`] found in the places of the contacts that were there, and leaves those out for which it found nothing.
+    fn open(&mut self, anew: Vec<(usize, Option<Contact>)>, contacts: &mut Vec<Contact>) {
+        let mut gone = HashSet::new();
+        for (place, anew) in anew {
+            let old = &mut contacts[place];
+            *self.opened.entry(old.identity).or_default() += 1;
+            self.gap.entry(self.of(old)).or_insert(old.gap);
+            match anew {
+                Some(anew) => *old = anew,
+                None => _ = gone.insert(old.identity),
+            }
+        }
+        contacts.retain(|contact| !gone.contains(&contact.identity));
     }
 
     /// Puts `anew`, as [`Stepper::bent`] found them, among the contacts. Returned are the identities that they have there.
@@ -197,12 +223,13 @@ impl Stepper {
         let missed = self.missed(world, &rounds.contacts, ahead);
         let bent = if is_last { Vec::new() } else { self.bent(world, start, rounds, attempt, ahead) };
         let apart = self.apart(world, start, rounds, attempt, ahead);
-        let mut open = self.open(world, start, rounds, attempt, &apart);
+        let open = self.open(world, start, rounds, attempt, &apart);
         rounds.apart = apart.into_iter().map(|(_, impulse)| impulse).collect();
         rounds.open = open.len();
-        if is_last {
-            open.clear();
-        }
+        let most = self.parameters.repetition.openings;
+        let may = |place: &usize| !is_last && rounds.bends.openings(&rounds.contacts[*place]) < most;
+        let anew = |place: usize| (place, self.opened(world, start, rounds, attempt, place));
+        let open: Vec<(usize, Option<Contact>)> = open.into_iter().filter(may).map(anew).collect();
         let mut new = Vec::new();
         let mut again = !(bent.is_empty() && open.is_empty());
         if !(missed.is_empty() || is_last) || again {
@@ -217,10 +244,7 @@ impl Stepper {
         }
         if again {
             rounds.added += new.len() + bent.len();
-            for (place, anew) in open {
-                let old = std::mem::replace(&mut rounds.contacts[place], anew);
-                rounds.bends.gap.entry(rounds.bends.of(&anew)).or_insert(old.gap);
-            }
+            rounds.bends.open(open, &mut rounds.contacts);
             rounds.kept.extend(rounds.bends.put(bent, &mut rounds.contacts));
             rounds.kept.extend(new.iter().map(|c| c.identity));
             rounds.contacts.extend(new);
@@ -384,8 +408,7 @@ impl Stepper {
         deep.into_iter().filter_map(mended).collect()
     }
 
-    /// Of the contacts that press though their bodies stay `apart`, those of which Phi + dt u_n foresaw less, as they are to be instead, and their places: linearised where they
-    /// end. What friction of the relaxed model opens is foreseen. `world` as the step leaves it.
+    /// Of the contacts that press though their bodies stay `apart`, the places of those that are to touch by Phi + dt u_n (what friction of the relaxed model opens is not).
     fn open(
         &self,
         world: &World,
@@ -393,24 +416,35 @@ impl Stepper {
         rounds: &Rounds,
         attempt: &Attempt,
         apart: &[(usize, f64)],
-    ) -> Vec<(usize, Contact)> {
-        let (step, collider) = (self.settings.step, &self.collider);
-        let at_the_end = |&(place, _): &(usize, f64)| {
-            let old = &rounds.contacts[place];
-            let pair = [old.body_a, old.body_b];
-            let of_pair = collider.contacts_of_pair(world, pair, &attempt.velocity, step);
-            of_pair.into_iter().find(|end| end.identity == rounds.bends.of(old)).map(|end| (place, end))
+    ) -> Vec<usize> {
+        let own = |&(place, _): &(usize, f64)| {
+            let contact = &rounds.contacts[place];
+            (place, Contact { identity: rounds.bends.of(contact), ..*contact })
         };
-        let ends: Vec<(usize, Contact)> = apart.iter().filter_map(at_the_end).collect();
+        let pressing: Vec<(usize, Contact)> = apart.iter().map(own).collect();
         let foreseen =
-            self.foreseen(start, rounds, attempt, &ends.iter().map(|(_, end)| end).collect::<Vec<_>>());
-        let anew = |(place, end): (usize, Contact)| {
-            let (gap, _) = foreseen.get(&end.identity)?;
-            let identity = rounds.contacts[place].identity;
-            let is_open = end.gap - gap > 0.5 * TOGETHER * collider.contact_size(world, &end);
-            is_open.then(|| (place, Contact { identity, ..carried_back(&end, world, start, attempt, step) }))
+            self.foreseen(start, rounds, attempt, &pressing.iter().map(|(_, c)| c).collect::<Vec<_>>());
+        let is_open = |contact: &Contact| {
+            let touch = 0.5 * TOGETHER * self.collider.contact_size(world, contact);
+            foreseen.get(&contact.identity).is_some_and(|(gap, _)| *gap <= touch)
         };
-        ends.into_iter().filter_map(anew).collect()
+        pressing.into_iter().filter(|(_, contact)| is_open(contact)).map(|(place, _)| place).collect()
+    }
+
+    /// The contact at this place as it is to be instead, linearised where it ends; none where its features face each other no more. `world` as the step leaves it.
+    fn opened(
+        &self,
+        world: &World,
+        start: &Placement,
+        rounds: &Rounds,
+        attempt: &Attempt,
+        place: usize,
+    ) -> Option<Contact> {
+        let (step, old) = (self.settings.step, &rounds.contacts[place]);
+        let of_pair =
+            self.collider.contacts_of_pair(world, [old.body_a, old.body_b], &attempt.velocity, step);
+        let end = of_pair.iter().find(|end| end.identity == rounds.bends.of(old))?;
+        Some(Contact { identity: old.identity, ..carried_back(end, world, start, attempt, step) })
     }
 
     /// Contacts at the start of the step of pairs that would overlap at its end (`missed`, with `ends` the same contacts carried back);
