@@ -84,7 +84,7 @@ impl Bends {
         self.further.get(&contact.identity).copied().unwrap_or(contact.identity)
     }
 
-    /// Whether a contact, `Phi` included, is that of the start of the step no more.
+    /// Whether a contact was linearised anew.
     pub(super) fn has(&self, contact: &Contact) -> bool {
         self.gap.contains_key(&self.of(contact))
     }
