@@ -40,9 +40,9 @@ const NEARER: f64 = 1e-4;
 
 /// Splits the touches of one pair of parts into patches of like normals. Of each it keeps the deepest point, the one
 /// farthest from it, the one farthest from the line through both, and the one farthest on the line's other side; and,
-/// up to eight, those that the kept ones do not hold off, the worst first: with one normal n, the constraint of a point is linear in its
+/// up to eight, those that the kept ones do not hold off, the deepest first, of equals the one that lies lowest below the kept ones: with one normal n, the constraint of a point is linear in its
 /// place in the patch and its gap, so a point is held off if it lies above the lower hull of the kept ones over the
-/// patch (quickhull). Ordered by feature; features are made unique.
+/// patch. Ordered by feature; features are made unique.
 pub(crate) fn reduce(touches: &mut Vec<Touch>) {
     if touches.len() > 1 {
         // Total order: the result must not depend on the order in which a kernel reports.
@@ -132,11 +132,14 @@ fn keep_four(patch: &mut Vec<Touch>) {
     let place = |i: usize| [flat[i][0] / extent, flat[i][1] / extent, patch[i].gap / extent];
     let mut places: Vec<[f64; 3]> = kept.iter().map(|&i| place(i)).collect();
     while places.len() < MOST && extent > 0.0 {
-        let depths = (0..patch.len()).map(|i| (i, depth_below(place(i), &places)));
-        let (lowest, depth) = depths.fold((0, 0.0), |best, next| if next.1 > best.1 { next } else { best });
-        if depth <= NEARER {
-            break;
-        }
+        let open: Vec<(usize, f64)> = (0..patch.len())
+            .map(|i| (i, depth_below(place(i), &places)))
+            .filter(|(_, depth)| *depth > NEARER)
+            .collect();
+        // In the order of their gaps: those of the first that differ by rounding alone are equals.
+        let Some(&(first, _)) = open.first() else { break };
+        let equals = open.into_iter().take_while(|(i, _)| place(*i)[2] <= place(first)[2] + NEARER);
+        let (lowest, _) = equals.fold((first, 0.0), |best, next| if next.1 > best.1 { next } else { best });
         places.push(place(lowest));
         kept.push(lowest);
     }

@@ -7,7 +7,7 @@
 //! | a deflected body meets another on its way (`passing`) | the contact where they meet joins |
 //! | bodies overlap at the end that had no contact (`missed`) | their contacts join |
 //! | a contact ends far deeper than foreseen (`bent`) | it is linearised anew where it ends ([`carried_back`]) |
-//! | a contact has force though its bodies did not meet (`open`) | the same, or it is left out where its features face each other no more |
+//! | a contact has force though its balls did not meet (`open`) | the same |
 //! | bodies were held apart that would pass without overlap (`phantoms`) | their contacts are left out |
 
 use super::apart::TOGETHER;
@@ -44,7 +44,7 @@ pub struct Parameters {
     pub rounds: usize,
     /// Rounds in which contacts may be left out.
     pub phantom_rounds: usize,
-    /// How often a contact that presses though its bodies do not meet is linearised anew.
+    /// How often a contact of two balls that presses though they do not meet is linearised anew.
     pub openings: usize,
     /// Solves of the contacts for joints whose motors, stops or paths turned out otherwise than foreseen; what is left then is reported.
     pub joint_rounds: usize,
@@ -99,19 +99,13 @@ impl Bends {
         self.opened.get(&contact.identity).copied().unwrap_or(0)
     }
 
-    /// Puts what [`Stepper::opened`] found in the places of the contacts that were there, and leaves those out for which it found nothing.
-    fn open(&mut self, anew: Vec<(usize, Option<Contact>)>, contacts: &mut Vec<Contact>) {
-        let mut gone = HashSet::new();
+    /// Puts what [`Stepper::opened`] found in the places of the contacts that were there.
+    fn open(&mut self, anew: Vec<(usize, Contact)>, contacts: &mut [Contact]) {
         for (place, anew) in anew {
-            let old = &mut contacts[place];
+            let old = std::mem::replace(&mut contacts[place], anew);
             *self.opened.entry(old.identity).or_default() += 1;
-            self.gap.entry(self.of(old)).or_insert(old.gap);
-            match anew {
-                Some(anew) => *old = anew,
-                None => _ = gone.insert(old.identity),
-            }
+            self.gap.entry(self.of(&old)).or_insert(old.gap);
         }
-        contacts.retain(|contact| !gone.contains(&contact.identity));
     }
 
     /// Puts `anew`, as [`Stepper::bent`] found them, among the contacts. Returned are the identities that they have there.
@@ -226,10 +220,8 @@ impl Stepper {
         let open = self.open(world, start, rounds, attempt, &apart);
         rounds.apart = apart.into_iter().map(|(_, impulse)| impulse).collect();
         rounds.open = open.len();
-        let most = self.parameters.repetition.openings;
-        let may = |place: &usize| !is_last && rounds.bends.openings(&rounds.contacts[*place]) < most;
-        let anew = |place: usize| (place, self.opened(world, start, rounds, attempt, place));
-        let open: Vec<(usize, Option<Contact>)> = open.into_iter().filter(may).map(anew).collect();
+        let anew = |&place: &usize| self.opened(world, start, rounds, attempt, place);
+        let open: Vec<_> = if is_last { Vec::new() } else { open.iter().filter_map(anew).collect() };
         let mut new = Vec::new();
         let mut again = !(bent.is_empty() && open.is_empty());
         if !(missed.is_empty() || is_last) || again {
@@ -408,7 +400,8 @@ impl Stepper {
         deep.into_iter().filter_map(mended).collect()
     }
 
-    /// Of the contacts that press though their bodies stay `apart`, the places of those that are to touch by Phi + dt u_n (what friction of the relaxed model opens is not).
+    /// Of the contacts of two balls that press though they stay `apart`, the places of those that are to touch by Phi + dt u_n (what friction of the relaxed model opens is
+    /// not). Balls alone: a face that turns is not where a plane carried back from the end says, and who lets go of it gets bodies inside each other.
     fn open(
         &self,
         world: &World,
@@ -425,13 +418,15 @@ impl Stepper {
         let foreseen =
             self.foreseen(start, rounds, attempt, &pressing.iter().map(|(_, c)| c).collect::<Vec<_>>());
         let is_open = |contact: &Contact| {
+            let balls =
+                [contact.body_a, contact.body_b].map(|body| self.collider.is_ball(world, body as usize));
             let touch = 0.5 * TOGETHER * self.collider.contact_size(world, contact);
-            foreseen.get(&contact.identity).is_some_and(|(gap, _)| *gap <= touch)
+            balls == [true; 2] && foreseen.get(&contact.identity).is_some_and(|(gap, _)| *gap <= touch)
         };
         pressing.into_iter().filter(|(_, contact)| is_open(contact)).map(|(place, _)| place).collect()
     }
 
-    /// The contact at this place as it is to be instead, linearised where it ends; none where its features face each other no more. `world` as the step leaves it.
+    /// The contact at this place as it is to be instead, linearised where it ends, unless it was that often enough. `world` as the step leaves it.
     fn opened(
         &self,
         world: &World,
@@ -439,12 +434,15 @@ impl Stepper {
         rounds: &Rounds,
         attempt: &Attempt,
         place: usize,
-    ) -> Option<Contact> {
+    ) -> Option<(usize, Contact)> {
         let (step, old) = (self.settings.step, &rounds.contacts[place]);
+        if rounds.bends.openings(old) >= self.parameters.repetition.openings {
+            return None;
+        }
         let of_pair =
             self.collider.contacts_of_pair(world, [old.body_a, old.body_b], &attempt.velocity, step);
-        let end = of_pair.iter().find(|end| end.identity == rounds.bends.of(old))?;
-        Some(Contact { identity: old.identity, ..carried_back(end, world, start, attempt, step) })
+        let end = of_pair.first()?;
+        Some((place, Contact { identity: old.identity, ..carried_back(end, world, start, attempt, step) }))
     }
 
     /// Contacts at the start of the step of pairs that would overlap at its end (`missed`, with `ends` the same contacts carried back);
