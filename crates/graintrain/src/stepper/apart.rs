@@ -21,8 +21,8 @@ pub(super) const TOGETHER: f64 = 0.05;
 
 impl Stepper {
     /// Contacts (indices), with their normal impulses, N s, that change velocities by more than the solve resolves and whose bodies were nowhere on their way nearer to each
-    /// other than [`TOGETHER`]. Impacts are not looked at: they act at the moment at which bodies meet. `world` is at the end of the step, `ahead` are its contacts
-    /// there. Cost: a pass over the contacts; a pass over `ahead` if any of them had a gap and force; a sweep along three motions for each that has a gap at the end, too.
+    /// other than [`TOGETHER`]. Impacts are not looked at. `world` is at the end of the step, `ahead` are its contacts
+    /// there. Cost: a pass over the contacts; a pass over `ahead` if any of them had a gap and force; a sweep along three motions for each that is not among them, or has a gap there.
     pub(super) fn apart(
         &self,
         world: &World,
@@ -37,7 +37,7 @@ impl Stepper {
         let (contacts, mut pressing) = (&rounds.contacts, Vec::new());
         for (k, (&i, g)) in attempt.active.iter().zip(attempt.impulse.chunks_exact(3)).enumerate() {
             let contact = &contacts[i as usize];
-            let has_gap = contact.gap > 0.0 && contact.gap > reach(contact) || rounds.bends.has(contact);
+            let has_gap = rounds.bends.gap_before(contact) > reach(contact);
             if has_gap && g[0] * rigid.diagonal()[k][0] > resolved {
                 pressing.push((i as usize, g[0]));
             }
@@ -65,9 +65,25 @@ impl Stepper {
         pressing
     }
 
+    /// How many contacts that were linearised anew let balls through each other: by more than [`TOGETHER`] of the smaller one's size, with the velocities of the end.
+    pub(super) fn let_through(
+        &self,
+        world: &World,
+        start: &Placement,
+        rounds: &Rounds,
+        attempt: &Attempt,
+    ) -> usize {
+        let motion = (attempt.velocity.as_slice(), attempt.cell.as_ref());
+        let through = |contact: &&Contact| {
+            let reach = || -TOGETHER * self.collider.contact_size(world, contact);
+            rounds.bends.openings(contact) > 0 && self.come_near(world, start, contact, motion, reach())
+        };
+        rounds.contacts.iter().filter(through).count()
+    }
+
     /// Whether the bodies of a contact come nearer than `reach`, m, from where they were at the start of the step with these velocities (six numbers per body), and
     /// a cell of these rates. Of `world` only the forms of the bodies are asked.
-    fn come_near(
+    pub(super) fn come_near(
         &self,
         world: &World,
         start: &Placement,

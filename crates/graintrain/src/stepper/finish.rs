@@ -253,7 +253,7 @@ impl Stepper {
         contacts.par_iter().map(overlap).reduce(|| [0.0; 2], deeper)
     }
 
-    /// A step whose impacts were not solved, whose joints are open or whose contacts press (`open`) what they did not meet has not converged. Returned is the largest
+    /// A step whose impacts were not solved, whose joints are open or whose contacts of balls press what they did not meet or let through what they met (`open`) has not converged. Returned is the largest
     /// opening of a joint, m.
     fn judge(&self, world: &World, impacts: &Impacts, open: usize, solve: &mut SolveReport) -> f64 {
         let (opening_max, worst) = drift::openings(world);
@@ -264,7 +264,7 @@ impl Stepper {
             let opening = world.joints()[joint].state.opening;
             Some(format!("{} is open by {opening:.1e} m", world.joint_label(joint)))
         } else {
-            (open > 0).then(|| format!("contacts that press though their bodies did not meet: {open}"))
+            (open > 0).then(|| format!("contacts of balls that press though they did not meet, or let them through each other: {open}"))
         };
         if remark.is_some() && solve.status == Status::Converged {
             (solve.status, solve.remark) = (Status::IterationLimit, remark);

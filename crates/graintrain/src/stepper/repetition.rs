@@ -84,18 +84,18 @@ impl Bends {
         self.further.get(&contact.identity).copied().unwrap_or(contact.identity)
     }
 
-    /// Whether a contact was linearised anew.
-    pub(super) fn has(&self, contact: &Contact) -> bool {
-        self.gap.contains_key(&self.of(contact))
-    }
-
     /// The gap that a contact linearised anew is to have at the end, m: no overlap beyond that of the start.
     pub(super) fn allowed(&self, identity: u64) -> Option<f64> {
         self.gap.get(&identity).map(|gap| gap.min(0.0))
     }
 
+    /// The gap of a contact at the start of the step, m: that of one linearised anew is none.
+    pub(super) fn gap_before(&self, contact: &Contact) -> f64 {
+        self.gap.get(&self.of(contact)).copied().unwrap_or(contact.gap)
+    }
+
     /// How often this contact was put elsewhere since it held apart what did not meet.
-    fn openings(&self, contact: &Contact) -> usize {
+    pub(super) fn openings(&self, contact: &Contact) -> usize {
         self.opened.get(&contact.identity).copied().unwrap_or(0)
     }
 
@@ -150,7 +150,7 @@ pub(super) struct Rounds {
     pub(super) missed: usize,
     /// Impulses of contacts that were not met, N s.
     pub(super) apart: Vec<f64>,
-    /// How many of them, for all that their planes foresaw, were to be met.
+    /// How many of them were to be met as their planes have it, and contacts linearised anew that let balls through each other.
     pub(super) open: usize,
     /// Iterations of all rounds.
     pub(super) iterations: usize,
@@ -219,7 +219,7 @@ impl Stepper {
         let apart = self.apart(world, start, rounds, attempt, ahead);
         let open = self.open(world, start, rounds, attempt, &apart);
         rounds.apart = apart.into_iter().map(|(_, impulse)| impulse).collect();
-        rounds.open = open.len();
+        rounds.open = open.len() + self.let_through(world, start, rounds, attempt);
         let anew = |&place: &usize| self.opened(world, start, rounds, attempt, place);
         let open: Vec<_> = if is_last { Vec::new() } else { open.iter().filter_map(anew).collect() };
         let mut new = Vec::new();
@@ -423,7 +423,32 @@ impl Stepper {
             let touch = 0.5 * TOGETHER * self.collider.contact_size(world, contact);
             balls == [true; 2] && foreseen.get(&contact.identity).is_some_and(|(gap, _)| *gap <= touch)
         };
-        pressing.into_iter().filter(|(_, contact)| is_open(contact)).map(|(place, _)| place).collect()
+        let open = pressing.into_iter().filter(|(place, contact)| {
+            is_open(contact) && !self.would_meet(world, start, rounds, attempt, *place)
+        });
+        open.map(|(place, _)| place).collect()
+    }
+
+    /// Whether two balls would overlap on their way without the impulse of the contact at this place: then it is needed, though its plane holds them off too early.
+    fn would_meet(
+        &self,
+        world: &World,
+        start: &Placement,
+        rounds: &Rounds,
+        attempt: &Attempt,
+        place: usize,
+    ) -> bool {
+        let Delassus::Rigid(rigid) = &*attempt.problem.delassus else { return false };
+        let Ok(row) = attempt.active.binary_search(&(place as u32)) else { return false };
+        let contact = &rounds.contacts[place];
+        let pair = [contact.body_a, contact.body_b];
+        let response = rigid.response(pushes(attempt, rigid.contacts(), &[row], pair).0);
+        let mut velocity = attempt.velocity.clone();
+        for (body, change) in pair.into_iter().zip(&response) {
+            let own = &mut velocity[6 * body as usize..6 * body as usize + 6];
+            own.iter_mut().zip(change).for_each(|(v, dv)| *v -= dv);
+        }
+        self.come_near(world, start, contact, (&velocity, attempt.cell.as_ref()), 0.0)
     }
 
     /// The contact at this place as it is to be instead, linearised where it ends, unless it was that often enough. `world` as the step leaves it.
@@ -442,7 +467,9 @@ impl Stepper {
         let of_pair =
             self.collider.contacts_of_pair(world, [old.body_a, old.body_b], &attempt.velocity, step);
         let end = of_pair.first()?;
-        Some((place, Contact { identity: old.identity, ..carried_back(end, world, start, attempt, step) }))
+        let anew = carried_back(end, world, start, attempt, step);
+        // Below zero it would be taken for overlap that is to be removed.
+        Some((place, Contact { identity: old.identity, gap: anew.gap.max(0.0), ..anew }))
     }
 
     /// Contacts at the start of the step of pairs that would overlap at its end (`missed`, with `ends` the same contacts carried back);

@@ -118,6 +118,22 @@ fn what_is_pressed_past_a_body_is_not_held_by_it() {
     }
 }
 
+/// Where the plane of the end would let a ball through another one, and that of the start stops both in the air, the step says that it has not converged.
+#[test]
+fn a_ball_that_is_let_through_another_one_is_told() {
+    let mut world = world(0.0, 0.0);
+    world.gravity = Vec3::ZERO;
+    let (radius, step) = (0.1, 1e-3);
+    let a = add_sphere(&mut world, radius, Vec3::new(-2.0 * radius, 0.0, 2.06 * radius));
+    let b = add_sphere(&mut world, radius, Vec3::ZERO);
+    world.bodies.velocity[a] = 3.0 * radius / step * Vec3::X;
+    let press = world.bodies.mass[a] * 0.49 * radius / (step * step) * Vec3::Z;
+    (world.bodies.force[a], world.bodies.force[b]) = (-press, press);
+    let settings = StepSettings { step, ..StepSettings::default() };
+    let report = Stepper::new(settings).unwrap().step(&mut world).unwrap();
+    assert!(!report.solve.converged(), "{report:?}");
+}
+
 /// A ball that would fly past another, but is thrown onto it by a third within the step, hits it: it gets a push, nothing overlaps, and momentum stays.
 #[test]
 fn what_is_deflected_onto_a_body_hits_it() {
