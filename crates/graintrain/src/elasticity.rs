@@ -56,19 +56,19 @@ pub(crate) fn bias(world: &World, contact: &Contact, step: f64) -> Option<f64> {
     presses.then_some(if bias.is_finite() { bias } else { 0.0 })
 }
 
-/// Impulse dt F with which every contact pulls, N s; empty where nothing does. Contacts of the same two bodies share the force. `gap` is that at the start of
-/// the step, m, `size` that of the smaller body, m.
+/// Impulse dt F with which every contact pulls, N s; empty where nothing does. Contacts of the same two bodies share the force. `size` is that of
+/// the smaller body, m.
 pub(crate) fn pulls(
     world: &World,
     contacts: &[Contact],
-    (gap, size): (impl Fn(&Contact) -> f64, impl Fn(&Contact) -> f64),
+    size: impl Fn(&Contact) -> f64,
     step: f64,
 ) -> Vec<f64> {
     if !world.materials.has_cohesive_pairs() {
         return Vec::new();
     }
     let pair = |c: &Contact| [c.body_a.min(c.body_b), c.body_a.max(c.body_b)];
-    let touches: Vec<bool> = contacts.iter().map(|c| gap(c) <= TOUCHING * size(c)).collect();
+    let touches: Vec<bool> = contacts.iter().map(|c| c.gap <= TOUCHING * size(c)).collect();
     let mut count = HashMap::new();
     for (contact, _) in contacts.iter().zip(&touches).filter(|(_, touches)| **touches) {
         *count.entry(pair(contact)).or_insert(0_u32) += 1;

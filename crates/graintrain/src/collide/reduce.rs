@@ -40,7 +40,8 @@ const NEARER: f64 = 1e-4;
 
 /// Splits the touches of one pair of parts into patches of like normals. Of each it keeps the deepest point, the one
 /// farthest from it, the one farthest from the line through both, and the one farthest on the line's other side; and,
-/// up to eight, those that the kept ones do not hold off, the deepest first, of equals the one that lies lowest below the kept ones: with one normal n, the constraint of a point is linear in its
+/// up to eight, those that the kept ones do not hold off, the deepest first, of equals the one that lies lowest
+/// below the kept ones: with one normal n, the constraint of a point is linear in its
 /// place in the patch and its gap, so a point is held off if it lies above the lower hull of the kept ones over the
 /// patch. Ordered by feature; features are made unique.
 pub(crate) fn reduce(touches: &mut Vec<Touch>) {
@@ -130,56 +131,59 @@ fn keep_four(patch: &mut Vec<Touch>) {
     kept.extend([(left, left_area), (right, right_area)].iter().filter(|(_, area)| *area > 0.0).map(|p| p.0));
     let extent = real::hypot(flat[far][0], flat[far][1]);
     let place = |i: usize| [flat[i][0] / extent, flat[i][1] / extent, patch[i].gap / extent];
-    let mut places: Vec<[f64; 3]> = kept.iter().map(|&i| place(i)).collect();
-    while places.len() < MOST && extent > 0.0 {
-        let open: Vec<(usize, f64)> = (0..patch.len())
-            .map(|i| (i, depth_below(place(i), &places)))
-            .filter(|(_, depth)| *depth > NEARER)
-            .collect();
-        // In the order of their gaps: those of the first that differ by rounding alone are equals.
-        let Some(&(first, _)) = open.first() else { break };
-        let equals = open.into_iter().take_while(|(i, _)| place(*i)[2] <= place(first)[2] + NEARER);
-        let (lowest, _) = equals.fold((first, 0.0), |best, next| if next.1 > best.1 { next } else { best });
-        places.push(place(lowest));
+    let mut places: Vec<[f64; 3]> = Vec::with_capacity(MOST);
+    let mut next = kept.clone();
+    // Those that are not held, in the order of their gaps, with the lower hull there.
+    let mut open: Vec<(usize, f64)> = (0..patch.len()).map(|i| (i, f64::INFINITY)).collect();
+    while extent > 0.0 && !next.is_empty() {
+        for corner in next.drain(..) {
+            places.push(place(corner));
+            open.iter_mut().for_each(|(i, hull)| *hull = hull.min(hull_with_last(place(*i), &places)));
+        }
+        open.retain(|&(i, hull)| hull - place(i)[2] > NEARER);
+        let Some(&(first, _)) = open.first().filter(|_| places.len() < MOST) else { break };
+        // Those whose gaps differ by rounding alone are equals.
+        let equals = open.iter().take_while(|(i, _)| place(*i)[2] <= place(first)[2] + NEARER);
+        let depth = |&(i, hull): &(usize, f64)| hull - place(i)[2];
+        let lowest = equals.fold(&open[0], |best, one| if depth(one) > depth(best) { one } else { best }).0;
         kept.push(lowest);
+        next.push(lowest);
     }
     *patch = kept.into_iter().map(|i| patch[i]).collect();
 }
 
-/// How far a point (two coordinates in the patch, gap) lies below the lower hull of the kept ones: below the lowest of their triangles and lines over or under which it lies, give or
-/// take [`BEYOND`]; infinite where there is none. Lengths in units of the patch's extent.
-fn depth_below(p: [f64; 3], kept: &[[f64; 3]]) -> f64 {
+/// The gap of the lowest of the lines and triangles with the last of the kept points as a corner, at the place of `p` (two coordinates in the patch, gap), give or take [`BEYOND`];
+/// infinite where none is there. Lengths in units of the patch's extent. Cost: k^2 / 2 for k points.
+fn hull_with_last(p: [f64; 3], kept: &[[f64; 3]]) -> f64 {
     let cross =
         |a: [f64; 3], b: [f64; 3], c: [f64; 3]| (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
     let apart = |a: [f64; 3], b: [f64; 3]| real::hypot(a[0] - b[0], a[1] - b[1]);
+    let Some((&a, others)) = kept.split_last() else { return f64::INFINITY };
     let mut hull = f64::INFINITY;
-    for (i, &a) in kept.iter().enumerate() {
-        for (j, &b) in kept.iter().enumerate().skip(i + 1) {
-            let length = apart(a, b);
-            if length > BEYOND {
-                let along =
-                    ((p[0] - a[0]) * (b[0] - a[0]) + (p[1] - a[1]) * (b[1] - a[1])) / (length * length);
-                let inside = along * length >= -BEYOND && (along - 1.0) * length <= BEYOND;
-                if inside && cross(a, b, p).abs() / length <= BEYOND {
-                    hull = hull.min(a[2] + along * (b[2] - a[2]));
-                }
+    for (j, &b) in others.iter().enumerate() {
+        let length = apart(a, b);
+        if length > BEYOND {
+            let along = ((p[0] - a[0]) * (b[0] - a[0]) + (p[1] - a[1]) * (b[1] - a[1])) / (length * length);
+            let inside = along * length >= -BEYOND && (along - 1.0) * length <= BEYOND;
+            if inside && cross(a, b, p).abs() / length <= BEYOND {
+                hull = hull.min(a[2] + along * (b[2] - a[2]));
             }
-            for &c in &kept[j + 1..] {
-                let area = cross(a, b, c);
-                let longest = length.max(apart(b, c)).max(apart(c, a));
-                if area.abs() <= BEYOND * longest {
-                    continue;
-                }
-                let weights = [cross(p, b, c) / area, cross(a, p, c) / area, cross(a, b, p) / area];
-                // A weight times the height over the opposite side is the distance from that side.
-                let sides = [apart(b, c), apart(c, a), length];
-                if (0..3).all(|k| weights[k] * area.abs() / sides[k] >= -BEYOND) {
-                    hull = hull.min(weights[0] * a[2] + weights[1] * b[2] + weights[2] * c[2]);
-                }
+        }
+        for &c in &others[j + 1..] {
+            let area = cross(a, b, c);
+            let longest = length.max(apart(b, c)).max(apart(c, a));
+            if area.abs() <= BEYOND * longest {
+                continue;
+            }
+            let weights = [cross(p, b, c) / area, cross(a, p, c) / area, cross(a, b, p) / area];
+            // A weight times the height over the opposite side is the distance from that side.
+            let sides = [apart(b, c), apart(c, a), length];
+            if (0..3).all(|k| weights[k] * area.abs() / sides[k] >= -BEYOND) {
+                hull = hull.min(weights[0] * a[2] + weights[1] * b[2] + weights[2] * c[2]);
             }
         }
     }
-    hull - p[2]
+    hull
 }
 
 #[cfg(test)]

@@ -7,7 +7,6 @@
 use super::Stepper;
 use super::attempt::Attempt;
 use super::placement::Placement;
-use super::repetition::Rounds;
 use crate::cell::Cell;
 use crate::contact::Contact;
 use crate::math::Vec3;
@@ -17,35 +16,44 @@ use graintrain_ccp::residual::{MIXED_MAXIMUM, velocity_scale};
 use std::collections::HashSet;
 
 /// Bodies nearer than this fraction of the smaller one's size count as together.
-pub(super) const TOGETHER: f64 = 0.05;
+const TOGETHER: f64 = 0.05;
+
+/// What [`Stepper::apart`] finds.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Apart {
+    /// Contacts with force whose bodies were never together in the step.
+    pub count: usize,
+    /// The largest of their impulses, N s.
+    pub impulse_max: f64,
+}
 
 impl Stepper {
-    /// Contacts (indices), with their normal impulses, N s, that change velocities by more than the solve resolves and whose bodies were nowhere on their way nearer to each
+    /// Contacts whose impulse in the contact problem changes velocities by more than the solve resolves and whose bodies were nowhere on their way nearer to each
     /// other than [`TOGETHER`]. Impacts are not looked at. `world` is at the end of the step, `ahead` are its contacts
-    /// there. Cost: a pass over the contacts; a pass over `ahead` if any of them had a gap and force; a sweep along three motions for each that is not among them, or has a gap there.
+    /// there. Cost: a pass over the contacts; a pass over `ahead` if any of them had a gap and force; a sweep along three motions for each that has a gap at the end, too.
     pub(super) fn apart(
         &self,
         world: &World,
         start: &Placement,
-        rounds: &Rounds,
+        contacts: &[Contact],
         attempt: &Attempt,
         ahead: &[Contact],
-    ) -> Vec<(usize, f64)> {
-        let Delassus::Rigid(rigid) = &*attempt.problem.delassus else { return Vec::new() };
+    ) -> Apart {
+        let Delassus::Rigid(rigid) = &*attempt.problem.delassus else { return Apart::default() };
         let resolved = MIXED_MAXIMUM * self.settings.solver.tolerance * velocity_scale(&attempt.problem);
         let reach = |contact: &Contact| TOGETHER * self.collider.contact_size(world, contact);
-        let (contacts, mut pressing) = (&rounds.contacts, Vec::new());
+        let mut pressing: Vec<(&Contact, f64)> = Vec::new();
         for (k, (&i, g)) in attempt.active.iter().zip(attempt.impulse.chunks_exact(3)).enumerate() {
             let contact = &contacts[i as usize];
-            let has_gap = rounds.bends.gap_before(contact) > reach(contact);
+            let has_gap = contact.gap > 0.0 && contact.gap > reach(contact);
             if has_gap && g[0] * rigid.diagonal()[k][0] > resolved {
-                pressing.push((i as usize, g[0]));
+                pressing.push((contact, g[0]));
             }
         }
         if pressing.is_empty() {
-            return Vec::new();
+            return Apart::default();
         }
-        let wanted: HashSet<u64> = pressing.iter().map(|&(i, _)| contacts[i].identity).collect();
+        let wanted: HashSet<u64> = pressing.iter().map(|(contact, _)| contact.identity).collect();
         let together: HashSet<u64> = ahead
             .iter()
             .filter(|c| wanted.contains(&c.identity) && c.gap <= reach(c))
@@ -57,33 +65,20 @@ impl Stepper {
             (&attempt.impacts.velocity, start.cell.as_ref()),
             (&attempt.velocity, attempt.cell.as_ref()),
         ];
-        pressing.retain(|&(i, _)| {
-            let contact = &contacts[i];
+        let mut found = Apart::default();
+        for (contact, impulse) in pressing.into_iter().filter(|(c, _)| !together.contains(&c.identity)) {
             let near = |motion| self.come_near(world, start, contact, motion, reach(contact));
-            !together.contains(&contact.identity) && !motions.into_iter().any(near)
-        });
-        pressing
-    }
-
-    /// How many contacts that were linearised anew let balls through each other: by more than [`TOGETHER`] of the smaller one's size, with the velocities of the end.
-    pub(super) fn let_through(
-        &self,
-        world: &World,
-        start: &Placement,
-        rounds: &Rounds,
-        attempt: &Attempt,
-    ) -> usize {
-        let motion = (attempt.velocity.as_slice(), attempt.cell.as_ref());
-        let through = |contact: &&Contact| {
-            let reach = || -TOGETHER * self.collider.contact_size(world, contact);
-            rounds.bends.openings(contact) > 0 && self.come_near(world, start, contact, motion, reach())
-        };
-        rounds.contacts.iter().filter(through).count()
+            if !motions.into_iter().any(near) {
+                found.count += 1;
+                found.impulse_max = found.impulse_max.max(impulse);
+            }
+        }
+        found
     }
 
     /// Whether the bodies of a contact come nearer than `reach`, m, from where they were at the start of the step with these velocities (six numbers per body), and
     /// a cell of these rates. Of `world` only the forms of the bodies are asked.
-    pub(super) fn come_near(
+    fn come_near(
         &self,
         world: &World,
         start: &Placement,

@@ -157,9 +157,7 @@ impl Stepper {
         let impact_lap = impacting.lap();
         // In impacts drag has no time to act.
         let masses = if world.drag.is_empty() { masses } else { inverse_mass_in_step(world, step) };
-        let gap = |c: &Contact| rounds.bends.gap_before(c);
-        let size = |c: &Contact| self.collider.contact_size(world, c);
-        let pulls = elasticity::pulls(world, contacts, (gap, size), step);
+        let pulls = elasticity::pulls(world, contacts, |c| self.collider.contact_size(world, c), step);
         let mut free = free_velocity(world, &impacts.velocity, step);
         elasticity::apply_pulls(&rows, &pulls, &masses, &mut free);
         let mechanisms = Mechanisms::new(world, &masses, &impacts.velocity, free, step);

@@ -179,8 +179,11 @@ impl Stepper {
     ) -> StepReport {
         let begin = Clock::now();
         let Made { attempt, size, correction, ahead } = made;
-        let Rounds { contacts, added, missed, apart, open, iterations, mut laps, .. } = rounds;
+        let Rounds { contacts, added, missed, iterations, mut laps, .. } = rounds;
         let step = self.settings.step;
+        let apart = self.apart(world, start, &contacts, &attempt, &ahead);
+        laps.add(|phases| &mut phases.collide, begin.lap());
+        let begin = Clock::now();
         let errors = self.left_over(&contacts, &attempt, &size);
         let (set, with_force) = exerted(world, contacts, &attempt);
         let Attempt { problem, posed, cell, impulse, joints, impacts, velocity, mut solve, parts, .. } =
@@ -195,7 +198,7 @@ impl Stepper {
         let [penetration_max, penetration_max_over_size] = self.deepest(world, &ahead);
         let correction_energy = correction.work(&world.bodies.mass, world.gravity);
         world.record_joints(&joints.states, step);
-        let joint_opening_max = self.judge(world, &impacts, open, &mut solve);
+        let joint_opening_max = self.judge(world, &impacts, &mut solve);
         solve.iterations = iterations;
         world.contacts = set;
         world.time += step;
@@ -220,8 +223,8 @@ impl Stepper {
             restitution_lowered: impacts.lowered,
             contacts_added: added,
             contacts_missed: missed,
-            contacts_apart: apart.len(),
-            impulse_apart_max: apart.into_iter().fold(0.0, f64::max),
+            contacts_apart: apart.count,
+            impulse_apart_max: apart.impulse_max,
             overlap_corrected_max: correction.overlap_max,
             correction_energy,
             phases,
@@ -253,18 +256,17 @@ impl Stepper {
         contacts.par_iter().map(overlap).reduce(|| [0.0; 2], deeper)
     }
 
-    /// A step whose impacts were not solved, whose joints are open or whose contacts of balls press what they did not meet or let through what they met (`open`) has not converged. Returned is the largest
-    /// opening of a joint, m.
-    fn judge(&self, world: &World, impacts: &Impacts, open: usize, solve: &mut SolveReport) -> f64 {
-        let (opening_max, worst) = drift::openings(world);
+    /// A step whose impacts were not solved or whose joints are open has not converged. Returned is the largest opening of a joint, m.
+    fn judge(&self, world: &World, impacts: &Impacts, solve: &mut SolveReport) -> f64 {
+        let (opening_max, open) = drift::openings(world);
         let left = impacts.residual.judged(self.settings.solver.judge);
         let remark = if left > self.settings.solver.tolerance.max(self.parameters.impacts.tolerance) {
             Some(format!("impacts were left at residual {left:.1e}"))
-        } else if let Some(joint) = worst {
-            let opening = world.joints()[joint].state.opening;
-            Some(format!("{} is open by {opening:.1e} m", world.joint_label(joint)))
         } else {
-            (open > 0).then(|| format!("contacts of balls that press though they did not meet, or let them through each other: {open}"))
+            open.map(|joint| {
+                let opening = world.joints()[joint].state.opening;
+                format!("{} is open by {opening:.1e} m", world.joint_label(joint))
+            })
         };
         if remark.is_some() && solve.status == Status::Converged {
             (solve.status, solve.remark) = (Status::IterationLimit, remark);

@@ -7,10 +7,8 @@
 //! | a deflected body meets another on its way (`passing`) | the contact where they meet joins |
 //! | bodies overlap at the end that had no contact (`missed`) | their contacts join |
 //! | a contact ends far deeper than foreseen (`bent`) | it is linearised anew where it ends ([`carried_back`]) |
-//! | a contact has force though its balls did not meet (`open`) | the same |
 //! | bodies were held apart that would pass without overlap (`phantoms`) | their contacts are left out |
 
-use super::apart::TOGETHER;
 use super::attempt::Attempt;
 use super::mobility;
 use super::placement::Placement;
@@ -44,8 +42,6 @@ pub struct Parameters {
     pub rounds: usize,
     /// Rounds in which contacts may be left out.
     pub phantom_rounds: usize,
-    /// How often a contact of two balls that presses though they do not meet is linearised anew.
-    pub openings: usize,
     /// Solves of the contacts for joints whose motors, stops or paths turned out otherwise than foreseen; what is left then is reported.
     pub joint_rounds: usize,
 }
@@ -59,7 +55,6 @@ impl Default for Parameters {
             fallen: 0.1,
             rounds: 30,
             phantom_rounds: 3,
-            openings: 4,
             joint_rounds: 12,
         }
     }
@@ -73,9 +68,7 @@ pub(super) struct Bends {
     count: HashMap<u64, u64>,
     /// Identities of further planes, and the contact that they belong to.
     further: HashMap<u64, u64>,
-    /// How often a plane was linearised anew since it held apart what did not meet, by identity.
-    opened: HashMap<u64, usize>,
-    /// Gaps that contacts linearised anew had at the start of the step, by identity, m.
+    /// Gaps that they had at the start of the step, by identity, m.
     gap: HashMap<u64, f64>,
 }
 
@@ -89,25 +82,6 @@ impl Bends {
         self.gap.get(&identity).map(|gap| gap.min(0.0))
     }
 
-    /// The gap of a contact at the start of the step, m: that of one linearised anew is none.
-    pub(super) fn gap_before(&self, contact: &Contact) -> f64 {
-        self.gap.get(&self.of(contact)).copied().unwrap_or(contact.gap)
-    }
-
-    /// How often this contact was put elsewhere since it held apart what did not meet.
-    pub(super) fn openings(&self, contact: &Contact) -> usize {
-        self.opened.get(&contact.identity).copied().unwrap_or(0)
-    }
-
-    /// Puts what [`Stepper::opened`] found in the places of the contacts that were there.
-    fn open(&mut self, anew: Vec<(usize, Contact)>, contacts: &mut [Contact]) {
-        for (place, anew) in anew {
-            let old = std::mem::replace(&mut contacts[place], anew);
-            *self.opened.entry(old.identity).or_default() += 1;
-            self.gap.entry(self.of(&old)).or_insert(old.gap);
-        }
-    }
-
     /// Puts `anew`, as [`Stepper::bent`] found them, among the contacts. Returned are the identities that they have there.
     fn put(&mut self, anew: Vec<Contact>, contacts: &mut Vec<Contact>) -> Vec<u64> {
         let mut identities = Vec::with_capacity(anew.len());
@@ -117,7 +91,7 @@ impl Bends {
             if *count == 1
                 && let Some(old) = contacts.iter_mut().find(|c| c.identity == contact.identity)
             {
-                self.gap.entry(contact.identity).or_insert(old.gap);
+                self.gap.insert(contact.identity, old.gap);
                 *old = contact;
                 identities.push(contact.identity);
                 continue;
@@ -148,10 +122,6 @@ pub(super) struct Rounds {
     pub(super) added: usize,
     /// Pairs that met all the same when there were no rounds left, or overlap at the end without a contact.
     pub(super) missed: usize,
-    /// Impulses of contacts that were not met, N s.
-    pub(super) apart: Vec<f64>,
-    /// How many of them were to be met as their planes have it, and contacts linearised anew that let balls through each other.
-    pub(super) open: usize,
     /// Iterations of all rounds.
     pub(super) iterations: usize,
     pub(super) laps: Laps,
@@ -216,27 +186,19 @@ impl Stepper {
         let Made { attempt, ahead, .. } = made;
         let missed = self.missed(world, &rounds.contacts, ahead);
         let bent = if is_last { Vec::new() } else { self.bent(world, start, rounds, attempt, ahead) };
-        let apart = self.apart(world, start, rounds, attempt, ahead);
-        let open = self.open(world, start, rounds, attempt, &apart);
-        rounds.apart = apart.into_iter().map(|(_, impulse)| impulse).collect();
-        rounds.open = open.len() + self.let_through(world, start, rounds, attempt);
-        let anew = |&place: &usize| self.opened(world, start, rounds, attempt, place);
-        let open: Vec<_> = if is_last { Vec::new() } else { open.iter().filter_map(anew).collect() };
         let mut new = Vec::new();
-        let mut again = !(bent.is_empty() && open.is_empty());
-        if !(missed.is_empty() || is_last) || again {
+        if !(missed.is_empty() || is_last) || !bent.is_empty() {
             let carry = |c: &Contact| carried_back(c, world, start, attempt, self.settings.step);
             let ends: Vec<Contact> = missed.iter().map(carry).collect();
             let end = start.exchange(world);
             new = self.new_contacts(world, &rounds.contacts, &ends, &attempt.velocity);
-            again |= !new.is_empty();
-            if !again {
+            if new.is_empty() && bent.is_empty() {
                 end.exchange(world);
             }
         }
+        let again = !(new.is_empty() && bent.is_empty());
         if again {
             rounds.added += new.len() + bent.len();
-            rounds.bends.open(open, &mut rounds.contacts);
             rounds.kept.extend(rounds.bends.put(bent, &mut rounds.contacts));
             rounds.kept.extend(new.iter().map(|c| c.identity));
             rounds.contacts.extend(new);
@@ -398,78 +360,6 @@ impl Stepper {
             })
         };
         deep.into_iter().filter_map(mended).collect()
-    }
-
-    /// Of the contacts of two balls that press though they stay `apart`, the places of those that are to touch by Phi + dt u_n (what friction of the relaxed model opens is
-    /// not). Balls alone: a face that turns is not where a plane carried back from the end says, and who lets go of it gets bodies inside each other.
-    fn open(
-        &self,
-        world: &World,
-        start: &Placement,
-        rounds: &Rounds,
-        attempt: &Attempt,
-        apart: &[(usize, f64)],
-    ) -> Vec<usize> {
-        let own = |&(place, _): &(usize, f64)| {
-            let contact = &rounds.contacts[place];
-            (place, Contact { identity: rounds.bends.of(contact), ..*contact })
-        };
-        let pressing: Vec<(usize, Contact)> = apart.iter().map(own).collect();
-        let foreseen =
-            self.foreseen(start, rounds, attempt, &pressing.iter().map(|(_, c)| c).collect::<Vec<_>>());
-        let is_open = |contact: &Contact| {
-            let balls =
-                [contact.body_a, contact.body_b].map(|body| self.collider.is_ball(world, body as usize));
-            let touch = 0.5 * TOGETHER * self.collider.contact_size(world, contact);
-            balls == [true; 2] && foreseen.get(&contact.identity).is_some_and(|(gap, _)| *gap <= touch)
-        };
-        let open = pressing.into_iter().filter(|(place, contact)| {
-            is_open(contact) && !self.would_meet(world, start, rounds, attempt, *place)
-        });
-        open.map(|(place, _)| place).collect()
-    }
-
-    /// Whether two balls would overlap on their way without the impulse of the contact at this place: then it is needed, though its plane holds them off too early.
-    fn would_meet(
-        &self,
-        world: &World,
-        start: &Placement,
-        rounds: &Rounds,
-        attempt: &Attempt,
-        place: usize,
-    ) -> bool {
-        let Delassus::Rigid(rigid) = &*attempt.problem.delassus else { return false };
-        let Ok(row) = attempt.active.binary_search(&(place as u32)) else { return false };
-        let contact = &rounds.contacts[place];
-        let pair = [contact.body_a, contact.body_b];
-        let response = rigid.response(pushes(attempt, rigid.contacts(), &[row], pair).0);
-        let mut velocity = attempt.velocity.clone();
-        for (body, change) in pair.into_iter().zip(&response) {
-            let own = &mut velocity[6 * body as usize..6 * body as usize + 6];
-            own.iter_mut().zip(change).for_each(|(v, dv)| *v -= dv);
-        }
-        self.come_near(world, start, contact, (&velocity, attempt.cell.as_ref()), 0.0)
-    }
-
-    /// The contact at this place as it is to be instead, linearised where it ends, unless it was that often enough. `world` as the step leaves it.
-    fn opened(
-        &self,
-        world: &World,
-        start: &Placement,
-        rounds: &Rounds,
-        attempt: &Attempt,
-        place: usize,
-    ) -> Option<(usize, Contact)> {
-        let (step, old) = (self.settings.step, &rounds.contacts[place]);
-        if rounds.bends.openings(old) >= self.parameters.repetition.openings {
-            return None;
-        }
-        let of_pair =
-            self.collider.contacts_of_pair(world, [old.body_a, old.body_b], &attempt.velocity, step);
-        let end = of_pair.first()?;
-        let anew = carried_back(end, world, start, attempt, step);
-        // Below zero it would be taken for overlap that is to be removed.
-        Some((place, Contact { identity: old.identity, gap: anew.gap.max(0.0), ..anew }))
     }
 
     /// Contacts at the start of the step of pairs that would overlap at its end (`missed`, with `ends` the same contacts carried back);

@@ -202,9 +202,8 @@ fn jointed(seed: u64, restitution: f64, friction: f64) -> World {
     world
 }
 
-/// With joints too, light bodies beside heavy ones that turn by up to a radian in a step: what energy gains in steps that converged (heights between two steps, where
-/// velocities belong to) stays below a twentieth of what was there. Velocities that do not lie along the joints, where impacts find them, gave twenty times of it.
-/// A step whose joints could not be held, and says so, may gain a part of it.
+/// With joints too, light bodies beside heavy ones that turn by up to a radian in a step: what energy gains (heights between two steps, where velocities
+/// belong to) stays below a twentieth of what was there. Velocities that do not lie along the joints, where impacts find them, gave twenty times of it.
 #[test]
 fn energy_never_rises_with_joints() {
     let mut worst = 0.0_f64;
@@ -215,7 +214,7 @@ fn energy_never_rises_with_joints() {
         let mut stepper = stepper_of(model);
         let (mut first, mut least, mut rise, mut open, mut missed) =
             (f64::NAN, f64::INFINITY, 0.0_f64, 0.0_f64, 0);
-        let (mut corrected, mut last, mut gained) = (0.0, f64::INFINITY, 0.0);
+        let mut corrected = 0.0;
         for _ in 0..400 {
             let before = energy(&world) - world.kinetic_energy();
             let report = stepper.step(&mut world).unwrap();
@@ -223,19 +222,14 @@ fn energy_never_rises_with_joints() {
             corrected += report.correction_energy;
             let now = world.kinetic_energy() + 0.5 * (before + after) - corrected;
             first = if first.is_nan() { now } else { first };
-            if report.solve.converged() {
-                open = open.max(report.errors.joint_opening_max);
-            } else {
-                missed += 1;
-                gained += (now - last).max(0.0);
-                least += (now - last).max(0.0);
-            }
-            last = now;
             least = least.min(now);
             rise = rise.max((now - least) / first.abs());
+            if report.solve.converged() {
+                open = open.max(report.errors.joint_opening_max);
+            }
+            missed += usize::from(!report.solve.converged());
         }
         assert!(rise < 0.05, "seed {seed}, {model:?}, e = {restitution}: {rise:.1e} of {first:.1e} J");
-        assert!(gained < 0.5 * first.abs(), "seed {seed}, {model:?}, e = {restitution}: {gained:.1e} J");
         assert!(
             open < 1e-3,
             "seed {seed}, {model:?}, e = {restitution}: {open:.1e} m in a step that converged"
