@@ -16,7 +16,7 @@ use crate::paper::{
 use crate::problem::CcpError;
 use crate::solver::first_order::FirstOrder;
 use crate::solver::ipm::Ipm;
-use crate::solver::{Apgd, Cascade, CcpSolver, GaussSeidel, PathFollowing};
+use crate::solver::{AcceleratedSweeps, Apgd, Cascade, CcpSolver, GaussSeidel, PathFollowing};
 use std::fmt;
 use std::str::FromStr;
 
@@ -33,6 +33,8 @@ pub enum Method {
     Jacobi,
     /// `pgs`.
     GaussSeidel,
+    /// `apgs`.
+    AcceleratedSweeps,
     /// `apgd`.
     Apgd,
     /// `bb`.
@@ -57,10 +59,11 @@ pub enum Method {
 
 impl Method {
     /// Every method, in the order of the documentation.
-    pub const ALL: [Self; 13] = [
+    pub const ALL: [Self; 14] = [
         Self::Auto,
         Self::Jacobi,
         Self::GaussSeidel,
+        Self::AcceleratedSweeps,
         Self::Apgd,
         Self::BarzilaiBorwein,
         Self::Kucera,
@@ -100,6 +103,7 @@ impl Method {
                 "pgs",
                 "projected Gauss-Seidel (Tasora, Anitescu 2011); pgs@1.3: with over-relaxation 1.3 (SOR)",
             ),
+            Self::AcceleratedSweeps => ("apgs", "projected Gauss-Seidel with Nesterov's momentum"),
             Self::Apgd => {
                 ("apgd", "accelerated projected gradient descent (Mazhar, Heyn, Negrut, Tasora 2015)")
             }
@@ -148,10 +152,17 @@ impl Method {
         matches!(self, Self::Scip | Self::Ipm | Self::Pdip | Self::PdipLiteral)
     }
 
-    /// Whether it is compiled in: `auto`, `pgs`, `apgd`, `ipm` and `path` always, the others with the feature `paper`.
+    /// Whether it is compiled in: `auto`, `pgs`, `apgs`, `apgd`, `ipm` and `path` always, the others with the feature `paper`.
     pub fn is_available(self) -> bool {
-        let always =
-            matches!(self, Self::Auto | Self::GaussSeidel | Self::Apgd | Self::Ipm | Self::PathFollowing);
+        let always = matches!(
+            self,
+            Self::Auto
+                | Self::GaussSeidel
+                | Self::AcceleratedSweeps
+                | Self::Apgd
+                | Self::Ipm
+                | Self::PathFollowing
+        );
         cfg!(feature = "paper") || always
     }
 }
@@ -381,6 +392,7 @@ impl SolverSpec {
                 let relaxation = self.relaxation.unwrap_or(GaussSeidel::default().relaxation);
                 Box::new(FirstOrder::new(GaussSeidel { relaxation }))
             }
+            (Method::AcceleratedSweeps, _) => Box::new(FirstOrder::new(AcceleratedSweeps::default())),
             (Method::Apgd, _) => Box::new(FirstOrder::new(Apgd::default())),
             (Method::Ipm, None) => return Ok(Box::new(Cascade::interior_point())),
             // It treats exact friction itself, and what it cannot solve no sequence of relaxed problems solved by it can.

@@ -7,6 +7,7 @@
 use super::combination::Combination;
 use super::first_order::{FirstOrderMethod, Iterate};
 use super::lanes::{Batch, Numbers, Vector, add_scaled, dot, project_given, sub, within_disc, within_discs};
+use super::momentum::{Memory, Momentum, nesterov};
 use super::scaling::{ContactBatch, Image, Kernel, KernelInput, ScaledProblem, TurningBatch};
 use super::single::SingleIterate;
 use super::tasks::Tally;
@@ -25,10 +26,8 @@ use crate::residual::FrictionModel;
 /// runs of settling beds this saves a sixth of the iterations; cold solves of tall packings take a tenth more.
 ///
 /// For exact Coulomb friction P takes the normal impulse first and projects the tangential one on the disc that it allows, as
-/// [`GaussSeidel`](super::GaussSeidel) does. The exact problem has no objective that could say when the momentum has lasted long enough: without a
-/// limit the iterates may circle, with a short one they creep. So beta restarts also where theta reaches a limit, and the limit
-/// grows by [`longer`](Self::longer) as long as the step |x+ - y| / t is shorter than at the last restart, else it shrinks by
-/// [`shorter`](Self::shorter).
+/// [`GaussSeidel`](super::GaussSeidel) does. The exact problem has no objective that could say when the momentum has lasted long enough:
+/// it has a [`Memory`].
 ///
 /// Large problems over rigid bodies are begun in single precision and, where that is not enough, ended in double
 /// precision. The first step is made for the curvature of the last solve, where the [settings](super::SolveSettings::curvature) name it.
@@ -43,16 +42,8 @@ pub struct Apgd {
     pub cap: f64,
     /// Largest theta per iteration made, where that is more than `cap`.
     pub cap_growth: f64,
-    /// theta at which beta restarts where friction is exact, after about twice as many iterations: the first limit.
-    pub memory: f64,
-    /// Factor on the limit where the iterates get on.
-    pub longer: f64,
-    /// Divisor of the limit where they do not.
-    pub shorter: f64,
-    /// Least and greatest limit of theta.
-    pub memory_range: [f64; 2],
-    /// A momentum whose theta is below this says nothing about the limit.
-    pub young: f64,
+    /// How long the momentum lasts where friction is exact.
+    pub memory: Memory,
     /// The limit that the last iterations with exact friction ended with.
     pub found: Option<f64>,
 }
@@ -63,11 +54,7 @@ impl Default for Apgd {
             growth: 1.03,
             cap: 50.0,
             cap_growth: 0.2,
-            memory: 50.0,
-            longer: 1.5,
-            shorter: 2.0,
-            memory_range: [10.0, 3000.0],
-            young: 5.0,
+            memory: Memory { first: 50.0, longer: 1.5, shorter: 0.5, range: [10.0, 3000.0], young: 5.0 },
             found: None,
         }
     }
@@ -294,8 +281,7 @@ impl Apgd {
         // Found when it is needed: a start that is good enough needs none.
         let mut step = 0.0;
         let (mut theta, mut beta) = (1.0_f64, 0.0);
-        let mut memory = if EXACT { self.found.unwrap_or(self.memory) } else { f64::INFINITY };
-        let mut last_step = f64::INFINITY;
+        let mut momentum = Momentum::new(&self.memory, self.found);
         let (mut iteration, mut steepest) = (0.0, 0.0_f64);
         while space.proceed(beta) {
             if iteration == 0.0 {
@@ -304,21 +290,17 @@ impl Apgd {
             iteration += 1.0;
             let kernel = Step::<EXACT> { step, beta };
             let [length, curvature] = space.step(kernel, |[length, downhill]| {
-                if downhill < 0.0 || theta > memory {
-                    if EXACT && theta > self.young {
-                        let now = length.sqrt() / step;
-                        let factor = if now < last_step { self.longer } else { self.shorter.recip() };
-                        memory = (factor * memory).clamp(self.memory_range[0], self.memory_range[1]);
-                        last_step = now;
-                    }
-                    (theta, beta) = (1.0, 0.0);
+                beta = if EXACT {
+                    momentum.next(length.sqrt() / step, downhill)
+                } else if downhill < 0.0 {
+                    theta = 1.0;
+                    0.0
                 } else {
-                    let mut next = 0.5 * (1.0 + (1.0 + 4.0 * theta * theta).sqrt());
-                    if !EXACT {
-                        next = next.min(self.cap.max(self.cap_growth * iteration));
-                    }
-                    (theta, beta) = (next, (theta - 1.0) / next);
-                }
+                    let next = nesterov(theta).0.min(self.cap.max(self.cap_growth * iteration));
+                    let beta = (theta - 1.0) / next;
+                    theta = next;
+                    beta
+                };
                 beta
             });
             steepest = steepest.max(curvature / length);
@@ -329,7 +311,7 @@ impl Apgd {
             }
         }
         if EXACT {
-            self.found = Some(memory);
+            self.found = Some(momentum.limit);
         }
         steepest
     }

@@ -56,11 +56,18 @@ impl Geometry {
         ]
     }
 
+    /// x_1 n + x_2 t1 + x_3 t2, world axes.
+    #[inline(always)]
+    fn along_frame<V: Vector>(&self, x: &Batch<V>) -> Batch<V> {
+        // No closures: they need not be compiled for the processor's vector instructions.
+        let [n, t1, t2] = [&self.frame[0], &self.frame[1], &self.frame[2]];
+        add(&add(&scale(x[0], &load(n)), &scale(x[1], &load(t1))), &scale(x[2], &load(t2)))
+    }
+
     /// Impulses in world axes of these contacts and their moments about bodies A and B.
     #[inline(always)]
     fn world_impulses<V: Vector>(&self, x: &Batch<V>) -> WorldImpulses<V> {
-        let along = |k: usize| scale(x[k], &load(&self.frame[k]));
-        let p = add(&add(&along(0), &along(1)), &along(2));
+        let p = self.along_frame(x);
         let (moment_a, moment_b) = (cross(&load(&self.arm_a), &p), cross(&load(&self.arm_b), &p));
         [V::records(&p), V::records(&moment_a), V::records(&moment_b)]
     }
@@ -81,8 +88,7 @@ impl Geometry {
     /// Impulses of turning rows: no force, and one moment on both bodies.
     #[inline(always)]
     fn world_moments<V: Vector>(&self, x: &Batch<V>) -> WorldImpulses<V> {
-        let along = |k: usize| scale(x[k], &load(&self.frame[k]));
-        let moment = V::records(&add(&add(&along(0), &along(1)), &along(2)));
+        let moment = V::records(&self.along_frame(x));
         [[V::default(); LANES], moment, moment]
     }
 

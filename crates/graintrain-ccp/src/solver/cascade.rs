@@ -15,14 +15,15 @@
 //! solution than none); then come the problem without friction (where it has no solution, this one has none), the whole path from large tau, and
 //! last the [fixed point](super::fixed_point) on the convex problem with the shift held.
 
+use super::accelerated_sweeps::AcceleratedSweeps;
 use super::apgd::Apgd;
 use super::driver::{Best, Limits, check_start};
 use super::first_order::FirstOrder;
 use super::fixed_point;
-use super::gauss_seidel::GaussSeidel;
 use super::history::History;
 use super::interface::{Capabilities, CcpSolver, Cost, ExactState};
 use super::ipm::Ipm;
+use super::momentum::Memory;
 use super::path_following::PathFollowing;
 use super::report::{SolveReport, StageRecord, Status};
 use super::settings::SolveSettings;
@@ -115,10 +116,12 @@ pub struct Cascade {
 
 /// The runners of a race, gradients, over-relaxed sweeps, and gradients with a momentum that grows and shrinks boldly, and the path.
 fn exact_members() -> [Box<dyn CcpSolver>; 4] {
-    let bold = Apgd { longer: 4.0, shorter: 4.0, ..Apgd::default() };
+    let ordinary = Apgd::default();
+    let memory = Memory { longer: 4.0, shorter: 0.25, ..ordinary.memory.clone() };
+    let bold = Apgd { memory, ..ordinary };
     [
+        Box::new(FirstOrder::new(AcceleratedSweeps::default())),
         Box::new(FirstOrder::new(Apgd::default())),
-        Box::new(FirstOrder::new(GaussSeidel { relaxation: 1.3 })),
         Box::new(FirstOrder::new(bold)),
         Box::new(PathFollowing::default()),
     ]

@@ -114,8 +114,8 @@ impl Packed for ScaledProblem {
 }
 
 impl Packed for SingleProblem {
-    fn of(problem: &Ccp, residual: &ResidualScale, _: bool, ranks: Option<&Arc<Ranks>>) -> Option<Self> {
-        Self::new(problem, residual, ranks)
+    fn of(problem: &Ccp, residual: &ResidualScale, sweeps: bool, ranks: Option<&Arc<Ranks>>) -> Option<Self> {
+        Self::new(problem, residual, sweeps, ranks)
     }
 
     fn replace_free_velocity(&mut self, r: &[f64]) {
@@ -258,7 +258,7 @@ impl<M: FirstOrderMethod> FirstOrder<M> {
         begun: &mut Begun,
     ) -> Option<SolveReport> {
         let ranks = limits.ranks().filter(|_| M::SHARED);
-        let mut prepared = Prepared::<SingleProblem>::of(problem, ranks, self.single.take(), false)?;
+        let mut prepared = Prepared::<SingleProblem>::of(problem, ranks, self.single.take(), M::SWEEPS)?;
         prepared.packed.set_friction_model(model);
         let start = impulse.to_vec();
         let mut it = SingleIterate::new(

@@ -6,7 +6,7 @@
 //! Computer Methods in Applied Mechanics and Engineering 177:235-257, 1999.
 
 use super::first_order::{FirstOrderMethod, Iterate};
-use super::lanes::{Batch, LANES, Lanes, Vector, sub, tangential_length};
+use super::lanes::{Batch, LANES, Lanes, Vector, scale, sub, tangential_length};
 use super::scaling::{ContactBatch, Relaxation, ScaledProblem, TurningBatch};
 use graintrain_linalg::block3::Block;
 use graintrain_linalg::real;
@@ -43,8 +43,26 @@ impl Default for GaussSeidel {
 }
 
 /// omega / lambda_i per contact.
-struct Steps {
+pub(super) struct Steps {
     step: Vec<Lanes>,
+}
+
+impl Steps {
+    /// With this omega.
+    pub(super) fn of(scaled: &ScaledProblem, relaxation: f64) -> Self {
+        let mut step = vec![Lanes::default(); scaled.num_batches()];
+        for place in 0..scaled.num_places() {
+            let (batch, lane) = (place / LANES, place % LANES);
+            let mut largest = largest_eigenvalue(&scaled.diagonal_block(place));
+            if scaled.is_turning(batch + 1) {
+                // At least the largest eigenvalue of all six rows of a contact that resists turning.
+                largest += largest_eigenvalue(&scaled.diagonal_block(place + LANES));
+            }
+            // A contact between immovable bodies: any positive step leads to its solution or to infinity.
+            step[batch].0[lane] = relaxation / if largest > 0.0 { largest } else { 1.0 };
+        }
+        Self { step }
+    }
 }
 
 impl Relaxation for Steps {
@@ -56,8 +74,7 @@ impl Relaxation for Steps {
         u: &Batch<V>,
         x: &Batch<V>,
     ) -> Batch<V> {
-        let step = V::of(self.step[batch]);
-        let moved = sub(x, &[step * u[0], step * u[1], step * u[2]]);
+        let moved = sub(x, &scale(V::of(self.step[batch]), u));
         contact.allowed(&moved, tangential_length(&moved))
     }
 
@@ -71,8 +88,7 @@ impl Relaxation for Steps {
         [x, h]: [&Batch<V>; 2],
     ) -> [Batch<V>; 2] {
         let step = V::of(self.step[batch]);
-        let moved = |x: &Batch<V>, u: &Batch<V>| sub(x, &[step * u[0], step * u[1], step * u[2]]);
-        turning.allowed(&contact, [&moved(x, u), &moved(h, w)])
+        turning.allowed(&contact, [&sub(x, &scale(step, u)), &sub(h, &scale(step, w))])
     }
 }
 
@@ -83,31 +99,40 @@ impl FirstOrderMethod for GaussSeidel {
     const SWEEPS: bool = true;
 
     fn run(&mut self, scaled: &ScaledProblem, it: &mut Iterate<'_>) {
-        let mut step = vec![Lanes::default(); scaled.num_batches()];
-        for place in 0..scaled.num_places() {
-            let (batch, lane) = (place / LANES, place % LANES);
-            let mut largest = largest_eigenvalue(&scaled.diagonal_block(place));
-            if scaled.is_turning(batch + 1) {
-                // At least the largest eigenvalue of all six rows of a contact that resists turning.
-                largest += largest_eigenvalue(&scaled.diagonal_block(place + LANES));
-            }
-            // A contact between immovable bodies: any positive step leads to its solution or to infinity.
-            step[batch].0[lane] = self.relaxation / if largest > 0.0 { largest } else { 1.0 };
+        let steps = Steps::of(scaled, self.relaxation);
+        sweep(scaled, it, &steps, |_| 0.0);
+    }
+}
+
+/// Sweeps, each from x + beta (x - previous) with the beta that `next` makes of |d|^2 and d^T (x+ - x) of the last one.
+pub(super) fn sweep(
+    scaled: &ScaledProblem,
+    it: &mut Iterate<'_>,
+    steps: &Steps,
+    mut next: impl FnMut([f64; 2]) -> f64,
+) {
+    let (mut previous, mut previous_image) = (it.x.clone(), it.image.clone());
+    let (mut beta, mut followed) = (0.0, true);
+    while it.proceed(scaled) {
+        let refreshed = it.was_refreshed();
+        let Iterate { x, image, work, .. } = it;
+        if followed && refreshed && beta != 0.0 {
+            // The extrapolation would take the difference between a fresh and a drifted image for a motion.
+            scaled.image_of(&mut previous, &mut previous_image, work);
         }
-        let steps = Steps { step };
-        while it.proceed(scaled) {
-            let Iterate { x, image, work, .. } = it;
-            let followed = scaled.sweep(x, image, work, &steps);
-            if !followed && it.checks_next() {
-                it.refresh(scaled);
-            }
+        let images = [&mut image[..], &mut previous_image];
+        let sums;
+        (sums, followed) = scaled.sweep([x, &mut previous], images, beta, work, steps);
+        beta = next(sums);
+        if !followed && it.checks_next() {
+            it.refresh(scaled);
         }
     }
 }
 
 /// Largest eigenvalue of a symmetric 3x3 block, by the trigonometric formula for the roots of its characteristic
 /// polynomial (Smith 1961); the antisymmetric part is ignored.
-fn largest_eigenvalue(a: &Block) -> f64 {
+pub(super) fn largest_eigenvalue(a: &Block) -> f64 {
     let mean = (a[0] + a[4] + a[8]) / 3.0;
     let (xy, xz, yz) = (0.5 * (a[1] + a[3]), 0.5 * (a[2] + a[6]), 0.5 * (a[5] + a[7]));
     let (x, y, z) = (a[0] - mean, a[4] - mean, a[8] - mean);

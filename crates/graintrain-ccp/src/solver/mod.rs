@@ -16,6 +16,7 @@
 //!
 //! Solvers by name are in [`crate::registry`].
 
+mod accelerated_sweeps;
 mod apgd;
 #[cfg(target_arch = "x86_64")]
 mod avx2;
@@ -36,6 +37,7 @@ pub mod infeasible;
 pub mod interface;
 pub mod ipm;
 pub mod lanes;
+mod momentum;
 pub mod octet;
 mod packing;
 pub mod path_following;
@@ -50,11 +52,13 @@ mod slots;
 mod start;
 pub mod tasks;
 
+pub use accelerated_sweeps::AcceleratedSweeps;
 pub use apgd::Apgd;
 pub use cascade::Cascade;
 pub use gauss_seidel::GaussSeidel;
 pub use history::ResidualSample;
 pub use interface::{Capabilities, CcpSolver, Cost, ExactState};
+pub use momentum::Memory;
 pub use path_following::PathFollowing;
 pub use ranks::Ranks;
 pub use report::{SolveReport, StageRecord, Status};

@@ -18,6 +18,7 @@ mod contacts;
 mod kernel;
 mod passes;
 
+use super::apgd::extrapolated;
 use super::body_operator::{BodyOperator, BodyPair};
 use super::combination::{Combination, Replace};
 use super::dispatch::vectorised;
@@ -541,58 +542,76 @@ impl ScaledProblem {
         self.turning.get(batch) == Some(&true)
     }
 
-    /// One sweep of Gauss-Seidel, contact after contact on one thread: the kernel gets the newest u = N' x + r' at a batch
-    /// and the batch of x to change, and its change takes effect before other contacts are looked at; where not every contact of a batch
-    /// may move at once only one is let. Returns whether `image` has followed: over bodies it has, over rows it is left as
-    /// it was.
+    /// One sweep of Gauss-Seidel from y = x + beta (x - previous), contact after contact on one thread: the kernel gets the newest u = N' y + r' at a batch
+    /// and the batch of y to change, and its change takes effect before other contacts are looked at; where not every contact of a batch
+    /// may move at once only one is let. x becomes the end of the sweep, `previous` the x before. Returns |d|^2 and d^T (x+ - x) with d = x+ - y, and whether the images of x and of
+    /// `previous` have followed: over bodies they have, over rows they are left as they were.
     pub fn sweep(
         &self,
-        x: &mut [Batch],
-        image: &mut [Lanes],
+        vectors: [&mut [Batch]; 2],
+        images: [&mut [Lanes]; 2],
+        beta: f64,
         work: &mut PassWork,
         kernel: &impl Relaxation,
-    ) -> bool {
+    ) -> ([f64; 2], bool) {
         work.products += 1;
         match &self.operator {
             Operator::Bodies(bodies) => {
-                let contacts = self.contacts(0..x.len());
-                vectorised(BodySweep { contacts, bodies, x, image, kernel });
-                true
+                let contacts = self.contacts(0..vectors[0].len());
+                let mut tally = Tally::default();
+                vectorised(BodySweep { contacts, bodies, vectors, images, beta, kernel, tally: &mut tally });
+                let [length, along, ..] = tally.totals().sum;
+                ([length, along], true)
             }
-            Operator::Rows(rows) => {
-                let contacts = self.contacts(0..self.num_batches());
-                for (i, block) in Self::places_of(&self.order) {
-                    let (batch, lane) = (i / LANES, i % LANES);
-                    let at = |place: usize, batch: usize| {
-                        let mut u = self.r[batch];
-                        for (u, product) in u.iter_mut().zip(rows.row_times(place, x)) {
-                            u.0[lane] += product;
-                        }
-                        u
-                    };
-                    if let Some(turning) = contacts.turning_at(batch) {
-                        let u = [at(i, batch), at(i + LANES, batch + 1)];
-                        let both = [&x[batch], &x[batch + 1]];
-                        let new = kernel.relaxed_turning(batch, contacts.at(batch), turning, &u, both);
-                        for (x, new) in x[batch..batch + 2].iter_mut().zip(new) {
-                            for k in 0..3 {
-                                x[k].0[lane] = new[k].0[lane];
-                            }
-                        }
-                        continue;
-                    }
-                    if block >= self.contacts {
-                        continue;
-                    }
-                    let u = at(i, batch);
-                    let new = kernel.relaxed(batch, contacts.at(batch), &u, &x[batch]);
-                    for k in 0..3 {
-                        x[batch][k].0[lane] = new[k].0[lane];
-                    }
+            Operator::Rows(rows) => (self.sweep_rows(rows, vectors, beta, kernel), false),
+        }
+    }
+
+    /// The same over the rows of N.
+    fn sweep_rows(
+        &self,
+        rows: &RowOperator,
+        [x, previous]: [&mut [Batch]; 2],
+        beta: f64,
+        kernel: &impl Relaxation,
+    ) -> [f64; 2] {
+        let contacts = self.contacts(0..self.num_batches());
+        for (x, previous) in x.iter_mut().zip(previous.iter_mut()) {
+            let y = extrapolated(x, previous, beta);
+            *previous = std::mem::replace(x, y);
+        }
+        let mut sums = [0.0; 2];
+        let mut take = |y: &mut Batch, new: &Batch, x: &Batch, lane: usize| {
+            for k in 0..3 {
+                let [y, new, x] = [&mut y[k].0[lane], &mut { new[k].0[lane] }, &mut { x[k].0[lane] }];
+                sums[0] += (*new - *y) * (*new - *y);
+                sums[1] += (*new - *y) * (*new - *x);
+                *y = *new;
+            }
+        };
+        for (i, block) in Self::places_of(&self.order) {
+            let (batch, lane) = (i / LANES, i % LANES);
+            let at = |place: usize, batch: usize, x: &[Batch]| {
+                let mut u = self.r[batch];
+                for (u, product) in u.iter_mut().zip(rows.row_times(place, x)) {
+                    u.0[lane] += product;
                 }
-                false
+                u
+            };
+            if let Some(turning) = contacts.turning_at(batch) {
+                let u = [at(i, batch, x), at(i + LANES, batch + 1, x)];
+                let both = [&x[batch], &x[batch + 1]];
+                let new = kernel.relaxed_turning(batch, contacts.at(batch), turning, &u, both);
+                for k in 0..2 {
+                    take(&mut x[batch + k], &new[k], &previous[batch + k], lane);
+                }
+            } else if block < self.contacts {
+                let u = at(i, batch, x);
+                let new = kernel.relaxed(batch, contacts.at(batch), &u, &x[batch]);
+                take(&mut x[batch], &new, &previous[batch], lane);
             }
         }
+        sums
     }
 
     /// Residual of x, given its image: the natural map in the original metric.

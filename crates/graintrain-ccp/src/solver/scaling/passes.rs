@@ -1,8 +1,9 @@
 //! What one task does of a pass over the contacts: velocities, the method's update, forces; over bodies, or over rows of N'.
 
+use super::super::apgd::extrapolated;
 use super::super::body_operator::{BodyOperator, BodyPair, Geometry, Update};
 use super::super::lanes::{
-    Batch, Lanes, TaskWork, Vector, add, in_place, load, scale, store, sub, tangential_length, zero,
+    Batch, Lanes, TaskWork, Vector, add, dot, in_place, load, scale, store, sub, tangential_length, zero,
 };
 use super::super::tasks::Tally;
 use super::contacts::{ContactArrays, ContactBatch, TurningBatch};
@@ -192,16 +193,28 @@ fn seen<const GATHER: bool, const M: usize, K: Kernel<M>, V: Vector>(
 pub(super) struct BodySweep<'a, K> {
     pub(super) contacts: ContactArrays<'a>,
     pub(super) bodies: &'a BodyOperator,
-    pub(super) x: &'a mut [Batch],
-    pub(super) image: &'a mut [Lanes],
+    /// x and the x before.
+    pub(super) vectors: [&'a mut [Batch]; 2],
+    /// Their images.
+    pub(super) images: [&'a mut [Lanes]; 2],
+    pub(super) beta: f64,
     pub(super) kernel: &'a K,
+    pub(super) tally: &'a mut Tally,
 }
 
 impl<K: Relaxation> TaskWork for BodySweep<'_, K> {
     #[inline(always)]
     fn run<V: Vector>(self) {
-        let Self { contacts, bodies, x, image, kernel } = self;
-        bodies.sweep::<V>(image, &mut Relaxing { contacts, x: in_place(x), kernel });
+        let Self { contacts, bodies, vectors, images: [image, previous_image], beta, kernel, tally } = self;
+        for (image, previous) in V::of_slice(image).iter_mut().zip(V::of_slice(previous_image)) {
+            let now = *image;
+            *image = now + V::splat(beta) * (now - *previous);
+            *previous = now;
+        }
+        let [x, previous] = vectors.map(in_place);
+        let mut relaxing = Relaxing { contacts, x, previous, beta, kernel, tally: Tally::default() };
+        bodies.sweep::<V>(image, &mut relaxing);
+        *tally = relaxing.tally.store();
     }
 }
 
@@ -209,7 +222,33 @@ impl<K: Relaxation> TaskWork for BodySweep<'_, K> {
 struct Relaxing<'a, V, K> {
     contacts: ContactArrays<'a>,
     x: &'a mut [Batch<V>],
+    previous: &'a mut [Batch<V>],
+    beta: f64,
     kernel: &'a K,
+    tally: Tally<V>,
+}
+
+impl<V: Vector, K: Relaxation> Relaxing<'_, V, K> {
+    /// y of a batch.
+    #[inline(always)]
+    fn point(&self, batch: usize) -> Batch<V> {
+        extrapolated(&self.x[batch], &self.previous[batch], self.beta)
+    }
+
+    /// Takes new impulses in the place of y where `moves` is 1; returns the change.
+    #[inline(always)]
+    fn take(&mut self, batch: usize, y: &Batch<V>, new: &Batch<V>, moves: V) -> Batch<V> {
+        let (x, previous) = (&mut self.x[batch], &mut self.previous[batch]);
+        let change = scale(moves, &sub(new, y));
+        self.tally.sum[0] += dot(&change, &change);
+        self.tally.sum[1] += dot(&change, &sub(new, x));
+        for k in 0..3 {
+            let now = x[k];
+            x[k] = moves.at_most(V::default(), now, new[k]);
+            previous[k] = moves.at_most(V::default(), previous[k], now);
+        }
+        change
+    }
 }
 
 impl<V: Vector, K: Relaxation> Update<V> for Relaxing<'_, V, K> {
@@ -217,11 +256,9 @@ impl<V: Vector, K: Relaxation> Update<V> for Relaxing<'_, V, K> {
     fn at(&mut self, batch: usize, velocity: &Batch<V>, moves: V) -> Batch<V> {
         let contact = self.contacts.at(batch);
         let u = add(velocity, &contact.r);
-        let x = &mut self.x[batch];
-        let new = self.kernel.relaxed(batch, contact, &u, x);
-        let change = scale(moves, &sub(&new, x));
-        *x = add(x, &change);
-        change
+        let y = self.point(batch);
+        let new = self.kernel.relaxed(batch, contact, &u, &y);
+        self.take(batch, &y, &new, moves)
     }
 
     #[inline(always)]
@@ -229,14 +266,9 @@ impl<V: Vector, K: Relaxation> Update<V> for Relaxing<'_, V, K> {
         let contact = self.contacts.at(batch);
         let turning = self.contacts.turning_at(batch).expect("the contacts resist turning");
         let u = [add(&u, &contact.r), add(&w, &turning.rows.r)];
-        let x = self.x[batch..].first_chunk_mut::<2>().expect("turning rows follow their contacts");
-        let new = self.kernel.relaxed_turning(batch, contact, turning, &u, x.each_ref());
-        let mut change = [zero(); 2];
-        for k in 0..2 {
-            change[k] = scale(moves, &sub(&new[k], &x[k]));
-            x[k] = add(&x[k], &change[k]);
-        }
-        change
+        let y = [self.point(batch), self.point(batch + 1)];
+        let new = self.kernel.relaxed_turning(batch, contact, turning, &u, y.each_ref());
+        [self.take(batch, &y[0], &new[0], moves), self.take(batch + 1, &y[1], &new[1], moves)]
     }
 }
 

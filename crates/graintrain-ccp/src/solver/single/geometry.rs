@@ -2,6 +2,7 @@
 
 use super::super::lanes::{Batch, add, cross, dot, scale, sub};
 use super::super::octet::{EIGHT, Octet, SingleVector};
+use super::operator::InverseMasses;
 
 /// Bodies A and B of eight contacts: places in an image and in the slots of the chunk.
 #[derive(Clone, Copy, Debug, Default)]
@@ -32,6 +33,25 @@ impl Bodies {
             *slot = (V::of(*slot) - on_b[lane]).octet();
         }
     }
+
+    /// Adds M^-1 of impulses with their moments to the velocities of bodies A, and takes it from those of B.
+    #[inline(always)]
+    fn push<V: SingleVector>(
+        &self,
+        p: &Batch<V>,
+        moments: [&Batch<V>; 2],
+        masses: &InverseMasses,
+        image: &mut [Octet],
+    ) {
+        let (on_a, on_b) = (V::records([p, moments[0]]), V::records([p, moments[1]]));
+        for lane in 0..EIGHT {
+            let [a, b] = [0, 1].map(|side| self.place[side][lane] as usize);
+            let change = masses.times(a, on_a[lane]);
+            image[a] = (V::of(image[a]) + change).octet();
+            let change = masses.times(b, on_b[lane]);
+            image[b] = (V::of(image[b]) - change).octet();
+        }
+    }
 }
 
 /// The geometry of eight contacts.
@@ -39,8 +59,24 @@ pub(super) trait Geometry: Send + Sync {
     /// D^T v.
     fn relative_velocity<V: SingleVector>(&self, image: &[Octet]) -> Batch<V>;
 
+    /// The impulses D x and their moments about bodies A and B.
+    fn impulses<V: SingleVector>(&self, x: &Batch<V>) -> [Batch<V>; 3];
+
+    fn bodies(&self) -> &Bodies;
+
     /// Adds the impulses D x to the slots.
-    fn scatter<V: SingleVector>(&self, x: &Batch<V>, slots: &mut [Octet]);
+    #[inline(always)]
+    fn scatter<V: SingleVector>(&self, x: &Batch<V>, slots: &mut [Octet]) {
+        let [p, on_a, on_b] = self.impulses(x);
+        self.bodies().add_to_slots(&p, [&on_a, &on_b], slots);
+    }
+
+    /// Adds M^-1 D x to the velocities.
+    #[inline(always)]
+    fn push<V: SingleVector>(&self, x: &Batch<V>, masses: &InverseMasses, image: &mut [Octet]) {
+        let [p, on_a, on_b] = self.impulses(x);
+        self.bodies().push(&p, [&on_a, &on_b], masses, image);
+    }
 }
 
 /// Reads a batch.
@@ -76,12 +112,16 @@ impl Geometry for Radial {
     }
 
     #[inline(always)]
-    fn scatter<V: SingleVector>(&self, x: &Batch<V>, slots: &mut [Octet]) {
+    fn bodies(&self) -> &Bodies {
+        &self.bodies
+    }
+
+    #[inline(always)]
+    fn impulses<V: SingleVector>(&self, x: &Batch<V>) -> [Batch<V>; 3] {
         let (n, t1, t2) = (load(&self.rows[0]), load(&self.rows[1]), load(&self.rows[2]));
         let p = add(&add(&scale(x[0], &n), &scale(x[1], &t1)), &scale(x[2], &t2));
         let across = sub(&scale(x[1], &t2), &scale(x[2], &t1));
-        let moments = [scale(V::of(self.arms[0]), &across), scale(V::of(self.arms[1]), &across)];
-        self.bodies.add_to_slots(&p, [&moments[0], &moments[1]], slots);
+        [p, scale(V::of(self.arms[0]), &across), scale(V::of(self.arms[1]), &across)]
     }
 }
 
@@ -106,11 +146,15 @@ impl Geometry for General {
     }
 
     #[inline(always)]
-    fn scatter<V: SingleVector>(&self, x: &Batch<V>, slots: &mut [Octet]) {
+    fn bodies(&self) -> &Bodies {
+        &self.bodies
+    }
+
+    #[inline(always)]
+    fn impulses<V: SingleVector>(&self, x: &Batch<V>) -> [Batch<V>; 3] {
         let (n, t1, t2) = (load(&self.rows[0]), load(&self.rows[1]), load(&self.rows[2]));
         let p = add(&add(&scale(x[0], &n), &scale(x[1], &t1)), &scale(x[2], &t2));
-        let moments = [cross(&load(&self.arms[0]), &p), cross(&load(&self.arms[1]), &p)];
-        self.bodies.add_to_slots(&p, [&moments[0], &moments[1]], slots);
+        [p, cross(&load(&self.arms[0]), &p), cross(&load(&self.arms[1]), &p)]
     }
 }
 

@@ -20,7 +20,7 @@ pub struct SingleIterate<'a> {
     previous: Vec<Batch<Octet>>,
     /// Image of x.
     image: Vec<Octet>,
-    /// Image of the extrapolated point.
+    /// Image of the extrapolated point; of sweeps, that of the x before.
     image_y: Vec<Octet>,
     scratch: SingleScratch,
     limits: &'a Limits<'a>,
@@ -145,6 +145,39 @@ impl<'a> SingleIterate<'a> {
         rounding * slack < self.limits.tolerance() && self.since_better <= *patience
     }
 
+    /// Counts an iteration and says whether to do it.
+    fn go_on(&mut self) -> bool {
+        if self.checks_now() && !self.check() {
+            return false;
+        }
+        if self.iterations > 0 && self.iterations.is_multiple_of(self.parameters.refresh) {
+            self.refresh();
+        }
+        self.iterations += 1;
+        true
+    }
+
+    /// Sweeps with this over-relaxation, each from x + beta (x - previous) with the beta that `next` makes of |d|^2 and d^T (x+ - x) of the last one.
+    pub fn sweep(&mut self, relaxation: f64, mut next: impl FnMut([f64; 2]) -> f64) {
+        let Some(sweeps) = &self.problem.sweeps else { return };
+        let mut beta = 0.0;
+        while self.go_on() {
+            let refreshed = std::mem::take(&mut self.refreshed);
+            let Self { problem, x, previous, image, image_y, scratch, .. } = self;
+            let operator = &problem.operator;
+            if refreshed && beta != 0.0 {
+                // The extrapolation would take the difference between a fresh and a drifted image for a motion.
+                operator.contact_pass::<1, false, true>(&[], [previous], scratch, &Identity);
+                operator.body_pass([image_y], scratch, &Replace);
+            }
+            let (vectors, images) = ([&mut x[..], previous], [&mut image[..], image_y]);
+            let sums = sweeps.sweep(operator, vectors, images, (beta, relaxation), problem.friction_model);
+            beta = next(sums);
+            self.slope = (sums[0] / self.problem.num_contacts() as f64).sqrt();
+            self.products += 1;
+        }
+    }
+
     /// Whether it is time for a check.
     fn checks_now(&self) -> bool {
         let since = self.iterations - self.last_check;
@@ -191,11 +224,8 @@ impl Space for SingleIterate<'_> {
     }
 
     fn proceed(&mut self, beta: f64) -> bool {
-        if self.checks_now() && !self.check() {
+        if !self.go_on() {
             return false;
-        }
-        if self.iterations > 0 && self.iterations.is_multiple_of(self.parameters.refresh) {
-            self.refresh();
         }
         if std::mem::take(&mut self.refreshed) {
             // The image of y must not keep the rounding errors that the image of x has just lost.
@@ -204,7 +234,6 @@ impl Space for SingleIterate<'_> {
             problem.operator.contact_pass::<2, false, true>(&[], [x, previous], scratch, &kernel);
             problem.operator.body_pass([image_y], scratch, &Replace);
         }
-        self.iterations += 1;
         true
     }
 

@@ -11,6 +11,7 @@ mod iterate;
 mod kernel;
 mod operator;
 mod parameters;
+mod sweep;
 
 use super::body_pass::BODIES;
 use super::cell_images::PackedCell;
@@ -29,6 +30,7 @@ use operator::{Arrangement, CHUNK, ContactNumbers, InverseMasses, SingleOperator
 use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::Arc;
+use sweep::Sweeps;
 
 pub use iterate::SingleIterate;
 pub use parameters::Parameters;
@@ -48,6 +50,8 @@ pub struct SingleProblem {
     size: f64,
     metric: Vec<Metric<Octet>>,
     friction_model: FrictionModel,
+    /// For methods that sweep.
+    sweeps: Option<Sweeps>,
 }
 
 /// Whether the solve may begin in single precision: over rigid bodies that no joint couples and no contact keeps from turning, not too
@@ -170,7 +174,12 @@ fn arrangement(
 impl SingleProblem {
     /// Scales and packs a problem that [`suits`], for `ranks` that do the passes together what this one needs. `None` where a number
     /// leaves the range of single precision.
-    pub(super) fn new(problem: &Ccp, residual: &ResidualScale, ranks: Option<&Arc<Ranks>>) -> Option<Self> {
+    pub(super) fn new(
+        problem: &Ccp,
+        residual: &ResidualScale,
+        sweeps: bool,
+        ranks: Option<&Arc<Ranks>>,
+    ) -> Option<Self> {
         let Delassus::Rigid(rigid) = &*problem.delassus else { return None };
         let packing = pack(rigid);
         let slots = SlotTable::new(rigid, &packing, CHUNK * EIGHT);
@@ -202,6 +211,7 @@ impl SingleProblem {
         };
         let arrangement = arrangement(rigid, &packing.contacts, &own, length, batch_of);
         let size = residual.size();
+        let order = &packing.contacts;
         let masses = inverse_masses(&packing, rigid.inverse_mass(), [mobility, length]);
         let operator = SingleOperator {
             arrangement,
@@ -212,8 +222,10 @@ impl SingleProblem {
             cell: PackedCell::new(rigid, &packing.images, [mobility, length]),
             share,
         };
+        let sweeps = sweeps.then(|| Sweeps::new(&problem.delassus, order, &scaling, &operator));
         let mut single = Self {
             operator,
+            sweeps,
             order: packing.contacts,
             unit: scaling.par_iter().with_min_len(CHUNK * EIGHT).map(|s| s.map(|s| size * s)).collect(),
             size,

@@ -16,7 +16,7 @@ use std::ops::Range;
 /// Batches per chunk of contacts: as many contacts as a chunk in double precision.
 pub(super) const CHUNK: usize = 128;
 /// So many batches ahead a pass asks for geometry.
-const PREFETCH: usize = 6;
+pub(super) const PREFETCH: usize = 6;
 
 /// The geometry of all batches, in the cheaper of its forms.
 #[derive(Clone, Debug)]
@@ -39,6 +39,27 @@ pub(super) struct InverseMasses {
     pub(super) diagonal: Vec<Octet>,
     /// Empty where no body has any.
     pub(super) others: Vec<[Octet; 2]>,
+}
+
+impl InverseMasses {
+    /// Whether every body is moved alike by forces along all axes, and turned alike.
+    pub(super) fn are_isotropic(&self) -> bool {
+        let alike =
+            |diagonal: &Octet| diagonal.0.as_chunks::<4>().0.iter().all(|[x, y, z, _]| x == y && x == z);
+        self.others.is_empty() && self.diagonal.iter().all(alike)
+    }
+
+    /// M^-1 of a force and a moment on the body at a place; none on what is fixed.
+    #[inline(always)]
+    pub(super) fn times<V: SingleVector>(&self, place: usize, force: V) -> V {
+        let Some(diagonal) = self.diagonal.get(place) else { return V::default() };
+        let mut velocity = V::of(*diagonal) * force;
+        if let Some([next, last]) = self.others.get(place) {
+            let rotated = force.rotated();
+            velocity += V::of(*next) * rotated + V::of(*last) * rotated.rotated();
+        }
+        velocity
+    }
 }
 
 /// Scratch of passes.
@@ -286,11 +307,7 @@ impl<const K: usize, C: Combination<K>> SingleWork for BodyPass<'_, K, C> {
             for &slot in operator.slots.of_body(body) {
                 force += V::of(slots[slot as usize]);
             }
-            let mut velocity = V::of(masses.diagonal[body]) * force;
-            if let Some([next, last]) = masses.others.get(body) {
-                let rotated = force.rotated();
-                velocity += V::of(*next) * rotated + V::of(*last) * rotated.rotated();
-            }
+            let velocity = masses.times(body, force);
             quadratic += force * velocity;
             // Loops, because closures need not be compiled for the processor's vector instructions.
             let mut known = [V::default(); K];

@@ -1,0 +1,65 @@
+//! `apgs`: projected Gauss-Seidel with Nesterov's momentum.
+
+use super::first_order::{FirstOrderMethod, Iterate};
+use super::gauss_seidel::{Steps, sweep};
+use super::momentum::{Memory, Momentum};
+use super::scaling::ScaledProblem;
+use super::single::SingleIterate;
+
+/// Sweeps of [`GaussSeidel`](super::GaussSeidel) from extrapolated points:
+///
+/// ```text
+/// x+ = S(y),   y+ = x+ + beta (x+ - x),   d = x+ - y
+/// ```
+///
+/// with the momentum of [`Memory`]. A sweep is a projected gradient step in the metric of the lower triangle of N', which is nearer to N' than a multiple of the unit matrix: it
+/// needs a third to a half of the iterations of [`Apgd`](super::Apgd), and of a memory that is shorter. A proof of acceleration exists for symmetric sweeps (forward and back) alone; forward ones
+/// need half as many.
+///
+/// Source: the momentum of B. O'Donoghue, E. Candes, "Adaptive restart for accelerated gradient schemes", Foundations of Computational Mathematics 15:715-732, 2015; sweeps with a conjugate
+/// direction over them M. Silcowitz-Hansen, S. Niebe, K. Erleben, "A nonsmooth nonlinear conjugate gradient method for interactive contact force problems", The Visual Computer 26:893-901, 2010.
+#[derive(Clone, Debug)]
+pub struct AcceleratedSweeps {
+    /// Over-relaxation omega in (0, 2).
+    pub relaxation: f64,
+    /// How long the momentum lasts.
+    pub memory: Memory,
+    /// The limit that the last iterations ended with.
+    pub found: Option<f64>,
+}
+
+impl Default for AcceleratedSweeps {
+    fn default() -> Self {
+        let memory = Memory { first: 30.0, longer: 1.2, shorter: 0.7, range: [5.0, 3000.0], young: 3.0 };
+        Self { relaxation: 1.0, memory, found: None }
+    }
+}
+
+impl FirstOrderMethod for AcceleratedSweeps {
+    const NAME: &'static str = "apgs";
+    const EXACT: bool = true;
+    const TURNING: bool = true;
+    const SINGLE: bool = true;
+    const SWEEPS: bool = true;
+
+    fn remember(&mut self, memory: Option<f64>) {
+        self.found = memory;
+    }
+
+    fn memory(&self) -> Option<f64> {
+        self.found
+    }
+
+    fn run(&mut self, scaled: &ScaledProblem, it: &mut Iterate<'_>) {
+        let steps = Steps::of(scaled, self.relaxation);
+        let mut momentum = Momentum::new(&self.memory, self.found);
+        sweep(scaled, it, &steps, |[length, along]| momentum.next(length.sqrt(), along));
+        self.found = Some(momentum.limit);
+    }
+
+    fn run_single(&mut self, it: &mut SingleIterate<'_>) {
+        let mut momentum = Momentum::new(&self.memory, self.found);
+        it.sweep(self.relaxation, |[length, along]| momentum.next(length.sqrt(), along));
+        self.found = Some(momentum.limit);
+    }
+}
