@@ -6,6 +6,7 @@ use super::lanes::LANES;
 use super::tasks::CHUNK;
 use crate::delassus::{FIXED, RigidDelassus};
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// In which order contacts and bodies lie in memory.
 pub(super) struct Packing {
@@ -124,6 +125,23 @@ const POOL: usize = 256;
 /// higher body. Within a chunk they are dealt out again so that [`TOGETHER`] batches share no body wherever possible. (The same helps
 /// a pass: sums on one body would otherwise wait for one another.)
 pub(super) fn pack(rigid: &RigidDelassus) -> Packing {
+    let bodies = numbered(rigid);
+    let mut contacts = sorted_by_bodies(rigid, &bodies);
+    let chunks = contacts.par_chunks_mut(CHUNK * LANES);
+    chunks.for_each_init(|| Dealer::new(bodies.len()), Dealer::deal);
+    Packing::of(rigid, contacts, bodies)
+}
+
+impl Packing {
+    fn of(rigid: &RigidDelassus, contacts: Vec<Pair>, bodies: Vec<u32>) -> Self {
+        let contacts = contacts.into_iter().map(|pair| pair.contact).collect();
+        let images = Images::new(rigid, |body| bodies.get(body as usize).copied());
+        Self { contacts, bodies, images }
+    }
+}
+
+/// The place of each body: breadth first over the contact graph.
+fn numbered(rigid: &RigidDelassus) -> Vec<u32> {
     let bodies = rigid.num_bodies();
     let mut number = vec![u32::MAX; bodies];
     let mut queue = Vec::with_capacity(bodies);
@@ -147,12 +165,81 @@ pub(super) fn pack(rigid: &RigidDelassus) -> Packing {
             next += 1;
         }
     }
-    let mut contacts = sorted_by_bodies(rigid, &number);
-    contacts.par_chunks_mut(CHUNK * LANES).for_each_init(|| Dealer::new(bodies), Dealer::deal);
-    let contacts = contacts.into_iter().map(|pair| pair.contact).collect();
-    let mut packing = Packing { contacts, bodies: number, images: Images::default() };
-    packing.images = Images::new(rigid, |body| packing.bodies.get(body as usize).copied());
-    packing
+    number
+}
+
+/// Contacts per block at least.
+const BLOCK: usize = 4096;
+
+/// Contacts whose bodies lie in one range of places.
+#[derive(Clone, Debug)]
+pub(super) struct Block {
+    /// Places of contacts.
+    pub contacts: Range<usize>,
+    /// Places of bodies.
+    pub bodies: Range<usize>,
+}
+
+/// A packing for sweeps that threads share: see [`pack_in_blocks`].
+pub(super) struct PackedBlocks {
+    pub packing: Packing,
+    /// Lists of blocks, one list after the other; those of one list share no body.
+    pub lists: Vec<Vec<Block>>,
+}
+
+/// As [`pack`], with the contacts in blocks of so many places, a multiple of `multiple`: first those whose bodies lie in one of several ranges, range by range, then
+/// those in one of the ranges from the middle of one of the first to the middle of the next, and what is left. Ranges depend on the contacts alone, never on threads. Large problems have more than
+/// one.
+pub(super) fn pack_in_blocks(rigid: &RigidDelassus, multiple: usize) -> PackedBlocks {
+    let bodies = numbered(rigid);
+    let mut sorted = sorted_by_bodies(rigid, &bodies);
+    let way = |pair: &Pair| if pair.higher == FIXED { 0 } else { u64::from(pair.higher - pair.lower) };
+    let mean_way = sorted.iter().map(way).sum::<u64>() as usize / sorted.len().max(1);
+    let most = (sorted.len() / BLOCK).max(1);
+    // Seams that are wider than half a range would be left over.
+    let range = bodies.len().div_ceil(most).max(4 * mean_way).max(1);
+    let count = bodies.len().div_ceil(range).max(1);
+    let last = 2 * count;
+    let class = |pair: &Pair| {
+        let (low, high) =
+            (pair.lower as usize, if pair.higher == FIXED { pair.lower } else { pair.higher } as usize);
+        if pair.lower == FIXED {
+            last
+        } else if low / range == high / range {
+            low / range
+        } else {
+            let shifted = [low, high].map(|place| (place + range / 2) / range);
+            if shifted[0] == shifted[1] { count + shifted[0] } else { last }
+        }
+    };
+    let mut classes: Vec<Vec<Pair>> = vec![Vec::new(); last + 1];
+    sorted.iter().for_each(|pair| classes[class(pair)].push(*pair));
+    let mut left = std::mem::take(&mut classes[last]);
+    sorted.clear();
+    let mut blocks = Vec::new();
+    for (class, own) in classes.iter().enumerate() {
+        let full = own.len() / multiple * multiple;
+        left.extend(&own[full..]);
+        let first = class % count * range;
+        let shift = if class < count { 0 } else { range / 2 };
+        let ends = [first.saturating_sub(shift), (first + range).saturating_sub(shift)];
+        let [first, end] = ends.map(|place| place.min(bodies.len()));
+        blocks.push(Block { contacts: sorted.len()..sorted.len() + full, bodies: first..end });
+        sorted.extend(&own[..full]);
+    }
+    blocks.push(Block { contacts: sorted.len()..sorted.len() + left.len(), bodies: 0..bodies.len() });
+    sorted.extend(left);
+    let mut rest = &mut sorted[..];
+    let mut chunks = Vec::new();
+    for block in &blocks {
+        let (own, later) = rest.split_at_mut(block.contacts.len());
+        chunks.extend(own.chunks_mut(CHUNK * LANES));
+        rest = later;
+    }
+    chunks.into_par_iter().for_each_init(|| Dealer::new(bodies.len()), Dealer::deal);
+    let mut lists = vec![blocks[..count].to_vec(), blocks[count..last].to_vec(), blocks[last..].to_vec()];
+    lists.iter_mut().for_each(|list| list.retain(|block| !block.contacts.is_empty()));
+    PackedBlocks { packing: Packing::of(rigid, sorted, bodies), lists }
 }
 
 /// Deals the contacts of a chunk out to groups.

@@ -2,7 +2,8 @@
 
 use super::super::lanes::{Batch, add, cross, dot, scale, sub};
 use super::super::octet::{EIGHT, Octet, SingleVector};
-use super::operator::InverseMasses;
+use super::operator::Masses;
+use std::ops::Range;
 
 /// Bodies A and B of eight contacts: places in an image and in the slots of the chunk.
 #[derive(Clone, Copy, Debug, Default)]
@@ -12,9 +13,16 @@ pub(super) struct Bodies {
 }
 
 impl Bodies {
+    /// The same bodies as places in a range of those of all; what is fixed comes after them.
+    pub(super) fn within(&self, range: &Range<usize>) -> Self {
+        let (first, len) = (range.start as u32, range.len() as u32);
+        let place = self.place.map(|side| side.map(|place| place.wrapping_sub(first).min(len)));
+        Self { place, ..*self }
+    }
+
     /// Velocities and spins of the bodies on one side.
     #[inline(always)]
-    fn velocities<V: SingleVector>(&self, side: usize, image: &[Octet]) -> [Batch<V>; 2] {
+    pub(super) fn velocities<V: SingleVector>(&self, side: usize, image: &[Octet]) -> [Batch<V>; 2] {
         let mut records = [V::default(); EIGHT];
         for (record, &place) in records.iter_mut().zip(&self.place[side]) {
             *record = V::of(image[place as usize]);
@@ -36,11 +44,11 @@ impl Bodies {
 
     /// Adds M^-1 of impulses with their moments to the velocities of bodies A, and takes it from those of B.
     #[inline(always)]
-    fn push<V: SingleVector>(
+    pub(super) fn push<V: SingleVector>(
         &self,
         p: &Batch<V>,
         moments: [&Batch<V>; 2],
-        masses: &InverseMasses,
+        masses: Masses<'_>,
         image: &mut [Octet],
     ) {
         let (on_a, on_b) = (V::records([p, moments[0]]), V::records([p, moments[1]]));
@@ -56,26 +64,26 @@ impl Bodies {
 
 /// The geometry of eight contacts.
 pub(super) trait Geometry: Send + Sync {
+    fn bodies(&self) -> &Bodies;
+
+    /// D^T v of the velocities and spins of bodies A and B.
+    fn relative<V: SingleVector>(&self, of: [[Batch<V>; 2]; 2]) -> Batch<V>;
+
     /// D^T v.
-    fn relative_velocity<V: SingleVector>(&self, image: &[Octet]) -> Batch<V>;
+    #[inline(always)]
+    fn relative_velocity<V: SingleVector>(&self, image: &[Octet]) -> Batch<V> {
+        let bodies = self.bodies();
+        self.relative([bodies.velocities(0, image), bodies.velocities(1, image)])
+    }
 
     /// The impulses D x and their moments about bodies A and B.
     fn impulses<V: SingleVector>(&self, x: &Batch<V>) -> [Batch<V>; 3];
-
-    fn bodies(&self) -> &Bodies;
 
     /// Adds the impulses D x to the slots.
     #[inline(always)]
     fn scatter<V: SingleVector>(&self, x: &Batch<V>, slots: &mut [Octet]) {
         let [p, on_a, on_b] = self.impulses(x);
         self.bodies().add_to_slots(&p, [&on_a, &on_b], slots);
-    }
-
-    /// Adds M^-1 D x to the velocities.
-    #[inline(always)]
-    fn push<V: SingleVector>(&self, x: &Batch<V>, masses: &InverseMasses, image: &mut [Octet]) {
-        let [p, on_a, on_b] = self.impulses(x);
-        self.bodies().push(&p, [&on_a, &on_b], masses, image);
     }
 }
 
@@ -102,9 +110,7 @@ pub(super) struct Radial {
 
 impl Geometry for Radial {
     #[inline(always)]
-    fn relative_velocity<V: SingleVector>(&self, image: &[Octet]) -> Batch<V> {
-        let [u_a, w_a] = self.bodies.velocities::<V>(0, image);
-        let [u_b, w_b] = self.bodies.velocities::<V>(1, image);
+    fn relative<V: SingleVector>(&self, [[u_a, w_a], [u_b, w_b]]: [[Batch<V>; 2]; 2]) -> Batch<V> {
         let v = sub(&u_a, &u_b);
         let spin = sub(&scale(V::of(self.arms[0]), &w_a), &scale(V::of(self.arms[1]), &w_b));
         let (n, t1, t2) = (load(&self.rows[0]), load(&self.rows[1]), load(&self.rows[2]));
@@ -137,9 +143,7 @@ pub(super) struct General {
 
 impl Geometry for General {
     #[inline(always)]
-    fn relative_velocity<V: SingleVector>(&self, image: &[Octet]) -> Batch<V> {
-        let [u_a, w_a] = self.bodies.velocities::<V>(0, image);
-        let [u_b, w_b] = self.bodies.velocities::<V>(1, image);
+    fn relative<V: SingleVector>(&self, [[u_a, w_a], [u_b, w_b]]: [[Batch<V>; 2]; 2]) -> Batch<V> {
         let of_a = add(&u_a, &cross(&w_a, &load(&self.arms[0])));
         let v = sub(&of_a, &add(&u_b, &cross(&w_b, &load(&self.arms[1]))));
         [dot(&load(&self.rows[0]), &v), dot(&load(&self.rows[1]), &v), dot(&load(&self.rows[2]), &v)]

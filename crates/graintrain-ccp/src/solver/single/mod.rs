@@ -17,7 +17,7 @@ use super::body_pass::BODIES;
 use super::cell_images::PackedCell;
 use super::lanes::Batch;
 use super::octet::{EIGHT, Octet};
-use super::packing::{Packing, pack};
+use super::packing::{PackedBlocks, Packing, pack, pack_in_blocks};
 use super::ranks::Ranks;
 use super::scaling::{Metric, block_scaling};
 use super::settings::SolveSettings;
@@ -181,7 +181,12 @@ impl SingleProblem {
         ranks: Option<&Arc<Ranks>>,
     ) -> Option<Self> {
         let Delassus::Rigid(rigid) = &*problem.delassus else { return None };
-        let packing = pack(rigid);
+        let (packing, blocks) = if sweeps {
+            let PackedBlocks { packing, lists } = pack_in_blocks(rigid, EIGHT);
+            (packing, Some(lists))
+        } else {
+            (pack(rigid), None)
+        };
         let slots = SlotTable::new(rigid, &packing, CHUNK * EIGHT);
         let share = slots.share(ranks.filter(|_| rigid.cell().is_none()), BODIES);
         let scaling = block_scaling(problem, residual);
@@ -222,7 +227,8 @@ impl SingleProblem {
             cell: PackedCell::new(rigid, &packing.images, [mobility, length]),
             share,
         };
-        let sweeps = sweeps.then(|| Sweeps::new(&problem.delassus, order, &scaling, &operator));
+        let sweeps =
+            blocks.map(|blocks| Sweeps::new(&problem.delassus, (order, blocks), &scaling, &operator));
         let mut single = Self {
             operator,
             sweeps,

@@ -49,6 +49,23 @@ impl InverseMasses {
         self.others.is_empty() && self.diagonal.iter().all(alike)
     }
 
+    /// Those of a range of places.
+    pub(super) fn within(&self, places: Range<usize>) -> Masses<'_> {
+        Masses {
+            diagonal: self.diagonal.get(places.clone()).unwrap_or_default(),
+            others: self.others.get(places).unwrap_or_default(),
+        }
+    }
+}
+
+/// Inverse masses of the bodies of a range of places.
+#[derive(Clone, Copy)]
+pub(super) struct Masses<'a> {
+    diagonal: &'a [Octet],
+    others: &'a [[Octet; 2]],
+}
+
+impl Masses<'_> {
     /// M^-1 of a force and a moment on the body at a place; none on what is fixed.
     #[inline(always)]
     pub(super) fn times<V: SingleVector>(&self, place: usize, force: V) -> V {
@@ -299,7 +316,7 @@ impl<const K: usize, C: Combination<K>> SingleWork for BodyPass<'_, K, C> {
     #[inline(always)]
     fn run<V: SingleVector>(self) {
         let Self { operator, first, slots, mut images, tally, combination } = self;
-        let masses = &operator.masses;
+        let masses = operator.masses.within(0..operator.masses.diagonal.len());
         let mut quadratic = V::default();
         for offset in 0..images[0].len() {
             let body = first + offset;
