@@ -319,7 +319,7 @@ impl Ccp {
     pub(crate) fn require_sliding_alone(&self, solver: &str) -> Result<(), CcpError> {
         let reason = match &*self.delassus {
             _ if !self.turning.is_empty() => {
-                "contacts have rolling or spinning friction, which auto, apgd, pgs and pj take"
+                "contacts have rolling or spinning friction, which auto, apgd, apgs, pgs and pj take"
             }
             Delassus::Rigid(rigid) if !rigid.coupled().is_empty() => {
                 "joints couple bodies; it takes the problem with N as a matrix"

@@ -165,7 +165,7 @@ fn iterations_do_not_allocate() {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| {
             for problem in [packing.clone(), sparse_form(&packing)] {
-                for name in ["pj", "pgs", "pgs@1.3", "apgd", "bb", "kucera", "spg", "gpminres"] {
+                for name in ["pj", "pgs", "pgs@1.3", "apgs", "apgd", "bb", "kucera", "spg", "gpminres"] {
                     check(&mut *name.parse::<SolverSpec>().unwrap().build().unwrap(), &problem, false);
                 }
                 check(&mut FirstOrder::new(GaussSeidel::default()), &problem, true);

@@ -8,8 +8,8 @@
 //! in these ([`Cost`]). A stage gets half of what is left at most, the last one all of it; one that could not do anything with its share is left out.
 //! So a solve with a limit ends with a method that makes a small residual a little smaller rather than in the midst of one that swings.
 //!
-//! **Exact friction.** `apgd` and `pgs` treat it in their iterations ([`CcpSolver::solve_exact`]). The problem has no objective, and any of
-//! them may circle where another gets on: sheared packings want long momenta, columns that settle want sweeps. So they hold a race: a turn of each, from where the one before
+//! **Exact friction.** `apgs`, `apgd` and `pgs` treat it in their iterations ([`CcpSolver::solve_exact`]). The problem has no objective, and any of
+//! them may circle where another gets on. So they hold a race: a turn of each, from where the one before
 //! ended, then it is the turn of the one that gained most per iteration in its last. Where their systems are small, a piece of the [path](super::path_following) comes between. Where nobody gains any more they begin
 //! from zero (these iterations are chaotic: a start that leads nowhere need not be nearer to a
 //! solution than none); then come the problem without friction (where it has no solution, this one has none), the whole path from large tau, and
@@ -27,6 +27,7 @@ use super::momentum::Memory;
 use super::path_following::PathFollowing;
 use super::report::{SolveReport, StageRecord, Status};
 use super::settings::SolveSettings;
+use crate::delassus::Delassus;
 use crate::newton::NewtonRecord;
 use crate::problem::{Ccp, CcpError};
 use crate::residual::{FrictionModel, Residual};
@@ -47,13 +48,15 @@ pub struct RaceParameters {
     pub turn: (f64, [usize; 2]),
     /// First turn of the first runner in such turns: most problems are solved in it.
     pub first: usize,
+    /// Contacts from which on gradients run first: ranks share them, and threads without limit; sweeps in blocks gain little there.
+    pub gradients_first: usize,
     /// The next turn of a runner is twice as long. One that gained nothing in a turn of so many has given up.
     pub longest: usize,
 }
 
 impl Default for RaceParameters {
     fn default() -> Self {
-        Self { turn: (1.0 / 12.0, [500, 2500]), first: 4, longest: 10_000 }
+        Self { turn: (1.0 / 12.0, [500, 2500]), first: 4, gradients_first: 65_536, longest: 10_000 }
     }
 }
 
@@ -114,7 +117,7 @@ pub struct Cascade {
     pub race: RaceParameters,
 }
 
-/// The runners of a race, gradients, over-relaxed sweeps, and gradients with a momentum that grows and shrinks boldly, and the path.
+/// The runners of a race, sweeps with a momentum, gradients, and gradients with a momentum that grows and shrinks boldly, and the path.
 fn exact_members() -> [Box<dyn CcpSolver>; 4] {
     let ordinary = Apgd::default();
     let memory = Memory { longer: 4.0, shorter: 0.25, ..ordinary.memory.clone() };
@@ -281,14 +284,21 @@ impl Cascade {
         limits: &Limits<'_>,
         course: &mut Course,
     ) -> Result<bool, CcpError> {
-        let RaceParameters { turn: (part, [least, most]), first, longest } = self.race;
+        let RaceParameters { turn: (part, [least, most]), first, longest, .. } = self.race;
         let turn = ((share as f64 * part) as usize).clamp(least, most);
         let is_round = stage.task == Task::Round;
-        let runner = |k: usize| {
-            let length = if k == 0 && is_round { first * turn } else { turn };
+        // Over the rows of a cell sweeps would cost many times what gradients do over its bodies.
+        let gives_way = matches!(&*problem.delassus, Delassus::Rigid(rigid) if rigid.cell().is_some());
+        let order: &[usize] = match problem.num_contacts() {
+            _ if gives_way => &[1, 2],
+            contacts if contacts > self.race.gradients_first => &[1, 0, 2],
+            _ => &[0, 1, 2],
+        };
+        let runner = |(place, k): (usize, &usize)| {
+            let length = if place == 0 && is_round { first * turn } else { turn };
             Runner { member: stage.member + k, length, rate: None }
         };
-        let mut runners: Vec<Runner> = (0..3).map(runner).collect();
+        let mut runners: Vec<Runner> = order.iter().enumerate().map(runner).collect();
         let (begun, mut start) = (course.spent, stage.start);
         loop {
             let left = share - ((course.spent - begun) as usize).min(share);

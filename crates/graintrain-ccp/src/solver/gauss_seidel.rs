@@ -150,7 +150,7 @@ mod tests {
     use super::super::body_operator::TOGETHER;
     use super::super::first_order::FirstOrder;
     use super::super::interface::{CcpSolver, ExactState};
-    use super::super::packing::pack;
+    use super::super::packing::{Block, PackedBlocks, pack, pack_in_blocks};
     use super::super::settings::SolveSettings;
     use super::*;
     use crate::delassus::{BodyInverseMass, Delassus, FIXED, RigidContact, RigidDelassus};
@@ -234,6 +234,35 @@ mod tests {
                 }
             }
         }
+    }
+
+    /// Every contact is in one block, whose bodies are its own; those of one list share none.
+    #[test]
+    fn blocks_of_a_list_share_no_body() {
+        let problem = row_of_bodies(40_000);
+        let Delassus::Rigid(rigid) = &*problem.delassus else { unreachable!() };
+        let PackedBlocks { packing, lists } = pack_in_blocks(rigid, 8);
+        let mut contacts = packing.contacts.clone();
+        contacts.sort_unstable();
+        assert!(contacts.into_iter().eq(0..80_000), "the packing is a permutation");
+        assert!(lists[0].len() > 3 && lists[1].len() > 2, "{lists:?}");
+        let mut next = 0;
+        for list in &lists {
+            let mut free = 0;
+            for Block { contacts, bodies } in list {
+                assert!(contacts.start == next && bodies.start >= free, "{lists:?}");
+                (next, free) = (contacts.end, bodies.end);
+                assert!(next.is_multiple_of(8) || next == 80_000);
+                for &contact in &packing.contacts[contacts.clone()] {
+                    let places = packing.places_of(rigid, contact);
+                    let fixed = packing.num_places() as u32;
+                    assert!(places.iter().all(|&place| place == fixed || bodies.contains(&(place as usize))));
+                }
+            }
+        }
+        assert_eq!(next, 80_000);
+        let left: usize = lists[2].iter().map(|block| block.contacts.len()).sum();
+        assert!(left < 80_000 / 5, "{left}");
     }
 
     /// Hardly any contacts of a large packing wait for one another.

@@ -5,7 +5,7 @@ use graintrain_ccp::residual::{FrictionModel, ResidualScale};
 use graintrain_ccp::{Ccp, Delassus, FIXED, RigidContact, RigidDelassus};
 use graintrain_ccp::{SolveReport, SolveSettings, SolverSpec};
 
-const FIRST_ORDER: &[&str] = &["pj", "pgs", "apgd", "bb", "kucera", "spg", "gpminres", "auto"];
+const FIRST_ORDER: &[&str] = &["pj", "pgs", "apgs", "apgd", "bb", "kucera", "spg", "gpminres", "auto"];
 
 fn solve(name: &str, problem: &Ccp, start: Option<&[f64]>, tolerance: f64) -> (Vec<f64>, SolveReport) {
     let mut solver = name.parse::<SolverSpec>().unwrap().build().unwrap();

@@ -61,7 +61,7 @@ fn large_numbers_do_not_make_a_problem_vanish() {
 #[test]
 fn a_residual_that_is_not_finite_ends_the_solve() {
     let problem = diagonal(&[[1e-300; 3]], &[-1e300, 1e300, 0.0], &[0.5]);
-    for name in ["apgd", "pgs", "bb", "ipm", "auto"] {
+    for name in ["apgd", "apgs", "pgs", "bb", "ipm", "auto"] {
         let settings =
             SolveSettings { friction: FrictionModel::Coulomb, tolerance: 1e-8, ..Default::default() };
         let mut solver = name.parse::<SolverSpec>().unwrap().build().unwrap();

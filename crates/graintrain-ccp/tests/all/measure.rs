@@ -98,7 +98,7 @@ fn heavy_bodies_elsewhere_do_not_change_the_verdict_on_light_ones() {
     }
 
     // Whoever claims a tolerance of both has reached it in the light part alone.
-    for name in ["apgd", "bb", "pgs", "ipm", "scip", "auto"] {
+    for name in ["apgd", "apgs", "bb", "pgs", "ipm", "scip", "auto"] {
         for form in [both.clone(), sparse_form(&both)] {
             let settings = SolveSettings { tolerance: 1e-5, ..SolveSettings::default() };
             let mut g = vec![0.0; form.r.len()];
@@ -243,7 +243,7 @@ fn every_solver_measures_inside_as_its_report_does() {
 #[test]
 fn the_mixed_rule_asks_for_the_mean_and_bounds_the_worst() {
     let problem = lattice_packing(8, 6, 0.3, 1);
-    for name in ["apgd", "pgs", "ipm", "auto", "scip", "pdip"] {
+    for name in ["apgd", "apgs", "pgs", "ipm", "auto", "scip", "pdip"] {
         for friction in MODELS {
             let settings =
                 |judge| SolveSettings { tolerance: 1e-4, judge, friction, ..SolveSettings::default() };

@@ -9,7 +9,11 @@ use std::sync::Arc;
 const LEAST: f64 = 1e-3;
 
 fn solve(problem: &Ccp, start: &[f64], settings: &SolveSettings) -> (Vec<f64>, SolveReport) {
-    let mut solver = "apgd".parse::<SolverSpec>().unwrap().build().unwrap();
+    solve_by("apgd", problem, start, settings)
+}
+
+fn solve_by(solver: &str, problem: &Ccp, start: &[f64], settings: &SolveSettings) -> (Vec<f64>, SolveReport) {
+    let mut solver = solver.parse::<SolverSpec>().unwrap().build().unwrap();
     let mut g = start.to_vec();
     let report = solver.solve(problem, &mut g, settings).unwrap();
     (g, report)
@@ -54,15 +58,20 @@ fn check(name: &str, problem: &Ccp) {
         (FrictionModel::Coulomb, Judge::Mixed, LEAST),
     ] {
         let settings = SolveSettings { tolerance, judge, friction, ..SolveSettings::default() };
-        let (g, report) = solve(problem, &vec![0.0; problem.r.len()], &settings);
-        assert!(report.converged(), "{name}, {friction:?}, {judge:?}, {tolerance:e}: {report:?}");
-        let mut u = vec![0.0; g.len()];
-        problem.delassus.multiply(&g, &mut u, &mut problem.delassus.work());
-        for (u, r) in u.iter_mut().zip(&problem.r) {
-            *u += r;
+        for solver in ["apgd", "apgs"] {
+            let (g, report) = solve_by(solver, problem, &vec![0.0; problem.r.len()], &settings);
+            assert!(
+                report.converged(),
+                "{name}, {solver}, {friction:?}, {judge:?}, {tolerance:e}: {report:?}"
+            );
+            let mut u = vec![0.0; g.len()];
+            problem.delassus.multiply(&g, &mut u, &mut problem.delassus.work());
+            for (u, r) in u.iter_mut().zip(&problem.r) {
+                *u += r;
+            }
+            let truth = ResidualScale::new(problem).residual(problem, &g, &u, friction);
+            assert!(truth.judged(judge) <= tolerance, "{name}: {truth:?}");
         }
-        let truth = ResidualScale::new(problem).residual(problem, &g, &u, friction);
-        assert!(truth.judged(judge) <= tolerance, "{name}: {truth:?}");
     }
     // A hair's breadth below, all of it is done in double precision.
     let iterations = [LEAST, 0.999 * LEAST].map(|tolerance| {
@@ -82,6 +91,36 @@ fn packings_of_balls_are_solved() {
 #[test]
 fn contacts_off_the_normal_and_turned_inertias_are_solved() {
     check("others", &changed(&lattice_packing(7, 5, 0.3, 2), |_| 1.0, 0.3));
+}
+
+/// Sweeps in blocks, which threads share, find what gradients find, with the bits of one thread.
+#[test]
+fn threads_share_sweeps() {
+    for problem in [lattice_packing(16, 14, 0.3, 5), changed(&lattice_packing(16, 14, 0.3, 6), |_| 1.0, 0.3)]
+    {
+        assert!(problem.num_contacts() > 2 * 4096, "several blocks");
+        let settings = SolveSettings {
+            tolerance: LEAST,
+            judge: Judge::Mixed,
+            friction: FrictionModel::Coulomb,
+            ..SolveSettings::default()
+        };
+        let on = |threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| solve_by("apgs", &problem, &vec![0.0; problem.r.len()], &settings))
+        };
+        let (one, report) = on(1);
+        assert!(report.converged(), "{report:?}");
+        let bits = |g: &[f64]| g.iter().map(|g| g.to_bits()).collect::<Vec<_>>();
+        assert_eq!(bits(&one), bits(&on(3).0));
+        let by_gradients = solve(&problem, &vec![0.0; problem.r.len()], &settings).1;
+        assert!(
+            report.iterations < by_gradients.iterations,
+            "{} {}",
+            report.iterations,
+            by_gradients.iterations
+        );
+    }
 }
 
 /// Where single precision cannot tell any more, double precision ends the solve.

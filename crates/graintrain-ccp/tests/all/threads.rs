@@ -30,7 +30,8 @@ fn two_threads_compute_the_bits_of_one() {
         ("pdip", 25),
         ("pdip+ic", 25),
     ];
-    let exact = [("apgd", 200), ("pgs", 100), ("ipm", 200), ("bb", 200), ("scip", 60), ("auto", 200)];
+    let exact =
+        [("apgd", 200), ("apgs", 100), ("pgs", 100), ("ipm", 200), ("bb", 200), ("scip", 60), ("auto", 200)];
     let runs = relaxed.map(|(name, limit)| (name, limit, FrictionModel::Relaxed));
     let runs = runs.into_iter().chain(exact.map(|(name, limit)| (name, limit, FrictionModel::Coulomb)));
     for (name, limit, friction) in runs {

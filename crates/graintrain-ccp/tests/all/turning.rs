@@ -132,7 +132,7 @@ fn every_method_that_takes_turning_finds_the_same_motion() {
             if !report.converged() {
                 continue;
             }
-            for name in ["apgd", "pgs", "pgs@1.3", "pj"] {
+            for name in ["apgd", "apgs", "pgs", "pgs@1.3", "pj"] {
                 assert!(name.parse::<SolverSpec>().unwrap().build().unwrap().capabilities().turning);
                 let (g, other) = solve(&problem, name, friction, 1e-7);
                 if !other.converged() {
@@ -192,7 +192,7 @@ fn without_coefficients_nothing_resists_turning() {
 #[test]
 fn two_threads_compute_the_bits_of_one() {
     let problem = with_turning(&lattice_packing(7, 6, 0.3, 1), 1);
-    for (name, limit) in [("apgd", 200), ("pgs", 60), ("auto", 300)] {
+    for (name, limit) in [("apgd", 200), ("apgs", 60), ("pgs", 60), ("auto", 300)] {
         for friction in BOTH {
             let settings = SolveSettings {
                 tolerance: 1e-9,

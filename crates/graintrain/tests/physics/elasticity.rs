@@ -31,7 +31,7 @@ fn plate(world: &mut World, position: Vec3, orientation: Quat, speed: Vec3) {
 #[test]
 fn weight_over_stiffness_is_the_compression() {
     for model in BOTH {
-        for solver in ["apgd", "pgs", "auto", "ipm", "path"] {
+        for solver in ["apgd", "apgs", "pgs", "auto", "ipm", "path"] {
             let mut world = elastic(0.5, 1e4, 200.0);
             add_ground(&mut world, 0.0);
             let ball = add_sphere(&mut world, RADIUS, Vec3::new(0.0, 0.0, RADIUS));

@@ -23,6 +23,8 @@ pub struct SingleIterate<'a> {
     /// Image of the extrapolated point; of sweeps, that of the x before.
     image_y: Vec<Octet>,
     scratch: SingleScratch,
+    /// Scratch of sweeps.
+    windows: Vec<Octet>,
     limits: &'a Limits<'a>,
     parameters: &'a Parameters,
     /// Length of the last step over the step size, rms.
@@ -61,6 +63,7 @@ impl<'a> SingleIterate<'a> {
             image_y: image.clone(),
             image,
             scratch: problem.operator.scratch(),
+            windows: Vec::new(),
             limits,
             parameters,
             slope: f64::INFINITY,
@@ -163,7 +166,7 @@ impl<'a> SingleIterate<'a> {
         let mut beta = 0.0;
         while self.go_on() {
             let refreshed = std::mem::take(&mut self.refreshed);
-            let Self { problem, x, previous, image, image_y, scratch, .. } = self;
+            let Self { problem, x, previous, image, image_y, scratch, windows, .. } = self;
             let operator = &problem.operator;
             if refreshed && beta != 0.0 {
                 // The extrapolation would take the difference between a fresh and a drifted image for a motion.
@@ -171,7 +174,8 @@ impl<'a> SingleIterate<'a> {
                 operator.body_pass([image_y], scratch, &Replace);
             }
             let (vectors, images) = ([&mut x[..], previous], [&mut image[..], image_y]);
-            let sums = sweeps.sweep(operator, vectors, images, (beta, relaxation), problem.friction_model);
+            let sums =
+                sweeps.sweep(operator, vectors, images, windows, (beta, relaxation), problem.friction_model);
             beta = next(sums);
             self.slope = (sums[0] / self.problem.num_contacts() as f64).sqrt();
             self.products += 1;

@@ -84,6 +84,7 @@ impl Sweeps {
         operator: &SingleOperator,
         [x, previous]: [&mut [Batch<Octet>]; 2],
         [image, previous_image]: [&mut [Octet]; 2],
+        windows: &mut Vec<Octet>,
         (beta, relaxation): (f64, f64),
         model: FrictionModel,
     ) -> [f64; 2] {
@@ -93,16 +94,20 @@ impl Sweeps {
             let [mut x, mut previous] = [&mut *x, &mut *previous].map(Rest::of);
             let mut image = Rest::of(&mut *image);
             let is_single = list.len() == 1;
+            let places = if is_single { 0 } else { list.iter().map(|block| block.bodies.len() + 1).sum() };
+            windows.resize(places, Octet::default());
+            let mut window = Rest::of(&mut windows[..]);
             let part_of = |block: &Block| {
                 let batches = batches_of(block);
                 // What is fixed comes last.
                 let bodies = block.bodies.start..block.bodies.end + usize::from(is_single);
+                let own_window = window.from..window.from + if is_single { 0 } else { bodies.len() + 1 };
                 Part {
                     sweeps: self,
                     operator,
                     vectors: [x.cut(&batches), previous.cut(&batches)],
                     image: image.cut(&bodies),
-                    is_single,
+                    window: window.cut(&own_window),
                     batches,
                     bodies: block.bodies.clone(),
                     beta,
@@ -189,7 +194,8 @@ struct Part<'a> {
     vectors: [&'a mut [Batch<Octet>]; 2],
     /// Of the bodies; with what is fixed where there is a single block.
     image: &'a mut [Octet],
-    is_single: bool,
+    /// Where there are several blocks, room for the same with what is fixed.
+    window: &'a mut [Octet],
     beta: f64,
     relaxation: f64,
     sums: [f64; 2],
@@ -220,15 +226,15 @@ struct PartOver<'a, 'b, G, const EXACT: bool> {
 impl<G: Geometry, const EXACT: bool> SingleWork for PartOver<'_, '_, G, EXACT> {
     #[inline(always)]
     fn run<V: SingleVector>(self) {
-        let Part { sweeps, operator, batches, bodies, vectors, image, is_single, beta, relaxation, sums } =
+        let Part { sweeps, operator, batches, bodies, vectors, image, window, beta, relaxation, sums } =
             self.part;
         let masses = operator.masses.within(bodies.clone());
-        let mut window = Vec::new();
-        if !*is_single {
-            window.extend_from_slice(image);
-            window.push(Octet::default());
+        if let Some((fixed, own)) = window.split_last_mut() {
+            own.copy_from_slice(image);
+            *fixed = Octet::default();
         }
-        let velocities = if *is_single { &mut image[..] } else { &mut window[..] };
+        let is_single = window.is_empty();
+        let velocities = if is_single { &mut image[..] } else { &mut window[..] };
         let [x, previous] = vectors;
         let (x, previous) = (of_batches::<V>(x), of_batches::<V>(previous));
         let mut tally = SingleTally::<V>::default();
@@ -270,7 +276,7 @@ impl<G: Geometry, const EXACT: bool> SingleWork for PartOver<'_, '_, G, EXACT> {
                 }
             }
         }
-        if !*is_single {
+        if !is_single {
             image.copy_from_slice(&window[..image.len()]);
         }
     }

@@ -135,7 +135,7 @@ fn public_problems_with_rolling_friction_are_solved() {
         );
         let filed = if form == Form::Local { read_text(&path) } else { read_hdf5(&path) };
         for friction in [FrictionModel::Relaxed, FrictionModel::Coulomb] {
-            for solver in ["auto", "apgd", "pgs"] {
+            for solver in ["auto", "apgd", "apgs", "pgs"] {
                 let problem = file.posed(friction);
                 let mut g = vec![0.0; problem.r.len()];
                 let settings = SolveSettings { tolerance: 1e-8, friction, ..SolveSettings::default() };
