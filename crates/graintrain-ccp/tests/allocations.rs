@@ -10,8 +10,8 @@ use graintrain_ccp::newton::{Form, LinearReport, NewtonError, NewtonSolver, Newt
 use graintrain_ccp::paper::scip::Scip;
 use graintrain_ccp::solver::first_order::FirstOrder;
 use graintrain_ccp::solver::ipm::Ipm;
-use graintrain_ccp::solver::{Apgd, CcpSolver, ExactState, GaussSeidel};
-use graintrain_ccp::{Ccp, SolveSettings, SolverSpec};
+use graintrain_ccp::solver::{AcceleratedSweeps, Apgd, CcpSolver, ExactState, GaussSeidel};
+use graintrain_ccp::{Ccp, Judge, SolveSettings, SolverSpec};
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -40,10 +40,17 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
-/// Allocations of a solve of so many iterations, with exact friction where the solver is to treat it itself.
-fn allocations(solver: &mut dyn CcpSolver, problem: &Ccp, exact: bool, iterations: usize) -> usize {
+/// Allocations of a solve of so many iterations to this tolerance, with exact friction where the solver is to treat it itself.
+fn allocations(
+    solver: &mut dyn CcpSolver,
+    problem: &Ccp,
+    exact: bool,
+    tolerance: f64,
+    iterations: usize,
+) -> usize {
+    let judge = Judge::Mixed;
     let settings =
-        SolveSettings { tolerance: 0.0, max_iterations: Some(iterations), ..SolveSettings::default() };
+        SolveSettings { tolerance, judge, max_iterations: Some(iterations), ..SolveSettings::default() };
     let mut g = vec![0.0; 3 * problem.num_contacts()];
     let mut last = ExactState { last: g.clone(), memory: None };
     let before = ALLOCATIONS.load(Ordering::Relaxed);
@@ -57,12 +64,17 @@ fn allocations(solver: &mut dyn CcpSolver, problem: &Ccp, exact: bool, iteration
     after - before
 }
 
-/// Checks that twice as many iterations allocate exactly as often.
+/// Checks that twice as many iterations allocate exactly as often, in double precision.
 fn check(solver: &mut dyn CcpSolver, problem: &Ccp, exact: bool) {
+    check_at(solver, problem, exact, (0.0, 110));
+}
+
+/// The same of so many iterations to a tolerance that they do not reach.
+fn check_at(solver: &mut dyn CcpSolver, problem: &Ccp, exact: bool, (tolerance, iterations): (f64, usize)) {
     // The second solve finds the queues of the threads at their full size.
-    allocations(solver, problem, exact, 110);
-    let once = allocations(solver, problem, exact, 110);
-    let twice = allocations(solver, problem, exact, 220);
+    allocations(solver, problem, exact, tolerance, iterations);
+    let once = allocations(solver, problem, exact, tolerance, iterations);
+    let twice = allocations(solver, problem, exact, tolerance, 2 * iterations);
     let threads = rayon::current_num_threads();
     assert_eq!(once, twice, "{} on {threads} threads, exact friction: {exact}", solver.name());
 }
@@ -120,7 +132,7 @@ impl NewtonSolver for Watched {
 /// Allocations of a solve of so many Newton systems: of the method, and of its linear solver in matrices, solves and records.
 fn newton_allocations(solver: &mut dyn CcpSolver, problem: &Ccp, iterations: usize) -> [usize; 4] {
     INSIDE.iter().for_each(|count| count.store(0, Ordering::Relaxed));
-    let all = allocations(solver, problem, false, iterations);
+    let all = allocations(solver, problem, false, 0.0, iterations);
     let [matrix, solves, record] = [0, 1, 2].map(|place| INSIDE[place].load(Ordering::Relaxed));
     [all - matrix - solves - record, matrix, solves, record]
 }
@@ -147,6 +159,9 @@ fn iterations_do_not_allocate() {
     // More contacts than one chunk of a pass holds, so that passes are split over the threads.
     let packing = lattice_packing(7, 6, 0.3, 1);
     assert!(packing.num_contacts() > 1024);
+    // Several blocks of sweeps in single precision.
+    let large = lattice_packing(16, 14, 0.3, 1);
+    assert!(large.num_contacts() > 2 * 4096);
     // Handing work to a pool from outside allocates; the interior points are watched from inside, on one thread.
     rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap().install(|| {
         for name in ["ipm", "scip"] {
@@ -169,7 +184,13 @@ fn iterations_do_not_allocate() {
                     check(&mut *name.parse::<SolverSpec>().unwrap().build().unwrap(), &problem, false);
                 }
                 check(&mut FirstOrder::new(GaussSeidel::default()), &problem, true);
+                check(&mut FirstOrder::new(AcceleratedSweeps::default()), &problem, true);
                 check(&mut FirstOrder::new(Apgd::default()), &problem, true);
+            }
+            for exact in [true, false] {
+                let single = (2e-5, 20);
+                check_at(&mut FirstOrder::new(AcceleratedSweeps::default()), &large, exact, single);
+                check_at(&mut FirstOrder::new(Apgd::default()), &large, exact, single);
             }
         });
     }

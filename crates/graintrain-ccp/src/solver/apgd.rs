@@ -7,7 +7,7 @@
 use super::combination::Combination;
 use super::first_order::{FirstOrderMethod, Iterate};
 use super::lanes::{Batch, Numbers, Vector, add_scaled, dot, project_given, sub, within_disc, within_discs};
-use super::momentum::{Memory, Momentum, nesterov};
+use super::momentum::{Memory, Momentum, extrapolated, nesterov};
 use super::scaling::{ContactBatch, Image, Kernel, KernelInput, ScaledProblem, TurningBatch};
 use super::single::SingleIterate;
 use super::tasks::Tally;
@@ -58,12 +58,6 @@ impl Default for Apgd {
             found: None,
         }
     }
-}
-
-/// x + beta (x - previous).
-#[inline(always)]
-pub(super) fn extrapolated<V: Numbers>(x: &Batch<V>, previous: &Batch<V>, beta: f64) -> Batch<V> {
-    add_scaled(x, beta, &sub(x, previous))
 }
 
 /// previous <- x+ = P(y - t u) with y = x + beta (x - previous); returns d = x+ - y, tallies |d|^2 and d^T (x+ - x).

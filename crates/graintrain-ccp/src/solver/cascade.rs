@@ -8,7 +8,7 @@
 //! in these ([`Cost`]). A stage gets half of what is left at most, the last one all of it; one that could not do anything with its share is left out.
 //! So a solve with a limit ends with a method that makes a small residual a little smaller rather than in the midst of one that swings.
 //!
-//! **Exact friction.** `apgs`, `apgd` and `pgs` treat it in their iterations ([`CcpSolver::solve_exact`]). The problem has no objective, and any of
+//! **Exact friction.** `apgs` and `apgd` treat it in their iterations ([`CcpSolver::solve_exact`]). The problem has no objective, and any of
 //! them may circle where another gets on. So they hold a race: a turn of each, from where the one before
 //! ended, then it is the turn of the one that gained most per iteration in its last. Where their systems are small, a piece of the [path](super::path_following) comes between. Where nobody gains any more they begin
 //! from zero (these iterations are chaotic: a start that leads nowhere need not be nearer to a
@@ -27,7 +27,7 @@ use super::momentum::Memory;
 use super::path_following::PathFollowing;
 use super::report::{SolveReport, StageRecord, Status};
 use super::settings::SolveSettings;
-use crate::delassus::Delassus;
+use super::single;
 use crate::newton::NewtonRecord;
 use crate::problem::{Ccp, CcpError};
 use crate::residual::{FrictionModel, Residual};
@@ -48,15 +48,32 @@ pub struct RaceParameters {
     pub turn: (f64, [usize; 2]),
     /// First turn of the first runner in such turns: most problems are solved in it.
     pub first: usize,
-    /// Contacts from which on gradients run first: ranks share them, and threads without limit; sweeps in blocks gain little there.
-    pub gradients_first: usize,
+    /// Contacts from which on gradients run first, where single precision serves and where it does not: ranks share them, and threads without limit. Threads share sweeps in single precision, which
+    /// gain little with so many contacts.
+    pub gradients_first: [usize; 2],
     /// The next turn of a runner is twice as long. One that gained nothing in a turn of so many has given up.
     pub longest: usize,
 }
 
 impl Default for RaceParameters {
     fn default() -> Self {
-        Self { turn: (1.0 / 12.0, [500, 2500]), first: 4, gradients_first: 65_536, longest: 10_000 }
+        Self { turn: (1.0 / 12.0, [500, 2500]), first: 4, gradients_first: [65_536, 8_192], longest: 10_000 }
+    }
+}
+
+impl RaceParameters {
+    /// The runners of a race in their order: places among the three members.
+    fn runners(&self, problem: &Ccp, settings: &SolveSettings) -> &'static [usize] {
+        let [in_single, in_double] = self.gradients_first;
+        let suits = single::suits(problem, settings, &single::Parameters::default());
+        if problem.contacts_across() > 0 {
+            // Over the rows of a cell sweeps would cost many times what gradients do over its bodies.
+            &[0, 2]
+        } else if problem.num_contacts() >= if suits { in_single } else { in_double } {
+            &[0, 1, 2]
+        } else {
+            &[1, 0, 2]
+        }
     }
 }
 
@@ -67,7 +84,7 @@ enum Task {
     Solve,
     /// Treats exact friction in its own iterations: [`CcpSolver::solve_exact`].
     Exact,
-    /// The same by this and the next two members, a turn of each.
+    /// The same by this and the next two members ([`RaceParameters::runners`]), a turn of each.
     Round,
     /// The same in turns, until nobody gains.
     Race,
@@ -117,14 +134,14 @@ pub struct Cascade {
     pub race: RaceParameters,
 }
 
-/// The runners of a race, sweeps with a momentum, gradients, and gradients with a momentum that grows and shrinks boldly, and the path.
+/// The runners of a race, gradients, sweeps with a momentum, and gradients with a momentum that grows and shrinks boldly, and the path.
 fn exact_members() -> [Box<dyn CcpSolver>; 4] {
     let ordinary = Apgd::default();
     let memory = Memory { longer: 4.0, shorter: 0.25, ..ordinary.memory.clone() };
-    let bold = Apgd { memory, ..ordinary };
+    let bold = Apgd { memory, ..ordinary.clone() };
     [
+        Box::new(FirstOrder::new(ordinary)),
         Box::new(FirstOrder::new(AcceleratedSweeps::default())),
-        Box::new(FirstOrder::new(Apgd::default())),
         Box::new(FirstOrder::new(bold)),
         Box::new(PathFollowing::default()),
     ]
@@ -273,7 +290,7 @@ impl CcpSolver for Cascade {
 }
 
 impl Cascade {
-    /// Three members take turns, each from where the one before ended; after a first turn of each it is that of the one whose last turn gained most
+    /// Members take turns, each from where the one before ended; after a first turn of each it is that of the one whose last turn gained most
     /// per iteration. Ends where nobody gains; whether it ends the solve.
     fn race(
         &mut self,
@@ -287,13 +304,7 @@ impl Cascade {
         let RaceParameters { turn: (part, [least, most]), first, longest, .. } = self.race;
         let turn = ((share as f64 * part) as usize).clamp(least, most);
         let is_round = stage.task == Task::Round;
-        // Over the rows of a cell sweeps would cost many times what gradients do over its bodies.
-        let gives_way = matches!(&*problem.delassus, Delassus::Rigid(rigid) if rigid.cell().is_some());
-        let order: &[usize] = match problem.num_contacts() {
-            _ if gives_way => &[1, 2],
-            contacts if contacts > self.race.gradients_first => &[1, 0, 2],
-            _ => &[0, 1, 2],
-        };
+        let order = self.race.runners(problem, settings);
         let runner = |(place, k): (usize, &usize)| {
             let length = if place == 0 && is_round { first * turn } else { turn };
             Runner { member: stage.member + k, length, rate: None }

@@ -157,7 +157,7 @@ mod tests {
     use super::super::first_order::FirstOrder;
     use super::super::interface::CcpSolver;
     use super::super::settings::SolveSettings;
-    use super::super::{Apgd, GaussSeidel};
+    use super::super::{AcceleratedSweeps, Apgd, Cascade, GaussSeidel};
     use crate::delassus::cell_tests::random_cell;
     use crate::delassus::{Delassus, RigidDelassus};
     use crate::problem::Ccp;
@@ -221,5 +221,20 @@ mod tests {
             let report = solver.solve(&over_bodies, &mut g, &exact).unwrap();
             assert_eq!(report.status, Status::Converged, "{name}");
         }
+    }
+
+    /// Where many contacts reach across the boundary, gradients over bodies and images begin, and sweeps take the rows of N.
+    #[test]
+    fn gradients_begin_in_a_large_cell() {
+        let over_bodies = problem(random_cell(400, 900, 11));
+        assert!(over_bodies.contacts_across() > 200);
+        let settings = SolveSettings { tolerance: 2e-3, ..SolveSettings::default() };
+        relative_velocities(&over_bodies, &mut FirstOrder::new(AcceleratedSweeps::default()), &settings);
+        let settings =
+            SolveSettings { friction: FrictionModel::Coulomb, max_iterations: Some(300), ..settings };
+        let mut g = vec![0.0; over_bodies.r.len()];
+        let report = Cascade::auto().solve(&over_bodies, &mut g, &settings).unwrap();
+        let first = &report.stages[0];
+        assert_eq!((first.solver.as_str(), first.start.as_str()), ("apgd", "last"), "{:?}", report.stages);
     }
 }

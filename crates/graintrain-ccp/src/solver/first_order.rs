@@ -199,7 +199,8 @@ impl<M: FirstOrderMethod> FirstOrder<M> {
             check_start(problem, last)?;
         }
         let mut begun = Begun::default();
-        if M::SINGLE && single::suits(problem, settings, &self.parameters.single) {
+        let has_room = !M::SWEEPS || problem.contacts_across() == 0;
+        if M::SINGLE && has_room && single::suits(problem, settings, &self.parameters.single) {
             if last.is_none()
                 && model == settings.friction
                 && let Some(report) = good_enough::<M>(problem, impulse, &limits, self.parameters.near, model)
@@ -350,6 +351,7 @@ impl<M: FirstOrderMethod> CcpSolver for FirstOrder<M> {
         impulse: &mut [f64],
         settings: &SolveSettings,
     ) -> Result<SolveReport, CcpError> {
+        self.method.remember(None);
         self.improve(problem, impulse, None, settings, FrictionModel::Relaxed)
     }
 

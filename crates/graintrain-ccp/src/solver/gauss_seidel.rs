@@ -6,7 +6,7 @@
 //! Computer Methods in Applied Mechanics and Engineering 177:235-257, 1999.
 
 use super::first_order::{FirstOrderMethod, Iterate};
-use super::lanes::{Batch, LANES, Lanes, Vector, scale, sub, tangential_length};
+use super::lanes::{Batch, LANES, Lanes, Numbers, Vector, dot, scale, sub, tangential_length};
 use super::scaling::{ContactBatch, Relaxation, ScaledProblem, TurningBatch};
 use graintrain_linalg::block3::Block;
 use graintrain_linalg::real;
@@ -58,11 +58,40 @@ impl Steps {
                 // At least the largest eigenvalue of all six rows of a contact that resists turning.
                 largest += largest_eigenvalue(&scaled.diagonal_block(place + LANES));
             }
-            // A contact between immovable bodies: any positive step leads to its solution or to infinity.
-            step[batch].0[lane] = relaxation / if largest > 0.0 { largest } else { 1.0 };
+            step[batch].0[lane] = relaxation * step_for(largest);
         }
         Self { step }
     }
+}
+
+/// 1 / lambda.
+fn step_for(largest: f64) -> f64 {
+    // A contact between immovable bodies: any positive step leads to its solution or to infinity.
+    if largest > 0.0 { largest.recip() } else { 1.0 }
+}
+
+/// 1 / lambda of N'_ii.
+pub(super) fn step_of_block(block: &Block) -> f64 {
+    step_for(largest_eigenvalue(block))
+}
+
+/// Takes new impulses in the place of y where `moves` is 1, x in that of the x before; adds |d|^2 and d^T (x+ - x) to the sums and returns d.
+#[inline(always)]
+pub(super) fn take<V: Numbers>(
+    [x, previous]: [&mut Batch<V>; 2],
+    [y, new]: [&Batch<V>; 2],
+    moves: V,
+    sums: &mut [V],
+) -> Batch<V> {
+    let change = scale(moves, &sub(new, y));
+    sums[0] += dot(&change, &change);
+    sums[1] += dot(&change, &sub(new, x));
+    for k in 0..3 {
+        let now = x[k];
+        x[k] = moves.at_most(V::default(), now, new[k]);
+        previous[k] = moves.at_most(V::default(), previous[k], now);
+    }
+    change
 }
 
 impl Relaxation for Steps {
@@ -128,11 +157,12 @@ pub(super) fn sweep(
             it.refresh(scaled);
         }
     }
+    it.met_curvature(0.0);
 }
 
 /// Largest eigenvalue of a symmetric 3x3 block, by the trigonometric formula for the roots of its characteristic
 /// polynomial (Smith 1961); the antisymmetric part is ignored.
-pub(super) fn largest_eigenvalue(a: &Block) -> f64 {
+fn largest_eigenvalue(a: &Block) -> f64 {
     let mean = (a[0] + a[4] + a[8]) / 3.0;
     let (xy, xz, yz) = (0.5 * (a[1] + a[3]), 0.5 * (a[2] + a[6]), 0.5 * (a[5] + a[7]));
     let (x, y, z) = (a[0] - mean, a[4] - mean, a[8] - mean);

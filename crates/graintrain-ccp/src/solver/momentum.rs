@@ -1,4 +1,6 @@
-//! Nesterov's momentum for iterations that have no objective.
+//! Nesterov's momentum: extrapolation, and how long it lasts in iterations that have no objective.
+
+use super::lanes::{Batch, Numbers, add_scaled, sub};
 
 /// How long a momentum lasts. It restarts where the step points against the motion, and where theta, about half the iterations since the last restart, reaches a
 /// limit. The limit grows as long as the steps are shorter than at the last restart, else it shrinks: with too long a one the iterates circle, with too short a one they creep.
@@ -54,4 +56,59 @@ impl<'a> Momentum<'a> {
 pub(super) fn nesterov(theta: f64) -> (f64, f64) {
     let next = 0.5 * (1.0 + (1.0 + 4.0 * theta * theta).sqrt());
     (next, (theta - 1.0) / next)
+}
+
+/// x + beta (x - previous).
+#[inline(always)]
+pub(super) fn extrapolated<V: Numbers>(x: &Batch<V>, previous: &Batch<V>, beta: f64) -> Batch<V> {
+    add_scaled(x, beta, &sub(x, previous))
+}
+
+/// image <- image + beta (image - previous), previous <- image.
+#[inline(always)]
+pub(super) fn extrapolate<V: Numbers>(image: &mut [V], previous: &mut [V], beta: f64) {
+    let beta = V::splat(beta);
+    for (image, previous) in image.iter_mut().zip(previous) {
+        let now = *image;
+        *image = now + beta * (now - *previous);
+        *previous = now;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const MEMORY: Memory = Memory { first: 10.0, longer: 2.0, shorter: 0.5, range: [4.0, 30.0], young: 3.0 };
+
+    /// Steps of this length until the momentum restarts.
+    fn until_restart(momentum: &mut Momentum<'_>, length: f64) -> usize {
+        (1..1000).find(|_| momentum.next(length, 1.0) == 0.0 && momentum.theta == 1.0).expect("it restarts")
+    }
+
+    #[test]
+    fn the_limit_grows_while_steps_get_shorter_and_shrinks_where_they_do_not() {
+        let mut momentum = Momentum::new(&MEMORY, None);
+        // theta is about half of the iterations.
+        let first = until_restart(&mut momentum, 1.0);
+        assert!((15..25).contains(&first), "{first}");
+        assert_eq!(momentum.limit, 20.0);
+        until_restart(&mut momentum, 0.5);
+        assert_eq!(momentum.limit, 30.0, "no longer than the range allows");
+        for limit in [15.0, 7.5, 4.0, 4.0] {
+            until_restart(&mut momentum, 2.0);
+            assert_eq!(momentum.limit, limit);
+        }
+    }
+
+    #[test]
+    fn a_young_momentum_says_nothing_of_the_limit() {
+        let mut momentum = Momentum::new(&MEMORY, Some(12.0));
+        for _ in 0..3 {
+            momentum.next(1.0, 1.0);
+        }
+        assert_eq!((momentum.next(1.0, -1.0), momentum.limit), (0.0, 12.0));
+        // What is no number neither restarts nor breaks it.
+        assert!(momentum.next(f64::NAN, f64::NAN).is_finite());
+    }
 }

@@ -22,6 +22,12 @@ pub trait SingleVector: Numbers {
     /// Numbers in memory, to change in place.
     fn of_slice(octets: &mut [Octet]) -> &mut [Self];
 
+    /// The same of batches.
+    #[inline(always)]
+    fn of_batches(batches: &mut [Batch<Octet>]) -> &mut [Batch<Self>] {
+        Self::of_slice(batches.as_flattened_mut()).as_chunks_mut().0
+    }
+
     /// From the records (a, 0, b, 0) of eight contacts to the components of all a and of all b.
     fn components(records: [Self; EIGHT]) -> [Batch<Self>; 2];
 

@@ -18,11 +18,11 @@ mod contacts;
 mod kernel;
 mod passes;
 
-use super::apgd::extrapolated;
 use super::body_operator::{BodyOperator, BodyPair};
 use super::combination::{Combination, Replace};
 use super::dispatch::vectorised;
 use super::lanes::{Batch, LANES, Lanes, ZERO, project};
+use super::momentum::extrapolated;
 use super::packing::{EMPTY, pack, turning_batches, with_turning};
 use super::ranks::Ranks;
 use super::row_operator::RowOperator;

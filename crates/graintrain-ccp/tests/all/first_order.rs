@@ -1,9 +1,10 @@
 //! Every first-order method against hand-made problems and against Clarabel.
 
 use crate::common::{clarabel, lattice_packing, random_problem, sparse_form};
+use graintrain_ccp::registry::Method;
 use graintrain_ccp::residual::{FrictionModel, ResidualScale};
 use graintrain_ccp::{Ccp, Delassus, FIXED, RigidContact, RigidDelassus};
-use graintrain_ccp::{SolveReport, SolveSettings, SolverSpec};
+use graintrain_ccp::{CcpSolver, SolveReport, SolveSettings, SolverSpec};
 
 const FIRST_ORDER: &[&str] = &["pj", "pgs", "apgs", "apgd", "bb", "kucera", "spg", "gpminres", "auto"];
 
@@ -325,4 +326,33 @@ fn a_thousand_random_problems_with_exact_friction() {
     }
     println!("unsolved: {unsolved:?}");
     assert!(unsolved.len() <= 10, "{unsolved:?}");
+}
+
+/// What a solver was given before changes nothing: a resumed run has the bits of an uninterrupted one.
+#[test]
+fn solvers_remember_nothing_of_other_problems() {
+    let (before, problem) = (lattice_packing(5, 4, 0.3, 1), lattice_packing(5, 4, 0.5, 2));
+    for method in Method::available() {
+        let spec = SolverSpec::from(method);
+        if spec.keeps_between_steps() {
+            continue;
+        }
+        for friction in [FrictionModel::Relaxed, FrictionModel::Coulomb] {
+            let settings = SolveSettings {
+                friction,
+                tolerance: 1e-5,
+                max_iterations: Some(300),
+                ..SolveSettings::default()
+            };
+            let solve = |solver: &mut dyn CcpSolver, problem: &Ccp| {
+                let mut g = vec![0.0; problem.r.len()];
+                solver.solve(problem, &mut g, &settings).unwrap();
+                g.iter().map(|g| g.to_bits()).collect::<Vec<_>>()
+            };
+            let mut used = spec.build().unwrap();
+            solve(&mut *used, &before);
+            let fresh = solve(&mut *spec.build().unwrap(), &problem);
+            assert!(solve(&mut *used, &problem) == fresh, "{method} {friction:?}");
+        }
+    }
 }

@@ -86,6 +86,7 @@ fn methods_that_are_not_shared_compute_the_same_bits() {
         ("auto", FrictionModel::Relaxed),
         ("auto", FrictionModel::Coulomb),
         ("pgs", FrictionModel::Relaxed),
+        ("apgs", FrictionModel::Coulomb),
         #[cfg(feature = "paper")]
         ("bb", FrictionModel::Relaxed),
         ("ipm", FrictionModel::Relaxed),

@@ -1,10 +1,11 @@
 //! What one task does of a pass over the contacts: velocities, the method's update, forces; over bodies, or over rows of N'.
 
-use super::super::apgd::extrapolated;
 use super::super::body_operator::{BodyOperator, BodyPair, Geometry, Update};
+use super::super::gauss_seidel::take;
 use super::super::lanes::{
-    Batch, Lanes, TaskWork, Vector, add, dot, in_place, load, scale, store, sub, tangential_length, zero,
+    Batch, Lanes, TaskWork, Vector, add, in_place, load, store, tangential_length, zero,
 };
+use super::super::momentum::{extrapolate, extrapolated};
 use super::super::tasks::Tally;
 use super::contacts::{ContactArrays, ContactBatch, TurningBatch};
 use super::kernel::{Kernel, KernelInput, Relaxation};
@@ -206,11 +207,7 @@ impl<K: Relaxation> TaskWork for BodySweep<'_, K> {
     #[inline(always)]
     fn run<V: Vector>(self) {
         let Self { contacts, bodies, vectors, images: [image, previous_image], beta, kernel, tally } = self;
-        for (image, previous) in V::of_slice(image).iter_mut().zip(V::of_slice(previous_image)) {
-            let now = *image;
-            *image = now + V::splat(beta) * (now - *previous);
-            *previous = now;
-        }
+        extrapolate(V::of_slice(image), V::of_slice(previous_image), beta);
         let [x, previous] = vectors.map(in_place);
         let mut relaxing = Relaxing { contacts, x, previous, beta, kernel, tally: Tally::default() };
         bodies.sweep::<V>(image, &mut relaxing);
@@ -235,19 +232,10 @@ impl<V: Vector, K: Relaxation> Relaxing<'_, V, K> {
         extrapolated(&self.x[batch], &self.previous[batch], self.beta)
     }
 
-    /// Takes new impulses in the place of y where `moves` is 1; returns the change.
+    /// As [`take`].
     #[inline(always)]
     fn take(&mut self, batch: usize, y: &Batch<V>, new: &Batch<V>, moves: V) -> Batch<V> {
-        let (x, previous) = (&mut self.x[batch], &mut self.previous[batch]);
-        let change = scale(moves, &sub(new, y));
-        self.tally.sum[0] += dot(&change, &change);
-        self.tally.sum[1] += dot(&change, &sub(new, x));
-        for k in 0..3 {
-            let now = x[k];
-            x[k] = moves.at_most(V::default(), now, new[k]);
-            previous[k] = moves.at_most(V::default(), previous[k], now);
-        }
-        change
+        take([&mut self.x[batch], &mut self.previous[batch]], [y, new], moves, &mut self.tally.sum)
     }
 }
 

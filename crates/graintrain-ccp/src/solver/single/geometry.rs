@@ -5,31 +5,52 @@ use super::super::octet::{EIGHT, Octet, SingleVector};
 use super::operator::Masses;
 use std::ops::Range;
 
+/// Places of bodies A and B of eight contacts in an image.
+pub(super) type Places = [[u32; EIGHT]; 2];
+
 /// Bodies A and B of eight contacts: places in an image and in the slots of the chunk.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Bodies {
-    pub(super) place: [[u32; EIGHT]; 2],
+    pub(super) place: Places,
     pub(super) slot: [[u16; EIGHT]; 2],
 }
 
+/// The same bodies as places in a range of those of all; what is fixed comes after them.
+pub(super) fn within(places: &Places, range: &Range<usize>) -> Places {
+    let (first, len) = (range.start as u32, range.len() as u32);
+    places.map(|side| side.map(|place| place.wrapping_sub(first).min(len)))
+}
+
+/// Velocities and spins of the bodies on one side.
+#[inline(always)]
+pub(super) fn velocities<V: SingleVector>(side: &[u32; EIGHT], image: &[Octet]) -> [Batch<V>; 2] {
+    let mut records = [V::default(); EIGHT];
+    for (record, &place) in records.iter_mut().zip(side) {
+        *record = V::of(image[place as usize]);
+    }
+    V::components(records)
+}
+
+/// Adds M^-1 of impulses with their moments to the velocities of bodies A, and takes it from those of B.
+#[inline(always)]
+pub(super) fn push<V: SingleVector>(
+    places: &Places,
+    p: &Batch<V>,
+    moments: [&Batch<V>; 2],
+    masses: Masses<'_>,
+    image: &mut [Octet],
+) {
+    let (on_a, on_b) = (V::records([p, moments[0]]), V::records([p, moments[1]]));
+    for lane in 0..EIGHT {
+        let (a, b) = (places[0][lane] as usize, places[1][lane] as usize);
+        let change = masses.times(a, on_a[lane]);
+        image[a] = (V::of(image[a]) + change).octet();
+        let change = masses.times(b, on_b[lane]);
+        image[b] = (V::of(image[b]) - change).octet();
+    }
+}
+
 impl Bodies {
-    /// The same bodies as places in a range of those of all; what is fixed comes after them.
-    pub(super) fn within(&self, range: &Range<usize>) -> Self {
-        let (first, len) = (range.start as u32, range.len() as u32);
-        let place = self.place.map(|side| side.map(|place| place.wrapping_sub(first).min(len)));
-        Self { place, ..*self }
-    }
-
-    /// Velocities and spins of the bodies on one side.
-    #[inline(always)]
-    pub(super) fn velocities<V: SingleVector>(&self, side: usize, image: &[Octet]) -> [Batch<V>; 2] {
-        let mut records = [V::default(); EIGHT];
-        for (record, &place) in records.iter_mut().zip(&self.place[side]) {
-            *record = V::of(image[place as usize]);
-        }
-        V::components(records)
-    }
-
     /// Adds impulses with their moments about A to the slots of bodies A, and takes them with their moments about B from those of B.
     #[inline(always)]
     fn add_to_slots<V: SingleVector>(&self, p: &Batch<V>, moments: [&Batch<V>; 2], slots: &mut [Octet]) {
@@ -39,25 +60,6 @@ impl Bodies {
             *slot = (V::of(*slot) + on_a[lane]).octet();
             let slot = &mut slots[self.slot[1][lane] as usize];
             *slot = (V::of(*slot) - on_b[lane]).octet();
-        }
-    }
-
-    /// Adds M^-1 of impulses with their moments to the velocities of bodies A, and takes it from those of B.
-    #[inline(always)]
-    pub(super) fn push<V: SingleVector>(
-        &self,
-        p: &Batch<V>,
-        moments: [&Batch<V>; 2],
-        masses: Masses<'_>,
-        image: &mut [Octet],
-    ) {
-        let (on_a, on_b) = (V::records([p, moments[0]]), V::records([p, moments[1]]));
-        for lane in 0..EIGHT {
-            let [a, b] = [0, 1].map(|side| self.place[side][lane] as usize);
-            let change = masses.times(a, on_a[lane]);
-            image[a] = (V::of(image[a]) + change).octet();
-            let change = masses.times(b, on_b[lane]);
-            image[b] = (V::of(image[b]) - change).octet();
         }
     }
 }
@@ -72,8 +74,8 @@ pub(super) trait Geometry: Send + Sync {
     /// D^T v.
     #[inline(always)]
     fn relative_velocity<V: SingleVector>(&self, image: &[Octet]) -> Batch<V> {
-        let bodies = self.bodies();
-        self.relative([bodies.velocities(0, image), bodies.velocities(1, image)])
+        let [a, b] = &self.bodies().place;
+        self.relative([velocities(a, image), velocities(b, image)])
     }
 
     /// The impulses D x and their moments about bodies A and B.

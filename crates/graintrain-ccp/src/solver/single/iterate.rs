@@ -1,19 +1,21 @@
 //! An iterate in single precision, and when to stop or to go on in double precision.
 
-use super::super::apgd::{Extrapolated, Extrapolation, Space, Step, extrapolated};
+use super::super::apgd::{Extrapolated, Extrapolation, Space, Step};
 use super::super::combination::Replace;
 use super::super::driver::{Best, Limits};
 use super::super::history::History;
 use super::super::lanes::Batch;
+use super::super::momentum::extrapolated;
 use super::super::octet::{EIGHT, Octet, SingleVector};
 use super::super::report::Status;
 use super::super::scaling::{POWER_ITERATIONS, start_of_power};
 use super::kernel::{Identity, NaturalMap, PowerStep, Seen, SingleKernel, SingleTally};
 use super::operator::SingleScratch;
+use super::sweep::Sweep;
 use super::{Parameters, SingleProblem};
 use crate::residual::{FrictionModel, Judge, Residual};
 
-/// The current iterate of [`Apgd`](super::super::Apgd) with what it needs from step to step.
+/// The current iterate of a method with what it needs from step to step.
 pub struct SingleIterate<'a> {
     problem: &'a SingleProblem,
     x: Vec<Batch<Octet>>,
@@ -23,8 +25,6 @@ pub struct SingleIterate<'a> {
     /// Image of the extrapolated point; of sweeps, that of the x before.
     image_y: Vec<Octet>,
     scratch: SingleScratch,
-    /// Scratch of sweeps.
-    windows: Vec<Octet>,
     limits: &'a Limits<'a>,
     parameters: &'a Parameters,
     /// Length of the last step over the step size, rms.
@@ -63,7 +63,6 @@ impl<'a> SingleIterate<'a> {
             image_y: image.clone(),
             image,
             scratch: problem.operator.scratch(),
-            windows: Vec::new(),
             limits,
             parameters,
             slope: f64::INFINITY,
@@ -163,10 +162,12 @@ impl<'a> SingleIterate<'a> {
     /// Sweeps with this over-relaxation, each from x + beta (x - previous) with the beta that `next` makes of |d|^2 and d^T (x+ - x) of the last one.
     pub fn sweep(&mut self, relaxation: f64, mut next: impl FnMut([f64; 2]) -> f64) {
         let Some(sweeps) = &self.problem.sweeps else { return };
+        let mut scratch_of_sweeps = sweeps.scratch(&self.problem.operator);
+        let model = self.problem.friction_model;
         let mut beta = 0.0;
         while self.go_on() {
             let refreshed = std::mem::take(&mut self.refreshed);
-            let Self { problem, x, previous, image, image_y, scratch, windows, .. } = self;
+            let Self { problem, x, previous, image, image_y, scratch, .. } = self;
             let operator = &problem.operator;
             if refreshed && beta != 0.0 {
                 // The extrapolation would take the difference between a fresh and a drifted image for a motion.
@@ -174,12 +175,13 @@ impl<'a> SingleIterate<'a> {
                 operator.body_pass([image_y], scratch, &Replace);
             }
             let (vectors, images) = ([&mut x[..], previous], [&mut image[..], image_y]);
-            let sums =
-                sweeps.sweep(operator, vectors, images, windows, (beta, relaxation), problem.friction_model);
+            let sweep = Sweep { beta, relaxation, model };
+            let sums = sweeps.sweep(operator, vectors, images, &mut scratch_of_sweeps, sweep);
             beta = next(sums);
             self.slope = (sums[0] / self.problem.num_contacts() as f64).sqrt();
             self.products += 1;
         }
+        self.met_curvature(0.0);
     }
 
     /// Whether it is time for a check.

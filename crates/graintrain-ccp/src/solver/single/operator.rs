@@ -51,10 +51,8 @@ impl InverseMasses {
 
     /// Those of a range of places.
     pub(super) fn within(&self, places: Range<usize>) -> Masses<'_> {
-        Masses {
-            diagonal: self.diagonal.get(places.clone()).unwrap_or_default(),
-            others: self.others.get(places).unwrap_or_default(),
-        }
+        let others = if self.others.is_empty() { &[] } else { &self.others[places.clone()] };
+        Masses { diagonal: &self.diagonal[places], others }
     }
 }
 
@@ -232,7 +230,7 @@ where
             slots.fill(Octet::default());
         }
         let batches = vectors[0].len();
-        let mut vectors = vectors.map(|v| V::of_slice(v.as_flattened_mut()).as_chunks_mut::<3>().0);
+        let mut vectors = vectors.map(V::of_batches);
         let mut tally = SingleTally::<V>::default();
         let ahead = Ahead::<GATHER, G, K> { geometry, contacts, first, image, kernel };
         // Three batches are under way at once, so that the processor has something to do while it waits for roots and quotients.

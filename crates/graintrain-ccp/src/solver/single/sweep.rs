@@ -1,16 +1,16 @@
 //! Sweeps of Gauss-Seidel over rigid bodies in single precision, eight contacts at a time.
 
-use super::super::apgd::extrapolated;
 use super::super::dispatch::vectorised;
-use super::super::lanes::{Batch, add, dot, project_given, scale, sub, tangential_length, within_disc};
+use super::super::gauss_seidel::{step_of_block, take};
+use super::super::lanes::{Batch, add, project_given, scale, sub, tangential_length, within_disc};
+use super::super::momentum::{extrapolate, extrapolated};
 use super::super::octet::{EIGHT, InSingle, Octet, SingleVector, SingleWork};
 use super::super::packing::Block;
-use super::geometry::{Bodies, Geometry, load};
+use super::geometry::{Geometry, Places, load, push, velocities, within};
 use super::kernel::SingleTally;
 use super::operator::{Arrangement, CHUNK, PREFETCH, SingleOperator};
 use crate::delassus::Delassus;
 use crate::residual::FrictionModel;
-use crate::solver::gauss_seidel::largest_eigenvalue;
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -19,13 +19,32 @@ use std::ops::Range;
 pub(super) struct Sweeps {
     /// 1 / lambda_i, lambda_i the largest eigenvalue of N'_ii.
     step: Vec<Octet>,
-    /// Which contacts of a batch move at once, 1 where they do: those of batch b at `first[b]..first[b + 1]`. Contacts that share a body that moves come one after the other.
+    /// Which contacts of a batch move at once, 1 where they do: those of batch b at `first[b]..first[b + 1]`. Contacts that share a body that moves come one after
+    /// the other.
     moves: Vec<Octet>,
     first: Vec<u32>,
-    /// Bodies as places in the range of the block.
-    bodies: Vec<Bodies>,
+    /// Bodies A and B of each batch as places in the range of its block.
+    places: Vec<Places>,
     /// Lists of blocks, one after the other; those of one list share no body, and a single one has all bodies.
     lists: Vec<Vec<Block>>,
+}
+
+/// Scratch of sweeps.
+#[derive(Clone, Debug, Default)]
+pub(super) struct SweepScratch {
+    /// Velocities of the bodies of each block, followed by those of what is fixed.
+    windows: Vec<Octet>,
+    /// Sums of each block of a list.
+    sums: Vec<[f64; 2]>,
+}
+
+/// How a sweep is made.
+#[derive(Clone, Copy)]
+pub(super) struct Sweep {
+    pub(super) beta: f64,
+    /// omega
+    pub(super) relaxation: f64,
+    pub(super) model: FrictionModel,
 }
 
 impl Sweeps {
@@ -45,9 +64,7 @@ impl Sweeps {
                 for (k, entry) in block.iter_mut().enumerate() {
                     *entry *= factor[k / 3] * factor[k % 3];
                 }
-                let largest = largest_eigenvalue(&block);
-                // A contact between immovable bodies: any positive step leads to its solution or to infinity.
-                *step = if largest > 0.0 { largest.recip() as f32 } else { 1.0 };
+                *step = step_of_block(&block) as f32;
             }
             step
         };
@@ -56,72 +73,73 @@ impl Sweeps {
             Arrangement::Radial(all) if operator.masses.are_isotropic() => vec![Octet::splat(1.0); all.len()],
             _ => order.par_chunks(EIGHT).with_min_len(CHUNK).map(step_of).collect(),
         };
-        let fixed = operator.num_places as u32;
-        let bodies_of = |batch: usize| match &operator.arrangement {
-            Arrangement::Radial(all) => &all[batch].bodies,
-            Arrangement::General(all) => &all[batch].bodies,
+        let places_of = |batch: usize| match &operator.arrangement {
+            Arrangement::Radial(all) => &all[batch].bodies.place,
+            Arrangement::General(all) => &all[batch].bodies.place,
         };
-        let (mut moves, mut first, mut bodies) = (Vec::new(), vec![0], Vec::new());
+        let still = Octet::default();
+        let is_moved =
+            |body: u32| operator.masses.diagonal.get(body as usize).is_some_and(|mass| *mass != still);
+        let (mut moves, mut first, mut places) = (Vec::new(), vec![0], Vec::new());
         for list in &mut lists {
             if let [only] = &mut list[..] {
                 only.bodies = 0..operator.num_places;
             }
             for block in list {
                 for batch in batches_of(block) {
-                    one_after_the_other(bodies_of(batch), fixed, &mut moves);
+                    one_after_the_other(places_of(batch), is_moved, &mut moves);
                     first.push(moves.len() as u32);
-                    bodies.push(bodies_of(batch).within(&block.bodies));
+                    places.push(within(places_of(batch), &block.bodies));
                 }
             }
         }
-        Self { step, moves, first, bodies, lists }
+        Self { step, moves, first, places, lists }
     }
 
-    /// One sweep with this over-relaxation from y = x + beta (x - previous): x becomes its end, `previous` the x before, their images follow. Blocks of a list are swept side by side: what
+    /// For all sweeps of a solve.
+    pub(super) fn scratch(&self, operator: &SingleOperator) -> SweepScratch {
+        let most = self.lists.iter().map(Vec::len).max().unwrap_or_default();
+        SweepScratch {
+            windows: vec![Octet::default(); operator.num_places + most],
+            sums: vec![[0.0; 2]; most],
+        }
+    }
+
+    /// One sweep from y = x + beta (x - previous): x becomes its end, `previous` the x before, their images follow. Blocks of a list are swept side by side: what
     /// comes of it does not depend on threads. Returns |d|^2 and d^T (x+ - x) with d = x+ - y.
     pub(super) fn sweep(
         &self,
         operator: &SingleOperator,
         [x, previous]: [&mut [Batch<Octet>]; 2],
-        [image, previous_image]: [&mut [Octet]; 2],
-        windows: &mut Vec<Octet>,
-        (beta, relaxation): (f64, f64),
-        model: FrictionModel,
+        images: [&mut [Octet]; 2],
+        scratch: &mut SweepScratch,
+        sweep: Sweep,
     ) -> [f64; 2] {
-        vectorised(InSingle(Extrapolating { images: [image, previous_image], beta }));
-        let mut sums = [0.0; 2];
+        let [image, previous_image] = images;
+        vectorised(InSingle(Extrapolating { images: [image, previous_image], beta: sweep.beta }));
+        let mut total = [0.0; 2];
         for list in &self.lists {
-            let [mut x, mut previous] = [&mut *x, &mut *previous].map(Rest::of);
-            let mut image = Rest::of(&mut *image);
-            let is_single = list.len() == 1;
-            let places = if is_single { 0 } else { list.iter().map(|block| block.bodies.len() + 1).sum() };
-            windows.resize(places, Octet::default());
-            let mut window = Rest::of(&mut windows[..]);
-            let part_of = |block: &Block| {
-                let batches = batches_of(block);
-                // What is fixed comes last.
-                let bodies = block.bodies.start..block.bodies.end + usize::from(is_single);
-                let own_window = window.from..window.from + if is_single { 0 } else { bodies.len() + 1 };
-                Part {
-                    sweeps: self,
-                    operator,
-                    vectors: [x.cut(&batches), previous.cut(&batches)],
-                    image: image.cut(&bodies),
-                    window: window.cut(&own_window),
-                    batches,
-                    bodies: block.bodies.clone(),
-                    beta,
-                    relaxation,
-                    sums: [0.0; 2],
-                }
+            let sums = &mut scratch.sums[..list.len()];
+            let slices = Slices {
+                x: Rest::of(x),
+                previous: Rest::of(previous),
+                image: Rest::of(image),
+                window: Rest::of(&mut scratch.windows),
+                sums,
             };
-            let mut parts: Vec<Part<'_>> = list.iter().map(part_of).collect();
-            parts.par_iter_mut().for_each(|part| part.sweep(model));
-            for part in parts {
-                sums = [sums[0] + part.sums[0], sums[1] + part.sums[1]];
+            match &list[..] {
+                // What is fixed comes last in the image itself.
+                [only] => {
+                    let all = 0..operator.num_places + 1;
+                    slices.part(self, operator, only, all, 0..0).sweep(sweep);
+                }
+                blocks => slices.over(self, operator, (blocks, 0), sweep),
+            }
+            for own in &scratch.sums[..list.len()] {
+                total = [total[0] + own[0], total[1] + own[1]];
             }
         }
-        sums
+        total
     }
 }
 
@@ -130,10 +148,10 @@ fn batches_of(block: &Block) -> Range<usize> {
     block.contacts.start / EIGHT..block.contacts.end.div_ceil(EIGHT)
 }
 
-/// Appends which contacts of a batch move at once, so that those that share a body do so one after the other.
-fn one_after_the_other(bodies: &Bodies, fixed: u32, moves: &mut Vec<Octet>) {
+/// Appends which contacts of a batch move at once, so that those that share a body that is moved do so one after the other.
+fn one_after_the_other(places: &Places, is_moved: impl Fn(u32) -> bool, moves: &mut Vec<Octet>) {
     let begin = moves.len();
-    let of = |lane: usize| bodies.place.map(|side| side[lane]).into_iter().filter(|&body| body != fixed);
+    let of = |lane: usize| [places[0][lane], places[1][lane]].into_iter().filter(|&body| is_moved(body));
     for lane in 0..EIGHT {
         let meets = |with: &Octet| {
             (0..lane).any(|l| with.0[l] == 1.0 && of(l).any(|body| of(lane).any(|own| own == body)))
@@ -147,7 +165,7 @@ fn one_after_the_other(bodies: &Bodies, fixed: u32, moves: &mut Vec<Octet>) {
     }
 }
 
-/// What is left of a slice, from this place on.
+/// A part of a slice, from this place on.
 struct Rest<'a, T> {
     slice: &'a mut [T],
     from: usize,
@@ -158,16 +176,94 @@ impl<'a, T> Rest<'a, T> {
         Self { slice, from: 0 }
     }
 
-    /// Takes a range out.
-    fn cut(&mut self, range: &Range<usize>) -> &'a mut [T] {
-        let (_, later) = std::mem::take(&mut self.slice).split_at_mut(range.start - self.from);
-        let (own, later) = later.split_at_mut(range.len());
-        (self.slice, self.from) = (later, range.end);
-        own
+    /// What comes before a place and what comes from it on.
+    fn split_at(self, place: usize) -> (Self, Self) {
+        let (low, high) = self.slice.split_at_mut(place - self.from);
+        (Self { slice: low, from: self.from }, Self { slice: high, from: place })
+    }
+
+    fn range(self, range: &Range<usize>) -> &'a mut [T] {
+        &mut self.slice[range.start - self.from..range.end - self.from]
     }
 }
 
-/// image <- image + beta (image - previous), previous <- image.
+/// The parts of vectors, images and scratch that some blocks have.
+struct Slices<'a> {
+    x: Rest<'a, Batch<Octet>>,
+    previous: Rest<'a, Batch<Octet>>,
+    image: Rest<'a, Octet>,
+    window: Rest<'a, Octet>,
+    sums: &'a mut [[f64; 2]],
+}
+
+impl<'a> Slices<'a> {
+    /// Sweeps blocks, of which so many come before them in the list, in halves over the threads of rayon; nothing is allocated.
+    fn over(
+        self,
+        sweeps: &Sweeps,
+        operator: &SingleOperator,
+        (blocks, before): (&[Block], usize),
+        sweep: Sweep,
+    ) {
+        let window_start = |k: usize| blocks[k].bodies.start + before + k;
+        match blocks {
+            [] => {}
+            [block] => {
+                let window = window_start(0)..block.bodies.end + before + 1;
+                self.part(sweeps, operator, block, block.bodies.clone(), window).sweep(sweep);
+            }
+            _ => {
+                let middle = blocks.len() / 2;
+                let (low, high) = blocks.split_at(middle);
+                let (batch, body) = (batches_of(&high[0]).start, high[0].bodies.start);
+                let (x, more_x) = self.x.split_at(batch);
+                let (previous, more_previous) = self.previous.split_at(batch);
+                let (image, more_image) = self.image.split_at(body);
+                let (window, more_window) = self.window.split_at(window_start(middle));
+                let (sums, more_sums) = self.sums.split_at_mut(middle);
+                let first = Slices { x, previous, image, window, sums };
+                let second = Slices {
+                    x: more_x,
+                    previous: more_previous,
+                    image: more_image,
+                    window: more_window,
+                    sums: more_sums,
+                };
+                rayon::join(
+                    || first.over(sweeps, operator, (low, before), sweep),
+                    || second.over(sweeps, operator, (high, before + middle), sweep),
+                );
+            }
+        }
+    }
+
+    /// One block, with these places of its image and of its window.
+    fn part<'b>(
+        self,
+        sweeps: &'b Sweeps,
+        operator: &'b SingleOperator,
+        block: &Block,
+        image: Range<usize>,
+        window: Range<usize>,
+    ) -> Part<'b>
+    where
+        'a: 'b,
+    {
+        let batches = batches_of(block);
+        Part {
+            sweeps,
+            operator,
+            vectors: [self.x.range(&batches), self.previous.range(&batches)],
+            image: self.image.range(&image),
+            window: self.window.range(&window),
+            batches,
+            bodies: block.bodies.clone(),
+            sum: &mut self.sums[0],
+        }
+    }
+}
+
+/// See [`extrapolate`].
 struct Extrapolating<'a> {
     images: [&'a mut [Octet]; 2],
     beta: f64,
@@ -177,11 +273,7 @@ impl SingleWork for Extrapolating<'_> {
     #[inline(always)]
     fn run<V: SingleVector>(self) {
         let [image, previous] = self.images;
-        for (image, previous) in V::of_slice(image).iter_mut().zip(V::of_slice(previous)) {
-            let now = *image;
-            *image = now + V::splat(self.beta) * (now - *previous);
-            *previous = now;
-        }
+        extrapolate(V::of_slice(image), V::of_slice(previous), self.beta);
     }
 }
 
@@ -196,94 +288,80 @@ struct Part<'a> {
     image: &'a mut [Octet],
     /// Where there are several blocks, room for the same with what is fixed.
     window: &'a mut [Octet],
-    beta: f64,
-    relaxation: f64,
-    sums: [f64; 2],
+    sum: &'a mut [f64; 2],
 }
 
 impl Part<'_> {
-    fn sweep(&mut self, model: FrictionModel) {
-        match (&self.operator.arrangement, model) {
-            (Arrangement::Radial(all), FrictionModel::Coulomb) => self.over::<_, true>(all),
-            (Arrangement::Radial(all), FrictionModel::Relaxed) => self.over::<_, false>(all),
-            (Arrangement::General(all), FrictionModel::Coulomb) => self.over::<_, true>(all),
-            (Arrangement::General(all), FrictionModel::Relaxed) => self.over::<_, false>(all),
+    fn sweep(self, sweep: Sweep) {
+        match (&self.operator.arrangement, sweep.model) {
+            (Arrangement::Radial(all), FrictionModel::Coulomb) => self.over::<_, true>(all, sweep),
+            (Arrangement::Radial(all), FrictionModel::Relaxed) => self.over::<_, false>(all, sweep),
+            (Arrangement::General(all), FrictionModel::Coulomb) => self.over::<_, true>(all, sweep),
+            (Arrangement::General(all), FrictionModel::Relaxed) => self.over::<_, false>(all, sweep),
         }
     }
 
-    fn over<G: Geometry, const EXACT: bool>(&mut self, geometry: &[G]) {
+    fn over<G: Geometry, const EXACT: bool>(self, geometry: &[G], sweep: Sweep) {
         let geometry = &geometry[self.batches.clone()];
-        vectorised(InSingle(PartOver::<G, EXACT> { part: self, geometry }));
+        vectorised(InSingle(PartOver::<G, EXACT> { part: self, geometry, sweep }));
     }
 }
 
 /// The same over contacts of this geometry.
 struct PartOver<'a, 'b, G, const EXACT: bool> {
-    part: &'a mut Part<'b>,
-    geometry: &'a [G],
+    part: Part<'a>,
+    geometry: &'b [G],
+    sweep: Sweep,
 }
 
 impl<G: Geometry, const EXACT: bool> SingleWork for PartOver<'_, '_, G, EXACT> {
     #[inline(always)]
     fn run<V: SingleVector>(self) {
-        let Part { sweeps, operator, batches, bodies, vectors, image, window, beta, relaxation, sums } =
-            self.part;
-        let masses = operator.masses.within(bodies.clone());
+        let Sweep { beta, relaxation, .. } = self.sweep;
+        let Part { sweeps, operator, batches, bodies, vectors, image, window, sum } = self.part;
+        let masses = operator.masses.within(bodies);
         if let Some((fixed, own)) = window.split_last_mut() {
             own.copy_from_slice(image);
             *fixed = Octet::default();
         }
-        let is_single = window.is_empty();
-        let velocities = if is_single { &mut image[..] } else { &mut window[..] };
+        let has_window = !window.is_empty();
+        let known = if has_window { &mut window[..] } else { &mut image[..] };
         let [x, previous] = vectors;
-        let (x, previous) = (of_batches::<V>(x), of_batches::<V>(previous));
+        let (x, previous) = (V::of_batches(x), V::of_batches(previous));
         let mut tally = SingleTally::<V>::default();
+        *sum = [0.0; 2];
         for (offset, own) in self.geometry.iter().enumerate() {
             if let Some(later) = self.geometry.get(offset + PREFETCH) {
                 V::prefetch(later);
             }
             let batch = batches.start + offset;
             let numbers = &operator.contacts[batch];
-            let step = V::splat(*relaxation) * V::of(sweeps.step[batch]);
+            let step = V::splat(relaxation) * V::of(sweeps.step[batch]);
             let (mu, r) = (V::of(numbers.mu), load(&numbers.r));
             let (x, previous) = (&mut x[offset], &mut previous[offset]);
-            let bodies = &sweeps.bodies[batch];
+            let places = &sweeps.places[batch];
             for moves in &sweeps.moves[sweeps.first[batch] as usize..sweeps.first[batch + 1] as usize] {
-                let moves = V::of(*moves);
-                let u = own.relative([bodies.velocities(0, velocities), bodies.velocities(1, velocities)]);
-                let y = extrapolated(x, previous, *beta);
+                let u = own.relative([velocities(&places[0], known), velocities(&places[1], known)]);
+                let y = extrapolated(x, previous, beta);
                 let point = sub(&y, &scale(step, &add(&u, &r)));
                 let tangential = tangential_length(&point);
                 let new = match EXACT {
                     true => within_disc(mu, &point, tangential),
                     false => project_given(mu, &point, tangential),
                 };
-                let change = scale(moves, &sub(&new, &y));
-                tally.sum[0] += dot(&change, &change);
-                tally.sum[1] += dot(&change, &sub(&new, x));
-                for k in 0..3 {
-                    let now = x[k];
-                    x[k] = moves.at_most(V::default(), now, new[k]);
-                    previous[k] = moves.at_most(V::default(), previous[k], now);
-                }
+                let change = take([x, previous], [&y, &new], V::of(*moves), &mut tally.sum);
                 let [p, on_a, on_b] = own.impulses(&change);
-                bodies.push(&p, [&on_a, &on_b], masses, velocities);
+                push(places, &p, [&on_a, &on_b], masses, known);
             }
             if offset % CHUNK == CHUNK - 1 || offset + 1 == self.geometry.len() {
-                for (total, own) in sums.iter_mut().zip(&mut tally.sum) {
+                for (total, own) in sum.iter_mut().zip(&mut tally.sum) {
                     *total += own.octet().sum();
                     *own = V::default();
                 }
             }
         }
-        if !is_single {
+        if has_window {
             image.copy_from_slice(&window[..image.len()]);
         }
     }
-}
-
-/// Numbers in memory, to change in place.
-#[inline(always)]
-fn of_batches<'a, V: SingleVector>(vector: &'a mut [Batch<Octet>]) -> &'a mut [Batch<V>] {
-    V::of_slice(vector.as_flattened_mut()).as_chunks_mut().0
 }
