@@ -18,7 +18,7 @@ use rayon::prelude::*;
 use std::sync::Arc;
 use std::time::Instant;
 
-const METHODS: &[&str] = &["pj", "pgs", "apgd", "bb", "kucera", "spg", "gpminres"];
+const METHODS: &[&str] = &["pj", "pgs", "apgs", "apgd", "bb", "kucera", "spg", "gpminres"];
 const ROUNDS: usize = 5;
 /// Floating-point operations of a product per contact: twice 9 + 2 (9 + 3) + 15 in and out, and the bodies' share.
 const FLOPS: f64 = 110.0;

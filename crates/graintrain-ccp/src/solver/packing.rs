@@ -168,8 +168,8 @@ fn numbered(rigid: &RigidDelassus) -> Vec<u32> {
     number
 }
 
-/// Contacts per block at least.
-const BLOCK: usize = 4096;
+/// So many contacts there are per range of bodies, about.
+const PER_RANGE: usize = 4096;
 
 /// Contacts whose bodies lie in one range of places.
 #[derive(Clone, Debug)]
@@ -195,7 +195,7 @@ pub(super) fn pack_in_blocks(rigid: &RigidDelassus, multiple: usize) -> PackedBl
     let mut sorted = sorted_by_bodies(rigid, &bodies);
     let way = |pair: &Pair| if pair.higher == FIXED { 0 } else { u64::from(pair.higher - pair.lower) };
     let mean_way = sorted.iter().map(way).sum::<u64>() as usize / sorted.len().max(1);
-    let most = (sorted.len() / BLOCK).max(1);
+    let most = (sorted.len() / PER_RANGE).max(1);
     // Seams that are wider than half a range would be left over.
     let range = bodies.len().div_ceil(most).max(4 * mean_way).max(1);
     let count = bodies.len().div_ceil(range).max(1);

@@ -113,7 +113,7 @@ impl Scene {
         let resist = world.materials.resist_turning() || stages.iter().any(resist);
         if resist && self.solver.name.build().is_ok_and(|solver| !solver.capabilities().turning) {
             let problem = format!(
-                "solver {} cannot treat the rolling or spinning friction of these materials; solver.name = \"auto\", \"apgd\", \"pgs\" and \
+                "solver {} cannot treat the rolling or spinning friction of these materials; solver.name = \"auto\", \"apgd\", \"apgs\", \"pgs\" and \
                  \"pj\" can",
                 self.solver.name
             );

@@ -286,7 +286,8 @@ fn what_a_solver_remembers_is_in_the_checkpoint() {
             })
         };
         let whole = on(1, simulation.world.clone(), 48);
-        assert!(whole.contacts.curvature.is_some());
+        // Exact friction begins with sweeps, which meet no curvature.
+        assert!(friction == FrictionModel::Coulomb || whole.contacts.curvature.is_some());
         let half = on(2, simulation.world.clone(), 36);
         let bytes = checkpoint::to_bytes(&settings(36), &RunTotals::default(), &half).unwrap();
         let kept = checkpoint::from_bytes(&bytes, "half").unwrap().world;
