@@ -3,7 +3,7 @@
 use crate::common::{clarabel, lattice_packing, random_problem, sparse_form};
 use graintrain_ccp::registry::Method;
 use graintrain_ccp::residual::{FrictionModel, ResidualScale};
-use graintrain_ccp::{Ccp, Delassus, FIXED, RigidContact, RigidDelassus};
+use graintrain_ccp::{BodyInverseMass, Ccp, Delassus, FIXED, RigidContact, RigidDelassus};
 use graintrain_ccp::{CcpSolver, SolveReport, SolveSettings, SolverSpec};
 
 const FIRST_ORDER: &[&str] = &["pj", "pgs", "apgs", "apgd", "bb", "kucera", "spg", "gpminres", "auto"];
@@ -355,4 +355,36 @@ fn solvers_remember_nothing_of_other_problems() {
             assert!(solve(&mut *used, &problem) == fresh, "{method} {friction:?}");
         }
     }
+}
+
+/// Exact friction begins with sweeps, but with gradients where most contacts are further ones of the same bodies, as in a tower of boxes.
+#[test]
+fn exact_friction_begins_with_sweeps_or_gradients() {
+    let first = |problem: &Ccp| {
+        let settings =
+            SolveSettings { friction: FrictionModel::Coulomb, tolerance: 1e-6, ..SolveSettings::default() };
+        let mut solver = "auto".parse::<SolverSpec>().unwrap().build().unwrap();
+        let report = solver.solve(problem, &mut vec![0.0; problem.r.len()], &settings).unwrap();
+        assert!(report.converged(), "{report:?}");
+        report.stages[0].solver.clone()
+    };
+    assert_eq!(first(&lattice_packing(4, 3, 0.3, 1)), "apgs");
+    let corner = |level: u32, k: usize| {
+        let [x, y] = [[-1.0, -1.0], [-1.0, 1.0], [1.0, -1.0], [1.0, 1.0]][k].map(|s: f64| 0.1 * s);
+        RigidContact {
+            body_a: level,
+            body_b: if level == 0 { FIXED } else { level - 1 },
+            frame: [[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]],
+            arm_a: [x, y, -0.1],
+            arm_b: [x, y, 0.1],
+        }
+    };
+    let contacts: Vec<_> = (0..10).flat_map(|level| (0..4).map(move |k| corner(level, k))).collect();
+    let mass =
+        BodyInverseMass { linear: [0.125; 3], angular: [18.75, 0.0, 0.0, 0.0, 18.75, 0.0, 0.0, 0.0, 18.75] };
+    let falling = contacts.iter().flat_map(|_| [-0.05, 0.0, 0.0]);
+    let r = falling.zip(0..).map(|(r, k)| if k < 12 { r } else { 0.0 }).collect();
+    let friction = vec![0.5; contacts.len()];
+    let tower = Ccp::new(Delassus::Rigid(RigidDelassus::new(contacts, vec![mass; 10])), r, friction).unwrap();
+    assert_eq!(first(&tower), "apgd");
 }
