@@ -186,10 +186,10 @@ impl Stepper {
         let Made { attempt, ahead, .. } = made;
         let missed = self.missed(world, &rounds.contacts, ahead);
         let bent = if is_last { Vec::new() } else { self.bent(world, start, rounds, attempt, ahead) };
-        let mut new = Vec::new();
+        let (mut new, mut ends) = (Vec::new(), Vec::new());
         if !(missed.is_empty() || is_last) || !bent.is_empty() {
             let carry = |c: &Contact| carried_back(c, world, start, attempt, self.settings.step);
-            let ends: Vec<Contact> = missed.iter().map(carry).collect();
+            ends.extend(missed.iter().map(carry));
             let end = start.exchange(world);
             new = self.new_contacts(world, &rounds.contacts, &ends, &attempt.velocity);
             if new.is_empty() && bent.is_empty() {
@@ -200,6 +200,9 @@ impl Stepper {
         if again {
             rounds.added += new.len() + bent.len();
             rounds.kept.extend(rounds.bends.put(bent, &mut rounds.contacts));
+            // What is linearised at the end alone did not overlap at the start.
+            let at_end = new.iter().filter(|c| ends.contains(c)).map(|c| (c.identity, 0.0));
+            rounds.bends.gap.extend(at_end);
             rounds.kept.extend(new.iter().map(|c| c.identity));
             rounds.contacts.extend(new);
             rounds.round += 1;
