@@ -96,7 +96,7 @@ impl Method {
         match self {
             Self::Auto => (
                 "auto",
-                "the fastest that reaches the tolerance: apgs and others in turn, relaxed apgd and the interior point",
+                "exact friction: apgs and others in turn; relaxed: apgd, and the interior point where that is better",
             ),
             Self::Jacobi => ("pj", "projected Jacobi (Tasora, Anitescu 2011)"),
             Self::GaussSeidel => (

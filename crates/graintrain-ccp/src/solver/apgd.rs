@@ -25,9 +25,9 @@ use crate::residual::FrictionModel;
 /// [`cap_growth`](Self::cap_growth) times the iteration where that is more, since the slow modes of a tight tolerance need it longer. In
 /// runs of settling beds this saves a sixth of the iterations; cold solves of tall packings take a tenth more.
 ///
-/// For exact Coulomb friction P takes the normal impulse first and projects the tangential one on the disc that it allows, as
-/// [`GaussSeidel`](super::GaussSeidel) does. The exact problem has no objective that could say when the momentum has lasted long enough:
-/// it has a [`Memory`].
+/// For exact Coulomb friction P takes the normal impulse first and projects the tangential one on the disc
+/// that it allows, as [`GaussSeidel`](super::GaussSeidel) does. The exact problem has no objective that could
+/// say when the momentum has lasted long enough: it has a [`Memory`].
 ///
 /// Large problems over rigid bodies are begun in single precision and, where that is not enough, ended in double
 /// precision. The first step is made for the curvature of the last solve, where the [settings](super::SolveSettings::curvature) name it.

@@ -49,8 +49,9 @@ pub struct RaceParameters {
     pub turn: (f64, [usize; 2]),
     /// First turn of the first runner in such turns: most problems are solved in it.
     pub first: usize,
-    /// Contacts from which on gradients run first, where single precision serves and where it does not: ranks share them, and threads without limit. Threads share sweeps in single precision, which
-    /// gain little with so many contacts.
+    /// Contacts from which on gradients run first, where single precision serves and where it does not: ranks
+    /// share them, and threads without limit. Threads share sweeps in single precision, which gain little
+    /// with so many contacts.
     pub gradients_first: [usize; 2],
     /// The next turn of a runner is twice as long. One that gained nothing in a turn of so many has given up.
     pub longest: usize,
@@ -79,8 +80,9 @@ impl RaceParameters {
     }
 }
 
-/// Whether most contacts are further ones of two bodies, as those of boxes on boxes are. There gradients need fewer iterations than sweeps, and what they leave over makes a straight
-/// tower lean by a tenth as much (`graintrain verify`, A10).
+/// Whether most contacts are further ones of two bodies, as those of boxes on boxes are. There gradients need
+/// fewer iterations than sweeps, and what they leave over makes a straight tower lean by a tenth as much
+/// (`graintrain verify`, A10).
 fn touches_at_faces(problem: &Ccp) -> bool {
     let Delassus::Rigid(rigid) = &*problem.delassus else { return false };
     let further =
@@ -145,7 +147,8 @@ pub struct Cascade {
     pub race: RaceParameters,
 }
 
-/// The runners of a race, gradients, sweeps with a momentum, and gradients with a momentum that grows and shrinks boldly, and the path.
+/// The runners of a race, gradients, sweeps with a momentum, and gradients with a momentum that grows and
+/// shrinks boldly, and the path.
 fn exact_members() -> [Box<dyn CcpSolver>; 4] {
     let ordinary = Apgd::default();
     let memory = Memory { longer: 4.0, shorter: 0.25, ..ordinary.memory.clone() };
@@ -301,8 +304,8 @@ impl CcpSolver for Cascade {
 }
 
 impl Cascade {
-    /// Members take turns, each from where the one before ended; after a first turn of each it is that of the one whose last turn gained most
-    /// per iteration. Ends where nobody gains; whether it ends the solve.
+    /// Members take turns, each from where the one before ended; after a first turn of each it is that of the
+    /// one whose last turn gained most per iteration. Ends where nobody gains; whether it ends the solve.
     fn race(
         &mut self,
         stage: &Stage,

@@ -223,7 +223,8 @@ mod tests {
         }
     }
 
-    /// Where many contacts reach across the boundary, gradients over bodies and images begin, and sweeps take the rows of N.
+    /// Where many contacts reach across the boundary, gradients over bodies and images begin, and sweeps take
+    /// the rows of N.
     #[test]
     fn gradients_begin_in_a_large_cell() {
         let over_bodies = problem(random_cell(400, 900, 11));

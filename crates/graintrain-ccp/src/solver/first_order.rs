@@ -199,8 +199,9 @@ impl<M: FirstOrderMethod> FirstOrder<M> {
             check_start(problem, last)?;
         }
         let mut begun = Begun::default();
-        let has_room = !M::SWEEPS || problem.contacts_across() == 0;
-        if M::SINGLE && has_room && single::suits(problem, settings, &self.parameters.single) {
+        // One contact of a cell that gives way moves all bodies: sweeps go through the rows of N.
+        let over_bodies = !M::SWEEPS || problem.contacts_across() == 0;
+        if M::SINGLE && over_bodies && single::suits(problem, settings, &self.parameters.single) {
             if last.is_none()
                 && model == settings.friction
                 && let Some(report) = good_enough::<M>(problem, impulse, &limits, self.parameters.near, model)

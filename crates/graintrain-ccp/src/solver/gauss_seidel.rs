@@ -75,7 +75,8 @@ pub(super) fn step_of_block(block: &Block) -> f64 {
     step_for(largest_eigenvalue(block))
 }
 
-/// Takes new impulses in the place of y where `moves` is 1, x in that of the x before; adds |d|^2 and d^T (x+ - x) to the sums and returns d.
+/// Takes new impulses in the place of y where `moves` is 1, x in that of the x before; adds |d|^2 and d^T (x+
+/// - x) to the sums and returns d.
 #[inline(always)]
 pub(super) fn take<V: Numbers>(
     [x, previous]: [&mut Batch<V>; 2],

@@ -2,8 +2,15 @@
 
 use super::lanes::{Batch, Numbers, add_scaled, sub};
 
-/// How long a momentum lasts. It restarts where the step points against the motion, and where theta, about half the iterations since the last restart, reaches a
-/// limit. The limit grows as long as the steps are shorter than at the last restart, else it shrinks: with too long a one the iterates circle, with too short a one they creep.
+/// How long a momentum lasts: y+ = x+ + beta (x+ - x) with
+///
+/// ```text
+/// theta+ = (1 + sqrt(1 + 4 theta^2)) / 2,   beta = (theta - 1) / theta+,   theta = 1 at first
+/// ```
+///
+/// starts again from theta = 1 where the step points against the motion, and where theta, about half the iterations
+/// since the last restart, exceeds a limit. The limit grows as long as steps are shorter than at the last restart,
+/// else it shrinks: with too long a one the iterates circle, with too short a one they creep.
 #[derive(Clone, Debug)]
 pub struct Memory {
     /// The first limit of theta.
@@ -33,7 +40,8 @@ impl<'a> Momentum<'a> {
         Self { memory, theta: 1.0, limit: found.unwrap_or(memory.first), last_length: f64::INFINITY }
     }
 
-    /// beta of the next point x+ + beta (x+ - x), after a step from y to x+ of this length, and with d^T (x+ - x) of its d = x+ - y.
+    /// beta of the next point x+ + beta (x+ - x), after a step from y to x+ of this length, and with d^T (x+
+    /// - x) of its d = x+ - y.
     pub fn next(&mut self, length: f64, along: f64) -> f64 {
         if along < 0.0 || self.theta > self.limit {
             if self.theta > self.memory.young {

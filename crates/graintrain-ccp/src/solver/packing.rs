@@ -187,9 +187,15 @@ pub(super) struct PackedBlocks {
     pub lists: Vec<Vec<Block>>,
 }
 
-/// As [`pack`], with the contacts in blocks of so many places, a multiple of `multiple`: first those whose bodies lie in one of several ranges, range by range, then
-/// those in one of the ranges from the middle of one of the first to the middle of the next, and what is left. Ranges depend on the contacts alone, never on threads. Large problems have more than
-/// one.
+/// As [`pack`], with the contacts in blocks whose lengths are multiples of `multiple`. With ranges of r places of
+/// bodies, a contact belongs to the first of these that has both of its bodies (what is fixed counts for neither):
+///
+/// ```text
+/// [k r, (k + 1) r),   k = 0, 1, ...;      [(k - 1/2) r, (k + 1/2) r),   k = 1, 2, ...;      all places
+/// ```
+///
+/// Blocks of one of the three lists share no body. r depends on the contacts alone, never on threads; small problems
+/// have one range. Cost: a sort of the contacts, as of [`pack`].
 pub(super) fn pack_in_blocks(rigid: &RigidDelassus, multiple: usize) -> PackedBlocks {
     let bodies = numbered(rigid);
     let mut sorted = sorted_by_bodies(rigid, &bodies);

@@ -542,10 +542,12 @@ impl ScaledProblem {
         self.turning.get(batch) == Some(&true)
     }
 
-    /// One sweep of Gauss-Seidel from y = x + beta (x - previous), contact after contact on one thread: the kernel gets the newest u = N' y + r' at a batch
-    /// and the batch of y to change, and its change takes effect before other contacts are looked at; where not every contact of a batch
-    /// may move at once only one is let. x becomes the end of the sweep, `previous` the x before. Returns |d|^2 and d^T (x+ - x) with d = x+ - y, and whether the images of x and of
-    /// `previous` have followed: over bodies they have, over rows they are left as they were.
+    /// One sweep of Gauss-Seidel from y = x + beta (x - previous), contact after contact on one thread: the
+    /// kernel gets the newest u = N' y + r' at a batch and the batch of y to change, and its change takes
+    /// effect before other contacts are looked at; where not every contact of a batch may move at once only
+    /// one is let. x becomes the end of the sweep, `previous` the x before. Returns |d|^2 and d^T (x+ - x)
+    /// with d = x+ - y, and whether the images of x and of `previous` have followed: over bodies they have,
+    /// over rows they are left as they were.
     pub fn sweep(
         &self,
         vectors: [&mut [Batch]; 2],

@@ -91,7 +91,7 @@ impl Bends {
             if *count == 1
                 && let Some(old) = contacts.iter_mut().find(|c| c.identity == contact.identity)
             {
-                self.gap.insert(contact.identity, old.gap);
+                self.gap.entry(contact.identity).or_insert(old.gap);
                 *old = contact;
                 identities.push(contact.identity);
                 continue;

@@ -159,7 +159,8 @@ impl<'a> SingleIterate<'a> {
         true
     }
 
-    /// Sweeps with this over-relaxation, each from x + beta (x - previous) with the beta that `next` makes of |d|^2 and d^T (x+ - x) of the last one.
+    /// Sweeps with this over-relaxation, each from x + beta (x - previous) with the beta that `next` makes of
+    /// |d|^2 and d^T (x+ - x) of the last one.
     pub fn sweep(&mut self, relaxation: f64, mut next: impl FnMut([f64; 2]) -> f64) {
         let Some(sweeps) = &self.problem.sweeps else { return };
         let mut scratch_of_sweeps = sweeps.scratch(&self.problem.operator);

@@ -19,8 +19,8 @@ use std::ops::Range;
 pub(super) struct Sweeps {
     /// 1 / lambda_i, lambda_i the largest eigenvalue of N'_ii.
     step: Vec<Octet>,
-    /// Which contacts of a batch move at once, 1 where they do: those of batch b at `first[b]..first[b + 1]`. Contacts that share a body that moves come one after
-    /// the other.
+    /// Which contacts of a batch move at once, 1 where they do: those of batch b at `first[b]..first[b + 1]`.
+    /// Contacts that share a body that moves come one after the other.
     moves: Vec<Octet>,
     first: Vec<u32>,
     /// Bodies A and B of each batch as places in the range of its block.
@@ -105,8 +105,9 @@ impl Sweeps {
         }
     }
 
-    /// One sweep from y = x + beta (x - previous): x becomes its end, `previous` the x before, their images follow. Blocks of a list are swept side by side: what
-    /// comes of it does not depend on threads. Returns |d|^2 and d^T (x+ - x) with d = x+ - y.
+    /// One sweep from y = x + beta (x - previous): x becomes its end, `previous` the x before, their images
+    /// follow. Blocks of a list are swept side by side: what comes of it does not depend on threads. Returns
+    /// |d|^2 and d^T (x+ - x) with d = x+ - y.
     pub(super) fn sweep(
         &self,
         operator: &SingleOperator,
@@ -148,7 +149,8 @@ fn batches_of(block: &Block) -> Range<usize> {
     block.contacts.start / EIGHT..block.contacts.end.div_ceil(EIGHT)
 }
 
-/// Appends which contacts of a batch move at once, so that those that share a body that is moved do so one after the other.
+/// Appends which contacts of a batch move at once, so that those that share a body that is moved do so one
+/// after the other.
 fn one_after_the_other(places: &Places, is_moved: impl Fn(u32) -> bool, moves: &mut Vec<Octet>) {
     let begin = moves.len();
     let of = |lane: usize| [places[0][lane], places[1][lane]].into_iter().filter(|&body| is_moved(body));
@@ -197,7 +199,8 @@ struct Slices<'a> {
 }
 
 impl<'a> Slices<'a> {
-    /// Sweeps blocks, of which so many come before them in the list, in halves over the threads of rayon; nothing is allocated.
+    /// Sweeps blocks, of which so many come before them in the list, in halves over the threads of rayon;
+    /// nothing is allocated.
     fn over(
         self,
         sweeps: &Sweeps,
