@@ -22,6 +22,9 @@ pub struct Parameters {
     pub many: usize,
     /// See `many`.
     pub most_iterations: usize,
+    /// What the finish of a part may cost on top ([`SolveSettings::finish`]), where it has `many` contacts or
+    /// fewer; iterations times contacts of larger ones are the same.
+    pub finish: usize,
 }
 
 impl Default for Parameters {
@@ -32,14 +35,17 @@ impl Default for Parameters {
             iterations: 6000,
             many: 1024,
             most_iterations: 30_000,
+            finish: 90_000,
         }
     }
 }
 
 impl Parameters {
-    /// Iterations that a part of so many contacts may cost.
-    fn iterations(&self, contacts: usize) -> usize {
-        (self.iterations * self.many / contacts.max(1)).clamp(self.iterations, self.most_iterations)
+    /// Iterations that a part of so many contacts may cost, and those of its finish.
+    fn iterations(&self, contacts: usize) -> [usize; 2] {
+        let own =
+            (self.iterations * self.many / contacts.max(1)).clamp(self.iterations, self.most_iterations);
+        [own, self.finish * self.many / contacts.max(self.many)]
     }
 }
 
@@ -122,13 +128,14 @@ impl PartSolver<'_> {
 
     /// What is asked of the solve of a part.
     fn bounded(&self, problem: &Ccp) -> SolveSettings {
-        let max_iterations = self.settings.max_iterations.or_else(|| {
-            // Relaxed solves, and methods that count iterations of their own, have their limits.
-            let is_exact = self.settings.friction == FrictionModel::Coulomb;
-            (is_exact && self.solver.capabilities().exact)
-                .then(|| self.parameters.iterations(problem.num_contacts()))
-        });
-        SolveSettings { max_iterations, ..self.settings.clone() }
+        let settings = self.settings.clone();
+        // Relaxed solves, and methods that count iterations of their own, have their limits.
+        let is_exact = settings.friction == FrictionModel::Coulomb && self.solver.capabilities().exact;
+        if settings.max_iterations.is_some() || !is_exact {
+            return settings;
+        }
+        let [iterations, finish] = self.parameters.iterations(problem.num_contacts());
+        SolveSettings { max_iterations: Some(iterations), finish, ..settings }
     }
 
     /// Solves a part.
@@ -178,7 +185,9 @@ impl Budget<'_> {
     /// Goes on from g to this tolerance, with no more iterations than `most`. Converged is what meets the tolerance of the settings.
     fn solve(&mut self, g: &mut [f64], tolerance: f64, most: Option<usize>) -> Result<SolveReport, CcpError> {
         let max_iterations = self.left.into_iter().chain(most).min();
-        let settings = SolveSettings { tolerance, max_iterations, ..self.settings.clone() };
+        // A part of the budget is no end.
+        let finish = if most.is_some() { 0 } else { self.settings.finish };
+        let settings = SolveSettings { tolerance, max_iterations, finish, ..self.settings.clone() };
         let mut report = self.solver.solve(self.problem, g, &settings)?;
         self.left = self.left.map(|left| left.saturating_sub(report.iterations));
         if report.status != Status::Stopped && self.is_good(&report) {

@@ -8,6 +8,10 @@
 //! in these ([`Cost`]). A stage gets half of what is left at most, the last one all of it; one that could not do anything with its share is left out.
 //! So a solve with a limit ends with a method that makes a small residual a little smaller rather than in the midst of one that swings.
 //!
+//! **Finish.** Where masses differ by many orders, first-order methods end a solve with a limit before they have found which bodies carry
+//! which, and bodies pass through each other. [`SolveSettings::finish`] allows some relaxed problems by a second-order method on top,
+//! with De Saxce's shift held [from below](fixed_point::from_below): what they leave over lets bodies part, and none approach.
+//!
 //! **Exact friction.** `apgs` and `apgd` treat it in their iterations ([`CcpSolver::solve_exact`]). The problem has no objective, and any of
 //! them may circle where another gets on. So they hold a race: a turn of each, from where the one before
 //! ended, then it is the turn of the one that gained most per iteration in its last. Where their systems are small, a piece of the [path](super::path_following) comes between. Where nobody gains any more they begin
@@ -63,6 +67,22 @@ impl Default for RaceParameters {
     }
 }
 
+/// What the finish of a solve with a limit is tuned by.
+#[derive(Clone, Debug)]
+pub struct FinishParameters {
+    /// It is made where the residual is above this (and the tolerance): below, errors of the impulses are those of
+    /// single contacts.
+    pub above: f64,
+    /// Its relaxed problems.
+    pub from_below: fixed_point::BelowParameters,
+}
+
+impl Default for FinishParameters {
+    fn default() -> Self {
+        Self { above: 0.03, from_below: fixed_point::BelowParameters::default() }
+    }
+}
+
 impl RaceParameters {
     /// The runners of a race in their order: places among the three members.
     fn runners(&self, problem: &Ccp, settings: &SolveSettings) -> &'static [usize] {
@@ -105,6 +125,8 @@ enum Task {
     Frictionless,
     /// Solves relaxed problems with De Saxce's shift held: [`fixed_point`].
     FixedPoint,
+    /// The same from below, as the answer whatever the residual: [`fixed_point::from_below`].
+    Finish,
 }
 
 /// The impulses that a stage starts from.
@@ -145,6 +167,8 @@ pub struct Cascade {
     pub fixed_point: fixed_point::Parameters,
     /// Of races.
     pub race: RaceParameters,
+    /// Of the finish.
+    pub finish: FinishParameters,
 }
 
 /// The runners of a race, gradients, sweeps with a momentum, and gradients with a momentum that grows and
@@ -209,6 +233,7 @@ impl Cascade {
             exact: exact_table(exact, &[exact + 1, exact, ipm]),
             fixed_point: fixed_point::Parameters::default(),
             race: RaceParameters::default(),
+            finish: FinishParameters::default(),
         }
     }
 
@@ -238,6 +263,7 @@ impl Cascade {
             exact,
             fixed_point: fixed_point::Parameters::default(),
             race: RaceParameters::default(),
+            finish: FinishParameters::default(),
         }
     }
 
@@ -298,6 +324,7 @@ impl CcpSolver for Cascade {
                 break;
             }
         }
+        self.finish(&table, problem, settings, &limits, &mut course)?;
         course.best.restore(impulse);
         Ok(course.report(self, problem, impulse, &limits))
     }
@@ -358,6 +385,30 @@ impl Cascade {
         }
     }
 
+    /// Ends a solve with a limit that is far from a solution of the exact problem: by the last second-order member of
+    /// the fixed point that takes the problem.
+    fn finish(
+        &mut self,
+        table: &[Stage],
+        problem: &Ccp,
+        settings: &SolveSettings,
+        limits: &Limits<'_>,
+        course: &mut Course,
+    ) -> Result<(), CcpError> {
+        let has_ended = matches!(course.status, Status::Converged | Status::Stopped | Status::Infeasible);
+        let enough = self.finish.above.max(settings.tolerance);
+        if settings.finish == 0 || has_ended || course.best.residual() <= enough {
+            return Ok(());
+        }
+        let is_second_order = |stage: &&Stage| !self.members[stage.member].capabilities().exact;
+        let last = table.iter().filter(|stage| stage.task == Task::FixedPoint).rfind(is_second_order);
+        if let Some(last) = last {
+            let stage = Stage { task: Task::Finish, start: Start::Zero, ..*last };
+            self.make(&stage, settings.finish, problem, settings, limits, course)?;
+        }
+        Ok(())
+    }
+
     /// Makes a stage that may cost so much; whether it ends the solve.
     fn make(
         &mut self,
@@ -408,6 +459,13 @@ impl Cascade {
                 return report.map(|report| course.proved(report, stage.start, cost));
             }
             Task::FixedPoint => fixed_point::solve(member, problem, &mut g, &settings, &self.fixed_point),
+            Task::Finish => {
+                let parameters = &self.finish.from_below;
+                let found = fixed_point::from_below(member, problem, &mut g, &settings, parameters)?;
+                let Some(report) = found else { return Ok(false) };
+                course.best = Best::default();
+                Ok(report)
+            }
         };
         match report {
             Ok(report) => Ok(course.add(report, &g, stage.start, cost, begun, limits)),

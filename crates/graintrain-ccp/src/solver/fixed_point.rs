@@ -131,6 +131,95 @@ pub fn solve(
     Ok(SolveReport { products: sums[2], newton, history: history.into_samples(), ..report })
 }
 
+/// What [`from_below`] is tuned by.
+#[derive(Clone, Debug)]
+pub struct BelowParameters {
+    /// s is raised, once, to this fraction of mu |u_t|: with all of it most contacts would approach in the next solve.
+    pub fraction: f64,
+    /// Approach of a contact, over V, that is none.
+    pub approach: f64,
+    /// Relaxed problems at most.
+    pub solves: usize,
+    /// Their tolerance at most.
+    pub tolerance: f64,
+}
+
+impl Default for BelowParameters {
+    fn default() -> Self {
+        Self { fraction: 0.9, approach: 0.1, solves: 8, tolerance: 1e-3 }
+    }
+}
+
+/// Impulses that let no bodies approach, where exact friction is out of reach: relaxed problems with the shift held at or below
+/// De Saxce's term.
+///
+/// With s held the normal velocity of the solution is u_n >= sigma - s, sigma = mu |u_t|: a contact parts by sigma - s where s is
+/// below sigma, and bodies approach, by s - sigma, where it is above. So s, once raised, only falls,
+///
+/// ```text
+/// s_0 = 0,    s_1 = theta sigma(s_0),    s_(k+1) = min(s_k, theta sigma(s_k)),    theta < 1
+/// ```
+///
+/// until s_i - sigma_i <= `approach` V at every contact. s_0 is the relaxation of the problem, which is left where the sequence does not get
+/// there. Every problem is convex, and its impulses take energy. The error that is left is in the residual of the report, whose status tells of
+/// the exact problem. `settings.max_iterations` bounds the iterations together. Cost: one relaxed solve and some from near their solution.
+///
+/// # Errors
+/// Those of the solver.
+pub fn from_below(
+    relaxed: &mut dyn CcpSolver,
+    problem: &Ccp,
+    impulse: &mut [f64],
+    settings: &SolveSettings,
+    parameters: &BelowParameters,
+) -> Result<Option<SolveReport>, CcpError> {
+    let limits = Limits::start(settings, usize::MAX);
+    let contacts = problem.num_contacts();
+    let scale = ResidualScale::new(problem);
+    let mut shifted = Ccp { velocity_scale: Some(scale.velocity), ..problem.clone() };
+    let (mut work, mut u) = (problem.delassus.work(), vec![0.0; problem.r.len()]);
+    let (mut g, mut shift, mut held) = (vec![0.0; problem.r.len()], vec![0.0; contacts], None);
+    let mut all: Option<SolveReport> = None;
+    for solve in 0..parameters.solves {
+        let spent = all.as_ref().map_or(0, |report| report.iterations);
+        let inner = SolveSettings {
+            tolerance: settings.tolerance.min(parameters.tolerance),
+            max_iterations: Some(limits.iterations_left(spent).min(relaxed.iteration_limit())),
+            max_time: limits.time_left(),
+            friction: FrictionModel::Relaxed,
+            ..settings.clone()
+        };
+        let report = relaxed.solve(&shifted, &mut g, &inner)?;
+        let is_solved = report.converged();
+        all = Some(all.map_or(report.clone(), |all| report.after(&all)));
+        if !is_solved {
+            break;
+        }
+        problem.velocity(&g, &mut u, &mut work);
+        let mut approach = 0.0_f64;
+        for (i, shift) in shift.iter_mut().enumerate() {
+            let sigma = problem.de_saxce(&u, i);
+            approach = approach.max(*shift - sigma);
+            let image = parameters.fraction * sigma;
+            *shift = if solve == 0 { image } else { shift.min(image) };
+            shifted.r[3 * i] = problem.r[3 * i] + *shift;
+        }
+        let is_near = approach <= parameters.approach * scale.velocity;
+        if is_near {
+            held = Some(g.clone());
+        }
+        if is_near && solve > 0 {
+            break;
+        }
+    }
+    let (Some(held), Some(all)) = (held, all) else { return Ok(None) };
+    impulse.copy_from_slice(&held);
+    let status = limits.status(all.iterations, f64::MAX).unwrap_or(Status::IterationLimit);
+    let report =
+        limits.report(&relaxed.name(), problem, impulse, status, all.iterations, all.linear_iterations);
+    Ok(Some(SolveReport { products: all.products, newton: all.newton, ..report }))
+}
+
 /// The problem without friction: where not even that has a solution, the exact one has none. Impulses that keep the bodies
 /// apart exist there, or nowhere.
 ///

@@ -16,6 +16,9 @@ pub struct SolveSettings {
     /// Stop after this many iterations; `None` is the solver's own limit. Where several methods take part, they are those of projected gradients: see the
     /// [cascade](super::cascade).
     pub max_iterations: Option<usize>,
+    /// With exact friction: what the finish of a solve that ended far from the tolerance may cost beyond
+    /// `max_iterations`, in the same unit. See the [cascade](super::cascade). Default 0: none.
+    pub finish: usize,
     /// Stop after this time.
     pub max_time: Option<Duration>,
     /// Relaxed CCP or exact Coulomb friction.
@@ -36,6 +39,7 @@ impl Default for SolveSettings {
             tolerance: 1e-4,
             judge: Judge::Maximum,
             max_iterations: None,
+            finish: 0,
             max_time: None,
             friction: FrictionModel::Relaxed,
             curvature: None,

@@ -328,6 +328,52 @@ fn a_thousand_random_problems_with_exact_friction() {
     assert!(unsolved.len() <= 10, "{unsolved:?}");
 }
 
+/// A solve that its limit ends far from a solution is finished from below: impulses in their cones that take energy, contacts
+/// that do not approach, and an answer that says that it is not the exact one.
+#[test]
+fn a_solve_that_ran_out_is_finished_without_approach() {
+    let mut finished = 0;
+    for seed in 1000..1300 {
+        let problem = random_problem(seed);
+        let mut settings = SolveSettings {
+            tolerance: 1e-6,
+            friction: FrictionModel::Coulomb,
+            max_iterations: Some(5),
+            ..SolveSettings::default()
+        };
+        let mut solve = || {
+            let mut g = vec![0.0; 3 * problem.num_contacts()];
+            let mut solver = "auto".parse::<SolverSpec>().unwrap().build().unwrap();
+            let report = solver.solve(&problem, &mut g, &settings).unwrap();
+            settings.finish = 90_000;
+            (g, report)
+        };
+        let [(_, before), (g, after)] = [solve(), solve()];
+        let is_finished = after.solver.contains("ipm");
+        assert!(!is_finished || before.residual.max > 0.03, "seed {seed}: {before:?}");
+        if !is_finished {
+            continue;
+        }
+        finished += 1;
+        let residual = exact_residual(&problem, &g);
+        assert!((residual - after.residual.max).abs() <= 1e-6 * residual + 1e-9, "seed {seed}: {residual:e}");
+        assert_eq!(after.converged(), residual <= 1e-6, "seed {seed}: {after:?}");
+        let mut u = vec![0.0; g.len()];
+        problem.velocity(&g, &mut u, &mut problem.delassus.work());
+        let scale = ResidualScale::new(&problem);
+        let mut power = 0.0;
+        for (i, (g, u)) in g.chunks_exact(3).zip(u.chunks_exact(3)).enumerate() {
+            assert!(u[0] >= -0.11 * scale.velocity, "seed {seed}: contact {i} approaches by {}", -u[0]);
+            assert!(g[1].hypot(g[2]) <= problem.friction[i] * g[0] * (1.0 + 1e-9) + 1e-12);
+            power += (0..3).map(|k| g[k] * u[k]).sum::<f64>();
+        }
+        let size = scale.velocity * g.iter().map(|g| g.abs()).sum::<f64>();
+        assert!(power <= 1e-5 * size, "seed {seed}: impulses make energy, {power:e} of {size:e}");
+    }
+    println!("{finished} of 300 were finished");
+    assert!(finished > 50);
+}
+
 /// What a solver was given before changes nothing: a resumed run has the bits of an uninterrupted one.
 #[test]
 fn solvers_remember_nothing_of_other_problems() {

@@ -439,8 +439,8 @@ static SOLVER: Table = Table {
             "6000, more for few contacts",
             "2000",
             "Iterations that a connected part of the contacts may cost in a step, in those of projected gradients (below 1 024 contacts: up to \
-             five times as many). A step that they do not suffice for is made with the best impulses found, and counts as one that missed its \
-             tolerance. Relaxed solves, and methods that count something else, have limits of their own",
+             five times as many). A step that they do not suffice for counts as one that missed its tolerance, and is made with the best impulses found. \
+             Where these are far from a solution and nothing is given here, some convex problems come on top, whose impulses let no bodies approach. Relaxed solves, and methods that count something else, have limits of their own",
         ).within(Range::Positive),
         key(
             "friction",
