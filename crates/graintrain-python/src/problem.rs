@@ -166,9 +166,8 @@ impl Problem {
             max_iterations,
             max_time: max_seconds.map(limit).transpose()?,
             friction,
-            curvature: None,
             stop: Some(Arc::clone(&stop)),
-            ranks: None,
+            ..SolveSettings::default()
         };
         let mut solver = solver.parse::<SolverSpec>().and_then(|spec| spec.build()).or_raise()?;
         let report =

@@ -8,9 +8,10 @@
 //! in these ([`Cost`]). A stage gets half of what is left at most, the last one all of it; one that could not do anything with its share is left out.
 //! So a solve with a limit ends with a method that makes a small residual a little smaller rather than in the midst of one that swings.
 //!
-//! **Finish.** Where masses differ by many orders, first-order methods end a solve with a limit before they have found which bodies carry
-//! which, and bodies pass through each other. [`SolveSettings::finish`] allows some relaxed problems by a second-order method on top,
-//! with De Saxce's shift held [from below](fixed_point::from_below): what they leave over lets bodies part, and none approach.
+//! **Finish.** Where masses differ by many orders, first-order methods end a solve with a limit before they
+//! have found which bodies carry which, and bodies pass through each other. [`SolveSettings::finish`] allows
+//! some relaxed problems by a second-order method on top, with De Saxce's shift held [from
+//! below](fixed_point::from_below): what they leave over lets bodies part, and none approach.
 //!
 //! **Exact friction.** `apgs` and `apgd` treat it in their iterations ([`CcpSolver::solve_exact`]). The problem has no objective, and any of
 //! them may circle where another gets on. So they hold a race: a turn of each, from where the one before
@@ -385,8 +386,8 @@ impl Cascade {
         }
     }
 
-    /// Ends a solve with a limit that is far from a solution of the exact problem: by the last second-order member of
-    /// the fixed point that takes the problem.
+    /// Ends a solve with a limit that is far from a solution of the exact problem: by the last second-order
+    /// member of the fixed point that takes the problem.
     fn finish(
         &mut self,
         table: &[Stage],

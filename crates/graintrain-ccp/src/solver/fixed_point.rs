@@ -150,19 +150,22 @@ impl Default for BelowParameters {
     }
 }
 
-/// Impulses that let no bodies approach, where exact friction is out of reach: relaxed problems with the shift held at or below
-/// De Saxce's term.
+/// Impulses that let no bodies approach, where exact friction is out of reach: relaxed problems with the
+/// shift held at or below De Saxce's term.
 ///
-/// With s held the normal velocity of the solution is u_n >= sigma - s, sigma = mu |u_t|: a contact parts by sigma - s where s is
-/// below sigma, and bodies approach, by s - sigma, where it is above. So s, once raised, only falls,
+/// With s held the normal velocity of the solution is u_n >= sigma - s, sigma = mu |u_t|: a contact parts by
+/// sigma - s where s is below sigma, and bodies approach, by s - sigma, where it is above. So s, once raised,
+/// only falls,
 ///
 /// ```text
 /// s_0 = 0,    s_1 = theta sigma(s_0),    s_(k+1) = min(s_k, theta sigma(s_k)),    theta < 1
 /// ```
 ///
-/// until s_i - sigma_i <= `approach` V at every contact. s_0 is the relaxation of the problem, which is left where the sequence does not get
-/// there. Every problem is convex, and its impulses take energy. The error that is left is in the residual of the report, whose status tells of
-/// the exact problem. `settings.max_iterations` bounds the iterations together. Cost: one relaxed solve and some from near their solution.
+/// until s_i - sigma_i <= `approach` V at every contact. s_0 is the relaxation of the problem, which is left
+/// where the sequence does not get there. Every problem is convex, and its impulses take energy. The error
+/// that is left is in the residual of the report, whose status tells of the exact problem.
+/// `settings.max_iterations` bounds the iterations together. Cost: one relaxed solve and some from near their
+/// solution.
 ///
 /// # Errors
 /// Those of the solver.

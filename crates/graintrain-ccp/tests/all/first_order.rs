@@ -328,8 +328,8 @@ fn a_thousand_random_problems_with_exact_friction() {
     assert!(unsolved.len() <= 10, "{unsolved:?}");
 }
 
-/// A solve that its limit ends far from a solution is finished from below: impulses in their cones that take energy, contacts
-/// that do not approach, and an answer that says that it is not the exact one.
+/// A solve that its limit ends far from a solution is finished from below: impulses in their cones that take
+/// energy, contacts that do not approach, and an answer that says that it is not the exact one.
 #[test]
 fn a_solve_that_ran_out_is_finished_without_approach() {
     let mut finished = 0;

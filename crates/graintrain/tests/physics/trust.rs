@@ -366,8 +366,9 @@ fn a_loose_tolerance_is_no_licence_to_overlap() {
     assert_eq!(places, poured(LOOSEST).1);
 }
 
-/// Balls of seven densities over six orders of magnitude, poured at random into a box, with exact friction: first-order methods end far
-/// from a solution within the budget of a step, and its finish lets none sink into another. Without it they overlap by 10 % of a radius.
+/// Balls of seven densities over six orders of magnitude, poured at random into a box, with exact friction:
+/// first-order methods end far from a solution within the budget of a step, and its finish lets none sink
+/// into another. Without it they overlap by 10 % of a radius.
 #[test]
 fn mixed_masses_poured_into_a_box_do_not_sink_into_each_other() {
     let mut world = world(0.4, 0.0);
