@@ -463,7 +463,13 @@ impl Cascade {
             Task::Finish => {
                 let parameters = &self.finish.from_below;
                 let found = fixed_point::from_below(member, problem, &mut g, &settings, parameters)?;
-                let Some(report) = found else { return Ok(false) };
+                let Some(report) = found else {
+                    let is_stopped = limits.status(0, f64::MAX) == Some(Status::Stopped);
+                    if is_stopped {
+                        course.status = Status::Stopped;
+                    }
+                    return Ok(is_stopped);
+                };
                 course.best = Best::default();
                 Ok(report)
             }
