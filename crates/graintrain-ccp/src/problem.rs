@@ -314,7 +314,7 @@ impl Ccp {
     }
 
     /// # Errors
-    /// [`CcpError::Unsupported`] where contacts resist turning or are compliant, where bodies are coupled or a cell gives way: for solvers that have no cone for the one or
+    /// [`CcpError::Unsupported`] where contacts resist turning or are compliant, where bodies are coupled or the cell is stress-controlled: for solvers that have no cone for the one or
     /// take bodies one by one.
     pub(crate) fn require_sliding_alone(&self, solver: &str) -> Result<(), CcpError> {
         let reason = match &*self.delassus {
@@ -328,14 +328,14 @@ impl Ccp {
                 "contacts are compliant; it takes the problem with N as a matrix"
             }
             Delassus::Rigid(rigid) if rigid.cell().is_some() => {
-                "the periodic cell gives way; it takes the problem with N as a matrix"
+                "the periodic cell is stress-controlled; it takes the problem with N as a matrix"
             }
             _ => return Ok(()),
         };
         Err(CcpError::Unsupported { solver: solver.to_string(), reason: reason.to_string() })
     }
 
-    /// Contacts across the boundary of a cell that gives way: N as a matrix has a block for each two of them.
+    /// Contacts across the boundary of a stress-controlled cell: N as a matrix has a block for each two of them.
     pub(crate) fn contacts_across(&self) -> usize {
         match &*self.delassus {
             Delassus::Rigid(rigid) => rigid.cell().map_or(0, |cell| cell.ways.len()),
@@ -343,7 +343,7 @@ impl Ccp {
         }
     }
 
-    /// The same problem with N as a matrix, where a cell gives way; `None` where none does.
+    /// The same problem with N as a matrix, where the cell is stress-controlled; `None` where none does.
     pub fn with_cell_as_matrix(&self) -> Option<Self> {
         match &*self.delassus {
             Delassus::Rigid(rigid) if rigid.cell().is_some() => {

@@ -49,10 +49,10 @@ pub struct Elasticity {
 }
 
 impl Elasticity {
-    /// None: contacts do not give way.
+    /// None: contacts are rigid.
     pub const RIGID: Self = Self { stiffness: 0.0, damping: 0.0 };
 
-    /// Whether contacts do not give way.
+    /// Whether contacts are rigid.
     pub fn is_rigid(&self) -> bool {
         self.stiffness == 0.0
     }

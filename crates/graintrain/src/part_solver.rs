@@ -92,7 +92,7 @@ impl PartSolver<'_> {
             return Ok(Solved { report, parts: 1 });
         };
         if rigid.cell().is_some() {
-            // A cell that gives way is one part.
+            // A stress-controlled cell is one part.
             let settings = self.bounded(problem);
             let report = self.solver.solve(problem, impulse, &settings)?;
             return Ok(Solved { report, parts: 1 });

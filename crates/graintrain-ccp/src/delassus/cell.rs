@@ -1,4 +1,4 @@
-//! A periodic cell that gives way: its deformation is one more body, moved by the impulses across the boundary.
+//! A stress-controlled periodic cell: its deformation is one more body, moved by the impulses across the boundary.
 
 use super::RigidDelassus;
 use graintrain_linalg::block3::Block;
@@ -56,7 +56,7 @@ impl CellModes {
 }
 
 impl RigidDelassus {
-    /// N of contacts in a cell that gives way. Products go through bodies; solvers that need more take N as a matrix
+    /// N of contacts in a stress-controlled cell. Products go through bodies; solvers that need more take N as a matrix
     /// ([`Self::assemble`]), which couples every contact across the boundary with every other one.
     ///
     /// # Panics
@@ -79,7 +79,7 @@ impl RigidDelassus {
         self
     }
 
-    /// The cell, where there is one that gives way and that contacts reach across.
+    /// The cell, where there is one that is stress-controlled and that contacts reach across.
     pub fn cell(&self) -> Option<&CellModes> {
         self.cell.as_ref()
     }

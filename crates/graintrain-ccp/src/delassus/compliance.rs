@@ -1,4 +1,4 @@
-//! Contacts that give way: a diagonal beside D^T M^-1 D.
+//! Compliant contacts: a diagonal beside D^T M^-1 D.
 
 use super::RigidDelassus;
 use std::sync::OnceLock;
@@ -36,12 +36,12 @@ impl RigidDelassus {
         &self.compliance
     }
 
-    /// Whether N = D^T M^-1 D with bodies that move one by one: neither coupled bodies nor compliant contacts nor a cell that gives way.
+    /// Whether N = D^T M^-1 D with bodies that move one by one: neither coupled bodies nor compliant contacts nor a stress-controlled cell.
     pub fn is_plain(&self) -> bool {
         self.is_plain_but_for_cell() && self.cell.is_none()
     }
 
-    /// Whether bodies move one by one but for the images of a cell that gives way: neither coupled bodies nor compliant contacts.
+    /// Whether bodies move one by one but for the images of a stress-controlled cell: neither coupled bodies nor compliant contacts.
     pub(crate) fn is_plain_but_for_cell(&self) -> bool {
         self.coupled.is_empty() && self.compliance.is_empty()
     }

@@ -57,7 +57,7 @@ pub struct RigidDelassus {
     pub(super) group_of: Vec<(u32, u32)>,
     /// Compliances of the normal rows, 1/kg; empty where all contacts are rigid.
     pub(super) compliance: Vec<f64>,
-    /// A periodic cell that gives way.
+    /// A stress-controlled periodic cell.
     pub(super) cell: Option<CellModes>,
     /// Diagonals of the blocks N_ii, made when first asked for.
     pub(super) diagonal: OnceLock<Vec<[f64; 3]>>,

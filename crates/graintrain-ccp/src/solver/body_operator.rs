@@ -192,7 +192,7 @@ pub(super) struct BodyOperator {
     /// Number of places of bodies and of images; that after the last one is the fixed body's.
     num_places: usize,
     slots: SlotTable,
-    /// A periodic cell that gives way.
+    /// A stress-controlled periodic cell.
     cell: Option<Box<PackedCell>>,
     /// What this rank does of a pass, where there are several.
     share: Option<Box<Share>>,
@@ -295,7 +295,7 @@ impl BodyOperator {
         }
     }
 
-    /// The ranks that do the passes together; `None` does all of them here. Not where a cell gives way.
+    /// The ranks that do the passes together; `None` does all of them here. Not where the cell is stress-controlled.
     pub(super) fn share_among(&mut self, ranks: Option<&Arc<Ranks>>) {
         self.share = self.slots.share(ranks.filter(|_| self.cell.is_none()), BODIES);
     }
@@ -393,7 +393,7 @@ impl BodyOperator {
 
     /// Gauss-Seidel over all contacts: `contacts` get the velocities D^T v of a batch and change its impulses; the velocities of
     /// the bodies follow at once. Batches of a [`Run`] that share no body are computed side by side, others contact by contact:
-    /// the result is that of one contact after the other in the order of the packing. Not for a cell that gives way, which one contact would move for all.
+    /// the result is that of one contact after the other in the order of the packing. Not for a stress-controlled cell, which one contact would move for all.
     #[inline(always)]
     pub(super) fn sweep<V: Vector>(&self, image: &mut [Lanes], contacts: &mut impl Update<V>) {
         assert!(self.cell.is_none(), "sweeps over a cell go through the rows of N");

@@ -1,4 +1,4 @@
-//! Images of bodies across the boundary of a cell that gives way, among the bodies that passes see.
+//! Images of bodies across the boundary of a stress-controlled cell, among the bodies that passes see.
 //!
 //! A contact across the boundary is packed as one with a body of its own, the image, at a place behind all bodies. Passes over contacts know
 //! nothing of cells. A pass over bodies lets images follow: with the body k(b) that is at the way b from its image,
@@ -92,7 +92,7 @@ impl Motion for Octet {
     }
 }
 
-/// A cell that gives way, as a pass over bodies sees it.
+/// A stress-controlled cell, as a pass over bodies sees it.
 #[derive(Clone, Debug)]
 pub(super) struct PackedCell {
     images: Vec<ImageBody>,

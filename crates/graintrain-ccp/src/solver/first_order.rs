@@ -199,7 +199,7 @@ impl<M: FirstOrderMethod> FirstOrder<M> {
             check_start(problem, last)?;
         }
         let mut begun = Begun::default();
-        // One contact of a cell that gives way moves all bodies: sweeps go through the rows of N.
+        // One contact of a stress-controlled cell moves all bodies: sweeps go through the rows of N.
         let over_bodies = !M::SWEEPS || problem.contacts_across() == 0;
         if M::SINGLE && over_bodies && single::suits(problem, settings, &self.parameters.single) {
             if last.is_none()
@@ -296,7 +296,7 @@ fn good_enough<M: FirstOrderMethod>(
     model: FrictionModel,
 ) -> Option<SolveReport> {
     let Delassus::Rigid(rigid) = &*problem.delassus else { return None };
-    // In a cell that gives way one contact moves all bodies: no few contacts tell what a start is worth.
+    // In a stress-controlled cell one contact moves all bodies: no few contacts tell what a start is worth.
     if rigid.cell().is_none() {
         let scale = ResidualScale::new(problem);
         let few = limits.judged(sampled_residual(problem, rigid, &scale, impulse, model));

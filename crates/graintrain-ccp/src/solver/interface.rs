@@ -7,7 +7,7 @@ use crate::problem::{Ccp, CcpError};
 /// Iterations that a first-order method is allowed where the settings name no limit.
 pub(crate) const ITERATION_LIMIT: usize = 100_000;
 
-/// Contacts across the boundary of a cell that gives way up to which methods that need N as a matrix, with a block for each two of them, are tried.
+/// Contacts across the boundary of a stress-controlled cell up to which methods that need N as a matrix, with a block for each two of them, are tried.
 const CELL_CONTACTS: usize = 200;
 
 /// Which problems a method takes.
@@ -15,7 +15,7 @@ const CELL_CONTACTS: usize = 200;
 pub struct Capabilities {
     /// Contacts that resist turning ([`Ccp::turning`]).
     pub turning: bool,
-    /// Bodies in a periodic cell that gives way ([`CellModes`](crate::CellModes)); others are given N as a matrix.
+    /// Bodies in a stress-controlled periodic cell ([`CellModes`](crate::CellModes)); others are given N as a matrix.
     pub cell: bool,
     /// Exact friction in its own iterations ([`CcpSolver::solve_exact`]).
     pub exact: bool,

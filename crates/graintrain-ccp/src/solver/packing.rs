@@ -14,7 +14,7 @@ pub(super) struct Packing {
     pub contacts: Vec<u32>,
     /// Place of each body.
     pub bodies: Vec<u32>,
-    /// Images of bodies across the boundary of a cell that gives way; their places come after those of bodies.
+    /// Images of bodies across the boundary of a stress-controlled cell; their places come after those of bodies.
     pub images: Images,
 }
 

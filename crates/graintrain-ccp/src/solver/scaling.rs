@@ -143,7 +143,7 @@ impl ScaledProblem {
         Self::packed(problem, residual, false)
     }
 
-    /// The same for a method that makes [sweeps](Self::sweep): in a cell that gives way one contact moves bodies everywhere, and sweeps go through the rows of N.
+    /// The same for a method that makes [sweeps](Self::sweep): in a stress-controlled cell one contact moves bodies everywhere, and sweeps go through the rows of N.
     pub fn for_sweeps(problem: &Ccp, residual: &ResidualScale) -> Self {
         Self::packed(problem, residual, true)
     }
@@ -164,7 +164,7 @@ impl ScaledProblem {
                 add_turning(&mut packing.contacts);
                 (Operator::Bodies(BodyOperator::new(rigid, &packing, &scaling)), packing.contacts)
             }
-            // Over bodies that move together, with compliant contacts, and for sweeps in a cell that gives way, a product goes through the rows of N.
+            // Over bodies that move together, with compliant contacts, and for sweeps in a stress-controlled cell, a product goes through the rows of N.
             matrix => {
                 let mut order: Vec<u32> = (0..contacts as u32).collect();
                 add_turning(&mut order);

@@ -33,7 +33,7 @@ pub struct Parameters {
     /// a new round too.
     pub bent: f64,
     /// A contact is a phantom if the bodies, without it, overlap on their way by no more than this fraction of what it foresees.
-    pub ghostly: f64,
+    pub phantom: f64,
     /// Where bodies fall by more than this fraction of the smaller one's size in a step, what they do without each other says nothing
     /// of their contacts.
     pub fallen: f64,
@@ -51,7 +51,7 @@ impl Default for Parameters {
         Self {
             missed: 5e-4,
             bent: 5e-3,
-            ghostly: 0.2,
+            phantom: 0.2,
             fallen: 0.1,
             rounds: 30,
             phantom_rounds: 3,
@@ -455,7 +455,7 @@ impl Stepper {
                 .collect();
             let least = barred.iter().map(|&k| -foreseen(k) - fall).fold(f64::INFINITY, f64::min);
             let allowed =
-                (self.parameters.repetition.ghostly * least).min(self.parameters.repetition.missed * size);
+                (self.parameters.repetition.phantom * least).min(self.parameters.repetition.missed * size);
             if !barred.is_empty() && self.collider.pass_freely(world, bodies, velocities, step, allowed, fall)
             {
                 found.extend(barred.iter().map(|&k| attempt.active[k] as usize));

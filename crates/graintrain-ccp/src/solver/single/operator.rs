@@ -94,7 +94,7 @@ pub(super) struct SingleOperator {
     pub(super) slots: SlotTable,
     /// Number of places of bodies and of images; that after the last one is the fixed body's.
     pub(super) num_places: usize,
-    /// A periodic cell that gives way.
+    /// A stress-controlled periodic cell.
     pub(super) cell: Option<PackedCell>,
     /// What this rank does of a pass, where there are several.
     pub(super) share: Option<Box<Share>>,
