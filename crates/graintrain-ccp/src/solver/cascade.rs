@@ -462,16 +462,12 @@ impl Cascade {
             Task::FixedPoint => fixed_point::solve(member, problem, &mut g, &settings, &self.fixed_point),
             Task::Finish => {
                 let parameters = &self.finish.from_below;
-                let found = fixed_point::from_below(member, problem, &mut g, &settings, parameters)?;
-                let Some(report) = found else {
-                    let is_stopped = limits.status(0, f64::MAX) == Some(Status::Stopped);
-                    if is_stopped {
-                        course.status = Status::Stopped;
-                    }
-                    return Ok(is_stopped);
-                };
-                course.best = Best::default();
-                Ok(report)
+                let report = fixed_point::from_below(member, problem, &mut g, &settings, parameters);
+                let is_whole = report.as_ref().is_ok_and(|report| report.status != Status::Stopped);
+                if is_whole && g.iter().any(|&g| g != 0.0) {
+                    course.best = Best::default();
+                }
+                report
             }
         };
         match report {

@@ -140,7 +140,7 @@ pub struct BelowParameters {
     pub approach: f64,
     /// Relaxed problems at most.
     pub solves: usize,
-    /// Their tolerance at most.
+    /// Their tolerance.
     pub tolerance: f64,
 }
 
@@ -161,11 +161,12 @@ impl Default for BelowParameters {
 /// s_0 = 0,    s_1 = theta sigma(s_0),    s_(k+1) = min(s_k, theta sigma(s_k)),    theta < 1
 /// ```
 ///
-/// until s_i - sigma_i <= `approach` V at every contact. s_0 is the relaxation of the problem, which is left
-/// where the sequence does not get there. Every problem is convex, and its impulses take energy. The error
-/// that is left is in the residual of the report, whose status tells of the exact problem.
-/// `settings.max_iterations` bounds the iterations together. Cost: one relaxed solve and some from near their
-/// solution.
+/// until s_i - sigma_i <= `approach` V at every contact. Where the sequence does not get there, its iterate of
+/// least approach is taken, and where that lets bodies approach by more than V, s_0, the relaxation of the
+/// problem. Every problem is convex, and its impulses take energy. The error that is left is in the residual of
+/// the report, whose status tells of the exact problem. Where not even the relaxation is solved the impulses
+/// stay as they are. `settings.max_iterations` bounds the iterations together. Cost: one relaxed solve and some
+/// from near their solution.
 ///
 /// # Errors
 /// Those of the solver.
@@ -175,27 +176,32 @@ pub fn from_below(
     impulse: &mut [f64],
     settings: &SolveSettings,
     parameters: &BelowParameters,
-) -> Result<Option<SolveReport>, CcpError> {
+) -> Result<SolveReport, CcpError> {
     let limits = Limits::start(settings, usize::MAX);
     let contacts = problem.num_contacts();
     let scale = ResidualScale::new(problem);
+    // What the start of each solve costs counts; that of the first the caller has taken off.
+    let cost = relaxed.cost(problem);
+    let of_start = (cost.start / cost.iteration) as usize;
     let mut shifted = Ccp { velocity_scale: Some(scale.velocity), ..problem.clone() };
     let (mut work, mut u) = (problem.delassus.work(), vec![0.0; problem.r.len()]);
-    let (mut g, mut shift, mut held) = (vec![0.0; problem.r.len()], vec![0.0; contacts], None);
-    let mut all: Option<SolveReport> = None;
+    let (mut g, mut shift, mut least) = (vec![0.0; problem.r.len()], vec![0.0; contacts], scale.velocity);
+    let (mut sums, mut newton) = ([0; 3], Vec::new());
     for solve in 0..parameters.solves {
-        let spent = all.as_ref().map_or(0, |report| report.iterations);
         let inner = SolveSettings {
-            tolerance: settings.tolerance.min(parameters.tolerance),
-            max_iterations: Some(limits.iterations_left(spent).min(relaxed.iteration_limit())),
+            tolerance: parameters.tolerance,
+            max_iterations: Some(
+                limits.iterations_left(sums[0] + solve * of_start).min(relaxed.iteration_limit()),
+            ),
             max_time: limits.time_left(),
             friction: FrictionModel::Relaxed,
             ..settings.clone()
         };
-        let report = relaxed.solve(&shifted, &mut g, &inner)?;
-        let is_solved = report.converged();
-        all = Some(all.map_or(report.clone(), |all| report.after(&all)));
-        if !is_solved {
+        let mut report = relaxed.solve(&shifted, &mut g, &inner)?;
+        let of_solve = [report.iterations, report.linear_iterations, report.products];
+        sums.iter_mut().zip(of_solve).for_each(|(sum, own)| *sum += own);
+        newton.append(&mut report.newton);
+        if !report.converged() {
             break;
         }
         problem.velocity(&g, &mut u, &mut work);
@@ -207,20 +213,21 @@ pub fn from_below(
             *shift = if solve == 0 { image } else { shift.min(image) };
             shifted.r[3 * i] = problem.r[3 * i] + *shift;
         }
-        let is_near = approach <= parameters.approach * scale.velocity;
-        if is_near {
-            held = Some(g.clone());
+        if solve == 0 || approach < least {
+            impulse.copy_from_slice(&g);
         }
-        if is_near && solve > 0 {
-            break;
+        if solve > 0 {
+            least = approach.min(least);
+            if approach <= parameters.approach * scale.velocity {
+                break;
+            }
         }
     }
-    let (Some(held), Some(all)) = (held, all) else { return Ok(None) };
-    impulse.copy_from_slice(&held);
-    let status = limits.status(all.iterations, f64::MAX).unwrap_or(Status::IterationLimit);
-    let report =
-        limits.report(&relaxed.name(), problem, impulse, status, all.iterations, all.linear_iterations);
-    Ok(Some(SolveReport { products: all.products, newton: all.newton, ..report }))
+    let status = limits.status(sums[0], f64::MAX).unwrap_or(Status::IterationLimit);
+    let report = limits.report(&relaxed.name(), problem, impulse, status, sums[0], sums[1]);
+    let mut history = History::default();
+    history.record(sums[0], limits.seconds(), report.residual);
+    Ok(SolveReport { products: sums[2], newton, history: history.into_samples(), ..report })
 }
 
 /// The problem without friction: where not even that has a solution, the exact one has none. Impulses that keep the bodies

@@ -409,5 +409,6 @@ fn mixed_masses_poured_into_a_box_do_not_sink_into_each_other() {
         deepest = deepest.max(report.penetration_max_over_size);
     }
     println!("mixed masses: {missed} steps missed the tolerance, overlap {deepest:.1e} of a radius");
+    assert!(missed > 0, "nothing was finished");
     assert!(deepest < 0.01, "{deepest}");
 }
