@@ -155,7 +155,7 @@ impl Warnings {
                     "its contact problem has no solution (jammed bodies). Try a shorter step"
                 }
                 _ => {
-                    "the best impulses found are taken. Try a shorter step, another --solver (auto, ipm) or a looser --tolerance"
+                    "the step is made with the best impulses found. Try a shorter step, another --solver (auto, ipm) or a looser --tolerance"
                 }
             };
             let remark = solve.remark.as_ref().map_or(String::new(), |remark| format!("; {remark}"));

@@ -129,8 +129,11 @@ impl PartSolver<'_> {
     /// What is asked of the solve of a part.
     fn bounded(&self, problem: &Ccp) -> SolveSettings {
         let settings = self.settings.clone();
-        // Relaxed solves, and methods that count iterations of their own, have their limits.
-        let is_exact = settings.friction == FrictionModel::Coulomb && self.solver.capabilities().exact;
+        // Relaxed problems (those without friction are), and methods that count iterations of their own, have
+        // their limits.
+        let is_exact = settings.friction == FrictionModel::Coulomb
+            && problem.has_friction()
+            && self.solver.capabilities().exact;
         if settings.max_iterations.is_some() || !is_exact {
             return settings;
         }

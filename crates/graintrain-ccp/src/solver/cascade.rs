@@ -11,7 +11,7 @@
 //! **Finish.** Where masses differ by many orders, first-order methods end a solve with a limit before they
 //! have found which bodies carry which, and bodies pass through each other. [`SolveSettings::finish`] allows
 //! some relaxed problems by a second-order method on top, with De Saxce's shift held [from
-//! below](fixed_point::from_below): what they leave over lets bodies part, and none approach.
+//! below](fixed_point::from_below): what they leave over lets bodies part, and next to none approach.
 //!
 //! **Exact friction.** `apgs` and `apgd` treat it in their iterations ([`CcpSolver::solve_exact`]). The problem has no objective, and any of
 //! them may circle where another gets on. So they hold a race: a turn of each, from where the one before
@@ -195,7 +195,8 @@ struct Runner {
     rate: Option<f64>,
 }
 
-/// Exact friction with the members of [`exact_members`] from number `first` on, and relaxed ones for the fixed point.
+/// Exact friction with the members of [`exact_members`] from number `first` on, and relaxed ones for the fixed
+/// point, of which the last, of second order, makes the finish.
 fn exact_table(first: usize, relaxed: &[usize]) -> Vec<Stage> {
     let path = first + 3;
     let race = |start, most| Stage::new(first, Task::Race, start, most);
@@ -209,6 +210,7 @@ fn exact_table(first: usize, relaxed: &[usize]) -> Vec<Stage> {
         Stage::new(path, Task::Solve, Start::Zero, 1_000_000),
     ];
     table.extend(relaxed.iter().map(|&member| Stage::new(member, Task::FixedPoint, Start::Best, 300_000)));
+    table.extend(relaxed.last().map(|&member| Stage::new(member, Task::Finish, Start::Zero, usize::MAX)));
     table
 }
 
@@ -302,7 +304,10 @@ impl CcpSolver for Cascade {
         if !problem.turning.is_empty() && !self.capabilities().turning {
             return self.members[0].solve(problem, impulse, settings);
         }
-        let fits = |stage: &&Stage| self.members[stage.member].capabilities().fit(problem);
+        let fits = |stage: &&Stage| {
+            let is_asked_for = stage.task != Task::Finish || settings.finish > 0;
+            is_asked_for && self.members[stage.member].capabilities().fit(problem)
+        };
         let mut table: Vec<Stage> = self.table(settings).iter().filter(fits).copied().collect();
         if table.is_empty() {
             // What was asked for is done, whatever a matrix costs.
@@ -311,21 +316,29 @@ impl CcpSolver for Cascade {
         check_start(problem, impulse)?;
         let limits = Limits::start(settings, usize::MAX);
         let mut course = Course::new(impulse, self.members.len(), table.len());
+        let last = table.iter().rposition(|stage| stage.task != Task::Finish);
         for (place, stage) in table.iter().enumerate() {
-            let is_last = place + 1 == table.len() || stage.most == usize::MAX;
-            let share = if is_last { course.left(&limits) } else { course.left(&limits).div_ceil(2) };
+            let gets_all = Some(place) == last || stage.most == usize::MAX;
+            let share = match stage.task {
+                Task::Finish if course.best.residual() <= self.finish.above.max(settings.tolerance) => 0,
+                Task::Finish => settings.finish,
+                _ if gets_all => course.left(&limits),
+                _ => course.left(&limits).div_ceil(2),
+            };
             let share = share.min(stage.most);
+            if place > 0 && share == 0 {
+                continue;
+            }
             let ended = match stage.task {
                 Task::Round | Task::Race => {
                     self.race(stage, share, problem, settings, &limits, &mut course)?
                 }
                 _ => self.make(stage, share, problem, settings, &limits, &mut course)?,
             };
-            if ended || (table.len() > 1 && course.left(&limits) == 0) {
+            if ended {
                 break;
             }
         }
-        self.finish(&table, problem, settings, &limits, &mut course)?;
         course.best.restore(impulse);
         Ok(course.report(self, problem, impulse, &limits))
     }
@@ -386,30 +399,6 @@ impl Cascade {
         }
     }
 
-    /// Ends a solve with a limit that is far from a solution of the exact problem: by the last second-order
-    /// member of the fixed point that takes the problem.
-    fn finish(
-        &mut self,
-        table: &[Stage],
-        problem: &Ccp,
-        settings: &SolveSettings,
-        limits: &Limits<'_>,
-        course: &mut Course,
-    ) -> Result<(), CcpError> {
-        let has_ended = matches!(course.status, Status::Converged | Status::Stopped | Status::Infeasible);
-        let enough = self.finish.above.max(settings.tolerance);
-        if settings.finish == 0 || has_ended || course.best.residual() <= enough {
-            return Ok(());
-        }
-        let is_second_order = |stage: &&Stage| !self.members[stage.member].capabilities().exact;
-        let last = table.iter().filter(|stage| stage.task == Task::FixedPoint).rfind(is_second_order);
-        if let Some(last) = last {
-            let stage = Stage { task: Task::Finish, start: Start::Zero, ..*last };
-            self.make(&stage, settings.finish, problem, settings, limits, course)?;
-        }
-        Ok(())
-    }
-
     /// Makes a stage that may cost so much; whether it ends the solve.
     fn make(
         &mut self,
@@ -431,7 +420,7 @@ impl Cascade {
         if allowed < cost.least && is_limited && !course.stages.is_empty() {
             return Ok(false);
         }
-        let bounded = is_limited || stage.most != usize::MAX;
+        let bounded = share != usize::MAX;
         let settings = SolveSettings {
             max_iterations: bounded.then_some(allowed),
             max_time: limits.time_left(),

@@ -350,7 +350,7 @@ fn a_solve_that_ran_out_is_finished_without_approach() {
         };
         let [(_, before), (g, after)] = [solve(), solve()];
         let is_finished = after.solver.contains("ipm");
-        let is_far = before.residual.max > 0.03 && !before.solver.contains("path");
+        let is_far = before.residual.max > 0.03;
         eligible += usize::from(is_far);
         assert!(!is_finished || before.residual.max > 0.03, "seed {seed}: {before:?}");
         if !is_finished {
@@ -370,7 +370,7 @@ fn a_solve_that_ran_out_is_finished_without_approach() {
             power += (0..3).map(|k| g[k] * u[k]).sum::<f64>();
         }
         let size = scale.velocity * g.iter().map(|g| g.abs()).sum::<f64>();
-        assert!(power <= 1e-2 * size, "seed {seed}: impulses make energy, {power:e} of {size:e}");
+        assert!(power <= 1e-3 * size, "seed {seed}: impulses make energy, {power:e} of {size:e}");
     }
     println!("{finished} of {eligible} were finished");
     assert!(10 * finished >= 9 * eligible && eligible > 50);

@@ -5,6 +5,7 @@ use graintrain_ccp::paper::pdip::{Pdip, Rule};
 use graintrain_ccp::registry::Method;
 use graintrain_ccp::{Ccp, CcpError, CcpSolver, Delassus, FrictionModel, SolveSettings, SolverSpec, Status};
 use graintrain_linalg::block3::BlockMatrix3;
+use std::sync::{Arc, atomic::AtomicBool};
 use std::time::Duration;
 
 /// N block-diagonal with these diagonals.
@@ -148,9 +149,8 @@ fn no_solver_returns_impulses_that_are_not_numbers() {
     }
 }
 
-/// Walls that close on a ball, contacts between immovable bodies: the objective has no lower bound.
-#[test]
-fn interior_points_say_that_there_is_no_solution() {
+/// Walls that close on a ball, contacts between immovable bodies.
+fn without_solution() -> [Ccp; 3] {
     let wedged = {
         // The ball's normal velocities towards two walls are opposite.
         let block = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
@@ -161,7 +161,38 @@ fn interior_points_say_that_there_is_no_solution() {
     };
     let nothing_moves = diagonal(&[[0.0; 3]], &[-1.0, 0.3, 0.1], &[0.5]);
     let one_moves = diagonal(&[[0.0; 3], [1.0; 3]], &[-1.0, 0.3, 0.1, -1.0, 0.2, 0.1], &[0.5; 2]);
-    for (case, problem) in [wedged, nothing_moves, one_moves].iter().enumerate() {
+    [wedged, nothing_moves, one_moves]
+}
+
+/// Where the relaxed problem has no solution, or the solve is stopped, a finish changes nothing.
+#[test]
+fn a_finish_that_leads_nowhere_keeps_the_best_impulses() {
+    for (case, problem) in without_solution().iter().enumerate() {
+        for stop in [false, true] {
+            let solve = |finish| {
+                let settings = SolveSettings {
+                    friction: FrictionModel::Coulomb,
+                    max_iterations: Some(5),
+                    finish,
+                    stop: stop.then(|| Arc::new(AtomicBool::new(true))),
+                    ..Default::default()
+                };
+                let mut impulse = vec![0.0; problem.r.len()];
+                let mut solver = "auto".parse::<SolverSpec>().unwrap().build().unwrap();
+                let report = solver.solve(problem, &mut impulse, &settings).unwrap();
+                assert!(!report.converged(), "case {case}: {report:?}");
+                assert_eq!(stop, report.status == Status::Stopped, "case {case}: {report:?}");
+                (impulse, report.residual.max)
+            };
+            assert_eq!(solve(0), solve(90_000), "case {case}, stop {stop}");
+        }
+    }
+}
+
+/// The objective has no lower bound.
+#[test]
+fn interior_points_say_that_there_is_no_solution() {
+    for (case, problem) in without_solution().iter().enumerate() {
         for name in ["pdip", "ipm+cholesky", "scip"] {
             let mut impulse = vec![0.0; problem.r.len()];
             let mut solver = name.parse::<SolverSpec>().unwrap().build().unwrap();
