@@ -78,7 +78,7 @@ impl Hull {
         // About the middle, so that points far from their origin lose no digits.
         let middle = 0.5 * (low + high);
         let own: Vec<Vec3> = points.iter().map(|point| *point - middle).collect();
-        let triangles = triangulate::triangulate(&own, TOLERANCE * extent).ok_or_else(flat)?;
+        let triangles = triangulate::triangulate(&own, TOLERANCE * extent, None).ok_or_else(flat)?;
         let fractions = std::iter::successors(Some(TOLERANCE), |last| Some(4.0 * last))
             .take_while(|fraction| *fraction <= MOST_TOLERANCE);
         let mut hull = fractions
@@ -98,6 +98,22 @@ impl Hull {
             face.offset -= face.normal.dot(centre);
         }
         Ok((hull, middle + centre))
+    }
+
+    /// Of points whose hull has more corners than `most` (at least 4), the corners of a hull of at most so many:
+    /// quickhull that stops there, and always takes the point next that lies farthest outside. All points where they
+    /// lie in a plane or are not finite. Cost: points times `most`.
+    pub fn outermost(points: &[Vec3], most: usize) -> Vec<Vec3> {
+        let low = points.iter().fold(Vec3::INFINITY, |low, p| low.min(*p));
+        let high = points.iter().fold(Vec3::NEG_INFINITY, |high, p| high.max(*p));
+        let tolerance = TOLERANCE * (high - low).length();
+        let is_needed = points.len() > most && tolerance.is_finite();
+        let triangles = is_needed.then(|| triangulate::triangulate(points, tolerance, Some(most))).flatten();
+        let Some(triangles) = triangles else { return points.to_vec() };
+        let mut corners: Vec<usize> = triangles.into_iter().flatten().collect();
+        corners.sort_unstable();
+        corners.dedup();
+        corners.into_iter().map(|corner| points[corner]).collect()
     }
 
     /// The corners, m.

@@ -1,8 +1,8 @@
-//! Vectors, quaternions and 3x3 matrices in f64, from one place (they come with the collision library), and the few
+//! Vectors, quaternions and matrices in f64, from one place (they come with the collision library), and the few
 //! operations on them that are missing there.
 
 use graintrain_linalg::real;
-pub use parry3d_f64::glamx::{DMat3 as Mat3, DQuat as Quat, DVec3 as Vec3};
+pub use parry3d_f64::glamx::{DMat3 as Mat3, DMat4 as Mat4, DQuat as Quat, DVec3 as Vec3};
 pub use parry3d_f64::math::Pose;
 
 /// Two unit vectors t1, t2 that make (n, t1, t2) a right-handed orthonormal frame; a continuous function of the unit

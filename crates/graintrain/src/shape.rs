@@ -66,11 +66,12 @@ pub struct Part {
 /// Rigid union of parts; shared by all bodies of the same form. Parts may overlap.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Geometry {
-    /// The parts, in a frame whose origin is the centre of mass (geometries without volume: any origin).
+    /// The parts, in a frame whose origin is the centre of mass of the body (geometries without volume: any origin).
+    /// None: a body that touches nothing.
     pub parts: Vec<Part>,
     /// Volume, m^3; zero for boundaries.
     pub volume: f64,
-    /// Inertia about the centre of mass per unit density, body axes, m^5.
+    /// Inertia about that origin per unit density, body axes, m^5.
     pub unit_inertia: Mat3,
 }
 
@@ -219,6 +220,21 @@ impl Geometry {
         let (volume, unit_inertia) = (shape.volume(), shape.unit_inertia());
         let part = Part { shape, position: Vec3::ZERO, orientation: Quat::IDENTITY };
         Ok(Self { parts: vec![part], volume, unit_inertia })
+    }
+
+    /// No form: of a body that touches nothing, whose mass has to be given.
+    pub fn formless() -> Self {
+        Self { parts: Vec::new(), volume: 0.0, unit_inertia: Mat3::ZERO }
+    }
+
+    /// The same form with its origin at this point of its frame: for a body whose given centre of mass is not that
+    /// of its volume. The inertia per density is about the new origin.
+    pub fn about(self, origin: Vec3) -> Self {
+        let outer = Mat3::from_cols(origin * origin.x, origin * origin.y, origin * origin.z);
+        let away = Mat3::from_diagonal(Vec3::splat(origin.length_squared())) - outer;
+        let parts = self.parts.into_iter().map(|part| Part { position: part.position - origin, ..part });
+        let unit_inertia = self.unit_inertia + self.volume * away;
+        Self { parts: parts.collect(), volume: self.volume, unit_inertia }
     }
 
     /// The same form with all lengths multiplied by a factor: volumes by its cube, inertias by its fifth power.

@@ -32,9 +32,6 @@ impl World {
         self.gravity_of_time.iter().flatten().try_for_each(|profile| profile.validate())?;
         self.validate_materials()?;
         for geometry in &self.geometries {
-            if geometry.parts.is_empty() {
-                return Err(ModelError::Empty { what: "a geometry" });
-            }
             for part in &geometry.parts {
                 part.shape.validate()?;
                 finite("the place of a part", &part.position.to_array())?;
@@ -51,6 +48,7 @@ impl World {
             bodies.into_iter().try_for_each(|body| index("body", body.index(), self.bodies.len()))?;
         }
         self.validate_joints()?;
+        self.ignored.iter().flatten().try_for_each(|body| index("body", body.index(), self.bodies.len()))?;
         self.validate_cell()?;
         self.validate_contacts()
     }

@@ -63,6 +63,8 @@ pub struct World {
     pub(crate) loads: Vec<Load>,
     /// Joints between bodies.
     pub(crate) joints: Vec<PlacedJoint>,
+    /// Pairs of bodies that do not collide: see [`World::ignore_collisions`].
+    pub(crate) ignored: Vec<[BodyId; 2]>,
     /// The cell in which space repeats, if it does: see [`World::set_cell`].
     pub(crate) cell: Option<Cell>,
     /// Geometries shared by bodies.
@@ -133,7 +135,12 @@ impl Body {
 const ROUNDED: f64 = 1e-3;
 
 impl MassProperties {
-    fn validate(&self, label: &str) -> Result<(), ModelError> {
+    /// Whether a body, for messages `label`, can have them.
+    ///
+    /// # Errors
+    /// [`ModelError::Value`] for a mass that is not positive or a number that is not finite, [`ModelError::Inertia`]
+    /// for a tensor that is not symmetric and positive definite, or has a principal moment above the sum of the others.
+    pub fn validate(&self, label: &str) -> Result<(), ModelError> {
         positive(format!("the mass of body {label}"), self.mass)?;
         let columns = self.inertia.to_cols_array();
         finite(&format!("the inertia of body {label}"), &columns)?;
@@ -181,6 +188,7 @@ impl Default for World {
             drag: Vec::new(),
             loads: Vec::new(),
             joints: Vec::new(),
+            ignored: Vec::new(),
             cell: None,
             geometries: Vec::new(),
             materials,
@@ -322,6 +330,36 @@ impl World {
         Ok(())
     }
 
+    /// From now on two bodies pass through each other: links of a robot whose shapes overlap where they meet.
+    /// Bodies that a joint connects do so without it ([`Joint::collide`](crate::joint::Joint::collide)).
+    ///
+    /// # Errors
+    /// [`ModelError::Index`] for a body that is none.
+    pub fn ignore_collisions(&mut self, a: BodyId, b: BodyId) -> Result<(), ModelError> {
+        let len = self.bodies.len();
+        if let Some(body) = [a, b].into_iter().find(|body| body.index() >= len) {
+            return Err(ModelError::Index { what: "body", index: body.index(), len });
+        }
+        self.ignored.push([a, b]);
+        Ok(())
+    }
+
+    /// Pairs of bodies that do not collide, by a joint or by themselves, lower index first, ascending.
+    pub(crate) fn ignored_pairs(&self) -> Vec<[u32; 2]> {
+        let of_joints = self.joints.iter().filter(|placed| !placed.joint.collide);
+        let of_joints = of_joints.filter_map(|placed| match placed.joint.bodies {
+            [Some(a), Some(b)] => Some([a, b]),
+            _ => None,
+        });
+        let in_order = |[a, b]: [BodyId; 2]| {
+            let (a, b) = (a.index() as u32, b.index() as u32);
+            [a.min(b), a.max(b)]
+        };
+        let mut pairs: Vec<[u32; 2]> = of_joints.chain(self.ignored.iter().copied()).map(in_order).collect();
+        pairs.sort_unstable();
+        pairs
+    }
+
     /// Puts these loads in the place of all that there are.
     ///
     /// # Errors
@@ -396,6 +434,9 @@ impl World {
             *bodies = bodies.iter().filter_map(|body| new_index[body.index()]).collect();
         }
         self.keep_joints(&new_index);
+        let ignored = std::mem::take(&mut self.ignored).into_iter();
+        self.ignored =
+            ignored.filter_map(|[a, b]| Some([new_index[a.index()]?, new_index[b.index()]?])).collect();
         let set = std::mem::take(&mut self.contacts);
         self.contacts.curvature = set.curvature;
         let friction = set.friction.into_iter().map(Some).chain(std::iter::repeat(None));

@@ -120,8 +120,8 @@ fn points_of(geometry: &Geometry, free: bool) -> Vec<Template> {
         },
         _ => ShapeType::Compound,
     };
-    let radius =
-        geometry.parts.iter().map(|part| inscribed_radius(&part.shape)).fold(f64::INFINITY, f64::min);
+    let inscribed = geometry.parts.iter().map(|part| inscribed_radius(&part.shape));
+    let radius = inscribed.reduce(f64::min).unwrap_or(0.0);
     let turned = match geometry.parts.as_slice() {
         [part] => half_axes(&part.shape).map(|half_axes| (half_axes, part.orientation)),
         _ => None,

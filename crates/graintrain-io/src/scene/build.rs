@@ -107,6 +107,8 @@ impl Scene {
         if traffic.streams.is_empty() && !(0..world.bodies.len()).any(|body| !world.is_prescribed(body)) {
             return Err(SceneError::new(SceneErrorKind::NothingMoves, None));
         }
+        // Where nothing has a shape, nothing touches.
+        let smallest_radius = if smallest_radius.is_finite() { smallest_radius } else { 1.0 };
         let envelope = *resolved.contact.envelope.get_or_insert(ENVELOPE * smallest_radius);
         let allowed = *resolved.contact.allowed_overlap.get_or_insert(ALLOWED_OVERLAP * smallest_radius);
         let resist = |stage: &Stage| stage.materials.as_ref().is_some_and(Materials::resist_turning);
@@ -333,18 +335,17 @@ impl Builder {
     fn add_body(&mut self, name: &str, spec: &BodySpec) -> Result<(), SceneError> {
         self.note_origin(name, false, &spec.location);
         let at = |error: ModelError| model_error(error, &spec.location);
-        let parts = spec.parts.iter().map(part).collect::<Result<Vec<_>, SceneError>>()?;
-        let (geometry, centre) = Geometry::compound(parts).map_err(at)?;
+        let (geometry, centre) = form_of(spec)?;
         let material = self.material(&spec.material);
         let volume = geometry.volume;
         let motion = self.motion(&spec.motion, centre, &spec.location)?;
         let rotation = spec.rotation.0;
-        let size =
-            geometry.parts.iter().map(|part| part.shape.half_thickness()).fold(f64::INFINITY, f64::min);
-        let mass = spec
-            .inertia
-            .zip(spec.mass)
-            .map(|(inertia, mass)| MassProperties { mass, inertia: Mat3::from_diagonal(inertia) });
+        let (touches, size) = (!geometry.parts.is_empty(), half_thickness(&geometry));
+        let mass = spec.inertia.zip(spec.mass).map(|(moments, mass)| {
+            let [xy, xz, yz] = spec.products.unwrap_or_default().to_array();
+            let columns = [[moments.x, xy, xz], [xy, moments.y, yz], [xz, yz, moments.z]];
+            MassProperties { mass, inertia: Mat3::from_cols_array_2d(&columns) }
+        });
         // Surfaces of a given mass have no thickness.
         let size = if size.is_finite() { size } else { geometry.bounding_radius() };
         let geometry = self.world.add_geometry(geometry);
@@ -362,6 +363,12 @@ impl Builder {
             })
             .map_err(at)?
             .index();
+        for other in &spec.ignores {
+            let other = self.origins.iter().find(|origin| !origin.is_packing && origin.label == *other);
+            let other = other.map_or(body, |origin| origin.first);
+            let [a, b] = [other, body].map(BodyId::from_index);
+            self.world.ignore_collisions(a, b).map_err(at)?;
+        }
         self.centres.insert(body, centre);
         let default_mass = self.world.bodies.mass[body];
         let mass = spec.mass.or(spec.density.map(|density| density * volume));
@@ -369,7 +376,7 @@ impl Builder {
             self.world.bodies.mass[body] = mass;
             self.world.bodies.inertia[body] *= mass / default_mass;
         }
-        if !self.world.is_prescribed(body) {
+        if touches && !self.world.is_prescribed(body) {
             self.smallest_radius = self.smallest_radius.min(size);
         }
         Ok(())
@@ -587,6 +594,20 @@ fn half_thickness(geometry: &Geometry) -> f64 {
 }
 
 /// A part with its shape in the form of the geometry, which has planes only with the normal z.
+/// The form of a body, and its centre of mass in the frame in which the scene describes it.
+fn form_of(spec: &BodySpec) -> Result<(Geometry, Vec3), SceneError> {
+    let parts = spec.parts.iter().map(part).collect::<Result<Vec<_>, SceneError>>()?;
+    let (geometry, centre) = if parts.is_empty() {
+        (Geometry::formless(), Vec3::ZERO)
+    } else {
+        Geometry::compound(parts).map_err(|error| model_error(error, &spec.location))?
+    };
+    Ok(match spec.centre {
+        Some(given) => (geometry.about(given - centre), given),
+        None => (geometry, centre),
+    })
+}
+
 fn part(spec: &PartSpec) -> Result<Part, SceneError> {
     let Part { shape, position, orientation } = shape(&spec.shape)?;
     Ok(Part {
@@ -626,7 +647,10 @@ fn hull(spec: &HullSpec) -> Result<(Hull, Vec3), SceneError> {
             &read
         }
     };
-    let points: Vec<Vec3> = points.iter().map(|point| spec.scale * point).collect();
+    let mut points: Vec<Vec3> = points.iter().map(|point| spec.scale * point).collect();
+    if let Some(corners) = spec.corners {
+        points = Hull::outermost(&points, corners as usize);
+    }
     Hull::new(&points).map_err(|error| model_error(error, &spec.location))
 }
 

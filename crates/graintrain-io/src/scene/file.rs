@@ -9,6 +9,7 @@ use super::parameters::Parameters;
 use super::periodic;
 use super::radius::radius;
 use super::reader::{Context, Reader};
+use super::robot;
 use super::schema;
 use super::solver;
 use super::stage::{self, StageSpec};
@@ -68,11 +69,22 @@ pub(crate) fn read(name: &str, root: &Node, folder: PathBuf) -> Result<Scene, Sc
     }
     let names: Vec<&str> = materials.iter().map(|(name, _)| name.as_str()).collect();
     let pairs = pairs(&scene, &names)?;
-    let bodies = scene
-        .named("body")?
-        .into_iter()
-        .map(|(name, reader)| Ok((name, body(&reader, &names)?)))
-        .collect::<Result<Vec<_>, SceneError>>()?;
+    let mut bodies: Vec<(String, BodySpec)> = Vec::new();
+    for (name, reader) in scene.named("body")? {
+        let spec = body(&reader, &names, &bodies)?;
+        bodies.push((name, spec));
+    }
+    let mut joints: Vec<(String, JointSpec)> = Vec::new();
+    for (name, reader) in scene.named("robot")? {
+        let robot = robot::read(&name, &reader, &names)?;
+        let is_known = |(new, _): &&(String, BodySpec)| bodies.iter().any(|(name, _)| name == new);
+        if let Some((twice, _)) = robot.bodies.iter().find(is_known) {
+            let problem = format!("there are two bodies `{twice}`: call the robot or the body otherwise");
+            return Err(SceneError::at(SceneErrorKind::Contradiction(problem), reader.location()));
+        }
+        bodies.extend(robot.bodies);
+        joints.extend(robot.joints);
+    }
     let packings = scene
         .named("packing")?
         .into_iter()
@@ -87,7 +99,6 @@ pub(crate) fn read(name: &str, root: &Node, folder: PathBuf) -> Result<Scene, Sc
         .into_iter()
         .map(|(name, reader)| Ok((name, load(&reader, &body_names, &packing_names)?)))
         .collect::<Result<Vec<_>, SceneError>>()?;
-    let mut joints: Vec<(String, JointSpec)> = Vec::new();
     for (name, reader) in scene.named("joint")? {
         let spec = joint::read(&reader, &body_names, &joints)?;
         joints.push((name, spec));
@@ -332,29 +343,29 @@ pub(super) fn material_name(reader: &Reader, materials: &[&str]) -> Result<Strin
     }
 }
 
-fn body(reader: &Reader, materials: &[&str]) -> Result<BodySpec, SceneError> {
+/// Reads a body; `known` are those above it.
+fn body(reader: &Reader, materials: &[&str], known: &[(String, BodySpec)]) -> Result<BodySpec, SceneError> {
     let parts = match reader.one_of(&["shape", "parts"])? {
         "shape" => vec![PartSpec {
             shape: shape(&reader.required_child("shape")?)?,
             position: Vec3::ZERO,
             rotation: RotationSpec(Quat::IDENTITY),
         }],
-        _ => {
-            let parts = reader.tables("parts")?.iter().map(part).collect::<Result<Vec<_>, _>>()?;
-            if parts.is_empty() {
-                return Err(reader.out_of_range("parts", "at least one part", "none"));
-            }
-            parts
-        }
+        _ => reader.tables("parts")?.iter().map(part).collect::<Result<Vec<_>, _>>()?,
     };
     reader.at_most_one_of(&["mass", "density"])?;
     let position = reader.vector("position")?.unwrap_or(Vec3::ZERO);
-    let boundary = parts.iter().any(|part| part.shape.is_boundary());
-    let motion = motion(reader, boundary)?;
     let inertia = reader.vector("inertia")?;
     if inertia.is_some() && reader.get("mass").is_none() {
         return Err(reader.missing("mass"));
     }
+    let [products, centre] = [reader.vector("products")?, reader.vector("centre")?];
+    if inertia.is_none() && (parts.is_empty() || products.or(centre).is_some()) {
+        return Err(reader.missing("inertia"));
+    }
+    let boundary = parts.iter().any(|part| part.shape.is_boundary());
+    let motion = motion(reader, boundary)?;
+    let above: Vec<&str> = known.iter().map(|(name, _)| name.as_str()).collect();
     if boundary && inertia.is_none() && motion.free != [false; 6] {
         let problem = format!(
             "`{}` has no mass (planes, and meshes that are not `solid`, are boundaries): it cannot be free unless mass and inertia are given",
@@ -371,8 +382,11 @@ fn body(reader: &Reader, materials: &[&str]) -> Result<BodySpec, SceneError> {
         angular_velocity: reader.vector("angular_velocity")?.unwrap_or(Vec3::ZERO),
         mass: reader.quantity("mass")?,
         inertia,
+        products,
+        centre,
         density: reader.quantity("density")?,
         motion,
+        ignores: names_of(reader, "ignores", "body above this one", &above)?,
         location: reader.location().clone(),
     })
 }
@@ -385,7 +399,7 @@ pub(super) fn part(reader: &Reader) -> Result<PartSpec, SceneError> {
     })
 }
 
-fn rotation(parent: &Reader) -> Result<RotationSpec, SceneError> {
+pub(super) fn rotation(parent: &Reader) -> Result<RotationSpec, SceneError> {
     let Some(reader) = parent.child("rotation")? else { return Ok(RotationSpec(Quat::IDENTITY)) };
     reader.at_most_one_of(&["angle", "quaternion"])?;
     reader.at_most_one_of(&["axis", "quaternion"])?;
@@ -427,11 +441,20 @@ pub(super) fn shape(reader: &Reader) -> Result<ShapeSpec, SceneError> {
 
 fn hull(reader: &Reader) -> Result<HullSpec, SceneError> {
     reader.one_of(&["file", "points"])?;
+    let scale = reader.vector_or_quantity("scale")?.unwrap_or(Vec3::ONE);
+    if scale.to_array().contains(&0.0) {
+        return Err(reader.out_of_range("scale", "a factor other than zero", scale));
+    }
+    let corners = reader.count("corners")?;
+    if corners.is_some_and(|corners| corners < 4) {
+        return Err(reader.out_of_range("corners", "at least 4", corners.unwrap_or_default()));
+    }
     let points: Vec<[f64; 3]> = reader.rows("points")?.unwrap_or_default();
     Ok(HullSpec {
         file: reader.path("file")?,
         points: points.into_iter().map(Vec3::from_array).collect(),
-        scale: reader.quantity("scale")?.unwrap_or(1.0),
+        scale,
+        corners,
         location: reader
             .get("file")
             .or(reader.get("points"))
@@ -447,7 +470,7 @@ fn mesh(reader: &Reader) -> Result<MeshSpec, SceneError> {
         file: reader.path("file")?,
         vertices: Vec::new(),
         triangles: Vec::new(),
-        scale: reader.quantity("scale")?.unwrap_or(1.0),
+        scale: reader.vector_or_quantity("scale")?.unwrap_or(Vec3::ONE),
         solid: reader.flag("solid")?.unwrap_or(false),
         location: reader.get("file").map_or(reader.location(), |node| &node.location).clone(),
     };

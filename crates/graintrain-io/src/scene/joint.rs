@@ -106,6 +106,28 @@ pub struct StopsSpec {
 }
 
 impl JointSpec {
+    /// One of this kind that holds nothing yet.
+    pub(super) fn new(kind: &'static str, location: Location) -> Self {
+        Self {
+            kind,
+            bodies: Vec::new(),
+            point: None,
+            axis: None,
+            ends: None,
+            joints: Vec::new(),
+            ratio: None,
+            along: None,
+            motor: None,
+            actuator: None,
+            torsion_spring: None,
+            spring: None,
+            angles: None,
+            travel: None,
+            collide: false,
+            location,
+        }
+    }
+
     /// What it holds, for people.
     pub fn about(&self) -> String {
         let held = match (self.bodies.as_slice(), self.joints.as_slice()) {
@@ -239,17 +261,17 @@ pub(super) fn read(
     Ok(spec)
 }
 
-fn motor(reader: &Reader) -> Result<MotorSpec, SceneError> {
+pub(super) fn motor(reader: &Reader) -> Result<MotorSpec, SceneError> {
     let spec = MotorSpec { speed: reader.function("speed")?, torque: reader.function("torque")? };
     if spec.speed.is_none() && spec.torque.is_none() { Err(reader.missing("speed")) } else { Ok(spec) }
 }
 
-fn actuator(reader: &Reader) -> Result<ActuatorSpec, SceneError> {
+pub(super) fn actuator(reader: &Reader) -> Result<ActuatorSpec, SceneError> {
     let spec = ActuatorSpec { speed: reader.function("speed")?, force: reader.function("force")? };
     if spec.speed.is_none() && spec.force.is_none() { Err(reader.missing("speed")) } else { Ok(spec) }
 }
 
-fn spring(reader: &Reader) -> Result<SpringSpec, SceneError> {
+pub(super) fn spring(reader: &Reader) -> Result<SpringSpec, SceneError> {
     let coefficient = |key: &str| Ok(reader.quantity(key)?.unwrap_or(0.0));
     let spec = SpringSpec {
         stiffness: coefficient("stiffness")?,
@@ -259,7 +281,7 @@ fn spring(reader: &Reader) -> Result<SpringSpec, SceneError> {
     if spec.stiffness == 0.0 && spec.damping == 0.0 { Err(reader.missing("stiffness")) } else { Ok(spec) }
 }
 
-fn stops(reader: &Reader) -> Result<StopsSpec, SceneError> {
+pub(super) fn stops(reader: &Reader) -> Result<StopsSpec, SceneError> {
     let spec = StopsSpec { lower: reader.quantity("lower")?, upper: reader.quantity("upper")? };
     if spec.lower.is_none() && spec.upper.is_none() { Err(reader.missing("lower")) } else { Ok(spec) }
 }

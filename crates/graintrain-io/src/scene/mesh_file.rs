@@ -1,4 +1,6 @@
-//! Surfaces of triangles from files: STL (ascii and binary), OBJ, and tables of nine coordinates per triangle.
+//! Surfaces of triangles from files: STL (ascii and binary), OBJ, COLLADA, and tables of nine coordinates per triangle.
+
+mod collada;
 
 use super::packing::FileProblem;
 use super::packing::table_file;
@@ -25,6 +27,7 @@ pub(crate) fn read(path: &Path, bytes: &[u8]) -> Result<Triangles, FileProblem> 
     let corners = match ending.as_str() {
         "stl" => read_stl(bytes)?,
         "obj" => read_obj(bytes)?,
+        "dae" => collada::read(text(bytes)?)?,
         _ => read_table(bytes)?,
     };
     let triangles = join(&corners);

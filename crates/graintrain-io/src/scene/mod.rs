@@ -14,6 +14,7 @@
 //! | `tree`, `reader`, `file` | from text to [`Scene`] |
 //! | [`model`] | the parts of a [`Scene`] |
 //! | `packing`, `mesh_file` | packings made here or read from files; meshes |
+//! | `robot` | URDF files as bodies and joints |
 //! | `measure`, `stage`, `stream`, `periodic` | measurements, stages, ways in and out for bodies, cells that repeat |
 //! | `build` | from [`Scene`] to [`Simulation`] |
 //! | [`builtin`] | the built-in scenes |
@@ -37,6 +38,7 @@ mod periodic;
 pub mod quantity;
 mod radius;
 mod reader;
+mod robot;
 pub mod schema;
 mod solver;
 mod stage;

@@ -72,7 +72,7 @@ pub struct OutputSpec {
 /// A single body.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct BodySpec {
-    /// Its form: one part for a plain shape.
+    /// Its form: one part for a plain shape, none for a body that touches nothing.
     pub parts: Vec<PartSpec>,
     /// Name of its material.
     pub material: String,
@@ -90,11 +90,20 @@ pub struct BodySpec {
     /// Moments of inertia about the axes of the body's frame, kg m^2; `None` follows from mass and shape.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub inertia: Option<Vec3>,
+    /// Entries xy, xz, yz of the tensor of inertia, kg m^2; with `inertia`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub products: Option<Vec3>,
+    /// Centre of mass in the body's frame, m; `None`: that of its shapes. With `inertia`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub centre: Option<Vec3>,
     /// kg/m^3; `None` is the material's.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub density: Option<f64>,
     /// How it moves.
     pub motion: MotionSpec,
+    /// Names of bodies above it that it passes through.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub ignores: Vec<String>,
     /// Where it is written.
     #[serde(skip)]
     pub location: Location,

@@ -89,10 +89,10 @@ impl Collider {
         if let Some(ranks) = &self.ranks {
             contacts = contacts_from(&ranks.join(&words_of(&contacts)));
         }
-        let joined = world.joined_pairs();
-        if !joined.is_empty() {
+        let ignored = world.ignored_pairs();
+        if !ignored.is_empty() {
             let pair = |c: &Contact| [c.body_a.min(c.body_b), c.body_a.max(c.body_b)];
-            contacts.retain(|contact| joined.binary_search(&pair(contact)).is_err());
+            contacts.retain(|contact| ignored.binary_search(&pair(contact)).is_err());
         }
         contacts
     }
@@ -106,9 +106,9 @@ impl Collider {
     ) -> Option<Contact> {
         self.update_forms(world);
         let look = Look { envelope: 0.0, step: 0.0, fall: 0.0, meeting: false };
-        let (sorted, joined) = (self.sort(world, look.envelope, look.step), world.joined_pairs());
+        let (sorted, ignored) = (self.sort(world, look.envelope, look.step), world.ignored_pairs());
         let pair = |c: &Contact| [c.body_a.min(c.body_b), c.body_a.max(c.body_b)];
-        let counts = |c: &Contact| counts(c) && joined.binary_search(&pair(c)).is_err();
+        let counts = |c: &Contact| counts(c) && ignored.binary_search(&pair(c)).is_err();
         let deeper = |a: &Contact, b: &Contact| a.gap.total_cmp(&b.gap);
         let bodies = world.bodies.len();
         let of_task = |task: usize| {

@@ -117,7 +117,7 @@ impl Collider {
     pub(super) fn sort(&self, world: &World, envelope: f64, step: f64) -> Sorted {
         let bodies = world.bodies.len();
         let radius = |body: usize| self.form(world, body).bounding_radius;
-        let mut finite: Vec<f64> = (0..bodies).map(radius).filter(|r| r.is_finite()).collect();
+        let mut finite: Vec<f64> = (0..bodies).map(radius).filter(|&r| r.is_finite() && r > 0.0).collect();
         let limit = if finite.is_empty() {
             0.0
         } else {

@@ -42,7 +42,7 @@ pub fn meshes_that_meet(world: &World) -> Option<[usize; 2]> {
     let meshes: Vec<bool> = world.geometries.iter().map(is_mesh).collect();
     let with_mesh = (0..world.bodies.len()).filter(|&body| meshes[world.bodies.geometry[body].index()]);
     let with_mesh: Vec<usize> = with_mesh.collect();
-    let joined = world.joined_pairs();
+    let ignored = world.ignored_pairs();
     if with_mesh.len() < 2 || with_mesh.iter().all(|&body| world.is_prescribed(body)) {
         return None;
     }
@@ -52,7 +52,7 @@ pub fn meshes_that_meet(world: &World) -> Option<[usize; 2]> {
     for (k, &(a, place_a, radius_a)) in balls.iter().enumerate() {
         for &(b, place_b, radius_b) in &balls[k + 1..] {
             let both_driven = world.is_prescribed(a) && world.is_prescribed(b);
-            let apart = joined.binary_search(&[a.min(b) as u32, a.max(b) as u32]).is_ok();
+            let apart = ignored.binary_search(&[a.min(b) as u32, a.max(b) as u32]).is_ok();
             let way = world.cell().map_or(place_a - place_b, |cell| cell.nearest(place_a - place_b).1);
             if !both_driven && !apart && way.length() < radius_a + radius_b {
                 return Some([a, b]);

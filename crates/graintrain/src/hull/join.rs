@@ -29,7 +29,7 @@ pub(super) fn join(points: &[Vec3], triangles: &[[usize; 3]], tolerance: f64, pl
         if own.len() < 4 {
             return None;
         }
-        triangles = triangulate(&own, tolerance)?.into_iter().map(|t| t.map(|k| kept[k])).collect();
+        triangles = triangulate(&own, tolerance, None)?.into_iter().map(|t| t.map(|k| kept[k])).collect();
     };
     let hull = assembled(points, &kept, &faces)?;
     let is_convex = |face: &HullFace| {

@@ -41,26 +41,24 @@ pub(super) fn edges([a, b, c]: [usize; 3]) -> [[usize; 2]; 3] {
 }
 
 /// The triangles of the hull, counter-clockwise seen from outside; `None` if the points lie in a plane within the tolerance.
-pub(super) fn triangulate(points: &[Vec3], tolerance: f64) -> Option<Vec<[usize; 3]>> {
+/// With a bound of its corners the point farthest outside of all is always the next, until there are so many.
+pub(super) fn triangulate(
+    points: &[Vec3],
+    tolerance: f64,
+    most_corners: Option<usize>,
+) -> Option<Vec<[usize; 3]>> {
     let mut triangles = first_tetrahedron(points, tolerance)?;
     let mut owner: HashMap<[usize; 2], usize> = HashMap::new();
     for (k, triangle) in triangles.iter().enumerate() {
         owner.extend(edges(triangle.corners).map(|edge| (edge, k)));
     }
     share(points, &mut triangles, (0..points.len()).collect());
-    let mut at = 0;
-    while at < triangles.len() {
-        if !triangles[at].alive || triangles[at].outside.is_empty() {
-            at += 1;
-            continue;
+    let (mut begin, mut corners) = (0, 4);
+    while let Some((at, far)) = next_point(points, &triangles, &mut begin, most_corners.is_some()) {
+        if most_corners.is_some_and(|most| corners >= most) {
+            break;
         }
-        let of = &triangles[at];
-        let mut far = of.outside[0];
-        for &p in &of.outside {
-            if of.height(points, p) > of.height(points, far) {
-                far = p;
-            }
-        }
+        corners += 1;
         // What the point sees, and the loop around it.
         let mut seen = vec![at];
         triangles[at].alive = false;
@@ -99,6 +97,33 @@ pub(super) fn triangulate(points: &[Vec3], tolerance: f64) -> Option<Vec<[usize;
         share(points, &mut triangles[first..], left);
     }
     Some(triangles.into_iter().filter(|t| t.alive).map(|t| t.corners).collect())
+}
+
+/// The triangle to be replaced, and the point farthest outside of it: the first triangle at or behind `begin`, which
+/// moves on to it, that has points outside, or the one whose point lies `farthest` outside.
+fn next_point(
+    points: &[Vec3],
+    triangles: &[Triangle],
+    begin: &mut usize,
+    farthest: bool,
+) -> Option<(usize, usize)> {
+    let is_open = |triangle: &Triangle| triangle.alive && !triangle.outside.is_empty();
+    *begin += triangles[*begin..].iter().position(is_open)?;
+    // Of equals the first.
+    let higher = |a: (usize, f64), b: (usize, f64)| if b.1 > a.1 { b } else { a };
+    let highest = |triangle: &Triangle| {
+        triangle.outside.iter().map(|&p| (p, triangle.height(points, p))).reduce(higher)
+    };
+    let mut best = (*begin, highest(&triangles[*begin])?);
+    if farthest {
+        for (k, triangle) in triangles.iter().enumerate().skip(*begin + 1).filter(|(_, t)| is_open(t)) {
+            let own = highest(triangle)?;
+            if own.1 > best.1.1 {
+                best = (k, own);
+            }
+        }
+    }
+    Some((best.0, best.1.0))
 }
 
 /// Gives each point to the triangle that it is highest above, of those that it lies outside of.

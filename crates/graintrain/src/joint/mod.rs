@@ -442,20 +442,6 @@ impl World {
         (self.bodies.position[body], self.bodies.orientation[body])
     }
 
-    /// Pairs of bodies that joints keep from colliding, lower index first, ascending.
-    pub(crate) fn joined_pairs(&self) -> Vec<[u32; 2]> {
-        let pair = |placed: &PlacedJoint| match placed.joint.bodies {
-            [Some(a), Some(b)] if !placed.joint.collide => {
-                let (a, b) = (a.index() as u32, b.index() as u32);
-                Some([a.min(b), a.max(b)])
-            }
-            _ => None,
-        };
-        let mut pairs: Vec<[u32; 2]> = self.joints.iter().filter_map(pair).collect();
-        pairs.sort_unstable();
-        pairs
-    }
-
     /// About what coordinates joints have after a step in which they did this: however far they turn in it, within half a turn.
     pub(crate) fn expected_coordinates(
         &self,

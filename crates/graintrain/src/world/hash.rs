@@ -34,7 +34,7 @@ impl World {
         for motion in &self.motions {
             motion.free.iter().for_each(|&free| add(u64::from(free)));
         }
-        self.joined_pairs().into_iter().flatten().for_each(|body| add(u64::from(body)));
+        self.ignored_pairs().into_iter().flatten().for_each(|body| add(u64::from(body)));
         self.gravity.to_array().iter().for_each(|x| add(x.to_bits()));
         self.cell_words().for_each(&mut add);
         crate::math::mix(hash)

@@ -53,8 +53,11 @@ pub struct HullSpec {
     /// The points, m, before scaling.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub points: Vec<Vec3>,
-    /// Factor on all coordinates.
-    pub scale: f64,
+    /// Factors on the coordinates.
+    pub scale: Vec3,
+    /// Corners at most; `None`: all.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub corners: Option<u64>,
     /// Where it is written.
     #[serde(skip)]
     pub location: Location,
@@ -72,8 +75,8 @@ pub struct MeshSpec {
     /// Vertex numbers.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub triangles: Vec<[u32; 3]>,
-    /// Factor on all coordinates.
-    pub scale: f64,
+    /// Factors on the coordinates.
+    pub scale: Vec3,
     /// Whether it bounds a solid with a mass.
     pub solid: bool,
     /// Where it is written.

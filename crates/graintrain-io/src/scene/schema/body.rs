@@ -1,6 +1,6 @@
 //! Keys of bodies: parts, shapes, motions.
 
-use super::Kind::{self, Flag, Function, List, Quantity, Rows, Tables, Text, TextOr, Texts, Vector};
+use super::Kind::{self, Count, Flag, Function, List, Quantity, Rows, Tables, Text, TextOr, Texts, Vector};
 use super::function::{ANGULAR_SPEED, SPEED};
 use super::{D, Range, Table, key, names};
 use crate::scene::file::MOTIONS;
@@ -22,7 +22,7 @@ pub(super) static BODY: Table = Table {
             Tables(&PART),
             "one of shape, parts",
             "[{ shape = { plane = {} } }]",
-            "Several shapes in one rigid body; where they overlap, mass counts once",
+            "Several shapes in one rigid body; where they overlap, mass counts once. None, `[]`: a body that touches nothing, with mass and inertia",
         ),
         key("material", Text, "the only material", "\"glass\"", "Material"),
         key(
@@ -61,6 +61,20 @@ pub(super) static BODY: Table = Table {
             "[0.2, 0.3, \"0.2 kg m^2\"]",
             "Moments of inertia about the axes of the body's frame through its centre of mass (of a surface: its origin); with mass",
         ).within(Range::Positive),
+        key(
+            "products",
+            Vector(D::new(2, 1, 0, 0)),
+            "[0, 0, 0]",
+            "[0, 0, \"0.01 kg m^2\"]",
+            "Entries xy, xz, yz of the tensor of inertia; with inertia",
+        ),
+        key(
+            "centre",
+            Vector(D::LENGTH),
+            "that of the shapes",
+            "[0, 0, \"2 cm\"]",
+            "Centre of mass in the body's frame; with inertia",
+        ),
         key("density", Quantity(D::DENSITY), "the material's", "\"7800 kg/m^3\"", "Density of this body").within(Range::Positive),
         key(
             "motion",
@@ -69,6 +83,13 @@ pub(super) static BODY: Table = Table {
             "\"fixed\"",
             "free, fixed, or a table that prescribes it",
         ).one_of(|| names(MOTIONS)),
+        key(
+            "ignores",
+            Texts,
+            "[]",
+            "[\"base\"]",
+            "Bodies above it that it passes through. Joints keep their two bodies apart from each other already",
+        ),
     ],
 };
 
@@ -88,7 +109,7 @@ pub(super) static PART: Table = Table {
     ],
 };
 
-static ROTATION: Table = Table {
+pub(super) static ROTATION: Table = Table {
     heading: "`rotation`",
     alternatives: &[&["angle", "quaternion"], &["axis", "quaternion"]],
     keys: &[
@@ -189,17 +210,30 @@ static HULL: Table = Table {
             Text,
             "one of file, points",
             "\"stone.stl\"",
-            "STL, OBJ, or a table of nine coordinates per triangle: the hull of its corner points",
+            "STL, OBJ, COLLADA, or a table of nine coordinates per triangle: the hull of its corner points",
         ),
         key(
             "points",
             Rows,
             "one of file, points",
             "[[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]",
-            "Points that enclose a volume; those inside, or outside by less than 1e-6 of the extent, are no corners. At most 256 corners",
+            "Points that enclose a volume; those inside, or outside by less than 1e-6 of the extent, are no corners",
         ),
-        key("scale", Quantity(D::NONE), "1", "0.001", "Factor on all coordinates, e.g. for a file in mm")
-            .within(Range::Positive),
+        key(
+            "scale",
+            Kind::VectorOrQuantity(D::NONE),
+            "1",
+            "0.001",
+            "Factor on all coordinates, e.g. for a file in mm, or one for each axis; negative ones mirror",
+        ),
+        key(
+            "corners",
+            Count,
+            "all, at most 256",
+            "64",
+            "Corners at most: of more, those that lie farthest out in so many directions are kept",
+        )
+        .within(Range::Positive),
     ],
 };
 
@@ -212,7 +246,7 @@ static MESH: Table = Table {
             Text,
             "one of file, vertices",
             "\"hopper.stl\"",
-            "STL, OBJ, or a table of nine coordinates per triangle",
+            "STL, OBJ, COLLADA, or a table of nine coordinates per triangle",
         ),
         key("vertices", Rows, "one of file, vertices", "[[0, 0, 0], [1, 0, 0], [0, 1, 0]]", "Corner points"),
         key(
@@ -222,8 +256,14 @@ static MESH: Table = Table {
             "[[0, 1, 2]]",
             "Three vertex numbers (from 0) per triangle, counter-clockwise seen from outside",
         ),
-        key("scale", Quantity(D::NONE), "1", "0.001", "Factor on all coordinates, e.g. for a file in mm")
-            .within(Range::Positive),
+        key(
+            "scale",
+            Kind::VectorOrQuantity(D::NONE),
+            "1",
+            "0.001",
+            "Factor on all coordinates, e.g. for a file in mm, or one for each axis",
+        )
+        .within(Range::Positive),
         key(
             "solid",
             Flag,

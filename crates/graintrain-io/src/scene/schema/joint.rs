@@ -114,7 +114,7 @@ pub(super) static JOINT: Table = Table {
     ],
 };
 
-static MOTOR: Table = Table {
+pub(super) static MOTOR: Table = Table {
     heading: "`motor`",
     alternatives: &[],
     keys: &[
@@ -135,7 +135,7 @@ static MOTOR: Table = Table {
     ],
 };
 
-static ACTUATOR: Table = Table {
+pub(super) static ACTUATOR: Table = Table {
     heading: "`actuator`",
     alternatives: &[],
     keys: &[
@@ -156,7 +156,7 @@ static ACTUATOR: Table = Table {
     ],
 };
 
-static TORSION_SPRING: Table = Table {
+pub(super) static TORSION_SPRING: Table = Table {
     heading: "`torsion_spring`",
     alternatives: &[],
     keys: &[
@@ -174,7 +174,7 @@ static TORSION_SPRING: Table = Table {
     ],
 };
 
-static SPRING: Table = Table {
+pub(super) static SPRING: Table = Table {
     heading: "`spring`",
     alternatives: &[],
     keys: &[
@@ -192,7 +192,7 @@ static SPRING: Table = Table {
     ],
 };
 
-static ANGLES: Table = Table {
+pub(super) static ANGLES: Table = Table {
     heading: "`angles`",
     alternatives: &[],
     keys: &[
@@ -201,7 +201,7 @@ static ANGLES: Table = Table {
     ],
 };
 
-static TRAVEL: Table = Table {
+pub(super) static TRAVEL: Table = Table {
     heading: "`travel`",
     alternatives: &[],
     keys: &[

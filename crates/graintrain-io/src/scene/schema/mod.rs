@@ -9,6 +9,7 @@ mod load;
 mod measure;
 mod packing;
 mod periodic;
+mod robot;
 mod stage;
 mod stream;
 
@@ -23,6 +24,7 @@ use load::LOAD;
 use measure::MEASURE;
 use packing::PACKING;
 use periodic::PERIODIC;
+use robot::ROBOT;
 use stage::STAGE;
 use stream::{OUTLET, STREAM};
 
@@ -303,6 +305,13 @@ pub static SCENE: Table = Table {
             "none",
             "{ ball = { shape = { sphere = { radius = 1 } } } }",
             "Single bodies by name",
+        ),
+        key(
+            "robot",
+            Named(&ROBOT),
+            "none",
+            "{ arm = { file = \"arm.urdf\", fixed = true } }",
+            "Robots from URDF files, by name: bodies and joints",
         ),
         key(
             "packing",

@@ -1,0 +1,443 @@
+//! Robots: URDF files as bodies and joints of a scene.
+//!
+//! Links that `fixed` joints hold together are one body, under the name of the first of them that has a mass or a shape. Links
+//! without mass and shape that carry nothing are left out. A joint's coordinate is zero where it starts, so stops are moved by
+//! that. A joint that mimics another is a gear; friction in a joint is a motor at rest with that torque at the most.
+
+mod urdf;
+
+use super::error::{SceneError, SceneErrorKind};
+use super::file::{material_name, rotation};
+use super::joint::{ActuatorSpec, JointSpec, MotorSpec, SpringSpec, StopsSpec, actuator, motor, spring};
+use super::model::{BodySpec, FunctionSpec, HullSpec, MotionSpec, PartSpec, RotationSpec, ShapeSpec};
+use super::packing::{FileProblem, read_file};
+use super::reader::Reader;
+use graintrain::math::{Mat3, Pose, Quat, Vec3};
+use graintrain::world::MassProperties;
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+use urdf::{Form, Inertial, Joint, JointKind, Robot};
+
+/// Corners of the hulls of meshes at most: robots' meshes are finer than contacts are worth.
+const CORNERS: u64 = 64;
+
+/// What a robot becomes.
+pub(super) struct Parts {
+    pub bodies: Vec<(String, BodySpec)>,
+    /// Gears last.
+    pub joints: Vec<(String, JointSpec)>,
+}
+
+/// What the scene says of a joint.
+struct Given {
+    /// As the file counts it.
+    coordinate: Option<f64>,
+    motor: Option<MotorSpec>,
+    actuator: Option<ActuatorSpec>,
+    spring: Option<SpringSpec>,
+    /// As the file counts them.
+    stops: [Option<f64>; 2],
+}
+
+/// Links that move as one.
+#[derive(Default)]
+struct Lump {
+    /// Number of the first link with a mass or a shape.
+    named_by: Option<usize>,
+    /// In the frame of its first link.
+    inertial: Option<Inertial>,
+    collisions: Vec<(Pose, Form)>,
+    /// Whether anything hangs on it that has a mass or a shape.
+    is_needed: bool,
+}
+
+/// What becomes of moments of inertia that no body can have, and whether that is an error.
+pub(super) const INERTIA: &[(&str, bool)] = &[("file", true), ("mended", false)];
+
+/// Reads a robot of the scene and its file.
+pub(super) fn read(name: &str, reader: &Reader, materials: &[&str]) -> Result<Parts, SceneError> {
+    let path = reader.path("file")?.ok_or_else(|| reader.missing("file"))?;
+    let location = reader.get("file").map_or(reader.location(), |node| &node.location);
+    let problem = |problem: FileProblem| problem.located(&path, location);
+    let robot = urdf::read(&read_file(&path, location)?).map_err(problem)?;
+    let given = given(reader, &robot)?;
+    let coordinates = coordinates(&robot, &given, reader)?;
+    let import = Import {
+        name,
+        reader,
+        path: &path,
+        owners: owners(&robot),
+        places: places(&robot, &coordinates, root_pose(reader)?),
+        lumps: Vec::new(),
+        fixed: reader.flag("fixed")?.unwrap_or(robot.links[robot.root].name == "world"),
+        robot: &robot,
+    };
+    let import = Import { lumps: import.lumps(), ..import };
+    let material = material_name(reader, materials)?;
+    let bodies = import.bodies(&material)?;
+    let joints = import.joints(given, &coordinates).map_err(problem)?;
+    Ok(Parts { bodies, joints })
+}
+
+fn root_pose(reader: &Reader) -> Result<Pose, SceneError> {
+    Ok(Pose::from_parts(reader.vector("position")?.unwrap_or(Vec3::ZERO), rotation(reader)?.0))
+}
+
+/// What the scene says of each joint of the file.
+fn given(reader: &Reader, robot: &Robot) -> Result<Vec<Given>, SceneError> {
+    let named = reader.named("joint")?;
+    let moves = |joint: &&Joint| matches!(joint.kind, JointKind::Turns | JointKind::Slides);
+    let known = robot.joints.iter().filter(moves).map(|joint| joint.name.as_str());
+    if let Some((name, _)) = named.iter().find(|(name, _)| !known.clone().any(|joint| joint == name)) {
+        return Err(reader.unknown_name("joint", "joint of the file", name, known));
+    }
+    let of = |joint: &Joint| {
+        let Some((_, own)) = named.iter().find(|(name, _)| *name == joint.name) else {
+            let stops = [joint.lower, joint.upper];
+            return Ok(Given { coordinate: None, motor: None, actuator: None, spring: None, stops });
+        };
+        let turns = joint.kind == JointKind::Turns;
+        let (own_keys, useless) = if turns { (TURNING, SLIDING) } else { (SLIDING, TURNING) };
+        if let Some(key) = useless.into_iter().find(|key| own.get(key).is_some()) {
+            let how = if turns { "turns" } else { "slides" };
+            let problem = format!("`{}` has no meaning for a joint that {how}: remove it", own.full(key));
+            return Err(SceneError::at(SceneErrorKind::Contradiction(problem), own.location()));
+        }
+        let [coordinate_key, spring_key, stops_key, _] = own_keys;
+        let coordinate = own.quantity(coordinate_key)?;
+        let own_stops = own.child(stops_key)?.as_ref().map(super::joint::stops).transpose()?;
+        let stops = own_stops.map_or([joint.lower, joint.upper], |stops| [stops.lower, stops.upper]);
+        let (lower, upper) = range(stops);
+        if let Some(outside) = coordinate.filter(|x| !(lower..=upper).contains(x)) {
+            let requirement = format!("between its stops, {lower} and {upper}");
+            return Err(own.out_of_range(coordinate_key, &requirement, outside));
+        }
+        Ok(Given {
+            coordinate,
+            motor: own.child("motor")?.as_ref().map(motor).transpose()?,
+            actuator: own.child("actuator")?.as_ref().map(actuator).transpose()?,
+            spring: own.child(spring_key)?.as_ref().map(spring).transpose()?,
+            stops,
+        })
+    };
+    robot.joints.iter().map(of).collect()
+}
+
+/// Keys of joints that turn and of those that slide: where they start, spring, stops, drive.
+const TURNING: [&str; 4] = ["angle", "torsion_spring", "angles", "motor"];
+const SLIDING: [&str; 4] = ["slide", "spring", "travel", "actuator"];
+
+/// From the lower to the upper stop, without end where there is none.
+fn range([lower, upper]: [Option<f64>; 2]) -> (f64, f64) {
+    (lower.unwrap_or(f64::NEG_INFINITY), upper.unwrap_or(f64::INFINITY))
+}
+
+/// Where the joints start, as the file counts: as given, by the joint that they mimic, or nearest to zero.
+fn coordinates(robot: &Robot, given: &[Given], reader: &Reader) -> Result<Vec<f64>, SceneError> {
+    let by_name: HashMap<&str, usize> =
+        robot.joints.iter().enumerate().map(|(k, joint)| (joint.name.as_str(), k)).collect();
+    let of = |start: usize| {
+        let (mut k, mut factor, mut sum) = (start, 1.0, 0.0);
+        // More links than joints are a circle.
+        for _ in 0..=robot.joints.len() {
+            let joint = &robot.joints[k];
+            match (&joint.mimic, given[k].coordinate) {
+                (Some((leader, multiplier, offset)), None) => {
+                    (sum, factor) = (sum + factor * offset, factor * multiplier);
+                    k = *by_name.get(leader.as_str())?;
+                }
+                (_, coordinate) => {
+                    let (lower, upper) = range(given[k].stops);
+                    return Some(sum + factor * coordinate.unwrap_or(0.0_f64.max(lower).min(upper)));
+                }
+            }
+        }
+        None
+    };
+    let all = (0..robot.joints.len()).map(|k| {
+        of(k).ok_or_else(|| {
+            let problem =
+                format!("the joint `{}` mimics joints that are not there, or itself", robot.joints[k].name);
+            SceneError::at(SceneErrorKind::Contradiction(problem), reader.location())
+        })
+    });
+    all.collect()
+}
+
+/// The first link of the lump of each link.
+fn owners(robot: &Robot) -> Vec<usize> {
+    let mut owners: Vec<usize> = (0..robot.links.len()).collect();
+    for joint in robot.joints.iter().filter(|joint| joint.kind == JointKind::Fixed) {
+        owners[joint.child] = owners[joint.parent];
+    }
+    owners
+}
+
+/// The frames of the links in the world.
+fn places(robot: &Robot, coordinates: &[f64], root: Pose) -> Vec<Pose> {
+    let mut places = vec![root; robot.links.len()];
+    for (joint, &q) in robot.joints.iter().zip(coordinates) {
+        let own = match joint.kind {
+            JointKind::Turns => Pose::from_rotation(Quat::from_axis_angle(joint.axis, q)),
+            JointKind::Slides => Pose::from_translation(q * joint.axis),
+            JointKind::Fixed | JointKind::Free => Pose::IDENTITY,
+        };
+        places[joint.child] = places[joint.parent] * joint.pose * own;
+    }
+    places
+}
+
+/// A robot on its way into a scene.
+struct Import<'a> {
+    name: &'a str,
+    reader: &'a Reader<'a>,
+    path: &'a Path,
+    robot: &'a Robot,
+    /// First links of the lumps.
+    owners: Vec<usize>,
+    /// Frames of the links in the world.
+    places: Vec<Pose>,
+    /// By the numbers of their first links.
+    lumps: Vec<Lump>,
+    /// Whether the first link is held.
+    fixed: bool,
+}
+
+impl Import<'_> {
+    fn lumps(&self) -> Vec<Lump> {
+        let robot = self.robot;
+        let mut lumps: Vec<Lump> = robot.links.iter().map(|_| Lump::default()).collect();
+        let in_order = std::iter::once(robot.root).chain(robot.joints.iter().map(|joint| joint.child));
+        for link in in_order {
+            let (own, lump) = (&robot.links[link], &mut lumps[self.owners[link]]);
+            let frame = self.places[self.owners[link]].inv_mul(&self.places[link]);
+            let inertial = own.inertial.map(|inertial| moved(inertial, frame));
+            lump.inertial = match (lump.inertial, inertial) {
+                (Some(a), Some(b)) => Some(joined(a, b)),
+                (a, b) => a.or(b),
+            };
+            lump.collisions.extend(own.collisions.iter().map(|(pose, form)| (frame * *pose, form.clone())));
+            if own.inertial.is_some() || !own.collisions.is_empty() {
+                lump.named_by.get_or_insert(link);
+                lump.is_needed = true;
+            }
+        }
+        for joint in robot.joints.iter().rev() {
+            let needed = lumps[self.owners[joint.child]].is_needed;
+            lumps[self.owners[joint.parent]].is_needed |= needed;
+        }
+        lumps
+    }
+
+    /// Whether the lump of a link is the world: held, and without a shape.
+    fn is_world(&self, owner: usize) -> bool {
+        self.fixed && owner == self.owners[self.robot.root] && self.lumps[owner].collisions.is_empty()
+    }
+
+    /// The body of a lump.
+    fn body_name(&self, owner: usize) -> String {
+        let link = self.lumps[owner].named_by.unwrap_or(owner);
+        format!("{}/{}", self.name, self.robot.links[link].name)
+    }
+
+    fn bodies(&self, material: &str) -> Result<Vec<(String, BodySpec)>, SceneError> {
+        let collide = self.reader.flag("self_collision")?.unwrap_or(false);
+        let mut bodies: Vec<(String, BodySpec)> = Vec::new();
+        let in_order =
+            std::iter::once(self.robot.root).chain(self.robot.joints.iter().map(|joint| joint.child));
+        for owner in in_order.filter(|&link| self.owners[link] == link) {
+            if self.lumps[owner].is_needed && !self.is_world(owner) {
+                let mut spec = self.body(owner, material)?;
+                if !collide {
+                    spec.ignores = bodies.iter().map(|(name, _)| name.clone()).collect();
+                }
+                bodies.push((self.body_name(owner), spec));
+            }
+        }
+        Ok(bodies)
+    }
+
+    fn body(&self, owner: usize, material: &str) -> Result<BodySpec, SceneError> {
+        let lump = &self.lumps[owner];
+        let part = |(pose, form): &(Pose, Form)| {
+            let rotation = RotationSpec(pose.rotation.normalize());
+            Ok(PartSpec { shape: self.shape(form)?, position: pose.translation, rotation })
+        };
+        let parts = lump.collisions.iter().map(part).collect::<Result<Vec<_>, SceneError>>()?;
+        if parts.is_empty() && lump.inertial.is_none() {
+            let problem = format!(
+                "the link `{}` moves, but has neither a mass nor a shape: give it an <inertial>, or hold the robot with `fixed = true`",
+                self.robot.links[owner].name
+            );
+            return Err(self.refuse(FileProblem::new(problem)));
+        }
+        let held = self.fixed && owner == self.robot.root;
+        let inertial = lump.inertial.filter(|_| !held);
+        let defect = inertial.and_then(|inertial| self.defect(owner, &inertial));
+        let given = inertial.filter(|_| defect.is_none());
+        let is_error = self.reader.choice("inertia", INERTIA)?.unwrap_or(true) || parts.is_empty();
+        if let Some(defect) = defect.filter(|_| is_error) {
+            return Err(self.refuse(defect));
+        }
+        let Pose { translation: position, rotation } = self.places[owner];
+        Ok(BodySpec {
+            parts,
+            material: material.to_string(),
+            position,
+            rotation: RotationSpec(rotation.normalize()),
+            velocity: Vec3::ZERO,
+            angular_velocity: Vec3::ZERO,
+            mass: inertial.map(|inertial| inertial.mass),
+            inertia: given.map(|Inertial { tensor: t, .. }| Vec3::new(t.x_axis.x, t.y_axis.y, t.z_axis.z)),
+            products: given.map(|Inertial { tensor: t, .. }| Vec3::new(t.y_axis.x, t.z_axis.x, t.z_axis.y)),
+            centre: given.map(|inertial| inertial.centre),
+            density: None,
+            motion: if held { MotionSpec::FIXED } else { MotionSpec::FREE },
+            ignores: Vec::new(),
+            location: self.reader.location().clone(),
+        })
+    }
+
+    /// Why no body can have this inertia.
+    fn defect(&self, owner: usize, inertial: &Inertial) -> Option<FileProblem> {
+        let own = MassProperties { mass: inertial.mass, inertia: inertial.tensor };
+        let error = own.validate(&format!("`{}`", self.robot.links[owner].name)).err()?;
+        let remedy = "correct the file, or let such moments follow from the shapes: `inertia = \"mended\"`";
+        Some(FileProblem::new(format!("{error}: {remedy}")))
+    }
+
+    fn refuse(&self, problem: FileProblem) -> SceneError {
+        problem
+            .located(self.path, self.reader.get("file").map_or(self.reader.location(), |node| &node.location))
+    }
+
+    fn shape(&self, form: &Form) -> Result<ShapeSpec, SceneError> {
+        Ok(match *form {
+            Form::Sphere { radius } => ShapeSpec::Sphere { radius },
+            Form::Box { size } => ShapeSpec::Box { size },
+            Form::Capsule { length, radius } => ShapeSpec::Capsule { length, radius },
+            Form::Cylinder { length, radius } => ShapeSpec::Cylinder { length, radius },
+            Form::Mesh { ref file, scale, line } => {
+                let packages = self.reader.path("packages")?;
+                let found = find(file, self.path, packages.as_deref())
+                    .map_err(|problem| self.refuse(FileProblem::at(line, problem)))?;
+                ShapeSpec::Hull(HullSpec {
+                    file: Some(found),
+                    points: Vec::new(),
+                    scale,
+                    corners: Some(self.reader.count("corners")?.unwrap_or(CORNERS)),
+                    location: self.reader.location().clone(),
+                })
+            }
+        })
+    }
+
+    fn joints(&self, given: Vec<Given>, starts: &[f64]) -> Result<Vec<(String, JointSpec)>, FileProblem> {
+        let (mut joints, mut gears) = (Vec::new(), Vec::new());
+        let of_joint = |name: &str| format!("{}/{name}", self.name);
+        let is_made = |joint: &Joint| {
+            matches!(joint.kind, JointKind::Turns | JointKind::Slides)
+                && self.lumps[self.owners[joint.child]].is_needed
+        };
+        for ((joint, given), &start) in self.robot.joints.iter().zip(given).zip(starts) {
+            if !is_made(joint) {
+                continue;
+            }
+            let is_driven = given.motor.is_some() || given.actuator.is_some();
+            joints.push((of_joint(&joint.name), self.joint(joint, given, start)?));
+            let Some((leader, ratio, _)) = joint.mimic.as_ref().filter(|_| !is_driven) else { continue };
+            if self.robot.joints.iter().any(|other| other.name == *leader && is_made(other)) && *ratio != 0.0
+            {
+                let gear = JointSpec {
+                    joints: vec![of_joint(leader), of_joint(&joint.name)],
+                    ratio: Some(*ratio),
+                    ..JointSpec::new("gear", self.reader.location().clone())
+                };
+                gears.push((of_joint(&format!("{}/mimic", joint.name)), gear));
+            }
+        }
+        joints.extend(gears);
+        Ok(joints)
+    }
+
+    /// A joint that turns or slides, and starts at this coordinate.
+    fn joint(&self, joint: &Joint, given: Given, start: f64) -> Result<JointSpec, FileProblem> {
+        let turns = joint.kind == JointKind::Turns;
+        let [parent, child] = [joint.parent, joint.child].map(|link| self.owners[link]);
+        let bodies = [parent, child].into_iter().filter(|&owner| !self.is_world(owner));
+        let place = self.places[joint.child];
+        let (lower, upper) = range(given.stops);
+        if lower >= upper {
+            let problem = format!(
+                "the stops of the joint `{0}`, {lower} and {upper}, leave it no way: give it others, `joint.{0}.{1} = {{ lower = -1, upper = 1 }}`, \
+                 or make its type `fixed`",
+                joint.name,
+                if turns { "angles" } else { "travel" }
+            );
+            return Err(FileProblem::at(joint.line, problem));
+        }
+        let [lower, upper] = given.stops.map(|bound| bound.map(|bound| bound - start));
+        let stops = lower.or(upper).map(|_| StopsSpec { lower, upper });
+        let constant = FunctionSpec::constant;
+        let effort = joint.effort.map(constant);
+        let brake = (joint.friction > 0.0).then(|| (Some(constant(0.0)), Some(constant(joint.friction))));
+        let drive = given.motor.map(|MotorSpec { speed, torque }| (speed, torque));
+        let drive = drive.or(given.actuator.map(|ActuatorSpec { speed, force }| (speed, force)));
+        let drive = drive.map(|(speed, most)| (speed, most.or(effort))).or(brake);
+        let damper = || SpringSpec { stiffness: 0.0, damping: joint.damping, rest: None };
+        let spring = given.spring.or_else(|| (joint.damping > 0.0).then(damper));
+        let spec = JointSpec {
+            bodies: bodies.map(|owner| self.body_name(owner)).collect(),
+            point: Some(place.translation),
+            axis: Some((place.rotation * joint.axis).normalize()),
+            ..JointSpec::new(if turns { "revolute" } else { "prismatic" }, self.reader.location().clone())
+        };
+        Ok(if turns {
+            let motor = drive.map(|(speed, torque)| MotorSpec { speed, torque });
+            JointSpec { motor, torsion_spring: spring, angles: stops, ..spec }
+        } else {
+            let actuator = drive.map(|(speed, force)| ActuatorSpec { speed, force });
+            JointSpec { actuator, spring, travel: stops, ..spec }
+        })
+    }
+}
+
+/// The same in the frame that `frame` is given in.
+fn moved(inertial: Inertial, frame: Pose) -> Inertial {
+    let turn = Mat3::from_quat(frame.rotation);
+    Inertial {
+        mass: inertial.mass,
+        centre: frame.transform_point(inertial.centre),
+        tensor: turn * inertial.tensor * turn.transpose(),
+    }
+}
+
+/// Both as one, by parallel axes.
+fn joined(a: Inertial, b: Inertial) -> Inertial {
+    let mass = a.mass + b.mass;
+    let centre = (a.mass * a.centre + b.mass * b.centre) / mass;
+    let about = |part: Inertial| {
+        let d = part.centre - centre;
+        let outer = Mat3::from_cols(d * d.x, d * d.y, d * d.z);
+        part.tensor + part.mass * (Mat3::from_diagonal(Vec3::splat(d.length_squared())) - outer)
+    };
+    Inertial { mass, centre, tensor: about(a) + about(b) }
+}
+
+/// The file of a mesh: relative to the URDF file, or in a package, which is looked for in `packages` or from the
+/// URDF file upwards. The package's own folder may be called otherwise, as where it was cloned.
+fn find(name: &str, urdf: &Path, packages: Option<&Path>) -> Result<PathBuf, String> {
+    let folder = urdf.parent().unwrap_or(Path::new(""));
+    let in_package = name.strip_prefix("package://").or(name.strip_prefix("model://"));
+    let Some(rest) = in_package.map(|rest| rest.trim_start_matches('/')) else {
+        return Ok(folder.join(name.strip_prefix("file://").unwrap_or(name)));
+    };
+    let (package, inside) = rest.split_once('/').unwrap_or((rest, ""));
+    let folder = std::path::absolute(folder).unwrap_or(folder.to_path_buf());
+    let places: Vec<&Path> = packages.map_or(folder.ancestors().collect(), |packages| vec![packages]);
+    let found =
+        places.iter().flat_map(|place| [place.join(rest), place.join(inside)]).find(|path| path.is_file());
+    found.ok_or_else(|| {
+        format!("`{name}` is not found: name the folder that holds the package `{package}` by `packages`")
+    })
+}
