@@ -312,6 +312,10 @@ impl<'a> Reader<'a> {
     /// A direction of length one, if given.
     pub fn direction(&self, key: &str) -> Result<Option<Vec3>, SceneError> {
         let Some(vector) = self.vector(key)? else { return Ok(None) };
+        // One written by `to_toml` must come back unchanged.
+        if (vector.length() - 1.0).abs() < 1e-14 {
+            return Ok(Some(vector));
+        }
         let largest = vector.abs().max_element();
         match (vector / largest).try_normalize() {
             Some(unit) if largest > 0.0 => Ok(Some(unit)),

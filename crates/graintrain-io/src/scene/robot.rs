@@ -7,9 +7,11 @@
 mod urdf;
 
 use super::error::{SceneError, SceneErrorKind};
-use super::file::{material_name, rotation};
+use super::file::{material_name, names_of, rotation};
 use super::joint::{ActuatorSpec, JointSpec, MotorSpec, SpringSpec, StopsSpec, actuator, motor, spring};
-use super::model::{BodySpec, FunctionSpec, HullSpec, MotionSpec, PartSpec, RotationSpec, ShapeSpec};
+use super::model::{
+    BodySpec, FunctionSpec, HullSpec, MeshSpec, MotionSpec, PartSpec, RotationSpec, ShapeSpec,
+};
 use super::packing::{FileProblem, read_file};
 use super::reader::Reader;
 use graintrain::math::{Mat3, Pose, Quat, Vec3};
@@ -46,10 +48,14 @@ struct Lump {
     named_by: Option<usize>,
     /// In the frame of its first link.
     inertial: Option<Inertial>,
-    collisions: Vec<(Pose, Form)>,
+    /// Of the links of these numbers, in that frame.
+    shapes: Vec<(usize, Pose, Form)>,
     /// Whether anything hangs on it that has a mass or a shape.
     is_needed: bool,
 }
+
+/// Elements of a link that have its shapes.
+pub(super) const SHAPES: &[(&str, &str)] = &[("collision", "collision"), ("visual", "visual")];
 
 /// What becomes of moments of inertia that no body can have, and whether that is an error.
 pub(super) const INERTIA: &[(&str, bool)] = &[("file", true), ("mended", false)];
@@ -59,9 +65,11 @@ pub(super) fn read(name: &str, reader: &Reader, materials: &[&str]) -> Result<Pa
     let path = reader.path("file")?.ok_or_else(|| reader.missing("file"))?;
     let location = reader.get("file").map_or(reader.location(), |node| &node.location);
     let problem = |problem: FileProblem| problem.located(&path, location);
-    let robot = urdf::read(&read_file(&path, location)?).map_err(problem)?;
+    let shapes = reader.choice("shapes", SHAPES)?.unwrap_or("collision");
+    let robot = urdf::read(&read_file(&path, location)?, shapes).map_err(problem)?;
+    let links: Vec<&str> = robot.links.iter().map(|link| link.name.as_str()).collect();
     let given = given(reader, &robot)?;
-    let coordinates = coordinates(&robot, &given, reader)?;
+    let coordinates = coordinates(&robot, &given).map_err(problem)?;
     let import = Import {
         name,
         reader,
@@ -69,6 +77,7 @@ pub(super) fn read(name: &str, reader: &Reader, materials: &[&str]) -> Result<Pa
         owners: owners(&robot),
         places: places(&robot, &coordinates, root_pose(reader)?),
         lumps: Vec::new(),
+        solid: names_of(reader, "solid", "link of the file", &links)?,
         fixed: reader.flag("fixed")?.unwrap_or(robot.links[robot.root].name == "world"),
         robot: &robot,
     };
@@ -133,35 +142,29 @@ fn range([lower, upper]: [Option<f64>; 2]) -> (f64, f64) {
 }
 
 /// Where the joints start, as the file counts: as given, by the joint that they mimic, or nearest to zero.
-fn coordinates(robot: &Robot, given: &[Given], reader: &Reader) -> Result<Vec<f64>, SceneError> {
+fn coordinates(robot: &Robot, given: &[Given]) -> Result<Vec<f64>, FileProblem> {
     let by_name: HashMap<&str, usize> =
         robot.joints.iter().enumerate().map(|(k, joint)| (joint.name.as_str(), k)).collect();
-    let of = |start: usize| {
-        let (mut k, mut factor, mut sum) = (start, 1.0, 0.0);
-        // More links than joints are a circle.
-        for _ in 0..=robot.joints.len() {
+    let of = |start: &Joint| {
+        let (mut k, mut factor, mut sum) = (by_name[start.name.as_str()], 1.0, 0.0);
+        for _ in &robot.joints {
             let joint = &robot.joints[k];
-            match (&joint.mimic, given[k].coordinate) {
-                (Some((leader, multiplier, offset)), None) => {
-                    (sum, factor) = (sum + factor * offset, factor * multiplier);
-                    k = *by_name.get(leader.as_str())?;
-                }
-                (_, coordinate) => {
-                    let (lower, upper) = range(given[k].stops);
-                    return Some(sum + factor * coordinate.unwrap_or(0.0_f64.max(lower).min(upper)));
-                }
-            }
+            let Some((leader, multiplier, offset)) =
+                joint.mimic.as_ref().filter(|_| given[k].coordinate.is_none())
+            else {
+                let (lower, upper) = range(given[k].stops);
+                return Ok(sum + factor * given[k].coordinate.unwrap_or(0.0_f64.max(lower).min(upper)));
+            };
+            (sum, factor) = (sum + factor * offset, factor * multiplier);
+            k = *by_name.get(leader.as_str()).ok_or_else(|| {
+                let problem = format!("the joint `{}` mimics `{leader}`, which is not there", joint.name);
+                FileProblem::at(joint.line, problem)
+            })?;
         }
-        None
+        // More steps than joints are a circle.
+        Err(FileProblem::at(start.line, format!("the joint `{}` mimics itself in the end", start.name)))
     };
-    let all = (0..robot.joints.len()).map(|k| {
-        of(k).ok_or_else(|| {
-            let problem =
-                format!("the joint `{}` mimics joints that are not there, or itself", robot.joints[k].name);
-            SceneError::at(SceneErrorKind::Contradiction(problem), reader.location())
-        })
-    });
-    all.collect()
+    robot.joints.iter().map(of).collect()
 }
 
 /// The first link of the lump of each link.
@@ -199,6 +202,8 @@ struct Import<'a> {
     places: Vec<Pose>,
     /// By the numbers of their first links.
     lumps: Vec<Lump>,
+    /// Links whose meshes stay as they are.
+    solid: Vec<String>,
     /// Whether the first link is held.
     fixed: bool,
 }
@@ -216,8 +221,8 @@ impl Import<'_> {
                 (Some(a), Some(b)) => Some(joined(a, b)),
                 (a, b) => a.or(b),
             };
-            lump.collisions.extend(own.collisions.iter().map(|(pose, form)| (frame * *pose, form.clone())));
-            if own.inertial.is_some() || !own.collisions.is_empty() {
+            lump.shapes.extend(own.shapes.iter().map(|(pose, form)| (link, frame * *pose, form.clone())));
+            if own.inertial.is_some() || !own.shapes.is_empty() {
                 lump.named_by.get_or_insert(link);
                 lump.is_needed = true;
             }
@@ -231,7 +236,7 @@ impl Import<'_> {
 
     /// Whether the lump of a link is the world: held, and without a shape.
     fn is_world(&self, owner: usize) -> bool {
-        self.fixed && owner == self.owners[self.robot.root] && self.lumps[owner].collisions.is_empty()
+        self.fixed && owner == self.owners[self.robot.root] && self.lumps[owner].shapes.is_empty()
     }
 
     /// The body of a lump.
@@ -259,11 +264,11 @@ impl Import<'_> {
 
     fn body(&self, owner: usize, material: &str) -> Result<BodySpec, SceneError> {
         let lump = &self.lumps[owner];
-        let part = |(pose, form): &(Pose, Form)| {
+        let part = |(link, pose, form): &(usize, Pose, Form)| {
             let rotation = RotationSpec(pose.rotation.normalize());
-            Ok(PartSpec { shape: self.shape(form)?, position: pose.translation, rotation })
+            Ok(PartSpec { shape: self.shape(*link, form)?, position: pose.translation, rotation })
         };
-        let parts = lump.collisions.iter().map(part).collect::<Result<Vec<_>, SceneError>>()?;
+        let parts = lump.shapes.iter().map(part).collect::<Result<Vec<_>, SceneError>>()?;
         if parts.is_empty() && lump.inertial.is_none() {
             let problem = format!(
                 "the link `{}` moves, but has neither a mass nor a shape: give it an <inertial>, or hold the robot with `fixed = true`",
@@ -273,12 +278,7 @@ impl Import<'_> {
         }
         let held = self.fixed && owner == self.robot.root;
         let inertial = lump.inertial.filter(|_| !held);
-        let defect = inertial.and_then(|inertial| self.defect(owner, &inertial));
-        let given = inertial.filter(|_| defect.is_none());
-        let is_error = self.reader.choice("inertia", INERTIA)?.unwrap_or(true) || parts.is_empty();
-        if let Some(defect) = defect.filter(|_| is_error) {
-            return Err(self.refuse(defect));
-        }
+        let given = self.usable(owner, inertial, parts.is_empty())?;
         let Pose { translation: position, rotation } = self.places[owner];
         Ok(BodySpec {
             parts,
@@ -298,12 +298,33 @@ impl Import<'_> {
         })
     }
 
-    /// Why no body can have this inertia.
-    fn defect(&self, owner: usize, inertial: &Inertial) -> Option<FileProblem> {
-        let own = MassProperties { mass: inertial.mass, inertia: inertial.tensor };
-        let error = own.validate(&format!("`{}`", self.robot.links[owner].name)).err()?;
-        let remedy = "correct the file, or let such moments follow from the shapes: `inertia = \"mended\"`";
-        Some(FileProblem::new(format!("{error}: {remedy}")))
+    /// The inertia that a body is given: that of the file, or where no body can have that and it is to be mended,
+    /// none (it follows from the shapes) or, of a body without shapes, that of a ball with the same sum of moments.
+    fn usable(
+        &self,
+        owner: usize,
+        inertial: Option<Inertial>,
+        is_formless: bool,
+    ) -> Result<Option<Inertial>, SceneError> {
+        let Some(inertial) = inertial else { return Ok(None) };
+        let label = format!("`{}`", self.robot.links[owner].name);
+        let check = |inertial: &Inertial| {
+            MassProperties { mass: inertial.mass, inertia: inertial.tensor }.validate(&label)
+        };
+        let Err(error) = check(&inertial) else { return Ok(Some(inertial)) };
+        let Mat3 { x_axis, y_axis, z_axis } = inertial.tensor;
+        let moment = (x_axis.x + y_axis.y + z_axis.z) / 3.0;
+        let ball = Inertial { tensor: Mat3::from_diagonal(Vec3::splat(moment)), ..inertial };
+        let is_mended = !self.reader.choice("inertia", INERTIA)?.unwrap_or(true);
+        match is_formless.then_some(ball) {
+            None if is_mended => Ok(None),
+            Some(ball) if is_mended && check(&ball).is_ok() => Ok(Some(ball)),
+            _ => {
+                let or =
+                    if is_mended { "" } else { ", or have such moments replaced: `inertia = \"mended\"`" };
+                Err(self.refuse(FileProblem::new(format!("{error}: correct the file{or}"))))
+            }
+        }
     }
 
     fn refuse(&self, problem: FileProblem) -> SceneError {
@@ -311,25 +332,27 @@ impl Import<'_> {
             .located(self.path, self.reader.get("file").map_or(self.reader.location(), |node| &node.location))
     }
 
-    fn shape(&self, form: &Form) -> Result<ShapeSpec, SceneError> {
-        Ok(match *form {
-            Form::Sphere { radius } => ShapeSpec::Sphere { radius },
-            Form::Box { size } => ShapeSpec::Box { size },
-            Form::Capsule { length, radius } => ShapeSpec::Capsule { length, radius },
-            Form::Cylinder { length, radius } => ShapeSpec::Cylinder { length, radius },
-            Form::Mesh { ref file, scale, line } => {
-                let packages = self.reader.path("packages")?;
-                let found = find(file, self.path, packages.as_deref())
-                    .map_err(|problem| self.refuse(FileProblem::at(line, problem)))?;
-                ShapeSpec::Hull(HullSpec {
-                    file: Some(found),
-                    points: Vec::new(),
-                    scale,
-                    corners: Some(self.reader.count("corners")?.unwrap_or(CORNERS)),
-                    location: self.reader.location().clone(),
-                })
-            }
-        })
+    /// A shape of a link of this number.
+    fn shape(&self, link: usize, form: &Form) -> Result<ShapeSpec, SceneError> {
+        let (file, scale, line) = match *form {
+            Form::Sphere { radius } => return Ok(ShapeSpec::Sphere { radius }),
+            Form::Box { size } => return Ok(ShapeSpec::Box { size }),
+            Form::Capsule { length, radius } => return Ok(ShapeSpec::Capsule { length, radius }),
+            Form::Cylinder { length, radius } => return Ok(ShapeSpec::Cylinder { length, radius }),
+            Form::Mesh { ref file, scale, line } => (file, scale, line),
+        };
+        let at = |problem: String| self.refuse(FileProblem::at(line, problem));
+        let file = Some(find(file, self.path, self.reader.path("packages")?.as_deref()).map_err(at)?);
+        let location = self.reader.location().clone();
+        if !self.solid.contains(&self.robot.links[link].name) {
+            let corners = Some(self.reader.count("corners")?.unwrap_or(CORNERS));
+            return Ok(ShapeSpec::Hull(HullSpec { file, points: Vec::new(), scale, corners, location }));
+        }
+        if scale.min_element() <= 0.0 {
+            return Err(at("a solid mesh cannot be mirrored: its `scale` must be above zero".to_string()));
+        }
+        let (vertices, triangles) = (Vec::new(), Vec::new());
+        Ok(ShapeSpec::Mesh(MeshSpec { file, vertices, triangles, scale, solid: true, location }))
     }
 
     fn joints(&self, given: Vec<Given>, starts: &[f64]) -> Result<Vec<(String, JointSpec)>, FileProblem> {

@@ -17,6 +17,7 @@ mod scene_joints;
 mod scene_laws;
 mod scene_loads;
 mod scene_meshes;
+mod scene_robots;
 mod scene_turning;
 mod stages;
 mod traffic;

@@ -89,11 +89,6 @@ impl Collider {
         if let Some(ranks) = &self.ranks {
             contacts = contacts_from(&ranks.join(&words_of(&contacts)));
         }
-        let ignored = world.ignored_pairs();
-        if !ignored.is_empty() {
-            let pair = |c: &Contact| [c.body_a.min(c.body_b), c.body_a.max(c.body_b)];
-            contacts.retain(|contact| ignored.binary_search(&pair(contact)).is_err());
-        }
         contacts
     }
 
@@ -106,9 +101,7 @@ impl Collider {
     ) -> Option<Contact> {
         self.update_forms(world);
         let look = Look { envelope: 0.0, step: 0.0, fall: 0.0, meeting: false };
-        let (sorted, ignored) = (self.sort(world, look.envelope, look.step), world.ignored_pairs());
-        let pair = |c: &Contact| [c.body_a.min(c.body_b), c.body_a.max(c.body_b)];
-        let counts = |c: &Contact| counts(c) && ignored.binary_search(&pair(c)).is_err();
+        let sorted = self.sort(world, look.envelope, look.step);
         let deeper = |a: &Contact, b: &Contact| a.gap.total_cmp(&b.gap);
         let bodies = world.bodies.len();
         let of_task = |task: usize| {
@@ -392,11 +385,11 @@ impl Collider {
         let prescribed = world.is_prescribed(body);
         let Found { balls, others, touches, contacts } = found;
         for &other in balls.iter().chain(others.iter()) {
-            if prescribed && world.is_prescribed(other as usize) {
+            let pair = [body as u32, other];
+            if prescribed && world.is_prescribed(other as usize) || sorted.is_ignored(pair) {
                 continue;
             }
             touches.clear();
-            let pair = [body as u32, other];
             let ([_, them], image) = self.placed_pair(world, pair);
             let ahead = margin + sorted.approach(body, other as usize);
             match (me.form.ball, them.form.ball) {

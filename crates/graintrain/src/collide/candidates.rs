@@ -33,6 +33,8 @@ pub(super) struct Sorted {
     pub(super) tree: Bvh,
     /// Bodies with a plane, ascending.
     pub(super) unbounded: Vec<Unbounded>,
+    /// Pairs that do not collide, lower index first, ascending.
+    ignored: Vec<[u32; 2]>,
 }
 
 /// How far the surface of a body may travel within the step, m.
@@ -45,6 +47,11 @@ pub(super) struct Travel {
 }
 
 impl Sorted {
+    /// Whether two bodies do not collide.
+    pub(super) fn is_ignored(&self, [a, b]: [u32; 2]) -> bool {
+        !self.ignored.is_empty() && self.ignored.binary_search(&[a.min(b), a.max(b)]).is_ok()
+    }
+
     /// How much nearer the two bodies may come within the step, m.
     pub(super) fn approach(&self, a: usize, b: usize) -> f64 {
         let (a, b) = (self.travel[a], self.travel[b]);
@@ -183,6 +190,7 @@ impl Collider {
             large,
             tree: Bvh::from_leaves(BvhBuildStrategy::default(), &bounds),
             unbounded,
+            ignored: world.ignored_pairs(),
         }
     }
 

@@ -16,7 +16,7 @@ pub(super) struct Inertial {
     pub tensor: Mat3,
 }
 
-/// The shape of a collision.
+/// The shape of a collision or a visual.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Form {
     Sphere { radius: f64 },
@@ -31,7 +31,8 @@ pub(super) struct Link {
     pub name: String,
     /// `None` also for a mass of zero.
     pub inertial: Option<Inertial>,
-    pub collisions: Vec<(Pose, Form)>,
+    /// Placed in the frame of the link.
+    pub shapes: Vec<(Pose, Form)>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -77,8 +78,8 @@ pub(super) struct Robot {
     pub root: usize,
 }
 
-/// Reads a URDF file.
-pub(super) fn read(bytes: &[u8]) -> Result<Robot, FileProblem> {
+/// Reads a URDF file; `shapes` are the elements that have the shapes, `collision` or `visual`.
+pub(super) fn read(bytes: &[u8], shapes: &'static str) -> Result<Robot, FileProblem> {
     let text = std::str::from_utf8(bytes).map_err(|_| FileProblem::new("it is not a text file"))?;
     let document = Document::parse(text).map_err(|error| {
         FileProblem::at(error.pos().row as usize, format!("it is not valid XML: {error}"))
@@ -96,7 +97,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<Robot, FileProblem> {
             format!("it is no URDF file: <robot> expected, not <{found}>"),
         ));
     }
-    let links = of_name(root, "link").map(link).collect::<Result<Vec<_>, _>>()?;
+    let links = of_name(root, "link").map(|node| link(node, shapes)).collect::<Result<Vec<_>, _>>()?;
     if let Some(k) = (1..links.len()).find(|&k| links[..k].iter().any(|link| link.name == links[k].name)) {
         return Err(FileProblem::new(format!("it has two links `{}`", links[k].name)));
     }
@@ -127,6 +128,7 @@ fn in_order(links: Vec<Link>, mut joints: Vec<Joint>) -> Result<Robot, FileProbl
                 "its links are no single tree: neither `{a}` nor `{b}` has a parent"
             )));
         }
+        _ if links.is_empty() => return Err(FileProblem::new("it has no links")),
         _ => return Err(FileProblem::new("it has no link that is not the child of a joint")),
     };
     let mut sorted: Vec<Joint> = Vec::with_capacity(joints.len());
@@ -201,19 +203,21 @@ fn pose(node: Node) -> Result<Pose, FileProblem> {
     Ok(Pose::from_parts(position, rotation))
 }
 
-fn link(node: Node) -> Result<Link, FileProblem> {
+fn link(node: Node, shapes: &'static str) -> Result<Link, FileProblem> {
     let inertial = child(node, "inertial").map(inertial).transpose()?;
-    let collisions = of_name(node, "collision").map(|collision| {
-        let geometry = child(collision, "geometry")
-            .ok_or_else(|| FileProblem::at(line(collision), "<collision> lacks a <geometry>"))?;
-        Ok(form(geometry)?.map(|form| (pose(collision), form)))
-    });
-    let collisions = collisions.filter_map(|item: Result<_, FileProblem>| item.transpose());
-    let collisions = collisions.map(|item| item.and_then(|(pose, form)| Ok((pose?, form))));
+    let mut placed = Vec::new();
+    for element in of_name(node, shapes) {
+        let geometry = child(element, "geometry");
+        let geometry = geometry
+            .ok_or_else(|| FileProblem::at(line(element), format!("<{shapes}> lacks a <geometry>")))?;
+        if let Some(form) = form(geometry)? {
+            placed.push((pose(element)?, form));
+        }
+    }
     Ok(Link {
         name: needed(node, "name")?.to_string(),
         inertial: inertial.filter(|inertial| inertial.mass > 0.0),
-        collisions: collisions.collect::<Result<_, FileProblem>>()?,
+        shapes: placed,
     })
 }
 

@@ -1,10 +1,10 @@
 //! Keys of robots: URDF files that become bodies and joints.
 
-use super::Kind::{self, Count, Flag, Named, Quantity, Text, Vector};
+use super::Kind::{self, Count, Flag, Named, Quantity, Text, Texts, Vector};
 use super::body::ROTATION;
 use super::joint::{ACTUATOR, ANGLES, MOTOR, SPRING, TORSION_SPRING, TRAVEL};
 use super::{D, Range, Table, key, names};
-use crate::scene::robot::INERTIA;
+use crate::scene::robot::{INERTIA, SHAPES};
 
 pub(super) static ROBOT: Table = Table {
     heading: "`[robot.NAME]`",
@@ -33,9 +33,24 @@ pub(super) static ROBOT: Table = Table {
             Text,
             "\"file\"",
             "\"mended\"",
-            "Moments of inertia that no body can have: file (an error) or mended (they and the centre of mass follow from mass and shapes)",
+            "Moments of inertia that no body can have: file (an error) or mended (they and the centre of mass follow from mass and shapes; of a link without shape: those of a ball)",
         )
         .one_of(|| names(INERTIA)),
+        key(
+            "shapes",
+            Text,
+            "\"collision\"",
+            "\"visual\"",
+            "The elements of its links that bodies touch with: collision or visual",
+        )
+        .one_of(|| names(SHAPES)),
+        key(
+            "solid",
+            Texts,
+            "none",
+            "[\"bucket\"]",
+            "Links whose meshes stay as they are, closed surfaces, instead of their hulls: buckets, wheels with grousers",
+        ),
         key("corners", Count, "64", "128", "Corners at most of the hull that each mesh becomes").within(Range::Positive),
         key(
             "packages",
