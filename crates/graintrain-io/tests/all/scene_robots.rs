@@ -251,7 +251,7 @@ fn errors_name_file_line_and_remedy() {
         ("<mimic joint=\"left\"", "<mimic joint=\"light\"", "mimics `light`, which is not there"),
         ("<mimic joint=\"left\"", "<mimic joint=\"right\"", "mimics itself"),
         ("lower=\"-2\" upper=\"2\"", "lower=\"0\" upper=\"0\"", "leave it no way"),
-        ("lower=\"-2\" upper=\"2\"", "lower=\"-2\" upper=\"x\"", "line 24: `upper` must be a number"),
+        ("lower=\"-2\" upper=\"2\"", "lower=\"-2\" upper=\"x\"", "line 18: `upper` must be a number"),
         ("<axis xyz=\"0 2 0\"/>", "<axis xyz=\"0 0 0\"/>", "has no direction"),
         ("ixx=\"0.01\"", "ixx=\"0.1\"", "inertia = \"mended\""),
         ("radius=\"0.04\"", "radius=\"-0.04\"", "above zero"),
