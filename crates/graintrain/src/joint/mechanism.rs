@@ -34,7 +34,7 @@ use super::rows::{Root, connected, length_of, made_unit, row_over};
 use super::stiffening::{RESOLVED, Stiffening, restoring};
 use super::{JointKind, JointState, Motor};
 use crate::integrate::{inverse_mass, world_inertia};
-use crate::math::{Mat3, Vec3, rotation_exponential};
+use crate::math::{Mat3, Quat, Vec3, rotation_exponential};
 use crate::motion::Profile;
 use crate::world::World;
 use graintrain_ccp::{BodyInverseMass, CoupledBodies};
@@ -437,25 +437,10 @@ impl<'a> Mechanisms<'a> {
         Solution { velocity, impulse: impulses, held }
     }
 
-    /// Where bodies are after the step with these velocities of the mechanism.
+    /// Rates of the rows, as differences of positions, with these velocities of the mechanism.
     fn rates(&self, mechanism: &Mechanism, velocity: &[f64]) -> Vec<f64> {
         let joints = &self.world.joints;
-        let velocity_of = |body: usize| match mechanism.bodies.binary_search(&(body as u32)) {
-            Ok(k) => &velocity[6 * k..6 * k + 6],
-            Err(_) => &self.free[6 * body..6 * body + 6],
-        };
-        let moved = |body: usize| {
-            let (position, orientation) = self.world.pose(body);
-            let v = velocity_of(body);
-            let (u, w) = (Vec3::from_slice(&v[..3]), Vec3::from_slice(&v[3..]));
-            let turn = rotation_exponential(self.step * w);
-            (position + self.step * u, (turn * orientation).normalize())
-        };
-        let poses = |body: usize| self.world.pose(body);
-        let near = |joint: usize| {
-            let along = coordinate(joints, joint, &poses, &last(joints));
-            along.map_or(0.0, |along| along.value + self.step * along.rate_of(velocity_of))
-        };
+        let (moved, near) = (self.moved(mechanism, velocity), self.near(mechanism, velocity));
         let mut known: Option<(usize, Vec<Row>)> = None;
         let rate = |row: &ActiveRow| {
             let after = match row.role {
@@ -471,6 +456,39 @@ impl<'a> Mechanisms<'a> {
             after.map_or(row.wanted, |after| (after - row.row.value) / self.step)
         };
         mechanism.rows.iter().map(rate).collect()
+    }
+
+    /// Velocities of a body, six, with these of the mechanism.
+    fn velocity_of<'b>(&'b self, mechanism: &'b Mechanism, velocity: &'b [f64], body: usize) -> &'b [f64] {
+        match mechanism.bodies.binary_search(&(body as u32)) {
+            Ok(k) => &velocity[6 * k..6 * k + 6],
+            Err(_) => &self.free[6 * body..6 * body + 6],
+        }
+    }
+
+    /// Where bodies are after the step with these velocities of the mechanism.
+    fn moved<'b>(
+        &'b self,
+        mechanism: &'b Mechanism,
+        velocity: &'b [f64],
+    ) -> impl Fn(usize) -> (Vec3, Quat) + 'b {
+        move |body| {
+            let (position, orientation) = self.world.pose(body);
+            let v = self.velocity_of(mechanism, velocity, body);
+            let (u, w) = (Vec3::from_slice(&v[..3]), Vec3::from_slice(&v[3..]));
+            let turn = rotation_exponential(self.step * w);
+            (position + self.step * u, (turn * orientation).normalize())
+        }
+    }
+
+    /// About what coordinates joints have then.
+    fn near<'b>(&'b self, mechanism: &'b Mechanism, velocity: &'b [f64]) -> impl Fn(usize) -> f64 + 'b {
+        let joints = &self.world.joints;
+        move |joint| {
+            let along = coordinate(joints, joint, &|body| self.world.pose(body), &last(joints));
+            let of = |body: usize| self.velocity_of(mechanism, velocity, body);
+            along.map_or(0.0, |along| along.value + self.step * along.rate_of(of))
+        }
     }
 
     /// How fast a row of the joint opens, m/s.
