@@ -32,6 +32,9 @@ impl World {
         self.gravity_of_time.iter().flatten().try_for_each(|profile| profile.validate())?;
         self.validate_materials()?;
         for geometry in &self.geometries {
+            if geometry.parts.is_empty() && geometry.volume != 0.0 {
+                return Err(ModelError::Empty { what: "a geometry with a volume" });
+            }
             for part in &geometry.parts {
                 part.shape.validate()?;
                 finite("the place of a part", &part.position.to_array())?;
@@ -157,7 +160,7 @@ impl World {
 mod tests {
     use super::*;
     use crate::contact::Contact;
-    use crate::handle::{GeometryId, MaterialId, MotionId};
+    use crate::handle::{BodyId, GeometryId, MaterialId, MotionId};
     use crate::material::TurningResistance;
     use crate::shape::Geometry;
     use crate::world::Body;
@@ -174,7 +177,7 @@ mod tests {
     #[test]
     fn worlds_that_no_step_can_be_made_from_are_refused() {
         assert_eq!(world().validate(), Ok(()));
-        let damages: [fn(&mut World); 19] = [
+        let damages: [fn(&mut World); 20] = [
             |w| w.time = f64::NAN,
             |w| w.gravity.z = f64::INFINITY,
             |w| w.materials.density.clear(),
@@ -187,6 +190,7 @@ mod tests {
             },
             |w| w.contacts.moment.push(Vec3::ZERO),
             |w| w.geometries[0].parts.clear(),
+            |w| w.ignored.push([1, 2].map(BodyId::from_index)),
             |w| w.geometries[0].parts[0].position.x = f64::NAN,
             |w| w.bodies.name.truncate(1),
             |w| w.bodies.velocity.push(Vec3::ZERO),
