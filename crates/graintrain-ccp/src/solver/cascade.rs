@@ -15,9 +15,8 @@
 //!
 //! **Exact friction.** `apgs` and `apgd` treat it in their iterations ([`CcpSolver::solve_exact`]). The problem has no objective, and any of
 //! them may circle where another gets on. So they hold a race: a turn of each, from where the one before
-//! ended, then it is the turn of the one that gained most per iteration in its last. Where their systems are small, a piece of the [path](super::path_following) comes between. Where nobody gains any more they begin
-//! from zero (these iterations are chaotic: a start that leads nowhere need not be nearer to a
-//! solution than none); then come the problem without friction (where it has no solution, this one has none), the whole path from large tau, and
+//! ended, then it is the turn of the one that gained most per iteration in its last. Where their systems are small, a piece of the [path](super::path_following) comes between. Where nobody gains any more
+//! come the problem without friction (where it has no solution, this one has none), the whole path from large tau, and
 //! last the [fixed point](super::fixed_point) on the convex problem with the shift held.
 
 use super::accelerated_sweeps::AcceleratedSweeps;
@@ -199,13 +198,11 @@ struct Runner {
 /// point, of which the last, of second order, makes the finish.
 fn exact_table(first: usize, relaxed: &[usize]) -> Vec<Stage> {
     let path = first + 3;
-    let race = |start, most| Stage::new(first, Task::Race, start, most);
     let mut table = vec![
-        Stage { task: Task::Round, ..race(Start::Last, 30_000) },
+        Stage::new(first, Task::Round, Start::Last, 30_000),
         // Where its systems are small, the path soon leads on.
         Stage::new(path, Task::Solve, Start::Best, 30_000),
-        race(Start::Last, usize::MAX),
-        race(Start::Zero, usize::MAX),
+        Stage::new(first, Task::Race, Start::Last, usize::MAX),
         Stage::new(first, Task::Frictionless, Start::Zero, 60_000),
         Stage::new(path, Task::Solve, Start::Zero, 1_000_000),
     ];
