@@ -3,7 +3,7 @@
 //!
 //! | module | holds |
 //! |---|---|
-//! | [`scene`], [`problem`], [`packing`], [`mesh`], [`checkpoint`], [`frame`] | a target each: `run` reads an input and says whether it was accepted, `seeds` are sound inputs |
+//! | [`scene`], [`problem`], [`packing`], [`mesh`], [`checkpoint`], [`frame`], [`robot`] | a target each: `run` reads an input and says whether it was accepted, `seeds` are sound inputs |
 //! | [`bundle`] | several files in one input |
 //! | [`alter`] | inputs from seeds, the same for the same numbers |
 //!
@@ -16,6 +16,7 @@ pub mod frame;
 pub mod mesh;
 pub mod packing;
 pub mod problem;
+pub mod robot;
 pub mod scene;
 
 /// Something that graintrain reads.
@@ -39,6 +40,7 @@ pub const TARGETS: &[Target] = &[
     Target { name: "mesh", run: mesh::run, seeds: mesh::seeds, words: Vec::new },
     Target { name: "checkpoint", run: checkpoint::run, seeds: checkpoint::seeds, words: Vec::new },
     Target { name: "frame", run: frame::run, seeds: frame::seeds, words: Vec::new },
+    Target { name: "robot", run: robot::run, seeds: robot::seeds, words: Vec::new },
 ];
 
 #[cfg(test)]

@@ -23,7 +23,7 @@ static MEMORY: Cap<System> = Cap::new(System, MOST_BYTES);
 /// one that takes over 512 MB: it is then in target/fuzz/TARGET/last
 #[derive(Parser)]
 struct Arguments {
-    /// What is to read: scene, problem, packing, mesh, checkpoint, frame; all where none is named
+    /// What is to read: scene, problem, packing, mesh, checkpoint, frame, robot; all where none is named
     #[arg(value_name = "TARGET", value_parser = target)]
     targets: Vec<&'static Target>,
     /// Time for each target

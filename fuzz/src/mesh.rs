@@ -1,9 +1,9 @@
-//! Meshes: STL, OBJ and tables of triangles, as a boundary, as a solid and as the hull of their corners.
+//! Meshes: STL, OBJ, COLLADA and tables of triangles, as a boundary, as a solid and as the hull of their corners.
 
 use crate::bundle;
 use crate::packing::build;
 
-/// Reads one mesh in the three ways in which scenes take it.
+/// Reads one mesh in the ways in which scenes take it.
 pub fn run(input: &[u8]) -> bool {
     let parts = bundle::parts(input);
     let Some(part) = parts.first().filter(|part| bundle::is_plain(part.name)) else { return false };
@@ -11,6 +11,7 @@ pub fn run(input: &[u8]) -> bool {
         format!("mesh = {{ file = '{}' }}", part.name),
         format!("mesh = {{ file = '{}', solid = true, scale = 0.5 }}", part.name),
         format!("hull = {{ file = '{}' }}", part.name),
+        format!("hull = {{ file = '{}', corners = 4, scale = [-1, 2, 1] }}", part.name),
     ];
     // The ball is where meshes are, so that their collisions are looked for.
     let scene = |shape: &String| {
@@ -49,7 +50,13 @@ pub fn seeds() -> Vec<Vec<u8>> {
     ascii += "endsolid a\n";
     let object = "# a\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1/1 3/2 2\nf 1 2 -1\nf 1 4 3\nf 2 3 4\n";
     let plate = "v -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\nf 1 2 3 4\n";
-    let files: [(&str, &[u8]); 5] = [
+    let collada = "<COLLADA><asset><unit meter='0.5'/></asset><geometry id='g'><mesh><source id='s'>\
+                   <float_array>0 0 0 1 0 0 0 1 0 0 0 1</float_array><technique_common><accessor stride='3'/></technique_common></source>\
+                   <vertices id='v'><input semantic='POSITION' source='#s'/></vertices><polylist><input semantic='VERTEX' offset='0' source='#v'/>\
+                   <vcount>3 3 3 3</vcount><p>0 2 1 0 1 3 0 3 2 1 2 3</p></polylist></mesh></geometry><visual_scene><node><translate>1 0 0</translate>\
+                   <matrix>1 0 0 0 0 1 0 0 0 0 1 2 0 0 0 1</matrix><instance_geometry url='#g'/></node></visual_scene></COLLADA>";
+    let files: [(&str, &[u8]); 6] = [
+        ("a.dae", collada.as_bytes()),
         ("a.stl", ascii.as_bytes()),
         ("b.stl", &binary),
         ("a.obj", object.as_bytes()),

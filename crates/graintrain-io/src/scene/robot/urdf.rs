@@ -7,6 +7,9 @@ use graintrain::math::{Mat3, Pose, Quat, Vec3};
 use roxmltree::{Document, Node};
 use std::str::FromStr;
 
+/// Links that are read at most: joints of more bodies would be solved together for hours.
+const MOST_LINKS: usize = 1000;
+
 /// Mass and what belongs to it, in the frame of a link.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Inertial {
@@ -96,6 +99,12 @@ pub(super) fn read(bytes: &[u8], shapes: &'static str) -> Result<Robot, FileProb
             line(root),
             format!("it is no URDF file: <robot> expected, not <{found}>"),
         ));
+    }
+    let most = of_name(root, "link").count().max(of_name(root, "joint").count());
+    if most > MOST_LINKS {
+        return Err(FileProblem::new(format!(
+            "it has {most} links or joints: at most {MOST_LINKS} are read"
+        )));
     }
     let links = of_name(root, "link").map(|node| link(node, shapes)).collect::<Result<Vec<_>, _>>()?;
     if let Some(k) = (1..links.len()).find(|&k| links[..k].iter().any(|link| link.name == links[k].name)) {
