@@ -184,6 +184,8 @@ fn collada_meshes_are_read_in_their_place() {
         ("3 5 0 5 4 5 7 5", "3 5 0 5 4 5 8 5", "no vertex 8"),
         ("6  2 0 6", "6  2 x 6", "`x` is not a number"),
         ("url=\"#box\"", "url=\"#bax\"", "`bax`"),
+        ("offset=\"0\"", "offset=\"18446744073709551615\"", "`offset` cannot be"),
+        ("<instance_geometry url=\"#box\"/>", "<instance_node url=\"#scene\"/>", "nested too deeply"),
     ] {
         assert!(BOX.contains(from));
         std::fs::write(folder.path().join("box.dae"), BOX.replace(from, to)).unwrap();

@@ -11,6 +11,9 @@ use std::collections::HashMap;
 /// Nodes inside of nodes at most: one that holds itself has no end.
 const DEEPEST: usize = 64;
 
+/// Nodes and triangles shown at most, instances counted each time: a few that hold each other can be any number.
+const MOST: [usize; 2] = [100_000, 10_000_000];
+
 /// Corners of all triangles.
 pub(super) fn read(text: &str) -> Result<Vec<[Vec3; 3]>, FileProblem> {
     let document = Document::parse(text).map_err(|error| {
@@ -23,7 +26,7 @@ pub(super) fn read(text: &str) -> Result<Vec<[Vec3; 3]>, FileProblem> {
     }
     let unit = root.descendants().find(|node| is(*node, "unit")).and_then(|unit| unit.attribute("meter"));
     let unit = unit.and_then(|meter| meter.parse::<f64>().ok()).filter(|&meter| meter > 0.0).unwrap_or(1.0);
-    let mut reader = Reader { by_id: HashMap::new(), triangles: Vec::new() };
+    let mut reader = Reader { by_id: HashMap::new(), triangles: Vec::new(), nodes: 0 };
     let named = root.descendants().filter_map(|node| Some((node.attribute("id")?, node)));
     reader.by_id.extend(named);
     let scaled = Mat4::from_scale(Vec3::splat(unit));
@@ -67,6 +70,8 @@ fn exactly<const N: usize>(node: Node) -> Result<[f64; N], FileProblem> {
 struct Reader<'a> {
     by_id: HashMap<&'a str, Node<'a, 'a>>,
     triangles: Vec<[Vec3; 3]>,
+    /// Looked into so far.
+    nodes: usize,
 }
 
 impl<'a> Reader<'a> {
@@ -79,8 +84,9 @@ impl<'a> Reader<'a> {
 
     /// What the nodes in a node or scene show.
     fn children(&mut self, parent: Node<'a, 'a>, frame: Mat4, depth: usize) -> Result<(), FileProblem> {
-        if depth > DEEPEST {
-            return Err(problem(parent, "its nodes are nested too deeply"));
+        self.nodes += 1;
+        if depth > DEEPEST || self.nodes > MOST[0] || self.triangles.len() > MOST[1] {
+            return Err(problem(parent, "its nodes are nested too deeply, or show too much"));
         }
         for node in parent.children() {
             match node.tag_name().name() {
@@ -121,13 +127,17 @@ impl<'a> Reader<'a> {
     }
 
     fn primitive(&mut self, primitive: Node<'a, 'a>, frame: Mat4) -> Result<(), FileProblem> {
-        let offset =
-            |input: &Node| input.attribute("offset").and_then(|at| at.parse::<usize>().ok()).unwrap_or(0);
+        let offset = |input: Node| match input.attribute("offset").map(str::parse::<u16>) {
+            None => Ok(0),
+            Some(Ok(offset)) => Ok(usize::from(offset)),
+            Some(Err(error)) => Err(problem(input, format!("its `offset` cannot be: {error}"))),
+        };
         let inputs = || of_name(primitive, "input");
         let Some(vertex) = inputs().find(|input| input.attribute("semantic") == Some("VERTEX")) else {
             return Err(problem(primitive, "it has no input of vertices"));
         };
-        let (own, stride) = (offset(&vertex), inputs().map(|input| offset(&input)).max().unwrap_or(0) + 1);
+        let own = offset(vertex)?;
+        let stride = 1 + inputs().map(offset).try_fold(own, |most, next| Ok(most.max(next?)))?;
         let points = self.points(self.named(vertex, "source")?)?;
         let counts = of_name(primitive, "vcount").next().map(numbers::<usize>).transpose()?;
         for list in of_name(primitive, "p") {
