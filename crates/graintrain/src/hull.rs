@@ -356,6 +356,31 @@ mod tests {
         }
     }
 
+    /// A bound keeps corners that are points and most of the volume; a hull with fewer corners stays what it is.
+    #[test]
+    fn the_outermost_points_make_most_of_the_hull() {
+        let golden = std::f64::consts::PI * (3.0 - 5.0_f64.sqrt());
+        let on_ball = |k: u32| {
+            let z = 1.0 - (2.0 * f64::from(k) + 1.0) / 2000.0;
+            let (sin, cos) = (golden * f64::from(k)).sin_cos();
+            (1.0 - z * z).sqrt() * Vec3::new(cos, sin, 0.0) + z * Vec3::Z
+        };
+        let ball: Vec<Vec3> = (0..2000).map(on_ball).collect();
+        let whole = 4.0 / 3.0 * std::f64::consts::PI;
+        for (most, share) in [(4, 0.05), (16, 0.55), (64, 0.85), (256, 0.96)] {
+            let kept = Hull::outermost(&ball, most);
+            assert!(kept.len() <= most && kept.iter().all(|point| ball.contains(point)), "{most}");
+            let (hull, _) = Hull::new(&kept).unwrap();
+            assert!(hull.corners().len() == kept.len(), "{most}: every one is a corner");
+            assert!(hull.volume() > share * whole, "{most}: {}", hull.volume() / whole);
+        }
+        let boxes = grid(Vec3::new(1.0, 2.0, 3.0), 5);
+        let (hull, _) = Hull::new(&Hull::outermost(&boxes, 8)).unwrap();
+        assert_eq!(hull.corners().len(), 8);
+        assert!((hull.volume() - Hull::new(&boxes).unwrap().0.volume()).abs() < 1e-12);
+        assert_eq!(Hull::outermost(&ball[..3], 4), ball[..3]);
+    }
+
     proptest! {
         /// All points lie inside, every corner is one of them, and no corner can be left out; the volume is the one by summing over
         /// corners drawn in another order.

@@ -15,6 +15,12 @@ pub fn tangents(n: Vec3) -> (Vec3, Vec3) {
     (Vec3::new(1.0 + sign * n.x * n.x * a, sign * b, -sign * n.x), Vec3::new(b, sign + n.y * n.y * a, -n.y))
 }
 
+/// What a mass of one at this distance (m) adds to a tensor of inertia, |d|^2 - d d^T, m^2 (parallel axes, Huygens and Steiner).
+#[inline]
+pub fn parallel_axis(d: Vec3) -> Mat3 {
+    Mat3::from_diagonal(Vec3::splat(d.length_squared())) - Mat3::from_cols(d * d.x, d * d.y, d * d.z)
+}
+
 /// Unit quaternion of the rotation by |turn| about turn: exp(turn / 2).
 #[inline]
 pub fn rotation_exponential(turn: Vec3) -> Quat {

@@ -3,7 +3,7 @@
 use crate::collide::union::{Moments, counted_twice};
 use crate::error::{ModelError, length, place};
 use crate::hull::Hull;
-use crate::math::{Mat3, Quat, Vec3};
+use crate::math::{Mat3, Quat, Vec3, parallel_axis};
 use crate::solid_mesh::{check_closed, moments};
 use graintrain_linalg::real;
 use serde::{Deserialize, Serialize};
@@ -227,13 +227,11 @@ impl Geometry {
         Self { parts: Vec::new(), volume: 0.0, unit_inertia: Mat3::ZERO }
     }
 
-    /// The same form with its origin at this point of its frame: for a body whose given centre of mass is not that
-    /// of its volume. The inertia per density is about the new origin.
+    /// The same form, made about its centre of mass, with its origin at this point (m) of its frame: for a body whose
+    /// given centre of mass is another one. J <- J + V (|c|^2 - c c^T) is about the new origin c.
     pub fn about(self, origin: Vec3) -> Self {
-        let outer = Mat3::from_cols(origin * origin.x, origin * origin.y, origin * origin.z);
-        let away = Mat3::from_diagonal(Vec3::splat(origin.length_squared())) - outer;
         let parts = self.parts.into_iter().map(|part| Part { position: part.position - origin, ..part });
-        let unit_inertia = self.unit_inertia + self.volume * away;
+        let unit_inertia = self.unit_inertia + self.volume * parallel_axis(origin);
         Self { parts: parts.collect(), volume: self.volume, unit_inertia }
     }
 
@@ -397,10 +395,7 @@ impl Geometry {
         for part in &parts {
             let rotation = Mat3::from_quat(part.orientation);
             let own = rotation * part.shape.unit_inertia() * rotation.transpose();
-            let d = part.position;
-            let outer = Mat3::from_cols(d * d.x, d * d.y, d * d.z);
-            unit_inertia +=
-                own + part.shape.volume() * (Mat3::from_diagonal(Vec3::splat(d.length_squared())) - outer);
+            unit_inertia += own + part.shape.volume() * parallel_axis(part.position);
         }
         if let Some(excess) = &excess {
             unit_inertia -= excess.inertia(centre);

@@ -100,6 +100,10 @@ pub(crate) fn read(name: &str, root: &Node, folder: PathBuf) -> Result<Scene, Sc
         .map(|(name, reader)| Ok((name, load(&reader, &body_names, &packing_names)?)))
         .collect::<Result<Vec<_>, SceneError>>()?;
     for (name, reader) in scene.named("joint")? {
+        if joints.iter().any(|(known, _)| *known == name) {
+            let problem = format!("there are two joints `{name}`, one of a robot: call this one otherwise");
+            return Err(SceneError::at(SceneErrorKind::Contradiction(problem), reader.location()));
+        }
         let spec = joint::read(&reader, &body_names, &joints)?;
         joints.push((name, spec));
     }

@@ -14,7 +14,7 @@ use super::model::{
 };
 use super::packing::{FileProblem, read_file};
 use super::reader::Reader;
-use graintrain::math::{Mat3, Pose, Quat, Vec3};
+use graintrain::math::{Mat3, Pose, Quat, Vec3, parallel_axis};
 use graintrain::world::MassProperties;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -439,11 +439,7 @@ fn moved(inertial: Inertial, frame: Pose) -> Inertial {
 fn joined(a: Inertial, b: Inertial) -> Inertial {
     let mass = a.mass + b.mass;
     let centre = (a.mass * a.centre + b.mass * b.centre) / mass;
-    let about = |part: Inertial| {
-        let d = part.centre - centre;
-        let outer = Mat3::from_cols(d * d.x, d * d.y, d * d.z);
-        part.tensor + part.mass * (Mat3::from_diagonal(Vec3::splat(d.length_squared())) - outer)
-    };
+    let about = |part: Inertial| part.tensor + part.mass * parallel_axis(part.centre - centre);
     Inertial { mass, centre, tensor: about(a) + about(b) }
 }
 

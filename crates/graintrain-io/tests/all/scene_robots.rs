@@ -270,6 +270,10 @@ fn errors_name_file_line_and_remedy() {
         ("[robot.arm.joint.shoulder]\nangle = 3", "between its stops"),
         ("solid = [\"hand\"]", "`hand`"),
         ("shapes = \"visuals\"", "`visuals`"),
+        (
+            "[joint.\"arm/elbow\"]\nkind = \"spherical\"\nbodies = [\"arm/upper\"]\npoint = [0, 0, 0]",
+            "two joints `arm/elbow`",
+        ),
         ("[body.\"arm/upper\"]\nshape = { sphere = { radius = 1 } }", "two bodies `arm/upper`"),
     ] {
         let error = error_of(&whole, more);

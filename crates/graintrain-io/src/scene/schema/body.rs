@@ -231,7 +231,7 @@ static HULL: Table = Table {
             Count,
             "all, at most 256",
             "64",
-            "Corners at most: of more, those that lie farthest out in so many directions are kept",
+            "Corners at most: where there are more, the hull grows by the point farthest outside of it until it has so many",
         )
         .within(Range::Positive),
     ],
