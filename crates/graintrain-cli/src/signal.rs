@@ -2,9 +2,6 @@
 //! the second signal ends the process at once; SIGUSR1 asks for a checkpoint.
 
 use crate::error::Failure;
-#[cfg(unix)]
-use signal_hook::consts::{SIGHUP, SIGUSR1};
-use signal_hook::consts::{SIGINT, SIGTERM};
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -12,6 +9,9 @@ use std::time::Duration;
 
 /// Exit code of a run whose time was up: with a checkpoint, to be resumed. None of a shell's own, nor of `timeout`.
 const TIME_IS_UP: u8 = 3;
+
+/// The number of the signal that Ctrl-C sends, everywhere.
+const SIGINT: usize = 2;
 
 /// Whether the user asked to stop.
 #[derive(Clone, Debug)]
@@ -46,46 +46,61 @@ impl Stop {
             signal: Arc::default(),
             time_is_up: Arc::default(),
         };
+        #[cfg(not(target_family = "wasm"))]
+        stop.install().map_err(|error| Failure::work_error(error, "signals cannot be handled here"))?;
+        Ok(stop)
+    }
+
+    /// The handlers; programs of WebAssembly get no signals.
+    #[cfg(not(target_family = "wasm"))]
+    fn install(&self) -> std::io::Result<()> {
+        use signal_hook::{consts, flag};
         // Set by signals alone: after `--max-seconds` the first signal still asks.
         let asked: Arc<AtomicBool> = Arc::default();
         let install = |signal: i32| {
             // Handlers run in the order of registration: the first one ends the process only when the flag was set by
             // an earlier signal.
-            signal_hook::flag::register_conditional_shutdown(signal, 128 + signal, Arc::clone(&asked))?;
-            signal_hook::flag::register_usize(signal, Arc::clone(&stop.signal), signal as usize)?;
-            signal_hook::flag::register(signal, Arc::clone(&stop.requested))?;
-            signal_hook::flag::register(signal, Arc::clone(&asked))
+            flag::register_conditional_shutdown(signal, 128 + signal, Arc::clone(&asked))?;
+            flag::register_usize(signal, Arc::clone(&self.signal), signal as usize)?;
+            flag::register(signal, Arc::clone(&self.requested))?;
+            flag::register(signal, Arc::clone(&asked))
         };
-        let refused = |error| Failure::work_error(error, "signals cannot be handled here");
-        for signal in [SIGINT, SIGTERM] {
-            install(signal).map_err(refused)?;
+        for signal in [consts::SIGINT, consts::SIGTERM] {
+            install(signal)?;
         }
         #[cfg(unix)]
         {
-            if !is_ignored(SIGHUP) {
-                install(SIGHUP).map_err(refused)?;
+            if !is_ignored(consts::SIGHUP) {
+                install(consts::SIGHUP)?;
             }
-            signal_hook::flag::register(SIGUSR1, Arc::clone(&stop.checkpoint_wanted)).map_err(refused)?;
+            flag::register(consts::SIGUSR1, Arc::clone(&self.checkpoint_wanted))?;
         }
-        Ok(stop)
+        Ok(())
     }
 
     /// Asks to stop after so many seconds from now on, wherever the work is then. The thread ends with the process.
-    pub fn after(&self, seconds: f64) {
+    ///
+    /// # Errors
+    /// Where the system starts no thread.
+    pub fn after(&self, seconds: f64) -> Result<(), Failure> {
         let duration = Duration::try_from_secs_f64(seconds).unwrap_or(Duration::MAX);
         let (requested, time_is_up) = (Arc::clone(&self.requested), Arc::clone(&self.time_is_up));
-        std::thread::spawn(move || {
+        let wait = move || {
             std::thread::sleep(duration);
             time_is_up.store(true, Ordering::Relaxed);
             requested.store(true, Ordering::Relaxed);
-        });
+        };
+        let started = std::thread::Builder::new().spawn(wait);
+        started
+            .map(drop)
+            .map_err(|error| Failure::work_error(error, "leave out --max-seconds: it needs a thread"))
     }
 
     /// Something that asks to stop as Ctrl-C does, from another thread.
     pub fn asker(&self) -> impl Fn() + Send + Sync + 'static {
         let (requested, signal) = (Arc::clone(&self.requested), Arc::clone(&self.signal));
         move || {
-            signal.store(SIGINT as usize, Ordering::Relaxed);
+            signal.store(SIGINT, Ordering::Relaxed);
             requested.store(true, Ordering::Relaxed);
         }
     }

@@ -5,6 +5,7 @@ use crate::crew::Crew;
 use crate::error::Failure;
 use crate::progress::{Progress, passed};
 use crate::terminal::{say, tell};
+use crate::threads::Pool;
 use crate::timings::Timings;
 use graintrain_io::files::OutputError;
 use graintrain_io::output::recorder::Recorder;
@@ -12,7 +13,6 @@ use graintrain_io::output::summary::{RankSummary, RunStatus, Summary};
 use graintrain_io::run::{Ending, Observer, Run, RunError};
 use graintrain_io::scene;
 use graintrain_view::view::live::Live;
-use rayon::ThreadPool;
 use std::num::NonZeroUsize;
 use std::path::Path;
 use std::process::ExitCode;
@@ -53,7 +53,7 @@ pub struct Begun {
     pub run: Run,
     /// Writes it down; `None` on ranks that do not.
     pub recorder: Option<Recorder>,
-    pub threads: ThreadPool,
+    pub threads: Pool,
 }
 
 /// Makes the remaining steps, writes the last checkpoint and the summary, and tells how it went.
@@ -73,7 +73,7 @@ pub fn make_steps(
     let (mut timings, output_before) = (Timings::default(), run.totals.output_seconds);
     let first_step = run.world.step;
     if let Some(limit) = options.max_seconds {
-        stop.after(limit);
+        stop.after(limit)?;
     }
     let quiet = options.quiet || !crew.writes();
     let live = options.live.filter(|_| crew.writes());
@@ -123,10 +123,7 @@ pub fn make_steps(
                 say!("{}", closing::details(&summary));
             }
             if options.timings {
-                say!(
-                    "{}",
-                    timings.table(threads.current_num_threads(), run.totals.output_seconds - output_before)
-                );
+                say!("{}", timings.table(threads.count(), run.totals.output_seconds - output_before));
             }
             ending
         }),

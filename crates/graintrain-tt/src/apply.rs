@@ -73,8 +73,8 @@ thread_local! {
     static STATES: RefCell<(Vec<f64>, Vec<f64>)> = const { RefCell::new((Vec::new(), Vec::new())) };
 }
 
-/// Full vectors longer than this (8 TiB) are refused before memory is asked for.
-const LARGEST_VECTOR: usize = 1 << 40;
+/// Full vectors longer than this (8 TiB, or the whole memory of a 32-bit system) are refused before memory is asked for.
+const LARGEST_VECTOR: u64 = if usize::BITS < 64 { isize::MAX as u64 / 8 } else { 1 << 40 };
 
 impl FullOperator {
     /// Merges and reshapes the cores: O(numbers in the cores).
@@ -83,7 +83,7 @@ impl FullOperator {
     /// [`TtError::TooLarge`] if the full vectors would not fit in an index.
     pub fn new(matrix: &TtMatrix) -> Result<Self, TtError> {
         let (num_rows, num_columns) = (matrix.num_rows()?, matrix.num_columns()?);
-        if num_rows.max(num_columns) > LARGEST_VECTOR {
+        if num_rows.max(num_columns) as u64 > LARGEST_VECTOR {
             return Err(TtError::TooLarge { entries: num_rows.max(num_columns) as f64 });
         }
         let groups = choose_groups(matrix);

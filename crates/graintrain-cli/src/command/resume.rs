@@ -5,7 +5,7 @@ use crate::error::Failure;
 use crate::solving;
 use crate::stepping::{Begun, SteppingOptions, make_steps, output_failure};
 use crate::terminal::{say, tell};
-use crate::threads::pool;
+use crate::threads::{Pool, pool};
 use graintrain::ccp::Judge;
 use graintrain_io::checkpoint::{self, CheckpointError};
 use graintrain_io::mark::Marks;
@@ -13,7 +13,6 @@ use graintrain_io::output::folder::RunFolder;
 use graintrain_io::output::recorder::Recorder;
 use graintrain_io::run::Run;
 use graintrain_io::scene;
-use rayon::ThreadPool;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -74,7 +73,7 @@ pub fn execute(arguments: &Arguments, crew: &Crew) -> Result<ExitCode, Failure> 
 type Written = (RunFolder, Marks);
 
 /// The run where it was with its threads, and where this process is to write it down.
-fn begin(arguments: &Arguments, crew: &Crew) -> Result<(Option<Written>, Run, ThreadPool), Failure> {
+fn begin(arguments: &Arguments, crew: &Crew) -> Result<(Option<Written>, Run, Pool), Failure> {
     let folder = &arguments.folder;
     let checkpoints = folder.join("checkpoints");
     if !checkpoint::is_in(&checkpoints) {

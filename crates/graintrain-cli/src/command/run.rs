@@ -5,14 +5,13 @@ use crate::error::Failure;
 use crate::scene_failure::scene_failure;
 use crate::stepping::{Begun, SteppingOptions, make_steps, output_failure};
 use crate::terminal::say;
-use crate::threads::pool;
+use crate::threads::{Pool, pool};
 use graintrain::material::Materials;
 use graintrain::world::World;
 use graintrain_io::output::folder::{PrepareError, RunFolder};
 use graintrain_io::output::recorder::Recorder;
 use graintrain_io::run::{Run, RunSettings, RunTotals};
 use graintrain_io::scene::{self, Scene};
-use rayon::ThreadPool;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -114,7 +113,7 @@ struct Prepared {
     run: Run,
     /// The resolved scene.
     resolved: String,
-    threads: ThreadPool,
+    threads: Pool,
 }
 
 /// Reads the scene and builds the run.
