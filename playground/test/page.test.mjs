@@ -1,25 +1,17 @@
 // The page in headless Chromium (CHROMIUM, default /usr/bin/chromium): chosen, changed, run, looked at, stopped, shared. Skipped where there is none.
 import assert from "node:assert/strict";
-import { existsSync } from "node:fs";
 import test, { after, before } from "node:test";
-import { chromium } from "playwright-core";
 import { execute, text } from "../program.js";
 import { SCENES } from "../scenes.js";
-import { serve, wasm } from "./support/site.mjs";
+import { launch, noBrowser as skip, serve, wasm, watched } from "./support/site.mjs";
 
-const executablePath = process.env.CHROMIUM ?? "/usr/bin/chromium", skip = !existsSync(executablePath) && `no ${executablePath}`;
-const FLAGS = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-quic", "--no-first-run",
-  "--disable-background-networking", "--disable-component-update", "--disable-sync"];
 let browser, site;
-before(async () => { if (!skip) { site = await serve(); browser = await chromium.launch({ executablePath, args: FLAGS }); } });
+before(async () => { if (!skip) { site = await serve(); browser = await launch(); } });
 after(async () => { await browser?.close(); site?.close(); });
 
-/** The page, ready to run; errors of scripts fail the test. */
+/** The page, ready to run; errors of its scripts are kept. */
 async function open(hash = "", options = {}) {
-  const page = await browser.newPage({ viewport: { width: 1280, height: 800 }, ...options });
-  page.errors = [];
-  page.on("pageerror", (error) => page.errors.push(error.message));
-  page.on("console", (message) => { if (message.type() === "error") page.errors.push(message.text()); });
+  const page = await watched(browser, options);
   await page.goto(`${site.address}/playground/index.html${hash}`);
   await page.waitForSelector("#go:not(:disabled)", { timeout: 60_000 });
   return page;
