@@ -13,6 +13,7 @@
 //! | [`live`] | the same page of a run under way |
 //! | [`model`] | what is seen of a world |
 //! | `page` | the HTML |
+//! | [`usd`] | the same frames for Blender, Omniverse and others |
 
 pub mod live;
 pub mod model;
@@ -20,10 +21,12 @@ pub mod pack;
 pub mod page;
 pub mod run_folder;
 pub mod tables;
+pub mod usd;
 pub mod vtp_file;
 
 pub use page::{ViewSettings, page};
 pub use run_folder::RunFolder;
+pub use usd::usd;
 
 use graintrain_io::checkpoint::CheckpointError;
 use std::path::{Path, PathBuf};

@@ -530,3 +530,50 @@ fn films_have_the_frames_of_the_run_at_their_speed() {
     assert!((fast.rate - 50.0).abs() < 1e-6 && (fast.speed - 2.0).abs() < 1e-9, "{}", fast.rate);
     assert!(matches!(film(0.0), Err(FilmError::Speed(_))));
 }
+
+/// The numbers of an attribute's samples: `code: [numbers]`, line by line.
+fn usd_samples(layer: &str, prim: &str, attribute: &str) -> Vec<(f64, Vec<f64>)> {
+    let prim = layer.split(&format!("def PointInstancer \"{prim}\"")).nth(1).unwrap();
+    let lines = between(prim, &format!("{attribute}.timeSamples = {{\n"), "        }\n");
+    let number = |word: &str| word.trim().parse().unwrap();
+    let sample = |line: &str| {
+        let (code, values) = line.trim().trim_end_matches("],").split_once(": [").unwrap();
+        let plain = values.replace(['(', ')'], "");
+        (number(code), plain.split(',').filter(|word| !word.trim().is_empty()).map(number).collect())
+    };
+    lines.lines().map(sample).collect()
+}
+
+#[test]
+fn usd_layers_hold_the_frames() {
+    let folder = tempfile::tempdir().unwrap();
+    let truth = run_into(folder.path(), 12);
+    let run = RunFolder::open(folder.path()).unwrap();
+    let count = run.times().len();
+    let layer = usd(&run, &(0..count).collect::<Vec<_>>()).unwrap();
+    for [open, close] in [["{", "}"], ["[", "]"], ["(", ")"]] {
+        assert_eq!(layer.matches(open).count(), layer.matches(close).count());
+    }
+    let (balls, rods) = ([2, 5], [3]);
+    for (prim, bodies) in [("balls", &balls[..]), ("grains_2", &rods[..])] {
+        let samples = usd_samples(&layer, prim, "positions");
+        assert_eq!(samples.len(), count);
+        for (k, (code, values)) in samples.iter().enumerate() {
+            assert!((code - k as f64).abs() < 0.01 || k + 1 == count);
+            let world = truth.iter().find(|world| (world.time - run.times()[k]).abs() < 1e-9).unwrap();
+            for (slot, &body) in bodies.iter().enumerate() {
+                let place = Vec3::new(values[3 * slot], values[3 * slot + 1], values[3 * slot + 2]);
+                assert!((place - world.bodies.position[body]).length() < 1e-6, "{prim}, frame {k}");
+            }
+        }
+    }
+    // Real part first.
+    let [first, ..] = &usd_samples(&layer, "grains_2", "orientations")[..] else { panic!("no samples") };
+    let turn = Quat::from_xyzw(first.1[1], first.1[2], first.1[3], first.1[0]);
+    assert!(turn.dot(truth[0].bodies.orientation[3]).abs() > 1.0 - 1e-6);
+    assert!(
+        layer.contains("upAxis = \"Z\"")
+            && layer.contains("float3[] scales = [(0.1, 0.1, 0.1), (0.1, 0.1, 0.1)]")
+    );
+    assert!(matches!(usd(&run, &[]), Err(ViewError::NoFrames { .. })));
+}
