@@ -1,6 +1,6 @@
 // The site's front page and its gallery: each scene run, drawn and made a replay of by the program. node site.mjs PROGRAM FOLDER
 import { execFileSync } from "node:child_process";
-import { copyFileSync, mkdirSync, mkdtempSync, rmSync, writeFileSync } from "node:fs";
+import { copyFileSync, existsSync, mkdirSync, mkdtempSync, readdirSync, rmSync, writeFileSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { SCENES } from "./scenes.js";
@@ -36,6 +36,11 @@ function card({ name, title, set, picture }) {
   }
 }
 
+/** Notebooks that were made before, by name. */
+const notebooks = existsSync(join(site, "notebooks")) ? readdirSync(join(site, "notebooks")).filter((name) => name.endsWith(".ipynb")).sort() : [];
+const page = (name) => { const html = name.replace(/ipynb$/, "html"); return existsSync(join(site, "notebooks", html)) ? html : name; };
+const listed = notebooks.map((name) => `<li><a href="notebooks/${page(name)}">${name.replace(/\.ipynb$/, "").replace(/_/g, " ")}</a></li>`);
+
 const cards = SCENES.map(card);
 writeFileSync(join(site, "index.html"), `<!doctype html>
 <html lang="en">
@@ -54,6 +59,7 @@ writeFileSync(join(site, "index.html"), `<!doctype html>
   <nav><a href="playground/index.html">Run it in the browser</a> <a href="book/index.html">Book</a> <a href="api/graintrain/index.html">Rust</a></nav>
 </header>
 <main>${cards.join("\n")}</main>
+${listed.length > 0 ? `<section><h2>Notebooks</h2><ul>${listed.join("")}</ul></section>` : ""}
 <footer><p>Each run of this page has the same bits in the browser and in the program: <code>state_hash</code> of <code>summary.json</code>.</p></footer>
 </body>
 </html>

@@ -17,7 +17,7 @@ if [ $# = 0 ]; then
     set -- "$(uname -m)"
 fi
 version=$(sed -n 's/^version = "\(.*\)"$/\1/p' Cargo.toml | head -1)
-target=${CARGO_TARGET_DIR:-target}
+target=$(realpath -m "${CARGO_TARGET_DIR:-target}")
 mkdir -p dist
 
 program() {
@@ -32,6 +32,9 @@ program() {
     mkdir "$folder/$name"
     cp "$target/$triple/dist/graintrain" README.md CHANGELOG.md LICENSE-MIT LICENSE-APACHE "$folder/$name/"
     tar -C "$folder" --owner=0 --group=0 --numeric-owner --sort=name -czf "dist/$name.tar.gz" "$name"
+    # For the Dockerfile.
+    mkdir -p "dist/linux-$1"
+    cp "$target/$triple/dist/graintrain" "dist/linux-$1/"
     rm -rf "$folder"
     echo "dist/$name.tar.gz"
 }
@@ -41,7 +44,7 @@ wheel() {
         python3 -m venv "$target/release-tools"
         "$target/release-tools/bin/python" -m pip install --quiet --disable-pip-version-check "maturin>=1.7,<2" ziglang
     fi
-    PATH=$PWD/$target/release-tools/bin:$PATH maturin build --profile dist --locked --quiet --zig --compatibility manylinux2014 \
+    PATH=$target/release-tools/bin:$PATH maturin build --profile dist --locked --quiet --zig --compatibility manylinux2014 \
         --target "$1-unknown-linux-gnu" --out dist
 }
 

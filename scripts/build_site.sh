@@ -35,6 +35,15 @@ if [ "${1:-}" = playground ]; then
 fi
 
 cp playground/front.css site/
+# The examples of the Python package as notebooks with their outputs, where PYTHON has the package and Jupyter.
+python=${PYTHON:-python3}
+if "$python" -c 'import graintrain, ipykernel, nbclient, nbconvert' 2> /dev/null; then
+    examples=crates/graintrain-python/examples
+    "$python" crates/graintrain-python/tests/make_notebook.py $examples/*.py site/notebooks
+    cp $examples/*.ipynb site/notebooks/
+else
+    echo "no notebooks: PYTHON=$python has not all of graintrain, ipykernel, nbclient, nbconvert" >&2
+fi
 node playground/site.mjs "$program" site
 BOOK_SOURCES=${BOOK_SOURCES:-../..} scripts/build_book.sh
 rm -rf site/book site/api

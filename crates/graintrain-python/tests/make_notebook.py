@@ -1,11 +1,13 @@
 """Notebooks of the examples: the script's docstring as text, its paragraphs as cells, its pictures shown where they are saved.
 
-    python make_notebook.py SCRIPT... FOLDER      executes them with Jupyter (pip install nbclient ipykernel) and writes FOLDER/SCRIPT.ipynb
+    python make_notebook.py SCRIPT... FOLDER      executes them with Jupyter (pip install nbclient nbconvert ipykernel) and writes
+                                                  FOLDER/SCRIPT.ipynb and FOLDER/SCRIPT.html
 """
 
 from __future__ import annotations
 
 import ast
+import json
 import re
 import sys
 from pathlib import Path
@@ -57,12 +59,14 @@ def notebook(script: str) -> dict:
 def main(scripts: list[Path], folder: Path) -> None:
     import nbformat
     from nbclient import NotebookClient
+    from nbconvert import HTMLExporter
 
     folder.mkdir(parents=True, exist_ok=True)
     for script in scripts:
-        made = nbformat.from_dict(notebook(script.read_text(encoding="utf-8")))
+        made = nbformat.reads(json.dumps(notebook(script.read_text(encoding="utf-8"))), as_version=4)
         NotebookClient(made, timeout=600, kernel_name="python3", resources={"metadata": {"path": str(folder)}}).execute()
         nbformat.write(made, folder / f"{script.stem}.ipynb")
+        (folder / f"{script.stem}.html").write_text(HTMLExporter().from_notebook_node(made)[0], encoding="utf-8")
         print(folder / f"{script.stem}.ipynb")
 
 
