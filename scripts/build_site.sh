@@ -45,7 +45,13 @@ else
     echo "no notebooks: PYTHON=$python has not all of graintrain, ipykernel, nbclient, nbconvert" >&2
 fi
 node playground/site.mjs "$program" site
-BOOK_SOURCES=${BOOK_SOURCES:-../..} scripts/build_book.sh
+# Pages of the book link to sources: to those at BOOK_SOURCES, or to a copy.
+if [ -z "${BOOK_SOURCES:-}" ]; then
+    mkdir -p site/source
+    git archive HEAD | tar -x -C site/source
+    export BOOK_SOURCES=../source
+fi
+scripts/build_book.sh
 rm -rf site/book site/api
 cp -r target/book site/book
 cargo doc --workspace --no-deps --locked
