@@ -3,11 +3,13 @@
 //! | module | holds |
 //! |---|---|
 //! | [`calibrate`] | parameters of a scene from what was measured |
+//! | `page` | what the pages of reports share |
 //! | [`reproduce`] | the paper's experiments run again, and a report |
 //! | [`sweep`] | a scene at many values of its parameters, studies of time step and tolerance |
 //! | [`verify`] | the program against exact answers and published figures |
 
 pub mod calibrate;
+mod page;
 pub mod reproduce;
 pub mod sweep;
 pub mod verify;

@@ -4,11 +4,12 @@ use super::Answer;
 use super::gaussian_process::Prediction;
 use super::inference::MISSED;
 use super::question::Target;
+use crate::page::begin;
 use crate::sweep::SweepError;
 use crate::sweep::collect::Estimate;
 use crate::sweep::execute::write;
 use crate::sweep::plan::label;
-use crate::sweep::report::{STYLE, with_error};
+use crate::sweep::report::with_error;
 use graintrain_view::plot::svg::escape;
 use graintrain_view::plot::{Axis, Chart, Series, figure};
 use serde::Serialize;
@@ -233,10 +234,10 @@ impl Answer {
     }
 
     fn page(&self) -> String {
-        let scene = escape(&self.question.plan.scene);
-        let mut html = format!(
-            "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\"><title>Calibration of {scene}</title><style>{STYLE}</style><h1>Calibration of {scene}</h1>\
-             <p>{} points, {} runs. Settings of all: {}. What every run said: <code>observed.csv</code>; all numbers: <code>calibration.json</code>.</p>",
+        let mut html = begin(&format!("Calibration of {}", self.question.plan.scene));
+        let _ = write!(
+            html,
+            "<p>{} points, {} runs. Settings of all: {}. What every run said: <code>observed.csv</code>; all numbers: <code>calibration.json</code>.</p>",
             self.points.len(),
             self.observations.len() * self.aims.conditions.len(),
             if self.question.plan.settings.is_empty() {
@@ -248,7 +249,7 @@ impl Answer {
         for doubt in self.doubts() {
             let _ = write!(html, "<p><b>{}</b></p>", escape(&doubt));
         }
-        html += "<table><tr><th>parameter</th><th>value</th><th>95 % interval</th><th>likeliest</th></tr>";
+        html += "<table class=\"numbers\"><tr><th>parameter</th><th>value</th><th>95 % interval</th><th>likeliest</th></tr>";
         for fitted in self.fitted() {
             let value = with_error(&Estimate { value: fitted.value, error: fitted.error, count: 1 });
             let _ = write!(
@@ -260,7 +261,7 @@ impl Answer {
                 fitted.likeliest
             );
         }
-        html += "</table><table><tr><th>target</th><th>measured</th><th>at the likeliest values</th><th>scatter of a run</th></tr>";
+        html += "</table><table class=\"numbers\"><tr><th>target</th><th>measured</th><th>at the likeliest values</th><th>scatter of a run</th></tr>";
         for reached in self.reached() {
             let text = |value: f64, error: f64| with_error(&Estimate { value, error, count: 1 });
             let _ = write!(
@@ -274,7 +275,11 @@ impl Answer {
         }
         html += "</table>";
         let _ = write!(html, "<h2>Parameters</h2>{}", figure(&self.parameter_charts(), 2));
-        let _ = writeln!(html, "<h2>What was to be reached</h2>{}</html>", figure(&self.target_charts(), 2));
+        let _ = writeln!(
+            html,
+            "<h2>What was to be reached</h2>{}</body></html>",
+            figure(&self.target_charts(), 2)
+        );
         html
     }
 

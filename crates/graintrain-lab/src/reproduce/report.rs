@@ -7,6 +7,7 @@ use super::published as paper;
 use super::solves::{Problems, Solve, TOLERANCE};
 use super::trajectory::{Experiment, Variant};
 use super::{Progress, ReproduceError, Results, Settings, literal_method, measure};
+use crate::page::begin;
 use base64::Engine;
 use graintrain_io::files::{make_folder, write_atomically};
 use graintrain_view::plot::axis::number;
@@ -154,12 +155,6 @@ fn pictures(
     Ok(pictures)
 }
 
-const STYLE: &str = "body{font:15px/1.5 Helvetica,Arial,sans-serif;max-width:1240px;margin:24px auto;padding:0 16px;color:#222}\
-table{border-collapse:collapse;margin:10px 0 20px}td,th{border:1px solid #ccc;padding:4px 9px;text-align:left;vertical-align:top}\
-th{background:#f3f3f3}td.n{text-align:right;font-variant-numeric:tabular-nums}figure{margin:18px 0}figcaption{color:#444}\
-svg,img{max-width:100%;height:auto}.holds{color:#00693e;font-weight:bold}.fails{color:#b00020;font-weight:bold}\
-.open{color:#666;font-weight:bold}.pictures{display:grid;grid-template-columns:repeat(auto-fit,minmax(420px,1fr));gap:12px}";
-
 fn html(
     settings: &Settings,
     results: &Results,
@@ -167,11 +162,7 @@ fn html(
     figures: &[Figure],
     pictures: &[(String, PathBuf)],
 ) -> String {
-    let mut page = format!(
-        "<!doctype html><html lang=\"en\"><head><meta charset=\"utf-8\"><title>Reproduction, n = {n}</title>\
-         <style>{STYLE}</style></head><body><h1>The paper's experiments, run again (n = {n})</h1>",
-        n = settings.n
-    );
+    let mut page = begin(&format!("The paper's experiments, run again (n = {})", settings.n));
     let counts = |verdict| claims.iter().filter(|claim| claim.verdict == verdict).count();
     let _ = write!(
         page,

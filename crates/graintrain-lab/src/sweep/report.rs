@@ -4,6 +4,7 @@ use super::SweepError;
 use super::collect::{Collected, Estimate};
 use super::execute::{run_folder, write};
 use super::plan::{Cell, Plan, label};
+use crate::page::begin;
 use graintrain_view::plot::svg::escape;
 use graintrain_view::plot::{Axis, Chart, Series, figure};
 use graintrain_view::view::tables::Table;
@@ -16,10 +17,6 @@ const MOST: usize = 24;
 const CURVES: usize = 12;
 /// Most points of a curve.
 const POINTS: usize = 600;
-
-pub(crate) const STYLE: &str = "body{font:15px/1.45 system-ui,sans-serif;margin:2em auto;max-width:1330px;padding:0 1em;color:#222;background:#fff}\
-    table{border-collapse:collapse;margin:1em 0}td,th{padding:.25em .7em;border-bottom:1px solid #ddd;text-align:right}\
-    th{border-bottom:2px solid #888}h1{font-size:1.5em}h2{font-size:1.15em;margin-top:2em}small{color:#666}svg{max-width:100%;height:auto}";
 
 /// The number at the beginning of a value, and what follows it (a unit).
 fn number(value: &str) -> Option<(f64, &str)> {
@@ -169,11 +166,11 @@ pub fn page(
     more: &str,
 ) -> Result<(), SweepError> {
     let done = collected.samples.iter().flatten().count();
-    let mut html = format!(
-        "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\"><title>Sweep of {0}</title><style>{STYLE}</style><h1>Sweep of {0}</h1>\
-         <p>{1} points, {2} of {3} runs finished. Settings of all: {4}. Bars are standard errors over seeds, or in time where there is one \
+    let mut html = begin(&format!("Sweep of {}", plan.scene));
+    let _ = write!(
+        html,
+        "<p>{} points, {} of {} runs finished. Settings of all: {}. Bars are standard errors over seeds, or in time where there is one \
          seed. All numbers: <code>sweep.csv</code>, <code>runs.csv</code>; units and meanings: <code>columns.json</code>.</p>{more}",
-        escape(&plan.scene),
         plan.points.len(),
         done,
         cells.len(),
@@ -190,7 +187,7 @@ pub fn page(
             escape(&shown_unsteady.join(", "))
         );
     }
-    html += "<div style=\"overflow-x:auto\"><table><tr>";
+    html += "<table class=\"numbers\"><tr>";
     for key in plan.keys() {
         let _ = write!(html, "<th>{}</th>", escape(key));
     }
@@ -216,7 +213,7 @@ pub fn page(
         }
         html += "</tr>";
     }
-    html += "</table></div>";
+    html += "</table>";
     if plan.points.len() > 1 {
         let charts: Vec<Chart> =
             names.iter().map(|name| chart(collected, plan, cells, name, logarithmic)).collect();
@@ -234,7 +231,7 @@ pub fn page(
     if !histories.is_empty() {
         let _ = write!(html, "<h2>In the course of the runs (first seed)</h2>{}", figure(&histories, 2));
     }
-    html += "</html>\n";
+    html += "</body></html>\n";
     write(&folder.join("sweep.html"), &html)?;
     Ok(())
 }

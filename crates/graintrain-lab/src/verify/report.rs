@@ -2,6 +2,7 @@
 
 use super::bench::Accuracy;
 use super::{Case, Definition, Measure, Outcome, Row, named};
+use crate::page::begin;
 use graintrain_ccp::{Judge, SolverSpec};
 use graintrain_view::plot::axis::number;
 use graintrain_view::plot::svg::escape;
@@ -295,15 +296,6 @@ pub fn csv(cases: &[Case]) -> String {
     text
 }
 
-const STYLE: &str = "body{font:15px/1.5 Georgia,serif;max-width:76em;margin:2em auto;padding:0 1em;color:#222}\
-    table{border-collapse:collapse;margin:.6em 0;font-size:13px}\
-    th,td{border-bottom:1px solid #ddd;padding:.2em .7em;text-align:left;vertical-align:top}\
-    th{border-bottom:2px solid #888}td.n{text-align:right;white-space:nowrap;font-variant-numeric:tabular-nums}\
-    h2{font-size:1.15em;margin:2em 0 .2em;border-top:1px solid #bbb;padding-top:.6em}\
-    .passed{color:#17692c}.failed{color:#b00020;font-weight:bold}.undecided{color:#8a5a00}.left{color:#666}\
-    .source{font-size:13px;color:#444;margin:.1em 0}code{font-size:13px}\
-    @media print{body{max-width:none;margin:0;font-size:10pt}table{font-size:8pt}h2{break-after:avoid}tr{break-inside:avoid}}";
-
 fn class(outcome: Outcome) -> &'static str {
     match outcome {
         Outcome::Passed => "passed",
@@ -315,11 +307,7 @@ fn class(outcome: Outcome) -> &'static str {
 
 /// The report as one HTML page that needs nothing else.
 pub fn html(head: &Head, cases: &[Case]) -> String {
-    let mut text = format!(
-        "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"/><title>Verification of graintrain {}</title>\n\
-         <style>{STYLE}</style></head><body>\n<h1>Verification of graintrain</h1>\n<table>\n",
-        escape(&head.version)
-    );
+    let mut text = begin(&format!("Verification of graintrain {}", head.version)) + "<table>\n";
     for (name, what) in head.lines(cases) {
         let _ = writeln!(text, "<tr><th>{name}</th><td>{}</td></tr>", escape(&what));
     }
