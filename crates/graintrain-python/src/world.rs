@@ -14,6 +14,7 @@ use graintrain_io::files::OutputError;
 use graintrain_io::run::{Ending, Observer, Run, RunError, RunSettings, RunTotals, StepView};
 use graintrain_io::scene::{Scene, seconds, setting};
 use graintrain_io::settings::{OutputSettings, Precision};
+use numpy::PyArrayMethods;
 use pyo3::exceptions::{PyIndexError, PyKeyError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
@@ -320,6 +321,9 @@ fn assign(array: &Bound<'_, PyAny>, value: &Bound<'_, PyAny>) -> PyResult<()> {
     }
     array.set_item(pyo3::types::PyEllipsis::get(array.py()), value)
 }
+
+/// Bodies, corners of their triangles, kind.
+type Surface<'py> = (Bound<'py, PyAny>, Bound<'py, PyAny>, &'static str);
 
 #[pymethods]
 impl World {
@@ -696,6 +700,18 @@ impl World {
         let state = self.state();
         let free = (0..state.bodies.len()).map(|body| state.is_free(body)).collect();
         numpy::PyArray1::from_vec(py, free).into_any()
+    }
+
+    /// Surfaces of the bodies: a list of (bodies, triangles, kind), where the bodies (indices) share the triangles, corners (t, 3, 3) in m in their
+    /// axes, and kind is "grain" (free), "tool" or "wall". Balls, whose radii are known, are in none. Planes end at the scene's box. Copies.
+    fn surfaces<'py>(&mut self, py: Python<'py>) -> PyResult<Vec<Surface<'py>>> {
+        let groups = graintrain_view::view::model::Model::new(self.state()).groups;
+        let surface = |group: graintrain_view::view::model::Group| {
+            let count = group.triangles.len() / 9;
+            let corners = numpy::PyArray1::from_vec(py, group.triangles).reshape([count, 3, 3])?;
+            Ok((numpy::PyArray1::from_vec(py, group.bodies).into_any(), corners.into_any(), group.kind))
+        };
+        groups.into_iter().map(surface).collect()
     }
 
     /// Names of the bodies; empty for the many made by a packing.
