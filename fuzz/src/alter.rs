@@ -1,5 +1,5 @@
-//! Inputs from seeds: bits, bytes, numbers, words and ranges are altered, removed, repeated and taken from elsewhere. The same seeds and
-//! numbers give the same inputs.
+//! Inputs from seeds: bits, bytes, numbers, words and ranges are altered, removed, repeated and taken from
+//! elsewhere. The same seeds and numbers give the same inputs.
 
 use std::ops::Range;
 

@@ -1,4 +1,5 @@
-//! Several files in one input: a line `--- NAME` above each, with an end of line before it that belongs to no file.
+//! Several files in one input: a line `--- NAME` above each, with an end of line before it that belongs to no
+//! file.
 
 /// What begins the line above a file.
 const MARK: &[u8] = b"--- ";

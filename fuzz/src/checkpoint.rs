@@ -1,5 +1,5 @@
-//! Checkpoints: an input is a payload, expanded, whose file is then made so that only what it says can be wrong. What is read makes a step
-//! as `graintrain resume` would.
+//! Checkpoints: an input is a payload, expanded, whose file is then made so that only what it says can be
+//! wrong. What is read makes a step as `graintrain resume` would.
 
 use crate::scene;
 use graintrain::world::World;

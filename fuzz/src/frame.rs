@@ -1,7 +1,8 @@
-//! The folder of a run, read back for replays and exports: the lists of frames, the frames, the last checkpoint.
+//! The folder of a run, read back for replays and exports: the lists of frames, the frames, the last
+//! checkpoint.
 //!
-//! An input is a bundle of files of a run, by their names behind the number of the run, as in `--- 1/frames/bodies_00000002.vtp`; the
-//! other files are as they were.
+//! An input is a bundle of files of a run, by their names behind the number of the run, as in
+//! `--- 1/frames/bodies_00000002.vtp`; the other files are as they were.
 
 use crate::{bundle, scene};
 use graintrain_io::output::folder;

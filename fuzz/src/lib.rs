@@ -1,5 +1,5 @@
-//! Altered files for everything that graintrain reads. Whatever stands in a file, reading it makes no panic, ends soon and takes no more
-//! memory than the file deserves.
+//! Altered files for everything that graintrain reads. Whatever stands in a file, reading it makes no panic,
+//! ends soon and takes no more memory than the file deserves.
 //!
 //! | module | holds |
 //! |---|---|
@@ -7,7 +7,8 @@
 //! | [`bundle`] | several files in one input |
 //! | [`alter`] | inputs from seeds, the same for the same numbers |
 //!
-//! The program `graintrain-fuzz` alters seeds by itself; `fuzz_targets` are the same targets for `cargo fuzz`. Both are in `README.md`.
+//! The program `graintrain-fuzz` alters seeds by itself; `fuzz_targets` are the same targets for
+//! `cargo fuzz`. Both are in `README.md`.
 
 pub mod alter;
 pub mod bundle;

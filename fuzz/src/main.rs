@@ -19,8 +19,8 @@ const MOST_TIME: Duration = Duration::from_secs(5);
 #[global_allocator]
 static MEMORY: Cap<System> = Cap::new(System, MOST_BYTES);
 
-/// Try altered files on everything that graintrain reads. Ends with an error at the first panic, at an input that takes over 5 s, and at
-/// one that takes over 512 MB: it is then in target/fuzz/TARGET/last
+/// Try altered files on everything that graintrain reads. Ends with an error at the first panic, at an input
+/// that takes over 5 s, and at one that takes over 512 MB: it is then in target/fuzz/TARGET/last
 #[derive(Parser)]
 struct Arguments {
     /// What is to read: scene, problem, packing, mesh, checkpoint, frame, robot; all where none is named

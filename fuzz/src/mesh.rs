@@ -1,4 +1,5 @@
-//! Meshes: STL, OBJ, COLLADA and tables of triangles, as a boundary, as a solid and as the hull of their corners.
+//! Meshes: STL, OBJ, COLLADA and tables of triangles, as a boundary, as a solid and as the hull of their
+//! corners.
 
 use crate::bundle;
 use crate::packing::build;

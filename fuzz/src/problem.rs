@@ -7,8 +7,8 @@ use graintrain_ccp::FrictionModel;
 use graintrain_io::problem_file;
 use std::io::Write;
 
-/// Reads the problem of which the first file is a part, and multiplies by its matrix. Files `NAME.npy` are put into an archive, so that its
-/// check sums are right whatever stands in them.
+/// Reads the problem of which the first file is a part, and multiplies by its matrix. Files `NAME.npy` are
+/// put into an archive, so that its check sums are right whatever stands in them.
 pub fn run(input: &[u8]) -> bool {
     let parts = bundle::parts(input);
     if parts.is_empty() || !parts.iter().all(|part| bundle::is_plain(part.name)) {
@@ -58,7 +58,8 @@ pub fn words() -> Vec<Vec<u8>> {
     words.map(|word| word.as_bytes().to_vec()).to_vec()
 }
 
-/// Three rows of one contact, dense; then with rolling friction, in blocks, in triplets, in columns, and a block on a floor in global form.
+/// Three rows of one contact, dense; then with rolling friction, in blocks, in triplets, in columns, and a
+/// block on a floor in global form.
 const TEXTS: &[&str] = &[
     "3\n1\n0\n3\n3\n3\t3\n 2. 0. 0. 0. 2. 0. 0. 0. 2.\n-1. 0. 0.\n0.5\n",
     "5\n1\n0\n5\n5\n5\t5\n2 0 0 0 0\n0 2 0 0 0\n0 0 2 0 0\n0 0 0 50 0\n0 0 0 0 50\n-1 0.5 0 1 0\n0.5\n0.01\n",
@@ -144,7 +145,8 @@ fn zip(members: &[Member], is_packed: bool) -> Vec<u8> {
         packer.write_all(content).expect("memory takes it");
         let packed = if is_packed { packer.finish().expect("memory takes it") } else { content.clone() };
         let method: u16 = if is_packed { 8 } else { 0 };
-        // What both headers have: version, flags, method, time, date, check sum, sizes, lengths of name and extra field.
+        // What both headers have: version, flags, method, time, date, check sum, sizes, lengths of name and
+        // extra field.
         let mut common = [20_u16, 0, method, 0, 0].map(u16::to_le_bytes).concat();
         common.extend([sum.sum(), packed.len() as u32, content.len() as u32].map(u32::to_le_bytes).concat());
         common.extend([name.len() as u16, 0].map(u16::to_le_bytes).concat());

@@ -1,4 +1,5 @@
-//! Scenes: the text is read, written out resolved, read again; what is small is built, and what is smaller makes a step.
+//! Scenes: the text is read, written out resolved, read again; what is small is built, and what is smaller
+//! makes a step.
 
 use crate::checkpoint::step;
 use graintrain::measure::space::volume;

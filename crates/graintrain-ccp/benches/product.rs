@@ -1,9 +1,11 @@
-//! Cost of the product with N and of one iteration of each first-order method, beside a copy of the same size.
+//! Cost of the product with N and of one iteration of each first-order method, beside a copy of the same
+//! size.
 //!
-//! `cargo bench -p graintrain-ccp --bench product [-- SIDE... METHOD... WORD...]`; SIDE is the edge of the packing in balls, six contacts per
-//! ball (default 15, 29, 58: about 2e4, 1.5e5, 1.2e6 contacts), METHOD leaves the others out (`none`: all of them), WORD is `bodies` or `rows`
-//! (N over bodies or as a sparse matrix, default both), `one` or `two` (threads, default both). Each figure is the least of several interleaved
-//! rounds, because other programs disturb every one of them.
+//! `cargo bench -p graintrain-ccp --bench product [-- SIDE... METHOD... WORD...]`; SIDE is the edge of the
+//! packing in balls, six contacts per ball (default 15, 29, 58: about 2e4, 1.5e5, 1.2e6 contacts), METHOD
+//! leaves the others out (`none`: all of them), WORD is `bodies` or `rows` (N over bodies or as a sparse
+//! matrix, default both), `one` or `two` (threads, default both). Each figure is the least of several
+//! interleaved rounds, because other programs disturb every one of them.
 
 #[path = "../tests/all/common.rs"]
 mod common;
@@ -20,7 +22,8 @@ use std::time::Instant;
 
 const METHODS: &[&str] = &["pj", "pgs", "apgs", "apgd", "bb", "kucera", "spg", "gpminres"];
 const ROUNDS: usize = 5;
-/// Floating-point operations of a product per contact: twice 9 + 2 (9 + 3) + 15 in and out, and the bodies' share.
+/// Floating-point operations of a product per contact: twice 9 + 2 (9 + 3) + 15 in and out, and the bodies'
+/// share.
 const FLOPS: f64 = 110.0;
 
 /// The time that measurements go by: processor time on one thread, which other programs do not lengthen, else
@@ -72,7 +75,8 @@ fn sum(numbers: &[f64]) -> f64 {
         .sum()
 }
 
-/// Multiplications and additions per second that one thread can do, half of each, with nothing to load or to store.
+/// Multiplications and additions per second that one thread can do, half of each, with nothing to load or to
+/// store.
 fn peak_flops() -> f64 {
     const STEPS: usize = 1 << 14;
     struct Peak<'a>(&'a mut Lanes);
@@ -144,7 +148,8 @@ fn measure(problem: &Ccp, methods: &[&str]) {
     }
     let threads = rayon::current_num_threads();
     let (flops, peak) = (FLOPS * contacts as f64, threads as f64 * peak_flops());
-    // Four fifths of what the product moves is read: it cannot be faster than reading as many bytes, nor than the arithmetic.
+    // Four fifths of what the product moves is read: it cannot be faster than reading as many bytes, nor than
+    // the arithmetic.
     let bound = read.max(flops / peak);
     println!(
         "{contacts:8} contacts {bodies:7} bodies {threads} threads | copy {:6.1} read {:6.1} GB/s, peak {:5.1} Gflop/s | N g {:8.3} ms {:5.1} ns/contact {:6.1} GB/s {:5.2} Gflop/s, {:4.2} of the copy's speed, {:4.2} of the bound by {}",

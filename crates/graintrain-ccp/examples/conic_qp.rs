@@ -1,7 +1,8 @@
 //! Newton systems that are not contact: a sparse quadratic program over second-order cones.
 //!
-//! The quadratic program `min 1/2 x^T A x - b^T x, x_i in { |(x_1, x_2)| <= x_0 }` with a sparse positive definite A that
-//! has nothing to do with bodies uses the same interior point, and every linear solver of the Newton layer.
+//! The quadratic program `min 1/2 x^T A x - b^T x, x_i in { |(x_1, x_2)| <= x_0 }` with a sparse positive
+//! definite A that has nothing to do with bodies uses the same interior point, and every linear solver of the
+//! Newton layer.
 //!
 //! `cargo run --example conic_qp`
 

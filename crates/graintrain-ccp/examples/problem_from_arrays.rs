@@ -1,12 +1,13 @@
-//! A contact problem from arrays: a ball on the ground and at a wall, as the entries of a matrix, solved in both models.
+//! A contact problem from arrays: a ball on the ground and at a wall, as the entries of a matrix, solved in
+//! both models.
 //!
 //! `cargo run --release -p graintrain-ccp --example problem_from_arrays`
 
 use graintrain_ccp::{Ccp, FrictionModel, SolveSettings, SolverSpec};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    // N, rows and columns (normal, tangent 1, tangent 2) of the ground (z, x, y) and of the wall (-x, z, y). The ball is solid,
-    // of 1 kg: along a tangent it moves and turns, 1 + 5/2.
+    // N, rows and columns (normal, tangent 1, tangent 2) of the ground (z, x, y) and of the wall (-x, z, y).
+    // The ball is solid, of 1 kg: along a tangent it moves and turns, 1 + 5/2.
     let n = [
         [1.0, 0.0, 0.0, 0.0, 1.0, 0.0],
         [0.0, 3.5, 0.0, -1.0, 2.5, 0.0],

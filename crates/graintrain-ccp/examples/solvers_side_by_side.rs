@@ -1,6 +1,7 @@
 //! Solvers side by side: one problem, every solver by name, and the same residual for all.
 //!
-//! `cargo run --release -p graintrain-ccp --features paper --example solvers_side_by_side` (without the feature: those that runs use)
+//! `cargo run --release -p graintrain-ccp --features paper --example solvers_side_by_side` (without the
+//! feature: those that runs use)
 
 use graintrain_ccp::registry::Method;
 use graintrain_ccp::{BodyInverseMass, Ccp, Delassus, FIXED, RigidContact, RigidDelassus};

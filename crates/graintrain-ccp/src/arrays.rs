@@ -8,9 +8,10 @@ use graintrain_linalg::block3::{Block, BlockMatrix3};
 const ROUNDING: f64 = 1e-9;
 
 impl Ccp {
-    /// A bare problem whose N is given by its nonzero entries (row, column, value), both triangles, in any order; entries that
-    /// are given more than once are added up. Contact i has the rows 3 i (normal), 3 i + 1 and 3 i + 2 (tangents). `r` is of
-    /// length 3 N_c, `friction` of length N_c, which is the number of contacts.
+    /// A bare problem whose N is given by its nonzero entries (row, column, value), both triangles, in any
+    /// order; entries that are given more than once are added up. Contact i has the rows 3 i (normal), 3 i +
+    /// 1 and 3 i + 2 (tangents). `r` is of length 3 N_c, `friction` of length N_c, which is the number of
+    /// contacts.
     ///
     /// ```
     /// use graintrain_ccp::{Ccp, SolveSettings, SolverSpec};
@@ -24,9 +25,9 @@ impl Ccp {
     /// ```
     ///
     /// # Errors
-    /// [`CcpError::Index`] for an entry beyond row or column 3 N_c - 1. [`CcpError::Entry`] where N is not finite, not symmetric,
-    /// or cannot be positive semi-definite as far as pairs of rows tell: n_ii >= 0 and |n_ij| <= sqrt(n_ii n_jj). Otherwise
-    /// those of [`Ccp::validate`].
+    /// [`CcpError::Index`] for an entry beyond row or column 3 N_c - 1. [`CcpError::Entry`] where N is not
+    /// finite, not symmetric, or cannot be positive semi-definite as far as pairs of rows tell: n_ii >= 0
+    /// and |n_ij| <= sqrt(n_ii n_jj). Otherwise those of [`Ccp::validate`].
     pub fn from_triplets(
         entries: &[(usize, usize, f64)],
         r: Vec<f64>,
@@ -48,8 +49,9 @@ impl Ccp {
         Self::new(Delassus::Sparse(matrix), r, friction)
     }
 
-    /// As [`Ccp::from_triplets`] with N in compressed columns: the entries of column j are `row[start[j]..start[j + 1]]` with the
-    /// `value`s at the same places; `start` has 3 N_c + 1 entries. Rows need not ascend.
+    /// As [`Ccp::from_triplets`] with N in compressed columns: the entries of column j are
+    /// `row[start[j]..start[j + 1]]` with the `value`s at the same places; `start` has 3 N_c + 1 entries.
+    /// Rows need not ascend.
     ///
     /// ```
     /// use graintrain_ccp::Ccp;
@@ -61,7 +63,8 @@ impl Ccp {
     /// ```
     ///
     /// # Errors
-    /// [`CcpError::Size`] or [`CcpError::Index`] where the arrays do not fit together; otherwise as [`Ccp::from_triplets`].
+    /// [`CcpError::Size`] or [`CcpError::Index`] where the arrays do not fit together; otherwise as
+    /// [`Ccp::from_triplets`].
     pub fn from_csc(
         start: &[usize],
         row: &[usize],
@@ -92,8 +95,8 @@ impl Ccp {
     }
 }
 
-/// The matrix of entries that are in range. The two triangles of what is symmetric but for rounding become equal in
-/// [`crate::newton::SchurComplement`], not here.
+/// The matrix of entries that are in range. The two triangles of what is symmetric but for rounding become
+/// equal in [`crate::newton::SchurComplement`], not here.
 fn blocks(entries: &[(usize, usize, f64)], contacts: usize) -> Result<BlockMatrix3, CcpError> {
     let mut sorted: Vec<(usize, usize, f64)> = entries.to_vec();
     // Stable, so that entries given more than once add up in the order given.

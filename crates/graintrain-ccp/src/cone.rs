@@ -1,4 +1,5 @@
-//! The friction cone Y = { (g_n, g_1, g_2) : |(g_1, g_2)| <= mu g_n }, and the one of contacts that resist turning.
+//! The friction cone Y = { (g_n, g_1, g_2) : |(g_1, g_2)| <= mu g_n }, and the one of contacts that resist
+//! turning.
 
 use graintrain_linalg::real;
 
@@ -18,8 +19,8 @@ pub fn tangential_length(x: [f64; 3]) -> f64 {
 impl FrictionCone {
     /// Euclidean projection P_Y(x).
     ///
-    /// Inside the cone x itself; inside the polar cone (mu |x_t| <= -x_n) the apex; else the nearest point of the
-    /// mantle, g_n = (x_n + mu |x_t|) / (1 + mu^2), g_t = mu g_n x_t / |x_t|  (Tasora and Anitescu 2011).
+    /// Inside the cone x itself; inside the polar cone (mu |x_t| <= -x_n) the apex; else the nearest point of
+    /// the mantle, g_n = (x_n + mu |x_t|) / (1 + mu^2), g_t = mu g_n x_t / |x_t| (Tasora and Anitescu 2011).
     #[inline]
     pub fn project(self, x: [f64; 3]) -> [f64; 3] {
         let mu = self.mu;
@@ -37,16 +38,18 @@ impl FrictionCone {
     }
 }
 
-/// Friction cone of a contact that resists turning: sliding, rolling and spinning friction share one normal impulse,
+/// Friction cone of a contact that resists turning: sliding, rolling and spinning friction share one normal
+/// impulse,
 ///
 /// ```text
 /// Y  = { (g, h) : |(g_1, g_2)| <= mu g_n,  |(h_1, h_2)| <= rolling g_n,  |h_n| <= spinning g_n }
 /// Y* = { (u, w) : u_n >= mu |(u_1, u_2)| + rolling |(w_1, w_2)| + spinning |w_n| }
 /// ```
 ///
-/// with h = (h_n, h_1, h_2) the moment about the normal and the two tangents over a length, N s, and w the turning velocity times that
-/// length, m/s. Source: V. Acary, F. Bourrier, "Coulomb friction with rolling resistance as a cone complementarity problem", European
-/// Journal of Mechanics A/Solids 85:104046, 2021, where the third disc is absent.
+/// with h = (h_n, h_1, h_2) the moment about the normal and the two tangents over a length, N s, and w the
+/// turning velocity times that length, m/s. Source: V. Acary, F. Bourrier, "Coulomb friction with rolling
+/// resistance as a cone complementarity problem", European Journal of Mechanics A/Solids 85:104046, 2021,
+/// where the third disc is absent.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TurningCone {
     /// Coefficient of friction, dimensionless.
@@ -60,10 +63,11 @@ pub struct TurningCone {
 impl TurningCone {
     /// Euclidean projection of (g, h).
     ///
-    /// With a = (|g_t|, |(h_1, h_2)|, |h_n|) and m = (mu, rolling, spinning) the nearest point has the normal impulse s >= 0 where
-    /// s - g_n - sum_k m_k max(0, a_k - m_k s) = 0. The left side is the least over all subsets A of the three of growing lines with the
-    /// roots s_A = (g_n + sum_A m_k a_k) / (1 + sum_A m_k^2), so that its own root is the largest of these eight: no search, no order.
-    /// Then every part is shortened to m_k s where it is longer.
+    /// With a = (|g_t|, |(h_1, h_2)|, |h_n|) and m = (mu, rolling, spinning) the nearest point has the normal
+    /// impulse s >= 0 where s - g_n - sum_k m_k max(0, a_k - m_k s) = 0. The left side is the least over all
+    /// subsets A of the three of growing lines with the roots s_A = (g_n + sum_A m_k a_k) / (1 + sum_A
+    /// m_k^2), so that its own root is the largest of these eight: no search, no order. Then every part is
+    /// shortened to m_k s where it is longer.
     pub fn project(self, g: [f64; 3], h: [f64; 3]) -> [[f64; 3]; 2] {
         let coefficient = [self.mu, self.rolling, self.spinning];
         let length = [real::hypot(g[1], g[2]), real::hypot(h[1], h[2]), h[0].abs()];
@@ -92,7 +96,8 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// The nearest point by bisection of the normal impulse: the distance is convex in it, and its slope is written out.
+    /// The nearest point by bisection of the normal impulse: the distance is convex in it, and its slope is
+    /// written out.
     fn by_bisection(cone: TurningCone, g: [f64; 3], h: [f64; 3]) -> f64 {
         let parts =
             [(cone.mu, g[1].hypot(g[2])), (cone.rolling, h[1].hypot(h[2])), (cone.spinning, h[0].abs())];
@@ -109,8 +114,8 @@ mod tests {
     }
 
     proptest! {
-        /// Moreau for the cone with turning: two parts at right angles, one in the cone and one in its polar; the normal impulse is the
-        /// one that a bisection finds; without turning it is the friction cone.
+        /// Moreau for the cone with turning: two parts at right angles, one in the cone and one in its polar;
+        /// the normal impulse is the one that a bisection finds; without turning it is the friction cone.
         #[test]
         fn projection_with_turning_satisfies_moreau(
             g in prop::array::uniform3(-10.0..10.0_f64),
@@ -142,7 +147,8 @@ mod tests {
     }
 
     proptest! {
-        /// Moreau: x = P_Y(x) + P_Y°(x) with the two parts orthogonal, P_Y(x) in Y and the rest in the polar cone.
+        /// Moreau: x = P_Y(x) + P_Y°(x) with the two parts orthogonal, P_Y(x) in Y and the rest in the polar
+        /// cone.
         #[test]
         fn projection_satisfies_moreau(x in prop::array::uniform3(-10.0..10.0_f64), mu in 0.0..2.0_f64) {
             let p = FrictionCone { mu }.project(x);

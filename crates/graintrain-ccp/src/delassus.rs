@@ -43,8 +43,8 @@ impl DelassusIdentity {
         Self(Arc::downgrade(delassus))
     }
 
-    /// Whether it is that of this N. Equal numbers elsewhere in memory are another N. The weak reference keeps the address from
-    /// being used again.
+    /// Whether it is that of this N. Equal numbers elsewhere in memory are another N. The weak reference
+    /// keeps the address from being used again.
     pub fn is(&self, delassus: &Arc<Delassus>) -> bool {
         std::ptr::eq(self.0.as_ptr(), Arc::as_ptr(delassus))
     }
@@ -58,7 +58,8 @@ pub struct DelassusWork {
 }
 
 impl DelassusWork {
-    /// M^-1 D g of the last product: velocity changes (u, w) of every body, length 6 bodies, where the form has bodies.
+    /// M^-1 D g of the last product: velocity changes (u, w) of every body, length 6 bodies, where the form
+    /// has bodies.
     pub fn body_velocity(&self) -> &[f64] {
         &self.velocity
     }
@@ -154,7 +155,8 @@ pub(crate) mod tests {
         move || (rng.next_u64() >> 11) as f64 / (1_u64 << 53) as f64
     }
 
-    /// Random contacts over random bodies; the last body is mixed (two axes prescribed), some sides are fixed.
+    /// Random contacts over random bodies; the last body is mixed (two axes prescribed), some sides are
+    /// fixed.
     pub(crate) fn random_rigid(bodies: usize, contacts: usize, seed: u8) -> RigidDelassus {
         let mut random = uniform(seed);
         let mut signed = move || 2.0 * random() - 1.0;

@@ -1,14 +1,15 @@
 //! Cone complementarity problems (CCP) of rigid bodies with frictional contact, and their solvers.
 //!
 //! With the Delassus matrix N = D^T M^-1 D (symmetric positive semi-definite, one 3x3 block row per contact),
-//! the free relative velocity r and the friction cones Y_i = { g : |(g_1, g_2)| <= mu_i g_n }, find impulses g with
+//! the free relative velocity r and the friction cones Y_i = { g : |(g_1, g_2)| <= mu_i g_n }, find impulses
+//! g with
 //!
 //! ```text
 //! Y_i  contains  g_i  perpendicular to  (N g + r)_i  in  Y_i^*        for every contact i
 //! ```
 //!
-//! which are the optimality conditions of `min 1/2 g^T N g + r^T g` over the cones.
-//! Contacts may resist turning as well ([`Ccp::turning`]): N then has a second block row for each of them, and their cone is
+//! which are the optimality conditions of `min 1/2 g^T N g + r^T g` over the cones. Contacts may resist
+//! turning as well ([`Ccp::turning`]): N then has a second block row for each of them, and their cone is
 //! [`TurningCone`].
 //!
 //! Impulses are in N s, velocities in m/s, components always ordered (normal, tangent 1, tangent 2).
@@ -25,8 +26,8 @@
 //! | [`registry`] | solvers by name |
 //! | [`sensitivity`] | derivatives of the solution by r and mu |
 //!
-//! Each uses only what stands above it. Without the feature `paper` no tensor train is compiled: names of solvers that need
-//! it give [`CcpError::NotCompiled`].
+//! Each uses only what stands above it. Without the feature `paper` no tensor train is compiled: names of
+//! solvers that need it give [`CcpError::NotCompiled`].
 
 // The C library has other bits on other machines: `graintrain_linalg::real`.
 #![cfg_attr(not(test), warn(clippy::disallowed_methods))]

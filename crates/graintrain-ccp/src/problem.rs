@@ -10,25 +10,29 @@ use std::sync::Arc;
 /// Contacts per parallel task.
 const TASK: usize = 4096;
 
-/// A cone complementarity problem: find g with Y_i contains g_i perpendicular to (N g + r)_i in the dual cone Y_i^*.
+/// A cone complementarity problem: find g with Y_i contains g_i perpendicular to (N g + r)_i in the dual cone
+/// Y_i^*.
 #[derive(Clone, Debug)]
 pub struct Ccp {
-    /// N = D^T M^-1 D, 1/kg. Shared: problems that hold the same N, one and not merely equal ones, differ in r, mu or V alone, and a
-    /// solver that meets them one after the other prepares itself for N once. `Ccp { r, ..problem.clone() }` is such a problem.
+    /// N = D^T M^-1 D, 1/kg. Shared: problems that hold the same N, one and not merely equal ones, differ in
+    /// r, mu or V alone, and a solver that meets them one after the other prepares itself for N once.
+    /// `Ccp { r, ..problem.clone() }` is such a problem.
     pub delassus: Arc<Delassus>,
-    /// Free relative velocity r = b + D^T M^-1 k, length 3 N_c, m/s; then three turning velocities (about the normal and the two
-    /// tangents, times the length of the rows, m/s) of every entry of `turning`.
+    /// Free relative velocity r = b + D^T M^-1 k, length 3 N_c, m/s; then three turning velocities (about the
+    /// normal and the two tangents, times the length of the rows, m/s) of every entry of `turning`.
     pub r: Vec<f64>,
     /// Coefficient of friction of each contact.
     pub friction: Vec<f64>,
-    /// The contacts that resist turning, ascending; empty in most problems. Entry k owns block row N_c + k of N.
+    /// The contacts that resist turning, ascending; empty in most problems. Entry k owns block row N_c + k of
+    /// N.
     pub turning: Vec<TurningFriction>,
-    /// Velocity V, m/s, that makes residuals dimensionless: |gravity| x step in a simulation. `None` for a bare problem, whose V is
-    /// sqrt(mean_i |r_i|^2). See [`crate::residual::Residual`].
+    /// Velocity V, m/s, that makes residuals dimensionless: |gravity| x step in a simulation. `None` for a
+    /// bare problem, whose V is sqrt(mean_i |r_i|^2). See [`crate::residual::Residual`].
     pub velocity_scale: Option<f64>,
     /// Contact points in space, m, for geometric orderings; empty where they are not known.
     pub points: Vec<[f64; 3]>,
-    /// A number per contact that stays the same from step to step while the contact persists; empty where not known.
+    /// A number per contact that stays the same from step to step while the contact persists; empty where not
+    /// known.
     pub identity: Vec<u64>,
 }
 
@@ -37,7 +41,8 @@ pub struct Ccp {
 pub struct TurningFriction {
     /// Index of the contact.
     pub contact: u32,
-    /// Coefficient of rolling friction over the length of the rows, dimensionless: |(h_1, h_2)| <= rolling g_n.
+    /// Coefficient of rolling friction over the length of the rows, dimensionless: |(h_1, h_2)| <= rolling
+    /// g_n.
     pub rolling: f64,
     /// Coefficient of spinning friction over the length of the rows, dimensionless: |h_n| <= spinning g_n.
     pub spinning: f64,
@@ -143,7 +148,8 @@ impl Ccp {
         Ok(problem)
     }
 
-    /// The same problem where these contacts resist turning: N and r must have three more rows for each of them.
+    /// The same problem where these contacts resist turning: N and r must have three more rows for each of
+    /// them.
     ///
     /// # Errors
     /// See [`Ccp::validate`].
@@ -258,7 +264,8 @@ impl Ccp {
         FrictionCone { mu: self.friction[i] }
     }
 
-    /// The entry of [`Self::turning`] of contact i, if it resists turning. Cost: a search among them, nothing where there are none.
+    /// The entry of [`Self::turning`] of contact i, if it resists turning. Cost: a search among them, nothing
+    /// where there are none.
     #[inline]
     pub fn turning_of(&self, i: usize) -> Option<usize> {
         if self.turning.is_empty() {
@@ -267,8 +274,8 @@ impl Ccp {
         self.turning.binary_search_by_key(&(i as u32), |turning| turning.contact).ok()
     }
 
-    /// De Saxce's s_i of contact i for velocities u (length of r), m/s: mu |u_t|, and where it resists turning the same of rolling and
-    /// spinning. The relaxed law parts contacts by it.
+    /// De Saxce's s_i of contact i for velocities u (length of r), m/s: mu |u_t|, and where it resists
+    /// turning the same of rolling and spinning. The relaxed law parts contacts by it.
     pub fn de_saxce(&self, u: &[f64], i: usize) -> f64 {
         let of = |first: usize| [u[first], u[first + 1], u[first + 2]];
         let sliding = self.friction[i] * tangential_length(of(3 * i));
@@ -314,8 +321,8 @@ impl Ccp {
     }
 
     /// # Errors
-    /// [`CcpError::Unsupported`] where contacts resist turning or are compliant, where bodies are coupled or the cell is stress-controlled: for solvers that have no cone for the one or
-    /// take bodies one by one.
+    /// [`CcpError::Unsupported`] where contacts resist turning or are compliant, where bodies are coupled or
+    /// the cell is stress-controlled: for solvers that have no cone for the one or take bodies one by one.
     pub(crate) fn require_sliding_alone(&self, solver: &str) -> Result<(), CcpError> {
         let reason = match &*self.delassus {
             _ if !self.turning.is_empty() => {
@@ -335,7 +342,8 @@ impl Ccp {
         Err(CcpError::Unsupported { solver: solver.to_string(), reason: reason.to_string() })
     }
 
-    /// Contacts across the boundary of a stress-controlled cell: N as a matrix has a block for each two of them.
+    /// Contacts across the boundary of a stress-controlled cell: N as a matrix has a block for each two of
+    /// them.
     pub(crate) fn contacts_across(&self) -> usize {
         match &*self.delassus {
             Delassus::Rigid(rigid) => rigid.cell().map_or(0, |cell| cell.ways.len()),
@@ -354,8 +362,8 @@ impl Ccp {
         }
     }
 
-    /// eta_i = trace(N_ii) / 3 of every contact, 1/kg; contacts between immovable bodies get the smallest positive
-    /// eta of the problem (1 if there is none), so that dividing by it is safe.
+    /// eta_i = trace(N_ii) / 3 of every contact, 1/kg; contacts between immovable bodies get the smallest
+    /// positive eta of the problem (1 if there is none), so that dividing by it is safe.
     pub fn diagonal_scale(&self) -> Vec<f64> {
         let diagonals = self.delassus.diagonals();
         let of = |[nn, t1, t2]: &[f64; 3]| (nn + t1 + t2) / 3.0;

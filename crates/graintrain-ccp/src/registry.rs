@@ -152,7 +152,8 @@ impl Method {
         matches!(self, Self::Scip | Self::Ipm | Self::Pdip | Self::PdipLiteral)
     }
 
-    /// Whether it is compiled in: `auto`, `pgs`, `apgs`, `apgd`, `ipm` and `path` always, the others with the feature `paper`.
+    /// Whether it is compiled in: `auto`, `pgs`, `apgs`, `apgd`, `ipm` and `path` always, the others with the
+    /// feature `paper`.
     pub fn is_available(self) -> bool {
         let always = matches!(
             self,
@@ -254,8 +255,8 @@ impl LinearMethod {
         }
     }
 
-    /// Whether lists of solvers for users show it: the halves of `ic` and `cholesky`, which choose between contact space and
-    /// body space themselves, are for experiments.
+    /// Whether lists of solvers for users show it: the halves of `ic` and `cholesky`, which choose between
+    /// contact space and body space themselves, are for experiments.
     pub fn is_listed(self) -> bool {
         !matches!(
             self,
@@ -273,8 +274,9 @@ impl LinearMethod {
         cfg!(feature = "paper") || !with_train
     }
 
-    /// The linear solver that follows `method` and a `+`; `tt-cross@1e-3:100` is `tt-cross` at accuracy 1e-3 with ranks up
-    /// to 100. A comma or a slash will do as well as the colon, but lists of solvers are split at commas.
+    /// The linear solver that follows `method` and a `+`; `tt-cross@1e-3:100` is `tt-cross` at accuracy 1e-3
+    /// with ranks up to 100. A comma or a slash will do as well as the colon, but lists of solvers are split
+    /// at commas.
     ///
     /// # Errors
     /// [`CcpError::UnknownSolver`], or [`CcpError::NotCompiled`] where the feature `paper` is off.
@@ -348,8 +350,8 @@ impl fmt::Display for LinearMethod {
     }
 }
 
-/// A solver by name: a method, and for second-order methods its linear solver after a `+`, e.g. `pdip+ilu`; over-relaxation
-/// follows `pgs` after an `@`, e.g. `pgs@1.3`.
+/// A solver by name: a method, and for second-order methods its linear solver after a `+`, e.g. `pdip+ilu`;
+/// over-relaxation follows `pgs` after an `@`, e.g. `pgs@1.3`.
 ///
 /// ```
 /// use graintrain_ccp::SolverSpec;
@@ -375,8 +377,9 @@ impl From<Method> for SolverSpec {
 }
 
 impl SolverSpec {
-    /// Whether the method re-uses what it made for one problem in the next, so that it has to be given whole steps rather than the
-    /// connected parts of them: the interior points with a linear solver of their own (Algorithm 3 of the paper).
+    /// Whether the method re-uses what it made for one problem in the next, so that it has to be given whole
+    /// steps rather than the connected parts of them: the interior points with a linear solver of their own
+    /// (Algorithm 3 of the paper).
     pub fn keeps_between_steps(&self) -> bool {
         self.linear.is_some() || matches!(self.method, Method::Pdip | Method::PdipLiteral | Method::Scip)
     }
@@ -395,7 +398,8 @@ impl SolverSpec {
             (Method::AcceleratedSweeps, _) => Box::new(FirstOrder::new(AcceleratedSweeps::default())),
             (Method::Apgd, _) => Box::new(FirstOrder::new(Apgd::default())),
             (Method::Ipm, None) => return Ok(Box::new(Cascade::interior_point())),
-            // It treats exact friction itself, and what it cannot solve no sequence of relaxed problems solved by it can.
+            // It treats exact friction itself, and what it cannot solve no sequence of relaxed problems
+            // solved by it can.
             (Method::PathFollowing, _) => return Ok(Box::new(PathFollowing::default())),
             (Method::Ipm, Some(linear)) => Box::new(Ipm::with_solver(linear.build()?)),
             (method, linear) => of_paper(method, linear.unwrap_or(LinearMethod::Cholesky))?,
@@ -457,8 +461,8 @@ impl FromStr for SolverSpec {
     type Err = CcpError;
 
     /// # Errors
-    /// [`CcpError::UnknownSolver`] where no method or linear solver has the name, [`CcpError::NotCompiled`] where one has
-    /// and the feature `paper` is off.
+    /// [`CcpError::UnknownSolver`] where no method or linear solver has the name, [`CcpError::NotCompiled`]
+    /// where one has and the feature `paper` is off.
     fn from_str(name: &str) -> Result<Self, CcpError> {
         let unknown = |known: String| CcpError::UnknownSolver { name: name.to_string(), known };
         let (head, linear) = name.split_once('+').map_or((name, None), |(head, linear)| (head, Some(linear)));

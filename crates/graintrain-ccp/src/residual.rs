@@ -12,7 +12,8 @@ pub enum FrictionModel {
     /// The convex relaxation of Anitescu and Tasora: the CCP itself.
     #[default]
     Relaxed,
-    /// Exact Coulomb friction after De Saxce: u_n + mu |u_t| in place of u_n, and as much more for rolling and spinning.
+    /// Exact Coulomb friction after De Saxce: u_n + mu |u_t| in place of u_n, and as much more for rolling
+    /// and spinning.
     Coulomb,
 }
 
@@ -37,8 +38,8 @@ impl std::fmt::Display for FrictionModel {
 
 /// Distance of an impulse from solving the problem, dimensionless.
 ///
-/// With u = N g + r (u_n + mu |u_t| in place of u_n in Coulomb mode), eta_i = trace(N_ii) / 3 (1/kg, the inverse of the
-/// contact's effective mass) and a velocity V (m/s, see [`ResidualScale`]):
+/// With u = N g + r (u_n + mu |u_t| in place of u_n in Coulomb mode), eta_i = trace(N_ii) / 3 (1/kg, the
+/// inverse of the contact's effective mass) and a velocity V (m/s, see [`ResidualScale`]):
 ///
 /// ```text
 /// d_i = g_i - P_i(g_i - u_i / eta_i)                        natural map, N s
@@ -46,14 +47,15 @@ impl std::fmt::Display for FrictionModel {
 /// max = max_i e_i / V,   rms = sqrt(mean_i e_i^2) / V
 /// ```
 ///
-/// A contact that resists turning has six components: with w its turning velocities and h its moments, each over or times the length of
-/// its rows, d_i and P_i are those of (g_i, h_i) and [`TurningCone`](crate::cone::TurningCone), with the same eta_i; in Coulomb mode
-/// u_n + mu |u_t| + rolling |(w_1, w_2)| + spinning |w_n| (Acary, Bourrier 2021).
+/// A contact that resists turning has six components: with w its turning velocities and h its moments, each
+/// over or times the length of its rows, d_i and P_i are those of (g_i, h_i) and
+/// [`TurningCone`](crate::cone::TurningCone), with the same eta_i; in Coulomb mode u_n + mu |u_t| +
+/// rolling |(w_1, w_2)| + spinning |w_n| (Acary, Bourrier 2021).
 ///
-/// Each contact is measured by its own effective mass, so that neither a heavy body elsewhere nor a change of the unit of mass
-/// changes what is asked of it.
-/// Source of the natural map: Facchinei, Pang, "Finite-Dimensional Variational Inequalities and Complementarity Problems", 2003,
-/// section 1.5; the factor eta_i is the preconditioner of projected Jacobi (Tasora, Anitescu 2011).
+/// Each contact is measured by its own effective mass, so that neither a heavy body elsewhere nor a change of
+/// the unit of mass changes what is asked of it. Source of the natural map: Facchinei, Pang,
+/// "Finite-Dimensional Variational Inequalities and Complementarity Problems", 2003, section 1.5; the factor
+/// eta_i is the preconditioner of projected Jacobi (Tasora, Anitescu 2011).
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Residual {
     /// max_i e_i / V.
@@ -69,9 +71,10 @@ pub enum Judge {
     /// The worst contact: max <= tolerance. What solvers are compared by.
     #[default]
     Maximum,
-    /// All contacts together, none of them far off: rms <= tolerance and max <= [`MIXED_MAXIMUM`] tolerance. What runs are judged by:
-    /// the root mean square predicts the energy that errors put into a packing, while the maximum belongs to a few ordinary
-    /// contacts and costs iterations in proportion to the size of the packing.
+    /// All contacts together, none of them far off: rms <= tolerance and max <= [`MIXED_MAXIMUM`] tolerance.
+    /// What runs are judged by: the root mean square predicts the energy that errors put into a packing,
+    /// while the maximum belongs to a few ordinary contacts and costs iterations in proportion to the size of
+    /// the packing.
     Mixed,
 }
 
@@ -94,7 +97,8 @@ impl Residual {
         Self { max: larger(self.max, other.max), rms: larger(self.rms, other.rms) }
     }
 
-    /// The number that is held against the tolerance: max, or max(rms, max / [`MIXED_MAXIMUM`]); NaN where either is.
+    /// The number that is held against the tolerance: max, or max(rms, max / [`MIXED_MAXIMUM`]); NaN where
+    /// either is.
     pub fn judged(&self, judge: Judge) -> f64 {
         match judge {
             Judge::Maximum => self.max,
@@ -131,25 +135,28 @@ fn mean_length(x: &[f64]) -> f64 {
     unit * (sum / contacts.max(1) as f64).sqrt()
 }
 
-/// V of a problem, m/s: `problem.velocity_scale`, or sqrt(mean_i |r_i|^2) for a bare problem; 1 where that is zero or not finite.
+/// V of a problem, m/s: `problem.velocity_scale`, or sqrt(mean_i |r_i|^2) for a bare problem; 1 where that is
+/// zero or not finite.
 pub fn velocity_scale(problem: &Ccp) -> f64 {
     or_one(problem.velocity_scale.unwrap_or_else(|| mean_length(&problem.r[..3 * problem.num_contacts()])))
 }
 
 impl ResidualScale {
-    /// eta and V of a problem. V is `problem.velocity_scale`, or sqrt(mean_i |r_i|^2) for a bare problem; 1 where that is zero or
-    /// not finite.
+    /// eta and V of a problem. V is `problem.velocity_scale`, or sqrt(mean_i |r_i|^2) for a bare problem; 1
+    /// where that is zero or not finite.
     pub fn new(problem: &Ccp) -> Self {
         Self { eta: problem.diagonal_scale(), velocity: velocity_scale(problem) }
     }
 
-    /// V sqrt(mean_i 1 / eta_i), sqrt(J): the size of sqrt(eta_i) g_i and of u_i / sqrt(eta_i), in which all contacts are alike.
+    /// V sqrt(mean_i 1 / eta_i), sqrt(J): the size of sqrt(eta_i) g_i and of u_i / sqrt(eta_i), in which all
+    /// contacts are alike.
     pub fn size(&self) -> f64 {
         let mean = self.eta.iter().map(|eta| 1.0 / eta).sum::<f64>() / self.eta.len().max(1) as f64;
         self.velocity * or_one(mean).sqrt()
     }
 
-    /// d_i of a contact i that resists turning (entry k), N s: of its impulse and of its moment over the length.
+    /// d_i of a contact i that resists turning (entry k), N s: of its impulse and of its moment over the
+    /// length.
     fn turning_map(
         &self,
         problem: &Ccp,
@@ -197,8 +204,8 @@ impl ResidualScale {
             // In units of V / eta_i, so that no square overflows.
             let measured = |impulse: f64| self.eta[i] * impulse / self.velocity;
             let square_of = |d: [f64; 3]| d.iter().map(|&d| measured(d).powi(2)).sum::<f64>();
-            // Below the rounding of its impulse nothing is known: where impulses grow without limit (bodies that
-            // cannot be kept apart) g - u / eta is g in the end, whatever u is.
+            // Below the rounding of its impulse nothing is known: where impulses grow without limit (bodies
+            // that cannot be kept apart) g - u / eta is g in the end, whatever u is.
             let rounding_of = |block: usize| {
                 (0..3).map(|k| (f64::EPSILON * measured(g[3 * block + k])).powi(2)).sum::<f64>()
             };
@@ -288,13 +295,14 @@ fn larger(a: f64, b: f64) -> f64 {
     if a.is_nan() || a > b { a } else { b }
 }
 
-/// How far the objective of impulses g, with velocities u = N g + r, may lie above the optimum of the relaxed problem, relative to
-/// itself: sum_i (|g_i . u_i| + |g_i| dist(u_i, Y_i^*)) / |1/2 g^T N g + r^T g|.
+/// How far the objective of impulses g, with velocities u = N g + r, may lie above the optimum of the relaxed
+/// problem, relative to itself: sum_i (|g_i . u_i| + |g_i| dist(u_i, Y_i^*)) / |1/2 g^T N g + r^T g|.
 ///
-/// By convexity f(g) - f(g*) <= u . (g - g*), and u_i . g*_i >= -dist(u_i, Y_i^*) |g*_i|: a bound where no impulse of the solution is
-/// larger than that of g, else an estimate that may be too small (by a factor of 25 in the worst random problem met). A residual is relative to a velocity V that says nothing about impulses: in a nearly
-/// jammed heap, whose impulses are thousands of V / eta_i at velocities of next to nothing, the objective may be off by per cents at a
-/// residual of 1e-5.
+/// By convexity f(g) - f(g*) <= u . (g - g*), and u_i . g*_i >= -dist(u_i, Y_i^*) |g*_i|: a bound where no
+/// impulse of the solution is larger than that of g, else an estimate that may be too small (by a factor of
+/// 25 in the worst random problem met). A residual is relative to a velocity V that says nothing about
+/// impulses: in a nearly jammed heap, whose impulses are thousands of V / eta_i at velocities of next to
+/// nothing, the objective may be off by per cents at a residual of 1e-5.
 pub fn objective_gap(problem: &Ccp, g: &[f64], u: &[f64]) -> f64 {
     let norm = |v: [f64; 3]| (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sqrt();
     let sum: f64 = (0..problem.num_contacts())

@@ -1,7 +1,7 @@
 //! Derivatives of the solution of a problem, by the implicit function theorem.
 //!
-//! Where every contact is strictly in one state, the solution g of the relaxed problem is, near by, that of the equations of these
-//! states (u = N g + r):
+//! Where every contact is strictly in one state, the solution g of the relaxed problem is, near by, that of
+//! the equations of these states (u = N g + r):
 //!
 //! | state | impulse | equations |
 //! |---|---|---|
@@ -9,20 +9,22 @@
 //! | sticking | g inside the cone | du = 0 |
 //! | sliding | g = a (1, mu s), u_t = -&#124;u_t&#124; s, a > 0, &#124;u_t&#124; > 0 | (1, mu s) . du = &#124;u_t&#124; dmu, s' . du_t + &#124;u_t&#124; / (mu a) db = 0 |
 //!
-//! with the direction s of friction, s' at right angles to it, and dg = (1, mu s) da + (0, s') db + (0, a s) dmu. With the columns E of
-//! dg = E x + G dmu and the diagonal C of the terms |u_t| / (mu a), that is
+//! with the direction s of friction, s' at right angles to it, and dg = (1, mu s) da + (0, s') db + (0, a s)
+//! dmu. With the columns E of dg = E x + G dmu and the diagonal C of the terms |u_t| / (mu a), that is
 //!
 //! ```text
 //! K x = -E^T (dr + N G dmu) - c dmu,   K = E^T N E + C,   c = s . u_t in the first row of sliding contacts
 //! ```
 //!
-//! K is symmetric and positive semi-definite; where contacts are more than the bodies need (four corners of a box on the ground) it is
-//! singular, and impulses are not unique, but the velocities D g of bodies and their derivatives are.
-//! For a number L with dL = y . dg the adjoint K z = E^T y gives dL/dr = -E z and dL/dmu = G . (y - N E z) - c z.
-//! Source: Facchinei, Pang, "Finite-Dimensional Variational Inequalities and Complementarity Problems", 2003, section 5.4.
+//! K is symmetric and positive semi-definite; where contacts are more than the bodies need (four corners of a
+//! box on the ground) it is singular, and impulses are not unique, but the velocities D g of bodies and their
+//! derivatives are. For a number L with dL = y . dg the adjoint K z = E^T y gives dL/dr = -E z and dL/dmu = G
+//! . (y - N E z) - c z. Source: Facchinei, Pang, "Finite-Dimensional Variational Inequalities and
+//! Complementarity Problems", 2003, section 5.4.
 //!
-//! K is applied by way of the bodies, and its systems are solved by conjugate gradients with the factors of K + eps in body space
-//! ([`crate::newton::body::BodyCholesky`]'s identity) as preconditioner: a few iterations.
+//! K is applied by way of the bodies, and its systems are solved by conjugate gradients with the factors of
+//! K + eps in body space ([`crate::newton::body::BodyCholesky`]'s identity) as preconditioner: a few
+//! iterations.
 
 use crate::delassus::{Delassus, RigidDelassus};
 use crate::newton::body_matrix::BodyMatrix;
@@ -234,8 +236,8 @@ impl Sensitivity {
         self.parts.iter().map(|part| part.state)
     }
 
-    /// Of a number L with dL = y . dg: its derivatives by r and mu. `y` (length 3 N_c) is D^T of something where impulses are not
-    /// unique. Cost: one solve in body space and some products with N.
+    /// Of a number L with dL = y . dg: its derivatives by r and mu. `y` (length 3 N_c) is D^T of something
+    /// where impulses are not unique. Cost: one solve in body space and some products with N.
     ///
     /// # Errors
     /// [`SensitivityError::Adjoint`] where the linear system is not solved.

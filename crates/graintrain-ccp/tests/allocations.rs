@@ -1,5 +1,6 @@
-//! No first-order method and no interior point allocates inside its iterations: twice as many iterations allocate exactly
-//! as often. What the linear solvers of interior points allocate, and the records they leave, are counted by themselves.
+//! No first-order method and no interior point allocates inside its iterations: twice as many iterations
+//! allocate exactly as often. What the linear solvers of interior points allocate, and the records they
+//! leave, are counted by themselves.
 #![allow(unsafe_code)] // A global allocator cannot be written without; this one only counts.
 
 #[path = "all/common.rs"]
@@ -40,7 +41,8 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
-/// Allocations of a solve of so many iterations to this tolerance, with exact friction where the solver is to treat it itself.
+/// Allocations of a solve of so many iterations to this tolerance, with exact friction where the solver is to
+/// treat it itself.
 fn allocations(
     solver: &mut dyn CcpSolver,
     problem: &Ccp,
@@ -129,7 +131,8 @@ impl NewtonSolver for Watched {
     }
 }
 
-/// Allocations of a solve of so many Newton systems: of the method, and of its linear solver in matrices, solves and records.
+/// Allocations of a solve of so many Newton systems: of the method, and of its linear solver in matrices,
+/// solves and records.
 fn newton_allocations(solver: &mut dyn CcpSolver, problem: &Ccp, iterations: usize) -> [usize; 4] {
     INSIDE.iter().for_each(|count| count.store(0, Ordering::Relaxed));
     let all = allocations(solver, problem, false, 0.0, iterations);
@@ -137,7 +140,8 @@ fn newton_allocations(solver: &mut dyn CcpSolver, problem: &Ccp, iterations: usi
     [all - matrix - solves - record, matrix, solves, record]
 }
 
-/// Checks that neither the method nor its linear solver allocates from one system to the next, but for the record.
+/// Checks that neither the method nor its linear solver allocates from one system to the next, but for the
+/// record.
 fn check_newton(name: &str, linear: &str, problem: &Ccp, systems: usize) {
     let watched = Box::new(Watched(common::linear_solver(linear)));
     let mut solver: Box<dyn CcpSolver> = match name {
@@ -162,7 +166,8 @@ fn iterations_do_not_allocate() {
     // Several blocks of sweeps in single precision.
     let large = lattice_packing(16, 14, 0.3, 1);
     assert!(large.num_contacts() > 2 * 4096);
-    // Handing work to a pool from outside allocates; the interior points are watched from inside, on one thread.
+    // Handing work to a pool from outside allocates; the interior points are watched from inside, on one
+    // thread.
     rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap().install(|| {
         for name in ["ipm", "scip"] {
             for linear in ["cholesky", "schur-cholesky", "body-cholesky", "ic", "block-jacobi", "body-cg"] {

@@ -1,4 +1,5 @@
-//! The processes that carry a command out: this one, or several ranks, of which the first one speaks and writes.
+//! The processes that carry a command out: this one, or several ranks, of which the first one speaks and
+//! writes.
 
 use crate::error::Failure;
 use crate::signal::Stop;
@@ -58,7 +59,8 @@ impl Crew {
         self.ranks.as_ref().map_or_else(|| Arc::clone(&self.stop.requested), |ranks| ranks.stop())
     }
 
-    /// Threads of each process where nobody says how many: all processors for one process, one for each of several.
+    /// Threads of each process where nobody says how many: all processors for one process, one for each of
+    /// several.
     pub fn threads(&self, asked: Option<NonZeroUsize>) -> Option<NonZeroUsize> {
         asked.or(self.ranks.as_ref().map(|_| NonZeroUsize::MIN))
     }

@@ -1,8 +1,8 @@
 //! An independent look at an answer: residuals and contact states, by code that no solver uses.
 //!
-//! Solvers work on N in whatever form they like and report their own residual. Here N is assembled, multiplied row by
-//! row, and the natural map is written out again from its definition (see [`graintrain_ccp::residual`]), so that a
-//! solver that fools itself is found out.
+//! Solvers work on N in whatever form they like and report their own residual. Here N is assembled,
+//! multiplied row by row, and the natural map is written out again from its definition (see
+//! [`graintrain_ccp::residual`]), so that a solver that fools itself is found out.
 
 use graintrain_ccp::residual::objective_gap;
 use graintrain_ccp::{Ccp, FrictionModel, Residual};
@@ -123,8 +123,8 @@ impl<'a> Yardstick<'a> {
                     None => natural_map(impulse, [normal, u[1], u[2]], mu, eta),
                     Some(_) => turned.natural_map(impulse, [normal, u[1], u[2]], mu, eta),
                 };
-                // As a velocity, by the contact's own effective mass. Divided before it is squared: the squares of very
-                // small or large numbers are not numbers.
+                // As a velocity, by the contact's own effective mass. Divided before it is squared: the
+                // squares of very small or large numbers are not numbers.
                 let square = (eta * error / self.velocity_scale).powi(2);
                 raise(&mut sum.max, square);
                 sum.rms += square;
@@ -156,7 +156,8 @@ fn natural_map(g: [f64; 3], u: [f64; 3], mu: f64, eta: f64) -> f64 {
     let projected = if x[0] >= 0.0 && tangential <= mu * x[0] {
         x
     } else {
-        // The coordinate of x along the generator (1, mu) / sqrt(1 + mu^2) of the mantle; negative in the polar cone.
+        // The coordinate of x along the generator (1, mu) / sqrt(1 + mu^2) of the mantle; negative in the
+        // polar cone.
         let along = ((x[0] + mu * tangential) / (1.0 + mu * mu)).max(0.0);
         let shrink = if tangential > 0.0 { mu * along / tangential } else { 0.0 };
         [along, shrink * x[1], shrink * x[2]]
@@ -227,7 +228,8 @@ mod tests {
     use super::*;
     use graintrain_ccp::Delassus;
 
-    /// One contact, N = eta I, r = (-1, 0, 0): solved by g_n = 1 / eta, and half of that has a residual of 1/2.
+    /// One contact, N = eta I, r = (-1, 0, 0): solved by g_n = 1 / eta, and half of that has a residual of
+    /// 1/2.
     #[test]
     fn impulses_at_the_ends_of_the_floats_are_told_from_solutions() {
         for eta in [1e-300, 1.0, 1e300] {

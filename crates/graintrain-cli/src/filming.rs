@@ -73,7 +73,8 @@ fn animated(
     Ok(out.to_path_buf())
 }
 
-/// Sends the pictures to ffmpeg; where it is not there, into a folder beside the film, with the command that joins them.
+/// Sends the pictures to ffmpeg; where it is not there, into a folder beside the film, with the command that
+/// joins them.
 fn by_ffmpeg(
     film: &Film,
     out: &Path,

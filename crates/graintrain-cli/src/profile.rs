@@ -1,8 +1,9 @@
 //! Performance profiles (E. Dolan, J. More, Benchmarking optimization software with performance profiles,
 //! Math. Program. 91, 2002).
 //!
-//! With t(p, s) the time of solver s on problem p (infinite where it did not converge), the performance ratio is
-//! t(p, s) / min_s t(p, s), and rho_s(tau) is the fraction of problems on which the ratio of s is at most tau.
+//! With t(p, s) the time of solver s on problem p (infinite where it did not converge), the performance ratio
+//! is t(p, s) / min_s t(p, s), and rho_s(tau) is the fraction of problems on which the ratio of s is at most
+//! tau.
 
 use crate::solving::Record;
 use graintrain_view::plot::{Axis, Chart, Series};

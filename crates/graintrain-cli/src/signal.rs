@@ -7,7 +7,8 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::Duration;
 
-/// Exit code of a run whose time was up: with a checkpoint, to be resumed. None of a shell's own, nor of `timeout`.
+/// Exit code of a run whose time was up: with a checkpoint, to be resumed. None of a shell's own, nor of
+/// `timeout`.
 const TIME_IS_UP: u8 = 3;
 
 /// The number of the signal that Ctrl-C sends, everywhere.
@@ -58,8 +59,8 @@ impl Stop {
         // Set by signals alone: after `--max-seconds` the first signal still asks.
         let asked: Arc<AtomicBool> = Arc::default();
         let install = |signal: i32| {
-            // Handlers run in the order of registration: the first one ends the process only when the flag was set by
-            // an earlier signal.
+            // Handlers run in the order of registration: the first one ends the process only when the flag
+            // was set by an earlier signal.
             flag::register_conditional_shutdown(signal, 128 + signal, Arc::clone(&asked))?;
             flag::register_usize(signal, Arc::clone(&self.signal), signal as usize)?;
             flag::register(signal, Arc::clone(&self.requested))?;
@@ -78,7 +79,8 @@ impl Stop {
         Ok(())
     }
 
-    /// Asks to stop after so many seconds from now on, wherever the work is then. The thread ends with the process.
+    /// Asks to stop after so many seconds from now on, wherever the work is then. The thread ends with the
+    /// process.
     ///
     /// # Errors
     /// Where the system starts no thread.
@@ -105,7 +107,8 @@ impl Stop {
         }
     }
 
-    /// Exit code of a process that was stopped: 130, 143 or 129 by a signal, 3 when its time was up, 0 where nobody asked.
+    /// Exit code of a process that was stopped: 130, 143 or 129 by a signal, 3 when its time was up, 0 where
+    /// nobody asked.
     pub fn code(&self) -> u8 {
         match self.signal.load(Ordering::Relaxed) {
             0 if self.time_is_up.load(Ordering::Relaxed) => TIME_IS_UP,

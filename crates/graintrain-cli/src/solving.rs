@@ -116,7 +116,8 @@ fn short(value: f64) -> f64 {
     format!("{value:.3e}").parse().unwrap_or(value)
 }
 
-/// What a solver did to a problem, as it is printed. Residuals and objective come from the independent evaluation.
+/// What a solver did to a problem, as it is printed. Residuals and objective come from the independent
+/// evaluation.
 #[derive(Clone, Debug, Serialize)]
 pub struct Record {
     /// File of the problem.

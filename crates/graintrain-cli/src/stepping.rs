@@ -35,11 +35,12 @@ pub struct SteppingOptions {
     /// dropped, a checkpoint is written, `graintrain resume DIR` goes on
     #[arg(long, value_name = "SECONDS", value_parser = scene::seconds)]
     pub max_seconds: Option<f64>,
-    /// Show the run in a browser while it computes: serves its page, with pause, step and stop, at http://127.0.0.1:PORT/ (any free port where
-    /// none is given), for this machine alone
+    /// Show the run in a browser while it computes: serves its page, with pause, step and stop, at
+    /// http://127.0.0.1:PORT/ (any free port where none is given), for this machine alone
     #[arg(long, value_name = "PORT", num_args = 0..=1, default_missing_value = "0")]
     pub live: Option<u16>,
-    /// Tell at the end all figures of the run that `summary.json` has for people: residuals, errors, stages, streams, phases
+    /// Tell at the end all figures of the run that `summary.json` has for people: residuals, errors, stages,
+    /// streams, phases
     #[arg(long)]
     pub details: bool,
     /// Tell at the end what the phases of the steps took: wall clock, processor time and, with several

@@ -154,7 +154,8 @@ impl RunsOptions {
     }
 }
 
-/// What ends a command whose runs ended in an error: the exit code of the signal where somebody asked to stop.
+/// What ends a command whose runs ended in an error: the exit code of the signal where somebody asked to
+/// stop.
 pub fn ended(error: SweepError, stop: &Stop) -> Result<ExitCode, Failure> {
     match error {
         SweepError::Stopped => {
@@ -171,7 +172,8 @@ impl SweepOptions {
         self.runs.plan()
     }
 
-    /// Makes all runs of the plan, with a bar, and collects what they measured. `kind` is a word for the folder.
+    /// Makes all runs of the plan, with a bar, and collects what they measured. `kind` is a word for the
+    /// folder.
     ///
     /// # Errors
     /// `Err(Ok(code))` where it was stopped.
@@ -261,7 +263,8 @@ pub fn sweep_failure(error: SweepError) -> Failure {
         error @ (SweepError::Plan(_) | SweepError::Differs { .. } | SweepError::Observable { .. }) => {
             Failure::input_error(error, "")
         }
-        // The file is in the way of the same command, too; the error says what to do where something can be done.
+        // The file is in the way of the same command, too; the error says what to do where something can be
+        // done.
         error @ (SweepError::Read { .. } | SweepError::Unusable { .. }) => {
             Failure::work_error(error, "finished runs are kept")
         }

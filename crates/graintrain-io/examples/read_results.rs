@@ -1,4 +1,5 @@
-//! Read results: runs a small built-in scene, then reads its table of steps and its summary as any program can.
+//! Read results: runs a small built-in scene, then reads its table of steps and its summary as any program
+//! can.
 //!
 //! `cargo run --release -p graintrain-io --example read_results`
 

@@ -25,7 +25,8 @@ const MAGIC: &[u8; 8] = b"GRAINCKP";
 /// Raised whenever the layout of what is stored changes.
 const VERSION: u32 = 13;
 const HEADER: usize = 32;
-/// Bytes that a payload may expand to: so many, and so many per byte of its own. Worlds at rest shrink to a twentieth.
+/// Bytes that a payload may expand to: so many, and so many per byte of its own. Worlds at rest shrink to a
+/// twentieth.
 const MOST_EXPANDED: (u64, u64) = (1 << 26, 64);
 /// Checkpoints kept in a folder: the last one and, should it be damaged, the one before.
 const KEPT: usize = 2;
@@ -170,7 +171,8 @@ pub fn from_bytes(bytes: &[u8], name: &str) -> Result<Checkpoint, CheckpointErro
 /// Reads the latest usable checkpoint in the folder; damaged later ones are given back beside it.
 ///
 /// # Errors
-/// [`CheckpointError::None`] where there is no checkpoint at all; the defect of the latest where none is usable.
+/// [`CheckpointError::None`] where there is no checkpoint at all; the defect of the latest where none is
+/// usable.
 pub fn latest(folder: &Path) -> Result<(Checkpoint, Vec<CheckpointError>), CheckpointError> {
     let mut defects = Vec::new();
     for path in list(folder) {
@@ -352,7 +354,8 @@ mod tests {
         (settings, world)
     }
 
-    /// Altered payloads with the right check sum: refused, or a world that a step can be asked of; never a panic.
+    /// Altered payloads with the right check sum: refused, or a world that a step can be asked of; never a
+    /// panic.
     #[test]
     fn altered_payloads_make_no_panic() {
         let (settings, world) = saved();

@@ -104,7 +104,8 @@ pub fn make_folder(path: &Path) -> Result<(), OutputError> {
     fs::create_dir_all(path).map_err(|error| OutputError::new("make the folder", path, error))
 }
 
-/// Writes a whole file under a temporary name and renames it: readers see the old file or the new one, never a part.
+/// Writes a whole file under a temporary name and renames it: readers see the old file or the new one, never
+/// a part.
 ///
 /// # Errors
 /// Where the system refuses; the temporary file is then removed.
@@ -112,7 +113,8 @@ pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<(), OutputError> {
     replace(path, |file| file.write_all(bytes))
 }
 
-/// As [`write_atomically`], and on the disk before the rename, so that even a power failure leaves a whole file.
+/// As [`write_atomically`], and on the disk before the rename, so that even a power failure leaves a whole
+/// file.
 ///
 /// # Errors
 /// Where the system refuses; the temporary file is then removed.
@@ -226,7 +228,8 @@ impl Table {
         }
     }
 
-    /// Of a damaged table the whole records up to a step (their first column) stay, up to the first damaged one.
+    /// Of a damaged table the whole records up to a step (their first column) stay, up to the first damaged
+    /// one.
     fn keep_readable(&mut self, header: &str, last_step: u64) -> Result<(), OutputError> {
         let bytes = fs::read(&self.path).map_err(|error| OutputError::new("read", &self.path, error))?;
         let text = String::from_utf8_lossy(&bytes);
@@ -280,7 +283,8 @@ impl Table {
     pub fn append(&mut self, record: &str) -> Result<(), OutputError> {
         let line = format!("{record}\n");
         if let Err(error) = self.file.write_all(line.as_bytes()) {
-            // Without the half-written record the table stays readable; should that fail too, the first error tells.
+            // Without the half-written record the table stays readable; should that fail too, the first error
+            // tells.
             let _ = self.cut();
             return Err(OutputError::new("write", &self.path, error));
         }

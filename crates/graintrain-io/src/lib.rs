@@ -14,8 +14,8 @@
 //! | [`problem_file`] | contact problems in files: FCLIB, Siconos, the program's own dumps |
 //! | [`files`], [`mark`], [`process`] | writing so that what was computed stays readable; whether it still is; what the process has used |
 //!
-//! Each may use those above it (and `files`, `mark` and `process`), never one below: `output` watches a run, writes
-//! checkpoints and dumps problems, and nothing here knows `output`.
+//! Each may use those above it (and `files`, `mark` and `process`), never one below: `output` watches a run,
+//! writes checkpoints and dumps problems, and nothing here knows `output`.
 //!
 //! Feature `fclib`: problem files in HDF5, which dumps are as well.
 

@@ -16,7 +16,8 @@ pub struct Mark {
     pub sum: u32,
 }
 
-/// Tables and lists of frames by name, relative to the run's folder. Those that had not begun are not among them.
+/// Tables and lists of frames by name, relative to the run's folder. Those that had not begun are not among
+/// them.
 pub type Marks = BTreeMap<String, Mark>;
 
 /// A mark that follows what is written.

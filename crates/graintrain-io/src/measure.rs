@@ -1,4 +1,5 @@
-//! Measurements of a run: what is measured when, in which columns, and what has to be remembered from record to record.
+//! Measurements of a run: what is measured when, in which columns, and what has to be remembered from record
+//! to record.
 
 use crate::column::{Column, column};
 use crate::roster::{Members, Roster};
@@ -71,7 +72,8 @@ pub enum Quantity {
     Repose(Along, f64),
     /// Fields in bins: a record per bin.
     Profile(Bins),
-    /// Probability density of normal forces over their mean, in this many bins up to this ratio: a record per bin.
+    /// Probability density of normal forces over their mean, in this many bins up to this ratio: a record per
+    /// bin.
     Histogram(usize, f64),
     /// Bodies that came through streams and left through outlets.
     Exchange,

@@ -11,7 +11,8 @@ pub fn cpu_seconds() -> Option<f64> {
     None
 }
 
-/// Largest resident memory so far, bytes; `None` where the system does not tell (it is read from Linux's `/proc`).
+/// Largest resident memory so far, bytes; `None` where the system does not tell (it is read from Linux's
+/// `/proc`).
 pub fn peak_memory_bytes() -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;

@@ -126,11 +126,12 @@ impl RadiusDistribution {
     }
 }
 
-/// Intervals in which densities that have no closed inverse are tabulated, evenly in the logarithm of the radius.
+/// Intervals in which densities that have no closed inverse are tabulated, evenly in the logarithm of the
+/// radius.
 const INTERVALS: usize = 512;
 
-/// Draws before a value outside of the cut is clamped to it; half of all draws at least fall inside on one side, so
-/// this is reached only by cuts that leave next to nothing of the distribution.
+/// Draws before a value outside of the cut is clamped to it; half of all draws at least fall inside on one
+/// side, so this is reached only by cuts that leave next to nothing of the distribution.
 const MOST_DRAWS: usize = 1_000;
 
 /// What draws radii of a distribution, one after the other; tables are made once.
@@ -202,7 +203,8 @@ fn chosen(weights: &[f64], random: &mut Random) -> usize {
     chosen.unwrap_or(last)
 }
 
-/// Radii of a distribution whose shares are meant by mass: the density by number goes with r^-3 times that by mass.
+/// Radii of a distribution whose shares are meant by mass: the density by number goes with r^-3 times that by
+/// mass.
 fn by_mass(distribution: &RadiusDistribution) -> Sampler<'_> {
     match distribution {
         RadiusDistribution::Uniform { min, max } => Box::new(move |random| power(-3.0, [*min, *max], random)),
@@ -284,7 +286,8 @@ mod tests {
         let passes = |r: f64| 1.0 - (-(r / size).powf(spread)).exp();
         let cut = |r: f64| (passes(r) - passes(min)) / (passes(max) - passes(min));
         assert!(difference(&RadiusDistribution::RosinRammler { size, spread, min, max }, count, cut) < 0.02);
-        // By mass, a log-normal of the median m is one by number of the median m exp(-3 s^2) (Hatch and Choate 1929).
+        // By mass, a log-normal of the median m is one by number of the median m exp(-3 s^2) (Hatch and
+        // Choate 1929).
         let deviation = 0.2;
         let own = of(RadiusDistribution::Lognormal { median: 2e-3, deviation, min: 5e-4, max: 6e-3 });
         let shifted = 2e-3 * (-3.0 * deviation * deviation).exp();

@@ -1,4 +1,5 @@
-//! The source of everything random in scenes and runs: the same numbers on every machine and in every version.
+//! The source of everything random in scenes and runs: the same numbers on every machine and in every
+//! version.
 
 use graintrain::load::Region;
 use graintrain::math::{Quat, Vec3, mix};

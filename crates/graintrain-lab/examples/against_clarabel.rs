@@ -1,17 +1,18 @@
-//! Times solvers of this program and Clarabel on problem files, one after the other in one process on one thread.
-//! The crate of Clarabel factorises with QDLDL: for large problems see `benches/peers/against_clarabel.py`, which takes its
-//! faster Python package.
+//! Times solvers of this program and Clarabel on problem files, one after the other in one process on one
+//! thread. The crate of Clarabel factorises with QDLDL: for large problems see
+//! `benches/peers/against_clarabel.py`, which takes its faster Python package.
 //!
 //! ```text
 //! cargo run --release -p graintrain-lab --example against_clarabel -- TOLERANCE SOLVERS PROBLEM...
 //! cargo run --release -p graintrain-lab --example against_clarabel -- 1e-8 ipm,apgd sed729.dat sed4913.dat
 //! ```
 //!
-//! Clarabel gets the problem as a second-order cone program in its best form here: where the bodies are known, over the
-//! body velocities, `min 1/2 (v - v_free)^T M (v - v_free)` subject to `D^T v + b` in the dual cones, in variables scaled to
-//! unit mass; else over the impulses, scaled by `1 / sqrt(eta)`. Its settings are its defaults with all tolerances set
-//! to TOLERANCE and one thread. All answers are judged by the residual of this program, relaxed. The time is from the
-//! problem in memory to the answer, set-up included.
+//! Clarabel gets the problem as a second-order cone program in its best form here: where the bodies are
+//! known, over the body velocities, `min 1/2 (v - v_free)^T M (v - v_free)` subject to `D^T v + b` in the
+//! dual cones, in variables scaled to unit mass; else over the impulses, scaled by `1 / sqrt(eta)`. Its
+//! settings are its defaults with all tolerances set to TOLERANCE and one thread. All answers are judged by
+//! the residual of this program, relaxed. The time is from the problem in memory to the answer, set-up
+//! included.
 
 use clarabel::algebra::CscMatrix;
 use clarabel::solver::{DefaultSettingsBuilder, DefaultSolver, IPSolver, SupportedConeT};
@@ -135,7 +136,8 @@ fn solve(
     Ok(solver)
 }
 
-/// Cones of (u_n, mu u_1, mu u_2), or of (mu g_n, g_1, g_2); without friction u_n >= 0 alone, or g_n >= 0 and g_t = 0.
+/// Cones of (u_n, mu u_1, mu u_2), or of (mu g_n, g_1, g_2); without friction u_n >= 0 alone, or g_n >= 0 and
+/// g_t = 0.
 fn cones(problem: &Ccp) -> Vec<SupportedConeT<f64>> {
     let mut cones = Vec::new();
     for &mu in &problem.friction {
@@ -150,7 +152,8 @@ fn cones(problem: &Ccp) -> Vec<SupportedConeT<f64>> {
     cones
 }
 
-/// min 1/2 x^T x subject to E (D^T L x + r) in the cones, with M^-1 = L L^T, v - v_free = L x; the multipliers are g.
+/// min 1/2 x^T x subject to E (D^T L x + r) in the cones, with M^-1 = L L^T, v - v_free = L x; the
+/// multipliers are g.
 fn over_velocities(problem: &Ccp, rigid: &RigidDelassus, tolerance: f64) -> Result<Answer, Failure> {
     let size = problem.r.len();
     let scale = problem.r.iter().map(|x| x * x).sum::<f64>().sqrt().max(1e-300);

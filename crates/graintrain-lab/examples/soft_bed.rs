@@ -1,13 +1,15 @@
-//! A bed of equal spheres from a file by the penalty method, as an independent opinion on whether it rests: Hertz-Mindlin
-//! springs with history, 0.5 us per step, no code of this project but vectors. Prints the force on the box each 0.1 ms.
+//! A bed of equal spheres from a file by the penalty method, as an independent opinion on whether it rests:
+//! Hertz-Mindlin springs with history, 0.5 us per step, no code of this project but vectors. Prints the force
+//! on the box each 0.1 ms.
 //!
 //! ```text
 //! cargo run --release --example soft_bed -- dosta_penetration_25k.txt [rolling friction] [ms] [friction]
 //! ```
 //!
-//! Material and box of the penetration benchmark of Dosta et al., Comput. Phys. Commun. 296 (2024) 109066: E = 1 GPa (walls
-//! 210), nu = 0.2, mu = 0.3 (walls 0.2), e = 0.5 (walls 0.4). That benchmark has no rolling friction; with it, rolling springs of
-//! stiffness k_t R^2 hold a torque of up to mu_r R f_n (Ai, Chen, Rotter, Ooi, Powder Technology 206 (2011) 269, model C).
+//! Material and box of the penetration benchmark of Dosta et al., Comput. Phys. Commun. 296 (2024) 109066: E
+//! = 1 GPa (walls 210), nu = 0.2, mu = 0.3 (walls 0.2), e = 0.5 (walls 0.4). That benchmark has no rolling
+//! friction; with it, rolling springs of stiffness k_t R^2 hold a torque of up to mu_r R f_n (Ai, Chen,
+//! Rotter, Ooi, Powder Technology 206 (2011) 269, model C).
 
 use graintrain::math::Vec3;
 use std::collections::HashMap;
@@ -61,8 +63,8 @@ impl Law {
         }
     }
 
-    /// Force on the body that the normal points into, and rolling torque on it, at this overlap, relative velocity and relative
-    /// angular velocity.
+    /// Force on the body that the normal points into, and rolling torque on it, at this overlap, relative
+    /// velocity and relative angular velocity.
     fn act(&self, history: &mut History, normal: Vec3, overlap: f64, u: Vec3, spin: Vec3) -> (Vec3, Vec3) {
         let root = (self.radius * overlap).sqrt();
         let (stiff, stiff_t) = (2.0 * self.young * root, 8.0 * self.shear * root);

@@ -1,7 +1,9 @@
-//! What a tolerance means: seven small scenes, one step and twenty at tolerances from 1e-1 to 1e-5, beside solves
-//! at least 1e4 times tighter. The columns of OUT.csv are named by the functions that fill them; OUT.md has those that a user asks for.
+//! What a tolerance means: seven small scenes, one step and twenty at tolerances from 1e-1 to 1e-5, beside
+//! solves at least 1e4 times tighter. The columns of OUT.csv are named by the functions that fill them;
+//! OUT.md has those that a user asks for.
 //!
-//! `cargo run --release -p graintrain-lab --example tolerance_study -- OUT.csv OUT.md [relaxed|exact]`, both friction models unless one is named.
+//! `cargo run --release -p graintrain-lab --example tolerance_study -- OUT.csv OUT.md [relaxed|exact]`, both
+//! friction models unless one is named.
 
 use graintrain::ccp::{Ccp, Delassus, FrictionModel, Judge, SolveSettings, SolverSpec, Status};
 use graintrain::contact::{Contact, ContactSet};
@@ -46,7 +48,8 @@ struct Scene {
     steps: usize,
 }
 
-/// Adds `count` bodies on a lattice of `pitch` from height `base` on, with jitter of a twentieth of the pitch.
+/// Adds `count` bodies on a lattice of `pitch` from height `base` on, with jitter of a twentieth of the
+/// pitch.
 fn lattice(
     world: &mut World,
     count: [usize; 3],
@@ -203,7 +206,8 @@ fn rms_and_largest(values: &[f64]) -> [f64; 2] {
     [norm(values) / (values.len().max(1) as f64).sqrt(), values.iter().copied().fold(0.0, f64::max)]
 }
 
-/// Over |g| dt, of every body that moves: the speed whose kinetic energy is that of the difference `dv` (6 numbers per body).
+/// Over |g| dt, of every body that moves: the speed whose kinetic energy is that of the difference `dv` (6
+/// numbers per body).
 fn velocity_errors(world: &World, dv: &[f64]) -> Vec<f64> {
     let moves = (0..world.bodies.len()).filter(|&body| !world.is_prescribed(body));
     moves
@@ -245,8 +249,8 @@ fn carried(world: &World, impulse: &[Vec3]) -> f64 {
     fixed.map(|body| force_on(&world.contacts, impulse, body).z).sum()
 }
 
-/// Distance of the sums of force times branch over all contacts, relative to the right one: the error of the mean stress of the sample. Branches go from
-/// centre to centre, or to the contact on what is fixed.
+/// Distance of the sums of force times branch over all contacts, relative to the right one: the error of the
+/// mean stress of the sample. Branches go from centre to centre, or to the contact on what is fixed.
 fn stress_error(world: &World, contacts: &[Contact], found: &[Vec3], right: &[Vec3]) -> f64 {
     let stress = |impulse: &[Vec3]| {
         let mut sum = [Vec3::ZERO; 3];
@@ -265,8 +269,8 @@ fn stress_error(world: &World, contacts: &[Contact], found: &[Vec3], right: &[Ve
     norm(&difference) / norm(&right)
 }
 
-/// Relative differences of the forces of contacts with more than a thousandth of the mean force: root of the sum of squares over that of `right`, and the median of
-/// the differences over the contact's own force.
+/// Relative differences of the forces of contacts with more than a thousandth of the mean force: root of the
+/// sum of squares over that of `right`, and the median of the differences over the contact's own force.
 fn force_errors(found: &[Vec3], right: &[Vec3]) -> [f64; 2] {
     let mean = right.iter().map(|g| g.length()).sum::<f64>() / right.len().max(1) as f64;
     let pairs = found.iter().zip(right).filter(|(_, right)| right.length() > 1e-3 * mean);

@@ -2,8 +2,9 @@
 //!
 //! `cargo run --release -p graintrain-lab --example warm_start -- SCENE STEPS TOLERANCE [SOLVER...] [KEY=VALUE...]`
 //!
-//! Every step is made with the impulses that its contacts had in the last one; then the same problem is solved again from zero
-//! impulses by every solver named, and from the same warm start. Means over blocks of steps.
+//! Every step is made with the impulses that its contacts had in the last one; then the same problem is
+//! solved again from zero impulses by every solver named, and from the same warm start. Means over blocks of
+//! steps.
 
 use graintrain::ccp::{Ccp, Delassus, SolveSettings, SolverSpec};
 use graintrain::stepper::Stepper;
@@ -21,7 +22,8 @@ fn world_impulses(problem: &Ccp, impulse: &[f64]) -> HashMap<u64, [f64; 3]> {
     problem.identity.iter().enumerate().map(|(i, &identity)| (identity, world(i))).collect()
 }
 
-/// Those impulses in the frames of a problem's contacts, zero at new ones: what a step of the program starts from.
+/// Those impulses in the frames of a problem's contacts, zero at new ones: what a step of the program starts
+/// from.
 fn warm_start(problem: &Ccp, before: &HashMap<u64, [f64; 3]>) -> Vec<f64> {
     let Delassus::Rigid(rigid) = &*problem.delassus else { return Vec::new() };
     let contacts = problem.identity.iter().zip(rigid.contacts()).enumerate();

@@ -1,4 +1,5 @@
-//! What the reports' pages share: they need no network, fit narrow screens and paper, and are dark where the reader's system is.
+//! What the reports' pages share: they need no network, fit narrow screens and paper, and are dark where the
+//! reader's system is.
 
 use graintrain_view::plot::svg::escape;
 

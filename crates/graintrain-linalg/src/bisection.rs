@@ -1,8 +1,8 @@
 //! Small vertex separators of a graph by the multilevel method.
 //!
-//! Coarsen by heavy-edge matching, split the coarsest graph by growing a region from several seeds, and carry the
-//! separator back, improved at every level by moves of single vertices (Fiduccia and Mattheyses 1982, in the vertex
-//! separator form of Hendrickson and Rothberg 1998).
+//! Coarsen by heavy-edge matching, split the coarsest graph by growing a region from several seeds, and carry
+//! the separator back, improved at every level by moves of single vertices (Fiduccia and Mattheyses 1982, in
+//! the vertex separator form of Hendrickson and Rothberg 1998).
 
 use crate::ordering::Graph;
 use std::collections::BinaryHeap;
@@ -68,8 +68,8 @@ impl Random {
     }
 }
 
-/// Splits a graph: 0 and 1 for the two sides, 2 for the vertices of the separator. No edge joins the two sides, and
-/// where the graph allows it no side holds more than 58 % of the vertices.
+/// Splits a graph: 0 and 1 for the two sides, 2 for the vertices of the separator. No edge joins the two
+/// sides, and where the graph allows it no side holds more than 58 % of the vertices.
 pub fn separate(graph: &Graph) -> Vec<u8> {
     let runs = if graph.len() <= REPEAT_BELOW { RUNS } else { 1 };
     let mut best: Option<(f64, Vec<u8>)> = None;
@@ -233,8 +233,8 @@ fn split_coarsest(level: &Level, random: &mut Random) -> Vec<u8> {
     best.map(|(_, side)| side).unwrap_or_default()
 }
 
-/// Moves separator vertices to a side (pulling their neighbours on the other side into the separator) as long as
-/// passes lower the cost. Each pass accepts losses for a while and returns to the best state it saw.
+/// Moves separator vertices to a side (pulling their neighbours on the other side into the separator) as long
+/// as passes lower the cost. Each pass accepts losses for a while and returns to the best state it saw.
 fn improve(level: &Level, side: &mut [u8], random: &mut Random) {
     let n = level.len();
     let total = level.total();

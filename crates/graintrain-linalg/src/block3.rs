@@ -49,7 +49,8 @@ pub enum PatternError {
 }
 
 impl BlockMatrix3 {
-    /// From compressed block rows: `column[row_start[i]..row_start[i + 1]]` are the block columns of row i, with rows + 1 row starts.
+    /// From compressed block rows: `column[row_start[i]..row_start[i + 1]]` are the block columns of row i,
+    /// with rows + 1 row starts.
     ///
     /// ```
     /// use graintrain_linalg::block3::BlockMatrix3;
@@ -61,8 +62,8 @@ impl BlockMatrix3 {
     /// ```
     ///
     /// # Errors
-    /// [`PatternError`] where the row starts do not ascend from 0 to the number of blocks, or the columns of a row do not strictly
-    /// ascend below the number of rows.
+    /// [`PatternError`] where the row starts do not ascend from 0 to the number of blocks, or the columns of
+    /// a row do not strictly ascend below the number of rows.
     pub fn try_from_rows(
         row_start: Vec<usize>,
         column: Vec<u32>,

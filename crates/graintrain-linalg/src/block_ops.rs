@@ -77,7 +77,8 @@ pub fn invert3_general(a: &Block) -> Option<Block> {
     Some(c.map(|x| x / determinant))
 }
 
-/// Cholesky factor of a symmetric positive definite b x b block in place (lower triangle); false where it is not.
+/// Cholesky factor of a symmetric positive definite b x b block in place (lower triangle); false where it is
+/// not.
 pub fn factor_in_place(a: &mut [f64], b: usize) -> bool {
     for j in 0..b {
         let pivot = a[j * b + j] - (0..j).map(|k| a[j * b + k] * a[j * b + k]).sum::<f64>();

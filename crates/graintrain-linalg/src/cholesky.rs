@@ -1,8 +1,9 @@
 //! Sparse Cholesky factorisation of symmetric block matrices: faer's, in an order of blocks.
 //!
-//! The matrix is analysed once per pattern ([`SparseCholesky::new`]) and factorised many times. Bodies and contacts are ordered, not scalars
-//! (6x6 blocks in body space, 3x3 in contact space): that is 9 or 36 times less to look at, and in three dimensions nested dissection halves the time of a factorisation against
-//! the minimum degree order of scalars that faer has (`docs/newton-solvers.md`).
+//! The matrix is analysed once per pattern ([`SparseCholesky::new`]) and factorised many times. Bodies and
+//! contacts are ordered, not scalars (6x6 blocks in body space, 3x3 in contact space): that is 9 or 36 times
+//! less to look at, and in three dimensions nested dissection halves the time of a factorisation against the
+//! minimum degree order of scalars that faer has (`docs/newton-solvers.md`).
 
 use crate::ordering::{Graph, Ordering};
 use crate::supernodes::Supernodes;
@@ -38,7 +39,8 @@ pub struct FactorCost {
 
 /// Factorisation of a symmetric positive definite matrix of square blocks.
 pub struct SparseCholesky {
-    /// Starts of the scalar columns of the lower triangle, their rows, and where in the blocks their values are.
+    /// Starts of the scalar columns of the lower triangle, their rows, and where in the blocks their values
+    /// are.
     column_start: Vec<usize>,
     row: Vec<usize>,
     source: Vec<usize>,
@@ -49,9 +51,9 @@ pub struct SparseCholesky {
 }
 
 impl SparseCholesky {
-    /// Analyses a symmetric matrix of `block_size` x `block_size` blocks in compressed row form. Of each pair of
-    /// mirrored blocks only the lower one (column <= row) is read; the upper ones may be stored or not. No block is stored twice, and
-    /// every diagonal block is stored.
+    /// Analyses a symmetric matrix of `block_size` x `block_size` blocks in compressed row form. Of each pair
+    /// of mirrored blocks only the lower one (column <= row) is read; the upper ones may be stored or not. No
+    /// block is stored twice, and every diagonal block is stored.
     ///
     /// # Panics
     /// If the row starts do not fit the columns, or a column index is not below the number of rows.

@@ -1,8 +1,8 @@
 //! Dense column-major kernels: products, QR, thin SVD, Cholesky, LU, symmetric eigenproblem.
 //!
-//! Thin wrappers over faer, always serial (`Par::Seq`): the matrices of tensor-train cores are small, and threads
-//! belong to the caller. Entry (i, j) of an m x n matrix is at `i + m * j`; a [`View`] may have a larger distance
-//! between columns and may be transposed, so a reshape or a block of a core is never copied.
+//! Thin wrappers over faer, always serial (`Par::Seq`): the matrices of tensor-train cores are small, and
+//! threads belong to the caller. Entry (i, j) of an m x n matrix is at `i + m * j`; a [`View`] may have a
+//! larger distance between columns and may be transposed, so a reshape or a block of a core is never copied.
 
 use faer::dyn_stack::{MemBuffer, MemStack, StackReq};
 use faer::linalg::{cholesky, evd, householder, lu, matmul, qr, svd, triangular_inverse, triangular_solve};
@@ -292,9 +292,9 @@ fn with_scratch<T>(need: StackReq, run: impl FnOnce(&mut MemStack) -> T) -> T {
     result
 }
 
-/// Zeroes the upper halves of the vector registers, which the kernels of products leave in use: until then SSE
-/// instructions wait for them, and loops compiled for plain x86-64 that follow a product take 1.7 times as long (measured on
-/// an EPYC with AVX-512, product of a TT-matrix and a TT-vector).
+/// Zeroes the upper halves of the vector registers, which the kernels of products leave in use: until then
+/// SSE instructions wait for them, and loops compiled for plain x86-64 that follow a product take 1.7 times
+/// as long (measured on an EPYC with AVX-512, product of a TT-matrix and a TT-vector).
 #[inline]
 fn clear_wide_registers() {
     #[cfg(target_arch = "x86_64")]
@@ -337,7 +337,8 @@ pub fn product(a: View<'_>, b: View<'_>) -> Matrix {
     c
 }
 
-/// Thin QR, A = Q R: Q is m x min(m, n) with orthonormal columns, R is min(m, n) x n upper triangular (trapezoidal).
+/// Thin QR, A = Q R: Q is m x min(m, n) with orthonormal columns, R is min(m, n) x n upper triangular
+/// (trapezoidal).
 ///
 /// A matrix without full rank still gets orthonormal columns. Cost 4 m n^2 flops for m >= n.
 pub fn thin_qr(a: Matrix) -> (Matrix, Matrix) {
@@ -465,7 +466,8 @@ pub fn left_svd(a: View<'_>) -> Result<(Matrix, Vec<f64>), DenseError> {
     if s.iter().all(|x| x.is_finite()) { Ok((u, s)) } else { Err(DenseError::NotFinite) }
 }
 
-/// Eigenvalues (ascending) and orthonormal eigenvectors (columns) of a symmetric matrix; reads the lower triangle.
+/// Eigenvalues (ascending) and orthonormal eigenvectors (columns) of a symmetric matrix; reads the lower
+/// triangle.
 ///
 /// # Errors
 /// [`DenseError::NotFinite`] if an entry is not finite.

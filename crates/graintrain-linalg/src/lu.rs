@@ -1,18 +1,20 @@
-//! Sparse LU factorisation of nonsymmetric block matrices whose pattern is symmetric, by the multifrontal method.
+//! Sparse LU factorisation of nonsymmetric block matrices whose pattern is symmetric, by the multifrontal
+//! method.
 //!
-//! Analysed once per pattern like [`crate::cholesky`], with the same supernodes and assembly tree. The front of a supernode is
-//! square and holds both triangles,
+//! Analysed once per pattern like [`crate::cholesky`], with the same supernodes and assembly tree. The front
+//! of a supernode is square and holds both triangles,
 //!
 //! ```text
 //! [ A11 A12 ]    P A11 = L11 U11,   L21 = A21 U11^-1,   U12 = L11^-1 P A12,   update = A22 - L21 U12.
 //! [ A21 A22 ]
 //! ```
 //!
-//! Rows are exchanged inside a supernode only (P), never between supernodes: the pattern stays that of the analysis and is known
-//! before the numbers are. The price is that a pivot block may be nearly singular although the matrix is not; callers look at the
-//! residual of what [`SparseLu::solve`] gives. Sources: Duff and Reid, "The multifrontal solution of unsymmetric sets of linear
-//! equations", SIAM J. Sci. Stat. Comput. 5:633-641, 1984; Li and Demmel, "SuperLU_DIST", ACM TOMS 29:110-140, 2003 (pivoting inside
-//! blocks, refinement outside).
+//! Rows are exchanged inside a supernode only (P), never between supernodes: the pattern stays that of the
+//! analysis and is known before the numbers are. The price is that a pivot block may be nearly singular
+//! although the matrix is not; callers look at the residual of what [`SparseLu::solve`] gives. Sources: Duff
+//! and Reid, "The multifrontal solution of unsymmetric sets of linear equations", SIAM J. Sci. Stat. Comput.
+//! 5:633-641, 1984; Li and Demmel, "SuperLU_DIST", ACM TOMS 29:110-140, 2003 (pivoting inside blocks,
+//! refinement outside).
 
 use crate::cholesky::{FactorCost, factor_cost};
 use crate::ordering::{Graph, Ordering};
@@ -72,8 +74,8 @@ struct Entry {
 }
 
 impl SparseLu {
-    /// Analyses a matrix of `block_size` x `block_size` blocks in compressed row form. Where a block is stored and its mirror is not, the
-    /// mirror counts as zero.
+    /// Analyses a matrix of `block_size` x `block_size` blocks in compressed row form. Where a block is
+    /// stored and its mirror is not, the mirror counts as zero.
     ///
     /// # Panics
     /// If the row starts do not fit the columns, or a column index is not below the number of rows.
@@ -139,14 +141,14 @@ impl SparseLu {
         FactorCost { entries: self.lower.len() + self.upper.len(), flops: 2.0 * symmetric.flops }
     }
 
-    /// Sign of the determinant of the last matrix: 1 or -1, 0 before the first success and after a failure. Where the factors are
-    /// only nearly right, so is the sign.
+    /// Sign of the determinant of the last matrix: 1 or -1, 0 before the first success and after a failure.
+    /// Where the factors are only nearly right, so is the sign.
     pub fn determinant_sign(&self) -> f64 {
         self.sign
     }
 
-    /// Factorises the matrix whose blocks (row-major, in the order of the pattern given to [`Self::new`]) are concatenated in
-    /// `blocks`. Cost twice that of the Cholesky factorisation of the same pattern.
+    /// Factorises the matrix whose blocks (row-major, in the order of the pattern given to [`Self::new`]) are
+    /// concatenated in `blocks`. Cost twice that of the Cholesky factorisation of the same pattern.
     ///
     /// # Errors
     /// [`LuError::ZeroPivot`]; the factors are then unusable until the next success.
@@ -297,7 +299,8 @@ impl Front<'_> {
         self.update.fill(0.0);
     }
 
-    /// Rows `row..row + length` of a column, all of them above or all of them below the border of the pivot block.
+    /// Rows `row..row + length` of a column, all of them above or all of them below the border of the pivot
+    /// block.
     fn column(&mut self, row: usize, column: usize, length: usize) -> &mut [f64] {
         let (width, below) = (self.width, self.below);
         if column < width {
@@ -344,7 +347,8 @@ impl Front<'_> {
         }
     }
 
-    /// Eliminates the columns of the pivot block. The sign of its determinant, or the index of a pivot that is of no use.
+    /// Eliminates the columns of the pivot block. The sign of its determinant, or the index of a pivot that
+    /// is of no use.
     fn eliminate(
         &mut self,
         [exchange, inverse]: [&mut [usize]; 2],
@@ -398,7 +402,8 @@ mod tests {
     use proptest::prelude::Rng as _;
     use proptest::test_runner::{RngAlgorithm, TestRng};
 
-    /// A random nonsymmetric block matrix on a random graph: row starts, columns, blocks. `dominance` is added to the diagonal.
+    /// A random nonsymmetric block matrix on a random graph: row starts, columns, blocks. `dominance` is
+    /// added to the diagonal.
     fn random_matrix(
         rows: usize,
         b: usize,

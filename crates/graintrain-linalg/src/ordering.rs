@@ -1,4 +1,5 @@
-//! Fill-reducing orderings of symmetric sparse matrices: approximate minimum degree and multilevel nested dissection.
+//! Fill-reducing orderings of symmetric sparse matrices: approximate minimum degree and multilevel nested
+//! dissection.
 
 use crate::bisection::separate;
 
@@ -16,7 +17,8 @@ pub enum Ordering {
     Natural,
     /// Approximate minimum degree (Amestoy, Davis, Duff 1996): good for small and for nearly planar graphs.
     MinimumDegree,
-    /// Multilevel nested dissection (George 1973; Karypis and Kumar 1998): good for large graphs in three dimensions.
+    /// Multilevel nested dissection (George 1973; Karypis and Kumar 1998): good for large graphs in three
+    /// dimensions.
     #[default]
     NestedDissection,
 }
@@ -43,8 +45,8 @@ impl Graph {
         Self { start, neighbour }
     }
 
-    /// Graph of a symmetric matrix in compressed row form of which each pair of mirrored entries needs only the lower one (column < row);
-    /// upper ones are not looked at.
+    /// Graph of a symmetric matrix in compressed row form of which each pair of mirrored entries needs only
+    /// the lower one (column < row); upper ones are not looked at.
     ///
     /// # Panics
     /// If the row starts do not fit the columns.
@@ -82,8 +84,8 @@ impl Graph {
         &self.neighbour[self.start[v]..self.start[v + 1]]
     }
 
-    /// Subgraph of the listed vertices, renumbered in the order of the list. `local` has one entry per vertex of
-    /// this graph, all `u32::MAX`, and is left so.
+    /// Subgraph of the listed vertices, renumbered in the order of the list. `local` has one entry per vertex
+    /// of this graph, all `u32::MAX`, and is left so.
     fn induced(&self, vertices: &[u32], local: &mut [u32]) -> Self {
         for (new, &old) in vertices.iter().enumerate() {
             local[old as usize] = new as u32;
@@ -141,8 +143,8 @@ pub fn minimum_degree(graph: &Graph) -> Vec<u32> {
     }
 }
 
-/// Nested dissection: a small vertex separator splits the graph in two parts, which are ordered first, each in the
-/// same way; the separator comes last.
+/// Nested dissection: a small vertex separator splits the graph in two parts, which are ordered first, each
+/// in the same way; the separator comes last.
 ///
 /// Separators are found by the multilevel method of `separate`. Cost O(edges x log vertices).
 pub fn nested_dissection(graph: &Graph) -> Vec<u32> {

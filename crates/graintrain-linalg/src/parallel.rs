@@ -37,7 +37,8 @@ pub fn sum_chunks(len: usize, chunk_sum: impl Fn(std::ops::Range<usize>) -> f64 
     fold_chunks(len, 0.0, chunk_sum, |sum, chunk| sum + chunk)
 }
 
-/// What `of_chunk` makes of each fixed chunk of `0..len`, folded in order. On one thread nothing is allocated.
+/// What `of_chunk` makes of each fixed chunk of `0..len`, folded in order. On one thread nothing is
+/// allocated.
 pub fn fold_chunks<T: Send, U>(
     len: usize,
     start: U,

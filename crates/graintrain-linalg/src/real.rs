@@ -1,17 +1,17 @@
 //! Functions of real numbers whose bits are the same on every machine.
 //!
-//! The methods of `f64` (`sin`, `exp`, `powf`, `hypot`, ...) call the C library's, whose last digit depends on its version and on
-//! whether the processor has a fused multiply-add. Everything that a time step or a scene depends on takes these instead: plain
-//! Rust, the same operations everywhere. Methods that are exact or repeat exact operations (`sqrt`, `mul_add`, `floor`, `%`,
-//! `powi`, `to_radians`) stay methods.
+//! The methods of `f64` (`sin`, `exp`, `powf`, `hypot`, ...) call the C library's, whose last digit depends
+//! on its version and on whether the processor has a fused multiply-add. Everything that a time step or a
+//! scene depends on takes these instead: plain Rust, the same operations everywhere. Methods that are exact
+//! or repeat exact operations (`sqrt`, `mul_add`, `floor`, `%`, `powi`, `to_radians`) stay methods.
 
 pub use libm::{
     acos, asin, atan, atan2, cbrt, cos, exp, expm1 as exp_m1, log as ln, log1p as ln_1p, pow as powf, sin,
     sincos as sin_cos, tan,
 };
 
-/// sqrt(x^2 + y^2), without overflow or underflow. Next to where its squares are floats it is one root, far cheaper than the C
-/// library's.
+/// sqrt(x^2 + y^2), without overflow or underflow. Next to where its squares are floats it is one root, far
+/// cheaper than the C library's.
 #[inline]
 pub fn hypot(x: f64, y: f64) -> f64 {
     let square = x * x + y * y;

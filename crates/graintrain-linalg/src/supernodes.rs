@@ -20,7 +20,8 @@ pub(crate) struct Supernodes {
     pub parent: Vec<u32>,
 }
 
-/// Supernodes may be merged up to this many scalar columns when at most this fraction of the merged panel is zero.
+/// Supernodes may be merged up to this many scalar columns when at most this fraction of the merged panel is
+/// zero.
 const MERGE: [(usize, f64); 4] = [(12, 1.0), (32, 0.3), (96, 0.12), (usize::MAX, 0.04)];
 
 const NONE: u32 = u32::MAX;
@@ -39,8 +40,8 @@ impl Supernodes {
         let lower = lower_columns(graph, &order, &position);
         let parent = elimination_tree(&lower);
 
-        // Column structures, each the union of the column of the matrix and of its children's structures. Column j
-        // joins the supernode of column j - 1 where that adds no entry.
+        // Column structures, each the union of the column of the matrix and of its children's structures.
+        // Column j joins the supernode of column j - 1 where that adds no entry.
         let n = order.len();
         let mut children: Vec<Vec<u32>> = vec![Vec::new(); n];
         for (j, &p) in parent.iter().enumerate() {

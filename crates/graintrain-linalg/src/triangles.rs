@@ -1,8 +1,9 @@
-//! Products of which half is known: with triangles, and of a matrix with itself. By blocks of columns, each a dense product without the part that is zero
-//! or known.
+//! Products of which half is known: with triangles, and of a matrix with itself. By blocks of columns, each a
+//! dense product without the part that is zero or known.
 //!
-//! Blocks of eight columns lose least: they waste four flops per number, and the kernels of dense products take columns in fours. (Measured at 100 and 200
-//! columns on one thread: 93 to 102 % of the rate of a large product, with blocks of 13 and 25, eight in all, 75 to 84 %.)
+//! Blocks of eight columns lose least: they waste four flops per number, and the kernels of dense products
+//! take columns in fours. (Measured at 100 and 200 columns on one thread: 93 to 102 % of the rate of a large
+//! product, with blocks of 13 and 25, eight in all, 75 to 84 %.)
 
 use crate::dense::{Matrix, View, ViewMut, multiply, multiply_add};
 use std::ops::Range;

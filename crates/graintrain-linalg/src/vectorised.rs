@@ -6,10 +6,11 @@ pub trait Work {
     fn run(self);
 }
 
-/// Runs the work compiled for AVX2 where the processor has it. Only the width of the instructions differs: no fused
-/// multiply-add is used, so the bits are those of the plain code.
+/// Runs the work compiled for AVX2 where the processor has it. Only the width of the instructions differs: no
+/// fused multiply-add is used, so the bits are those of the plain code.
 #[inline(always)]
-// Measured: an application of IC(0) with blocks of six takes 0.68 of the time of the SSE2 code of the default x86-64 target.
+// Measured: an application of IC(0) with blocks of six takes 0.68 of the time of the SSE2 code of the default
+// x86-64 target.
 #[allow(unsafe_code)]
 pub fn run_wide(work: impl Work) {
     #[cfg(target_arch = "x86_64")]

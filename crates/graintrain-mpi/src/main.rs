@@ -1,4 +1,5 @@
-//! The program `graintrain-mpi`: `mpirun -n 4 graintrain-mpi run SCENE` is `graintrain run SCENE` by four processes.
+//! The program `graintrain-mpi`: `mpirun -n 4 graintrain-mpi run SCENE` is `graintrain run SCENE` by four
+//! processes.
 
 mod transport;
 

@@ -1,13 +1,17 @@
 //! NumPy arrays: views of memory that a world owns, and numbers taken from whatever Python has.
 //!
-//! The only module with `unsafe` code. A view is an array over the memory of one of a world's lists (positions, velocities, ...), not a
-//! copy. Three things keep it valid:
+//! The only module with `unsafe` code. A view is an array over the memory of one of a world's lists
+//! (positions, velocities, ...), not a copy. Three things keep it valid:
 //!
-//! * Its base object is a [`Lease`], which holds a reference to the world: the memory lives as long as the array.
-//! * Steps write into the lists in place and never replace them (`views_stay_where_they_are` in tests/test_world.py).
-//! * Whatever would make the lists longer or shorter is refused while there is a lease: see [`Leases::refuse_resize`].
+//! * Its base object is a [`Lease`], which holds a reference to the world: the memory lives as long as the
+//!   array.
+//! * Steps write into the lists in place and never replace them (`views_stay_where_they_are` in
+//!   tests/test_world.py).
+//! * Whatever would make the lists longer or shorter is refused while there is a lease: see
+//!   [`Leases::refuse_resize`].
 //!
-//! While one thread steps a world, another that writes into its arrays races with it, as with any NumPy array.
+//! While one thread steps a world, another that writes into its arrays races with it, as with any NumPy
+//! array.
 
 #![allow(unsafe_code)]
 
@@ -81,7 +85,8 @@ unsafe impl Numbers for Mat3 {
     const SHAPE: &'static [usize] = &[3, 3];
 }
 
-/// An array over a world's list; `owner` is the world, of which `list` is a part that stays where it is while there are leases.
+/// An array over a world's list; `owner` is the world, of which `list` is a part that stays where it is while
+/// there are leases.
 pub fn writable<'py, T: Numbers>(
     owner: &Bound<'py, PyAny>,
     leases: &Leases,
@@ -90,7 +95,8 @@ pub fn writable<'py, T: Numbers>(
     const { assert!(size_of::<T>().is_multiple_of(size_of::<f64>())) };
     let shape: Vec<usize> = std::iter::once(list.len()).chain(T::SHAPE.iter().copied()).collect();
     let lease = Bound::new(owner.py(), leases.lease(owner.clone().unbind()))?;
-    // SAFETY: by the contract of `Numbers` the list is that many f64; the lease keeps its memory where it is and alive.
+    // SAFETY: by the contract of `Numbers` the list is that many f64; the lease keeps its memory where it is
+    // and alive.
     let array = unsafe {
         let view = ArrayView::from_shape_ptr(IxDyn(&shape), list.as_mut_ptr().cast::<f64>().cast_const());
         PyArray::borrow_from_array(&view, lease.into_any())
@@ -107,8 +113,9 @@ pub fn readable<'py, T: Numbers>(
     locked(writable(owner, leases, list)?)
 }
 
-/// A read-only array over a field of the items of a slice that `owner`, an object that never changes, holds: `field` gives the first
-/// number of the first item, items are `size_of::<T>()` apart, and the field has `width` numbers (0: a scalar).
+/// A read-only array over a field of the items of a slice that `owner`, an object that never changes, holds:
+/// `field` gives the first number of the first item, items are `size_of::<T>()` apart, and the field has
+/// `width` numbers (0: a scalar).
 pub fn field<'py, T, E: Element>(
     owner: Bound<'py, PyAny>,
     items: &[T],
@@ -125,7 +132,8 @@ pub fn field<'py, T, E: Element>(
         std::ptr::from_ref(field(item))
     });
     let shape: StrideShape<IxDyn> = IxDyn(&shape).strides(IxDyn(&strides));
-    // SAFETY: `field` points into the items, whose owner is the base object and never changes; callers give the width of the field.
+    // SAFETY: `field` points into the items, whose owner is the base object and never changes; callers give
+    // the width of the field.
     let array = unsafe { PyArray::borrow_from_array(&ArrayView::from_shape_ptr(shape, first), owner) };
     locked(array.into_any())
 }

@@ -36,9 +36,10 @@ impl Batch {
         self.worlds.len()
     }
 
-    /// Steps every world until a time, for a number of steps, or to its scene's end, as World.run does, and returns the reports of their
-    /// last steps. Where worlds fail, the others are stepped all the same; then the error of the first one is raised, with a note that
-    /// names its place. Ctrl-C leaves every world after its last complete step.
+    /// Steps every world until a time, for a number of steps, or to its scene's end, as World.run does, and
+    /// returns the reports of their last steps. Where worlds fail, the others are stepped all the same; then
+    /// the error of the first one is raised, with a note that names its place. Ctrl-C leaves every world
+    /// after its last complete step.
     #[pyo3(signature = (until=None, *, steps=None, strict=false))]
     fn run(
         &self,

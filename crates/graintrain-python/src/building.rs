@@ -133,8 +133,9 @@ fn resistance(
 
 #[pymethods]
 impl World {
-    /// Adds a material: density (kg/m^3), friction and restitution of its own pairs. With another material the smaller ones of both hold,
-    /// until set_pair says otherwise. The material "default" is there from the beginning.
+    /// Adds a material: density (kg/m^3), friction and restitution of its own pairs. With another material
+    /// the smaller ones of both hold, until set_pair says otherwise. The material "default" is there from the
+    /// beginning.
     #[pyo3(signature = (name, density, friction=0.25, restitution=0.0))]
     fn add_material(&mut self, name: &str, density: f64, friction: f64, restitution: f64) -> PyResult<()> {
         let materials = &mut self.state().materials;
@@ -154,9 +155,10 @@ impl World {
         Ok(())
     }
 
-    /// Sets friction and restitution between two materials (or of one with itself), and, where given, how they resist rolling on each
-    /// other and spinning about the contact normal: a number of effective radii, or a length as a text ("1 mm"); their normal stiffness
-    /// (N/m, 0: rigid) and damping (N s/m) per contact; and the force (N) with which they pull each other while they touch.
+    /// Sets friction and restitution between two materials (or of one with itself), and, where given, how
+    /// they resist rolling on each other and spinning about the contact normal: a number of effective radii,
+    /// or a length as a text ("1 mm"); their normal stiffness (N/m, 0: rigid) and damping (N s/m) per
+    /// contact; and the force (N) with which they pull each other while they touch.
     #[pyo3(signature = (first, second, friction, restitution=0.0, *, rolling_friction=None, spinning_friction=None, stiffness=None,
         damping=None, cohesion=None))]
     fn set_pair(
@@ -205,8 +207,9 @@ impl World {
         Ok(self.state().materials.pair_friction(a.index(), b.index()))
     }
 
-    /// Adds a body and returns its index. Mass and inertia (3 x 3, about the centre of mass, body axes) follow from shape and density
-    /// unless both are given. Raises BufferError while arrays look into the world's memory.
+    /// Adds a body and returns its index. Mass and inertia (3 x 3, about the centre of mass, body axes)
+    /// follow from shape and density unless both are given. Raises BufferError while arrays look into the
+    /// world's memory.
     #[pyo3(signature = (shape, position=None, *, quaternion=None, velocity=None, angular_velocity=None, material=None, motion=None,
                         name="", mass=None, inertia=None))]
     fn add_body(
@@ -253,8 +256,8 @@ impl World {
         Ok(self.add_all(&body, motion, one)?.0)
     }
 
-    /// Adds a body of this shape at every position, (n, 3), and returns the range of their indices. velocities (n, 3) and quaternions
-    /// (n, 4) where they are not zero and not turned.
+    /// Adds a body of this shape at every position, (n, 3), and returns the range of their indices.
+    /// velocities (n, 3) and quaternions (n, 4) where they are not zero and not turned.
     #[pyo3(signature = (shape, positions, *, quaternions=None, velocities=None, material=None, motion=None))]
     fn add_bodies<'py>(
         &mut self,
@@ -283,7 +286,8 @@ impl World {
         PyRange::new(py, start as isize, end as isize)
     }
 
-    /// Adds balls at these positions, (n, 3), with these radii, (n,) or one number, and returns the range of their indices.
+    /// Adds balls at these positions, (n, 3), with these radii, (n,) or one number, and returns the range of
+    /// their indices.
     #[pyo3(signature = (positions, radii, *, velocities=None, material=None))]
     fn add_spheres<'py>(
         &mut self,
@@ -320,7 +324,8 @@ impl World {
         PyRange::new(py, start as isize, end as isize)
     }
 
-    /// Adds a fixed plane through a point; bodies stay on the side that the normal (any length) points to. Returns its index.
+    /// Adds a fixed plane through a point; bodies stay on the side that the normal (any length) points to.
+    /// Returns its index.
     #[pyo3(signature = (point=None, normal=None, *, material=None, motion=None, name=""))]
     fn add_plane(
         slf: &Bound<'_, Self>,
@@ -346,9 +351,9 @@ impl World {
         Ok(world.add_all(&body.clone(), Some(&motion), std::iter::once(body))?.0)
     }
 
-    /// A load: the force (N) times a function of time, on some bodies or (None) all, at a point from the centre of mass in body axes.
-    /// axes: whether the force is given in those of the "world" or of the "body". region: acts only on bodies in there,
-    /// {"min", "max"} or {"base", "radius", "height"}.
+    /// A load: the force (N) times a function of time, on some bodies or (None) all, at a point from the
+    /// centre of mass in body axes. axes: whether the force is given in those of the "world" or of the
+    /// "body". region: acts only on bodies in there, {"min", "max"} or {"base", "radius", "height"}.
     #[pyo3(signature = (force, bodies=None, *, function=None, axes="world", point=None, region=None))]
     fn add_force(
         &mut self,
@@ -405,7 +410,8 @@ impl World {
         self.load(bodies, region, Action::Central { centre, strength, distance, power })
     }
 
-    /// Drag of a medium: -(linear + quadratic |u|) u against the velocity u relative to it, and -angular w against turning.
+    /// Drag of a medium: -(linear + quadratic |u|) u against the velocity u relative to it, and -angular w
+    /// against turning.
     #[pyo3(signature = (linear=0.0, quadratic=0.0, angular=0.0, bodies=None, *, medium=None, region=None))]
     fn add_drag(
         &mut self,

@@ -4,8 +4,8 @@ use crate::arrays::{field, owned};
 use graintrain::contact::{Contact, ContactSet};
 use pyo3::prelude::*;
 
-/// The contacts of the last step: a snapshot that later steps leave alone. Arrays have one row per contact, in an order that does not
-/// depend on threads; they are read-only.
+/// The contacts of the last step: a snapshot that later steps leave alone. Arrays have one row per contact,
+/// in an order that does not depend on threads; they are read-only.
 #[pyclass(frozen, module = "graintrain")]
 pub struct Contacts {
     set: ContactSet,
@@ -57,13 +57,15 @@ impl Contacts {
         field(slf.clone().into_any(), &slf.get().set.contacts, |contact| &contact.gap, 0)
     }
 
-    /// Impulses on A (minus those on B) in world axes, N s, shape (n, 3); divided by the time step they are forces.
+    /// Impulses on A (minus those on B) in world axes, N s, shape (n, 3); divided by the time step they are
+    /// forces.
     #[getter]
     fn impulses<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
         field(slf.clone().into_any(), &slf.get().set.impulse, |impulse| &impulse.x, 3)
     }
 
-    /// Moment impulses of rolling and spinning friction on A (minus those on B) in world axes, N m s, shape (n, 3).
+    /// Moment impulses of rolling and spinning friction on A (minus those on B) in world axes, N m s, shape
+    /// (n, 3).
     #[getter]
     fn moments<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let count = self.set.contacts.len();

@@ -87,10 +87,11 @@ impl StepGradient {
         Ok(owned(py, pairs, &shape)?.into_any())
     }
 
-    /// Vector-Jacobian product. Of a number L with the derivatives `velocities` and `angular_velocities` (n, 3; None: zero) by the
-    /// velocities after the step, a dict of its derivatives by what goes into the step: velocities, angular_velocities (before it), forces,
-    /// torques, each (n, 3); friction, one per contact of the step (nan where one has no friction and does not slip); pairs, the sums of
-    /// these over pairs of materials, as a dict {(first, second): derivative}.
+    /// Vector-Jacobian product. Of a number L with the derivatives `velocities` and `angular_velocities` (n,
+    /// 3; None: zero) by the velocities after the step, a dict of its derivatives by what goes into the step:
+    /// velocities, angular_velocities (before it), forces, torques, each (n, 3); friction, one per contact of
+    /// the step (nan where one has no friction and does not slip); pairs, the sums of these over pairs of
+    /// materials, as a dict {(first, second): derivative}.
     #[pyo3(signature = (velocities=None, angular_velocities=None))]
     fn vjp<'py>(
         &self,
@@ -140,8 +141,8 @@ impl StepGradient {
 
 #[pymethods]
 impl World {
-    /// Derivatives of the step that would follow now, which is made on a copy: the world stays as it is. Raises NotDifferentiable at a
-    /// kink, that is where a contact is about to slide, stick or part.
+    /// Derivatives of the step that would follow now, which is made on a copy: the world stays as it is.
+    /// Raises NotDifferentiable at a kink, that is where a contact is about to slide, stick or part.
     fn gradient(&mut self, py: Python<'_>) -> PyResult<StepGradient> {
         // Looks at what was written into arrays, too.
         self.begin()?;

@@ -19,12 +19,14 @@ fn needed<T>(kind: &str, what: &str, given: Option<T>) -> PyResult<T> {
 
 #[pymethods]
 impl World {
-    /// Adds a joint and returns its index. kind: fixed, revolute, prismatic, cylindrical, spherical (point; axis), distance (ends: a point
-    /// of `other` and one of `body`), gear (joints: two indices; ratio). It holds `body` (index or name) to `other`, or to the world, where
-    /// they are now; points and axes are in the world.
+    /// Adds a joint and returns its index. kind: fixed, revolute, prismatic, cylindrical, spherical (point;
+    /// axis), distance (ends: a point of `other` and one of `body`), gear (joints: two indices; ratio). It
+    /// holds `body` (index or name) to `other`, or to the world, where they are now; points and axes are in
+    /// the world.
     ///
-    /// The coordinate (angle, slide or distance of `body` relative to `other`; of cylindrical joints "turn" or "slide") may have a motor
-    /// (speed with a limit of force, or force; numbers or Functions), a spring (stiffness, damping, rest) and stops (lower, upper).
+    /// The coordinate (angle, slide or distance of `body` relative to `other`; of cylindrical joints "turn"
+    /// or "slide") may have a motor (speed with a limit of force, or force; numbers or Functions), a spring
+    /// (stiffness, damping, rest) and stops (lower, upper).
     #[pyo3(signature = (kind, body=None, other=None, *, point=None, axis=None, ends=None, joints=None, ratio=None, coordinate="turn",
                         speed=None, limit=None, force=None, stiffness=None, damping=None, rest=None, lower=None, upper=None,
                         collide=false, name=""))]
@@ -123,8 +125,9 @@ impl World {
         Ok(self.state().add_joint(joint).or_raise()?.index())
     }
 
-    /// What the joints did in the last step, one dictionary each: name, coordinate (m or rad, angles count whole turns), rate, force and
-    /// torque on the body (N, N m, world axes), drive (force of motor, spring and stops along the coordinate), opening (m, how far it is open).
+    /// What the joints did in the last step, one dictionary each: name, coordinate (m or rad, angles count
+    /// whole turns), rate, force and torque on the body (N, N m, world axes), drive (force of motor, spring
+    /// and stops along the coordinate), opening (m, how far it is open).
     #[getter]
     fn joints<'py>(&mut self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyDict>>> {
         let describe = |placed: &graintrain::joint::PlacedJoint| {

@@ -1,5 +1,6 @@
-//! The extension module `graintrain._graintrain`: what Python sees of the crates. The package around it is in `python/graintrain`, its
-//! documentation for users in the docstrings here and in `python/graintrain/_graintrain.pyi`.
+//! The extension module `graintrain._graintrain`: what Python sees of the crates. The package around it is in
+//! `python/graintrain`, its documentation for users in the docstrings here and in
+//! `python/graintrain/_graintrain.pyi`.
 //!
 //! | module | holds |
 //! |---|---|

@@ -24,8 +24,9 @@ fn region(low: Option<&Bound<'_, PyAny>>, high: Option<&Bound<'_, PyAny>>) -> Py
 
 #[pymethods]
 impl World {
-    /// Coordination of the bodies whose centres lie in the box (all, without one), as a dict: bodies, contacts, mean, rattlers,
-    /// mean_without_rattlers, sliding (share of the loaded contacts), hyperstaticity. Rattlers have fewer neighbours than `rattlers_below`.
+    /// Coordination of the bodies whose centres lie in the box (all, without one), as a dict: bodies,
+    /// contacts, mean, rattlers, mean_without_rattlers, sliding (share of the loaded contacts),
+    /// hyperstaticity. Rattlers have fewer neighbours than `rattlers_below`.
     #[pyo3(signature = (low=None, high=None, *, rattlers_below=2))]
     fn coordination<'py>(
         &mut self,
@@ -49,7 +50,8 @@ impl World {
         Ok(dict.into_any())
     }
 
-    /// The fabric tensor (3, 3): mean of n n^T over the loaded contacts of the bodies in the box; nan where there are none.
+    /// The fabric tensor (3, 3): mean of n n^T over the loaded contacts of the bodies in the box; nan where
+    /// there are none.
     #[pyo3(signature = (low=None, high=None))]
     fn fabric<'py>(
         &mut self,

@@ -71,8 +71,8 @@ impl Shape {
         Ok(Self::new(Geometry::cylinder(half_length, radius).or_raise()?, Vec3::ZERO))
     }
 
-    /// Surface of triangles: vertices (n, 3), triangles (m, 3) of indices, counter-clockwise seen from outside. Without mass unless it is
-    /// solid, which asks for a closed surface.
+    /// Surface of triangles: vertices (n, 3), triangles (m, 3) of indices, counter-clockwise seen from
+    /// outside. Without mass unless it is solid, which asks for a closed surface.
     #[staticmethod]
     #[pyo3(signature = (vertices, triangles, solid=false))]
     fn mesh(vertices: &Bound<'_, PyAny>, triangles: &Bound<'_, PyAny>, solid: bool) -> PyResult<Self> {
@@ -91,8 +91,8 @@ impl Shape {
         Ok(Self::new(geometry, center))
     }
 
-    /// Rigid union of parts, each (shape, position) or (shape, position, quaternion). What overlaps counts once. Bodies are placed by
-    /// the centre of mass: see `center`.
+    /// Rigid union of parts, each (shape, position) or (shape, position, quaternion). What overlaps counts
+    /// once. Bodies are placed by the centre of mass: see `center`.
     #[staticmethod]
     fn compound(parts: Vec<Bound<'_, PyAny>>) -> PyResult<Self> {
         let mut all = Vec::new();
@@ -127,7 +127,8 @@ impl Shape {
         self.geometry.volume
     }
 
-    /// The centre of mass in the frame of the vertices or parts, m: a body at position x has that frame's origin at x - R center.
+    /// The centre of mass in the frame of the vertices or parts, m: a body at position x has that frame's
+    /// origin at x - R center.
     #[getter]
     fn center(&self) -> [f64; 3] {
         self.center.to_array()
@@ -150,7 +151,8 @@ impl Shape {
     }
 }
 
-/// A number that depends on time: a velocity, a force. Wherever one is asked for, a plain number stands for a constant.
+/// A number that depends on time: a velocity, a force. Wherever one is asked for, a plain number stands for a
+/// constant.
 #[pyclass(frozen, module = "graintrain")]
 pub struct Function {
     profile: motion::Profile,

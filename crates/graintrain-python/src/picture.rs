@@ -76,8 +76,9 @@ pub fn replay(
 impl World {
     /// A picture of the present state, without a display.
     ///
-    /// color: what colours stand for, "speed", "force", "radius" or "id". range: values at the ends of the colour bar. force_chains: contact
-    /// forces as tubes. view: degrees around the vertical and above the horizon.
+    /// color: what colours stand for, "speed", "force", "radius" or "id". range: values at the ends of the
+    /// colour bar. force_chains: contact forces as tubes. view: degrees around the vertical and above the
+    /// horizon.
     #[pyo3(signature = (width=800, height=600, *, color="speed", range=None, force_chains=false, view=(-60.0, 24.0)))]
     fn render(
         &mut self,
@@ -107,9 +108,10 @@ impl World {
         self.render(py, 800, 600, "speed", None, false, (-60.0, 24.0))?.png(py)
     }
 
-    /// Runs as run() does and writes what the command line writes into a folder: frames for ParaView and OVITO every `every` steps (by
-    /// default what the scene says), tables, checkpoints. graintrain.replay(folder, "x.html") makes a page of it. The folder must be new
-    /// or empty, unless force=True, which replaces the files of an earlier run in it.
+    /// Runs as run() does and writes what the command line writes into a folder: frames for ParaView and
+    /// OVITO every `every` steps (by default what the scene says), tables, checkpoints.
+    /// graintrain.replay(folder, "x.html") makes a page of it. The folder must be new or empty, unless
+    /// force=True, which replaces the files of an earlier run in it.
     #[pyo3(signature = (folder, until=None, *, steps=None, every=None, contacts=true, force=false))]
     fn record(
         &mut self,
@@ -155,8 +157,8 @@ impl World {
         Ok(self.report())
     }
 
-    /// Runs as run() does and makes a replay of it, one HTML page with a picture of every `every` steps (by default what the scene says):
-    /// record() into a folder that is thrown away, and graintrain.replay.
+    /// Runs as run() does and makes a replay of it, one HTML page with a picture of every `every` steps (by
+    /// default what the scene says): record() into a folder that is thrown away, and graintrain.replay.
     #[pyo3(signature = (path, until=None, *, steps=None, every=None, max_frames=240, force_chains=true))]
     fn replay(
         &mut self,

@@ -16,8 +16,8 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
-/// A contact problem: impulses g (normal, tangent 1, tangent 2 of every contact) in friction cones, with u = N g + r in the dual cones
-/// and at right angles to g.
+/// A contact problem: impulses g (normal, tangent 1, tangent 2 of every contact) in friction cones, with u =
+/// N g + r in the dual cones and at right angles to g.
 #[pyclass(frozen, module = "graintrain")]
 pub struct Problem {
     file: ProblemFile,
@@ -53,7 +53,8 @@ impl Problem {
         Self { file }
     }
 
-    /// Impulses of any shape that has three numbers per contact, and three more per contact with rolling or spinning friction.
+    /// Impulses of any shape that has three numbers per contact, and three more per contact with rolling or
+    /// spinning friction.
     fn impulses(&self, what: &str, object: &Bound<'_, PyAny>) -> PyResult<Vec<f64>> {
         let contacts = blocks(&self.file.problem);
         let flat = object.py().import("numpy")?.call_method1("ndim", (object,))?.extract::<usize>()? == 1;
@@ -82,8 +83,9 @@ impl Problem {
 
     /// The problem u = W g + q with coefficients of friction mu, one per contact.
     ///
-    /// w: (3 n, 3 n), an array or a sparse matrix of SciPy; contact i has the rows 3 i (normal), 3 i + 1 and 3 i + 2 (tangents). q: (3 n,) or
-    /// (n, 3). Where W is noticeably asymmetric, exact friction takes it as it is and the relaxation its symmetric part: see notes.
+    /// w: (3 n, 3 n), an array or a sparse matrix of SciPy; contact i has the rows 3 i (normal), 3 i + 1 and
+    /// 3 i + 2 (tangents). q: (3 n,) or (n, 3). Where W is noticeably asymmetric, exact friction takes it as
+    /// it is and the relaxation its symmetric part: see notes.
     #[staticmethod]
     fn from_matrix(w: &Bound<'_, PyAny>, q: &Bound<'_, PyAny>, mu: &Bound<'_, PyAny>) -> PyResult<Self> {
         let py = w.py();
@@ -95,9 +97,10 @@ impl Problem {
 
     /// The problem u = D^T M^-1 D g + r of bodies, with coefficients of friction mu, one per contact.
     ///
-    /// d: (freedoms, 3 n), an array or a sparse matrix: generalised forces of unit impulses. inverse_mass: its diagonal (freedoms,), blocks
-    /// (bodies, 6, 6), or a sparse matrix; rows of zeros belong to what does not move. r: (3 n,) or (n, 3). Rigid bodies, six rows each,
-    /// are recognised and kept, so that solvers work over bodies: see form.
+    /// d: (freedoms, 3 n), an array or a sparse matrix: generalised forces of unit impulses. inverse_mass:
+    /// its diagonal (freedoms,), blocks (bodies, 6, 6), or a sparse matrix; rows of zeros belong to what does
+    /// not move. r: (3 n,) or (n, 3). Rigid bodies, six rows each, are recognised and kept, so that solvers
+    /// work over bodies: see form.
     #[staticmethod]
     fn from_bodies(
         d: &Bound<'_, PyAny>,
@@ -120,11 +123,12 @@ impl Problem {
         py.detach(|| problem_file::write(&path, &self.file.problem, title)).or_raise()
     }
 
-    /// Solves the problem and returns (impulses, report): impulses (n, 3) in N s, normal first, the best found whether or not the
-    /// tolerance was reached, which report.converged tells.
+    /// Solves the problem and returns (impulses, report): impulses (n, 3) in N s, normal first, the best
+    /// found whether or not the tolerance was reached, which report.converged tells.
     ///
-    /// solver: a name of graintrain.solvers(), with a linear solver after a plus sign: "ipm", "pgs", "pdip+ic". friction: "relaxed" or
-    /// "coulomb" (exact). judge: "maximum" (worst contact) or "mixed" (root mean square, as in runs). start: impulses to begin with.
+    /// solver: a name of graintrain.solvers(), with a linear solver after a plus sign: "ipm", "pgs",
+    /// "pdip+ic". friction: "relaxed" or "coulomb" (exact). judge: "maximum" (worst contact) or "mixed" (root
+    /// mean square, as in runs). start: impulses to begin with.
     #[pyo3(signature = (solver="auto", *, tolerance=1e-4, friction="relaxed", judge="maximum", max_iterations=None, max_seconds=None,
                         start=None))]
     fn solve<'py>(
@@ -176,7 +180,8 @@ impl Problem {
         Ok((impulse.into_any(), SolveReport::new(report)))
     }
 
-    /// Residual of impulses, evaluated by code that no solver uses: (worst contact, root mean square), dimensionless.
+    /// Residual of impulses, evaluated by code that no solver uses: (worst contact, root mean square),
+    /// dimensionless.
     #[pyo3(signature = (impulses, friction="relaxed"))]
     fn residual(&self, impulses: &Bound<'_, PyAny>, friction: &str) -> PyResult<(f64, f64)> {
         let (impulse, model) = (self.impulses("impulses", impulses)?, friction_model(friction)?);
@@ -184,9 +189,9 @@ impl Problem {
         Ok((residual.max, residual.rms))
     }
 
-    /// What impulses are worth, evaluated by code that no solver uses: a dict of velocities (n, 3), residual_relaxed and
-    /// residual_coulomb (worst contact, root mean square), objective (J), gap (how far it may lie above the optimum, relative), and the
-    /// numbers of contacts apart, sticking and sliding.
+    /// What impulses are worth, evaluated by code that no solver uses: a dict of velocities (n, 3),
+    /// residual_relaxed and residual_coulomb (worst contact, root mean square), objective (J), gap (how far
+    /// it may lie above the optimum, relative), and the numbers of contacts apart, sticking and sliding.
     fn evaluate<'py>(&self, py: Python<'py>, impulses: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyDict>> {
         let impulse = self.impulses("impulses", impulses)?;
         let found = Yardstick::new(&self.file.problem).evaluate(&impulse);
@@ -202,7 +207,8 @@ impl Problem {
         Ok(dict)
     }
 
-    /// N as (row indices, column indices, values), both triangles: scipy.sparse.coo_array((v, (i, j))) makes a matrix of it.
+    /// N as (row indices, column indices, values), both triangles: scipy.sparse.coo_array((v, (i, j))) makes
+    /// a matrix of it.
     fn matrix<'py>(
         &self,
         py: Python<'py>,
@@ -285,8 +291,8 @@ impl Problem {
 
 #[pymethods]
 impl World {
-    /// The contact problem of the last step, with the impulses found, (n, 3) in the contacts' frames (normal, tangents);
-    /// after the rows of all contacts come the moments of those with rolling or spinning friction.
+    /// The contact problem of the last step, with the impulses found, (n, 3) in the contacts' frames (normal,
+    /// tangents); after the rows of all contacts come the moments of those with rolling or spinning friction.
     #[getter]
     fn problem<'py>(&mut self, py: Python<'py>) -> PyResult<(Problem, Bound<'py, PyAny>)> {
         let Some((problem, impulse)) = self.run().last_problem() else {

@@ -60,7 +60,8 @@ impl SolveReport {
         self.report.products
     }
 
-    /// Residual of the impulses in the friction model asked for: (worst contact, root mean square), dimensionless.
+    /// Residual of the impulses in the friction model asked for: (worst contact, root mean square),
+    /// dimensionless.
     #[getter]
     fn residual(&self) -> (f64, f64) {
         pair(self.report.residual)
@@ -96,7 +97,8 @@ impl SolveReport {
         self.report.remark.as_deref()
     }
 
-    /// The residual on the way, shape (n, 4): iteration, seconds, root mean square, worst contact. At most 257 rows.
+    /// The residual on the way, shape (n, 4): iteration, seconds, root mean square, worst contact. At most
+    /// 257 rows.
     #[getter]
     fn history<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let history = &self.report.history;
@@ -205,14 +207,15 @@ impl StepReport {
         self.report.ledger.loads
     }
 
-    /// What changed the kinetic energy in the step, J, as a dict: gravity, loads, drives, friction, normal, rest.
+    /// What changed the kinetic energy in the step, J, as a dict: gravity, loads, drives, friction, normal,
+    /// rest.
     #[getter]
     fn ledger<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         plain(py, &self.report.ledger)
     }
 
-    /// What is left of the contact problem in physical units, as a dict: approach_max (m/s), overlap_per_step_max_over_size,
-    /// cone_excess_max, slip_angle_max (rad), joint_opening_max (m).
+    /// What is left of the contact problem in physical units, as a dict: approach_max (m/s),
+    /// overlap_per_step_max_over_size, cone_excess_max, slip_angle_max (rad), joint_opening_max (m).
     #[getter]
     fn errors<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         plain(py, &self.report.errors)
@@ -224,8 +227,8 @@ impl StepReport {
         plain(py, &self.report.phases)
     }
 
-    /// What contacts exert on bodies that are not free, averaged over the step: three arrays with one row each, the indices of the
-    /// bodies, forces (N) and torques about their centres (N m).
+    /// What contacts exert on bodies that are not free, averaged over the step: three arrays with one row
+    /// each, the indices of the bodies, forces (N) and torques about their centres (N m).
     #[getter]
     fn wrenches<'py>(
         &self,

@@ -30,11 +30,13 @@ const PATIENCE: Duration = Duration::from_millis(50);
 
 /// Bodies, what acts on them, and how their steps are made.
 ///
-/// World() is empty: bodies are added in code. World.from_scene("file.toml") reads a scene. Arrays such as positions look into the
-/// world's memory: what is written into them is the state of the next step, and they follow the world as it steps.
+/// World() is empty: bodies are added in code. World.from_scene("file.toml") reads a scene. Arrays such as
+/// positions look into the world's memory: what is written into them is the state of the next step, and they
+/// follow the world as it steps.
 #[pyclass(module = "graintrain")]
 pub struct World {
-    /// Behind a lock only because solvers are not made for sharing: whoever calls a method holds the world alone.
+    /// Behind a lock only because solvers are not made for sharing: whoever calls a method holds the world
+    /// alone.
     run: Mutex<Run>,
     stop: Arc<AtomicBool>,
     pub(crate) leases: Leases,
@@ -88,8 +90,8 @@ impl Advance<'_> {
     }
 }
 
-/// Does the work on a thread of its own, without the interpreter's lock, and looks for signals meanwhile: one whose handler raises
-/// (Ctrl-C) sets the flags.
+/// Does the work on a thread of its own, without the interpreter's lock, and looks for signals meanwhile: one
+/// whose handler raises (Ctrl-C) sets the flags.
 pub(crate) fn interruptible<T: Send>(
     py: Python<'_>,
     stops: &[Arc<AtomicBool>],
@@ -122,7 +124,8 @@ pub(crate) fn interruptible<T: Send>(
     }
 }
 
-/// As [`interruptible`] for work that is known to be short: without a thread, which costs more than a step of a small world.
+/// As [`interruptible`] for work that is known to be short: without a thread, which costs more than a step of
+/// a small world.
 fn brief<T: Send>(py: Python<'_>, stop: &AtomicBool, work: impl FnOnce() -> T + Send) -> PyResult<T> {
     stop.store(false, Ordering::Relaxed);
     let result = py.detach(work);
@@ -329,8 +332,8 @@ type Surface<'py> = (Bound<'py, PyAny>, Bound<'py, PyAny>, &'static str);
 impl World {
     /// An empty world.
     ///
-    /// gravity: m/s^2. settings: step (time step, s), envelope (m), solver, tolerance, strict_max, max_iterations, friction ("relaxed"
-    /// or "coulomb"), overlap ("position" or "velocity"); see `settings`.
+    /// gravity: m/s^2. settings: step (time step, s), envelope (m), solver, tolerance, strict_max,
+    /// max_iterations, friction ("relaxed" or "coulomb"), overlap ("position" or "velocity"); see `settings`.
     #[new]
     #[pyo3(signature = (*, gravity=None, **settings))]
     fn empty(gravity: Option<&Bound<'_, PyAny>>, settings: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
@@ -440,11 +443,13 @@ impl World {
         Ok(self.report())
     }
 
-    /// Steps until a time (s, or a text such as "20 ms"), for a number of steps, or to the end that the scene names.
+    /// Steps until a time (s, or a text such as "20 ms"), for a number of steps, or to the end that the scene
+    /// names.
     ///
-    /// callback(world) is called after every `every` steps and after the last; it may read and write the state, and ends the run by
-    /// returning True. With strict=True a solve that misses its tolerance raises ToleranceMissed. Ctrl-C raises KeyboardInterrupt and
-    /// leaves the state after the last complete step. Other Python threads run meanwhile; they must leave this world alone.
+    /// callback(world) is called after every `every` steps and after the last; it may read and write the
+    /// state, and ends the run by returning True. With strict=True a solve that misses its tolerance raises
+    /// ToleranceMissed. Ctrl-C raises KeyboardInterrupt and leaves the state after the last complete step.
+    /// Other Python threads run meanwhile; they must leave this world alone.
     #[pyo3(name = "run", signature = (until=None, *, steps=None, callback=None, every=1, strict=false))]
     fn run_until(
         slf: &Bound<'_, Self>,
@@ -495,7 +500,8 @@ impl World {
         self.report()
     }
 
-    /// Changes how steps are made: step, envelope, solver, tolerance, strict_max, max_iterations, friction, overlap.
+    /// Changes how steps are made: step, envelope, solver, tolerance, strict_max, max_iterations, friction,
+    /// overlap.
     #[pyo3(signature = (**settings))]
     fn configure(&mut self, settings: Option<&Bound<'_, PyDict>>) -> PyResult<()> {
         let stop = self.stop();
@@ -596,7 +602,8 @@ impl World {
         self.state().kinetic_energy()
     }
 
-    /// Work against gravity that it took to bring the bodies that can move from the origin to where they are, -sum m g.x, J.
+    /// Work against gravity that it took to bring the bodies that can move from the origin to where they
+    /// are, -sum m g.x, J.
     #[getter]
     fn potential_energy(&mut self) -> f64 {
         let state = self.state();
@@ -648,8 +655,8 @@ impl World {
         assign(&Self::angular_velocities(slf)?, value)
     }
 
-    /// External forces on the centres of mass in world axes, N, shape (n, 3): they act in every step until they are set anew, on top of
-    /// gravity and loads. Writable; a view.
+    /// External forces on the centres of mass in world axes, N, shape (n, 3): they act in every step until
+    /// they are set anew, on top of gravity and loads. Writable; a view.
     #[getter]
     fn forces<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
         list!(slf, writable, force)
@@ -683,7 +690,8 @@ impl World {
         list!(slf, readable, inertia)
     }
 
-    /// Radii of the smallest balls about the centres of mass that hold the bodies, m: of a ball its radius, of a plane infinity. A copy.
+    /// Radii of the smallest balls about the centres of mass that hold the bodies, m: of a ball its radius,
+    /// of a plane infinity. A copy.
     #[getter]
     fn radii<'py>(&mut self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let state = self.state();
@@ -702,8 +710,9 @@ impl World {
         numpy::PyArray1::from_vec(py, free).into_any()
     }
 
-    /// Surfaces of the bodies: a list of (bodies, triangles, kind), where the bodies (indices) share the triangles, corners (t, 3, 3) in m in their
-    /// axes, and kind is "grain" (free), "tool" or "wall". Balls, whose radii are known, are in none. Planes end at the scene's box. Copies.
+    /// Surfaces of the bodies: a list of (bodies, triangles, kind), where the bodies (indices) share the
+    /// triangles, corners (t, 3, 3) in m in their axes, and kind is "grain" (free), "tool" or "wall". Balls,
+    /// whose radii are known, are in none. Planes end at the scene's box. Copies.
     fn surfaces<'py>(&mut self, py: Python<'py>) -> PyResult<Vec<Surface<'py>>> {
         let groups = graintrain_view::view::model::Model::new(self.state()).groups;
         let surface = |group: graintrain_view::view::model::Group| {
@@ -736,7 +745,8 @@ impl World {
         Ok(contacts)
     }
 
-    /// Force (N) and torque about its centre (N m) that contacts exerted on a body that is not free, averaged over the last step.
+    /// Force (N) and torque about its centre (N m) that contacts exerted on a body that is not free, averaged
+    /// over the last step.
     fn wrench(&mut self, body: &Bound<'_, PyAny>) -> PyResult<([f64; 3], [f64; 3])> {
         let index = self.index_of(body)?;
         let report =
@@ -766,8 +776,8 @@ impl World {
         self.state().clear_forces();
     }
 
-    /// Removes bodies by a mask (a bool per body). The others keep their order and move up. Raises BufferError while arrays look into
-    /// the world's memory.
+    /// Removes bodies by a mask (a bool per body). The others keep their order and move up. Raises
+    /// BufferError while arrays look into the world's memory.
     fn remove_bodies(&mut self, mask: Vec<bool>) -> PyResult<()> {
         let state = self.resize()?;
         if mask.len() != state.bodies.len() {

@@ -1,5 +1,5 @@
-//! Contact problems for graintrain's own tests: those that this project made, with their optima, in `problems/`, and the way to the
-//! public data of others, which lie outside of the repository.
+//! Contact problems for graintrain's own tests: those that this project made, with their optima, in
+//! `problems/`, and the way to the public data of others, which lie outside of the repository.
 
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
@@ -40,9 +40,10 @@ pub fn problems() -> Vec<Problem> {
     text.lines().skip(1).map(problem).collect()
 }
 
-/// A file or folder of the public data, which are found in the folder named by the variable `GRAINTRAIN_DATA` or in `../shared/data`
-/// beside the checkout. Where it is absent that is said, and with `GRAINTRAIN_SKIPPED=FILE` written into that file, a line per test
-/// that asked: `.ci/run` counts them, so that nothing is skipped in silence.
+/// A file or folder of the public data, which are found in the folder named by the variable `GRAINTRAIN_DATA`
+/// or in `../shared/data` beside the checkout. Where it is absent that is said, and with
+/// `GRAINTRAIN_SKIPPED=FILE` written into that file, a line per test that asked: `.ci/run` counts them, so
+/// that nothing is skipped in silence.
 pub fn public_data(path: &str) -> Option<PathBuf> {
     let default = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data");
     let folder = std::env::var_os("GRAINTRAIN_DATA").map_or_else(|| PathBuf::from(default), PathBuf::from);

@@ -1,6 +1,7 @@
-//! TT-matrix times full vector against this machine's two limits, measured in the same process and interleaved:
-//! the dense product rate of the same library and the bandwidth of a STREAM triad. Wall time, and the processor time of all
-//! threads over their number, which other processes disturb less (but which does not see a thread that waits).
+//! TT-matrix times full vector against this machine's two limits, measured in the same process and
+//! interleaved: the dense product rate of the same library and the bandwidth of a STREAM triad. Wall time,
+//! and the processor time of all threads over their number, which other processes disturb less (but which
+//! does not see a thread that waits).
 //!
 //! `cargo bench -p graintrain-tt --bench apply`
 

@@ -1,8 +1,10 @@
-//! TT-SVD of full vectors beside the copy of the same vector and the dense product: `cargo bench -p graintrain-tt --bench full_vectors`;
-//! an argument is the largest power of two (24 by default; 27 takes 2 GiB), a second one the number of runs of which the best counts (5).
+//! TT-SVD of full vectors beside the copy of the same vector and the dense product:
+//! `cargo bench -p graintrain-tt --bench full_vectors`; an argument is the largest power of two (24 by
+//! default; 27 takes 2 GiB), a second one the number of runs of which the best counts (5).
 //!
-//! Wall times of one thread and of all (RAYON_NUM_THREADS), run in turns. "Share" is the time of a copy on one thread over that of the TT-SVD on one. How much faster
-//! all threads copy and read the vector is what they can gain where memory is the limit.
+//! Wall times of one thread and of all (RAYON_NUM_THREADS), run in turns. "Share" is the time of a copy on
+//! one thread over that of the TT-SVD on one. How much faster all threads copy and read the vector is what
+//! they can gain where memory is the limit.
 
 use graintrain_linalg::dense::{Matrix, multiply};
 use graintrain_tt::{Truncation, TtVector};

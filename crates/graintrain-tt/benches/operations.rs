@@ -1,8 +1,8 @@
-//! One line of JSON per operation: the same tensors and accuracies as `benches/peers/tensor_trains.py`, which prints
-//! the table beside other libraries.
+//! One line of JSON per operation: the same tensors and accuracies as `benches/peers/tensor_trains.py`, which
+//! prints the table beside other libraries.
 //!
-//! `cargo bench -p graintrain-tt --bench operations`; RAYON_NUM_THREADS chooses the threads. On one thread the times are
-//! processor times, which other processes disturb little, on several wall times.
+//! `cargo bench -p graintrain-tt --bench operations`; RAYON_NUM_THREADS chooses the threads. On one thread
+//! the times are processor times, which other processes disturb little, on several wall times.
 
 use graintrain_tt::apply::{ApplyWork, FullOperator};
 use graintrain_tt::cross::{CrossSettings, Function, cross};

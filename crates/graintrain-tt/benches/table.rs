@@ -1,7 +1,9 @@
-//! One table: dot, norm, rounding, products of trains and with full vectors, TT-SVD at ranks 5 to 200, each beside what the machine could do at best in the same
-//! minute: the flops that the operation cannot do without over the rate of a large dense product, or its traffic over the speed of a copy.
+//! One table: dot, norm, rounding, products of trains and with full vectors, TT-SVD at ranks 5 to 200, each
+//! beside what the machine could do at best in the same minute: the flops that the operation cannot do
+//! without over the rate of a large dense product, or its traffic over the speed of a copy.
 //!
-//! `cargo bench -p graintrain-tt --bench table`, with ranks behind `--` for these alone; RAYON_NUM_THREADS chooses the threads (times are processor times on one thread, else wall times).
+//! `cargo bench -p graintrain-tt --bench table`, with ranks behind `--` for these alone; RAYON_NUM_THREADS
+//! chooses the threads (times are processor times on one thread, else wall times).
 
 use graintrain_linalg::dense::{Matrix, multiply};
 use graintrain_tt::apply::{ApplyWork, FullOperator};
@@ -75,7 +77,8 @@ fn main() -> Result<(), graintrain_tt::TtError> {
         // P <- sum_i X(i)^T P Y(i): two products per core.
         let least = flops(&x, |l, n, r| 2.0 * n * (l * l * r + l * r * r)) / rate;
         line("dot 4^20", rank, "1".into(), seconds(|| x.dot(&y)), least);
-        // A product with the factor of what lies right and half a Gram matrix per core. (The first at its full price, although the factor is a triangle.)
+        // A product with the factor of what lies right and half a Gram matrix per core. (The first at its
+        // full price, although the factor is a triangle.)
         let least = flops(&x, |l, n, r| n * (2.0 * l * r * r + l * l * r)) / rate;
         line("norm 4^20", rank, "1".into(), seconds(|| x.norm()), least);
         // x + x, of rank 2 r, back to rank r: the same for the sum, then projections from the left.

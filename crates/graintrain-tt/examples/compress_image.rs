@@ -1,5 +1,5 @@
-//! An image of 512 x 512 points as a quantized train, digits of both directions side by side: how much of it which rank keeps, beside an SVD of the image
-//! as a matrix with as many numbers.
+//! An image of 512 x 512 points as a quantized train, digits of both directions side by side: how much of it
+//! which rank keeps, beside an SVD of the image as a matrix with as many numbers.
 //!
 //! `cargo run --release -p graintrain-tt --example compress_image`
 

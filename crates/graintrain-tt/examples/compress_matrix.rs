@@ -1,4 +1,5 @@
-//! A compressed matrix: a sparse matrix of 3072 unknowns as a tensor train, with the error over all of its entries.
+//! A compressed matrix: a sparse matrix of 3072 unknowns as a tensor train, with the error over all of its
+//! entries.
 //!
 //! `cargo run --release -p graintrain-tt --example compress_matrix`
 

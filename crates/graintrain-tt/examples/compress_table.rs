@@ -1,5 +1,5 @@
-//! TT-SVD of a table: a function on 2^20 points, or on a grid of 64^3 points, compressed to several tolerances. The printed
-//! error is the error itself: the report's is checked against the full table.
+//! TT-SVD of a table: a function on 2^20 points, or on a grid of 64^3 points, compressed to several
+//! tolerances. The printed error is the error itself: the report's is checked against the full table.
 //!
 //! `cargo run --release -p graintrain-tt --example compress_table`
 

@@ -1,7 +1,7 @@
 //! A sparse matrix three ways: exact pass, sketch and cross, with the error of each over ALL entries.
 //!
-//! The matrix is that of a chain of cells whose couplings are perturbed by `disorder`: 0 repeats under translation (low
-//! rank), 1 does not (no low rank exists, and only methods that see every entry know it).
+//! The matrix is that of a chain of cells whose couplings are perturbed by `disorder`: 0 repeats under
+//! translation (low rank), 1 does not (no low rank exists, and only methods that see every entry know it).
 //!
 //! `cargo run --release -p graintrain-tt --example contact_matrix -- [disorder]`
 

@@ -1,6 +1,6 @@
-//! Cross interpolation: the train of a function of 12 variables from some of its values, and its integral. 24^12 values could
-//! not even be counted one by one. What the method cannot see it does not claim: a needle is missed, and a start at the
-//! needle is believed only with a probe.
+//! Cross interpolation: the train of a function of 12 variables from some of its values, and its integral.
+//! 24^12 values could not even be counted one by one. What the method cannot see it does not claim: a needle
+//! is missed, and a start at the needle is believed only with a probe.
 //!
 //! `cargo run --release -p graintrain-tt --example cross_function`
 

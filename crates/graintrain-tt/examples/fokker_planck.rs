@@ -1,6 +1,8 @@
-//! Probability in a potential: p' = div(grad p + p x) in the plane on 2^20 points, by implicit midpoint steps whose systems are solved in the format.
+//! Probability in a potential: p' = div(grad p + p x) in the plane on 2^20 points, by implicit midpoint steps
+//! whose systems are solved in the format.
 //!
-//! A Gaussian stays one: mean m e^-t, variance 1 + (s - 1) e^-2t. The run is held against it; its mass must stay.
+//! A Gaussian stays one: mean m e^-t, variance 1 + (s - 1) e^-2t. The run is held against it; its mass must
+//! stay.
 //!
 //! `cargo run --release -p graintrain-tt --example fokker_planck`
 

@@ -1,5 +1,5 @@
-//! A TT-matrix times full vectors: a convolution with 1 / (1 + |i - j|) on 2^18 points, as a train of small rank, against
-//! sums over all points.
+//! A TT-matrix times full vectors: a convolution with 1 / (1 + |i - j|) on 2^18 points, as a train of small
+//! rank, against sums over all points.
 //!
 //! `cargo run --release -p graintrain-tt --example full_vector`
 

@@ -1,5 +1,6 @@
-//! A problem with eight parameters: heat through a wall of eight layers, each of conductivity 0.5 to 2. The temperature in the middle as a train over
-//! all 16^8 combinations from some of them, then its mean, its spread and the worst case, without solving again.
+//! A problem with eight parameters: heat through a wall of eight layers, each of conductivity 0.5 to 2. The
+//! temperature in the middle as a train over all 16^8 combinations from some of them, then its mean, its
+//! spread and the worst case, without solving again.
 //!
 //! `cargo run --release -p graintrain-tt --example parametric`
 
@@ -15,7 +16,8 @@ fn conductivity(i: usize) -> f64 {
     0.5 * 4f64.powf((i as f64 + 0.5) / VALUES as f64)
 }
 
-/// -(k u')' = 1 with u = 0 at both ends by finite volumes: one tridiagonal solve per combination; u in the middle.
+/// -(k u')' = 1 with u = 0 at both ends by finite volumes: one tridiagonal solve per combination; u in the
+/// middle.
 fn middle(index: &[usize]) -> f64 {
     let n = LAYERS * CELLS;
     let h = 1.0 / n as f64;

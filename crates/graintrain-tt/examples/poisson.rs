@@ -1,4 +1,5 @@
-//! -Laplace u = 1 on the unit cube with 2^10 (or as many as asked) interior points per direction: 2^30 unknowns, and the same number by a sum of sines.
+//! -Laplace u = 1 on the unit cube with 2^10 (or as many as asked) interior points per direction: 2^30
+//! unknowns, and the same number by a sum of sines.
 //!
 //! `cargo run --release -p graintrain-tt --example poisson -- [digits per direction]`
 

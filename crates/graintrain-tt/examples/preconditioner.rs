@@ -1,6 +1,7 @@
-//! The approximate inverse of one TT-matrix as a preconditioner for another: conjugate gradients on full vectors for
-//! -div(k grad u) = 1 in a square of 2^7 x 2^7 points, k between 1 and 5 and without a low rank, with the inverse of the
-//! Laplacian to several tolerances. A truncated inverse may be indefinite, and then it is of no use: see the second one.
+//! The approximate inverse of one TT-matrix as a preconditioner for another: conjugate gradients on full
+//! vectors for -div(k grad u) = 1 in a square of 2^7 x 2^7 points, k between 1 and 5 and without a low rank,
+//! with the inverse of the Laplacian to several tolerances. A truncated inverse may be indefinite, and then
+//! it is of no use: see the second one.
 //!
 //! `cargo run --release -p graintrain-tt --example preconditioner`
 
@@ -42,7 +43,8 @@ fn dot(x: &[f64], y: &[f64]) -> f64 {
     x.iter().zip(y).map(|(x, y)| x * y).sum()
 }
 
-/// Iterations until the residual has fallen by 1e-8; none if the preconditioner is not positive or 2000 do not suffice.
+/// Iterations until the residual has fallen by 1e-8; none if the preconditioner is not positive or 2000 do
+/// not suffice.
 fn conjugate_gradients(a: &Diffusion, mut precondition: impl FnMut(&[f64], &mut [f64])) -> Option<usize> {
     let size = a.n * a.n;
     let (mut u, mut r) = (vec![0.0; size], vec![1.0; size]);

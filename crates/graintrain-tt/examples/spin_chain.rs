@@ -1,4 +1,5 @@
-//! The ground state of the Heisenberg chain of 20 spins (a vector of 2^20 numbers), and what it says about neighbours.
+//! The ground state of the Heisenberg chain of 20 spins (a vector of 2^20 numbers), and what it says about
+//! neighbours.
 //!
 //! `cargo run --release -p graintrain-tt --example spin_chain -- [spins]`
 
@@ -45,7 +46,8 @@ fn main() -> Result<(), TtError> {
         // Exact diagonalisation.
         assert!((pairs[0].value + 8.682_473_334).abs() < 1e-6, "{}", pairs[0].value);
     }
-    // Measured configurations: neighbours point in opposite directions more often than not, and no spin has a direction of its own.
+    // Measured configurations: neighbours point in opposite directions more often than not, and no spin has a
+    // direction of its own.
     let samples = pairs[0].vector.sample(Density::Squares, 4000, 1)?;
     let opposite =
         samples.chunks_exact(spins).flat_map(|s| s.windows(2)).filter(|pair| pair[0] != pair[1]).count();

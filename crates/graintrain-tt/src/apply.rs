@@ -1,20 +1,21 @@
 //! TT-matrix times full vector, O(r^2 N log N), without transposing the state.
 //!
-//! Between two cores the state is Z[P | alpha | j | Q], first index fastest: P the digits i already produced, alpha the
-//! rank index, j the next digit, Q the digits not yet touched. For each q in Q one product
+//! Between two cores the state is Z[P | alpha | j | Q], first index fastest: P the digits i already produced,
+//! alpha the rank index, j the next digit, Q the digits not yet touched. For each q in Q one product
 //!
 //! (P x (alpha, j)) * C_k((alpha, j), (i, alpha'))
 //!
-//! writes [P | i | alpha' | q]: already the layout of the next core. Neighbouring cores are merged first where that costs
-//! no time (digits of size 4 cost the flops of two of size 2 and half the traffic; the first core grows until P is wide
-//! enough for the vector units).
+//! writes [P | i | alpha' | q]: already the layout of the next core. Neighbouring cores are merged first
+//! where that costs no time (digits of size 4 cost the flops of two of size 2 and half the traffic; the first
+//! core grows until P is wide enough for the vector units).
 //!
-//! Cores are run depth first in two stages so that only ONE state of r N numbers passes through memory: stage one runs
-//! the fine cores on one chunk of x at a time (the state of a chunk stays in cache), stage two the coarse cores on one
-//! block of rows P at a time. Chunks and blocks are the tasks of the threads; each writes its own part, so the bits do
-//! not depend on the number of threads.
+//! Cores are run depth first in two stages so that only ONE state of r N numbers passes through memory: stage
+//! one runs the fine cores on one chunk of x at a time (the state of a chunk stays in cache), stage two the
+//! coarse cores on one block of rows P at a time. Chunks and blocks are the tasks of the threads; each writes
+//! its own part, so the bits do not depend on the number of threads.
 //!
-//! Flops: 2 N sum_k n_k r_{k-1} r_k. Traffic: about 8 N (2 r + 4) bytes, r the rank at the seam of the two stages.
+//! Flops: 2 N sum_k n_k r_{k-1} r_k. Traffic: about 8 N (2 r + 4) bytes, r the rank at the seam of the two
+//! stages.
 
 use crate::{TtError, TtMatrix};
 use graintrain_linalg::dense::{Matrix, View, ViewMut, multiply};
@@ -73,7 +74,8 @@ thread_local! {
     static STATES: RefCell<(Vec<f64>, Vec<f64>)> = const { RefCell::new((Vec::new(), Vec::new())) };
 }
 
-/// Full vectors longer than this (8 TiB, or the whole memory of a 32-bit system) are refused before memory is asked for.
+/// Full vectors longer than this (8 TiB, or the whole memory of a 32-bit system) are refused before memory is
+/// asked for.
 const LARGEST_VECTOR: u64 = if usize::BITS < 64 { isize::MAX as u64 / 8 } else { 1 << 40 };
 
 impl FullOperator {
@@ -115,7 +117,8 @@ impl FullOperator {
         self.flops
     }
 
-    /// Bytes that one product must move through memory: x, y, the state at the seam written and read, and the blocks.
+    /// Bytes that one product must move through memory: x, y, the state at the seam written and read, and the
+    /// blocks.
     pub fn traffic(&self) -> f64 {
         let mut numbers = self.num_rows + self.num_columns;
         if self.seam < self.steps.len() {
@@ -176,8 +179,8 @@ impl FullOperator {
         Ok(())
     }
 
-    /// Y <- A X for several vectors, the columns of X one after the other. Matrices so small that one product is one task
-    /// run the columns side by side; larger ones run every product on all threads.
+    /// Y <- A X for several vectors, the columns of X one after the other. Matrices so small that one product
+    /// is one task run the columns side by side; larger ones run every product on all threads.
     ///
     /// # Errors
     /// [`TtError::Shape`] unless X and Y hold the same number of columns.
@@ -324,7 +327,8 @@ fn choose_groups(matrix: &TtMatrix) -> Vec<(usize, usize)> {
                 break;
             }
             let (left, right) = (ranks[first] as f64, ranks[last + 1] as f64);
-            // Per unknown of the vector: `rows` outputs of `right` numbers, each a sum of left * columns products.
+            // Per unknown of the vector: `rows` outputs of `right` numbers, each a sum of left * columns
+            // products.
             let flops = 2.0 * left * right * rows.max(columns);
             let mut bytes = 8.0 * (left + right);
             let numbers = left * rows * columns * right;
@@ -402,7 +406,8 @@ fn merge(matrix: &TtMatrix, first: usize, last: usize, transposed: bool) -> Step
 mod tests {
     use super::*;
 
-    /// Merged cores of 52 MB, read again for every chunk, made products at rank 100 three times and at rank 50 four times as slow.
+    /// Merged cores of 52 MB, read again for every chunk, made products at rank 100 three times and at rank
+    /// 50 four times as slow.
     #[test]
     fn merged_cores_stay_in_cache() {
         for rank in [2, 10, 50, 100] {

@@ -12,8 +12,8 @@ use graintrain_linalg::dense::{Matrix, View, ViewMut, multiply, product};
 const GEMM_MODE: usize = 8;
 
 impl Core {
-    /// The core of a sum of two trains: both on the diagonal; one row of two cores at the first of a train, one column at the
-    /// last, where the outer rank stays that of the terms.
+    /// The core of a sum of two trains: both on the diagonal; one row of two cores at the first of a train,
+    /// one column at the last, where the outer rank stays that of the terms.
     pub(crate) fn direct_sum(&self, other: &Self, first: bool, last: bool) -> Self {
         let left = if first { self.left } else { self.left + other.left };
         let right = if last { self.right } else { self.right + other.right };
@@ -38,7 +38,8 @@ impl TtVector {
         train
     }
 
-    /// self + other: block-diagonal cores, ranks add. (Powers of two of extreme cores are shared among all of them first.)
+    /// self + other: block-diagonal cores, ranks add. (Powers of two of extreme cores are shared among all of
+    /// them first.)
     ///
     /// # Errors
     /// [`TtError::Shape`] if the modes differ.
@@ -186,8 +187,8 @@ impl TtMatrix {
         Ok(TtVector { cores })
     }
 
-    /// y <- A x in the memory of y, which may be any train: where a product is formed again and again, asking the system for
-    /// its memory costs as much as the product.
+    /// y <- A x in the memory of y, which may be any train: where a product is formed again and again, asking
+    /// the system for its memory costs as much as the product.
     ///
     /// # Errors
     /// As for [`TtMatrix::times_vector`].
@@ -264,12 +265,13 @@ impl TtMatrix {
         Err(TtError::Shape { what: "modes of A x", expected: self.columns.clone(), got })
     }
 
-    /// sum_j A_k(a, i, j, a') X(alpha, j, s, alpha') as a core with left (a, alpha), mode (i, s), right (a', alpha'), in the given
-    /// memory.
+    /// sum_j A_k(a, i, j, a') X(alpha, j, s, alpha') as a core with left (a, alpha), mode (i, s), right (a',
+    /// alpha'), in the given memory.
     ///
-    /// For every (i, s, a', alpha') this is a product (a x j) (j x alpha) that lands in its place: a matrix product for
-    /// large modes. For small ones both columns are first spread to the length of the result, a with its period and alpha in
-    /// runs, so that the inner loop is as long as the result and not as short as a rank; every number is written once.
+    /// For every (i, s, a', alpha') this is a product (a x j) (j x alpha) that lands in its place: a matrix
+    /// product for large modes. For small ones both columns are first spread to the length of the result, a
+    /// with its period and alpha in runs, so that the inner loop is as long as the result and not as short as
+    /// a rank; every number is written once.
     fn contract(&self, k: usize, x: &Core, s: usize, mut data: Vec<f64>) -> Core {
         let (a, m, n) = (&self.cores()[k], self.rows[k], self.columns[k]);
         let (ra, rb, rx, ry) = (a.left, a.right, x.left, x.right);

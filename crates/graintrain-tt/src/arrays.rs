@@ -1,10 +1,12 @@
-//! Arrays of the crate `ndarray` as trains and back: axis k of an array is mode k of a train (the fastest first, however the array lies in memory).
+//! Arrays of the crate `ndarray` as trains and back: axis k of an array is mode k of a train (the fastest
+//! first, however the array lies in memory).
 
 use crate::{FullMatrix, Truncation, TruncationReport, TtError, TtVector};
 use ndarray::{Array2, ArrayBase, ArrayD, ArrayView2, Data, Dimension, IxDyn, ShapeBuilder};
 
 impl TtVector {
-    /// TT-SVD of an array: [`TtVector::from_full`] with the axes of the array as modes. An array in column-major order is not copied.
+    /// TT-SVD of an array: [`TtVector::from_full`] with the axes of the array as modes. An array in
+    /// column-major order is not copied.
     ///
     /// # Errors
     /// As for [`TtVector::from_full`]; [`TtError::Shape`] for an array without axes or entries.

@@ -1,8 +1,11 @@
-//! Complex trains: real trains with one more mode of size 2, real and imaginary part, before the finest digit.
+//! Complex trains: real trains with one more mode of size 2, real and imaginary part, before the finest
+//! digit.
 //!
-//! A complex tensor of ranks r is such a real one of ranks up to 2 r, and everything real trains can do (norms, rounding with its promise, TT-SVD, cross,
-//! solvers) holds for it with the same code: lengths of complex vectors are lengths of real ones. A wave exp(i w j) has ranks 2. What is particular to
-//! complex numbers is here: products, conjugates, inner products, matrices ([Re A, -Im A; Im A, Re A]), the Fourier transform.
+//! A complex tensor of ranks r is such a real one of ranks up to 2 r, and everything real trains can do
+//! (norms, rounding with its promise, TT-SVD, cross, solvers) holds for it with the same code: lengths of
+//! complex vectors are lengths of real ones. A wave exp(i w j) has ranks 2. What is particular to complex
+//! numbers is here: products, conjugates, inner products, matrices ([Re A, -Im A; Im A, Re A]), the Fourier
+//! transform.
 
 use crate::fourier::{Direction, fourier};
 use crate::solve::{SolveReport, SolveSettings, solve_within};

@@ -1,5 +1,5 @@
-//! Trains that are given by what their cores do to matrices: that is all that rounding, norms and residuals need, so sums keep their
-//! zero blocks and products their factors.
+//! Trains that are given by what their cores do to matrices: that is all that rounding, norms and residuals
+//! need, so sums keep their zero blocks and products their factors.
 
 use crate::TtVector;
 use crate::scale::{binary_exponent, factor_within_product, largest_finite};
@@ -20,8 +20,9 @@ pub(crate) trait Cores: Sync {
     /// [`DenseError::NotFinite`].
     fn exponent(&self, k: usize) -> Result<Option<i32>, DenseError>;
 
-    /// 4^power sum l_alpha G_k(alpha, i, beta)^2 r_beta, or a bound of it: what rounding of the core does to the tensor if l and r hold the
-    /// squared lengths of the columns and rows of the parts left and right of it. (Whatever the units of alpha and beta.)
+    /// 4^power sum l_alpha G_k(alpha, i, beta)^2 r_beta, or a bound of it: what rounding of the core does to
+    /// the tensor if l and r hold the squared lengths of the columns and rows of the parts left and right of
+    /// it. (Whatever the units of alpha and beta.)
     fn weighted_square(&self, k: usize, left: &[f64], right: &[f64], power: i32) -> f64;
 
     /// 2^power M G_k, in the given memory where that saves asking for new one.
@@ -95,8 +96,8 @@ impl Cores for TtVector {
     }
 }
 
-/// w_1 T_1 + w_2 T_2 + ...: the cores are block diagonal (side by side at the ends of the train), and only the blocks are
-/// multiplied. The terms have the same modes; there is at least one.
+/// w_1 T_1 + w_2 T_2 + ...: the cores are block diagonal (side by side at the ends of the train), and only
+/// the blocks are multiplied. The terms have the same modes; there is at least one.
 pub(crate) struct Sum<'a> {
     pub(crate) terms: Vec<(f64, &'a dyn Cores)>,
 }

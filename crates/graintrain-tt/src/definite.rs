@@ -1,9 +1,10 @@
 //! Keeping a truncated symmetric positive definite matrix positive definite.
 //!
 //! Truncation moves eigenvalues by up to the spectral norm of the error, so the small ones may cross zero: a
-//! truncated matrix is then useless in conjugate gradients. Here the smallest eigenvalue of the train is estimated by
-//! Lanczos with products with full vectors, and where it lies below a floor a multiple of the identity is added (one
-//! more rank). A shift by lambda costs lambda sqrt(N) of Frobenius error, which is reported.
+//! truncated matrix is then useless in conjugate gradients. Here the smallest eigenvalue of the train is
+//! estimated by Lanczos with products with full vectors, and where it lies below a floor a multiple of the
+//! identity is added (one more rank). A shift by lambda costs lambda sqrt(N) of Frobenius error, which is
+//! reported.
 
 use crate::apply::{ApplyWork, FullOperator};
 use crate::random::Random;
@@ -19,13 +20,13 @@ use serde::{Deserialize, Serialize};
 pub struct EigenvalueEstimate {
     /// The Ritz value: never below the smallest eigenvalue (never above the largest).
     pub value: f64,
-    /// Norm of its residual: an eigenvalue lies within this distance. From a random start it is the extreme one except
-    /// with very small probability.
+    /// Norm of its residual: an eigenvalue lies within this distance. From a random start it is the extreme
+    /// one except with very small probability.
     pub residual: f64,
 }
 
-/// Smallest and largest eigenvalue of a symmetric operator by Lanczos with full reorthogonalisation; O(steps) products
-/// and O(steps^2 N) flops.
+/// Smallest and largest eigenvalue of a symmetric operator by Lanczos with full reorthogonalisation; O(steps)
+/// products and O(steps^2 N) flops.
 ///
 /// # Errors
 /// [`TtError::Shape`] if the operator is not square, [`TtError::Dense`] if an entry is not finite.
@@ -94,11 +95,13 @@ pub struct DefiniteReport {
 }
 
 impl QuadtreeMatrix {
-    /// As [`QuadtreeMatrix::to_train`] for a symmetric matrix, shifted where needed so that no eigenvalue of the
-    /// result (by a Lanczos estimate with `steps` steps) lies below `floor` > 0. The shift adds one to the ranks.
+    /// As [`QuadtreeMatrix::to_train`] for a symmetric matrix, shifted where needed so that no eigenvalue of
+    /// the result (by a Lanczos estimate with `steps` steps) lies below `floor` > 0. The shift adds one to
+    /// the ranks.
     ///
-    /// Of a matrix that is not symmetric the symmetric part is taken, and what this costs counted into the error. After four
-    /// shifts the result is returned as it is: `smallest` of the report tells whether the floor was reached.
+    /// Of a matrix that is not symmetric the symmetric part is taken, and what this costs counted into the
+    /// error. After four shifts the result is returned as it is: `smallest` of the report tells whether the
+    /// floor was reached.
     ///
     /// Empty places need a positive dummy value, else the matrix has zero eigenvalues and all is shifted.
     ///

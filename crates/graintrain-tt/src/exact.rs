@@ -1,8 +1,9 @@
 //! Ranks without rounding: dependent rows and columns of cores are left out whatever the size of the others.
 //!
-//! Rounding measures what it leaves out by the norm of the tensor, so a term of 1e-15 beside one of 1 is lost. Here a row of a right unfolding goes only
-//! where it is a combination of the rows kept to 16 eps of its OWN length, and the rows kept stay as they are: an interpolative
-//! decomposition G = C G(S, :), C into the next core (Cheng, Gimbutas, Martinsson, Rokhlin, SIAM J. Sci. Comput. 26, 2005).
+//! Rounding measures what it leaves out by the norm of the tensor, so a term of 1e-15 beside one of 1 is
+//! lost. Here a row of a right unfolding goes only where it is a combination of the rows kept to 16 eps of
+//! its OWN length, and the rows kept stay as they are: an interpolative decomposition G = C G(S, :), C into
+//! the next core (Cheng, Gimbutas, Martinsson, Rokhlin, SIAM J. Sci. Comput. 26, 2005).
 
 use crate::factor::interpolative_rows;
 use crate::vector::Core;
@@ -10,9 +11,9 @@ use crate::{TtMatrix, TtVector};
 use graintrain_linalg::dense::Matrix;
 
 impl TtVector {
-    /// The same tensor with the dependent rows and columns of its cores left out, from the right and from the left: the true ranks of sums of
-    /// explicit constructions, to the last digit of every term. Cores whose rows depend on ill-conditioned ones stay as they
-    /// are. O(d n r^3).
+    /// The same tensor with the dependent rows and columns of its cores left out, from the right and from the
+    /// left: the true ranks of sums of explicit constructions, to the last digit of every term. Cores whose
+    /// rows depend on ill-conditioned ones stay as they are. O(d n r^3).
     ///
     /// ```
     /// use graintrain_tt::qtt;

@@ -1,9 +1,12 @@
-//! The largest and the smallest entry, with bounds that hold for all entries; samples from a train as a density.
+//! The largest and the smallest entry, with bounds that hold for all entries; samples from a train as a
+//! density.
 //!
-//! If the cores after the k-th are right-orthogonal, the entries with first digits i_1 ... i_k have the Frobenius norm |G_1(i_1) ... G_k(i_k)|: none of
-//! them exceeds it. So the tree of first digits can be searched best first (branch and bound): the largest bound still open bounds every entry that
-//! was not looked at, and where the search ends by itself the largest entry is proven. The same norms, squared, are the marginals of the
-//! density x^2, from which digits are drawn one after the other without error ("perfect sampling": A. Ferris, G. Vidal, Phys. Rev. B 85, 2012).
+//! If the cores after the k-th are right-orthogonal, the entries with first digits i_1 ... i_k have the
+//! Frobenius norm |G_1(i_1) ... G_k(i_k)|: none of them exceeds it. So the tree of first digits can be
+//! searched best first (branch and bound): the largest bound still open bounds every entry that was not
+//! looked at, and where the search ends by itself the largest entry is proven. The same norms, squared, are
+//! the marginals of the density x^2, from which digits are drawn one after the other without error ("perfect
+//! sampling": A. Ferris, G. Vidal, Phys. Rev. B 85, 2012).
 
 use crate::random::Random;
 use crate::vector::Core;
@@ -12,7 +15,8 @@ use serde::{Deserialize, Serialize};
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
-/// What is kept open of the tree is cut to its best half beyond this many nodes, and what is cut off is remembered in the bound.
+/// What is kept open of the tree is cut to its best half beyond this many nodes, and what is cut off is
+/// remembered in the bound.
 const MOST_OPEN: usize = 1 << 18;
 /// Sums of entries that are taken for nonnegative may be negative by this part of the largest of their kind.
 const NEGATIVE: f64 = 1e-10;
@@ -24,7 +28,8 @@ pub struct Extreme {
     pub index: Vec<usize>,
     /// The entry.
     pub value: f64,
-    /// No entry lies beyond this, up to rounding (see [`TtVector::rounding_floor`]): equal to `value` (to 1e-12 of the largest entry) where it is proven.
+    /// No entry lies beyond this, up to rounding (see [`TtVector::rounding_floor`]): equal to `value` (to
+    /// 1e-12 of the largest entry) where it is proven.
     pub bound: f64,
     /// Whether `value` is proven to be the extreme one.
     pub proven: bool,
@@ -70,7 +75,8 @@ impl PartialOrd for Node {
 }
 
 impl Ord for Node {
-    /// The larger bound first, of equal ones the one with more digits, then the smaller digits: the same search every time.
+    /// The larger bound first, of equal ones the one with more digits, then the smaller digits: the same
+    /// search every time.
     fn cmp(&self, other: &Self) -> Ordering {
         let digits = || other.digits.cmp(&self.digits);
         self.bound.total_cmp(&other.bound).then(self.digits.len().cmp(&other.digits.len())).then_with(digits)
@@ -87,7 +93,8 @@ fn length(row: &[f64]) -> f64 {
     row.iter().map(|x| x * x).sum::<f64>().sqrt()
 }
 
-/// The entry of largest size of a train that is right-orthogonal after its first core, and a bound of all sizes.
+/// The entry of largest size of a train that is right-orthogonal after its first core, and a bound of all
+/// sizes.
 fn largest_size(train: &TtVector, nodes: usize) -> (Vec<usize>, f64) {
     let d = train.num_cores();
     // A greedy descent first: with a good entry in hand most of the tree is never opened.
@@ -135,11 +142,13 @@ fn largest_size(train: &TtVector, nodes: usize) -> (Vec<usize>, f64) {
 }
 
 impl TtVector {
-    /// The largest and the smallest entry by branch and bound over the tree of digits, fine to coarse, opening at most `nodes` nodes for each of the
-    /// two. With m the entry of largest size, |x - m| is largest at the other end, so bounds of sizes bound both ends.
+    /// The largest and the smallest entry by branch and bound over the tree of digits, fine to coarse,
+    /// opening at most `nodes` nodes for each of the two. With m the entry of largest size, |x - m| is
+    /// largest at the other end, so bounds of sizes bound both ends.
     ///
-    /// Where the search does not end by itself, `bound` says what is left: for a flat tensor of many entries that is much, since the Frobenius norm of a
-    /// part is all that is known about it. O(nodes n r^2 + d n r^3).
+    /// Where the search does not end by itself, `bound` says what is left: for a flat tensor of many entries
+    /// that is much, since the Frobenius norm of a part is all that is known about it. O(nodes n r^2 + d n
+    /// r^3).
     ///
     /// # Errors
     /// [`TtError::Dense`] for entries that are not finite.
@@ -155,7 +164,8 @@ impl TtVector {
     pub fn extremes(&self, nodes: usize) -> Result<Extremes, TtError> {
         let modes = self.modes();
         let search = |train: &Self| -> Result<(Vec<usize>, f64), TtError> {
-            // (An exact rounding refuses what is not finite and takes dependent rows out; powers of two are taken out so that no square overflows.)
+            // (An exact rounding refuses what is not finite and takes dependent rows out; powers of two are
+            // taken out so that no square overflows.)
             let exact = train.round(&crate::Truncation::to(0.0))?.0;
             let Some((mut balanced, exponent)) = exact.balanced()? else {
                 return Ok((vec![0; modes.len()], 0.0));
@@ -189,8 +199,8 @@ impl TtVector {
         })
     }
 
-    /// From an entry to larger ones (as `height` has it) along one mode at a time until none is; the entry. What a search left off is improved by it, proofs
-    /// are not its business.
+    /// From an entry to larger ones (as `height` has it) along one mode at a time until none is; the entry.
+    /// What a search left off is improved by it, proofs are not its business.
     fn climb(
         &self,
         mut index: Vec<usize>,
@@ -215,12 +225,13 @@ impl TtVector {
         }
     }
 
-    /// Independent samples from the train as a density: `count` multi-indices, d digits each, one after the other. Drawn digit by digit from exact
-    /// marginals, so there is no burn-in and no rejection. O(d n r^3 + count d n r^2).
+    /// Independent samples from the train as a density: `count` multi-indices, d digits each, one after the
+    /// other. Drawn digit by digit from exact marginals, so there is no burn-in and no rejection. O(d n r^3 +
+    /// count d n r^2).
     ///
     /// # Errors
-    /// [`TtError::Setting`] for a zero tensor, or for [`Density::Entries`] where sums of entries prove to be negative (single negative entries may remain
-    /// unseen); [`TtError::TooLarge`] for more than 2^31 digits.
+    /// [`TtError::Setting`] for a zero tensor, or for [`Density::Entries`] where sums of entries prove to be
+    /// negative (single negative entries may remain unseen); [`TtError::TooLarge`] for more than 2^31 digits.
     ///
     /// ```
     /// use graintrain_tt::{TtVector, extremes::Density};
@@ -238,7 +249,8 @@ impl TtVector {
         }
         let nothing = TtError::Setting { what: "norm of a density", need: "positive", got: 0.0 };
         let Some((mut train, _)) = self.balanced()? else { return Err(nothing) };
-        // Sums over all digits after each core, for entries; for squares the cores after it are orthogonal instead.
+        // Sums over all digits after each core, for entries; for squares the cores after it are orthogonal
+        // instead.
         let mut sums = vec![vec![1.0]; d];
         match density {
             Density::Squares => train.orthogonalise_right(),

@@ -1,12 +1,14 @@
-//! Factors of unfoldings: from Gram matrices where their condition allows it, from reflections and singular values where it
-//! does not. A Gram matrix runs at the rate of a matrix product, a QR of a core at a seventh of it, an SVD at a twentieth.
+//! Factors of unfoldings: from Gram matrices where their condition allows it, from reflections and singular
+//! values where it does not. A Gram matrix runs at the rate of a matrix product, a QR of a core at a seventh
+//! of it, an SVD at a twentieth.
 //!
-//! The Cholesky factor R of A^T A has R^T R = A^T A + E with |E_ij| <= c eps |a_i| |a_j| for columns a_i of length |a_i|.
-//! With D = diag(|a_i|) the computed factor is therefore (I + F) times the exact one, ||F|| <= c n eps ||D R^-1||_F^2: an
-//! error relative to whatever R is multiplied by later, which no cancellation further along the train can enlarge. So
+//! The Cholesky factor R of A^T A has R^T R = A^T A + E with |E_ij| <= c eps |a_i| |a_j| for columns a_i of
+//! length |a_i|. With D = diag(|a_i|) the computed factor is therefore (I + F) times the exact one, ||F|| <=
+//! c n eps ||D R^-1||_F^2: an error relative to whatever R is multiplied by later, which no cancellation
+//! further along the train can enlarge. So
 //! ||D R^-1||_F^2 (n for orthogonal columns of any lengths) is what decides; columns longer than [`CONDITION`] n in it go to
-//! Householder reflections. (Al Daas, Ballard, Manning, Parallel tensor train rounding using Gram SVD, 2022, take Gram
-//! matrices throughout and lose half the digits where trains cancel.)
+//! Householder reflections. (Al Daas, Ballard, Manning, Parallel tensor train rounding using Gram SVD, 2022,
+//! take Gram matrices throughout and lose half the digits where trains cancel.)
 
 use crate::round::{Budget, sum_of_squares};
 use graintrain_linalg::dense::{
@@ -17,7 +19,8 @@ use graintrain_linalg::triangles::{
     Triangle, gram, lower_gram, lower_times, multiply_triangle, subtract_lower_square,
 };
 
-/// Largest ||D R^-1||_F^2 / n at which a Gram matrix stands for its columns: at most two digits above rounding level.
+/// Largest ||D R^-1||_F^2 / n at which a Gram matrix stands for its columns: at most two digits above
+/// rounding level.
 const CONDITION: f64 = 100.0;
 /// Squared lengths of columns outside this range may overflow or vanish in products: no Gram matrix of them.
 pub(crate) const SQUARES: std::ops::Range<f64> = 1e-200..1e200;
@@ -25,7 +28,8 @@ pub(crate) const SQUARES: std::ops::Range<f64> = 1e-200..1e200;
 const UNRESOLVED: f64 = 1e-8;
 /// Rows are dependent on others if less than this part of their length is left: the backward error of a QR.
 const DEPENDENT: f64 = 16.0 * f64::EPSILON;
-/// Share of the squared norm above which the eigenvalues of a Gram matrix (errors about n eps of the largest) can choose a rank.
+/// Share of the squared norm above which the eigenvalues of a Gram matrix (errors about n eps of the largest)
+/// can choose a rank.
 const RESOLVED_SHARE: f64 = 1e-11;
 
 /// R with A^T A = R^T R for well-conditioned columns of A.
@@ -38,7 +42,8 @@ pub(crate) struct SafeCholesky {
 }
 
 impl SafeCholesky {
-    /// From the lower triangle of A^T A; none where the columns of A are too dependent (see the module), or where there are none.
+    /// From the lower triangle of A^T A; none where the columns of A are too dependent (see the module), or
+    /// where there are none.
     pub(crate) fn new(gram: &Matrix) -> Option<Self> {
         Self::judged(moderate_cholesky(gram)?, gram)
     }
@@ -91,8 +96,9 @@ fn moderate_cholesky(gram: &Matrix) -> Option<Cholesky> {
     if gram.rows() > 0 && moderate { Cholesky::new(gram.clone()).ok() } else { None }
 }
 
-/// A bound of ||D R^-1||_F^2: the sums of the rows of |L^-1 D| are at most M^-1 d for the comparison matrix M of L, |l_ii| on its diagonal and -|l_ij| below
-/// (Higham, Accuracy and Stability of Numerical Algorithms, 2002, section 8.3). Close up to some thirty columns; n^2 flops, an inverse takes n^3 / 3.
+/// A bound of ||D R^-1||_F^2: the sums of the rows of |L^-1 D| are at most M^-1 d for the comparison matrix M
+/// of L, |l_ii| on its diagonal and -|l_ij| below (Higham, Accuracy and Stability of Numerical Algorithms,
+/// 2002, section 8.3). Close up to some thirty columns; n^2 flops, an inverse takes n^3 / 3.
 fn bound_of_condition(lower: &Matrix, gram: &Matrix) -> f64 {
     let n = lower.rows();
     let mut sums: Vec<f64> = (0..n).map(|i| gram[(i, i)].sqrt()).collect();
@@ -144,8 +150,8 @@ pub(crate) fn lower_triangle(a: View<'_>) -> Matrix {
     safe_lower_triangle(a).unwrap_or_else(|| qr_triangle(owned(a.t())).transposed())
 }
 
-/// L with A = L Q for some orthonormal rows of Q, with as few columns as the rows of A have independent ones at rounding
-/// level (where the Gram matrix tells; never more than rows or columns of A).
+/// L with A = L Q for some orthonormal rows of Q, with as few columns as the rows of A have independent ones
+/// at rounding level (where the Gram matrix tells; never more than rows or columns of A).
 pub(crate) fn row_factor(a: View<'_>) -> Matrix {
     row_factor_by(a, &gram(a.t()))
 }
@@ -174,9 +180,9 @@ fn some_rows(a: View<'_>, rows: &[usize]) -> Matrix {
     Matrix::from_fn(rows.len(), a.columns(), |i, j| a.get(rows[i], j))
 }
 
-/// [`row_factor`] of rows that depend on few of them A_S: L = A Q^T for an orthonormal basis Q of these, Q = L_S^-1 A_S with
-/// A_S A_S^T = L_S L_S^T where they are well conditioned, else by reflections. What this leaves of every row is formed and measured; none unless all of it is
-/// rounding.
+/// [`row_factor`] of rows that depend on few of them A_S: L = A Q^T for an orthonormal basis Q of these, Q =
+/// L_S^-1 A_S with A_S A_S^T = L_S L_S^T where they are well conditioned, else by reflections. What this
+/// leaves of every row is formed and measured; none unless all of it is rounding.
 fn dependent_rows(a: View<'_>, squares: &Matrix) -> Option<Matrix> {
     let (m, most) = (a.rows(), a.rows().min(a.columns()));
     let lengths: Vec<f64> = (0..m).map(|i| squares[(i, i)].sqrt()).collect();
@@ -209,8 +215,9 @@ fn dependent_rows(a: View<'_>, squares: &Matrix) -> Option<Matrix> {
     left_over.iter().zip(&others).all(negligible).then_some(lower)
 }
 
-/// Rows S of A and C with A = C A_S, where every row keeps 16 eps of its own length; C is the identity on S. None if no row can be left
-/// out. (C = A A_S^T (A_S A_S^T)^-1 is made from the Gram matrix and improved once by what it leaves over.)
+/// Rows S of A and C with A = C A_S, where every row keeps 16 eps of its own length; C is the identity on S.
+/// None if no row can be left out. (C = A A_S^T (A_S A_S^T)^-1 is made from the Gram matrix and improved once
+/// by what it leaves over.)
 pub(crate) fn interpolative_rows(a: &Matrix) -> Option<(Vec<usize>, Matrix)> {
     let (m, n) = (a.rows(), a.columns());
     // Rows brought to length one, so that neither sums of squares nor combinations know their units.
@@ -262,8 +269,8 @@ pub(crate) fn interpolative_rows(a: &Matrix) -> Option<(Vec<usize>, Matrix)> {
 /// Pivots that are taken before the rest of the Gram matrix is brought up to date, at the rate of a product.
 const PIVOTS_TOGETHER: usize = 32;
 
-/// Pivots of the Cholesky factorization of the Gram matrix of rows brought to length one, until what is left of every row
-/// is [`UNRESOLVED`] or `most` are found. O(m^2 most).
+/// Pivots of the Cholesky factorization of the Gram matrix of rows brought to length one, until what is left
+/// of every row is [`UNRESOLVED`] or `most` are found. O(m^2 most).
 fn independent_rows(squares: &Matrix, lengths: &[f64], most: usize) -> Vec<usize> {
     let m = lengths.len();
     let inverse: Vec<f64> = lengths.iter().map(|x| if *x > 0.0 { 1.0 / x } else { 0.0 }).collect();
@@ -303,8 +310,8 @@ fn independent_rows(squares: &Matrix, lengths: &[f64], most: usize) -> Vec<usize
     pivots
 }
 
-/// An orthonormal basis of the columns of A if every singular value certainly exceeds the root of `share` (so that none may
-/// be left out) and the Gram matrix of the columns is well conditioned.
+/// An orthonormal basis of the columns of A if every singular value certainly exceeds the root of `share` (so
+/// that none may be left out) and the Gram matrix of the columns is well conditioned.
 pub(crate) fn all_columns(a: &Matrix, share: f64) -> Option<Matrix> {
     if a.columns() == 0 {
         return Some(a.clone());
@@ -316,8 +323,8 @@ pub(crate) fn all_columns(a: &Matrix, share: f64) -> Option<Matrix> {
     (1.0 > 1.01 * share * factor.inverse_squared).then(|| factor.orthonormal(a.view()))
 }
 
-/// Orthonormal columns that hold A (its leading left singular vectors, or any basis of all its columns where none can be
-/// left out) within the share of the budget, which is charged for what they leave out.
+/// Orthonormal columns that hold A (its leading left singular vectors, or any basis of all its columns where
+/// none can be left out) within the share of the budget, which is charged for what they leave out.
 pub(crate) fn leading_columns(a: &Matrix, budget: &mut Budget) -> Result<Matrix, DenseError> {
     if a.columns() <= budget.max_rank()
         && let Some(basis) = all_columns(a, budget.share())
@@ -334,8 +341,8 @@ pub(crate) fn leading_columns(a: &Matrix, budget: &mut Budget) -> Result<Matrix,
         u.truncate_columns(budget.rank(&s.iter().map(|s| s * s).collect::<Vec<_>>()));
         return Ok(u);
     }
-    // Whether a rank can be saved is known before any singular value: at the ends of a train, where unfoldings are square and too ill conditioned for their
-    // Gram matrices, none can.
+    // Whether a rank can be saved is known before any singular value: at the ends of a train, where
+    // unfoldings are square and too ill conditioned for their Gram matrices, none can.
     let (q, r) = thin_qr(a.clone());
     if a.columns() <= budget.max_rank() && 1.0 > 1.01 * budget.share() * inverse_squared(&r) {
         budget.charge(0.0);
@@ -353,8 +360,8 @@ fn inverse_squared(r: &Matrix) -> f64 {
     inverse.data().iter().map(|x| x * x).sum()
 }
 
-/// Leading left singular vectors from the eigenvectors of a Gram matrix, and the squared norm of what they leave out; none
-/// where eigenvalues do not resolve the share of the budget or did not choose enough.
+/// Leading left singular vectors from the eigenvectors of a Gram matrix, and the squared norm of what they
+/// leave out; none where eigenvalues do not resolve the share of the budget or did not choose enough.
 fn columns_by_eigenvalues(a: &Matrix, budget: &Budget) -> Result<Option<(Matrix, f64)>, DenseError> {
     let tall = a.rows() >= a.columns();
     let squares = if tall { gram(a.view()) } else { gram(a.t()) };
@@ -391,8 +398,8 @@ mod tests {
         Matrix::from_fn(rows, columns, |_, _| random.symmetric())
     }
 
-    /// Rows of which `rank` are independent, in units that differ by up to 10^spread, with a part of size 10^-near of full
-    /// rank: dependent, nearly dependent or independent.
+    /// Rows of which `rank` are independent, in units that differ by up to 10^spread, with a part of size
+    /// 10^-near of full rank: dependent, nearly dependent or independent.
     fn rows(m: usize, n: usize, rank: usize, spread: f64, near: f64, random: &mut Random) -> Matrix {
         let mut a = product(sample(m, rank, random).view(), sample(rank, n, random).view());
         let noise = 10f64.powf(-near);

@@ -1,13 +1,17 @@
-//! A train through scattered data: values at some multi-indices, by alternating least squares with validation.
+//! A train through scattered data: values at some multi-indices, by alternating least squares with
+//! validation.
 //!
-//! One core at a time minimises sum_p (x(i_p) - y_p)^2 + w ||G - G_before||^2: for each digit a small least-squares problem whose rows are the Kronecker products
-//! of what lies left and right of the core (L. Grasedyck, M. Kluge, S. Kraemer, SIAM J. Sci. Comput. 37, 2015). The ranks grow by one, by a train of rank one
-//! through what is left over, while points that are held out are met better; a second set, which decides nothing, gives the error that is reported.
-//! Alternating least squares can end far from the best train of its rank: where the growth ends above the tolerance, the fit begins again from
-//! a random train of the rank reached, and the best of all is the result, at the smallest rank that meets the validation points as well.
+//! One core at a time minimises sum_p (x(i_p) - y_p)^2 + w ||G - G_before||^2: for each digit a small
+//! least-squares problem whose rows are the Kronecker products of what lies left and right of the core (L.
+//! Grasedyck, M. Kluge, S. Kraemer, SIAM J. Sci. Comput. 37, 2015). The ranks grow by one, by a train of rank
+//! one through what is left over, while points that are held out are met better; a second set, which decides
+//! nothing, gives the error that is reported. Alternating least squares can end far from the best train of
+//! its rank: where the growth ends above the tolerance, the fit begins again from a random train of the rank
+//! reached, and the best of all is the result, at the smallest rank that meets the validation points as well.
 //!
-//! Points know nothing of entries whose digits they hardly hold, whether they were fitted or held out. So where the test points are met, the
-//! train is shaken, fitted again, and compared with itself over ALL entries: what the points do not determine stays where the shaking put it.
+//! Points know nothing of entries whose digits they hardly hold, whether they were fitted or held out. So
+//! where the test points are met, the train is shaken, fitted again, and compared with itself over ALL
+//! entries: what the points do not determine stays where the shaking put it.
 
 use crate::confidence::farthest_mean;
 use crate::error::at_core;
@@ -19,7 +23,8 @@ use graintrain_linalg::triangles::gram;
 use serde::{Deserialize, Serialize};
 use std::collections::{HashMap, HashSet};
 
-/// Weight of the core as it was, relative to the mean diagonal of the Gram matrix: what keeps digits with few points in place.
+/// Weight of the core as it was, relative to the mean diagonal of the Gram matrix: what keeps digits with few
+/// points in place.
 const PROXIMITY: f64 = 1e-8;
 /// Sweeps of the train of rank one through the residual that a higher rank begins with.
 const DIRECTION_SWEEPS: usize = 4;
@@ -75,11 +80,14 @@ pub struct FitReport {
     pub training_error: f64,
     /// On the points that chose the rank: the best of several, so a little too good.
     pub validation_error: f64,
-    /// On points that decided nothing, at indices of their own (several values at one index are kept together).
+    /// On points that decided nothing, at indices of their own (several values at one index are kept
+    /// together).
     pub test_error: f64,
-    /// The larger of two estimates from above of the error over all entries. One is what the test points exclude with 95 % confidence, given that
-    /// they are drawn evenly from all entries and that no entry is farther off than on the worst point. The other, made where the first meets the
-    /// tolerance, is twice the largest distance over all entries to fits from shaken cores. Neither knows of a peak that no point hits.
+    /// The larger of two estimates from above of the error over all entries. One is what the test points
+    /// exclude with 95 % confidence, given that they are drawn evenly from all entries and that no entry is
+    /// farther off than on the worst point. The other, made where the first meets the tolerance, is twice the
+    /// largest distance over all entries to fits from shaken cores. Neither knows of a peak that no point
+    /// hits.
     pub error_estimate: f64,
     /// Points of the three sets.
     pub points: [usize; 3],
@@ -119,14 +127,16 @@ fn largest_square(x: &[f64]) -> f64 {
     x.iter().fold(0.0, |most: f64, x| most.max(x * x))
 }
 
-/// The train of these modes through values at indices (d digits per value, one point after the other). O(sweeps d points r^4).
+/// The train of these modes through values at indices (d digits per value, one point after the other).
+/// O(sweeps d points r^4).
 ///
-/// How many points a tensor needs nobody knows beforehand: at least as many as the train has numbers, several times as many if they are random. The
-/// report's `test_error` is what the fit is worth, at points drawn like the others; `error_estimate` is what this says of all entries.
+/// How many points a tensor needs nobody knows beforehand: at least as many as the train has numbers, several
+/// times as many if they are random. The report's `test_error` is what the fit is worth, at points drawn like
+/// the others; `error_estimate` is what this says of all entries.
 ///
 /// # Errors
-/// [`TtError::Shape`] or [`TtError::Index`] for points that do not fit, fewer than 10 different ones or an empty mode; [`TtError::Setting`] for a bad setting;
-/// [`TtError::Dense`] for values that are not finite.
+/// [`TtError::Shape`] or [`TtError::Index`] for points that do not fit, fewer than 10 different ones or an
+/// empty mode; [`TtError::Setting`] for a bad setting; [`TtError::Dense`] for values that are not finite.
 ///
 /// ```
 /// use graintrain_tt::fit::{FitSettings, fit};
@@ -201,7 +211,8 @@ pub fn fit_within(
     let mut restarts = 0;
     while restarts < settings.restarts && growth.best.0 > settings.tolerance {
         restarts += 1;
-        // One rank less than the best so far, for what was too much for the points, and as much for what was not.
+        // One rank less than the best so far, for what was too much for the points, and as much for what was
+        // not.
         let rank = growth.best.1.max_rank().saturating_sub(restarts % 2).max(1);
         let start = TtVector::random(modes, rank, growth.random.next())?;
         let entries: f64 = modes.iter().map(|&n| n as f64).product();
@@ -264,8 +275,8 @@ impl Growth<'_> {
         Ok(())
     }
 
-    /// Replaces the best train by one of smaller rank that meets the validation points as well: what is too much for the tensor is left to
-    /// the noise of the points, and to nothing where there are none.
+    /// Replaces the best train by one of smaller rank that meets the validation points as well: what is too
+    /// much for the tensor is left to the noise of the points, and to nothing where there are none.
     fn shorten(&mut self) -> Result<(), TtError> {
         while self.best.1.max_rank() > 1 {
             let truncation = Truncation::capped(0.0, self.best.1.max_rank() - 1);
@@ -279,7 +290,8 @@ impl Growth<'_> {
         Ok(())
     }
 
-    /// The largest distance, relative and over all entries, of the best train from fits that begin with its cores and noise and see all points.
+    /// The largest distance, relative and over all entries, of the best train from fits that begin with its
+    /// cores and noise and see all points.
     fn spread(&mut self, sets: &[Points; 3]) -> Result<f64, TtError> {
         let all = Points {
             indices: sets.iter().flat_map(|set| set.indices.iter().copied()).collect(),
@@ -331,7 +343,8 @@ fn error_estimate(x: &TtVector, sets: &[Points; 3]) -> Result<f64, TtError> {
     Ok(if least > 0.0 { (worst / least).sqrt() } else { f64::INFINITY })
 }
 
-/// The points for the fit, the validation and the test, values divided by `unit`; all values at one index go to the same set, or the test would know its answers.
+/// The points for the fit, the validation and the test, values divided by `unit`; all values at one index go
+/// to the same set, or the test would know its answers.
 fn partition(d: usize, indices: &[usize], values: &[f64], unit: f64, settings: &FitSettings) -> [Points; 3] {
     let count = values.len();
     let mut order: Vec<usize> = (0..count).collect();

@@ -1,11 +1,14 @@
 //! The discrete Fourier transform of quantized trains and convolutions by it or by borrows.
 //!
-//! y_m = 2^(-d/2) sum_j x_j exp(-2 pi i j m / 2^d) by radix 2 from the coarse digit down (S. Dolgov, B. Khoromskij, D. Savostyanov, J. Fourier Anal. Appl. 18, 2012): a butterfly
-//! on the coarsest digit still in the time domain, then twiddle factors exp(-2 pi i j' / 2^(s+1)) of the finer digits j' where the new digit is 1, which are
-//! a product over the digits. The coarsest digit of the time becomes the finest of the frequency, so the train is reversed at the end.
+//! y_m = 2^(-d/2) sum_j x_j exp(-2 pi i j m / 2^d) by radix 2 from the coarse digit down (S. Dolgov, B.
+//! Khoromskij, D. Savostyanov, J. Fourier Anal. Appl. 18, 2012): a butterfly on the coarsest digit still in
+//! the time domain, then twiddle factors exp(-2 pi i j' / 2^(s+1)) of the finer digits j' where the new digit
+//! is 1, which are a product over the digits. The coarsest digit of the time becomes the finest of the
+//! frequency, so the train is reversed at the end.
 //!
-//! A complex train is a real one with one more mode of size 2, real and imaginary part, before the finest digit; i is [0 -1; 1 0] there. So each of the d
-//! steps is a real TT-matrix of ranks 3, and the steps are orthogonal: their rounding errors add up and nothing enlarges them.
+//! A complex train is a real one with one more mode of size 2, real and imaginary part, before the finest
+//! digit; i is [0 -1; 1 0] there. So each of the d steps is a real TT-matrix of ranks 3, and the steps are
+//! orthogonal: their rounding errors add up and nothing enlarges them.
 
 use crate::vector::Core;
 use crate::{Truncation, TruncationReport, TtError, TtMatrix, TtVector};
@@ -57,14 +60,16 @@ fn step(d: usize, s: usize, sign: f64) -> Result<TtMatrix, TtError> {
     TtMatrix::from_cores(cores, &vec![2; d + 1], &vec![2; d + 1])
 }
 
-/// The unitary discrete Fourier transform of x = real + i imaginary over 2^d numbers, d binary digits: real and imaginary part of
-/// y_m = 2^(-d/2) sum_j x_j exp(-+ 2 pi i j m / 2^d). O(d^2 r^3) for ranks r.
+/// The unitary discrete Fourier transform of x = real + i imaginary over 2^d numbers, d binary digits: real
+/// and imaginary part of y_m = 2^(-d/2) sum_j x_j exp(-+ 2 pi i j m / 2^d). O(d^2 r^3) for ranks r.
 ///
-/// The report's error is the sum over the d steps, a bound of the relative error of y; each step may make an equal part of the tolerance. Whether the ranks stay
-/// small depends on x: those of a sum of s waves and of functions with few scales do.
+/// The report's error is the sum over the d steps, a bound of the relative error of y; each step may make an
+/// equal part of the tolerance. Whether the ranks stay small depends on x: those of a sum of s waves and of
+/// functions with few scales do.
 ///
 /// # Errors
-/// [`TtError::Shape`] unless all modes are 2 and both parts have the same number of them, else as for [`TtVector::round`].
+/// [`TtError::Shape`] unless all modes are 2 and both parts have the same number of them, else as for
+/// [`TtVector::round`].
 ///
 /// ```
 /// use graintrain_tt::{Truncation, fourier::{Direction, fourier}, qtt};
@@ -123,11 +128,13 @@ pub fn fourier(
     Ok((taken(0)?, taken(1)?, report))
 }
 
-/// The convolution z_k = sum_j x_j y_(k - j), k = 0, ..., 2^(d+1) - 1, of two vectors of 2^d numbers: d + 1 digits, the last entry 0. By the circulant matrix
-/// of the vector with zeros appended, within the truncation; O(d r^2 R (r + R)) and more for the rounding.
+/// The convolution z_k = sum_j x_j y_(k - j), k = 0, ..., 2^(d+1) - 1, of two vectors of 2^d numbers: d + 1
+/// digits, the last entry 0. By the circulant matrix of the vector with zeros appended, within the
+/// truncation; O(d r^2 R (r + R)) and more for the rounding.
 ///
 /// # Errors
-/// [`TtError::Shape`] unless all modes are 2 and both have the same number of them, else as for [`TtVector::round`].
+/// [`TtError::Shape`] unless all modes are 2 and both have the same number of them, else as for
+/// [`TtVector::round`].
 ///
 /// ```
 /// use graintrain_tt::{Truncation, TtVector, fourier::convolution};

@@ -1,8 +1,9 @@
-//! Functions of the entries of trains: by cross interpolation for any function, with equations that every entry has to satisfy for
-//! reciprocals and square roots.
+//! Functions of the entries of trains: by cross interpolation for any function, with equations that every
+//! entry has to satisfy for reciprocals and square roots.
 //!
-//! What cross reports is an error at points. A reciprocal and a root can do better: x y = 1 and y y = x are equations between trains, so their residual is
-//! a norm over ALL entries, from triangles, with its rounding floor.
+//! What cross reports is an error at points. A reciprocal and a root can do better: x y = 1 and y y = x are
+//! equations between trains, so their residual is a norm over ALL entries, from triangles, with its rounding
+//! floor.
 
 use crate::cross::{CrossReport, CrossSettings, EntrySource, cross_within};
 use crate::solve::{SolveReport, SolveSettings, SolveStatus, solve_within};
@@ -51,13 +52,15 @@ pub struct RootReport {
 }
 
 impl TtVector {
-    /// The train with entries f(x_1(i), x_2(i), ...) for trains x_1, x_2, ... of the same modes, by cross interpolation from the rows of the first one.
+    /// The train with entries f(x_1(i), x_2(i), ...) for trains x_1, x_2, ... of the same modes, by cross
+    /// interpolation from the rows of the first one.
     ///
-    /// The report is that of [`cross`](crate::cross::cross): errors at points that the method did not choose, and an upper bound with 95 % confidence.
-    /// O(evaluations d r^2), O(sweeps d n r^2) evaluations.
+    /// The report is that of [`cross`](crate::cross::cross): errors at points that the method did not choose,
+    /// and an upper bound with 95 % confidence. O(evaluations d r^2), O(sweeps d n r^2) evaluations.
     ///
     /// # Errors
-    /// [`TtError::Shape`] if there is no train or their modes differ, else as for [`cross`](crate::cross::cross); [`TtError::Entry`] where f is not finite.
+    /// [`TtError::Shape`] if there is no train or their modes differ, else as for
+    /// [`cross`](crate::cross::cross); [`TtError::Entry`] where f is not finite.
     ///
     /// ```
     /// use graintrain_tt::{TtVector, cross::{CrossSettings, CrossStatus}, qtt};
@@ -94,11 +97,13 @@ impl TtVector {
         cross_within(&Composed { trains, function }, None, &[], settings, stop)
     }
 
-    /// y with x y = 1 entry by entry, by AMEn on diag(x) y = 1. The report's residual is ||x y - 1|| / ||1|| over all entries, from the trains, so
+    /// y with x y = 1 entry by entry, by AMEn on diag(x) y = 1. The report's residual is ||x y - 1|| / ||1||
+    /// over all entries, from the trains, so
     /// ||y - 1/x|| is at most it times ||1|| / min |x|.
     ///
     /// # Errors
-    /// As for [`solve`](crate::solve::solve); a zero among the entries shows as a residual that does not fall.
+    /// As for [`solve`](crate::solve::solve); a zero among the entries shows as a residual that does not
+    /// fall.
     ///
     /// ```
     /// use graintrain_tt::{qtt, solve::{SolveSettings, SolveStatus}};
@@ -125,9 +130,10 @@ impl TtVector {
         solve_within(&TtMatrix::from_diagonal(self), &one, None, settings, stop)
     }
 
-    /// y >= 0 with y y = x entry by entry, for x >= 0: by cross, then by Newton's iteration diag(2 y) h = x - y y until the residual over ALL entries meets
-    /// the tolerance of the settings or no longer falls; the best y is returned. Where x has zeros the root has an edge, ranks grow and Newton's
-    /// equations are singular there: then the cross alone decides.
+    /// y >= 0 with y y = x entry by entry, for x >= 0: by cross, then by Newton's iteration diag(2 y) h = x -
+    /// y y until the residual over ALL entries meets the tolerance of the settings or no longer falls; the
+    /// best y is returned. Where x has zeros the root has an edge, ranks grow and Newton's equations are
+    /// singular there: then the cross alone decides.
     ///
     /// # Errors
     /// As for [`TtVector::map`]: [`TtError::Entry`] if a negative entry is met.

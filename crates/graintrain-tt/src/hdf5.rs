@@ -6,7 +6,8 @@
 //! train/core_1 ... train/core_d    f64, shape right x mode x left, or right x columns x rows x left
 //! ```
 //!
-//! HDF5 counts the last index fastest, so the numbers lie as everywhere in this crate and the shapes are reversed: in h5py, G = f["train/core_1"][:].T is left x mode x right.
+//! HDF5 counts the last index fastest, so the numbers lie as everywhere in this crate and the shapes are
+//! reversed: in h5py, G = f["train/core_1"][:].T is left x mode x right.
 
 use crate::vector::Core;
 use crate::{TtError, TtMatrix, TtVector};
@@ -25,7 +26,8 @@ impl TtVector {
     /// Reads a train from an HDF5 file.
     ///
     /// # Errors
-    /// [`TtError::File`] if it cannot be read, [`TtError::Format`] if it holds no train of a vector, [`TtError::Shape`] if its cores do not fit together.
+    /// [`TtError::File`] if it cannot be read, [`TtError::Format`] if it holds no train of a vector,
+    /// [`TtError::Shape`] if its cores do not fit together.
     pub fn load_hdf5(file: &Path) -> Result<Self, TtError> {
         let input = Input::open(file)?;
         let modes = input.sizes("modes")?;

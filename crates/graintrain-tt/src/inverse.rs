@@ -1,17 +1,19 @@
 //! The inverse of a TT-matrix.
 //!
-//! A X = I is a linear system for the matrix X: its column digits are spectators, so every local system is that of a
-//! vector unknown, factored once and solved for all of them (other libraries lift to (A (x) I) vec X = vec I and pay
-//! n^3 times more per site). Four forms:
+//! A X = I is a linear system for the matrix X: its column digits are spectators, so every local system is
+//! that of a vector unknown, factored once and solved for all of them (other libraries lift to (A (x) I) vec
+//! X = vec I and pay n^3 times more per site). Four forms:
 //!
-//! * [`InverseForm::Energy`]: Galerkin, minimises tr(X^T A X) / 2 - tr X for symmetric positive definite A. The error
-//!   is weighted by A: large eigenvalues are met first, and a truncated X may be indefinite.
-//! * [`InverseForm::Residual`]: minimises ||A X - I||_F, any regular A: (A^T A) X = A^T with A^T A formed as a train.
-//! * [`InverseForm::Galerkin`]: A X = I projected onto the span of the other cores for ANY regular matrix: local systems that are not symmetric are
-//!   solved by LU, so the condition is not squared. A projection of an indefinite matrix may be singular; where the sweeps miss the tolerance
-//!   the normal equations go on from the best iterate, and the better of both is returned.
-//! * [`InverseForm::Symmetric`]: A X + X A = 2 I, whose exact solution is symmetric; ranks of the operator are 2 R and
-//!   there is no spectator, so it is the dearest.
+//! * [`InverseForm::Energy`]: Galerkin, minimises tr(X^T A X) / 2 - tr X for symmetric positive definite A.
+//!   The error is weighted by A: large eigenvalues are met first, and a truncated X may be indefinite.
+//! * [`InverseForm::Residual`]: minimises ||A X - I||_F, any regular A: (A^T A) X = A^T with A^T A formed as
+//!   a train.
+//! * [`InverseForm::Galerkin`]: A X = I projected onto the span of the other cores for ANY regular matrix:
+//!   local systems that are not symmetric are solved by LU, so the condition is not squared. A projection of
+//!   an indefinite matrix may be singular; where the sweeps miss the tolerance the normal equations go on
+//!   from the best iterate, and the better of both is returned.
+//! * [`InverseForm::Symmetric`]: A X + X A = 2 I, whose exact solution is symmetric; ranks of the operator
+//!   are 2 R and there is no spectator, so it is the dearest.
 //!
 //! [`newton_schulz`] is a second opinion: X <- 2 X - X A X with rounding.
 
@@ -37,12 +39,13 @@ pub enum InverseForm {
 
 /// Approximates the inverse of A by AMEn (or ALS, DMRG: `settings.method`) from a hot start.
 ///
-/// Without a start, X = c I with c = tr A / ||A||_F^2, which minimises ||I - c A||_F. The report's residual is
+/// Without a start, X = c I with c = tr A / ||A||_F^2, which minimises ||I - c A||_F. The report's residual
+/// is
 /// ||A X - I||_F / ||I||_F for every form.
 ///
 /// # Errors
-/// [`TtError::Shape`] if A is not square or the start has other sizes; [`TtError::Setting`] and [`TtError::Dense`] as
-/// for [`solve`](crate::solve::solve).
+/// [`TtError::Shape`] if A is not square or the start has other sizes; [`TtError::Setting`] and
+/// [`TtError::Dense`] as for [`solve`](crate::solve::solve).
 ///
 /// ```
 /// use graintrain_tt::{inverse::{InverseForm, inverse}, qtt, solve::{SolveSettings, SolveStatus}};
@@ -64,7 +67,8 @@ pub fn inverse(
     inverse_within(a, form, start, settings, &|| false)
 }
 
-/// As [`inverse`], as long as `stop` is false: it is asked at every site and for every right-hand side that is iterated.
+/// As [`inverse`], as long as `stop` is false: it is asked at every site and for every right-hand side that
+/// is iterated.
 ///
 /// # Errors
 /// As [`inverse`], and [`TtError::Stopped`].
@@ -110,7 +114,8 @@ pub fn inverse_within(
             let unit = (-(a.train.log_norm() / std::f64::consts::LN_2).round()).exp2();
             let transpose = a.transpose().scale(unit);
             let normal = transpose.times_matrix(a)?.round(&Truncation::to(1e-13))?.0;
-            // The residual of the normal equations is not that of A X = I: go on, tighter, where the latter is missed.
+            // The residual of the normal equations is not that of A X = I: go on, tighter, where the latter
+            // is missed.
             let mut inner = *settings;
             let mut found = solve_matrix_within(&normal, &transpose, Some(&start), &inner, stop)?;
             while found.1.status == SolveStatus::Converged
@@ -186,13 +191,15 @@ pub struct NewtonReport {
     pub history: Vec<f64>,
 }
 
-/// X <- 2 X - X A X with rounding after every product (Newton-Schulz; Hotelling), quadratically convergent while
+/// X <- 2 X - X A X with rounding after every product (Newton-Schulz; Hotelling), quadratically convergent
+/// while
 /// ||I - A X|| < 1 and the rounding error is well below 1 / cond(A).
 ///
 /// Stops at ||I - A X||_F <= `stop`, when the residual grows, or after `max_steps`; returns the best iterate.
 ///
 /// # Errors
-/// [`TtError::Shape`] if the sizes do not fit; [`TtError::Setting`] and [`TtError::Dense`] as for [`TtMatrix::round`].
+/// [`TtError::Shape`] if the sizes do not fit; [`TtError::Setting`] and [`TtError::Dense`] as for
+/// [`TtMatrix::round`].
 pub fn newton_schulz(
     a: &TtMatrix,
     start: &TtMatrix,

@@ -1,8 +1,9 @@
 //! Saving and loading trains: a small versioned binary container.
 //!
-//! Little-endian: the 8 bytes `GTTRAIN1`; the number of index groups g (u64: 1 for a vector, 2 for a matrix) and of
-//! cores d (u64); g lists of d sizes (u64); d + 1 ranks (u64); the numbers of the cores (f64), core by core, first
-//! index fastest; nothing after them. Numbers that are not finite are refused. Any serde format works too: the types implement `Serialize` and `Deserialize`.
+//! Little-endian: the 8 bytes `GTTRAIN1`; the number of index groups g (u64: 1 for a vector, 2 for a matrix)
+//! and of cores d (u64); g lists of d sizes (u64); d + 1 ranks (u64); the numbers of the cores (f64), core by
+//! core, first index fastest; nothing after them. Numbers that are not finite are refused. Any serde format
+//! works too: the types implement `Serialize` and `Deserialize`.
 
 use crate::vector::Core;
 use crate::{TtError, TtMatrix, TtVector};

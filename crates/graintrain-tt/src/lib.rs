@@ -1,7 +1,8 @@
 //! Tensor trains (TT) and quantized tensor trains (QTT).
 //!
-//! A tensor with d indices is kept as a product of d small cores, A(i_1, ..., i_d) = G_1(i_1) ... G_d(i_d) with
-//! G_k(i_k) an r_{k-1} x r_k matrix; a matrix has paired indices (i_k, j_k). The first index is the fastest.
+//! A tensor with d indices is kept as a product of d small cores, A(i_1, ..., i_d) = G_1(i_1) ... G_d(i_d)
+//! with G_k(i_k) an r_{k-1} x r_k matrix; a matrix has paired indices (i_k, j_k). The first index is the
+//! fastest.
 //!
 //! ```text
 //!        i_1            i_2                  i_d          j = i_1 + n_1 (i_2 + n_2 (i_3 + ...))

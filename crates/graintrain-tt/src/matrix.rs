@@ -6,9 +6,9 @@ use serde::{Deserialize, Serialize};
 
 /// A matrix in tensor-train form: A(i, j) = G_1(i_1, j_1) G_2(i_2, j_2) ... G_d(i_d, j_d).
 ///
-/// Row i = i_1 + m_1 i_2 + m_1 m_2 i_3 + ..., column j = j_1 + n_1 j_2 + ...; mode k is the pair b_k = i_k + m_k j_k,
-/// so core k is G(alpha, i, j, beta) at `alpha + r (i + m (j + n beta))`, and every operation on vectors (sum, rounding,
-/// norm, entries) holds for matrices through [`TtMatrix::as_vector`].
+/// Row i = i_1 + m_1 i_2 + m_1 m_2 i_3 + ..., column j = j_1 + n_1 j_2 + ...; mode k is the pair b_k = i_k +
+/// m_k j_k, so core k is G(alpha, i, j, beta) at `alpha + r (i + m (j + n beta))`, and every operation on
+/// vectors (sum, rounding, norm, entries) holds for matrices through [`TtMatrix::as_vector`].
 ///
 /// ```
 /// use graintrain_tt::TtMatrix;
@@ -84,7 +84,8 @@ impl TtMatrix {
     /// The identity: rank one.
     ///
     /// # Errors
-    /// [`TtError::Shape`] if there is no mode or a mode is empty, [`TtError::TooLarge`] for a mode above 2^14.
+    /// [`TtError::Shape`] if there is no mode or a mode is empty, [`TtError::TooLarge`] for a mode above
+    /// 2^14.
     pub fn identity(modes: &[usize]) -> Result<Self, TtError> {
         if let Some(&n) = modes.iter().find(|&&n| n.saturating_mul(n) > LARGEST_CORE) {
             return Err(TtError::TooLarge { entries: (n as f64).powi(2) });

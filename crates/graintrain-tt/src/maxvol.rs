@@ -9,14 +9,15 @@ const EXCESS: f64 = 0.05;
 /// Most swaps: each multiplies the volume by more than 1 + EXCESS.
 const MAX_SWAPS: usize = 200;
 
-/// The r rows of an m x r matrix (m >= r) with locally maximal volume, and B = A A(rows, :)^-1, which has the identity
-/// at those rows and entries of at most 1.05 in size elsewhere.
+/// The r rows of an m x r matrix (m >= r) with locally maximal volume, and B = A A(rows, :)^-1, which has the
+/// identity at those rows and entries of at most 1.05 in size elsewhere.
 ///
-/// LU with row pivoting gives the start, then rows are swapped one at a time (Goreinov, Oseledets, Savostyanov,
-/// Tyrtyshnikov, Zamarashkin 2010). O(m r^2) to start, O(m r) per swap.
+/// LU with row pivoting gives the start, then rows are swapped one at a time (Goreinov, Oseledets,
+/// Savostyanov, Tyrtyshnikov, Zamarashkin 2010). O(m r^2) to start, O(m r) per swap.
 ///
 /// # Errors
-/// [`TtError::Dense`] (singular, core 0) if the columns are linearly dependent, as more columns than rows are (orthogonalise them first).
+/// [`TtError::Dense`] (singular, core 0) if the columns are linearly dependent, as more columns than rows are
+/// (orthogonalise them first).
 ///
 /// ```
 /// use graintrain_tt::{FullMatrix, maxvol::maxvol};

@@ -9,11 +9,13 @@ use crate::{Truncation, TruncationReport, TtError, TtVector};
 use graintrain_linalg::dense::{Matrix, View, ViewMut, multiply, product};
 
 impl TtVector {
-    /// Groups of neighbouring modes as one mode each, the first index of a group fastest: the inverse of splitting a mode into digits. `sizes` are the
-    /// numbers of modes per group. O(d n r^2 N) for merged modes of size N.
+    /// Groups of neighbouring modes as one mode each, the first index of a group fastest: the inverse of
+    /// splitting a mode into digits. `sizes` are the numbers of modes per group. O(d n r^2 N) for merged
+    /// modes of size N.
     ///
     /// # Errors
-    /// [`TtError::Shape`] unless the groups are not empty and hold d modes; [`TtError::TooLarge`] for a core of more than 2^28 numbers.
+    /// [`TtError::Shape`] unless the groups are not empty and hold d modes; [`TtError::TooLarge`] for a core
+    /// of more than 2^28 numbers.
     ///
     /// ```
     /// use graintrain_tt::qtt;
@@ -56,7 +58,8 @@ impl TtVector {
         Self::from_cores(cores)
     }
 
-    /// Sums over the modes where `over` is true; the other modes stay, in their order (a single mode of size 1 if none does). O(d n r^2).
+    /// Sums over the modes where `over` is true; the other modes stay, in their order (a single mode of size
+    /// 1 if none does). O(d n r^2).
     ///
     /// # Errors
     /// [`TtError::Shape`] unless there is one answer per mode.
@@ -79,7 +82,8 @@ impl TtVector {
         for (k, _) in over.iter().enumerate().filter(|(_, sum)| **sum) {
             summed = summed.mode_product(k, &vec![1.0; self.cores[k].mode], 1)?;
         }
-        // (Modes of size one that stay are not summed over: only the others are multiplied into their neighbours.)
+        // (Modes of size one that stay are not summed over: only the others are multiplied into their
+        // neighbours.)
         let mut cores: Vec<Core> = Vec::new();
         let mut before = Matrix::identity(1);
         for (core, &sum) in summed.cores.iter().zip(over) {
@@ -97,10 +101,12 @@ impl TtVector {
         Self::from_cores(cores)
     }
 
-    /// Mode k multiplied by a matrix of `rows` rows (column-major, n_k columns): sum_j M(i, j) A(..., j, ...). O(rows n r^2).
+    /// Mode k multiplied by a matrix of `rows` rows (column-major, n_k columns): sum_j M(i, j) A(..., j,
+    /// ...). O(rows n r^2).
     ///
     /// # Errors
-    /// [`TtError::Index`] if there is no mode k, [`TtError::Shape`] unless the matrix has rows n_k numbers and a row.
+    /// [`TtError::Index`] if there is no mode k, [`TtError::Shape`] unless the matrix has rows n_k numbers
+    /// and a row.
     pub fn mode_product(&self, k: usize, matrix: &[f64], rows: usize) -> Result<Self, TtError> {
         let Some(core) = self.cores.get(k) else {
             return Err(TtError::Index { mode: k, index: k, size: self.num_cores() });
@@ -149,8 +155,9 @@ impl TtVector {
         first.add(&other.mode_product(k, &place(theirs.mode, mine.mode), total)?)
     }
 
-    /// Every entry to the power p >= 1, by repeated squaring with rounding after every product. The report's error is a bound of what the roundings made,
-    /// relative to the norm of the result only as far as no entry dominates: measure it where that matters.
+    /// Every entry to the power p >= 1, by repeated squaring with rounding after every product. The report's
+    /// error is a bound of what the roundings made, relative to the norm of the result only as far as no
+    /// entry dominates: measure it where that matters.
     ///
     /// # Errors
     /// [`TtError::Setting`] for p = 0, else as for [`TtVector::round`].
@@ -181,15 +188,17 @@ impl TtVector {
         Ok((power, last))
     }
 
-    /// The modes in another order: mode k of the result is mode `order[k]` of this train. Neighbours are exchanged one pair at a time (as many pairs as are out
-    /// of order) by an SVD at the orthogonality centre, so the error of each exchange is known; ranks may grow up to those the tensor has in
-    /// the new order. O(n^3 r^3) per exchange.
+    /// The modes in another order: mode k of the result is mode `order[k]` of this train. Neighbours are
+    /// exchanged one pair at a time (as many pairs as are out of order) by an SVD at the orthogonality
+    /// centre, so the error of each exchange is known; ranks may grow up to those the tensor has in the new
+    /// order. O(n^3 r^3) per exchange.
     ///
-    /// The report's error is the SUM over the exchanges, a bound of the relative error; each may make an equal part of the tolerance.
+    /// The report's error is the SUM over the exchanges, a bound of the relative error; each may make an
+    /// equal part of the tolerance.
     ///
     /// # Errors
-    /// [`TtError::Shape`] unless `order` holds every mode once; [`TtError::TooLarge`] if two cores together have more than 2^28 numbers; else as for
-    /// [`TtVector::round`].
+    /// [`TtError::Shape`] unless `order` holds every mode once; [`TtError::TooLarge`] if two cores together
+    /// have more than 2^28 numbers; else as for [`TtVector::round`].
     ///
     /// ```
     /// use graintrain_tt::{Truncation, TtVector};

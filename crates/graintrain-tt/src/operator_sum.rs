@@ -1,14 +1,19 @@
-//! Sums of products of local operators as TT-matrices of the smallest ranks: Hamiltonians of chains, master equations, stencils.
+//! Sums of products of local operators as TT-matrices of the smallest ranks: Hamiltonians of chains, master
+//! equations, stencils.
 //!
-//! H = sum_t w_t O_{t,1} (x) ... (x) O_{t,d}: a term has operators at some sites and the identity at all others. At the bond after site k
-//! its unfolding is sum over (l, r) gamma(l, r) L_l R_r with the different strings L_l of operators left of the bond and R_r right of it. Strings of
-//! linearly independent operators are linearly independent, so the rank of H at the bond is that of the small matrix gamma (C. Hubig,
-//! I. McCulloch, U. Schollwoeck, Phys. Rev. B 95, 2017; J. Ren, W. Li, T. Jiang, Z. Shuai, J. Chem. Phys. 153, 2020).
+//! H = sum_t w_t O_{t,1} (x) ... (x) O_{t,d}: a term has operators at some sites and the identity at all
+//! others. At the bond after site k its unfolding is sum over (l, r) gamma(l, r) L_l R_r with the different
+//! strings L_l of operators left of the bond and R_r right of it. Strings of linearly independent operators
+//! are linearly independent, so the rank of H at the bond is that of the small matrix gamma (C. Hubig, I.
+//! McCulloch, U. Schollwoeck, Phys. Rev. B 95, 2017; J. Ren, W. Li, T. Jiang, Z. Shuai, J. Chem. Phys. 153,
+//! 2020).
 //!
-//! Site by site from the left, the rows of gamma are (state so far, operator here) and its columns the strings that are left to come. Rows that
-//! depend on others to 16 eps of their own length become combinations of them; where that is ill-conditioned (long couplings by a power of the distance)
-//! singular vectors of the rows, brought to length one, take their place. So a weight of 1e-15 beside one of 1 is not lost. Local operators that depend on
-//! each other (Sx beside S+ and S-) are found by a last pass over the cores.
+//! Site by site from the left, the rows of gamma are (state so far, operator here) and its columns the
+//! strings that are left to come. Rows that depend on others to 16 eps of their own length become
+//! combinations of them; where that is ill-conditioned (long couplings by a power of the distance) singular
+//! vectors of the rows, brought to length one, take their place. So a weight of 1e-15 beside one of 1 is not
+//! lost. Local operators that depend on each other (Sx beside S+ and S-) are found by a last pass over the
+//! cores.
 
 use crate::error::at_core;
 use crate::factor::interpolative_rows;
@@ -20,8 +25,8 @@ use graintrain_linalg::dense::{DenseError, Matrix, Svd, thin_svd};
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, HashMap};
 
-/// Operators of a site that have names: spins s = (n - 1) / 2 with the state of the largest Sz first, and oscillators with at most n - 1 quanta, the empty
-/// state first.
+/// Operators of a site that have names: spins s = (n - 1) / 2 with the state of the largest Sz first, and
+/// oscillators with at most n - 1 quanta, the empty state first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum LocalOperator {
     /// 1.
@@ -142,12 +147,13 @@ impl OperatorSum {
         self.terms.len()
     }
 
-    /// Adds `weight` times the product of operators at sites, in any order; several at one site are multiplied as they are written, no factor at all is
-    /// the identity.
+    /// Adds `weight` times the product of operators at sites, in any order; several at one site are
+    /// multiplied as they are written, no factor at all is the identity.
     ///
     /// # Errors
-    /// [`TtError::Index`] for a site that does not exist, [`TtError::Shape`] for an operator of another size than its site,
-    /// [`TtError::Setting`] or [`TtError::Dense`] for numbers that are not finite; the sum is then as before.
+    /// [`TtError::Index`] for a site that does not exist, [`TtError::Shape`] for an operator of another size
+    /// than its site, [`TtError::Setting`] or [`TtError::Dense`] for numbers that are not finite; the sum is
+    /// then as before.
     pub fn add(&mut self, weight: f64, factors: &[(usize, &FullMatrix)]) -> Result<&mut Self, TtError> {
         if !weight.is_finite() {
             return Err(TtError::Setting { what: "weight of a term", need: "finite", got: weight });
@@ -178,7 +184,8 @@ impl OperatorSum {
         Ok(self)
     }
 
-    /// Adds `weight` times the product of operators at neighbouring sites k, k + 1, ..., for every k where they fit.
+    /// Adds `weight` times the product of operators at neighbouring sites k, k + 1, ..., for every k where
+    /// they fit.
     ///
     /// # Errors
     /// As for [`OperatorSum::add`], and [`TtError::Shape`] for no operator or more of them than sites.
@@ -211,8 +218,9 @@ impl OperatorSum {
         number
     }
 
-    /// The TT-matrix, site 1 the finest digit, with the smallest ranks the sum allows. Exact: nothing is rounded away, so sums whose ranks are small only to
-    /// a tolerance (power laws) are to be rounded afterwards. O(sum over bonds of (r m)^2 t) for ranks r, m different operators at a site and t terms.
+    /// The TT-matrix, site 1 the finest digit, with the smallest ranks the sum allows. Exact: nothing is
+    /// rounded away, so sums whose ranks are small only to a tolerance (power laws) are to be rounded
+    /// afterwards. O(sum over bonds of (r m)^2 t) for ranks r, m different operators at a site and t terms.
     ///
     /// # Errors
     /// [`TtError::TooLarge`] if (rank x operators) x terms of a bond exceeds 2^28.
@@ -242,7 +250,8 @@ impl OperatorSum {
             cores.push(Core::from_fn(left, n * n, states.columns(), |alpha, b, beta| {
                 let sum = |(o, &number): (usize, &Option<usize>)| {
                     let weight = states[(alpha + left * o, beta)];
-                    // (Most are zero, and an infinite product of large ones is not to become NaN beside them.)
+                    // (Most are zero, and an infinite product of large ones is not to become NaN beside
+                    // them.)
                     if weight == 0.0 { 0.0 } else { weight * operator(number, b % n, b / n) }
                 };
                 bond.operators.iter().enumerate().map(sum).sum()
@@ -305,8 +314,8 @@ impl<'a> Bond<'a> {
         Ok(Self { operators, coming: after, gamma })
     }
 
-    /// gamma = C R: the rows (state before, operator) as combinations of the states after the site, and what these have to come. Block by block, so that no
-    /// weight is measured by one it has nothing to do with.
+    /// gamma = C R: the rows (state before, operator) as combinations of the states after the site, and what
+    /// these have to come. Block by block, so that no weight is measured by one it has nothing to do with.
     fn states(&self) -> Result<(Matrix, Matrix), DenseError> {
         let (rows, columns) = (self.gamma.rows(), self.gamma.columns());
         let blocks = self.blocks();
@@ -337,7 +346,8 @@ impl<'a> Bond<'a> {
         Ok((combinations, rest))
     }
 
-    /// Rows and columns of gamma that are joined by nonzeros, each set ascending and in the order of its first row.
+    /// Rows and columns of gamma that are joined by nonzeros, each set ascending and in the order of its
+    /// first row.
     fn blocks(&self) -> Vec<(Vec<usize>, Vec<usize>)> {
         let (rows, columns) = (self.gamma.rows(), self.gamma.columns());
         let (mut row_is_new, mut column_is_new) = (vec![true; rows], vec![true; columns]);
@@ -371,7 +381,8 @@ impl<'a> Bond<'a> {
     }
 }
 
-/// C and R with A = C R and as few rows of R as A has ranks: rows of A themselves where they are well enough conditioned, else its right singular vectors.
+/// C and R with A = C R and as few rows of R as A has ranks: rows of A themselves where they are well enough
+/// conditioned, else its right singular vectors.
 fn factors(a: &Matrix) -> Result<(Matrix, Matrix), DenseError> {
     let (m, n) = (a.rows(), a.columns());
     if let Some((kept, combinations)) = interpolative_rows(a) {

@@ -1,7 +1,9 @@
-//! Operators on references, exact in the ranks they make: `&x + &y`, `&x - &y`, `&x * &y` (entrywise for vectors, the product for matrices), `&a * &x`,
-//! `2.0 * &x`, `-&x`; `&x % truncation` rounds. And how trains print.
+//! Operators on references, exact in the ranks they make: `&x + &y`, `&x - &y`, `&x * &y` (entrywise for
+//! vectors, the product for matrices), `&a * &x`, `2.0 * &x`, `-&x`; `&x % truncation` rounds. And how trains
+//! print.
 //!
-//! Nothing is rounded unasked: ranks add in sums and multiply in products until `%` says how much may be lost.
+//! Nothing is rounded unasked: ranks add in sums and multiply in products until `%` says how much may be
+//! lost.
 //!
 //! ```
 //! use graintrain_tt::{Truncation, qtt};
@@ -15,7 +17,8 @@ use crate::{Truncation, TtError, TtMatrix, TtVector};
 use std::fmt::{Display, Formatter};
 use std::ops::{Add, Mul, Neg, Rem, Sub};
 
-/// The value, or a panic that says which operation had trains that do not fit: operators cannot return errors.
+/// The value, or a panic that says which operation had trains that do not fit: operators cannot return
+/// errors.
 #[track_caller]
 #[allow(clippy::panic)]
 fn fitting<T>(operation: &str, result: Result<T, TtError>) -> T {

@@ -1,9 +1,10 @@
 //! Products within a tolerance, whose cores of rank R r are never formed.
 //!
 //! Rounding needs a train only through products of its cores with matrices from the left and from the right
-//! (`cores.rs`). The cores of A X are sums over j of A(i, j) (x) X(j, s), and a product with such a core is a product with
-//! that of X and one with that of A: O(t n (m R^2 r + s r^2 R)) for t rows instead of O(t m s R^2 r^2), and no
-//! R^2 r^2 m s numbers in memory. Everything else, the error promise included, is that of [`TtVector::round`].
+//! (`cores.rs`). The cores of A X are sums over j of A(i, j) (x) X(j, s), and a product with such a core is a
+//! product with that of X and one with that of A: O(t n (m R^2 r + s r^2 R)) for t rows instead of O(t m s
+//! R^2 r^2), and no R^2 r^2 m s numbers in memory. Everything else, the error promise included, is that of
+//! [`TtVector::round`].
 
 use crate::cores::{Cores, core_exponent, squared};
 use crate::round::round_cores;
@@ -19,8 +20,8 @@ pub(crate) struct Product<'a> {
 }
 
 impl Product<'_> {
-    /// Core k of A and of X as 2^-exponent times themselves, exponents chosen by [`core_exponent`] (0 for a zero core), and
-    /// what is left of `power` after both.
+    /// Core k of A and of X as 2^-exponent times themselves, exponents chosen by [`core_exponent`] (0 for a
+    /// zero core), and what is left of `power` after both.
     fn scaled(&self, k: usize, power: i32) -> (Core, Core, i32) {
         let exponent = |core: &Core| core_exponent(core).ok().flatten().unwrap_or(0);
         let (a, x) = (&self.a.cores()[k], &self.x.cores[k]);
@@ -82,7 +83,8 @@ impl Cores for Product<'_> {
     }
 }
 
-/// M times the core sum_j A(a, i, j, a') X(alpha, j, s, alpha') for n values of j, the columns of M being (a, alpha).
+/// M times the core sum_j A(a, i, j, a') X(alpha, j, s, alpha') for n values of j, the columns of M being (a,
+/// alpha).
 fn times_product(matrix: View<'_>, a: &Core, x: &Core, n: usize, s: usize) -> Core {
     let (m, t) = (a.mode / n, matrix.rows());
     // M(t, (a, alpha)) X(alpha, (j, s, alpha')) = Z(t, a, j, s, alpha')

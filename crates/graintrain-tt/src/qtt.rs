@@ -1,9 +1,9 @@
 //! Quantized trains (modes of size 2) with known ranks, from explicit formulas.
 //!
 //! Kazeev and Khoromskij (SIAM J. Matrix Anal. Appl. 33, 2012) write a train as a strong Kronecker product
-//! F_1 >< F_2 >< ... >< F_d of matrices of 2x2 blocks, coarsest digit first: blocks are multiplied as a matrix product
-//! whose scalar product is the Kronecker product. Cores here are numbered from the finest digit, so core k is
-//! F_{d+1-k} with its rank indices exchanged.
+//! F_1 >< F_2 >< ... >< F_d of matrices of 2x2 blocks, coarsest digit first: blocks are multiplied as a
+//! matrix product whose scalar product is the Kronecker product. Cores here are numbered from the finest
+//! digit, so core k is F_{d+1-k} with its rank indices exchanged.
 
 use crate::vector::Core;
 use crate::{Truncation, TtError, TtMatrix, TtVector};
@@ -32,8 +32,8 @@ fn sum(blocks: &[Block]) -> Block {
     total
 }
 
-/// first >< middle^(d - 2) >< last, coarsest first; each factor is given by rows of blocks. For d = 1 the sum over the
-/// rank index of the products of `first` and `last` does not exist, so d >= 2.
+/// first >< middle^(d - 2) >< last, coarsest first; each factor is given by rows of blocks. For d = 1 the sum
+/// over the rank index of the products of `first` and `last` does not exist, so d >= 2.
 fn strong_kronecker(
     d: usize,
     first: &[&[Block]],
@@ -68,7 +68,8 @@ pub fn tridiagonal(d: usize, sub: f64, diagonal: f64, superdiagonal: f64) -> Res
     )
 }
 
-/// The digits of an index, fine to coarse: index = i_1 + n_1 i_2 + n_1 n_2 i_3 + ...; none if it lies outside.
+/// The digits of an index, fine to coarse: index = i_1 + n_1 i_2 + n_1 n_2 i_3 + ...; none if it lies
+/// outside.
 ///
 /// ```
 /// use graintrain_tt::qtt;
@@ -85,8 +86,8 @@ pub fn digits(mut index: usize, modes: &[usize]) -> Option<Vec<usize>> {
     (index == 0).then_some(digits)
 }
 
-/// The index of digits, fine to coarse: the inverse of [`digits`]; none if a digit is outside its mode or the index
-/// overflows.
+/// The index of digits, fine to coarse: the inverse of [`digits`]; none if a digit is outside its mode or the
+/// index overflows.
 pub fn index(digits: &[usize], modes: &[usize]) -> Option<usize> {
     let mut index = 0usize;
     for (&i, &n) in digits.iter().zip(modes).rev() {
@@ -98,8 +99,9 @@ pub fn index(digits: &[usize], modes: &[usize]) -> Option<usize> {
     (digits.len() == modes.len()).then_some(index)
 }
 
-/// The place of a point of 2^levels x 2^levels x ... in Morton order: the bits of the coordinates interleaved, those of
-/// axis 1 lowest, as [`DigitOrder::Morton`] orders the digits; none if a coordinate has more bits or the place overflows.
+/// The place of a point of 2^levels x 2^levels x ... in Morton order: the bits of the coordinates
+/// interleaved, those of axis 1 lowest, as [`DigitOrder::Morton`] orders the digits; none if a coordinate has
+/// more bits or the place overflows.
 ///
 /// ```
 /// use graintrain_tt::qtt;
@@ -142,8 +144,8 @@ pub enum Boundary {
     Neumann,
 }
 
-/// The second difference with a choice at each end; ranks 3 and one more per Neumann end. (No rounding: it would lose the
-/// ends of long lines, where one entry is nothing beside the norm.)
+/// The second difference with a choice at each end; ranks 3 and one more per Neumann end. (No rounding: it
+/// would lose the ends of long lines, where one entry is nothing beside the norm.)
 ///
 /// # Errors
 /// [`TtError::Setting`] for d < 2.
@@ -184,8 +186,8 @@ pub fn cumulative_sum(d: usize) -> Result<TtMatrix, TtError> {
     strong_kronecker(d, &[&[EYE, LOWER]], &[&[EYE, LOWER], &[ZERO, ONES]], &[&[diagonal], &[ONES]])
 }
 
-/// The Kronecker product of one operator per axis with the digits of the axes interleaved (Morton order): level by
-/// level, axis 1 first. Ranks are the products of the ranks of all axes at that level.
+/// The Kronecker product of one operator per axis with the digits of the axes interleaved (Morton order):
+/// level by level, axis 1 first. Ranks are the products of the ranks of all axes at that level.
 ///
 /// # Errors
 /// [`TtError::Shape`] if there is no axis or the axes have different numbers of digits.
@@ -318,7 +320,8 @@ pub fn sine(d: usize, a: f64, b: f64) -> Result<TtVector, TtError> {
 
 /// sum_p c_p x_j^p at x_j = origin + step j, j = 0, ..., 2^d - 1; ranks at most degree + 1.
 ///
-/// The row of powers (x^q / q!) of the running sum is carried by (x + t)^q / q! = sum_p x^p / p! t^(q-p) / (q-p)!
+/// The row of powers (x^q / q!) of the running sum is carried by (x + t)^q / q! = sum_p x^p / p! t^(q-p) /
+/// (q-p)!
 ///
 /// # Errors
 /// [`TtError::Setting`] for d < 2 or no coefficient.
@@ -349,10 +352,11 @@ pub fn polynomial(d: usize, coefficients: &[f64], origin: f64, step: f64) -> Res
     TtVector::from_cores((0..d).map(core).collect())
 }
 
-/// 1 / (offset + i_1 + ... + i_D) over 0-based indices of the given modes, to a relative accuracy `tolerance` in the
-/// Frobenius norm: a sum of exponentials that has this accuracy in every entry, 1 / x = integral of exp(-x t), by the trapezoidal rule in t = ln(1 + e^u)
-/// (Hackbusch and Braess), each term of rank 1, then rounded to a thousandth of the tolerance. (So entries a thousand times
-/// smaller than the largest ones may lose relative accuracy.)
+/// 1 / (offset + i_1 + ... + i_D) over 0-based indices of the given modes, to a relative accuracy `tolerance`
+/// in the Frobenius norm: a sum of exponentials that has this accuracy in every entry, 1 / x = integral of
+/// exp(-x t), by the trapezoidal rule in t = ln(1 + e^u) (Hackbusch and Braess), each term of rank 1, then
+/// rounded to a thousandth of the tolerance. (So entries a thousand times smaller than the largest ones may
+/// lose relative accuracy.)
 ///
 /// With modes (n, n) and offset 1 it is the Hilbert matrix.
 ///
@@ -364,7 +368,8 @@ pub fn hilbert(modes: &[usize], offset: f64, tolerance: f64) -> Result<TtVector,
     reciprocal_of_sum(modes, &weights, offset, largest, tolerance)
 }
 
-/// The 2^d x 2^d Hilbert matrix 1 / (i + j + 1) in quantized form, to a relative accuracy in the Frobenius norm.
+/// The 2^d x 2^d Hilbert matrix 1 / (i + j + 1) in quantized form, to a relative accuracy in the Frobenius
+/// norm.
 ///
 /// # Errors
 /// [`TtError::Setting`] unless tolerance is in (0, 1), [`TtError::Shape`] for d = 0.
@@ -415,8 +420,9 @@ fn accumulate(sum: Option<TtVector>, term: TtVector, tolerance: f64) -> Result<T
 
 /// Weights and rates with |1/x - sum w exp(-rate x)| <= tolerance / x on [smallest, largest].
 ///
-/// 1 / x = integral over u of exp(-x e^u + u); the integrand is analytic in |Im u| < pi / 2, so the trapezoidal rule with
-/// step h errs by about exp(-pi^2 / h); the range of u is cut where the rest is below the tolerance.
+/// 1 / x = integral over u of exp(-x e^u + u); the integrand is analytic in |Im u| < pi / 2, so the
+/// trapezoidal rule with step h errs by about exp(-pi^2 / h); the range of u is cut where the rest is below
+/// the tolerance.
 fn exponential_sum(smallest: f64, largest: f64, tolerance: f64) -> Result<Vec<(f64, f64)>, TtError> {
     if !(smallest > 0.0 && largest.is_finite()) {
         return Err(TtError::Setting { what: "offset", need: "positive", got: smallest });
@@ -447,7 +453,8 @@ pub fn ramp(d: usize, origin: f64, step: f64) -> Result<TtVector, TtError> {
 
 /// 1 from j = first on, 0 before, j = 0, ..., 2^d - 1; rank 2.
 ///
-/// The rank index, from the fine digits to the coarse ones, tells whether the digits so far make a number of at least those of `first`.
+/// The rank index, from the fine digits to the coarse ones, tells whether the digits so far make a number of
+/// at least those of `first`.
 ///
 /// # Errors
 /// [`TtError::Setting`] for d = 0 or d > 63, [`TtError::Index`] for first > 2^d.
@@ -490,8 +497,8 @@ enum Difference {
     Signed,
 }
 
-/// x(i - j): the digits of the difference follow from those of i and j and a borrow, which doubles the ranks (Kazeev, Khoromskij, Tyrtyshnikov,
-/// SIAM J. Sci. Comput. 35, 2013).
+/// x(i - j): the digits of the difference follow from those of i and j and a borrow, which doubles the ranks
+/// (Kazeev, Khoromskij, Tyrtyshnikov, SIAM J. Sci. Comput. 35, 2013).
 fn of_difference(x: &TtVector, kind: Difference) -> Result<TtMatrix, TtError> {
     let last = x.num_cores() - usize::from(kind == Difference::Signed);
     if x.modes().iter().any(|&n| n != 2) || last == 0 {
@@ -528,7 +535,8 @@ fn of_difference(x: &TtVector, kind: Difference) -> Result<TtMatrix, TtError> {
     TtMatrix::from_cores((0..last).map(core).collect(), &vec![2; last], &vec![2; last])
 }
 
-/// The 2^d x 2^d circulant matrix with entries x((i - j) mod 2^d): its product with y is the cyclic convolution. Ranks 2 r.
+/// The 2^d x 2^d circulant matrix with entries x((i - j) mod 2^d): its product with y is the cyclic
+/// convolution. Ranks 2 r.
 ///
 /// # Errors
 /// [`TtError::Shape`] unless all modes of x are 2.
@@ -544,8 +552,9 @@ pub fn circulant(x: &TtVector) -> Result<TtMatrix, TtError> {
     of_difference(x, Difference::Cyclic)
 }
 
-/// The 2^d x 2^d Toeplitz matrix with entries x((i - j) mod 2^(d + 1)) from a vector of 2^(d + 1) numbers: first those of the first column, then (from
-/// place 2^d + 1 on) those of the first row from its end. Its product with y is the convolution cut to 2^d numbers. Ranks 2 r.
+/// The 2^d x 2^d Toeplitz matrix with entries x((i - j) mod 2^(d + 1)) from a vector of 2^(d + 1) numbers:
+/// first those of the first column, then (from place 2^d + 1 on) those of the first row from its end. Its
+/// product with y is the convolution cut to 2^d numbers. Ranks 2 r.
 ///
 /// # Errors
 /// [`TtError::Shape`] unless x has at least two modes, all of size 2.

@@ -1,12 +1,16 @@
-//! Functions of several variables on named grids as quantized trains, and back: evaluation, integrals, restriction.
+//! Functions of several variables on named grids as quantized trains, and back: evaluation, integrals,
+//! restriction.
 //!
-//! A variable x of an interval has 2^bits points, numbered by binary digits; f(x, y, ...) on the product of the grids is a train of modes 2 whose digits
-//! run axis after axis or level by level ([`DigitOrder`]). Smooth functions have small ranks in either order (I. Oseledets, SIAM J. Matrix Anal. Appl.
-//! 31, 2010; B. Khoromskij, Constr. Approx. 34, 2011), so 2^60 points cost no more than some thousand values of f: see [`GridFunction::cross`].
+//! A variable x of an interval has 2^bits points, numbered by binary digits; f(x, y, ...) on the product of
+//! the grids is a train of modes 2 whose digits run axis after axis or level by level ([`DigitOrder`]).
+//! Smooth functions have small ranks in either order (I. Oseledets, SIAM J. Matrix Anal. Appl. 31, 2010; B.
+//! Khoromskij, Constr. Approx. 34, 2011), so 2^60 points cost no more than some thousand values of f: see
+//! [`GridFunction::cross`].
 //!
-//! What is exact here is linear algebra on the train; what is not is the grid. Integrals are the rule of the [`Points`], of second order in the step
-//! h for smooth functions (of every order for smooth periodic ones); between points the function is interpolated linearly in every variable,
-//! with an error up to h^2 / 8 times its second derivative.
+//! What is exact here is linear algebra on the train; what is not is the grid. Integrals are the rule of the
+//! [`Points`], of second order in the step h for smooth functions (of every order for smooth periodic ones);
+//! between points the function is interpolated linearly in every variable, with an error up to h^2 / 8 times
+//! its second derivative.
 
 use crate::cross::{CrossReport, CrossSettings, EntrySource, cross_within};
 use crate::qtt::DigitOrder;
@@ -32,7 +36,8 @@ pub enum Points {
     Midpoints,
     /// At both ends and between, x_j = low + j (high - low) / (2^bits - 1): the trapezoidal rule.
     Ends,
-    /// x_j = low + j h of a function of period high - low: the trapezoidal rule of a period. Any number is a place.
+    /// x_j = low + j h of a function of period high - low: the trapezoidal rule of a period. Any number is a
+    /// place.
     Periodic,
 }
 
@@ -95,7 +100,8 @@ impl Axis {
         self.low + (j as f64 + offset) * self.step(points)
     }
 
-    /// Neighbouring points j, k and the weight t of k with which x = (1 - t) x_j + t x_k: linear beyond the outer midpoints, cyclic for a period.
+    /// Neighbouring points j, k and the weight t of k with which x = (1 - t) x_j + t x_k: linear beyond the
+    /// outer midpoints, cyclic for a period.
     fn between(&self, x: f64, points: Points) -> Result<(u64, u64, f64), TtError> {
         let inside = if points == Points::Periodic { x.is_finite() } else { x >= self.low && x <= self.high };
         if !inside {
@@ -142,11 +148,12 @@ pub struct Grid {
 }
 
 impl Grid {
-    /// From its axes. In [`DigitOrder::Morton`] the coarsest digits of all axes are the last ones; where axes have different numbers of bits, the shorter ones
-    /// have no digits on the finest levels.
+    /// From its axes. In [`DigitOrder::Morton`] the coarsest digits of all axes are the last ones; where axes
+    /// have different numbers of bits, the shorter ones have no digits on the finest levels.
     ///
     /// # Errors
-    /// [`TtError::Shape`] if there is no axis or more than 2^16 digits, [`TtError::Axis`] if two have the same name.
+    /// [`TtError::Shape`] if there is no axis or more than 2^16 digits, [`TtError::Axis`] if two have the
+    /// same name.
     pub fn new(axes: Vec<Axis>, order: DigitOrder, points: Points) -> Result<Self, TtError> {
         let digits: usize = axes.iter().map(Axis::bits).sum();
         if digits == 0 || digits > MOST_DIGITS {
@@ -225,7 +232,8 @@ impl Grid {
         Ok((0..axis.size()).map(|j| axis.point(j, self.points)).collect())
     }
 
-    /// Coordinates, one number per axis and point, of entries (all digits of a point, one point after the other).
+    /// Coordinates, one number per axis and point, of entries (all digits of a point, one point after the
+    /// other).
     ///
     /// # Errors
     /// [`TtError::Index`] or [`TtError::Shape`] for digits that do not fit.
@@ -251,10 +259,12 @@ impl Grid {
         self.places[axis].iter().enumerate().for_each(|(k, &place)| index[place] = (j >> k & 1) as usize);
     }
 
-    /// The entries nearest to points (one number per axis and point): for the `probes` of a cross and for looking up.
+    /// The entries nearest to points (one number per axis and point): for the `probes` of a cross and for
+    /// looking up.
     ///
     /// # Errors
-    /// [`TtError::Axis`] for a coordinate outside its interval, [`TtError::Shape`] for coordinates that are no whole points.
+    /// [`TtError::Axis`] for a coordinate outside its interval, [`TtError::Shape`] for coordinates that are
+    /// no whole points.
     pub fn nearest(&self, points: &[f64]) -> Result<Vec<usize>, TtError> {
         self.check_points(points)?;
         let digits = self.num_digits();
@@ -281,7 +291,8 @@ impl Grid {
         })
     }
 
-    /// For every entry of a full array over the axes, the first axis the fastest, its place in the full form of the train.
+    /// For every entry of a full array over the axes, the first axis the fastest, its place in the full form
+    /// of the train.
     fn place_in_train(&self) -> impl Fn(usize) -> usize + '_ {
         let order: Vec<usize> = self.places.iter().flatten().copied().collect();
         move |entry| order.iter().enumerate().map(|(k, &place)| (entry >> k & 1) << place).sum()
@@ -342,11 +353,13 @@ impl GridFunction {
         Ok(Self { grid: grid.clone(), train })
     }
 
-    /// f on the grid by [`cross`](crate::cross::cross), from some of its values; the report says what is known of the error. `probes` are points (one number per axis each)
-    /// that matter: peaks and jumps that random points would miss, given here, become pivots.
+    /// f on the grid by [`cross`](crate::cross::cross), from some of its values; the report says what is
+    /// known of the error. `probes` are points (one number per axis each) that matter: peaks and jumps that
+    /// random points would miss, given here, become pivots.
     ///
     /// # Errors
-    /// [`TtError::Entry`] where f is not finite, [`TtError::Axis`] or [`TtError::Shape`] for probes that do not fit, else as for [`cross`](crate::cross::cross).
+    /// [`TtError::Entry`] where f is not finite, [`TtError::Axis`] or [`TtError::Shape`] for probes that do
+    /// not fit, else as for [`cross`](crate::cross::cross).
     pub fn cross(
         grid: &Grid,
         f: impl Fn(&[f64]) -> f64 + Sync,
@@ -356,11 +369,12 @@ impl GridFunction {
         Self::cross_source(grid, &OnGrid { grid, function: f }, probes, settings, &|| false)
     }
 
-    /// As [`GridFunction::cross`] from a source of entries over the digits of the grid (see [`Grid::points`]), as long as `stop` is false: it is asked at
-    /// every site.
+    /// As [`GridFunction::cross`] from a source of entries over the digits of the grid (see
+    /// [`Grid::points`]), as long as `stop` is false: it is asked at every site.
     ///
     /// # Errors
-    /// As for [`GridFunction::cross`], [`TtError::Shape`] if the modes of the source are not those of the grid, and [`TtError::Stopped`].
+    /// As for [`GridFunction::cross`], [`TtError::Shape`] if the modes of the source are not those of the
+    /// grid, and [`TtError::Stopped`].
     pub fn cross_source(
         grid: &Grid,
         source: &dyn EntrySource,
@@ -372,7 +386,8 @@ impl GridFunction {
         Ok((Self::new(grid, train)?, report))
     }
 
-    /// From all values on the grid, the first axis the fastest; as [`TtVector::from_full`], whose promise it keeps.
+    /// From all values on the grid, the first axis the fastest; as [`TtVector::from_full`], whose promise it
+    /// keeps.
     ///
     /// # Errors
     /// As for [`TtVector::from_full`].
@@ -412,12 +427,12 @@ impl GridFunction {
         &self.train
     }
 
-    /// Values at points (one number per axis and point): of the train at points of the grid, between them linear in every variable. O(2^D d r^2) per point for D
-    /// axes.
+    /// Values at points (one number per axis and point): of the train at points of the grid, between them
+    /// linear in every variable. O(2^D d r^2) per point for D axes.
     ///
     /// # Errors
-    /// [`TtError::Axis`] for a coordinate outside its interval (or not finite), [`TtError::Shape`] for coordinates that are no whole points,
-    /// [`TtError::TooLarge`] for more than 20 axes.
+    /// [`TtError::Axis`] for a coordinate outside its interval (or not finite), [`TtError::Shape`] for
+    /// coordinates that are no whole points, [`TtError::TooLarge`] for more than 20 axes.
     pub fn values(&self, points: &[f64]) -> Result<Vec<f64>, TtError> {
         self.grid.check_points(points)?;
         let axes = self.grid.axes.len();
@@ -463,7 +478,8 @@ impl GridFunction {
         Ok(values)
     }
 
-    /// The integral over the axes of these names as a function of the others, by the rule of the [`Points`]. Ranks do not grow. O(d r^3).
+    /// The integral over the axes of these names as a function of the others, by the rule of the [`Points`].
+    /// Ranks do not grow. O(d r^3).
     ///
     /// # Errors
     /// [`TtError::Axis`] if there is no axis of a name or none is left (see [`GridFunction::integral`]).
@@ -503,10 +519,12 @@ impl GridFunction {
         Ok(train.squeeze())
     }
 
-    /// The function of the other variables at one value of this one, interpolated linearly between its points. O(d r^3).
+    /// The function of the other variables at one value of this one, interpolated linearly between its
+    /// points. O(d r^3).
     ///
     /// # Errors
-    /// [`TtError::Axis`] if there is no axis of this name or no other one, or the value lies outside the interval.
+    /// [`TtError::Axis`] if there is no axis of this name or no other one, or the value lies outside the
+    /// interval.
     pub fn restrict(&self, name: &str, value: f64) -> Result<Self, TtError> {
         let a = self.grid.axis(name)?;
         let axis = &self.grid.axes[a];

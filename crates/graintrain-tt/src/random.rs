@@ -1,6 +1,7 @@
 //! A small seeded random source, so that every random start and sample can be repeated.
 
-/// SplitMix64 (Steele, Lea, Flood 2014): 64 bits of state, equidistributed, good enough for starts and samples.
+/// SplitMix64 (Steele, Lea, Flood 2014): 64 bits of state, equidistributed, good enough for starts and
+/// samples.
 #[derive(Clone, Debug)]
 pub(crate) struct Random(u64);
 

@@ -1,12 +1,14 @@
-//! The columns of a large matrix of low rank in two reads: a random sketch finds their span, a projection onto it follows and measures what the
-//! span leaves out.
+//! The columns of a large matrix of low rank in two reads: a random sketch finds their span, a projection
+//! onto it follows and measures what the span leaves out.
 //!
-//! A (m x n, first index fastest) is taken to be of rank up to [`RANKS`]. First read: the columns are added, with random signs, into
-//! [`BUCKETS`] random buckets (Clarkson and Woodruff, J. ACM 63, 2017), which costs one addition per number, and the buckets are mixed by random signs to
-//! rank + [`TESTS`] columns Y = A Omega. Q is an orthonormal basis of Y. Second read: B = Q^T A, so that A = Q B + what is left out (Halko, Martinsson, Tropp,
-//! SIAM Review 53, 2011).
+//! A (m x n, first index fastest) is taken to be of rank up to [`RANKS`]. First read: the columns are added,
+//! with random signs, into [`BUCKETS`] random buckets (Clarkson and Woodruff, J. ACM 63, 2017), which costs
+//! one addition per number, and the buckets are mixed by random signs to rank + [`TESTS`] columns Y = A
+//! Omega. Q is an orthonormal basis of Y. Second read: B = Q^T A, so that A = Q B + what is left out (Halko,
+//! Martinsson, Tropp, SIAM Review 53, 2011).
 //!
-//! What is left out is measured in the second read, so nothing rests on the luck of the sketch: a basis that leaves out too much is discarded.
+//! What is left out is measured in the second read, so nothing rests on the luck of the sketch: a basis that
+//! leaves out too much is discarded.
 
 use crate::factor::SafeCholesky;
 use crate::round::sum_of_squares;
@@ -21,10 +23,11 @@ use rayon::prelude::*;
 const RANKS: [usize; 2] = [36, 104];
 /// Columns of the sketch that measure what the basis leaves out.
 const TESTS: usize = 8;
-/// The difference of ||A||^2 and ||B||^2, relative, is right to some 1e-15: it may decide on parts larger than this.
+/// The difference of ||A||^2 and ||B||^2, relative, is right to some 1e-15: it may decide on parts larger
+/// than this.
 const RESOLVED: f64 = 4e-14;
-/// Singular values of the sketch whose squares are below this part of what may be left out belong to no basis: their squares are about as many times
-/// those of A as the sketch has columns.
+/// Singular values of the sketch whose squares are below this part of what may be left out belong to no
+/// basis: their squares are about as many times those of A as the sketch has columns.
 const FEW: f64 = 0.02;
 /// Buckets of the first stage: enough that few columns that matter meet in one.
 const BUCKETS: usize = 512;
@@ -71,8 +74,8 @@ pub(crate) fn column_range(data: &[f64], m: usize, allowed: f64, seed: u64) -> (
     (norm_squared, None)
 }
 
-/// The second read: B = Q^T A and what this leaves out, by the difference of the norms where that resolves what may be left out, else by the
-/// norm of A - Q B.
+/// The second read: B = Q^T A and what this leaves out, by the difference of the norms where that resolves
+/// what may be left out, else by the norm of A - Q B.
 fn project(basis: Matrix, data: &[f64], norm_squared: f64, allowed: f64) -> Range {
     let (m, columns) = (basis.rows(), basis.columns());
     let mut coefficients = Matrix::zeros(columns, data.len() / m);
@@ -95,17 +98,20 @@ fn project(basis: Matrix, data: &[f64], norm_squared: f64, allowed: f64) -> Rang
     Range { basis, coefficients, left_out }
 }
 
-/// An orthonormal basis of the sketch that seems to leave out at most `allowed` of the squared norm: it does so of columns of the sketch that were
-/// set aside, E |(I - P) A omega|^2 = ||(I - P) A||^2. (Columns of A that met in a bucket did so in all columns of the sketch, so this proves
-/// nothing: it saves reads that would be in vain.)
+/// An orthonormal basis of the sketch that seems to leave out at most `allowed` of the squared norm: it does
+/// so of columns of the sketch that were set aside, E |(I - P) A omega|^2 = ||(I - P) A||^2. (Columns of A
+/// that met in a bucket did so in all columns of the sketch, so this proves nothing: it saves reads that
+/// would be in vain.)
 fn promising_basis(spanned: &Spanned, norm_squared: f64, allowed: f64) -> Option<Matrix> {
     let tests = spanned.tests();
     let turned = spanned.turned()?;
-    // As few columns as seem to do, by the sizes of the turned columns; all of them if the tests say that they do not.
+    // As few columns as seem to do, by the sizes of the turned columns; all of them if the tests say that
+    // they do not.
     let few = turned.squares.iter().take_while(|square| **square > FEW * allowed * norm_squared).count();
     for kept in [few, turned.squares.len()] {
         let basis = turned.basis(kept);
-        // What the basis leaves of the tests. Twice: the first projection leaves rounding of the size of what it takes away.
+        // What the basis leaves of the tests. Twice: the first projection leaves rounding of the size of what
+        // it takes away.
         let mut rest = tests.clone();
         for _ in 0..2 {
             let inside = product(basis.t(), rest.view());
@@ -126,7 +132,8 @@ struct Spanned {
     transposed: Matrix,
 }
 
-/// Y V for the eigenvectors V of Y^T Y, largest first: columns that are orthogonal but for rounding, of all sizes.
+/// Y V for the eigenvectors V of Y^T Y, largest first: columns that are orthogonal but for rounding, of all
+/// sizes.
 struct Turned {
     /// (Y V)^T.
     transposed: Matrix,
@@ -164,14 +171,15 @@ impl Spanned {
 }
 
 impl Turned {
-    /// An orthonormal basis of the first columns: by their Gram matrix (whose condition is that of columns brought to length one, see
-    /// [`crate::factor`]) at the rate of products, else by reflections.
+    /// An orthonormal basis of the first columns: by their Gram matrix (whose condition is that of columns
+    /// brought to length one, see [`crate::factor`]) at the rate of products, else by reflections.
     fn basis(&self, kept: usize) -> Matrix {
         let (rank, m) = (self.transposed.rows(), self.transposed.columns());
         let columns = View::with_stride(self.transposed.data(), kept, m, rank).t();
         match SafeCholesky::new(&lower_gram(columns)) {
             Some(factor) => {
-                // Twice: what a basis leaves out is a difference of norms, which no other rounding of the basis may enter.
+                // Twice: what a basis leaves out is a difference of norms, which no other rounding of the
+                // basis may enter.
                 let basis = factor.orthonormal(columns);
                 let again = SafeCholesky::new(&lower_gram(basis.view()));
                 again.map_or_else(|| basis.clone(), |factor| factor.orthonormal(basis.view()))
@@ -181,8 +189,8 @@ impl Turned {
     }
 }
 
-/// `columns` signed sums of the columns of A, each by way of the buckets, and the sum of the squares of all numbers. A bucket is one task; only
-/// [`TOGETHER`] buckets live at a time.
+/// `columns` signed sums of the columns of A, each by way of the buckets, and the sum of the squares of all
+/// numbers. A bucket is one task; only [`TOGETHER`] buckets live at a time.
 fn sketch(data: &[f64], m: usize, columns: usize, seed: u64) -> (Spanned, f64) {
     let mut members: Vec<Vec<usize>> = vec![Vec::new(); BUCKETS];
     for j in 0..data.len() / m {
@@ -194,7 +202,8 @@ fn sketch(data: &[f64], m: usize, columns: usize, seed: u64) -> (Spanned, f64) {
         sums.data_mut().fill(0.0);
         let add = |(sum, members): (&mut [f64], &Vec<usize>)| {
             let mut lanes = [0.0; LANES];
-            // In pieces that stay in the fastest cache, four columns at a time: the sums are then read and written a fourth as often.
+            // In pieces that stay in the fastest cache, four columns at a time: the sums are then read and
+            // written a fourth as often.
             for (piece, sum) in sum.chunks_mut(PIECE).enumerate() {
                 for four in members.chunks(FOUR) {
                     let part = |j: &usize| &data[m * j + PIECE * piece..][..sum.len()];
@@ -220,7 +229,8 @@ fn sketch(data: &[f64], m: usize, columns: usize, seed: u64) -> (Spanned, f64) {
     (Spanned { transposed }, squares)
 }
 
-/// sum += sum over columns of sign column; lanes += squares of all columns. Columns that are missing (empty) come last.
+/// sum += sum over columns of sign column; lanes += squares of all columns. Columns that are missing (empty)
+/// come last.
 struct AddSigned<'a> {
     columns: [&'a [f64]; FOUR],
     signs: [f64; FOUR],
@@ -228,7 +238,8 @@ struct AddSigned<'a> {
     lanes: &'a mut [f64; LANES],
 }
 
-// Measured: 2^24 numbers in 13 to 19 ms, 22 to 30 one column after the other without AVX2 (a copy takes 12 to 16).
+// Measured: 2^24 numbers in 13 to 19 ms, 22 to 30 one column after the other without AVX2 (a copy takes 12 to
+// 16).
 impl Work for AddSigned<'_> {
     #[inline(always)]
     fn run(self) {

@@ -1,8 +1,9 @@
 //! Orthogonalisation, norms and rounding.
 //!
-//! A train is left-orthogonal up to core k if the left unfoldings of cores 1..k-1 have orthonormal columns, and
-//! right-orthogonal if the right unfoldings of cores k+1..d have orthonormal rows. Then the singular values of the
-//! k-th unfolding of the whole tensor are those of core k, and a truncation there is a truncation of the tensor.
+//! A train is left-orthogonal up to core k if the left unfoldings of cores 1..k-1 have orthonormal columns,
+//! and right-orthogonal if the right unfoldings of cores k+1..d have orthonormal rows. Then the singular
+//! values of the k-th unfolding of the whole tensor are those of core k, and a truncation there is a
+//! truncation of the tensor.
 
 use crate::cores::{Cores, Sum};
 use crate::error::at_core;
@@ -15,8 +16,8 @@ use crate::{TtError, TtMatrix, TtVector};
 use graintrain_linalg::dense::{Matrix, left_svd, multiply, product, thin_qr};
 use serde::{Deserialize, Serialize};
 
-/// Backward error of the products, factors and sums at one core, relative to its size, Gram matrices included: by measurement on 1500
-/// cancelling sums.
+/// Backward error of the products, factors and sums at one core, relative to its size, Gram matrices
+/// included: by measurement on 1500 cancelling sums.
 pub(crate) const ROUNDING: f64 = 64.0 * f64::EPSILON;
 
 /// Cores of fewer numbers live in memory that no allocator returns.
@@ -36,7 +37,8 @@ const MOST_KEPT: usize = 31 << 17;
 pub struct Truncation {
     /// Relative error in the Frobenius norm that the truncation may make, in [0, 1).
     pub tolerance: f64,
-    /// No rank above this. Where the cap binds, the error exceeds the tolerance and the achieved one is reported.
+    /// No rank above this. Where the cap binds, the error exceeds the tolerance and the achieved one is
+    /// reported.
     pub max_rank: usize,
 }
 
@@ -69,11 +71,13 @@ impl Truncation {
     }
 }
 
-/// The factors of the parts right of every bond of a train, cores divided by powers of two so that they are of moderate size.
+/// The factors of the parts right of every bond of a train, cores divided by powers of two so that they are
+/// of moderate size.
 pub(crate) struct RightFactors {
     /// powers\[k\]: what core k is divided by.
     powers: Vec<i32>,
-    /// right\[k\]: the cores after the k-th (from 0), divided so, are right\[k\] Q with orthonormal rows of Q.
+    /// right\[k\]: the cores after the k-th (from 0), divided so, are right\[k\] Q with orthonormal rows of
+    /// Q.
     right: Vec<Matrix>,
 }
 
@@ -85,7 +89,8 @@ impl RightFactors {
         let (mut powers, mut right) = (vec![0; d], vec![Matrix::identity(1); d]);
         let mut memory = Vec::new();
         for k in (0..d).rev() {
-            // Where the product has rows of moderate size nothing overflowed or vanished in it, and the core need not be looked at.
+            // Where the product has rows of moderate size nothing overflowed or vanished in it, and the core
+            // need not be looked at.
             let part = train.multiply_right(k, right[k].view(), 0, memory);
             let moderate = moderate_row_factor(part.right_unfolding());
             memory = part.data;
@@ -108,8 +113,8 @@ impl RightFactors {
         Ok(Some(Self { powers, right }))
     }
 
-    /// What rounding of core k does to the tensor, squared and over eps^2, in the units of the factors, where `left` has the squared
-    /// lengths of the columns of the part left of the core.
+    /// What rounding of core k does to the tensor, squared and over eps^2, in the units of the factors, where
+    /// `left` has the squared lengths of the columns of the part left of the core.
     fn rounding_of(&self, train: &impl Cores, k: usize, left: &[f64]) -> f64 {
         let right = &self.right[k];
         let mut lengths = vec![0.0; right.rows()];
@@ -137,11 +142,12 @@ pub struct Measured {
 /// What a truncation did.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TruncationReport {
-    /// Relative Frobenius error: sqrt(sum of all discarded squared singular values) / norm. The projections are
-    /// nested, so this is the error itself, not a bound (up to rounding, see `floor`).
+    /// Relative Frobenius error: sqrt(sum of all discarded squared singular values) / norm. The projections
+    /// are nested, so this is the error itself, not a bound (up to rounding, see `floor`).
     pub error: f64,
-    /// Bound on the relative error that rounding may have added: the true error is at most `error` + `floor`. Near 1e-15, but where a
-    /// train cancels (a - a + 1e-12 b) its terms lose digits before anything is truncated; see [`TtVector::rounding_floor`].
+    /// Bound on the relative error that rounding may have added: the true error is at most `error` + `floor`.
+    /// Near 1e-15, but where a train cancels (a - a + 1e-12 b) its terms lose digits before anything is
+    /// truncated; see [`TtVector::rounding_floor`].
     pub floor: f64,
     /// Frobenius norm of the tensor before the truncation (infinite where it exceeds the largest float).
     pub norm: f64,
@@ -230,8 +236,9 @@ fn not_scalable(data: &[f64]) -> (f64, f64) {
     (if data.iter().all(|x| *x == 0.0) { 0.0 } else { f64::NAN }, 0.0)
 }
 
-/// Asks for the memory of a sweep in one piece and gives it back untouched: allocators keep what they were once asked for at hand, in place of returning
-/// every matrix of a core to the system and having it zeroed again page by page (a tenth of the time at ranks 50 to 200).
+/// Asks for the memory of a sweep in one piece and gives it back untouched: allocators keep what they were
+/// once asked for at hand, in place of returning every matrix of a core to the system and having it zeroed
+/// again page by page (a tenth of the time at ranks 50 to 200).
 pub(crate) fn keep_memory(train: &impl Cores) {
     let modes = train.modes();
     let numbers = |k: usize| train.ranks(k).0.saturating_mul(modes[k]).saturating_mul(train.ranks(k).1);
@@ -242,7 +249,8 @@ pub(crate) fn keep_memory(train: &impl Cores) {
     }
 }
 
-/// The shortest train within the truncation of one that is given by what its cores do: see [`TtVector::round`].
+/// The shortest train within the truncation of one that is given by what its cores do: see
+/// [`TtVector::round`].
 pub(crate) fn round_cores(
     train: &impl Cores,
     truncation: &Truncation,
@@ -276,8 +284,8 @@ pub(crate) fn round_cores(
     Ok((TtVector { cores }, TruncationReport { norm, ..report }))
 }
 
-/// The norm, the size of what rounding of the cores may add to it (see [`TtVector::rounding_floor`]), and the power of two that both
-/// are to be multiplied by. Both from triangles: nothing is subtracted. O(d n r^3).
+/// The norm, the size of what rounding of the cores may add to it (see [`TtVector::rounding_floor`]), and the
+/// power of two that both are to be multiplied by. Both from triangles: nothing is subtracted. O(d n r^3).
 pub(crate) fn norm_and_rounding(train: &impl Cores) -> Result<(f64, f64, i64), TtError> {
     let Some(factors) = RightFactors::new(train)? else { return Ok((0.0, 0.0, 0)) };
     let (mut left, mut rounding, mut taken_out) = (Matrix::identity(1), 0.0, 0.0_f64);
@@ -333,14 +341,16 @@ pub(crate) fn scaled_rows(s: &[f64], v: &Matrix, rank: usize) -> Matrix {
 }
 
 impl TtVector {
-    /// Makes cores 1..d-1 left-orthogonal (QR sweep to the right); the last core then holds the norm. O(d n r^3).
+    /// Makes cores 1..d-1 left-orthogonal (QR sweep to the right); the last core then holds the norm. O(d n
+    /// r^3).
     pub fn orthogonalise_left(&mut self) {
         for k in 0..self.num_cores() - 1 {
             self.shift_right(k);
         }
     }
 
-    /// Makes cores 2..d right-orthogonal (LQ sweep to the left); the first core then holds the norm. O(d n r^3).
+    /// Makes cores 2..d right-orthogonal (LQ sweep to the left); the first core then holds the norm. O(d n
+    /// r^3).
     pub fn orthogonalise_right(&mut self) {
         for k in (1..self.num_cores()).rev() {
             self.shift_left(k);
@@ -366,8 +376,8 @@ impl TtVector {
         self.cores[k - 1] = self.cores[k - 1].multiply_right(r.t());
     }
 
-    /// Frobenius norm by a sweep of triangles: relative accuracy near rounding level also for small differences of large trains,
-    /// where `dot(x, x)` loses half the digits. O(d n r^3).
+    /// Frobenius norm by a sweep of triangles: relative accuracy near rounding level also for small
+    /// differences of large trains, where `dot(x, x)` loses half the digits. O(d n r^3).
     pub fn norm(&self) -> f64 {
         let (mantissa, exponent) = self.norm_scaled();
         mantissa * exponent.exp2()
@@ -379,13 +389,15 @@ impl TtVector {
         mantissa.ln() + exponent * std::f64::consts::LN_2
     }
 
-    /// The norm as mantissa * 2^exponent: by the factors of the parts on the right, whose triangles are half as dear on that side.
+    /// The norm as mantissa * 2^exponent: by the factors of the parts on the right, whose triangles are half
+    /// as dear on that side.
     fn norm_scaled(&self) -> (f64, f64) {
         keep_memory(self);
         let mut lower = Matrix::identity(1);
         let (mut exponent, mut memory) = (0.0, Vec::new());
         for core in self.cores.iter().rev() {
-            // Where the Gram matrix of the product is safe, its rows are of moderate size: nothing overflowed, and the core need not be looked at.
+            // Where the Gram matrix of the product is safe, its rows are of moderate size: nothing
+            // overflowed, and the core need not be looked at.
             let part = core.multiply_right_in(lower.view(), 0, memory);
             let safe = safe_lower_triangle(part.right_unfolding());
             memory = part.data;
@@ -410,14 +422,17 @@ impl TtVector {
         (sum_of_squares(lower.data()).sqrt(), exponent)
     }
 
-    /// What the relative error that rounding of its own cores makes in a train, and so in everything computed from it, does not exceed:
+    /// What the relative error that rounding of its own cores makes in a train, and so in everything computed
+    /// from it, does not exceed:
     ///
-    /// 64 eps sqrt(sum_k sum_{alpha, i, beta} |A_{<k}(:, alpha)|^2 G_k(alpha, i, beta)^2 |A_{>k}(beta, :)|^2) / ||A||
+    /// 64 eps sqrt(sum_k sum_{alpha, i, beta} |A_{<k}(:, alpha)|^2 G_k(alpha, i, beta)^2 |A_{>k}(beta, :)|^2)
+    /// / ||A||
     ///
-    /// with A_{<k} and A_{>k} the unfoldings of the parts left and right of core k. Near 1e-14 sqrt(d r) for trains that do not cancel; where
-    /// terms cancel, as in a - a + 1e-12 b, it says how many digits are left at least. A bound, not an estimate: errors that were measured lie 20 to
-    /// 38 000 times below it. (64 eps sqrt(d) times the product of all core norms over the
-    /// norm bounds it from above.) 0 for the zero tensor. O(d n r^3).
+    /// with A_{<k} and A_{>k} the unfoldings of the parts left and right of core k. Near 1e-14 sqrt(d r) for
+    /// trains that do not cancel; where terms cancel, as in a - a + 1e-12 b, it says how many digits are left
+    /// at least. A bound, not an estimate: errors that were measured lie 20 to 38 000 times below it. (64 eps
+    /// sqrt(d) times the product of all core norms over the norm bounds it from above.) 0 for the zero
+    /// tensor. O(d n r^3).
     ///
     /// # Errors
     /// [`TtError::Dense`] for entries that are not finite.
@@ -435,18 +450,19 @@ impl TtVector {
         Ok(if norm > 0.0 { rounding / norm } else { 0.0 })
     }
 
-    /// The shortest train within the truncation (Oseledets 2011, Algorithm 2). O(d n r^3). The error never exceeds the
-    /// tolerance by more than the `floor` of the report unless the cap binds.
+    /// The shortest train within the truncation (Oseledets 2011, Algorithm 2). O(d n r^3). The error never
+    /// exceeds the tolerance by more than the `floor` of the report unless the cap binds.
     ///
-    /// The factors L_k of the parts A_{>k} = L_k Q_k come from the right (Q is never formed), already without what depends on
-    /// other rows at rounding level; from the left, the leading left singular vectors U_k of G_k L_k are the new core (any
-    /// basis of its columns where no rank can be saved), and U_k^T G_k goes into the next one. The result is left-orthogonal.
-    /// Both kinds of factors come from Gram matrices where this costs no accuracy, from QR and SVD elsewhere.
-    /// Every core and triangle is scaled by a power of two, so sizes from 1e-300 to 1e300 per core do no harm.
+    /// The factors L_k of the parts A_{>k} = L_k Q_k come from the right (Q is never formed), already without
+    /// what depends on other rows at rounding level; from the left, the leading left singular vectors U_k of
+    /// G_k L_k are the new core (any basis of its columns where no rank can be saved), and U_k^T G_k goes
+    /// into the next one. The result is left-orthogonal. Both kinds of factors come from Gram matrices where
+    /// this costs no accuracy, from QR and SVD elsewhere. Every core and triangle is scaled by a power of
+    /// two, so sizes from 1e-300 to 1e300 per core do no harm.
     ///
     /// # Errors
-    /// [`TtError::Setting`] for a tolerance outside [0, 1) or a zero cap, [`TtError::Dense`] for entries that are not
-    /// finite.
+    /// [`TtError::Setting`] for a tolerance outside [0, 1) or a zero cap, [`TtError::Dense`] for entries that
+    /// are not finite.
     ///
     /// ```
     /// use graintrain_tt::{Truncation, TtVector};
@@ -460,8 +476,8 @@ impl TtVector {
         round_cores(self, truncation)
     }
 
-    /// The train as 2^exponent times cores of which the parts right of every bond have a norm near 1; none for the zero
-    /// tensor. O(d n r^3).
+    /// The train as 2^exponent times cores of which the parts right of every bond have a norm near 1; none
+    /// for the zero tensor. O(d n r^3).
     pub(crate) fn balanced(&self) -> Result<Option<(Self, i64)>, TtError> {
         let Some(factors) = RightFactors::new(self)? else { return Ok(None) };
         let cores =
@@ -469,8 +485,9 @@ impl TtVector {
         Ok(Some((Self { cores }, factors.exponent())))
     }
 
-    /// Singular values of every unfolding (i_1 ... i_k) x (i_{k+1} ... i_d), k = 1..d-1, descending: they tell the ranks
-    /// that any tolerance needs. From the triangles of the parts left and right of the bond; O(d n r^3).
+    /// Singular values of every unfolding (i_1 ... i_k) x (i_{k+1} ... i_d), k = 1..d-1, descending: they
+    /// tell the ranks that any tolerance needs. From the triangles of the parts left and right of the bond;
+    /// O(d n r^3).
     ///
     /// # Errors
     /// [`TtError::Dense`] for entries that are not finite.
@@ -528,8 +545,9 @@ impl TtVector {
         measured(&Sum { terms: vec![(1.0, first.as_ref()), (-1.0, second.as_ref())] }, other)
     }
 
-    /// sum_i w_i x_i within the truncation, without its block-diagonal cores: the ranks and the error promise of rounding the sum, at
-    /// the cost of its nonzero blocks only. O(d n r^3) for the sum r of the ranks; terms that depend on others are left out on the way.
+    /// sum_i w_i x_i within the truncation, without its block-diagonal cores: the ranks and the error promise
+    /// of rounding the sum, at the cost of its nonzero blocks only. O(d n r^3) for the sum r of the ranks;
+    /// terms that depend on others are left out on the way.
     ///
     /// # Errors
     /// [`TtError::Shape`] if there is no term or the modes differ, else as for [`TtVector::round`].

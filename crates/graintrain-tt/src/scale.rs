@@ -1,4 +1,5 @@
-//! Powers of two taken out of and put back into numbers: exact, so that sums of squares neither overflow nor vanish.
+//! Powers of two taken out of and put back into numbers: exact, so that sums of squares neither overflow nor
+//! vanish.
 
 use crate::TtVector;
 use crate::vector::Core;
@@ -23,7 +24,8 @@ pub(crate) fn largest_finite(data: &[f64]) -> Result<f64, DenseError> {
 /// Numbers that are looked at together.
 const LANES: usize = 8;
 
-/// The scan of [`largest_finite`], in lanes, since maxima must not wait for one another: four times the rate of a plain fold.
+/// The scan of [`largest_finite`], in lanes, since maxima must not wait for one another: four times the rate
+/// of a plain fold.
 struct Scan<'a> {
     data: &'a [f64],
     largest: &'a mut [f64; LANES],
@@ -84,14 +86,15 @@ pub(crate) fn scale_within_floats(data: &mut [f64], mut power: i64) {
     }
 }
 
-/// 2^power where it may be applied within a product of matrices of moderate size; none where the numbers are so large or
-/// small that they have to be scaled first: a product may apply it to either factor, of which small numbers must not vanish.
+/// 2^power where it may be applied within a product of matrices of moderate size; none where the numbers are
+/// so large or small that they have to be scaled first: a product may apply it to either factor, of which
+/// small numbers must not vanish.
 pub(crate) fn factor_within_product(power: i32) -> Option<f64> {
     (power.abs() <= 300).then(|| f64::from(power).exp2())
 }
 
-/// Scales the largest absolute value into [1, 2) and returns the exponent taken out; none (and nothing changed) if it
-/// is zero or not finite.
+/// Scales the largest absolute value into [1, 2) and returns the exponent taken out; none (and nothing
+/// changed) if it is zero or not finite.
 pub(crate) fn factor_out(data: &mut [f64]) -> Option<i32> {
     let largest = largest_finite(data).ok().filter(|&largest| largest > 0.0)?;
     let power = binary_exponent(largest);
@@ -99,7 +102,8 @@ pub(crate) fn factor_out(data: &mut [f64]) -> Option<i32> {
     Some(power)
 }
 
-/// Multiplies a train by 2^power: into the last core where its numbers stay normal, else the same share to every core.
+/// Multiplies a train by 2^power: into the last core where its numbers stay normal, else the same share to
+/// every core.
 pub(crate) fn share_power(cores: &mut [Core], power: i64) {
     let shares = power_shares(power, cores.len());
     for (core, share) in cores.iter_mut().zip(shares) {
@@ -126,8 +130,9 @@ fn equal_shares(power: i64, d: usize) -> Vec<i32> {
 /// Beyond this binary exponent of a core its train is levelled before it is added to another one.
 const EXTREME: i32 = 64;
 
-/// The same train with the powers of two of its cores in equal shares, where a core is of extreme size. Two trains of 1e-300 may keep it in different cores: side by
-/// side in one core these are blocks whose squares have no common range. O(size of the train).
+/// The same train with the powers of two of its cores in equal shares, where a core is of extreme size. Two
+/// trains of 1e-300 may keep it in different cores: side by side in one core these are blocks whose squares
+/// have no common range. O(size of the train).
 pub(crate) fn levelled(train: &TtVector) -> Cow<'_, TtVector> {
     let mut powers = Vec::with_capacity(train.cores.len());
     for core in &train.cores {

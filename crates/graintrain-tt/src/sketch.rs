@@ -1,16 +1,17 @@
 //! Streaming approximation of a tensor from two-sided random sketches.
 //!
-//! One pass over the entries (or over other trains), in any order and in parts: the sketch is linear, so the sketch of
-//! a sum is the sum of the sketches, and a small change of a matrix is added to an old sketch. With random trains
-//! Y (left) and X (right) and the unfolding A_k at every bond,
+//! One pass over the entries (or over other trains), in any order and in parts: the sketch is linear, so the
+//! sketch of a sum is the sum of the sketches, and a small change of a matrix is added to an old sketch. With
+//! random trains Y (left) and X (right) and the unfolding A_k at every bond,
 //!
 //! Omega_k = Y_k^T A_k X_k (small), Psi_k = (Y_{k-1}^T (x) I) A_k X_k, core k = Psi_k Omega_k^+,
 //!
-//! a generalised Nystrom approximation (Kressner, Vandereycken, Voorhaar, arXiv 2208.02600). O(nnz d r^2) for entries.
-//! The error is near the best one of the rank in expectation. The sketch estimates it from itself: a few columns more than the rank are
-//! kept, and how far a column of Omega_k is from the span of the others is what a new column would find at this bond (leaving one out).
-//! That is an estimate, not a bound; for a sparse matrix [`QuadtreeMatrix::relative_error`] measures. Where all entries are at hand, the
-//! exact pass of [`crate::sparse`] is simpler and better.
+//! a generalised Nystrom approximation (Kressner, Vandereycken, Voorhaar, arXiv 2208.02600). O(nnz d r^2) for
+//! entries. The error is near the best one of the rank in expectation. The sketch estimates it from itself: a
+//! few columns more than the rank are kept, and how far a column of Omega_k is from the span of the others is
+//! what a new column would find at this bond (leaving one out). That is an estimate, not a bound; for a
+//! sparse matrix [`QuadtreeMatrix::relative_error`] measures. Where all entries are at hand, the exact pass
+//! of [`crate::sparse`] is simpler and better.
 
 use crate::arithmetic::push_dot;
 use crate::error::at_core;
@@ -52,12 +53,14 @@ pub struct Sketch {
 }
 
 impl Sketch {
-    /// The sketch of zero for results of rank up to `rank`: rank + 5 columns on the right, 2 rank + 15 on the left.
+    /// The sketch of zero for results of rank up to `rank`: rank + 5 columns on the right, 2 rank + 15 on the
+    /// left.
     ///
     /// Sketches can be added if they have the same modes, rank and seed.
     ///
     /// # Errors
-    /// [`TtError::Shape`] if there is no mode or a mode is empty, [`TtError::TooLarge`] for a core of more than 2^31 numbers.
+    /// [`TtError::Shape`] if there is no mode or a mode is empty, [`TtError::TooLarge`] for a core of more
+    /// than 2^31 numbers.
     pub fn new(modes: &[usize], rank: usize, seed: u64) -> Result<Self, TtError> {
         let mut random = Random::new(seed);
         let mut gaussian = |ranks: &[usize]| {
@@ -178,8 +181,9 @@ impl Sketch {
         Ok(())
     }
 
-    /// The train, rounded, of ranks up to that of the sketch. The report's error is that of the rounding and the estimate of what the sketch
-    /// missed (see the module), sqrt(rounding^2 + sum over bonds of missed^2).
+    /// The train, rounded, of ranks up to that of the sketch. The report's error is that of the rounding and
+    /// the estimate of what the sketch missed (see the module), sqrt(rounding^2 + sum over bonds of
+    /// missed^2).
     ///
     /// # Errors
     /// [`TtError::Setting`] for a bad truncation, [`TtError::Dense`] if an entry is not finite.
@@ -259,9 +263,10 @@ impl Sketch {
 }
 
 impl TtVector {
-    /// sum_i w_i x_i of many terms at once: every term is sketched, O(d n r_i R (r_i + R)) for a sketch of rank R, and no core of the sum of all ranks is ever
-    /// made. R doubles from 8 until the sketch's own estimate of its error meets the tolerance; the report holds this ESTIMATE (see
-    /// the module), not the error itself, which [`TtVector::sum_rounded`] knows.
+    /// sum_i w_i x_i of many terms at once: every term is sketched, O(d n r_i R (r_i + R)) for a sketch of
+    /// rank R, and no core of the sum of all ranks is ever made. R doubles from 8 until the sketch's own
+    /// estimate of its error meets the tolerance; the report holds this ESTIMATE (see the module), not the
+    /// error itself, which [`TtVector::sum_rounded`] knows.
     ///
     /// # Errors
     /// [`TtError::Shape`] if there is no term or the modes differ, else as for [`Sketch::to_train`].
@@ -302,8 +307,8 @@ impl TtVector {
     }
 }
 
-/// Mean squared distance of the columns of U diag(s) V^T from the span of the others, over their mean square: column j is 1 / |row j of the
-/// pseudo-inverse| away. All singular values are positive.
+/// Mean squared distance of the columns of U diag(s) V^T from the span of the others, over their mean square:
+/// column j is 1 / |row j of the pseudo-inverse| away. All singular values are positive.
 fn left_out_share(s: &[f64], v: &Matrix) -> f64 {
     let distance = |j: usize| 1.0 / (0..s.len()).map(|i| (v[(j, i)] / s[i]).powi(2)).sum::<f64>();
     (0..v.rows()).map(distance).sum::<f64>() / s.iter().map(|s| s * s).sum::<f64>()

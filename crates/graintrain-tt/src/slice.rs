@@ -6,11 +6,12 @@ use graintrain_linalg::dense::{Matrix, View, product};
 use std::ops::Range;
 
 impl TtVector {
-    /// The entries whose digit k lies in `ranges[k]`, for every k; ranks stay, so round afterwards. A fixed digit is a
-    /// range of length one: see [`TtVector::squeeze`].
+    /// The entries whose digit k lies in `ranges[k]`, for every k; ranks stay, so round afterwards. A fixed
+    /// digit is a range of length one: see [`TtVector::squeeze`].
     ///
     /// # Errors
-    /// [`TtError::Shape`] unless there is one range per mode, none of them empty; [`TtError::Index`] if one ends outside.
+    /// [`TtError::Shape`] unless there is one range per mode, none of them empty; [`TtError::Index`] if one
+    /// ends outside.
     ///
     /// ```
     /// use graintrain_tt::qtt;
@@ -32,8 +33,8 @@ impl TtVector {
         Ok(Self { cores: self.cores.iter().zip(ranges).map(part).collect() })
     }
 
-    /// The same tensor without its modes of size one (but for one if there is no other): their cores are multiplied into a
-    /// neighbour.
+    /// The same tensor without its modes of size one (but for one if there is no other): their cores are
+    /// multiplied into a neighbour.
     pub fn squeeze(&self) -> Self {
         let mut cores: Vec<Core> = Vec::with_capacity(self.num_cores());
         // The product of the matrices of modes of size one before the first other mode.
@@ -60,8 +61,8 @@ impl TtVector {
 }
 
 impl TtMatrix {
-    /// The block of entries whose row digit k lies in `rows[k]` and column digit k in `columns[k]`; ranks stay, so round
-    /// afterwards.
+    /// The block of entries whose row digit k lies in `rows[k]` and column digit k in `columns[k]`; ranks
+    /// stay, so round afterwards.
     ///
     /// # Errors
     /// As for [`TtVector::sub_tensor`].

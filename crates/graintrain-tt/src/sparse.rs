@@ -1,17 +1,19 @@
 //! Sparse matrix to tensor train by one exact pass over its nonzero blocks.
 //!
-//! A matrix of size n_1 2^L is a quadtree: L levels of 2x2 blocks over leaf blocks of size n_1. With the digits ordered
-//! from fine to coarse the TT-SVD needs, at level k, only the coefficient vectors c_IJ of the nonzero blocks in the
-//! basis found so far (block IJ = sum_rho c_IJ(rho) E_rho, E orthonormal), because zero blocks add nothing to the Gram
-//! matrix of the unfolding. So, from the leaves up:
+//! A matrix of size n_1 2^L is a quadtree: L levels of 2x2 blocks over leaf blocks of size n_1. With the
+//! digits ordered from fine to coarse the TT-SVD needs, at level k, only the coefficient vectors c_IJ of the
+//! nonzero blocks in the basis found so far (block IJ = sum_rho c_IJ(rho) E_rho, E orthonormal), because zero
+//! blocks add nothing to the Gram matrix of the unfolding. So, from the leaves up:
 //!
 //! 1. G = sum over blocks of c c^T; leading eigenvectors U of G are the core, the rest is discarded;
 //! 2. c <- U^T c;
-//! 3. four children (I, J) share a parent (I / 2, J / 2): their vectors are stacked in the order of the paired digit.
+//! 3. four children (I, J) share a parent (I / 2, J / 2): their vectors are stacked in the order of the
+//!    paired digit.
 //!
-//! Every entry is seen, the error is known (sum of the discarded eigenvalues), ranks are those of the TT-SVD, and the
-//! cost is O(nonzero blocks r^2) per level. Where the tolerance comes near the rounding of the Gram matrix (about 1e-6, or
-//! dummies much larger than the entries), the triangle of a QR of all vectors takes its place.
+//! Every entry is seen, the error is known (sum of the discarded eigenvalues), ranks are those of the TT-SVD,
+//! and the cost is O(nonzero blocks r^2) per level. Where the tolerance comes near the rounding of the Gram
+//! matrix (about 1e-6, or dummies much larger than the entries), the triangle of a QR of all vectors takes
+//! its place.
 
 use crate::error::at_core;
 use crate::round::{Budget, ROUNDING};
@@ -27,7 +29,8 @@ use serde::{Deserialize, Serialize};
 
 /// Blocks per task: part of the definition of every sum made here, so that threads do not change a bit.
 const CHUNK: usize = 1024;
-/// The Gram matrix serves while its rounding errors, times this, stay below the squared error that one bond may make.
+/// The Gram matrix serves while its rounding errors, times this, stay below the squared error that one bond
+/// may make.
 const GRAM_SAFETY: f64 = 100.0;
 /// Largest number of levels: block coordinates have 31 bits.
 const MAX_LEVELS: usize = 31;
@@ -56,8 +59,8 @@ impl QuadtreeMatrix {
     /// From entries (row, column, value); entries at the same place are added.
     ///
     /// # Errors
-    /// [`TtError::Index`] if a row or column is not below n_1 2^levels, [`TtError::Setting`] for more than 31 levels
-    /// or a leaf of size 0.
+    /// [`TtError::Index`] if a row or column is not below n_1 2^levels, [`TtError::Setting`] for more than 31
+    /// levels or a leaf of size 0.
     pub fn from_entries(
         leaf_size: usize,
         levels: usize,
@@ -104,13 +107,15 @@ impl QuadtreeMatrix {
         Ok(Self { leaf_size, levels, key: keys, start, position, value, dummy: 0.0, norm, dummy_count: 0.0 })
     }
 
-    /// From the 3x3 blocks (block row, block column, numbers row by row) of a matrix and the place of every block row: block row c sits at rows 3 place\[c\] + 0..3, so
-    /// with `slots` places per leaf its leaf is place\[c\] / slots and its slot place\[c\] % slots. The first mode is
-    /// (3 slots)^2, then 4, ..., 4. Places that no block row takes are dummies: `dummy` on their diagonal (1 keeps the
-    /// matrix regular, 0 leaves them zero, which compresses better).
+    /// From the 3x3 blocks (block row, block column, numbers row by row) of a matrix and the place of every
+    /// block row: block row c sits at rows 3 place\[c\] + 0..3, so with `slots` places per leaf its leaf is
+    /// place\[c\] / slots and its slot place\[c\] % slots. The first mode is (3 slots)^2, then 4, ..., 4.
+    /// Places that no block row takes are dummies: `dummy` on their diagonal (1 keeps the matrix regular, 0
+    /// leaves them zero, which compresses better).
     ///
     /// # Errors
-    /// [`TtError::Index`] for a block row or column without a place, a place outside slots 2^levels or one that is taken twice, [`TtError::Setting`] as for [`QuadtreeMatrix::from_entries`].
+    /// [`TtError::Index`] for a block row or column without a place, a place outside slots 2^levels or one
+    /// that is taken twice, [`TtError::Setting`] as for [`QuadtreeMatrix::from_entries`].
     ///
     /// ```
     /// use graintrain_tt::{Truncation, sparse::QuadtreeMatrix};
@@ -150,7 +155,8 @@ impl QuadtreeMatrix {
         Ok(quadtree)
     }
 
-    /// Puts the dummy value on the free slots of leaves that hold some unknown; empty leaves are handled in the pass.
+    /// Puts the dummy value on the free slots of leaves that hold some unknown; empty leaves are handled in
+    /// the pass.
     fn fill_partial_leaves(&mut self, sorted_places: &[usize], slots: usize, dummy: f64) {
         self.dummy = dummy;
         if dummy == 0.0 {
@@ -247,8 +253,9 @@ impl QuadtreeMatrix {
     }
 
     /// ||S - train||_F over the norm of the given entries for any train, S with its dummies: with D the dummy value on the
-    /// whole diagonal, S - D is sparse and ||S - train||^2 = ||S - D||^2 - 2 <S - D, train - D> + ||train - D||^2. Every
-    /// nonzero is compared, and what the train puts on zeros counts. O(nnz d r^2); cannot resolve less than about 1e-8.
+    /// whole diagonal, S - D is sparse and ||S - train||^2 = ||S - D||^2 - 2 <S - D, train - D> + ||train -
+    /// D||^2. Every nonzero is compared, and what the train puts on zeros counts. O(nnz d r^2); cannot
+    /// resolve less than about 1e-8.
     ///
     /// # Errors
     /// [`TtError::Shape`] if the train does not have these modes.
@@ -280,12 +287,13 @@ impl QuadtreeMatrix {
         Ok(squared.max(0.0).sqrt() / (self.norm * unit))
     }
 
-    /// The train of the augmented matrix; see the module. The tolerance is relative to [`QuadtreeMatrix::norm`], the
-    /// norm WITHOUT dummies: an identity on many dummies would otherwise hide any error.
+    /// The train of the augmented matrix; see the module. The tolerance is relative to
+    /// [`QuadtreeMatrix::norm`], the norm WITHOUT dummies: an identity on many dummies would otherwise hide
+    /// any error.
     ///
     /// # Errors
-    /// [`TtError::Setting`] for a bad truncation or a norm that overflows, [`TtError::Dense`] if an entry is not finite,
-    /// [`TtError::TooLarge`] for leaves whose Gram matrix (n_1^4 numbers) does not fit.
+    /// [`TtError::Setting`] for a bad truncation or a norm that overflows, [`TtError::Dense`] if an entry is
+    /// not finite, [`TtError::TooLarge`] for leaves whose Gram matrix (n_1^4 numbers) does not fit.
     pub fn to_train(&self, truncation: &Truncation) -> Result<(TtMatrix, SparseReport), TtError> {
         truncation.check()?;
         largest_finite(&self.value).map_err(at_core(0))?;
@@ -364,12 +372,14 @@ impl QuadtreeMatrix {
 /// What [`QuadtreeMatrix::to_train`] did.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SparseReport {
-    /// Frobenius error relative to the norm of the given entries (without dummies): exact up to the rounding of a Gram
-    /// matrix, at most a tenth of the tolerance.
+    /// Frobenius error relative to the norm of the given entries (without dummies): exact up to the rounding
+    /// of a Gram matrix, at most a tenth of the tolerance.
     pub error: f64,
-    /// Relative error that rounding may have added: 64 eps sqrt(levels) times the norm with dummies over that without.
+    /// Relative error that rounding may have added: 64 eps sqrt(levels) times the norm with dummies over that
+    /// without.
     pub floor: f64,
-    /// The same error relative to the norm with dummies: what a method that looks only at the augmented matrix sees.
+    /// The same error relative to the norm with dummies: what a method that looks only at the augmented
+    /// matrix sees.
     pub augmented_error: f64,
     /// Frobenius norm of the given entries.
     pub norm: f64,
@@ -377,7 +387,8 @@ pub struct SparseReport {
     pub capped: bool,
 }
 
-/// The nonzero blocks of one level as coefficient vectors, and the one vector that all empty diagonal blocks share.
+/// The nonzero blocks of one level as coefficient vectors, and the one vector that all empty diagonal blocks
+/// share.
 struct Level {
     width: usize,
     key: Vec<u64>,

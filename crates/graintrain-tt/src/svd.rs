@@ -1,12 +1,14 @@
 //! TT-SVD: the train of a full tensor (Oseledets 2011, Algorithm 1).
 //!
-//! A large tensor is read twice. The unfolding nearest to square is A = Q B + what is left out, Q from a random sketch that checks itself
-//! (`range.rs`), and the TT-SVD of Q B works on two matrices that are small. Where the check says that this leaves out too much (the rank
-//! there exceeds 100, or the tolerance is 0), the passes go from the fine modes to the coarse ones:
+//! A large tensor is read twice. The unfolding nearest to square is A = Q B + what is left out, Q from a
+//! random sketch that checks itself (`range.rs`), and the TT-SVD of Q B works on two matrices that are small.
+//! Where the check says that this leaves out too much (the rank there exceeds 100, or the tolerance is 0),
+//! the passes go from the fine modes to the coarse ones:
 //!
-//! Every pass over the data costs traffic, and a small mode shortens them little: n = 2 halves them at best. So several
-//! modes are taken at once, as many as keep the unfolding at `GROUP_ROWS` rows: A = L Q of this unfolding with orthonormal
-//! rows of Q, and the TT-SVD of the small tensor L gives the same cores as that of A.
+//! Every pass over the data costs traffic, and a small mode shortens them little: n = 2 halves them at best.
+//! So several modes are taken at once, as many as keep the unfolding at `GROUP_ROWS` rows: A = L Q of this
+//! unfolding with orthonormal rows of Q, and the TT-SVD of the small tensor L gives the same cores as that of
+//! A.
 
 use crate::error::at_core;
 use crate::factor::{SQUARES, SafeCholesky, leading_columns};
@@ -20,16 +22,19 @@ use graintrain_linalg::dense::{Matrix, View, ViewMut, multiply, product, qr_tria
 use graintrain_linalg::triangles::gram;
 use rayon::prelude::*;
 
-/// Unfoldings of more rows than this are not made by joining modes: the QR of a pass costs 2 rows flops per entry.
+/// Unfoldings of more rows than this are not made by joining modes: the QR of a pass costs 2 rows flops per
+/// entry.
 const GROUP_ROWS: usize = 64;
-/// Tensors of fewer numbers than this are small: their reads cost nothing, so no sketches and no Gram matrices of them.
+/// Tensors of fewer numbers than this are small: their reads cost nothing, so no sketches and no Gram
+/// matrices of them.
 const LARGE: usize = 1 << 18;
 /// A basis from a sketch may leave out this part of the squared error allowed.
 const RANGE_SHARE: f64 = 0.05;
-/// A Gram matrix stands for its rows where the squared error that may be made is more than this part of its trace.
+/// A Gram matrix stands for its rows where the squared error that may be made is more than this part of its
+/// trace.
 const GRAM_SHARE: f64 = 1e-11;
-/// Eigenvectors of a Gram matrix are singular vectors where the squared error that may be made is more than this part of its trace: their own errors are
-/// some units of rounding.
+/// Eigenvectors of a Gram matrix are singular vectors where the squared error that may be made is more than
+/// this part of its trace: their own errors are some units of rounding.
 const EIGENVECTOR_SHARE: f64 = 64.0 * f64::EPSILON;
 /// Larger tensors are not turned onto eigenvectors in whole.
 const LARGEST_TURNED: usize = 1 << 20;
@@ -39,19 +44,20 @@ const TASK_NUMBERS: usize = 1 << 16;
 const SEED: u64 = 0x7EA5_0125;
 
 impl TtVector {
-    /// TT-SVD of a full tensor (Oseledets 2011, Algorithm 1), first index fastest: truncated SVDs of the unfoldings,
-    /// several modes in one pass. Each wide unfolding is first reduced to a small triangle by QR of its transpose, or by a Gram matrix
-    /// where the tolerance (above about 1e-5) allows it.
+    /// TT-SVD of a full tensor (Oseledets 2011, Algorithm 1), first index fastest: truncated SVDs of the
+    /// unfoldings, several modes in one pass. Each wide unfolding is first reduced to a small triangle by QR
+    /// of its transpose, or by a Gram matrix where the tolerance (above about 1e-5) allows it.
     ///
-    /// From 2^18 entries on, and where the unfolding in the middle has a rank up to about 100 within the tolerance, a random sketch of it comes
-    /// first (see the module): two reads, 2 r + 3 flops per entry, no copy of the input.
+    /// From 2^18 entries on, and where the unfolding in the middle has a rank up to about 100 within the
+    /// tolerance, a random sketch of it comes first (see the module): two reads, 2 r + 3 flops per entry, no
+    /// copy of the input.
     ///
-    /// The report's error is the error itself, what a sketch left out included (measured, squares to about 1e-15 of the squared norm).
-    /// Entries of any finite size.
+    /// The report's error is the error itself, what a sketch left out included (measured, squares to about
+    /// 1e-15 of the squared norm). Entries of any finite size.
     ///
     /// # Errors
-    /// [`TtError::Shape`] if the length is not the product of the modes; [`TtError::Setting`] and [`TtError::Dense`]
-    /// as for [`TtVector::round`].
+    /// [`TtError::Shape`] if the length is not the product of the modes; [`TtError::Setting`] and
+    /// [`TtError::Dense`] as for [`TtVector::round`].
     ///
     /// ```
     /// use graintrain_tt::{Truncation, TtVector};
@@ -126,7 +132,8 @@ impl Source<'_> {
     }
 }
 
-/// The bond whose unfolding is nearest to square and has no fewer columns than rows, and its rows; bond 0 if there is none.
+/// The bond whose unfolding is nearest to square and has no fewer columns than rows, and its rows; bond 0 if
+/// there is none.
 fn middle(modes: &[usize]) -> (usize, usize) {
     let entries: f64 = modes.iter().map(|&n| n as f64).product();
     let (mut bond, mut rows) = (0, 1);
@@ -164,8 +171,9 @@ fn split_off(
     Ok(())
 }
 
-/// The cores of Q B, the unfolding at a bond: Q B has the left singular vectors of Q L with B = L times orthonormal rows, and what remains
-/// of it right of the bond is (U^T Q) B for the basis U that the cores left of the bond hold.
+/// The cores of Q B, the unfolding at a bond: Q B has the left singular vectors of Q L with B = L times
+/// orthonormal rows, and what remains of it right of the bond is (U^T Q) B for the basis U that the cores
+/// left of the bond hold.
 fn from_range(
     range: Range,
     modes: &[usize],
@@ -192,7 +200,8 @@ fn from_range(
     }
     let carried = View::new(&both[first..], left, coefficients.rows());
     let rest = product(carried, coefficients.view());
-    // From the coarse end the first pass takes a whole group of modes; from the bond, with the full rank in front, every mode would be a pass.
+    // From the coarse end the first pass takes a whole group of modes; from the bond, with the full rank in
+    // front, every mode would be a pass.
     let right = &modes[bond..];
     let mut turned: Vec<usize> = right.iter().rev().copied().collect();
     turned.push(left);
@@ -211,7 +220,8 @@ fn from_range(
     Ok(())
 }
 
-/// A matrix whose columns are numbered by digits of these sizes, first fastest, as the tensor of the digits in reverse order, the row last.
+/// A matrix whose columns are numbered by digits of these sizes, first fastest, as the tensor of the digits
+/// in reverse order, the row last.
 fn reversed(matrix: &Matrix, sizes: &[usize]) -> Vec<f64> {
     let (rows, columns) = (matrix.rows(), matrix.columns());
     // Where column j goes: its digits with the places of the reversed order.
@@ -280,9 +290,10 @@ fn pass(
     Ok((basis, projected))
 }
 
-/// The leading left singular vectors U of a matrix A of m rows and U^T A: eigenvectors V of A A^T, and the rank by the squares of the rows of V^T A, which are
-/// formed, so that what is left out is what it is however V was found. None where the share of the budget is near what a Gram matrix resolves
-/// (a rank might be too large then), and for large tensors, of which this would make a copy.
+/// The leading left singular vectors U of a matrix A of m rows and U^T A: eigenvectors V of A A^T, and the
+/// rank by the squares of the rows of V^T A, which are formed, so that what is left out is what it is however
+/// V was found. None where the share of the budget is near what a Gram matrix resolves (a rank might be too
+/// large then), and for large tensors, of which this would make a copy.
 fn leading_by_eigenvectors(numbers: &[f64], m: usize, budget: &mut Budget) -> Option<(Matrix, Vec<f64>)> {
     if numbers.len() > LARGEST_TURNED {
         return None;
@@ -318,11 +329,11 @@ fn project(basis: &Matrix, numbers: &[f64]) -> Vec<f64> {
     projected
 }
 
-/// L with A A^T = L L^T and no more columns than A: A = L Q with orthonormal rows of Q has the singular values and left singular vectors of
-/// L. Only some times rows x rows numbers live at a time.
+/// L with A A^T = L L^T and no more columns than A: A = L Q with orthonormal rows of Q has the singular
+/// values and left singular vectors of L. Only some times rows x rows numbers live at a time.
 ///
-/// From Gram matrices ([`factor_by_gram`], which `share`, the squared error that may be made, makes cheaper), else by a QR of A^T that runs
-/// over blocks of columns.
+/// From Gram matrices ([`factor_by_gram`], which `share`, the squared error that may be made, makes cheaper),
+/// else by a QR of A^T that runs over blocks of columns.
 fn lower_factor(numbers: &[f64], m: usize, share: f64) -> Matrix {
     let n = numbers.len() / m;
     if n > 2 * m
@@ -359,10 +370,11 @@ fn transpose_into(numbers: &[f64], m: usize, first: usize, height: usize, to: &m
     }
 }
 
-/// [`lower_factor`] at the rate of matrix products: the Cholesky factor of A A^T where its condition allows that; where it does not, the rows are rotated
-/// onto the eigenvectors V of A A^T, which leaves them nearly orthogonal and of all sizes, and V times the Cholesky factor of
-/// V^T A (V^T A)^T is as good as reflections are (the condition that counts is that of rows brought to length one, see [`crate::factor`]). In a large tensor the
-/// eigenvalues themselves do where `share` is far above their rounding. None where all this fails.
+/// [`lower_factor`] at the rate of matrix products: the Cholesky factor of A A^T where its condition allows
+/// that; where it does not, the rows are rotated onto the eigenvectors V of A A^T, which leaves them nearly
+/// orthogonal and of all sizes, and V times the Cholesky factor of V^T A (V^T A)^T is as good as reflections
+/// are (the condition that counts is that of rows brought to length one, see [`crate::factor`]). In a large
+/// tensor the eigenvalues themselves do where `share` is far above their rounding. None where all this fails.
 fn factor_by_gram(numbers: &[f64], m: usize, share: f64) -> Option<Matrix> {
     let total = sum_of_grams(numbers, m, None);
     let trace: f64 = (0..m).map(|i| total[(i, i)]).sum();

@@ -1,17 +1,18 @@
 //! Symmetric matrices as trains whose bonds know their parity.
 //!
-//! Exchanging i_k and j_k in every pair maps A to A^T. On one pair of digits this exchange has the eigenvalues +1 (the
-//! s = n (n + 1) / 2 symmetric n x n matrices) and -1 (the a = n (n - 1) / 2 antisymmetric ones). A = A^T means that a product
-//! over all digits holds an even number of antisymmetric factors, so every bond splits into an even and an odd part
-//! and every core into four blocks,
+//! Exchanging i_k and j_k in every pair maps A to A^T. On one pair of digits this exchange has the
+//! eigenvalues +1 (the s = n (n + 1) / 2 symmetric n x n matrices) and -1 (the a = n (n - 1) / 2
+//! antisymmetric ones). A = A^T means that a product over all digits holds an even number of antisymmetric
+//! factors, so every bond splits into an even and an odd part and every core into four blocks,
 //!
 //! ```text
 //! even -> even and odd -> odd: s matrices,   even -> odd and odd -> even: a matrices,
 //! ```
 //!
-//! the train starting and ending even. Half of the numbers of the ungraded train are not there at all, singular value
-//! decompositions split in two, and the matrix is symmetric to the last bit whatever is truncated. (The grading by a
-//! finite group is that of symmetric tensor networks: Singh, Pfeifer, Vidal, Phys. Rev. A 82, 050301, 2010.)
+//! the train starting and ending even. Half of the numbers of the ungraded train are not there at all,
+//! singular value decompositions split in two, and the matrix is symmetric to the last bit whatever is
+//! truncated. (The grading by a finite group is that of symmetric tensor networks: Singh, Pfeifer, Vidal,
+//! Phys. Rev. A 82, 050301, 2010.)
 
 use crate::error::at_core;
 use crate::factor::{all_columns, row_factor};
@@ -91,8 +92,9 @@ impl TryFrom<Stored> for SymmetricTrain {
 }
 
 impl SymmetricTrain {
-    /// (A + A^T) / 2. With G = S + T the symmetric and antisymmetric parts of a core, the product of all S + T restricted to
-    /// an even number of T: even and odd rank at every bond are the rank of A before any rounding.
+    /// (A + A^T) / 2. With G = S + T the symmetric and antisymmetric parts of a core, the product of all S +
+    /// T restricted to an even number of T: even and odd rank at every bond are the rank of A before any
+    /// rounding.
     ///
     /// # Errors
     /// [`TtError::Shape`] if a core is not square.
@@ -121,7 +123,8 @@ impl SymmetricTrain {
         Ok(Self { modes: a.row_modes().to_vec(), cores })
     }
 
-    /// The same matrix as an ordinary train, ranks even + odd. Its entries (i, j) and (j, i) are equal to the last bit.
+    /// The same matrix as an ordinary train, ranks even + odd. Its entries (i, j) and (j, i) are equal to the
+    /// last bit.
     pub fn to_matrix(&self) -> TtMatrix {
         let cores = self.cores.iter().zip(&self.modes).map(|(core, &n)| core.ungraded(n)).collect();
         TtMatrix { rows: self.modes.clone(), columns: self.modes.clone(), train: TtVector { cores } }
@@ -166,8 +169,8 @@ impl SymmetricTrain {
         Ok(Self { modes: self.modes.clone(), cores: (0..=last).map(sum).collect() })
     }
 
-    /// A x for a train x, which has no parity: the product of [`SymmetricTrain::to_matrix`]. (For full vectors make a
-    /// [`crate::apply::FullOperator`] of that.)
+    /// A x for a train x, which has no parity: the product of [`SymmetricTrain::to_matrix`]. (For full
+    /// vectors make a [`crate::apply::FullOperator`] of that.)
     ///
     /// # Errors
     /// As for [`TtMatrix::times_vector`].
@@ -180,9 +183,9 @@ impl SymmetricTrain {
         self.cores.iter().flat_map(|core| core.blocks.iter().flatten()).map(|block| block.data.len()).sum()
     }
 
-    /// The shortest graded train within the truncation: as [`TtVector::round`], with one decomposition per parity and bond.
-    /// Singular vectors of a symmetric matrix have a parity, so the error and the total ranks are those of
-    /// ungraded rounding. O(d n^2 r^3 / 4).
+    /// The shortest graded train within the truncation: as [`TtVector::round`], with one decomposition per
+    /// parity and bond. Singular vectors of a symmetric matrix have a parity, so the error and the total
+    /// ranks are those of ungraded rounding. O(d n^2 r^3 / 4).
     ///
     /// # Errors
     /// As for [`TtVector::round`].
@@ -280,7 +283,8 @@ impl GradedCore {
         Matrix::from_vec(upper + lower, top.right, data)
     }
 
-    /// The inverse of [`GradedCore::left_unfolding`] for both parities; right ranks may be others than before.
+    /// The inverse of [`GradedCore::left_unfolding`] for both parities; right ranks may be others than
+    /// before.
     fn set_left_unfoldings(&mut self, unfoldings: &[Matrix; 2]) {
         for (q, unfolding) in unfoldings.iter().enumerate() {
             let mut first = 0;
@@ -353,8 +357,8 @@ fn leading_of_both(unfoldings: &[Matrix; 2], budget: &mut Budget) -> Result<[Mat
     Ok(vectors)
 }
 
-/// The pairs (i, j), i <= j, whose basis matrices are e_i e_i^T and (e_i e_j^T + e_j e_i^T) / sqrt(2); or those, i < j, of
-/// (e_i e_j^T - e_j e_i^T) / sqrt(2).
+/// The pairs (i, j), i <= j, whose basis matrices are e_i e_i^T and (e_i e_j^T + e_j e_i^T) / sqrt(2); or
+/// those, i < j, of (e_i e_j^T - e_j e_i^T) / sqrt(2).
 fn pairs(n: usize, symmetric: bool) -> Vec<(usize, usize)> {
     (0..n).flat_map(|j| (0..j + usize::from(symmetric)).map(move |i| (i, j))).collect()
 }

@@ -1,11 +1,12 @@
-//! Trains of other programs: MATLAB files of TT-Toolbox (level 5, `save -v6` and `-v7`) and the binary files of TT-Toolbox's `tt_save`,
-//! ttpy's `write` and tt-fort ("SDV").
+//! Trains of other programs: MATLAB files of TT-Toolbox (level 5, `save -v6` and `-v7`) and the binary files
+//! of TT-Toolbox's `tt_save`, ttpy's `write` and tt-fort ("SDV").
 //!
-//! Both keep cores as this crate does: first index fastest, the modes of a matrix row digit fastest. Nothing in a file is believed: sizes are held
-//! against what is really there before memory is asked for, and what is damaged, complex or of another version is a [`TtError::Format`] that says where.
+//! Both keep cores as this crate does: first index fastest, the modes of a matrix row digit fastest. Nothing
+//! in a file is believed: sizes are held against what is really there before memory is asked for, and what is
+//! damaged, complex or of another version is a [`TtError::Format`] that says where.
 //!
-//! SDV: 8 bytes `TT` and blanks; version 1, 0; four numbers; a comment of 64 bytes; eight numbers; the first and the last mode l, m; modes; ranks
-//! (all i32, little-endian); cores as f64.
+//! SDV: 8 bytes `TT` and blanks; version 1, 0; four numbers; a comment of 64 bytes; eight numbers; the first
+//! and the last mode l, m; modes; ranks (all i32, little-endian); cores as f64.
 
 use crate::vector::Core;
 use crate::{TtError, TtVector};
@@ -59,13 +60,15 @@ fn doubles(bytes: &[u8]) -> Vec<f64> {
     bytes.chunks_exact(8).map(number).collect()
 }
 
-/// Reads an SDV file: what TT-Toolbox's `tt_save`, ttpy's `vector.write` and tt-fort's `write` make of a real train in double precision.
+/// Reads an SDV file: what TT-Toolbox's `tt_save`, ttpy's `vector.write` and tt-fort's `write` make of a real
+/// train in double precision.
 ///
-/// A matrix is saved by them as the train of its paired modes: [`TtMatrix::from_vector`](crate::TtMatrix::from_vector) makes it one again.
+/// A matrix is saved by them as the train of its paired modes:
+/// [`TtMatrix::from_vector`](crate::TtMatrix::from_vector) makes it one again.
 ///
 /// # Errors
-/// [`TtError::File`] if the file cannot be read; [`TtError::Format`] if it is damaged, of another version, complex or in single precision; [`TtError::Shape`] if its outer
-/// ranks are not 1.
+/// [`TtError::File`] if the file cannot be read; [`TtError::Format`] if it is damaged, of another version,
+/// complex or in single precision; [`TtError::Shape`] if its outer ranks are not 1.
 pub fn read_sdv(file: &Path) -> Result<TtVector, TtError> {
     let data = open(file)?;
     let mut input = Bytes { file, data: &data, at: 0 };
@@ -124,7 +127,8 @@ pub fn write_sdv(train: &TtVector, file: &Path) -> Result<(), TtError> {
     let fault = |source| TtError::File { file: file.display().to_string(), source };
     let mut out = BufWriter::new(File::create(file).map_err(fault)?);
     let d = train.num_cores();
-    // The size of an array of tt-fort's type comes first of the four numbers; first and last mode first of the eight.
+    // The size of an array of tt-fort's type comes first of the four numbers; first and last mode first of
+    // the eight.
     let mut header = b"TT      ".to_vec();
     let put = |numbers: &[usize], bytes: &mut Vec<u8>| -> Result<(), TtError> {
         for &n in numbers {

@@ -168,12 +168,14 @@ impl Core {
         self.multiply_right_scaled(m, 0)
     }
 
-    /// 2^power M G, without overflow on the way where 2^power G has none. Only the blocks of block-diagonal cores are multiplied.
+    /// 2^power M G, without overflow on the way where 2^power G has none. Only the blocks of block-diagonal
+    /// cores are multiplied.
     pub(crate) fn multiply_left_scaled(&self, m: View<'_>, power: i32) -> Self {
         self.multiply_left_in(m, power, Vec::new())
     }
 
-    /// [`Core::multiply_left_scaled`] in the given memory: new memory costs a page fault per 512 numbers, up to a tenth of such a product.
+    /// [`Core::multiply_left_scaled`] in the given memory: new memory costs a page fault per 512 numbers, up
+    /// to a tenth of such a product.
     pub(crate) fn multiply_left_in(&self, m: View<'_>, power: i32, memory: Vec<f64>) -> Self {
         let Some(factor) = factor_within_product(power) else {
             return self.scaled(power).multiply_left_in(m, 0, memory);
@@ -195,8 +197,8 @@ impl Core {
         Self { left: rows, data, ..*self }
     }
 
-    /// 2^power G M, without overflow on the way where 2^power G has none. Blocks of zeros of block-diagonal cores and above the diagonal of M are not
-    /// multiplied.
+    /// 2^power G M, without overflow on the way where 2^power G has none. Blocks of zeros of block-diagonal
+    /// cores and above the diagonal of M are not multiplied.
     pub(crate) fn multiply_right_scaled(&self, m: View<'_>, power: i32) -> Self {
         self.multiply_right_in(m, power, Vec::new())
     }
@@ -227,8 +229,9 @@ impl Core {
         Self { right: columns, data, ..*self }
     }
 
-    /// The blocks of a core that is zero outside of them, as the cores of a sum are, each of [`SMALLEST_BLOCK`] right ranks at least; none for other
-    /// cores. O(1) for a core without zeros in its corners, else O(left mode right).
+    /// The blocks of a core that is zero outside of them, as the cores of a sum are, each of
+    /// [`SMALLEST_BLOCK`] right ranks at least; none for other cores. O(1) for a core without zeros in its
+    /// corners, else O(left mode right).
     fn diagonal_blocks(&self) -> Option<Vec<DiagonalBlock>> {
         if self.left.min(self.right) < 2 * SMALLEST_BLOCK {
             return None;
@@ -326,8 +329,8 @@ impl TtVector {
     /// A train from its cores.
     ///
     /// # Errors
-    /// [`TtError::Shape`] if there is no core, a core does not hold left * mode * right numbers, neighbours disagree
-    /// on a rank, a size is zero, or the outer ranks are not 1.
+    /// [`TtError::Shape`] if there is no core, a core does not hold left * mode * right numbers, neighbours
+    /// disagree on a rank, a size is zero, or the outer ranks are not 1.
     pub fn from_cores(cores: Vec<Core>) -> Result<Self, TtError> {
         let shape = |what, expected: usize, got: usize| {
             if expected == got {
@@ -365,7 +368,8 @@ impl TtVector {
     /// All entries equal to `value`.
     ///
     /// # Errors
-    /// [`TtError::Shape`] if there is no mode or a mode is empty, [`TtError::TooLarge`] for a mode above 2^31.
+    /// [`TtError::Shape`] if there is no mode or a mode is empty, [`TtError::TooLarge`] for a mode above
+    /// 2^31.
     pub fn constant(modes: &[usize], value: f64) -> Result<Self, TtError> {
         check_modes(modes)?;
         let mut train = Self::rank_one(&modes.iter().map(|&n| vec![1.0; n]).collect::<Vec<_>>())?;
@@ -388,8 +392,8 @@ impl TtVector {
     /// Ranks `rank` (less where the tensor does not allow it) and entries uniform in [-1, 1], from a seed.
     ///
     /// # Errors
-    /// [`TtError::Shape`] if there is no mode or a mode is empty, [`TtError::TooLarge`] for a core of more than 2^31
-    /// numbers.
+    /// [`TtError::Shape`] if there is no mode or a mode is empty, [`TtError::TooLarge`] for a core of more
+    /// than 2^31 numbers.
     pub fn random(modes: &[usize], rank: usize, seed: u64) -> Result<Self, TtError> {
         let mut random = crate::random::Random::new(seed);
         let ranks = admissible_ranks(modes, rank);
@@ -457,11 +461,12 @@ impl TtVector {
 
     /// Many entries: `indices` holds d indices per entry, one entry after the other. O(d r^2) each.
     ///
-    /// Points are taken in chunks (one task each); in a chunk all points with the same digit go through the core in
-    /// one matrix product.
+    /// Points are taken in chunks (one task each); in a chunk all points with the same digit go through the
+    /// core in one matrix product.
     ///
     /// # Errors
-    /// [`TtError::Index`] if an index lies outside its mode, [`TtError::Shape`] if the length is not a multiple of d.
+    /// [`TtError::Index`] if an index lies outside its mode, [`TtError::Shape`] if the length is not a
+    /// multiple of d.
     pub fn entries(&self, indices: &[usize]) -> Result<Vec<f64>, TtError> {
         let (d, modes) = (self.num_cores(), self.modes());
         if !indices.len().is_multiple_of(d) {
@@ -518,7 +523,8 @@ impl TtVector {
         order.iter().zip(&state).for_each(|(&p, &value)| values[p] = value);
     }
 
-    /// The full vector, first index fastest. An entry that exceeds the largest float by rounding only (1e-13 of it) is that float; larger ones are infinite.
+    /// The full vector, first index fastest. An entry that exceeds the largest float by rounding only (1e-13
+    /// of it) is that float; larger ones are infinite.
     ///
     /// # Errors
     /// [`TtError::TooLarge`] above 2^31 entries.
@@ -527,7 +533,8 @@ impl TtVector {
         if entries > LARGEST_FULL {
             return Err(TtError::TooLarge { entries });
         }
-        // No entry of a product of cores exceeds the product of their Frobenius norms: nothing overflows on the way.
+        // No entry of a product of cores exceeds the product of their Frobenius norms: nothing overflows on
+        // the way.
         let size = |core: &Core| largest_finite(&core.data).unwrap_or(0.0);
         let bits = |core: &Core| (size(core).log2() + 0.5 * (core.data.len() as f64).log2()).max(0.0);
         if self.cores.iter().map(bits).sum::<f64>() < f64::from(f64::MAX_EXP - 1) {

@@ -108,10 +108,12 @@ pub fn figures(folder: &Path) -> Result<Vec<(String, String)>, ViewError> {
     Ok(charts(folder, POINTS)?.into_iter().map(drawn).collect())
 }
 
-/// The standard figures of the run in this folder, with at most so many points per curve. Those whose tables or columns are missing are left out.
+/// The standard figures of the run in this folder, with at most so many points per curve. Those whose tables
+/// or columns are missing are left out.
 ///
 /// # Errors
-/// [`ViewError::Read`] where a table exists and cannot be read, [`ViewError::Malformed`] for a `columns.json` that is none.
+/// [`ViewError::Read`] where a table exists and cannot be read, [`ViewError::Malformed`] for a `columns.json`
+/// that is none.
 pub fn charts(folder: &Path, points: usize) -> Result<Vec<Figure>, ViewError> {
     let mut figures = Vec::new();
     let path = folder.join("steps.csv");
@@ -202,7 +204,8 @@ fn over_time(
     (!chart.series.is_empty()).then_some(RunChart { chart, moments })
 }
 
-/// The charts of a measurement: components of a tensor or vector together, other columns alone; of bins one chart per column.
+/// The charts of a measurement: components of a tensor or vector together, other columns alone; of bins one
+/// chart per column.
 fn measured(table: &Table, name: &str, columns: &[[String; 2]], points: usize) -> Vec<RunChart> {
     let rest = columns.get(2..).unwrap_or_default();
     if rest.first().is_some_and(|[column, _]| column == "bin") {

@@ -1,6 +1,7 @@
 //! Films: the frames of a run as pictures from one camera, with one range of colours.
 //!
-//! Each picture is a frame that the run wrote; none is invented between them. [`animated_png`] joins pictures without any other program.
+//! Each picture is a frame that the run wrote; none is invented between them. [`animated_png`] joins pictures
+//! without any other program.
 
 use crate::render::camera::Bounds;
 use crate::render::image::Image;
@@ -14,7 +15,8 @@ use std::io::Write;
 const FASTEST: f64 = 60.0;
 /// Fewest pictures per second, and their number where all frames are of one moment.
 const SLOWEST: f64 = 1.0;
-/// Share of all values, over all pictures, that colours tell apart: the fastest moment is not to darken the others.
+/// Share of all values, over all pictures, that colours tell apart: the fastest moment is not to darken the
+/// others.
 const COLORED: f64 = 0.95;
 
 /// Why there is no film, or not all of it.
@@ -46,8 +48,9 @@ pub struct Film {
 }
 
 impl Film {
-    /// A film of a run's folder that plays `speed` times as fast as things went; frames that would come faster than a screen shows them are
-    /// thinned evenly. The camera sees the grains and tools of all pictures, and colours have one range, unless `settings` say otherwise.
+    /// A film of a run's folder that plays `speed` times as fast as things went; frames that would come
+    /// faster than a screen shows them are thinned evenly. The camera sees the grains and tools of all
+    /// pictures, and colours have one range, unless `settings` say otherwise.
     ///
     /// Cost: every frame that is shown is read once here and once for its picture.
     ///
@@ -116,7 +119,8 @@ impl Film {
     }
 }
 
-/// From zero, or the smallest value, to what most values do not exceed; `None` where there is nothing to tell apart.
+/// From zero, or the smallest value, to what most values do not exceed; `None` where there is nothing to tell
+/// apart.
 fn pooled_range(mut values: Vec<f64>, from_smallest: bool) -> Option<[f64; 2]> {
     values.retain(|value| value.is_finite());
     values.sort_unstable_by(f64::total_cmp);

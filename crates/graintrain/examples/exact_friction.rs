@@ -1,4 +1,5 @@
-//! Exact friction: a block is thrown along the ground at 5 m/s. The relaxed model makes it hop, Coulomb's does not.
+//! Exact friction: a block is thrown along the ground at 5 m/s. The relaxed model makes it hop, Coulomb's
+//! does not.
 //!
 //! `cargo run --release -p graintrain --example exact_friction`
 

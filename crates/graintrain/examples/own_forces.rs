@@ -1,4 +1,5 @@
-//! Own forces: a program sets forces on bodies between steps (wind that pushes light balls), and removes what has left.
+//! Own forces: a program sets forces on bodies between steps (wind that pushes light balls), and removes what
+//! has left.
 //!
 //! `cargo run --release -p graintrain --example own_forces`
 

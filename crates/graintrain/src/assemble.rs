@@ -20,12 +20,12 @@ const TASK: usize = 4096;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum OverlapCorrection {
-    /// Bodies that overlap may not approach; positions are corrected apart from velocities (see [`crate::overlap`]), so that no
-    /// energy is made.
+    /// Bodies that overlap may not approach; positions are corrected apart from velocities (see
+    /// [`crate::overlap`]), so that no energy is made.
     #[default]
     Position,
-    /// Bodies that overlap have to part with the velocity that removes the overlap within the step, -Phi / dt, and keep it: the
-    /// scheme of the paper, for states without overlap. A shorter step throws harder.
+    /// Bodies that overlap have to part with the velocity that removes the overlap within the step, -Phi /
+    /// dt, and keep it: the scheme of the paper, for states without overlap. A shorter step throws harder.
     Velocity,
 }
 
@@ -48,8 +48,8 @@ pub fn contact_rows(world: &World, contacts: &[Contact]) -> Vec<RigidContact> {
         .collect()
 }
 
-/// D^T v in the contacts' frames (n, t1, t2), m/s, length 3 N_c, of velocities of all bodies (six numbers each), prescribed ones
-/// included; across the boundary of a periodic cell, relative to the image of body B.
+/// D^T v in the contacts' frames (n, t1, t2), m/s, length 3 N_c, of velocities of all bodies (six numbers
+/// each), prescribed ones included; across the boundary of a periodic cell, relative to the image of body B.
 pub fn relative_velocities(
     cell: Option<&Cell>,
     contacts: &[Contact],
@@ -67,20 +67,20 @@ pub fn relative_velocities(
     u
 }
 
-/// The contact problem of a step: with the velocities `free` that bodies would have without contact (six numbers per body,
-/// [`crate::integrate::free_velocity`], of jointed bodies what their joints make of them),
+/// The contact problem of a step: with the velocities `free` that bodies would have without contact (six
+/// numbers per body, [`crate::integrate::free_velocity`], of jointed bodies what their joints make of them),
 ///
 /// ```text
 /// r_i = b_i + D_i^T free,   N = D^T M^-1 D with the masked inverse mass (W of coupled bodies),   b_i = (Phi_i / dt, 0, 0)
 /// ```
 ///
-/// with three more rows for every contact that resists turning ([`crate::turning`]), whose b is zero;
-/// where Phi_i > 0. Where bodies overlap, b_i = 0 or, after the paper, Phi_i / dt: see [`OverlapCorrection`]. Elastic contacts have a b
-/// of their own and a diagonal beside D^T M^-1 D: see [`crate::elasticity`]. The velocity of
-/// prescribed bodies enters r. Restitution is not here but in [`crate::impact`].
+/// with three more rows for every contact that resists turning ([`crate::turning`]), whose b is zero; where
+/// Phi_i > 0. Where bodies overlap, b_i = 0 or, after the paper, Phi_i / dt: see [`OverlapCorrection`].
+/// Elastic contacts have a b of their own and a diagonal beside D^T M^-1 D: see [`crate::elasticity`]. The
+/// velocity of prescribed bodies enters r. Restitution is not here but in [`crate::impact`].
 ///
-/// V, which makes residuals dimensionless, is |gravity| dt; without gravity the root mean square of |r_i| over contacts that do
-/// not part by themselves.
+/// V, which makes residuals dimensionless, is |gravity| dt; without gravity the root mean square of |r_i|
+/// over contacts that do not part by themselves.
 pub fn assemble(
     world: &World,
     contacts: &[Contact],
@@ -147,8 +147,9 @@ fn to_frame(rigid: &RigidContact, v: Vec3) -> [f64; 3] {
     rigid.frame.map(|axis| Vec3::from_array(axis).dot(v))
 }
 
-/// V of contacts where gravity sets none, m/s: the root mean square of |r_i| over those that do not part by themselves,
-/// r_n < mu |r_t|. In those that do, r holds Phi / dt, which grows without limit as steps get shorter. `None` where all part.
+/// V of contacts where gravity sets none, m/s: the root mean square of |r_i| over those that do not part by
+/// themselves, r_n < mu |r_t|. In those that do, r holds Phi / dt, which grows without limit as steps get
+/// shorter. `None` where all part.
 pub(crate) fn velocity_scale(r: &[f64], friction: &[f64]) -> Option<f64> {
     let of_chunk = |range: std::ops::Range<usize>| {
         let (mut sum, mut count) = (0.0, 0.0);
@@ -168,7 +169,8 @@ pub(crate) fn velocity_scale(r: &[f64], friction: &[f64]) -> Option<f64> {
 /// Below this fraction of the velocities of the contacts themselves |gravity| dt is none to measure by.
 const FAINT: f64 = 1e-9;
 
-/// V of a problem under gravity, m/s: |gravity| dt, and where that is nothing beside the contacts' own velocities, theirs.
+/// V of a problem under gravity, m/s: |gravity| dt, and where that is nothing beside the contacts' own
+/// velocities, theirs.
 pub(crate) fn scale_under(gravity: f64, step: f64, r: &[f64], friction: &[f64]) -> Option<f64> {
     let fall = gravity * step;
     match velocity_scale(r, friction) {
@@ -177,9 +179,9 @@ pub(crate) fn scale_under(gravity: f64, step: f64, r: &[f64], friction: &[f64]) 
     }
 }
 
-/// Impulses to start the solver from: those of the last step at the contacts that persist, turned with the contact's
-/// frame; zero at new contacts. `pulls` (empty, or one per contact) are the cohesive impulses that those of the last step are less
-/// than the surfaces' push. Length of r, N s.
+/// Impulses to start the solver from: those of the last step at the contacts that persist, turned with the
+/// contact's frame; zero at new contacts. `pulls` (empty, or one per contact) are the cohesive impulses that
+/// those of the last step are less than the surfaces' push. Length of r, N s.
 pub(crate) fn warm_start(
     problem: &Ccp,
     contacts: &[Contact],

@@ -1,4 +1,5 @@
-//! Periodic cells: space that repeats along one, two or three axes, with an imposed rate of deformation or an imposed stress.
+//! Periodic cells: space that repeats along one, two or three axes, with an imposed rate of deformation or an
+//! imposed stress.
 //!
 //! Edges of the cell are the columns of an upper triangular matrix H,
 //!
@@ -6,27 +7,32 @@
 //! a = (H_xx, 0, 0),   b = (H_xy, H_yy, 0),   c = (H_xz, H_yz, H_zz)
 //! ```
 //!
-//! and a body at x with velocity u has images at x + H n with velocities u + L H n for all whole n, where L = dH/dt H^-1 is the (upper
-//! triangular) velocity gradient. Bodies are kept in the box of edges H_xx, H_yy, H_zz along the axes: one that leaves it through a face is
-//! replaced by the image that enters, velocity included (A. W. Lees, S. F. Edwards, "The computer study of transport processes under extreme
-//! conditions", J. Phys. C 5:1921, 1972). Offsets of more than half an edge are taken back by whole edges, which leaves the lattice as it is.
+//! and a body at x with velocity u has images at x + H n with velocities u + L H n for all whole n, where L =
+//! dH/dt H^-1 is the (upper triangular) velocity gradient. Bodies are kept in the box of edges H_xx, H_yy,
+//! H_zz along the axes: one that leaves it through a face is replaced by the image that enters, velocity
+//! included (A. W. Lees, S. F. Edwards, "The computer study of transport processes under extreme conditions",
+//! J. Phys. C 5:1921, 1972). Offsets of more than half an edge are taken back by whole edges, which leaves
+//! the lattice as it is.
 //!
-//! **Imposed rate.** Edges move with constant velocities over a step. Where these change by d(L H), every body gets the velocity d(L H) H^-1 (x - centre): the
-//! deformation is that of the whole sample, and no place of the cell is distinguished.
+//! **Imposed rate.** Edges move with constant velocities over a step. Where these change by d(L H), every
+//! body gets the velocity d(L H) H^-1 (x - centre): the deformation is that of the whole sample, and no place
+//! of the cell is distinguished.
 //!
-//! **Imposed stress.** A component L_ij is a degree of freedom with the inertia W_ij = M H_jj^2 / 12, that of the mass M of all bodies spread over
-//! the cell,
+//! **Imposed stress.** A component L_ij is a degree of freedom with the inertia W_ij = M H_jj^2 / 12, that of
+//! the mass M of all bodies spread over the cell,
 //!
 //! ```text
 //! W_ij dL_ij/dt = V ( s_ij - imposed ),     V s_ij = - sum over contacts across the boundary of f_i (H n)_j
 //! ```
 //!
-//! (f: force on body A, whose neighbour is the image n of body B; compression positive) solved together with the contacts of the step. Where bodies
-//! are in equilibrium this sum over the boundary is the mean stress of the cell (Love and Weber). As with a wall that presses, what the boundary
-//! does reaches the inner bodies through contacts. In equilibrium the inertia does not matter. Where the largest imposed stress would change an edge by more
-//! than a twentieth within a step from rest, inertias are raised to where it does not (`cell_limits`): else what a solve leaves over, which is a share
-//! of what the stress does in a step, would be larger than grains. F. Radjai, C. Voivret, "Periodic boundary conditions", in "Discrete-element Modeling of
-//! Granular Materials", Wiley, 2011, have cells with inertia in contact dynamics.
+//! (f: force on body A, whose neighbour is the image n of body B; compression positive) solved together with
+//! the contacts of the step. Where bodies are in equilibrium this sum over the boundary is the mean stress of
+//! the cell (Love and Weber). As with a wall that presses, what the boundary does reaches the inner bodies
+//! through contacts. In equilibrium the inertia does not matter. Where the largest imposed stress would
+//! change an edge by more than a twentieth within a step from rest, inertias are raised to where it does not
+//! (`cell_limits`): else what a solve leaves over, which is a share of what the stress does in a step, would
+//! be larger than grains. F. Radjai, C. Voivret, "Periodic boundary conditions", in "Discrete-element
+//! Modeling of Granular Materials", Wiley, 2011, have cells with inertia in contact dynamics.
 
 use crate::contact::Contact;
 use crate::error::{ModelError, finite, positive};
@@ -38,8 +44,8 @@ use crate::world::World;
 use graintrain_linalg::real;
 use serde::{Deserialize, Serialize};
 
-/// The components of L in the order in which lists have them: row i (direction of the velocity), column j (direction along which it
-/// varies).
+/// The components of L in the order in which lists have them: row i (direction of the velocity), column j
+/// (direction along which it varies).
 pub const COMPONENTS: [(usize, usize); 6] = graintrain_ccp::CELL_COMPONENTS;
 
 /// Names of the components, as scenes and tables write them.
@@ -64,7 +70,8 @@ impl Drive {
 pub struct Cell {
     /// Lower corner of the box that bodies are kept in, m.
     pub lower: Vec3,
-    /// Edges of that box, H_xx, H_yy, H_zz, m; what stands there for an axis that is not periodic has no meaning.
+    /// Edges of that box, H_xx, H_yy, H_zz, m; what stands there for an axis that is not periodic has no
+    /// meaning.
     pub size: Vec3,
     /// Offsets H_xy, H_xz, H_yz of images, m.
     pub tilt: [f64; 3],
@@ -76,8 +83,8 @@ pub struct Cell {
     pub strain: [f64; 6],
     /// What drives each component.
     pub drive: [Drive; 6],
-    /// Largest rate, 1/s, at which an imposed stress deforms the cell, like a press with a largest speed; infinite: no limit. What contacts do against the
-    /// stress is not held back.
+    /// Largest rate, 1/s, at which an imposed stress deforms the cell, like a press with a largest speed;
+    /// infinite: no limit. What contacts do against the stress is not held back.
     pub fastest: f64,
 }
 
@@ -91,8 +98,9 @@ fn gradients(cell: &Cell) -> [Mat3; 2] {
     both
 }
 
-/// Lets bodies go along with changes of the gradient: `imposed` (x - centre) each, and all of them `pressed` (x_m - centre) with their centre of mass
-/// x_m, so that a stress which deforms the cell does not set it drifting.
+/// Lets bodies go along with changes of the gradient: `imposed` (x - centre) each, and all of them `pressed`
+/// (x_m - centre) with their centre of mass x_m, so that a stress which deforms the cell does not set it
+/// drifting.
 fn take_along(world: &mut World, [imposed, pressed]: [Mat3; 2]) {
     let Some(centre) = world.cell().map(Cell::centre) else { return };
     let uniform = if pressed == Mat3::ZERO { Vec3::ZERO } else { pressed * (mean_motion(world)[0] - centre) };
@@ -126,9 +134,11 @@ fn mean_motion(world: &World) -> [Vec3; 2] {
     [moment / mass, momentum / mass]
 }
 
-/// What contacts have changed of the gradient in a solve takes all bodies along from where they stood then, with their way of the step: with the place
-/// that they have come to, a sample under stress that drifts would be driven on by its own way, more with every step. So a step takes the momentum
-/// relative to the deformation, p = sum m (u - L (x - centre)), to (I + dt L)^-1 p, as free flight does. `change` in 1/s, `step` in s.
+/// What contacts have changed of the gradient in a solve takes all bodies along from where they stood then,
+/// with their way of the step: with the place that they have come to, a sample under stress that drifts would
+/// be driven on by its own way, more with every step. So a step takes the momentum relative to the
+/// deformation, p = sum m (u - L (x - centre)), to (I + dt L)^-1 p, as free flight does. `change` in 1/s,
+/// `step` in s.
 fn follow_contacts(world: &mut World, change: Mat3, step: f64) {
     let Some(centre) = world.cell().map(Cell::centre).filter(|_| change != Mat3::ZERO) else { return };
     let [place, velocity] = mean_motion(world);
@@ -171,8 +181,9 @@ impl Cell {
     /// Checks the numbers.
     ///
     /// # Errors
-    /// [`ModelError::Value`] for an edge that is not positive or a number that is not finite, [`ModelError::Cell`] for a cell that
-    /// repeats nowhere, an axis driven that does not repeat, a stress imposed on a cell that does not repeat along all axes.
+    /// [`ModelError::Value`] for an edge that is not positive or a number that is not finite,
+    /// [`ModelError::Cell`] for a cell that repeats nowhere, an axis driven that does not repeat, a stress
+    /// imposed on a cell that does not repeat along all axes.
     pub fn validate(&self) -> Result<(), ModelError> {
         let cell = |what: &str| Err(ModelError::Cell { what: what.to_string() });
         if self.periodic == [false; 3] {
@@ -217,7 +228,8 @@ impl Cell {
         self.drive.iter().any(|drive| matches!(drive, Drive::Stress(_)))
     }
 
-    /// Whether something drives it: it deforms, or may. A cell that is held may have a rate still, that of the last step: the next one ends it.
+    /// Whether something drives it: it deforms, or may. A cell that is held may have a rate still, that of
+    /// the last step: the next one ends it.
     pub fn is_driven(&self) -> bool {
         self.drive.iter().any(|drive| *drive != Drive::HELD)
     }
@@ -259,8 +271,9 @@ impl Cell {
         times(&self.rate, v)
     }
 
-    /// Whole numbers of edges by which a way (m) has to be shortened to be the least, taken axis by axis, and the way that is left. Exact for ways
-    /// of which each component is less than half an edge but for whole edges.
+    /// Whole numbers of edges by which a way (m) has to be shortened to be the least, taken axis by axis, and
+    /// the way that is left. Exact for ways of which each component is less than half an edge but for whole
+    /// edges.
     pub fn nearest(&self, way: Vec3) -> ([i32; 3], Vec3) {
         self.split(way, f64::round)
     }
@@ -311,7 +324,8 @@ impl Cell {
         Region::Box { min: self.lower, max: self.lower + self.size }
     }
 
-    /// Rates (as the step takes them, so that H is exact after it) that are imposed on the step from `time`, `None` for stresses.
+    /// Rates (as the step takes them, so that H is exact after it) that are imposed on the step from `time`,
+    /// `None` for stresses.
     pub(crate) fn imposed_rates(&self, time: f64, step: f64) -> [Option<f64>; 6] {
         std::array::from_fn(|k| match &self.drive[k] {
             Drive::Rate(Profile::Constant(0.0)) => Some(0.0),
@@ -441,8 +455,8 @@ impl World {
     /// Makes space repeat; `None`: nowhere. Bodies outside the cell are replaced by their images inside.
     ///
     /// # Errors
-    /// As [`Cell::validate`], and [`ModelError::Cell`] for bodies that do not fit into it: of half an edge or more, planes across an axis along which it
-    /// repeats, driven bodies in a cell that deforms, joints.
+    /// As [`Cell::validate`], and [`ModelError::Cell`] for bodies that do not fit into it: of half an edge or
+    /// more, planes across an axis along which it repeats, driven bodies in a cell that deforms, joints.
     pub fn set_cell(&mut self, cell: Option<Cell>) -> Result<(), ModelError> {
         let before = std::mem::replace(&mut self.cell, cell);
         let checked = self.validate_cell();
@@ -489,7 +503,8 @@ impl World {
         Ok(())
     }
 
-    /// Velocity of a body relative to that of the deforming cell at its place, u - L (x - centre), m/s; without a cell its velocity.
+    /// Velocity of a body relative to that of the deforming cell at its place, u - L (x - centre), m/s;
+    /// without a cell its velocity.
     pub fn fluctuation(&self, body: usize) -> Vec3 {
         let (position, velocity) = (self.bodies.position[body], self.bodies.velocity[body]);
         match &self.cell {
@@ -524,8 +539,8 @@ impl World {
         }
     }
 
-    /// Velocities (u, w) of two bodies near each other, the second as its image beside the first: in a periodic cell relative to its deformation at
-    /// the place of the second.
+    /// Velocities (u, w) of two bodies near each other, the second as its image beside the first: in a
+    /// periodic cell relative to its deformation at the place of the second.
     pub(crate) fn pair_velocities(&self, pair: [u32; 2]) -> [[Vec3; 2]; 2] {
         let bodies = &self.bodies;
         let [a, b] = pair.map(|body| body as usize);

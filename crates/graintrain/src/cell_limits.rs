@@ -1,8 +1,10 @@
 //! How far a periodic cell may deform, at once and altogether.
 //!
-//! A body in a cell has at most one image near each other body, which takes edges of more than twice its size. In a step an edge may change by half, and images
-//! may move by a quarter edge: contacts are looked for where a step begins and where it ends, and faster ones would pass through each other. Imposed rates beyond
-//! are refused; imposed stresses are held there, as by a press with a largest speed. A step gives them a tenth of that at most, by the inertia of the cell.
+//! A body in a cell has at most one image near each other body, which takes edges of more than twice its
+//! size. In a step an edge may change by half, and images may move by a quarter edge: contacts are looked for
+//! where a step begins and where it ends, and faster ones would pass through each other. Imposed rates beyond
+//! are refused; imposed stresses are held there, as by a press with a largest speed. A step gives them a
+//! tenth of that at most, by the inertia of the cell.
 
 use crate::cell::{COMPONENTS, Cell, Drive, NAMES};
 use crate::error::ModelError;
@@ -14,8 +16,8 @@ const STRETCH: f64 = 0.5;
 /// Largest way that an image moves sideways in a step, over the edge in that direction.
 const SHEAR: f64 = 0.25;
 
-/// What the largest imposed stress may give a component from rest in a step, over the largest rate of that component: with a tolerance of 1e-3, contacts are then
-/// left to approach by 5e-5 edges in a step at most.
+/// What the largest imposed stress may give a component from rest in a step, over the largest rate of that
+/// component: with a tolerance of 1e-3, contacts are then left to approach by 5e-5 edges in a step at most.
 const PUSH: f64 = 0.1;
 
 impl Cell {
@@ -25,8 +27,9 @@ impl Cell {
         if i == j { STRETCH / step } else { SHEAR * self.size[i] / self.size[j] / step }
     }
 
-    /// Inertia of a component whose stress is imposed, kg m^2, in the step from `time`: W = M H^2 / 12 with the mass M (kg) of all bodies, or what keeps
-    /// V sigma dt / W of the largest stress within [`PUSH`] of the largest rate.
+    /// Inertia of a component whose stress is imposed, kg m^2, in the step from `time`: W = M H^2 / 12 with
+    /// the mass M (kg) of all bodies, or what keeps V sigma dt / W of the largest stress within [`PUSH`] of
+    /// the largest rate.
     pub(crate) fn inertia(&self, component: usize, mass: f64, time: f64, step: f64) -> f64 {
         let edge = self.size[COMPONENTS[component].1];
         let stress = |drive: &Drive| match drive {
@@ -37,10 +40,12 @@ impl Cell {
         (mass * edge * edge / 12.0).max(push / (PUSH * self.largest_rate(component, step)))
     }
 
-    /// Checks that the rates which are imposed on the step of this length (s) that begins at `time` (s) are none that a step cannot follow.
+    /// Checks that the rates which are imposed on the step of this length (s) that begins at `time` (s) are
+    /// none that a step cannot follow.
     ///
     /// # Errors
-    /// [`ModelError::Cell`] for a diagonal component that changes its edge by more than half, one of shear that moves images by more than a quarter edge.
+    /// [`ModelError::Cell`] for a diagonal component that changes its edge by more than half, one of shear
+    /// that moves images by more than a quarter edge.
     pub fn validate_step(&self, time: f64, step: f64) -> Result<(), ModelError> {
         for (k, rate) in self.imposed_rates(time, step).into_iter().enumerate() {
             let Some(rate) = rate.filter(|&rate| rate != 0.0) else { continue };
@@ -63,8 +68,8 @@ impl Cell {
         Ok(())
     }
 
-    /// The components whose stress has brought them beyond what they may have in the step from `time`, with the rate at which they are held: beyond the largest
-    /// rate of the press, or of what a step can follow.
+    /// The components whose stress has brought them beyond what they may have in the step from `time`, with
+    /// the rate at which they are held: beyond the largest rate of the press, or of what a step can follow.
     pub(crate) fn beyond(&self, time: f64, step: f64) -> [Option<f64>; 6] {
         std::array::from_fn(|k| {
             let Drive::Stress(profile) = &self.drive[k] else { return None };
@@ -76,8 +81,8 @@ impl Cell {
         })
     }
 
-    /// The first component that moves against its stress at the largest rate which the step from `time` can follow. Contacts bear a stress, they do not return
-    /// it: a cell that they throw open was not solved.
+    /// The first component that moves against its stress at the largest rate which the step from `time` can
+    /// follow. Contacts bear a stress, they do not return it: a cell that they throw open was not solved.
     pub(crate) fn thrown_open(&self, time: f64, step: f64) -> Option<&'static str> {
         let thrown = |&k: &usize| {
             let Drive::Stress(profile) = &self.drive[k] else { return false };
@@ -89,7 +94,8 @@ impl Cell {
 }
 
 impl World {
-    /// Checks that every body is less than half of the smallest edge of the periodic cell across, as it is now.
+    /// Checks that every body is less than half of the smallest edge of the periodic cell across, as it is
+    /// now.
     ///
     /// # Errors
     /// [`ModelError::Cell`] with the first body that is not.
@@ -138,7 +144,8 @@ mod tests {
         assert_eq!(pressed(-1.0, 500.0).thrown_open(0.0, 1e-3), None);
     }
 
-    /// From rest a stress changes its edge by a twentieth in a step at most, and small ones act on the mass of the bodies.
+    /// From rest a stress changes its edge by a twentieth in a step at most, and small ones act on the mass
+    /// of the bodies.
     #[test]
     fn a_stress_gives_no_more_than_its_share() {
         let step = 1e-3;

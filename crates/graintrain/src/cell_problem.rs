@@ -1,14 +1,16 @@
-//! The contact problem of a step in a periodic cell whose stress is imposed: its deformation is one more thing that impulses change.
+//! The contact problem of a step in a periodic cell whose stress is imposed: its deformation is one more
+//! thing that impulses change.
 //!
-//! Contacts across the boundary have the relative velocity `D_i^T v - F_i L b_i` (F: rows n, t1, t2; b = H n the way to the image of body B). With the
-//! components of L that are free and their inertias W,
+//! Contacts across the boundary have the relative velocity `D_i^T v - F_i L b_i` (F: rows n, t1, t2; b = H n
+//! the way to the image of body B). With the components of L that are free and their inertias W,
 //!
 //! ```text
 //! N = D^T M^-1 D + sum over components c of   beta_c beta_c^T / W_c,     beta_c,i = -F_i e_row(c) (b_i)_column(c)
 //! ```
 //!
-//! which couples every contact across the boundary with every other one. Solvers whose products go through bodies take the cell as one more body
-//! ([`CellModes`]); others need N as a matrix, whose size grows with the square of the number of such contacts, about 2 N^(2/3) for N grains.
+//! which couples every contact across the boundary with every other one. Solvers whose products go through
+//! bodies take the cell as one more body ([`CellModes`]); others need N as a matrix, whose size grows with
+//! the square of the number of such contacts, about 2 N^(2/3) for N grains.
 
 use crate::cell::{Cell, Drive};
 use crate::contact::Contact;
@@ -69,8 +71,8 @@ impl CellRows {
         }
     }
 
-    /// What impulses of impacts (on body A of every contact of the step, world axes, N s; none: empty) change of L, 1/s; `active` are the contacts of
-    /// the problem among those of the step.
+    /// What impulses of impacts (on body A of every contact of the step, world axes, N s; none: empty) change
+    /// of L, 1/s; `active` are the contacts of the problem among those of the step.
     pub(crate) fn impact_change(&self, active: &[u32], impulse: &[Vec3]) -> [f64; 6] {
         if impulse.is_empty() {
             return [0.0; 6];

@@ -1,4 +1,5 @@
-//! What a piece of a step takes: wall clock, processor time of all threads, and that of the thread that leads it.
+//! What a piece of a step takes: wall clock, processor time of all threads, and that of the thread that leads
+//! it.
 
 use crate::step_report::{PhaseSeconds, ProcessorSeconds};
 use std::ops::Sub;

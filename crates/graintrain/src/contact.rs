@@ -10,23 +10,24 @@ pub struct Contact {
     pub body_a: u32,
     /// Index of body B.
     pub body_b: u32,
-    /// Stays the same from step to step while the contact persists: made of the bodies' indices and the features
-    /// (part, face, edge, vertex) that touch.
+    /// Stays the same from step to step while the contact persists: made of the bodies' indices and the
+    /// features (part, face, edge, vertex) that touch.
     pub identity: u64,
     /// Contact point in the world, m: midway between the two surfaces.
     pub point: Vec3,
     /// Unit normal from B to A.
     pub normal: Vec3,
-    /// Signed distance, m; negative where the bodies overlap. Of bodies that meet only after a way, the distance that they
-    /// have to close along the normal (see [`Self::lead`]).
+    /// Signed distance, m; negative where the bodies overlap. Of bodies that meet only after a way, the
+    /// distance that they have to close along the normal (see [`Self::lead`]).
     pub gap: f64,
-    /// Half the way from B's surface point to A's, m, where the arms of the impulse are those of `point + lead` on A and `point - lead` on
-    /// B: for pairs with restitution that still have a gap to close, and where bodies are so fast that they meet elsewhere than they
-    /// are nearest now (normal and surface points are then those of the impact, carried back with the bodies). Zero for all other
+    /// Half the way from B's surface point to A's, m, where the arms of the impulse are those of
+    /// `point + lead` on A and `point - lead` on B: for pairs with restitution that still have a gap to
+    /// close, and where bodies are so fast that they meet elsewhere than they are nearest now (normal and
+    /// surface points are then those of the impact, carried back with the bodies). Zero for all other
     /// contacts, whose arms both reach to `point`.
     pub lead: Vec3,
-    /// In a periodic cell, by how many of its edges the image of body B that touches A is away from B; zero otherwise. Contact point and
-    /// normal are beside A.
+    /// In a periodic cell, by how many of its edges the image of body B that touches A is away from B; zero
+    /// otherwise. Contact point and normal are beside A.
     pub image: [i32; 3],
 }
 
@@ -46,9 +47,10 @@ pub struct ContactSet {
     pub impulse: Vec<Vec3>,
     /// Coefficient of friction; one per contact.
     pub friction: Vec<f64>,
-    /// Moment impulse of rolling and spinning friction on body A (minus that on B) in world axes, N m s; one per contact, or empty where
-    /// no pair of materials resists turning.
+    /// Moment impulse of rolling and spinning friction on body A (minus that on B) in world axes, N m s; one
+    /// per contact, or empty where no pair of materials resists turning.
     pub moment: Vec<Vec3>,
-    /// What the solver remembers for the next step, [`SolveReport::curvature`](graintrain_ccp::SolveReport::curvature).
+    /// What the solver remembers for the next step,
+    /// [`SolveReport::curvature`](graintrain_ccp::SolveReport::curvature).
     pub curvature: Option<f64>,
 }

@@ -1,20 +1,22 @@
 //! Contacts with a normal stiffness and damping, and contacts that pull.
 //!
-//! An elastic contact presses with the spring and dashpot f = -k Phi - d Phi' where bodies overlap (Phi < 0), never pulls, and is evaluated
-//! at the end of the step: with Phi+ = Phi + dt u_n and the impulse g_n = dt f,
+//! An elastic contact presses with the spring and dashpot f = -k Phi - d Phi' where bodies overlap (Phi < 0),
+//! never pulls, and is evaluated at the end of the step: with Phi+ = Phi + dt u_n and the impulse g_n = dt f,
 //!
 //! ```text
 //! 0 <= g_n  perp  u_n + c g_n + b >= 0,   c = 1 / (dt (k dt + d)),   b = Phi k / (k dt + d)
 //! ```
 //!
-//! which is the rigid condition with the diagonal c added to N, the same convex problem, and the rigid condition itself for k to infinity
-//! (M. Anitescu, G. D. Hart, Int. J. Numer. Methods Eng. 60(14):2335-2371, 2004; A. M. Castro et al., IEEE Transactions on Robotics
-//! 39(2):1301-1320, 2023). Where bodies are still apart, b = Phi / dt: spring and dashpot begin where they touch. This is implicit Euler:
-//! stable for every step, and it takes energy from oscillations that the step does not resolve.
+//! which is the rigid condition with the diagonal c added to N, the same convex problem, and the rigid
+//! condition itself for k to infinity (M. Anitescu, G. D. Hart, Int. J. Numer. Methods Eng. 60(14):2335-2371,
+//! 2004; A. M. Castro et al., IEEE Transactions on Robotics 39(2):1301-1320, 2023). Where bodies are still
+//! apart, b = Phi / dt: spring and dashpot begin where they touch. This is implicit Euler: stable for every
+//! step, and it takes energy from oscillations that the step does not resolve.
 //!
-//! Cohesion pulls with the constant force F as long as bodies touch. With the push g_n' of the surfaces, friction bounded by mu g_n'
-//! (B. V. Derjaguin, V. M. Muller, Y. P. Toporov, J. Colloid Interface Sci. 53(2):314-326, 1975, with constant adhesion), the force
-//! between the bodies is g_n' - dt F: a load on both in the same problem.
+//! Cohesion pulls with the constant force F as long as bodies touch. With the push g_n' of the surfaces,
+//! friction bounded by mu g_n' (B. V. Derjaguin, V. M. Muller, Y. P. Toporov, J. Colloid Interface Sci.
+//! 53(2):314-326, 1975, with constant adhesion), the force between the bodies is g_n' - dt F: a load on both
+//! in the same problem.
 
 use crate::contact::Contact;
 use crate::material::Elasticity;
@@ -22,8 +24,8 @@ use crate::world::World;
 use graintrain_ccp::{BodyInverseMass, RigidContact};
 use std::collections::HashMap;
 
-/// Bodies touch where their gap is below this fraction of the smaller one's size, m/m: somewhat more than what
-/// corrections of overlap leave.
+/// Bodies touch where their gap is below this fraction of the smaller one's size, m/m: somewhat more than
+/// what corrections of overlap leave.
 const TOUCHING: f64 = 1e-3;
 
 /// Largest compliance, 1/kg: softer springs do nothing, and their products with impulses have to stay finite.
@@ -56,8 +58,8 @@ pub(crate) fn bias(world: &World, contact: &Contact, step: f64) -> Option<f64> {
     presses.then_some(if bias.is_finite() { bias } else { 0.0 })
 }
 
-/// Impulse dt F with which every contact pulls, N s; empty where nothing does. Contacts of the same two bodies share the force. `size` is that of
-/// the smaller body, m.
+/// Impulse dt F with which every contact pulls, N s; empty where nothing does. Contacts of the same two
+/// bodies share the force. `size` is that of the smaller body, m.
 pub(crate) fn pulls(
     world: &World,
     contacts: &[Contact],
@@ -81,7 +83,8 @@ pub(crate) fn pulls(
     contacts.iter().zip(touches).map(of).collect()
 }
 
-/// Adds what pulling contacts do to the velocities of bodies (six numbers each), where the response of both bodies to an impulse is given.
+/// Adds what pulling contacts do to the velocities of bodies (six numbers each), where the response of both
+/// bodies to an impulse is given.
 pub(crate) fn apply_pulls(
     rows: &[RigidContact],
     pulls: &[f64],

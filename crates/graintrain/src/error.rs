@@ -191,7 +191,8 @@ pub(crate) fn positive(what: impl Into<String>, value: f64) -> Result<(), ModelE
 /// Longest and shortest length, m, whose powers in volumes and inertias are numbers.
 const LENGTHS: std::ops::RangeInclusive<f64> = 1e-50..=1e50;
 
-/// `Err` unless the length, m, is positive and neither so long nor so short that collision and inertia overflow.
+/// `Err` unless the length, m, is positive and neither so long nor so short that collision and inertia
+/// overflow.
 pub(crate) fn length(what: &str, value: f64) -> Result<(), ModelError> {
     positive(what, value)?;
     if LENGTHS.contains(&value) {

@@ -127,13 +127,16 @@ pub struct Formula(Vec<Operation>);
 /// Relative accuracy of integrals of formulas.
 const ACCURACY: f64 = 1e-12;
 
-/// Halvings of an interval after which an integral is taken as it is: around a jump the error is then that of 2^-30 of the step.
+/// Halvings of an interval after which an integral is taken as it is: around a jump the error is then that of
+/// 2^-30 of the step.
 const HALVINGS: u32 = 30;
 
 /// Intervals of one integral: what swings faster than they resolve is not integrated any better.
 const INTERVALS: u32 = 2000;
 
-/// What the shortest intervals still change, over the sum of the magnitudes of all: beyond this the integral does not exist. (That of 1 / sqrt(t) does. That of 1 / t^0.9 does, too, but would take more halvings to find.)
+/// What the shortest intervals still change, over the sum of the magnitudes of all: beyond this the integral
+/// does not exist. (That of 1 / sqrt(t) does. That of 1 / t^0.9 does, too, but would take more halvings to
+/// find.)
 const DIVERGENT: f64 = 1e-3;
 
 /// Gauss-Legendre points and weights on [-1, 1], five points, the positive half.
@@ -202,9 +205,10 @@ impl Formula {
         stack.pop().unwrap_or(f64::NAN)
     }
 
-    /// Integral over [start, start + step] by Gauss-Legendre quadrature on intervals that are halved until they agree to 1e-12
-    /// with their halves. Where the formula is not a number on more than single moments (sin(t) / t at 0 is one), neither is the
-    /// integral, nor where it goes to infinity too fast to have one (1 / t at 0).
+    /// Integral over [start, start + step] by Gauss-Legendre quadrature on intervals that are halved until
+    /// they agree to 1e-12 with their halves. Where the formula is not a number on more than single moments
+    /// (sin(t) / t at 0 is one), neither is the integral, nor where it goes to infinity too fast to have one
+    /// (1 / t at 0).
     pub fn integral(&self, start: f64, step: f64) -> f64 {
         // The least of three values: one of them may lie beside a pole.
         let least = [0.25, 0.5, 0.75].map(|x| self.value(start + x * step).abs()).into_iter();

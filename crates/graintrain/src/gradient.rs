@@ -1,19 +1,21 @@
-//! Derivatives of a time step: of the velocities after it by the velocities before, the external forces and torques, and the
-//! coefficients of friction.
+//! Derivatives of a time step: of the velocities after it by the velocities before, the external forces and
+//! torques, and the coefficients of friction.
 //!
-//! With v* = v*(v, f) of [`crate::integrate::free_velocity`], r = b + D^T v* and the impulses g(r, mu) of the contact problem,
+//! With v* = v*(v, f) of [`crate::integrate::free_velocity`], r = b + D^T v* and the impulses g(r, mu) of the
+//! contact problem,
 //!
 //! ```text
 //! v+ = v* + M^-1 D g
 //! ```
 //!
 //! Of a number L with dL = n . dv+ (a vector-Jacobian product), with the adjoint of g for y = D^T M^-1 n
-//! ([`graintrain_ccp::sensitivity`]): dL/dv* = n + D dL/dr, and from there by the chain rule of v*(v, f). Contacts, their gaps and
-//! frames belong to the positions, which stay.
+//! ([`graintrain_ccp::sensitivity`]): dL/dv* = n + D dL/dr, and from there by the chain rule of v*(v, f).
+//! Contacts, their gaps and frames belong to the positions, which stay.
 //!
-//! There is a derivative where every contact is strictly apart, sticking or sliding. Contacts that only velocities make contacts, and
-//! what else a step does by decisions, have none, and [`GradientError`] says so: impacts with restitution, contacts found in the midst of
-//! the step, drag. Turns that take the angular velocity with them, those that mend overlap and those that keep the angular momentum of what flies, are
+//! There is a derivative where every contact is strictly apart, sticking or sliding. Contacts that only
+//! velocities make contacts, and what else a step does by decisions, have none, and [`GradientError`] says
+//! so: impacts with restitution, contacts found in the midst of the step, drag. Turns that take the angular
+//! velocity with them, those that mend overlap and those that keep the angular momentum of what flies, are
 //! left out.
 
 use crate::contact::Contact;
@@ -95,7 +97,8 @@ pub struct Pullback {
     pub velocity: Vec<f64>,
     /// By the external forces and torques, six numbers per body.
     pub force: Vec<f64>,
-    /// By the coefficient of friction of each contact of the step; NaN where one is zero and the contact does not slip.
+    /// By the coefficient of friction of each contact of the step; NaN where one is zero and the contact does
+    /// not slip.
     pub friction: Vec<f64>,
 }
 
@@ -171,7 +174,8 @@ impl StepGradient {
         self.sensitivity.states()
     }
 
-    /// Of a number L with dL = `cotangent` . dv+ (six numbers per body, velocity and angular velocity): its derivatives.
+    /// Of a number L with dL = `cotangent` . dv+ (six numbers per body, velocity and angular velocity): its
+    /// derivatives.
     ///
     /// # Errors
     /// [`GradientError::Size`], or [`GradientError::Contact`] where the linear system is not solved.
@@ -207,8 +211,8 @@ impl StepGradient {
         Ok(Pullback { velocity, force, friction })
     }
 
-    /// Sums derivatives by the contacts' coefficients to those by the coefficients of pairs of materials: entry i * len + j is that by the
-    /// coefficient between i and j, the same as entry j * len + i.
+    /// Sums derivatives by the contacts' coefficients to those by the coefficients of pairs of materials:
+    /// entry i * len + j is that by the coefficient between i and j, the same as entry j * len + i.
     pub fn by_materials(&self, friction: &[f64]) -> Vec<f64> {
         let len = self.before.materials.len();
         let mut sums = vec![0.0; len * len];

@@ -37,8 +37,8 @@ macro_rules! handle {
         pub struct $name(u32);
 
         impl $name {
-            /// The handle of what stands at this index of its list. Whether there is such a thing is checked where the handle is
-            /// used.
+            /// The handle of what stands at this index of its list. Whether there is such a thing is checked
+            /// where the handle is used.
             pub const fn from_index(index: usize) -> Self {
                 // No list is as long as u32::MAX: that one is refused like any other that does not exist.
                 Self(if index < u32::MAX as usize { index as u32 } else { u32::MAX })
@@ -68,12 +68,13 @@ handle! {
     MaterialId
 }
 handle! {
-    /// A motion of [`World::motions`](crate::world::World::motions), or [`FREE`](crate::world::FREE), the default.
+    /// A motion of [`World::motions`](crate::world::World::motions), or [`FREE`](crate::world::FREE), the
+    /// default.
     MotionId
 }
 handle! {
-    /// A body of [`Bodies`](crate::world::Bodies); the first one by default. Removal of bodies gives others new handles:
-    /// [`World::remove_bodies`](crate::world::World::remove_bodies) returns them.
+    /// A body of [`Bodies`](crate::world::Bodies); the first one by default. Removal of bodies gives others
+    /// new handles: [`World::remove_bodies`](crate::world::World::remove_bodies) returns them.
     #[derive(Default)]
     BodyId
 }

@@ -1,6 +1,6 @@
-//! Convex polyhedra: the hull of points, by incremental insertion of the farthest point (C. B. Barber, D. P. Dobkin, H. Huhdanpaa, "The
-//! quickhull algorithm for convex hulls", ACM Transactions on Mathematical Software 22(4):469-483, 1996), with coplanar triangles joined
-//! to polygons.
+//! Convex polyhedra: the hull of points, by incremental insertion of the farthest point (C. B. Barber, D. P.
+//! Dobkin, H. Huhdanpaa, "The quickhull algorithm for convex hulls", ACM Transactions on Mathematical
+//! Software 22(4):469-483, 1996), with coplanar triangles joined to polygons.
 
 mod join;
 mod triangulate;
@@ -11,7 +11,8 @@ use crate::math::{Mat3, Vec3};
 use crate::solid_mesh::{check_closed, moments};
 use serde::{Deserialize, Serialize};
 
-/// Faces that differ by less than this fraction of the extent are one: somewhat more than the rounding of files in single precision.
+/// Faces that differ by less than this fraction of the extent are one: somewhat more than the rounding of
+/// files in single precision.
 const TOLERANCE: f64 = 1e-6;
 
 /// Where that makes no plane polygons, it grows by steps up to this: the rounding of files with three digits.
@@ -52,14 +53,15 @@ pub struct HullEdge {
 }
 
 impl Hull {
-    /// The hull of points (m, in any frame and order), moved so that its centre of volume is the origin, and that centre in the frame of
-    /// the points. Corners keep the order of the points. Faces that differ by less than 1e-6 of the extent are joined, and points that
-    /// stand out of them by that are left out; where points are rounded more coarsely, so that this makes no plane polygons, that
-    /// fraction is multiplied by four, up to 1e-3, and at last no triangles are joined. Cost: points times corners.
+    /// The hull of points (m, in any frame and order), moved so that its centre of volume is the origin, and
+    /// that centre in the frame of the points. Corners keep the order of the points. Faces that differ by
+    /// less than 1e-6 of the extent are joined, and points that stand out of them by that are left out; where
+    /// points are rounded more coarsely, so that this makes no plane polygons, that fraction is multiplied by
+    /// four, up to 1e-3, and at last no triangles are joined. Cost: points times corners.
     ///
     /// # Errors
-    /// [`ModelError`] for a coordinate that is not finite, an extent outside of 1e-50 m to 1e50 m, points in a plane, more than
-    /// [`MOST_CORNERS`] corners, and faces too narrow for their normals.
+    /// [`ModelError`] for a coordinate that is not finite, an extent outside of 1e-50 m to 1e50 m, points in
+    /// a plane, more than [`MOST_CORNERS`] corners, and faces too narrow for their normals.
     pub fn new(points: &[Vec3]) -> Result<(Self, Vec3), ModelError> {
         for point in points {
             crate::error::finite("a coordinate of a point of a hull", &point.to_array())?;
@@ -100,9 +102,9 @@ impl Hull {
         Ok((hull, middle + centre))
     }
 
-    /// Of points whose hull has more corners than `most` (at least 4), the corners of a hull of at most so many:
-    /// quickhull that stops there, and always takes the point next that lies farthest outside. All points where they
-    /// lie in a plane or are not finite. Cost: points times `most`.
+    /// Of points whose hull has more corners than `most` (at least 4), the corners of a hull of at most so
+    /// many: quickhull that stops there, and always takes the point next that lies farthest outside. All
+    /// points where they lie in a plane or are not finite. Cost: points times `most`.
     pub fn outermost(points: &[Vec3], most: usize) -> Vec<Vec3> {
         let low = points.iter().fold(Vec3::INFINITY, |low, p| low.min(*p));
         let high = points.iter().fold(Vec3::NEG_INFINITY, |high, p| high.max(*p));
@@ -165,7 +167,8 @@ impl Hull {
         moments.moved(middle)
     }
 
-    /// Half the smallest distance of two parallel planes that hold it between them, of those along its faces, m.
+    /// Half the smallest distance of two parallel planes that hold it between them, of those along its faces,
+    /// m.
     pub(crate) fn half_thickness(&self) -> f64 {
         let width = |face: &HullFace| {
             let lowest = self.corners.iter().map(|c| face.normal.dot(*c)).fold(f64::INFINITY, f64::min);
@@ -184,7 +187,8 @@ impl Hull {
         self.corners.iter().map(|corner| corner.length()).fold(0.0, f64::max)
     }
 
-    /// Checks a hull that comes from a file: that its numbers fit together, that it closes, and that every corner lies behind every face.
+    /// Checks a hull that comes from a file: that its numbers fit together, that it closes, and that every
+    /// corner lies behind every face.
     pub(crate) fn validate(&self) -> Result<(), ModelError> {
         self.validate_within(join::PLAY * MOST_TOLERANCE * self.bounding_radius())
     }
@@ -228,7 +232,8 @@ mod tests {
         (0..n * n * n).map(|k| half * Vec3::new(place(k % n), place(k / n % n), place(k / n / n))).collect()
     }
 
-    /// Points in faces and edges are no corners; moved, turned and rounded to single precision, the box stays a box.
+    /// Points in faces and edges are no corners; moved, turned and rounded to single precision, the box stays
+    /// a box.
     #[test]
     fn a_grid_of_points_has_the_box_around_it() {
         let half = Vec3::new(0.3, 0.5, 0.7);
@@ -270,8 +275,8 @@ mod tests {
         assert!(matches!(Hull::new(&many), Err(ModelError::HullCorners { corners: 400, .. })));
     }
 
-    /// Every point lies in the hull within the tolerance, Euler's formula holds, and the volume is that of another sum: over pyramids
-    /// from the centre to the faces, with the areas of the polygons.
+    /// Every point lies in the hull within the tolerance, Euler's formula holds, and the volume is that of
+    /// another sum: over pyramids from the centre to the faces, with the areas of the polygons.
     fn check(points: &[Vec3], tolerance: f64) -> Hull {
         let (hull, centre) = Hull::new(points).unwrap();
         assert_eq!(hull.corners.len() + hull.faces.len(), hull.edges.len() + 2);
@@ -322,7 +327,8 @@ mod tests {
         }
     }
 
-    /// On a sphere all points are corners. The volume of the hull of n random ones is below that of the ball by some 9.5 / n.
+    /// On a sphere all points are corners. The volume of the hull of n random ones is below that of the ball
+    /// by some 9.5 / n.
     #[test]
     fn random_points_on_a_sphere_are_all_corners() {
         let mut random = rand_pcg::Pcg64Mcg::new(7);
@@ -356,7 +362,8 @@ mod tests {
         }
     }
 
-    /// A bound keeps corners that are points and most of the volume; a hull with fewer corners stays what it is.
+    /// A bound keeps corners that are points and most of the volume; a hull with fewer corners stays what it
+    /// is.
     #[test]
     fn the_outermost_points_make_most_of_the_hull() {
         let golden = std::f64::consts::PI * (3.0 - 5.0_f64.sqrt());
@@ -382,8 +389,8 @@ mod tests {
     }
 
     proptest! {
-        /// All points lie inside, every corner is one of them, and no corner can be left out; the volume is the one by summing over
-        /// corners drawn in another order.
+        /// All points lie inside, every corner is one of them, and no corner can be left out; the volume is
+        /// the one by summing over corners drawn in another order.
         #[test]
         fn the_hull_of_random_points_is_the_smallest(
             points in prop::collection::vec(prop::array::uniform3(-1.0..1.0_f64), 8..40)

@@ -1,25 +1,26 @@
 //! Impacts: Newton's law of restitution, before the contact problem of the step.
 //!
-//! A contact that is going to close within the step at a noticeable velocity is an impact. Impacts are resolved on the velocities
-//! before the step, in passes: those contacts that close now are solved together,
+//! A contact that is going to close within the step at a noticeable velocity is an impact. Impacts are
+//! resolved on the velocities before the step, in passes: those contacts that close now are solved together,
 //!
 //! ```text
 //! v' = v + M^-1 D g,   Y_i contains g_i perpendicular to D_i^T v' + (e_i D_i,n^T v, 0, 0) in Y_i^*
 //! ```
 //!
-//! so that each parts with e times the velocity of its arrival whatever its gap was; then those that close because of it, and so
-//! on, until none is left. Forces, and contacts that rest or only touch, are left to the contact problem, which starts from v'.
-//! Joints hold in impacts, motors with a limit and springs have no time to act, and stops neither.
-//! Rolling and spinning friction act on lasting contact alone: their moments grow with the time that a contact takes, which an impact
-//! does not have.
-//! A collision that runs through a row of bodies (Newton's cradle) takes one pass per contact.
+//! so that each parts with e times the velocity of its arrival whatever its gap was; then those that close
+//! because of it, and so on, until none is left. Forces, and contacts that rest or only touch, are left to
+//! the contact problem, which starts from v'. Joints hold in impacts, motors with a limit and springs have no
+//! time to act, and stops neither. Rolling and spinning friction act on lasting contact alone: their moments
+//! grow with the time that a contact takes, which an impact does not have. A collision that runs through a
+//! row of bodies (Newton's cradle) takes one pass per contact.
 //!
-//! Without friction and with one e for all contacts a pass cannot make energy (J. J. Moreau, "Unilateral contact and dry
-//! friction in finite freedom dynamics", 1988: e = 1 keeps it exactly); with friction, or with several e, Newton's law can
-//! (T. R. Kane, D. A. Levinson, "Dynamics", 1985). Where it would, the impulses are taken on the line from those of a plastic
-//! impact to these, as far as energy allows: both lie in the cones, and so do those between. In effect e is lowered for one
-//! connected part. Passes in turn: B. Smith, D. Kaufman, E. Vouga, R. Tamstorf, E. Grinspun, "Reflections on simultaneous impact",
-//! ACM Transactions on Graphics 31(4):106, 2012.
+//! Without friction and with one e for all contacts a pass cannot make energy (J. J. Moreau, "Unilateral
+//! contact and dry friction in finite freedom dynamics", 1988: e = 1 keeps it exactly); with friction, or
+//! with several e, Newton's law can (T. R. Kane, D. A. Levinson, "Dynamics", 1985). Where it would, the
+//! impulses are taken on the line from those of a plastic impact to these, as far as energy allows: both lie
+//! in the cones, and so do those between. In effect e is lowered for one connected part. Passes in turn: B.
+//! Smith, D. Kaufman, E. Vouga, R. Tamstorf, E. Grinspun, "Reflections on simultaneous impact", ACM
+//! Transactions on Graphics 31(4):106, 2012.
 
 use crate::assemble::{pair_property, relative_velocities};
 use crate::collide::Collider;
@@ -37,21 +38,23 @@ use graintrain_ccp::{
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-/// What the passes over impacts are tuned by. Values: docs/mechanics.md, "Restitution"; held by `tests/physics/energy.rs` and the impacts
-/// of `graintrain verify` (A7 to A9, A20, A25).
+/// What the passes over impacts are tuned by. Values: docs/mechanics.md, "Restitution"; held by
+/// `tests/physics/energy.rs` and the impacts of `graintrain verify` (A7 to A9, A20, A25).
 #[derive(Clone, Debug)]
 pub struct Parameters {
-    /// Passes of one step; what closes after the last is left to the contact problem, as a plastic impact, and counted as lowered.
+    /// Passes of one step; what closes after the last is left to the contact problem, as a plastic impact,
+    /// and counted as lowered.
     pub passes: usize,
-    /// An approach slower than this fraction of a dt, with the larger acceleration a of both bodies under gravity and external forces,
-    /// is no impact: a resting body arrives with what the last step's solve left over.
+    /// An approach slower than this fraction of a dt, with the larger acceleration a of both bodies under
+    /// gravity and external forces, is no impact: a resting body arrives with what the last step's solve left
+    /// over.
     pub resting: f64,
     /// Residual to which a pass is solved, in the velocities of its own contacts.
     pub tolerance: f64,
     /// Iterations of a pass.
     pub iterations: usize,
-    /// Energy that an impact makes, relative to the magnitude of its terms, above which restitution is lowered; less is the error of
-    /// its solve.
+    /// Energy that an impact makes, relative to the magnitude of its terms, above which restitution is
+    /// lowered; less is the error of its solve.
     pub lowered: f64,
 }
 
@@ -64,13 +67,15 @@ impl Default for Parameters {
 /// What the impacts of a step did.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Impacts {
-    /// Velocities after the impacts, six numbers per body; those of prescribed degrees of freedom are the ones before the step.
+    /// Velocities after the impacts, six numbers per body; those of prescribed degrees of freedom are the
+    /// ones before the step.
     pub velocity: Vec<f64>,
     /// Impulse on body A of every contact, world axes, N s; empty where there was no impact.
     pub impulse: Vec<Vec3>,
     /// Contacts resolved, over all passes.
     pub count: usize,
-    /// Parts in which restitution was lowered, because it would have made energy, and contacts that still closed after the last pass.
+    /// Parts in which restitution was lowered, because it would have made energy, and contacts that still
+    /// closed after the last pass.
     pub lowered: usize,
     /// The worst residual that a solve was left with, in the velocities of its own contacts.
     pub residual: Residual,
@@ -227,9 +232,10 @@ impl ImpactSolver<'_> {
     }
 }
 
-/// Gives contacts of pairs with restitution the arms that they have when the bodies touch, where they still have a gap to close: from
-/// each centre to the own surface. With half a gap more the spin that friction gives would depend on the phase of arrival. Balls that
-/// touch within the step as they move now get the normal of that moment, too: that of the start of the step is off by the way sideways.
+/// Gives contacts of pairs with restitution the arms that they have when the bodies touch, where they still
+/// have a gap to close: from each centre to the own surface. With half a gap more the spin that friction
+/// gives would depend on the phase of arrival. Balls that touch within the step as they move now get the
+/// normal of that moment, too: that of the start of the step is off by the way sideways.
 pub(crate) fn lead_to_surfaces(world: &World, collider: &Collider, step: f64, contacts: &mut [Contact]) {
     let materials = &world.bodies.material;
     for contact in contacts.iter_mut().filter(|contact| contact.gap > 0.0 && contact.lead == Vec3::ZERO) {
@@ -250,9 +256,9 @@ struct Projected {
     along: [f64; 6],
 }
 
-/// Makes velocities those that joints let bodies have. That of the middle of the last step is off them by half the turn of a step, and so are the
-/// approaches that impacts would start from. What joints take away here they take in the step itself, too, which tells their forces: afterwards only
-/// what impacts add stays.
+/// Makes velocities those that joints let bodies have. That of the middle of the last step is off them by
+/// half the turn of a step, and so are the approaches that impacts would start from. What joints take away
+/// here they take in the step itself, too, which tells their forces: afterwards only what impacts add stays.
 fn along_joints(world: &World, velocity: &mut [f64], step: f64) -> (Vec<CoupledBodies>, Vec<Projected>) {
     if world.joints().is_empty() {
         return Default::default();
@@ -319,7 +325,8 @@ impl Motion {
     }
 }
 
-/// Velocities with those of prescribed degrees of freedom taken from `free`: the ones that hold during this step.
+/// Velocities with those of prescribed degrees of freedom taken from `free`: the ones that hold during this
+/// step.
 fn with_driven(world: &World, before: &[f64], free: &[f64]) -> Vec<f64> {
     let mut velocity = before.to_vec();
     for body in (0..world.bodies.len()).filter(|&body| !world.is_free(body)) {
@@ -332,14 +339,15 @@ fn with_driven(world: &World, before: &[f64], free: &[f64]) -> Vec<f64> {
     velocity
 }
 
-/// Kinetic energy that impulses g add where contacts had the velocities u and get u + N g, g . u + 1/2 g . N g, J; and the size of what
-/// goes over, sum |g u|.
+/// Kinetic energy that impulses g add where contacts had the velocities u and get u + N g, g . u + 1/2 g . N
+/// g, J; and the size of what goes over, sum |g u|.
 fn energy(g: &[f64], u: &[f64], change: &[f64]) -> (f64, f64) {
     let gain = g.iter().zip(u).zip(change).map(|((g, u), c)| g * (u + 0.5 * c)).sum();
     (gain, g.iter().zip(u).map(|(g, u)| (g * u).abs()).sum())
 }
 
-/// g <- start + s (g - start) with the largest s in [0, 1] at which no energy is made: the root of a quadratic. `change` is N g.
+/// g <- start + s (g - start) with the largest s in [0, 1] at which no energy is made: the root of a
+/// quadratic. `change` is N g.
 fn lower(delassus: &Delassus, u: &[f64], start: &[f64], g: &mut [f64], change: &[f64]) {
     let mut at_start = vec![0.0; start.len()];
     delassus.multiply(start, &mut at_start, &mut delassus.work());

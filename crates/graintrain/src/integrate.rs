@@ -9,19 +9,21 @@ use rayon::prelude::*;
 /// Bodies per parallel task.
 const TASK: usize = 1024;
 
-/// Angle, rad, up to which a body may turn in one sub-step of the gyroscopic term; Newton's method then needs three or
-/// four iterations.
+/// Angle, rad, up to which a body may turn in one sub-step of the gyroscopic term; Newton's method then needs
+/// three or four iterations.
 const TURN_PER_SUBSTEP: f64 = 0.25;
 
-/// More sub-steps than this are not made; a body that turns by more than 250 rad per step is not resolved anyway.
+/// More sub-steps than this are not made; a body that turns by more than 250 rad per step is not resolved
+/// anyway.
 const MAX_SUBSTEPS: f64 = 1000.0;
 
-/// Velocities (u, w) after the step if no contact acted, six numbers per body, m/s and rad/s, from the velocities `before` it.
+/// Velocities (u, w) after the step if no contact acted, six numbers per body, m/s and rad/s, from the
+/// velocities `before` it.
 ///
-/// Dynamic degrees of freedom: `v + M^-1 (dt f + G)` with gravity and external forces f and the gyroscopic impulse G of
-/// [`free_spin`].
-/// Prescribed ones: the mean over the step of the prescribed velocity. Where only some rotations of a body are dynamic
-/// (set S, the rest P; J = R I R^T): `w_S + J_SS^-1 (dt (T - w x J w)_S - J_SP (w_P+ - w_P))`, torque T.
+/// Dynamic degrees of freedom: `v + M^-1 (dt f + G)` with gravity and external forces f and the gyroscopic
+/// impulse G of [`free_spin`]. Prescribed ones: the mean over the step of the prescribed velocity. Where only
+/// some rotations of a body are dynamic (set S, the rest P; J = R I R^T):
+/// `w_S + J_SS^-1 (dt (T - w x J w)_S - J_SP (w_P+ - w_P))`, torque T.
 pub fn free_velocity(world: &World, before: &[f64], step: f64) -> Vec<f64> {
     let mut free = vec![0.0; 6 * world.bodies.len()];
     free.par_chunks_mut(6 * TASK).enumerate().for_each(|(task, chunk)| {
@@ -99,8 +101,9 @@ fn body_free_velocity(world: &World, before: &[f64], body: usize, step: f64) -> 
     (linear, angular)
 }
 
-/// Derivatives of the velocities of [`free_velocity`] of one body: by its velocity (a diagonal), by its angular velocity, and by the external
-/// torque, N m; that by the external force is `step / mass` along the dynamic axes. Zero for what is prescribed.
+/// Derivatives of the velocities of [`free_velocity`] of one body: by its velocity (a diagonal), by its
+/// angular velocity, and by the external torque, N m; that by the external force is `step / mass` along the
+/// dynamic axes. Zero for what is prescribed.
 pub(crate) fn free_velocity_derivative(world: &World, body: usize, step: f64) -> (Vec3, Mat3, Mat3) {
     let bodies = &world.bodies;
     let (inertia, orientation, w) =
@@ -125,7 +128,8 @@ pub(crate) fn free_velocity_derivative(world: &World, body: usize, step: f64) ->
     }
 }
 
-/// Derivative of [`free_spin`] by w: over every sub-step `(I + h/2 Q) dw1 = (I - h/2 Q) dw0` with `Q = skew(wm) I - skew(I wm)`.
+/// Derivative of [`free_spin`] by w: over every sub-step `(I + h/2 Q) dw1 = (I - h/2 Q) dw0` with
+/// `Q = skew(wm) I - skew(I wm)`.
 fn free_spin_derivative(inertia: Mat3, orientation: Quat, w: Vec3, step: f64) -> Mat3 {
     if is_isotropic(inertia) {
         return Mat3::IDENTITY;
@@ -153,9 +157,10 @@ fn select(first: [bool; 3], a: Vec3, b: Vec3) -> Vec3 {
     Vec3::from_array(std::array::from_fn(|k| if first[k] { a[k] } else { b[k] }))
 }
 
-/// Angular velocity after a step without torque: Euler's equations in body axes by the implicit midpoint rule,
-/// `I (w1 - w0) = -dt wm x I wm`, `wm = (w0 + w1) / 2`, which keeps the energy and the length of the angular momentum to
-/// round-off. Because the body turns about w1 itself, w1 has the same components in the body's axes before and after.
+/// Angular velocity after a step without torque: Euler's equations in body axes by the implicit midpoint
+/// rule, `I (w1 - w0) = -dt wm x I wm`, `wm = (w0 + w1) / 2`, which keeps the energy and the length of the
+/// angular momentum to round-off. Because the body turns about w1 itself, w1 has the same components in the
+/// body's axes before and after.
 pub fn free_spin(inertia: Mat3, orientation: Quat, w: Vec3, step: f64) -> Vec3 {
     if is_isotropic(inertia) {
         return w;
@@ -225,7 +230,8 @@ pub fn inverse_mass(world: &World) -> Vec<BodyInverseMass> {
     inverse_mass_with(world, |_| [0.0; 2])
 }
 
-/// As [`inverse_mass`] with what drag adds in a step: of m + dt linear and I + dt angular ([`crate::load::Drag`]).
+/// As [`inverse_mass`] with what drag adds in a step: of m + dt linear and I + dt angular
+/// ([`crate::load::Drag`]).
 pub(crate) fn inverse_mass_in_step(world: &World, step: f64) -> Vec<BodyInverseMass> {
     let added =
         |body: usize| world.drag.get(body).map_or([0.0; 2], |drag| [step * drag.linear, step * drag.angular]);
@@ -260,18 +266,20 @@ fn inverse_mass_with(world: &World, added: impl Fn(usize) -> [f64; 2] + Sync) ->
         .collect()
 }
 
-/// Bodies that nothing touches in a step, and the velocities from which they fly (six numbers per body, after impacts).
+/// Bodies that nothing touches in a step, and the velocities from which they fly (six numbers per body, after
+/// impacts).
 pub(crate) struct Flight<'a> {
     pub flies: &'a [bool],
     pub before: &'a [f64],
 }
 
-/// Sets the velocities of all bodies (six numbers each) and moves them: `x + dt u`, `exp(dt w) Q` renormalised; then by a
-/// displacement (translation and turn, six numbers per body) that leaves no velocity, if there is one. A turn takes the angular
-/// velocity with it, so that the kinetic energy stays.
+/// Sets the velocities of all bodies (six numbers each) and moves them: `x + dt u`, `exp(dt w) Q`
+/// renormalised; then by a displacement (translation and turn, six numbers per body) that leaves no velocity,
+/// if there is one. A turn takes the angular velocity with it, so that the kinetic energy stays.
 ///
-/// Contacts are linearised with the velocities after the step. What nothing touches moves by the mean velocity, x + dt (u0 + u) / 2, which under gravity
-/// is the exact parabola and keeps the energy, and turns as [`fly`] says.
+/// Contacts are linearised with the velocities after the step. What nothing touches moves by the mean
+/// velocity, x + dt (u0 + u) / 2, which under gravity is the exact parabola and keeps the energy, and turns
+/// as [`fly`] says.
 pub(crate) fn advance(
     world: &mut World,
     velocity: &[f64],
@@ -305,9 +313,10 @@ pub(crate) fn advance(
     }
 }
 
-/// Orientation and angular velocity after a flight in which the spin goes from w0 to w1, in world axes. Without torque these are those of [`free_spin`], which keeps
-/// the energy and the length of the angular momentum L: the body turns about the mean spin of every sub-step, and then by the least that brings L back to where it
-/// was, `Q1 I Q1^T w1' = Q0 I Q0^T w0`. Where the spin is another one it turns about w1.
+/// Orientation and angular velocity after a flight in which the spin goes from w0 to w1, in world axes.
+/// Without torque these are those of [`free_spin`], which keeps the energy and the length of the angular
+/// momentum L: the body turns about the mean spin of every sub-step, and then by the least that brings L back
+/// to where it was, `Q1 I Q1^T w1' = Q0 I Q0^T w0`. Where the spin is another one it turns about w1.
 fn fly(inertia: Mat3, start: Quat, [w0, w1]: [Vec3; 2], step: f64) -> (Quat, Vec3) {
     let (first, last) = (start.conjugate() * w0, start.conjugate() * w1);
     let (mut end, mut spin) = (start, first);

@@ -1,10 +1,11 @@
 //! Loads: forces and torques on bodies besides gravity and contact, as functions of time and place.
 //!
-//! In every step loads are summed into [`Bodies::force`](crate::world::Bodies::force) and `torque`, on top of what a program has set
-//! there, before contacts are looked for; after the step the program's own values are back. Functions of time enter with their mean over
-//! the step, so that the impulse of a load is exact; what depends on position or orientation is taken at the start of the step. Drag acts
-//! on the velocity after the step, contacts and all ([`Action::Drag`]).
-//! Where forces change from step to step, contacts are looked for twice per step: those found at its end do not hold for the next.
+//! In every step loads are summed into [`Bodies::force`](crate::world::Bodies::force) and `torque`, on top of
+//! what a program has set there, before contacts are looked for; after the step the program's own values are
+//! back. Functions of time enter with their mean over the step, so that the impulse of a load is exact; what
+//! depends on position or orientation is taken at the start of the step. Drag acts on the velocity after the
+//! step, contacts and all ([`Action::Drag`]). Where forces change from step to step, contacts are looked for
+//! twice per step: those found at its end do not hold for the next.
 
 use crate::error::{ModelError, finite, positive};
 use crate::handle::BodyId;
@@ -73,8 +74,8 @@ pub enum Action {
         /// Components of the acceleration in world axes.
         acceleration: [Profile; 3],
     },
-    /// A central field: at the distance r from the centre the acceleration strength (r / distance)^power toward it, and none at the
-    /// centre itself.
+    /// A central field: at the distance r from the centre the acceleration strength (r / distance)^power
+    /// toward it, and none at the centre itself.
     Central {
         /// m
         centre: Vec3,
@@ -91,9 +92,10 @@ pub enum Action {
     /// F = -(linear + quadratic |u|) u,   T = -angular w
     /// ```
     ///
-    /// by an implicit step, m (u+ - u) = dt (F - (linear + quadratic |u|) u+) + contact impulses, which no step length makes unstable:
-    /// drag never turns a body back relative to the medium, what falls reaches the velocity at which drag carries it, and what a wall holds
-    /// feels the whole wind. The torque likewise.
+    /// by an implicit step, m (u+ - u) = dt (F - (linear + quadratic |u|) u+) + contact impulses, which no
+    /// step length makes unstable: drag never turns a body back relative to the medium, what falls reaches
+    /// the velocity at which drag carries it, and what a wall holds feels the whole wind. The torque
+    /// likewise.
     Drag {
         /// N s/m
         linear: f64,
@@ -193,8 +195,9 @@ pub(crate) struct Unloaded {
     torque: Vec<Vec3>,
 }
 
-/// Sums the loads of the step that begins now into the bodies' forces and torques, and sets gravity to its mean over the step where it
-/// depends on time. Returned is what was there; `None` where there is nothing to do.
+/// Sums the loads of the step that begins now into the bodies' forces and torques, and sets gravity to its
+/// mean over the step where it depends on time. Returned is what was there; `None` where there is nothing to
+/// do.
 pub(crate) fn apply(world: &mut World, step: f64) -> Option<Unloaded> {
     if world.loads.is_empty() && world.gravity_of_time.is_none() {
         return None;
@@ -223,8 +226,8 @@ pub(crate) fn apply(world: &mut World, step: f64) -> Option<Unloaded> {
     Some(before)
 }
 
-/// Takes the loads away again: what a program had set is left, and where the step was not made, the gravity of before. The lists stay where they are
-/// in memory, since a program may look at them in place.
+/// Takes the loads away again: what a program had set is left, and where the step was not made, the gravity
+/// of before. The lists stay where they are in memory, since a program may look at them in place.
 pub(crate) fn remove(world: &mut World, before: Unloaded, was_made: bool) {
     world.bodies.force.copy_from_slice(&before.force);
     world.bodies.torque.copy_from_slice(&before.torque);
@@ -275,7 +278,8 @@ impl Load {
 }
 
 impl Action {
-    /// Force and torque about the centre of mass, world axes, on a body with a mass; none for drag, which has a step of its own.
+    /// Force and torque about the centre of mass, world axes, on a body with a mass; none for drag, which has
+    /// a step of its own.
     fn on(&self, world: &World, body: usize, mean: Vec3) -> (Vec3, Vec3) {
         let bodies = &world.bodies;
         let (mass, orientation) = (bodies.mass[body], bodies.orientation[body]);
@@ -303,8 +307,8 @@ impl Action {
     }
 }
 
-/// Drag on a body in a step: the force `pull - linear u+` and the torque `-angular w+` with the velocities after the step. So the body moves
-/// as one of mass m + dt linear and inertia I + dt angular.
+/// Drag on a body in a step: the force `pull - linear u+` and the torque `-angular w+` with the velocities
+/// after the step. So the body moves as one of mass m + dt linear and inertia I + dt angular.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Drag {
     /// N s/m
@@ -327,9 +331,9 @@ pub(crate) fn add_drag(world: &mut World, after: &[f64]) {
     }
 }
 
-/// Work of the external forces and torques over a step from the velocities `before` it to those `after` it (six numbers per body), J:
-/// `dt (F . (u + u+) / 2 + T . (w + w+) / 2)` over the dynamic degrees of freedom, which is exactly what they add to the kinetic energy of
-/// the step (but for the gyroscopic term).
+/// Work of the external forces and torques over a step from the velocities `before` it to those `after` it
+/// (six numbers per body), J: `dt (F . (u + u+) / 2 + T . (w + w+) / 2)` over the dynamic degrees of freedom,
+/// which is exactly what they add to the kinetic energy of the step (but for the gyroscopic term).
 pub(crate) fn work(world: &World, before: &[f64], after: &[f64], step: f64) -> f64 {
     let bodies = &world.bodies;
     let mut work = 0.0;

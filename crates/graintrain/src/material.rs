@@ -4,7 +4,8 @@ use crate::error::{ModelError, positive};
 use crate::handle::MaterialId;
 use serde::{Deserialize, Serialize};
 
-/// How a pair resists rolling or spinning: a coefficient with the dimension of a length (see [`crate::turning`]).
+/// How a pair resists rolling or spinning: a coefficient with the dimension of a length (see
+/// [`crate::turning`]).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum TurningResistance {
@@ -60,7 +61,8 @@ impl Elasticity {
     /// Checks both numbers; `of` says whose they are.
     ///
     /// # Errors
-    /// [`ModelError::Value`] unless both are finite and not negative, and there is a stiffness where there is damping.
+    /// [`ModelError::Value`] unless both are finite and not negative, and there is a stiffness where there is
+    /// damping.
     pub fn validate(&self, of: &str) -> Result<(), ModelError> {
         if self.stiffness == 0.0 && self.damping > 0.0 {
             let (what, value) = (format!("the damping {of}, without a stiffness,"), self.damping);
@@ -91,13 +93,15 @@ pub struct Materials {
     pub friction: Vec<f64>,
     /// Newton's coefficient of restitution of a pair, in [0, 1]: entry `i * len + j`, symmetric.
     pub restitution: Vec<f64>,
-    /// Resistance of a pair to rolling: entry `i * len + j`, symmetric. Empty where no pair resists turning, like `spinning`.
+    /// Resistance of a pair to rolling: entry `i * len + j`, symmetric. Empty where no pair resists turning,
+    /// like `spinning`.
     pub rolling: Vec<TurningResistance>,
     /// Resistance of a pair to spinning about the contact normal: entry `i * len + j`, symmetric.
     pub spinning: Vec<TurningResistance>,
     /// Stiffness and damping of a pair: entry `i * len + j`, symmetric. Empty where all are rigid.
     pub elasticity: Vec<Elasticity>,
-    /// Force with which bodies of a pair pull each other while they touch, N: entry `i * len + j`, symmetric. Empty where none do.
+    /// Force with which bodies of a pair pull each other while they touch, N: entry `i * len + j`, symmetric.
+    /// Empty where none do.
     pub cohesion: Vec<f64>,
 }
 
@@ -185,7 +189,8 @@ impl Materials {
         Ok(())
     }
 
-    /// Sets how materials i and j (which may be the same) resist rolling on each other, and spinning about the contact normal.
+    /// Sets how materials i and j (which may be the same) resist rolling on each other, and spinning about
+    /// the contact normal.
     ///
     /// ```
     /// use graintrain::material::{Materials, TurningResistance};
@@ -237,8 +242,8 @@ impl Materials {
     /// Sets stiffness and damping of contacts between materials i and j (which may be the same).
     ///
     /// # Errors
-    /// [`ModelError::Index`]; [`ModelError::Value`] for numbers that are negative or not finite, damping without stiffness, and a pair with
-    /// restitution.
+    /// [`ModelError::Index`]; [`ModelError::Value`] for numbers that are negative or not finite, damping
+    /// without stiffness, and a pair with restitution.
     pub fn set_pair_elasticity(
         &mut self,
         i: MaterialId,
@@ -257,10 +262,12 @@ impl Materials {
         Ok(())
     }
 
-    /// Sets the force, N, with which bodies of materials i and j (which may be the same) pull each other while they touch.
+    /// Sets the force, N, with which bodies of materials i and j (which may be the same) pull each other
+    /// while they touch.
     ///
     /// # Errors
-    /// [`ModelError::Index`], or [`ModelError::Value`] unless it is not negative and at most [`MOST_COHESION`].
+    /// [`ModelError::Index`], or [`ModelError::Value`] unless it is not negative and at most
+    /// [`MOST_COHESION`].
     pub fn set_pair_cohesion(&mut self, i: MaterialId, j: MaterialId, force: f64) -> Result<(), ModelError> {
         let [i, j] = self.pair_index(i, j)?;
         if !(0.0..=MOST_COHESION).contains(&force) {

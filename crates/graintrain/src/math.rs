@@ -1,12 +1,12 @@
-//! Vectors, quaternions and matrices in f64, from one place (they come with the collision library), and the few
-//! operations on them that are missing there.
+//! Vectors, quaternions and matrices in f64, from one place (they come with the collision library), and the
+//! few operations on them that are missing there.
 
 use graintrain_linalg::real;
 pub use parry3d_f64::glamx::{DMat3 as Mat3, DMat4 as Mat4, DQuat as Quat, DVec3 as Vec3};
 pub use parry3d_f64::math::Pose;
 
-/// Two unit vectors t1, t2 that make (n, t1, t2) a right-handed orthonormal frame; a continuous function of the unit
-/// vector n except at n_z = 0 (Duff et al., Building an Orthonormal Basis, Revisited, JCGT 2017).
+/// Two unit vectors t1, t2 that make (n, t1, t2) a right-handed orthonormal frame; a continuous function of
+/// the unit vector n except at n_z = 0 (Duff et al., Building an Orthonormal Basis, Revisited, JCGT 2017).
 #[inline]
 pub fn tangents(n: Vec3) -> (Vec3, Vec3) {
     let sign = 1.0_f64.copysign(n.z);
@@ -15,7 +15,8 @@ pub fn tangents(n: Vec3) -> (Vec3, Vec3) {
     (Vec3::new(1.0 + sign * n.x * n.x * a, sign * b, -sign * n.x), Vec3::new(b, sign + n.y * n.y * a, -n.y))
 }
 
-/// What a mass of one at this distance (m) adds to a tensor of inertia, |d|^2 - d d^T, m^2 (parallel axes, Huygens and Steiner).
+/// What a mass of one at this distance (m) adds to a tensor of inertia, |d|^2 - d d^T, m^2 (parallel axes,
+/// Huygens and Steiner).
 #[inline]
 pub fn parallel_axis(d: Vec3) -> Mat3 {
     Mat3::from_diagonal(Vec3::splat(d.length_squared())) - Mat3::from_cols(d * d.x, d * d.y, d * d.z)
@@ -40,7 +41,8 @@ pub fn mix(x: u64) -> u64 {
     x ^ (x >> 31)
 }
 
-/// The number that [`mix`] makes this one of: each of its steps has an inverse (the factors are the inverses of its own modulo 2^64).
+/// The number that [`mix`] makes this one of: each of its steps has an inverse (the factors are the inverses
+/// of its own modulo 2^64).
 pub(crate) fn unmix(x: u64) -> u64 {
     let x = (x ^ (x >> 31) ^ (x >> 62)).wrapping_mul(0x3196_42b2_d24d_8ec3);
     let x = (x ^ (x >> 27) ^ (x >> 54)).wrapping_mul(0x96de_1b17_3f11_9089);

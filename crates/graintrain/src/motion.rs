@@ -39,14 +39,14 @@ pub enum Profile {
     Formula(Formula),
 }
 
-/// How a body moves: each of its six degrees of freedom (translation along and rotation about the world axes) is
-/// either dynamic or follows a prescribed velocity.
+/// How a body moves: each of its six degrees of freedom (translation along and rotation about the world axes)
+/// is either dynamic or follows a prescribed velocity.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Motion {
     /// Which degrees of freedom are dynamic: x, y, z, then rotation about x, y, z.
     pub free: [bool; 6],
-    /// Prescribed translation: velocity along each direction (any vector, not normalised), summed. Only components
-    /// along degrees of freedom that are not free act.
+    /// Prescribed translation: velocity along each direction (any vector, not normalised), summed. Only
+    /// components along degrees of freedom that are not free act.
     pub translation: Vec<(Vec3, Profile)>,
     /// Prescribed rotation.
     pub rotation: Option<Rotation>,
@@ -66,7 +66,8 @@ pub enum Axes {
 /// Rotation with a prescribed angular velocity about an axis of fixed direction.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Rotation {
-    /// A point of the axis, m: in the world, where the axis stays, or from the centre of mass in body axes, with which it moves.
+    /// A point of the axis, m: in the world, where the axis stays, or from the centre of mass in body axes,
+    /// with which it moves.
     pub point: Vec3,
     /// Whether the point is one of the world or of the body.
     pub of: Axes,
@@ -101,8 +102,8 @@ impl Profile {
         }
     }
 
-    /// Integral over [start, start + step], exact but for formulas (see [`Formula::integral`]): of a velocity the displacement, m or
-    /// rad.
+    /// Integral over [start, start + step], exact but for formulas (see [`Formula::integral`]): of a velocity
+    /// the displacement, m or rad.
     pub fn integral(&self, start: f64, step: f64) -> f64 {
         match self {
             Self::Constant(value) => value * step,
@@ -143,8 +144,8 @@ impl Profile {
     /// Checks the numbers.
     ///
     /// # Errors
-    /// [`ModelError`] for a number that is not finite, a period that is not positive, or a table that is empty, of
-    /// unequal lengths, or whose times do not ascend.
+    /// [`ModelError`] for a number that is not finite, a period that is not positive, or a table that is
+    /// empty, of unequal lengths, or whose times do not ascend.
     pub fn validate(&self) -> Result<(), ModelError> {
         match self {
             Self::Constant(value) => finite("a constant of time", &[*value]),
@@ -189,20 +190,21 @@ impl Motion {
         Self { free: [false; 6], translation: Vec::new(), rotation: None }
     }
 
-    /// A body that translates along `direction` (not normalised) with the profile's velocity and does not turn.
+    /// A body that translates along `direction` (not normalised) with the profile's velocity and does not
+    /// turn.
     pub fn translating(direction: Vec3, profile: Profile) -> Self {
         Self { translation: vec![(direction, profile)], ..Self::fixed() }
     }
 
-    /// A body that turns about an axis through a `point` of the world, on a circle where that is not its centre; `axis` is normalised
-    /// here (a zero axis is refused when the motion is added to a world).
+    /// A body that turns about an axis through a `point` of the world, on a circle where that is not its
+    /// centre; `axis` is normalised here (a zero axis is refused when the motion is added to a world).
     pub fn rotating(point: Vec3, axis: Vec3, profile: Profile) -> Self {
         let axis = axis.normalize_or_zero();
         Self { rotation: Some(Rotation { point, of: Axes::World, axis, profile }), ..Self::fixed() }
     }
 
-    /// A body that turns about an axis through its own centre of mass, wherever that goes; `axis` is normalised as in
-    /// [`Motion::rotating`].
+    /// A body that turns about an axis through its own centre of mass, wherever that goes; `axis` is
+    /// normalised as in [`Motion::rotating`].
     pub fn spinning(axis: Vec3, profile: Profile) -> Self {
         let axis = axis.normalize_or_zero();
         Self {
@@ -227,9 +229,9 @@ impl Motion {
         self.free == [false; 6]
     }
 
-    /// Mean velocity and angular velocity over [time, time + step] of a body at `position` with this orientation: displacement over
-    /// step, so that positions follow the exact path, and the centre of a body that turns about a distant axis stays on its
-    /// circle (it moves along the chord).
+    /// Mean velocity and angular velocity over [time, time + step] of a body at `position` with this
+    /// orientation: displacement over step, so that positions follow the exact path, and the centre of a body
+    /// that turns about a distant axis stays on its circle (it moves along the chord).
     pub fn mean_velocity(&self, position: Vec3, orientation: Quat, time: f64, step: f64) -> (Vec3, Vec3) {
         let mut displacement: Vec3 = self
             .translation
@@ -315,7 +317,8 @@ mod tests {
         assert!((position - exact).length() < 1e-12);
     }
 
-    /// A wheel's centre goes straight whatever it turns; a crank whose axis is in the body turns about that point, which translates.
+    /// A wheel's centre goes straight whatever it turns; a crank whose axis is in the body turns about that
+    /// point, which translates.
     #[test]
     fn an_axis_of_the_body_moves_with_it() {
         let speed = Profile::Constant(2.0);

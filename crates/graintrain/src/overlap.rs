@@ -1,22 +1,26 @@
 //! Overlap is removed by displacements, not by velocities.
 //!
-//! After the velocities of a step are known, contact i will have the gap `Phi_i + dt D_i,n^T v+`. Where that lies below what is
-//! allowed, bodies are displaced by the least (in the norm of the mass matrix) that mends it and makes no new overlap,
+//! After the velocities of a step are known, contact i will have the gap `Phi_i + dt D_i,n^T v+`. Where that
+//! lies below what is allowed, bodies are displaced by the least (in the norm of the mass matrix) that mends
+//! it and makes no new overlap,
 //!
 //! ```text
 //! min 1/2 dq^T M dq   subject to   Phi_i + dt D_i,n^T v+ + D_i,n^T dq >= target_i
 //! ```
 //!
-//! whose optimality conditions are a contact problem without friction with the same N (solved to few digits by `projection`). The displacement leaves no velocity, so a
-//! state that came with overlaps gets no kinetic energy from them, whatever the step; what it does against gravity is reported.
+//! whose optimality conditions are a contact problem without friction with the same N (solved to few digits
+//! by `projection`). The displacement leaves no velocity, so a state that came with overlaps gets no kinetic
+//! energy from them, whatever the step; what it does against gravity is reported.
 //!
-//! What a step adds to an overlap because bodies that turn are not where the linearised gap says (a disc that wobbles nearly flat changes the place where it
-//! stands by a tenth of a radian of its rim in a step) is removed in the same way at the end of that step, with the contacts that are then.
+//! What a step adds to an overlap because bodies that turn are not where the linearised gap says (a disc that
+//! wobbles nearly flat changes the place where it stands by a tenth of a radian of its rim in a step) is
+//! removed in the same way at the end of that step, with the contacts that are then.
 //!
-//! Source: C. W. Gear, B. Leimkuhler, G. K. Gupta, "Automatic integration of Euler-Lagrange equations with constraints",
-//! J. Comput. Appl. Math. 12-13:77-90, 1985 (a multiplier of its own for positions); as a projection after each step: V. Acary,
-//! "Projected event-capturing time-stepping schemes for nonsmooth mechanical systems with unilateral contact and Coulomb's
-//! friction", Comput. Methods Appl. Mech. Engrg. 256:224-250, 2013.
+//! Source: C. W. Gear, B. Leimkuhler, G. K. Gupta, "Automatic integration of Euler-Lagrange equations with
+//! constraints", J. Comput. Appl. Math. 12-13:77-90, 1985 (a multiplier of its own for positions); as a
+//! projection after each step: V. Acary, "Projected event-capturing time-stepping schemes for nonsmooth
+//! mechanical systems with unilateral contact and Coulomb's friction", Comput. Methods Appl. Mech. Engrg.
+//! 256:224-250, 2013.
 
 use crate::math::Vec3;
 use crate::parts::{Part, parts};
@@ -28,25 +32,27 @@ use graintrain_ccp::{BodyInverseMass, FIXED, RigidContact};
 pub struct Parameters {
     /// An overlap above this fraction of the smaller body's size starts a correction of its part.
     pub trigger: f64,
-    /// The same per tolerance of the solve, where that is more: whoever asks for 1e-2 lets every step add overlap, and a correction of
-    /// all contacts in every step costs as much as the solve (a tenth of the common drop at 1e-2).
+    /// The same per tolerance of the solve, where that is more: whoever asks for 1e-2 lets every step add
+    /// overlap, and a correction of all contacts in every step costs as much as the solve (a tenth of the
+    /// common drop at 1e-2).
     pub trigger_per_tolerance: f64,
-    /// A correction leaves this overlap, as a fraction of the size: contacts that just touch would part and meet again with every
-    /// rounding.
+    /// A correction leaves this overlap, as a fraction of the size: contacts that just touch would part and
+    /// meet again with every rounding.
     pub kept: f64,
-    /// At most this fraction of |gravity| dt^2 of overlap is removed per step and contact, so that contacts that carry weight do not
-    /// open by more than the step closes again.
+    /// At most this fraction of |gravity| dt^2 of overlap is removed per step and contact, so that contacts
+    /// that carry weight do not open by more than the step closes again.
     pub per_step: f64,
     /// Overlap beyond this fraction of the size is an accident.
     pub accident: f64,
     /// This fraction of an accident is removed per step, however short that is.
     pub accident_share: f64,
-    /// A correction moves the bodies of the contacts that need it and those up to so many contacts away; the others hold still.
+    /// A correction moves the bodies of the contacts that need it and those up to so many contacts away; the
+    /// others hold still.
     pub rings: usize,
     /// Sweeps of a correction at least; what is left is for the next step.
     pub sweeps: usize,
-    /// Sweeps carry a correction from contact to contact, and one cut short pushes overlap from here to there: a tall column of few
-    /// contacts gets as many as so many visits to contacts allow.
+    /// Sweeps carry a correction from contact to contact, and one cut short pushes overlap from here to
+    /// there: a tall column of few contacts gets as many as so many visits to contacts allow.
     pub visits: usize,
     /// Corrections of what a step did not foresee, one after the other: a displacement turns bodies, too.
     pub rounds: usize,

@@ -13,17 +13,20 @@ use std::sync::Arc;
 pub struct Parameters {
     /// Of parts of few contacts.
     pub few: FewParameters,
-    /// Parts of fewer contacts than this neither remember the curvature of a solve nor are begun with one: it is that of a bed. Nor do
-    /// ranks share them.
+    /// Parts of fewer contacts than this neither remember the curvature of a solve nor are begun with one: it
+    /// is that of a bed. Nor do ranks share them.
     pub bed: usize,
-    /// Iterations of projected gradients that a part of many contacts may cost in a step with exact friction, where the settings name no limit.
+    /// Iterations of projected gradients that a part of many contacts may cost in a step with exact friction,
+    /// where the settings name no limit.
     pub iterations: usize,
-    /// And that one of few may cost: iterations times contacts are what they are for `many` contacts, with `most_iterations` at the most.
+    /// And that one of few may cost: iterations times contacts are what they are for `many` contacts, with
+    /// `most_iterations` at the most.
     pub many: usize,
     /// See `many`.
     pub most_iterations: usize,
     /// What the finish of a part may cost on top ([`SolveSettings::finish`]), where it has `many` contacts or
-    /// fewer; iterations times contacts of larger ones are the same, which is too little from about 7 000 contacts on.
+    /// fewer; iterations times contacts of larger ones are the same, which is too little from about 7 000
+    /// contacts on.
     pub finish: usize,
 }
 
@@ -49,9 +52,9 @@ impl Parameters {
     }
 }
 
-/// How much finer than asked for small parts are solved. Few contacts cost next to nothing, and what a solve leaves over is the same in
-/// every step of a body at rest, which starts from the impulses of the last: a block on a slope would creep by it for ever
-/// (docs/mechanics.md, "Validation": A2, A10).
+/// How much finer than asked for small parts are solved. Few contacts cost next to nothing, and what a solve
+/// leaves over is the same in every step of a body at rest, which starts from the impulses of the last: a
+/// block on a slope would creep by it for ever (docs/mechanics.md, "Validation": A2, A10).
 #[derive(Clone, Debug)]
 pub struct FewParameters {
     /// Contacts of a small part at most.
@@ -164,7 +167,8 @@ pub(crate) struct Solved {
     pub parts: usize,
 }
 
-/// The same problem with N as a matrix, where joints couple bodies or contacts are compliant: every solver takes that.
+/// The same problem with N as a matrix, where joints couple bodies or contacts are compliant: every solver
+/// takes that.
 pub(crate) fn as_matrix_unless_plain(problem: &Ccp) -> Option<Ccp> {
     match &*problem.delassus {
         Delassus::Rigid(rigid) if !rigid.is_plain() => {
@@ -185,7 +189,8 @@ struct Budget<'a> {
 }
 
 impl Budget<'_> {
-    /// Goes on from g to this tolerance, with no more iterations than `most`. Converged is what meets the tolerance of the settings.
+    /// Goes on from g to this tolerance, with no more iterations than `most`. Converged is what meets the
+    /// tolerance of the settings.
     fn solve(&mut self, g: &mut [f64], tolerance: f64, most: Option<usize>) -> Result<SolveReport, CcpError> {
         let max_iterations = self.left.into_iter().chain(most).min();
         // A part of the budget is no end, and a finish reaches no tighter tolerance.
@@ -212,10 +217,11 @@ impl Budget<'_> {
     }
 }
 
-/// Solves a problem with impulses that make no energy. Exact ones have g . (N g + r) = 0 (negative where friction is exact); those of
-/// an iteration miss it within their residual, and g . D^T v+ > 0 is energy from nowhere. On the ray of g the objective is least at
-/// s = -g . r / (g . N g), where the product vanishes, and s < 1 stays in the cones. Where that lifts the residual above the
-/// tolerance, the solver goes on from there to a tighter one; where that does not help either, the impulses stay as they were found.
+/// Solves a problem with impulses that make no energy. Exact ones have g . (N g + r) = 0 (negative where
+/// friction is exact); those of an iteration miss it within their residual, and g . D^T v+ > 0 is energy from
+/// nowhere. On the ray of g the objective is least at s = -g . r / (g . N g), where the product vanishes, and
+/// s < 1 stays in the cones. Where that lifts the residual above the tolerance, the solver goes on from there
+/// to a tighter one; where that does not help either, the impulses stay as they were found.
 pub(crate) fn solve_without_gain(
     solver: &mut dyn CcpSolver,
     few: &FewParameters,
@@ -227,7 +233,8 @@ pub(crate) fn solve_without_gain(
     let mut first = solve_finely_if_few(&mut budget, few, g)?;
     let judged = first.residual.judged(settings.judge);
     if first.status == Status::Stalled && judged <= 2.0 * settings.tolerance && budget.goes_on(&first) {
-        // With a heavy body on a light one the iteration and the report differ by rounding: it has to aim a little lower.
+        // With a heavy body on a light one the iteration and the report differ by rounding: it has to aim a
+        // little lower.
         first = budget.solve(g, 0.5 * settings.tolerance, None)?.after(&first);
     }
     let mut report = first.clone();
@@ -293,7 +300,8 @@ fn evaluate(problem: &Ccp, g: &[f64], friction: FrictionModel, report: &mut Solv
     report.objective = problem.objective(g, &u);
 }
 
-/// Whether bodies part at every contact by themselves, r_i in Y_i^*, so that g = 0 solves the problem, relaxed and exact.
+/// Whether bodies part at every contact by themselves, r_i in Y_i^*, so that g = 0 solves the problem,
+/// relaxed and exact.
 fn parts_freely(problem: &Ccp) -> bool {
     let friction = problem.friction.iter();
     let turning = |i: usize| {

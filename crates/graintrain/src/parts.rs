@@ -1,7 +1,7 @@
 //! Connected parts of the contact graph, each a contact problem of its own.
 //!
-//! Contacts that share no chain of movable bodies do not know of each other: N is block diagonal over the parts. Solved apart, no
-//! part's convergence, scale or rounding reaches another one.
+//! Contacts that share no chain of movable bodies do not know of each other: N is block diagonal over the
+//! parts. Solved apart, no part's convergence, scale or rounding reaches another one.
 
 use crate::assemble::{of_each, scale_under};
 use graintrain_ccp::{
@@ -29,8 +29,9 @@ fn root(parent: &mut [u32], mut body: u32) -> u32 {
     body
 }
 
-/// The parts that `chosen` contacts (ascending) make, in the order of their first contacts. Bodies that no impulse can move do
-/// not connect, coupled ones do. Cost: nearly linear in bodies and contacts (union by index, path halving).
+/// The parts that `chosen` contacts (ascending) make, in the order of their first contacts. Bodies that no
+/// impulse can move do not connect, coupled ones do. Cost: nearly linear in bodies and contacts (union by
+/// index, path halving).
 pub(crate) fn parts(
     rows: &[RigidContact],
     chosen: impl Iterator<Item = u32> + Clone,
@@ -84,8 +85,8 @@ impl Part {
         inverse_mass: &[BodyInverseMass],
         coupled: &[CoupledBodies],
     ) -> RigidDelassus {
-        // The bodies ascend, so that the search finds them and a part made of everything keeps its numbers. A table of all bodies is for
-        // parts that have many of them.
+        // The bodies ascend, so that the search finds them and a part made of everything keeps its numbers. A
+        // table of all bodies is for parts that have many of them.
         let mut table = Vec::new();
         if self.bodies.len() >= inverse_mass.len() / 16 {
             table = vec![FIXED; inverse_mass.len()];
@@ -114,8 +115,8 @@ impl Part {
         RigidDelassus::new(contacts, inverse_mass).with_coupled(own)
     }
 
-    /// The contacts of the part that resist turning, of those of the whole problem (rows and coefficients, contact ascending), numbered
-    /// as in the part; and their places among those of the whole.
+    /// The contacts of the part that resist turning, of those of the whole problem (rows and coefficients,
+    /// contact ascending), numbered as in the part; and their places among those of the whole.
     pub(crate) fn turning(
         &self,
         rows: &[TurningRows],
@@ -135,8 +136,8 @@ impl Part {
         found
     }
 
-    /// The contacts of the part, posed as a problem of their own under this gravity (m/s^2) for this step (s); and the places of those
-    /// that resist turning among those of the whole.
+    /// The contacts of the part, posed as a problem of their own under this gravity (m/s^2) for this step
+    /// (s); and the places of those that resist turning among those of the whole.
     pub(crate) fn problem(
         &self,
         whole: &Ccp,

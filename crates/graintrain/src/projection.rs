@@ -4,12 +4,14 @@
 //! find lambda_i >= 0 perpendicular to room_i + D_i,n^T q >= 0,     q = M^-1 D_n lambda
 //! ```
 //!
-//! contact after contact, `lambda_i <- max(0, lambda_i - (room_i + D_i,n^T q) / N_ii)`, there and back in turn. One scalar per contact, no
-//! matrix and no preparation. Contacts that stay open are passed over in most sweeps, and looked at before it ends. Cost of a sweep: linear
-//! in the contacts. Threads share a sweep over many contacts slab by slab ([`division`]), in an order that does not depend on their number.
+//! contact after contact, `lambda_i <- max(0, lambda_i - (room_i + D_i,n^T q) / N_ii)`, there and back in
+//! turn. One scalar per contact, no matrix and no preparation. Contacts that stay open are passed over in
+//! most sweeps, and looked at before it ends. Cost of a sweep: linear in the contacts. Threads share a sweep
+//! over many contacts slab by slab ([`division`]), in an order that does not depend on their number.
 //!
-//! Source: J. J. Moreau, "Unilateral contact and dry friction in finite freedom dynamics", 1988; for positions M. Müller, B. Heidelberger,
-//! M. Hennix, J. Ratcliff, "Position based dynamics", J. Visual Communication and Image Representation 18:109-118, 2007.
+//! Source: J. J. Moreau, "Unilateral contact and dry friction in finite freedom dynamics", 1988; for
+//! positions M. Müller, B. Heidelberger, M. Hennix, J. Ratcliff, "Position based dynamics", J. Visual
+//! Communication and Image Representation 18:109-118, 2007.
 
 mod division;
 
@@ -31,7 +33,8 @@ struct Lever {
 #[derive(Clone, Copy)]
 struct Row {
     normal: Vec3,
-    /// Places of A and B among the bodies of the region; the last place of a slab stands for what does not move.
+    /// Places of A and B among the bodies of the region; the last place of a slab stands for what does not
+    /// move.
     bodies: [u32; 2],
     /// Place in the list of levers; `NONE` where the contact turns nothing, as on spheres.
     lever: u32,
@@ -178,8 +181,9 @@ impl Projection {
     }
 }
 
-/// Adds the displacements that open these contacts to `displacement` (translation in m and turn in rad of every body). Ends after the sweep
-/// in which no contact changed by more than `tolerance` (m), all of them looked at, or after `sweeps`.
+/// Adds the displacements that open these contacts to `displacement` (translation in m and turn in rad of
+/// every body). Ends after the sweep in which no contact changed by more than `tolerance` (m), all of them
+/// looked at, or after `sweeps`.
 pub(crate) fn project<'a>(
     contacts: impl Iterator<Item = (&'a RigidContact, f64)>,
     inverse_mass: &[BodyInverseMass],
@@ -290,8 +294,8 @@ mod tests {
         (rows, masses, room)
     }
 
-    /// Slabs are swept in another order than one after the other, to the same displacements; and with any number of threads to the same
-    /// bits.
+    /// Slabs are swept in another order than one after the other, to the same displacements; and with any
+    /// number of threads to the same bits.
     #[test]
     fn many_contacts_are_opened_alike_by_any_number_of_threads() {
         let (rows, masses, room) = bed(12, 16);

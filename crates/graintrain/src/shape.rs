@@ -40,8 +40,8 @@ pub enum Shape {
     },
     /// Convex polyhedron about its centre of volume.
     Hull(Hull),
-    /// Surface of triangles. Bodies stay on the side of it on which their centre is. It has the mass of what it encloses if it is `solid`,
-    /// otherwise it is a boundary without mass.
+    /// Surface of triangles. Bodies stay on the side of it on which their centre is. It has the mass of what
+    /// it encloses if it is `solid`, otherwise it is a boundary without mass.
     Mesh {
         /// Corner points.
         vertices: Vec<Vec3>,
@@ -66,8 +66,8 @@ pub struct Part {
 /// Rigid union of parts; shared by all bodies of the same form. Parts may overlap.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Geometry {
-    /// The parts, in a frame whose origin is the centre of mass of the body (geometries without volume: any origin).
-    /// None: a body that touches nothing.
+    /// The parts, in a frame whose origin is the centre of mass of the body (geometries without volume: any
+    /// origin). None: a body that touches nothing.
     pub parts: Vec<Part>,
     /// Volume, m^3; zero for boundaries.
     pub volume: f64,
@@ -91,8 +91,9 @@ impl Shape {
         }
     }
 
-    /// Half the smallest extent, m: the radius of balls, half the thickness of boxes; of hulls across their faces; of solid meshes along the axes of their file, so that
-    /// a thin plate that lies askew there counts as thick; infinite for planes and surfaces.
+    /// Half the smallest extent, m: the radius of balls, half the thickness of boxes; of hulls across their
+    /// faces; of solid meshes along the axes of their file, so that a thin plate that lies askew there counts
+    /// as thick; infinite for planes and surfaces.
     pub fn half_thickness(&self) -> f64 {
         match self {
             Self::Sphere { radius } | Self::Capsule { radius, .. } => *radius,
@@ -153,7 +154,8 @@ impl Shape {
         }
     }
 
-    /// Checks sizes and, for a mesh, the vertex indices; for a solid one that it closes and is not inside out.
+    /// Checks sizes and, for a mesh, the vertex indices; for a solid one that it closes and is not inside
+    /// out.
     ///
     /// # Errors
     /// [`ModelError`] for the first defect.
@@ -227,15 +229,16 @@ impl Geometry {
         Self { parts: Vec::new(), volume: 0.0, unit_inertia: Mat3::ZERO }
     }
 
-    /// The same form, made about its centre of mass, with its origin at this point (m) of its frame: for a body whose
-    /// given centre of mass is another one. J <- J + V (|c|^2 - c c^T) is about the new origin c.
+    /// The same form, made about its centre of mass, with its origin at this point (m) of its frame: for a
+    /// body whose given centre of mass is another one. J <- J + V (|c|^2 - c c^T) is about the new origin c.
     pub fn about(self, origin: Vec3) -> Self {
         let parts = self.parts.into_iter().map(|part| Part { position: part.position - origin, ..part });
         let unit_inertia = self.unit_inertia + self.volume * parallel_axis(origin);
         Self { parts: parts.collect(), volume: self.volume, unit_inertia }
     }
 
-    /// The same form with all lengths multiplied by a factor: volumes by its cube, inertias by its fifth power.
+    /// The same form with all lengths multiplied by a factor: volumes by its cube, inertias by its fifth
+    /// power.
     ///
     /// # Errors
     /// As [`Shape::validate`], for a factor that makes lengths zero, negative or infinite.
@@ -306,7 +309,8 @@ impl Geometry {
         Self::single(Shape::Cylinder { half_length, radius })
     }
 
-    /// Convex hull of points, m. Returns the geometry, whose origin is the centre of mass, and that centre in the frame of the points.
+    /// Convex hull of points, m. Returns the geometry, whose origin is the centre of mass, and that centre in
+    /// the frame of the points.
     ///
     /// # Errors
     /// As [`Hull::new`].
@@ -323,13 +327,14 @@ impl Geometry {
         Self::single(Shape::Mesh { vertices, triangles, solid: false })
     }
 
-    /// Solid bounded by triangles (counter-clockwise seen from outside), m, with volume, centre and inertia by exact integration. Returns the
-    /// geometry, whose origin is the centre of mass, and that centre in the frame of the vertices. Several closed shells add up: what lies
-    /// in two of them counts twice, and a shell turned inside out is subtracted.
+    /// Solid bounded by triangles (counter-clockwise seen from outside), m, with volume, centre and inertia
+    /// by exact integration. Returns the geometry, whose origin is the centre of mass, and that centre in the
+    /// frame of the vertices. Several closed shells add up: what lies in two of them counts twice, and a
+    /// shell turned inside out is subtracted.
     ///
     /// # Errors
-    /// As [`Geometry::mesh`]; [`ModelError::MeshOpen`], [`ModelError::MeshTurned`] or [`ModelError::MeshInsideOut`] for a surface that does
-    /// not bound a solid.
+    /// As [`Geometry::mesh`]; [`ModelError::MeshOpen`], [`ModelError::MeshTurned`] or
+    /// [`ModelError::MeshInsideOut`] for a surface that does not bound a solid.
     pub fn solid_mesh(vertices: Vec<Vec3>, triangles: Vec<[u32; 3]>) -> Result<(Self, Vec3), ModelError> {
         let shape = Shape::Mesh { vertices, triangles, solid: true };
         Self::compound(vec![Part { shape, position: Vec3::ZERO, orientation: Quat::IDENTITY }])
@@ -346,18 +351,18 @@ impl Geometry {
         (Self { parts, volume, unit_inertia }, centre)
     }
 
-    /// Rigid union of parts given in any frame. Returns the geometry, whose origin is the centre of mass, and that
-    /// centre in the frame of the parts (zero where nothing has volume). Parallel axes: with part i of volume V_i,
-    /// rotation R_i and diagonal inertia J_i at distance d_i from the centre,
+    /// Rigid union of parts given in any frame. Returns the geometry, whose origin is the centre of mass, and
+    /// that centre in the frame of the parts (zero where nothing has volume). Parallel axes: with part i of
+    /// volume V_i, rotation R_i and diagonal inertia J_i at distance d_i from the centre,
     /// `J = sum_i R_i J_i R_i^T + V_i (|d_i|^2 - d_i d_i^T)`.
     ///
-    /// Parts that overlap (by more than 1e-9 of the smaller one) count once: what the sums count more often is taken off,
-    /// in closed form for two spheres, otherwise by cells and samples with an error of the common volume and of its
-    /// moments below 1e-3 (`collide::union`).
+    /// Parts that overlap (by more than 1e-9 of the smaller one) count once: what the sums count more often
+    /// is taken off, in closed form for two spheres, otherwise by cells and samples with an error of the
+    /// common volume and of its moments below 1e-3 (`collide::union`).
     ///
     /// # Errors
-    /// [`ModelError`] for an empty list, a defect of a part, a quaternion that is not normalised, or a solid mesh beside other parts with a
-    /// mass.
+    /// [`ModelError`] for an empty list, a defect of a part, a quaternion that is not normalised, or a solid
+    /// mesh beside other parts with a mass.
     pub fn compound(parts: Vec<Part>) -> Result<(Self, Vec3), ModelError> {
         if parts.is_empty() {
             return Err(ModelError::Empty { what: "the list of parts of a compound" });

@@ -1,8 +1,9 @@
 //! Solids bounded by triangles: whether a surface closes, and the mass properties of what it encloses.
 //!
-//! With the tetrahedra from a point to every triangle, signed by the side from which the triangle is seen, integrals over the solid
-//! are sums of closed forms (A. M. Messner, G. Q. Taylor, "Solid polyhedron measures", ACM Transactions on Mathematical Software
-//! 6(1):121-130, 1980): exact but for rounding. Cost: linear.
+//! With the tetrahedra from a point to every triangle, signed by the side from which the triangle is seen,
+//! integrals over the solid are sums of closed forms (A. M. Messner, G. Q. Taylor, "Solid polyhedron
+//! measures", ACM Transactions on Mathematical Software 6(1):121-130, 1980): exact but for rounding. Cost:
+//! linear.
 
 use crate::collide::union::{Moments, outer};
 use crate::error::ModelError;
@@ -20,8 +21,8 @@ fn joined(vertices: &[Vec3]) -> Vec<u32> {
     vertices.iter().map(number).collect()
 }
 
-/// `Err` unless the triangles bound a solid: every edge belongs to two of them that go along it in opposite directions, and they are
-/// counter-clockwise seen from outside.
+/// `Err` unless the triangles bound a solid: every edge belongs to two of them that go along it in opposite
+/// directions, and they are counter-clockwise seen from outside.
 ///
 /// # Errors
 /// [`ModelError::MeshOpen`], [`ModelError::MeshTurned`] or [`ModelError::MeshInsideOut`].
@@ -56,8 +57,8 @@ pub(crate) fn check_closed(vertices: &[Vec3], triangles: &[[u32; 3]]) -> Result<
     if volume > 0.0 { Ok(()) } else { Err(ModelError::MeshInsideOut { volume }) }
 }
 
-/// Integrals of 1, p and p p^T over what the triangles enclose, with p from a point amid the corners (so that a mesh far from its origin
-/// loses no digits); and that point.
+/// Integrals of 1, p and p p^T over what the triangles enclose, with p from a point amid the corners (so that
+/// a mesh far from its origin loses no digits); and that point.
 pub(crate) fn moments(vertices: &[Vec3], triangles: &[[u32; 3]]) -> (Moments, Vec3) {
     let middle = vertices.iter().sum::<Vec3>() / vertices.len().max(1) as f64;
     let mut sum = Moments::ZERO;
@@ -100,8 +101,8 @@ mod tests {
         assert!(difference.to_cols_array().iter().all(|x| x.abs() < 1e-12 * exact.volume), "{difference:?}");
     }
 
-    /// A corner tetrahedron with legs 1: volume 1/6, centre 1/4, and about its centre J = 3/160 on and 1/480 beside the diagonal
-    /// (integrals of x^2 = 1/60, of x y = 1/120 over it).
+    /// A corner tetrahedron with legs 1: volume 1/6, centre 1/4, and about its centre J = 3/160 on and 1/480
+    /// beside the diagonal (integrals of x^2 = 1/60, of x y = 1/120 over it).
     #[test]
     fn a_tetrahedron_has_its_closed_form_in_any_frame() {
         let corners = [Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::Z];

@@ -55,7 +55,8 @@ pub struct StepReport {
     pub contacts_with_force: usize,
     /// Connected parts of the contact graph with a problem to solve.
     pub parts: usize,
-    /// The solver's own report; over several parts the worst residuals and status, the most iterations, and the sums of the rest.
+    /// The solver's own report; over several parts the worst residuals and status, the most iterations, and
+    /// the sums of the rest.
     pub solve: SolveReport,
     /// Deepest overlap at the end of the step, m; zero if nothing overlaps.
     pub penetration_max: f64,
@@ -67,22 +68,24 @@ pub struct StepReport {
     pub errors: PhysicalErrors,
     /// Contacts that arrived with restitution, over all passes of [`crate::impact`].
     pub impacts: usize,
-    /// The worst residual that a solve of theirs was left with. Above the tolerance, the step counts as one that missed it.
+    /// The worst residual that a solve of theirs was left with. Above the tolerance, the step counts as one
+    /// that missed it.
     pub impact_residual: Residual,
-    /// Connected parts in which restitution was lowered, because it would have made energy, and contacts that went on closing through all
-    /// passes and met plastically.
+    /// Connected parts in which restitution was lowered, because it would have made energy, and contacts that
+    /// went on closing through all passes and met plastically.
     pub restitution_lowered: usize,
-    /// Contacts that joined the problem after a solve, because their bodies would have met all the same, or whose bodies it would have
-    /// led far deeper than foreseen.
+    /// Contacts that joined the problem after a solve, because their bodies would have met all the same, or
+    /// whose bodies it would have led far deeper than foreseen.
     pub contacts_added: usize,
     /// Pairs of bodies found inside each other after the step that had no contact in it.
     pub contacts_missed: usize,
-    /// Contacts that exerted more than the solve resolves though their bodies were, at no time of the step, nearer to each other than a twentieth of the smaller
-    /// one's size.
+    /// Contacts that exerted more than the solve resolves though their bodies were, at no time of the step,
+    /// nearer to each other than a twentieth of the smaller one's size.
     pub contacts_apart: usize,
     /// The largest impulse of those, N s.
     pub impulse_apart_max: f64,
-    /// Largest overlap that displacements worked on in this step (see [`crate::overlap`]), m; zero where there was none to mend.
+    /// Largest overlap that displacements worked on in this step (see [`crate::overlap`]), m; zero where
+    /// there was none to mend.
     pub overlap_corrected_max: f64,
     /// Energy that those displacements gave to bodies against gravity, J.
     pub correction_energy: f64,
@@ -103,19 +106,20 @@ pub struct PhysicalErrors {
     pub approach_max: f64,
     /// The overlap that this makes within the step, over the size of the smaller body.
     pub overlap_per_step_max_over_size: f64,
-    /// Largest excess of friction over mu times the normal force, relative to that contact's force; rolling and spinning friction count
-    /// likewise, their moments over the effective radius.
+    /// Largest excess of friction over mu times the normal force, relative to that contact's force; rolling
+    /// and spinning friction count likewise, their moments over the effective radius.
     pub cone_excess_max: f64,
-    /// Largest angle between friction and the direction against the slip, rad, at contacts that slide (or roll, where they resist that)
-    /// faster than the tolerance resolves.
+    /// Largest angle between friction and the direction against the slip, rad, at contacts that slide (or
+    /// roll, where they resist that) faster than the tolerance resolves.
     pub slip_angle_max: f64,
-    /// How far the joint that is open most is so at the end of the step, m ([`crate::joint::JointState::opening`]).
+    /// How far the joint that is open most is so at the end of the step, m
+    /// ([`crate::joint::JointState::opening`]).
     pub joint_opening_max: f64,
 }
 
 impl PhysicalErrors {
-    /// Those of impulses of a problem of these contacts, with the sizes of their smaller bodies (m), the velocities u at them
-    /// after the step (length of r), the step (s) and the tolerance of the solve.
+    /// Those of impulses of a problem of these contacts, with the sizes of their smaller bodies (m), the
+    /// velocities u at them after the step (length of r), the step (s) and the tolerance of the solve.
     pub(crate) fn of(
         contacts: &[Contact],
         size: &[f64],
@@ -185,8 +189,8 @@ impl PhysicalErrors {
     }
 }
 
-/// Impulses on every body that is not free, divided by the step; torques about the body's centre at the step's start,
-/// where the cell was `cell`.
+/// Impulses on every body that is not free, divided by the step; torques about the body's centre at the
+/// step's start, where the cell was `cell`.
 pub(crate) fn wrenches(
     position: &[Vec3],
     cell: Option<&Cell>,

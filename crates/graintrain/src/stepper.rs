@@ -1,6 +1,6 @@
-//! One time step. Each concern is a file: how ([`StepSettings`]), the solve (`attempt`), what makes it be made again (`repetition`), what is
-//! left once it is solved (`finish`), where bodies were (`placement`), why it could not be made ([`StepError`]). What a step reports is in
-//! [`crate::step_report`].
+//! One time step. Each concern is a file: how ([`StepSettings`]), the solve (`attempt`), what makes it be
+//! made again (`repetition`), what is left once it is solved (`finish`), where bodies were (`placement`), why
+//! it could not be made ([`StepError`]). What a step reports is in [`crate::step_report`].
 
 mod apart;
 mod attempt;
@@ -106,15 +106,15 @@ impl Stepper {
         &self.settings
     }
 
-    /// Stops a step under way as soon as the flag is set, in the search for contacts or in a solve: it then ends with
-    /// [`StepError::Stopped`].
+    /// Stops a step under way as soon as the flag is set, in the search for contacts or in a solve: it then
+    /// ends with [`StepError::Stopped`].
     pub fn stop_on(&mut self, stop: Arc<AtomicBool>) {
         self.collider.stop_on(Arc::clone(&stop));
         self.stop = Some(stop);
     }
 
-    /// Makes the steps together with other processes, each of which has the same world and makes the same steps: what can be shared of
-    /// the work is shared, and the world of each is that of one process alone.
+    /// Makes the steps together with other processes, each of which has the same world and makes the same
+    /// steps: what can be shared of the work is shared, and the world of each is that of one process alone.
     pub fn share_among(&mut self, ranks: Arc<Ranks>) {
         self.stop_on(ranks.stop());
         self.collider.share_among(Arc::clone(&ranks));
@@ -137,17 +137,20 @@ impl Stepper {
     ///
     /// What nothing touches flies: x+ = x + dt (u' + u+) / 2, and its angular momentum stays.
     ///
-    /// Then all pairs are looked at where they are now. Where bodies overlap that were no contacts, or far more than their contact
-    /// foresaw, the step is taken back and made again with what was seen, until there are none: see [`StepReport::contacts_added`] and [`StepReport::contacts_missed`].
-    /// Contacts that bar a way without overlap (the seam of two tiles) are left out.
+    /// Then all pairs are looked at where they are now. Where bodies overlap that were no contacts, or far
+    /// more than their contact foresaw, the step is taken back and made again with what was seen, until there
+    /// are none: see [`StepReport::contacts_added`] and [`StepReport::contacts_missed`]. Contacts that bar a
+    /// way without overlap (the seam of two tiles) are left out.
     ///
-    /// Without external forces the sum of kinetic energy and work against gravity never rises in a step whose bodies are not driven, but for [`StepReport::correction_energy`]: impacts make none, and the contact problem takes
-    /// `1/2 |v+ - v|_M^2 - g . (D^T v+)`, of which the second term is made not to be positive.
+    /// Without external forces the sum of kinetic energy and work against gravity never rises in a step whose
+    /// bodies are not driven, but for [`StepReport::correction_energy`]: impacts make none, and the contact
+    /// problem takes `1/2 |v+ - v|_M^2 - g . (D^T v+)`, of which the second term is made not to be positive.
     ///
     /// A solve that misses its tolerance is no error: see [`StepReport::solve`].
     ///
     /// # Errors
-    /// [`StepError::NotFinite`], [`StepError::Meshes`], [`StepError::Cell`], [`StepError::Solver`] or [`StepError::Stopped`]; the world is left unchanged.
+    /// [`StepError::NotFinite`], [`StepError::Meshes`], [`StepError::Cell`], [`StepError::Solver`] or
+    /// [`StepError::Stopped`]; the world is left unchanged.
     pub fn step(&mut self, world: &mut World) -> Result<StepReport, StepError> {
         if let Some(cell) = world.cell() {
             let rates = cell.validate_step(world.time, self.settings.step);
@@ -218,7 +221,8 @@ impl Stepper {
         Ok(rounds)
     }
 
-    /// Moves the bodies as the solve says, removes overlap that it foresaw, closes joints, and finds the contacts of the end.
+    /// Moves the bodies as the solve says, removes overlap that it foresaw, closes joints, and finds the
+    /// contacts of the end.
     fn make(&mut self, world: &mut World, rounds: &mut Rounds, attempt: Attempt) -> Made {
         let step = self.settings.step;
         let begin = Clock::now();

@@ -1,19 +1,22 @@
 //! Rolling and spinning friction of contacts: what resists a relative rotation of two bodies that touch.
 //!
-//! With the relative angular velocity w = w_A - w_B, its part w_n along the normal and w_t across it, and the moment tau on body A,
+//! With the relative angular velocity w = w_A - w_B, its part w_n along the normal and w_t across it, and the
+//! moment tau on body A,
 //!
 //! ```text
 //! |tau_t| <= mu_r g_n,   tau_t = -mu_r g_n w_t / |w_t|   where w_t is not zero        (rolling)
 //! |tau_n| <= mu_s g_n,   tau_n = -mu_s g_n w_n / |w_n|   where w_n is not zero        (spinning)
 //! ```
 //!
-//! in the solve of sliding friction, with one normal impulse g_n for all three. The coefficients mu_r and mu_s are lengths, m: that of
-//! rolling is the distance by which the normal force stands ahead of the contact point. Materials state them as such, or as a number that
-//! is multiplied by the effective radius R* = R_A R_B / (R_A + R_B) of the pair, as is usual for grains (J. Ai, J.-F. Chen, J. M. Rotter,
-//! J. Y. Ooi, "Assessment of rolling resistance models in discrete element simulations", Powder Technology 206:269-282, 2011): a ball on
-//! an incline then stays below tan = mu_r / R. A cone of its own: A. Tasora, M. Anitescu, "A complementarity-based rolling friction model
-//! for rigid contacts", Meccanica 48:1643-1659, 2013; V. Acary, F. Bourrier, "Coulomb friction with rolling resistance as a cone
-//! complementarity problem", European Journal of Mechanics A/Solids 85:104046, 2021.
+//! in the solve of sliding friction, with one normal impulse g_n for all three. The coefficients mu_r and
+//! mu_s are lengths, m: that of rolling is the distance by which the normal force stands ahead of the contact
+//! point. Materials state them as such, or as a number that is multiplied by the effective radius R* = R_A
+//! R_B / (R_A + R_B) of the pair, as is usual for grains (J. Ai, J.-F. Chen, J. M. Rotter, J. Y. Ooi,
+//! "Assessment of rolling resistance models in discrete element simulations", Powder Technology 206:269-282,
+//! 2011): a ball on an incline then stays below tan = mu_r / R. A cone of its own: A. Tasora, M. Anitescu, "A
+//! complementarity-based rolling friction model for rigid contacts", Meccanica 48:1643-1659, 2013; V. Acary,
+//! F. Bourrier, "Coulomb friction with rolling resistance as a cone complementarity problem", European
+//! Journal of Mechanics A/Solids 85:104046, 2021.
 
 use crate::contact::Contact;
 use crate::material::{Materials, TurningResistance};
@@ -24,8 +27,8 @@ use graintrain_ccp::{RigidContact, TurningFriction, TurningRows};
 use graintrain_linalg::real;
 use std::f64::consts::PI;
 
-/// Rows and coefficients of the contacts that resist turning, in the order of the contacts. The length of the rows is the effective
-/// radius.
+/// Rows and coefficients of the contacts that resist turning, in the order of the contacts. The length of the
+/// rows is the effective radius.
 pub(crate) fn turning(world: &World, contacts: &[Contact]) -> (Vec<TurningRows>, Vec<TurningFriction>) {
     if !world.materials.resist_turning() {
         return Default::default();
@@ -56,9 +59,9 @@ fn effective_radius(world: &World, bodies: [u32; 2]) -> f64 {
     1.0 / (1.0 / a + 1.0 / b)
 }
 
-/// Radius that a body counts with, m: of balls and capsules their own, of others that move that of the ball of the same volume (of open surfaces, which have none,
-/// that of the ball around them); infinite
-/// for walls, that is, bodies of other shapes that are fixed or wholly driven.
+/// Radius that a body counts with, m: of balls and capsules their own, of others that move that of the ball
+/// of the same volume (of open surfaces, which have none, that of the ball around them); infinite for walls,
+/// that is, bodies of other shapes that are fixed or wholly driven.
 fn radius(world: &World, body: usize) -> f64 {
     let geometry = &world.geometries[world.bodies.geometry[body].index()];
     match &geometry.parts[..] {
@@ -71,8 +74,8 @@ fn radius(world: &World, body: usize) -> f64 {
     }
 }
 
-/// Turning velocities w_A - w_B in the contacts' frames (n, t1, t2) times the length of the rows, m/s, of velocities of all bodies (six
-/// numbers each), prescribed ones included.
+/// Turning velocities w_A - w_B in the contacts' frames (n, t1, t2) times the length of the rows, m/s, of
+/// velocities of all bodies (six numbers each), prescribed ones included.
 pub(crate) fn turning_velocities(
     contacts: &[Contact],
     rows: &[RigidContact],

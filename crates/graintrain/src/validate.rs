@@ -21,8 +21,9 @@ fn vectors(what: &str, list: &[Vec3]) -> Result<(), ModelError> {
 }
 
 impl World {
-    /// Checks everything that the functions which make a world check one by one: lists of equal length, indices that name something,
-    /// numbers in their ranges. Worlds made by this library pass; one that was put together by other means (a file) may not. Cost: linear.
+    /// Checks everything that the functions which make a world check one by one: lists of equal length,
+    /// indices that name something, numbers in their ranges. Worlds made by this library pass; one that was
+    /// put together by other means (a file) may not. Cost: linear.
     ///
     /// # Errors
     /// [`ModelError`] for the first defect.

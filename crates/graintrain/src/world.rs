@@ -38,8 +38,8 @@ pub struct Bodies {
     pub mass: Vec<f64>,
     /// Inertia about the centre of mass in body axes, kg m^2.
     pub inertia: Vec<Mat3>,
-    /// External force on the centre of mass in world axes, N, besides gravity: acts in every step until it is set anew. Degrees of
-    /// freedom that are prescribed do not feel it.
+    /// External force on the centre of mass in world axes, N, besides gravity: acts in every step until it is
+    /// set anew. Degrees of freedom that are prescribed do not feel it.
     pub force: Vec<Vec3>,
     /// External torque about the centre of mass in world axes, N m; as `force`.
     pub torque: Vec<Vec3>,
@@ -131,15 +131,17 @@ impl Body {
     }
 }
 
-/// By which share of the trace a principal moment may exceed the sum of the others: given numbers are rounded.
+/// By which share of the trace a principal moment may exceed the sum of the others: given numbers are
+/// rounded.
 const ROUNDED: f64 = 1e-3;
 
 impl MassProperties {
     /// Whether a body, for messages `label`, can have them.
     ///
     /// # Errors
-    /// [`ModelError::Value`] for a mass that is not positive or a number that is not finite, [`ModelError::Inertia`]
-    /// for a tensor that is not symmetric and positive definite, or has a principal moment above the sum of the others.
+    /// [`ModelError::Value`] for a mass that is not positive or a number that is not finite,
+    /// [`ModelError::Inertia`] for a tensor that is not symmetric and positive definite, or has a principal
+    /// moment above the sum of the others.
     pub fn validate(&self, label: &str) -> Result<(), ModelError> {
         positive(format!("the mass of body {label}"), self.mass)?;
         let columns = self.inertia.to_cols_array();
@@ -155,7 +157,8 @@ impl MassProperties {
                 return Err(ModelError::Inertia { body: label.to_string() });
             }
         }
-        // No principal moment of a distribution of mass exceeds the sum of the others: its second moments, tr(I) / 2 - I, are not negative.
+        // No principal moment of a distribution of mass exceeds the sum of the others: its second moments,
+        // tr(I) / 2 - I, are not negative.
         let trace = columns[0] + columns[4] + columns[8];
         let moments =
             (Mat3::from_diagonal(Vec3::splat((0.5 + ROUNDED) * trace)) - self.inertia).to_cols_array_2d();
@@ -170,8 +173,8 @@ impl MassProperties {
 }
 
 impl Default for World {
-    /// An empty world at time 0 under the gravity of the Earth, 9.81 m/s^2 along -z, with one material `default` of 1000 kg/m^3, friction
-    /// 0.25 and no restitution: what a scene has that says nothing.
+    /// An empty world at time 0 under the gravity of the Earth, 9.81 m/s^2 along -z, with one material
+    /// `default` of 1000 kg/m^3, friction 0.25 and no restitution: what a scene has that says nothing.
     fn default() -> Self {
         let materials = Materials {
             names: vec!["default".to_string()],
@@ -245,11 +248,13 @@ impl World {
         Ok(MotionId::from_index(self.motions.len() - 1))
     }
 
-    /// Adds a body and returns its handle. Mass and inertia are density times those of the geometry, unless they are given.
+    /// Adds a body and returns its handle. Mass and inertia are density times those of the geometry, unless
+    /// they are given.
     ///
     /// # Errors
     /// [`ModelError`] for an index that names nothing, a number that is not finite, a quaternion that is not
-    /// normalised, a given inertia that is not positive definite, or a body without mass that is not fully prescribed.
+    /// normalised, a given inertia that is not positive definite, or a body without mass that is not fully
+    /// prescribed.
     pub fn add_body(&mut self, body: Body) -> Result<BodyId, ModelError> {
         let index = |what: &'static str, index: usize, len: usize| {
             if index < len { Ok(()) } else { Err(ModelError::Index { what, index, len }) }
@@ -299,11 +304,12 @@ impl World {
         Ok(BodyId::from_index(bodies.len() - 1))
     }
 
-    /// Adds an external force (N, world axes) that acts at a point (m, world frame) to those on a body: the same force on its centre
-    /// of mass and the torque `(point - centre) x force`.
+    /// Adds an external force (N, world axes) that acts at a point (m, world frame) to those on a body: the
+    /// same force on its centre of mass and the torque `(point - centre) x force`.
     ///
     /// # Errors
-    /// [`ModelError::Index`] for a body that is none, [`ModelError::Value`] for a component that is not finite.
+    /// [`ModelError::Index`] for a body that is none, [`ModelError::Value`] for a component that is not
+    /// finite.
     pub fn add_force_at(&mut self, body: BodyId, force: Vec3, point: Vec3) -> Result<(), ModelError> {
         let (index, len) = (body.index(), self.bodies.len());
         if index >= len {
@@ -394,9 +400,10 @@ impl World {
         self.bodies.torque.fill(Vec3::ZERO);
     }
 
-    /// Removes the bodies for which `remove` (called once for each index, ascending) is true, with their contacts and joints, and from the lists of loads. The others keep
-    /// their order and move up: returned is the new handle of every former body, `None` for those that are gone. Impulses between
-    /// those that stay start the next solve. Cost: linear.
+    /// Removes the bodies for which `remove` (called once for each index, ascending) is true, with their
+    /// contacts and joints, and from the lists of loads. The others keep their order and move up: returned is
+    /// the new handle of every former body, `None` for those that are gone. Impulses between those that stay
+    /// start the next solve. Cost: linear.
     pub fn remove_bodies(&mut self, mut remove: impl FnMut(usize) -> bool) -> Vec<Option<BodyId>> {
         let mut next = 0;
         let new_index: Vec<Option<BodyId>> = (0..self.bodies.len())
@@ -462,8 +469,8 @@ impl World {
         new_index
     }
 
-    /// Largest acceleration, m/s^2, that gravity alone or with its external force gives a body: how far it may fall beyond its
-    /// velocity within a step.
+    /// Largest acceleration, m/s^2, that gravity alone or with its external force gives a body: how far it
+    /// may fall beyond its velocity within a step.
     pub(crate) fn acceleration(&self, body: usize) -> f64 {
         let gravity = self.gravity.length();
         let mut force = self.bodies.force[body];
@@ -507,8 +514,8 @@ impl World {
         }
     }
 
-    /// Kinetic energy of the bodies with a dynamic degree of freedom, 1/2 m |u|^2 + 1/2 w . I w, J; in a periodic cell with u relative
-    /// to its deformation ([`World::fluctuation`]).
+    /// Kinetic energy of the bodies with a dynamic degree of freedom, 1/2 m |u|^2 + 1/2 w . I w, J; in a
+    /// periodic cell with u relative to its deformation ([`World::fluctuation`]).
     pub fn kinetic_energy(&self) -> f64 {
         let bodies = &self.bodies;
         (0..bodies.len())
@@ -542,7 +549,8 @@ mod tests {
         World::new(Vec3::new(0.0, 0.0, -9.81), materials).unwrap()
     }
 
-    /// A rod has one moment of zero and a plate one that is the sum of the others; no body has one above that.
+    /// A rod has one moment of zero and a plate one that is the sum of the others; no body has one above
+    /// that.
     #[test]
     fn moments_of_inertia_are_those_of_a_body() {
         let turned = |moments: [f64; 3]| {

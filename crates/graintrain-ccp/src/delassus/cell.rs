@@ -1,20 +1,23 @@
-//! A stress-controlled periodic cell: its deformation is one more body, moved by the impulses across the boundary.
+//! A stress-controlled periodic cell: its deformation is one more body, moved by the impulses across the
+//! boundary.
 
 use super::RigidDelassus;
 use graintrain_linalg::block3::Block;
 use std::sync::OnceLock;
 
-/// Rows and columns of the components xx, yy, zz, xy, xz, yz of the velocity gradient L of a cell: i is the direction of the velocity, j that along which it varies.
+/// Rows and columns of the components xx, yy, zz, xy, xz, yz of the velocity gradient L of a cell: i is the
+/// direction of the velocity, j that along which it varies.
 pub const CELL_COMPONENTS: [(usize, usize); 6] = [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)];
 
-/// The free components of the (upper triangular) velocity gradient L of a periodic cell, 1/s. The neighbour of a contact across the boundary is the image of
-/// body B at a way b from it, which moves with u_B + L b:
+/// The free components of the (upper triangular) velocity gradient L of a periodic cell, 1/s. The neighbour
+/// of a contact across the boundary is the image of body B at a way b from it, which moves with u_B + L b:
 ///
 /// ```text
 /// D_i^T v = F (u_A + w_A x r_A - u_B - w_B x r_B - L b_i),     L_c = 1/W_c sum_i (-F^T g_i)_row(c) (b_i)_column(c)
 /// ```
 ///
-/// with the inertia W_c of component c, so that N = D^T M^-1 D + sum_c beta_c beta_c^T / W_c with beta_c,i = -F_i e_row(c) (b_i)_column(c).
+/// with the inertia W_c of component c, so that N = D^T M^-1 D + sum_c beta_c beta_c^T / W_c with beta_c,i
+/// = -F_i e_row(c) (b_i)_column(c).
 #[derive(Clone, Debug, PartialEq)]
 pub struct CellModes {
     /// Contacts across the boundary, ascending, with the way b to the image of body B, m.
@@ -38,7 +41,8 @@ impl CellModes {
         CELL_COMPONENTS.map(|(row, column)| force[row] * way[column])
     }
 
-    /// What impulses on bodies A (world axes, N s) change of L, 1/s; they are asked for by the place of a contact among those across the boundary, and by its index.
+    /// What impulses on bodies A (world axes, N s) change of L, 1/s; they are asked for by the place of a
+    /// contact among those across the boundary, and by its index.
     pub fn rate_change(&self, on_a: impl Fn(usize, usize) -> [f64; 3]) -> [f64; 6] {
         let mut sum = [0.0; 6];
         for (k, &(contact, way)) in self.ways.iter().enumerate() {
@@ -56,11 +60,13 @@ impl CellModes {
 }
 
 impl RigidDelassus {
-    /// N of contacts in a stress-controlled cell. Products go through bodies; solvers that need more take N as a matrix
-    /// ([`Self::assemble`]), which couples every contact across the boundary with every other one.
+    /// N of contacts in a stress-controlled cell. Products go through bodies; solvers that need more take N
+    /// as a matrix ([`Self::assemble`]), which couples every contact across the boundary with every other
+    /// one.
     ///
     /// # Panics
-    /// If contacts are not ascending or do not exist, or a way or mobility is not finite or a mobility negative.
+    /// If contacts are not ascending or do not exist, or a way or mobility is not finite or a mobility
+    /// negative.
     #[must_use]
     pub fn with_cell(mut self, cell: CellModes) -> Self {
         assert!(cell.ways.is_sorted_by(|a, b| a.0 < b.0), "contacts across the boundary ascend");
@@ -130,7 +136,8 @@ pub(crate) mod tests {
     use super::super::{Delassus, RigidDelassus};
     use super::*;
 
-    /// Random contacts over random bodies, every third one across the boundary of a cell of which two components are held.
+    /// Random contacts over random bodies, every third one across the boundary of a cell of which two
+    /// components are held.
     pub(crate) fn random_cell(bodies: usize, contacts: usize, seed: u8) -> RigidDelassus {
         let mut random = uniform(seed);
         let edges = [1.0, 1.3, 0.8];

@@ -4,8 +4,9 @@ use super::{FIXED, RigidDelassus, cross};
 use graintrain_linalg::block3::Block;
 use std::sync::OnceLock;
 
-/// Bodies whose common inverse mass is `W = Y Y^T` (6k x 6k over the k bodies, linear before angular, world axes): what is left of M^-1 once
-/// bilateral rows J are eliminated, `W = M^-1 - M^-1 J^T (J M^-1 J^T)^-1 J M^-1`. Columns of Y are the motions that J leaves free.
+/// Bodies whose common inverse mass is `W = Y Y^T` (6k x 6k over the k bodies, linear before angular, world
+/// axes): what is left of M^-1 once bilateral rows J are eliminated,
+/// `W = M^-1 - M^-1 J^T (J M^-1 J^T)^-1 J M^-1`. Columns of Y are the motions that J leaves free.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CoupledBodies {
     /// Indices of the bodies, ascending.
@@ -43,8 +44,9 @@ impl CoupledBodies {
 }
 
 impl RigidDelassus {
-    /// N where these groups of bodies (no body in two of them) have a common inverse mass in the place of their own. Solvers that work in
-    /// the space of bodies one by one cannot take it; N as a matrix ([`Self::assemble`]) can be given to all.
+    /// N where these groups of bodies (no body in two of them) have a common inverse mass in the place of
+    /// their own. Solvers that work in the space of bodies one by one cannot take it; N as a matrix
+    /// ([`Self::assemble`]) can be given to all.
     ///
     /// # Panics
     /// If a group names a body that does not exist or a body is in two of them.
@@ -71,8 +73,8 @@ impl RigidDelassus {
         &self.coupled
     }
 
-    /// Velocity change of each of two bodies by an impulse on both (force, then moment about its centre), through their groups where they
-    /// have one.
+    /// Velocity change of each of two bodies by an impulse on both (force, then moment about its centre),
+    /// through their groups where they have one.
     pub fn response(&self, impulses: [(u32, [f64; 6]); 2]) -> [[f64; 6]; 2] {
         impulses.map(|(body, own)| match self.group_of(body) {
             Some((group, place)) => {

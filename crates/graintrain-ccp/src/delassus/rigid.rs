@@ -24,7 +24,8 @@ pub struct RigidContact {
     pub arm_b: [f64; 3],
 }
 
-/// Inverse mass matrix of one body, in world axes. Degrees of freedom that are prescribed have zero rows and columns.
+/// Inverse mass matrix of one body, in world axes. Degrees of freedom that are prescribed have zero rows and
+/// columns.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BodyInverseMass {
     /// Diagonal of the inverse of m I_3, 1/kg; zero along prescribed axes.
@@ -35,9 +36,9 @@ pub struct BodyInverseMass {
 
 /// N over rigid bodies, applied without being formed.
 ///
-/// A product N g costs about 110 flops and 250 bytes of traffic per contact: contacts turn impulses into world forces,
-/// every body gathers the forces of its own contacts, every contact reads the velocities of its two bodies. Bodies
-/// gather in a fixed order, so that the bits do not depend on the number of threads.
+/// A product N g costs about 110 flops and 250 bytes of traffic per contact: contacts turn impulses into
+/// world forces, every body gathers the forces of its own contacts, every contact reads the velocities of its
+/// two bodies. Bodies gather in a fixed order, so that the bits do not depend on the number of threads.
 #[derive(Clone, Debug)]
 pub struct RigidDelassus {
     pub(super) contacts: Vec<RigidContact>,
@@ -47,12 +48,12 @@ pub struct RigidDelassus {
     pub(super) sides: Vec<Side>,
     /// Block row N_c + k of N is that of entry k.
     pub(super) turning: Vec<TurningRows>,
-    /// Body b's sides of turning rows are `turning_sides[turning_start[b]..turning_start[b + 1]]`: entry of `turning` and sign. Both are
-    /// empty where nothing resists turning.
+    /// Body b's sides of turning rows are `turning_sides[turning_start[b]..turning_start[b + 1]]`: entry of
+    /// `turning` and sign. Both are empty where nothing resists turning.
     pub(super) turning_start: Vec<u32>,
     pub(super) turning_sides: Vec<(u32, f64)>,
-    /// Groups of bodies with a common inverse mass, and for every body its group and place there (`u32::MAX`: none); both are empty where
-    /// there are no groups.
+    /// Groups of bodies with a common inverse mass, and for every body its group and place there (`u32::MAX`:
+    /// none); both are empty where there are no groups.
     pub(super) coupled: Vec<CoupledBodies>,
     pub(super) group_of: Vec<(u32, u32)>,
     /// Compliances of the normal rows, 1/kg; empty where all contacts are rigid.
@@ -115,7 +116,8 @@ impl RigidDelassus {
             side_start[b + 1] += side_start[b];
         }
         let mut next = side_start.clone();
-        // Contact and side of every entry first: the entries themselves are ten times as long, and threads share the work on them.
+        // Contact and side of every entry first: the entries themselves are ten times as long, and threads
+        // share the work on them.
         let mut entries = vec![[0_u32; 2]; *side_start.last().unwrap_or(&0) as usize];
         for (i, contact) in (0..).zip(&contacts) {
             for (side, body) in [contact.body_a, contact.body_b].into_iter().enumerate() {
@@ -172,8 +174,8 @@ impl RigidDelassus {
         &self.sides[self.side_start[body] as usize..self.side_start[body + 1] as usize]
     }
 
-    /// force <- F^T g of every contact: impulses in world axes, N s; length 3 N_c. Then for every entry of [`Self::turning`] the moment
-    /// on body A in world axes, N m s.
+    /// force <- F^T g of every contact: impulses in world axes, N s; length 3 N_c. Then for every entry of
+    /// [`Self::turning`] the moment on body A in world axes, N m s.
     pub fn world_impulse(&self, g: &[f64], force: &mut [f64]) {
         let (force, moment) = force.split_at_mut(3 * self.num_contacts());
         let h = &g[3 * self.num_contacts()..];
@@ -196,7 +198,8 @@ impl RigidDelassus {
         });
     }
 
-    /// dv <- M^-1 D g from world impulses: velocity changes (u, w) of every body, length 6 bodies, m/s and rad/s.
+    /// dv <- M^-1 D g from world impulses: velocity changes (u, w) of every body, length 6 bodies, m/s and
+    /// rad/s.
     pub fn velocity_change(&self, world_impulse: &[f64], dv: &mut [f64]) {
         dv.par_chunks_mut(6 * TASK).enumerate().for_each(|(task, dv)| {
             let first = task * TASK;
@@ -242,8 +245,8 @@ impl RigidDelassus {
         [impulse[0], impulse[1], impulse[2], moment[0], moment[1], moment[2]]
     }
 
-    /// u <- D^T v: relative velocities at the contacts, length 3 N_c, m/s, of body velocities v = (u, w) per body; then those of
-    /// turning, three per entry of [`Self::turning`].
+    /// u <- D^T v: relative velocities at the contacts, length 3 N_c, m/s, of body velocities v = (u, w) per
+    /// body; then those of turning, three per entry of [`Self::turning`].
     pub fn relative_velocity(&self, v: &[f64], u: &mut [f64]) {
         let (u, turning) = u.split_at_mut(3 * self.num_contacts());
         for (k, turning) in turning.chunks_exact_mut(3).enumerate() {
@@ -310,7 +313,8 @@ impl RigidDelassus {
         block
     }
 
-    /// Diagonals (nn, 11, 22) of the blocks N_ii of all contacts and of those that resist turning once more, 1/kg; computed once.
+    /// Diagonals (nn, 11, 22) of the blocks N_ii of all contacts and of those that resist turning once more,
+    /// 1/kg; computed once.
     pub fn diagonal(&self) -> &[[f64; 3]] {
         self.diagonal.get_or_init(|| {
             let of_block = |i: usize| {
@@ -353,8 +357,8 @@ impl RigidDelassus {
         diagonal
     }
 
-    /// N as a sparse matrix: block (i, j) is stored where contacts i and j share a body that is not fixed, or a group of
-    /// coupled ones.
+    /// N as a sparse matrix: block (i, j) is stored where contacts i and j share a body that is not fixed, or
+    /// a group of coupled ones.
     pub fn assemble(&self) -> BlockMatrix3 {
         let contacts = self.num_contacts();
         let rows: Vec<Vec<u32>> = (0..self.num_blocks())

@@ -4,8 +4,8 @@ use super::{FIXED, RigidDelassus, cross, dot3, times3};
 use graintrain_linalg::block3::Block;
 use std::sync::OnceLock;
 
-/// Rows of a contact that resists turning: `length F (w_A - w_B)`, the turning velocities about n, t1 and t2 of its frame as velocities.
-/// The impulses of these rows are moments over the length, N s.
+/// Rows of a contact that resists turning: `length F (w_A - w_B)`, the turning velocities about n, t1 and t2
+/// of its frame as velocities. The impulses of these rows are moments over the length, N s.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TurningRows {
     /// Index of the contact.
@@ -87,7 +87,8 @@ impl RigidDelassus {
         self.turning_frame(k).map(|axis| dot3(axis, relative))
     }
 
-    /// Block (i, j) of N where at least one of both has turning rows: whose impulses are no force and a moment.
+    /// Block (i, j) of N where at least one of both has turning rows: whose impulses are no force and a
+    /// moment.
     pub(super) fn block_of_turning(&self, i: usize, j: usize) -> Block {
         let contacts = self.num_contacts();
         // For every row the impulse on a side's body and its moment, but for the sign.

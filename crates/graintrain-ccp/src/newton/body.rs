@@ -176,11 +176,12 @@ impl BodyPreconditioner {
     }
 }
 
-/// A correction of block Jacobi in body space: a preconditioner of K that approximates L^-T (L^-1 K L^-T)^-1 L^-1, L the
-/// Cholesky factors of the diagonal blocks.
+/// A correction of block Jacobi in body space: a preconditioner of K that approximates L^-T (L^-1 K L^-T)^-1
+/// L^-1, L the Cholesky factors of the diagonal blocks.
 pub trait BodyCorrection: Send {
-    /// Adapts to new values of K, whose diagonal blocks `jacobi` has factorised. Without a `baseline` the correction is measured
-    /// against conjugate gradients with these blocks, and what it costs to make does not count.
+    /// Adapts to new values of K, whose diagonal blocks `jacobi` has factorised. Without a `baseline` the
+    /// correction is measured against conjugate gradients with these blocks, and what it costs to make does
+    /// not count.
     ///
     /// # Errors
     /// [`NewtonError::Breakdown`] where it could not be made.
@@ -192,7 +193,8 @@ pub trait BodyCorrection: Send {
         baseline: Option<ConvergenceRate>,
     ) -> Result<(), NewtonError>;
 
-    /// Whether it is better than block Jacobi alone for the present matrix, and [`Self::apply`] is to be used.
+    /// Whether it is better than block Jacobi alone for the present matrix, and [`Self::apply`] is to be
+    /// used.
     fn is_active(&self) -> bool;
 
     /// Whether, moreover, one solve pays for making it.
@@ -210,8 +212,9 @@ pub trait BodyCorrection: Send {
 
 /// Conjugate gradients on K with block Jacobi or block IC(0), and on request a correction of the former.
 ///
-/// Where K y = A b - rho, z = b - A^T y has the residual -A^T rho of S~: it is what conjugate gradients are asked to
-/// make small. Where weights H^-1 spread, |A^T rho| is larger than |rho| by many orders of magnitude.
+/// Where K y = A b - rho, z = b - A^T y has the residual -A^T rho of S~: it is what conjugate gradients are
+/// asked to make small. Where weights H^-1 spread, |A^T rho| is larger than |rho| by many orders of
+/// magnitude.
 pub struct BodyCg {
     name: &'static str,
     matrix: Option<BodyMatrix>,
@@ -368,7 +371,8 @@ impl NewtonSolver for BodyCg {
             if report.converged || report.iterations >= *max_iterations {
                 break;
             }
-            // With a margin: where the residual of the recurrence drifts, another round is nearly another solve.
+            // With a margin: where the residual of the recurrence drifts, another round is nearly another
+            // solve.
             let settings = KrylovSettings {
                 relative_tolerance: MARGIN * relative_tolerance,
                 max_iterations: *max_iterations - report.iterations,

@@ -1,14 +1,15 @@
 //! The Newton matrix in body space: K = I + A A^T, six rows per body.
 //!
-//! With M^-1 = L L^T (per body), D~ = L^T D, H^-1 = F F^T and A = D~ F, the scaled Newton matrix is S~ = I + A^T A, and by
-//! the identity of Woodbury
+//! With M^-1 = L L^T (per body), D~ = L^T D, H^-1 = F F^T and A = D~ F, the scaled Newton matrix is S~ = I +
+//! A^T A, and by the identity of Woodbury
 //!
 //! ```text
 //! S~^-1 b = b - A^T y,     K y = A b.
 //! ```
 //!
-//! K is the contact graph itself: an off-diagonal block for every pair of bodies in contact, symmetric positive
-//! definite whatever N is. A degree of freedom that is prescribed (zero row of M^-1) becomes a row of the identity.
+//! K is the contact graph itself: an off-diagonal block for every pair of bodies in contact, symmetric
+//! positive definite whatever N is. A degree of freedom that is prescribed (zero row of M^-1) becomes a row
+//! of the identity.
 
 use crate::delassus::{BodyInverseMass, FIXED, RigidDelassus};
 use graintrain_linalg::block3::Block;
@@ -23,8 +24,8 @@ pub(crate) type Side = [f64; 18];
 
 const NONE: u32 = u32::MAX;
 
-/// K over the bodies of a problem, lower triangle in compressed row form. The pattern is made once per problem, the
-/// values by [`BodyMatrix::assemble`].
+/// K over the bodies of a problem, lower triangle in compressed row form. The pattern is made once per
+/// problem, the values by [`BodyMatrix::assemble`].
 #[derive(Clone, Debug)]
 pub struct BodyMatrix {
     bodies: Vec<[u32; 2]>,

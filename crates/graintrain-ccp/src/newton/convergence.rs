@@ -1,5 +1,5 @@
-//! What an iterative solver of a Newton system costs, from a few of its iterations: in operations, not in seconds, so that
-//! choices do not depend on clocks.
+//! What an iterative solver of a Newton system costs, from a few of its iterations: in operations, not in
+//! seconds, so that choices do not depend on clocks.
 
 use super::body_matrix::BodyMatrix;
 use graintrain_linalg::krylov::{KrylovSettings, KrylovWork, flexible_conjugate_gradient};

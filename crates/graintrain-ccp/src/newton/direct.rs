@@ -10,8 +10,8 @@ use graintrain_linalg::krylov::{KrylovSettings, KrylovWork, conjugate_gradient};
 use graintrain_linalg::ordering::Ordering;
 use std::collections::BTreeMap;
 
-/// Sparse Cholesky factorisation of S~, analysed once per pattern; solutions are refined by conjugate gradients with the
-/// factor as preconditioner until the residual of the true matrix reaches the tolerance.
+/// Sparse Cholesky factorisation of S~, analysed once per pattern; solutions are refined by conjugate
+/// gradients with the factor as preconditioner until the residual of the true matrix reaches the tolerance.
 #[derive(Default)]
 pub struct SchurCholesky {
     factor: Option<SparseCholesky>,
@@ -154,7 +154,8 @@ pub(crate) fn in_body_space(rigid: &RigidDelassus, parameters: &Parameters) -> b
     in_body <= predicted_cost(3, pattern.row_starts(), pattern.columns(), ordering).flops
 }
 
-/// Sparse Cholesky in contact space or in body space, whichever needs fewer operations for the pattern at hand.
+/// Sparse Cholesky in contact space or in body space, whichever needs fewer operations for the pattern at
+/// hand.
 #[derive(Default)]
 pub struct Direct {
     schur: SchurCholesky,

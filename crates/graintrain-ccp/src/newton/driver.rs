@@ -113,8 +113,8 @@ impl NewtonDriver {
         self.begin_seconds = start.elapsed().as_secs_f64();
     }
 
-    /// Prepares the linear solver for the blocks H of a Newton iteration. `residual` is that of the contact problem,
-    /// for the record.
+    /// Prepares the linear solver for the blocks H of a Newton iteration. `residual` is that of the contact
+    /// problem, for the record.
     ///
     /// # Errors
     /// As [`NewtonSolver::refresh`].
@@ -165,8 +165,8 @@ impl NewtonDriver {
         largest
     }
 
-    /// Solves (I + F^T N F) z = b; see [`NewtonSolver::solve`]. The blocks are those of the last refresh. A solver of the
-    /// plain form gets S x = F^-T b, z = F^-1 x, and its residual is that of this system.
+    /// Solves (I + F^T N F) z = b; see [`NewtonSolver::solve`]. The blocks are those of the last refresh. A
+    /// solver of the plain form gets S x = F^-T b, z = F^-1 x, and its residual is that of this system.
     pub fn solve(
         &mut self,
         problem: &Ccp,

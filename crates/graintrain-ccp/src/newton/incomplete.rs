@@ -1,9 +1,11 @@
-//! `ic`: incomplete Cholesky conjugate gradients in body space or in contact space, whichever needs fewer operations.
+//! `ic`: incomplete Cholesky conjugate gradients in body space or in contact space, whichever needs fewer
+//! operations.
 //!
-//! Early in an interior-point run the factor of K is by far the better one: K is smaller, and elimination of a body drops
-//! less. As weights H^-1 spread, a residual rho of K means a residual A^T rho of S~ that is larger by up to the root of the
-//! largest weight, and pivots of K have to be enlarged; the factor of S~ does not suffer. So every problem begins in body
-//! space and goes over once contact space is found to be cheaper, for good. S~ is not assembled before.
+//! Early in an interior-point run the factor of K is by far the better one: K is smaller, and elimination of
+//! a body drops less. As weights H^-1 spread, a residual rho of K means a residual A^T rho of S~ that is
+//! larger by up to the root of the largest weight, and pivots of K have to be enlarged; the factor of S~ does
+//! not suffer. So every problem begins in body space and goes over once contact space is found to be cheaper,
+//! for good. S~ is not assembled before.
 
 use super::body::{BodyCg, LIMIT};
 use super::convergence::ConvergenceRate;
@@ -43,8 +45,8 @@ pub struct IncompleteCholeskyCg {
     /// Iterations of the last solve in body space, and that number per factor e asked for.
     last: usize,
     last_rate: f64,
-    /// Iterations in body space, per factor e, that need the operations of contact space; `compare` until a solve was made
-    /// there, infinite after one that failed.
+    /// Iterations in body space, per factor e, that need the operations of contact space; `compare` until a
+    /// solve was made there, infinite after one that failed.
     worth: f64,
     /// Where the last answer comes from.
     answered_in_body_space: bool,

@@ -46,8 +46,8 @@ impl SchurKrylov {
         Self::new("none", None, false, PLAIN_LIMIT)
     }
 
-    /// BiCGSTAB with block ILU(0), its diagonal enlarged where a pivot block is not positive definite: without that it fails
-    /// in the middle of every interior-point run.
+    /// BiCGSTAB with block ILU(0), its diagonal enlarged where a pivot block is not positive definite:
+    /// without that it fails in the middle of every interior-point run.
     pub fn incomplete_lu() -> Self {
         Self::new("ilu", Some(Box::new(IncompleteLu::definite())), false, LIMIT)
     }
@@ -62,7 +62,8 @@ impl SchurKrylov {
         Self::new("block-jacobi", Some(Box::new(BlockJacobi::new(3))), true, LIMIT)
     }
 
-    /// What a solve costs, from a few iterations; `None` for the plain form and where the matrix is missing or empty.
+    /// What a solve costs, from a few iterations; `None` for the plain form and where the matrix is missing
+    /// or empty.
     pub fn measure(&mut self, system: &NewtonSystem<'_>) -> Option<ConvergenceRate> {
         let mut x = vec![0.0; 3 * system.problem.num_contacts()];
         let b = unstructured(x.len());
@@ -90,7 +91,8 @@ impl SchurKrylov {
         let method = if *symmetric { conjugate_gradient } else { bicgstab };
         let report = method(
             &mut |x, y| match (&*system.problem.delassus, *symmetric) {
-                // Through the bodies it reads a third of the memory. Symmetric methods are all of the scaled form.
+                // Through the bodies it reads a third of the memory. Symmetric methods are all of the scaled
+                // form.
                 (Delassus::Rigid(_), true) => {
                     multiply_scaled(system.problem, system.blocks.factor, x, y, product, scratch);
                 }
@@ -109,8 +111,8 @@ impl SchurKrylov {
     }
 }
 
-/// Operations of an iteration with IC(0): the product with S~, through the bodies where there are any, and both triangular
-/// factors of S~, which has so many blocks.
+/// Operations of an iteration with IC(0): the product with S~, through the bodies where there are any, and
+/// both triangular factors of S~, which has so many blocks.
 pub(super) fn iteration_flops(problem: &Ccp, blocks: usize) -> f64 {
     let product = match *problem.delassus {
         Delassus::Rigid(_) => PRODUCT_FLOPS * problem.num_contacts(),
@@ -119,8 +121,9 @@ pub(super) fn iteration_flops(problem: &Ccp, blocks: usize) -> f64 {
     (2 * 9 * blocks + product) as f64
 }
 
-/// Operations per contact of z + F^T D^T M^-1 D F z: F and its transpose 18 each; D and its transpose 15 for the frame and
-/// for both bodies a cross product and sums, 15 each; M^-1, shared by the contacts of a body, 20.
+/// Operations per contact of z + F^T D^T M^-1 D F z: F and its transpose 18 each; D and its transpose 15 for
+/// the frame and for both bodies a cross product and sums, 15 each; M^-1, shared by the contacts of a
+/// body, 20.
 const PRODUCT_FLOPS: usize = 2 * (18 + 15 + 2 * 15) + 20;
 
 impl NewtonSolver for SchurKrylov {

@@ -22,8 +22,8 @@ pub struct SchurComplement {
 const TASK: usize = 4096;
 
 impl SchurComplement {
-    /// The pattern of a problem. Off-diagonal blocks of a matrix read from a file may be asymmetric: S takes its
-    /// symmetric part.
+    /// The pattern of a problem. Off-diagonal blocks of a matrix read from a file may be asymmetric: S takes
+    /// its symmetric part.
     pub fn new(problem: &Ccp, form: Form) -> Self {
         let mut own = with_diagonal(problem.delassus.assemble());
         if matches!(*problem.delassus, Delassus::Sparse(_)) && own.asymmetry() > 0.0 {

@@ -34,10 +34,11 @@ pub struct NewtonSystem<'a> {
     pub problem: &'a Ccp,
     /// H and its factors.
     pub blocks: ScaledBlocks<'a>,
-    /// S~ or S as a sparse matrix whose pattern persists while the problem does; present for solvers that ask for it
-    /// ([`NewtonSolver::needs_matrix`]), in the form they ask for.
+    /// S~ or S as a sparse matrix whose pattern persists while the problem does; present for solvers that ask
+    /// for it ([`NewtonSolver::needs_matrix`]), in the form they ask for.
     pub matrix: Option<&'a BlockMatrix3>,
-    /// Whether N is another one than at the last refresh (then everything that depends on N has to be made anew).
+    /// Whether N is another one than at the last refresh (then everything that depends on N has to be made
+    /// anew).
     pub new_delassus: bool,
     /// Newton iteration of the outer method, from 0.
     pub iteration: usize,
@@ -78,8 +79,8 @@ pub enum NewtonError {
     },
 }
 
-/// A solver of S~ z = b, or of S x = b where it asks for the plain form, that is prepared once per H. It may keep what it
-/// learned between matrices and between problems (symbolic factorisations, hot starts).
+/// A solver of S~ z = b, or of S x = b where it asks for the plain form, that is prepared once per H. It may
+/// keep what it learned between matrices and between problems (symbolic factorisations, hot starts).
 pub trait NewtonSolver: Send {
     /// Name as given after the `+`.
     fn name(&self) -> &'static str;
@@ -94,7 +95,8 @@ pub trait NewtonSolver: Send {
         Form::Scaled
     }
 
-    /// Looks at a new problem before its first matrix, e.g. to choose a form; matrix and blocks are not there yet.
+    /// Looks at a new problem before its first matrix, e.g. to choose a form; matrix and blocks are not there
+    /// yet.
     fn prepare(&mut self, system: &NewtonSystem<'_>) {
         let _ = system;
     }
@@ -108,7 +110,8 @@ pub trait NewtonSolver: Send {
     /// [`NewtonError`]; the solver then must not be used until the next success.
     fn refresh(&mut self, system: &NewtonSystem<'_>) -> Result<(), NewtonError>;
 
-    /// Solves the system to a relative residual; `z` gets the best iterate found. `system` is that of the last refresh.
+    /// Solves the system to a relative residual; `z` gets the best iterate found. `system` is that of the
+    /// last refresh.
     fn solve(
         &mut self,
         system: &NewtonSystem<'_>,
@@ -130,8 +133,8 @@ pub struct NewtonRecord {
     pub iteration: usize,
     /// Iterations of the linear solver, summed over the right-hand sides.
     pub inner_iterations: usize,
-    /// Seconds in [`NewtonSolver::refresh`], and in making the matrix it asks for. The first of a problem includes
-    /// [`NewtonSolver::prepare`], the assembly of N and the pattern.
+    /// Seconds in [`NewtonSolver::refresh`], and in making the matrix it asks for. The first of a problem
+    /// includes [`NewtonSolver::prepare`], the assembly of N and the pattern.
     pub precompute_seconds: f64,
     /// Seconds in [`NewtonSolver::solve`].
     pub apply_seconds: f64,
@@ -139,7 +142,8 @@ pub struct NewtonRecord {
     pub linear_residual: f64,
     /// Whether every linear solve reached its tolerance.
     pub linear_converged: bool,
-    /// Estimate of the condition number of S~ from below: its largest eigenvalue by power iteration (none is below 1).
+    /// Estimate of the condition number of S~ from below: its largest eigenvalue by power iteration (none is
+    /// below 1).
     pub condition: f64,
     /// Residual of the contact problem before the iteration, where the outer method evaluates it.
     pub residual: f64,

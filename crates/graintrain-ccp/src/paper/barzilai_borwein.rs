@@ -1,16 +1,18 @@
 //! `bb`: projected Barzilai-Borwein gradient.
 //!
-//! Source: J. Barzilai, J. Borwein, "Two-point step size gradient methods", IMA Journal of Numerical Analysis 8:141-148,
-//! 1988; Y.-H. Dai, R. Fletcher, "Projected Barzilai-Borwein methods for large-scale box-constrained quadratic
-//! programming", Numerische Mathematik 100:21-47, 2005 (alternating steps, adaptive reference value).
+//! Source: J. Barzilai, J. Borwein, "Two-point step size gradient methods", IMA Journal of Numerical Analysis
+//! 8:141-148, 1988; Y.-H. Dai, R. Fletcher, "Projected Barzilai-Borwein methods for large-scale
+//! box-constrained quadratic programming", Numerische Mathematik 100:21-47, 2005 (alternating steps, adaptive
+//! reference value).
 
 use super::spectral::Spectral;
 use crate::solver::first_order::{FirstOrderMethod, Iterate};
 use crate::solver::scaling::ScaledProblem;
 
-/// x+ = P(x - alpha u) with the long step alpha = |d|^2 / d^T N' d and the short one d^T N' d / |N' d|^2 by turns, on the
-/// scaled problem. The objective may rise, but not above the reference value of Dai and Fletcher, the largest of the
-/// values since the last improvement, renewed when ten iterations brought none. An iteration costs one product.
+/// x+ = P(x - alpha u) with the long step alpha = |d|^2 / d^T N' d and the short one d^T N' d / |N' d|^2 by
+/// turns, on the scaled problem. The objective may rise, but not above the reference value of Dai and
+/// Fletcher, the largest of the values since the last improvement, renewed when ten iterations brought none.
+/// An iteration costs one product.
 #[derive(Clone, Debug)]
 pub struct BarzilaiBorwein {
     /// Iterations without a better objective after which the reference value is renewed.

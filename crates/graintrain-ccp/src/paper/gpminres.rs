@@ -1,8 +1,9 @@
 //! `gpminres`: gradient-projected minimum residual.
 //!
-//! Source: T. Heyn, M. Anitescu, A. Tasora, D. Negrut, "Using Krylov subspace and spectral methods for solving
-//! complementarity problems in many-body contact dynamics simulation", International Journal for Numerical Methods in
-//! Engineering 95:541-561, 2013, after the gradient projection / conjugate gradient method of J. More, G. Toraldo (1991).
+//! Source: T. Heyn, M. Anitescu, A. Tasora, D. Negrut, "Using Krylov subspace and spectral methods for
+//! solving complementarity problems in many-body contact dynamics simulation", International Journal for
+//! Numerical Methods in Engineering 95:541-561, 2013, after the gradient projection / conjugate gradient
+//! method of J. More, G. Toraldo (1991).
 
 use super::face::in_tangent_space;
 use crate::solver::combination::Accumulate;
@@ -11,11 +12,12 @@ use crate::solver::lanes::{Batch, Vector, add, add_scaled, dot, sub, zero};
 use crate::solver::scaling::{ContactBatch, Image, Kernel, KernelInput, ScaledProblem};
 use crate::solver::tasks::Tally;
 
-/// Two phases by turns. Gradient projection steps with a spectral step length find out which contacts stick, slide or
-/// carry nothing. Then the minimum residual method solves the equations of that face, Z^T (N' (x + w) + r') = 0 for w in the tangent
-/// space of the cones at x (Z), and a projected search x+ = P(x + tau w), tau = 1, 1/2, 1/4, .., takes the first point with a lower objective.
-/// Minimum residuals are computed by the conjugate residual recurrence (Stiefel 1955), the same iterates for the positive
-/// semi-definite N'. A gradient step costs one fused pass, a minimum residual step a pass and a look.
+/// Two phases by turns. Gradient projection steps with a spectral step length find out which contacts stick,
+/// slide or carry nothing. Then the minimum residual method solves the equations of that face, Z^T (N' (x +
+/// w) + r') = 0 for w in the tangent space of the cones at x (Z), and a projected search x+ = P(x + tau w),
+/// tau = 1, 1/2, 1/4, .., takes the first point with a lower objective. Minimum residuals are computed by the
+/// conjugate residual recurrence (Stiefel 1955), the same iterates for the positive semi-definite N'. A
+/// gradient step costs one fused pass, a minimum residual step a pass and a look.
 #[derive(Clone, Debug)]
 pub struct GpMinres {
     /// Gradient projection steps per turn.
@@ -214,7 +216,8 @@ impl FirstOrderMethod for GpMinres {
                 let kernel = GradientStep { alpha };
                 let (totals, curvature) =
                     scaled.pass_onto([&mut it.image], [&mut it.x], &mut it.work, &kernel, |_| Accumulate);
-                // The longest step that is sure to descend along this direction, not beyond two shortest ones.
+                // The longest step that is sure to descend along this direction, not beyond two shortest
+                // ones.
                 let spectral = totals.sum[0] / curvature;
                 alpha =
                     if spectral.is_finite() { spectral.clamp(shortest, 1.8 * shortest) } else { shortest };
@@ -259,8 +262,8 @@ impl GpMinres {
     }
 }
 
-/// x <- P(x + tau w) for the first tau = 1, 1/2, .. that lowers the objective, whose change is u^T d + d^T N' d / 2;
-/// x stays where none does.
+/// x <- P(x + tau w) for the first tau = 1, 1/2, .. that lowers the objective, whose change is u^T d + d^T N'
+/// d / 2; x stays where none does.
 fn projected_search(scaled: &ScaledProblem, it: &mut Iterate<'_>, face: &mut Face) {
     let Face { w, rho: trial, image, .. } = face;
     let mut tau = 1.0;

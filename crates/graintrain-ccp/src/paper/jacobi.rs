@@ -1,7 +1,7 @@
 //! `pj`: projected Jacobi.
 //!
-//! Source: A. Tasora, M. Anitescu, "A matrix-free cone complementarity approach for solving large-scale, nonsmooth,
-//! rigid body dynamics", Computer Methods in Applied Mechanics and Engineering 200:439-453, 2011.
+//! Source: A. Tasora, M. Anitescu, "A matrix-free cone complementarity approach for solving large-scale,
+//! nonsmooth, rigid body dynamics", Computer Methods in Applied Mechanics and Engineering 200:439-453, 2011.
 
 use crate::solver::combination::Accumulate;
 use crate::solver::first_order::{FirstOrderMethod, Iterate};
@@ -15,9 +15,9 @@ use crate::solver::tasks::Tally;
 /// x+ = x + lambda ( P( x - omega (N' x + r') ) - x )
 /// ```
 ///
-/// in the metric of the scaled problem (the diagonal of N). It converges for
-/// omega below 2 / (largest eigenvalue of N'); omega starts at the inverse of an estimate of it and shrinks whenever the
-/// curvature met along a step shows that it was too long. One iteration costs one fused pass.
+/// in the metric of the scaled problem (the diagonal of N). It converges for omega below 2 / (largest
+/// eigenvalue of N'); omega starts at the inverse of an estimate of it and shrinks whenever the curvature met
+/// along a step shows that it was too long. One iteration costs one fused pass.
 #[derive(Clone, Debug)]
 pub struct Jacobi {
     /// lambda in (0, 1]: averaging of the old and the new iterate.

@@ -1,8 +1,8 @@
 //! `kucera`: projected conjugate gradients with expansion and proportioning.
 //!
-//! Source: R. Kucera, "Convergence rate of an optimization algorithm for minimizing quadratic functions with separable
-//! convex constraints", SIAM Journal on Optimization 19:846-862, 2008 (after Dostal and Schoberl 2005); used for
-//! contact by T. Heyn, PhD thesis, University of Wisconsin-Madison, 2013.
+//! Source: R. Kucera, "Convergence rate of an optimization algorithm for minimizing quadratic functions with
+//! separable convex constraints", SIAM Journal on Optimization 19:846-862, 2008 (after Dostal and Schoberl
+//! 2005); used for contact by T. Heyn, PhD thesis, University of Wisconsin-Madison, 2013.
 
 use super::face::{along_face, where_sticking};
 use crate::solver::combination::Accumulate;
@@ -11,12 +11,12 @@ use crate::solver::lanes::{Batch, Vector, add_scaled, dot, scale, sub, zero};
 use crate::solver::scaling::{ContactBatch, Kernel, KernelInput, ScaledProblem};
 use crate::solver::tasks::{Tally, for_each_batch};
 
-/// The gradient u = N' x + r' is split, contact by contact, into the part phi along the face of the cone on which x lies
-/// (the whole space inside, the ray on the mantle, nothing at the apex) and the rest. While the reduced
-/// boundary gradient beta satisfies |beta|^2 <= Gamma^2 phi^T phi_reduced, conjugate gradients minimise over the
-/// current faces; where their step would leave a cone, half of an expansion step goes to its boundary and a projected step along phi
-/// follows; otherwise a proportioning step moves the boundary contacts by a projected gradient step.
-/// An iteration costs a look at the gradient and one fused pass.
+/// The gradient u = N' x + r' is split, contact by contact, into the part phi along the face of the cone on
+/// which x lies (the whole space inside, the ray on the mantle, nothing at the apex) and the rest. While the
+/// reduced boundary gradient beta satisfies |beta|^2 <= Gamma^2 phi^T phi_reduced, conjugate gradients
+/// minimise over the current faces; where their step would leave a cone, half of an expansion step goes to
+/// its boundary and a projected step along phi follows; otherwise a proportioning step moves the boundary
+/// contacts by a projected gradient step. An iteration costs a look at the gradient and one fused pass.
 #[derive(Clone, Debug)]
 pub struct Kucera {
     /// Gamma, default 1.
@@ -49,7 +49,8 @@ impl Kernel<2> for Split {
         tally: &mut Tally<V>,
     ) -> Batch<V> {
         let reduced = sub(x, &projected);
-        // On the boundary the free part is a multiple of x, and so is its reduction: x - P(x - step coefficient x).
+        // On the boundary the free part is a multiple of x, and so is its reduction: x - P(x - step
+        // coefficient x).
         let coefficient = dot(x, &u).divide(dot(x, x).max(V::splat(f64::MIN_POSITIVE)));
         let shrink = (V::splat(self.step) * coefficient).min(V::splat(1.0));
         *phi = where_sticking(contact.mu, x, &u, &scale(coefficient, x));
@@ -62,7 +63,8 @@ impl Kernel<2> for Split {
     }
 }
 
-/// p <- phi + conjugation p; tallies phi^T p and the largest inverse of a step x - alpha p that meets the boundary.
+/// p <- phi + conjugation p; tallies phi^T p and the largest inverse of a step x - alpha p that meets the
+/// boundary.
 struct Direction {
     conjugation: f64,
 }
@@ -70,8 +72,8 @@ struct Direction {
 impl Kernel<3> for Direction {
     /// 1 / (largest alpha with x - alpha p in the cone); 0 where there is no bound.
     ///
-    /// Inside, alpha is the smallest positive root of a alpha^2 - 2 b alpha + c = 0 with a = |p_t|^2 - mu^2 p_n^2,
-    /// b = x_t p_t - mu^2 x_n p_n, c = |x_t|^2 - mu^2 x_n^2 < 0, in the form without cancellation
+    /// Inside, alpha is the smallest positive root of a alpha^2 - 2 b alpha + c = 0 with a = |p_t|^2 - mu^2
+    /// p_n^2, b = x_t p_t - mu^2 x_n p_n, c = |x_t|^2 - mu^2 x_n^2 < 0, in the form without cancellation
     /// 1/alpha = (sqrt(b^2 - a c) - b) / (-c). On the boundary p points along the ray: 1/alpha = p_n / x_n.
     #[inline(always)]
     fn at<V: Vector>(
@@ -84,7 +86,8 @@ impl Kernel<3> for Direction {
         *p = add_scaled(phi, self.conjugation, p);
         tally.sum[0] += dot(phi, p);
         let (none, square) = (V::default(), contact.mu * contact.mu);
-        // No root and no quotient where the shortest step met so far stays in the cones, as it does nearly everywhere.
+        // No root and no quotient where the shortest step met so far stays in the cones, as it does nearly
+        // everywhere.
         let y = sub(&scale(tally.max, x), p);
         let outside = y[1] * y[1] + y[2] * y[2] - square * y[0] * y[0];
         let [outside, ..] = where_sticking(contact.mu, x, &[outside, none, none], &zero());
@@ -131,8 +134,8 @@ impl Kernel<1> for Proportioning {
     }
 }
 
-/// From x to the boundary, x - alpha p, whose gradient is u, and on along the faces: x <- P(x - alpha p - step phi(x - alpha p));
-/// returns the change by the second half.
+/// From x to the boundary, x - alpha p, whose gradient is u, and on along the faces: x <- P(x - alpha p -
+/// step phi(x - alpha p)); returns the change by the second half.
 struct Expansion {
     alpha: f64,
     step: f64,

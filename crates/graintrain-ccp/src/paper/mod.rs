@@ -1,5 +1,5 @@
-//! What the paper needs and production does not, behind the feature `paper`: the methods that it compares (Corona et al.
-//! 2019), its primal-dual interior point, and its tensor-train preconditioners.
+//! What the paper needs and production does not, behind the feature `paper`: the methods that it compares
+//! (Corona et al. 2019), its primal-dual interior point, and its tensor-train preconditioners.
 
 mod barzilai_borwein;
 mod face;

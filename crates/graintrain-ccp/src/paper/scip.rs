@@ -1,14 +1,15 @@
 //! `scip`: the symmetric cone interior point.
 //!
-//! Source: J. Kleinert, B. Simeon, M. Obermayr, "An inexact interior point method for the large-scale simulation of
-//! granular material", Computer Methods in Applied Mechanics and Engineering 278:567-598, 2014. The Jordan algebra behind
-//! it: S. Schmieta, F. Alizadeh, "Extension of primal-dual interior point algorithms to symmetric cones", Mathematical
-//! Programming 96:409-438, 2003; the wide neighbourhood for infeasible iterates: B. Rangarajan, "Polynomial convergence of
-//! infeasible-interior-point methods over symmetric cones", SIAM Journal on Optimization 16:1211-1229, 2006.
+//! Source: J. Kleinert, B. Simeon, M. Obermayr, "An inexact interior point method for the large-scale
+//! simulation of granular material", Computer Methods in Applied Mechanics and Engineering 278:567-598, 2014.
+//! The Jordan algebra behind it: S. Schmieta, F. Alizadeh, "Extension of primal-dual interior point
+//! algorithms to symmetric cones", Mathematical Programming 96:409-438, 2003; the wide neighbourhood for
+//! infeasible iterates: B. Rangarajan, "Polynomial convergence of infeasible-interior-point methods over
+//! symmetric cones", SIAM Journal on Optimization 16:1211-1229, 2006.
 //!
-//! With g = T x and y = N g + r = T^-1 s the friction cones become second-order cones, the cones of squares of the Jordan
-//! product x o s = (x^T s, x_0 s_t + s_0 x_t). The central path x o s = tau e is followed with **one** Newton step per
-//! iteration, aimed at sigma tau:
+//! With g = T x and y = N g + r = T^-1 s the friction cones become second-order cones, the cones of squares
+//! of the Jordan product x o s = (x^T s, x_0 s_t + s_0 x_t). The central path x o s = tau e is followed
+//! with **one** Newton step per iteration, aimed at sigma tau:
 //!
 //! ```text
 //! r_d = N g + r - y,                                      W s = W^-1 x = lambda   (Nesterov and Todd's scaling)
@@ -16,10 +17,11 @@
 //! (N + T^-1 W^-2 T^-1) dg = -r_d + T^-1 W^-1 (sigma tau lambda^-1 - lambda)
 //! ```
 //!
-//! Steps end in the wide neighbourhood of the path, where every eigenvalue of P(x^(1/2)) s (P the quadratic representation) is
-//! at least gamma tau; for a second-order cone these are x^T s -+ sqrt((x^T s)^2 - det x det s). The linear systems are solved
-//! *inexactly*, to a fraction of the residual of the problem: what is left of them only adds to r_d. What sets the method apart
-//! from [`ipm`](crate::solver::ipm): one right-hand side per matrix, no predictor, no second-order corrector, no polishing.
+//! Steps end in the wide neighbourhood of the path, where every eigenvalue of P(x^(1/2)) s (P the quadratic
+//! representation) is at least gamma tau; for a second-order cone these are x^T s -+ sqrt((x^T s)^2 - det x
+//! det s). The linear systems are solved *inexactly*, to a fraction of the residual of the problem: what is
+//! left of them only adds to r_d. What sets the method apart from [`ipm`](crate::solver::ipm): one right-hand
+//! side per matrix, no predictor, no second-order corrector, no polishing.
 
 use crate::newton::NewtonSolver;
 use crate::newton::driver::NewtonDriver;
@@ -73,7 +75,8 @@ impl Default for Parameters {
 
 /// The symmetric cone interior point, see the [module](self).
 ///
-/// Jammed bodies (no bounded solution) are reported as [`Status::Infeasible`], with the iterate of least residual.
+/// Jammed bodies (no bounded solution) are reported as [`Status::Infeasible`], with the iterate of least
+/// residual.
 pub struct Scip {
     newton: NewtonDriver,
     /// The scaled N of the last problem.
@@ -100,8 +103,8 @@ fn least_eigenvalue(pair: &Pair) -> f64 {
     }
 }
 
-/// Goes as far as the cones allow, at most 1, and back until the neighbourhood is met; returns the step, 0 where none was
-/// found. `before` is room for the pairs.
+/// Goes as far as the cones allow, at most 1, and back until the neighbourhood is met; returns the step, 0
+/// where none was found. `before` is room for the pairs.
 fn advance(work: &mut Work, before: &mut [Pair], parameters: &Parameters) -> f64 {
     before.copy_from_slice(&work.pairs);
     let mut alpha = (parameters.fraction * work.longest_step()).min(1.0);

@@ -19,8 +19,9 @@ pub(super) struct Change {
     image_length: Option<f64>,
 }
 
-/// The steps of a spectral projected gradient method. The gradient u of the iterate is kept contact by contact, because the
-/// short step wants N' d contact by contact, too: a step is then one product, its two halves a scatter pass and a look.
+/// The steps of a spectral projected gradient method. The gradient u of the iterate is kept contact by
+/// contact, because the short step wants N' d contact by contact, too: a step is then one product, its two
+/// halves a scatter pass and a look.
 pub(super) struct Spectral {
     /// x before the last step.
     previous: Vec<Batch>,
@@ -107,7 +108,8 @@ impl Kernel<1> for FullStep {
     }
 }
 
-/// As [`FullStep`] where only tau of the step d = x - previous is wanted: u <- u + tau N' d, x <- x - (1 - tau) d.
+/// As [`FullStep`] where only tau of the step d = x - previous is wanted: u <- u + tau N' d, x <- x - (1 -
+/// tau) d.
 struct ShortenedStep {
     tau: f64,
 }
@@ -146,9 +148,10 @@ impl Spectral {
         (spectral, shortest)
     }
 
-    /// Takes the full step if the objective stays at or below `reference` plus a little of the slope (Grippo, Lampariello,
-    /// Lucidi 1986), else the exact minimiser along d: the objective is quadratic, so its value needs no product. Unless `wants_short`
-    /// or a check is next, the short step is not known afterwards and the gradient follows in the next call's pass.
+    /// Takes the full step if the objective stays at or below `reference` plus a little of the slope (Grippo,
+    /// Lampariello, Lucidi 1986), else the exact minimiser along d: the objective is quadratic, so its value
+    /// needs no product. Unless `wants_short` or a check is next, the short step is not known afterwards and
+    /// the gradient follows in the next call's pass.
     pub fn advance(
         &mut self,
         scaled: &ScaledProblem,
@@ -189,7 +192,8 @@ impl Spectral {
         self.keep(change.length / change.curvature)
     }
 
-    /// Second Barzilai-Borwein step, d^T N' d / |N' d|^2: the short one, for which |N' d|^2 must have been asked.
+    /// Second Barzilai-Borwein step, d^T N' d / |N' d|^2: the short one, for which |N' d|^2 must have been
+    /// asked.
     pub fn short_step(&self, change: &Change) -> f64 {
         self.keep(change.curvature / change.image_length.unwrap_or(f64::NAN))
     }

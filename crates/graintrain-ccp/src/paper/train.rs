@@ -1,9 +1,10 @@
-//! `tt`: a tensor train in body space where that pays, incomplete Cholesky ([`crate::newton::incomplete`]) where it does not.
+//! `tt`: a tensor train in body space where that pays, incomplete Cholesky ([`crate::newton::incomplete`])
+//! where it does not.
 //!
-//! Conjugate gradients with block IC(0) are the baseline: ten iterations of theirs tell what a solve costs. A train is
-//! made only where its prediction is cheaper than that, and used where it then wins
-//! ([`TrainCorrection`]). After a loss, or a train that breaks down, the next try waits,
-//! four times longer after every loss in a row, also from one problem to the next.
+//! Conjugate gradients with block IC(0) are the baseline: ten iterations of theirs tell what a solve costs. A
+//! train is made only where its prediction is cheaper than that, and used where it then wins
+//! ([`TrainCorrection`]). After a loss, or a train that breaks down, the next try waits, four times longer
+//! after every loss in a row, also from one problem to the next.
 
 use super::train_body::{NAME, TrainCorrection};
 use crate::delassus::Delassus;

@@ -1,14 +1,17 @@
 //! The tensor-train correction of `tt` ([`super::train`]): in body space, and only where it pays.
 //!
-//! Conjugate gradients on K = I + A A^T with 6x6 block Jacobi are conjugate gradients on K_s = L^-1 K L^-T, L the
-//! Cholesky factors of the diagonal blocks. A train X that approximates K_s^-1 makes the preconditioner L^-T X L^-1.
+//! Conjugate gradients on K = I + A A^T with 6x6 block Jacobi are conjugate gradients on K_s = L^-1 K L^-T, L
+//! the Cholesky factors of the diagonal blocks. A train X that approximates K_s^-1 makes the preconditioner
+//! L^-T X L^-1.
 //!
 //! Whether it pays is decided in three stages that do not depend on clocks:
-//! 1. *Compressibility probe*: the share of the off-diagonal energy of K_s that a train of the largest rank allowed captures.
-//!    It is small on random packings and near one on assemblies that repeat under translation.
-//! 2. *Prediction*: floating-point operations of the inversion, from the ranks found by the probe, against those of a whole
-//!    solve by the baseline.
-//! 3. *Race*: a few iterations with X. It is used where it lowers the residual by more per operation than the baseline.
+//! 1. *Compressibility probe*: the share of the off-diagonal energy of K_s that a train of the largest rank
+//!    allowed captures. It is small on random packings and near one on assemblies that repeat under
+//!    translation.
+//! 2. *Prediction*: floating-point operations of the inversion, from the ranks found by the probe, against
+//!    those of a whole solve by the baseline.
+//! 3. *Race*: a few iterations with X. It is used where it lowers the residual by more per operation than the
+//!    baseline.
 
 use super::tensor_train::inverse::{Compression, TrainInverse, TrainSettings};
 use super::tensor_train::place::body_centres;
@@ -163,7 +166,8 @@ impl BodyCorrection for TrainCorrection {
             }
             self.placement.figures(&mut self.figures);
         }
-        // Where a dense kernel of the tensor-train algorithms fails, or the patience ends, the next train starts cold.
+        // Where a dense kernel of the tensor-train algorithms fails, or the patience ends, the next train
+        // starts cold.
         self.build(matrix, jacobi, system, baseline).map_err(|error| {
             self.inverse.forget();
             NewtonError::Breakdown { solver: NAME, reason: error.to_string() }

@@ -1,18 +1,20 @@
-//! Tensor-train solvers in contact space: the matrix compressed, inverted, and used as preconditioner of BiCGSTAB.
+//! Tensor-train solvers in contact space: the matrix compressed, inverted, and used as preconditioner of
+//! BiCGSTAB.
 //!
-//! `tt-cross` is the recipe of Corona et al. 2019: uniform tree of contacts, identity on the dummies, AMEn-cross on S, AMEn
-//! inversion of A X = I, accuracy 1e-2 and ranks up to 10, hot starts, slots kept across steps. It is kept for the record: on
-//! random packings the cross does not see the matrix (`compression_error` in its figures tells). Where the paper is silent or
-//! this is kinder:
+//! `tt-cross` is the recipe of Corona et al. 2019: uniform tree of contacts, identity on the dummies,
+//! AMEn-cross on S, AMEn inversion of A X = I, accuracy 1e-2 and ranks up to 10, hot starts, slots kept
+//! across steps. It is kept for the record: on random packings the cross does not see the matrix
+//! (`compression_error` in its figures tells). Where the paper is silent or this is kinder:
 //! * up to 20 000 nonzeros are shown to the cross, and those with the largest errors become pivots;
-//! * leaves hold 4 contacts, and the capacity grows where a tree would need more than 8 times as many slots as contacts;
+//! * leaves hold 4 contacts, and the capacity grows where a tree would need more than 8 times as many slots
+//!   as contacts;
 //! * axes along which the contacts do not extend are not halved;
 //! * the inversion makes at most 4 sweeps;
-//! * an inverse that is worse than the multiple of the identity it could have started from is replaced by that, and is no hot
-//!   start.
+//! * an inverse that is worse than the multiple of the identity it could have started from is replaced by
+//!   that, and is no hot start.
 //!
-//! `tt-schur` mends what can be mended in the same space: S~, symmetric 3x3 block-Jacobi scaling first, exact compression
-//! from the nonzero blocks, hardly any dummies, and the residual form of the inverse.
+//! `tt-schur` mends what can be mended in the same space: S~, symmetric 3x3 block-Jacobi scaling first, exact
+//! compression from the nonzero blocks, hardly any dummies, and the residual form of the inverse.
 
 use super::tensor_train::inverse::{Compression, TrainInverse, TrainSettings};
 use super::tensor_train::place::contact_points;

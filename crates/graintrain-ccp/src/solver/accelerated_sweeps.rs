@@ -12,16 +12,17 @@ use super::single::SingleIterate;
 /// x+ = S(y),   y+ = x+ + beta (x+ - x),   d = x+ - y
 /// ```
 ///
-/// with the momentum of [`Memory`]. A sweep S is a projected gradient step in the metric of the lower triangle of
-/// N', which is nearer to N' than a multiple of the unit matrix: among balls it needs about half of the iterations of
-/// [`Apgd`](super::Apgd), among boxes on boxes five times as many. Acceleration is proved for symmetric sweeps
-/// (forward and back) alone; forward ones need half as many. An iteration moves as much memory as one of `Apgd`; in
-/// single precision threads share it in blocks of contacts, in double precision one thread does it.
+/// with the momentum of [`Memory`]. A sweep S is a projected gradient step in the metric of the lower
+/// triangle of N', which is nearer to N' than a multiple of the unit matrix: among balls it needs about half
+/// of the iterations of [`Apgd`](super::Apgd), among boxes on boxes five times as many. Acceleration is
+/// proved for symmetric sweeps (forward and back) alone; forward ones need half as many. An iteration moves
+/// as much memory as one of `Apgd`; in single precision threads share it in blocks of contacts, in double
+/// precision one thread does it.
 ///
 /// Sources: B. O'Donoghue, E. Candes, "Adaptive restart for accelerated gradient schemes", Foundations of
-/// Computational Mathematics 15:715-732, 2015; a conjugate direction over sweeps: M. Silcowitz-Hansen, S. Niebe,
-/// K. Erleben, "A nonsmooth nonlinear conjugate gradient method for interactive contact force problems", The Visual
-/// Computer 26:893-901, 2010.
+/// Computational Mathematics 15:715-732, 2015; a conjugate direction over sweeps: M. Silcowitz-Hansen, S.
+/// Niebe, K. Erleben, "A nonsmooth nonlinear conjugate gradient method for interactive contact force
+/// problems", The Visual Computer 26:893-901, 2010.
 #[derive(Clone, Debug)]
 pub struct AcceleratedSweeps {
     /// Over-relaxation omega in (0, 2).

@@ -1,8 +1,8 @@
 //! `apgd`: accelerated projected gradient descent with adaptive step and restart.
 //!
-//! Source: H. Mazhar, T. Heyn, D. Negrut, A. Tasora, "Using Nesterov's method to accelerate multibody dynamics with
-//! friction and contact", ACM Transactions on Graphics 34(3):32, 2015, after Nesterov (1983) and, for the restart,
-//! O'Donoghue and Candes (2015).
+//! Source: H. Mazhar, T. Heyn, D. Negrut, A. Tasora, "Using Nesterov's method to accelerate multibody
+//! dynamics with friction and contact", ACM Transactions on Graphics 34(3):32, 2015, after Nesterov (1983)
+//! and, for the restart, O'Donoghue and Candes (2015).
 
 use super::combination::Combination;
 use super::first_order::{FirstOrderMethod, Iterate};
@@ -19,18 +19,20 @@ use crate::residual::FrictionModel;
 /// x+ = P( y - t (N' y + r') ),   y+ = x+ + beta (x+ - x)
 /// ```
 ///
-/// t shrinks where the curvature met along a step, d^T N' d / |d|^2 with d = x+ - y, exceeds 1/t, and grows slowly
-/// otherwise; beta restarts from zero where the step points uphill, (y - x+)^T (x+ - x) > 0. That hardly ever happens: momentum that
-/// is too long keeps contacts opening and closing without pointing uphill. So theta stays below [`cap`](Self::cap), or
-/// [`cap_growth`](Self::cap_growth) times the iteration where that is more, since the slow modes of a tight tolerance need it longer. In
-/// runs of settling beds this saves a sixth of the iterations; cold solves of tall packings take a tenth more.
+/// t shrinks where the curvature met along a step, d^T N' d / |d|^2 with d = x+ - y, exceeds 1/t, and grows
+/// slowly otherwise; beta restarts from zero where the step points uphill, (y - x+)^T (x+ - x) > 0. That
+/// hardly ever happens: momentum that is too long keeps contacts opening and closing without pointing uphill.
+/// So theta stays below [`cap`](Self::cap), or [`cap_growth`](Self::cap_growth) times the iteration where
+/// that is more, since the slow modes of a tight tolerance need it longer. In runs of settling beds this
+/// saves a sixth of the iterations; cold solves of tall packings take a tenth more.
 ///
 /// For exact Coulomb friction P takes the normal impulse first and projects the tangential one on the disc
 /// that it allows, as [`GaussSeidel`](super::GaussSeidel) does. The exact problem has no objective that could
 /// say when the momentum has lasted long enough: it has a [`Memory`].
 ///
-/// Large problems over rigid bodies are begun in single precision and, where that is not enough, ended in double
-/// precision. The first step is made for the curvature of the last solve, where the [settings](super::SolveSettings::curvature) name it.
+/// Large problems over rigid bodies are begun in single precision and, where that is not enough, ended in
+/// double precision. The first step is made for the curvature of the last solve, where the
+/// [settings](super::SolveSettings::curvature) name it.
 ///
 /// One iteration is one fused pass over the contacts and one over the bodies: because images are linear,
 /// N' x+ = N' y + N' d needs no product of its own.
@@ -60,7 +62,8 @@ impl Default for Apgd {
     }
 }
 
-/// previous <- x+ = P(y - t u) with y = x + beta (x - previous); returns d = x+ - y, tallies |d|^2 and d^T (x+ - x).
+/// previous <- x+ = P(y - t u) with y = x + beta (x - previous); returns d = x+ - y, tallies |d|^2 and d^T
+/// (x+ - x).
 ///
 /// Whether friction is exact is known to the compiler: asked per contact it costs a tenth of an iteration.
 pub(super) struct Step<const EXACT: bool> {
@@ -169,18 +172,21 @@ impl Kernel<2> for Extrapolated {
     }
 }
 
-/// Where the iterations take place: in double or in single precision. Holds x, the x before, and the images of x and y.
+/// Where the iterations take place: in double or in single precision. Holds x, the x before, and the images
+/// of x and y.
 pub(super) trait Space {
     /// Which problem is solved.
     fn friction_model(&self) -> FrictionModel;
 
-    /// What the first step is made for: the largest curvature known from an earlier solve, or that of power iterations.
+    /// What the first step is made for: the largest curvature known from an earlier solve, or that of power
+    /// iterations.
     fn first_curvature(&mut self) -> f64;
 
     /// Counts an iteration and says whether to do it.
     fn proceed(&mut self, beta: f64) -> bool;
 
-    /// A step from y; `next` makes the beta of the next y of |d|^2 and d^T (x+ - x). Returns |d|^2 and d^T N' d.
+    /// A step from y; `next` makes the beta of the next y of |d|^2 and d^T (x+ - x). Returns |d|^2 and d^T N'
+    /// d.
     fn step<const EXACT: bool>(
         &mut self,
         kernel: Step<EXACT>,
@@ -208,8 +214,8 @@ impl Space for Double<'_, '_> {
     fn proceed(&mut self, beta: f64) -> bool {
         let go = self.it.proceed(self.scaled);
         if go && self.it.was_refreshed() {
-            // The image of y must not keep the rounding errors that the image of x has just lost: the extrapolation
-            // would take the difference for a motion and multiply it.
+            // The image of y must not keep the rounding errors that the image of x has just lost: the
+            // extrapolation would take the difference for a motion and multiply it.
             let Iterate { x, work, .. } = &mut *self.it;
             let vectors = [&mut x[..], &mut self.previous];
             self.scaled.scatter_pass(vectors, &mut self.image_y, work, &Extrapolated { beta });

@@ -1,8 +1,9 @@
 //! Four numbers in a vector register of x86-64 processors with AVX2.
 //!
-//! The compiler keeps [`Lanes`] together only along short chains of operations, and takes them apart where they are
-//! gathered from bodies or spread over them. Measured with benches/product.rs at 18 299 contacts, interleaved: the product with
-//! N takes 0.129 ms, with `Lanes` compiled for AVX2 and records without padding it took 0.171 ms.
+//! The compiler keeps [`Lanes`] together only along short chains of operations, and takes them apart where
+//! they are gathered from bodies or spread over them. Measured with benches/product.rs at 18 299 contacts,
+//! interleaved: the product with N takes 0.129 ms, with `Lanes` compiled for AVX2 and records without padding
+//! it took 0.171 ms.
 #![allow(unsafe_code)]
 
 use super::avx2_single::SingleRegister;
@@ -10,8 +11,8 @@ use super::lanes::{Batch, LANES, Lanes, Numbers, TaskWork, Vector};
 use std::arch::x86_64::*;
 use std::ops::{Add, AddAssign, Mul, Neg, Sub};
 
-/// Four numbers. The type is private: values exist only inside [`run`], hence only where the processor has AVX2, which is what
-/// makes the calls of intrinsics below safe.
+/// Four numbers. The type is private: values exist only inside [`run`], hence only where the processor has
+/// AVX2, which is what makes the calls of intrinsics below safe.
 #[derive(Clone, Copy)]
 #[repr(transparent)]
 struct Register(__m256d);
@@ -154,7 +155,8 @@ impl Vector for Register {
 
     #[inline(always)]
     fn of_slice(lanes: &mut [Lanes]) -> &mut [Self] {
-        // SAFETY: both types are four f64 in 32 aligned bytes, all of whose values are valid; the borrow is handed on.
+        // SAFETY: both types are four f64 in 32 aligned bytes, all of whose values are valid; the borrow is
+        // handed on.
         unsafe { std::slice::from_raw_parts_mut(lanes.as_mut_ptr().cast(), lanes.len()) }
     }
 

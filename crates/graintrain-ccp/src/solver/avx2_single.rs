@@ -7,8 +7,8 @@ use super::octet::{EIGHT, Octet, SingleVector};
 use std::arch::x86_64::*;
 use std::ops::{Add, AddAssign, Mul, Neg, Sub};
 
-/// Eight numbers. Nothing but [`run`](super::avx2::run) names the type: values exist only inside of that, hence only where the processor
-/// has AVX2, which is what makes the calls of intrinsics below safe.
+/// Eight numbers. Nothing but [`run`](super::avx2::run) names the type: values exist only inside of that,
+/// hence only where the processor has AVX2, which is what makes the calls of intrinsics below safe.
 #[derive(Clone, Copy)]
 #[repr(transparent)]
 pub(super) struct SingleRegister(__m256);
@@ -114,7 +114,8 @@ const HIGH_HALVES: i32 = 0x31;
 /// Numbers 1, 2, 0, 3 of each half, for `_mm256_permute_ps`.
 const ROTATED: i32 = 0b11_00_10_01;
 
-/// From four records (a, 0, b, 0) to the components of the four a in the low half and of the four b in the high one.
+/// From four records (a, 0, b, 0) to the components of the four a in the low half and of the four b in the
+/// high one.
 #[inline(always)]
 unsafe fn four_components(records: [__m256; 4]) -> [__m256; 3] {
     let [a, b, c, d] = records;
@@ -164,13 +165,15 @@ impl SingleVector for SingleRegister {
 
     #[inline(always)]
     fn of_slice(octets: &mut [Octet]) -> &mut [Self] {
-        // SAFETY: both types are eight f32 in 32 aligned bytes, all of whose values are valid; the borrow is handed on.
+        // SAFETY: both types are eight f32 in 32 aligned bytes, all of whose values are valid; the borrow is
+        // handed on.
         unsafe { std::slice::from_raw_parts_mut(octets.as_mut_ptr().cast(), octets.len()) }
     }
 
     #[inline(always)]
     fn components([a, b, c, d, e, f, g, h]: [Self; EIGHT]) -> [Batch<Self>; 2] {
-        // SAFETY: see `SingleRegister`. (No closures: they need not be compiled for the processor's vector instructions.)
+        // SAFETY: see `SingleRegister`. (No closures: they need not be compiled for the processor's vector
+        // instructions.)
         unsafe {
             let [x, y, z] = four_components([a.0, b.0, c.0, d.0]);
             let [later_x, later_y, later_z] = four_components([e.0, f.0, g.0, h.0]);

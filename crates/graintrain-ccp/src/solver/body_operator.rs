@@ -1,5 +1,5 @@
-//! N over rigid bodies, packed for the first-order methods: contacts in batches of four, each pass over the contacts
-//! both reads the velocities of the last impulses and adds up the forces of the new ones.
+//! N over rigid bodies, packed for the first-order methods: contacts in batches of four, each pass over the
+//! contacts both reads the velocities of the last impulses and adds up the forces of the new ones.
 
 use super::body_pass::{BODIES, num_body_tasks, over_bodies};
 use super::cell_images::PackedCell;
@@ -17,7 +17,8 @@ use crate::delassus::{BodyInverseMass, RigidDelassus};
 use graintrain_linalg::block3::Block;
 use std::sync::Arc;
 
-/// Geometry of four contacts. The rows of the frame are scaled, the normal one and the tangential ones each by their factor.
+/// Geometry of four contacts. The rows of the frame are scaled, the normal one and the tangential ones each
+/// by their factor.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Geometry {
     /// Rows n, t1, t2, each with its world components.
@@ -178,12 +179,14 @@ impl InverseMass {
     }
 }
 
-/// N = D^T M^-1 D with scaled D. A chunk of contacts sums the forces on its bodies in slots of its own, then every
-/// body adds its slots in a fixed order: no two threads write to one place and the bits do not depend on their number.
+/// N = D^T M^-1 D with scaled D. A chunk of contacts sums the forces on its bodies in slots of its own, then
+/// every body adds its slots in a fixed order: no two threads write to one place and the bits do not depend
+/// on their number.
 #[derive(Clone, Debug)]
 pub(super) struct BodyOperator {
     geometry: Vec<Geometry>,
-    /// Which batches hold the turning rows of the contacts of the batch before them; empty where nothing resists turning.
+    /// Which batches hold the turning rows of the contacts of the batch before them; empty where nothing
+    /// resists turning.
     turning: Vec<bool>,
     runs: Vec<Run>,
     /// In the order of the packing, like everything per body; that of the fixed body, zero, comes last.
@@ -198,7 +201,8 @@ pub(super) struct BodyOperator {
     share: Option<Box<Share>>,
 }
 
-/// Batches whose contacts share no body if that can be arranged: a sweep of Gauss-Seidel computes them together.
+/// Batches whose contacts share no body if that can be arranged: a sweep of Gauss-Seidel computes them
+/// together.
 pub(super) const TOGETHER: usize = 4;
 /// Consecutive batches that a sweep of Gauss-Seidel treats alike.
 #[derive(Clone, Copy, Debug)]
@@ -295,7 +299,8 @@ impl BodyOperator {
         }
     }
 
-    /// The ranks that do the passes together; `None` does all of them here. Not where the cell is stress-controlled.
+    /// The ranks that do the passes together; `None` does all of them here. Not where the cell is
+    /// stress-controlled.
     pub(super) fn share_among(&mut self, ranks: Option<&Arc<Ranks>>) {
         self.share = self.slots.share(ranks.filter(|_| self.cell.is_none()), BODIES);
     }
@@ -305,7 +310,8 @@ impl BodyOperator {
         self.share.as_deref()
     }
 
-    /// Vectors in an image: the [`BodyPair`] of every body, of the images, of the fixed one, and of a cell's L.
+    /// Vectors in an image: the [`BodyPair`] of every body, of the images, of the fixed one, and of a cell's
+    /// L.
     pub(super) fn image_len(&self) -> usize {
         2 * (self.num_places + 1 + usize::from(self.cell.is_some()))
     }
@@ -333,7 +339,8 @@ impl BodyOperator {
         &self.geometry
     }
 
-    /// Combines M^-1 (sums of the slots of each body) with images; returns the quadratic form, force dot velocity.
+    /// Combines M^-1 (sums of the slots of each body) with images; returns the quadratic form, force dot
+    /// velocity.
     pub(super) fn velocities<const K: usize>(
         &self,
         slots: &[BodyPair],
@@ -354,8 +361,8 @@ impl BodyOperator {
         }
     }
 
-    /// As [`Self::sweep`] where contacts resist turning: a batch and its turning rows together, batches that share no body within
-    /// themselves at once, others contact by contact.
+    /// As [`Self::sweep`] where contacts resist turning: a batch and its turning rows together, batches that
+    /// share no body within themselves at once, others contact by contact.
     #[inline(always)]
     fn sweep_with_turning<V: Vector>(&self, image: &mut [BodyPair], contacts: &mut impl Update<V>) {
         let mut batch = 0;
@@ -391,9 +398,10 @@ impl BodyOperator {
         }
     }
 
-    /// Gauss-Seidel over all contacts: `contacts` get the velocities D^T v of a batch and change its impulses; the velocities of
-    /// the bodies follow at once. Batches of a [`Run`] that share no body are computed side by side, others contact by contact:
-    /// the result is that of one contact after the other in the order of the packing. Not for a stress-controlled cell, which one contact would move for all.
+    /// Gauss-Seidel over all contacts: `contacts` get the velocities D^T v of a batch and change its
+    /// impulses; the velocities of the bodies follow at once. Batches of a [`Run`] that share no body are
+    /// computed side by side, others contact by contact: the result is that of one contact after the other in
+    /// the order of the packing. Not for a stress-controlled cell, which one contact would move for all.
     #[inline(always)]
     pub(super) fn sweep<V: Vector>(&self, image: &mut [Lanes], contacts: &mut impl Update<V>) {
         assert!(self.cell.is_none(), "sweeps over a cell go through the rows of N");

@@ -11,8 +11,9 @@ pub(super) fn num_body_tasks(bodies: usize) -> usize {
     bodies.div_ceil(BODIES)
 }
 
-/// Does `work(first body, parts of the images, tally)` for the bodies of the images, one entry each, and adds up its first sums task by
-/// task. Where there are several ranks, each does its own tasks and the bodies beyond that its contacts touch.
+/// Does `work(first body, parts of the images, tally)` for the bodies of the images, one entry each, and adds
+/// up its first sums task by task. Where there are several ranks, each does its own tasks and the bodies
+/// beyond that its contacts touch.
 pub(super) fn over_bodies<T: Send, const K: usize>(
     share: Option<&Share>,
     mut images: [&mut [T]; K],

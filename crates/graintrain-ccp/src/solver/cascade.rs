@@ -1,23 +1,28 @@
 //! The cascade: which methods a solver by name tries, one after the other, within one budget.
 //!
-//! A [`Cascade`] is a list of members and, for relaxed and for exact friction, a table of stages. The driver alone owns the budget,
-//! the best impulses with their residual, the history and the status; a stage says who works, from what, and how much it may cost. All
-//! is decided by counts of operations and by residuals, never by the clock.
+//! A [`Cascade`] is a list of members and, for relaxed and for exact friction, a table of stages. The driver
+//! alone owns the budget, the best impulses with their residual, the history and the status; a stage says who
+//! works, from what, and how much it may cost. All is decided by counts of operations and by residuals, never
+//! by the clock.
 //!
-//! **Budget.** [`SolveSettings::max_iterations`] bounds the whole. It counts iterations of projected gradients; other methods say what theirs cost
-//! in these ([`Cost`]). A stage gets half of what is left at most, the last one all of it; one that could not do anything with its share is left out.
-//! So a solve with a limit ends with a method that makes a small residual a little smaller rather than in the midst of one that swings.
+//! **Budget.** [`SolveSettings::max_iterations`] bounds the whole. It counts iterations of projected
+//! gradients; other methods say what theirs cost in these ([`Cost`]). A stage gets half of what is left at
+//! most, the last one all of it; one that could not do anything with its share is left out. So a solve with a
+//! limit ends with a method that makes a small residual a little smaller rather than in the midst of one that
+//! swings.
 //!
 //! **Finish.** Where masses differ by many orders, first-order methods end a solve with a limit before they
 //! have found which bodies carry which, and bodies pass through each other. [`SolveSettings::finish`] allows
 //! some relaxed problems by a second-order method on top, with De Saxce's shift held [from
 //! below](fixed_point::from_below): what they leave over lets bodies part, and next to none approach.
 //!
-//! **Exact friction.** `apgs` and `apgd` treat it in their iterations ([`CcpSolver::solve_exact`]). The problem has no objective, and any of
-//! them may circle where another gets on. So they hold a race: a turn of each, from where the one before
-//! ended, then it is the turn of the one that gained most per iteration in its last. Where their systems are small, a piece of the [path](super::path_following) comes between. Where nobody gains any more
-//! come the problem without friction (where it has no solution, this one has none), the whole path from large tau, and
-//! last the [fixed point](super::fixed_point) on the convex problem with the shift held.
+//! **Exact friction.** `apgs` and `apgd` treat it in their iterations ([`CcpSolver::solve_exact`]). The
+//! problem has no objective, and any of them may circle where another gets on. So they hold a race: a turn of
+//! each, from where the one before ended, then it is the turn of the one that gained most per iteration in
+//! its last. Where their systems are small, a piece of the [path](super::path_following) comes between. Where
+//! nobody gains any more come the problem without friction (where it has no solution, this one has none), the
+//! whole path from large tau, and last the [fixed point](super::fixed_point) on the convex problem with the
+//! shift held.
 
 use super::accelerated_sweeps::AcceleratedSweeps;
 use super::apgd::Apgd;
@@ -38,12 +43,13 @@ use crate::problem::{Ccp, CcpError};
 use crate::residual::{FrictionModel, Residual};
 use graintrain_linalg::real;
 
-/// Below this tolerance the interior point goes first where friction is relaxed: an iteration of `apgd` costs nanoseconds per contact and
-/// it profits from a warm start, `ipm` needs factorisations but few iterations whatever the tolerance.
+/// Below this tolerance the interior point goes first where friction is relaxed: an iteration of `apgd` costs
+/// nanoseconds per contact and it profits from a warm start, `ipm` needs factorisations but few iterations
+/// whatever the tolerance.
 const TIGHT: f64 = 1e-6;
 
-/// Checks (one in ten iterations) that the first relaxed stage of `auto` may go without taking a tenth off its least residual.
-/// Settled packings creep for hundreds of iterations, jammed ones for ever.
+/// Checks (one in ten iterations) that the first relaxed stage of `auto` may go without taking a tenth off
+/// its least residual. Settled packings creep for hundreds of iterations, jammed ones for ever.
 const PATIENCE: usize = 500;
 
 /// What a race is tuned by.
@@ -70,8 +76,8 @@ impl Default for RaceParameters {
 /// What the finish of a solve with a limit is tuned by.
 #[derive(Clone, Debug)]
 pub struct FinishParameters {
-    /// It is made where the residual is above this (and the tolerance): below, errors of the impulses are those of
-    /// single contacts.
+    /// It is made where the residual is above this (and the tolerance): below, errors of the impulses are
+    /// those of single contacts.
     pub above: f64,
     /// Its relaxed problems.
     pub from_below: fixed_point::BelowParameters,
@@ -194,8 +200,8 @@ struct Runner {
     rate: Option<f64>,
 }
 
-/// Exact friction with the members of [`exact_members`] from number `first` on, and relaxed ones for the fixed
-/// point, of which the last, of second order, makes the finish.
+/// Exact friction with the members of [`exact_members`] from number `first` on, and relaxed ones for the
+/// fixed point, of which the last, of second order, makes the finish.
 fn exact_table(first: usize, relaxed: &[usize]) -> Vec<Stage> {
     let path = first + 3;
     let mut table = vec![
@@ -237,8 +243,9 @@ impl Cascade {
         }
     }
 
-    /// `ipm`, with the exact stages of [`Self::auto`]: near a solution of the exact problem Newton's method on the projection was six times slower
-    /// than gradients and sweeps are, and away from one it circles like them.
+    /// `ipm`, with the exact stages of [`Self::auto`]: near a solution of the exact problem Newton's method
+    /// on the projection was six times slower than gradients and sweeps are, and away from one it circles
+    /// like them.
     pub fn interior_point() -> Self {
         let mut cascade = Self::of(Box::new(Ipm::new()));
         cascade.members.extend(exact_members());
@@ -246,7 +253,8 @@ impl Cascade {
         cascade
     }
 
-    /// A method alone: its relaxed solve; for exact friction its own iterations, where it has any, and the fixed point.
+    /// A method alone: its relaxed solve; for exact friction its own iterations, where it has any, and the
+    /// fixed point.
     pub fn of(member: Box<dyn CcpSolver>) -> Self {
         let limit = member.iteration_limit();
         let alone = vec![Stage::new(0, Task::Solve, Start::Best, usize::MAX)];
@@ -568,8 +576,8 @@ impl Course {
         ends
     }
 
-    /// Takes the answer to the problem without friction: where that has no solution, the exact one has none. (That a relaxed problem with
-    /// friction has none proves nothing about the exact one.)
+    /// Takes the answer to the problem without friction: where that has no solution, the exact one has none.
+    /// (That a relaxed problem with friction has none proves nothing about the exact one.)
     fn proved(&mut self, report: SolveReport, start: Start, cost: Cost) -> bool {
         self.count(&report, start, cost);
         let ends = matches!(report.status, Status::Infeasible | Status::Stopped);

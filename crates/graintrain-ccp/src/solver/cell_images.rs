@@ -1,14 +1,16 @@
 //! Images of bodies across the boundary of a stress-controlled cell, among the bodies that passes see.
 //!
-//! A contact across the boundary is packed as one with a body of its own, the image, at a place behind all bodies. Passes over contacts know
-//! nothing of cells. A pass over bodies lets images follow: with the body k(b) that is at the way b from its image,
+//! A contact across the boundary is packed as one with a body of its own, the image, at a place behind all
+//! bodies. Passes over contacts know nothing of cells. A pass over bodies lets images follow: with the body
+//! k(b) that is at the way b from its image,
 //!
 //! ```text
 //! u_image = u_k + L b,   w_image = w_k;     L_c = 1/W_c sum over images of f_row(c) b_column(c)
 //! ```
 //!
-//! where the force f on an image counts among those on its body, too ([`SlotTable`]). L lies in an image vector like the velocity of one more body, so that
-//! linear combinations of images of impulses hold for the places of images as well.
+//! where the force f on an image counts among those on its body, too ([`SlotTable`]). L lies in an image
+//! vector like the velocity of one more body, so that linear combinations of images of impulses hold for the
+//! places of images as well.
 
 use super::combination::Combination;
 use super::lanes::Lanes;
@@ -103,7 +105,8 @@ pub(super) struct PackedCell {
 }
 
 impl PackedCell {
-    /// With lengths in units of `length` (m) and mobilities in units of `mobility` (1/kg); `None` where nothing reaches across.
+    /// With lengths in units of `length` (m) and mobilities in units of `mobility` (1/kg); `None` where
+    /// nothing reaches across.
     pub fn new(rigid: &RigidDelassus, images: &Images, [mobility, length]: [f64; 2]) -> Option<Self> {
         let cell = rigid.cell()?;
         let scaled = |image: &ImageBody| ImageBody { way: image.way.map(|x| x / length), ..*image };
@@ -114,8 +117,9 @@ impl PackedCell {
         })
     }
 
-    /// Lets the images in image vectors follow their bodies, whose new velocities these hold; the part of L in the quadratic form. Costs some 30 flops per
-    /// image, on one thread: their number grows like that of bodies to the power 2/3.
+    /// Lets the images in image vectors follow their bodies, whose new velocities these hold; the part of L
+    /// in the quadratic form. Costs some 30 flops per image, on one thread: their number grows like that of
+    /// bodies to the power 2/3.
     pub fn follow<M: Motion, const K: usize>(
         &self,
         (slots, table): (&[M], &SlotTable),
@@ -164,7 +168,8 @@ mod tests {
     use crate::residual::FrictionModel;
     use crate::solver::Status;
 
-    /// With impulses that part all bodies: r = s - N g of some g in the cones and an s in the interior of their duals.
+    /// With impulses that part all bodies: r = s - N g of some g in the cones and an s in the interior of
+    /// their duals.
     fn problem(rigid: RigidDelassus) -> Ccp {
         let contacts = rigid.num_contacts();
         let delassus = Delassus::Rigid(rigid);
@@ -187,7 +192,8 @@ mod tests {
         u
     }
 
-    /// The velocities that impulses make are unique: over bodies and images they are those over the rows of N, in double and begun in single precision.
+    /// The velocities that impulses make are unique: over bodies and images they are those over the rows of
+    /// N, in double and begun in single precision.
     #[test]
     fn images_do_what_the_matrix_does() {
         for (bodies, contacts) in [(30, 60), (400, 900)] {

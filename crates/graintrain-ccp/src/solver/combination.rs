@@ -2,7 +2,8 @@
 
 use super::lanes::Numbers;
 
-/// What becomes of a method's images when a pass has computed a new one: a linear combination, number by number.
+/// What becomes of a method's images when a pass has computed a new one: a linear combination, number by
+/// number.
 pub trait Combination<const K: usize>: Sync {
     /// The images' new numbers, given those of the fresh image.
     fn of<V: Numbers>(&self, fresh: V, images: [V; K]) -> [V; K];

@@ -49,16 +49,16 @@ impl<'a> Limits<'a> {
         self.settings.curvature.filter(|curvature| curvature.is_finite()).map(|curvature| curvature.max(1.0))
     }
 
-    /// What to remember after a solve whose steps met this curvature at the most, zero where there was none: a solve of few steps does
-    /// not meet the largest one there is.
+    /// What to remember after a solve whose steps met this curvature at the most, zero where there was none:
+    /// a solve of few steps does not meet the largest one there is.
     pub fn next_curvature(&self, steepest: f64) -> Option<f64> {
         let known = self.curvature().map(|known| FORGET * known);
         let met = (steepest.is_finite() && steepest > 0.0).then_some(steepest);
         known.into_iter().chain(met).reduce(f64::max)
     }
 
-    /// The status to stop with after this many iterations with this residual, as [judged](Self::judged), if it is time to stop.
-    /// A residual that is not finite is [`Status::Stalled`].
+    /// The status to stop with after this many iterations with this residual, as [judged](Self::judged), if
+    /// it is time to stop. A residual that is not finite is [`Status::Stalled`].
     pub fn status(&self, iterations: usize, residual: f64) -> Option<Status> {
         if residual <= self.settings.tolerance {
             Some(Status::Converged)
@@ -112,9 +112,10 @@ impl<'a> Limits<'a> {
         self.settings.tolerance
     }
 
-    /// The report on the impulses that a solver returns. Residuals and objective are evaluated afresh with the
-    /// problem's own N, so that no solver can report its own opinion: a solver that thinks it converged but is more than
-    /// rounding above the tolerance gets [`Status::Stalled`], one that is below it gets [`Status::Converged`].
+    /// The report on the impulses that a solver returns. Residuals and objective are evaluated afresh with
+    /// the problem's own N, so that no solver can report its own opinion: a solver that thinks it converged
+    /// but is more than rounding above the tolerance gets [`Status::Stalled`], one that is below it gets
+    /// [`Status::Converged`].
     pub fn report(
         &self,
         solver: &str,
@@ -157,8 +158,8 @@ impl<'a> Limits<'a> {
         }
     }
 
-    /// As [`Self::report`] for a method that solved linear systems: with their records, and with the reason where the linear
-    /// solver gave up.
+    /// As [`Self::report`] for a method that solved linear systems: with their records, and with the reason
+    /// where the linear solver gave up.
     ///
     /// # Errors
     /// [`CcpError::Unsupported`] where the linear solver cannot treat this problem at all.
@@ -210,7 +211,8 @@ impl Progress {
     }
 }
 
-/// Checks that the impulses fit the problem and replaces numbers that are not finite by zero: a warm start is a guess.
+/// Checks that the impulses fit the problem and replaces numbers that are not finite by zero: a warm start is
+/// a guess.
 ///
 /// # Errors
 /// [`CcpError::Size`] where the length is not that of r.
@@ -241,8 +243,8 @@ impl<T> Default for Best<T> {
 }
 
 impl<T: Copy> Best<T> {
-    /// Keeps a copy of the iterate if its residual is the least so far. A residual that is not a number loses against every
-    /// number, and to what was there before: the first iterate is a start, which is finite.
+    /// Keeps a copy of the iterate if its residual is the least so far. A residual that is not a number loses
+    /// against every number, and to what was there before: the first iterate is a start, which is finite.
     pub fn offer(&mut self, iterate: &[T], residual: f64) {
         if self.residual.is_none_or(|best| residual < best || (best.is_nan() && !residual.is_nan())) {
             self.iterate.clear();

@@ -23,7 +23,8 @@ use std::sync::Arc;
 pub trait FirstOrderMethod: Send {
     /// Name on the command line.
     const NAME: &'static str;
-    /// Whether the method treats exact Coulomb friction itself, by [`ContactBatch::allowed`](super::scaling::ContactBatch::allowed).
+    /// Whether the method treats exact Coulomb friction itself, by
+    /// [`ContactBatch::allowed`](super::scaling::ContactBatch::allowed).
     const EXACT: bool = false;
     /// Whether the method takes contacts that resist turning.
     const TURNING: bool = false;
@@ -56,13 +57,16 @@ pub trait FirstOrderMethod: Send {
 pub struct Parameters {
     /// Iterations between two evaluations of the residual, each of which costs about as much as an iteration.
     pub check: usize,
-    /// Iterations between two evaluations of the image of x from x itself, a multiple of `check`: two per cent of the work.
+    /// Iterations between two evaluations of the image of x from x itself, a multiple of `check`: two per
+    /// cent of the work.
     pub refresh: usize,
-    /// A start may miss the tolerance by this factor on a few contacts and still be looked at on all (docs/solvers.md, "Nothing has moved").
+    /// A start may miss the tolerance by this factor on a few contacts and still be looked at on all
+    /// (docs/solvers.md, "Nothing has moved").
     pub near: f64,
     /// Iterations without which a further stage is not worth the packing.
     pub least_iterations: usize,
-    /// Checks of the residual that a relaxed solve may go without a tenth off the least one before it ends as [`Status::Stalled`].
+    /// Checks of the residual that a relaxed solve may go without a tenth off the least one before it ends as
+    /// [`Status::Stalled`].
     pub patience: usize,
     /// Of the iterations in single precision.
     pub single: SingleParameters,
@@ -81,8 +85,8 @@ impl Default for Parameters {
     }
 }
 
-/// Makes a [`CcpSolver`] of a first-order method. The scaled problem is kept between solves and used again while N, mu and V
-/// stay. Methods that can begin large problems in single precision.
+/// Makes a [`CcpSolver`] of a first-order method. The scaled problem is kept between solves and used again
+/// while N, mu and V stay. Methods that can begin large problems in single precision.
 pub struct FirstOrder<M> {
     method: M,
     /// What it is tuned by, beside the method's own parameters.
@@ -93,7 +97,8 @@ pub struct FirstOrder<M> {
 
 /// A problem scaled and packed, in double or in single precision.
 trait Packed: Sized {
-    /// Of this problem, where that is possible, for sweeps or not; of several ranks, each does its share of the passes.
+    /// Of this problem, where that is possible, for sweeps or not; of several ranks, each does its share of
+    /// the passes.
     fn of(problem: &Ccp, residual: &ResidualScale, sweeps: bool, ranks: Option<&Arc<Ranks>>) -> Option<Self>;
 
     /// Replaces r.
@@ -181,7 +186,8 @@ impl<M> FirstOrder<M> {
 }
 
 impl<M: FirstOrderMethod> FirstOrder<M> {
-    /// From `impulse`, which becomes the best iterate, or, where there is one, from `last`, which becomes the last iterate.
+    /// From `impulse`, which becomes the best iterate, or, where there is one, from `last`, which becomes the
+    /// last iterate.
     fn improve(
         &mut self,
         problem: &Ccp,
@@ -248,8 +254,8 @@ impl<M: FirstOrderMethod> FirstOrder<M> {
         Ok(SolveReport { products, curvature, history: it.history.into_samples(), ..report })
     }
 
-    /// The iterations in single precision, with the meaning of the arguments of [`Self::improve`]. The report, where they have ended the
-    /// solve.
+    /// The iterations in single precision, with the meaning of the arguments of [`Self::improve`]. The
+    /// report, where they have ended the solve.
     fn begin(
         &mut self,
         problem: &Ccp,
@@ -312,8 +318,9 @@ fn good_enough<M: FirstOrderMethod>(
     })
 }
 
-/// The report on the impulses, or where they are worse than those of the start, which they then become, on these: where impulses grow
-/// without limit (a contact between immovable bodies) the last projection may move them by more than they are worth.
+/// The report on the impulses, or where they are worse than those of the start, which they then become, on
+/// these: where impulses grow without limit (a contact between immovable bodies) the last projection may move
+/// them by more than they are worth.
 fn better_of(
     problem: &Ccp,
     limits: &Limits<'_>,
@@ -452,13 +459,15 @@ impl<'a> Iterate<'a> {
         }
     }
 
-    /// Whether the image of x was recomputed since this was last asked. A method that keeps images of other vectors has
-    /// to recompute them, too: differences between a fresh image and a drifted one can grow without limit.
+    /// Whether the image of x was recomputed since this was last asked. A method that keeps images of other
+    /// vectors has to recompute them, too: differences between a fresh image and a drifted one can grow
+    /// without limit.
     pub fn was_refreshed(&mut self) -> bool {
         std::mem::take(&mut self.refreshed)
     }
 
-    /// Counts an iteration and says whether to do it. The residual of x is evaluated, from its image or gradient, at every tenth.
+    /// Counts an iteration and says whether to do it. The residual of x is evaluated, from its image or
+    /// gradient, at every tenth.
     pub fn proceed(&mut self, scaled: &ScaledProblem) -> bool {
         let go = !self.checks_next() || self.check(scaled);
         self.iterations += usize::from(go);
@@ -541,7 +550,8 @@ mod tests {
     use crate::solver::settings::SolveSettings;
     use graintrain_linalg::block3::BlockMatrix3;
 
-    /// Beside an ordinary contact one between immovable bodies that should part: no impulse helps, and none may make it worse.
+    /// Beside an ordinary contact one between immovable bodies that should part: no impulse helps, and none
+    /// may make it worse.
     #[test]
     fn impulses_that_run_away_are_not_handed_back() {
         let free = [2.0, 0.0, 0.0, 0.0, 3.0, 0.0, 0.0, 0.0, 3.0];

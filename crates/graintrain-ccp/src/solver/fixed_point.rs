@@ -1,8 +1,8 @@
 //! Exact Coulomb friction by a sequence of relaxed problems, with any solver of these.
 //!
-//! Source: G. De Saxce, Z.-Q. Feng, "The bipotential method", Mathematical and Computer Modelling 28:225-245, 1998;
-//! V. Acary, F. Cadoux, C. Lemarechal, J. Malick, "A formulation of the linear discrete Coulomb friction problem via
-//! convex optimization", ZAMM 91(2):155-175, 2011.
+//! Source: G. De Saxce, Z.-Q. Feng, "The bipotential method", Mathematical and Computer Modelling 28:225-245,
+//! 1998; V. Acary, F. Cadoux, C. Lemarechal, J. Malick, "A formulation of the linear discrete Coulomb
+//! friction problem via convex optimization", ZAMM 91(2):155-175, 2011.
 
 use super::driver::{Best, Limits, check_start};
 use super::history::History;
@@ -15,7 +15,8 @@ use crate::residual::{FrictionModel, ResidualScale};
 /// What [`solve`] is tuned by.
 #[derive(Clone, Debug)]
 pub struct Parameters {
-    /// Outer iterations allowed; the sequence needs 5 to 30 where it converges easily, some hundreds in settled packings.
+    /// Outer iterations allowed; the sequence needs 5 to 30 where it converges easily, some hundreds in
+    /// settled packings.
     pub outer_limit: usize,
     /// A relaxed solve is asked for this fraction of the exact residual: at first, and at the least.
     pub inner_fraction: [f64; 2],
@@ -23,7 +24,8 @@ pub struct Parameters {
     pub slow: usize,
     /// Outer iterations without a better residual before giving up.
     pub patience: usize,
-    /// Least and largest factor of the extrapolation; the largest is 1 as soon as the residual was slow to fall.
+    /// Least and largest factor of the extrapolation; the largest is 1 as soon as the residual was slow to
+    /// fall.
     pub factor_range: [f64; 2],
 }
 
@@ -39,19 +41,21 @@ impl Default for Parameters {
     }
 }
 
-/// Relaxed problems whose normal velocities are shifted by what exact friction adds, s_i = mu_i |(u_t)_i| (with what rolling and spinning add where
-/// contacts resist turning, [`FrictionModel::Coulomb`]):
+/// Relaxed problems whose normal velocities are shifted by what exact friction adds, s_i = mu_i |(u_t)_i|
+/// (with what rolling and spinning add where contacts resist turning, [`FrictionModel::Coulomb`]):
 ///
 /// ```text
 /// solve the CCP with r_n + s for g;   s <- mu |u_t(g)|
 /// ```
 ///
-/// until the residual of the exact problem is small. With s held each problem is convex; its impulses take energy, and contacts part or close by
+/// until the residual of the exact problem is small. With s held each problem is convex; its impulses take
+/// energy, and contacts part or close by
 /// |s - mu |u_t|| at the most. N and mu stay, and the solver keeps what it prepared for them; every solve starts from the last impulses and is asked
-/// for a fraction of the exact residual still there. Where the sequence converges slowly or swings, s is extrapolated from its last two changes
-/// (Irons and Tuck 1969, vector Aitken), kept at or above zero. Where the residual does not fall, the fraction is lowered and s
-/// no longer extrapolated, only damped: in settled packings the map has slow modes (factors of 0.98) beside modes that swing (-1.1), and
-/// errors of the solves hide the first. In dense shear it does not contract at all.
+/// for a fraction of the exact residual still there. Where the sequence converges slowly or swings, s is
+/// extrapolated from its last two changes (Irons and Tuck 1969, vector Aitken), kept at or above zero. Where
+/// the residual does not fall, the fraction is lowered and s no longer extrapolated, only damped: in settled
+/// packings the map has slow modes (factors of 0.98) beside modes that swing (-1.1), and errors of the solves
+/// hide the first. In dense shear it does not contract at all.
 ///
 /// The best impulses are returned. `settings.max_iterations` bounds the relaxed iterations together.
 ///
@@ -134,7 +138,8 @@ pub fn solve(
 /// What [`from_below`] is tuned by.
 #[derive(Clone, Debug)]
 pub struct BelowParameters {
-    /// s is raised, once, to this fraction of mu |u_t|: with all of it most contacts would approach in the next solve.
+    /// s is raised, once, to this fraction of mu |u_t|: with all of it most contacts would approach in the
+    /// next solve.
     pub fraction: f64,
     /// Approach of a contact, over V, that is none.
     pub approach: f64,
@@ -161,15 +166,16 @@ impl Default for BelowParameters {
 /// s_0 = 0,    s_1 = theta sigma(s_0),    s_(k+1) = min(s_k, theta sigma(s_k)),    theta < 1
 /// ```
 ///
-/// until s_i - sigma_i <= `approach` V at every contact. Where the sequence does not get there, its iterate of
-/// least approach is taken, and where that lets bodies approach by more than V, s_0, the relaxation of the
-/// problem. Where not even that is solved the impulses stay as they are; otherwise they count for nothing, the
-/// first solve begins from zero and every other one where the last ended.
+/// until s_i - sigma_i <= `approach` V at every contact. Where the sequence does not get there, its iterate
+/// of least approach is taken, and where that lets bodies approach by more than V, s_0, the relaxation of the
+/// problem. Where not even that is solved the impulses stay as they are; otherwise they count for nothing,
+/// the first solve begins from zero and every other one where the last ended.
 ///
-/// Every problem is convex, and its impulses take energy. The error that is left is in the residual of
-/// the report, whose status tells of the exact problem. `settings.max_iterations` bounds the iterations together.
-/// Cost: one relaxed solve and up to `solves` - 1 from near their solution. `impulse`: three entries per contact,
-/// N s; s, sigma, V: m/s. Source: the relaxed problems are those of Acary et al. 2011; to bound s from above is ours.
+/// Every problem is convex, and its impulses take energy. The error that is left is in the residual of the
+/// report, whose status tells of the exact problem. `settings.max_iterations` bounds the iterations together.
+/// Cost: one relaxed solve and up to `solves` - 1 from near their solution. `impulse`: three entries per
+/// contact, N s; s, sigma, V: m/s. Source: the relaxed problems are those of Acary et al. 2011; to bound s
+/// from above is ours.
 ///
 /// # Errors
 /// Those of the solver.
@@ -233,8 +239,8 @@ pub fn from_below(
     Ok(SolveReport { products: sums[2], newton, history: history.into_samples(), ..report })
 }
 
-/// The problem without friction: where not even that has a solution, the exact one has none. Impulses that keep the bodies
-/// apart exist there, or nowhere.
+/// The problem without friction: where not even that has a solution, the exact one has none. Impulses that
+/// keep the bodies apart exist there, or nowhere.
 ///
 /// # Errors
 /// Those of the solver.
@@ -290,7 +296,8 @@ impl Shift {
         Self { value: zeros(), changes, updates: 0, factor: 1.0, factor_range }
     }
 
-    /// s <- max(0, s + factor (image - s)), the factor after Aitken from the last two changes, within its bounds.
+    /// s <- max(0, s + factor (image - s)), the factor after Aitken from the last two changes, within its
+    /// bounds.
     fn update(&mut self, image: impl Iterator<Item = f64>) {
         self.changes.swap(0, 1);
         let [change, last] = &mut self.changes;

@@ -1,9 +1,10 @@
 //! `pgs`: projected Gauss-Seidel with over-relaxation (SOR).
 //!
-//! Sources: A. Tasora, M. Anitescu, "A matrix-free cone complementarity approach for solving large-scale, nonsmooth,
-//! rigid body dynamics", Computer Methods in Applied Mechanics and Engineering 200:439-453, 2011; for exact friction J. J. Moreau,
-//! "Unilateral contact and dry friction in finite freedom dynamics", 1988, and M. Jean, "The non-smooth contact dynamics method",
-//! Computer Methods in Applied Mechanics and Engineering 177:235-257, 1999.
+//! Sources: A. Tasora, M. Anitescu, "A matrix-free cone complementarity approach for solving large-scale,
+//! nonsmooth, rigid body dynamics", Computer Methods in Applied Mechanics and Engineering 200:439-453, 2011;
+//! for exact friction J. J. Moreau, "Unilateral contact and dry friction in finite freedom dynamics", 1988,
+//! and M. Jean, "The non-smooth contact dynamics method", Computer Methods in Applied Mechanics and
+//! Engineering 177:235-257, 1999.
 
 use super::first_order::{FirstOrderMethod, Iterate};
 use super::lanes::{Batch, LANES, Lanes, Numbers, Vector, dot, scale, sub, tangential_length};
@@ -17,19 +18,21 @@ use graintrain_linalg::real;
 /// x_i <- P_i( x_i - omega u_i / lambda_i ),   u_i = (N' x + r')_i with the newest x,   lambda_i = largest eigenvalue of N'_ii
 /// ```
 ///
-/// The objective falls at every contact for 0 < omega < 2. For exact Coulomb friction the normal impulse comes first, and
-/// the tangential one is projected on the disc that it allows:
+/// The objective falls at every contact for 0 < omega < 2. For exact Coulomb friction the normal impulse
+/// comes first, and the tangential one is projected on the disc that it allows:
 ///
 /// ```text
 /// x_n <- max(0, x_n - omega u_n / lambda_i),   x_t <- projection of x_t - omega u_t / lambda_i on |x_t| <= mu' x_n
 /// ```
 ///
-/// whose fixed points are the solutions of the exact problem (no shift of the normal velocity is needed: impulse and velocity are
-/// not looked for in dual cones). For balls N'_ii is the unit matrix and both are the exact solution of the contact's own problem.
+/// whose fixed points are the solutions of the exact problem (no shift of the normal velocity is needed:
+/// impulse and velocity are not looked for in dual cones). For balls N'_ii is the unit matrix and both are
+/// the exact solution of the contact's own problem.
 ///
-/// Over bodies the velocities v = M^-1 D g change with every contact, so that a sweep moves as much memory as a product with N;
-/// with a sparse N a sweep is one pass over its rows. Contacts that share no body are computed eight at a time; the
-/// result is that of one after the other in the order in which they are packed, on one thread: it does not depend on threads.
+/// Over bodies the velocities v = M^-1 D g change with every contact, so that a sweep moves as much memory as
+/// a product with N; with a sparse N a sweep is one pass over its rows. Contacts that share no body are
+/// computed eight at a time; the result is that of one after the other in the order in which they are packed,
+/// on one thread: it does not depend on threads.
 #[derive(Clone, Debug)]
 pub struct GaussSeidel {
     /// Over-relaxation omega in (0, 2); default 1. `pgs@1.3` on the command line.
@@ -134,7 +137,8 @@ impl FirstOrderMethod for GaussSeidel {
     }
 }
 
-/// Sweeps, each from x + beta (x - previous) with the beta that `next` makes of |d|^2 and d^T (x+ - x) of the last one.
+/// Sweeps, each from x + beta (x - previous) with the beta that `next` makes of |d|^2 and d^T (x+ - x) of the
+/// last one.
 pub(super) fn sweep(
     scaled: &ScaledProblem,
     it: &mut Iterate<'_>,
@@ -161,8 +165,8 @@ pub(super) fn sweep(
     it.met_curvature(0.0);
 }
 
-/// Largest eigenvalue of a symmetric 3x3 block, by the trigonometric formula for the roots of its characteristic
-/// polynomial (Smith 1961); the antisymmetric part is ignored.
+/// Largest eigenvalue of a symmetric 3x3 block, by the trigonometric formula for the roots of its
+/// characteristic polynomial (Smith 1961); the antisymmetric part is ignored.
 fn largest_eigenvalue(a: &Block) -> f64 {
     let mean = (a[0] + a[4] + a[8]) / 3.0;
     let (xy, xz, yz) = (0.5 * (a[1] + a[3]), 0.5 * (a[2] + a[6]), 0.5 * (a[5] + a[7]));
@@ -219,8 +223,8 @@ mod tests {
         Ccp::new(Delassus::Rigid(RigidDelassus::new(contacts, inverse_mass)), r, friction).unwrap()
     }
 
-    /// Sweeps over bodies, eight contacts at a time, are those of one contact after the other over the rows of N, also
-    /// where few bodies leave no eight contacts apart from one another.
+    /// Sweeps over bodies, eight contacts at a time, are those of one contact after the other over the rows
+    /// of N, also where few bodies leave no eight contacts apart from one another.
     #[test]
     fn a_sweep_over_bodies_is_one_contact_after_the_other() {
         for bodies in [3, 9, 700] {

@@ -18,8 +18,8 @@ pub struct ResidualSample {
 /// Samples kept at most, beside the last one.
 const CAPACITY: usize = 256;
 
-/// Every evaluation of the residual, or, where there are more than fit, every second one, every fourth and so on, always with the
-/// last one. Its memory is allocated once.
+/// Every evaluation of the residual, or, where there are more than fit, every second one, every fourth and so
+/// on, always with the last one. Its memory is allocated once.
 #[derive(Clone, Debug)]
 pub struct History {
     samples: Vec<ResidualSample>,

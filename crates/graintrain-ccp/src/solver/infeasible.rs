@@ -1,27 +1,29 @@
 //! When a problem has no solution: the certificate, and how it is judged.
 //!
-//! By the lemma of Farkas for cones, no velocity change v of the bodies makes D^T v + r an element of the dual cones if
-//! there are impulses g in the friction cones that move nothing and are asked for nevertheless,
+//! By the lemma of Farkas for cones, no velocity change v of the bodies makes D^T v + r an element of the
+//! dual cones if there are impulses g in the friction cones that move nothing and are asked for nevertheless,
 //!
 //! ```text
 //! g_i in Y_i,    D g = 0,    r^T g < 0
 //! ```
 //!
-//! (bodies that are wedged in, contacts between bodies that cannot move). Impulses of an iteration that has no solution to
-//! converge to grow without limit, and their direction tends to such a ray; so do their changes. Source: G. Banjac,
-//! P. Goulart, B. Stellato, S. Boyd, "Infeasibility detection in the alternating direction method of multipliers for convex
-//! optimization", Journal of Optimization Theory and Applications 183:490-519, 2019.
+//! (bodies that are wedged in, contacts between bodies that cannot move). Impulses of an iteration that has
+//! no solution to converge to grow without limit, and their direction tends to such a ray; so do their
+//! changes. Source: G. Banjac, P. Goulart, B. Stellato, S. Boyd, "Infeasibility detection in the alternating
+//! direction method of multipliers for convex optimization", Journal of Optimization Theory and Applications
+//! 183:490-519, 2019.
 //!
-//! No computed ray has D g = 0. What it proves all the same: D^T v + r in the dual cones and g in the cones give
-//! g^T (D^T v + r) >= 0, hence
+//! No computed ray has D g = 0. What it proves all the same: D^T v + r in the dual cones and g in the cones
+//! give g^T (D^T v + r) >= 0, hence
 //!
 //! ```text
 //! max_b max(|u_b|, L_b |w_b|)  >=  V = -r^T g / sum_b ( |f_b| + |m_b| / L_b )
 //! ```
 //!
-//! with f_b and m_b the sums of the impulses on body b and of their moments, L_b its longest arm. **A solution would have
-//! to change the velocity of some body by V.** The judgement is V in units of the largest |r_i|: no masses enter, no units,
-//! no size of g. Where N is a matrix without bodies, g^T (N g* + r) >= 0 for a solution g* gives in the same way
+//! with f_b and m_b the sums of the impulses on body b and of their moments, L_b its longest arm. **A
+//! solution would have to change the velocity of some body by V.** The judgement is V in units of the
+//! largest |r_i|: no masses enter, no units, no size of g. Where N is a matrix without bodies, g^T (N g* +
+//! r) >= 0 for a solution g* gives in the same way
 //!
 //! ```text
 //! max_i eta_i |g*_i|  >=  V = -r^T g / sum_i |(N g)_i| / eta_i.
@@ -29,9 +31,10 @@
 //!
 //! Bounds of the rounding errors are counted against the claim. [`certificate`] looks for a ray.
 //!
-//! Marginal problems: whether a V of 1e5 means "no solution" or "bodies thrown at 1e5 times the speed they meet with" is a matter of
-//! taste, not of mathematics. A solver says [`Status::Infeasible`](super::Status::Infeasible) where V is at least [`CERTAIN`], or, after
-//! it failed in every other way, at least [`PROBABLE`]; below that it says that it stalled.
+//! Marginal problems: whether a V of 1e5 means "no solution" or "bodies thrown at 1e5 times the speed they
+//! meet with" is a matter of taste, not of mathematics. A solver says
+//! [`Status::Infeasible`](super::Status::Infeasible) where V is at least [`CERTAIN`], or, after it failed in
+//! every other way, at least [`PROBABLE`]; below that it says that it stalled.
 
 mod certificate;
 mod search;
@@ -49,8 +52,9 @@ use crate::problem::{Ccp, CcpError};
 use crate::residual::ResidualScale;
 use certificate::Evaluator;
 
-/// Looks for the impulses that prove most: for a problem with a solution `needed_velocity` is at most the largest change of velocity of a
-/// body in that solution over max_i |r_i|, for one without there is no bound but rounding. Costs 20 to 80 sparse factorisations.
+/// Looks for the impulses that prove most: for a problem with a solution `needed_velocity` is at most the
+/// largest change of velocity of a body in that solution over max_i |r_i|, for one without there is no bound
+/// but rounding. Costs 20 to 80 sparse factorisations.
 ///
 /// # Errors
 /// [`CcpError`] where the problem is not valid.

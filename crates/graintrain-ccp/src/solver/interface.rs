@@ -7,7 +7,8 @@ use crate::problem::{Ccp, CcpError};
 /// Iterations that a first-order method is allowed where the settings name no limit.
 pub(crate) const ITERATION_LIMIT: usize = 100_000;
 
-/// Contacts across the boundary of a stress-controlled cell up to which methods that need N as a matrix, with a block for each two of them, are tried.
+/// Contacts across the boundary of a stress-controlled cell up to which methods that need N as a matrix, with
+/// a block for each two of them, are tried.
 const CELL_CONTACTS: usize = 200;
 
 /// Which problems a method takes.
@@ -15,7 +16,8 @@ const CELL_CONTACTS: usize = 200;
 pub struct Capabilities {
     /// Contacts that resist turning ([`Ccp::turning`]).
     pub turning: bool,
-    /// Bodies in a stress-controlled periodic cell ([`CellModes`](crate::CellModes)); others are given N as a matrix.
+    /// Bodies in a stress-controlled periodic cell ([`CellModes`](crate::CellModes)); others are given N as a
+    /// matrix.
     pub cell: bool,
     /// Exact friction in its own iterations ([`CcpSolver::solve_exact`]).
     pub exact: bool,
@@ -58,8 +60,8 @@ pub struct ExactState {
     pub memory: Option<f64>,
 }
 
-/// A method for the CCP. A solver may keep work memory and what it learned between solves: whatever depends on N alone is
-/// used again for a problem that shares N with the last one (see [`Ccp::delassus`]).
+/// A method for the CCP. A solver may keep work memory and what it learned between solves: whatever depends
+/// on N alone is used again for a problem that shares N with the last one (see [`Ccp::delassus`]).
 pub trait CcpSolver: Send {
     /// Name as given on the command line.
     fn name(&self) -> String;
@@ -79,8 +81,8 @@ pub trait CcpSolver: Send {
         Cost::default()
     }
 
-    /// Improves `impulse` (length 3 N_c, N s; the start on entry, e.g. last step's impulses or zero; the best iterate
-    /// on exit, also where the solver did not converge).
+    /// Improves `impulse` (length 3 N_c, N s; the start on entry, e.g. last step's impulses or zero; the best
+    /// iterate on exit, also where the solver did not converge).
     ///
     /// # Errors
     /// Only for a problem that the solver cannot treat; not converging is a [`Status`](super::Status).
@@ -91,12 +93,13 @@ pub trait CcpSolver: Send {
         settings: &SolveSettings,
     ) -> Result<SolveReport, CcpError>;
 
-    /// Exact Coulomb friction without the outer iteration of the [fixed point](super::fixed_point), where the method can; `None` where it
-    /// cannot. `settings.friction` is [`FrictionModel::Coulomb`](crate::FrictionModel::Coulomb).
+    /// Exact Coulomb friction without the outer iteration of the [fixed point](super::fixed_point), where the
+    /// method can; `None` where it cannot. `settings.friction` is
+    /// [`FrictionModel::Coulomb`](crate::FrictionModel::Coulomb).
     ///
-    /// The iterates begin at `state.last`; on exit it is where they ended, and `impulse` the best of them. The next call
-    /// goes on from there: on their way to a solution of the exact problem residuals have to rise now and then, and from the best
-    /// iterate the way between would be gone again and again.
+    /// The iterates begin at `state.last`; on exit it is where they ended, and `impulse` the best of them.
+    /// The next call goes on from there: on their way to a solution of the exact problem residuals have to
+    /// rise now and then, and from the best iterate the way between would be gone again and again.
     ///
     /// # Errors
     /// As [`Self::solve`].

@@ -67,7 +67,8 @@ pub trait Vector: Numbers {
     /// Asks for a datum that will be read soon.
     fn prefetch<T>(datum: &T);
 
-    /// From four records to the first three components of all of them: number l of component k is number k of record l.
+    /// From four records to the first three components of all of them: number l of component k is number k of
+    /// record l.
     fn components(records: [Self; LANES]) -> Batch<Self>;
 
     /// The way back; the fourth number of each record is zero.
@@ -277,8 +278,8 @@ pub fn cross<V: Numbers>(a: &Batch<V>, b: &Batch<V>) -> Batch<V> {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
-/// Projection of four points on their friction cones: [`FrictionCone::project`](crate::cone::FrictionCone::project)
-/// without branches.
+/// Projection of four points on their friction cones:
+/// [`FrictionCone::project`](crate::cone::FrictionCone::project) without branches.
 #[inline(always)]
 pub fn project<V: Numbers>(mu: V, x: &Batch<V>) -> Batch<V> {
     project_given(mu, x, tangential_length(x))
@@ -293,7 +294,8 @@ pub fn tangential_length<V: Numbers>(x: &Batch<V>) -> V {
 /// [`project`] where |x_t| is known.
 #[inline(always)]
 pub fn project_given<V: Numbers>(mu: V, x: &Batch<V>, tangential: V) -> Batch<V> {
-    // normal = q |x_t| and factor = mu q with one division; |x_t| is zero or at least 1e-162 (in single precision 1e-23), so that q is finite.
+    // normal = q |x_t| and factor = mu q with one division; |x_t| is zero or at least 1e-162 (in single
+    // precision 1e-23), so that q is finite.
     let size = (V::splat(1.0) + mu * mu) * tangential;
     let q = (x[0] + mu * tangential).divide(size.max(V::splat(V::TINY))).max(V::splat(0.0));
     let (normal, factor) = (q * tangential, mu * q);
@@ -306,8 +308,8 @@ pub fn project_given<V: Numbers>(mu: V, x: &Batch<V>, tangential: V) -> Batch<V>
     ]
 }
 
-/// The impulse of exact Coulomb friction nearest to x in the sense of Moreau and Jean: the normal component first, then the
-/// tangential one projected on the disc that it allows; |x_t| is known.
+/// The impulse of exact Coulomb friction nearest to x in the sense of Moreau and Jean: the normal component
+/// first, then the tangential one projected on the disc that it allows; |x_t| is known.
 ///
 /// ```text
 /// n = max(0, x_n),   t = x_t min(1, mu n / |x_t|)
@@ -326,7 +328,8 @@ fn lengths<V: Numbers>(x: &Batch<V>, turning: &Batch<V>) -> [V; 3] {
     [tangential_length(x), tangential_length(turning), turning[0].max(-turning[0])]
 }
 
-/// The parts of four impulses whose normal components are given, each shortened to its coefficient times that where it is longer.
+/// The parts of four impulses whose normal components are given, each shortened to its coefficient times that
+/// where it is longer.
 #[inline(always)]
 fn shortened<V: Numbers>(
     coefficient: [V; 3],
@@ -370,8 +373,8 @@ pub fn project_turning<V: Numbers>(coefficient: [V; 3], x: &Batch<V>, turning: &
     shortened(coefficient, normal, x, turning, length)
 }
 
-/// As [`within_disc`] with coefficients of sliding, rolling and spinning: the normal component first, then the others within what it
-/// allows.
+/// As [`within_disc`] with coefficients of sliding, rolling and spinning: the normal component first, then
+/// the others within what it allows.
 #[inline(always)]
 pub fn within_discs<V: Numbers>(coefficient: [V; 3], x: &Batch<V>, turning: &Batch<V>) -> [Batch<V>; 2] {
     shortened(coefficient, x[0].max(V::splat(0.0)), x, turning, lengths(x, turning))

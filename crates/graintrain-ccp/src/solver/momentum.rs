@@ -8,9 +8,10 @@ use super::lanes::{Batch, Numbers, add_scaled, sub};
 /// theta+ = (1 + sqrt(1 + 4 theta^2)) / 2,   beta = (theta - 1) / theta+,   theta = 1 at first
 /// ```
 ///
-/// starts again from theta = 1 where the step points against the motion, and where theta, about half the iterations
-/// since the last restart, exceeds a limit. The limit grows as long as steps are shorter than at the last restart,
-/// else it shrinks: with too long a one the iterates circle, with too short a one they creep.
+/// starts again from theta = 1 where the step points against the motion, and where theta, about half the
+/// iterations since the last restart, exceeds a limit. The limit grows as long as steps are shorter than at
+/// the last restart, else it shrinks: with too long a one the iterates circle, with too short a one they
+/// creep.
 #[derive(Clone, Debug)]
 pub struct Memory {
     /// The first limit of theta.

@@ -10,8 +10,8 @@ pub const EIGHT: usize = 8;
 #[repr(C, align(32))]
 pub struct Octet(pub [f32; EIGHT]);
 
-/// Eight numbers in single precision: [`Octet`] on any processor, a vector register where it has AVX2 (module `avx2_single`). Both give
-/// the same bits.
+/// Eight numbers in single precision: [`Octet`] on any processor, a vector register where it has AVX2 (module
+/// `avx2_single`). Both give the same bits.
 pub trait SingleVector: Numbers {
     /// These numbers.
     fn of(octet: Octet) -> Self;
@@ -41,7 +41,8 @@ pub trait SingleVector: Numbers {
     fn prefetch<T>(datum: &T);
 }
 
-/// Work of one task in single precision, written as a type so that it can be compiled for more than one kind of [`SingleVector`].
+/// Work of one task in single precision, written as a type so that it can be compiled for more than one kind
+/// of [`SingleVector`].
 pub trait SingleWork {
     /// Does the work. Implementations are `#[inline(always)]`.
     fn run<V: SingleVector>(self);

@@ -14,7 +14,8 @@ pub(super) struct Packing {
     pub contacts: Vec<u32>,
     /// Place of each body.
     pub bodies: Vec<u32>,
-    /// Images of bodies across the boundary of a stress-controlled cell; their places come after those of bodies.
+    /// Images of bodies across the boundary of a stress-controlled cell; their places come after those of
+    /// bodies.
     pub images: Images,
 }
 
@@ -38,8 +39,8 @@ impl Packing {
 /// A place without a block row.
 pub(super) const EMPTY: u32 = u32::MAX;
 
-/// Puts behind every batch of contacts that has any the batch of their turning rows, block row N_c + k for entry k of the list of
-/// contacts that resist turning (ascending): both in one chunk, lane by lane.
+/// Puts behind every batch of contacts that has any the batch of their turning rows, block row N_c + k for
+/// entry k of the list of contacts that resist turning (ascending): both in one chunk, lane by lane.
 pub(super) fn with_turning(order: &mut Vec<u32>, contacts: usize, turning: impl Iterator<Item = u32>) {
     let mut block = vec![EMPTY; contacts];
     for (k, contact) in turning.enumerate() {
@@ -80,14 +81,16 @@ struct Pair {
 /// Bodies whose contacts a parallel task sorts.
 const BODIES: usize = 2048;
 
-/// The contacts sorted by their lower, then their higher body, then their index; `number` is the place of each body.
+/// The contacts sorted by their lower, then their higher body, then their index; `number` is the place of
+/// each body.
 fn sorted_by_bodies(rigid: &RigidDelassus, number: &[u32]) -> Vec<Pair> {
     let place = |body: u32| if body == FIXED { FIXED } else { number[body as usize] };
     let pairs = rigid.contacts().iter().zip(0..).map(|(row, contact)| {
         let (a, b) = (place(row.body_a), place(row.body_b));
         Pair { lower: a.min(b), higher: a.max(b), contact }
     });
-    // A body has few contacts: counting sorts by the lower one, and what is left is short. Contacts without a body come last.
+    // A body has few contacts: counting sorts by the lower one, and what is left is short. Contacts without a
+    // body come last.
     let bucket = |pair: &Pair| (pair.lower as usize).min(number.len());
     let mut start = vec![0_u32; number.len() + 2];
     for pair in pairs.clone() {
@@ -121,9 +124,9 @@ fn sorted_by_bodies(rigid: &RigidDelassus, number: &[u32]) -> Vec<Pair> {
 /// Contacts among which those of the next [`TOGETHER`] batches are looked for.
 const POOL: usize = 256;
 
-/// Neighbours together: bodies numbered breadth first over the contact graph, contacts sorted by their lower, then their
-/// higher body. Within a chunk they are dealt out again so that [`TOGETHER`] batches share no body wherever possible. (The same helps
-/// a pass: sums on one body would otherwise wait for one another.)
+/// Neighbours together: bodies numbered breadth first over the contact graph, contacts sorted by their lower,
+/// then their higher body. Within a chunk they are dealt out again so that [`TOGETHER`] batches share no body
+/// wherever possible. (The same helps a pass: sums on one body would otherwise wait for one another.)
 pub(super) fn pack(rigid: &RigidDelassus) -> Packing {
     let bodies = numbered(rigid);
     let mut contacts = sorted_by_bodies(rigid, &bodies);
@@ -187,15 +190,16 @@ pub(super) struct PackedBlocks {
     pub lists: Vec<Vec<Block>>,
 }
 
-/// As [`pack`], with the contacts in blocks whose lengths are multiples of `multiple`. With ranges of r places of
-/// bodies, a contact belongs to the first of these that has both of its bodies (what is fixed counts for neither):
+/// As [`pack`], with the contacts in blocks whose lengths are multiples of `multiple`. With ranges of r
+/// places of bodies, a contact belongs to the first of these that has both of its bodies (what is fixed
+/// counts for neither):
 ///
 /// ```text
 /// [k r, (k + 1) r),   k = 0, 1, ...;      [(k - 1/2) r, (k + 1/2) r),   k = 1, 2, ...;      all places
 /// ```
 ///
-/// Blocks of one of the three lists share no body. r depends on the contacts alone, never on threads; small problems
-/// have one range. Cost: a sort of the contacts, as of [`pack`].
+/// Blocks of one of the three lists share no body. r depends on the contacts alone, never on threads; small
+/// problems have one range. Cost: a sort of the contacts, as of [`pack`].
 pub(super) fn pack_in_blocks(rigid: &RigidDelassus, multiple: usize) -> PackedBlocks {
     let bodies = numbered(rigid);
     let mut sorted = sorted_by_bodies(rigid, &bodies);

@@ -1,9 +1,10 @@
 //! Ranks: processes that each hold the whole problem and share the work on it, with the bits of one process.
 //!
-//! What they do together is of three kinds: forces on bodies that contacts of several ranks touch are [exchanged](Transport::exchange),
-//! sums per chunk of contacts are [gathered](Transport::gather) and added by everybody in the order of the chunks, and whoever was asked to
-//! stop [tells](Ranks::agree_to_stop) the others. How words travel is the business of a [`Transport`]: MPI's in a crate of its own,
-//! [threads] for tests.
+//! What they do together is of three kinds: forces on bodies that contacts of several ranks touch are
+//! [exchanged](Transport::exchange), sums per chunk of contacts are [gathered](Transport::gather) and added
+//! by everybody in the order of the chunks, and whoever was asked to stop [tells](Ranks::agree_to_stop) the
+//! others. How words travel is the business of a [`Transport`]: MPI's in a crate of its own, [threads] for
+//! tests.
 
 pub mod threads;
 
@@ -22,12 +23,12 @@ pub trait Transport: std::fmt::Debug + Send + Sync {
     /// Number of ranks.
     fn count(&self) -> usize;
 
-    /// A message to every rank and one from every rank, and [`Self::gather`] of `shared` at the same time. A message without words is not
-    /// sent.
+    /// A message to every rank and one from every rank, and [`Self::gather`] of `shared` at the same time. A
+    /// message without words is not sent.
     fn exchange(&self, messages: Messages<'_>, shared: &mut [u64], shared_counts: &[usize]);
 
-    /// Everybody's words to everybody: `words` holds those of rank 0, 1 and so on behind one another, with so many each. On entry every
-    /// rank has filled in its own.
+    /// Everybody's words to everybody: `words` holds those of rank 0, 1 and so on behind one another, with so
+    /// many each. On entry every rank has filled in its own.
     fn gather(&self, words: &mut [u64], counts: &[usize]);
 
     /// Ends the program on all ranks at once, wherever they are.
@@ -63,7 +64,8 @@ pub struct Ranks {
 /// What ranks have spent on each other.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Spent {
-    /// Bytes that this rank has sent: of messages to every other rank, and of its own part of what is gathered once.
+    /// Bytes that this rank has sent: of messages to every other rank, and of its own part of what is
+    /// gathered once.
     pub bytes: u64,
     /// Seconds of wall clock in communication, with waiting for ranks that come later.
     pub seconds: f64,
@@ -99,7 +101,8 @@ impl Ranks {
         Arc::clone(&self.asked)
     }
 
-    /// The flag that says on all ranks alike that it is time to stop: whatever runs on all ranks looks at this one.
+    /// The flag that says on all ranks alike that it is time to stop: whatever runs on all ranks looks at
+    /// this one.
     pub fn stop(&self) -> Arc<AtomicBool> {
         Arc::clone(&self.agreed)
     }

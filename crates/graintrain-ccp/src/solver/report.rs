@@ -16,7 +16,8 @@ pub enum Status {
     IterationLimit,
     /// The time limit was reached or a stop was requested.
     Stopped,
-    /// The problem has no solution: the bodies are jammed (see the solver's documentation for what is returned).
+    /// The problem has no solution: the bodies are jammed (see the solver's documentation for what is
+    /// returned).
     Infeasible,
 }
 
@@ -46,10 +47,12 @@ pub struct SolveReport {
     pub iterations: usize,
     /// Iterations of linear solvers, summed.
     pub linear_iterations: usize,
-    /// Products with N that a first-order method's iterations made (a sweep of Gauss-Seidel is one); 0 for other methods.
+    /// Products with N that a first-order method's iterations made (a sweep of Gauss-Seidel is one); 0 for
+    /// other methods.
     #[serde(default)]
     pub products: usize,
-    /// What `apgd` remembers for the next solve: the largest curvature d^T N' d / |d|^2 of its scaled N along the steps that it made.
+    /// What `apgd` remembers for the next solve: the largest curvature d^T N' d / |d|^2 of its scaled N along
+    /// the steps that it made.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub curvature: Option<f64>,
     /// Residual of the returned impulses in the friction model asked for.
@@ -65,9 +68,10 @@ pub struct SolveReport {
     /// What the linear solver of a second-order method did, one record per Newton iteration.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub newton: Vec<NewtonRecord>,
-    /// The residual in the friction model asked for, at every check that the solver made: iteration, seconds, rms, max. Where there
-    /// were more than 256 checks they are thinned evenly; the last one is always there. A check looks at the solver's own iterate,
-    /// in its own arithmetic: the impulses returned are the best ones, and `residual` is theirs, evaluated afresh.
+    /// The residual in the friction model asked for, at every check that the solver made: iteration, seconds,
+    /// rms, max. Where there were more than 256 checks they are thinned evenly; the last one is always there.
+    /// A check looks at the solver's own iterate, in its own arithmetic: the impulses returned are the best
+    /// ones, and `residual` is theirs, evaluated afresh.
     ///
     /// ```
     /// use graintrain_ccp::{Ccp, SolveSettings, SolverSpec};
@@ -85,8 +89,8 @@ pub struct SolveReport {
     /// Who worked, in this order.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub stages: Vec<StageRecord>,
-    /// What is to be said beside the status: why a linear solver gave up, where that ended the solve, or which other method than the
-    /// one named ended it.
+    /// What is to be said beside the status: why a linear solver gave up, where that ended the solve, or
+    /// which other method than the one named ended it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub remark: Option<String>,
 }

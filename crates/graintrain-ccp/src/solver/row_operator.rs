@@ -16,7 +16,8 @@ pub(super) struct RowOperator {
 }
 
 impl RowOperator {
-    /// Scales N by the factors of the normal and of the tangents per block row; `order` has the block row at each place.
+    /// Scales N by the factors of the normal and of the tangents per block row; `order` has the block row at
+    /// each place.
     pub(super) fn new(matrix: &BlockMatrix3, scaling: &[[f64; 2]], order: &[u32]) -> Self {
         let mut place_of = vec![0; matrix.num_rows()];
         for (place, &i) in order.iter().enumerate().filter(|&(_, &i)| i != EMPTY) {

@@ -1,18 +1,21 @@
 //! The problem as the first-order methods see it: scaled contact by contact, packed, with one fused pass for
 //! "velocity, update, force".
 //!
-//! With e_n = (N_ii)_nn, e_t = ((N_ii)_11 + (N_ii)_22)/2, the velocity V of the residual and c = V sqrt(mean 1/eta):
+//! With e_n = (N_ii)_nn, e_t = ((N_ii)_11 + (N_ii)_22)/2, the velocity V of the residual and c = V sqrt(mean
+//! 1/eta):
 //!
 //! ```text
 //! g_n = c x_n / sqrt(e_n),   g_t = c x_t / sqrt(e_t),   mu' = mu sqrt(e_t / e_n)
 //! N'  = E^-1/2 N E^-1/2,     r' = E^-1/2 r / c,         trace(N'_ii) = 3
 //! ```
 //!
-//! One factor for the normal and one for both tangents turns a friction cone into a friction cone of another mu, so
-//! that the scaled problem is again a CCP; its diagonal is one, also for balls, whose tangential mobility is 3.5 times
-//! the normal one. The rows of contacts that resist turning are scaled alike, spinning by one factor and rolling by another, so that
-//! mu_r' = mu_r sqrt(e_r / e_n) and mu_s' = mu_s sqrt(e_s / e_n); their batch follows that of their contacts. Only the residual has to be taken in the original metric, where |d_i| is measured: in units of V / eta_i, the
-//! impulse by which the contact's own effective mass changes its velocity by V.
+//! One factor for the normal and one for both tangents turns a friction cone into a friction cone of another
+//! mu, so that the scaled problem is again a CCP; its diagonal is one, also for balls, whose tangential
+//! mobility is 3.5 times the normal one. The rows of contacts that resist turning are scaled alike, spinning
+//! by one factor and rolling by another, so that mu_r' = mu_r sqrt(e_r / e_n) and mu_s' = mu_s sqrt(e_s /
+//! e_n); their batch follows that of their contacts. Only the residual has to be taken in the original
+//! metric, where |d_i| is measured: in units of V / eta_i, the impulse by which the contact's own effective
+//! mass changes its velocity by V.
 
 mod contacts;
 mod kernel;
@@ -42,7 +45,8 @@ use std::sync::Arc;
 pub use contacts::{ContactBatch, Metric, TurningBatch};
 pub use kernel::{Kernel, KernelInput, Relaxation};
 
-/// Power iterations for the first step size. With fewer, problems over large ratios of masses are solved less often.
+/// Power iterations for the first step size. With fewer, problems over large ratios of masses are solved less
+/// often.
 pub(super) const POWER_ITERATIONS: usize = 12;
 
 /// Blocks per parallel task of what is made once per problem.
@@ -63,7 +67,8 @@ pub struct ScaledProblem {
     order: Vec<u32>,
     /// Number of contacts.
     contacts: usize,
-    /// Which batches hold the turning rows of the contacts of the batch before; empty where nothing resists turning.
+    /// Which batches hold the turning rows of the contacts of the batch before; empty where nothing resists
+    /// turning.
     turning: Vec<bool>,
     /// mu_s' and mu_s of batches of turning rows, zero elsewhere; empty where nothing resists turning.
     spinning: Vec<[Lanes; 2]>,
@@ -78,8 +83,8 @@ pub struct ScaledProblem {
     friction_model: FrictionModel,
 }
 
-/// An image of x under N', in the form the operator keeps it: velocities of bodies, or N' x contact by contact.
-/// It is linear in x: combinations of images are images of combinations.
+/// An image of x under N', in the form the operator keeps it: velocities of bodies, or N' x contact by
+/// contact. It is linear in x: combinations of images are images of combinations.
 pub type Image = Vec<Lanes>;
 
 /// Scratch of passes, allocated once per solve.
@@ -98,8 +103,8 @@ impl PassWork {
         &mut self.tallies
     }
 
-    /// Products with N' that methods have made so far: one per pass, one per scatter pass and look. Residuals and fresh images
-    /// of old iterates do not count.
+    /// Products with N' that methods have made so far: one per pass, one per scatter pass and look. Residuals
+    /// and fresh images of old iterates do not count.
     pub fn products(&self) -> usize {
         self.products
     }
@@ -143,7 +148,8 @@ impl ScaledProblem {
         Self::packed(problem, residual, false)
     }
 
-    /// The same for a method that makes [sweeps](Self::sweep): in a stress-controlled cell one contact moves bodies everywhere, and sweeps go through the rows of N.
+    /// The same for a method that makes [sweeps](Self::sweep): in a stress-controlled cell one contact moves
+    /// bodies everywhere, and sweeps go through the rows of N.
     pub fn for_sweeps(problem: &Ccp, residual: &ResidualScale) -> Self {
         Self::packed(problem, residual, true)
     }
@@ -164,7 +170,8 @@ impl ScaledProblem {
                 add_turning(&mut packing.contacts);
                 (Operator::Bodies(BodyOperator::new(rigid, &packing, &scaling)), packing.contacts)
             }
-            // Over bodies that move together, with compliant contacts, and for sweeps in a stress-controlled cell, a product goes through the rows of N.
+            // Over bodies that move together, with compliant contacts, and for sweeps in a stress-controlled
+            // cell, a product goes through the rows of N.
             matrix => {
                 let mut order: Vec<u32> = (0..contacts as u32).collect();
                 add_turning(&mut order);
@@ -229,7 +236,8 @@ impl ScaledProblem {
         }
     }
 
-    /// The problem that the residual, [`ContactBatch::drive`] and [`ContactBatch::allowed`] are of; relaxed at first.
+    /// The problem that the residual, [`ContactBatch::drive`] and [`ContactBatch::allowed`] are of; relaxed
+    /// at first.
     pub fn set_friction_model(&mut self, model: FrictionModel) {
         self.friction_model = model;
     }
@@ -239,7 +247,8 @@ impl ScaledProblem {
         self.friction_model
     }
 
-    /// The ranks that do the passes together; `None` does all of them here. Over rows of N each does all of them.
+    /// The ranks that do the passes together; `None` does all of them here. Over rows of N each does all of
+    /// them.
     pub fn share_among(&mut self, ranks: Option<&Arc<Ranks>>) {
         if let Operator::Bodies(bodies) = &mut self.operator {
             bodies.share_among(ranks);
@@ -345,8 +354,8 @@ impl ScaledProblem {
         (totals, self.collect([out], work, &Replace))
     }
 
-    /// As [`Self::pass`] where the fresh image, of s, is wanted only in combination with others: `images` starts with that of y, and
-    /// all of them become what `combine` says once the kernel's tallies are known.
+    /// As [`Self::pass`] where the fresh image, of s, is wanted only in combination with others: `images`
+    /// starts with that of y, and all of them become what `combine` says once the kernel's tallies are known.
     pub fn pass_onto<const M: usize, const K: usize, C: Combination<K>>(
         &self,
         images: [&mut [Lanes]; K],
@@ -361,8 +370,8 @@ impl ScaledProblem {
         (totals, quadratic)
     }
 
-    /// The second half of a pass: combines the image of the impulses that the contacts have handed over with others; their
-    /// quadratic form.
+    /// The second half of a pass: combines the image of the impulses that the contacts have handed over with
+    /// others; their quadratic form.
     fn collect<const K: usize>(
         &self,
         images: [&mut [Lanes]; K],
@@ -461,7 +470,8 @@ impl ScaledProblem {
         Totals::of(tallies)
     }
 
-    /// out <- image of x; returns x^T N' x. Velocities are not looked at, which saves half of a pass over bodies.
+    /// out <- image of x; returns x^T N' x. Velocities are not looked at, which saves half of a pass over
+    /// bodies.
     pub fn image_of(&self, x: &mut [Batch], out: &mut [Lanes], work: &mut PassWork) -> f64 {
         let (_, quadratic) = self.scatter_pass([x], out, work, &Identity);
         quadratic
@@ -494,8 +504,8 @@ impl ScaledProblem {
         }
     }
 
-    /// Largest eigenvalue of N' from below, to some per cent: the largest quotient met in a few power iterations from a
-    /// fixed vector; at least 1 because trace(N'_ii) = 3. `x` and `image` are overwritten.
+    /// Largest eigenvalue of N' from below, to some per cent: the largest quotient met in a few power
+    /// iterations from a fixed vector; at least 1 because trace(N'_ii) = 3. `x` and `image` are overwritten.
     pub fn largest_curvature(&self, x: &mut [Batch], image: &mut [Lanes], work: &mut PassWork) -> f64 {
         for (batch, x) in x.iter_mut().enumerate() {
             for lane in 0..LANES {
@@ -532,7 +542,8 @@ impl ScaledProblem {
         self.contacts
     }
 
-    /// Number of places: those of the contacts, and where contacts resist turning those of their turning rows and empty ones.
+    /// Number of places: those of the contacts, and where contacts resist turning those of their turning rows
+    /// and empty ones.
     pub fn num_places(&self) -> usize {
         self.order.len()
     }

@@ -13,8 +13,8 @@ pub struct SolveSettings {
     pub tolerance: f64,
     /// Which number of the residual counts. Default [`Judge::Maximum`].
     pub judge: Judge,
-    /// Stop after this many iterations; `None` is the solver's own limit. Where several methods take part, they are those of projected gradients: see the
-    /// [cascade](super::cascade).
+    /// Stop after this many iterations; `None` is the solver's own limit. Where several methods take part,
+    /// they are those of projected gradients: see the [cascade](super::cascade).
     pub max_iterations: Option<usize>,
     /// With exact friction: what the finish of a solve that ended far from the tolerance may cost beyond
     /// `max_iterations`, in the same unit. See the [cascade](super::cascade). Default 0: none.
@@ -23,13 +23,14 @@ pub struct SolveSettings {
     pub max_time: Option<Duration>,
     /// Relaxed CCP or exact Coulomb friction.
     pub friction: FrictionModel,
-    /// [`SolveReport::curvature`](super::SolveReport::curvature) of the solve of a similar problem: that of the step before. `apgd` then
-    /// needs no power iterations for its first step.
+    /// [`SolveReport::curvature`](super::SolveReport::curvature) of the solve of a similar problem: that of
+    /// the step before. `apgd` then needs no power iterations for its first step.
     pub curvature: Option<f64>,
     /// Stop as soon as this is set (Ctrl-C), with the best iterate.
     pub stop: Option<Arc<AtomicBool>>,
-    /// The ranks that solve this problem together, each with the same problem and start. Methods that cannot share their work do it on
-    /// all ranks alike. `stop` has to be [theirs](Ranks::stop), and `max_time` `None`: clocks differ.
+    /// The ranks that solve this problem together, each with the same problem and start. Methods that cannot
+    /// share their work do it on all ranks alike. `stop` has to be [theirs](Ranks::stop), and `max_time`
+    /// `None`: clocks differ.
     pub ranks: Option<Arc<Ranks>>,
 }
 

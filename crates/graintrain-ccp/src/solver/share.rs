@@ -1,9 +1,10 @@
 //! What one of several [ranks](Ranks) does of a problem.
 //!
-//! A rank owns a run of the chunks of contacts and a run of the tasks of bodies. In a pass it does its own chunks, sends the slots of
-//! bodies that others need, gets those that it needs, and adds up the slots of its own bodies and of those beyond that its contacts
-//! touch, in the order in which one process adds them. Sums are gathered chunk by chunk and task by task and added in their order. So all
-//! bits are those of one process, and what a rank does not own it never looks at.
+//! A rank owns a run of the chunks of contacts and a run of the tasks of bodies. In a pass it does its own
+//! chunks, sends the slots of bodies that others need, gets those that it needs, and adds up the slots of its
+//! own bodies and of those beyond that its contacts touch, in the order in which one process adds them. Sums
+//! are gathered chunk by chunk and task by task and added in their order. So all bits are those of one
+//! process, and what a rank does not own it never looks at.
 
 use super::ranks::{Messages, Ranks, Words};
 use super::tasks::{SUMS, Tally, Totals};
@@ -55,8 +56,9 @@ fn equal_parts(things: usize, parts: usize) -> Vec<usize> {
 }
 
 impl Share {
-    /// The share of this rank in problems of so many chunks; `slots_of` gives the slots of each body, ascending, and `chunk_start` the
-    /// first slot of each chunk and of the one after the last. A task is of `task_len` bodies. `None` where there is nothing to share.
+    /// The share of this rank in problems of so many chunks; `slots_of` gives the slots of each body,
+    /// ascending, and `chunk_start` the first slot of each chunk and of the one after the last. A task is of
+    /// `task_len` bodies. `None` where there is nothing to share.
     pub(super) fn new<'a>(
         ranks: &Arc<Ranks>,
         chunk_start: &[usize],
@@ -71,9 +73,11 @@ impl Share {
         }
         let chunks = equal_parts(all_chunks, count);
         let first_slots: Vec<usize> = chunks.iter().map(|&chunk| chunk_start[chunk]).collect();
-        // Ranks without chunks have an empty range of slots: the last rank that begins at or before a slot owns it.
+        // Ranks without chunks have an empty range of slots: the last rank that begins at or before a slot
+        // owns it.
         let rank_of = |slot: u32| first_slots[1..].partition_point(|&end| end <= slot as usize);
-        // Bodies lie in the order of their first contacts: a task belongs where its middle body is first touched.
+        // Bodies lie in the order of their first contacts: a task belongs where its middle body is first
+        // touched.
         let all_tasks = bodies.div_ceil(task_len);
         let mut tasks = vec![0];
         let mut owner = 0;
@@ -153,8 +157,8 @@ impl Share {
         self.ranks.passed(contacts);
     }
 
-    /// Ends a pass over the contacts: what the tallies of all chunks add up to, of which each rank has its own on entry. Where there are `slots`, those
-    /// that bodies of several ranks need are sent and got.
+    /// Ends a pass over the contacts: what the tallies of all chunks add up to, of which each rank has its
+    /// own on entry. Where there are `slots`, those that bodies of several ranks need are sent and got.
     pub(super) fn end_pass<S: Words>(
         &self,
         slots: Option<&mut [S]>,
@@ -188,7 +192,8 @@ impl Share {
         read_totals::<1>(&buffers.shared).sum[0]
     }
 
-    /// Writes the first `N` sums and the maximum of the own tallies among those of all ranks; the words of each rank.
+    /// Writes the first `N` sums and the maximum of the own tallies among those of all ranks; the words of
+    /// each rank.
     fn write_totals<const N: usize>(
         &self,
         tallies: &[Tally],

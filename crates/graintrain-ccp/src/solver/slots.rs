@@ -8,9 +8,10 @@ use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Slots: a chunk of contacts sums the forces on its bodies in slots of its own, then every body adds its slots in a fixed order. No two
-/// threads write to one place, and the bits do not depend on their number. Slot 0 of a chunk takes what acts on fixed bodies. Images of bodies
-/// ([`super::cell_images`]) have slots like bodies, which their bodies add, too.
+/// Slots: a chunk of contacts sums the forces on its bodies in slots of its own, then every body adds its
+/// slots in a fixed order. No two threads write to one place, and the bits do not depend on their number.
+/// Slot 0 of a chunk takes what acts on fixed bodies. Images of bodies ([`super::cell_images`]) have slots
+/// like bodies, which their bodies add, too.
 #[derive(Clone, Debug)]
 pub(super) struct SlotTable {
     /// Slots of bodies A and B at every place, counted from the first slot of the chunk.

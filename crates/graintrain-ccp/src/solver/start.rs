@@ -1,5 +1,5 @@
-//! Whether a solve has anything to do: where nothing has moved, the impulses of the last step solve this one, too, and packing the
-//! problem would cost more than to find that out.
+//! Whether a solve has anything to do: where nothing has moved, the impulses of the last step solve this one,
+//! too, and packing the problem would cost more than to find that out.
 
 use crate::delassus::{FIXED, RigidDelassus};
 use crate::problem::Ccp;
@@ -8,8 +8,9 @@ use crate::residual::{FrictionModel, Residual, ResidualScale};
 /// Contacts looked at before all of them are.
 const SAMPLE: usize = 64;
 
-/// The residual of a few contacts, evenly spread over the list, with the impulses that act on their bodies: of a start that is not good
-/// enough it tells so at next to no cost. For problems over rigid bodies that no joint couples, and whose contacts do not resist turning.
+/// The residual of a few contacts, evenly spread over the list, with the impulses that act on their bodies:
+/// of a start that is not good enough it tells so at next to no cost. For problems over rigid bodies that no
+/// joint couples, and whose contacts do not resist turning.
 pub(super) fn sampled_residual(
     problem: &Ccp,
     rigid: &RigidDelassus,

@@ -61,9 +61,9 @@ impl Totals {
     }
 }
 
-/// Runs `work` for every task with its part of every vector (`unit` entries per task, the last one maybe fewer), its
-/// part of `extra` (`extra_len` of a range of tasks) and its tally. Splits in halves over the threads of rayon; nothing
-/// is allocated.
+/// Runs `work` for every task with its part of every vector (`unit` entries per task, the last one maybe
+/// fewer), its part of `extra` (`extra_len` of a range of tasks) and its tally. Splits in halves over the
+/// threads of rayon; nothing is allocated.
 pub fn for_each_task<T: Send, U: Send, const M: usize>(
     tasks: Range<usize>,
     unit: usize,

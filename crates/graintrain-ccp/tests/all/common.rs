@@ -73,9 +73,10 @@ pub fn ball(mass: f64, radius: f64) -> BodyInverseMass {
     BodyInverseMass { linear: [1.0 / mass; 3], angular: [j, 0.0, 0.0, 0.0, j, 0.0, 0.0, 0.0, j] }
 }
 
-/// A small random CCP that has a solution: 1 to 50 contacts between a few bodies of mass ratios up to 1e6, mu in
-/// [0, 2] with one contact in eight frictionless, some sides fixed, one contact in six a copy of another one (redundant,
-/// so that N is singular). r = D^T v + (gap rate >= 0), which keeps v_free = -v feasible: no jamming.
+/// A small random CCP that has a solution: 1 to 50 contacts between a few bodies of mass ratios up to 1e6, mu
+/// in [0, 2] with one contact in eight frictionless, some sides fixed, one contact in six a copy of another
+/// one (redundant, so that N is singular). r = D^T v + (gap rate >= 0), which keeps v_free = -v feasible: no
+/// jamming.
 pub fn random_problem(seed: u64) -> Ccp {
     let mut random = Random::new(seed);
     let num_contacts = 1 + random.below(50);
@@ -123,8 +124,8 @@ pub fn sparse_form(problem: &Ccp) -> Ccp {
     Ccp { delassus: Arc::new(Delassus::Sparse(problem.delassus.assemble())), ..problem.clone() }
 }
 
-/// A block of layers x side x side balls on a jittered lattice, pressed together and sliding, with gravity; the bottom
-/// layer touches a fixed floor. Sparse, hyperstatic, solvable.
+/// A block of layers x side x side balls on a jittered lattice, pressed together and sliding, with gravity;
+/// the bottom layer touches a fixed floor. Sparse, hyperstatic, solvable.
 pub fn lattice_packing(side: usize, layers: usize, mu: f64, seed: u64) -> Ccp {
     let mut random = Random::new(seed);
     let radius = 0.1;
@@ -220,8 +221,8 @@ pub fn lattice_packing(side: usize, layers: usize, mu: f64, seed: u64) -> Ccp {
     }
 }
 
-/// The problem where two contacts in three resist turning, with other turning velocities than bodies have by themselves; coefficients
-/// are zero now and then.
+/// The problem where two contacts in three resist turning, with other turning velocities than bodies have by
+/// themselves; coefficients are zero now and then.
 pub fn with_turning(problem: &Ccp, seed: u64) -> Ccp {
     let mut random = Random::new(seed);
     let Delassus::Rigid(rigid) = &*problem.delassus else { panic!("a problem over bodies") };
@@ -251,9 +252,10 @@ pub struct Oracle {
 }
 
 impl Oracle {
-    /// How far Clarabel's own answer is off: the root of sum_i eta_i |d_i|^2 over sum_i |r_i|^2 / eta_i, in the scaling in which it
-    /// is asked to solve the problem and, like its tolerances, relative to sums over all contacts. It breaks down on a few; and where
-    /// masses differ much it leaves the lightest contacts off by more than their own effective mass would allow.
+    /// How far Clarabel's own answer is off: the root of sum_i eta_i |d_i|^2 over sum_i |r_i|^2 / eta_i, in
+    /// the scaling in which it is asked to solve the problem and, like its tolerances, relative to sums over
+    /// all contacts. It breaks down on a few; and where masses differ much it leaves the lightest contacts
+    /// off by more than their own effective mass would allow.
     pub fn residual(&self, problem: &Ccp) -> f64 {
         let mut u = vec![0.0; self.impulse.len()];
         problem.delassus.multiply(&self.impulse, &mut u, &mut problem.delassus.work());
@@ -271,8 +273,8 @@ impl Oracle {
     }
 }
 
-/// Solves the CCP as a second-order cone program with Clarabel, in variables scaled by 1/sqrt(eta_i) and so that r has
-/// unit size, to the accuracy it can reach.
+/// Solves the CCP as a second-order cone program with Clarabel, in variables scaled by 1/sqrt(eta_i) and so
+/// that r has unit size, to the accuracy it can reach.
 ///
 /// # Panics
 /// If Clarabel does not solve the problem.
@@ -314,7 +316,8 @@ pub fn clarabel(problem: &Ccp) -> Oracle {
     }
     let a = CscMatrix::new(size, size, (0..=size).collect(), (0..size).collect(), diagonal);
     let q: Vec<f64> = r.iter().map(|x| x / scale).collect();
-    // Asked for more than it can reach, Clarabel sometimes runs away from a good answer: the best of two counts.
+    // Asked for more than it can reach, Clarabel sometimes runs away from a good answer: the best of two
+    // counts.
     [1e-13, 1e-9]
         .map(|accuracy| {
             let settings = DefaultSettingsBuilder::default()
@@ -338,15 +341,15 @@ pub fn clarabel(problem: &Ccp) -> Oracle {
         .expect("there are two")
 }
 
-/// The objective by Clarabel in the dual form, over the body velocities in units of square roots of mass: with
-/// D~ = M^(-1/2) D and v = v_free + M^(-1/2) x,
+/// The objective by Clarabel in the dual form, over the body velocities in units of square roots of mass:
+/// with D~ = M^(-1/2) D and v = v_free + M^(-1/2) x,
 ///
 /// ```text
 /// min 1/2 |x|^2   subject to   (u_n, mu u_1, mu u_2) in the second-order cone,   u = D~^T x + r
 /// ```
 ///
-/// has the optimum of the CCP with the other sign. Errors of the constraints make it too high or too low, as those of the
-/// impulses do in [`clarabel`], but other ones: N does not appear. Bodies are balls.
+/// has the optimum of the CCP with the other sign. Errors of the constraints make it too high or too low, as
+/// those of the impulses do in [`clarabel`], but other ones: N does not appear. Bodies are balls.
 ///
 /// # Panics
 /// If the problem has no bodies or Clarabel does not solve it.

@@ -74,8 +74,9 @@ fn feasible(problem: &Ccp, g: &[f64]) -> (Vec<f64>, Vec<f64>) {
     (g, u)
 }
 
-/// How far the objective of g can be above that of any other y in the cones, if every eta_i |d_i| with d_i = g_i - p_i and
-/// p_i = P_i(g_i - u_i / eta_i) is at most `largest`, m/s: the objective is convex and p a projection, so that
+/// How far the objective of g can be above that of any other y in the cones, if every eta_i |d_i| with d_i =
+/// g_i - p_i and p_i = P_i(g_i - u_i / eta_i) is at most `largest`, m/s: the objective is convex and p a
+/// projection, so that
 ///
 /// ```text
 /// f(g) - f(y) <= u^T (g - y) <= sum_i |d_i| (|u_i| + eta_i |p_i - y_i|)
@@ -92,8 +93,8 @@ fn gap_bound(problem: &Ccp, scale: &ResidualScale, g: &[f64], u: &[f64], y: &[f6
         .sum()
 }
 
-/// What every answer must satisfy: the report tells the truth about the residual, and the objective is that of the
-/// oracle up to what the residuals of both allow, on both sides.
+/// What every answer must satisfy: the report tells the truth about the residual, and the objective is that
+/// of the oracle up to what the residuals of both allow, on both sides.
 fn check_against_oracle(
     name: &str,
     seed: u64,
@@ -220,7 +221,8 @@ fn the_bits_do_not_depend_on_the_number_of_threads() {
     }
 }
 
-/// Asked for more than rounding allows, a method must end near what it can reach: images kept by updates drift.
+/// Asked for more than rounding allows, a method must end near what it can reach: images kept by updates
+/// drift.
 #[test]
 fn an_unreachable_tolerance_does_not_drive_the_iterates_away() {
     let problem = lattice_packing(6, 5, 0.3, 3);
@@ -233,8 +235,8 @@ fn an_unreachable_tolerance_does_not_drive_the_iterates_away() {
     }
 }
 
-/// One contact with N = I/m, approaching with (u_n, u_t): Coulomb's law stops the normal approach exactly, g_n = m u_n,
-/// and the tangential impulse is m u_t if the cone allows it, mu g_n against the slip otherwise.
+/// One contact with N = I/m, approaching with (u_n, u_t): Coulomb's law stops the normal approach exactly,
+/// g_n = m u_n, and the tangential impulse is m u_t if the cone allows it, mu g_n against the slip otherwise.
 #[test]
 fn exact_coulomb_friction_of_one_contact() {
     for name in FIRST_ORDER {
@@ -258,7 +260,8 @@ fn exact_coulomb_friction_of_one_contact() {
     }
 }
 
-/// A sheared packing: the exact problem is solved, differs from the relaxed one, and the outer iteration is short.
+/// A sheared packing: the exact problem is solved, differs from the relaxed one, and the outer iteration is
+/// short.
 #[test]
 fn exact_coulomb_friction_of_a_packing() {
     let problem = lattice_packing(6, 5, 0.3, 3);
@@ -279,7 +282,8 @@ fn exact_coulomb_friction_of_a_packing() {
     }
 }
 
-/// eta |g - P(g - u~/eta)| / V at its largest, u~ = u + mu |u_t| n, evaluated here from the entries of N alone.
+/// eta |g - P(g - u~/eta)| / V at its largest, u~ = u + mu |u_t| n, evaluated here from the entries of N
+/// alone.
 fn exact_residual(problem: &Ccp, g: &[f64]) -> f64 {
     let n = sparse_form(problem);
     let scale = ResidualScale::new(problem);
@@ -306,7 +310,8 @@ fn exact_residual(problem: &Ccp, g: &[f64]) -> f64 {
     largest
 }
 
-/// Not every problem need have a solution with exact friction, but nearly all are solved, and no claim is false.
+/// Not every problem need have a solution with exact friction, but nearly all are solved, and no claim is
+/// false.
 #[test]
 fn a_thousand_random_problems_with_exact_friction() {
     let settings =
@@ -405,7 +410,8 @@ fn solvers_remember_nothing_of_other_problems() {
     }
 }
 
-/// Exact friction begins with sweeps, but with gradients where most contacts are further ones of the same bodies, as in a tower of boxes.
+/// Exact friction begins with sweeps, but with gradients where most contacts are further ones of the same
+/// bodies, as in a tower of boxes.
 #[test]
 fn exact_friction_begins_with_sweeps_or_gradients() {
     let first = |problem: &Ccp| {

@@ -58,7 +58,8 @@ fn large_numbers_do_not_make_a_problem_vanish() {
     assert!(!report.converged() || impulse[0] > 0.9e160, "{impulse:?} {report:?}");
 }
 
-/// The velocities of the first impulses overflow: a residual that is not finite ends the solve, it is not waited for.
+/// The velocities of the first impulses overflow: a residual that is not finite ends the solve, it is not
+/// waited for.
 #[test]
 fn a_residual_that_is_not_finite_ends_the_solve() {
     let problem = diagonal(&[[1e-300; 3]], &[-1e300, 1e300, 0.0], &[0.5]);
@@ -211,7 +212,8 @@ fn a_solver_ends_where_rounding_keeps_it_from_the_tolerance() {
     let mut solver = "pdip".parse::<SolverSpec>().unwrap().build().unwrap();
     let report = solver.solve(&problem, &mut impulse, &settings).unwrap();
     assert!(report.status == Status::Stalled && report.iterations < 200, "{report:?}");
-    // One matrix per iteration, however often the linear tolerance is tightened; the last may have led nowhere.
+    // One matrix per iteration, however often the linear tolerance is tightened; the last may have led
+    // nowhere.
     assert!(report.newton.len() - report.iterations <= 1);
 }
 

@@ -1,4 +1,5 @@
-//! Problems without a solution: the certificate by itself, against Clarabel, and in the solvers that look for it.
+//! Problems without a solution: the certificate by itself, against Clarabel, and in the solvers that look for
+//! it.
 
 use crate::common::{Random, ball, frame, random_problem, sparse_form};
 use graintrain_ccp::solver::infeasible::{CERTAIN, PROBABLE, certificate, needed_velocity};
@@ -40,8 +41,8 @@ fn velocity_change(problem: &Ccp, g: &[f64]) -> f64 {
     fastest / problem.r.chunks_exact(3).map(norm).fold(0.0, f64::max)
 }
 
-/// A random problem with a ball that `walls` prescribed walls close on from all sides: three to five contacts with normals
-/// that balance, each asked to open.
+/// A random problem with a ball that `walls` prescribed walls close on from all sides: three to five contacts
+/// with normals that balance, each asked to open.
 fn jammed_problem(seed: u64) -> Ccp {
     let mut random = Random::new(seed ^ 0x5EED);
     let base = random_problem(seed);
@@ -178,7 +179,8 @@ fn a_thousand_solvable_problems_are_never_called_infeasible() {
     no_claims_on_solvable_problems(0..1000);
 }
 
-/// Returns how many problems were proved infeasible, of those that Clarabel says so of, and how often solvers say it.
+/// Returns how many problems were proved infeasible, of those that Clarabel says so of, and how often solvers
+/// say it.
 fn claims_on_jammed_problems(seeds: std::ops::Range<u64>) {
     let (mut infeasible, mut proved) = (0, 0);
     let names = ["ipm", "ipm+cholesky", "scip", "pdip"];
@@ -189,7 +191,8 @@ fn claims_on_jammed_problems(seeds: std::ops::Range<u64>) {
         let oracle = clarabel_says_infeasible(&problem);
         if found.needed_velocity >= PROBABLE {
             proved += 1;
-            // Clarabel may fail to say so, but must not have found a solution: then V would be its velocities.
+            // Clarabel may fail to say so, but must not have found a solution: then V would be its
+            // velocities.
             let (asked, moved) = (
                 found.ray.iter().zip(&problem.r).map(|(g, r)| g * r).sum::<f64>(),
                 velocity_change(&problem, &found.ray),

@@ -1,4 +1,5 @@
-//! `ipm` on variations of problems: other units, masses of all sizes, every contact three times, two problems as one.
+//! `ipm` on variations of problems: other units, masses of all sizes, every contact three times, two problems
+//! as one.
 
 use crate::common::{Random, lattice_packing, random_problem, sparse_form};
 use graintrain_ccp::{BodyInverseMass, Ccp, Delassus, FIXED, RigidContact, RigidDelassus};

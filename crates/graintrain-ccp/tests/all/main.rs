@@ -1,4 +1,5 @@
-//! Solvers against other solvers and by their own promises, in one program: linking it once is most of the cost.
+//! Solvers against other solvers and by their own promises, in one program: linking it once is most of the
+//! cost.
 
 mod common;
 #[cfg(feature = "paper")]

@@ -74,8 +74,8 @@ fn unfinished(problem: &Ccp) -> Vec<f64> {
     g
 }
 
-/// Grains beside blocks a million times heavier that they never touch. Before, the blocks' mass was in the unit of every contact:
-/// the light part passed for solved with errors 5e5 times the tolerance.
+/// Grains beside blocks a million times heavier that they never touch. Before, the blocks' mass was in the
+/// unit of every contact: the light part passed for solved with errors 5e5 times the tolerance.
 #[test]
 fn heavy_bodies_elsewhere_do_not_change_the_verdict_on_light_ones() {
     let light = lattice_packing(4, 3, 0.3, 1);
@@ -128,7 +128,8 @@ fn the_unit_of_mass_leaves_the_residual_as_it_is() {
     }
 }
 
-/// One contact of effective mass 1/2 that approaches with 3 m/s and is stopped half way, with V given, from r, and none.
+/// One contact of effective mass 1/2 that approaches with 3 m/s and is stopped half way, with V given, from
+/// r, and none.
 #[test]
 fn the_residual_is_the_error_as_a_velocity_over_v() {
     let identity = [2.0, 0.0, 0.0, 0.0, 2.0, 0.0, 0.0, 0.0, 2.0];
@@ -196,8 +197,9 @@ fn first_order_methods_measure_as_the_report_does() {
     }
 }
 
-/// A solver that is asked for a hair more than the best residual of its first iterations stops among them, and one that is asked
-/// for a hair less goes on to its limit: what it measures inside is what its report says.
+/// A solver that is asked for a hair more than the best residual of its first iterations stops among them,
+/// and one that is asked for a hair less goes on to its limit: what it measures inside is what its report
+/// says.
 #[test]
 fn every_solver_measures_inside_as_its_report_does() {
     const HAIR: f64 = 1e-6;
@@ -228,7 +230,8 @@ fn every_solver_measures_inside_as_its_report_does() {
                 let what = format!("{name} on problem {k}, {judge:?}");
                 let (more, judged) = run(reached * (1.0 + HAIR), 100 * iterations);
                 assert_eq!(more.status, Status::Converged, "{what}");
-                // `gpminres` looks at its residual at the ends of its phases, and at the limit, where its best iterate may have been.
+                // `gpminres` looks at its residual at the ends of its phases, and at the limit, where its
+                // best iterate may have been.
                 let is_early = more.iterations <= iterations || name == "gpminres";
                 assert!(is_early, "{what}: {} iterations", more.iterations);
                 assert!(judged <= reached * (1.0 + HAIR), "{what}");

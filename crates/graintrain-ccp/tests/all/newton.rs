@@ -1,4 +1,5 @@
-//! Linear solvers of the Newton layer against the matrix they claim to invert, and the interior points against Clarabel.
+//! Linear solvers of the Newton layer against the matrix they claim to invert, and the interior points
+//! against Clarabel.
 
 use crate::common::{
     Random, clarabel, clarabel_over_velocities, lattice_packing, random_problem, sparse_form,
@@ -66,7 +67,8 @@ fn residual(problem: &Ccp, factor: &[Block], b: &[f64], z: &[f64]) -> f64 {
     (error / size).sqrt()
 }
 
-/// Kept as the paper has them, without a promise to converge: no preconditioner, and the train that AMEn-cross samples.
+/// Kept as the paper has them, without a promise to converge: no preconditioner, and the train that
+/// AMEn-cross samples.
 const MAY_FAIL: [&str; 2] = ["none", "tt-cross"];
 
 #[test]
@@ -174,7 +176,8 @@ fn pdip_takes_a_linear_solver_of_ones_own() {
 /// The tensor-train inverses of S: seconds to minutes even on these small problems.
 const TRAINS_OF_S: [&str; 2] = ["tt-schur", "tt-cross"];
 
-/// `pdip` with every linear solver that is `wanted` in a case (0: 6 contacts, 1 to 4: about 30, 5: a packing of 95).
+/// `pdip` with every linear solver that is `wanted` in a case (0: 6 contacts, 1 to 4: about 30, 5: a packing
+/// of 95).
 fn compare_pdip_with_clarabel(wanted: impl Fn(usize, &str) -> bool) {
     let random = [1, 2, 4, 9, 11].map(random_problem);
     for (case, problem) in random.into_iter().chain([lattice_packing(3, 3, 0.3, 1)]).enumerate() {
@@ -212,7 +215,8 @@ fn pdip_reaches_the_oracles_objective_with_the_tensor_trains_of_s() {
     compare_pdip_with_clarabel(|_, linear| TRAINS_OF_S.contains(&linear));
 }
 
-/// The barrier function's line search: from no impulses, and from the solution itself, which lies on the boundary.
+/// The barrier function's line search: from no impulses, and from the solution itself, which lies on the
+/// boundary.
 #[test]
 fn pdip_converges_from_cold_and_warm_starts() {
     let settings = SolveSettings::default();
@@ -241,9 +245,10 @@ fn pdip_converges_from_cold_and_warm_starts() {
 /// Seeds of random problems whose bodies hardly come apart.
 const NEARLY_JAMMED: [u64; 3] = [493, 966, 967];
 
-/// Objective of `ipm` against two formulations of Clarabel, which err on either side: it agrees with one of them to
-/// 1e-8 or lies between them, unless it says that it did not converge, which one in a thousand may, besides three that are nearly jammed and are
-/// known to stall between 1e-9 and 2e-7 (gradients from there do not help). Returns the seeds where it disagrees.
+/// Objective of `ipm` against two formulations of Clarabel, which err on either side: it agrees with one of
+/// them to 1e-8 or lies between them, unless it says that it did not converge, which one in a thousand may,
+/// besides three that are nearly jammed and are known to stall between 1e-9 and 2e-7 (gradients from there do
+/// not help). Returns the seeds where it disagrees.
 fn disagreements_with_clarabel(seeds: std::ops::Range<u64>) -> Vec<u64> {
     let mut disagreements = Vec::new();
     let mut unconverged = Vec::new();
@@ -312,7 +317,8 @@ fn ipm_reports_jammed_bodies_as_infeasible_and_answers_with_finite_impulses() {
     assert!(impulse.iter().all(|g| g.is_finite()) && impulse[0] > 1.0 && impulse[3] > 1.0);
 }
 
-/// Solves with the blocks of these spreads one after the other; the answers, and the spaces that they come from.
+/// Solves with the blocks of these spreads one after the other; the answers, and the spaces that they come
+/// from.
 fn solve_spreads(
     driver: &mut NewtonDriver,
     problem: &Ccp,
@@ -338,8 +344,9 @@ fn solve_spreads(
     (answers, spaces)
 }
 
-/// Factors of K are the better ones where the weights are alike; as they spread, those of S~ are. The next problem begins
-/// in body space, and what contact space knew of the last N is forgotten: the bits are those of a new solver.
+/// Factors of K are the better ones where the weights are alike; as they spread, those of S~ are. The next
+/// problem begins in body space, and what contact space knew of the last N is forgotten: the bits are those
+/// of a new solver.
 #[test]
 fn incomplete_cholesky_goes_over_to_contact_space_as_weights_spread() {
     let new = || NewtonDriver::new(crate::common::linear_solver("ic"));
@@ -398,8 +405,8 @@ fn the_end_of_one_solve_does_not_decide_the_race_of_the_next() {
     assert_eq!(figures(false), figures(true));
 }
 
-/// A solver keeps what it prepared only while N, mu and V stay: used for one problem after another, of the same
-/// size and of another one, it gives the bits of a new solver.
+/// A solver keeps what it prepared only while N, mu and V stay: used for one problem after another, of the
+/// same size and of another one, it gives the bits of a new solver.
 #[test]
 fn solvers_used_again_have_forgotten_the_last_problem() {
     use graintrain_ccp::FrictionModel;
@@ -494,8 +501,8 @@ fn column(balls: u32, offset: f64) -> Ccp {
     problem
 }
 
-/// Where everything repeats a train holds K; its inverse needs more sweeps than one step is given, and gets them by starting
-/// hot in the next one. Then the train wins its race and saves four of five iterations.
+/// Where everything repeats a train holds K; its inverse needs more sweeps than one step is given, and gets
+/// them by starting hot in the next one. Then the train wins its race and saves four of five iterations.
 #[test]
 fn a_train_on_a_column_starts_hot_in_the_next_step_and_comes_into_use() {
     use graintrain_ccp::newton::body::BodyCg;
@@ -561,9 +568,9 @@ fn a_train_that_cannot_pay_is_not_made_and_not_asked_for_again_soon() {
     assert_eq!(tries, 2, "of 20 matrices the first and, after eight, the tenth");
 }
 
-/// Seed 967 is nearly jammed: at a residual of 3e-5 its objective is 9 % off. The gap
-/// shows it (as 0.4 %: the impulses of the solution are larger still than those of the answer); elsewhere, and nearer to the solution,
-/// it is small.
+/// Seed 967 is nearly jammed: at a residual of 3e-5 its objective is 9 % off. The gap shows it (as 0.4 %: the
+/// impulses of the solution are larger still than those of the answer); elsewhere, and nearer to the
+/// solution, it is small.
 #[test]
 fn the_gap_shows_an_objective_that_a_small_residual_hides() {
     for (seed, tolerance, loose) in
@@ -589,7 +596,8 @@ fn the_gap_shows_an_objective_that_a_small_residual_hides() {
     }
 }
 
-/// Where the start reaches the tolerance no Newton system is solved, and the report says who did it; the history has what it checked.
+/// Where the start reaches the tolerance no Newton system is solved, and the report says who did it; the
+/// history has what it checked.
 #[test]
 fn ipm_says_when_projected_gradients_did_the_work() {
     let problem = lattice_packing(3, 3, 0.4, 3);

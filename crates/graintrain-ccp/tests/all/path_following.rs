@@ -1,4 +1,5 @@
-//! `path` and the fallback on it: against brute force over all states of the contacts, on random problems, on real ones.
+//! `path` and the fallback on it: against brute force over all states of the contacts, on random problems, on
+//! real ones.
 
 use crate::common::{Random, random_problem, sparse_form};
 use graintrain_ccp::registry::Method;
@@ -20,8 +21,9 @@ fn dense(problem: &Ccp) -> Vec<Vec<f64>> {
     (0..size).map(|row| (0..size).map(|k| columns[k][row]).collect()).collect()
 }
 
-/// How far impulses are from the disjunctive statement of Coulomb's law, relative to V: written out by cases, without a projection.
-/// Cone: |g_t| <= mu g_n; apart: g = 0 and u_n >= 0; in contact: u_n = 0 and either u_t = 0, or g_t opposite to u_t at the limit.
+/// How far impulses are from the disjunctive statement of Coulomb's law, relative to V: written out by cases,
+/// without a projection. Cone: |g_t| <= mu g_n; apart: g = 0 and u_n >= 0; in contact: u_n = 0 and either u_t
+/// = 0, or g_t opposite to u_t at the limit.
 fn coulomb_defect(problem: &Ccp, n: &[Vec<f64>], g: &[f64]) -> f64 {
     let contacts = problem.num_contacts();
     let u: Vec<f64> = n
@@ -86,8 +88,8 @@ fn eliminate(mut a: Vec<Vec<f64>>, mut b: Vec<f64>) -> Option<Vec<f64>> {
     Some(b)
 }
 
-/// The impulses of every combination of apart, sticking and sliding in a direction alpha_i, by Newton's method on the equations of that
-/// combination from several directions; those that satisfy Coulomb's law.
+/// The impulses of every combination of apart, sticking and sliding in a direction alpha_i, by Newton's
+/// method on the equations of that combination from several directions; those that satisfy Coulomb's law.
 fn brute_force(problem: &Ccp, n: &[Vec<f64>]) -> Vec<Vec<f64>> {
     let contacts = problem.num_contacts();
     let size = 3 * contacts;
@@ -102,7 +104,8 @@ fn brute_force(problem: &Ccp, n: &[Vec<f64>]) -> Vec<Vec<f64>> {
                 let step = start / 12_usize.pow(position as u32) % 12;
                 alpha[i] = step as f64 * std::f64::consts::TAU / 12.0;
             }
-            // Unknowns g and alpha: apart g = 0; sticking u = 0; sliding u_n = 0, g_t = -mu g_n d, u_t x d = 0 with d = d(alpha).
+            // Unknowns g and alpha: apart g = 0; sticking u = 0; sliding u_n = 0, g_t = -mu g_n d, u_t x d =
+            // 0 with d = d(alpha).
             let mut g = vec![0.0; size];
             for _ in 0..30 {
                 let unknowns = size + sliding.len();
@@ -200,7 +203,8 @@ fn one_to_three_contacts_are_solved_as_brute_force_solves_them() {
     println!("{several} of 60 problems have several solutions");
 }
 
-/// Random problems with mass ratios up to 1e6, redundant contacts and contacts without friction, over bodies and as a bare matrix.
+/// Random problems with mass ratios up to 1e6, redundant contacts and contacts without friction, over bodies
+/// and as a bare matrix.
 #[test]
 fn random_problems_are_solved_over_bodies_and_over_contacts() {
     for seed in 0..40 {

@@ -1,4 +1,5 @@
-//! The symmetric cone interior point against Clarabel, against the other interior point, and on jammed bodies.
+//! The symmetric cone interior point against Clarabel, against the other interior point, and on jammed
+//! bodies.
 
 use crate::common::{clarabel, lattice_packing, random_problem, sparse_form};
 use graintrain_ccp::residual::ResidualScale;
@@ -13,8 +14,9 @@ fn solve(name: &str, problem: &Ccp, start: Option<&[f64]>, tolerance: f64) -> (V
     (g, report)
 }
 
-/// The impulses lie in the cones, so no objective is below the optimum; where this solver says that it converged it is not
-/// above that of the oracle, either. It may fail to reach 1e-6 on one problem in twenty, and has to say so.
+/// The impulses lie in the cones, so no objective is below the optimum; where this solver says that it
+/// converged it is not above that of the oracle, either. It may fail to reach 1e-6 on one problem in twenty,
+/// and has to say so.
 fn compare_with_clarabel(seeds: std::ops::Range<u64>) {
     let (mut count, mut converged, mut iterations, mut failed_oracles) = (0, 0, 0, 0);
     for seed in seeds {
@@ -62,8 +64,8 @@ fn agrees_with_clarabel_on_a_thousand_random_problems() {
     compare_with_clarabel(0..1000);
 }
 
-/// A packing: every way to solve the linear systems leads to the objective of the other interior point, and a warm start
-/// from that answer costs less.
+/// A packing: every way to solve the linear systems leads to the objective of the other interior point, and a
+/// warm start from that answer costs less.
 #[test]
 fn every_linear_solver_leads_to_the_same_objective() {
     let problem = lattice_packing(6, 5, 0.3, 1);

@@ -49,7 +49,8 @@ fn changed(problem: &Ccp, mass: impl Fn(usize) -> f64, off: f64) -> Ccp {
     Ccp { delassus, ..problem.clone() }
 }
 
-/// The residual at this tolerance is reached in about as many iterations as double precision takes, and it is the truth.
+/// The residual at this tolerance is reached in about as many iterations as double precision takes, and it is
+/// the truth.
 fn check(name: &str, problem: &Ccp) {
     for (friction, judge, tolerance) in [
         (FrictionModel::Relaxed, Judge::Maximum, LEAST),
@@ -149,7 +150,8 @@ fn units_do_not_matter() {
     }
 }
 
-/// Where nothing has moved nothing is packed and no product is made: the impulses stay as they were, bit by bit.
+/// Where nothing has moved nothing is packed and no product is made: the impulses stay as they were, bit by
+/// bit.
 #[test]
 fn a_start_that_solves_the_problem_is_handed_back() {
     let problem = lattice_packing(8, 6, 0.3, 6);
@@ -186,7 +188,8 @@ fn threads_do_not_change_a_bit() {
     }
 }
 
-/// A start that is good enough costs no iteration, and a solve that knows the curvature of the last one none for the power iterations.
+/// A start that is good enough costs no iteration, and a solve that knows the curvature of the last one none
+/// for the power iterations.
 #[test]
 fn what_is_known_is_not_found_again() {
     let problem = lattice_packing(7, 5, 0.3, 6);

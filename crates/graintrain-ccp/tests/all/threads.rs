@@ -1,5 +1,5 @@
-//! Same input, any number of threads: the same bits, also of the second-order methods and with exact friction.
-//! (First-order methods: `tests/all/first_order.rs`.)
+//! Same input, any number of threads: the same bits, also of the second-order methods and with exact
+//! friction. (First-order methods: `tests/all/first_order.rs`.)
 
 use crate::common::lattice_packing;
 use graintrain_ccp::{Ccp, FrictionModel, SolveSettings, SolverSpec};

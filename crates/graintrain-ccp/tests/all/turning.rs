@@ -1,5 +1,5 @@
-//! Contacts that resist turning: rolling and spinning friction, against the laws themselves, against Clarabel and against the problem
-//! without them.
+//! Contacts that resist turning: rolling and spinning friction, against the laws themselves, against Clarabel
+//! and against the problem without them.
 
 use crate::common::{lattice_packing, random_problem, sparse_form, with_turning};
 use clarabel::algebra::CscMatrix;
@@ -20,8 +20,8 @@ fn velocity(problem: &Ccp, g: &[f64]) -> Vec<f64> {
     u.iter().zip(&problem.r).map(|(u, r)| u + r).collect()
 }
 
-/// How far impulses are from the law of each contact, written out part by part without cones or projections, in velocities (m/s):
-/// impulses count times eta.
+/// How far impulses are from the law of each contact, written out part by part without cones or projections,
+/// in velocities (m/s): impulses count times eta.
 fn violation(problem: &Ccp, g: &[f64], friction: FrictionModel) -> f64 {
     let (u, eta, contacts) = (velocity(problem, g), problem.diagonal_scale(), problem.num_contacts());
     let mut worst = 0.0_f64;
@@ -95,7 +95,8 @@ fn clarabel_objective(problem: &Ccp) -> f64 {
 
 const BOTH: [FrictionModel; 2] = [FrictionModel::Relaxed, FrictionModel::Coulomb];
 
-/// Random bodies of very different masses, redundant contacts, and a packing of more contacts than a chunk of batches holds.
+/// Random bodies of very different masses, redundant contacts, and a packing of more contacts than a chunk of
+/// batches holds.
 fn problems() -> Vec<Ccp> {
     let mut problems: Vec<Ccp> = (0..14).map(|seed| with_turning(&random_problem(seed), seed)).collect();
     problems.push(with_turning(&lattice_packing(7, 6, 0.3, 1), 1));

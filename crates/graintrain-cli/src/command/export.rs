@@ -21,14 +21,15 @@ use std::process::ExitCode;
 pub struct Arguments {
     /// Folder of the run
     run: PathBuf,
-    /// Format: lammps (text dump, .dump), xyz (extended XYZ), yade (text, one frame), vtkhdf (ParaView), or usd (surfaces, too: Blender,
-    /// Omniverse, Houdini)
+    /// Format: lammps (text dump, .dump), xyz (extended XYZ), yade (text, one frame), vtkhdf (ParaView), or
+    /// usd (surfaces, too: Blender, Omniverse, Houdini)
     #[arg(long, value_name = "FORMAT")]
     to: Format,
     /// Frame: all, last, or its number from 0
     #[arg(long, value_name = "FRAME", default_value = "all")]
     frame: String,
-    /// File to write; by default frames.dump, frames.xyz, spheres.txt, frames.vtkhdf or frames.usda in the run's folder
+    /// File to write; by default frames.dump, frames.xyz, spheres.txt, frames.vtkhdf or frames.usda in the
+    /// run's folder
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
 }

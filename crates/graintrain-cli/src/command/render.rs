@@ -13,7 +13,8 @@ use std::process::ExitCode;
 
 /// Make a picture (PNG) or a film of a run, without a display
 ///
-/// RUN is the folder of a run or one of its checkpoints. Walls between the camera and the grains become glass.
+/// RUN is the folder of a run or one of its checkpoints. Walls between the camera and the grains become
+/// glass.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  \
     graintrain render out/sedimentation                  writes out/sedimentation/picture.png\n  \
@@ -110,7 +111,8 @@ pub fn execute(arguments: &Arguments) -> Result<ExitCode, Failure> {
         Failure::work_error(error, remedy)
     })?;
     say!("{}: t = {:.3} s\n", out.display(), world.time);
-    // A frame is never further from its time than frames from each other, unless the time is outside of the run.
+    // A frame is never further from its time than frames from each other, unless the time is outside of the
+    // run.
     if let Some(wanted) = arguments.time.filter(|wanted| (wanted - world.time).abs() > farthest) {
         tell!("note: no frame is near {wanted} s; this is the nearest one");
     }

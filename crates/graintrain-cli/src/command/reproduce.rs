@@ -20,8 +20,8 @@ use std::time::Duration;
 
 /// Run the paper's experiments again and report which claims hold
 ///
-/// Writes CSV, SVG plots, pictures and one HTML report. A reproduction that was stopped or killed goes on with the same
-/// command.
+/// Writes CSV, SVG plots, pictures and one HTML report. A reproduction that was stopped or killed goes on
+/// with the same command.
 #[derive(clap::Args)]
 #[command(
     after_help = "Examples:\n  graintrain reproduce all --n 4\n  graintrain reproduce fig10 --n 8 --out fig10\n  \
@@ -31,8 +31,8 @@ use std::time::Duration;
     Exit codes: 0 done, whatever the verdicts; 1 failed; 2 bad arguments; 130 and 143 stopped by Ctrl-C and SIGTERM."
 )]
 pub struct Arguments {
-    /// What: all, table3, table4, fig8, fig10, fig11, fig12, fig15, physics; or compressibility, the settling experiment: ranks, errors and use of
-    /// tensor trains of the Newton matrices of one drop
+    /// What: all, table3, table4, fig8, fig10, fig11, fig12, fig15, physics; or compressibility, the settling
+    /// experiment: ranks, errors and use of tensor trains of the Newton matrices of one drop
     #[arg(value_parser = subject)]
     target: Subject,
     /// The paper's size parameter: (2n+1)^3 spheres
@@ -44,7 +44,8 @@ pub struct Arguments {
     /// Folder of the results; by default out/reproduce-TARGET-nN
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Time limit of one solve, s; by default 4 (n/4)^3. Of compressibility: of one compression, inversion or linear solve, by default 10
+    /// Time limit of one solve, s; by default 4 (n/4)^3. Of compressibility: of one compression, inversion or
+    /// linear solve, by default 10
     #[arg(long, value_name = "SECONDS", value_parser = positive, allow_negative_numbers = true)]
     max_seconds: Option<f64>,
     /// Number of threads of the simulations; solves are always measured on one
@@ -61,8 +62,8 @@ pub struct Arguments {
 #[derive(clap::Args)]
 #[command(next_help_heading = "Options of compressibility")]
 struct Compressibility {
-    /// Measure every K-th Newton system of a solve at accuracy 1e-2 and rank 10; the first, the 10th and the last are always measured, at every
-    /// accuracy and cap
+    /// Measure every K-th Newton system of a solve at accuracy 1e-2 and rank 10; the first, the 10th and the
+    /// last are always measured, at every accuracy and cap
     #[arg(long, value_name = "K", default_value_t = 10, value_parser = clap::value_parser!(u32).range(1..))]
     every: u32,
     /// Follow a solve for at most K Newton iterations

@@ -30,7 +30,8 @@ pub struct Arguments {
     /// Size parameter of the sheared and drafted samples of tier b
     #[arg(long, default_value_t = 4, value_parser = clap::value_parser!(u32).range(2..=32))]
     n: u32,
-    /// Friction models of the samples of tier b that have friction (tier a has rows of both where both differ)
+    /// Friction models of the samples of tier b that have friction (tier a has rows of both where both
+    /// differ)
     #[arg(long, value_parser = ["relaxed", "coulomb", "both"], default_value = "both")]
     friction: String,
     /// Folder for the report (verify.html, verify.md, verify.csv), written anew after every case

@@ -90,7 +90,8 @@ fn no_answer_stands_on_no_run() {
     let (_, err) = ended(folder.path(), &["--fit", "mu=0.1..0.3", "--to", to, "--out", "x"], 1);
     assert!(err.contains("no run has a number for `block.velocity_x at centre_x = 0.25`"), "{err}");
     assert!(!err.contains("more runs would narrow"), "{err}");
-    // A point of a curve at which no run has a record: where the records are is told, and what the runs said is there.
+    // A point of a curve at which no run has a record: where the records are is told, and what the runs said
+    // is there.
     std::fs::write(folder.path().join("t.csv"), "time,x\n0.1,0.08\n2.5,0.17\n").unwrap();
     let late = ["--fit", "mu=0.1..0.8", "--to", "block.centre_x=t.csv+-0.001", "--out", "t"];
     let (_, err) = ended(folder.path(), &late, 2);

@@ -7,7 +7,8 @@ use std::net::TcpStream;
 use std::path::Path;
 use std::process::Stdio;
 
-/// Number of pictures of an animated PNG: the first number of its chunk `acTL` (W3C, "Portable Network Graphics", third edition, 11.3.6).
+/// Number of pictures of an animated PNG: the first number of its chunk `acTL` (W3C, "Portable Network
+/// Graphics", third edition, 11.3.6).
 fn pictures(path: &Path) -> u32 {
     let bytes = std::fs::read(path).unwrap();
     assert_eq!(&bytes[..8], b"\x89PNG\r\n\x1a\n");

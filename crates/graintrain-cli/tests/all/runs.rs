@@ -91,7 +91,8 @@ fn a_run_leaves_its_files_and_says_what_it_did() {
         assert!(run.join(file).exists(), "{file}");
     }
     assert_eq!(read(&run.join("steps.csv")).lines().count(), 61);
-    // A second run gets a folder of its own, has the same bits with another number of threads, and can be quiet.
+    // A second run gets a folder of its own, has the same bits with another number of threads, and can be
+    // quiet.
     let (out, err) = ended(graintrain(folder.path(), &["run", "balls.toml", "--threads", "1", "--quiet"]), 0);
     assert_eq!((out.as_str(), err.as_str()), ("", ""));
     assert_eq!(hash(&run), hash(&folder.path().join("out/balls-2")));
@@ -301,7 +302,8 @@ fn bad_input_is_told_in_one_message() {
 #[test]
 fn a_full_disk_is_told_and_what_was_written_stays_readable() {
     let folder = folder();
-    // The shell lets no file grow beyond 64 blocks of 512 bytes and turns the signal into an error of the write.
+    // The shell lets no file grow beyond 64 blocks of 512 bytes and turns the signal into an error of the
+    // write.
     let line = format!(
         "trap '' XFSZ; ulimit -f 64; exec '{}' run balls.toml --out full --steps 2000 --quiet --threads 1",
         env!("CARGO_BIN_EXE_graintrain")
@@ -473,7 +475,8 @@ fn what_is_seldom_meant_is_told() {
     );
 }
 
-/// Both treatments of overlap are told before a run, remembered by it, and differ; what a run found is in its summary.
+/// Both treatments of overlap are told before a run, remembered by it, and differ; what a run found is in its
+/// summary.
 #[test]
 fn overlap_is_removed_as_the_scene_says() {
     let folder = folder();

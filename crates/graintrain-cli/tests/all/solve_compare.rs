@@ -1,4 +1,5 @@
-//! `graintrain solve` and `graintrain compare` as a user and a script meet them: exit codes, keys, files, messages.
+//! `graintrain solve` and `graintrain compare` as a user and a script meet them: exit codes, keys, files,
+//! messages.
 
 use assert_cmd::Command;
 use serde_json::Value;
@@ -164,7 +165,8 @@ fn notes_about_the_file_are_part_of_the_json() {
     }
 }
 
-/// What was done before Ctrl-C is printed; solves that were cut short or never begun are not counted against anybody.
+/// What was done before Ctrl-C is printed; solves that were cut short or never begun are not counted against
+/// anybody.
 #[cfg(unix)]
 #[test]
 fn an_interrupted_comparison_prints_what_is_done() {

@@ -82,7 +82,8 @@ impl Template {
     }
 }
 
-/// Half-axes of the largest ellipsoid inside a shape along its own axes, m; `None` for surfaces and half-spaces.
+/// Half-axes of the largest ellipsoid inside a shape along its own axes, m; `None` for surfaces and
+/// half-spaces.
 fn half_axes(shape: &Shape) -> Option<Vec3> {
     match shape {
         Shape::Sphere { radius } => Some(Vec3::splat(*radius)),
@@ -94,8 +95,9 @@ fn half_axes(shape: &Shape) -> Option<Vec3> {
     }
 }
 
-/// Points of a geometry in its own frame with their radii: one per sphere, or, where there is none and the body can
-/// move (`free`), one at the centre with the radius of an inscribed ball, so that it hides inside the drawn surface.
+/// Points of a geometry in its own frame with their radii: one per sphere, or, where there is none and the
+/// body can move (`free`), one at the centre with the radius of an inscribed ball, so that it hides inside
+/// the drawn surface.
 fn points_of(geometry: &Geometry, free: bool) -> Vec<Template> {
     let spheres: Vec<_> = geometry
         .parts
@@ -130,8 +132,8 @@ fn points_of(geometry: &Geometry, free: bool) -> Vec<Template> {
     vec![Template { position: Vec3::ZERO, radius, kind, half_axes, orientation }]
 }
 
-/// The frame: one point per sphere, plus one per other body with a degree of freedom. Walls, blades and mixers without
-/// a sphere are left to the surfaces.
+/// The frame: one point per sphere, plus one per other body with a degree of freedom. Walls, blades and
+/// mixers without a sphere are left to the surfaces.
 ///
 /// Arrays: `id` (the body's number for its first point, then numbers from the count of numbers on), `body`
 /// (number: the index in the scene, for bodies that entered later the next ones; see [`Roster`]), `geometry`

@@ -120,7 +120,8 @@ impl Snapshot {
         self.arrays.iter().find(|array| array.name == name)
     }
 
-    /// Lower and upper corner of the box around all points with their radii, m; of a unit box where there are none.
+    /// Lower and upper corner of the box around all points with their radii, m; of a unit box where there are
+    /// none.
     fn bounds(&self) -> [Vec3; 2] {
         let radius = self.array("radius");
         let reach = |k: usize| radius.map_or(0.0, |array| array.values[k]);
@@ -134,7 +135,8 @@ impl Snapshot {
         if self.position.is_empty() { [Vec3::ZERO, Vec3::ONE] } else { around }
     }
 
-    /// The box that the frame is in: the periodic cell, closed around the points along axes that do not repeat.
+    /// The box that the frame is in: the periodic cell, closed around the points along axes that do not
+    /// repeat.
     fn closed_box(&self) -> PeriodicBox {
         let [low, high] = self.bounds();
         let edge = high - low;

@@ -23,7 +23,8 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-/// A checkpoint is also due after this wall-clock time: no more than that is lost when a run of long steps is killed.
+/// A checkpoint is also due after this wall-clock time: no more than that is lost when a run of long steps is
+/// killed.
 const LONGEST_WITHOUT_CHECKPOINT: Duration = Duration::from_secs(300);
 
 /// Writes everything that a run leaves in its folder.
@@ -106,7 +107,8 @@ impl Recorder {
         self.folder.path()
     }
 
-    /// Tables and lists of frames that were missing or damaged when this run was resumed: nothing of them is erased.
+    /// Tables and lists of frames that were missing or damaged when this run was resumed: nothing of them is
+    /// erased.
     pub fn losses(&self) -> Vec<Loss> {
         let lists = self.lists().into_iter().filter_map(|(_, list)| list.loss());
         self.tables.losses().chain(lists).cloned().collect()

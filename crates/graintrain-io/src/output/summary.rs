@@ -110,13 +110,15 @@ pub struct Summary {
     pub impact_residual_max: f64,
     /// Connected parts in which restitution was lowered, because it would have made energy.
     pub restitution_lowered: u64,
-    /// Contacts that joined a step's problem after its solve, because their bodies would have met all the same.
+    /// Contacts that joined a step's problem after its solve, because their bodies would have met all the
+    /// same.
     pub contacts_added_after_solve: u64,
     /// Pairs of bodies that passed into or through each other, since no contact kept them apart.
     pub contacts_missed: u64,
     /// The first step with such a pair.
     pub contacts_missed_first_step: Option<u64>,
-    /// Contacts that pressed though their bodies were, in the whole step, further apart than a twentieth of the smaller one's size, summed over steps.
+    /// Contacts that pressed though their bodies were, in the whole step, further apart than a twentieth of
+    /// the smaller one's size, summed over steps.
     #[serde(default)]
     pub contacts_apart: u64,
     /// Their share of the contacts with force.
@@ -129,7 +131,8 @@ pub struct Summary {
     pub penetration_max_over_radius: f64,
     /// The same for the last step alone.
     pub penetration_final_over_radius: f64,
-    /// Largest overlap that displacements worked on, over the smallest radius of the bodies that forces can move.
+    /// Largest overlap that displacements worked on, over the smallest radius of the bodies that forces can
+    /// move.
     pub overlap_corrected_max_over_radius: f64,
     /// Energy that these displacements gave to bodies against gravity, J.
     pub correction_energy: f64,
@@ -162,7 +165,8 @@ pub struct Summary {
 pub struct RankSummary {
     /// Number of processes.
     pub ranks: usize,
-    /// Contacts that the busiest of them passed over in shared solves, over the mean; 1 where they shared none.
+    /// Contacts that the busiest of them passed over in shared solves, over the mean; 1 where they shared
+    /// none.
     pub imbalance: f64,
     /// Bytes that all of them sent.
     pub communication_bytes: u64,

@@ -41,8 +41,8 @@ impl Triangles {
         surface
     }
 
-    /// Surface of revolution about z of the profile (distance from the axis, height), given from bottom to top; both
-    /// ends lie on the axis.
+    /// Surface of revolution about z of the profile (distance from the axis, height), given from bottom to
+    /// top; both ends lie on the axis.
     fn revolution(profile: &[(f64, f64)]) -> Self {
         let rings = &profile[1..profile.len() - 1];
         let mut surface = Self::default();
@@ -173,7 +173,8 @@ impl Builder<'_> {
     }
 }
 
-/// The frame: the surfaces of all shapes but spheres. A plane is drawn as a square patch that reaches below all bodies.
+/// The frame: the surfaces of all shapes but spheres. A plane is drawn as a square patch that reaches below
+/// all bodies.
 ///
 /// Cell arrays: `body_id` (number, as in the frames of bodies), `type` (material). Point array: `v` (m/s).
 pub fn surfaces(world: &World, roster: &Roster, stages: &[Stage], show: Show) -> PolyData {

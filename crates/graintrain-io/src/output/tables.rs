@@ -171,8 +171,8 @@ impl Tables {
     }
 }
 
-/// Whether the table of wrenches follows the body: it is not free, and it has a name or cannot translate freely. Grains
-/// of which only the rotation is held are left out: there may be thousands of them.
+/// Whether the table of wrenches follows the body: it is not free, and it has a name or cannot translate
+/// freely. Grains of which only the rotation is held are left out: there may be thousands of them.
 fn has_wrench_record(world: &World, body: usize) -> bool {
     let named = world.bodies.name.get(body).is_some_and(|name| !name.is_empty());
     !world.is_free(body) && (named || world.free_degrees(body)[..3] != [true; 3])

@@ -2,13 +2,14 @@
 
 use std::fmt::Write as _;
 
-/// Files of a frame, relative to the folder of the `.vtm`. The names of the blocks are those by which OVITO knows what
-/// they hold.
+/// Files of a frame, relative to the folder of the `.vtm`. The names of the blocks are those by which OVITO
+/// knows what they hold.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Blocks {
     /// Particles.
     pub particles: Option<String>,
-    /// Contacts; none where there is no contact (OVITO 3.17 ends with a floating-point exception on an empty file).
+    /// Contacts; none where there is no contact (OVITO 3.17 ends with a floating-point exception on an empty
+    /// file).
     pub contacts: Option<String>,
     /// Meshes, each with a name.
     pub meshes: Vec<(&'static str, String)>,

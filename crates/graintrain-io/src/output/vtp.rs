@@ -1,7 +1,7 @@
 //! VTK XML polygonal data (`.vtp`) that ParaView and OVITO both read.
 //!
-//! OVITO's reader is the stricter one and sets the rules: arrays inline (ASCII or base64, never appended, never
-//! compressed), as many vertex cells as points in particle files, and `FieldData` after the `Piece`.
+//! OVITO's reader is the stricter one and sets the rules: arrays inline (ASCII or base64, never appended,
+//! never compressed), as many vertex cells as points in particle files, and `FieldData` after the `Piece`.
 
 use super::exchange::PeriodicBox;
 pub use crate::settings::Precision;

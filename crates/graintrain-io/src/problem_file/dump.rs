@@ -1,4 +1,5 @@
-//! Writes contact problems as FCLIB files that other programs read, and reads back exactly what FCLIB cannot say.
+//! Writes contact problems as FCLIB files that other programs read, and reads back exactly what FCLIB cannot
+//! say.
 //!
 //! A problem over rigid bodies becomes the global form: M block diagonal, H = D, f = 0 and w = r, so that W =
 //! H^T M^-1 H = N and q = w + H^T M^-1 f = r. A prescribed degree of freedom has no finite mass: its row of H
@@ -19,8 +20,8 @@
 //! | `arm_a`, `arm_b` | contact point minus centre of mass, 3 per contact, m |
 //! | `inverse_mass`, `inverse_inertia` | 3 per body, 1/kg, and 9 per body, 1/(kg m^2), world axes |
 //!
-//! The bodies are taken from there only where they reproduce the M and H of the FCLIB group: a file whose FCLIB part
-//! was edited is read as edited.
+//! The bodies are taken from there only where they reproduce the M and H of the FCLIB group: a file whose
+//! FCLIB part was edited is read as edited.
 
 use super::error::{COPY_AGAIN, Defect, ProblemFileError};
 use super::fclib::Group;
@@ -173,7 +174,8 @@ fn add_triplets(group: &mut hdf5_pure::GroupBuilder, name: &str, matrix: &Matrix
     Ok(())
 }
 
-/// M and H = D of rigid bodies; `None` where an inverse inertia is singular other than by prescribed world axes.
+/// M and H = D of rigid bodies; `None` where an inverse inertia is singular other than by prescribed world
+/// axes.
 fn mass_and_jacobian(rigid: &RigidDelassus) -> Option<(Matrix, Matrix)> {
     let freedoms = 6 * rigid.num_bodies();
     let mut moves = vec![true; freedoms];

@@ -2,17 +2,17 @@
 //! `fclib_local_rolling` and `fclib_global_rolling`, whose contacts have five rows and a second coefficient,
 //! `mu_r`.
 //!
-//! Meanings after the FCLIB report (Acary, Bremond, Huber: FCLIB: a collection of discrete 3D frictional contact
-//! problems, Inria RT-444) and `fclib.h`:
+//! Meanings after the FCLIB report (Acary, Bremond, Huber: FCLIB: a collection of discrete 3D frictional
+//! contact problems, Inria RT-444) and `fclib.h`:
 //!
 //! ```text
 //! local:   u = W r + V lambda + q,      V^T r + R lambda + s = 0          (V, R, s optional)
 //! global:  M v = H r + G lambda + f,    G^T v + b = 0,    u = H^T v + w   (G, b optional)
 //! ```
 //!
-//! A matrix is a group of `m` rows, `n` columns, `nz` (-1 compressed columns, -2 compressed rows, else the number of
-//! triplets), `p`, `i`, `x`. Triplets follow CSparse and thus Siconos: `i` rows, `p` columns. `fclib.h` says the
-//! opposite; where only its reading fits the size of the matrix, it is taken.
+//! A matrix is a group of `m` rows, `n` columns, `nz` (-1 compressed columns, -2 compressed rows, else the
+//! number of triplets), `p`, `i`, `x`. Triplets follow CSparse and thus Siconos: `i` rows, `p` columns.
+//! `fclib.h` says the opposite; where only its reading fits the size of the matrix, it is taken.
 
 use super::error::{COPY_AGAIN, Defect, WRITE_AGAIN};
 use super::matrix::{Entry, Matrix};
@@ -150,7 +150,8 @@ impl Group<'_> {
         let place = self.place(name);
         let numbers = self.file.dataset(&place).and_then(|dataset| dataset.read_i64());
         let numbers = numbers.map_err(|error| damaged(&place, &error))?;
-        // Whole numbers may be stored as floats; what is none (NaN, 0.5) must not be rounded to another matrix.
+        // Whole numbers may be stored as floats; what is none (NaN, 0.5) must not be rounded to another
+        // matrix.
         let as_stored = self.numbers(name)?;
         match as_stored.iter().zip(&numbers).find(|(stored, number)| **stored != **number as f64) {
             None => Ok(numbers),

@@ -1,7 +1,8 @@
 //! From the global form, M v = H r + f and u = H^T v + w, to a CCP: N = H^T M^-1 H, r = w + H^T M^-1 f.
 //!
-//! Where M and H are those of rigid bodies the bodies are kept ([`super::rigid`]). Otherwise N is condensed: M falls
-//! apart into independent blocks (one per deformable body); with M_c = L L^T and Y = L^-1 H_c, N is the sum of Y^T Y.
+//! Where M and H are those of rigid bodies the bodies are kept ([`super::rigid`]). Otherwise N is condensed:
+//! M falls apart into independent blocks (one per deformable body); with M_c = L L^T and Y = L^-1 H_c, N is
+//! the sum of Y^T Y.
 
 use super::dense;
 use super::error::{Defect, WRITE_AGAIN};

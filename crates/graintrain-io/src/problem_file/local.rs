@@ -71,8 +71,8 @@ fn summed_blocks(contacts: usize, mut entries: Vec<(usize, usize, f64)>) -> Bloc
 
 /// Eliminates lambda = -R^-1 (V^T r + s):  W <- W - V R^-1 V^T,  q <- q - V R^-1 s.
 ///
-/// FCLIB's convention makes R negative definite where lambda are multipliers of equality constraints; either sign is
-/// taken. R singular (redundant equalities) is refused.
+/// FCLIB's convention makes R negative definite where lambda are multipliers of equality constraints; either
+/// sign is taken. R singular (redundant equalities) is refused.
 fn eliminate(local: &LocalForm, equalities: &LocalEqualities) -> Result<(Matrix, Vec<f64>), Defect> {
     let p = equalities.s.len();
     let mut dense_r = vec![0.0; p * p];

@@ -51,8 +51,8 @@ impl Matrix {
         Ok(Self { rows, columns, entries })
     }
 
-    /// Mirrors the entries at the diagonal where all others lie on one side of it, as files have it that store one
-    /// triangle of a symmetric matrix; says whether that was so.
+    /// Mirrors the entries at the diagonal where all others lie on one side of it, as files have it that
+    /// store one triangle of a symmetric matrix; says whether that was so.
     pub(super) fn mirror_triangle(&mut self) -> bool {
         let above = self.entries.iter().any(|entry| entry.row < entry.column);
         let below = self.entries.iter().any(|entry| entry.row > entry.column);

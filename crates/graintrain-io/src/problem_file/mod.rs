@@ -54,8 +54,8 @@ pub enum Form {
     Condensed,
 }
 
-/// A problem read from a file. Contacts keep the order of the file, components their frame (normal, tangent 1,
-/// tangent 2).
+/// A problem read from a file. Contacts keep the order of the file, components their frame (normal, tangent
+/// 1, tangent 2).
 #[derive(Clone, Debug)]
 pub struct ProblemFile {
     /// The problem. Its matrix is symmetric; its impulses are the `r` of the file, its velocities the `u`.
@@ -156,7 +156,8 @@ pub fn from_local(
     w.matrix("W").map(local).and_then(stated).map_err(|defect| defect.in_file(Path::new(name)))
 }
 
-/// The problem M v = H g + f, u = H^T v + w, as [`read`] takes it from a file: rigid bodies are recognised and kept.
+/// The problem M v = H g + f, u = H^T v + w, as [`read`] takes it from a file: rigid bodies are recognised
+/// and kept.
 ///
 /// # Errors
 /// [`ProblemFileError`] for what [`read`] would refuse in a file.

@@ -162,7 +162,8 @@ impl RawProblem {
         }
     }
 
-    /// Completes matrices that have to be symmetric and of which only one triangle is stored; gives their names.
+    /// Completes matrices that have to be symmetric and of which only one triangle is stored; gives their
+    /// names.
     pub(super) fn mirror_triangles(&mut self) -> Vec<&'static str> {
         let symmetric: Vec<(&'static str, &mut Matrix)> = match self {
             Self::Local(local) => {

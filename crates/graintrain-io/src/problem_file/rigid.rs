@@ -136,7 +136,8 @@ fn framed(ht: &Matrix, i: usize) -> Option<Framed> {
         let part = if axis < 3 { &mut sides[side].linear } else { &mut sides[side].angular };
         part[row][axis % 3] = entry.value;
     }
-    // A is the side whose frame is right-handed: which side is called A is free, n points from B to A either way.
+    // A is the side whose frame is right-handed: which side is called A is free, n points from B to A either
+    // way.
     sides.sort_by(|a, b| determinant(&b.linear).total_cmp(&determinant(&a.linear)));
     let frame = match sides.first() {
         Some(side) => {

@@ -1,4 +1,5 @@
-//! Problems with rolling friction: from five rows per contact to the block rows of a [`Ccp`](graintrain_ccp::Ccp).
+//! Problems with rolling friction: from five rows per contact to the block rows of a
+//! [`Ccp`](graintrain_ccp::Ccp).
 //!
 //! FCLIB (`fclib_local_rolling`, `fclib_global_rolling`) and Siconos give a contact the rows (normal, tangent
 //! 1, tangent 2, turning 1, turning 2): two turning velocities in rad/s with moments in N m s, |moment| <=
@@ -17,7 +18,8 @@ use graintrain_linalg::block3::BlockMatrix3;
 /// Rows per contact in a file with rolling friction.
 pub(super) const ROWS: usize = 5;
 
-/// Where row `k` of a file of so many contacts stands among the block rows: contacts first, then turning rows.
+/// Where row `k` of a file of so many contacts stands among the block rows: contacts first, then turning
+/// rows.
 fn place(k: usize, contacts: usize) -> usize {
     let (contact, row) = (k / ROWS, k % ROWS);
     if row < 3 { 3 * contact + row } else { 3 * (contacts + contact) + row - 2 }

@@ -1,4 +1,5 @@
-//! Reads the text problems of Siconos (`.dat`): dense, sparse-block and sparse matrices, local and global form.
+//! Reads the text problems of Siconos (`.dat`): dense, sparse-block and sparse matrices, local and global
+//! form.
 //!
 //! Local:  dimension, contacts, W, q, mu.  Global:  dimension, contacts, M, H, q, b, mu  with  M v = H r + q,
 //! u = H^T v + b. With dimension 5 contacts have two rows of rolling friction more, and mu_r follows mu. A
@@ -10,7 +11,8 @@
 //! | 1, sparse blocks | number of blocks, block rows, block columns, cumulated row and column sizes, compressed block rows, then per block its number and its entries column by column |
 //! | 2, sparse | origin, then what CSparse prints: triplets `i j : x`, or per column `col j : ..` and `i : x` |
 //!
-//! Meanings checked against `globalFrictionContact_newFromFile`, `NM_new_from_file` and `SBM_new_from_file` of Siconos.
+//! Meanings checked against `globalFrictionContact_newFromFile`, `NM_new_from_file` and `SBM_new_from_file`
+//! of Siconos.
 
 use super::error::{COPY_AGAIN, Defect};
 use super::matrix::{Entry, Matrix};
@@ -201,8 +203,8 @@ fn sparse(words: &mut Words<'_>, rows: usize, columns: usize, name: &str) -> Res
         }
         return Ok(entries);
     }
-    // Compressed storage: "col j : locations a to b", then b - a + 1 entries "i : x" ("row" in place of "col" where
-    // compressed by rows).
+    // Compressed storage: "col j : locations a to b", then b - a + 1 entries "i : x" ("row" in place of "col"
+    // where compressed by rows).
     while entries.len() < count {
         let Some((by_row, major)) = compressed_header(&words.line()) else {
             let what = format!("expected 'col j : locations a to b' in {name}");

@@ -38,12 +38,12 @@ use materials::materials;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
-/// Contact envelope as a fraction of the smallest radius: wide enough that the contacts of a settled packing persist
-/// while it moves, narrow enough that few contacts without force are solved for.
+/// Contact envelope as a fraction of the smallest radius: wide enough that the contacts of a settled packing
+/// persist while it moves, narrow enough that few contacts without force are solved for.
 const ENVELOPE: f64 = 0.3;
 
-/// Overlap accepted at the start, as a fraction of the smallest radius: what settled packings from other programs
-/// have.
+/// Overlap accepted at the start, as a fraction of the smallest radius: what settled packings from other
+/// programs have.
 const ALLOWED_OVERLAP: f64 = 0.01;
 
 /// Everything that a run needs.
@@ -63,8 +63,8 @@ pub struct Simulation {
     pub measures: Vec<Measure>,
     /// Ways in and out for bodies.
     pub traffic: Traffic,
-    /// The scene with the defaults that depend on the bodies filled in; `resolved.to_toml()` belongs into the run's
-    /// folder.
+    /// The scene with the defaults that depend on the bodies filled in; `resolved.to_toml()` belongs into the
+    /// run's folder.
     pub resolved: Scene,
 }
 
@@ -72,8 +72,8 @@ impl Scene {
     /// Makes the world and the settings of a run. Reads the files that the scene names.
     ///
     /// # Errors
-    /// [`SceneError`] for a missing or damaged file, a packing that does not fit, no body that can move, or bodies
-    /// that overlap at the start.
+    /// [`SceneError`] for a missing or damaged file, a packing that does not fit, no body that can move, or
+    /// bodies that overlap at the start.
     pub fn build(&self) -> Result<Simulation, SceneError> {
         let mut resolved = self.clone();
         resolved.make_paths_absolute()?;
@@ -484,7 +484,8 @@ impl Builder {
         Ok(())
     }
 
-    /// The bodies of these names and of the packings of these, ascending; `None` where there are no names: all.
+    /// The bodies of these names and of the packings of these, ascending; `None` where there are no names:
+    /// all.
     fn bodies_named(&self, bodies: &[String], packings: &[String]) -> Option<Vec<BodyId>> {
         if bodies.is_empty() && packings.is_empty() {
             return None;

@@ -9,9 +9,9 @@
 //! exponent = { "+" | "-" } atom [ "^" exponent ]
 //! atom     = number | parameter | unit | "pi" | function "(" sum { "," sum } ")" | extent "(" parameter ")" | "(" sum ")"
 //! ```
-//! An extent (`mesh_min_x` to `mesh_max_z`) is the least or greatest coordinate in the file of triangles that a parameter names, a number in the
-//! unit of the file.
-//! In a function of time the atom `t` is the time (elsewhere it is the unit, a tonne): `"2 kN * sin(2*pi*t/4 s)"`.
+//! An extent (`mesh_min_x` to `mesh_max_z`) is the least or greatest coordinate in the file of triangles that
+//! a parameter names, a number in the unit of the file. In a function of time the atom `t` is the time
+//! (elsewhere it is the unit, a tonne): `"2 kN * sin(2*pi*t/4 s)"`.
 //!
 //! So `10 cm/s` is a speed, `9.81 m/s^2` an acceleration and `1 m / 2 s` is 0.5 m/s.
 
@@ -53,7 +53,8 @@ pub(crate) fn is_reserved(name: &str) -> bool {
     name == "pi" || unit(name).is_some() || FUNCTIONS.contains(&name) || extent(name).is_some()
 }
 
-/// Whether a word can be the name of a parameter: a letter or underscore, then letters, digits and underscores.
+/// Whether a word can be the name of a parameter: a letter or underscore, then letters, digits and
+/// underscores.
 pub(crate) fn is_name(word: &str) -> bool {
     word.starts_with(|first: char| first.is_ascii_alphabetic() || first == '_')
         && word.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')
@@ -65,7 +66,8 @@ pub(crate) trait Names {
     fn value(&self, name: &str) -> Option<Result<Quantity, String>>;
     /// All parameters, for suggestions.
     fn names(&self) -> Vec<&str>;
-    /// Least and greatest coordinates in the file of triangles that the parameter of this name names; `None` if there is no such parameter.
+    /// Least and greatest coordinates in the file of triangles that the parameter of this name names; `None`
+    /// if there is no such parameter.
     fn corners(&self, _name: &str) -> Option<Result<[Vec3; 2], String>> {
         None
     }
@@ -116,7 +118,8 @@ impl Term {
         self.constant().unwrap_or(Quantity { value: 1.0, dimension: self.dimension })
     }
 
-    /// `quantities` joins numbers (and dimensions, for which any numbers do), `operator` what depends on time.
+    /// `quantities` joins numbers (and dimensions, for which any numbers do), `operator` what depends on
+    /// time.
     fn joined(
         self,
         other: Self,
@@ -264,8 +267,8 @@ fn tokenize(text: &str) -> Result<Vec<Token>, ExpressionError> {
     Ok(tokens)
 }
 
-/// Length of the number at the start of the text: digits, point, and an exponent if it is complete (`2e3`, not the
-/// `e` of a word).
+/// Length of the number at the start of the text: digits, point, and an exponent if it is complete (`2e3`,
+/// not the `e` of a word).
 fn number_length(text: &str) -> usize {
     let bytes = text.as_bytes();
     let digits = |mut at: usize| {

@@ -1,4 +1,5 @@
-//! Surfaces of triangles from files: STL (ascii and binary), OBJ, COLLADA, and tables of nine coordinates per triangle.
+//! Surfaces of triangles from files: STL (ascii and binary), OBJ, COLLADA, and tables of nine coordinates per
+//! triangle.
 
 mod collada;
 

@@ -140,7 +140,8 @@ fn in_order<S: Serializer, T: Serialize>(tables: &[(String, T)], serializer: S) 
 impl Scene {
     /// Loads a scene file, or the built-in scene of that name, with `--set` settings applied in order.
     ///
-    /// What contains a path separator or ends in `.toml` is a file; another word is a built-in scene if there is one.
+    /// What contains a path separator or ends in `.toml` is a file; another word is a built-in scene if there
+    /// is one.
     ///
     /// # Errors
     /// [`SceneError`] for everything that is wrong with the text. Files that the scene names are read by
@@ -165,7 +166,8 @@ impl Scene {
         Self::parse(&name, scene, &text, folder, settings)
     }
 
-    /// Reads a scene from its text. `source` names the text in messages; relative paths in it start at `folder`.
+    /// Reads a scene from its text. `source` names the text in messages; relative paths in it start at
+    /// `folder`.
     ///
     /// # Errors
     /// As [`Scene::load`].
@@ -184,8 +186,8 @@ impl Scene {
         file::read(name, &root, PathBuf::from(folder))
     }
 
-    /// The scene as a complete TOML text: every default explicit, every value in SI units, every path absolute.
-    /// Reading it gives the same scene, bit for bit.
+    /// The scene as a complete TOML text: every default explicit, every value in SI units, every path
+    /// absolute. Reading it gives the same scene, bit for bit.
     ///
     /// # Errors
     /// [`SceneErrorKind::Contradiction`] where a path is not valid UTF-8 and so cannot be written.
@@ -235,7 +237,8 @@ pub fn quantity(text: &str) -> Result<quantity::Quantity, String> {
     expression::evaluate(text, &expression::NoNames).map_err(|error| error.problem)
 }
 
-/// A time in seconds from what scenes accept as one: a number of seconds, or an expression with units ("20 ms").
+/// A time in seconds from what scenes accept as one: a number of seconds, or an expression with units ("20
+/// ms").
 ///
 /// # Errors
 /// What is wrong with the text, in words.
@@ -250,7 +253,8 @@ pub fn seconds(text: &str) -> Result<f64, String> {
     Ok(quantity.value)
 }
 
-/// Rolling or spinning friction from what scenes accept as one: a number of effective radii, or a length ("1 mm").
+/// Rolling or spinning friction from what scenes accept as one: a number of effective radii, or a length ("1
+/// mm").
 ///
 /// # Errors
 /// What is wrong with the text, in words.

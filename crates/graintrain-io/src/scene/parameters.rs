@@ -32,8 +32,8 @@ pub(crate) struct Interpolated {
 }
 
 impl Parameters {
-    /// Evaluates the table of parameters (absent: there are none). Relative paths start at `folder`, those of the command line where the program
-    /// runs.
+    /// Evaluates the table of parameters (absent: there are none). Relative paths start at `folder`, those of
+    /// the command line where the program runs.
     pub fn new(table: Option<&Node>, folder: &Path) -> Result<Self, SceneError> {
         let entries = match table {
             None => Vec::new(),

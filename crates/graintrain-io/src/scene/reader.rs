@@ -1,4 +1,5 @@
-//! Reads keys of one table: checks names against the schema, evaluates quantities, checks dimensions and ranges.
+//! Reads keys of one table: checks names against the schema, evaluates quantities, checks dimensions and
+//! ranges.
 
 use super::error::{Location, SceneError, SceneErrorKind, closest};
 use super::model::{FunctionFile, FunctionSpec};
@@ -75,8 +76,8 @@ impl<'a> Reader<'a> {
         if self.path.is_empty() { key.into() } else { format!("{}.{key}", self.path) }
     }
 
-    /// The schema's entry. Every key that is asked for is in the schema; a reader that asked for another would
-    /// find nothing, and the test of the documentation would not know it.
+    /// The schema's entry. Every key that is asked for is in the schema; a reader that asked for another
+    /// would find nothing, and the test of the documentation would not know it.
     fn key(&self, key: &str) -> &'static Key {
         self.table.key(key).unwrap_or_else(|| unreachable!("{} has no key {key}", self.table.heading))
     }
@@ -484,7 +485,8 @@ impl<'a> Reader<'a> {
         texts.collect::<Result<_, _>>().map(Some)
     }
 
-    /// A path, if given: relative to the scene's folder, or to the current folder where it comes from `--set`.
+    /// A path, if given: relative to the scene's folder, or to the current folder where it comes from
+    /// `--set`.
     pub fn path(&self, key: &str) -> Result<Option<PathBuf>, SceneError> {
         let Some(node) = self.get(key) else { return Ok(None) };
         let Value::Text(text) = &node.value else {

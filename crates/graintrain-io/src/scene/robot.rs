@@ -1,8 +1,9 @@
 //! Robots: URDF files as bodies and joints of a scene.
 //!
-//! Links that `fixed` joints hold together are one body, under the name of the first of them that has a mass or a shape. Links
-//! without mass and shape that carry nothing are left out. A joint's coordinate is zero where it starts, so stops are moved by
-//! that. A joint that mimics another is a gear; friction in a joint is a motor at rest with that torque at the most.
+//! Links that `fixed` joints hold together are one body, under the name of the first of them that has a mass
+//! or a shape. Links without mass and shape that carry nothing are left out. A joint's coordinate is zero
+//! where it starts, so stops are moved by that. A joint that mimics another is a gear; friction in a joint is
+//! a motor at rest with that torque at the most.
 
 mod urdf;
 
@@ -298,8 +299,9 @@ impl Import<'_> {
         })
     }
 
-    /// The inertia that a body is given: that of the file, or where no body can have that and it is to be mended,
-    /// none (it follows from the shapes) or, of a body without shapes, that of a ball with the same sum of moments.
+    /// The inertia that a body is given: that of the file, or where no body can have that and it is to be
+    /// mended, none (it follows from the shapes) or, of a body without shapes, that of a ball with the same
+    /// sum of moments.
     fn usable(
         &self,
         owner: usize,
@@ -443,8 +445,8 @@ fn joined(a: Inertial, b: Inertial) -> Inertial {
     Inertial { mass, centre, tensor: about(a) + about(b) }
 }
 
-/// The file of a mesh: relative to the URDF file, or in a package, which is looked for in `packages` or from the
-/// URDF file upwards. The package's own folder may be called otherwise, as where it was cloned.
+/// The file of a mesh: relative to the URDF file, or in a package, which is looked for in `packages` or from
+/// the URDF file upwards. The package's own folder may be called otherwise, as where it was cloned.
 fn find(name: &str, urdf: &Path, packages: Option<&Path>) -> Result<PathBuf, String> {
     let folder = urdf.parent().unwrap_or(Path::new(""));
     let in_package = name.strip_prefix("package://").or(name.strip_prefix("model://"));

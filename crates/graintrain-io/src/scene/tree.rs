@@ -1,4 +1,5 @@
-//! A TOML document as a tree in which every key and value knows where it is written, edited by `--set KEY=VALUE`.
+//! A TOML document as a tree in which every key and value knows where it is written, edited by
+//! `--set KEY=VALUE`.
 
 use super::error::{Location, SceneError, SceneErrorKind, Source, closest};
 use super::schema;
@@ -133,8 +134,8 @@ impl Converter<'_> {
 
 /// Applies one `--set KEY=VALUE` to the tree.
 ///
-/// A key without dots that names a declared parameter sets that parameter. The value is read as TOML; what is not
-/// valid TOML is a text, so that quotes are not needed: `--set time.step=25 ms`.
+/// A key without dots that names a declared parameter sets that parameter. The value is read as TOML; what is
+/// not valid TOML is a text, so that quotes are not needed: `--set time.step=25 ms`.
 pub(crate) fn set(root: &mut Node, key: &str, value: &str) -> Result<(), SceneError> {
     let source = Arc::new(Source { name: "--set".into(), text: format!("{key}={value}") });
     let location = |span| Location { source: source.clone(), span };

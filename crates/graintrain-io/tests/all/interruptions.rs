@@ -1,4 +1,5 @@
-//! What an interrupted run has lost is told, what goes on is what would have been, and nothing leads out of its folder.
+//! What an interrupted run has lost is told, what goes on is what would have been, and nothing leads out of
+//! its folder.
 
 use graintrain::world::World;
 use graintrain_io::checkpoint::{self, Checkpoint};
@@ -177,7 +178,8 @@ impl Observer for KilledAt<'_> {
     }
 }
 
-/// The check sum of a checkpoint says nothing of who wrote it: a name in it that leads out of the folder is refused.
+/// The check sum of a checkpoint says nothing of who wrote it: a name in it that leads out of the folder is
+/// refused.
 #[test]
 fn checkpoints_name_no_files_outside_of_the_folder() {
     let folder = tempfile::tempdir().unwrap();
@@ -219,7 +221,8 @@ fn folders_that_are_links_are_refused() {
     assert_eq!(std::fs::read_dir(&mine).unwrap().count(), 1);
 }
 
-/// What a run left that was ended before its first checkpoint is no result; whatever somebody computed is one.
+/// What a run left that was ended before its first checkpoint is no result; whatever somebody computed is
+/// one.
 #[test]
 fn a_run_that_had_not_begun_leaves_its_folder_free() {
     let folder = tempfile::tempdir().unwrap();

@@ -23,7 +23,8 @@ use graintrain_io::run::{Observer, RunSettings, RunTotals, StepView};
 use std::collections::HashSet;
 use std::path::Path;
 
-/// Two spheres, a dumb-bell, a box and a capsule that move, on a plane, beside a fixed wall and a turning cylinder.
+/// Two spheres, a dumb-bell, a box and a capsule that move, on a plane, beside a fixed wall and a turning
+/// cylinder.
 fn world() -> World {
     let mut world =
         World::new(Vec3::new(0.0, 0.0, -9.81), Materials::single("glass", 2500.0, 0.3, 0.0).unwrap())
@@ -56,7 +57,8 @@ fn world() -> World {
     world
 }
 
-/// Puts the world a step further, as if solved: contacts of the two spheres with the ground and with each other.
+/// Puts the world a step further, as if solved: contacts of the two spheres with the ground and with each
+/// other.
 fn advance(world: &mut World, settings: &RunSettings) -> StepReport {
     world.step += 1;
     world.time += settings.stepping.step;

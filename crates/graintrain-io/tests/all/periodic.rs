@@ -124,7 +124,8 @@ fn what_makes_no_sense_is_refused() {
     assert!(scene(&no_cell).unwrap_err().contains("add `[periodic]`"));
 }
 
-/// What a stage drives, or fixes, is held against the cell when the scene is built, at the place where it is written.
+/// What a stage drives, or fixes, is held against the cell when the scene is built, at the place where it is
+/// written.
 #[test]
 fn stages_that_the_cell_cannot_follow_are_refused() {
     let refused = |text: &str, part: &str, line: usize| {
@@ -169,7 +170,8 @@ fn bodies_are_fixed_in_a_cell_that_is_held_again() {
     }
 }
 
-/// Bodies that grow end the run where the cell has no more room for them, in a state that a run can go on from.
+/// Bodies that grow end the run where the cell has no more room for them, in a state that a run can go on
+/// from.
 #[test]
 fn growth_ends_at_half_an_edge() {
     let text = "gravity = [0, 0, 0]\n[time]\nstep = \"1 ms\"\nend = \"1 s\"\n[periodic]\nmin = [0, 0, 0]\nmax = [1, 1, 1]\n\

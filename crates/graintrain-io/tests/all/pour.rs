@@ -1,4 +1,5 @@
-//! Boxes, convex hulls, clumps and capsules poured into a box: they come to rest, do not overlap, and gain no energy.
+//! Boxes, convex hulls, clumps and capsules poured into a box: they come to rest, do not overlap, and gain no
+//! energy.
 
 use graintrain::math::Vec3;
 use graintrain::world::World;

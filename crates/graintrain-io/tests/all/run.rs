@@ -203,7 +203,8 @@ fn a_killed_run_goes_on_from_its_last_checkpoint() {
         Recorder::begin(RunFolder::create(killed.path(), false).unwrap(), &settings, &world(), "").unwrap();
     let mut run = Run::new(world(), settings.clone(), RunTotals::default(), stop.clone()).unwrap();
     let _ = run.advance(&mut [&mut recorder, &mut StopAfter(26, stop)]).unwrap();
-    // No last checkpoint: the process is gone. The one of step 21 remains, and records of steps 22 to 26 after it.
+    // No last checkpoint: the process is gone. The one of step 21 remains, and records of steps 22 to 26
+    // after it.
     drop((run, recorder));
     assert_eq!(read(killed.path(), "steps.csv").lines().count(), 27);
 

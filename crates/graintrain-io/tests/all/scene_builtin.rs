@@ -1,4 +1,5 @@
-//! The built-in scenes: they build, with the right number of bodies, and survive being written and read again.
+//! The built-in scenes: they build, with the right number of bodies, and survive being written and read
+//! again.
 
 use graintrain::collide::deepest_overlap;
 use graintrain::math::Vec3;

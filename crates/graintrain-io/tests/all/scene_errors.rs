@@ -1,4 +1,5 @@
-//! What is said about scenes that cannot be used: the exact words of the important messages, and never a panic.
+//! What is said about scenes that cannot be used: the exact words of the important messages, and never a
+//! panic.
 
 use graintrain_io::scene::{Scene, SceneError, Simulation, builtin, setting};
 use proptest::prelude::*;

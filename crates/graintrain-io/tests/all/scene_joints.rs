@@ -201,8 +201,9 @@ joints = ["a", "b"]
 ratio = 1
 "#;
 
-/// Stops count where positions are after a step, not where velocities point at its start, and the sign of what a stop exerts once its
-/// row lies on its path: fingers that the swing turns by microns missed every step else.
+/// Stops count where positions are after a step, not where velocities point at its start, and the sign of
+/// what a stop exerts once its row lies on its path: fingers that the swing turns by microns missed every
+/// step else.
 #[test]
 fn coupled_fingers_rest_at_their_stops() {
     for (axis, gravity, at_stops) in

@@ -82,7 +82,8 @@ fn wrong_laws_are_told_where_they_stand() {
         let error = build(&SCENE.replace(from, to)).err().unwrap_or_else(|| panic!("{to} was accepted"));
         assert!(error.contains(expected), "{to}: {error}");
     }
-    // What a pair and its materials give together is placed at the pair, or at the stage that changes a material.
+    // What a pair and its materials give together is placed at the pair, or at the stage that changes a
+    // material.
     let rigid = SCENE.replace("stiffness = \"20 kN/m\"", "").replace("damping = \"4 N s/m\"", "");
     let error = build(&rigid.replace("stiffness = \"7 kN/m\"", "")).err().unwrap();
     assert!(error.starts_with("laws.toml:12:"), "{error}");

@@ -79,7 +79,8 @@ fn a_resolved_scene_with_loads_has_the_same_bits() {
     std::fs::remove_dir_all(folder).unwrap();
 }
 
-/// The frame of `arm` has its origin 0.3 m beside the centre of mass: a lift at 0.2 m in that frame turns it about +y.
+/// The frame of `arm` has its origin 0.3 m beside the centre of mass: a lift at 0.2 m in that frame turns it
+/// about +y.
 #[test]
 fn the_point_of_a_force_is_in_the_frame_of_the_body() {
     let folder = folder("point");

@@ -208,7 +208,8 @@ fn the_built_in_wheel_is_short_and_stands_over_five_thousand_grains() {
     std::fs::remove_dir_all(folder).unwrap();
 }
 
-/// A wheel seven times as large, in metres, and twice as wide, its frame far from it: the bed, the grains, the start and the step follow.
+/// A wheel seven times as large, in metres, and twice as wide, its frame far from it: the bed, the grains,
+/// the start and the step follow.
 #[test]
 fn the_built_in_wheel_takes_any_wheel() {
     let large = |[x, y, z]: [f64; 3]| [7e-3 * x + 11.0, 14e-3 * y, 7e-3 * z - 3.0];

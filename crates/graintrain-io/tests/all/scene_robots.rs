@@ -343,8 +343,9 @@ fn bodies_that_ignore_each_other_pass() {
     assert!(others.world.bodies.velocity[1].x < 1.0);
 }
 
-/// Every URDF file below the folder that `GRAINTRAIN_ROBOTS` names (a checkout of the public example-robot-data, say) is read, or refused
-/// with a reason in the file; what is read hangs for 50 steps with closed joints.
+/// Every URDF file below the folder that `GRAINTRAIN_ROBOTS` names (a checkout of the public
+/// example-robot-data, say) is read, or refused with a reason in the file; what is read hangs for 50 steps
+/// with closed joints.
 #[test]
 #[ignore = "needs a folder of robots: GRAINTRAIN_ROBOTS"]
 fn public_robots_hang_by_their_joints() {

@@ -8,7 +8,8 @@ use graintrain_io::scene::Scene;
 use graintrain_io::stage::StageEnd;
 use std::path::Path;
 
-/// A box falls, comes to rest, is pushed by a load against friction, and then slides on a moving floor without it.
+/// A box falls, comes to rest, is pushed by a load against friction, and then slides on a moving floor
+/// without it.
 const SCENE: &str = r#"
 [time]
 step = "1 ms"

@@ -1,8 +1,9 @@
 //! Ordered assemblies as contact problems, written down without a simulation, and a way to disturb them.
 //!
-//! Bodies touch (all gaps are zero) and fall for one step from rest, so that r = D^T (-g dt): every problem has a solution
-//! at rest. Disorder moves every body by a uniform random vector within `disorder` times its radius (half edge); normals
-//! and arms follow, who touches whom stays. Without disorder all contacts of a kind are the same.
+//! Bodies touch (all gaps are zero) and fall for one step from rest, so that r = D^T (-g dt): every problem
+//! has a solution at rest. Disorder moves every body by a uniform random vector within `disorder` times its
+//! radius (half edge); normals and arms follow, who touches whom stays. Without disorder all contacts of a
+//! kind are the same.
 
 use graintrain::ccp::{BodyInverseMass, Ccp, Delassus, FIXED, RigidContact, RigidDelassus};
 use rand::Rng;
@@ -37,7 +38,8 @@ pub const ASSEMBLIES: [(&str, Assembly); 4] = [
     ("blocks", Assembly::Blocks),
 ];
 
-/// A touching pair before it is disturbed: bodies (`None` for the surroundings), normal from B to A, contact point.
+/// A touching pair before it is disturbed: bodies (`None` for the surroundings), normal from B to A, contact
+/// point.
 struct Touch {
     bodies: [Option<usize>; 2],
     normal: [f64; 3],
@@ -182,8 +184,8 @@ fn brick_wall(courses: usize) -> Plan {
         for k in 0..bricks {
             let here = course * bricks + k;
             let c = centre(course, k);
-            // The two halves of the underside, each on a brick of the course below or on the floor; at the ends a half
-            // may hang free.
+            // The two halves of the underside, each on a brick of the course below or on the floor; at the
+            // ends a half may hang free.
             for half in [0, 1] {
                 let other = (k + course % 2 + half).checked_sub(1).filter(|&k| k < bricks);
                 if course > 0 && other.is_none() {

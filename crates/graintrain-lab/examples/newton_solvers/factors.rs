@@ -1,5 +1,6 @@
-//! Sparse Cholesky factorisations of Newton matrices in body space (K = I + A A^T, 6x6 blocks): the product's in two orders of bodies, and
-//! faer's in its own order of scalars, on the same matrices and right-hand sides.
+//! Sparse Cholesky factorisations of Newton matrices in body space (K = I + A A^T, 6x6 blocks): the product's
+//! in two orders of bodies, and faer's in its own order of scalars, on the same matrices and right-hand
+//! sides.
 
 use crate::Failure;
 use crate::solve::{TOLERANCE, clock, problem};
@@ -20,7 +21,8 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering as Access};
 use std::time::Instant;
 
-/// Factorisations and solves of which the fastest counts, and processor seconds after which there are no more of them.
+/// Factorisations and solves of which the fastest counts, and processor seconds after which there are no more
+/// of them.
 const REPEATS: (usize, f64) = (3, 5.0);
 
 /// What a factorisation of one matrix took, processor seconds.

@@ -1,7 +1,8 @@
 //! An interior point whose Newton systems go to several linear solvers.
 //!
-//! One of them, the guide, solves for the interior point; the others prepare themselves for the same matrices and, if asked,
-//! solve for the same right-hand sides to the same tolerance. That compares solvers of which a whole run would take days.
+//! One of them, the guide, solves for the interior point; the others prepare themselves for the same matrices
+//! and, if asked, solve for the same right-hand sides to the same tolerance. That compares solvers of which a
+//! whole run would take days.
 
 use crate::Failure;
 use crate::solve::{clock, settings};
@@ -21,7 +22,8 @@ use std::time::Instant;
 pub struct Sampling {
     /// Every so many systems of a problem, from the first.
     pub every: usize,
-    /// Every so many of these is solved, from the last one of the period; 0: the others only prepare themselves.
+    /// Every so many of these is solved, from the last one of the period; 0: the others only prepare
+    /// themselves.
     pub solve_every: usize,
     /// Newton iterations of the interior point at most.
     pub iterations: usize,
@@ -49,8 +51,8 @@ pub struct Tally {
     pub missed: usize,
     /// Inner iterations of all solves.
     pub inner: usize,
-    /// Processor seconds to prepare for the first system of all, with the pattern of the matrix; for each problem's first system, sum;
-    /// for every system, sum.
+    /// Processor seconds to prepare for the first system of all, with the pattern of the matrix; for each
+    /// problem's first system, sum; for every system, sum.
     pub first: f64,
     pub first_of_problems: f64,
     pub precompute: f64,
@@ -89,8 +91,8 @@ impl Tally {
         self.mean(name).map_or("-".to_string(), short)
     }
 
-    /// Processor seconds of a whole solve with this many systems, from the mean of those that were sampled; `None` where one
-    /// failed or missed its tolerance.
+    /// Processor seconds of a whole solve with this many systems, from the mean of those that were sampled;
+    /// `None` where one failed or missed its tolerance.
     pub fn whole(&self, systems: usize) -> Option<f64> {
         let good = self.solved > 0 && self.missed == 0 && self.failure.is_none();
         let further = systems.saturating_sub(1) as f64;

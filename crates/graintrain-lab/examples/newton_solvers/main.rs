@@ -1,6 +1,7 @@
-//! Measures the linear solvers of the interior points on contact problems: outer and inner iterations, seconds of
-//! precomputation and of solving, peak memory, residual; how they grow with the number of contacts; what re-use between
-//! time steps saves; and where tensor trains pay. Every solve is a process of its own on one thread, killed after a time.
+//! Measures the linear solvers of the interior points on contact problems: outer and inner iterations,
+//! seconds of precomputation and of solving, peak memory, residual; how they grow with the number of
+//! contacts; what re-use between time steps saves; and where tensor trains pay. Every solve is a process of
+//! its own on one thread, killed after a time.
 //!
 //! ```text
 //! cargo run --release -p graintrain-lab --example newton_solvers -- table SECONDS SOLVERS PROBLEM...
@@ -13,17 +14,18 @@
 //! cargo run --release -p graintrain-lab --example newton_solvers -- factors ITERATION,... PROBLEM...
 //! ```
 //!
-//! PROBLEM is a file (`graintrain run --dump-problem`) or ASSEMBLY:BODIES[:DISORDER[:SEED]], ASSEMBLY one of `cubic`,
-//! `close-packed`, `brick-wall`, `blocks` (see `assemblies.rs`). RUN is the folder of a run with a checkpoint: `reuse`
-//! takes the first ITERATIONS Newton systems of each of the STEPS steps after it and prepares LINEAR for them keeping what it
-//! learned always, within a step, and never; every SOLVE-th of them is solved as well (0: none).
+//! PROBLEM is a file (`graintrain run --dump-problem`) or ASSEMBLY:BODIES[:DISORDER[:SEED]], ASSEMBLY one of
+//! `cubic`, `close-packed`, `brick-wall`, `blocks` (see `assemblies.rs`). RUN is the folder of a run with a
+//! checkpoint: `reuse` takes the first ITERATIONS Newton systems of each of the STEPS steps after it and
+//! prepares LINEAR for them keeping what it learned always, within a step, and never; every SOLVE-th of them
+//! is solved as well (0: none).
 //!
-//! `systems` runs `pdip+GUIDE` and hands every EVERY-th of its Newton systems to the other linear solvers too (`ilu,ic`, without
-//! `pdip+`): the same matrices and right-hand sides for all; `tt-any-size` is `tt` that
+//! `systems` runs `pdip+GUIDE` and hands every EVERY-th of its Newton systems to the other linear solvers too
+//! (`ilu,ic`, without `pdip+`): the same matrices and right-hand sides for all; `tt-any-size` is `tt` that
 //! tries a train on small problems too. `growth` does so with every system, and they only prepare themselves.
 //!
-//! Seconds are processor time. Those of precomputation and linear solves are wall-clock times multiplied by the whole
-//! solve's ratio of the two, so that other programs on the machine do not matter.
+//! Seconds are processor time. Those of precomputation and linear solves are wall-clock times multiplied by
+//! the whole solve's ratio of the two, so that other programs on the machine do not matter.
 
 mod assemblies;
 mod factors;

@@ -1,5 +1,5 @@
-//! "Where tensor trains pay": disorder against size, coloured by the time of the best tensor-train solver over that of the
-//! best other one.
+//! "Where tensor trains pay": disorder against size, coloured by the time of the best tensor-train solver
+//! over that of the best other one.
 
 use crate::Failure;
 use crate::follow::{Life, Run, Sampling, TRAIN_AT_ANY_SIZE, lock};
@@ -58,8 +58,8 @@ impl Cell {
     }
 }
 
-/// Measures the cells that are not in the table yet, appends them and draws all. A linear solver that needs more than `patience` processor seconds for
-/// one system gets no others.
+/// Measures the cells that are not in the table yet, appends them and draws all. A linear solver that needs
+/// more than `patience` processor seconds for one system gets no others.
 pub fn map(table: &Path, file: &Path, patience: f64) -> Result<(), Failure> {
     let mut text = if table.exists() { std::fs::read_to_string(table)? } else { HEAD.to_string() };
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;

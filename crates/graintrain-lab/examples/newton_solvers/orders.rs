@@ -1,8 +1,9 @@
-//! How much of a Newton matrix trains could hold in other orders and with more bases, and what a train is worth as coarse
-//! correction under an incomplete factorisation: what the docs say about ideas that are not in the product.
+//! How much of a Newton matrix trains could hold in other orders and with more bases, and what a train is
+//! worth as coarse correction under an incomplete factorisation: what the docs say about ideas that are not
+//! in the product.
 //!
-//! The matrix is S~ with its 3x3 diagonal blocks scaled to the identity; shares are those of the squared entries off these
-//! blocks.
+//! The matrix is S~ with its 3x3 diagonal blocks scaled to the identity; shares are those of the squared
+//! entries off these blocks.
 
 use crate::Failure;
 use crate::solve::{TOLERANCE, clock, problem};
@@ -92,7 +93,8 @@ fn orders(points: &[[f64; 3]], matrix: &BlockMatrix3, leaf: usize) -> Vec<Order>
     ]
 }
 
-/// Place of each point on Hilbert's curve through 2^60 cells (J. Skilling, Programming the Hilbert curve, 2004).
+/// Place of each point on Hilbert's curve through 2^60 cells (J. Skilling, Programming the Hilbert curve,
+/// 2004).
 fn hilbert_keys(points: &[[f64; 3]]) -> Vec<u64> {
     const BITS: u32 = 20;
     let bound =
@@ -213,8 +215,9 @@ fn captured(matrix: &BlockMatrix3, order: &Order, rank: usize) -> Result<f64, Tt
     Ok(1.0 - report.error.powi(2))
 }
 
-/// Shares of the energy (inside nodes of about `size` contacts; in a basis of rank `rank` per node; in a train of rank 10 over
-/// what the bases leave of the blocks between nodes). The first is exact, the second adds to it, the third is part of the second.
+/// Shares of the energy (inside nodes of about `size` contacts; in a basis of rank `rank` per node; in a
+/// train of rank 10 over what the bases leave of the blocks between nodes). The first is exact, the second
+/// adds to it, the third is part of the second.
 fn per_node(
     matrix: &BlockMatrix3,
     points: &[[f64; 3]],

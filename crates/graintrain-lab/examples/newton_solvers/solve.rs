@@ -89,7 +89,8 @@ pub fn clock(start: Instant) -> f64 {
     cpu_seconds().unwrap_or_else(|| start.elapsed().as_secs_f64())
 }
 
-/// Settings of every solve. The limit is one of processor time: a thread of its own watches the clock and asks to stop.
+/// Settings of every solve. The limit is one of processor time: a thread of its own watches the clock and
+/// asks to stop.
 pub fn settings(limit: f64) -> SolveSettings {
     let stop = Arc::new(AtomicBool::new(false));
     let watched = Arc::downgrade(&stop);
@@ -126,7 +127,8 @@ pub fn child(name: &str, solver: &str, limit: f64) -> Result<(), Failure> {
     })
 }
 
-/// Wall-clock seconds, per processor second of the limit, after which a process is killed; a linear solve cannot be interrupted.
+/// Wall-clock seconds, per processor second of the limit, after which a process is killed; a linear solve
+/// cannot be interrupted.
 const PATIENCE: f64 = 12.0;
 
 /// Solves in a process of its own.

@@ -1,4 +1,5 @@
-//! What every linear solver needs for the same Newton systems, and how that grows with the number of contacts.
+//! What every linear solver needs for the same Newton systems, and how that grows with the number of
+//! contacts.
 
 use crate::Failure;
 use crate::follow::{Life, Run, Sampling, Tally, lock};
@@ -6,7 +7,8 @@ use crate::solve::problem;
 use crate::table::{exponent, short};
 use std::collections::BTreeMap;
 
-/// Follows `pdip+GUIDE` on every problem; prints what each linear solver needed per system, and exponents of growth.
+/// Follows `pdip+GUIDE` on every problem; prints what each linear solver needed per system, and exponents of
+/// growth.
 pub fn systems(
     guide: &str,
     others: &[&str],

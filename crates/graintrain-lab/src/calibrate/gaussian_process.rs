@@ -7,7 +7,8 @@ use graintrain_linalg::dense::{Cholesky, Matrix};
 const LENGTH: f64 = 0.8;
 /// ...within a factor of about exp of this.
 const LENGTH_SPREAD: f64 = 0.8;
-/// Bounds of ln(noise / rest): below the first, matrices are singular in double precision; above the second all is noise.
+/// Bounds of ln(noise / rest): below the first, matrices are singular in double precision; above the second
+/// all is noise.
 const NOISE_BOUNDS: [f64; 2] = [-18.0, 9.0];
 /// Most values of the likelihood per start of the search.
 const EVALUATIONS: usize = 400;
@@ -16,12 +17,15 @@ const ROUNDING: f64 = 1e-9;
 
 /// A Gaussian process with a linear trend through values y_i = f(u_i) + noise of unknown strength:
 ///
-/// f(u) = b_0 + b^T u + z(u), cov(z(u), z(u')) = s^2 (1 + h + h^2/3) exp(-h), h^2 = 5 sum_k ((u_k - u'_k) / l_k)^2,
+/// f(u) = b_0 + b^T u + z(u), cov(z(u), z(u')) = s^2 (1 + h + h^2/3) exp(-h), h^2 = 5 sum_k ((u_k - u'_k) /
+/// l_k)^2,
 ///
-/// where the trend has no prior, and lengths l, variance s^2 and noise are the likeliest ones (restricted likelihood, a wide prior on l).
+/// where the trend has no prior, and lengths l, variance s^2 and noise are the likeliest ones (restricted
+/// likelihood, a wide prior on l).
 ///
-/// Source: C. E. Rasmussen, C. K. I. Williams, "Gaussian Processes for Machine Learning", MIT Press 2006, sections 2.7 and 5.4; leaving one out:
-/// O. Dubrule, "Cross validation of kriging in a unique neighborhood", Mathematical Geology 15, 1983.
+/// Source: C. E. Rasmussen, C. K. I. Williams, "Gaussian Processes for Machine Learning", MIT Press 2006,
+/// sections 2.7 and 5.4; leaving one out: O. Dubrule, "Cross validation of kriging in a unique neighborhood",
+/// Mathematical Geology 15, 1983.
 #[derive(Clone, Debug)]
 pub struct GaussianProcess {
     points: Vec<Vec<f64>>,
@@ -131,7 +135,8 @@ impl System {
 }
 
 impl GaussianProcess {
-    /// Through values at points of the unit cube; points may coincide. `None` for fewer than four values, or values that are not finite.
+    /// Through values at points of the unit cube; points may coincide. `None` for fewer than four values, or
+    /// values that are not finite.
     pub fn new(points: Vec<Vec<f64>>, values: &[f64]) -> Option<Self> {
         let n = values.len();
         if n < 4 || points.len() != n || values.iter().any(|y| !y.is_finite()) {
@@ -161,7 +166,8 @@ impl GaussianProcess {
                 None => f64::INFINITY,
             }
         };
-        // The likelihood may have one top with much noise and a long length, and one with little noise and a short one.
+        // The likelihood may have one top with much noise and a long length, and one with little noise and a
+        // short one.
         let starts = [-9.0, -3.0, 1.0].into_iter().flat_map(|noise| [0.25, LENGTH, 2.0].map(|l| (l, noise)));
         let best = starts
             .map(|(length, noise)| {
@@ -175,7 +181,8 @@ impl GaussianProcess {
         Some(Self { points, values, shift, scale, hyper, system })
     }
 
-    /// The process after one more value, equal to what it predicts, with the same lengths and noise: only its uncertainty changes.
+    /// The process after one more value, equal to what it predicts, with the same lengths and noise: only its
+    /// uncertainty changes.
     #[must_use]
     pub fn with_point(&self, point: &[f64]) -> Self {
         let predicted = (self.predict(&[point.to_vec()])[0].value - self.shift) / self.scale;
@@ -229,7 +236,8 @@ impl GaussianProcess {
         self.scale * (self.hyper.noise * self.system.variance).sqrt()
     }
 
-    /// For every value its distance from what the others predict for it, and the standard deviation of that distance (noise included).
+    /// For every value its distance from what the others predict for it, and the standard deviation of that
+    /// distance (noise included).
     pub fn leave_one_out(&self) -> Vec<(f64, f64)> {
         let (n, terms, system) = (self.points.len(), self.system.trend.columns(), &self.system);
         let mut inverse = Matrix::identity(n);
@@ -247,7 +255,8 @@ impl GaussianProcess {
             .collect()
     }
 
-    /// Share of the scatter of the values that the others predict, from -infinity to 1; 0 where they are all the same.
+    /// Share of the scatter of the values that the others predict, from -infinity to 1; 0 where they are all
+    /// the same.
     pub fn predicted_share(&self) -> f64 {
         let all: f64 = self.values.iter().map(|y| y * y).sum();
         // The scale is the scatter, unless that is rounding: there is nothing to predict then.
@@ -279,8 +288,8 @@ mod tests {
         (points, values)
     }
 
-    /// The same by another way: a trend without prior is one with a prior of immense variance, added to the covariance; then
-    /// mean = k^T C^-1 y, variance = c - k^T C^-1 k.
+    /// The same by another way: a trend without prior is one with a prior of immense variance, added to the
+    /// covariance; then mean = k^T C^-1 y, variance = c - k^T C^-1 k.
     #[test]
     fn predictions_are_those_of_one_large_covariance() {
         let (points, values) = sample(14, 0.05, 3);

@@ -18,7 +18,8 @@ const NEGLIGIBLE: f64 = 14.0;
 const UNBELIEVED: f64 = 0.1;
 /// Sum of squares per aim from which on the aims are said to be missed.
 pub(super) const MISSED: f64 = 9.0;
-/// Runs go where the likelihood to this power times what the surrogate does not know is largest: to the flanks, too, not the top alone.
+/// Runs go where the likelihood to this power times what the surrogate does not know is largest: to the
+/// flanks, too, not the top alone.
 const TEMPER: f64 = 0.5;
 
 /// One number to be reached.
@@ -102,8 +103,9 @@ impl Surrogates {
         self.processes.iter().map(|process| process.predict(at)).collect()
     }
 
-    /// -2 ln of the likelihood of the aims at each point, and the sum of squares in it; variances of the aims times `widening`. The error of each
-    /// surrogate is its own at the point, or one for all points where `common` has them.
+    /// -2 ln of the likelihood of the aims at each point, and the sum of squares in it; variances of the aims
+    /// times `widening`. The error of each surrogate is its own at the point, or one for all points where
+    /// `common` has them.
     fn deviances(&self, at: &[Vec<f64>], widening: f64, common: Option<&[f64]>) -> Vec<(f64, f64)> {
         let predicted = self.predict(at);
         let m = self.aims.len();
@@ -127,11 +129,13 @@ impl Surrogates {
             .collect()
     }
 
-    /// The distribution of the parameters, alike likely beforehand in the whole cube. Where there are more aims than parameters, and no point reaches them
-    /// within their errors, all errors are widened until the best does (as in least squares with errors that are too small).
+    /// The distribution of the parameters, alike likely beforehand in the whole cube. Where there are more
+    /// aims than parameters, and no point reaches them within their errors, all errors are widened until the
+    /// best does (as in least squares with errors that are too small).
     ///
-    /// Where the aims are out of reach, misses over the surrogates' own errors are smallest where the surrogates know least, which is no answer: the points
-    /// are then those of the smallest misses over errors that are the same everywhere.
+    /// Where the aims are out of reach, misses over the surrogates' own errors are smallest where the
+    /// surrogates know least, which is no answer: the points are then those of the smallest misses over
+    /// errors that are the same everywhere.
     pub fn distribution(&self) -> Distribution {
         let found = self.look(1.0, None);
         let limit = MISSED * self.aims.len() as f64;
@@ -173,8 +177,8 @@ impl Surrogates {
         self.predict(&cube).iter().map(|list| mean_square(list).sqrt()).collect()
     }
 
-    /// Share of the distribution whose nearest run has no number for an aim, and the aim for which it is largest: there the surrogate only continues what
-    /// it knows from elsewhere.
+    /// Share of the distribution whose nearest run has no number for an aim, and the aim for which it is
+    /// largest: there the surrogate only continues what it knows from elsewhere.
     pub fn silent_share(&self, distribution: &Distribution, observations: &[Observation]) -> (f64, usize) {
         let square = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum::<f64>();
         let nearest = |point: &[f64], of: &[Vec<f64>]| {
@@ -195,7 +199,8 @@ impl Surrogates {
             .unwrap_or((0.0, 0))
     }
 
-    /// Looks at the whole cube, then again and again at the box around what is likely, until enough points of a look count.
+    /// Looks at the whole cube, then again and again at the box around what is likely, until enough points of
+    /// a look count.
     fn look(&self, widening: f64, common: Option<&[f64]>) -> Distribution {
         let d = self.dimension;
         let (mut low, mut high, mut count) = (vec![0.0; d], vec![1.0; d], POINTS);
@@ -249,8 +254,9 @@ impl Surrogates {
         best.expect("there is at least one look")
     }
 
-    /// Mean over the distribution of the share of the surrogate in the variance of each aim; the largest of these. 1 for an aim without an error.
-    /// Where the aims are missed, the miss counts as variance, too: what is certain to be out of reach does not come nearer by more runs.
+    /// Mean over the distribution of the share of the surrogate in the variance of each aim; the largest of
+    /// these. 1 for an aim without an error. Where the aims are missed, the miss counts as variance, too:
+    /// what is certain to be out of reach does not come nearer by more runs.
     pub fn unknown_share(&self, distribution: &Distribution) -> f64 {
         let predicted = self.predict(&distribution.points);
         let share = |(aim, predicted): (&Aim, &Vec<Prediction>)| {
@@ -264,9 +270,10 @@ impl Surrogates {
         self.aims.iter().zip(&predicted).map(share).fold(0.0, f64::max)
     }
 
-    /// Where the next runs say most: one after the other where what the surrogates do not know, times how likely the point is, is largest, each taken as
-    /// made for those after it. Where runs had no number for an aim, there is nothing to be learned of it. The last one goes where
-    /// the surrogates know least in the whole cube, in case they are wrong about what is likely.
+    /// Where the next runs say most: one after the other where what the surrogates do not know, times how
+    /// likely the point is, is largest, each taken as made for those after it. Where runs had no number for
+    /// an aim, there is nothing to be learned of it. The last one goes where the surrogates know least in the
+    /// whole cube, in case they are wrong about what is likely.
     pub fn next(
         &self,
         distribution: &Distribution,
@@ -322,8 +329,8 @@ impl Surrogates {
     }
 }
 
-/// Correlation of the misses of the surrogates, each run predicted from the others, over runs that have all numbers: numbers of one run, as along a curve,
-/// err together.
+/// Correlation of the misses of the surrogates, each run predicted from the others, over runs that have all
+/// numbers: numbers of one run, as along a curve, err together.
 fn noise_correlation(processes: &[GaussianProcess], observations: &[Observation]) -> Matrix {
     let m = processes.len();
     let misses: Vec<Vec<f64>> = processes
@@ -413,7 +420,8 @@ mod tests {
         }
     }
 
-    /// A straight line, noise of size 1, n values: the error of the abscissa where it is y is sqrt(error of y^2 + error of the line^2) / slope.
+    /// A straight line, noise of size 1, n values: the error of the abscissa where it is y is sqrt(error of
+    /// y^2 + error of the line^2) / slope.
     #[test]
     fn a_line_has_a_closed_form() {
         let mut random = Pcg64::new(1, 1);
@@ -434,7 +442,8 @@ mod tests {
         assert!((found.quantile(0.975, |u| u[0]) - mean - 1.96 * error).abs() < 0.012);
     }
 
-    /// The answer lies in its 95 % interval as often as that says, whatever the noise: sixty calibrations against a curve that saturates.
+    /// The answer lies in its 95 % interval as often as that says, whatever the noise: sixty calibrations
+    /// against a curve that saturates.
     #[test]
     fn intervals_hold_what_they_promise() {
         let curve = |u: &[f64]| vec![18.0 + 12.0 * (1.0 - (-3.0 * u[0]).exp())];
@@ -491,7 +500,8 @@ mod tests {
         assert!(found.chi_square > 100.0 && found.widened > 5.0, "{} {}", found.chi_square, found.widened);
     }
 
-    /// Beyond the end of a range, with runs that leave a gap: the nearest point is the end, not the gap, where the surrogate knows least.
+    /// Beyond the end of a range, with runs that leave a gap: the nearest point is the end, not the gap,
+    /// where the surrogate knows least.
     #[test]
     fn the_nearest_to_what_is_out_of_reach() {
         let seen: Vec<Observation> = [0.0, 0.05, 0.1, 0.2, 0.3, 0.8, 0.9, 0.95, 1.0]
@@ -508,7 +518,8 @@ mod tests {
         assert!(!reached.is_missed && (reached.likeliest[0] - (1.0 / 3.0 - 0.2)).abs() < 0.02);
     }
 
-    /// Runs with numbers in the lower half only: an answer in the upper half is a continuation, and new runs do not go to where runs were silent.
+    /// Runs with numbers in the lower half only: an answer in the upper half is a continuation, and new runs
+    /// do not go to where runs were silent.
     #[test]
     fn where_no_run_has_a_number() {
         let run = |k: u32| {
@@ -550,7 +561,8 @@ mod tests {
             let mean = found.mean(|u| u[0]);
             found.mean(|u| (u[0] - mean).powi(2)).sqrt()
         };
-        // One value of a line through 24 points with noise 0.1: 0.1 / sqrt(24) = 0.02; independent ones would have 0.0046.
+        // One value of a line through 24 points with noise 0.1: 0.1 / sqrt(24) = 0.02; independent ones would
+        // have 0.0046.
         assert!((0.01..0.04).contains(&sd(&many)), "{}", sd(&many));
     }
 }

@@ -28,7 +28,8 @@ impl Ledger {
     /// The ledger of a folder, or a new one.
     ///
     /// # Errors
-    /// [`SweepError::Plan`] where the folder holds another question; [`SweepError::Read`] for files that are damaged; [`SweepError::Output`].
+    /// [`SweepError::Plan`] where the folder holds another question; [`SweepError::Read`] for files that are
+    /// damaged; [`SweepError::Output`].
     pub fn open(folder: &Path, question: &Question) -> Result<Self, SweepError> {
         let (asked, path) = (folder.join(QUESTION), folder.join(LEDGER));
         let mut ledger = Self {

@@ -1,10 +1,10 @@
 //! The minimum of a function of a few variables, without derivatives.
 
-/// A local minimum from `start`, with first steps of length `step`, after at most `evaluations` values: where it is and what it is. Values that
-/// are not numbers count as infinite.
+/// A local minimum from `start`, with first steps of length `step`, after at most `evaluations` values: where
+/// it is and what it is. Values that are not numbers count as infinite.
 ///
-/// Source: J. A. Nelder, R. Mead, "A simplex method for function minimization", The Computer Journal 7, 1965, with their coefficients
-/// (reflection 1, expansion 2, contraction and shrinkage 1/2).
+/// Source: J. A. Nelder, R. Mead, "A simplex method for function minimization", The Computer Journal 7, 1965,
+/// with their coefficients (reflection 1, expansion 2, contraction and shrinkage 1/2).
 pub fn nelder_mead(
     function: &dyn Fn(&[f64]) -> f64,
     start: &[f64],

@@ -10,10 +10,11 @@
 //! | [`ledger`] | the points, on disk before their runs begin, so that a calibration that was killed goes on as if it had not been |
 //! | [`report`] | the page with its plots |
 //!
-//! Runs are those of a [sweep](crate::sweep) over points that are chosen round by round: even ones first, then where what the surrogates do not know,
-//! times the likelihood of the point, is largest. Every run has a seed of its own, so that the surrogates see how much runs scatter. The answer is the distribution of the
-//! parameters given the aims: its mean, standard deviation and 95 % interval; errors of the aims, scatter of the runs, and what the surrogates do not
-//! know are all in it.
+//! Runs are those of a [sweep](crate::sweep) over points that are chosen round by round: even ones first,
+//! then where what the surrogates do not know, times the likelihood of the point, is largest. Every run has a
+//! seed of its own, so that the surrogates see how much runs scatter. The answer is the distribution of the
+//! parameters given the aims: its mean, standard deviation and 95 % interval; errors of the aims, scatter of
+//! the runs, and what the surrogates do not know are all in it.
 
 pub mod gaussian_process;
 pub mod inference;
@@ -36,7 +37,8 @@ use question::Question;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-/// Share of the surrogates in the variance of every aim below which more runs would change nothing that matters.
+/// Share of the surrogates in the variance of every aim below which more runs would change nothing that
+/// matters.
 const KNOWN: f64 = 0.05;
 
 /// How far a calibration is.
@@ -94,7 +96,8 @@ fn cells(plan: &Plan, aims: &Aims, from: usize) -> Result<Vec<Cell>, SweepError>
     Ok(cells)
 }
 
-/// The error for an aim for which too few runs have a number; its abscissa is `covered` by the runs from here to there.
+/// The error for an aim for which too few runs have a number; its abscissa is `covered` by the runs from here
+/// to there.
 fn too_few(aims: &Aims, aim: usize, covered: Option<[f64; 2]>, failed: &[(String, String)]) -> SweepError {
     let mut problem =
         format!("fewer than four runs have a number for `{}` (see observed.csv): ", aims.elements[aim].label);
@@ -117,10 +120,12 @@ fn too_few(aims: &Aims, aim: usize, covered: Option<[f64; 2]>, failed: &[(String
     SweepError::Plan(problem)
 }
 
-/// Calibrates: makes runs round by round, writes the ledger before each. What is in the folder of the same question is kept.
+/// Calibrates: makes runs round by round, writes the ledger before each. What is in the folder of the same
+/// question is kept.
 ///
 /// # Errors
-/// [`SweepError`], as of sweeps; [`SweepError::Plan`] where the folder holds another question, or an aim has too few numbers.
+/// [`SweepError`], as of sweeps; [`SweepError::Plan`] where the folder holds another question, or an aim has
+/// too few numbers.
 pub fn calibrate(
     question: &Question,
     how: &Execution,

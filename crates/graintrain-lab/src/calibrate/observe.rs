@@ -58,10 +58,12 @@ fn has_bins(measure: &Measure) -> bool {
 }
 
 impl Aims {
-    /// Of a question; the scene is built at both ends of all ranges, so that what is wrong is said before the first run.
+    /// Of a question; the scene is built at both ends of all ranges, so that what is wrong is said before the
+    /// first run.
     ///
     /// # Errors
-    /// [`SweepError::Scene`] where the scene is wrong at an end of the ranges; [`SweepError::Observable`] for observables that it does not have; [`SweepError::Plan`].
+    /// [`SweepError::Scene`] where the scene is wrong at an end of the ranges; [`SweepError::Observable`] for
+    /// observables that it does not have; [`SweepError::Plan`].
     pub fn new(question: &Question) -> Result<Self, SweepError> {
         question.validate()?;
         let dimension = question.parameters.len();
@@ -156,7 +158,8 @@ impl Aims {
         self.elements.iter().map(|element| element.aim).collect()
     }
 
-    /// What the runs of these cells (all conditions of all points) say; points are those of the cells, in the unit cube.
+    /// What the runs of these cells (all conditions of all points) say; points are those of the cells, in the
+    /// unit cube.
     ///
     /// # Errors
     /// [`SweepError::Read`] for tables of finished runs that cannot be read.
@@ -201,7 +204,8 @@ impl Aims {
         Ok(observations)
     }
 
-    /// From where to where the abscissa of an aim goes in the records of the finished runs; `None` for aims that are no points of a curve over a column.
+    /// From where to where the abscissa of an aim goes in the records of the finished runs; `None` for aims
+    /// that are no points of a curve over a column.
     ///
     /// # Errors
     /// [`SweepError::Read`] for tables of finished runs that cannot be read.
@@ -246,7 +250,8 @@ fn over_bins(times: &[f64], xs: &[f64], ys: &[f64], from: Option<f64>) -> (Vec<f
     bins.into_iter().map(|(x, sum, count)| (x, sum / count)).unzip()
 }
 
-/// The ordinate of a curve where it first passes an abscissa, linear between records; NaN where it never does.
+/// The ordinate of a curve where it first passes an abscissa, linear between records; NaN where it never
+/// does.
 fn at(xs: &[f64], ys: &[f64], x: f64) -> f64 {
     let points: Vec<(f64, f64)> =
         xs.iter().copied().zip(ys.iter().copied()).filter(|(x, y)| x.is_finite() && y.is_finite()).collect();

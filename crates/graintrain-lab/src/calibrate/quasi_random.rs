@@ -19,7 +19,8 @@ fn radical_inverse(mut k: u64, base: u64) -> f64 {
 
 /// Point number k of the sequence of Halton in (0, 1)^dimension, `dimension` up to [`MOST_DIMENSIONS`].
 ///
-/// Source: J. H. Halton, "On the efficiency of certain quasi-random sequences of points", Numerische Mathematik 2, 1960.
+/// Source: J. H. Halton, "On the efficiency of certain quasi-random sequences of points", Numerische
+/// Mathematik 2, 1960.
 pub fn halton(k: u64, dimension: usize) -> Vec<f64> {
     PRIMES.iter().take(dimension).map(|base| radical_inverse(k + 1, *base)).collect()
 }

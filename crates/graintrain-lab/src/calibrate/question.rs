@@ -193,8 +193,9 @@ fn error_of(value: Quantity, text: &str) -> Result<f64, String> {
 }
 
 impl Target {
-    /// From `OBSERVABLE=VALUE+-ERROR` or `OBSERVABLE=FILE.csv+-ERROR`, as after `--to`. A file has a header of the abscissa's name (a column of
-    /// the same measurement, or a key of the scene), a name for the ordinate, and perhaps one for its standard error; names may have a unit in brackets, as in
+    /// From `OBSERVABLE=VALUE+-ERROR` or `OBSERVABLE=FILE.csv+-ERROR`, as after `--to`. A file has a header
+    /// of the abscissa's name (a column of the same measurement, or a key of the scene), a name for the
+    /// ordinate, and perhaps one for its standard error; names may have a unit in brackets, as in
     /// `displacement (mm)`.
     ///
     /// # Errors
@@ -310,7 +311,8 @@ fn read_curve(path: &Path, common: Option<&str>) -> Result<(String, Vec<CurvePoi
     Ok((abscissa, points))
 }
 
-/// At most so many points: neighbours are averaged, with the mean of their errors, for it is not known whether they err together.
+/// At most so many points: neighbours are averaged, with the mean of their errors, for it is not known
+/// whether they err together.
 pub(super) fn thinned(points: &[CurvePoint]) -> Vec<CurvePoint> {
     let length = points.len().div_ceil(CURVE_POINTS).max(1);
     let mean = |part: &[CurvePoint], of: fn(&CurvePoint) -> f64| {
@@ -328,7 +330,8 @@ impl Question {
     /// Looks at what does not need the scene.
     ///
     /// # Errors
-    /// [`SweepError::Plan`] without parameters or targets, with too many parameters, one that is given twice or set, or too few points.
+    /// [`SweepError::Plan`] without parameters or targets, with too many parameters, one that is given twice
+    /// or set, or too few points.
     pub fn validate(&self) -> Result<(), SweepError> {
         if self.parameters.is_empty() || self.targets.is_empty() {
             return Err(wrong("a calibration needs a parameter (--fit) and something to reach (--to)"));

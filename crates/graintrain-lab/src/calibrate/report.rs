@@ -46,7 +46,8 @@ pub struct Fitted {
     pub likeliest: f64,
     /// Whether the distribution is cut off by an end of the range.
     pub is_cut: bool,
-    /// Standard deviation over that of the whole range, in which all values are alike likely (magnitudes, for logarithmic ranges).
+    /// Standard deviation over that of the whole range, in which all values are alike likely (magnitudes, for
+    /// logarithmic ranges).
     pub width: f64,
 }
 
@@ -65,7 +66,8 @@ pub struct Reached {
     pub predicted_error: f64,
     /// Scatter of single runs.
     pub noise: f64,
-    /// Share of the scatter of runs that the surrogate predicts from the others: near 1 where the parameters matter.
+    /// Share of the scatter of runs that the surrogate predicts from the others: near 1 where the parameters
+    /// matter.
     pub predicted_share: f64,
 }
 
@@ -127,13 +129,15 @@ impl Answer {
         self.distribution.is_missed
     }
 
-    /// The aim for which most of the distribution lies where no run has a number, if there is one: such an answer stands on no run.
+    /// The aim for which most of the distribution lies where no run has a number, if there is one: such an
+    /// answer stands on no run.
     pub fn silent_aim(&self) -> Option<&str> {
         let (share, aim) = self.surrogates.silent_share(&self.distribution, &self.observations);
         (share > SILENT).then(|| self.aims.elements[aim].label.as_str())
     }
 
-    /// Whether the mean of the parameters misses what their likeliest values reach: several solutions, or a bent valley of them.
+    /// Whether the mean of the parameters misses what their likeliest values reach: several solutions, or a
+    /// bent valley of them.
     fn is_mean_elsewhere(&self) -> bool {
         let mean: Vec<f64> = self
             .question
@@ -339,7 +343,8 @@ impl Answer {
         charts
     }
 
-    /// Curves as measured and as predicted; numbers over each parameter, the others at their likeliest values.
+    /// Curves as measured and as predicted; numbers over each parameter, the others at their likeliest
+    /// values.
     fn target_charts(&self) -> Vec<Chart> {
         let reached = self.reached();
         let mut charts = Vec::new();

@@ -215,7 +215,8 @@ fn over_time(
     chart
 }
 
-/// Mean abscissa and a statistic of the ordinates in windows of 0.1 s: impacts of single grains would hide the course.
+/// Mean abscissa and a statistic of the ordinates in windows of 0.1 s: impacts of single grains would hide
+/// the course.
 fn smoothed(points: Vec<[f64; 2]>, step: f64, statistic: fn(&[f64]) -> f64) -> Vec<[f64; 2]> {
     let window = ((0.1 / step).round() as usize).max(1);
     let column = |chunk: &[[f64; 2]], k: usize| chunk.iter().map(|p| p[k]).collect::<Vec<f64>>();

@@ -33,8 +33,8 @@ impl Verdict {
         if holds { Self::Holds } else { Self::Fails }
     }
 
-    /// Of "the value is at most `goal` in size", for a value with a standard error: a change known no better than the goal
-    /// decides nothing, nor does one whose own error explains the excess.
+    /// Of "the value is at most `goal` in size", for a value with a standard error: a change known no better
+    /// than the goal decides nothing, nor does one whose own error explains the excess.
     pub fn within(goal: f64, value: f64, error: f64) -> Self {
         if value.abs() - 2.0 * error > goal {
             Self::Fails
@@ -71,8 +71,8 @@ pub fn power_law(points: &[[f64; 2]]) -> Option<[f64; 2]> {
     (logs.len() >= 3 && spread > 1e-6).then(|| [(my - slope * mx).exp(), slope])
 }
 
-/// Ratios "time of a / time of b" on problems that b solved, by contacts; where a missed the tolerance within its time
-/// limit its ratio is a lower bound.
+/// Ratios "time of a / time of b" on problems that b solved, by contacts; where a missed the tolerance within
+/// its time limit its ratio is a lower bound.
 fn ratios(results: &Results, experiments: &[Experiment], a: &str, b: &str) -> Vec<Ratio> {
     let of = |method: &str| -> Vec<&Solve> {
         let wanted = |solve: &&Solve| {
@@ -108,7 +108,8 @@ impl Ratio {
         format!("{}{}", if self.is_bound { "at least " } else { "" }, number(self.value))
     }
 
-    /// Whether the ratio reaches a goal for problems as large as the paper's; a lower bound below the goal says nothing.
+    /// Whether the ratio reaches a goal for problems as large as the paper's; a lower bound below the goal
+    /// says nothing.
     fn reaches(&self, goal: f64) -> Verdict {
         if (self.contacts as f64) < paper::CROSSOVER_CONTACTS || (self.is_bound && self.value < goal) {
             Verdict::Open
@@ -192,7 +193,8 @@ fn ranks(results: &Results) -> Claim {
     }
 }
 
-/// Part of the Newton iterations in which no useful inverse was found; a multiple of the identity took its place.
+/// Part of the Newton iterations in which no useful inverse was found; a multiple of the identity took its
+/// place.
 fn diverged(solve: &Solve) -> f64 {
     solve.figures.get("inversion_diverged").copied().unwrap_or(0.0)
 }
@@ -224,7 +226,8 @@ fn others(results: &Results, method: &str, words: &str) -> Option<Claim> {
     speed(results, "Fig. 15", statement, &experiments, method, paper::FINAL_SPEEDUP_OTHERS[0])
 }
 
-/// Whether a tensor-train method beats ILU by a factor on the largest problem it was given; `None` where it was given none.
+/// Whether a tensor-train method beats ILU by a factor on the largest problem it was given; `None` where it
+/// was given none.
 fn speed(
     results: &Results,
     place: &'static str,
@@ -259,8 +262,8 @@ fn speed(
     Some(Claim { place, statement, verdict, evidence })
 }
 
-/// The judgement where a method missed the tolerance on its largest problem: it fails where ILU got there, otherwise nothing
-/// is decided.
+/// The judgement where a method missed the tolerance on its largest problem: it fails where ILU got there,
+/// otherwise nothing is decided.
 fn unsolved(
     results: &Results,
     place: &'static str,
@@ -391,7 +394,8 @@ fn inner_iterations(results: &Results) -> Claim {
         String::new()
     };
     let ratio = ilu.inner_mean / train.inner_mean;
-    // A train that misses its tolerance, or has no inverse, on a small problem will not do better on a large one.
+    // A train that misses its tolerance, or has no inverse, on a small problem will not do better on a large
+    // one.
     let verdict = if train.missed >= 0.5 || diverged(train) >= 0.5 {
         Verdict::Fails
     } else if (train.contacts as f64) < paper::CROSSOVER_CONTACTS {

@@ -18,12 +18,12 @@ pub struct Ledger {
 }
 
 impl Ledger {
-    /// Opens or begins the ledger, for this process alone. A last line that a kill cut short is removed; other lines that
-    /// cannot be read are left out, and the file as it was is kept beside.
+    /// Opens or begins the ledger, for this process alone. A last line that a kill cut short is removed;
+    /// other lines that cannot be read are left out, and the file as it was is kept beside.
     ///
     /// # Errors
-    /// [`ReproduceError::File`] where the file cannot be read or written, [`ReproduceError::Busy`] where another process has
-    /// it.
+    /// [`ReproduceError::File`] where the file cannot be read or written, [`ReproduceError::Busy`] where
+    /// another process has it.
     pub fn open(path: &Path) -> Result<Self, ReproduceError> {
         let failed = |source| ReproduceError::File { path: path.to_path_buf(), source };
         let mut file = OpenOptions::new()

@@ -1,10 +1,12 @@
-//! The paper's experiments, run again: tables 3 and 4, figures 8, 10, 11, 12 and 15, physical outputs, one report.
+//! The paper's experiments, run again: tables 3 and 4, figures 8, 10, 11, 12 and 15, physical outputs, one
+//! report.
 //!
-//! Every experiment is simulated once with the fastest solver; the contact problems of evenly spread steps are then
-//! solved by every method from zero impulses, on one thread, to the paper's tolerance, within a time limit. Methods that
-//! this build lacks are reported as missing. Each finished piece of work (cell) is a line of `cells.jsonl`, so that a
-//! killed reproduction goes on where it was and loses no more than a minute of a simulation or the solve under way; apart from seconds,
-//! and from iterates at which a time limit ended a solve, results do not depend on interruptions or threads.
+//! Every experiment is simulated once with the fastest solver; the contact problems of evenly spread steps
+//! are then solved by every method from zero impulses, on one thread, to the paper's tolerance, within a time
+//! limit. Methods that this build lacks are reported as missing. Each finished piece of work (cell) is a line
+//! of `cells.jsonl`, so that a killed reproduction goes on where it was and loses no more than a minute of a
+//! simulation or the solve under way; apart from seconds, and from iterates at which a time limit ended a
+//! solve, results do not depend on interruptions or threads.
 //!
 //! | module | holds |
 //! |---|---|
@@ -43,13 +45,15 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 use trajectory::{Experiment, Simulate, Trajectory, Variant};
 
-/// Methods that are compared, in the order of the legends: the paper's three, the best tensor train, the fastest.
+/// Methods that are compared, in the order of the legends: the paper's three, the best tensor train, the
+/// fastest.
 pub const METHODS: [&str; 6] = ["pdip+none", "pdip+ilu", "pdip+tt-cross", "pdip+tt", "ipm", "auto"];
 
 /// Methods whose re-use is measured (figure 8).
 pub const TRAIN_METHODS: [&str; 3] = ["pdip+tt-cross", "pdip+tt-schur", "pdip+tt"];
 
-/// The literal recipe. Its linear solves take so long that it is measured on the last state of a simulation only.
+/// The literal recipe. Its linear solves take so long that it is measured on the last state of a simulation
+/// only.
 const LITERAL: &str = "pdip+tt-cross";
 
 /// States per simulation at which methods are compared.
@@ -269,7 +273,8 @@ fn cells(settings: &Settings, missing: &mut Vec<String>) -> Vec<Cell> {
     };
     let mut cells = Vec::new();
     for &experiment in target.experiments() {
-        // The paper's abscissa is the number of contacts: a smaller size of the sedimentation shows the growth.
+        // The paper's abscissa is the number of contacts: a smaller size of the sedimentation shows the
+        // growth.
         let sizes = if experiment == Experiment::Sedimentation && target.compares_methods() {
             // Below n = 2 a few grains are wedged between mixer and walls.
             vec![n / 2, n]
@@ -373,7 +378,8 @@ pub fn measure(
     let cells = cells(settings, &mut results.missing);
     let limit = settings.limit();
     results.damaged = ledger.damaged;
-    // Methods that did not come back are not asked again: their threads still work, and an interruption changes nothing.
+    // Methods that did not come back are not asked again: their threads still work, and an interruption
+    // changes nothing.
     let mut lost: HashSet<&str> = HashSet::new();
     // The problem of the last state, so that it is made once for all methods.
     let mut problem: Option<(PathBuf, u64, Arc<graintrain_ccp::Ccp>)> = None;

@@ -18,12 +18,14 @@ impl Steady {
         Self::of_blocks(values, mean)
     }
 
-    /// Median of consecutive values, for quantities with rare peaks that would rule the mean; `None` for fewer than eight.
+    /// Median of consecutive values, for quantities with rare peaks that would rule the mean; `None` for
+    /// fewer than eight.
     pub fn median_of(values: &[f64]) -> Option<Self> {
         Self::of_blocks(values, median)
     }
 
-    /// A statistic of consecutive samples with its standard error from eight blocks; `None` for fewer than eight samples.
+    /// A statistic of consecutive samples with its standard error from eight blocks; `None` for fewer than
+    /// eight samples.
     fn of_blocks<T>(samples: &[T], statistic: impl Fn(&[T]) -> f64) -> Option<Self> {
         const BLOCKS: usize = 8;
         if samples.len() < BLOCKS {
@@ -34,8 +36,9 @@ impl Steady {
         Some(Self { mean: statistic(samples), error: standard_error(&blocks.collect::<Vec<f64>>()) })
     }
 
-    /// The mean of independent means; `None` for none. The standard error is that of the spread among them where there are
-    /// three or more; two say too little of a spread, so that their own errors add in squares.
+    /// The mean of independent means; `None` for none. The standard error is that of the spread among them
+    /// where there are three or more; two say too little of a spread, so that their own errors add in
+    /// squares.
     pub fn over(independent: impl Iterator<Item = Self>) -> Option<Self> {
         let all: Vec<Self> = independent.collect();
         let count = all.len() as f64;
@@ -69,8 +72,8 @@ fn standard_error(values: &[f64]) -> f64 {
     (values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / (count * (count - 1.0))).sqrt()
 }
 
-/// The experiment's force, along the direction that resists the tool: drag of the blade (N), shear force on the lower half
-/// (N), torque of the mixer (N m).
+/// The experiment's force, along the direction that resists the tool: drag of the blade (N), shear force on
+/// the lower half (N), torque of the mixer (N m).
 pub fn resistance(experiment: Experiment, row: &Row) -> f64 {
     match experiment {
         Experiment::Sedimentation => -row.torque[2],
@@ -81,8 +84,8 @@ pub fn resistance(experiment: Experiment, row: &Row) -> f64 {
 /// Part of its way that a tool has made before its force counts as steady.
 pub const MOBILISED: f64 = 1.0 / 3.0;
 
-/// Rows in which the tool, on its way forwards, has made a third of it and still has half its largest speed; for the mixer
-/// the second half of the simulation.
+/// Rows in which the tool, on its way forwards, has made a third of it and still has half its largest speed;
+/// for the mixer the second half of the simulation.
 pub fn steady_rows(experiment: Experiment, trajectory: &Trajectory) -> &[Row] {
     let rows = &trajectory.rows;
     if experiment == Experiment::Sedimentation {
@@ -98,16 +101,16 @@ pub fn steady_rows(experiment: Experiment, trajectory: &Trajectory) -> &[Row] {
     &rows[first..first + count]
 }
 
-/// Steady force of an experiment; of the mixer's torque the median, since a grain caught between blade and wall raises it
-/// a hundredfold for a step.
+/// Steady force of an experiment; of the mixer's torque the median, since a grain caught between blade and
+/// wall raises it a hundredfold for a step.
 pub fn steady(experiment: Experiment, trajectory: &Trajectory) -> Option<Steady> {
     let rows = steady_rows(experiment, trajectory);
     let values: Vec<f64> = rows.iter().map(|row| resistance(experiment, row)).collect();
     if experiment == Experiment::Sedimentation { Steady::median_of(&values) } else { Steady::of(&values) }
 }
 
-/// By how much the mean force of the second half of the steady rows exceeds that of the first, relative to both; `None` for
-/// fewer than eight rows. A force that is steady has no trend.
+/// By how much the mean force of the second half of the steady rows exceeds that of the first, relative to
+/// both; `None` for fewer than eight rows. A force that is steady has no trend.
 pub fn trend(experiment: Experiment, trajectory: &Trajectory) -> Option<f64> {
     let rows = steady_rows(experiment, trajectory);
     let (early, late) = rows.split_at(rows.len() / 2);
@@ -134,9 +137,9 @@ pub fn friction_ratio_over_seeds(results: &Results, variant: Variant) -> Option<
     Steady::over(shears.into_iter().filter_map(|(_, t)| friction_ratio(t)))
 }
 
-/// Ratio of shear force to normal force on the plane between the halves of the shear box, sum of the one over sum of the
-/// other in the steady rows. The lower half carries N + W, N the force through the plane and W the weight of the grains
-/// below it.
+/// Ratio of shear force to normal force on the plane between the halves of the shear box, sum of the one over
+/// sum of the other in the steady rows. The lower half carries N + W, N the force through the plane and W the
+/// weight of the grains below it.
 pub fn friction_ratio(trajectory: &Trajectory) -> Option<Steady> {
     let rows = steady_rows(Experiment::DirectShear, trajectory);
     let samples: Vec<[f64; 2]> = rows
@@ -176,15 +179,16 @@ pub struct Sensitivity {
     pub paper: Steady,
     /// With the change.
     pub changed: Steady,
-    /// Relative change, with its standard error: of the changes of single lattices where three or more have both simulations,
-    /// otherwise of the two forces.
+    /// Relative change, with its standard error: of the changes of single lattices where three or more have
+    /// both simulations, otherwise of the two forces.
     pub change: Steady,
     /// Lattices that have both simulations.
     pub pairs: usize,
 }
 
 impl Sensitivity {
-    /// From the simulations of one experiment, by the seeds of their lattices; `None` without a lattice that has both.
+    /// From the simulations of one experiment, by the seeds of their lattices; `None` without a lattice that
+    /// has both.
     pub fn of(
         experiment: Experiment,
         variant: Variant,

@@ -1,5 +1,6 @@
-//! What the paper prints: Corona, Gorsich, Jayakumar, Veerapaneni, Appl. Mech. Rev. 71(5), 2019 (arXiv 1808.02558),
-//! sections 4.1 and 4.2, all for spheres with R = 0.1, mu = 0.25, dt = 0.025 s, PDIP tolerance 1e-4, BICGSTAB, one core.
+//! What the paper prints: Corona, Gorsich, Jayakumar, Veerapaneni, Appl. Mech. Rev. 71(5), 2019 (arXiv
+//! 1808.02558), sections 4.1 and 4.2, all for spheres with R = 0.1, mu = 0.25, dt = 0.025 s, PDIP tolerance
+//! 1e-4, BICGSTAB, one core.
 
 /// Accuracies of the rows of tables 3 and 4.
 pub const ACCURACIES: [f64; 3] = [1e-2, 1e-3, 1e-4];

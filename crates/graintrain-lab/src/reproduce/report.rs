@@ -124,8 +124,8 @@ fn write_tables(out: &Path, results: &Results) -> Result<(), ReproduceError> {
     Ok(())
 }
 
-/// Pictures like the paper's figures 9, 13 and 14: the last but one stored state of every experiment, in which the tools
-/// move, with speeds and with forces. Captions and files.
+/// Pictures like the paper's figures 9, 13 and 14: the last but one stored state of every experiment, in
+/// which the tools move, with speeds and with forces. Captions and files.
 fn pictures(
     settings: &Settings,
     results: &Results,

@@ -91,8 +91,8 @@ impl Solve {
         self.status == Status::Converged
     }
 
-    /// Seconds of precomputation and linear solves, which is what the paper plots; of the whole solve for methods
-    /// without linear systems.
+    /// Seconds of precomputation and linear solves, which is what the paper plots; of the whole solve for
+    /// methods without linear systems.
     pub fn linear_seconds(&self) -> f64 {
         let linear = self.precompute_seconds + self.apply_seconds;
         if linear > 0.0 { linear } else { self.seconds }
@@ -172,9 +172,9 @@ fn settings(limit: Duration, stop: &Arc<AtomicBool>) -> SolveSettings {
     }
 }
 
-/// Runs work on a thread of its own, with one worker, for at most a while. Solvers look at their time limit between Newton
-/// iterations; a single tensor-train inversion may take longer than anybody waits. `None` where it did not come back: the
-/// thread is then left alone until the process ends.
+/// Runs work on a thread of its own, with one worker, for at most a while. Solvers look at their time limit
+/// between Newton iterations; a single tensor-train inversion may take longer than anybody waits. `None`
+/// where it did not come back: the thread is then left alone until the process ends.
 ///
 /// # Errors
 /// [`ReproduceError::Stopped`] within a tenth of a second of the stop flag.
@@ -206,8 +206,8 @@ fn patience(limit: Duration) -> Duration {
     limit.saturating_mul(4).saturating_add(Duration::from_secs(5))
 }
 
-/// Solves a problem from zero impulses on one thread, as every method starts alike. `residual` is `None` in the answer where
-/// the solver did not come back.
+/// Solves a problem from zero impulses on one thread, as every method starts alike. `residual` is `None` in
+/// the answer where the solver did not come back.
 ///
 /// # Errors
 /// [`ReproduceError`] for an unknown method or a problem it cannot take.
@@ -245,15 +245,16 @@ pub fn measure(
     })
 }
 
-/// Precomputation of one of several consecutive steps; pairs are of a solver that keeps what the steps before left, and of a
-/// new one.
+/// Precomputation of one of several consecutive steps; pairs are of a solver that keeps what the steps before
+/// left, and of a new one.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ReuseRow {
     /// Number of the step.
     pub step: u64,
     /// Contacts.
     pub contacts: usize,
-    /// Seconds of the first Newton iteration's precomputation. A new solver has nothing at all to re-use there.
+    /// Seconds of the first Newton iteration's precomputation. A new solver has nothing at all to re-use
+    /// there.
     pub first: [f64; 2],
     /// Seconds of precomputation per Newton iteration, mean over the step.
     pub total: [f64; 2],
@@ -261,12 +262,13 @@ pub struct ReuseRow {
     pub iterations: [usize; 2],
     /// Compression error, where the linear solver tells.
     pub error: [Option<f64>; 2],
-    /// Part of the Newton iterations in which a train was in use, where the linear solver has something to fall back on.
+    /// Part of the Newton iterations in which a train was in use, where the linear solver has something to
+    /// fall back on.
     pub active: [Option<f64>; 2],
 }
 
-/// Solves consecutive problems with one solver that keeps what it learned, and with a new one each time. Empty where a solver
-/// did not come back.
+/// Solves consecutive problems with one solver that keeps what it learned, and with a new one each time.
+/// Empty where a solver did not come back.
 ///
 /// # Errors
 /// [`ReproduceError`] for an unknown method or a step that fails.

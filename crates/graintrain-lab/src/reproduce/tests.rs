@@ -17,7 +17,8 @@ fn without_seconds(results: &Results) -> String {
             trajectory.rows.iter().map(|row| (row.time, row.contacts, row.force, row.residual)).collect();
         text += &format!("{} {:?} {rows:?}\n", cell.key(), trajectory.samples);
     }
-    // Only the method that ends long before the time limit: where it stops a solve, the iterate is a matter of time.
+    // Only the method that ends long before the time limit: where it stops a solve, the iterate is a matter
+    // of time.
     for solve in results.solves.iter().filter(|solve| solve.method == "ipm") {
         text += &format!("{} {} {} {:?}\n", solve.method, solve.contacts, solve.iterations, solve.residual);
     }
@@ -343,7 +344,8 @@ fn power_laws_and_block_errors_are_found() {
     let blocks: Vec<f64> = (0..64).map(|k| f64::from(k / 8 % 2)).collect();
     let steady = Steady::of(&blocks).unwrap();
     assert!((steady.mean - 0.5).abs() < 1e-12 && (steady.error - (2.0 / 7.0_f64 / 8.0).sqrt()).abs() < 1e-12);
-    // Over lattices the spread among them counts, whatever each says of itself: (1, 2, 3) has 2 +- 1 / sqrt(3).
+    // Over lattices the spread among them counts, whatever each says of itself: (1, 2, 3) has 2 +- 1 /
+    // sqrt(3).
     let of = |mean| Steady { mean, error: 7.0 };
     assert!(Steady::over(std::iter::empty()).is_none());
     assert_eq!(Steady::over([of(1.0)].into_iter()), Some(of(1.0)));

@@ -1,4 +1,5 @@
-//! Simulations of the paper's scenes with the fastest solver: physical outputs, and states at which solvers are compared.
+//! Simulations of the paper's scenes with the fastest solver: physical outputs, and states at which solvers
+//! are compared.
 
 use super::ReproduceError;
 use graintrain::math::{Mat3, Vec3};
@@ -107,10 +108,12 @@ pub struct Row {
     pub velocity: [f64; 3],
     /// Height of the press, m; absent where the scene has none.
     pub press: Option<f64>,
-    /// Weight of the grains whose centres lie below the plane between the halves of the shear box, N; absent elsewhere.
+    /// Weight of the grains whose centres lie below the plane between the halves of the shear box, N; absent
+    /// elsewhere.
     #[serde(default)]
     pub weight_below: Option<f64>,
-    /// Change of a free body's momentum minus the impulses of gravity and contacts, over the sum of their sizes; the worst body.
+    /// Change of a free body's momentum minus the impulses of gravity and contacts, over the sum of their
+    /// sizes; the worst body.
     pub momentum_error: f64,
 }
 
@@ -143,7 +146,8 @@ pub struct Simulate {
 }
 
 impl Simulate {
-    /// Name of the cell. It holds a checksum (32-bit FNV-1a) of the scene, so that a changed scene is simulated anew.
+    /// Name of the cell. It holds a checksum (32-bit FNV-1a) of the scene, so that a changed scene is
+    /// simulated anew.
     pub fn key(&self) -> String {
         let steps = self.steps.map_or("default".to_string(), |steps| steps.to_string());
         let scene = self.experiment.scene();
@@ -157,8 +161,9 @@ impl Simulate {
         )
     }
 
-    /// Makes the steps and stores the states before `samples` of them, evenly spread, under `states`. About once a minute,
-    /// and where it is stopped, the simulation is put aside there, and a later call with the same folder goes on with it.
+    /// Makes the steps and stores the states before `samples` of them, evenly spread, under `states`. About
+    /// once a minute, and where it is stopped, the simulation is put aside there, and a later call with the
+    /// same folder goes on with it.
     ///
     /// # Errors
     /// [`ReproduceError`] for a scene, step or file that fails, or a stop request.
@@ -391,7 +396,8 @@ mod tests {
         let split = lowest(&world, find(&world, "upper").unwrap());
         // Half of 0.55 of the height of seven lattice pitches.
         assert!((split - 0.5 * 0.55 * 7.0 * 0.23).abs() < 1e-12, "{split}");
-        // 70 grains per layer of the lattice, at 0.115 m + k 0.23 m: the jitter of 12 mm takes none across the plane.
+        // 70 grains per layer of the lattice, at 0.115 m + k 0.23 m: the jitter of 12 mm takes none across
+        // the plane.
         let grain = 4.0 / 3.0 * std::f64::consts::PI * 1e-3 * 1000.0 * world.gravity.length();
         let layers = (0..7).filter(|k| 0.115 + 0.23 * f64::from(*k) < split).count();
         assert!((weight_below(&world, split) / grain / 70.0 - layers as f64).abs() < 1e-9);

@@ -120,8 +120,8 @@ pub fn check_names(asked: &[String], known: &[String]) -> Result<(), SweepError>
     }
 }
 
-/// Reads what finished runs left. Means in time are over records from `from` (s) on; without it over the part that looks steady, or over the second half
-/// where none does (which is noted).
+/// Reads what finished runs left. Means in time are over records from `from` (s) on; without it over the part
+/// that looks steady, or over the second half where none does (which is noted).
 ///
 /// # Errors
 /// [`SweepError::Read`] for files of a finished run that cannot be read.
@@ -270,8 +270,8 @@ impl Collected {
         }
     }
 
-    /// Writes `sweep.csv` (a record per point: keys, number of runs, and for every observable its mean and standard error), `runs.csv` (a record
-    /// per run) and `columns.json`.
+    /// Writes `sweep.csv` (a record per point: keys, number of runs, and for every observable its mean and
+    /// standard error), `runs.csv` (a record per run) and `columns.json`.
     ///
     /// # Errors
     /// [`SweepError::Output`].

@@ -55,11 +55,12 @@ pub fn run_folder(folder: &Path, cell: &Cell) -> PathBuf {
     folder.join("runs").join(&cell.name)
 }
 
-/// Looks at everything before the first run: the scene of every cell is read, that of every point built; returned are the names of the
-/// observables that the runs will have.
+/// Looks at everything before the first run: the scene of every cell is read, that of every point built;
+/// returned are the names of the observables that the runs will have.
 ///
 /// # Errors
-/// [`SweepError::Scene`] for the first wrong scene; [`SweepError::Plan`] where means that begin at `from` (s) would have no record.
+/// [`SweepError::Scene`] for the first wrong scene; [`SweepError::Plan`] where means that begin at `from` (s)
+/// would have no record.
 pub fn check(plan: &Plan, cells: &[Cell], from: Option<f64>) -> Result<Vec<String>, SweepError> {
     for cell in cells {
         plan.load(&[], &cell.settings)?;
@@ -85,11 +86,13 @@ pub fn check(plan: &Plan, cells: &[Cell], from: Option<f64>) -> Result<Vec<Strin
     Ok(names)
 }
 
-/// Makes all runs that are not finished yet, `jobs` at a time, in the order of the cells; what becomes of each. A run that fails, or
-/// whose scene cannot be built (see [`check`]), does not keep others from being made. The folder belongs to this process meanwhile.
+/// Makes all runs that are not finished yet, `jobs` at a time, in the order of the cells; what becomes of
+/// each. A run that fails, or whose scene cannot be built (see [`check`]), does not keep others from being
+/// made. The folder belongs to this process meanwhile.
 ///
 /// # Errors
-/// [`SweepError::Differs`], [`SweepError::Output`] and [`SweepError::Threads`] as they come; [`SweepError::Stopped`] after `stop` was set.
+/// [`SweepError::Differs`], [`SweepError::Output`] and [`SweepError::Threads`] as they come;
+/// [`SweepError::Stopped`] after `stop` was set.
 pub fn execute(
     plan: &Plan,
     cells: &[Cell],

@@ -53,7 +53,8 @@ fn wrong(problem: impl Into<String>) -> SweepError {
 /// The points of two columns of a table, with `Y_error` where it is there. Values may have units.
 ///
 /// # Errors
-/// [`SweepError::Read`] for a file that cannot be read; [`SweepError::Plan`] for columns that are not there or no numbers.
+/// [`SweepError::Read`] for a file that cannot be read; [`SweepError::Plan`] for columns that are not there
+/// or no numbers.
 pub fn points(path: &Path, x: &str, y: &str) -> Result<Vec<Point>, SweepError> {
     let unreadable =
         |error: &dyn ToString| SweepError::Read { path: path.to_path_buf(), reason: error.to_string() };
@@ -97,14 +98,16 @@ fn evaluate(model: &str, names: &[&str], constants: &[f64], x: f64) -> Result<f6
         .map_err(|problem| wrong(format!("the model `{model}` at x = {x}: {problem}")))
 }
 
-/// Fits the constants (with the values to start from) by the method of Levenberg and Marquardt: points weigh by their errors where all
-/// have one, and alike otherwise. The error of a constant is the root of the diagonal of (J^T W J)^-1, times the scatter of the
-/// residuals where there are no errors or that is more than they say.
+/// Fits the constants (with the values to start from) by the method of Levenberg and Marquardt: points weigh
+/// by their errors where all have one, and alike otherwise. The error of a constant is the root of the
+/// diagonal of (J^T W J)^-1, times the scatter of the residuals where there are no errors or that is more
+/// than they say.
 ///
 /// Source: J. J. More, "The Levenberg-Marquardt algorithm", Lecture Notes in Mathematics 630, 1978.
 ///
 /// # Errors
-/// [`SweepError::Plan`] for a model that is none, fewer points than constants, or constants that the points do not determine.
+/// [`SweepError::Plan`] for a model that is none, fewer points than constants, or constants that the points
+/// do not determine.
 pub fn fit(model: &str, start: &[(String, f64)], points: &[Point]) -> Result<Fit, SweepError> {
     let names: Vec<&str> = start.iter().map(|(name, _)| name.as_str()).collect();
     let count = names.len();
@@ -151,7 +154,8 @@ pub fn fit(model: &str, start: &[(String, f64)], points: &[Point]) -> Result<Fit
                     residuals(&moved)
                 };
                 let (mut more, mut less) = (at(1.0, step)?, at(-1.0, step)?);
-                // A constant that starts from zero says nothing about its size: a step that rounding swallows is enlarged.
+                // A constant that starts from zero says nothing about its size: a step that rounding swallows
+                // is enlarged.
                 let is_lost = |more: &[f64], less: &[f64]| {
                     let least = DIFFERENCE * more.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
                     more.iter().zip(less).all(|(a, b)| (a - b).abs() <= 1e-3 * least)
@@ -221,7 +225,8 @@ pub fn fit(model: &str, start: &[(String, f64)], points: &[Point]) -> Result<Fit
     })
 }
 
-/// A small linear system by elimination with pivots, after its rows and columns are scaled; `None` where it is singular.
+/// A small linear system by elimination with pivots, after its rows and columns are scaled; `None` where it
+/// is singular.
 fn solve(mut a: Vec<Vec<f64>>, mut b: Vec<f64>) -> Option<Vec<f64>> {
     let n = b.len();
     let scale: Vec<f64> = (0..n).map(|i| a[i][i].abs().sqrt()).collect();

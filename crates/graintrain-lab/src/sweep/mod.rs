@@ -1,4 +1,5 @@
-//! Sweeps: a scene run at many values of its parameters, with several seeds each, and what comes out of it in one table and one page.
+//! Sweeps: a scene run at many values of its parameters, with several seeds each, and what comes out of it in
+//! one table and one page.
 //!
 //! | module | holds |
 //! |---|---|
@@ -9,8 +10,8 @@
 //! | [`report`] | one page with plots |
 //! | [`study`] | sweeps over the time step or the tolerance, with what follows from them |
 //!
-//! A sweep's folder holds `runs/NAME`, an ordinary folder of a run each, whose name is made of the values. It can be extended by more values or seeds:
-//! runs that are there are kept if their scene is the same.
+//! A sweep's folder holds `runs/NAME`, an ordinary folder of a run each, whose name is made of the values. It
+//! can be extended by more values or seeds: runs that are there are kept if their scene is the same.
 
 pub mod collect;
 pub mod execute;

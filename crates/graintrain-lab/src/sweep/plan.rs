@@ -74,7 +74,8 @@ pub fn over(text: &str) -> Result<(String, Vec<String>), SweepError> {
     Ok((key.trim().to_string(), values))
 }
 
-/// All combinations of the values of the keys, the last key changing fastest; one point without keys where there are none.
+/// All combinations of the values of the keys, the last key changing fastest; one point without keys where
+/// there are none.
 ///
 /// # Errors
 /// [`SweepError::Plan`] for a key that stands twice, or far too many points.
@@ -177,7 +178,8 @@ pub fn label(point: &[Setting]) -> String {
     point.iter().map(|(key, value)| format!("{key}={value}")).collect::<Vec<_>>().join(", ")
 }
 
-/// The same as the name of a folder: what may stand in one stays, the rest becomes `_`; with a number of its bits where that made a difference.
+/// The same as the name of a folder: what may stand in one stays, the rest becomes `_`; with a number of its
+/// bits where that made a difference.
 fn folder_name(point: &[Setting], seed: u64) -> String {
     let plain: String = point.iter().map(|(key, value)| format!("{key}={value},")).collect();
     let safe = |c: char| if c.is_ascii_alphanumeric() || "=.,-+".contains(c) { c } else { '_' };
@@ -198,10 +200,12 @@ impl Plan {
         self.points.first().map_or(Vec::new(), |point| point.iter().map(|(key, _)| key.as_str()).collect())
     }
 
-    /// All runs, seed by seed, so that a sweep that is stopped has all points once before it has one of them twice.
+    /// All runs, seed by seed, so that a sweep that is stopped has all points once before it has one of them
+    /// twice.
     ///
     /// # Errors
-    /// [`SweepError::Scene`] where the scene itself cannot be read; [`SweepError::Plan`] where there are too many runs.
+    /// [`SweepError::Scene`] where the scene itself cannot be read; [`SweepError::Plan`] where there are too
+    /// many runs.
     pub fn cells(&self) -> Result<Vec<Cell>, SweepError> {
         if self.points.len().saturating_mul(self.seeds as usize) > MOST_RUNS {
             return Err(SweepError::Plan(format!("there would be more than {MOST_RUNS} runs")));

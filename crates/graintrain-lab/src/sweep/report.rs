@@ -122,7 +122,8 @@ fn chart(collected: &Collected, plan: &Plan, cells: &[Cell], name: &str, logarit
     chart
 }
 
-/// The series behind an observable, a curve per point (of its first seed): over time, or over the displacement of a shear box.
+/// The series behind an observable, a curve per point (of its first seed): over time, or over the
+/// displacement of a shear box.
 fn history(folder: &Path, plan: &Plan, cells: &[Cell], collected: &Collected, name: &str) -> Option<Chart> {
     let plain = name.split(':').next()?;
     let (measure, column) = plain.rsplit_once('.')?;

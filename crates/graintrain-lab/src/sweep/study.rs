@@ -1,4 +1,5 @@
-//! Sweeps over the time step or the tolerance, and what follows from them: which is fine enough, and what it costs.
+//! Sweeps over the time step or the tolerance, and what follows from them: which is fine enough, and what it
+//! costs.
 
 use super::SweepError;
 use super::collect::{Collected, Estimate};
@@ -23,18 +24,22 @@ impl Refined {
     }
 }
 
-/// How an observable depends on what is refined. Values are in the order of the plan: from coarse to fine, the last one being the reference.
+/// How an observable depends on what is refined. Values are in the order of the plan: from coarse to fine,
+/// the last one being the reference.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Convergence {
     /// Deviation from the finest, and its standard error, by value.
     pub deviation: Vec<Estimate>,
-    /// Index of the coarsest value from which on every deviation, with twice its error, stays within what was allowed.
+    /// Index of the coarsest value from which on every deviation, with twice its error, stays within what was
+    /// allowed.
     pub admissible: Option<usize>,
-    /// Exponent of the error in the step, from the last three values where their differences exceed twice their errors.
+    /// Exponent of the error in the step, from the last three values where their differences exceed twice
+    /// their errors.
     pub order: Option<f64>,
 }
 
-/// The plan of a study of the time step: the scene's own, its half, its quarter and so on, to the same simulated time.
+/// The plan of a study of the time step: the scene's own, its half, its quarter and so on, to the same
+/// simulated time.
 ///
 /// # Errors
 /// [`SweepError::Scene`] where the scene cannot be read.
@@ -67,8 +72,9 @@ pub fn tolerances(mut plan: Plan, tolerances: &[f64]) -> Result<Plan, SweepError
     Ok(plan)
 }
 
-/// How the estimates (coarse to fine) converge, where deviations up to `within` of the finest one's magnitude are allowed. Errors of different values are
-/// taken for independent. `ratio` is what one value is to the next.
+/// How the estimates (coarse to fine) converge, where deviations up to `within` of the finest one's magnitude
+/// are allowed. Errors of different values are taken for independent. `ratio` is what one value is to the
+/// next.
 pub fn convergence(estimates: &[Estimate], within: f64, ratio: f64) -> Option<Convergence> {
     let reference = *estimates.last()?;
     let known = |error: f64| if error.is_finite() { error } else { 0.0 };

@@ -1,4 +1,5 @@
-//! Small worlds of one material, stepped with the defaults of scenes, or to more digits where a closed form is compared.
+//! Small worlds of one material, stepped with the defaults of scenes, or to more digits where a closed form
+//! is compared.
 
 use super::{Row, VerifyError};
 use graintrain::handle::{BodyId, MaterialId};
@@ -97,13 +98,15 @@ impl Accuracy {
         [Self::SCENES, Self::fine(tolerance)]
     }
 
-    /// What it promises of the worst contact, relative: its velocity is off by at most this times |g| dt (or the root mean square of
-    /// the approaches where there is no gravity), its force by at most this times the weight of its effective mass.
+    /// What it promises of the worst contact, relative: its velocity is off by at most this times |g| dt (or
+    /// the root mean square of the approaches where there is no gravity), its force by at most this times the
+    /// weight of its effective mass.
     pub fn promise(&self) -> f64 {
         self.judge.maximum(self.tolerance)
     }
 
-    /// `fine` at an accuracy for many digits; at that of scenes what it promises times `scale`, where that is more.
+    /// `fine` at an accuracy for many digits; at that of scenes what it promises times `scale`, where that is
+    /// more.
     pub fn allowed(&self, fine: f64, scale: f64) -> f64 {
         if self.judge == Judge::Maximum { fine } else { fine.max(self.promise() * scale) }
     }
@@ -149,7 +152,8 @@ impl Bench {
         self.steps += 1;
         // A stalled solve within a tenth of the tolerance is round-off.
         let residual = report.solve.residual.judged(self.accuracy.judge);
-        // Impacts have a tolerance of their own, tighter than most; a step that missed it says so by its status alone.
+        // Impacts have a tolerance of their own, tighter than most; a step that missed it says so by its
+        // status alone.
         let impacts = report.impact_residual.judged(self.accuracy.judge);
         let missed = |residual: f64, tolerance: f64| residual.is_nan() || residual > 1.1 * tolerance;
         self.unsolved += usize::from(

@@ -1,4 +1,5 @@
-//! Tier B: density and contacts per grain of isotropic packings, compressed from a gas in a periodic cell ([`PeriodicSample`]).
+//! Tier B: density and contacts per grain of isotropic packings, compressed from a gas in a periodic cell
+//! ([`PeriodicSample`]).
 
 use super::periodic_sample::PeriodicSample;
 use super::source::{AGNOLIN_ROUX, SILBERT, SONG_WANG_MAKSE, Source};

@@ -1,8 +1,8 @@
 //! Tier B: passive earth pressure on a smooth wall (Rankine 1857), and the friction angle that it tells.
 //!
 //! In a yielding bed under its own weight sigma_x = K sigma_z with K = tan^2(45 degrees + phi/2). With
-//! integral sigma_z dz = g sum m z / area, taken over the grains before the wall, K needs neither the height nor the bulk
-//! density: K = (force / width) / (g sum m z / (length width)).
+//! integral sigma_z dz = g sum m z / area, taken over the grains before the wall, K needs neither the height
+//! nor the bulk density: K = (force / width) / (g sum m z / (length width)).
 
 use super::bench::{Accuracy, G};
 use super::source::{CHIALVO, PEYNEAU_ROUX, RANKINE, Source};
@@ -18,9 +18,11 @@ use std::sync::atomic::AtomicBool;
 /// Width of the bed, m: the scene's lattice across the way.
 const SPHERES_ACROSS: f64 = 8.0;
 const PITCH: f64 = 0.23;
-/// Grains up to here before the wall carry the stress, m: about the height, less than the length of the yielding wedge.
+/// Grains up to here before the wall carry the stress, m: about the height, less than the length of the
+/// yielding wedge.
 const LENGTH: f64 = 1.5;
-/// K is averaged while the wall's way is this part of the height: the bed yields, the heap before the wall is small.
+/// K is averaged while the wall's way is this part of the height: the bed yields, the heap before the wall is
+/// small.
 const WINDOW: std::ops::Range<f64> = 0.10..0.15;
 
 /// A friction of the grains and the friction angle of their assembly in degrees.

@@ -69,7 +69,8 @@ fn hulls() -> Result<Vec<Row>, VerifyError> {
             let downhill = Quat::from_rotation_y(tilt) * Vec3::X;
             let a = world.bodies.velocity[body].dot(downhill) / world.time;
             let expected = G * (tilt.sin() - 0.25 * tilt.cos());
-            // Where friction is relaxed, sliding at v lifts the block with mu v for one step, and the impulse of that brakes it once.
+            // Where friction is relaxed, sliding at v lifts the block with mu v for one step, and the impulse
+            // of that brakes it once.
             let lift = if model == FrictionModel::Relaxed {
                 0.25 * 0.25 * step * expected / world.time
             } else {

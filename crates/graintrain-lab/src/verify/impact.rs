@@ -51,8 +51,8 @@ pub const CASES: &[Definition] = &[
     },
 ];
 
-/// A sphere that hits a plane at unit speed, `angle` from the normal, in one step without gravity: tangential velocity,
-/// R omega, rebound velocity.
+/// A sphere that hits a plane at unit speed, `angle` from the normal, in one step without gravity: tangential
+/// velocity, R omega, rebound velocity.
 fn oblique(
     angle: f64,
     friction: f64,

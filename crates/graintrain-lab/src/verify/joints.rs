@@ -144,7 +144,8 @@ fn speed(rate: f64, limit: Option<f64>) -> Motor {
     Motor::Speed { speed: Profile::Constant(rate), limit: limit.map(Profile::Constant) }
 }
 
-/// Benches in both friction models, with the solver's defaults: joints are solved directly whatever the tolerance.
+/// Benches in both friction models, with the solver's defaults: joints are solved directly whatever the
+/// tolerance.
 fn benches(step: f64) -> Result<Vec<Bench>, VerifyError> {
     MODELS.into_iter().map(|model| Bench::new(step, 1e-3, Accuracy::SCENES, model)).collect()
 }
@@ -418,7 +419,8 @@ fn chain() -> Result<Vec<Row>, VerifyError> {
     Ok(rows)
 }
 
-/// A rigid body (its centre `arm` from the pin, this radius of gyration) on a rod without mass, angles from the vertical.
+/// A rigid body (its centre `arm` from the pin, this radius of gyration) on a rod without mass, angles from
+/// the vertical.
 fn hanging_body([a, b, u, v]: [f64; 4], length: f64, arm: f64, gyration: f64) -> [f64; 4] {
     let (sin, cos) = (a - b).sin_cos();
     let coupling = length * arm * cos;

@@ -77,7 +77,8 @@ fn pairs(world: &mut World, [least, most]: [f64; 2], step: f64) -> Result<Vec<Pa
     Ok(all)
 }
 
-/// The largest error of the velocities of pairs with these offsets, over the speed, where `expected` are those of both balls.
+/// The largest error of the velocities of pairs with these offsets, over the speed, where `expected` are
+/// those of both balls.
 fn worst(
     bench: &mut Bench,
     (restitution, step): (f64, f64),

@@ -1,12 +1,14 @@
-//! The program against exact answers and published figures, on the user's machine: what `graintrain verify` runs.
+//! The program against exact answers and published figures, on the user's machine: what `graintrain verify`
+//! runs.
 //!
-//! Tier A holds single bodies, impacts and small assemblies against closed forms (a minute). Tier B holds granular samples against
-//! published figures and against what must not depend on step and tolerance (minutes to an hour). Every row has a measured and an
-//! expected number and what their difference may be; nothing is asserted that is not in the report.
+//! Tier A holds single bodies, impacts and small assemblies against closed forms (a minute). Tier B holds
+//! granular samples against published figures and against what must not depend on step and tolerance (minutes
+//! to an hour). Every row has a measured and an expected number and what their difference may be; nothing is
+//! asserted that is not in the report.
 //!
-//! Rows are made with the solver, tolerance and judge of a scene that asks for nothing. Where a closed form is compared to many
-//! digits a second row beside it says the tolerance that this takes; the first is held to what its own tolerance promises
-//! ([`bench::Accuracy::promise`]).
+//! Rows are made with the solver, tolerance and judge of a scene that asks for nothing. Where a closed form
+//! is compared to many digits a second row beside it says the tolerance that this takes; the first is held to
+//! what its own tolerance promises ([`bench::Accuracy::promise`]).
 //!
 //! | module | holds |
 //! |---|---|
@@ -129,7 +131,8 @@ pub enum Outcome {
     LeftOut,
     /// The standard error is too large to tell.
     Undecided,
-    /// The difference is too large by more than two standard errors; or something is not a number; or a solve missed its tolerance.
+    /// The difference is too large by more than two standard errors; or something is not a number; or a solve
+    /// missed its tolerance.
     Failed,
 }
 
@@ -242,8 +245,8 @@ pub fn tier_b() -> impl Iterator<Item = &'static Definition> {
         .flatten()
 }
 
-/// Measures cases one after another, tells each before it begins, and hands over all so far after each. Ends early once the stop is
-/// set; the case under way is then left out.
+/// Measures cases one after another, tells each before it begins, and hands over all so far after each. Ends
+/// early once the stop is set; the case under way is then left out.
 pub fn measure(
     definitions: impl Iterator<Item = &'static Definition>,
     sampling: &mut Sampling<'_>,

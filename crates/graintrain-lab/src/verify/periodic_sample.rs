@@ -33,13 +33,15 @@ const SPEED: f64 = 0.5;
 /// At which the cell closes, 1/s: at an imposed rate, then at most.
 const RATE: [f64; 2] = [1.0, 0.1];
 
-/// Imposed on the sample, Pa. Grains are rigid, so that it sets but the inertial number, I = rate d sqrt(density / pressure): 2e-4 as the sample jams.
+/// Imposed on the sample, Pa. Grains are rigid, so that it sets but the inertial number, I = rate d
+/// sqrt(density / pressure): 2e-4 as the sample jams.
 const PRESSURE: f64 = 1e5;
 
 /// Time under the pressure at the full rate and after the sample jams, s.
 const PRESSED: f64 = 1.4;
 
-/// Steps made to this tolerance at the end: contacts that carry nothing have what a solve leaves over, and are counted at the tolerance of scenes.
+/// Steps made to this tolerance at the end: contacts that carry nothing have what a solve leaves over, and
+/// are counted at the tolerance of scenes.
 const FINE: (usize, Accuracy) = (20, Accuracy { tolerance: 1e-6, judge: Judge::Mixed });
 
 /// Of shear, 1/s: the inertial number is 1e-3.
@@ -65,7 +67,8 @@ pub struct Sheared {
 }
 
 impl PeriodicSample {
-    /// Compresses `edge`^3 spheres from a gas, friction acting all the while, and lets them come to rest under the pressure.
+    /// Compresses `edge`^3 spheres from a gas, friction acting all the while, and lets them come to rest
+    /// under the pressure.
     ///
     /// # Errors
     /// [`VerifyError`] of a step, or where it is stopped.
@@ -143,7 +146,8 @@ impl PeriodicSample {
                 let volume = self.world.cell().map_or(f64::NAN, Cell::volume);
                 let now = stress(&self.world, STEP, &all, volume);
                 let tensor = now.contact + now.kinetic;
-                // Shear along +x that rises with y is resisted by a stress of the other sign, compression being positive.
+                // Shear along +x that rises with y is resisted by a stress of the other sign, compression
+                // being positive.
                 ratios.push(-0.5 * (tensor.y_axis.x + tensor.x_axis.y) / pressure(&tensor));
                 densities.push(self.density());
             }

@@ -62,7 +62,8 @@ impl Head {
     }
 }
 
-/// Day and time in UTC from the seconds since 1970. H. Hinnant, "chrono-compatible low-level date algorithms", 2013.
+/// Day and time in UTC from the seconds since 1970. H. Hinnant, "chrono-compatible low-level date
+/// algorithms", 2013.
 fn date(seconds: u64) -> String {
     let days = seconds / 86_400 + 719_468;
     let (era, day_of_era) = (days / 146_097, days % 146_097);
@@ -259,7 +260,8 @@ fn quoted(text: &str) -> String {
     if text.contains([',', '"', '\n']) { format!("\"{}\"", text.replace('"', "\"\"")) } else { text.into() }
 }
 
-/// All rows as CSV, for programs: numbers in full, nothing that differs from run to run. A case without rows has one that says why.
+/// All rows as CSV, for programs: numbers in full, nothing that differs from run to run. A case without rows
+/// has one that says why.
 pub fn csv(cases: &[Case]) -> String {
     let mut text = String::from(
         "id,case,measured,friction,solver,step,tolerance,judge,expected,got,allowed,error,steps,unsolved,verdict\n",

@@ -63,8 +63,8 @@ fn normal_force(world: &World, step: f64, a: u32, b: u32) -> f64 {
         .sum()
 }
 
-/// What a stack of boxes did: largest relative error of a force between two, and of a box's way over its height per second; deepest
-/// overlap over the height.
+/// What a stack of boxes did: largest relative error of a force between two, and of a box's way over its
+/// height per second; deepest overlap over the height.
 struct Stood {
     bench: Bench,
     force: f64,
@@ -142,8 +142,8 @@ fn heavy_on_light() -> Result<Vec<Row>, VerifyError> {
     Ok(rows)
 }
 
-/// Equal spheres: a ring of `base` touching spheres on the ground and one on top. Displacement of the top after half
-/// a second, m.
+/// Equal spheres: a ring of `base` touching spheres on the ground and one on top. Displacement of the top
+/// after half a second, m.
 fn pyramid(
     base: usize,
     sphere_sphere: f64,

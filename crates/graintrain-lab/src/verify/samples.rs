@@ -242,7 +242,8 @@ fn discharge(sampling: &mut Sampling<'_>, model: FrictionModel) -> Result<Vec<Ro
     ])
 }
 
-/// Slope (rad) and root mean square deviation of the line through the highest grains of columns a grain wide, x in [low, high).
+/// Slope (rad) and root mean square deviation of the line through the highest grains of columns a grain wide,
+/// x in [low, high).
 fn surface(world: &World, grains: &[usize], low: f64, high: f64) -> (f64, f64) {
     let columns = ((high - low) / (2.0 * RADIUS)) as usize;
     let mut tops = vec![f64::NEG_INFINITY; columns];

@@ -96,7 +96,8 @@ fn mesh() -> Result<Vec<Row>, VerifyError> {
     Ok(rows)
 }
 
-/// A cylinder of radius 0.1 and length 0.3 on a tilted plane, its axis along the plane's normal or across the slope.
+/// A cylinder of radius 0.1 and length 0.3 on a tilted plane, its axis along the plane's normal or across the
+/// slope.
 fn on_slope(friction: f64, tilt: f64, standing: bool) -> Result<(World, usize), VerifyError> {
     let (radius, half_length) = (0.1, 0.15);
     let mut world = world(friction, 0.0)?;

@@ -1,4 +1,5 @@
-//! Tier B: slow simple shear in a periodic cell ([`PeriodicSample`]): the friction and density of the critical state.
+//! Tier B: slow simple shear in a periodic cell ([`PeriodicSample`]): the friction and density of the
+//! critical state.
 
 use super::periodic_sample::PeriodicSample;
 use super::source::{CHIALVO, PEYNEAU_ROUX, Source};

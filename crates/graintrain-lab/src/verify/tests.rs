@@ -157,7 +157,8 @@ fn the_report_renders() {
     assert_eq!(verdicts, ["verdict", "passed", "FAILED", "FAILED", "left out: invented"]);
 }
 
-/// `docs/verification.csv` has the columns and the cases of this program, all passed. (Packed crates have no `docs`.)
+/// `docs/verification.csv` has the columns and the cases of this program, all passed. (Packed crates have no
+/// `docs`.)
 #[test]
 fn the_table_of_the_notebook_is_that_of_tier_a() {
     let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/verification.csv");

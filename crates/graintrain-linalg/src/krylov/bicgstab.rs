@@ -3,8 +3,8 @@
 use super::{KrylovOutcome, KrylovReport, KrylovSettings, KrylovWork, Operator};
 use crate::parallel::{axpy, dot, norm};
 
-/// Solves A x = b for any regular A. `x` holds the start on entry and the iterate of least residual on exit. One
-/// iteration costs two products with A and two applications of the preconditioner.
+/// Solves A x = b for any regular A. `x` holds the start on entry and the iterate of least residual on exit.
+/// One iteration costs two products with A and two applications of the preconditioner.
 pub fn bicgstab(
     operator: &mut Operator<'_>,
     preconditioner: &mut Operator<'_>,

@@ -3,8 +3,8 @@
 use super::{KrylovOutcome, KrylovReport, KrylovSettings, KrylovWork, Operator, xpay};
 use crate::parallel::{axpy, dot, norm};
 
-/// Solves A x = b, A symmetric positive definite, with a fixed symmetric positive definite preconditioner. `x` holds
-/// the start on entry.
+/// Solves A x = b, A symmetric positive definite, with a fixed symmetric positive definite preconditioner.
+/// `x` holds the start on entry.
 pub fn conjugate_gradient(
     operator: &mut Operator<'_>,
     preconditioner: &mut Operator<'_>,
@@ -16,8 +16,8 @@ pub fn conjugate_gradient(
     iterate(operator, preconditioner, b, x, settings, work, Variant::Fixed)
 }
 
-/// Conjugate gradients with a preconditioner that may change from one application to the next (an inner iteration):
-/// directions are made conjugate with the Polak-Ribiere coefficient, which needs one more vector.
+/// Conjugate gradients with a preconditioner that may change from one application to the next (an inner
+/// iteration): directions are made conjugate with the Polak-Ribiere coefficient, which needs one more vector.
 pub fn flexible_conjugate_gradient(
     operator: &mut Operator<'_>,
     preconditioner: &mut Operator<'_>,
@@ -29,8 +29,8 @@ pub fn flexible_conjugate_gradient(
     iterate(operator, preconditioner, b, x, settings, work, Variant::Flexible)
 }
 
-/// Conjugate gradients of which something else than |b - A x| / |b| has to fall below the tolerance, see [`Measure`];
-/// [`KrylovWork::history`] holds its values only.
+/// Conjugate gradients of which something else than |b - A x| / |b| has to fall below the tolerance, see
+/// [`Measure`]; [`KrylovWork::history`] holds its values only.
 pub fn conjugate_gradient_measured(
     operator: &mut Operator<'_>,
     preconditioner: &mut Operator<'_>,
@@ -48,8 +48,8 @@ const MEASURE_EVERY: usize = 5;
 
 /// What [`conjugate_gradient_measured`] makes small.
 pub struct Measure<'a> {
-    /// Any norm of b - A x that costs about as much as an iteration: it is evaluated when the number of iterations has grown
-    /// by a tenth.
+    /// Any norm of b - A x that costs about as much as an iteration: it is evaluated when the number of
+    /// iterations has grown by a tenth.
     pub norm: &'a mut dyn FnMut(&[f64]) -> f64,
     /// Whether the preconditioner may change from one application to the next.
     pub flexible: bool,

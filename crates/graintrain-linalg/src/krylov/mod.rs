@@ -1,7 +1,8 @@
 //! Krylov methods: conjugate gradients, flexible conjugate gradients, BiCGSTAB.
 //!
-//! Operators and preconditioners are closures `(input, output)`; work vectors live in [`KrylovWork`], so that no
-//! iteration allocates. The inner products are those of [`crate::parallel`]: the same bits for any number of threads.
+//! Operators and preconditioners are closures `(input, output)`; work vectors live in [`KrylovWork`], so that
+//! no iteration allocates. The inner products are those of [`crate::parallel`]: the same bits for any number
+//! of threads.
 
 mod bicgstab;
 mod cg;
@@ -75,7 +76,8 @@ impl KrylovWork {
             vector.resize(length, 0.0);
         }
         self.history.clear();
-        // Solvers of contact problems stop after at most 5000 iterations; whoever makes more pays for a longer list.
+        // Solvers of contact problems stop after at most 5000 iterations; whoever makes more pays for a
+        // longer list.
         self.history.reserve(HISTORY);
         &mut self.vectors
     }
@@ -93,7 +95,8 @@ mod tests {
     use super::*;
     use crate::parallel::norm;
 
-    /// The 1D Laplacian plus a shift that grows along the diagonal: positive definite, condition number about 4e3.
+    /// The 1D Laplacian plus a shift that grows along the diagonal: positive definite, condition number about
+    /// 4e3.
     fn apply(x: &[f64], y: &mut [f64]) {
         let n = x.len();
         for i in 0..n {
@@ -147,7 +150,8 @@ mod tests {
         }
     }
 
-    /// With the Euclidean norm as measure the iterates are those of flexible conjugate gradients; it is looked at rarely.
+    /// With the Euclidean norm as measure the iterates are those of flexible conjugate gradients; it is
+    /// looked at rarely.
     #[test]
     fn a_measure_of_ones_own_decides() {
         let n = 500;

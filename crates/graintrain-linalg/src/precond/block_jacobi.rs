@@ -53,8 +53,8 @@ impl BlockJacobi {
         }
     }
 
-    /// A_ij <- L_i^-1 A_ij L_j^-T: block (i, j), row-major, of the symmetrically scaled matrix, whose diagonal blocks are
-    /// identities.
+    /// A_ij <- L_i^-1 A_ij L_j^-T: block (i, j), row-major, of the symmetrically scaled matrix, whose
+    /// diagonal blocks are identities.
     pub fn scale(&self, i: usize, j: usize, block: &mut [f64]) {
         let b = self.block_size;
         let factor = |row: usize| &self.factors[row * b * b..(row + 1) * b * b];
@@ -71,7 +71,8 @@ impl BlockJacobi {
         }
     }
 
-    /// L^-1 A L^-T by blocks of 3 into a matrix of the same pattern, for the diagonal blocks of the last refresh. O(blocks).
+    /// L^-1 A L^-T by blocks of 3 into a matrix of the same pattern, for the diagonal blocks of the last
+    /// refresh. O(blocks).
     ///
     /// # Panics
     /// If the patterns differ.
@@ -113,8 +114,8 @@ impl Preconditioner for BlockJacobi {
 mod tests {
     use super::*;
 
-    /// A = [[P, C], [C^T, Q]] with 2x2 blocks: the scaled diagonal blocks are identities, and scaling then solving with
-    /// both halves is the same as solving with the block.
+    /// A = [[P, C], [C^T, Q]] with 2x2 blocks: the scaled diagonal blocks are identities, and scaling then
+    /// solving with both halves is the same as solving with the block.
     #[test]
     fn scaling_makes_identities_and_halves_make_the_whole() {
         let p = [4.0, 1.0, 1.0, 3.0];

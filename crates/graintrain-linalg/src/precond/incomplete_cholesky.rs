@@ -5,8 +5,8 @@ use crate::block_ops::{factor_in_place, invert_lower};
 use crate::block3::{Block, BlockMatrix3};
 use crate::vectorised::{Work, run_wide};
 
-/// Incomplete block Cholesky factor with no fill (Meijerink and van der Vorst 1977) of a symmetric positive definite matrix
-/// of B x B blocks with SQUARE = B^2 entries; B is 3 (contacts) or 6 (bodies).
+/// Incomplete block Cholesky factor with no fill (Meijerink and van der Vorst 1977) of a symmetric positive
+/// definite matrix of B x B blocks with SQUARE = B^2 entries; B is 3 (contacts) or 6 (bodies).
 ///
 /// With the Cholesky factors D_i of its pivot blocks C = D (I + L), and
 ///
@@ -14,12 +14,13 @@ use crate::vectorised::{Work, run_wide};
 /// y_i = D_i^-1 r_i - sum_(j < i) L_ij y_j,    w_i = y_i - sum_(j > i) L_ji^T w_j,    z_i = D_i^-T w_i.
 /// ```
 ///
-/// Both sweeps read blocks in the order in which they lie in memory and add up what a row receives, so L is kept by
-/// rows and by columns. It is kept in single precision: any finite L makes a symmetric positive definite preconditioner, and
-/// an application is bound by the memory that it reads. Factorisation and sweeps compute in double precision.
+/// Both sweeps read blocks in the order in which they lie in memory and add up what a row receives, so L is
+/// kept by rows and by columns. It is kept in single precision: any finite L makes a symmetric positive
+/// definite preconditioner, and an application is bound by the memory that it reads. Factorisation and sweeps
+/// compute in double precision.
 ///
-/// Where a pivot block is not positive definite, or L too large for single precision, the factorisation starts again with
-/// the diagonal blocks enlarged by a growing fraction of themselves (Manteuffel 1980).
+/// Where a pivot block is not positive definite, or L too large for single precision, the factorisation
+/// starts again with the diagonal blocks enlarged by a growing fraction of themselves (Manteuffel 1980).
 #[derive(Clone, Debug, Default)]
 pub struct IncompleteCholesky<const B: usize, const SQUARE: usize> {
     pattern: LowerPattern,
@@ -27,7 +28,8 @@ pub struct IncompleteCholesky<const B: usize, const SQUARE: usize> {
     lower: Vec<[f64; SQUARE]>,
     /// D_i^-1, lower triangular.
     inverse_pivots: Vec<[f64; SQUARE]>,
-    /// Position of column k in the row at hand, counted from 1; 0 where it is not stored. Work memory as well.
+    /// Position of column k in the row at hand, counted from 1; 0 where it is not stored. Work memory as
+    /// well.
     position: Vec<usize>,
     /// L by rows: blocks column-major, and [`PADDING`].
     by_rows: Vec<f32>,
@@ -92,8 +94,8 @@ impl<const B: usize, const SQUARE: usize> IncompleteCholesky<B, SQUARE> {
         self.pattern.column.len()
     }
 
-    /// Adapts to new values of a matrix of which `lower(i)` gives the columns and blocks of row i up to the diagonal one,
-    /// columns ascending, the diagonal block last. Blocks are row-major.
+    /// Adapts to new values of a matrix of which `lower(i)` gives the columns and blocks of row i up to the
+    /// diagonal one, columns ascending, the diagonal block last. Blocks are row-major.
     ///
     /// # Errors
     /// [`PreconditionerError`]; the preconditioner is then unusable until the next success.
@@ -184,7 +186,8 @@ impl<const B: usize, const SQUARE: usize> IncompleteCholesky<B, SQUARE> {
         Ok(())
     }
 
-    /// L = D^-1 C in single precision, by rows and by columns. The first row with an entry that is too large, if there is one.
+    /// L = D^-1 C in single precision, by rows and by columns. The first row with an entry that is too large,
+    /// if there is one.
     fn store(&mut self) -> Result<(), usize> {
         let Self { pattern, lower, inverse_pivots, by_rows, by_columns, .. } = self;
         for list in [&mut *by_rows, &mut *by_columns] {
@@ -278,8 +281,8 @@ const PADDING: usize = 2;
 
 /// sum_k L_k x_(j_k) for the blocks from `first` on, column-major.
 ///
-/// Columns are read with the entries that follow, so that they fill LANES; nobody looks at the sums of those. Consecutive
-/// columns add to different sums, so that they do not wait for each other.
+/// Columns are read with the entries that follow, so that they fill LANES; nobody looks at the sums of those.
+/// Consecutive columns add to different sums, so that they do not wait for each other.
 #[inline(always)]
 fn received<const B: usize, const SQUARE: usize, const LANES: usize>(
     indices: &[u32],

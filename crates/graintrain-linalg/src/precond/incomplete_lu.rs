@@ -21,9 +21,9 @@ pub struct IncompleteLu {
 }
 
 impl IncompleteLu {
-    /// For symmetric positive definite matrices: where a pivot block is not positive definite (the preconditioner would be
-    /// indefinite, and Krylov methods stagnate) the diagonal blocks are enlarged as for
-    /// [`IncompleteCholesky`](super::IncompleteCholesky).
+    /// For symmetric positive definite matrices: where a pivot block is not positive definite (the
+    /// preconditioner would be indefinite, and Krylov methods stagnate) the diagonal blocks are enlarged as
+    /// for [`IncompleteCholesky`](super::IncompleteCholesky).
     pub fn definite() -> Self {
         Self { definite: true, ..Self::default() }
     }

@@ -119,7 +119,8 @@ mod tests {
         assert!(by_cholesky.iter().zip(&by_lu).all(|(a, b)| (a - b).abs() < 1e-6));
     }
 
-    /// Without fill outside the pattern the incomplete factors are complete: one application solves the system.
+    /// Without fill outside the pattern the incomplete factors are complete: one application solves the
+    /// system.
     #[test]
     fn incomplete_factors_of_a_path_are_exact() {
         let (mut start, mut column, mut blocks) = (vec![0], Vec::new(), Vec::new());
@@ -151,8 +152,8 @@ mod tests {
         }
     }
 
-    /// Blocks of six: the factors of a path are complete up to single precision; those of a ring are not, but symmetric
-    /// positive definite.
+    /// Blocks of six: the factors of a path are complete up to single precision; those of a ring are not, but
+    /// symmetric positive definite.
     #[test]
     fn incomplete_cholesky_takes_larger_blocks() {
         let entry = |k: usize| f64::sin(1.7 * k as f64);
@@ -217,7 +218,8 @@ mod tests {
         }
     }
 
-    /// Matrices far outside the range of single precision, one with a pivot that is rounding: the factor has no unit.
+    /// Matrices far outside the range of single precision, one with a pivot that is rounding: the factor has
+    /// no unit.
     #[test]
     fn incomplete_cholesky_takes_any_unit() {
         let block =

@@ -10,7 +10,8 @@ use numpy::Complex64;
 use pyo3::prelude::*;
 use pyo3::types::{PyComplex, PyDict};
 
-/// A complex tensor: a real train with one more mode of size 2, real and imaginary part, before the first one.
+/// A complex tensor: a real train with one more mode of size 2, real and imaginary part, before the first
+/// one.
 #[pyclass(frozen, module = "graintrain.tt")]
 pub struct ComplexVector {
     train: complex::ComplexVector,

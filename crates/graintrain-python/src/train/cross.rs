@@ -70,9 +70,10 @@ fn points(what: &str, given: Option<&Bound<'_, PyAny>>, width: usize) -> PyResul
     given.map_or(Ok(Vec::new()), |given| indices(what, given, width))
 }
 
-/// Cross interpolation: the train of a tensor from some of its entries, and a report (a dict). function(indices) gets an integer array (n,
-/// d) and returns n values. probes: (n, d), points to confirm the train at. What the method cannot see it does not claim: see status,
-/// sampled_error and upper_bound. Settings: max_rank, max_sweeps (30), kick_rank (4), samples (4000), seed.
+/// Cross interpolation: the train of a tensor from some of its entries, and a report (a dict).
+/// function(indices) gets an integer array (n, d) and returns n values. probes: (n, d), points to confirm the
+/// train at. What the method cannot see it does not claim: see status, sampled_error and upper_bound.
+/// Settings: max_rank, max_sweeps (30), kick_rank (4), samples (4000), seed.
 #[pyfunction]
 #[pyo3(signature = (function, modes, tolerance=1e-6, *, start=None, probes=None, **settings))]
 pub fn cross<'py>(
@@ -92,8 +93,8 @@ pub fn cross<'py>(
     with_report(py, source.outcome(found)?)
 }
 
-/// Cross interpolation of a sparse matrix with every `stride`-th nonzero as a probe, and a report with the error over all entries. A method to compare with:
-/// QuadtreeMatrix.to_train is better in every respect.
+/// Cross interpolation of a sparse matrix with every `stride`-th nonzero as a probe, and a report with the
+/// error over all entries. A method to compare with: QuadtreeMatrix.to_train is better in every respect.
 #[pyfunction]
 #[pyo3(signature = (matrix, tolerance=1e-6, *, start=None, stride=1, **settings))]
 pub fn cross_sparse<'py>(
@@ -111,20 +112,23 @@ pub fn cross_sparse<'py>(
     with_report(py, found)
 }
 
-/// An equidistant sub-grid of at most so many points with both ends of every mode, for use as probes: an integer array (n, d).
+/// An equidistant sub-grid of at most so many points with both ends of every mode, for use as probes: an
+/// integer array (n, d).
 #[pyfunction]
 pub fn sub_grid(py: Python<'_>, modes: Vec<usize>, most: usize) -> PyResult<Bound<'_, PyAny>> {
     index_rows(py, &detached(py, || crosses::sub_grid(&modes, most))?, modes.len())
 }
 
-/// The fibres through the corners of the tensor, where functions of a sum of coordinates keep what cross misses last, for use as probes: (n, d).
+/// The fibres through the corners of the tensor, where functions of a sum of coordinates keep what cross
+/// misses last, for use as probes: (n, d).
 #[pyfunction]
 pub fn ends_of_modes(py: Python<'_>, modes: Vec<usize>) -> PyResult<Bound<'_, PyAny>> {
     index_rows(py, &detached(py, || crosses::ends_of_modes(&modes))?, modes.len())
 }
 
-/// The train with entries function(x_1[i], x_2[i], ...) for trains x_1, x_2, ... of the same modes, by cross, and its report. The function gets an array of n
-/// entries per train and returns n values. Settings as in cross.
+/// The train with entries function(x_1[i], x_2[i], ...) for trains x_1, x_2, ... of the same modes, by cross,
+/// and its report. The function gets an array of n entries per train and returns n values. Settings as in
+/// cross.
 #[pyfunction]
 #[pyo3(signature = (function, trains, tolerance=1e-6, **settings))]
 pub fn map<'py>(
@@ -175,8 +179,9 @@ impl EntrySource for EntriesCalled<'_> {
     }
 }
 
-/// The train of these modes through values (n) at indices (n, d), and a report: converged, training_error, validation_error, test_error, error_estimate,
-/// points, history, restarts, ranks. Settings: max_rank (20), max_sweeps (100), restarts (4), held_out (0.1), seed. O(sweeps d n r^4).
+/// The train of these modes through values (n) at indices (n, d), and a report: converged, training_error,
+/// validation_error, test_error, error_estimate, points, history, restarts, ranks. Settings: max_rank (20),
+/// max_sweeps (100), restarts (4), held_out (0.1), seed. O(sweeps d n r^4).
 #[pyfunction]
 #[pyo3(signature = (modes, index, values, tolerance=1e-6, **settings))]
 pub fn fit<'py>(

@@ -11,8 +11,9 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::path::PathBuf;
 
-/// The unitary Fourier transform y_m = 2^(-d/2) sum_j x_j exp(-2 pi i j m / 2^d) ("Forward"; + for "Backward") of x = real + i imaginary over d binary digits:
-/// (real part, imaginary part, report), whose error is a bound. O(d^2 r^3). (Dolgov, Khoromskij, Savostyanov 2012.)
+/// The unitary Fourier transform y_m = 2^(-d/2) sum_j x_j exp(-2 pi i j m / 2^d) ("Forward"; + for
+/// "Backward") of x = real + i imaginary over d binary digits: (real part, imaginary part, report), whose
+/// error is a bound. O(d^2 r^3). (Dolgov, Khoromskij, Savostyanov 2012.)
 #[pyfunction]
 #[pyo3(signature = (real, imaginary=None, direction="Forward", tolerance=1e-10, *, max_rank=None))]
 pub fn fourier<'py>(
@@ -43,7 +44,8 @@ pub fn convolution<'py>(
     with_report(py, detached(py, || transform::convolution(&x.train, &y.train, &limits))?)
 }
 
-/// Rows of (nearly) largest volume of an array (n, r), n >= r: their numbers and the array in their coordinates, A A[rows]^-1, of which no entry exceeds 1.05.
+/// Rows of (nearly) largest volume of an array (n, r), n >= r: their numbers and the array in their
+/// coordinates, A A[rows]^-1, of which no entry exceeds 1.05.
 #[pyfunction]
 pub fn maxvol<'py>(py: Python<'py>, matrix: &Bound<'py, PyAny>) -> PyResult<(Vec<usize>, Bound<'py, PyAny>)> {
     let full = full_matrix("matrix", matrix)?;
@@ -64,7 +66,8 @@ pub fn write_sdv(train: &TrainVector, path: PathBuf) -> PyResult<()> {
     toolbox::write_sdv(&train.train, &path).or_raise()
 }
 
-/// The trains of a MATLAB file (level 5) of TT-Toolbox: a dict of TrainVectors and TrainMatrices by their names.
+/// The trains of a MATLAB file (level 5) of TT-Toolbox: a dict of TrainVectors and TrainMatrices by their
+/// names.
 #[pyfunction]
 pub fn read_mat(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'_, PyDict>> {
     let found = PyDict::new(py);

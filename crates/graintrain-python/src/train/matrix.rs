@@ -13,7 +13,8 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use std::path::PathBuf;
 
-/// A matrix as a tensor train: row and column numbers are written in digits, the first one the lowest; core k holds the pairs of row and column digit k.
+/// A matrix as a tensor train: row and column numbers are written in digits, the first one the lowest; core k
+/// holds the pairs of row and column digit k.
 #[pyclass(frozen, module = "graintrain")]
 pub struct TrainMatrix {
     pub(super) train: TtMatrix,
@@ -70,7 +71,8 @@ pub(super) fn quadtree(matrix: &Bound<'_, PyAny>, leaf: usize) -> PyResult<Quadt
 /// Making and reading.
 #[pymethods]
 impl TrainMatrix {
-    /// TT-SVD of a full matrix to a relative error; rows and columns are the digits of both sizes, binary unless given. With return_report=True also a dict.
+    /// TT-SVD of a full matrix to a relative error; rows and columns are the digits of both sizes, binary
+    /// unless given. With return_report=True also a dict.
     #[staticmethod]
     #[pyo3(signature = (array, tolerance=1e-10, *, max_rank=None, rows=None, columns=None, return_report=false))]
     fn from_numpy<'py>(
@@ -90,9 +92,9 @@ impl TrainMatrix {
         maybe_with_report::<_, Self>(py, found, return_report)
     }
 
-    /// The train of a square sparse matrix of SciPy, by one exact pass over its entries that never forms it. Its size becomes
-    /// leaf * 2**levels: rows beyond those of the matrix are zero. tolerance: relative error in the Frobenius norm. With return_report=True also
-    /// a dict. (QuadtreeMatrix has more.)
+    /// The train of a square sparse matrix of SciPy, by one exact pass over its entries that never forms it.
+    /// Its size becomes leaf * 2**levels: rows beyond those of the matrix are zero. tolerance: relative error
+    /// in the Frobenius norm. With return_report=True also a dict. (QuadtreeMatrix has more.)
     #[staticmethod]
     #[pyo3(signature = (matrix, tolerance=1e-10, *, max_rank=None, leaf=4, return_report=false))]
     fn from_sparse<'py>(
@@ -268,7 +270,8 @@ impl TrainMatrix {
 /// Algebra and rounding.
 #[pymethods]
 impl TrainMatrix {
-    /// A train of smaller ranks within a relative error in the Frobenius norm. With return_report=True also a dict; see TrainVector.round.
+    /// A train of smaller ranks within a relative error in the Frobenius norm. With return_report=True also a
+    /// dict; see TrainVector.round.
     #[pyo3(signature = (tolerance=1e-10, *, max_rank=None, return_report=false))]
     fn round<'py>(
         &self,
@@ -306,7 +309,8 @@ impl TrainMatrix {
         self.train.trace().or_raise()
     }
 
-    /// The product with a TrainVector (a train whose ranks are the products), with another TrainMatrix, or with a full vector (an array).
+    /// The product with a TrainVector (a train whose ranks are the products), with another TrainMatrix, or
+    /// with a full vector (an array).
     fn apply<'py>(&self, py: Python<'py>, x: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
         if let Ok(x) = x.cast::<TrainVector>() {
             let train = self.train.times_vector(&x.get().train).or_raise()?;

@@ -9,13 +9,15 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyString;
 
-/// sum_t w_t O_{t,1} (x) ... (x) O_{t,d}: a sum of products of local operators on a chain of sites, and its matrix train of the smallest ranks.
+/// sum_t w_t O_{t,1} (x) ... (x) O_{t,d}: a sum of products of local operators on a chain of sites, and its
+/// matrix train of the smallest ranks.
 ///
-/// An operator is an array (n, n) or a name: "S+", "S-", "Sx", "iSy", "Sz" of a spin (n - 1) / 2 with the largest Sz first, "A", "A+", "N" of an
-/// oscillator with up to n - 1 quanta, "Identity". The Heisenberg chain of ten spins:
+/// An operator is an array (n, n) or a name: "S+", "S-", "Sx", "iSy", "Sz" of a spin (n - 1) / 2 with the
+/// largest Sz first, "A", "A+", "N" of an oscillator with up to n - 1 quanta, "Identity". The Heisenberg
+/// chain of ten spins:
 ///
-/// >>> chain = OperatorSum([2] * 10)
-/// >>> for w, a, b in [(0.5, "S+", "S-"), (0.5, "S-", "S+"), (1, "Sz", "Sz")]: chain.add_translates(w, [a, b])
+/// >>> chain = OperatorSum([2] * 10) >>> for w, a, b
+/// in [(0.5, "S+", "S-"), (0.5, "S-", "S+"), (1, "Sz", "Sz")]: chain.add_translates(w, [a, b])
 #[pyclass(module = "graintrain.tt")]
 pub struct OperatorSum {
     sum: sums::OperatorSum,
@@ -49,7 +51,8 @@ impl OperatorSum {
         self.sum.num_terms()
     }
 
-    /// Adds weight times the product of (site, operator) pairs; several at one site are multiplied as written, none at all is the identity.
+    /// Adds weight times the product of (site, operator) pairs; several at one site are multiplied as
+    /// written, none at all is the identity.
     fn add(&mut self, weight: f64, factors: Vec<(usize, Bound<'_, PyAny>)>) -> PyResult<()> {
         let mut matrices = Vec::with_capacity(factors.len());
         for (k, (site, given)) in factors.iter().enumerate() {
@@ -64,7 +67,8 @@ impl OperatorSum {
         Ok(())
     }
 
-    /// Adds weight times the product of operators at neighbouring sites k, k + 1, ..., for every k. (All sites they meet are of one size.)
+    /// Adds weight times the product of operators at neighbouring sites k, k + 1, ..., for every k. (All
+    /// sites they meet are of one size.)
     fn add_translates(&mut self, weight: f64, factors: Vec<Bound<'_, PyAny>>) -> PyResult<()> {
         let n = self.sum.modes()[0];
         let matrix = |(k, given): (usize, &Bound<'_, PyAny>)| operator(&format!("factors[{k}]"), given, n);

@@ -29,7 +29,8 @@ fn operators(axes: &[PyRef<'_, TrainMatrix>]) -> Vec<TtMatrix> {
     axes.iter().map(|axis| axis.train.clone()).collect()
 }
 
-/// The 2^d x 2^d tridiagonal Toeplitz matrix with `sub`, `diagonal` and `superdiagonal`: ranks 3. (Kazeev and Khoromskij 2012.)
+/// The 2^d x 2^d tridiagonal Toeplitz matrix with `sub`, `diagonal` and `superdiagonal`: ranks 3. (Kazeev and
+/// Khoromskij 2012.)
 #[pyfunction]
 pub fn tridiagonal(d: usize, sub: f64, diagonal: f64, superdiagonal: f64) -> PyResult<TrainMatrix> {
     matrix(d, |d| qtt::tridiagonal(d, sub, diagonal, superdiagonal))
@@ -80,20 +81,23 @@ pub fn circulant(x: &TrainVector) -> PyResult<TrainMatrix> {
     Ok(qtt::circulant(&x.train).or_raise()?.into())
 }
 
-/// The Toeplitz matrix x[(i - j) mod 2^(d + 1)] of a vector of 2^(d + 1) numbers: the first column, then the first row from its end. Ranks 2 r.
+/// The Toeplitz matrix x[(i - j) mod 2^(d + 1)] of a vector of 2^(d + 1) numbers: the first column, then the
+/// first row from its end. Ranks 2 r.
 #[pyfunction]
 pub fn toeplitz(x: &TrainVector) -> PyResult<TrainMatrix> {
     Ok(qtt::toeplitz(&x.train).or_raise()?.into())
 }
 
-/// The Kronecker product of one operator per axis with the digits of the axes interleaved, level by level, axis 1 first.
+/// The Kronecker product of one operator per axis with the digits of the axes interleaved, level by level,
+/// axis 1 first.
 #[pyfunction]
 pub fn interleave(py: Python<'_>, axes: Vec<PyRef<'_, TrainMatrix>>) -> PyResult<TrainMatrix> {
     let axes = operators(&axes);
     Ok(detached(py, || qtt::interleave(&axes))?.into())
 }
 
-/// sum_a I (x) ... L_a ... (x) I for one operator per axis, digits "Separated" (axis after axis) or "Morton" (level by level).
+/// sum_a I (x) ... L_a ... (x) I for one operator per axis, digits "Separated" (axis after axis) or "Morton"
+/// (level by level).
 #[pyfunction]
 #[pyo3(signature = (axes, order="Separated"))]
 pub fn kronecker_sum(

@@ -12,14 +12,16 @@ use pyo3::types::{PyDict, PyTuple};
 
 /// Named variables with intervals and binary digits: {"x": (low, high, bits), ...}.
 ///
-/// order: digits "Morton" (level by level, the coarsest last) or "Separated" (axis after axis). points: "Midpoints" of 2^bits cells, both "Ends" and what lies
-/// between, or "Periodic" (low, but not high); integrals are the rules of these points.
+/// order: digits "Morton" (level by level, the coarsest last) or "Separated" (axis after axis). points:
+/// "Midpoints" of 2^bits cells, both "Ends" and what lies between, or "Periodic" (low, but not high);
+/// integrals are the rules of these points.
 #[pyclass(frozen, module = "graintrain.tt")]
 pub struct Grid {
     grid: quantics::Grid,
 }
 
-/// A function on a grid as a train. Called with one number or array per axis (or by their names) it gives its values, linear between points.
+/// A function on a grid as a train. Called with one number or array per axis (or by their names) it gives its
+/// values, linear between points.
 #[pyclass(frozen, module = "graintrain.tt")]
 pub struct GridFunction {
     function: quantics::GridFunction,
@@ -125,8 +127,8 @@ impl Grid {
         index_rows(py, &self.grid.nearest(&points).or_raise()?, self.grid.modes().len())
     }
 
-    /// f(x, y, ...) on the grid by cross interpolation, and its report (see cross); f gets one array per axis and returns as many values. probes: points
-    /// (n, axes) that matter, such as peaks. Settings as in cross.
+    /// f(x, y, ...) on the grid by cross interpolation, and its report (see cross); f gets one array per axis
+    /// and returns as many values. probes: points (n, axes) that matter, such as peaks. Settings as in cross.
     #[pyo3(signature = (function, tolerance=1e-6, *, probes=None, **settings))]
     fn cross<'py>(
         &self,
@@ -146,7 +148,8 @@ impl Grid {
         with_report(py, source.called.outcome(found)?)
     }
 
-    /// From all values on the grid, an array with one dimension per axis, within a relative error, and a report.
+    /// From all values on the grid, an array with one dimension per axis, within a relative error, and a
+    /// report.
     #[pyo3(name = "from_numpy", signature = (array, tolerance=1e-10, *, max_rank=None))]
     fn compressed<'py>(
         &self,

@@ -12,9 +12,10 @@ use serde_json::json;
 
 #[pymethods]
 impl TrainMatrix {
-    /// Solves A x = y by AMEn to a relative residual and returns (x, report): a dict with status, residual, floor, sweeps, history, ranks. Not
-    /// reaching the tolerance is no error: see status. Settings: max_rank, max_sweeps (40), kick_rank (4), method ("Amen", "Als", "Dmrg"), direct_limit
-    /// (1000), local_iterations (120), seed. (Dolgov and Savostyanov 2014.)
+    /// Solves A x = y by AMEn to a relative residual and returns (x, report): a dict with status, residual,
+    /// floor, sweeps, history, ranks. Not reaching the tolerance is no error: see status. Settings: max_rank,
+    /// max_sweeps (40), kick_rank (4), method ("Amen", "Als", "Dmrg"), direct_limit (1000), local_iterations
+    /// (120), seed. (Dolgov and Savostyanov 2014.)
     #[pyo3(signature = (y, tolerance=1e-6, *, start=None, **settings))]
     fn solve<'py>(
         &self,
@@ -33,7 +34,8 @@ impl TrainMatrix {
     }
 }
 
-/// Solves A X = Y for a matrix X by AMEn and returns (X, report); settings as in TrainMatrix.solve. The local matrix is factored once for all columns.
+/// Solves A X = Y for a matrix X by AMEn and returns (X, report); settings as in TrainMatrix.solve. The local
+/// matrix is factored once for all columns.
 #[pyfunction]
 #[pyo3(signature = (a, y, tolerance=1e-6, *, start=None, **settings))]
 pub fn solve_matrix<'py>(
@@ -52,8 +54,9 @@ pub fn solve_matrix<'py>(
     )
 }
 
-/// Solves A x = y by restarted GMRES with rounded vectors, right-preconditioned (A P u = y, x = P u), and returns (x, report): status, residual, floor,
-/// iterations, history, largest_rank, ranks. Settings: max_rank, restart (30), max_iterations (300). (Dolgov 2013.)
+/// Solves A x = y by restarted GMRES with rounded vectors, right-preconditioned (A P u = y, x = P u), and
+/// returns (x, report): status, residual, floor, iterations, history, largest_rank, ranks. Settings:
+/// max_rank, restart (30), max_iterations (300). (Dolgov 2013.)
 #[pyfunction]
 #[pyo3(signature = (a, y, tolerance=1e-6, *, start=None, preconditioner=None, **settings))]
 pub fn gmres<'py>(
@@ -86,8 +89,9 @@ pub fn measured_residual(
     Ok(value_and_floor(measured))
 }
 
-/// The inverse X of A by AMEn and a report with ||A X - I||_F / ||I||_F. form: "Energy" (symmetric positive definite A), "Residual" (A^T A X = A^T),
-/// "Galerkin" (any regular A) or "Symmetric" (A X + X A = 2 I). Settings as in TrainMatrix.solve.
+/// The inverse X of A by AMEn and a report with ||A X - I||_F / ||I||_F. form: "Energy" (symmetric positive
+/// definite A), "Residual" (A^T A X = A^T), "Galerkin" (any regular A) or "Symmetric" (A X + X A = 2 I).
+/// Settings as in TrainMatrix.solve.
 #[pyfunction]
 #[pyo3(signature = (a, form="Energy", tolerance=1e-6, *, start=None, **settings))]
 pub fn inverse<'py>(
@@ -110,7 +114,8 @@ pub fn inverse_residual(py: Python<'_>, a: &TrainMatrix, x: &TrainMatrix) -> PyR
     detached(py, || inverses::inverse_residual(&a.train, &x.train))
 }
 
-/// X <- 2 X - X A X with rounding after every product, until ||I - A X||_F (absolute) is at most `stop`; the best X and a report: converged, floor, history.
+/// X <- 2 X - X A X with rounding after every product, until ||I - A X||_F (absolute) is at most `stop`; the
+/// best X and a report: converged, floor, history.
 #[pyfunction]
 #[pyo3(signature = (a, start, tolerance=1e-10, *, max_rank=None, stop=1e-6, max_steps=50))]
 pub fn newton_schulz<'py>(
@@ -129,9 +134,10 @@ pub fn newton_schulz<'py>(
     with_report(py, found)
 }
 
-/// The lowest eigenvalues of a symmetric matrix with their vectors of norm 1, ascending: a list of (value, vector, report) with residual, floor, converged and
-/// sweeps. An eigenvalue lies within the residual of each value; that no lower one was missed is not certified. Settings: max_rank (200), max_sweeps (40),
-/// method ("Dmrg", "Amen"), seed.
+/// The lowest eigenvalues of a symmetric matrix with their vectors of norm 1, ascending: a list of (value,
+/// vector, report) with residual, floor, converged and sweeps. An eigenvalue lies within the residual of each
+/// value; that no lower one was missed is not certified. Settings: max_rank (200), max_sweeps (40), method
+/// ("Dmrg", "Amen"), seed.
 #[pyfunction]
 #[pyo3(signature = (a, count=1, tolerance=1e-8, **settings))]
 pub fn lowest_eigenpairs<'py>(
@@ -152,8 +158,9 @@ pub fn lowest_eigenpairs<'py>(
     pairs.into_iter().map(entry).collect()
 }
 
-/// exp(time A) x for any square A by TDVP, and a report: projection, truncation, splitting, floor, growth, capped, ranks; `error` is the sum of the first four,
-/// a Frobenius norm. Settings: sites ("Two", "One"), steps (10), max_rank (200). For stiff A take implicit steps by solve.
+/// exp(time A) x for any square A by TDVP, and a report: projection, truncation, splitting, floor, growth,
+/// capped, ranks; `error` is the sum of the first four, a Frobenius norm. Settings: sites ("Two", "One"),
+/// steps (10), max_rank (200). For stiff A take implicit steps by solve.
 #[pyfunction]
 #[pyo3(signature = (a, x, time, tolerance=1e-8, **settings))]
 pub fn evolve<'py>(

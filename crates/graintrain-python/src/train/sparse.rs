@@ -10,7 +10,8 @@ use graintrain_tt::{apply, definite, sketch, sparse, symmetric};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
-/// A square sparse matrix of size leaf * 2**levels, cut into leaf blocks along a quadtree: its train comes from one exact pass over its nonzeros.
+/// A square sparse matrix of size leaf * 2**levels, cut into leaf blocks along a quadtree: its train comes
+/// from one exact pass over its nonzeros.
 #[pyclass(frozen, module = "graintrain.tt")]
 pub struct QuadtreeMatrix {
     pub(super) matrix: sparse::QuadtreeMatrix,
@@ -25,7 +26,8 @@ impl QuadtreeMatrix {
         Ok(Self { matrix: quadtree(matrix, leaf)? })
     }
 
-    /// From values (n) at (row, column) pairs (n, 2) in a matrix of size leaf_size * 2**levels; values at the same place are added.
+    /// From values (n) at (row, column) pairs (n, 2) in a matrix of size leaf_size * 2**levels; values at the
+    /// same place are added.
     #[staticmethod]
     fn from_entries(
         leaf_size: usize,
@@ -39,8 +41,8 @@ impl QuadtreeMatrix {
         Ok(Self { matrix: sparse::QuadtreeMatrix::from_entries(leaf_size, levels, entries).or_raise()? })
     }
 
-    /// From 3x3 blocks (n, 3, 3) at (block row, block column) pairs (n, 2), block row c at place[c] of slots * 2**levels; places that are free get `dummy` on
-    /// their diagonal.
+    /// From 3x3 blocks (n, 3, 3) at (block row, block column) pairs (n, 2), block row c at place[c] of
+    /// slots * 2**levels; places that are free get `dummy` on their diagonal.
     #[staticmethod]
     #[pyo3(signature = (positions, blocks, place, slots, levels, dummy=0.0))]
     fn from_blocks(
@@ -118,7 +120,8 @@ impl QuadtreeMatrix {
         detached(py, || self.matrix.relative_error(&train.train))
     }
 
-    /// The train within an error relative to the norm without dummies, and a report: error, floor, augmented_error, norm, capped. O(nonzeros r^2) per level.
+    /// The train within an error relative to the norm without dummies, and a report: error, floor,
+    /// augmented_error, norm, capped. O(nonzeros r^2) per level.
     #[pyo3(signature = (tolerance=1e-10, *, max_rank=None))]
     fn to_train<'py>(
         &self,
@@ -129,7 +132,8 @@ impl QuadtreeMatrix {
         with_report(py, detached(py, || self.matrix.to_train(&truncation(tolerance, max_rank)))?)
     }
 
-    /// As to_train for a symmetric matrix, shifted by a multiple of the identity so that no eigenvalue (by Lanczos of so many steps) lies below floor.
+    /// As to_train for a symmetric matrix, shifted by a multiple of the identity so that no eigenvalue (by
+    /// Lanczos of so many steps) lies below floor.
     #[pyo3(signature = (floor, tolerance=1e-10, *, max_rank=None, steps=50))]
     fn to_definite_train<'py>(
         &self,
@@ -216,8 +220,8 @@ impl SymmetricTrain {
     }
 }
 
-/// Random sketches of a tensor that comes in parts (entries, trains, sparse matrices), and a train from them. Sketches of the same modes, rank and seed can be
-/// added.
+/// Random sketches of a tensor that comes in parts (entries, trains, sparse matrices), and a train from them.
+/// Sketches of the same modes, rank and seed can be added.
 #[pyclass(module = "graintrain.tt")]
 pub struct Sketch {
     sketch: sketch::Sketch,
@@ -326,7 +330,8 @@ impl FullOperator {
         array(py, y, &result)
     }
 
-    /// Smallest and largest eigenvalue of a symmetric operator by Lanczos of so many steps: two dicts with value and residual.
+    /// Smallest and largest eigenvalue of a symmetric operator by Lanczos of so many steps: two dicts with
+    /// value and residual.
     #[pyo3(signature = (steps=50, seed=1))]
     fn extreme_eigenvalues<'py>(
         &self,

@@ -12,8 +12,9 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::path::PathBuf;
 
-/// A tensor as a tensor train, A[i_1, ..., i_d] = G_1[i_1] ... G_d[i_d] with matrices G_k[i_k] of ranks r_{k-1} x r_k. Indices run as in NumPy;
-/// the first one is the fastest in flat vectors of numbers split into digits (order "F").
+/// A tensor as a tensor train, A[i_1, ..., i_d] = G_1[i_1] ... G_d[i_d] with matrices G_k[i_k] of ranks
+/// r_{k-1} x r_k. Indices run as in NumPy; the first one is the fastest in flat vectors of numbers split into
+/// digits (order "F").
 #[pyclass(frozen, module = "graintrain")]
 pub struct TrainVector {
     pub(super) train: TtVector,
@@ -28,8 +29,8 @@ impl From<TtVector> for TrainVector {
 /// Making and reading.
 #[pymethods]
 impl TrainVector {
-    /// TT-SVD of an array to a relative error in the Frobenius norm (Oseledets 2011); `modes` splits a flat one. With return_report=True also a dict: error, floor, norm,
-    /// capped.
+    /// TT-SVD of an array to a relative error in the Frobenius norm (Oseledets 2011); `modes` splits a flat
+    /// one. With return_report=True also a dict: error, floor, norm, capped.
     #[staticmethod]
     #[pyo3(signature = (array, tolerance=1e-10, *, max_rank=None, modes=None, return_report=false))]
     fn from_numpy<'py>(
@@ -73,7 +74,8 @@ impl TrainVector {
         Ok(TtVector::unit(&modes, &index).or_raise()?.into())
     }
 
-    /// Cores of these ranks (less where the tensor does not allow them) with entries uniform in [-1, 1], from a seed.
+    /// Cores of these ranks (less where the tensor does not allow them) with entries uniform in [-1, 1], from
+    /// a seed.
     #[staticmethod]
     #[pyo3(signature = (modes, rank, seed=1))]
     fn random(modes: Vec<usize>, rank: usize, seed: u64) -> PyResult<Self> {
@@ -139,7 +141,8 @@ impl TrainVector {
         Ok(owned(py, values, &[count])?.into_any())
     }
 
-    /// The entries whose index k lies in ranges[k], a slice or one number (a mode of size 1: see squeeze). Ranks stay: round afterwards.
+    /// The entries whose index k lies in ranges[k], a slice or one number (a mode of size 1: see squeeze).
+    /// Ranks stay: round afterwards.
     fn sub_tensor(&self, ranges: Vec<Bound<'_, PyAny>>) -> PyResult<Self> {
         let ranges = super::ranges("ranges", &ranges, &self.train.modes())?;
         Ok(self.train.sub_tensor(&ranges).or_raise()?.into())
@@ -185,8 +188,9 @@ impl TrainVector {
 /// Algebra and rounding.
 #[pymethods]
 impl TrainVector {
-    /// A train of the smallest ranks within a relative error in the Frobenius norm (Oseledets 2011). O(d n r^3). With return_report=True also a
-    /// dict: error (the error itself), floor (what rounding adds at most), norm, capped.
+    /// A train of the smallest ranks within a relative error in the Frobenius norm (Oseledets 2011). O(d n
+    /// r^3). With return_report=True also a dict: error (the error itself), floor (what rounding adds at
+    /// most), norm, capped.
     #[pyo3(signature = (tolerance=1e-10, *, max_rank=None, return_report=false))]
     fn round<'py>(
         &self,
@@ -306,7 +310,8 @@ impl TrainVector {
         with_report(py, detached(py, || self.train.entrywise_power(power, &limits))?)
     }
 
-    /// sum_i weight_i train_i of a list of (weight, train), within a relative error, and a report; dependent terms cost nothing.
+    /// sum_i weight_i train_i of a list of (weight, train), within a relative error, and a report; dependent
+    /// terms cost nothing.
     #[staticmethod]
     #[pyo3(signature = (terms, tolerance=1e-10, *, max_rank=None))]
     fn sum_rounded<'py>(
@@ -366,7 +371,8 @@ impl TrainVector {
         Ok(self.train.concatenate(&other.train, k).or_raise()?.into())
     }
 
-    /// Mode k of the result is mode order[k] of this train; also a report, whose error is a bound. O(n^3 r^3) per pair of neighbours that is exchanged.
+    /// Mode k of the result is mode order[k] of this train; also a report, whose error is a bound. O(n^3 r^3)
+    /// per pair of neighbours that is exchanged.
     #[pyo3(signature = (order, tolerance=1e-10, *, max_rank=None))]
     fn permute<'py>(
         &self,
@@ -383,7 +389,8 @@ impl TrainVector {
 /// Functions of entries, extremes, samples.
 #[pymethods]
 impl TrainVector {
-    /// y with x y = 1 entry by entry, by AMEn, and a report; its residual holds for ALL entries. Settings as in TrainMatrix.solve.
+    /// y with x y = 1 entry by entry, by AMEn, and a report; its residual holds for ALL entries. Settings as
+    /// in TrainMatrix.solve.
     #[pyo3(signature = (tolerance=1e-6, **settings))]
     fn reciprocal<'py>(
         &self,
@@ -395,8 +402,8 @@ impl TrainVector {
         with_report(py, stoppable(py, |stop| self.train.reciprocal_within(&settings, stop))?)
     }
 
-    /// y >= 0 with y y = x entry by entry for x >= 0, by cross and Newton's iteration, and a report; its residual holds for ALL entries. Settings as
-    /// in cross.
+    /// y >= 0 with y y = x entry by entry for x >= 0, by cross and Newton's iteration, and a report; its
+    /// residual holds for ALL entries. Settings as in cross.
     #[pyo3(signature = (tolerance=1e-6, **settings))]
     fn square_root<'py>(
         &self,
@@ -408,13 +415,15 @@ impl TrainVector {
         with_report(py, stoppable(py, |stop| self.train.square_root_within(&settings, stop))?)
     }
 
-    /// The largest and the smallest entry by branch and bound over at most so many nodes: a dict with index, value, bound and proven for each.
+    /// The largest and the smallest entry by branch and bound over at most so many nodes: a dict with index,
+    /// value, bound and proven for each.
     #[pyo3(signature = (nodes=100_000))]
     fn extremes<'py>(&self, py: Python<'py>, nodes: usize) -> PyResult<Bound<'py, PyAny>> {
         plain(py, &detached(py, || self.train.extremes(nodes))?)
     }
 
-    /// `count` independent samples of the density "Squares" (of the entries) or "Entries" (not negative): an integer array (count, d). Exact, digit by digit.
+    /// `count` independent samples of the density "Squares" (of the entries) or "Entries" (not negative): an
+    /// integer array (count, d). Exact, digit by digit.
     #[pyo3(signature = (count, density="Squares", *, seed=1))]
     fn sample<'py>(
         &self,

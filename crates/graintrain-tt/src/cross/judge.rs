@@ -15,7 +15,8 @@ const NEAR: usize = 4;
 const CONFIRMATION: f64 = 0.2;
 /// ... and all entries where they are no more than this part.
 const COMPLETE: f64 = 1.0;
-/// Both are doubled where fewer random entries than one in this many are not zero: the zeros say little about the rest.
+/// Both are doubled where fewer random entries than one in this many are not zero: the zeros say little about
+/// the rest.
 const SCARCE: usize = 20;
 /// Most doublings of a confirmation.
 const MOST_DOUBLINGS: usize = 6;
@@ -57,8 +58,8 @@ pub(super) struct Judge<'a> {
 /// The points of one confirmation.
 pub(super) struct Evidence {
     pub(super) random: Arc<Sample>,
-    /// Points near pivots, all different: there the errors of functions with jumps are. They are no random points, so all that
-    /// follows from them is that the error is at least what they hold.
+    /// Points near pivots, all different: there the errors of functions with jumps are. They are no random
+    /// points, so all that follows from them is that the error is at least what they hold.
     near: Option<Sample>,
 }
 
@@ -81,8 +82,8 @@ impl Verdict {
         [self.sampled, self.probed].into_iter().flatten().reduce(f64::max)
     }
 
-    /// Whether what was measured proves next to nothing: the bound does not exclude an error of everything, or hardly any entry that
-    /// was read is not zero.
+    /// Whether what was measured proves next to nothing: the bound does not exclude an error of everything,
+    /// or hardly any entry that was read is not zero.
     pub(super) fn proves_little(&self) -> bool {
         let loose = self.bound.is_none_or(|bound| bound >= 1.0);
         !self.complete && (loose || self.nonzeros < FEWEST_NONZEROS)
@@ -103,7 +104,8 @@ impl<'a> Judge<'a> {
         let mut random = Random::new(settings.seed ^ 0x10D6E);
         let mut first = Sample::random(source, settings.samples.div_ceil(GUIDE), &mut random);
         let mut probe = Sample::at(source, probes.to_vec());
-        // All values in units of the largest one seen so far (a power of two): squares neither overflow nor vanish.
+        // All values in units of the largest one seen so far (a power of two): squares neither overflow nor
+        // vanish.
         let exponent = binary_exponent(first.largest()?.max(probe.largest()?));
         first.scale(-exponent);
         probe.scale(-exponent);
@@ -155,8 +157,8 @@ impl<'a> Judge<'a> {
         self.measure(train, &sample, None, self.pivots, None)
     }
 
-    /// Points for a confirmation after the sweeps read `read` entries, and others that are nowhere near random: `near` makes
-    /// them from the pivots.
+    /// Points for a confirmation after the sweeps read `read` entries, and others that are nowhere near
+    /// random: `near` makes them from the pivots.
     pub(super) fn fresh(&mut self, read: usize, near: impl FnOnce(usize) -> Vec<usize>) -> Evidence {
         self.confirmations += 1;
         let most = self.allowance(read).max(self.samples);
@@ -173,7 +175,8 @@ impl<'a> Judge<'a> {
             self.everything = Some(Arc::clone(&everything));
             return Evidence { random: everything, near: None };
         }
-        // What a confirmation found and the sweeps then learned has companions: the next one takes twice the points.
+        // What a confirmation found and the sweeps then learned has companions: the next one takes twice the
+        // points.
         let doubled = self.samples << (self.confirmations - 1).min(MOST_DOUBLINGS);
         let count = if self.samples == 0 { 0 } else { doubled.max(part(CONFIRMATION) as usize).min(most) };
         let random = self.confirmation(count);
@@ -196,8 +199,8 @@ impl<'a> Judge<'a> {
         ((ALLOWANCE * read as f64) as usize).saturating_sub(self.confirmed).min(MOST_POINTS)
     }
 
-    /// As many fresh points as bring the bound of a verdict that proves little below one; none where that is more than the sweeps, which read
-    /// `read` entries, allow.
+    /// As many fresh points as bring the bound of a verdict that proves little below one; none where that is
+    /// more than the sweeps, which read `read` entries, allow.
     pub(super) fn more(&mut self, evidence: Evidence, verdict: &Verdict, read: usize) -> (Evidence, bool) {
         let scarce = (FEWEST_NONZEROS as f64 / verdict.nonzeros.max(1) as f64).max(1.0);
         let factor = verdict.bound.map_or(f64::INFINITY, |bound| bound.powi(2).max(scarce));
@@ -229,7 +232,8 @@ impl<'a> Judge<'a> {
         Some(Evidence { random: Arc::clone(everything), near: None })
     }
 
-    /// The train on the points of a confirmation; `heaviest` is the largest squared entry times its weight that the sweeps read.
+    /// The train on the points of a confirmation; `heaviest` is the largest squared entry times its weight
+    /// that the sweeps read.
     pub(super) fn verdict(
         &mut self,
         train: &TtVector,

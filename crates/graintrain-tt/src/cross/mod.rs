@@ -1,23 +1,26 @@
 //! Cross interpolation: a train from some of the entries, AMEn-cross.
 //!
-//! With left index sets I_k and right index sets J_k, core k is the block A(I_{k-1}, i_k, J_k) in coordinates in which
-//! the train reproduces the tensor on these fibres; rows of maximal volume (maxvol) give the next index set. A second,
-//! small pair of index sets samples the residual and enriches the sets (Dolgov and Savostyanov, 2014, and `amen_cross`
-//! of TT-Toolbox).
+//! With left index sets I_k and right index sets J_k, core k is the block A(I_{k-1}, i_k, J_k) in coordinates
+//! in which the train reproduces the tensor on these fibres; rows of maximal volume (maxvol) give the next
+//! index set. A second, small pair of index sets samples the residual and enriches the sets (Dolgov and
+//! Savostyanov, 2014, and `amen_cross` of TT-Toolbox).
 //!
-//! Everything the method learns comes from the entries it reads: where the tensor vanishes on all of them it cannot
-//! know. So every train is measured on entries the method did not choose, drawn AFTER it was made: a guide of random points
-//! after every sweep, whose worst ones become pivots of the next, and before `Converged` a larger confirmation on points of its
-//! own. Points that have served are never used again. Where errors proved to sit on few points (jumps), the confirmation grows with the
-//! entries read, up to all of the tensor where it is small. Half of the points are uniform, half favour the ends of modes and
-//! coarse sub-grids, with weights that keep the estimate unbiased. The caller may add `probes`: points he knows to matter (for a
-//! sparse matrix its nonzeros), [`sub_grid`] and [`ends_of_modes`] for functions with jumps.
+//! Everything the method learns comes from the entries it reads: where the tensor vanishes on all of them it
+//! cannot know. So every train is measured on entries the method did not choose, drawn AFTER it was made: a
+//! guide of random points after every sweep, whose worst ones become pivots of the next, and before
+//! `Converged` a larger confirmation on points of its own. Points that have served are never used again.
+//! Where errors proved to sit on few points (jumps), the confirmation grows with the entries read, up to all
+//! of the tensor where it is small. Half of the points are uniform, half favour the ends of modes and coarse
+//! sub-grids, with weights that keep the estimate unbiased. The caller may add `probes`: points he knows to
+//! matter (for a sparse matrix its nonzeros), [`sub_grid`] and [`ends_of_modes`] for functions with jumps.
 //!
-//! `Converged` means that the error measured on fresh points, and on the probes, is at most the tolerance. The report's
-//! `upper_bound` says what this excludes with 95 % confidence, which is much less: a needle that no point hits is not seen by any
-//! sampling method. Where it does not even exclude an error of one (few large entries, few nonzeros), more points are drawn as long as
-//! they are few beside what the sweeps read, and what then still proves nothing is `Unverified`. Where the sweeps fail and have read as many entries as there are, the train is the TT-SVD of all of them.
-//! For sparse matrices prefer [`crate::sparse`]: it sees every entry.
+//! `Converged` means that the error measured on fresh points, and on the probes, is at most the tolerance.
+//! The report's `upper_bound` says what this excludes with 95 % confidence, which is much less: a needle that
+//! no point hits is not seen by any sampling method. Where it does not even exclude an error of one (few
+//! large entries, few nonzeros), more points are drawn as long as they are few beside what the sweeps read,
+//! and what then still proves nothing is `Unverified`. Where the sweeps fail and have read as many entries as
+//! there are, the train is the TT-SVD of all of them. For sparse matrices prefer [`crate::sparse`]: it sees
+//! every entry.
 
 mod judge;
 mod points;
@@ -52,9 +55,9 @@ pub struct CrossSettings {
     pub max_sweeps: usize,
     /// Residual directions added per bond and sweep.
     pub kick_rank: usize,
-    /// Random entries of a confirmation: twice as many after every one that failed, and where errors sit on few points a
-    /// fifth of the entries read so far (all entries of a tensor that has no more than were read). A guide takes an eighth of
-    /// it, afresh after every sweep.
+    /// Random entries of a confirmation: twice as many after every one that failed, and where errors sit on
+    /// few points a fifth of the entries read so far (all entries of a tensor that has no more than were
+    /// read). A guide takes an eighth of it, afresh after every sweep.
     pub samples: usize,
     /// Seed of the random start and of the samples.
     pub seed: u64,
@@ -72,10 +75,11 @@ const MOST_SAMPLES: usize = 1 << 24;
 /// Why the sweeps ended. Only the first says that the measured error is below the tolerance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum CrossStatus {
-    /// All errors measured on fresh points and on the probes are at most the tolerance, and the bound is below one.
+    /// All errors measured on fresh points and on the probes are at most the tolerance, and the bound is
+    /// below one.
     Converged,
-    /// No error above the tolerance was seen, but the points prove next to nothing: `upper_bound` is one or more (or absent), or fewer than ten
-    /// random entries are not zero. More `samples` tell more.
+    /// No error above the tolerance was seen, but the points prove next to nothing: `upper_bound` is one or
+    /// more (or absent), or fewer than ten random entries are not zero. More `samples` tell more.
     Unverified,
     /// The cap on the ranks keeps the error above the tolerance.
     RankCapped,
@@ -95,24 +99,27 @@ pub struct CrossReport {
     /// ||A - train|| / ||A|| from random entries drawn after the last sweep but one that enriched; none if A vanishes on all
     /// random entries. An estimate: half of such estimates lie below the truth.
     pub sampled_error: Option<f64>,
-    /// What ||A - train|| / ||A|| does not exceed with 95 % confidence, given that no entry of A is larger than those read and no
-    /// entry of the train larger than on the points (sizes times the square root of the weight that the samples give to a point, so that large
-    /// entries at ends of modes, where points are dense, cost little). With n points and no error on any of them it still is about
-    /// sqrt(10 / n) times the largest entry over the root mean square one: a sample knows nothing about fewer than n / 3 parts of a tensor.
-    /// None where even the norm is not known.
+    /// What ||A - train|| / ||A|| does not exceed with 95 % confidence, given that no entry of A is larger
+    /// than those read and no entry of the train larger than on the points (sizes times the square root of
+    /// the weight that the samples give to a point, so that large entries at ends of modes, where points are
+    /// dense, cost little). With n points and no error on any of them it still is about sqrt(10 / n) times
+    /// the largest entry over the root mean square one: a sample knows nothing about fewer than n / 3 parts
+    /// of a tensor. None where even the norm is not known.
     pub upper_bound: Option<f64>,
     /// Random entries behind `sampled_error` and `upper_bound`.
     pub points: usize,
     /// Those of them that are not zero: where they are few, so is what is known.
     pub nonzeros: usize,
-    /// Whether these were ALL entries of the tensor: then `sampled_error` and `upper_bound` are the error itself.
+    /// Whether these were ALL entries of the tensor: then `sampled_error` and `upper_bound` are the error
+    /// itself.
     pub complete: bool,
     /// The same over the caller's probes; none if there are none or A vanishes on them.
     pub probe_error: Option<f64>,
-    /// The same over ALL entries, relative to the norm of a sparse matrix without its dummies: known to [`cross_sparse`]
-    /// alone; none below 1e-7, which it cannot resolve.
+    /// The same over ALL entries, relative to the norm of a sparse matrix without its dummies: known to
+    /// [`cross_sparse`] alone; none below 1e-7, which it cannot resolve.
     pub exact_error: Option<f64>,
-    /// Rounding level of the entries of the train (see [`TtVector::rounding_floor`]): no error is known below this.
+    /// Rounding level of the entries of the train (see [`TtVector::rounding_floor`]): no error is known below
+    /// this.
     pub floor: f64,
     /// Entries evaluated, samples included.
     pub evaluations: usize,
@@ -134,12 +141,13 @@ impl CrossReport {
 
 /// AMEn-cross from a source of entries.
 ///
-/// Of `start` only the index sets survive (its rows of maximal volume), not its values; without it, random rank 2.
-/// `probes` holds d indices per point.
+/// Of `start` only the index sets survive (its rows of maximal volume), not its values; without it, random
+/// rank 2. `probes` holds d indices per point.
 ///
 /// # Errors
-/// [`TtError::Shape`] or [`TtError::Index`] for a start or probes that do not fit, [`TtError::Setting`] for a bad
-/// setting, [`TtError::Entry`] if an entry that is read is not finite. Not converging is not an error: see [`CrossReport::status`].
+/// [`TtError::Shape`] or [`TtError::Index`] for a start or probes that do not fit, [`TtError::Setting`] for a
+/// bad setting, [`TtError::Entry`] if an entry that is read is not finite. Not converging is not an error:
+/// see [`CrossReport::status`].
 ///
 /// ```
 /// use graintrain_tt::cross::{CrossSettings, CrossStatus, Function, cross};
@@ -270,7 +278,8 @@ pub fn cross_within(
     let missed = verdict.error().is_none_or(|error| error > settings.tolerance);
     let (mut train, verdict) = match missed.then(|| judge.all_entries(state.evaluations)).flatten() {
         Some(all) => {
-            // As many entries as there are have been read and the sweeps did not get there: all of them, then, and their TT-SVD.
+            // As many entries as there are have been read and the sweeps did not get there: all of them,
+            // then, and their TT-SVD.
             let truncation = Truncation::capped(0.9 * settings.tolerance, settings.max_rank);
             let (whole, _) = TtVector::from_full(&all.random.values, &modes, &truncation)?;
             let better = judge.verdict(&whole, &all, state.heaviest)?;
@@ -300,7 +309,8 @@ pub fn cross_within(
     Ok((train, report))
 }
 
-/// What may be said: the claim is what fresh points say about the train that is returned, however the sweeps ended.
+/// What may be said: the claim is what fresh points say about the train that is returned, however the sweeps
+/// ended.
 fn claim(ended: CrossStatus, verdict: &Verdict, capped: bool, tolerance: f64) -> CrossStatus {
     let measured = verdict.error().is_some();
     match ended {
@@ -314,8 +324,8 @@ fn claim(ended: CrossStatus, verdict: &Verdict, capped: bool, tolerance: f64) ->
     }
 }
 
-/// Whether the errors of the last three sweeps together are hardly below those of the three before: one fresh sample may be
-/// lucky.
+/// Whether the errors of the last three sweeps together are hardly below those of the three before: one fresh
+/// sample may be lucky.
 fn stagnates(errors: &[f64], capped: bool) -> bool {
     let n = errors.len();
     if n < 6 || (n <= 8 && !capped) {
@@ -328,7 +338,8 @@ fn stagnates(errors: &[f64], capped: bool) -> bool {
 /// [`QuadtreeMatrix::relative_error`] is a difference of squares and knows nothing below this.
 const RESOLVED_ERROR: f64 = 1e-7;
 
-/// AMEn-cross of a sparse matrix, with its nonzeros (every `stride`-th) as probes and the identity as default start.
+/// AMEn-cross of a sparse matrix, with its nonzeros (every `stride`-th) as probes and the identity as default
+/// start.
 ///
 /// The report holds the error over all entries, O(nnz d r^2).
 ///
@@ -366,8 +377,9 @@ pub fn cross_sparse_within(
     identity.check_same_sizes(start)?;
     let (train, mut report) = cross_within(matrix, Some(start.as_vector()), &probes, settings, stop)?;
     let train = TtMatrix::from_vector(train, &sizes, &sizes)?;
-    // Random points of a sparse matrix hit its zeros, and what a train puts there is very uneven: a few thousand of them
-    // tell its norm only within a factor of some units. The nonzeros and the norm of the train tell it exactly.
+    // Random points of a sparse matrix hit its zeros, and what a train puts there is very uneven: a few
+    // thousand of them tell its norm only within a factor of some units. The nonzeros and the norm of the
+    // train tell it exactly.
     report.exact_error = Some(matrix.relative_error(&train)?).filter(|&error| error >= RESOLVED_ERROR);
     let claimed = matches!(report.status, CrossStatus::Converged | CrossStatus::Unverified);
     report.status = match report.exact_error {

@@ -2,8 +2,9 @@
 
 use crate::TtError;
 
-/// An equidistant sub-grid of at most `most` points with both ends of every mode: d indices per point, for use as `probes` of
-/// [`super::cross`]. Modes get 1, 2, 3, 5, 9, ... places, the ones with the coarsest spacing first, while the product allows it.
+/// An equidistant sub-grid of at most `most` points with both ends of every mode: d indices per point, for
+/// use as `probes` of [`super::cross`]. Modes get 1, 2, 3, 5, 9, ... places, the ones with the coarsest
+/// spacing first, while the product allows it.
 ///
 /// # Errors
 /// [`TtError::Shape`] if there is no mode or a mode is empty.
@@ -43,9 +44,10 @@ pub fn sub_grid(modes: &[usize], most: usize) -> Result<Vec<usize>, TtError> {
     Ok(points)
 }
 
-/// The fibres through the two corners 0 and n - 1, and through all points of which the digits left of a bond stand at one end
-/// and those right of it at the other: 2 d sum(n_k) points and less, d indices each, for use as `probes` of [`super::cross`].
-/// This is where functions of a sum of coordinates keep the rows that cross interpolation misses last.
+/// The fibres through the two corners 0 and n - 1, and through all points of which the digits left of a bond
+/// stand at one end and those right of it at the other: 2 d sum(n_k) points and less, d indices each, for use
+/// as `probes` of [`super::cross`]. This is where functions of a sum of coordinates keep the rows that cross
+/// interpolation misses last.
 ///
 /// # Errors
 /// [`TtError::Shape`] if there is no mode or a mode is empty.

@@ -1,9 +1,10 @@
 //! Points that the sweeps did not choose, and what they tell about the error.
 //!
-//! Half of the points are uniform. The other half falls where cross interpolation is weakest: on ends of modes, and on grids
-//! on which all digits left or right of a bond stand at an end (in a quantized train these are coarse sub-grids and the
-//! neighbourhoods of both ends of the line). A point drawn with density q carries the weight u / q of the uniform density u,
-//! at most 2, so that weighted means are unbiased for means over all entries, whatever the function.
+//! Half of the points are uniform. The other half falls where cross interpolation is weakest: on ends of
+//! modes, and on grids on which all digits left or right of a bond stand at an end (in a quantized train
+//! these are coarse sub-grids and the neighbourhoods of both ends of the line). A point drawn with density q
+//! carries the weight u / q of the uniform density u, at most 2, so that weighted means are unbiased for
+//! means over all entries, whatever the function.
 
 use super::EntrySource;
 use crate::confidence::farthest_mean;
@@ -15,7 +16,8 @@ use crate::{TtError, TtVector};
 const UNIFORM: f64 = 0.5;
 /// Part of the density that has its digits at ends of modes, and as much on one side of a bond.
 const AT_ENDS: f64 = 0.25;
-/// How far below the largest squared entry times its weight an entry may lie without its weight being asked for.
+/// How far below the largest squared entry times its weight an entry may lie without its weight being asked
+/// for.
 pub(super) const SLACK: f64 = 1.1;
 /// An error is uneven if one point in this many holds most of it.
 const FEW: usize = 20;
@@ -102,8 +104,8 @@ impl Sample {
         self.weights.get(p).copied().unwrap_or(1.0)
     }
 
-    /// `most`, or the largest squared entry times the weight that its point has for the random samples, where that is larger (up to
-    /// [`SLACK`]).
+    /// `most`, or the largest squared entry times the weight that its point has for the random samples, where
+    /// that is larger (up to [`SLACK`]).
     pub(super) fn heaviest(&self, most: f64) -> f64 {
         heaviest(&self.modes, &self.values, most, |p| self.point(p))
     }
@@ -226,8 +228,8 @@ fn largest_weight(modes: &[usize]) -> f64 {
     1.0 / (UNIFORM + AT_ENDS * at_ends)
 }
 
-/// `most`, or the largest of the squared values times the weights of their points where that is larger: up to a factor [`SLACK`], so
-/// that few weights have to be computed.
+/// `most`, or the largest of the squared values times the weights of their points where that is larger: up to
+/// a factor [`SLACK`], so that few weights have to be computed.
 pub(super) fn heaviest(
     modes: &[usize],
     values: &[f64],
@@ -260,9 +262,9 @@ impl Tally {
         self.sum / self.points.max(1) as f64
     }
 
-    /// What the relative error does not exceed with probability 1 - `risk`, given that no squared entry of the tensor times the weight of
-    /// its point exceeds `most`, and none of the train `reach`; `error` is the mean of weighted squared errors over `points` fresh points.
-    /// None where the norm may be zero.
+    /// What the relative error does not exceed with probability 1 - `risk`, given that no squared entry of
+    /// the tensor times the weight of its point exceeds `most`, and none of the train `reach`; `error` is the
+    /// mean of weighted squared errors over `points` fresh points. None where the norm may be zero.
     pub(super) fn bound(&self, error: f64, points: usize, most: f64, reach: f64, risk: f64) -> Option<f64> {
         // The mean is of numbers that do not exceed `most`.
         let most = most.max(self.mean());

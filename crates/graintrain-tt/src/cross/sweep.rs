@@ -1,4 +1,5 @@
-//! One sweep of AMEn-cross: fibres, their leading vectors, rows of maximal volume, enrichment by the sampled residual.
+//! One sweep of AMEn-cross: fibres, their leading vectors, rows of maximal volume, enrichment by the sampled
+//! residual.
 
 use super::sample::heaviest;
 use super::{CrossSettings, EntrySource};
@@ -34,7 +35,8 @@ pub(super) struct State<'a> {
     /// Core 1 in any form, cores 2..d interpolating on the right: the identity on the pivots.
     cores: Vec<Core>,
     right: Vec<Vec<Vec<usize>>>,
-    /// The fragments (i_1, ..., i_k) left of mode k that the sweep before the last one chose, for points near pivots.
+    /// The fragments (i_1, ..., i_k) left of mode k that the sweep before the last one chose, for points near
+    /// pivots.
     left: Vec<Vec<Vec<usize>>>,
     residual_right: Vec<Vec<Vec<usize>>>,
     random: Random,
@@ -102,7 +104,8 @@ impl<'a> State<'a> {
         let (d, n) = (self.modes.len(), self.modes[k]);
         let place = |digit: usize| if self.reversed { d - 1 - digit } else { digit };
         let mut values = vec![0.0; left.len() * n * right.len()];
-        // The points of all left fragments for one digit and one right fragment: of the next ones only digits change.
+        // The points of all left fragments for one digit and one right fragment: of the next ones only digits
+        // change.
         let mut points = vec![0; left.len() * d];
         for (point, head) in points.chunks_exact_mut(d).zip(left) {
             head.iter().enumerate().for_each(|(digit, &i)| point[place(digit)] = i);
@@ -305,8 +308,8 @@ impl<'a> State<'a> {
         }
     }
 
-    /// At most `count` different points that share most digits with pivots: a left and a right fragment of a bond, one digit of each moved
-    /// to a neighbour.
+    /// At most `count` different points that share most digits with pivots: a left and a right fragment of a
+    /// bond, one digit of each moved to a neighbour.
     pub(super) fn near_pivots(&mut self, count: usize) -> Vec<usize> {
         let d = self.modes.len();
         let mut found = std::collections::BTreeSet::new();

@@ -53,7 +53,8 @@ pub(crate) struct SweepOutcome {
     pub capped: bool,
 }
 
-/// The trains of a linear system, always swept from the first core to the last; [`Sweeper::turn`] reverses them.
+/// The trains of a linear system, always swept from the first core to the last; [`Sweeper::turn`] reverses
+/// them.
 pub(crate) struct Sweeper {
     a: Vec<OperatorCore>,
     a_reversed: Vec<OperatorCore>,
@@ -103,7 +104,8 @@ impl Sweeper {
         Self { a, a_reversed, y, y_reversed, x, z, right, reversed: false, symmetric, direct_limit }
     }
 
-    /// One sweep over all sites; `enrich` adds residual directions (AMEn only). Afterwards the trains are turned.
+    /// One sweep over all sites; `enrich` adds residual directions (AMEn only). Afterwards the trains are
+    /// turned.
     ///
     /// # Errors
     /// [`TtError::Stopped`] where `stop` says so; the sweeper then must not be used again.
@@ -301,8 +303,8 @@ impl BlockCore {
     }
 }
 
-/// A solved site: unknowns with the spectator last, the relative residual they leave, and whether a Krylov method
-/// hardly lowered it.
+/// A solved site: unknowns with the spectator last, the relative residual they leave, and whether a Krylov
+/// method hardly lowered it.
 struct Solved {
     u: Vec<f64>,
     residual: f64,
@@ -368,8 +370,8 @@ fn residual_between(
     product.iter().zip(&b).map(|(product, b)| b - product).collect()
 }
 
-/// The shortest left frame whose local residual stays below `target`, found by bisection over the rank (the residual
-/// falls with the rank), and the weights that belong to it.
+/// The shortest left frame whose local residual stays below `target`, found by bisection over the rank (the
+/// residual falls with the rank), and the weights that belong to it.
 fn truncate(
     operator: &LocalOperator<'_>,
     b: &[f64],

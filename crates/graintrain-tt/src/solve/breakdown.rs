@@ -1,8 +1,10 @@
-//! What is tried where the projections of the sweeps break down: for a matrix that is not symmetric a Galerkin projection may be singular although the
-//! matrix is not (a shift, projected onto a vector that it moves away from itself).
+//! What is tried where the projections of the sweeps break down: for a matrix that is not symmetric a
+//! Galerkin projection may be singular although the matrix is not (a shift, projected onto a vector that it
+//! moves away from itself).
 //!
-//! First another start, which has other projections; then the normal equations A^T A x = A^T y, whose projections are never singular, at the
-//! price of the squared condition and ranks R^2. Whatever leaves the smallest residual of A x = y is returned.
+//! First another start, which has other projections; then the normal equations A^T A x = A^T y, whose
+//! projections are never singular, at the price of the squared condition and ranks R^2. Whatever leaves the
+//! smallest residual of A x = y is returned.
 
 use super::{Method, SolveReport, SolveSettings, SolveStatus, measured_residual, solve_block};
 use crate::{Stop, TtError, TtMatrix, TtVector};

@@ -1,5 +1,6 @@
-//! The lowest eigenvectors of one local problem: dense while it is small, else by a basis that grows by the residuals of all vectors that are not yet
-//! good enough (Davidson 1975 without a preconditioner: the space of block Lanczos), restarted from its best vectors.
+//! The lowest eigenvectors of one local problem: dense while it is small, else by a basis that grows by the
+//! residuals of all vectors that are not yet good enough (Davidson 1975 without a preconditioner: the space
+//! of block Lanczos), restarted from its best vectors.
 
 use super::interface::LocalOperator;
 use crate::random::Random;
@@ -20,7 +21,8 @@ pub(super) struct Lowest {
     pub largest: f64,
 }
 
-/// As many of the lowest eigenvectors as `starts` has, or as there are; iterated ones to residuals of `tolerance` times the largest value.
+/// As many of the lowest eigenvectors as `starts` has, or as there are; iterated ones to residuals of
+/// `tolerance` times the largest value.
 pub(super) fn lowest_of(
     operator: &LocalOperator<'_>,
     starts: &[&[f64]],
@@ -77,7 +79,8 @@ pub(super) fn lowest_of(
             return Ok(Lowest { vectors, values: values[..count].to_vec(), largest });
         }
         if full {
-            // Half as many again as are sought: what the next vectors were about to become is not thrown away.
+            // Half as many again as are sought: what the next vectors were about to become is not thrown
+            // away.
             let kept = (count + count / 2 + 1).min(m);
             let (vectors, images): (Vec<_>, Vec<_>) =
                 (0..kept).map(|j| (ritz(&basis.vectors, j), ritz(&basis.images, j))).unzip();
@@ -98,8 +101,9 @@ pub(super) fn lowest_of(
     }
 }
 
-/// The starts, turned into Ritz vectors, where they span lowest eigenvectors already: of eigenvalues that lie on each other (the identity) any vectors are
-/// eigenvectors, and others than before would only have other ranks.
+/// The starts, turned into Ritz vectors, where they span lowest eigenvectors already: of eigenvalues that lie
+/// on each other (the identity) any vectors are eigenvectors, and others than before would only have other
+/// ranks.
 fn good_enough(
     matrix: &Matrix,
     starts: &[&[f64]],

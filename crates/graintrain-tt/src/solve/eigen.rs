@@ -1,13 +1,15 @@
-//! The lowest eigenpairs of a symmetric matrix, all at once, in one train: block DMRG (White, Phys. Rev. Lett. 69, 1992; Dolgov, Khoromskij, Oseledets,
-//! Savostyanov, Comput. Phys. Commun. 185, 2014) and block AMEn.
+//! The lowest eigenpairs of a symmetric matrix, all at once, in one train: block DMRG (White, Phys. Rev.
+//! Lett. 69, 1992; Dolgov, Khoromskij, Oseledets, Savostyanov, Comput. Phys. Commun. 185, 2014) and block
+//! AMEn.
 //!
-//! All vectors share the frames of a block train; the core that is being improved carries their number as one more index, which moves along with the
-//! sweep. The sum of the Rayleigh quotients is minimised over two neighbouring cores ([`EigenMethod::Dmrg`], the rank between them from an SVD) or over one
-//! ([`EigenMethod::Amen`], frames enriched by residuals, which are kept in a small train of their own). Eigenvalues that lie close together, or on each
-//! other, come out as a block.
+//! All vectors share the frames of a block train; the core that is being improved carries their number as one
+//! more index, which moves along with the sweep. The sum of the Rayleigh quotients is minimised over two
+//! neighbouring cores ([`EigenMethod::Dmrg`], the rank between them from an SVD) or over one
+//! ([`EigenMethod::Amen`], frames enriched by residuals, which are kept in a small train of their own).
+//! Eigenvalues that lie close together, or on each other, come out as a block.
 //!
-//! Nothing is claimed from the sweeps: the residual ||A v - mu v|| of what is returned comes from the trains, and for a symmetric matrix some eigenvalue
-//! lies within it of mu.
+//! Nothing is claimed from the sweeps: the residual ||A v - mu v|| of what is returned comes from the trains,
+//! and for a symmetric matrix some eigenvalue lies within it of mu.
 
 use super::davidson::{Lowest, lowest_of};
 use super::interface::{
@@ -25,7 +27,8 @@ use serde::{Deserialize, Serialize};
 
 /// Vectors at most: a block carries all of them in one core.
 const MOST_VECTORS: usize = 4096;
-/// Directions per bond that a sweep adds: random ones in the first sweeps of DMRG, residuals in all but the last of AMEn.
+/// Directions per bond that a sweep adds: random ones in the first sweeps of DMRG, residuals in all but the
+/// last of AMEn.
 const KICK: usize = 4;
 /// Sweeps of DMRG that get random directions (even).
 const KICKS: usize = 6;
@@ -47,11 +50,13 @@ pub enum EigenMethod {
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct EigenSettings {
-    /// Residual ||A v - mu v|| aimed at for ||v|| = 1, relative to the largest eigenvalue that the sweeps met.
+    /// Residual ||A v - mu v|| aimed at for ||v|| = 1, relative to the largest eigenvalue that the sweeps
+    /// met.
     pub tolerance: f64,
     /// No rank of the block above this (nor of a vector).
     pub max_rank: usize,
-    /// Most sweeps (in one direction each; at least 8, of which the first 6 of DMRG are given random directions).
+    /// Most sweeps (in one direction each; at least 8, of which the first 6 of DMRG are given random
+    /// directions).
     pub max_sweeps: usize,
     /// How ranks grow.
     pub method: EigenMethod,
@@ -82,14 +87,15 @@ pub struct Eigenpair {
     pub sweeps: usize,
 }
 
-/// The `count` lowest eigenvalues of a symmetric matrix with their vectors (fewer if it is smaller), in ascending order. That no lower one was missed is not
-/// certified: sweeps may end in vectors that are not the lowest.
+/// The `count` lowest eigenvalues of a symmetric matrix with their vectors (fewer if it is smaller), in
+/// ascending order. That no lower one was missed is not certified: sweeps may end in vectors that are not the
+/// lowest.
 ///
 /// O(sweeps d (n^2 r^3 R + n^3 r^2 R^2)) per vector and step of the local iteration, r the rank of the block.
 ///
 /// # Errors
-/// [`TtError::Shape`] if A is not square, [`TtError::Setting`] if it is not symmetric (to 1e-10) or for a bad setting, [`TtError::Dense`] for entries that
-/// are not finite.
+/// [`TtError::Shape`] if A is not square, [`TtError::Setting`] if it is not symmetric (to 1e-10) or for a bad
+/// setting, [`TtError::Dense`] for entries that are not finite.
 ///
 /// ```
 /// use graintrain_tt::{qtt, solve};
@@ -158,7 +164,8 @@ fn block(
     let worst = |pairs: &[Eigenpair]| pairs.iter().map(|pair| pair.residual).fold(0.0, f64::max);
     let most = settings.max_sweeps.max(KICKS + 2);
     while made < most {
-        // Vectors are measured after sweeps without enrichment, in their own order: every second one once the values stand still.
+        // Vectors are measured after sweeps without enrichment, in their own order: every second one once the
+        // values stand still.
         let measured = made % 2 == 1 && made > KICKS;
         let still = made + 2 >= most || settings.method == EigenMethod::Dmrg;
         let values = sweeps.sweep(!(measured && still), settings, stop)?;
@@ -291,7 +298,8 @@ impl Sweeps {
         Ok(sum)
     }
 
-    /// The lowest vectors of one local problem in place of `block`, and the sum of their values; zeros where it is too small for all.
+    /// The lowest vectors of one local problem in place of `block`, and the sum of their values; zeros where
+    /// it is too small for all.
     fn improved(
         &mut self,
         operator: &LocalOperator<'_>,
@@ -349,7 +357,8 @@ impl Sweeps {
             self.x[k] = block;
             return Ok(sum);
         }
-        // The number of the vector goes right with the right rank: it lies between mode and right rank in memory.
+        // The number of the vector goes right with the right rank: it lies between mode and right rank in
+        // memory.
         let unfolding = Matrix::from_vec(rank_left * n, s * rank_right, block.data.clone());
         let (mut frame, mut weights) =
             truncated(&unfolding, self.x.len(), s, settings).map_err(at_core(k))?;
@@ -459,8 +468,8 @@ fn truncated(
     Ok((u, scaled_rows(&s, &v, rank)))
 }
 
-/// The frame with more columns beside it, which weigh nothing: a vector whose factors are eigenvectors themselves is stationary for sweeps that see
-/// nothing else, however high its eigenvalue.
+/// The frame with more columns beside it, which weigh nothing: a vector whose factors are eigenvectors
+/// themselves is stationary for sweeps that see nothing else, however high its eigenvalue.
 fn joined(frame: Matrix, more: View<'_>, weights: &Matrix) -> (Matrix, Matrix) {
     let (rows, rank) = (frame.rows(), frame.columns());
     let mut columns = frame.into_vec();

@@ -1,17 +1,22 @@
-//! x' = A x in the format: the time-dependent variational principle with one or two sites (J. Haegeman, C. Lubich, I. Oseledets, B. Vandereycken,
-//! F. Verstraete, Phys. Rev. B 94, 2016), a symmetric splitting of second order.
+//! x' = A x in the format: the time-dependent variational principle with one or two sites (J. Haegeman, C.
+//! Lubich, I. Oseledets, B. Vandereycken, F. Verstraete, Phys. Rev. B 94, 2016), a symmetric splitting of
+//! second order.
 //!
-//! With the other cores orthogonal, a core (or two neighbours) follows exp(h B), B the projection of A; what is carried to the next core goes back
-//! by exp(-h K), because both sides counted it. One site keeps the ranks of the start, two sites let them follow the truncation.
+//! With the other cores orthogonal, a core (or two neighbours) follows exp(h B), B the projection of A; what
+//! is carried to the next core goes back by exp(-h K), because both sides counted it. One site keeps the
+//! ranks of the start, two sites let them follow the truncation.
 //!
-//! Three errors are made and all are reported, as absolute norms at the end of the run. Projection: x' follows P A x, and ||(I - P) A x|| is measured at
-//! every step. Truncation: what the SVDs of two sites leave out. Both are carried to the end by e^(mu (T - t)), mu the largest eigenvalue of (A + A^T) / 2
-//! (the logarithmic norm), which no error outgrows. Splitting: from the distance of the result from that of half as many steps (one site: and of a
-//! quarter), so what becomes of it on the way is in it. That is half (three quarters) of the price of a run.
+//! Three errors are made and all are reported, as absolute norms at the end of the run. Projection: x'
+//! follows P A x, and ||(I - P) A x|| is measured at every step. Truncation: what the SVDs of two sites leave
+//! out. Both are carried to the end by e^(mu (T - t)), mu the largest eigenvalue of (A + A^T) / 2 (the
+//! logarithmic norm), which no error outgrows. Splitting: from the distance of the result from that of half
+//! as many steps (one site: and of a quarter), so what becomes of it on the way is in it. That is half (three
+//! quarters) of the price of a run.
 //!
-//! (I - P) A x is made of orthogonal parts: A x in the coordinates of the frames leaves the space of the left frames first at site k and that of the right
-//! frames last at site l, and P misses k < l (one site) or k + 1 < l (two). Each part is found by subtracting a projection, twice, where it arises, so that
-//! a projection that misses nothing is known to be one to 1e-15; a difference of squares would end at 1e-8.
+//! (I - P) A x is made of orthogonal parts: A x in the coordinates of the frames leaves the space of the left
+//! frames first at site k and that of the right frames last at site l, and P misses k < l (one site) or k + 1
+//! < l (two). Each part is found by subtracting a projection, twice, where it arises, so that a projection
+//! that misses nothing is known to be one to 1e-15; a difference of squares would end at 1e-8.
 
 use super::eigen::{EigenSettings, lowest_eigenpairs_within};
 use super::interface::{BlockCore, Interface, LocalOperator, OperatorCore};
@@ -33,7 +38,8 @@ const LOCAL: f64 = 1e-13;
 const HALVINGS: u32 = 12;
 const GROWTH: f64 = 1e4;
 
-/// Residual of the logarithmic norm relative to A, and the largest rank of its vector: what they leave open is added to it.
+/// Residual of the logarithmic norm relative to A, and the largest rank of its vector: what they leave open
+/// is added to it.
 const GROWTH_TOLERANCE: f64 = 1e-4;
 const GROWTH_RANK: usize = 30;
 /// What is laid upon the splitting found: orders are not settled in few steps.
@@ -85,17 +91,18 @@ impl Default for EvolutionSettings {
 /// What [`evolve`] did; all errors are Frobenius norms, to be held against that of the result.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct EvolutionReport {
-    /// The integral of e^(mu (T - t)) ||(I - P) A x||, what the directions that the cores cannot take would have done: by the trapezoidal rule for one site, from the
-    /// ends of the steps for two.
+    /// The integral of e^(mu (T - t)) ||(I - P) A x||, what the directions that the cores cannot take would
+    /// have done: by the trapezoidal rule for one site, from the ends of the steps for two.
     pub projection: f64,
     /// Sum of what the truncations left out, each carried to the end by e^(mu (T - t)).
     pub truncation: f64,
-    /// Twice what steps of finite length leave, by the distance of the result from that of half as many steps (one site: and of a quarter).
+    /// Twice what steps of finite length leave, by the distance of the result from that of half as many steps
+    /// (one site: and of a quarter).
     pub splitting: f64,
     /// Rounding and the tolerance of the local exponentials: no error is known below this.
     pub floor: f64,
-    /// mu times the time: no error grows or shrinks by more than e to this. Largest eigenvalue of (A + A^T) / 2 found, with its residual; a larger one that was
-    /// missed is not excluded.
+    /// mu times the time: no error grows or shrinks by more than e to this. Largest eigenvalue of (A + A^T) /
+    /// 2 found, with its residual; a larger one that was missed is not excluded.
     pub growth: f64,
     /// Whether the cap on the ranks made a truncation leave out more than the tolerance allows.
     pub capped: bool,
@@ -123,14 +130,16 @@ impl EvolutionReport {
     }
 }
 
-/// exp(time A) x for any square A, symmetric or not. (i A of a real symmetric A is the real matrix [0 -A; A 0] on one more digit.)
+/// exp(time A) x for any square A, symmetric or not. (i A of a real symmetric A is the real matrix
+/// [0 -A; A 0] on one more digit.)
 ///
-/// For stiff A (time / steps times the norm of A much above 10, diffusion on fine grids) the backward parts of the sweep grow and the step is refused:
-/// take implicit steps by [`solve`](super::solve) there. O(steps d (n^2 r^3 R + n^3 r^2 R^2)) per Krylov vector.
+/// For stiff A (time / steps times the norm of A much above 10, diffusion on fine grids) the backward parts
+/// of the sweep grow and the step is refused: take implicit steps by [`solve`](super::solve) there. O(steps d
+/// (n^2 r^3 R + n^3 r^2 R^2)) per Krylov vector.
 ///
 /// # Errors
-/// [`TtError::Shape`] if the sizes do not fit, [`TtError::Setting`] for a bad setting or a time step that is too long, [`TtError::Dense`] for entries that are
-/// not finite.
+/// [`TtError::Shape`] if the sizes do not fit, [`TtError::Setting`] for a bad setting or a time step that is
+/// too long, [`TtError::Dense`] for entries that are not finite.
 ///
 /// ```
 /// use graintrain_tt::{TtMatrix, TtVector, qtt, solve::{EvolutionSettings, evolve}};
@@ -208,11 +217,13 @@ pub fn evolve_within(
         let truncated = state.left_out;
         state.step(h)?;
         let after = state.outside(a)?;
-        // What is made in this step is carried over it and all that follow (what is made at its end over those alone).
+        // What is made in this step is carried over it and all that follow (what is made at its end over
+        // those alone).
         let remaining = |end: usize| report.growth * (settings.steps - end) as f64 / settings.steps as f64;
         let (begin, end) = (remaining(step).exp(), remaining(step + 1).exp());
         let carry = begin.max(end);
-        // (Two sites take up directions within a step: what is outside at its beginning and no longer at its end shows as splitting.)
+        // (Two sites take up directions within a step: what is outside at its beginning and no longer at its
+        // end shows as splitting.)
         let first = if settings.sites == Sites::Two { end * after.outside } else { begin * before.outside };
         report.projection += 0.5 * h.abs() * (first + end * after.outside);
         report.truncation += carry * (state.left_out - truncated);
@@ -233,9 +244,10 @@ pub fn evolve_within(
     Ok((result, report))
 }
 
-/// The error that is left by steps of finite length, from the distance to a run of half the steps. For one site a run of a quarter of them says how it shrinks with the
-/// steps, like h^p; two sites take up new directions in their first steps at an order that no later one shows, so for them p is taken to be 1/2. (Where half as many are
-/// too few: twice as many.)
+/// The error that is left by steps of finite length, from the distance to a run of half the steps. For one
+/// site a run of a quarter of them says how it shrinks with the steps, like h^p; two sites take up new
+/// directions in their first steps at an order that no later one shows, so for them p is taken to be 1/2.
+/// (Where half as many are too few: twice as many.)
 fn splitting(
     x: &TtVector,
     steps: usize,
@@ -269,7 +281,8 @@ fn splitting(
     Ok(SAFETY * distance / (ratio(half).powf(order) - 1.0))
 }
 
-/// The largest eigenvalue of sign (A + A^T) / 2, plus its residual: exp(t A) lets nothing grow faster (G. Dahlquist 1958).
+/// The largest eigenvalue of sign (A + A^T) / 2, plus its residual: exp(t A) lets nothing grow faster (G.
+/// Dahlquist 1958).
 fn logarithmic_norm(a: &TtMatrix, sign: f64, stop: Stop<'_>) -> Result<f64, TtError> {
     let symmetric = SymmetricTrain::symmetric_part(a)?.to_matrix();
     // (A skew matrix leaves rounding; powers of two have been taken out of A.)
@@ -430,7 +443,8 @@ impl<'a> Evolution<'a> {
         let d = self.x.len();
         let image = a.times_vector(&self.vector())?;
         let pairs = self.settings.sites == Sites::Two && d > 1;
-        // From the right: `inside`, the coordinates in the right frame, and `leaving`, a triangle of what lies outside it, of the part of A x right of a bond.
+        // From the right: `inside`, the coordinates in the right frame, and `leaving`, a triangle of what
+        // lies outside it, of the part of A x right of a bond.
         let mut leaving = vec![Matrix::zeros(1, 0); d];
         let mut later = vec![Matrix::zeros(1, 0); d];
         let mut inside = Matrix::identity(1);
@@ -534,7 +548,8 @@ fn exponential(operator: &LocalOperator<'_>, h: f64, v: &[f64]) -> Option<Vec<f6
     (norm(&moved) <= GROWTH * size).then_some(moved)
 }
 
-/// exp(h B) v from a Krylov space (Y. Saad, SIAM J. Numer. Anal. 29, 1992); none if the space is too small for the step.
+/// exp(h B) v from a Krylov space (Y. Saad, SIAM J. Numer. Anal. 29, 1992); none if the space is too small
+/// for the step.
 fn krylov(operator: &LocalOperator<'_>, h: f64, v: &[f64]) -> Option<Vec<f64>> {
     let n = v.len();
     let beta = norm(v);

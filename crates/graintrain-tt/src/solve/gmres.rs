@@ -1,8 +1,10 @@
-//! GMRES with all vectors as trains (S. Dolgov, TT-GMRES, Russian J. Numer. Anal. Math. Modelling 28, 2013; arXiv 1206.5512).
+//! GMRES with all vectors as trains (S. Dolgov, TT-GMRES, Russian J. Numer. Anal. Math. Modelling 28, 2013;
+//! arXiv 1206.5512).
 //!
-//! Vectors of the Krylov space are rounded, ever more coarsely as the residual falls: an error of delta in step j is weighed by the part of
-//! the residual that is left there (V. Simoncini, D. Szyld, SIAM J. Sci. Comput. 25, 2003). Rounded vectors are not orthogonal to the
-//! last digit and the small least-squares problem knows nothing of it, so what it says of the residual ends a cycle and nothing else: each cycle
+//! Vectors of the Krylov space are rounded, ever more coarsely as the residual falls: an error of delta in
+//! step j is weighed by the part of the residual that is left there (V. Simoncini, D. Szyld, SIAM J. Sci.
+//! Comput. 25, 2003). Rounded vectors are not orthogonal to the last digit and the small least-squares
+//! problem knows nothing of it, so what it says of the residual ends a cycle and nothing else: each cycle
 //! begins with y - A x from the trains, and so does the report.
 
 use super::{Best, SolveStatus, measured_residual};
@@ -21,7 +23,8 @@ const COARSEST: f64 = 0.1;
 const LEAST_GAIN: f64 = 0.9;
 /// What is left of a vector after those before it is nothing below this part of it.
 const NOTHING: f64 = 1e-13;
-/// The iterate is rounded as finely as it takes for its rounding not to show in the residual, but not more finely than this.
+/// The iterate is rounded as finely as it takes for its rounding not to show in the residual, but not more
+/// finely than this.
 const FINEST: f64 = 1e-15;
 
 /// Settings of [`gmres`].
@@ -67,15 +70,18 @@ pub struct GmresReport {
     pub ranks: Vec<usize>,
 }
 
-/// Solves A x = y for any square A by restarted GMRES, from `start` (or zero), with a right preconditioner P: A P u = y, x = P u.
+/// Solves A x = y for any square A by restarted GMRES, from `start` (or zero), with a right preconditioner P:
+/// A P u = y, x = P u.
 ///
-/// Iterations are those of GMRES, so without a preconditioner an ill-conditioned A takes as many as its condition asks for, and the ranks of the vectors
-/// grow with them: [`solve`](super::solve) is the method for such systems, this one for well-conditioned or preconditioned ones, and a second opinion.
-/// O(j R r) ranks before and O(d n (j r)^3) operations for the rounding in step j, r the ranks of the vectors, R those of A.
+/// Iterations are those of GMRES, so without a preconditioner an ill-conditioned A takes as many as its
+/// condition asks for, and the ranks of the vectors grow with them: [`solve`](super::solve) is the method for
+/// such systems, this one for well-conditioned or preconditioned ones, and a second opinion. O(j R r) ranks
+/// before and O(d n (j r)^3) operations for the rounding in step j, r the ranks of the vectors, R those of A.
 ///
 /// # Errors
-/// [`TtError::Shape`] if the sizes do not fit, [`TtError::Setting`] for a bad setting, [`TtError::Dense`] for entries that are not finite. Not converging
-/// is not an error: see [`GmresReport::status`]; the iterate with the smallest residual is returned.
+/// [`TtError::Shape`] if the sizes do not fit, [`TtError::Setting`] for a bad setting, [`TtError::Dense`] for
+/// entries that are not finite. Not converging is not an error: see [`GmresReport::status`]; the iterate with
+/// the smallest residual is returned.
 ///
 /// ```
 /// use graintrain_tt::{TtMatrix, TtVector, qtt, solve::{GmresSettings, SolveStatus, gmres}};
@@ -124,7 +130,8 @@ pub fn gmres_within(
         a.check_same_sizes(preconditioner)?;
     }
     let spectators = vec![1; a.num_cores()];
-    // Powers of two that bring y to norm 1 and A to the norm of an identity: no square overflows on the way. A' = 2^p A, y' = 2^q y, x' = 2^(q - p) x.
+    // Powers of two that bring y to norm 1 and A to the norm of an identity: no square overflows on the way.
+    // A' = 2^p A, y' = 2^q y, x' = 2^(q - p) x.
     let power = |log: f64| if log.is_finite() { -(log / std::f64::consts::LN_2).round() } else { 0.0 };
     let unknowns: f64 = a.rows.iter().map(|&n| n as f64).product();
     let (p, q) = (power(a.train.log_norm() - 0.5 * unknowns.ln()), power(y.log_norm()));
@@ -226,7 +233,8 @@ impl Krylov<'_> {
         product.0
     }
 
-    /// One cycle for A e = r, until the small problem has less than `goal` of r: the terms of e with their weights.
+    /// One cycle for A e = r, until the small problem has less than `goal` of r: the terms of e with their
+    /// weights.
     fn cycle(&mut self, residual: &TtVector, goal: f64) -> Result<Vec<(f64, TtVector)>, TtError> {
         let beta = residual.norm();
         if beta == 0.0 || !beta.is_finite() {
@@ -295,7 +303,8 @@ impl SmallProblem {
         self.rest[self.rotations.len()].abs()
     }
 
-    /// Appends a column; false (and nothing changed) if the ones before hold all of it: the matrix is singular on what they span.
+    /// Appends a column; false (and nothing changed) if the ones before hold all of it: the matrix is
+    /// singular on what they span.
     fn push(&mut self, column: &[f64]) -> bool {
         let k = self.rotations.len();
         let size = column.iter().map(|h| h * h).sum::<f64>().sqrt();

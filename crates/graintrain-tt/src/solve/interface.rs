@@ -1,10 +1,10 @@
 //! Interfaces: everything left (or right) of one core of a linear system, contracted to small arrays.
 //!
-//! For test train P, operator A and trial train X the left interface is
-//! Phi_k(p, a, x) = sum Phi_{k-1}(p', a', x') P(p', i, s, p) A(a', i, j, a) X(x', j, s, x),
-//! and for the right-hand side Y: phi_k(p, y) = sum phi_{k-1}(p', y') P(p', i, s, p) Y(y', i, s, y).
-//! s is the spectator digit: a column index of a matrix unknown that the operator does not touch (1 for vectors).
-//! Right interfaces are left interfaces of the reversed trains, with the same layout.
+//! For test train P, operator A and trial train X the left interface is Phi_k(p, a, x) = sum Phi_{k-1}(p',
+//! a', x') P(p', i, s, p) A(a', i, j, a) X(x', j, s, x), and for the right-hand side Y: phi_k(p, y) = sum
+//! phi_{k-1}(p', y') P(p', i, s, p) Y(y', i, s, y). s is the spectator digit: a column index of a matrix
+//! unknown that the operator does not touch (1 for vectors). Right interfaces are left interfaces of the
+//! reversed trains, with the same layout.
 
 use graintrain_linalg::dense::{Matrix, View, ViewMut, multiply, multiply_add};
 

@@ -1,4 +1,5 @@
-//! Local systems B u = b of one site: dense Cholesky or LU while they are small, else preconditioned Krylov methods.
+//! Local systems B u = b of one site: dense Cholesky or LU while they are small, else preconditioned Krylov
+//! methods.
 
 use super::interface::LocalOperator;
 use crate::{Stop, TtError};
@@ -24,7 +25,8 @@ pub(crate) struct LocalSettings<'a> {
     pub symmetric: bool,
 }
 
-/// Improves `u` towards B u = b for all spectators; where a dense B is singular, the shortest u of the smallest residual.
+/// Improves `u` towards B u = b for all spectators; where a dense B is singular, the shortest u of the
+/// smallest residual.
 ///
 /// # Errors
 /// [`TtError::Stopped`] where `stop` says so.
@@ -67,8 +69,8 @@ pub(crate) fn solve(
     Ok(())
 }
 
-/// The shortest u of all that minimise |B u - b| for every column of b, singular values below [`SINGULAR`] of the largest being taken
-/// for zero; none if B is not finite.
+/// The shortest u of all that minimise |B u - b| for every column of b, singular values below [`SINGULAR`] of
+/// the largest being taken for zero; none if B is not finite.
 fn least_squares(matrix: &Matrix, b: &[f64]) -> Option<Vec<f64>> {
     let Svd { u, s, v } = thin_svd(matrix.view()).ok()?;
     let rank = s.iter().take_while(|&&x| x > SINGULAR * s[0]).count();
@@ -125,8 +127,8 @@ fn residual(operator: &LocalOperator<'_>, b: &[f64], u: &[f64], r: &mut [f64]) {
     r.iter_mut().zip(b).for_each(|(r, b)| *r = b - *r);
 }
 
-/// Preconditioned conjugate gradients. False where the operator or the preconditioner proves not to be positive
-/// definite; `u` then holds the last iterate.
+/// Preconditioned conjugate gradients. False where the operator or the preconditioner proves not to be
+/// positive definite; `u` then holds the last iterate.
 fn conjugate_gradients(
     operator: &LocalOperator<'_>,
     preconditioner: &BlockJacobi,

@@ -1,18 +1,20 @@
 //! Linear systems A x = y with all three in tensor-train form.
 //!
-//! One core of x is improved at a time. With all other cores orthogonal the local system is a Galerkin projection of
-//! A x = y onto the span of the other cores; for a symmetric positive definite A every local solve lowers the energy
-//! x^T A x / 2 - y^T x. Methods differ in how ranks grow:
+//! One core of x is improved at a time. With all other cores orthogonal the local system is a Galerkin
+//! projection of A x = y onto the span of the other cores; for a symmetric positive definite A every local
+//! solve lowers the energy x^T A x / 2 - y^T x. Methods differ in how ranks grow:
 //!
-//! * [`Method::Amen`] (Dolgov and Savostyanov, SIAM J. Sci. Comput. 36, 2014): after each local solve the frame is
-//!   enriched by a low-rank approximation of the residual, kept in a second train that is swept in tandem;
+//! * [`Method::Amen`] (Dolgov and Savostyanov, SIAM J. Sci. Comput. 36, 2014): after each local solve the
+//!   frame is enriched by a low-rank approximation of the residual, kept in a second train that is swept in
+//!   tandem;
 //! * [`Method::Als`]: ranks never exceed those of the start;
 //! * [`Method::Dmrg`]: two neighbouring cores at once, the rank between them from an SVD.
 //!
-//! A matrix unknown X (A X = Y) has a spectator digit in every core: the local matrix is the same for all its values,
-//! so it is factored once and solved for all of them.
+//! A matrix unknown X (A X = Y) has a spectator digit in every core: the local matrix is the same for all its
+//! values, so it is factored once and solved for all of them.
 //!
-//! [`gmres`] keeps whole trains instead: for well-conditioned or preconditioned systems, and as a second opinion.
+//! [`gmres`] keeps whole trains instead: for well-conditioned or preconditioned systems, and as a second
+//! opinion.
 //!
 //! [`evolve`] follows x' = A x (TDVP), [`lowest_eigenpairs`] finds eigenvectors, both by the same sweeps.
 //!
@@ -139,12 +141,14 @@ pub struct SolveReport {
     pub ranks: Vec<usize>,
 }
 
-/// Solves A x = y; `start` defaults to y. Where A is not symmetric and its projections break down (a residual above 0.1 at the end) a random start and, for A of
-/// rank up to 8, the normal equations are tried as well; what leaves the smallest residual is returned.
+/// Solves A x = y; `start` defaults to y. Where A is not symmetric and its projections break down (a residual
+/// above 0.1 at the end) a random start and, for A of rank up to 8, the normal equations are tried as well;
+/// what leaves the smallest residual is returned.
 ///
 /// # Errors
 /// [`TtError::Shape`] if the sizes do not fit, [`TtError::Setting`] for a bad setting or a zero operator,
-/// [`TtError::Dense`] for entries that are not finite. Not converging is not an error: see [`SolveReport::status`].
+/// [`TtError::Dense`] for entries that are not finite. Not converging is not an error: see
+/// [`SolveReport::status`].
 ///
 /// ```
 /// use graintrain_tt::{TtVector, qtt, solve};
@@ -198,7 +202,8 @@ pub fn solve_matrix(
     solve_matrix_within(a, y, start, settings, &|| false)
 }
 
-/// As [`solve_matrix`], as long as `stop` is false: it is asked at every site and for every right-hand side that is iterated.
+/// As [`solve_matrix`], as long as `stop` is false: it is asked at every site and for every right-hand side
+/// that is iterated.
 ///
 /// # Errors
 /// As for [`solve`], and [`TtError::Stopped`].
@@ -243,7 +248,8 @@ fn solve_block(
             });
         }
     }
-    // Sizes are taken out as powers of two, exactly: 2^p A' 2^(q - p) x' = 2^q y' with A', y' of moderate size.
+    // Sizes are taken out as powers of two, exactly: 2^p A' 2^(q - p) x' = 2^q y' with A', y' of moderate
+    // size.
     let Some((balanced_y, y_exponent)) = balanced(y, spectators)? else {
         // A x = 0
         let zero = y.scale(0.0).round(&Truncation::default())?.0;
@@ -299,7 +305,8 @@ fn solve_block(
     let mut history = Vec::new();
     let mut ended;
     let mut inner = *settings;
-    // Local residuals promise more than they keep: where the true one misses the tolerance the sweeps go on, tighter.
+    // Local residuals promise more than they keep: where the true one misses the tolerance the sweeps go on,
+    // tighter.
     loop {
         ended = SolveStatus::SweepLimit;
         while history.len() + 1 < settings.max_sweeps {
@@ -387,8 +394,8 @@ impl<'a> Best<'a> {
         Ok(())
     }
 
-    /// Whether the residual of x cannot be known, and so not be lowered, to the tolerance: the condition of the system is beyond the numbers, and all that
-    /// further sweeps would add is rank.
+    /// Whether the residual of x cannot be known, and so not be lowered, to the tolerance: the condition of
+    /// the system is beyond the numbers, and all that further sweeps would add is rank.
     fn rounding_hides(&self, x: &TtVector, tolerance: f64) -> Result<bool, TtError> {
         if x.cores.iter().any(|core| largest_finite(&core.data).is_err()) {
             return Ok(true);
@@ -407,8 +414,8 @@ impl<'a> Best<'a> {
     }
 }
 
-/// The train with every part right of a bond of a size near sqrt(product of its `sizes`), as for entries of size one
-/// on a diagonal, and the exponent taken out; none for zero.
+/// The train with every part right of a bond of a size near sqrt(product of its `sizes`), as for entries of
+/// size one on a diagonal, and the exponent taken out; none for zero.
 fn balanced(train: &TtVector, sizes: &[usize]) -> Result<Option<(TtVector, i64)>, TtError> {
     let Some((mut balanced, exponent)) = train.balanced()? else { return Ok(None) };
     let (mut grown, mut put_back) = (0.0, 0);
@@ -421,8 +428,9 @@ fn balanced(train: &TtVector, sizes: &[usize]) -> Result<Option<(TtVector, i64)>
     Ok(Some((balanced, exponent - put_back)))
 }
 
-/// Whether sweeps have stopped paying: the best residual of the last sweeps is hardly better than the best before.
-/// Residuals of ill-conditioned systems go up and down, so the window is wide unless the cap holds the ranks.
+/// Whether sweeps have stopped paying: the best residual of the last sweeps is hardly better than the best
+/// before. Residuals of ill-conditioned systems go up and down, so the window is wide unless the cap holds
+/// the ranks.
 fn stagnates(history: &[f64], capped: bool) -> bool {
     let (window, factor) = if capped { (2, 0.7) } else { (8, 0.9) };
     if history.len() <= window {
@@ -449,8 +457,9 @@ pub fn relative_residual(
 
 /// ||A X - Y|| / ||Y|| with its rounding floor, for X of modes n_k s_k with spectators s_k (all 1 for a vector).
 ///
-/// The norm of A X - Y comes from triangles of the parts of this train, never from a difference of squares, at any rank: it is right to the
-/// floor. The cores of A X are not formed. O(d (n R^3 r^3)) for the ranks R of A and r of X.
+/// The norm of A X - Y comes from triangles of the parts of this train, never from a difference of squares,
+/// at any rank: it is right to the floor. The cores of A X are not formed. O(d (n R^3 r^3)) for the ranks R
+/// of A and r of X.
 ///
 /// # Errors
 /// [`TtError::Shape`] if the sizes do not fit, [`TtError::Dense`] for entries that are not finite.

@@ -12,7 +12,8 @@ const HEADER: usize = 128;
 /// Types of data elements.
 const MATRIX: u32 = 14;
 const COMPRESSED: u32 = 15;
-/// Classes of arrays: structures and objects have fields; from the sixth on arrays hold numbers, up to the fifteenth.
+/// Classes of arrays: structures and objects have fields; from the sixth on arrays hold numbers, up to the
+/// fifteenth.
 const STRUCTURE: u8 = 2;
 const OBJECT: u8 = 3;
 const NUMBERS: std::ops::RangeInclusive<u8> = 6..=15;
@@ -56,7 +57,8 @@ fn element<'a>(input: &mut Bytes<'a>) -> Result<Element<'a>, TtError> {
     }
     let length = input.integer("the length of an element")? as u32 as usize;
     let data = input.take(length, "an element")?;
-    // Compressed elements are not padded (so what follows may lie anywhere); the last element of a file need not be.
+    // Compressed elements are not padded (so what follows may lie anywhere); the last element of a file need
+    // not be.
     if tag != COMPRESSED {
         input.at = (input.at + length.next_multiple_of(8) - length).min(input.data.len());
     }
@@ -139,8 +141,8 @@ fn sizes(fields: &BTreeMap<String, Value>, name: &str) -> Option<Vec<usize>> {
     list.iter().map(size).collect()
 }
 
-/// The train of a `tt_tensor`: ranks r, modes n, 1-based starts ps of the cores among the numbers `core`. None if the fields are not these; text if they
-/// contradict each other.
+/// The train of a `tt_tensor`: ranks r, modes n, 1-based starts ps of the cores among the numbers `core`.
+/// None if the fields are not these; text if they contradict each other.
 fn vector(fields: &BTreeMap<String, Value>) -> Option<Result<TtVector, String>> {
     let (ranks, modes, starts) = (sizes(fields, "r")?, sizes(fields, "n")?, sizes(fields, "ps")?);
     let Some(Value::Numbers(data)) = fields.get("core") else { return None };
@@ -175,13 +177,15 @@ fn matrix(fields: &BTreeMap<String, Value>) -> Option<Result<TtMatrix, String>> 
     )
 }
 
-/// All real trains among the variables of a MATLAB file, with their names, in the order of the file; other variables are passed over.
+/// All real trains among the variables of a MATLAB file, with their names, in the order of the file; other
+/// variables are passed over.
 ///
-/// TT-Toolbox's `tt_tensor` and `tt_matrix` are read as objects (as `save` writes them) and as structures of the same fields.
+/// TT-Toolbox's `tt_tensor` and `tt_matrix` are read as objects (as `save` writes them) and as structures of
+/// the same fields.
 ///
 /// # Errors
-/// [`TtError::File`] if the file cannot be read; [`TtError::Format`] if it is damaged, not of level 5 (files of `save -v7.3` are HDF5), of the other byte
-/// order, or a train in it contradicts itself.
+/// [`TtError::File`] if the file cannot be read; [`TtError::Format`] if it is damaged, not of level 5 (files
+/// of `save -v7.3` are HDF5), of the other byte order, or a train in it contradicts itself.
 pub fn read_mat(file: &Path) -> Result<Vec<(String, Stored)>, TtError> {
     let data = open(file)?;
     let mut input = Bytes { file, data: &data, at: 0 };

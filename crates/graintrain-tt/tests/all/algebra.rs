@@ -1,4 +1,5 @@
-//! Every operation against dense brute force, and the promise of error control, on random trains (property tests).
+//! Every operation against dense brute force, and the promise of error control, on random trains (property
+//! tests).
 
 use crate::dense::{dense, full};
 use graintrain_linalg::dense::{Matrix, View, product};
@@ -142,7 +143,8 @@ proptest! {
             prop_assert!((truth - report.error).abs() <= 1e-6 * truth + 1e-13, "{} {:?}", truth, report);
             prop_assert!((report.norm / exact.norm() - 1.0).abs() < 1e-10);
             let explicit = exact.round(&truncation).unwrap().0;
-            // (Which of two nearly equal singular values is left out may differ, and so the next bond's budget.)
+            // (Which of two nearly equal singular values is left out may differ, and so the next bond's
+            // budget.)
             prop_assert!(found.ranks().iter().zip(explicit.ranks()).all(|(a, b)| a.abs_diff(b) <= 1));
         }
     }
@@ -217,7 +219,8 @@ proptest! {
 
 #[test]
 fn products_with_full_vectors_equal_dense_over_both_stages_and_any_number_of_threads() {
-    // Wide enough that both stages, merged cores and ragged row blocks occur; the oracle multiplies core by core naively.
+    // Wide enough that both stages, merged cores and ragged row blocks occur; the oracle multiplies core by
+    // core naively.
     for (rows, columns, r) in [
         (vec![6, 2, 2, 2, 2, 2, 2, 2, 2, 2], vec![6, 2, 2, 2, 2, 2, 2, 2, 2, 2], 9),
         (vec![24, 2, 2, 2, 2, 2, 2, 2], vec![24, 2, 2, 2, 2, 2, 2, 2], 20),

@@ -1,5 +1,5 @@
-//! Reports that have to be true where it is hardest: cancelling sums, residuals of large ranks in bad gauges, singular systems, terms far
-//! smaller than others, sketches of too small a rank, sizes that do not fit.
+//! Reports that have to be true where it is hardest: cancelling sums, residuals of large ranks in bad gauges,
+//! singular systems, terms far smaller than others, sketches of too small a rank, sizes that do not fit.
 
 use graintrain_tt::inverse::{InverseForm, inverse};
 use graintrain_tt::qtt::{self, Boundary, DigitOrder};
@@ -50,7 +50,8 @@ fn the_floor_covers_what_cancellation_costs() {
     assert!(beyond_tolerance > 20);
 }
 
-/// The same tensor with a random regular matrix and its inverse between neighbouring cores, ill-conditioned by 10^digits.
+/// The same tensor with a random regular matrix and its inverse between neighbouring cores, ill-conditioned
+/// by 10^digits.
 fn other_gauge(train: &TtVector, digits: f64) -> TtVector {
     let mut cores: Vec<Core> = train.cores().to_vec();
     for k in 0..cores.len() - 1 {

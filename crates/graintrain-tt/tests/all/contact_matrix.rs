@@ -1,12 +1,14 @@
-//! The matrix of a settled packing: no low rank exists, the exact pass knows the error, cross must admit failure.
+//! The matrix of a settled packing: no low rank exists, the exact pass knows the error, cross must admit
+//! failure.
 
 use crate::support::settled_packing;
 use graintrain_tt::Truncation;
 use graintrain_tt::cross::{CrossSettings, CrossStatus, cross_sparse};
 use graintrain_tt::sparse::QuadtreeMatrix;
 
-/// Cross of the matrix under a cap on the ranks, and under stride-th nonzeros as probes, must not claim to have converged,
-/// and the error in the report must be the true one. Returns the error of the exact pass with cap 10.
+/// Cross of the matrix under a cap on the ranks, and under stride-th nonzeros as probes, must not claim to
+/// have converged, and the error in the report must be the true one. Returns the error of the exact pass with
+/// cap 10.
 fn cross_admits_failure(matrix: &QuadtreeMatrix, runs: &[(usize, usize)]) -> f64 {
     for &(max_rank, stride) in runs {
         let settings = CrossSettings { tolerance: 1e-2, max_rank, ..Default::default() };

@@ -94,8 +94,9 @@ fn measured_errors_are_within_a_factor_three_of_the_truth() {
 
 #[test]
 fn hilbert_tensors_of_the_reference() {
-    // 1 / (i_1 + ... + i_D), 1-based, n = 32. amen_cross(1e-8) of TT-Toolbox: rank 11 and a sample error of 5.0e-9 for D = 6, 11
-    // and 1.4e-8 for D = 20, sums of all entries good to about 1e-8. (Ours: rank 11, errors 4.6e-9 and 5.1e-9.)
+    // 1 / (i_1 + ... + i_D), 1-based, n = 32. amen_cross(1e-8) of TT-Toolbox: rank 11 and a sample error of
+    // 5.0e-9 for D = 6, 11 and 1.4e-8 for D = 20, sums of all entries good to about 1e-8. (Ours: rank 11,
+    // errors 4.6e-9 and 5.1e-9.)
     for (dimension, sum, error) in [(6, 1.152252225344e7, 5.0e-9), (20, 3.904509203406e27, 1.4e-8)] {
         let source = Function::new(&vec![32; dimension], |index| {
             1.0 / (index.len() + index.iter().sum::<usize>()) as f64

@@ -1,5 +1,5 @@
-//! What `Converged` is worth: functions with everything that defeats a sample (kinks, steps, balls, needles), held against all
-//! of their entries.
+//! What `Converged` is worth: functions with everything that defeats a sample (kinks, steps, balls, needles),
+//! held against all of their entries.
 
 use graintrain_tt::cross::{
     CrossReport, CrossSettings, CrossStatus, Function, cross, ends_of_modes, sub_grid,
@@ -204,7 +204,8 @@ fn all_pairs(tolerances: &[f64], seeds: &[u64]) -> Vec<(f64, u64)> {
     tolerances.iter().flat_map(|&tolerance| seeds.iter().map(move |&seed| (tolerance, seed))).collect()
 }
 
-/// Every tolerance with a seed of its own: a third of all pairs, which take the time of all other tests of the crate together.
+/// Every tolerance with a seed of its own: a third of all pairs, which take the time of all other tests of
+/// the crate together.
 #[test]
 fn nothing_visible_is_claimed_that_is_not_so() {
     hold(&survey(&[(1e-3, 1), (1e-6, 2), (1e-9, 3)]));
@@ -216,7 +217,8 @@ fn nor_with_every_seed() {
     hold(&survey(&all_pairs(&[1e-3, 1e-6, 1e-9], &[1, 2, 3])));
 }
 
-/// No visible error is claimed away, words are what the numbers say, and bounds hold, at no more than so many evaluations.
+/// No visible error is claimed away, words are what the numbers say, and bounds hold, at no more than so many
+/// evaluations.
 fn hold(runs: &[Run]) {
     let count = runs.len() as f64;
     let visible = || runs.iter().filter(|run| !run.invisible);
@@ -248,12 +250,13 @@ fn hold(runs: &[Run]) {
     let evaluations: usize = runs.iter().map(|run| run.report.evaluations).sum();
     println!("{claimed} of {} converged, {invisible} false (needles), {evaluations} evaluations", runs.len());
     assert!(claimed as f64 >= 0.85 * count, "{claimed}");
-    // Sample and guide drawn once for all sweeps read 30 578 074 entries in 432 runs (and claimed 31 visible errors away).
+    // Sample and guide drawn once for all sweeps read 30 578 074 entries in 432 runs (and claimed 31 visible
+    // errors away).
     assert!((evaluations as f64) < 1.5 * 30_578_074.0 / 432.0 * count, "{evaluations}");
 }
 
-/// A bound that does not exclude an error of everything, or hardly a nonzero among the points, is no convergence: the first of these once was
-/// called converged with a bound of 3.5e5 and a true error of 0.985.
+/// A bound that does not exclude an error of everything, or hardly a nonzero among the points, is no
+/// convergence: the first of these once was called converged with a bound of 3.5e5 and a true error of 0.985.
 #[test]
 fn a_bound_of_one_or_more_is_no_convergence() {
     let sparse: Entry = |i| one_if(hash(i).is_multiple_of(1000)) * (1.0 + (hash(i) >> 40) as f64);

@@ -69,7 +69,8 @@ fn heisenberg(d: usize) -> TtMatrix {
 
 #[test]
 fn spin_chains_have_their_known_energies() {
-    // Open Heisenberg chains; 10 spins: -4.258035207, 20 spins: -8.682473334 (exact diagonalisation, DMRG literature).
+    // Open Heisenberg chains; 10 spins: -4.258035207, 20 spins: -8.682473334 (exact diagonalisation, DMRG
+    // literature).
     for (d, energy) in [(2, -0.75), (4, -1.616025403784), (10, -4.258035207), (20, -8.682473334)] {
         let h = heisenberg(d);
         assert!(h.max_rank() <= 5, "{:?}", h.ranks());

@@ -1,5 +1,6 @@
-//! The test set on which the reported errors of solves and inverses are compared with the truth (docs/tensor-trains.md, "What
-//! is promised"): the residual from dense matrices must be within a factor 3 of the report's, however the sweeps ended.
+//! The test set on which the reported errors of solves and inverses are compared with the truth
+//! (docs/tensor-trains.md, "What is promised"): the residual from dense matrices must be within a factor 3 of
+//! the report's, however the sweeps ended.
 
 use crate::dense::dense;
 use crate::support::settled_packing;
@@ -36,7 +37,8 @@ fn operators() -> Vec<(&'static str, bool, TtMatrix)> {
     ]
 }
 
-/// The contact matrix of a settled packing of 365 contacts, truncated to ranks of 12 and kept positive definite.
+/// The contact matrix of a settled packing of 365 contacts, truncated to ranks of 12 and kept positive
+/// definite.
 fn contacts() -> Option<(&'static str, bool, TtMatrix)> {
     let matrix = settled_packing("sed125.dat")?;
     let (train, _) = matrix.to_definite_train(&Truncation::capped(1e-2, 12), 1e-2, 60).unwrap();

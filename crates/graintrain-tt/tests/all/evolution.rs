@@ -83,7 +83,8 @@ fn quantum_motion_keeps_the_norm() {
     let motion = h.kronecker(&turn);
     let product = TtVector::unit(&[2; 7], &[0, 1, 0, 1, 0, 1, 0]).unwrap();
     let full_rank = TtVector::random(&[2; 7], 8, 5).unwrap();
-    // The product has no neighbours of the last digit in its first steps: the projection says so. With all ranks nothing is projected and nothing split.
+    // The product has no neighbours of the last digit in its first steps: the projection says so. With all
+    // ranks nothing is projected and nothing split.
     for x in [product, full_rank.scale(1.0 / full_rank.norm())] {
         let full = x.to_full().unwrap();
         let (real, imaginary) = full.split_at(64);
@@ -194,7 +195,8 @@ fn units_do_not_matter() {
     assert_eq!(evolve(&h.scale(0.0), &x, 1.0, &settings).unwrap().0, x);
 }
 
-/// The estimate against the truth over eight matrices: decaying, growing, turning, not symmetric, coupled over all distances, from all ranks, few steps and many.
+/// The estimate against the truth over eight matrices: decaying, growing, turning, not symmetric, coupled
+/// over all distances, from all ranks, few steps and many.
 #[test]
 fn the_estimate_is_never_below_the_error_and_half_are_near_it() {
     let d = 6;

@@ -40,8 +40,8 @@ fn low_rank_tensors_are_recovered_from_some_entries() {
     }
 }
 
-/// Thirty random trains of rank 2 and 3 in 5 to 14 modes from 3000 to 6000 entries: alternating least squares from one start, its ranks growing by
-/// random directions, once found 16 of them.
+/// Thirty random trains of rank 2 and 3 in 5 to 14 modes from 3000 to 6000 entries: alternating least squares
+/// from one start, its ranks growing by random directions, once found 16 of them.
 #[test]
 fn most_random_trains_are_recovered() {
     let shapes: [(&[usize], usize, usize); 10] = [
@@ -74,8 +74,8 @@ fn most_random_trains_are_recovered() {
     assert_eq!(recovered, 30);
 }
 
-/// A peak at one corner, which few points see: the error on the test points alone once was called convergence where the error of all entries was
-/// above the tolerance.
+/// A peak at one corner, which few points see: the error on the test points alone once was called convergence
+/// where the error of all entries was above the tolerance.
 #[test]
 fn a_peak_that_few_points_see_is_not_called_met() {
     let mut claims = 0;
@@ -128,7 +128,8 @@ fn noise_and_too_few_points_show_in_the_test_error() {
     // The noise cannot be predicted (the test says 5 %), but most of it is averaged away.
     assert!(!report.converged && report.test_error > 0.04 && report.test_error < 0.1, "{report:?}");
     assert!(truth < 0.04, "{truth}");
-    // Sixty points for a train of 110 numbers: the fit meets its own points and the test says that this is worth nothing.
+    // Sixty points for a train of 110 numbers: the fit meets its own points and the test says that this is
+    // worth nothing.
     let few = &indices[..5 * 60];
     let (x, report) = fit(&modes, few, &exact.entries(few).unwrap(), &settings).unwrap();
     let truth = x.relative_distance(&exact).unwrap();
@@ -168,7 +169,8 @@ fn what_does_not_fit_is_an_error() {
 fn repeated_points_are_not_their_own_test() {
     let settings = FitSettings::default();
     assert!(fit(&[5; 3], &[1; 150], &[0.5; 50], &settings).is_err());
-    // Forty random numbers, each twenty times: a train that knows the fitted ones is worth nothing at the others.
+    // Forty random numbers, each twenty times: a train that knows the fitted ones is worth nothing at the
+    // others.
     let points: Vec<usize> = (0..800).map(|p| p % 40).collect();
     let indices: Vec<usize> = points.iter().flat_map(|p| [p * 3 % 8, p / 5, p * 5 % 7]).collect();
     let values: Vec<f64> = points.iter().map(|p| (1000.0 * (*p as f64).sqrt()).sin()).collect();

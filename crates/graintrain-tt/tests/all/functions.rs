@@ -1,4 +1,5 @@
-//! Functions of entries, extremes, samples, orders of modes, Fourier transforms and convolutions against full vectors.
+//! Functions of entries, extremes, samples, orders of modes, Fourier transforms and convolutions against full
+//! vectors.
 
 use graintrain_tt::cross::{CrossSettings, CrossStatus};
 use graintrain_tt::extremes::Density;
@@ -187,7 +188,8 @@ fn functions_of_entries_with_residuals_over_all_of_them() {
     let exact: Vec<f64> = full.iter().zip(y.to_full().unwrap()).map(|(x, y)| x.max(y)).collect();
     let truth = distance(&larger.to_full().unwrap(), &exact);
     assert!(report.status != CrossStatus::Converged || truth <= 3.0 * tolerance, "{truth} {report:?}");
-    // A poor cross (rank 2) is repaired by Newton's steps as far as the cap allows, and what is missed is said.
+    // A poor cross (rank 2) is repaired by Newton's steps as far as the cap allows, and what is missed is
+    // said.
     let settings = CrossSettings { tolerance: 1e-8, max_rank: 2, ..Default::default() };
     let (root, report) = x.square_root(&settings).unwrap();
     let squares: Vec<f64> = root.to_full().unwrap().iter().map(|y| y * y).collect();
@@ -246,7 +248,8 @@ fn units_do_not_matter() {
     assert!(large.scale(1e-200).relative_distance(&real).unwrap() < 1e-9);
 }
 
-/// 64 numbers of 1e-300: the smallest was "proven" to be another one, since the shifted tensor lost it in its rounding.
+/// 64 numbers of 1e-300: the smallest was "proven" to be another one, since the shifted tensor lost it in its
+/// rounding.
 #[test]
 fn extremes_of_tiny_tensors_are_the_extremes() {
     for seed in 1..20 {

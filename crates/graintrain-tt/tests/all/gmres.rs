@@ -55,7 +55,8 @@ fn lines_and_planes_with_wind_are_solved_without_squaring_the_condition() {
     for (d, wind) in [(8, 10.0), (8, 300.0), (12, 1000.0), (20, 100.0)] {
         let a = windy(d, wind);
         let y = TtVector::constant(&vec![2; d], 1.0).unwrap();
-        // (With the wind the condition is about the number of points: 1e-5 is far above its rounding, its square below.)
+        // (With the wind the condition is about the number of points: 1e-5 is far above its rounding, its
+        // square below.)
         let tolerance = if d == 20 { 1e-4 } else { 1e-8 };
         let settings = SolveSettings { tolerance, ..Default::default() };
         let (x, report) = solve(&a, &y, None, &settings).unwrap();

@@ -1,4 +1,5 @@
-//! Systems, functions and trains that no development was done on: an answer, or an honest "no", in a short time.
+//! Systems, functions and trains that no development was done on: an answer, or an honest "no", in a short
+//! time.
 
 use graintrain_tt::cross::{CrossSettings, CrossStatus, Function, cross};
 use graintrain_tt::solve::{Method, SolveSettings, SolveStatus, solve};

@@ -139,8 +139,9 @@ fn the_line_has_rank_three_and_its_inverse_rank_five_also_at_two_to_the_twenty()
         let (rounded, report) = a.round(&Truncation::to(1e-13)).unwrap();
         assert_eq!(rounded.max_rank(), 3);
         assert!(report.error < 1e-13);
-        // The inverse as an exact train: (A^-1)_ij = min(i, j) - i j / (n + 1), and min(i, j) = sum_k [k <= i][k <= j]
-        // = (L L^T)_ij with L the lower triangle of ones; i j is of rank one in the pair and of QTT rank 4.
+        // The inverse as an exact train: (A^-1)_ij = min(i, j) - i j / (n + 1), and min(i, j) = sum_k
+        // [k <= i][k <= j] = (L L^T)_ij with L the lower triangle of ones; i j is of rank one in the pair and
+        // of QTT rank 4.
         let sum = qtt::cumulative_sum(d).unwrap();
         let minimum = sum.times_matrix(&sum.transpose()).unwrap();
         let index = qtt::polynomial(d, &[1.0, 1.0], 0.0, 1.0).unwrap();
@@ -197,7 +198,8 @@ fn inverses_in_closed_form() {
         let ranks = ranks_of(&inverse(&banded));
         assert!(ranks.iter().all(|&rank| rank <= bound), "{l} {u}: {ranks:?}");
     }
-    // A Toeplitz matrix from a train of ranks p has ranks of at most 2 p: here p = 2 (a sum of two exponentials).
+    // A Toeplitz matrix from a train of ranks p has ranks of at most 2 p: here p = 2 (a sum of two
+    // exponentials).
     let toeplitz = Matrix::from_fn(n, n, |i, j| {
         let k = (i + n - 1 - j) as f64 / n as f64;
         (-k).exp() + (2.0 * k).exp()
@@ -225,11 +227,12 @@ fn multidimensional_laplacians() {
         let a = qtt::kronecker_sum(&vec![line; dimension], order).unwrap();
         let a = a.round(&Truncation::to(TIGHT)).unwrap().0;
         let found = coarse_to_fine(&a.ranks());
-        // The table prints the coarsest digit of the first axis first; axes are exchangeable in separated order.
+        // The table prints the coarsest digit of the first axis first; axes are exchangeable in separated
+        // order.
         assert_eq!(found, expected, "{boundary:?} {dimension}-D {order:?}");
     }
-    // The train of TT-Toolbox's tt_qlaplace_dd([4 4]) has ranks 1 4 4 4 2 3 3 3 1, one bond above the numerical rank: ours is
-    // rounded and has the 3 there, and is the same matrix.
+    // The train of TT-Toolbox's tt_qlaplace_dd([4 4]) has ranks 1 4 4 4 2 3 3 3 1, one bond above the
+    // numerical rank: ours is rounded and has the 3 there, and is the same matrix.
     let line = qtt::laplacian(4).unwrap();
     let plane = qtt::kronecker_sum(&[line.clone(), line], separated).unwrap();
     assert_eq!(plane.ranks(), [1, 3, 4, 4, 2, 3, 3, 3, 1]);
@@ -247,8 +250,9 @@ fn multidimensional_laplacians() {
     assert_eq!(cube.max_rank(), 7);
 }
 
-/// L (x) I + I (x) L for the line L of 2^4 points from the factors of Kazeev and Khoromskij, fine to coarse: along the first axis
-/// beside the three states of L a fourth that carries I, along the second one the state of I is the first of L.
+/// L (x) I + I (x) L for the line L of 2^4 points from the factors of Kazeev and Khoromskij, fine to coarse:
+/// along the first axis beside the three states of L a fourth that carries I, along the second one the state
+/// of I is the first of L.
 fn explicit_plane() -> TtMatrix {
     let identity = [1.0, 0.0, 0.0, 1.0];
     let (up, down, zero) = ([0.0, 0.0, 1.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0; 4]);

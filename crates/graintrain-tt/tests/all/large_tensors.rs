@@ -1,5 +1,5 @@
-//! TT-SVD of tensors that are large enough for sketches: the same promises as for small ones, by entries, whatever the matrix in the middle
-//! looks like; memory and bits.
+//! TT-SVD of tensors that are large enough for sketches: the same promises as for small ones, by entries,
+//! whatever the matrix in the middle looks like; memory and bits.
 
 use graintrain_tt::{Truncation, TtError, TtVector};
 
@@ -74,7 +74,8 @@ fn errors_and_ranks_are_those_of_small_tensors() {
 
 #[test]
 fn columns_that_share_a_bucket_are_not_lost() {
-    // Nonzeros in few columns of the unfolding in the middle, and in few rows: a sketch may put two of them together.
+    // Nonzeros in few columns of the unfolding in the middle, and in few rows: a sketch may put two of them
+    // together.
     for (count, seed) in [(1, 1), (3, 2), (20, 3), (60, 4), (300, 5)] {
         let mut noise = Noise(seed);
         let mut full = vec![0.0; 1 << 20];

@@ -1,4 +1,5 @@
-//! Tensor trains against dense algebra and published answers, in one program: linking it once is most of the cost.
+//! Tensor trains against dense algebra and published answers, in one program: linking it once is most of the
+//! cost.
 
 mod algebra;
 mod certificates;

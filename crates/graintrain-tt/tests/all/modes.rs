@@ -1,4 +1,5 @@
-//! Merging, sums over modes, mode products, concatenation, powers, and the matrices of a vector of differences, entry by entry.
+//! Merging, sums over modes, mode products, concatenation, powers, and the matrices of a vector of
+//! differences, entry by entry.
 
 use graintrain_tt::inverse::{InverseForm, inverse};
 use graintrain_tt::solve::{SolveSettings, SolveStatus};
@@ -111,7 +112,8 @@ fn what_does_not_fit_is_an_error() {
 
 #[test]
 fn inverses_of_matrices_that_are_not_symmetric_have_the_ranks_they_should() {
-    // Lines with wind, skew and indefinite ones: rank 5, triangular ones rank 2, up to 2^14 points, where normal equations fail.
+    // Lines with wind, skew and indefinite ones: rank 5, triangular ones rank 2, up to 2^14 points, where
+    // normal equations fail.
     let settings = SolveSettings { tolerance: 1e-5, ..Default::default() };
     for d in [8, 10, 12, 14] {
         for (sub, diagonal, superdiagonal, rank) in [

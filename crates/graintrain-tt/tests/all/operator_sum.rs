@@ -1,4 +1,5 @@
-//! Sums of products of local operators against Kronecker products of full matrices, and their ranks against those of unfoldings.
+//! Sums of products of local operators against Kronecker products of full matrices, and their ranks against
+//! those of unfoldings.
 
 use graintrain_linalg::dense::Matrix;
 use graintrain_linalg::dense::symmetric_eigen;
@@ -89,7 +90,8 @@ fn sums_over_all_pairs_have_the_smallest_ranks() {
     let (z, number) = (named(LocalOperator::Sz, 2), named(LocalOperator::Number, 2));
     let sites = 8;
     let pairs = || (0..sites).flat_map(|i| (0..i).map(move |j| (j, i)));
-    // Exponential couplings need one state more than a field, any couplings as many as the shorter side has sites.
+    // Exponential couplings need one state more than a field, any couplings as many as the shorter side has
+    // sites.
     let exponential = |i: usize, j: usize| 0.7f64.powi((j - i) as i32);
     let any = |i: usize, j: usize| ((17 * i * i * j + 31 * j * j) as f64).sin();
     for (coupling, expected) in

@@ -1,5 +1,5 @@
-//! The promise of error control on hard input: the true relative error of TT-SVD, rounding and the sparse pass never
-//! exceeds the tolerance, whatever the size of the numbers, the ranks or the modes.
+//! The promise of error control on hard input: the true relative error of TT-SVD, rounding and the sparse
+//! pass never exceeds the tolerance, whatever the size of the numbers, the ranks or the modes.
 
 use graintrain_tt::sparse::QuadtreeMatrix;
 use graintrain_tt::{Core, Truncation, TtError, TtVector};
@@ -8,9 +8,11 @@ use proptest::prelude::*;
 /// Rounding level of the algorithms, relative to the norm.
 const ROUNDING: f64 = 3e-15;
 
-/// What rounding may add to the relative error of a TT-SVD (and of the sparse pass, which is one) and of the sums that make its full tensor again. At every bond a matrix of r n rows is
-/// multiplied by an orthogonal one, which is found, and applied, and undone by sums of r n terms: such sums err by some units of eps sqrt(r n) (N. Higham, T. Mary,
-/// SIAM J. Sci. Comput. 41, 2019), and what the bonds add is independent of each other.
+/// What rounding may add to the relative error of a TT-SVD (and of the sparse pass, which is one) and of the
+/// sums that make its full tensor again. At every bond a matrix of r n rows is multiplied by an orthogonal
+/// one, which is found, and applied, and undone by sums of r n terms: such sums err by some units of eps
+/// sqrt(r n) (N. Higham, T. Mary, SIAM J. Sci. Comput. 41, 2019), and what the bonds add is independent of
+/// each other.
 fn svd_rounding(modes: &[usize]) -> f64 {
     let total: usize = modes.iter().product();
     let (mut terms, mut left) = (1, 1);
@@ -241,7 +243,8 @@ fn units_that_differ_within_a_core_lose_no_term() {
     }
 }
 
-/// Tiny and huge trains that keep their size in different cores: side by side in a sum their squares have no common range.
+/// Tiny and huge trains that keep their size in different cores: side by side in a sum their squares have no
+/// common range.
 #[test]
 fn sums_do_not_care_where_the_terms_keep_their_size() {
     let modes = [2, 3, 2, 4];

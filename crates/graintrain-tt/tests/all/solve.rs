@@ -32,7 +32,8 @@ fn poisson_energy(dimension: usize, n: usize) -> f64 {
 #[test]
 fn poisson_energies_agree_with_the_sine_transform() {
     // The published digits of the reference for D = 2, 3, 4 and our own sine transform where it is cheap.
-    // Ranks of amen_solve2 there: 20, 50, 53 (ours 20, 49, 53; the last sweep decides about one more or less).
+    // Ranks of amen_solve2 there: 20, 50, 53 (ours 20, 49, 53; the last sweep decides about one more or
+    // less).
     for (dimension, published, rank, own) in [
         (2, 3.62232189888789e-2, 20, true),
         (3, 2.10987543739852e-2, 50, true),
@@ -66,9 +67,10 @@ fn poisson_in_sixteen_dimensions() {
     let (u, report) = solve(&a, &f, None, &settings).unwrap();
     let energy = u.dot(&f).unwrap() / 64f64.powi(16);
     println!("{energy:e} {report:?}");
-    // amen_solve2 at this tolerance: <u, f> = 1.2742679535e26 (exact ...538e26), largest rank 13 on the way and 9 at the end of its
-    // last sweep, residual 9.4e-6. Ours: 1.2742679555e26, rank 11, residual 3.9e-7. (Its max_dx of 2.0e3, 1.6e-1, ... are changes of
-    // cores, ours are local residuals: 2.2e3, 3.6e-1, 1.6e-1, ... in the history.)
+    // amen_solve2 at this tolerance: <u, f> = 1.2742679535e26 (exact ...538e26), largest rank 13 on the way
+    // and 9 at the end of its last sweep, residual 9.4e-6. Ours: 1.2742679555e26, rank 11, residual 3.9e-7.
+    // (Its max_dx of 2.0e3, 1.6e-1, ... are changes of cores, ours are local residuals: 2.2e3, 3.6e-1,
+    // 1.6e-1, ... in the history.)
     assert_eq!(report.status, SolveStatus::Converged, "{report:?}");
     assert!((u.dot(&f).unwrap() / 1.2742679538e26 - 1.0).abs() < 1e-8 && u.max_rank() <= 13, "{report:?}");
     assert!((energy / 1.608352274402e-3 - 1.0).abs() < 1e-8, "{energy:e}");
@@ -127,8 +129,9 @@ fn a_rank_cap_is_obeyed_and_reported_with_the_true_residual() {
 
 #[test]
 fn inverse_of_the_line_has_rank_five_and_the_closed_form() {
-    // (A^-1)_ij = min(i, j) (n + 1 - max(i, j)) / (n + 1); AMEn loses about 4^d eps. Errors of the reference at d = 6, 8, 10:
-    // 6.7e-14, 7.3e-13, 1.9e-11. Ours: 3.7e-14, 1.2e-12, 2.2e-12 (rounding: a factor 2 is left for other processors).
+    // (A^-1)_ij = min(i, j) (n + 1 - max(i, j)) / (n + 1); AMEn loses about 4^d eps. Errors of the reference
+    // at d = 6, 8, 10: 6.7e-14, 7.3e-13, 1.9e-11. Ours: 3.7e-14, 1.2e-12, 2.2e-12 (rounding: a factor 2 is
+    // left for other processors).
     for (d, published) in [(6, 6.7e-14), (8, 7.3e-13), (10, 1.9e-11)] {
         let a = qtt::laplacian(d).unwrap();
         let settings = SolveSettings { tolerance: 1e-8, ..Default::default() };
@@ -237,8 +240,8 @@ fn plane(levels: usize) -> TtMatrix {
 
 #[test]
 fn inverse_of_the_plane_has_the_ranks_and_errors_of_the_reference() {
-    // amen_solve2 on the lifted system, tolerance 1e-4 from the identity: rank 12, 21, 26 at 8^2, 16^2, 32^2 with errors
-    // 2.9e-6, 8.1e-5, 2.8e-4 against the exact inverse.
+    // amen_solve2 on the lifted system, tolerance 1e-4 from the identity: rank 12, 21, 26 at 8^2, 16^2, 32^2
+    // with errors 2.9e-6, 8.1e-5, 2.8e-4 against the exact inverse.
     for (levels, rank, error) in [(3, 12, 3e-6), (4, 21, 8.1e-5), (5, 26, 2.8e-4)] {
         let a = plane(levels);
         let settings = SolveSettings { tolerance: 1e-4, ..Default::default() };
@@ -258,8 +261,8 @@ fn inverse_of_the_plane_has_the_ranks_and_errors_of_the_reference() {
     }
 }
 
-/// Newton on the plane from 0.2 I, rank cap 75, eps 1e-5, until ||I - A X||_F <= 1: the steps and the last error that
-/// TT-Toolbox prints (Oseledets, SIAM J. Matrix Anal. Appl. 31, 2010).
+/// Newton on the plane from 0.2 I, rank cap 75, eps 1e-5, until ||I - A X||_F <= 1: the steps and the last
+/// error that TT-Toolbox prints (Oseledets, SIAM J. Matrix Anal. Appl. 31, 2010).
 fn newton_takes(levels: usize, steps: usize, error: f64) {
     let a = plane(levels);
     let start = TtMatrix::identity(a.row_modes()).unwrap().scale(0.2);
@@ -285,8 +288,9 @@ fn newton_takes_the_steps_of_the_reference_on_large_planes() {
 #[test]
 #[ignore = "18 sweeps up to rank 73: 5 s in release, more without optimisation"]
 fn the_cube_of_the_reference_converges_as_it_does_there() {
-    // ttpy's documented run: qlaplace_dd([8, 8, 8]), ones, 1e-8, kick rank 4: local residual 3.269 in the first sweep,
-    // rank 73, residual 5.5152e-9. (It turns round only every second sweep, so single sweeps cannot be compared.)
+    // ttpy's documented run: qlaplace_dd([8, 8, 8]), ones, 1e-8, kick rank 4: local residual 3.269 in the
+    // first sweep, rank 73, residual 5.5152e-9. (It turns round only every second sweep, so single sweeps
+    // cannot be compared.)
     let line = qtt::laplacian(8).unwrap();
     let a = qtt::kronecker_sum(&[line.clone(), line.clone(), line], DigitOrder::Separated).unwrap();
     let y = TtVector::constant(&[2; 24], 1.0).unwrap();

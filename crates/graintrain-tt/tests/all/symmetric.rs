@@ -48,8 +48,8 @@ fn parities_of_the_line_and_its_inverse() {
 
 #[test]
 fn unfoldings_of_symmetric_matrices_split_exactly() {
-    // Digit pairs on either side of the middle bond, transformed by (1 +- exchange of all i and j) / 2: what leads from one
-    // parity to the other is not small, it is 0.
+    // Digit pairs on either side of the middle bond, transformed by (1 +- exchange of all i and j) / 2: what
+    // leads from one parity to the other is not small, it is 0.
     let n = 16;
     let line = dense(&qtt::laplacian(4).unwrap());
     let free = dense(&qtt::laplacian_with(4, Boundary::Neumann, Boundary::Neumann).unwrap());

@@ -1,5 +1,5 @@
-//! The stored systems of Dolgov and Oseledets (MPI-MIS preprint 19/2011) from TT-Toolbox: operator, right-hand side and
-//! solution, with the residuals that the toolbox computes for them.
+//! The stored systems of Dolgov and Oseledets (MPI-MIS preprint 19/2011) from TT-Toolbox: operator,
+//! right-hand side and solution, with the residuals that the toolbox computes for them.
 
 use graintrain_tt::apply::FullOperator;
 use graintrain_tt::inverse::{InverseForm, inverse};
@@ -43,8 +43,8 @@ fn stored_solutions_have_their_residuals() {
     }
 }
 
-/// Solves a system again with default settings and compares with the stored solution, which is itself off by about
-/// its residual times the condition number.
+/// Solves a system again with default settings and compares with the stored solution, which is itself off by
+/// about its residual times the condition number.
 fn solve_again(file: &str, stored_error: f64) {
     let Some((a, rhs, x)) = system(file) else { return };
     let settings = SolveSettings { tolerance: 1e-5, ..Default::default() };
@@ -65,8 +65,8 @@ fn a_stored_system_is_solved_again() {
     solve_again("tt-solve_ex2.1_6-8.mat", 1e-6);
 }
 
-/// Symmetric and indefinite with a condition number near 1e6: Krylov methods fail on its local systems, LU does not,
-/// and the solver changes over by itself.
+/// Symmetric and indefinite with a condition number near 1e6: Krylov methods fail on its local systems, LU
+/// does not, and the solver changes over by itself.
 #[test]
 fn an_indefinite_stored_system_is_solved_again() {
     solve_again("tt-solve_ex2_6-10.mat", 1e-6);
@@ -79,7 +79,8 @@ fn the_other_stored_systems_are_solved_again() {
     solve_again("tt-solve_ex6.mat", 1e-2);
 }
 
-/// Inverts the stored operators to a tolerance with a cap, and holds the residuals against random full vectors.
+/// Inverts the stored operators to a tolerance with a cap, and holds the residuals against random full
+/// vectors.
 fn invert(tolerance: f64, max_rank: usize) {
     for (file, forms) in [
         ("tt-solve_ex2.1_6-8.mat", &[InverseForm::Energy, InverseForm::Residual][..]),
@@ -97,7 +98,8 @@ fn invert(tolerance: f64, max_rank: usize) {
             if a.num_cores() > 20 || a.row_modes()[0] > 2 {
                 continue;
             }
-            // 2^20 unknowns: ||(A X - I) v|| / ||v|| of a random full vector is about ||A X - I||_F / sqrt(N).
+            // 2^20 unknowns: ||(A X - I) v|| / ||v|| of a random full vector is about ||A X - I||_F /
+            // sqrt(N).
             let mut state = 1u64;
             let v: Vec<f64> = (0..1 << 20)
                 .map(|_| {

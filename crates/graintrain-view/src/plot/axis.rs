@@ -20,7 +20,8 @@ pub struct Axis {
     pub range: Option<[f64; 2]>,
 }
 
-/// Values beyond it, or on a logarithmic axis below its inverse, are not drawn: margins and steps of axes stay numbers of full precision.
+/// Values beyond it, or on a logarithmic axis below its inverse, are not drawn: margins and steps of axes
+/// stay numbers of full precision.
 const LARGEST: f64 = 1e250;
 
 /// A tick mark: where, and its text (empty for a minor tick).
@@ -60,7 +61,8 @@ impl Axis {
         }
     }
 
-    /// The ends of the axis: the given ones, else those of the data with a margin; `None` where nothing can be drawn.
+    /// The ends of the axis: the given ones, else those of the data with a margin; `None` where nothing can
+    /// be drawn.
     pub(super) fn limits(&self, data: impl Iterator<Item = f64>) -> Option<[f64; 2]> {
         if let Some([low, high]) =
             self.range.filter(|[low, high]| self.shows(*low) && self.shows(*high) && low < high)

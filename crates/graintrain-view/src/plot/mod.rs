@@ -9,9 +9,9 @@
 //! assert!(svg.starts_with("<svg"));
 //! ```
 //!
-//! Every chart has a title, axis labels (put the unit in brackets) and a legend above the plot, which therefore never
-//! hides data. [`figure`] sets several charts side by side. The output is one self-contained SVG element: it can be
-//! written to a file or pasted into HTML.
+//! Every chart has a title, axis labels (put the unit in brackets) and a legend above the plot, which
+//! therefore never hides data. [`figure`] sets several charts side by side. The output is one self-contained
+//! SVG element: it can be written to a file or pasted into HTML.
 //!
 //! | module | holds |
 //! |---|---|
@@ -42,8 +42,8 @@ pub enum Stroke {
 pub struct Series {
     /// Text in the legend; empty for no entry.
     pub label: String,
-    /// (x, y) in data units. Points that are not finite, or not positive on a logarithmic axis, are not drawn and break
-    /// the line.
+    /// (x, y) in data units. Points that are not finite, or not positive on a logarithmic axis, are not drawn
+    /// and break the line.
     pub points: Vec<[f64; 2]>,
     /// Lower and upper end of each point's error bar, as ordinates; empty for none.
     pub errors: Vec<[f64; 2]>,

@@ -1,4 +1,5 @@
-//! A minimal SVG writer: escaped text and coordinates with two decimals, so that output is stable and diffs are small.
+//! A minimal SVG writer: escaped text and coordinates with two decimals, so that output is stable and diffs
+//! are small.
 
 use std::fmt::Write;
 

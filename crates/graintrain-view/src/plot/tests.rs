@@ -102,7 +102,8 @@ fn ticks_are_round_and_inside() {
     assert!(labels(1e-12, 1e12).len() <= 9);
 }
 
-/// A steps.csv may hold any number: axes of the smallest and largest ones have as many ticks as others, and no infinite end.
+/// A steps.csv may hold any number: axes of the smallest and largest ones have as many ticks as others, and
+/// no infinite end.
 #[test]
 fn axes_of_extreme_values_stay_small() {
     let values = [1e-320, 5e-324, 1e-308, -1e-320, 1e-12, 1.0, 1.0 + 2e-16, 1e249, -1.7e308, 1.7e308, 0.0];

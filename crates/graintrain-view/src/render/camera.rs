@@ -62,8 +62,8 @@ impl Bounds {
 }
 
 impl Camera {
-    /// A camera with a field of view of 30 degrees that looks along `forward` and sees every point, as large as fits into
-    /// the rectangle of pixels `[left, top, right, bottom]`.
+    /// A camera with a field of view of 30 degrees that looks along `forward` and sees every point, as large
+    /// as fits into the rectangle of pixels `[left, top, right, bottom]`.
     pub fn fit(points: &[Vec3], forward: Vec3, up: Vec3, [left, top, right, bottom]: [f64; 4]) -> Self {
         let forward = forward.normalize_or(Vec3::NEG_Z);
         let side = forward.cross(up);
@@ -77,8 +77,8 @@ impl Camera {
             bounds = bounds.with(p, 0.0);
         }
         let target = if bounds.is_empty() { Vec3::ZERO } else { bounds.center() };
-        // In camera axes about the target: |x + shift| <= (z + distance) half / focal for every point. The bounds on either
-        // side give the smallest distance and the shift that centres the picture.
+        // In camera axes about the target: |x + shift| <= (z + distance) half / focal for every point. The
+        // bounds on either side give the smallest distance and the shift that centres the picture.
         let tangent = [half[0] / focal, half[1] / focal];
         let (mut distance, mut shift) = (1e-6_f64, [0.0; 2]);
         for (axis, direction) in [right_axis, up].into_iter().enumerate() {
@@ -117,8 +117,8 @@ impl Camera {
             .then(|| [self.center[0] + self.focal * p.x / p.z, self.center[1] - self.focal * p.y / p.z])
     }
 
-    /// The smallest upright rectangle `[left, top, right, bottom]` that holds the image of a ball, exactly (the image is an
-    /// ellipse); `None` where the ball is not entirely in front of the eye.
+    /// The smallest upright rectangle `[left, top, right, bottom]` that holds the image of a ball, exactly
+    /// (the image is an ellipse); `None` where the ball is not entirely in front of the eye.
     pub fn ball_rectangle(&self, center: Vec3, radius: f64) -> Option<[f64; 4]> {
         let c = self.to_camera(center);
         let depth_squared = c.z * c.z - radius * radius;

@@ -24,8 +24,8 @@ const VIRIDIS: [[u8; 3]; 17] = [
     [253, 231, 37],
 ];
 
-/// Colour of a fraction in [0, 1] (values outside are clamped, NaN is the low end): perceptually uniform, monotone in
-/// lightness, legible with colour-blindness and in grey print.
+/// Colour of a fraction in [0, 1] (values outside are clamped, NaN is the low end): perceptually uniform,
+/// monotone in lightness, legible with colour-blindness and in grey print.
 pub fn viridis(fraction: f64) -> Rgb {
     let place = if fraction.is_nan() { 0.0 } else { fraction.clamp(0.0, 1.0) } * (VIRIDIS.len() - 1) as f64;
     let index = (place as usize).min(VIRIDIS.len() - 2);

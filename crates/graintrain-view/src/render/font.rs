@@ -1,12 +1,13 @@
 //! A stroke font of our own, so that pictures carry text on machines without fonts.
 //!
-//! A glyph is a list of polylines separated by spaces; a point is two hexadecimal digits, x then y. The baseline is
-//! y = 3, lower-case letters reach y = 9, capitals and digits y = c, descenders y = 0.
+//! A glyph is a list of polylines separated by spaces; a point is two hexadecimal digits, x then y. The
+//! baseline is y = 3, lower-case letters reach y = 9, capitals and digits y = c, descenders y = 0.
 
 const CAPITAL: f64 = 9.0;
 const BASELINE: f64 = 3.0;
 const GAP: f64 = 2.2;
-/// Size of an exponent relative to the text, and how far above the baseline it stands, in units of the capitals' height.
+/// Size of an exponent relative to the text, and how far above the baseline it stands, in units of the
+/// capitals' height.
 const EXPONENT: [f64; 2] = [0.6, 0.55];
 
 /// The character that an exponent is a small one of.
@@ -16,8 +17,8 @@ fn exponent_of(c: char) -> Option<char> {
     "0123456789-".chars().nth(index)
 }
 
-/// Strokes of a character in units of the capitals' height, origin on the baseline; empty for blanks. Characters that
-/// the font lacks are drawn as a box.
+/// Strokes of a character in units of the capitals' height, origin on the baseline; empty for blanks.
+/// Characters that the font lacks are drawn as a box.
 pub fn strokes(c: char) -> Vec<[[f64; 2]; 2]> {
     if let Some(base) = exponent_of(c) {
         let [size, lift] = EXPONENT;
@@ -164,7 +165,8 @@ fn glyph(c: char) -> &'static str {
 mod tests {
     use super::*;
 
-    /// 10^-3 as legends write it has strokes of its own, small and raised: no box of a character that is lacking.
+    /// 10^-3 as legends write it has strokes of its own, small and raised: no box of a character that is
+    /// lacking.
     #[test]
     fn exponents_are_drawn() {
         let lacking = strokes('\u{4e00}');

@@ -1,9 +1,10 @@
 //! Pictures of a world without a display: a ray caster on the CPU.
 //!
-//! Balls, boxes, cylinders, capsules and triangles are intersected exactly with four rays per pixel; walls between the
-//! camera and the grains become panes of glass. Light: one key light, a fill light, ambient light darkened where
-//! surroundings stand in front of a surface, haze with depth. Any number of threads gives the same picture. Cost: about
-//! the number of samples times the few primitives that overlap there; 36 000 balls at 1200 x 900 take about a second.
+//! Balls, boxes, cylinders, capsules and triangles are intersected exactly with four rays per pixel; walls
+//! between the camera and the grains become panes of glass. Light: one key light, a fill light, ambient light
+//! darkened where surroundings stand in front of a surface, haze with depth. Any number of threads gives the
+//! same picture. Cost: about the number of samples times the few primitives that overlap there; 36 000 balls
+//! at 1200 x 900 take about a second.
 //!
 //! | module | holds |
 //! |---|---|
@@ -68,7 +69,8 @@ pub struct RenderSettings {
     pub range: Option<[f64; 2]>,
     /// Draw contact forces as tubes between haze-like grains.
     pub force_chains: bool,
-    /// Direction from the scene to the camera: degrees around the vertical from the x axis, degrees above the horizon.
+    /// Direction from the scene to the camera: degrees around the vertical from the x axis, degrees above the
+    /// horizon.
     pub view: [f64; 2],
     /// Time step that turns impulses into forces, s.
     pub step: f64,

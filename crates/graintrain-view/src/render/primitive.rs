@@ -96,8 +96,8 @@ impl Form {
         }
     }
 
-    /// Rectangle of the picture that holds its image, `[left, top, right, bottom]`; everything where it reaches behind the
-    /// eye.
+    /// Rectangle of the picture that holds its image, `[left, top, right, bottom]`; everything where it
+    /// reaches behind the eye.
     pub fn rectangle(&self, camera: &Camera) -> [f64; 4] {
         const EVERYTHING: [f64; 4] = [f64::NEG_INFINITY, f64::NEG_INFINITY, f64::INFINITY, f64::INFINITY];
         let around = |points: &mut dyn Iterator<Item = Vec3>| {
@@ -128,8 +128,8 @@ impl Form {
         }
     }
 
-    /// First point at a positive parameter t where `origin + t direction` meets the surface from outside (triangles: from
-    /// either side, the normal turned towards the origin).
+    /// First point at a positive parameter t where `origin + t direction` meets the surface from outside
+    /// (triangles: from either side, the normal turned towards the origin).
     pub fn meet(&self, origin: Vec3, direction: Vec3) -> Option<Hit> {
         match *self {
             Form::Ball { center, radius } => meet_ball(origin - center, direction, radius),

@@ -1,4 +1,5 @@
-//! Ray casting in tiles: every sample of every pixel meets the primitives whose image may cover it, nearest first.
+//! Ray casting in tiles: every sample of every pixel meets the primitives whose image may cover it, nearest
+//! first.
 
 use super::camera::Camera;
 use super::color::{Rgb, mix};
@@ -241,7 +242,8 @@ impl Tile<'_> {
         ((depth - near) / (far - near)).clamp(0.0, 1.0)
     }
 
-    /// A key light from the upper left behind the camera, a weak light from the right, ambient light, a small highlight.
+    /// A key light from the upper left behind the camera, a weak light from the right, ambient light, a small
+    /// highlight.
     fn light(&self, color: Rgb, normal: Vec3, ray: Vec3) -> Rgb {
         let Camera { right, up, forward, .. } = *self.camera;
         let key = (-0.5 * right + 0.8 * up - 0.65 * forward).normalize();
@@ -253,8 +255,8 @@ impl Tile<'_> {
     }
 }
 
-/// Darkens pixels whose surroundings stand in front of their tangent plane (screen-space ambient obscurance, McGuire et
-/// al. 2011), within `reach` metres.
+/// Darkens pixels whose surroundings stand in front of their tangent plane (screen-space ambient obscurance,
+/// McGuire et al. 2011), within `reach` metres.
 pub fn occlude(pixels: &mut [Pixel], camera: &Camera, width: usize, height: usize, reach: f64) {
     const TAPS: usize = 12;
     const PATTERN: usize = 4;

@@ -33,7 +33,8 @@ pub fn grains(world: &World) -> Vec<usize> {
     (0..world.bodies.len()).filter(|&body| world.free_degrees(body)[..3] == [true; 3]).collect()
 }
 
-/// Farther than this part of the diagonal of the grains' box, what is no grain does not belong to the picture: a gate that has dropped.
+/// Farther than this part of the diagonal of the grains' box, what is no grain does not belong to the
+/// picture: a gate that has dropped.
 const FAR: f64 = 0.3;
 
 /// The box that holds the grains and everything else of a like size beside them. Half-spaces do not count.
@@ -165,8 +166,8 @@ fn grain_colors(world: &World, grains: &[usize], settings: &RenderSettings) -> (
     (values.iter().map(|value| viridis((value - low) / (high - low))).collect(), Some(legend))
 }
 
-/// Range of a colour map: as asked for, else from zero (or the smallest value) to the largest, or to the 99th percentile
-/// where a few values would stretch it.
+/// Range of a colour map: as asked for, else from zero (or the smallest value) to the largest, or to the 99th
+/// percentile where a few values would stretch it.
 fn legend(label: &str, values: &[f64], range: Option<[f64; 2]>, from_smallest: bool) -> Legend {
     let mut sorted: Vec<f64> = values.iter().copied().filter(|value| value.is_finite()).collect();
     sorted.sort_unstable_by(f64::total_cmp);
@@ -263,8 +264,8 @@ fn forms<'a>(
     }
 }
 
-/// For a wall (a plate or triangle that has nearly all grains on one side): a point of it and its normal towards the
-/// grains. `None` for anything else.
+/// For a wall (a plate or triangle that has nearly all grains on one side): a point of it and its normal
+/// towards the grains. `None` for anything else.
 fn wall(form: &Form, grains: &[Vec3]) -> Option<(Vec3, Vec3)> {
     let (point, normal) = match *form {
         Form::Box { center, rotation, half } => {
@@ -291,8 +292,9 @@ fn wall_hides(form: &Form, grains: &[Vec3], camera: &Camera) -> Option<bool> {
     wall(form, grains).map(|(point, normal)| normal.dot(camera.eye - point) < 0.0)
 }
 
-/// Whether a body may be a wall: seen along some axis most grains lie within its box, as before a plate, in a trough or on a floor. What is
-/// smaller is a tool, like a wheel over a bed, however many grains are on one side of it.
+/// Whether a body may be a wall: seen along some axis most grains lie within its box, as before a plate, in a
+/// trough or on a floor. What is smaller is a tool, like a wheel over a bed, however many grains are on one
+/// side of it.
 pub fn stands_around(world: &World, body: usize, grains: &[Vec3]) -> bool {
     let parts = &world.geometries[world.bodies.geometry[body].index()].parts;
     if parts.iter().any(|part| part.shape == Shape::Plane) {
@@ -316,8 +318,8 @@ pub fn towards_grains(corners: [Vec3; 3], grains: &[Vec3]) -> Option<[Vec3; 3]> 
     Some(if normal.dot((b - a).cross(c - a)) >= 0.0 { corners } else { [a, c, b] })
 }
 
-/// Adds a tube per loaded contact, from centre to contact point to centre, whose thickness and colour grow with the
-/// normal force.
+/// Adds a tube per loaded contact, from centre to contact point to centre, whose thickness and colour grow
+/// with the normal force.
 fn force_chains(
     world: &World,
     is_grain: &[bool],

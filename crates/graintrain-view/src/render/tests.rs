@@ -137,8 +137,8 @@ fn any_form() -> impl Strategy<Value = Form> {
 }
 
 proptest! {
-    /// A hit lies on the surface, everything before it is outside, and the normal is the distance's gradient; a miss passes
-    /// the form at a distance everywhere.
+    /// A hit lies on the surface, everything before it is outside, and the normal is the distance's gradient;
+    /// a miss passes the form at a distance everywhere.
     #[test]
     fn rays_meet_surfaces_where_the_distance_vanishes(form in any_form(), target in any_vector(), from in any_vector()) {
         let origin = 6.0 * from.try_normalize().unwrap_or(Vec3::X);
@@ -324,8 +324,8 @@ fn unusable_settings_are_errors() {
     assert!("colour".parse::<ColorBy>().is_err());
 }
 
-/// A tool over the bed stays solid although all grains are on one side of its faces, a plate before them is glass, and a gate that has dropped
-/// away does not set the frame.
+/// A tool over the bed stays solid although all grains are on one side of its faces, a plate before them is
+/// glass, and a gate that has dropped away does not set the frame.
 #[test]
 fn tools_are_no_walls_and_what_is_far_sets_no_frame() {
     let mut world = small_world();

@@ -1,8 +1,9 @@
 //! A run under way on the replay's page: a server for this machine alone.
 //!
-//! The page comes from `/`, frames, charts and the state of the run from `/events` (server-sent events, WHATWG HTML standard, section 9.2), and its
-//! buttons ask for `/pause`, `/go`, `/step` and `/stop`. Only the loopback address is listened to, and only requests that name it as their host are
-//! answered, so that no page of another site can reach the run through a browser.
+//! The page comes from `/`, frames, charts and the state of the run from `/events` (server-sent events,
+//! WHATWG HTML standard, section 9.2), and its buttons ask for `/pause`, `/go`, `/step` and `/stop`. Only the
+//! loopback address is listened to, and only requests that name it as their host are answered, so that no
+//! page of another site can reach the run through a browser.
 
 use super::ViewError;
 use super::model::Model;
@@ -93,8 +94,9 @@ fn event(name: &str, data: &str) -> String {
 }
 
 impl Live {
-    /// Serves a run of `steps` steps of `step` s that begins in this world, at a port of the loopback address (0: any that is free). Charts are
-    /// drawn of the tables in `folder`. `stop` is called where a page asks for the run's end.
+    /// Serves a run of `steps` steps of `step` s that begins in this world, at a port of the loopback address
+    /// (0: any that is free). Charts are drawn of the tables in `folder`. `stop` is called where a page asks
+    /// for the run's end.
     ///
     /// # Errors
     /// Where the port cannot be had.
@@ -361,7 +363,8 @@ fn events(mut stream: &TcpStream, shared: &Shared, mut generation: u64) -> io::R
         let is_due = charted.is_none_or(|last| last.elapsed() >= BETWEEN_CHARTS.max(SHARE * cost));
         if let Some(folder) = shared.folder.as_ref().filter(|_| is_due || ended) {
             let begin = Instant::now();
-            // Tables that are being written may be read in the middle of a line: the next time they are whole.
+            // Tables that are being written may be read in the middle of a line: the next time they are
+            // whole.
             if let Ok(Ok(charts)) = chart_data(folder).map(|charts| serde_json::to_string(&charts)) {
                 text.push_str(&event("charts", &charts));
             }

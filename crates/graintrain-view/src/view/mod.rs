@@ -1,8 +1,9 @@
 //! Replay of a run as one self-contained HTML page.
 //!
-//! The page needs no network and no library: it holds the frames (16-bit positions relative to the box around the
-//! motion, differences from frame to frame, gzip, base64) and a WebGL 2 program that draws spheres as exact balls,
-//! other shapes as meshes and contact forces as tubes, with light and shadow, cuts, picking, and the figures of the run.
+//! The page needs no network and no library: it holds the frames (16-bit positions relative to the box around
+//! the motion, differences from frame to frame, gzip, base64) and a WebGL 2 program that draws spheres as
+//! exact balls, other shapes as meshes and contact forces as tubes, with light and shadow, cuts, picking, and
+//! the figures of the run.
 //!
 //! | module | holds |
 //! |---|---|

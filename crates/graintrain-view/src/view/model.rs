@@ -109,7 +109,8 @@ impl Model {
                         let [walls, tools] = match part.shape {
                             Shape::Plane => [triangles, Vec::new()],
                             _ if may_be_wall => match sides(world, body, &triangles, &centers) {
-                                // The rim of a plate that stands before the grains hides them and tells nothing.
+                                // The rim of a plate that stands before the grains hides them and tells
+                                // nothing.
                                 [walls, _]
                                     if matches!(part.shape, Shape::Box { .. }) && !walls.is_empty() =>
                                 {
@@ -154,8 +155,8 @@ impl Model {
         }
     }
 
-    /// The box that the camera looks at: around the grains of all frames, but for a hundredth of them on each side, and the tools. Walls
-    /// may reach far beyond.
+    /// The box that the camera looks at: around the grains of all frames, but for a hundredth of them on each
+    /// side, and the tools. Walls may reach far beyond.
     pub fn fitted(&self, frames: &[Frame], absent: &[Vec<[usize; 2]>]) -> Bounds {
         let stride = (frames.len() * self.grains.len()).div_ceil(MOST_FITTED).max(1);
         let all = frames.iter().zip(absent).flat_map(|(frame, absent)| {
@@ -214,7 +215,8 @@ impl Model {
     }
 }
 
-/// Triangles of a body (nine numbers each, in its frame): those with the grains on one side, with their fronts towards them, and the others.
+/// Triangles of a body (nine numbers each, in its frame): those with the grains on one side, with their
+/// fronts towards them, and the others.
 fn sides(world: &World, body: usize, triangles: &[f32], grains: &[Vec3]) -> [Vec<f32>; 2] {
     let (position, turn) = (world.bodies.position[body], world.bodies.orientation[body]);
     let mut sorted = [Vec::new(), Vec::new()];
@@ -236,7 +238,8 @@ fn reach(world: &World, body: usize) -> f64 {
     world.geometries[world.bodies.geometry[body].index()].bounding_radius()
 }
 
-/// Corners of a part's triangles in its body's frame. A plane is cut at the scene's bounds; without a scene it has none.
+/// Corners of a part's triangles in its body's frame. A plane is cut at the scene's bounds; without a scene
+/// it has none.
 fn corners(part: &Part, scene: Option<(&World, usize, &Bounds)>) -> Vec<f32> {
     let triangles = match (&part.shape, scene) {
         // A capsule of no length is a ball.

@@ -1,14 +1,15 @@
 //! Frames as bytes.
 //!
-//! The layout, little-endian, frame after frame: positions of all bodies as three planes (all x, all y, all z) of
-//! `u16` fractions of the box, minus those of the frame before modulo 2^16; quaternions x y z w of the oriented bodies
-//! as `i16` / 32767; each field of all bodies, and where bodies grow their sizes, as `u16` fractions of their maxima; then, for each of
-//! the frame's contacts, planes of body A (`u32`), body B (`u32`), point (`u16` x 3, interleaved), normal force (`u16`).
+//! The layout, little-endian, frame after frame: positions of all bodies as three planes (all x, all y, all
+//! z) of `u16` fractions of the box, minus those of the frame before modulo 2^16; quaternions x y z w of the
+//! oriented bodies as `i16` / 32767; each field of all bodies, and where bodies grow their sizes, as `u16`
+//! fractions of their maxima; then, for each of the frame's contacts, planes of body A (`u32`), body B
+//! (`u32`), point (`u16` x 3, interleaved), normal force (`u16`).
 //!
-//! What does not change from frame to frame comes as a block of its own: a byte per body (1: a grain); materials of all bodies (`u16`); the
-//! bodies that are balls (`u32`) and their radii (`f32`, m); the bodies whose orientation is in the frames (`u32`); then group by group its bodies
-//! (`u32`) and its triangles (`f32` x 9, m).
-//! Each block is gzip-compressed and written in base64.
+//! What does not change from frame to frame comes as a block of its own: a byte per body (1: a grain);
+//! materials of all bodies (`u16`); the bodies that are balls (`u32`) and their radii (`f32`, m); the bodies
+//! whose orientation is in the frames (`u32`); then group by group its bodies (`u32`) and its triangles
+//! (`f32` x 9, m). Each block is gzip-compressed and written in base64.
 
 use super::model::Model;
 use base64::Engine;

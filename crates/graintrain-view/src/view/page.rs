@@ -27,7 +27,8 @@ const SCRIPTS: [&str; 7] = [
     include_str!("page/controls.js"),
 ];
 
-/// Contacts below this part of the largest usual force are not embedded: their tubes would be thinner than a line.
+/// Contacts below this part of the largest usual force are not embedded: their tubes would be thinner than a
+/// line.
 const WEAKEST_CHAIN: f64 = 0.027;
 
 /// Most places of bodies in a page, over all frames: 14 bytes each before they are compressed.
@@ -69,7 +70,8 @@ pub(super) struct Header<'a> {
     materials: &'a [String],
     fields: [(&'static str, &'static str); 4],
     grain_radius: f64,
-    /// Between two frames nobody moves farther: who does has left a periodic cell on one side and come back on the other.
+    /// Between two frames nobody moves farther: who does has left a periodic cell on one side and come back
+    /// on the other.
     jump: f64,
     up: [f64; 3],
     center: [f64; 3],
@@ -302,7 +304,8 @@ pub(super) fn html(header: &Header<'_>, model: &str, data: &str) -> Result<Strin
         .replace("{{data}}", data))
 }
 
-/// The largest of some values, or their 99.5th percentile where few values are far larger; at least a tiny positive number.
+/// The largest of some values, or their 99.5th percentile where few values are far larger; at least a tiny
+/// positive number.
 fn usual_largest(values: impl Iterator<Item = f32>) -> f32 {
     let mut sorted: Vec<f32> = values.filter(|value| *value > 0.0 && value.is_finite()).collect();
     sorted.sort_unstable_by(f32::total_cmp);

@@ -16,8 +16,8 @@ use graintrain_io::roster::Roster;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
-/// The frames of a run. Geometries, materials and motions come from its last checkpoint, poses, velocities and contacts
-/// from its frames.
+/// The frames of a run. Geometries, materials and motions come from its last checkpoint, poses, velocities
+/// and contacts from its frames.
 pub struct RunFolder {
     /// The scene's name.
     pub scene: String,
@@ -121,7 +121,8 @@ impl RunFolder {
         &self.folder
     }
 
-    /// The world of a frame (its index in [`Self::times`]), to the precision of the files, with the bodies that were there.
+    /// The world of a frame (its index in [`Self::times`]), to the precision of the files, with the bodies
+    /// that were there.
     ///
     /// # Errors
     /// [`ViewError`] where a file is missing or damaged.
@@ -330,7 +331,8 @@ fn point_of_body(geometry: &Geometry) -> Vec3 {
 /// Relative difference of sizes that the single precision of frames makes.
 const SAME_SIZE: f64 = 1e-6;
 
-/// The radius that frames give the first point of a body: of its first sphere, else of the largest ball inside all parts.
+/// The radius that frames give the first point of a body: of its first sphere, else of the largest ball
+/// inside all parts.
 fn radius_of_body(geometry: &Geometry) -> f64 {
     let spheres = geometry.parts.iter().filter(|part| matches!(part.shape, Shape::Sphere { .. }));
     let first = spheres.map(|part| inscribed_radius(&part.shape)).next();

@@ -109,7 +109,8 @@ fn run_in_stages(folder: &std::path::Path, steps: u64, stages: Vec<Stage>) -> Ve
     keep.0
 }
 
-/// Replays what was run in the folder and compares it with the states that the run went through; returned is how many contacts they had.
+/// Replays what was run in the folder and compares it with the states that the run went through; returned is
+/// how many contacts they had.
 fn compare(folder: &std::path::Path, truth: &[World]) -> usize {
     let run = RunFolder::open(folder).unwrap();
     assert_eq!(run.times().len(), truth.len());
@@ -139,8 +140,8 @@ fn compare(folder: &std::path::Path, truth: &[World]) -> usize {
     loaded
 }
 
-/// The blade stands, falls freely and stands again: a body that is fixed in some stages only is in every frame where it was. (Its surface was
-/// listed among those that never move, in a file that was not written.)
+/// The blade stands, falls freely and stands again: a body that is fixed in some stages only is in every
+/// frame where it was. (Its surface was listed among those that never move, in a file that was not written.)
 #[test]
 fn bodies_that_are_fixed_in_some_stages_only_read_back() {
     let stage = |name: &str, motion: Option<Motion>| Stage {
@@ -299,7 +300,8 @@ fn the_page_holds_the_frames() {
     }
 }
 
-/// Checks the block of what does not change, by the layout that [`pack`] states; returned is which bodies are oriented.
+/// Checks the block of what does not change, by the layout that [`pack`] states; returned is which bodies are
+/// oriented.
 fn the_page_holds_the_model(page: &str, header: &serde_json::Value, world: &World) -> Vec<u32> {
     let text = between(page, "<script id=\"model\" type=\"text/plain\">", "</script>");
     let packed = base64::engine::general_purpose::STANDARD.decode(text).unwrap();
@@ -380,7 +382,8 @@ fn run_scene(text: &str, folder: &std::path::Path) -> World {
     run.world
 }
 
-/// Two forms that grow, and one that comes from a stream meanwhile: every frame has the sizes of its time, in pictures and in the page.
+/// Two forms that grow, and one that comes from a stream meanwhile: every frame has the sizes of its time, in
+/// pictures and in the page.
 #[test]
 fn growing_bodies_have_the_size_of_the_frame() {
     let text = r#"
@@ -510,7 +513,8 @@ fn a_run_under_way_is_shown_and_stopped_to_its_own_page_alone() {
     live.end("over");
 }
 
-/// A film of 0.12 s in 13 frames at half the speed has 50 pictures a second, all seen by one camera; faster than screens it has fewer.
+/// A film of 0.12 s in 13 frames at half the speed has 50 pictures a second, all seen by one camera; faster
+/// than screens it has fewer.
 #[test]
 fn films_have_the_frames_of_the_run_at_their_speed() {
     use crate::film::{Film, FilmError};

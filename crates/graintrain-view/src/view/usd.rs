@@ -1,8 +1,11 @@
-//! Frames of a run as a USD layer (Universal Scene Description, the text format `.usda`), for Blender, Omniverse, Houdini and usdview.
+//! Frames of a run as a USD layer (Universal Scene Description, the text format `.usda`), for Blender,
+//! Omniverse, Houdini and usdview.
 //!
-//! Balls are one `PointInstancer` of a unit sphere with their radii as scales; bodies that share a surface are one of that surface. Positions,
-//! orientations, speeds and largest contact forces are time samples; a time code is a frame of `timeCodesPerSecond`, so that it plays as it went.
-//! Bodies that are not there are in `invisibleIds`. Units are metres; the up axis is the one that gravity lies along (the format knows Y and Z).
+//! Balls are one `PointInstancer` of a unit sphere with their radii as scales; bodies that share a surface
+//! are one of that surface. Positions, orientations, speeds and largest contact forces are time samples; a
+//! time code is a frame of `timeCodesPerSecond`, so that it plays as it went. Bodies that are not there are
+//! in `invisibleIds`. Units are metres; the up axis is the one that gravity lies along (the format knows Y
+//! and Z).
 //!
 //! Source: openusd.org, "UsdGeomPointInstancer", "UsdGeomMesh".
 
@@ -18,7 +21,8 @@ use std::fmt::Write as _;
 /// Frames per second where there is one frame only.
 const RATE: f64 = 24.0;
 
-/// The layer of these frames (indices of [`RunFolder::times`], ascending). Cost: about 100 bytes per body and frame.
+/// The layer of these frames (indices of [`RunFolder::times`], ascending). Cost: about 100 bytes per body and
+/// frame.
 ///
 /// # Errors
 /// [`ViewError`] where there are no frames or a file is missing or damaged.

@@ -31,33 +31,36 @@ pub struct Collider {
 }
 
 impl Collider {
-    /// Looks for contacts together with other processes, each of which has the same world and asks for the same: each looks around the
-    /// bodies of its part, and all get all contacts.
+    /// Looks for contacts together with other processes, each of which has the same world and asks for the
+    /// same: each looks around the bodies of its part, and all get all contacts.
     pub fn share_among(&mut self, ranks: Arc<Ranks>) {
         self.ranks = Some(ranks).filter(|ranks| ranks.count() > 1);
     }
 
-    /// Ends a search under way as soon as the flag is set: what was found is then incomplete, and whoever set the flag has no use for it.
+    /// Ends a search under way as soon as the flag is set: what was found is then incomplete, and whoever set
+    /// the flag has no use for it.
     pub(crate) fn stop_on(&mut self, stop: Arc<AtomicBool>) {
         self.stop = Some(stop);
     }
 
-    /// All contacts with gap up to the envelope, m, and those further apart that would close within `step` seconds at
-    /// the present velocities and under gravity, or if one of both came to rest (else fast bodies would be found deep inside each
-    /// other: of two grains that fall together, the lower lands first); except between bodies that are both fully prescribed, and
-    /// those that joints keep from colliding.
-    /// In case that one comes to rest the travel of the other is looked ahead up to the radius of the largest grain.
+    /// All contacts with gap up to the envelope, m, and those further apart that would close within `step`
+    /// seconds at the present velocities and under gravity, or if one of both came to rest (else fast bodies
+    /// would be found deep inside each other: of two grains that fall together, the lower lands first);
+    /// except between bodies that are both fully prescribed, and those that joints keep from colliding. In
+    /// case that one comes to rest the travel of the other is looked ahead up to the radius of the largest
+    /// grain.
     ///
-    /// In the order of body A, then of its neighbours (of similar size first, ascending), then of features. A is the
-    /// body of similar size and speed to most others, or the one with the lower index where both or neither are: a grain on a
-    /// wall is A.
+    /// In the order of body A, then of its neighbours (of similar size first, ascending), then of features. A
+    /// is the body of similar size and speed to most others, or the one with the lower index where both or
+    /// neither are: a grain on a wall is A.
     pub fn contacts(&mut self, world: &World, envelope: f64, step: f64) -> Vec<Contact> {
         let fall = world.largest_acceleration() * step * step;
         self.look_around(world, Look { envelope, step, fall, meeting: false })
     }
 
-    /// Of [`Self::contacts`] without an envelope at least all those that close by the end of the step at the present velocities: two balls that move by less than
-    /// their gap relative to each other, most of a pile, are left out before anything else is found out about them.
+    /// Of [`Self::contacts`] without an envelope at least all those that close by the end of the step at the
+    /// present velocities: two balls that move by less than their gap relative to each other, most of a pile,
+    /// are left out before anything else is found out about them.
     pub(crate) fn meetings(&mut self, world: &World, step: f64) -> Vec<Contact> {
         let fall = world.largest_acceleration() * step * step;
         // The rates of a cell whose stress is imposed may still change.
@@ -92,8 +95,8 @@ impl Collider {
         contacts
     }
 
-    /// The contact with the least gap among those with none or overlap that `counts`; no others are kept: where all bodies overlap, every pair
-    /// would be one.
+    /// The contact with the least gap among those with none or overlap that `counts`; no others are kept:
+    /// where all bodies overlap, every pair would be one.
     pub(super) fn deepest(
         &mut self,
         world: &World,
@@ -117,8 +120,8 @@ impl Collider {
         of_tasks.into_iter().flatten().min_by(deeper)
     }
 
-    /// Every contact of two bodies that could close within the step if they moved with these velocities (six numbers per body), or
-    /// twice as fast. Forms are those of the last call of [`Self::contacts`].
+    /// Every contact of two bodies that could close within the step if they moved with these velocities (six
+    /// numbers per body), or twice as fast. Forms are those of the last call of [`Self::contacts`].
     pub(crate) fn contacts_of_pair(
         &self,
         world: &World,
@@ -141,9 +144,10 @@ impl Collider {
         touches.iter().map(|touch| Contact { image, ..contact(pair, touch) }).collect()
     }
 
-    /// Whether two bodies of the world that move with these velocities (u, w), as a step moves them, nowhere overlap by more than `allowed` and what they
-    /// fell till then, `fall` by the end of the step, m. Looked at in so many poses that a face no more curved than the smaller body's size is not missed; `false` where that would take
-    /// more than [`POSES`].
+    /// Whether two bodies of the world that move with these velocities (u, w), as a step moves them, nowhere
+    /// overlap by more than `allowed` and what they fell till then, `fall` by the end of the step, m. Looked
+    /// at in so many poses that a face no more curved than the smaller body's size is not missed; `false`
+    /// where that would take more than [`POSES`].
     pub(crate) fn pass_freely(
         &self,
         world: &World,
@@ -183,8 +187,9 @@ impl Collider {
         })
     }
 
-    /// Whether two bodies that start at these places (m; orientations) and move with these velocities (m/s, rad/s) come as near to each other as `reach`, m, within
-    /// `step` seconds. Forms are those of the last call of [`Self::contacts`]. Cost: that of [`time_of_impact`].
+    /// Whether two bodies that start at these places (m; orientations) and move with these velocities (m/s,
+    /// rad/s) come as near to each other as `reach`, m, within `step` seconds. Forms are those of the last
+    /// call of [`Self::contacts`]. Cost: that of [`time_of_impact`].
     pub(crate) fn come_within(
         &self,
         world: &World,
@@ -202,7 +207,8 @@ impl Collider {
     }
 
     /// Size of a body, m: the radius of spheres, capsules and cylinders, half the thickness of boxes. A body
-    /// without a size of its own (planes, meshes) has an infinite one. Forms are those of the last call of [`Self::contacts`].
+    /// without a size of its own (planes, meshes) has an infinite one. Forms are those of the last call of
+    /// [`Self::contacts`].
     pub(crate) fn body_size(&self, world: &World, body: usize) -> f64 {
         self.form(world, body).size
     }
@@ -212,8 +218,8 @@ impl Collider {
         self.form(world, body).ball.is_some()
     }
 
-    /// The contact of two balls that are apart and touch within the step as they move now: with the normal and the arms of that moment.
-    /// `None` for other bodies, and for balls that do not touch in it.
+    /// The contact of two balls that are apart and touch within the step as they move now: with the normal
+    /// and the arms of that moment. `None` for other bodies, and for balls that do not touch in it.
     pub(crate) fn arrival_of_balls(&self, world: &World, apart: &Contact, step: f64) -> Option<Contact> {
         let pair = [apart.body_a, apart.body_b];
         if !pair.iter().all(|&body| self.is_ball(world, body as usize)) {
@@ -228,15 +234,17 @@ impl Collider {
         Some(Contact { lead, image, identity: apart.identity, ..contact(pair, &arrival.touch) })
     }
 
-    /// What becomes of the contact of two balls that pass each other, as they move now, though its plane has them overlap at the end of the step:
+    /// What becomes of the contact of two balls that pass each other, as they move now, though its plane has
+    /// them overlap at the end of the step:
     ///
     /// ```text
     /// Phi + dt n . u < 0   but   |x + t u| > r_A + r_B   for 0 <= t <= dt      (x, u: place and velocity of A relative to B)
     /// ```
     ///
-    /// Balls that move by half of the smaller one or more have none: if they are deflected onto each other, they meet elsewhere. For others
-    /// the plane is further off, so that Phi + dt n . u is how near they come, min |x + t u| - r_A - r_B: it pushes only what is deflected across it, along
-    /// the line of centres, so that angular momentum stays.
+    /// Balls that move by half of the smaller one or more have none: if they are deflected onto each other,
+    /// they meet elsewhere. For others the plane is further off, so that Phi + dt n . u is how near they
+    /// come, min |x + t u| - r_A - r_B: it pushes only what is deflected across it, along the line of
+    /// centres, so that angular momentum stays.
     pub(crate) fn flown_past(&self, world: &World, contact: Contact, step: f64) -> Option<Contact> {
         let pair = [contact.body_a, contact.body_b];
         if contact.gap <= 0.0 || !pair.iter().all(|&body| self.is_ball(world, body as usize)) {
@@ -272,8 +280,8 @@ impl Collider {
         if radius.is_finite() { radius } else { 1.0 }
     }
 
-    /// How far this spin, rad/s, moves the surface of a body within the step, m, where that bends its way: nothing for balls, for bodies
-    /// without bounds, and for those that turn by less than [`TURN`].
+    /// How far this spin, rad/s, moves the surface of a body within the step, m, where that bends its way:
+    /// nothing for balls, for bodies without bounds, and for those that turn by less than [`TURN`].
     pub(crate) fn spin_travel(&self, world: &World, body: usize, spin: f64, step: f64) -> f64 {
         let form = self.form(world, body);
         let bends = form.ball.is_none() && form.bounding_radius.is_finite() && step * spin > TURN;
@@ -307,7 +315,8 @@ impl Collider {
         }
     }
 
-    /// Both bodies of a pair, the second as its image beside the first, and by how many edges of a periodic cell that is away from it.
+    /// Both bodies of a pair, the second as its image beside the first, and by how many edges of a periodic
+    /// cell that is away from it.
     fn placed_pair(&self, world: &World, pair: [u32; 2]) -> ([Placed<'_>; 2], [i32; 3]) {
         let [a, mut b] = pair.map(|body| self.placed(world, body as usize));
         let image = world.image_beside(pair);
@@ -426,9 +435,9 @@ impl Collider {
         step * (u_a - u_b).length() + spin(a) + spin(b)
     }
 
-    /// Contacts of two bodies that move past each other by about their size or more within the step: where they meet, if they do,
-    /// rather than where they are nearest now. Touches within the envelope, and those that close in case that one of both comes to
-    /// rest, stay what they are.
+    /// Contacts of two bodies that move past each other by about their size or more within the step: where
+    /// they meet, if they do, rather than where they are nearest now. Touches within the envelope, and those
+    /// that close in case that one of both comes to rest, stay what they are.
     fn arrivals(
         &self,
         world: &World,
@@ -466,8 +475,9 @@ impl Collider {
     }
 }
 
-/// Bodies whose surfaces move by more than this fraction of the smaller one's size relative to each other within a step are looked
-/// at along their way: up to there the error of a fixed normal is a thirtieth of the size.
+/// Bodies whose surfaces move by more than this fraction of the smaller one's size relative to each other
+/// within a step are looked at along their way: up to there the error of a fixed normal is a thirtieth of the
+/// size.
 const FAST: f64 = 0.5;
 
 /// Poses of a pair looked at to see whether it passes.
@@ -541,7 +551,8 @@ mod tests {
     }
 
     proptest! {
-        /// Balls that move by up to twice their size: what the whole search finds and closes within the step is among the meetings, as it is.
+        /// Balls that move by up to twice their size: what the whole search finds and closes within the step
+        /// is among the meetings, as it is.
         #[test]
         fn meetings_have_every_contact_that_closes(
             balls in prop::collection::vec(

@@ -19,14 +19,15 @@ pub(super) struct Sorted {
     pub(super) grid: Grid,
     /// Edge of its cells, m: centres of bodies that may touch are no further apart.
     pub(super) reach: f64,
-    /// How far the surface of each body may travel within the step, m: at rest, and in the frame that moves with the mean velocity.
+    /// How far the surface of each body may travel within the step, m: at rest, and in the frame that moves
+    /// with the mean velocity.
     pub(super) travel: Vec<Travel>,
     /// Whether the world is a periodic cell, whose deformation moves distant bodies relative to each other.
     deforms: bool,
     /// Which bodies are in the grid.
     pub(super) in_grid: Vec<bool>,
-    /// Bounding radius of the largest body in the grid, m: how far the travel of a body is looked ahead in case that the other one
-    /// comes to rest.
+    /// Bounding radius of the largest body in the grid, m: how far the travel of a body is looked ahead in
+    /// case that the other one comes to rest.
     pub(super) largest: f64,
     /// Finite bodies too large or too fast for the grid, ascending, with the tree over their bounds.
     pub(super) large: Vec<u32>,
@@ -58,8 +59,8 @@ impl Sorted {
         (a.relative + b.relative).max(a.own.max(b.own).min(self.largest))
     }
 
-    /// Whether the two bodies may move by more than `far`, m, relative to each other within the step: `false` where bounds that are
-    /// at hand say so, for most pairs.
+    /// Whether the two bodies may move by more than `far`, m, relative to each other within the step: `false`
+    /// where bounds that are at hand say so, for most pairs.
     pub(super) fn may_travel(&self, pair: [u32; 2], far: f64) -> bool {
         let [a, b] = pair.map(|body| self.travel[body as usize].relative);
         // The bounds round, and know of the deformation of a cell only along the radii.
@@ -72,8 +73,8 @@ pub(super) struct Unbounded {
     pub(super) body: u32,
     /// Its origin, m.
     origin: Vec3,
-    /// Its parts, where it is nothing but half-spaces (a floor, a box of walls): most bodies are seen to be far from all of them
-    /// without looking at their shapes.
+    /// Its parts, where it is nothing but half-spaces (a floor, a box of walls): most bodies are seen to be
+    /// far from all of them without looking at their shapes.
     half_spaces: Option<Vec<HalfSpace>>,
 }
 
@@ -83,7 +84,8 @@ pub(super) struct HalfSpace {
     normal: Vec3,
     /// A point of the plane, m.
     point: Vec3,
-    /// How much nearer it comes to a point within the step by turning, per distance of the point from the body's origin.
+    /// How much nearer it comes to a point within the step by turning, per distance of the point from the
+    /// body's origin.
     turn: f64,
 }
 
@@ -102,7 +104,8 @@ impl Collider {
         let moving = (0..bodies.len()).filter(|&body| !world.is_prescribed(body));
         let count = moving.clone().count().max(1) as f64;
         let mean: Vec3 = moving.map(|body| world.fluctuation(body)).sum::<Vec3>() / count;
-        // What the deformation of a periodic cell makes of the distance of two centres, at most twice the radii.
+        // What the deformation of a periodic cell makes of the distance of two centres, at most twice the
+        // radii.
         let strain =
             world.cell().map_or(0.0, |cell| 2.0 * cell.rate.iter().map(|rate| rate.abs()).sum::<f64>());
         let of = |body: usize| {

@@ -1,15 +1,18 @@
 //! Contacts of a capsule with convex shapes and triangles.
 //!
-//! A capsule is a ball moved along a segment, and the distance s from a point to a convex set is a convex function of the
-//! point. A contact of any one of the balls bounds what that ball can do: with the ball's centre c moved by d,
-//! `s(c + d) >= s(c) + n . d`. The balls given are those that matter for every motion of the capsule:
+//! A capsule is a ball moved along a segment, and the distance s from a point to a convex set is a convex
+//! function of the point. A contact of any one of the balls bounds what that ball can do: with the ball's
+//! centre c moved by d, `s(c + d) >= s(c) + n . d`. The balls given are those that matter for every motion of
+//! the capsule:
 //!
-//! * at both ends, and nearest to the shape (bisection of the derivative of s along the segment), exact to round-off;
-//! * where the segment crosses from the space over one face of the shape to the space beside it (the *crossings*).
+//! * at both ends, and nearest to the shape (bisection of the derivative of s along the segment), exact to
+//!   round-off;
+//! * where the segment crosses from the space over one face of the shape to the space beside it
+//!   (the *crossings*).
 //!
-//! Between two of them that lie over the same face, s is linear along the segment and so is the displacement: the balls in
-//! between are held off by the two. Beside a face the nearest ball holds the segment off the edge, up to terms of second
-//! order in the motion (turn times displacement).
+//! Between two of them that lie over the same face, s is linear along the segment and so is the displacement:
+//! the balls in between are held off by the two. Beside a face the nearest ball holds the segment off the
+//! edge, up to terms of second order in the motion (turn times displacement).
 
 use super::distance::{Distance, FaceSet};
 use super::reduce::Touch;
@@ -36,10 +39,10 @@ struct Ball {
     distance: Distance,
 }
 
-/// Contacts of the capsule with segment `centre + t * half_axis`, t in [-1, 1], against the convex shape given by its
-/// signed distance, in the shape's frame: all balls of the module's list with gap up to the envelope, m. `crossings`
-/// holds the t of the crossings (see [`crossings`]) in an order that persists. Normals point from the shape to the
-/// capsule.
+/// Contacts of the capsule with segment `centre + t * half_axis`, t in [-1, 1], against the convex shape
+/// given by its signed distance, in the shape's frame: all balls of the module's list with gap up to the
+/// envelope, m. `crossings` holds the t of the crossings (see [`crossings`]) in an order that persists.
+/// Normals point from the shape to the capsule.
 pub(crate) fn capsule_contacts(
     centre: Vec3,
     half_axis: Vec3,
@@ -92,9 +95,9 @@ fn lies_between(before: &Ball, ball: &Ball, after: &Ball, radius: f64) -> bool {
     alike(before) && alike(after) && ball.distance.value >= line - 1e-9 * radius
 }
 
-/// Where the line `centre + t * half_axis` crosses the borders of the space over a face of the shape: the planes of a
-/// box's faces, the sides of a hull's faces, the cylinder's mantle and end planes, the end planes of a capsule's segment. In the shape's frame, in an
-/// order of its own; t that do not exist are infinite.
+/// Where the line `centre + t * half_axis` crosses the borders of the space over a face of the shape: the
+/// planes of a box's faces, the sides of a hull's faces, the cylinder's mantle and end planes, the end planes
+/// of a capsule's segment. In the shape's frame, in an order of its own; t that do not exist are infinite.
 pub(crate) fn crossings(shape: &Shape, centre: Vec3, half_axis: Vec3) -> Vec<f64> {
     let slab = |axis: usize, half: f64| {
         [-half, half].map(|border| {
@@ -163,8 +166,8 @@ pub(crate) fn triangle_crossings(corners: [Vec3; 3], face: Vec3, centre: Vec3, h
         .collect()
 }
 
-/// A bound from below of a convex distance along the segment `centre + t * half`, t in [-1, 1], from its values and gradients at both
-/// ends: where the tangents cross, m.
+/// A bound from below of a convex distance along the segment `centre + t * half`, t in [-1, 1], from its
+/// values and gradients at both ends: where the tangents cross, m.
 pub(crate) fn least_between(at_p: &Distance, at_q: &Distance, half: Vec3) -> f64 {
     let (down, up) = (2.0 * at_p.normal.dot(half), 2.0 * at_q.normal.dot(half));
     if down >= 0.0 {

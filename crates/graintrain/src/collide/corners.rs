@@ -1,22 +1,24 @@
-//! Corners and edges of boxes, cylinders and triangles against the other shape's signed distance: the points within the
-//! envelope that the collision library leaves out.
+//! Corners and edges of boxes, cylinders and triangles against the other shape's signed distance: the points
+//! within the envelope that the collision library leaves out.
 //!
-//! The library reports where the two faces that look at each other most lie over one another. A corner of a tilted box
-//! over a smaller one, a pair that lies diagonally apart, or the corner of a face that it did not choose are missing.
-//! Each point added here is a point p of one shape with its nearest point on the other, so that with s the (convex)
-//! signed distance, `s(p + d) >= s(p) + n . d`: a true lower bound for that point.
+//! The library reports where the two faces that look at each other most lie over one another. A corner of a
+//! tilted box over a smaller one, a pair that lies diagonally apart, or the corner of a face that it did not
+//! choose are missing. Each point added here is a point p of one shape with its nearest point on the other,
+//! so that with s the (convex) signed distance, `s(p + d) >= s(p) + n . d`: a true lower bound for that
+//! point.
 //!
-//! Not every such point is needed, and of bodies that nearly touch some would hold up motions that are free: a corner
-//! that sticks out by a hair beyond the edge of the face it rests on is *beside* that face, at a tiny distance and with a
-//! sideways normal. So a point is added only if
+//! Not every such point is needed, and of bodies that nearly touch some would hold up motions that are free:
+//! a corner that sticks out by a hair beyond the edge of the face it rests on is *beside* that face, at a
+//! tiny distance and with a sideways normal. So a point is added only if
 //!
 //! * it is the nearest of all, and the library found none as near; or
-//! * it looks along the contact's own normal (within 18 degrees), over a face of the other shape; or over an edge of it,
-//!   if it is not nearly touching; or
+//! * it looks along the contact's own normal (within 18 degrees), over a face of the other shape; or over an
+//!   edge of it, if it is not nearly touching; or
 //! * it is a corner over the inside of another face of the other shape;
 //!
-//! and in every case only if its distance is more than [`CLEAR`] of the smaller size. Of what touches, only corners on a
-//! face are added, along the library's normal: of faces whose edges coincide but for round-off it loses some.
+//! and in every case only if its distance is more than [`CLEAR`] of the smaller size. Of what touches, only
+//! corners on a face are added, along the library's normal: of faces whose edges coincide but for round-off
+//! it loses some.
 
 use super::capsule::{crossings, least_between, minimise};
 use super::distance::{
@@ -32,7 +34,8 @@ use graintrain_linalg::real;
 /// Points nearer than this fraction of the smaller size are left to the library.
 const CLEAR: f64 = 1e-6;
 
-/// Points beside a face must be this fraction of the smaller size away, points over another face as far inside it.
+/// Points beside a face must be this fraction of the smaller size away, points over another face as far
+/// inside it.
 const MARGIN: f64 = 1e-2;
 
 /// Points of ours within this fraction of the smaller size of a point of the library's are that point.
@@ -41,11 +44,13 @@ const SAME_POINT: f64 = 1e-3;
 /// By this fraction of the smaller size rounding may make a point too high.
 const ROUNDING: f64 = 1e-9;
 
-/// First feature of B's points; A's begin at 1. Corners, edges and their crossings of the largest hulls fit between.
+/// First feature of B's points; A's begin at 1. Corners, edges and their crossings of the largest hulls fit
+/// between.
 const OF_B: u64 = 1 << 28;
 
-/// Corners and edges of a solid, in the world. Of a cylinder: per end four points of the rim, of which the first looks at
-/// the other solid, with the chords between them, and the line of the mantle that looks at the other solid.
+/// Corners and edges of a solid, in the world. Of a cylinder: per end four points of the rim, of which the
+/// first looks at the other solid, with the chords between them, and the line of the mantle that looks at the
+/// other solid.
 struct Corners {
     points: Vec<Vec3>,
     edges: Vec<[usize; 2]>,
@@ -92,8 +97,8 @@ struct Side<'a> {
     first: u64,
 }
 
-/// Adds the points that are missing in `touches`, which hold what the library found for this pair. `unit` is the size
-/// of the smaller solid; normals point from B to A.
+/// Adds the points that are missing in `touches`, which hold what the library found for this pair. `unit` is
+/// the size of the smaller solid; normals point from B to A.
 pub(crate) fn add_corners(a: Solid<'_>, b: Solid<'_>, unit: f64, envelope: f64, touches: &mut Vec<Touch>) {
     if envelope <= CLEAR * unit {
         return;
@@ -168,9 +173,9 @@ pub(crate) fn add_corners(a: Solid<'_>, b: Solid<'_>, unit: f64, envelope: f64, 
     }
 }
 
-/// Corners, edge crossings and nearest points of edges of one solid against the other. Features count up from the first of the side,
-/// and stay below 2^32: the library's own numbers are larger, or zero. Of most corners and edges it is enough to know that they are
-/// high in front of the other solid.
+/// Corners, edge crossings and nearest points of edges of one solid against the other. Features count up from
+/// the first of the side, and stay below 2^32: the library's own numbers are larger, or zero. Of most corners
+/// and edges it is enough to know that they are high in front of the other solid.
 fn of_one(side: &Side<'_>, envelope: f64, unit: f64, candidates: &mut Vec<Candidate>) {
     let Side { corners, other, front, sign, first, .. } = side;
     let mut add = |p: Vec3, is_corner: bool, feature: u64| {
@@ -235,8 +240,9 @@ fn of_one(side: &Side<'_>, envelope: f64, unit: f64, candidates: &mut Vec<Candid
     }
 }
 
-/// Where on the segment `centre + t * half`, t in [-1, 1], it is nearest to an edge of the hull. A segment outside is nearest to the hull
-/// there, or over a face: then at an end or where it crosses from one face to the next.
+/// Where on the segment `centre + t * half`, t in [-1, 1], it is nearest to an edge of the hull. A segment
+/// outside is nearest to the hull there, or over a face: then at an end or where it crosses from one face to
+/// the next.
 fn nearest_to_edges(hull: &Hull, centre: Vec3, half: Vec3) -> f64 {
     let square = half.length_squared();
     let along_segment = |p: Vec3| (half.dot(p - centre) / square).clamp(-1.0, 1.0);
@@ -292,8 +298,8 @@ impl Solid<'_> {
         }
     }
 
-    /// Distance of a point of the world and how far its nearest point lies inside a face, m (negative on an edge);
-    /// `None` behind a triangle, and beside it.
+    /// Distance of a point of the world and how far its nearest point lies inside a face, m (negative on an
+    /// edge); `None` behind a triangle, and beside it.
     fn distance(self, p: Vec3) -> Option<(Distance, f64)> {
         match self {
             Self::Placed { shape, position, orientation } => {
@@ -316,8 +322,8 @@ impl Solid<'_> {
         }
     }
 
-    /// Height of a touching point over the face of a box whose normal is `outward`, m; `None` for points that do not
-    /// touch or lie beside the face.
+    /// Height of a touching point over the face of a box whose normal is `outward`, m; `None` for points that
+    /// do not touch or lie beside the face.
     fn height_on_face(self, p: Vec3, outward: Vec3, unit: f64) -> Option<f64> {
         let Self::Placed { shape, position, orientation } = self else { return None };
         let inverse = orientation.conjugate();
@@ -382,7 +388,8 @@ fn height_on_hull(hull: &Hull, p: Vec3, outward: Vec3, unit: f64) -> Option<f64>
     (over && height >= -MARGIN * unit && height <= CLEAR * unit).then_some(height)
 }
 
-/// How far the nearest point of the surface lies inside a face of the box, cylinder or hull; negative on edges and corners.
+/// How far the nearest point of the surface lies inside a face of the box, cylinder or hull; negative on
+/// edges and corners.
 fn inside_face(shape: &Shape, p: Vec3) -> f64 {
     match *shape {
         Shape::Box { half } => {

@@ -1,7 +1,8 @@
 //! Signed distance from a point to a shape, in closed form, in the shape's own frame.
 //!
-//! A ball of radius r about c touches a shape where the signed distance s(c) equals r, along the gradient of s. The
-//! signed distance of a convex shape is a convex function, which makes capsules (balls along a segment) easy too.
+//! A ball of radius r about c touches a shape where the signed distance s(c) equals r, along the gradient of
+//! s. The signed distance of a convex shape is a convex function, which makes capsules (balls along a
+//! segment) easy too.
 
 use crate::hull::{Hull, HullFace, MOST_CORNERS};
 use crate::math::Vec3;
@@ -88,8 +89,9 @@ pub(crate) fn highest_face(c: Vec3, hull: &Hull) -> (usize, f64) {
     heights.enumerate().fold((0, f64::NEG_INFINITY), |best, next| if next.1 > best.1 { next } else { best })
 }
 
-/// A nearest point in the inside of a face lies on the face of largest height; otherwise it lies on an edge of a face that the point is
-/// above: the way from there is a sum of the normals of both faces of the edge, and positive along one of them.
+/// A nearest point in the inside of a face lies on the face of largest height; otherwise it lies on an edge
+/// of a face that the point is above: the way from there is a sum of the normals of both faces of the edge,
+/// and positive along one of them.
 fn to_hull(c: Vec3, hull: &Hull) -> Distance {
     let (highest, height) = highest_face(c, hull);
     let face = &hull.faces()[highest];

@@ -5,8 +5,8 @@ use crate::math::Vec3;
 /// Cells per body, at most: bounds the memory where bodies are far apart.
 const CELLS_PER_BODY: usize = 4;
 
-/// Bodies sorted into cubic cells. Cell coordinates are taken modulo the grid's dimensions, so that a body that flew far
-/// away costs a few idle tests instead of an enormous grid.
+/// Bodies sorted into cubic cells. Cell coordinates are taken modulo the grid's dimensions, so that a body
+/// that flew far away costs a few idle tests instead of an enormous grid.
 pub(crate) struct Grid {
     origin: Vec3,
     inverse_size: f64,
@@ -23,8 +23,8 @@ pub(crate) struct Grid {
 }
 
 impl Grid {
-    /// Sorts balls, given as (index, centre, radius), into cells of edge `size`. Cost: linear. Two balls whose centres
-    /// are at most `size` apart lie in cells that touch.
+    /// Sorts balls, given as (index, centre, radius), into cells of edge `size`. Cost: linear. Two balls
+    /// whose centres are at most `size` apart lie in cells that touch.
     pub(crate) fn new(balls: &[(u32, Vec3, f64)], size: f64) -> Self {
         let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
         for &(_, centre, _) in balls {
@@ -84,8 +84,8 @@ impl Grid {
         (z * self.dimensions[1] + y) * self.dimensions[0] + x
     }
 
-    /// Calls `visit` with ranges of entries that together hold every ball whose centre is at most one cell size from
-    /// `p`, each entry once.
+    /// Calls `visit` with ranges of entries that together hold every ball whose centre is at most one cell
+    /// size from `p`, each entry once.
     #[inline]
     pub(crate) fn around(&self, p: Vec3, mut visit: impl FnMut(std::ops::Range<usize>)) {
         let [x, y, z] = self.coordinates(p);

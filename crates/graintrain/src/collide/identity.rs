@@ -4,8 +4,9 @@ use crate::contact::{Contact, ContactSet};
 use crate::math::{Vec3, mix, unmix};
 use rayon::prelude::*;
 
-/// Identity of the contact between two bodies at a feature of the pair: a scrambled 64-bit number, the same whichever
-/// body is called A. Two of n contacts clash with probability about n^2 / 2^65 (3e-8 for a million contacts).
+/// Identity of the contact between two bodies at a feature of the pair: a scrambled 64-bit number, the same
+/// whichever body is called A. Two of n contacts clash with probability about n^2 / 2^65 (3e-8 for a million
+/// contacts).
 #[inline]
 pub(crate) fn identity(body_a: u32, body_b: u32, feature: u64) -> u64 {
     let (low, high) = (body_a.min(body_b), body_a.max(body_b));
@@ -13,7 +14,8 @@ pub(crate) fn identity(body_a: u32, body_b: u32, feature: u64) -> u64 {
     mix(mix(pair).wrapping_add(feature))
 }
 
-/// The identity that a contact gets when its bodies get other indices: the feature is what the identity holds besides the pair.
+/// The identity that a contact gets when its bodies get other indices: the feature is what the identity holds
+/// besides the pair.
 pub(crate) fn renamed(identity: u64, before: [u32; 2], after: [u32; 2]) -> u64 {
     let pair = |[a, b]: [u32; 2]| mix(u64::from(a.min(b)) << 32 | u64::from(a.max(b)));
     mix(pair(after).wrapping_add(unmix(identity).wrapping_sub(pair(before))))
@@ -55,7 +57,8 @@ impl<'a> PreviousContacts<'a> {
         self.find(contact).map_or(Vec3::ZERO, |(i, sign)| sign * self.set.impulse[i])
     }
 
-    /// The moment impulse of rolling and spinning friction that the contact had on its body A, N m s, world axes.
+    /// The moment impulse of rolling and spinning friction that the contact had on its body A, N m s, world
+    /// axes.
     pub(crate) fn moment(&self, contact: &Contact) -> Vec3 {
         let found = self.find(contact).and_then(|(i, sign)| Some(sign * *self.set.moment.get(i)?));
         found.unwrap_or(Vec3::ZERO)

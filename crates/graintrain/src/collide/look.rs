@@ -32,7 +32,8 @@ impl Look {
         a.max(b) * self.step * self.step
     }
 
-    /// Whether a touch may close within the step if one of both bodies came to rest, unless it is held; `away` as [`surface_speeds`].
+    /// Whether a touch may close within the step if one of both bodies came to rest, unless it is held;
+    /// `away` as [`surface_speeds`].
     pub(super) fn closes_at_rest(
         &self,
         world: &World,

@@ -1,6 +1,6 @@
-//! Contacts of boxes and cylinders with each other and with triangles, and of hulls with cylinders, through the collision library's polyhedral
-//! manifolds (separating axes and GJK, then clipping of the touching faces), and the points within the envelope that the
-//! library leaves out (`corners`).
+//! Contacts of boxes and cylinders with each other and with triangles, and of hulls with cylinders, through
+//! the collision library's polyhedral manifolds (separating axes and GJK, then clipping of the touching
+//! faces), and the points within the envelope that the library leaves out (`corners`).
 
 use super::corners::add_corners;
 use super::polish::polish;
@@ -17,8 +17,8 @@ use parry3d_f64::shape::{
     Cuboid, Cylinder, PackedFeatureId, PolygonalFeature, PolygonalFeatureMap, SupportMap, Triangle,
 };
 
-/// A box, a cylinder or a triangle in the library's form, scaled by 1 / `unit`: the library's tolerances are absolute
-/// and made for objects of size about 1.
+/// A box, a cylinder or a triangle in the library's form, scaled by 1 / `unit`: the library's tolerances are
+/// absolute and made for objects of size about 1.
 pub(super) enum Convex<'a> {
     Box(Cuboid),
     Cylinder(Cylinder),
@@ -40,7 +40,8 @@ impl SupportMap for ScaledHull<'_> {
 }
 
 impl PolygonalFeatureMap for ScaledHull<'_> {
-    /// Of a face with more corners than the library takes, four around it: the others are among the corners added afterwards.
+    /// Of a face with more corners than the library takes, four around it: the others are among the corners
+    /// added afterwards.
     fn local_support_feature(&self, dir: Vec3, feature: &mut PolygonalFeature) {
         let faces = self.hull.faces();
         let best = (1..faces.len())
@@ -120,8 +121,8 @@ impl Convex<'_> {
     }
 }
 
-/// Contacts of two solids with gap up to the envelope, in world coordinates, normals from B to A. `unit` is the size of
-/// the smaller one and `origin` a point nearby.
+/// Contacts of two solids with gap up to the envelope, in world coordinates, normals from B to A. `unit` is
+/// the size of the smaller one and `origin` a point nearby.
 pub(crate) fn manifold_contacts(
     a: Solid<'_>,
     b: Solid<'_>,
@@ -148,8 +149,8 @@ pub(crate) fn manifold_contacts(
     let prediction = envelope / unit;
     let mut manifold = library_manifold(&shape_a, &shape_b, &pose, prediction);
     if manifold.local_n1 != Vec3::ZERO && are_parallel(&pose) {
-        // Where faces cover each other to the last digits the library clips them to nothing, or to places far off. Beside each other by
-        // a little more they are clipped well; along the faces that moves no gap.
+        // Where faces cover each other to the last digits the library clips them to nothing, or to places far
+        // off. Beside each other by a little more they are clipped well; along the faces that moves no gap.
         let aside = manifold.local_n1.any_orthonormal_vector();
         let further = manifold.local_n1.cross(aside);
         let moved = ASIDE * (aside + 0.7 * further);
@@ -234,7 +235,8 @@ fn library_manifold(
 mod tests {
     use super::*;
 
-    /// Boxes on each other whose faces cover each other but for the last digits: four corners, whatever these digits are.
+    /// Boxes on each other whose faces cover each other but for the last digits: four corners, whatever these
+    /// digits are.
     #[test]
     fn faces_that_cover_each_other_touch_at_four_corners() {
         let shape = Shape::Box { half: Vec3::splat(0.1) };

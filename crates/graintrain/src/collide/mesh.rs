@@ -1,9 +1,10 @@
 //! Contacts of spheres, capsules, boxes, cylinders and hulls with a triangle mesh.
 //!
-//! Every triangle near the body gives contacts of its own; then contacts that exist only because the mesh is cut into
-//! triangles are removed. A contact on an edge or corner is real only if it is a local minimum of the distance to the
-//! whole surface, that is if every triangle that shares the edge or corner gives the same nearest point. For the flat
-//! faces of boxes, cylinders and hulls: if the surface does not rise along the normal beyond the edge over which it tilts.
+//! Every triangle near the body gives contacts of its own; then contacts that exist only because the mesh is
+//! cut into triangles are removed. A contact on an edge or corner is real only if it is a local minimum of
+//! the distance to the whole surface, that is if every triangle that shares the edge or corner gives the same
+//! nearest point. For the flat faces of boxes, cylinders and hulls: if the surface does not rise along the
+//! normal beyond the edge over which it tilts.
 
 use super::capsule::{capsule_contacts, triangle_crossings};
 use super::distance::{Distance, TriangleFeature, nearest_on_triangle};
@@ -18,7 +19,8 @@ use std::collections::HashMap;
 /// A mesh with a tree over its triangles, made once per geometry.
 pub(crate) struct TriangleTree {
     corners: Vec<[Vec3; 3]>,
-    /// Vertex numbers in which vertices at the same place have one number, so that triangles that share an edge know.
+    /// Vertex numbers in which vertices at the same place have one number, so that triangles that share an
+    /// edge know.
     shared: Vec<[u32; 3]>,
     /// Triangles around every vertex.
     around: TrianglesAround,
@@ -72,9 +74,10 @@ pub(crate) struct Visitor<'a> {
 }
 
 impl Visitor<'_> {
-    /// Where the round of a capsule or cylinder that has this point of its surface comes nearest to a plane with this normal. The point
-    /// itself comes down only as the body rolls on: linearised, as far in half the way, and what rolls would be lifted. Points of other
-    /// bodies, and of a cylinder whose cap lies on the plane, are kept.
+    /// Where the round of a capsule or cylinder that has this point of its surface comes nearest to a plane
+    /// with this normal. The point itself comes down only as the body rolls on: linearised, as far in half
+    /// the way, and what rolls would be lifted. Points of other bodies, and of a cylinder whose cap lies on
+    /// the plane, are kept.
     fn foremost_around(&self, point: Vec3, normal: Vec3) -> Vec3 {
         let axis = self.orientation * Vec3::Z;
         let from_centre = point - self.position;
@@ -201,8 +204,8 @@ impl TriangleTree {
         self.around.of(*first).iter().copied().filter(move |&other| other != triangle && has_all(other))
     }
 
-    /// Whether the normal tilts from the face of the triangle over an edge beyond which the surface rises along it: then the points beyond
-    /// are nearer to the body, and the edge bears nothing.
+    /// Whether the normal tilts from the face of the triangle over an edge beyond which the surface rises
+    /// along it: then the points beyond are nearer to the body, and the edge bears nothing.
     fn rises_along(&self, normal: Vec3, triangle: u32) -> bool {
         let (corners, shared) = (self.corners[triangle as usize], self.shared[triangle as usize]);
         (0..3).any(|k| {
@@ -222,9 +225,11 @@ impl TriangleTree {
         })
     }
 
-    /// Takes away the contacts of flat bodies and capsules with edges that bear nothing, where there is a gap. Where the normal is nearly that of
-    /// the triangle's face (the library's is one of the body's own faces, or rough where bodies barely touch), it becomes that; and so where the
-    /// body overlaps the triangle: the least way out of one triangle may lead along the surface, out of the surface it does not.
+    /// Takes away the contacts of flat bodies and capsules with edges that bear nothing, where there is a
+    /// gap. Where the normal is nearly that of the triangle's face (the library's is one of the body's own
+    /// faces, or rough where bodies barely touch), it becomes that; and so where the body overlaps the
+    /// triangle: the least way out of one triangle may lead along the surface, out of the surface it does
+    /// not.
     fn leave_surface(&self, candidates: &mut Vec<Candidate>, visitor: &Visitor<'_>) {
         candidates.retain_mut(|candidate| {
             let (touch, triangle) = (&mut candidate.touch, candidate.triangle);
@@ -244,7 +249,8 @@ impl TriangleTree {
         });
     }
 
-    /// Whether a candidate would be there if the surface were whole. `all` are in the order of their triangles.
+    /// Whether a candidate would be there if the surface were whole. `all` are in the order of their
+    /// triangles.
     fn is_real(&self, candidate: &Candidate, all: &[Candidate], visitor: &Visitor<'_>) -> bool {
         let small = 1e-9 * visitor.shape.bounding_radius();
         let corners = self.shared[candidate.triangle as usize];
@@ -291,7 +297,8 @@ impl TriangleTree {
     }
 }
 
-/// Distance from `p` to its nearest point `foot` on a triangle; on the triangle itself the normal is the face's.
+/// Distance from `p` to its nearest point `foot` on a triangle; on the triangle itself the normal is the
+/// face's.
 fn unsigned_distance(p: Vec3, foot: Vec3, toward: Vec3) -> Distance {
     let d = p - foot;
     let value = d.length();
@@ -319,7 +326,8 @@ mod tests {
 
     #[test]
     fn triangles_that_share_an_edge_or_corner_are_those_that_a_search_of_all_finds() {
-        // Few places for many corners: edges of many triangles, triangles without area, the same triangle twice.
+        // Few places for many corners: edges of many triangles, triangles without area, the same triangle
+        // twice.
         let vertices: Vec<Vec3> =
             (0..14).map(|k| Vec3::new(f64::from(k % 7), f64::from(k % 3), 0.0)).collect();
         let pick = |k: u32| (f64::from(k * k) * 0.618_034).fract();

@@ -1,4 +1,5 @@
-//! Collision detection: all contacts with gap up to the envelope, in an order that does not depend on threads.
+//! Collision detection: all contacts with gap up to the envelope, in an order that does not depend on
+//! threads.
 //!
 //! | module | holds |
 //! |---|---|

@@ -91,7 +91,8 @@ pub(super) fn contacts_of_parts(
     part_contacts(&a.part(part_a), &b.part(part_b), envelope, touches);
 }
 
-/// Contacts of bodies A and B with gap up to the envelope, reduced to what each patch needs, ordered by feature.
+/// Contacts of bodies A and B with gap up to the envelope, reduced to what each patch needs, ordered by
+/// feature.
 pub(crate) fn body_contacts(a: Placed<'_>, b: Placed<'_>, envelope: f64, touches: &mut Vec<Touch>) {
     let (parts_a, parts_b) = (a.form.geometry.parts.len(), b.form.geometry.parts.len());
     if parts_a == 1 && parts_b == 1 {

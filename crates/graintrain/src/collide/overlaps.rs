@@ -19,8 +19,9 @@ pub struct Overlap {
     pub point: Vec3,
 }
 
-/// The deepest overlap of a world, if any two bodies overlap: what an initial state should be checked for. Pairs of
-/// bodies that are both fully prescribed are not looked at, nor those whose contacts are elastic: they overlap at rest.
+/// The deepest overlap of a world, if any two bodies overlap: what an initial state should be checked for.
+/// Pairs of bodies that are both fully prescribed are not looked at, nor those whose contacts are elastic:
+/// they overlap at rest.
 pub fn deepest_overlap(world: &World) -> Option<Overlap> {
     let is_rigid = |contact: &Contact| {
         let [a, b] = world.materials_of(contact);
@@ -35,7 +36,8 @@ pub fn deepest_overlap(world: &World) -> Option<Overlap> {
     })
 }
 
-/// Two bodies with meshes, one of which can move, whose bounding balls overlap: contacts between two meshes are not computed.
+/// Two bodies with meshes, one of which can move, whose bounding balls overlap: contacts between two meshes
+/// are not computed.
 pub fn meshes_that_meet(world: &World) -> Option<[usize; 2]> {
     let is_mesh =
         |geometry: &Geometry| geometry.parts.iter().any(|part| matches!(part.shape, Shape::Mesh { .. }));

@@ -29,8 +29,8 @@ impl Newcomer {
 }
 
 impl<'a> Places<'a> {
-    /// The bodies of a world whose bounds meet the box from `low` to `high` (m). Cost: linear in the bodies of the world. The collider
-    /// keeps what it derives from geometries for the next time.
+    /// The bodies of a world whose bounds meet the box from `low` to `high` (m). Cost: linear in the bodies
+    /// of the world. The collider keeps what it derives from geometries for the next time.
     pub fn new(collider: &'a mut Collider, world: &World, low: Vec3, high: Vec3) -> Self {
         collider.update_forms(world);
         let collider = &*collider;
@@ -54,8 +54,9 @@ impl<'a> Places<'a> {
         Self { collider, near: (0..world.bodies.len()).filter(meets).collect() }
     }
 
-    /// Whether a body of this form could stand there with a gap of more than `clearance` (m, not negative) to every body near the box
-    /// and to those (centre, radius of a ball that holds it) that have just found a place.
+    /// Whether a body of this form could stand there with a gap of more than `clearance` (m, not negative) to
+    /// every body near the box and to those (centre, radius of a ball that holds it) that have just found a
+    /// place.
     pub fn is_free(
         &self,
         world: &World,

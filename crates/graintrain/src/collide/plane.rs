@@ -1,11 +1,12 @@
-//! Contacts of a half-space with the other shapes: every point given is a point of the shape's surface, and its gap is
-//! its height.
+//! Contacts of a half-space with the other shapes: every point given is a point of the shape's surface, and
+//! its gap is its height.
 
 use super::reduce::Touch;
 use crate::math::{Mat3, Vec3};
 use crate::shape::Shape;
 
-/// Contacts of a shape at `position`, turned by `rotation`, both in the frame of the half-space z <= 0. Normals are +z.
+/// Contacts of a shape at `position`, turned by `rotation`, both in the frame of the half-space z <= 0.
+/// Normals are +z.
 pub(crate) fn plane_contacts(
     shape: &Shape,
     position: Vec3,
@@ -44,7 +45,8 @@ pub(crate) fn plane_contacts(
             }
         }
         Shape::Cylinder { half_length, radius } => {
-            // Steepest way down within an end face; where the face is level any direction of the cylinder's own.
+            // Steepest way down within an end face; where the face is level any direction of the cylinder's
+            // own.
             let axis = rotation.z_axis;
             let steepest = axis.z * axis - Vec3::Z;
             let down = if steepest.length() > 1e-9 { steepest.normalize() } else { rotation.x_axis };

@@ -1,14 +1,17 @@
 //! The exact normal of a contact of a cylinder.
 //!
-//! The collision library finds the normal n of least overlap (greatest distance) of a cylinder and another convex solid by iteration (GJK, EPA), to about 1e-8
-//! where they are apart and 1e-3 where they barely touch, and sometimes not at all: two wheels side by side with no gap got a normal 45 degrees off. The gap along a direction,
+//! The collision library finds the normal n of least overlap (greatest distance) of a cylinder and another
+//! convex solid by iteration (GJK, EPA), to about 1e-8 where they are apart and 1e-3 where they barely touch,
+//! and sometimes not at all: two wheels side by side with no gap got a normal 45 degrees off. The gap along a
+//! direction,
 //!
 //! ```text
 //! gap(n) = min over B of n . x - max over A of n . x,
 //! ```
 //!
-//! is greatest at the exact normal. Most are one of a few directions with a closed form: the normal of a face or cap, the common normal of an axis and an edge, of
-//! two axes, of an axis and a corner. Where the best of them does as well as the normal found, it is the normal.
+//! is greatest at the exact normal. Most are one of a few directions with a closed form: the normal of a face
+//! or cap, the common normal of an axis and an edge, of two axes, of an axis and a corner. Where the best of
+//! them does as well as the normal found, it is the normal.
 
 use super::manifold::Convex;
 use crate::hull::HullEdge;
@@ -19,14 +22,16 @@ use parry3d_f64::shape::{PackedFeatureId, PolygonalFeature, SupportMap};
 /// By how much less the gap along a candidate may be, in sizes of the smaller solid: the library's tolerance.
 const AS_FAR: f64 = 1e-9;
 
-/// Edges of a hull are looked at whose ends are within this distance of its foremost corner, in sizes of the smaller solid.
+/// Edges of a hull are looked at whose ends are within this distance of its foremost corner, in sizes of the
+/// smaller solid.
 const FOREMOST: f64 = 0.1;
 
 /// A normal this much or more across the axis of a cylinder belongs to its mantle (the library's own bound).
 const MANTLE: f64 = 0.5;
 
-/// Replaces the normal of a manifold and its points by exact ones, where a cylinder is among the solids and a closed form is the normal. Lengths in sizes of the
-/// smaller solid, in the frame of A; the normal points from A to B.
+/// Replaces the normal of a manifold and its points by exact ones, where a cylinder is among the solids and a
+/// closed form is the normal. Lengths in sizes of the smaller solid, in the frame of A; the normal points
+/// from A to B.
 pub(super) fn polish(a: &Convex<'_>, b: &Convex<'_>, pose: &Pose, manifold: &mut ContactManifold<(), ()>) {
     let found = manifold.local_n1;
     if !(a.is_cylinder() || b.is_cylinder()) || !found.is_finite() || found == Vec3::ZERO {
@@ -56,7 +61,8 @@ pub(super) fn polish(a: &Convex<'_>, b: &Convex<'_>, pose: &Pose, manifold: &mut
     b.feature_map().local_support_feature_toward(back, mantle.1.unwrap_or(nearest.1), &mut other);
     manifold.clear();
     PolygonalFeature::contacts(pose, &pose.inverse(), normal, back, &own, &other, manifold, false);
-    // The library's own nearest points are only needed where features that look at each other lie beside each other.
+    // The library's own nearest points are only needed where features that look at each other lie beside each
+    // other.
     if manifold.points.iter().all(|point| point.dist > distance + AS_FAR) {
         let (p1, p2) = match mantle {
             (Some(p1), _) => (p1, pose.inverse_transform_point(p1 + distance * normal)),
@@ -115,7 +121,8 @@ impl Convex<'_> {
         }
     }
 
-    /// Directions of straight edges; of a cylinder that of its axis, of a hull of those that are foremost along a direction.
+    /// Directions of straight edges; of a cylinder that of its axis, of a hull of those that are foremost
+    /// along a direction.
     fn edges(&self, along: Vec3) -> Vec<Vec3> {
         match self {
             Self::Box(_) => vec![Vec3::X, Vec3::Y, Vec3::Z],
@@ -163,8 +170,9 @@ mod tests {
         }
     }
 
-    /// A wheel over or in the face of a box, a cap on it, a wheel on a wheel, a wheel on an edge and on a corner: gaps to rounding, normals and lever arms to a billionth, at gaps from
-    /// -1e-4 to 1e-4 of the radius, whatever their common position and turn.
+    /// A wheel over or in the face of a box, a cap on it, a wheel on a wheel, a wheel on an edge and on a
+    /// corner: gaps to rounding, normals and lever arms to a billionth, at gaps from -1e-4 to 1e-4 of the
+    /// radius, whatever their common position and turn.
     #[test]
     fn closed_forms_are_met_to_rounding() {
         let wheel = Shape::Cylinder { half_length: 0.1, radius: 0.1 };

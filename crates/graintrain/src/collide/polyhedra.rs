@@ -1,11 +1,12 @@
 //! Contacts of convex hulls with hulls, boxes and triangles, exact but for rounding.
 //!
-//! Two convex polyhedra are farthest apart (least deep inside each other) along the normal of a face of one of them or across an edge of
-//! each; edges count only where their arcs on the sphere of normals cross (D. Gregorius, "The separating axis test between convex
-//! polyhedra", Game Developers Conference 2013). Along that normal n, the faces that look at each other most are projected onto each
-//! other: the corners of the common part of both polygons, with their distances along n, are the contacts, whatever the number of
-//! corners; so is the pair of features that gave n. Polyhedra that are nearest with a corner or across other edges have those points from
-//! [`super::corners`].
+//! Two convex polyhedra are farthest apart (least deep inside each other) along the normal of a face of one
+//! of them or across an edge of each; edges count only where their arcs on the sphere of normals cross (D.
+//! Gregorius, "The separating axis test between convex polyhedra", Game Developers Conference 2013). Along
+//! that normal n, the faces that look at each other most are projected onto each other: the corners of the
+//! common part of both polygons, with their distances along n, are the contacts, whatever the number of
+//! corners; so is the pair of features that gave n. Polyhedra that are nearest with a corner or across other
+//! edges have those points from [`super::corners`].
 
 use super::distance::FaceSet;
 use super::manifold::Solid;
@@ -30,7 +31,8 @@ const STEEP: f64 = 0.1;
 /// Directions along which polyhedra are looked at before their faces and edges are.
 const LOOKS: usize = 6;
 
-/// Features of contacts: a corner of A, a corner of B, two edges, the features that gave the normal. Above those of the corners.
+/// Features of contacts: a corner of A, a corner of B, two edges, the features that gave the normal. Above
+/// those of the corners.
 const CORNER_OF_A: u64 = 1 << 40;
 const CORNER_OF_B: u64 = 2 << 40;
 const EDGES: u64 = 3 << 40;
@@ -51,7 +53,8 @@ pub(crate) struct Polyhedron<'a> {
     is_flat: bool,
 }
 
-/// Faces of a box whose corner k lies on the upper side of axis i where bit i of k is set, counter-clockwise from outside.
+/// Faces of a box whose corner k lies on the upper side of axis i where bit i of k is set, counter-clockwise
+/// from outside.
 static BOX_FACES: [[u32; 4]; 6] =
     [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
 
@@ -151,8 +154,8 @@ impl<'a> Polyhedron<'a> {
             .1
     }
 
-    /// The edges that may come within `reach` of another polyhedron: those with no end, or one, higher than that above the plane of
-    /// every face of it.
+    /// The edges that may come within `reach` of another polyhedron: those with no end, or one, higher than
+    /// that above the plane of every face of it.
     fn edges_near<'b>(&'b self, other: &Polyhedron<'_>, reach: f64) -> Vec<&'b HullEdge> {
         let above = |corner: &Vec3| {
             FaceSet::of(other.faces.iter().map(|face| face.normal.dot(*corner) - face.offset > reach))
@@ -188,8 +191,9 @@ struct Separation {
     are_nearest: bool,
 }
 
-/// Adds the contacts of two polyhedra with gap up to the envelope, normals from B to A, points relative to the common frame; `false` if
-/// they are farther apart than the envelope. `unit` is the size of the smaller one.
+/// Adds the contacts of two polyhedra with gap up to the envelope, normals from B to A, points relative to
+/// the common frame; `false` if they are farther apart than the envelope. `unit` is the size of the smaller
+/// one.
 pub(crate) fn polyhedron_contacts(
     a: &Polyhedron<'_>,
     b: &Polyhedron<'_>,
@@ -211,10 +215,11 @@ pub(crate) fn polyhedron_contacts(
     true
 }
 
-/// A bound of the distance of two polyhedra from above, m; `None` if they are seen to be farther apart than the envelope. Of the differences
-/// v = q - p of their points one is as long as they are apart, and with w the farthest of them against v they are apart by at least
-/// v . w / |v|: from the middles on, v goes toward w as far as that makes it shorter (M. Frank, P. Wolfe, "An algorithm for quadratic
-/// programming", Naval Research Logistics Quarterly 3:95-110, 1956).
+/// A bound of the distance of two polyhedra from above, m; `None` if they are seen to be farther apart than
+/// the envelope. Of the differences v = q - p of their points one is as long as they are apart, and with w
+/// the farthest of them against v they are apart by at least v . w / |v|: from the middles on, v goes toward
+/// w as far as that makes it shorter (M. Frank, P. Wolfe, "An algorithm for quadratic programming", Naval
+/// Research Logistics Quarterly 3:95-110, 1956).
 fn distance_bound(a: &Polyhedron<'_>, b: &Polyhedron<'_>, envelope: f64) -> Option<f64> {
     let mut v = b.middle() - a.middle();
     for _ in 0..LOOKS {
@@ -237,9 +242,10 @@ fn distance_bound(a: &Polyhedron<'_>, b: &Polyhedron<'_>, envelope: f64) -> Opti
     Some(v.length())
 }
 
-/// The normal along which the polyhedra are farthest apart; `None` if that is more than the envelope. Of edges those
-/// come first that may be nearest to each other: polyhedra are apart by no more than the bound, and where they overlap, the edges across
-/// which they do so least cross each other at a distance of that depth.
+/// The normal along which the polyhedra are farthest apart; `None` if that is more than the envelope. Of
+/// edges those come first that may be nearest to each other: polyhedra are apart by no more than the bound,
+/// and where they overlap, the edges across which they do so least cross each other at a distance of that
+/// depth.
 fn separation(a: &Polyhedron<'_>, b: &Polyhedron<'_>, unit: f64, envelope: f64) -> Option<Separation> {
     let bound = distance_bound(a, b, envelope)?;
     let mut best: Option<Separation> = None;
@@ -275,8 +281,8 @@ fn separation(a: &Polyhedron<'_>, b: &Polyhedron<'_>, unit: f64, envelope: f64) 
     across_edges([a, b], &all, unit, envelope, best)
 }
 
-/// The best separation known, or that across an edge of each polyhedron, of those given; `None` if they are farther apart than the
-/// envelope.
+/// The best separation known, or that across an edge of each polyhedron, of those given; `None` if they are
+/// farther apart than the envelope.
 fn across_edges(
     [a, b]: [&Polyhedron<'_>; 2],
     [edges_a, edges_b]: &[Vec<&HullEdge>; 2],
@@ -352,8 +358,8 @@ fn sides(corners: &[u32]) -> impl Iterator<Item = (u32, u32)> + '_ {
     corners.iter().copied().zip(corners.iter().copied().cycle().skip(1))
 }
 
-/// Calls `add` with middle, distance along the normal and feature of every corner of what the two faces that look at each other most
-/// have in common, seen along the normal (from A to B).
+/// Calls `add` with middle, distance along the normal and feature of every corner of what the two faces that
+/// look at each other most have in common, seen along the normal (from A to B).
 fn clipped(
     a: &Polyhedron<'_>,
     b: &Polyhedron<'_>,
@@ -366,7 +372,8 @@ fn clipped(
     let flat = |p: Vec3| [t1.dot(p), t2.dot(p)];
     let cross =
         |a: [f64; 2], b: [f64; 2], p: [f64; 2]| (b[0] - a[0]) * (p[1] - a[1]) - (b[1] - a[1]) * (p[0] - a[0]);
-    // Corners of one face over the other; seen along the normal, A's face runs counter-clockwise and B's clockwise.
+    // Corners of one face over the other; seen along the normal, A's face runs counter-clockwise and B's
+    // clockwise.
     let corners = [(a, face_a, b, face_b, -1.0, CORNER_OF_A), (b, face_b, a, face_a, 1.0, CORNER_OF_B)];
     for (own, own_face, other, other_face, turn, first) in corners {
         let steep = other_face.normal.dot(normal);
@@ -419,8 +426,8 @@ mod tests {
         Shape::Hull(Hull::new(&(0..20).map(point).collect::<Vec<_>>()).unwrap().0)
     }
 
-    /// The largest gap along the normals of all faces and of all pairs of edges, each measured by the corners of both: no pair is left out
-    /// for its place or its arcs.
+    /// The largest gap along the normals of all faces and of all pairs of edges, each measured by the corners
+    /// of both: no pair is left out for its place or its arcs.
     fn largest_gap(a: &Polyhedron<'_>, b: &Polyhedron<'_>) -> f64 {
         let gap = |normal: Vec3| b.lowest(normal).1 - normal.dot(a.farthest(normal));
         let faces = a.faces.iter().map(|face| face.normal).chain(b.faces.iter().map(|face| -face.normal));
@@ -440,7 +447,8 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(2000))]
 
-        /// The separation is the largest of all that faces and edges give, and pairs are given up only where it is beyond the envelope.
+        /// The separation is the largest of all that faces and edges give, and pairs are given up only where
+        /// it is beyond the envelope.
         #[test]
         fn no_axis_separates_farther(
             place in prop::array::uniform3(-1.0..1.0_f64),
@@ -457,7 +465,8 @@ mod tests {
             let [a, b] = [one, other].map(|solid| Polyhedron::new(solid, 0.5 * position).unwrap());
             let exact = largest_gap(&a, &b);
             let found = separation(&a, &b, 0.5, f64::INFINITY).unwrap();
-            // Apart and nearest with a corner, they are farther apart along other normals than those of faces and crossing edges.
+            // Apart and nearest with a corner, they are farther apart along other normals than those of faces
+            // and crossing edges.
             prop_assert!(found.gap <= exact + 1e-8, "{} {exact}", found.gap);
             if exact < 0.0 || found.are_nearest {
                 prop_assert!((found.gap - exact).abs() < 1e-8, "{} {exact}", found.gap);

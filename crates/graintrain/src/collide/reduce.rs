@@ -38,12 +38,12 @@ const BEYOND: f64 = 0.02;
 /// A point may be nearer than the kept ones say by this fraction of the patch's extent and be dropped.
 const NEARER: f64 = 1e-4;
 
-/// Splits the touches of one pair of parts into patches of like normals. Of each it keeps the deepest point, the one
-/// farthest from it, the one farthest from the line through both, and the one farthest on the line's other side; and,
-/// up to eight, those that the kept ones do not hold off, the deepest first, of equals the one that lies lowest
-/// below the kept ones: with one normal n, the constraint of a point is linear in its
-/// place in the patch and its gap, so a point is held off if it lies above the lower hull of the kept ones over the
-/// patch. Ordered by feature; features are made unique.
+/// Splits the touches of one pair of parts into patches of like normals. Of each it keeps the deepest point,
+/// the one farthest from it, the one farthest from the line through both, and the one farthest on the line's
+/// other side; and, up to eight, those that the kept ones do not hold off, the deepest first, of equals the
+/// one that lies lowest below the kept ones: with one normal n, the constraint of a point is linear in its
+/// place in the patch and its gap, so a point is held off if it lies above the lower hull of the kept ones
+/// over the patch. Ordered by feature; features are made unique.
 pub(crate) fn reduce(touches: &mut Vec<Touch>) {
     if touches.len() > 1 {
         // Total order: the result must not depend on the order in which a kernel reports.
@@ -87,8 +87,8 @@ fn remove_duplicates(patch: &mut Vec<Touch>) {
     });
 }
 
-/// The same for the thousands of points of a large body on a fine mesh: each is held against those kept in its own cube of a grid and in
-/// the cubes around it.
+/// The same for the thousands of points of a large body on a fine mesh: each is held against those kept in
+/// its own cube of a grid and in the cubes around it.
 fn remove_duplicates_among_many(patch: &mut Vec<Touch>, apart: f64) {
     let first = patch[0].point;
     // Slightly larger than `apart`: rounding must not carry points that coincide two cubes apart.
@@ -152,8 +152,9 @@ fn keep_four(patch: &mut Vec<Touch>) {
     *patch = kept.into_iter().map(|i| patch[i]).collect();
 }
 
-/// The gap of the lowest of the lines and triangles with the last of the kept points as a corner, at the place of `p` (two coordinates in the patch, gap), give or take [`BEYOND`];
-/// infinite where none is there. Lengths in units of the patch's extent. Cost: k^2 / 2 for k points.
+/// The gap of the lowest of the lines and triangles with the last of the kept points as a corner, at the
+/// place of `p` (two coordinates in the patch, gap), give or take [`BEYOND`]; infinite where none is there.
+/// Lengths in units of the patch's extent. Cost: k^2 / 2 for k points.
 fn hull_with_last(p: [f64; 3], kept: &[[f64; 3]]) -> f64 {
     let cross =
         |a: [f64; 3], b: [f64; 3], c: [f64; 3]| (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
@@ -226,7 +227,8 @@ mod tests {
         assert!(touches.len() <= MOST);
     }
 
-    /// A roller on tiles: points of a line that touch, and above its ends those of the far side of the roller. The ends of the line stay, whatever else does.
+    /// A roller on tiles: points of a line that touch, and above its ends those of the far side of the
+    /// roller. The ends of the line stay, whatever else does.
     #[test]
     fn a_point_far_above_does_not_stand_for_one_that_touches() {
         let mut touches: Vec<Touch> =
@@ -272,7 +274,8 @@ mod tests {
 
     #[test]
     fn of_many_points_the_same_are_kept_as_by_comparing_all() {
-        // Clusters a little wider than the distance within which points coincide, over a patch of extent about 1.
+        // Clusters a little wider than the distance within which points coincide, over a patch of extent
+        // about 1.
         let wave = |k: f64| (k * k * 1.234_567).sin();
         let mut touches: Vec<Touch> = (0_u32..2000)
             .map(|k| {

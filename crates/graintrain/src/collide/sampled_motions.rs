@@ -1,5 +1,5 @@
-//! The contacts of a pair against brute force: motions that every linearised contact allows, and what then overlaps by
-//! dense sampling of both surfaces.
+//! The contacts of a pair against brute force: motions that every linearised contact allows, and what then
+//! overlaps by dense sampling of both surfaces.
 
 use super::distance::signed_distance;
 use super::narrow::{Collidable, Placed, body_contacts};
@@ -11,7 +11,8 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use std::f64::consts::TAU;
 
-/// Largest displacement of any point of the moving body, and the envelope, as lengths of shapes of size about 1.
+/// Largest displacement of any point of the moving body, and the envelope, as lengths of shapes of size
+/// about 1.
 const ENVELOPE: f64 = 0.02;
 
 fn block() -> Shape {
@@ -171,8 +172,9 @@ fn worst(a: &Shape, b: &Shape, cases: usize) -> f64 {
 
 #[test]
 fn motions_that_the_contacts_allow_do_not_overlap() {
-    // Second order in the motion: a turn of ENVELOPE / radius moves points of contact by that times ENVELOPE. The rim of
-    // a cylinder is held at four points, between which it is lower by 0.29 of its radius times the turn.
+    // Second order in the motion: a turn of ENVELOPE / radius moves points of contact by that times ENVELOPE.
+    // The rim of a cylinder is held at four points, between which it is lower by 0.29 of its radius times the
+    // turn.
     let cases = [
         ("capsule-box", capsule(), wide_block(), 0.1),
         ("capsule-small box", capsule(), block(), 0.1),

@@ -1,11 +1,12 @@
 //! When two moving bodies meet within a step, and the contact that lets them arrive there.
 //!
-//! **Time.** Conservative advancement (Mirtich 1996), part by part: at the poses of time t the parts are a distance d
-//! apart, they close it at most at a known rate, so they do not touch before t + d / rate. Bodies move as the step moves
-//! them: x + t u, exp(t w / 2) Q. For convex parts with nearest points along n the rate is
-//! `-n . (u_A - u_B) + |w_A x n| R_A + |w_B x n| R_B`, R the distance of a part's farthest point from its body's centre:
-//! the plane between them with normal n keeps the bodies apart for as long. For a mesh it is
-//! `|u_A - u_B| + |w_A| R_A + |w_B| R_B`. Two balls, and a ball and a plane that does not turn, have closed forms.
+//! **Time.** Conservative advancement (Mirtich 1996), part by part: at the poses of time t the parts are a
+//! distance d apart, they close it at most at a known rate, so they do not touch before t + d / rate. Bodies
+//! move as the step moves them: x + t u, exp(t w / 2) Q. For convex parts with nearest points along n the
+//! rate is `-n . (u_A - u_B) + |w_A x n| R_A + |w_B x n| R_B`, R the distance of a part's farthest point from
+//! its body's centre: the plane between them with normal n keeps the bodies apart for as long. For a mesh it
+//! is `|u_A - u_B| + |w_A| R_A + |w_B| R_B`. Two balls, and a ball and a plane that does not turn, have
+//! closed forms.
 //!
 //! **Contact.** See [`arrivals`].
 
@@ -14,7 +15,8 @@ use super::reduce::Touch;
 use crate::math::{Vec3, rotation_exponential};
 use crate::shape::Shape;
 
-/// Poses looked at per pair of parts at most. What is then left of the gap is part of the contact; the time is too early.
+/// Poses looked at per pair of parts at most. What is then left of the gap is part of the contact; the time
+/// is too early.
 const POSES: usize = 256;
 
 /// Parts touch at a gap of this fraction of the smaller one's size.
@@ -40,10 +42,11 @@ pub(crate) struct Arrival {
     pub on_b: Vec3,
 }
 
-/// When bodies A and B with constant velocities (u, w), m/s and rad/s in world axes, first touch within `step` seconds;
-/// `None` if they do not. Bodies that overlap touch at time 0. Contacts with gap up to the envelope, m, at the poses of
-/// that time come with it. Cost: one narrow phase per pose, at most 256 per pair of parts; a few for bodies that do not
-/// spin. A mesh is looked at all around the body as far as it may travel.
+/// When bodies A and B with constant velocities (u, w), m/s and rad/s in world axes, first touch within
+/// `step` seconds; `None` if they do not. Bodies that overlap touch at time 0. Contacts with gap up to the
+/// envelope, m, at the poses of that time come with it. Cost: one narrow phase per pose, at most 256 per pair
+/// of parts; a few for bodies that do not spin. A mesh is looked at all around the body as far as it may
+/// travel.
 pub(crate) fn time_of_impact(
     a: Placed<'_>,
     b: Placed<'_>,
@@ -65,7 +68,8 @@ pub(crate) fn time_of_impact(
     Some(Impact { time, touches })
 }
 
-/// Whether bodies A and B with constant velocities (u, w) come as near as `reach`, m, within `step` seconds. Cost as that of [`time_of_impact`].
+/// Whether bodies A and B with constant velocities (u, w) come as near as `reach`, m, within `step` seconds.
+/// Cost as that of [`time_of_impact`].
 pub(super) fn comes_within(
     bodies: [Placed<'_>; 2],
     velocities: [[Vec3; 2]; 2],
@@ -96,19 +100,21 @@ fn first_time(
     earliest
 }
 
-/// Contacts at the impact, linearised from there for the step that begins now. With velocities kept, the gap of a
-/// contact at time t' is g + (t' - t) u_n, where t is the time of impact, g the gap found there (zero but for round-off at
-/// the touching one) and u_n = n . (u_A + w_A x r_A - u_B - w_B x r_B) < 0 with the arms at impact. So
+/// Contacts at the impact, linearised from there for the step that begins now. With velocities kept, the gap
+/// of a contact at time t' is g + (t' - t) u_n, where t is the time of impact, g the gap found there (zero
+/// but for round-off at the touching one) and u_n = n . (u_A + w_A x r_A - u_B - w_B x r_B) < 0 with the arms
+/// at impact. So
 ///
 /// ```text
 /// Phi' = g - t u_n
 /// ```
 ///
-/// and the step's constraint Phi' / dt + u_n+ >= 0 lets the bodies come as near in the whole step as they do until t: they
-/// arrive and do not pass. A contact that opens (u_n >= 0) keeps Phi' = g. The points are those of the surfaces at
-/// impact, carried back with the centres of the bodies but not turned back, so that the arms are those of the impact
-/// and n . (relative velocity) of a [`Touch`] made of them is u_n. While the bodies are apart no single point has both
-/// arms: `touch.point` lies midway, and for a pair that moves past each other only `on_a` and `on_b` have the right arms.
+/// and the step's constraint Phi' / dt + u_n+ >= 0 lets the bodies come as near in the whole step as they do
+/// until t: they arrive and do not pass. A contact that opens (u_n >= 0) keeps Phi' = g. The points are those
+/// of the surfaces at impact, carried back with the centres of the bodies but not turned back, so that the
+/// arms are those of the impact and n . (relative velocity) of a [`Touch`] made of them is u_n. While the
+/// bodies are apart no single point has both arms: `touch.point` lies midway, and for a pair that moves past
+/// each other only `on_a` and `on_b` have the right arms.
 pub(crate) fn arrivals(
     impact: &Impact,
     a: Placed<'_>,
@@ -138,7 +144,8 @@ pub(crate) fn advanced<'a>(body: Placed<'a>, [u, w]: [Vec3; 2], time: f64) -> Pl
     moved
 }
 
-/// Two balls, or a ball and a plane that does not turn: `Some(time)` of being as near as `reach`, `Some(None)` if they never are.
+/// Two balls, or a ball and a plane that does not turn: `Some(time)` of being as near as `reach`,
+/// `Some(None)` if they never are.
 fn closed_form(
     a: Placed<'_>,
     b: Placed<'_>,
@@ -262,8 +269,8 @@ impl Pair<'_> {
         Some(time)
     }
 
-    /// How fast the parts may come nearer, m/s, during the next `remaining` seconds: along a normal that separates them,
-    /// or at all.
+    /// How fast the parts may come nearer, m/s, during the next `remaining` seconds: along a normal that
+    /// separates them, or at all.
     fn rate(&self, along: Option<Vec3>, reach: &[f64; 2], poses: &[Placed<'_>; 2], remaining: f64) -> f64 {
         let [[u_a, w_a], [u_b, w_b]] = self.velocities;
         let approach = u_a - u_b;
@@ -301,8 +308,8 @@ mod tests {
         Placed { form, position, orientation: Quat::IDENTITY }
     }
 
-    /// Time of impact, and a check that the linearised constraint lets the bodies arrive exactly: with velocities
-    /// scaled to Phi' + step u_n = 0, the poses at the end are those of the impact.
+    /// Time of impact, and a check that the linearised constraint lets the bodies arrive exactly: with
+    /// velocities scaled to Phi' + step u_n = 0, the poses at the end are those of the impact.
     fn meet(a: Placed<'_>, b: Placed<'_>, u_a: Vec3, u_b: Vec3, step: f64) -> Option<f64> {
         let impact = time_of_impact(a, b, [u_a, Vec3::ZERO], [u_b, Vec3::ZERO], step, 0.0)?;
         let arrivals = arrivals(&impact, a, b, [u_a, Vec3::ZERO], [u_b, Vec3::ZERO]);

@@ -1,10 +1,12 @@
-//! What overlapping parts of a compound have in common, so that a compound can be given the mass of the union.
+//! What overlapping parts of a compound have in common, so that a compound can be given the mass of the
+//! union.
 //!
-//! With c(p) the number of parts that hold the point p, the union is the sum of the parts less the integral of c - 1 over
-//! the points with c > 1. That integral is a closed form for two spheres that overlap nothing else (a lens: two caps), and
-//! a sum over a tree of cells otherwise: a cell whose centre is farther from every surface than its corners has one c;
-//! others are cut in eight, [`DEPTH`] times, and the smallest are sampled at [`SAMPLES`]^3 points. The tree covers the
-//! box around what the parts have in common only, so that the error is one of the common volume: below 1e-3 of it (tests).
+//! With c(p) the number of parts that hold the point p, the union is the sum of the parts less the integral
+//! of c - 1 over the points with c > 1. That integral is a closed form for two spheres that overlap nothing
+//! else (a lens: two caps), and a sum over a tree of cells otherwise: a cell whose centre is farther from
+//! every surface than its corners has one c; others are cut in eight, [`DEPTH`] times, and the smallest are
+//! sampled at [`SAMPLES`]^3 points. The tree covers the box around what the parts have in common only, so
+//! that the error is one of the common volume: below 1e-3 of it (tests).
 
 use super::distance::signed_distance;
 use super::mesh::turned_bounds;
@@ -14,7 +16,8 @@ use crate::shape::{Geometry, Part, Shape};
 use parry3d_f64::bounding_volume::Aabb;
 use std::f64::consts::PI;
 
-/// Parts overlap if they are deeper than this fraction of the smaller one's bounding radius inside each other.
+/// Parts overlap if they are deeper than this fraction of the smaller one's bounding radius inside each
+/// other.
 const TOUCHING: f64 = 1e-9;
 
 /// How often cells of the tree are halved.
@@ -66,9 +69,9 @@ pub(crate) fn outer(a: Vec3, b: Vec3) -> Mat3 {
     Mat3::from_cols(a * b.x, a * b.y, a * b.z)
 }
 
-/// What is counted more than once in the sum of the parts: the integrals of c - 1; `None` if no two parts overlap.
-/// Parts without volume (planes, meshes) do not count. Cost: pairs of parts, and for overlaps without closed form some
-/// ten thousand cells, about 0.1 s.
+/// What is counted more than once in the sum of the parts: the integrals of c - 1; `None` if no two parts
+/// overlap. Parts without volume (planes, meshes) do not count. Cost: pairs of parts, and for overlaps
+/// without closed form some ten thousand cells, about 0.1 s.
 pub(crate) fn counted_twice(parts: &[Part]) -> Option<Moments> {
     let solid: Vec<&Part> = parts.iter().filter(|part| part.shape.volume() > 0.0).collect();
     let mut pairs: Vec<[usize; 2]> = Vec::new();
@@ -134,7 +137,8 @@ fn groups(count: usize, pairs: &[[usize; 2]]) -> Vec<Vec<usize>> {
     (0..count).map(members).filter(|list| list.len() > 1).collect()
 }
 
-/// Common part of two overlapping balls: the caps cut off by the plane of their common circle, or the smaller ball.
+/// Common part of two overlapping balls: the caps cut off by the plane of their common circle, or the smaller
+/// ball.
 fn lens(a: Vec3, r_a: f64, b: Vec3, r_b: f64) -> Moments {
     let d = (b - a).length();
     if d <= (r_a - r_b).abs() {
@@ -148,7 +152,8 @@ fn lens(a: Vec3, r_a: f64, b: Vec3, r_b: f64) -> Moments {
     sum
 }
 
-/// The ball of radius r about the origin beyond height z along `axis`: discs of radius^2 r^2 - z^2, integrated.
+/// The ball of radius r about the origin beyond height z along `axis`: discs of radius^2 r^2 - z^2,
+/// integrated.
 fn cap(axis: Vec3, r: f64, z: f64) -> Moments {
     let between = |f: &dyn Fn(f64) -> f64| PI * (f(r) - f(z));
     let volume = between(&|z| r * r * z - z.powi(3) / 3.0);
@@ -208,8 +213,8 @@ fn by_cells(parts: &[&Part], boxes: impl Iterator<Item = Aabb>) -> Moments {
     sum.moved(centre)
 }
 
-/// Adds the integrals over the cell about `origin + at`, moments about `origin`. `inside` parts hold all of it, `members` may have their
-/// surface in it: a cell asks those alone that its parent could not decide.
+/// Adds the integrals over the cell about `origin + at`, moments about `origin`. `inside` parts hold all of
+/// it, `members` may have their surface in it: a cell asks those alone that its parent could not decide.
 fn add_cell(
     members: &[&Member<'_>],
     mut inside: usize,

@@ -8,11 +8,12 @@ use std::collections::HashMap;
 /// Faces and corners may lie off each other's planes by so many tolerances.
 pub(super) const PLAY: f64 = 20.0;
 
-/// The hull with triangles joined whose corners lie in one plane within four tolerances; `None` if no hull of plane convex polygons that
-/// holds all points within [`PLAY`] tolerances comes of it. With a tolerance of zero no triangles are joined.
+/// The hull with triangles joined whose corners lie in one plane within four tolerances; `None` if no hull of
+/// plane convex polygons that holds all points within [`PLAY`] tolerances comes of it. With a tolerance of
+/// zero no triangles are joined.
 ///
-/// Corners between fewer than three faces lie in the middle of a face or an edge and are left out; the hull of the others is taken
-/// again, until there are no such corners.
+/// Corners between fewer than three faces lie in the middle of a face or an edge and are left out; the hull
+/// of the others is taken again, until there are no such corners.
 pub(super) fn join(points: &[Vec3], triangles: &[[usize; 3]], tolerance: f64, play: f64) -> Option<Hull> {
     let mut triangles = triangles.to_vec();
     let (kept, faces) = loop {
@@ -45,8 +46,8 @@ pub(super) fn join(points: &[Vec3], triangles: &[[usize; 3]], tolerance: f64, pl
         .then_some(hull)
 }
 
-/// Normals and borders of the plane regions of a surface: each grows from the largest triangle that is left, over neighbours whose
-/// corners are within a height of its plane.
+/// Normals and borders of the plane regions of a surface: each grows from the largest triangle that is left,
+/// over neighbours whose corners are within a height of its plane.
 fn polygons(points: &[Vec3], triangles: &[[usize; 3]], height: f64) -> Option<Vec<(Vec3, Vec<usize>)>> {
     let mut owner: HashMap<[usize; 2], usize> = HashMap::new();
     for (k, &corners) in triangles.iter().enumerate() {
@@ -102,7 +103,8 @@ fn simple_loop(edges: &[[usize; 2]]) -> Option<Vec<usize>> {
     (at == first && around.len() == edges.len()).then_some(around)
 }
 
-/// The hull of polygons around points, with its edges; `None` unless every edge has two faces and Euler's formula holds.
+/// The hull of polygons around points, with its edges; `None` unless every edge has two faces and Euler's
+/// formula holds.
 fn assembled(points: &[Vec3], kept: &[usize], faces: &[(Vec3, Vec<usize>)]) -> Option<Hull> {
     let mut number = vec![u32::MAX; points.len()];
     for (&p, k) in kept.iter().zip(0..) {

@@ -1,7 +1,7 @@
-//! The hull of points as triangles, by incremental insertion of the farthest point. Whether a point lies outside of a triangle is decided
-//! exactly (J. R. Shewchuk, "Adaptive precision floating-point arithmetic and fast robust geometric predicates", Discrete &
-//! Computational Geometry 18(3):305-363, 1997), so that what a point sees is always one region with one loop around it, however close
-//! to a plane points lie.
+//! The hull of points as triangles, by incremental insertion of the farthest point. Whether a point lies
+//! outside of a triangle is decided exactly (J. R. Shewchuk, "Adaptive precision floating-point arithmetic
+//! and fast robust geometric predicates", Discrete & Computational Geometry 18(3):305-363, 1997), so that
+//! what a point sees is always one region with one loop around it, however close to a plane points lie.
 
 use crate::math::Vec3;
 use robust::{Coord3D, orient3d};
@@ -40,8 +40,9 @@ pub(super) fn edges([a, b, c]: [usize; 3]) -> [[usize; 2]; 3] {
     [[a, b], [b, c], [c, a]]
 }
 
-/// The triangles of the hull, counter-clockwise seen from outside; `None` if the points lie in a plane within the tolerance.
-/// With a bound of its corners the point farthest outside of all is always the next, until there are so many.
+/// The triangles of the hull, counter-clockwise seen from outside; `None` if the points lie in a plane within
+/// the tolerance. With a bound of its corners the point farthest outside of all is always the next, until
+/// there are so many.
 pub(super) fn triangulate(
     points: &[Vec3],
     tolerance: f64,
@@ -99,8 +100,8 @@ pub(super) fn triangulate(
     Some(triangles.into_iter().filter(|t| t.alive).map(|t| t.corners).collect())
 }
 
-/// The triangle to be replaced, and the point farthest outside of it: the first triangle at or behind `begin`, which
-/// moves on to it, that has points outside, or the one whose point lies `farthest` outside.
+/// The triangle to be replaced, and the point farthest outside of it: the first triangle at or behind
+/// `begin`, which moves on to it, that has points outside, or the one whose point lies `farthest` outside.
 fn next_point(
     points: &[Vec3],
     triangles: &[Triangle],

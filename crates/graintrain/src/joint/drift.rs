@@ -4,9 +4,10 @@
 //! min 1/2 dq^T M dq   subject to   Phi(q + dq) = 0
 //! ```
 //!
-//! by Newton's method, a few times at most; for stops that were run over likewise. The displacement leaves no velocity, so that no energy
-//! comes of it but what bodies gain against gravity, which is reported ([`crate::step_report::StepReport::correction_energy`]). Bodies that
-//! overlap were moved before, each for itself: that is what opens joints by more than rounding.
+//! by Newton's method, a few times at most; for stops that were run over likewise. The displacement leaves no
+//! velocity, so that no energy comes of it but what bodies gain against gravity, which is reported
+//! ([`crate::step_report::StepReport::correction_energy`]). Bodies that overlap were moved before, each for
+//! itself: that is what opens joints by more than rounding.
 
 use super::elimination::Elimination;
 use super::kinematics::{Near, Row, coordinate, held};
@@ -18,14 +19,15 @@ use crate::world::World;
 /// Corrections of one step.
 const ITERATIONS: usize = 4;
 
-/// A body is moved by no more than so many times the largest opening of its mechanism: near a dead point, where little opening asks for
-/// boundless motion, the rest is left to later steps.
+/// A body is moved by no more than so many times the largest opening of its mechanism: near a dead point,
+/// where little opening asks for boundless motion, the rest is left to later steps.
 const REACH: f64 = 100.0;
 
 /// Openings over the joint's length that are left alone.
 const CLOSED: f64 = 1e-13;
 
-/// The rows of a joint that are open by more than rounding, or run over; all of those that it holds if one of them is.
+/// The rows of a joint that are open by more than rounding, or run over; all of those that it holds if one of
+/// them is.
 fn open_rows(world: &World, joint: usize, near: &Near) -> (Vec<Row>, bool) {
     let poses = |body: usize| world.pose(body);
     let length = length_of(world, joint);
@@ -62,8 +64,8 @@ pub(super) fn opening(world: &World, joint: usize, near: &Near) -> f64 {
 /// A joint that is open by more than this share of its length does not hold.
 const OPEN: f64 = 1e-3;
 
-/// How far joints between bodies that can move are open at the most, m, and the joint that does not hold, if there is one: that with the largest opening over
-/// its length.
+/// How far joints between bodies that can move are open at the most, m, and the joint that does not hold, if
+/// there is one: that with the largest opening over its length.
 pub(crate) fn openings(world: &World) -> (f64, Option<usize>) {
     let (mut most, mut worst) = (0.0_f64, (OPEN, None));
     for joint in connected(world).into_iter().flat_map(|(_, joints)| joints) {
@@ -77,7 +79,8 @@ pub(crate) fn openings(world: &World) -> (f64, Option<usize>) {
     (most, worst.1)
 }
 
-/// Closes the joints of a world after a step in which they did this; returned is the displacement (translation in m and turn in rad, six numbers per body), if there was one.
+/// Closes the joints of a world after a step in which they did this; returned is the displacement
+/// (translation in m and turn in rad, six numbers per body), if there was one.
 pub(crate) fn close(world: &mut World, states: &[JointState], step: f64) -> Option<Vec<f64>> {
     let mut total: Option<Vec<f64>> = None;
     for _ in 0..ITERATIONS {

@@ -1,21 +1,23 @@
 //! Direct elimination of bilateral rows.
 //!
-//! For rows B (m x n, each of length one) this holds the orthogonal factorisation with pivoting of its transpose,
+//! For rows B (m x n, each of length one) this holds the orthogonal factorisation with pivoting of its
+//! transpose,
 //!
 //! ```text
 //! B^T P = Q [ R11 R12 ]      R11 upper triangular of the rank of B
 //!           [  0   0  ]
 //! ```
 //!
-//! with which the nearest point to a given one on { z : B z = b }, the multipliers of the rows, and a basis of the motions that the rows
-//! leave free are found without forming B B^T, whose condition is the square: light and heavy bodies in one chain keep their digits. Rows
-//! that repeat others (a plane linkage of hinges has three of them in every loop) are found by the rank, and multipliers are the shortest
-//! ones.
+//! with which the nearest point to a given one on { z : B z = b }, the multipliers of the rows, and a basis
+//! of the motions that the rows leave free are found without forming B B^T, whose condition is the square:
+//! light and heavy bodies in one chain keep their digits. Rows that repeat others (a plane linkage of hinges
+//! has three of them in every loop) are found by the rank, and multipliers are the shortest ones.
 //!
 //! Cost: about 2 n m^2 flops; meant for mechanisms of up to a few dozen bodies.
 //!
-//! Source: G. H. Golub, C. F. Van Loan, "Matrix Computations", 4th edition, 2013, sections 5.4 and 5.5 (complete orthogonal decomposition);
-//! for mechanisms: M. Géradin, A. Cardona, "Flexible Multibody Dynamics", 2001, chapter on null-space elimination.
+//! Source: G. H. Golub, C. F. Van Loan, "Matrix Computations", 4th edition, 2013, sections 5.4 and 5.5
+//! (complete orthogonal decomposition); for mechanisms: M. Géradin, A. Cardona, "Flexible Multibody
+//! Dynamics", 2001, chapter on null-space elimination.
 
 /// Rows whose part beyond those before them is shorter than this repeat them.
 const DEPENDENT: f64 = 1e-11;
@@ -181,7 +183,8 @@ mod tests {
         (0..count).map(|_| (0..length).map(|_| random.random_range(-1.0..1.0)).collect()).collect()
     }
 
-    /// Projection, multipliers and free motions by their definitions, with and without rows that repeat others.
+    /// Projection, multipliers and free motions by their definitions, with and without rows that repeat
+    /// others.
     #[test]
     fn projections_obey_their_optimality_conditions() {
         for (independent, repeated, length) in [(4, 0, 9), (5, 3, 9), (7, 0, 7), (1, 4, 3), (0, 2, 4)] {

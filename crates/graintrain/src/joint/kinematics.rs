@@ -10,7 +10,8 @@
 //! angle:                             atan2(t1_B . t2_A, t1_B . t1_A) + whole turns
 //! ```
 //!
-//! Forces of a translation row act on both bodies in one point, x_B: they make no torque of their own. Those of a distance act at its ends.
+//! Forces of a translation row act on both bodies in one point, x_B: they make no torque of their own. Those
+//! of a distance act at its ends.
 
 use super::{Coordinate, JointKind, PlacedJoint};
 use crate::math::{Quat, Vec3, tangents};
@@ -162,8 +163,8 @@ pub(crate) fn last(joints: &[PlacedJoint]) -> impl Fn(usize) -> f64 + '_ {
     |joint| joints[joint].state.coordinate
 }
 
-/// The rows that a joint holds at zero. A distance and a gear hold theirs at [`PlacedJoint::start`]; angles are those within half a turn
-/// of what `near` says of their joints.
+/// The rows that a joint holds at zero. A distance and a gear hold theirs at [`PlacedJoint::start`]; angles
+/// are those within half a turn of what `near` says of their joints.
 pub(crate) fn held(joints: &[PlacedJoint], joint: usize, poses: &Poses, near: &Near) -> Vec<Row> {
     let own = &joints[joint];
     if let JointKind::Gear { .. } = own.joint.kind {
@@ -198,7 +199,8 @@ pub(crate) fn held(joints: &[PlacedJoint], joint: usize, poses: &Poses, near: &N
     rows
 }
 
-/// The coordinate of a joint, if it has one, with angles within half a turn of what `near` says of their joints.
+/// The coordinate of a joint, if it has one, with angles within half a turn of what `near` says of their
+/// joints.
 pub(crate) fn coordinate(joints: &[PlacedJoint], joint: usize, poses: &Poses, near: &Near) -> Option<Row> {
     let own = &joints[joint];
     let placed = || Placed::of(own, poses);

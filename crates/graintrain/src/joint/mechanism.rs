@@ -6,22 +6,26 @@
 //! v+ = v* + M^-1 (D g + J^T lambda),      (Phi(q (+) dt v+) - Phi(q)) / dt = w
 //! ```
 //!
-//! with the velocities v* of free bodies, contact impulses g, positions q moved by v+ as the step moves them (q (+) dt v), and rates w that are
-//! zero but for motors and stops. The difference of positions rather than `J v+ = w` keeps bodies on their path to second order, and in a
-//! conservative mechanism the energy (SHAKE); it is reached by a few corrections of the right-hand side of `J v+ = w + beta`. What is
-//! left, or was there before, is removed by displacements ([`super::drift`]) and never by velocities.
+//! with the velocities v* of free bodies, contact impulses g, positions q moved by v+ as the step moves them
+//! (q (+) dt v), and rates w that are zero but for motors and stops. The difference of positions rather than
+//! `J v+ = w` keeps bodies on their path to second order, and in a conservative mechanism the energy (SHAKE);
+//! it is reached by a few corrections of the right-hand side of `J v+ = w + beta`. What is left, or was there
+//! before, is removed by displacements ([`super::drift`]) and never by velocities.
 //!
-//! First-order methods need as many iterations as a chain has links, and more where light bodies carry heavy ones. So the rows are eliminated
-//! (see [`super::elimination`]): contacts see the mechanism's common inverse mass `W = M^-1 - M^-1 J^T (J M^-1 J^T)^-1 J M^-1`
-//! ([`graintrain_ccp::CoupledBodies`]), and any contact solver solves contacts alone, with joints exact in every iterate.
+//! First-order methods need as many iterations as a chain has links, and more where light bodies carry heavy
+//! ones. So the rows are eliminated (see [`super::elimination`]): contacts see the mechanism's common inverse
+//! mass `W = M^-1 - M^-1 J^T (J M^-1 J^T)^-1 J M^-1` ([`graintrain_ccp::CoupledBodies`]), and any contact
+//! solver solves contacts alone, with joints exact in every iterate.
 //!
-//! Motors with a limit and stops are one-sided: each is either a row or a known impulse, and changes from one to the other until all
-//! agree with their impulses and rates (active sets); mostly they are what they were in the last step. Springs and dampers are rows with a
-//! compliance, `ds/dt + C g = c_0`, each with a column of its own.
+//! Motors with a limit and stops are one-sided: each is either a row or a known impulse, and changes from one
+//! to the other until all agree with their impulses and rates (active sets); mostly they are what they were
+//! in the last step. Springs and dampers are rows with a compliance, `ds/dt + C g = c_0`, each with a column
+//! of its own.
 //!
-//! Source: J.-P. Ryckaert, G. Ciccotti, H. J. C. Berendsen, "Numerical integration of the Cartesian equations of motion of a system with
-//! constraints", Journal of Computational Physics 23:327-341, 1977; B. Leimkuhler, R. Skeel, "Symplectic numerical integrators in
-//! constrained Hamiltonian systems", Journal of Computational Physics 112:117-125, 1994.
+//! Source: J.-P. Ryckaert, G. Ciccotti, H. J. C. Berendsen, "Numerical integration of the Cartesian equations
+//! of motion of a system with constraints", Journal of Computational Physics 23:327-341, 1977; B. Leimkuhler,
+//! R. Skeel, "Symplectic numerical integrators in constrained Hamiltonian systems", Journal of Computational
+//! Physics 112:117-125, 1994.
 
 mod reactions;
 mod switching;
@@ -53,7 +57,8 @@ enum Role {
     Motor,
     Stop,
     Spring,
-    /// Across a taut rod, of this number: its ends are held by its tension as by a spring ([`super::stiffening`]).
+    /// Across a taut rod, of this number: its ends are held by its tension as by a spring
+    /// ([`super::stiffening`]).
     Taut(usize),
 }
 
@@ -135,8 +140,8 @@ pub(crate) struct Mechanisms<'a> {
 }
 
 impl<'a> Mechanisms<'a> {
-    /// The joints of a step from the velocities `before` it, with those that bodies would have without joints and contacts (six per body).
-    /// `masses` are those of the bodies by themselves, with drag.
+    /// The joints of a step from the velocities `before` it, with those that bodies would have without joints
+    /// and contacts (six per body). `masses` are those of the bodies by themselves, with drag.
     pub(crate) fn new(
         world: &'a World,
         masses: &[BodyInverseMass],
@@ -542,7 +547,8 @@ impl Mechanism {
         Stiffening::new(motions, turns, &self.swings, &rods)
     }
 
-    /// What acts under these multipliers: joint, row, impulse, and whether the joint holds by it; known impulses of motors after the rows.
+    /// What acts under these multipliers: joint, row, impulse, and whether the joint holds by it; known
+    /// impulses of motors after the rows.
     fn exerted(&self, impulse: &[f64]) -> impl Iterator<Item = (usize, &Row, f64, bool)> {
         let holds = |role: Role| matches!(role, Role::Held(_) | Role::Taut(_));
         let rows = self.rows.iter().zip(impulse);
@@ -595,8 +601,9 @@ impl Mechanism {
     }
 }
 
-/// The common inverse masses in an impact: forces that are finite have no time to act, joints and motors without limit hold. `velocity` becomes what
-/// these let the bodies have: that of the middle of the last step does not lie along them where they are now.
+/// The common inverse masses in an impact: forces that are finite have no time to act, joints and motors
+/// without limit hold. `velocity` becomes what these let the bodies have: that of the middle of the last step
+/// does not lie along them where they are now.
 pub(crate) fn coupled_in_impacts(world: &World, velocity: &mut [f64], step: f64) -> Vec<CoupledBodies> {
     let masses = inverse_mass(world);
     let mut all = Mechanisms::build(world, &masses, (&*velocity, velocity.to_vec()), step, |_| Vec3::ZERO);

@@ -1,6 +1,7 @@
 //! Joints: what holds bodies together besides contact.
 //!
-//! A joint ties a place on body B to a place on body A (or the world) by bilateral rows, whose impulses have any sign. Rows of a joint:
+//! A joint ties a place on body B to a place on body A (or the world) by bilateral rows, whose impulses have
+//! any sign. Rows of a joint:
 //!
 //! | kind | held | free |
 //! |---|---|---|
@@ -12,8 +13,8 @@
 //! | distance | the distance of two points | everything else; the distance too, where a spring, a motor or limits act on it |
 //! | gear | the coordinate of a second joint is a multiple of that of a first | |
 //!
-//! The coordinate s of a joint (angle, slide or distance; B relative to A) may have a [`Motor`], a [`Spring`] and [`Limits`]. How the rows
-//! are solved is in `mechanism`, their geometry in `kinematics`.
+//! The coordinate s of a joint (angle, slide or distance; B relative to A) may have a [`Motor`], a [`Spring`]
+//! and [`Limits`]. How the rows are solved is in `mechanism`, their geometry in `kinematics`.
 
 pub(crate) mod drift;
 pub(crate) mod elimination;
@@ -65,13 +66,15 @@ pub enum JointKind {
         /// Its centre, m.
         point: Vec3,
     },
-    /// A rod without mass between two points; with limits alone a rope, with a spring a spring, with a motor an actuator.
+    /// A rod without mass between two points; with limits alone a rope, with a spring a spring, with a motor
+    /// an actuator.
     Distance {
         /// Its ends on A and on B, m.
         ends: [Vec3; 2],
     },
-    /// Coordinate of the second joint = ratio x coordinate of the first + a constant: gears (ratio negative where they turn against each
-    /// other), a rack and its pinion (ratio in m/rad). Its bodies are those of both joints.
+    /// Coordinate of the second joint = ratio x coordinate of the first + a constant: gears (ratio negative
+    /// where they turn against each other), a rack and its pinion (ratio in m/rad). Its bodies are those of
+    /// both joints.
     Gear {
         /// The two joints, each with a coordinate.
         joints: [JointId; 2],
@@ -91,11 +94,12 @@ pub enum Coordinate {
     Slide,
 }
 
-/// What drives the coordinate of a joint: the force (N; torque, N m, on angles) on B along it, and the other way on A.
+/// What drives the coordinate of a joint: the force (N; torque, N m, on angles) on B along it, and the other
+/// way on A.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Motor {
-    /// Keeps a speed (m/s or rad/s) with whatever force that takes, up to a limit where there is one. Speed 0 with a limit is dry
-    /// friction in the joint.
+    /// Keeps a speed (m/s or rad/s) with whatever force that takes, up to a limit where there is one. Speed 0
+    /// with a limit is dry friction in the joint.
     Speed {
         /// Speed as a function of time; steps take its mean.
         speed: Profile,
@@ -106,15 +110,17 @@ pub enum Motor {
     Force(Profile),
 }
 
-/// A linear spring with a damper: force -k (s - rest) - c ds/dt on B along the coordinate. Stable for any step: the spring takes the mean
-/// (s- + 2 s + s+) / 4 over three steps, which keeps its energy; the damper the rate at the end of the step.
+/// A linear spring with a damper: force -k (s - rest) - c ds/dt on B along the coordinate. Stable for any
+/// step: the spring takes the mean (s- + 2 s + s+) / 4 over three steps, which keeps its energy; the damper
+/// the rate at the end of the step.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Spring {
     /// k, N/m or N m/rad, not negative.
     pub stiffness: f64,
     /// c, N s/m or N m s/rad, not negative.
     pub damping: f64,
-    /// Coordinate without force, m or rad, as a function of time; `None`: where the joint is when it is added.
+    /// Coordinate without force, m or rad, as a function of time; `None`: where the joint is when it is
+    /// added.
     pub rest: Option<Profile>,
 }
 
@@ -336,18 +342,21 @@ impl Joint {
 /// What a joint did in the last step.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct JointState {
-    /// Coordinate, m or rad; angles count whole turns. Of a gear the second joint's less ratio times the first's.
+    /// Coordinate, m or rad; angles count whole turns. Of a gear the second joint's less ratio times the
+    /// first's.
     pub coordinate: f64,
     /// Its rate in the last step, m/s or rad/s.
     pub rate: f64,
-    /// Force on B at the joint's point (that on B) in the last step, world axes, N, of all rows: motor and spring included.
+    /// Force on B at the joint's point (that on B) in the last step, world axes, N, of all rows: motor and
+    /// spring included.
     pub force: Vec3,
     /// Torque on B about that point, N m.
     pub torque: Vec3,
     /// Force of motor, spring and limits along the coordinate, N or N m; of a gear that on the second joint.
     pub drive: f64,
-    /// How far it is open at the end of the step, m: the largest value of the rows that it holds and the way beyond its limits, angles times the joint's
-    /// length (the longer of its arms and its bodies' radii of gyration).
+    /// How far it is open at the end of the step, m: the largest value of the rows that it holds and the way
+    /// beyond its limits, angles times the joint's length (the longer of its arms and its bodies' radii of
+    /// gyration).
     pub opening: f64,
     /// Whether the motor was at its limit: sign of the force.
     pub(crate) saturated: i8,
@@ -376,11 +385,12 @@ pub struct PlacedJoint {
 }
 
 impl World {
-    /// Adds a joint, which holds from the next step on, where its bodies are now. Angle and slide are zero here.
+    /// Adds a joint, which holds from the next step on, where its bodies are now. Angle and slide are zero
+    /// here.
     ///
     /// # Errors
-    /// [`ModelError`] for bodies that do not exist or cannot move, an axis without direction, a motor, spring or limits that the kind of
-    /// joint has no coordinate for, or a number out of its range.
+    /// [`ModelError`] for bodies that do not exist or cannot move, an axis without direction, a motor, spring
+    /// or limits that the kind of joint has no coordinate for, or a number out of its range.
     pub fn add_joint(&mut self, joint: Joint) -> Result<JointId, ModelError> {
         let index = self.joints.len();
         joint.validate(&joint.label(index), self, index)?;
@@ -442,7 +452,8 @@ impl World {
         (self.bodies.position[body], self.bodies.orientation[body])
     }
 
-    /// About what coordinates joints have after a step in which they did this: however far they turn in it, within half a turn.
+    /// About what coordinates joints have after a step in which they did this: however far they turn in it,
+    /// within half a turn.
     pub(crate) fn expected_coordinates(
         &self,
         states: &[JointState],
@@ -481,7 +492,8 @@ impl World {
         Ok(())
     }
 
-    /// Removes the joints of bodies that are gone, and gears of joints that are; the others follow their bodies.
+    /// Removes the joints of bodies that are gone, and gears of joints that are; the others follow their
+    /// bodies.
     pub(crate) fn keep_joints(&mut self, new_index: &[Option<BodyId>]) {
         let mut kept: Vec<Option<JointId>> = Vec::new();
         for mut placed in std::mem::take(&mut self.joints) {

@@ -35,7 +35,8 @@ impl Root {
         Self { linear: Vec3::from_array(inverse.linear.map(f64::sqrt)), angular }
     }
 
-    /// The root of (M + kappa)^-1 with a stiffness kappa (positive semidefinite) of rotations: S L^-T with L L^T = 1 + S^T kappa S.
+    /// The root of (M + kappa)^-1 with a stiffness kappa (positive semidefinite) of rotations: S L^-T with L
+    /// L^T = 1 + S^T kappa S.
     pub(super) fn with(&self, stiffness: Mat3) -> Self {
         let stiffened = Mat3::IDENTITY + self.angular.transpose() * stiffness * self.angular;
         let lower =
@@ -53,7 +54,8 @@ impl Root {
         [self.linear * f, self.angular.transpose() * m]
     }
 
-    /// The trace of S^T K S over the rotations: above the square of the rate, 1/s^2, of any swing of the body alone.
+    /// The trace of S^T K S over the rotations: above the square of the rate, 1/s^2, of any swing of the body
+    /// alone.
     pub(super) fn turned(&self, stiffness: Mat3) -> f64 {
         let product = self.angular.transpose() * stiffness * self.angular;
         product.x_axis.x + product.y_axis.y + product.z_axis.z

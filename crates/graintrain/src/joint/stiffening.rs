@@ -1,37 +1,43 @@
-//! Bodies that hang in joints under load swing about them: a heavy weight on a light chain makes it stiff across, as a taut string is.
+//! Bodies that hang in joints under load swing about them: a heavy weight on a light chain makes it stiff
+//! across, as a taut string is.
 //!
-//! The force F of a joint on a body, r from its centre, turns against a rotation theta across r with the torque -K theta,
+//! The force F of a joint on a body, r from its centre, turns against a rotation theta across r with the
+//! torque -K theta,
 //!
 //! ```text
 //! K = max(r . F, 0) (1 - r r^T / |r|^2)
 //! ```
 //!
-//! (geometric stiffness; what drives away is left out, and so is what F has across r, which has no part in a rotation about r: the twist of a link stays
-//! free). Joints act in the places where bodies are when a step begins; the swing about them is stable as long as dt times its rate is below 2. A chain of
-//! links of 0.1 kg with a weight of 100 t swings ten times as fast. So swings take the mean of the torque over three steps, as springs do
-//! ([`super::Spring`]): with kappa = dt^2 K / 4 of every body, and v* without,
+//! (geometric stiffness; what drives away is left out, and so is what F has across r, which has no part in a
+//! rotation about r: the twist of a link stays free). Joints act in the places where bodies are when a step
+//! begins; the swing about them is stable as long as dt times its rate is below 2. A chain of links of 0.1 kg
+//! with a weight of 100 t swings ten times as fast. So swings take the mean of the torque over three steps,
+//! as springs do ([`super::Spring`]): with kappa = dt^2 K / 4 of every body, and v* without,
 //!
 //! ```text
 //! (M + kappa) (v+ - v-) = M (v* - v-) + J^T lambda + D g
 //! ```
 //!
-//! which is a mechanism of bodies with more inertia: what the joints, motors and contacts of a step see. It keeps energy and is stable for any load and step.
-//! The ends of a rod of length l that bears the tension T are held across it by T / l in the same way, as by a spring between them.
-//! Mechanisms whose swings the step resolves are left alone. The forces are those of the same step, found with it (`Mechanisms::restiffen`).
+//! which is a mechanism of bodies with more inertia: what the joints, motors and contacts of a step see. It
+//! keeps energy and is stable for any load and step. The ends of a rod of length l that bears the tension T
+//! are held across it by T / l in the same way, as by a spring between them. Mechanisms whose swings the step
+//! resolves are left alone. The forces are those of the same step, found with it (`Mechanisms::restiffen`).
 //!
-//! Swings far beyond the step would keep for ever what the first step under a new load gave them, and their least change of direction works
-//! against the whole load. In the motions Y that joints leave free, `Y^T (M + kappa) Y = 1` and `S = Y^T kappa Y` (between 0, resolved, and 1), they are damped by
+//! Swings far beyond the step would keep for ever what the first step under a new load gave them, and their
+//! least change of direction works against the whole load. In the motions Y that joints leave free,
+//! `Y^T (M + kappa) Y = 1` and `S = Y^T kappa Y` (between 0, resolved, and 1), they are damped by
 //!
 //! ```text
 //! Y^T (M + kappa) (v+ - v) = -S^4 Y^T kappa (3 v+ + v-)
 //! ```
 //!
-//! with v from the equation before: where S is 1 this is implicit Euler, and the swing is over in one step. A swing, or a bob whirled on a joint, with dt
-//! times its rate of 0.5 loses 1e-6 of itself in a step, one of 1 6e-4, one of 2 6 %.
+//! with v from the equation before: where S is 1 this is implicit Euler, and the swing is over in one step. A
+//! swing, or a bob whirled on a joint, with dt times its rate of 0.5 loses 1e-6 of itself in a step, one of 1
+//! 6e-4, one of 2 6 %.
 //!
-//! Source: M. Tournier, M. Nesme, B. Gilles, F. Faure, "Stable constrained dynamics", ACM Transactions on Graphics 34(4):132, 2015, there
-//! with an implicit step, which damps; the mean: N. M. Newmark, "A method of computation for structural dynamics", Journal of the
-//! Engineering Mechanics Division 85(3):67-94, 1959.
+//! Source: M. Tournier, M. Nesme, B. Gilles, F. Faure, "Stable constrained dynamics", ACM Transactions on
+//! Graphics 34(4):132, 2015, there with an implicit step, which damps; the mean: N. M. Newmark, "A method of
+//! computation for structural dynamics", Journal of the Engineering Mechanics Division 85(3):67-94, 1959.
 
 use crate::math::{Mat3, Vec3};
 
@@ -108,8 +114,9 @@ fn product(a: &[f64], b: &[f64], degrees: usize) -> Vec<f64> {
 }
 
 impl Stiffening {
-    /// With the free motions, their turns (rad/s per unit, one per body), kappa of every body and the coordinates of taut rods. `None` where the step resolves all swings. Cost: a few
-    /// products of square matrices of as many rows as there are motions.
+    /// With the free motions, their turns (rad/s per unit, one per body), kappa of every body and the
+    /// coordinates of taut rods. `None` where the step resolves all swings. Cost: a few products of square
+    /// matrices of as many rows as there are motions.
     pub(super) fn new(
         motions: Vec<Vec<f64>>,
         turns: Vec<Vec<Vec3>>,
@@ -158,7 +165,8 @@ mod tests {
     use super::*;
     use crate::math::rotation_exponential;
 
-    /// Against the torque of a force on a body that is turned: all of it for a force along the arm, none for one that pushes, and none about the arm.
+    /// Against the torque of a force on a body that is turned: all of it for a force along the arm, none for
+    /// one that pushes, and none about the arm.
     #[test]
     fn the_stiffness_is_what_a_small_turn_shows() {
         let arm = Vec3::new(0.3, 0.1, 0.5);
@@ -174,13 +182,15 @@ mod tests {
         assert!((oblique * arm).length() < 1e-15 * oblique.x_axis.length());
     }
 
-    /// One swing of this rate (dt = 1) without damping: the velocity after a step from place q and velocity v, and its motion with unit inertia.
+    /// One swing of this rate (dt = 1) without damping: the velocity after a step from place q and velocity
+    /// v, and its motion with unit inertia.
     fn swing(rate: f64, q: f64, v: f64) -> (f64, f64) {
         let swings = 0.25 * rate * rate;
         (v - rate * rate * q / (1.0 + swings), 1.0 / (1.0 + swings).sqrt())
     }
 
-    /// What a step makes of one swing keeps its energy where the step resolves it, and ends it where it does not.
+    /// What a step makes of one swing keeps its energy where the step resolves it, and ends it where it does
+    /// not.
     #[test]
     fn fast_swings_are_damped_and_slow_ones_are_not() {
         for (rate, loss) in [(0.5_f64, 2e-6_f64), (1.0, 1e-3), (2.0, 0.1), (1e3, 1.0)] {

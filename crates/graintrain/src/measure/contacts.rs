@@ -1,4 +1,5 @@
-//! Contacts that carry force: how many per body, how many slide, where they point, how forces are distributed.
+//! Contacts that carry force: how many per body, how many slide, where they point, how forces are
+//! distributed.
 
 use crate::collide::union::outer;
 use crate::contact::Contact;
@@ -10,8 +11,8 @@ use std::collections::HashSet;
 /// Contacts count as loaded above this fraction of the mean normal impulse.
 const LOADED: f64 = 1e-6;
 
-/// Part of the largest admissible tangential force above which a contact counts as sliding: the solver reaches the surface of the cone
-/// only to its tolerance.
+/// Part of the largest admissible tangential force above which a contact counts as sliding: the solver
+/// reaches the surface of the cone only to its tolerance.
 const SLIDING: f64 = 0.999;
 
 /// Both bodies of a contact, where the force acts on each, and the force on each, given that on A.
@@ -54,14 +55,15 @@ pub struct Coordination {
     pub mean_without_rattlers: f64,
     /// Share of the loaded contacts whose friction is used up.
     pub sliding: f64,
-    /// Components of loaded contact forces less equations of motion of the bodies that are no rattlers (a sliding contact has one
-    /// component, others three; balls without friction have three equations; moments of rolling friction are not counted): above zero
-    /// forces are not unique. In a part of a packing contacts with what is outside count whole.
+    /// Components of loaded contact forces less equations of motion of the bodies that are no rattlers (a
+    /// sliding contact has one component, others three; balls without friction have three equations; moments
+    /// of rolling friction are not counted): above zero forces are not unique. In a part of a packing
+    /// contacts with what is outside count whole.
     pub hyperstaticity: i64,
 }
 
-/// Coordination of the bodies that are meant. A rattler has fewer than `least` neighbours that hold it (4 where there is no friction, 2
-/// with it: one contact holds nothing), found again until nothing changes.
+/// Coordination of the bodies that are meant. A rattler has fewer than `least` neighbours that hold it (4
+/// where there is no friction, 2 with it: one contact holds nothing), found again until nothing changes.
 pub fn coordination(world: &World, selected: &[bool], least: usize) -> Coordination {
     let set = &world.contacts;
     let loaded = loaded(world);
@@ -131,7 +133,8 @@ pub fn coordination(world: &World, selected: &[bool], least: usize) -> Coordinat
     }
 }
 
-/// The fabric tensor: the mean of n n^T over the loaded contacts of the bodies that are meant; NaN where there are none.
+/// The fabric tensor: the mean of n n^T over the loaded contacts of the bodies that are meant; NaN where
+/// there are none.
 pub fn fabric(world: &World, selected: &[bool]) -> Mat3 {
     let loaded = loaded(world);
     let chosen = |c: &Contact| selected[c.body_a as usize] || selected[c.body_b as usize];
@@ -142,8 +145,8 @@ pub fn fabric(world: &World, selected: &[bool]) -> Mat3 {
     sum * (1.0 / f64::from(count))
 }
 
-/// The invariant sqrt(3/2 A:A) of A = 15/2 (F - 1/3): amplitude of the second-order distribution of contact normals (Kanatani 1984);
-/// zero where they point everywhere alike.
+/// The invariant sqrt(3/2 A:A) of A = 15/2 (F - 1/3): amplitude of the second-order distribution of contact
+/// normals (Kanatani 1984); zero where they point everywhere alike.
 pub fn anisotropy(fabric: &Mat3) -> f64 {
     let a = (*fabric - Mat3::from_diagonal(Vec3::splat(1.0 / 3.0))) * 7.5;
     (1.5 * a.to_cols_array().iter().map(|x| x * x).sum::<f64>()).sqrt()
@@ -195,8 +198,8 @@ pub fn force_statistics(forces: &[f64]) -> ForceStatistics {
     }
 }
 
-/// Probability density of f / mean(f) in equal bins from 0 to `most`; what lies above is left out, so that the densities times the width
-/// sum to the share below.
+/// Probability density of f / mean(f) in equal bins from 0 to `most`; what lies above is left out, so that
+/// the densities times the width sum to the share below.
 pub fn force_histogram(forces: &[f64], bins: usize, most: f64) -> Vec<f64> {
     let mean = force_statistics(forces).mean;
     let (mut density, width) = (vec![0.0; bins], most / bins as f64);

@@ -33,18 +33,22 @@ pub fn energies(world: &World, selected: &[bool]) -> Energies {
     sum
 }
 
-/// What changed the kinetic energy of the bodies with a dynamic degree of freedom, J, in a step or summed over many:
+/// What changed the kinetic energy of the bodies with a dynamic degree of freedom, J, in a step or summed
+/// over many:
 ///
 /// ```text
 /// K+ - K- = gravity + loads + drives + joints - friction - normal + rest
 /// ```
 ///
-/// With the impulses g of a step, v = (v- + v+) / 2 for dynamic degrees of freedom and the prescribed velocity for others, the terms are dt m g . v, dt f . v,
-/// -(D g + J^T lambda) . v over the prescribed degrees, (J^T lambda) . v of joints over all, and -g_t . (D^T v)_t and -g_n (D^T v)_n over all contacts, impacts included. For balls this is an
-/// identity: the rest is rounding. For other bodies it is what their turning in the step adds (the gyroscopic term). What the inertia of a body that is driven in
-/// some degrees takes, (v- + v+) / 2 . M (v+ - v-) over these, is work of the drive. In a periodic cell that deforms K is that of velocities relative to the deformation, and what the
-/// deformation gives them, with and without contacts, counts as work of drives. Overlap is removed by displacements, which change no velocity: the energy
-/// that this gives to bodies against gravity is counted apart.
+/// With the impulses g of a step, v = (v- + v+) / 2 for dynamic degrees of freedom and the prescribed
+/// velocity for others, the terms are dt m g . v, dt f . v, -(D g + J^T lambda) . v over the prescribed
+/// degrees, (J^T lambda) . v of joints over all, and -g_t . (D^T v)_t and -g_n (D^T v)_n over all contacts,
+/// impacts included. For balls this is an identity: the rest is rounding. For other bodies it is what their
+/// turning in the step adds (the gyroscopic term). What the inertia of a body that is driven in some degrees
+/// takes, (v- + v+) / 2 . M (v+ - v-) over these, is work of the drive. In a periodic cell that deforms K is
+/// that of velocities relative to the deformation, and what the deformation gives them, with and without
+/// contacts, counts as work of drives. Overlap is removed by displacements, which change no velocity: the
+/// energy that this gives to bodies against gravity is counted apart.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Ledger {
     /// Work of gravity.
@@ -106,7 +110,8 @@ impl MeanMotion {
         Self { free, mean }
     }
 
-    /// `work` and what the inertia of a body takes over its prescribed degrees of freedom, (v- + v+) / 2 . M (v+ - v-), J.
+    /// `work` and what the inertia of a body takes over its prescribed degrees of freedom, (v- + v+) / 2 . M
+    /// (v+ - v-), J.
     fn of_inertia(&self, world: &World, body: usize, [before, after]: [&[f64]; 2], mut work: f64) -> f64 {
         let (v0, v1) = (&before[6 * body..6 * body + 6], &after[6 * body..6 * body + 6]);
         let change = |first: usize| Vec3::from_slice(&v1[first..]) - Vec3::from_slice(&v0[first..]);
@@ -162,9 +167,10 @@ impl Ledger {
     }
 }
 
-/// The ledger of a step of this length with the contacts and impulses of `set`, the impulses of joints on bodies (and their moments about the centres), the centres `position` and
-/// the periodic cell at its start (m; with the rates after it, whose work counts as that of drives), the velocities
-/// before and after it (six numbers per body; after it with the mean prescribed ones), and the change of kinetic energy.
+/// The ledger of a step of this length with the contacts and impulses of `set`, the impulses of joints on
+/// bodies (and their moments about the centres), the centres `position` and the periodic cell at its start
+/// (m; with the rates after it, whose work counts as that of drives), the velocities before and after it (six
+/// numbers per body; after it with the mean prescribed ones), and the change of kinetic energy.
 pub(crate) fn ledger(
     world: &World,
     (set, joints): (&ContactSet, &[(usize, [Vec3; 2])]),

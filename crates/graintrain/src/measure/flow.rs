@@ -33,8 +33,8 @@ impl Plane {
         self.normal.dot(point - self.point)
     }
 
-    /// Where the way from `a` to `b` passes the plane within the region, with +1 along the normal and -1 against it; a point on the plane
-    /// counts as above it, so that whatever stops there is counted once.
+    /// Where the way from `a` to `b` passes the plane within the region, with +1 along the normal and -1
+    /// against it; a point on the plane counts as above it, so that whatever stops there is counted once.
     fn crossing(&self, a: Vec3, b: Vec3) -> Option<f64> {
         let (low, high) = (self.height(a), self.height(b));
         if (low < 0.0) == (high < 0.0) {
@@ -45,7 +45,8 @@ impl Plane {
         inside.then_some(if low < 0.0 { 1.0 } else { -1.0 })
     }
 
-    /// What passed the plane between the centres `before` (m, one per body) and those of now, among the bodies that are meant.
+    /// What passed the plane between the centres `before` (m, one per body) and those of now, among the
+    /// bodies that are meant.
     pub fn passed(&self, world: &World, before: &[Vec3], selected: &[bool]) -> Passed {
         let mut passed = Passed::default();
         for (body, (&from, &to)) in before.iter().zip(&world.bodies.position).enumerate() {
@@ -60,13 +61,14 @@ impl Plane {
         passed
     }
 
-    /// The force that what lies above the plane receives through it by contacts, N: of those whose bodies' centres are on either
-    /// side (of bodies that cannot move the contact point stands for the centre).
+    /// The force that what lies above the plane receives through it by contacts, N: of those whose bodies'
+    /// centres are on either side (of bodies that cannot move the contact point stands for the centre).
     pub fn force(&self, world: &World, step: f64) -> Vec3 {
         self.force_where(world, step, |_| true)
     }
 
-    /// The same by contacts of two bodies that can both move: what a sample carries itself, without the walls that hold it.
+    /// The same by contacts of two bodies that can both move: what a sample carries itself, without the walls
+    /// that hold it.
     pub fn force_in_sample(&self, world: &World, step: f64) -> Vec3 {
         let moves: Vec<bool> = (0..world.bodies.len()).map(|body| world.is_free(body)).collect();
         self.force_where(world, step, |[a, b]| moves[a] && moves[b])
@@ -96,14 +98,16 @@ impl Plane {
     }
 }
 
-/// The way between two places: in a periodic cell the short one, seen from either end where it leads across the boundary.
+/// The way between two places: in a periodic cell the short one, seen from either end where it leads across
+/// the boundary.
 fn ways(world: &World, from: Vec3, to: Vec3) -> Vec<[Vec3; 2]> {
     let Some(cell) = world.cell() else { return vec![[from, to]] };
     let (n, way) = cell.nearest(to - from);
     if n == [0; 3] { vec![[from, to]] } else { vec![[from, from + way], [to - way, to]] }
 }
 
-/// Force (N) and torque about `point` (N m) by contacts with others on some bodies together; with a region only by contacts in it.
+/// Force (N) and torque about `point` (N m) by contacts with others on some bodies together; with a region
+/// only by contacts in it.
 pub fn force_on(
     world: &World,
     step: f64,

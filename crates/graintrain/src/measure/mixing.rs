@@ -10,8 +10,9 @@ use std::collections::BTreeMap;
 /// M = (s0^2 - s^2) / (s0^2 - sr^2),   s0^2 = p (1 - p),   sr^2 = p (1 - p) / n
 /// ```
 ///
-/// with the share p of the first kind, the variance s^2 of the share in cells (weighted by their numbers of bodies) and the mean
-/// number n of bodies per cell (P. M. C. Lacey, J. Appl. Chem. 4, 1954). 0: apart; 1: mixed at random.
+/// with the share p of the first kind, the variance s^2 of the share in cells (weighted by their numbers of
+/// bodies) and the mean number n of bodies per cell (P. M. C. Lacey, J. Appl. Chem. 4, 1954). 0: apart; 1:
+/// mixed at random.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Mixing {
     /// The index; NaN where there are not two kinds, or one body per cell.
@@ -24,7 +25,8 @@ pub struct Mixing {
     pub bodies_per_cell: f64,
 }
 
-/// The index of the bodies that are meant; `first` says which are of the first kind. Cells of the edge `cell` (m) are counted from the origin.
+/// The index of the bodies that are meant; `first` says which are of the first kind. Cells of the edge `cell`
+/// (m) are counted from the origin.
 pub fn lacey(world: &World, selected: &[bool], first: &[bool], cell: f64) -> Mixing {
     let mut cells: BTreeMap<[i64; 3], (u64, u64)> = BTreeMap::new();
     for (body, place) in world.bodies.position.iter().enumerate().filter(|(body, _)| selected[*body]) {
@@ -75,7 +77,8 @@ mod tests {
     use crate::shape::Geometry;
     use crate::world::Body;
 
-    /// Cells of eight bodies: all of one kind (0), half and half in each (the variance is 0, so 1 / (1 - 1/8)), and three to one by hand.
+    /// Cells of eight bodies: all of one kind (0), half and half in each (the variance is 0, so 1 / (1 -
+    /// 1/8)), and three to one by hand.
     #[test]
     fn apart_and_mixed() {
         let mut world = World::default();

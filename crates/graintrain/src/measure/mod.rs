@@ -13,8 +13,9 @@
 //! | [`energy`] | energies, and the ledger of a step |
 //! | [`statistics`] | means of correlated series with their errors, where a series becomes steady |
 //!
-//! Forces are impulses of the last step over its length. Contact points and normals are those at the start of the step, places of bodies those at its end; the
-//! frames of a run hold the same numbers, so that every measurement can be made from them again.
+//! Forces are impulses of the last step over its length. Contact points and normals are those at the start of
+//! the step, places of bodies those at its end; the frames of a run hold the same numbers, so that every
+//! measurement can be made from them again.
 
 pub mod contacts;
 pub mod energy;

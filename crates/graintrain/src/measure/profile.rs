@@ -50,8 +50,9 @@ pub struct Bin {
     pub temperature: f64,
 }
 
-/// The fields of the bodies that are meant. A ball counts in every bin by the volume that it has there, any other body by its centre of mass. The volume of a bin is what
-/// it has in common with the region; without one, with the box around the bodies that are meant, which ends at the faces of a periodic cell.
+/// The fields of the bodies that are meant. A ball counts in every bin by the volume that it has there, any
+/// other body by its centre of mass. The volume of a bin is what it has in common with the region; without
+/// one, with the box around the bodies that are meant, which ends at the faces of a periodic cell.
 ///
 /// Bins along x or y in a cylinder have no volume of their own: densities are then NaN.
 pub fn profile(world: &World, selected: &[bool], bins: &Bins, region: Option<&Region>) -> Vec<Bin> {
@@ -120,7 +121,8 @@ fn ball(world: &World, body: usize) -> Option<f64> {
     }
 }
 
-/// Where a body is seen, and what it is faster by there: itself, and the images of a ball that reaches through a face of a periodic cell.
+/// Where a body is seen, and what it is faster by there: itself, and the images of a ball that reaches
+/// through a face of a periodic cell.
 fn places(world: &World, body: usize, along: Along) -> Vec<(usize, Vec3, Vec3)> {
     let centre = world.bodies.position[body];
     let mut found = vec![(body, centre, Vec3::ZERO)];
@@ -172,7 +174,8 @@ fn bin_volume(along: Along, low: f64, high: f64, space: &Region) -> Option<f64> 
     }
 }
 
-/// The lowest and the highest place of the bodies that are meant along an axis or radius, m; `None` where there are none.
+/// The lowest and the highest place of the bodies that are meant along an axis or radius, m; `None` where
+/// there are none.
 pub fn extent(world: &World, selected: &[bool], along: Along) -> Option<[f64; 2]> {
     let all = (0..world.bodies.len()).filter(|&body| selected[body]);
     let span = all.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], body| {
@@ -197,8 +200,9 @@ mod tests {
     use crate::shape::Geometry;
     use crate::world::Body;
 
-    /// A cubic lattice of touching balls that shears: in every layer density rho pi/6, velocity that of the layer, no temperature; half a
-    /// layer up the means of two layers and a temperature of a twelfth of the square of their difference.
+    /// A cubic lattice of touching balls that shears: in every layer density rho pi/6, velocity that of the
+    /// layer, no temperature; half a layer up the means of two layers and a temperature of a twelfth of the
+    /// square of their difference.
     #[test]
     fn a_lattice_that_shears() {
         let mut world = World::default();

@@ -5,13 +5,15 @@ use super::space::bounds;
 use crate::world::World;
 use graintrain_linalg::real;
 
-/// Heights between these shares of the way from foot to top make the slope: neither the rounded top nor the run-out at the foot.
+/// Heights between these shares of the way from foot to top make the slope: neither the rounded top nor the
+/// run-out at the foot.
 const MIDDLE: [f64; 2] = [0.15, 0.85];
 
 /// A slope.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Slope {
-    /// Its angle, rad; positive where it falls along the coordinate. NaN where there are fewer than three columns.
+    /// Its angle, rad; positive where it falls along the coordinate. NaN where there are fewer than three
+    /// columns.
     pub angle: f64,
     /// Root mean square deviation of the columns' tops from the line, m.
     pub roughness: f64,
@@ -19,8 +21,9 @@ pub struct Slope {
     pub columns: usize,
 }
 
-/// The slope of the surface of the bodies that are meant: the straight line through the highest points of columns of this width (m), which lie
-/// one beside the other along an axis or radius, between 15 % and 85 % of the way from the lowest to the highest; of an axis the side from the highest column on.
+/// The slope of the surface of the bodies that are meant: the straight line through the highest points of
+/// columns of this width (m), which lie one beside the other along an axis or radius, between 15 % and 85 %
+/// of the way from the lowest to the highest; of an axis the side from the highest column on.
 pub fn slope(world: &World, selected: &[bool], along: Along, width: f64) -> Slope {
     let mut tops: std::collections::BTreeMap<i64, f64> = std::collections::BTreeMap::new();
     for (body, place) in world.bodies.position.iter().enumerate().filter(|(body, _)| selected[*body]) {

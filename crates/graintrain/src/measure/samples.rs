@@ -8,7 +8,8 @@ use crate::shape::Geometry;
 use crate::stepper::{SolverChoice, StepSettings, Stepper};
 use crate::world::{Body, World};
 
-/// A chain of balls of radius 0.5 m along x between two plates, with the force (N) along it in every contact, and the step.
+/// A chain of balls of radius 0.5 m along x between two plates, with the force (N) along it in every contact,
+/// and the step.
 pub(crate) fn chain(balls: usize, force: f64) -> (World, f64) {
     let step = 0.01;
     let mut world = World { gravity: Vec3::ZERO, ..World::default() };
@@ -56,7 +57,8 @@ pub(crate) fn chain(balls: usize, force: f64) -> (World, f64) {
     (world, step)
 }
 
-/// Columns of balls of radius 0.5 m at rest on a floor, one beside the other along x with room between them, after some steps.
+/// Columns of balls of radius 0.5 m at rest on a floor, one beside the other along x with room between them,
+/// after some steps.
 pub(crate) fn row_of_columns(columns: usize, high: usize) -> (World, f64) {
     let step = 1e-3;
     let mut world = World::default();

@@ -16,7 +16,8 @@ const SLICES: usize = 128;
 /// Points per direction in the box around a body that is no ball and that a region cuts.
 const POINTS: i32 = 20;
 
-/// Per body whether it is meant: it can move, it is among `bodies` (`None`: all), and its centre of mass is in `region` (`None`: anywhere).
+/// Per body whether it is meant: it can move, it is among `bodies` (`None`: all), and its centre of mass is
+/// in `region` (`None`: anywhere).
 pub fn selected(world: &World, bodies: Option<&[BodyId]>, region: Option<&Region>) -> Vec<bool> {
     let count = world.bodies.len();
     let mut chosen = vec![bodies.is_none(); count];
@@ -55,7 +56,8 @@ fn half_extent(shape: &Shape, orientation: Quat) -> Vec3 {
     }
 }
 
-/// Lower and upper corner of the box along the axes around a body, m (around its vertices or more where it is a mesh).
+/// Lower and upper corner of the box along the axes around a body, m (around its vertices or more where it is
+/// a mesh).
 pub fn bounds(world: &World, body: usize) -> [Vec3; 2] {
     let (position, orientation) = (world.bodies.position[body], world.bodies.orientation[body]);
     let geometry = &world.geometries[world.bodies.geometry[body].index()];
@@ -76,8 +78,8 @@ pub fn bounding_box(world: &World, selected: &[bool]) -> Option<Region> {
     (min.is_finite() && max.is_finite()).then_some(Region::Box { min, max })
 }
 
-/// The space that the bodies that are meant have to themselves: the box along the axes around them, from face to face along the axes along which
-/// a periodic cell repeats.
+/// The space that the bodies that are meant have to themselves: the box along the axes around them, from face
+/// to face along the axes along which a periodic cell repeats.
 pub fn own_space(world: &World, selected: &[bool]) -> Option<Region> {
     let mut around = bounding_box(world, selected)?;
     if let (Some(cell), Region::Box { min, max }) = (world.cell(), &mut around) {
@@ -96,7 +98,8 @@ pub fn volume(region: &Region) -> f64 {
     }
 }
 
-/// Area common to the disc of this radius about the origin and the triangle from the origin to `a` and `b`, signed.
+/// Area common to the disc of this radius about the origin and the triangle from the origin to `a` and `b`,
+/// signed.
 fn disc_and_triangle(radius: f64, a: [f64; 2], b: [f64; 2]) -> f64 {
     let cross = |u: [f64; 2], v: [f64; 2]| u[0] * v[1] - u[1] * v[0];
     let dot = |u: [f64; 2], v: [f64; 2]| u[0] * v[0] + u[1] * v[1];
@@ -142,8 +145,8 @@ pub(crate) fn disc_and_disc(a: f64, b: f64, distance: f64) -> f64 {
     a * a * (x - 0.5 * real::sin(2.0 * x)) + b * b * (y - 0.5 * real::sin(2.0 * y))
 }
 
-/// Volume of the part between the heights `low` and `high` (above the centre) of a body of revolution inside a ball: the integral of
-/// the area that `area` gives for the disc of each radius.
+/// Volume of the part between the heights `low` and `high` (above the centre) of a body of revolution inside
+/// a ball: the integral of the area that `area` gives for the disc of each radius.
 fn slices(radius: f64, low: f64, high: f64, area: impl Fn(f64) -> f64) -> f64 {
     // With z = R sin t the integrand is smooth at the poles.
     let [from, to] = [low, high].map(|z| real::asin((z / radius).clamp(-1.0, 1.0)));
@@ -152,7 +155,8 @@ fn slices(radius: f64, low: f64, high: f64, area: impl Fn(f64) -> f64) -> f64 {
     (0..SLICES).map(|k| radius * real::cos(at(k)) * width * area(radius * real::cos(at(k)))).sum()
 }
 
-/// Volume that a ball has in common with a region, m^3; exact where the region holds or misses it, otherwise to about 1e-4 of the ball.
+/// Volume that a ball has in common with a region, m^3; exact where the region holds or misses it, otherwise
+/// to about 1e-4 of the ball.
 pub fn ball_in_region(centre: Vec3, radius: f64, region: &Region) -> f64 {
     let whole = 4.0 / 3.0 * PI * radius.powi(3);
     match *region {
@@ -216,9 +220,10 @@ fn inner_points(geometry: &Geometry) -> Vec<Vec3> {
     points.filter(inside).collect()
 }
 
-/// Volume that the bodies which can move have in common with a region, m^3: of balls see [`ball_in_region`]; other bodies that the
-/// region cuts count by the share of the points of a grid that are inside, to about 1 % of the body, and solid meshes in whole where
-/// their centre is inside. In a periodic cell images that reach into the region count, too.
+/// Volume that the bodies which can move have in common with a region, m^3: of balls see [`ball_in_region`];
+/// other bodies that the region cuts count by the share of the points of a grid that are inside, to about 1 %
+/// of the body, and solid meshes in whole where their centre is inside. In a periodic cell images that reach
+/// into the region count, too.
 pub fn solid_volume(world: &World, region: &Region) -> f64 {
     let mut grids: HashMap<usize, Vec<Vec3>> = HashMap::new();
     let mut sum = 0.0;
@@ -284,7 +289,8 @@ pub fn porosity(world: &World, region: &Region) -> f64 {
     1.0 - solid_volume(world, region) / volume(region)
 }
 
-/// Angles and areas of what a box or cylinder looks like along an axis (0, 1, 2), m^2; `None` for the cylinder from the side.
+/// Angles and areas of what a box or cylinder looks like along an axis (0, 1, 2), m^2; `None` for the
+/// cylinder from the side.
 pub fn cross_section(region: &Region, axis: usize) -> Option<f64> {
     match *region {
         Region::Box { min, max } => {

@@ -15,8 +15,9 @@ pub struct Mean {
     pub error: f64,
 }
 
-/// The mean of a steady series with its standard error by blocking (Flyvbjerg and Petersen, J. Chem. Phys. 91, 1989): neighbours are averaged again and
-/// again, and the largest error over all lengths of blocks that leave at least eight is taken. NaN for an empty series.
+/// The mean of a steady series with its standard error by blocking (Flyvbjerg and Petersen, J. Chem. Phys.
+/// 91, 1989): neighbours are averaged again and again, and the largest error over all lengths of blocks that
+/// leave at least eight is taken. NaN for an empty series.
 pub fn mean(series: &[f64]) -> Mean {
     let value = series.iter().sum::<f64>() / series.len() as f64;
     let mut blocks = series.to_vec();
@@ -31,8 +32,9 @@ pub fn mean(series: &[f64]) -> Mean {
     Mean { value, error }
 }
 
-/// Index from which a series is steady: what has to be cut off its beginning to make the marginal standard error smallest (MSER-5, K. P. White, 1997).
-/// `None` where that would be more than half of it: then it is not known to be steady, or it is too short.
+/// Index from which a series is steady: what has to be cut off its beginning to make the marginal standard
+/// error smallest (MSER-5, K. P. White, 1997). `None` where that would be more than half of it: then it is
+/// not known to be steady, or it is too short.
 pub fn steady_from(series: &[f64]) -> Option<usize> {
     let batches: Vec<f64> =
         series.chunks_exact(BATCH).map(|batch| batch.iter().sum::<f64>() / BATCH as f64).collect();
@@ -68,7 +70,8 @@ mod tests {
         (0..count).map(|_| draw()).collect()
     }
 
-    /// Independent numbers: error s / sqrt(n). With x_k = a x_(k-1) + e_k: error s sqrt((1 + a) / (1 - a)) / sqrt(n).
+    /// Independent numbers: error s / sqrt(n). With x_k = a x_(k-1) + e_k: error s sqrt((1 + a) / (1 - a)) /
+    /// sqrt(n).
     #[test]
     fn errors_of_independent_and_of_correlated_numbers() {
         let independent = noise(1 << 14);

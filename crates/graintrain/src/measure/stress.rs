@@ -21,8 +21,9 @@ pub struct Stress {
 /// kinetic: s_ij = 1/V sum m (u - U)_i (u - U)_j                                    U: velocity of their common centre of mass
 /// ```
 ///
-/// (Love and Weber; between two bodies that are both meant the two terms of a contact add up to branch times force). Compression is positive. The contact
-/// part is symmetric where bodies do not turn faster and faster. In a periodic cell velocities are relative to its deformation.
+/// (Love and Weber; between two bodies that are both meant the two terms of a contact add up to branch times
+/// force). Compression is positive. The contact part is symmetric where bodies do not turn faster and faster.
+/// In a periodic cell velocities are relative to its deformation.
 pub fn stress(world: &World, step: f64, selected: &[bool], volume: f64) -> Stress {
     let mut contact = Mat3::ZERO;
     for (c, impulse) in world.contacts.contacts.iter().zip(&world.contacts.impulse) {
@@ -53,7 +54,8 @@ pub fn pressure(tensor: &Mat3) -> f64 {
     trace(tensor) / 3.0
 }
 
-/// The deviator stress sqrt(3/2 s:s) of the symmetric part, Pa: the difference of axial and radial stress in a triaxial test.
+/// The deviator stress sqrt(3/2 s:s) of the symmetric part, Pa: the difference of axial and radial stress in
+/// a triaxial test.
 pub fn deviator(tensor: &Mat3) -> f64 {
     let s = 0.5 * (*tensor + tensor.transpose()) - Mat3::from_diagonal(Vec3::splat(pressure(tensor)));
     (1.5 * s.to_cols_array().iter().map(|x| x * x).sum::<f64>()).sqrt()
@@ -65,7 +67,8 @@ mod tests {
     use super::super::space::selected;
     use super::*;
 
-    /// A chain of balls of radius 0.5 along x under 2 N at both ends: branch sums to 3 m, so s_xx = 3 x 2 / V.
+    /// A chain of balls of radius 0.5 along x under 2 N at both ends: branch sums to 3 m, so s_xx = 3 x 2 /
+    /// V.
     #[test]
     fn a_chain_under_load() {
         let (world, step) = chain(3, 2.0);
@@ -92,7 +95,8 @@ mod tests {
         let mass: f64 = (0..world.bodies.len()).filter(|&b| all[b]).map(|b| world.bodies.mass[b]).sum();
         let (area, height) = (4.0, 3.0);
         let found = stress(&world, step, &all, area * height).contact.z_axis.z;
-        // Balls of radius 0.5: the n-th contact from below carries n - k weights over a branch of 1, the lowest over one of 0.5.
+        // Balls of radius 0.5: the n-th contact from below carries n - k weights over a branch of 1, the
+        // lowest over one of 0.5.
         let weight = 9.81 * mass / 12.0;
         let expected = 4.0 * weight * (3.0 * 0.5 + 2.0 + 1.0) / (area * height);
         assert!((found - expected).abs() < 1e-3 * expected, "{found} {expected}");

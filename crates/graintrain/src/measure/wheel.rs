@@ -35,8 +35,8 @@ pub struct WheelState {
     pub efficiency: f64,
 }
 
-/// Height along `up` (unit) of the surface of some bodies, m: the median of the tops of upright columns, which are two mean extents wide, so that
-/// a rut or a body on top does not count. NaN without bodies.
+/// Height along `up` (unit) of the surface of some bodies, m: the median of the tops of upright columns,
+/// which are two mean extents wide, so that a rut or a body on top does not count. NaN without bodies.
 pub fn surface_level(world: &World, selected: &[bool], up: Vec3) -> f64 {
     let meant: Vec<usize> = (0..world.bodies.len()).filter(|&body| selected[body]).collect();
     let boxes: Vec<[Vec3; 2]> = meant.iter().map(|&body| bounds(world, body)).collect();
@@ -60,8 +60,9 @@ pub fn surface_level(world: &World, selected: &[bool], up: Vec3) -> f64 {
     }
 }
 
-/// What a wheel does on the bed of the bodies that are meant (without itself), in a world whose last step took `step` s. Up is against gravity.
-/// Source: J. Y. Wong, Theory of Ground Vehicles, 4th edition (2008), chapters 2 and 4.
+/// What a wheel does on the bed of the bodies that are meant (without itself), in a world whose last step
+/// took `step` s. Up is against gravity. Source: J. Y. Wong, Theory of Ground Vehicles, 4th edition (2008),
+/// chapters 2 and 4.
 pub fn wheel(world: &World, step: f64, rolling: &Rolling, selected: &[bool]) -> WheelState {
     let up = (-world.gravity).normalize_or(Vec3::Z);
     let forward = rolling.axis.cross(up).normalize_or_zero();
@@ -92,7 +93,8 @@ mod tests {
     use crate::shape::Geometry;
     use crate::world::Body;
 
-    /// A bed of balls 0.2 m wide, its tops at 0.2 m but for a rut and a heap, under a wheel of radius 0.5 m whose axle is at 0.6 m.
+    /// A bed of balls 0.2 m wide, its tops at 0.2 m but for a rut and a heap, under a wheel of radius 0.5 m
+    /// whose axle is at 0.6 m.
     fn bed() -> (World, Rolling) {
         let mut world = World::default();
         let ball = world.add_geometry(Geometry::sphere(0.1).unwrap());
@@ -121,7 +123,8 @@ mod tests {
         assert!(surface_level(&world, &vec![false; world.bodies.len()], Vec3::Z).is_nan());
     }
 
-    /// One contact under the wheel with 30 N up and 4 N forward: load, pull, and a torque of 4 N times the arm of 0.5 m.
+    /// One contact under the wheel with 30 N up and 4 N forward: load, pull, and a torque of 4 N times the
+    /// arm of 0.5 m.
     #[test]
     fn forces_slip_and_sinkage_of_a_known_wheel() {
         let (mut world, rolling) = bed();

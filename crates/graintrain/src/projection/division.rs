@@ -1,9 +1,10 @@
 //! Rows and bodies in regions that threads may sweep over at the same time.
 //!
-//! Bodies are layered by their distance in the contact graph from a first one, and consecutive layers make a slab, so that a contact joins
-//! bodies of one slab or of two neighbours. A sweep goes over the contacts within all slabs, then over those between slabs 0 and 1, 2 and 3,
-//! and so on, then over those between 1 and 2, 3 and 4: within each of these three phases no two regions share a body.
-//! All that touches one large movable body is one layer away from it: under a free plate there is little to share.
+//! Bodies are layered by their distance in the contact graph from a first one, and consecutive layers make a
+//! slab, so that a contact joins bodies of one slab or of two neighbours. A sweep goes over the contacts
+//! within all slabs, then over those between slabs 0 and 1, 2 and 3, and so on, then over those between 1 and
+//! 2, 3 and 4: within each of these three phases no two regions share a body. All that touches one large
+//! movable body is one layer away from it: under a free plate there is little to share.
 
 use graintrain_ccp::FIXED;
 use std::ops::Range;
@@ -23,7 +24,8 @@ pub(super) struct Region {
 
 /// An order of rows and bodies, and the regions that they make.
 pub(super) struct Division {
-    /// The body at every place; [`FIXED`] at the last place of every slab, which stands for what does not move.
+    /// The body at every place; [`FIXED`] at the last place of every slab, which stands for what does not
+    /// move.
     pub bodies: Vec<u32>,
     /// The row at every place, and the places of its bodies A and B counted from the first of its region.
     pub rows: Vec<(u32, [u32; 2])>,
@@ -96,7 +98,8 @@ impl Division {
     }
 }
 
-/// Numbers of the bodies that occur, in the order of their first contacts (`u32::MAX` for others), and the bodies in this order.
+/// Numbers of the bodies that occur, in the order of their first contacts (`u32::MAX` for others), and the
+/// bodies in this order.
 fn numbered(pairs: &[[u32; 2]], count: usize) -> (Vec<u32>, Vec<u32>) {
     let (mut number, mut known) = (vec![u32::MAX; count], Vec::new());
     for &body in pairs.as_flattened().iter().filter(|&&body| body != FIXED) {
@@ -185,8 +188,8 @@ mod tests {
     use proptest::prelude::*;
 
     proptest! {
-        /// Every row is there once with its own bodies, and within a phase no body is in two regions. The graph: a ribbon so long that it
-        /// makes slabs, with some loose and some fixed ends.
+        /// Every row is there once with its own bodies, and within a phase no body is in two regions. The
+        /// graph: a ribbon so long that it makes slabs, with some loose and some fixed ends.
         #[test]
         fn regions_of_a_phase_share_no_body(
             ends in prop::collection::vec((0..3000_u32, 1..40_u32, 0..20_u32), 0..6000),

@@ -1,8 +1,9 @@
 //! Contacts that exert force though their bodies were never together.
 //!
-//! A step asks for `g_n >= 0`, `Phi + dt u_n >= 0` and that one of both vanishes, with the gap linearised where the bodies were. What is meant is the motion: `g_n > 0` only
-//! where the bodies touch at some time of the step. Whether they did is looked at afterwards, along the motions that the step is made of: with the velocities before it, those after
-//! the impacts, and those of its end.
+//! A step asks for `g_n >= 0`, `Phi + dt u_n >= 0` and that one of both vanishes, with the gap linearised
+//! where the bodies were. What is meant is the motion: `g_n > 0` only where the bodies touch at some time of
+//! the step. Whether they did is looked at afterwards, along the motions that the step is made of: with the
+//! velocities before it, those after the impacts, and those of its end.
 
 use super::Stepper;
 use super::attempt::Attempt;
@@ -28,9 +29,11 @@ pub(super) struct Apart {
 }
 
 impl Stepper {
-    /// Contacts whose impulse in the contact problem changes velocities by more than the solve resolves and whose bodies were nowhere on their way nearer to each
-    /// other than [`TOGETHER`]. Impacts are not looked at. `world` is at the end of the step, `ahead` are its contacts
-    /// there. Cost: a pass over the contacts; a pass over `ahead` if any of them had a gap and force; a sweep along three motions for each that has a gap at the end, too.
+    /// Contacts whose impulse in the contact problem changes velocities by more than the solve resolves and
+    /// whose bodies were nowhere on their way nearer to each other than [`TOGETHER`]. Impacts are not looked
+    /// at. `world` is at the end of the step, `ahead` are its contacts there. Cost: a pass over the contacts;
+    /// a pass over `ahead` if any of them had a gap and force; a sweep along three motions for each that has
+    /// a gap at the end, too.
     pub(super) fn apart(
         &self,
         world: &World,
@@ -76,8 +79,9 @@ impl Stepper {
         found
     }
 
-    /// Whether the bodies of a contact come nearer than `reach`, m, from where they were at the start of the step with these velocities (six numbers per body), and
-    /// a cell of these rates. Of `world` only the forms of the bodies are asked.
+    /// Whether the bodies of a contact come nearer than `reach`, m, from where they were at the start of the
+    /// step with these velocities (six numbers per body), and a cell of these rates. Of `world` only the
+    /// forms of the bodies are asked.
     fn come_near(
         &self,
         world: &World,

@@ -1,4 +1,5 @@
-//! The solve of a step: impacts, the contact problem with joints and periodic cell, velocities; nothing is moved.
+//! The solve of a step: impacts, the contact problem with joints and periodic cell, velocities; nothing is
+//! moved.
 
 use super::error::check_velocity;
 use super::mobility;
@@ -100,7 +101,8 @@ impl<'a> Posing<'a> {
             pose(self.world, self.how, &self.mechanisms, &self.chosen, (rows, masses));
     }
 
-    /// Leaves out the contacts along whose normals nothing can move, but for those that bodies are driven into; returned are their places among those of the step.
+    /// Leaves out the contacts along whose normals nothing can move, but for those that bodies are driven
+    /// into; returned are their places among those of the step.
     fn leave_immobile_out(&mut self, driven: &HashSet<u64>) -> Vec<u32> {
         let mut immobile = mobility::immobile(self.world, &self.problem, self.how.0);
         immobile.retain(|&k| !driven.contains(&self.chosen[k].identity));
@@ -113,7 +115,8 @@ impl<'a> Posing<'a> {
         left_out
     }
 
-    /// The impulses to start from: those of the last attempt or of the last step. `pulls` are those of the contacts of the step.
+    /// The impulses to start from: those of the last attempt or of the last step. `pulls` are those of the
+    /// contacts of the step.
     fn start(&self, pulls: &[f64], last: Option<&Attempt>) -> Vec<f64> {
         let world = self.world;
         let own: Vec<f64> = self.active.iter().filter_map(|&i| pulls.get(i as usize).copied()).collect();
@@ -218,8 +221,9 @@ impl Stepper {
         impacts.resolve(world, of, self.settings.step)?.ok_or(StepError::Stopped)
     }
 
-    /// Solves again until motors, stops and swings are what the contacts were solved for, and tells whether they are. Returned with that are the impulses of
-    /// contacts on every body, six numbers each; none without joints.
+    /// Solves again until motors, stops and swings are what the contacts were solved for, and tells whether
+    /// they are. Returned with that are the impulses of contacts on every body, six numbers each; none
+    /// without joints.
     fn agree(
         &mut self,
         posing: &mut Posing<'_>,
@@ -249,7 +253,8 @@ impl Stepper {
         }
     }
 
-    /// Solves the problem together with the rates of a periodic cell whose stress is imposed. Components that come beyond the largest rate are brought back to it and all is found again. r follows the rates.
+    /// Solves the problem together with the rates of a periodic cell whose stress is imposed. Components that
+    /// come beyond the largest rate are brought back to it and all is found again. r follows the rates.
     fn solve_with_cell(
         &mut self,
         posing: &mut Posing<'_>,
@@ -289,7 +294,8 @@ impl Stepper {
                 return Ok(WithCell { solved, posed, cell });
             }
             rows.shift(&change, &mut problem.r);
-            // What its stress drives too fast presses less in this step, and contacts still stop it. What they throw is held.
+            // What its stress drives too fast presses less in this step, and contacts still stop it. What
+            // they throw is held.
             rows.hold(|k| beyond[k].is_some_and(|limit| limit * free[k] <= limit * limit));
             // Not the sum with the change: that of a very large rate rounds.
             free = std::array::from_fn(|k| beyond[k].unwrap_or(free[k]));
@@ -362,7 +368,8 @@ fn judge_joints(world: &World, joints: &JointReactions, settings: &SolveSettings
     }
 }
 
-/// A cell that opens against its stress as fast as a step can follow has not found the rates that its contacts bear.
+/// A cell that opens against its stress as fast as a step can follow has not found the rates that its
+/// contacts bear.
 fn judge_cell(cell: &Cell, time: f64, step: f64, solve: &mut SolveReport) {
     if let Some(name) = cell.thrown_open(time, step)
         && solve.status == Status::Converged

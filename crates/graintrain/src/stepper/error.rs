@@ -53,8 +53,8 @@ pub enum StepError {
         /// Time at its start, s.
         time: f64,
     },
-    /// The stop flag was set during the solve. The world is left as it was before the step, since a solve cut short
-    /// depends on when that was.
+    /// The stop flag was set during the solve. The world is left as it was before the step, since a solve cut
+    /// short depends on when that was.
     #[error("stopped before the end of a step")]
     Stopped,
 }

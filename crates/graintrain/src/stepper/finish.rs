@@ -1,4 +1,5 @@
-//! What is left of a step once it is solved: the overlap removed, the report made, what the next step starts from kept.
+//! What is left of a step once it is solved: the overlap removed, the report made, what the next step starts
+//! from kept.
 
 use super::attempt::{Attempt, chosen_of};
 use super::placement::{Placement, taken_along};
@@ -70,7 +71,8 @@ impl Stepper {
         finite(gaps.correct())
     }
 
-    /// Removes, where bodies are at the end of the step, the overlap that no contact of the step foresaw because they turned.
+    /// Removes, where bodies are at the end of the step, the overlap that no contact of the step foresaw
+    /// because they turned.
     pub(super) fn remove_unforeseen(
         &mut self,
         world: &mut World,
@@ -107,8 +109,9 @@ impl Stepper {
         rounds.laps.add(|phases| &mut phases.collide, begin.lap());
     }
 
-    /// The overlap, m, that was not foreseen at those of the `deep` contacts where it counts, by identity. `foreseen` are the gaps that they were to have without the
-    /// displacements before; what is not among them no contact foresaw.
+    /// The overlap, m, that was not foreseen at those of the `deep` contacts where it counts, by identity.
+    /// `foreseen` are the gaps that they were to have without the displacements before; what is not among
+    /// them no contact foresaw.
     fn unforeseen(
         &self,
         world: &World,
@@ -256,7 +259,8 @@ impl Stepper {
         contacts.par_iter().map(overlap).reduce(|| [0.0; 2], deeper)
     }
 
-    /// A step whose impacts were not solved or whose joints are open has not converged. Returned is the largest opening of a joint, m.
+    /// A step whose impacts were not solved or whose joints are open has not converged. Returned is the
+    /// largest opening of a joint, m.
     fn judge(&self, world: &World, impacts: &Impacts, solve: &mut SolveReport) -> f64 {
         let (opening_max, open) = drift::openings(world);
         let left = impacts.residual.judged(self.settings.solver.judge);

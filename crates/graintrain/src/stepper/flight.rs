@@ -5,8 +5,9 @@ use crate::contact::Contact;
 use crate::math::Vec3;
 use crate::world::World;
 
-/// Whether nothing acts on a body in the step but gravity: contacts exert no impulse in the contact problem (impacts come before it), no joint
-/// holds it, nothing is prescribed, there is no force (one that depends on the place needs x + dt u+, which is symplectic) and no drag, and no periodic cell takes it along.
+/// Whether nothing acts on a body in the step but gravity: contacts exert no impulse in the contact problem
+/// (impacts come before it), no joint holds it, nothing is prescribed, there is no force (one that depends on
+/// the place needs x + dt u+, which is symplectic) and no drag, and no periodic cell takes it along.
 pub(super) fn flying(world: &World, contacts: &[Contact], attempt: &Attempt) -> Vec<bool> {
     if world.cell().is_some() {
         return vec![false; world.bodies.len()];

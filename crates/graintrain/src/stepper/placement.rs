@@ -48,7 +48,8 @@ impl Placement {
     }
 }
 
-/// Kinetic energy of these velocities (six numbers per body) beyond that of the world, in which a periodic cell takes bodies along, J.
+/// Kinetic energy of these velocities (six numbers per body) beyond that of the world, in which a periodic
+/// cell takes bodies along, J.
 pub(super) fn taken_along(world: &World, velocity: &[f64]) -> f64 {
     if world.cell().is_none() {
         return 0.0;

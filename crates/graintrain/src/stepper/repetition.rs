@@ -1,5 +1,5 @@
-//! Why a solved step is made again: what the contacts of its beginning, each a plane that keeps two points apart, did not foresee of bodies
-//! that turn, are deflected or pass each other.
+//! Why a solved step is made again: what the contacts of its beginning, each a plane that keeps two points
+//! apart, did not foresee of bodies that turn, are deflected or pass each other.
 //!
 //! | found | then |
 //! |---|---|
@@ -23,26 +23,29 @@ use graintrain_ccp::{Delassus, RigidContact};
 use rayon::prelude::*;
 use std::collections::{HashMap, HashSet};
 
-/// What makes a step be made again, and how often. Values: docs/mechanics.md, "The step"; held by `tests/physics/repetition.rs`.
+/// What makes a step be made again, and how often. Values: docs/mechanics.md, "The step"; held by
+/// `tests/physics/repetition.rs`.
 #[derive(Clone, Debug)]
 pub struct Parameters {
-    /// Bodies that end inside each other by more than this fraction of the smaller one's size without having been in contact make a
-    /// new round.
+    /// Bodies that end inside each other by more than this fraction of the smaller one's size without having
+    /// been in contact make a new round.
     pub missed: f64,
-    /// A contact that ends in overlap by more than this fraction of the smaller body's size, and by so much more than foreseen, makes
-    /// a new round too.
+    /// A contact that ends in overlap by more than this fraction of the smaller body's size, and by so much
+    /// more than foreseen, makes a new round too.
     pub bent: f64,
-    /// A contact is a phantom if the bodies, without it, overlap on their way by no more than this fraction of what it foresees.
+    /// A contact is a phantom if the bodies, without it, overlap on their way by no more than this fraction
+    /// of what it foresees.
     pub phantom: f64,
-    /// Where bodies fall by more than this fraction of the smaller one's size in a step, what they do without each other says nothing
-    /// of their contacts.
+    /// Where bodies fall by more than this fraction of the smaller one's size in a step, what they do without
+    /// each other says nothing of their contacts.
     pub fallen: f64,
-    /// Rounds of solving a step again with contacts that were missed; what still overlaps then is reported. Two or three do, but where bodies
-    /// cross the scene in a step each round may send them on to others.
+    /// Rounds of solving a step again with contacts that were missed; what still overlaps then is reported.
+    /// Two or three do, but where bodies cross the scene in a step each round may send them on to others.
     pub rounds: usize,
     /// Rounds in which contacts may be left out.
     pub phantom_rounds: usize,
-    /// Solves of the contacts for joints whose motors, stops or paths turned out otherwise than foreseen; what is left then is reported.
+    /// Solves of the contacts for joints whose motors, stops or paths turned out otherwise than foreseen;
+    /// what is left then is reported.
     pub joint_rounds: usize,
 }
 
@@ -60,8 +63,8 @@ impl Default for Parameters {
     }
 }
 
-/// Contacts that were linearised anew in a step. The first time the new plane takes the place of the old one; where a turning body bends away
-/// from that, too, planes gather, or two of them would take turns for ever.
+/// Contacts that were linearised anew in a step. The first time the new plane takes the place of the old one;
+/// where a turning body bends away from that, too, planes gather, or two of them would take turns for ever.
 #[derive(Default)]
 pub(super) struct Bends {
     /// How often a contact was linearised anew, by identity.
@@ -82,7 +85,8 @@ impl Bends {
         self.gap.get(&identity).map(|gap| gap.min(0.0))
     }
 
-    /// Puts `anew`, as [`Stepper::bent`] found them, among the contacts. Returned are the identities that they have there.
+    /// Puts `anew`, as [`Stepper::bent`] found them, among the contacts. Returned are the identities that
+    /// they have there.
     fn put(&mut self, anew: Vec<Contact>, contacts: &mut Vec<Contact>) -> Vec<u64> {
         let mut identities = Vec::with_capacity(anew.len());
         for mut contact in anew {
@@ -134,7 +138,8 @@ impl Rounds {
 }
 
 impl Stepper {
-    /// What the velocities found show before anything is moved; whether there are other contacts now, with which the step is solved again.
+    /// What the velocities found show before anything is moved; whether there are other contacts now, with
+    /// which the step is solved again.
     ///
     /// # Errors
     /// [`StepError::Stopped`].
@@ -172,8 +177,8 @@ impl Stepper {
         Ok(again)
     }
 
-    /// What the bodies show where the step leaves them; whether there are other contacts now, with which it is solved again from `start`: there the bodies
-    /// are then put back.
+    /// What the bodies show where the step leaves them; whether there are other contacts now, with which it
+    /// is solved again from `start`: there the bodies are then put back.
     pub(super) fn look_at_the_end(
         &mut self,
         world: &mut World,
@@ -241,8 +246,8 @@ impl Stepper {
             .collect()
     }
 
-    /// Contacts that bodies would meet on their way with the velocities found, where those make a body faster than the collision
-    /// phase knew: at the end of the step it may have passed another one.
+    /// Contacts that bodies would meet on their way with the velocities found, where those make a body faster
+    /// than the collision phase knew: at the end of the step it may have passed another one.
     fn passing(&mut self, world: &mut World, contacts: &[Contact], attempt: &Attempt) -> Vec<Contact> {
         let step = self.settings.step;
         let deflected = (0..world.bodies.len()).filter(|&body| !world.is_prescribed(body)).any(|body| {
@@ -292,7 +297,8 @@ impl Stepper {
         deep.into_iter().filter(|c| !known.contains(&c.identity)).collect()
     }
 
-    /// The nearest that any of the planes of a contact lets the bodies of these contacts (`ends`) come, Phi + dt u_n, and which, by identity.
+    /// The nearest that any of the planes of a contact lets the bodies of these contacts (`ends`) come, Phi +
+    /// dt u_n, and which, by identity.
     pub(super) fn foreseen(
         &self,
         start: &Placement,
@@ -323,10 +329,11 @@ impl Stepper {
         foreseen
     }
 
-    /// Contacts that end deep in overlap where Phi + dt u_n foresaw less, as they are to be instead: a turning face, or an edge that a fast
-    /// body meets elsewhere than it was to, is not where the tangent plane at the contact says. What takes their place is the contact of
-    /// the end, carried back; where that points the other way, since a thin body is passed by more than half, the one of its near side.
-    /// `world` as the step leaves it, `ahead` its contacts.
+    /// Contacts that end deep in overlap where Phi + dt u_n foresaw less, as they are to be instead: a
+    /// turning face, or an edge that a fast body meets elsewhere than it was to, is not where the tangent
+    /// plane at the contact says. What takes their place is the contact of the end, carried back; where that
+    /// points the other way, since a thin body is passed by more than half, the one of its near side. `world`
+    /// as the step leaves it, `ahead` its contacts.
     fn bent(
         &self,
         world: &World,
@@ -365,8 +372,8 @@ impl Stepper {
         deep.into_iter().filter_map(mended).collect()
     }
 
-    /// Contacts at the start of the step of pairs that would overlap at its end (`missed`, with `ends` the same contacts carried back);
-    /// `world` as it was before the step.
+    /// Contacts at the start of the step of pairs that would overlap at its end (`missed`, with `ends` the
+    /// same contacts carried back); `world` as it was before the step.
     fn new_contacts(
         &self,
         world: &World,
@@ -391,14 +398,16 @@ impl Stepper {
         found
     }
 
-    /// Contacts (indices) that hold bodies apart that would pass each other: a plane through the nearest points of two edges bars the way
-    /// that leads past them. A ball that rolls over the seam of two tiles must not feel it.
+    /// Contacts (indices) that hold bodies apart that would pass each other: a plane through the nearest
+    /// points of two edges bars the way that leads past them. A ball that rolls over the seam of two tiles
+    /// must not feel it.
     ///
-    /// They are found by taking the impulses of a pair away: where Phi + dt u_n says that the bodies would then be inside each other by
-    /// more than 5e-4 of the smaller one's size, and on the way they nowhere are by a fifth of that, there is nothing to hold apart. What a body
-    /// falls in the step is allowed for: the contact may have carried its weight in another one's place. Where they fall too far for that, what they do that go on as
-    /// the step found them, and no higher, tells instead. Those that were added stay, and those of two balls: they
-    /// have no seams, and grains that fly past each other are many.
+    /// They are found by taking the impulses of a pair away: where Phi + dt u_n says that the bodies would
+    /// then be inside each other by more than 5e-4 of the smaller one's size, and on the way they nowhere are
+    /// by a fifth of that, there is nothing to hold apart. What a body falls in the step is allowed for: the
+    /// contact may have carried its weight in another one's place. Where they fall too far for that, what
+    /// they do that go on as the step found them, and no higher, tells instead. Those that were added stay,
+    /// and those of two balls: they have no seams, and grains that fly past each other are many.
     fn phantoms(&self, world: &World, rounds: &Rounds, attempt: &Attempt) -> Vec<usize> {
         let Delassus::Rigid(rigid) = &*attempt.problem.delassus else { return Vec::new() };
         let (step, collider) = (self.settings.step, &self.collider);
@@ -466,7 +475,8 @@ impl Stepper {
     }
 }
 
-/// The velocities of a body, without what leads it up: what was thrown up comes down within the step, and may meet what it would pass above.
+/// The velocities of a body, without what leads it up: what was thrown up comes down within the step, and may
+/// meet what it would pass above.
 fn without_rise(world: &World, body: usize) -> [Vec3; 2] {
     let up = -world.gravity.normalize_or_zero();
     let velocity = world.bodies.velocity[body];
@@ -502,14 +512,15 @@ fn pushes(
     (impulses, pushed)
 }
 
-/// The contact found at the end of a step, linearised there, for the problem of its beginning: normal n and arms are those of the end,
-/// and with the velocities (u, w) of the attempt
+/// The contact found at the end of a step, linearised there, for the problem of its beginning: normal n and
+/// arms are those of the end, and with the velocities (u, w) of the attempt
 ///
 /// ```text
 /// Phi' = Phi_end - dt n . (u_A + w_A x r_A - u_B - w_B x r_B)      (B: the image that touches, in a periodic cell)
 /// ```
 ///
-/// so that Phi' + dt u_n+ is the gap at the end to first order in the change of velocity: Newton's method on the gap of the end.
+/// so that Phi' + dt u_n+ is the gap at the end to first order in the change of velocity: Newton's method on
+/// the gap of the end.
 fn carried_back(end: &Contact, world: &World, start: &Placement, attempt: &Attempt, step: f64) -> Contact {
     let half = 0.5 * end.gap * end.normal;
     let side = |body: u32, at_end: Vec3| {

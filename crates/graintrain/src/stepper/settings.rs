@@ -8,8 +8,8 @@ use graintrain_ccp::{FrictionModel, Judge, SolveSettings, SolverSpec};
 pub struct StepSettings {
     /// Time step dt, s.
     pub step: f64,
-    /// Contact envelope delta, m: pairs with a gap up to this become contacts, and so do pairs that would close within
-    /// the step.
+    /// Contact envelope delta, m: pairs with a gap up to this become contacts, and so do pairs that would
+    /// close within the step.
     pub envelope: f64,
     /// Solver of the contact problem, and what is asked of it.
     pub solver: SolverChoice,
@@ -18,7 +18,8 @@ pub struct StepSettings {
 }
 
 impl Default for StepSettings {
-    /// Steps of 1 ms, no envelope beyond what closes within the step, solver `auto` to 1e-4, exact friction, positions corrected.
+    /// Steps of 1 ms, no envelope beyond what closes within the step, solver `auto` to 1e-4, exact friction,
+    /// positions corrected.
     fn default() -> Self {
         Self {
             step: 1e-3,
@@ -29,12 +30,12 @@ impl Default for StepSettings {
     }
 }
 
-/// No step is solved to less: looser tolerances save iterations, but bodies that are led into each other have to be led again, which costs more than it saves
-/// (docs/mechanics.md, "The step").
+/// No step is solved to less: looser tolerances save iterations, but bodies that are led into each other have
+/// to be led again, which costs more than it saves (docs/mechanics.md, "The step").
 pub const LOOSEST: f64 = 1e-2;
 
-/// The solver of the contact problems of a simulation and what is asked of it: the table `[solver]` of scenes. Its fields in their
-/// order are part of the format of checkpoints.
+/// The solver of the contact problems of a simulation and what is asked of it: the table `[solver]` of
+/// scenes. Its fields in their order are part of the format of checkpoints.
 ///
 /// ```
 /// use graintrain::ccp::FrictionModel;
@@ -49,18 +50,22 @@ pub struct SolverChoice {
     pub name: SolverSpec,
     /// Residual at which it stops, as `judge` takes it; steps are solved to [`LOOSEST`] at least.
     pub tolerance: f64,
-    /// Which number of the residual is held against the tolerance; [`Judge::Mixed`] in runs unless asked otherwise.
+    /// Which number of the residual is held against the tolerance; [`Judge::Mixed`] in runs unless asked
+    /// otherwise.
     pub judge: Judge,
-    /// Iterations that a connected part of the contacts may cost in a step, with exact friction; `None` is 6 000 of projected gradients, up to five times as
-    /// many for fewer than 1 024 contacts ([`PartParameters`](super::PartParameters)), and the own limit of methods that count something else. A step that
-    /// ends so has not converged: it is made with the best impulses found, and their residual is told.
+    /// Iterations that a connected part of the contacts may cost in a step, with exact friction; `None` is 6
+    /// 000 of projected gradients, up to five times as many for fewer than 1 024 contacts
+    /// ([`PartParameters`](super::PartParameters)), and the own limit of methods that count something else. A
+    /// step that ends so has not converged: it is made with the best impulses found, and their residual is
+    /// told.
     pub max_iterations: Option<usize>,
     /// Relaxed cone complementarity or exact Coulomb friction.
     pub friction: FrictionModel,
 }
 
 impl Default for SolverChoice {
-    /// Solver `auto` to 1e-4, judged by the root mean square with a bound for the worst contact; exact friction.
+    /// Solver `auto` to 1e-4, judged by the root mean square with a bound for the worst contact; exact
+    /// friction.
     fn default() -> Self {
         Self {
             name: SolverSpec::default(),

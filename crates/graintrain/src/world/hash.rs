@@ -5,7 +5,8 @@ use crate::math::Vec3;
 use graintrain_linalg::parallel::fold_chunks;
 
 impl World {
-    /// A number made of everything that the contacts of a step depend on: whoever changes a body between two steps changes it.
+    /// A number made of everything that the contacts of a step depend on: whoever changes a body between two
+    /// steps changes it.
     pub(crate) fn fingerprint(&self) -> u64 {
         let start = 0xcbf2_9ce4_8422_2325_u64;
         let with = |hash: u64, word: u64| (hash ^ word).wrapping_mul(0x0000_0100_0000_01b3).rotate_left(23);
@@ -49,9 +50,9 @@ impl World {
         })
     }
 
-    /// A number made of every bit of the state that later steps depend on: time, step, bodies, and the impulses that
-    /// warm-start the next solve. Two runs agree bit for bit exactly if (up to a chance of 2^-64) their hashes agree.
-    /// The definition is fixed: FNV-1a over 64-bit words with a final mix.
+    /// A number made of every bit of the state that later steps depend on: time, step, bodies, and the
+    /// impulses that warm-start the next solve. Two runs agree bit for bit exactly if (up to a chance of
+    /// 2^-64) their hashes agree. The definition is fixed: FNV-1a over 64-bit words with a final mix.
     pub fn state_hash(&self) -> u64 {
         let mut hash = 0xcbf2_9ce4_8422_2325_u64;
         let mut add = |word: u64| hash = (hash ^ word).wrapping_mul(0x0000_0100_0000_01b3).rotate_left(23);

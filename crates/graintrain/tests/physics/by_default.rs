@@ -49,8 +49,8 @@ fn a_sphere_bounces_obliquely_with_its_restitution() {
     }
 }
 
-/// A bed whose floor starts to move at once at 1 m/s keeps its weight on it. (Relaxed friction throws the bed up: 26 times the
-/// weight, then a twentieth.)
+/// A bed whose floor starts to move at once at 1 m/s keeps its weight on it. (Relaxed friction throws the bed
+/// up: 26 times the weight, then a twentieth.)
 #[test]
 fn a_bed_on_a_floor_that_starts_keeps_its_weight() {
     let mut world = world(0.5, 0.0);

@@ -46,7 +46,8 @@ fn pressed(pressure: f64) -> [Drive; 6] {
     })
 }
 
-/// Two balls that meet obliquely, with spin, at this place of a cell of edge 1 that shears and stretches, and their fluctuations later.
+/// Two balls that meet obliquely, with spin, at this place of a cell of edge 1 that shears and stretches, and
+/// their fluctuations later.
 fn meeting(place: Vec3, deforms: bool, restitution: f64, model: FrictionModel) -> Vec<[f64; 3]> {
     let mut world = empty(0.3, restitution);
     let a = add_sphere(&mut world, 0.1, place);
@@ -149,8 +150,8 @@ fn contacts_of_all_images_are_found() {
     }
 }
 
-/// A gas that is compressed and sheared: volume and offset are those of the strain, momentum relative to the cell stays zero, the ledger closes,
-/// and one shifted by a part of the cell does the same.
+/// A gas that is compressed and sheared: volume and offset are those of the strain, momentum relative to the
+/// cell stays zero, the ledger closes, and one shifted by a part of the cell does the same.
 #[test]
 fn a_gas_is_deformed() {
     let shift = Vec3::new(0.3, 0.55, 0.81);
@@ -197,7 +198,8 @@ fn a_gas_is_deformed() {
     }
 }
 
-/// Balls on a face-centred lattice, a little apart, under a pressure: the cell closes until they touch, and then carries it, however light or heavy.
+/// Balls on a face-centred lattice, a little apart, under a pressure: the cell closes until they touch, and
+/// then carries it, however light or heavy.
 #[test]
 fn a_lattice_carries_the_imposed_pressure() {
     for (model, imposed, friction) in [(Relaxed, 1e3, 0.0), (Coulomb, 1e3, 0.4), (Relaxed, 5e5, 0.4)] {
@@ -379,8 +381,9 @@ fn pressure_of(world: &World, step: f64, all: &[bool]) -> f64 {
     pressure(&stress(world, step, all, world.cell().unwrap().volume()).contact)
 }
 
-/// Frictionless packings are isostatic: six neighbours each without rattlers, at the density of random close packing; I. Agnolin, J.-N. Roux, "Internal
-/// states of model isotropic granular packings", Phys. Rev. E 76:061302, 2007 (0.639 and 6 for large ones of one size; small ones are looser).
+/// Frictionless packings are isostatic: six neighbours each without rattlers, at the density of random close
+/// packing; I. Agnolin, J.-N. Roux, "Internal states of model isotropic granular packings", Phys. Rev. E
+/// 76:061302, 2007 (0.639 and 6 for large ones of one size; small ones are looser).
 #[test]
 #[ignore = "slow: a gas of 512 spheres compressed until it jams"]
 fn spheres_without_friction_jam_with_six_neighbours() {
@@ -404,8 +407,9 @@ fn momentum(world: &World) -> Vec3 {
     (0..world.bodies.len()).map(|body| world.bodies.mass[body] * world.fluctuation(body)).sum()
 }
 
-/// Contacts across the boundary push both of their bodies, so that no stress makes momentum p relative to the deformation: a step takes it to
-/// (I + dt L)^-1 p, as it does where bodies fly freely, whatever contacts make of L and whatever wraps around. (It grew by a tenth per step.)
+/// Contacts across the boundary push both of their bodies, so that no stress makes momentum p relative to the
+/// deformation: a step takes it to (I + dt L)^-1 p, as it does where bodies fly freely, whatever contacts
+/// make of L and whatever wraps around. (It grew by a tenth per step.)
 #[test]
 fn a_stress_makes_no_momentum() {
     let sheared = |pressure: f64, shear: f64| {
@@ -471,8 +475,9 @@ fn a_stress_moves_nothing_along_held_axes() {
     assert_eq!((way.x, way.y), (0.0, 0.0));
 }
 
-/// A packing of rigid grains stands under any stress with any step: what a solve leaves over is a share of what the stress does in a step, which the
-/// inertia of the cell limits. (10 GPa with steps of 1 ms threw the cell open: 5.6e5 J; 10 MPa left grains to overlap by a third of their size.)
+/// A packing of rigid grains stands under any stress with any step: what a solve leaves over is a share of
+/// what the stress does in a step, which the inertia of the cell limits. (10 GPa with steps of 1 ms threw the
+/// cell open: 5.6e5 J; 10 MPa left grains to overlap by a third of their size.)
 #[test]
 fn a_packing_stands_under_any_stress() {
     for (pressure, step, model) in
@@ -511,8 +516,8 @@ fn a_packing_stands_under_any_stress() {
     }
 }
 
-/// A loose sample that its stress drives beyond its largest rate closes no faster than that, and its contacts stop it where it jams: no step is without
-/// a solution, and it comes to rest.
+/// A loose sample that its stress drives beyond its largest rate closes no faster than that, and its contacts
+/// stop it where it jams: no step is without a solution, and it comes to rest.
 #[test]
 fn a_cell_that_closes_at_its_largest_rate_is_stopped_by_contacts() {
     for model in [Relaxed, Coulomb] {
@@ -555,7 +560,8 @@ fn refusal(world: &mut World, steps: usize) -> Option<String> {
     None
 }
 
-/// A cell that becomes thinner than two bodies ends the run at the step that would make it so, not with bodies that overlap unseen.
+/// A cell that becomes thinner than two bodies ends the run at the step that would make it so, not with
+/// bodies that overlap unseen.
 #[test]
 fn a_cell_that_becomes_too_thin_is_refused() {
     let mut world = empty(0.3, 0.0);
@@ -572,7 +578,8 @@ fn a_cell_that_becomes_too_thin_is_refused() {
     assert!((0.4..0.401).contains(&edge), "{edge}");
 }
 
-/// Nothing bears the stress: the cell closes by half in a step at most, and the step that would leave no room is refused.
+/// Nothing bears the stress: the cell closes by half in a step at most, and the step that would leave no room
+/// is refused.
 #[test]
 fn a_stress_that_nothing_bears_is_refused() {
     for (drive, part) in [(pressed(1e6), "along x"), (pressed(1e9), "along x"), (pressed(-1e6), "")] {
@@ -607,8 +614,8 @@ fn rates_that_are_too_fast_are_refused() {
     }
 }
 
-/// Balls that never meet in a cell that is compressed: velocities relative to it grow as exp(-L t), and the ledger has what they gain; with contacts,
-/// across steps, it has what is lost, too.
+/// Balls that never meet in a cell that is compressed: velocities relative to it grow as exp(-L t), and the
+/// ledger has what they gain; with contacts, across steps, it has what is lost, too.
 #[test]
 fn the_ledger_has_the_work_of_the_deformation() {
     let mut world = empty(0.3, 0.0);

@@ -10,7 +10,8 @@ use graintrain::shape::Geometry;
 use graintrain::world::{Body, MassProperties};
 use std::f64::consts::TAU;
 
-/// Links that hang from one another, and one with a body a million times as heavy at its end, stay at rest; the joints carry what hangs.
+/// Links that hang from one another, and one with a body a million times as heavy at its end, stay at rest;
+/// the joints carry what hangs.
 #[test]
 fn a_chain_at_rest_carries_its_weight() {
     for last in [0.1, 1e5] {
@@ -39,8 +40,8 @@ fn a_chain_at_rest_carries_its_weight() {
     }
 }
 
-/// Light links between the world and a slider that is pulled hard, across gravity: they sag by next to nothing and come to rest, at steps
-/// far beyond their swings.
+/// Light links between the world and a slider that is pulled hard, across gravity: they sag by next to
+/// nothing and come to rest, at steps far beyond their swings.
 #[test]
 fn a_taut_light_chain_comes_to_rest() {
     for (step, pull) in [(2e-2, 1e2), (2e-2, 1e5), (5e-3, 1e5), (5e-3, 1e7), (1e-3, 1e7)] {
@@ -69,7 +70,8 @@ fn a_taut_light_chain_comes_to_rest() {
     }
 }
 
-/// A rigid body (mass, its centre `arm` from the pin, moment about the centre) on a rod without mass of this length, angles from the vertical.
+/// A rigid body (mass, its centre `arm` from the pin, moment about the centre) on a rod without mass of this
+/// length, angles from the vertical.
 fn hanging_body([a, b, u, v]: [f64; 4], length: f64, arm: f64, gyration: f64) -> [f64; 4] {
     let (sin, cos) = (a - b).sin_cos();
     let coupling = length * arm * cos;
@@ -86,8 +88,9 @@ fn hanging_body([a, b, u, v]: [f64; 4], length: f64, arm: f64, gyration: f64) ->
     [u, v, accelerations[0], accelerations[1]]
 }
 
-/// A ball of 100 kg swings on three links of 10 g and 0.1 g, at steps far beyond what these swing by: it goes where it would on a rod without
-/// mass, joints stay closed and energy is kept, whether it swings a little, far out, or over the top.
+/// A ball of 100 kg swings on three links of 10 g and 0.1 g, at steps far beyond what these swing by: it goes
+/// where it would on a rod without mass, joints stay closed and energy is kept, whether it swings a little,
+/// far out, or over the top.
 #[test]
 fn a_heavy_weight_swings_on_a_light_chain() {
     let (length, arm, radius) = (0.3, 0.2, 0.2);
@@ -127,7 +130,8 @@ fn a_heavy_weight_swings_on_a_light_chain() {
     }
 }
 
-/// Beads of 0.1 g on rods without mass over a drum, with weights of 1.5 kg and 1 kg: they roll, so that the weights fall as over a pulley.
+/// Beads of 0.1 g on rods without mass over a drum, with weights of 1.5 kg and 1 kg: they roll, so that the
+/// weights fall as over a pulley.
 #[test]
 fn light_beads_roll_over_a_drum_under_heavy_weights() {
     let mut world = earth();
@@ -172,7 +176,8 @@ fn light_beads_roll_over_a_drum_under_heavy_weights() {
     assert!((found - tension).abs() < 0.01 * tension, "{found} {tension}");
 }
 
-/// A load on a rod so short that a step is five of its swings travels with what carries it: its swing is damped beside the carrier, not beside the ground.
+/// A load on a rod so short that a step is five of its swings travels with what carries it: its swing is
+/// damped beside the carrier, not beside the ground.
 #[test]
 fn a_load_on_a_taut_rod_travels_with_its_carrier() {
     let mut world = earth();

@@ -10,7 +10,8 @@ use graintrain::shape::Geometry;
 use graintrain::stepper::{SolverChoice, StepSettings, Stepper};
 use graintrain::world::{Body, World};
 
-/// A block of 0.2 m without play between a floor, which is driven at 0.1 m/s, and a fixed lid; 300 balls in contact lie on the floor beside it.
+/// A block of 0.2 m without play between a floor, which is driven at 0.1 m/s, and a fixed lid; 300 balls in
+/// contact lie on the floor beside it.
 fn press(balls: usize) -> (World, BodyId) {
     let mut world = world(0.5, 0.0);
     let fixed = world.add_motion(Motion::fixed()).unwrap();
@@ -31,8 +32,9 @@ fn press(balls: usize) -> (World, BodyId) {
     (world, block)
 }
 
-/// The block rides on the floor and slides under the lid; its neighbours do not feel it. Relaxed friction would have to lift it off one of the
-/// plates by mu times its slip, for which there is no room: that problem has no solution, and the step says so.
+/// The block rides on the floor and slides under the lid; its neighbours do not feel it. Relaxed friction
+/// would have to lift it off one of the plates by mu times its slip, for which there is no room: that problem
+/// has no solution, and the step says so.
 #[test]
 fn a_block_that_slides_between_two_plates_is_not_locked() {
     for balls in [0, 100] {

@@ -38,7 +38,8 @@ fn add_wheel(world: &mut World, motion: Motion) -> BodyId {
     world.add_body(Body { motion, orientation, ..Body::new(geometry, MaterialId::default(), place) }).unwrap()
 }
 
-/// Driven at 0.1 m/s and 0.1 rad/s a wheel of radius 1 m goes straight on, where an axis fixed in the world takes it in a circle.
+/// Driven at 0.1 m/s and 0.1 rad/s a wheel of radius 1 m goes straight on, where an axis fixed in the world
+/// takes it in a circle.
 #[test]
 fn a_wheel_that_translates_and_turns_goes_straight() {
     for model in BOTH {
@@ -63,7 +64,8 @@ fn a_wheel_that_translates_and_turns_goes_straight() {
     }
 }
 
-/// With its rate prescribed and its path free, friction takes a wheel along until speed = radius x rate, to the accuracy of the solve.
+/// With its rate prescribed and its path free, friction takes a wheel along until speed = radius x rate, to
+/// the accuracy of the solve.
 #[test]
 fn a_driven_wheel_rolls_with_radius_times_rate() {
     for model in BOTH {
@@ -149,8 +151,9 @@ fn a_loaded_piston_accelerates_and_presses() {
     }
 }
 
-/// A body of planes alone is seen to be far from most others without the exact tests. It meets the balls that it meets with them: here beside two
-/// balls far away, which keep the short cut out, at rest and turning fast.
+/// A body of planes alone is seen to be far from most others without the exact tests. It meets the balls that
+/// it meets with them: here beside two balls far away, which keep the short cut out, at rest and turning
+/// fast.
 #[test]
 fn a_turning_box_of_planes_misses_no_contact() {
     let contacts_of = |rate: f64, behind: bool| {

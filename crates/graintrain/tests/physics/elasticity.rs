@@ -1,4 +1,5 @@
-//! Contacts with stiffness and damping, and contacts that pull: A43 and A44 of `verify`, presses, every production solver.
+//! Contacts with stiffness and damping, and contacts that pull: A43 and A44 of `verify`, presses, every
+//! production solver.
 
 use crate::support::*;
 use graintrain::handle::MaterialId;
@@ -83,7 +84,8 @@ fn a_bounce_takes_half_a_period() {
     }
 }
 
-/// Pressed beyond its weight and let go, a ball follows x'' = -k x - d x' about its equilibrium while it touches.
+/// Pressed beyond its weight and let go, a ball follows x'' = -k x - d x' about its equilibrium while it
+/// touches.
 #[test]
 fn a_damped_oscillator() {
     for model in BOTH {
@@ -108,7 +110,8 @@ fn a_damped_oscillator() {
     }
 }
 
-/// Between two plates that close without mercy a rigid ball has no solution; an elastic one carries k times the compression of each side.
+/// Between two plates that close without mercy a rigid ball has no solution; an elastic one carries k times
+/// the compression of each side.
 #[test]
 fn a_press_that_would_be_infeasible_has_the_force_of_its_springs() {
     for model in BOTH {
@@ -166,7 +169,8 @@ fn the_softest_contacts_do_not_break_the_step() {
     }
 }
 
-/// A ball hangs from a plate by F > m g, a block holds on a wall by mu F > m g; with less they fall freely, with m g in the ledger.
+/// A ball hangs from a plate by F > m g, a block holds on a wall by mu F > m g; with less they fall freely,
+/// with m g in the ledger.
 #[test]
 fn cohesion_carries_up_to_its_force() {
     for model in BOTH {
@@ -203,7 +207,8 @@ fn cohesion_carries_up_to_its_force() {
     }
 }
 
-/// A block whose face lies on the wall x <= 0 and that pulls with `share` of what friction mu needs to carry it.
+/// A block whose face lies on the wall x <= 0 and that pulls with `share` of what friction mu needs to carry
+/// it.
 fn world_of_wall(share: f64, mu: f64) -> World {
     let mut world = world(mu, 0.0);
     let stuff = MaterialId::default();

@@ -1,5 +1,6 @@
-//! Without a drive the energy of a world never rises: random scenes of mixed shapes, masses over four orders of magnitude, all
-//! coefficients of restitution and friction, both friction models, default solver and tolerance.
+//! Without a drive the energy of a world never rises: random scenes of mixed shapes, masses over four orders
+//! of magnitude, all coefficients of restitution and friction, both friction models, default solver and
+//! tolerance.
 
 use crate::support::*;
 use graintrain::ccp::FrictionModel;
@@ -108,8 +109,9 @@ fn energy_never_rises_without_a_drive() {
     assert!(worst < 1e-9, "largest rise in a step: {worst:.1e} of the energy present");
 }
 
-/// The ledger of balls closes to rounding in every step, with a drive, a load, impacts, friction, and resistance to rolling and spinning; its terms have the signs that they must have, and
-/// gravity's work is the fall.
+/// The ledger of balls closes to rounding in every step, with a drive, a load, impacts, friction, and
+/// resistance to rolling and spinning; its terms have the signs that they must have, and gravity's work is
+/// the fall.
 #[test]
 fn the_ledger_of_balls_closes_in_every_step() {
     for (model, restitution) in [(FrictionModel::Relaxed, 0.0), (FrictionModel::Coulomb, 0.6)] {
@@ -158,7 +160,8 @@ fn the_ledger_of_balls_closes_in_every_step() {
     }
 }
 
-/// A ball that is driven along x and about y, and free otherwise, with and without a floor: the work of the drive has what its own inertia takes.
+/// A ball that is driven along x and about y, and free otherwise, with and without a floor: the work of the
+/// drive has what its own inertia takes.
 #[test]
 fn the_ledger_closes_where_bodies_are_driven_in_some_degrees() {
     for floor in [false, true] {
@@ -202,8 +205,9 @@ fn jointed(seed: u64, restitution: f64, friction: f64) -> World {
     world
 }
 
-/// With joints too, light bodies beside heavy ones that turn by up to a radian in a step: what energy gains (heights between two steps, where velocities
-/// belong to) stays below a twentieth of what was there. Velocities that do not lie along the joints, where impacts find them, gave twenty times of it.
+/// With joints too, light bodies beside heavy ones that turn by up to a radian in a step: what energy gains
+/// (heights between two steps, where velocities belong to) stays below a twentieth of what was there.
+/// Velocities that do not lie along the joints, where impacts find them, gave twenty times of it.
 #[test]
 fn energy_never_rises_with_joints() {
     let mut worst = 0.0_f64;

@@ -51,7 +51,8 @@ fn a_constant_force_and_torque_accelerate() {
     assert!((world.bodies.angular_velocity[body] - spin).length() < 1e-9 * spin.length());
 }
 
-/// A block pressed down and pulled: the floor carries weight and press; it slides where the pull exceeds friction.
+/// A block pressed down and pulled: the floor carries weight and press; it slides where the pull exceeds
+/// friction.
 #[test]
 fn a_pulled_block_slides_beyond_friction() {
     for model in BOTH {
@@ -126,7 +127,8 @@ fn driven_bodies_do_not_feel_forces_and_bad_forces_are_refused() {
     assert!(error.contains("external torque"), "{error}");
 }
 
-/// The lower box of a stack is taken away while a stepper goes on: the upper one falls by its height and rests.
+/// The lower box of a stack is taken away while a stepper goes on: the upper one falls by its height and
+/// rests.
 #[test]
 fn bodies_can_be_removed_between_steps() {
     for model in BOTH {
@@ -158,7 +160,8 @@ fn bodies_can_be_removed_between_steps() {
     }
 }
 
-/// Without gravity, a ball with e = 0.5 that a force presses on a wall rests there: what a solve leaves over is no impact.
+/// Without gravity, a ball with e = 0.5 that a force presses on a wall rests there: what a solve leaves over
+/// is no impact.
 #[test]
 fn what_a_force_presses_rests() {
     for model in BOTH {
@@ -199,7 +202,8 @@ fn a_strong_force_widens_no_other_pair() {
     assert_eq!(contacts(1e5), contacts(0.0));
 }
 
-/// Impacts are solved to 1e-9, which is no reason to call a step missed whose contact problem is asked for more.
+/// Impacts are solved to 1e-9, which is no reason to call a step missed whose contact problem is asked for
+/// more.
 #[test]
 fn impacts_do_not_miss_a_tolerance_below_their_own() {
     let mut world = world(0.3, 0.5);

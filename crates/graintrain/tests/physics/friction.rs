@@ -10,7 +10,8 @@ use graintrain::world::{Body, World};
 
 const UPRIGHT: [bool; 6] = [true, true, true, false, false, false];
 
-/// A block of half height 0.1 on a plane tilted about y; `free` says which of its degrees of freedom are dynamic.
+/// A block of half height 0.1 on a plane tilted about y; `free` says which of its degrees of freedom are
+/// dynamic.
 fn block_on_incline(friction: f64, tilt: f64, free: [bool; 6]) -> (World, usize) {
     let mut world = world(friction, 0.0);
     add_ground(&mut world, tilt);

@@ -83,7 +83,8 @@ fn scenes() -> Vec<(&'static str, World, Vec<ContactState>)> {
     world.bodies.angular_velocity[body.index()] = Vec3::new(2.0, 0.1, 3.0);
     all.push(("a capsule that spins", world, vec![Sliding]));
 
-    // A blade pushes a ball that lies in front of it; another one hangs on a rail and may turn about two axes.
+    // A blade pushes a ball that lies in front of it; another one hangs on a rail and may turn about two
+    // axes.
     let mut world = ground(0.35, DOWN);
     let blade = world.add_geometry(Geometry::cuboid(Vec3::new(0.02, 0.3, 0.3)).unwrap());
     let drive = world.add_motion(Motion::translating(Vec3::X, Profile::Constant(0.5))).unwrap();

@@ -9,8 +9,8 @@ use graintrain::motion::Motion;
 use graintrain::shape::Geometry;
 use graintrain::world::Body;
 
-/// A sphere that hits a plane at unit speed, `angle` from the normal, in one step without gravity: tangential velocity,
-/// R omega, rebound velocity.
+/// A sphere that hits a plane at unit speed, `angle` from the normal, in one step without gravity: tangential
+/// velocity, R omega, rebound velocity.
 fn oblique(angle: f64, friction: f64, restitution: f64, model: FrictionModel) -> [f64; 3] {
     let radius = 0.1;
     let mut world = world(friction, restitution);
@@ -79,12 +79,14 @@ fn a07_oblique_impact_closed_form() {
     assert!(worst < 1e-6);
 }
 
-/// Two balls that meet off their centres part along the normal of the moment at which they touch, whenever in a step that is; with
-/// friction they leave with the same velocities and spins at all phases. (Relaxed friction lifts what slides: when is part of its answer.)
+/// Two balls that meet off their centres part along the normal of the moment at which they touch, whenever in
+/// a step that is; with friction they leave with the same velocities and spins at all phases. (Relaxed
+/// friction lifts what slides: when is part of its answer.)
 #[test]
 fn balls_that_meet_obliquely_part_the_same_at_any_phase() {
     let (radius, offset, restitution) = (0.05, 0.07, 0.8);
-    // The line of centres at touch: (-sqrt(4 R^2 - offset^2), offset) / 2 R, from the second ball to the first.
+    // The line of centres at touch: (-sqrt(4 R^2 - offset^2), offset) / 2 R, from the second ball to the
+    // first.
     let normal = Vec3::new(-f64::sqrt(4.0 * radius * radius - offset * offset), offset, 0.0) / (2.0 * radius);
     for (friction, model) in [(0.0, Relaxed), (0.0, Coulomb), (0.3, Coulomb)] {
         let mut first: Option<[Vec3; 2]> = None;
@@ -175,8 +177,8 @@ fn a20_tangential_restitution_of_alumina() {
     }
 }
 
-/// Bodies that travel several envelopes, even several radii, within a step do not end up inside each other: a pair that
-/// closes within the step, or would if one of both were stopped, is a contact before it touches.
+/// Bodies that travel several envelopes, even several radii, within a step do not end up inside each other: a
+/// pair that closes within the step, or would if one of both were stopped, is a contact before it touches.
 #[test]
 fn fast_bodies_do_not_meet_inside_each_other() {
     let radius = 0.1;
@@ -197,7 +199,8 @@ fn fast_bodies_do_not_meet_inside_each_other() {
     }
 }
 
-/// A tilted capsule falls on a fixed box without rebound: its far end lands too, instead of being found deep inside.
+/// A tilted capsule falls on a fixed box without rebound: its far end lands too, instead of being found deep
+/// inside.
 #[test]
 fn a_tilted_capsule_lands_on_both_ends() {
     let radius = 0.01;

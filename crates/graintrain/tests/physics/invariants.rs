@@ -124,8 +124,9 @@ fn mixed_heap(count: usize) -> World {
     world
 }
 
-/// v+ - v = M^-1 (h f + D g) body by body, A17 (the kinetic energy changes by the work of all impulses on the mean
-/// velocity), prescribed velocities are kept, action equals reaction, and wrenches are the impulses over the step.
+/// v+ - v = M^-1 (h f + D g) body by body, A17 (the kinetic energy changes by the work of all impulses on the
+/// mean velocity), prescribed velocities are kept, action equals reaction, and wrenches are the impulses over
+/// the step.
 #[test]
 fn a17_momentum_balance_and_energy_ledger() {
     let mut world = mixed_heap(32);
@@ -179,8 +180,8 @@ fn a17_momentum_balance_and_energy_ledger() {
             let inertia = |w: Vec3| turn * (before.bodies.inertia[body] * (turn.conjugate() * w));
             let (u0, w0) = (before.bodies.velocity[body], before.bodies.angular_velocity[body]);
             let gyroscopic = inertia(Vec3::from_slice(&free[6 * body + 3..]) - w0);
-            // A turn that removes overlap, or that keeps the angular momentum of what flies, takes the angular velocity with it: then only its
-            // length can be held against this.
+            // A turn that removes overlap, or that keeps the angular momentum of what flies, takes the
+            // angular velocity with it: then only its length can be held against this.
             let balanced = w0
                 + turn
                     * (before.bodies.inertia[body].inverse()
@@ -280,7 +281,8 @@ fn threads_do_not_change_a_bit() {
     assert_eq!(one, with(5));
 }
 
-/// Pairs of shapes for the tests of gaps: name, geometries of A and B, distance of the centres at which they are near.
+/// Pairs of shapes for the tests of gaps: name, geometries of A and B, distance of the centres at which they
+/// are near.
 fn pairs() -> Vec<(&'static str, Geometry, Geometry)> {
     let sphere = || Geometry::sphere(0.3).unwrap();
     let block = || Geometry::cuboid(Vec3::new(0.3, 0.5, 0.4)).unwrap();
@@ -349,13 +351,14 @@ fn posed(a: &Geometry, b: &Geometry, gap: f64, next: &mut impl FnMut() -> f64) -
     ((least - gap).abs() < 1e-6).then_some(world)
 }
 
-/// D_{i,n}^T v is the derivative of the gap along v: the contact with the least gap of every pair of shapes, against
-/// central differences of recomputed gaps.
+/// D_{i,n}^T v is the derivative of the gap along v: the contact with the least gap of every pair of shapes,
+/// against central differences of recomputed gaps.
 #[test]
 fn jacobian_agrees_with_finite_differences_of_the_gap() {
     let mut next = random(11);
     for (name, a, b) in pairs() {
-        // The library finds contacts of curved faces to about 1e-8 m only, so differences need longer steps there.
+        // The library finds contacts of curved faces to about 1e-8 m only, so differences need longer steps
+        // there.
         let by_library = ["box-cylinder", "cylinder-cylinder", "cylinder-mesh"].contains(&name);
         let (h, tolerance) = if by_library { (1e-4, 2e-3) } else { (1e-6, 1e-8) };
         let by_clipping = by_library || ["box-box", "box-mesh"].contains(&name);
@@ -396,7 +399,8 @@ fn jacobian_agrees_with_finite_differences_of_the_gap() {
             "D against differences, {name}: {tested} poses, error up to {worst:.1e} m/s, {missed} beyond {tolerance}"
         );
         assert!(tested >= 20, "{name}: only {tested} poses");
-        // Where a corner meets a corner the library reports a point between two edges, which slides as they move.
+        // Where a corner meets a corner the library reports a point between two edges, which slides as they
+        // move.
         let allowed = if by_clipping { tested / 10 } else { 0 };
         assert!(missed <= allowed, "{name}: {missed} of {tested} poses");
     }

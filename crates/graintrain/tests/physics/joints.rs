@@ -123,7 +123,8 @@ fn a_pendulum_swings_as_its_equation_says_and_keeps_its_energy() {
 
 /// Two rods of equal length L and mass m, angles from the vertical, in reduced coordinates.
 fn double_pendulum([a, b, u, v]: [f64; 4], length: f64) -> [f64; 4] {
-    // (4/3) a'' + (1/2) cos(a-b) b'' = -(1/2) sin(a-b) v^2 - (3/2) g/L sin a, and the other way round, by Cramer's rule.
+    // (4/3) a'' + (1/2) cos(a-b) b'' = -(1/2) sin(a-b) v^2 - (3/2) g/L sin a, and the other way round, by
+    // Cramer's rule.
     let (c, s, g) = ((a - b).cos(), (a - b).sin(), GRAVITY / length);
     let (m11, m12, m22) = (4.0 / 3.0, 0.5 * c, 1.0 / 3.0);
     let (f1, f2) = (-0.5 * s * v * v - 1.5 * g * a.sin(), 0.5 * s * u * u - 0.5 * g * b.sin());
@@ -153,7 +154,8 @@ fn a_double_pendulum_follows_reduced_coordinates() {
     assert!(errors[1] < 1e-5 && errors[1] < 0.3 * errors[0], "{errors:?}");
 }
 
-/// Positions of a driven crank's slider to rounding; the torque of the crank is that which the slider's inertia takes.
+/// Positions of a driven crank's slider to rounding; the torque of the crank is that which the slider's
+/// inertia takes.
 #[test]
 fn a_slider_crank_has_its_positions_and_torque() {
     for friction in BOTH {
@@ -259,7 +261,8 @@ fn gears_turn_at_their_ratio_and_carry_torque() {
     assert!(world.joints()[a.index()].state.coordinate > 10.0 * TAU);
 }
 
-/// A motor on a pinion lifts a weight on a rack at its speed; one that is too weak lets it down with what is left of gravity.
+/// A motor on a pinion lifts a weight on a rack at its speed; one that is too weak lets it down with what is
+/// left of gravity.
 #[test]
 fn a_motor_lifts_what_its_torque_can() {
     for (limit, lifts) in [(3.0, true), (1.5, false)] {
@@ -287,7 +290,8 @@ fn a_motor_lifts_what_its_torque_can() {
     }
 }
 
-/// A mass on a spring: the period of the scheme w' dt / 2 = asin(w dt / 2 / sqrt(1 + (w dt)^2 / 4)) without loss however stiff, and a damped one.
+/// A mass on a spring: the period of the scheme w' dt / 2 = asin(w dt / 2 / sqrt(1 + (w dt)^2 / 4)) without
+/// loss however stiff, and a damped one.
 #[test]
 fn springs_keep_their_energy_and_dampers_take_it() {
     let mass = 0.7;
@@ -351,7 +355,8 @@ fn a_driven_wheel_rolls_without_slip() {
         let motor = Motor::Speed { speed: Profile::Constant(1.5), limit: Some(Profile::Constant(60.0)) };
         let axle = Joint::revolute(Some(carriage), wheel, hub, Vec3::Y).with_motor(motor);
         world.add_joint(axle).unwrap();
-        // The carriage may rise and go ahead, but not turn: two slides would need a third body, a fixed rotation is enough.
+        // The carriage may rise and go ahead, but not turn: two slides would need a third body, a fixed
+        // rotation is enough.
         let guide = lump(&mut world, hub + Vec3::Y, 1.0, Vec3::splat(1.0));
         world.add_joint(Joint::prismatic(None, guide, hub, Vec3::Z)).unwrap();
         world.add_joint(Joint::prismatic(Some(guide), carriage, hub, Vec3::X)).unwrap();
@@ -364,7 +369,8 @@ fn a_driven_wheel_rolls_without_slip() {
     }
 }
 
-/// A light rod with a weight a million times its mass swings as a pendulum, and so does a heavy rod with a light one.
+/// A light rod with a weight a million times its mass swings as a pendulum, and so does a heavy rod with a
+/// light one.
 #[test]
 fn light_and_heavy_bodies_share_a_joint() {
     for (light, heavy) in [(1e-3, 1e3), (1e3, 1e-3)] {
@@ -510,7 +516,8 @@ fn joints_follow_their_bodies() {
     assert_eq!(report.contacts, 1);
 }
 
-/// A ball hits the bob of a pendulum: e times the speed of approach is that of parting, with the pendulum's mass seen at the bob.
+/// A ball hits the bob of a pendulum: e times the speed of approach is that of parting, with the pendulum's
+/// mass seen at the bob.
 #[test]
 fn impacts_act_through_joints() {
     for friction in BOTH {
@@ -591,8 +598,9 @@ fn a_spring_as_soft_as_can_be_is_none() {
     }
 }
 
-/// A wheel that just touches a wall where its hinge holds it turns on: the wall has no lever, though rounding gives its normal one. (It stopped within a step,
-/// by a force of 6e9 N.) With friction and no preload neither; a wall that is driven into a wheel is a contradiction, and said to be one.
+/// A wheel that just touches a wall where its hinge holds it turns on: the wall has no lever, though rounding
+/// gives its normal one. (It stopped within a step, by a force of 6e9 N.) With friction and no preload
+/// neither; a wall that is driven into a wheel is a contradiction, and said to be one.
 #[test]
 fn a_wall_does_not_stop_a_hinged_wheel() {
     let wheels = [Geometry::cylinder(0.1, 0.1).unwrap(), Geometry::sphere(0.1).unwrap()];
@@ -629,8 +637,9 @@ fn a_wall_does_not_stop_a_hinged_wheel() {
     }
 }
 
-/// Two wheels on a gear turn steadily without gravity, and a door on a hinge stands after a ball has hit it: nothing opens but by rounding, which is no failure.
-/// (Half of the steps were said to miss the tolerance, with "opens at 8.4e-19 m/s".)
+/// Two wheels on a gear turn steadily without gravity, and a door on a hinge stands after a ball has hit it:
+/// nothing opens but by rounding, which is no failure. (Half of the steps were said to miss the tolerance,
+/// with "opens at 8.4e-19 m/s".)
 #[test]
 fn steady_turning_without_gravity_is_solved() {
     for model in BOTH {
@@ -653,8 +662,9 @@ fn steady_turning_without_gravity_is_solved() {
     }
 }
 
-/// An arm that rests on the stop of its hinge, with a block just above it, is pushed up by a piston from below: the block holds it. (While the arm was on its
-/// stop nothing could move at the block, whose contact was left out for the step.)
+/// An arm that rests on the stop of its hinge, with a block just above it, is pushed up by a piston from
+/// below: the block holds it. (While the arm was on its stop nothing could move at the block, whose contact
+/// was left out for the step.)
 #[test]
 fn what_a_stop_lets_go_meets_what_is_there() {
     for model in BOTH {

@@ -45,8 +45,8 @@ fn sine(amplitude: f64, rate: f64) -> Profile {
     Profile::Formula(Formula::new(operations).unwrap())
 }
 
-/// A force F sin(w t) on a free body: the impulse of every step is exact, u_n = F / (m w) (1 - cos n w dt), and
-/// x_n = dt F / (m w) (n - sum_k cos k w dt), a geometric sum.
+/// A force F sin(w t) on a free body: the impulse of every step is exact, u_n = F / (m w) (1 - cos n w dt),
+/// and x_n = dt F / (m w) (n - sum_k cos k w dt), a geometric sum.
 #[test]
 fn a_sinusoidal_force_moves_as_the_closed_form_of_the_integrator() {
     let (step, period, amplitude) = (2e-3, 0.7, 30.0);
@@ -131,8 +131,8 @@ fn a_floor_carries_changing_gravity_and_load() {
     }
 }
 
-/// Linear drag alone is backward Euler, u_n = u_0 (1 + dt c / m)^-n, quadratic drag alone the exact u_0 / (1 + q u_0 t / m); no drag turns a
-/// body back, however strong; and its work is what the body loses.
+/// Linear drag alone is backward Euler, u_n = u_0 (1 + dt c / m)^-n, quadratic drag alone the exact u_0 /
+/// (1 + q u_0 t / m); no drag turns a body back, however strong; and its work is what the body loses.
 #[test]
 fn drag_is_an_implicit_step() {
     let step = 1e-2;
@@ -178,8 +178,9 @@ fn drag_is_an_implicit_step() {
     assert!((found / terminal - 1.0).abs() < 1e-6, "{found} of {terminal}");
 }
 
-/// Drag that would stop a body within a hundredth of a step: what falls reaches the speed at which it is carried, at once where drag is linear, and a
-/// wind presses a block against a wall with its whole force. Both friction modes, step by step.
+/// Drag that would stop a body within a hundredth of a step: what falls reaches the speed at which it is
+/// carried, at once where drag is linear, and a wind presses a block against a wall with its whole force.
+/// Both friction modes, step by step.
 #[test]
 fn strong_drag_carries_and_presses() {
     for friction in [Relaxed, Coulomb] {
@@ -236,7 +237,8 @@ fn several_drags_do_not_turn_a_body_back() {
     }
 }
 
-/// A central field with power 1 is a spring; semi-implicit Euler turns by the angle a with 2 - 2 cos a = w^2 dt^2 per step.
+/// A central field with power 1 is a spring; semi-implicit Euler turns by the angle a with 2 - 2 cos a = w^2
+/// dt^2 per step.
 #[test]
 fn a_central_field_of_power_one_is_an_oscillator() {
     let mut world = weightless();

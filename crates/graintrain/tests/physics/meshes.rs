@@ -182,7 +182,8 @@ fn add_surface(world: &mut World, vertices: Vec<Vec3>, triangles: Vec<[u32; 3]>,
     world.add_body(body).unwrap().index()
 }
 
-/// Without friction a drum of facets turns under what lies in it: no contact with the facets further up carries it along.
+/// Without friction a drum of facets turns under what lies in it: no contact with the facets further up
+/// carries it along.
 #[test]
 fn a_turning_drum_without_friction_carries_nothing_up() {
     let flat = Vec3::new(0.05, 0.05, 0.02);
@@ -277,7 +278,8 @@ fn tiles_do_not_brake_what_slides_over_them() {
     }
 }
 
-/// Wheels and capsules roll over tiles as over a plane: no point of theirs that is yet to come down holds them up.
+/// Wheels and capsules roll over tiles as over a plane: no point of theirs that is yet to come down holds
+/// them up.
 #[test]
 fn tiles_do_not_brake_what_rolls_over_them() {
     let axle = Quat::from_rotation_x(0.5 * PI);
@@ -312,8 +314,8 @@ fn tiles_do_not_brake_what_rolls_over_them() {
     }
 }
 
-/// Boxes that stand on an edge or a corner just where tiles, slopes of a valley or four corners meet are held there, and random ones fall through
-/// nothing.
+/// Boxes that stand on an edge or a corner just where tiles, slopes of a valley or four corners meet are held
+/// there, and random ones fall through nothing.
 #[test]
 fn what_stands_on_the_borders_of_triangles_does_not_fall_through() {
     let grid = |size: f64, height: &dyn Fn(f64, f64) -> f64| {

@@ -1,5 +1,5 @@
-//! What is met is hit, what is not met is not: pairs of balls that fly past each other, and pairs that meet off their centres, at any moment
-//! of a step, with default settings.
+//! What is met is hit, what is not met is not: pairs of balls that fly past each other, and pairs that meet
+//! off their centres, at any moment of a step, with default settings.
 
 use crate::support::*;
 use graintrain::handle::MaterialId;
@@ -22,7 +22,8 @@ struct Pair {
     offset: f64,
 }
 
-/// Pairs far from each other, with offsets from these, with speeds of 1 to 20 m/s, that touch or come nearest at about the 30th step.
+/// Pairs far from each other, with offsets from these, with speeds of 1 to 20 m/s, that touch or come nearest
+/// at about the 30th step.
 fn pairs(world: &mut World, count: u32, [least, most]: [f64; 2], step: f64) -> Vec<Pair> {
     world.gravity = Vec3::ZERO;
     (0..count)
@@ -68,8 +69,9 @@ fn balls_that_miss_each_other_do_not_touch() {
     }
 }
 
-/// Without friction two balls of masses m_A, m_B that touch with the unit vector n from B to A between their centres part with e of the speed at
-/// which they met along it: momentum e + 1 times the reduced mass times that speed goes over.
+/// Without friction two balls of masses m_A, m_B that touch with the unit vector n from B to A between their
+/// centres part with e of the speed at which they met along it: momentum e + 1 times the reduced mass times
+/// that speed goes over.
 #[test]
 fn balls_that_meet_off_their_centres_part_along_the_line_of_centres() {
     for (restitution, step) in [(1.0, 1e-3), (0.9, 2e-3), (0.9, 10e-3)] {
@@ -90,9 +92,9 @@ fn balls_that_meet_off_their_centres_part_along_the_line_of_centres() {
     }
 }
 
-/// A ball that crosses another one at a gap of 6 % of their radius while a force presses them together: the plane of the contact at the start of the step
-/// stops it above where it then is. A radius per step sideways leaves them 6 % apart at the least; half
-/// of it brings them within the twentieth that counts as together.
+/// A ball that crosses another one at a gap of 6 % of their radius while a force presses them together: the
+/// plane of the contact at the start of the step stops it above where it then is. A radius per step sideways
+/// leaves them 6 % apart at the least; half of it brings them within the twentieth that counts as together.
 #[test]
 fn what_presses_though_bodies_are_apart_is_counted() {
     for (per_step, expected) in [(1.0, 1), (0.5, 0)] {
@@ -115,7 +117,8 @@ fn what_presses_though_bodies_are_apart_is_counted() {
     }
 }
 
-/// A ball that would fly past another, but is thrown onto it by a third within the step, hits it: it gets a push, nothing overlaps, and momentum stays.
+/// A ball that would fly past another, but is thrown onto it by a third within the step, hits it: it gets a
+/// push, nothing overlaps, and momentum stays.
 #[test]
 fn what_is_deflected_onto_a_body_hits_it() {
     for step in [2e-3, 10e-3] {
@@ -142,7 +145,8 @@ fn what_is_deflected_onto_a_body_hits_it() {
     }
 }
 
-/// Thin and small bodies of every shape that arrive at 200 m/s (twenty of their sizes a step) on a plate of 1 mm stop there, whichever end meets it first.
+/// Thin and small bodies of every shape that arrive at 200 m/s (twenty of their sizes a step) on a plate of 1
+/// mm stop there, whichever end meets it first.
 #[test]
 fn what_is_fast_does_not_pass_a_thin_plate() {
     let shapes = [

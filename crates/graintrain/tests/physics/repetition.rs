@@ -1,4 +1,5 @@
-//! What makes a step be made again: seams that bar no way, and turning bodies that meet elsewhere than foreseen. Default solver and tolerance.
+//! What makes a step be made again: seams that bar no way, and turning bodies that meet elsewhere than
+//! foreseen. Default solver and tolerance.
 
 use crate::support::*;
 use graintrain::ccp::FrictionModel;
@@ -23,8 +24,9 @@ fn scattered(k: usize) -> f64 {
     2.0 * (0.618_033_988_749_894_9 * k as f64).fract() - 1.0
 }
 
-/// A ball and a box with another one on top slide at 1.5 m/s over nine seams of fixed tiles without friction: nothing brakes
-/// or lifts them. (The edge of the next tile, seen as a plane, would stop the box and throw up the ball.)
+/// A ball and a box with another one on top slide at 1.5 m/s over nine seams of fixed tiles without friction:
+/// nothing brakes or lifts them. (The edge of the next tile, seen as a plane, would stop the box and throw up
+/// the ball.)
 #[test]
 fn seams_of_a_floor_do_not_hold_up_what_slides() {
     for (model, step) in [(BOTH[0], 2e-3), (BOTH[0], 5e-3), (BOTH[1], 2e-3)] {
@@ -54,7 +56,8 @@ fn seams_of_a_floor_do_not_hold_up_what_slides() {
     }
 }
 
-/// Balls and turned boxes fall on one another from up to 3.5 m, in steps in which the boxes come to turn by 0.3 rad.
+/// Balls and turned boxes fall on one another from up to 3.5 m, in steps in which the boxes come to turn by
+/// 0.3 rad.
 #[test]
 fn balls_and_boxes_that_fall_in_a_heap_do_not_enter_each_other() {
     for model in BOTH {
@@ -77,7 +80,8 @@ fn balls_and_boxes_that_fall_in_a_heap_do_not_enter_each_other() {
     }
 }
 
-/// Boxes and capsules that fly and spin among six walls with e = 1 and without friction: their energy is kept, and none enters another one.
+/// Boxes and capsules that fly and spin among six walls with e = 1 and without friction: their energy is
+/// kept, and none enters another one.
 #[test]
 fn an_elastic_gas_of_boxes_and_capsules_does_not_overlap() {
     let mut world = world(0.0, 1.0);
@@ -109,8 +113,9 @@ fn an_elastic_gas_of_boxes_and_capsules_does_not_overlap() {
     assert_close(world.kinetic_energy() / before, 1.0, 5e-3, "energy");
 }
 
-/// A thin plate slides over a flat mesh and over flush boxes of one body in steps in which it would fall by a tenth of its thickness and more, and goes on.
-/// (The edge of the next triangle or box stopped it within a step: what it would fall in the step hid that it passes freely.)
+/// A thin plate slides over a flat mesh and over flush boxes of one body in steps in which it would fall by a
+/// tenth of its thickness and more, and goes on. (The edge of the next triangle or box stopped it within a
+/// step: what it would fall in the step hid that it passes freely.)
 #[test]
 fn seams_do_not_stop_a_thin_plate_in_long_steps() {
     let lattice = |k: u32| f64::from(k) * 0.5 - 1.5;
@@ -145,8 +150,8 @@ fn seams_do_not_stop_a_thin_plate_in_long_steps() {
     }
 }
 
-/// A kerb of half its thickness stops a plate in steps in which it would fall by nearly all of it. (Relaxed friction would carry it over: dt mu |u_t| is more
-/// than the height of the kerb.)
+/// A kerb of half its thickness stops a plate in steps in which it would fall by nearly all of it. (Relaxed
+/// friction would carry it over: dt mu |u_t| is more than the height of the kerb.)
 #[test]
 fn a_kerb_stops_a_thin_plate_in_long_steps() {
     for (model, friction, step) in BOTH
@@ -178,8 +183,8 @@ fn a_kerb_stops_a_thin_plate_in_long_steps() {
     }
 }
 
-/// Discs that wobble nearly flat change the place where they stand by a tenth of a radian of their rim in a step: what the planes of contacts do not
-/// foresee of that is removed at the end of the step.
+/// Discs that wobble nearly flat change the place where they stand by a tenth of a radian of their rim in a
+/// step: what the planes of contacts do not foresee of that is removed at the end of the step.
 #[test]
 fn discs_that_wobble_do_not_sink() {
     for (model, step) in BOTH.into_iter().zip([2e-3, 1e-3]) {

@@ -161,7 +161,8 @@ fn a_driven_body_stays_on_its_circle() {
     assert!(error < 2e-3);
 }
 
-/// A press held by a mixed motion: only z is dynamic; a blade that is driven along x and loaded in z by its weight.
+/// A press held by a mixed motion: only z is dynamic; a blade that is driven along x and loaded in z by its
+/// weight.
 #[test]
 fn mixed_motions_move_as_told() {
     let mut world = world(0.3, 0.0);

@@ -70,8 +70,8 @@ fn a10_stack_of_boxes() {
     }
 }
 
-/// Equal spheres: a ring of `base` touching spheres on the ground and one on top. Displacement of the top after half
-/// a second.
+/// Equal spheres: a ring of `base` touching spheres on the ground and one on top. Displacement of the top
+/// after half a second.
 fn pyramid(base: usize, sphere_sphere: f64, sphere_ground: f64, model: FrictionModel) -> f64 {
     let radius = 0.1;
     let mut world = world(sphere_sphere, 0.0);
@@ -146,8 +146,8 @@ fn a12_sphere_in_a_groove() {
     }
 }
 
-/// A13: a table on four legs: sums are fixed, single forces are not. The forces of a solution may differ by multiples
-/// of (1, -1, 1, -1) only.
+/// A13: a table on four legs: sums are fixed, single forces are not. The forces of a solution may differ by
+/// multiples of (1, -1, 1, -1) only.
 #[test]
 fn a13_table_on_four_legs() {
     let mut world = world(0.4, 0.0);

@@ -1,4 +1,5 @@
-//! Cases that nobody tuned on, with the default solver and tolerance: heavy beside and on light, overlapping, fast, bouncing.
+//! Cases that nobody tuned on, with the default solver and tolerance: heavy beside and on light, overlapping,
+//! fast, bouncing.
 
 use crate::support::*;
 use graintrain::ccp::FrictionModel;
@@ -170,7 +171,8 @@ fn small_fast_bodies_meet_what_is_in_their_way() {
     }
 }
 
-/// Oblique impact at 75 degrees, e = 0.5, mu = 0.25, at eight phases of arrival within the step: e times the speed of arrival each time.
+/// Oblique impact at 75 degrees, e = 0.5, mu = 0.25, at eight phases of arrival within the step: e times the
+/// speed of arrival each time.
 #[test]
 fn restitution_does_not_depend_on_the_phase_of_arrival() {
     let (angle, friction, restitution, step) = (75.0_f64.to_radians(), 0.25, 0.5, 5e-3);
@@ -346,7 +348,8 @@ fn a_heavy_press_on_light_grains_is_carried() {
     assert!(worst < 0.01 && deepest < 0.01, "force off by {worst}, overlap {deepest} R");
 }
 
-/// Whoever asks for a tenth gets a hundredth: what is looser costs more than it saves, and bodies sink into each other.
+/// Whoever asks for a tenth gets a hundredth: what is looser costs more than it saves, and bodies sink into
+/// each other.
 #[test]
 fn a_loose_tolerance_is_no_licence_to_overlap() {
     let poured = |tolerance: f64| {
@@ -401,9 +404,9 @@ fn box_of_mixed_masses(friction: f64) -> World {
     world
 }
 
-/// Exact friction: first-order methods end far from a solution within the budget of a step, and its finish lets
-/// no ball sink into another. Without it they overlap by 10 % of a radius. Without friction the problem is convex
-/// in both models, and solved.
+/// Exact friction: first-order methods end far from a solution within the budget of a step, and its finish
+/// lets no ball sink into another. Without it they overlap by 10 % of a radius. Without friction the problem
+/// is convex in both models, and solved.
 #[test]
 fn mixed_masses_poured_into_a_box_do_not_sink_into_each_other() {
     for (friction, missed_most) in [(0.4, 45), (0.0, 0)] {

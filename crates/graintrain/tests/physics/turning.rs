@@ -26,8 +26,8 @@ fn speed_down(world: &World, ball: usize, tilt: f64) -> f64 {
     world.bodies.velocity[ball].dot(Quat::from_rotation_y(tilt) * Vec3::X)
 }
 
-/// A ball stays on an incline up to tan = mu_r / R, for 2 s, and rolls with 5/7 g (sin - mu_r / R cos) beyond it; the coefficient as a
-/// number of effective radii and as a length is the same thing.
+/// A ball stays on an incline up to tan = mu_r / R, for 2 s, and rolls with 5/7 g (sin - mu_r / R cos) beyond
+/// it; the coefficient as a number of effective radii and as a length is the same thing.
 #[test]
 fn a_ball_stays_up_to_the_threshold_and_rolls_beyond_it() {
     let ratio: f64 = 0.2;
@@ -76,7 +76,8 @@ fn a_rolling_ball_comes_to_rest() {
     }
 }
 
-/// A ball that spins on the spot loses mu_s m g of angular momentum a second, and rolling friction does not touch it.
+/// A ball that spins on the spot loses mu_s m g of angular momentum a second, and rolling friction does not
+/// touch it.
 #[test]
 fn spinning_friction_stops_a_top() {
     let (coefficient, spin) = (2e-3, 10.0);
@@ -114,7 +115,8 @@ fn the_moment_of_rolling_friction_is_felt_by_what_is_rolled_on() {
         let report = solved_step(&mut stepper, &mut world);
         let weight = world.bodies.mass[ball] * G;
         let [wrench] = &report.wrenches[..] else { panic!("only the ground is not free") };
-        // About the ground's own position: the normal force at x, and the moment, which turns the ground with the ball.
+        // About the ground's own position: the normal force at x, and the moment, which turns the ground with
+        // the ball.
         let x = world.contacts.contacts[0].point.x;
         let expected = x * weight + 0.05 * RADIUS * weight;
         assert_close(wrench.torque.y, expected, 1e-3 * expected, "torque");
@@ -126,8 +128,8 @@ fn the_moment_of_rolling_friction_is_felt_by_what_is_rolled_on() {
     }
 }
 
-/// A slab a million times as heavy as each of the four balls that carry it is slowed by g (b_1 + b_2) / (2 R), with the coefficients b_1
-/// against the slab and b_2 against the ground.
+/// A slab a million times as heavy as each of the four balls that carry it is slowed by g (b_1 + b_2) / (2
+/// R), with the coefficients b_1 against the slab and b_2 against the ground.
 #[test]
 fn rollers_under_a_heavy_slab() {
     let (above, below) = (2e-3, 4e-3);
@@ -232,8 +234,9 @@ fn moments_stay_with_their_contacts() {
     solved_step(&mut stepper, &mut world);
 }
 
-/// Angle of repose, degrees, of a column of `side` x `side` x `layers` balls that collapses on a flat floor of the same material, after so
-/// many seconds: of the cone whose mass lies as high and as far out as that of the heap, tan = 2 <z> / <r>.
+/// Angle of repose, degrees, of a column of `side` x `side` x `layers` balls that collapses on a flat floor
+/// of the same material, after so many seconds: of the cone whose mass lies as high and as far out as that of
+/// the heap, tan = 2 <z> / <r>.
 fn angle_of_repose(rolling: f64, side: usize, layers: usize, seconds: f64, model: FrictionModel) -> f64 {
     let (radius, step) = (0.01, 2e-3);
     let mut world = world(0.5, 0.0);
@@ -276,9 +279,10 @@ fn a_small_heap_is_steeper_with_rolling_friction() {
     assert!(angles[1] > angles[0] + 8.0, "{angles:?}");
 }
 
-/// 2 000 balls: the angle of repose grows with rolling friction (Y. C. Zhou, B. H. Xu, A. B. Yu, P. Zulli, "Numerical investigation of the
-/// angle of repose of monosized spheres", Physical Review E 64:021301, 2001). The measure counts balls that have rolled away, so that it is
-/// flatter than the slope of the heap itself: 0.1, 4.6 and 14.1 degrees.
+/// 2 000 balls: the angle of repose grows with rolling friction (Y. C. Zhou, B. H. Xu, A. B. Yu, P. Zulli,
+/// "Numerical investigation of the angle of repose of monosized spheres", Physical Review E 64:021301, 2001).
+/// The measure counts balls that have rolled away, so that it is flatter than the slope of the heap itself:
+/// 0.1, 4.6 and 14.1 degrees.
 #[test]
 #[ignore = "three heaps of 2 000 balls, minutes"]
 fn the_angle_of_repose_grows_with_rolling_friction() {

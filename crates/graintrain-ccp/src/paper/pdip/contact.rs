@@ -23,16 +23,16 @@ impl Constraints {
 
     /// H = lambda_1 Hess f_1 + sum_k lambda_k / (-f_k) grad f_k grad f_k^T + proximal n n^T with its factors.
     ///
-    /// Across the tangential impulse H is lambda_1. In the plane of the normal and that impulse, with rho = |g_t| and
-    /// c = (mu^2 g_n^2 + rho^2) / (-2 f_1), which is never below 1,
+    /// Across the tangential impulse H is lambda_1. In the plane of the normal and that impulse, with rho
+    /// = |g_t| and c = (mu^2 g_n^2 + rho^2) / (-2 f_1), which is never below 1,
     ///
     /// ```text
     /// H_rr = lambda_1 c,   H_nr = -lambda_1 mu^2 g_n rho / (-f_1),   H_nn = lambda_1 mu^2 c + (lambda_2 / g_n + proximal)
     /// det = lambda_1^2 mu^2 + lambda_1 c (lambda_2 / g_n + proximal)
     /// ```
     ///
-    /// No term of the determinant cancels, so that the Cholesky factor H = B L L^T B^T, rows in the order r, n, s of the basis
-    /// B, has full relative accuracy next to the boundary. F = B L^-T.
+    /// No term of the determinant cancels, so that the Cholesky factor H = B L L^T B^T, rows in the order r,
+    /// n, s of the basis B, has full relative accuracy next to the boundary. F = B L^-T.
     #[inline]
     pub(super) fn newton_blocks(&self, mu: f64, g: &[f64], lambda: &[f64], proximal: f64) -> NewtonBlocks {
         let m = mu * mu;
@@ -98,8 +98,9 @@ mod tests {
     #[test]
     fn newton_block_matches_finite_differences_of_the_eliminated_system() {
         let (mu, g, lambda, proximal) = (0.4, [1.3, 0.2, -0.3], [0.7, 0.25], 0.3);
-        // With lambda eliminated by r_c = 0 linearised, the derivative of the push along dg is the block: compare
-        // d/dg [ sum lambda_k(g) grad f_k(g) ] where lambda_k changes by dlambda_k = lambda_k grad f_k . dg / (-f_k).
+        // With lambda eliminated by r_c = 0 linearised, the derivative of the push along dg is the block:
+        // compare d/dg [ sum lambda_k(g) grad f_k(g) ] where lambda_k changes by dlambda_k = lambda_k grad
+        // f_k . dg / (-f_k).
         let push = |g: [f64; 3]| {
             let base = Constraints::new(mu, &[1.3, 0.2, -0.3]);
             let change: [f64; 2] = std::array::from_fn(|k| {

@@ -21,7 +21,8 @@ const SMALLEST_FRICTION: f64 = 1e-7;
 /// g_i = c x_i / e_i,   u_i = c e_i u'_i,   N' = E^-1 N E^-1,   e_i = sqrt(eta_i),   c = V sqrt(mean 1/eta)
 /// ```
 ///
-/// One factor per contact leaves cones as they are and makes trace(N'_ii) = 3 however different the masses are.
+/// One factor per contact leaves cones as they are and makes trace(N'_ii) = 3 however different the masses
+/// are.
 pub(super) struct Iterate<'a> {
     problem: &'a Ccp,
     pub(super) friction: Vec<f64>,
@@ -66,8 +67,8 @@ impl Direction {
 }
 
 impl<'a> Iterate<'a> {
-    /// Starts from normal impulses x_n (given the unit of impulse, N s, of a contact) without tangential ones, lambda = barrier / -f where `barrier` is given
-    /// the mean of |x| |u'| over contacts.
+    /// Starts from normal impulses x_n (given the unit of impulse, N s, of a contact) without tangential
+    /// ones, lambda = barrier / -f where `barrier` is given the mean of |x| |u'| over contacts.
     pub(super) fn new(
         problem: &'a Ccp,
         scale: &ResidualScale,
@@ -188,7 +189,8 @@ impl<'a> Iterate<'a> {
             self.factor[i] = blocks.factor.map(|x| x / root);
             self.factor_inverse[i] = blocks.factor_inverse.map(|x| x * root);
             self.gradient[i] = blocks.gradient;
-            // -r_d + sum_k grad f_k r_c,k / (-f_k), with r_c,k / (-f_k) = lambda_k + barrier / f_k: lambda cancels.
+            // -r_d + sum_k grad f_k r_c,k / (-f_k), with r_c,k / (-f_k) = lambda_k + barrier / f_k: lambda
+            // cancels.
             let mut push = constraints.combine(constraints.f.map(|f| barrier / f));
             push[0] -= self.proximal * (self.g[3 * i] - self.anchor[i]);
             for k in 0..3 {
@@ -264,7 +266,8 @@ mod tests {
     use crate::newton::direct::Direct;
     use graintrain_linalg::block3::BlockMatrix3;
 
-    /// Two coupled contacts, away from the central path: r_d and r_c are linear along the direction and vanish at its end.
+    /// Two coupled contacts, away from the central path: r_d and r_c are linear along the direction and
+    /// vanish at its end.
     #[test]
     fn the_direction_solves_the_linearised_optimality_conditions() {
         let block = [2.0, 0.3, -0.1, 0.3, 3.0, 0.2, -0.1, 0.2, 1.5];

@@ -1,8 +1,8 @@
-//! `pdip`: the primal-dual interior point of Corona, Gorsich, Jayakumar and Veerapaneni (2019), after Boyd and
-//! Vandenberghe (2004), section 11.7.
+//! `pdip`: the primal-dual interior point of Corona, Gorsich, Jayakumar and Veerapaneni (2019), after Boyd
+//! and Vandenberghe (2004), section 11.7.
 //!
-//! Two constraints per contact, f_1 = 1/2 (g_1^2 + g_2^2 - mu^2 g_n^2) <= 0 and f_2 = -g_n <= 0, with multipliers
-//! lambda > 0, and the perturbed optimality conditions
+//! Two constraints per contact, f_1 = 1/2 (g_1^2 + g_2^2 - mu^2 g_n^2) <= 0 and f_2 = -g_n <= 0, with
+//! multipliers lambda > 0, and the perturbed optimality conditions
 //!
 //! ```text
 //! r_d = N g + r + sum_k lambda_k grad f_k = 0,      r_c = -lambda_k f_k - 1/tau = 0
@@ -15,25 +15,31 @@
 //! S = N + sum_k ( lambda_k Hess f_k + lambda_k / (-f_k) grad f_k grad f_k^T )
 //! ```
 //!
-//! The problem is scaled first, by c = V sqrt(mean 1/eta) (see [`ResidualScale::size`]) and one factor per contact that makes trace(N_ii) = 3. S = N + H is
-//! scaled from both sides with the factors of H^-1 = F F^T: (I + F^T N F) z = F^T b, dg = F z (see [`crate::newton`]).
+//! The problem is scaled first, by c = V sqrt(mean 1/eta) (see [`ResidualScale::size`]) and one factor per
+//! contact that makes trace(N_ii) = 3. S = N + H is scaled from both sides with the factors of H^-1 = F F^T:
+//! (I + F^T N F) z = F^T b, dg = F z (see [`crate::newton`]).
 //!
 //! # Two rules for the step
-//! `pdip-literal` follows the paper: tau = 10 (number of constraints) / (-f^T lambda) in every iteration, start at g_n = 1 (in
-//! units of c / sqrt(eta_i), for equal contacts V / eta), one step for impulses and multipliers that keeps lambda > 0, then f < 0, then lowers |(r_d, r_c)|. On settled
-//! packings it stalls: r_d is far from zero while 1/tau has already fallen, the linearised f_1 leaves its cone after 1e-3 of
-//! the step, and no later step returns to the centre.
+//! `pdip-literal` follows the paper: tau = 10 (number of constraints) / (-f^T lambda) in every iteration,
+//! start at g_n = 1 (in units of c / sqrt(eta_i), for equal contacts V / eta), one step for impulses and
+//! multipliers that keeps lambda > 0, then f < 0, then lowers |(r_d, r_c)|. On settled packings it stalls:
+//! r_d is far from zero while 1/tau has already fallen, the linearised f_1 leaves its cone after 1e-3 of the
+//! step, and no later step returns to the centre.
 //!
-//! `pdip` keeps the paper's equations, matrix and direction, and differs in what the paper leaves open or what fails:
-//! * The right-hand side of S is -grad phi, phi(g) = 1/2 g^T N g + r^T g - 1/tau sum_k log(-f_k): lambda cancels. S is positive
-//!   definite, so that dg descends on phi, which is convex, from any lambda > 0. The step of g goes up to 0.9 of the way to
-//!   the cones' boundary (a quadratic per contact) and is shortened until phi falls (Armijo); lambda has a step of its own.
-//! * tau grows to 10 / (mean complementarity) as in the paper, but only where the last step was long and Newton's
-//!   decrement dg^T S dg tau was at most 4 per contact: before that the iterate is far from the centre for the tau at hand.
-//! * It starts above the solution, at g_n = 100 of these units, or at the last impulses, but at least 1 and at most 100, with 1/tau in proportion to the
-//!   mean of |g| |N g + r|. From below the solution the cones are narrow and hundreds of steps are short.
-//! * Where grains are clamped between walls, impulses can grow at no cost and there is no central path. A proximal term
-//!   1/2 eps (g_n - last centre)^2 restores it; it vanishes as the iterates settle.
+//! `pdip` keeps the paper's equations, matrix and direction, and differs in what the paper leaves open or
+//! what fails:
+//! * The right-hand side of S is -grad phi, phi(g) = 1/2 g^T N g + r^T g - 1/tau sum_k log(-f_k): lambda
+//!   cancels. S is positive definite, so that dg descends on phi, which is convex, from any lambda > 0. The
+//!   step of g goes up to 0.9 of the way to the cones' boundary (a quadratic per contact) and is shortened
+//!   until phi falls (Armijo); lambda has a step of its own.
+//! * tau grows to 10 / (mean complementarity) as in the paper, but only where the last step was long and
+//!   Newton's decrement dg^T S dg tau was at most 4 per contact: before that the iterate is far from the
+//!   centre for the tau at hand.
+//! * It starts above the solution, at g_n = 100 of these units, or at the last impulses, but at least 1 and
+//!   at most 100, with 1/tau in proportion to the mean of |g| |N g + r|. From below the solution the cones
+//!   are narrow and hundreds of steps are short.
+//! * Where grains are clamped between walls, impulses can grow at no cost and there is no central path. A
+//!   proximal term 1/2 eps (g_n - last centre)^2 restores it; it vanishes as the iterates settle.
 //! * Where it stalls far from a solution, a proof that there is none is searched for ([`infeasible`]).
 //! * Linear systems are solved to a relative residual of 1e-2: for descent that is enough.
 
@@ -62,8 +68,8 @@ use graintrain_linalg::patience::Patience;
 pub struct Parameters {
     /// 1/tau = (mean complementarity) / this.
     pub tau_factor: f64,
-    /// Where no step is found the relative residual of the linear solves with the matrix at hand is tightened by this factor, down to
-    /// the finest, before the method gives up.
+    /// Where no step is found the relative residual of the linear solves with the matrix at hand is tightened
+    /// by this factor, down to the finest, before the method gives up.
     pub linear_tightening: f64,
     /// The finest relative residual of the linear solves.
     pub linear_finest: f64,
@@ -71,20 +77,22 @@ pub struct Parameters {
     pub iterations: usize,
     /// Normal impulse of the central start, c / sqrt(eta_i).
     pub central_start: f64,
-    /// 1/tau of the start above the solution, and of one from known impulses, per third of the mean of |g| |N g + r|.
+    /// 1/tau of the start above the solution, and of one from known impulses, per third of the mean of |g| |N
+    /// g + r|.
     pub central_barrier: [f64; 2],
     /// Weight of the proximal term of the central rule, relative to trace(N'_ii) / 3.
     pub proximal: f64,
     /// Smallest step after which tau may grow.
     pub long_step: f64,
-    /// Largest squared Newton decrement per contact with which tau may grow. A contact whose impulse grows without limit adds 3,
-    /// the parameter of its logarithms.
+    /// Largest squared Newton decrement per contact with which tau may grow. A contact whose impulse grows
+    /// without limit adds 3, the parameter of its logarithms.
     pub near_centre: f64,
     /// Iterations without a better residual before `pdip` gives up.
     pub stall_iterations: usize,
     /// Smallest normal impulse of the paper's start from known impulses, c / sqrt(eta_i).
     pub paper_floor: f64,
-    /// lambda_k (-f_k) of the paper's start, c^2. With 1 / c^2 and known impulses of 1 N s it is lambda = -1/f in units of newtons, metres and seconds.
+    /// lambda_k (-f_k) of the paper's start, c^2. With 1 / c^2 and known impulses of 1 N s it is lambda
+    /// = -1/f in units of newtons, metres and seconds.
     pub paper_barrier: f64,
     /// Lengths of steps.
     pub step: StepParameters,
@@ -250,7 +258,8 @@ impl CcpSolver for Pdip {
         let limits = Limits::start(settings, self.parameters.iterations);
         check_start(problem, impulse)?;
         let scale = ResidualScale::new(problem);
-        // The path starts inside the cones, far from the solution: what is better must not be lost on the way.
+        // The path starts inside the cones, far from the solution: what is better must not be lost on the
+        // way.
         let mut best = Best::default();
         let residual = offer_starts(problem, impulse, &scale, &limits, settings.friction, &mut best);
         if residual <= settings.tolerance {

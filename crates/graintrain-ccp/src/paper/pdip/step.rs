@@ -55,8 +55,9 @@ fn to_boundary(it: &Iterate<'_>, direction: &Direction) -> f64 {
     longest
 }
 
-/// As [`to_boundary`] for one contact. With 2 f_1(a) = c_0 + 2 c_1 a + c_2 a^2, c_0 < 0, the root that is wanted is
-/// -c_0 / (c_1 + sqrt(c_1^2 - c_0 c_2)) in every case where there is one; the sum is formed without cancellation.
+/// As [`to_boundary`] for one contact. With 2 f_1(a) = c_0 + 2 c_1 a + c_2 a^2, c_0 < 0, the root that is
+/// wanted is -c_0 / (c_1 + sqrt(c_1^2 - c_0 c_2)) in every case where there is one; the sum is formed without
+/// cancellation.
 fn contact_to_boundary(mu: f64, g: &[f64], d: &[f64]) -> f64 {
     let along = real::hypot(d[1], d[2]);
     let c0 = 2.0 * Constraints::new(mu, g).f[0];
@@ -94,7 +95,8 @@ fn residual_square(it: &Iterate<'_>, step: f64, direction: &Direction, barrier: 
     Some(sum)
 }
 
-/// The paper's tests: one step for impulses and multipliers that keeps lambda > 0, then f < 0, then lowers |(r_d, r_c)|.
+/// The paper's tests: one step for impulses and multipliers that keeps lambda > 0, then f < 0, then
+/// lowers |(r_d, r_c)|.
 pub(super) fn by_residual(
     it: &Iterate<'_>,
     direction: &Direction,
@@ -115,7 +117,8 @@ pub(super) fn by_residual(
     Step { taken: 0.0, multipliers, cone }
 }
 
-/// Change of 1/2 x^T N' x + r'^T x + proximal term - barrier sum_k log(-f_k) by a step; not a number outside the cones.
+/// Change of 1/2 x^T N' x + r'^T x + proximal term - barrier sum_k log(-f_k) by a step; not a number outside
+/// the cones.
 fn barrier_change(it: &Iterate<'_>, step: f64, direction: &Direction, barrier: f64) -> f64 {
     let (mut smooth, mut logarithms) = (0.0, 0.0);
     for (i, &mu) in it.friction.iter().enumerate() {
@@ -133,8 +136,9 @@ fn barrier_change(it: &Iterate<'_>, step: f64, direction: &Direction, barrier: f
     smooth - barrier * logarithms
 }
 
-/// Lowers the barrier function: Newton's direction is one of descent for it whatever lambda > 0 is, because its matrix is
-/// positive definite and lambda cancels from its right-hand side. The multipliers take a step of their own.
+/// Lowers the barrier function: Newton's direction is one of descent for it whatever lambda > 0 is, because
+/// its matrix is positive definite and lambda cancels from its right-hand side. The multipliers take a step
+/// of their own.
 pub(super) fn by_barrier(
     it: &Iterate<'_>,
     direction: &Direction,
@@ -164,7 +168,8 @@ mod tests {
     use proptest::prelude::*;
 
     proptest! {
-        /// Just before the boundary the point is inside, just after it is outside; without a boundary it stays inside.
+        /// Just before the boundary the point is inside, just after it is outside; without a boundary it
+        /// stays inside.
         #[test]
         fn boundary_is_where_the_ray_leaves_the_cone(
             mu in 1e-3..2.0_f64,

@@ -46,7 +46,8 @@ pub struct TrainInverse {
 /// Sweeps of the inversion at most: the accuracy asked for is low, and a hot start needs one or two.
 const SWEEPS: usize = 4;
 
-/// Residuals ||A X - I|| / ||I|| from this on (X = 0 has it) are worse than that of the cold start c I, which is never larger.
+/// Residuals ||A X - I|| / ||I|| from this on (X = 0 has it) are worse than that of the cold start c I, which
+/// is never larger.
 const DIVERGED: f64 = 1.0;
 
 /// Nonzeros that are held against the cross's train to measure its error: about this many.
@@ -156,9 +157,10 @@ impl TrainInverse {
         &self.figures
     }
 
-    /// Floating-point operations of an inversion, from the train of the matrix without its unit diagonal: per sweep and
-    /// site a local system of size m = r n r' is formed, 2 m^2 R, and factored, m^3 / 3. R is the larger rank of the
-    /// operator beside the site, squared in the residual form; r and r' the largest ranks allowed, with those of the enrichment.
+    /// Floating-point operations of an inversion, from the train of the matrix without its unit diagonal: per
+    /// sweep and site a local system of size m = r n r' is formed, 2 m^2 R, and factored, m^3 / 3. R is the
+    /// larger rank of the operator beside the site, squared in the residual form; r and r' the largest ranks
+    /// allowed, with those of the enrichment.
     pub fn predicted_flops(&self, off_diagonal: &TtMatrix) -> f64 {
         let (modes, ranks) = (off_diagonal.row_modes(), off_diagonal.ranks());
         let power = if self.settings.form == InverseForm::Residual { 2 } else { 1 };
@@ -193,8 +195,8 @@ mod tests {
     use super::*;
     use crate::delassus::tests::uniform;
 
-    /// Symmetric matrices of changing size and structure, compressed far too much: some inversions run away from their
-    /// start, hot or cold, and what is left is always better than nothing.
+    /// Symmetric matrices of changing size and structure, compressed far too much: some inversions run away
+    /// from their start, hot or cold, and what is left is always better than nothing.
     #[test]
     fn a_diverged_inverse_is_neither_used_nor_a_start() {
         for seed in 0..6 {

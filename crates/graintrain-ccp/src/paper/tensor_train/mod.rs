@@ -1,4 +1,5 @@
-//! What tensor trains need to know of contacts: places in space, the index tree, compressed inverses and their re-use.
+//! What tensor trains need to know of contacts: places in space, the index tree, compressed inverses and
+//! their re-use.
 
 pub mod inverse;
 pub mod padded;

@@ -27,7 +27,8 @@ impl PaddedOperator {
         self.operator.flops()
     }
 
-    /// z <- P^T X P r, where P puts the `block` unknowns of unit u at `block * place[u]` of the padded vector.
+    /// z <- P^T X P r, where P puts the `block` unknowns of unit u at `block * place[u]` of the padded
+    /// vector.
     pub fn apply(&mut self, block: usize, place: &[usize], r: &[f64], z: &mut [f64]) {
         let Self { operator, work, padded, image } = self;
         padded.fill(0.0);

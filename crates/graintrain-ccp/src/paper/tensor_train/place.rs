@@ -4,8 +4,9 @@ use crate::delassus::{Delassus, FIXED, RigidDelassus};
 use crate::problem::Ccp;
 use std::collections::VecDeque;
 
-/// One point per contact, m. Taken from the problem where it has them; else reconstructed from the arms; for a bare
-/// matrix, which has no space, a contact's place in a breadth-first walk of the matrix graph along one axis.
+/// One point per contact, m. Taken from the problem where it has them; else reconstructed from the arms; for
+/// a bare matrix, which has no space, a contact's place in a breadth-first walk of the matrix graph along one
+/// axis.
 pub fn contact_points(problem: &Ccp) -> Vec<[f64; 3]> {
     if !problem.points.is_empty() {
         return problem.points.clone();
@@ -58,7 +59,8 @@ pub fn body_centres(problem: &Ccp, rigid: &RigidDelassus) -> Vec<[f64; 3]> {
         .collect()
 }
 
-/// Centres from arms alone: x_B = x_A + r_A - r_B across every contact, up to one shift per connected component.
+/// Centres from arms alone: x_B = x_A + r_A - r_B across every contact, up to one shift per connected
+/// component.
 fn reconstructed_centres(rigid: &RigidDelassus) -> Vec<[f64; 3]> {
     let mut centre = vec![[0.0; 3]; rigid.num_bodies()];
     let other_body = |body: usize, contact: u32| {

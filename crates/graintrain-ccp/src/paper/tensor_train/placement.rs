@@ -18,8 +18,9 @@ impl Placement {
         Self { capacity, split, tree: None, identities: Vec::new(), last: Reindexed::default() }
     }
 
-    /// Places the points of a new problem. Points whose identity persists keep their slots where the tree still fits;
-    /// else, and where there are no identities, a new tree is built. True where slots were carried over.
+    /// Places the points of a new problem. Points whose identity persists keep their slots where the tree
+    /// still fits; else, and where there are no identities, a new tree is built. True where slots were
+    /// carried over.
     pub fn update(&mut self, points: &[[f64; 3]], identities: &[u64]) -> bool {
         let known = !identities.is_empty() && !self.identities.is_empty();
         let carried = match &mut self.tree {

@@ -1,20 +1,20 @@
 //! The binary tree that turns contacts (or bodies) in space into tensor indices.
 //!
-//! A tree of depth L halves space L times, all nodes of a level along the same axis. A point gets the multi-index
-//! (slot in its leaf, L bits), local index first, coarsest halving last, so that its position in the augmented vector is
-//! `slot + capacity * leaf` with the coarsest halving as the most significant bit of `leaf`. Slots that hold no point
-//! are dummies. (Corona et al. 2019, Algorithm 2 and section 3.3.2.)
+//! A tree of depth L halves space L times, all nodes of a level along the same axis. A point gets the
+//! multi-index (slot in its leaf, L bits), local index first, coarsest halving last, so that its position in
+//! the augmented vector is `slot + capacity * leaf` with the coarsest halving as the most significant bit of
+//! `leaf`. Slots that hold no point are dummies. (Corona et al. 2019, Algorithm 2 and section 3.3.2.)
 
 use std::collections::HashMap;
 
 /// How the planes of the tree are chosen.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Split {
-    /// Halve the bounding box along x, y, z in turn: leaf numbers are a Morton order. The paper's tree. Empty space
-    /// costs dummies. (Axes along which the cloud is flat are left out until the cells are as flat.)
+    /// Halve the bounding box along x, y, z in turn: leaf numbers are a Morton order. The paper's tree. Empty
+    /// space costs dummies. (Axes along which the cloud is flat are left out until the cells are as flat.)
     Uniform,
-    /// Halve the number of points of every node, along the axis in which the whole cloud is then longest: at most
-    /// one point of difference between leaves, hardly any dummies.
+    /// Halve the number of points of every node, along the axis in which the whole cloud is then longest: at
+    /// most one point of difference between leaves, hardly any dummies.
     Balanced,
 }
 
@@ -51,12 +51,13 @@ pub struct Reindexed {
 /// No tree is deeper than this many halvings.
 const DEEPEST: usize = 40;
 
-/// A uniform tree's augmented vector is at most this multiple of the number of points: where more halvings would exceed
-/// it, the leaves' capacity grows instead. Points that coincide could not be separated by any number of halvings.
+/// A uniform tree's augmented vector is at most this multiple of the number of points: where more halvings
+/// would exceed it, the leaves' capacity grows instead. Points that coincide could not be separated by any
+/// number of halvings.
 const LARGEST_PADDING: usize = 8;
 
-/// A uniform tree does not halve an axis whose extent is less than this part of the longest edge of the cells: points in a
-/// plane or on a line would end in one half.
+/// A uniform tree does not halve an axis whose extent is less than this part of the longest edge of the
+/// cells: points in a plane or on a line would end in one half.
 const FLAT: f64 = 0.125;
 
 /// In a balanced tree a newcomer may sit up to this part of all leaves from its own.
@@ -66,8 +67,9 @@ const REACH: f64 = 0.25;
 const OUTSIDE: f64 = 0.5;
 
 impl PointTree {
-    /// Halves space until every leaf holds at most `capacity` points. Where that takes too many dummies (points that
-    /// coincide, much empty space) the tree stops earlier and the leaves' capacity grows to what they hold.
+    /// Halves space until every leaf holds at most `capacity` points. Where that takes too many dummies
+    /// (points that coincide, much empty space) the tree stops earlier and the leaves' capacity grows to what
+    /// they hold.
     ///
     /// # Panics
     /// If there are no points, a coordinate is not finite, or `capacity` is zero.
@@ -144,8 +146,8 @@ impl PointTree {
         self.fill_slots(&leaf);
     }
 
-    /// The axis after the last one, in turn, along which the cloud is not flat; with its edge of the cells halved at every
-    /// turn.
+    /// The axis after the last one, in turn, along which the cloud is not flat; with its edge of the cells
+    /// halved at every turn.
     fn next_axis(&self) -> usize {
         let extent: [f64; 3] = std::array::from_fn(|k| self.upper[k] - self.lower[k]);
         let halvings = |k: usize| self.axis.iter().filter(|&&axis| axis == k).count() as i32;
@@ -169,7 +171,8 @@ impl PointTree {
             for node in nodes {
                 let half = node.start + node.len().div_ceil(2);
                 let slice = &mut members[node.clone()];
-                // Ties in a coordinate are settled by the index, so that the tree depends on the points alone.
+                // Ties in a coordinate are settled by the index, so that the tree depends on the points
+                // alone.
                 slice.sort_unstable_by(|&a, &b| points[a][axis].total_cmp(&points[b][axis]).then(a.cmp(&b)));
                 let above = members.get(half).filter(|_| half < node.end).map(|&i| points[i][axis]);
                 self.plane.push(above.unwrap_or(f64::INFINITY));
@@ -249,12 +252,14 @@ impl PointTree {
         true
     }
 
-    /// Whether the point may stay in a slot of this leaf: near its cell, or as near in the order of leaves as a newcomer.
+    /// Whether the point may stay in a slot of this leaf: near its cell, or as near in the order of leaves as
+    /// a newcomer.
     fn may_sit_in(&self, point: [f64; 3], leaf: usize) -> bool {
         self.is_near_leaf(point, leaf) || self.leaf_of(point).abs_diff(leaf) <= self.reach
     }
 
-    /// The free slot nearest to a leaf in the order of leaves, if there is one within reach; the lower one of two.
+    /// The free slot nearest to a leaf in the order of leaves, if there is one within reach; the lower one of
+    /// two.
     fn free_slot(&self, leaf: usize, taken: &[bool]) -> Option<usize> {
         (0..=self.reach).find_map(|distance| {
             let near =
@@ -272,15 +277,15 @@ impl PointTree {
         (0..3).all(|k| (self.lower[k] - margin..=self.upper[k] + margin).contains(&point[k]))
     }
 
-    /// Carries the slots over to the next time step's points: a point whose identity persists keeps its slot unless it
-    /// has left its leaf (beyond a margin of a quarter cell); the others get a free slot of the leaf they lie in.
-    /// `previous` are the identities that belong to the present positions.
+    /// Carries the slots over to the next time step's points: a point whose identity persists keeps its slot
+    /// unless it has left its leaf (beyond a margin of a quarter cell); the others get a free slot of the
+    /// leaf they lie in. `previous` are the identities that belong to the present positions.
     ///
-    /// In a balanced tree, whose leaves are full, the free slot may be that of a leaf up to a quarter of all leaves away in
-    /// their order, which is that of space.
+    /// In a balanced tree, whose leaves are full, the free slot may be that of a leaf up to a quarter of all
+    /// leaves away in their order, which is that of space.
     ///
-    /// Returns `None`, and leaves the tree unchanged, where no slot is free or points have left the box by more than half
-    /// of its longest edge: then the tree no longer fits and has to be built anew.
+    /// Returns `None`, and leaves the tree unchanged, where no slot is free or points have left the box by
+    /// more than half of its longest edge: then the tree no longer fits and has to be built anew.
     ///
     /// # Panics
     /// If `previous` is not one identity per present position or `identities` not one per point.
@@ -396,7 +401,8 @@ mod tests {
         let mut tree = PointTree::build(&points, 16, Split::Uniform);
         let previous: Vec<u64> = (0..400).collect();
         let before = tree.positions().to_vec();
-        // Points 0..10 vanish, ten new ones come, point 20 travels to the opposite corner, the rest jitter a little.
+        // Points 0..10 vanish, ten new ones come, point 20 travels to the opposite corner, the rest jitter a
+        // little.
         for point in &mut points {
             point[0] += 1e-4;
         }

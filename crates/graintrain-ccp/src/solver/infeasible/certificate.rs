@@ -46,7 +46,8 @@ impl Evaluator {
         }
     }
 
-    /// V / max_i |r_i| for the projection of `g` on the cones: the velocity that any solution needs; 0 where `g` proves nothing.
+    /// V / max_i |r_i| for the projection of `g` on the cones: the velocity that any solution needs; 0 where
+    /// `g` proves nothing.
     pub fn needed_velocity(&mut self, problem: &Ccp, g: &[f64]) -> f64 {
         let size = g.iter().fold(0.0_f64, |m, g| m.max(g.abs()));
         let largest = problem.r.chunks_exact(3).map(norm).fold(0.0, f64::max);
@@ -89,7 +90,8 @@ impl Evaluator {
     }
 }
 
-/// sum_b ( |f_b| + |m_b| / L_b ) over what is free to move, with bounds of the rounding errors, of impulses in world axes.
+/// sum_b ( |f_b| + |m_b| / L_b ) over what is free to move, with bounds of the rounding errors, of impulses
+/// in world axes.
 fn moved_bodies(rigid: &RigidDelassus, world_impulse: &[f64]) -> f64 {
     let mut sum = 0.0;
     for (body, inverse) in rigid.inverse_mass().iter().enumerate() {

@@ -6,11 +6,13 @@
 //! 1/2 g^T N g + 1/2 (1 + a^T g)^2    over the cones,    tau = 1 + a^T g,
 //! ```
 //!
-//! satisfy N g + tau a in the dual cones, perpendicular to g. Where tau > 0, g / tau solves the problem with r = a; the minimum is
-//! tau / 2. Where it is zero, N g = 0 and a^T g = -1: a ray that proves that there is no solution. This is the homogeneous form
-//! of the problem, and because it has a solution whatever the problem is, it also solves some on which the direct way stalls (Y. Ye, M. Todd, S. Mizuno, "An O(sqrt(n) L)-iteration homogeneous and self-dual linear programming
-//! algorithm", Mathematics of Operations Research 19:53-67, 1994) as a quadratic program. Its matrix is N + a a^T; Newton's systems go
-//! through the linear solver at hand and the formula of Sherman and Morrison.
+//! satisfy N g + tau a in the dual cones, perpendicular to g. Where tau > 0, g / tau solves the problem with
+//! r = a; the minimum is tau / 2. Where it is zero, N g = 0 and a^T g = -1: a ray that proves that there is
+//! no solution. This is the homogeneous form of the problem, and because it has a solution whatever the
+//! problem is, it also solves some on which the direct way stalls (Y. Ye, M. Todd, S. Mizuno, "An O(sqrt(n)
+//! L)-iteration homogeneous and self-dual linear programming algorithm", Mathematics of Operations Research
+//! 19:53-67, 1994) as a quadratic program. Its matrix is N + a a^T; Newton's systems go through the linear
+//! solver at hand and the formula of Sherman and Morrison.
 
 use super::super::driver::Limits;
 use super::super::ipm::iterate::Work;
@@ -38,7 +40,8 @@ pub(crate) struct Parameters {
     pub systems: usize,
     /// Newton systems allowed without doubling the V found once that is large.
     pub patience: usize,
-    /// Where the minimum is known to this fraction of itself it is not zero; small, for the sake of the solution that comes of it.
+    /// Where the minimum is known to this fraction of itself it is not zero; small, for the sake of the
+    /// solution that comes of it.
     pub positive: f64,
     /// Proximal term relative to eta: rays get far larger than solutions, and 1e-9 would hold them back.
     pub proximal: f64,
@@ -63,15 +66,17 @@ impl Default for Parameters {
     }
 }
 
-/// Whether impulses of a scaled problem look like those of a problem without a solution: (r^T g)^2 / (g^T N g) has grown out
-/// of proportion to |r|^2. The optimal value is at most minus half of it. Given r^T g, g^T N g and |r|^2.
+/// Whether impulses of a scaled problem look like those of a problem without a solution: (r^T g)^2 / (g^T N
+/// g) has grown out of proportion to |r|^2. The optimal value is at most minus half of it. Given r^T g, g^T N
+/// g and |r|^2.
 pub(crate) fn is_suspicious(along: f64, energy: f64, free: f64) -> bool {
     along < 0.0 && along * along > SUSPICIOUS * free * energy
 }
 
-/// Looks for a proof that `problem` has no solution; ends where one is found that is [`CERTAIN`], or no better one can be expected.
-/// `newton` must have begun the scaled problem; `iterations` counts Newton systems. Each costs one right-hand side more than those of
-/// the interior point, and a step of refinement for every one.
+/// Looks for a proof that `problem` has no solution; ends where one is found that is [`CERTAIN`], or no
+/// better one can be expected. `newton` must have begun the scaled problem; `iterations` counts Newton
+/// systems. Each costs one right-hand side more than those of the interior point, and a step of refinement
+/// for every one.
 pub(crate) fn search(
     newton: &mut NewtonDriver,
     problem: &Ccp,

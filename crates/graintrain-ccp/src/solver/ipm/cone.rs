@@ -1,8 +1,9 @@
-//! One second-order cone of dimension 3 inside the interior point: points, Nesterov-Todd scaling, step lengths.
+//! One second-order cone of dimension 3 inside the interior point: points, Nesterov-Todd scaling, step
+//! lengths.
 //!
-//! Points are kept as (gap, tangent) with gap = x_0 - |x_t|. Near the boundary, where x_0 and |x_t| agree in most
-//! digits, the gap keeps its own: det x = gap (gap + 2 |x_t|) is exact to rounding, and so are the scaling and the
-//! scaled variable, whatever the distance from the boundary.
+//! Points are kept as (gap, tangent) with gap = x_0 - |x_t|. Near the boundary, where x_0 and |x_t| agree in
+//! most digits, the gap keeps its own: det x = gap (gap + 2 |x_t|) is exact to rounding, and so are the
+//! scaling and the scaled variable, whatever the distance from the boundary.
 
 use graintrain_linalg::real;
 
@@ -84,7 +85,8 @@ impl Point {
 /// W = eta [ w_0  w_t^T ; w_t  I + w_t w_t^T / (1 + w_0) ],   w = (x' + J s') / (2 gamma),   gamma^2 = (1 + x'^T s') / 2
 /// ```
 ///
-/// with x' = x / sqrt(det x), s' likewise, eta = (det x / det s)^(1/4) (Nesterov, Todd 1997; Vandenberghe 2010).
+/// with x' = x / sqrt(det x), s' likewise, eta = (det x / det s)^(1/4) (Nesterov, Todd 1997; Vandenberghe
+/// 2010).
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Scaling {
     eta: f64,
@@ -130,8 +132,8 @@ impl Scaling {
         self.apply(v, -1.0, 1.0 / self.eta)
     }
 
-    /// f(W^-2) for a function of its eigenvalues (w_0 + |w_t|)^2, 1 and (w_0 + |w_t|)^-2 (times eta^-2), whose
-    /// eigenvectors are (1, -e), (0, e') and (1, e) with e = w_t / |w_t| and e' across: no differences.
+    /// f(W^-2) for a function of its eigenvalues (w_0 + |w_t|)^2, 1 and (w_0 + |w_t|)^-2 (times eta^-2),
+    /// whose eigenvectors are (1, -e), (0, e') and (1, e) with e = w_t / |w_t| and e' across: no differences.
     pub fn function(&self, f: impl Fn(f64) -> f64) -> [f64; 9] {
         let length = real::hypot(self.w[1], self.w[2]);
         let e = if length > 0.0 { [self.w[1] / length, self.w[2] / length] } else { [1.0, 0.0] };
@@ -206,7 +208,8 @@ mod tests {
             }
             let l = w.lambda;
             prop_assert!((product(l, l)[0] - x.dot(&s)).abs() <= 1e-14 * spread * x.dot(&s));
-            // lambda itself is known to spread roundings; dividing by it multiplies them by lambda_0^2 / det lambda.
+            // lambda itself is known to spread roundings; dividing by it multiplies them by lambda_0^2 / det
+            // lambda.
             prop_assert!(close(product(l, w.divide(v)), v, 1e-14 * spread * l[0] * l[0] / w.determinant));
         }
 

@@ -57,8 +57,8 @@ impl<'a> SolveContext<'a> {
         }
     }
 
-    /// Residual of impulses g of the scaled problem, given N g, in the metric of the problem as given and as the settings judge it.
-    /// The best iterate is kept.
+    /// Residual of impulses g of the scaled problem, given N g, in the metric of the problem as given and as
+    /// the settings judge it. The best iterate is kept.
     pub fn judge(&mut self, g: &[f64], ng: &[f64]) -> f64 {
         for k in 0..g.len() {
             self.physical[k] = self.scaled.impulse_unit[k / 3] * g[k];
@@ -77,8 +77,8 @@ impl<'a> SolveContext<'a> {
         self.limits.status(self.iterations, residual)
     }
 
-    /// Whether impulses of the scaled problem, given N g, look like those of a problem without a solution and the search for
-    /// a proof, made once, leaves no doubt.
+    /// Whether impulses of the scaled problem, given N g, look like those of a problem without a solution and
+    /// the search for a proof, made once, leaves no doubt.
     pub fn runs_away(&mut self, newton: &mut NewtonDriver, g: &[f64], ng: &[f64]) -> bool {
         let r = &self.scaled.problem.r;
         self.found.is_none()
@@ -86,7 +86,8 @@ impl<'a> SolveContext<'a> {
             && self.search(newton) >= infeasible::CERTAIN
     }
 
-    /// What a solve ends with that did so with `status`: [`Status::Infeasible`] where it stalled and there is a proof.
+    /// What a solve ends with that did so with `status`: [`Status::Infeasible`] where it stalled and there is
+    /// a proof.
     pub fn verdict(&mut self, newton: &mut NewtonDriver, status: Status) -> Status {
         let stalled = status == Status::Stalled && self.best.residual() > infeasible::GOOD_ENOUGH;
         if stalled && self.search(newton) >= infeasible::PROBABLE { Status::Infeasible } else { status }

@@ -1,4 +1,5 @@
-//! The iterate of an interior point, its Newton directions and everything they need, allocated once per solve.
+//! The iterate of an interior point, its Newton directions and everything they need, allocated once per
+//! solve.
 
 use super::pair::{Pair, PairScaling, componentwise, cone_map, divide_by};
 use crate::delassus::DelassusWork;
@@ -8,11 +9,11 @@ use crate::problem::Ccp;
 use graintrain_linalg::block_ops::apply3;
 use graintrain_linalg::block3::Block;
 
-/// Entries of r_d below this many units of rounding (of the largest impulse or velocity, scaled) are noise and no
-/// longer corrected: next to the boundary their correction would shorten every step to nothing.
+/// Entries of r_d below this many units of rounding (of the largest impulse or velocity, scaled) are noise
+/// and no longer corrected: next to the boundary their correction would shorten every step to nothing.
 const NOISE: f64 = 32.0 * f64::EPSILON;
-/// Proximal term of Newton's matrix, relative to eta: steps minimise the objective plus PROXIMAL / 2 |dg|^2, which
-/// bounds the condition number of stiff contacts and leaves the solution as it is.
+/// Proximal term of Newton's matrix, relative to eta: steps minimise the objective plus PROXIMAL / 2 |dg|^2,
+/// which bounds the condition number of stiff contacts and leaves the solution as it is.
 const PROXIMAL: f64 = 1e-9;
 
 /// Vectors of one solve, allocated once.
@@ -123,7 +124,8 @@ impl Work {
         }
     }
 
-    /// (sum over contacts of |g - P(g - u)|^2 / N_c)^(1/2), u = N g + r: how far impulses are from the solution.
+    /// (sum over contacts of |g - P(g - u)|^2 / N_c)^(1/2), u = N g + r: how far impulses are from the
+    /// solution.
     pub fn distance(&self, problem: &Ccp, r: &[f64]) -> f64 {
         let mut square = 0.0;
         for i in 0..self.contacts() {

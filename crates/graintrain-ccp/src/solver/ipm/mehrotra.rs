@@ -81,8 +81,9 @@ pub(crate) fn step(
     alpha
 }
 
-/// Gondzio's correction of d_c: what the products of the step `aim` exceed the range around the target by, per
-/// eigenvalue of (lambda + aim dx) o (lambda + aim ds), bounded below by minus the upper end of the range.
+/// Gondzio's correction of d_c: what the products of the step `aim` exceed the range around the target by,
+/// per eigenvalue of (lambda + aim dx) o (lambda + aim ds), bounded below by minus the upper end of the
+/// range.
 fn outlying(lambda: [f64; 3], aim: f64, dx: [f64; 3], ds: [f64; 3], [low, high]: [f64; 2]) -> [f64; 3] {
     let x: [f64; 3] = std::array::from_fn(|k| lambda[k] + aim * dx[k]);
     let s: [f64; 3] = std::array::from_fn(|k| lambda[k] + aim * ds[k]);

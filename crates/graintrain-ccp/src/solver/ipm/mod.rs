@@ -1,25 +1,26 @@
-//! `ipm`: the second-order solver of the CCP. Projected gradients find the state of most contacts, Newton's method on
-//! the projection the digits, and an interior point takes over where these two do not get on.
+//! `ipm`: the second-order solver of the CCP. Projected gradients find the state of most contacts, Newton's
+//! method on the projection the digits, and an interior point takes over where these two do not get on.
 //!
-//! 1. **Start** ([`apgd`](super::Apgd)): to a residual of 1e-6 or as many iterations as cost about ten
-//!    Newton systems. In a settled packing most contacts then have their final state (open, sticking, sliding).
-//! 2. **Newton's method on the projection** (`proximal`): two or three systems per two to four digits once the states
-//!    are right, down to rounding. It gives up soon where they are not.
+//! 1. **Start** ([`apgd`](super::Apgd)): to a residual of 1e-6 or as many iterations as cost about ten Newton
+//!    systems. In a settled packing most contacts then have their final state (open, sticking, sliding).
+//! 2. **Newton's method on the projection** (`proximal`): two or three systems per two to four digits once
+//!    the states are right, down to rounding. It gives up soon where they are not.
 //! 3. **Interior point** (`path`), from the impulses handed over or from zero: it follows
 //!    the central path and needs no guess of the states. 10 to 40 systems.
-//! 4. Newton's method again, from the best iterate of the interior point. There is its floor: where an impulse
-//!    and its velocity both vanish or both lie on the boundary, the distance of the central path from the solution is
-//!    sqrt(tau), and rounding ends it at residuals of 1e-7 to 1e-8.
-//! 5. Where all that fails, the homogeneous form of the problem ([`infeasible`](super::infeasible)): it ends with a proof that
-//!    there is no solution, or with impulses from which Newton's method and the interior point try once more.
+//! 4. Newton's method again, from the best iterate of the interior point. There is its floor: where an
+//!    impulse and its velocity both vanish or both lie on the boundary, the distance of the central path from
+//!    the solution is sqrt(tau), and rounding ends it at residuals of 1e-7 to 1e-8.
+//! 5. Where all that fails, the homogeneous form of the problem ([`infeasible`](super::infeasible)): it ends
+//!    with a proof that there is no solution, or with impulses from which Newton's method and the interior
+//!    point try once more.
 //!
-//! `ipm+LINEAR` names the linear solver and leaves out the first two phases: it is the interior point itself. Iterations
-//! are Newton systems; those of the start are the figure `start_iterations` of the first record.
+//! `ipm+LINEAR` names the linear solver and leaves out the first two phases: it is the interior point itself.
+//! Iterations are Newton systems; those of the start are the figure `start_iterations` of the first record.
 //!
-//! **Interior point.** With T_i = diag(1/mu_i, 1, 1) (up to a factor) the friction cones become second-order cones:
-//! g = T x and, for the velocities y = N g + r of the dual cones, s = T y. The central path x o s = tau e is followed by
-//! Mehrotra's predictor and corrector from an infeasible start. With the scaling W of each cone, W s = W^-1 x = lambda,
-//! Newton's step solves
+//! **Interior point.** With T_i = diag(1/mu_i, 1, 1) (up to a factor) the friction cones become second-order
+//! cones: g = T x and, for the velocities y = N g + r of the dual cones, s = T y. The central path x o s =
+//! tau e is followed by Mehrotra's predictor and corrector from an infeasible start. With the scaling W of
+//! each cone, W s = W^-1 x = lambda, Newton's step solves
 //!
 //! ```text
 //! (N + H) dg = -r_d + T^-1 W^-1 q,    H = T^-1 W^-2 T^-1,    r_d = N g + r - y,    lambda o q = -d_c
@@ -27,14 +28,15 @@
 //! predictor:  d_c = lambda o lambda          corrector: d_c = lambda o lambda + (W^-1 dx_a) o (W ds_a) - sigma tau e
 //! ```
 //!
-//! and d_c grows by Gondzio's correctors where they lengthen the step. Sources: Nesterov, Todd (1997); Mehrotra (1992);
-//! Gondzio (1996); Vandenberghe, "The CVXOPT linear and quadratic cone program solvers" (2010), for the scaling.
-//! A contact without friction is the half line g_n >= 0 with g_t = 0.
+//! and d_c grows by Gondzio's correctors where they lengthen the step. Sources: Nesterov, Todd (1997);
+//! Mehrotra (1992); Gondzio (1996); Vandenberghe, "The CVXOPT linear and quadratic cone program solvers"
+//! (2010), for the scaling. A contact without friction is the half line g_n >= 0 with g_t = 0.
 //!
-//! **Infeasible problems.** Where the bodies are jammed, impulses exist that change no velocity and yet are asked for:
-//! N g = 0, r^T g < 0, and the objective has no lower bound. Where impulses grow out of proportion, or nothing helps, such
-//! impulses are searched for ([`infeasible`](super::infeasible)). The answer returned is that of N + `self.parameters.compliance` diag(eta), a
-//! little give in every contact, with [`Status::Infeasible`].
+//! **Infeasible problems.** Where the bodies are jammed, impulses exist that change no velocity and yet are
+//! asked for: N g = 0, r^T g < 0, and the objective has no lower bound. Where impulses grow out of
+//! proportion, or nothing helps, such impulses are searched for ([`infeasible`](super::infeasible)). The
+//! answer returned is that of N + `self.parameters.compliance` diag(eta), a little give in every contact,
+//! with [`Status::Infeasible`].
 
 pub(crate) mod cone;
 pub(crate) mod context;

@@ -1,5 +1,5 @@
-//! One contact inside the interior point: its primal-dual pair in cone coordinates, the scaling of the pair, and its
-//! blocks of Newton's matrix. A contact without friction is the half line g_n >= 0 with g_t = 0.
+//! One contact inside the interior point: its primal-dual pair in cone coordinates, the scaling of the pair,
+//! and its blocks of Newton's matrix. A contact without friction is the half line g_n >= 0 with g_t = 0.
 
 use super::cone::{Point, Scaling};
 use graintrain_linalg::block3::Block;

@@ -2,7 +2,8 @@
 
 use super::mehrotra::Correctors;
 
-/// What the interior point [`Ipm`](super::Ipm) is tuned by: the whole, its start, the path, Newton on the projection.
+/// What the interior point [`Ipm`](super::Ipm) is tuned by: the whole, its start, the path, Newton on the
+/// projection.
 #[derive(Clone, Debug)]
 pub struct Parameters {
     /// Newton systems allowed where the settings name no limit.
@@ -19,15 +20,18 @@ pub struct Parameters {
     pub least_iterations: usize,
     /// Iterations without a better residual before giving up.
     pub path_patience: usize,
-    /// Barrier of a cold start: impulses in force chains are a few times larger than those of single contacts.
+    /// Barrier of a cold start: impulses in force chains are a few times larger than those of single
+    /// contacts.
     pub cold_barrier: f64,
     /// Bounds of the barrier of a warm start.
     pub warm_barrier: [f64; 2],
-    /// sigma times the natural map: how far, in units of impulse, an error of the velocities may move the argument of P.
+    /// sigma times the natural map: how far, in units of impulse, an error of the velocities may move the
+    /// argument of P.
     pub reach: f64,
     /// Range of sigma, in units of the scaled problem (trace N_ii = 3).
     pub sigma_range: [f64; 2],
-    /// Growth of sigma from one anchor to the next: at least, where the minimum was found in few systems, and at most.
+    /// Growth of sigma from one anchor to the next: at least, where the minimum was found in few systems, and
+    /// at most.
     pub sigma_growth: [f64; 2],
     /// So many systems are few.
     pub easy_systems: usize,

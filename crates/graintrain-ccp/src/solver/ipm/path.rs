@@ -19,7 +19,8 @@ pub(super) fn run(
     let inner = &context.scaled.problem;
     let mut work = Work::new(inner, compliance);
     context.hand_over(impulse, &mut work);
-    // The path starts inside the cones: impulses handed over that are good enough must not be lost on the way.
+    // The path starts inside the cones: impulses handed over that are good enough must not be lost on the
+    // way.
     let residual = context.judge(&work.g, &work.ng);
     if let Some(status) = context.status(residual) {
         return status;

@@ -13,22 +13,23 @@
 //! phi(h) = 1/2 h^T N h + |P(a - sigma u)|^2 / (2 sigma),     grad phi = N (h - T),     T = P(a - sigma u)
 //! ```
 //!
-//! is convex and once differentiable, and its minimum is the impulse sought, g = T = h. With V the Jacobian of P at
-//! a - sigma u, symmetric with eigenvalues in [0, 1], Newton's step is
+//! is convex and once differentiable, and its minimum is the impulse sought, g = T = h. With V the Jacobian
+//! of P at a - sigma u, symmetric with eigenvalues in [0, 1], Newton's step is
 //!
 //! ```text
 //! (I + sigma V N) d = -(h - T):    (I + F^T N F) z = F^T N (h - T),    d = F z - (h - T),    F = sqrt(sigma) V^(1/2).
 //! ```
 //!
-//! This is the system of the interior point with other blocks: where a contact is open F = 0, where it sticks F is
-//! sqrt(sigma), where it slides F has rank two. As soon as the contacts that are open, stick and slide are known, one
-//! step is exact, and the anchor moves by a factor of about 1 / sigma. Nothing here is large: the condition number is
-//! at most 1 + sigma |N|, where the interior point's grows beyond all bounds.
+//! This is the system of the interior point with other blocks: where a contact is open F = 0, where it sticks
+//! F is sqrt(sigma), where it slides F has rank two. As soon as the contacts that are open, stick and slide
+//! are known, one step is exact, and the anchor moves by a factor of about 1 / sigma. Nothing here is large:
+//! the condition number is at most 1 + sigma |N|, where the interior point's grows beyond all bounds.
 //!
-//! Sources: R. T. Rockafellar, "Augmented Lagrangians and applications of the proximal point algorithm in convex
-//! programming", Mathematics of Operations Research 1:97-116, 1976; L. Qi, J. Sun, "A nonsmooth version of Newton's
-//! method", Mathematical Programming 58:353-367, 1993; X. Zhao, D. Sun, K.-C. Toh, "A Newton-CG augmented Lagrangian
-//! method for semidefinite programming", SIAM J. Optimization 20:1737-1765, 2010.
+//! Sources: R. T. Rockafellar, "Augmented Lagrangians and applications of the proximal point algorithm in
+//! convex programming", Mathematics of Operations Research 1:97-116, 1976; L. Qi, J. Sun, "A nonsmooth
+//! version of Newton's method", Mathematical Programming 58:353-367, 1993; X. Zhao, D. Sun, K.-C. Toh, "A
+//! Newton-CG augmented Lagrangian method for semidefinite programming", SIAM J. Optimization
+//! 20:1737-1765, 2010.
 
 use super::super::report::Status;
 use super::context::SolveContext;
@@ -248,8 +249,8 @@ pub(super) fn run(
             return status;
         }
         v.evaluate(inner, sigma, &mut work);
-        // Two candidates. In exact arithmetic they agree at the minimum; T carries the rounding errors of u times sigma,
-        // P(h) does not.
+        // Two candidates. In exact arithmetic they agree at the minimum; T carries the rounding errors of u
+        // times sigma, P(h) does not.
         let (by_image, by_projection) =
             (context.judge(&v.image, &v.nimage), context.judge(&v.projected, &v.nprojected));
         let (candidate, ncandidate, now) = if by_projection <= by_image {

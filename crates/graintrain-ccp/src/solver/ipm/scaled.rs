@@ -6,8 +6,8 @@ use crate::residual::ResidualScale;
 use graintrain_linalg::block3::BlockMatrix3;
 use std::sync::Arc;
 
-/// A scaled problem: g_i = `impulse_unit`_i x_i and u_i = `velocity_unit`_i y_i. One positive factor per contact leaves
-/// every cone as it is.
+/// A scaled problem: g_i = `impulse_unit`_i x_i and u_i = `velocity_unit`_i y_i. One positive factor per
+/// contact leaves every cone as it is.
 pub(crate) struct Scaled {
     pub problem: Ccp,
     pub impulse_unit: Vec<f64>,
@@ -45,7 +45,8 @@ fn scale_matrix(delassus: &Delassus, factor: &[f64]) -> Delassus {
 }
 
 impl Scaled {
-    /// Scales a problem; `last` is the scaled N of the problem before, which is used again where both share N.
+    /// Scales a problem; `last` is the scaled N of the problem before, which is used again where both share
+    /// N.
     pub fn new(problem: &Ccp, residual: &ResidualScale, last: &mut Option<ScaledMatrix>) -> Self {
         let factor: Vec<f64> = residual.eta.iter().map(|eta| 1.0 / eta.sqrt()).collect();
         let contacts = factor.len();

@@ -130,7 +130,8 @@ impl<'a> Follower<'a> {
         }
     }
 
-    /// All walks, until one of them arrives: from impulses g where these are near a solution, then from large tau.
+    /// All walks, until one of them arrives: from impulses g where these are near a solution, then from large
+    /// tau.
     pub fn run(&mut self, g: &[f64]) -> Status {
         self.impulse.copy_from_slice(g);
         self.update_velocity();
@@ -283,8 +284,8 @@ impl<'a> Follower<'a> {
         }
     }
 
-    /// Newton steps that lower tau as far as they stay near the path: the largest of three reductions after which G is still small, else
-    /// a damped step at this tau, else back up.
+    /// Newton steps that lower tau as far as they stay near the path: the largest of three reductions after
+    /// which G is still small, else a damped step at this tau, else back up.
     fn descend(&mut self) -> Leg {
         let p = self.parameters;
         let [mut reduction, least_reduction] = p.reduction;
@@ -340,8 +341,9 @@ impl<'a> Follower<'a> {
         }
     }
 
-    /// The next place: along the path with tau reduced as far as the nearness to it allows, else Newton's step at this tau, else back up along the path. With it the
-    /// defect there, the part of the reduction that was made (-1 for back) and the length of Newton's step.
+    /// The next place: along the path with tau reduced as far as the nearness to it allows, else Newton's
+    /// step at this tau, else back up along the path. With it the defect there, the part of the reduction
+    /// that was made (-1 for back) and the length of Newton's step.
     fn next(
         &mut self,
         directions: &Directions,

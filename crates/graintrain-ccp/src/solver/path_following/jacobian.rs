@@ -1,4 +1,5 @@
-//! The Jacobian of the smoothed problem, J = N' A + B, and the solution of systems with it, over bodies or over contacts.
+//! The Jacobian of the smoothed problem, J = N' A + B, and the solution of systems with it, over bodies or
+//! over contacts.
 
 use super::smoothing::{ContactBlocks, SmoothedProblem};
 use crate::delassus::{Delassus, FIXED, RigidDelassus};

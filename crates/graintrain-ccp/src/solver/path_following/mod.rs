@@ -1,35 +1,42 @@
 //! `path`: the contact problem with exact Coulomb friction by following a smoothed path through its folds.
 //!
-//! **Equations.** With x = S g, S = diag(mu, 1, 1) per contact, the friction cones become second-order cones, which are their own dual;
-//! N' = S^-1 N S^-1, r' = S^-1 r. With a metric eta_i per contact (geometric mean of the diagonal of N'_ii) and x = P(w), y = eta (x - w),
-//! where P is the projection on the cones, x and y are in the cones and perpendicular, whatever w is. Exact friction is
-//! N' x + r' + |y_t| e_n = y (De Saxce's term). P is smoothed by P_tau: on the eigenvalues l = w_n +- |w_t| of w it acts as
+//! **Equations.** With x = S g, S = diag(mu, 1, 1) per contact, the friction cones become second-order cones,
+//! which are their own dual; N' = S^-1 N S^-1, r' = S^-1 r. With a metric eta_i per contact (geometric mean
+//! of the diagonal of N'_ii) and x = P(w), y = eta (x - w), where P is the projection on the cones, x and y
+//! are in the cones and perpendicular, whatever w is. Exact friction is N' x + r' + |y_t| e_n = y (De Saxce's
+//! term). P is smoothed by P_tau: on the eigenvalues l = w_n +- |w_t| of w it acts as
 //!
 //! ```text
 //! phi(l) = (l + sqrt(l^2 + 4 tau_i^2)) / 2,      tau_i = tau V / eta_i
 //! G(w, tau) = N' P_tau(w) + r' + |y_t|_delta e_n - y = 0,      |y_t|_delta = sqrt(|y_t|^2 + delta^2),  delta = kappa eta_i tau_i
 //! ```
 //!
-//! (Chen, Harker 1993; Kanzow 1996; Smale 1987: CHKS; for cones Fukushima, Luo, Tseng, "Smoothing functions for second-order-cone
-//! complementarity problems", SIAM J. Optim. 12:436-460, 2001.) For large tau there is one solution; as tau falls to 0 its path leads
-//! to a solution of the exact problem, of error O(tau), where it leads anywhere.
+//! (Chen, Harker 1993; Kanzow 1996; Smale 1987: CHKS; for cones Fukushima, Luo, Tseng, "Smoothing functions
+//! for second-order-cone complementarity problems", SIAM J. Optim. 12:436-460, 2001.) For large tau there is
+//! one solution; as tau falls to 0 its path leads to a solution of the exact problem, of error O(tau), where
+//! it leads anywhere.
 //!
-//! **Folds.** The exact problem is not monotone, and the path may turn back: there det J = 0 with J = dG/dw, and no method that only lowers
-//! tau, or any measure of G, passes. Where tau does not fall any more the path is followed by pseudo-arclength (H. Keller 1977). Its sense is
-//! given by the sign of det J, tau falling where it is that of the beginning and rising where it is not: the orientation of the curve,
-//! which a scalar product with the last step loses at sharp bends (Allgower, Georg, "Numerical Continuation Methods", 1990, chapter 2).
+//! **Folds.** The exact problem is not monotone, and the path may turn back: there det J = 0 with J = dG/dw,
+//! and no method that only lowers tau, or any measure of G, passes. Where tau does not fall any more the path
+//! is followed by pseudo-arclength (H. Keller 1977). Its sense is given by the sign of det J, tau falling
+//! where it is that of the beginning and rising where it is not: the orientation of the curve, which a scalar
+//! product with the last step loses at sharp bends (Allgower, Georg, "Numerical Continuation Methods", 1990,
+//! chapter 2).
 //!
-//! **Linear algebra.** One sparse LU ([`graintrain_linalg::lu`]) of J per step gives Newton's direction and the tangent, over bodies as
-//! I + D~ A B^-1 D~^T (A = dP/dw, B the rest of J; the contact graph), over contacts as N' A + B, whichever is cheaper; a bare matrix, symmetric
-//! or not, over contacts. I - A is kept from vanishing (`Parameters::least_complement`): where impulses are not unique J would be singular.
+//! **Linear algebra.** One sparse LU ([`graintrain_linalg::lu`]) of J per step gives Newton's direction and
+//! the tangent, over bodies as I + D~ A B^-1 D~^T (A = dP/dw, B the rest of J; the contact graph), over
+//! contacts as N' A + B, whichever is cheaper; a bare matrix, symmetric or not, over contacts. I - A is kept
+//! from vanishing (`Parameters::least_complement`): where impulses are not unique J would be singular.
 //!
-//! **Walks.** One walk goes down from large tau; which turns the path takes depends on kappa and on how closely it is followed, so several
-//! are tried with other such settings, and from impulses that are nearly right short ones at small tau. Iterations are factorisations,
-//! a report has a record of each (figures `log10_tau`, `determinant_sign`, `folds`).
+//! **Walks.** One walk goes down from large tau; which turns the path takes depends on kappa and on how
+//! closely it is followed, so several are tried with other such settings, and from impulses that are nearly
+//! right short ones at small tau. Iterations are factorisations, a report has a record of each (figures
+//! `log10_tau`, `determinant_sign`, `folds`).
 //!
-//! **Limits.** A path that passes many folds near each other (W of low rank with large mu) may be lost: the arclength then ends
-//! with steps of no length, and the solve [stalls](super::Status::Stalled); that tells nothing about whether there is a solution. Coefficients of friction far
-//! below 1e-3 (but not 0) make N' badly scaled. It proves no infeasibility. In relaxed mode De Saxce's term is left out, and the path is
+//! **Limits.** A path that passes many folds near each other (W of low rank with large mu) may be lost: the
+//! arclength then ends with steps of no length, and the solve [stalls](super::Status::Stalled); that tells
+//! nothing about whether there is a solution. Coefficients of friction far below 1e-3 (but not 0) make N'
+//! badly scaled. It proves no infeasibility. In relaxed mode De Saxce's term is left out, and the path is
 //! monotone. Memory: the factors, twice those of a Cholesky factorisation.
 
 mod follower;
@@ -165,7 +172,8 @@ impl PathFollowing {
         }))
     }
 
-    /// How many iterations of a first-order method cost as much as one factorisation for this problem: at least 1.
+    /// How many iterations of a first-order method cost as much as one factorisation for this problem: at
+    /// least 1.
     fn iterations_per_system(&mut self, problem: &Ccp) -> f64 {
         let scale = ResidualScale::new(problem);
         let model = FrictionModel::Coulomb;
@@ -218,7 +226,8 @@ impl PathFollowing {
     }
 }
 
-/// Floating point operations of an iteration per contact of rigid bodies, and per block of an explicit matrix.
+/// Floating point operations of an iteration per contact of rigid bodies, and per block of an explicit
+/// matrix.
 const RIGID_FLOPS: f64 = 200.0;
 const BLOCK_FLOPS: f64 = 20.0;
 

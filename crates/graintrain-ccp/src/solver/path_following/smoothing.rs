@@ -1,4 +1,5 @@
-//! The smoothed problem: the CHKS projection on the cones, De Saxce's term, and their derivatives contact by contact.
+//! The smoothed problem: the CHKS projection on the cones, De Saxce's term, and their derivatives contact by
+//! contact.
 
 use crate::delassus::DelassusWork;
 use crate::problem::Ccp;
@@ -111,7 +112,8 @@ impl<'a> SmoothedProblem<'a> {
                 } else {
                     normal
                 };
-                // A contact that cannot move in one direction has no geometric mean; one that cannot move at all has no mean.
+                // A contact that cannot move in one direction has no geometric mean; one that cannot move at
+                // all has no mean.
                 if mean > 1e-3 * scale.eta[i] && mean.is_finite() { mean } else { scale.eta[i] }
             })
             .collect();

@@ -63,8 +63,8 @@ impl Transport for ThreadTransport {
     }
 }
 
-/// What `work` returns on each of so many ranks, each a thread with its own pool of `threads` threads. Where a rank panics while others wait for it, they
-/// wait for ever: for tests.
+/// What `work` returns on each of so many ranks, each a thread with its own pool of `threads` threads. Where
+/// a rank panics while others wait for it, they wait for ever: for tests.
 pub fn on_ranks<T: Send>(count: usize, threads: usize, work: impl Fn(Arc<Ranks>) -> T + Sync) -> Vec<T> {
     let letters = Arc::new((0..count).map(|_| Mutex::default()).collect::<Vec<_>>());
     let barrier = Arc::new(Barrier::new(count));

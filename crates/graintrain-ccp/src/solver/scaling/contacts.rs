@@ -12,7 +12,8 @@ pub struct Metric<V = Lanes> {
     pub normal: V,
     /// See `normal`.
     pub tangential: V,
-    /// Impulse, in units of V / eta_i, by which a unit of u_n or u_t moves the natural map's argument: u in units of V.
+    /// Impulse, in units of V / eta_i, by which a unit of u_n or u_t moves the natural map's argument: u in
+    /// units of V.
     pub along: V,
     /// See `along`.
     pub across: V,
@@ -84,16 +85,15 @@ pub struct ContactBatch<V> {
 }
 
 impl<V: Vector> ContactBatch<V> {
-    /// The velocity that the natural map of the residual takes: u itself, or with mu' |u_t| added to the normal component where
-    /// friction is exact.
-    /// The two factors per contact turn mu |u_t| into mu' |u'_t|.
+    /// The velocity that the natural map of the residual takes: u itself, or with mu' |u_t| added to the
+    /// normal component where friction is exact. The two factors per contact turn mu |u_t| into mu' |u'_t|.
     #[inline(always)]
     pub fn drive(&self, u: &Batch<V>) -> Batch<V> {
         if self.exact { [u[0] + self.mu * (u[1] * u[1] + u[2] * u[2]).sqrt(), u[1], u[2]] } else { *u }
     }
 
-    /// The impulse that a step to `point`, whose tangential length is known, may have: the nearest one in the friction cone, or
-    /// where friction is exact the one of [`within_disc`].
+    /// The impulse that a step to `point`, whose tangential length is known, may have: the nearest one in the
+    /// friction cone, or where friction is exact the one of [`within_disc`].
     #[inline(always)]
     pub fn allowed(&self, point: &Batch<V>, tangential: V) -> Batch<V> {
         if self.exact {
@@ -107,7 +107,8 @@ impl<V: Vector> ContactBatch<V> {
 /// What is known about the turning rows of the contacts of a batch.
 #[derive(Clone, Copy, Debug)]
 pub struct TurningBatch<V> {
-    /// The rows as a batch: `mu` is mu_r', the factors of the metric are those of spinning (normal) and of rolling.
+    /// The rows as a batch: `mu` is mu_r', the factors of the metric are those of spinning (normal) and of
+    /// rolling.
     pub rows: ContactBatch<V>,
     /// mu_s'.
     pub spinning: V,
@@ -116,7 +117,8 @@ pub struct TurningBatch<V> {
 }
 
 impl<V: Vector> TurningBatch<V> {
-    /// As [`ContactBatch::drive`]: the normal velocity that the natural map takes, with what turning adds where friction is exact.
+    /// As [`ContactBatch::drive`]: the normal velocity that the natural map takes, with what turning adds
+    /// where friction is exact.
     #[inline(always)]
     pub fn drive(&self, contact: &ContactBatch<V>, [u, turning]: [&Batch<V>; 2]) -> Batch<V> {
         let [normal, t1, t2] = contact.drive(u);

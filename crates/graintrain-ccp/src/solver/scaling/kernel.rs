@@ -1,19 +1,21 @@
-//! What a pass does at four contacts: the interface of a method's update, and the updates that the scaled problem needs itself.
+//! What a pass does at four contacts: the interface of a method's update, and the updates that the scaled
+//! problem needs itself.
 
 use super::super::lanes::{Batch, Vector, dot, project_given, project_turning, scale, sub, zero};
 use super::super::tasks::Tally;
 use super::contacts::{ContactBatch, Metric, TurningBatch};
 
-/// What a method does at four contacts in a pass. A type rather than a closure, because only `#[inline(always)]`
-/// functions are sure to be compiled for the processor's vector instructions.
+/// What a method does at four contacts in a pass. A type rather than a closure, because only
+/// `#[inline(always)]` functions are sure to be compiled for the processor's vector instructions.
 pub trait Kernel<const M: usize>: Sync {
     /// Whether the update takes no root and no quotient, whose tens of cycles the pass has to hide.
     const SHORT: bool = false;
     /// Whether u is the gradient N' y + r', or only N' y.
     const GRADIENT: bool = true;
 
-    /// The point whose projection on the cones the update wants, given u and the method's vectors at this batch. Its tangential
-    /// length, a root, is taken two batches ahead of the update, the projection, with its quotient, one batch ahead.
+    /// The point whose projection on the cones the update wants, given u and the method's vectors at this
+    /// batch. Its tangential length, a root, is taken two batches ahead of the update, the projection, with
+    /// its quotient, one batch ahead.
     #[inline(always)]
     fn point<V: Vector>(
         &self,
@@ -24,7 +26,8 @@ pub trait Kernel<const M: usize>: Sync {
         zero()
     }
 
-    /// The projection of the point, given its tangential length, or whatever else is to be made of them by a quotient.
+    /// The projection of the point, given its tangential length, or whatever else is to be made of them by a
+    /// quotient.
     #[inline(always)]
     fn projected<V: Vector>(
         &self,
@@ -36,8 +39,8 @@ pub trait Kernel<const M: usize>: Sync {
         project_given(contact.mu, point, tangential)
     }
 
-    /// Given u and the projection of the point, updates the method's vectors at this batch, adds to the tally and returns the
-    /// batch whose image the pass computes.
+    /// Given u and the projection of the point, updates the method's vectors at this batch, adds to the tally
+    /// and returns the batch whose image the pass computes.
     fn at<V: Vector>(
         &self,
         contact: ContactBatch<V>,
@@ -157,8 +160,9 @@ impl Kernel<1> for PowerStep {
     }
 }
 
-/// Tallies the maximum and the sum of (eta_i |d_i| / V)^2 of the natural map in the original metric, no less than the rounding of
-/// the impulse (as [`ResidualScale::residual`](crate::residual::ResidualScale::residual)); gives d.
+/// Tallies the maximum and the sum of (eta_i |d_i| / V)^2 of the natural map in the original metric, no less
+/// than the rounding of the impulse (as
+/// [`ResidualScale::residual`](crate::residual::ResidualScale::residual)); gives d.
 pub(super) struct NaturalMap;
 
 impl Kernel<1> for NaturalMap {

@@ -1,4 +1,5 @@
-//! What one task does of a pass over the contacts: velocities, the method's update, forces; over bodies, or over rows of N'.
+//! What one task does of a pass over the contacts: velocities, the method's update, forces; over bodies, or
+//! over rows of N'.
 
 use super::super::body_operator::{BodyOperator, BodyPair, Geometry, Update};
 use super::super::gauss_seidel::take;
@@ -86,8 +87,9 @@ where
             *total = tally.store();
             return;
         }
-        // Three batches are under way at once: the root of one, the quotient of the one before, the update of the one before that. Roots
-        // and quotients take tens of cycles, which the processor hides only where enough is at hand that does not wait for them.
+        // Three batches are under way at once: the root of one, the quotient of the one before, the update of
+        // the one before that. Roots and quotients take tens of cycles, which the processor hides only where
+        // enough is at hand that does not wait for them.
         let ahead = Ahead { kernel, contacts, geometry, velocity };
         let last = geometry.len() - 1;
         let mut input = ahead.input::<V, M>(0, &ahead.rooted::<GATHER, V, M>(0, &vectors));

@@ -51,7 +51,8 @@ pub(super) fn push<V: SingleVector>(
 }
 
 impl Bodies {
-    /// Adds impulses with their moments about A to the slots of bodies A, and takes them with their moments about B from those of B.
+    /// Adds impulses with their moments about A to the slots of bodies A, and takes them with their moments
+    /// about B from those of B.
     #[inline(always)]
     fn add_to_slots<V: SingleVector>(&self, p: &Batch<V>, moments: [&Batch<V>; 2], slots: &mut [Octet]) {
         let (on_a, on_b) = (V::records([p, moments[0]]), V::records([p, moments[1]]));
@@ -95,8 +96,8 @@ pub(super) fn load<V: SingleVector>(a: &Batch<Octet>) -> Batch<V> {
     [V::of(a[0]), V::of(a[1]), V::of(a[2])]
 }
 
-/// Contacts whose arms are multiples of their normals, as those of spheres are: r_A = a n, r_B = b n with t2 = n x t1. With
-/// W = a w_A - b w_B
+/// Contacts whose arms are multiples of their normals, as those of spheres are: r_A = a n, r_B = b n with t2
+/// = n x t1. With W = a w_A - b w_B
 ///
 /// ```text
 /// D^T v = (n . v, t1 . v + t2 . W, t2 . v - t1 . W),   v = u_A - u_B;     n x p = x_1 t2 - x_2 t1

@@ -171,7 +171,8 @@ impl<'a> SingleIterate<'a> {
             let Self { problem, x, previous, image, image_y, scratch, .. } = self;
             let operator = &problem.operator;
             if refreshed && beta != 0.0 {
-                // The extrapolation would take the difference between a fresh and a drifted image for a motion.
+                // The extrapolation would take the difference between a fresh and a drifted image for a
+                // motion.
                 operator.contact_pass::<1, false, true>(&[], [previous], scratch, &Identity);
                 operator.body_pass([image_y], scratch, &Replace);
             }

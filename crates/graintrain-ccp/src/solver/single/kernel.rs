@@ -23,7 +23,8 @@ pub struct Seen<V> {
     pub u: Batch<V>,
 }
 
-/// What is done at eight contacts in three stages: roots and quotients take long, and what they are of is known batches ahead.
+/// What is done at eight contacts in three stages: roots and quotients take long, and what they are of is
+/// known batches ahead.
 pub trait SingleKernel<const M: usize>: Sync {
     /// The point that is to be projected.
     #[inline(always)]
@@ -37,7 +38,8 @@ pub trait SingleKernel<const M: usize>: Sync {
         zero()
     }
 
-    /// Given the projection, updates the method's vectors, adds to the tally and returns the batch whose image the pass computes.
+    /// Given the projection, updates the method's vectors, adds to the tally and returns the batch whose
+    /// image the pass computes.
     fn at<V: SingleVector>(
         &self,
         seen: &Seen<V>,
@@ -84,8 +86,8 @@ impl SingleKernel<1> for PowerStep<'_> {
     }
 }
 
-/// Tallies sum and maximum of (eta_i |d_i| / V)^2 of the natural map in the original metric, and the sum of (eta_i |g_i| / V)^2, which
-/// says what the rounding of impulses makes of it.
+/// Tallies sum and maximum of (eta_i |d_i| / V)^2 of the natural map in the original metric, and the sum of
+/// (eta_i |g_i| / V)^2, which says what the rounding of impulses makes of it.
 pub(super) struct NaturalMap<'a> {
     pub(super) metric: &'a [Metric<Octet>],
     pub(super) exact: bool,

@@ -1,8 +1,10 @@
-//! The scaled problem over rigid bodies in single precision: half of the bytes and twice the contacts per instruction of [`scaling`].
+//! The scaled problem over rigid bodies in single precision: half of the bytes and twice the contacts per
+//! instruction of [`scaling`].
 //!
-//! Masses are in units of the heaviest body and arms in units of their mean, so that no number leaves the range of f32. What an iterate is
-//! worth is claimed by nobody here: the residual that counts is evaluated in double precision on the exact geometry, and where rounding
-//! (of the order of 6e-8 eta_i |g_i| / V) comes near the tolerance, double precision goes on.
+//! Masses are in units of the heaviest body and arms in units of their mean, so that no number leaves the
+//! range of f32. What an iterate is worth is claimed by nobody here: the residual that counts is evaluated in
+//! double precision on the exact geometry, and where rounding (of the order of 6e-8 eta_i |g_i| / V) comes
+//! near the tolerance, double precision goes on.
 //!
 //! [`scaling`]: super::scaling
 
@@ -54,8 +56,8 @@ pub struct SingleProblem {
     sweeps: Option<Sweeps>,
 }
 
-/// Whether the solve may begin in single precision: over rigid bodies that no joint couples and no contact keeps from turning, not too
-/// few contacts, not too tight a tolerance.
+/// Whether the solve may begin in single precision: over rigid bodies that no joint couples and no contact
+/// keeps from turning, not too few contacts, not too tight a tolerance.
 pub(super) fn suits(problem: &Ccp, settings: &SolveSettings, parameters: &Parameters) -> bool {
     let Delassus::Rigid(rigid) = &*problem.delassus else { return false };
     let least = match settings.judge {
@@ -125,7 +127,8 @@ fn inverse_masses(packing: &Packing, all: &[BodyInverseMass], [mobility, length]
     masses
 }
 
-/// Contacts in batches in this order, arms in units of this length; `batch_of` makes the rows and the bodies of a batch. Only the `own` batches are filled.
+/// Contacts in batches in this order, arms in units of this length; `batch_of` makes the rows and the bodies
+/// of a batch. Only the `own` batches are filled.
 fn arrangement(
     rigid: &RigidDelassus,
     order: &[u32],
@@ -172,8 +175,8 @@ fn arrangement(
 }
 
 impl SingleProblem {
-    /// Scales and packs a problem that [`suits`], for `ranks` that do the passes together what this one needs. `None` where a number
-    /// leaves the range of single precision.
+    /// Scales and packs a problem that [`suits`], for `ranks` that do the passes together what this one
+    /// needs. `None` where a number leaves the range of single precision.
     pub(super) fn new(
         problem: &Ccp,
         residual: &ResidualScale,

@@ -126,8 +126,8 @@ impl SingleOperator {
         own_batches(self.share.as_deref(), self.contacts.len())
     }
 
-    /// One pass over the contacts: the kernel sees u = N' y + r' with the image of y where GATHER, else with zeros; what it
-    /// returns is left in the slots where SCATTER.
+    /// One pass over the contacts: the kernel sees u = N' y + r' with the image of y where GATHER, else with
+    /// zeros; what it returns is left in the slots where SCATTER.
     pub(super) fn contact_pass<const M: usize, const GATHER: bool, const SCATTER: bool>(
         &self,
         image: &[Octet],
@@ -182,7 +182,8 @@ impl SingleOperator {
         share.end_pass(SCATTER.then_some(&mut slots[..]), tallies, buffers)
     }
 
-    /// Combines the image of what the contacts left in the slots with images; the quadratic form, force dot velocity.
+    /// Combines the image of what the contacts left in the slots with images; the quadratic form, force dot
+    /// velocity.
     pub(super) fn body_pass<const K: usize>(
         &self,
         images: [&mut [Octet]; K],
@@ -233,7 +234,8 @@ where
         let mut vectors = vectors.map(V::of_batches);
         let mut tally = SingleTally::<V>::default();
         let ahead = Ahead::<GATHER, G, K> { geometry, contacts, first, image, kernel };
-        // Three batches are under way at once, so that the processor has something to do while it waits for roots and quotients.
+        // Three batches are under way at once, so that the processor has something to do while it waits for
+        // roots and quotients.
         let last = batches - 1;
         let mut ready = ahead.projected::<V, M>(ahead.rooted::<V, M>(0, &vectors));
         let mut rooted = ahead.rooted::<V, M>(last.min(1), &vectors);
@@ -267,7 +269,8 @@ struct Ahead<'a, const GATHER: bool, G, K> {
 }
 
 impl<const GATHER: bool, G: Geometry, K> Ahead<'_, GATHER, G, K> {
-    /// What the kernel is given at a batch of the chunk, with the point to be projected and its tangential length.
+    /// What the kernel is given at a batch of the chunk, with the point to be projected and its tangential
+    /// length.
     #[inline(always)]
     fn rooted<V: SingleVector, const M: usize>(
         &self,

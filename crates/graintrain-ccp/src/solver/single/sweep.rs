@@ -25,7 +25,8 @@ pub(super) struct Sweeps {
     first: Vec<u32>,
     /// Bodies A and B of each batch as places in the range of its block.
     places: Vec<Places>,
-    /// Lists of blocks, one after the other; those of one list share no body, and a single one has all bodies.
+    /// Lists of blocks, one after the other; those of one list share no body, and a single one has all
+    /// bodies.
     lists: Vec<Vec<Block>>,
 }
 

@@ -1,10 +1,10 @@
-//! Reads problem files and answers again, by code that shares nothing with the program but the definition of the
-//! residual, and judges the answers.
+//! Reads problem files and answers again, by code that shares nothing with the program but the definition of
+//! the residual, and judges the answers.
 
 use std::path::Path;
 
-/// A problem as its file states it, at most sparse: u = W g + q, or u = H^T M^-1 (H g + f) + w with M of blocks
-/// 3 x 3.
+/// A problem as its file states it, at most sparse: u = W g + q, or u = H^T M^-1 (H g + f) + w with M of
+/// blocks 3 x 3.
 pub struct Problem {
     form: Form,
     friction: Vec<f64>,
@@ -135,7 +135,8 @@ impl Problem {
     }
 }
 
-/// Projection on the friction cone by Moreau: x minus its projection on the polar cone's mantle where outside both.
+/// Projection on the friction cone by Moreau: x minus its projection on the polar cone's mantle where outside
+/// both.
 fn project(x: [f64; 3], mu: f64) -> [f64; 3] {
     let t = (x[1] * x[1] + x[2] * x[2]).sqrt();
     if t <= mu * x[0] {

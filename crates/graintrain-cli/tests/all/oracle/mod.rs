@@ -81,8 +81,8 @@ fn assert_honest(record: &Value, verdict: &Verdict, coulomb: bool, tolerance: f6
     assert_eq!(record["converged"] == true, record["status"] == "converged", "{what}: {record}");
 }
 
-/// Every solver on some of the problems in both friction models: whoever claims convergence has a solution file that
-/// shows it. Prints what each reached and how many claims were checked.
+/// Every solver on some of the problems in both friction models: whoever claims convergence has a solution
+/// file that shows it. Prints what each reached and how many claims were checked.
 fn check_claims(references: &[Reference], tolerance: f64, seconds: f64) {
     let solvers = solvers();
     let mut claims = vec![0; solvers.len()];
@@ -163,7 +163,8 @@ fn interior_point_solves(reference: &Reference, seconds: f64) {
     let (record, verdict) = solve(&reference.path, "ipm", 1e-6, "coulomb", seconds);
     println!("ipm on {}, Coulomb: {} {verdict:?}", reference.name, record["iterations"]);
     assert_honest(&record, &verdict, true, 1e-6, &reference.name);
-    // Nobody solves the largest packing with exact friction yet: it has to say so, as `assert_honest` sees to.
+    // Nobody solves the largest packing with exact friction yet: it has to say so, as `assert_honest` sees
+    // to.
     assert!(record["converged"] == true || reference.contacts > 10_000, "{}: {record}", reference.name);
 }
 

@@ -94,7 +94,8 @@ fn elasticity_of(own: [Elasticity; 2], is_same: bool, pair: Option<&PairSpec>) -
     Elasticity { stiffness, damping }
 }
 
-/// Two materials in series. Ratios are formed first: squares and inverses of the largest and smallest numbers are none.
+/// Two materials in series. Ratios are formed first: squares and inverses of the largest and smallest numbers
+/// are none.
 fn in_series(own: [Elasticity; 2]) -> Elasticity {
     let halves = || own.iter().filter(|half| half.stiffness > 0.0);
     let softest = halves().map(|half| half.stiffness).fold(f64::INFINITY, f64::min);

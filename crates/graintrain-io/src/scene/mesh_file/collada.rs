@@ -1,5 +1,5 @@
-//! Triangles of COLLADA files (`.dae`): all geometry that the visual scene shows, placed by its nodes, in metres by the file's unit.
-//! The file's up axis turns nothing: robots' descriptions count on that.
+//! Triangles of COLLADA files (`.dae`): all geometry that the visual scene shows, placed by its nodes, in
+//! metres by the file's unit. The file's up axis turns nothing: robots' descriptions count on that.
 //!
 //! Source: "COLLADA - Digital Asset Schema Release 1.4.1", Khronos Group 2008.
 
@@ -11,7 +11,8 @@ use std::collections::HashMap;
 /// Nodes inside of nodes at most: one that holds itself has no end.
 const DEEPEST: usize = 64;
 
-/// Nodes and triangles shown at most, instances counted each time: a few that hold each other can be any number.
+/// Nodes and triangles shown at most, instances counted each time: a few that hold each other can be any
+/// number.
 const MOST: [usize; 2] = [100_000, 10_000_000];
 
 /// Corners of all triangles.

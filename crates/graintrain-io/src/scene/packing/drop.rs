@@ -8,10 +8,10 @@ use std::collections::HashMap;
 /// Places tried for one body before giving up.
 const MOST_TRIES: usize = 5_000;
 
-/// Centres of non-overlapping spheres of these radii, wholly inside the region, in the order of the radii: each is
-/// drawn uniformly until it fits. Fewer than asked for where one does not fit in [`MOST_TRIES`] tries; in a large
-/// region that happens near a solid fraction of 0.38. Expected cost proportional to the number of spheres, for radii
-/// of similar size.
+/// Centres of non-overlapping spheres of these radii, wholly inside the region, in the order of the radii:
+/// each is drawn uniformly until it fits. Fewer than asked for where one does not fit in [`MOST_TRIES`]
+/// tries; in a large region that happens near a solid fraction of 0.38. Expected cost proportional to the
+/// number of spheres, for radii of similar size.
 pub(crate) fn positions(region: &Region, radii: &[f64], random: &mut Random) -> Vec<Vec3> {
     let largest = radii.iter().copied().fold(0.0, f64::max);
     let cell_size = 2.0 * largest;

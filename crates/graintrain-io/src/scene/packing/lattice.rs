@@ -4,7 +4,8 @@ use crate::random::Random;
 use crate::scene::model::LatticeSpec;
 use graintrain::math::Vec3;
 
-/// Centres origin + (i + 1/2) pitch + jitter, z fastest; each coordinate's jitter is uniform in [-jitter, jitter].
+/// Centres origin + (i + 1/2) pitch + jitter, z fastest; each coordinate's jitter is uniform in
+/// [-jitter, jitter].
 pub(crate) fn positions(lattice: &LatticeSpec, random: &mut Random) -> Vec<Vec3> {
     let [nx, ny, nz] = lattice.counts;
     let mut positions = Vec::with_capacity((nx * ny * nz) as usize);

@@ -7,7 +7,8 @@
 use super::text::{count, ended_text, number, row, vector};
 use super::{FileContent, FileProblem};
 
-/// Reads a frame of a data file, counted from 0, the last one where it is `None`; or all particles of a restart file.
+/// Reads a frame of a data file, counted from 0, the last one where it is `None`; or all particles of a
+/// restart file.
 pub(super) fn read(bytes: &[u8], frame: Option<u64>) -> Result<FileContent, FileProblem> {
     let text = ended_text(bytes)?;
     let is_restart = text.lines().any(|line| line.trim_start().starts_with("Particles "));

@@ -83,7 +83,8 @@ pub(crate) fn read_file(path: &Path, location: &super::error::Location) -> Resul
     })
 }
 
-/// Places the bodies of a packing. `bounding_radius` is that of the packing's shape where they are not spheres.
+/// Places the bodies of a packing. `bounding_radius` is that of the packing's shape where they are not
+/// spheres.
 pub(crate) fn place(
     name: &str,
     spec: &PackingSpec,

@@ -1,4 +1,5 @@
-//! Tables of numbers with a header line that names the columns, with units in brackets: `Radius[m] PosX[mm] ...`.
+//! Tables of numbers with a header line that names the columns, with units in brackets:
+//! `Radius[m] PosX[mm] ...`.
 
 use super::{FileContent, FileProblem};
 use crate::scene::expression::{NoNames, evaluate};
@@ -15,8 +16,8 @@ pub(crate) struct NumberTable {
     pub header_line: usize,
 }
 
-/// Reads a table whose columns are separated by `separator`, or by blanks where it is `None`. Empty lines do not
-/// count; a header may start with `#`; the last `skip_last` lines are left out.
+/// Reads a table whose columns are separated by `separator`, or by blanks where it is `None`. Empty lines do
+/// not count; a header may start with `#`; the last `skip_last` lines are left out.
 pub(crate) fn read(
     bytes: &[u8],
     separator: Option<char>,

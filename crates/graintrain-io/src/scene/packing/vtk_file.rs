@@ -1,4 +1,5 @@
-//! VTK's XML files of points (`.vtu`, `.vtp`): ascii, base64 and appended data, with or without zlib compression.
+//! VTK's XML files of points (`.vtu`, `.vtp`): ascii, base64 and appended data, with or without zlib
+//! compression.
 
 use super::{FileContent, FileProblem};
 use base64::Engine;
@@ -220,8 +221,9 @@ impl<'a> Format<'a> {
             .collect())
     }
 
-    /// The data of one array. Uncompressed: [bytes] data, encoded together. Compressed: [blocks, block size, last
-    /// block's size, compressed sizes...], then, encoded apart, the compressed blocks.
+    /// The data of one array. Uncompressed: [bytes] data, encoded together. Compressed:
+    /// [blocks, block size, last block's size, compressed sizes...], then, encoded apart, the compressed
+    /// blocks.
     fn block(&self, stream: &Stream) -> Result<Vec<u8>, String> {
         if !self.is_compressed {
             let length = sane(self.header(stream, 1)?[0])?;

@@ -165,7 +165,8 @@ impl Key {
     }
 }
 
-/// The first of each pair: the names among which [`Reader::choice`](super::reader::Reader::choice) chooses a value.
+/// The first of each pair: the names among which [`Reader::choice`](super::reader::Reader::choice) chooses a
+/// value.
 fn names<T>(choices: &[(&'static str, T)]) -> Vec<&'static str> {
     choices.iter().map(|(name, _)| *name).collect()
 }

@@ -1,4 +1,5 @@
-//! Files that are refused: truncated, garbled, not a number, or a problem that is not solved here. Never a panic.
+//! Files that are refused: truncated, garbled, not a number, or a problem that is not solved here. Never a
+//! panic.
 
 use super::data;
 use graintrain_io::problem_file::{self, ProblemFileError};

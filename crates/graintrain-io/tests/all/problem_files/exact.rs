@@ -61,7 +61,8 @@ fn the_path_reaches_1e_9_on_every_public_problem_but_one() {
     files.extend(std::fs::read_dir(data.join("fclib")).unwrap().map(|entry| entry.unwrap().path()));
     let mut solved = 0;
     for path in files {
-        // What is two-dimensional is refused, and what rolls is no problem for the path: both have tests of their own.
+        // What is two-dimensional is refused, and what rolls is no problem for the path: both have tests of
+        // their own.
         let Ok(file) = problem_file::read(&path) else { continue };
         let problem = file.posed(FrictionModel::Coulomb);
         if !problem.turning.is_empty() {

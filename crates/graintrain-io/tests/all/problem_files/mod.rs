@@ -1,5 +1,5 @@
-//! Reading the public contact problems: sizes, symmetry and form against the reference computed independently of this
-//! program.
+//! Reading the public contact problems: sizes, symmetry and form against the reference computed independently
+//! of this program.
 
 mod by_hand;
 mod damage;
@@ -70,7 +70,8 @@ fn sizes_and_symmetry_agree_with_the_reference() {
             let rounded = format!("{:.1e}", file.asymmetry).parse::<f64>().unwrap();
             assert!((rounded - reference.asymmetry).abs() <= 0.11 * reference.asymmetry.max(1e-12), "{name}");
         } else {
-            // The frames in the sphere stack are not orthonormal (tangents off by up to 0.56): no rigid bodies.
+            // The frames in the sphere stack are not orthonormal (tangents off by up to 0.56): no rigid
+            // bodies.
             let condensed = name.starts_with("Spheres-i099");
             let expected = if condensed { Form::Condensed } else { Form::RigidBodies };
             assert_eq!(file.form, expected, "{name}");

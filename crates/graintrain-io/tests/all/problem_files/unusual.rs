@@ -1,5 +1,5 @@
-//! FCLIB files as people write them who have not read the report to the end: what is meant is read, and what could be
-//! misread is refused.
+//! FCLIB files as people write them who have not read the report to the end: what is meant is read, and what
+//! could be misread is refused.
 
 use super::by_hand::{
     Dense, MU, Storage, add_matrix, assert_close, dot, positive_definite, random, velocity,

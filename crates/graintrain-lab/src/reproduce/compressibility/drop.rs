@@ -1,4 +1,5 @@
-//! The drop: states of one sedimentation in free fall, falling and settled, and the contact problems of steps from there.
+//! The drop: states of one sedimentation in free fall, falling and settled, and the contact problems of steps
+//! from there.
 
 use crate::reproduce::ReproduceError;
 use crate::reproduce::solves::Problems;
@@ -66,8 +67,8 @@ impl Drop {
         self.folder.join(format!("drop-n{}-{}", self.n, phase.name()))
     }
 
-    /// Simulates up to a phase where its state is not there yet, and stores the states on the way. `progress` gets the step and
-    /// the number of steps.
+    /// Simulates up to a phase where its state is not there yet, and stores the states on the way. `progress`
+    /// gets the step and the number of steps.
     ///
     /// # Errors
     /// [`ReproduceError`] for a step or file that fails, or a stop request.
@@ -106,8 +107,8 @@ impl Drop {
         }
     }
 
-    /// The contact problem of the step after a phase's state, with another envelope (m) and density (kg/m^3); `None` without
-    /// contacts.
+    /// The contact problem of the step after a phase's state, with another envelope (m) and density (kg/m^3);
+    /// `None` without contacts.
     ///
     /// # Errors
     /// [`ReproduceError`] where the state is missing or damaged, or the step fails.
@@ -123,8 +124,9 @@ impl Drop {
     }
 }
 
-/// The same state of grains that are `ratio` times as heavy: N is divided by the ratio. Among prescribed walls and grains of one density
-/// nothing else changes: velocities, and so r and the next states, do not depend on the density.
+/// The same state of grains that are `ratio` times as heavy: N is divided by the ratio. Among prescribed
+/// walls and grains of one density nothing else changes: velocities, and so r and the next states, do not
+/// depend on the density.
 pub(super) fn of_density(problem: &Ccp, ratio: f64) -> Ccp {
     let delassus = match &*problem.delassus {
         Delassus::Rigid(rigid) => {

@@ -1,4 +1,5 @@
-//! Approximate inverses in tensor-train form: the exact inverse truncated, the paper's iteration, and two that are definite.
+//! Approximate inverses in tensor-train form: the exact inverse truncated, the paper's iteration, and two
+//! that are definite.
 
 use super::system::{Slots, System};
 use crate::reproduce::ReproduceError;
@@ -20,8 +21,8 @@ pub const EXACT: usize = 3600;
 /// Steps of Lanczos for the smallest eigenvalue.
 const LANCZOS: usize = 40;
 
-/// Smallest eigenvalue that the shifted inverse of a block-scaled matrix keeps. That of the exact inverse is 1 over the largest one of the matrix,
-/// about 1/10 here.
+/// Smallest eigenvalue that the shifted inverse of a block-scaled matrix keeps. That of the exact inverse is
+/// 1 over the largest one of the matrix, about 1/10 here.
 const FLOOR: f64 = 0.02;
 
 /// What stands for S^-1.
@@ -31,9 +32,11 @@ pub enum Kind {
     Truncated,
     /// AMEn on T X = I for the train T of the matrix, at most so many sweeps: the paper's.
     Iterated(usize),
-    /// The exact inverse, truncated, and a multiple of the identity added where eigenvalues would be below 0.02: of use for block-scaled matrices.
+    /// The exact inverse, truncated, and a multiple of the identity added where eigenvalues would be below
+    /// 0.02: of use for block-scaled matrices.
     Shifted,
-    /// W^T W with W the truncated inverse of the Cholesky factor: definite by construction, at two applications.
+    /// W^T W with W the truncated inverse of the Cholesky factor: definite by construction, at two
+    /// applications.
     Factor,
 }
 
@@ -55,8 +58,8 @@ pub struct Approximate {
     pub ranks: (f64, usize),
     /// Relative truncation error; of [`Kind::Iterated`] ||T X - I||_F / ||I||_F.
     pub error: f64,
-    /// Whether no eigenvalue of its symmetric part is negative; a negative one is proven by a Rayleigh quotient, its absence is the estimate of 40
-    /// Lanczos steps.
+    /// Whether no eigenvalue of its symmetric part is negative; a negative one is proven by a Rayleigh
+    /// quotient, its absence is the estimate of 40 Lanczos steps.
     pub definite: bool,
     operator: PaddedOperator,
     /// The transpose, for W^T W.
@@ -78,8 +81,8 @@ pub struct Wanted {
 }
 
 impl Approximate {
-    /// Makes it from the exact inverse of the matrix, or (iterated) from its train. `None` where the exact inverse is wanted and
-    /// absent.
+    /// Makes it from the exact inverse of the matrix, or (iterated) from its train. `None` where the exact
+    /// inverse is wanted and absent.
     ///
     /// # Errors
     /// [`ReproduceError`] for a breakdown or an end of patience.
@@ -145,7 +148,8 @@ impl Approximate {
     }
 }
 
-/// Whether Lanczos finds no negative eigenvalue of (X + X^T) / 2. A Ritz value is a Rayleigh quotient: a negative one is a proof.
+/// Whether Lanczos finds no negative eigenvalue of (X + X^T) / 2. A Ritz value is a Rayleigh quotient: a
+/// negative one is a proof.
 fn is_definite(x: &TtMatrix) -> Result<bool, TtError> {
     let symmetric = SymmetricTrain::symmetric_part(x)?.round(&Truncation::to(1e-14))?.0.to_matrix();
     Ok(extreme_eigenvalues(&FullOperator::new(&symmetric)?, LANCZOS, 1)?.0.value > 0.0)
@@ -180,8 +184,8 @@ impl Exact {
     }
 }
 
-/// A full matrix over the unknowns among the slots. Free slots, which no product reads, have the mean diagonal entry: ones would
-/// drown an inverse of small entries.
+/// A full matrix over the unknowns among the slots. Free slots, which no product reads, have the mean
+/// diagonal entry: ones would drown an inverse of small entries.
 fn augmented(matrix: &Matrix, slots: &Slots) -> Result<QuadtreeMatrix, TtError> {
     let unknowns = matrix.rows();
     let position = |i: usize| 3 * slots.place[i / 3] + i % 3;

@@ -1,9 +1,12 @@
-//! The settling experiment: what low rank means for the Newton matrices of the paper's interior point, and what it buys.
+//! The settling experiment: what low rank means for the Newton matrices of the paper's interior point, and
+//! what it buys.
 //!
-//! One sedimentation is stopped in free fall, falling and settled. From each state the contact problem of the next step is solved by the paper's
-//! interior point (its start and rules, and ours), and of the Newton systems S x = b on the way the trains are made by the exact pass and by
-//! the cross, at the paper's accuracies and caps (its table 3). For each: ranks, errors in three norms, an approximate inverse X, whether X is
-//! definite, iterations of BiCGSTAB with X, and with block Jacobi, ILU(0) and IC(0) in Morton order.
+//! One sedimentation is stopped in free fall, falling and settled. From each state the contact problem of the
+//! next step is solved by the paper's interior point (its start and rules, and ours), and of the Newton
+//! systems S x = b on the way the trains are made by the exact pass and by the cross, at the paper's
+//! accuracies and caps (its table 3). For each: ranks, errors in three norms, an approximate inverse X,
+//! whether X is definite, iterations of BiCGSTAB with X, and with block Jacobi, ILU(0) and IC(0) in Morton
+//! order.
 //!
 //! | module | holds |
 //! |---|---|
@@ -14,8 +17,9 @@
 //! | [`readings`] | what the paper's text leaves open |
 //! | [`table`], [`summary`] | the CSV, its means |
 //!
-//! Every row is in a line of `cells.jsonl` as soon as it is measured; `compressibility.csv` and `summary.md` are written from all that the folder
-//! has, so that calls with other sizes and settings and the same folder add to one table.
+//! Every row is in a line of `cells.jsonl` as soon as it is measured; `compressibility.csv` and `summary.md`
+//! are written from all that the folder has, so that calls with other sizes and settings and the same folder
+//! add to one table.
 
 pub mod drop;
 pub mod inverse;
@@ -59,8 +63,8 @@ const RADIUS: f64 = 0.1;
 /// Nonzeros that the cross is shown, about.
 const PROBES: usize = 20_000;
 
-/// Caps above which no inverse is iterated (a local system has rank^2 times mode unknowns), or truncated (a product with it costs more than one
-/// with the full inverse of a small matrix).
+/// Caps above which no inverse is iterated (a local system has rank^2 times mode unknowns), or truncated (a
+/// product with it costs more than one with the full inverse of a small matrix).
 const INVERSE_CAPS: [usize; 2] = [10, 100];
 
 /// Readings that are measured at every system that is measured at all.
@@ -77,13 +81,15 @@ pub struct Settings {
     pub densities: Vec<f64>,
     /// Phases of the drop.
     pub phases: Vec<Phase>,
-    /// Every so many-th Newton system is measured at the paper's setting; the first, the 10th and the last always are, at every setting.
+    /// Every so many-th Newton system is measured at the paper's setting; the first, the 10th and the last
+    /// always are, at every setting.
     pub every: usize,
     /// Newton iterations after which a solve is followed no further.
     pub newton: usize,
     /// Caps on the ranks.
     pub caps: Vec<usize>,
-    /// Whether the readings of the recipe are measured too: at the first, the 10th and the last system, two of them at every measured one.
+    /// Whether the readings of the recipe are measured too: at the first, the 10th and the last system, two
+    /// of them at every measured one.
     pub readings: bool,
     /// Time limit of one compression, inversion or linear solve.
     pub limit: Duration,
@@ -373,8 +379,8 @@ impl Study<'_> {
         Patience::new(Instant::now().checked_add(self.limit), Some(Arc::clone(self.stop)))
     }
 
-    /// Train, errors, inverse and solves at one accuracy and cap. What takes longer than the limit, or does not fit (leaves of the exact pass), is
-    /// absent.
+    /// Train, errors, inverse and solves at one accuracy and cap. What takes longer than the limit, or does
+    /// not fit (leaves of the exact pass), is absent.
     fn train(&self, key: &Key, inverses: &mut Inverses) -> Result<Figures, ReproduceError> {
         let Self { reading, system, .. } = self;
         let slots = self.bed.slots(reading.leaf, reading.split);

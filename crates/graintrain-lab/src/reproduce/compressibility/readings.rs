@@ -30,7 +30,8 @@ pub enum Form {
     Plain,
     /// L^-1 S L^-T, the diagonal blocks being identities.
     Scaled,
-    /// S plus the mean diagonal entry of N times the identity: contacts as soft as the bodies are heavy. The system that is solved is that one, too.
+    /// S plus the mean diagonal entry of N times the identity: contacts as soft as the bodies are heavy. The
+    /// system that is solved is that one, too.
     Compliant,
     /// S with every contact's impulse in world axes.
     WorldAxes,
@@ -128,8 +129,9 @@ impl Reading {
         if self.matched_dummies { mean_diagonal(self.matrix(system)) } else { 1.0 }
     }
 
-    /// The truncation for an accuracy, in the sense of [`QuadtreeMatrix::to_train`]: relative to the norm without dummies. (An error as large as
-    /// the matrix allows the zero matrix; rank one is the least there is.)
+    /// The truncation for an accuracy, in the sense of [`QuadtreeMatrix::to_train`]: relative to the norm
+    /// without dummies. (An error as large as the matrix allows the zero matrix; rank one is the least there
+    /// is.)
     ///
     /// # Errors
     /// [`TtError`] where a train cannot be made.
@@ -158,8 +160,8 @@ const WHOLE: f64 = 0.999;
 /// Factor between the tolerances that are tried for an accuracy of every entry, and how many.
 const REFINE: (f64, usize) = (0.25, 8);
 
-/// The loosest truncation of a sequence with which every nonzero entry is met to `accuracy` times the largest one. Entries that are zero are
-/// not looked at: a lower bound on the ranks.
+/// The loosest truncation of a sequence with which every nonzero entry is met to `accuracy` times the largest
+/// one. Entries that are zero are not looked at: a lower bound on the ranks.
 fn loosest(quadtree: &QuadtreeMatrix, accuracy: f64, cap: usize) -> Result<Truncation, TtError> {
     let (places, values): (Vec<_>, Vec<_>) = quadtree.entries().map(|(i, j, x)| ((i, j), x)).unzip();
     let largest = values.iter().fold(0.0, |most: f64, x| most.max(x.abs()));

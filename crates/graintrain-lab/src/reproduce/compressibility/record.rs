@@ -53,11 +53,12 @@ pub struct Path {
     pub status: Status,
 }
 
-/// From this many contacts on the systems are solved by incomplete Cholesky: the factor of the whole matrix would take minutes each.
+/// From this many contacts on the systems are solved by incomplete Cholesky: the factor of the whole matrix
+/// would take minutes each.
 const DIRECT: usize = 30_000;
 
-/// Follows one interior-point solve to a residual of 1e-4, or for `newton` iterations, and keeps the systems of the iterations that `keep` chooses, and the last. Exact linear
-/// solves up to 30 000 contacts.
+/// Follows one interior-point solve to a residual of 1e-4, or for `newton` iterations, and keeps the systems
+/// of the iterations that `keep` chooses, and the last. Exact linear solves up to 30 000 contacts.
 ///
 /// # Errors
 /// [`ReproduceError`] where the solver refuses the problem or the stop flag is set.
@@ -111,7 +112,8 @@ struct Recorder {
     solver: Box<dyn NewtonSolver>,
     systems: Arc<Mutex<Vec<Recorded>>>,
     keep: Box<dyn Fn(usize) -> bool + Send>,
-    /// N of the path. A stalled solve goes on with a search for a proof that there is no solution, whose systems are others.
+    /// N of the path. A stalled solve goes on with a search for a proof that there is no solution, whose
+    /// systems are others.
     path: Option<DelassusIdentity>,
 }
 

@@ -30,7 +30,8 @@ impl<'a> Solve<'a> {
         values.get(values.len() / 2).map_or("-".to_string(), |&value| short(Some(value)))
     }
 
-    /// Mean iterations where the tolerance was reached, and how often it was not: within 1000 iterations, within the time limit.
+    /// Mean iterations where the tolerance was reached, and how often it was not: within 1000 iterations,
+    /// within the time limit.
     fn iterations(&self, method: &'a str) -> String {
         let counts: Vec<Option<Count>> = self.of(method).map(|row| row.figures.bicgstab).collect();
         let reached: Vec<f64> = counts
@@ -51,8 +52,8 @@ impl<'a> Solve<'a> {
     }
 }
 
-/// One line per solve: means over its measured systems at the paper's setting (1e-2, rank 10), exact pass. Of a scaled error, which spreads over
-/// decades, the median.
+/// One line per solve: means over its measured systems at the paper's setting (1e-2, rank 10), exact pass. Of
+/// a scaled error, which spreads over decades, the median.
 pub fn markdown(rows: &[Row]) -> String {
     let mut text = String::from(
         "Exact pass at accuracy 1e-2 and ranks of at most 10, means over the measured Newton systems of each solve (of the scaled error the \

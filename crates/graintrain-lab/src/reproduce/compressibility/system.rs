@@ -1,4 +1,5 @@
-//! One Newton matrix in Morton order: its trains, their errors in three norms, and what classic preconditioners need.
+//! One Newton matrix in Morton order: its trains, their errors in three norms, and what classic
+//! preconditioners need.
 
 use super::record::Recorded;
 use super::table::Count;
@@ -32,7 +33,8 @@ pub struct Bed {
     order: Vec<usize>,
     /// Points in that order, m.
     points: Vec<[f64; 3]>,
-    /// Rows n, t1, t2 of each contact's frame in world axes, row-major, in that order; empty where there are no bodies.
+    /// Rows n, t1, t2 of each contact's frame in world axes, row-major, in that order; empty where there are
+    /// no bodies.
     frames: Vec<Block>,
 }
 
@@ -212,7 +214,8 @@ impl System {
         self.rhs.len()
     }
 
-    /// BiCGSTAB's iterations to a relative residual with a preconditioner z = P r, at most 1000; `None` where the patience ended.
+    /// BiCGSTAB's iterations to a relative residual with a preconditioner z = P r, at most 1000; `None` where
+    /// the patience ended.
     pub fn bicgstab(
         &self,
         mut preconditioner: impl FnMut(&[f64], &mut [f64]),
@@ -238,8 +241,8 @@ impl System {
         }
     }
 
-    /// Steps of x <- x + P (b - S x) from zero to a relative residual, at most 200: P as a direct solver (one step) with refinement. `None` where
-    /// the patience ended.
+    /// Steps of x <- x + P (b - S x) from zero to a relative residual, at most 200: P as a direct solver (one
+    /// step) with refinement. `None` where the patience ended.
     pub fn refinement(
         &self,
         mut solver: impl FnMut(&[f64], &mut [f64]),
@@ -291,8 +294,9 @@ impl System {
     }
 
     /// ||L^-1 (S - T) L^-T||_F / ||L^-1 S L^-T||_F over the unknowns, T the train (of S, or of the scaled matrix, where L falls away). Estimated as
-    /// the root mean of |B z|^2 over random signs z, whose mean is ||B||_F^2 (Hutchinson 1990): a few per cent off where no few singular values
-    /// carry the error. `None` where the products would take more than 5e10 operations.
+    /// the root mean of |B z|^2 over random signs z, whose mean is ||B||_F^2 (Hutchinson 1990): a few per
+    /// cent off where no few singular values carry the error. `None` where the products would take more than
+    /// 5e10 operations.
     ///
     /// # Errors
     /// [`TtError`] for a train too large to apply.

@@ -129,7 +129,8 @@ fn text<T: fmt::Display>(value: &Option<T>) -> String {
 }
 
 impl Row {
-    /// The order of the table: by case, iteration, reading, method, from coarse accuracies and small caps to fine and large ones.
+    /// The order of the table: by case, iteration, reading, method, from coarse accuracies and small caps to
+    /// fine and large ones.
     pub fn order(&self, other: &Self) -> std::cmp::Ordering {
         let place = |phase: &str| Phase::ALL.iter().position(|known| known.name() == phase);
         let (a, b) = (&self.case, &other.case);

@@ -86,7 +86,8 @@ fn the_smallest_experiment_is_whole_and_goes_on_where_it_was_stopped() {
     assert_eq!((again.new, again.rows), (0, resumed.rows));
 }
 
-/// f_1 = (g_t^2 - mu^2 g_n^2) / 2, f_2 = -g_n at g = (1, 0, 0) N s with lambda = -1/f: H = diag(3, 2/mu^2, 2/mu^2).
+/// f_1 = (g_t^2 - mu^2 g_n^2) / 2, f_2 = -g_n at g = (1, 0, 0) N s with lambda = -1/f: H = diag(3, 2/mu^2,
+/// 2/mu^2).
 #[test]
 fn the_papers_start_has_equal_barrier_blocks() {
     let folder = tempfile::tempdir().unwrap();
@@ -112,8 +113,8 @@ fn heavier_grains_divide_the_matrix_alone() {
     assert_eq!(light.r, heavy.r);
 }
 
-/// The error of the exact pass lies between the largest and the root sum of squares of what the best matrix of the same rank leaves of every
-/// unfolding, from dense decompositions.
+/// The error of the exact pass lies between the largest and the root sum of squares of what the best matrix
+/// of the same rank leaves of every unfolding, from dense decompositions.
 #[test]
 fn errors_of_the_exact_pass_are_those_of_dense_unfoldings() {
     let folder = tempfile::tempdir().unwrap();

@@ -1,4 +1,5 @@
-//! What motors with a limit and stops do, and the corrections that keep bodies on the paths of their joints: round by round, until all agree.
+//! What motors with a limit and stops do, and the corrections that keep bodies on the paths of their joints:
+//! round by round, until all agree.
 
 use super::{ActiveRow, Mechanisms, Role, Solution};
 use crate::joint::kinematics::{coordinate, last};
@@ -8,8 +9,8 @@ use crate::math::Vec3;
 /// Corrections of the right-hand side, and changes of motors and stops, between two solves of the contacts.
 const ROUNDS: usize = 60;
 
-/// Corrections before motors and stops are looked at: the sign of the impulse of a new stop is that of rows on their paths.
-/// Rows that contradict each other never get there.
+/// Corrections before motors and stops are looked at: the sign of the impulse of a new stop is that of rows
+/// on their paths. Rows that contradict each other never get there.
 const CORRECTIONS: usize = 6;
 
 /// After so many changes motors and stops change one by one.
@@ -39,8 +40,8 @@ enum Change {
 }
 
 impl Mechanisms<'_> {
-    /// The states of all joints with those changed whose motors and stops disagree with their forces or rates, of several the
-    /// first alone where `one` is asked for; `None` where all agree.
+    /// The states of all joints with those changed whose motors and stops disagree with their forces or
+    /// rates, of several the first alone where `one` is asked for; `None` where all agree.
     fn switched(&self, index: usize, solution: &Solution, one: bool) -> Option<Vec<JointState>> {
         let mechanism = &self.mechanisms[index];
         let world = self.world;
@@ -84,7 +85,8 @@ impl Mechanisms<'_> {
                         if impulse.abs() > most * (1.0 + CLEAR) {
                             state.saturated = if impulse > 0.0 { 1 } else { -1 };
                         } else if is_stopped && missing.abs() > (DRIVEN * wanted.abs()).max(CLEAR * scale) {
-                            // Against a stop its row depends on that of the stop, and gets no rate at any force.
+                            // Against a stop its row depends on that of the stop, and gets no rate at any
+                            // force.
                             state.saturated = if missing > 0.0 { 1 } else { -1 };
                         }
                     }
@@ -115,7 +117,8 @@ impl Mechanisms<'_> {
         (states != self.states).then_some(states)
     }
 
-    /// Takes the stiffness of swings anew where the forces of joints differ from those that it was made of: whether it did.
+    /// Takes the stiffness of swings anew where the forces of joints differ from those that it was made of:
+    /// whether it did.
     fn restiffen(&mut self, index: usize, solution: &Solution) -> bool {
         let mechanism = &self.mechanisms[index];
         let forces = self.forces(mechanism, &solution.impulse);
@@ -136,8 +139,9 @@ impl Mechanisms<'_> {
         changes
     }
 
-    /// One round of a mechanism: whether anything changed under these contact impulses. Rows are corrected where they open
-    /// faster than `accuracy` (m/s), if they may be; else motors and stops change, one at a time where `one` is asked for.
+    /// One round of a mechanism: whether anything changed under these contact impulses. Rows are corrected
+    /// where they open faster than `accuracy` (m/s), if they may be; else motors and stops change, one at a
+    /// time where `one` is asked for.
     fn round(&mut self, index: usize, impulse: &[f64], accuracy: f64, correct: bool, one: bool) -> Change {
         let solution = self.solve(&self.mechanisms[index], impulse);
         if self.restiffen(index, &solution) {
@@ -172,7 +176,8 @@ impl Mechanisms<'_> {
         }
     }
 
-    /// Finds what motors and stops do and how paths bend, as if contacts exerted these impulses (six numbers per body; empty: none).
+    /// Finds what motors and stops do and how paths bend, as if contacts exerted these impulses (six numbers
+    /// per body; empty: none).
     pub(crate) fn predict(&mut self, impulse: &[f64]) {
         let fine = FINE * self.scale;
         for index in 0..self.mechanisms.len() {
@@ -202,8 +207,8 @@ impl Mechanisms<'_> {
         !mechanism.rows.iter().zip(&rates).all(closed)
     }
 
-    /// Whether joints are what the contact problem took them for, to this residual, now that contacts exert these impulses; else
-    /// [`Self::predict`] with them, and the contact problem again.
+    /// Whether joints are what the contact problem took them for, to this residual, now that contacts exert
+    /// these impulses; else [`Self::predict`] with them, and the contact problem again.
     pub(crate) fn agree(&mut self, impulse: &[f64], tolerance: f64) -> bool {
         let accuracy = tolerance * self.scale;
         (0..self.mechanisms.len())
