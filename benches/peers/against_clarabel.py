@@ -6,7 +6,7 @@ the problem in three forms:
   velocity  min 1/2 v'M v                    subject to D'v + r in the dual cones
   scaled    the same in x = M^(1/2) v, and r of unit length
   impulse   min 1/2 g'N g + r'g              subject to g in the cones, N = D'M^-1 D
-Every answer is judged by the natural map of graintrain, written out here once more. Times are processor seconds: of
+Every answer is measured by the natural map of graintrain, written out here once more. Times are processor seconds: of
 Clarabel from the matrices in memory to the answer, of graintrain the same (the `cpu_seconds` of `solve --json`).
 
 Usage: benches/peers/against_clarabel.py TOLERANCE SOLVERS FORMS ROUNDS PROBLEM...

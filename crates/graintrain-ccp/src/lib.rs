@@ -52,5 +52,5 @@ pub use delassus::{
 };
 pub use problem::{Ccp, CcpError, TurningFriction};
 pub use registry::SolverSpec;
-pub use residual::{FrictionModel, Judge, Residual};
+pub use residual::{Criterion, FrictionModel, Residual};
 pub use solver::{CcpSolver, Ranks, ResidualSample, SolveReport, SolveSettings, Status};

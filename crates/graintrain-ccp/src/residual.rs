@@ -67,21 +67,21 @@ pub struct Residual {
 /// Which number of a residual is held against the tolerance.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Judge {
+pub enum Criterion {
     /// The worst contact: max <= tolerance. What solvers are compared by.
     #[default]
     Maximum,
     /// All contacts together, none of them far off: rms <= tolerance and max <= [`MIXED_MAXIMUM`] tolerance.
-    /// What runs are judged by: the root mean square predicts the energy that errors put into a packing,
+    /// What runs are measured by: the root mean square predicts the energy that errors put into a packing,
     /// while the maximum belongs to a few ordinary contacts and costs iterations in proportion to the size of
     /// the packing.
     Mixed,
 }
 
-/// Under [`Judge::Mixed`] the worst contact may be off by so many tolerances.
+/// Under [`Criterion::Mixed`] the worst contact may be off by so many tolerances.
 pub const MIXED_MAXIMUM: f64 = 20.0;
 
-impl Judge {
+impl Criterion {
     /// What the worst contact may be off by at this tolerance.
     pub fn maximum(self, tolerance: f64) -> f64 {
         match self {
@@ -99,13 +99,13 @@ impl Residual {
 
     /// The number that is held against the tolerance: max, or max(rms, max / [`MIXED_MAXIMUM`]); NaN where
     /// either is.
-    pub fn judged(&self, judge: Judge) -> f64 {
-        match judge {
-            Judge::Maximum => self.max,
+    pub fn measured(&self, criterion: Criterion) -> f64 {
+        match criterion {
+            Criterion::Maximum => self.max,
             // f64::max would lose a NaN.
-            Judge::Mixed if self.max.is_nan() => self.max,
-            Judge::Mixed if self.rms >= self.max / MIXED_MAXIMUM || self.rms.is_nan() => self.rms,
-            Judge::Mixed => self.max / MIXED_MAXIMUM,
+            Criterion::Mixed if self.max.is_nan() => self.max,
+            Criterion::Mixed if self.rms >= self.max / MIXED_MAXIMUM || self.rms.is_nan() => self.rms,
+            Criterion::Mixed => self.max / MIXED_MAXIMUM,
         }
     }
 }

@@ -12,7 +12,7 @@ use graintrain_ccp::paper::scip::Scip;
 use graintrain_ccp::solver::first_order::FirstOrder;
 use graintrain_ccp::solver::ipm::Ipm;
 use graintrain_ccp::solver::{AcceleratedSweeps, Apgd, CcpSolver, ExactState, GaussSeidel};
-use graintrain_ccp::{Ccp, Judge, SolveSettings, SolverSpec};
+use graintrain_ccp::{Ccp, Criterion, SolveSettings, SolverSpec};
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -50,9 +50,9 @@ fn allocations(
     tolerance: f64,
     iterations: usize,
 ) -> usize {
-    let judge = Judge::Mixed;
+    let criterion = Criterion::Mixed;
     let settings =
-        SolveSettings { tolerance, judge, max_iterations: Some(iterations), ..SolveSettings::default() };
+        SolveSettings { tolerance, criterion, max_iterations: Some(iterations), ..SolveSettings::default() };
     let mut g = vec![0.0; 3 * problem.num_contacts()];
     let mut last = ExactState { last: g.clone(), memory: None };
     let before = ALLOCATIONS.load(Ordering::Relaxed);

@@ -228,7 +228,7 @@ pub fn run(
     let evaluation = yardstick.evaluate(&impulse);
     let residual = evaluation.residual(settings.friction);
     // Below 1e-12 round-off decides, and the two evaluations may differ by all of it.
-    let confirmed = residual.judged(settings.judge) <= settings.tolerance * CONFIRMED + 1e-12;
+    let confirmed = residual.measured(settings.criterion) <= settings.tolerance * CONFIRMED + 1e-12;
     let remark = (report.converged() && !confirmed).then(|| {
         format!(
             "the solver reports a residual of {:.2e}, the independent evaluation {:.2e}",

@@ -17,7 +17,7 @@ pub struct StudyOptions {
     pub within: f64,
 }
 
-/// Judges every observable, writes `study.csv` and the page, prints the verdicts.
+/// Compares every observable, writes `study.csv` and the page, prints the verdicts.
 pub fn conclude(made: &Made, options: &StudyOptions, refined: Refined) -> Result<ExitCode, Failure> {
     let key = refined.key();
     let values: Vec<&str> = made.plan.points.iter().map(|point| point[0].1.as_str()).collect();
@@ -30,8 +30,8 @@ pub fn conclude(made: &Made, options: &StudyOptions, refined: Refined) -> Result
     let mut verdicts = Vec::new();
     for name in &made.names {
         let Some(found) = estimates(&made.collected, &made.plan, &made.cells, name) else { continue };
-        let Some(judged) = convergence(&found, options.within, ratio) else { continue };
-        for (point, (estimate, deviation)) in found.iter().zip(&judged.deviation).enumerate() {
+        let Some(measured) = convergence(&found, options.within, ratio) else { continue };
+        for (point, (estimate, deviation)) in found.iter().zip(&measured.deviation).enumerate() {
             let wall = made.collected.estimate(&made.cells, point, "wall_seconds");
             let cell = |value: f64| if value.is_finite() { format!("{value:?}") } else { String::new() };
             let cells = [
@@ -43,22 +43,22 @@ pub fn conclude(made: &Made, options: &StudyOptions, refined: Refined) -> Result
             ];
             let _ = writeln!(csv, "{name},{},{}", values[point], cells.map(cell).join(","));
         }
-        let order = match (refined, judged.order) {
+        let order = match (refined, measured.order) {
             (Refined::TimeStep, Some(order)) => format!("; order {order:.1}"),
             _ => String::new(),
         };
         let share = 100.0 * options.within;
-        verdicts.push(match judged.admissible {
+        verdicts.push(match measured.admissible {
             Some(point) => format!(
                 "{name}: {key} = {} is within {share} % of the finest ({} against {}, deviation {}){order}",
                 values[point],
                 with_error(&found[point]),
                 with_error(&found[found.len() - 1]),
-                with_error(&judged.deviation[point]),
+                with_error(&measured.deviation[point]),
             ),
             None => format!(
                 "{name}: no {key} above the finest is known to be within {share} % of it (deviations with errors: {}){order}",
-                judged.deviation[..found.len() - 1].iter().map(with_error).collect::<Vec<_>>().join("; ")
+                measured.deviation[..found.len() - 1].iter().map(with_error).collect::<Vec<_>>().join("; ")
             ),
         });
     }

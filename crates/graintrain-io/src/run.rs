@@ -13,7 +13,7 @@ use graintrain::math::Vec3;
 use graintrain::measure::energy::Ledger;
 use graintrain::stepper::{PhaseSeconds, PhysicalErrors, StepError, StepReport, StepSettings, Stepper};
 use graintrain::world::World;
-use graintrain_ccp::{Ccp, Judge, Ranks};
+use graintrain_ccp::{Ccp, Criterion, Ranks};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -214,7 +214,7 @@ pub enum RunError {
     /// A solve missed its tolerance, which [`Run::strict`] forbids.
     #[error(
         "step {step}: {solver} stopped above the tolerance {tolerance:.2e} {}, at residual {residual:.2e}, rms {residual_rms:.2e}",
-        tolerance_rule(*judge)
+        tolerance_rule(*criterion)
     )]
     ToleranceMissed {
         /// Number of the step.
@@ -228,7 +228,7 @@ pub enum RunError {
         /// Residual asked for.
         tolerance: f64,
         /// Which of the two was held against it.
-        judge: Judge,
+        criterion: Criterion,
     },
     /// An output could not be written.
     #[error(transparent)]
@@ -245,10 +245,10 @@ pub enum RunError {
 }
 
 /// What a tolerance is of, in words.
-pub fn tolerance_rule(judge: Judge) -> &'static str {
-    match judge {
-        Judge::Maximum => "of the worst contact",
-        Judge::Mixed => "of the rms (20 times that for the worst contact)",
+pub fn tolerance_rule(criterion: Criterion) -> &'static str {
+    match criterion {
+        Criterion::Maximum => "of the worst contact",
+        Criterion::Mixed => "of the rms (20 times that for the worst contact)",
     }
 }
 
@@ -357,7 +357,7 @@ impl Run {
                     residual: residual.max,
                     residual_rms: residual.rms,
                     tolerance: self.settings.stepping.solver.step_tolerance(),
-                    judge: self.settings.stepping.solver.judge,
+                    criterion: self.settings.stepping.solver.criterion,
                 });
             }
         }

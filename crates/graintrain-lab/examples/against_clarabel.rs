@@ -10,7 +10,7 @@
 //! Clarabel gets the problem as a second-order cone program in its best form here: where the bodies are
 //! known, over the body velocities, `min 1/2 (v - v_free)^T M (v - v_free)` subject to `D^T v + b` in the
 //! dual cones, in variables scaled to unit mass; else over the impulses, scaled by `1 / sqrt(eta)`. Its
-//! settings are its defaults with all tolerances set to TOLERANCE and one thread. All answers are judged by
+//! settings are its defaults with all tolerances set to TOLERANCE and one thread. All answers are measured by
 //! the residual of this program, relaxed. The time is from the problem in memory to the answer, set-up
 //! included.
 
@@ -73,7 +73,7 @@ fn report(
         }
     }
     if let Some((seconds, (impulse, iterations, status))) = best {
-        let (residual, objective) = judge(problem, &impulse);
+        let (residual, objective) = measure(problem, &impulse);
         println!(
             "  {name:16} {status:14} {iterations:7} it {seconds:10.4} s  residual {residual:.1e}  objective {objective:.12e}"
         );
@@ -82,7 +82,7 @@ fn report(
 }
 
 /// Relaxed residual and objective.
-fn judge(problem: &Ccp, impulse: &[f64]) -> (f64, f64) {
+fn measure(problem: &Ccp, impulse: &[f64]) -> (f64, f64) {
     let mut u = vec![0.0; impulse.len()];
     problem.delassus.multiply(impulse, &mut u, &mut problem.delassus.work());
     u.iter_mut().zip(&problem.r).for_each(|(u, r)| *u += r);

@@ -5,7 +5,7 @@
 //! `cargo run --release -p graintrain-lab --example tolerance_study -- OUT.csv OUT.md [relaxed|exact]`, both
 //! friction models unless one is named.
 
-use graintrain::ccp::{Ccp, Delassus, FrictionModel, Judge, SolveSettings, SolverSpec, Status};
+use graintrain::ccp::{Ccp, Criterion, Delassus, FrictionModel, SolveSettings, SolverSpec, Status};
 use graintrain::contact::{Contact, ContactSet};
 use graintrain::handle::MaterialId;
 use graintrain::math::{Quat, Vec3};
@@ -189,7 +189,7 @@ fn stepper(scene: &Scene, tolerance: f64, friction: FrictionModel) -> Result<Ste
         envelope: 0.3 * scene.smallest,
         solver: SolverChoice {
             tolerance,
-            judge: Judge::Mixed,
+            criterion: Criterion::Mixed,
             friction,
             max_iterations: (friction == FrictionModel::Coulomb).then_some(LIMIT),
             ..SolverChoice::default()
@@ -348,7 +348,7 @@ fn run(scene: &Scene, tolerance: f64, friction: FrictionModel) -> Result<(World,
             overlap: report.errors.overlap_per_step_max_over_size,
             deepest: report.penetration_max_over_size,
             iterations: report.solve.iterations,
-            solved: report.solve.residual.judged(Judge::Mixed) <= 1.1 * tolerance,
+            solved: report.solve.residual.measured(Criterion::Mixed) <= 1.1 * tolerance,
         });
     }
     Ok((world, moments))
@@ -426,7 +426,7 @@ fn study(scene: &mut Scene, friction: FrictionModel, model: &'static str) -> Res
         let mut right = found.to_vec();
         let settings = SolveSettings {
             tolerance: REFERENCE,
-            judge: Judge::Mixed,
+            criterion: Criterion::Mixed,
             friction,
             max_iterations: Some(if friction == FrictionModel::Coulomb { LIMIT } else { 5 * LIMIT }),
             ..SolveSettings::default()
@@ -456,7 +456,7 @@ fn study(scene: &mut Scene, friction: FrictionModel, model: &'static str) -> Res
             contacts: found.len(),
             status: if report.solve.status == Status::Converged { "converged" } else { "missed" },
             residual: [report.solve.residual.rms, report.solve.residual.max],
-            reference: tight.residual.judged(Judge::Mixed),
+            reference: tight.residual.measured(Criterion::Mixed),
             iterations: report.solve.iterations,
             velocity: rms_and_largest(&velocity_errors(&world, &dv)),
             overlap: report.errors.overlap_per_step_max_over_size.max(0.0),

@@ -84,7 +84,7 @@ pub fn separate(graph: &Graph) -> Vec<u8> {
     best.map(|(_, side)| side).unwrap_or_default()
 }
 
-/// What a split is judged by: the separator's weight, raised for unequal sides.
+/// What a split is measured by: the separator's weight, raised for unequal sides.
 fn cost(separator: u32, left: u32, right: u32) -> f64 {
     let total = f64::from(separator + left + right).max(1.0);
     let unequal = (f64::from(left) - f64::from(right)).abs() / total;

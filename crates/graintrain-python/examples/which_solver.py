@@ -1,4 +1,4 @@
-"""Which contact solver is best on my problem: all of them on one problem of a pile, to the same accuracy, judged independently."""
+"""Which contact solver is best on my problem: all of them on one problem of a pile, to the same accuracy, measured independently."""
 
 import os
 

@@ -1,11 +1,11 @@
-//! Contact problems: made of arrays, read from files, solved and judged.
+//! Contact problems: made of arrays, read from files, solved and measured.
 
 use crate::arrays::{owned, shaped};
 use crate::error::{OrRaise, exception};
 use crate::report::SolveReport;
 use crate::world::{World, friction_model, interruptible};
 use graintrain_ccp::registry::Method;
-use graintrain_ccp::{Ccp, Judge, SolveSettings, SolverSpec};
+use graintrain_ccp::{Ccp, Criterion, SolveSettings, SolverSpec};
 use graintrain_cli::evaluation::Yardstick;
 use graintrain_io::problem_file::{self, Entries, Form, ProblemFile};
 use pyo3::exceptions::PyValueError;
@@ -127,9 +127,9 @@ impl Problem {
     /// found whether or not the tolerance was reached, which report.converged tells.
     ///
     /// solver: a name of graintrain.solvers(), with a linear solver after a plus sign: "ipm", "pgs",
-    /// "pdip+ic". friction: "relaxed" or "coulomb" (exact). judge: "maximum" (worst contact) or "mixed" (root
+    /// "pdip+ic". friction: "relaxed" or "coulomb" (exact). criterion: "maximum" (worst contact) or "mixed" (root
     /// mean square, as in runs). start: impulses to begin with.
-    #[pyo3(signature = (solver="auto", *, tolerance=1e-4, friction="relaxed", judge="maximum", max_iterations=None, max_seconds=None,
+    #[pyo3(signature = (solver="auto", *, tolerance=1e-4, friction="relaxed", criterion="maximum", max_iterations=None, max_seconds=None,
                         start=None))]
     fn solve<'py>(
         &self,
@@ -137,7 +137,7 @@ impl Problem {
         solver: &str,
         tolerance: f64,
         friction: &str,
-        judge: &str,
+        criterion: &str,
         max_iterations: Option<usize>,
         max_seconds: Option<f64>,
         start: Option<&Bound<'py, PyAny>>,
@@ -152,10 +152,14 @@ impl Problem {
                 PyValueError::new_err(format!("max_seconds is {seconds}; it must be finite and not negative"))
             })
         };
-        let judge = match judge {
-            "maximum" => Judge::Maximum,
-            "mixed" => Judge::Mixed,
-            _ => return Err(PyValueError::new_err(format!("judge = '{judge}': choose maximum or mixed"))),
+        let criterion = match criterion {
+            "maximum" => Criterion::Maximum,
+            "mixed" => Criterion::Mixed,
+            _ => {
+                return Err(PyValueError::new_err(format!(
+                    "criterion = '{criterion}': choose maximum or mixed"
+                )));
+            }
         };
         let friction = friction_model(friction)?;
         let problem = self.file.posed(friction);
@@ -166,7 +170,7 @@ impl Problem {
         let stop = Arc::<AtomicBool>::default();
         let settings = SolveSettings {
             tolerance,
-            judge,
+            criterion,
             max_iterations,
             max_time: max_seconds.map(limit).transpose()?,
             friction,

@@ -8,7 +8,7 @@ use crate::report::StepReport;
 use graintrain::assemble::OverlapCorrection;
 use graintrain::handle::GeometryId;
 use graintrain::stepper::{self, SolverChoice, StepSettings};
-use graintrain_ccp::{FrictionModel, Judge, SolverSpec};
+use graintrain_ccp::{Criterion, FrictionModel, SolverSpec};
 use graintrain_io::checkpoint;
 use graintrain_io::files::OutputError;
 use graintrain_io::run::{Ending, Observer, Run, RunError, RunSettings, RunTotals, StepView};
@@ -265,7 +265,7 @@ fn changed(settings: &mut StepSettings, changes: &Bound<'_, PyDict>) -> PyResult
             "solver" => solver.name = value.extract::<String>()?.parse::<SolverSpec>().or_raise()?,
             "tolerance" => solver.tolerance = value.extract()?,
             "strict_max" => {
-                solver.judge = if value.extract()? { Judge::Maximum } else { Judge::Mixed };
+                solver.criterion = if value.extract()? { Criterion::Maximum } else { Criterion::Mixed };
             }
             "max_iterations" => solver.max_iterations = value.extract()?,
             "friction" => solver.friction = friction_model(&value.extract::<String>()?)?,
@@ -533,13 +533,13 @@ impl World {
     #[getter]
     fn settings<'py>(&mut self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let StepSettings { step, envelope, solver, overlap } = self.run().settings.stepping.clone();
-        let SolverChoice { name, tolerance, judge, max_iterations, friction } = solver;
+        let SolverChoice { name, tolerance, criterion, max_iterations, friction } = solver;
         let dict = PyDict::new(py);
         dict.set_item("step", step)?;
         dict.set_item("envelope", envelope)?;
         dict.set_item("solver", name.to_string())?;
         dict.set_item("tolerance", tolerance)?;
-        dict.set_item("strict_max", judge == Judge::Maximum)?;
+        dict.set_item("strict_max", criterion == Criterion::Maximum)?;
         dict.set_item("max_iterations", max_iterations)?;
         dict.set_item("friction", plain(py, &friction)?)?;
         dict.set_item("overlap", plain(py, &overlap)?)?;

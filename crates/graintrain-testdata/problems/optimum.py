@@ -3,7 +3,7 @@
 
     crates/graintrain-testdata/problems/optimum.py > crates/graintrain-testdata/problems/reference.csv
 
-Each problem min 1/2 v'M v, D'v + r in the dual cones, is solved in the scaled velocities L'v, M = L L', with r of unit length, and judged by
+Each problem min 1/2 v'M v, D'v + r in the dual cones, is solved in the scaled velocities L'v, M = L L', with r of unit length, and measured by
 the largest relative row of g - P(g - u) in the metric of the diagonal of N. How the problems were made:
 
     graintrain run SCENE --steps K --dump-problem every=K

@@ -45,11 +45,11 @@ impl SafeCholesky {
     /// From the lower triangle of A^T A; none where the columns of A are too dependent (see the module), or
     /// where there are none.
     pub(crate) fn new(gram: &Matrix) -> Option<Self> {
-        Self::judged(moderate_cholesky(gram)?, gram)
+        Self::accepted(moderate_cholesky(gram)?, gram)
     }
 
     /// From the factor of a Gram matrix.
-    fn judged(factor: Cholesky, gram: &Matrix) -> Option<Self> {
+    fn accepted(factor: Cholesky, gram: &Matrix) -> Option<Self> {
         let n = gram.rows();
         let inverse = factor.inverse_of_lower();
         let (mut size, mut inverse_squared) = (0.0, 0.0);
@@ -87,7 +87,7 @@ fn safe_lower(gram: &Matrix) -> Option<Matrix> {
     if bound_of_condition(factor.lower(), gram) <= CONDITION * gram.rows() as f64 {
         return Some(without_upper_triangle(factor.lower().clone()));
     }
-    Some(SafeCholesky::judged(factor, gram)?.lower())
+    Some(SafeCholesky::accepted(factor, gram)?.lower())
 }
 
 /// The factor of a Gram matrix whose diagonal is of moderate size.

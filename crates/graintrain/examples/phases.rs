@@ -50,7 +50,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         solver: SolverChoice {
             name: "apgd".parse()?,
             tolerance: 1e-2,
-            judge: graintrain::ccp::Judge::Mixed,
+            criterion: graintrain::ccp::Criterion::Mixed,
             max_iterations: Some(200),
             friction: graintrain::ccp::FrictionModel::Relaxed,
         },

@@ -27,7 +27,7 @@ use crate::stepper::{SolverChoice, StepError, StepSettings, Stepper};
 use crate::world::World;
 use graintrain_ccp::registry::Method;
 use graintrain_ccp::sensitivity::{Adjoint, ContactState, Sensitivity, SensitivityError};
-use graintrain_ccp::{Ccp, Delassus, FIXED, FrictionModel, Judge, RigidDelassus, SolverSpec};
+use graintrain_ccp::{Ccp, Criterion, Delassus, FIXED, FrictionModel, RigidDelassus, SolverSpec};
 
 /// Residual that the step's problem is solved to, and the largest accepted.
 const TOLERANCE: (f64, f64) = (1e-11, 1e-9);
@@ -126,8 +126,13 @@ impl StepGradient {
         let name = SolverSpec::from(Method::Ipm);
         let (tolerance, accepted) = TOLERANCE;
         let friction = FrictionModel::Relaxed;
-        let solver =
-            SolverChoice { name, tolerance, judge: Judge::Maximum, friction, ..SolverChoice::default() };
+        let solver = SolverChoice {
+            name,
+            tolerance,
+            criterion: Criterion::Maximum,
+            friction,
+            ..SolverChoice::default()
+        };
         let strict = StepSettings { solver, ..settings.clone() };
         if world.materials.has_elastic_pairs() || world.materials.has_cohesive_pairs() {
             return unsupported("a pair of materials has a stiffness or cohesion");

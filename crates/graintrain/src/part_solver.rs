@@ -208,7 +208,7 @@ impl Budget<'_> {
     }
 
     fn is_good(&self, report: &SolveReport) -> bool {
-        report.residual.judged(self.settings.judge) <= self.settings.tolerance
+        report.residual.measured(self.settings.criterion) <= self.settings.tolerance
     }
 
     /// Whether there is something left to do and to do it with.
@@ -231,8 +231,8 @@ pub(crate) fn solve_without_gain(
 ) -> Result<SolveReport, CcpError> {
     let mut budget = Budget { solver, problem, settings, left: settings.max_iterations };
     let mut first = solve_finely_if_few(&mut budget, few, g)?;
-    let judged = first.residual.judged(settings.judge);
-    if first.status == Status::Stalled && judged <= 2.0 * settings.tolerance && budget.goes_on(&first) {
+    let measured = first.residual.measured(settings.criterion);
+    if first.status == Status::Stalled && measured <= 2.0 * settings.tolerance && budget.goes_on(&first) {
         // With a heavy body on a light one the iteration and the report differ by rounding: it has to aim a
         // little lower.
         first = budget.solve(g, 0.5 * settings.tolerance, None)?.after(&first);

@@ -127,7 +127,7 @@ impl Scip {
         let mut work = Work::new(inner, 0.0);
         context.hand_over(impulse, &mut work);
         // The path starts inside the cones: impulses handed over that are better must not be lost on the way.
-        let residual = context.judge(&work.g, &work.ng);
+        let residual = context.measure(&work.g, &work.ng);
         if let Some(status) = context.status(residual) {
             return status;
         }
@@ -145,7 +145,7 @@ impl Scip {
             work.impulses_from_pairs();
             work.multiply(inner);
             work.update_dual_residual(&inner.r);
-            let residual = context.judge(&work.g, &work.ng);
+            let residual = context.measure(&work.g, &work.ng);
             if let Some(status) = context.status(residual) {
                 return status;
             }

@@ -558,7 +558,7 @@ impl Course {
         limits: &Limits<'_>,
     ) -> bool {
         if let (None, Some(sample)) = (self.stages.first(), report.history.first()) {
-            self.first = limits.judged(Residual { max: sample.max, rms: sample.rms });
+            self.first = limits.measured(Residual { max: sample.max, rms: sample.rms });
         }
         self.history.append(&report.history, self.sums[0], begun);
         self.count(&report, start, cost);
@@ -568,7 +568,7 @@ impl Course {
         if report.remark.is_some() {
             self.remark.clone_from(&report.remark);
         }
-        self.best.offer(g, limits.judged(report.residual));
+        self.best.offer(g, limits.measured(report.residual));
         let ends = matches!(report.status, Status::Converged | Status::Stopped | Status::Infeasible);
         if ends && report.converged() {
             self.ended = Some(report);

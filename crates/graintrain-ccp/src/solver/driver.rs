@@ -6,7 +6,7 @@ use super::settings::SolveSettings;
 use crate::newton::NewtonError;
 use crate::newton::driver::NewtonDriver;
 use crate::problem::{Ccp, CcpError};
-use crate::residual::{Judge, Residual, ResidualScale};
+use crate::residual::{Criterion, Residual, ResidualScale};
 use graintrain_linalg::patience::Patience;
 use std::sync::Arc;
 use std::time::Instant;
@@ -35,13 +35,13 @@ impl<'a> Limits<'a> {
     }
 
     /// The number of a residual that is held against the tolerance.
-    pub fn judged(&self, residual: Residual) -> f64 {
-        residual.judged(self.settings.judge)
+    pub fn measured(&self, residual: Residual) -> f64 {
+        residual.measured(self.settings.criterion)
     }
 
     /// Which number that is.
-    pub fn judge(&self) -> Judge {
-        self.settings.judge
+    pub fn criterion(&self) -> Criterion {
+        self.settings.criterion
     }
 
     /// The largest curvature of the last solve, where it is known; at least 1, because trace(N'_ii) = 3.
@@ -57,7 +57,7 @@ impl<'a> Limits<'a> {
         known.into_iter().chain(met).reduce(f64::max)
     }
 
-    /// The status to stop with after this many iterations with this residual, as [judged](Self::judged), if
+    /// The status to stop with after this many iterations with this residual, as [measured](Self::measured), if
     /// it is time to stop. A residual that is not finite is [`Status::Stalled`].
     pub fn status(&self, iterations: usize, residual: f64) -> Option<Status> {
         if residual <= self.settings.tolerance {
@@ -131,7 +131,7 @@ impl<'a> Limits<'a> {
         let model = self.settings.friction;
         let evaluation = scale.evaluate(problem, impulse, &velocity);
         let residual = evaluation.residual(model);
-        let status = if self.judged(residual) <= self.settings.tolerance {
+        let status = if self.measured(residual) <= self.settings.tolerance {
             Status::Converged
         } else if matches!(status, Status::Converged | Status::Stalled) {
             // A linear solver that is out of time stops the method that waits for it.

@@ -305,7 +305,7 @@ fn good_enough<M: FirstOrderMethod>(
     // In a stress-controlled cell one contact moves all bodies: no few contacts tell what a start is worth.
     if rigid.cell().is_none() {
         let scale = ResidualScale::new(problem);
-        let few = limits.judged(sampled_residual(problem, rigid, &scale, impulse, model));
+        let few = limits.measured(sampled_residual(problem, rigid, &scale, impulse, model));
         if few.is_nan() || few > near * limits.tolerance() {
             return None;
         }
@@ -332,7 +332,7 @@ fn better_of(
         return report;
     }
     let of_start = limits.report(&report.solver, problem, start, report.status, report.iterations, 0);
-    let (before, after) = (limits.judged(of_start.residual), limits.judged(report.residual));
+    let (before, after) = (limits.measured(of_start.residual), limits.measured(report.residual));
     if before < after || after.is_nan() {
         impulse.copy_from_slice(start);
         return of_start;
@@ -492,13 +492,13 @@ impl<'a> Iterate<'a> {
             self.refresh(scaled);
         }
         let mut found = self.residual(scaled);
-        if self.limits.judged(found) <= self.limits.tolerance() {
+        if self.limits.measured(found) <= self.limits.tolerance() {
             // The image drifts from N' x by rounding: hold the claim against a fresh one.
             self.refresh(scaled);
             found = self.residual(scaled);
         }
         self.history.record(self.iterations, self.limits.seconds(), found);
-        let residual = self.limits.judged(found);
+        let residual = self.limits.measured(found);
         self.best.offer(&self.x, residual);
         match self.limits.status(self.iterations, residual) {
             Some(status) => {

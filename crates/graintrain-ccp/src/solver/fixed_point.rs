@@ -84,7 +84,7 @@ pub fn solve(
         problem.velocity(impulse, &mut u, &mut work);
         let exact = scale.residual(problem, impulse, &u, FrictionModel::Coulomb);
         history.record(sums[0], limits.seconds(), exact);
-        let residual = limits.judged(exact);
+        let residual = limits.measured(exact);
         best.offer(impulse, residual);
         progress.count(residual, parameters, &mut shift);
         if let Some(stop) = limits.status(sums[0], residual) {

@@ -1,4 +1,4 @@
-//! When a problem has no solution: the certificate, and how it is judged.
+//! When a problem has no solution: the certificate, and how it is measured.
 //!
 //! By the lemma of Farkas for cones, no velocity change v of the bodies makes D^T v + r an element of the
 //! dual cones if there are impulses g in the friction cones that move nothing and are asked for nevertheless,
@@ -21,7 +21,7 @@
 //! ```
 //!
 //! with f_b and m_b the sums of the impulses on body b and of their moments, L_b its longest arm. **A
-//! solution would have to change the velocity of some body by V.** The judgement is V in units of the
+//! solution would have to change the velocity of some body by V.** The verdict is V in units of the
 //! largest |r_i|: no masses enter, no units, no size of g. Where N is a matrix without bodies, g^T (N g* +
 //! r) >= 0 for a solution g* gives in the same way
 //!

@@ -8,7 +8,7 @@ use crate::residual::Residual;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Status {
-    /// The residual, as judged, is at most the tolerance.
+    /// The residual, as measured, is at most the tolerance.
     Converged,
     /// No further progress is possible (round-off, breakdown of a linear solve).
     Stalled,

@@ -1,7 +1,7 @@
 //! When a solver stops, and which problem it solves.
 
 use super::ranks::Ranks;
-use crate::residual::{FrictionModel, Judge};
+use crate::residual::{Criterion, FrictionModel};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -9,10 +9,10 @@ use std::time::{Duration, Instant};
 /// When a solver stops.
 #[derive(Clone, Debug)]
 pub struct SolveSettings {
-    /// Stop when the residual, judged by `judge`, is at most this. Default 1e-4.
+    /// Stop when the residual, measured by `criterion`, is at most this. Default 1e-4.
     pub tolerance: f64,
-    /// Which number of the residual counts. Default [`Judge::Maximum`].
-    pub judge: Judge,
+    /// Which number of the residual counts. Default [`Criterion::Maximum`].
+    pub criterion: Criterion,
     /// Stop after this many iterations; `None` is the solver's own limit. Where several methods take part,
     /// they are those of projected gradients: see the [cascade](super::cascade).
     pub max_iterations: Option<usize>,
@@ -38,7 +38,7 @@ impl Default for SolveSettings {
     fn default() -> Self {
         Self {
             tolerance: 1e-4,
-            judge: Judge::Maximum,
+            criterion: Criterion::Maximum,
             max_iterations: None,
             finish: 0,
             max_time: None,

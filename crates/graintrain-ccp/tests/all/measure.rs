@@ -5,7 +5,7 @@ use graintrain_ccp::registry::Method;
 use graintrain_ccp::residual::{MIXED_MAXIMUM, ResidualScale};
 use graintrain_ccp::solver::scaling::ScaledProblem;
 use graintrain_ccp::{BodyInverseMass, Ccp, Delassus, FIXED, RigidContact, RigidDelassus};
-use graintrain_ccp::{FrictionModel, Judge, Residual, SolveReport, SolveSettings, SolverSpec, Status};
+use graintrain_ccp::{Criterion, FrictionModel, Residual, SolveReport, SolveSettings, SolverSpec, Status};
 use std::sync::Arc;
 
 const MODELS: [FrictionModel; 2] = [FrictionModel::Relaxed, FrictionModel::Coulomb];
@@ -148,16 +148,16 @@ fn the_residual_is_the_error_as_a_velocity_over_v() {
 }
 
 #[test]
-fn the_number_that_is_judged() {
-    let of = |max: f64, rms: f64, judge| Residual { max, rms }.judged(judge);
-    assert_eq!(of(3.0, 1.0, Judge::Maximum), 3.0);
-    assert_eq!(of(3.0, 1.0, Judge::Mixed), 1.0);
-    assert_eq!(of(60.0, 1.0, Judge::Mixed), 60.0 / MIXED_MAXIMUM);
-    for judge in [Judge::Maximum, Judge::Mixed] {
-        assert!(of(f64::NAN, f64::NAN, judge).is_nan() && of(f64::NAN, 1.0, judge).is_nan());
-        assert_eq!(of(f64::INFINITY, f64::INFINITY, judge), f64::INFINITY);
+fn the_number_that_is_compared() {
+    let of = |max: f64, rms: f64, criterion| Residual { max, rms }.measured(criterion);
+    assert_eq!(of(3.0, 1.0, Criterion::Maximum), 3.0);
+    assert_eq!(of(3.0, 1.0, Criterion::Mixed), 1.0);
+    assert_eq!(of(60.0, 1.0, Criterion::Mixed), 60.0 / MIXED_MAXIMUM);
+    for criterion in [Criterion::Maximum, Criterion::Mixed] {
+        assert!(of(f64::NAN, f64::NAN, criterion).is_nan() && of(f64::NAN, 1.0, criterion).is_nan());
+        assert_eq!(of(f64::INFINITY, f64::INFINITY, criterion), f64::INFINITY);
     }
-    assert!(of(1.0, f64::NAN, Judge::Mixed).is_nan());
+    assert!(of(1.0, f64::NAN, Criterion::Mixed).is_nan());
 }
 
 /// Problems with masses from a gram to a ton, with a V of their own and bare, over bodies and over rows.
@@ -208,35 +208,35 @@ fn every_solver_measures_inside_as_its_report_does() {
         // `auto` begins with another member where it is asked for less.
         let alone = Method::available().map(Method::name).filter(|name| *name != "auto");
         for name in alone.chain(linear) {
-            for judge in [Judge::Maximum, Judge::Mixed] {
+            for criterion in [Criterion::Maximum, Criterion::Mixed] {
                 let is_newton = ["ipm", "scip", "pdip"].iter().any(|newton| name.starts_with(newton));
                 let iterations = if is_newton { 4 } else { 40 };
                 let run = |tolerance, limit| {
                     let settings = SolveSettings {
                         tolerance,
-                        judge,
+                        criterion,
                         max_iterations: Some(limit),
                         ..SolveSettings::default()
                     };
                     let report = solve(name, problem, &mut vec![0.0; problem.r.len()], &settings);
-                    let judged = report.residual.judged(judge);
-                    (report, judged)
+                    let measured = report.residual.measured(criterion);
+                    (report, measured)
                 };
                 // The start of `ipm` is of another kind: it ends at 1e-6 whatever is asked for below that.
                 let (_, reached) = run(1e-9, iterations);
                 if reached < 1e-6 {
                     continue;
                 }
-                let what = format!("{name} on problem {k}, {judge:?}");
-                let (more, judged) = run(reached * (1.0 + HAIR), 100 * iterations);
+                let what = format!("{name} on problem {k}, {criterion:?}");
+                let (more, measured) = run(reached * (1.0 + HAIR), 100 * iterations);
                 assert_eq!(more.status, Status::Converged, "{what}");
                 // `gpminres` looks at its residual at the ends of its phases, and at the limit, where its
                 // best iterate may have been.
                 let is_early = more.iterations <= iterations || name == "gpminres";
                 assert!(is_early, "{what}: {} iterations", more.iterations);
-                assert!(judged <= reached * (1.0 + HAIR), "{what}");
-                let (less, judged) = run(reached * (1.0 - HAIR), iterations);
-                assert_eq!(less.status, Status::IterationLimit, "{what}: {judged:e} after {reached:e}");
+                assert!(measured <= reached * (1.0 + HAIR), "{what}");
+                let (less, measured) = run(reached * (1.0 - HAIR), iterations);
+                assert_eq!(less.status, Status::IterationLimit, "{what}: {measured:e} after {reached:e}");
             }
         }
     }
@@ -248,10 +248,15 @@ fn the_mixed_rule_asks_for_the_mean_and_bounds_the_worst() {
     let problem = lattice_packing(8, 6, 0.3, 1);
     for name in ["apgd", "apgs", "pgs", "ipm", "auto", "scip", "pdip"] {
         for friction in MODELS {
-            let settings =
-                |judge| SolveSettings { tolerance: 1e-4, judge, friction, ..SolveSettings::default() };
-            let run = |judge| solve(name, &problem, &mut vec![0.0; problem.r.len()], &settings(judge));
-            let (mixed, strict) = (run(Judge::Mixed), run(Judge::Maximum));
+            let settings = |criterion| SolveSettings {
+                tolerance: 1e-4,
+                criterion,
+                friction,
+                ..SolveSettings::default()
+            };
+            let run =
+                |criterion| solve(name, &problem, &mut vec![0.0; problem.r.len()], &settings(criterion));
+            let (mixed, strict) = (run(Criterion::Mixed), run(Criterion::Maximum));
             println!("{name}, {friction:?}: {} iterations, strictly {}", mixed.iterations, strict.iterations);
             if mixed.converged() {
                 assert!(

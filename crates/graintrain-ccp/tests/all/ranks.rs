@@ -3,7 +3,7 @@
 use crate::common::{lattice_packing, with_turning};
 use graintrain_ccp::solver::ranks::threads::on_ranks;
 use graintrain_ccp::{
-    BodyInverseMass, Ccp, Delassus, FIXED, FrictionModel, Judge, Ranks, RigidContact, RigidDelassus,
+    BodyInverseMass, Ccp, Criterion, Delassus, FIXED, FrictionModel, Ranks, RigidContact, RigidDelassus,
     SolveSettings, SolverSpec, Status,
 };
 use std::sync::Arc;
@@ -52,13 +52,13 @@ fn ranks_compute_the_bits_of_one_process() {
     let problems =
         [("plain", plain.clone()), ("on a plate", on_a_plate(&plain)), ("turning", with_turning(&plain, 1))];
     // Begun and ended in single precision, begun in single precision, in double precision alone.
-    let accuracies = [(1e-4, Judge::Mixed), (2e-5, Judge::Mixed), (1e-9, Judge::Maximum)];
+    let accuracies = [(1e-4, Criterion::Mixed), (2e-5, Criterion::Mixed), (1e-9, Criterion::Maximum)];
     for (what, problem) in &problems {
         for friction in [FrictionModel::Relaxed, FrictionModel::Coulomb] {
-            for (tolerance, judge) in accuracies {
+            for (tolerance, criterion) in accuracies {
                 let settings = SolveSettings {
                     tolerance,
-                    judge,
+                    criterion,
                     friction,
                     max_iterations: Some(150),
                     ..SolveSettings::default()
@@ -107,7 +107,7 @@ fn methods_that_are_not_shared_compute_the_same_bits() {
 #[test]
 fn the_work_is_shared_evenly() {
     let problem = lattice_packing(14, 14, 0.3, 1);
-    let settings = SolveSettings { tolerance: 1e-4, judge: Judge::Mixed, ..SolveSettings::default() };
+    let settings = SolveSettings { tolerance: 1e-4, criterion: Criterion::Mixed, ..SolveSettings::default() };
     let spent = on_ranks(3, 1, |ranks| {
         solve(&problem, "apgd", &settings, Some(Arc::clone(&ranks)));
         ranks.spent()

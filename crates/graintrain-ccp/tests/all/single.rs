@@ -1,7 +1,7 @@
 //! Large problems are begun in single precision: what comes out must be what double precision finds.
 
 use crate::common::{Random, lattice_packing};
-use graintrain_ccp::residual::{FrictionModel, Judge, ResidualScale};
+use graintrain_ccp::residual::{Criterion, FrictionModel, ResidualScale};
 use graintrain_ccp::{Ccp, Delassus, RigidDelassus, SolveReport, SolveSettings, SolverSpec};
 use std::sync::Arc;
 
@@ -52,18 +52,18 @@ fn changed(problem: &Ccp, mass: impl Fn(usize) -> f64, off: f64) -> Ccp {
 /// The residual at this tolerance is reached in about as many iterations as double precision takes, and it is
 /// the truth.
 fn check(name: &str, problem: &Ccp) {
-    for (friction, judge, tolerance) in [
-        (FrictionModel::Relaxed, Judge::Maximum, LEAST),
-        (FrictionModel::Relaxed, Judge::Mixed, LEAST),
-        (FrictionModel::Relaxed, Judge::Mixed, 3e-5),
-        (FrictionModel::Coulomb, Judge::Mixed, LEAST),
+    for (friction, criterion, tolerance) in [
+        (FrictionModel::Relaxed, Criterion::Maximum, LEAST),
+        (FrictionModel::Relaxed, Criterion::Mixed, LEAST),
+        (FrictionModel::Relaxed, Criterion::Mixed, 3e-5),
+        (FrictionModel::Coulomb, Criterion::Mixed, LEAST),
     ] {
-        let settings = SolveSettings { tolerance, judge, friction, ..SolveSettings::default() };
+        let settings = SolveSettings { tolerance, criterion, friction, ..SolveSettings::default() };
         for solver in ["apgd", "apgs"] {
             let (g, report) = solve_by(solver, problem, &vec![0.0; problem.r.len()], &settings);
             assert!(
                 report.converged(),
-                "{name}, {solver}, {friction:?}, {judge:?}, {tolerance:e}: {report:?}"
+                "{name}, {solver}, {friction:?}, {criterion:?}, {tolerance:e}: {report:?}"
             );
             let mut u = vec![0.0; g.len()];
             problem.delassus.multiply(&g, &mut u, &mut problem.delassus.work());
@@ -71,7 +71,7 @@ fn check(name: &str, problem: &Ccp) {
                 *u += r;
             }
             let truth = ResidualScale::new(problem).residual(problem, &g, &u, friction);
-            assert!(truth.judged(judge) <= tolerance, "{name}: {truth:?}");
+            assert!(truth.measured(criterion) <= tolerance, "{name}: {truth:?}");
         }
     }
     // A hair's breadth below, all of it is done in double precision.
@@ -102,7 +102,7 @@ fn threads_share_sweeps() {
         assert!(problem.num_contacts() > 2 * 4096, "several blocks");
         let settings = SolveSettings {
             tolerance: LEAST,
-            judge: Judge::Mixed,
+            criterion: Criterion::Mixed,
             friction: FrictionModel::Coulomb,
             ..SolveSettings::default()
         };
@@ -130,7 +130,8 @@ fn mixed_masses_are_solved() {
     let problem = lattice_packing(6, 4, 0.3, 3);
     for ratio in [1e3, 1e6] {
         let mixed = changed(&problem, |body| if body % 3 == 0 { ratio } else { 1.0 }, 0.0);
-        let settings = SolveSettings { tolerance: LEAST, judge: Judge::Mixed, ..SolveSettings::default() };
+        let settings =
+            SolveSettings { tolerance: LEAST, criterion: Criterion::Mixed, ..SolveSettings::default() };
         let (_, report) = solve(&mixed, &vec![0.0; mixed.r.len()], &settings);
         assert!(report.converged(), "{ratio:e}: {report:?}");
     }
@@ -140,7 +141,8 @@ fn mixed_masses_are_solved() {
 #[test]
 fn units_do_not_matter() {
     let problem = lattice_packing(6, 4, 0.3, 4);
-    let settings = SolveSettings { tolerance: LEAST, judge: Judge::Mixed, ..SolveSettings::default() };
+    let settings =
+        SolveSettings { tolerance: LEAST, criterion: Criterion::Mixed, ..SolveSettings::default() };
     let own = solve(&problem, &vec![0.0; problem.r.len()], &settings).1;
     for mass in [1e-30, 1e30] {
         let scaled = changed(&problem, |_| mass, 0.0);
@@ -155,11 +157,11 @@ fn units_do_not_matter() {
 #[test]
 fn a_start_that_solves_the_problem_is_handed_back() {
     let problem = lattice_packing(8, 6, 0.3, 6);
-    for judge in [Judge::Mixed, Judge::Maximum] {
-        let tolerance = if judge == Judge::Maximum { LEAST.max(1e-3) } else { LEAST };
-        let settings = SolveSettings { tolerance, judge, ..SolveSettings::default() };
+    for criterion in [Criterion::Mixed, Criterion::Maximum] {
+        let tolerance = if criterion == Criterion::Maximum { LEAST.max(1e-3) } else { LEAST };
+        let settings = SolveSettings { tolerance, criterion, ..SolveSettings::default() };
         let (g, cold) = solve(&problem, &vec![0.0; problem.r.len()], &settings);
-        assert!(cold.converged() && cold.iterations > 20, "{judge:?}: {cold:?}");
+        assert!(cold.converged() && cold.iterations > 20, "{criterion:?}: {cold:?}");
         let settings = SolveSettings { curvature: cold.curvature, ..settings };
         let (again, report) = solve(&problem, &g, &settings);
         assert!(report.converged(), "{report:?}");
@@ -175,7 +177,8 @@ fn a_start_that_solves_the_problem_is_handed_back() {
 #[test]
 fn threads_do_not_change_a_bit() {
     let problem = lattice_packing(12, 8, 0.3, 5);
-    let settings = SolveSettings { tolerance: LEAST, judge: Judge::Mixed, ..SolveSettings::default() };
+    let settings =
+        SolveSettings { tolerance: LEAST, criterion: Criterion::Mixed, ..SolveSettings::default() };
     let on = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         let (g, report) = pool.install(|| solve(&problem, &vec![0.0; problem.r.len()], &settings));
@@ -193,7 +196,8 @@ fn threads_do_not_change_a_bit() {
 #[test]
 fn what_is_known_is_not_found_again() {
     let problem = lattice_packing(7, 5, 0.3, 6);
-    let settings = SolveSettings { tolerance: LEAST, judge: Judge::Mixed, ..SolveSettings::default() };
+    let settings =
+        SolveSettings { tolerance: LEAST, criterion: Criterion::Mixed, ..SolveSettings::default() };
     let (g, cold) = solve(&problem, &vec![0.0; problem.r.len()], &settings);
     let again = SolveSettings { curvature: cold.curvature, ..settings.clone() };
     let (_, warm) = solve(&problem, &g, &again);

@@ -101,7 +101,7 @@ fn summary(scene: &Scene, simulation: &Simulation) -> String {
         graintrain_ccp::FrictionModel::Relaxed => "relaxed",
         graintrain_ccp::FrictionModel::Coulomb => "Coulomb",
     };
-    let rule = graintrain_io::run::tolerance_rule(solver.judge);
+    let rule = graintrain_io::run::tolerance_rule(solver.criterion);
     line("solver", format!("{} to {:e} {rule}, {law} friction{limit}", solver.name, solver.step_tolerance()));
     let frames = steps / simulation.output.every;
     line("output", format!("{frames} frames, one in {} steps", simulation.output.every));

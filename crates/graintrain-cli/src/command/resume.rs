@@ -6,7 +6,7 @@ use crate::solving;
 use crate::stepping::{Begun, SteppingOptions, make_steps, output_failure};
 use crate::terminal::{say, tell};
 use crate::threads::{Pool, pool};
-use graintrain::ccp::Judge;
+use graintrain::ccp::Criterion;
 use graintrain_io::checkpoint::{self, CheckpointError};
 use graintrain_io::mark::Marks;
 use graintrain_io::output::folder::RunFolder;
@@ -107,7 +107,7 @@ fn begin(arguments: &Arguments, crew: &Crew) -> Result<(Option<Written>, Run, Po
     }
     settings.stepping.solver.tolerance = arguments.tolerance.unwrap_or(settings.stepping.solver.tolerance);
     if arguments.strict_max {
-        settings.stepping.solver.judge = Judge::Maximum;
+        settings.stepping.solver.criterion = Criterion::Maximum;
     }
     let run = Run::new(world, settings, checkpoint.totals, crew.stop_flag())
         .map_err(|error| Failure::input_error(error, "`graintrain solvers` lists the solvers"))?;

@@ -15,7 +15,7 @@ use std::process::ExitCode;
 /// Solve one contact problem from a file
 ///
 /// PROBLEM is an FCLIB file (.hdf5), a Siconos text problem (.dat), or a dump of
-/// `graintrain run --dump-problem`. The answer is judged by an independent evaluation of its residual, both
+/// `graintrain run --dump-problem`. The answer is measured by an independent evaluation of its residual, both
 /// as the relaxed problem and with exact Coulomb friction.
 #[derive(clap::Args)]
 #[command(after_help = "Examples, on the problem of a run:\n  \

@@ -165,7 +165,7 @@ fn a_killed_sweep_goes_on() {
 }
 
 #[test]
-fn studies_judge_observables() {
+fn studies_compare_observables() {
     let folder = folder();
     let (out, _) = ended(
         folder.path(),

@@ -1,4 +1,4 @@
-//! Sizes of bodies, by which penetrations are judged.
+//! Sizes of bodies, by which penetrations are measured.
 
 use graintrain::shape::Shape;
 use graintrain::world::World;
@@ -17,7 +17,7 @@ pub fn inscribed_radius(shape: &Shape) -> f64 {
 }
 
 /// Smallest inscribed radius of the parts of all bodies that forces can move, m: the R by which penetrations
-/// are judged. `None` where no body can move.
+/// are measured. `None` where no body can move.
 pub fn smallest_radius(world: &World) -> Option<f64> {
     let mut used = vec![false; world.geometries.len()];
     for body in (0..world.bodies.len()).filter(|&body| !world.is_prescribed(body)) {

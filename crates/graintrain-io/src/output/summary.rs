@@ -263,7 +263,7 @@ impl Summary {
             status,
             solver: settings.stepping.solver.name.to_string(),
             tolerance: settings.stepping.solver.step_tolerance(),
-            strict_max: settings.stepping.solver.judge == graintrain_ccp::Judge::Maximum,
+            strict_max: settings.stepping.solver.criterion == graintrain_ccp::Criterion::Maximum,
             friction: settings.stepping.solver.friction,
             overlap: settings.stepping.overlap,
             step: settings.stepping.step,

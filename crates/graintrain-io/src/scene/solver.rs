@@ -3,7 +3,7 @@
 use super::error::SceneError;
 use super::reader::Reader;
 use graintrain::stepper::SolverChoice;
-use graintrain_ccp::{CcpError, FrictionModel, Judge, SolverSpec};
+use graintrain_ccp::{CcpError, Criterion, FrictionModel, SolverSpec};
 use serde::{Serialize, Serializer};
 
 /// Reads the table; what it does not name is the default of [`SolverChoice`].
@@ -14,10 +14,10 @@ pub(super) fn read(reader: Option<Reader>) -> Result<SolverChoice, SceneError> {
             choice.name = name.parse().map_err(|error| unknown(&reader, &name, error))?;
         }
         choice.tolerance = reader.quantity("tolerance")?.unwrap_or(choice.tolerance);
-        choice.judge = match reader.flag("strict_max")? {
-            Some(true) => Judge::Maximum,
-            Some(false) => Judge::Mixed,
-            None => choice.judge,
+        choice.criterion = match reader.flag("strict_max")? {
+            Some(true) => Criterion::Maximum,
+            Some(false) => Criterion::Mixed,
+            None => choice.criterion,
         };
         choice.max_iterations = reader.count("max_iterations")?.map(|count| count as usize);
         choice.friction = reader.choice("friction", FrictionModel::NAMES)?.unwrap_or(choice.friction);
@@ -45,7 +45,7 @@ pub(super) fn as_written<S: Serializer>(choice: &SolverChoice, serializer: S) ->
         max_iterations: Option<usize>,
         friction: FrictionModel,
     }
-    let SolverChoice { name, tolerance, judge, max_iterations, friction } = *choice;
-    Form { name, tolerance, strict_max: judge == Judge::Maximum, max_iterations, friction }
+    let SolverChoice { name, tolerance, criterion, max_iterations, friction } = *choice;
+    Form { name, tolerance, strict_max: criterion == Criterion::Maximum, max_iterations, friction }
         .serialize(serializer)
 }

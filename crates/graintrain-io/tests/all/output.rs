@@ -156,7 +156,7 @@ fn settings() -> RunSettings {
             solver: SolverChoice {
                 name: "apgd".parse().unwrap(),
                 tolerance: 1e-4,
-                judge: graintrain::ccp::Judge::Mixed,
+                criterion: graintrain::ccp::Criterion::Mixed,
                 max_iterations: None,
                 friction: FrictionModel::Relaxed,
             },

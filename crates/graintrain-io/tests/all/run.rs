@@ -2,7 +2,7 @@
 
 use crate::pauses::StopAfter;
 use graintrain::assemble::OverlapCorrection;
-use graintrain::ccp::{FrictionModel, Judge};
+use graintrain::ccp::{Criterion, FrictionModel};
 use graintrain::formula::{Formula, Function, Operation};
 use graintrain::handle::{BodyId, MaterialId};
 use graintrain::load::{Action, Load};
@@ -83,7 +83,7 @@ fn settings(steps: u64) -> RunSettings {
             solver: SolverChoice {
                 name: "apgd".parse().unwrap(),
                 tolerance: 1e-5,
-                judge: Judge::Maximum,
+                criterion: Criterion::Maximum,
                 max_iterations: None,
                 friction: FrictionModel::Relaxed,
             },

@@ -1,4 +1,4 @@
-//! The paper's claims, judged by what was measured here. All words follow from the numbers.
+//! The paper's claims, measured by what was measured here. All words follow from the numbers.
 
 mod physical;
 
@@ -46,7 +46,7 @@ impl Verdict {
     }
 }
 
-/// A claim with its judgement.
+/// A claim with its verdict.
 #[derive(Clone, Debug)]
 pub struct Claim {
     /// Where the paper makes it; "this project" for goals of our own.
@@ -139,7 +139,7 @@ fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
 }
 
 /// All claims for which this reproduction has or should have figures.
-pub fn judge(results: &Results) -> Vec<Claim> {
+pub fn verdicts(results: &Results) -> Vec<Claim> {
     let mut claims = vec![ranks(results)];
     for (method, words) in
         [("pdip+tt-cross", "the literal recipe"), ("pdip+tt", "the best tensor-train solver found here")]
@@ -153,7 +153,7 @@ pub fn judge(results: &Results) -> Vec<Claim> {
     claims.extend(TRAIN_METHODS.iter().filter_map(|method| reuse(results, method)));
     claims.push(persistence(results));
     claims.push(fastest(results));
-    claims.extend(physical::judge(results));
+    claims.extend(physical::verdicts(results));
     claims
 }
 
@@ -262,7 +262,7 @@ fn speed(
     Some(Claim { place, statement, verdict, evidence })
 }
 
-/// The judgement where a method missed the tolerance on its largest problem: it fails where ILU got there,
+/// The verdict where a method missed the tolerance on its largest problem: it fails where ILU got there,
 /// otherwise nothing is decided.
 fn unsolved(
     results: &Results,

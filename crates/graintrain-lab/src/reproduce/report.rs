@@ -1,7 +1,7 @@
 //! What a reproduction leaves: CSV, SVG, pictures, and one self-contained HTML page.
 
 use super::charts::{Figure, figures};
-use super::claims::{Claim, Verdict, judge};
+use super::claims::{Claim, Verdict, verdicts};
 use super::physics::{Steady, friction_ratio_over_seeds, sensitivities, steady_over_seeds};
 use super::published as paper;
 use super::solves::{Problems, Solve, TOLERANCE};
@@ -23,7 +23,7 @@ use std::sync::atomic::AtomicBool;
 pub struct Report {
     /// The HTML page.
     pub page: PathBuf,
-    /// The claims and their judgements.
+    /// The claims and their verdict.
     pub claims: Vec<Claim>,
     /// Methods that this build lacks.
     pub missing: Vec<String>,
@@ -42,7 +42,7 @@ pub fn reproduce(
 ) -> Result<Report, ReproduceError> {
     make_folder(&settings.out)?;
     let results = measure(settings, stop, progress)?;
-    let claims = judge(&results);
+    let claims = verdicts(&results);
     let figures = figures(&results);
     write_tables(&settings.out, &results)?;
     for figure in &figures {

@@ -1,4 +1,4 @@
-use super::claims::{Verdict, judge, power_law};
+use super::claims::{Verdict, power_law, verdicts};
 use super::ledger::Ledger;
 use super::physics::Steady;
 use super::report::reproduce;
@@ -148,7 +148,7 @@ fn solve(method: &str, contacts: usize, seconds: f64, converged: bool) -> Solve 
 }
 
 fn verdict(results: &Results, place: &str, word: &str) -> (Verdict, String) {
-    let claims = judge(results);
+    let claims = verdicts(results);
     let claim = claims
         .iter()
         .find(|claim| claim.place == place && claim.statement.contains(word))
@@ -256,7 +256,7 @@ fn iterations_are_compared_on_the_same_problem() {
 }
 
 #[test]
-fn reuse_is_judged_against_precomputation_from_nothing() {
+fn reuse_is_compared_with_precomputation_from_nothing() {
     let row = ReuseRow {
         step: 1,
         contacts: 5_000,
@@ -266,16 +266,16 @@ fn reuse_is_judged_against_precomputation_from_nothing() {
         error: [Some(0.02), Some(0.01)],
         active: [None, None],
     };
-    let judged = |row: ReuseRow| {
+    let measured = |row: ReuseRow| {
         let rows = vec![row.clone(), row];
         let results = Results { reuse: vec![("pdip+tt-cross".into(), rows)], ..Results::default() };
         verdict(&results, "Fig. 8", "pdip+tt-cross")
     };
-    let (twelve, evidence) = judged(row.clone());
+    let (twelve, evidence) = measured(row.clone());
     assert!(twelve == Verdict::Holds && evidence.contains("12 times"), "{evidence}");
-    assert_eq!(judged(ReuseRow { total: [4.0, 4.0], ..row.clone() }).0, Verdict::Fails);
-    assert_eq!(judged(ReuseRow { iterations: [1, 1], ..row.clone() }).0, Verdict::Open);
-    assert_eq!(judged(ReuseRow { active: [Some(0.0), None], ..row }).0, Verdict::Open);
+    assert_eq!(measured(ReuseRow { total: [4.0, 4.0], ..row.clone() }).0, Verdict::Fails);
+    assert_eq!(measured(ReuseRow { iterations: [1, 1], ..row.clone() }).0, Verdict::Open);
+    assert_eq!(measured(ReuseRow { active: [Some(0.0), None], ..row }).0, Verdict::Open);
 }
 
 /// A simulation in which the tool moves a metre at constant speed under a given force.
@@ -309,7 +309,7 @@ fn pushed(
 #[test]
 fn forces_are_steady_only_where_their_errors_allow_it() {
     let shear = Experiment::DirectShear;
-    let judged = |changes: [f64; 3]| {
+    let measured = |changes: [f64; 3]| {
         let mut results = Results::default();
         for (seed, change) in (1..).zip(changes) {
             // The first third is mobilisation and does not count.
@@ -322,13 +322,13 @@ fn forces_are_steady_only_where_their_errors_allow_it() {
             verdict(&results, "this project", "friction angle"),
         )
     };
-    let ((steady, evidence), (angle, angle_evidence)) = judged([1.01, 1.02, 1.0]);
+    let ((steady, evidence), (angle, angle_evidence)) = measured([1.01, 1.02, 1.0]);
     assert!(steady == Verdict::Holds && evidence.contains("1 +- 0.577 %"), "{evidence}");
     // 322 N over 1000 N less the 200 N that lie below the plane.
     assert!(angle == Verdict::Holds && angle_evidence.contains("21.9 degrees"), "{angle_evidence}");
-    assert_eq!(judged([1.10, 1.11, 1.09]).0.0, Verdict::Fails);
-    assert_eq!(judged([1.3, 0.7, 1.0]).0.0, Verdict::Open);
-    assert_eq!(judged([1.06, 1.10, 1.02]).0.0, Verdict::Open);
+    assert_eq!(measured([1.10, 1.11, 1.09]).0.0, Verdict::Fails);
+    assert_eq!(measured([1.3, 0.7, 1.0]).0.0, Verdict::Open);
+    assert_eq!(measured([1.06, 1.10, 1.02]).0.0, Verdict::Open);
 }
 
 #[test]

@@ -9,7 +9,7 @@ use graintrain::motion::Motion;
 use graintrain::shape::Geometry;
 use graintrain::stepper::{SolverChoice, StepReport, StepSettings, Stepper};
 use graintrain::world::{Body, World};
-use graintrain_ccp::{FrictionModel, Judge, SolverSpec};
+use graintrain_ccp::{Criterion, FrictionModel, SolverSpec};
 
 /// Acceleration of gravity, m/s^2.
 pub const G: f64 = 9.81;
@@ -81,16 +81,16 @@ pub struct Accuracy {
     /// Residual at which the solver stops.
     pub tolerance: f64,
     /// Which number of the residual that is.
-    pub judge: Judge,
+    pub criterion: Criterion,
 }
 
 impl Accuracy {
     /// Of a scene that asks for nothing.
-    pub const SCENES: Self = Self { tolerance: 1e-4, judge: Judge::Mixed };
+    pub const SCENES: Self = Self { tolerance: 1e-4, criterion: Criterion::Mixed };
 
     /// Of the worst contact, for closed forms to many digits.
     pub const fn fine(tolerance: f64) -> Self {
-        Self { tolerance, judge: Judge::Maximum }
+        Self { tolerance, criterion: Criterion::Maximum }
     }
 
     /// That of scenes, then one for many digits.
@@ -102,13 +102,13 @@ impl Accuracy {
     /// the root mean square of the approaches where there is no gravity), its force by at most this times the
     /// weight of its effective mass.
     pub fn promise(&self) -> f64 {
-        self.judge.maximum(self.tolerance)
+        self.criterion.maximum(self.tolerance)
     }
 
     /// `fine` at an accuracy for many digits; at that of scenes what it promises times `scale`, where that is
     /// more.
     pub fn allowed(&self, fine: f64, scale: f64) -> f64 {
-        if self.judge == Judge::Maximum { fine } else { fine.max(self.promise() * scale) }
+        if self.criterion == Criterion::Maximum { fine } else { fine.max(self.promise() * scale) }
     }
 }
 
@@ -132,12 +132,12 @@ impl Bench {
         accuracy: Accuracy,
         friction: FrictionModel,
     ) -> Result<Self, VerifyError> {
-        let Accuracy { tolerance, judge } = accuracy;
+        let Accuracy { tolerance, criterion } = accuracy;
         let solver = SolverSpec::default();
         let settings = StepSettings {
             step,
             envelope,
-            solver: SolverChoice { name: solver, tolerance, judge, friction, ..SolverChoice::default() },
+            solver: SolverChoice { name: solver, tolerance, criterion, friction, ..SolverChoice::default() },
             ..StepSettings::default()
         };
         Ok(Self { stepper: Stepper::new(settings)?, accuracy, friction, steps: 0, unsolved: 0 })
@@ -151,10 +151,10 @@ impl Bench {
         let report = self.stepper.step(world)?;
         self.steps += 1;
         // A stalled solve within a tenth of the tolerance is round-off.
-        let residual = report.solve.residual.judged(self.accuracy.judge);
+        let residual = report.solve.residual.measured(self.accuracy.criterion);
         // Impacts have a tolerance of their own, tighter than most; a step that missed it says so by its
         // status alone.
-        let impacts = report.impact_residual.judged(self.accuracy.judge);
+        let impacts = report.impact_residual.measured(self.accuracy.criterion);
         let missed = |residual: f64, tolerance: f64| residual.is_nan() || residual > 1.1 * tolerance;
         self.unsolved += usize::from(
             missed(residual, self.accuracy.tolerance) || missed(impacts, self.accuracy.tolerance.max(1e-9)),

@@ -86,7 +86,7 @@ fn checks(known: &Known, sampling: &mut Sampling<'_>, model: FrictionModel) -> R
         friction: Some(settings.solver.friction),
         solver: settings.solver.name.to_string(),
         step: settings.step,
-        accuracy: Accuracy { tolerance: settings.solver.tolerance, judge: settings.solver.judge },
+        accuracy: Accuracy { tolerance: settings.solver.tolerance, criterion: settings.solver.criterion },
         measured: steady.mean,
         expected,
         allowed: known.tolerance * expected,

@@ -6,7 +6,7 @@ use super::{Definition, Measure, Row, Sampling, VerifyError};
 use crate::reproduce::SEEDS;
 use crate::reproduce::physics::{Sensitivity, Steady, friction_ratio, steady};
 use crate::reproduce::trajectory::{Experiment, Simulate, Variant};
-use graintrain_ccp::{FrictionModel, Judge, SolverSpec};
+use graintrain_ccp::{Criterion, FrictionModel, SolverSpec};
 
 /// The cases.
 pub const CASES: &[Definition] = &[
@@ -57,7 +57,7 @@ fn checks(experiment: Experiment, sampling: &mut Sampling<'_>) -> Result<Vec<Row
             step: 0.0,
             accuracy: Accuracy {
                 tolerance: if variant == Variant::TenthTolerance { 1e-4 } else { 1e-3 },
-                judge: Judge::Mixed,
+                criterion: Criterion::Mixed,
             },
             measured,
             expected,

@@ -11,7 +11,7 @@ use graintrain::measure::statistics::{Mean, mean};
 use graintrain::measure::stress::{pressure, stress};
 use graintrain::motion::Profile;
 use graintrain::world::World;
-use graintrain_ccp::{FrictionModel, Judge};
+use graintrain_ccp::{Criterion, FrictionModel};
 use std::f64::consts::PI;
 use std::sync::atomic::Ordering;
 
@@ -42,7 +42,7 @@ const PRESSED: f64 = 1.4;
 
 /// Steps made to this tolerance at the end: contacts that carry nothing have what a solve leaves over, and
 /// are counted at the tolerance of scenes.
-const FINE: (usize, Accuracy) = (20, Accuracy { tolerance: 1e-6, judge: Judge::Mixed });
+const FINE: (usize, Accuracy) = (20, Accuracy { tolerance: 1e-6, criterion: Criterion::Mixed });
 
 /// Of shear, 1/s: the inertial number is 1e-3.
 const SHEAR_RATE: f64 = 0.5;

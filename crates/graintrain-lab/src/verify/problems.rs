@@ -79,15 +79,15 @@ fn problem(seed: u64) -> Result<(Ccp, f64), VerifyError> {
 fn chosen() -> Result<Vec<Row>, VerifyError> {
     let mut rows = Vec::new();
     for accuracy in Accuracy::both(1e-10) {
-        let Accuracy { tolerance, judge } = accuracy;
+        let Accuracy { tolerance, criterion } = accuracy;
         let spec = SolverSpec::default();
         let (mut worst, mut unsolved, count) = (0.0_f64, 0, 60);
         for seed in 0..count {
             let (problem, best) = problem(seed)?;
             let mut impulse = vec![0.0; 3 * problem.num_contacts()];
-            let settings = SolveSettings { tolerance, judge, ..SolveSettings::default() };
+            let settings = SolveSettings { tolerance, criterion, ..SolveSettings::default() };
             let report = spec.build()?.solve(&problem, &mut impulse, &settings)?;
-            let residual = report.residual.judged(judge);
+            let residual = report.residual.measured(criterion);
             unsolved += usize::from(residual.is_nan() || residual > 1.1 * tolerance);
             worst = worst.max((report.objective - best).abs() / best.abs().max(f64::MIN_POSITIVE));
         }

@@ -3,7 +3,7 @@
 use super::bench::Accuracy;
 use super::{Case, Definition, Measure, Outcome, Row, named};
 use crate::page::begin;
-use graintrain_ccp::{Judge, SolverSpec};
+use graintrain_ccp::{Criterion, SolverSpec};
 use graintrain_view::plot::axis::number;
 use graintrain_view::plot::svg::escape;
 use std::fmt::Write as _;
@@ -44,14 +44,17 @@ impl Head {
     }
 
     fn lines(&self, cases: &[Case]) -> Vec<(&'static str, String)> {
-        let Accuracy { tolerance, judge } = Accuracy::SCENES;
+        let Accuracy { tolerance, criterion } = Accuracy::SCENES;
         let mut lines = vec![
             ("Version", format!("graintrain {}", self.version)),
             ("Date", self.date.clone()),
             ("Machine", self.machine.clone()),
             ("Command", self.command.clone()),
             ("Solver", SolverSpec::default().to_string()),
-            ("Tolerance", format!("{}; further rows say their own", asked(Accuracy { tolerance, judge }))),
+            (
+                "Tolerance",
+                format!("{}; further rows say their own", asked(Accuracy { tolerance, criterion })),
+            ),
             ("Result", count(cases)),
         ];
         if cases.len() < self.planned {
@@ -80,18 +83,18 @@ fn date(seconds: u64) -> String {
 /// A tolerance with what it is held against.
 fn asked(accuracy: Accuracy) -> String {
     let tolerance = number(accuracy.tolerance);
-    match accuracy.judge {
-        Judge::Mixed => format!("{tolerance} (root mean square; worst contact 20 times that)"),
-        Judge::Maximum => format!("{tolerance} (worst contact)"),
+    match accuracy.criterion {
+        Criterion::Mixed => format!("{tolerance} (root mean square; worst contact 20 times that)"),
+        Criterion::Maximum => format!("{tolerance} (worst contact)"),
     }
 }
 
 /// The same in few characters.
 fn asked_short(accuracy: Accuracy) -> String {
     let tolerance = number(accuracy.tolerance);
-    match accuracy.judge {
-        Judge::Mixed => format!("{tolerance} rms"),
-        Judge::Maximum => format!("{tolerance} max"),
+    match accuracy.criterion {
+        Criterion::Mixed => format!("{tolerance} rms"),
+        Criterion::Maximum => format!("{tolerance} max"),
     }
 }
 
@@ -264,19 +267,19 @@ fn quoted(text: &str) -> String {
 /// has one that says why.
 pub fn csv(cases: &[Case]) -> String {
     let mut text = String::from(
-        "id,case,measured,friction,solver,step,tolerance,judge,expected,got,allowed,error,steps,unsolved,verdict\n",
+        "id,case,measured,friction,solver,step,tolerance,criterion,expected,got,allowed,error,steps,unsolved,verdict\n",
     );
     for case in cases {
         let Definition { id, title, .. } = case.definition;
         let title = quoted(title);
         for row in &case.rows {
-            let judge = match row.accuracy.judge {
-                Judge::Mixed => "mixed",
-                Judge::Maximum => "maximum",
+            let criterion = match row.accuracy.criterion {
+                Criterion::Mixed => "mixed",
+                Criterion::Maximum => "maximum",
             };
             let _ = writeln!(
                 text,
-                "{id},{title},{},{},{},{},{:e},{judge},{:e},{:e},{:e},{:e},{},{},{}",
+                "{id},{title},{},{},{},{},{:e},{criterion},{:e},{:e},{:e},{:e},{},{},{}",
                 quoted(&row.what),
                 row.friction.map_or("none", named),
                 row.solver,

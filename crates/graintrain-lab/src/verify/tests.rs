@@ -2,8 +2,8 @@ use super::bench::{Accuracy, Bench};
 use super::report::{Head, csv, html, markdown, table};
 use super::source::Source;
 use super::*;
+use graintrain_ccp::Criterion;
 use graintrain_ccp::FrictionModel::{Coulomb, Relaxed};
-use graintrain_ccp::Judge;
 
 fn sampled(ids: &[&str]) -> Vec<Case> {
     let mut told = |_: &str| {};
@@ -74,7 +74,7 @@ fn rows_are_made_as_a_scene_that_asks_for_nothing_would() {
     let settings = scene.build().unwrap().settings;
     assert_eq!(
         Accuracy::SCENES,
-        Accuracy { tolerance: settings.solver.tolerance, judge: settings.solver.judge }
+        Accuracy { tolerance: settings.solver.tolerance, criterion: settings.solver.criterion }
     );
     let row = Bench::new(1e-3, 0.0, Accuracy::SCENES, Coulomb).unwrap().row("nothing", 0.0, 0.0, 0.0);
     assert_eq!(row.solver, settings.solver.name.to_string());
@@ -95,7 +95,7 @@ fn row(measured: f64, error: f64) -> Row {
         friction: Some(Relaxed),
         solver: "auto".into(),
         step: 1e-3,
-        accuracy: Accuracy { tolerance: 1e-4, judge: Judge::Mixed },
+        accuracy: Accuracy { tolerance: 1e-4, criterion: Criterion::Mixed },
         measured,
         expected: 1.0,
         allowed: 0.1,

@@ -538,7 +538,7 @@ class Problem:
         *,
         tolerance: float = 1e-4,
         friction: _Friction = "relaxed",
-        judge: Literal["maximum", "mixed"] = "maximum",
+        criterion: Literal["maximum", "mixed"] = "maximum",
         max_iterations: int | None = None,
         max_seconds: float | None = None,
         start: ArrayLike | None = None,

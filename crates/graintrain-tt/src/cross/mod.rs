@@ -22,7 +22,7 @@
 //! there are, the train is the TT-SVD of all of them. For sparse matrices prefer [`crate::sparse`]: it sees
 //! every entry.
 
-mod judge;
+mod confirmation;
 mod points;
 mod sample;
 mod source;
@@ -33,7 +33,7 @@ use crate::scale::share_power;
 use crate::sparse::QuadtreeMatrix;
 use crate::vector::check_index;
 use crate::{Stop, Truncation, TtError, TtMatrix, TtVector};
-use judge::{Judge, Verdict};
+use confirmation::{Confirmation, Verdict};
 pub use points::{ends_of_modes, sub_grid};
 use serde::{Deserialize, Serialize};
 pub use source::{EntrySource, Function};
@@ -203,9 +203,9 @@ pub fn cross_within(
         }
         None => TtVector::random(&modes, 2, settings.seed)?,
     };
-    let mut judge = Judge::new(source, probes, settings)?;
+    let mut confirmation = Confirmation::new(source, probes, settings)?;
     let mut state =
-        State::new(source, &start, settings, Random::new(settings.seed ^ 0x5EED), judge.exponent)?;
+        State::new(source, &start, settings, Random::new(settings.seed ^ 0x5EED), confirmation.exponent)?;
     let mut history: Vec<f64> = Vec::new();
     let mut errors: Vec<f64> = Vec::new();
     let mut status = CrossStatus::SweepLimit;
@@ -218,10 +218,10 @@ pub fn cross_within(
         history.push(outcome.change);
         capped = outcome.capped;
         let train = state.train();
-        if state.heaviest == 0.0 && judge.has_seen_zeros_only() {
+        if state.heaviest == 0.0 && confirmation.has_seen_zeros_only() {
             // More points before giving up; what is not zero there becomes a pivot.
-            let sample = judge.fresh(state.evaluations, |_| Vec::new());
-            let verdict = judge.verdict(&train, &sample, state.heaviest)?;
+            let sample = confirmation.fresh(state.evaluations, |_| Vec::new());
+            let verdict = confirmation.verdict(&train, &sample, state.heaviest)?;
             if verdict.nonzeros == 0 || !enrich {
                 status = CrossStatus::ZeroSampled;
                 break;
@@ -229,16 +229,16 @@ pub fn cross_within(
             state.add_pivots(&verdict.worst);
             continue;
         }
-        let mut verdict = judge.guide(&train)?;
+        let mut verdict = confirmation.guide(&train)?;
         if outcome.change <= settings.tolerance && verdict.meets(settings.tolerance) {
             // Quiet on the guide: fresh points decide.
-            let mut sample = judge.fresh(state.evaluations, |count| state.near_pivots(count));
-            verdict = judge.verdict(&train, &sample, state.heaviest)?;
+            let mut sample = confirmation.fresh(state.evaluations, |count| state.near_pivots(count));
+            verdict = confirmation.verdict(&train, &sample, state.heaviest)?;
             if verdict.meets(settings.tolerance) && verdict.proves_little() {
                 let enlarged;
-                (sample, enlarged) = judge.more(sample, &verdict, state.evaluations);
+                (sample, enlarged) = confirmation.more(sample, &verdict, state.evaluations);
                 if enlarged {
-                    verdict = judge.verdict(&train, &sample, state.heaviest)?;
+                    verdict = confirmation.verdict(&train, &sample, state.heaviest)?;
                 }
             }
             if verdict.meets(settings.tolerance) {
@@ -261,7 +261,7 @@ pub fn cross_within(
     let mut train = state.train();
     let verdict = match confirmed {
         Some((longer, before, sample)) => {
-            let after = judge.verdict(&train, &sample, state.heaviest)?;
+            let after = confirmation.verdict(&train, &sample, state.heaviest)?;
             if !after.meets(settings.tolerance) && longer.max_rank() <= settings.max_rank {
                 // Shortening cost more than the tolerance: keep the longer train.
                 train = longer;
@@ -271,18 +271,18 @@ pub fn cross_within(
             }
         }
         None => {
-            let sample = judge.fresh(state.evaluations, |count| state.near_pivots(count));
-            judge.verdict(&train, &sample, state.heaviest)?
+            let sample = confirmation.fresh(state.evaluations, |count| state.near_pivots(count));
+            confirmation.verdict(&train, &sample, state.heaviest)?
         }
     };
     let missed = verdict.error().is_none_or(|error| error > settings.tolerance);
-    let (mut train, verdict) = match missed.then(|| judge.all_entries(state.evaluations)).flatten() {
+    let (mut train, verdict) = match missed.then(|| confirmation.all_entries(state.evaluations)).flatten() {
         Some(all) => {
             // As many entries as there are have been read and the sweeps did not get there: all of them,
             // then, and their TT-SVD.
             let truncation = Truncation::capped(0.9 * settings.tolerance, settings.max_rank);
             let (whole, _) = TtVector::from_full(&all.random.values, &modes, &truncation)?;
-            let better = judge.verdict(&whole, &all, state.heaviest)?;
+            let better = confirmation.verdict(&whole, &all, state.heaviest)?;
             let is_better = better.error().is_some_and(|b| verdict.error().is_none_or(|error| b < error));
             if is_better { (whole, better) } else { (train, verdict) }
         }
@@ -290,7 +290,7 @@ pub fn cross_within(
     };
     let status = claim(status, &verdict, capped, settings.tolerance);
     let floor = train.rounding_floor()?;
-    share_power(&mut train.cores, i64::from(judge.exponent));
+    share_power(&mut train.cores, i64::from(confirmation.exponent));
     let report = CrossReport {
         status,
         sampled_error: verdict.sampled,
@@ -301,7 +301,7 @@ pub fn cross_within(
         probe_error: verdict.probed,
         exact_error: None,
         floor,
-        evaluations: state.evaluations + judge.evaluations,
+        evaluations: state.evaluations + confirmation.evaluations,
         sweeps: history.len(),
         history,
         ranks: train.ranks(),

@@ -81,7 +81,7 @@ fn run_in_stages(folder: &std::path::Path, steps: u64, stages: Vec<Stage>) -> Ve
             solver: SolverChoice {
                 name: "apgd".parse().unwrap(),
                 tolerance: 1e-6,
-                judge: graintrain_ccp::Judge::Mixed,
+                criterion: graintrain_ccp::Criterion::Mixed,
                 max_iterations: None,
                 friction: FrictionModel::Relaxed,
             },

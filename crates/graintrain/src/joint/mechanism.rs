@@ -131,7 +131,7 @@ pub(crate) struct Mechanisms<'a> {
     before: Vec<f64>,
     /// Velocities that corrections of rates are measured by, m/s.
     scale: f64,
-    /// Velocities that openings of joints are judged by, m/s.
+    /// Velocities that openings of joints are measured by, m/s.
     yardstick: f64,
     states: Vec<JointState>,
     /// Length by which rates of angles of a joint become velocities, m.

@@ -182,7 +182,7 @@ impl Stepper {
         mechanisms.velocities(&on_bodies, &mut velocity);
         check_velocity(world, &velocity)?;
         let joints = mechanisms.reactions(&on_bodies);
-        judge_joints(world, &joints, &self.solve_settings(), &mut solve);
+        check_joints(world, &joints, &self.solve_settings(), &mut solve);
         if !agrees && solve.status == Status::Converged {
             solve.status = Status::IterationLimit;
             let rounds = self.parameters.repetition.joint_rounds;
@@ -290,7 +290,7 @@ impl Stepper {
             let beyond = cell_now.beyond(time, step);
             let change: [f64; 6] = std::array::from_fn(|k| beyond[k].map_or(0.0, |limit| limit - free[k]));
             if beyond == [None; 6] || solved.report.status == Status::Stopped {
-                judge_cell(cell_now, time, step, &mut solved.report);
+                check_cell(cell_now, time, step, &mut solved.report);
                 return Ok(WithCell { solved, posed, cell });
             }
             rows.shift(&change, &mut problem.r);
@@ -350,15 +350,15 @@ fn body_impulses(problem: &Ccp, impulse: &[f64]) -> Vec<f64> {
 }
 
 /// Joints that open count in the residual, and a solve that leaves them open has not converged.
-fn judge_joints(world: &World, joints: &JointReactions, settings: &SolveSettings, solve: &mut SolveReport) {
+fn check_joints(world: &World, joints: &JointReactions, settings: &SolveSettings, solve: &mut SolveReport) {
     if joints.states.is_empty() {
         return;
     }
     for residual in [&mut solve.residual, &mut solve.residual_relaxed, &mut solve.residual_coulomb] {
         *residual = residual.worse(joints.residual);
     }
-    let judged = joints.residual.judged(settings.judge);
-    if (judged.is_nan() || judged > settings.tolerance) && solve.status == Status::Converged {
+    let measured = joints.residual.measured(settings.criterion);
+    if (measured.is_nan() || measured > settings.tolerance) && solve.status == Status::Converged {
         solve.status = Status::IterationLimit;
         let name = world.joint_label(joints.worst);
         solve.remark = Some(format!(
@@ -370,7 +370,7 @@ fn judge_joints(world: &World, joints: &JointReactions, settings: &SolveSettings
 
 /// A cell that opens against its stress as fast as a step can follow has not found the rates that its
 /// contacts bear.
-fn judge_cell(cell: &Cell, time: f64, step: f64, solve: &mut SolveReport) {
+fn check_cell(cell: &Cell, time: f64, step: f64, solve: &mut SolveReport) {
     if let Some(name) = cell.thrown_open(time, step)
         && solve.status == Status::Converged
     {

@@ -201,7 +201,7 @@ impl Stepper {
         let [penetration_max, penetration_max_over_size] = self.deepest(world, &ahead);
         let correction_energy = correction.work(&world.bodies.mass, world.gravity);
         world.record_joints(&joints.states, step);
-        let joint_opening_max = self.judge(world, &impacts, &mut solve);
+        let joint_opening_max = self.check(world, &impacts, &mut solve);
         solve.iterations = iterations;
         world.contacts = set;
         world.time += step;
@@ -261,9 +261,9 @@ impl Stepper {
 
     /// A step whose impacts were not solved or whose joints are open has not converged. Returned is the
     /// largest opening of a joint, m.
-    fn judge(&self, world: &World, impacts: &Impacts, solve: &mut SolveReport) -> f64 {
+    fn check(&self, world: &World, impacts: &Impacts, solve: &mut SolveReport) -> f64 {
         let (opening_max, open) = drift::openings(world);
-        let left = impacts.residual.judged(self.settings.solver.judge);
+        let left = impacts.residual.measured(self.settings.solver.criterion);
         let remark = if left > self.settings.solver.tolerance.max(self.parameters.impacts.tolerance) {
             Some(format!("impacts were left at residual {left:.1e}"))
         } else {

@@ -1,7 +1,7 @@
 //! How steps are made.
 
 use crate::assemble::OverlapCorrection;
-use graintrain_ccp::{FrictionModel, Judge, SolveSettings, SolverSpec};
+use graintrain_ccp::{Criterion, FrictionModel, SolveSettings, SolverSpec};
 
 /// How steps are made. Its fields in their order are part of the format of checkpoints.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -48,11 +48,11 @@ pub const LOOSEST: f64 = 1e-2;
 pub struct SolverChoice {
     /// The solver, with its linear solver.
     pub name: SolverSpec,
-    /// Residual at which it stops, as `judge` takes it; steps are solved to [`LOOSEST`] at least.
+    /// Residual at which it stops, as `criterion` takes it; steps are solved to [`LOOSEST`] at least.
     pub tolerance: f64,
-    /// Which number of the residual is held against the tolerance; [`Judge::Mixed`] in runs unless asked
+    /// Which number of the residual is held against the tolerance; [`Criterion::Mixed`] in runs unless asked
     /// otherwise.
-    pub judge: Judge,
+    pub criterion: Criterion,
     /// Iterations that a connected part of the contacts may cost in a step, with exact friction; `None` is 6
     /// 000 of projected gradients, up to five times as many for fewer than 1 024 contacts
     /// ([`PartParameters`](super::PartParameters)), and the own limit of methods that count something else. A
@@ -64,13 +64,13 @@ pub struct SolverChoice {
 }
 
 impl Default for SolverChoice {
-    /// Solver `auto` to 1e-4, judged by the root mean square with a bound for the worst contact; exact
+    /// Solver `auto` to 1e-4, measured by the root mean square with a bound for the worst contact; exact
     /// friction.
     fn default() -> Self {
         Self {
             name: SolverSpec::default(),
             tolerance: 1e-4,
-            judge: Judge::Mixed,
+            criterion: Criterion::Mixed,
             max_iterations: None,
             friction: FrictionModel::Coulomb,
         }
@@ -85,7 +85,7 @@ impl SolverChoice {
 
     /// What it asks of a solve.
     pub fn solve_settings(&self) -> SolveSettings {
-        let Self { name: _, tolerance, judge, max_iterations, friction } = *self;
-        SolveSettings { tolerance, judge, max_iterations, friction, ..SolveSettings::default() }
+        let Self { name: _, tolerance, criterion, max_iterations, friction } = *self;
+        SolveSettings { tolerance, criterion, max_iterations, friction, ..SolveSettings::default() }
     }
 }

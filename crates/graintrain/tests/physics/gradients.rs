@@ -138,7 +138,7 @@ fn after(world: &World) -> Vec<f64> {
         friction: FrictionModel::Relaxed,
         name: "ipm".parse().unwrap(),
         tolerance: 1e-11,
-        judge: graintrain::ccp::Judge::Maximum,
+        criterion: graintrain::ccp::Criterion::Maximum,
         ..SolverChoice::default()
     };
     let settings = StepSettings { solver, ..step_settings() };

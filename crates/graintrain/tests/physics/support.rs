@@ -1,6 +1,6 @@
 //! What the tests share.
 
-use graintrain::ccp::{FrictionModel, Judge, Status};
+use graintrain::ccp::{Criterion, FrictionModel, Status};
 use graintrain::handle::{BodyId, MaterialId};
 use graintrain::material::Materials;
 use graintrain::math::{Quat, Vec3};
@@ -39,7 +39,7 @@ pub fn stepper(step: f64, envelope: f64, tolerance: f64, friction: FrictionModel
         solver: SolverChoice {
             name: "apgd".parse().unwrap(),
             tolerance,
-            judge: Judge::Maximum,
+            criterion: Criterion::Maximum,
             max_iterations: Some(200_000),
             friction,
         },

@@ -196,7 +196,7 @@ fn offer_starts(
     best: &mut Best<f64>,
 ) -> f64 {
     let mut g = vec![0.0; impulse.len()];
-    let least = limits.judged(scale.residual(problem, &g, &problem.r, friction));
+    let least = limits.measured(scale.residual(problem, &g, &problem.r, friction));
     best.offer(&g, least);
     if impulse.iter().all(|&x| x == 0.0) {
         return least;
@@ -207,7 +207,7 @@ fn offer_starts(
     }
     let mut u = vec![0.0; g.len()];
     problem.velocity(&g, &mut u, &mut problem.delassus.work());
-    let residual = limits.judged(scale.residual(problem, &g, &u, friction));
+    let residual = limits.measured(scale.residual(problem, &g, &u, friction));
     best.offer(&g, residual);
     least.min(residual)
 }
@@ -282,7 +282,7 @@ impl CcpSolver for Pdip {
             it.physical(&mut g, &mut u);
             let found = scale.residual(problem, &g, &u, settings.friction);
             history.record(iterations, limits.seconds(), found);
-            let residual = limits.judged(found);
+            let residual = limits.measured(found);
             best.offer(&g, residual);
             if let Some(status) = limits.status(iterations, residual) {
                 break status;

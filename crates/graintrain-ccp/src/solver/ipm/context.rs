@@ -22,7 +22,7 @@ pub(crate) struct SolveContext<'a> {
     friction: FrictionModel,
     /// Newton systems so far.
     pub iterations: usize,
-    /// Every residual that was judged.
+    /// Every residual that was measured.
     pub history: History,
     best: Best<f64>,
     /// What the search for a proof that there is no solution found, once it has been made.
@@ -58,8 +58,8 @@ impl<'a> SolveContext<'a> {
     }
 
     /// Residual of impulses g of the scaled problem, given N g, in the metric of the problem as given and as
-    /// the settings judge it. The best iterate is kept.
-    pub fn judge(&mut self, g: &[f64], ng: &[f64]) -> f64 {
+    /// the settings criterion it. The best iterate is kept.
+    pub fn measure(&mut self, g: &[f64], ng: &[f64]) -> f64 {
         for k in 0..g.len() {
             self.physical[k] = self.scaled.impulse_unit[k / 3] * g[k];
             self.velocity[k] = self.scaled.velocity_unit[k / 3] * (ng[k] + self.scaled.problem.r[k]);
@@ -67,7 +67,7 @@ impl<'a> SolveContext<'a> {
         let scale = self.residual_scale;
         let found = scale.residual(self.problem, &self.physical, &self.velocity, self.friction);
         self.history.record(self.iterations, self.limits.seconds(), found);
-        let residual = self.limits.judged(found);
+        let residual = self.limits.measured(found);
         self.best.offer(&self.physical, residual);
         residual
     }

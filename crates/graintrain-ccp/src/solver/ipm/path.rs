@@ -21,7 +21,7 @@ pub(super) fn run(
     context.hand_over(impulse, &mut work);
     // The path starts inside the cones: impulses handed over that are good enough must not be lost on the
     // way.
-    let residual = context.judge(&work.g, &work.ng);
+    let residual = context.measure(&work.g, &work.ng);
     if let Some(status) = context.status(residual) {
         return status;
     }
@@ -39,7 +39,7 @@ pub(super) fn run(
         work.impulses_from_pairs();
         work.multiply(inner);
         work.update_dual_residual(&inner.r);
-        let residual = context.judge(&work.g, &work.ng);
+        let residual = context.measure(&work.g, &work.ng);
         if let Some(status) = context.status(residual) {
             return status;
         }

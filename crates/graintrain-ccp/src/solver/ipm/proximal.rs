@@ -239,7 +239,7 @@ pub(super) fn run(
     let mut v = Vectors::new(3 * contacts);
     context.scale(impulse, &mut v.anchor);
     v.begin(inner, &mut work);
-    let mut residual = context.judge(&v.h, &v.nh);
+    let mut residual = context.measure(&v.h, &v.nh);
     let mut best = v.h.clone();
     let mut sigma = (parameters.reach / natural_map(inner, &v.h, &v.nh))
         .clamp(parameters.sigma_range[0], parameters.sigma_range[1]);
@@ -252,7 +252,7 @@ pub(super) fn run(
         // Two candidates. In exact arithmetic they agree at the minimum; T carries the rounding errors of u
         // times sigma, P(h) does not.
         let (by_image, by_projection) =
-            (context.judge(&v.image, &v.nimage), context.judge(&v.projected, &v.nprojected));
+            (context.measure(&v.image, &v.nimage), context.measure(&v.projected, &v.nprojected));
         let (candidate, ncandidate, now) = if by_projection <= by_image {
             (&v.projected, &v.nprojected, by_projection)
         } else {

@@ -136,7 +136,7 @@ impl<'a> Follower<'a> {
         self.impulse.copy_from_slice(g);
         self.update_velocity();
         let found = self.scale.residual(self.problem, g, &self.velocity, self.model);
-        let residual = self.limits.judged(found);
+        let residual = self.limits.measured(found);
         self.best.offer(g, residual);
         if residual <= self.limits.tolerance() {
             return Status::Converged;
@@ -215,12 +215,12 @@ impl<'a> Follower<'a> {
     }
 
     /// Why the solve ends with the impulses at the place reached, if it does; the best ones are kept.
-    fn judge(&mut self) -> Option<Status> {
+    fn ended(&mut self) -> Option<Status> {
         self.smoothed.impulse(&self.point.x, &mut self.impulse);
         self.update_velocity();
         let found = self.scale.residual(self.problem, &self.impulse, &self.velocity, self.model);
         self.story.history.record(self.story.systems, self.limits.seconds(), found);
-        let residual = self.limits.judged(found);
+        let residual = self.limits.measured(found);
         self.best.offer(&self.impulse, residual);
         if let Some(record) = self.story.records.last_mut() {
             record.residual = residual;
@@ -316,7 +316,7 @@ impl<'a> Follower<'a> {
                 return Leg::Blocked;
             }
             (self.place, size) = (next, next_size);
-            if let Some(status) = self.judge() {
+            if let Some(status) = self.ended() {
                 return Leg::Over(status);
             }
             // Newton's way to the path from afar counts for no failure while its steps are long.
@@ -447,7 +447,7 @@ impl<'a> Follower<'a> {
             };
             place = next;
             self.place = place.clone();
-            if let Some(status) = self.judge() {
+            if let Some(status) = self.ended() {
                 return Leg::Over(status);
             }
             if corrections <= 4 {

@@ -13,7 +13,7 @@ use super::kernel::{Identity, NaturalMap, PowerStep, Seen, SingleKernel, SingleT
 use super::operator::SingleScratch;
 use super::sweep::Sweep;
 use super::{Parameters, SingleProblem};
-use crate::residual::{FrictionModel, Judge, Residual};
+use crate::residual::{Criterion, FrictionModel, Residual};
 
 /// The current iterate of a method with what it needs from step to step.
 pub struct SingleIterate<'a> {
@@ -118,20 +118,20 @@ impl<'a> SingleIterate<'a> {
         // A lane may lose a NaN in its maximum, never in its sum.
         let square = if totals.sum[0].is_nan() { f64::NAN } else { totals.max };
         let residual = Residual { max: square.sqrt(), rms: (totals.sum[0] / count).sqrt() };
-        let worst = if self.limits.judge() == Judge::Mixed { 1.0 } else { self.parameters.worst };
+        let worst = if self.limits.criterion() == Criterion::Mixed { 1.0 } else { self.parameters.worst };
         (residual, worst * f64::from(f32::EPSILON) * (totals.sum[1] / count).sqrt())
     }
 
     /// Evaluates the residual of x; whether to go on.
     fn check(&mut self) -> bool {
         let (mut found, mut slack) = self.residual();
-        if self.limits.judged(found) + slack <= self.limits.tolerance() && self.iterations > 0 {
+        if self.limits.measured(found) + slack <= self.limits.tolerance() && self.iterations > 0 {
             // The image drifts from N' x by rounding: hold the claim against a fresh one.
             self.refresh();
             (found, slack) = self.residual();
         }
         self.history.record(self.iterations, self.limits.seconds(), found);
-        let residual = self.limits.judged(found);
+        let residual = self.limits.measured(found);
         self.best.offer(&self.x, residual);
         self.ratio = (residual + slack) / self.slope;
         self.since_better += self.iterations - self.last_check;

@@ -26,7 +26,7 @@ use super::settings::SolveSettings;
 use super::slots::SlotTable;
 use crate::delassus::{BodyInverseMass, Delassus, FIXED, RigidContact, RigidDelassus};
 use crate::problem::Ccp;
-use crate::residual::{FrictionModel, Judge, ResidualScale};
+use crate::residual::{Criterion, FrictionModel, ResidualScale};
 use geometry::{Bodies, General, Radial};
 use operator::{Arrangement, CHUNK, ContactNumbers, InverseMasses, SingleOperator, own_batches};
 use rayon::prelude::*;
@@ -60,9 +60,9 @@ pub struct SingleProblem {
 /// keeps from turning, not too few contacts, not too tight a tolerance.
 pub(super) fn suits(problem: &Ccp, settings: &SolveSettings, parameters: &Parameters) -> bool {
     let Delassus::Rigid(rigid) = &*problem.delassus else { return false };
-    let least = match settings.judge {
-        Judge::Mixed => parameters.least_tolerance,
-        Judge::Maximum => parameters.least_maximum,
+    let least = match settings.criterion {
+        Criterion::Mixed => parameters.least_tolerance,
+        Criterion::Maximum => parameters.least_maximum,
     };
     rigid.is_plain_but_for_cell()
         && problem.turning.is_empty()

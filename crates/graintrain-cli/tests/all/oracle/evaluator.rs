@@ -1,5 +1,5 @@
 //! Reads problem files and answers again, by code that shares nothing with the program but the definition of
-//! the residual, and judges the answers.
+//! the residual, and compares the answers.
 
 use std::path::Path;
 
@@ -91,9 +91,9 @@ impl Problem {
         diagonal
     }
 
-    /// Judges a solution file. Exact friction is a matter of W as the file has it, the relaxation (a minimum)
+    /// Compares a solution file. Exact friction is a matter of W as the file has it, the relaxation (a minimum)
     /// of its symmetric part.
-    pub fn judge(&self, solution: &Path, exact: bool) -> Verdict {
+    pub fn verdict(&self, solution: &Path, exact: bool) -> Verdict {
         let text = std::fs::read_to_string(solution).unwrap();
         let mut lines = text.lines();
         let header = "contact,impulse_n,impulse_t1,impulse_t2,velocity_n,velocity_t1,velocity_t2";

@@ -1,4 +1,4 @@
-//! The solvers on contact problems of this project and of others, through the command line, judged from the
+//! The solvers on contact problems of this project and of others, through the command line, measured from the
 //! files alone.
 
 mod evaluator;
@@ -42,7 +42,7 @@ fn solvers() -> Vec<String> {
     text.lines().map(|line| line.split_whitespace().next().unwrap().to_string()).collect()
 }
 
-/// Solves and judges.
+/// Solves and compares.
 fn solve(path: &Path, solver: &str, tolerance: f64, friction: &str, seconds: f64) -> (Value, Verdict) {
     let folder = tempfile::tempdir().unwrap();
     let solution = folder.path().join("solution.csv");
@@ -57,7 +57,7 @@ fn solve(path: &Path, solver: &str, tolerance: f64, friction: &str, seconds: f64
         .unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let record = serde_json::from_slice(&output.stdout).unwrap();
-    (record, Problem::read(path).judge(&solution, friction == "coulomb"))
+    (record, Problem::read(path).verdict(&solution, friction == "coulomb"))
 }
 
 /// Keys that scripts rely on, and that what the program says of an answer is what its file shows.

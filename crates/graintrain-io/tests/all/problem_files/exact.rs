@@ -1,4 +1,4 @@
-//! Exact friction on the public problems, judged by an evaluation written out here.
+//! Exact friction on the public problems, measured by an evaluation written out here.
 
 use super::data;
 use graintrain_ccp::{Ccp, FrictionModel, SolveReport, SolveSettings, SolverSpec, Status};

@@ -1,4 +1,4 @@
-//! Problems with rolling friction, judged in the units and by the numbers of their files, read again here.
+//! Problems with rolling friction, measured in the units and by the numbers of their files, read again here.
 
 use super::by_hand::{dot, solve};
 use super::data;

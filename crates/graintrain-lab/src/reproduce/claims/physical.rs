@@ -1,11 +1,11 @@
-//! This project's goals for forces, friction angles and momentum, judged by the simulations.
+//! This project's goals for forces, friction angles and momentum, measured by the simulations.
 
 use super::super::physics::{Sensitivity, friction_ratio_over_seeds, sensitivities, trend_over_seeds};
 use super::super::trajectory::Variant;
 use super::{Claim, Results, Verdict, number};
 
 /// Steady forces under half the step and a tenth of the tolerance, the angle of friction, momentum.
-pub(super) fn judge(results: &Results) -> Vec<Claim> {
+pub(super) fn verdicts(results: &Results) -> Vec<Claim> {
     let mut claims = Vec::new();
     for sensitivity in sensitivities(results).iter().filter(|s| s.variant != Variant::Coulomb) {
         let change = match sensitivity.variant {

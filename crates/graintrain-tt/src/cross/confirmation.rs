@@ -32,7 +32,7 @@ const MOST_POINTS: usize = 1 << 21;
 const RISK: f64 = 0.05;
 
 /// The points that measure a run.
-pub(super) struct Judge<'a> {
+pub(super) struct Confirmation<'a> {
     source: &'a dyn EntrySource,
     entries: f64,
     samples: usize,
@@ -95,7 +95,7 @@ impl Verdict {
     }
 }
 
-impl<'a> Judge<'a> {
+impl<'a> Confirmation<'a> {
     pub(super) fn new(
         source: &'a dyn EntrySource,
         probes: &[usize],
