@@ -304,11 +304,11 @@ fn defect(checkpoint: &Checkpoint) -> Option<String> {
     if let Err(error) = world.validate() {
         return Some(error.to_string());
     }
-    if let Some(what) = settings.traffic.defect(world, &totals.traffic) {
+    if let Some(what) = settings.open_boundaries.defect(world, &totals.open_boundaries) {
         return Some(what);
     }
-    let given = totals.traffic.roster.given(world.bodies.len());
-    let streams = settings.traffic.streams.len();
+    let given = totals.open_boundaries.numbers.given(world.bodies.len());
+    let streams = settings.open_boundaries.streams.len();
     if let Some(measure) = settings.measures.iter().find(|measure| !is_file_name(&measure.name)) {
         return Some(format!("measure {:?} has a name that is none of a file", measure.name));
     }
@@ -327,7 +327,7 @@ fn defect(checkpoint: &Checkpoint) -> Option<String> {
     let coming = settings.stages.get(totals.stages.len()..).unwrap_or_default();
     let mut then = world.clone();
     coming.iter().find_map(|stage| {
-        let begun = stage.begin(&mut then, &totals.traffic.roster);
+        let begun = stage.begin(&mut then, &totals.open_boundaries.numbers);
         begun.and_then(|()| then.validate()).err().map(|error| format!("stage {}: {error}", stage.name))
     })
 }
@@ -389,11 +389,12 @@ mod tests {
             // What may be asked of it: nothing panics, whatever comes of it.
             world.state_hash();
             if world.bodies.len() < 10 {
-                let (roster, streams) = (&totals.traffic.roster, settings.traffic.streams.len());
-                let given = roster.given(world.bodies.len());
+                let (numbers, streams) =
+                    (&totals.open_boundaries.numbers, settings.open_boundaries.streams.len());
+                let given = numbers.given(world.bodies.len());
                 settings.measures.iter().for_each(|measure| assert!(measure.fits(given, streams)));
                 let next = settings.stages.get(totals.stages.len());
-                next.iter().for_each(|stage| assert!(stage.begin(&mut world, roster).is_ok()));
+                next.iter().for_each(|stage| assert!(stage.begin(&mut world, numbers).is_ok()));
             }
         }
         assert!(accepted > 500, "{accepted}");

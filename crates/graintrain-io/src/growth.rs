@@ -6,7 +6,7 @@
 //! become denser would only overlap more and more: growth waits while a body overlaps another by more than a
 //! hundredth of its size, and no step brings more than that.
 
-use crate::roster::{Members, Roster};
+use crate::body_numbers::{BodyNumbers, Members};
 use crate::stream::Amount;
 use graintrain::error::ModelError;
 use graintrain::handle::GeometryId;
@@ -38,8 +38,8 @@ impl Growth {
     ///
     /// # Errors
     /// [`ModelError::Index`] for a body that is none.
-    pub fn begin(&self, world: &mut World, roster: &Roster) -> Result<(), ModelError> {
-        let members: Vec<usize> = roster.members(&self.members).iter().map(|body| body.index()).collect();
+    pub fn begin(&self, world: &mut World, numbers: &BodyNumbers) -> Result<(), ModelError> {
+        let members: Vec<usize> = numbers.members(&self.members).iter().map(|body| body.index()).collect();
         let len = world.bodies.len();
         if let Some(&index) = members.iter().find(|&&index| index >= len) {
             return Err(ModelError::Index { what: "body", index, len });
@@ -80,7 +80,7 @@ impl Growth {
     pub fn grow(
         &self,
         world: &mut World,
-        roster: &Roster,
+        numbers: &BodyNumbers,
         step: f64,
         overlap: f64,
     ) -> Result<Amount, ModelError> {
@@ -90,11 +90,11 @@ impl Growth {
             return Ok(added);
         }
         // Bodies that entered since may share a geometry with those that do not grow.
-        self.begin(world, roster)?;
+        self.begin(world, numbers)?;
         let full = 1.0 + (self.rate * step).min(WAITS);
         let needed = real::cbrt((1.0 - self.porosity) / solid);
         let factor = if needed.is_finite() { full.min(needed) } else { full };
-        let members = roster.members(&self.members);
+        let members = numbers.members(&self.members);
         let geometries: std::collections::BTreeSet<usize> =
             members.iter().map(|body| world.bodies.geometry[body.index()].index()).collect();
         let mut former = Vec::new();

@@ -5,7 +5,7 @@
 //! | [`scene`] | scene files with units, built-in scenes, packings |
 //! | [`radii`], `random` | distributions of radii, the source of random numbers |
 //! | [`settings`] | what a run writes |
-//! | [`roster`], [`stream`], [`growth`], [`traffic`] | bodies that enter, leave and grow while a run goes |
+//! | [`body_numbers`], [`stream`], [`growth`], [`open_boundaries`] | bodies that enter, leave and grow while a run goes |
 //! | [`stage`] | stages of a run, what changes from one to the next |
 //! | [`measure`], [`mod@column`] | measurements of a run, and what the columns of tables mean |
 //! | [`run`] | steps one after another, watched by observers |
@@ -26,22 +26,22 @@
 #[cfg(doctest)]
 struct Readme;
 
+pub mod body_numbers;
 pub mod checkpoint;
 pub mod column;
 pub mod files;
 pub mod growth;
 pub mod mark;
 pub mod measure;
+pub mod open_boundaries;
 pub mod output;
 mod packed;
 pub mod problem_file;
 pub mod process;
 pub mod radii;
 mod random;
-pub mod roster;
 pub mod run;
 pub mod scene;
 pub mod settings;
 pub mod stage;
 pub mod stream;
-pub mod traffic;

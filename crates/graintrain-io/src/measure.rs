@@ -1,9 +1,9 @@
 //! Measurements of a run: what is measured when, in which columns, and what has to be remembered from record
 //! to record.
 
+use crate::body_numbers::{BodyNumbers, Members};
 use crate::column::{Column, column};
-use crate::roster::{Members, Roster};
-use crate::traffic::TrafficState;
+use crate::open_boundaries::OpenBoundaryState;
 use graintrain::handle::BodyId;
 use graintrain::load::Region;
 use graintrain::math::{Mat3, Vec3};
@@ -158,7 +158,7 @@ pub struct Measured<'a> {
     /// Energy that removing overlap gave to bodies so far, J.
     pub correction_energy: f64,
     /// Bodies that came and went.
-    pub traffic: &'a TrafficState,
+    pub open_boundaries: &'a OpenBoundaryState,
 }
 
 /// The first columns of every table.
@@ -447,7 +447,7 @@ impl Quantity {
             }
             Self::Motion => motion(world, meant),
             Self::ForceOn(bodies, point) => {
-                let bodies = now.traffic.roster.present(bodies);
+                let bodies = now.open_boundaries.numbers.present(bodies);
                 let (force, torque) = force_on(world, step, &bodies, measure.region.as_ref(), *point);
                 [force.to_array(), torque.to_array()].concat()
             }
@@ -459,7 +459,7 @@ impl Quantity {
                 [[mass, state.passed.bodies as f64, flow].as_slice(), &through].concat()
             }
             Self::Mixing(first, cell) => {
-                let first = now.traffic.roster.members(first);
+                let first = now.open_boundaries.numbers.members(first);
                 let found = lacey(world, meant, &among(world, &first), *cell);
                 vec![found.index, found.share, found.cells as f64, found.bodies_per_cell]
             }
@@ -470,10 +470,10 @@ impl Quantity {
                 vec![found.angle, found.roughness, found.columns as f64]
             }
             Self::Exchange => {
-                let (entered, left) = (now.traffic.entered(), now.traffic.left());
+                let (entered, left) = (now.open_boundaries.entered(), now.open_boundaries.left());
                 let amounts = [entered, left];
                 let numbers = amounts.iter().flat_map(|a| [a.bodies as f64, a.mass, a.kinetic]);
-                numbers.chain([now.traffic.waiting() as f64]).collect()
+                numbers.chain([now.open_boundaries.waiting() as f64]).collect()
             }
             Self::Profile(bins) => {
                 let found = profile(world, meant, bins, measure.region.as_ref());
@@ -565,8 +565,8 @@ impl Measure {
     }
 
     /// Which bodies are meant.
-    fn meant(&self, world: &World, roster: &Roster, region: Option<&Region>) -> Vec<bool> {
-        let bodies = self.bodies.as_ref().map(|members| roster.members(members));
+    fn meant(&self, world: &World, numbers: &BodyNumbers, region: Option<&Region>) -> Vec<bool> {
+        let bodies = self.bodies.as_ref().map(|members| numbers.members(members));
         selected(world, bodies.as_deref(), region)
     }
 
@@ -578,7 +578,7 @@ impl Measure {
         }
         for quantity in &self.quantities {
             if let Quantity::Plane(plane) = quantity {
-                let meant = self.meant(world, &now.traffic.roster, None);
+                let meant = self.meant(world, &now.open_boundaries.numbers, None);
                 let passed = plane.passed(world, before, &meant);
                 state.passed.mass += passed.mass;
                 state.passed.bodies += passed.bodies;
@@ -596,7 +596,7 @@ impl Measure {
         if number < self.start || !(number - self.start).is_multiple_of(self.every.max(1)) {
             return None;
         }
-        let meant = self.meant(now.world, &now.traffic.roster, self.region.as_ref());
+        let meant = self.meant(now.world, &now.open_boundaries.numbers, self.region.as_ref());
         let begin = vec![vec![number as f64, now.world.time]];
         Some(self.quantities.iter().fold(begin, |rows, quantity| {
             let more = quantity.rows(self, &meant, now, state);

@@ -2,12 +2,12 @@
 
 use crate::files::OutputError;
 use crate::measure::{Measure, MeasureState, Measured};
+use crate::open_boundaries::{OpenBoundaries, OpenBoundaryState};
 use crate::process::cpu_seconds;
 use crate::scene::Simulation;
 use crate::settings::OutputSettings;
 use crate::stage::{Progress, Stage, StageRecord};
 use crate::stream::Moment;
-use crate::traffic::{Traffic, TrafficState};
 use graintrain::collide::Collider;
 use graintrain::math::Vec3;
 use graintrain::measure::energy::Ledger;
@@ -35,7 +35,7 @@ pub struct RunSettings {
     /// What is measured.
     pub measures: Vec<Measure>,
     /// Ways in and out for bodies.
-    pub traffic: Traffic,
+    pub open_boundaries: OpenBoundaries,
     /// Steps from one dumped contact problem to the next; `None` dumps none.
     pub dump_problem_every: Option<u64>,
 }
@@ -50,7 +50,7 @@ impl RunSettings {
             output: simulation.output.clone(),
             stages: simulation.stages.clone(),
             measures: simulation.measures.clone(),
-            traffic: simulation.traffic.clone(),
+            open_boundaries: simulation.open_boundaries.clone(),
             dump_problem_every,
         }
     }
@@ -122,7 +122,7 @@ pub struct RunTotals {
     /// The latest records of what is to be steady in the stage under way.
     pub latest: Vec<f64>,
     /// Bodies that came and went.
-    pub traffic: TrafficState,
+    pub open_boundaries: OpenBoundaryState,
 }
 
 impl RunTotals {
@@ -390,7 +390,7 @@ impl Run {
             return Ok(true);
         }
         let Some(next) = self.settings.stages.get(self.totals.stages.len()) else { return Ok(false) };
-        next.begin(&mut self.world, &self.totals.traffic.roster).map_err(StepError::Settings)?;
+        next.begin(&mut self.world, &self.totals.open_boundaries.numbers).map_err(StepError::Settings)?;
         self.totals.latest.clear();
         let (name, first_step) = (next.name.clone(), self.world.step);
         self.totals.stages.push(StageRecord { name, first_step, last_step: None, end: None });
@@ -410,13 +410,13 @@ impl Run {
     fn end_stage(&mut self, before: Option<&[Vec3]>) {
         let Some((stage, record)) = self.stage() else { return };
         let number = self.world.step;
-        let traffic = &self.settings.traffic;
+        let open_boundaries = &self.settings.open_boundaries;
         let end = stage.end(Progress {
             world: &self.world,
             made: number - record.first_step,
             step: self.settings.stepping.step,
             before,
-            is_filled: traffic.is_filled(self.totals.stages.len() - 1, &self.totals.traffic),
+            is_filled: open_boundaries.is_filled(self.totals.stages.len() - 1, &self.totals.open_boundaries),
             latest: &self.totals.latest,
         });
         if let (Some(_), Some(record)) = (end, self.totals.stages.last_mut()) {
@@ -429,7 +429,7 @@ impl Run {
 impl Run {
     /// Whether steps may change the number of bodies.
     pub fn changes_bodies(&self) -> bool {
-        self.settings.traffic.changes_bodies()
+        self.settings.open_boundaries.changes_bodies()
     }
 
     /// Lets bodies enter, leave and grow for the next step.
@@ -444,8 +444,9 @@ impl Run {
         let number = self.totals.stages.len().wrapping_sub(1);
         let growth = self.settings.stages.get(number).and_then(|stage| stage.growth.as_ref());
         let overlap = self.totals.penetration_final_over_size;
-        let (state, collider) = (&mut self.totals.traffic, &mut self.collider);
-        let prepared = self.settings.traffic.prepare(&mut self.world, collider, state, growth, now, overlap);
+        let (state, collider) = (&mut self.totals.open_boundaries, &mut self.collider);
+        let prepared =
+            self.settings.open_boundaries.prepare(&mut self.world, collider, state, growth, now, overlap);
         Ok(prepared.map_err(StepError::Settings)?)
     }
 }
@@ -475,7 +476,7 @@ impl Run {
             stage: self.totals.stages.len().saturating_sub(1),
             ledger: &self.totals.ledger,
             correction_energy: self.totals.correction_energy,
-            traffic: &self.totals.traffic,
+            open_boundaries: &self.totals.open_boundaries,
         };
         let mut records = Vec::new();
         for (number, (measure, state)) in measures.iter().zip(&mut states).enumerate() {

@@ -1,7 +1,7 @@
 //! Stages of a run: settle, then press, then shear.
 
+use crate::body_numbers::BodyNumbers;
 use crate::growth::Growth;
-use crate::roster::Roster;
 use graintrain::cell::{Cell, Drive};
 use graintrain::error::ModelError;
 use graintrain::handle::BodyId;
@@ -161,14 +161,14 @@ impl Stage {
         self.unbalanced_force.is_some()
     }
 
-    /// Makes its changes to the bodies of this roster.
+    /// Makes its changes to the bodies of these numbers.
     ///
     /// # Errors
     /// [`ModelError`] for changes that do not fit the world, which those of a scene do.
-    pub fn begin(&self, world: &mut World, roster: &Roster) -> Result<(), ModelError> {
+    pub fn begin(&self, world: &mut World, numbers: &BodyNumbers) -> Result<(), ModelError> {
         let now = world.time;
         if let Some(growth) = &self.growth {
-            growth.begin(world, roster)?;
+            growth.begin(world, numbers)?;
         }
         if let Some(gravity) = &self.gravity {
             match gravity {
@@ -210,7 +210,7 @@ impl Stage {
         match &self.loads {
             Some(loads) => {
                 let there = |load: &Load| {
-                    let bodies = load.bodies.as_ref().map(|bodies| roster.present(bodies));
+                    let bodies = load.bodies.as_ref().map(|bodies| numbers.present(bodies));
                     Load { bodies, ..load.clone() }
                 };
                 world.set_loads(loads.iter().map(there).collect())

@@ -4,9 +4,9 @@
 //! tried for it in a step from those and the number of the step: a run that was stopped goes on with the same
 //! bits.
 
+use crate::body_numbers::BodyNumbers;
 use crate::radii::{self, RadiusDistribution};
 use crate::random::Random;
-use crate::roster::Roster;
 use graintrain::collide::Collider;
 use graintrain::collide::places::{Newcomer, Places};
 use graintrain::error::ModelError;
@@ -164,7 +164,7 @@ impl Stream {
         index: u32,
         world: &mut World,
         collider: &mut Collider,
-        roster: &mut Roster,
+        numbers: &mut BodyNumbers,
         state: &mut StreamState,
         now: Moment,
     ) -> Result<(), ModelError> {
@@ -215,14 +215,14 @@ impl Stream {
             let Some(position) = found else {
                 state.waits = true;
                 state.steps_waited += 1;
-                return self.settle(index, world, roster, state, &entered);
+                return self.settle(index, world, numbers, state, &entered);
             };
             entered.push((position, radius));
             state.given.bodies += 1;
             state.given.mass += mass;
         }
         state.waits = false;
-        self.settle(index, world, roster, state, &entered)
+        self.settle(index, world, numbers, state, &entered)
     }
 
     /// Puts the bodies that have found a place into the world.
@@ -230,7 +230,7 @@ impl Stream {
         &self,
         index: u32,
         world: &mut World,
-        roster: &mut Roster,
+        numbers: &mut BodyNumbers,
         state: &mut StreamState,
         entered: &[(Vec3, f64)],
     ) -> Result<(), ModelError> {
@@ -261,7 +261,7 @@ impl Stream {
                 orientation,
                 ..Body::new(geometry, self.material, position)
             };
-            roster.enter(world.bodies.len(), index);
+            numbers.enter(world.bodies.len(), index);
             let body = world.add_body(body)?;
             state.given.kinetic += Amount::of(world, body.index()).kinetic;
         }

@@ -127,8 +127,8 @@ impl Problem {
     /// found whether or not the tolerance was reached, which report.converged tells.
     ///
     /// solver: a name of graintrain.solvers(), with a linear solver after a plus sign: "ipm", "pgs",
-    /// "pdip+ic". friction: "relaxed" or "coulomb" (exact). criterion: "maximum" (worst contact) or "mixed" (root
-    /// mean square, as in runs). start: impulses to begin with.
+    /// "pdip+ic". friction: "relaxed" or "coulomb" (exact). criterion: "maximum" (worst contact) or "mixed"
+    /// (root mean square, as in runs). start: impulses to begin with.
     #[pyo3(signature = (solver="auto", *, tolerance=1e-4, friction="relaxed", criterion="maximum", max_iterations=None, max_seconds=None,
                         start=None))]
     fn solve<'py>(

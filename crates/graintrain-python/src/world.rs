@@ -357,7 +357,7 @@ impl World {
             stepping,
             steps: 0,
             output,
-            traffic: Default::default(),
+            open_boundaries: Default::default(),
             dump_problem_every: None,
             measures: Vec::new(),
             stages: Vec::new(),

@@ -57,8 +57,8 @@ impl<'a> Limits<'a> {
         known.into_iter().chain(met).reduce(f64::max)
     }
 
-    /// The status to stop with after this many iterations with this residual, as [measured](Self::measured), if
-    /// it is time to stop. A residual that is not finite is [`Status::Stalled`].
+    /// The status to stop with after this many iterations with this residual, as [measured](Self::measured),
+    /// if it is time to stop. A residual that is not finite is [`Status::Stalled`].
     pub fn status(&self, iterations: usize, residual: f64) -> Option<Status> {
         if residual <= self.settings.tolerance {
             Some(Status::Converged)

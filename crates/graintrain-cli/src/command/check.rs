@@ -69,7 +69,7 @@ fn summary(scene: &Scene, simulation: &Simulation) -> String {
     for (name, joint) in &scene.joints {
         line("joint", format!("{name}: {}", joint.about()));
     }
-    for stream in &simulation.traffic.streams {
+    for stream in &simulation.open_boundaries.streams {
         let limits = [
             stream.count.map(|count| format!("{count} bodies")),
             stream.mass.map(|mass| format!("{mass} kg")),
@@ -79,7 +79,7 @@ fn summary(scene: &Scene, simulation: &Simulation) -> String {
         let until = if limits.is_empty() { "the end".to_string() } else { limits.join(" or ") };
         line("stream", format!("{}: bodies that enter, until {until}", stream.name));
     }
-    for outlet in &simulation.traffic.outlets {
+    for outlet in &simulation.open_boundaries.outlets {
         line("outlet", outlet.name.clone());
     }
     for stage in &simulation.stages {

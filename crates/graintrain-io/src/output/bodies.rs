@@ -2,7 +2,7 @@
 
 use super::size::inscribed_radius;
 use super::vtp::{Cells, DataArray, PolyData, Values};
-use crate::roster::Roster;
+use crate::body_numbers::BodyNumbers;
 use graintrain::math::{Mat3, Quat, Vec3};
 use graintrain::shape::{Geometry, Shape};
 use graintrain::world::World;
@@ -136,17 +136,17 @@ fn points_of(geometry: &Geometry, free: bool) -> Vec<Template> {
 /// mixers without a sphere are left to the surfaces.
 ///
 /// Arrays: `id` (the body's number for its first point, then numbers from the count of numbers on), `body`
-/// (number: the index in the scene, for bodies that entered later the next ones; see [`Roster`]), `geometry`
-/// (index of its form, only while bodies enter and leave), `type` (material), `shapetype`, `radius` (m),
-/// `mass` (kg, of the body), `v` (m/s, of the point), `omega` (rad/s), `quat` (x y z w), `f` (N) and `tq` (N
-/// m), the net contact force and torque on the body averaged over the step of length `step`, and `contacts`,
-/// its number of loaded contacts.
+/// (number: the index in the scene, for bodies that entered later the next ones; see [`BodyNumbers`]),
+/// `geometry` (index of its form, only while bodies enter and leave), `type` (material), `shapetype`,
+/// `radius` (m), `mass` (kg, of the body), `v` (m/s, of the point), `omega` (rad/s), `quat` (x y z w), `f`
+/// (N) and `tq` (N m), the net contact force and torque on the body averaged over the step of length `step`,
+/// and `contacts`, its number of loaded contacts.
 ///
 /// Where a free body is no sphere there are also `tensor` (rotation matrix from the axes of the shape to
 /// those of the world, column by column) and `shapex`, `shapey`, `shapez` (m, half-axes of an ellipsoid
 /// inside the shape): these are what OVITO's reader makes orientations and shapes of. It then sets its own
 /// radii to zero, which is why samples of spheres between plates go without.
-pub fn particles(world: &World, roster: &Roster, step: f64) -> PolyData {
+pub fn particles(world: &World, numbers: &BodyNumbers, step: f64) -> PolyData {
     let bodies = &world.bodies;
     let templates = |free: bool| -> Vec<Vec<Template>> {
         world.geometries.iter().map(|geometry| points_of(geometry, free)).collect()
@@ -163,8 +163,8 @@ pub fn particles(world: &World, roster: &Roster, step: f64) -> PolyData {
             points.push(Point { body, position, radius, kind, half_axes, orientation });
         }
     }
-    let number = |body: usize| roster.number(body) as i64;
-    let mut next_id = roster.given(bodies.len()) as i64;
+    let number = |body: usize| numbers.number(body) as i64;
+    let mut next_id = numbers.given(bodies.len()) as i64;
     let mut previous_body = usize::MAX;
     let id = points
         .iter()
@@ -202,7 +202,7 @@ pub fn particles(world: &World, roster: &Roster, step: f64) -> PolyData {
         DataArray::int32("contacts", points.iter().map(|point| loads.contacts[point.body]).collect()),
         DataArray::int64("body", points.iter().map(|point| number(point.body)).collect()),
     ];
-    if roster.has_changed() {
+    if numbers.has_changed() {
         let geometry = points.iter().map(|point| bodies.geometry[point.body].index() as i64);
         point_data.push(DataArray::int64("geometry", geometry.collect()));
     }
@@ -260,7 +260,7 @@ mod tests {
         let (geometry, centre) = Geometry::compound(vec![along_x]).unwrap();
         assert!(centre.length() < 1e-12);
         let quarter = Quat::from_rotation_z(std::f64::consts::FRAC_PI_2);
-        let data = particles(&world(geometry, quarter), &Roster::default(), 0.01);
+        let data = particles(&world(geometry, quarter), &BodyNumbers::default(), 0.01);
         let tensor = real(&data, "tensor").unwrap();
         // The third column is where the capsule's own axis, z, points to.
         let axis = Vec3::from_slice(&tensor[15..18]);
@@ -274,7 +274,7 @@ mod tests {
     #[test]
     fn frames_of_spheres_are_spared_shapes() {
         let data =
-            particles(&world(Geometry::sphere(0.2).unwrap(), Quat::IDENTITY), &Roster::default(), 0.01);
+            particles(&world(Geometry::sphere(0.2).unwrap(), Quat::IDENTITY), &BodyNumbers::default(), 0.01);
         assert!(real(&data, "tensor").is_none() && real(&data, "shapex").is_none());
     }
 }

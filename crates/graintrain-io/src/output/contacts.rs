@@ -1,7 +1,7 @@
 //! Frames of the contacts as lines.
 
 use super::vtp::{CellKind, Cells, DataArray, PolyData};
-use crate::roster::Roster;
+use crate::body_numbers::BodyNumbers;
 use graintrain::math::Vec3;
 use graintrain::measure::contacts::{is_sliding, normal_and_tangential};
 use graintrain::world::World;
@@ -15,7 +15,7 @@ use graintrain::world::World;
 /// tangential part, N), `gap` (m, before the step), `n` (unit normal from B to A), `mu`, `sliding` (1 where
 /// the friction is used up). Where a pair of materials resists rolling or spinning also `moment` (N m, on A,
 /// world axes, averaged over the step).
-pub fn lines(world: &World, roster: &Roster, step: f64) -> PolyData {
+pub fn lines(world: &World, numbers: &BodyNumbers, step: f64) -> PolyData {
     let set = &world.contacts;
     let mut points = Vec::with_capacity(3 * set.contacts.len());
     let mut cells = Cells::new(CellKind::Lines);
@@ -43,7 +43,7 @@ pub fn lines(world: &World, roster: &Roster, step: f64) -> PolyData {
         set.contacts.iter().zip(&force).map(|(contact, &f)| normal_and_tangential(contact, f)).unzip();
     let parts = normal.iter().zip(&tangential).zip(&set.friction);
     let sliding = parts.map(|((&normal, &tangential), &mu)| is_sliding(normal, tangential, mu));
-    let number = |body: u32| roster.number(body as usize) as i64;
+    let number = |body: u32| numbers.number(body as usize) as i64;
     let mut cell_data = vec![
         DataArray::int64("id1", set.contacts.iter().map(|contact| number(contact.body_a)).collect()),
         DataArray::int64("id2", set.contacts.iter().map(|contact| number(contact.body_b)).collect()),

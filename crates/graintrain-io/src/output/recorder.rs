@@ -10,11 +10,11 @@ use super::surfaces::{Show, surfaces};
 use super::tables::Tables;
 use super::vtm::Blocks;
 use super::vtp::PolyData;
+use crate::body_numbers::BodyNumbers;
 use crate::checkpoint;
 use crate::files::{OutputError, make_folder, write_atomically};
 use crate::mark::{Loss, Marks};
 use crate::problem_file::{self, ProblemFileError};
-use crate::roster::Roster;
 use crate::run::{Observer, RunSettings, RunTotals, StepView};
 use graintrain::world::World;
 use graintrain_ccp::Ccp;
@@ -70,7 +70,7 @@ impl Recorder {
             ranks: None,
             folder,
         };
-        recorder.frame(world, &Roster::default())?;
+        recorder.frame(world, &BodyNumbers::default())?;
         recorder.checkpoint(world, &RunTotals::default(), RunStatus::Running)?;
         Ok(recorder)
     }
@@ -136,7 +136,7 @@ impl Recorder {
         if matches!(status, RunStatus::Finished) && world.step < self.settings.steps {
             // The last stage ended before the time was over.
             self.settings.steps = world.step;
-            self.frame(world, &totals.traffic.roster)?;
+            self.frame(world, &totals.open_boundaries.numbers)?;
         }
         self.tables.sync()?;
         let mut marks = self.tables.marks();
@@ -160,12 +160,12 @@ impl Recorder {
     /// # Errors
     /// Where a file cannot be written.
     pub fn fail(&mut self, world: &World, totals: &RunTotals) -> Result<Summary, OutputError> {
-        self.frame(world, &totals.traffic.roster)?;
+        self.frame(world, &totals.open_boundaries.numbers)?;
         self.checkpoint(world, totals, RunStatus::Failed)
     }
 
     /// Writes the frames of the bodies, surfaces and contacts.
-    fn frame(&mut self, world: &World, roster: &Roster) -> Result<(), OutputError> {
+    fn frame(&mut self, world: &World, numbers: &BodyNumbers) -> Result<(), OutputError> {
         let (output, step) = (&self.settings.output, self.settings.stepping.step);
         if !(output.bodies || output.contacts) {
             return Ok(());
@@ -184,22 +184,22 @@ impl Recorder {
             Ok(name)
         };
         // Frames of such runs name the forms of bodies from the first one on.
-        let is_first = self.settings.traffic.changes_bodies() && !roster.has_changed();
-        let roster = &if is_first { Roster::of_scene(world.bodies.len()) } else { roster.clone() };
+        let is_first = self.settings.open_boundaries.changes_bodies() && !numbers.has_changed();
+        let numbers = &if is_first { BodyNumbers::of_scene(world.bodies.len()) } else { numbers.clone() };
         let number = format!("{:08}", world.step);
         let mut blocks = Blocks::default();
         if output.bodies {
-            let file = write(format!("bodies_{number}.vtp"), &particles(world, roster, step))?;
+            let file = write(format!("bodies_{number}.vtp"), &particles(world, numbers, step))?;
             self.bodies.push(world.time, &in_folder(std::slice::from_ref(&file)))?;
             blocks.particles = Some(file);
-            let fixed = surfaces(world, roster, &self.settings.stages, Show::Fixed);
+            let fixed = surfaces(world, numbers, &self.settings.stages, Show::Fixed);
             if !fixed.cells.is_empty() {
                 // Written once: what never moves is the same in every frame.
                 let name = "surfaces_fixed.vtp".to_string();
                 let is_first = self.surfaces.is_empty();
                 blocks.meshes.push(("fixed", if is_first { write(name, &fixed)? } else { name }));
             }
-            let moving = surfaces(world, roster, &self.settings.stages, Show::Moving);
+            let moving = surfaces(world, numbers, &self.settings.stages, Show::Moving);
             if !moving.cells.is_empty() {
                 blocks.meshes.push(("moving", write(format!("surfaces_{number}.vtp"), &moving)?));
             }
@@ -209,7 +209,7 @@ impl Recorder {
             }
         }
         if output.contacts {
-            let contacts = lines(world, roster, step);
+            let contacts = lines(world, numbers, step);
             let file = write(format!("contacts_{number}.vtp"), &contacts)?;
             self.contacts.push(world.time, &in_folder(std::slice::from_ref(&file)))?;
             blocks.contacts = (!contacts.cells.is_empty()).then_some(file);
@@ -244,7 +244,7 @@ impl Observer for Recorder {
         self.tables.append_measured(measured)?;
         let is_last = world.step == self.settings.steps;
         if world.step.is_multiple_of(self.settings.output.every.max(1)) || is_last {
-            self.frame(world, &totals.traffic.roster)?;
+            self.frame(world, &totals.open_boundaries.numbers)?;
         }
         let dump_every = self.settings.dump_problem_every.filter(|&every| every > 0);
         if let (Some(every), Some((problem, _))) = (dump_every, problem)

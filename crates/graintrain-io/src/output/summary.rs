@@ -211,8 +211,8 @@ pub struct StreamSummary {
 
 impl StreamSummary {
     fn of(settings: &RunSettings, totals: &RunTotals) -> Vec<Self> {
-        let streams = settings.traffic.streams.iter().enumerate();
-        let state = |index: usize| totals.traffic.streams.get(index).copied().unwrap_or_default();
+        let streams = settings.open_boundaries.streams.iter().enumerate();
+        let state = |index: usize| totals.open_boundaries.streams.get(index).copied().unwrap_or_default();
         streams
             .map(|(index, stream)| {
                 let StreamState { given, is_done, steps_waited, .. } = state(index);
@@ -241,8 +241,8 @@ pub struct OutletSummary {
 
 impl OutletSummary {
     fn of(settings: &RunSettings, totals: &RunTotals) -> Vec<Self> {
-        let outlets = settings.traffic.outlets.iter().enumerate();
-        let gone = |index: usize| totals.traffic.outlets.get(index).copied().unwrap_or_default();
+        let outlets = settings.open_boundaries.outlets.iter().enumerate();
+        let gone = |index: usize| totals.open_boundaries.outlets.get(index).copied().unwrap_or_default();
         outlets
             .map(|(index, outlet)| {
                 let Amount { bodies, mass, .. } = gone(index);

@@ -1,7 +1,7 @@
 //! Frames of the bodies that are not spheres, as triangles: walls, blades, mixers, boxes.
 
 use super::vtp::{CellKind, Cells, DataArray, PolyData};
-use crate::roster::Roster;
+use crate::body_numbers::BodyNumbers;
 use crate::stage::Stage;
 use graintrain::math::{Quat, Vec3};
 use graintrain::shape::Shape;
@@ -150,7 +150,7 @@ impl Builder<'_> {
         }
     }
 
-    fn finish(self, roster: &Roster) -> PolyData {
+    fn finish(self, numbers: &BodyNumbers) -> PolyData {
         let bodies = &self.world.bodies;
         let body = |k: &i64| *k as usize;
         let point_body = {
@@ -167,7 +167,7 @@ impl Builder<'_> {
         });
         let point_data = vec![DataArray::vector("v", velocity.collect::<Vec<_>>())];
         let material = self.body.iter().map(|k| bodies.material[body(k)].index() as i32).collect();
-        let number = self.body.iter().map(|k| roster.number(body(k)) as i64).collect();
+        let number = self.body.iter().map(|k| numbers.number(body(k)) as i64).collect();
         let cell_data = vec![DataArray::int32("type", material), DataArray::int64("body_id", number)];
         PolyData { points: self.points, cells: self.cells, point_data, cell_data }
     }
@@ -177,7 +177,7 @@ impl Builder<'_> {
 /// all bodies.
 ///
 /// Cell arrays: `body_id` (number, as in the frames of bodies), `type` (material). Point array: `v` (m/s).
-pub fn surfaces(world: &World, roster: &Roster, stages: &[Stage], show: Show) -> PolyData {
+pub fn surfaces(world: &World, numbers: &BodyNumbers, stages: &[Stage], show: Show) -> PolyData {
     let mut builder =
         Builder { world, points: Vec::new(), cells: Cells::new(CellKind::Polys), body: Vec::new() };
     let templates: Vec<Vec<Option<Triangles>>> = world
@@ -204,7 +204,7 @@ pub fn surfaces(world: &World, roster: &Roster, stages: &[Stage], show: Show) ->
             }
         }
     }
-    builder.finish(roster)
+    builder.finish(numbers)
 }
 
 /// Whether the prescribed motion of the body is rest at all times.

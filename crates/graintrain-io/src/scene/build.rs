@@ -3,11 +3,11 @@
 mod joints;
 mod materials;
 mod measures;
+mod open_boundaries;
 mod periodic;
 mod relax;
 mod room;
 mod stages;
-mod traffic;
 
 use super::Scene;
 use super::error::{Location, SceneError, SceneErrorKind};
@@ -20,9 +20,9 @@ use super::packing::{self, FileProblem, read_file, table_file};
 use super::periodic::{DriveSpec, PeriodicSpec};
 use super::quantity::Dimension;
 use crate::measure::Measure;
+use crate::open_boundaries::OpenBoundaries;
 use crate::settings::OutputSettings;
 use crate::stage::Stage;
-use crate::traffic::Traffic;
 use graintrain::collide::{deepest_overlap, meshes_that_meet};
 use graintrain::error::ModelError;
 use graintrain::handle::{BodyId, GeometryId, MaterialId, MotionId};
@@ -62,7 +62,7 @@ pub struct Simulation {
     /// What is measured.
     pub measures: Vec<Measure>,
     /// Ways in and out for bodies.
-    pub traffic: Traffic,
+    pub open_boundaries: OpenBoundaries,
     /// The scene with the defaults that depend on the bodies filled in; `resolved.to_toml()` belongs into the
     /// run's folder.
     pub resolved: Scene,
@@ -93,7 +93,7 @@ impl Scene {
         if let Some(periodic) = &self.periodic {
             builder.periodic(periodic, self.time.step)?;
         }
-        let traffic = builder.traffic(self)?;
+        let open_boundaries = builder.open_boundaries(self)?;
         let measures: Vec<Measure> = self
             .measures
             .iter()
@@ -101,10 +101,12 @@ impl Scene {
             .collect::<Result<_, SceneError>>()?;
         let stages = builder.stages(self, &measures)?;
         let Builder { mut world, smallest_radius, origins, .. } = builder;
-        if world.bodies.is_empty() && traffic.streams.is_empty() {
+        if world.bodies.is_empty() && open_boundaries.streams.is_empty() {
             return Err(SceneError::new(SceneErrorKind::NoBodies, None));
         }
-        if traffic.streams.is_empty() && !(0..world.bodies.len()).any(|body| !world.is_prescribed(body)) {
+        if open_boundaries.streams.is_empty()
+            && !(0..world.bodies.len()).any(|body| !world.is_prescribed(body))
+        {
             return Err(SceneError::new(SceneErrorKind::NothingMoves, None));
         }
         // Where nothing has a shape, nothing touches.
@@ -147,7 +149,7 @@ impl Scene {
             output,
             stages,
             measures,
-            traffic,
+            open_boundaries,
             resolved,
         })
     }

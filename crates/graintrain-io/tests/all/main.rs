@@ -3,6 +3,7 @@
 mod exchange;
 mod interruptions;
 mod measures;
+mod open_boundaries;
 mod output;
 mod pauses;
 mod periodic;
@@ -20,6 +21,5 @@ mod scene_meshes;
 mod scene_robots;
 mod scene_turning;
 mod stages;
-mod traffic;
 #[cfg(not(feature = "fclib"))]
 mod without_fclib;

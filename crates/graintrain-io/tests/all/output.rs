@@ -171,7 +171,7 @@ fn settings() -> RunSettings {
         },
         stages: Vec::new(),
         measures: Vec::new(),
-        traffic: Default::default(),
+        open_boundaries: Default::default(),
         dump_problem_every: None,
     }
 }

@@ -29,7 +29,7 @@ fn energy(world: &World) -> f64 {
 
 impl Observer for Rest {
     fn observe(&mut self, step: StepView<'_>) -> Result<(), OutputError> {
-        let given = step.totals.traffic.streams.iter().map(|stream| stream.given.bodies).sum();
+        let given = step.totals.open_boundaries.streams.iter().map(|stream| stream.given.bodies).sum();
         if given != self.bodies {
             // What comes in brings energy.
             self.energies.clear();

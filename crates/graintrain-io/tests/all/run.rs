@@ -98,7 +98,7 @@ fn settings(steps: u64) -> RunSettings {
         },
         stages: Vec::new(),
         measures: Vec::new(),
-        traffic: Default::default(),
+        open_boundaries: Default::default(),
         dump_problem_every: None,
     }
 }

@@ -6,9 +6,9 @@
 //! to an hour). Every row has a measured and an expected number and what their difference may be; nothing is
 //! asserted that is not in the report.
 //!
-//! Rows are made with the solver, tolerance and criterion of a scene that asks for nothing. Where a closed form
-//! is compared to many digits a second row beside it says the tolerance that this takes; the first is held to
-//! what its own tolerance promises ([`bench::Accuracy::promise`]).
+//! Rows are made with the solver, tolerance and criterion of a scene that asks for nothing. Where a closed
+//! form is compared to many digits a second row beside it says the tolerance that this takes; the first is
+//! held to what its own tolerance promises ([`bench::Accuracy::promise`]).
 //!
 //! | module | holds |
 //! |---|---|

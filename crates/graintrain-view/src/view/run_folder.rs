@@ -7,12 +7,12 @@ use graintrain::handle::{GeometryId, MaterialId};
 use graintrain::math::{Mat3, Quat, Vec3};
 use graintrain::shape::{Geometry, Shape};
 use graintrain::world::{Body, World};
+use graintrain_io::body_numbers::BodyNumbers;
 use graintrain_io::checkpoint;
 use graintrain_io::files::within;
 use graintrain_io::output::exchange::{ARRAYS, Array, Snapshot};
 use graintrain_io::output::size::inscribed_radius;
 use graintrain_io::output::surfaces::surface;
-use graintrain_io::roster::Roster;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
@@ -61,8 +61,8 @@ impl RunFolder {
                 frame.contacts = Some(file);
             }
         }
-        let changes_bodies = checkpoint.settings.traffic.changes_bodies();
-        let roster = checkpoint.totals.traffic.roster;
+        let changes_bodies = checkpoint.settings.open_boundaries.changes_bodies();
+        let numbers = checkpoint.totals.open_boundaries.numbers;
         let mut run = Self {
             scene: checkpoint.settings.scene,
             step: checkpoint.settings.stepping.step,
@@ -72,15 +72,15 @@ impl RunFolder {
             frames,
         };
         if changes_bodies {
-            run.collect_bodies(&roster)?;
+            run.collect_bodies(&numbers)?;
         }
         Ok(run)
     }
 
     /// Adds all bodies that were there in a frame and are not in the last checkpoint.
-    fn collect_bodies(&mut self, roster: &Roster) -> Result<(), ViewError> {
+    fn collect_bodies(&mut self, numbers: &BodyNumbers) -> Result<(), ViewError> {
         let mut numbered: HashMap<usize, usize> =
-            (0..self.last.bodies.len()).map(|body| (roster.number(body) as usize, body)).collect();
+            (0..self.last.bodies.len()).map(|body| (numbers.number(body) as usize, body)).collect();
         for frame in &self.frames {
             // A damaged frame is told where it is asked for; the others can be drawn.
             let Ok(file) = VtpFile::read(&self.folder.join(&frame.bodies)) else { continue };

@@ -89,7 +89,7 @@ fn run_in_stages(folder: &std::path::Path, steps: u64, stages: Vec<Stage>) -> Ve
         steps,
         stages,
         measures: Vec::new(),
-        traffic: Default::default(),
+        open_boundaries: Default::default(),
         dump_problem_every: None,
         output: OutputSettings {
             every: 1,

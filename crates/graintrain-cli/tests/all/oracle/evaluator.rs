@@ -91,8 +91,8 @@ impl Problem {
         diagonal
     }
 
-    /// Compares a solution file. Exact friction is a matter of W as the file has it, the relaxation (a minimum)
-    /// of its symmetric part.
+    /// Compares a solution file. Exact friction is a matter of W as the file has it, the relaxation (a
+    /// minimum) of its symmetric part.
     pub fn verdict(&self, solution: &Path, exact: bool) -> Verdict {
         let text = std::fs::read_to_string(solution).unwrap();
         let mut lines = text.lines();

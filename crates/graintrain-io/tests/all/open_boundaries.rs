@@ -92,7 +92,7 @@ fn table(folder: &Path, name: &str) -> impl Fn(&str) -> Vec<f64> {
 fn streams_and_outlets_keep_their_books_and_survive_interruptions() {
     let (whole, paused) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
     let reference = run(HOPPER, whole.path(), &[]);
-    let state = &reference.totals.traffic;
+    let state = &reference.totals.open_boundaries;
     let [rain, twins] = [0, 1].map(|k| state.streams[k]);
     assert!(rain.is_done && rain.given.bodies == 150, "{rain:?}");
     // 200 per second from 0: the last of 150 came at 0.75 s.
@@ -124,9 +124,9 @@ fn streams_and_outlets_keep_their_books_and_survive_interruptions() {
     }
     // Those that are named by packing and stream are followed, though indices move up.
     let count = |name: &str| *table(whole.path(), name)("count").last().unwrap();
-    let present = |numbers: std::ops::Range<u64>| {
-        let roster = &state.roster;
-        (0..reference.world.bodies.len()).filter(|&body| numbers.contains(&roster.number(body))).count()
+    let present = |wanted: std::ops::Range<u64>| {
+        let numbers = &state.numbers;
+        (0..reference.world.bodies.len()).filter(|&body| wanted.contains(&numbers.number(body))).count()
             as f64
     };
     assert_eq!(count("measures/first.csv"), present(2..20));
@@ -135,7 +135,7 @@ fn streams_and_outlets_keep_their_books_and_survive_interruptions() {
     let again = run(HOPPER, paused.path(), &[7, 150, 151, 400]);
     assert_eq!(again.world.state_hash(), reference.world.state_hash());
     assert_eq!(again.world, reference.world);
-    assert_eq!(again.totals.traffic, reference.totals.traffic);
+    assert_eq!(again.totals.open_boundaries, reference.totals.open_boundaries);
     for name in ["measures/all.csv", "measures/rain.csv", "bodies.pvd"] {
         let read = |folder: &Path| std::fs::read_to_string(folder.join(name)).unwrap();
         assert_eq!(read(whole.path()), read(paused.path()), "{name}");
@@ -159,7 +159,7 @@ exchange = true
 "#;
     let folder = tempfile::tempdir().unwrap();
     let run = run(text, folder.path(), &[]);
-    let state = run.totals.traffic.streams[0];
+    let state = run.totals.open_boundaries.streams[0];
     assert!(state.waits && !state.is_done && state.steps_waited > 50 && state.given.bodies >= 5, "{state:?}");
     assert_eq!(*table(folder.path(), "measures/all.csv")("streams_waiting").last().unwrap(), 1.0);
     let summary = std::fs::read_to_string(folder.path().join("summary.json")).unwrap();
@@ -225,7 +225,7 @@ time = "10 ms"
     assert!((solid / (0.2 * 0.2 * 0.25) - 0.5).abs() < 2e-3, "{solid}");
     let mass: f64 = (1..81).map(|body| done.world.bodies.mass[body]).sum();
     assert!((mass / (1000.0 * solid) - 1.0).abs() < 1e-9);
-    assert!((done.totals.traffic.entered().mass / mass - 1.0).abs() < 1e-9);
+    assert!((done.totals.open_boundaries.entered().mass / mass - 1.0).abs() < 1e-9);
     let elsewhere = tempfile::tempdir().unwrap();
     let grow = done.totals.stages[2].first_step;
     let again = run(text, elsewhere.path(), &[30, grow + 5, grow + 40]);
@@ -314,7 +314,7 @@ behind = { point = [0, 0, -0.5] }
 "#;
     let folder = tempfile::tempdir().unwrap();
     let run = run(text, folder.path(), &[]);
-    let given = run.totals.traffic.streams[0].given.bodies;
+    let given = run.totals.open_boundaries.streams[0].given.bodies;
     let (forms, present) = (run.world.geometries.len(), run.world.bodies.len());
     assert!(given > 300 && present < 100 && forms < 100, "{given} {present} {forms}");
     // Every body has a form of its own, of its own mass.

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 /// The numbers of the bodies that are there.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Roster {
+pub struct BodyNumbers {
     /// Number of each body, ascending; empty while nobody has entered or left.
     number: Vec<u64>,
     /// The stream that each body came from; [`SCENE`] for those of the scene.
@@ -30,12 +30,12 @@ pub struct Members {
     pub streams: Vec<u32>,
 }
 
-impl Roster {
-    /// The roster of the first so many bodies of a scene into which others will come.
+impl BodyNumbers {
+    /// The numbers of the first so many bodies of a scene into which others will come.
     pub fn of_scene(bodies: usize) -> Self {
-        let mut roster = Self::default();
-        roster.begin(bodies);
-        roster
+        let mut numbers = Self::default();
+        numbers.begin(bodies);
+        numbers
     }
 
     /// Whether somebody has entered or left.
@@ -119,21 +119,21 @@ mod tests {
     #[test]
     fn numbers_stay_while_indices_move_up() {
         let ids = |list: &[usize]| list.iter().map(|&i| BodyId::from_index(i)).collect::<Vec<_>>();
-        let mut roster = Roster::default();
-        assert_eq!(roster.present(&ids(&[0, 2])), ids(&[0, 2]));
-        roster.enter(3, 1);
-        roster.leave(&[
+        let mut numbers = BodyNumbers::default();
+        assert_eq!(numbers.present(&ids(&[0, 2])), ids(&[0, 2]));
+        numbers.enter(3, 1);
+        numbers.leave(&[
             Some(BodyId::from_index(0)),
             None,
             Some(BodyId::from_index(1)),
             Some(BodyId::from_index(2)),
         ]);
-        roster.enter(3, 0);
-        assert_eq!((0..4).map(|body| roster.number(body)).collect::<Vec<_>>(), [0, 2, 3, 4]);
-        assert_eq!(roster.present(&ids(&[0, 1, 2, 4])), ids(&[0, 1, 3]));
+        numbers.enter(3, 0);
+        assert_eq!((0..4).map(|body| numbers.number(body)).collect::<Vec<_>>(), [0, 2, 3, 4]);
+        assert_eq!(numbers.present(&ids(&[0, 1, 2, 4])), ids(&[0, 1, 3]));
         let members = Members { bodies: ids(&[2]), streams: vec![1] };
-        assert_eq!(roster.members(&members), ids(&[1, 2]));
-        assert!(roster.fits(4, 2) && !roster.fits(4, 1) && !roster.fits(3, 2));
-        assert_eq!(roster.given(4), 5);
+        assert_eq!(numbers.members(&members), ids(&[1, 2]));
+        assert!(numbers.fits(4, 2) && !numbers.fits(4, 1) && !numbers.fits(3, 2));
+        assert_eq!(numbers.given(4), 5);
     }
 }

@@ -1,7 +1,7 @@
 //! Bodies that enter, leave and grow between the steps of a run, and what they bring and take.
 
+use crate::body_numbers::BodyNumbers;
 use crate::growth::Growth;
-use crate::roster::Roster;
 use crate::stream::{Amount, Moment, Outlet, Stream, StreamState, take_out};
 use graintrain::collide::Collider;
 use graintrain::error::ModelError;
@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 
 /// Ways in and out.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Traffic {
+pub struct OpenBoundaries {
     /// Ways in.
     pub streams: Vec<Stream>,
     /// Ways out.
@@ -19,9 +19,9 @@ pub struct Traffic {
 
 /// What went through them so far.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct TrafficState {
+pub struct OpenBoundaryState {
     /// Who is there.
-    pub roster: Roster,
+    pub numbers: BodyNumbers,
     /// Of each stream.
     pub streams: Vec<StreamState>,
     /// What left through each outlet.
@@ -33,7 +33,7 @@ pub struct TrafficState {
     prepared: u64,
 }
 
-impl TrafficState {
+impl OpenBoundaryState {
     /// All that has come: what streams gave, and mass by growth.
     pub fn entered(&self) -> Amount {
         let mut sum = self.grown;
@@ -54,14 +54,14 @@ impl TrafficState {
     }
 }
 
-impl Traffic {
+impl OpenBoundaries {
     /// Whether the number of bodies may change.
     pub fn changes_bodies(&self) -> bool {
         !(self.streams.is_empty() && self.outlets.is_empty())
     }
 
     /// Whether all streams that flow in a stage have given all.
-    pub fn is_filled(&self, stage: usize, state: &TrafficState) -> bool {
+    pub fn is_filled(&self, stage: usize, state: &OpenBoundaryState) -> bool {
         let here = |stream: &Stream| stream.stage.is_none_or(|only| only == stage);
         let mut done = self.streams.iter().zip(&state.streams);
         state.streams.len() == self.streams.len()
@@ -77,7 +77,7 @@ impl Traffic {
         &self,
         world: &mut World,
         collider: &mut Collider,
-        state: &mut TrafficState,
+        state: &mut OpenBoundaryState,
         growth: Option<&Growth>,
         now: Moment,
         overlap: f64,
@@ -89,21 +89,21 @@ impl Traffic {
         state.streams.resize(self.streams.len(), StreamState::default());
         state.outlets.resize(self.outlets.len(), Amount::default());
         if let Some(after) = take_out(world, &self.outlets, &mut state.outlets) {
-            state.roster.leave(&after);
+            state.numbers.leave(&after);
         }
         for (index, (stream, made)) in (0..).zip(self.streams.iter().zip(&mut state.streams)) {
-            stream.flow(index, world, collider, &mut state.roster, made, now)?;
+            stream.flow(index, world, collider, &mut state.numbers, made, now)?;
         }
         if let Some(growth) = growth {
-            state.grown.add(&growth.grow(world, &state.roster, now.step, overlap)?);
+            state.grown.add(&growth.grow(world, &state.numbers, now.step, overlap)?);
         }
         Ok(())
     }
 
     /// What is wrong with it or its state for a world: scenes give nothing, a damaged file may.
-    pub(crate) fn defect(&self, world: &World, state: &TrafficState) -> Option<String> {
+    pub(crate) fn defect(&self, world: &World, state: &OpenBoundaryState) -> Option<String> {
         let bodies = world.bodies.len();
-        if !state.roster.fits(bodies, self.streams.len()) {
+        if !state.numbers.fits(bodies, self.streams.len()) {
             return Some("the numbers of its bodies fit no run of it".into());
         }
         if state.streams.len() > self.streams.len() || state.outlets.len() > self.outlets.len() {

@@ -1,18 +1,18 @@
 //! Streams and outlets of a scene.
 
 use super::{Builder, Scene, SceneError, SceneErrorKind, form, half_thickness, model_error};
+use crate::body_numbers::Members;
+use crate::open_boundaries::OpenBoundaries;
 use crate::radii::RadiusDistribution;
-use crate::roster::Members;
 use crate::scene::model::RadiusSpec;
 use crate::scene::{ExitSpec, StreamSpec};
 use crate::stream::{Exit, Grain, Outlet, Rate, Stream};
-use crate::traffic::Traffic;
 use graintrain::load::Region;
 use graintrain::world::FREE;
 
 impl Builder {
     /// The streams and outlets of the scene.
-    pub(super) fn traffic(&mut self, scene: &Scene) -> Result<Traffic, SceneError> {
+    pub(super) fn open_boundaries(&mut self, scene: &Scene) -> Result<OpenBoundaries, SceneError> {
         let streams = scene.streams.iter().map(|(name, spec)| self.stream(name, spec, scene));
         let streams = streams.collect::<Result<_, SceneError>>()?;
         self.streams = scene.streams.iter().map(|(name, _)| name.clone()).collect();
@@ -24,7 +24,7 @@ impl Builder {
                 ExitSpec::Inside(region) => Exit::Inside(region.clone()),
             },
         });
-        Ok(Traffic { streams, outlets: outlets.collect() })
+        Ok(OpenBoundaries { streams, outlets: outlets.collect() })
     }
 
     fn stream(&mut self, name: &str, spec: &StreamSpec, scene: &Scene) -> Result<Stream, SceneError> {
