@@ -18,7 +18,7 @@ const page = { module: null, schema: null, running: null, files: {}, showing: fa
 
 // ---- the program -------------------------------------------------------------------------------------------------------
 
-/** Runs the program in a worker of its own; `follow` is told of the files so far. `ended` is rejected where it is stopped. */
+/** Runs the program in a worker of its own; `follow` is given the files so far. `ended` is rejected where it is stopped. */
 function program(args, files, follow) {
   const worker = new Worker("worker.js", { type: "module" });
   let stop;

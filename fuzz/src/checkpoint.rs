@@ -31,7 +31,7 @@ pub fn run(payload: &[u8]) -> bool {
     true
 }
 
-/// Makes one step as a run would, written down in a folder; whatever comes of it, an error is told.
+/// Makes one step as a run would, written down in a folder; whatever comes of it, an error is reported.
 pub(crate) fn step(world: World, settings: RunSettings, totals: RunTotals, marks: &Marks) {
     let settings = RunSettings { steps: world.step.saturating_add(1), ..settings };
     let stop = Arc::new(AtomicBool::new(false));

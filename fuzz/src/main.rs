@@ -119,9 +119,9 @@ struct Watch {
 impl Watch {
     fn begin() -> Self {
         let (begin, since) = (Instant::now(), Arc::new(AtomicU64::new(0)));
-        let told = std::panic::take_hook();
+        let reported = std::panic::take_hook();
         std::panic::set_hook(Box::new(move |info| {
-            told(info);
+            reported(info);
             abort();
         }));
         let watched = Arc::clone(&since);

@@ -41,7 +41,7 @@ test("a scene runs to the state that the program reaches in Node.js, and its rep
   await page.close();
 });
 
-test("sliders change the scene, and mistakes are told", { skip }, async () => {
+test("sliders change the scene, and mistakes are reported", { skip }, async () => {
   const page = await open();
   await page.selectOption("#choice", "incline");
   await page.waitForSelector("#parameter-angle");

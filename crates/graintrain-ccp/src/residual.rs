@@ -242,7 +242,7 @@ impl ResidualScale {
         squares.residual(problem.num_contacts())
     }
 
-    /// All that is told of impulses g whose relative velocities are u = N g + r.
+    /// All that is reported of impulses g whose relative velocities are u = N g + r.
     pub fn evaluate(&self, problem: &Ccp, g: &[f64], u: &[f64]) -> Evaluation {
         let contacts = problem.num_contacts();
         let models = [FrictionModel::Relaxed, FrictionModel::Coulomb];

@@ -54,7 +54,7 @@ fn at_the_end(summary: &Summary) -> String {
     text
 }
 
-/// A larger share of contacts that pressed though their bodies were apart is told.
+/// A larger share of contacts that pressed though their bodies were apart is reported.
 const APART: f64 = 1e-3;
 
 /// Whether the answers are what was asked for, and how far from exact geometry they are.
@@ -134,7 +134,7 @@ fn errors(summary: &Summary) -> Vec<(&'static str, String)> {
             number(MIXED_MAXIMUM * summary.tolerance)
         ),
     };
-    let mut told = vec![
+    let mut reported = vec![
         (
             "residual",
             format!(
@@ -170,21 +170,21 @@ fn errors(summary: &Summary) -> Vec<(&'static str, String)> {
         ),
     ];
     if summary.friction == FrictionModel::Relaxed {
-        told.push((
+        reported.push((
             "relaxation",
             "the paper's model: what slides is lifted by mu times its slip; `--friction coulomb` does not"
                 .to_string(),
         ));
     }
-    told
+    reported
 }
 
 /// What happened: stages, streams, outlets.
 fn events(summary: &Summary) -> Vec<(&'static str, String)> {
-    let mut told = Vec::new();
+    let mut reported = Vec::new();
     for stage in &summary.stages {
         let last = stage.last_step.map_or("the end".to_string(), |last| last.to_string());
-        told.push(("stage", format!("`{}`: steps {} to {last}", stage.name, stage.first_step + 1)));
+        reported.push(("stage", format!("`{}`: steps {} to {last}", stage.name, stage.first_step + 1)));
     }
     for stream in &summary.streams {
         let waited = match stream.steps_waited {
@@ -192,13 +192,13 @@ fn events(summary: &Summary) -> Vec<(&'static str, String)> {
             steps => format!("; in {} a body found no free place", counted(steps, "step", "steps")),
         };
         let bodies = counted(stream.bodies, "body", "bodies");
-        told.push(("stream", format!("`{}`: {bodies}, {} kg{waited}", stream.name, number(stream.mass))));
+        reported.push(("stream", format!("`{}`: {bodies}, {} kg{waited}", stream.name, number(stream.mass))));
     }
     for outlet in &summary.outlets {
         let bodies = counted(outlet.bodies, "body", "bodies");
-        told.push(("outlet", format!("`{}`: {bodies}, {} kg", outlet.name, number(outlet.mass))));
+        reported.push(("outlet", format!("`{}`: {bodies}, {} kg", outlet.name, number(outlet.mass))));
     }
-    told
+    reported
 }
 
 /// 1 step, 2 steps.
@@ -220,7 +220,7 @@ fn number(value: f64) -> String {
     }
 }
 
-/// A share for people: 31 %, 0.42 %; what is too small to matter is told as such.
+/// A share for people: 31 %, 0.42 %; what is too small to matter is reported as such.
 fn percent(share: f64) -> String {
     match 100.0 * share {
         0.0 => "0 %".to_string(),
@@ -250,18 +250,18 @@ mod tests {
     use super::*;
 
     #[test]
-    fn durations_are_told_in_the_unit_that_fits() {
-        let told = [2e-5, 0.005, 0.0123, 4.561, 5.0, 200.0, 7500.0].map(duration);
-        assert_eq!(told, ["20 us", "5 ms", "12.3 ms", "4.56 s", "5 s", "3 min 20 s", "2 h 5 min"]);
+    fn durations_are_reported_in_the_unit_that_fits() {
+        let reported = [2e-5, 0.005, 0.0123, 4.561, 5.0, 200.0, 7500.0].map(duration);
+        assert_eq!(reported, ["20 us", "5 ms", "12.3 ms", "4.56 s", "5 s", "3 min 20 s", "2 h 5 min"]);
     }
 
-    /// Powers of ten only where a plain number has many zeros: "3.1e1 %" was told.
+    /// Powers of ten only where a plain number has many zeros: "3.1e1 %" was reported.
     #[test]
     fn numbers_are_plain_where_people_read_them() {
-        let told = [0.0, 31.0, 0.31, 0.0996, 0.99, 9.96, 12345.6, 3.1e-8, 2.5e7].map(number);
-        assert_eq!(told, ["0", "31", "0.31", "0.1", "0.99", "10", "12346", "3e-8", "2e7"]);
-        let told = [0.0, 1.1e-16, 0.0042, 0.31].map(percent);
-        assert_eq!(told, ["0 %", "less than 0.001 %", "0.42 %", "31 %"]);
+        let reported = [0.0, 31.0, 0.31, 0.0996, 0.99, 9.96, 12345.6, 3.1e-8, 2.5e7].map(number);
+        assert_eq!(reported, ["0", "31", "0.31", "0.1", "0.99", "10", "12346", "3e-8", "2e7"]);
+        let reported = [0.0, 1.1e-16, 0.0042, 0.31].map(percent);
+        assert_eq!(reported, ["0 %", "less than 0.001 %", "0.42 %", "31 %"]);
         assert_eq!(counted(1, "step", "steps"), "1 step");
     }
 }

@@ -68,7 +68,7 @@ impl Crew {
     /// What has become of all ranks: where one of them has failed, all have. The first that failed tells why.
     ///
     /// # Errors
-    /// The failure of this rank, or that of another one ([`Failure::Told`]).
+    /// The failure of this rank, or that of another one ([`Failure::Reported`]).
     pub fn agree<T>(&self, own: Result<T, Failure>) -> Result<T, Failure> {
         let Some(ranks) = &self.ranks else { return own };
         let codes = ranks.numbers(own.as_ref().err().map_or(0, |failure| u64::from(failure.code())));
@@ -81,7 +81,7 @@ impl Crew {
                 }
                 Err(failure)
             }
-            _ => Err(Failure::Told(codes[first] as u8)),
+            _ => Err(Failure::Reported(codes[first] as u8)),
         }
     }
 
@@ -112,8 +112,8 @@ impl Crew {
         ExitCode::from(all.into_iter().flatten().max().map_or(own, |code| code as u8))
     }
 
-    /// A failure that other ranks do not know of, since they are in the middle of a step: it is told, and all
-    /// of them end.
+    /// A failure that other ranks do not know of, since they are in the middle of a step: it is reported, and
+    /// all of them end.
     pub fn abandon(&self, failure: Failure) -> Failure {
         let Some(ranks) = &self.ranks else { return failure };
         terminal::keep_silent(false);

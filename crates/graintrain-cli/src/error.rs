@@ -10,12 +10,12 @@ pub enum Failure {
     Input(miette::Report),
     /// The input is fine, but the work failed: exit code 1.
     Work(miette::Report),
-    /// Another process has failed and told why, with this exit code.
-    Told(u8),
+    /// Another process has failed and reported why, with this exit code.
+    Reported(u8),
 }
 
 impl Failure {
-    /// Bad input, told by an ordinary error and what the user can do about it.
+    /// Bad input, reported by an ordinary error and what the user can do about it.
     pub fn input_error(
         error: impl std::error::Error + Send + Sync + 'static,
         remedy: impl Into<String>,
@@ -23,7 +23,7 @@ impl Failure {
         Self::Input(with_remedy(error, remedy))
     }
 
-    /// Failed work, told by an ordinary error and what the user can do about it.
+    /// Failed work, reported by an ordinary error and what the user can do about it.
     pub fn work_error(
         error: impl std::error::Error + Send + Sync + 'static,
         remedy: impl Into<String>,
@@ -35,7 +35,7 @@ impl Failure {
     pub fn report(&self) -> ExitCode {
         match self {
             Self::Input(report) | Self::Work(report) => tell!("{report:?}"),
-            Self::Told(_) => {}
+            Self::Reported(_) => {}
         }
         ExitCode::from(self.code())
     }
@@ -45,7 +45,7 @@ impl Failure {
         match self {
             Self::Input(_) => 2,
             Self::Work(_) => 1,
-            Self::Told(code) => *code,
+            Self::Reported(code) => *code,
         }
     }
 }

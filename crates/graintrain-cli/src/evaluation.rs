@@ -231,7 +231,7 @@ mod tests {
     /// One contact, N = eta I, r = (-1, 0, 0): solved by g_n = 1 / eta, and half of that has a residual of
     /// 1/2.
     #[test]
-    fn impulses_at_the_ends_of_the_floats_are_told_from_solutions() {
+    fn impulses_at_the_ends_of_the_floats_are_distinguished_from_solutions() {
         for eta in [1e-300, 1.0, 1e300] {
             let matrix = BlockMatrix3::from_rows(
                 vec![0, 1],

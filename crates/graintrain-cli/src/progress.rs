@@ -270,7 +270,7 @@ mod tests {
     }
 
     #[test]
-    fn each_kind_of_trouble_is_told_once_with_its_step_and_time() {
+    fn each_kind_of_trouble_is_reported_once_with_its_step_and_time() {
         let mut warnings = Warnings::default();
         let (good, bad) = (report(Status::Converged, 1e-5), report(Status::Stalled, 0.14));
         let overlap = |penetration: f64| Found { penetration, ..Found::default() };
@@ -300,17 +300,18 @@ mod tests {
     fn deep_overlap_is_put_down_to_what_made_it() {
         let (good, bad) = (report(Status::Converged, 1e-5), report(Status::Stalled, 0.14));
         let deep = Found { penetration: 0.9, closing: 1e-5, ..Found::default() };
-        let told = |solve: &SolveReport, found: Found| {
+        let reported = |solve: &SolveReport, found: Found| {
             Warnings::default().of(7, 0.1, solve, found).pop().expect("a warning")
         };
-        let unknown = told(&good, deep);
+        let unknown = reported(&good, deep);
         assert!(!unknown.contains("friction") && !unknown.contains("shorter step"), "{unknown}");
-        assert!(told(&good, Found { is_new: true, ..deep }).contains("too far within a step"));
+        assert!(reported(&good, Found { is_new: true, ..deep }).contains("too far within a step"));
         assert!(
-            told(&good, Found { contacts_missed: 1, ..deep }).contains("passed into each other since step 7")
+            reported(&good, Found { contacts_missed: 1, ..deep })
+                .contains("passed into each other since step 7")
         );
-        assert!(told(&bad, deep).contains("missed their tolerance since step 7"));
-        let left = told(&good, Found { closing: 0.034, ..deep });
+        assert!(reported(&bad, deep).contains("missed their tolerance since step 7"));
+        let left = reported(&good, Found { closing: 0.034, ..deep });
         assert!(left.contains("3.4 %") && left.contains("smaller --tolerance"), "{left}");
     }
 }

@@ -106,7 +106,7 @@ pub fn make_steps(
     let outcome = match (ending, recorder.as_ref().map(Recorder::folder).zip(summary)) {
         // The other ranks make the next step.
         (Err(RunError::Output(error)), _) => return Err(crew.abandon(output_failure(error))),
-        // The error that ended the run is told even where its checkpoint could not be written either.
+        // The error that ended the run is reported even where its checkpoint could not be written either.
         (Err(error), Some((folder, summary))) => {
             let remedy = remedy(&error, folder, summary.is_ok());
             Err(Failure::work_error(error, remedy))

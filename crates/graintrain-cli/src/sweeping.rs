@@ -277,9 +277,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_log_is_told_how_far_the_runs_are() {
+    fn a_log_is_reported_how_far_the_runs_are() {
         assert_eq!(log_line(0, 12, Duration::from_secs(60)), "0 of 12 runs done, 60 s so far");
-        let told = log_line(3, 12, Duration::from_secs(60));
-        assert_eq!(told, "3 of 12 runs done, 60 s so far, about 180 s to go");
+        let reported = log_line(3, 12, Duration::from_secs(60));
+        assert_eq!(reported, "3 of 12 runs done, 60 s so far, about 180 s to go");
     }
 }

@@ -12,7 +12,7 @@ pub struct Timings {
     all: PhaseSeconds,
     leading: PhaseSeconds,
     /// Whether the system tells processor time.
-    is_told: bool,
+    is_reported: bool,
 }
 
 fn add(sum: &mut PhaseSeconds, phases: &PhaseSeconds) {
@@ -28,7 +28,7 @@ impl Observer for Timings {
         if let Some(ProcessorSeconds { all, leading }) = &step.report.processor {
             add(&mut self.all, all);
             add(&mut self.leading, leading);
-            self.is_told = true;
+            self.is_reported = true;
         }
         Ok(())
     }
@@ -54,15 +54,15 @@ impl Timings {
             ("integrate", |phases| phases.integrate),
             ("steps", |phases| phases.collide + phases.assemble + phases.solve + phases.integrate),
         ];
-        let several = threads > 1 && self.is_told;
+        let several = threads > 1 && self.is_reported;
         let mut text = format!("\n  {:<12} {:>10} {:>14}", "phase", "wall, s", "processors, s");
         if several {
             let _ = write!(text, " {:>8} {:>26}", "serial", format!("at most with {threads} threads"));
         }
         for (name, of) in phases {
             let _ = write!(text, "\n  {name:<12} {:>10.3}", of(&self.wall));
-            if !self.is_told {
-                let _ = write!(text, " {:>14}", "not told");
+            if !self.is_reported {
+                let _ = write!(text, " {:>14}", "not reported");
                 continue;
             }
             let _ = write!(text, " {:>14.3}", of(&self.all));
@@ -94,12 +94,12 @@ mod tests {
     #[test]
     fn the_table_names_every_phase_and_tells_serial_parts_of_several_threads_alone() {
         let seconds = PhaseSeconds { collide: 1.0, assemble: 0.5, solve: 4.0, integrate: 2.0 };
-        let timings = Timings { wall: seconds, all: seconds, leading: seconds, is_told: true };
+        let timings = Timings { wall: seconds, all: seconds, leading: seconds, is_reported: true };
         let (one, two) = (timings.table(1, 0.25), timings.table(2, 0.25));
         for phase in ["collide", "assemble", "solve", "integrate", "steps", "output"] {
             assert!(one.contains(phase) && two.contains(phase), "{one}{two}");
         }
         assert!(!one.contains("serial") && two.contains("100.0 %") && two.contains("1.00 times"), "{two}");
-        assert!(Timings { is_told: false, ..timings }.table(2, 0.25).contains("not told"));
+        assert!(Timings { is_reported: false, ..timings }.table(2, 0.25).contains("not reported"));
     }
 }

@@ -81,7 +81,7 @@ mod tests {
     }
 
     #[test]
-    fn damage_is_told_and_makes_no_panic() {
+    fn damage_is_reported_and_makes_no_panic() {
         let plain = states(2 * BLOCK + 99);
         let packed = pack(&plain);
         assert!(unpack(&packed[..packed.len() - 1], plain.len()).is_err());

@@ -662,7 +662,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn triangles_are_told_from_squares() {
+    fn triangles_are_distinguished_from_squares() {
         for n in [1, 2, 9] {
             let square = sample(n, n, 2);
             let t = Matrix::from_fn(n, n, |i, j| if i >= j { square[(i, j)] } else { 0.0 });

@@ -82,7 +82,7 @@ def test_a_slide_by_hand():
     assert pulled["forces"][body, 0] == pytest.approx(pulled["velocities"][body, 0] * 1e-2 / world.masses[body])
 
 
-def test_kinks_are_told():
+def test_kinks_are_reported():
     world = graintrain.World(step=1e-2, envelope=1e-3, friction="relaxed")
     world.add_plane()
     body = world.add_body(Shape.sphere(0.1), (0, 0, 0.1), name="ball")

@@ -31,7 +31,7 @@ def test_a_motor_lifts_a_weight_through_a_gear():
     assert pinion == 1
 
 
-def test_wrong_joints_are_told():
+def test_wrong_joints_are_reported():
     world = graintrain.World(step=1e-3)
     ball = world.add_body(Shape.sphere(0.1), (0, 0, 0))
     for wrong, error, message in [

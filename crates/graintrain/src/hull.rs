@@ -349,7 +349,7 @@ mod tests {
     }
 
     #[test]
-    fn huge_and_tiny_hulls_are_hulls_or_told() {
+    fn huge_and_tiny_hulls_are_hulls_or_reported() {
         let exact = Hull::new(&grid(Vec3::ONE, 3)).unwrap().0;
         for size in [1e-49, 1e-20, 1e20, 1e49] {
             let (hull, _) = Hull::new(&grid(Vec3::splat(size), 3)).unwrap();

@@ -125,7 +125,7 @@ mod tests {
     }
 
     #[test]
-    fn holes_turned_triangles_and_insides_out_are_told() {
+    fn holes_turned_triangles_and_insides_out_are_reported() {
         let (vertices, triangles) = brick(Vec3::ONE, Vec3::ZERO);
         let refused =
             |triangles: Vec<[u32; 3]>| Geometry::solid_mesh(vertices.clone(), triangles).unwrap_err();

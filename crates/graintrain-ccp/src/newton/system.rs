@@ -149,7 +149,7 @@ pub struct NewtonRecord {
     pub residual: f64,
     /// Step length taken.
     pub step: f64,
-    /// What [`NewtonSolver::figures`] told.
+    /// What [`NewtonSolver::figures`] reported.
     pub figures: BTreeMap<String, f64>,
 }
 

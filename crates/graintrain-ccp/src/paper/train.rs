@@ -37,7 +37,7 @@ pub struct TensorTrain {
     with_train: bool,
     /// Whether this matrix was a try.
     tried: bool,
-    /// Whether the train has not been told of the present N yet.
+    /// Whether the train has not been given the present N yet.
     unseen: bool,
     losses: u32,
     wait: u32,

@@ -148,7 +148,7 @@ impl NewtonSolver for TrainSchur {
         if capacity > LARGEST_LEAF {
             return Err(self.breakdown(&format!(
                 "{capacity} contacts share a leaf of the tree, more than {LARGEST_LEAF}: they lie too close together to be \
-                 told apart by halving space"
+                 distinguished by halving space"
             )));
         }
         self.inverse.set_patience(system.patience.clone());

@@ -591,7 +591,7 @@ impl Course {
     fn report(self, cascade: &Cascade, problem: &Ccp, impulse: &[f64], limits: &Limits<'_>) -> SolveReport {
         let [iterations, linear_iterations, products] = self.sums;
         let Self { status, curvature, newton, stages, remark, .. } = self;
-        let solver = cascade.told(&stages);
+        let solver = cascade.reported(&stages);
         let report = match self.ended {
             Some(report) => report,
             None => {
@@ -618,7 +618,7 @@ impl Course {
 
 impl Cascade {
     /// The name with those of the members that worked.
-    fn told(&self, stages: &[StageRecord]) -> String {
+    fn reported(&self, stages: &[StageRecord]) -> String {
         let mut names: Vec<&str> = stages.iter().map(|stage| stage.solver.as_str()).collect();
         names.dedup();
         names.truncate(4);

@@ -239,7 +239,7 @@ impl NewtonSolver for Refuses {
 }
 
 #[test]
-fn the_reason_why_a_linear_solver_gives_up_is_told() {
+fn the_reason_why_a_linear_solver_gives_up_is_reported() {
     let problem = diagonal(&[[2.0, 3.0, 3.0]], &[-1.0, 0.3, 0.0], &[0.3]);
     let solve = |error: NewtonError| {
         let mut solver = Pdip::with_solver(Rule::Central, Box::new(Refuses(error)));

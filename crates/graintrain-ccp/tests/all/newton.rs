@@ -379,7 +379,7 @@ fn the_end_of_one_solve_does_not_decide_the_race_of_the_next() {
             let first = lattice_packing(3, 3, 0.4, 9);
             driver.set_patience(Patience::new(None, Some(Arc::new(AtomicBool::new(true)))));
             driver.begin(&first);
-            // The train is told to stop, its rival solves (and stops, too).
+            // The train is asked to stop, its rival solves (and stops, too).
             let _ = driver.refresh(&first, blocks, 0, 0.0);
             driver.solve(&first, blocks, &vec![1.0; z.len()], &mut z, 1e-6);
             driver.end_iteration(1.0);
@@ -442,7 +442,7 @@ fn solvers_used_again_have_forgotten_the_last_problem() {
 
 /// Linear solvers stop where the patience of the solve ends: iterations, cross sweeps, inversions.
 #[test]
-fn linear_solvers_stop_when_they_are_told() {
+fn linear_solvers_stop_when_they_are_asked() {
     use graintrain_linalg::patience::Patience;
     use std::sync::Arc;
     use std::sync::atomic::AtomicBool;

@@ -104,7 +104,7 @@ fn read_all(paths: &[PathBuf]) -> Result<(Vec<(String, ProblemFile)>, usize), Fa
     for path in &paths {
         match solving::read_problem(path) {
             Ok(file) => files.push((distinct_name(path, &paths), file)),
-            // A name that is mistyped is better told before hours of work than after.
+            // A name that is mistyped is better reported before hours of work than after.
             Err(failure) if !path.exists() => return Err(failure),
             Err(failure) => failures.push(failure),
         }

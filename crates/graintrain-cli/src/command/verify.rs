@@ -82,7 +82,7 @@ pub fn execute(arguments: &Arguments) -> Result<ExitCode, Failure> {
         write_atomically(&folder.join("verify.csv"), csv(cases).as_bytes())?;
         write_atomically(&folder.join("verify.html"), html(&head, cases).as_bytes())
     };
-    let mut told = |name: &str| tell!("{name} ...");
+    let mut reported = |name: &str| tell!("{name} ...");
     let named = |(name, _): &&(&str, _)| arguments.friction == "both" || arguments.friction == *name;
     let models = FrictionModel::NAMES.iter().filter(named).map(|(_, model)| *model).collect();
     let mut sampling = Sampling {
@@ -90,7 +90,7 @@ pub fn execute(arguments: &Arguments) -> Result<ExitCode, Failure> {
         models,
         scratch,
         stop: stop.requested.clone(),
-        progress: &mut told,
+        progress: &mut reported,
     };
     let mut written = Ok(());
     let cases = measure(chosen.iter().copied(), &mut sampling, |cases| {

@@ -175,8 +175,8 @@ fn run_chapter(sources: &Path, chapter: &str) -> (usize, usize) {
             "sh" => {
                 let code: i32 = block.option("exit").map_or(0, |code| code.parse().unwrap());
                 let output = shell(folder.path(), &block.body);
-                let told = String::from_utf8_lossy(&output.stderr);
-                assert_eq!(output.status.code(), Some(code), "{chapter}: {}\n{told}", block.body);
+                let reported = String::from_utf8_lossy(&output.stderr);
+                assert_eq!(output.status.code(), Some(code), "{chapter}: {}\n{reported}", block.body);
                 run += 1;
             }
             "console" | "bash" => panic!("{chapter}: commands stand in blocks marked sh"),

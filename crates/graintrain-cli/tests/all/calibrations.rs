@@ -90,8 +90,8 @@ fn no_answer_stands_on_no_run() {
     let (_, err) = ended(folder.path(), &["--fit", "mu=0.1..0.3", "--to", to, "--out", "x"], 1);
     assert!(err.contains("no run has a number for `block.velocity_x at centre_x = 0.25`"), "{err}");
     assert!(!err.contains("more runs would narrow"), "{err}");
-    // A point of a curve at which no run has a record: where the records are is told, and what the runs said
-    // is there.
+    // A point of a curve at which no run has a record: where the records are is reported, and what the runs
+    // said is there.
     std::fs::write(folder.path().join("t.csv"), "time,x\n0.1,0.08\n2.5,0.17\n").unwrap();
     let late = ["--fit", "mu=0.1..0.8", "--to", "block.centre_x=t.csv+-0.001", "--out", "t"];
     let (_, err) = ended(folder.path(), &late, 2);
@@ -110,7 +110,7 @@ fn the_printed_command_has_all_settings() {
     assert!(out.contains("graintrain run slide.toml --set 'speed=0.9 m/s' --set mu=0."), "{out}");
 }
 
-/// A scene that cannot be built in the middle of the ranges is told before the first run, with its place.
+/// A scene that cannot be built in the middle of the ranges is reported before the first run, with its place.
 #[test]
 fn scenes_that_cannot_be_built() {
     let folder = folder();
@@ -172,7 +172,7 @@ fn what_cannot_be_reached_is_said() {
 }
 
 #[test]
-fn mistakes_are_told_before_the_first_run() {
+fn mistakes_are_reported_before_the_first_run() {
     let folder = folder();
     std::fs::write(folder.path().join("bad.csv"), "time,x\n1\n").unwrap();
     std::fs::write(folder.path().join("mus.csv"), "mu,x\n0.2,0.25\n0.3,0.17\n").unwrap();

@@ -9,7 +9,7 @@ fn summary(folder: &Path) -> serde_json::Value {
     serde_json::from_str(&read(&folder.join("summary.json"))).unwrap()
 }
 
-/// The end of the time is told by a code of its own, and what was computed goes on to the bits of a run
+/// The end of the time is reported by a code of its own, and what was computed goes on to the bits of a run
 /// without a limit.
 #[test]
 fn a_run_whose_time_is_up_tells_it_by_its_exit_code() {
@@ -76,7 +76,7 @@ fn a_run_that_had_not_begun_stands_in_nobodys_way() {
     assert_eq!(summary(&cut)["status"], "finished");
 }
 
-/// Tables that are cut or missing are told, and what is left of them is kept.
+/// Tables that are cut or missing are reported, and what is left of them is kept.
 #[test]
 fn resume_tells_what_is_lost() {
     let folder = folder();
@@ -88,8 +88,8 @@ fn resume_tells_what_is_lost() {
     std::fs::remove_file(cut.join("joints.csv")).unwrap();
     std::fs::remove_file(cut.join("contacts.pvd")).unwrap();
     let (_, err) = ended(graintrain(folder.path(), &["resume", "cut", "--steps", "41", "--quiet"]), 0);
-    for told in ["cut/wrench.csv.bad", "cut/joints.csv is missing", "cut/contacts.pvd is missing"] {
-        assert!(err.contains(told), "{told}: {err}");
+    for reported in ["cut/wrench.csv.bad", "cut/joints.csv is missing", "cut/contacts.pvd is missing"] {
+        assert!(err.contains(reported), "{reported}: {err}");
     }
     assert_eq!(read(&cut.join("wrench.csv.bad")), wrench[..300]);
     let (_, err) = ended(graintrain(folder.path(), &["resume", "cut", "--steps", "42", "--quiet"]), 0);

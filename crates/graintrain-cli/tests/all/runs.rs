@@ -36,10 +36,10 @@ pub fn folder() -> tempfile::TempDir {
 }
 
 pub fn ended(mut command: Command, code: i32) -> (String, String) {
-    told(command.output().unwrap(), code)
+    reported(command.output().unwrap(), code)
 }
 
-pub fn told(output: Output, code: i32) -> (String, String) {
+pub fn reported(output: Output, code: i32) -> (String, String) {
     let text = |bytes| String::from_utf8(bytes).unwrap();
     let (out, err) = (text(output.stdout), text(output.stderr));
     assert_eq!(output.status.code(), Some(code), "stdout: {out}\nstderr: {err}");
@@ -158,7 +158,7 @@ fn a_run_stopped_by_a_signal_resumes_to_the_same_bits() {
         let folder = folder();
         let child = long_run(folder.path());
         signal(&child, name);
-        let (out, _) = told(child.wait_with_output().unwrap(), code);
+        let (out, _) = reported(child.wait_with_output().unwrap(), code);
         assert!(out.contains("graintrain resume cut"), "{out}");
         let steps = read(&folder.path().join("cut/steps.csv")).lines().count() - 1;
         let summary: serde_json::Value =
@@ -272,7 +272,7 @@ fn a_killed_run_resumes_to_the_same_bits_even_past_a_damaged_checkpoint() {
 }
 
 #[test]
-fn bad_input_is_told_in_one_message() {
+fn bad_input_is_reported_in_one_message() {
     let folder = folder();
     std::fs::write(folder.path().join("file"), "").unwrap();
     std::fs::create_dir(folder.path().join("mine")).unwrap();
@@ -300,7 +300,7 @@ fn bad_input_is_told_in_one_message() {
 }
 
 #[test]
-fn a_full_disk_is_told_and_what_was_written_stays_readable() {
+fn a_full_disk_is_reported_and_what_was_written_stays_readable() {
     let folder = folder();
     // The shell lets no file grow beyond 64 blocks of 512 bytes and turns the signal into an error of the
     // write.
@@ -430,28 +430,29 @@ fn an_answer_that_cannot_be_written_is_a_failure() {
     let mut command = graintrain(folder.path(), &["check", "balls.toml"]);
     let full = std::fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
     let child = command.stdout(full).stderr(Stdio::piped()).spawn().unwrap();
-    let (_, err) = told(child.wait_with_output().unwrap(), 1);
+    let (_, err) = reported(child.wait_with_output().unwrap(), 1);
     assert!(err.contains("cannot write to stdout"), "{err}");
 }
 
-/// What is no mistake and yet seldom meant is told before a run, and what did not come about after it.
+/// What is no mistake and yet seldom meant is reported before a run, and what did not come about after it.
 #[test]
-fn what_is_seldom_meant_is_told() {
+fn what_is_seldom_meant_is_reported() {
     let folder = folder();
     let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
     write(
         "rough.toml",
         "[time]\nstep = 0.2\nend = 1\n[solver]\ntolerance = 1e-13\nfriction = \"relaxed\"\n[material.m]\nfriction = 1.5\n[body.b]\nshape = { sphere = { radius = 0.1 } }\n",
     );
-    let (told, _) = ended(graintrain(folder.path(), &["check", "rough.toml"]), 0);
+    let (reported, _) = ended(graintrain(folder.path(), &["check", "rough.toml"]), 0);
     for doubt in ["friction 1.5 with the relaxed model", "a shorter time.step", "below what rounding allows"]
     {
-        assert!(told.contains(doubt), "{doubt}: {told}");
+        assert!(reported.contains(doubt), "{doubt}: {reported}");
     }
     // Steps are solved to 1e-2 whatever is asked, and the summary says to what.
     let loose = ["--set", "solver.tolerance=0.1", "--set", "n=1"];
-    let (told, _) = ended(graintrain(folder.path(), &[&["check", "sedimentation"], &loose[..]].concat()), 0);
-    assert!(told.contains("auto to 1e-2") && told.contains("1e-1 saves nothing"), "{told}");
+    let (reported, _) =
+        ended(graintrain(folder.path(), &[&["check", "sedimentation"], &loose[..]].concat()), 0);
+    assert!(reported.contains("auto to 1e-2") && reported.contains("1e-1 saves nothing"), "{reported}");
     let run = ["run", "sedimentation", "--steps", "2", "--out", "loose", "--quiet"];
     ended(graintrain(folder.path(), &[&run, &loose[..]].concat()), 0);
     let summary: serde_json::Value =
@@ -463,25 +464,25 @@ fn what_is_seldom_meant_is_told() {
          [stream.rain]\nradius = 0.05\ncount = 5\nregion = { box = { min = [-0.2, -0.2, -0.2], max = [0.2, 0.2, 0.2] } }\n\
          [[stage]]\nname = \"fill\"\nfilled = true\n[[stage]]\nname = \"rest\"\n",
     );
-    let (told, warned) =
+    let (reported, warned) =
         ended(graintrain(folder.path(), &["run", "full.toml", "--out", "full", "--details"]), 0);
     assert!(
         warned.contains("stage `fill` had not ended") && warned.contains("`rest` never began"),
         "{warned}"
     );
     assert!(
-        warned.contains("stream `rain` gave 0 bodies") && told.contains("no free place"),
-        "{warned}{told}"
+        warned.contains("stream `rain` gave 0 bodies") && reported.contains("no free place"),
+        "{warned}{reported}"
     );
 }
 
-/// Both treatments of overlap are told before a run, remembered by it, and differ; what a run found is in its
-/// summary.
+/// Both treatments of overlap are reported before a run, remembered by it, and differ; what a run found is in
+/// its summary.
 #[test]
 fn overlap_is_removed_as_the_scene_says() {
     let folder = folder();
-    let (told, _) = ended(graintrain(folder.path(), &["check", "balls.toml"]), 0);
-    assert!(told.contains("removed by positions"), "{told}");
+    let (reported, _) = ended(graintrain(folder.path(), &["check", "balls.toml"]), 0);
+    assert!(reported.contains("removed by positions"), "{reported}");
     let summary = |out: &str, settings: &[&str]| -> serde_json::Value {
         let mut arguments = vec!["run", "balls.toml", "--out", out, "--quiet"];
         arguments.extend(settings);

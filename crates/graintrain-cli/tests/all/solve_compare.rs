@@ -133,7 +133,7 @@ fn the_table_stars_the_fastest_and_counts_who_converged() {
     assert_eq!(text.matches("2/2").count(), 2, "{text}");
 }
 
-/// A folder stands for its problems; what cannot be read is told and left out, the rest is compared.
+/// A folder stands for its problems; what cannot be read is reported and left out, the rest is compared.
 #[test]
 fn unreadable_files_are_left_out_of_a_comparison() {
     let folder = Folder::new();

@@ -35,7 +35,7 @@ fn folder() -> tempfile::TempDir {
     folder
 }
 
-fn told(output: Output, code: i32) -> (String, String) {
+fn reported(output: Output, code: i32) -> (String, String) {
     let text = |bytes| String::from_utf8(bytes).unwrap();
     let (out, err) = (text(output.stdout), text(output.stderr));
     assert_eq!(output.status.code(), Some(code), "stdout: {out}\nstderr: {err}");
@@ -44,7 +44,7 @@ fn told(output: Output, code: i32) -> (String, String) {
 }
 
 fn ended(folder: &Path, arguments: &[&str], code: i32) -> (String, String) {
-    told(graintrain(folder, arguments).output().unwrap(), code)
+    reported(graintrain(folder, arguments).output().unwrap(), code)
 }
 
 /// A table by columns' names.
@@ -208,7 +208,7 @@ fn studies_compare_observables() {
 }
 
 #[test]
-fn mistakes_are_told_before_the_first_run() {
+fn mistakes_are_reported_before_the_first_run() {
     let folder = folder();
     for (arguments, expected) in [
         (vec!["--over", "mu"], "KEY=V1"),
@@ -234,7 +234,7 @@ fn mistakes_are_told_before_the_first_run() {
     }
 }
 
-/// What is wrong with a sweep is told before its first run.
+/// What is wrong with a sweep is reported before its first run.
 #[test]
 fn everything_is_looked_at_before_the_first_run() {
     let folder = folder();
@@ -255,7 +255,7 @@ fn everything_is_looked_at_before_the_first_run() {
     table("mu,\"speed\"\n0.3,\"1 m/s\"\n");
     let observe = ["--table", "points.csv", "--observe", "block.centre_x:last"];
     ended(at, &[&["sweep", "slide.toml", "--out", "s"], observe.as_slice()].concat(), 0);
-    // A table that somebody damaged is told, not averaged over.
+    // A table that somebody damaged is reported, not averaged over.
     let run = std::fs::read_dir(at.join("s/runs")).unwrap().next().unwrap().unwrap().path();
     let path = run.join("measures/block.csv");
     let text = std::fs::read_to_string(&path).unwrap();

@@ -9,7 +9,7 @@ fn graintrain(arguments: &[&str]) -> (Option<i32>, String, String) {
 }
 
 #[test]
-fn a_report_is_written_and_progress_told() {
+fn a_report_is_written_and_progress_reported() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("verification");
     let (code, table, progress) = graintrain(&["verify", "--only", "a1,A8", "--out", out.to_str().unwrap()]);

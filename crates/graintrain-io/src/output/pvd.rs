@@ -144,7 +144,7 @@ mod tests {
     }
 
     #[test]
-    fn damaged_and_missing_lists_are_told() {
+    fn damaged_and_missing_lists_are_reported() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("bodies.pvd");
         let mut list = FrameList::new(path.clone());

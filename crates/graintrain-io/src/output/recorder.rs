@@ -40,7 +40,7 @@ pub struct Recorder {
     last_checkpoint: Instant,
     /// Set from outside to ask for a checkpoint after the step under way.
     pub checkpoint_wanted: Arc<AtomicBool>,
-    /// What is told of the processes of this session, where there are several.
+    /// What is reported of the processes of this session, where there are several.
     pub ranks: Option<RankSummary>,
 }
 

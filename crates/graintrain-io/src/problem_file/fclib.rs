@@ -318,7 +318,7 @@ mod tests {
 
     /// Files of such filters cannot be written here, so that the translation alone is tested.
     #[test]
-    fn compression_that_is_not_read_is_told_from_damage() {
+    fn compression_that_is_not_read_is_distinguished_from_damage() {
         let error = Error::Format(FormatError::UnsupportedFilter(4));
         let Defect::Unsupported { what, remedy } = damaged("fclib_local/W/x", &error) else {
             panic!("no damage");

@@ -45,7 +45,7 @@ impl Reduced {
 pub(super) fn reduce(global: &GlobalForm, rolls: bool) -> Result<Reduced, Defect> {
     let asymmetry = global.m.asymmetry();
     let ht = global.h.transposed();
-    // Rows of rolling friction have no bodies to be told from: `rolls` says that there are some.
+    // Rows of rolling friction have no bodies to be recognised by: `rolls` says that there are some.
     if global.equalities.is_none()
         && !rolls
         && let Some(Bodies { delassus, free_velocity }) = rigid::recognise(&global.m, &ht, &global.f)?

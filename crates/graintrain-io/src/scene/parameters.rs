@@ -151,7 +151,7 @@ fn as_text(node: &Node) -> String {
     }
 }
 
-/// The error with its place inside the quoted text where that can be told.
+/// The error with its place inside the quoted text where that can be reported.
 fn expression_error(text: &str, error: ExpressionError, location: &Location) -> SceneError {
     let written = location.source.text.get(location.span.clone()).unwrap_or("");
     let span = match written.find(text).filter(|_| !text.is_empty()) {

@@ -3,8 +3,8 @@
 use graintrain_linalg::real;
 use std::fmt;
 
-/// Exponents of length, mass, time and angle. Angles are told from plain numbers, so that degrees where a
-/// length belongs is an error.
+/// Exponents of length, mass, time and angle. Angles are distinguished from plain numbers, so that degrees
+/// where a length belongs is an error.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Dimension {
     length: i8,

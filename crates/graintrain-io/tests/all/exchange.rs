@@ -147,8 +147,8 @@ fn mutated_files_of_spheres_give_messages() {
             std::fs::write(folder.path().join(name), draw.mutate(&bytes)).unwrap();
             if let Err(error) = build(folder.path(), name, keys) {
                 refused += 1;
-                let told = [name, "overlap", "the radius of a sphere"];
-                assert!(told.iter().any(|what| error.contains(what)), "{error}");
+                let reported = [name, "overlap", "the radius of a sphere"];
+                assert!(reported.iter().any(|what| error.contains(what)), "{error}");
             }
         }
         assert!(refused > 1000, "{name} {refused}");

@@ -1,5 +1,5 @@
-//! What an interrupted run has lost is told, what goes on is what would have been, and nothing leads out of
-//! its folder.
+//! What an interrupted run has lost is reported, what goes on is what would have been, and nothing leads out
+//! of its folder.
 
 use graintrain::world::World;
 use graintrain_io::checkpoint::{self, Checkpoint};
@@ -66,7 +66,7 @@ fn saved(folder: &Path) -> Checkpoint {
     saved
 }
 
-/// What is told when the run in a folder is taken up again.
+/// What is reported when the run in a folder is taken up again.
 fn losses(folder: &Path) -> Vec<Loss> {
     let saved = saved(folder);
     let taken = RunFolder::open(folder).unwrap();
@@ -74,7 +74,7 @@ fn losses(folder: &Path) -> Vec<Loss> {
 }
 
 #[test]
-fn every_missing_or_damaged_table_and_list_is_told_and_kept() {
+fn every_missing_or_damaged_table_and_list_is_reported_and_kept() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     run(folder, 6, &mut []);

@@ -115,10 +115,10 @@ fn tables_hold_what_the_scene_asks_for() {
         return;
     }
     let output = Command::new("python3").arg(script).arg(whole.path()).output().unwrap();
-    let told = String::from_utf8_lossy(&output.stdout).to_string();
-    assert!(output.status.success(), "{told}{}", String::from_utf8_lossy(&output.stderr));
-    let compared: u32 = told.split_whitespace().next().unwrap().parse().unwrap();
-    assert!(compared > 400, "{told}");
+    let reported = String::from_utf8_lossy(&output.stdout).to_string();
+    assert!(output.status.success(), "{reported}{}", String::from_utf8_lossy(&output.stderr));
+    let compared: u32 = reported.split_whitespace().next().unwrap().parse().unwrap();
+    assert!(compared > 400, "{reported}");
 }
 
 /// What `scene.toml` of a run says is the same measurements again.

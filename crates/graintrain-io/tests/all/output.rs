@@ -344,7 +344,7 @@ fn outputs_resumed_from_a_checkpoint_are_those_of_an_uninterrupted_run() {
 }
 
 #[test]
-fn damaged_checkpoints_are_told_and_the_one_before_is_used() {
+fn damaged_checkpoints_are_reported_and_the_one_before_is_used() {
     let folder = tempfile::tempdir().unwrap();
     let (settings, totals, mut world) = (settings(), RunTotals::default(), world());
     let mut paths = Vec::new();

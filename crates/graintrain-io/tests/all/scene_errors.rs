@@ -169,7 +169,7 @@ fn parameters_refer_to_each_other_but_not_in_circles() {
 }
 
 #[test]
-fn overlap_and_emptiness_are_told() {
+fn overlap_and_emptiness_are_reported() {
     let overlapping =
         ball_and("[body.other]\nposition = [\"19 mm\", 0, 0]\nshape = { sphere = { radius = \"1 cm\" } }\n");
     let (message, help) = fails(&overlapping, &[]);

@@ -66,7 +66,7 @@ fn pairs_have_their_own_laws_or_those_of_both_materials() {
 }
 
 #[test]
-fn wrong_laws_are_told_where_they_stand() {
+fn wrong_laws_are_reported_where_they_stand() {
     for (from, to, expected) in [
         ("stiffness = \"7 kN/m\"", "stiffness = \"7 kN\"", "stiffness"),
         ("cohesion = \"3 mN\"", "cohesion = -1", "cohesion"),

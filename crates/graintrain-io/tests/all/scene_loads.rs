@@ -99,7 +99,7 @@ fn the_point_of_a_force_is_in_the_frame_of_the_body() {
 }
 
 #[test]
-fn mistakes_in_loads_are_told() {
+fn mistakes_in_loads_are_reported() {
     let folder = folder("mistakes");
     let cases = [
         ("bodies = [\"lid\"]\nforce", "bodies = [\"lit\"]\nforce", "names the body `lit`"),

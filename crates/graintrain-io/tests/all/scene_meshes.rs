@@ -91,7 +91,7 @@ fn a_solid_mesh_from_millimetres_has_the_mass_of_its_volume() {
 }
 
 #[test]
-fn meshes_that_bound_no_solid_are_told() {
+fn meshes_that_bound_no_solid_are_reported() {
     type Mesh = Vec<[[f64; 3]; 3]>;
     type Case = (&'static str, fn(Mesh) -> Mesh, &'static str);
     let cases: [Case; 3] = [
@@ -327,7 +327,7 @@ fn packings_of_clumps_weigh_their_union_and_rest() {
 }
 
 /// The hull of the wheel's points has no grooves; its frame is the file's. Inside, or in a plane, points are
-/// told what they are.
+/// reported what they are.
 #[test]
 fn a_hull_from_a_file_stands_where_the_file_says() {
     let folder = folder("hull", &triangles());

@@ -219,7 +219,7 @@ fn meshes_of_packages_are_found() {
     assert!(error.contains("line 1") && error.contains("`packages`"), "{error}");
 }
 
-/// What is wrong with a file is told with its name and line, and what to do.
+/// What is wrong with a file is reported with its name and line, and what to do.
 #[test]
 fn errors_name_file_line_and_remedy() {
     let whole = std::fs::read_to_string(Path::new(ROBOTS).join("arm.urdf")).unwrap();

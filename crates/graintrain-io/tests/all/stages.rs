@@ -127,7 +127,7 @@ fn resolved_stages_read_back() {
 }
 
 #[test]
-fn stages_that_cannot_be_are_told() {
+fn stages_that_cannot_be_are_reported() {
     let base = "[time]\nstep = 0.01\nsteps = 3\n[body.floor]\nshape = { plane = {} }\n[body.ball]\nshape = { sphere = { radius = 0.1 } }\n\
                 position = [0, 0, 1]\n";
     for (stages, expected) in [

@@ -347,7 +347,7 @@ mod tests {
         assert!(chart(model, &found, &points, ["x (m)", "y (N)"]).unwrap().contains("<svg"));
         assert!(fit("a1 + b1 + x", &start(&[("a1", 1.0), ("b1", 1.0)]), &points).is_err());
         assert!(fit(model, &start(&[("most", 1.0), ("scale", 1.0)]), &points[..1]).is_err());
-        let told =
+        let reported =
             |model: &str, list: &[(&str, f64)]| fit(model, &start(list), &points).unwrap_err().to_string();
         for (model, list, expected) in [
             ("most * y", [("most", 1.0)].as_slice(), "neither a unit nor one of the names"),
@@ -358,7 +358,7 @@ mod tests {
             ("a1 / (x - 0.5)", &[("a1", 1.0)], "at x = 0.5: division by zero"),
             ("a1", &[], "needs a constant"),
         ] {
-            let error = told(model, list);
+            let error = reported(model, list);
             assert!(error.contains(expected), "{model}: {error}");
         }
     }

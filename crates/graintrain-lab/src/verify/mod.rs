@@ -91,7 +91,7 @@ pub struct Sampling<'a> {
     pub scratch: PathBuf,
     /// Set to stop.
     pub stop: Arc<AtomicBool>,
-    /// Told what begins.
+    /// Is given what begins.
     pub progress: &'a mut dyn FnMut(&str),
 }
 

@@ -6,10 +6,10 @@ use graintrain_ccp::Criterion;
 use graintrain_ccp::FrictionModel::{Coulomb, Relaxed};
 
 fn sampled(ids: &[&str]) -> Vec<Case> {
-    let mut told = |_: &str| {};
+    let mut reported = |_: &str| {};
     let stop = Arc::new(AtomicBool::new(false));
     let mut sampling =
-        Sampling { n: 2, models: vec![Relaxed], scratch: PathBuf::new(), stop, progress: &mut told };
+        Sampling { n: 2, models: vec![Relaxed], scratch: PathBuf::new(), stop, progress: &mut reported };
     measure(tier_a().filter(|case| ids.is_empty() || ids.contains(&case.id)), &mut sampling, |_| {})
 }
 
@@ -124,10 +124,10 @@ fn the_report_renders() {
     static TROUBLED: Definition =
         Definition { measure: Measure::Small(|| Ok(vec![Row { unsolved: 3, ..row(1.0, 0.0) }])), ..INVENTED };
     static LEFT_OUT: Definition = INVENTED;
-    let mut told = |_: &str| {};
+    let mut reported = |_: &str| {};
     let stop = Arc::new(AtomicBool::new(false));
     let mut sampling =
-        Sampling { n: 2, models: vec![Relaxed], scratch: PathBuf::new(), stop, progress: &mut told };
+        Sampling { n: 2, models: vec![Relaxed], scratch: PathBuf::new(), stop, progress: &mut reported };
     let mut seen = Vec::new();
     let cases = measure([&MEASURED, &TROUBLED, &LEFT_OUT].into_iter(), &mut sampling, |cases| {
         seen.push(cases.len());
@@ -176,9 +176,9 @@ fn the_table_of_the_notebook_is_that_of_tier_a() {
 #[test]
 fn a_stop_leaves_out_the_case_under_way() {
     static STOPPED: Definition = INVENTED;
-    let mut told = |_: &str| {};
+    let mut reported = |_: &str| {};
     let stop = Arc::new(AtomicBool::new(true));
     let mut sampling =
-        Sampling { n: 2, models: vec![Relaxed], scratch: PathBuf::new(), stop, progress: &mut told };
+        Sampling { n: 2, models: vec![Relaxed], scratch: PathBuf::new(), stop, progress: &mut reported };
     assert!(measure([&STOPPED].into_iter(), &mut sampling, |_| {}).is_empty());
 }

@@ -157,7 +157,7 @@ fn a_delta_is_not_found_and_not_claimed() {
         cross(&source, start, probes, &settings).unwrap()
     };
     assert_eq!(run(None, &[]).1.status, CrossStatus::ZeroSampled);
-    // Told where to look it is exact; that there is nothing else no sample can say.
+    // Given where to look it is exact; that there is nothing else no sample can say.
     let start = TtVector::unit(&[2; 20], &at).unwrap();
     let (train, report) = run(Some(&start), &[]);
     assert_eq!(report.status, CrossStatus::Unverified);

@@ -240,10 +240,13 @@ fn the_estimate_is_never_below_the_error_and_half_are_near_it() {
                     let settings = EvolutionSettings { sites, steps, tolerance, ..Default::default() };
                     let (y, report) = evolve(&a, &x, time, &settings).unwrap();
                     let truth = distance(&y.to_full().unwrap(), &exact);
-                    let told = report.error();
-                    assert!(truth <= told, "{name} {time} {rank} {sites:?} {steps}: {truth:e} {report:?}");
+                    let reported = report.error();
+                    assert!(
+                        truth <= reported,
+                        "{name} {time} {rank} {sites:?} {steps}: {truth:e} {report:?}"
+                    );
                     if truth > 1e-10 {
-                        ratios.push(told / truth);
+                        ratios.push(reported / truth);
                     }
                 }
             }

@@ -144,7 +144,7 @@ fn marker(svg: &mut Svg, at: [f64; 2], series: &Series, color: usize) {
     }
 }
 
-/// A symbol of radius r whose form depends on the colour's index, so that series are told apart without
+/// A symbol of radius r whose form depends on the colour's index, so that series are distinguished without
 /// colour too.
 fn symbol(svg: &mut Svg, [x, y]: [f64; 2], r: f64, index: usize, ink: &str) {
     match index % 4 {

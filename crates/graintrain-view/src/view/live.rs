@@ -71,9 +71,9 @@ struct State {
     /// Events of the frames, each with its number.
     frames: Vec<(u64, Arc<str>)>,
     next_frame: u64,
-    /// Changes of `told`.
+    /// Changes of `reported`.
     news: u64,
-    told: String,
+    reported: String,
     paused: bool,
     /// Steps that a paused run may make.
     granted: u64,
@@ -149,7 +149,7 @@ impl Live {
     pub fn end(&self, how: &str) {
         let mut state = self.shared.lock();
         state.ended = true;
-        state.told = told(how, false, true);
+        state.reported = reported(how, false, true);
         state.news += 1;
         drop(state);
         self.shared.changed.notify_all();
@@ -200,7 +200,7 @@ impl Live {
         state.next_frame += 1;
         state.frames.push((number, text));
         let text = format!("step {} of {}, t = {:.4} s", world.step, self.steps, world.time);
-        state.told = told(&text, state.paused, false);
+        state.reported = reported(&text, state.paused, false);
         state.news += 1;
         drop(state);
         self.shared.changed.notify_all();
@@ -226,7 +226,7 @@ impl Live {
 }
 
 /// The event of the run's state.
-fn told(text: &str, paused: bool, ended: bool) -> String {
+fn reported(text: &str, paused: bool, ended: bool) -> String {
     let text = serde_json::Value::from(text);
     event("state", &format!("{{\"text\":{text},\"paused\":{paused},\"ended\":{ended}}}"))
 }
@@ -356,7 +356,7 @@ fn events(mut stream: &TcpStream, shared: &Shared, mut generation: u64) -> io::R
         next = state.next_frame;
         if state.news != news {
             news = state.news;
-            text.push_str(&state.told);
+            text.push_str(&state.reported);
         }
         let ended = state.ended;
         drop(state);

@@ -82,7 +82,7 @@ impl RunFolder {
         let mut numbered: HashMap<usize, usize> =
             (0..self.last.bodies.len()).map(|body| (numbers.number(body) as usize, body)).collect();
         for frame in &self.frames {
-            // A damaged frame is told where it is asked for; the others can be drawn.
+            // A damaged frame is reported where it is asked for; the others can be drawn.
             let Ok(file) = VtpFile::read(&self.folder.join(&frame.bodies)) else { continue };
             let numbers = file.indices("body", MOST_NUMBERS)?;
             // Before the first body comes, frames name no forms.

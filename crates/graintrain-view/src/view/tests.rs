@@ -434,7 +434,7 @@ growth = { rate = "3/s", porosity = 0.3, region = { box = { min = [-0.5, -0.5, -
     assert!((found / grown - 1.0).abs() < 1e-5, "{found} {grown}");
 }
 
-/// A damaged frame of a run whose bodies come and go is told where it is asked for; the others are drawn.
+/// A damaged frame of a run whose bodies come and go is reported where it is asked for; the others are drawn.
 #[test]
 fn one_damaged_frame_spares_the_others() {
     let text = "[time]\nstep = \"10 ms\"\nend = \"0.2 s\"\n[output]\nevery = \"50 ms\"\n[stream.rain]\nradius = 0.05\ncount = 3\n\
@@ -497,7 +497,7 @@ fn a_run_under_way_is_shown_and_stopped_to_its_own_page_alone() {
     let events = ask(&url, "GET /events?generation=1 HTTP/1.1\r\nHost: HOST\r\n\r\n", "event: state");
     assert!(events.contains("event: frame") && !events.contains("event: bodies"), "{events}");
     let events = ask(&url, "GET /events?generation=0 HTTP/1.1\r\nHost: HOST\r\n\r\n", "event: frame");
-    assert!(events.contains("event: bodies"), "a page that knows other bodies is told of these");
+    assert!(events.contains("event: bodies"), "a page that knows other bodies is sent these");
     for request in [
         "GET / HTTP/1.1\r\nHost: example.org\r\n\r\n",
         "GET / HTTP/1.1\r\n\r\n",

@@ -35,7 +35,7 @@ use serde::{Deserialize, Serialize};
 pub enum JointKind {
     /// Both bodies move as one.
     Fixed {
-        /// Where reactions are told, m.
+        /// Where reactions are reported, m.
         point: Vec3,
     },
     /// A hinge.

@@ -57,7 +57,7 @@ pub struct SolverChoice {
     /// 000 of projected gradients, up to five times as many for fewer than 1 024 contacts
     /// ([`PartParameters`](super::PartParameters)), and the own limit of methods that count something else. A
     /// step that ends so has not converged: it is made with the best impulses found, and their residual is
-    /// told.
+    /// reported.
     pub max_iterations: Option<usize>,
     /// Relaxed cone complementarity or exact Coulomb friction.
     pub friction: FrictionModel,

@@ -193,7 +193,8 @@ fn a_turning_box_of_planes_misses_no_contact() {
         }
         let found = Collider::default().contacts(&world, 0.01, 0.02);
         let with_walls = found.iter().filter(|c| c.body_a.min(c.body_b) == 0);
-        // (Fast pairs of bodies of different size are told at different times of the step: balls, not gaps.)
+        // (Fast pairs of bodies of different size are reported at different times of the step: balls, not
+        // gaps.)
         with_walls.map(|c| c.body_a.max(c.body_b)).collect::<BTreeSet<_>>()
     };
     for (rate, least) in [(0.0, 20), (15.0, 30)] {

@@ -216,7 +216,7 @@ fn derivatives_of_ten_scenes_are_those_of_central_differences() {
 }
 
 #[test]
-fn kinks_and_what_has_no_derivative_are_told() {
+fn kinks_and_what_has_no_derivative_are_reported() {
     let refused = |world: &World, settings: &StepSettings, words: &str| {
         let error = StepGradient::new(world, settings).map(|_| ()).unwrap_err().to_string();
         assert!(error.contains(words), "{error}");

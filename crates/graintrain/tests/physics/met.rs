@@ -112,8 +112,8 @@ fn what_presses_though_bodies_are_apart_is_counted() {
         assert_eq!(report.contacts_apart, expected, "{per_step}: {report:?}");
         let change = world.bodies.velocity[b].z * world.bodies.mass[b];
         let pushed = (step * press.z - change).abs();
-        let told = if expected == 1 { pushed } else { 0.0 };
-        assert!((report.impulse_apart_max - told).abs() < 1e-6 * pushed, "{report:?}");
+        let reported = if expected == 1 { pushed } else { 0.0 };
+        assert!((report.impulse_apart_max - reported).abs() < 1e-6 * pushed, "{report:?}");
     }
 }
 

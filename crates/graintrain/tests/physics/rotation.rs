@@ -164,7 +164,7 @@ fn a_driven_body_stays_on_its_circle() {
 /// A press held by a mixed motion: only z is dynamic; a blade that is driven along x and loaded in z by its
 /// weight.
 #[test]
-fn mixed_motions_move_as_told() {
+fn mixed_motions_move_as_reported() {
     let mut world = world(0.3, 0.0);
     let ground = add_ground(&mut world, 0.0);
     let block = world.add_geometry(Geometry::cuboid(Vec3::splat(0.1)).unwrap());

@@ -1,4 +1,4 @@
-//! Lattices that cannot fit into their space, told before their bodies are made: there may be millions of
+//! Lattices that cannot fit into their space, reported before their bodies are made: there may be millions of
 //! them, each in contact with all others.
 
 use crate::scene::error::{SceneError, SceneErrorKind};

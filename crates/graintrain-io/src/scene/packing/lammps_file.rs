@@ -7,7 +7,7 @@ use super::{FileContent, FileProblem};
 use graintrain::math::Vec3;
 
 /// Reads a frame, counted from 0; the last one where it is `None`. Every frame is looked through, so that a
-/// file that was cut short is told wherever that was.
+/// file that was cut short is reported wherever that was.
 pub(super) fn read(bytes: &[u8], frame: Option<u64>) -> Result<FileContent, FileProblem> {
     let mut lines = (1..).zip(ended_text(bytes)?.lines());
     let mut found = None;

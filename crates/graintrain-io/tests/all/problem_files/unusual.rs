@@ -140,7 +140,7 @@ fn sizes_may_be_attributes_and_one_coefficient_of_friction_holds_for_all() {
         assert_close(&velocity(&file, &g), &expected, 1e-14);
         assert_eq!(file.problem.friction, friction);
     }
-    // Two unknowns per contact, or a single coefficient: not told apart without the dimension.
+    // Two unknowns per contact, or a single coefficient: not distinguished without the dimension.
     for (dimension, mu, expected) in [
         (Some(2), &MU[..], "two-dimensional"),
         (None, &[0.4; 3][..], "fclib_local/spacedim: is missing"),

@@ -54,7 +54,7 @@ const ACCURACIES: [f64; 3] = [1e-2, 1e-3, 1e-4];
 /// The paper's setting of its preconditioner.
 pub const PAPER: (f64, usize) = (1e-2, 10);
 
-/// Newton iterations that a solve is followed for unless told otherwise; the paper needs 50 to 100.
+/// Newton iterations that a solve is followed for by default; the paper needs 50 to 100.
 pub const LONGEST: usize = 100;
 
 /// Radius of the grains, m.

@@ -71,10 +71,10 @@ fn the_smallest_experiment_is_whole_and_goes_on_where_it_was_stopped() {
 
     // A stop in the middle keeps what there is; the same call ends with the same rows.
     let stop = never();
-    let mut told = 0;
+    let mut reported = 0;
     let stopped = reproduce(&settings(&broken), &stop, &mut |progress| {
-        told += usize::from(progress.label.contains("iteration"));
-        stop.store(told > 5, Ordering::Relaxed);
+        reported += usize::from(progress.label.contains("iteration"));
+        stop.store(reported > 5, Ordering::Relaxed);
     });
     assert!(matches!(stopped, Err(ReproduceError::Stopped)));
     let before = std::fs::read_to_string(broken.join("cells.jsonl")).unwrap();

@@ -15,7 +15,7 @@ const up = header.up, radiusOfAll = Math.hypot(...header.half);
 const side = (() => { const x = sub([1, 0, 0], up.map((u) => u * up[0])); return unit(Math.hypot(...x) > 1e-3 ? x : cross(up, [0, 1, 0])); })();
 let camera;
 
-/** The view that the box of the grains and tools just fills, from the side or from where it is told. */
+/** The view that the box of the grains and tools just fills, from the side or from where it is asked. */
 function home(around = -Math.PI / 3, above = 0.42) {
   camera = { around, above, distance: 0, target: header.center.slice() };
   const { towards, right, top } = viewAxes(), [width, height] = lens();

@@ -110,9 +110,9 @@ function setUpCharts(list) {
   element("charts").replaceChildren();
   element("inner").replaceChildren();
   // What is zero all the time needs no chart.
-  const told = list.filter(({ series }) => series.some(({ y }) => y.some((v) => v)));
-  charts = told.map((data) => new RunChart(data));
-  element("inside").hidden = !told.some((data) => data.inner);
+  const reported = list.filter(({ series }) => series.some(({ y }) => y.some((v) => v)));
+  charts = reported.map((data) => new RunChart(data));
+  element("inside").hidden = !reported.some((data) => data.inner);
   drawCharts();
 }
 
