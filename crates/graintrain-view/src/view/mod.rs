@@ -14,7 +14,7 @@
 //! | [`live`] | the same page of a run under way |
 //! | [`model`] | what is seen of a world |
 //! | `page` | the HTML |
-//! | [`usd`] | the same frames for Blender, Omniverse and others |
+//! | [`mod@usd`] | the same frames for Blender, Omniverse and others |
 
 pub mod live;
 pub mod model;

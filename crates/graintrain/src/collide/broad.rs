@@ -1,12 +1,12 @@
 //! The loop over bodies that makes the contact list of candidate pairs.
 
 use super::candidates::Sorted;
+use super::encoding::{decoded, encoded};
 use super::identity::identity;
-use super::look::{Look, surface_speeds};
 use super::narrow::{Collidable, Placed, body_contacts};
 use super::reduce::Touch;
+use super::search::{Search, surface_speeds};
 use super::sweep::{advanced, arrivals, comes_within, time_of_impact};
-use super::words::{contacts_from, words_of};
 use crate::contact::Contact;
 use crate::math::{Quat, Vec3};
 use crate::world::World;
@@ -55,7 +55,7 @@ impl Collider {
     /// neither are: a grain on a wall is A.
     pub fn contacts(&mut self, world: &World, envelope: f64, step: f64) -> Vec<Contact> {
         let fall = world.largest_acceleration() * step * step;
-        self.look_around(world, Look { envelope, step, fall, meeting: false })
+        self.search_around(world, Search { envelope, step, fall, meeting: false })
     }
 
     /// Of [`Self::contacts`] without an envelope at least all those that close by the end of the step at the
@@ -65,12 +65,12 @@ impl Collider {
         let fall = world.largest_acceleration() * step * step;
         // The rates of a cell whose stress is imposed may still change.
         let meeting = world.cell().is_none();
-        self.look_around(world, Look { envelope: 0.0, step, fall, meeting })
+        self.search_around(world, Search { envelope: 0.0, step, fall, meeting })
     }
 
-    fn look_around(&mut self, world: &World, look: Look) -> Vec<Contact> {
+    fn search_around(&mut self, world: &World, search: Search) -> Vec<Contact> {
         self.update_forms(world);
-        let sorted = self.sort(world, look.envelope, look.step);
+        let sorted = self.sort(world, search.envelope, search.step);
         let bodies = world.bodies.len();
         let all_tasks = bodies.div_ceil(TASK);
         let own_tasks = self.ranks.as_ref().map_or(0..all_tasks, |ranks| ranks.part_of(all_tasks));
@@ -83,14 +83,14 @@ impl Collider {
                     if self.stop.as_ref().is_some_and(|stop| stop.load(Ordering::Relaxed)) {
                         break;
                     }
-                    self.contacts_of(world, &sorted, body, look, &mut found);
+                    self.contacts_of(world, &sorted, body, search, &mut found);
                 }
                 found.contacts
             })
             .collect();
         let mut contacts = tasks.concat();
         if let Some(ranks) = &self.ranks {
-            contacts = contacts_from(&ranks.join(&words_of(&contacts)));
+            contacts = decoded(&ranks.join(&encoded(&contacts)));
         }
         contacts
     }
@@ -103,15 +103,15 @@ impl Collider {
         counts: impl Fn(&Contact) -> bool + Sync,
     ) -> Option<Contact> {
         self.update_forms(world);
-        let look = Look { envelope: 0.0, step: 0.0, fall: 0.0, meeting: false };
-        let sorted = self.sort(world, look.envelope, look.step);
+        let search = Search { envelope: 0.0, step: 0.0, fall: 0.0, meeting: false };
+        let sorted = self.sort(world, search.envelope, search.step);
         let deeper = |a: &Contact, b: &Contact| a.gap.total_cmp(&b.gap);
         let bodies = world.bodies.len();
         let of_task = |task: usize| {
             let mut found = Found::default();
             let of_body = |body: usize| {
                 found.contacts.clear();
-                self.contacts_of(world, &sorted, body, look, &mut found);
+                self.contacts_of(world, &sorted, body, search, &mut found);
                 found.contacts.iter().filter(|c| counts(c)).copied().min_by(deeper)
             };
             (task * TASK..((task + 1) * TASK).min(bodies)).filter_map(of_body).min_by(deeper)
@@ -327,9 +327,9 @@ impl Collider {
     }
 
     /// Bodies that may touch `body` as A: those of the grid, then all others.
-    fn partners_of(&self, world: &World, sorted: &Sorted, body: usize, look: Look, found: &mut Found) {
+    fn partners_of(&self, world: &World, sorted: &Sorted, body: usize, search: Search, found: &mut Found) {
         let me = self.placed(world, body);
-        let margin = look.envelope.max(look.fall);
+        let margin = search.envelope.max(search.fall);
         let radius = me.form.bounding_radius;
         let similar = sorted.in_grid[body];
         let Found { balls, others, .. } = found;
@@ -387,10 +387,10 @@ impl Collider {
     }
 
     /// Contacts of which `body` is A.
-    fn contacts_of(&self, world: &World, sorted: &Sorted, body: usize, look: Look, found: &mut Found) {
-        self.partners_of(world, sorted, body, look, found);
+    fn contacts_of(&self, world: &World, sorted: &Sorted, body: usize, search: Search, found: &mut Found) {
+        self.partners_of(world, sorted, body, search, found);
         let me = self.placed(world, body);
-        let margin = look.envelope.max(look.fall);
+        let margin = search.envelope.max(search.fall);
         let prescribed = world.is_prescribed(body);
         let Found { balls, others, touches, contacts } = found;
         for &other in balls.iter().chain(others.iter()) {
@@ -403,10 +403,10 @@ impl Collider {
             let ahead = margin + sorted.approach(body, other as usize);
             match (me.form.ball, them.form.ball) {
                 (Some(r_a), Some(r_b)) => {
-                    if look.meeting {
+                    if search.meeting {
                         let [[u_a, _], [u_b, _]] = world.pair_velocities(pair);
                         let gap = (me.position - them.position).length() - r_a - r_b;
-                        if look.step * (u_a - u_b).length() <= gap {
+                        if search.step * (u_a - u_b).length() <= gap {
                             continue;
                         }
                     }
@@ -416,10 +416,10 @@ impl Collider {
             }
             let first = contacts.len();
             let far = FAST * me.form.size.min(them.form.size);
-            if sorted.may_travel(pair, far) && self.relative_travel(world, pair, look.step) > far {
-                self.arrivals(world, pair, sorted.largest, look, touches, contacts);
+            if sorted.may_travel(pair, far) && self.relative_travel(world, pair, search.step) > far {
+                self.arrivals(world, pair, sorted.largest, search, touches, contacts);
             } else {
-                let closes = |touch: &&Touch| look.closes(world, pair, sorted.largest, touch);
+                let closes = |touch: &&Touch| search.closes(world, pair, sorted.largest, touch);
                 contacts.extend(touches.iter().filter(closes).map(|touch| contact(pair, touch)));
             }
             contacts[first..].iter_mut().for_each(|contact| contact.image = image);
@@ -443,7 +443,7 @@ impl Collider {
         world: &World,
         pair: [u32; 2],
         largest: f64,
-        look: Look,
+        search: Search,
         touches: &[Touch],
         contacts: &mut Vec<Contact>,
     ) {
@@ -453,8 +453,8 @@ impl Collider {
         // The end that meets first stops, and the other one swings down in the rest of the step.
         let across = 2.0 * a.form.bounding_radius.min(b.form.bounding_radius);
         let around = if a.form.ball.is_some() && b.form.ball.is_some() { 0.0 } else { across };
-        let envelope = look.envelope.max(around);
-        if let Some(impact) = time_of_impact(a, b, v_a, v_b, look.step, envelope).filter(|i| i.time > 0.0) {
+        let envelope = search.envelope.max(around);
+        if let Some(impact) = time_of_impact(a, b, v_a, v_b, search.step, envelope).filter(|i| i.time > 0.0) {
             for arrival in arrivals(&impact, a, b, v_a, v_b) {
                 let lead = 0.5 * (arrival.on_a - arrival.on_b);
                 contacts.push(Contact { lead, ..contact(pair, &arrival.touch) });
@@ -462,9 +462,9 @@ impl Collider {
         }
         let met = contacts.len() - first;
         for touch in touches {
-            let near = touch.gap <= look.envelope || {
-                let (fall, away) = (look.fall_of(world, pair), surface_speeds(world, pair, touch));
-                look.closes_at_rest(world, pair, fall, largest, touch, away)
+            let near = touch.gap <= search.envelope || {
+                let (fall, away) = (search.fall_of(world, pair), surface_speeds(world, pair, touch));
+                search.closes_at_rest(world, pair, fall, largest, touch, away)
             };
             let new = contact(pair, touch);
             if near && contacts[first..first + met].iter().all(|c| c.identity != new.identity) {

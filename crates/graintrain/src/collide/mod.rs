@@ -5,7 +5,7 @@
 //! |---|---|
 //! | `grid` | cell list for the many bodies of similar size |
 //! | `candidates` | candidate pairs: the cell list, a tree over large bodies, planes |
-//! | `broad`, `look` | the loop over bodies that makes the list of contacts; which touches count |
+//! | `broad`, `search` | the loop over bodies that makes the list of contacts; which touches count |
 //! | `overlaps` | what an initial state should be checked for |
 //! | `narrow` | contacts of two bodies, shape by shape |
 //! | `distance`, `plane`, `capsule` | closed-form kernels |
@@ -17,7 +17,7 @@
 //! | `sweep` | when fast bodies meet within a step, and the contact that lets them arrive |
 //! | `union` | what overlapping parts of a compound have in common |
 //! | [`places`] | whether there is room for another body |
-//! | `words` | contacts as they travel between processes |
+//! | `encoding` | contacts as they travel between processes |
 //! | `identity` | the same number for the same contact from step to step |
 
 mod broad;
@@ -25,9 +25,9 @@ mod candidates;
 mod capsule;
 mod corners;
 pub(crate) mod distance;
+mod encoding;
 mod grid;
 pub(crate) mod identity;
-mod look;
 mod manifold;
 mod mesh;
 mod narrow;
@@ -39,9 +39,9 @@ mod polyhedra;
 mod reduce;
 #[cfg(test)]
 mod sampled_motions;
+mod search;
 pub(crate) mod sweep;
 pub(crate) mod union;
-mod words;
 
 pub use broad::Collider;
 pub use overlaps::{Overlap, deepest_overlap, meshes_that_meet};

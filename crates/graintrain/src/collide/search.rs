@@ -5,7 +5,7 @@ use crate::world::World;
 
 /// How far contacts are looked for.
 #[derive(Clone, Copy)]
-pub(super) struct Look {
+pub(super) struct Search {
     pub(super) envelope: f64,
     pub(super) step: f64,
     /// The largest acceleration of any body times step^2, m: pairs further apart are not looked at.
@@ -14,7 +14,7 @@ pub(super) struct Look {
     pub(super) meeting: bool,
 }
 
-impl Look {
+impl Search {
     /// Whether a touch lies within the envelope or may close within the step.
     pub(super) fn closes(&self, world: &World, pair: [u32; 2], largest: f64, touch: &Touch) -> bool {
         if touch.gap <= self.envelope {

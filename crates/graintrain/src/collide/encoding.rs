@@ -7,7 +7,7 @@ use crate::math::Vec3;
 const WORDS: usize = 14;
 
 /// The words of contacts, one contact after the other.
-pub(super) fn words_of(contacts: &[Contact]) -> Vec<u64> {
+pub(super) fn encoded(contacts: &[Contact]) -> Vec<u64> {
     let mut words = Vec::with_capacity(WORDS * contacts.len());
     for contact in contacts {
         let Contact { body_a, body_b, identity, point, normal, gap, lead, image } = contact;
@@ -20,7 +20,7 @@ pub(super) fn words_of(contacts: &[Contact]) -> Vec<u64> {
 }
 
 /// The contacts that these words are of.
-pub(super) fn contacts_from(words: &[u64]) -> Vec<Contact> {
+pub(super) fn decoded(words: &[u64]) -> Vec<Contact> {
     let contact = |words: &[u64; WORDS]| {
         let halves = |word: u64| [word as u32, (word >> 32) as u32];
         let vector =
@@ -57,7 +57,7 @@ mod tests {
             image: [-1, k as i32, i32::MIN],
         };
         let contacts: Vec<Contact> = (0..5).map(contact).collect();
-        assert_eq!(contacts_from(&words_of(&contacts)), contacts);
-        assert!(contacts_from(&[]).is_empty());
+        assert_eq!(decoded(&encoded(&contacts)), contacts);
+        assert!(decoded(&[]).is_empty());
     }
 }
