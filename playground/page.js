@@ -14,7 +14,7 @@ const CHECK_AFTER = 500;
 /** A replay of a run under way is made no more often, ms; and its making may take at most a third of the time. */
 const LOOK_AFTER = 1500;
 
-const page = { module: null, schema: null, running: null, files: {}, showing: false, shown: 0, frames: 0, url: null };
+const page = { module: null, schema: null, running: null, files: {}, given: {}, showing: false, shown: 0, frames: 0, url: null };
 
 // ---- the program -------------------------------------------------------------------------------------------------------
 
@@ -70,9 +70,12 @@ let checking = null;
 /** The scene's file, by the name of the built-in one that it came from. */
 const sceneFile = () => `${element("choice").value || "scene"}.toml`;
 
+/** What a run can read: the scene, and the reader's own files beside it. */
+const inputs = () => ({ ...page.given, [sceneFile()]: bytes(scene()) });
+
 async function check() {
   checking?.stop();
-  const mine = program(["check", sceneFile()], { [sceneFile()]: bytes(scene()) });
+  const mine = program(["check", sceneFile()], inputs());
   checking = mine;
   const done = await mine.ended.catch(() => null);
   if (!done) return;
@@ -166,7 +169,7 @@ async function run() {
   progress.removeAttribute("value");
   page.files = {};
   page.shown = performance.now();
-  const running = program(["run", sceneFile(), "--out", "run"], { [sceneFile()]: bytes(scene()) }, ({ shown, frames }) => {
+  const running = program(["run", sceneFile(), "--out", "run"], inputs(), ({ shown, frames }) => {
     page.files = shown;
     if (page.frames) progress.value = frames / page.frames;
     if (frames > 1 && performance.now() > page.shown + LOOK_AFTER) look(shown, frames);
@@ -221,6 +224,21 @@ async function fromAddress() {
   return new Response(new Blob([packed]).stream().pipeThrough(new DecompressionStream("gzip"))).text();
 }
 
+/** Takes files of the reader's own; they stay in the page. */
+async function take(files) {
+  for (const file of files) page.given[file.name] = new Uint8Array(await file.arrayBuffer());
+  element("given").textContent = `beside the scene: ${Object.keys(page.given).join(", ")}`;
+  element("given").hidden = false;
+  check();
+}
+
+/** The program; some servers do not know what it is. */
+async function load(address) {
+  const answer = await fetch(address);
+  if (!answer.ok) throw new Error(`${address}: ${answer.status} ${answer.statusText}`);
+  return WebAssembly.compile(await answer.arrayBuffer());
+}
+
 async function toAddress(words) {
   const packed = new Uint8Array(await new Response(new Blob([words]).stream().pipeThrough(new CompressionStream("gzip"))).arrayBuffer());
   const coded = btoa(String.fromCharCode(...packed)).replace(/\+/g, "-").replace(/\//g, "_").replace(/=+$/, "");
@@ -229,7 +247,7 @@ async function toAddress(words) {
 
 async function begin() {
   for (const { name, title } of SCENES) element("choice").append(new Option(title, name));
-  page.module = await WebAssembly.compileStreaming(fetch("graintrain.wasm"));
+  page.module = await load("graintrain.wasm");
   page.schema = await (await fetch("graintrain.schema.json")).json();
   const given = await fromAddress().catch(() => null);
   if (given) { element("choice").prepend(new Option("from the address", "")); element("choice").value = ""; setScene(given); } else {
@@ -238,6 +256,8 @@ async function begin() {
     await choose(name);
   }
   element("choice").onchange = ({ target }) => { if (target.value) choose(target.value); };
+  element("add").onclick = () => element("added").click();
+  element("added").onchange = ({ target }) => take(target.files);
   element("go").onclick = run;
   element("stop").onclick = () => page.running?.stop();
   element("link").onclick = async () => {
@@ -253,6 +273,7 @@ async function begin() {
 
 begin().catch((error) => {
   element("go").textContent = "Cannot run";
-  element("said").textContent = `This page could not load the program: ${error.message}`;
+  const remedy = location.protocol === "file:" ? ". Browsers load no programs from files: python3 -m http.server -d site" : "";
+  element("said").textContent = `This page could not load the program: ${error.message}${remedy}`;
   element("said").className = "bad";
 });

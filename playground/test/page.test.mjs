@@ -56,6 +56,20 @@ test("sliders change the scene, and mistakes are reported", { skip }, async () =
   await page.close();
 });
 
+test("a scene reads files of the reader's own", { skip }, async () => {
+  const page = await open();
+  const words = "[material.m]\ndensity = 1000\n[time]\nstep = '1 ms'\nend = '10 ms'\n[packing.p]\nmaterial = 'm'\nfile = { path = 'mine.csv' }\n";
+  await page.click(".cm-content");
+  await page.keyboard.press("Control+A");
+  await page.keyboard.insertText(words);
+  await page.waitForFunction(() => document.getElementById("check").className === "bad");
+  await page.setInputFiles("#added", { name: "mine.csv", mimeType: "text/csv", buffer: Buffer.from("x,y,z,radius\n0,0,1,0.1\n0,0,2,0.1\n") });
+  await page.waitForFunction(() => document.getElementById("check").textContent.includes("2 free"));
+  assert.match(await page.textContent("#given"), /mine\.csv/);
+  assert.match(await run(page), /state_hash/);
+  await page.close();
+});
+
 test("keys are completed", { skip }, async () => {
   const page = await open();
   await page.click(".cm-content");
