@@ -170,9 +170,9 @@ async function run() {
   page.files = {};
   page.shown = performance.now();
   const running = program(["run", sceneFile(), "--out", "run"], inputs(), ({ shown, frames }) => {
-    page.files = shown;
+    Object.assign(page.files, shown);
     if (page.frames) progress.value = frames / page.frames;
-    if (frames > 1 && performance.now() > page.shown + LOOK_AFTER) look(shown, frames);
+    if (frames > 1 && performance.now() > page.shown + LOOK_AFTER) look(page.files, frames);
   });
   page.running = running;
   try {
