@@ -177,7 +177,7 @@ impl Snapshot {
                 writeln!(out, "{:?} {:?}", low[axis], high[axis])?;
             }
         } else {
-            // A tilted box is reported by the extents of all its corners.
+            // A tilted box is given by the extents of all its corners.
             writeln!(out, "ITEM: BOX BOUNDS xy xz yz {tags}")?;
             let along_x = [0.0, xy, xz, xy + xz];
             let least = along_x.into_iter().fold(0.0, f64::min);

@@ -327,7 +327,7 @@ fn packings_of_clumps_weigh_their_union_and_rest() {
 }
 
 /// The hull of the wheel's points has no grooves; its frame is the file's. Inside, or in a plane, points are
-/// reported what they are.
+/// recognised as such.
 #[test]
 fn a_hull_from_a_file_stands_where_the_file_says() {
     let folder = folder("hull", &triangles());

@@ -1,4 +1,4 @@
-//! The paper's claims, measured by what was measured here. All words follow from the numbers.
+//! Verdicts on the paper's claims, by what was measured here. All words follow from the numbers.
 
 mod physical;
 

@@ -15,7 +15,7 @@
 //! | [`solves`] | one problem, one method; consecutive problems with and without re-use |
 //! | [`ledger`] | finished cells on disk |
 //! | [`physics`] | steady forces, friction angle, dilation, sensitivity |
-//! | [`claims`] | the paper's claims measured by the figures measured here |
+//! | [`claims`] | verdicts on the paper's claims, by the figures measured here |
 //! | [`compressibility`] | what low rank means for the Newton matrices of a drop, an experiment of its own |
 //! | [`charts`], [`report`] | plots, CSV, the HTML report |
 

@@ -23,7 +23,7 @@ use std::sync::atomic::AtomicBool;
 pub struct Report {
     /// The HTML page.
     pub page: PathBuf,
-    /// The claims and their verdict.
+    /// The claims and their verdicts.
     pub claims: Vec<Claim>,
     /// Methods that this build lacks.
     pub missing: Vec<String>,

@@ -87,7 +87,7 @@ pub fn convergence(estimates: &[Estimate], within: f64, ratio: f64) -> Option<Co
     let allowed = within * reference.value.abs();
     let fits = |deviation: &Estimate| deviation.value.abs() + 2.0 * deviation.error <= allowed;
     let coarser = &deviation[..deviation.len() - 1];
-    // The reference does not criterion itself.
+    // The reference is not compared with itself.
     let bad = coarser.iter().rposition(|deviation| !fits(deviation)).map_or(0, |last| last + 1);
     let admissible = (bad < coarser.len()).then_some(bad);
     let order = match estimates {

@@ -58,7 +58,7 @@ impl<'a> SolveContext<'a> {
     }
 
     /// Residual of impulses g of the scaled problem, given N g, in the metric of the problem as given and as
-    /// the settings criterion it. The best iterate is kept.
+    /// the settings ask for it. The best iterate is kept.
     pub fn measure(&mut self, g: &[f64], ng: &[f64]) -> f64 {
         for k in 0..g.len() {
             self.physical[k] = self.scaled.impulse_unit[k / 3] * g[k];

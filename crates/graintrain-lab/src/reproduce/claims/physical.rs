@@ -1,4 +1,4 @@
-//! This project's goals for forces, friction angles and momentum, measured by the simulations.
+//! This project's goals for forces, friction angles and momentum, with verdicts from the simulations.
 
 use super::super::physics::{Sensitivity, friction_ratio_over_seeds, sensitivities, trend_over_seeds};
 use super::super::trajectory::Variant;
