@@ -1,9 +1,13 @@
 // The page in headless Chromium (CHROMIUM, default /usr/bin/chromium): chosen, changed, run, looked at, stopped, shared. Skipped where there is none.
 import assert from "node:assert/strict";
+import { execFileSync } from "node:child_process";
+import { mkdtempSync, readFileSync, rmSync } from "node:fs";
+import { tmpdir } from "node:os";
+import { join } from "node:path";
 import test, { after, before } from "node:test";
 import { execute, text } from "../program.js";
 import { SCENES } from "../scenes.js";
-import { launch, noBrowser as skip, serve, wasm, watched } from "./support/site.mjs";
+import { RUNS, launch, native, noBrowser as skip, serve, wasm, watched } from "./support/site.mjs";
 
 let browser, site;
 before(async () => { if (!skip) { site = await serve(); browser = await launch(); } });
@@ -40,6 +44,29 @@ test("a scene runs to the state that the program reaches in Node.js, and its rep
   assert.deepEqual(page.errors, []);
   await page.close();
 });
+
+for (const args of RUNS) {
+  test(`${args.join(" ")}: the browser's state_hash is the program's`, { skip }, async () => {
+    const folder = mkdtempSync(join(tmpdir(), "graintrain-")), page = await watched(browser);
+    try {
+      execFileSync(native, ["run", ...args, "--out", join(folder, "run"), "--quiet"], { stdio: "pipe" });
+      await page.goto(`${site.address}/playground/index.html`);
+      const there = await page.evaluate(async (args) => {
+        const module = await WebAssembly.compile(await (await fetch("graintrain.wasm")).arrayBuffer());
+        const worker = new Worker("worker.js", { type: "module" });
+        const done = new Promise((resolve) => { worker.onmessage = ({ data }) => resolve(data.done); });
+        worker.postMessage({ module, args: ["run", ...args, "--out", "run"], files: {} });
+        const { code, said, files } = await done;
+        return { code, said, summary: files["run/summary.json"] && new TextDecoder().decode(files["run/summary.json"]) };
+      }, args);
+      assert.equal(there.code, 0, there.said);
+      assert.equal(JSON.parse(there.summary).state_hash, JSON.parse(readFileSync(join(folder, "run/summary.json"), "utf8")).state_hash);
+    } finally {
+      await page.close();
+      rmSync(folder, { recursive: true });
+    }
+  });
+}
 
 test("sliders change the scene, and mistakes are reported", { skip }, async () => {
   const page = await open();

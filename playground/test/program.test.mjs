@@ -6,18 +6,10 @@ import { tmpdir } from "node:os";
 import { join } from "node:path";
 import test from "node:test";
 import { bytes, execute, text } from "../program.js";
-import { native, wasm } from "./support/site.mjs";
+import { RUNS, native, wasm } from "./support/site.mjs";
 
 const program = await wasm();
 const hash = (summary) => JSON.parse(summary).state_hash;
-const RUNS = [
-  ["sedimentation", "--set", "n=2"],
-  ["excavator", "--steps", "50"],
-  ["shear-box", "--steps", "50"],
-  ["direct-shear", "--set", "n=1", "--steps", "100", "--friction", "relaxed"],
-  ["repose", "--steps", "60"],
-];
-
 for (const args of RUNS) {
   test(`${args.join(" ")}: one state_hash here and there`, async () => {
     const folder = mkdtempSync(join(tmpdir(), "graintrain-"));

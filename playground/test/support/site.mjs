@@ -9,6 +9,15 @@ import { chromium } from "playwright-core";
 const built = (path) => fileURLToPath(new URL(`../../../site/${path}`, import.meta.url));
 export const native = process.env.GRAINTRAIN ?? fileURLToPath(new URL("../../../target/debug/graintrain", import.meta.url));
 
+/** Runs whose `state_hash` is the same everywhere. */
+export const RUNS = [
+  ["sedimentation", "--set", "n=2"],
+  ["excavator", "--steps", "50"],
+  ["shear-box", "--steps", "50"],
+  ["direct-shear", "--set", "n=1", "--steps", "100", "--friction", "relaxed"],
+  ["repose", "--steps", "60"],
+];
+
 /** The program that the page loads. */
 export const wasm = async () => WebAssembly.compile(await readFile(built("playground/graintrain.wasm")));
 
