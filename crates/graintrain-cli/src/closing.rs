@@ -39,7 +39,7 @@ fn at_the_end(summary: &Summary) -> String {
     let mut text = format!(
         "{}, {}, kinetic energy {} J",
         counted(summary.bodies as u64, "body", "bodies"),
-        counted(summary.contacts_final as u64, "contact", "contacts"),
+        counted(summary.figures.contacts_final, "contact", "contacts"),
         number(summary.kinetic_energy)
     );
     if let Some(stage) = summary.stages.last() {
@@ -60,19 +60,19 @@ const APART: f64 = 1e-3;
 /// Whether the answers are what was asked for, and how far from exact geometry they are.
 fn trust(summary: &Summary) -> String {
     let asked = number(summary.tolerance);
-    let solved = match summary.unconverged_steps {
+    let solved = match summary.figures.unconverged_steps {
         0 => format!("every step met its tolerance ({asked})"),
         missed => format!(
             "not fully: {missed} of {} missed the tolerance ({asked}; {} at worst)",
             counted(summary.steps, "step", "steps"),
-            number(summary.residual_rms_max)
+            number(summary.figures.residual_rms_max)
         ),
     };
-    let met = match summary.contacts_missed {
+    let met = match summary.figures.contacts_missed {
         0 => "no body passed through another".to_string(),
         pairs => passed(pairs),
     };
-    let overlap = match summary.penetration_max_over_radius {
+    let overlap = match summary.figures.penetration_max_over_radius {
         0.0 => "none overlap".to_string(),
         share => format!("the deepest overlap was {} of a radius", percent(share)),
     };
@@ -95,7 +95,7 @@ pub fn details(summary: &Summary) -> String {
         "contacts",
         format!(
             "{} in the last step, {:.0} on average, {} at most",
-            summary.contacts_final, summary.contacts_mean, summary.contacts_max
+            summary.figures.contacts_final, summary.figures.contacts_mean, summary.figures.contacts_max
         ),
     );
     for (name, value) in errors(summary) {
@@ -139,8 +139,8 @@ fn errors(summary: &Summary) -> Vec<(&'static str, String)> {
             "residual",
             format!(
                 "mean {} in the worst step, {} at the worst contact; asked was {maximum} ({})",
-                number(summary.residual_rms_max),
-                number(summary.residual_max),
+                number(summary.figures.residual_rms_max),
+                number(summary.figures.residual_max),
                 summary.solver
             ),
         ),
@@ -148,24 +148,24 @@ fn errors(summary: &Summary) -> Vec<(&'static str, String)> {
             "overlap",
             format!(
                 "{} of the smaller body's radius in the last step, {} at most",
-                percent(summary.penetration_final_over_radius),
-                percent(summary.penetration_max_over_radius)
+                percent(summary.figures.penetration_final_over_radius),
+                percent(summary.figures.penetration_max_over_radius)
             ),
         ),
         (
             "closing",
             format!(
                 "contacts still close at {} m/s at most, {} of the smaller body's radius per step",
-                number(summary.velocity_error_max),
-                percent(summary.overlap_per_step_max_over_radius)
+                number(summary.figures.velocity_error_max),
+                percent(summary.figures.overlap_per_step_max_over_radius)
             ),
         ),
         (
             "friction",
             format!(
                 "outside of its cone by {} of the contact's force at most, off the slip by {} degrees at most",
-                percent(summary.friction_error_max),
-                number(summary.slip_angle_max.to_degrees())
+                percent(summary.figures.friction_error_max),
+                number(summary.figures.slip_angle_max.to_degrees())
             ),
         ),
     ];

@@ -195,29 +195,30 @@ fn warn(run: &Run, summary: &Summary) {
 }
 
 fn warn_of_missed_tolerance(summary: &Summary) {
-    if summary.unconverged_steps > 0 {
+    if summary.figures.unconverged_steps > 0 {
         tell!(
             "warning: {} of {} steps missed the tolerance {:.0e}, the worst residual is {:.1e} (rms {:.1e}; {:.1e} in impacts): see \
              the columns status, residual, residual_rms and impact_residual of steps.csv",
-            summary.unconverged_steps,
+            summary.figures.unconverged_steps,
             summary.steps,
             summary.tolerance,
-            summary.residual_max,
-            summary.residual_rms_max,
-            summary.impact_residual_max
+            summary.figures.residual_max,
+            summary.figures.residual_rms_max,
+            summary.figures.impact_residual_max
         );
     }
 }
 
 fn warn_of_missed_contacts(summary: &Summary) {
-    if summary.contacts_missed > 0 {
+    if summary.figures.contacts_missed > 0 {
         let first = summary
+            .figures
             .contacts_missed_first_step
             .map_or(String::new(), |step| format!(", first in step {step}"));
         tell!(
             "warning: {}{first}: no contact was found that keeps them apart. Use a shorter step, e.g. --set time.step='{} s'; the \
              column contacts_missed of steps.csv has the steps",
-            passed(summary.contacts_missed),
+            passed(summary.figures.contacts_missed),
             0.5 * summary.step
         );
     }

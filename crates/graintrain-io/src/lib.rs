@@ -8,6 +8,7 @@
 //! | [`body_numbers`], [`stream`], [`growth`], [`open_boundaries`] | bodies that enter, leave and grow while a run goes |
 //! | [`stage`] | stages of a run, what changes from one to the next |
 //! | [`measure`], [`mod@column`] | measurements of a run, and what the columns of tables mean |
+//! | [`quantity`] | the numbers of a step and of a run, declared once |
 //! | [`run`] | steps one after another, watched by observers |
 //! | [`checkpoint`] | going on later |
 //! | [`output`] | frames, tables, summary |
@@ -38,6 +39,7 @@ pub mod output;
 mod packed;
 pub mod problem_file;
 pub mod process;
+pub mod quantity;
 pub mod radii;
 mod random;
 pub mod run;

@@ -4,6 +4,7 @@ use crate::files::OutputError;
 use crate::measure::{Measure, MeasureState, Measured};
 use crate::open_boundaries::{OpenBoundaries, OpenBoundaryState};
 use crate::process::cpu_seconds;
+use crate::quantity::Figures;
 use crate::scene::Simulation;
 use crate::settings::OutputSettings;
 use crate::stage::{Progress, Stage, StageRecord};
@@ -11,7 +12,7 @@ use crate::stream::Moment;
 use graintrain::collide::Collider;
 use graintrain::math::Vec3;
 use graintrain::measure::energy::Ledger;
-use graintrain::stepper::{PhaseSeconds, PhysicalErrors, StepError, StepReport, StepSettings, Stepper};
+use graintrain::stepper::{PhaseSeconds, StepError, StepReport, StepSettings, Stepper};
 use graintrain::world::World;
 use graintrain_ccp::{Ccp, Criterion, Ranks};
 use serde::{Deserialize, Serialize};
@@ -69,50 +70,8 @@ pub struct RunTotals {
     pub output_seconds: f64,
     /// Seconds in observers after the last step.
     pub last_output_seconds: f64,
-    /// Sum over steps of the number of contacts.
-    pub contacts_sum: u64,
-    /// Largest number of contacts.
-    pub contacts_max: usize,
-    /// Contacts of the last step.
-    pub contacts_final: usize,
-    /// Worst residual of a contact.
-    pub residual_max: f64,
-    /// Worst root mean square over the contacts of a step.
-    pub residual_rms_max: f64,
-    /// Residual of the last step.
-    pub residual_final: f64,
-    /// Steps whose solve missed the tolerance.
-    pub unconverged_steps: u64,
-    /// Deepest overlap over the size of the smaller of both bodies.
-    pub penetration_max_over_size: f64,
-    /// The same in the last step.
-    pub penetration_final_over_size: f64,
-    /// The worst of each over the steps.
-    pub errors: PhysicalErrors,
-    /// Contacts with force, summed.
-    pub contacts_with_force_sum: u64,
-    /// Largest number of connected parts.
-    pub parts_max: usize,
-    /// Contacts that arrived with restitution, summed.
-    pub impacts: u64,
-    /// The worst residual that a solve of impacts was left with.
-    pub impact_residual_max: f64,
-    /// Connected parts in which restitution was lowered, summed.
-    pub restitution_lowered: u64,
-    /// Contacts that joined a problem after its solve, summed.
-    pub contacts_added: u64,
-    /// Pairs of bodies that passed into or through each other, summed.
-    pub contacts_missed: u64,
-    /// The first step with such a pair.
-    pub first_missed_step: Option<u64>,
-    /// Contacts that pressed though their bodies were apart in the whole step, summed.
-    pub contacts_apart: u64,
-    /// The largest impulse of those, N s.
-    pub impulse_apart_max: f64,
-    /// Largest overlap that displacements worked on, m.
-    pub overlap_corrected_max: f64,
-    /// Energy that they gave to bodies against gravity, summed, J.
-    pub correction_energy: f64,
+    /// What the steps come to, in figures.
+    pub figures: Figures,
     /// What changed the kinetic energy, summed; work of loads included.
     pub ledger: Ledger,
     /// The stages that have begun.
@@ -133,30 +92,7 @@ impl RunTotals {
         self.phases.assemble += phases.assemble;
         self.phases.solve += phases.solve;
         self.phases.integrate += phases.integrate;
-        self.contacts_sum += report.contacts as u64;
-        self.contacts_max = self.contacts_max.max(report.contacts);
-        self.contacts_final = report.contacts;
-        self.residual_max = self.residual_max.max(report.solve.residual.max);
-        self.residual_rms_max = self.residual_rms_max.max(report.solve.residual.rms);
-        self.residual_final = report.solve.residual.max;
-        self.unconverged_steps += u64::from(!report.solve.converged());
-        self.penetration_max_over_size = self.penetration_max_over_size.max(report.penetration_max_over_size);
-        self.penetration_final_over_size = report.penetration_max_over_size;
-        self.errors = self.errors.worse(&report.errors);
-        self.contacts_with_force_sum += report.contacts_with_force as u64;
-        self.parts_max = self.parts_max.max(report.parts);
-        self.impacts += report.impacts as u64;
-        self.impact_residual_max = self.impact_residual_max.max(report.impact_residual.max);
-        self.restitution_lowered += report.restitution_lowered as u64;
-        self.contacts_added += report.contacts_added as u64;
-        self.contacts_missed += report.contacts_missed as u64;
-        if report.contacts_missed > 0 {
-            self.first_missed_step.get_or_insert(step);
-        }
-        self.contacts_apart += report.contacts_apart as u64;
-        self.impulse_apart_max = self.impulse_apart_max.max(report.impulse_apart_max);
-        self.overlap_corrected_max = self.overlap_corrected_max.max(report.overlap_corrected_max);
-        self.correction_energy += report.correction_energy;
+        self.figures.add(step, report);
         self.ledger.add(&report.ledger);
     }
 }
@@ -443,7 +379,7 @@ impl Run {
         };
         let number = self.totals.stages.len().wrapping_sub(1);
         let growth = self.settings.stages.get(number).and_then(|stage| stage.growth.as_ref());
-        let overlap = self.totals.penetration_final_over_size;
+        let overlap = self.totals.figures.penetration_final_over_radius;
         let (state, collider) = (&mut self.totals.open_boundaries, &mut self.collider);
         let prepared =
             self.settings.open_boundaries.prepare(&mut self.world, collider, state, growth, now, overlap);
@@ -475,7 +411,7 @@ impl Run {
             step: self.settings.stepping.step,
             stage: self.totals.stages.len().saturating_sub(1),
             ledger: &self.totals.ledger,
-            correction_energy: self.totals.correction_energy,
+            correction_energy: self.totals.figures.correction_energy,
             open_boundaries: &self.totals.open_boundaries,
         };
         let mut records = Vec::new();

@@ -3,7 +3,11 @@
 use crate::arrays::owned;
 use crate::plain::plain;
 use graintrain::stepper;
+use graintrain_io::quantity::{QUANTITIES, Value};
+use pyo3::IntoPyObjectExt as _;
+use pyo3::exceptions::PyAttributeError;
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 
 /// What a solve of a contact problem did.
 #[pyclass(frozen, module = "graintrain")]
@@ -133,78 +137,50 @@ impl StepReport {
     }
 }
 
+fn value(py: Python<'_>, value: Value) -> PyResult<Bound<'_, PyAny>> {
+    match value {
+        Value::Count(count) => count.into_bound_py_any(py),
+        Value::Real(real) => real.into_bound_py_any(py),
+        Value::Text(text) => text.into_bound_py_any(py),
+        Value::Absent => Ok(py.None().into_bound(py)),
+    }
+}
+
 #[pymethods]
 impl StepReport {
-    /// Contacts in the envelope.
-    #[getter]
-    fn contacts(&self) -> usize {
-        self.report.contacts
+    /// Every column of `steps.csv` that a step has, by its name: `report.contacts`, `report.cone_excess`, ...
+    /// (docs/output.md). `None` where a step has none.
+    fn __getattr__<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyAny>> {
+        let quantity = QUANTITIES.iter().find(|quantity| quantity.column.name == name);
+        let Some(quantity) = quantity else {
+            return Err(PyAttributeError::new_err(format!("a step report has no {name}: see dir(report)")));
+        };
+        value(py, (quantity.value)(&self.report))
     }
 
-    /// Contacts that press.
-    #[getter]
-    fn contacts_with_force(&self) -> usize {
-        self.report.contacts_with_force
+    /// All names.
+    fn __dir__(slf: &Bound<'_, Self>) -> PyResult<Vec<String>> {
+        let own = slf.get_type().getattr("__dict__")?.call_method0("keys")?;
+        let own = own.try_iter()?.map(|name| name?.extract::<String>()).collect::<PyResult<Vec<_>>>()?;
+        Ok(own
+            .into_iter()
+            .chain(QUANTITIES.iter().map(|quantity| quantity.column.name.to_string()))
+            .collect())
     }
 
-    /// Connected parts of the contact graph.
-    #[getter]
-    fn parts(&self) -> usize {
-        self.report.parts
+    /// The columns of `steps.csv` that a step has, as a dict.
+    fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let dict = PyDict::new(py);
+        for quantity in QUANTITIES {
+            dict.set_item(quantity.column.name, value(py, (quantity.value)(&self.report))?)?;
+        }
+        Ok(dict)
     }
 
     /// What the solver did.
     #[getter]
     fn solve(&self) -> SolveReport {
         SolveReport::new(self.report.solve.clone())
-    }
-
-    /// Kinetic energy of the bodies that can move, after the step, J.
-    #[getter]
-    fn kinetic_energy(&self) -> f64 {
-        self.report.kinetic_energy
-    }
-
-    /// Deepest overlap at the end of the step, m.
-    #[getter]
-    fn penetration(&self) -> f64 {
-        self.report.penetration_max
-    }
-
-    /// Deepest overlap at the end of the step over the size of the smaller of both bodies.
-    #[getter]
-    fn penetration_over_size(&self) -> f64 {
-        self.report.penetration_max_over_size
-    }
-
-    /// Contacts that arrived with restitution.
-    #[getter]
-    fn impacts(&self) -> usize {
-        self.report.impacts
-    }
-
-    /// Pairs of bodies found inside each other that had no contact.
-    #[getter]
-    fn contacts_missed(&self) -> usize {
-        self.report.contacts_missed
-    }
-
-    /// Contacts that pressed though their bodies were apart in the whole step.
-    #[getter]
-    fn contacts_apart(&self) -> usize {
-        self.report.contacts_apart
-    }
-
-    /// The largest impulse of those, N s.
-    #[getter]
-    fn impulse_apart(&self) -> f64 {
-        self.report.impulse_apart_max
-    }
-
-    /// Work of external forces and torques in the step, J.
-    #[getter]
-    fn load_work(&self) -> f64 {
-        self.report.ledger.loads
     }
 
     /// What changed the kinetic energy in the step, J, as a dict: gravity, loads, drives, friction, normal,

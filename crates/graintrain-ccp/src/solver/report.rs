@@ -21,6 +21,19 @@ pub enum Status {
     Infeasible,
 }
 
+impl Status {
+    /// Its name in files: `converged`, `stalled`, `iteration-limit`, `stopped`, `infeasible`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Converged => "converged",
+            Self::Stalled => "stalled",
+            Self::IterationLimit => "iteration-limit",
+            Self::Stopped => "stopped",
+            Self::Infeasible => "infeasible",
+        }
+    }
+}
+
 /// What a stage of a [cascade](super::cascade) did.
 #[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
 pub struct StageRecord {

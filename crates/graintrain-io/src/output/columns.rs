@@ -3,83 +3,17 @@
 pub use crate::column::Column;
 use crate::column::column;
 use crate::files::{OutputError, write_atomically};
+use crate::quantity::QUANTITIES;
 use std::collections::BTreeMap;
 use std::path::Path;
 
 /// Columns of `steps.csv`.
-pub const STEPS: &[Column] = &[
-    column("step", "1", "number of the step, from 1"),
-    column("time", "s", "at the end of the step"),
-    column("contacts", "1", "contacts within the envelope, or closing within the step"),
-    column("contacts_with_force", "1", "contacts whose normal impulse exceeds a millionth of the mean"),
-    column("parts", "1", "connected parts of the contact graph, each solved by itself"),
-    column("solver", "", "what solved the contact problem"),
-    column("status", "", "converged, stalled, iteration-limit or infeasible"),
-    column("iterations", "1", "iterations of the solver"),
-    column("linear_iterations", "1", "iterations of its linear solver"),
-    column("residual", "1", "residual of the worst contact in the friction model asked for"),
-    column("residual_rms", "1", "its root mean square over the contacts"),
-    column("residual_relaxed", "1", "residual of the worst contact, relaxed friction"),
-    column("residual_coulomb", "1", "residual of the worst contact, exact friction"),
-    column(
-        "approach_max",
-        "m/s",
-        "largest velocity at which a contact still closes faster than its gap allows",
-    ),
-    column(
-        "overlap_per_step",
-        "1",
-        "overlap that this makes within the step, over the size of the smaller body, at the worst contact",
-    ),
-    column(
-        "cone_excess",
-        "1",
-        "largest excess of friction over mu times the normal force, relative to that contact's force",
-    ),
-    column("slip_angle", "rad", "largest angle between friction and the direction against the slip"),
-    column("impacts", "1", "contacts that arrived with restitution"),
-    column("impact_residual", "1", "the worst that a solve of theirs was left with"),
-    column(
-        "restitution_lowered",
-        "1",
-        "connected parts whose restitution was lowered, because it would have made energy",
-    ),
-    column("contacts_added", "1", "contacts that joined the problem after a solve"),
-    column("contacts_missed", "1", "pairs of bodies that passed into or through each other in the step"),
-    column("contacts_apart", "1", "contacts that pressed though their bodies were apart in the whole step"),
-    column("impulse_apart", "N s", "the largest impulse of those"),
-    column("penetration_max", "m", "deepest overlap at the end of the step"),
-    column(
-        "penetration_over_size",
-        "1",
-        "deepest overlap at the end of the step, each over the size of the smaller of its two bodies",
-    ),
-    column("overlap_corrected", "m", "largest overlap that displacements worked on in the step"),
-    column("joint_opening", "m", "how far the joint that is open most is so at the end of the step"),
-    column("correction_energy", "J", "energy that those displacements gave to bodies against gravity"),
-    column("load_work", "J", "work of external forces and torques in the step, besides gravity"),
-    column("joint_work", "J", "work of the motors, springs and dampers of joints in the step"),
-    column("kinetic_energy", "J", "of the bodies that forces can move, at the end of the step"),
-    column("seconds_collide", "s", "wall clock: finding contacts"),
-    column("seconds_assemble", "s", "wall clock: building the contact problem"),
-    column("seconds_solve", "s", "wall clock: solving it, and the impacts before it"),
-    column("seconds_integrate", "s", "wall clock: moving the bodies, removing overlap"),
-    column("seconds_output", "s", "wall clock: the outputs after the step before"),
-    column(
-        "newton_precompute_seconds",
-        "s",
-        "of an interior point: factorisations, preconditioners, trains; summed over the step",
-    ),
-    column("newton_apply_seconds", "s", "of an interior point: linear solves, summed over the step"),
-    column(
-        "newton_condition",
-        "1",
-        "largest estimate of the condition number of the Newton matrix in the step",
-    ),
-    column("rank_matrix", "1", "mean rank of the trains of the matrix, mean over the step"),
-    column("rank_inverse", "1", "mean rank of the trains of its inverse, mean over the step"),
-    column("compression_error", "1", "relative error of the train of the matrix, mean over the step"),
-];
+pub fn steps() -> Vec<Column> {
+    let of_step =
+        [column("step", "1", "number of the step, from 1"), column("time", "s", "at the end of the step")];
+    let output = column("seconds_output", "s", "wall clock: the outputs after the step before");
+    of_step.into_iter().chain(QUANTITIES.iter().map(|quantity| quantity.column)).chain([output]).collect()
+}
 
 /// Columns of `wrench.csv`.
 pub const WRENCH: &[Column] = &[
@@ -195,8 +129,9 @@ pub fn header(columns: &[Column]) -> String {
 /// Where the file cannot be written.
 pub fn write(folder: &Path, measures: &[(String, Vec<Column>)]) -> Result<(), OutputError> {
     let path = folder.join("columns.json");
+    let steps = steps();
     let fixed =
-        [("steps.csv", STEPS), ("wrench.csv", WRENCH), ("joints.csv", JOINTS), ("newton.csv", NEWTON)];
+        [("steps.csv", &*steps), ("wrench.csv", WRENCH), ("joints.csv", JOINTS), ("newton.csv", NEWTON)];
     let fixed = fixed.into_iter().map(|(name, columns)| (name.to_string(), columns.to_vec()));
     let tables: BTreeMap<String, Vec<Column>> = fixed.chain(measures.iter().cloned()).collect();
     let text = serde_json::to_string_pretty(&tables)

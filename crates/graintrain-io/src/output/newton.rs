@@ -1,5 +1,4 @@
-//! What the linear solver of a Newton method did: one record per iteration in `newton.csv`, means per step in
-//! `steps.csv`.
+//! What the linear solver of a Newton method did: one record per iteration in `newton.csv`.
 
 use super::columns::{self, header, newton_figures};
 use crate::files::{OutputError, Table};
@@ -80,43 +79,18 @@ impl NewtonTable {
     }
 }
 
-/// The six cells that `steps.csv` has for Newton methods, from `newton_precompute_seconds` on: sums over the
-/// iterations of a step, the largest condition estimate, and means of figures; all empty where no Newton
-/// method was at work.
-pub fn step_cells(records: &[NewtonRecord]) -> String {
-    let some = |value: f64| (!records.is_empty()).then_some(value);
-    let mean = |name: &str| {
-        let values: Vec<f64> =
-            records.iter().filter_map(|record| record.figures.get(name).copied()).collect();
-        (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
-    };
-    [
-        some(records.iter().map(|record| record.precompute_seconds).sum()),
-        some(records.iter().map(|record| record.apply_seconds).sum()),
-        some(records.iter().map(|record| record.condition).fold(0.0, f64::max)),
-        mean("rank_matrix"),
-        mean("rank_inverse"),
-        mean("compression_error"),
-    ]
-    .map(cell)
-    .join(",")
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::mark::Loss;
 
     #[test]
-    fn records_and_means_have_as_many_cells_as_columns() {
+    fn records_have_as_many_cells_as_columns() {
         let mut record = NewtonRecord { precompute_seconds: 0.5, condition: 7.0, ..NewtonRecord::default() };
         record.figures.insert("rank_matrix".to_string(), 4.0);
         let mut other = record.clone();
         other.figures.insert("rank_matrix".to_string(), 8.0);
         let records = [record, other];
-        assert_eq!(step_cells(&records), "1.0,0.0,7.0,6.0,,");
-        assert_eq!(step_cells(&[]), ",,,,,");
-
         let folder = tempfile::tempdir().unwrap();
         let mut table = NewtonTable::create(folder.path());
         table.append(1, &[]).unwrap();

@@ -3,6 +3,7 @@
 use super::size::smallest_radius;
 use crate::files::{OutputError, write_atomically};
 use crate::process::peak_memory_bytes;
+use crate::quantity::Figures;
 use crate::run::{RunSettings, RunTotals};
 use crate::stage::StageRecord;
 use crate::stream::{Amount, StreamState};
@@ -77,69 +78,15 @@ pub struct Summary {
     pub cpu_seconds: Option<f64>,
     /// Wall-clock seconds per phase.
     pub phases: Phases,
-    /// Mean number of contacts.
-    pub contacts_mean: f64,
-    /// Largest number of contacts.
-    pub contacts_max: usize,
-    /// Contacts of the last step.
-    pub contacts_final: usize,
-    /// Worst residual of a contact.
-    pub residual_max: f64,
-    /// Worst root mean square of the residual over the contacts of a step.
-    pub residual_rms_max: f64,
-    /// Residual of the last step.
-    pub residual_final: f64,
-    /// Steps whose solve missed the tolerance.
-    pub unconverged_steps: u64,
-    /// Largest number of connected parts of the contact graph in a step.
-    pub parts_max: usize,
-    /// Largest velocity at which a contact still closed faster than its gap allowed, m/s.
-    pub velocity_error_max: f64,
-    /// The overlap that this made within a step, over the size of the smaller of both bodies.
-    pub overlap_per_step_max_over_radius: f64,
-    /// Largest excess of friction over mu times the normal force, relative to that contact's force.
-    pub friction_error_max: f64,
-    /// Largest angle between friction and the direction against the slip, rad.
-    pub slip_angle_max: f64,
-    /// How far a joint was open at the end of a step, m.
-    #[serde(default)]
-    pub joint_opening_max: f64,
-    /// Contacts that arrived with restitution.
-    pub impacts: u64,
-    /// The worst residual that a solve of impacts was left with.
-    pub impact_residual_max: f64,
-    /// Connected parts in which restitution was lowered, because it would have made energy.
-    pub restitution_lowered: u64,
-    /// Contacts that joined a step's problem after its solve, because their bodies would have met all the
-    /// same.
-    pub contacts_added_after_solve: u64,
-    /// Pairs of bodies that passed into or through each other, since no contact kept them apart.
-    pub contacts_missed: u64,
-    /// The first step with such a pair.
-    pub contacts_missed_first_step: Option<u64>,
-    /// Contacts that pressed though their bodies were, in the whole step, further apart than a twentieth of
-    /// the smaller one's size, summed over steps.
-    #[serde(default)]
-    pub contacts_apart: u64,
-    /// Their share of the contacts with force.
+    /// What the steps come to: one key each.
+    #[serde(flatten)]
+    pub figures: Figures,
+    /// Share of the contacts with force that pressed though their bodies were apart in the whole step.
     #[serde(default)]
     pub contacts_apart_share: f64,
-    /// The largest impulse of those, N s.
-    #[serde(default)]
-    pub impulse_apart_max: f64,
-    /// Deepest overlap at the end of a step over the size of the smaller of both bodies.
-    pub penetration_max_over_radius: f64,
-    /// The same for the last step alone.
-    pub penetration_final_over_radius: f64,
     /// Largest overlap that displacements worked on, over the smallest radius of the bodies that forces can
     /// move.
     pub overlap_corrected_max_over_radius: f64,
-    /// Energy that these displacements gave to bodies against gravity, J.
-    pub correction_energy: f64,
-    /// Work of external forces and torques, J.
-    pub load_work: f64,
-    /// Work of the motors, springs and dampers of joints, J.
-    pub joint_work: f64,
     /// The stages that have begun.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub stages: Vec<StageRecord>,
@@ -255,6 +202,7 @@ impl OutletSummary {
 impl Summary {
     /// The figures of a run so far.
     pub fn new(world: &World, settings: &RunSettings, totals: &RunTotals, status: RunStatus) -> Self {
+        let figures = &totals.figures;
         // Without a movable body there is nothing to correct.
         let radius = smallest_radius(world).filter(|&radius| radius > 0.0).unwrap_or(f64::INFINITY);
         Self {
@@ -280,34 +228,10 @@ impl Summary {
                 integrate: totals.phases.integrate,
                 output: totals.output_seconds,
             },
-            contacts_mean: totals.contacts_sum as f64 / world.step.max(1) as f64,
-            contacts_max: totals.contacts_max,
-            contacts_final: totals.contacts_final,
-            residual_max: totals.residual_max,
-            residual_rms_max: totals.residual_rms_max,
-            residual_final: totals.residual_final,
-            unconverged_steps: totals.unconverged_steps,
-            parts_max: totals.parts_max,
-            velocity_error_max: totals.errors.approach_max,
-            overlap_per_step_max_over_radius: totals.errors.overlap_per_step_max_over_size,
-            friction_error_max: totals.errors.cone_excess_max,
-            slip_angle_max: totals.errors.slip_angle_max,
-            joint_opening_max: totals.errors.joint_opening_max,
-            impacts: totals.impacts,
-            impact_residual_max: totals.impact_residual_max,
-            restitution_lowered: totals.restitution_lowered,
-            contacts_added_after_solve: totals.contacts_added,
-            contacts_missed: totals.contacts_missed,
-            contacts_missed_first_step: totals.first_missed_step,
-            contacts_apart: totals.contacts_apart,
-            contacts_apart_share: totals.contacts_apart as f64 / totals.contacts_with_force_sum.max(1) as f64,
-            impulse_apart_max: totals.impulse_apart_max,
-            penetration_max_over_radius: totals.penetration_max_over_size,
-            penetration_final_over_radius: totals.penetration_final_over_size,
-            overlap_corrected_max_over_radius: totals.overlap_corrected_max / radius,
-            correction_energy: totals.correction_energy,
-            load_work: totals.ledger.loads,
-            joint_work: totals.ledger.joints,
+            contacts_apart_share: figures.contacts_apart as f64
+                / figures.contacts_with_force_sum.max(1) as f64,
+            overlap_corrected_max_over_radius: figures.overlap_corrected_max / radius,
+            figures: figures.clone(),
             stages: totals.stages.clone(),
             streams: StreamSummary::of(settings, totals),
             outlets: OutletSummary::of(settings, totals),

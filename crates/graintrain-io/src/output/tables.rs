@@ -2,11 +2,12 @@
 //! held body, `joints.csv`, one record per step and joint (where there are joints), `newton.csv`, one record
 //! per Newton iteration, and `measures/NAME.csv`. [`columns`] names their columns.
 
-use super::columns::{self, Column, JOINTS, STEPS, WRENCH, header};
-use super::newton::{NEWTON, NewtonTable, step_cells};
+use super::columns::{self, Column, JOINTS, WRENCH, header, steps};
+use super::newton::{NEWTON, NewtonTable};
 use crate::files::{OutputError, Table, make_folder};
 use crate::mark::{Loss, Marks};
 use crate::measure::Measure;
+use crate::quantity::{QUANTITIES, Value};
 use graintrain::joint::JointState;
 use graintrain::stepper::StepReport;
 use graintrain::world::World;
@@ -67,7 +68,7 @@ impl Tables {
             make_folder(&folder.join("measures"))?;
         }
         Ok(Self {
-            steps: table("steps.csv", &header(STEPS))?,
+            steps: table("steps.csv", &header(&steps()))?,
             wrench: table("wrench.csv", &header(WRENCH))?,
             joints: table("joints.csv", &header(JOINTS))?,
             newton,
@@ -149,7 +150,7 @@ impl Tables {
                     "{},{:?},{body},{},{}",
                     world.step,
                     world.time,
-                    quoted(name),
+                    Value::from(name),
                     numbers.join(",")
                 ))?;
             }
@@ -163,7 +164,7 @@ impl Tables {
                 "{},{:?},{number},{},{}",
                 world.step,
                 world.time,
-                quoted(&placed.joint.name),
+                Value::from(placed.joint.name.as_str()),
                 numbers.collect::<Vec<_>>().join(",")
             ))?;
         }
@@ -179,59 +180,8 @@ fn has_wrench_record(world: &World, body: usize) -> bool {
 }
 
 fn step_record(world: &World, report: &StepReport, output_seconds: f64) -> String {
-    let solve = &report.solve;
-    // The name of a status is the one that it has in every other file.
-    let status = serde_json::to_string(&solve.status).unwrap_or_default();
-    let (errors, phases) = (&report.errors, &report.phases);
-    let real = |value: f64| format!("{value:?}");
-    [
-        world.step.to_string(),
-        real(world.time),
-        report.contacts.to_string(),
-        report.contacts_with_force.to_string(),
-        report.parts.to_string(),
-        quoted(&solve.solver),
-        status.trim_matches('"').to_string(),
-        solve.iterations.to_string(),
-        solve.linear_iterations.to_string(),
-        real(solve.residual.max),
-        real(solve.residual.rms),
-        real(solve.residual_relaxed.max),
-        real(solve.residual_coulomb.max),
-        real(errors.approach_max),
-        real(errors.overlap_per_step_max_over_size),
-        real(errors.cone_excess_max),
-        real(errors.slip_angle_max),
-        report.impacts.to_string(),
-        real(report.impact_residual.max),
-        report.restitution_lowered.to_string(),
-        report.contacts_added.to_string(),
-        report.contacts_missed.to_string(),
-        report.contacts_apart.to_string(),
-        real(report.impulse_apart_max),
-        real(report.penetration_max),
-        real(report.penetration_max_over_size),
-        real(report.overlap_corrected_max),
-        real(errors.joint_opening_max),
-        real(report.correction_energy),
-        real(report.ledger.loads),
-        real(report.ledger.joints),
-        real(report.kinetic_energy),
-        real(phases.collide),
-        real(phases.assemble),
-        real(phases.solve),
-        real(phases.integrate),
-        real(output_seconds),
-        step_cells(&solve.newton),
-    ]
-    .join(",")
-}
-
-/// A text as a CSV field: in quotes where it holds a comma, quote or line break.
-fn quoted(text: &str) -> String {
-    if text.contains([',', '"', '\n', '\r']) {
-        format!("\"{}\"", text.replace('"', "\"\""))
-    } else {
-        text.to_string()
-    }
+    let of_step = [Value::from(world.step), Value::from(world.time)];
+    let of_report = QUANTITIES.iter().map(|quantity| (quantity.value)(report));
+    let cells = of_step.into_iter().chain(of_report).chain([Value::from(output_seconds)]);
+    cells.map(|cell| cell.to_string()).collect::<Vec<_>>().join(",")
 }

@@ -5,6 +5,7 @@ mod interruptions;
 mod measures;
 mod open_boundaries;
 mod output;
+mod output_docs;
 mod pauses;
 mod periodic;
 mod pour;

@@ -165,7 +165,11 @@ exchange = true
     let summary = std::fs::read_to_string(folder.path().join("summary.json")).unwrap();
     assert!(summary.contains("\"steps_waited\""), "{summary}");
     // Nobody entered another.
-    assert!(run.totals.penetration_max_over_size < 0.02, "{}", run.totals.penetration_max_over_size);
+    assert!(
+        run.totals.figures.penetration_max_over_radius < 0.02,
+        "{}",
+        run.totals.figures.penetration_max_over_radius
+    );
 }
 
 /// Fill in a stage until all are there, settle until the height is steady, grow until a porosity.

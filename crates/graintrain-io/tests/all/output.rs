@@ -14,13 +14,11 @@ use graintrain::stepper::{PhaseSeconds, PhysicalErrors, SolverChoice, StepReport
 use graintrain::world::{Body, World};
 use graintrain_io::checkpoint::{self, CheckpointError};
 use graintrain_io::output::OutputSettings;
-use graintrain_io::output::columns::{Column, NEWTON, STEPS, WRENCH};
 use graintrain_io::output::folder::{PrepareError, RunFolder};
 use graintrain_io::output::recorder::Recorder;
 use graintrain_io::output::summary::{RunStatus, Summary};
 use graintrain_io::output::vtp::Precision;
 use graintrain_io::run::{Observer, RunSettings, RunTotals, StepView};
-use std::collections::HashSet;
 use std::path::Path;
 
 /// Two spheres, a dumb-bell, a box and a capsule that move, on a plane, beside a fixed wall and a turning
@@ -268,23 +266,6 @@ fn columns_are_explained_beside_the_tables() {
             assert_eq!(text.lines().nth(1).unwrap().split(',').count(), header.len(), "{file}");
         }
         assert!(listed.iter().all(|column| column["unit"].is_string() && column["meaning"] != ""));
-    }
-}
-
-/// Every column has a name of its own, and `docs/output.md` names it.
-#[test]
-fn the_page_on_outputs_names_every_column() {
-    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/output.md");
-    let page = std::fs::read_to_string(path).unwrap();
-    for columns in [STEPS, WRENCH, NEWTON] {
-        let names: HashSet<&str> = columns.iter().map(|column| column.name).collect();
-        assert_eq!(names.len(), columns.len());
-        for Column { name, meaning, .. } in columns {
-            assert!(!meaning.is_empty() && !meaning.contains('\n'), "{name}");
-            let axes = name.strip_suffix(['x', 'y', 'z']).filter(|stem| stem.ends_with('_'));
-            let shown = axes.map_or(format!("`{name}`"), |stem| format!("`{stem}x/y/z`"));
-            assert!(page.contains(&shown), "docs/output.md lacks {shown}");
-        }
     }
 }
 

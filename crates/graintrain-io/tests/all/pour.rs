@@ -72,21 +72,21 @@ fn pour(friction: &str, tolerance: &str) {
     let moves = world.bodies.position.iter().zip(&rest.before.1).map(|(now, then)| (*now - *then).length());
     let creep = moves.fold(0.0, f64::max) / SIZE;
     let rises = rest.energies.windows(2).map(|pair| pair[1] - pair[0]).fold(f64::NEG_INFINITY, f64::max);
-    let overlap = totals.penetration_max_over_size;
+    let overlap = totals.figures.penetration_max_over_radius;
     println!(
         "{friction}: {} bodies, all there at {:.2} s, {} contacts; creep {creep:.1e} sizes per second, overlap at most {:.2} % of a size, energy rises by \
          {rises:.1e} of {:.1e} J in a step; {} of {} steps unconverged; {:.0} s",
         rest.bodies,
         rest.entered,
-        totals.contacts_final,
+        totals.figures.contacts_final,
         100.0 * overlap,
         rest.energies[0],
-        totals.unconverged_steps,
+        totals.figures.unconverged_steps,
         world.step,
         totals.wall_seconds
     );
     assert_eq!(rest.bodies as f64, (2200.0 * part).round());
-    assert_eq!((totals.unconverged_steps, totals.contacts_missed), (0, 0));
+    assert_eq!((totals.figures.unconverged_steps, totals.figures.contacts_missed), (0, 0));
     // What is round may still rock: nothing here resists rolling.
     assert!(creep < 0.02, "creep {creep}");
     assert!(overlap < 0.005, "overlap {overlap}");

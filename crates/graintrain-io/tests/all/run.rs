@@ -173,8 +173,8 @@ fn a_stopped_run_goes_on_to_the_same_bits() {
     let (whole, stopped) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
     let settings = settings(40);
     let reference = run_whole(whole.path(), &settings);
-    assert!(reference.totals.contacts_max > 20, "{:?}", reference.totals);
-    assert_eq!(reference.totals.unconverged_steps, 0);
+    assert!(reference.totals.figures.contacts_max > 20, "{:?}", reference.totals);
+    assert_eq!(reference.totals.figures.unconverged_steps, 0);
 
     let stop = never();
     let mut recorder =
@@ -188,7 +188,7 @@ fn a_stopped_run_goes_on_to_the_same_bits() {
     let resumed = resume(stopped.path());
     assert_eq!(resumed.world, reference.world);
     assert_eq!(resumed.world.state_hash(), reference.world.state_hash());
-    assert_eq!(resumed.totals.contacts_sum, reference.totals.contacts_sum);
+    assert_eq!(resumed.totals.figures.contacts_mean, reference.totals.figures.contacts_mean);
     assert_same_outputs(whole.path(), stopped.path(), 40);
 }
 
@@ -241,7 +241,7 @@ fn strict_runs_end_where_a_solve_misses_its_tolerance() {
     let settings = with_limits(1e-12, 3, 60);
     let mut run = Run::new(world(), settings.clone(), RunTotals::default(), never()).unwrap();
     assert_eq!(run.advance(&mut []).unwrap(), Ending::Finished);
-    assert!(run.totals.unconverged_steps > 0);
+    assert!(run.totals.figures.unconverged_steps > 0);
 
     let mut run = Run::new(world(), settings, RunTotals::default(), never()).unwrap();
     run.strict = true;
@@ -252,7 +252,7 @@ fn strict_runs_end_where_a_solve_misses_its_tolerance() {
         }
         other => panic!("{other:?}"),
     }
-    assert_eq!(run.totals.unconverged_steps, 1);
+    assert_eq!(run.totals.figures.unconverged_steps, 1);
 }
 
 #[test]

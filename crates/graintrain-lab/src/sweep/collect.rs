@@ -4,32 +4,34 @@ use super::SweepError;
 use super::execute::{run_folder, write};
 use super::plan::{Cell, Plan};
 use graintrain::measure::statistics::{mean, steady_from};
+use graintrain_io::column::Column;
 use graintrain_io::files::within;
 use graintrain_io::measure::{Measure, Quantity};
+use graintrain_io::quantity::FIGURES;
 use graintrain_view::view::tables::Table;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::Path;
 
-/// Figures of `summary.json` that are observables, with their units and meanings.
-const SUMMARY: &[(&str, &str, &str)] = &[
-    ("bodies", "1", "bodies of the world at the end"),
-    ("simulated_seconds", "s", "simulated time"),
-    ("wall_seconds", "s", "wall clock of the run"),
-    ("cpu_seconds", "s", "processor time of all threads"),
-    ("contacts_mean", "1", "contacts, mean over the steps"),
-    ("unconverged_steps", "1", "steps whose solve missed its tolerance"),
-    ("residual_rms_max", "1", "residual of the worst step"),
-    ("contacts_missed", "1", "pairs of bodies that passed through each other"),
-    (
-        "contacts_apart_share",
-        "1",
-        "share of the contacts with force whose bodies were apart in the whole step",
-    ),
-    ("penetration_max_over_radius", "1", "deepest overlap over the smaller body's size"),
-    ("kinetic_energy", "J", "at the end"),
+/// Figures of `summary.json` that are observables beside those of steps.
+const SUMMARY: &[Column] = &[
+    Column { name: "bodies", unit: "1", meaning: "bodies of the world at the end" },
+    Column { name: "simulated_seconds", unit: "s", meaning: "simulated time" },
+    Column { name: "wall_seconds", unit: "s", meaning: "wall clock of the run" },
+    Column { name: "cpu_seconds", unit: "s", meaning: "processor time of all threads" },
+    Column {
+        name: "contacts_apart_share",
+        unit: "1",
+        meaning: "share of the contacts with force whose bodies were apart in the whole step",
+    },
+    Column { name: "kinetic_energy", unit: "J", meaning: "at the end" },
 ];
+
+/// All of them.
+fn figures() -> impl Iterator<Item = &'static Column> {
+    SUMMARY.iter().chain(FIGURES)
+}
 
 /// An observable: a number that a run has.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -94,7 +96,7 @@ const ENDINGS: [&str; 3] = [":max", ":min", ":last"];
 
 /// The observables that a run with these measurements will have.
 pub(super) fn observables_of(measures: &[Measure]) -> Vec<String> {
-    let mut names: Vec<String> = SUMMARY.iter().map(|(name, ..)| name.to_string()).collect();
+    let mut names: Vec<String> = figures().map(|figure| figure.name.to_string()).collect();
     // Records of bins are no series in time.
     for measure in measures.iter().filter(|measure| !measure.quantities.iter().any(Quantity::has_bins)) {
         for column in measure.columns().iter().skip(2) {
@@ -140,14 +142,14 @@ pub fn collect(folder: &Path, cells: &[Cell], from: Option<f64>) -> Result<Colle
             samples.push(None);
             continue;
         }
-        let figures = json(&summary)?;
-        if figures["status"] != "finished" {
+        let summary = json(&summary)?;
+        if summary["status"] != "finished" {
             samples.push(None);
             continue;
         }
         let mut sample = Sample::default();
-        for (name, unit, meaning) in SUMMARY {
-            if let Some(value) = figures[*name].as_f64() {
+        for Column { name, unit, meaning } in figures() {
+            if let Some(value) = summary[*name].as_f64() {
                 sample.found.insert(name.to_string(), Found { value, error: f64::NAN });
                 note(Observable {
                     name: name.to_string(),
