@@ -7,9 +7,14 @@
 //! v' = v + M^-1 D g,   Y_i contains g_i perpendicular to D_i^T v' + (e_i D_i,n^T v, 0, 0) in Y_i^*
 //! ```
 //!
-//! so that each parts with e times the velocity of its arrival whatever its gap was; then those that close
-//! because of it, and so on, until none is left. Forces, and contacts that rest or only touch, are left to
-//! the contact problem, which starts from v'. Joints hold in impacts, motors with a limit and springs have no
+//! so that each parts with e times the velocity at which it touches; then those that close because of it, and
+//! so on, until none is left. Forces, and contacts that rest or only touch, are left to the contact problem,
+//! which starts from v'.
+//!
+//! A contact with a gap Phi touches only after it, at u_t^2 = u^2 + 2 a Phi under a relative acceleration a,
+//! and has lost the height Phi again when it is back where the step finds it: there it parts with
+//! `u'^2 = e^2 u_t^2 - 2 a Phi`, of which [`at_start`] makes the e_i above. So a bounce reaches e^2 times its
+//! height at any step. Joints hold in impacts, motors with a limit and springs have no
 //! time to act, and stops neither. Rolling and spinning friction act on lasting contact alone: their moments
 //! grow with the time that a contact takes, which an impact does not have. A collision that runs through a
 //! row of bodies (Newton's cradle) takes one pass per contact.
@@ -143,8 +148,13 @@ impl ImpactSolver<'_> {
             }
             let mut moved = vec![false; world.bodies.len()];
             for part in parts(of.rows, closing.iter().copied(), world.bodies.len(), &coupled) {
-                let Some(()) =
-                    self.solve(&part, (of, &coupled), [&restitution, &friction], &motion.now, &mut found)?
+                let e: Vec<f64> = part
+                    .contacts
+                    .iter()
+                    .map(|&i| i as usize)
+                    .map(|i| at_start(restitution[i], of.contacts[i].gap, motion.normal(i), step))
+                    .collect();
+                let Some(()) = self.solve(&part, (of, &coupled), [&e, &friction], &motion.now, &mut found)?
                 else {
                     return Ok(None);
                 };
@@ -160,7 +170,7 @@ impl ImpactSolver<'_> {
         Ok(Some(found))
     }
 
-    /// One part of a pass.
+    /// One part of a pass; `restitution` of the contacts of the part.
     fn solve(
         &mut self,
         part: &Part,
@@ -170,7 +180,6 @@ impl ImpactSolver<'_> {
         found: &mut Impacts,
     ) -> Result<Option<()>, CcpError> {
         let u = part.gather::<3, f64>(velocity);
-        let e = part.gather::<1, f64>(restitution);
         let plastic = Ccp {
             delassus: Arc::new(Delassus::Rigid(part.delassus(of.rows, of.inverse_mass, coupled))),
             r: u.clone(),
@@ -181,7 +190,7 @@ impl ImpactSolver<'_> {
             identity: Vec::new(),
         };
         let mut elastic = plastic.clone();
-        for (u, e) in elastic.r.chunks_exact_mut(3).zip(&e) {
+        for (u, e) in elastic.r.chunks_exact_mut(3).zip(restitution) {
             u[0] *= 1.0 + e;
         }
         let Some(mut g) = self.impulses(&elastic, found)? else { return Ok(None) };
@@ -298,6 +307,11 @@ impl Motion {
         Self { free, driven, now, later }
     }
 
+    /// Normal velocities of a contact: now, and after the step if no contact acted.
+    fn normal(&self, contact: usize) -> [f64; 2] {
+        [&self.now, &self.later].map(|u| u[3 * contact])
+    }
+
     /// After these bodies got other velocities: only what they touch has changed.
     fn update(&mut self, world: &World, of: Rows<'_>, velocity: &[f64], step: f64, moved: &[bool]) {
         for body in (0..moved.len()).filter(|&body| moved[body]) {
@@ -323,6 +337,19 @@ impl Motion {
             }
         }
     }
+}
+
+/// The restitution with which a contact parts at the start of a step where it has the gap Phi and closes at u
+/// < 0, so that it has e times the velocity of its touch when it has crossed the gap twice,
+///
+/// ```text
+/// e_start^2 = e^2 - (1 - e^2) 2 a Phi / u^2,   a = (u - u_later) / dt;
+/// ```
+///
+/// 0 where it does not come back as far within its bounce. `u` is [now, after the step if no contact acted].
+fn at_start(e: f64, gap: f64, [now, later]: [f64; 2], step: f64) -> f64 {
+    let fall = 2.0 * (now - later) / step * gap.max(0.0);
+    (e * e - (1.0 - e * e) * fall / (now * now)).clamp(0.0, 1.0).sqrt()
 }
 
 /// Velocities with those of prescribed degrees of freedom taken from `free`: the ones that hold during this

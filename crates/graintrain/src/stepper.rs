@@ -183,12 +183,12 @@ impl Stepper {
         loop {
             lead_to_surfaces(world, &self.collider, step, &mut rounds.contacts);
             let attempt = self.attempt(world, &mut rounds, last.take())?;
-            if self.look_on_the_way(world, &mut rounds, &attempt)? {
+            if self.check_velocities(world, &mut rounds, &attempt)? {
                 last = Some(attempt);
                 continue;
             }
             let mut made = self.make(world, &mut rounds, attempt);
-            if self.look_at_the_end(world, &mut rounds, &start, &made) {
+            if self.check_end(world, &mut rounds, &start, &made) {
                 last = Some(made.attempt);
                 continue;
             }

@@ -97,7 +97,7 @@ impl Stepper {
             let mut foreseen = self.foreseen(start, rounds, attempt, &deep.iter().collect::<Vec<_>>());
             for (identity, (gap, _)) in &mut foreseen {
                 // A plane linearised anew foresees what it was made for.
-                *gap = rounds.bends.allowed(*identity).unwrap_or(*gap);
+                *gap = rounds.planes.allowed(*identity).unwrap_or(*gap);
             }
             let errors = self.unforeseen(world, &deep, &foreseen, correction);
             let Some(displacement) = self.without(world, ahead, &errors, correction) else { break };
@@ -182,7 +182,7 @@ impl Stepper {
     ) -> StepReport {
         let begin = Clock::now();
         let Made { attempt, size, correction, ahead } = made;
-        let Rounds { contacts, added, missed, iterations, mut laps, .. } = rounds;
+        let Rounds { contacts, added, undetected, iterations, mut laps, .. } = rounds;
         let step = self.settings.step;
         let apart = self.apart(world, start, &contacts, &attempt, &ahead);
         laps.add(|phases| &mut phases.collide, begin.lap());
@@ -225,7 +225,7 @@ impl Stepper {
             impact_residual: impacts.residual,
             restitution_lowered: impacts.lowered,
             contacts_added: added,
-            contacts_missed: missed,
+            contacts_missed: undetected,
             contacts_apart: apart.count,
             impulse_apart_max: apart.impulse_max,
             overlap_corrected_max: correction.overlap_max,

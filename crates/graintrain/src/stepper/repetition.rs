@@ -3,11 +3,11 @@
 //!
 //! | found | then |
 //! |---|---|
-//! | a contact under way to an impact is closed all the same (`met`) | it joins the problem |
-//! | a deflected body meets another on its way (`passing`) | the contact where they meet joins |
-//! | bodies overlap at the end that had no contact (`missed`) | their contacts join |
-//! | a contact ends far deeper than foreseen (`bent`) | it is linearised anew where it ends ([`carried_back`]) |
-//! | bodies were held apart that would pass without overlap (`phantoms`) | their contacts are left out |
+//! | a contact under way to an impact is closed all the same (`closed`) | it joins the problem |
+//! | a deflected body meets another on its way (`on_the_way`) | the contact where they meet joins |
+//! | bodies overlap at the end that had no contact (`undetected`) | their contacts join |
+//! | a contact ends far deeper than foreseen (`departed`) | it is linearised anew where it ends ([`carried_back`]) |
+//! | bodies were held apart that would pass without overlap (`spurious`) | their contacts are left out |
 
 use super::attempt::Attempt;
 use super::mobility;
@@ -29,21 +29,21 @@ use std::collections::{HashMap, HashSet};
 pub struct Parameters {
     /// Bodies that end inside each other by more than this fraction of the smaller one's size without having
     /// been in contact make a new round.
-    pub missed: f64,
+    pub undetected: f64,
     /// A contact that ends in overlap by more than this fraction of the smaller body's size, and by so much
     /// more than foreseen, makes a new round too.
-    pub bent: f64,
-    /// A contact is a phantom if the bodies, without it, overlap on their way by no more than this fraction
+    pub departure: f64,
+    /// A contact is spurious if the bodies, without it, overlap on their way by no more than this fraction
     /// of what it foresees.
-    pub phantom: f64,
+    pub spurious: f64,
     /// Where bodies fall by more than this fraction of the smaller one's size in a step, what they do without
     /// each other says nothing of their contacts.
     pub fallen: f64,
-    /// Rounds of solving a step again with contacts that were missed; what still overlaps then is reported.
+    /// Rounds of solving a step again with contacts that had not been detected; what still overlaps then is reported.
     /// Two or three do, but where bodies cross the scene in a step each round may send them on to others.
     pub rounds: usize,
     /// Rounds in which contacts may be left out.
-    pub phantom_rounds: usize,
+    pub spurious_rounds: usize,
     /// Solves of the contacts for joints whose motors, stops or paths turned out otherwise than foreseen;
     /// what is left then is reported.
     pub joint_rounds: usize,
@@ -52,12 +52,12 @@ pub struct Parameters {
 impl Default for Parameters {
     fn default() -> Self {
         Self {
-            missed: 5e-4,
-            bent: 5e-3,
-            phantom: 0.2,
+            undetected: 5e-4,
+            departure: 5e-3,
+            spurious: 0.2,
             fallen: 0.1,
             rounds: 30,
-            phantom_rounds: 3,
+            spurious_rounds: 3,
             joint_rounds: 12,
         }
     }
@@ -66,7 +66,7 @@ impl Default for Parameters {
 /// Contacts that were linearised anew in a step. The first time the new plane takes the place of the old one;
 /// where a turning body bends away from that, too, planes gather, or two of them would take turns for ever.
 #[derive(Default)]
-pub(super) struct Bends {
+pub(super) struct Planes {
     /// How often a contact was linearised anew, by identity.
     count: HashMap<u64, u64>,
     /// Identities of further planes, and the contact that they belong to.
@@ -75,7 +75,7 @@ pub(super) struct Bends {
     gap: HashMap<u64, f64>,
 }
 
-impl Bends {
+impl Planes {
     fn of(&self, contact: &Contact) -> u64 {
         self.further.get(&contact.identity).copied().unwrap_or(contact.identity)
     }
@@ -85,7 +85,7 @@ impl Bends {
         self.gap.get(&identity).map(|gap| gap.min(0.0))
     }
 
-    /// Puts `anew`, as [`Stepper::bent`] found them, among the contacts. Returned are the identities that
+    /// Puts `anew`, as [`Stepper::departed`] found them, among the contacts. Returned are the identities that
     /// they have there.
     fn put(&mut self, anew: Vec<Contact>, contacts: &mut Vec<Contact>) -> Vec<u64> {
         let mut identities = Vec::with_capacity(anew.len());
@@ -115,17 +115,17 @@ impl Bends {
 pub(super) struct Rounds {
     pub(super) contacts: Vec<Contact>,
     /// Those that were linearised anew.
-    pub(super) bends: Bends,
+    pub(super) planes: Planes,
     /// Contacts under way that bodies are driven into all the same, by identity.
     pub(super) driven: HashSet<u64>,
-    /// Contacts that are no phantoms, by identity.
+    /// Contacts that are not spurious, by identity.
     kept: HashSet<u64>,
     /// Rounds made so far.
     round: usize,
     /// Contacts that joined after a solve.
     pub(super) added: usize,
     /// Pairs that met all the same when there were no rounds left, or overlap at the end without a contact.
-    pub(super) missed: usize,
+    pub(super) undetected: usize,
     /// Iterations of all rounds.
     pub(super) iterations: usize,
     pub(super) laps: Laps,
@@ -143,7 +143,7 @@ impl Stepper {
     ///
     /// # Errors
     /// [`StepError::Stopped`].
-    pub(super) fn look_on_the_way(
+    pub(super) fn check_velocities(
         &mut self,
         world: &mut World,
         rounds: &mut Rounds,
@@ -151,27 +151,30 @@ impl Stepper {
     ) -> Result<bool, StepError> {
         let begin = Clock::now();
         let is_last = rounds.round >= self.parameters.repetition.rounds;
-        let met = self.met(world, &rounds.contacts, attempt);
-        let (mut passing, mut phantoms) = (Vec::new(), Vec::new());
-        if met.is_empty() && !is_last {
-            passing = self.passing(world, &rounds.contacts, attempt);
+        let closed = self.closed(world, &rounds.contacts, attempt);
+        let (mut on_the_way, mut spurious) = (Vec::new(), Vec::new());
+        if closed.is_empty() && !is_last {
+            on_the_way = self.on_the_way(world, &rounds.contacts, attempt);
         }
-        if met.is_empty() && passing.is_empty() && rounds.round < self.parameters.repetition.phantom_rounds {
-            phantoms = self.phantoms(world, rounds, attempt);
+        if closed.is_empty()
+            && on_the_way.is_empty()
+            && rounds.round < self.parameters.repetition.spurious_rounds
+        {
+            spurious = self.spurious(world, rounds, attempt);
         }
         self.go_on()?;
         rounds.laps.add(|phases| &mut phases.collide, begin.lap());
-        rounds.missed = if is_last { met.len() } else { 0 };
-        let again = !(is_last || met.is_empty()) || !passing.is_empty() || !phantoms.is_empty();
+        rounds.undetected = if is_last { closed.len() } else { 0 };
+        let again = !(is_last || closed.is_empty()) || !on_the_way.is_empty() || !spurious.is_empty();
         if !is_last {
-            rounds.added += met.len() + passing.len();
-            rounds.driven.extend(met);
+            rounds.added += closed.len() + on_the_way.len();
+            rounds.driven.extend(closed);
         }
-        rounds.kept.extend(passing.iter().map(|c| c.identity));
-        rounds.contacts.extend(passing);
-        if !phantoms.is_empty() {
+        rounds.kept.extend(on_the_way.iter().map(|c| c.identity));
+        rounds.contacts.extend(on_the_way);
+        if !spurious.is_empty() {
             let mut index = 0..;
-            rounds.contacts.retain(|_| phantoms.binary_search(&index.next().unwrap_or_default()).is_err());
+            rounds.contacts.retain(|_| spurious.binary_search(&index.next().unwrap_or_default()).is_err());
         }
         rounds.round += usize::from(again);
         Ok(again)
@@ -179,7 +182,7 @@ impl Stepper {
 
     /// What the bodies show where the step leaves them; whether there are other contacts now, with which it
     /// is solved again from `start`: there the bodies are then put back.
-    pub(super) fn look_at_the_end(
+    pub(super) fn check_end(
         &mut self,
         world: &mut World,
         rounds: &mut Rounds,
@@ -189,41 +192,41 @@ impl Stepper {
         let begin = Clock::now();
         let is_last = rounds.round >= self.parameters.repetition.rounds;
         let Made { attempt, ahead, .. } = made;
-        let missed = self.missed(world, &rounds.contacts, ahead);
-        let bent = if is_last { Vec::new() } else { self.bent(world, start, rounds, attempt, ahead) };
+        let undetected = self.undetected(world, &rounds.contacts, ahead);
+        let departed = if is_last { Vec::new() } else { self.departed(world, start, rounds, attempt, ahead) };
         let (mut new, mut ends) = (Vec::new(), Vec::new());
-        if !(missed.is_empty() || is_last) || !bent.is_empty() {
+        if !(undetected.is_empty() || is_last) || !departed.is_empty() {
             let carry = |c: &Contact| carried_back(c, world, start, attempt, self.settings.step);
-            ends.extend(missed.iter().map(carry));
+            ends.extend(undetected.iter().map(carry));
             let end = start.exchange(world);
             new = self.new_contacts(world, &rounds.contacts, &ends, &attempt.velocity);
-            if new.is_empty() && bent.is_empty() {
+            if new.is_empty() && departed.is_empty() {
                 end.exchange(world);
             }
         }
-        let again = !(new.is_empty() && bent.is_empty());
+        let again = !(new.is_empty() && departed.is_empty());
         if again {
-            rounds.added += new.len() + bent.len();
-            rounds.kept.extend(rounds.bends.put(bent, &mut rounds.contacts));
+            rounds.added += new.len() + departed.len();
+            rounds.kept.extend(rounds.planes.put(departed, &mut rounds.contacts));
             // What is linearised at the end alone did not overlap at the start.
             let at_end = new.iter().filter(|c| ends.contains(c)).map(|c| (c.identity, 0.0));
-            rounds.bends.gap.extend(at_end);
+            rounds.planes.gap.extend(at_end);
             rounds.kept.extend(new.iter().map(|c| c.identity));
             rounds.contacts.extend(new);
             rounds.round += 1;
-        } else if !missed.is_empty() {
+        } else if !undetected.is_empty() {
             let pair = |c: &Contact| [c.body_a.min(c.body_b), c.body_a.max(c.body_b)];
             let known: HashSet<[u32; 2]> = rounds.contacts.iter().map(pair).collect();
             let unknown: HashSet<[u32; 2]> =
-                missed.iter().map(pair).filter(|pair| !known.contains(pair)).collect();
-            rounds.missed += unknown.len();
+                undetected.iter().map(pair).filter(|pair| !known.contains(pair)).collect();
+            rounds.undetected += unknown.len();
         }
         rounds.laps.add(|phases| &mut phases.collide, begin.lap());
         again
     }
 
     /// Contacts that were left out of the problem and close with the velocities found, by identity.
-    fn met(&self, world: &World, contacts: &[Contact], attempt: &Attempt) -> Vec<u64> {
+    fn closed(&self, world: &World, contacts: &[Contact], attempt: &Attempt) -> Vec<u64> {
         if attempt.active.len() == contacts.len() {
             return Vec::new();
         }
@@ -237,7 +240,7 @@ impl Stepper {
             if attempt.immobile.binary_search(i).is_ok() {
                 return mobility::approaches(&rows[*i as usize], &[end / step, t1, t2], step);
             }
-            end < -self.parameters.repetition.missed * self.collider.contact_size(world, contact)
+            end < -self.parameters.repetition.undetected * self.collider.contact_size(world, contact)
         };
         (0..contacts.len() as u32)
             .filter(|i| attempt.active.binary_search(i).is_err())
@@ -248,7 +251,7 @@ impl Stepper {
 
     /// Contacts that bodies would meet on their way with the velocities found, where those make a body faster
     /// than the collision phase knew: at the end of the step it may have passed another one.
-    fn passing(&mut self, world: &mut World, contacts: &[Contact], attempt: &Attempt) -> Vec<Contact> {
+    fn on_the_way(&mut self, world: &mut World, contacts: &[Contact], attempt: &Attempt) -> Vec<Contact> {
         let step = self.settings.step;
         let deflected = (0..world.bodies.len()).filter(|&body| !world.is_prescribed(body)).any(|body| {
             let v = &attempt.velocity[6 * body..6 * body + 6];
@@ -274,21 +277,21 @@ impl Stepper {
         let u = relative_velocities(attempt.cell.as_ref(), &ahead, &rows, &attempt.velocity);
         let meets = |(c, u): (Contact, &[f64])| {
             let size = self.collider.contact_size(world, &c);
-            (c.gap.max(0.0) + step * u[0] < -self.parameters.repetition.missed * size).then_some(c)
+            (c.gap.max(0.0) + step * u[0] < -self.parameters.repetition.undetected * size).then_some(c)
         };
-        let mut met: Vec<Contact> = ahead.into_iter().zip(u.chunks_exact(3)).filter_map(meets).collect();
-        if !met.is_empty() {
+        let mut closed: Vec<Contact> = ahead.into_iter().zip(u.chunks_exact(3)).filter_map(meets).collect();
+        if !closed.is_empty() {
             let known: HashSet<u64> = contacts.iter().map(|c| c.identity).collect();
-            met.retain(|c| !known.contains(&c.identity));
+            closed.retain(|c| !known.contains(&c.identity));
         }
-        met
+        closed
     }
 
     /// Pairs that overlap at the end of the step and were no contacts in it.
-    fn missed(&self, world: &World, contacts: &[Contact], ahead: &[Contact]) -> Vec<Contact> {
+    fn undetected(&self, world: &World, contacts: &[Contact], ahead: &[Contact]) -> Vec<Contact> {
         let collider = &self.collider;
-        let missed = self.parameters.repetition.missed;
-        let deep = |c: &&Contact| -c.gap > missed * collider.contact_size(world, c);
+        let undetected = self.parameters.repetition.undetected;
+        let deep = |c: &&Contact| -c.gap > undetected * collider.contact_size(world, c);
         let deep: Vec<Contact> = ahead.par_iter().filter(deep).copied().collect();
         if deep.is_empty() {
             return deep;
@@ -306,7 +309,7 @@ impl Stepper {
         attempt: &Attempt,
         ends: &[&Contact],
     ) -> HashMap<u64, (f64, Contact)> {
-        let (step, bends) = (self.settings.step, &rounds.bends);
+        let (step, planes) = (self.settings.step, &rounds.planes);
         let wanted: HashSet<u64> = ends.iter().map(|c| c.identity).collect();
         let speed = |body: u32, point: Vec3| {
             let body = body as usize;
@@ -314,14 +317,14 @@ impl Stepper {
             Vec3::from_slice(&v[..3]) + Vec3::from_slice(&v[3..]).cross(point - start.position[body])
         };
         let mut foreseen: HashMap<u64, (f64, Contact)> = HashMap::new();
-        for contact in rounds.contacts.iter().filter(|c| wanted.contains(&bends.of(c))) {
+        for contact in rounds.contacts.iter().filter(|c| wanted.contains(&planes.of(c))) {
             let [(_, on_a), (_, on_b)] = cell::ends(start.cell.as_ref(), contact);
             let mut closing = speed(contact.body_a, on_a) - speed(contact.body_b, on_b);
             if contact.image != [0; 3] {
                 closing -= cell::image_velocity(attempt.cell.as_ref(), contact);
             }
             let end = contact.gap + step * contact.normal.dot(closing);
-            let known = foreseen.entry(bends.of(contact)).or_insert((end, *contact));
+            let known = foreseen.entry(planes.of(contact)).or_insert((end, *contact));
             if end < known.0 {
                 *known = (end, *contact);
             }
@@ -334,7 +337,7 @@ impl Stepper {
     /// plane at the contact says. What takes their place is the contact of the end, carried back; where that
     /// points the other way, since a thin body is passed by more than half, the one of its near side. `world`
     /// as the step leaves it, `ahead` its contacts.
-    fn bent(
+    fn departed(
         &self,
         world: &World,
         start: &Placement,
@@ -344,8 +347,8 @@ impl Stepper {
     ) -> Vec<Contact> {
         let (step, collider) = (self.settings.step, &self.collider);
         let size = |c: &Contact| collider.contact_size(world, c);
-        let bent = self.parameters.repetition.bent;
-        let deep: Vec<&Contact> = ahead.par_iter().filter(|c| -c.gap > bent * size(c)).collect();
+        let departed = self.parameters.repetition.departure;
+        let deep: Vec<&Contact> = ahead.par_iter().filter(|c| -c.gap > departed * size(c)).collect();
         if deep.is_empty() {
             return Vec::new();
         }
@@ -353,7 +356,7 @@ impl Stepper {
         let mended = |end: &Contact| {
             let (gap, contact) = foreseen.get(&end.identity)?;
             let error = gap - end.gap;
-            (error > bent * size(end)).then(|| {
+            (error > departed * size(end)).then(|| {
                 let thickness =
                     [end.body_a, end.body_b].map(|body| 2.0 * self.collider.body_size(world, body as usize));
                 let thickness: f64 = thickness.into_iter().sum();
@@ -372,7 +375,7 @@ impl Stepper {
         deep.into_iter().filter_map(mended).collect()
     }
 
-    /// Contacts at the start of the step of pairs that would overlap at its end (`missed`, with `ends` the
+    /// Contacts at the start of the step of pairs that would overlap at its end (`undetected`, with `ends` the
     /// same contacts carried back); `world` as it was before the step.
     fn new_contacts(
         &self,
@@ -408,7 +411,7 @@ impl Stepper {
     /// contact may have carried its weight in another one's place. Where they fall too far for that, what
     /// they do that go on as the step found them, and no higher, tells instead. Those that were added stay,
     /// and those of two balls: they have no seams, and grains that fly past each other are many.
-    fn phantoms(&self, world: &World, rounds: &Rounds, attempt: &Attempt) -> Vec<usize> {
+    fn spurious(&self, world: &World, rounds: &Rounds, attempt: &Attempt) -> Vec<usize> {
         let Delassus::Rigid(rigid) = &*attempt.problem.delassus else { return Vec::new() };
         let (step, collider) = (self.settings.step, &self.collider);
         let rows = rigid.contacts();
@@ -460,11 +463,11 @@ impl Stepper {
             let barred: Vec<usize> = group
                 .iter()
                 .copied()
-                .filter(|&k| foreseen(k) + fall < -self.parameters.repetition.missed * size)
+                .filter(|&k| foreseen(k) + fall < -self.parameters.repetition.undetected * size)
                 .collect();
             let least = barred.iter().map(|&k| -foreseen(k) - fall).fold(f64::INFINITY, f64::min);
-            let allowed =
-                (self.parameters.repetition.phantom * least).min(self.parameters.repetition.missed * size);
+            let allowed = (self.parameters.repetition.spurious * least)
+                .min(self.parameters.repetition.undetected * size);
             if !barred.is_empty() && self.collider.pass_freely(world, bodies, velocities, step, allowed, fall)
             {
                 found.extend(barred.iter().map(|&k| attempt.active[k] as usize));

@@ -3,6 +3,7 @@
 use crate::support::*;
 use graintrain::handle::MaterialId;
 use graintrain::math::{Mat3, Vec3};
+use graintrain::motion::{Motion, Profile};
 use graintrain::shape::Geometry;
 use graintrain::stepper::{StepSettings, Stepper};
 use graintrain::world::Body;
@@ -39,6 +40,30 @@ fn a_ball_bounces_to_its_height_twenty_times() {
             let height = world.bodies.position[ball].z + world.bodies.velocity[ball].z.powi(2) / (2.0 * G);
             first = if first.is_finite() { first } else { height };
             assert!((height - first).abs() < 1e-10, "{step} s, bounce {bounces}: {height} for {first}");
+        }
+    }
+}
+
+/// A ball with e = 0.6 reaches e^2 times its height after every bounce, wherever in a step it touches, on a
+/// floor at rest and in the frame of one that rises.
+#[test]
+fn bounces_reach_the_square_of_the_restitution_times_their_height() {
+    for (step, lift) in [(1e-3, 0.0), (5e-3, 0.0), (2e-3, 0.3)] {
+        let mut world = world(0.3, 0.6);
+        let form = world.add_geometry(Geometry::plane());
+        let rising = world.add_motion(Motion::translating(Vec3::Z, Profile::Constant(lift))).unwrap();
+        let floor = Body { motion: rising, ..Body::new(form, MaterialId::default(), Vec3::ZERO) };
+        let floor = world.add_body(floor).unwrap().index();
+        let ball = add_sphere(&mut world, 0.05, Vec3::new(0.0, 0.0, 0.55));
+        world.bodies.velocity[ball] = Vec3::Z * lift;
+        let mut stepper = default_stepper(step);
+        let mut bounces = 0;
+        while bounces < 5 {
+            bounces += solved_step(&mut stepper, &mut world).impacts;
+            let above = world.bodies.position[ball].z - world.bodies.position[floor].z - 0.05;
+            let height = above + (world.bodies.velocity[ball].z - lift).powi(2) / (2.0 * G);
+            let expected = 0.5 * 0.36_f64.powi(bounces as i32);
+            assert!((height / expected - 1.0).abs() < 1e-8, "{step} s, {bounces}: {height} for {expected}");
         }
     }
 }
